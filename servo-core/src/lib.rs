@@ -1,0 +1,24 @@
+//! The servo of one motor of the hand: motion only.
+//!
+//! Hall codes and analog readings go in, a bridge duty and a brake command come out. The crate knows no
+//! register, no bus, no property number and no clock: time is passed in. It is `no_std`, without heap and
+//! without floating point, because it runs on a Cortex-M3; all arithmetic is fixed point, in [`units`] and
+//! [`num`].
+//!
+//! Where to look: what the halls say is in [`sense`], how a set-point moves and becomes torque is in
+//! [`motion`], what may stop or bound it is in [`guard`], which loop runs when is in [`mode`], and the one
+//! order in which all of it runs is in [`servo`].
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod config;
+pub mod guard;
+pub mod mode;
+pub mod motion;
+pub mod num;
+pub mod sense;
+pub mod servo;
+pub mod units;
+
+pub use config::{Config, ConfigError, MotorKind};
+pub use servo::{Command, Drive, Event, Refusal, Sense, Servo};

@@ -1,0 +1,19 @@
+//! The Q-formats of the control laws and the few operations that `fixed` does not give.
+//!
+//! A 32-bit format multiplies in one `SMULL` on the Cortex-M3; a 64-bit one in a library call. So loops run in
+//! [`Law`] and only the profile, which must land exactly, keeps wider state.
+
+use fixed::types::I16F16;
+
+/// The number of a control law: errors, velocities, gains times errors, torque units. Saturating in every law.
+pub type Law = I16F16;
+
+/// Control ticks a second (DESIGN 4.3).
+pub const TICK_HZ: u32 = 1000;
+
+/// A gain from its property: `raw / 2^fraction_bits`; `fraction_bits` ≤ 16.
+#[must_use]
+pub const fn gain(raw: u16, fraction_bits: u32) -> Law {
+    // raw < 2^15 by the property's range, so the shift cannot overflow for fraction_bits ≥ 1.
+    Law::from_bits((raw as i32).saturating_mul(1 << (16 - fraction_bits)))
+}

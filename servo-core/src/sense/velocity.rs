@@ -1,0 +1,1 @@
+//! Position between edges and velocity from edge time-stamps.

@@ -1,0 +1,160 @@
+//! Physical quantities as newtypes, each with its one scale. Every conversion between a raw integer and a
+//! quantity is here; every overflow is named `saturating` or `wrapping`.
+//!
+//! Scales (DESIGN 4.1): positions in hall counts, 18 a motor revolution, positive in the closing direction.
+
+use fixed::types::{I1F15, I16F16, I22F10};
+
+/// A position or a distance in hall counts, with 1/1024 count resolution.
+///
+/// 22 integer bits are what the 22-bit position frame of the wire carries: ±2,097,151 counts, 33 minutes at
+/// full speed in one direction. A position wraps there (as a counter does); a difference of two positions is
+/// right across the wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Counts(pub I22F10);
+
+impl Counts {
+    /// Position or distance zero.
+    pub const ZERO: Self = Self(I22F10::ZERO);
+
+    /// A whole number of counts; wraps outside ±2^21.
+    #[must_use]
+    pub const fn from_int(counts: i32) -> Self {
+        Self(I22F10::from_bits(counts.wrapping_shl(10)))
+    }
+
+    /// The whole count whose cell (half a count to either side) holds this position: what P reads.
+    #[must_use]
+    pub const fn round(self) -> i32 {
+        self.0.to_bits().wrapping_add(512) >> 10
+    }
+
+    /// `self + other`, wrapping as a position counter does.
+    #[must_use]
+    pub const fn wrapping_add(self, other: Self) -> Self {
+        Self(self.0.wrapping_add(other.0))
+    }
+
+    /// `self − other`, wrapping: the true distance while it is under 2^21 counts.
+    #[must_use]
+    pub const fn wrapping_sub(self, other: Self) -> Self {
+        Self(self.0.wrapping_sub(other.0))
+    }
+
+    /// The magnitude; saturates at the largest distance.
+    #[must_use]
+    pub const fn saturating_abs(self) -> Self {
+        Self(self.0.saturating_abs())
+    }
+
+    /// The distance as a control error in ±32767 counts with 1/65536 resolution; saturates.
+    #[must_use]
+    pub const fn saturating_error(self) -> I16F16 {
+        let bits = self.0.to_bits();
+        if bits > i32::MAX >> 6 {
+            I16F16::MAX
+        } else if bits < i32::MIN >> 6 {
+            I16F16::MIN
+        } else {
+            I16F16::from_bits(bits << 6)
+        }
+    }
+}
+
+/// A velocity in hall counts per second, ±32767 with 1/65536 resolution; positive closes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CountsPerSec(pub I16F16);
+
+impl CountsPerSec {
+    /// Standstill.
+    pub const ZERO: Self = Self(I16F16::ZERO);
+
+    /// A whole number of counts per second.
+    #[must_use]
+    pub const fn from_int(counts_per_sec: i16) -> Self {
+        Self(I16F16::from_bits((counts_per_sec as i32) << 16))
+    }
+
+    /// The nearest whole number of counts per second, halves away from zero not guaranteed: what V reads.
+    #[must_use]
+    pub const fn round(self) -> i16 {
+        ((self.0.to_bits().saturating_add(1 << 15)) >> 16) as i16
+    }
+}
+
+/// A torque in 1/1024 of the motor's peak (65 N·cm: stall at full duty and 24 V); positive closes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Torque(pub i16);
+
+impl Torque {
+    /// No torque.
+    pub const ZERO: Self = Self(0);
+
+    /// The magnitude; −32768 saturates to 32767.
+    #[must_use]
+    pub const fn saturating_abs(self) -> Self {
+        Self(self.0.saturating_abs())
+    }
+
+    /// Bounded to ±`limit` (`limit` ≥ 0).
+    #[must_use]
+    pub fn clamp_abs(self, limit: Self) -> Self {
+        Self(self.0.clamp(limit.0.saturating_neg(), limit.0))
+    }
+
+    /// As a fixed-point number of torque units, for the arithmetic inside a control law.
+    #[must_use]
+    pub const fn to_fixed(self) -> I16F16 {
+        I16F16::from_bits((self.0 as i32) << 16)
+    }
+
+    /// Rounded from a control law's result; the range of the law, ±32767, is the range here.
+    #[must_use]
+    pub const fn from_fixed(units: I16F16) -> Self {
+        Self((units.to_bits().saturating_add(1 << 15) >> 16) as i16)
+    }
+}
+
+/// A bridge duty as a signed fraction of the bus voltage across the two driven phases, −1 ≤ d < 1 in 1/32768.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Duty(pub I1F15);
+
+impl Duty {
+    /// Both driven phases at the same potential: the motor's EMF is short-circuited through them.
+    pub const ZERO: Self = Self(I1F15::ZERO);
+}
+
+/// A time-stamp or a duration in microseconds. Time-stamps wrap after 71.6 minutes; differences are right
+/// across the wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Micros(pub u32);
+
+impl Micros {
+    /// The time from `earlier` to `self`, right across the wrap for up to 71.6 minutes.
+    #[must_use]
+    pub const fn wrapping_since(self, earlier: Self) -> Self {
+        Self(self.0.wrapping_sub(earlier.0))
+    }
+
+    /// The time-stamp `by` later, wrapping.
+    #[must_use]
+    pub const fn wrapping_add(self, by: Self) -> Self {
+        Self(self.0.wrapping_add(by.0))
+    }
+}
+
+/// A duration in milliseconds, which is control ticks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Millis(pub u32);
+
+/// A temperature in tenths of a degree Celsius.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct DeciCelsius(pub i16);
+
+/// A bus voltage in millivolts, 0..65 V.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct MilliVolts(pub u16);
+
+/// A current in milliamperes, ±32 A.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct MilliAmps(pub i16);
