@@ -1,5 +1,5 @@
 //! How fast the plant alone runs: simulated seconds per wall second, open loop, both models.
-use hil_sim::plant::{Heat, Model, PlantParams};
+use hil_sim::plant::{Heat, Model, PlantParams, Start};
 use hil_sim::rig::{Rig, RigParams};
 use servo_core::MotorKind;
 use servo_core::sense::commutation::{Bridge, Leg};
@@ -30,15 +30,15 @@ fn main() {
             let mut plant = PlantParams::for_motor(MotorKind::Spread);
             plant.max_count = 1e6;
             let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
-            let mut rig =
-                Rig::new(plant, RigParams::default(), &[], model, 0.0, 0.0, heat, 1).expect("valid");
-            let start = Instant::now();
+            let start = Start { count: 0.0, counts_per_s: 0.0, heat };
+            let mut rig = Rig::new(plant, RigParams::default(), &[], model, start, 1).expect("valid");
+            let clock = Instant::now();
             let ms = 20_000;
             for tick in 1..=ms {
                 while rig.advance(bridge(rig.halls(), bits), true, tick * 1000).is_some() {}
                 rig.analog();
             }
-            let wall = start.elapsed().as_secs_f64();
+            let wall = clock.elapsed().as_secs_f64();
             let t = rig.truth();
             println!(
                 "{model:?} duty {:.2}: {:.0} x real time ({:.0} counts/s, {:.3} A bus, rms {:.3} A, residual {:.2e} of {:.1} J)",

@@ -132,10 +132,15 @@ impl Inverter {
         };
         if model == Model::Averaged {
             let pwm = self.mean_leg(i[pwm_leg], dt);
-            let before = *i;
+            let float = legs.iter().position(|&leg| leg == Leg::Float);
+            let idle = float.is_some_and(|k| i[k] == 0.0);
             w.advance(i, &terminals(pwm), e, dt, (-dt / tau).exp(), flow);
-            if let Terminal::Held { bus_share, .. } = pwm {
-                self.float_pulses(&legs, pwm_leg, bus_share, &before, i, e, dt, flow);
+            if let (Some(float), Terminal::Held { bus_share, .. }) = (float, pwm)
+                && idle
+                && i[float] == 0.0
+                && legs[3 - pwm_leg - float] == Leg::Low
+            {
+                self.float_pulses([pwm_leg, 3 - pwm_leg - float, float], bus_share, e, dt, flow);
             }
             return;
         }
@@ -179,23 +184,8 @@ impl Inverter {
     /// low, the star point is near ground and a negative EMF of the floating phase makes its low diode
     /// conduct until some time into the on-time; with the PWM leg high, the same towards the bus.
     /// Triangular pulses, resistance neglected (25 µs against τ = 330 µs).
-    fn float_pulses(
-        &self,
-        legs: &[Leg; 3],
-        pwm: usize,
-        share: f64,
-        before: &[f64; 3],
-        after: &[f64; 3],
-        e: [f64; 3],
-        dt: f64,
-        flow: &mut Flow,
-    ) {
+    fn float_pulses(&self, [pwm, low, float]: [usize; 3], share: f64, e: [f64; 3], dt: f64, flow: &mut Flow) {
         let w = &self.winding;
-        let Some(float) = legs.iter().position(|&leg| leg == Leg::Float) else { return };
-        let low = 3 - pwm - float;
-        if legs[low] != Leg::Low || before[float] != 0.0 || after[float] != 0.0 {
-            return;
-        }
         let off_v = e[float] - 0.5 * (e[pwm] + e[low]);
         let half_bus = 0.5 * w.bus_v;
         let below = -w.diode_v - off_v;

@@ -85,6 +85,17 @@ pub struct State {
     heat_at_us: u64,
 }
 
+/// How a run begins, without current.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Rotor position, counts.
+    pub count: f64,
+    /// Rotor velocity, counts/s.
+    pub counts_per_s: f64,
+    /// Temperatures.
+    pub heat: Heat,
+}
+
 /// The plant of one motor.
 #[derive(Clone, Debug)]
 pub struct Plant {
@@ -99,7 +110,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A plant at rest or turning, without current.
+    /// A plant at its start.
     ///
     /// # Errors
     /// A parameter out of range.
@@ -107,21 +118,19 @@ impl Plant {
         params: PlantParams,
         objects: &[Contact],
         model: Model,
-        start_count: f64,
-        start_counts_per_s: f64,
-        heat: Heat,
+        start: Start,
     ) -> Result<Self, ParamError> {
         params.validate()?;
         params::check(&[
-            ("start_count", start_count, -1e6, 1e6),
-            ("start_counts_per_s", start_counts_per_s, -1e4, 1e4),
-            ("winding_c", heat.winding_c, -60.0, 300.0),
-            ("housing_c", heat.housing_c, -60.0, 300.0),
+            ("start_count", start.count, -1e6, 1e6),
+            ("start_counts_per_s", start.counts_per_s, -1e4, 1e4),
+            ("winding_c", start.heat.winding_c, -60.0, 300.0),
+            ("housing_c", start.heat.housing_c, -60.0, 300.0),
         ])?;
-        let winding = winding(&params, heat.winding_c);
+        let winding = winding(&params, start.heat.winding_c);
         let shaft = Shaft {
-            theta: start_count * RAD_PER_COUNT,
-            omega: start_counts_per_s * RAD_PER_COUNT,
+            theta: start.count * RAD_PER_COUNT,
+            omega: start.counts_per_s * RAD_PER_COUNT,
             ..Shaft::default()
         };
         let joint = Joint::new(&params, objects);
@@ -141,7 +150,7 @@ impl Plant {
                 bus_charge: 0.0,
                 torque: 0.0,
                 ledger: Ledger::default(),
-                heat,
+                heat: start.heat,
                 pending: [0.0; 2],
                 heat_at_us: 0,
             },

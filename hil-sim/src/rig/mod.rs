@@ -5,7 +5,7 @@ pub mod params;
 
 pub use params::{HallGlitch, RigParams, StuckLine};
 
-use crate::plant::{Contact, Heat, Ledger, Model, ParamError, Plant, PlantParams, RAD_PER_COUNT};
+use crate::plant::{Contact, Ledger, Model, ParamError, Plant, PlantParams, RAD_PER_COUNT, Start};
 use halls::Halls;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -106,7 +106,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// A rig at rest or turning, without current, its brake engaged.
+    /// A rig at its start, its brake engaged; `seed` is that of the ADC's noise.
     ///
     /// # Errors
     /// A parameter out of range.
@@ -115,9 +115,7 @@ impl Rig {
         rig: RigParams,
         objects: &[Object],
         model: Model,
-        start_count: f64,
-        start_counts_per_s: f64,
-        heat: Heat,
+        start: Start,
         seed: u64,
     ) -> Result<Self, ParamError> {
         rig.validate()?;
@@ -135,16 +133,16 @@ impl Rig {
                 damping: o.damping_n_m_s,
             });
         }
-        let plant = Plant::new(plant, &contacts, model, start_count, start_counts_per_s, heat)?;
+        let plant = Plant::new(plant, &contacts, model, start)?;
         Ok(Self {
-            halls: Halls::new(rig.clone(), plant.params().zero_sector, start_count),
+            halls: Halls::new(rig.clone(), plant.params().zero_sector, start.count),
             params: rig,
             plant,
             rng: Pcg64Mcg::new(u128::from(seed) << 64 | 0xadc),
             brake_engaged: true,
             brake_moves_at: None,
             tripped: false,
-            thermistor_c: heat.housing_c,
+            thermistor_c: start.heat.housing_c,
             last_read: (0, 0.0),
         })
     }
