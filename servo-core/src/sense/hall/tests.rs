@@ -204,7 +204,8 @@ fn isolated_glitches_never_fault_and_dense_ones_do() {
                 if let Some(HallEvent::Fault(_)) = d.sample(code, Micros(now.wrapping_add(after))) {
                     faults += 1;
                 }
-                assert!(after == 600 || d.count() == count);
+                // At the edge itself a jump may still wait for the tick.
+                assert!(after != 500 || d.count() == count, "cell {count}");
             }
         }
         assert_eq!(faults > 0, faults_expected, "{faults} faults");
