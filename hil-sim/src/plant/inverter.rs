@@ -99,7 +99,7 @@ impl Inverter {
                 (t, low),
             ]
         };
-        let tau = self.winding.tau();
+        let tau = self.winding.tau;
         self.segments.clear();
         let mut start = 0.0;
         for (end, pwm) in plan {
@@ -125,7 +125,7 @@ impl Inverter {
             })
         };
         let w = &self.winding;
-        let tau = w.tau();
+        let tau = w.tau;
         let Some(pwm_leg) = legs.iter().position(|&leg| leg == Leg::Pwm) else {
             w.advance(i, &terminals(Terminal::Open), e, dt, (-dt / tau).exp(), flow);
             return;
