@@ -31,6 +31,27 @@ pub struct Flow {
     pub drop_j: f64,
 }
 
+/// What flowed through two driven phases in series, from the first into the second.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PairFlow {
+    charge: f64,
+    bus_charge: f64,
+    drop_j: f64,
+    /// Integral of i², A²s.
+    square: f64,
+}
+
+impl Flow {
+    /// Adds what flowed from phase `first` into phase `second`.
+    pub fn add_pair(&mut self, first: usize, second: usize, pair: &PairFlow, phase_r: f64) {
+        self.charge[first] += pair.charge;
+        self.charge[second] -= pair.charge;
+        self.bus_charge += pair.bus_charge;
+        self.drop_j += pair.drop_j;
+        self.copper_j += 2.0 * phase_r * pair.square;
+    }
+}
+
 /// The winding's constants and its rails.
 #[derive(Clone, Copy, Debug)]
 pub struct Winding {
@@ -44,6 +65,8 @@ pub struct Winding {
     pub diode_v: f64,
     /// Time constant of the currents, s.
     pub tau: f64,
+    /// 1 / the resistance of two phases in series, S.
+    per_pair_r: f64,
 }
 
 /// How one terminal conducts.
@@ -80,7 +103,7 @@ impl Winding {
     /// Resistance (Ω) and inductance (H) of one phase; supply and forward voltage of a body diode, V.
     #[must_use]
     pub fn new(phase_r: f64, phase_l: f64, bus_v: f64, diode_v: f64) -> Self {
-        Self { phase_r, phase_l, bus_v, diode_v, tau: phase_l / phase_r }
+        Self { phase_r, phase_l, bus_v, diode_v, tau: phase_l / phase_r, per_pair_r: 0.5 / phase_r }
     }
 
     fn low_diode(&self) -> Hold {
@@ -122,6 +145,39 @@ impl Winding {
             }
             decay = (-dt / self.tau).exp();
         }
+    }
+
+    /// [`Winding::advance`] for the usual case, several times as fast: current `i` flows into the phase at
+    /// terminal `first` and out of one held at ground, the third phase has none; `e` in that order. Returns
+    /// whether that stayed so; if not, nothing has changed.
+    #[inline]
+    pub fn advance_pair(
+        &self,
+        i: &mut f64,
+        first: Terminal,
+        e: [f64; 3],
+        dt: f64,
+        decay: f64,
+        flow: &mut PairFlow,
+    ) -> bool {
+        let (v, bus_share, diode) = match first {
+            Terminal::Held { v, bus_share } => (v, bus_share, false),
+            Terminal::Open if *i > 0.0 => (-self.diode_v, 0.0, true),
+            Terminal::Open => (self.bus_v + self.diode_v, 1.0, true),
+        };
+        let open = e[2] + 0.5 * (v - e[0] - e[1]);
+        let to = (v - e[0] + e[1]) * self.per_pair_r;
+        let end = to + (*i - to) * decay;
+        if open < -self.diode_v || open > self.bus_v + self.diode_v || (diode && end * *i <= 0.0) {
+            return false;
+        }
+        let (charge, square) = self.integrals(*i, to, end, dt);
+        flow.charge += charge;
+        flow.bus_charge += bus_share * charge;
+        flow.drop_j += (bus_share * self.bus_v - v) * charge;
+        flow.square += square;
+        *i = end;
+        true
     }
 
     /// Which terminals conduct: closed switches, diodes with current, and diodes that the open terminal's
