@@ -7,8 +7,7 @@ use servo_core::sense::hall::{HallEvent, Wiring};
 use servo_core::units::Micros;
 use servo_core::{Command, Config, ConfigError, Drive, Event, Refusal, Sense, Servo, Status};
 
-use crate::plant::Model;
-use crate::rig::{Analog, Object, Rig, RigParams, Truth};
+use crate::rig::{Analog, Rig, Truth};
 
 /// Control tick in microseconds (servo_core's TICK_HZ).
 const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
@@ -160,23 +159,4 @@ impl SimBoard {
 /// A time-stamp as the board's 32-bit timer gives it.
 fn micros(us: u64) -> Micros {
     Micros(us as u32)
-}
-
-/// The inverter model's name on the command line.
-#[must_use]
-pub fn model_name(model: Model) -> &'static str {
-    match model {
-        Model::Averaged => "averaged",
-        Model::Switched => "switched",
-    }
-}
-
-/// The part of [`Rig::new`] that checks one object.
-///
-/// # Errors
-/// The first parameter out of range.
-pub fn check_object(object: &Object, plant: &crate::plant::PlantParams) -> Result<(), crate::plant::ParamError> {
-    let heat = crate::plant::Heat { winding_c: plant.ambient_c, housing_c: plant.ambient_c };
-    let start = crate::plant::Start { count: 0.0, counts_per_s: 0.0, heat };
-    Rig::new(plant.clone(), RigParams::default(), &[*object], Model::Averaged, start, 0).map(|_| ())
 }

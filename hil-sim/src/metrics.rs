@@ -205,6 +205,12 @@ pub struct Metric {
     pub word: bool,
 }
 
+impl std::fmt::Debug for Metric {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
 macro_rules! metric {
     ($name:ident, $about:literal) => {
         Metric { name: stringify!($name), about: $about, get: |m| m.$name.into(), word: false }

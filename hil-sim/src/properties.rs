@@ -15,6 +15,12 @@ pub struct Property {
     set: fn(&mut Config, i64),
 }
 
+impl std::fmt::Debug for Property {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
 /// A field of [`Config`] as a property's integer; writing saturates at the field's type.
 trait Raw: Copy {
     fn read(self) -> i64;

@@ -6,7 +6,7 @@ use servo_core::{Command, MotorKind};
 
 use crate::board::{Sample, SimBoard};
 use crate::metrics::{Meter, Metrics, Value};
-use crate::plant::{Model, ParamError, PlantParams, Start};
+use crate::plant::{Model, ParamError};
 use crate::rig::{Rig, RigParams};
 use crate::scenario::{Action, Case, Scenario, Verdict, motor_name};
 use crate::trace::Trace;
@@ -102,23 +102,13 @@ pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<SimB
         scatter => case.plant.scattered(options.seed, scatter),
     };
     let rig_params = scattered_halls(scenario, options.seed);
-    let start = start(scenario, &plant);
+    let start = scenario.initial.start(&plant);
     let rig = Rig::new(plant, rig_params, &scenario.objects, options.model, start, options.seed)?;
     SimBoard::new(case.config, rig).map_err(|e| ParamError {
         field: e.property,
         found: f64::from(e.found),
         expected: format!("{} to {}", e.min, e.max),
     })
-}
-
-/// The plant's state at the start of a scenario.
-#[must_use]
-pub fn start(scenario: &Scenario, plant: &PlantParams) -> Start {
-    Start {
-        count: scenario.start_counts,
-        counts_per_s: scenario.start_counts_s,
-        heat: scenario.heat(plant),
-    }
 }
 
 fn scattered_halls(scenario: &Scenario, seed: u64) -> RigParams {

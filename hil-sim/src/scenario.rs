@@ -16,9 +16,9 @@ use servo_core::{Command, Config, MotorKind};
 use toml::Spanned;
 
 use crate::metrics::{self, Metric, Metrics, Value};
-use crate::plant::{Heat, PlantParams};
+use crate::plant::{Heat, Model, ParamError, PlantParams, Start};
 use crate::properties::{self, Property, PropertyError};
-use crate::rig::{Object, RigParams};
+use crate::rig::{Object, Rig, RigParams};
 use error::Source;
 
 /// Largest scenario file read: the shipped ones have under 2 kB, so this is not one.
@@ -41,14 +41,8 @@ pub struct Scenario {
     pub hall_scatter_deg: f64,
     /// The board's sensors.
     pub rig: RigParams,
-    /// Rotor position at the start, counts.
-    pub start_counts: f64,
-    /// Rotor velocity at the start, counts/s.
-    pub start_counts_s: f64,
-    /// Winding and housing at the start; `None`: as warm as the surroundings.
-    pub winding_c: Option<f64>,
-    /// See `winding_c`.
-    pub housing_c: Option<f64>,
+    /// The plant's state at the start.
+    pub initial: Initial,
     /// What stands in the joint's way.
     pub objects: Vec<Object>,
     /// What happens when, in order of time.
@@ -66,6 +60,40 @@ pub struct Case {
     pub plant: PlantParams,
     /// Its properties at the start.
     pub config: Config,
+}
+
+/// The plant's state at the start of a run.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Initial {
+    /// Rotor position, counts.
+    pub position_counts: f64,
+    /// Rotor velocity, counts/s.
+    pub velocity_counts_s: f64,
+    /// Winding temperature; `None`: that of the housing.
+    pub winding_c: Option<f64>,
+    /// Housing temperature; `None`: that of the surroundings.
+    pub housing_c: Option<f64>,
+}
+
+impl Initial {
+    /// The start of a run on `plant`.
+    #[must_use]
+    pub fn start(&self, plant: &PlantParams) -> Start {
+        let housing_c = self.housing_c.unwrap_or(plant.ambient_c);
+        let heat = Heat { winding_c: self.winding_c.unwrap_or(housing_c), housing_c };
+        Start { count: self.position_counts, counts_per_s: self.velocity_counts_s, heat }
+    }
+
+    /// Whether a rig takes it; the error names the field as the file does.
+    fn check(&self, plant: &PlantParams) -> Result<(), ParamError> {
+        let rig = RigParams::default();
+        let made = Rig::new(plant.clone(), rig, &[], Model::Averaged, self.start(plant), 0);
+        made.map(|_| ()).map_err(|e| match e.field {
+            "start_count" => ParamError { field: "position_counts", ..e },
+            "start_counts_per_s" => ParamError { field: "velocity_counts_s", ..e },
+            _ => e,
+        })
+    }
 }
 
 /// An action at a time.
@@ -216,7 +244,9 @@ impl Scenario {
         };
         let mut objects = Vec::new();
         for object in &parsed.object {
-            objects.push(checked(source, object, Object::validate)?);
+            // An object's ranges do not depend on the plant; any will do to check it.
+            let nominal = PlantParams::for_motor(MotorKind::Link);
+            objects.push(checked(source, object, |object| check_object(object, &nominal))?);
         }
         let duration_ms = parsed.duration_ms.get_ref().0;
         let mut timeline = Vec::new();
@@ -224,6 +254,15 @@ impl Scenario {
             timeline.push(timed(source, at, duration_ms)?);
         }
         timeline.sort_by_key(|timed| timed.ms);
+        let initial = match &parsed.initial {
+            None => Initial::default(),
+            Some(initial) => initial.get_ref().into(),
+        };
+        for case in &cases {
+            if let Some(table) = &parsed.initial {
+                checked(source, table, |_| initial.check(&case.plant))?;
+            }
+        }
         let expectations = parsed.expect.iter().map(|e| expectation(source, e)).collect::<Result<_, _>>()?;
         Ok(Self {
             name: parsed.name,
@@ -233,10 +272,7 @@ impl Scenario {
             scatter: parsed.scatter.0,
             hall_scatter_deg: parsed.hall_scatter_deg.0,
             rig,
-            start_counts: parsed.initial.position_counts.0,
-            start_counts_s: parsed.initial.velocity_counts_s.0,
-            winding_c: parsed.initial.winding_c.map(|c| c.0),
-            housing_c: parsed.initial.housing_c.map(|c| c.0),
+            initial,
             objects,
             timeline,
             expectations,
@@ -270,20 +306,13 @@ impl Scenario {
         }
         Ok(())
     }
-
-    /// Temperatures at the start on a plant.
-    #[must_use]
-    pub fn heat(&self, plant: &PlantParams) -> Heat {
-        let housing_c = self.housing_c.unwrap_or(plant.ambient_c);
-        Heat { winding_c: self.winding_c.unwrap_or(housing_c), housing_c }
-    }
 }
 
 /// A value of the file that the plant's own check accepts.
 fn checked<T: Clone>(
     source: Source<'_>,
     value: &Spanned<T>,
-    check: impl Fn(&T) -> Result<(), crate::plant::ParamError>,
+    check: impl Fn(&T) -> Result<(), ParamError>,
 ) -> Result<T, BadInput> {
     match check(value.get_ref()) {
         Ok(()) => Ok(value.get_ref().clone()),
@@ -295,6 +324,12 @@ fn checked<T: Clone>(
             Err(error)
         }
     }
+}
+
+/// Whether a rig takes an object.
+fn check_object(object: &Object, plant: &PlantParams) -> Result<(), ParamError> {
+    let (rig, start) = (RigParams::default(), Initial::default().start(plant));
+    Rig::new(plant.clone(), rig, &[*object], Model::Averaged, start, 0).map(|_| ())
 }
 
 /// The nominal plant of a motor with the file's overrides.

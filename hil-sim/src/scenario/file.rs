@@ -29,8 +29,7 @@ pub(super) struct File {
     pub(super) hall_scatter_deg: HallScatter,
     #[serde(default)]
     pub(super) set: Settings,
-    #[serde(default)]
-    pub(super) initial: Initial,
+    pub(super) initial: Option<Spanned<Initial>>,
     #[serde(default)]
     pub(super) at: Vec<Spanned<At>>,
     #[serde(default)]
@@ -45,7 +44,7 @@ pub(super) type Numbers = BTreeMap<Spanned<String>, Spanned<Number>>;
 pub(super) type Settings = BTreeMap<Spanned<String>, Spanned<i64>>;
 
 /// State of the plant at the start.
-#[derive(Deserialize, Default)]
+#[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Initial {
     #[serde(default)]
@@ -54,6 +53,17 @@ pub(super) struct Initial {
     pub(super) velocity_counts_s: Number,
     pub(super) winding_c: Option<Number>,
     pub(super) housing_c: Option<Number>,
+}
+
+impl From<&Initial> for super::Initial {
+    fn from(file: &Initial) -> Self {
+        Self {
+            position_counts: file.position_counts.0,
+            velocity_counts_s: file.velocity_counts_s.0,
+            winding_c: file.winding_c.map(|c| c.0),
+            housing_c: file.housing_c.map(|c| c.0),
+        }
+    }
 }
 
 /// One timed command: `ms` and one other key.
@@ -75,8 +85,8 @@ pub(super) struct At {
     pub(super) clear_fault: Option<Yes>,
     pub(super) clear_breakaway: Option<Yes>,
     pub(super) set: Option<Settings>,
-    pub(super) disturbance_n_m: Option<Number>,
-    pub(super) bus_v: Option<Number>,
+    pub(super) disturbance_n_m: Option<NewtonMetres>,
+    pub(super) bus_v: Option<Volts>,
 }
 
 /// One expectation of the result.
@@ -99,6 +109,14 @@ pub(super) enum Wanted {
 /// A finite number.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Number(pub(super) f64);
+
+/// A torque on the shaft: ten times what the motor can.
+#[derive(Clone, Copy)]
+pub(super) struct NewtonMetres(pub(super) f64);
+
+/// A supply voltage.
+#[derive(Clone, Copy)]
+pub(super) struct Volts(pub(super) f64);
 
 /// A relative scatter, 0 to 0.5.
 #[derive(Clone, Copy, Default)]
@@ -132,7 +150,7 @@ pub(super) struct Motors(pub(super) Vec<MotorKind>);
 
 /// Implements `Deserialize` for a number in a range, stated in words for the error.
 macro_rules! number {
-    ($name:ident, $min:expr, $max:expr, $words:literal, |$value:ident| $make:expr) => {
+    ($name:ident, $min:expr, $max:expr, $words:literal) => {
         impl<'de> Deserialize<'de> for $name {
             fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
                 struct Bounded;
@@ -141,19 +159,15 @@ macro_rules! number {
                     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                         f.write_str($words)
                     }
-                    fn visit_f64<E: Error>(self, $value: f64) -> Result<$name, E> {
-                        // Written so that NaN fails.
-                        if $value >= $min && $value <= $max {
-                            return Ok($make);
+                    fn visit_f64<E: Error>(self, value: f64) -> Result<$name, E> {
+                        // NaN is in no range.
+                        if ($min..=$max).contains(&value) {
+                            return Ok($name(value));
                         }
-                        Err(E::invalid_value(Unexpected::Float($value), &self))
+                        Err(E::invalid_value(Unexpected::Float(value), &self))
                     }
-                    fn visit_i64<E: Error>(self, found: i64) -> Result<$name, E> {
-                        let $value = found as f64;
-                        if $value >= $min && $value <= $max {
-                            return Ok($make);
-                        }
-                        Err(E::invalid_value(Unexpected::Signed(found), &self))
+                    fn visit_i64<E: Error>(self, value: i64) -> Result<$name, E> {
+                        self.visit_f64(value as f64)
                     }
                 }
                 deserializer.deserialize_any(Bounded)
@@ -184,11 +198,11 @@ macro_rules! integer {
     };
 }
 
-number!(Number, -1e12, 1e12, "a finite number (of the unit that the key's name ends in)", |value| Self::Value {
-    0: value
-});
-number!(Spread, 0.0, 0.5, "a relative scatter, 0 to 0.5 (0.3 is ±30 %)", |value| Self::Value { 0: value });
-number!(HallScatter, 0.0, 25.0, "degrees electrical, 0 to 25", |value| Self::Value { 0: value });
+number!(Number, -1e12, 1e12, "a finite number (of the unit that the key's name ends in)");
+number!(NewtonMetres, -6.5, 6.5, "a torque at the motor in N·m, -6.5 to 6.5");
+number!(Volts, 0.0, 60.0, "a supply voltage, 0 to 60 V");
+number!(Spread, 0.0, 0.5, "a relative scatter, 0 to 0.5 (0.3 is ±30 %)");
+number!(HallScatter, 0.0, 25.0, "degrees electrical, 0 to 25");
 // Ten minutes: a full travel at ACCEL 1 takes 26 s.
 integer!(Duration, 1, 600_000, "a whole number of milliseconds, 1 to 600000");
 integer!(Position, -32767, 32767, "whole hall counts, -32767 to 32767");
