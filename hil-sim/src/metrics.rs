@@ -57,8 +57,9 @@ pub struct Metrics {
     pub velocity_counts_s: f64,
     /// Largest speed of the run, counts/s.
     pub peak_speed_counts_s: f64,
-    /// |estimated − true position| at the end of the run: half a count is the halls' resolution.
-    pub estimate_error_counts: f64,
+    /// |P as read − true position| at the end of the run: up to half a count plus the halls' placement while
+    /// no count has been lost.
+    pub count_error_counts: f64,
     /// BP of the last breakaway.
     pub breakaway_counts: Option<f64>,
 }
@@ -99,7 +100,7 @@ impl Metrics {
             position_counts: larger(self.position_counts, other.position_counts),
             velocity_counts_s: larger(self.velocity_counts_s, other.velocity_counts_s),
             peak_speed_counts_s: self.peak_speed_counts_s.max(other.peak_speed_counts_s),
-            estimate_error_counts: self.estimate_error_counts.max(other.estimate_error_counts),
+            count_error_counts: self.count_error_counts.max(other.count_error_counts),
             breakaway_counts: most(self.breakaway_counts, other.breakaway_counts),
         }
     }
@@ -249,7 +250,7 @@ pub const METRICS: [Metric; 24] = [
     metric!(position_counts, "true position at the end of the run"),
     metric!(velocity_counts_s, "true velocity at the end of the run"),
     metric!(peak_speed_counts_s, "largest true speed"),
-    metric!(estimate_error_counts, "|estimated − true position| at the end of the run"),
+    metric!(count_error_counts, "|P as read − true position| at the end of the run"),
     metric!(breakaway_counts, "where the link broke away (BP)"),
     metric!(sim_s, "simulated time"),
 ];
@@ -398,7 +399,7 @@ impl Meter {
             mode: last.status.mode,
             position_counts: last.truth.counts,
             velocity_counts_s: last.truth.counts_per_s,
-            estimate_error_counts: (last.estimated_counts() + self.origin - last.truth.counts).abs(),
+            count_error_counts: (f64::from(last.status.position.round()) + self.origin - last.truth.counts).abs(),
             ..self.metrics
         }
     }

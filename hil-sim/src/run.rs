@@ -2,10 +2,10 @@
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use servo_core::{Command, MotorKind};
+use servo_core::{Command, Event, MotorKind};
 
 use crate::board::{Sample, SimBoard};
-use crate::metrics::{Meter, Metrics, Value};
+use crate::metrics::{Meter, Metrics, Value, end_word, fault_word, mode_word};
 use crate::plant::{Model, ParamError};
 use crate::rig::{Rig, RigParams};
 use crate::scenario::{Action, Case, Scenario, Verdict, motor_name};
@@ -141,7 +141,7 @@ fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<Motor
         board.step();
         last = board.sample();
         let events = std::iter::from_fn(|| board.event()).inspect(|event| {
-            log.push((last.ms, format!("{event:?}")));
+            log.push((last.ms, event_words(event)));
         });
         meter.tick(&last, events);
         if let Some(trace) = &mut trace {
@@ -169,6 +169,18 @@ fn act(action: &Action, board: &mut SimBoard, meter: &mut Meter, last: &Sample, 
     let answer = board.command(command);
     meter.command(&command, answer.is_ok(), last, board.sample().estimated_counts());
     if let Err(refusal) = answer {
-        log.push((last.ms, format!("refused {command:?}: {refusal:?}")));
+        log.push((last.ms, format!("refused {action}: {refusal:?}")));
+    }
+}
+
+/// A report of the servo in words.
+fn event_words(event: &Event) -> String {
+    match event {
+        Event::Ended { reason, mode } => format!("{}, then {}", end_word(*reason), mode_word(*mode)),
+        Event::Breakaway { position, stop_tip: false } => format!("breakaway at {position}"),
+        Event::Breakaway { position, stop_tip: true } => format!("breakaway at {position}, tip stops too"),
+        Event::Fault(fault) => format!("fault: {}", fault_word(*fault)),
+        Event::Glitch(glitch) => format!("glitch: {glitch:?}"),
+        Event::Homed => "homed".to_owned(),
     }
 }

@@ -118,6 +118,35 @@ pub enum Action {
     Bus(f64),
 }
 
+impl std::fmt::Display for Action {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Command(command) => match command {
+                Command::Mode(mode) => write!(f, "mode {}", metrics::mode_word(*mode)),
+                Command::Torque(torque) => write!(f, "T = {}", torque.0),
+                Command::Velocity(velocity) => write!(f, "V = {}", velocity.round()),
+                Command::Position(position) => write!(f, "P = {position}"),
+                Command::End(end) => write!(f, "E = {end}"),
+                Command::Move(end) => write!(f, "move to {end}"),
+                Command::TorqueControlled { closing: true } => f.write_str("TC"),
+                Command::TorqueControlled { closing: false } => f.write_str("TO"),
+                Command::Home => f.write_str("HI"),
+                Command::Abort => f.write_str("abort"),
+                Command::Terminate => f.write_str("terminate"),
+                Command::Configure(_) => f.write_str("configure"),
+                Command::ClearFault => f.write_str("clear fault"),
+                Command::ClearBreakaway => f.write_str("clear breakaway"),
+            },
+            Self::Set(rows) => {
+                let words: Vec<_> = rows.iter().map(|(row, value)| format!("{} = {value}", row.name)).collect();
+                f.write_str(&words.join(", "))
+            }
+            Self::Disturbance(n_m) => write!(f, "disturbance {n_m} N·m"),
+            Self::Bus(v) => write!(f, "bus {v} V"),
+        }
+    }
+}
+
 /// What a metric must be.
 #[derive(Clone, Debug)]
 pub struct Expectation {
