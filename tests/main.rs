@@ -1,1 +1,3 @@
 //! System tests: one binary, a module a subject.
+
+mod fences;
