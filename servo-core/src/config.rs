@@ -57,6 +57,9 @@ pub struct Config {
     pub ihit: u16,
     /// OTEMP: motor temperature limit in 0.1 °C, −551..=1250; −551 disables.
     pub otemp: i16,
+    /// How long the brake takes to let go, ms; 0 for a motor without a brake. Not a property: a fact of the
+    /// joint. Electromagnetic power-off brakes of this size release in 10 to 30 ms.
+    pub brake_ms: u16,
 }
 
 /// A property value outside its range.
@@ -86,10 +89,10 @@ impl Config {
     /// over ±30 % plants (see CHANGELOG and `hil-sim list`).
     #[must_use]
     pub const fn for_motor(kind: MotorKind) -> Self {
-        let (accel, hold, tstop, ivel, ioff, bt) = match kind {
-            MotorKind::Link => (40, false, 300, -200, 25, 300),
-            MotorKind::Spread => (30, true, 400, -200, 0, 0),
-            MotorKind::Tip => (30, false, 300, 200, -350, 0),
+        let (accel, hold, tstop, ivel, ioff, bt, brake_ms) = match kind {
+            MotorKind::Link => (40, false, 300, -200, 25, 300, 0),
+            MotorKind::Spread => (30, true, 400, -200, 0, 0, 30),
+            MotorKind::Tip => (30, false, 300, 200, -350, 0, 0),
         };
         Self {
             mt: 750,
@@ -112,6 +115,7 @@ impl Config {
             ioff,
             ihit: 250,
             otemp: 700,
+            brake_ms,
         }
     }
 
@@ -148,17 +152,15 @@ impl Config {
         Ok(())
     }
 
-    /// Cruise velocity of a move in the closing (`true`) or opening direction: min(MV, MCV or MOV).
+    /// A checked speed property (16..=4080) as a velocity.
     #[must_use]
-    pub fn cruise(&self, closing: bool) -> CountsPerSec {
-        let bound = if closing { self.mcv } else { self.mov };
-        // Ranges end at 4080, so the conversion cannot fail after `validate`.
-        CountsPerSec::from_int(i16::try_from(self.mv.min(bound)).unwrap_or(i16::MAX))
+    pub fn speed(counts_per_sec: u16) -> CountsPerSec {
+        CountsPerSec::from_int(i16::try_from(counts_per_sec).unwrap_or(i16::MAX))
     }
 
-    /// MT as a torque.
+    /// A checked torque property (0..=990) as a torque.
     #[must_use]
-    pub fn torque_limit(&self) -> Torque {
-        Torque(i16::try_from(self.mt).unwrap_or(i16::MAX))
+    pub fn torque(units: u16) -> Torque {
+        Torque(i16::try_from(units).unwrap_or(i16::MAX))
     }
 }

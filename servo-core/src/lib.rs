@@ -6,11 +6,12 @@
 //! [`num`].
 //!
 //! Where to look: what the halls say is in [`sense`], how a set-point moves and becomes torque is in
-//! [`motion`], what may stop or bound it is in [`guard`], which loop runs when is in [`mode`], and the one
-//! order in which all of it runs is in [`servo`].
+//! [`motion`], what may stop or bound it is in [`guard`], which loop runs when is in [`mode`], what goes
+//! in and out is in [`command`], and the one order in which all of it runs is in [`servo`].
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod command;
 pub mod config;
 pub mod guard;
 pub mod mode;
@@ -20,5 +21,6 @@ pub mod sense;
 pub mod servo;
 pub mod units;
 
+pub use command::{Command, Drive, EndReason, Event, Refusal, Sense, Status};
 pub use config::{Config, ConfigError, MotorKind};
-pub use servo::{Command, Drive, Event, Refusal, Sense, Servo};
+pub use servo::Servo;

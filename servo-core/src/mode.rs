@@ -1,5 +1,7 @@
 //! The control modes of the manual (property MODE) and the table of which command each mode takes.
 
+use crate::command::Command;
+
 /// What a motor is doing. Numbers are the property's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
@@ -43,5 +45,35 @@ impl Mode {
             5 => Some(Self::Trapezoidal),
             _ => None,
         }
+    }
+}
+
+/// The mode table: whether a command means something in a mode.
+///
+/// V and E may be written before the mode that uses them (hosts write V, then MODE 4). T starts at 0 with
+/// mode 2, so it is refused elsewhere; P is a command in mode 3, redefines the position in idle, and would
+/// pull the rug from under a motion in any other mode.
+#[must_use]
+pub const fn admits(mode: Mode, command: &Command) -> bool {
+    match command {
+        Command::Torque(_) => match mode {
+            Mode::Torque => true,
+            Mode::Idle | Mode::Pid | Mode::Velocity | Mode::Trapezoidal => false,
+        },
+        Command::Position(_) => match mode {
+            Mode::Idle | Mode::Pid => true,
+            Mode::Torque | Mode::Velocity | Mode::Trapezoidal => false,
+        },
+        Command::Mode(_)
+        | Command::Velocity(_)
+        | Command::End(_)
+        | Command::Move(_)
+        | Command::TorqueControlled { .. }
+        | Command::Home
+        | Command::Abort
+        | Command::Terminate
+        | Command::Configure(_)
+        | Command::ClearFault
+        | Command::ClearBreakaway => true,
     }
 }

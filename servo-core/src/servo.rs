@@ -1,205 +1,133 @@
-//! The servo of one motor: commands and sensor readings in, a duty and a brake out. The tick order is here and
-//! nowhere else.
+//! The servo of one motor: commands and sensor readings in, a duty and a brake out. The tick order is
+//! [`Servo::tick`], here and nowhere else.
 
+pub use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Status};
 use crate::config::{Config, ConfigError};
-use crate::guard::fault::{Fault, Limit};
-use crate::mode::Mode;
-use crate::sense::hall::{Glitch, HallEvent};
-use crate::units::{Counts, CountsPerSec, DeciCelsius, Duty, Micros, MilliAmps, MilliVolts, Torque};
+use crate::guard::arrival::arrived;
+use crate::guard::breakaway::Breakaway;
+use crate::guard::fault::{Fault, Faults};
+use crate::guard::hold::{After, after};
+use crate::guard::limits::{Bounded, Limits};
+use crate::guard::stall::Stall;
+use crate::guard::strain;
+use crate::guard::thermal::Thermal;
+use crate::mode::{Mode, admits};
+use crate::motion::pid::{Pid, PidConfig, PidState};
+use crate::motion::profile::{self, Profile, SetPoint};
+use crate::motion::torque::drag;
+use crate::motion::velocity_loop::VelocityLoop;
+use crate::num::Law;
+use crate::sense::hall::HallEvent;
+use crate::sense::velocity::Estimator;
+use crate::units::{Counts, CountsPerSec, Torque};
+use heapless::Deque;
 
-/// All that the servo is told at a control tick.
-#[derive(Clone, Copy, Debug)]
-pub struct Sense<'a> {
-    /// The time of this tick.
-    pub now: Micros,
-    /// What the commutator saw since the last tick, oldest first.
-    pub halls: &'a [HallEvent],
-    /// Bus voltage.
-    pub bus: MilliVolts,
-    /// Bus current (not phase current), positive into the bridge.
-    pub current: MilliAmps,
-    /// Motor thermistor.
-    pub motor_temp: DeciCelsius,
-    /// Strain gauge, 0..=255.
-    pub strain: u8,
-    /// The gate driver's break input has switched the bridge off.
-    pub bridge_fault: bool,
-}
+/// Hall counts a motor revolution: three pole pairs times six steps (manual 1.3.3).
+pub const COUNTS_PER_REV: usize = 18;
 
-/// All that the servo asks for at a control tick.
+/// The profile waits while the position lags this far: a saturated motor must not be run away from, and six
+/// counts are under what KP turns into full torque (DESIGN 4.3).
+const WAIT_LAG: Law = Law::lit("6");
+
+/// From this lag on a position-controlled motor is driven away from rest, and the stall timer runs.
+const DRIVEN_LAG: Law = Law::ONE;
+
+/// Least stall time in HI: hosts poll slowly and must see mode 4 (DESIGN 5).
+const HOMING_TSTOP_MIN: u16 = 250;
+
+/// Reports that may wait; the oldest is dropped when a host never asks.
+const EVENTS: usize = 8;
+
+/// What a motion in some mode is for, which decides how it ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Drive {
-    /// Signed duty, or `None`: bridge off.
-    pub duty: Option<Duty>,
-    /// Brake energised, which frees the spread. Ignored by motors without a brake.
-    pub brake_released: bool,
-}
-
-/// What a host may ask of a motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Property MODE. Writing the present mode does nothing.
-    Mode(Mode),
-    /// Property T: torque of mode 2, ±990.
-    Torque(Torque),
-    /// Property V: velocity of mode 4.
-    Velocity(CountsPerSec),
-    /// Property P: in idle, what the present position is called; in mode 3, where to go. Whole counts.
-    Position(i32),
-    /// Property E: end of a move in whole counts; during a move it re-plans.
-    End(i32),
-    /// Property M: E and mode 5 in one.
-    Move(i32),
-    /// Close (`true`) or open under torque control: TC, TO. Ends by stall; with HOLD keeps pressing with MT.
-    TorqueControlled {
-        /// Towards higher counts.
-        closing: bool,
-    },
-    /// HI: find the stop, go to zero, call it zero.
-    Home,
-    /// End the motion now: END 3, then HOLD decides.
-    Abort,
-    /// Terminate power (T): idle now, whatever HOLD says.
-    Terminate,
-    /// Replace the configuration, also in mid-move; MV, MCV, MOV and ACCEL re-plan.
-    Configure(Config),
-    /// Forget a latched fault (STAT := 2).
-    ClearFault,
-    /// Forget a breakaway (BD := 0; the O command).
-    ClearBreakaway,
-}
-
-/// Why a command was not taken; nothing has changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// A fault is latched.
-    Fault(Fault),
-    /// The command does nothing in this mode.
-    Mode(Mode),
-    /// The value is outside its range.
-    Range,
-    /// A configuration value is outside its range.
-    Config(ConfigError),
-}
-
-/// Why a move ended: property END.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EndReason {
-    /// 1: the profile has ended and the error is within MPE.
-    Arrived,
-    /// 2: no count for TSTOP.
-    Stalled,
-    /// 3: told to.
-    Aborted,
-    /// 4: strain outside LSG..HSG.
-    Strain,
-    /// 5: the link met an object.
-    Breakaway,
-    /// 6: a fault.
-    Fault,
-}
-
-impl EndReason {
-    /// The property value.
-    #[must_use]
-    pub const fn number(self) -> u8 {
-        match self {
-            Self::Arrived => 1,
-            Self::Stalled => 2,
-            Self::Aborted => 3,
-            Self::Strain => 4,
-            Self::Breakaway => 5,
-            Self::Fault => 6,
-        }
-    }
-}
-
-/// What the servo reports on its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// A motion ended; `mode` is the one that follows it.
-    Ended {
-        /// Why.
-        reason: EndReason,
-        /// Idle, or what holds the position.
-        mode: Mode,
-    },
-    /// The link met an object.
-    Breakaway {
-        /// Where (BP), in whole counts.
-        position: i32,
-        /// BS: the finger's tip must stop too.
-        stop_tip: bool,
-    },
-    /// A fault latched.
-    Fault(Fault),
-    /// A limit began to bound the motion.
-    Limited(Limit),
-    /// The hall lines lied.
-    Glitch(Glitch),
-    /// HI is done: position zero is known.
-    Homed,
-}
-
-/// What can be read of a servo at any time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Status {
-    /// Present mode.
-    pub mode: Mode,
-    /// Estimated position.
-    pub position: Counts,
-    /// Estimated velocity.
-    pub velocity: CountsPerSec,
-    /// Position set-point in modes 3 and 5; the position elsewhere.
-    pub setpoint: Counts,
-    /// Set-point's velocity in mode 5, V in mode 4, else 0.
-    pub setpoint_velocity: CountsPerSec,
-    /// Torque applied after every clamp.
-    pub torque: Torque,
-    /// Duty applied.
-    pub duty: Duty,
-    /// Latched fault.
-    pub fault: Option<Fault>,
-    /// Limit that bounded the last tick.
-    pub limit: Option<Limit>,
-    /// Why the last motion ended.
-    pub end: Option<EndReason>,
-    /// Whether HI has found zero.
-    pub homed: bool,
-    /// BP of a breakaway not yet cleared (BD = 1).
-    pub breakaway: Option<i32>,
+enum Purpose {
+    /// What the mode says, or holding after an end.
+    Plain,
+    /// TC or TO.
+    TorqueControlled { closing: bool },
+    /// TC or TO ended with HOLD: presses on, and cannot stall again.
+    Pressing { closing: bool },
+    /// HI, towards the stop.
+    SeekStop,
+    /// HI, from the stop to zero.
+    LeaveStop,
 }
 
 /// The servo of one motor.
 #[derive(Debug)]
 pub struct Servo {
     config: Config,
-    status: Status,
+    pid: Pid,
+    velocity_loop: VelocityLoop,
+    estimator: Estimator<COUNTS_PER_REV>,
+    /// Decoder count that is called position 0.
+    zero: i32,
+    /// Decoder count.
+    count: i32,
+    mode: Mode,
+    purpose: Purpose,
+    /// Whether the mode's entry actions have run: they wait for the brake.
+    entered: bool,
+    /// Ticks since the brake was asked to release.
+    brake_ms: u32,
+    profile: Profile,
+    setpoint: SetPoint,
+    pid_state: PidState,
+    torque_wanted: Torque,
+    velocity_wanted: CountsPerSec,
+    end: i32,
+    stall: Stall,
+    breakaway: Breakaway,
+    thermal: Thermal,
+    limits: Limits,
+    faults: Faults,
+    applied: Bounded,
+    position: Counts,
+    velocity: CountsPerSec,
+    ended: Option<EndReason>,
+    homed: bool,
+    broke_away: Option<i32>,
+    events: Deque<Event, EVENTS>,
 }
 
 impl Servo {
-    /// A servo at rest in the cell `count`, in idle.
+    /// A servo at rest in the cell `count` of the hall decoder, called position `count`, in idle.
     ///
     /// # Errors
     /// The first configuration value out of range.
     pub fn new(config: Config, count: i32) -> Result<Self, ConfigError> {
         config.validate()?;
         let position = Counts::from_int(count);
-        let status = Status {
+        Ok(Self {
+            config,
+            pid: pid_of(&config),
+            velocity_loop: VelocityLoop::new(config.kpv),
+            estimator: Estimator::new(count),
+            zero: 0,
+            count,
             mode: Mode::Idle,
+            purpose: Purpose::Plain,
+            entered: false,
+            brake_ms: 0,
+            profile: Profile::at_rest(position),
+            setpoint: Profile::at_rest(position).current(),
+            pid_state: PidState::default(),
+            torque_wanted: Torque::ZERO,
+            velocity_wanted: CountsPerSec::ZERO,
+            end: count,
+            stall: Stall::default(),
+            breakaway: Breakaway::default(),
+            thermal: Thermal::default(),
+            limits: Limits::default(),
+            faults: Faults::default(),
+            applied: Bounded::OFF,
             position,
             velocity: CountsPerSec::ZERO,
-            setpoint: position,
-            setpoint_velocity: CountsPerSec::ZERO,
-            torque: Torque::ZERO,
-            duty: Duty::ZERO,
-            fault: None,
-            limit: None,
-            end: None,
+            ended: None,
             homed: false,
-            breakaway: None,
-        };
-        Ok(Self { config, status })
+            broke_away: None,
+            events: Deque::new(),
+        })
     }
 
     /// Asks for something.
@@ -207,27 +135,95 @@ impl Servo {
     /// # Errors
     /// Why not; nothing has changed then.
     pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
-        let Command::Configure(config) = command else { return Err(Refusal::Mode(self.status.mode)) };
-        config.validate().map_err(Refusal::Config)?;
-        self.config = config;
+        if let Some(fault) = self.faults.latched()
+            && command.moves()
+        {
+            return Err(Refusal::Fault(fault));
+        }
+        if !admits(self.mode, &command) {
+            return Err(Refusal::Mode(self.mode));
+        }
+        command.in_range()?;
+        match command {
+            Command::Mode(mode) => self.switch_to(mode),
+            Command::Torque(torque) => self.torque_wanted = torque,
+            Command::Velocity(velocity) => self.take_velocity(velocity),
+            Command::Position(position) => self.take_position(position),
+            Command::End(end) => self.take_end(end),
+            Command::Move(end) => {
+                self.take_end(end);
+                if self.mode != Mode::Trapezoidal || self.purpose != Purpose::Plain {
+                    self.begin(Mode::Trapezoidal, Purpose::Plain);
+                }
+            }
+            Command::TorqueControlled { closing } => {
+                self.begin(Mode::Velocity, Purpose::TorqueControlled { closing });
+            }
+            Command::Home => {
+                self.homed = false;
+                self.begin(Mode::Velocity, Purpose::SeekStop);
+            }
+            Command::Abort => {
+                if self.mode != Mode::Idle {
+                    self.finish(EndReason::Aborted);
+                }
+            }
+            Command::Terminate => self.idle(),
+            Command::Configure(config) => self.configure(config),
+            Command::ClearFault => self.faults.clear(),
+            Command::ClearBreakaway => self.broke_away = None,
+        }
         Ok(())
     }
 
-    /// One control tick, 1 ms after the last.
+    /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
-        let _ = sense;
-        Drive { duty: None, brake_released: false }
+        let counted = self.observe(sense);
+        if let Some(fault) = self.faults.check(sense, self.config.otemp, self.limits.short()) {
+            self.fail(fault);
+        }
+        let thermal = self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
+        let most = self.limits.torque_limit(self.torque_ceiling(), thermal);
+        self.brake_ms = if self.mode == Mode::Idle { 0 } else { self.brake_ms.saturating_add(1) };
+        if self.ready() {
+            self.enter();
+            self.check_end(counted, sense.strain);
+        }
+        // The end of one motion may have begun another (HI), or led to idle.
+        if self.ready() {
+            self.enter();
+            let torque = self.law(most.0);
+            self.applied = self.limits.bound(torque, most, self.velocity, sense.bus);
+        } else {
+            self.applied = Bounded::OFF;
+            self.setpoint = Profile::at_rest(self.position).current();
+        }
+        let duty = self.ready().then_some(self.applied.duty);
+        Drive { duty, brake_released: self.mode != Mode::Idle }
     }
 
     /// The next report, oldest first.
     pub fn event(&mut self) -> Option<Event> {
-        None
+        self.events.pop_front()
     }
 
     /// What can be read at any time.
     #[must_use]
     pub fn status(&self) -> Status {
-        self.status
+        Status {
+            mode: self.mode,
+            position: self.position,
+            velocity: self.velocity,
+            setpoint: self.setpoint.position,
+            setpoint_velocity: self.velocity_goal(),
+            torque: self.applied.torque,
+            duty: self.applied.duty,
+            fault: self.faults.latched(),
+            limit: self.applied.limit,
+            end: self.ended,
+            homed: self.homed,
+            breakaway: self.broke_away,
+        }
     }
 
     /// The present configuration.
@@ -235,4 +231,300 @@ impl Servo {
     pub fn config(&self) -> &Config {
         &self.config
     }
+
+    // --- the tick, step by step -------------------------------------------------------------------------
+
+    /// Halls → position and velocity. Returns whether the count moved.
+    fn observe(&mut self, sense: &Sense<'_>) -> bool {
+        let before = self.count;
+        for event in sense.halls {
+            match *event {
+                HallEvent::Step(edge) => {
+                    self.estimator.edge(&edge);
+                    self.count = edge.count;
+                }
+                HallEvent::Glitch(glitch) => self.report(Event::Glitch(glitch)),
+                HallEvent::Fault(_) => self.faults.halls(),
+            }
+        }
+        let (position, velocity) = self.estimator.at(sense.now);
+        self.position = position.wrapping_sub(Counts::from_int(self.zero));
+        self.velocity = velocity;
+        self.limits.watch_current(sense.current, self.applied.duty);
+        self.count != before
+    }
+
+    /// Whether the bridge may drive: a mode that drives, and the brake has let go.
+    fn ready(&self) -> bool {
+        self.mode != Mode::Idle && self.brake_ms > u32::from(self.config.brake_ms)
+    }
+
+    /// Entry actions of the mode, at its first driven tick.
+    fn enter(&mut self) {
+        if self.entered {
+            return;
+        }
+        self.entered = true;
+        self.stall.restart();
+        self.breakaway.restart();
+        self.profile = Profile::at_rest(self.position);
+        self.setpoint = self.profile.current();
+        if self.mode == Mode::Trapezoidal {
+            self.plan();
+        }
+    }
+
+    /// Every way in which a motion ends by itself.
+    fn check_end(&mut self, counted: bool, strain: u8) {
+        let stalled = self.stall.step(counted, self.driven(), self.tstop());
+        let guarded = match self.purpose {
+            Purpose::Plain => self.mode == Mode::Trapezoidal,
+            Purpose::TorqueControlled { .. } => true,
+            Purpose::Pressing { .. } | Purpose::SeekStop | Purpose::LeaveStop => false,
+        };
+        if guarded {
+            if strain::outside(strain, self.config.hsg, self.config.lsg) {
+                return self.finish(EndReason::Strain);
+            }
+            let wanted = self.velocity_goal();
+            if self.breakaway.step(self.applied.torque, wanted, self.velocity, self.config.bt) {
+                let position = self.position.round();
+                self.broke_away = Some(position);
+                self.report(Event::Breakaway { position, stop_tip: self.config.bs });
+                return self.finish(EndReason::Breakaway);
+            }
+        }
+        if self.mode == Mode::Trapezoidal
+            && arrived(self.setpoint.done, self.goal(), self.position.round(), self.config.mpe)
+        {
+            self.finish(EndReason::Arrived);
+        } else if stalled && !matches!(self.purpose, Purpose::Pressing { .. }) {
+            self.finish(EndReason::Stalled);
+        }
+    }
+
+    /// The torque that the mode's law wants, damped.
+    fn law(&mut self, most: Torque) -> Torque {
+        let (torque, damping) = match self.mode {
+            Mode::Idle => (Torque::ZERO, Law::ZERO),
+            Mode::Torque => (self.torque_wanted, Law::ZERO),
+            Mode::Velocity => {
+                let wanted = self.velocity_goal();
+                (self.velocity_loop.step(wanted, self.velocity, most), self.velocity_loop.damping())
+            }
+            Mode::Pid | Mode::Trapezoidal => {
+                if self.mode == Mode::Trapezoidal && self.lag().saturating_abs() <= WAIT_LAG {
+                    self.setpoint = self.profile.step();
+                }
+                let (error, velocity_error) = self.errors();
+                (self.pid.step(&mut self.pid_state, error, velocity_error, most), self.pid.damping())
+            }
+        };
+        torque.saturating_add(drag(self.velocity, damping))
+    }
+
+    // --- pieces -------------------------------------------------------------------------------------------
+
+    /// How far the position lags behind the set-point, counts.
+    fn lag(&self) -> Law {
+        self.setpoint.position.wrapping_sub(self.position).saturating_error()
+    }
+
+    /// Errors of the position loop. At rest in the cell of a resting set-point the error is nought: the halls
+    /// cannot tell more, and an integrator on half a count would hunt.
+    fn errors(&self) -> (Law, Law) {
+        let resting = self.setpoint.velocity == CountsPerSec::ZERO;
+        let same_cell = self.setpoint.position.round() == self.position.round();
+        let error = if resting && same_cell { Law::ZERO } else { self.lag() };
+        (error, self.setpoint.velocity.0.saturating_sub(self.velocity.0))
+    }
+
+    /// Whether the motor is driven away from rest (the condition under which a stall is one).
+    fn driven(&self) -> bool {
+        match self.mode {
+            Mode::Idle => false,
+            Mode::Torque => self.torque_wanted != Torque::ZERO,
+            Mode::Velocity => self.applied.limit.is_some(),
+            Mode::Pid | Mode::Trapezoidal => self.lag().saturating_abs() >= DRIVEN_LAG,
+        }
+    }
+
+    fn tstop(&self) -> u16 {
+        let tstop = self.config.tstop;
+        if self.purpose == Purpose::SeekStop { tstop.max(HOMING_TSTOP_MIN) } else { tstop }
+    }
+
+    fn torque_ceiling(&self) -> Torque {
+        let mt = self.config.mt;
+        Config::torque(if self.purpose == Purpose::SeekStop { self.config.ihit.min(mt) } else { mt })
+    }
+
+    /// The velocity that the present motion wants.
+    fn velocity_goal(&self) -> CountsPerSec {
+        match self.purpose {
+            Purpose::Plain if self.mode == Mode::Velocity => self.velocity_wanted,
+            Purpose::Plain | Purpose::LeaveStop => self.setpoint.velocity,
+            Purpose::TorqueControlled { closing } | Purpose::Pressing { closing } => {
+                if closing {
+                    Config::speed(self.config.mcv)
+                } else {
+                    Config::speed(self.config.mov).saturating_neg()
+                }
+            }
+            Purpose::SeekStop => CountsPerSec::from_int(self.config.ivel),
+        }
+    }
+
+    /// Where the present move goes: E, or IOFF in HI. E itself is the host's.
+    fn goal(&self) -> i32 {
+        if self.purpose == Purpose::LeaveStop { self.config.ioff } else { self.end }
+    }
+
+    fn plan(&mut self) {
+        let config = &self.config;
+        let limits = profile::Limits {
+            accel: config.accel,
+            closing: Config::speed(config.mv.min(config.mcv)),
+            opening: Config::speed(config.mv.min(config.mov)),
+        };
+        self.profile.plan(Counts::from_int(self.goal()), limits);
+        self.setpoint = self.profile.current();
+        self.stall.restart();
+    }
+
+    /// A host's new mode; the mode it is in does nothing.
+    fn switch_to(&mut self, mode: Mode) {
+        if mode == self.mode {
+            return;
+        }
+        match mode {
+            Mode::Idle => self.idle(),
+            Mode::Torque | Mode::Pid | Mode::Velocity | Mode::Trapezoidal => self.begin(mode, Purpose::Plain),
+        }
+    }
+
+    /// Starts a motion; its entry actions run at the first driven tick.
+    fn begin(&mut self, mode: Mode, purpose: Purpose) {
+        let positioned = matches!(self.mode, Mode::Pid | Mode::Trapezoidal);
+        if self.mode == Mode::Idle {
+            self.brake_ms = 0;
+        }
+        // From hold to move and back the load stays carried; from any other mode the integrator starts empty.
+        if !(positioned && matches!(mode, Mode::Pid | Mode::Trapezoidal)) {
+            self.pid_state = PidState::default();
+        }
+        self.torque_wanted = Torque::ZERO;
+        self.ended = None;
+        self.mode = mode;
+        self.purpose = purpose;
+        self.entered = false;
+    }
+
+    fn idle(&mut self) {
+        self.mode = Mode::Idle;
+        self.purpose = Purpose::Plain;
+        self.entered = false;
+        self.applied = Bounded::OFF;
+    }
+
+    /// Ends the motion: HI goes on to its next step, anything else to what HOLD says.
+    fn finish(&mut self, reason: EndReason) {
+        match (self.purpose, reason) {
+            (Purpose::SeekStop, EndReason::Stalled) => {
+                self.zero = self.count;
+                self.position = self.position.wrapping_sub(Counts::from_int(self.position.round()));
+                return self.begin(Mode::Trapezoidal, Purpose::LeaveStop);
+            }
+            (Purpose::LeaveStop, EndReason::Arrived) => {
+                let offset = self.config.ioff;
+                self.zero = self.zero.wrapping_add(offset);
+                self.position = self.position.wrapping_sub(Counts::from_int(offset));
+                self.homed = true;
+                self.report(Event::Homed);
+            }
+            _ => {}
+        }
+        let pressing = match self.purpose {
+            Purpose::TorqueControlled { closing } => Some(Purpose::Pressing { closing }),
+            Purpose::Plain | Purpose::Pressing { .. } | Purpose::SeekStop | Purpose::LeaveStop => None,
+        };
+        match (after(reason, self.config.hold), pressing) {
+            (After::Idle, _) => self.idle(),
+            (After::Stay, Some(pressing)) => self.purpose = pressing,
+            (After::Stay, None) | (After::Hold, _) => self.hold(),
+        }
+        self.ended = Some(reason);
+        self.report(Event::Ended { reason, mode: self.mode });
+    }
+
+    /// PID at the present position, with the torque of this moment.
+    fn hold(&mut self) {
+        self.mode = Mode::Pid;
+        self.purpose = Purpose::Plain;
+        self.entered = true;
+        self.profile = Profile::at_rest(self.position);
+        self.setpoint = self.profile.current();
+        self.stall.restart();
+        let (error, velocity_error) = self.errors();
+        let most = Config::torque(self.config.mt);
+        self.pid_state = self.pid.bumpless(self.applied.torque, error, velocity_error, most);
+    }
+
+    fn fail(&mut self, fault: Fault) {
+        self.report(Event::Fault(fault));
+        if self.mode != Mode::Idle {
+            self.finish(EndReason::Fault);
+        }
+    }
+
+    fn take_position(&mut self, position: i32) {
+        match self.mode {
+            Mode::Pid => {
+                self.profile = Profile::at_rest(Counts::from_int(position));
+                self.setpoint = self.profile.current();
+                self.stall.restart();
+            }
+            Mode::Idle | Mode::Torque | Mode::Velocity | Mode::Trapezoidal => {
+                self.zero = self.count.wrapping_sub(position);
+                let shift = position.wrapping_sub(self.position.round());
+                self.position = self.position.wrapping_add(Counts::from_int(shift));
+            }
+        }
+    }
+
+    fn take_end(&mut self, end: i32) {
+        self.end = end;
+        if self.mode == Mode::Trapezoidal && self.purpose == Purpose::Plain && self.entered {
+            self.plan();
+        }
+    }
+
+    /// V; during TC or TO it takes over, during HI it waits.
+    fn take_velocity(&mut self, velocity: CountsPerSec) {
+        self.velocity_wanted = velocity;
+        if matches!(self.purpose, Purpose::TorqueControlled { .. } | Purpose::Pressing { .. }) {
+            self.purpose = Purpose::Plain;
+        }
+    }
+
+    fn configure(&mut self, config: Config) {
+        self.config = config;
+        self.pid = pid_of(&config);
+        self.velocity_loop = VelocityLoop::new(config.kpv);
+        if self.mode == Mode::Trapezoidal && self.entered {
+            self.plan();
+        }
+    }
+
+    fn report(&mut self, event: Event) {
+        if self.events.is_full() {
+            self.events.pop_front();
+        }
+        // Room was made above.
+        let _ = self.events.push_back(event);
+    }
+}
+
+fn pid_of(config: &Config) -> Pid {
+    PidConfig { kp: config.kp, ki: config.ki, kd: config.kd }.build()
 }

@@ -75,7 +75,13 @@ impl CountsPerSec {
         Self(I16F16::from_bits((counts_per_sec as i32) << 16))
     }
 
-    /// The nearest whole number of counts per second, halves away from zero not guaranteed: what V reads.
+    /// The opposite velocity.
+    #[must_use]
+    pub const fn saturating_neg(self) -> Self {
+        Self(self.0.saturating_neg())
+    }
+
+    /// The nearest whole number of counts per second (halves up): what V reads.
     #[must_use]
     pub const fn round(self) -> i16 {
         ((self.0.to_bits().saturating_add(1 << 15)) >> 16) as i16
@@ -94,6 +100,12 @@ impl Torque {
     #[must_use]
     pub const fn saturating_abs(self) -> Self {
         Self(self.0.saturating_abs())
+    }
+
+    /// The sum of two torques; saturates.
+    #[must_use]
+    pub const fn saturating_add(self, other: Self) -> Self {
+        Self(self.0.saturating_add(other.0))
     }
 
     /// Bounded to ±`limit` (`limit` ≥ 0).
@@ -122,6 +134,12 @@ pub struct Duty(pub I1F15);
 impl Duty {
     /// Both driven phases at the same potential: the motor's EMF is short-circuited through them.
     pub const ZERO: Self = Self(I1F15::ZERO);
+
+    /// From 1/32768 of the bus voltage.
+    #[must_use]
+    pub const fn from_bits(bits: i16) -> Self {
+        Self(I1F15::from_bits(bits))
+    }
 }
 
 /// A time-stamp or a duration in microseconds. Time-stamps wrap after 71.6 minutes; differences are right

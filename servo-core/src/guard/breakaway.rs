@@ -1,1 +1,41 @@
-//! ...
+//! BT, BD, BP, BS: when a closing link has met an object (manual 5.1.2, DESIGN 5).
+//!
+//! Link and tip have motors of their own, so the BarrettHand's clutch is simulated: the link breaks away when
+//! it carries more load than BT *and* falls behind its set-point. Torque alone would also fire at the start of
+//! a move, where friction lets go and the rotor catches up within milliseconds.
+
+use crate::units::{CountsPerSec, Torque};
+
+/// How long the load must last. A start from standstill against 0.06 N·m of static friction is over within
+/// 5 ms; TSTOP, the next guard, is 300 ms.
+const LASTING_MS: u8 = 10;
+
+/// The detector.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Breakaway {
+    loaded_ms: u8,
+}
+
+impl Breakaway {
+    /// Forgets what it has seen: at the start of a motion.
+    pub fn restart(&mut self) {
+        self.loaded_ms = 0;
+    }
+
+    /// One tick of 1 ms: the torque applied, the wanted and the measured velocity, and BT in torque units
+    /// (0 = never). Only closing motions break away.
+    ///
+    /// Returns whether the link has broken away.
+    #[must_use]
+    pub fn step(&mut self, applied: Torque, wanted: CountsPerSec, measured: CountsPerSec, bt: u16) -> bool {
+        let closing = wanted > CountsPerSec::ZERO;
+        let behind = measured.0 < wanted.0 >> 1;
+        let loaded = i32::from(applied.0) >= i32::from(bt);
+        if bt != 0 && closing && behind && loaded {
+            self.loaded_ms = self.loaded_ms.saturating_add(1);
+        } else {
+            self.loaded_ms = 0;
+        }
+        self.loaded_ms >= LASTING_MS
+    }
+}

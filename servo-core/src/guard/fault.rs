@@ -1,5 +1,19 @@
 //! What must never go on, and what merely bounds: two enums, each naming the property that governs it.
 
+use crate::command::Sense;
+use crate::guard::thermal::Thermal;
+use crate::units::MilliVolts;
+
+/// Bus voltage above which the bridge and its capacitors are in danger: 24 V + 1/3 (motors that are braked
+/// pump the bus up).
+const OVER: MilliVolts = MilliVolts(32_000);
+
+/// Bus voltage below which the gate drivers lose their supply.
+const UNDER: MilliVolts = MilliVolts(16_000);
+
+/// Ticks that a wrong bus voltage must last: a motor's start dips a long cable for milliseconds.
+const BUS_MS: u8 = 10;
+
 /// A condition that ends motion at once: bridge off, brake engaged, until `Command::ClearFault`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
@@ -28,4 +42,58 @@ pub enum Limit {
     Thermal,
     /// Torque cut back because the phase current is above the motor's peak (property IMOTOR).
     Current,
+}
+
+/// Watches for faults and keeps the first until it is cleared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults {
+    latched: Option<Fault>,
+    halls: bool,
+    over_ms: u8,
+    under_ms: u8,
+}
+
+impl Faults {
+    /// The latched fault.
+    #[must_use]
+    pub const fn latched(&self) -> Option<Fault> {
+        self.latched
+    }
+
+    /// The hall decoder has given up on the lines.
+    pub const fn halls(&mut self) {
+        self.halls = true;
+    }
+
+    /// Forgets the latched fault; one that persists comes back at the next check.
+    pub const fn clear(&mut self) {
+        *self = Self { latched: None, halls: false, over_ms: 0, under_ms: 0 };
+    }
+
+    /// One tick of 1 ms. `short`: the phase current is that of a short.
+    ///
+    /// Returns a fault when it latches, once.
+    pub fn check(&mut self, sense: &Sense<'_>, otemp: i16, short: bool) -> Option<Fault> {
+        self.over_ms = if sense.bus > OVER { self.over_ms.saturating_add(1) } else { 0 };
+        self.under_ms = if sense.bus < UNDER { self.under_ms.saturating_add(1) } else { 0 };
+        if self.latched.is_some() {
+            return None;
+        }
+        self.latched = if sense.bridge_fault {
+            Some(Fault::Bridge)
+        } else if short {
+            Some(Fault::OverCurrent)
+        } else if self.halls {
+            Some(Fault::Halls)
+        } else if self.over_ms >= BUS_MS {
+            Some(Fault::OverVoltage)
+        } else if self.under_ms >= BUS_MS {
+            Some(Fault::UnderVoltage)
+        } else if Thermal::over(sense.motor_temp, otemp) {
+            Some(Fault::OverTemperature)
+        } else {
+            None
+        };
+        self.latched
+    }
 }

@@ -1,1 +1,24 @@
-//! ...
+//! HOLD: what the motor does after a motion has ended (manual 5.5, DESIGN 5).
+
+use crate::command::EndReason;
+
+/// What follows an end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum After {
+    /// Bridge off, brake engaged.
+    Idle,
+    /// PID at the position where the motion ended.
+    Hold,
+    /// A torque-controlled motion (TC, TO) goes on pressing with MT; any other holds.
+    Stay,
+}
+
+/// HOLD = 0 and every fault: idle. HOLD = 1: hold the terminating position (not the goal).
+#[must_use]
+pub fn after(reason: EndReason, hold: bool) -> After {
+    match (reason, hold) {
+        (EndReason::Fault, _) | (_, false) => After::Idle,
+        (EndReason::Stalled, true) => After::Stay,
+        (EndReason::Arrived | EndReason::Aborted | EndReason::Strain | EndReason::Breakaway, true) => After::Hold,
+    }
+}

@@ -1,1 +1,121 @@
-//! ...
+//! The last word on torque and duty: every path to the bridge ends in [`Limits::bound`].
+//!
+//! Torque is bounded by MT (IHIT while homing), by temperature and by the phase current; then it becomes a
+//! voltage, and the voltage a duty bounded by what the bootstrap drivers can do.
+
+use crate::guard::fault::Limit;
+use crate::motion::torque::{from_voltage, voltage};
+use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
+
+/// The largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers charge
+/// their bootstrap capacitors in the rest, and MT's maximum of 990 is this duty at 24 V; at 20 V it gives 825.
+const MAX_DUTY: i32 = 990;
+
+/// Phase current above which torque is cut back, mA: 10 % over the motor's 9.98 A at peak torque.
+const PEAK_MA: i32 = 11_000;
+
+/// Phase current that only a short or a wrong motor draws, mA: 24 V across 2.405 Ω − 30 % is 14.3 A.
+const SHORT_MA: i32 = 15_000;
+
+/// Consecutive ticks above `SHORT_MA` that are a fault; the comparator on the bridge acts within microseconds.
+const SHORT_MS: u8 = 5;
+
+/// How fast the current limit comes back, torque units a ms: full torque within 100 ms.
+const RECOVERY: i16 = 10;
+
+/// No cut: above any torque limit.
+const NO_CUT: i16 = 1024;
+
+/// What the limits made of a wanted torque.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bounded {
+    /// For the bridge.
+    pub duty: Duty,
+    /// The torque that this duty gives, after every clamp: what T reads.
+    pub torque: Torque,
+    /// The limit that acted last, if any.
+    pub limit: Option<Limit>,
+}
+
+impl Bounded {
+    /// Nothing driven.
+    pub const OFF: Self = Self { duty: Duty::ZERO, torque: Torque::ZERO, limit: None };
+}
+
+/// The state of the current limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    current_cut: Torque,
+    short_ms: u8,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { current_cut: Torque(NO_CUT), short_ms: 0 }
+    }
+}
+
+impl Limits {
+    /// Looks at the bus current that flowed at the duty applied since the last tick. A six-step bridge draws
+    /// duty × phase current, so the guard divides; below 1/16 duty the quotient is noise and is left alone.
+    pub fn watch_current(&mut self, bus: MilliAmps, applied: Duty) {
+        let duty = i32::from(applied.0.to_bits()).abs();
+        let phase = if duty >= 1 << 11 { i32::from(bus.0).abs().saturating_mul(1 << 15) / duty } else { 0 };
+        if phase > PEAK_MA {
+            // 1 A over the peak is about 100 torque units; a quarter of it a tick settles in a few ticks.
+            let cut = i16::try_from(phase.saturating_sub(PEAK_MA) / 40).unwrap_or(NO_CUT);
+            self.current_cut = Torque(self.current_cut.0.saturating_sub(cut).max(0));
+        } else {
+            self.current_cut = Torque(self.current_cut.0.saturating_add(RECOVERY).min(NO_CUT));
+        }
+        self.short_ms = if phase > SHORT_MA { self.short_ms.saturating_add(1) } else { 0 };
+    }
+
+    /// Whether the phase current has been that of a short for several ticks: a fault.
+    #[must_use]
+    pub const fn short(&self) -> bool {
+        self.short_ms >= SHORT_MS
+    }
+
+    /// The torque limit in force: the least of MT (or IHIT), temperature and current, and which of them it is.
+    #[must_use]
+    pub fn torque_limit(&self, mt: Torque, thermal: Torque) -> (Torque, Limit) {
+        let mut least = (mt, Limit::Torque);
+        if thermal < least.0 {
+            least = (thermal, Limit::Thermal);
+        }
+        if self.current_cut < least.0 {
+            least = (self.current_cut, Limit::Current);
+        }
+        least
+    }
+
+    /// Bounds a torque at a velocity and bus voltage, and turns it into a duty.
+    #[must_use]
+    pub fn bound(
+        &self,
+        wanted: Torque,
+        (most, governing): (Torque, Limit),
+        velocity: CountsPerSec,
+        bus: MilliVolts,
+    ) -> Bounded {
+        let torque = wanted.clamp_abs(most);
+        let mut limit = (torque != wanted || wanted.saturating_abs() >= most).then_some(governing);
+        // The bus in torque units: 23.4375 mV each. A dead bus must not divide by zero.
+        let bus_mv = i32::from(bus.0).max(1_000);
+        let most_volts = i32::from(bus.0).saturating_mul(MAX_DUTY) / 24_000;
+        let most_volts = Torque(i16::try_from(most_volts).unwrap_or(i16::MAX));
+        let wanted_volts = voltage(torque, velocity);
+        let volts = wanted_volts.clamp_abs(most_volts);
+        let torque = if volts == wanted_volts {
+            torque
+        } else {
+            limit = Some(Limit::Duty);
+            from_voltage(volts, velocity)
+        };
+        // volts ≤ 2703 (65.5 V) × 23.4375 mV × 32768 = 768,000 would pass 2^31: a quarter of it does not.
+        let bits = i32::from(volts.0).saturating_mul(192_000) / (bus_mv / 4);
+        let bits = i16::try_from(bits).unwrap_or(if bits < 0 { i16::MIN } else { i16::MAX });
+        Bounded { duty: Duty::from_bits(bits), torque, limit }
+    }
+}

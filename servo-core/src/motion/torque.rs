@@ -1,1 +1,41 @@
-//! To come in this series: see DESIGN 4.3.
+//! Torque → voltage, without a current sensor in the loop: the resistive drop that the torque's current needs,
+//! plus the motor's EMF at its speed (DESIGN 4.3). Voltages are counted in torque units: 1024 is 24 V, the
+//! bus at which full duty at standstill is the motor's peak torque.
+
+use crate::num::Law;
+use crate::units::{CountsPerSec, Torque};
+
+/// EMF in torque units per count/s: 0.0651 V·s/rad (manual: 65 N·cm at 9.98 A) × 2π/18 rad/count is 22.72 mV
+/// per count/s, and a torque unit is 24 V / 1024 = 23.44 mV.
+pub const EMF_PER_SPEED: Law = Law::lit("0.9696");
+
+/// The least damping, in torque units per count/s, that a law must give before the EMF may be compensated in
+/// full. A motor whose Ke is 30 % low gets 0.3 × 0.97 = 0.29 too much; 3/8 leaves a margin, and so T = 0 never
+/// accelerates it (DESIGN 4.3).
+pub const MIN_DAMPING: Law = Law::lit("0.375");
+
+/// What the law's torque lacks to be damped by [`MIN_DAMPING`]: a torque against the motion, zero for a law
+/// that damps enough by itself (`damping` in torque units per count/s). It is part of the torque, before every
+/// limit, so that plugging at speed stays inside the torque limit.
+#[must_use]
+pub fn drag(velocity: CountsPerSec, damping: Law) -> Torque {
+    let missing = MIN_DAMPING.saturating_sub(damping).max(Law::ZERO);
+    Torque::from_fixed(missing.saturating_mul(velocity.0).saturating_neg())
+}
+
+/// The voltage across the driven phases, in torque units, that gives `torque` at `velocity`; saturates at
+/// ±32767.
+#[must_use]
+pub fn voltage(torque: Torque, velocity: CountsPerSec) -> Torque {
+    Torque::from_fixed(torque.to_fixed().saturating_add(emf(velocity)))
+}
+
+/// The torque that a voltage (in torque units) gives at `velocity`; the inverse of [`voltage`].
+#[must_use]
+pub fn from_voltage(voltage: Torque, velocity: CountsPerSec) -> Torque {
+    Torque::from_fixed(voltage.to_fixed().saturating_sub(emf(velocity)))
+}
+
+fn emf(velocity: CountsPerSec) -> Law {
+    EMF_PER_SPEED.saturating_mul(velocity.0)
+}
