@@ -528,3 +528,6 @@ impl Servo {
 fn pid_of(config: &Config) -> Pid {
     PidConfig { kp: config.kp, ki: config.ki, kd: config.kd }.build()
 }
+
+#[cfg(test)]
+mod tests;

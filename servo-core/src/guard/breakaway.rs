@@ -39,3 +39,39 @@ impl Breakaway {
         self.loaded_ms >= LASTING_MS
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ticks_until(torque: i16, wanted: i16, measured: i16, bt: u16) -> Option<usize> {
+        let mut breakaway = Breakaway::default();
+        (1..1000).find(|_| {
+            breakaway.step(
+                Torque(torque),
+                CountsPerSec::from_int(wanted),
+                CountsPerSec::from_int(measured),
+                bt,
+            )
+        })
+    }
+
+    #[test]
+    fn only_a_lasting_load_that_slows_a_closing_link() {
+        assert_eq!(ticks_until(400, 500, 20, 300), Some(10));
+        assert_eq!(ticks_until(299, 500, 20, 300), None, "below BT");
+        assert_eq!(ticks_until(400, 500, 450, 300), None, "keeps up: accelerating");
+        assert_eq!(ticks_until(400, -500, -20, 300), None, "opening");
+        assert_eq!(ticks_until(400, 500, 20, 0), None, "BT 0 is off");
+    }
+
+    #[test]
+    fn a_short_load_is_forgotten() {
+        let mut breakaway = Breakaway::default();
+        let (fast, slow) = (CountsPerSec::from_int(500), CountsPerSec::ZERO);
+        for tick in 0..1000 {
+            let measured = if tick % 10 == 9 { fast } else { slow };
+            assert!(!breakaway.step(Torque(700), fast, measured, 300));
+        }
+    }
+}

@@ -19,6 +19,24 @@ pub fn after(reason: EndReason, hold: bool) -> After {
     match (reason, hold) {
         (EndReason::Fault, _) | (_, false) => After::Idle,
         (EndReason::Stalled, true) => After::Stay,
-        (EndReason::Arrived | EndReason::Aborted | EndReason::Strain | EndReason::Breakaway, true) => After::Hold,
+        (EndReason::Arrived | EndReason::Aborted | EndReason::Strain | EndReason::Breakaway, true) => {
+            After::Hold
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hold_keeps_and_faults_always_idle() {
+        use EndReason::{Aborted, Arrived, Breakaway, Fault, Stalled, Strain};
+        for reason in [Arrived, Stalled, Aborted, Strain, Breakaway, Fault] {
+            assert_eq!(after(reason, false), After::Idle);
+            let held = after(reason, true);
+            assert_eq!(held == After::Idle, reason == Fault, "{reason:?}");
+            assert_eq!(held == After::Stay, reason == Stalled, "{reason:?}");
+        }
     }
 }

@@ -114,8 +114,88 @@ impl Limits {
             from_voltage(volts, velocity)
         };
         // volts ≤ 2703 (65.5 V) × 23.4375 mV × 32768 = 768,000 would pass 2^31: a quarter of it does not.
+        // The quarter's rounding may not pass the bound either.
+        let most_bits = MAX_DUTY * 32;
         let bits = i32::from(volts.0).saturating_mul(192_000) / (bus_mv / 4);
-        let bits = i16::try_from(bits).unwrap_or(if bits < 0 { i16::MIN } else { i16::MAX });
+        let bits = i16::try_from(bits.clamp(-most_bits, most_bits)).unwrap_or(0);
         Bounded { duty: Duty::from_bits(bits), torque, limit }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::num::Law;
+    use proptest::prelude::*;
+
+    const BUS: MilliVolts = MilliVolts(24_000);
+    const MOST: (Torque, Limit) = (Torque(990), Limit::Torque);
+
+    fn bound(torque: i16, speed: i16, bus: MilliVolts) -> Bounded {
+        Limits::default().bound(Torque(torque), MOST, CountsPerSec::from_int(speed), bus)
+    }
+
+    #[test]
+    fn torque_at_standstill_is_duty() {
+        assert_eq!(
+            bound(512, 0, BUS),
+            Bounded { duty: Duty::from_bits(1 << 14), torque: Torque(512), limit: None }
+        );
+        assert_eq!(bound(-512, 0, BUS).duty, Duty::from_bits(-(1 << 14)));
+    }
+
+    #[test]
+    fn a_low_bus_gives_less_and_says_so() {
+        // DESIGN 4.1: at 20 V no more than 825 can be had.
+        let bounded = bound(990, 0, MilliVolts(20_000));
+        assert_eq!((bounded.torque, bounded.limit), (Torque(825), Some(Limit::Duty)));
+    }
+
+    #[test]
+    fn at_speed_the_emf_takes_its_share() {
+        let bounded = bound(990, 700, BUS);
+        // 990 − 0.9696 × 700 = 311.
+        assert_eq!((bounded.torque, bounded.limit), (Torque(311), Some(Limit::Duty)));
+    }
+
+    #[test]
+    fn the_least_limit_governs() {
+        let mut limits = Limits::default();
+        assert_eq!(limits.torque_limit(Torque(750), Torque(990)), (Torque(750), Limit::Torque));
+        assert_eq!(limits.torque_limit(Torque(750), Torque(300)), (Torque(300), Limit::Thermal));
+        for _ in 0..30 {
+            // Half duty: the bus carries half of a phase current of 13 A.
+            limits.watch_current(MilliAmps(6_500), Duty::from_bits(1 << 14));
+        }
+        assert!(!limits.short());
+        let (least, governing) = limits.torque_limit(Torque(750), Torque(990));
+        assert!(least < Torque(300) && governing == Limit::Current, "{least:?} by {governing:?}");
+        for _ in 0..100 {
+            limits.watch_current(MilliAmps(1_000), Duty::from_bits(1 << 14));
+        }
+        assert_eq!(limits.torque_limit(Torque(750), Torque(990)).1, Limit::Torque);
+    }
+
+    #[test]
+    fn a_short_is_a_fault_after_five_ticks() {
+        let mut limits = Limits::default();
+        for tick in 1..=5 {
+            limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14));
+            assert_eq!(limits.short(), tick >= 5);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_wanted_the_duty_is_bounded(
+            torque: i16, most in 0i16..=990, velocity: i32, bus: u16,
+        ) {
+            let velocity = CountsPerSec(Law::from_bits(velocity));
+            let most = (Torque(most), Limit::Torque);
+            let bounded = Limits::default().bound(Torque(torque), most, velocity, MilliVolts(bus));
+            let duty = i32::from(bounded.duty.0.to_bits());
+            prop_assert!(duty.abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);
+            prop_assert!(bounded.limit == Some(Limit::Duty) || bounded.torque.saturating_abs() <= most.0);
+        }
     }
 }

@@ -27,3 +27,35 @@ impl Stall {
         tstop != 0 && self.driven_ms >= u32::from(tstop)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stalls_tstop_after_the_last_count() {
+        let mut stall = Stall::default();
+        assert!(!stall.step(true, true, 3));
+        assert!(!stall.step(false, true, 3));
+        assert!(!stall.step(false, true, 3));
+        assert!(stall.step(false, true, 3));
+    }
+
+    #[test]
+    fn counts_rest_and_restarts_hold_it_off() {
+        let mut stall = Stall::default();
+        for tick in 0..1000 {
+            assert!(!stall.step(tick % 3 == 0, true, 3), "a count every 3 ms");
+        }
+        for _ in 0..1000 {
+            assert!(!stall.step(false, false, 3), "not driven");
+        }
+        for _ in 0..1000 {
+            stall.restart();
+            assert!(!stall.step(false, true, 3), "restarted");
+        }
+        for _ in 0..70_000 {
+            assert!(!stall.step(false, true, 0), "TSTOP 0 never stalls");
+        }
+    }
+}

@@ -74,3 +74,49 @@ impl Thermal {
 fn derate(temp: i32, max: i32, band: i32) -> i32 {
     max.saturating_sub(temp).clamp(0, band).saturating_mul(FULL) / band
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WARM: DeciCelsius = DeciCelsius(400);
+
+    #[test]
+    fn derates_over_the_eight_degrees_below_otemp() {
+        let rows = [(610, 990), (620, 990), (660, 495), (690, 123), (700, 0), (900, 0)];
+        for (temp, most) in rows {
+            let limit = Thermal::default().step(Torque::ZERO, DeciCelsius(temp), 700);
+            assert_eq!(limit, Torque(most), "at {temp}");
+        }
+        assert_eq!(Thermal::default().step(Torque::ZERO, DeciCelsius(900), DISABLED), Torque(990));
+        assert!(Thermal::over(DeciCelsius(700), 700) && !Thermal::over(DeciCelsius(699), 700));
+        assert!(!Thermal::over(DeciCelsius(1250), DISABLED));
+    }
+
+    #[test]
+    fn a_stall_at_peak_torque_warms_the_winding_as_the_copper_loss_says() {
+        let mut thermal = Thermal::default();
+        for _ in 0..300 {
+            let _ = thermal.step(Torque(1024), WARM, 700);
+        }
+        // 239.5 W for 0.3 s into 10 J/K is 7.2 °C, less what flows off.
+        let rise = thermal.winding(WARM).0 - WARM.0;
+        assert!((68..=72).contains(&rise), "{rise}");
+    }
+
+    #[test]
+    fn pressing_for_ever_settles_below_the_winding_limit() {
+        let mut thermal = Thermal::default();
+        let mut torque = Torque(990);
+        for _ in 0..120_000 {
+            torque = thermal.step(torque, WARM, DISABLED).min(Torque(990));
+        }
+        let winding = thermal.winding(WARM).0;
+        assert!(torque < Torque(700) && torque > Torque(300), "{torque:?}");
+        assert!((1100..1300).contains(&winding), "{winding}");
+        for _ in 0..120_000 {
+            let _ = thermal.step(Torque::ZERO, WARM, DISABLED);
+        }
+        assert!(thermal.winding(WARM).0 - WARM.0 <= 3, "cools down again");
+    }
+}

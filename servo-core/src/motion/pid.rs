@@ -56,8 +56,7 @@ impl Pid {
         let winding_up = (unbounded > limit && increment > Law::ZERO)
             || (unbounded < limit.saturating_neg() && increment < Law::ZERO);
         if !winding_up {
-            state.integral =
-                state.integral.saturating_add(increment).clamp(limit.saturating_neg(), limit);
+            state.integral = state.integral.saturating_add(increment).clamp(limit.saturating_neg(), limit);
         }
         let torque = direct.saturating_add(state.integral).clamp(limit.saturating_neg(), limit);
         Torque::from_fixed(torque)
@@ -80,5 +79,71 @@ impl Pid {
 
     fn direct(&self, error: Law, velocity_error: Law) -> Law {
         self.kp.saturating_mul(error).saturating_add(self.kd.saturating_mul(velocity_error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const LIMIT: Torque = Torque(750);
+
+    fn law(kp: u16, ki: u16, kd: u16) -> Pid {
+        PidConfig { kp, ki, kd }.build()
+    }
+
+    #[test]
+    fn each_gain_has_its_scale() {
+        let mut state = PidState::default();
+        assert_eq!(law(60, 0, 0).step(&mut state, Law::ONE, Law::ZERO, LIMIT), Torque(60));
+        assert_eq!(law(0, 0, 128).step(&mut state, Law::ZERO, Law::from_num(100), LIMIT), Torque(50));
+        let integral = law(0, 300, 0);
+        let mut torque = Torque::ZERO;
+        for _ in 0..1000 {
+            torque = integral.step(&mut state, Law::ONE, Law::ZERO, LIMIT);
+        }
+        // One count for one second, less the truncation of KI to a tick.
+        assert!((299..=300).contains(&torque.0), "{torque:?}");
+    }
+
+    #[test]
+    fn a_long_saturation_leaves_no_windup() {
+        let law = law(60, 3000, 0);
+        let mut state = PidState::default();
+        for _ in 0..10_000 {
+            assert_eq!(law.step(&mut state, Law::from_num(100), Law::ZERO, LIMIT), LIMIT);
+        }
+        // The proportional part alone was at the limit, so nothing was integrated and the way back is free.
+        assert!(law.step(&mut state, Law::from_num(-1), Law::ZERO, LIMIT) < Torque::ZERO);
+    }
+
+    proptest! {
+        #[test]
+        fn never_beyond_the_limit(
+            gains: (u16, u16, u16), errors in prop::collection::vec((any::<i32>(), any::<i32>()), 1..50),
+            limit in 0i16..=990,
+        ) {
+            let law = law(gains.0 >> 1, gains.1 >> 1, gains.2 >> 1);
+            let mut state = PidState::default();
+            for (error, rate) in errors {
+                let torque = law.step(&mut state, Law::from_bits(error), Law::from_bits(rate), Torque(limit));
+                prop_assert!(torque.saturating_abs() <= Torque(limit));
+                prop_assert!(state.integral.saturating_abs() <= Torque(limit).to_fixed());
+            }
+        }
+
+        #[test]
+        fn taking_over_gives_no_bump(
+            torque in -750i16..=750, error in -3i32..=3, rate in -200i32..=200,
+        ) {
+            let law = law(60, 300, 192);
+            let (error, rate) = (Law::from_num(error), Law::from_num(rate));
+            let mut state = law.bumpless(Torque(torque), error, rate, LIMIT);
+            let integral_was_clamped = state.integral.saturating_abs() == LIMIT.to_fixed();
+            let next = law.step(&mut state, error, rate, LIMIT);
+            // One tick of integral action at 3 counts is 0.9 units.
+            prop_assert!(integral_was_clamped || (next.0 - torque).abs() <= 1, "{next:?} after {torque}");
+        }
     }
 }

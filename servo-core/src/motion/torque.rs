@@ -39,3 +39,43 @@ pub fn from_voltage(voltage: Torque, velocity: CountsPerSec) -> Torque {
 fn emf(velocity: CountsPerSec) -> Law {
     EMF_PER_SPEED.saturating_mul(velocity.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// EMF of a motor whose Ke is 30 % low.
+    const WEAK_EMF: Law = Law::lit("0.6787");
+
+    #[test]
+    fn voltage_and_torque_are_inverse() {
+        for speed in (-1100..=1100).step_by(50) {
+            for torque in (-990..=990).step_by(45) {
+                let (torque, velocity) = (Torque(torque), CountsPerSec::from_int(speed));
+                let back = from_voltage(voltage(torque, velocity), velocity);
+                assert!((back.0 - torque.0).abs() <= 1, "{torque:?} at {speed} came back as {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_load_speed_is_full_voltage() {
+        // 24 V / 22.72 mV = 1056 counts/s (DESIGN 4.2).
+        assert_eq!(voltage(Torque::ZERO, CountsPerSec::from_int(1056)), Torque(1024));
+    }
+
+    #[test]
+    fn no_torque_brakes_a_weak_motor_at_any_speed_and_gain() {
+        for sixteenths in 0..16 {
+            let damping: Law = Law::from_num(sixteenths) >> 4;
+            for speed in [-1500, -300, -20, 20, 300, 1500] {
+                let velocity = CountsPerSec::from_int(speed);
+                // A velocity law towards standstill, with what drag adds to it.
+                let law = Torque::from_fixed(damping.saturating_mul(velocity.0).saturating_neg());
+                let applied = voltage(law.saturating_add(drag(velocity, damping)), velocity);
+                let current = applied.to_fixed().saturating_sub(WEAK_EMF.saturating_mul(velocity.0));
+                assert!(current.signum() == -velocity.0.signum(), "{current} at {speed}, gain {damping}");
+            }
+        }
+    }
+}

@@ -29,3 +29,26 @@ impl VelocityLoop {
         self.gain
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn torque_is_gain_times_error() {
+        let torque =
+            VelocityLoop::new(24).step(CountsPerSec::from_int(300), CountsPerSec::from_int(200), Torque(750));
+        assert_eq!(torque, Torque(150));
+    }
+
+    proptest! {
+        #[test]
+        fn never_beyond_the_limit(kpv in 0u16..=255, wanted: i32, measured: i32, limit in 0i16..=990) {
+            let (wanted, measured) = (CountsPerSec(Law::from_bits(wanted)), CountsPerSec(Law::from_bits(measured)));
+            let torque = VelocityLoop::new(kpv).step(wanted, measured, Torque(limit));
+            prop_assert!(torque.saturating_abs() <= Torque(limit));
+            prop_assert!(kpv == 0 || i32::from(torque.0).signum() * (wanted.0.cmp(&measured.0) as i32) >= 0);
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! The mode table, walked whole; entry, end and fault actions on an ideal motor that follows at once.
+
+use super::*;
+use crate::config::MotorKind;
+use crate::sense::hall::{Direction, HallEdge};
+use crate::units::{DeciCelsius, Duty, Micros, MilliAmps, MilliVolts};
+use proptest::prelude::*;
+
+/// A bench without a motor: hall steps are whatever the test says.
+struct Bench {
+    servo: Servo,
+    now: Micros,
+    count: i32,
+    strain: u8,
+    bus: MilliVolts,
+    motor_temp: DeciCelsius,
+    bridge_fault: bool,
+}
+
+impl Bench {
+    fn new(kind: MotorKind) -> Self {
+        let servo = Servo::new(Config::for_motor(kind), 0).expect("defaults are in range");
+        Self {
+            servo,
+            now: Micros(u32::MAX - 50_000), // the clock wraps during the test
+            count: 0,
+            strain: 100,
+            bus: MilliVolts(24_000),
+            motor_temp: DeciCelsius(300),
+            bridge_fault: false,
+        }
+    }
+
+    /// One tick in which the rotor moves to `count` in single steps.
+    fn tick_to(&mut self, count: i32) -> Drive {
+        let mut halls: heapless::Vec<HallEvent, 16> = heapless::Vec::new();
+        while self.count != count {
+            let closing = count > self.count;
+            self.count += if closing { 1 } else { -1 };
+            let direction = if closing { Direction::Closing } else { Direction::Opening };
+            self.now = self.now.wrapping_add(Micros(60));
+            let edge = HallEdge {
+                count: self.count,
+                steps: 1,
+                direction,
+                at: self.now,
+                rising: self.count & 1 == 0,
+            };
+            halls.push(HallEvent::Step(edge)).expect("a tick has few edges");
+        }
+        self.now = self.now.wrapping_add(Micros(1000));
+        self.servo.tick(&Sense {
+            now: self.now,
+            halls: &halls,
+            bus: self.bus,
+            current: MilliAmps(0),
+            motor_temp: self.motor_temp,
+            strain: self.strain,
+            bridge_fault: self.bridge_fault,
+        })
+    }
+
+    fn tick(&mut self) -> Drive {
+        self.tick_to(self.count)
+    }
+
+    /// Ticks with a rotor that is always where the set-point is, until something ends.
+    fn follow(&mut self, most: usize) -> Option<EndReason> {
+        for _ in 0..most {
+            let wanted = self.servo.status().setpoint.round() + self.servo.zero;
+            self.tick_to(wanted.clamp(self.count - 8, self.count + 8));
+            while let Some(event) = self.servo.event() {
+                if let Event::Ended { reason, .. } = event {
+                    return Some(reason);
+                }
+            }
+        }
+        None
+    }
+
+    fn in_mode(mode: Mode) -> Self {
+        let mut bench = Self::new(MotorKind::Spread);
+        bench.servo.command(Command::End(100)).expect("E may be written in idle");
+        bench.servo.command(Command::Mode(mode)).expect("from idle every mode can be entered");
+        for _ in 0..40 {
+            bench.tick();
+        }
+        assert_eq!(bench.servo.status().mode, mode);
+        bench
+    }
+}
+
+fn commands() -> [(Command, &'static str); 13] {
+    [
+        (Command::Mode(Mode::Idle), "MODE 0"),
+        (Command::Mode(Mode::Torque), "MODE 2"),
+        (Command::Mode(Mode::Pid), "MODE 3"),
+        (Command::Mode(Mode::Velocity), "MODE 4"),
+        (Command::Mode(Mode::Trapezoidal), "MODE 5"),
+        (Command::Torque(Torque(100)), "T"),
+        (Command::Velocity(CountsPerSec::from_int(-50)), "V"),
+        (Command::Position(7), "P"),
+        (Command::End(20), "E"),
+        (Command::Move(30), "M"),
+        (Command::TorqueControlled { closing: true }, "TC"),
+        (Command::Home, "HI"),
+        (Command::Terminate, "T (command)"),
+    ]
+}
+
+#[test]
+fn every_mode_takes_or_refuses_every_command() {
+    use Mode::{Idle, Pid, Torque as Tq, Trapezoidal as Trap, Velocity as Vel};
+    for mode in Mode::ALL {
+        for (command, name) in commands() {
+            let mut bench = Bench::in_mode(mode);
+            let answer = bench.servo.command(command);
+            let refused = match name {
+                "T" => mode != Tq,
+                "P" => mode != Idle && mode != Pid,
+                _ => false,
+            };
+            assert_eq!(answer, if refused { Err(Refusal::Mode(mode)) } else { Ok(()) }, "{name} in {mode:?}");
+            let after = match command {
+                Command::Mode(next) => next,
+                Command::Move(_) => Trap,
+                Command::TorqueControlled { .. } | Command::Home => Vel,
+                Command::Terminate => Idle,
+                _ => mode,
+            };
+            assert_eq!(bench.servo.status().mode, after, "{name} in {mode:?}");
+        }
+    }
+}
+
+#[test]
+fn mode_numbers_are_the_propertys() {
+    assert_eq!(Mode::ALL.map(Mode::number), [0, 2, 3, 4, 5]);
+    for number in -2..8 {
+        let mode = Mode::from_number(number);
+        assert_eq!(mode.map(|m| i32::from(m.number())), matches!(number, 0 | 2..=5).then_some(number));
+    }
+}
+
+#[test]
+fn values_out_of_range_are_refused_whole() {
+    let mut bench = Bench::in_mode(Mode::Torque);
+    let mut bad = Config::for_motor(MotorKind::Spread);
+    bad.mv = 15;
+    let rows = [
+        Command::Torque(Torque(991)),
+        Command::Torque(Torque(i16::MIN)),
+        Command::Velocity(CountsPerSec::from_int(4081)),
+        Command::Position(32_768),
+        Command::End(i32::MIN),
+        Command::Move(-32_768),
+        Command::Configure(bad),
+    ];
+    let before = bench.servo.status();
+    for command in rows {
+        assert!(bench.servo.command(command).is_err(), "{command:?}");
+    }
+    assert_eq!(bench.servo.status(), before);
+    assert_eq!(bench.servo.config().mv, 1000);
+}
+
+#[test]
+fn the_brake_lets_go_before_the_bridge_drives_and_grips_in_idle() {
+    let mut bench = Bench::new(MotorKind::Spread);
+    assert_eq!(bench.tick(), Drive { duty: None, brake_released: false });
+    bench.servo.command(Command::Move(50)).unwrap();
+    for tick in 0..30 {
+        assert_eq!(bench.tick(), Drive { duty: None, brake_released: true }, "tick {tick}");
+    }
+    assert!(bench.tick().duty.is_some());
+    bench.servo.command(Command::Terminate).unwrap();
+    assert_eq!(bench.tick(), Drive { duty: None, brake_released: false });
+    let mut link = Bench::new(MotorKind::Link);
+    link.servo.command(Command::Move(50)).unwrap();
+    assert!(link.tick().duty.is_some(), "a motor without a brake drives at once");
+}
+
+#[test]
+fn a_move_arrives_and_hold_decides_what_follows() {
+    for (kind, after) in [(MotorKind::Spread, Mode::Pid), (MotorKind::Link, Mode::Idle)] {
+        let mut bench = Bench::new(kind);
+        bench.servo.command(Command::Move(60)).unwrap();
+        assert_eq!(bench.follow(2000), Some(EndReason::Arrived));
+        let status = bench.servo.status();
+        assert_eq!((status.mode, status.end, status.position.round()), (after, Some(EndReason::Arrived), 60));
+    }
+}
+
+#[test]
+fn a_blocked_move_stalls_after_tstop() {
+    let mut bench = Bench::new(MotorKind::Link);
+    bench.servo.command(Command::Move(60)).unwrap();
+    let stalled_at = (1..2000).find(|_| {
+        bench.tick();
+        matches!(bench.servo.event(), Some(Event::Ended { reason: EndReason::Stalled, mode: Mode::Idle }))
+    });
+    // ACCEL 40 needs 36 ms to its first count, then TSTOP 300 runs.
+    assert!((335..=338).contains(&stalled_at.unwrap()), "{stalled_at:?}");
+    assert!(bench.servo.status().torque == Torque::ZERO && bench.tick().duty.is_none());
+}
+
+#[test]
+fn torque_control_with_hold_presses_on() {
+    let mut bench = Bench::new(MotorKind::Spread);
+    bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+    for _ in 0..2000 {
+        bench.tick();
+    }
+    let status = bench.servo.status();
+    assert_eq!((status.mode, status.end), (Mode::Velocity, Some(EndReason::Stalled)));
+    assert_eq!(status.torque, Torque(750));
+    bench.servo.command(Command::Abort).unwrap();
+    assert_eq!(bench.servo.status().mode, Mode::Pid);
+}
+
+#[test]
+fn strain_ends_a_move_and_not_a_hold() {
+    let mut bench = Bench::new(MotorKind::Spread);
+    let config = Config { hsg: 150, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    bench.servo.command(Command::Move(60)).unwrap();
+    bench.follow(100);
+    bench.strain = 151;
+    assert_eq!(bench.follow(2), Some(EndReason::Strain));
+    assert_eq!(bench.follow(100), None, "holding: nothing ends again");
+    assert_eq!(bench.servo.status().mode, Mode::Pid);
+}
+
+#[test]
+fn homing_zeroes_at_the_stop_and_again_after_ioff() {
+    let mut bench = Bench::new(MotorKind::Link);
+    bench.servo.command(Command::End(77)).unwrap();
+    bench.servo.command(Command::Home).unwrap();
+    // The stop is 40 counts in the opening direction.
+    for _ in 0..40 {
+        for _ in 0..5 {
+            bench.tick_to((bench.count - 1).max(-40));
+        }
+    }
+    assert_eq!(bench.servo.status().mode, Mode::Velocity);
+    assert_eq!(bench.follow(2000), Some(EndReason::Arrived));
+    let status = bench.servo.status();
+    assert!(status.homed && status.mode == Mode::Idle);
+    // IOFF 25 from the stop at −40.
+    assert_eq!((bench.count, status.position.round()), (-15, 0));
+    bench.servo.command(Command::Mode(Mode::Trapezoidal)).unwrap();
+    assert_eq!(bench.follow(3000), Some(EndReason::Arrived), "E written before HI is kept");
+    assert_eq!(bench.servo.status().position.round(), 77);
+}
+
+#[test]
+fn homing_never_stalls_before_hosts_can_see_mode_4() {
+    let mut bench = Bench::new(MotorKind::Link);
+    let config = Config { tstop: 20, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    bench.servo.command(Command::Home).unwrap();
+    let left_at = (1..2000).find(|_| {
+        bench.tick();
+        bench.servo.status().mode != Mode::Velocity
+    });
+    assert!((250..=253).contains(&left_at.unwrap()), "{left_at:?}");
+}
+
+#[test]
+fn a_fault_idles_refuses_motion_and_can_be_cleared() {
+    type Break = fn(&mut Bench);
+    let rows: [(Break, Fault, usize); 4] = [
+        (|bench| bench.bridge_fault = true, Fault::Bridge, 1),
+        (|bench| bench.bus = MilliVolts(33_000), Fault::OverVoltage, 10),
+        (|bench| bench.bus = MilliVolts(15_000), Fault::UnderVoltage, 10),
+        (|bench| bench.motor_temp = DeciCelsius(700), Fault::OverTemperature, 1),
+    ];
+    for (break_it, fault, ticks) in rows {
+        let mut bench = Bench::in_mode(Mode::Pid);
+        break_it(&mut bench);
+        for _ in 1..ticks {
+            assert!(bench.tick().duty.is_some(), "{fault:?} too early");
+        }
+        assert_eq!(bench.tick(), Drive { duty: None, brake_released: false }, "{fault:?}");
+        assert_eq!(bench.servo.event(), Some(Event::Fault(fault)));
+        assert_eq!(bench.servo.event(), Some(Event::Ended { reason: EndReason::Fault, mode: Mode::Idle }));
+        assert_eq!(bench.servo.command(Command::Move(10)), Err(Refusal::Fault(fault)));
+        assert_eq!(bench.servo.command(Command::Mode(Mode::Idle)), Ok(()));
+        bench.bridge_fault = false;
+        bench.bus = MilliVolts(24_000);
+        bench.motor_temp = DeciCelsius(300);
+        bench.servo.command(Command::ClearFault).unwrap();
+        assert_eq!(bench.servo.command(Command::Move(10)), Ok(()));
+        bench.tick();
+        assert_eq!(bench.servo.status().fault, None);
+    }
+}
+
+#[test]
+fn a_replan_keeps_the_torque() {
+    let mut bench = Bench::new(MotorKind::Spread);
+    bench.servo.command(Command::Move(160)).unwrap();
+    bench.follow(300);
+    let before = bench.servo.status();
+    bench.servo.command(Command::End(60)).unwrap();
+    let after = bench.servo.status();
+    assert_eq!((before.setpoint, before.setpoint_velocity), (after.setpoint, after.setpoint_velocity));
+    assert_eq!(bench.follow(3000), Some(EndReason::Arrived));
+    assert_eq!(bench.servo.status().position.round(), 60);
+}
+
+proptest! {
+    /// Any commands, any sensor readings: no panic, torque within MT, duty within its bound, idle drives nothing.
+    #[test]
+    fn nothing_upsets_it(
+        steps in prop::collection::vec(
+            (0usize..13, any::<i16>(), -8i32..=8, any::<i16>(), any::<u16>(), any::<u8>()), 1..200,
+        ),
+    ) {
+        let mut bench = Bench::new(MotorKind::Spread);
+        for (which, value, moved, temp, bus, strain) in steps {
+            let command = match commands()[which].0 {
+                Command::Torque(_) => Command::Torque(Torque(value)),
+                Command::Velocity(_) => Command::Velocity(CountsPerSec::from_int(value)),
+                Command::Position(_) => Command::Position(i32::from(value)),
+                Command::End(_) => Command::End(i32::from(value)),
+                Command::Move(_) => Command::Move(i32::from(value)),
+                other => other,
+            };
+            let _ = bench.servo.command(command);
+            bench.motor_temp = DeciCelsius(temp / 32);
+            bench.bus = MilliVolts(bus);
+            bench.strain = strain;
+            let drive = bench.tick_to(bench.count + moved);
+            let idle = bench.servo.status().mode == Mode::Idle;
+            let off = Drive { duty: None, brake_released: false };
+            prop_assert!(!idle || drive == off);
+            let duty = drive.duty.unwrap_or(Duty::ZERO).0.to_bits();
+            prop_assert!(duty.unsigned_abs() <= 31_680);
+            let status = bench.servo.status();
+            prop_assert!(status.limit == Some(crate::guard::fault::Limit::Duty)
+                || status.torque.saturating_abs() <= Torque(750));
+        }
+    }
+}
