@@ -1,3 +1,4 @@
 //! System tests: one binary, a module a subject.
 
 mod fences;
+mod profile;

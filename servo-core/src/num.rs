@@ -3,7 +3,8 @@
 //! A 32-bit format multiplies in one `SMULL` on the Cortex-M3; a 64-bit one in a library call. So loops run in
 //! [`Law`] and only the profile, which must land exactly, keeps wider state.
 
-use fixed::types::I16F16;
+use core::num::NonZeroU64;
+use fixed::types::{I16F16, I32F32};
 
 /// The number of a control law: errors, velocities, gains times errors, torque units. Saturating in every law.
 pub type Law = I16F16;
@@ -16,4 +17,42 @@ pub const TICK_HZ: u32 = 1000;
 pub const fn gain(raw: u16, fraction_bits: u32) -> Law {
     // raw < 2^15 by the property's range, so the shift cannot overflow for fraction_bits ≥ 1.
     Law::from_bits((raw as i32).saturating_mul(1 << (16 - fraction_bits)))
+}
+
+/// The state of the profile: counts, counts a tick or counts a tick², ±2^31 with 2^-32 resolution.
+pub type Wide = I32F32;
+
+/// `a · b` for two magnitudes with 32 fractional bits, rounded down; the product must be below 2^32.
+#[must_use]
+pub const fn mul_q32(a: u64, b: u64) -> u64 {
+    ((a as u128 * b as u128) >> 32) as u64
+}
+
+/// `x²` with 51 fractional bits for a magnitude below 2^6 with 32 fractional bits, rounded down.
+#[must_use]
+pub const fn square_q51(x: u64) -> u64 {
+    ((x as u128 * x as u128) >> 13) as u64
+}
+
+/// `n / d` with 32 fractional bits, of which the last three are zero, rounded down; n and d have the same
+/// number of fractional bits and d < 2^35. Saturates.
+#[must_use]
+pub fn ratio_q32(n: u64, d: NonZeroU64) -> u64 {
+    // In two steps, since n · 2^32 would need 128 bits: the remainder is below d, so 29 more bits fit.
+    let fraction = (((n % d) << 29) / d) << 3;
+    (n / d).saturating_mul(1 << 32).saturating_add(fraction)
+}
+
+/// `√x` for 52 fractional bits: 32 fractional bits, of which the last six are zero, rounded down to 2^-26 but
+/// not to zero.
+#[must_use]
+pub fn isqrt_q52(x: u64) -> NonZeroU64 {
+    const STEP: NonZeroU64 = NonZeroU64::MIN.saturating_add(63);
+    NonZeroU64::new(x.isqrt() << 6).unwrap_or(STEP)
+}
+
+/// The first tick strictly after a time with 32 fractional bits, and the time from then to it, (0, 1].
+#[must_use]
+pub const fn next_tick(time: u64) -> (u32, u64) {
+    (((time >> 32) as u32).saturating_add(1), (1 << 32) - (time & 0xFFFF_FFFF))
 }

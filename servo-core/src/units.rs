@@ -3,7 +3,9 @@
 //!
 //! Scales (DESIGN 4.1): positions in hall counts, 18 a motor revolution, positive in the closing direction.
 
-use fixed::types::{I1F15, I16F16, I22F10};
+use crate::num::Wide;
+use core::num::NonZeroU64;
+use fixed::types::{I1F15, I16F16, I22F10, I24F8};
 
 /// A position or a distance in hall counts, with 1/1024 count resolution.
 ///
@@ -59,6 +61,18 @@ impl Counts {
             I16F16::from_bits(bits << 6)
         }
     }
+
+    /// The same with the profile's resolution.
+    #[must_use]
+    pub const fn to_wide(self) -> Wide {
+        Wide::from_bits((self.0.to_bits() as i64) << 22)
+    }
+
+    /// The nearest 1/1024 count; wraps outside ±2^21.
+    #[must_use]
+    pub const fn from_wide(counts: Wide) -> Self {
+        Self(I22F10::from_bits((counts.to_bits().wrapping_add(1 << 21) >> 22) as i32))
+    }
 }
 
 /// A velocity in hall counts per second, ±32767 with 1/65536 resolution; positive closes.
@@ -85,6 +99,47 @@ impl CountsPerSec {
     #[must_use]
     pub const fn round(self) -> i16 {
         ((self.0.to_bits().saturating_add(1 << 15)) >> 16) as i16
+    }
+
+    /// The magnitude in counts a tick of 1 ms with 32 fractional bits, rounded down; at least one unit.
+    #[must_use]
+    pub fn to_wide_per_tick(self) -> NonZeroU64 {
+        let per_sec = (self.0.to_bits().unsigned_abs() as u64) << 16;
+        NonZeroU64::new(per_sec / 1000).unwrap_or(NonZeroU64::MIN)
+    }
+
+    /// The nearest 1/65536 count/s to a velocity in counts a tick of 1 ms; saturates.
+    #[must_use]
+    pub const fn from_wide_per_tick(velocity: Wide) -> Self {
+        let bits = velocity.to_bits().saturating_mul(1000).saturating_add(1 << 15) >> 16;
+        Self(I16F16::from_bits(saturating_i32(bits)))
+    }
+}
+
+/// An acceleration in hall counts per second², ±8.3 million with 1/256 resolution, which is more than a
+/// reversal from one speed limit to the other within a tick (8160 counts/s in 1 ms); positive closes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CountsPerSec2(pub I24F8);
+
+impl CountsPerSec2 {
+    /// No acceleration.
+    pub const ZERO: Self = Self(I24F8::ZERO);
+
+    /// The nearest 1/256 count/s² to an acceleration in counts a tick², a tick being 1 ms; saturates.
+    #[must_use]
+    pub const fn from_wide_per_tick2(acceleration: Wide) -> Self {
+        let bits = acceleration.to_bits().saturating_mul(1_000_000).saturating_add(1 << 23) >> 24;
+        Self(I24F8::from_bits(saturating_i32(bits)))
+    }
+}
+
+const fn saturating_i32(x: i64) -> i32 {
+    if x > i32::MAX as i64 {
+        i32::MAX
+    } else if x < i32::MIN as i64 {
+        i32::MIN
+    } else {
+        x as i32
     }
 }
 

@@ -1,6 +1,10 @@
 //! Sector and torque sign → which leg of the bridge is driven high, low or left floating.
 
-use crate::units::Duty;
+use crate::sense::hall::{HallDecoder, HallEvent, Wiring};
+use crate::units::{Duty, Micros};
+
+#[cfg(test)]
+mod tests;
 
 /// What one leg of the bridge does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,4 +29,66 @@ pub enum Bridge {
         /// Share of the bus voltage across the two driven phases, 0 ≤ duty < 1.
         duty: Duty,
     },
+}
+
+/// Legs for positive torque in sectors 0..5: A+B−, A+C−, B+C−, B+A−, C+A−, C+B− (DESIGN 4.2). Sector k spans
+/// [30° + 60°·k, 90° + 60°·k) electrical, where just these two EMFs are at their opposite flat tops.
+const POSITIVE: [[Leg; 3]; 6] = [
+    [Leg::Pwm, Leg::Low, Leg::Float],
+    [Leg::Pwm, Leg::Float, Leg::Low],
+    [Leg::Float, Leg::Pwm, Leg::Low],
+    [Leg::Low, Leg::Pwm, Leg::Float],
+    [Leg::Low, Leg::Float, Leg::Pwm],
+    [Leg::Float, Leg::Low, Leg::Pwm],
+];
+
+/// The bridge for a signed duty in a sector (0..=5): positive closes, negative swaps the two driven legs, which
+/// is the vector of the opposite sector. A duty of zero short-circuits the two phases. `Off` without a duty, or
+/// outside the table.
+#[must_use]
+pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
+    let (Some(sector), Some(duty)) = (sector, duty) else { return Bridge::Off };
+    let sector = if duty < Duty::ZERO { sector.wrapping_add(3) % 6 } else { sector };
+    match POSITIVE.get(usize::from(sector)) {
+        Some(&legs) => Bridge::On { legs, duty: Duty(duty.0.saturating_abs()) },
+        None => Bridge::Off,
+    }
+}
+
+/// What the hall interrupt owns: the decoder and the duty of the last control tick, so that a new sector has
+/// its vector at once.
+#[derive(Clone, Copy, Debug)]
+pub struct Commutator {
+    halls: HallDecoder,
+    duty: Option<Duty>,
+}
+
+impl Commutator {
+    /// A commutator with the bridge off, whose lines read `code` at hall count `count`.
+    #[must_use]
+    pub fn new(wiring: Wiring, code: u8, count: i32) -> Self {
+        Self { halls: HallDecoder::new(wiring, code, count), duty: None }
+    }
+
+    /// One sample of the lines: at each of their changes, and at each control tick before the servo's.
+    pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
+        self.halls.sample(code, at)
+    }
+
+    /// The signed duty of the control tick; `None` switches the bridge off.
+    pub const fn set(&mut self, duty: Option<Duty>) {
+        self.duty = duty;
+    }
+
+    /// What the bridge must do now; it follows the trusted sector, so a glitch does not reach the motor.
+    #[must_use]
+    pub fn bridge(&self) -> Bridge {
+        bridge(self.halls.sector(), self.duty)
+    }
+
+    /// The hall count.
+    #[must_use]
+    pub const fn count(&self) -> i32 {
+        self.halls.count()
+    }
 }

@@ -1,6 +1,43 @@
 //! Hall code → sector, direction and count, and every way in which the lines can lie.
+//!
+//! The decoder keeps a *trusted* sector, whose count it answers for. A sample next to it is a step, taken at
+//! once: the rotor must be commutated now. A sample two or three sectors away is held as *pending*: it is
+//! taken only when the lines still say so [`CONFIRM`] later (at another edge, or when the control tick samples
+//! again), and forgotten as soon as a sample is next to the trusted sector. Codes 0 and 7 are never followed.
+//!
+//! What is recovered: any burst of wrong codes shorter than [`CONFIRM`], whatever its codes and number, and
+//! one wrong code of any length, leave the count right, because the count is a function of the trusted sector
+//! (modulo 6) and no wrong code can carry it half an electrical revolution away. Up to two lost edges are made
+//! good by the next sample that stays.
+//!
+//! What is not: three or more edges lost in a row are an electrical revolution in doubt, six are invisible;
+//! and a dead line loses counts until it is named, within three electrical revolutions. A wrong code next to
+//! the trusted one cannot be told from the rotor rocking on the boundary until it goes back: if that takes
+//! less than [`BOUNCE`], the step back says so.
 
 use crate::units::Micros;
+
+#[cfg(test)]
+mod tests;
+
+/// How long a jump must stay before the count follows it. Longer than any interference of the bridge (edges
+/// every 25 µs ring for 1–2 µs), shorter than the shortest cell: 600 µs at 1100 counts/s with edges 10°
+/// electrical out of place.
+pub const CONFIRM: Micros = Micros(200);
+
+/// A step taken back within this is no rotor's doing: at 70,000 counts/s², four times what the motor's peak
+/// torque gives, 100 µs is 0.0007 counts, far under any sensor's hysteresis.
+pub const BOUNCE: Micros = Micros(100);
+
+/// Illegal codes for this long (two control ticks) are a broken cable or supply, not a glitch.
+pub const ILLEGAL: Micros = Micros(2000);
+
+/// A glitch adds [`GLITCH`] to the score, a step takes 1 off, [`FAULT`] is a fault. A dead line gives two
+/// glitches and at most four steps an electrical revolution: 3 × (2 × 16 − 4) = 84 ≥ 80 in three of them.
+/// Glitches at 1 % of the edges add 0.16 an edge, so five must meet within 20 edges: once in 10^7 edges.
+const GLITCH: u8 = 16;
+/// See [`GLITCH`].
+const FAULT: u8 = 80;
 
 /// Which way the rotor turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,6 +46,17 @@ pub enum Direction {
     Closing,
     /// Counts fall.
     Opening,
+}
+
+impl Direction {
+    /// +1 closing, −1 opening.
+    #[must_use]
+    pub const fn sign(self) -> i8 {
+        match self {
+            Self::Closing => 1,
+            Self::Opening => -1,
+        }
+    }
 }
 
 /// One accepted step of the count. `count` is the cell entered: cell k spans k−½ … k+½ counts, so that the
@@ -21,10 +69,12 @@ pub struct HallEdge {
     pub steps: u8,
     /// Direction of the step.
     pub direction: Direction,
-    /// When the line changed.
+    /// When the line changed; a confirmed jump is dated back to its last change.
     pub at: Micros,
     /// Whether the line that changed rose. Open-collector sensors fall sharply and rise late.
     pub rising: bool,
+    /// The step takes the last one back within [`BOUNCE`]: that one was a glitch.
+    pub bounce: bool,
 }
 
 /// A sample that cannot be the rotor's doing, named; the count does not follow it.
@@ -36,6 +86,17 @@ pub enum Glitch {
     Jump,
 }
 
+/// Lines that lie so often that the count is not to be trusted any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HallFault {
+    /// Code 0 or 7 for [`ILLEGAL`]: cable or supply.
+    Illegal,
+    /// Bit of the line that did not change while the others made glitches.
+    Stuck(u8),
+    /// Repeated glitches on more than one line.
+    Noisy,
+}
+
 /// What one sample of the lines meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HallEvent {
@@ -43,4 +104,230 @@ pub enum HallEvent {
     Step(HallEdge),
     /// A glitch was seen.
     Glitch(Glitch),
+    /// Glitches have become a fault; reported again for as long as they go on.
+    Fault(HallFault),
+}
+
+/// How the three lines are wired: which code stands in which sector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wiring {
+    sectors: [Option<u8>; 8],
+    codes: [u8; 6],
+}
+
+impl Wiring {
+    /// Codes of sectors 0..5 of the hand's motors (DESIGN 4.2).
+    pub const STANDARD: Self = Self {
+        sectors: [None, Some(4), Some(0), Some(5), Some(2), Some(3), Some(1), None],
+        codes: [2, 6, 4, 5, 1, 3],
+    };
+
+    /// The codes of sectors 0 to 5; `None` unless they are 1 to 6, each once, and neighbours (the last and the
+    /// first too) differ in one line, as those of three sensors 120° apart do.
+    #[must_use]
+    pub fn new(codes: [u8; 6]) -> Option<Self> {
+        let mut sectors = [None; 8];
+        let mut previous = codes[5];
+        for (code, sector) in codes.into_iter().zip(0..) {
+            if !(1..=6).contains(&code) || (code ^ previous).count_ones() != 1 {
+                return None;
+            }
+            let slot = sectors.get_mut(usize::from(code))?;
+            if slot.replace(sector).is_some() {
+                return None;
+            }
+            previous = code;
+        }
+        Some(Self { sectors, codes })
+    }
+
+    /// The sector 0..=5 of a code (bits above 2 are ignored); `None` for 0 and 7.
+    #[must_use]
+    pub fn sector(&self, code: u8) -> Option<u8> {
+        self.sectors.get(usize::from(code & 7)).copied().flatten()
+    }
+
+    /// The code in a sector; sectors repeat every six.
+    #[must_use]
+    pub fn code(&self, sector: u8) -> u8 {
+        self.codes.get(usize::from(sector % 6)).copied().unwrap_or(0)
+    }
+}
+
+/// The shortest way from one sector to another: −2..=3 steps.
+const fn way(from: u8, to: u8) -> i8 {
+    let d = to.wrapping_sub(from).cast_signed();
+    if d > 3 {
+        d.wrapping_sub(6)
+    } else if d < -2 {
+        d.wrapping_add(6)
+    } else {
+        d
+    }
+}
+
+/// A place two or more sectors from the trusted one, where the rotor may be.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    sector: u8,
+    /// The way there in steps.
+    delta: i8,
+    /// Three steps either way, and nothing seen that tells which.
+    either: bool,
+    /// When the lines went there.
+    at: Micros,
+}
+
+/// Decodes the lines of one motor. Runs in the hall interrupt.
+#[derive(Clone, Copy, Debug)]
+pub struct HallDecoder {
+    wiring: Wiring,
+    code: u8,
+    /// Trusted sector; `None` until the first legal code.
+    sector: Option<u8>,
+    count: i32,
+    /// Of the last step, and when it was.
+    direction: Direction,
+    at: Option<Micros>,
+    /// The last step was a jump, or came within [`CONFIRM`] of the one before: it may have been a glitch.
+    doubtful: bool,
+    pending: Option<Pending>,
+    illegal_since: Option<Micros>,
+    score: u8,
+    /// Lines that changed since the score left 0; the change that sticks a line does not count.
+    toggled: u8,
+}
+
+impl HallDecoder {
+    /// A decoder whose lines read `code` at hall count `count`. If the code is illegal, `count` belongs to the
+    /// first legal one.
+    #[must_use]
+    pub fn new(wiring: Wiring, code: u8, count: i32) -> Self {
+        Self {
+            wiring,
+            code: code & 7,
+            sector: wiring.sector(code),
+            count,
+            direction: Direction::Closing,
+            at: None,
+            doubtful: false,
+            pending: None,
+            illegal_since: None,
+            score: 0,
+            toggled: 0,
+        }
+    }
+
+    /// The hall count.
+    #[must_use]
+    pub const fn count(&self) -> i32 {
+        self.count
+    }
+
+    /// The sector 0..=5 that the count stands for; `None` until the lines have been legal once.
+    #[must_use]
+    pub const fn sector(&self) -> Option<u8> {
+        self.sector
+    }
+
+    /// One sample of the lines (bits 2..0): at each of their changes, and at each control tick, so that a jump
+    /// with no edge after it is confirmed too.
+    pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
+        let code = code & 7;
+        let changed = code ^ self.code;
+        self.code = code;
+        self.toggled = if self.score == 0 { 0 } else { self.toggled | changed };
+        let Some(sector) = self.wiring.sector(code) else { return self.illegal(at) };
+        self.illegal_since = None;
+        let Some(trusted) = self.sector else {
+            self.sector = Some(sector);
+            return None;
+        };
+        match way(trusted, sector) {
+            0 => {
+                self.pending = None;
+                None
+            }
+            delta @ (-1 | 1) => Some(self.step(sector, delta, at)),
+            delta => self.jump(sector, delta, at),
+        }
+    }
+
+    /// Code 0 or 7: hold.
+    fn illegal(&mut self, at: Micros) -> Option<HallEvent> {
+        self.pending = None;
+        match self.illegal_since {
+            Some(since) if at.wrapping_since(since).0 >= ILLEGAL.0 => {
+                self.illegal_since = Some(at);
+                Some(HallEvent::Fault(HallFault::Illegal))
+            }
+            Some(_) => None,
+            None => {
+                self.illegal_since = Some(at);
+                Some(self.glitch(Glitch::Illegal))
+            }
+        }
+    }
+
+    /// Two or three sectors away: follow if the lines have said so for long enough.
+    fn jump(&mut self, sector: u8, delta: i8, at: Micros) -> Option<HallEvent> {
+        if let Some(p) = self.pending
+            && at.wrapping_since(p.at).0 >= CONFIRM.0
+        {
+            match way(p.sector, sector) {
+                0 => return Some(self.step(sector, p.delta, p.at)),
+                // The rotor goes on from there: that also tells which way three sectors were.
+                on @ (-1 | 1) => {
+                    let delta = if p.either { on.wrapping_mul(4) } else { p.delta.wrapping_add(on) };
+                    return Some(self.step(sector, delta, at));
+                }
+                _ => {}
+            }
+        } else if self.pending.is_some_and(|p| p.sector == sector) {
+            return None;
+        }
+        let either = delta == 3;
+        let delta = if either { self.likely_way().wrapping_mul(3) } else { delta };
+        self.pending = Some(Pending { sector, delta, either, at });
+        Some(self.glitch(Glitch::Jump))
+    }
+
+    /// Three sectors away by which way: on as before, but after a doubtful step back whence it came, so that a
+    /// wrong code of any length is undone.
+    const fn likely_way(&self) -> i8 {
+        if self.doubtful { self.direction.sign().wrapping_neg() } else { self.direction.sign() }
+    }
+
+    fn step(&mut self, sector: u8, delta: i8, at: Micros) -> HallEvent {
+        let direction = if delta > 0 { Direction::Closing } else { Direction::Opening };
+        let steps = delta.unsigned_abs();
+        let before =
+            self.wiring.code(if delta > 0 { sector.wrapping_add(5) } else { sector.wrapping_add(1) });
+        let since = self.at.map_or(u32::MAX, |last| at.wrapping_since(last).0);
+        let bounce = steps == 1 && direction != self.direction && since < BOUNCE.0;
+        self.sector = Some(sector);
+        self.count = self.count.wrapping_add(i32::from(delta));
+        self.direction = direction;
+        self.at = Some(at);
+        self.doubtful = steps > 1 || since < CONFIRM.0;
+        self.pending = None;
+        self.score = self.score.saturating_sub(1);
+        let rising = self.wiring.code(sector) & !before != 0;
+        HallEvent::Step(HallEdge { count: self.count, steps, direction, at, rising, bounce })
+    }
+
+    /// Names a glitch, or the fault that it completes.
+    fn glitch(&mut self, glitch: Glitch) -> HallEvent {
+        self.score = self.score.saturating_add(GLITCH);
+        if self.score < FAULT {
+            return HallEvent::Glitch(glitch);
+        }
+        self.score = 0;
+        HallEvent::Fault(match !self.toggled & 7 {
+            1 => HallFault::Stuck(0),
+            2 => HallFault::Stuck(1),
+            4 => HallFault::Stuck(2),
+            _ => HallFault::Noisy,
+        })
+    }
 }

@@ -1,0 +1,55 @@
+//! How fast the plant alone runs: simulated seconds per wall second, open loop, both models.
+use hil_sim::plant::{Heat, Model, PlantParams, Start};
+use hil_sim::rig::{Rig, RigParams};
+use servo_core::MotorKind;
+use servo_core::sense::commutation::{Bridge, Leg};
+use servo_core::units::Duty;
+use std::time::Instant;
+
+/// The legs that drive a hall code's sector in the closing direction (DESIGN 4.2).
+fn bridge(code: u8, bits: i16) -> Bridge {
+    use Leg::{Float, Low, Pwm};
+    let legs = match code {
+        2 => [Pwm, Low, Float],
+        6 => [Pwm, Float, Low],
+        4 => [Float, Pwm, Low],
+        5 => [Low, Pwm, Float],
+        1 => [Low, Float, Pwm],
+        _ => [Float, Low, Pwm],
+    };
+    Bridge::On { legs, duty: Duty(fixed(bits)) }
+}
+
+fn fixed(bits: i16) -> fixed::types::I1F15 {
+    fixed::types::I1F15::from_bits(bits)
+}
+
+fn main() {
+    for model in [Model::Averaged, Model::Switched] {
+        for bits in [8192, 16384, 32767] {
+            let mut plant = PlantParams::for_motor(MotorKind::Spread);
+            plant.max_count = 1e6;
+            let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
+            let start = Start { count: 0.0, counts_per_s: 0.0, heat };
+            let mut rig = Rig::new(plant, RigParams::default(), &[], model, start, 1).expect("valid");
+            let clock = Instant::now();
+            let ms = 20_000;
+            for tick in 1..=ms {
+                while rig.advance(bridge(rig.halls(), bits), true, tick * 1000).is_some() {}
+                rig.analog();
+            }
+            let wall = clock.elapsed().as_secs_f64();
+            let t = rig.truth();
+            println!(
+                "{model:?} duty {:.2}: {:.0} x real time ({:.0} counts/s, {:.3} A bus, rms {:.3} A, residual {:.2e} of {:.1} J)",
+                f64::from(bits) / 32768.0,
+                ms as f64 * 1e-3 / wall,
+                t.counts_per_s,
+                t.bus_charge_c / (ms as f64 * 1e-3),
+                (t.ledger.copper_j / 2.405 / (ms as f64 * 1e-3)).sqrt(),
+                t.ledger.residual_j(),
+                t.ledger.turnover_j(),
+            );
+        }
+    }
+}

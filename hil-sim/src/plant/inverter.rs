@@ -1,0 +1,215 @@
+//! The bridge: what its three legs do to the winding over a step, averaged over the PWM period or edge by edge.
+
+use super::circuit::{Flow, Terminal, Winding};
+use servo_core::sense::commutation::{Bridge, Leg};
+
+/// PWM period, µs: 20 kHz.
+pub const PERIOD_US: u64 = 50;
+const PERIOD_S: f64 = 50e-6;
+/// Compare steps from no to full duty: a 72 MHz timer counting up and down at 20 kHz. A duty that rounds to
+/// full never switches, so it has no dead time.
+const COMPARE_STEPS: f64 = 1800.0;
+
+/// How the bridge is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Model {
+    /// Means over the PWM period.
+    Averaged,
+    /// Every switching instant.
+    Switched,
+}
+
+/// A stretch of the PWM period with the PWM leg in one state.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    /// Seconds from the period's start.
+    end: f64,
+    /// exp(−length/τ).
+    decay: f64,
+    pwm: Terminal,
+}
+
+/// The bridge as it was last told to be, with what can be computed ahead for it.
+#[derive(Clone, Debug)]
+pub struct Inverter {
+    bridge: Bridge,
+    duty: f64,
+    winding: Winding,
+    dead_s: f64,
+    segments: Vec<Segment>,
+}
+
+impl Inverter {
+    /// A bridge that is off.
+    #[must_use]
+    pub fn new(winding: Winding, dead_s: f64) -> Self {
+        Self { bridge: Bridge::Off, duty: 0.0, winding, dead_s, segments: Vec::new() }
+    }
+
+    /// The winding as of now.
+    #[must_use]
+    pub fn winding(&self) -> &Winding {
+        &self.winding
+    }
+
+    /// Changes resistance and supply.
+    pub fn set_winding(&mut self, winding: Winding) {
+        self.winding = winding;
+        self.build_segments();
+    }
+
+    /// Commands the legs.
+    pub fn set_bridge(&mut self, bridge: Bridge) {
+        if self.bridge == bridge {
+            return;
+        }
+        self.bridge = bridge;
+        let duty = match bridge {
+            Bridge::Off => 0.0,
+            Bridge::On { duty, .. } => {
+                (f64::from(duty.0.to_bits()) / 32768.0 * COMPARE_STEPS).round().clamp(0.0, COMPARE_STEPS)
+                    / COMPARE_STEPS
+            }
+        };
+        if duty != self.duty || self.segments.is_empty() {
+            self.duty = duty;
+            self.build_segments();
+        }
+    }
+
+    /// The period's stretches. Either gate of the PWM leg turns on a dead time after the other has turned off.
+    fn build_segments(&mut self) {
+        let low = Terminal::Held { v: 0.0, bus_share: 0.0 };
+        let high = Terminal::Held { v: self.winding.bus_v, bus_share: 1.0 };
+        let t = PERIOD_S;
+        let rise = 0.5 * (1.0 - self.duty) * t;
+        let fall = t - rise;
+        let dead = self.dead_s;
+        let plan = if self.duty <= 0.0 {
+            [(t, low); 6]
+        } else if self.duty >= 1.0 {
+            [(t, high); 6]
+        } else {
+            [
+                ((fall + dead - t).clamp(0.0, rise), Terminal::Open),
+                (rise, low),
+                ((rise + dead).min(fall), Terminal::Open),
+                (fall, high),
+                ((fall + dead).min(t), Terminal::Open),
+                (t, low),
+            ]
+        };
+        let tau = self.winding.tau();
+        self.segments.clear();
+        let mut start = 0.0;
+        for (end, pwm) in plan {
+            if end > start {
+                self.segments.push(Segment { end, decay: ((start - end) / tau).exp(), pwm });
+                start = end;
+            }
+        }
+    }
+
+    /// Advances the currents over `dt` seconds from `phase` seconds into the PWM period, which the step must
+    /// not leave in the switched model.
+    pub fn advance(&self, model: Model, i: &mut [f64; 3], e: [f64; 3], phase: f64, dt: f64, flow: &mut Flow) {
+        let legs = match self.bridge {
+            Bridge::Off => [Leg::Float; 3],
+            Bridge::On { legs, .. } => legs,
+        };
+        let terminals = |pwm: Terminal| {
+            legs.map(|leg| match leg {
+                Leg::Pwm => pwm,
+                Leg::Low => Terminal::Held { v: 0.0, bus_share: 0.0 },
+                Leg::Float => Terminal::Open,
+            })
+        };
+        let w = &self.winding;
+        let tau = w.tau();
+        let Some(pwm_leg) = legs.iter().position(|&leg| leg == Leg::Pwm) else {
+            w.advance(i, &terminals(Terminal::Open), e, dt, (-dt / tau).exp(), flow);
+            return;
+        };
+        if model == Model::Averaged {
+            let pwm = self.mean_leg(i[pwm_leg], dt);
+            let float = legs.iter().position(|&leg| leg == Leg::Float);
+            let idle = float.is_some_and(|k| i[k] == 0.0);
+            w.advance(i, &terminals(pwm), e, dt, (-dt / tau).exp(), flow);
+            if let (Some(float), Terminal::Held { bus_share, .. }) = (float, pwm)
+                && idle
+                && i[float] == 0.0
+                && legs[3 - pwm_leg - float] == Leg::Low
+            {
+                self.float_pulses([pwm_leg, 3 - pwm_leg - float, float], bus_share, e, dt, flow);
+            }
+            return;
+        }
+        let end = phase + dt;
+        let mut start = 0.0;
+        for segment in &self.segments {
+            if segment.end > phase && start < end {
+                let (from, to) = (phase.max(start), end.min(segment.end));
+                // Rounding of the phase must not pass for a cut segment.
+                let whole = to - from > (segment.end - start) * (1.0 - 1e-9);
+                let decay = if whole { segment.decay } else { ((from - to) / tau).exp() };
+                w.advance(i, &terminals(segment.pwm), e, to - from, decay, flow);
+            }
+            start = segment.end;
+        }
+    }
+
+    /// The PWM leg's mean voltage with its current at `i` A. During a dead time the current chooses the diode:
+    /// at the rising edge the ripple's valley loses the dead time if positive; at the falling edge its peak
+    /// gains it if negative.
+    fn mean_leg(&self, i: f64, dt: f64) -> Terminal {
+        let w = &self.winding;
+        if self.duty <= 0.0 || self.duty >= 1.0 {
+            return Terminal::Held { v: self.duty * w.bus_v, bus_share: self.duty };
+        }
+        let l = 2.0 * w.phase_l;
+        let swing = 0.5 * w.bus_v * self.duty * (1.0 - self.duty) * PERIOD_S / l;
+        let dead = self.dead_s / PERIOD_S;
+        // The diode's choice is a step in the current; a ramp as wide as twice what the dead time's voltage
+        // changes the current in a step keeps the explicit step from hunting across it.
+        let width = 2.0 * dead * w.bus_v * dt / l + 1e-6;
+        let positive = |i: f64| (i / width + 0.5).clamp(0.0, 1.0);
+        let valley = positive(i - swing);
+        let peak = positive(i + swing);
+        let bus_share = (self.duty - dead * (valley - (1.0 - peak))).clamp(0.0, 1.0);
+        let drop = dead * w.diode_v * (2.0 * (valley + peak) - 2.0);
+        Terminal::Held { v: bus_share * w.bus_v - drop, bus_share }
+    }
+
+    /// The floating leg's diode pulses within a PWM period, which the mean voltages do not show: with the PWM leg
+    /// low, the star point is near ground and a negative EMF of the floating phase makes its low diode
+    /// conduct until some time into the on-time; with the PWM leg high, the same towards the bus.
+    /// Triangular pulses, resistance neglected (25 µs against τ = 330 µs).
+    fn float_pulses(&self, [pwm, low, float]: [usize; 3], share: f64, e: [f64; 3], dt: f64, flow: &mut Flow) {
+        let w = &self.winding;
+        let off_v = e[float] - 0.5 * (e[pwm] + e[low]);
+        let half_bus = 0.5 * w.bus_v;
+        let below = -w.diode_v - off_v;
+        let above = off_v + half_bus - w.bus_v - w.diode_v;
+        let (drive, active, sign) = if below > 0.0 {
+            (below, 1.0 - share, 1.0)
+        } else if above > 0.0 {
+            (above, share, -1.0)
+        } else {
+            return;
+        };
+        let release = active * drive / (half_bus - drive);
+        if drive >= half_bus || release > 1.0 - active {
+            return; // continuous: the mean circuit has it
+        }
+        // All per period: times as shares of it, so that a mean current is a peak times a share.
+        let peak = 2.0 / 3.0 * drive * active * PERIOD_S / w.phase_l;
+        let mean = 0.5 * peak * (active + release) * sign;
+        flow.charge[float] += mean * dt;
+        flow.charge[pwm] -= 0.5 * mean * dt;
+        flow.charge[low] -= 0.5 * mean * dt;
+        flow.bus_charge -=
+            dt * if sign > 0.0 { 0.25 * peak * release } else { 0.25 * peak * active + 0.5 * peak * release };
+        flow.drop_j += w.diode_v * mean.abs() * dt;
+        flow.copper_j += w.phase_r * 1.5 * peak * peak / 3.0 * (active + release) * dt;
+    }
+}

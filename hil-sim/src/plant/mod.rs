@@ -1,0 +1,293 @@
+//! The physical half of one motor: winding, bridge, shaft, joint and heat, in SI units and f64.
+//!
+//! Knows nothing of sensors or firmware. Time is what it is told to advance by; nothing here is random.
+
+pub mod circuit;
+pub mod inverter;
+pub mod joint;
+pub mod params;
+pub mod thermal;
+
+pub use inverter::Model;
+pub use joint::{Contact, RAD_PER_COUNT};
+pub use params::{ParamError, PlantParams};
+pub use thermal::Heat;
+
+use circuit::{Flow, Winding};
+use inverter::{Inverter, PERIOD_US};
+use joint::{Joint, Shaft};
+use servo_core::sense::commutation::Bridge;
+
+/// Temperature at which `r_ohm` holds, °C.
+const R_AT_C: f64 = 25.0;
+/// Interval of the heat equations and of the resistance that follows, µs.
+const HEAT_US: u64 = 1000;
+
+/// Energy since the start, J. What went in equals what was lost and what is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ledger {
+    /// From the supply; less what went back.
+    pub supply_j: f64,
+    /// From the disturbance.
+    pub disturbance_j: f64,
+    /// Heat in the winding.
+    pub copper_j: f64,
+    /// Heat in the bridge's diodes.
+    pub diode_j: f64,
+    /// Heat in friction, worm and brake.
+    pub friction_j: f64,
+    /// Heat in the dampers of stops and objects.
+    pub damper_j: f64,
+    /// Mechanical work of the motor.
+    pub motor_j: f64,
+    /// Stored in motion, springs and inductance now, less what was stored at the start.
+    pub stored_j: f64,
+}
+
+impl Ledger {
+    /// What is missing, J: in − lost − stored. Zero but for the integration's error.
+    #[must_use]
+    pub fn residual_j(&self) -> f64 {
+        self.supply_j + self.disturbance_j
+            - self.copper_j
+            - self.diode_j
+            - self.friction_j
+            - self.damper_j
+            - self.stored_j
+    }
+
+    /// What the residual is to be compared with, J: the largest entry.
+    #[must_use]
+    pub fn turnover_j(&self) -> f64 {
+        [self.supply_j, self.disturbance_j, self.copper_j, self.friction_j, self.damper_j, self.stored_j]
+            .into_iter()
+            .fold(0.0, |most, entry| most.max(entry.abs()))
+    }
+}
+
+/// All that changes with every step; copied to take a step back.
+#[derive(Clone, Copy, Debug)]
+pub struct State {
+    /// Since the start, µs.
+    pub t_us: u64,
+    /// The shaft.
+    pub shaft: Shaft,
+    /// Phase currents into the winding, A.
+    pub current: [f64; 3],
+    /// Charge drawn from the bus since the start, C.
+    pub bus_charge: f64,
+    /// Torque of the motor, mean over the last step, N·m.
+    pub torque: f64,
+    ledger: Ledger,
+    heat: Heat,
+    /// Copper and friction heat not yet in the heat equations, J.
+    pending: [f64; 2],
+    heat_at_us: u64,
+}
+
+/// How a run begins, without current.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Rotor position, counts.
+    pub count: f64,
+    /// Rotor velocity, counts/s.
+    pub counts_per_s: f64,
+    /// Temperatures.
+    pub heat: Heat,
+}
+
+/// The plant of one motor.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    params: PlantParams,
+    model: Model,
+    max_step_us: u64,
+    inverter: Inverter,
+    joint: Joint,
+    disturbance: f64,
+    stored_at_start: f64,
+    state: State,
+}
+
+impl Plant {
+    /// A plant at its start.
+    ///
+    /// # Errors
+    /// A parameter out of range.
+    pub fn new(
+        params: PlantParams,
+        objects: &[Contact],
+        model: Model,
+        start: Start,
+    ) -> Result<Self, ParamError> {
+        params.validate()?;
+        params::check(&[
+            ("start_count", start.count, -1e6, 1e6),
+            ("start_counts_per_s", start.counts_per_s, -1e4, 1e4),
+            ("winding_c", start.heat.winding_c, -60.0, 300.0),
+            ("housing_c", start.heat.housing_c, -60.0, 300.0),
+        ])?;
+        let winding = winding(&params, start.heat.winding_c);
+        let shaft = Shaft {
+            theta: start.count * RAD_PER_COUNT,
+            omega: start.counts_per_s * RAD_PER_COUNT,
+            ..Shaft::default()
+        };
+        let joint = Joint::new(&params, objects);
+        let stored_at_start = joint.kinetic_j(&shaft) + joint.spring_j(shaft.theta);
+        Ok(Self {
+            inverter: Inverter::new(winding, params.dead_time_us * 1e-6),
+            joint,
+            model,
+            // A tenth of a time constant of the winding, a hundredth of the motor's; see the tests.
+            max_step_us: 100,
+            disturbance: 0.0,
+            stored_at_start,
+            state: State {
+                t_us: 0,
+                shaft,
+                current: [0.0; 3],
+                bus_charge: 0.0,
+                torque: 0.0,
+                ledger: Ledger::default(),
+                heat: start.heat,
+                pending: [0.0; 2],
+                heat_at_us: 0,
+            },
+            params,
+        })
+    }
+
+    /// Bounds the step, 1..=100 µs, to show that results do not depend on it. The switched model never steps
+    /// over the end of a PWM period.
+    pub fn set_max_step_us(&mut self, us: u64) {
+        self.max_step_us = us.clamp(1, 100);
+    }
+
+    /// The state, to read or to come back to.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Takes back every step since `state` was read; the bridge, the supply and the disturbance stay.
+    pub fn restore(&mut self, state: State) {
+        self.state = state;
+    }
+
+    /// The parameters, with the supply as it is now.
+    #[must_use]
+    pub fn params(&self) -> &PlantParams {
+        &self.params
+    }
+
+    /// Temperatures.
+    #[must_use]
+    pub fn heat(&self) -> Heat {
+        self.state.heat
+    }
+
+    /// The energy ledger.
+    #[must_use]
+    pub fn ledger(&self) -> Ledger {
+        let s = &self.state;
+        let magnetic = 0.5 * self.inverter.winding().phase_l * s.current.iter().map(|i| i * i).sum::<f64>();
+        let stored = self.joint.kinetic_j(&s.shaft) + self.joint.spring_j(s.shaft.theta) + magnetic;
+        Ledger { stored_j: stored - self.stored_at_start, ..s.ledger }
+    }
+
+    /// Torque of a load on the joint, as it arrives at the motor of a gear without losses; through a worm it
+    /// cannot drive the motor.
+    pub fn set_disturbance(&mut self, n_m: f64) {
+        self.disturbance = n_m;
+    }
+
+    /// Changes the supply voltage, at least 0.
+    pub fn set_bus(&mut self, v: f64) {
+        self.params.bus_v = v.max(0.0);
+        self.inverter.set_winding(winding(&self.params, self.state.heat.winding_c));
+    }
+
+    /// The longest step from now to at most `until_us`.
+    #[must_use]
+    pub fn step_to(&self, until_us: u64) -> u64 {
+        let t = self.state.t_us;
+        let mut to = until_us.min(t + self.max_step_us);
+        if self.model == Model::Switched {
+            to = to.min(t - t % PERIOD_US + PERIOD_US);
+        }
+        to
+    }
+
+    /// Advances to `to_us`, at most what [`Plant::step_to`] allows, with the bridge held and the brake's
+    /// friction torque `brake` in N·m.
+    pub fn step(&mut self, bridge: Bridge, brake: f64, to_us: u64) {
+        let s = &mut self.state;
+        let us = to_us.saturating_sub(s.t_us);
+        if us == 0 {
+            return;
+        }
+        let dt = us as f64 * 1e-6;
+        self.inverter.set_bridge(bridge);
+        // The step's middle, as the last step's acceleration predicts it.
+        let half = 0.5 * dt;
+        let omega = s.shaft.omega + half * s.shaft.acceleration;
+        let theta = s.shaft.theta + half * (s.shaft.omega + 0.5 * half * s.shaft.acceleration);
+        let shape = trapezoid(theta / RAD_PER_COUNT + f64::from(self.params.zero_sector));
+        let k = 0.5 * self.params.ke_v_s;
+        let e = shape.map(|f| k * omega * f);
+        let phase = (s.t_us % PERIOD_US) as f64 * 1e-6;
+        let mut flow = Flow::default();
+        self.inverter.advance(self.model, &mut s.current, e, phase, dt, &mut flow);
+        let impulse = k * (shape[0] * flow.charge[0] + shape[1] * flow.charge[1] + shape[2] * flow.charge[2]);
+        s.torque = impulse / dt;
+        let work = self.joint.advance(&mut s.shaft, s.torque, self.disturbance, brake, dt);
+        s.bus_charge += flow.bus_charge;
+        s.ledger.supply_j += flow.bus_charge * self.params.bus_v;
+        s.ledger.copper_j += flow.copper_j;
+        s.ledger.diode_j += flow.drop_j;
+        s.ledger.motor_j += work.motor;
+        s.ledger.disturbance_j += work.disturbance;
+        s.ledger.friction_j += work.friction;
+        s.ledger.damper_j += work.damper;
+        s.pending[0] += flow.copper_j;
+        s.pending[1] += work.friction;
+        s.t_us = to_us;
+        if s.t_us - s.heat_at_us >= HEAT_US {
+            self.heat_up();
+        }
+    }
+
+    fn heat_up(&mut self) {
+        let s = &mut self.state;
+        let dt = (s.t_us - s.heat_at_us) as f64 * 1e-6;
+        s.heat.advance(&self.params, s.pending[0], s.pending[1], dt);
+        s.pending = [0.0; 2];
+        s.heat_at_us = s.t_us;
+        self.inverter.set_winding(winding(&self.params, s.heat.winding_c));
+    }
+}
+
+fn winding(p: &PlantParams, winding_c: f64) -> Winding {
+    let hot = (1.0 + p.r_per_k * (winding_c - R_AT_C)).max(0.1);
+    Winding { phase_r: 0.5 * p.r_ohm * hot, phase_l: 0.5e-3 * p.l_mh, bus_v: p.bus_v, diode_v: p.diode_v }
+}
+
+/// The three EMFs at an electrical position in sectors of 60°, as shares of the flat top. In sector k (k − ½ .. k + ½) one
+/// phase is at +1, one at −1 and the third crosses over linearly.
+#[must_use]
+pub fn trapezoid(sectors: f64) -> [f64; 3] {
+    // Truncation towards zero is a floor for positive numbers: 2^21 · 6 sectors keep the argument positive.
+    const OFFSET: f64 = 12_582_912.0;
+    let cell = sectors + 0.5 + OFFSET;
+    let whole = cell as u64;
+    let ramp = 2.0 * (cell - whole as f64) - 1.0;
+    match whole % 6 {
+        0 => [1.0, -1.0, -ramp],
+        1 => [1.0, ramp, -1.0],
+        2 => [-ramp, 1.0, -1.0],
+        3 => [-1.0, 1.0, ramp],
+        4 => [-1.0, -ramp, 1.0],
+        _ => [ramp, -1.0, 1.0],
+    }
+}

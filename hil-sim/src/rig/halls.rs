@@ -1,0 +1,133 @@
+//! Three hall sensors on one board: where each boundary really is, and what the lines say and when.
+
+use super::params::RigParams;
+
+/// Code of each sector (DESIGN 4.2), bit 0 = line 0.
+const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
+
+/// The sensors and their lines.
+#[derive(Clone, Debug)]
+pub struct Halls {
+    params: RigParams,
+    /// Sector of count 0.
+    zero_sector: u8,
+    /// The cell that the rotor is in, by the sensors' boundaries.
+    cell: i64,
+    /// The sensors' outputs.
+    sensed: u8,
+    /// When each line that is on its way up arrives, µs.
+    rising: [Option<u64>; 3],
+    /// The lines, after delay, glitch and fault.
+    lines: u8,
+}
+
+impl Halls {
+    /// Settled sensors at a rotor position in counts.
+    #[must_use]
+    pub fn new(params: RigParams, zero_sector: u8, counts: f64) -> Self {
+        let mut halls =
+            Self { params, zero_sector, cell: counts.round() as i64, sensed: 0, rising: [None; 3], lines: 0 };
+        // Errors are under half a cell, so that the nearest cell is at most one off.
+        while halls.follow(counts) {}
+        halls.sensed = halls.code();
+        halls.lines = halls.faulty(0);
+        halls
+    }
+
+    /// The lines as the board sees them.
+    #[must_use]
+    pub fn lines(&self) -> u8 {
+        self.lines
+    }
+
+    /// The sensors' boundaries below and above the rotor, in counts.
+    #[must_use]
+    pub fn bounds(&self) -> (f64, f64) {
+        (self.boundary(self.cell - 1), self.boundary(self.cell))
+    }
+
+    /// The boundary above cell `k`.
+    fn boundary(&self, k: i64) -> f64 {
+        let error = self.params.hall_error_deg.get(self.sector(k)).copied().unwrap_or(0.0);
+        k as f64 + 0.5 + error / 60.0
+    }
+
+    /// One cell nearer to where the rotor is; whether that was a step.
+    fn follow(&mut self, counts: f64) -> bool {
+        let (low, high) = self.bounds();
+        if counts >= high {
+            self.cell += 1;
+        } else if counts < low {
+            self.cell -= 1;
+        } else {
+            return false;
+        }
+        true
+    }
+
+    /// The next time after `now` at which the lines change without the rotor's doing.
+    #[must_use]
+    pub fn next_event(&self, now: u64) -> u64 {
+        let mut next = u64::MAX;
+        let mut consider = |t: u64| {
+            if t > now {
+                next = next.min(t);
+            }
+        };
+        self.rising.iter().flatten().copied().for_each(&mut consider);
+        for g in &self.params.glitches {
+            consider(g.at_us);
+            consider(g.at_us + g.duration_us);
+        }
+        if let Some(stuck) = self.params.stuck {
+            consider(stuck.from_us);
+        }
+        next
+    }
+
+    /// The rotor is at `counts` at time `now`; whether the lines changed.
+    pub fn update(&mut self, counts: f64, now: u64) -> bool {
+        while self.follow(counts) {
+            let to = self.code();
+            for line in 0..3 {
+                let bit = 1 << line;
+                if to & bit == 0 {
+                    self.sensed &= !bit;
+                    self.rising[line] = None;
+                } else if self.sensed & bit == 0 && self.rising[line].is_none() {
+                    self.rising[line] = Some(now + self.params.rise_delay_us);
+                }
+            }
+        }
+        for line in 0..3 {
+            if self.rising[line].is_some_and(|at| at <= now) {
+                self.rising[line] = None;
+                self.sensed |= 1 << line;
+            }
+        }
+        let before = self.lines;
+        self.lines = self.faulty(now);
+        self.lines != before
+    }
+
+    /// The sensors' outputs with what is wrong on the way.
+    fn faulty(&self, now: u64) -> u8 {
+        let glitch = self.params.glitches.iter().find(|g| g.at_us <= now && now < g.at_us + g.duration_us);
+        let mut lines = glitch.map_or(self.sensed, |g| g.code);
+        if let Some(stuck) = self.params.stuck
+            && now >= stuck.from_us
+        {
+            let bit = 1 << stuck.line;
+            lines = if stuck.high { lines | bit } else { lines & !bit };
+        }
+        lines
+    }
+
+    fn sector(&self, cell: i64) -> usize {
+        (cell + i64::from(self.zero_sector)).rem_euclid(6) as usize
+    }
+
+    fn code(&self) -> u8 {
+        CODES[self.sector(self.cell)]
+    }
+}

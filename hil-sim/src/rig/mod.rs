@@ -1,0 +1,294 @@
+//! The plant as a motor board sees it: hall lines, analog readings and a brake.
+
+pub mod halls;
+pub mod params;
+
+pub use params::{HallGlitch, RigParams, StuckLine};
+
+use crate::plant::{Contact, Ledger, Model, ParamError, Plant, PlantParams, RAD_PER_COUNT, Start};
+use halls::Halls;
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
+use servo_core::sense::commutation::Bridge;
+use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
+
+/// Which way an object resists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// It stands in the way of closing.
+    Closing,
+    /// It stands in the way of opening.
+    Opening,
+}
+
+/// Something in the joint's way: a spring and damper.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Object {
+    /// Where the joint meets it.
+    pub from_count: f64,
+    /// At the motor; 0.01 is soft, 20 as hard as a stop.
+    pub stiffness_n_m_rad: f64,
+    /// At the motor, while being pressed.
+    pub damping_n_m_s: f64,
+    /// Which motion it resists.
+    pub side: Side,
+}
+
+/// A change of the hall lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HallChange {
+    /// The new code.
+    pub code: u8,
+    /// When, µs since the start.
+    pub at_us: u64,
+}
+
+/// What the board's ADC and the gate driver say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Analog {
+    /// Bus voltage, 12 bits over 36.3 V.
+    pub bus: MilliVolts,
+    /// Bus current, mean since the last reading, 12 bits over ±20 A.
+    pub current: MilliAmps,
+    /// Thermistor on the housing, 12 bits over −50..155 °C.
+    pub motor_temp: DeciCelsius,
+    /// Strain gauge, 0..=255.
+    pub strain: u8,
+    /// The break input has switched the bridge off; it stays so until the bridge is commanded off.
+    pub bridge_fault: bool,
+}
+
+/// What is really so; for traces and checks, never for the servo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truth {
+    /// Time since the start, µs.
+    pub t_us: u64,
+    /// Rotor position, counts.
+    pub counts: f64,
+    /// Rotor velocity, counts/s.
+    pub counts_per_s: f64,
+    /// Torque of the motor, N·m, mean over the last step.
+    pub torque_n_m: f64,
+    /// Phase currents into the winding, A.
+    pub phase_a: [f64; 3],
+    /// Charge drawn from the bus since the start, C.
+    pub bus_charge_c: f64,
+    /// Torque that stops, objects and disturbance put on the joint's side of the gear, as at the motor of a
+    /// lossless gear, N·m; positive closes.
+    pub load_n_m: f64,
+    /// Winding temperature, °C.
+    pub winding_c: f64,
+    /// Housing temperature, °C.
+    pub housing_c: f64,
+    /// Whether the brake holds.
+    pub brake_engaged: bool,
+    /// Energy since the start.
+    pub ledger: Ledger,
+}
+
+/// One motor with its sensors on the board's bench.
+#[derive(Clone, Debug)]
+pub struct Rig {
+    plant: Plant,
+    params: RigParams,
+    halls: Halls,
+    rng: Pcg64Mcg,
+    brake_engaged: bool,
+    /// When the brake follows its present command, µs.
+    brake_moves_at: Option<u64>,
+    tripped: bool,
+    thermistor_c: f64,
+    /// Time and bus charge of the last reading.
+    last_read: (u64, f64),
+}
+
+impl Rig {
+    /// A rig at its start, its brake engaged; `seed` is that of the ADC's noise.
+    ///
+    /// # Errors
+    /// A parameter out of range.
+    pub fn new(
+        plant: PlantParams,
+        rig: RigParams,
+        objects: &[Object],
+        model: Model,
+        start: Start,
+        seed: u64,
+    ) -> Result<Self, ParamError> {
+        rig.validate()?;
+        let mut contacts = Vec::new();
+        for o in objects {
+            crate::plant::params::check(&[
+                ("from_count", o.from_count, -1e6, 1e6),
+                ("stiffness_n_m_rad", o.stiffness_n_m_rad, 0.0, 1000.0),
+                ("damping_n_m_s", o.damping_n_m_s, 0.0, 10.0),
+            ])?;
+            contacts.push(Contact {
+                from: o.from_count * RAD_PER_COUNT,
+                side: if o.side == Side::Closing { 1.0 } else { -1.0 },
+                stiffness: o.stiffness_n_m_rad,
+                damping: o.damping_n_m_s,
+            });
+        }
+        let plant = Plant::new(plant, &contacts, model, start)?;
+        Ok(Self {
+            halls: Halls::new(rig.clone(), plant.params().zero_sector, start.count),
+            params: rig,
+            plant,
+            rng: Pcg64Mcg::new(u128::from(seed) << 64 | 0xadc),
+            brake_engaged: true,
+            brake_moves_at: None,
+            tripped: false,
+            thermistor_c: start.heat.housing_c,
+            last_read: (0, 0.0),
+        })
+    }
+
+    /// Time since the start, µs.
+    #[must_use]
+    pub fn now_us(&self) -> u64 {
+        self.plant.state().t_us
+    }
+
+    /// The hall lines now.
+    #[must_use]
+    pub fn halls(&self) -> u8 {
+        self.halls.lines()
+    }
+
+    /// See [`Plant::set_max_step_us`].
+    pub fn set_max_step_us(&mut self, us: u64) {
+        self.plant.set_max_step_us(us);
+    }
+
+    /// See [`Plant::set_disturbance`].
+    pub fn set_disturbance(&mut self, n_m: f64) {
+        self.plant.set_disturbance(n_m);
+    }
+
+    /// Changes the supply voltage.
+    pub fn set_bus(&mut self, v: f64) {
+        self.plant.set_bus(v);
+    }
+
+    /// Advances with the bridge and the brake's command held until `until_us` or until a hall line changes,
+    /// whichever is first; returns the change. The rotor is then within 1 µs of where the line changed.
+    pub fn advance(&mut self, bridge: Bridge, brake_released: bool, until_us: u64) -> Option<HallChange> {
+        if bridge == Bridge::Off {
+            self.tripped = false;
+        }
+        self.command_brake(brake_released);
+        while self.now_us() < until_us {
+            let now = self.now_us();
+            if self.brake_moves_at.is_some_and(|at| at <= now) {
+                self.brake_engaged = !self.brake_engaged;
+                self.brake_moves_at = None;
+            }
+            let event = self.halls.next_event(now).min(self.brake_moves_at.unwrap_or(u64::MAX));
+            let bridge = if self.tripped { Bridge::Off } else { bridge };
+            self.step(bridge, self.plant.step_to(until_us.min(event)));
+            let trip = self.plant.params().trip_a;
+            if self.plant.state().current.iter().any(|i| i.abs() > trip) {
+                self.tripped = true;
+            }
+            if self.halls.update(self.counts(), self.now_us()) {
+                return Some(HallChange { code: self.halls.lines(), at_us: self.now_us() });
+            }
+        }
+        None
+    }
+
+    fn command_brake(&mut self, released: bool) {
+        if released != self.brake_engaged {
+            self.brake_moves_at = None;
+        } else if self.brake_moves_at.is_none() {
+            let delay_us = self.plant.params().brake_delay_ms * 1000.0;
+            self.brake_moves_at = Some(self.now_us() + delay_us as u64);
+        }
+    }
+
+    /// Steps to `to_us`, or to the first whole microsecond beyond a hall boundary.
+    fn step(&mut self, bridge: Bridge, to_us: u64) {
+        let brake = if self.brake_engaged { self.plant.params().brake_n_m } else { 0.0 };
+        let (low, high) = self.halls.bounds();
+        let from = *self.plant.state();
+        self.plant.step(bridge, brake, to_us);
+        let end = self.counts();
+        if end >= low && end < high {
+            return;
+        }
+        let boundary = if end < low { low } else { high };
+        let steps = (to_us - from.t_us) as f64;
+        let (x0, x1) = (from.shaft.theta / RAD_PER_COUNT, end);
+        // Under constant acceleration the share of the step until the boundary solves a quadratic; from a
+        // velocity and the distance, in the form that is stable as the acceleration goes to zero.
+        let v0 = from.shaft.omega / RAD_PER_COUNT * steps * 1e-6;
+        let curve = x1 - x0 - v0;
+        let d = boundary - x0;
+        let root = (v0 * v0 + 4.0 * curve * d).max(0.0).sqrt();
+        let share = (2.0 * d / (v0 + if d < 0.0 { -root } else { root })).clamp(0.0, 1.0);
+        let us = (share * steps).ceil().clamp(1.0, steps) as u64;
+        if from.t_us + us < to_us {
+            self.plant.restore(from);
+            self.plant.step(bridge, brake, from.t_us + us);
+        }
+    }
+
+    fn counts(&self) -> f64 {
+        self.plant.state().shaft.theta / RAD_PER_COUNT
+    }
+
+    /// Reads the ADC; the current is the mean since the last reading.
+    pub fn analog(&mut self) -> Analog {
+        let s = *self.plant.state();
+        let dt = (s.t_us - self.last_read.0) as f64 * 1e-6;
+        let current = if dt > 0.0 { (s.bus_charge - self.last_read.1) / dt } else { 0.0 };
+        self.last_read = (s.t_us, s.bus_charge);
+        let lag = self.params.thermistor_lag_s;
+        self.thermistor_c += (self.plant.heat().housing_c - self.thermistor_c) * (1.0 - (-dt / lag).exp());
+        let joint = -s.shaft.load * self.plant.params().gear_ratio;
+        let strain = self.params.strain_zero + joint * self.params.strain_per_n_m;
+        let bus_v = self.plant.params().bus_v;
+        Analog {
+            bus: MilliVolts((1000.0 * self.adc(bus_v, 0.0, 36.3)).round() as u16),
+            current: MilliAmps((1000.0 * self.adc(current, -20.0, 20.0)).round() as i16),
+            motor_temp: DeciCelsius((10.0 * self.adc(self.thermistor_c, -50.0, 155.0)).round() as i16),
+            strain: (strain + self.noise()).round().clamp(0.0, 255.0) as u8,
+            bridge_fault: self.tripped,
+        }
+    }
+
+    /// A value through a 12-bit converter over `min..=max`.
+    fn adc(&mut self, value: f64, min: f64, max: f64) -> f64 {
+        let step = (max - min) / 4095.0;
+        let code = ((value - min) / step + self.noise()).round().clamp(0.0, 4095.0);
+        min + code * step
+    }
+
+    fn noise(&mut self) -> f64 {
+        self.params.adc_noise_lsb * self.rng.random_range(-1.0..=1.0)
+    }
+
+    /// What is really so.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        let s = self.plant.state();
+        let heat = self.plant.heat();
+        Truth {
+            t_us: s.t_us,
+            counts: self.counts(),
+            counts_per_s: s.shaft.omega / RAD_PER_COUNT,
+            torque_n_m: s.torque,
+            phase_a: s.current,
+            bus_charge_c: s.bus_charge,
+            load_n_m: s.shaft.load,
+            winding_c: heat.winding_c,
+            housing_c: heat.housing_c,
+            brake_engaged: self.brake_engaged,
+            ledger: self.plant.ledger(),
+        }
+    }
+}

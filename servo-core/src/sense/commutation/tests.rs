@@ -1,0 +1,83 @@
+use super::*;
+use fixed::types::I1F15;
+
+/// EMF of phase A at an electrical angle in degrees, flat top 30: rises through zero at 0°, flat 30°..150°.
+fn emf(degrees: i32) -> i32 {
+    let x = (degrees + 90).rem_euclid(360) - 90;
+    x.min(180 - x).clamp(-30, 30)
+}
+
+/// Torque per ampere of current from the `Pwm` leg to the `Low` leg.
+fn torque(legs: [Leg; 3], degrees: i32) -> i32 {
+    let phases = [emf(degrees), emf(degrees - 120), emf(degrees - 240)];
+    legs.iter().zip(phases).fold(0, |sum, (leg, e)| match leg {
+        Leg::Pwm => sum + e,
+        Leg::Low => sum - e,
+        Leg::Float => sum,
+    })
+}
+
+fn legs(sector: u8, duty: i16) -> [Leg; 3] {
+    match bridge(Some(sector), Some(Duty(I1F15::from_bits(duty)))) {
+        Bridge::On { legs, duty } => {
+            assert!(duty >= Duty::ZERO);
+            legs
+        }
+        Bridge::Off => panic!("off in sector {sector}"),
+    }
+}
+
+#[test]
+fn each_sectors_vector_is_the_best_of_the_six_for_either_sign() {
+    for sector in 0..6_u8 {
+        for degrees in 30 + 60 * i32::from(sector)..90 + 60 * i32::from(sector) {
+            for (duty, sign) in [(1000, 1), (-1000, -1), (i16::MIN, -1)] {
+                let ours = sign * torque(legs(sector, duty), degrees);
+                let best = POSITIVE.iter().map(|&v| sign * torque(v, degrees)).max();
+                assert_eq!(Some(ours), best, "sector {sector}, {degrees}°, duty {duty}");
+                assert_eq!(ours, 60, "both phases at their flat tops");
+            }
+        }
+    }
+}
+
+#[test]
+fn adjacent_sectors_give_adjacent_vectors() {
+    for sector in 0..6_u8 {
+        let (a, b) = (legs(sector, 1), legs((sector + 1) % 6, 1));
+        let changed = a.iter().zip(b).filter(|(a, b)| **a != *b).count();
+        assert_eq!(changed, 2, "one leg keeps its current: {a:?} → {b:?}");
+        assert_eq!(a.iter().filter(|l| **l == Leg::Float).count(), 1);
+        // The opposite sign is the opposite sector.
+        assert_eq!(legs(sector, -1), legs((sector + 3) % 6, 1));
+    }
+}
+
+#[test]
+fn the_vector_follows_the_trusted_sector_at_once_and_no_glitch() {
+    let wiring = Wiring::STANDARD;
+    let mut c = Commutator::new(wiring, wiring.code(0), 7);
+    assert_eq!(c.bridge(), Bridge::Off);
+    let duty = Duty(I1F15::from_bits(1234));
+    c.set(Some(duty));
+    assert_eq!(c.bridge(), Bridge::On { legs: POSITIVE[0], duty });
+    assert!(matches!(c.sample(wiring.code(1), Micros(1000)), Some(HallEvent::Step(_))));
+    assert_eq!(c.bridge(), Bridge::On { legs: POSITIVE[1], duty });
+    for code in [0, 7, wiring.code(3), wiring.code(4), wiring.code(5)] {
+        assert!(!matches!(c.sample(code, Micros(1100)), Some(HallEvent::Step(_))));
+        assert_eq!(c.bridge(), Bridge::On { legs: POSITIVE[1], duty });
+    }
+    assert_eq!(c.count(), 8);
+    c.set(None);
+    assert_eq!(c.bridge(), Bridge::Off);
+}
+
+#[test]
+fn no_sector_no_drive() {
+    let mut c = Commutator::new(Wiring::STANDARD, 7, 0);
+    c.set(Some(Duty::ZERO));
+    assert_eq!(c.bridge(), Bridge::Off);
+    assert_eq!(bridge(Some(6), Some(Duty::ZERO)), Bridge::Off);
+    assert_eq!(c.sample(Wiring::STANDARD.code(2), Micros(0)), None);
+    assert_eq!(c.bridge(), Bridge::On { legs: POSITIVE[2], duty: Duty::ZERO });
+}

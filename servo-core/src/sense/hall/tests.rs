@@ -1,0 +1,258 @@
+use super::*;
+
+const W: Wiring = Wiring::STANDARD;
+
+/// A decoder on a rotor that has come to cell `count` (sector `count` mod 6) by four steps, 1 ms apiece.
+fn running(count: i32, sign: i32) -> (HallDecoder, u32) {
+    let mut d = HallDecoder::new(W, code_at(count - 4 * sign), count - 4 * sign);
+    let mut now = 0_u32;
+    for k in (0..4).rev() {
+        now += 1000;
+        assert!(matches!(d.sample(code_at(count - k * sign), Micros(now)), Some(HallEvent::Step(_))));
+    }
+    assert_eq!(d.count(), count);
+    (d, now)
+}
+
+fn code_at(count: i32) -> u8 {
+    W.code(u8::try_from(count.rem_euclid(6)).unwrap())
+}
+
+/// Goes on truthfully from `from` for `cells` cells at 1000 counts/s, the control tick at 300 µs in each.
+fn go_on(d: &mut HallDecoder, now: &mut u32, from: i32, sign: i32, cells: i32) {
+    for k in 0..cells {
+        let code = code_at(from + k * sign);
+        d.sample(code, Micros(*now));
+        d.sample(code, Micros(*now + 300));
+        *now += 1000;
+    }
+}
+
+#[test]
+fn the_standard_table_is_the_designs_and_other_tables_are_judged() {
+    assert_eq!(Wiring::new([2, 6, 4, 5, 1, 3]), Some(Wiring::STANDARD));
+    assert!(Wiring::new([1, 3, 2, 6, 4, 5]).is_some());
+    for bad in
+        [[0, 1, 2, 3, 4, 5], [1, 3, 2, 6, 4, 7], [1, 3, 1, 3, 1, 3], [2, 6, 4, 5, 3, 1], [1, 3, 2, 6, 4, 13]]
+    {
+        assert_eq!(Wiring::new(bad), None, "{bad:?}");
+    }
+    for k in 0..6 {
+        assert_eq!(W.sector(W.code(k)), Some(k));
+    }
+    assert_eq!((W.sector(0), W.sector(7), W.sector(0b1010)), (None, None, Some(0)));
+}
+
+#[test]
+fn an_edge_tells_count_direction_time_and_slope() {
+    // STANDARD upwards: 2 → 6 rises, 6 → 4 falls.
+    let mut d = HallDecoder::new(W, 2, 0);
+    let edge = |count, direction, at, rising| {
+        let at = Micros(at);
+        Some(HallEvent::Step(HallEdge { count, steps: 1, direction, at, rising, bounce: false }))
+    };
+    assert_eq!(d.sample(6, Micros(500)), edge(1, Direction::Closing, 500, true));
+    assert_eq!(d.sample(4, Micros(1500)), edge(2, Direction::Closing, 1500, false));
+    assert_eq!(d.sample(6, Micros(1700)), edge(1, Direction::Opening, 1700, true));
+    assert_eq!(d.sample(2, Micros(1900)), edge(0, Direction::Opening, 1900, false));
+    assert_eq!(d.sample(2, Micros(2900)), None);
+}
+
+/// The promise, exhaustively: in each sector, turning either way, the lines show any pair of codes `a`, `b` (so
+/// each of the 64 transitions) for less than `CONFIRM`; with `a` the true code it is one wrong sample. Then
+/// they tell the truth again: where the rotor was, one cell on (the glitch hid an edge), or one back (it turned).
+#[test]
+fn no_glitch_of_any_two_codes_leaves_a_count_error() {
+    let mut pairs = 0;
+    for start in 0..6 {
+        for sign in [-1, 1] {
+            for (a, b, moved) in (0..64).flat_map(|ab| [-1, 0, 1].map(|m| (ab / 8, ab % 8, m))) {
+                let (mut d, mut now) = running(start, sign);
+                now += 400;
+                d.sample(a, Micros(now));
+                d.sample(b, Micros(now + 60));
+                now += 120;
+                let from = start + moved * sign;
+                // On in the direction of the truth: a turned rotor goes on turning back.
+                let sign = if moved < 0 { -sign } else { sign };
+                go_on(&mut d, &mut now, from, sign, 5);
+                assert_eq!(d.count(), from + 4 * sign, "cell {start} {sign:+}: {a}, {b}, moved {moved}");
+                pairs += 1;
+            }
+        }
+    }
+    assert_eq!(pairs, 6 * 2 * 64 * 3);
+}
+
+/// One wrong code that stays for longer than any confirmation, at standstill, is named at least once on its
+/// way there or back if it is not next to the truth, and is undone.
+#[test]
+fn one_wrong_code_of_any_length_is_undone() {
+    for start in 0..6 {
+        for (sign, code, length) in
+            (0..8).flat_map(|c| [(-1, c, 50), (1, c, 50), (-1, c, 5000), (1, c, 5000)])
+        {
+            let (mut d, now) = running(start, sign);
+            let mut named = false;
+            let mut see = |event: Option<HallEvent>| match event {
+                None => {}
+                Some(HallEvent::Step(edge)) => named |= edge.bounce,
+                Some(HallEvent::Glitch(_)) => named = true,
+                Some(HallEvent::Fault(f)) => assert_eq!(f, HallFault::Illegal),
+            };
+            for tick in 0..=length / 1000 {
+                see(d.sample(code, Micros(now + 400 + 1000 * tick)));
+            }
+            for tick in 0..4 {
+                see(d.sample(code_at(start), Micros(now + 400 + length + 1000 * tick)));
+            }
+            assert_eq!(d.count(), start, "{sign:+}: code {code} for {length} µs");
+            let next_door = [-1, 0, 1].iter().any(|d| code_at(start + d) == code);
+            let same = code == code_at(start);
+            assert_eq!(named, !same && (!next_door || length < 100), "{sign:+}: code {code} for {length} µs");
+        }
+    }
+}
+
+/// Lost edges: one or two in a row are made good as soon as a later sample stays; the jump is named.
+#[test]
+fn lost_edges_are_made_good() {
+    for start in 0..6 {
+        for (sign, lost, steps) in [(-1, 1, 2), (1, 1, 2), (-1, 2, 3), (1, 2, 3)] {
+            let (mut d, now) = running(start, sign);
+            let seen = start + (lost + 1) * sign;
+            let jump = d.sample(code_at(seen), Micros(now + 3000));
+            assert_eq!(jump, Some(HallEvent::Glitch(Glitch::Jump)));
+            assert_eq!(d.count(), start, "held");
+            // At standstill the tick confirms it; the edge is dated when the line changed.
+            let mut still = d;
+            let Some(HallEvent::Step(edge)) = still.sample(code_at(seen), Micros(now + 3500)) else {
+                panic!("not confirmed")
+            };
+            assert_eq!((edge.count, edge.steps, edge.at), (seen, steps, Micros(now + 3000)));
+            // Turning, the next edge does, and tells the way whatever it was before.
+            for turn in [sign, if lost == 2 { -sign } else { sign }] {
+                let mut d = d;
+                let on = start + (lost + 1) * turn + turn;
+                let Some(HallEvent::Step(edge)) = d.sample(code_at(on), Micros(now + 3900)) else {
+                    panic!("not chained")
+                };
+                assert_eq!((edge.count, edge.steps), (on, steps + 1));
+                assert_eq!(edge.at, Micros(now + 3900));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_jump_too_short_is_not_confirmed() {
+    let (mut d, now) = running(2, 1);
+    assert_eq!(d.sample(code_at(4), Micros(now + 400)), Some(HallEvent::Glitch(Glitch::Jump)));
+    assert_eq!(d.sample(code_at(4), Micros(now + 400 + CONFIRM.0 - 1)), None);
+    assert_eq!(d.count(), 2);
+    assert!(matches!(d.sample(code_at(4), Micros(now + 400 + CONFIRM.0)), Some(HallEvent::Step(_))));
+    assert_eq!(d.count(), 4);
+}
+
+/// A line stuck at either level, either way round, from 10 to 1000 counts/s and wherever the ticks fall, is
+/// named within three electrical revolutions.
+#[test]
+fn a_stuck_line_is_named_within_three_electrical_revolutions() {
+    for (line, high) in (0..3).flat_map(|line| [(line, false), (line, true)]) {
+        for (sign, cell_us, phase) in
+            [(1, 1000, 0), (-1, 1000, 700), (1, 1333, 100), (-1, 20_000, 500), (1, 100_000, 0)]
+        {
+            for start in 0..6 {
+                let (mut d, begin) = running(start, sign);
+                let lie = |code: u8| if high { code | 1 << line } else { code & !(1 << line) };
+                let mut found = None;
+                for at in begin..begin + 19 * cell_us {
+                    let cells = i32::try_from((at - begin) / cell_us).unwrap();
+                    let edge = (at - begin) % cell_us == 0;
+                    let tick = at % 1000 == phase;
+                    if (edge || tick)
+                        && let Some(HallEvent::Fault(fault)) =
+                            d.sample(lie(code_at(start + cells * sign)), Micros(at))
+                        && fault != HallFault::Illegal
+                    {
+                        found = Some((fault, cells));
+                        break;
+                    }
+                }
+                let Some((fault, cells)) = found else {
+                    panic!("line {line} {high} {sign:+}, {cell_us} µs a cell from {start}: not found")
+                };
+                assert_eq!(fault, HallFault::Stuck(line), "{high} {sign:+} {cell_us} {start}");
+                assert!(cells <= 18);
+            }
+        }
+    }
+}
+
+/// One wrong sample at every hundredth edge, each of the eight codes in turn, for 100,000 edges: never a fault,
+/// never a count lost. Ten times as many are a fault.
+#[test]
+fn isolated_glitches_never_fault_and_dense_ones_do() {
+    for (every, faults_expected) in [(100, false), (3, true)] {
+        let (mut d, mut now) = running(0, 1);
+        let mut faults = 0_u32;
+        for count in 1..100_000_i32 {
+            now = now.wrapping_add(1000);
+            let wrong = u8::try_from(count / every % 8).unwrap();
+            let glitch = (count % every == 0).then_some((wrong, 600));
+            for (code, after) in [(code_at(count), 0), (code_at(count), 500)].into_iter().chain(glitch) {
+                if let Some(HallEvent::Fault(_)) = d.sample(code, Micros(now.wrapping_add(after))) {
+                    faults += 1;
+                }
+                // At the edge itself a jump may still wait for the tick.
+                assert!(after != 500 || d.count() == count, "cell {count}");
+            }
+        }
+        assert_eq!(faults > 0, faults_expected, "{faults} faults");
+    }
+}
+
+#[test]
+fn a_broken_cable_is_named_at_standstill() {
+    let (mut d, now) = running(0, 1);
+    assert_eq!(d.sample(7, Micros(now + 100)), Some(HallEvent::Glitch(Glitch::Illegal)));
+    assert_eq!(d.sample(7, Micros(now + 1000)), None);
+    assert_eq!(d.sample(7, Micros(now + 2000)), None);
+    assert_eq!(d.sample(7, Micros(now + 2100)), Some(HallEvent::Fault(HallFault::Illegal)));
+    assert_eq!(d.sample(7, Micros(now + 3000)), None);
+    assert_eq!(d.sample(7, Micros(now + 5000)), Some(HallEvent::Fault(HallFault::Illegal)));
+    let mut unplugged = HallDecoder::new(W, 0, 5);
+    assert_eq!(unplugged.sector(), None);
+    unplugged.sample(0, Micros(0));
+    assert_eq!(unplugged.sample(0, Micros(2000)), Some(HallEvent::Fault(HallFault::Illegal)));
+    assert_eq!(unplugged.sample(2, Micros(2100)), None);
+    assert_eq!((unplugged.sector(), unplugged.count()), (Some(0), 5));
+}
+
+#[test]
+fn count_and_clock_wrap() {
+    let mut d = HallDecoder::new(W, 2, i32::MAX);
+    d.sample(6, Micros(u32::MAX - 10));
+    assert_eq!(d.count(), i32::MIN);
+    let Some(HallEvent::Step(edge)) = d.sample(2, Micros(20)) else { panic!("no step") };
+    assert!(edge.bounce, "31 µs across the wrap");
+}
+
+proptest::proptest! {
+    /// Any codes at any times: no panic, and the sector always explains the count modulo 6.
+    #[test]
+    fn count_is_congruent_to_the_trusted_sector(samples in proptest::collection::vec((0..8_u8, 0..5000_u32), 0..200)) {
+        let mut d = HallDecoder::new(W, 2, 0);
+        let mut now = 0_u32;
+        for (code, dt) in samples {
+            now = now.wrapping_add(dt);
+            let before = d.count();
+            let event = d.sample(code, Micros(now));
+            proptest::prop_assert_eq!(d.count().rem_euclid(6), i32::from(d.sector().unwrap()));
+            if !matches!(event, Some(HallEvent::Step(_))) {
+                proptest::prop_assert_eq!(d.count(), before);
+            }
+            proptest::prop_assert!((d.count() - before).abs() <= 4);
+        }
+    }
+}

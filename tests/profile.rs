@@ -1,0 +1,274 @@
+//! The promises of the profile against a continuous-time oracle in f64: lands exactly, within the limits at
+//! every tick, in the shortest time, for plain moves and for new plans in mid-move.
+//!
+//! Cases are drawn log-uniformly over the whole range of the properties; those that take over `MAX_TICKS` are
+//! left to `long_moves`, as stepping through hours a million times would only test patience.
+
+use fixed::types::I22F10;
+use servo_core::motion::profile::{Limits, Profile, SetPoint};
+use servo_core::units::{Counts, CountsPerSec};
+
+/// Resolution of the emitted values, in counts and counts/s. A difference of two rounded values is off by at
+/// most one step.
+const POSITION_STEP: f64 = 1.0 / 1024.0;
+const VELOCITY_STEP: f64 = 1.0 / 65536.0;
+/// What the f64 oracle itself may be wrong by, in ticks: a distance of 2^23 counts has an error of 2^-29, which
+/// at ACCEL 1 takes 2·√(2^-29·2^20) = 0.09 ticks.
+const ORACLE_ERROR: f64 = 0.1;
+const MAX_TICKS: f64 = 4000.0;
+
+/// SplitMix64 (Steele, Lea, Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in 0..1.
+    fn uniform(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn one_in(&mut self, n: u64) -> bool {
+        self.next().is_multiple_of(n)
+    }
+
+    /// Log-uniform in `low..high`.
+    fn log(&mut self, low: f64, high: f64) -> f64 {
+        low * (high / low).powf(self.uniform())
+    }
+
+    fn cruise(&mut self) -> CountsPerSec {
+        CountsPerSec::from_int(self.log(16.0, 4080.4).round() as i16)
+    }
+
+    fn limits(&mut self) -> Limits {
+        let accel = self.log(1.0, 65535.4).round() as u16;
+        Limits { accel, closing: self.cruise(), opening: self.cruise() }
+    }
+
+    /// Any position with a fraction, ±32767.
+    fn position(&mut self) -> Counts {
+        Counts(I22F10::from_bits((self.next() % (65534 * 1024)) as i32 - 32767 * 1024))
+    }
+
+    /// A whole-count position at a log-uniform distance.
+    fn end(&mut self, from: Counts) -> Counts {
+        let distance = self.log(0.5, 65534.0).copysign(self.uniform() - 0.5);
+        Counts::from_int((counts(from) + distance).round().clamp(-32767.0, 32767.0) as i32)
+    }
+}
+
+fn counts(position: Counts) -> f64 {
+    position.0.to_num()
+}
+
+/// In counts/ms.
+fn per_tick(velocity: CountsPerSec) -> f64 {
+    velocity.0.to_num::<f64>() / 1000.0
+}
+
+/// In counts/ms².
+fn acceleration(limits: Limits) -> f64 {
+    (f64::from(limits.accel) / 1024.0).powi(2)
+}
+
+/// The shortest time, in ms, from `velocity` at `distance` before the end to rest on it: the better of the
+/// approaches from either side.
+fn optimum(distance: f64, velocity: f64, limits: Limits) -> f64 {
+    let a = acceleration(limits);
+    let up = approach(distance, velocity, a, per_tick(limits.closing));
+    let down = approach(-distance, -velocity, a, per_tick(limits.opening));
+    up.min(down)
+}
+
+/// The time of the motion whose last approach is upwards; infinite if the end is too near for one.
+fn approach(distance: f64, velocity: f64, a: f64, cruise: f64) -> f64 {
+    if distance < velocity * velocity.abs() / (2.0 * a) {
+        return f64::INFINITY;
+    }
+    let peak = cruise.min((a * distance + velocity * velocity / 2.0).max(0.0).sqrt());
+    let ramps = (peak - velocity).abs() / a + peak / a;
+    // Signed: while slowing from above the cruise velocity as well as while turning round.
+    let ramped = (peak - velocity).abs() / a * (peak + velocity) / 2.0 + peak * peak / (2.0 * a);
+    if distance > ramped { ramps + (distance - ramped) / peak } else { ramps }
+}
+
+fn remaining(profile: &Profile, end: Counts, limits: Limits) -> f64 {
+    let (position, velocity) = profile.exact();
+    optimum(counts(end) - position.to_num::<f64>(), velocity.to_num(), limits)
+}
+
+/// Checks what must hold from one tick to the next; returns what does not.
+fn tick_fault(before: SetPoint, after: SetPoint, limits: Limits) -> Option<&'static str> {
+    let a = acceleration(limits);
+    let cruise = |direction: f64| per_tick(if direction > 0.0 { limits.closing } else { limits.opening });
+    let (u, v) = (per_tick(before.velocity), per_tick(after.velocity));
+    let moved = counts(after.position.wrapping_sub(before.position));
+    // Above the cruise velocity only after a new plan, and then slowing with all of the acceleration.
+    let fastest = cruise(v).max(u.abs() - a);
+    let step = VELOCITY_STEP / 1000.0;
+    if (v - u).abs() > a + step {
+        return Some("velocity changes faster than the acceleration limit");
+    }
+    if v.abs() > fastest + step {
+        return Some("velocity above the cruise limit");
+    }
+    if moved.abs() > u.abs().max(cruise(moved)) + POSITION_STEP {
+        return Some("position moves faster than the velocity limit");
+    }
+    // With |acceleration| ≤ a the mean velocity of a tick is at most a/4 off that of its ends.
+    if (moved - (u + v) / 2.0).abs() > a / 4.0 + POSITION_STEP {
+        return Some("position is not the integral of the velocity");
+    }
+    let emitted: f64 = after.acceleration.0.to_num();
+    if (emitted - (v - u) * 1e6).abs() > 1000.0 * VELOCITY_STEP + 1.0 / 512.0 {
+        return Some("acceleration is not the change of velocity");
+    }
+    None
+}
+
+/// Steps `ticks` times or to the end, with all checks of a tick; returns the ticks taken.
+fn run(profile: &mut Profile, limits: Limits, ticks: u32, what: &dyn Fn() -> String) -> u32 {
+    let mut before = profile.current();
+    for tick in 0..ticks {
+        if before.done {
+            return tick;
+        }
+        let after = profile.step();
+        if let Some(fault) = tick_fault(before, after, limits) {
+            panic!("{fault} at tick {tick}: {before:?} {after:?} in {}", what());
+        }
+        before = after;
+    }
+    ticks
+}
+
+/// Runs to the end and checks it.
+fn finish(profile: &mut Profile, end: Counts, limits: Limits, what: &dyn Fn() -> String) {
+    let optimum = remaining(profile, end, limits);
+    // The first tick not before the optimum; the cruise velocity is rounded down by up to 2^-26.
+    let latest = optimum * (1.0 + (-26_f64).exp2()) + 1.0 + ORACLE_ERROR;
+    let ticks = f64::from(run(profile, limits, latest as u32 + 1, what));
+    let last = profile.current();
+    assert!(
+        last.done && last.position == end && last.velocity == CountsPerSec::ZERO,
+        "not landed after {ticks} ticks, optimum {optimum}: {last:?} in {}",
+        what()
+    );
+    assert!(
+        ticks >= optimum - ORACLE_ERROR && ticks <= latest,
+        "took {ticks} ticks, optimum {optimum}, in {}",
+        what()
+    );
+    let rest = profile.step();
+    assert!(
+        rest.done && rest.position == end && rest.velocity == CountsPerSec::ZERO,
+        "left the end: {rest:?}"
+    );
+}
+
+/// One plain move, with one-sidedness.
+fn plain_move(random: &mut Random) -> bool {
+    let (start, limits) = (random.position(), random.limits());
+    let end = random.end(start);
+    let mut profile = Profile::at_rest(start);
+    profile.plan(end, limits);
+    if remaining(&profile, end, limits) > MAX_TICKS {
+        return false;
+    }
+    let what = || format!("{start:?} -> {end:?}, {limits:?}");
+    let mut sided = profile;
+    finish(&mut profile, end, limits, &what);
+    let (low, high) = (start.min(end), start.max(end));
+    let mut before = sided.current();
+    while !before.done {
+        let after = sided.step();
+        let forward =
+            (after.position >= before.position) == (end >= start) || after.position == before.position;
+        let within = (low..=high).contains(&after.position);
+        assert!(forward && within, "{before:?} {after:?} in {}", what());
+        before = after;
+    }
+    true
+}
+
+/// A move with one to three new plans on the way: a new end (or the same), new limits (or the same).
+fn replanned_move(random: &mut Random) -> bool {
+    let (start, mut limits) = (random.position(), random.limits());
+    let mut end = random.end(start);
+    let mut profile = Profile::at_rest(start);
+    profile.plan(end, limits);
+    for _ in 0..=random.next() % 3 {
+        let share = random.uniform() * remaining(&profile, end, limits).min(MAX_TICKS);
+        let (was, until, present) = (profile, limits, end);
+        let what = || format!("{was:?} -> {present:?}, {until:?}");
+        run(&mut profile, limits, share as u32, &what);
+        let before = (profile.exact(), profile.current());
+        if !random.one_in(3) {
+            end = random.end(before.1.position);
+        }
+        if !random.one_in(3) {
+            let new = random.limits();
+            limits.closing = new.closing;
+            limits.opening = new.opening;
+            limits.accel = if random.one_in(2) { new.accel } else { limits.accel };
+        }
+        profile.plan(end, limits);
+        let after = (profile.exact(), profile.current());
+        assert_eq!(before.0, after.0, "a new plan steps the set-point");
+        assert_eq!((before.1.position, before.1.velocity), (after.1.position, after.1.velocity));
+    }
+    if remaining(&profile, end, limits) > MAX_TICKS {
+        return false;
+    }
+    let was = profile;
+    finish(&mut profile, end, limits, &|| format!("{was:?} -> {end:?}, {limits:?}"));
+    true
+}
+
+#[test]
+fn a_million_random_moves_keep_every_promise() {
+    let mut random = Random(0x5eed);
+    let mut plain = 0;
+    let mut replanned = 0;
+    while plain < 500_000 {
+        plain += u32::from(plain_move(&mut random));
+    }
+    while replanned < 500_000 {
+        replanned += u32::from(replanned_move(&mut random));
+    }
+}
+
+#[test]
+fn long_moves() {
+    let limits = |accel, cruise| Limits {
+        accel,
+        closing: CountsPerSec::from_int(cruise),
+        opening: CountsPerSec::from_int(cruise),
+    };
+    // The longest there is (68 minutes), the longest triangle, and the longest ramp with a cruise.
+    for (accel, cruise) in [(65535, 16), (1, 16), (1, 4080), (8, 4080), (13, 1000)] {
+        for (start, end) in [(-32767, 32767), (32767, -32767)] {
+            let (start, end) = (Counts::from_int(start), Counts::from_int(end));
+            let mut profile = Profile::at_rest(start);
+            profile.plan(end, limits(accel, cruise));
+            finish(&mut profile, end, limits(accel, cruise), &|| format!("ACCEL {accel}, cruise {cruise}"));
+        }
+    }
+}
+
+/// DESIGN 4.1: 2·√(166/858.3) = 0.880 s, the manual's spread speed.
+#[test]
+fn spread_takes_what_the_manual_says() {
+    let cruise = CountsPerSec::from_int(1000);
+    let limits = Limits { accel: 30, closing: cruise, opening: cruise };
+    let mut profile = Profile::at_rest(Counts::ZERO);
+    profile.plan(Counts::from_int(166), limits);
+    let ticks = run(&mut profile, limits, 1000, &|| "spread".into());
+    assert!((880..=881).contains(&ticks), "{ticks} ms; 2·√166·1024/30 = 879.6 ms");
+}
