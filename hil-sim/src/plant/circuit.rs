@@ -31,6 +31,27 @@ pub struct Flow {
     pub drop_j: f64,
 }
 
+/// What flowed through two driven phases in series, from the first into the second.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PairFlow {
+    charge: f64,
+    bus_charge: f64,
+    drop_j: f64,
+    /// Integral of i², A²s.
+    square: f64,
+}
+
+impl Flow {
+    /// Adds what flowed from phase `first` into phase `second`.
+    pub fn add_pair(&mut self, first: usize, second: usize, pair: &PairFlow, phase_r: f64) {
+        self.charge[first] += pair.charge;
+        self.charge[second] -= pair.charge;
+        self.bus_charge += pair.bus_charge;
+        self.drop_j += pair.drop_j;
+        self.copper_j += 2.0 * phase_r * pair.square;
+    }
+}
+
 /// The winding's constants and its rails.
 #[derive(Clone, Copy, Debug)]
 pub struct Winding {
@@ -42,29 +63,55 @@ pub struct Winding {
     pub bus_v: f64,
     /// Forward voltage of a body diode, V.
     pub diode_v: f64,
+    /// Time constant of the currents, s.
+    pub tau: f64,
+    /// 1 / the resistance of two phases in series, S.
+    per_pair_r: f64,
 }
 
-/// A conducting terminal: the volts it holds and its share of the bus.
+/// How one terminal conducts.
 #[derive(Clone, Copy)]
 struct Hold {
     v: f64,
     bus_share: f64,
-    diode: bool,
+    /// Sign of the only current that can flow into the winding: +1 through the low diode, −1 through the high
+    /// one; 0 for a switch, which carries both.
+    diode: f64,
+}
+
+const NO_HOLD: Hold = Hold { v: 0.0, bus_share: 0.0, diode: 0.0 };
+
+/// One topology: the terminals that conduct.
+struct Topology {
+    holds: [Hold; 3],
+    on: [bool; 3],
+    count: u8,
+    /// Sum over the conducting terminals of v − e.
+    sum: f64,
+}
+
+impl Topology {
+    fn connect(&mut self, leg: usize, hold: Hold, e: [f64; 3]) {
+        self.holds[leg] = hold;
+        self.on[leg] = true;
+        self.count += 1;
+        self.sum += hold.v - e[leg];
+    }
 }
 
 impl Winding {
-    /// Time constant of the currents, s.
+    /// Resistance (Ω) and inductance (H) of one phase; supply and forward voltage of a body diode, V.
     #[must_use]
-    pub fn tau(&self) -> f64 {
-        self.phase_l / self.phase_r
+    pub fn new(phase_r: f64, phase_l: f64, bus_v: f64, diode_v: f64) -> Self {
+        Self { phase_r, phase_l, bus_v, diode_v, tau: phase_l / phase_r, per_pair_r: 0.5 / phase_r }
     }
 
     fn low_diode(&self) -> Hold {
-        Hold { v: -self.diode_v, bus_share: 0.0, diode: true }
+        Hold { v: -self.diode_v, bus_share: 0.0, diode: 1.0 }
     }
 
     fn high_diode(&self) -> Hold {
-        Hold { v: self.bus_v + self.diode_v, bus_share: 1.0, diode: true }
+        Hold { v: self.bus_v + self.diode_v, bus_share: 1.0, diode: -1.0 }
     }
 
     /// Advances the currents `i` (A, into the winding) by `dt` seconds with the terminals and the EMFs `e` (V)
@@ -80,172 +127,211 @@ impl Winding {
     ) {
         let (mut dt, mut decay) = (dt, decay);
         // Each pass but the last ends with a diode falling out of conduction; three legs can do so, and start
-        // again, only a few times. What a pathological case leaves undone after 12 is less than one PWM period.
+        // again, only a few times in a PWM period.
         for _ in 0..12 {
-            let Some(end) = self.until_diode_stops(i, held, e, dt, decay, flow) else { return };
-            dt -= end;
+            let topology = self.topology(i, held, e);
+            let spent = match topology.count {
+                0 | 1 => {
+                    *i = [0.0; 3];
+                    return;
+                }
+                2 => self.pair(&topology, i, e, dt, decay, flow),
+                _ => self.star(&topology, i, e, dt, decay, flow),
+            };
+            let Some(spent) = spent else { return };
+            dt -= spent;
             if dt <= 0.0 {
                 return;
             }
-            decay = (-dt / self.tau()).exp();
+            decay = (-dt / self.tau).exp();
         }
     }
 
-    /// One interval of one topology: to its end (`None`) or to the first diode's zero current (when that was).
-    fn until_diode_stops(
+    /// [`Winding::advance`] for the usual case, several times as fast: current `i` flows into the phase at
+    /// terminal `first` and out of one held at ground, the third phase has none; `e` in that order. Returns
+    /// whether that stayed so; if not, nothing has changed.
+    #[inline]
+    pub fn advance_pair(
         &self,
+        i: &mut f64,
+        first: Terminal,
+        e: [f64; 3],
+        dt: f64,
+        decay: f64,
+        flow: &mut PairFlow,
+    ) -> bool {
+        let (v, bus_share, diode) = match first {
+            Terminal::Held { v, bus_share } => (v, bus_share, false),
+            Terminal::Open if *i > 0.0 => (-self.diode_v, 0.0, true),
+            Terminal::Open => (self.bus_v + self.diode_v, 1.0, true),
+        };
+        let open = e[2] + 0.5 * (v - e[0] - e[1]);
+        let to = (v - e[0] + e[1]) * self.per_pair_r;
+        let end = to + (*i - to) * decay;
+        if open < -self.diode_v || open > self.bus_v + self.diode_v || (diode && end * *i <= 0.0) {
+            return false;
+        }
+        let (charge, square) = self.integrals(*i, to, end, dt);
+        flow.charge += charge;
+        flow.bus_charge += bus_share * charge;
+        flow.drop_j += (bus_share * self.bus_v - v) * charge;
+        flow.square += square;
+        *i = end;
+        true
+    }
+
+    /// Which terminals conduct: closed switches, diodes with current, and diodes that the open terminal's
+    /// voltage would push beyond the rails.
+    #[inline]
+    fn topology(&self, i: &[f64; 3], held: &[Terminal; 3], e: [f64; 3]) -> Topology {
+        let mut t = Topology { holds: [NO_HOLD; 3], on: [false; 3], count: 0, sum: 0.0 };
+        for k in 0..3 {
+            match held[k] {
+                Terminal::Held { v, bus_share } => t.connect(k, Hold { v, bus_share, diode: 0.0 }, e),
+                Terminal::Open if i[k] > 0.0 => t.connect(k, self.low_diode(), e),
+                Terminal::Open if i[k] < 0.0 => t.connect(k, self.high_diode(), e),
+                Terminal::Open => {}
+            }
+        }
+        if t.count == 0 {
+            self.rectify(&mut t, e);
+            return t;
+        }
+        // The terminal that is farthest beyond a rail conducts first; then the star point has moved.
+        while t.count < 3 {
+            let star = t.sum * if t.count == 2 { 0.5 } else { 1.0 };
+            let mut worst = (0.0, 0, NO_HOLD);
+            for k in 0..3 {
+                if !t.on[k] {
+                    let v = star + e[k];
+                    if -self.diode_v - v > worst.0 {
+                        worst = (-self.diode_v - v, k, self.low_diode());
+                    } else if v - self.bus_v - self.diode_v > worst.0 {
+                        worst = (v - self.bus_v - self.diode_v, k, self.high_diode());
+                    }
+                }
+            }
+            if worst.0 <= 0.0 {
+                break;
+            }
+            t.connect(worst.1, worst.2, e);
+        }
+        t
+    }
+
+    /// All terminals open and no current: the EMF conducts into the bus only if it exceeds it.
+    fn rectify(&self, t: &mut Topology, e: [f64; 3]) {
+        let (mut top, mut bottom) = (0, 0);
+        for k in 1..3 {
+            if e[k] > e[top] {
+                top = k;
+            }
+            if e[k] < e[bottom] {
+                bottom = k;
+            }
+        }
+        if e[top] - e[bottom] > self.bus_v + 2.0 * self.diode_v {
+            t.connect(top, self.high_diode(), e);
+            t.connect(bottom, self.low_diode(), e);
+        }
+    }
+
+    /// Two terminals, one current. Returns when a diode stopped it, if one did.
+    #[inline]
+    fn pair(
+        &self,
+        t: &Topology,
         i: &mut [f64; 3],
-        held: &[Terminal; 3],
         e: [f64; 3],
         dt: f64,
         decay: f64,
         flow: &mut Flow,
     ) -> Option<f64> {
-        let holds = self.conducting(i, held, e);
-        let (mut count, mut sum) = (0.0, 0.0);
-        for k in 0..3 {
-            if let Some(hold) = holds[k] {
-                count += 1.0;
-                sum += hold.v - e[k];
-            }
+        let (a, b) = match t.on {
+            [false, ..] => (1, 2),
+            [_, false, _] => (2, 0),
+            _ => (0, 1),
+        };
+        let (from, into) = (t.holds[a], t.holds[b]);
+        let start = i[a];
+        let to = (from.v - e[a] - 0.5 * t.sum) / self.phase_r;
+        let mut end = to + (start - to) * decay;
+        let mut span = dt;
+        let mut stopped = None;
+        if start != 0.0 && (wrong_way(from, end) || wrong_way(into, -end)) {
+            span = (-self.tau * (to / (to - start)).ln()).clamp(0.0, dt);
+            end = 0.0;
+            stopped = Some(span);
         }
-        if count < 2.0 {
-            *i = [0.0; 3];
-            return None;
-        }
-        let star = sum / count;
+        let (charge, square) = self.integrals(start, to, end, span);
+        let share = from.bus_share - into.bus_share;
+        flow.charge[a] += charge;
+        flow.charge[b] -= charge;
+        flow.bus_charge += share * charge;
+        flow.drop_j += (share * self.bus_v - (from.v - into.v)) * charge;
+        flow.copper_j += 2.0 * self.phase_r * square;
+        i[a] = end;
+        i[b] = -end;
+        stopped
+    }
+
+    /// Three terminals. Returns when the first diode stopped, if one did.
+    fn star(
+        &self,
+        t: &Topology,
+        i: &mut [f64; 3],
+        e: [f64; 3],
+        dt: f64,
+        decay: f64,
+        flow: &mut Flow,
+    ) -> Option<f64> {
+        let star = t.sum / 3.0;
         let mut to = [0.0; 3];
-        let mut end = *i;
+        let mut end = [0.0; 3];
+        // The decay at which the first diode's current is zero.
         let mut first: Option<(usize, f64)> = None;
         for k in 0..3 {
-            let Some(hold) = holds[k] else { continue };
-            to[k] = (hold.v - e[k] - star) / self.phase_r;
+            to[k] = (t.holds[k].v - e[k] - star) / self.phase_r;
             end[k] = to[k] + (i[k] - to[k]) * decay;
-            // A low diode carries current into the winding (> 0), a high diode out of it (< 0).
-            if hold.diode
-                && (if hold.bus_share == 0.0 { end[k] <= 0.0 } else { end[k] >= 0.0 })
-                && i[k] != 0.0
-            {
-                let ratio = to[k] / (to[k] - i[k]);
-                if first.is_none_or(|(_, r)| ratio > r) {
-                    first = Some((k, ratio));
+            if i[k] != 0.0 && wrong_way(t.holds[k], end[k]) {
+                let at = to[k] / (to[k] - i[k]);
+                if first.is_none_or(|(_, earliest)| at > earliest) {
+                    first = Some((k, at));
                 }
             }
         }
         let mut span = dt;
         let mut stopped = None;
-        if let Some((leg, ratio)) = first
-            && ratio > decay
-        {
-            span = (-self.tau() * ratio.ln()).clamp(0.0, dt);
+        if let Some((leg, at)) = first {
+            span = (-self.tau * at.ln()).clamp(0.0, dt);
             for k in 0..3 {
-                end[k] = if holds[k].is_some() { to[k] + (i[k] - to[k]) * ratio } else { 0.0 };
+                end[k] = to[k] + (i[k] - to[k]) * at;
             }
             stop_leg(&mut end, leg);
             stopped = Some(span);
-        } else if let Some((leg, _)) = first {
-            stop_leg(&mut end, leg);
         }
-        self.account(&holds, i, &to, &end, span, flow);
-        *i = end;
-        stopped
-    }
-
-    /// Which terminals conduct: closed switches, diodes with current, and diodes that the open terminal's
-    /// voltage would push beyond the rails.
-    fn conducting(&self, i: &[f64; 3], held: &[Terminal; 3], e: [f64; 3]) -> [Option<Hold>; 3] {
-        let mut holds = [None; 3];
-        let (mut count, mut sum) = (0.0, 0.0);
-        let mut open = false;
         for k in 0..3 {
-            holds[k] = match held[k] {
-                Terminal::Held { v, bus_share } => Some(Hold { v, bus_share, diode: false }),
-                Terminal::Open if i[k] > 0.0 => Some(self.low_diode()),
-                Terminal::Open if i[k] < 0.0 => Some(self.high_diode()),
-                Terminal::Open => None,
-            };
-            if let Some(hold) = holds[k] {
-                count += 1.0;
-                sum += hold.v - e[k];
-            } else {
-                open = true;
-            }
-        }
-        if !open {
-            return holds;
-        }
-        if count == 0.0 {
-            return self.rectifying(e);
-        }
-        // The terminal that is farthest beyond a rail conducts first; then the star point has moved.
-        loop {
-            let star = sum / count;
-            let mut worst: Option<(usize, f64, Hold)> = None;
-            for k in 0..3 {
-                if holds[k].is_none() {
-                    let v = star + e[k];
-                    let low = -self.diode_v - v;
-                    let high = v - self.bus_v - self.diode_v;
-                    let (excess, hold) =
-                        if low > high { (low, self.low_diode()) } else { (high, self.high_diode()) };
-                    if excess > 0.0 && worst.is_none_or(|(_, w, _)| excess > w) {
-                        worst = Some((k, excess, hold));
-                    }
-                }
-            }
-            let Some((k, _, hold)) = worst else { return holds };
-            holds[k] = Some(hold);
-            count += 1.0;
-            sum += hold.v - e[k];
-        }
-    }
-
-    /// All terminals open and no current: the EMF conducts into the bus only if it exceeds it.
-    fn rectifying(&self, e: [f64; 3]) -> [Option<Hold>; 3] {
-        let mut holds = [None; 3];
-        let top = if e[0] >= e[1] && e[0] >= e[2] {
-            0
-        } else if e[1] >= e[2] {
-            1
-        } else {
-            2
-        };
-        let bottom = if e[0] < e[1] && e[0] < e[2] {
-            0
-        } else if e[1] < e[2] {
-            1
-        } else {
-            2
-        };
-        if e[top] - e[bottom] > self.bus_v + 2.0 * self.diode_v {
-            holds[top] = Some(self.high_diode());
-            holds[bottom] = Some(self.low_diode());
-        }
-        holds
-    }
-
-    /// Exact integrals of i and i² over `span` of exponentials from `i` to `end` heading for `to`.
-    fn account(
-        &self,
-        holds: &[Option<Hold>; 3],
-        i: &[f64; 3],
-        to: &[f64; 3],
-        end: &[f64; 3],
-        span: f64,
-        flow: &mut Flow,
-    ) {
-        let tau = self.tau();
-        for k in 0..3 {
-            let Some(hold) = holds[k] else { continue };
-            let fall = tau * (i[k] - end[k]);
-            let charge = to[k] * span + fall;
-            let square = to[k] * to[k] * span + fall * (to[k] + 0.5 * (i[k] + end[k]));
+            let hold = t.holds[k];
+            let (charge, square) = self.integrals(i[k], to[k], end[k], span);
             flow.charge[k] += charge;
             flow.bus_charge += hold.bus_share * charge;
             flow.drop_j += (hold.bus_share * self.bus_v - hold.v) * charge;
             flow.copper_j += self.phase_r * square;
         }
+        *i = end;
+        stopped
     }
+
+    /// Integrals of i and i² over `span` of the exponential from `start` to `end` that heads for `to`.
+    fn integrals(&self, start: f64, to: f64, end: f64, span: f64) -> (f64, f64) {
+        let fall = self.tau * (start - end);
+        (to * span + fall, to * to * span + fall * (to + 0.5 * (start + end)))
+    }
+}
+
+/// Whether a diode would carry this current backwards.
+fn wrong_way(hold: Hold, i: f64) -> bool {
+    hold.diode != 0.0 && i * hold.diode <= 0.0
 }
 
 /// Sets one leg's current to exactly zero and keeps the sum of the three zero.

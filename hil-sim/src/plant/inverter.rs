@@ -1,6 +1,6 @@
 //! The bridge: what its three legs do to the winding over a step, averaged over the PWM period or edge by edge.
 
-use super::circuit::{Flow, Terminal, Winding};
+use super::circuit::{Flow, PairFlow, Terminal, Winding};
 use servo_core::sense::commutation::{Bridge, Leg};
 
 /// PWM period, µs: 20 kHz.
@@ -29,10 +29,31 @@ struct Segment {
     pwm: Terminal,
 }
 
+/// Which leg does what while one of them is pulse-width modulated.
+#[derive(Clone, Copy, Debug)]
+struct Roles {
+    pwm: usize,
+    low: usize,
+    float: usize,
+    /// One leg of each kind; otherwise `low` and `float` are just the other two.
+    six_step: bool,
+}
+
+/// What the legs do to the terminals while the PWM leg is in one state.
+fn terminals(legs: &[Leg; 3], pwm: Terminal) -> [Terminal; 3] {
+    legs.map(|leg| match leg {
+        Leg::Pwm => pwm,
+        Leg::Low => Terminal::Held { v: 0.0, bus_share: 0.0 },
+        Leg::Float => Terminal::Open,
+    })
+}
+
 /// The bridge as it was last told to be, with what can be computed ahead for it.
 #[derive(Clone, Debug)]
 pub struct Inverter {
     bridge: Bridge,
+    legs: [Leg; 3],
+    roles: Option<Roles>,
     duty: f64,
     winding: Winding,
     dead_s: f64,
@@ -43,7 +64,15 @@ impl Inverter {
     /// A bridge that is off.
     #[must_use]
     pub fn new(winding: Winding, dead_s: f64) -> Self {
-        Self { bridge: Bridge::Off, duty: 0.0, winding, dead_s, segments: Vec::new() }
+        Self {
+            bridge: Bridge::Off,
+            legs: [Leg::Float; 3],
+            roles: None,
+            duty: 0.0,
+            winding,
+            dead_s,
+            segments: Vec::new(),
+        }
     }
 
     /// The winding as of now.
@@ -64,13 +93,19 @@ impl Inverter {
             return;
         }
         self.bridge = bridge;
-        let duty = match bridge {
-            Bridge::Off => 0.0,
-            Bridge::On { duty, .. } => {
-                (f64::from(duty.0.to_bits()) / 32768.0 * COMPARE_STEPS).round().clamp(0.0, COMPARE_STEPS)
-                    / COMPARE_STEPS
+        let (legs, duty) = match bridge {
+            Bridge::Off => ([Leg::Float; 3], 0.0),
+            Bridge::On { legs, duty } => {
+                let steps = f64::from(duty.0.to_bits()) / 32768.0 * COMPARE_STEPS;
+                (legs, steps.round().clamp(0.0, COMPARE_STEPS) / COMPARE_STEPS)
             }
         };
+        self.legs = legs;
+        self.roles = legs.iter().position(|&leg| leg == Leg::Pwm).map(|pwm| {
+            let (a, b) = ((pwm + 1) % 3, (pwm + 2) % 3);
+            let (low, float) = if legs[a] == Leg::Low { (a, b) } else { (b, a) };
+            Roles { pwm, low, float, six_step: legs[low] == Leg::Low && legs[float] == Leg::Float }
+        });
         if duty != self.duty || self.segments.is_empty() {
             self.duty = duty;
             self.build_segments();
@@ -99,7 +134,7 @@ impl Inverter {
                 (t, low),
             ]
         };
-        let tau = self.winding.tau();
+        let tau = self.winding.tau;
         self.segments.clear();
         let mut start = 0.0;
         for (end, pwm) in plan {
@@ -113,49 +148,67 @@ impl Inverter {
     /// Advances the currents over `dt` seconds from `phase` seconds into the PWM period, which the step must
     /// not leave in the switched model.
     pub fn advance(&self, model: Model, i: &mut [f64; 3], e: [f64; 3], phase: f64, dt: f64, flow: &mut Flow) {
-        let legs = match self.bridge {
-            Bridge::Off => [Leg::Float; 3],
-            Bridge::On { legs, .. } => legs,
-        };
-        let terminals = |pwm: Terminal| {
-            legs.map(|leg| match leg {
-                Leg::Pwm => pwm,
-                Leg::Low => Terminal::Held { v: 0.0, bus_share: 0.0 },
-                Leg::Float => Terminal::Open,
-            })
-        };
         let w = &self.winding;
-        let tau = w.tau();
-        let Some(pwm_leg) = legs.iter().position(|&leg| leg == Leg::Pwm) else {
-            w.advance(i, &terminals(Terminal::Open), e, dt, (-dt / tau).exp(), flow);
+        let Some(roles) = self.roles else {
+            let decay = (-dt / w.tau).exp();
+            w.advance(i, &terminals(&self.legs, Terminal::Open), e, dt, decay, flow);
             return;
         };
-        if model == Model::Averaged {
-            let pwm = self.mean_leg(i[pwm_leg], dt);
-            let float = legs.iter().position(|&leg| leg == Leg::Float);
-            let idle = float.is_some_and(|k| i[k] == 0.0);
-            w.advance(i, &terminals(pwm), e, dt, (-dt / tau).exp(), flow);
-            if let (Some(float), Terminal::Held { bus_share, .. }) = (float, pwm)
-                && idle
-                && i[float] == 0.0
-                && legs[3 - pwm_leg - float] == Leg::Low
-            {
-                self.float_pulses([pwm_leg, 3 - pwm_leg - float, float], bus_share, e, dt, flow);
+        match model {
+            Model::Averaged => {
+                let idle = i[roles.float] == 0.0;
+                let mean = self.mean_leg(i[roles.pwm], dt);
+                let segment = Segment { end: dt, decay: (-dt / w.tau).exp(), pwm: mean };
+                self.run(roles, &[segment], i, e, 0.0, dt, flow);
+                if let Terminal::Held { bus_share, .. } = mean
+                    && roles.six_step
+                    && idle
+                    && i[roles.float] == 0.0
+                {
+                    self.float_pulses(roles, bus_share, e, dt, flow);
+                }
             }
-            return;
+            Model::Switched => self.run(roles, &self.segments, i, e, phase, phase + dt, flow),
         }
-        let end = phase + dt;
+    }
+
+    /// Advances through those parts of `segments` that lie within `begin..end`, seconds into the PWM period.
+    #[allow(clippy::too_many_arguments)]
+    fn run(
+        &self,
+        roles: Roles,
+        segments: &[Segment],
+        i: &mut [f64; 3],
+        e: [f64; 3],
+        begin: f64,
+        end: f64,
+        flow: &mut Flow,
+    ) {
+        let w = &self.winding;
+        let Roles { pwm, low, float, six_step } = roles;
+        let pair_e = [e[pwm], e[low], e[float]];
+        let mut pair = PairFlow::default();
         let mut start = 0.0;
-        for segment in &self.segments {
-            if segment.end > phase && start < end {
-                let (from, to) = (phase.max(start), end.min(segment.end));
+        for segment in segments {
+            if segment.end > begin && start < end {
+                let dt = segment.end.min(end) - f64::max(start, begin);
                 // Rounding of the phase must not pass for a cut segment.
-                let whole = to - from > (segment.end - start) * (1.0 - 1e-9);
-                let decay = if whole { segment.decay } else { ((from - to) / tau).exp() };
-                w.advance(i, &terminals(segment.pwm), e, to - from, decay, flow);
+                let whole = dt > (segment.end - start) * (1.0 - 1e-9);
+                let decay = if whole { segment.decay } else { (-dt / w.tau).exp() };
+                let mut current = i[pwm];
+                if six_step
+                    && i[float] == 0.0
+                    && w.advance_pair(&mut current, segment.pwm, pair_e, dt, decay, &mut pair)
+                {
+                    i[pwm] = current;
+                    i[low] = -current;
+                } else {
+                    w.advance(i, &terminals(&self.legs, segment.pwm), e, dt, decay, flow);
+                }
             }
             start = segment.end;
         }
+        flow.add_pair(pwm, low, &pair, w.phase_r);
     }
 
     /// The PWM leg's mean voltage with its current at `i` A. During a dead time the current chooses the diode:
@@ -184,8 +237,9 @@ impl Inverter {
     /// low, the star point is near ground and a negative EMF of the floating phase makes its low diode
     /// conduct until some time into the on-time; with the PWM leg high, the same towards the bus.
     /// Triangular pulses, resistance neglected (25 µs against τ = 330 µs).
-    fn float_pulses(&self, [pwm, low, float]: [usize; 3], share: f64, e: [f64; 3], dt: f64, flow: &mut Flow) {
+    fn float_pulses(&self, roles: Roles, share: f64, e: [f64; 3], dt: f64, flow: &mut Flow) {
         let w = &self.winding;
+        let Roles { pwm, low, float, .. } = roles;
         let off_v = e[float] - 0.5 * (e[pwm] + e[low]);
         let half_bus = 0.5 * w.bus_v;
         let below = -w.diode_v - off_v;

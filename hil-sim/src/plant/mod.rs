@@ -270,7 +270,7 @@ impl Plant {
 
 fn winding(p: &PlantParams, winding_c: f64) -> Winding {
     let hot = (1.0 + p.r_per_k * (winding_c - R_AT_C)).max(0.1);
-    Winding { phase_r: 0.5 * p.r_ohm * hot, phase_l: 0.5e-3 * p.l_mh, bus_v: p.bus_v, diode_v: p.diode_v }
+    Winding::new(0.5 * p.r_ohm * hot, 0.5e-3 * p.l_mh, p.bus_v, p.diode_v)
 }
 
 /// The three EMFs at an electrical position in sectors of 60°, as shares of the flat top. In sector k (k − ½ .. k + ½) one
