@@ -25,7 +25,12 @@ fn fixed(bits: i16) -> fixed::types::I1F15 {
 }
 
 fn main() {
-    for model in [Model::Averaged, Model::Switched] {
+    let models: &[Model] = match std::env::args().nth(1).as_deref() {
+        Some("averaged") => &[Model::Averaged],
+        Some("switched") => &[Model::Switched],
+        _ => &[Model::Averaged, Model::Switched],
+    };
+    for &model in models {
         for bits in [8192, 16384, 32767] {
             let mut plant = PlantParams::for_motor(MotorKind::Spread);
             plant.max_count = 1e6;

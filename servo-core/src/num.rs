@@ -39,8 +39,9 @@ pub const fn square_q51(x: u64) -> u64 {
 #[must_use]
 pub fn ratio_q32(n: u64, d: NonZeroU64) -> u64 {
     // In two steps, since n · 2^32 would need 128 bits: the remainder is below d, so 29 more bits fit.
-    let fraction = (((n % d) << 29) / d) << 3;
-    (n / d).saturating_mul(1 << 32).saturating_add(fraction)
+    let whole = n / d;
+    let remainder = n.wrapping_sub(whole.wrapping_mul(d.get()));
+    whole.saturating_mul(1 << 32).saturating_add(((remainder << 29) / d) << 3)
 }
 
 /// `√x` for 52 fractional bits: 32 fractional bits, of which the last six are zero, rounded down to 2^-26 but
@@ -55,4 +56,49 @@ pub fn isqrt_q52(x: u64) -> NonZeroU64 {
 #[must_use]
 pub const fn next_tick(time: u64) -> (u32, u64) {
     (((time >> 32) as u32).saturating_add(1), (1 << 32) - (time & 0xFFFF_FFFF))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ONE: u64 = 1 << 32;
+
+    proptest! {
+        #[test]
+        fn products_and_squares_are_rounded_down(a in 0..1_u64 << 35, b in 0..1_u64 << 35) {
+            prop_assert_eq!(u128::from(mul_q32(a, b)), u128::from(a) * u128::from(b) / u128::from(ONE));
+            prop_assert_eq!(u128::from(square_q51(a)), u128::from(a) * u128::from(a) / (1 << 13));
+        }
+
+        #[test]
+        fn a_ratio_is_right_to_29_bits(n in 0..1_u64 << 57, d in 1..1_u64 << 35) {
+            let exact = (u128::from(n) << 32) / u128::from(d);
+            let ratio = u128::from(ratio_q32(n, NonZeroU64::new(d).unwrap()));
+            prop_assert!(exact > u128::from(u64::MAX) || ratio == exact & !7, "{ratio} {exact}");
+        }
+
+        #[test]
+        fn a_root_is_rounded_down_to_26_bits(x in any::<u64>(), shift in 0..64_u32) {
+            let x = (x >> shift).max(1);
+            let root = u128::from(isqrt_q52(x).get() >> 6);
+            prop_assert_eq!(isqrt_q52(x).get() & 63, 0);
+            prop_assert!(root * root <= u128::from(x) && (root + 1) * (root + 1) > u128::from(x));
+        }
+
+        #[test]
+        fn the_next_tick_is_later_by_at_most_one(time in 0..u64::from(u32::MAX) << 32) {
+            let (tick, wait) = next_tick(time);
+            prop_assert!((1..=ONE).contains(&wait));
+            prop_assert_eq!(u64::from(tick) << 32, time + wait);
+        }
+    }
+
+    #[test]
+    fn extremes_saturate() {
+        assert_eq!(ratio_q32(u64::MAX, NonZeroU64::MIN), u64::MAX);
+        assert_eq!(isqrt_q52(0).get(), 64);
+        assert_eq!(next_tick(u64::MAX), (u32::MAX, 1));
+    }
 }

@@ -108,11 +108,11 @@ impl CountsPerSec {
         NonZeroU64::new(per_sec / 1000).unwrap_or(NonZeroU64::MIN)
     }
 
-    /// The nearest 1/65536 count/s to a velocity in counts a tick of 1 ms; saturates.
+    /// The nearest 1/65536 count/s to a velocity in counts a tick of 1 ms; wraps outside ±32 counts a tick.
     #[must_use]
     pub const fn from_wide_per_tick(velocity: Wide) -> Self {
-        let bits = velocity.to_bits().saturating_mul(1000).saturating_add(1 << 15) >> 16;
-        Self(I16F16::from_bits(saturating_i32(bits)))
+        let bits = velocity.to_bits().wrapping_mul(1000).wrapping_add(1 << 15) >> 16;
+        Self(I16F16::from_bits(bits as i32))
     }
 }
 
@@ -125,21 +125,12 @@ impl CountsPerSec2 {
     /// No acceleration.
     pub const ZERO: Self = Self(I24F8::ZERO);
 
-    /// The nearest 1/256 count/s² to an acceleration in counts a tick², a tick being 1 ms; saturates.
+    /// The nearest 1/256 count/s² to an acceleration in counts a tick², a tick being 1 ms; wraps outside
+    /// ±8.3 counts a tick².
     #[must_use]
     pub const fn from_wide_per_tick2(acceleration: Wide) -> Self {
-        let bits = acceleration.to_bits().saturating_mul(1_000_000).saturating_add(1 << 23) >> 24;
-        Self(I24F8::from_bits(saturating_i32(bits)))
-    }
-}
-
-const fn saturating_i32(x: i64) -> i32 {
-    if x > i32::MAX as i64 {
-        i32::MAX
-    } else if x < i32::MIN as i64 {
-        i32::MIN
-    } else {
-        x as i32
+        let bits = acceleration.to_bits().wrapping_mul(1_000_000).wrapping_add(1 << 23) >> 24;
+        Self(I24F8::from_bits(bits as i32))
     }
 }
 
@@ -231,3 +222,33 @@ pub struct MilliVolts(pub u16);
 /// A current in milliamperes, ±32 A.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MilliAmps(pub i16);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_profile_s_numbers_round_to_the_nearest_step() {
+        let half = Wide::from_bits(1 << 21);
+        assert_eq!(Counts::from_wide(half).0.to_bits(), 1);
+        assert_eq!(Counts::from_wide(half - Wide::DELTA), Counts::ZERO);
+        assert_eq!(Counts::from_wide(Counts::from_int(-7).to_wide()), Counts::from_int(-7));
+        assert_eq!(Counts::from_wide(Wide::from_num(1 << 21)), Counts::from_int(-(1 << 21)), "wraps");
+        for v in [16, 1000, 4080] {
+            let per_tick = CountsPerSec::from_int(v).to_wide_per_tick().get().cast_signed();
+            let exact = (i128::from(v) << 32) / 1000;
+            assert_eq!(i128::from(per_tick), exact);
+            assert_eq!(
+                CountsPerSec::from_wide_per_tick(Wide::from_bits(per_tick)),
+                CountsPerSec::from_int(v)
+            );
+            assert_eq!(
+                CountsPerSec::from_wide_per_tick(Wide::from_bits(-per_tick)),
+                CountsPerSec::from_int(-v)
+            );
+        }
+        // 2^-10 counts a tick² is 10^6/1024 counts/s².
+        assert_eq!(CountsPerSec2::from_wide_per_tick2(Wide::ONE >> 10).0.to_bits() * 1024, 1_000_000 * 256);
+        assert_eq!(CountsPerSec2::from_wide_per_tick2(Wide::from_num(-8)).0, -8_000_000);
+    }
+}

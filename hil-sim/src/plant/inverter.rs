@@ -57,6 +57,10 @@ pub struct Inverter {
     duty: f64,
     winding: Winding,
     dead_s: f64,
+    /// Dead time as a share of the period.
+    dead_share: f64,
+    /// Half of the current's ripple from valley to peak, A.
+    swing: f64,
     segments: Vec<Segment>,
 }
 
@@ -71,6 +75,8 @@ impl Inverter {
             duty: 0.0,
             winding,
             dead_s,
+            dead_share: dead_s / PERIOD_S,
+            swing: 0.0,
             segments: Vec::new(),
         }
     }
@@ -135,6 +141,7 @@ impl Inverter {
             ]
         };
         let tau = self.winding.tau;
+        self.swing = 0.25 * self.winding.bus_v * self.duty * (1.0 - self.duty) * t / self.winding.phase_l;
         self.segments.clear();
         let mut start = 0.0;
         for (end, pwm) in plan {
@@ -160,6 +167,10 @@ impl Inverter {
                 let mean = self.mean_leg(i[roles.pwm], dt);
                 let segment = Segment { end: dt, decay: (-dt / w.tau).exp(), pwm: mean };
                 self.run(roles, &[segment], i, e, 0.0, dt, flow);
+                // A triangle of ±swing has the mean square swing²/3, in two phases; the supply pays for it.
+                let ripple_j = 2.0 * w.phase_r * self.swing * self.swing / 3.0 * dt;
+                flow.copper_j += ripple_j;
+                flow.bus_charge += ripple_j / w.bus_v.max(1.0);
                 if let Terminal::Held { bus_share, .. } = mean
                     && roles.six_step
                     && idle
@@ -219,13 +230,12 @@ impl Inverter {
         if self.duty <= 0.0 || self.duty >= 1.0 {
             return Terminal::Held { v: self.duty * w.bus_v, bus_share: self.duty };
         }
-        let l = 2.0 * w.phase_l;
-        let swing = 0.5 * w.bus_v * self.duty * (1.0 - self.duty) * PERIOD_S / l;
-        let dead = self.dead_s / PERIOD_S;
+        let (swing, dead) = (self.swing, self.dead_share);
         // The diode's choice is a step in the current; a ramp as wide as twice what the dead time's voltage
         // changes the current in a step keeps the explicit step from hunting across it.
-        let width = 2.0 * dead * w.bus_v * dt / l + 1e-6;
-        let positive = |i: f64| (i / width + 0.5).clamp(0.0, 1.0);
+        let width = dead * w.bus_v * dt / w.phase_l + 1e-6;
+        let per_width = 1.0 / width;
+        let positive = |i: f64| (i * per_width + 0.5).clamp(0.0, 1.0);
         let valley = positive(i - swing);
         let peak = positive(i + swing);
         let bus_share = (self.duty - dead * (valley - (1.0 - peak))).clamp(0.0, 1.0);

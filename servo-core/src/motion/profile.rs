@@ -13,9 +13,11 @@
 //!
 //! Exactness: the tick is the unit of time and state has 32 fractional bits, so a = ACCEL²/2²⁰ and a/2 are
 //! whole numbers of units: steps inside a segment are exact, however long. Rounding happens only where a
-//! segment begins, by at most 2⁻²⁶ counts and 2⁻²⁹ counts a tick. Braking is computed back from the end, so
-//! the set-point lands on it exactly. The cruise velocity is rounded down to 2⁻³² counts a tick, which makes
-//! a move longer by at most 2⁻²⁶ of its duration: 0.06 ticks in the longest, 65,534 counts at 16 counts/s.
+//! segment begins: velocity by one unit (2⁻³²) or 2⁻²⁹ of the acceleration, position by 2⁻²⁶ counts. Braking
+//! is computed back from the end, so the set-point lands on it exactly; there the unit of velocity moves the
+//! position by one unit for each tick of braking: 10⁻⁶ counts at ACCEL 30, never more than the 1/1024 that is
+//! emitted. The cruise velocity is rounded down to one unit, which makes a move longer by at most 2⁻²⁶ of its
+//! duration: 0.06 ticks in the longest, 65,534 counts at 16 counts/s.
 
 use crate::num::{Wide, isqrt_q52, mul_q32, next_tick, ratio_q32, square_q51};
 use crate::units::{Counts, CountsPerSec, CountsPerSec2};
@@ -125,7 +127,10 @@ impl Profile {
         let before = self.now;
         if !before.is_rest() {
             let next = before.next();
-            self.now = *self.ahead.iter().rev().find(|s| s.tick == next.tick).unwrap_or(&next);
+            self.now = match self.ahead.iter().rev().find(|segment| segment.tick == next.tick) {
+                Some(begun) => *begun,
+                None => next,
+            };
         }
         self.change = self.now.velocity.wrapping_sub(before.velocity);
         self.current()
