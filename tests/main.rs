@@ -1,4 +1,5 @@
 //! System tests: one binary, a module a subject.
 
+mod fences;
 mod plant;
 mod profile;

@@ -48,7 +48,7 @@ mod tests {
             let (wanted, measured) = (CountsPerSec(Law::from_bits(wanted)), CountsPerSec(Law::from_bits(measured)));
             let torque = VelocityLoop::new(kpv).step(wanted, measured, Torque(limit));
             prop_assert!(torque.saturating_abs() <= Torque(limit));
-            prop_assert!(kpv == 0 || i32::from(torque.0).signum() * (wanted.0.cmp(&measured.0) as i32) >= 0);
+            prop_assert!(torque == Torque::ZERO || (torque > Torque::ZERO) == (wanted > measured));
         }
     }
 }

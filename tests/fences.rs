@@ -1,0 +1,100 @@
+//! The arrows and invariants of ARCHITECTURE.md, as far as a reader of source text can check them.
+//!
+//! Each fence is a function from a source text to its violations. It runs over every file of the workspace
+//! here, and over a small offending text beside its definition, which shows that it can fail.
+
+mod arrows;
+mod lengths;
+mod motion_only;
+mod tokens;
+mod world;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// One breach of a fence, as `file:line: what, and what to do`.
+#[derive(Debug)]
+struct Violation {
+    file: String,
+    line: usize,
+    text: String,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}: {}", self.file, self.line, self.text)
+    }
+}
+
+/// A source file: its path from the root of the workspace, with `/` between the parts, and its text.
+struct Source {
+    path: String,
+    text: String,
+}
+
+impl Source {
+    fn new(path: &str, text: &str) -> Self {
+        Self { path: path.into(), text: text.into() }
+    }
+
+    fn violation(&self, line: usize, text: impl Into<String>) -> Violation {
+        Violation { file: self.path.clone(), line, text: text.into() }
+    }
+
+    /// Whether the file is one of a crate's modules or lies below one of its folders.
+    fn is_in(&self, folder: &str) -> bool {
+        self.path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))
+    }
+}
+
+/// The root of the workspace. Read when the test runs, so that a built binary can judge another checkout.
+fn root() -> PathBuf {
+    let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_else(|_| env!("CARGO_MANIFEST_DIR").into());
+    Path::new(&manifest).parent().expect("tests/ lies in the workspace").to_path_buf()
+}
+
+/// All files named `name` or ending in `.name`, outside `target` and hidden folders.
+fn files(name: &str) -> Vec<Source> {
+    let (root, suffix) = (root(), format!(".{name}"));
+    let (mut found, mut folders) = (Vec::new(), vec![root.clone()]);
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("the workspace can be read") {
+            let entry = entry.expect("the workspace can be read");
+            let file = entry.file_name().to_string_lossy().into_owned();
+            if entry.path().is_dir() {
+                if file != "target" && !file.starts_with('.') {
+                    folders.push(entry.path());
+                }
+            } else if file == name || file.ends_with(&suffix) {
+                let path = entry.path();
+                let text = std::fs::read_to_string(&path).expect("sources are UTF-8");
+                let path = path.strip_prefix(&root).expect("found below the root");
+                found.push(Source::new(&path.to_string_lossy().replace('\\', "/"), &text));
+            }
+        }
+    }
+    assert!(found.len() > 3, "only {} files {name} under {}", found.len(), root.display());
+    found
+}
+
+fn assert_none(violations: &[Violation]) {
+    let lines: Vec<String> = violations.iter().map(ToString::to_string).collect();
+    assert!(lines.is_empty(), "{} violations:\n{}", lines.len(), lines.join("\n"));
+}
+
+/// Runs a fence over every Rust file of the workspace.
+fn check_workspace(fence: fn(&Source) -> Vec<Violation>) {
+    assert_none(&files("rs").iter().flat_map(fence).collect::<Vec<_>>());
+}
+
+/// Shows that a fence can fail: it must find exactly one violation in each offending text, and none in the
+/// clean ones.
+fn check_fence(fence: fn(&Source) -> Vec<Violation>, path: &str, offending: &[&str], clean: &[&str]) {
+    for text in offending {
+        let found = fence(&Source::new(path, text));
+        assert_eq!(found.len(), 1, "in {path}: {text}\nfound {found:?}");
+    }
+    for text in clean {
+        assert_none(&fence(&Source::new(path, text)));
+    }
+}

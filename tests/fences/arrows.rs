@@ -1,0 +1,109 @@
+//! Who may depend on whom, development dependencies included.
+
+use toml::{Table, Value};
+
+use super::{Source, Violation, assert_none, files};
+
+/// What a crate may import of ours, and of others where the list is closed.
+struct Arrows {
+    package: &'static str,
+    ours: &'static [&'static str],
+    /// `None`: any. A closed list gives a reason for each.
+    others: Option<&'static [&'static str]>,
+}
+
+const ARROWS: [Arrows; 4] = [
+    Arrows {
+        package: "servo-core",
+        ours: &[],
+        // fixed: the Q-formats, no_std, integer only. heapless: bounded queues without a heap. proptest: tests.
+        others: Some(&["fixed", "heapless", "proptest (dev)"]),
+    },
+    Arrows { package: "hil-sim", ours: &["servo-core"], others: None },
+    Arrows { package: "system-tests", ours: &["servo-core", "hil-sim"], others: None },
+    // The chores start first, on a machine that has nothing yet: few dependencies, and the rest by `cargo run`.
+    Arrows { package: "xtask", ours: &[], others: Some(&["clap", "serde_json"]) },
+];
+
+/// The names in every dependency table of a manifest, target-specific ones included; `(dev)` or `(build)` after
+/// those that are not linked into the crate.
+fn dependencies(manifest: &Table) -> Vec<String> {
+    let mut tables = vec![manifest];
+    if let Some(targets) = manifest.get("target").and_then(Value::as_table) {
+        tables.extend(targets.values().filter_map(Value::as_table));
+    }
+    let mut names = Vec::new();
+    for table in tables {
+        for (key, mark) in
+            [("dependencies", ""), ("dev-dependencies", " (dev)"), ("build-dependencies", " (build)")]
+        {
+            for (name, spec) in table.get(key).and_then(Value::as_table).into_iter().flatten() {
+                let package = spec.get("package").and_then(Value::as_str).unwrap_or(name);
+                names.push(format!("{package}{mark}"));
+            }
+        }
+    }
+    names
+}
+
+fn arrows(source: &Source) -> Vec<Violation> {
+    let manifest: Table = match source.text.parse() {
+        Ok(manifest) => manifest,
+        Err(error) => return vec![source.violation(1, format!("not TOML: {error}"))],
+    };
+    let Some(name) = manifest.get("package").and_then(|p| p.get("name")).and_then(Value::as_str) else {
+        return Vec::new(); // the workspace's own manifest
+    };
+    let Some(rule) = ARROWS.iter().find(|rule| rule.package == name) else {
+        return vec![
+            source.violation(1, format!("crate {name} has no arrows: add them here, and to the map")),
+        ];
+    };
+    let mut violations = Vec::new();
+    for dependency in dependencies(&manifest) {
+        let bare = dependency.split(' ').next().unwrap_or_default();
+        let is_ours = ARROWS.iter().any(|rule| rule.package == bare);
+        let allowed = if is_ours {
+            rule.ours.contains(&bare)
+        } else {
+            rule.others.is_none_or(|others| others.contains(&dependency.as_str()))
+        };
+        if !allowed {
+            let line = source.text.lines().position(|l| l.contains(bare)).map_or(1, |i| i + 1);
+            violations.push(source.violation(line, format!("{name} may not depend on {dependency}")));
+        }
+    }
+    violations
+}
+
+#[test]
+fn every_crate_keeps_its_arrows() {
+    assert_none(
+        &files("toml").iter().filter(|f| f.path.ends_with("Cargo.toml")).flat_map(arrows).collect::<Vec<_>>(),
+    );
+}
+
+#[test]
+fn the_arrow_fence_can_fail() {
+    let core = "[package]\nname = \"servo-core\"\n";
+    super::check_fence(
+        arrows,
+        "servo-core/Cargo.toml",
+        &[
+            &format!("{core}[dependencies]\nhil-sim.workspace = true"),
+            &format!("{core}[dependencies]\nlibm = \"0.2\""),
+            &format!("{core}[dependencies]\nproptest = \"1\""),
+            &format!("{core}[dev-dependencies]\nhil-sim.workspace = true"),
+            &format!("{core}[target.'cfg(unix)'.dev-dependencies]\nlibc = \"0.2\""),
+            &format!("{core}[dependencies]\nfixed = {{ package = \"half\", version = \"2\" }}"),
+            "[package]\nname = \"newcomer\"",
+            "[package]\nname = \"xtask\"\n[dependencies]\nhil-sim.workspace = true",
+            "[package",
+        ],
+        &[
+            &format!("{core}[dependencies]\nfixed = \"1\"\n[dev-dependencies]\nproptest = \"1\""),
+            "[package]\nname = \"hil-sim\"\n[dependencies]\nservo-core.workspace = true\nanything = \"1\"",
+            "[workspace]\nmembers = []",
+        ],
+    );
+}

@@ -1,0 +1,282 @@
+//! What servo-core must not know: std, floats, a heap, casts, panics, a simulator; and that one file orders
+//! the tick.
+
+use super::tokens::{Token, reads, scan, scan_tokens, tokens, without_tests};
+use super::{Source, Violation, check_fence, check_workspace, files};
+
+const CORE: &str = "servo-core";
+
+fn is_float_literal(token: &Token) -> bool {
+    let text = token.text.as_str();
+    let is_number = token.is_literal && text.starts_with(|c: char| c.is_ascii_digit());
+    let is_decimal = !["0x", "0b", "0o"].iter().any(|radix| text.starts_with(radix));
+    let digits = text.trim_end_matches("usize").trim_end_matches("isize");
+    is_number && is_decimal && digits.contains(['.', 'e', 'E', 'f'])
+}
+
+/// No float, in tests neither: what the tests compute must be what the microcontroller computes.
+fn float(source: &Source) -> Vec<Violation> {
+    if !source.is_in(CORE) {
+        return Vec::new();
+    }
+    scan(source, |tokens, at| {
+        let token = &tokens[at];
+        let is_type = !token.is_literal && ["f16", "f32", "f64", "f128"].contains(&token.text.as_str());
+        (is_type || is_float_literal(token))
+            .then(|| format!("{}: servo-core has no floating point; use `fixed` or integers", token.text))
+    })
+}
+
+/// Neither std nor a heap.
+fn freestanding(source: &Source) -> Vec<Violation> {
+    if !source.is_in(CORE) {
+        return Vec::new();
+    }
+    scan(source, |tokens, at| {
+        let name = &tokens[at].text;
+        // `core::alloc::` is another module: the name must begin its path.
+        let continues = at >= 3
+            && reads(tokens, at - 2, &[":", ":"])
+            && tokens[at - 3].text.ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        let is_path = reads(tokens, at + 1, &[":", ":"]) && !continues;
+        let is_extern = at > 0 && tokens[at - 1].text == "crate";
+        let is_import = at > 0 && tokens[at - 1].text == "use";
+        (["std", "alloc"].contains(&name.as_str()) && (is_path || is_extern || is_import))
+            .then(|| format!("{name}: servo-core stands on `core` alone"))
+    })
+}
+
+/// `as` truncates silently: raw conversions have two homes.
+fn cast(source: &Source) -> Vec<Violation> {
+    const PRIMITIVES: [&str; 17] = [
+        "u8", "u16", "u32", "u64", "u128", "usize", "i8", "i16", "i32", "i64", "i128", "isize", "f32", "f64",
+        "char", "_", "*",
+    ];
+    let homes = ["servo-core/src/units.rs", "servo-core/src/num.rs"];
+    if !source.is_in(CORE) || homes.contains(&source.path.as_str()) {
+        return Vec::new();
+    }
+    scan(source, |tokens, at| {
+        let to = tokens.get(at + 1).filter(|to| PRIMITIVES.contains(&to.text.as_str()))?;
+        // `use A as _` renames, it does not cast.
+        let renames = tokens[..at]
+            .iter()
+            .rev()
+            .take_while(|t| ![";", "}"].contains(&t.text.as_str()))
+            .any(|t| t.text == "use");
+        (tokens[at].text == "as" && !renames)
+            .then(|| format!("as {}: put a named conversion into units.rs or num.rs", to.text))
+    })
+}
+
+/// No panic path outside tests. (Indexing and overflow are clippy's: see the lints in lib.rs.)
+fn panic_path(source: &Source) -> Vec<Violation> {
+    const METHODS: [&str; 4] = ["unwrap", "expect", "unwrap_err", "expect_err"];
+    const MACROS: [&str; 8] = [
+        "panic",
+        "unreachable",
+        "assert",
+        "assert_eq",
+        "assert_ne",
+        "debug_assert",
+        "debug_assert_eq",
+        "debug_assert_ne",
+    ];
+    let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
+    if !source.is_in("servo-core/src") || is_test_file {
+        return Vec::new();
+    }
+    let tokens = match tokens(source) {
+        Ok(tokens) => without_tests(tokens),
+        Err(violation) => return vec![violation],
+    };
+    scan_tokens(source, &tokens, |tokens, at| {
+        let name = tokens[at].text.as_str();
+        let is_method =
+            METHODS.contains(&name) && at > 0 && tokens[at - 1].text == "." && reads(tokens, at + 1, &["("]);
+        let is_macro = MACROS.contains(&name) && reads(tokens, at + 1, &["!"]);
+        // `const _: () = assert!(..)` fails the build, not the motor.
+        let at_build = at >= 6 && reads(tokens, at - 6, &["const", "_", ":", "(", ")", "="]);
+        (is_method || is_macro && !at_build)
+            .then(|| format!("{name}: the control path does not panic; return or saturate"))
+    })
+}
+
+/// Firmware and simulation run the same code: no feature tells them apart.
+fn simulation_feature(source: &Source) -> Vec<Violation> {
+    scan(source, |tokens, at| {
+        let names_sim = tokens.get(at + 2).is_some_and(|value| value.text.contains("sim"));
+        (reads(tokens, at, &["feature", "="]) && names_sim)
+            .then(|| "the servo does not know whether it is simulated: pass the difference in".into())
+    })
+}
+
+/// Only `servo.rs` composes loops: any other module that names two of them orders a tick of its own.
+fn tick_order(source: &Source) -> Vec<Violation> {
+    const LOOPS: [&str; 3] = ["pid", "profile", "velocity_loop"];
+    let is_servo = source.path == "servo-core/src/servo.rs" || source.is_in("servo-core/src/servo");
+    let is_code = source.is_in("servo-core/src") || source.is_in("hil-sim/src");
+    if is_servo || !is_code {
+        return Vec::new();
+    }
+    let tokens = match tokens(source) {
+        Ok(tokens) => without_tests(tokens),
+        Err(violation) => return vec![violation],
+    };
+    let named = |name: &str| {
+        (0..tokens.len()).find(|at| reads(&tokens, *at, &[name, ":", ":"])).map(|at| tokens[at].line)
+    };
+    let lines: Vec<usize> = LOOPS.into_iter().filter_map(named).collect();
+    match lines[..] {
+        [_, second, ..] => vec![source.violation(second, "names two loops: only servo.rs composes them")],
+        _ => Vec::new(),
+    }
+}
+
+/// What a crate root must promise.
+fn promises(source: &Source) -> Vec<Violation> {
+    let wanted: &[&[&str]] = match source.path.as_str() {
+        "servo-core/src/lib.rs" => &[&["no_std"], &["forbid", "(", "unsafe_code", ")"]],
+        "hil-sim/src/lib.rs" | "hil-sim/src/main.rs" => &[&["forbid", "(", "unsafe_code", ")"]],
+        _ => return Vec::new(),
+    };
+    let tokens = match tokens(source) {
+        Ok(tokens) => tokens,
+        Err(violation) => return vec![violation],
+    };
+    let promised = |promise: &[&str]| {
+        let attribute: Vec<&str> = ["#", "!", "["].iter().chain(promise).chain(&["]"]).copied().collect();
+        (0..tokens.len()).any(|at| reads(&tokens, at, &attribute))
+    };
+    wanted
+        .iter()
+        .filter(|promise| !promised(promise))
+        .map(|promise| source.violation(1, format!("#![{}] is missing", promise.concat())))
+        .collect()
+}
+
+#[test]
+fn servo_core_has_no_float() {
+    check_workspace(float);
+}
+
+#[test]
+fn servo_core_stands_on_core_alone() {
+    check_workspace(freestanding);
+}
+
+#[test]
+fn casts_have_two_homes() {
+    check_workspace(cast);
+}
+
+#[test]
+fn the_control_path_does_not_panic() {
+    check_workspace(panic_path);
+}
+
+#[test]
+fn nothing_tells_simulation_from_metal() {
+    check_workspace(simulation_feature);
+}
+
+#[test]
+fn one_file_orders_the_tick() {
+    check_workspace(tick_order);
+}
+
+#[test]
+fn crate_roots_make_their_promises() {
+    check_workspace(promises);
+    let roots = ["servo-core/src/lib.rs", "hil-sim/src/lib.rs", "hil-sim/src/main.rs"];
+    let files = files("rs");
+    assert!(roots.iter().all(|root| files.iter().any(|file| file.path == *root)));
+}
+
+#[test]
+fn the_float_fence_can_fail() {
+    check_fence(
+        float,
+        "servo-core/src/a/tests.rs",
+        &["fn f(a: f32) {}", "const A: u8 = 1.5;", "g!(2e3);", "g!(1f64);", "g!(1.);", "use core::f64;"],
+        &[
+            "const A: u32 = 0x1e3; // 1.5",
+            "const B: usize = 0usize;",
+            "g!(0..5, t.0, 7i8, \"1.5 f32\");",
+            "const F: u8 = 0xf3;",
+        ],
+    );
+    check_fence(float, "hil-sim/src/a.rs", &[], &["fn f(a: f64) {}"]);
+}
+
+#[test]
+fn the_std_fence_can_fail() {
+    check_fence(
+        freestanding,
+        "servo-core/src/a.rs",
+        &["use std::vec::Vec;", "extern crate std;", "extern crate alloc;", "fn f() { ::alloc::x() }"],
+        &["use core::fmt; // std::fmt", "use core::alloc::Layout;", "fn std() {}"],
+    );
+}
+
+#[test]
+fn the_cast_fence_can_fail() {
+    check_fence(
+        cast,
+        "servo-core/src/a.rs",
+        &["fn f(a: u8) -> i8 { a as i8 }", "g!(1 as _);", "const A: *const u8 = B as *const u8;"],
+        &["use a::B as _;", "fn f() { <A as B>::c() }"],
+    );
+    check_fence(cast, "servo-core/src/units.rs", &[], &["fn f(a: u8) -> i8 { a as i8 }"]);
+}
+
+#[test]
+fn the_panic_fence_can_fail() {
+    check_fence(
+        panic_path,
+        "servo-core/src/a.rs",
+        &[
+            "fn f() { a.unwrap() }",
+            "fn f() { a.expect(\"b\") }",
+            "fn f() { panic!() }",
+            "fn f() { assert!(a) }",
+            "#[cfg(test)] mod t {} fn f() { a.unwrap() }",
+        ],
+        &[
+            "fn f() { a.unwrap_or(0) }",
+            "#[cfg(test)] mod t { fn f() { a.unwrap() } }",
+            "const _: () = assert!(A < B);",
+            "#[expect(lint)] fn f() {}",
+        ],
+    );
+}
+
+#[test]
+fn the_feature_fence_can_fail() {
+    check_fence(
+        simulation_feature,
+        "servo-core/src/a.rs",
+        &["#[cfg(feature = \"sim\")] fn f() {}", "fn f() { if cfg!(feature = \"simulation\") {} }"],
+        &["#[cfg(feature = \"defmt\")] fn f() {}"],
+    );
+}
+
+#[test]
+fn the_tick_order_fence_can_fail() {
+    let two = "use crate::motion::{pid::Pid, profile::Profile};";
+    check_fence(tick_order, "servo-core/src/mode.rs", &[two], &["pub mod pid; pub mod profile;"]);
+    check_fence(tick_order, "hil-sim/src/a.rs", &[two], &["use servo_core::motion::pid::Pid;"]);
+    check_fence(tick_order, "servo-core/src/servo.rs", &[], &[two]);
+}
+
+#[test]
+fn the_promise_fence_can_fail() {
+    let one = ["#![no_std]", "#![forbid(unsafe_code)]", "#![no_std]\n// #![forbid(unsafe_code)]"];
+    check_fence(promises, "servo-core/src/lib.rs", &one, &["#![no_std]\n#![forbid(unsafe_code)]"]);
+    check_fence(
+        promises,
+        "hil-sim/src/main.rs",
+        &["fn main() {}"],
+        &["#![forbid(unsafe_code)]\nfn main() {}"],
+    );
+}

@@ -1,0 +1,94 @@
+//! All checks and tests, in the order in which they are cheap.
+
+use std::process::Command;
+use std::time::Instant;
+
+use crate::program::{output, program, root, run};
+use crate::setup::THUMB;
+use crate::{Outcome, hall_oracle, setup};
+
+/// One step: what it is called and what it does.
+struct Step {
+    name: &'static str,
+    check: fn() -> Outcome,
+}
+
+const STEPS: [Step; 9] = [
+    Step { name: "set-up", check: setup::install },
+    Step { name: "format", check: || run(program("cargo fmt --all --check")) },
+    Step { name: "clippy, host", check: clippy_host },
+    Step { name: "clippy, microcontroller", check: clippy_thumb },
+    Step { name: "build, microcontroller", check: build_thumb },
+    Step { name: "tests", check: || run(program("cargo test --quiet --workspace")) },
+    Step { name: "documentation", check: documentation },
+    Step { name: "scenarios", check: scenarios },
+    Step { name: "hall captures", check: hall_oracle::check },
+];
+
+/// Runs every step; the first failure ends it.
+///
+/// # Errors
+/// The name of the step that failed, and the line to repeat it.
+pub fn ci() -> Outcome {
+    let start = Instant::now();
+    for (i, step) in STEPS.iter().enumerate() {
+        println!("[{}/{}] {}", i + 1, STEPS.len(), step.name);
+        let begin = Instant::now();
+        (step.check)().map_err(|error| format!("{}: {error}", step.name))?;
+        println!("  {} took {:.1} s", step.name, begin.elapsed().as_secs_f64());
+    }
+    println!("All {} steps passed in {:.0} s.", STEPS.len(), start.elapsed().as_secs_f64());
+    Ok(())
+}
+
+fn clippy_host() -> Outcome {
+    run(program("cargo clippy --quiet --workspace --all-targets -- -D warnings"))
+}
+
+fn clippy_thumb() -> Outcome {
+    run(program(&format!("cargo clippy --quiet --package servo-core --target {THUMB} -- -D warnings")))
+}
+
+fn build_thumb() -> Outcome {
+    run(program(&format!("cargo build --quiet --release --package servo-core --target {THUMB}")))
+}
+
+fn documentation() -> Outcome {
+    let mut doc = program("cargo doc --quiet --workspace --no-deps");
+    doc.env("RUSTDOCFLAGS", "-D warnings");
+    run(doc)
+}
+
+/// Every shipped scenario must meet its own expectations; the headline one with both models of the inverter.
+fn scenarios() -> Outcome {
+    let names = shipped()?;
+    let listed = output(simulator("list"))?;
+    if let Some(name) = names.iter().find(|name| !listed.contains(name.as_str())) {
+        return Err(format!("`hil-sim list` does not name {name}"));
+    }
+    let mut runs: Vec<String> = names.iter().map(|name| format!("run {name} --json")).collect();
+    runs.push("run spread-full-travel --json --model switched".into());
+    let failures: Vec<String> = runs.iter().filter_map(|line| output(simulator(line)).err()).collect();
+    println!("  {} of {} runs met their expectations", runs.len() - failures.len(), runs.len());
+    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+}
+
+fn simulator(line: &str) -> Command {
+    program(&format!("cargo run --quiet --release --package hil-sim -- {line}"))
+}
+
+/// The names of the scenario files, sorted.
+fn shipped() -> Result<Vec<String>, String> {
+    let folder = root().join("hil-sim/scenarios");
+    let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
+        .filter_map(|path| Some(path.file_stem()?.to_string_lossy().into_owned()))
+        .collect();
+    names.sort();
+    if names.is_empty() {
+        return Err(format!("no scenarios in {}", folder.display()));
+    }
+    Ok(names)
+}

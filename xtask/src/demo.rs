@@ -1,0 +1,26 @@
+//! The main job: a tuning run that shows, in numbers and in a picture, how a motor of the hand moves.
+
+use crate::Outcome;
+use crate::program::{program, root, run};
+
+/// The spread as the manual sets it, and a finger link at the manual's speed limit.
+const SCENARIOS: [&str; 2] = ["spread-full-travel", "link-fast"];
+
+/// Needs no set-up: the simulator is built by cargo alone.
+pub fn demo() -> Outcome {
+    println!("Building the simulator (a minute or two the first time) ...");
+    run(program("cargo build --quiet --release --package hil-sim"))?;
+    for scenario in SCENARIOS {
+        println!("\n== {scenario}");
+        run(program(&format!(
+            "cargo run --quiet --release --package hil-sim -- run {scenario} --out out/{scenario}"
+        )))?;
+    }
+    println!("\nOpen in a browser:");
+    for scenario in SCENARIOS {
+        println!("  {}", root().join("out").join(scenario).join("report.html").display());
+    }
+    println!("\nTune by hand, for example:");
+    println!("  cargo run --release -p hil-sim -- run spread-full-travel --set KP=30 --out out/soft");
+    Ok(())
+}

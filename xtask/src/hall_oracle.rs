@@ -1,0 +1,68 @@
+//! The hall estimator against recorded captures of real sensors, judged by the oracle that came with them.
+//!
+//! Captures and oracle are not part of the project: they lie in `shared/` beside the checkout, where present.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::Outcome;
+use crate::program::{output, program, root, run, target};
+
+/// Upper bounds for one capture: what the best public estimator known reaches, less a margin.
+struct Bounds {
+    capture: &'static str,
+    velocity_mse: f64,
+    position_mse: f64,
+}
+
+/// (counts/s)² and counts²; the targets of the estimator's design, one setting for all captures.
+const BOUNDS: [Bounds; 3] = [
+    Bounds { capture: "20250616-back-and-forth", velocity_mse: 84.0, position_mse: 0.395 },
+    Bounds { capture: "20250616-speed-cycle", velocity_mse: 294.0, position_mse: 0.177 },
+    Bounds { capture: "20260618-spindle-hw", velocity_mse: 506.0, position_mse: 0.062 },
+];
+
+/// Most that a steady speed may be over- or under-estimated, percent.
+const BIAS_PERCENT: f64 = 0.3;
+
+/// Replays every capture and compares with its bounds; says so where there is nothing to replay.
+///
+/// # Errors
+/// A capture fails its bounds, or a program fails.
+pub fn check() -> Outcome {
+    let shared = root().join("../shared");
+    let oracle = shared.join("tools/hall_oracle.py");
+    if !oracle.exists() {
+        println!("  skipped: no captures in ../shared beside the checkout");
+        return Ok(());
+    }
+    let out = target().join("hall-oracle");
+    std::fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    let failures: Vec<String> =
+        BOUNDS.iter().filter_map(|b| judge(b, &shared, &oracle, &out).err()).collect();
+    if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+}
+
+fn judge(bounds: &Bounds, shared: &Path, oracle: &Path, out: &Path) -> Outcome {
+    let capture = shared.join("captures").join(format!("{}.dat.gz", bounds.capture));
+    let csv = out.join(format!("{}.csv", bounds.capture));
+    let mut replay = program("cargo run --quiet --release --package hil-sim -- replay-halls");
+    replay.arg(&capture).args(["--counts-per-rev", "90", "--rate-hz", "30000", "--csv"]).arg(&csv);
+    run(replay)?;
+    let mut score = program("python3");
+    score.arg(oracle).arg(&capture).arg(&csv).arg("--json");
+    let text = output(score)?;
+    let score: Value =
+        serde_json::from_str(&text).map_err(|error| format!("the oracle said {text}: {error}"))?;
+    let number = |key: &str| score[key].as_f64().ok_or_else(|| format!("the oracle gives no {key}: {text}"));
+    let (velocity, position) = (number("velocity_mse")?, number("position_mse")?);
+    let bias = number("worst_flat_bias_pct")?.abs();
+    let line = format!(
+        "  {}: velocity MSE {velocity} (< {}), position MSE {position} (< {}), bias {bias} % (<= {BIAS_PERCENT})",
+        bounds.capture, bounds.velocity_mse, bounds.position_mse
+    );
+    println!("{line}");
+    let holds = velocity < bounds.velocity_mse && position < bounds.position_mse && bias <= BIAS_PERCENT;
+    if holds { Ok(()) } else { Err(format!("outside its bounds:{line}")) }
+}

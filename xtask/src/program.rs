@@ -1,0 +1,72 @@
+//! Starting other programs from the root of the project, with errors that say how to repeat them by hand.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// The root of the project.
+pub fn root() -> PathBuf {
+    // A checkout may have moved since this was compiled: cargo's own word goes first.
+    let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_else(|_| env!("CARGO_MANIFEST_DIR").into());
+    Path::new(&manifest).parent().map_or_else(PathBuf::new, Path::to_path_buf)
+}
+
+/// Where cargo puts what it builds.
+pub fn target() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder))
+}
+
+/// A program to start in the root of the project, `line` split at blanks.
+pub fn program(line: &str) -> Command {
+    let mut words = line.split_whitespace();
+    let mut command = Command::new(words.next().unwrap_or_default());
+    command.args(words).current_dir(root());
+    command
+}
+
+/// The command line as a person would type it in the root of the project.
+pub fn typed(command: &Command) -> String {
+    let quoted = |word: String| if word.contains(' ') { format!("'{word}'") } else { word };
+    let variables = command.get_envs().filter_map(|(name, value)| {
+        Some(format!("{}={}", name.to_string_lossy(), quoted(value?.to_string_lossy().into_owned())))
+    });
+    let words = std::iter::once(command.get_program()).chain(command.get_args());
+    let words = words.map(|word| quoted(word.to_string_lossy().into_owned()));
+    variables.chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// Runs to the end with the terminal shared.
+///
+/// # Errors
+/// The program cannot be started or fails; the text ends with the line to repeat it.
+pub fn run(mut command: Command) -> Result<(), String> {
+    let line = typed(&command);
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(format!("{status}\n  repeat with: {line}")),
+        Err(error) => Err(format!("cannot start: {error}\n  repeat with: {line}")),
+    }
+}
+
+/// Runs to the end and returns what it wrote to standard output; standard error stays on the terminal.
+///
+/// # Errors
+/// As [`run`]; the text also holds the output.
+pub fn output(mut command: Command) -> Result<String, String> {
+    let line = typed(&command);
+    let output = command
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|error| format!("cannot start: {error}\n  repeat with: {line}"))?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    if output.status.success() {
+        return Ok(text);
+    }
+    Err(format!("{}\n{}\n  repeat with: {line}", output.status, text.trim_end()))
+}
+
+/// Whether a program can be started and succeeds; it writes nothing to the terminal.
+pub fn succeeds(line: &str) -> bool {
+    let mut command = program(line);
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}

@@ -1,0 +1,41 @@
+//! What the checks need beside cargo, fetched where it is missing.
+
+use crate::Outcome;
+use crate::program::{output, program, run, succeeds};
+
+/// The microcontroller's target.
+pub const THUMB: &str = "thumbv7m-none-eabi";
+
+/// Makes sure that rustfmt, clippy and the core library of the microcontroller are there.
+///
+/// # Errors
+/// What is missing and the line that installs it.
+pub fn install() -> Outcome {
+    if !succeeds("cargo fmt --version") {
+        fetch("rustfmt", "rustup component add rustfmt")?;
+    }
+    if !succeeds("cargo clippy --version") {
+        fetch("clippy", "rustup component add clippy")?;
+    }
+    if !has_target()? {
+        fetch(THUMB, &format!("rustup target add {THUMB}"))?;
+    }
+    Ok(())
+}
+
+/// Whether the compiler in use, from rustup or not, has the core library of the microcontroller.
+fn has_target() -> Result<bool, String> {
+    let libraries = output(program(&format!("rustc --print target-libdir --target {THUMB}")))?;
+    Ok(std::path::Path::new(libraries.trim()).is_dir())
+}
+
+fn fetch(what: &str, line: &str) -> Outcome {
+    if !succeeds("rustup --version") {
+        return Err(format!(
+            "{what} is missing, and so is rustup, which would install it.\n  Install rustup from \
+             https://rustup.rs and then run `{line}`, or add {what} to this Rust by the means it came by."
+        ));
+    }
+    eprintln!("{what} is missing: {line}");
+    run(program(line)).map_err(|error| format!("{what} cannot be installed: {error}"))
+}
