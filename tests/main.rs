@@ -3,3 +3,4 @@
 mod fences;
 mod plant;
 mod profile;
+mod scenarios;
