@@ -112,7 +112,7 @@ impl PropertyError {
     #[must_use]
     pub fn found(&self) -> String {
         match self {
-            Self::Unknown { name } => name.clone(),
+            Self::Unknown { name } => format!("{name:?}"),
             Self::Range { name, found, .. } => format!("{name} = {found}"),
         }
     }

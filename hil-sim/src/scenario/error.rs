@@ -66,6 +66,11 @@ impl Source<'_> {
         if let Some(field) = problem.strip_prefix("missing field ") {
             return self.missing(span, field);
         }
+        if problem == "duplicate key" {
+            let key = self.key_at(span.start).unwrap_or_else(|| "a table".to_owned());
+            let problem = format!("{key}: duplicate key");
+            return self.error(span, problem, "each key once", "remove one of the two");
+        }
         let field = self.key_at(span.start);
         let next = match problem.strip_prefix("unknown field ") {
             Some(key) => suggestion(key.trim_matches('`'), &expected),

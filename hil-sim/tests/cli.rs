@@ -1,0 +1,140 @@
+//! The binary as a person or a program meets it: output, files and exit codes.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn hil_sim(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_hil-sim")).args(args).output().expect("the binary starts")
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).expect("text")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).expect("text")
+}
+
+/// An empty folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder for the test");
+    folder
+}
+
+/// A scenario of 20 ms whose one expectation is as given.
+fn scenario(folder: &Path, expect: &str) -> String {
+    let path = folder.join("x.toml");
+    let head = "name = \"x\"\nabout = \"y\"\nmotor = \"link\"\nduration_ms = 20\n";
+    std::fs::write(&path, format!("{head}[[expect]]\nmetric = \"sim_s\"\n{expect}\n"))
+        .expect("a file for the test");
+    path.to_string_lossy().into_owned()
+}
+
+#[test]
+fn json_is_one_object_alone_with_the_promised_keys() {
+    let output = hil_sim(&["run", "spread-full-travel", "--json", "--seed", "7", "--model", "switched"]);
+    let text = stdout(&output);
+    let json: serde_json::Value = serde_json::from_str(&text).expect("one JSON object and nothing else");
+    let object = json.as_object().expect("an object");
+    let mut keys: Vec<&str> = object.keys().map(String::as_str).collect();
+    let mut promised = [
+        "scenario",
+        "seed",
+        "model",
+        "end_reason",
+        "end_ms",
+        "arrival_ms",
+        "overshoot_counts",
+        "final_error_counts",
+        "tracking_rms_counts",
+        "peak_torque",
+        "peak_current_a",
+        "peak_winding_c",
+        "hold_error_counts",
+        "faults",
+        "sim_s",
+        "wall_s",
+        "expectations",
+    ];
+    keys.sort_unstable();
+    promised.sort_unstable();
+    assert_eq!(keys, promised);
+    assert_eq!((&json["seed"], &json["model"]), (&7.into(), &"switched".into()));
+    let verdict = json["expectations"][0].as_object().expect("an object");
+    let keys: Vec<&str> = verdict.keys().map(String::as_str).collect();
+    for key in ["name", "ok", "value", "want"] {
+        assert!(keys.contains(&key), "{key} in {keys:?}");
+    }
+    assert_eq!(keys.len(), 4);
+}
+
+#[test]
+fn exit_codes_tell_met_unmet_and_bad_input_apart() {
+    let folder = folder("exit-codes");
+    let met = hil_sim(&["run", &scenario(&folder, "equals = 0.02")]);
+    assert_eq!(met.status.code(), Some(0), "{}", stderr(&met));
+    assert!(stdout(&met).contains("sim_s = 0.020, want 0.02"), "{}", stdout(&met));
+    let unmet = hil_sim(&["run", &scenario(&folder, "min = 1")]);
+    assert_eq!(unmet.status.code(), Some(1));
+    assert!(stdout(&unmet).contains("FAILED"), "{}", stdout(&unmet));
+    let path = scenario(&folder, "mn = 1");
+    let bad = hil_sim(&["run", &path, "--json"]);
+    assert_eq!(bad.status.code(), Some(2));
+    assert_eq!(stdout(&bad), "");
+    for word in [&format!("error: {path}:7"), "mn", "found:", "expected:", "next:"] {
+        assert!(stderr(&bad).contains(word), "no {word} in {}", stderr(&bad));
+    }
+    for args in [
+        &["run", "no-such-scenario"][..],
+        &["run", "link-fast", "--set", "KP=many"],
+        &["run", "link-fast", "--set", "KQ=1"],
+        &["run", "link-fast", "--model", "exact"],
+        &["run", "link-fast", "--seed", "-1"],
+        &["run", "link-fast", "--out", "/dev/null/x"],
+        &["run"],
+        &["fly"],
+    ] {
+        let output = hil_sim(args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {}", stderr(&output));
+        assert!(stderr(&output).starts_with("error: ") || stderr(&output).contains("Usage"), "{args:?}");
+    }
+}
+
+#[test]
+fn files_are_written_where_asked_and_nowhere_else() {
+    let folder = folder("files");
+    let out = folder.join("deep/report");
+    let out_text = out.to_string_lossy().into_owned();
+    let path = scenario(&folder, "min = 0");
+    for _ in 0..2 {
+        // A second run replaces the files of the first.
+        let output = hil_sim(&["run", &path, "--out", &out_text]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    }
+    let entries = std::fs::read_dir(&out).expect("the folder is made");
+    let mut names: Vec<_> = entries.map(|entry| entry.expect("an entry").file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["report.html", "trace.csv"]);
+    let csv = std::fs::read_to_string(out.join("trace.csv")).expect("text");
+    assert_eq!(csv.lines().count(), 1 + 21, "a header, the start and 20 ticks");
+    assert!(csv.starts_with("time_ms,mode,position_counts,"));
+
+    let empty = self::folder("no-files");
+    let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+        .args(["run", &path, "--set", "KP=120"])
+        .current_dir(&empty)
+        .output()
+        .expect("the binary starts");
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert_eq!(std::fs::read_dir(&empty).expect("the folder").count(), 0);
+}
+
+#[test]
+fn list_names_every_shipped_scenario() {
+    let text = stdout(&hil_sim(&["list"]));
+    for shipped in hil_sim::scenario::SHIPPED {
+        assert!(text.lines().any(|line| line.starts_with(&format!("{} ", shipped.name))), "{}", shipped.name);
+    }
+}
