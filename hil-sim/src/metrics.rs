@@ -226,9 +226,9 @@ macro_rules! metric {
 
 /// Every metric that an expectation can name.
 pub const METRICS: [Metric; 24] = [
-    metric!(end_reason, "why the last move ended", word |m| m.end_reason.map_or("none", end_word).into()),
+    metric!(end_reason, "why the last move ended", word | m | m.end_reason.map_or("none", end_word).into()),
     metric!(end_ms, "from the move's first driven tick to its end"),
-    metric!(arrival_ms, "the same, of a move that arrived", number |m| m.arrival_ms().into()),
+    metric!(arrival_ms, "the same, of a move that arrived", number | m | m.arrival_ms().into()),
     metric!(overshoot_counts, "true rotor past the end position"),
     metric!(final_error_counts, "distance from the end position 200 ms after the end"),
     metric!(tracking_rms_counts, "RMS distance from the set-point during the move"),
@@ -237,16 +237,21 @@ pub const METRICS: [Metric; 24] = [
     metric!(peak_winding_c, "highest winding temperature"),
     metric!(hold_error_counts, "distance from the held position at the end of the run"),
     metric!(peak_hold_error_counts, "largest distance from the held position while holding"),
-    metric!(faults, "faults that latched", word |m| match m.faults.as_slice() {
-        [] => "none".into(),
-        faults => Value::Text(faults.iter().map(|f| fault_word(*f)).collect::<Vec<_>>().join(", ")),
-    }),
+    metric!(
+        faults,
+        "faults that latched",
+        word | m
+            | match m.faults.as_slice() {
+                [] => "none".into(),
+                faults => Value::Text(faults.iter().map(|f| fault_word(*f)).collect::<Vec<_>>().join(", ")),
+            }
+    ),
     metric!(end_after_last_count_ms, "from the last hall count to the end of the move"),
     metric!(ends, "moves that ended"),
     metric!(refusals, "commands that were refused"),
     metric!(glitches, "hall glitches reported"),
-    metric!(homed, "1 if HI has found zero", number |m| f64::from(u8::from(m.homed)).into()),
-    metric!(mode, "mode at the end of the run", word |m| mode_word(m.mode).into()),
+    metric!(homed, "1 if HI has found zero", number | m | f64::from(u8::from(m.homed)).into()),
+    metric!(mode, "mode at the end of the run", word | m | mode_word(m.mode).into()),
     metric!(position_counts, "true position at the end of the run"),
     metric!(velocity_counts_s, "true velocity at the end of the run"),
     metric!(peak_speed_counts_s, "largest true speed"),
@@ -375,8 +380,7 @@ impl Meter {
                     present.ended_ms = Some(sample.ms);
                     m.end_ms = Some(f64::from(sample.ms - present.since_ms));
                 }
-                m.end_after_last_count_ms =
-                    Some(f64::from(sample.ms) - sample.last_count_us as f64 / 1000.0);
+                m.end_after_last_count_ms = Some(f64::from(sample.ms) - sample.last_count_us as f64 / 1000.0);
             }
             Event::Breakaway { position, .. } => {
                 m.breakaway_counts = Some(f64::from(position) + self.origin);
@@ -399,7 +403,8 @@ impl Meter {
             mode: last.status.mode,
             position_counts: last.truth.counts,
             velocity_counts_s: last.truth.counts_per_s,
-            count_error_counts: (f64::from(last.status.position.round()) + self.origin - last.truth.counts).abs(),
+            count_error_counts: (f64::from(last.status.position.round()) + self.origin - last.truth.counts)
+                .abs(),
             ..self.metrics
         }
     }

@@ -67,7 +67,8 @@ pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, ParamError
     let mut expectations = Vec::new();
     for case in &scenario.cases {
         let run = run_case(scenario, case, options)?;
-        let mut verdicts: Vec<Verdict> = scenario.expectations.iter().map(|e| e.judge(&run.metrics)).collect();
+        let mut verdicts: Vec<Verdict> =
+            scenario.expectations.iter().map(|e| e.judge(&run.metrics)).collect();
         verdicts.extend(unexpected_refusals(scenario, &run.metrics));
         if scenario.cases.len() > 1 {
             for verdict in &mut verdicts {
@@ -152,7 +153,13 @@ fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<Motor
 }
 
 /// Lets a timed action happen.
-fn act(action: &Action, board: &mut SimBoard, meter: &mut Meter, last: &Sample, log: &mut Vec<(u32, String)>) {
+fn act(
+    action: &Action,
+    board: &mut SimBoard,
+    meter: &mut Meter,
+    last: &Sample,
+    log: &mut Vec<(u32, String)>,
+) {
     let command = match action {
         Action::Command(command) => *command,
         Action::Set(rows) => {

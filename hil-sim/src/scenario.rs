@@ -138,7 +138,8 @@ impl std::fmt::Display for Action {
                 Command::ClearBreakaway => f.write_str("clear breakaway"),
             },
             Self::Set(rows) => {
-                let words: Vec<_> = rows.iter().map(|(row, value)| format!("{} = {value}", row.name)).collect();
+                let words: Vec<_> =
+                    rows.iter().map(|(row, value)| format!("{} = {value}", row.name)).collect();
                 f.write_str(&words.join(", "))
             }
             Self::Disturbance(n_m) => write!(f, "disturbance {n_m} N·m"),
@@ -413,9 +414,8 @@ fn settings(source: Source<'_>, set: &file::Settings) -> Result<Vec<(&'static Pr
 /// One `[[at]]` table: a time and exactly one action.
 fn timed(source: Source<'_>, at: &Spanned<file::At>, duration_ms: u32) -> Result<Timed, BadInput> {
     let file::At { ms, .. } = *at.get_ref();
-    let fail = |problem: String, expected: String, next: &str| {
-        Err(source.error(at.span(), problem, expected, next))
-    };
+    let fail =
+        |problem: String, expected: String, next: &str| Err(source.error(at.span(), problem, expected, next));
     if ms >= duration_ms {
         return fail(
             format!("[[at]] ms = {ms} is not before the end of the run"),

@@ -126,7 +126,10 @@ impl Chart<'_> {
         let (ticks, decimals) = x.ticks(12.0);
         for tick in ticks {
             let at = x.at(tick);
-            let _ = write!(svg, "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{bottom}\" x2=\"{at:.1}\" y2=\"{top}\"/>");
+            let _ = write!(
+                svg,
+                "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{bottom}\" x2=\"{at:.1}\" y2=\"{top}\"/>"
+            );
             let label = bottom + 16.0;
             let _ = write!(
                 svg,
@@ -134,7 +137,8 @@ impl Chart<'_> {
             );
         }
         let end = bottom + 28.0;
-        let _ = write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{right}\" y=\"{end}\">time, ms</text>");
+        let _ =
+            write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{right}\" y=\"{end}\">time, ms</text>");
         if self.lanes.is_empty() {
             // About 34 units a step: labels do not crowd.
             let (ticks, decimals) = y.ticks((bottom - top) / 34.0);
@@ -145,15 +149,15 @@ impl Chart<'_> {
         for (lane, name) in self.lanes.iter().enumerate() {
             self.y_tick(svg, y.at(lane as f64 + 0.1), right, name, false);
         }
-        let _ = write!(
-            svg,
-            "<path class=\"frame\" d=\"M{LEFT} {top}V{bottom}H{right}\"/>"
-        );
+        let _ = write!(svg, "<path class=\"frame\" d=\"M{LEFT} {top}V{bottom}H{right}\"/>");
     }
 
     fn y_tick(&self, svg: &mut String, at: f64, right: f64, label: &str, zero: bool) {
         let class = if zero { "grid zero" } else { "grid" };
-        let _ = write!(svg, "<line class=\"{class}\" x1=\"{LEFT}\" y1=\"{at:.1}\" x2=\"{right}\" y2=\"{at:.1}\"/>");
+        let _ = write!(
+            svg,
+            "<line class=\"{class}\" x1=\"{LEFT}\" y1=\"{at:.1}\" x2=\"{right}\" y2=\"{at:.1}\"/>"
+        );
         let (x, y) = (LEFT - 7.0, at + 4.0);
         let _ = write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{x}\" y=\"{y:.1}\">{label}</text>");
     }
@@ -164,7 +168,10 @@ impl Chart<'_> {
         let mut taken: Vec<f64> = Vec::new();
         for mark in self.marks {
             let (at, class) = (x.at(mark.ms), mark.class);
-            let _ = write!(svg, "<line class=\"mark {class}\" x1=\"{at:.1}\" y1=\"{TOP}\" x2=\"{at:.1}\" y2=\"{bottom}\"/>");
+            let _ = write!(
+                svg,
+                "<line class=\"mark {class}\" x1=\"{at:.1}\" y1=\"{TOP}\" x2=\"{at:.1}\" y2=\"{bottom}\"/>"
+            );
             if !self.labelled {
                 continue;
             }
@@ -226,7 +233,9 @@ fn points(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
     }
     for start in (0..count).step_by(bucket) {
         let range = start..(start + bucket).min(count);
-        let by_value = |a: &usize, b: &usize| values.get(*a).partial_cmp(&values.get(*b)).unwrap_or(std::cmp::Ordering::Equal);
+        let by_value = |a: &usize, b: &usize| {
+            values.get(*a).partial_cmp(&values.get(*b)).unwrap_or(std::cmp::Ordering::Equal)
+        };
         if let (Some(low), Some(high)) = (range.clone().min_by(by_value), range.max_by(by_value)) {
             draw(&mut text, low.min(high));
             if low != high {

@@ -76,7 +76,8 @@ fn motor(page: &mut String, scenario: &Scenario, case: &Case, run: &MotorRun) {
     let end = run.metrics.end_reason.map_or(String::new(), |reason| format!(" · {}", end_word(reason)));
     let _ = writeln!(page, "<h2>{} motor{end}</h2>\n<div class=\"tiles\">", capital(motor_name(run.motor)));
     for (name, label, unit) in HEADLINES {
-        let value = METRICS.iter().find(|metric| metric.name == name).map(|metric| (metric.get)(&run.metrics));
+        let value =
+            METRICS.iter().find(|metric| metric.name == name).map(|metric| (metric.get)(&run.metrics));
         if let Some(value @ Value::Number(_)) = value {
             let _ = writeln!(
                 page,
@@ -145,8 +146,18 @@ fn marks(scenario: &Scenario, run: &MotorRun) -> Vec<Mark> {
 fn charts(trace: &Trace, times: &[f64], marks: &[Mark]) -> Vec<String> {
     let curve = |name, class, column: &str| Series { name, class, values: trace.column(column) };
     let chart = |title, unit, height, least_span, series: Vec<Series>| {
-        Chart { title, unit, height, least_span, lanes: &[], times, series, marks, labelled: title == "Position" }
-            .svg()
+        Chart {
+            title,
+            unit,
+            height,
+            least_span,
+            lanes: &[],
+            times,
+            series,
+            marks,
+            labelled: title == "Position",
+        }
+        .svg()
     };
     let error = trace.column("setpoint_counts").iter().zip(trace.column("position_counts"));
     let error = error.map(|(goal, is)| goal - is).collect();
@@ -154,33 +165,65 @@ fn charts(trace: &Trace, times: &[f64], marks: &[Mark]) -> Vec<String> {
     let winding = curve("winding", "c1", "winding_c");
     let housing = curve("housing", "c2", "housing_c");
     vec![
-        chart("Position", "hall counts", 300.0, 4.0, vec![
-            curve("set-point", "goal", "setpoint_counts"),
-            curve("true rotor", "c1", "position_counts"),
-            curve("estimated", "c2 thin", "position_estimated_counts"),
-        ]),
-        chart("Lag", "hall counts, set-point − true rotor", 150.0, 2.0, vec![Series {
-            name: "lag",
-            class: "c1",
-            values: error,
-        }]),
-        chart("Velocity", "hall counts / s", 220.0, 20.0, vec![
-            curve("set-point", "goal", "velocity_setpoint_counts_s"),
-            curve("true rotor", "c1", "velocity_counts_s"),
-            curve("estimated", "c2 thin", "velocity_estimated_counts_s"),
-        ]),
-        chart("Torque and duty", "% of peak torque, % of bus voltage", 190.0, 20.0, vec![
-            Series { name: "torque", class: "c1", values: percent },
-            curve("duty", "c2 thin", "duty_percent"),
-        ]),
-        chart("Currents", "A", 190.0, 1.0, vec![
-            curve("phase A", "c1 thin", "phase_a_a"),
-            curve("phase B", "c2 thin", "phase_b_a"),
-            curve("phase C", "c3 thin", "phase_c_a"),
-            curve("bus", "goal", "bus_a"),
-        ]),
+        chart(
+            "Position",
+            "hall counts",
+            300.0,
+            4.0,
+            vec![
+                curve("set-point", "goal", "setpoint_counts"),
+                curve("true rotor", "c1", "position_counts"),
+                curve("estimated", "c2 thin", "position_estimated_counts"),
+            ],
+        ),
+        chart(
+            "Lag",
+            "hall counts, set-point − true rotor",
+            150.0,
+            2.0,
+            vec![Series { name: "lag", class: "c1", values: error }],
+        ),
+        chart(
+            "Velocity",
+            "hall counts / s",
+            220.0,
+            20.0,
+            vec![
+                curve("set-point", "goal", "velocity_setpoint_counts_s"),
+                curve("true rotor", "c1", "velocity_counts_s"),
+                curve("estimated", "c2 thin", "velocity_estimated_counts_s"),
+            ],
+        ),
+        chart(
+            "Torque and duty",
+            "% of peak torque, % of bus voltage",
+            190.0,
+            20.0,
+            vec![
+                Series { name: "torque", class: "c1", values: percent },
+                curve("duty", "c2 thin", "duty_percent"),
+            ],
+        ),
+        chart(
+            "Currents",
+            "A",
+            190.0,
+            1.0,
+            vec![
+                curve("phase A", "c1 thin", "phase_a_a"),
+                curve("phase B", "c2 thin", "phase_b_a"),
+                curve("phase C", "c3 thin", "phase_c_a"),
+                curve("bus", "goal", "bus_a"),
+            ],
+        ),
         halls(trace, times, marks),
-        chart("Temperature", "°C", 150.0, 5.0, vec![winding, housing, curve("thermistor", "c3 thin", "thermistor_c")]),
+        chart(
+            "Temperature",
+            "°C",
+            150.0,
+            5.0,
+            vec![winding, housing, curve("thermistor", "c3 thin", "thermistor_c")],
+        ),
     ]
 }
 

@@ -213,7 +213,9 @@ impl<'de> Deserialize<'de> for Yes {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match bool::deserialize(deserializer)? {
             true => Ok(Self),
-            false => Err(D::Error::invalid_value(Unexpected::Bool(false), &"true (leave the key out for no)")),
+            false => {
+                Err(D::Error::invalid_value(Unexpected::Bool(false), &"true (leave the key out for no)"))
+            }
         }
     }
 }
@@ -267,7 +269,10 @@ fn motor<E: Error>(name: &str) -> Result<MotorKind, E> {
         "link" => Ok(MotorKind::Link),
         "spread" => Ok(MotorKind::Spread),
         "tip" => Ok(MotorKind::Tip),
-        _ => Err(E::invalid_value(Unexpected::Str(name), &"\"link\", \"spread\" or \"tip\", or a list of them")),
+        _ => Err(E::invalid_value(
+            Unexpected::Str(name),
+            &"\"link\", \"spread\" or \"tip\", or a list of them",
+        )),
     }
 }
 
