@@ -1,7 +1,7 @@
 //! What servo-core must not know: std, floats, a heap, casts, panics, a simulator; and that one file orders
 //! the tick.
 
-use super::tokens::{Token, reads, scan, scan_tokens, tokens, without_tests};
+use super::tokens::{Token, item_end, reads, scan, scan_tokens, tokens, without_tests};
 use super::{Source, Violation, check_fence, check_workspace, files};
 
 const CORE: &str = "servo-core";
@@ -69,6 +69,16 @@ fn cast(source: &Source) -> Vec<Violation> {
     })
 }
 
+/// The tokens of a source of servo-core without its tests; none elsewhere.
+fn code_of_core(source: &Source) -> Result<Vec<Token>, Violation> {
+    let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
+    if !source.is_in("servo-core/src") || is_test_file {
+        Ok(Vec::new())
+    } else {
+        Ok(without_tests(tokens(source)?))
+    }
+}
+
 /// No panic path outside tests. (Indexing and overflow are clippy's: see the lints in lib.rs.)
 fn panic_path(source: &Source) -> Vec<Violation> {
     const METHODS: [&str; 4] = ["unwrap", "expect", "unwrap_err", "expect_err"];
@@ -82,12 +92,8 @@ fn panic_path(source: &Source) -> Vec<Violation> {
         "debug_assert_eq",
         "debug_assert_ne",
     ];
-    let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
-    if !source.is_in("servo-core/src") || is_test_file {
-        return Vec::new();
-    }
-    let tokens = match tokens(source) {
-        Ok(tokens) => without_tests(tokens),
+    let tokens = match code_of_core(source) {
+        Ok(tokens) => tokens,
         Err(violation) => return vec![violation],
     };
     scan_tokens(source, &tokens, |tokens, at| {
@@ -99,6 +105,27 @@ fn panic_path(source: &Source) -> Vec<Violation> {
         let at_build = at >= 6 && reads(tokens, at - 6, &["const", "_", ":", "(", ")", "="]);
         (is_method || is_macro && !at_build)
             .then(|| format!("{name}: the control path does not panic; return or saturate"))
+    })
+}
+
+/// `fixed`'s `lit` parses its string wherever it stands: outside a constant that is at every tick, and some
+/// hundred instructions each time.
+fn literal(source: &Source) -> Vec<Violation> {
+    let tokens = match code_of_core(source) {
+        Ok(tokens) => tokens,
+        Err(violation) => return vec![violation],
+    };
+    // Neither `const fn` nor a generic `<const N: usize>` is a constant.
+    let is_constant = |at: usize| {
+        tokens[at].text == "const"
+            && !reads(&tokens, at + 1, &["fn"])
+            && !(at > 0 && ["<", ","].contains(&tokens[at - 1].text.as_str()))
+    };
+    let constants: Vec<_> =
+        (0..tokens.len()).filter(|at| is_constant(*at)).map(|at| at..=item_end(&tokens, at)).collect();
+    scan_tokens(source, &tokens, |tokens, at| {
+        let is_parsed_late = reads(tokens, at, &["lit", "("]) && !constants.iter().any(|c| c.contains(&at));
+        is_parsed_late.then(|| "lit outside a `const` is parsed when it runs: make it a constant".into())
     })
 }
 
@@ -176,6 +203,11 @@ fn the_control_path_does_not_panic() {
 }
 
 #[test]
+fn literals_are_parsed_by_the_compiler() {
+    check_workspace(literal);
+}
+
+#[test]
 fn nothing_tells_simulation_from_metal() {
     check_workspace(simulation_feature);
 }
@@ -247,6 +279,27 @@ fn the_panic_fence_can_fail() {
             "#[cfg(test)] mod t { fn f() { a.unwrap() } }",
             "const _: () = assert!(A < B);",
             "#[expect(lint)] fn f() {}",
+        ],
+    );
+}
+
+#[test]
+fn the_literal_fence_can_fail() {
+    check_fence(
+        literal,
+        "servo-core/src/a.rs",
+        &[
+            "fn f() { Law::lit(\"1\") }",
+            "const fn f() -> Law { Law::lit(\"1\") }",
+            "impl<const N: u8> A<N> { fn f() { Law::lit(\"1\") } }",
+            "const A: u8 = 1; fn f() { lit(\"1\") }",
+        ],
+        &[
+            "const A: Law = Law::lit(\"1\");",
+            "const A: [Law; 1] = [Law::lit(\"1\")];",
+            "fn f() { const { Law::lit(\"1\") } }",
+            "const A: B = B { c: Law::lit(\"1\") };",
+            "#[cfg(test)] mod t { fn f() { Law::lit(\"1\") } }",
         ],
     );
 }
