@@ -1,5 +1,18 @@
 //! Hardware in the loop without the hardware: the motor, its joint, its sensors and its bridge.
+//!
+//! [`run`] runs a [`scenario::Scenario`] and gives an [`Outcome`]; the binary `hil-sim` is a thin shell around
+//! it. The library reads no clock: time is simulated, and the same seed gives the same outcome.
 #![forbid(unsafe_code)]
 
+pub mod board;
+pub mod metrics;
 pub mod plant;
+pub mod properties;
+pub mod report;
 pub mod rig;
+mod run;
+pub mod scenario;
+pub mod trace;
+
+pub use plant::Model;
+pub use run::{MotorRun, Options, Outcome, board, run};

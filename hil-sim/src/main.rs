@@ -1,3 +1,166 @@
-//! `hil-sim`: run scenarios of the servo against the motor's plant.
+//! `hil-sim`: run scenarios of the servo against the motor's plant. A thin shell: arguments in, files and text
+//! out; the only clock read is the wall clock of `wall_s`.
 #![forbid(unsafe_code)]
-fn main() {}
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use clap::{Parser, Subcommand, ValueEnum};
+use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
+use hil_sim::trace::{Trace, write_csv};
+use hil_sim::{Model, Options, Outcome, report, run};
+
+/// Simulates the servo of a robot hand's motor board in closed loop with its motor.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    #[command(subcommand)]
+    command: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Run a scenario and judge it. Exit code 1 if an expectation fails, 2 for bad input.
+    Run(RunArgs),
+    /// Name the scenarios that are shipped.
+    List,
+}
+
+#[derive(clap::Args)]
+struct RunArgs {
+    /// A shipped scenario (see `hil-sim list`) or a TOML file.
+    scenario: String,
+    /// Set a property of the servo, such as KP=120; may be given again.
+    #[arg(long, value_name = "PROPERTY=VALUE")]
+    set: Vec<String>,
+    /// Write trace.csv and report.html into this directory.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object and nothing else.
+    #[arg(long)]
+    json: bool,
+    /// Seed of noise and scatter.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// How the inverter is computed.
+    #[arg(long, value_enum, default_value_t = ModelName::Averaged)]
+    model: ModelName,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ModelName {
+    /// Means over the PWM period.
+    Averaged,
+    /// Every switching instant.
+    Switched,
+}
+
+fn main() -> ExitCode {
+    let done = match Args::parse().command {
+        Task::Run(args) => run_scenario(&args),
+        Task::List => {
+            print(&list());
+            Ok(true)
+        }
+    };
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(bad) => {
+            eprintln!("error: {bad}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Prints to stdout; that nobody reads it is no error of ours.
+fn print(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
+
+fn list() -> String {
+    let mut text = String::new();
+    for shipped in SHIPPED {
+        let about = Scenario::parse(shipped.file, shipped.text).map(|s| s.about).unwrap_or_default();
+        text.push_str(&format!("{:<24} {about}\n", shipped.name));
+    }
+    text
+}
+
+/// Returns whether all expectations were met.
+fn run_scenario(args: &RunArgs) -> Result<bool, BadInput> {
+    let mut scenario = Scenario::find(&args.scenario)?;
+    for assignment in &args.set {
+        scenario.set(assignment)?;
+    }
+    let model = match args.model {
+        ModelName::Averaged => Model::Averaged,
+        ModelName::Switched => Model::Switched,
+    };
+    let options = Options { seed: args.seed, model, trace: args.out.is_some() };
+    let spinner = spinner(&scenario);
+    let begun = Instant::now();
+    let outcome = run(&scenario, &options).map_err(|e| BadInput {
+        place: args.scenario.clone(),
+        problem: format!("{} is out of range", e.field),
+        found: e.found.to_string(),
+        expected: e.expected.clone(),
+        next: "correct the scenario".to_owned(),
+    })?;
+    let wall_s = begun.elapsed().as_secs_f64();
+    if let Some(spinner) = spinner {
+        spinner.finish_and_clear();
+    }
+    if let Some(dir) = &args.out {
+        write_files(dir, &scenario, &outcome)?;
+    }
+    if args.json {
+        print(&format!("{}\n", report::json(&outcome, wall_s)));
+    } else {
+        print(&report::text(&outcome, wall_s));
+        if let Some(dir) = &args.out {
+            print(&format!("\n{}\n{}\n", dir.join("report.html").display(), dir.join("trace.csv").display()));
+        }
+    }
+    Ok(outcome.passed())
+}
+
+/// A sign of life for runs that may take seconds; on a terminal only.
+fn spinner(scenario: &Scenario) -> Option<indicatif::ProgressBar> {
+    let total_ms = u64::from(scenario.duration_ms) * scenario.cases.len() as u64;
+    // At 100 times real time (the switched model) this is a second.
+    if total_ms < 100_000 {
+        return None;
+    }
+    let spinner = indicatif::ProgressBar::new_spinner();
+    spinner.set_message(format!("simulating {} s", total_ms / 1000));
+    spinner.enable_steady_tick(Duration::from_millis(100));
+    Some(spinner)
+}
+
+fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(), BadInput> {
+    let failed = |path: &Path, e: std::io::Error| BadInput {
+        place: format!("--out {}", dir.display()),
+        problem: format!("{} cannot be written", path.display()),
+        found: e.to_string(),
+        expected: "a directory that can be made and written to".to_owned(),
+        next: "choose another directory or free space".to_owned(),
+    };
+    std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
+    let traces: Vec<Trace> = outcome.runs.iter().filter_map(|run| run.trace.clone()).collect();
+    let mut csv = Vec::new();
+    let csv_path = dir.join("trace.csv");
+    write_csv(&mut csv, &traces).map_err(|e| failed(&csv_path, e))?;
+    replace(&csv_path, &csv).map_err(|e| failed(&csv_path, e))?;
+    let html_path = dir.join("report.html");
+    replace(&html_path, report::html(scenario, outcome).as_bytes()).map_err(|e| failed(&html_path, e))
+}
+
+/// Writes a file under another name first, so that a reader finds the old or the new one and never a half.
+fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let new = path.with_extension("part");
+    std::fs::write(&new, bytes)?;
+    std::fs::rename(&new, path)
+}

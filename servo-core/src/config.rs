@@ -90,7 +90,7 @@ impl Config {
     #[must_use]
     pub const fn for_motor(kind: MotorKind) -> Self {
         let (accel, hold, tstop, ivel, ioff, bt, brake_ms) = match kind {
-            MotorKind::Link => (40, false, 300, -200, 25, 300, 0),
+            MotorKind::Link => (40, false, 300, -200, 25, 400, 0),
             MotorKind::Spread => (30, true, 400, -200, 0, 0, 30),
             MotorKind::Tip => (30, false, 300, 200, -350, 0, 0),
         };
@@ -103,9 +103,9 @@ impl Config {
             mpe: 4,
             hold,
             tstop,
-            kp: 60,
-            kd: 192,
-            ki: 300,
+            kp: 100,
+            kd: 256,
+            ki: 1000,
             kpv: 32,
             hsg: 256,
             lsg: 256,

@@ -29,7 +29,7 @@ impl Breakaway {
     #[must_use]
     pub fn step(&mut self, applied: Torque, wanted: CountsPerSec, measured: CountsPerSec, bt: u16) -> bool {
         let closing = wanted > CountsPerSec::ZERO;
-        let behind = measured.0 < wanted.0 >> 1;
+        let behind = measured.0 < wanted.0 >> 2;
         let loaded = i32::from(applied.0) >= i32::from(bt);
         if bt != 0 && closing && behind && loaded {
             self.loaded_ms = self.loaded_ms.saturating_add(1);

@@ -1,0 +1,266 @@
+//! One chart as inline SVG: curves over time, with axes, a legend and marks. Colours are CSS classes of the page.
+
+use std::fmt::Write;
+
+/// Points drawn of a curve at most: more than the plot has pixels shows nothing more.
+const MAX_POINTS: usize = 2000;
+
+/// Drawing area in SVG units, and the margins that hold the axes' labels.
+const WIDTH: f64 = 1060.0;
+const LEFT: f64 = 62.0;
+const RIGHT: f64 = 18.0;
+const TOP: f64 = 34.0;
+const BOTTOM: f64 = 30.0;
+
+/// A curve.
+pub(super) struct Series {
+    /// Name in the legend.
+    pub(super) name: &'static str,
+    /// CSS class: `c1` to `c4`, `goal` for a set-point.
+    pub(super) class: &'static str,
+    /// One value a time.
+    pub(super) values: Vec<f64>,
+}
+
+/// A vertical line at a time.
+#[derive(Clone)]
+pub(super) struct Mark {
+    pub(super) ms: f64,
+    /// CSS class: `command`, `good` or `bad`.
+    pub(super) class: &'static str,
+    pub(super) label: String,
+}
+
+/// A chart over time.
+pub(super) struct Chart<'a> {
+    pub(super) title: &'static str,
+    pub(super) unit: &'static str,
+    /// Height of the whole chart in SVG units.
+    pub(super) height: f64,
+    /// The least span of the y axis, so that noise is not drawn large.
+    pub(super) least_span: f64,
+    /// Names on the y axis in place of numbers: lanes of height 1 from below, for logic levels.
+    pub(super) lanes: &'static [&'static str],
+    pub(super) times: &'a [f64],
+    pub(super) series: Vec<Series>,
+    pub(super) marks: &'a [Mark],
+    /// Whether marks have their labels here.
+    pub(super) labelled: bool,
+}
+
+/// An axis: data range and where it is drawn.
+struct Axis {
+    min: f64,
+    max: f64,
+    from: f64,
+    to: f64,
+}
+
+impl Axis {
+    fn at(&self, value: f64) -> f64 {
+        self.from + (value - self.min) / (self.max - self.min) * (self.to - self.from)
+    }
+
+    /// Round values at a round distance, about `count` of them, and the decimals to write them with.
+    fn ticks(&self, count: f64) -> (Vec<f64>, usize) {
+        let rough = (self.max - self.min) / count;
+        let power = 10f64.powf(rough.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0].iter().map(|n| n * power).find(|step| *step >= rough * 0.999);
+        let step = step.unwrap_or(10.0 * power);
+        let (first, last) = ((self.min / step).ceil() as i64, (self.max / step).floor() as i64);
+        let decimals = (-step.log10().floor()).max(0.0) as usize;
+        ((first..=last).map(|n| n as f64 * step).collect(), decimals)
+    }
+}
+
+impl Chart<'_> {
+    /// The chart as an `<svg>` element.
+    pub(super) fn svg(&self) -> String {
+        let height = self.height;
+        let mut svg = format!(
+            "<svg viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{}\">\
+             <text class=\"title\" x=\"{LEFT}\" y=\"18\">{}<tspan class=\"unit\" dx=\"8\">{}</tspan></text>",
+            self.title, self.title, self.unit
+        );
+        let (first, last) = (self.times.first().copied(), self.times.last().copied());
+        let x = Axis {
+            min: first.unwrap_or(0.0),
+            max: last.unwrap_or(1.0).max(first.unwrap_or(0.0) + 1.0),
+            from: LEFT,
+            to: WIDTH - RIGHT,
+        };
+        let (min, max) = self.range();
+        let y = Axis { min, max, from: height - BOTTOM, to: TOP };
+        self.grid(&mut svg, &x, &y);
+        self.draw_marks(&mut svg, &x);
+        for series in &self.series {
+            let points = points(self.times, &series.values, &x, &y);
+            let _ = write!(svg, "<polyline class=\"{}\" points=\"{points}\"/>", series.class);
+        }
+        self.legend(&mut svg);
+        svg.push_str("</svg>\n");
+        svg
+    }
+
+    /// Smallest and largest value with a margin.
+    fn range(&self) -> (f64, f64) {
+        if !self.lanes.is_empty() {
+            return (0.0, self.lanes.len() as f64);
+        }
+        let values = self.series.iter().flat_map(|series| &series.values);
+        let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
+        for value in values.filter(|value| value.is_finite()) {
+            min = min.min(*value);
+            max = max.max(*value);
+        }
+        if min > max {
+            return (0.0, self.least_span);
+        }
+        let span = (max - min).max(self.least_span);
+        let middle = (min + max) / 2.0;
+        (middle - 0.55 * span, middle + 0.55 * span)
+    }
+
+    fn grid(&self, svg: &mut String, x: &Axis, y: &Axis) {
+        let (bottom, top, right) = (y.from, y.to, x.to);
+        let (ticks, decimals) = x.ticks(12.0);
+        for tick in ticks {
+            let at = x.at(tick);
+            let _ = write!(svg, "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{bottom}\" x2=\"{at:.1}\" y2=\"{top}\"/>");
+            let label = bottom + 16.0;
+            let _ = write!(
+                svg,
+                "<text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{label}\">{tick:.decimals$}</text>"
+            );
+        }
+        let end = bottom + 28.0;
+        let _ = write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{right}\" y=\"{end}\">time, ms</text>");
+        if self.lanes.is_empty() {
+            // About 34 units a step: labels do not crowd.
+            let (ticks, decimals) = y.ticks((bottom - top) / 34.0);
+            for tick in ticks {
+                self.y_tick(svg, y.at(tick), right, &format!("{tick:.decimals$}"), tick == 0.0);
+            }
+        }
+        for (lane, name) in self.lanes.iter().enumerate() {
+            self.y_tick(svg, y.at(lane as f64 + 0.1), right, name, false);
+        }
+        let _ = write!(
+            svg,
+            "<path class=\"frame\" d=\"M{LEFT} {top}V{bottom}H{right}\"/>"
+        );
+    }
+
+    fn y_tick(&self, svg: &mut String, at: f64, right: f64, label: &str, zero: bool) {
+        let class = if zero { "grid zero" } else { "grid" };
+        let _ = write!(svg, "<line class=\"{class}\" x1=\"{LEFT}\" y1=\"{at:.1}\" x2=\"{right}\" y2=\"{at:.1}\"/>");
+        let (x, y) = (LEFT - 7.0, at + 4.0);
+        let _ = write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{x}\" y=\"{y:.1}\">{label}</text>");
+    }
+
+    fn draw_marks(&self, svg: &mut String, x: &Axis) {
+        let bottom = self.height - BOTTOM;
+        // Labels of marks closer than their text get one line each, up to four.
+        let mut taken: Vec<f64> = Vec::new();
+        for mark in self.marks {
+            let (at, class) = (x.at(mark.ms), mark.class);
+            let _ = write!(svg, "<line class=\"mark {class}\" x1=\"{at:.1}\" y1=\"{TOP}\" x2=\"{at:.1}\" y2=\"{bottom}\"/>");
+            if !self.labelled {
+                continue;
+            }
+            // 6.2 units a character of the mark's font.
+            let width = 6.2 * mark.label.chars().count() as f64 + 10.0;
+            let leftwards = at + width > WIDTH - RIGHT;
+            let begin = if leftwards { at - width } else { at };
+            let line = (0..4).find(|line| taken.get(*line).is_none_or(|end| *end <= begin)).unwrap_or(3);
+            taken.resize(taken.len().max(line + 1), f64::NEG_INFINITY);
+            if let Some(end) = taken.get_mut(line) {
+                *end = begin + width;
+            }
+            let (anchor, dx) = if leftwards { ("end", -4.0) } else { ("start", 4.0) };
+            let y = TOP + 11.0 + 14.0 * line as f64;
+            let _ = write!(
+                svg,
+                "<text class=\"label {class}\" text-anchor=\"{anchor}\" x=\"{:.1}\" y=\"{y:.1}\">{}</text>",
+                at + dx,
+                super::page::escape(&mark.label)
+            );
+        }
+    }
+
+    fn legend(&self, svg: &mut String) {
+        if !self.lanes.is_empty() {
+            return;
+        }
+        let mut right = WIDTH - RIGHT;
+        for series in self.series.iter().rev() {
+            let width = 6.6 * series.name.chars().count() as f64;
+            let text = right - width;
+            let _ = write!(
+                svg,
+                "<text class=\"legend\" x=\"{text:.1}\" y=\"18\">{}</text>\
+                 <line class=\"{}\" x1=\"{:.1}\" y1=\"14\" x2=\"{:.1}\" y2=\"14\"/>",
+                series.name,
+                series.class,
+                text - 28.0,
+                text - 6.0
+            );
+            right = text - 46.0;
+        }
+    }
+}
+
+/// A polyline's points; of many values in one pixel the smallest and the largest are kept, in their order.
+fn points(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
+    let mut text = String::new();
+    let count = times.len().min(values.len());
+    let bucket = count.div_ceil(MAX_POINTS / 2).max(1);
+    let draw = |text: &mut String, index: usize| {
+        if let (Some(time), Some(value)) = (times.get(index), values.get(index)) {
+            let _ = write!(text, "{:.1},{:.1} ", x.at(*time), y.at(*value));
+        }
+    };
+    if count <= MAX_POINTS {
+        (0..count).for_each(|index| draw(&mut text, index));
+        return text;
+    }
+    for start in (0..count).step_by(bucket) {
+        let range = start..(start + bucket).min(count);
+        let by_value = |a: &usize, b: &usize| values.get(*a).partial_cmp(&values.get(*b)).unwrap_or(std::cmp::Ordering::Equal);
+        if let (Some(low), Some(high)) = (range.clone().min_by(by_value), range.max_by(by_value)) {
+            draw(&mut text, low.min(high));
+            if low != high {
+                draw(&mut text, low.max(high));
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_curve_is_thinned_and_keeps_its_extremes() {
+        let times: Vec<f64> = (0..50_000).map(f64::from).collect();
+        let mut values = vec![0.0; times.len()];
+        values[31_415] = 7.0;
+        values[31_416] = -3.0;
+        let x = Axis { min: 0.0, max: 50_000.0, from: 0.0, to: 1000.0 };
+        let y = Axis { min: -10.0, max: 10.0, from: 200.0, to: 0.0 };
+        let drawn = points(&times, &values, &x, &y);
+        let ys: Vec<&str> = drawn.split_whitespace().filter_map(|p| p.split(',').nth(1)).collect();
+        assert!(ys.len() <= MAX_POINTS, "{}", ys.len());
+        assert!(ys.contains(&"30.0") && ys.contains(&"130.0"), "7 and −3 are drawn");
+    }
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let axis = Axis { min: -3.3, max: 171.0, from: 0.0, to: 1.0 };
+        assert_eq!(axis.ticks(6.0), (vec![0.0, 50.0, 100.0, 150.0], 0));
+        let axis = Axis { min: 0.11, max: 0.52, from: 0.0, to: 1.0 };
+        let (ticks, decimals) = axis.ticks(4.0);
+        assert_eq!((ticks.len(), decimals), (2, 1));
+    }
+}
