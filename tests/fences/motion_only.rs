@@ -69,13 +69,15 @@ fn cast(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// The tokens of a source of servo-core without its tests; none elsewhere.
-fn code_of_core(source: &Source) -> Result<Vec<Token>, Violation> {
+/// Tests `wrong` at every token of servo-core's code, tests left out.
+fn scan_core(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>) -> Vec<Violation> {
     let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
     if !source.is_in("servo-core/src") || is_test_file {
-        Ok(Vec::new())
-    } else {
-        Ok(without_tests(tokens(source)?))
+        return Vec::new();
+    }
+    match tokens(source) {
+        Ok(tokens) => scan_tokens(source, &without_tests(tokens), wrong),
+        Err(violation) => vec![violation],
     }
 }
 
@@ -92,11 +94,7 @@ fn panic_path(source: &Source) -> Vec<Violation> {
         "debug_assert_eq",
         "debug_assert_ne",
     ];
-    let tokens = match code_of_core(source) {
-        Ok(tokens) => tokens,
-        Err(violation) => return vec![violation],
-    };
-    scan_tokens(source, &tokens, |tokens, at| {
+    scan_core(source, |tokens, at| {
         let name = tokens[at].text.as_str();
         let is_method =
             METHODS.contains(&name) && at > 0 && tokens[at - 1].text == "." && reads(tokens, at + 1, &["("]);
@@ -111,21 +109,16 @@ fn panic_path(source: &Source) -> Vec<Violation> {
 /// `fixed`'s `lit` parses its string wherever it stands: outside a constant that is at every tick, and some
 /// hundred instructions each time.
 fn literal(source: &Source) -> Vec<Violation> {
-    let tokens = match code_of_core(source) {
-        Ok(tokens) => tokens,
-        Err(violation) => return vec![violation],
-    };
     // Neither `const fn` nor a generic `<const N: usize>` is a constant.
-    let is_constant = |at: usize| {
+    let is_constant = |tokens: &[Token], at: usize| {
         tokens[at].text == "const"
-            && !reads(&tokens, at + 1, &["fn"])
+            && !reads(tokens, at + 1, &["fn"])
             && !(at > 0 && ["<", ","].contains(&tokens[at - 1].text.as_str()))
     };
-    let constants: Vec<_> =
-        (0..tokens.len()).filter(|at| is_constant(*at)).map(|at| at..=item_end(&tokens, at)).collect();
-    scan_tokens(source, &tokens, |tokens, at| {
-        let is_parsed_late = reads(tokens, at, &["lit", "("]) && !constants.iter().any(|c| c.contains(&at));
-        is_parsed_late.then(|| "lit outside a `const` is parsed when it runs: make it a constant".into())
+    scan_core(source, |tokens, at| {
+        let in_constant = || (0..at).any(|c| is_constant(tokens, c) && item_end(tokens, c) >= at);
+        (reads(tokens, at, &["lit", "("]) && !in_constant())
+            .then(|| "lit outside a `const` is parsed when it runs: make it a constant".into())
     })
 }
 
@@ -158,6 +151,28 @@ fn tick_order(source: &Source) -> Vec<Violation> {
         [_, second, ..] => vec![source.violation(second, "names two loops: only servo.rs composes them")],
         _ => Vec::new(),
     }
+}
+
+/// Every path to the bridge ends in `guard/limits`: a duty is made there.
+fn bridge(source: &Source) -> Vec<Violation> {
+    // units.rs defines it; the commutator only moves its sign into the legs.
+    let homes = ["guard/limits.rs", "units.rs", "sense/commutation.rs"];
+    if homes.iter().any(|home| source.path == format!("servo-core/src/{home}")) {
+        return Vec::new();
+    }
+    scan_core(source, |tokens, at| {
+        let makes = reads(tokens, at, &["Duty", "("]) || reads(tokens, at, &["Duty", ":", ":", "from_bits"]);
+        makes.then(|| "a duty made outside guard/limits escapes its bounds".into())
+    })
+}
+
+/// No loop whose end nobody has counted; `for` goes over something that ends.
+fn unbounded(source: &Source) -> Vec<Violation> {
+    scan_core(source, |tokens, at| {
+        let token = &tokens[at];
+        (!token.is_literal && ["loop", "while"].contains(&token.text.as_str()))
+            .then(|| format!("{}: the control path's loops are bounded; use `for` over a range", token.text))
+    })
 }
 
 /// What a crate root must promise.
@@ -215,6 +230,16 @@ fn nothing_tells_simulation_from_metal() {
 #[test]
 fn one_file_orders_the_tick() {
     check_workspace(tick_order);
+}
+
+#[test]
+fn duties_are_made_by_the_limits() {
+    check_workspace(bridge);
+}
+
+#[test]
+fn loops_are_bounded() {
+    check_workspace(unbounded);
 }
 
 #[test]
@@ -320,6 +345,27 @@ fn the_tick_order_fence_can_fail() {
     check_fence(tick_order, "servo-core/src/mode.rs", &[two], &["pub mod pid; pub mod profile;"]);
     check_fence(tick_order, "hil-sim/src/a.rs", &[two], &["use servo_core::motion::pid::Pid;"]);
     check_fence(tick_order, "servo-core/src/servo.rs", &[], &[two]);
+}
+
+#[test]
+fn the_bridge_fence_can_fail() {
+    let made = ["fn f() -> Duty { Duty(a) }", "fn f() -> Duty { Duty::from_bits(1) }"];
+    check_fence(bridge, "servo-core/src/servo.rs", &made, &["fn f(a: Duty) -> bool { a == Duty::ZERO }"]);
+    check_fence(bridge, "servo-core/src/guard/limits.rs", &[], &made);
+}
+
+#[test]
+fn the_loop_fence_can_fail() {
+    check_fence(
+        unbounded,
+        "servo-core/src/a.rs",
+        &["fn f() { loop {} }", "fn f() { while a {} }", "fn f() { while let Some(b) = a.pop() {} }"],
+        &[
+            "fn f() { for i in 0..3 {} } // loop",
+            "#[cfg(test)] mod t { fn f() { loop {} } }",
+            "fn f() -> &str { \"while\" }",
+        ],
+    );
 }
 
 #[test]
