@@ -4,3 +4,4 @@ mod fences;
 mod loops;
 mod plant;
 mod profile;
+mod scenarios;

@@ -47,6 +47,8 @@ pub struct Sample {
     pub analog: Analog,
     /// Time of the last hall count, µs.
     pub last_count_us: u64,
+    /// The plant's count that the servo calls 0, as [`crate::metrics::Meter`] has followed it.
+    pub zero_counts: f64,
 }
 
 impl Sample {
@@ -152,6 +154,7 @@ impl SimBoard {
             halls: self.rig.halls(),
             analog: self.analog,
             last_count_us: self.last_count_us,
+            zero_counts: 0.0,
         }
     }
 }

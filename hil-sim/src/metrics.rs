@@ -290,6 +290,9 @@ pub struct Meter {
     metrics: Metrics,
     /// Plant's count that the servo calls 0.
     origin: f64,
+    /// HI is running; it re-names positions at the stop and at its end.
+    homing: bool,
+    last_mode: Mode,
     target: Option<Target>,
     present: Option<Move>,
     was_moving: bool,
@@ -312,6 +315,7 @@ impl Meter {
             }
             Command::TorqueControlled { .. } | Command::Home => {
                 self.target = None;
+                self.homing = *command == Command::Home;
                 self.metrics.overshoot_counts = None;
             }
             Command::Position(_) if last.status.mode != Mode::Pid => {
@@ -333,6 +337,10 @@ impl Meter {
             self.metrics.tracking_rms_counts = None;
         }
         self.was_moving = moving;
+        if self.homing && self.last_mode == Mode::Velocity && mode == Mode::Trapezoidal {
+            self.follow_zero(sample);
+        }
+        self.last_mode = mode;
         for event in events {
             self.event(event, sample);
         }
@@ -387,11 +395,22 @@ impl Meter {
             }
             Event::Fault(fault) => m.faults.push(fault),
             Event::Glitch(_) => m.glitches += 1,
-            // HI has put zero elsewhere: take the servo's new frame from where the rotor is.
             Event::Homed => {
-                self.origin = (sample.truth.counts - sample.estimated_counts()).round();
+                self.homing = false;
+                self.follow_zero(sample);
             }
         }
+    }
+
+    /// The servo has put its zero elsewhere, by whole counts: finds where from the true rotor.
+    fn follow_zero(&mut self, sample: &Sample) {
+        self.origin = (sample.truth.counts - sample.estimated_counts()).round();
+    }
+
+    /// The plant's count that the servo calls 0.
+    #[must_use]
+    pub fn zero_counts(&self) -> f64 {
+        self.origin
     }
 
     /// The figures of the run that ended with `last`.

@@ -141,10 +141,10 @@ fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<Motor
         }
         board.step();
         last = board.sample();
-        let events = std::iter::from_fn(|| board.event()).inspect(|event| {
-            log.push((last.ms, event_words(event)));
-        });
+        let ms = last.ms;
+        let events = std::iter::from_fn(|| board.event()).inspect(|event| log.push((ms, event_words(event))));
         meter.tick(&last, events);
+        last.zero_counts = meter.zero_counts();
         if let Some(trace) = &mut trace {
             trace.record(&last);
         }

@@ -50,6 +50,7 @@ columns! {
     thermistor_c 1 |s| f64::from(s.analog.motor_temp.0) / 10.0;
     strain 0 |s| f64::from(s.analog.strain);
     bridge_on 0 |s| f64::from(u8::from(s.driven));
+    zero_counts 0 |s| s.zero_counts;
     brake_released 0 |s| f64::from(u8::from(s.brake_released));
 }
 
@@ -73,7 +74,7 @@ impl Trace {
 
     /// Keeps a tick, if it is one of those kept.
     pub fn record(&mut self, sample: &Sample) {
-        if sample.ms % self.every_ms == 0 {
+        if sample.ms.is_multiple_of(self.every_ms) {
             self.values.extend(COLUMNS.iter().map(|column| (column.get)(sample)));
         }
     }

@@ -10,7 +10,10 @@ const WIDTH: f64 = 1060.0;
 const LEFT: f64 = 62.0;
 const RIGHT: f64 = 18.0;
 const TOP: f64 = 34.0;
-const BOTTOM: f64 = 30.0;
+const BOTTOM: f64 = 24.0;
+/// Height of a line of labels above the plot, and the width of a character in one.
+const LINE: f64 = 14.0;
+const LETTER: f64 = 6.4;
 
 /// A curve.
 pub(super) struct Series {
@@ -90,12 +93,14 @@ impl Chart<'_> {
             to: WIDTH - RIGHT,
         };
         let (min, max) = self.range();
-        let y = Axis { min, max, from: height - BOTTOM, to: TOP };
+        let labels = if self.labelled { place(self.marks, &x) } else { Vec::new() };
+        let lines = labels.iter().map(|label| label.line + 1).max().unwrap_or(0);
+        let y = Axis { min, max, from: height - BOTTOM, to: TOP + LINE * lines as f64 };
         self.grid(&mut svg, &x, &y);
-        self.draw_marks(&mut svg, &x);
+        self.draw_marks(&mut svg, &x, &y, &labels);
         for series in &self.series {
-            let points = points(self.times, &series.values, &x, &y);
-            let _ = write!(svg, "<polyline class=\"{}\" points=\"{points}\"/>", series.class);
+            let path = path(self.times, &series.values, &x, &y);
+            let _ = write!(svg, "<path class=\"{}\" d=\"{path}\"/>", series.class);
         }
         self.legend(&mut svg);
         svg.push_str("</svg>\n");
@@ -136,12 +141,11 @@ impl Chart<'_> {
                 "<text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{label}\">{tick:.decimals$}</text>"
             );
         }
-        let end = bottom + 28.0;
-        let _ =
-            write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{right}\" y=\"{end}\">time, ms</text>");
+        let (side, below) = (LEFT - 14.0, bottom + 16.0);
+        let _ = write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{side}\" y=\"{below}\">ms</text>");
         if self.lanes.is_empty() {
-            // About 34 units a step: labels do not crowd.
-            let (ticks, decimals) = y.ticks((bottom - top) / 34.0);
+            // About 28 units a step: labels do not crowd.
+            let (ticks, decimals) = y.ticks((bottom - top) / 28.0);
             for tick in ticks {
                 self.y_tick(svg, y.at(tick), right, &format!("{tick:.decimals$}"), tick == 0.0);
             }
@@ -162,35 +166,25 @@ impl Chart<'_> {
         let _ = write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{x}\" y=\"{y:.1}\">{label}</text>");
     }
 
-    fn draw_marks(&self, svg: &mut String, x: &Axis) {
-        let bottom = self.height - BOTTOM;
-        // Labels of marks closer than their text get one line each, up to four.
-        let mut taken: Vec<f64> = Vec::new();
-        for mark in self.marks {
+    fn draw_marks(&self, svg: &mut String, x: &Axis, y: &Axis, labels: &[Label]) {
+        for (index, mark) in self.marks.iter().enumerate() {
             let (at, class) = (x.at(mark.ms), mark.class);
+            let mut top = y.to;
+            if let Some(label) = labels.get(index) {
+                top = TOP + LINE * label.line as f64;
+                let (anchor, dx) = if label.leftwards { ("end", -4.0) } else { ("start", 4.0) };
+                let _ = write!(
+                    svg,
+                    "<text class=\"label {class}\" text-anchor=\"{anchor}\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+                    at + dx,
+                    top + 10.0,
+                    super::page::escape(&mark.label)
+                );
+            }
+            let bottom = y.from;
             let _ = write!(
                 svg,
-                "<line class=\"mark {class}\" x1=\"{at:.1}\" y1=\"{TOP}\" x2=\"{at:.1}\" y2=\"{bottom}\"/>"
-            );
-            if !self.labelled {
-                continue;
-            }
-            // 6.2 units a character of the mark's font.
-            let width = 6.2 * mark.label.chars().count() as f64 + 10.0;
-            let leftwards = at + width > WIDTH - RIGHT;
-            let begin = if leftwards { at - width } else { at };
-            let line = (0..4).find(|line| taken.get(*line).is_none_or(|end| *end <= begin)).unwrap_or(3);
-            taken.resize(taken.len().max(line + 1), f64::NEG_INFINITY);
-            if let Some(end) = taken.get_mut(line) {
-                *end = begin + width;
-            }
-            let (anchor, dx) = if leftwards { ("end", -4.0) } else { ("start", 4.0) };
-            let y = TOP + 11.0 + 14.0 * line as f64;
-            let _ = write!(
-                svg,
-                "<text class=\"label {class}\" text-anchor=\"{anchor}\" x=\"{:.1}\" y=\"{y:.1}\">{}</text>",
-                at + dx,
-                super::page::escape(&mark.label)
+                "<line class=\"mark {class}\" x1=\"{at:.1}\" y1=\"{top}\" x2=\"{at:.1}\" y2=\"{bottom}\"/>"
             );
         }
     }
@@ -217,33 +211,60 @@ impl Chart<'_> {
     }
 }
 
-/// A polyline's points; of many values in one pixel the smallest and the largest are kept, in their order.
-fn points(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
-    let mut text = String::new();
-    let count = times.len().min(values.len());
-    let bucket = count.div_ceil(MAX_POINTS / 2).max(1);
-    let draw = |text: &mut String, index: usize| {
-        if let (Some(time), Some(value)) = (times.get(index), values.get(index)) {
-            let _ = write!(text, "{:.1},{:.1} ", x.at(*time), y.at(*value));
+/// Where a mark's label stands: in which line above the plot, and on which side of its mark.
+struct Label {
+    line: usize,
+    leftwards: bool,
+}
+
+/// Gives each mark's label the first line in which it has room.
+fn place(marks: &[Mark], x: &Axis) -> Vec<Label> {
+    let mut ends: Vec<f64> = Vec::new();
+    let mut labels = Vec::new();
+    for mark in marks {
+        let at = x.at(mark.ms);
+        let width = LETTER * mark.label.chars().count() as f64 + 12.0;
+        let leftwards = at + width > WIDTH;
+        let begin = if leftwards { at - width } else { at };
+        let line = ends.iter().position(|end| *end <= begin).unwrap_or(ends.len());
+        // A label to the left ends at its mark.
+        let end = begin + width;
+        match ends.get_mut(line) {
+            Some(taken) => *taken = end,
+            None => ends.push(end),
         }
-    };
-    if count <= MAX_POINTS {
-        (0..count).for_each(|index| draw(&mut text, index));
-        return text;
+        labels.push(Label { line, leftwards });
     }
-    for start in (0..count).step_by(bucket) {
-        let range = start..(start + bucket).min(count);
-        let by_value = |a: &usize, b: &usize| {
-            values.get(*a).partial_cmp(&values.get(*b)).unwrap_or(std::cmp::Ordering::Equal)
-        };
-        if let (Some(low), Some(high)) = (range.clone().min_by(by_value), range.max_by(by_value)) {
-            draw(&mut text, low.min(high));
-            if low != high {
-                draw(&mut text, low.max(high));
+    labels
+}
+
+/// A curve's path, interrupted where a value is not finite. Of many values in one pixel the smallest and the
+/// largest are kept, in their order.
+fn path(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
+    let points: Vec<(f64, f64)> = times.iter().copied().zip(values.iter().copied()).collect();
+    // Two points a bucket; a curve that is short enough has buckets of one.
+    let bucket = if points.len() <= MAX_POINTS { 1 } else { points.len().div_ceil(MAX_POINTS / 2) };
+    let mut path = String::new();
+    let mut pen_down = false;
+    let mut draw = |(time, value): (f64, f64)| {
+        if value.is_finite() {
+            let letter = if pen_down { 'L' } else { 'M' };
+            let _ = write!(path, "{letter}{:.1} {:.1}", x.at(time), y.at(value));
+        }
+        pen_down = value.is_finite();
+    };
+    for chunk in points.chunks(bucket) {
+        let low = chunk.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        let high = chunk.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        if let (Some(&low), Some(&high)) = (low, high) {
+            let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
+            draw(first);
+            if first.0 != second.0 {
+                draw(second);
             }
         }
     }
-    text
+    path
 }
 
 #[cfg(test)]
@@ -258,10 +279,18 @@ mod tests {
         values[31_416] = -3.0;
         let x = Axis { min: 0.0, max: 50_000.0, from: 0.0, to: 1000.0 };
         let y = Axis { min: -10.0, max: 10.0, from: 200.0, to: 0.0 };
-        let drawn = points(&times, &values, &x, &y);
-        let ys: Vec<&str> = drawn.split_whitespace().filter_map(|p| p.split(',').nth(1)).collect();
+        let drawn = path(&times, &values, &x, &y);
+        let ys: Vec<&str> = drawn.split(['M', 'L']).filter_map(|p| p.split(' ').nth(1)).collect();
         assert!(ys.len() <= MAX_POINTS, "{}", ys.len());
         assert!(ys.contains(&"30.0") && ys.contains(&"130.0"), "7 and −3 are drawn");
+    }
+
+    #[test]
+    fn a_curve_stops_where_there_is_nothing_to_draw() {
+        let x = Axis { min: 0.0, max: 4.0, from: 0.0, to: 4.0 };
+        let y = Axis { min: 0.0, max: 4.0, from: 0.0, to: 4.0 };
+        let drawn = path(&[0.0, 1.0, 2.0, 3.0, 4.0], &[1.0, 2.0, f64::NAN, 3.0, 4.0], &x, &y);
+        assert_eq!(drawn, "M0.0 1.0L1.0 2.0M3.0 3.0L4.0 4.0");
     }
 
     #[test]

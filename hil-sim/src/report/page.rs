@@ -143,88 +143,104 @@ fn marks(scenario: &Scenario, run: &MotorRun) -> Vec<Mark> {
     marks
 }
 
+/// A chart's title, unit, height, least span of its y axis, and curves (name, class, column).
+type Row = (&'static str, &'static str, f64, f64, &'static [(&'static str, &'static str, &'static str)]);
+
+/// The charts, from above. Positions are in the plant's counts, so that HI does not tear the curves.
+const CHARTS: [Row; 6] = [
+    (
+        "Position",
+        "hall counts",
+        300.0,
+        4.0,
+        &[
+            ("set-point", "goal", "setpoint_counts"),
+            ("true rotor", "c1", "position_counts"),
+            ("estimated", "c2 thin", "position_estimated_counts"),
+        ],
+    ),
+    ("Lag", "hall counts, set-point − true rotor", 150.0, 2.0, &[("lag", "c1", "lag_counts")]),
+    (
+        "Velocity",
+        "hall counts / s",
+        220.0,
+        20.0,
+        &[
+            ("set-point", "goal", "velocity_setpoint_counts_s"),
+            ("true rotor", "c1", "velocity_counts_s"),
+            ("estimated", "c2 thin", "velocity_estimated_counts_s"),
+        ],
+    ),
+    (
+        "Torque and duty",
+        "% of peak torque, % of bus voltage",
+        190.0,
+        20.0,
+        &[("torque", "c1", "torque_percent"), ("duty", "c2 thin", "duty_percent")],
+    ),
+    (
+        "Currents",
+        "A",
+        190.0,
+        1.0,
+        &[
+            ("phase A", "c1 thin", "phase_a_a"),
+            ("phase B", "c2 thin", "phase_b_a"),
+            ("phase C", "c3 thin", "phase_c_a"),
+            ("bus", "goal", "bus_a"),
+        ],
+    ),
+    (
+        "Temperature",
+        "°C",
+        150.0,
+        5.0,
+        &[
+            ("winding", "c1", "winding_c"),
+            ("housing", "c2", "housing_c"),
+            ("thermistor", "c3 thin", "thermistor_c"),
+        ],
+    ),
+];
+
 fn charts(trace: &Trace, times: &[f64], marks: &[Mark]) -> Vec<String> {
-    let curve = |name, class, column: &str| Series { name, class, values: trace.column(column) };
-    let chart = |title, unit, height, least_span, series: Vec<Series>| {
-        Chart {
-            title,
-            unit,
-            height,
-            least_span,
-            lanes: &[],
-            times,
-            series,
-            marks,
-            labelled: title == "Position",
+    let mut charts = Vec::new();
+    for (title, unit, height, least_span, curves) in &CHARTS {
+        let curves = curves.iter().map(|(name, class, column)| (name, class, curve(trace, column)));
+        let series: Vec<Series> =
+            curves.map(|(name, class, values)| Series { name, class, values }).collect();
+        // A lag, say, is only there in modes 3 and 5.
+        if series.iter().any(|series| series.values.iter().any(|value| value.is_finite())) {
+            let (height, least_span, labelled) = (*height, *least_span, *title == "Position");
+            let chart = Chart { title, unit, height, least_span, lanes: &[], times, series, marks, labelled };
+            charts.push(chart.svg());
         }
-        .svg()
-    };
-    let error = trace.column("setpoint_counts").iter().zip(trace.column("position_counts"));
-    let error = error.map(|(goal, is)| goal - is).collect();
-    let percent = trace.column("torque_per_1024").iter().map(|torque| torque / 10.24).collect();
-    let winding = curve("winding", "c1", "winding_c");
-    let housing = curve("housing", "c2", "housing_c");
-    vec![
-        chart(
-            "Position",
-            "hall counts",
-            300.0,
-            4.0,
-            vec![
-                curve("set-point", "goal", "setpoint_counts"),
-                curve("true rotor", "c1", "position_counts"),
-                curve("estimated", "c2 thin", "position_estimated_counts"),
-            ],
-        ),
-        chart(
-            "Lag",
-            "hall counts, set-point − true rotor",
-            150.0,
-            2.0,
-            vec![Series { name: "lag", class: "c1", values: error }],
-        ),
-        chart(
-            "Velocity",
-            "hall counts / s",
-            220.0,
-            20.0,
-            vec![
-                curve("set-point", "goal", "velocity_setpoint_counts_s"),
-                curve("true rotor", "c1", "velocity_counts_s"),
-                curve("estimated", "c2 thin", "velocity_estimated_counts_s"),
-            ],
-        ),
-        chart(
-            "Torque and duty",
-            "% of peak torque, % of bus voltage",
-            190.0,
-            20.0,
-            vec![
-                Series { name: "torque", class: "c1", values: percent },
-                curve("duty", "c2 thin", "duty_percent"),
-            ],
-        ),
-        chart(
-            "Currents",
-            "A",
-            190.0,
-            1.0,
-            vec![
-                curve("phase A", "c1 thin", "phase_a_a"),
-                curve("phase B", "c2 thin", "phase_b_a"),
-                curve("phase C", "c3 thin", "phase_c_a"),
-                curve("bus", "goal", "bus_a"),
-            ],
-        ),
-        halls(trace, times, marks),
-        chart(
-            "Temperature",
-            "°C",
-            150.0,
-            5.0,
-            vec![winding, housing, curve("thermistor", "c3 thin", "thermistor_c")],
-        ),
-    ]
+    }
+    charts.insert(charts.len() - 1, halls(trace, times, marks));
+    charts
+}
+
+/// A column of the trace, or what a chart makes of some: NaN where there is nothing to draw.
+fn curve(trace: &Trace, name: &str) -> Vec<f64> {
+    match name {
+        "setpoint_counts" => {
+            // Only modes 3 (PID) and 5 (trapezoidal) have one.
+            let goals = in_plant(trace, name).into_iter().zip(trace.column("mode"));
+            goals.map(|(goal, mode)| if mode == 3.0 || mode == 5.0 { goal } else { f64::NAN }).collect()
+        }
+        "position_estimated_counts" => in_plant(trace, name),
+        "lag_counts" => {
+            let goals = curve(trace, "setpoint_counts").into_iter();
+            goals.zip(trace.column("position_counts")).map(|(goal, is)| goal - is).collect()
+        }
+        "torque_percent" => trace.column("torque_per_1024").iter().map(|torque| torque / 10.24).collect(),
+        _ => trace.column(name),
+    }
+}
+
+/// A position of the servo in the plant's counts.
+fn in_plant(trace: &Trace, name: &str) -> Vec<f64> {
+    trace.column(name).iter().zip(trace.column("zero_counts")).map(|(counts, zero)| counts + zero).collect()
 }
 
 /// The three hall lines as logic levels, one lane each.
@@ -287,9 +303,9 @@ svg { display:block; width:100%; height:auto; background:var(--card); border:1px
 svg text { fill:var(--ink); font-size:12px; } svg .title { font-size:14px; font-weight:600; }
 svg .unit, svg .tick { fill:var(--soft); font-weight:400; font-size:12px; } svg .tick { font-size:11px; }
 .grid { stroke:var(--line); stroke-width:1; } .grid.zero { stroke:var(--frame); } .frame { stroke:var(--frame); fill:none; }
-polyline, line.c1, line.c2, line.c3, line.goal { fill:none; stroke-width:2; stroke-linejoin:round; }
+path.c1, path.c2, path.c3, path.goal, line.c1, line.c2, line.c3, line.goal { fill:none; stroke-width:2; stroke-linejoin:round; }
 .c1 { stroke:var(--c1); } .c2 { stroke:var(--c2); } .c3 { stroke:var(--c3); }
-.goal { stroke:var(--goal); stroke-dasharray:6 3; } polyline.thin, line.thin { stroke-width:1.2; }
+.goal { stroke:var(--goal); stroke-dasharray:6 3; } path.thin, line.thin { stroke-width:1.2; }
 .mark.command { stroke:var(--goal); stroke-dasharray:2 3; } .mark.good { stroke:var(--good); stroke-dasharray:2 3; }
 .mark.bad { stroke:var(--bad); stroke-dasharray:2 3; }
 svg .label { font-size:11px; paint-order:stroke; stroke:var(--card); stroke-width:3px; }
