@@ -1,6 +1,7 @@
 //! System tests: one binary, a module a subject.
 
 mod fences;
+mod loops;
 mod plant;
 mod profile;
 mod scenarios;

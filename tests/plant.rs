@@ -160,7 +160,7 @@ fn models_agree_in_transients() {
     // Plugging, braking by short circuit, and coasting, from 800 counts/s.
     for (duty, bridge_on) in [(-0.3, true), (0.0, true), (0.2, true), (0.0, false)] {
         let [averaged, switched] = MODELS.map(|model| {
-            let mut rig = rig(free(), model, at(0.0, 800.0));
+            let mut rig = rig(PlantParams { brake_n_m: 0.0, ..free() }, model, at(0.0, 800.0));
             let truth = if bridge_on { run(&mut rig, duty, 20) } else { coast(&mut rig, 20) };
             (truth.counts, truth.counts_per_s)
         });
@@ -483,7 +483,8 @@ proptest! {
     /// With the bridge off and no load, energy only leaves; with EMF under the bus nothing comes back from it.
     #[test]
     fn passive(kind in any_kind(), model in any_model(), count in 0.0..160.0_f64, speed in -1000.0..1000.0_f64) {
-        let mut rig = rig(PlantParams::for_motor(kind), model, at(count, speed));
+        let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::for_motor(kind) };
+        let mut rig = rig(plant, model, at(count, speed));
         let mut stored = 0.0;
         for _ in 0..100 {
             let t = coast(&mut rig, 1);

@@ -10,6 +10,18 @@
 //! in and out is in [`command`], and the one order in which all of it runs is in [`servo`].
 #![no_std]
 #![forbid(unsafe_code)]
+// The control path does not panic and does not index out of bounds; a test may.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::indexing_slicing,
+        clippy::string_slice,
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::unreachable
+    )
+)]
 
 pub mod command;
 pub mod config;

@@ -104,8 +104,10 @@ impl CountsPerSec {
     /// The magnitude in counts a tick of 1 ms with 32 fractional bits, rounded down; at least one unit.
     #[must_use]
     pub fn to_wide_per_tick(self) -> NonZeroU64 {
-        let per_sec = (self.0.to_bits().unsigned_abs() as u64) << 16;
-        NonZeroU64::new(per_sec / 1000).unwrap_or(NonZeroU64::MIN)
+        // (bits << 16) / 1000 in two 32-bit divisions: the 64-bit one is a library call.
+        let bits = self.0.to_bits().unsigned_abs();
+        let (whole, fraction) = (bits / 1000, ((bits % 1000) << 16) / 1000);
+        NonZeroU64::new(((whole as u64) << 16) | fraction as u64).unwrap_or(NonZeroU64::MIN)
     }
 
     /// The nearest 1/65536 count/s to a velocity in counts a tick of 1 ms; wraps outside ±32 counts a tick.

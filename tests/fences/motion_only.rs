@@ -1,7 +1,7 @@
 //! What servo-core must not know: std, floats, a heap, casts, panics, a simulator; and that one file orders
 //! the tick.
 
-use super::tokens::{Token, reads, scan, scan_tokens, tokens, without_tests};
+use super::tokens::{Token, item_end, reads, scan, scan_tokens, tokens, without_tests};
 use super::{Source, Violation, check_fence, check_workspace, files};
 
 const CORE: &str = "servo-core";
@@ -69,6 +69,18 @@ fn cast(source: &Source) -> Vec<Violation> {
     })
 }
 
+/// Tests `wrong` at every token of servo-core's code, tests left out.
+fn scan_core(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>) -> Vec<Violation> {
+    let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
+    if !source.is_in("servo-core/src") || is_test_file {
+        return Vec::new();
+    }
+    match tokens(source) {
+        Ok(tokens) => scan_tokens(source, &without_tests(tokens), wrong),
+        Err(violation) => vec![violation],
+    }
+}
+
 /// No panic path outside tests. (Indexing and overflow are clippy's: see the lints in lib.rs.)
 fn panic_path(source: &Source) -> Vec<Violation> {
     const METHODS: [&str; 4] = ["unwrap", "expect", "unwrap_err", "expect_err"];
@@ -82,15 +94,7 @@ fn panic_path(source: &Source) -> Vec<Violation> {
         "debug_assert_eq",
         "debug_assert_ne",
     ];
-    let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
-    if !source.is_in("servo-core/src") || is_test_file {
-        return Vec::new();
-    }
-    let tokens = match tokens(source) {
-        Ok(tokens) => without_tests(tokens),
-        Err(violation) => return vec![violation],
-    };
-    scan_tokens(source, &tokens, |tokens, at| {
+    scan_core(source, |tokens, at| {
         let name = tokens[at].text.as_str();
         let is_method =
             METHODS.contains(&name) && at > 0 && tokens[at - 1].text == "." && reads(tokens, at + 1, &["("]);
@@ -99,6 +103,22 @@ fn panic_path(source: &Source) -> Vec<Violation> {
         let at_build = at >= 6 && reads(tokens, at - 6, &["const", "_", ":", "(", ")", "="]);
         (is_method || is_macro && !at_build)
             .then(|| format!("{name}: the control path does not panic; return or saturate"))
+    })
+}
+
+/// `fixed`'s `lit` parses its string wherever it stands: outside a constant that is at every tick, and some
+/// hundred instructions each time.
+fn literal(source: &Source) -> Vec<Violation> {
+    // Neither `const fn` nor a generic `<const N: usize>` is a constant.
+    let is_constant = |tokens: &[Token], at: usize| {
+        tokens[at].text == "const"
+            && !reads(tokens, at + 1, &["fn"])
+            && !(at > 0 && ["<", ","].contains(&tokens[at - 1].text.as_str()))
+    };
+    scan_core(source, |tokens, at| {
+        let in_constant = || (0..at).any(|c| is_constant(tokens, c) && item_end(tokens, c) >= at);
+        (reads(tokens, at, &["lit", "("]) && !in_constant())
+            .then(|| "lit outside a `const` is parsed when it runs: make it a constant".into())
     })
 }
 
@@ -131,6 +151,28 @@ fn tick_order(source: &Source) -> Vec<Violation> {
         [_, second, ..] => vec![source.violation(second, "names two loops: only servo.rs composes them")],
         _ => Vec::new(),
     }
+}
+
+/// Every path to the bridge ends in `guard/limits`: a duty is made there.
+fn bridge(source: &Source) -> Vec<Violation> {
+    // units.rs defines it; the commutator only moves its sign into the legs.
+    let homes = ["guard/limits.rs", "units.rs", "sense/commutation.rs"];
+    if homes.iter().any(|home| source.path == format!("servo-core/src/{home}")) {
+        return Vec::new();
+    }
+    scan_core(source, |tokens, at| {
+        let makes = reads(tokens, at, &["Duty", "("]) || reads(tokens, at, &["Duty", ":", ":", "from_bits"]);
+        makes.then(|| "a duty made outside guard/limits escapes its bounds".into())
+    })
+}
+
+/// No loop whose end nobody has counted; `for` goes over something that ends.
+fn unbounded(source: &Source) -> Vec<Violation> {
+    scan_core(source, |tokens, at| {
+        let token = &tokens[at];
+        (!token.is_literal && ["loop", "while"].contains(&token.text.as_str()))
+            .then(|| format!("{}: the control path's loops are bounded; use `for` over a range", token.text))
+    })
 }
 
 /// What a crate root must promise.
@@ -176,6 +218,11 @@ fn the_control_path_does_not_panic() {
 }
 
 #[test]
+fn literals_are_parsed_by_the_compiler() {
+    check_workspace(literal);
+}
+
+#[test]
 fn nothing_tells_simulation_from_metal() {
     check_workspace(simulation_feature);
 }
@@ -183,6 +230,16 @@ fn nothing_tells_simulation_from_metal() {
 #[test]
 fn one_file_orders_the_tick() {
     check_workspace(tick_order);
+}
+
+#[test]
+fn duties_are_made_by_the_limits() {
+    check_workspace(bridge);
+}
+
+#[test]
+fn loops_are_bounded() {
+    check_workspace(unbounded);
 }
 
 #[test]
@@ -252,6 +309,27 @@ fn the_panic_fence_can_fail() {
 }
 
 #[test]
+fn the_literal_fence_can_fail() {
+    check_fence(
+        literal,
+        "servo-core/src/a.rs",
+        &[
+            "fn f() { Law::lit(\"1\") }",
+            "const fn f() -> Law { Law::lit(\"1\") }",
+            "impl<const N: u8> A<N> { fn f() { Law::lit(\"1\") } }",
+            "const A: u8 = 1; fn f() { lit(\"1\") }",
+        ],
+        &[
+            "const A: Law = Law::lit(\"1\");",
+            "const A: [Law; 1] = [Law::lit(\"1\")];",
+            "fn f() { const { Law::lit(\"1\") } }",
+            "const A: B = B { c: Law::lit(\"1\") };",
+            "#[cfg(test)] mod t { fn f() { Law::lit(\"1\") } }",
+        ],
+    );
+}
+
+#[test]
 fn the_feature_fence_can_fail() {
     check_fence(
         simulation_feature,
@@ -267,6 +345,27 @@ fn the_tick_order_fence_can_fail() {
     check_fence(tick_order, "servo-core/src/mode.rs", &[two], &["pub mod pid; pub mod profile;"]);
     check_fence(tick_order, "hil-sim/src/a.rs", &[two], &["use servo_core::motion::pid::Pid;"]);
     check_fence(tick_order, "servo-core/src/servo.rs", &[], &[two]);
+}
+
+#[test]
+fn the_bridge_fence_can_fail() {
+    let made = ["fn f() -> Duty { Duty(a) }", "fn f() -> Duty { Duty::from_bits(1) }"];
+    check_fence(bridge, "servo-core/src/servo.rs", &made, &["fn f(a: Duty) -> bool { a == Duty::ZERO }"]);
+    check_fence(bridge, "servo-core/src/guard/limits.rs", &[], &made);
+}
+
+#[test]
+fn the_loop_fence_can_fail() {
+    check_fence(
+        unbounded,
+        "servo-core/src/a.rs",
+        &["fn f() { loop {} }", "fn f() { while a {} }", "fn f() { while let Some(b) = a.pop() {} }"],
+        &[
+            "fn f() { for i in 0..3 {} } // loop",
+            "#[cfg(test)] mod t { fn f() { loop {} } }",
+            "fn f() -> &str { \"while\" }",
+        ],
+    );
 }
 
 #[test]

@@ -201,9 +201,9 @@ impl Winding {
         while t.count < 3 {
             let star = t.sum * if t.count == 2 { 0.5 } else { 1.0 };
             let mut worst = (0.0, 0, NO_HOLD);
-            for k in 0..3 {
+            for (k, emf) in e.into_iter().enumerate() {
                 if !t.on[k] {
-                    let v = star + e[k];
+                    let v = star + emf;
                     if -self.diode_v - v > worst.0 {
                         worst = (-self.diode_v - v, k, self.low_diode());
                     } else if v - self.bus_v - self.diode_v > worst.0 {
@@ -222,11 +222,11 @@ impl Winding {
     /// All terminals open and no current: the EMF conducts into the bus only if it exceeds it.
     fn rectify(&self, t: &mut Topology, e: [f64; 3]) {
         let (mut top, mut bottom) = (0, 0);
-        for k in 1..3 {
-            if e[k] > e[top] {
+        for (k, &emf) in e.iter().enumerate() {
+            if emf > e[top] {
                 top = k;
             }
-            if e[k] < e[bottom] {
+            if emf < e[bottom] {
                 bottom = k;
             }
         }
@@ -342,3 +342,6 @@ fn stop_leg(i: &mut [f64; 3], leg: usize) {
     i[a] = half;
     i[b] = -half;
 }
+
+#[cfg(test)]
+mod tests;

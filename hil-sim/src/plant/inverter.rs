@@ -51,6 +51,9 @@ fn terminals(legs: &[Leg; 3], pwm: Terminal) -> [Terminal; 3] {
 /// The bridge as it was last told to be, with what can be computed ahead for it.
 #[derive(Clone, Debug)]
 pub struct Inverter {
+    model: Model,
+    /// The averaged model's last step, s, and its exp(−step/τ): steps are mostly alike.
+    mean_decay: (f64, f64),
     bridge: Bridge,
     legs: [Leg; 3],
     roles: Option<Roles>,
@@ -67,8 +70,10 @@ pub struct Inverter {
 impl Inverter {
     /// A bridge that is off.
     #[must_use]
-    pub fn new(winding: Winding, dead_s: f64) -> Self {
-        Self {
+    pub fn new(model: Model, winding: Winding, dead_s: f64) -> Self {
+        let mut inverter = Self {
+            model,
+            mean_decay: (0.0, 1.0),
             bridge: Bridge::Off,
             legs: [Leg::Float; 3],
             roles: None,
@@ -78,7 +83,9 @@ impl Inverter {
             dead_share: dead_s / PERIOD_S,
             swing: 0.0,
             segments: Vec::new(),
-        }
+        };
+        inverter.build_segments();
+        inverter
     }
 
     /// The winding as of now.
@@ -90,6 +97,7 @@ impl Inverter {
     /// Changes resistance and supply.
     pub fn set_winding(&mut self, winding: Winding) {
         self.winding = winding;
+        self.mean_decay = (0.0, 1.0);
         self.build_segments();
     }
 
@@ -112,7 +120,7 @@ impl Inverter {
             let (low, float) = if legs[a] == Leg::Low { (a, b) } else { (b, a) };
             Roles { pwm, low, float, six_step: legs[low] == Leg::Low && legs[float] == Leg::Float }
         });
-        if duty != self.duty || self.segments.is_empty() {
+        if duty != self.duty {
             self.duty = duty;
             self.build_segments();
         }
@@ -143,6 +151,9 @@ impl Inverter {
         let tau = self.winding.tau;
         self.swing = 0.25 * self.winding.bus_v * self.duty * (1.0 - self.duty) * t / self.winding.phase_l;
         self.segments.clear();
+        if self.model == Model::Averaged {
+            return;
+        }
         let mut start = 0.0;
         for (end, pwm) in plan {
             if end > start {
@@ -154,20 +165,20 @@ impl Inverter {
 
     /// Advances the currents over `dt` seconds from `phase` seconds into the PWM period, which the step must
     /// not leave in the switched model.
-    pub fn advance(&self, model: Model, i: &mut [f64; 3], e: [f64; 3], phase: f64, dt: f64, flow: &mut Flow) {
-        let w = &self.winding;
+    pub fn advance(&mut self, i: &mut [f64; 3], e: [f64; 3], phase: f64, dt: f64, flow: &mut Flow) {
         let Some(roles) = self.roles else {
-            let decay = (-dt / w.tau).exp();
-            w.advance(i, &terminals(&self.legs, Terminal::Open), e, dt, decay, flow);
+            let decay = self.mean_decay(dt);
+            self.winding.advance(i, &terminals(&self.legs, Terminal::Open), e, dt, decay, flow);
             return;
         };
-        match model {
+        match self.model {
             Model::Averaged => {
                 let idle = i[roles.float] == 0.0;
                 let mean = self.mean_leg(i[roles.pwm], dt);
-                let segment = Segment { end: dt, decay: (-dt / w.tau).exp(), pwm: mean };
-                self.run(roles, &[segment], i, e, 0.0, dt, flow);
+                let segment = Segment { end: dt, decay: self.mean_decay(dt), pwm: mean };
+                self.run(roles, &[segment], i, e, (0.0, dt), flow);
                 // A triangle of ±swing has the mean square swing²/3, in two phases; the supply pays for it.
+                let w = &self.winding;
                 let ripple_j = 2.0 * w.phase_r * self.swing * self.swing / 3.0 * dt;
                 flow.copper_j += ripple_j;
                 flow.bus_charge += ripple_j / w.bus_v.max(1.0);
@@ -179,20 +190,25 @@ impl Inverter {
                     self.float_pulses(roles, bus_share, e, dt, flow);
                 }
             }
-            Model::Switched => self.run(roles, &self.segments, i, e, phase, phase + dt, flow),
+            Model::Switched => self.run(roles, &self.segments, i, e, (phase, phase + dt), flow),
         }
     }
 
+    fn mean_decay(&mut self, dt: f64) -> f64 {
+        if self.mean_decay.0 != dt {
+            self.mean_decay = (dt, (-dt / self.winding.tau).exp());
+        }
+        self.mean_decay.1
+    }
+
     /// Advances through those parts of `segments` that lie within `begin..end`, seconds into the PWM period.
-    #[allow(clippy::too_many_arguments)]
     fn run(
         &self,
         roles: Roles,
         segments: &[Segment],
         i: &mut [f64; 3],
         e: [f64; 3],
-        begin: f64,
-        end: f64,
+        (begin, end): (f64, f64),
         flow: &mut Flow,
     ) {
         let w = &self.winding;

@@ -136,7 +136,7 @@ impl Plant {
         let joint = Joint::new(&params, objects);
         let stored_at_start = joint.kinetic_j(&shaft) + joint.spring_j(shaft.theta);
         Ok(Self {
-            inverter: Inverter::new(winding, params.dead_time_us * 1e-6),
+            inverter: Inverter::new(model, winding, params.dead_time_us * 1e-6),
             joint,
             model,
             // A tenth of a time constant of the winding, a hundredth of the motor's; see the tests.
@@ -238,7 +238,7 @@ impl Plant {
         let e = shape.map(|f| k * omega * f);
         let phase = (s.t_us % PERIOD_US) as f64 * 1e-6;
         let mut flow = Flow::default();
-        self.inverter.advance(self.model, &mut s.current, e, phase, dt, &mut flow);
+        self.inverter.advance(&mut s.current, e, phase, dt, &mut flow);
         let impulse = k * (shape[0] * flow.charge[0] + shape[1] * flow.charge[1] + shape[2] * flow.charge[2]);
         s.torque = impulse / dt;
         let work = self.joint.advance(&mut s.shaft, s.torque, self.disturbance, brake, dt);

@@ -17,6 +17,8 @@ pub struct Halls {
     sensed: u8,
     /// When each line that is on its way up arrives, µs.
     rising: [Option<u64>; 3],
+    /// The first glitch that is not over.
+    glitch: usize,
     /// The lines, after delay, glitch and fault.
     lines: u8,
 }
@@ -25,8 +27,15 @@ impl Halls {
     /// Settled sensors at a rotor position in counts.
     #[must_use]
     pub fn new(params: RigParams, zero_sector: u8, counts: f64) -> Self {
-        let mut halls =
-            Self { params, zero_sector, cell: counts.round() as i64, sensed: 0, rising: [None; 3], lines: 0 };
+        let mut halls = Self {
+            params,
+            zero_sector,
+            cell: counts.round() as i64,
+            sensed: 0,
+            rising: [None; 3],
+            glitch: 0,
+            lines: 0,
+        };
         // Errors are under half a cell, so that the nearest cell is at most one off.
         while halls.follow(counts) {}
         halls.sensed = halls.code();
@@ -75,7 +84,7 @@ impl Halls {
             }
         };
         self.rising.iter().flatten().copied().for_each(&mut consider);
-        for g in &self.params.glitches {
+        if let Some(g) = self.params.glitches.get(self.glitch) {
             consider(g.at_us);
             consider(g.at_us + g.duration_us);
         }
@@ -105,6 +114,9 @@ impl Halls {
                 self.sensed |= 1 << line;
             }
         }
+        while self.params.glitches.get(self.glitch).is_some_and(|g| g.at_us + g.duration_us <= now) {
+            self.glitch += 1;
+        }
         let before = self.lines;
         self.lines = self.faulty(now);
         self.lines != before
@@ -112,7 +124,7 @@ impl Halls {
 
     /// The sensors' outputs with what is wrong on the way.
     fn faulty(&self, now: u64) -> u8 {
-        let glitch = self.params.glitches.iter().find(|g| g.at_us <= now && now < g.at_us + g.duration_us);
+        let glitch = self.params.glitches.get(self.glitch).filter(|g| g.at_us <= now);
         let mut lines = glitch.map_or(self.sensed, |g| g.code);
         if let Some(stuck) = self.params.stuck
             && now >= stuck.from_us

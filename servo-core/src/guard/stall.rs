@@ -1,15 +1,22 @@
 //! TSTOP: a driven motor without a hall count for that long has stalled (manual 5.5 case 1).
 
+/// How much of the time between the last count and the set-point being a whole count ahead belongs to the
+/// stall: a rotor that ran into something stopped at its last count, and at 100 counts/s or more the set-point
+/// is ahead within 10 ms. A set-point that creeps gets no more than this.
+const LEAD_MS: u16 = 10;
+
 /// The stall timer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
     driven_ms: u32,
+    /// Time from the last count of this motion to its being driven; `None` before its first count.
+    lead_ms: Option<u16>,
 }
 
 impl Stall {
     /// Starts from nought: at the start of a move, a brake release, a re-plan.
     pub fn restart(&mut self) {
-        self.driven_ms = 0;
+        *self = Self::default();
     }
 
     /// One tick of 1 ms. `counted`: the hall count moved since the last tick. `driven`: the motor is driven
@@ -20,11 +27,16 @@ impl Stall {
     #[must_use]
     pub fn step(&mut self, counted: bool, driven: bool, tstop: u16) -> bool {
         if counted {
-            self.driven_ms = 0;
+            *self = Self { driven_ms: 0, lead_ms: Some(0) };
         } else if driven {
             self.driven_ms = self.driven_ms.saturating_add(1);
+        } else if let Some(lead) = &mut self.lead_ms
+            && self.driven_ms == 0
+        {
+            *lead = lead.saturating_add(1).min(LEAD_MS);
         }
-        tstop != 0 && self.driven_ms >= u32::from(tstop)
+        let still_ms = self.driven_ms.saturating_add(u32::from(self.lead_ms.unwrap_or(0)));
+        tstop != 0 && self.driven_ms != 0 && still_ms >= u32::from(tstop)
     }
 }
 
@@ -39,6 +51,24 @@ mod tests {
         assert!(!stall.step(false, true, 3));
         assert!(!stall.step(false, true, 3));
         assert!(stall.step(false, true, 3));
+    }
+
+    #[test]
+    fn the_way_from_the_last_count_to_being_driven_counts_up_to_ten_ms() {
+        for (undriven, left) in [(0, 300), (4, 296), (10, 290), (500, 290)] {
+            let mut stall = Stall::default();
+            assert!(!stall.step(true, true, 300));
+            for _ in 0..undriven {
+                assert!(!stall.step(false, false, 300));
+            }
+            assert_eq!((1..).find(|_| stall.step(false, true, 300)), Some(left));
+        }
+        // Before the first count nothing has run into anything.
+        let mut stall = Stall::default();
+        for _ in 0..500 {
+            assert!(!stall.step(false, false, 300));
+        }
+        assert_eq!((1..).find(|_| stall.step(false, true, 300)), Some(300));
     }
 
     #[test]
