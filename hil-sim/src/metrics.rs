@@ -9,6 +9,9 @@ use servo_core::{Command, EndReason, Event};
 
 use crate::board::Sample;
 
+#[cfg(test)]
+mod tests;
+
 /// How long after the end of a move its final error is taken, ms (manual defaults settle well within).
 const SETTLE_MS: u32 = 200;
 
