@@ -282,9 +282,9 @@ fn a_file_that_cannot_be_read_is_named() {
         assert_style(&bad, &path, &[word]);
     }
     let path = folder.join("empty.toml").to_string_lossy().into_owned();
-    let bad = Scenario::find(&path).err().expect("an empty file is no scenario");
+    let bad = Scenario::find(&path).expect_err("an empty file is no scenario");
     assert_style(&bad, &format!("{path}:1"), &["missing"]);
-    let bad = Scenario::find("spread-ful-travel").err().expect("no such scenario");
+    let bad = Scenario::find("spread-ful-travel").expect_err("no such scenario");
     assert_style(&bad, "spread-ful-travel", &["did you mean spread-full-travel"]);
 }
 

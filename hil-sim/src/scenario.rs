@@ -1,6 +1,42 @@
 //! Scenarios: what to simulate and what must come of it, as TOML.
 //!
 //! A file that loads can run: every name, unit and range is checked here, so that a run never meets bad input.
+//! The end of a key's name is its unit. All tables but the first keys may be left out:
+//!
+//! ```
+//! let scenario = hil_sim::scenario::Scenario::parse("push.toml", r#"
+//!     name = "push"
+//!     about = "A link closes on something soft while the supply sags."
+//!     motor = "link"                   # or "spread", "tip", or a list of them, run one after another
+//!     duration_ms = 1000
+//!     scatter = 0.3                    # the seed scatters inertia, friction, Ke and R by ±30 %, the bus 20..28 V
+//!     hall_scatter_deg = 10            # and the halls' placement by ±10° electrical
+//!
+//!     plant = { coulomb_n_m = 0.02 }   # fields of `PlantParams`
+//!     rig = { rise_delay_us = 100 }    # fields of `RigParams`
+//!     set = { ACCEL = 60, HOLD = 1 }   # properties, as `--set` takes them
+//!     initial = { position_counts = 20, housing_c = 30 }
+//!
+//!     [[object]]                       # fields of `Object`
+//!     from_count = 150
+//!     side = "closing"
+//!     stiffness_n_m_rad = 0.5
+//!     damping_n_m_s = 0.005
+//!
+//!     [[at]]                           # a time and one command: move, end, position, mode, torque, velocity,
+//!     ms = 50                          # torque_close, torque_open, home, abort, terminate, clear_fault,
+//!     move = 300                       # clear_breakaway, set, disturbance_n_m or bus_v
+//!
+//!     [[at]]
+//!     ms = 200
+//!     bus_v = 21
+//!
+//!     [[expect]]                       # a metric: min, max or both; or equals, with a tolerance or without
+//!     metric = "position_counts"
+//!     min = 150
+//! "#).unwrap();
+//! assert_eq!(scenario.timeline.len(), 2);
+//! ```
 
 mod error;
 mod file;
