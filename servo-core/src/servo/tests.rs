@@ -207,6 +207,15 @@ fn a_blocked_move_stalls_after_tstop() {
 }
 
 #[test]
+fn a_move_without_acceleration_ends_as_a_stall() {
+    let mut bench = Bench::new(MotorKind::Tip);
+    let config = Config { accel: 0, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    bench.servo.command(Command::Move(60)).unwrap();
+    assert_eq!(bench.follow(310), Some(EndReason::Stalled));
+}
+
+#[test]
 fn torque_control_with_hold_presses_on() {
     let mut bench = Bench::new(MotorKind::Spread);
     bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();

@@ -17,9 +17,9 @@ fn moving(start: i32, end: i32, limits: Limits, ticks: u32) -> Profile {
     profile
 }
 
-/// Steps to the end; `None` if that takes more than `most` ticks.
+/// Steps to the end and gives the ticks that took; `None` if they are more than `most`.
 fn land(profile: &mut Profile, most: u32) -> Option<u32> {
-    (0..=most).find(|_| profile.current().done || profile.step().done)
+    (1..=most).find(|_| profile.step().done)
 }
 
 fn any_limits() -> impl Strategy<Value = Limits> {
@@ -135,6 +135,28 @@ fn accel_zero_at_rest_stays_there_and_never_ends() {
     assert!(!profile.current().done);
     profile.plan(Counts::from_int(100), limits(30, 1000));
     assert!(land(&mut profile, 1000).is_some());
+}
+
+#[test]
+fn accel_zero_at_rest_forgets_the_accel_of_the_last_move() {
+    let mut profile = moving(0, 10, limits(1000, 1000), 100);
+    assert!(profile.current().done);
+    profile.plan(Counts::ZERO, limits(0, 1000));
+    assert_eq!(profile.step().position, Counts::from_int(10));
+    assert!(!profile.current().done);
+}
+
+/// ACCEL 32 is 2^-10 counts/ms²: 1024 ticks and 512 counts to 1 count/ms, 976 ticks of cruise, braking from
+/// tick 2000 to 3024, all without rounding. A new plan in it finds exactly its stopping distance to go.
+#[test]
+fn the_same_plan_while_braking_changes_nothing() {
+    for end in [2000, -2000] {
+        let mut again = moving(0, end, limits(32, 1000), 2500);
+        let mut once = again;
+        again.plan(Counts::from_int(end), limits(32, 1000));
+        assert_eq!(land(&mut again, 1000), Some(524));
+        assert_eq!(land(&mut once, 1000), Some(524));
+    }
 }
 
 #[test]
