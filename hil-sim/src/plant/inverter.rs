@@ -69,6 +69,10 @@ pub struct Inverter {
     dead_share: f64,
     /// Half of the current's ripple from valley to peak, A.
     swing: f64,
+    /// What a volt changes the current of two phases by in a dead time, A/V.
+    dead_a_v: f64,
+    /// 1 / what the bus changes it by, 1/A.
+    per_dead_a: f64,
     segments: Vec<Segment>,
 }
 
@@ -87,6 +91,8 @@ impl Inverter {
             dead_s,
             dead_share: dead_s / PERIOD_S,
             swing: 0.0,
+            dead_a_v: 0.0,
+            per_dead_a: 0.0,
             segments: Vec::new(),
         };
         inverter.build_segments();
@@ -155,6 +161,9 @@ impl Inverter {
         };
         let tau = self.winding.tau;
         self.swing = swing(&self.winding, self.duty);
+        self.dead_a_v = 0.5 * self.dead_s / self.winding.phase_l;
+        // A millivolt keeps it finite without a supply.
+        self.per_dead_a = 1.0 / (self.dead_a_v * (self.winding.bus_v + 1e-3));
         self.segments.clear();
         if self.model == Model::Averaged {
             return;
@@ -290,10 +299,8 @@ impl Inverter {
     fn leg_at(&self, i: f64, emf: f64) -> (f64, f64) {
         let w = &self.winding;
         let dead = self.dead_share;
-        let per_volt = 0.5 * self.dead_s / w.phase_l;
-        let per_width = 1.0 / (per_volt * w.bus_v + 1e-9);
-        let zero = per_volt * (w.bus_v - emf);
-        let positive = |i: f64| ((i + zero) * per_width).clamp(0.0, 1.0);
+        let zero = self.dead_a_v * (w.bus_v - emf);
+        let positive = |i: f64| ((i + zero) * self.per_dead_a).clamp(0.0, 1.0);
         let valley = positive(i - self.swing);
         let peak = positive(i + self.swing);
         let bus_share = (self.duty - dead * (valley - (1.0 - peak))).clamp(0.0, 1.0);
