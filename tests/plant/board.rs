@@ -68,6 +68,14 @@ fn glitches_and_stuck_lines_are_as_told() {
 }
 
 #[test]
+fn a_line_that_falls_before_it_has_risen_never_rises() {
+    // At 1000 counts/s a sensor is on for 3 ms.
+    let seen = turning(RigParams { rise_delay_us: 3_100, ..RigParams::default() }, 1000.0, 60);
+    assert_eq!(seen.last().map(|change| change.code), Some(0));
+    assert!(seen.len() < 4, "{seen:?}");
+}
+
+#[test]
 fn brake_takes_its_time_and_holds() {
     let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
     rig.set_disturbance(0.6);
@@ -84,6 +92,33 @@ fn brake_takes_its_time_and_holds() {
     }
     let held = rig.truth();
     assert!(held.brake_engaged && held.counts_per_s == 0.0, "{held:?}");
+}
+
+#[test]
+fn brake_that_is_told_otherwise_in_time_does_not_move() {
+    let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
+    rig.set_disturbance(0.6);
+    rig.advance(Bridge::Off, true, 15_000);
+    rig.advance(Bridge::Off, false, 100_000);
+    assert_eq!(rig.truth().counts, 80.0);
+}
+
+#[test]
+fn thermistor_lags_behind_the_housing() {
+    // Locked at 60 W for 20 s: the housing warms by 0.4 K/s in the end, and the bead is 2 s behind.
+    let params = RigParams { adc_noise_lsb: 0.0, ..RigParams::default() };
+    let mut rig = Rig::new(free(), params, &[], Model::Averaged, at(0.0, 0.0), 1).unwrap();
+    let mut two_seconds_ago = 0.0;
+    let mut seen = rig.analog().motor_temp;
+    for ms in 1..=20_000 {
+        rig.advance(drive(rig.halls(), 0.5), false, ms * 1000);
+        seen = rig.analog().motor_temp;
+        if ms == 18_000 {
+            two_seconds_ago = rig.truth().housing_c;
+        }
+    }
+    assert!(rig.truth().housing_c - two_seconds_ago > 0.5);
+    assert!((f64::from(seen.0) / 10.0 - two_seconds_ago).abs() < 0.15, "{seen:?} {two_seconds_ago}");
 }
 
 #[test]
