@@ -1,5 +1,6 @@
 //! System tests: one binary, a module a subject.
 
 mod fences;
+mod loops;
 mod plant;
 mod profile;
