@@ -318,7 +318,7 @@ fn motor_stalls_against_a_stop_and_can_leave_it() {
 
 #[test]
 fn an_elastic_object_gives_back_the_speed() {
-    for stiffness_n_m_rad in [0.5, 20.0] {
+    for stiffness_n_m_rad in [0.5, 20.0, 500.0] {
         let object = Object { from_count: 0.3, stiffness_n_m_rad, damping_n_m_s: 0.0, side: Side::Closing };
         let plant = PlantParams { brake_n_m: 0.0, ..frictionless() };
         let mut rig =
@@ -420,10 +420,12 @@ proptest! {
         }
     }
 
-    /// Any plant at any operating point at which it turns (at less than 60 counts/s the models may stick at
-    /// different torque ripples).
+    /// Any plant at any load that brakes and any duty at which it turns (slower, the models may stick at different
+    /// torque ripples). Of 14,000 such points the worst were 0.4 % apart in velocity and 0.7 % in rms current.
+    /// Left out: loads that cancel friction. There the current is a few hundredths of an ampere, the velocity is
+    /// the mean voltage, and the dead time's share of it was seen to be 8 counts/s apart.
     #[test]
-    fn models_agree_anywhere(seed in any::<u64>(), duty in 0.1..1.0_f64, load in -0.3..0.1_f64, l_mh in 0.5..2.0_f64) {
+    fn models_agree_anywhere(seed in any::<u64>(), duty in 0.1..1.0_f64, load in -0.3..0.0_f64, l_mh in 0.5..2.0_f64) {
         let [averaged, switched] = MODELS.map(|model| {
             let mut rig = rig(PlantParams { l_mh, ..free().scattered(seed, 0.3) }, model, at(0.0, 0.0));
             rig.set_disturbance(load);
@@ -431,16 +433,9 @@ proptest! {
             means(&mut rig, duty, 250)
         });
         prop_assume!(switched.counts_per_s > 60.0);
-        // Where a load drives and cancels friction, the velocity is the mean voltage, of which the dead time
-        // alone takes up to 2 %: there, 1 % of the no-load speed.
-        let floor = if load > 0.0 { 10.6 } else { 0.0 };
-        let slack = (0.02 * switched.counts_per_s).max(floor);
-        prop_assert!((averaged.counts_per_s - switched.counts_per_s).abs() <= slack, "{averaged:?} {switched:?}");
-        // Or half a step of the board's ADC, where the current is nearly all ripple.
-        let rms_slack = (0.02 * switched.rms_a).max(0.005);
-        prop_assert!((averaged.rms_a - switched.rms_a).abs() <= rms_slack, "{averaged:?} {switched:?}");
-        let slack = (0.02 * (switched.bus_a.abs() + 0.1 * switched.rms_a)).max(0.005);
-        prop_assert!((averaged.bus_a - switched.bus_a).abs() <= slack, "bus {} {}", averaged.bus_a, switched.bus_a);
+        close("velocity", averaged.counts_per_s, switched.counts_per_s, 0.02);
+        close("rms current", averaged.rms_a, switched.rms_a, 0.02);
+        close("bus current", averaged.bus_a, switched.bus_a, 0.02);
     }
 
     /// No load on the joint drives a worm's motor, nor a braked spread.

@@ -162,8 +162,8 @@ impl Inverter {
         let tau = self.winding.tau;
         self.swing = swing(&self.winding, self.duty);
         self.dead_a_v = 0.5 * self.dead_s / self.winding.phase_l;
-        // A millivolt keeps it finite without a supply.
-        self.per_dead_a = 1.0 / (self.dead_a_v * (self.winding.bus_v + 1e-3));
+        // A nanoampere keeps it finite without a supply or a dead time.
+        self.per_dead_a = 1.0 / (self.dead_a_v * self.winding.bus_v + 1e-9);
         self.segments.clear();
         if self.model == Model::Averaged {
             return;
@@ -189,7 +189,7 @@ impl Inverter {
             Model::Averaged => {
                 let idle = i[roles.float] == 0.0;
                 let decay = self.mean_decay(dt);
-                let (v, bus_share) = self.mean_leg(i[roles.pwm], e[roles.pwm] - e[roles.low], dt, decay);
+                let (v, bus_share) = self.mean_leg(i[roles.pwm], e[roles.pwm] - e[roles.low]);
                 let segment = Segment { end: dt, decay, pwm: Terminal::Held { v, bus_share } };
                 self.run(roles, &[segment], i, e, (0.0, dt), flow);
                 // A triangle of ±swing has the mean square swing²/3, in two phases; the supply pays for it.
@@ -250,54 +250,16 @@ impl Inverter {
         flow.add_pair(pwm, low, &pair, w.phase_r);
     }
 
-    /// The PWM leg's mean over a step that starts with its current at `start` A, against the driven pair's `emf`.
-    ///
-    /// Around zero current the dead time acts as a resistance of L/T (16 Ω), far above the winding's, so the
-    /// voltage is chosen to fit the step's mean current that it causes: the root of a falling function.
-    fn mean_leg(&self, start: f64, emf: f64, dt: f64, decay: f64) -> (f64, f64) {
-        let w = &self.winding;
-        if self.dead_share <= 0.0 || self.duty <= 0.0 || self.duty >= 1.0 {
-            return (self.duty * w.bus_v, self.duty);
-        }
-        let memory = w.tau * (1.0 - decay) / dt;
-        let mean = |v: f64| memory * start + (1.0 - memory) * w.pair_limit(v - emf);
-        let first = self.leg_at(start, emf);
-        let mut far = mean(first.0);
-        let second = self.leg_at(far, emf);
-        if second == first {
-            return first;
-        }
-        // Regula falsi with the Illinois halving; a piecewise linear function of five pieces.
-        let (mut near, mut near_error) = (start, far - start);
-        let mut far_error = mean(second.0) - far;
-        let mut best = second;
-        for _ in 0..8 {
-            if (far_error - near_error).abs() < 1e-12 {
-                break;
-            }
-            let i = (near * far_error - far * near_error) / (far_error - near_error);
-            best = self.leg_at(i, emf);
-            let error = mean(best.0) - i;
-            if error.abs() < 1e-6 {
-                break;
-            }
-            if error * far_error < 0.0 {
-                (near, near_error) = (far, far_error);
-            } else {
-                near_error *= 0.5;
-            }
-            (far, far_error) = (i, error);
-        }
-        best
-    }
-
-    /// Mean voltage and bus share of the PWM leg at a mean current of `i` A. During a dead time the current
+    /// Mean voltage and bus share of the PWM leg at a mean current of `i` A, against the driven pair's `emf`. During a dead time the current
     /// chooses the diode: at the rising edge the ripple's valley loses the dead time if positive; at the falling
     /// edge its peak gains it if negative. A current that reaches zero within the dead time stays there, at the
     /// voltage of the EMF, for the rest: that makes the choice a ramp as wide as the bus changes the current in
     /// a dead time, (bus − emf) of it on the negative side.
-    fn leg_at(&self, i: f64, emf: f64) -> (f64, f64) {
+    fn mean_leg(&self, i: f64, emf: f64) -> (f64, f64) {
         let w = &self.winding;
+        if self.duty <= 0.0 || self.duty >= 1.0 {
+            return (self.duty * w.bus_v, self.duty);
+        }
         let dead = self.dead_share;
         let zero = self.dead_a_v * (w.bus_v - emf);
         let positive = |i: f64| ((i + zero) * self.per_dead_a).clamp(0.0, 1.0);
