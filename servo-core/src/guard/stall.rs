@@ -9,7 +9,7 @@ const LEAD_MS: u16 = 10;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
     driven_ms: u32,
-    /// Time from the last count of this motion to its being driven; `None` before its first count.
+    /// Time since the last count without being driven, up to `LEAD_MS`; `None` before the first count.
     lead_ms: Option<u16>,
 }
 
@@ -30,9 +30,7 @@ impl Stall {
             *self = Self { driven_ms: 0, lead_ms: Some(0) };
         } else if driven {
             self.driven_ms = self.driven_ms.saturating_add(1);
-        } else if let Some(lead) = &mut self.lead_ms
-            && self.driven_ms == 0
-        {
+        } else if let Some(lead) = &mut self.lead_ms {
             *lead = lead.saturating_add(1).min(LEAD_MS);
         }
         let still_ms = self.driven_ms.saturating_add(u32::from(self.lead_ms.unwrap_or(0)));
