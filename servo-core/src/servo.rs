@@ -19,7 +19,7 @@ use crate::motion::velocity_loop::VelocityLoop;
 use crate::num::Law;
 use crate::sense::hall::HallEvent;
 use crate::sense::velocity::Estimator;
-use crate::units::{Counts, CountsPerSec, Torque};
+use crate::units::{Counts, CountsPerSec, MilliVolts, Torque};
 use heapless::Deque;
 
 mod commanded;
@@ -150,7 +150,7 @@ impl Servo {
         // The end of one motion may have begun another (HI), or led to idle.
         if self.ready() {
             self.enter();
-            let torque = self.law(most.0);
+            let torque = self.law(most.0, sense.bus);
             self.applied = self.limits.bound(torque, most, self.velocity, sense.bus);
         } else {
             self.applied = Bounded::OFF;
@@ -262,7 +262,10 @@ impl Servo {
     }
 
     /// The torque that the mode's law wants, damped.
-    fn law(&mut self, most: Torque) -> Torque {
+    fn law(&mut self, most: Torque, bus: MilliVolts) -> Torque {
+        if matches!(self.mode, Mode::Torque | Mode::Velocity) {
+            self.setpoint = Profile::at_rest(self.position).current();
+        }
         let (torque, damping) = match self.mode {
             Mode::Idle => (Torque::ZERO, Law::ZERO),
             Mode::Torque => (self.torque_wanted, Law::ZERO),
@@ -271,11 +274,12 @@ impl Servo {
                 (self.velocity_loop.step(wanted, self.velocity, most), self.velocity_loop.damping())
             }
             Mode::Pid | Mode::Trapezoidal => {
-                if self.mode == Mode::Trapezoidal && self.lag().saturating_abs() <= WAIT_LAG {
+                if self.mode == Mode::Trapezoidal && !self.left_behind() {
                     self.setpoint = self.profile.step();
                 }
                 let (error, velocity_error) = self.errors();
-                (self.pid.step(&mut self.pid_state, error, velocity_error, most), self.pid.damping())
+                let range = Limits::range(most, self.velocity, bus);
+                (self.pid.step(&mut self.pid_state, error, velocity_error, range), self.pid.damping())
             }
         };
         torque.saturating_add(drag(self.velocity, damping))
@@ -286,6 +290,14 @@ impl Servo {
     /// How far the position lags behind the set-point, counts.
     fn lag(&self) -> Law {
         self.setpoint.position.wrapping_sub(self.position).saturating_error()
+    }
+
+    /// Whether the position lags too far behind a moving set-point, which then waits. A rotor that is ahead is
+    /// not waited for: the set-point catches up with it.
+    fn left_behind(&self) -> bool {
+        let lag = self.lag();
+        let lag = if self.setpoint.velocity < CountsPerSec::ZERO { lag.saturating_neg() } else { lag };
+        lag > WAIT_LAG
     }
 
     /// Errors of the position loop. At rest in the cell of a resting set-point the error is nought: the halls

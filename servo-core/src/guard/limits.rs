@@ -90,6 +90,16 @@ impl Limits {
         least
     }
 
+    /// The torques that can be had at a velocity and bus voltage: within ±`most`, less what the duty limit
+    /// leaves. At speed the EMF takes from one side and gives to the other.
+    #[must_use]
+    pub fn range(most: Torque, velocity: CountsPerSec, bus: MilliVolts) -> (Torque, Torque) {
+        let volts = most_volts(bus);
+        let high = from_voltage(volts, velocity).clamp_abs(most);
+        let low = from_voltage(Torque(volts.0.saturating_neg()), velocity).clamp_abs(most);
+        (low, high)
+    }
+
     /// Bounds a torque at a velocity and bus voltage, and turns it into a duty.
     #[must_use]
     pub fn bound(
@@ -103,16 +113,13 @@ impl Limits {
         let mut limit = (torque != wanted || wanted.saturating_abs() >= most).then_some(governing);
         // The bus in torque units: 23.4375 mV each. A dead bus must not divide by zero.
         let bus_mv = i32::from(bus.0).max(1_000);
-        let most_volts = i32::from(bus.0).saturating_mul(MAX_DUTY) / 24_000;
-        let most_volts = Torque(i16::try_from(most_volts).unwrap_or(i16::MAX));
+        let most_volts = most_volts(bus);
         let wanted_volts = voltage(torque, velocity);
         let volts = wanted_volts.clamp_abs(most_volts);
-        let torque = if volts == wanted_volts {
-            torque
-        } else {
+        if wanted_volts.saturating_abs() >= most_volts {
             limit = Some(Limit::Duty);
-            from_voltage(volts, velocity)
-        };
+        }
+        let torque = if volts == wanted_volts { torque } else { from_voltage(volts, velocity) };
         // volts ≤ 2703 (65.5 V) × 23.4375 mV × 32768 = 768,000 would pass 2^31: a quarter of it does not.
         // The quarter's rounding may not pass the bound either.
         let most_bits = MAX_DUTY * 32;
@@ -120,6 +127,12 @@ impl Limits {
         let bits = i16::try_from(bits.clamp(-most_bits, most_bits)).unwrap_or(0);
         Bounded { duty: Duty::from_bits(bits), torque, limit }
     }
+}
+
+/// The largest voltage across the motor, in torque units: 24 V is 1024 of them.
+fn most_volts(bus: MilliVolts) -> Torque {
+    let units = i32::from(bus.0).saturating_mul(MAX_DUTY) / 24_000;
+    Torque(i16::try_from(units).unwrap_or(i16::MAX))
 }
 
 #[cfg(test)]
@@ -156,6 +169,16 @@ mod tests {
         let bounded = bound(990, 700, BUS);
         // 990 − 0.9696 × 700 = 311.
         assert_eq!((bounded.torque, bounded.limit), (Torque(311), Some(Limit::Duty)));
+    }
+
+    #[test]
+    fn what_can_be_had_at_speed_is_not_the_same_both_ways() {
+        let fast = CountsPerSec::from_int(700);
+        assert_eq!(Limits::range(Torque(990), fast, BUS), (Torque(-990), Torque(311)));
+        assert_eq!(Limits::range(Torque(750), CountsPerSec::ZERO, BUS), (Torque(-750), Torque(750)));
+        // Faster than the bus can drive it: only braking is left.
+        let (low, high) = Limits::range(Torque(750), CountsPerSec::from_int(1100), BUS);
+        assert!(low == Torque(-750) && high < Torque::ZERO, "{low:?} {high:?}");
     }
 
     #[test]

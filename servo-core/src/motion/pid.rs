@@ -43,23 +43,29 @@ pub struct PidState {
 }
 
 impl Pid {
-    /// One tick: `error` in counts, `velocity_error` in counts/s, torque within ±`limit`.
+    /// One tick: `error` in counts, `velocity_error` in counts/s, torque from `low` to `high`: what the limits
+    /// and the bus voltage leave at the present speed, which is not the same both ways.
     ///
-    /// The integral stands still while the output is at the limit in the error's direction (anti-windup), and
-    /// never exceeds the limit by itself.
+    /// The integral stands still while the output is at the end of that range in the error's direction
+    /// (anti-windup), and never leaves the range by itself.
     #[must_use]
-    pub fn step(&self, state: &mut PidState, error: Law, velocity_error: Law, limit: Torque) -> Torque {
+    pub fn step(
+        &self,
+        state: &mut PidState,
+        error: Law,
+        velocity_error: Law,
+        (low, high): (Torque, Torque),
+    ) -> Torque {
         let direct = self.direct(error, velocity_error);
-        let limit = limit.to_fixed();
+        let (low, high) = (low.to_fixed(), high.to_fixed().max(low.to_fixed()));
         let increment = self.ki.saturating_mul(error);
         let unbounded = direct.saturating_add(state.integral);
-        let winding_up = (unbounded > limit && increment > Law::ZERO)
-            || (unbounded < limit.saturating_neg() && increment < Law::ZERO);
+        let winding_up =
+            (unbounded > high && increment > Law::ZERO) || (unbounded < low && increment < Law::ZERO);
         if !winding_up {
-            state.integral = state.integral.saturating_add(increment).clamp(limit.saturating_neg(), limit);
+            state.integral = state.integral.saturating_add(increment).clamp(low, high);
         }
-        let torque = direct.saturating_add(state.integral).clamp(limit.saturating_neg(), limit);
-        Torque::from_fixed(torque)
+        Torque::from_fixed(direct.saturating_add(state.integral).clamp(low, high))
     }
 
     /// The state from which the next step gives `torque`, so that taking over from another law, or moving the
@@ -88,6 +94,7 @@ mod tests {
     use proptest::prelude::*;
 
     const LIMIT: Torque = Torque(750);
+    const RANGE: (Torque, Torque) = (Torque(-750), LIMIT);
 
     fn law(kp: u16, ki: u16, kd: u16) -> Pid {
         PidConfig { kp, ki, kd }.build()
@@ -96,12 +103,12 @@ mod tests {
     #[test]
     fn each_gain_has_its_scale() {
         let mut state = PidState::default();
-        assert_eq!(law(60, 0, 0).step(&mut state, Law::ONE, Law::ZERO, LIMIT), Torque(60));
-        assert_eq!(law(0, 0, 128).step(&mut state, Law::ZERO, Law::from_num(100), LIMIT), Torque(50));
+        assert_eq!(law(60, 0, 0).step(&mut state, Law::ONE, Law::ZERO, RANGE), Torque(60));
+        assert_eq!(law(0, 0, 128).step(&mut state, Law::ZERO, Law::from_num(100), RANGE), Torque(50));
         let integral = law(0, 300, 0);
         let mut torque = Torque::ZERO;
         for _ in 0..1000 {
-            torque = integral.step(&mut state, Law::ONE, Law::ZERO, LIMIT);
+            torque = integral.step(&mut state, Law::ONE, Law::ZERO, RANGE);
         }
         // One count for one second, less the truncation of KI to a tick.
         assert!((299..=300).contains(&torque.0), "{torque:?}");
@@ -112,24 +119,25 @@ mod tests {
         let law = law(60, 3000, 0);
         let mut state = PidState::default();
         for _ in 0..10_000 {
-            assert_eq!(law.step(&mut state, Law::from_num(100), Law::ZERO, LIMIT), LIMIT);
+            assert_eq!(law.step(&mut state, Law::from_num(100), Law::ZERO, RANGE), LIMIT);
         }
         // The proportional part alone was at the limit, so nothing was integrated and the way back is free.
-        assert!(law.step(&mut state, Law::from_num(-1), Law::ZERO, LIMIT) < Torque::ZERO);
+        assert!(law.step(&mut state, Law::from_num(-1), Law::ZERO, RANGE) < Torque::ZERO);
     }
 
     proptest! {
         #[test]
-        fn never_beyond_the_limit(
+        fn never_beyond_the_limits(
             gains: (u16, u16, u16), errors in prop::collection::vec((any::<i32>(), any::<i32>()), 1..50),
-            limit in 0i16..=990,
+            low in -990i16..=990, room in 0i16..=990,
         ) {
             let law = law(gains.0 >> 1, gains.1 >> 1, gains.2 >> 1);
             let mut state = PidState::default();
+            let (low, high) = (Torque(low), Torque(low + room));
             for (error, rate) in errors {
-                let torque = law.step(&mut state, Law::from_bits(error), Law::from_bits(rate), Torque(limit));
-                prop_assert!(torque.saturating_abs() <= Torque(limit));
-                prop_assert!(state.integral.saturating_abs() <= Torque(limit).to_fixed());
+                let torque = law.step(&mut state, Law::from_bits(error), Law::from_bits(rate), (low, high));
+                prop_assert!(low <= torque && torque <= high);
+                prop_assert!(low.to_fixed() <= state.integral.max(low.to_fixed()) && state.integral <= high.to_fixed().max(Law::ZERO));
             }
         }
 
@@ -141,7 +149,7 @@ mod tests {
             let (error, rate) = (Law::from_num(error), Law::from_num(rate));
             let mut state = law.bumpless(Torque(torque), error, rate, LIMIT);
             let integral_was_clamped = state.integral.saturating_abs() == LIMIT.to_fixed();
-            let next = law.step(&mut state, error, rate, LIMIT);
+            let next = law.step(&mut state, error, rate, RANGE);
             // One tick of integral action at 3 counts is 0.9 units.
             prop_assert!(integral_was_clamped || (next.0 - torque).abs() <= 1, "{next:?} after {torque}");
         }
