@@ -108,9 +108,9 @@ fn files_are_written_where_asked_and_nowhere_else() {
     let out = folder.join("deep/report");
     let out_text = out.to_string_lossy().into_owned();
     let path = scenario(&folder, "min = 0");
-    for _ in 0..2 {
+    for kp in ["kp=1", "kp=2"] {
         // A second run replaces the files of the first.
-        let output = hil_sim(&["run", &path, "--out", &out_text]);
+        let output = hil_sim(&["run", &path, "--out", &out_text, "--set", kp]);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     }
     let entries = std::fs::read_dir(&out).expect("the folder is made");
@@ -120,6 +120,12 @@ fn files_are_written_where_asked_and_nowhere_else() {
     let csv = std::fs::read_to_string(out.join("trace.csv")).expect("text");
     assert_eq!(csv.lines().count(), 1 + 21, "a header, the start and 20 ticks");
     assert!(csv.starts_with("time_ms,mode,position_counts,"));
+
+    let html = std::fs::read_to_string(out.join("report.html")).expect("text");
+    assert!(
+        html.contains(&format!("hil-sim run {path} --set KP=2 --seed 1 --model averaged")),
+        "how to run it again"
+    );
 
     let empty = self::folder("no-files");
     let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
