@@ -5,11 +5,13 @@
 
 use fixed::types::I1F15;
 use hil_sim::plant::{Heat, Model, PlantParams, Start, trapezoid};
-use hil_sim::rig::{HallChange, HallGlitch, Object, Rig, RigParams, Side, StuckLine, Truth};
+use hil_sim::rig::{Object, Rig, RigParams, Side, Truth};
 use proptest::prelude::*;
 use servo_core::MotorKind;
 use servo_core::sense::commutation::{Bridge, Leg};
 use servo_core::units::Duty;
+
+mod board;
 
 const MODELS: [Model; 2] = [Model::Averaged, Model::Switched];
 
@@ -156,6 +158,19 @@ fn averaged_and_switched_agree() {
 }
 
 #[test]
+fn models_agree_on_the_floating_legs_pulses() {
+    // Without friction, at half duty, the pulses through the floating leg's diode are all that brakes.
+    let [averaged, switched] = MODELS.map(|model| {
+        let mut rig = rig(frictionless(), model, at(0.0, 500.0));
+        run(&mut rig, 0.5, 300);
+        means(&mut rig, 0.5, 200)
+    });
+    println!("{averaged:?} {switched:?}");
+    close("velocity", averaged.counts_per_s, switched.counts_per_s, 0.02);
+    close("rms current", averaged.rms_a, switched.rms_a, 0.02);
+}
+
+#[test]
 fn models_agree_in_transients() {
     // Plugging, braking by short circuit, and coasting, from 800 counts/s.
     for (duty, bridge_on) in [(-0.3, true), (0.0, true), (0.2, true), (0.0, false)] {
@@ -252,84 +267,22 @@ fn best_vector_of_each_sector() {
     }
 }
 
-/// Turns at the same speed for ever once the bridge is off.
-fn no_brake() -> PlantParams {
-    PlantParams { brake_n_m: 0.0, ..frictionless() }
-}
-
 #[test]
-fn hall_edges_come_within_a_microsecond() {
-    for speed in [7.0, 613.0, 1000.0] {
-        for sign in [1.0, -1.0] {
-            let mut rig =
-                Rig::new(no_brake(), RigParams::default(), &[], Model::Switched, at(0.0, sign * speed), 1)
-                    .unwrap();
-            for k in 0..20 {
-                let change = rig.advance(Bridge::Off, true, u64::MAX).unwrap();
-                let boundary = sign * (f64::from(k) + 0.5);
-                let late = sign * (rig.truth().counts - boundary) / speed * 1e6;
-                assert!((-1e-3..=1.0).contains(&late), "{late} µs at {boundary}");
-                assert_eq!(change.at_us, rig.now_us());
-            }
+fn emf_is_a_trapezoid_with_phases_120_degrees_apart() {
+    // Phase A by its definition: rising through zero at 0°, flat from 30° to 150°, odd about 180°.
+    let phase_a = |degrees: f64| {
+        let d = degrees.rem_euclid(360.0);
+        let (sign, d) = if d < 180.0 { (1.0, d) } else { (-1.0, d - 180.0) };
+        sign * (d / 30.0).min((180.0 - d) / 30.0).min(1.0)
+    };
+    for tenth in -7200..7200 {
+        let degrees = f64::from(tenth) / 10.0;
+        // Sector 0 is centred on 60°.
+        let emf = trapezoid((degrees - 60.0) / 60.0);
+        for (f, lag) in emf.into_iter().zip([0.0, 120.0, 240.0]) {
+            assert!((f - phase_a(degrees - lag)).abs() < 1e-6, "{emf:?} at {degrees}°");
         }
     }
-}
-
-/// The hall changes of a rotor turning at a constant speed.
-fn turning(params: RigParams, counts_per_s: f64, ms: u64) -> Vec<HallChange> {
-    let mut rig = Rig::new(no_brake(), params, &[], Model::Averaged, at(0.0, counts_per_s), 1).unwrap();
-    std::iter::from_fn(|| rig.advance(Bridge::Off, true, ms * 1000)).collect()
-}
-
-fn times(changes: &[HallChange]) -> Vec<u64> {
-    changes.iter().map(|change| change.at_us).collect()
-}
-
-#[test]
-fn placement_errors_and_rise_delays_move_the_edges() {
-    // 100 counts/s: a count takes 10 ms, a degree electrical 166.7 µs.
-    let exact = turning(RigParams::default(), 100.0, 60);
-    assert_eq!(times(&exact), [5_000, 15_000, 25_000, 35_000, 45_000, 55_000]);
-    assert_eq!(exact.iter().map(|c| c.code).collect::<Vec<_>>(), [6, 4, 5, 1, 3, 2]);
-
-    let hall_error_deg = [6.0, -6.0, 0.0, 12.0, 0.0, 0.0];
-    let placed = turning(RigParams { hall_error_deg, ..RigParams::default() }, 100.0, 60);
-    assert_eq!(times(&placed), [6_000, 14_000, 25_000, 37_000, 45_000, 55_000]);
-
-    // Codes 2 6 4 5 1 3 2: lines rise at the first, third and fifth change.
-    let late = turning(RigParams { rise_delay_us: 300, ..RigParams::default() }, 100.0, 60);
-    assert_eq!(times(&late), [5_300, 15_000, 25_300, 35_000, 45_300, 55_000]);
-}
-
-#[test]
-fn glitches_and_stuck_lines_are_as_told() {
-    let glitches = vec![HallGlitch { at_us: 7_000, code: 0, duration_us: 40 }];
-    let seen = turning(RigParams { glitches, ..RigParams::default() }, 100.0, 20);
-    let want = [(6, 5_000), (0, 7_000), (6, 7_040), (4, 15_000)];
-    assert_eq!(seen, want.map(|(code, at_us)| HallChange { code, at_us }));
-
-    let stuck = Some(StuckLine { line: 1, high: true, from_us: 0 });
-    let seen = turning(RigParams { stuck, ..RigParams::default() }, 100.0, 60);
-    assert!(seen.iter().all(|change| change.code & 2 != 0) && seen.len() == 4, "{seen:?}");
-}
-
-#[test]
-fn brake_takes_its_time_and_holds() {
-    let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
-    rig.set_disturbance(0.6);
-    rig.advance(Bridge::Off, false, 50_000);
-    assert_eq!(rig.truth().counts, 80.0);
-    rig.advance(Bridge::Off, true, 69_999);
-    assert_eq!(rig.truth().counts, 80.0);
-    rig.advance(Bridge::Off, true, 75_000);
-    assert!(rig.truth().counts > 80.0);
-    // Engaging, too: the rotor runs on for 20 ms, then stops for good.
-    let released = rig.now_us();
-    while rig.now_us() < released + 40_000 {
-        rig.advance(Bridge::Off, false, released + 40_000);
-    }
-    let held = rig.truth();
-    assert!(held.brake_engaged && held.counts_per_s == 0.0, "{held:?}");
 }
 
 #[test]
@@ -364,6 +317,32 @@ fn motor_stalls_against_a_stop_and_can_leave_it() {
 }
 
 #[test]
+fn an_elastic_object_gives_back_the_speed() {
+    for stiffness_n_m_rad in [0.5, 20.0] {
+        let object = Object { from_count: 0.3, stiffness_n_m_rad, damping_n_m_s: 0.0, side: Side::Closing };
+        let plant = PlantParams { brake_n_m: 0.0, ..frictionless() };
+        let mut rig =
+            Rig::new(plant, RigParams::default(), &[object], Model::Averaged, at(0.0, 800.0), 1).unwrap();
+        let back = coast(&mut rig, 40);
+        close("speed", back.counts_per_s, -800.0, 1e-3);
+    }
+}
+
+#[test]
+fn an_object_never_pulls() {
+    let object = Object { from_count: 0.3, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.01, side: Side::Closing };
+    let plant = PlantParams { brake_n_m: 0.0, ..frictionless() };
+    let mut rig =
+        Rig::new(plant, RigParams::default(), &[object], Model::Averaged, at(0.0, 800.0), 1).unwrap();
+    for tick in 1..400 {
+        while rig.advance(Bridge::Off, true, tick * 100).is_some() {}
+        assert!(rig.truth().load_n_m <= 0.0, "{:?}", rig.truth());
+    }
+    // It was pressed in and has let go.
+    assert!(rig.truth().ledger.damper_j > 0.1 && rig.truth().counts_per_s < -10.0, "{:?}", rig.truth());
+}
+
+#[test]
 fn heat_goes_where_it_should() {
     // Locked at a duty of one half: 12 V over 2.405 Ω, 60 W, 6 K/s in the winding at first.
     let mut rig = rig(PlantParams { dead_time_us: 0.0, ..free() }, Model::Averaged, at(0.0, 0.0));
@@ -374,37 +353,7 @@ fn heat_goes_where_it_should() {
     assert!(truth.housing_c > 25.0 && truth.housing_c < truth.winding_c);
     // The hot winding takes less current: 1 + 0.0039 · rise.
     let hot = 12.0 / (2.405 * (1.0 + 0.0039 * (truth.winding_c - 25.0)));
-    close("current", truth.phase_a[0], hot, 0.03);
-}
-
-#[test]
-fn board_reads_what_is_there() {
-    let object = Object { from_count: 20.0, stiffness_n_m_rad: 1.0, damping_n_m_s: 0.0, side: Side::Closing };
-    let plant = PlantParams::for_motor(MotorKind::Link);
-    let mut rig =
-        Rig::new(plant, RigParams::default(), &[object], Model::Switched, at(15.0, 0.0), 1).unwrap();
-    assert_eq!(rig.analog().strain.abs_diff(128), 0);
-    run(&mut rig, 0.5, 200);
-    rig.analog();
-    let truth = run(&mut rig, 0.5, 1);
-    let seen = rig.analog();
-    // Locked: bus current is phase current times the duty less the dead time's 1 of 50 µs; strain is 4 per N·m
-    // behind 49:1.
-    let phase = truth.phase_a.iter().fold(0.0_f64, |most, i| most.max(i.abs()));
-    close("bus mA", f64::from(seen.current.0), 480.0 * phase, 0.01);
-    close("bus mV", f64::from(seen.bus.0), 24_000.0, 0.001);
-    close("strain", f64::from(seen.strain), 128.0 - truth.load_n_m * 49.0 * 4.0, 0.02);
-    assert!(seen.strain > 140 && !seen.bridge_fault);
-}
-
-#[test]
-fn break_input_latches_until_the_bridge_is_off() {
-    let mut rig = rig(PlantParams { trip_a: 5.0, ..free() }, Model::Switched, at(0.0, 0.0));
-    rig.advance(drive(rig.halls(), 1.0), false, 5_000);
-    assert!(rig.analog().bridge_fault);
-    assert_eq!(rig.truth().phase_a, [0.0; 3]);
-    rig.advance(Bridge::Off, false, 6_000);
-    assert!(!rig.analog().bridge_fault);
+    close("current", truth.phase_a[0], hot, 0.01);
 }
 
 #[test]
@@ -439,7 +388,7 @@ fn any_kind() -> impl Strategy<Value = MotorKind> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(256))]
 
     /// Whatever is done to it, the plant stays finite, within its stops and above ambient, and its books close.
     #[test]
@@ -465,9 +414,33 @@ proptest! {
             prop_assert!(t.winding_c >= 25.0 && t.housing_c >= 25.0, "{t:?}");
             prop_assert!(t.phase_a.iter().sum::<f64>().abs() < 1e-9, "{t:?}");
             let l = t.ledger;
-            prop_assert!(l.copper_j >= 0.0 && l.diode_j >= 0.0 && l.friction_j >= 0.0 && l.damper_j >= 0.0, "{l:?}");
+            // The averaged dead time charges its diodes the mean current, whose sign may not be the ripple's.
+            prop_assert!(l.copper_j >= 0.0 && l.diode_j >= -1e-5 && l.friction_j >= 0.0 && l.damper_j >= 0.0, "{l:?}");
             prop_assert!(l.residual_j().abs() < 0.005 * l.turnover_j() + 1e-3, "{} {l:?}", l.residual_j());
         }
+    }
+
+    /// Any plant at any operating point at which it turns (at less than 60 counts/s the models may stick at
+    /// different torque ripples).
+    #[test]
+    fn models_agree_anywhere(seed in any::<u64>(), duty in 0.1..1.0_f64, load in -0.3..0.1_f64, l_mh in 0.5..2.0_f64) {
+        let [averaged, switched] = MODELS.map(|model| {
+            let mut rig = rig(PlantParams { l_mh, ..free().scattered(seed, 0.3) }, model, at(0.0, 0.0));
+            rig.set_disturbance(load);
+            run(&mut rig, duty, 250);
+            means(&mut rig, duty, 250)
+        });
+        prop_assume!(switched.counts_per_s > 60.0);
+        // Where a load drives and cancels friction, the velocity is the mean voltage, of which the dead time
+        // alone takes up to 2 %: there, 1 % of the no-load speed.
+        let floor = if load > 0.0 { 10.6 } else { 0.0 };
+        let slack = (0.02 * switched.counts_per_s).max(floor);
+        prop_assert!((averaged.counts_per_s - switched.counts_per_s).abs() <= slack, "{averaged:?} {switched:?}");
+        // Or half a step of the board's ADC, where the current is nearly all ripple.
+        let rms_slack = (0.02 * switched.rms_a).max(0.005);
+        prop_assert!((averaged.rms_a - switched.rms_a).abs() <= rms_slack, "{averaged:?} {switched:?}");
+        let slack = (0.02 * (switched.bus_a.abs() + 0.1 * switched.rms_a)).max(0.005);
+        prop_assert!((averaged.bus_a - switched.bus_a).abs() <= slack, "bus {} {}", averaged.bus_a, switched.bus_a);
     }
 
     /// No load on the joint drives a worm's motor, nor a braked spread.

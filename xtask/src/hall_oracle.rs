@@ -53,16 +53,42 @@ fn judge(bounds: &Bounds, shared: &Path, oracle: &Path, out: &Path) -> Outcome {
     let mut score = program("python3");
     score.arg(oracle).arg(&capture).arg(&csv).arg("--json");
     let text = output(score)?;
-    let score: Value =
-        serde_json::from_str(&text).map_err(|error| format!("the oracle said {text}: {error}"))?;
-    let number = |key: &str| score[key].as_f64().ok_or_else(|| format!("the oracle gives no {key}: {text}"));
+    let score = serde_json::from_str(&text).map_err(|error| format!("the oracle said {text}: {error}"))?;
+    println!("  {}", within(bounds, &score)?);
+    Ok(())
+}
+
+/// The score in words, if it keeps the bounds; else the same as an error.
+fn within(bounds: &Bounds, score: &Value) -> Result<String, String> {
+    let number = |key: &str| score[key].as_f64().ok_or_else(|| format!("the oracle gives no {key}: {score}"));
     let (velocity, position) = (number("velocity_mse")?, number("position_mse")?);
     let bias = number("worst_flat_bias_pct")?.abs();
     let line = format!(
-        "  {}: velocity MSE {velocity} (< {}), position MSE {position} (< {}), bias {bias} % (<= {BIAS_PERCENT})",
+        "{}: velocity MSE {velocity} (< {}), position MSE {position} (< {}), bias {bias} % (<= {BIAS_PERCENT})",
         bounds.capture, bounds.velocity_mse, bounds.position_mse
     );
-    println!("{line}");
     let holds = velocity < bounds.velocity_mse && position < bounds.position_mse && bias <= BIAS_PERCENT;
-    if holds { Ok(()) } else { Err(format!("outside its bounds:{line}")) }
+    if holds { Ok(line) } else { Err(format!("outside its bounds: {line}")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn each_bound_can_fail() {
+        let bounds = Bounds { capture: "a", velocity_mse: 84.0, position_mse: 0.4 };
+        let judged = |velocity: f64, position: f64, bias: f64| {
+            let score =
+                json!({"velocity_mse": velocity, "position_mse": position, "worst_flat_bias_pct": bias});
+            within(&bounds, &score).is_ok()
+        };
+        assert!(judged(83.9, 0.39, -0.3));
+        assert!(!judged(84.0, 0.39, 0.0));
+        assert!(!judged(83.9, 0.4, 0.0));
+        assert!(!judged(83.9, 0.39, -0.31));
+        assert!(within(&bounds, &json!({"velocity_mse": 1.0})).is_err());
+    }
 }

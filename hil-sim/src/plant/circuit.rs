@@ -106,6 +106,12 @@ impl Winding {
         Self { phase_r, phase_l, bus_v, diode_v, tau: phase_l / phase_r, per_pair_r: 0.5 / phase_r }
     }
 
+    /// The current that `v` volts would drive through two phases in series in the end, A.
+    #[must_use]
+    pub fn pair_limit(&self, v: f64) -> f64 {
+        v * self.per_pair_r
+    }
+
     fn low_diode(&self) -> Hold {
         Hold { v: -self.diode_v, bus_share: 0.0, diode: 1.0 }
     }
@@ -166,7 +172,7 @@ impl Winding {
             Terminal::Open => (self.bus_v + self.diode_v, 1.0, true),
         };
         let open = e[2] + 0.5 * (v - e[0] - e[1]);
-        let to = (v - e[0] + e[1]) * self.per_pair_r;
+        let to = self.pair_limit(v - e[0] + e[1]);
         let end = to + (*i - to) * decay;
         if open < -self.diode_v || open > self.bus_v + self.diode_v || (diode && end * *i <= 0.0) {
             return false;

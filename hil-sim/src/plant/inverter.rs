@@ -48,6 +48,11 @@ fn terminals(legs: &[Leg; 3], pwm: Terminal) -> [Terminal; 3] {
     })
 }
 
+/// Half of the current's ripple from valley to peak in two phases at a duty, A.
+fn swing(w: &Winding, duty: f64) -> f64 {
+    0.25 * w.bus_v * duty * (1.0 - duty) * PERIOD_S / w.phase_l
+}
+
 /// The bridge as it was last told to be, with what can be computed ahead for it.
 #[derive(Clone, Debug)]
 pub struct Inverter {
@@ -64,6 +69,10 @@ pub struct Inverter {
     dead_share: f64,
     /// Half of the current's ripple from valley to peak, A.
     swing: f64,
+    /// What a volt changes the current of two phases by in a dead time, A/V.
+    dead_a_v: f64,
+    /// 1 / what the bus changes it by, 1/A.
+    per_dead_a: f64,
     segments: Vec<Segment>,
 }
 
@@ -82,6 +91,8 @@ impl Inverter {
             dead_s,
             dead_share: dead_s / PERIOD_S,
             swing: 0.0,
+            dead_a_v: 0.0,
+            per_dead_a: 0.0,
             segments: Vec::new(),
         };
         inverter.build_segments();
@@ -149,7 +160,10 @@ impl Inverter {
             ]
         };
         let tau = self.winding.tau;
-        self.swing = 0.25 * self.winding.bus_v * self.duty * (1.0 - self.duty) * t / self.winding.phase_l;
+        self.swing = swing(&self.winding, self.duty);
+        self.dead_a_v = 0.5 * self.dead_s / self.winding.phase_l;
+        // A millivolt keeps it finite without a supply.
+        self.per_dead_a = 1.0 / (self.dead_a_v * (self.winding.bus_v + 1e-3));
         self.segments.clear();
         if self.model == Model::Averaged {
             return;
@@ -174,19 +188,17 @@ impl Inverter {
         match self.model {
             Model::Averaged => {
                 let idle = i[roles.float] == 0.0;
-                let mean = self.mean_leg(i[roles.pwm], dt);
-                let segment = Segment { end: dt, decay: self.mean_decay(dt), pwm: mean };
+                let decay = self.mean_decay(dt);
+                let (v, bus_share) = self.mean_leg(i[roles.pwm], e[roles.pwm] - e[roles.low], dt, decay);
+                let segment = Segment { end: dt, decay, pwm: Terminal::Held { v, bus_share } };
                 self.run(roles, &[segment], i, e, (0.0, dt), flow);
                 // A triangle of ±swing has the mean square swing²/3, in two phases; the supply pays for it.
                 let w = &self.winding;
-                let ripple_j = 2.0 * w.phase_r * self.swing * self.swing / 3.0 * dt;
+                let swing = swing(w, bus_share);
+                let ripple_j = 2.0 * w.phase_r * swing * swing / 3.0 * dt;
                 flow.copper_j += ripple_j;
                 flow.bus_charge += ripple_j / w.bus_v.max(1.0);
-                if let Terminal::Held { bus_share, .. } = mean
-                    && roles.six_step
-                    && idle
-                    && i[roles.float] == 0.0
-                {
+                if roles.six_step && idle && i[roles.float] == 0.0 {
                     self.float_pulses(roles, bus_share, e, dt, flow);
                 }
             }
@@ -238,25 +250,62 @@ impl Inverter {
         flow.add_pair(pwm, low, &pair, w.phase_r);
     }
 
-    /// The PWM leg's mean voltage with its current at `i` A. During a dead time the current chooses the diode:
-    /// at the rising edge the ripple's valley loses the dead time if positive; at the falling edge its peak
-    /// gains it if negative.
-    fn mean_leg(&self, i: f64, dt: f64) -> Terminal {
+    /// The PWM leg's mean over a step that starts with its current at `start` A, against the driven pair's `emf`.
+    ///
+    /// Around zero current the dead time acts as a resistance of L/T (16 Ω), far above the winding's, so the
+    /// voltage is chosen to fit the step's mean current that it causes: the root of a falling function.
+    fn mean_leg(&self, start: f64, emf: f64, dt: f64, decay: f64) -> (f64, f64) {
         let w = &self.winding;
-        if self.duty <= 0.0 || self.duty >= 1.0 {
-            return Terminal::Held { v: self.duty * w.bus_v, bus_share: self.duty };
+        if self.dead_share <= 0.0 || self.duty <= 0.0 || self.duty >= 1.0 {
+            return (self.duty * w.bus_v, self.duty);
         }
-        let (swing, dead) = (self.swing, self.dead_share);
-        // The diode's choice is a step in the current; a ramp as wide as twice what the dead time's voltage
-        // changes the current in a step keeps the explicit step from hunting across it.
-        let width = dead * w.bus_v * dt / w.phase_l + 1e-6;
-        let per_width = 1.0 / width;
-        let positive = |i: f64| (i * per_width + 0.5).clamp(0.0, 1.0);
-        let valley = positive(i - swing);
-        let peak = positive(i + swing);
+        let memory = w.tau * (1.0 - decay) / dt;
+        let mean = |v: f64| memory * start + (1.0 - memory) * w.pair_limit(v - emf);
+        let first = self.leg_at(start, emf);
+        let mut far = mean(first.0);
+        let second = self.leg_at(far, emf);
+        if second == first {
+            return first;
+        }
+        // Regula falsi with the Illinois halving; a piecewise linear function of five pieces.
+        let (mut near, mut near_error) = (start, far - start);
+        let mut far_error = mean(second.0) - far;
+        let mut best = second;
+        for _ in 0..8 {
+            if (far_error - near_error).abs() < 1e-12 {
+                break;
+            }
+            let i = (near * far_error - far * near_error) / (far_error - near_error);
+            best = self.leg_at(i, emf);
+            let error = mean(best.0) - i;
+            if error.abs() < 1e-6 {
+                break;
+            }
+            if error * far_error < 0.0 {
+                (near, near_error) = (far, far_error);
+            } else {
+                near_error *= 0.5;
+            }
+            (far, far_error) = (i, error);
+        }
+        best
+    }
+
+    /// Mean voltage and bus share of the PWM leg at a mean current of `i` A. During a dead time the current
+    /// chooses the diode: at the rising edge the ripple's valley loses the dead time if positive; at the falling
+    /// edge its peak gains it if negative. A current that reaches zero within the dead time stays there, at the
+    /// voltage of the EMF, for the rest: that makes the choice a ramp as wide as the bus changes the current in
+    /// a dead time, (bus − emf) of it on the negative side.
+    fn leg_at(&self, i: f64, emf: f64) -> (f64, f64) {
+        let w = &self.winding;
+        let dead = self.dead_share;
+        let zero = self.dead_a_v * (w.bus_v - emf);
+        let positive = |i: f64| ((i + zero) * self.per_dead_a).clamp(0.0, 1.0);
+        let valley = positive(i - self.swing);
+        let peak = positive(i + self.swing);
         let bus_share = (self.duty - dead * (valley - (1.0 - peak))).clamp(0.0, 1.0);
         let drop = dead * w.diode_v * (2.0 * (valley + peak) - 2.0);
-        Terminal::Held { v: bus_share * w.bus_v - drop, bus_share }
+        (bus_share * w.bus_v - drop, bus_share)
     }
 
     /// The floating leg's diode pulses within a PWM period, which the mean voltages do not show: with the PWM leg

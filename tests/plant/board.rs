@@ -1,0 +1,152 @@
+//! What the board sees of the plant: hall edges, brake, analog readings.
+
+use super::{at, close, drive, free, frictionless, rig, run};
+use hil_sim::plant::{Model, PlantParams};
+use hil_sim::rig::{HallChange, HallGlitch, Object, Rig, RigParams, Side, StuckLine};
+use servo_core::MotorKind;
+use servo_core::sense::commutation::Bridge;
+
+/// Turns at the same speed for ever once the bridge is off.
+fn no_brake() -> PlantParams {
+    PlantParams { brake_n_m: 0.0, ..frictionless() }
+}
+
+#[test]
+fn hall_edges_come_within_a_microsecond() {
+    for speed in [7.0, 613.0, 1000.0] {
+        for sign in [1.0, -1.0] {
+            let mut rig =
+                Rig::new(no_brake(), RigParams::default(), &[], Model::Switched, at(0.0, sign * speed), 1)
+                    .unwrap();
+            for k in 0..20 {
+                let change = rig.advance(Bridge::Off, true, u64::MAX).unwrap();
+                let boundary = sign * (f64::from(k) + 0.5);
+                let late = sign * (rig.truth().counts - boundary) / speed * 1e6;
+                assert!((-1e-3..=1.0).contains(&late), "{late} µs at {boundary}");
+                assert_eq!(change.at_us, rig.now_us());
+            }
+        }
+    }
+}
+
+/// The hall changes of a rotor turning at a constant speed.
+fn turning(params: RigParams, counts_per_s: f64, ms: u64) -> Vec<HallChange> {
+    let mut rig = Rig::new(no_brake(), params, &[], Model::Averaged, at(0.0, counts_per_s), 1).unwrap();
+    std::iter::from_fn(|| rig.advance(Bridge::Off, true, ms * 1000)).collect()
+}
+
+fn times(changes: &[HallChange]) -> Vec<u64> {
+    changes.iter().map(|change| change.at_us).collect()
+}
+
+#[test]
+fn placement_errors_and_rise_delays_move_the_edges() {
+    // 100 counts/s: a count takes 10 ms, a degree electrical 166.7 µs.
+    let exact = turning(RigParams::default(), 100.0, 60);
+    assert_eq!(times(&exact), [5_000, 15_000, 25_000, 35_000, 45_000, 55_000]);
+    assert_eq!(exact.iter().map(|c| c.code).collect::<Vec<_>>(), [6, 4, 5, 1, 3, 2]);
+
+    let hall_error_deg = [6.0, -6.0, 0.0, 12.0, 0.0, 0.0];
+    let placed = turning(RigParams { hall_error_deg, ..RigParams::default() }, 100.0, 60);
+    assert_eq!(times(&placed), [6_000, 14_000, 25_000, 37_000, 45_000, 55_000]);
+
+    // Codes 2 6 4 5 1 3 2: lines rise at the first, third and fifth change.
+    let late = turning(RigParams { rise_delay_us: 300, ..RigParams::default() }, 100.0, 60);
+    assert_eq!(times(&late), [5_300, 15_000, 25_300, 35_000, 45_300, 55_000]);
+}
+
+#[test]
+fn glitches_and_stuck_lines_are_as_told() {
+    let glitches = vec![HallGlitch { at_us: 7_000, code: 0, duration_us: 40 }];
+    let seen = turning(RigParams { glitches, ..RigParams::default() }, 100.0, 20);
+    let want = [(6, 5_000), (0, 7_000), (6, 7_040), (4, 15_000)];
+    assert_eq!(seen, want.map(|(code, at_us)| HallChange { code, at_us }));
+
+    let stuck = Some(StuckLine { line: 1, high: true, from_us: 0 });
+    let seen = turning(RigParams { stuck, ..RigParams::default() }, 100.0, 60);
+    assert!(seen.iter().all(|change| change.code & 2 != 0) && seen.len() == 4, "{seen:?}");
+}
+
+#[test]
+fn a_line_that_falls_before_it_has_risen_never_rises() {
+    // At 1000 counts/s a sensor is on for 3 ms.
+    let seen = turning(RigParams { rise_delay_us: 3_100, ..RigParams::default() }, 1000.0, 60);
+    assert_eq!(seen.last().map(|change| change.code), Some(0));
+    assert!(seen.len() < 4, "{seen:?}");
+}
+
+#[test]
+fn brake_takes_its_time_and_holds() {
+    let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
+    rig.set_disturbance(0.6);
+    rig.advance(Bridge::Off, false, 50_000);
+    assert_eq!(rig.truth().counts, 80.0);
+    rig.advance(Bridge::Off, true, 69_999);
+    assert_eq!(rig.truth().counts, 80.0);
+    rig.advance(Bridge::Off, true, 75_000);
+    assert!(rig.truth().counts > 80.0);
+    // Engaging, too: the rotor runs on for 20 ms, then stops for good.
+    let released = rig.now_us();
+    while rig.now_us() < released + 40_000 {
+        rig.advance(Bridge::Off, false, released + 40_000);
+    }
+    let held = rig.truth();
+    assert!(held.brake_engaged && held.counts_per_s == 0.0, "{held:?}");
+}
+
+#[test]
+fn brake_that_is_told_otherwise_in_time_does_not_move() {
+    let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
+    rig.set_disturbance(0.6);
+    rig.advance(Bridge::Off, true, 15_000);
+    rig.advance(Bridge::Off, false, 100_000);
+    assert_eq!(rig.truth().counts, 80.0);
+}
+
+#[test]
+fn thermistor_lags_behind_the_housing() {
+    // Locked at 60 W for 20 s: the housing warms by 0.4 K/s in the end, and the bead is 2 s behind.
+    let params = RigParams { adc_noise_lsb: 0.0, ..RigParams::default() };
+    let mut rig = Rig::new(free(), params, &[], Model::Averaged, at(0.0, 0.0), 1).unwrap();
+    let mut two_seconds_ago = 0.0;
+    let mut seen = rig.analog().motor_temp;
+    for ms in 1..=20_000 {
+        rig.advance(drive(rig.halls(), 0.5), false, ms * 1000);
+        seen = rig.analog().motor_temp;
+        if ms == 18_000 {
+            two_seconds_ago = rig.truth().housing_c;
+        }
+    }
+    assert!(rig.truth().housing_c - two_seconds_ago > 0.5);
+    assert!((f64::from(seen.0) / 10.0 - two_seconds_ago).abs() < 0.15, "{seen:?} {two_seconds_ago}");
+}
+
+#[test]
+fn board_reads_what_is_there() {
+    let object = Object { from_count: 20.0, stiffness_n_m_rad: 1.0, damping_n_m_s: 0.0, side: Side::Closing };
+    let plant = PlantParams::for_motor(MotorKind::Link);
+    let mut rig =
+        Rig::new(plant, RigParams::default(), &[object], Model::Switched, at(15.0, 0.0), 1).unwrap();
+    assert_eq!(rig.analog().strain.abs_diff(128), 0);
+    run(&mut rig, 0.5, 200);
+    rig.analog();
+    let truth = run(&mut rig, 0.5, 1);
+    let seen = rig.analog();
+    // Locked: bus current is phase current times the duty less the dead time's 1 of 50 µs; strain is 4 per N·m
+    // behind 49:1.
+    let phase = truth.phase_a.iter().fold(0.0_f64, |most, i| most.max(i.abs()));
+    close("bus mA", f64::from(seen.current.0), 480.0 * phase, 0.01);
+    close("bus mV", f64::from(seen.bus.0), 24_000.0, 0.001);
+    close("strain", f64::from(seen.strain), 128.0 - truth.load_n_m * 49.0 * 4.0, 0.02);
+    assert!(seen.strain > 140 && !seen.bridge_fault);
+}
+
+#[test]
+fn break_input_latches_until_the_bridge_is_off() {
+    let mut rig = rig(PlantParams { trip_a: 5.0, ..free() }, Model::Switched, at(0.0, 0.0));
+    rig.advance(drive(rig.halls(), 1.0), false, 5_000);
+    assert!(rig.analog().bridge_fault);
+    assert_eq!(rig.truth().phase_a, [0.0; 3]);
+    rig.advance(Bridge::Off, false, 6_000);
+    assert!(!rig.analog().bridge_fault);
+}
