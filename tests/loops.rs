@@ -59,8 +59,8 @@ fn no_false_stall_in_1000_healthy_moves() {
             [("link", -25, 338), ("spread", 0, 166), ("tip", -158, 350)][seed as usize % 3];
         let travel = high - low;
         // Any start, any length from 2 counts to the whole range, either way.
-        let from = low + (seed * 7919 % 64) as i64 * i64::from(travel) / 64;
-        let to = low + (seed * 104_729 % 61) as i64 * i64::from(travel) / 60;
+        let from = low + (seed * 7919 % 64) as i64 * travel / 64;
+        let to = low + (seed * 104_729 % 61) as i64 * travel / 60;
         if (from - to).abs() < 2 {
             continue;
         }
