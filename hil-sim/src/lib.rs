@@ -8,6 +8,7 @@ pub mod board;
 pub mod metrics;
 pub mod plant;
 pub mod properties;
+pub mod replay;
 pub mod report;
 pub mod rig;
 mod run;

@@ -58,6 +58,37 @@ pub const fn next_tick(time: u64) -> (u32, u64) {
     (((time >> 32) as u32).saturating_add(1), (1 << 32) - (time & 0xFFFF_FFFF))
 }
 
+/// `a · b / 2^shift`, rounded down, saturated to 32 bits: one `SMULL` and a shift. `shift` < 64.
+#[must_use]
+pub const fn mul_shift(a: i32, b: i32, shift: u32) -> i32 {
+    let product = (a as i64 * b as i64) >> shift;
+    if product > i32::MAX as i64 {
+        i32::MAX
+    } else if product < i32::MIN as i64 {
+        i32::MIN
+    } else {
+        product as i32
+    }
+}
+
+/// An unsigned number as a signed one, saturated at 2^31 − 1.
+#[must_use]
+pub const fn saturating_signed(x: u32) -> i32 {
+    if x > i32::MAX as u32 { i32::MAX } else { x as i32 }
+}
+
+/// The low 16 bits' range of a signed number, saturated.
+#[must_use]
+pub const fn saturating_i16(x: i32) -> i16 {
+    if x > i16::MAX as i32 {
+        i16::MAX
+    } else if x < i16::MIN as i32 {
+        i16::MIN
+    } else {
+        x as i16
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,0 +1,136 @@
+//! Recorded hall lines through the servo's decoder and estimator.
+//!
+//! A capture is a run of three-byte samples: 0x5A, then the hall code (bits 2..0 of a little-endian word). It
+//! may begin in the middle of a sample, and may be gzipped.
+
+use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
+use servo_core::sense::velocity::Estimator;
+use servo_core::units::Micros;
+use std::io::{Read, Write};
+use std::path::Path;
+
+/// Codes of sectors 0..5 of the recorded motors: the hand's wiring with two lines exchanged.
+const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
+
+/// The counts a revolution for which there is an estimator.
+pub const COUNTS_PER_REV: [u32; 2] = [18, 90];
+
+/// A capture that cannot be replayed, as one line: what, where, found, wanted, and what to do.
+#[derive(Debug, PartialEq, Eq)]
+pub struct ReplayError(String);
+
+impl std::fmt::Display for ReplayError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for ReplayError {}
+
+/// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture; returns how many.
+///
+/// # Errors
+/// A file that cannot be read or is no capture, a sample rate or counts a revolution out of range, a full disk.
+pub fn replay(
+    capture: &Path,
+    counts_per_rev: u32,
+    rate_hz: u32,
+    out: &mut impl Write,
+) -> Result<usize, ReplayError> {
+    if !(1000..=1_000_000).contains(&rate_hz) {
+        return Err(ReplayError(format!(
+            "--rate-hz {rate_hz}: a sample rate of 1000 to 1000000 Hz is wanted; the recorder's is usually 30000"
+        )));
+    }
+    let estimate = match counts_per_rev {
+        18 => estimate::<18>,
+        90 => estimate::<90>,
+        _ => {
+            return Err(ReplayError(format!(
+                "--counts-per-rev {counts_per_rev}: the estimator is built for 18 or 90; give one of these"
+            )));
+        }
+    };
+    let codes =
+        codes(&bytes(capture)?).map_err(|what| ReplayError(format!("{}: {what}", capture.display())))?;
+    for (position, velocity) in estimate(&codes, rate_hz) {
+        writeln!(out, "{position:.4},{velocity:.3}").map_err(|e| {
+            ReplayError(format!("cannot write the estimate: {e}; is there space, and is the path writable?"))
+        })?;
+    }
+    Ok(codes.len())
+}
+
+/// The file, unpacked if it begins as gzip does.
+fn bytes(path: &Path) -> Result<Vec<u8>, ReplayError> {
+    let fail = |what: &str, e: std::io::Error, next: &str| {
+        ReplayError(format!("{}: cannot {what}: {e}; {next}", path.display()))
+    };
+    let raw = std::fs::read(path).map_err(|e| fail("read", e, "check the path"))?;
+    if !raw.starts_with(&[0x1F, 0x8B]) {
+        return Ok(raw);
+    }
+    let mut unpacked = Vec::new();
+    flate2::read::MultiGzDecoder::new(raw.as_slice())
+        .read_to_end(&mut unpacked)
+        .map_err(|e| fail("unpack", e, "the file is damaged or cut short; copy it again"))?;
+    Ok(unpacked)
+}
+
+/// The hall codes of a capture.
+///
+/// # Errors
+/// What is wrong with it, without the file's name.
+pub fn codes(raw: &[u8]) -> Result<Vec<u8>, String> {
+    const SYNC: u8 = 0x5A;
+    let aligned = |at: usize| (0..5).all(|k| raw.get(at + 3 * k) == Some(&SYNC));
+    // Alignment is at one of three offsets, unless the recording begins with rubbish.
+    let Some(start) = (0..raw.len()).find(|&at| aligned(at)) else {
+        return Err(format!(
+            "no five samples in a row begin with 0x5A in {} bytes; a capture is 3 bytes a sample: 0x5A, code, 0",
+            raw.len()
+        ));
+    };
+    let mut codes = Vec::with_capacity(raw.len() / 3);
+    // The last sample may be cut: it is left out whether or not it is whole.
+    for at in (start..raw.len().saturating_sub(3)).step_by(3) {
+        match raw.get(at..at + 2) {
+            Some(&[SYNC, code]) => codes.push(code & 7),
+            found => {
+                return Err(format!(
+                    "sample {} at byte {at}: found {found:02X?}, want 0x5A and a code; bytes were lost, record again",
+                    codes.len()
+                ));
+            }
+        }
+    }
+    Ok(codes)
+}
+
+/// Position and velocity at each sample. The lines' changes call the decoder as the interrupt does, and so does
+/// a tick each millisecond.
+#[must_use]
+pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
+    let Some(wiring) = Wiring::new(CODES) else { return Vec::new() };
+    let first = codes.first().copied().unwrap_or(0);
+    let mut halls = HallDecoder::new(wiring, first, 0);
+    let mut estimator = Estimator::<N>::new(0);
+    let mut last = first;
+    let mut tick = 0_u64;
+    let mut rows = Vec::with_capacity(codes.len());
+    for (i, &code) in (0_u64..).zip(codes) {
+        let us = i * 1_000_000 / u64::from(rate_hz);
+        let now = Micros(u32::try_from(us & u64::from(u32::MAX)).unwrap_or(0));
+        let ticked = us / 1000 > tick;
+        tick = us / 1000;
+        if code != last || ticked {
+            if let Some(HallEvent::Step(edge)) = halls.sample(code, now) {
+                estimator.edge(&edge);
+            }
+            last = code;
+        }
+        let (position, velocity) = estimator.at(now);
+        rows.push((position.0.to_num::<f64>(), velocity.0.to_num::<f64>()));
+    }
+    rows
+}
