@@ -53,10 +53,26 @@ const GROWN: u8 = 20;
 /// Least-squares gains of the n-th edge of a straight line, (position, velocity): all edges weigh the same
 /// until the memory is full.
 const GROWING: [(i32, i32); 20] = [
-    (ONE, ONE), (ONE, ONE), (ONE, ONE),
-    (54_613, 32_768), (45_875, 19_661), (39_322, 13_107), (34_328, 9362), (30_427, 7022), (27_307, 5461),
-    (24_758, 4369), (22_641, 3575), (20_853, 2979), (19_323, 2521), (18_004, 2161), (16_852, 1872),
-    (15_838, 1638), (14_939, 1446), (14_136, 1285), (13_414, 1150), (12_762, 1035),
+    (ONE, ONE),
+    (ONE, ONE),
+    (ONE, ONE),
+    (54_613, 32_768),
+    (45_875, 19_661),
+    (39_322, 13_107),
+    (34_328, 9362),
+    (30_427, 7022),
+    (27_307, 5461),
+    (24_758, 4369),
+    (22_641, 3575),
+    (20_853, 2979),
+    (19_323, 2521),
+    (18_004, 2161),
+    (16_852, 1872),
+    (15_838, 1638),
+    (14_939, 1446),
+    (14_136, 1285),
+    (13_414, 1150),
+    (12_762, 1035),
 ];
 
 /// What the edges have told of the motion.
@@ -142,7 +158,18 @@ impl<const N: usize> Estimator<N> {
         let moved = boundary.wrapping_sub(m.boundary).saturating_mul(ONE).saturating_add(place);
         if sign != m.sign {
             // Crossed back: somewhere in between the rotor stood.
-            *m = Motion { at, boundary, sign, edges: 1, place, position: place, velocity: 0, acceleration: 0, bias: 0, ..*m };
+            *m = Motion {
+                at,
+                boundary,
+                sign,
+                edges: 1,
+                place,
+                position: place,
+                velocity: 0,
+                acceleration: 0,
+                bias: 0,
+                ..*m
+            };
             return;
         }
         let dt = elapsed.clamp(SHORTEST_US, STILL.0);
@@ -151,7 +178,17 @@ impl<const N: usize> Estimator<N> {
         let residual = moved.saturating_sub(expected);
         if m.edges < 2 || elapsed > STILL.0 || residual.saturating_abs() > 2 * ONE {
             let velocity = mul_shift(moved.saturating_sub(m.place), rate, 12);
-            *m = Motion { at, boundary, edges: 2, place, position: place, velocity, acceleration: 0, bias: 0, ..*m };
+            *m = Motion {
+                at,
+                boundary,
+                edges: 2,
+                place,
+                position: place,
+                velocity,
+                acceleration: 0,
+                bias: 0,
+                ..*m
+            };
             return;
         }
         m.correct(residual, velocity, rate, dt);
@@ -205,7 +242,8 @@ impl<const N: usize> Estimator<N> {
         }
         let waited = dt.saturating_sub(self.delay().0).max(SHORTEST_US);
         let limit = mul_shift(ahead, saturating_signed(RATE / waited), 12);
-        velocity = if elapsed >= STILL.0 || m.edges < 2 { 0 } else { velocity.clamp(limit.saturating_neg(), limit) };
+        velocity =
+            if elapsed >= STILL.0 || m.edges < 2 { 0 } else { velocity.clamp(limit.saturating_neg(), limit) };
         // From the centre of the cell, which is half a count past the boundary.
         let within = position.saturating_sub(m.sign.saturating_mul(ONE / 2)).clamp(-ONE / 2, ONE / 2 - 64);
         let within = Counts(I22F10::from_bits(within >> 6));
