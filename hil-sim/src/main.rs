@@ -2,12 +2,14 @@
 //! out; the only clock read is the wall clock of `wall_s`.
 #![forbid(unsafe_code)]
 
+use std::error::Error;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand, ValueEnum};
+use hil_sim::replay::replay;
 use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
 use hil_sim::trace::{Trace, write_csv};
 use hil_sim::{Model, Options, Outcome, report, run};
@@ -26,6 +28,23 @@ enum Task {
     Run(RunArgs),
     /// Name the scenarios that are shipped.
     List,
+    /// Feed a recording of hall lines through the servo's decoder and estimator.
+    ReplayHalls(ReplayArgs),
+}
+
+#[derive(clap::Args)]
+struct ReplayArgs {
+    /// Three bytes a sample, 0x5A and the hall code in two, little-endian; may be gzipped.
+    capture: PathBuf,
+    /// Hall counts a motor revolution.
+    #[arg(long, default_value_t = 90)]
+    counts_per_rev: u32,
+    /// Samples a second.
+    #[arg(long, default_value_t = 30_000)]
+    rate_hz: u32,
+    /// Where to write one `position,velocity` line a sample, in counts and counts/s.
+    #[arg(long, value_name = "OUT")]
+    csv: PathBuf,
 }
 
 #[derive(clap::Args)]
@@ -64,6 +83,7 @@ fn main() -> ExitCode {
             print(&list());
             Ok(true)
         }
+        Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
@@ -90,7 +110,7 @@ fn list() -> String {
 }
 
 /// Returns whether all expectations were met.
-fn run_scenario(args: &RunArgs) -> Result<bool, BadInput> {
+fn run_scenario(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
     let mut scenario = Scenario::find(&args.scenario)?;
     for assignment in &args.set {
         scenario.set(assignment)?;
@@ -156,6 +176,19 @@ fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(),
     replace(&csv_path, &csv).map_err(|e| failed(&csv_path, e))?;
     let html_path = dir.join("report.html");
     replace(&html_path, report::html(scenario, outcome).as_bytes()).map_err(|e| failed(&html_path, e))
+}
+
+fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
+    let mut csv = Vec::new();
+    replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
+    replace(&args.csv, &csv).map_err(|e| BadInput {
+        place: format!("--csv {}", args.csv.display()),
+        problem: "cannot be written".to_owned(),
+        found: e.to_string(),
+        expected: "a file in a directory that exists".to_owned(),
+        next: "choose another path or free space".to_owned(),
+    })?;
+    Ok(true)
 }
 
 /// Writes a file under another name first, so that a reader finds the old or the new one and never a half.

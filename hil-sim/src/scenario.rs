@@ -65,6 +65,8 @@ pub struct Scenario {
     pub name: String,
     /// One sentence for `hil-sim list` and the report.
     pub about: String,
+    /// Arguments of `hil-sim run` that give this scenario: its name or file, and `--set`s.
+    pub arguments: String,
     /// The motors on which it runs, one after another.
     pub cases: Vec<Case>,
     /// Length of a run, 1..=600000.
@@ -256,7 +258,8 @@ impl Scenario {
     /// No such scenario or file, or a file that no run can be made of.
     pub fn find(name: &str) -> Result<Self, BadInput> {
         if let Some(shipped) = SHIPPED.iter().find(|shipped| shipped.name == name) {
-            return Self::parse(shipped.file, shipped.text);
+            let parsed = Self::parse(shipped.file, shipped.text)?;
+            return Ok(Self { arguments: name.to_owned(), ..parsed });
         }
         let path = Path::new(name);
         let io_error = |problem: &str, found: String| BadInput {
@@ -319,6 +322,7 @@ impl Scenario {
                 PropertyError::Range { .. } => bad("the value is out of range", &e.found(), e.expected()),
             })?;
         }
+        self.arguments.push_str(&format!(" --set {}={value}", name.trim().to_uppercase()));
         Ok(())
     }
 }

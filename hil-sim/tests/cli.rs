@@ -108,9 +108,9 @@ fn files_are_written_where_asked_and_nowhere_else() {
     let out = folder.join("deep/report");
     let out_text = out.to_string_lossy().into_owned();
     let path = scenario(&folder, "min = 0");
-    for _ in 0..2 {
+    for kp in ["kp=1", "kp=2"] {
         // A second run replaces the files of the first.
-        let output = hil_sim(&["run", &path, "--out", &out_text]);
+        let output = hil_sim(&["run", &path, "--out", &out_text, "--set", kp]);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     }
     let entries = std::fs::read_dir(&out).expect("the folder is made");
@@ -120,6 +120,12 @@ fn files_are_written_where_asked_and_nowhere_else() {
     let csv = std::fs::read_to_string(out.join("trace.csv")).expect("text");
     assert_eq!(csv.lines().count(), 1 + 21, "a header, the start and 20 ticks");
     assert!(csv.starts_with("time_ms,mode,position_counts,"));
+
+    let html = std::fs::read_to_string(out.join("report.html")).expect("text");
+    assert!(
+        html.contains(&format!("hil-sim run {path} --set KP=2 --seed 1 --model averaged")),
+        "how to run it again"
+    );
 
     let empty = self::folder("no-files");
     let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
@@ -137,4 +143,41 @@ fn list_names_every_shipped_scenario() {
     for shipped in hil_sim::scenario::SHIPPED {
         assert!(text.lines().any(|line| line.starts_with(&format!("{} ", shipped.name))), "{}", shipped.name);
     }
+}
+
+#[test]
+fn a_hall_capture_becomes_a_line_a_sample() {
+    let folder = folder("replay");
+    let path = |name: &str| folder.join(name).to_string_lossy().into_owned();
+    // Two revolutions of 6 codes at 100 samples each: 300 counts/s at 30 kHz.
+    let codes = [1u8, 3, 2, 6, 4, 5].repeat(2).into_iter().flat_map(|code| [code; 100]);
+    let mut capture: Vec<u8> = codes.flat_map(|code| [0x5a, code, 0]).collect();
+    // Recordings end anywhere: a sample that is cut off is none.
+    capture.push(0x5a);
+    std::fs::write(path("x.dat"), &capture).expect("a file for the test");
+    let replay = |capture: &str, csv: &str, rev: &str| {
+        hil_sim(&["replay-halls", capture, "--counts-per-rev", rev, "--rate-hz", "30000", "--csv", csv])
+    };
+    let output = replay(&path("x.dat"), &path("x.csv"), "18");
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let csv = std::fs::read_to_string(path("x.csv")).expect("text");
+    let rows: Vec<Vec<f64>> =
+        csv.lines().map(|line| line.split(',').map(|n| n.parse().expect("a number")).collect()).collect();
+    assert_eq!((rows.len(), rows.iter().all(|row| row.len() == 2)), (1200, true));
+    let (first, last) = (&rows[0], &rows[1199]);
+    assert!((last[0] - first[0]).abs() > 10.0, "{} to {} counts", first[0], last[0]);
+    assert!(!folder.join("x.part").exists());
+
+    std::fs::write(path("text.dat"), "no capture").expect("a file for the test");
+    for (capture, csv, rev) in [
+        (path("missing.dat"), path("y.csv"), "18"),
+        (path("text.dat"), path("y.csv"), "18"),
+        (path("x.dat"), path("y.csv"), "17"),
+        (path("x.dat"), path("no/folder/y.csv"), "18"),
+    ] {
+        let output = replay(&capture, &csv, rev);
+        assert_eq!(output.status.code(), Some(2), "{capture} {csv}: {}", stderr(&output));
+        assert!(stderr(&output).starts_with("error: "), "{}", stderr(&output));
+    }
+    assert!(!folder.join("y.csv").exists(), "no file for bad input");
 }

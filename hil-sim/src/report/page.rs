@@ -35,9 +35,10 @@ pub fn html(scenario: &Scenario, outcome: &Outcome) -> String {
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>{name} · hil-sim</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n\
          <header><h1>{name} <span class=\"badge {badge}\">{verdict}: {passed} of {}</span></h1>\n\
-         <p>{}</p>\n<p class=\"how\"><code>hil-sim run {name} --seed {} --model {}</code></p></header>\n",
+         <p>{}</p>\n<p class=\"how\"><code>hil-sim run {} --seed {} --model {}</code></p></header>\n",
         outcome.expectations.len(),
         escape(&scenario.about),
+        escape(&scenario.arguments),
         outcome.options.seed,
         model_name(outcome.options.model),
     );

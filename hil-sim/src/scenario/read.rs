@@ -52,6 +52,7 @@ pub(super) fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     Ok(Scenario {
         name: parsed.name,
         about: parsed.about,
+        arguments: source.file.to_owned(),
         cases,
         duration_ms,
         scatter: parsed.scatter.0,
