@@ -1,1 +1,2 @@
 //! System tests: one binary, a module a subject.
+mod halls;

@@ -35,10 +35,15 @@ const AGE_PER_US: i32 = 143_166;
 const AGE_STEADY: i32 = 26_214;
 /// The most in a manoeuvre, where two edges must do.
 const AGE_MANOEUVRE: i32 = 78_643;
+/// Slower edges than this cannot show a manoeuvre that matters: 0.3 counts in 10 ms is 6000 counts/s², a tenth
+/// of what the motor can do, and slow rotors rock over their cogs.
+const QUICK_US: u32 = 10_000;
 /// Residuals are taken to be at least this large, 0.03 counts: ±2° electrical.
 const NOISE_FLOOR: i32 = 1966;
 /// A residual beyond this, 0.3 counts, is no placement error (±10° electrical is 0.17 counts) and not learned.
 const LEARNABLE: i32 = 19_661;
+/// A residual beyond this, 16 counts, means that edges were not seen for long: begin anew.
+const LOST: i32 = 16 * ONE;
 /// Shortest time between edges that is reckoned with; also where a learned delay turns their order.
 const SHORTEST_US: u32 = 100;
 /// Highest learned delay of rising edges, in µs.
@@ -53,10 +58,26 @@ const GROWN: u8 = 20;
 /// Least-squares gains of the n-th edge of a straight line, (position, velocity): all edges weigh the same
 /// until the memory is full.
 const GROWING: [(i32, i32); 20] = [
-    (ONE, ONE), (ONE, ONE), (ONE, ONE),
-    (54_613, 32_768), (45_875, 19_661), (39_322, 13_107), (34_328, 9362), (30_427, 7022), (27_307, 5461),
-    (24_758, 4369), (22_641, 3575), (20_853, 2979), (19_323, 2521), (18_004, 2161), (16_852, 1872),
-    (15_838, 1638), (14_939, 1446), (14_136, 1285), (13_414, 1150), (12_762, 1035),
+    (ONE, ONE),
+    (ONE, ONE),
+    (ONE, ONE),
+    (54_613, 32_768),
+    (45_875, 19_661),
+    (39_322, 13_107),
+    (34_328, 9362),
+    (30_427, 7022),
+    (27_307, 5461),
+    (24_758, 4369),
+    (22_641, 3575),
+    (20_853, 2979),
+    (19_323, 2521),
+    (18_004, 2161),
+    (16_852, 1872),
+    (15_838, 1638),
+    (14_939, 1446),
+    (14_136, 1285),
+    (13_414, 1150),
+    (12_762, 1035),
 ];
 
 /// What the edges have told of the motion.
@@ -142,16 +163,37 @@ impl<const N: usize> Estimator<N> {
         let moved = boundary.wrapping_sub(m.boundary).saturating_mul(ONE).saturating_add(place);
         if sign != m.sign {
             // Crossed back: somewhere in between the rotor stood.
-            *m = Motion { at, boundary, sign, edges: 1, place, position: place, velocity: 0, acceleration: 0, bias: 0, ..*m };
+            *m = Motion {
+                at,
+                boundary,
+                sign,
+                edges: 1,
+                place,
+                position: place,
+                velocity: 0,
+                acceleration: 0,
+                bias: 0,
+                ..*m
+            };
             return;
         }
         let dt = elapsed.clamp(SHORTEST_US, STILL.0);
         let rate = saturating_signed(RATE / dt);
         let (expected, velocity) = m.predict(dt);
         let residual = moved.saturating_sub(expected);
-        if m.edges < 2 || elapsed > STILL.0 || residual.saturating_abs() > 2 * ONE {
+        if m.edges < 2 || elapsed > STILL.0 || residual.saturating_abs() > LOST {
             let velocity = mul_shift(moved.saturating_sub(m.place), rate, 12);
-            *m = Motion { at, boundary, edges: 2, place, position: place, velocity, acceleration: 0, bias: 0, ..*m };
+            *m = Motion {
+                at,
+                boundary,
+                edges: 2,
+                place,
+                position: place,
+                velocity,
+                acceleration: 0,
+                bias: 0,
+                ..*m
+            };
             return;
         }
         m.correct(residual, velocity, rate, dt);
@@ -205,7 +247,8 @@ impl<const N: usize> Estimator<N> {
         }
         let waited = dt.saturating_sub(self.delay().0).max(SHORTEST_US);
         let limit = mul_shift(ahead, saturating_signed(RATE / waited), 12);
-        velocity = if elapsed >= STILL.0 || m.edges < 2 { 0 } else { velocity.clamp(limit.saturating_neg(), limit) };
+        velocity =
+            if elapsed >= STILL.0 || m.edges < 2 { 0 } else { velocity.clamp(limit.saturating_neg(), limit) };
         // From the centre of the cell, which is half a count past the boundary.
         let within = position.saturating_sub(m.sign.saturating_mul(ONE / 2)).clamp(-ONE / 2, ONE / 2 - 64);
         let within = Counts(I22F10::from_bits(within >> 6));
@@ -244,7 +287,8 @@ impl Motion {
         let square = manoeuvre.saturating_mul(manoeuvre);
         let age = mul_shift(saturating_signed(dt.min(1 << 17)), AGE_PER_US, 16);
         let age = age.saturating_add(mul_shift(age, square, 16));
-        let most = if residual.saturating_abs() > ONE / 2 { AGE_MANOEUVRE } else { AGE_STEADY };
+        let most =
+            if residual.saturating_abs() > LEARNABLE && dt < QUICK_US { AGE_MANOEUVRE } else { AGE_STEADY };
         let (mut g, mut h, mut k) = gains(age.min(most));
         if let Some(&(g_growing, h_growing)) = GROWING.get(usize::from(self.edges)) {
             g = g.max(g_growing);
