@@ -215,7 +215,7 @@ impl<const N: usize> Estimator<N> {
         }
         // A late edge finds the rotor short of where it is expected; residual · interval is the time.
         let short = if rising { residual.wrapping_neg() } else { residual }.saturating_mul(self.motion.sign);
-        let lag = mul_shift(short, saturating_signed(dt.min(2000)), 16);
+        let lag = mul_shift(short, saturating_signed(dt.min(2000)), 14);
         self.delay = self.delay.saturating_add(lag).clamp(0, DELAY_MAX << 8);
     }
 
@@ -287,9 +287,11 @@ impl Motion {
         let square = manoeuvre.saturating_mul(manoeuvre);
         let age = mul_shift(saturating_signed(dt.min(1 << 17)), AGE_PER_US, 16);
         let age = age.saturating_add(mul_shift(age, square, 16));
-        let most =
-            if residual.saturating_abs() > LEARNABLE && dt < QUICK_US { AGE_MANOEUVRE } else { AGE_STEADY };
-        let (mut g, mut h, mut k) = gains(age.min(most));
+        let large = residual.saturating_abs() > LEARNABLE && dt < QUICK_US;
+        let age = age.min(if large { AGE_MANOEUVRE } else { AGE_STEADY });
+        // A motion that has just begun is accelerating.
+        let age = if self.edges < 6 && dt < QUICK_US { AGE_MANOEUVRE } else { age };
+        let (mut g, mut h, mut k) = gains(age);
         if let Some(&(g_growing, h_growing)) = GROWING.get(usize::from(self.edges)) {
             g = g.max(g_growing);
             h = h.max(h_growing);
