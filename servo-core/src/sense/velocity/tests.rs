@@ -60,7 +60,14 @@ fn placement_and_rise_delay_are_learned() {
         }
         begin = begin.wrapping_add((90 * us_a_count).unsigned_abs());
     }
-    assert!(worst <= 20, "2 % where the raw intervals are wrong by up to 28 %, but {worst} per mille");
+    assert!(worst <= 10, "1 % where the raw intervals are wrong by up to 28 %, but {worst} per mille");
+    // In 2^-16 count. What all edges share is a shift of position, which steps of speed leave behind; between
+    // edges a quarter of ±0.16 may be left.
+    let wrong = || e.offsets.iter().zip(PLACE).map(|(o, p)| i32::from(*o) - p * ONE / 1000);
+    let shared = wrong().sum::<i32>() / 18;
+    assert!(shared.abs() < ONE / 10, "{shared}");
+    let left = wrong().map(|w| (w - shared).abs()).max();
+    assert!(left < Some(ONE / 25), "{left:?} {:?}", e.offsets);
     let learned = e.delay().0;
     assert!((75..=225).contains(&learned), "half to one and a half of 150 µs, but {learned}");
 }
@@ -113,7 +120,7 @@ fn a_turn_passes_through_zero_and_a_bounce_is_forgotten() {
 /// From rest at constant acceleration, edges exact: how far velocity is off from the fourth edge on, as a time.
 #[test]
 fn lag_at_constant_acceleration() {
-    for (acceleration, most_us) in [(3433_u64, 4000), (20_000, 3500), (70_000, 3000)] {
+    for (acceleration, most_us) in [(3433_u64, 4000), (20_000, 2000), (70_000, 1000)] {
         let (mut e, mut count) = (Estimator::<18>::new(0), 0);
         let mut worst = 0;
         for k in 1..=200_u64 {
