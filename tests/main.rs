@@ -1,6 +1,7 @@
 //! System tests: one binary, a module a subject.
 
 mod fences;
+mod halls;
 mod loops;
 mod plant;
 mod profile;

@@ -25,7 +25,9 @@ fn picture(name: &str, charts: &[String]) -> Result<String, Box<dyn std::error::
         let size = between(start, "viewBox=\"0 0 ", "\"").ok_or("a chart has no size")?;
         let (width, height) = size.split_once(' ').ok_or("a chart's size is two numbers")?;
         let inside = between(start, ">", "</svg>").ok_or("a chart does not end")?;
-        body += &format!("<svg y=\"{y}\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {size}\">{inside}</svg>\n");
+        body += &format!(
+            "<svg y=\"{y}\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {size}\">{inside}</svg>\n"
+        );
         y += height.parse::<f64>()? + 10.0;
     }
     Ok(format!(

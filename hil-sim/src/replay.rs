@@ -12,9 +12,6 @@ use std::path::Path;
 /// Codes of sectors 0..5 of the recorded motors: the hand's wiring with two lines exchanged.
 const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
 
-/// The counts a revolution for which there is an estimator.
-pub const COUNTS_PER_REV: [u32; 2] = [18, 90];
-
 /// A capture that cannot be replayed, as one line: what, where, found, wanted, and what to do.
 #[derive(Debug, PartialEq, Eq)]
 pub struct ReplayError(String);
@@ -133,4 +130,78 @@ pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
         rows.push((position.0.to_num::<f64>(), velocity.0.to_num::<f64>()));
     }
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A capture of `samples` codes that turns one cell in twenty samples.
+    fn capture(samples: usize) -> Vec<u8> {
+        (0..samples).flat_map(|i| [0x5A, CODES[i / 20 % 6], 0]).collect()
+    }
+
+    fn file(name: &str, content: &[u8]) -> std::path::PathBuf {
+        let path = std::env::temp_dir().join(format!("replay-{}-{name}", std::process::id()));
+        std::fs::write(&path, content).expect("temporary file");
+        path
+    }
+
+    #[test]
+    fn one_line_a_sample_whatever_the_start_and_packing() {
+        let raw = capture(3000);
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        packed.write_all(&raw).expect("pack");
+        let packed = packed.finish().expect("pack");
+        // The last sample is left out, as the scorer does; cut in its middle, the rest is the same.
+        for (name, bytes, want) in [
+            ("whole", &raw[..], 2999),
+            ("cut", &raw[..8998], 2999),
+            ("begun", &raw[2..], 2998),
+            ("packed", &packed, 2999),
+        ] {
+            let path = file(name, bytes);
+            let mut out = Vec::new();
+            assert_eq!(replay(&path, 90, 30_000, &mut out), Ok(want), "{name}");
+            std::fs::remove_file(path).expect("temporary file");
+            let text = String::from_utf8(out).expect("text");
+            assert_eq!(text.lines().count(), want, "{name}");
+            // 20 samples of 1/30000 s a count: 1500 counts/s.
+            let last: Vec<f64> = text
+                .lines()
+                .last()
+                .into_iter()
+                .flat_map(|l| l.split(','))
+                .map(|x| x.parse().expect("number"))
+                .collect();
+            assert!((last[1] - 1500.0).abs() < 15.0, "{name}: {last:?}");
+            assert!((last[0] - 149.5).abs() < 1.5, "{name}: {last:?}");
+        }
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let mut lost = capture(100);
+        lost.drain(151..153);
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        packed.write_all(&capture(3000)).expect("pack");
+        let packed = packed.finish().expect("pack");
+        for (name, bytes, counts, rate, want) in [
+            ("empty", &[][..], 90, 30_000, "no five samples"),
+            ("text", b"this is no capture", 90, 30_000, "no five samples"),
+            ("short", &capture(4), 90, 30_000, "no five samples"),
+            ("lost", &lost, 90, 30_000, "sample 51 at byte 153"),
+            ("damaged", &packed[..packed.len() / 2], 90, 30_000, "damaged or cut short"),
+            ("rate", &capture(100), 90, 0, "--rate-hz 0"),
+            ("counts", &capture(100), 91, 30_000, "18 or 90"),
+        ] {
+            let path = file(name, bytes);
+            let error = replay(&path, counts, rate, &mut Vec::new()).expect_err(name).to_string();
+            assert!(error.contains(want), "{name}: {error}");
+            std::fs::remove_file(path).expect("temporary file");
+        }
+        let error =
+            replay(Path::new("/no/such.dat"), 90, 30_000, &mut Vec::new()).expect_err("absent").to_string();
+        assert!(error.contains("/no/such.dat") && error.contains("check the path"), "{error}");
+    }
 }

@@ -5,15 +5,15 @@
 //! taken only when the lines still say so [`CONFIRM`] later (at another edge, or when the control tick samples
 //! again), and forgotten as soon as a sample is next to the trusted sector. Codes 0 and 7 are never followed.
 //!
-//! What is recovered: any burst of wrong codes shorter than [`CONFIRM`], whatever its codes and number, and
-//! one wrong code of any length, leave the count right, because the count is a function of the trusted sector
-//! (modulo 6) and no wrong code can carry it half an electrical revolution away. Up to two lost edges are made
-//! good by the next sample that stays.
+//! What is recovered (and proven exhaustively in the tests): one or two wrong codes of any kind within
+//! [`CONFIRM`], also where they hide an edge or a turn, and one wrong code of any length at standstill. Up to two
+//! lost edges are made good by the next sample that stays.
 //!
-//! What is not: three or more edges lost in a row are an electrical revolution in doubt, six are invisible;
-//! and a dead line loses counts until it is named, within three electrical revolutions. A wrong code next to
-//! the trusted one cannot be told from the rotor rocking on the boundary until it goes back: if that takes
-//! less than [`BOUNCE`], the step back says so.
+//! What is not: three or more edges lost in a row are an electrical revolution in doubt, six are invisible; a
+//! burst of four wrong codes that happen to be a walk through neighbours is followed; and a dead line loses
+//! counts until it is named, within three electrical revolutions. A wrong code next to the trusted one cannot be
+//! told from the rotor rocking on the boundary until it goes back: if that takes less than [`BOUNCE`], the step
+//! back says so.
 
 use crate::units::Micros;
 

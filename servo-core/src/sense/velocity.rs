@@ -35,10 +35,15 @@ const AGE_PER_US: i32 = 143_166;
 const AGE_STEADY: i32 = 26_214;
 /// The most in a manoeuvre, where two edges must do.
 const AGE_MANOEUVRE: i32 = 78_643;
+/// Slower edges than this cannot show a manoeuvre that matters: 0.3 counts in 10 ms is 6000 counts/s², a tenth
+/// of what the motor can do, and slow rotors rock over their cogs.
+const QUICK_US: u32 = 10_000;
 /// Residuals are taken to be at least this large, 0.03 counts: ±2° electrical.
 const NOISE_FLOOR: i32 = 1966;
 /// A residual beyond this, 0.3 counts, is no placement error (±10° electrical is 0.17 counts) and not learned.
 const LEARNABLE: i32 = 19_661;
+/// A residual beyond this, 16 counts, means that edges were not seen for long: begin anew.
+const LOST: i32 = 16 * ONE;
 /// Shortest time between edges that is reckoned with; also where a learned delay turns their order.
 const SHORTEST_US: u32 = 100;
 /// Highest learned delay of rising edges, in µs.
@@ -176,7 +181,7 @@ impl<const N: usize> Estimator<N> {
         let rate = saturating_signed(RATE / dt);
         let (expected, velocity) = m.predict(dt);
         let residual = moved.saturating_sub(expected);
-        if m.edges < 2 || elapsed > STILL.0 || residual.saturating_abs() > 2 * ONE {
+        if m.edges < 2 || elapsed > STILL.0 || residual.saturating_abs() > LOST {
             let velocity = mul_shift(moved.saturating_sub(m.place), rate, 12);
             *m = Motion {
                 at,
@@ -210,7 +215,7 @@ impl<const N: usize> Estimator<N> {
         }
         // A late edge finds the rotor short of where it is expected; residual · interval is the time.
         let short = if rising { residual.wrapping_neg() } else { residual }.saturating_mul(self.motion.sign);
-        let lag = mul_shift(short, saturating_signed(dt.min(2000)), 16);
+        let lag = mul_shift(short, saturating_signed(dt.min(2000)), 14);
         self.delay = self.delay.saturating_add(lag).clamp(0, DELAY_MAX << 8);
     }
 
@@ -282,8 +287,11 @@ impl Motion {
         let square = manoeuvre.saturating_mul(manoeuvre);
         let age = mul_shift(saturating_signed(dt.min(1 << 17)), AGE_PER_US, 16);
         let age = age.saturating_add(mul_shift(age, square, 16));
-        let most = if residual.saturating_abs() > ONE / 2 { AGE_MANOEUVRE } else { AGE_STEADY };
-        let (mut g, mut h, mut k) = gains(age.min(most));
+        let large = residual.saturating_abs() > LEARNABLE && dt < QUICK_US;
+        let age = age.min(if large { AGE_MANOEUVRE } else { AGE_STEADY });
+        // A motion that has just begun is accelerating.
+        let age = if self.edges < 6 && dt < QUICK_US { AGE_MANOEUVRE } else { age };
+        let (mut g, mut h, mut k) = gains(age);
         if let Some(&(g_growing, h_growing)) = GROWING.get(usize::from(self.edges)) {
             g = g.max(g_growing);
             h = h.max(h_growing);

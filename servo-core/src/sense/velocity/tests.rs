@@ -1,1 +1,162 @@
 use super::*;
+
+/// Steps of a count at the given times, closing unless `sign` is −1; edges alternate between falling and rising.
+fn feed<const N: usize>(
+    e: &mut Estimator<N>,
+    count: &mut i32,
+    sign: i32,
+    times: impl IntoIterator<Item = u32>,
+) {
+    let direction = if sign > 0 { Direction::Closing } else { Direction::Opening };
+    for at in times {
+        *count += sign;
+        let boundary = if sign > 0 { *count } else { *count + 1 };
+        let rising = (boundary & 1 == 1) == (sign > 0);
+        e.edge(&HallEdge { count: *count, steps: 1, direction, at: Micros(at), rising, bounce: false });
+    }
+}
+
+fn velocity<const N: usize>(e: &Estimator<N>, at: u32) -> i32 {
+    i32::from(e.at(Micros(at)).1.round())
+}
+
+#[test]
+fn even_speed_is_exact_across_the_wrap_of_the_clock() {
+    for (sign, begin) in [(1, 0_u32), (-1, 0), (1, u32::MAX - 50_000), (-1, u32::MAX - 50_000)] {
+        let (mut e, mut count) = (Estimator::<18>::new(3), 3);
+        let times = (0..100).map(|k| begin.wrapping_add(k * 2000));
+        feed(&mut e, &mut count, sign, times);
+        let last = begin.wrapping_add(99 * 2000);
+        for later in [0, 500, 1000, 1900] {
+            let (p, v) = e.at(Micros(last.wrapping_add(later)));
+            assert!((i32::from(v.round()) - 500 * sign).abs() <= 1, "{v:?}");
+            // From the boundary just crossed on at 500 counts/s, in 1/1024 count.
+            let want = (count * 1024) - sign * 512 + sign * i32::try_from(later).unwrap() * 512 / 1000;
+            assert!((p.0.to_bits() - want).abs() <= 8, "{p:?} after {later}: {want}");
+        }
+    }
+}
+
+#[test]
+fn placement_and_rise_delay_are_learned() {
+    // Boundaries out by up to ±0.16 count (rising and falling ones by the same mean: that difference tells from a
+    // delay only slowly), rising edges 150 µs late, at 400, 700 and 250 counts/s in turn.
+    const PLACE: [i32; 18] = [40, -80, 30, 10, -60, 90, -160, 30, 70, -20, 110, -90, -50, 60, 0, -30, 20, 30];
+    let (mut e, mut count) = (Estimator::<18>::new(0), 0_i32);
+    let mut begin = 0_u32;
+    let mut worst = 0;
+    for turn in 0..60 {
+        let us_a_count = [2500_i32, 1430, 4000][turn % 3];
+        for k in 0..90 {
+            let boundary = count + 1;
+            let place = PLACE[usize::try_from(boundary.rem_euclid(18)).unwrap()] * us_a_count / 1000;
+            let late = if boundary & 1 == 1 { 150 } else { 0 };
+            let at = begin.wrapping_add((k * us_a_count + place + late).unsigned_abs());
+            feed(&mut e, &mut count, 1, [at]);
+            if turn >= 57 && k > 45 {
+                worst = worst
+                    .max((velocity(&e, at) - 1_000_000 / us_a_count).abs() * 1000 * us_a_count / 1_000_000);
+            }
+        }
+        begin = begin.wrapping_add((90 * us_a_count).unsigned_abs());
+    }
+    assert!(worst <= 10, "1 % where the raw intervals are wrong by up to 28 %, but {worst} per mille");
+    // In 2^-16 count. What all edges share is a shift of position, which steps of speed leave behind; between
+    // edges a quarter of ±0.16 may be left.
+    let wrong = || e.offsets.iter().zip(PLACE).map(|(o, p)| i32::from(*o) - p * ONE / 1000);
+    let shared = wrong().sum::<i32>() / 18;
+    assert!(shared.abs() < ONE / 10, "{shared}");
+    let left = wrong().map(|w| (w - shared).abs()).max();
+    assert!(left < Some(ONE / 25), "{left:?} {:?}", e.offsets);
+    let learned = e.delay().0;
+    assert!((75..=225).contains(&learned), "half to one and a half of 150 µs, but {learned}");
+}
+
+#[test]
+fn velocity_falls_when_the_next_edge_is_overdue_and_is_zero_at_standstill() {
+    let (mut e, mut count) = (Estimator::<18>::new(0), 0);
+    let times = (0..40).map(|k| k * 2000);
+    feed(&mut e, &mut count, 1, times);
+    let last = 39 * 2000;
+    let mut before = 500;
+    for later in (2000..400_000).step_by(1000) {
+        let (p, v) = e.at(Micros(last + later));
+        let v = i32::from(v.round());
+        assert!(v <= before && v >= 0, "{v} after {before}");
+        assert!(v * i32::try_from(later - 400).unwrap() <= 1_150_000, "{v} is too fast for {later} µs");
+        assert_eq!(p.round(), count, "stays in its cell");
+        before = v.max(1);
+    }
+    assert_eq!(velocity(&e, last + STILL.0), 0);
+}
+
+#[test]
+fn a_turn_passes_through_zero_and_a_bounce_is_forgotten() {
+    let (mut e, mut count) = (Estimator::<18>::new(0), 0);
+    let times = (0..40).map(|k| k * 2000);
+    feed(&mut e, &mut count, 1, times);
+    let steady = e.at(Micros(79_000));
+    // A wrong neighbour and back within 40 µs.
+    let mut hit = e.clone();
+    let edge = |count, direction, at, bounce| HallEdge {
+        count,
+        steps: 1,
+        direction,
+        at: Micros(at),
+        rising: true,
+        bounce,
+    };
+    hit.edge(&edge(count + 1, Direction::Closing, 78_500, false));
+    hit.edge(&edge(count, Direction::Opening, 78_540, true));
+    assert_eq!(hit.at(Micros(79_000)), steady);
+    // A turn: over the same boundary.
+    feed(&mut e, &mut count, -1, [90_000]);
+    assert_eq!(velocity(&e, 90_000), 0);
+    assert_eq!(e.at(Micros(90_000)).0.round(), count);
+    feed(&mut e, &mut count, -1, [94_000]);
+    assert!((velocity(&e, 94_000) + 250).abs() < 30);
+}
+
+/// From rest at constant acceleration, edges exact: how far velocity is off from the fourth edge on, as a time.
+#[test]
+fn lag_at_constant_acceleration() {
+    for (acceleration, most_us) in [(3433_u64, 4000), (20_000, 2000), (70_000, 1000)] {
+        let (mut e, mut count) = (Estimator::<18>::new(0), 0);
+        let mut worst = 0;
+        for k in 1..=200_u64 {
+            // Boundary k − ½ at t = √(2 (k − ½) / a); v = a t ≤ 1100 counts/s.
+            let at = ((2 * k - 1) * 1_000_000_000_000 / acceleration).isqrt();
+            let speed = i64::try_from(acceleration * at / 1_000_000).unwrap();
+            if speed > 1100 {
+                break;
+            }
+            feed(&mut e, &mut count, 1, [u32::try_from(at).unwrap()]);
+            if k >= 4 {
+                let short = speed - i64::from(velocity(&e, u32::try_from(at).unwrap()));
+                worst = worst.max(short.abs() * 1_000_000 / i64::try_from(acceleration).unwrap());
+            }
+        }
+        assert!(worst <= most_us, "{acceleration} counts/s²: {worst} µs");
+    }
+}
+
+proptest::proptest! {
+    /// Any edges: no panic (overflow checks are on), the position in its cell.
+    #[test]
+    fn any_edges(edges in proptest::collection::vec((-4..=4_i32, 0..2_000_000_u32, 0..4_u8), 0..200), start: i32) {
+        let (mut e, mut count, mut now) = (Estimator::<18>::new(start), start, 0_u32);
+        for (step, dt, bits) in edges.into_iter().filter(|(step, ..)| *step != 0) {
+            now = now.wrapping_add(dt);
+            count = count.wrapping_add(step);
+            let direction = if step > 0 { Direction::Closing } else { Direction::Opening };
+            let steps = u8::try_from(step.unsigned_abs()).unwrap();
+            let (rising, bounce) = (bits & 1 == 1, bits == 2);
+            e.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce });
+            for later in [0, 1000, 299_999, 300_000] {
+                let (p, v) = e.at(Micros(now.wrapping_add(later)));
+                proptest::prop_assert!(p.wrapping_sub(Counts::from_int(count)).0.to_bits().abs() <= 512);
+                proptest::prop_assert!(later < 300_000 || v == CountsPerSec::ZERO);
+            }
+        }
+    }
+}
