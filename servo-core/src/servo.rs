@@ -79,6 +79,8 @@ pub struct Servo {
     pid_state: PidState,
     torque_wanted: Torque,
     velocity_wanted: CountsPerSec,
+    /// P written before mode 3's entry actions.
+    position_wanted: Option<i32>,
     end: i32,
     stall: Stall,
     breakaway: Breakaway,
@@ -118,6 +120,7 @@ impl Servo {
             pid_state: PidState::default(),
             torque_wanted: Torque::ZERO,
             velocity_wanted: CountsPerSec::ZERO,
+            position_wanted: None,
             end: count,
             stall: Stall::default(),
             breakaway: Breakaway::default(),
@@ -202,7 +205,11 @@ impl Servo {
                     self.count = edge.count;
                 }
                 HallEvent::Glitch(glitch) => self.report(Event::Glitch(glitch)),
-                HallEvent::Fault(_) => self.faults.halls(),
+                HallEvent::Fault(_) => {
+                    // The count may have slipped by an electrical revolution.
+                    self.homed = false;
+                    self.faults.halls();
+                }
             }
         }
         let (position, velocity) = self.estimator.at(sense.now);
@@ -225,7 +232,8 @@ impl Servo {
         self.entered = true;
         self.stall.restart();
         self.breakaway.restart();
-        self.profile = Profile::at_rest(self.position);
+        let position = self.position_wanted.take().map_or(self.position, Counts::from_int);
+        self.profile = Profile::at_rest(position);
         self.setpoint = self.profile.current();
         if self.mode == Mode::Trapezoidal {
             self.plan();
@@ -235,16 +243,14 @@ impl Servo {
     /// Every way in which a motion ends by itself.
     fn check_end(&mut self, counted: bool, strain: u8) {
         let stalled = self.stall.step(counted, self.driven(), self.tstop());
-        let guarded = match self.purpose {
-            Purpose::Plain => self.mode == Mode::Trapezoidal,
-            Purpose::TorqueControlled { .. } => true,
-            Purpose::Pressing { .. } | Purpose::SeekStop | Purpose::LeaveStop => false,
-        };
-        if guarded {
-            if strain::outside(strain, self.config.hsg, self.config.lsg) {
-                return self.finish(EndReason::Strain);
-            }
-            let wanted = self.velocity_goal();
+        let move_to_end = self.purpose == Purpose::Plain && self.mode == Mode::Trapezoidal;
+        let torque_controlled = matches!(self.purpose, Purpose::TorqueControlled { .. });
+        if (move_to_end || torque_controlled) && strain::outside(strain, self.config.hsg, self.config.lsg) {
+            return self.finish(EndReason::Strain);
+        }
+        // TC is asked to press; what it presses against is no breakaway.
+        if move_to_end {
+            let wanted = self.setpoint.velocity;
             if self.breakaway.step(self.applied.torque, wanted, self.velocity, self.config.bt) {
                 let position = self.position.round();
                 self.broke_away = Some(position);
@@ -269,10 +275,7 @@ impl Servo {
         let (torque, damping) = match self.mode {
             Mode::Idle => (Torque::ZERO, Law::ZERO),
             Mode::Torque => (self.torque_wanted, Law::ZERO),
-            Mode::Velocity => {
-                let wanted = self.velocity_goal();
-                (self.velocity_loop.step(wanted, self.velocity, most), self.velocity_loop.damping())
-            }
+            Mode::Velocity => (self.velocity_torque(most), self.velocity_loop.damping()),
             Mode::Pid | Mode::Trapezoidal => {
                 if self.mode == Mode::Trapezoidal && !self.left_behind() {
                     self.setpoint = self.profile.step();
@@ -283,6 +286,18 @@ impl Servo {
             }
         };
         torque.saturating_add(drag(self.velocity, damping))
+    }
+
+    /// Mode 4's torque. Pressing takes all of MT while the rotor is slower than half the speed it came with; if
+    /// the object gives way, the velocity loop is back.
+    fn velocity_torque(&self, most: Torque) -> Torque {
+        let goal = self.velocity_goal();
+        let half = goal.0 >> 1;
+        match self.purpose {
+            Purpose::Pressing { closing: true } if self.velocity.0 < half => most,
+            Purpose::Pressing { closing: false } if self.velocity.0 > half => Torque(most.0.saturating_neg()),
+            _ => self.velocity_loop.step(goal, self.velocity, most),
+        }
     }
 
     // --- pieces -------------------------------------------------------------------------------------------
@@ -314,7 +329,9 @@ impl Servo {
         match self.mode {
             Mode::Idle => false,
             Mode::Torque => self.torque_wanted != Torque::ZERO,
-            Mode::Velocity => self.applied.limit.is_some(),
+            // TC, TO and HI go until something stops them, however little torque a low gain makes of that.
+            Mode::Velocity if self.purpose != Purpose::Plain => true,
+            Mode::Velocity => self.applied.limit.is_some() && self.applied.torque != Torque::ZERO,
             // ACCEL 0 cannot move: the move ends as a stall instead of never.
             Mode::Trapezoidal if self.config.accel == 0 => true,
             Mode::Pid | Mode::Trapezoidal => self.lag().saturating_abs() >= DRIVEN_LAG,
@@ -396,23 +413,27 @@ impl Servo {
         match (after(reason, self.config.hold), pressing) {
             (After::Idle, _) => self.idle(),
             (After::Stay, Some(pressing)) => self.purpose = pressing,
-            (After::Stay, None) | (After::Hold, _) => self.hold(),
+            (After::Stay, None) | (After::Hold, _) => self.hold(reason),
         }
         self.ended = Some(reason);
         self.report(Event::Ended { reason, mode: self.mode });
     }
 
-    /// PID at the present position, with the torque of this moment.
-    fn hold(&mut self) {
+    /// PID at the present position. A move that arrived rests, and goes on with the torque of this moment, so
+    /// that a load stays carried; any other end may come at speed or under full torque, and starts afresh.
+    fn hold(&mut self, reason: EndReason) {
         self.mode = Mode::Pid;
         self.purpose = Purpose::Plain;
         self.entered = true;
         self.profile = Profile::at_rest(self.position);
         self.setpoint = self.profile.current();
         self.stall.restart();
-        let (error, velocity_error) = self.errors();
-        let most = Config::torque(self.config.mt);
-        self.pid_state = self.pid.bumpless(self.applied.torque, error, velocity_error, most);
+        self.pid_state = if reason == EndReason::Arrived {
+            let (error, _) = self.errors();
+            self.pid.bumpless(self.applied.torque, error, Law::ZERO, Config::torque(self.config.mt))
+        } else {
+            PidState::default()
+        };
     }
 
     fn fail(&mut self, fault: Fault) {

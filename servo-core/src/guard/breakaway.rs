@@ -29,7 +29,8 @@ impl Breakaway {
     #[must_use]
     pub fn step(&mut self, applied: Torque, wanted: CountsPerSec, measured: CountsPerSec, bt: u16) -> bool {
         let closing = wanted > CountsPerSec::ZERO;
-        let behind = measured.0 < wanted.0 >> 2;
+        // A rotor still turning the other way is being braked, not loaded.
+        let behind = measured >= CountsPerSec::ZERO && measured.0 < wanted.0 >> 2;
         let loaded = i32::from(applied.0) >= i32::from(bt);
         if bt != 0 && closing && behind && loaded {
             self.loaded_ms = self.loaded_ms.saturating_add(1);
@@ -62,6 +63,7 @@ mod tests {
         assert_eq!(ticks_until(299, 500, 20, 300), None, "below BT");
         assert_eq!(ticks_until(400, 500, 450, 300), None, "keeps up: accelerating");
         assert_eq!(ticks_until(400, -500, -20, 300), None, "opening");
+        assert_eq!(ticks_until(400, 500, -600, 300), None, "turns round from opening");
         assert_eq!(ticks_until(400, 500, 20, 0), None, "BT 0 is off");
     }
 

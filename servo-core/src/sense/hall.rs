@@ -38,6 +38,11 @@ pub const ILLEGAL: Micros = Micros(2000);
 const GLITCH: u8 = 16;
 /// See [`GLITCH`].
 const FAULT: u8 = 80;
+/// While the rotor stands ([`STANDING`] without a step), time takes 1 off the score every so often: a motor that
+/// holds would keep its glitches for ever. One is forgotten in 0.26 s.
+const LEAK: Micros = Micros(16_000);
+/// Three times the slowest step at 10 counts/s.
+const STANDING: Micros = Micros(300_000);
 
 /// Which way the rotor turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -194,6 +199,8 @@ pub struct HallDecoder {
     pending: Option<Pending>,
     illegal_since: Option<Micros>,
     score: u8,
+    /// When time last took from the score.
+    leaked: Micros,
     /// Lines that changed since the score left 0; the change that sticks a line does not count.
     toggled: u8,
 }
@@ -214,6 +221,7 @@ impl HallDecoder {
             pending: None,
             illegal_since: None,
             score: 0,
+            leaked: Micros(0),
             toggled: 0,
         }
     }
@@ -236,6 +244,11 @@ impl HallDecoder {
         let code = code & 7;
         let changed = code ^ self.code;
         self.code = code;
+        let stands = self.at.is_none_or(|last| at.wrapping_since(last).0 >= STANDING.0);
+        if stands && at.wrapping_since(self.leaked).0 >= LEAK.0 {
+            self.leaked = at;
+            self.score = self.score.saturating_sub(1);
+        }
         self.toggled = if self.score == 0 { 0 } else { self.toggled | changed };
         let Some(sector) = self.wiring.sector(code) else { return self.illegal(at) };
         self.illegal_since = None;

@@ -1,7 +1,7 @@
 //! What each command does to the servo; the tick does the rest.
 
 use super::{Purpose, Servo, pid_of};
-use crate::command::{Command, EndReason, Refusal};
+use crate::command::{Command, EndReason, Event, Refusal};
 use crate::config::Config;
 use crate::mode::{Mode, admits};
 use crate::motion::pid::PidState;
@@ -26,29 +26,31 @@ impl Servo {
         command.in_range()?;
         match command {
             Command::Mode(mode) => self.switch_to(mode),
-            Command::Torque(torque) => self.torque_wanted = torque,
+            Command::Torque(torque) => self.take_torque(torque),
             Command::Velocity(velocity) => self.take_velocity(velocity),
             Command::Position(position) => self.take_position(position),
             Command::End(end) => self.take_end(end),
             Command::Move(end) => {
                 self.take_end(end);
                 if self.mode != Mode::Trapezoidal || self.purpose != Purpose::Plain {
-                    self.begin(Mode::Trapezoidal, Purpose::Plain);
+                    self.replace(Mode::Trapezoidal, Purpose::Plain);
                 }
             }
             Command::TorqueControlled { closing } => {
-                self.begin(Mode::Velocity, Purpose::TorqueControlled { closing });
+                self.replace(Mode::Velocity, Purpose::TorqueControlled { closing });
             }
+            // Without a velocity it would find its stop wherever it stands.
+            Command::Home if self.config.ivel == 0 => return Err(Refusal::Range),
             Command::Home => {
                 self.homed = false;
-                self.begin(Mode::Velocity, Purpose::SeekStop);
+                self.replace(Mode::Velocity, Purpose::SeekStop);
             }
             Command::Abort => {
                 if self.mode != Mode::Idle {
                     self.finish(EndReason::Aborted);
                 }
             }
-            Command::Terminate => self.idle(),
+            Command::Terminate => self.stop(),
             Command::Configure(config) => self.configure(config),
             Command::ClearFault => self.faults.clear(),
             Command::ClearBreakaway => self.broke_away = None,
@@ -62,8 +64,37 @@ impl Servo {
             return;
         }
         match mode {
-            Mode::Idle => self.idle(),
-            Mode::Torque | Mode::Pid | Mode::Velocity | Mode::Trapezoidal => self.begin(mode, Purpose::Plain),
+            Mode::Idle => self.stop(),
+            Mode::Torque | Mode::Pid | Mode::Velocity | Mode::Trapezoidal => {
+                self.replace(mode, Purpose::Plain);
+            }
+        }
+    }
+
+    /// Power off, whatever HOLD says. A move that was under way has been aborted.
+    fn stop(&mut self) {
+        let moving = self.is_move();
+        self.idle();
+        if moving {
+            self.ended = Some(EndReason::Aborted);
+            self.report(Event::Ended { reason: EndReason::Aborted, mode: Mode::Idle });
+        }
+    }
+
+    /// Another motion in place of the present one; a move that was under way has been aborted.
+    fn replace(&mut self, mode: Mode, purpose: Purpose) {
+        if self.is_move() {
+            self.report(Event::Ended { reason: EndReason::Aborted, mode });
+        }
+        self.begin(mode, purpose);
+    }
+
+    /// Whether a motion is under way that ends by itself and that a host waits for: a move to E, TC, TO or HI.
+    fn is_move(&self) -> bool {
+        match self.purpose {
+            Purpose::Plain => self.mode == Mode::Trapezoidal,
+            Purpose::TorqueControlled { .. } | Purpose::SeekStop | Purpose::LeaveStop => true,
+            Purpose::Pressing { .. } => false,
         }
     }
 
@@ -78,6 +109,7 @@ impl Servo {
             self.pid_state = PidState::default();
         }
         self.torque_wanted = Torque::ZERO;
+        self.position_wanted = None;
         self.ended = None;
         self.mode = mode;
         self.purpose = purpose;
@@ -86,6 +118,8 @@ impl Servo {
 
     fn take_position(&mut self, position: i32) {
         match self.mode {
+            // The brake still holds: entry would seed the set-point from the measurement.
+            Mode::Pid if !self.entered => self.position_wanted = Some(position),
             Mode::Pid => {
                 self.profile = Profile::at_rest(Counts::from_int(position));
                 self.setpoint = self.profile.current();
@@ -99,9 +133,19 @@ impl Servo {
         }
     }
 
+    /// T; leaving zero is the start of a drive.
+    fn take_torque(&mut self, torque: Torque) {
+        if self.torque_wanted == Torque::ZERO {
+            self.stall.restart();
+        }
+        self.torque_wanted = torque;
+    }
+
+    /// E; the same E again is no new move.
     fn take_end(&mut self, end: i32) {
+        let changed = end != self.end;
         self.end = end;
-        if self.mode == Mode::Trapezoidal && self.purpose == Purpose::Plain && self.entered {
+        if changed && self.mode == Mode::Trapezoidal && self.purpose == Purpose::Plain && self.entered {
             self.plan();
         }
     }
@@ -115,10 +159,13 @@ impl Servo {
     }
 
     fn configure(&mut self, config: Config) {
+        let shape = |c: &Config| (c.accel, c.mv, c.mcv, c.mov, c.ioff);
+        let reshaped = shape(&config) != shape(&self.config);
         self.config = config;
         self.pid = pid_of(&config);
         self.velocity_loop = VelocityLoop::new(config.kpv);
-        if self.mode == Mode::Trapezoidal && self.entered {
+        // Anything else that is set during a blocked move must not put off its stall.
+        if reshaped && self.mode == Mode::Trapezoidal && self.entered {
             self.plan();
         }
     }

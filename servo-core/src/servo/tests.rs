@@ -91,7 +91,7 @@ impl Bench {
     }
 }
 
-fn commands() -> [(Command, &'static str); 13] {
+fn commands() -> [(Command, &'static str); 17] {
     [
         (Command::Mode(Mode::Idle), "MODE 0"),
         (Command::Mode(Mode::Torque), "MODE 2"),
@@ -106,6 +106,10 @@ fn commands() -> [(Command, &'static str); 13] {
         (Command::TorqueControlled { closing: true }, "TC"),
         (Command::Home, "HI"),
         (Command::Terminate, "T (command)"),
+        (Command::Abort, "^C"),
+        (Command::Configure(Config { mt: 700, ..Config::for_motor(MotorKind::Spread) }), "MT"),
+        (Command::ClearFault, "STAT 2"),
+        (Command::ClearBreakaway, "O"),
     ]
 }
 
@@ -127,6 +131,8 @@ fn every_mode_takes_or_refuses_every_command() {
                 Command::Move(_) => Trap,
                 Command::TorqueControlled { .. } | Command::Home => Vel,
                 Command::Terminate => Idle,
+                // The spread's HOLD is 1.
+                Command::Abort if mode != Idle => Pid,
                 _ => mode,
             };
             assert_eq!(bench.servo.status().mode, after, "{name} in {mode:?}");
@@ -230,6 +236,131 @@ fn torque_control_with_hold_presses_on() {
 }
 
 #[test]
+fn torque_control_ends_by_stall_whatever_the_gain_and_presses_with_mt() {
+    let mut bench = Bench::new(MotorKind::Spread);
+    // 16 counts/s at the least gain: the loop alone asks for one unit of torque.
+    let config = Config { mov: 16, kpv: 1, mt: 600, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    bench.servo.command(Command::TorqueControlled { closing: false }).unwrap();
+    for _ in 0..31 + 400 {
+        bench.tick();
+    }
+    assert_eq!(bench.servo.status().end, Some(EndReason::Stalled));
+    bench.tick();
+    assert_eq!(bench.servo.status().torque, Torque(-600));
+}
+
+#[test]
+fn homing_ends_at_a_stop_whatever_the_gain_and_needs_a_velocity() {
+    let mut bench = Bench::new(MotorKind::Tip);
+    let config = Config { kpv: 0, ivel: 20, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    bench.servo.command(Command::Home).unwrap();
+    for _ in 0..302 {
+        bench.tick();
+    }
+    assert_eq!(bench.servo.status().mode, Mode::Trapezoidal, "on its way from the stop");
+    bench.servo.command(Command::Terminate).unwrap();
+    bench.servo.command(Command::Configure(Config { ivel: 0, ..config })).unwrap();
+    assert_eq!(bench.servo.command(Command::Home), Err(Refusal::Range));
+}
+
+#[test]
+fn a_position_written_right_after_mode_3_is_obeyed() {
+    for kind in [MotorKind::Link, MotorKind::Spread] {
+        let mut bench = Bench::new(kind);
+        bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
+        bench.servo.command(Command::Position(10)).unwrap();
+        for _ in 0..40 {
+            bench.tick();
+        }
+        let status = bench.servo.status();
+        assert_eq!(status.setpoint, Counts::from_int(10), "{kind:?}");
+        assert!(status.torque > Torque(100), "{kind:?}: {:?}", status.torque);
+    }
+}
+
+#[test]
+fn a_move_that_is_cut_short_says_so() {
+    let cuts = [
+        (Command::Mode(Mode::Idle), Mode::Idle),
+        (Command::Terminate, Mode::Idle),
+        (Command::Mode(Mode::Velocity), Mode::Velocity),
+        (Command::Home, Mode::Velocity),
+    ];
+    for (cut, mode) in cuts {
+        let mut bench = Bench::new(MotorKind::Spread);
+        bench.servo.command(Command::Move(60)).unwrap();
+        bench.follow(100);
+        bench.servo.command(cut).unwrap();
+        assert_eq!(bench.servo.event(), Some(Event::Ended { reason: EndReason::Aborted, mode }), "{cut:?}");
+        assert_eq!(bench.servo.event(), None);
+    }
+    let mut bench = Bench::in_mode(Mode::Pid);
+    bench.servo.command(Command::Terminate).unwrap();
+    assert_eq!(bench.servo.event(), None, "a hold is no move");
+}
+
+#[test]
+fn writing_properties_does_not_put_off_a_stall() {
+    let mut bench = Bench::new(MotorKind::Tip);
+    bench.servo.command(Command::Move(60)).unwrap();
+    let stalled_at = (1..2000).find(|tick| {
+        bench.tick();
+        if tick % 50 == 0 {
+            let config = Config { hsg: 200, ..*bench.servo.config() };
+            bench.servo.command(Command::Configure(config)).unwrap();
+            let _ = bench.servo.command(Command::End(60));
+        }
+        bench.servo.status().end.is_some()
+    });
+    assert!((347..=350).contains(&stalled_at.unwrap()), "{stalled_at:?}");
+}
+
+#[test]
+fn a_new_torque_has_all_of_tstop() {
+    let mut bench = Bench::in_mode(Mode::Torque);
+    for round in 0..20 {
+        for (torque, ms) in [(100, 390), (0, 100)] {
+            bench.servo.command(Command::Torque(Torque(torque))).unwrap();
+            for _ in 0..ms {
+                bench.tick();
+            }
+        }
+        assert_eq!(bench.servo.status().mode, Mode::Torque, "round {round}");
+    }
+}
+
+#[test]
+fn an_end_at_speed_starts_its_hold_afresh() {
+    let mut bench = Bench::new(MotorKind::Spread);
+    bench.servo.command(Command::Move(160)).unwrap();
+    bench.follow(400);
+    assert!(bench.servo.status().velocity > CountsPerSec::from_int(200));
+    bench.servo.command(Command::Abort).unwrap();
+    bench.tick();
+    // Only the derivative acts, against the motion.
+    assert!(bench.servo.status().torque < Torque(-100), "{:?}", bench.servo.status().torque);
+}
+
+#[test]
+fn a_hall_fault_takes_the_zero_away() {
+    let mut bench = Bench::new(MotorKind::Link);
+    bench.servo.homed = true;
+    bench.servo.tick(&Sense {
+        now: bench.now,
+        halls: &[HallEvent::Fault(crate::sense::hall::HallFault::Noisy)],
+        bus: bench.bus,
+        current: MilliAmps(0),
+        motor_temp: bench.motor_temp,
+        strain: 100,
+        bridge_fault: false,
+    });
+    let status = bench.servo.status();
+    assert_eq!((status.homed, status.fault), (false, Some(Fault::Halls)));
+}
+
+#[test]
 fn strain_ends_a_move_and_not_a_hold() {
     let mut bench = Bench::new(MotorKind::Spread);
     let config = Config { hsg: 150, ..*bench.servo.config() };
@@ -326,7 +457,7 @@ proptest! {
     #[test]
     fn nothing_upsets_it(
         steps in prop::collection::vec(
-            (0usize..13, any::<i16>(), -8i32..=8, any::<i16>(), any::<u16>(), any::<u8>()), 1..200,
+            (0usize..17, any::<i16>(), -8i32..=8, any::<i16>(), any::<u16>(), any::<u8>()), 1..200,
         ),
     ) {
         let mut bench = Bench::new(MotorKind::Spread);

@@ -213,6 +213,24 @@ fn isolated_glitches_never_fault_and_dense_ones_do() {
 }
 
 #[test]
+fn glitches_far_apart_at_standstill_are_no_fault() {
+    let (mut d, mut now) = running(0, 1);
+    let (code, count) = (d.code, d.count());
+    for glitch in 0..1000 {
+        // A glitch of 5 µs every half second, a control tick every millisecond.
+        for ms in 0..500 {
+            now = now.wrapping_add(1000);
+            let wrong = (ms == 250).then_some(if glitch % 2 == 0 { 0 } else { 7 });
+            for (code, after) in wrong.map(|wrong| (wrong, 0)).into_iter().chain([(code, 5)]) {
+                let event = d.sample(code, Micros(now.wrapping_add(after)));
+                assert!(!matches!(event, Some(HallEvent::Fault(_))), "glitch {glitch}: {event:?}");
+            }
+        }
+    }
+    assert_eq!(d.count(), count);
+}
+
+#[test]
 fn a_broken_cable_is_named_at_standstill() {
     let (mut d, now) = running(0, 1);
     assert_eq!(d.sample(7, Micros(now + 100)), Some(HallEvent::Glitch(Glitch::Illegal)));
