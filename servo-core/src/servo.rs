@@ -140,7 +140,8 @@ impl Servo {
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
         let counted = self.observe(sense);
-        if let Some(fault) = self.faults.check(sense, self.config.otemp, self.limits.short()) {
+        let heat = (sense.motor_temp, self.config.otemp);
+        if let Some(fault) = self.faults.check(sense.bus, heat, sense.bridge_fault, self.limits.short()) {
             self.fail(fault);
         }
         let thermal = self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);

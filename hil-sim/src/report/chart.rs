@@ -267,6 +267,11 @@ fn path(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
     path
 }
 
+/// Text with what HTML would read as markup written out.
+pub(super) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

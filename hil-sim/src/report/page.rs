@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use servo_core::Config;
 
-use super::chart::{Chart, Mark, Series};
+use super::chart::{Chart, Mark, Series, escape};
 use super::model_name;
 use crate::metrics::{METRICS, Value, end_word};
 use crate::properties::PROPERTIES;
@@ -48,11 +48,6 @@ pub fn html(scenario: &Scenario, outcome: &Outcome) -> String {
     }
     page.push_str("</main>\n</body>\n</html>\n");
     page
-}
-
-/// Text with what HTML would read as markup written out.
-pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 fn expectations(page: &mut String, outcome: &Outcome) {

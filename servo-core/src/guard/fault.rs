@@ -1,8 +1,7 @@
 //! What must never go on, and what merely bounds: two enums, each naming the property that governs it.
 
-use crate::command::Sense;
 use crate::guard::thermal::Thermal;
-use crate::units::MilliVolts;
+use crate::units::{DeciCelsius, MilliVolts};
 
 /// Bus voltage above which the bridge and its capacitors are in danger: 24 V + 1/3 (motors that are braked
 /// pump the bus up).
@@ -70,16 +69,23 @@ impl Faults {
         *self = Self { latched: None, halls: false, over_ms: 0, under_ms: 0 };
     }
 
-    /// One tick of 1 ms. `short`: the phase current is that of a short.
+    /// One tick of 1 ms: bus voltage, motor thermistor with its limit, and what switched the bridge off or
+    /// should: the driver's break input, and a phase current that is a short's.
     ///
     /// Returns a fault when it latches, once.
-    pub fn check(&mut self, sense: &Sense<'_>, otemp: i16, short: bool) -> Option<Fault> {
-        self.over_ms = if sense.bus > OVER { self.over_ms.saturating_add(1) } else { 0 };
-        self.under_ms = if sense.bus < UNDER { self.under_ms.saturating_add(1) } else { 0 };
+    pub fn check(
+        &mut self,
+        bus: MilliVolts,
+        (motor_temp, otemp): (DeciCelsius, i16),
+        bridge_fault: bool,
+        short: bool,
+    ) -> Option<Fault> {
+        self.over_ms = if bus > OVER { self.over_ms.saturating_add(1) } else { 0 };
+        self.under_ms = if bus < UNDER { self.under_ms.saturating_add(1) } else { 0 };
         if self.latched.is_some() {
             return None;
         }
-        self.latched = if sense.bridge_fault {
+        self.latched = if bridge_fault {
             Some(Fault::Bridge)
         } else if short {
             Some(Fault::OverCurrent)
@@ -89,7 +95,7 @@ impl Faults {
             Some(Fault::OverVoltage)
         } else if self.under_ms >= BUS_MS {
             Some(Fault::UnderVoltage)
-        } else if Thermal::over(sense.motor_temp, otemp) {
+        } else if Thermal::over(motor_temp, otemp) {
             Some(Fault::OverTemperature)
         } else {
             None
