@@ -178,7 +178,7 @@ impl Chart<'_> {
                     "<text class=\"label {class}\" text-anchor=\"{anchor}\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
                     at + dx,
                     top + 10.0,
-                    super::page::escape(&mark.label)
+                    escape(&mark.label)
                 );
             }
             let bottom = y.from;
