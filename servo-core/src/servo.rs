@@ -296,7 +296,7 @@ impl Servo {
         let half = goal.0 >> 1;
         match self.purpose {
             Purpose::Pressing { closing: true } if self.velocity.0 < half => most,
-            Purpose::Pressing { closing: false } if self.velocity.0 > half => Torque(most.0.saturating_neg()),
+            Purpose::Pressing { closing: false } if self.velocity.0 > half => most.saturating_neg(),
             _ => self.velocity_loop.step(goal, self.velocity, most),
         }
     }

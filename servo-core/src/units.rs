@@ -150,6 +150,18 @@ impl Torque {
         Self(self.0.saturating_abs())
     }
 
+    /// The opposite torque; −32768 saturates to 32767.
+    #[must_use]
+    pub const fn saturating_neg(self) -> Self {
+        Self(self.0.saturating_neg())
+    }
+
+    /// The difference of two torques; saturates.
+    #[must_use]
+    pub const fn saturating_sub(self, other: Self) -> Self {
+        Self(self.0.saturating_sub(other.0))
+    }
+
     /// The sum of two torques; saturates.
     #[must_use]
     pub const fn saturating_add(self, other: Self) -> Self {

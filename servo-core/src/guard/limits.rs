@@ -4,7 +4,7 @@
 //! voltage, and the voltage a duty bounded by what the bootstrap drivers can do.
 
 use crate::guard::fault::Limit;
-use crate::motion::torque::{from_voltage, voltage};
+use crate::motion::torque::emf;
 use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
 
 /// The largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers charge
@@ -94,9 +94,9 @@ impl Limits {
     /// leaves. At speed the EMF takes from one side and gives to the other.
     #[must_use]
     pub fn range(most: Torque, velocity: CountsPerSec, bus: MilliVolts) -> (Torque, Torque) {
-        let volts = most_volts(bus);
-        let high = from_voltage(volts, velocity).clamp_abs(most);
-        let low = from_voltage(Torque(volts.0.saturating_neg()), velocity).clamp_abs(most);
+        let (volts, emf) = (most_volts(bus), emf(velocity));
+        let high = volts.saturating_sub(emf).clamp_abs(most);
+        let low = volts.saturating_neg().saturating_sub(emf).clamp_abs(most);
         (low, high)
     }
 
@@ -114,12 +114,13 @@ impl Limits {
         // The bus in torque units: 23.4375 mV each. A dead bus must not divide by zero.
         let bus_mv = i32::from(bus.0).max(1_000);
         let most_volts = most_volts(bus);
-        let wanted_volts = voltage(torque, velocity);
+        let emf = emf(velocity);
+        let wanted_volts = torque.saturating_add(emf);
         let volts = wanted_volts.clamp_abs(most_volts);
         if wanted_volts.saturating_abs() >= most_volts {
             limit = Some(Limit::Duty);
         }
-        let torque = if volts == wanted_volts { torque } else { from_voltage(volts, velocity) };
+        let torque = if volts == wanted_volts { torque } else { volts.saturating_sub(emf) };
         // volts ≤ 2703 (65.5 V) × 23.4375 mV × 32768 = 768,000 would pass 2^31: a quarter of it does not.
         // The quarter's rounding may not pass the bound either.
         let most_bits = MAX_DUTY * 32;

@@ -4,7 +4,7 @@
 //! the profile's, so the motor does not lag behind a moving set-point; in a hold it is zero, so the derivative
 //! acts on the measurement alone and a commanded step gives no kick (DESIGN 4.3).
 
-use crate::num::{Law, TICK_HZ, gain};
+use crate::num::{Law, TICK_HZ, gain, product};
 use crate::units::Torque;
 
 /// The gains as the host sets them: properties KP, KI, KD.
@@ -58,7 +58,7 @@ impl Pid {
     ) -> Torque {
         let direct = self.direct(error, velocity_error);
         let (low, high) = (low.to_fixed(), high.to_fixed().max(low.to_fixed()));
-        let increment = self.ki.saturating_mul(error);
+        let increment = product(self.ki, error);
         let unbounded = direct.saturating_add(state.integral);
         let winding_up =
             (unbounded > high && increment > Law::ZERO) || (unbounded < low && increment < Law::ZERO);
@@ -84,7 +84,7 @@ impl Pid {
     }
 
     fn direct(&self, error: Law, velocity_error: Law) -> Law {
-        self.kp.saturating_mul(error).saturating_add(self.kd.saturating_mul(velocity_error))
+        product(self.kp, error).saturating_add(product(self.kd, velocity_error))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Mode 4: torque = gain × velocity error, nothing else (manual 6.1). RealTime and TC/TO run on it.
 
-use crate::num::{Law, gain};
+use crate::num::{Law, gain, product};
 use crate::units::{CountsPerSec, Torque};
 
 /// The velocity law with its gain.
@@ -20,7 +20,7 @@ impl VelocityLoop {
     #[must_use]
     pub fn step(&self, wanted: CountsPerSec, measured: CountsPerSec, limit: Torque) -> Torque {
         let error = wanted.0.saturating_sub(measured.0);
-        Torque::from_fixed(self.gain.saturating_mul(error)).clamp_abs(limit)
+        Torque::from_fixed(product(self.gain, error)).clamp_abs(limit)
     }
 
     /// The damping of the velocity, in torque units per count/s.
