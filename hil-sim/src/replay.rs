@@ -25,6 +25,8 @@ impl std::fmt::Display for ReplayError {
 impl std::error::Error for ReplayError {}
 
 /// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture; returns how many.
+/// A count is half the way between two falling edges where they are on this motor, so the velocity has the ripple
+/// of their placement, as the recording has.
 ///
 /// # Errors
 /// A file that cannot be read or is no capture, a sample rate or counts a revolution out of range, a full disk.
@@ -104,7 +106,9 @@ pub fn codes(raw: &[u8]) -> Result<Vec<u8>, String> {
     Ok(codes)
 }
 
-/// Position and velocity at each sample. The lines' changes call the decoder as the interrupt does, and so does
+/// Position and velocity at each sample, along the ruler of the falling edges: see
+/// [`between_falls`](Estimator::between_falls). The servo takes [`at`](Estimator::at) of the same estimator, with
+/// the same constants, which is the smooth one. The lines' changes call the decoder as the interrupt does, and so does
 /// a tick each millisecond.
 #[must_use]
 pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
@@ -126,7 +130,7 @@ pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
             }
             last = code;
         }
-        let (position, velocity) = estimator.at(now);
+        let (position, velocity) = estimator.between_falls(now);
         rows.push((position.0.to_num::<f64>(), velocity.0.to_num::<f64>()));
     }
     rows

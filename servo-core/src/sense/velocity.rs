@@ -87,6 +87,8 @@ struct Motion {
     at: Micros,
     /// Cell count ± ½: the number of the boundary last crossed, at number − ½ counts.
     boundary: i32,
+    /// Whether the line rose there.
+    rising: bool,
     /// +1, −1; 0 before the first edge.
     sign: i32,
     /// Edges since the motion began, to `GROWN`.
@@ -103,7 +105,8 @@ struct Motion {
     noise: i32,
 }
 
-/// Estimates position and velocity of one motor with `N` hall counts a revolution.
+/// Estimates position and velocity of one motor, learning the places of `N` edges: the hall counts a revolution,
+/// or a multiple.
 #[derive(Clone, Debug)]
 pub struct Estimator<const N: usize> {
     count: i32,
@@ -122,6 +125,7 @@ impl<const N: usize> Estimator<N> {
         let motion = Motion {
             at: Micros(0),
             boundary: count,
+            rising: false,
             sign: 0,
             edges: 0,
             place: 0,
@@ -157,15 +161,14 @@ impl<const N: usize> Estimator<N> {
         let at = Micros(edge.at.0.wrapping_sub(late));
         let place = self.offset(boundary);
         let m = &mut self.motion;
-        // A learned delay may turn two edges round: then the elapsed time wraps to something huge.
-        let elapsed = at.wrapping_since(m.at).0;
-        let elapsed = if elapsed > u32::MAX / 2 { 0 } else { elapsed };
+        let elapsed = since(m.at, at);
         let moved = boundary.wrapping_sub(m.boundary).saturating_mul(ONE).saturating_add(place);
         if sign != m.sign {
             // Crossed back: somewhere in between the rotor stood.
             *m = Motion {
                 at,
                 boundary,
+                rising: edge.rising,
                 sign,
                 edges: 1,
                 place,
@@ -186,6 +189,7 @@ impl<const N: usize> Estimator<N> {
             *m = Motion {
                 at,
                 boundary,
+                rising: edge.rising,
                 edges: 2,
                 place,
                 position: place,
@@ -199,6 +203,7 @@ impl<const N: usize> Estimator<N> {
         m.correct(residual, velocity, rate, dt);
         m.at = at;
         m.boundary = boundary;
+        m.rising = edge.rising;
         m.position = place.saturating_sub(residual).saturating_add(m.position);
         m.place = place;
         if m.edges >= 12 && residual.saturating_abs() < LEARNABLE && edge.steps == 1 {
@@ -228,32 +233,79 @@ impl<const N: usize> Estimator<N> {
         self.index(boundary).and_then(|k| self.offsets.get(k)).map_or(0, |o| i32::from(*o))
     }
 
-    /// Position and velocity at a time not before the last edge. The position is within the cell of the count.
+    /// Position and velocity of the rotor at a time not before the last edge nor before an earlier call. The
+    /// position is within the cell of the count. To be called at least each half hour: a standstill is noted
+    /// here, before the clock's wrap makes the last edge look young.
     #[must_use]
-    pub fn at(&self, now: Micros) -> (Counts, CountsPerSec) {
+    pub fn at(&mut self, now: Micros) -> (Counts, CountsPerSec) {
+        let (position, velocity) = self.rotor(now);
+        // From the centre of the cell, which is half a count past the boundary.
+        let half = self.motion.sign.saturating_mul(ONE / 2);
+        let within = position.saturating_sub(half).clamp(-ONE / 2, ONE / 2 - 64);
+        let within = Counts(I22F10::from_bits(within >> 6));
+        (Counts::from_int(self.count).wrapping_add(within), CountsPerSec(I16F16::from_bits(velocity)))
+    }
+
+    /// Position from the last boundary's number − ½, not beyond the next edge's place, and velocity.
+    fn rotor(&mut self, now: Micros) -> (i32, i32) {
         let m = &self.motion;
-        let centre = Counts::from_int(self.count);
         if m.sign == 0 {
-            return (centre, CountsPerSec::ZERO);
+            return (0, 0);
         }
-        let elapsed = now.wrapping_since(m.at).0;
+        let elapsed = since(m.at, now);
         let dt = elapsed.min(STILL.0);
-        let (mut position, mut velocity) = m.predict(dt);
+        let (position, velocity) = m.predict(dt);
         // The next edge's place: no edge yet, so the rotor is not there yet.
         let next = self.offset(m.boundary.wrapping_add(m.sign)).saturating_add(m.sign.saturating_mul(ONE));
         let ahead = next.saturating_sub(m.place).saturating_mul(m.sign).max(ONE / 8);
-        if position.saturating_mul(m.sign) > next.saturating_mul(m.sign) {
-            position = next;
+        let beyond = position.saturating_mul(m.sign) > next.saturating_mul(m.sign);
+        let position = if beyond { next } else { position };
+        if elapsed >= STILL.0 {
+            // Stays just as old as this from now on.
+            let at = Micros(now.0.wrapping_sub(STILL.0));
+            self.motion = Motion { at, edges: 1, position, velocity: 0, acceleration: 0, bias: 0, ..*m };
+            return (position, 0);
         }
         let waited = dt.saturating_sub(self.delay().0).max(SHORTEST_US);
         let limit = mul_shift(ahead, saturating_signed(RATE / waited), 12);
-        velocity =
-            if elapsed >= STILL.0 || m.edges < 2 { 0 } else { velocity.clamp(limit.saturating_neg(), limit) };
-        // From the centre of the cell, which is half a count past the boundary.
-        let within = position.saturating_sub(m.sign.saturating_mul(ONE / 2)).clamp(-ONE / 2, ONE / 2 - 64);
-        let within = Counts(I22F10::from_bits(within >> 6));
-        (centre.wrapping_add(within), CountsPerSec(I16F16::from_bits(velocity)))
+        (position, if m.edges < 2 { 0 } else { velocity.clamp(limit.saturating_neg(), limit) })
     }
+
+    /// As [`at`](Self::at), but along the ruler whose marks, two counts apart, are the falling edges where they
+    /// are, not where they should be.
+    ///
+    /// This is what a recording knows: falling edges are sharp, and nothing in it tells where the rotor is but
+    /// they. A rotor at even speed passes uneven marks at an uneven speed, so this velocity has the ripple of
+    /// the placement, foretold from what is learned of it. It is not for a control loop, which must not push
+    /// against a ripple that the rotor has not; that takes [`at`](Self::at).
+    #[must_use]
+    pub fn between_falls(&mut self, now: Micros) -> (Counts, CountsPerSec) {
+        let (position, velocity) = self.rotor(now);
+        let m = &self.motion;
+        if m.sign == 0 {
+            return (Counts::from_int(self.count), CountsPerSec::ZERO);
+        }
+        // Edges fall and rise by turns.
+        let back = if m.rising { m.sign } else { 0 };
+        let fall = m.boundary.wrapping_sub(back);
+        let next = fall.wrapping_add(m.sign.saturating_mul(2));
+        let place = self.offset(fall);
+        // Half of the way between the two: offsets are within ±½.
+        let way = ONE.saturating_add((self.offset(next).saturating_sub(place) / 2).saturating_mul(m.sign));
+        let marks = saturating_signed(u32::MAX / way.max(ONE / 2).unsigned_abs());
+        let from_fall = position.saturating_add(back.saturating_mul(ONE)).saturating_sub(place);
+        let along = mul_shift(from_fall.saturating_mul(m.sign), marks, 16).clamp(0, 2 * ONE);
+        let along = Counts(I22F10::from_bits(along.saturating_mul(m.sign) >> 6));
+        let mark = Counts::from_int(fall).wrapping_sub(Counts(I22F10::ONE / 2));
+        (mark.wrapping_add(along), CountsPerSec(I16F16::from_bits(mul_shift(velocity, marks, 16))))
+    }
+}
+
+/// Time from one stamp to another. A learned delay may turn two edges round: then it is none, not the clock's
+/// whole range.
+const fn since(earlier: Micros, later: Micros) -> u32 {
+    let elapsed = later.wrapping_since(earlier).0;
+    if elapsed > u32::MAX / 2 { 0 } else { elapsed }
 }
 
 /// 1 MHz in 2^-12 Hz: divided by µs it is a rate.

@@ -16,7 +16,7 @@ fn feed<const N: usize>(
     }
 }
 
-fn velocity<const N: usize>(e: &Estimator<N>, at: u32) -> i32 {
+fn velocity<const N: usize>(e: &mut Estimator<N>, at: u32) -> i32 {
     i32::from(e.at(Micros(at)).1.round())
 }
 
@@ -54,8 +54,9 @@ fn placement_and_rise_delay_are_learned() {
             let at = begin.wrapping_add((k * us_a_count + place + late).unsigned_abs());
             feed(&mut e, &mut count, 1, [at]);
             if turn >= 57 && k > 45 {
-                worst = worst
-                    .max((velocity(&e, at) - 1_000_000 / us_a_count).abs() * 1000 * us_a_count / 1_000_000);
+                worst = worst.max(
+                    (velocity(&mut e, at) - 1_000_000 / us_a_count).abs() * 1000 * us_a_count / 1_000_000,
+                );
             }
         }
         begin = begin.wrapping_add((90 * us_a_count).unsigned_abs());
@@ -87,7 +88,61 @@ fn velocity_falls_when_the_next_edge_is_overdue_and_is_zero_at_standstill() {
         assert_eq!(p.round(), count, "stays in its cell");
         before = v.max(1);
     }
-    assert_eq!(velocity(&e, last + STILL.0), 0);
+    assert_eq!(velocity(&mut e, last + STILL.0), 0);
+}
+
+#[test]
+fn a_standstill_longer_than_the_clock_is_not_forgotten() {
+    let (mut e, mut count) = (Estimator::<18>::new(0), 0);
+    feed(&mut e, &mut count, 1, (0..40).map(|k| k * 2000));
+    let last = 39 * 2000_u32;
+    let (rest, _) = e.at(Micros(last + STILL.0));
+    assert_eq!(rest.round(), count);
+    // 71.6 min in steps of 10 s, and on past the wrap.
+    for later in (0..u64::from(u32::MAX) + 400_000).step_by(10_000_000) {
+        let now = last.wrapping_add(STILL.0).wrapping_add(u32::try_from(later & 0xFFFF_FFFF).unwrap());
+        assert_eq!(e.at(Micros(now)), (rest, CountsPerSec::ZERO), "{later}");
+    }
+    assert_eq!(e.at(Micros(last + 2000)), (rest, CountsPerSec::ZERO));
+    feed(&mut e, &mut count, 1, [last + 2500]);
+    assert!(velocity(&mut e, last + 2500) <= 4, "one count in 0.3 s or more");
+}
+
+#[test]
+fn between_falling_edges_even_speed_ripples_as_the_marks_do() {
+    // Even true speed, 500 counts/s; the falling boundaries 0, 2, 4 of six are out by 0, +0.1 and −0.1 counts,
+    // so the ways between them are 2.1, 1.8 and 2.1 counts, all of which count as 2.
+    for sign in [1, -1] {
+        let (mut e, mut count) = (Estimator::<18>::new(0), 0_i32);
+        for k in 0..9000_i32 {
+            let boundary = if sign > 0 { count + 1 } else { count };
+            let falls = (boundary & 1 == 1) != (sign > 0);
+            let place = match boundary.rem_euclid(6) {
+                2 => 200,
+                4 => -200,
+                _ => 0,
+            };
+            let at = (10_000 + k * 2000 + place * sign).unsigned_abs();
+            feed(&mut e, &mut count, sign, [at]);
+            if k < 8900 {
+                continue;
+            }
+            assert!((velocity(&mut e, at) - 500 * sign).abs() <= 6, "the rotor itself");
+            if !falls {
+                continue;
+            }
+            let want = match (boundary.rem_euclid(6), sign) {
+                (2, 1) | (4, -1) => 556,
+                (2 | 4 | 0, _) => 476,
+                _ => continue,
+            };
+            let (p, v) = e.between_falls(Micros(at));
+            let v = i32::from(v.round());
+            assert!((v - want * sign).abs() <= 12, "{v} from boundary {boundary}: {want}");
+            // At a mark the ruler reads the mark, in 2^-10 count.
+            assert!((p.0.to_bits() - (boundary * 1024 - 512)).abs() <= 30, "{p:?} at {boundary}");
+        }
+    }
 }
 
 #[test]
@@ -111,10 +166,10 @@ fn a_turn_passes_through_zero_and_a_bounce_is_forgotten() {
     assert_eq!(hit.at(Micros(79_000)), steady);
     // A turn: over the same boundary.
     feed(&mut e, &mut count, -1, [90_000]);
-    assert_eq!(velocity(&e, 90_000), 0);
+    assert_eq!(velocity(&mut e, 90_000), 0);
     assert_eq!(e.at(Micros(90_000)).0.round(), count);
     feed(&mut e, &mut count, -1, [94_000]);
-    assert!((velocity(&e, 94_000) + 250).abs() < 30);
+    assert!((velocity(&mut e, 94_000) + 250).abs() < 30);
 }
 
 /// From rest at constant acceleration, edges exact: how far velocity is off from the fourth edge on, as a time.
@@ -132,7 +187,7 @@ fn lag_at_constant_acceleration() {
             }
             feed(&mut e, &mut count, 1, [u32::try_from(at).unwrap()]);
             if k >= 4 {
-                let short = speed - i64::from(velocity(&e, u32::try_from(at).unwrap()));
+                let short = speed - i64::from(velocity(&mut e, u32::try_from(at).unwrap()));
                 worst = worst.max(short.abs() * 1_000_000 / i64::try_from(acceleration).unwrap());
             }
         }
@@ -145,16 +200,23 @@ proptest::proptest! {
     #[test]
     fn any_edges(edges in proptest::collection::vec((-4..=4_i32, 0..2_000_000_u32, 0..4_u8), 0..200), start: i32) {
         let (mut e, mut count, mut now) = (Estimator::<18>::new(start), start, 0_u32);
+        let mut bounced = false;
         for (step, dt, bits) in edges.into_iter().filter(|(step, ..)| *step != 0) {
             now = now.wrapping_add(dt);
             count = count.wrapping_add(step);
             let direction = if step > 0 { Direction::Closing } else { Direction::Opening };
             let steps = u8::try_from(step.unsigned_abs()).unwrap();
             let (rising, bounce) = (bits & 1 == 1, bits == 2);
+            bounced |= bounce;
             e.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce });
             for later in [0, 1000, 299_999, 300_000] {
+                let mut e = e.clone();
                 let (p, v) = e.at(Micros(now.wrapping_add(later)));
                 proptest::prop_assert!(p.wrapping_sub(Counts::from_int(count)).0.to_bits().abs() <= 512);
+                proptest::prop_assert!(later < 300_000 || v == CountsPerSec::ZERO);
+                // Two cells between two falling edges: the count is in one of them, unless a bounce said otherwise.
+                let (p, v) = e.between_falls(Micros(now.wrapping_add(later)));
+                proptest::prop_assert!(bounced || p.wrapping_sub(Counts::from_int(count)).0.to_bits().abs() <= 1536);
                 proptest::prop_assert!(later < 300_000 || v == CountsPerSec::ZERO);
             }
         }
