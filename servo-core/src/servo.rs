@@ -7,7 +7,7 @@ use crate::guard::arrival::arrived;
 use crate::guard::breakaway::Breakaway;
 use crate::guard::fault::{Fault, Faults};
 use crate::guard::hold::{After, after};
-use crate::guard::limits::{Bounded, Limits};
+use crate::guard::limits::{Bounded, Envelope, Limits};
 use crate::guard::stall::Stall;
 use crate::guard::strain;
 use crate::guard::thermal::Thermal;
@@ -19,7 +19,7 @@ use crate::motion::velocity_loop::VelocityLoop;
 use crate::num::Law;
 use crate::sense::hall::HallEvent;
 use crate::sense::velocity::Estimator;
-use crate::units::{Counts, CountsPerSec, MilliVolts, Torque};
+use crate::units::{Counts, CountsPerSec, Torque};
 use heapless::Deque;
 
 mod commanded;
@@ -145,7 +145,6 @@ impl Servo {
             self.fail(fault);
         }
         let thermal = self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
-        let most = self.limits.torque_limit(self.torque_ceiling(), thermal);
         self.brake_ms = if self.mode == Mode::Idle { 0 } else { self.brake_ms.saturating_add(1) };
         if self.ready() {
             self.enter();
@@ -154,8 +153,8 @@ impl Servo {
         // The end of one motion may have begun another (HI), or led to idle.
         if self.ready() {
             self.enter();
-            let torque = self.law(most.0, sense.bus);
-            self.applied = self.limits.bound(torque, most, self.velocity, sense.bus);
+            let envelope = self.limits.envelope(self.torque_ceiling(), thermal, self.velocity, sense.bus);
+            self.applied = envelope.bound(self.law(&envelope));
         } else {
             self.applied = Bounded::OFF;
             self.setpoint = Profile::at_rest(self.position).current();
@@ -269,20 +268,20 @@ impl Servo {
     }
 
     /// The torque that the mode's law wants, damped.
-    fn law(&mut self, most: Torque, bus: MilliVolts) -> Torque {
+    fn law(&mut self, envelope: &Envelope) -> Torque {
         if matches!(self.mode, Mode::Torque | Mode::Velocity) {
             self.setpoint = Profile::at_rest(self.position).current();
         }
         let (torque, damping) = match self.mode {
             Mode::Idle => (Torque::ZERO, Law::ZERO),
             Mode::Torque => (self.torque_wanted, Law::ZERO),
-            Mode::Velocity => (self.velocity_torque(most), self.velocity_loop.damping()),
+            Mode::Velocity => (self.velocity_torque(envelope.most()), self.velocity_loop.damping()),
             Mode::Pid | Mode::Trapezoidal => {
                 if self.mode == Mode::Trapezoidal && !self.left_behind() {
                     self.setpoint = self.profile.step();
                 }
                 let (error, velocity_error) = self.errors();
-                let range = Limits::range(most, self.velocity, bus);
+                let range = envelope.range();
                 (self.pid.step(&mut self.pid_state, error, velocity_error, range), self.pid.damping())
             }
         };

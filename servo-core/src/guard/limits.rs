@@ -1,4 +1,4 @@
-//! The last word on torque and duty: every path to the bridge ends in [`Limits::bound`].
+//! The last word on torque and duty: every path to the bridge ends in [`Envelope::bound`].
 //!
 //! Torque is bounded by MT (IHIT while homing), by temperature and by the phase current; then it becomes a
 //! voltage, and the voltage a duty bounded by what the bootstrap drivers can do.
@@ -77,63 +77,82 @@ impl Limits {
         self.short_ms >= SHORT_MS
     }
 
-    /// The torque limit in force: the least of MT (or IHIT), temperature and current, and which of them it is.
+    /// What bounds this tick: the least of MT (or IHIT), temperature and current, and what the bus leaves at this
+    /// velocity.
     #[must_use]
-    pub fn torque_limit(&self, mt: Torque, thermal: Torque) -> (Torque, Limit) {
-        let mut least = (mt, Limit::Torque);
-        if thermal < least.0 {
-            least = (thermal, Limit::Thermal);
+    pub fn envelope(&self, mt: Torque, thermal: Torque, velocity: CountsPerSec, bus: MilliVolts) -> Envelope {
+        let mut most = (mt, Limit::Torque);
+        if thermal < most.0 {
+            most = (thermal, Limit::Thermal);
         }
-        if self.current_cut < least.0 {
-            least = (self.current_cut, Limit::Current);
+        if self.current_cut < most.0 {
+            most = (self.current_cut, Limit::Current);
         }
-        least
-    }
-
-    /// The torques that can be had at a velocity and bus voltage: within ±`most`, less what the duty limit
-    /// leaves. At speed the EMF takes from one side and gives to the other.
-    #[must_use]
-    pub fn range(most: Torque, velocity: CountsPerSec, bus: MilliVolts) -> (Torque, Torque) {
-        let (volts, emf) = (most_volts(bus), emf(velocity));
+        let (most, governing) = most;
+        let volts = i32::from(bus.0).saturating_mul(MAX_DUTY) / 24_000;
+        let volts = Torque(i16::try_from(volts).unwrap_or(i16::MAX));
+        let emf = emf(velocity);
         let high = volts.saturating_sub(emf).clamp_abs(most);
         let low = volts.saturating_neg().saturating_sub(emf).clamp_abs(most);
-        (low, high)
+        Envelope { most, governing, low, high, volts, emf, bus }
+    }
+}
+
+/// The bounds of one tick, in torque units (a voltage of 24 V is 1024).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Envelope {
+    /// The torque limit in force.
+    most: Torque,
+    /// Which limit that is.
+    governing: Limit,
+    /// The torques that can be had: within ±`most`, less what the duty limit leaves. At speed the EMF takes from
+    /// one side and gives to the other.
+    low: Torque,
+    high: Torque,
+    /// The largest voltage across the motor.
+    volts: Torque,
+    emf: Torque,
+    bus: MilliVolts,
+}
+
+impl Envelope {
+    /// The torque limit in force, either way.
+    #[must_use]
+    pub const fn most(&self) -> Torque {
+        self.most
     }
 
-    /// Bounds a torque at a velocity and bus voltage, and turns it into a duty.
+    /// The torques that can be had, lowest and highest.
     #[must_use]
-    pub fn bound(
-        &self,
-        wanted: Torque,
-        (most, governing): (Torque, Limit),
-        velocity: CountsPerSec,
-        bus: MilliVolts,
-    ) -> Bounded {
-        let torque = wanted.clamp_abs(most);
-        let mut limit = (torque != wanted || wanted.saturating_abs() >= most).then_some(governing);
-        // The bus in torque units: 23.4375 mV each. A dead bus must not divide by zero.
-        let bus_mv = i32::from(bus.0).max(1_000);
-        let most_volts = most_volts(bus);
-        let emf = emf(velocity);
-        let wanted_volts = torque.saturating_add(emf);
-        let volts = wanted_volts.clamp_abs(most_volts);
-        if wanted_volts.saturating_abs() >= most_volts {
+    pub const fn range(&self) -> (Torque, Torque) {
+        (self.low, self.high)
+    }
+
+    /// Bounds a torque and turns it into a duty.
+    #[must_use]
+    pub fn bound(&self, wanted: Torque) -> Bounded {
+        let mut torque = wanted.max(self.low).min(self.high);
+        let by_torque = torque.saturating_abs() == self.most;
+        let mut limit = (wanted >= self.high || wanted <= self.low).then_some(if by_torque {
+            self.governing
+        } else {
+            Limit::Duty
+        });
+        let mut volts = torque.saturating_add(self.emf);
+        if volts.saturating_abs() > self.volts {
+            // Turned faster than the bus could turn it: even braking at the torque limit asks for too much.
+            volts = volts.clamp_abs(self.volts);
+            torque = volts.saturating_sub(self.emf);
             limit = Some(Limit::Duty);
         }
-        let torque = if volts == wanted_volts { torque } else { volts.saturating_sub(emf) };
-        // volts ≤ 2703 (65.5 V) × 23.4375 mV × 32768 = 768,000 would pass 2^31: a quarter of it does not.
-        // The quarter's rounding may not pass the bound either.
+        // 23.4375 mV a unit, and volts ≤ 2703 (65.5 V) × 23.4375 × 32768 would pass 2^31: a quarter of it does
+        // not. The quarter's rounding may not pass the bound, and a dead bus must not divide by zero.
+        let bus_mv = i32::from(self.bus.0).max(1_000);
         let most_bits = MAX_DUTY * 32;
         let bits = i32::from(volts.0).saturating_mul(192_000) / (bus_mv / 4);
         let bits = i16::try_from(bits.clamp(-most_bits, most_bits)).unwrap_or(0);
         Bounded { duty: Duty::from_bits(bits), torque, limit }
     }
-}
-
-/// The largest voltage across the motor, in torque units: 24 V is 1024 of them.
-fn most_volts(bus: MilliVolts) -> Torque {
-    let units = i32::from(bus.0).saturating_mul(MAX_DUTY) / 24_000;
-    Torque(i16::try_from(units).unwrap_or(i16::MAX))
 }
 
 #[cfg(test)]
@@ -143,10 +162,14 @@ mod tests {
     use proptest::prelude::*;
 
     const BUS: MilliVolts = MilliVolts(24_000);
-    const MOST: (Torque, Limit) = (Torque(990), Limit::Torque);
+    const FULL: Torque = Torque(990);
+
+    fn envelope(mt: i16, speed: i16, bus: MilliVolts) -> Envelope {
+        Limits::default().envelope(Torque(mt), FULL, CountsPerSec::from_int(speed), bus)
+    }
 
     fn bound(torque: i16, speed: i16, bus: MilliVolts) -> Bounded {
-        Limits::default().bound(Torque(torque), MOST, CountsPerSec::from_int(speed), bus)
+        envelope(990, speed, bus).bound(Torque(torque))
     }
 
     #[test]
@@ -174,30 +197,37 @@ mod tests {
 
     #[test]
     fn what_can_be_had_at_speed_is_not_the_same_both_ways() {
-        let fast = CountsPerSec::from_int(700);
-        assert_eq!(Limits::range(Torque(990), fast, BUS), (Torque(-990), Torque(311)));
-        assert_eq!(Limits::range(Torque(750), CountsPerSec::ZERO, BUS), (Torque(-750), Torque(750)));
+        assert_eq!(envelope(990, 700, BUS).range(), (Torque(-990), Torque(311)));
+        assert_eq!(envelope(750, 0, BUS).range(), (Torque(-750), Torque(750)));
         // Faster than the bus can drive it: only braking is left.
-        let (low, high) = Limits::range(Torque(750), CountsPerSec::from_int(1100), BUS);
+        let (low, high) = envelope(750, 1100, BUS).range();
         assert!(low == Torque(-750) && high < Torque::ZERO, "{low:?} {high:?}");
+        // So fast that the duty bound brakes harder than MT; it is said.
+        let bounded = bound(0, 2500, BUS);
+        assert_eq!((bounded.duty, bounded.limit), (Duty::from_bits(31_680), Some(Limit::Duty)));
+        assert_eq!(bounded.torque, Torque(990 - 2424));
     }
 
     #[test]
     fn the_least_limit_governs() {
         let mut limits = Limits::default();
-        assert_eq!(limits.torque_limit(Torque(750), Torque(990)), (Torque(750), Limit::Torque));
-        assert_eq!(limits.torque_limit(Torque(750), Torque(300)), (Torque(300), Limit::Thermal));
+        let governing = |limits: &Limits, thermal: i16| {
+            let envelope = limits.envelope(Torque(750), Torque(thermal), CountsPerSec::ZERO, BUS);
+            (envelope.most(), envelope.bound(Torque(900)).limit)
+        };
+        assert_eq!(governing(&limits, 990), (Torque(750), Some(Limit::Torque)));
+        assert_eq!(governing(&limits, 300), (Torque(300), Some(Limit::Thermal)));
         for _ in 0..30 {
             // Half duty: the bus carries half of a phase current of 13 A.
             limits.watch_current(MilliAmps(6_500), Duty::from_bits(1 << 14));
         }
         assert!(!limits.short());
-        let (least, governing) = limits.torque_limit(Torque(750), Torque(990));
-        assert!(least < Torque(300) && governing == Limit::Current, "{least:?} by {governing:?}");
+        let (least, by) = governing(&limits, 990);
+        assert!(least < Torque(300) && by == Some(Limit::Current), "{least:?} by {by:?}");
         for _ in 0..100 {
             limits.watch_current(MilliAmps(1_000), Duty::from_bits(1 << 14));
         }
-        assert_eq!(limits.torque_limit(Torque(750), Torque(990)).1, Limit::Torque);
+        assert_eq!(governing(&limits, 990).1, Some(Limit::Torque));
     }
 
     #[test]
@@ -215,11 +245,11 @@ mod tests {
             torque: i16, most in 0i16..=990, velocity: i32, bus: u16,
         ) {
             let velocity = CountsPerSec(Law::from_bits(velocity));
-            let most = (Torque(most), Limit::Torque);
-            let bounded = Limits::default().bound(Torque(torque), most, velocity, MilliVolts(bus));
+            let most = Torque(most);
+            let bounded = Limits::default().envelope(most, FULL, velocity, MilliVolts(bus)).bound(Torque(torque));
             let duty = i32::from(bounded.duty.0.to_bits());
             prop_assert!(duty.abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);
-            prop_assert!(bounded.limit == Some(Limit::Duty) || bounded.torque.saturating_abs() <= most.0);
+            prop_assert!(bounded.limit == Some(Limit::Duty) || bounded.torque.saturating_abs() <= most);
         }
     }
 }
