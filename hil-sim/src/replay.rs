@@ -25,8 +25,9 @@ impl std::fmt::Display for ReplayError {
 impl std::error::Error for ReplayError {}
 
 /// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture; returns how many.
-/// A count is half the way between two falling edges where they are on this motor, so the velocity has the ripple
-/// of their placement, as the recording has.
+///
+/// Of 90 counts a revolution, the places of 180 edges are learned: a recording's motor is often not the one its
+/// user thinks of, and 180 holds every motor of 1, 2, 3, 5, 6, 10, 15 or 30 pairs of poles.
 ///
 /// # Errors
 /// A file that cannot be read or is no capture, a sample rate or counts a revolution out of range, a full disk.
@@ -43,7 +44,7 @@ pub fn replay(
     }
     let estimate = match counts_per_rev {
         18 => estimate::<18>,
-        90 => estimate::<90>,
+        90 => estimate::<180>,
         _ => {
             return Err(ReplayError(format!(
                 "--counts-per-rev {counts_per_rev}: the estimator is built for 18 or 90; give one of these"
@@ -106,9 +107,9 @@ pub fn codes(raw: &[u8]) -> Result<Vec<u8>, String> {
     Ok(codes)
 }
 
-/// Position and velocity at each sample, along the ruler of the falling edges: see
-/// [`between_falls`](Estimator::between_falls). The servo takes [`at`](Estimator::at) of the same estimator, with
-/// the same constants, which is the smooth one. The lines' changes call the decoder as the interrupt does, and so does
+/// Position and velocity at each sample. Nothing but the edges is known of the recorded rotor, so they are
+/// [`undecided`](Estimator::undecided); the servo takes [`at`](Estimator::at) of the same estimator with the same
+/// constants. The lines' changes call the decoder as the interrupt does, and so does
 /// a tick each millisecond.
 #[must_use]
 pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
@@ -130,7 +131,7 @@ pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
             }
             last = code;
         }
-        let (position, velocity) = estimator.between_falls(now);
+        let (position, velocity) = estimator.undecided(now);
         rows.push((position.0.to_num::<f64>(), velocity.0.to_num::<f64>()));
     }
     rows

@@ -271,15 +271,16 @@ impl<const N: usize> Estimator<N> {
         (position, if m.edges < 2 { 0 } else { velocity.clamp(limit.saturating_neg(), limit) })
     }
 
-    /// As [`at`](Self::at), but along the ruler whose marks, two counts apart, are the falling edges where they
-    /// are, not where they should be.
+    /// As [`at`](Self::at), but undecided what a pattern is that repeats with the rotor: marks out of place, or a
+    /// rotor that cogs over marks that are in place.
     ///
-    /// This is what a recording knows: falling edges are sharp, and nothing in it tells where the rotor is but
-    /// they. A rotor at even speed passes uneven marks at an uneven speed, so this velocity has the ripple of
-    /// the placement, foretold from what is learned of it. It is not for a control loop, which must not push
-    /// against a ripple that the rotor has not; that takes [`at`](Self::at).
+    /// The edges alone cannot tell. In the first case the rotor's speed is as even as `at` says; in the second it
+    /// has a ripple, foretold by what is learned of the falling edges, which are sharp: they are the marks of a
+    /// ruler, two counts apart by definition. This is the mean of the two readings, so it is wrong by half of
+    /// that ripple at most, and is what to report of a rotor of which nothing else is known, as in a recording.
+    /// It is not for a control loop, where half of a ripple that the rotor may not have would become torque.
     #[must_use]
-    pub fn between_falls(&mut self, now: Micros) -> (Counts, CountsPerSec) {
+    pub fn undecided(&mut self, now: Micros) -> (Counts, CountsPerSec) {
         let (position, velocity) = self.rotor(now);
         let m = &self.motion;
         if m.sign == 0 {
@@ -293,11 +294,12 @@ impl<const N: usize> Estimator<N> {
         // Half of the way between the two: offsets are within ±½.
         let way = ONE.saturating_add((self.offset(next).saturating_sub(place) / 2).saturating_mul(m.sign));
         let marks = saturating_signed(u32::MAX / way.max(ONE / 2).unsigned_abs());
-        let from_fall = position.saturating_add(back.saturating_mul(ONE)).saturating_sub(place);
-        let along = mul_shift(from_fall.saturating_mul(m.sign), marks, 16).clamp(0, 2 * ONE);
-        let along = Counts(I22F10::from_bits(along.saturating_mul(m.sign) >> 6));
+        let from_mark = position.saturating_add(back.saturating_mul(ONE)).saturating_mul(m.sign);
+        let along = mul_shift(from_mark.saturating_sub(place.saturating_mul(m.sign)), marks, 16);
+        let mean = (from_mark / 2).saturating_add(along / 2).clamp(0, 2 * ONE).saturating_mul(m.sign);
         let mark = Counts::from_int(fall).wrapping_sub(Counts(I22F10::ONE / 2));
-        (mark.wrapping_add(along), CountsPerSec(I16F16::from_bits(mul_shift(velocity, marks, 16))))
+        let velocity = mul_shift(velocity, marks.saturating_add(ONE), 17);
+        (mark.wrapping_add(Counts(I22F10::from_bits(mean >> 6))), CountsPerSec(I16F16::from_bits(velocity)))
     }
 }
 
