@@ -9,7 +9,7 @@ use servo_core::units::Micros;
 use std::io::{Read, Write};
 use std::path::Path;
 
-/// Codes of sectors 0..5 of the recorded motors: the hand's wiring with two lines exchanged.
+/// Codes of sectors 0..5 of the recorded motors: the hand's wiring, counted from another sector.
 const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
 
 /// A capture that cannot be replayed, as one line: what, where, found, wanted, and what to do.
@@ -109,8 +109,9 @@ pub fn codes(raw: &[u8]) -> Result<Vec<u8>, String> {
 
 /// Position and velocity at each sample. Nothing but the edges is known of the recorded rotor, so they are
 /// [`undecided`](Estimator::undecided); the servo takes [`at`](Estimator::at) of the same estimator with the same
-/// constants. The lines' changes call the decoder as the interrupt does, and so does
-/// a tick each millisecond.
+/// constants.
+///
+/// The lines' changes call the decoder as the interrupt does, and so does a tick each millisecond.
 #[must_use]
 pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
     let Some(wiring) = Wiring::new(CODES) else { return Vec::new() };
