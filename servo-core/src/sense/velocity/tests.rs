@@ -27,6 +27,8 @@ fn even_speed_is_exact_across_the_wrap_of_the_clock() {
         let times = (0..100).map(|k| begin.wrapping_add(k * 2000));
         feed(&mut e, &mut count, sign, times);
         let last = begin.wrapping_add(99 * 2000);
+        // A time before the last edge is taken as the edge's, not as an hour later.
+        assert!((velocity(&mut e, last.wrapping_sub(100)) - 500 * sign).abs() <= 1);
         for later in [0, 500, 1000, 1900] {
             let (p, v) = e.at(Micros(last.wrapping_add(later)));
             assert!((i32::from(v.round()) - 500 * sign).abs() <= 1, "{v:?}");
