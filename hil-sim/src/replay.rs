@@ -42,15 +42,7 @@ pub fn replay(
             "--rate-hz {rate_hz}: a sample rate of 1000 to 1000000 Hz is wanted; the recorder's is usually 30000"
         )));
     }
-    let estimate = match counts_per_rev {
-        18 => estimate::<18>,
-        90 => estimate::<180>,
-        _ => {
-            return Err(ReplayError(format!(
-                "--counts-per-rev {counts_per_rev}: the estimator is built for 18 or 90; give one of these"
-            )));
-        }
-    };
+    let estimate = estimator_for(counts_per_rev)?;
     let codes =
         codes(&bytes(capture)?).map_err(|what| ReplayError(format!("{}: {what}", capture.display())))?;
     for (position, velocity) in estimate(&codes, rate_hz) {
@@ -60,6 +52,27 @@ pub fn replay(
     }
     Ok(codes.len())
 }
+
+/// The estimator of a motor with this many counts a revolution, six a pole pair. The hand's own learns its 18
+/// edges, as on the board; any other learns two revolutions (see [`replay`]).
+fn estimator_for(counts_per_rev: u32) -> Result<Estimate, ReplayError> {
+    macro_rules! by_pole_pairs {
+        ($($pairs:literal)*) => {
+            match counts_per_rev {
+                18 => Ok(estimate::<18> as Estimate),
+                $(counts if counts == 6 * $pairs => Ok(estimate::<{ 12 * $pairs }> as Estimate),)*
+                _ => Err(ReplayError(format!(
+                    "--counts-per-rev {counts_per_rev}: six counts for each pair of poles are wanted, 6 to 180; \
+                     the hand's motors have 18"
+                ))),
+            }
+        };
+    }
+    by_pole_pairs!(1 2 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30)
+}
+
+/// Position and velocity at each sample of recorded codes.
+type Estimate = fn(&[u8], u32) -> Vec<(f64, f64)>;
 
 /// The file, unpacked if it begins as gzip does.
 fn bytes(path: &Path) -> Result<Vec<u8>, ReplayError> {
@@ -199,7 +212,7 @@ mod tests {
             ("lost", &lost, 90, 30_000, "sample 51 at byte 153"),
             ("damaged", &packed[..packed.len() / 2], 90, 30_000, "damaged or cut short"),
             ("rate", &capture(100), 90, 0, "--rate-hz 0"),
-            ("counts", &capture(100), 91, 30_000, "18 or 90"),
+            ("counts", &capture(100), 91, 30_000, "six counts for each pair of poles"),
         ] {
             let path = file(name, bytes);
             let error = replay(&path, counts, rate, &mut Vec::new()).expect_err(name).to_string();
