@@ -219,7 +219,7 @@ impl<const N: usize> Estimator<N> {
             *offset = saturating_i16(old.saturating_sub(residual >> 5).saturating_sub(old >> 9));
         }
         // A late edge finds the rotor short of where it is expected; residual · interval is the time.
-        let short = if rising { residual.wrapping_neg() } else { residual }.saturating_mul(self.motion.sign);
+        let short = along(if rising { residual.wrapping_neg() } else { residual }, self.motion.sign);
         let lag = mul_shift(short, saturating_signed(dt.min(2000)), 14);
         self.delay = self.delay.saturating_add(lag).clamp(0, DELAY_MAX << 8);
     }
@@ -256,10 +256,9 @@ impl<const N: usize> Estimator<N> {
         let dt = elapsed.min(STILL.0);
         let (position, velocity) = m.predict(dt);
         // The next edge's place: no edge yet, so the rotor is not there yet.
-        let next = self.offset(m.boundary.wrapping_add(m.sign)).saturating_add(m.sign.saturating_mul(ONE));
-        let ahead = next.saturating_sub(m.place).saturating_mul(m.sign).max(ONE / 8);
-        let beyond = position.saturating_mul(m.sign) > next.saturating_mul(m.sign);
-        let position = if beyond { next } else { position };
+        let next = self.offset(m.boundary.wrapping_add(m.sign)).saturating_add(along(ONE, m.sign));
+        let ahead = along(next.saturating_sub(m.place), m.sign).max(ONE / 8);
+        let position = if m.sign > 0 { position.min(next) } else { position.max(next) };
         if elapsed >= STILL.0 {
             // Stays just as old as this from now on.
             let at = Micros(now.0.wrapping_sub(STILL.0));
@@ -310,6 +309,11 @@ const fn since(earlier: Micros, later: Micros) -> u32 {
     if elapsed > u32::MAX / 2 { 0 } else { elapsed }
 }
 
+/// A distance as seen in the direction of `sign`, +1 or −1.
+const fn along(distance: i32, sign: i32) -> i32 {
+    if sign < 0 { distance.wrapping_neg() } else { distance }
+}
+
 /// 1 MHz in 2^-12 Hz: divided by µs it is a rate.
 const RATE: u32 = 4_096_000_000;
 
@@ -322,7 +326,7 @@ impl Motion {
         let gain = mul_shift(self.acceleration, bent, 23);
         let velocity = self.velocity.saturating_add(gain);
         let straight = mul_shift(self.velocity, seconds, 31);
-        if i64::from(velocity).saturating_mul(i64::from(self.sign)) < 0 {
+        if velocity != 0 && (velocity < 0) != (self.sign < 0) {
             // Slowed down to a stop: half the distance at full speed is its braking distance, or more.
             return (self.position.saturating_add(straight / 2), 0);
         }
