@@ -307,3 +307,33 @@ fn properties_set_by_hand_are_checked_like_those_of_a_file() {
         assert_style(&bad, &format!("--set {assignment}"), &[word]);
     }
 }
+
+/// Runs 3 s of a motor with these commands.
+fn timed(motor: &str, commands: &[(u32, &str)]) -> hil_sim::metrics::Metrics {
+    let at: String = commands.iter().map(|(ms, what)| format!("[[at]]\nms = {ms}\n{what}\n")).collect();
+    let text = format!("name = \"x\"\nabout = \"y\"\nmotor = \"{motor}\"\nduration_ms = 3000\n{at}");
+    let scenario = Scenario::parse("x.toml", &text).unwrap_or_else(|bad| panic!("{bad}"));
+    run(&scenario, &NOMINAL).unwrap_or_else(|bad| panic!("{bad}")).metrics
+}
+
+/// The same move takes the same time, whatever was before it.
+#[test]
+fn a_move_is_timed_from_its_own_first_tick() {
+    let from_rest = |end| timed("link", &[(0, &format!("move = {end}"))]).end_ms.expect("an end");
+    // 240 counts further on, from 60 counts/s.
+    let after_velocity =
+        timed("link", &[(0, "velocity = 60"), (0, "mode = \"velocity\""), (1000, "move = 300")]);
+    let alone = from_rest(240);
+    let took = after_velocity.arrival_ms().expect("an arrival");
+    assert!((took - alone).abs() < 60.0, "{took} ms, from rest {alone} ms");
+    // Aborted at 400 ms, from there back or on to 100, in the same millisecond.
+    let after_abort = timed("link", &[(0, "move = 300"), (400, "abort = true"), (400, "move = 100")]);
+    let took = after_abort.arrival_ms().expect("an arrival");
+    assert!(took < from_rest(100), "{took} ms");
+    assert_eq!(after_abort.ends, 2);
+    // It is there already.
+    for motor in ["link", "spread"] {
+        let metrics = timed(motor, &[(0, "move = 0")]);
+        assert_eq!((metrics.end_ms, metrics.arrival_ms()), (Some(0.0), Some(0.0)), "{motor}");
+    }
+}

@@ -1,28 +1,28 @@
 //! What a run is judged by: figures of the true rotor, which the servo never sees.
 //!
-//! A *move* begins with the first driven tick of a motion (after the brake has released) that started from
-//! rest, that is from idle or hold; a re-plan does not begin another. Metrics of a move are of the last one.
+//! A *move* begins when the servo takes a move, TC, TO, HI or another mode than idle and its own; a new end while
+//! a move is under way re-plans that one and begins no other. Its time zero is its first driven tick, after the
+//! brake has released. Metrics of a move are of the last one.
 
+mod meter;
+
+pub use meter::Meter;
+
+use servo_core::EndReason;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
-use servo_core::{Command, EndReason, Event};
-
-use crate::board::Sample;
 
 #[cfg(test)]
 mod tests;
-
-/// How long after the end of a move its final error is taken, ms (manual defaults settle well within).
-const SETTLE_MS: u32 = 200;
 
 /// The figures of a run. Positions are of the true rotor, in hall counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Metrics {
     /// Why the last move ended.
     pub end_reason: Option<EndReason>,
-    /// From the move's first driven tick to its end.
+    /// From the move's first driven tick to its end; none if it was cut short before it drove.
     pub end_ms: Option<f64>,
-    /// Farthest past E in the direction of travel, 0 if never past it.
+    /// Farthest past E in the direction of travel since the move began, 0 if never past it; of a move to E only.
     pub overshoot_counts: Option<f64>,
     /// Distance from E 200 ms after the end.
     pub final_error_counts: Option<f64>,
@@ -268,166 +268,4 @@ pub const METRICS: [Metric; 24] = [
 pub fn find(name: &str) -> Option<&'static Metric> {
     const ROWS: &[Metric] = &METRICS;
     ROWS.iter().find(|metric| metric.name == name)
-}
-
-/// Where a move is going, in the plant's counts.
-#[derive(Clone, Copy, Debug)]
-struct Target {
-    end: f64,
-    /// Direction of travel, +1 or −1.
-    direction: f64,
-}
-
-/// The present move.
-#[derive(Clone, Copy, Debug)]
-struct Move {
-    since_ms: u32,
-    ended_ms: Option<u32>,
-    squares: f64,
-    ticks: u32,
-}
-
-/// Watches a run, a tick at a time.
-#[derive(Debug, Default)]
-pub struct Meter {
-    metrics: Metrics,
-    /// Plant's count that the servo calls 0.
-    origin: f64,
-    /// HI is running; it re-names positions at the stop and at its end.
-    homing: bool,
-    last_mode: Mode,
-    target: Option<Target>,
-    present: Option<Move>,
-    was_moving: bool,
-}
-
-impl Meter {
-    /// A command was given in the state `last`; `accepted` if the servo took it.
-    pub fn command(&mut self, command: &Command, accepted: bool, last: &Sample, position_after: f64) {
-        if !accepted {
-            self.metrics.refusals += 1;
-            return;
-        }
-        match command {
-            Command::Move(end) | Command::End(end) => {
-                let end = f64::from(*end) + self.origin;
-                let direction = if end >= last.truth.counts { 1.0 } else { -1.0 };
-                self.target = Some(Target { end, direction });
-                self.metrics.overshoot_counts = Some(0.0);
-                self.metrics.final_error_counts = None;
-            }
-            Command::TorqueControlled { .. } | Command::Home => {
-                self.target = None;
-                self.homing = *command == Command::Home;
-                self.metrics.overshoot_counts = None;
-            }
-            Command::Position(_) if last.status.mode != Mode::Pid => {
-                self.origin = (last.truth.counts - position_after).round();
-            }
-            _ => {}
-        }
-    }
-
-    /// A tick has run.
-    pub fn tick(&mut self, sample: &Sample, events: impl Iterator<Item = Event>) {
-        let mode = sample.status.mode;
-        let moving = sample.driven && matches!(mode, Mode::Torque | Mode::Velocity | Mode::Trapezoidal);
-        if moving && !self.was_moving {
-            self.present = Some(Move { since_ms: sample.ms, ended_ms: None, squares: 0.0, ticks: 0 });
-            self.metrics.end_reason = None;
-            self.metrics.end_ms = None;
-            self.metrics.final_error_counts = None;
-            self.metrics.tracking_rms_counts = None;
-        }
-        self.was_moving = moving;
-        if self.homing && self.last_mode == Mode::Velocity && mode == Mode::Trapezoidal {
-            self.follow_zero(sample);
-        }
-        self.last_mode = mode;
-        for event in events {
-            self.event(event, sample);
-        }
-        self.follow_move(sample);
-        let m = &mut self.metrics;
-        m.peak_torque = m.peak_torque.max(f64::from(sample.status.torque.0).abs());
-        for current in sample.truth.phase_a {
-            m.peak_current_a = m.peak_current_a.max(current.abs());
-        }
-        m.peak_winding_c = m.peak_winding_c.max(sample.truth.winding_c);
-        m.peak_speed_counts_s = m.peak_speed_counts_s.max(sample.truth.counts_per_s.abs());
-        m.hold_error_counts = None;
-        if mode == Mode::Pid && sample.driven {
-            let held = sample.setpoint_counts() + self.origin;
-            let error = (sample.truth.counts - held).abs();
-            m.hold_error_counts = Some(error);
-            m.peak_hold_error_counts = Some(m.peak_hold_error_counts.unwrap_or(0.0).max(error));
-        }
-    }
-
-    fn follow_move(&mut self, sample: &Sample) {
-        let Some(present) = &mut self.present else { return };
-        if present.ended_ms.is_none() && sample.status.mode == Mode::Trapezoidal && sample.driven {
-            let error = sample.truth.counts - sample.setpoint_counts() - self.origin;
-            present.squares += error * error;
-            present.ticks += 1;
-            self.metrics.tracking_rms_counts = Some((present.squares / f64::from(present.ticks)).sqrt());
-        }
-        if let Some(target) = self.target {
-            let past = (sample.truth.counts - target.end) * target.direction;
-            self.metrics.overshoot_counts = Some(self.metrics.overshoot_counts.unwrap_or(0.0).max(past));
-            if present.ended_ms.is_some_and(|ended| sample.ms == ended + SETTLE_MS) {
-                self.metrics.final_error_counts = Some((sample.truth.counts - target.end).abs());
-            }
-        }
-    }
-
-    fn event(&mut self, event: Event, sample: &Sample) {
-        let m = &mut self.metrics;
-        match event {
-            Event::Ended { reason, .. } => {
-                m.ends += 1;
-                m.end_reason = Some(reason);
-                if let Some(present) = &mut self.present {
-                    present.ended_ms = Some(sample.ms);
-                    m.end_ms = Some(f64::from(sample.ms - present.since_ms));
-                }
-                m.end_after_last_count_ms = Some(f64::from(sample.ms) - sample.last_count_us as f64 / 1000.0);
-            }
-            Event::Breakaway { position, .. } => {
-                m.breakaway_counts = Some(f64::from(position) + self.origin);
-            }
-            Event::Fault(fault) => m.faults.push(fault),
-            Event::Glitch(_) => m.glitches += 1,
-            Event::Homed => {
-                self.homing = false;
-                self.follow_zero(sample);
-            }
-        }
-    }
-
-    /// The servo has put its zero elsewhere, by whole counts: finds where from the true rotor.
-    fn follow_zero(&mut self, sample: &Sample) {
-        self.origin = (sample.truth.counts - sample.estimated_counts()).round();
-    }
-
-    /// The plant's count that the servo calls 0.
-    #[must_use]
-    pub fn zero_counts(&self) -> f64 {
-        self.origin
-    }
-
-    /// The figures of the run that ended with `last`.
-    #[must_use]
-    pub fn finish(self, last: &Sample) -> Metrics {
-        Metrics {
-            sim_s: f64::from(last.ms) / 1000.0,
-            homed: last.status.homed,
-            mode: last.status.mode,
-            position_counts: last.truth.counts,
-            velocity_counts_s: last.truth.counts_per_s,
-            count_error_counts: (f64::from(last.status.position.round()) + self.origin - last.truth.counts)
-                .abs(),
-            ..self.metrics
-        }
-    }
 }
