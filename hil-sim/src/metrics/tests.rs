@@ -35,6 +35,7 @@ fn at(ms: u32, mode: Mode, counts: f64) -> Sample {
             counts_per_s: 0.0,
             torque_n_m: 0.0,
             phase_a: [1.0, -3.0, 2.0],
+            peak_phase_a: 3.0,
             bus_charge_c: 0.0,
             load_n_m: 0.0,
             winding_c: 30.0,
