@@ -145,9 +145,7 @@ impl Meter {
         self.follow_move(sample);
         let m = &mut self.metrics;
         m.peak_torque = m.peak_torque.max(f64::from(sample.status.torque.0).abs());
-        for current in sample.truth.phase_a {
-            m.peak_current_a = m.peak_current_a.max(current.abs());
-        }
+        m.peak_current_a = m.peak_current_a.max(sample.truth.peak_phase_a);
         m.peak_winding_c = m.peak_winding_c.max(sample.truth.winding_c);
         m.peak_speed_counts_s = m.peak_speed_counts_s.max(sample.truth.counts_per_s.abs());
         m.hold_error_counts = None;
