@@ -30,7 +30,7 @@ pub struct Metrics {
     pub tracking_rms_counts: Option<f64>,
     /// Largest applied torque, 1/1024 of peak.
     pub peak_torque: f64,
-    /// Largest phase current at any tick.
+    /// Largest phase current at any instant, the ripple of the switching included.
     pub peak_current_a: f64,
     /// Highest winding temperature.
     pub peak_winding_c: f64,
@@ -115,7 +115,7 @@ fn larger(a: f64, b: f64) -> f64 {
 
 /// The word for an end.
 #[must_use]
-pub fn end_word(reason: EndReason) -> &'static str {
+pub const fn end_word(reason: EndReason) -> &'static str {
     match reason {
         EndReason::Arrived => "arrived",
         EndReason::Stalled => "stalled",
@@ -128,7 +128,7 @@ pub fn end_word(reason: EndReason) -> &'static str {
 
 /// The word for a fault.
 #[must_use]
-pub fn fault_word(fault: Fault) -> &'static str {
+pub const fn fault_word(fault: Fault) -> &'static str {
     match fault {
         Fault::Halls => "halls",
         Fault::OverCurrent => "over-current",
@@ -141,7 +141,7 @@ pub fn fault_word(fault: Fault) -> &'static str {
 
 /// The word for a mode.
 #[must_use]
-pub fn mode_word(mode: Mode) -> &'static str {
+pub const fn mode_word(mode: Mode) -> &'static str {
     match mode {
         Mode::Idle => "idle",
         Mode::Torque => "torque",
@@ -197,6 +197,40 @@ impl std::fmt::Display for Value {
     }
 }
 
+const END_WORDS: &[&str] = &[
+    NONE,
+    end_word(EndReason::Arrived),
+    end_word(EndReason::Stalled),
+    end_word(EndReason::Aborted),
+    end_word(EndReason::Strain),
+    end_word(EndReason::Breakaway),
+    end_word(EndReason::Fault),
+];
+
+const FAULT_WORDS: &[&str] = &[
+    NONE,
+    fault_word(Fault::Halls),
+    fault_word(Fault::OverCurrent),
+    fault_word(Fault::OverTemperature),
+    fault_word(Fault::OverVoltage),
+    fault_word(Fault::UnderVoltage),
+    fault_word(Fault::Bridge),
+];
+
+const MODE_WORDS: &[&str] = &[
+    mode_word(Mode::Idle),
+    mode_word(Mode::Torque),
+    mode_word(Mode::Pid),
+    mode_word(Mode::Velocity),
+    mode_word(Mode::Trapezoidal),
+];
+
+/// The word for no end and for no fault.
+const NONE: &str = "none";
+
+/// What stands between faults, where there are several.
+const AND: &str = ", ";
+
 /// One metric by name.
 pub struct Metric {
     /// Name as in an expectation; its end is the unit.
@@ -205,8 +239,8 @@ pub struct Metric {
     pub about: &'static str,
     /// Reads it.
     pub get: fn(&Metrics) -> Value,
-    /// Whether the value is a word.
-    pub word: bool,
+    /// The words that it can be, none if it is a number.
+    pub words: &'static [&'static str],
 }
 
 impl std::fmt::Debug for Metric {
@@ -217,36 +251,57 @@ impl std::fmt::Debug for Metric {
 
 macro_rules! metric {
     ($name:ident, $about:literal) => {
-        Metric { name: stringify!($name), about: $about, get: |m| m.$name.into(), word: false }
+        Metric { name: stringify!($name), about: $about, get: |m| m.$name.into(), words: &[] }
     };
     ($name:ident, $about:literal, number $get:expr) => {
-        Metric { name: stringify!($name), about: $about, get: $get, word: false }
+        Metric { name: stringify!($name), about: $about, get: $get, words: &[] }
     };
-    ($name:ident, $about:literal, word $get:expr) => {
-        Metric { name: stringify!($name), about: $about, get: $get, word: true }
+    ($name:ident, $about:literal, $words:ident $get:expr) => {
+        Metric { name: stringify!($name), about: $about, get: $get, words: $words }
     };
+}
+
+impl Metric {
+    /// Whether its value is a word.
+    #[must_use]
+    pub fn is_word(&self) -> bool {
+        !self.words.is_empty()
+    }
+
+    /// Whether its value can be that text: one of its words, or faults in the order in which they latch.
+    #[must_use]
+    pub fn can_be(&self, text: &str) -> bool {
+        let several =
+            self.name == "faults" && text.split(AND).all(|word| word != NONE && self.words.contains(&word));
+        several || self.words.contains(&text)
+    }
 }
 
 /// Every metric that an expectation can name.
 pub const METRICS: [Metric; 24] = [
-    metric!(end_reason, "why the last move ended", word | m | m.end_reason.map_or("none", end_word).into()),
+    metric!(
+        end_reason,
+        "why the last move ended",
+        END_WORDS | m | m.end_reason.map_or(NONE, end_word).into()
+    ),
     metric!(end_ms, "from the move's first driven tick to its end"),
     metric!(arrival_ms, "the same, of a move that arrived", number | m | m.arrival_ms().into()),
     metric!(overshoot_counts, "true rotor past the end position"),
     metric!(final_error_counts, "distance from the end position 200 ms after the end"),
     metric!(tracking_rms_counts, "RMS distance from the set-point during the move"),
     metric!(peak_torque, "largest applied torque, 1/1024 of peak"),
-    metric!(peak_current_a, "largest phase current"),
+    metric!(peak_current_a, "largest phase current at any instant"),
     metric!(peak_winding_c, "highest winding temperature"),
     metric!(hold_error_counts, "distance from the held position at the end of the run"),
     metric!(peak_hold_error_counts, "largest distance from the held position while holding"),
     metric!(
         faults,
         "faults that latched",
-        word | m
+        FAULT_WORDS
+            | m
             | match m.faults.as_slice() {
-                [] => "none".into(),
-                faults => Value::Text(faults.iter().map(|f| fault_word(*f)).collect::<Vec<_>>().join(", ")),
+                [] => NONE.into(),
+                faults => Value::Text(faults.iter().map(|f| fault_word(*f)).collect::<Vec<_>>().join(AND)),
             }
     ),
     metric!(end_after_last_count_ms, "from the last hall count to the end of the move"),
@@ -254,7 +309,7 @@ pub const METRICS: [Metric; 24] = [
     metric!(refusals, "commands that were refused"),
     metric!(glitches, "hall glitches reported"),
     metric!(homed, "1 if HI has found zero", number | m | f64::from(u8::from(m.homed)).into()),
-    metric!(mode, "mode at the end of the run", word | m | mode_word(m.mode).into()),
+    metric!(mode, "mode at the end of the run", MODE_WORDS | m | mode_word(m.mode).into()),
     metric!(position_counts, "true position at the end of the run"),
     metric!(velocity_counts_s, "true velocity at the end of the run"),
     metric!(peak_speed_counts_s, "largest true speed"),

@@ -35,7 +35,7 @@ fn at(ms: u32, mode: Mode, counts: f64) -> Sample {
             counts_per_s: 0.0,
             torque_n_m: 0.0,
             phase_a: [1.0, -3.0, 2.0],
-            peak_phase_a: 3.0,
+            peak_phase_a: 3.5,
             bus_charge_c: 0.0,
             load_n_m: 0.0,
             winding_c: 30.0,
@@ -93,7 +93,7 @@ fn time_zero_is_the_first_driven_tick_not_the_command() {
     ended(&mut meter, &at(150, Mode::Idle, 10.0), EndReason::Arrived);
     let metrics = meter.finish(&at(150, Mode::Idle, 10.0));
     assert_eq!((metrics.end_ms, metrics.arrival_ms(), metrics.ends), (Some(20.0), Some(20.0), 1));
-    assert_eq!((metrics.peak_torque, metrics.peak_current_a), (40.0, 3.0));
+    assert_eq!((metrics.peak_torque, metrics.peak_current_a), (40.0, 3.5));
 }
 
 #[test]
@@ -310,9 +310,30 @@ fn names_are_unique_and_found() {
         let first = METRICS.iter().position(|other| other.name == metric.name);
         assert_eq!(first, Some(index), "{} is there twice", metric.name);
         assert!(
-            matches!((metric.get)(&Metrics::default()), Value::Text(_)) == metric.word,
+            matches!((metric.get)(&Metrics::default()), Value::Text(_)) == metric.is_word(),
             "{}",
             metric.name
         );
+    }
+}
+
+#[test]
+fn every_word_that_a_run_can_give_can_be_expected() {
+    let of = |name: &str, metrics: &Metrics| {
+        let metric = find(name).expect("a metric");
+        let Value::Text(text) = (metric.get)(metrics) else { panic!("{name} is a word") };
+        assert!(metric.can_be(&text), "{name} = {text}");
+    };
+    for mode in Mode::ALL {
+        of("mode", &Metrics { mode, ..Metrics::default() });
+    }
+    for faults in [vec![], vec![Fault::Halls], vec![Fault::Bridge, Fault::OverVoltage]] {
+        of("faults", &Metrics { faults, ..Metrics::default() });
+    }
+    of("end_reason", &Metrics::default());
+    for (name, text) in
+        [("faults", "none, halls"), ("faults", "halls,bridge"), ("mode", "none"), ("mode", "")]
+    {
+        assert!(!find(name).expect("a metric").can_be(text), "{name} = {text}");
     }
 }
