@@ -208,8 +208,59 @@ const BAD: &[(&str, &str, &str, [&str; 3])] = &[
         "x.toml:22",
         ["arival_ms", "arrival_ms", "did you mean arrival_ms"],
     ),
+    (
+        "min = 1",
+        "equals = 1\ntolerance = -1",
+        "x.toml:25",
+        ["tolerance", "found:    tolerance = -1", "a tolerance, 0 or more"],
+    ),
     ("min = 1", "", "x.toml:22", ["arrival_ms", "min, max or both", "add or remove one"]),
 ];
+
+/// A metric, a word that it never is, and words that the message must have.
+const BAD_WORDS: &[(&str, &str, [&str; 3])] = &[
+    ("end_reason", "arived", ["equals = \"arived\"", "arrived, stalled, aborted", "did you mean arrived"]),
+    ("mode", "holding", ["equals = \"holding\"", "idle, torque, pid", "use one of those"]),
+    ("faults", "over-heat", ["equals = \"over-heat\"", "none, halls, over-current", "next"]),
+    ("faults", "halls, ", ["equals = \"halls, \"", "under-voltage", "next"]),
+];
+
+#[test]
+fn a_word_that_a_metric_never_is_cannot_be_expected() {
+    let expect = |metric: &str, word: &str| {
+        let (head, _) = GOOD.split_once("metric =").expect("an expectation");
+        format!("{head}metric = \"{metric}\"\nequals = \"{word}\"\n")
+    };
+    for (metric, word, words) in BAD_WORDS {
+        assert_style(&refusal(&expect(metric, word)), "x.toml:22", words);
+    }
+    for (metric, word) in [("end_reason", "none"), ("mode", "pid"), ("faults", "halls, under-voltage")] {
+        assert!(Scenario::parse("x.toml", &expect(metric, word)).is_ok(), "{metric} = {word}");
+    }
+}
+
+#[test]
+fn a_name_without_end_is_told_in_part() {
+    let long = "k".repeat(100_000);
+    let with = |line: &str, instead: String| GOOD.replacen(line, &instead, 1);
+    for text in [
+        with("about", long.clone()),
+        with("about = \"y\"", format!("{long} = 3\n{long} = 4")),
+        with("ke_v_s", long.clone()),
+        with("KP", long.clone()),
+        with("arrival_ms", long.clone()),
+        with("\"link\"", format!("\"{long}\"")),
+        with("move = 100", format!("{long} = 1")),
+        with("\"arrival_ms\"\nmin = 1", format!("\"mode\"\nequals = \"{long}\"")),
+    ] {
+        let bad = refusal(&text);
+        // The longest list of what is known has 1000 characters.
+        assert!(bad.to_string().chars().count() < 2000, "{} characters", bad.to_string().chars().count());
+        assert!(bad.to_string().contains('…'), "{bad}");
+    }
+    let bad = shipped("link-fast").set(&format!("{long}=1")).expect_err("no such property");
+    assert!(bad.to_string().chars().count() < 2000);
+}
 
 fn refusal(text: &str) -> BadInput {
     match Scenario::parse("x.toml", text) {
@@ -305,5 +356,33 @@ fn properties_set_by_hand_are_checked_like_those_of_a_file() {
     for (assignment, word) in cases {
         let bad = scenario.set(assignment).expect_err(assignment);
         assert_style(&bad, &format!("--set {assignment}"), &[word]);
+    }
+}
+
+/// Runs 3 s of a motor with these commands.
+fn timed(motor: &str, commands: &[(u32, &str)]) -> hil_sim::metrics::Metrics {
+    let at: String = commands.iter().map(|(ms, what)| format!("[[at]]\nms = {ms}\n{what}\n")).collect();
+    let text = format!("name = \"x\"\nabout = \"y\"\nmotor = \"{motor}\"\nduration_ms = 3000\n{at}");
+    let scenario = Scenario::parse("x.toml", &text).unwrap_or_else(|bad| panic!("{bad}"));
+    run(&scenario, &NOMINAL).unwrap_or_else(|bad| panic!("{bad}")).metrics
+}
+
+/// The same move takes the same time, whatever was before it.
+#[test]
+fn a_move_is_timed_from_its_own_first_tick() {
+    let from_rest = |end| timed("link", &[(0, &format!("move = {end}"))]).end_ms.expect("an end");
+    let after_velocity =
+        timed("link", &[(0, "velocity = 60"), (0, "mode = \"velocity\""), (1000, "move = 300")]);
+    let took = after_velocity.arrival_ms().expect("an arrival");
+    assert!(took < from_rest(300), "{took} ms for a part of the way");
+    // Aborted at 400 ms, from there back or on to 100, in the same millisecond.
+    let after_abort = timed("link", &[(0, "move = 300"), (400, "abort = true"), (400, "move = 100")]);
+    let took = after_abort.arrival_ms().expect("an arrival");
+    assert!(took < from_rest(100), "{took} ms");
+    assert_eq!(after_abort.ends, 2);
+    // It is there already.
+    for motor in ["link", "spread"] {
+        let metrics = timed(motor, &[(0, "move = 0")]);
+        assert_eq!((metrics.end_ms, metrics.arrival_ms()), (Some(0.0), Some(0.0)), "{motor}");
     }
 }

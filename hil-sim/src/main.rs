@@ -2,6 +2,8 @@
 //! out; the only clock read is the wall clock of `wall_s`.
 #![forbid(unsafe_code)]
 
+mod output;
+
 use std::error::Error;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -13,6 +15,7 @@ use hil_sim::replay::replay;
 use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
 use hil_sim::trace::{Trace, write_csv};
 use hil_sim::{Model, Options, Outcome, report, run};
+use output::{print, replace};
 
 /// Simulates the servo of a robot hand's motor board in closed loop with its motor.
 #[derive(Parser)]
@@ -79,25 +82,18 @@ enum ModelName {
 fn main() -> ExitCode {
     let done = match Args::parse().command {
         Task::Run(args) => run_scenario(&args),
-        Task::List => {
-            print(&list());
-            Ok(true)
-        }
+        Task::List => print(&list()).map(|()| true).map_err(Into::into),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(bad) => {
-            eprintln!("error: {bad}");
+            // There is nowhere to tell that this cannot be told.
+            let _ = writeln!(std::io::stderr(), "error: {bad}");
             ExitCode::from(2)
         }
     }
-}
-
-/// Prints to stdout; that nobody reads it is no error of ours.
-fn print(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
 fn list() -> String {
@@ -137,11 +133,15 @@ fn run_scenario(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
         write_files(dir, &scenario, &outcome)?;
     }
     if args.json {
-        print(&format!("{}\n", report::json(&outcome, wall_s)));
+        print(&format!("{}\n", report::json(&outcome, wall_s)))?;
     } else {
-        print(&report::text(&outcome, wall_s));
+        print(&report::text(&outcome, wall_s))?;
         if let Some(dir) = &args.out {
-            print(&format!("\n{}\n{}\n", dir.join("report.html").display(), dir.join("trace.csv").display()));
+            print(&format!(
+                "\n{}\n{}\n",
+                dir.join("report.html").display(),
+                dir.join("trace.csv").display()
+            ))?;
         }
     }
     Ok(outcome.passed())
@@ -189,11 +189,4 @@ fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
         next: "choose another path or free space".to_owned(),
     })?;
     Ok(true)
-}
-
-/// Writes a file under another name first, so that a reader finds the old or the new one and never a half.
-fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let new = path.with_extension("part");
-    std::fs::write(&new, bytes)?;
-    std::fs::rename(&new, path)
 }

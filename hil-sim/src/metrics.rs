@@ -1,28 +1,28 @@
 //! What a run is judged by: figures of the true rotor, which the servo never sees.
 //!
-//! A *move* begins with the first driven tick of a motion (after the brake has released) that started from
-//! rest, that is from idle or hold; a re-plan does not begin another. Metrics of a move are of the last one.
+//! A *move* begins when the servo takes a move, TC, TO, HI or another mode than idle and its own; a new end while
+//! a move is under way re-plans that one and begins no other. Its time zero is its first driven tick, after the
+//! brake has released. Metrics of a move are of the last one.
 
+mod meter;
+
+pub use meter::Meter;
+
+use servo_core::EndReason;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
-use servo_core::{Command, EndReason, Event};
-
-use crate::board::Sample;
 
 #[cfg(test)]
 mod tests;
-
-/// How long after the end of a move its final error is taken, ms (manual defaults settle well within).
-const SETTLE_MS: u32 = 200;
 
 /// The figures of a run. Positions are of the true rotor, in hall counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Metrics {
     /// Why the last move ended.
     pub end_reason: Option<EndReason>,
-    /// From the move's first driven tick to its end.
+    /// From the move's first driven tick to its end; none if it was cut short before it drove.
     pub end_ms: Option<f64>,
-    /// Farthest past E in the direction of travel, 0 if never past it.
+    /// Farthest past E in the direction of travel since the move began, 0 if never past it; of a move to E only.
     pub overshoot_counts: Option<f64>,
     /// Distance from E 200 ms after the end.
     pub final_error_counts: Option<f64>,
@@ -30,7 +30,7 @@ pub struct Metrics {
     pub tracking_rms_counts: Option<f64>,
     /// Largest applied torque, 1/1024 of peak.
     pub peak_torque: f64,
-    /// Largest phase current at any tick.
+    /// Largest phase current at any instant, the ripple of the switching included.
     pub peak_current_a: f64,
     /// Highest winding temperature.
     pub peak_winding_c: f64,
@@ -115,7 +115,7 @@ fn larger(a: f64, b: f64) -> f64 {
 
 /// The word for an end.
 #[must_use]
-pub fn end_word(reason: EndReason) -> &'static str {
+pub const fn end_word(reason: EndReason) -> &'static str {
     match reason {
         EndReason::Arrived => "arrived",
         EndReason::Stalled => "stalled",
@@ -128,7 +128,7 @@ pub fn end_word(reason: EndReason) -> &'static str {
 
 /// The word for a fault.
 #[must_use]
-pub fn fault_word(fault: Fault) -> &'static str {
+pub const fn fault_word(fault: Fault) -> &'static str {
     match fault {
         Fault::Halls => "halls",
         Fault::OverCurrent => "over-current",
@@ -141,7 +141,7 @@ pub fn fault_word(fault: Fault) -> &'static str {
 
 /// The word for a mode.
 #[must_use]
-pub fn mode_word(mode: Mode) -> &'static str {
+pub const fn mode_word(mode: Mode) -> &'static str {
     match mode {
         Mode::Idle => "idle",
         Mode::Torque => "torque",
@@ -197,6 +197,40 @@ impl std::fmt::Display for Value {
     }
 }
 
+const END_WORDS: &[&str] = &[
+    NONE,
+    end_word(EndReason::Arrived),
+    end_word(EndReason::Stalled),
+    end_word(EndReason::Aborted),
+    end_word(EndReason::Strain),
+    end_word(EndReason::Breakaway),
+    end_word(EndReason::Fault),
+];
+
+const FAULT_WORDS: &[&str] = &[
+    NONE,
+    fault_word(Fault::Halls),
+    fault_word(Fault::OverCurrent),
+    fault_word(Fault::OverTemperature),
+    fault_word(Fault::OverVoltage),
+    fault_word(Fault::UnderVoltage),
+    fault_word(Fault::Bridge),
+];
+
+const MODE_WORDS: &[&str] = &[
+    mode_word(Mode::Idle),
+    mode_word(Mode::Torque),
+    mode_word(Mode::Pid),
+    mode_word(Mode::Velocity),
+    mode_word(Mode::Trapezoidal),
+];
+
+/// The word for no end and for no fault.
+const NONE: &str = "none";
+
+/// What stands between faults, where there are several.
+const AND: &str = ", ";
+
 /// One metric by name.
 pub struct Metric {
     /// Name as in an expectation; its end is the unit.
@@ -205,8 +239,8 @@ pub struct Metric {
     pub about: &'static str,
     /// Reads it.
     pub get: fn(&Metrics) -> Value,
-    /// Whether the value is a word.
-    pub word: bool,
+    /// The words that it can be, none if it is a number.
+    pub words: &'static [&'static str],
 }
 
 impl std::fmt::Debug for Metric {
@@ -217,36 +251,57 @@ impl std::fmt::Debug for Metric {
 
 macro_rules! metric {
     ($name:ident, $about:literal) => {
-        Metric { name: stringify!($name), about: $about, get: |m| m.$name.into(), word: false }
+        Metric { name: stringify!($name), about: $about, get: |m| m.$name.into(), words: &[] }
     };
     ($name:ident, $about:literal, number $get:expr) => {
-        Metric { name: stringify!($name), about: $about, get: $get, word: false }
+        Metric { name: stringify!($name), about: $about, get: $get, words: &[] }
     };
-    ($name:ident, $about:literal, word $get:expr) => {
-        Metric { name: stringify!($name), about: $about, get: $get, word: true }
+    ($name:ident, $about:literal, $words:ident $get:expr) => {
+        Metric { name: stringify!($name), about: $about, get: $get, words: $words }
     };
+}
+
+impl Metric {
+    /// Whether its value is a word.
+    #[must_use]
+    pub fn is_word(&self) -> bool {
+        !self.words.is_empty()
+    }
+
+    /// Whether its value can be that text: one of its words, or faults in the order in which they latch.
+    #[must_use]
+    pub fn can_be(&self, text: &str) -> bool {
+        let several =
+            self.name == "faults" && text.split(AND).all(|word| word != NONE && self.words.contains(&word));
+        several || self.words.contains(&text)
+    }
 }
 
 /// Every metric that an expectation can name.
 pub const METRICS: [Metric; 24] = [
-    metric!(end_reason, "why the last move ended", word | m | m.end_reason.map_or("none", end_word).into()),
+    metric!(
+        end_reason,
+        "why the last move ended",
+        END_WORDS | m | m.end_reason.map_or(NONE, end_word).into()
+    ),
     metric!(end_ms, "from the move's first driven tick to its end"),
     metric!(arrival_ms, "the same, of a move that arrived", number | m | m.arrival_ms().into()),
     metric!(overshoot_counts, "true rotor past the end position"),
     metric!(final_error_counts, "distance from the end position 200 ms after the end"),
     metric!(tracking_rms_counts, "RMS distance from the set-point during the move"),
     metric!(peak_torque, "largest applied torque, 1/1024 of peak"),
-    metric!(peak_current_a, "largest phase current"),
+    metric!(peak_current_a, "largest phase current at any instant"),
     metric!(peak_winding_c, "highest winding temperature"),
     metric!(hold_error_counts, "distance from the held position at the end of the run"),
     metric!(peak_hold_error_counts, "largest distance from the held position while holding"),
     metric!(
         faults,
         "faults that latched",
-        word | m
+        FAULT_WORDS
+            | m
             | match m.faults.as_slice() {
-                [] => "none".into(),
-                faults => Value::Text(faults.iter().map(|f| fault_word(*f)).collect::<Vec<_>>().join(", ")),
+                [] => NONE.into(),
+                faults => Value::Text(faults.iter().map(|f| fault_word(*f)).collect::<Vec<_>>().join(AND)),
             }
     ),
     metric!(end_after_last_count_ms, "from the last hall count to the end of the move"),
@@ -254,7 +309,7 @@ pub const METRICS: [Metric; 24] = [
     metric!(refusals, "commands that were refused"),
     metric!(glitches, "hall glitches reported"),
     metric!(homed, "1 if HI has found zero", number | m | f64::from(u8::from(m.homed)).into()),
-    metric!(mode, "mode at the end of the run", word | m | mode_word(m.mode).into()),
+    metric!(mode, "mode at the end of the run", MODE_WORDS | m | mode_word(m.mode).into()),
     metric!(position_counts, "true position at the end of the run"),
     metric!(velocity_counts_s, "true velocity at the end of the run"),
     metric!(peak_speed_counts_s, "largest true speed"),
@@ -268,166 +323,4 @@ pub const METRICS: [Metric; 24] = [
 pub fn find(name: &str) -> Option<&'static Metric> {
     const ROWS: &[Metric] = &METRICS;
     ROWS.iter().find(|metric| metric.name == name)
-}
-
-/// Where a move is going, in the plant's counts.
-#[derive(Clone, Copy, Debug)]
-struct Target {
-    end: f64,
-    /// Direction of travel, +1 or −1.
-    direction: f64,
-}
-
-/// The present move.
-#[derive(Clone, Copy, Debug)]
-struct Move {
-    since_ms: u32,
-    ended_ms: Option<u32>,
-    squares: f64,
-    ticks: u32,
-}
-
-/// Watches a run, a tick at a time.
-#[derive(Debug, Default)]
-pub struct Meter {
-    metrics: Metrics,
-    /// Plant's count that the servo calls 0.
-    origin: f64,
-    /// HI is running; it re-names positions at the stop and at its end.
-    homing: bool,
-    last_mode: Mode,
-    target: Option<Target>,
-    present: Option<Move>,
-    was_moving: bool,
-}
-
-impl Meter {
-    /// A command was given in the state `last`; `accepted` if the servo took it.
-    pub fn command(&mut self, command: &Command, accepted: bool, last: &Sample, position_after: f64) {
-        if !accepted {
-            self.metrics.refusals += 1;
-            return;
-        }
-        match command {
-            Command::Move(end) | Command::End(end) => {
-                let end = f64::from(*end) + self.origin;
-                let direction = if end >= last.truth.counts { 1.0 } else { -1.0 };
-                self.target = Some(Target { end, direction });
-                self.metrics.overshoot_counts = Some(0.0);
-                self.metrics.final_error_counts = None;
-            }
-            Command::TorqueControlled { .. } | Command::Home => {
-                self.target = None;
-                self.homing = *command == Command::Home;
-                self.metrics.overshoot_counts = None;
-            }
-            Command::Position(_) if last.status.mode != Mode::Pid => {
-                self.origin = (last.truth.counts - position_after).round();
-            }
-            _ => {}
-        }
-    }
-
-    /// A tick has run.
-    pub fn tick(&mut self, sample: &Sample, events: impl Iterator<Item = Event>) {
-        let mode = sample.status.mode;
-        let moving = sample.driven && matches!(mode, Mode::Torque | Mode::Velocity | Mode::Trapezoidal);
-        if moving && !self.was_moving {
-            self.present = Some(Move { since_ms: sample.ms, ended_ms: None, squares: 0.0, ticks: 0 });
-            self.metrics.end_reason = None;
-            self.metrics.end_ms = None;
-            self.metrics.final_error_counts = None;
-            self.metrics.tracking_rms_counts = None;
-        }
-        self.was_moving = moving;
-        if self.homing && self.last_mode == Mode::Velocity && mode == Mode::Trapezoidal {
-            self.follow_zero(sample);
-        }
-        self.last_mode = mode;
-        for event in events {
-            self.event(event, sample);
-        }
-        self.follow_move(sample);
-        let m = &mut self.metrics;
-        m.peak_torque = m.peak_torque.max(f64::from(sample.status.torque.0).abs());
-        for current in sample.truth.phase_a {
-            m.peak_current_a = m.peak_current_a.max(current.abs());
-        }
-        m.peak_winding_c = m.peak_winding_c.max(sample.truth.winding_c);
-        m.peak_speed_counts_s = m.peak_speed_counts_s.max(sample.truth.counts_per_s.abs());
-        m.hold_error_counts = None;
-        if mode == Mode::Pid && sample.driven {
-            let held = sample.setpoint_counts() + self.origin;
-            let error = (sample.truth.counts - held).abs();
-            m.hold_error_counts = Some(error);
-            m.peak_hold_error_counts = Some(m.peak_hold_error_counts.unwrap_or(0.0).max(error));
-        }
-    }
-
-    fn follow_move(&mut self, sample: &Sample) {
-        let Some(present) = &mut self.present else { return };
-        if present.ended_ms.is_none() && sample.status.mode == Mode::Trapezoidal && sample.driven {
-            let error = sample.truth.counts - sample.setpoint_counts() - self.origin;
-            present.squares += error * error;
-            present.ticks += 1;
-            self.metrics.tracking_rms_counts = Some((present.squares / f64::from(present.ticks)).sqrt());
-        }
-        if let Some(target) = self.target {
-            let past = (sample.truth.counts - target.end) * target.direction;
-            self.metrics.overshoot_counts = Some(self.metrics.overshoot_counts.unwrap_or(0.0).max(past));
-            if present.ended_ms.is_some_and(|ended| sample.ms == ended + SETTLE_MS) {
-                self.metrics.final_error_counts = Some((sample.truth.counts - target.end).abs());
-            }
-        }
-    }
-
-    fn event(&mut self, event: Event, sample: &Sample) {
-        let m = &mut self.metrics;
-        match event {
-            Event::Ended { reason, .. } => {
-                m.ends += 1;
-                m.end_reason = Some(reason);
-                if let Some(present) = &mut self.present {
-                    present.ended_ms = Some(sample.ms);
-                    m.end_ms = Some(f64::from(sample.ms - present.since_ms));
-                }
-                m.end_after_last_count_ms = Some(f64::from(sample.ms) - sample.last_count_us as f64 / 1000.0);
-            }
-            Event::Breakaway { position, .. } => {
-                m.breakaway_counts = Some(f64::from(position) + self.origin);
-            }
-            Event::Fault(fault) => m.faults.push(fault),
-            Event::Glitch(_) => m.glitches += 1,
-            Event::Homed => {
-                self.homing = false;
-                self.follow_zero(sample);
-            }
-        }
-    }
-
-    /// The servo has put its zero elsewhere, by whole counts: finds where from the true rotor.
-    fn follow_zero(&mut self, sample: &Sample) {
-        self.origin = (sample.truth.counts - sample.estimated_counts()).round();
-    }
-
-    /// The plant's count that the servo calls 0.
-    #[must_use]
-    pub fn zero_counts(&self) -> f64 {
-        self.origin
-    }
-
-    /// The figures of the run that ended with `last`.
-    #[must_use]
-    pub fn finish(self, last: &Sample) -> Metrics {
-        Metrics {
-            sim_s: f64::from(last.ms) / 1000.0,
-            homed: last.status.homed,
-            mode: last.status.mode,
-            position_counts: last.truth.counts,
-            velocity_counts_s: last.truth.counts_per_s,
-            count_error_counts: (f64::from(last.status.position.round()) + self.origin - last.truth.counts)
-                .abs(),
-            ..self.metrics
-        }
-    }
 }

@@ -126,11 +126,11 @@ fn scattered_halls(scenario: &Scenario, seed: u64) -> RigParams {
 
 fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<MotorRun, ParamError> {
     let mut board = board(scenario, case, options)?;
-    let mut meter = Meter::default();
     let mut log = Vec::new();
     let mut trace = options.trace.then(|| Trace::new(case.motor, scenario.duration_ms));
     let mut timeline = scenario.timeline.iter().peekable();
     let mut last = board.sample();
+    let mut meter = Meter::new(&last);
     if let Some(trace) = &mut trace {
         trace.record(&last);
     }
@@ -174,6 +174,11 @@ fn act(
         Action::Bus(v) => return board.rig_mut().set_bus(*v),
     };
     let answer = board.command(command);
+    // First what the command ended, then what it began.
+    while let Some(event) = board.event() {
+        log.push((last.ms, event_words(&event)));
+        meter.event(&event, last);
+    }
     meter.command(&command, answer.is_ok(), last, board.sample().estimated_counts());
     if let Err(refusal) = answer {
         log.push((last.ms, format!("refused {action}: {refusal:?}")));

@@ -303,9 +303,9 @@ impl Scenario {
     /// Not of that form, no such property, or a value out of range.
     pub fn set(&mut self, assignment: &str) -> Result<(), BadInput> {
         let bad = |problem: &str, found: &str, expected: String| BadInput {
-            place: format!("--set {assignment}"),
+            place: format!("--set {}", error::shorten(assignment)),
             problem: problem.to_owned(),
-            found: found.to_owned(),
+            found: error::shorten(found),
             expected,
             next: "give --set PROPERTY=VALUE, for example --set KP=120".to_owned(),
         };

@@ -181,3 +181,89 @@ fn a_hall_capture_becomes_a_line_a_sample() {
     }
     assert!(!folder.join("y.csv").exists(), "no file for bad input");
 }
+
+/// What a run writes is its own two files, whatever stands there already.
+#[cfg(unix)]
+#[test]
+fn only_the_named_file_is_touched() {
+    use std::os::unix::fs::{FileTypeExt, symlink};
+    let folder = folder("only-named");
+    let path = |name: &str| folder.join(name).to_string_lossy().into_owned();
+    let capture: Vec<u8> = [1u8, 3, 2, 6, 4, 5].into_iter().flat_map(|code| [0x5a, code, 0]).collect();
+    std::fs::write(path("x.dat"), &capture).expect("a file for the test");
+    let replay =
+        |csv: &str| hil_sim(&["replay-halls", &path("x.dat"), "--counts-per-rev", "18", "--csv", csv]);
+    let lines = |name: &str| std::fs::read_to_string(path(name)).expect("text").lines().count();
+
+    // Somebody's file of the name that is near at hand.
+    std::fs::write(path("x.part"), "mine").expect("a file for the test");
+    assert_eq!(replay(&path("x.csv")).status.code(), Some(0));
+    assert_eq!(
+        (std::fs::read_to_string(path("x.part")).expect("text").as_str(), lines("x.csv")),
+        ("mine", 5)
+    );
+
+    // Links stay links, also one to nothing.
+    std::fs::create_dir(path("far")).expect("a folder");
+    std::fs::write(path("far/old.csv"), "old").expect("a file for the test");
+    for (link, to) in [("old-link.csv", "far/old.csv"), ("new-link.csv", "far/new.csv")] {
+        symlink(to, path(link)).expect("a link");
+        let output = replay(&path(link));
+        assert_eq!(output.status.code(), Some(0), "{link}: {}", stderr(&output));
+        assert!(folder.join(link).is_symlink(), "{link}");
+        assert_eq!(lines(to), 5, "{link}");
+    }
+
+    // A pipe stays one, and its reader gets the lines.
+    assert!(Command::new("mkfifo").arg(path("fifo")).status().expect("mkfifo").success());
+    let reader = std::thread::spawn({
+        let fifo = path("fifo");
+        move || std::fs::read_to_string(fifo).expect("text")
+    });
+    assert_eq!(replay(&path("fifo")).status.code(), Some(0));
+    // Looked at before the reader is awaited, who would wait for ever on a pipe that is there no more.
+    assert!(std::fs::metadata(path("fifo")).expect("it is there").file_type().is_fifo());
+    assert_eq!(reader.join().expect("read").lines().count(), 5);
+    assert_eq!(replay("/dev/stdout").stdout.iter().filter(|byte| **byte == b'\n').count(), 5);
+
+    // Onto a folder: refused, and nothing is left of it.
+    std::fs::create_dir(path("folder.csv")).expect("a folder");
+    assert_eq!(replay(&path("folder.csv")).status.code(), Some(2));
+    let full = replay("/dev/full");
+    assert_eq!(full.status.code(), Some(2), "{}", stderr(&full));
+    // No room, as a limit of nought on the size of files makes it: the old file is whole.
+    let none = "trap '' XFSZ; ulimit -f 0; exec \"$0\" replay-halls \"$1\" --counts-per-rev 18 --csv \"$2\"";
+    let args = [none, env!("CARGO_BIN_EXE_hil-sim"), &path("x.dat"), &path("x.csv")];
+    let no_room = Command::new("sh").arg("-c").args(args).output().expect("a shell");
+    assert_eq!((no_room.status.code(), lines("x.csv")), (Some(2), 5), "{}", stderr(&no_room));
+    let entries = std::fs::read_dir(&folder).expect("the folder");
+    let mut names: Vec<_> =
+        entries.map(|e| e.expect("an entry").file_name().into_string().expect("text")).collect();
+    names.sort();
+    let expected = ["far", "fifo", "folder.csv", "new-link.csv", "old-link.csv", "x.csv", "x.dat", "x.part"];
+    assert_eq!(names, expected);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_no_success_and_a_closed_pipe_no_failure() {
+    for args in [&["run", "spread-full-travel", "--json"][..], &["run", "spread-full-travel"], &["list"]] {
+        let full = std::fs::File::create("/dev/full").expect("Linux has one");
+        let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+            .args(args)
+            .stdout(full)
+            .output()
+            .expect("the binary starts");
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(
+            stderr(&output).starts_with("error: standard output: cannot be written"),
+            "{}",
+            stderr(&output)
+        );
+
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let status = Command::new(env!("CARGO_BIN_EXE_hil-sim")).args(args).stdout(writer).status();
+        assert_eq!(status.expect("the binary starts").code(), Some(0), "{args:?}");
+    }
+}

@@ -1,6 +1,6 @@
 //! What the board sees of the plant: hall edges, brake, analog readings.
 
-use super::{at, close, drive, free, frictionless, rig, run};
+use super::{MODELS, at, close, drive, free, frictionless, rig, run};
 use hil_sim::plant::{Model, PlantParams};
 use hil_sim::rig::{HallChange, HallGlitch, Object, Rig, RigParams, Side, StuckLine};
 use servo_core::MotorKind;
@@ -149,4 +149,24 @@ fn break_input_latches_until_the_bridge_is_off() {
     assert_eq!(rig.truth().phase_a, [0.0; 3]);
     rig.advance(Bridge::Off, false, 6_000);
     assert!(!rig.analog().bridge_fault);
+}
+
+#[test]
+fn peak_current_is_the_largest_between_readings() {
+    // Locked from rest at half duty: up to 12 V / 2.405 Ω and half the ripple, 24 V · ½ · 25 µs / 0.8 mH / 2.
+    for model in MODELS {
+        let plant = PlantParams { dead_time_us: 0.0, r_per_k: 0.0, ..free() };
+        let mut rig = rig(plant, model, at(0.0, 0.0));
+        rig.advance(drive(rig.halls(), 0.5), false, 20_000);
+        rig.analog();
+        rig.advance(drive(rig.halls(), 0.5), false, 21_000);
+        // Switched off between two readings, the current is gone at the second, and its peak is not.
+        rig.advance(Bridge::Off, false, 24_000);
+        rig.analog();
+        assert_eq!(rig.truth().phase_a, [0.0; 3]);
+        close("peak A", rig.truth().peak_phase_a, 12.0 / 2.405 + 0.1875, 0.005);
+        rig.advance(Bridge::Off, false, 25_000);
+        rig.analog();
+        assert_eq!(rig.truth().peak_phase_a, 0.0);
+    }
 }

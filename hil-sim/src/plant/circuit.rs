@@ -29,6 +29,8 @@ pub struct Flow {
     pub copper_j: f64,
     /// Heat in diodes, J.
     pub drop_j: f64,
+    /// Largest phase current, A, at the ends of exponentials, which is where their extremes are.
+    pub peak_a: f64,
 }
 
 /// What flowed through two driven phases in series, from the first into the second.
@@ -39,6 +41,8 @@ pub struct PairFlow {
     drop_j: f64,
     /// Integral of i², A²s.
     square: f64,
+    /// Largest current, A.
+    peak_a: f64,
 }
 
 impl Flow {
@@ -49,6 +53,7 @@ impl Flow {
         self.bus_charge += pair.bus_charge;
         self.drop_j += pair.drop_j;
         self.copper_j += 2.0 * phase_r * pair.square;
+        self.peak_a = self.peak_a.max(pair.peak_a);
     }
 }
 
@@ -176,6 +181,7 @@ impl Winding {
         flow.bus_charge += bus_share * charge;
         flow.drop_j += (bus_share * self.bus_v - v) * charge;
         flow.square += square;
+        flow.peak_a = flow.peak_a.max(end.abs());
         *i = end;
         true
     }
@@ -270,6 +276,7 @@ impl Winding {
         flow.bus_charge += share * charge;
         flow.drop_j += (share * self.bus_v - (from.v - into.v)) * charge;
         flow.copper_j += 2.0 * self.phase_r * square;
+        flow.peak_a = flow.peak_a.max(end.abs());
         i[a] = end;
         i[b] = -end;
         stopped
@@ -317,6 +324,7 @@ impl Winding {
             flow.bus_charge += hold.bus_share * charge;
             flow.drop_j += (hold.bus_share * self.bus_v - hold.v) * charge;
             flow.copper_j += self.phase_r * square;
+            flow.peak_a = flow.peak_a.max(end[k].abs());
         }
         *i = end;
         stopped

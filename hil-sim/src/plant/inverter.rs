@@ -198,6 +198,7 @@ impl Inverter {
                 let ripple_j = 2.0 * w.phase_r * swing * swing / 3.0 * dt;
                 flow.copper_j += ripple_j;
                 flow.bus_charge += ripple_j / w.bus_v.max(1.0);
+                flow.peak_a += swing;
                 if roles.six_step && idle && i[roles.float] == 0.0 {
                     self.float_pulses(roles, bus_share, e, dt, flow);
                 }
@@ -295,6 +296,7 @@ impl Inverter {
         // All per period: times as shares of it, so that a mean current is a peak times a share.
         let peak = 2.0 / 3.0 * drive * active * PERIOD_S / w.phase_l;
         let mean = 0.5 * peak * (active + release) * sign;
+        flow.peak_a = flow.peak_a.max(peak);
         flow.charge[float] += mean * dt;
         flow.charge[pwm] -= 0.5 * mean * dt;
         flow.charge[low] -= 0.5 * mean * dt;

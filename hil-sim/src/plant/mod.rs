@@ -78,6 +78,8 @@ pub struct State {
     pub bus_charge: f64,
     /// Torque of the motor, mean over the last step, N·m.
     pub torque: f64,
+    /// Largest phase current since [`Plant::take_peak`], A.
+    peak_a: f64,
     ledger: Ledger,
     heat: Heat,
     /// Copper and friction heat not yet in the heat equations, J.
@@ -149,6 +151,7 @@ impl Plant {
                 current: [0.0; 3],
                 bus_charge: 0.0,
                 torque: 0.0,
+                peak_a: 0.0,
                 ledger: Ledger::default(),
                 heat: start.heat,
                 pending: [0.0; 2],
@@ -168,6 +171,11 @@ impl Plant {
     #[must_use]
     pub fn state(&self) -> &State {
         &self.state
+    }
+
+    /// Largest phase current since the last call, A; the averaged model adds the ripple to its means.
+    pub fn take_peak(&mut self) -> f64 {
+        std::mem::take(&mut self.state.peak_a)
     }
 
     /// Takes back every step since `state` was read; the bridge, the supply and the disturbance stay.
@@ -243,6 +251,7 @@ impl Plant {
         s.torque = impulse / dt;
         let work = self.joint.advance(&mut s.shaft, s.torque, self.disturbance, brake, dt);
         s.bus_charge += flow.bus_charge;
+        s.peak_a = s.peak_a.max(flow.peak_a);
         s.ledger.supply_j += flow.bus_charge * self.params.bus_v;
         s.ledger.copper_j += flow.copper_j;
         s.ledger.diode_j += flow.drop_j;

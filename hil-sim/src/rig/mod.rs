@@ -74,6 +74,8 @@ pub struct Truth {
     pub torque_n_m: f64,
     /// Phase currents into the winding, A.
     pub phase_a: [f64; 3],
+    /// Largest phase current between the last two readings of the ADC, that is, during a tick, A.
+    pub peak_phase_a: f64,
     /// Charge drawn from the bus since the start, C.
     pub bus_charge_c: f64,
     /// Torque that stops, objects and disturbance put on the joint's side of the gear, as at the motor of a
@@ -103,6 +105,8 @@ pub struct Rig {
     thermistor_c: f64,
     /// Time and bus charge of the last reading.
     last_read: (u64, f64),
+    /// Largest phase current up to the last reading, from the one before it, A.
+    peak_phase_a: f64,
 }
 
 impl Rig {
@@ -144,6 +148,7 @@ impl Rig {
             tripped: false,
             thermistor_c: start.heat.housing_c,
             last_read: (0, 0.0),
+            peak_phase_a: 0.0,
         })
     }
 
@@ -247,6 +252,7 @@ impl Rig {
         let dt = (s.t_us - self.last_read.0) as f64 * 1e-6;
         let current = if dt > 0.0 { (s.bus_charge - self.last_read.1) / dt } else { 0.0 };
         self.last_read = (s.t_us, s.bus_charge);
+        self.peak_phase_a = self.plant.take_peak();
         let lag = self.params.thermistor_lag_s;
         self.thermistor_c += (self.plant.heat().housing_c - self.thermistor_c) * (1.0 - (-dt / lag).exp());
         let joint = -s.shaft.load * self.plant.params().gear_ratio;
@@ -283,6 +289,7 @@ impl Rig {
             counts_per_s: s.shaft.omega / RAD_PER_COUNT,
             torque_n_m: s.torque,
             phase_a: s.current,
+            peak_phase_a: self.peak_phase_a,
             bus_charge_c: s.bus_charge,
             load_n_m: s.shaft.load,
             winding_c: heat.winding_c,

@@ -48,7 +48,8 @@ impl Source<'_> {
         let found = if found.is_empty() { "the end of the file" } else { found };
         BadInput {
             place: format!("{}:{line}", self.file),
-            problem: problem.into(),
+            // Room for a key that is not quite known, its value, and what is wrong with it.
+            problem: clipped(&problem.into(), 200),
             found: shorten(found),
             expected: expected.into(),
             next: next.into(),
@@ -106,7 +107,7 @@ impl Source<'_> {
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let line = self.text.get(start..)?.lines().next()?;
         let (key, _) = line.split_once('=')?;
-        Some(key.trim().to_owned())
+        Some(shorten(key.trim()))
     }
 }
 
@@ -140,7 +141,11 @@ pub(super) fn closest<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> 
 }
 
 /// At most 80 characters of what was found, without control characters.
-fn shorten(found: &str) -> String {
-    let clean: String = found.chars().take(80).map(|c| if c.is_control() { '?' } else { c }).collect();
-    if clean.len() < found.len() { clean + "…" } else { clean }
+pub(super) fn shorten(found: &str) -> String {
+    clipped(found, 80)
+}
+
+fn clipped(text: &str, most: usize) -> String {
+    let clean: String = text.chars().take(most).map(|c| if c.is_control() { '?' } else { c }).collect();
+    if text.chars().nth(most).is_some() { clean + "…" } else { clean }
 }

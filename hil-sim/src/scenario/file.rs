@@ -97,7 +97,7 @@ pub(super) struct Expect {
     pub(super) min: Option<Number>,
     pub(super) max: Option<Number>,
     pub(super) equals: Option<Wanted>,
-    pub(super) tolerance: Option<Number>,
+    pub(super) tolerance: Option<Tolerance>,
 }
 
 /// What a metric should equal.
@@ -109,6 +109,10 @@ pub(super) enum Wanted {
 /// A finite number.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Number(pub(super) f64);
+
+/// How far off a number may be.
+#[derive(Clone, Copy)]
+pub(super) struct Tolerance(pub(super) f64);
 
 /// A torque on the shaft: ten times what the motor can.
 #[derive(Clone, Copy)]
@@ -199,6 +203,7 @@ macro_rules! integer {
 }
 
 number!(Number, -1e12, 1e12, "a finite number (of the unit that the key's name ends in)");
+number!(Tolerance, 0.0, 1e12, "a tolerance, 0 or more");
 number!(NewtonMetres, -6.5, 6.5, "a torque at the motor in N·m, -6.5 to 6.5");
 number!(Volts, 0.0, 60.0, "a supply voltage, 0 to 60 V");
 number!(Spread, 0.0, 0.5, "a relative scatter, 0 to 0.5 (0.3 is ±30 %)");

@@ -209,44 +209,51 @@ fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
 /// One `[[expect]]` table.
 fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Expectation, BadInput> {
     let file::Expect { metric: name, min, max, equals, tolerance } = expect.get_ref();
-    let fail = |problem: &str, expected: &str, next: &str| {
-        let problem = format!("[[expect]] {name} {problem}");
-        Err(BadInput {
-            found: format!("metric = \"{name}\""),
-            ..source.error(expect.span(), problem, expected, next)
-        })
+    let short = error::shorten(name);
+    let fail = |problem: &str, found: String, expected: &str, next: &str| {
+        let problem = format!("[[expect]] {short} {problem}");
+        Err(BadInput { found, ..source.error(expect.span(), problem, expected, next) })
     };
+    let named = format!("metric = \"{short}\"");
     let Some(metric) = metrics::find(name) else {
-        let known = metrics::METRICS.map(|metric| metric.name).join(", ");
-        let next = match error::closest(name, metrics::METRICS.iter().map(|metric| metric.name)) {
-            Some(like) => format!("did you mean {like}?"),
-            None => "use one of those".to_owned(),
-        };
-        return fail("is not a metric", &known, &next);
+        let known = metrics::METRICS.map(|metric| metric.name);
+        return fail("is not a metric", named, &known.join(", "), &did_you_mean(name, &known));
     };
-    let want = match (metric.word, equals, min, max, tolerance) {
-        (true, Some(file::Wanted::Text(word)), None, None, None) => Want::Word(word.clone()),
+    let want = match (metric.is_word(), equals, min, max, tolerance) {
+        (true, Some(file::Wanted::Text(word)), None, None, None) => {
+            if !metric.can_be(word) {
+                let found = format!("equals = \"{}\"", error::shorten(word));
+                let next = did_you_mean(word, metric.words);
+                return fail("is never that", found, &metric.words.join(", "), &next);
+            }
+            Want::Word(word.clone())
+        }
         (false, Some(file::Wanted::Number(value)), None, None, tolerance) => {
-            let tolerance = tolerance.map_or(0.0, |t| t.0.abs());
+            let tolerance = tolerance.map_or(0.0, |t| t.0);
             Want::Within(value - tolerance, value + tolerance)
         }
         (false, None, min, max, None) if min.is_some() || max.is_some() => {
             Want::Within(min.map_or(f64::NEG_INFINITY, |n| n.0), max.map_or(f64::INFINITY, |n| n.0))
         }
         (true, ..) => {
-            return fail("is a word", "equals = \"...\"", "use equals and nothing else");
+            return fail("is a word", named, "equals = \"...\"", "use equals and nothing else");
         }
         (false, ..) => {
             let expected = "min, max or both; or equals = number, with a tolerance or without";
-            return fail(
-                "has no number to compare with, or too many",
-                expected,
-                "add or remove one of those",
-            );
+            let problem = "has no number to compare with, or too many";
+            return fail(problem, named, expected, "add or remove one of those");
         }
     };
     if matches!(want, Want::Within(min, max) if min > max) {
-        return fail("has its min above its max", "min at most max", "exchange them");
+        return fail("has its min above its max", named, "min at most max", "exchange them");
     }
     Ok(Expectation { metric, want })
+}
+
+/// The next step for a word that is none of those known.
+fn did_you_mean(word: &str, known: &[&str]) -> String {
+    match error::closest(word, known.iter().copied()) {
+        Some(like) => format!("did you mean {like}?"),
+        None => "use one of those".to_owned(),
+    }
 }
