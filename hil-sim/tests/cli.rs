@@ -288,3 +288,21 @@ fn a_full_disk_is_no_success_and_a_closed_pipe_no_failure() {
         assert_eq!(status.expect("the binary starts").code(), Some(0), "{args:?}");
     }
 }
+
+/// Every command line that the README gives for this program ends well.
+#[test]
+fn the_readme_can_be_typed() {
+    let readme = include_str!("../../README.md");
+    let lines: Vec<&str> =
+        readme.lines().filter_map(|line| line.strip_prefix("cargo run --release -p hil-sim -- ")).collect();
+    assert_eq!(lines.len(), 2, "{lines:?}");
+    for line in lines {
+        let args: Vec<&str> = line.split_whitespace().collect();
+        let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+            .args(args)
+            .current_dir(folder("readme"))
+            .output()
+            .expect("the binary starts");
+        assert_eq!(output.status.code(), Some(0), "{line}: {}{}", stdout(&output), stderr(&output));
+    }
+}
