@@ -93,18 +93,18 @@ fn recordings() {
     ] {
         let path = folder.join(format!("{name}.dat.gz"));
         let mut lines = Vec::new();
-        let samples = replay::replay(&path, 90, 30_000, &mut lines).unwrap_or_else(|e| panic!("{e}"));
+        let replayed = replay::replay(&path, 90, 30_000, &mut lines).unwrap_or_else(|e| panic!("{e}"));
         let text = String::from_utf8(lines).expect("text");
         let estimate: Vec<(f64, f64)> = text
             .lines()
             .map(|line| line.split_once(',').expect("two columns"))
             .map(|(p, v)| (p.parse().expect("position"), v.parse().expect("velocity")))
             .collect();
-        assert_eq!(estimate.len(), samples);
+        assert_eq!((estimate.len(), replayed.bad), (replayed.samples, 0));
         let mut raw = Vec::new();
         let file = std::fs::File::open(&path).expect("recording");
         std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(file), &mut raw).expect("gzip");
-        let s = score(&replay::codes(&raw).expect("capture"), &estimate, 30_000.0);
+        let s = score(&replay::samples(&raw).expect("capture").codes, &estimate, 30_000.0);
         println!(
             "{name}: velocity {:.1}, position {:.4}, bias {:.3} %",
             s.velocity_mse, s.position_mse, s.bias_pct

@@ -5,17 +5,16 @@
 mod output;
 
 use std::error::Error;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand, ValueEnum};
-use hil_sim::replay::replay;
+use hil_sim::replay::{Replayed, replay};
 use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
 use hil_sim::trace::{Trace, write_csv};
 use hil_sim::{Model, Options, Outcome, report, run};
-use output::{print, replace};
+use output::{print, replace, tell};
 
 /// Simulates the servo of a robot hand's motor board in closed loop with its motor.
 #[derive(Parser)]
@@ -89,8 +88,7 @@ fn main() -> ExitCode {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(bad) => {
-            // There is nowhere to tell that this cannot be told.
-            let _ = writeln!(std::io::stderr(), "error: {bad}");
+            tell(&format!("error: {bad}"));
             ExitCode::from(2)
         }
     }
@@ -180,7 +178,7 @@ fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(),
 
 fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
     let mut csv = Vec::new();
-    replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
+    let Replayed { samples, bad } = replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
     replace(&args.csv, &csv).map_err(|e| BadInput {
         place: format!("--csv {}", args.csv.display()),
         problem: "cannot be written".to_owned(),
@@ -188,5 +186,11 @@ fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
         expected: "a file in a directory that exists".to_owned(),
         next: "choose another path or free space".to_owned(),
     })?;
+    if bad > 0 {
+        let capture = args.capture.display();
+        tell(&format!(
+            "warning: {capture}: {bad} of {samples} samples do not begin with 0x5A; their codes were taken"
+        ));
+    }
     Ok(true)
 }

@@ -1,4 +1,4 @@
-//! What the program gives: text on standard output, and whole files.
+//! What the program gives: text on standard output and standard error, and whole files.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -22,6 +22,11 @@ pub fn print(text: &str) -> Result<(), BadInput> {
         }),
         _ => Ok(()),
     }
+}
+
+/// A line on standard error; there is nowhere to tell that it cannot be told.
+pub fn tell(line: &str) {
+    let _ = writeln!(io::stderr(), "{line}");
 }
 
 /// Writes a file under another name first, so that a reader finds the old or the new one and never a half. A

@@ -6,25 +6,40 @@
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::sense::velocity::Estimator;
 use servo_core::units::Micros;
+use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
+
+use crate::scenario::BadInput;
 
 /// Codes of sectors 0..5 of the recorded motors: the hand's wiring, counted from another sector.
 const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
 
-/// A capture that cannot be replayed, as one line: what, where, found, wanted, and what to do.
-#[derive(Debug, PartialEq, Eq)]
-pub struct ReplayError(String);
+/// First byte of a sample.
+const SYNC: u8 = 0x5A;
 
-impl std::fmt::Display for ReplayError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
+/// Largest capture read, packed or not: 64 MiB are 12 minutes at 30 kHz, and become 1 GB while they are replayed.
+const MAX_BYTES: u64 = 64 << 20;
+
+/// What was replayed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Replayed {
+    /// Samples, and lines written.
+    pub samples: usize,
+    /// Samples without their sync byte, which were taken all the same.
+    pub bad: usize,
 }
 
-impl std::error::Error for ReplayError {}
+/// The samples of a capture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Samples {
+    /// Hall code of each.
+    pub codes: Vec<u8>,
+    /// How many lack their sync byte.
+    pub bad: usize,
+}
 
-/// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture; returns how many.
+/// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture.
 ///
 /// Of 90 counts a revolution, the places of 180 edges are learned: a recording's motor is often not the one its
 /// user thinks of, and 180 holds every motor of 1, 2, 3, 5, 6, 10, 15 or 30 pairs of poles.
@@ -36,35 +51,52 @@ pub fn replay(
     counts_per_rev: u32,
     rate_hz: u32,
     out: &mut impl Write,
-) -> Result<usize, ReplayError> {
+) -> Result<Replayed, BadInput> {
     if !(1000..=1_000_000).contains(&rate_hz) {
-        return Err(ReplayError(format!(
-            "--rate-hz {rate_hz}: a sample rate of 1000 to 1000000 Hz is wanted; the recorder's is usually 30000"
-        )));
+        return Err(BadInput {
+            place: "--rate-hz".to_owned(),
+            problem: "the sample rate is out of range".to_owned(),
+            found: rate_hz.to_string(),
+            expected: "1000 to 1000000 samples a second".to_owned(),
+            next: "give the recorder's rate, which is usually 30000".to_owned(),
+        });
     }
     let estimate = estimator_for(counts_per_rev)?;
-    let codes =
-        codes(&bytes(capture)?).map_err(|what| ReplayError(format!("{}: {what}", capture.display())))?;
+    let raw = bytes(capture, MAX_BYTES)?;
+    let Samples { codes, bad } = samples(&raw).ok_or_else(|| BadInput {
+        place: capture.display().to_string(),
+        problem: "this is no capture of hall lines".to_owned(),
+        found: format!("{} bytes, of which nowhere five samples in a row begin with 0x5A", raw.len()),
+        expected: "three bytes a sample: 0x5A, the hall code, 0".to_owned(),
+        next: "check the path, or record again".to_owned(),
+    })?;
     for (position, velocity) in estimate(&codes, rate_hz) {
-        writeln!(out, "{position:.4},{velocity:.3}").map_err(|e| {
-            ReplayError(format!("cannot write the estimate: {e}; is there space, and is the path writable?"))
+        writeln!(out, "{position:.4},{velocity:.3}").map_err(|e| BadInput {
+            place: capture.display().to_string(),
+            problem: "its estimate cannot be written".to_owned(),
+            found: e.to_string(),
+            expected: "room for a line a sample".to_owned(),
+            next: "free space, or choose another path".to_owned(),
         })?;
     }
-    Ok(codes.len())
+    Ok(Replayed { samples: codes.len(), bad })
 }
 
 /// The estimator of a motor with this many counts a revolution, six a pole pair. The hand's own learns its 18
 /// edges, as on the board; any other learns two revolutions (see [`replay`]).
-fn estimator_for(counts_per_rev: u32) -> Result<Estimate, ReplayError> {
+fn estimator_for(counts_per_rev: u32) -> Result<Estimate, BadInput> {
     macro_rules! by_pole_pairs {
         ($($pairs:literal)*) => {
             match counts_per_rev {
                 18 => Ok(estimate::<18> as Estimate),
                 $(counts if counts == 6 * $pairs => Ok(estimate::<{ 12 * $pairs }> as Estimate),)*
-                _ => Err(ReplayError(format!(
-                    "--counts-per-rev {counts_per_rev}: six counts for each pair of poles are wanted, 6 to 180; \
-                     the hand's motors have 18"
-                ))),
+                _ => Err(BadInput {
+                    place: "--counts-per-rev".to_owned(),
+                    problem: "no motor has so many counts a revolution".to_owned(),
+                    found: counts_per_rev.to_string(),
+                    expected: "six counts for each pair of poles, 6 to 180".to_owned(),
+                    next: "give the motor's pairs of poles times six; the hand's motors have 18".to_owned(),
+                }),
             }
         };
     }
@@ -75,49 +107,55 @@ fn estimator_for(counts_per_rev: u32) -> Result<Estimate, ReplayError> {
 type Estimate = fn(&[u8], u32) -> Vec<(f64, f64)>;
 
 /// The file, unpacked if it begins as gzip does.
-fn bytes(path: &Path) -> Result<Vec<u8>, ReplayError> {
-    let fail = |what: &str, e: std::io::Error, next: &str| {
-        ReplayError(format!("{}: cannot {what}: {e}; {next}", path.display()))
+fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, BadInput> {
+    let fail = |problem: &str, found: String, next: &str| BadInput {
+        place: path.display().to_string(),
+        problem: problem.to_owned(),
+        found,
+        expected: format!("a capture of at most {most} bytes, gzipped or not"),
+        next: next.to_owned(),
     };
-    let raw = std::fs::read(path).map_err(|e| fail("read", e, "check the path"))?;
+    let unread = |e: std::io::Error| fail("cannot be read", e.to_string(), "check the path");
+    // Looked at before it is opened: to open a pipe may wait for ever.
+    if !path.metadata().map_err(unread)?.is_file() {
+        return Err(fail(
+            "this is not a file",
+            "a directory, pipe or device".to_owned(),
+            "give a recording's path",
+        ));
+    }
+    let raw = at_most(File::open(path).map_err(unread)?, most).map_err(unread)?;
+    let shorter = "cut it into shorter ones";
+    let raw = raw.ok_or_else(|| fail("too large", format!("more than {most} bytes"), shorter))?;
     if !raw.starts_with(&[0x1F, 0x8B]) {
         return Ok(raw);
     }
-    let mut unpacked = Vec::new();
-    flate2::read::MultiGzDecoder::new(raw.as_slice())
-        .read_to_end(&mut unpacked)
-        .map_err(|e| fail("unpack", e, "the file is damaged or cut short; copy it again"))?;
-    Ok(unpacked)
+    let damaged = "the file is damaged or cut short; copy it again";
+    at_most(flate2::read::MultiGzDecoder::new(raw.as_slice()), most)
+        .map_err(|e| fail("cannot be unpacked", e.to_string(), damaged))?
+        .ok_or_else(|| fail("too large once unpacked", format!("more than {most} bytes"), shorter))
 }
 
-/// The hall codes of a capture.
-///
-/// # Errors
-/// What is wrong with it, without the file's name.
-pub fn codes(raw: &[u8]) -> Result<Vec<u8>, String> {
-    const SYNC: u8 = 0x5A;
+/// All of it, or `None` if it is longer than `most` bytes.
+fn at_most(from: impl Read, most: u64) -> std::io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    let read = from.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    Ok((read as u64 <= most).then_some(bytes))
+}
+
+/// The samples of a capture; `None` if it is none. From the first five in a row that begin with their sync byte,
+/// every third byte begins one whether it is the sync byte or not, so that a line of the estimate is a sample of the
+/// recording to any other reader of it, too.
+#[must_use]
+pub fn samples(raw: &[u8]) -> Option<Samples> {
     let aligned = |at: usize| (0..5).all(|k| raw.get(at + 3 * k) == Some(&SYNC));
     // Alignment is at one of three offsets, unless the recording begins with rubbish.
-    let Some(start) = (0..raw.len()).find(|&at| aligned(at)) else {
-        return Err(format!(
-            "no five samples in a row begin with 0x5A in {} bytes; a capture is 3 bytes a sample: 0x5A, code, 0",
-            raw.len()
-        ));
-    };
-    let mut codes = Vec::with_capacity(raw.len() / 3);
+    let start = (0..raw.len()).find(|&at| aligned(at))?;
     // The last sample may be cut: it is left out whether or not it is whole.
-    for at in (start..raw.len().saturating_sub(3)).step_by(3) {
-        match raw.get(at..at + 2) {
-            Some(&[SYNC, code]) => codes.push(code & 7),
-            found => {
-                return Err(format!(
-                    "sample {} at byte {at}: found {found:02X?}, want 0x5A and a code; bytes were lost, record again",
-                    codes.len()
-                ));
-            }
-        }
-    }
-    Ok(codes)
+    let whole = raw.get(start..raw.len().saturating_sub(1))?;
+    let (frames, _) = whole.as_chunks::<3>();
+    let codes = frames.iter().map(|[_, code, _]| code & 7).collect();
+    Some(Samples { codes, bad: frames.iter().filter(|[sync, ..]| *sync != SYNC).count() })
 }
 
 /// Position and velocity at each sample. Nothing but the edges is known of the recorded rotor, so they are
@@ -181,7 +219,7 @@ mod tests {
         ] {
             let path = file(name, bytes);
             let mut out = Vec::new();
-            assert_eq!(replay(&path, 90, 30_000, &mut out), Ok(want), "{name}");
+            assert_eq!(replay(&path, 90, 30_000, &mut out), Ok(Replayed { samples: want, bad: 0 }), "{name}");
             std::fs::remove_file(path).expect("temporary file");
             let text = String::from_utf8(out).expect("text");
             assert_eq!(text.lines().count(), want, "{name}");
@@ -200,27 +238,61 @@ mod tests {
 
     #[test]
     fn bad_input_is_named() {
-        let mut lost = capture(100);
-        lost.drain(151..153);
         let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         packed.write_all(&capture(3000)).expect("pack");
         let packed = packed.finish().expect("pack");
         for (name, bytes, counts, rate, want) in [
-            ("empty", &[][..], 90, 30_000, "no five samples"),
-            ("text", b"this is no capture", 90, 30_000, "no five samples"),
-            ("short", &capture(4), 90, 30_000, "no five samples"),
-            ("lost", &lost, 90, 30_000, "sample 51 at byte 153"),
+            ("empty", &[][..], 90, 30_000, "no capture of hall lines"),
+            ("text", b"this is no capture", 90, 30_000, "no capture of hall lines"),
+            ("short", &capture(4), 90, 30_000, "no capture of hall lines"),
             ("damaged", &packed[..packed.len() / 2], 90, 30_000, "damaged or cut short"),
-            ("rate", &capture(100), 90, 0, "--rate-hz 0"),
+            ("rate", &capture(100), 90, 0, "--rate-hz: the sample rate is out of range\n  found:    0\n"),
             ("counts", &capture(100), 91, 30_000, "six counts for each pair of poles"),
         ] {
             let path = file(name, bytes);
             let error = replay(&path, counts, rate, &mut Vec::new()).expect_err(name).to_string();
-            assert!(error.contains(want), "{name}: {error}");
+            for word in [want, "\n  found: ", "\n  expected: ", "\n  next: "] {
+                assert!(error.contains(word), "{name}: {error}");
+            }
             std::fs::remove_file(path).expect("temporary file");
         }
         let error =
             replay(Path::new("/no/such.dat"), 90, 30_000, &mut Vec::new()).expect_err("absent").to_string();
         assert!(error.contains("/no/such.dat") && error.contains("check the path"), "{error}");
+    }
+    #[test]
+    fn samples_without_sync_are_taken_and_counted() {
+        let mut raw = capture(100);
+        raw[150] = 0;
+        raw[240] = 0xFF;
+        let Samples { codes, bad } = samples(&raw).expect("a capture");
+        assert_eq!((codes.len(), bad), (99, 2));
+        assert_eq!(codes, samples(&capture(100)).expect("a capture").codes);
+        // Two bytes are lost: from there on nothing is where it should be, and there is a line for each sample still.
+        raw = capture(100);
+        raw.drain(151..153);
+        let Samples { codes, bad } = samples(&raw).expect("a capture");
+        assert_eq!((codes.len(), bad), (99, 48));
+    }
+
+    #[test]
+    fn nothing_is_read_without_end() {
+        use std::error::Error;
+        let check = |bytes: &[u8], most: u64| -> Result<usize, Box<dyn Error>> {
+            let path = file("large", bytes);
+            let read = super::bytes(&path, most);
+            std::fs::remove_file(path)?;
+            Ok(read?.len())
+        };
+        let raw = capture(3000);
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+        packed.write_all(&raw).expect("pack");
+        let packed = packed.finish().expect("pack");
+        assert!(packed.len() < 1000);
+        for bytes in [&raw, &packed] {
+            assert_eq!(check(bytes, 9000).ok(), Some(9000));
+            let error = check(bytes, 8999).expect_err("too large").to_string();
+            assert!(error.contains("too large") && error.contains("more than 8999 bytes"), "{error}");
+        }
     }
 }

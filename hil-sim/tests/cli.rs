@@ -168,16 +168,37 @@ fn a_hall_capture_becomes_a_line_a_sample() {
     assert!((last[0] - first[0]).abs() > 10.0, "{} to {} counts", first[0], last[0]);
     assert!(!folder.join("x.part").exists());
 
+    assert_eq!(stderr(&output), "");
+
+    capture[1500] = 0;
+    std::fs::write(path("dirty.dat"), &capture).expect("a file for the test");
+    let output = replay(&path("dirty.dat"), &path("dirty.csv"), "18");
+    assert_eq!((output.status.code(), stdout(&output).as_str()), (Some(0), ""));
+    assert!(stderr(&output).contains("1 of 1200 samples do not begin with 0x5A"), "{}", stderr(&output));
+    assert_eq!(std::fs::read_to_string(path("dirty.csv")).expect("text"), csv);
+
+    // Of holes, which cost the disk nothing.
+    let large = std::fs::File::create(path("large.dat")).expect("a file for the test");
+    large.set_len((64 << 20) + 1).expect("a file for the test");
     std::fs::write(path("text.dat"), "no capture").expect("a file for the test");
     for (capture, csv, rev) in [
         (path("missing.dat"), path("y.csv"), "18"),
         (path("text.dat"), path("y.csv"), "18"),
+        (path("large.dat"), path("y.csv"), "18"),
+        (path("."), path("y.csv"), "18"),
+        ("/dev/zero".to_owned(), path("y.csv"), "18"),
         (path("x.dat"), path("y.csv"), "17"),
         (path("x.dat"), path("no/folder/y.csv"), "18"),
     ] {
         let output = replay(&capture, &csv, rev);
         assert_eq!(output.status.code(), Some(2), "{capture} {csv}: {}", stderr(&output));
-        assert!(stderr(&output).starts_with("error: "), "{}", stderr(&output));
+        for word in ["error: ", "\n  found: ", "\n  expected: ", "\n  next: "] {
+            assert!(stderr(&output).contains(word), "{}", stderr(&output));
+        }
+    }
+    for device in ["/dev/zero", "/"] {
+        let output = replay(device, &path("y.csv"), "18");
+        assert!(stderr(&output).contains("this is not a file"), "{}", stderr(&output));
     }
     assert!(!folder.join("y.csv").exists(), "no file for bad input");
 }
@@ -265,5 +286,23 @@ fn a_full_disk_is_no_success_and_a_closed_pipe_no_failure() {
         drop(reader);
         let status = Command::new(env!("CARGO_BIN_EXE_hil-sim")).args(args).stdout(writer).status();
         assert_eq!(status.expect("the binary starts").code(), Some(0), "{args:?}");
+    }
+}
+
+/// Every command line that the README gives for this program ends well.
+#[test]
+fn the_readme_can_be_typed() {
+    let readme = include_str!("../../README.md");
+    let lines: Vec<&str> =
+        readme.lines().filter_map(|line| line.strip_prefix("cargo run --release -p hil-sim -- ")).collect();
+    assert_eq!(lines.len(), 2, "{lines:?}");
+    for line in lines {
+        let args: Vec<&str> = line.split_whitespace().collect();
+        let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+            .args(args)
+            .current_dir(folder("readme"))
+            .output()
+            .expect("the binary starts");
+        assert_eq!(output.status.code(), Some(0), "{line}: {}{}", stdout(&output), stderr(&output));
     }
 }
