@@ -5,7 +5,7 @@
 
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::sense::velocity::Estimator;
-use servo_core::units::Micros;
+use servo_core::units::{Counts, CountsPerSec, Micros};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
@@ -159,12 +159,20 @@ pub fn samples(raw: &[u8]) -> Option<Samples> {
 }
 
 /// Position and velocity at each sample. Nothing but the edges is known of the recorded rotor, so they are
-/// [`undecided`](Estimator::undecided); the servo takes [`at`](Estimator::at) of the same estimator with the same
-/// constants.
-///
-/// The lines' changes call the decoder as the interrupt does, and so does a tick each millisecond.
+/// [`undecided`](Estimator::undecided).
 #[must_use]
 pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
+    readings::<N>(codes, rate_hz, Estimator::undecided)
+}
+
+/// What one of the estimator's readings says at each sample; [`Estimator::at`] is the servo's. The lines' changes
+/// call the decoder as the interrupt does, and so does a tick each millisecond.
+#[must_use]
+pub fn readings<const N: usize>(
+    codes: &[u8],
+    rate_hz: u32,
+    reading: fn(&mut Estimator<N>, Micros) -> (Counts, CountsPerSec),
+) -> Vec<(f64, f64)> {
     let Some(wiring) = Wiring::new(CODES) else { return Vec::new() };
     let first = codes.first().copied().unwrap_or(0);
     let mut halls = HallDecoder::new(wiring, first, 0);
@@ -183,7 +191,7 @@ pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
             }
             last = code;
         }
-        let (position, velocity) = estimator.undecided(now);
+        let (position, velocity) = reading(&mut estimator, now);
         rows.push((position.0.to_num::<f64>(), velocity.0.to_num::<f64>()));
     }
     rows
