@@ -3,6 +3,7 @@
 use super::{MODELS, at, close, drive, free, frictionless, rig, run};
 use hil_sim::plant::{Model, PlantParams};
 use hil_sim::rig::{HallChange, HallGlitch, Object, Rig, RigParams, Side, StuckLine};
+use proptest::prelude::*;
 use servo_core::MotorKind;
 use servo_core::sense::commutation::Bridge;
 
@@ -168,5 +169,83 @@ fn peak_current_is_the_largest_between_readings() {
         rig.advance(Bridge::Off, false, 25_000);
         rig.analog();
         assert_eq!(rig.truth().peak_phase_a, 0.0);
+    }
+}
+
+/// Advances by 50 ms at a duty, watching that every call moves time; returns the number of calls.
+#[track_caller]
+fn progresses(rig: &mut Rig, duty: Option<f64>) -> u32 {
+    let until = rig.now_us() + 50_000;
+    let mut calls = 0;
+    while rig.now_us() < until {
+        let before = rig.now_us();
+        let bridge = duty.map_or(Bridge::Off, |duty| drive(rig.halls(), duty));
+        let change = rig.advance(bridge, true, until);
+        assert!(rig.now_us() > before, "time stands still at {before} µs, {:?}", rig.truth());
+        if change.is_none() {
+            assert_eq!(rig.now_us(), until);
+        }
+        calls += 1;
+    }
+    calls
+}
+
+#[test]
+fn a_start_on_a_boundary_moves_on() {
+    // The boundary's own place with each error; radians and back may put the rotor on either side.
+    for model in MODELS {
+        for error in [-25.0, -6.0, 0.0, 0.1, 6.0, 25.0] {
+            let params = RigParams { hall_error_deg: [error; 6], ..RigParams::default() };
+            for k in [-7, -6, -1, 0, 1, 5, 80, 338] {
+                let count = f64::from(k) + 0.5 + error / 60.0;
+                for (duty, speed) in [(0.3, 0.0), (-0.3, 0.0), (0.3, 300.0), (-0.3, -300.0), (0.3, -20.0)] {
+                    let mut rig = Rig::new(free(), params.clone(), &[], model, at(count, speed), 1).unwrap();
+                    assert!(progresses(&mut rig, Some(duty)) > 1);
+                    let moved = rig.truth().counts - count;
+                    assert!(moved * duty > 1.0, "{model:?} {error}° {k} {duty} {speed}: {moved}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_load_takes_a_resting_rotor_down_from_a_boundary() {
+    // A stop stands on a hall boundary.
+    let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::for_motor(MotorKind::Spread) };
+    let stop = plant.max_count + 0.5;
+    for model in MODELS {
+        let mut rig = rig(plant.clone(), model, at(stop, 0.0));
+        rig.set_disturbance(-0.1);
+        assert!(progresses(&mut rig, None) > 1);
+        assert!(rig.truth().counts < stop - 1.0);
+    }
+}
+
+fn halves() -> impl Strategy<Value = f64> {
+    prop_oneof![(-400_i32..400).prop_map(|k| f64::from(k) + 0.5), -400.0..400.0_f64]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// Wherever the rotor starts and whatever its sensors are, time moves with every call.
+    #[test]
+    fn advance_always_progresses(
+        count in halves(),
+        still in any::<bool>(),
+        speed in -2000.0..2000.0_f64,
+        hall_error_deg in prop::array::uniform6(prop_oneof![Just(0.0), -25.0..25.0_f64]),
+        rise_delay_us in prop_oneof![Just(0_u64), 0_u64..2000],
+        zero_sector in 0_u8..6,
+        model in prop_oneof![Just(Model::Averaged), Just(Model::Switched)],
+        duties in prop::collection::vec(prop::option::of(-1.0..1.0_f64), 1..4),
+    ) {
+        let params = RigParams { hall_error_deg, rise_delay_us, ..RigParams::default() };
+        let start = at(count, if still { 0.0 } else { speed });
+        let mut rig = Rig::new(PlantParams { zero_sector, ..free() }, params, &[], model, start, 1).unwrap();
+        for duty in duties {
+            progresses(&mut rig, duty);
+        }
     }
 }

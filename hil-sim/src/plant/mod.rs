@@ -183,6 +183,12 @@ impl Plant {
         self.state = state;
     }
 
+    /// Rotor position, counts.
+    #[must_use]
+    pub fn counts(&self) -> f64 {
+        self.state.shaft.theta / RAD_PER_COUNT
+    }
+
     /// The parameters, with the supply as it is now.
     #[must_use]
     pub fn params(&self) -> &PlantParams {

@@ -139,7 +139,8 @@ impl Rig {
         }
         let plant = Plant::new(plant, &contacts, model, start)?;
         Ok(Self {
-            halls: Halls::new(rig.clone(), plant.params().zero_sector, start.count),
+            // Where the plant has it after radians and back, so that the first step starts within the bounds.
+            halls: Halls::new(rig.clone(), plant.params().zero_sector, plant.counts()),
             params: rig,
             plant,
             rng: Pcg64Mcg::new(u128::from(seed) << 64 | 0xadc),
@@ -199,7 +200,7 @@ impl Rig {
             if self.plant.state().current.iter().any(|i| i.abs() > trip) {
                 self.tripped = true;
             }
-            if self.halls.update(self.counts(), self.now_us()) {
+            if self.halls.update(self.plant.counts(), self.now_us()) {
                 return Some(HallChange { code: self.halls.lines(), at_us: self.now_us() });
             }
         }
@@ -221,29 +222,27 @@ impl Rig {
         let (low, high) = self.halls.bounds();
         let from = *self.plant.state();
         self.plant.step(bridge, brake, to_us);
-        let end = self.counts();
+        let end = self.plant.counts();
         if end >= low && end < high {
             return;
         }
-        let boundary = if end < low { low } else { high };
+        let (dir, boundary) = if end < low { (-1.0, low) } else { (1.0, high) };
         let steps = (to_us - from.t_us) as f64;
-        let (x0, x1) = (from.shaft.theta / RAD_PER_COUNT, end);
+        let start = from.shaft.theta / RAD_PER_COUNT;
         // Under constant acceleration the share of the step until the boundary solves a quadratic; from a
-        // velocity and the distance, in the form that is stable as the acceleration goes to zero.
-        let v0 = from.shaft.omega / RAD_PER_COUNT * steps * 1e-6;
-        let curve = x1 - x0 - v0;
-        let d = boundary - x0;
-        let root = (v0 * v0 + 4.0 * curve * d).max(0.0).sqrt();
-        let share = (2.0 * d / (v0 + if d < 0.0 { -root } else { root })).clamp(0.0, 1.0);
-        let us = (share * steps).ceil().clamp(1.0, steps) as u64;
+        // velocity and the distance, all towards the boundary, in the form that is stable as the acceleration
+        // goes to zero.
+        let v0 = dir * from.shaft.omega / RAD_PER_COUNT * steps * 1e-6;
+        let curve = dir * (end - start) - v0;
+        let to_go = dir * (boundary - start);
+        let share = 2.0 * to_go / (v0 + (v0 * v0 + 4.0 * curve * to_go).max(0.0).sqrt());
+        // From a start at rest on the boundary itself that is 0/0, which `max` turns into the least step: time
+        // always moves.
+        let us = (share * steps).ceil().max(1.0).min(steps) as u64;
         if from.t_us + us < to_us {
             self.plant.restore(from);
             self.plant.step(bridge, brake, from.t_us + us);
         }
-    }
-
-    fn counts(&self) -> f64 {
-        self.plant.state().shaft.theta / RAD_PER_COUNT
     }
 
     /// Reads the ADC; the current is the mean since the last reading.
@@ -285,7 +284,7 @@ impl Rig {
         let heat = self.plant.heat();
         Truth {
             t_us: s.t_us,
-            counts: self.counts(),
+            counts: self.plant.counts(),
             counts_per_s: s.shaft.omega / RAD_PER_COUNT,
             torque_n_m: s.torque,
             phase_a: s.current,
