@@ -11,6 +11,7 @@ use servo_core::MotorKind;
 use servo_core::sense::commutation::{Bridge, Leg};
 use servo_core::units::Duty;
 
+mod accepted;
 mod board;
 
 const MODELS: [Model; 2] = [Model::Averaged, Model::Switched];

@@ -23,6 +23,9 @@ const R_AT_C: f64 = 25.0;
 /// Interval of the heat equations and of the resistance that follows, µs.
 const HEAT_US: u64 = 1000;
 
+/// How far beyond a stop a rotor may start, counts: full speed dents one by 2.7.
+const START_BEYOND_COUNTS: f64 = 2.0;
+
 /// Energy since the start, J. What went in equals what was lost and what is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ledger {
@@ -124,11 +127,16 @@ impl Plant {
     ) -> Result<Self, ParamError> {
         params.validate()?;
         params::check(&[
-            ("start_count", start.count, -1e6, 1e6),
             ("start_counts_per_s", start.counts_per_s, -1e4, 1e4),
             ("winding_c", start.heat.winding_c, -60.0, 300.0),
             ("housing_c", start.heat.housing_c, -60.0, 300.0),
         ])?;
+        let (low, high) = (params.min_count - 0.5, params.max_count + 0.5);
+        if !(start.count >= low - START_BEYOND_COUNTS && start.count <= high + START_BEYOND_COUNTS) {
+            let expected =
+                format!("at most {START_BEYOND_COUNTS} counts beyond the stops at {low} and {high}");
+            return Err(ParamError { field: "start_count", found: start.count, expected });
+        }
         let winding = winding(&params, start.heat.winding_c);
         let shaft = Shaft {
             theta: start.count * RAD_PER_COUNT,
@@ -141,8 +149,7 @@ impl Plant {
             inverter: Inverter::new(model, winding, params.dead_time_us * 1e-6),
             joint,
             model,
-            // A tenth of a time constant of the winding, a hundredth of the motor's; see the tests.
-            max_step_us: 100,
+            max_step_us: params.longest_step_us(),
             disturbance: 0.0,
             stored_at_start,
             state: State {
@@ -161,10 +168,10 @@ impl Plant {
         })
     }
 
-    /// Bounds the step, 1..=100 µs, to show that results do not depend on it. The switched model never steps
+    /// Bounds the step, 1..=[`PlantParams::longest_step_us`], to show that results do not depend on it. The switched model never steps
     /// over the end of a PWM period.
     pub fn set_max_step_us(&mut self, us: u64) {
-        self.max_step_us = us.clamp(1, 100);
+        self.max_step_us = us.clamp(1, self.params.longest_step_us());
     }
 
     /// The state, to read or to come back to.

@@ -85,7 +85,9 @@ fn checked<T: Clone>(
 
 /// Whether a rig takes an object.
 fn check_object(object: &Object, plant: &PlantParams) -> Result<(), ParamError> {
-    let (rig, start) = (RigParams::default(), Initial::default().start(plant));
+    // Where the run starts is checked elsewhere; a stop is always a valid start.
+    let start = Initial { position_counts: plant.min_count, ..Initial::default() }.start(plant);
+    let rig = RigParams::default();
     Rig::new(plant.clone(), rig, &[*object], Model::Averaged, start, 0).map(|_| ())
 }
 
