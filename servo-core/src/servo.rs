@@ -116,7 +116,7 @@ impl Servo {
             entered: false,
             brake_ms: 0,
             profile: Profile::at_rest(position),
-            setpoint: Profile::at_rest(position).current(),
+            setpoint: SetPoint::at_rest(position),
             pid_state: PidState::default(),
             torque_wanted: Torque::ZERO,
             velocity_wanted: CountsPerSec::ZERO,
@@ -157,7 +157,7 @@ impl Servo {
             self.applied = envelope.bound(self.law(&envelope));
         } else {
             self.applied = Bounded::OFF;
-            self.setpoint = Profile::at_rest(self.position).current();
+            self.setpoint = SetPoint::at_rest(self.position);
         }
         let duty = self.ready().then_some(self.applied.duty);
         Drive { duty, brake_released: self.mode != Mode::Idle }
@@ -270,7 +270,7 @@ impl Servo {
     /// The torque that the mode's law wants, damped.
     fn law(&mut self, envelope: &Envelope) -> Torque {
         if matches!(self.mode, Mode::Torque | Mode::Velocity) {
-            self.setpoint = Profile::at_rest(self.position).current();
+            self.setpoint = SetPoint::at_rest(self.position);
         }
         let (torque, damping) = match self.mode {
             Mode::Idle => (Torque::ZERO, Law::ZERO),

@@ -52,6 +52,14 @@ pub struct SetPoint {
     pub done: bool,
 }
 
+impl SetPoint {
+    /// At rest at `position`, which is also its end.
+    #[must_use]
+    pub const fn at_rest(position: Counts) -> Self {
+        Self { position, velocity: CountsPerSec::ZERO, acceleration: CountsPerSec2::ZERO, done: true }
+    }
+}
+
 /// One stretch of constant acceleration, by its state at a tick. Units: counts and ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Segment {

@@ -213,6 +213,32 @@ fn a_blocked_move_stalls_after_tstop() {
 }
 
 #[test]
+fn the_profile_waits_for_a_rotor_that_lags_and_resumes_without_a_step() {
+    let mut bench = Bench::new(MotorKind::Tip);
+    bench.servo.command(Command::Move(60)).unwrap();
+    for _ in 0..250 {
+        bench.tick();
+    }
+    let waiting = bench.servo.status();
+    // Six counts, and what the last step added: less than the set-point's velocity in 1 ms.
+    assert!((6..=7).contains(&waiting.setpoint.round()), "{:?}", waiting.setpoint);
+    assert!(waiting.setpoint_velocity > CountsPerSec::from_int(50), "{:?}", waiting.setpoint_velocity);
+    let mut before = waiting;
+    bench.tick_to(5);
+    while bench.servo.status().mode == Mode::Trapezoidal {
+        let now = bench.servo.status();
+        // ACCEL 30 is 858 counts/s²: 0.86 counts/s a tick, and the profile never exceeds 60 counts' 227 counts/s.
+        let jerk = now.setpoint_velocity.0.saturating_sub(before.setpoint_velocity.0).saturating_abs();
+        assert!(jerk < Law::ONE, "the velocity steps by {jerk}");
+        let step = now.setpoint.wrapping_sub(before.setpoint).saturating_error();
+        assert!(step < Law::ONE / 4, "the set-point steps by {step}");
+        before = now;
+        bench.tick_to(now.setpoint.round());
+    }
+    assert_eq!(bench.servo.status().end, Some(EndReason::Arrived));
+}
+
+#[test]
 fn a_move_without_acceleration_ends_as_a_stall() {
     let mut bench = Bench::new(MotorKind::Tip);
     let config = Config { accel: 0, ..*bench.servo.config() };
