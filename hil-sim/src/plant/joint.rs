@@ -3,10 +3,7 @@
 //! Implicit midpoint: with forces linear in position and velocity it is stable at any stiffness and closes the
 //! energy balance to rounding. Standstill is an exact state, entered at the instant of zero velocity.
 
-use super::params::PlantParams;
-
-/// Radians of the motor's shaft per hall count.
-pub const RAD_PER_COUNT: f64 = std::f64::consts::TAU / 18.0;
+use super::params::{PlantParams, RAD_PER_COUNT};
 
 /// A spring and damper that resists motion beyond a position.
 #[derive(Clone, Copy, Debug)]

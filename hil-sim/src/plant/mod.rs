@@ -9,8 +9,8 @@ pub mod params;
 pub mod thermal;
 
 pub use inverter::Model;
-pub use joint::{Contact, RAD_PER_COUNT};
-pub use params::{ParamError, PlantParams};
+pub use joint::Contact;
+pub use params::{ParamError, PlantParams, RAD_PER_COUNT};
 pub use thermal::Heat;
 
 use circuit::{Flow, Winding};

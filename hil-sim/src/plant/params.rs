@@ -1,6 +1,5 @@
 //! What a motor and its joint are made of, with the reason for every number that the manual does not give.
 
-use super::joint::RAD_PER_COUNT;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -18,6 +17,9 @@ const MIN_MOTOR_S: f64 = 200e-6;
 const MIN_IMPACT_S: f64 = 67e-6;
 /// Highest resonance of inductance and inertia through the EMF, rad/s: steps of 35 µs.
 const MAX_RESONANCE_RAD_S: f64 = 2000.0;
+
+/// Radians of the motor's shaft per hall count.
+pub const RAD_PER_COUNT: f64 = std::f64::consts::TAU / 18.0;
 
 /// A plant or rig parameter outside its range.
 #[derive(Clone, Debug, PartialEq)]
