@@ -2,7 +2,7 @@
 //! [`Servo::tick`], here and nowhere else.
 
 pub use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Status};
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, MotorKind};
 use crate::guard::arrival::arrived;
 use crate::guard::breakaway::Breakaway;
 use crate::guard::fault::{Fault, Faults};
@@ -103,8 +103,18 @@ impl Servo {
     /// The first configuration value out of range.
     pub fn new(config: Config, count: i32) -> Result<Self, ConfigError> {
         config.validate()?;
+        Ok(Self::with(config, count))
+    }
+
+    /// The same with a motor's defaults, which are in range.
+    #[must_use]
+    pub fn for_motor(kind: MotorKind, count: i32) -> Self {
+        Self::with(Config::for_motor(kind), count)
+    }
+
+    fn with(config: Config, count: i32) -> Self {
         let position = Counts::from_int(count);
-        Ok(Self {
+        Self {
             config,
             pid: pid_of(&config),
             velocity_loop: VelocityLoop::new(config.kpv),
@@ -134,7 +144,7 @@ impl Servo {
             homed: false,
             broke_away: None,
             events: Deque::new(),
-        })
+        }
     }
 
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.

@@ -12,17 +12,38 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 4] = [
+const ARROWS: [Arrows; 6] = [
     Arrows {
         package: "servo-core",
         ours: &[],
         // fixed: the Q-formats, no_std, integer only. heapless: bounded queues without a heap. proptest: tests.
         others: Some(&["fixed", "heapless", "proptest (dev)"]),
     },
-    Arrows { package: "hil-sim", ours: &["servo-core"], others: None },
-    Arrows { package: "system-tests", ours: &["servo-core", "hil-sim"], others: None },
+    Arrows {
+        package: "tater-wire",
+        ours: &[],
+        // crc: CRC-32 of images, no_std. heapless: bounded buffers without a heap. proptest: tests.
+        others: Some(&["crc", "heapless", "proptest (dev)"]),
+    },
+    Arrows {
+        package: "tater-fw",
+        ours: &["servo-core", "tater-wire"],
+        // The same, for records in flash and queues.
+        others: Some(&["crc", "heapless", "proptest (dev)"]),
+    },
+    Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw"], others: None },
+    Arrows {
+        package: "system-tests",
+        ours: &["servo-core", "tater-wire", "tater-fw", "hil-sim"],
+        others: None,
+    },
     // The chores start first, on a machine that has nothing yet: few dependencies, and the rest by `cargo run`.
-    Arrows { package: "xtask", ours: &[], others: Some(&["clap", "serde_json"]) },
+    // tater-wire: images and downloads. indicatif: progress. object: ELF. socketcan: CAN interfaces of Linux.
+    Arrows {
+        package: "xtask",
+        ours: &["tater-wire"],
+        others: Some(&["clap", "indicatif", "object", "serde_json", "socketcan"]),
+    },
 ];
 
 /// The names in every dependency table of a manifest, target-specific ones included; `(dev)` or `(build)` after

@@ -1,5 +1,6 @@
 //! The plant as a motor board sees it: hall lines, analog readings and a brake.
 
+pub mod flash;
 pub mod halls;
 pub mod params;
 

@@ -1,0 +1,220 @@
+//! The microcontroller's flash, with the power failing where a test wants it.
+
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use tater_fw::{Flash, FlashError};
+use tater_wire::memory::{FLASH, PAGE};
+
+/// Programming a half-word, µs (STM32F103 data sheet: 40 to 70, typically 52.5).
+const PROGRAM_US: u64 = 53;
+
+/// Erasing a page, µs (STM32F103 data sheet: 20 to 40 ms).
+const ERASE_US: u64 = 40_000;
+
+/// Bytes in a page.
+const PAGE_BYTES: usize = PAGE as usize;
+
+/// An STM32F103CB's flash.
+#[derive(Clone, Debug)]
+pub struct SimFlash {
+    bytes: Vec<u8>,
+    /// Operations done so far.
+    operations: u64,
+    /// The operation in the middle of which the power fails, and what its remains are drawn from.
+    cut: Option<(u64, u64)>,
+    dead: bool,
+    busy_us: u64,
+    erases: Vec<u32>,
+    bridge_on: bool,
+    erased_while_driven: u32,
+}
+
+impl Default for SimFlash {
+    fn default() -> Self {
+        Self {
+            bytes: vec![0xFF; FLASH.len as usize],
+            operations: 0,
+            cut: None,
+            dead: false,
+            busy_us: 0,
+            erases: vec![0; FLASH.pages() as usize],
+            bridge_on: false,
+            erased_while_driven: 0,
+        }
+    }
+}
+
+impl SimFlash {
+    /// Flash operations (half-words programmed, pages erased) since it was made.
+    #[must_use]
+    pub const fn operations(&self) -> u64 {
+        self.operations
+    }
+
+    /// The power fails in the middle of operation `operation` (0 is the first since the flash was made); `seed`
+    /// decides what that leaves. From then on every operation fails until [`Self::power_up`].
+    pub const fn cut_at(&mut self, operation: u64, seed: u64) {
+        self.cut = Some((operation, seed));
+    }
+
+    /// Whether the power has failed.
+    #[must_use]
+    pub const fn is_dead(&self) -> bool {
+        self.dead
+    }
+
+    /// The power is back; no cut is planned.
+    pub const fn power_up(&mut self) {
+        self.dead = false;
+        self.cut = None;
+        self.bridge_on = false;
+    }
+
+    /// Tells whether the bridge drives; an erase meanwhile is counted as a violation.
+    pub const fn set_bridge_on(&mut self, on: bool) {
+        self.bridge_on = on;
+    }
+
+    /// Pages erased with the bridge on.
+    #[must_use]
+    pub const fn erased_while_driven(&self) -> u32 {
+        self.erased_while_driven
+    }
+
+    /// The time that the flash kept the processor from fetching since this was last asked, µs.
+    pub const fn take_busy_us(&mut self) -> u64 {
+        let busy = self.busy_us;
+        self.busy_us = 0;
+        busy
+    }
+
+    /// How often each page has been erased.
+    #[must_use]
+    pub fn erases(&self) -> &[u32] {
+        &self.erases
+    }
+
+    /// The whole content, from address 0x0800_0000.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Writes as a programmer does at the bench: no timing, no rules. Bytes beyond the flash are dropped.
+    pub fn load(&mut self, address: u32, bytes: &[u8]) {
+        let at = address.wrapping_sub(FLASH.start) as usize;
+        for (to, from) in self.bytes.iter_mut().skip(at).zip(bytes) {
+            *to = *from;
+        }
+    }
+
+    /// Counts an operation; `Err` if the power is gone, `Ok(Some)` with the source of remains if it fails in this one.
+    fn begin(&mut self, us: u64) -> Result<Option<Pcg64Mcg>, FlashError> {
+        if self.dead {
+            return Err(FlashError::Failed);
+        }
+        let cut = self.cut.filter(|&(at, _)| at == self.operations);
+        self.operations += 1;
+        self.busy_us += us;
+        self.dead = cut.is_some();
+        Ok(cut.map(|(at, seed)| Pcg64Mcg::new(u128::from(seed) << 64 | u128::from(at))))
+    }
+}
+
+impl Flash for SimFlash {
+    fn half_word(&self, address: u32) -> u16 {
+        let at = address.wrapping_sub(FLASH.start) as usize;
+        self.bytes.get(at..).and_then(<[u8]>::first_chunk).map_or(u16::MAX, |&pair| u16::from_le_bytes(pair))
+    }
+
+    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+        if !address.is_multiple_of(2) || !FLASH.holds(u64::from(address), 2) {
+            return Err(FlashError::Address);
+        }
+        let present = self.half_word(address);
+        if present != u16::MAX && value != 0 {
+            return Err(FlashError::NotErased);
+        }
+        let cut = self.begin(PROGRAM_US)?;
+        let kept = cut.map_or(0, |mut rng| rng.random::<u16>());
+        // Bits that should have fallen and did not.
+        let written = present & (value | kept);
+        self.load(address, &written.to_le_bytes());
+        if self.dead { Err(FlashError::Failed) } else { Ok(()) }
+    }
+
+    fn erase(&mut self, page: u32) -> Result<(), FlashError> {
+        if !page.is_multiple_of(PAGE) || !FLASH.holds(u64::from(page), u64::from(PAGE)) {
+            return Err(FlashError::Address);
+        }
+        self.erased_while_driven += u32::from(self.bridge_on);
+        let index = (page - FLASH.start) as usize / PAGE_BYTES;
+        let cut = self.begin(ERASE_US)?;
+        let bytes = &mut self.bytes[index * PAGE_BYTES..(index + 1) * PAGE_BYTES];
+        match cut {
+            None => {
+                bytes.fill(0xFF);
+                self.erases[index] += 1;
+            }
+            Some(mut rng) => match rng.random_range(0..4) {
+                // Hardly begun, hardly ended, in between: some bits up, or all of them anyhow.
+                0 => {}
+                1 => bytes.fill(0xFF),
+                2 => bytes.iter_mut().for_each(|byte| *byte |= rng.random::<u8>()),
+                _ => bytes.iter_mut().for_each(|byte| *byte = rng.random()),
+            },
+        }
+        if self.dead { Err(FlashError::Failed) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AT: u32 = FLASH.start + 2048;
+
+    #[test]
+    fn half_words_are_programmed_once_and_erased_by_the_page() {
+        let mut flash = SimFlash::default();
+        assert_eq!(flash.program(AT, 0x1234), Ok(()));
+        assert_eq!(flash.half_word(AT), 0x1234);
+        assert_eq!(flash.program(AT, 0x1230), Err(FlashError::NotErased));
+        assert_eq!(flash.program(AT, 0), Ok(()), "0 goes over anything");
+        assert_eq!(flash.program(AT + 1, 0), Err(FlashError::Address));
+        assert_eq!(flash.program(FLASH.end(), 0), Err(FlashError::Address));
+        assert_eq!(flash.erase(AT + 2), Err(FlashError::Address));
+        assert_eq!(flash.erase(AT), Ok(()));
+        assert_eq!((flash.half_word(AT), flash.erases()[2]), (0xFFFF, 1));
+        assert_eq!(flash.take_busy_us(), 2 * PROGRAM_US + ERASE_US);
+        assert_eq!(flash.operations(), 3);
+    }
+
+    #[test]
+    fn a_cut_leaves_zeros_missing_and_everything_after_it_fails() {
+        let mut seen = std::collections::BTreeSet::new();
+        for seed in 0..200 {
+            let mut flash = SimFlash::default();
+            flash.cut_at(1, seed);
+            assert_eq!(flash.program(AT, 0x5555), Ok(()));
+            assert_eq!(flash.program(AT + 2, 0x0F0F), Err(FlashError::Failed));
+            assert!(flash.is_dead());
+            assert_eq!(flash.program(AT + 4, 1), Err(FlashError::Failed));
+            assert_eq!((flash.half_word(AT), flash.half_word(AT + 4)), (0x5555, 0xFFFF));
+            let left = flash.half_word(AT + 2);
+            assert_eq!(left & 0x0F0F, 0x0F0F, "ones stay");
+            seen.insert(left);
+            flash.power_up();
+            assert_eq!(flash.program(AT + 4, 1), Ok(()));
+        }
+        assert!(seen.len() > 50, "{}", seen.len());
+    }
+
+    #[test]
+    fn an_erase_with_the_bridge_on_is_seen() {
+        let mut flash = SimFlash::default();
+        flash.set_bridge_on(true);
+        assert_eq!(flash.erase(AT), Ok(()));
+        assert_eq!(flash.erased_while_driven(), 1);
+    }
+}

@@ -1,0 +1,134 @@
+//! What property ERROR can say: a row a fault, with its cause and what to do next. A recoverable fault keeps STAT 2,
+//! idles the motor (bridge off, brake engaged) and refuses motion until SET STAT 2 clears it.
+
+use crate::property::Property;
+
+/// `NAME = code, property, "cause", "next step";`
+macro_rules! table {
+    ($($name:ident = $code:literal, $property:expr, $cause:literal, $next:literal;)*) => {
+        /// A value of ERROR other than 0.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u8)]
+        pub enum FaultCode {
+            $(#[doc = $cause] $name = $code,)*
+        }
+
+        /// Every fault, by rising code.
+        pub const ROWS: &[Row] = &[$(Row {
+            code: FaultCode::$name,
+            name: stringify!($name),
+            property: $property,
+            cause: $cause,
+            next: $next,
+        },)*];
+    };
+}
+
+/// A fault's row.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// Which.
+    pub code: FaultCode,
+    /// Its name.
+    pub name: &'static str,
+    /// The property that governs it or shows it, if any.
+    pub property: Option<Property>,
+    /// What happened.
+    pub cause: &'static str,
+    /// What a person should do.
+    pub next: &'static str,
+}
+
+table! {
+    Halls = 1, Some(Property::HALLS),
+        "the hall lines gave impossible codes or one of them is stuck",
+        "check the motor's hall cable and its supply; run HI again, the position may have slipped";
+    OverCurrent = 2, Some(Property::IMOTOR),
+        "phase current above what a working motor can draw, for 5 ms",
+        "check the motor's winding and phase cable for a short";
+    OverTemperature = 3, Some(Property::OTEMP),
+        "the motor's thermistor is at OTEMP",
+        "let the motor cool; lower MT or TSTOP, or raise OTEMP if the motor may be hotter";
+    OverVoltage = 4, Some(Property::VBUS),
+        "bus above 32 V for 10 ms",
+        "check the supply; a motor that is braked hard pumps the bus up";
+    UnderVoltage = 5, Some(Property::VBUS),
+        "bus below 16 V for 10 ms",
+        "check the supply and its cable; fewer motors at once draw less";
+    Bridge = 6, Some(Property::IMOTOR),
+        "the gate driver or the over-current comparator switched the bridge off",
+        "check the phase cable for a short; the board's bridge may be broken";
+    HostLost = 7, Some(Property::MODE),
+        "no frame to this board or its groups for 500 ms while in mode 2 or 4",
+        "check the CAN cable; a host in mode 2 or 4 must say something at least twice a second";
+    Storage = 8, Some(Property::SAVE),
+        "the flash did not take what was written: nothing more is stored, motion is not affected",
+        "SAVE again; if it comes back, the board's flash is worn out";
+    NoApplication = 16, Some(Property::STAT),
+        "there is no whole application to start",
+        "download a sealed .tek file";
+    BadRecord = 17, Some(Property::VERS),
+        "a record of the download is not Extended Tektronix hex",
+        "verify the file, and download it again";
+    BadChecksum = 18, Some(Property::VERS),
+        "the checksum of a record of the download is wrong",
+        "download it again; if it comes back, verify the file";
+    AddressRange = 19, Some(Property::VERS),
+        "a record of the download lies outside the application",
+        "build the image for the application's address";
+    Overlap = 20, Some(Property::VERS),
+        "a record of the download starts below the end of the one before it",
+        "the records must rise: decode the file and encode it again";
+    FlashWrite = 21, Some(Property::VERS),
+        "the flash did not take what was downloaded",
+        "download it again; if it comes back, the board's flash is worn out";
+    BadImage = 22, Some(Property::VERS),
+        "the image has no header, or its length or CRC-32 is wrong",
+        "seal the image when encoding it, and download it again";
+    DownloadTimeout = 23, Some(Property::VERS),
+        "the host stopped sending in the middle of a download",
+        "download it again; the old application is still there";
+}
+
+impl FaultCode {
+    /// The value of ERROR.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// The row.
+    #[must_use]
+    pub fn row(self) -> &'static Row {
+        const FIRST: &Row = match ROWS.first() {
+            Some(row) => row,
+            None => panic!("the table is empty"),
+        };
+        // Every variant has its row: both come from the same line of the table.
+        ROWS.iter().find(|row| row.code == self).unwrap_or(FIRST)
+    }
+
+    /// The fault of a value of ERROR.
+    #[must_use]
+    pub fn of(code: i64) -> Option<Self> {
+        ROWS.iter().find(|row| i64::from(row.code.code()) == code).map(|row| row.code)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_rise_from_one_and_every_row_says_what_to_do() {
+        for pair in ROWS.windows(2) {
+            assert!(pair[0].code.code() < pair[1].code.code());
+        }
+        for row in ROWS {
+            assert!(row.code.code() > 0 && !row.cause.is_empty() && !row.next.is_empty(), "{}", row.name);
+            assert_eq!(row.code.row().name, row.name);
+            assert_eq!(FaultCode::of(i64::from(row.code.code())), Some(row.code));
+        }
+        assert_eq!(FaultCode::of(0), None);
+    }
+}

@@ -1,0 +1,218 @@
+//! The application's image and how the monitor knows that it is whole: a header in four words of the vector table that
+//! a Cortex-M leaves reserved, so that any linked application has room for it.
+//!
+//! | offset | word |
+//! |---|---|
+//! | 0 | initial stack pointer: in RAM |
+//! | 4 | reset vector: inside the image, odd (Thumb) |
+//! | 0x1C | [`MAGIC`] |
+//! | 0x20 | bytes of the image, this header's included; a multiple of 4 |
+//! | 0x24 | CRC-32 (ISO-HDLC, that of zip and Ethernet) of the image with this word as 0xFFFFFFFF |
+//! | 0x28 | the application's VERS |
+
+use crate::memory::{APPLICATION, RAM};
+use crc::{CRC_32_ISO_HDLC, Crc, Digest, Table};
+
+/// "TatR", little-endian.
+pub const MAGIC: u32 = u32::from_le_bytes(*b"TatR");
+
+/// Bytes from the start of the image to the end of the header; an image is at least that long.
+pub const HEADER_END: u32 = 0x2C;
+
+/// Where the words of the header are.
+pub const MAGIC_AT: u32 = 0x1C;
+/// See [`MAGIC_AT`].
+pub const LEN_AT: u32 = 0x20;
+/// See [`MAGIC_AT`].
+pub const CRC_AT: u32 = 0x24;
+/// See [`MAGIC_AT`].
+pub const VERSION_AT: u32 = 0x28;
+
+static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+/// What an image says of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// Bytes of the image.
+    pub len: u32,
+    /// CRC-32 over it.
+    pub crc: u32,
+    /// The application's VERS.
+    pub version: u32,
+}
+
+/// Why a text of bytes is no image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageError {
+    /// Shorter than a header, longer than the application's area, or not a multiple of 4 bytes.
+    Length {
+        /// Bytes.
+        found: u32,
+    },
+    /// The initial stack pointer is not in RAM.
+    Stack {
+        /// The word.
+        found: u32,
+    },
+    /// The reset vector is not inside the image, or not odd.
+    Reset {
+        /// The word.
+        found: u32,
+    },
+    /// No header: it has not been sealed.
+    Unsealed,
+    /// To be sealed, but the reserved vectors are in use.
+    Reserved,
+    /// The CRC-32 does not agree.
+    Crc {
+        /// Computed.
+        found: u32,
+        /// In the header.
+        expected: u32,
+    },
+}
+
+impl core::fmt::Display for ImageError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match *self {
+            Self::Length { found } => write!(
+                f,
+                "the image has {found} bytes, expected {HEADER_END} to {} and a multiple of 4",
+                APPLICATION.len
+            ),
+            Self::Stack { found } => write!(
+                f,
+                "the first word, the initial stack pointer, is {found:#010x}, expected an address up to {:#010x}",
+                RAM.end()
+            ),
+            Self::Reset { found } => {
+                write!(f, "the reset vector is {found:#010x}, expected an odd address inside the image")
+            }
+            Self::Unsealed => f.write_str("the image is not sealed: no header in its vector table"),
+            Self::Reserved => f.write_str("the image cannot be sealed: its reserved vectors are in use"),
+            Self::Crc { found, expected } => {
+                write!(f, "the image's CRC-32 is {found:#010x}, but its header says {expected:#010x}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for ImageError {}
+
+/// The CRC-32 of an image, as its bytes come by from the first on.
+pub struct Summer {
+    digest: Digest<'static, u32, Table<1>>,
+    at: u32,
+}
+
+impl Default for Summer {
+    fn default() -> Self {
+        Self { digest: CRC.digest(), at: 0 }
+    }
+}
+
+impl Summer {
+    /// The next bytes of the image; the header's CRC word counts as 0xFFFFFFFF.
+    pub fn update(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            let in_crc = (CRC_AT..CRC_AT + 4).contains(&self.at);
+            self.digest.update(&[if in_crc { 0xFF } else { byte }]);
+            self.at = self.at.saturating_add(1);
+        }
+    }
+
+    /// The CRC-32 of all that came by.
+    #[must_use]
+    pub fn finish(self) -> u32 {
+        self.digest.finalize()
+    }
+}
+
+impl Header {
+    /// The header of an image from its first [`HEADER_END`] bytes, with the vectors checked; the CRC is not.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn read(start: &[u8]) -> Result<Self, ImageError> {
+        let word = |at: u32| {
+            let bytes = usize::try_from(at).ok().and_then(|at| start.get(at..)).and_then(<[u8]>::first_chunk);
+            bytes.copied().map(u32::from_le_bytes).ok_or(ImageError::Length { found: start.len() as u32 })
+        };
+        if word(MAGIC_AT)? != MAGIC {
+            return Err(ImageError::Unsealed);
+        }
+        let header = Self { len: word(LEN_AT)?, crc: word(CRC_AT)?, version: word(VERSION_AT)? };
+        check(header.len, word(0)?, word(4)?)?;
+        Ok(header)
+    }
+
+    /// The header of a whole image, checked.
+    ///
+    /// # Errors
+    /// What is wrong with the image. Bytes after the header's length are an error too.
+    pub fn verify(image: &[u8]) -> Result<Self, ImageError> {
+        let header = Self::read(image)?;
+        let found = u32::try_from(image.len()).unwrap_or(u32::MAX);
+        if header.len != found {
+            return Err(ImageError::Length { found });
+        }
+        let found = sum(image);
+        if found == header.crc { Ok(header) } else { Err(ImageError::Crc { found, expected: header.crc }) }
+    }
+}
+
+/// Length, stack pointer and reset vector.
+fn check(len: u32, stack: u32, reset: u32) -> Result<(), ImageError> {
+    if !(HEADER_END..=APPLICATION.len).contains(&len) || !len.is_multiple_of(4) {
+        return Err(ImageError::Length { found: len });
+    }
+    if !stack.is_multiple_of(4) || stack <= RAM.start || stack > RAM.end() {
+        return Err(ImageError::Stack { found: stack });
+    }
+    let inside = APPLICATION.start + HEADER_END..APPLICATION.start + len;
+    if reset.is_multiple_of(2) || !inside.contains(&(reset - 1)) {
+        return Err(ImageError::Reset { found: reset });
+    }
+    Ok(())
+}
+
+fn sum(image: &[u8]) -> u32 {
+    let mut summer = Summer::default();
+    summer.update(image);
+    summer.finish()
+}
+
+/// Writes the header into a linked image. Its length must be a multiple of 4 already.
+///
+/// # Errors
+/// The vectors are not those of an application, or the reserved ones are in use by something that is no header.
+pub fn seal(image: &mut [u8], version: u32) -> Result<Header, ImageError> {
+    let len = u32::try_from(image.len()).unwrap_or(u32::MAX);
+    let word = |image: &[u8], at: u32| {
+        image.get(at as usize..).and_then(<[u8]>::first_chunk).copied().map(u32::from_le_bytes)
+    };
+    let (Some(stack), Some(reset), Some(magic)) = (word(image, 0), word(image, 4), word(image, MAGIC_AT))
+    else {
+        return Err(ImageError::Length { found: len });
+    };
+    check(len, stack, reset)?;
+    let blank = [MAGIC_AT, LEN_AT, CRC_AT, VERSION_AT]
+        .iter()
+        .all(|&at| matches!(word(image, at), Some(0 | u32::MAX)));
+    if !blank && magic != MAGIC {
+        return Err(ImageError::Reserved);
+    }
+    let mut write = |at: u32, word: u32| {
+        if let Some(slot) = image.get_mut(at as usize..).and_then(<[u8]>::first_chunk_mut) {
+            *slot = word.to_le_bytes();
+        }
+    };
+    write(MAGIC_AT, MAGIC);
+    write(LEN_AT, len);
+    write(VERSION_AT, version);
+    let crc = sum(image);
+    if let Some(slot) = image.get_mut(CRC_AT as usize..).and_then(<[u8]>::first_chunk_mut) {
+        *slot = crc.to_le_bytes();
+    }
+    Ok(Header { len, crc, version })
+}

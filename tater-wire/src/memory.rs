@@ -1,0 +1,62 @@
+//! What lies where in the 128 KiB of flash of an STM32F103CB, for the firmware, the monitor and the chores alike.
+//!
+//! The application is copied from staging when a download is whole, so both have the same size.
+
+/// A part of the flash: whole pages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Area {
+    /// First address.
+    pub start: u32,
+    /// Bytes.
+    pub len: u32,
+}
+
+/// Bytes that are erased together (STM32F103, medium density).
+pub const PAGE: u32 = 1024;
+
+/// All of the flash.
+pub const FLASH: Area = Area { start: 0x0800_0000, len: 128 * 1024 };
+
+/// The monitor, entered at reset; never written in the field.
+pub const MONITOR: Area = Area { start: FLASH.start, len: 16 * 1024 };
+
+/// The application, with its image header in its vector table.
+pub const APPLICATION: Area = Area { start: MONITOR.end(), len: 52 * 1024 };
+
+/// Where a download is gathered.
+pub const STAGING: Area = Area { start: APPLICATION.end(), len: APPLICATION.len };
+
+/// Properties and counters.
+pub const STORAGE: Area = Area { start: STAGING.end(), len: 8 * 1024 };
+
+/// Where the stack of an application may start: the end of the 20 KiB of RAM at the latest.
+pub const RAM: Area = Area { start: 0x2000_0000, len: 20 * 1024 };
+
+const _: () = assert!(STORAGE.end() == FLASH.end(), "the areas fill the flash");
+
+impl Area {
+    /// The first address after it.
+    #[must_use]
+    pub const fn end(self) -> u32 {
+        self.start + self.len
+    }
+
+    /// Whether `len` bytes from `address` lie inside.
+    #[must_use]
+    pub const fn holds(self, address: u64, len: u64) -> bool {
+        let (start, end) = (self.start as u64, self.end() as u64);
+        address >= start && address <= end && len <= end - address
+    }
+
+    /// Its pages.
+    #[must_use]
+    pub const fn pages(self) -> u32 {
+        self.len / PAGE
+    }
+
+    /// The first address of a page of it.
+    #[must_use]
+    pub const fn page(self, index: u32) -> u32 {
+        self.start + index * PAGE
+    }
+}

@@ -1,0 +1,213 @@
+//! What a frame means. Parsing never panics and keeps all that the frame says: `Message::parse` of
+//! `Message::frame` is the same message.
+//!
+//! Formats (Barrett's host software): GET `[id]`; SET and its reply `[0x80|id, 0, v0, v1(, v2, v3)]`, little-endian;
+//! a position to the host `[0x80 | bits 21..16, 15..8, 7..0]`; packed torques `[0x80|42, ...]`, 14 bits each, most
+//! significant bit first. Our own: `[0, n, o0, o1, o2]` asks for more of a download, and a board whose first
+//! request has that form takes up to eight characters a frame.
+
+use crate::frame::Frame;
+use crate::id::{Destination, Group, Identifier, Node};
+use crate::property::Property;
+
+/// Bit 7 of the first byte: a value follows.
+const SET: u8 = 0x80;
+
+/// Torque slots in a packed frame.
+pub const SLOTS: usize = 4;
+
+/// A frame's meaning, and between whom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Message {
+    /// The sender.
+    pub from: Node,
+    /// The destination.
+    pub to: Destination,
+    /// What is said.
+    pub body: Body,
+}
+
+/// What is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Body {
+    /// Asks for a property, 0..=127; in a download the same frame carries a character.
+    Get(u8),
+    /// Sets a property, or answers a GET (to group 6, or to the node that asked).
+    Set {
+        /// Number of the property, 0..=127; there need not be one of that number.
+        property: u8,
+        /// Its value.
+        value: Value,
+    },
+    /// A position to the host: 22 bits, −2^21..2^21 counts.
+    Position(i32),
+    /// Torques for the slots of group 1 or 2.
+    Torques(Torques),
+    /// Extension: a monitor asks the host for the next characters of a download.
+    More {
+        /// How many frames of up to eight characters the host may send now.
+        frames: u8,
+        /// Characters received so far (24 bits): where to go on from.
+        received: u32,
+    },
+}
+
+/// A value as it is on the wire, with its width. What the bits mean is the property's: [`Property::read`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// Two bytes: a frame of DLC 4.
+    Short(u16),
+    /// Four bytes: a frame of DLC 6.
+    Long(u32),
+}
+
+/// One to four packed torques, ±8191 (14 bits; −8192 reads back too).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Torques {
+    len: u8,
+    torques: [i16; SLOTS],
+}
+
+impl Torques {
+    /// `None` unless there are one to four; values beyond ±8191 saturate, as hosts do it.
+    #[must_use]
+    pub fn new(torques: &[i16]) -> Option<Self> {
+        let mut all = [0; SLOTS];
+        for (to, from) in all.get_mut(..torques.len())?.iter_mut().zip(torques) {
+            *to = (*from).clamp(-8191, 8191);
+        }
+        let len = u8::try_from(torques.len()).ok().filter(|&len| len > 0)?;
+        Some(Self { len, torques: all })
+    }
+
+    /// The torque of a slot, 1..=4 (property PIDX).
+    #[must_use]
+    pub fn slot(&self, slot: u8) -> Option<i16> {
+        let index = usize::from(slot.checked_sub(1)?);
+        self.torques.get(..usize::from(self.len))?.get(index).copied()
+    }
+
+    /// From the bytes after the first: as many slots as have all 14 bits.
+    fn parse(bytes: &[u8]) -> Option<Self> {
+        let mut bits = 0u64;
+        for byte in bytes.iter().chain(core::iter::repeat(&0)).take(7) {
+            bits = bits << 8 | u64::from(*byte);
+        }
+        let mut torques = [0; SLOTS];
+        for (torque, shift) in torques.iter_mut().zip([42, 28, 14, 0]) {
+            // 14 bits to the top of 16, and back with the sign.
+            *torque = (((bits >> shift & 0x3FFF) << 2) as u16).cast_signed() >> 2;
+        }
+        let len = (bytes.len() * 8 / 14).min(SLOTS);
+        torques.iter_mut().skip(len).for_each(|torque| *torque = 0);
+        u8::try_from(len).ok().filter(|&len| len > 0).map(|len| Self { len, torques })
+    }
+
+    /// The frame's bytes, and how many of them.
+    fn bytes(&self) -> ([u8; 8], usize) {
+        let mut bits = 0u64;
+        for torque in self.torques {
+            bits = bits << 14 | u64::from(torque.cast_unsigned() & 0x3FFF);
+        }
+        let mut bytes = (bits & 0x00FF_FFFF_FFFF_FFFF).to_be_bytes();
+        bytes[0] = SET | Property::T.id();
+        // 1 + 2n bytes hold 14·n bits for n < 4; four torques are exactly 7 bytes.
+        (bytes, (1 + 2 * usize::from(self.len)).min(8))
+    }
+}
+
+impl Message {
+    /// What a frame means; `None` if it means nothing, and then nobody answers it.
+    #[must_use]
+    pub fn parse(frame: &Frame) -> Option<Self> {
+        let Identifier { from, to } = frame.id();
+        let to_group = |group| to == Destination::Group(group);
+        let body = match *frame.data() {
+            [high, middle, low] if to_group(Group::POSITIONS) && high & 0xC0 == SET => {
+                let bits = u32::from(high & 0x3F) << 16 | u32::from(middle) << 8 | u32::from(low);
+                Body::Position((bits << 10).cast_signed() >> 10)
+            }
+            [id, ref packed @ ..]
+                if id == SET | Property::T.id() && (to_group(Group::LOW) || to_group(Group::HIGH)) =>
+            {
+                Body::Torques(Torques::parse(packed)?)
+            }
+            [id] if id & SET == 0 => Body::Get(id),
+            [0, frames, a, b, c] => Body::More { frames, received: u32::from_le_bytes([a, b, c, 0]) },
+            [id, 0, a, b] if id & SET != 0 => {
+                Body::Set { property: id & !SET, value: Value::Short(u16::from_le_bytes([a, b])) }
+            }
+            [id, 0, a, b, c, d] if id & SET != 0 => {
+                Body::Set { property: id & !SET, value: Value::Long(u32::from_le_bytes([a, b, c, d])) }
+            }
+            _ => return None,
+        };
+        Some(Self { from, to, body })
+    }
+
+    /// The frame that says this. A property number's bit 7 is dropped, a position wraps at 22 bits, `received` at
+    /// 24.
+    #[must_use]
+    pub fn frame(&self) -> Frame {
+        let id = Identifier { from: self.from, to: self.to };
+        let (bytes, len) = match self.body {
+            Body::Get(property) => ([property & !SET, 0, 0, 0, 0, 0, 0, 0], 1),
+            Body::Set { property, value } => {
+                let property = SET | property;
+                match value {
+                    Value::Short(bits) => {
+                        let [a, b] = bits.to_le_bytes();
+                        ([property, 0, a, b, 0, 0, 0, 0], 4)
+                    }
+                    Value::Long(bits) => {
+                        let [a, b, c, d] = bits.to_le_bytes();
+                        ([property, 0, a, b, c, d, 0, 0], 6)
+                    }
+                }
+            }
+            Body::Position(counts) => {
+                let [_, high, middle, low] = counts.to_be_bytes();
+                ([SET | high & 0x3F, middle, low, 0, 0, 0, 0, 0], 3)
+            }
+            Body::Torques(torques) => torques.bytes(),
+            Body::More { frames, received } => {
+                let [a, b, c, _] = received.to_le_bytes();
+                ([0, frames, a, b, c, 0, 0, 0], 5)
+            }
+        };
+        // `len` is at most 8 by the arms above, so a frame there is.
+        Frame::new(id, bytes.get(..len).unwrap_or(&[])).unwrap_or(Frame::EMPTY)
+    }
+
+    /// A host's GET.
+    #[must_use]
+    pub const fn get(to: Destination, property: Property) -> Self {
+        Self { from: Node::HOST, to, body: Body::Get(property.id()) }
+    }
+
+    /// A host's SET, in the width of the property; `None` if the value does not fit 32 bits.
+    #[must_use]
+    pub fn set(to: Destination, property: Property, value: i64) -> Option<Self> {
+        let value = property.write(value)?;
+        Some(Self { from: Node::HOST, to, body: Body::Set { property: property.id(), value } })
+    }
+
+    /// A board's answer to the host: positions to group 3, all else to group 6. `None` if the value does not fit
+    /// 32 bits.
+    #[must_use]
+    pub fn reply(from: Node, property: Property, value: i64) -> Option<Self> {
+        if property == Property::P {
+            let counts = i32::try_from(value).ok()?;
+            return Some(Self {
+                from,
+                to: Destination::Group(Group::POSITIONS),
+                body: Body::Position(counts),
+            });
+        }
+        let body = Body::Set { property: property.id(), value: property.write(value)? };
+        Some(Self { from, to: Destination::Group(Group::REPLIES), body })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,128 @@
+use super::*;
+use proptest::prelude::*;
+use std::vec::Vec;
+
+fn node(number: u8) -> Node {
+    Node::new(number).expect("a node")
+}
+
+fn of_host(to: Destination, body: Body) -> Vec<u8> {
+    Message { from: Node::HOST, to, body }.frame().data().to_vec()
+}
+
+#[test]
+fn bytes_are_those_of_the_published_hosts() {
+    let four = Destination::Node(node(4));
+    assert_eq!(of_host(four, Body::Get(5)), [5]);
+    let set = |property, value| Message::set(four, property, value).expect("fits").frame().data().to_vec();
+    assert_eq!(set(Property::MODE, 5), [0x88, 0, 5, 0]);
+    assert_eq!(set(Property::E, -85), [0x80 | 52, 0, 0xAB, 0xFF, 0xFF, 0xFF]);
+    assert_eq!(set(Property::TSTOP, 65535), [0x80 | 78, 0, 0xFF, 0xFF, 0, 0], "does not fit 16 bits signed");
+    let reply = Message::reply(node(3), Property::P, -1).expect("fits").frame();
+    assert_eq!((reply.raw_id(), reply.data()), (0x463, &[0xBF, 0xFF, 0xFF][..]));
+    let reply = Message::reply(node(3), Property::STAT, 2).expect("fits").frame();
+    assert_eq!((reply.raw_id(), reply.data()), (0x466, &[0x85, 0, 2, 0][..]));
+}
+
+#[test]
+fn torques_are_packed_without_gaps() {
+    let low = Destination::Group(Group::LOW);
+    let packed = |torques: &[i16]| of_host(low, Body::Torques(Torques::new(torques).expect("one to four")));
+    // 14 bits of 1, -1, 2, -2: 00000000000001 11111111111111 00000000000010 11111111111110
+    assert_eq!(packed(&[1, -1, 2, -2]), [0xAA, 0x00, 0x07, 0xFF, 0xF0, 0x00, 0xBF, 0xFE]);
+    assert_eq!(packed(&[1]), [0xAA, 0x00, 0x04]);
+    assert_eq!(packed(&[-1, 1]).len(), 5);
+    assert_eq!(packed(&[0, 0, 0]).len(), 7);
+    assert!(Torques::new(&[]).is_none() && Torques::new(&[0; 5]).is_none());
+    assert_eq!(Torques::new(&[9000]).and_then(|t| t.slot(1)), Some(8191));
+    // Slots 1 to 4 need DLC 3, 5, 7, 8.
+    for (dlc, slots) in [(2, 0), (3, 1), (4, 1), (5, 2), (6, 2), (7, 3), (8, 4)] {
+        let mut data = [0xFF; 8];
+        data[0] = 0xAA;
+        let frame = Frame::from_raw(0x401, &data[..dlc]).expect("a frame");
+        let found = Message::parse(&frame).map_or(0, |m| match m.body {
+            Body::Torques(t) => (1..=4).filter(|&slot| t.slot(slot) == Some(-1)).count(),
+            _ => panic!("{m:?}"),
+        });
+        assert_eq!(found, slots, "DLC {dlc}");
+    }
+}
+
+#[test]
+fn what_means_nothing_is_nothing() {
+    for (id, data) in [
+        (4u16, &[][..]),
+        (4, &[0x85]),             // a SET without a value
+        (4, &[0x85, 0, 1]),       // three bytes
+        (4, &[0x85, 1, 1, 0]),    // byte 1 is not 0
+        (4, &[5, 0, 1, 0]),       // a GET with a value
+        (4, &[0x85, 0, 1, 0, 0]), // five
+        (4, &[0x85, 0, 1, 0, 0, 0, 0]),
+        (0x463, &[0xC0, 0, 0]), // bit 6 of a position
+        (0x401, &[0xAA, 0]),    // no torque has its 14 bits
+    ] {
+        let frame = Frame::from_raw(id, data).expect("a frame");
+        assert_eq!(Message::parse(&frame), None, "{frame:?}");
+    }
+}
+
+/// Every body that the wire can say, and where.
+fn message() -> impl Strategy<Value = Message> {
+    let node = || (0u8..32).prop_map(node);
+    let anywhere = prop_oneof![
+        (0u8..32).prop_map(|n| Destination::Node(Node::new(n).expect("a node"))),
+        (0u8..32).prop_map(|n| Destination::Group(Group::new(n).expect("a group"))),
+    ];
+    let value = prop_oneof![any::<u16>().prop_map(Value::Short), any::<u32>().prop_map(Value::Long)];
+    let torque_group = prop_oneof![Just(Group::LOW), Just(Group::HIGH)].prop_map(Destination::Group);
+    let is_torques = |to, property| {
+        property == 42 && [Destination::Group(Group::LOW), Destination::Group(Group::HIGH)].contains(&to)
+    };
+    prop_oneof![
+        (node(), anywhere.clone(), 0u8..128).prop_map(|(from, to, id)| Message {
+            from,
+            to,
+            body: Body::Get(id)
+        }),
+        (node(), anywhere.clone(), 0u8..128, value)
+            .prop_filter("packed torques there", move |&(_, to, property, _)| !is_torques(to, property))
+            .prop_map(|(from, to, property, value)| Message {
+                from,
+                to,
+                body: Body::Set { property, value }
+            }),
+        (node(), -0x20_0000i32..0x20_0000).prop_map(|(from, counts)| Message {
+            from,
+            to: Destination::Group(Group::POSITIONS),
+            body: Body::Position(counts)
+        }),
+        (node(), torque_group, prop::collection::vec(-8191i16..=8191, 1..=4)).prop_map(
+            |(from, to, torques)| {
+                Message { from, to, body: Body::Torques(Torques::new(&torques).expect("one to four")) }
+            }
+        ),
+        (node(), anywhere, any::<u8>(), 0u32..1 << 24).prop_map(|(from, to, frames, received)| Message {
+            from,
+            to,
+            body: Body::More { frames, received }
+        }),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn parse_of_emit_is_identity(message in message()) {
+        let frame = message.frame();
+        prop_assert_eq!(Message::parse(&frame), Some(message), "{:?}", frame);
+    }
+
+    #[test]
+    fn no_frame_panics_and_what_is_understood_is_said_again_alike(
+        id in 0u16..0x800, data in prop::collection::vec(any::<u8>(), 0..=8)
+    ) {
+        let frame = Frame::from_raw(id, &data).expect("a frame");
+        if let Some(message) = Message::parse(&frame) {
+            prop_assert_eq!(Message::parse(&message.frame()), Some(message));
+        }
+    }
+}

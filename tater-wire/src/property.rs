@@ -1,0 +1,177 @@
+//! Every property of a Tater, once: number, name, width, access, storage, unit, range, defaults, meaning. What
+//! hosts write, what is stored, what is documented and what is refused all comes from the row.
+//!
+//! Numbers below 109 are Barrett's, for motor firmware from 175 on, but for 116; the others are this project's.
+
+mod table;
+
+pub use table::{Property, ROWS};
+
+use crate::id::Node;
+use crate::message::Value;
+
+/// What a host may do with a property.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// GET only.
+    ReadOnly,
+    /// GET and SET.
+    ReadWrite,
+    /// SET only.
+    WriteOnly,
+    /// GET; SET once after the sequence of LOCK.
+    Locked,
+}
+
+/// Whether a value outlives the power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stored {
+    /// No.
+    No,
+    /// When SAVE says so.
+    Yes,
+    /// By itself, as it changes.
+    Always,
+}
+
+/// A value before anybody sets one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Default {
+    /// Measured, or write-only.
+    None,
+    /// The same on every board.
+    Same(i32),
+    /// For links (nodes 1 to 3), the spread (4) and tips (5 to 7).
+    Kinds(i32, i32, i32),
+    /// The node's number.
+    Node,
+    /// The node's slot in packed torques: 1 to 4 for nodes 1 to 4, 1 to 3 for nodes 5 to 7.
+    Slot,
+}
+
+/// Which joint a motor drives; it decides the defaults. By node: 1 to 3 are links, 4 is the spread, 5 to 7 are tips,
+/// and a node beyond the hand's seven has a link's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Inner joint of a finger.
+    Link,
+    /// Finger spread.
+    Spread,
+    /// Outer joint of a finger.
+    Tip,
+}
+
+impl Kind {
+    /// The kind of a node's motor.
+    #[must_use]
+    pub const fn of(node: Node) -> Self {
+        match node.number() {
+            4 => Self::Spread,
+            5..=7 => Self::Tip,
+            _ => Self::Link,
+        }
+    }
+}
+
+/// A property's row.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// Which.
+    pub property: Property,
+    /// Its name, as in the manual.
+    pub name: &'static str,
+    /// Width on the wire, 16 or 32 bits.
+    pub bits: u8,
+    /// What a host may do with it.
+    pub access: Access,
+    /// Whether it outlives the power.
+    pub stored: Stored,
+    /// Unit, or "-".
+    pub unit: &'static str,
+    /// Smallest value.
+    pub min: i64,
+    /// Largest value.
+    pub max: i64,
+    /// Before anybody sets it.
+    pub default: Default,
+    /// What it means.
+    pub meaning: &'static str,
+}
+
+impl Row {
+    /// Whether a value is in range.
+    #[must_use]
+    pub const fn admits(&self, value: i64) -> bool {
+        self.min <= value && value <= self.max
+    }
+
+    /// The default on a node's board.
+    #[must_use]
+    pub fn default_for(&self, node: Node) -> Option<i64> {
+        let number = node.number();
+        Some(i64::from(match self.default {
+            Default::None => return None,
+            Default::Same(value) => value,
+            Default::Kinds(link, spread, tip) => match Kind::of(node) {
+                Kind::Link => link,
+                Kind::Spread => spread,
+                Kind::Tip => tip,
+            },
+            // Beyond the hand's seven a board still has a slot and a joint, if not a sensible one.
+            Default::Node => i64::from(number).clamp(self.min, self.max) as i32,
+            Default::Slot => i32::from(match number {
+                0 => 1,
+                1..=4 => number,
+                _ => (number - 5) % 4 + 1,
+            }),
+        }))
+    }
+
+    /// Whether its numbers have no sign on the wire.
+    #[must_use]
+    const fn unsigned(&self) -> bool {
+        self.min >= 0 && self.max > if self.bits == 16 { i16::MAX as i64 } else { i32::MAX as i64 }
+    }
+}
+
+impl Property {
+    /// The property of a number; `None` if there is none.
+    #[must_use]
+    pub fn of(id: u8) -> Option<Self> {
+        ROWS.iter().find(|row| row.property.id() == id).map(|row| row.property)
+    }
+
+    /// The property of a name, in any case.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        ROWS.iter().find(|row| row.name.eq_ignore_ascii_case(name)).map(|row| row.property)
+    }
+
+    /// What a value on the wire means for this property: with its sign, unless its row has none.
+    #[must_use]
+    pub fn read(self, value: Value) -> i64 {
+        let unsigned = self.row().unsigned();
+        match value {
+            Value::Short(bits) if unsigned => i64::from(bits),
+            Value::Short(bits) => i64::from(bits.cast_signed()),
+            Value::Long(bits) if unsigned => i64::from(bits),
+            Value::Long(bits) => i64::from(bits.cast_signed()),
+        }
+    }
+
+    /// A value as it goes on the wire: in the property's width, or 32 bits if it does not fit signed 16; `None` if
+    /// it does not fit 32.
+    #[must_use]
+    pub fn write(self, value: i64) -> Option<Value> {
+        match i16::try_from(value) {
+            Ok(short) if self.row().bits == 16 => Some(Value::Short(short.cast_unsigned())),
+            _ if i64::from(i32::MIN) <= value && value <= i64::from(u32::MAX) => {
+                Some(Value::Long(value as u32))
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

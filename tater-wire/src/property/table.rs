@@ -1,0 +1,208 @@
+//! The rows. To add one: a free number (a used one never comes back), and a line here; documents, range, storage
+//! and defaults follow. Then the board's side of it, in tater-fw.
+
+use super::{Access, Default, Row, Stored};
+
+/// `NAME = id, bits, access, stored, "unit", range, default, "meaning";`
+macro_rules! table {
+    ($($name:ident = $id:literal, $bits:literal, $access:ident, $stored:ident, $unit:literal,
+        $min:literal..=$max:literal, $default:ident $(($($value:literal),*))?, $meaning:literal;)*) => {
+        /// A property of a Tater, by its name in the manual. What it means is its row's `meaning`.
+        #[allow(clippy::upper_case_acronyms, reason = "the manual's names")]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[repr(u8)]
+        pub enum Property {
+            $(#[doc = $meaning] $name = $id,)*
+        }
+
+        /// Every property, by rising number.
+        pub const ROWS: &[Row] = &[$(*Property::$name.row(),)*];
+
+        impl Property {
+            /// The number on the wire.
+            #[must_use]
+            pub const fn id(self) -> u8 {
+                self as u8
+            }
+
+            /// The row.
+            #[must_use]
+            pub const fn row(self) -> &'static Row {
+                match self {
+                    $(Self::$name => {
+                        const ROW: Row = Row {
+                            property: Property::$name,
+                            name: stringify!($name),
+                            bits: $bits,
+                            access: Access::$access,
+                            stored: Stored::$stored,
+                            unit: $unit,
+                            min: $min,
+                            max: $max,
+                            default: Default::$default $(($($value),*))?,
+                            meaning: $meaning,
+                        };
+                        &ROW
+                    })*
+                }
+            }
+        }
+    };
+}
+
+table! {
+    VERS = 0, 16, ReadOnly, No, "-", 600..=600, Same(600),
+        "firmware version; in the monitor the monitor's; there SET 170 starts a download";
+    ROLE = 1, 16, Locked, Yes, "bits", 0..=32767, Same(2051),
+        "3 (this hand's motor board) | 0x0800 (has a strain gauge)";
+    SN = 2, 16, Locked, Yes, "-", 0..=32767, Same(0),
+        "serial number";
+    ID = 3, 16, Locked, Yes, "-", 1..=31, Node,
+        "the board's node on the bus; the straps' until set; a new one is heard from the next start on";
+    ERROR = 4, 16, ReadOnly, No, "code", 0..=32767, Same(0),
+        "latched fault, see the fault table; 0 none; SET STAT 2 clears it";
+    STAT = 5, 16, ReadWrite, No, "-", 0..=2, Same(0),
+        "0 in the monitor, waiting for firmware; 1 must not be used; 2 ready. SET 0 resets into the monitor, SET 2 wakes, or clears ERROR";
+    MODE = 8, 16, ReadWrite, No, "-", 0..=5, Same(0),
+        "0 idle, 2 torque, 3 position (PID), 4 velocity, 5 trapezoidal move; 1 is refused";
+    TEMP = 9, 16, ReadOnly, No, "0.1 C", -550..=1250, None,
+        "temperature of the board";
+    PTEMP = 10, 16, Locked, Always, "0.1 C", -550..=1250, Same(0),
+        "highest TEMP ever; kept through power loss";
+    OTEMP = 11, 16, ReadWrite, Yes, "0.1 C", -551..=1250, Same(700),
+        "the motor's temperature limit: torque derates over the 8 C below it and is cut at it; -551 disables";
+    LOCK = 13, 16, WriteOnly, No, "-", 0..=32767, None,
+        "18384, 23, 3145, 1024, 1 in this order unlock the next SET of a locked property, once";
+    B = 16, 16, ReadOnly, No, "-", 0..=1, Same(0),
+        "brake output: 1 energised, the spread is free";
+    ANA0 = 18, 16, ReadOnly, No, "ADC", 0..=4095, None,
+        "raw analog input 0: strain gauge";
+    ANA1 = 19, 16, ReadOnly, No, "ADC", 0..=4095, None,
+        "raw analog input 1: motor thermistor";
+    THERM = 20, 16, ReadOnly, No, "0.1 C", -550..=1250, None,
+        "motor temperature";
+    VBUS = 21, 16, ReadOnly, No, "0.1 V", 0..=600, None,
+        "bus voltage";
+    IMOTOR = 22, 16, ReadOnly, No, "mA", -20000..=20000, None,
+        "bus current; phase current is this over the duty";
+    SG = 25, 16, ReadOnly, No, "-", 0..=255, None,
+        "strain gauge";
+    GRPA = 26, 16, ReadWrite, Yes, "-", 0..=31, Same(0),
+        "first group listened to; group 0 is always heard";
+    GRPB = 27, 16, ReadWrite, Yes, "-", 0..=31, Kinds(1, 1, 2),
+        "second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7";
+    GRPC = 28, 16, ReadWrite, Yes, "-", 0..=31, Same(4),
+        "third group listened to";
+    CMD = 29, 16, WriteOnly, No, "-", 0..=21, None,
+        "does what the command table says";
+    SAVE = 30, 16, WriteOnly, No, "id", -1..=127, None,
+        "stores the present value of the property of this number; -1: of all";
+    LOAD = 31, 16, WriteOnly, No, "id", -1..=127, None,
+        "takes the stored value, or the default, of the property of this number; -1: of all";
+    DEF = 32, 16, WriteOnly, No, "id", -1..=127, None,
+        "resets the property of this number, and its stored value, to its default; -1: all";
+    X0 = 34, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
+        "the host's to use; means nothing to the board";
+    X1 = 35, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
+        "the host's to use; means nothing to the board";
+    X2 = 36, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
+        "the host's to use; means nothing to the board";
+    X3 = 37, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
+        "the host's to use; means nothing to the board";
+    X4 = 38, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
+        "the host's to use; means nothing to the board";
+    X5 = 39, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
+        "the host's to use; means nothing to the board";
+    X6 = 40, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
+        "the host's to use; means nothing to the board";
+    X7 = 41, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
+        "the host's to use; means nothing to the board";
+    T = 42, 16, ReadWrite, No, "1/1024 peak", -990..=990, Same(0),
+        "SET: torque of mode 2; GET: in mode 2 the torque commanded, after every limit, else the torque applied. Packed torques saturate at MT";
+    MT = 43, 16, ReadWrite, Yes, "1/1024 peak", 0..=990, Same(750),
+        "torque limit";
+    V = 44, 16, ReadWrite, No, "counts/s", -4080..=4080, Same(0),
+        "SET: velocity of mode 4; GET: in mode 4 the velocity commanded, else the measured one";
+    MV = 45, 16, ReadWrite, Yes, "counts/s", 16..=4080, Same(1000),
+        "cruise velocity of trapezoidal moves, together with MCV and MOV";
+    MCV = 46, 16, ReadWrite, Yes, "counts/s", 16..=4080, Same(1000),
+        "cruise velocity when closing";
+    MOV = 47, 16, ReadWrite, Yes, "counts/s", 16..=4080, Same(1000),
+        "cruise velocity when opening";
+    P = 48, 32, ReadWrite, Yes, "counts", -32767..=32767, Same(0),
+        "position; set in idle it says what the present position is called, in mode 3 where to go; GET is answered by the 22-bit position frame";
+    DP = 50, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(155, 29, 155),
+        "default position: where CMD M goes";
+    E = 52, 32, ReadWrite, No, "counts", -32767..=32767, Same(0),
+        "where a trapezoidal move ends; during a move it re-plans";
+    OT = 54, 32, ReadWrite, Yes, "counts", -32767..=32767, Same(0),
+        "open target: where CMD O goes";
+    CT = 56, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(331, 169, 331),
+        "close target: where CMD C goes";
+    M = 58, 32, WriteOnly, No, "counts", -32767..=32767, None,
+        "E and MODE 5 in one";
+    DS = 60, 16, ReadWrite, Yes, "counts", -32767..=32767, Kinds(25, 15, 25),
+        "default step of CMD IC and IO";
+    UPSECS = 63, 32, Locked, Always, "s", 0..=4294967295, Same(0),
+        "time with power on, ever";
+    OD = 64, 32, Locked, Always, "1000 counts", 0..=4294967295, Same(0),
+        "odometer: counts travelled, ever";
+    MECH = 66, 32, ReadOnly, No, "counts", 0..=17, None,
+        "position within one motor revolution";
+    CTS = 68, 32, ReadOnly, No, "counts", 18..=18, Same(18),
+        "counts a motor revolution";
+    PIDX = 70, 16, ReadWrite, Yes, "-", 1..=4, Slot,
+        "the board's slot in packed-torque frames";
+    HSG = 71, 16, ReadWrite, Yes, "-", 0..=256, Same(256),
+        "strain above which a move ends; 255 and 256 disable";
+    LSG = 72, 16, ReadWrite, Yes, "-", 0..=256, Same(256),
+        "strain below which a move ends; 255 and 256 disable";
+    IVEL = 73, 16, ReadWrite, Yes, "counts/s", -4080..=4080, Kinds(-200, -200, 200),
+        "velocity towards the stop in HI (tips home on their closed stop)";
+    IOFF = 74, 32, ReadWrite, Yes, "counts", -32767..=32767, Kinds(25, 0, -350),
+        "way from the stop to zero in HI";
+    MPE = 76, 16, ReadWrite, Yes, "counts", 0..=32767, Same(4),
+        "arrival window";
+    HOLD = 77, 16, ReadWrite, Yes, "-", 0..=1, Kinds(0, 1, 0),
+        "after a move: 1 holds the position, 0 idles";
+    TSTOP = 78, 16, ReadWrite, Yes, "ms", 0..=65535, Kinds(300, 400, 300),
+        "no count for this long while driven is a stall; 0 never";
+    KP = 79, 16, ReadWrite, Yes, "1/1024 peak per count", 0..=32767, Same(60),
+        "position gain";
+    KD = 80, 16, ReadWrite, Yes, "1/256 of 1/1024 peak per count/s", 0..=32767, Same(256),
+        "derivative gain";
+    KI = 81, 16, ReadWrite, Yes, "1/1024 peak per count s", 0..=32767, Same(800),
+        "integral gain";
+    ACCEL = 82, 16, ReadWrite, Yes, "sqrt(counts)/ms/1024", 0..=65535, Kinds(40, 30, 30),
+        "acceleration is (ACCEL/1024)^2 counts/ms^2; useful up to about 60; 0 cannot move";
+    JIDX = 85, 16, ReadWrite, Yes, "-", 1..=7, Node,
+        "joint index";
+    IPNM = 86, 16, ReadOnly, No, "1/N.m", 1575..=1575, Same(1575),
+        "torque units per newton metre at the motor";
+    HALLS = 87, 16, ReadOnly, No, "bits", 0..=7, None,
+        "present hall code";
+    HALLH = 88, 32, ReadOnly, No, "bits", 0..=1073741823, None,
+        "the last ten hall codes, the newest in the low three bits";
+    POLES = 90, 16, ReadOnly, No, "-", 6..=6, Same(6),
+        "rotor poles";
+    EN = 94, 16, ReadWrite, Yes, "-", 0..=1, Same(1),
+        "whether the hand's commands without a motor prefix act on this motor; GOD's to obey";
+    LCVC = 105, 16, ReadWrite, Yes, "-", 1..=255, Same(8),
+        "RealTime velocity bytes are multiplied by this; GOD's to obey";
+    IHIT = 108, 16, ReadWrite, Yes, "1/1024 peak", 0..=990, Same(250),
+        "torque limit in HI";
+    KPV = 109, 16, ReadWrite, Yes, "1/16 of 1/1024 peak per count/s", 0..=255, Same(32),
+        "velocity gain of mode 4 (RealTime's proportional gain)";
+    BS = 110, 16, ReadWrite, Yes, "-", 0..=1, Same(0),
+        "a breakaway stops the finger's tip too; GOD's to obey";
+    BD = 111, 16, ReadOnly, No, "-", 0..=1, None,
+        "a breakaway has been detected; CMD O clears it";
+    BP = 112, 32, ReadOnly, No, "counts", -32767..=32767, None,
+        "position of the last breakaway";
+    BT = 114, 16, ReadWrite, Yes, "1/1024 peak", 0..=990, Kinds(400, 0, 0),
+        "load torque at which a link breaks away; 0 never";
+    END = 115, 16, ReadOnly, No, "-", 0..=6, None,
+        "why the last move ended: 0 it has not, 1 arrived, 2 stalled, 3 aborted, 4 strain, 5 breakaway, 6 fault";
+    LFLAGS = 116, 16, ReadWrite, No, "bits", 0..=3, Same(0),
+        "bit 0: report ends of moves unasked (MODE, then END); bit 1: report breakaways (BD)";
+}
