@@ -6,6 +6,7 @@
 
 pub mod board;
 pub mod metrics;
+pub mod node;
 pub mod plant;
 pub mod properties;
 pub mod replay;
@@ -16,4 +17,4 @@ pub mod scenario;
 pub mod trace;
 
 pub use plant::Model;
-pub use run::{MotorRun, Options, Outcome, board, run};
+pub use run::{MotorRun, Options, Outcome, board, node_of, run, set};
