@@ -24,6 +24,7 @@ const SLOW_TICKS: u64 = 100;
 const BOOT_US: u64 = 5_000;
 
 /// What runs on the board.
+#[allow(clippy::large_enum_variant, reason = "one a node, and it hardly ever moves")]
 #[derive(Debug)]
 enum Program {
     /// The power is off.
