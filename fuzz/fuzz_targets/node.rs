@@ -3,17 +3,13 @@
 
 use hil_sim::board::SimBoard;
 use hil_sim::node::Node;
-use hil_sim::plant::{Model, PlantParams, Start};
-use hil_sim::rig::{Rig, RigParams};
+use hil_sim::plant::Model;
 use libfuzzer_sys::fuzz_target;
-use servo_core::MotorKind;
 use tater_wire::Frame;
 
 fuzz_target!(|input: (bool, Vec<(u8, u16, Vec<u8>)>)| {
     let (awake, frames) = input;
-    let plant = PlantParams::for_motor(MotorKind::Spread);
-    let rig = Rig::new(plant, RigParams::default(), &[], Model::Averaged, Start::default(), 1).expect("defaults");
-    let board = SimBoard::new(rig, tater_wire::Node::new(4).expect("a node"));
+    let board = SimBoard::standard(tater_wire::Node::new(4).expect("a node"), Model::Averaged, 1);
     let mut node = if awake { Node::awake(board) } else { Node::new(board) };
     for (ms, id, data) in frames.into_iter().take(64) {
         // Most frames to the board itself, or nobody would listen.

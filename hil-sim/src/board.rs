@@ -2,11 +2,14 @@
 //! It decides nothing; what a board does is [`tater_fw`]'s.
 
 use servo_core::sense::commutation::Bridge;
+use servo_core::MotorKind;
 use tater_fw::{Analog, Board};
+use tater_wire::property::Kind;
 use tater_wire::{Frame, Node};
 
-use crate::rig::Rig;
+use crate::plant::{Heat, Model, PlantParams, Start};
 use crate::rig::flash::SimFlash;
+use crate::rig::{Rig, RigParams};
 
 /// Transmit mailboxes of the CAN controller (bxCAN).
 const MAILBOXES: usize = 3;
@@ -40,6 +43,20 @@ impl SimBoard {
             resets: 0,
             feeds: 0,
         }
+    }
+
+    /// The hand's board of that node with its motor's default plant, at position 0 and 25 °C.
+    #[must_use]
+    pub fn standard(node: Node, model: Model, seed: u64) -> Self {
+        let kind = match Kind::of(node) {
+            Kind::Link => MotorKind::Link,
+            Kind::Spread => MotorKind::Spread,
+            Kind::Tip => MotorKind::Tip,
+        };
+        let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
+        let start = Start { count: 0.0, counts_per_s: 0.0, heat };
+        let rig = Rig::new(PlantParams::for_motor(kind), RigParams::default(), &[], model, start, seed);
+        Self::new(rig.expect("the defaults are in range"), node)
     }
 
     /// Runs the plant until `until_us` or until a hall line changes, whichever is first; returns whether one did.
