@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod board;
+pub mod bus;
 pub mod metrics;
 pub mod node;
 pub mod plant;

@@ -1,0 +1,308 @@
+//! A CAN bus in simulated time: who sends when, what everybody hears, and what that costs in bit times.
+//!
+//! Classic CAN at 1 Mbit/s, so that a bit is a microsecond. The lowest identifier wins; frames have their exact length with
+//! stuffing; a destroyed frame costs an error frame and is sent again; a controller's receive FIFO holds three frames and
+//! loses what comes while it is full. Left out: error counters (a station never goes bus-off), remote and extended
+//! frames, and the retries of a station that nobody acknowledges: it waits in silence.
+//!
+//! Events decide, not steps: between two of them nothing that a station does can reach another one. All happens in a fixed
+//! order, so the same calls give the same bus, to the microsecond.
+
+mod host;
+mod length;
+mod medium;
+mod station;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, VecDeque};
+
+use tater_wire::Frame;
+
+use host::Host;
+pub use host::{Adapter, NoHost, Stamped, TwoHosts};
+pub use length::bits;
+use length::{ERROR_FRAME, INTERMISSION};
+pub use medium::{Clean, Fate, Medium, Noise};
+pub use station::Station;
+
+/// Frames in a controller's receive FIFO (bxCAN: three; locked when full, so the newest is lost).
+pub const FIFO: usize = 3;
+
+/// From the end of a frame to when a board's software has it, µs: the interrupt, and copying out of the FIFO. Chosen, because
+/// 20 us are 1,440 instructions at 72 MHz, and more than that an interrupt must not wait.
+pub const BOARD_US: u64 = 20;
+
+/// What has been on the bus.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Bit times in use: frames, error frames, intermissions.
+    pub busy_us: u64,
+    /// Frames that were acknowledged.
+    pub frames: u64,
+    /// Frames that were destroyed, and sent again.
+    pub errors: u64,
+    /// Acknowledged frames by identifier.
+    pub by_id: BTreeMap<u16, u64>,
+    /// Frames lost because a receive FIFO was full.
+    pub overruns: u64,
+    /// Frames that a listener lost otherwise.
+    pub unheard: u64,
+}
+
+/// A bus with its stations, and perhaps a host.
+pub struct Bus<S> {
+    now_us: u64,
+    slots: Vec<Slot<S>>,
+    host: Option<Host>,
+    medium: Box<dyn Medium + Send>,
+    flight: Option<Flight>,
+    /// End of the last intermission.
+    free_us: u64,
+    stats: Stats,
+}
+
+/// A station's place.
+struct Slot<S> {
+    station: S,
+    cut: bool,
+    fifo: VecDeque<Stamped>,
+    /// When the software took the last frame.
+    taken_us: u64,
+}
+
+/// A frame on the wire.
+struct Flight {
+    frame: Frame,
+    /// Which station sends it; `None`: the host.
+    sender: Option<usize>,
+    begin_us: u64,
+    end_us: u64,
+    whole: bool,
+}
+
+impl<S: Station> Slot<S> {
+    /// When the software takes the next frame out of the FIFO.
+    fn delivery_us(&self) -> Option<u64> {
+        let front = self.fifo.front()?;
+        Some(front.at_us.max(self.taken_us).max(self.station.busy_until_us()) + BOARD_US)
+    }
+}
+
+impl<S: Station> Bus<S> {
+    /// A bus at time 0 with a clean cable and no host.
+    #[must_use]
+    pub fn new(stations: Vec<S>) -> Self {
+        let slot = |station| Slot { station, cut: false, fifo: VecDeque::new(), taken_us: 0 };
+        Self {
+            now_us: 0,
+            slots: stations.into_iter().map(slot).collect(),
+            host: None,
+            medium: Box::new(Clean),
+            flight: None,
+            free_us: 0,
+            stats: Stats::default(),
+        }
+    }
+
+    /// Plugs a host in, and gives it a name for errors.
+    ///
+    /// # Errors
+    /// There is one: host and GOD are both node 0, and the bus carries only one of them.
+    pub fn plug_host(&mut self, name: &str, adapter: Adapter) -> Result<(), TwoHosts> {
+        if let Some(host) = &self.host {
+            return Err(TwoHosts { present: host.name.clone(), refused: name.to_owned() });
+        }
+        self.host = Some(Host::new(name.to_owned(), adapter));
+        Ok(())
+    }
+
+    /// Unplugs the host, with all that it has not sent or received.
+    pub fn unplug_host(&mut self) {
+        self.host = None;
+        if let Some(flight) = self.flight.as_mut().filter(|flight| flight.sender.is_none()) {
+            flight.whole = false;
+        }
+    }
+
+    /// Replaces the cable.
+    pub fn set_medium(&mut self, medium: impl Medium + Send + 'static) {
+        self.medium = Box::new(medium);
+    }
+
+    /// Cuts a station's cable, or mends it. What it is sending is destroyed.
+    pub fn cut(&mut self, station: usize, cut: bool) {
+        if let Some(slot) = self.slots.get_mut(station) {
+            slot.cut = cut;
+        }
+        if let Some(flight) = self.flight.as_mut().filter(|flight| cut && flight.sender == Some(station)) {
+            flight.whole = false;
+        }
+    }
+
+    /// µs since power-up.
+    #[must_use]
+    pub const fn now_us(&self) -> u64 {
+        self.now_us
+    }
+
+    /// What has been on the bus.
+    #[must_use]
+    pub const fn stats(&self) -> &Stats {
+        &self.stats
+    }
+
+    /// The stations, in the order given.
+    pub fn stations(&self) -> impl Iterator<Item = &S> {
+        self.slots.iter().map(|slot| &slot.station)
+    }
+
+    /// A station, by its place in the order given.
+    pub fn station_mut(&mut self, index: usize) -> Option<&mut S> {
+        self.slots.get_mut(index).map(|slot| &mut slot.station)
+    }
+
+    /// Gives the host a frame to send, after those it has.
+    ///
+    /// # Errors
+    /// There is no host.
+    pub fn send(&mut self, frame: Frame) -> Result<(), NoHost> {
+        self.host.as_mut().ok_or(NoHost)?.send(frame, self.now_us);
+        Ok(())
+    }
+
+    /// Frames that the host has not sent yet.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.host.as_ref().map_or(0, Host::waiting)
+    }
+
+    /// What the host has received by now, oldest first.
+    pub fn receive(&mut self) -> Option<Stamped> {
+        self.host.as_mut()?.receive(self.now_us)
+    }
+
+    /// Lets time pass up to and including `until_us`.
+    pub fn run_until(&mut self, until_us: u64) {
+        self.settle();
+        while self.now_us < until_us {
+            self.step(until_us);
+        }
+    }
+
+    /// Lets time pass until the host has a frame, which is taken; `None` at `deadline_us`.
+    pub fn wait(&mut self, deadline_us: u64) -> Option<Stamped> {
+        self.settle();
+        loop {
+            if let Some(stamped) = self.receive() {
+                return Some(stamped);
+            }
+            if self.now_us >= deadline_us {
+                return None;
+            }
+            self.step(deadline_us);
+        }
+    }
+
+    /// To the next event, or to `until_us` if that is earlier.
+    fn step(&mut self, until_us: u64) {
+        let next_us = self.next_us().clamp(self.now_us + 1, until_us.max(self.now_us + 1));
+        for slot in &mut self.slots {
+            slot.station.advance(next_us);
+        }
+        self.now_us = next_us;
+        self.settle();
+    }
+
+    /// When something happens next, as far as is known now.
+    fn next_us(&self) -> u64 {
+        let wire_us = match &self.flight {
+            Some(flight) => flight.end_us,
+            None if self.winner().is_some() => self.free_us,
+            None => u64::MAX,
+        };
+        let host_us = self.host.as_ref().map_or(u64::MAX, |host| host.next_us(self.now_us));
+        let slots_us = self.slots.iter().map(|slot| {
+            slot.station.next_us().max(self.now_us + 1).min(slot.delivery_us().unwrap_or(u64::MAX))
+        });
+        slots_us.min().unwrap_or(u64::MAX).min(wire_us).min(host_us)
+    }
+
+    /// All that is due now: the end of a frame, deliveries, the beginning of a frame.
+    fn settle(&mut self) {
+        if let Some(flight) = self.flight.take_if(|flight| flight.end_us <= self.now_us) {
+            self.finish(&flight);
+        }
+        for slot in &mut self.slots {
+            while slot.delivery_us().is_some_and(|at| at <= self.now_us) {
+                slot.taken_us = self.now_us;
+                if let Some(Stamped { frame, .. }) = slot.fifo.pop_front() {
+                    slot.station.receive(&frame);
+                }
+            }
+        }
+        if self.flight.is_none() && self.now_us >= self.free_us {
+            self.begin();
+        }
+    }
+
+    /// Whom arbitration lets send now: the lowest identifier of all that is pending. Identifiers name their sender, so two
+    /// stations have the same one only by mistake; then the first of them goes.
+    fn winner(&self) -> Option<(Option<usize>, Frame)> {
+        let host = self.host.as_ref().and_then(|host| host.pending(self.now_us)).map(|frame| (None, frame));
+        let connected = self.slots.iter().enumerate().filter(|(_, slot)| !slot.cut);
+        // Without a listener there is no acknowledge.
+        if connected.clone().count() + usize::from(self.host.is_some()) < 2 {
+            return None;
+        }
+        let lowest = |(index, slot): (usize, &Slot<S>)| {
+            let frame = slot.station.pending().iter().min_by_key(|frame| frame.raw_id())?;
+            Some((Some(index), *frame))
+        };
+        host.into_iter().chain(connected.filter_map(lowest)).min_by_key(|(_, frame)| frame.raw_id())
+    }
+
+    fn begin(&mut self) {
+        let Some((sender, frame)) = self.winner() else { return };
+        let bits = length::bits(&frame);
+        let (len, whole) = match self.medium.fate(&frame, bits, self.now_us) {
+            Fate::Whole => (bits, true),
+            Fate::Broken { at_bit } => (at_bit.min(bits) + ERROR_FRAME, false),
+        };
+        let end_us = self.now_us + len;
+        self.flight = Some(Flight { frame, sender, begin_us: self.now_us, end_us, whole });
+    }
+
+    fn finish(&mut self, flight: &Flight) {
+        self.free_us = flight.end_us + INTERMISSION;
+        self.stats.busy_us += self.free_us - flight.begin_us;
+        if !flight.whole {
+            self.stats.errors += 1;
+            return;
+        }
+        let Flight { frame, sender, .. } = *flight;
+        self.stats.frames += 1;
+        *self.stats.by_id.entry(frame.raw_id()).or_default() += 1;
+        let now_us = self.now_us;
+        for (index, slot) in self.slots.iter_mut().enumerate() {
+            if sender == Some(index) {
+                slot.station.sent(&frame);
+            } else if slot.cut {
+            } else if !self.medium.hears(&frame, Some(index)) {
+                self.stats.unheard += 1;
+            } else if slot.fifo.len() >= FIFO {
+                self.stats.overruns += 1;
+            } else {
+                slot.fifo.push_back(Stamped { at_us: now_us, frame });
+            }
+        }
+        let Some(host) = &mut self.host else { return };
+        if sender.is_none() {
+            host.sent();
+        } else if self.medium.hears(&frame, None) {
+            host.hear(frame, now_us);
+        } else {
+            self.stats.unheard += 1;
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! The host's place on the bus: node 0, behind an adapter that queues.
+
+use std::collections::VecDeque;
+use std::fmt;
+
+use tater_wire::Frame;
+
+/// What a host's CAN adapter adds to the bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Adapter {
+    /// From the host's program to the adapter's transmit queue, µs.
+    pub out_us: u64,
+    /// From the end of a frame on the bus to the host's program, µs.
+    pub in_us: u64,
+}
+
+/// A frame and when it was there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamped {
+    /// End of the frame on the bus, and the adapter's delay: µs since power-up of the bus.
+    pub at_us: u64,
+    /// The frame.
+    pub frame: Frame,
+}
+
+/// Somebody else is node 0 already.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TwoHosts {
+    /// Who is.
+    pub present: String,
+    /// Who wanted to be.
+    pub refused: String,
+}
+
+impl fmt::Display for TwoHosts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "two hosts: {} cannot be on the bus with {}, both would be node 0; disconnect one of them",
+            self.refused, self.present
+        )
+    }
+}
+
+impl std::error::Error for TwoHosts {}
+
+/// A frame was to be sent without a host on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoHost;
+
+impl fmt::Display for NoHost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("no host is plugged into the bus")
+    }
+}
+
+impl std::error::Error for NoHost {}
+
+/// A host that is plugged in. Its adapter sends in the order given, and is never too slow to receive.
+pub(super) struct Host {
+    pub(super) name: String,
+    adapter: Adapter,
+    out: VecDeque<Stamped>,
+    inbox: VecDeque<Stamped>,
+}
+
+impl Host {
+    pub(super) const fn new(name: String, adapter: Adapter) -> Self {
+        Self { name, adapter, out: VecDeque::new(), inbox: VecDeque::new() }
+    }
+
+    pub(super) fn send(&mut self, frame: Frame, now_us: u64) {
+        self.out.push_back(Stamped { at_us: now_us + self.adapter.out_us, frame });
+    }
+
+    pub(super) fn waiting(&self) -> usize {
+        self.out.len()
+    }
+
+    /// The frame that is in the adapter and may go out.
+    pub(super) fn pending(&self, now_us: u64) -> Option<Frame> {
+        self.out.front().filter(|out| out.at_us <= now_us).map(|out| out.frame)
+    }
+
+    pub(super) fn sent(&mut self) {
+        self.out.pop_front();
+    }
+
+    pub(super) fn hear(&mut self, frame: Frame, now_us: u64) {
+        self.inbox.push_back(Stamped { at_us: now_us + self.adapter.in_us, frame });
+    }
+
+    pub(super) fn receive(&mut self, now_us: u64) -> Option<Stamped> {
+        self.inbox.pop_front_if(|stamped| stamped.at_us <= now_us)
+    }
+
+    /// The next instant after `now_us` at which a frame gets through the adapter.
+    pub(super) fn next_us(&self, now_us: u64) -> u64 {
+        let fronts = [self.out.front(), self.inbox.front()];
+        fronts.into_iter().flatten().map(|s| s.at_us).filter(|&at| at > now_us).min().unwrap_or(u64::MAX)
+    }
+}

@@ -1,0 +1,36 @@
+//! What the bus needs of a board: its CAN controller's mailboxes and its time.
+
+use tater_wire::Frame;
+
+/// A board on the bus, with its CAN controller's transmit mailboxes; the receive FIFO is the bus's.
+///
+/// The bus brings all stations to each instant at which something happens on it, and to each [`Station::next_us`];
+/// in between, no station can notice another.
+pub trait Station {
+    /// The station's present time, µs since power-up of the bus.
+    fn now_us(&self) -> u64;
+
+    /// Lets time pass up to and including `until_us`; never goes back, and not beyond it.
+    ///
+    /// A long operation (a flash erase) may begin inside: the state after it may be there at once, if
+    /// [`Station::busy_until_us`] says until when the processor really stands still.
+    fn advance(&mut self, until_us: u64);
+
+    /// The next instant at which the station may by itself want to send: its next tick or step, after
+    /// [`Station::now_us`]. `u64::MAX` if it only answers.
+    fn next_us(&self) -> u64;
+
+    /// Until when the processor stands still: nothing is received before. At or before [`Station::now_us`] if it runs.
+    fn busy_until_us(&self) -> u64;
+
+    /// A frame from the receive FIFO, at the station's present time: any frame on the bus but its own.
+    fn receive(&mut self, frame: &Frame);
+
+    /// The frames in the transmit mailboxes, in the order of the mailboxes. The controller (bxCAN with TXFP = 0) sends
+    /// the lowest identifier first, of equal ones that of the first mailbox. A station that stands still goes on sending.
+    fn pending(&self) -> &[Frame];
+
+    /// One of [`Station::pending`] has been sent and acknowledged: its mailbox is free, and more may be put in. A frame that is
+    /// not there any more (the station was reset meanwhile) is ignored.
+    fn sent(&mut self, frame: &Frame);
+}
