@@ -1,8 +1,8 @@
 //! The hardware of one motor board, simulated: the rig in place of the pins, a flash, a CAN controller's mailboxes.
 //! It decides nothing; what a board does is [`tater_fw`]'s.
 
-use servo_core::sense::commutation::Bridge;
 use servo_core::MotorKind;
+use servo_core::sense::commutation::Bridge;
 use tater_fw::{Analog, Board};
 use tater_wire::property::Kind;
 use tater_wire::{Frame, Node};

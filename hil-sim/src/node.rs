@@ -12,6 +12,7 @@ use tater_wire::image::seal;
 use tater_wire::memory::{APPLICATION, RAM};
 
 use crate::board::SimBoard;
+use crate::bus::Station;
 use crate::rig::{Rig, Truth};
 
 /// Control tick in microseconds (servo_core's TICK_HZ).
@@ -170,18 +171,6 @@ impl Node {
     }
 
     // --- time -------------------------------------------------------------------------------------------------
-
-    /// The board's time, µs.
-    #[must_use]
-    pub const fn now_us(&self) -> u64 {
-        self.now_us
-    }
-
-    /// Until when the processor is stalled by its flash or boots, µs; frames wait in the controller meanwhile.
-    #[must_use]
-    pub const fn busy_until_us(&self) -> u64 {
-        self.busy_until_us
-    }
 
     /// One millisecond.
     pub fn step(&mut self) {
@@ -388,4 +377,35 @@ impl Node {
 /// A time-stamp as the board's 32-bit timer gives it.
 fn micros(us: u64) -> Micros {
     Micros(us as u32)
+}
+
+impl Station for Node {
+    fn now_us(&self) -> u64 {
+        self.now_us
+    }
+
+    fn advance(&mut self, until_us: u64) {
+        Self::advance(self, until_us);
+    }
+
+    fn next_us(&self) -> u64 {
+        if self.is_busy() { self.busy_until_us } else { self.next_tick_us }
+    }
+
+    fn busy_until_us(&self) -> u64 {
+        self.busy_until_us
+    }
+
+    fn receive(&mut self, frame: &Frame) {
+        // Nobody is told on the bus.
+        let _ = Self::receive(self, frame);
+    }
+
+    fn pending(&self) -> &[Frame] {
+        self.mailboxes()
+    }
+
+    fn sent(&mut self, frame: &Frame) {
+        Self::sent(self, frame);
+    }
 }

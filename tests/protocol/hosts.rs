@@ -55,6 +55,10 @@ impl Host {
         self.bus.run_until(until);
     }
 
+    pub(super) fn board(&mut self, index: usize) -> &mut Node {
+        self.bus.station_mut(index).expect("a board")
+    }
+
     /// Forgets what has come.
     pub(super) fn clear(&mut self) {
         while self.bus.receive().is_some() {}
@@ -148,7 +152,10 @@ fn a_group_is_answered_by_every_member() {
         while let Some(stamped) = host.bus.receive() {
             let message = Message::parse(&stamped.frame).expect("an answer");
             from.push(message.from.number());
-            assert_eq!(answer(&stamped.frame, message.from.number(), Property::ID), Some(message.from.number().into()));
+            assert_eq!(
+                answer(&stamped.frame, message.from.number(), Property::ID),
+                Some(message.from.number().into())
+            );
         }
         // All ask for the bus at once: the lowest identifier, which holds the sender, goes first.
         assert_eq!(from, members.collect::<Vec<_>>(), "{group:?}");
@@ -158,7 +165,9 @@ fn a_group_is_answered_by_every_member() {
 #[test]
 fn a_trapezoidal_move_by_e_and_mode_5() {
     let mut host = Host::awake(1..=7);
-    for (property, value) in [(Property::ACCEL, 30), (Property::MV, 1000), (Property::TSTOP, 400), (Property::HOLD, 1)] {
+    for (property, value) in
+        [(Property::ACCEL, 30), (Property::MV, 1000), (Property::TSTOP, 400), (Property::HOLD, 1)]
+    {
         host.set(to(4), property, value);
         assert_eq!(host.get(4, property), Some(value));
     }
@@ -228,9 +237,9 @@ fn velocity_then_mode_4_and_a_host_that_falls_silent() {
     assert!(there > 40, "it moves: {there}");
     // 500 ms without a frame, and a control tick to see it.
     host.wait_ms(490);
-    assert_eq!(host.bus.station(0).sample().map(|s| s.status.mode.number()), Some(4));
+    assert_eq!(host.board(0).sample().map(|s| s.status.mode.number()), Some(4));
     host.wait_ms(15);
-    assert_eq!(host.bus.station(0).sample().map(|s| s.status.mode.number()), Some(0));
+    assert_eq!(host.board(0).sample().map(|s| s.status.mode.number()), Some(0));
     assert_eq!(host.get(4, Property::ERROR), Some(7), "the host was lost");
     assert_eq!(host.get(4, Property::STAT), Some(2), "which can be mended");
     host.set(to(4), Property::MODE, 4);
@@ -262,7 +271,7 @@ fn a_fault_keeps_stat_2_and_says_why() {
     host.set(to(4), Property::E, 150);
     host.set(to(4), Property::MODE, 5);
     host.wait_ms(200);
-    host.bus.station_mut(0).rig_mut().set_bus(12.0);
+    host.board(0).rig_mut().set_bus(12.0);
     host.wait_ms(50);
     let state = |host: &mut Host| {
         [Property::STAT, Property::ERROR, Property::MODE, Property::END].map(|property| host.get(4, property))
@@ -270,7 +279,7 @@ fn a_fault_keeps_stat_2_and_says_why() {
     assert_eq!(state(&mut host), [Some(2), Some(5), Some(0), Some(6)], "under-voltage");
     host.set(to(4), Property::MODE, 5);
     assert_eq!(host.get(4, Property::MODE), Some(0));
-    host.bus.station_mut(0).rig_mut().set_bus(24.0);
+    host.board(0).rig_mut().set_bus(24.0);
     host.set(to(4), Property::STAT, 2);
     assert_eq!(state(&mut host)[..2], [Some(2), Some(0)]);
     host.set(to(4), Property::MODE, 5);
