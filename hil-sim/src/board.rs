@@ -127,6 +127,7 @@ impl SimBoard {
             motor_temp: self.analog.motor_temp,
             strain: self.analog.strain,
             bridge_fault: self.analog.bridge_fault,
+            host_lost: false,
         });
         self.events.clear();
         self.commutator.set(self.drive.duty);
