@@ -22,8 +22,10 @@
 #[cfg(test)]
 extern crate std;
 
+mod bind;
 pub mod board;
 pub mod monitor;
+pub mod motion;
 pub mod storage;
 pub mod tater;
 
