@@ -19,7 +19,7 @@ mod tests;
 
 use self::kept::Kept;
 use self::lock::Lock;
-use crate::board::{Board, FlashError};
+use crate::board::Board;
 use crate::motion::motor;
 use crate::storage::{Progress, Store};
 use heapless::{Deque, Vec};
@@ -90,8 +90,6 @@ pub struct Tater<B: Board> {
     store: Store,
     /// The decoder's count at which the stored position is true, while its mark is unconsumed.
     trusted_at: Option<i32>,
-    /// Why the flash is left alone.
-    storage_failure: Option<FlashError>,
     /// ERROR has a storage failure to tell of.
     storage_error: bool,
     breakaway_position: i32,
@@ -136,7 +134,6 @@ impl<B: Board> Tater<B> {
             kept: Kept::default(),
             lock: Lock::default(),
             trusted_at: stored.map(|_| count),
-            storage_failure: None,
             storage_error: false,
             breakaway_position: 0,
             outbox: Deque::new(),
@@ -321,12 +318,9 @@ impl<B: Board> Tater<B> {
     /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only while
     /// the bridge is off; it cannot be switched on meanwhile, because only [`Self::tick`] does that.
     pub fn store(&mut self) -> Progress {
-        if let Some(error) = self.storage_failure {
-            return Progress::Failed(error);
-        }
         let progress = self.store.step(self.board.flash(), self.drive.duty.is_none());
-        if let Progress::Failed(error) = progress {
-            self.storage_failed(error);
+        if let Progress::Failed(_) = progress {
+            self.storage_failed();
         }
         progress
     }
@@ -339,7 +333,7 @@ impl<B: Board> Tater<B> {
         self.board.bridge(Bridge::Off);
         self.board.brake(false);
         for _ in 0..LAST_OPERATIONS {
-            if self.store() != Progress::More {
+            if matches!(self.store(), Progress::Done | Progress::Waiting) {
                 break;
             }
         }
@@ -399,6 +393,12 @@ impl<B: Board> Tater<B> {
     /// What the servo reported, oldest first: for logs and simulations.
     pub fn event(&mut self) -> Option<Event> {
         self.events.pop_front()
+    }
+
+    /// The node that it is on the bus, until the next start.
+    #[must_use]
+    pub const fn node(&self) -> Node {
+        self.node
     }
 
     /// What the servo says: for logs and simulations.

@@ -30,7 +30,8 @@ impl<B: Board> Tater<B> {
         let counters = self.store.counters();
         let value = match property {
             motion!() => motion::get(self.servo.config(), property)?,
-            kept!() => kept::get(&self.kept, property)?,
+            // As set; the ID of a board that has none is 0.
+            kept!() => return kept::get(&self.kept, property),
             P::VERS | P::CTS | P::IPNM | P::POLES => property.row().min,
             P::ERROR => self.error().map_or(0, |code| i64::from(code.code())),
             P::STAT => READY,
@@ -84,7 +85,6 @@ impl<B: Board> Tater<B> {
             }
             kept!() if kept::set(&mut self.kept, property, value) => Ok(()),
             P::STAT if value == READY => {
-                self.storage_failure = None;
                 self.storage_error = false;
                 self.command(Command::ClearFault)
             }
@@ -132,7 +132,7 @@ impl<B: Board> Tater<B> {
     }
 
     fn count(&mut self, counters: Counters) -> Result<(), Refused> {
-        self.store.count(counters);
+        self.store.reset_counters(counters);
         Ok(())
     }
 }

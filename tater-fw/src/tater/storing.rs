@@ -2,7 +2,7 @@
 
 use super::kept;
 use super::{OFF, Refused, Tater};
-use crate::board::{Board, FlashError};
+use crate::board::Board;
 use crate::motion;
 use servo_core::mode::Mode;
 use servo_core::{Command, Refusal};
@@ -25,8 +25,6 @@ impl<B: Board> Tater<B> {
                 .filter(|row| row.stored == Stored::Yes)
                 .for_each(|row| self.save_one(row.property)),
         }
-        // Another try, if the flash has failed.
-        self.storage_failure = None;
         Ok(())
     }
 
@@ -90,12 +88,10 @@ impl<B: Board> Tater<B> {
                     self.distrust();
                 }
                 self.store.forget(property);
-                self.storage_failure = None;
                 self.load_one(property)
             }
             None => {
                 self.distrust();
-                self.storage_failure = None;
                 let open =
                     ROWS.iter().filter(|row| row.stored == Stored::Yes && row.access != Access::Locked);
                 open.for_each(|row| self.store.forget(row.property));
@@ -166,18 +162,18 @@ impl<B: Board> Tater<B> {
         }
         match self.store.distrust(self.board.flash()) {
             Ok(()) => self.trusted_at = None,
-            Err(error) => {
-                self.storage_failed(error);
+            Err(_) => {
+                self.storage_failed();
                 self.drive = OFF;
                 let _ = self.servo.command(Command::Terminate);
             }
         }
     }
 
-    /// The flash has failed: it is left alone until a SAVE, a DEF or STAT 2 asks for another try.
-    pub(super) fn storage_failed(&mut self, error: FlashError) {
+    /// The flash has failed: said by ERROR, unless that says something already. Whether to try again is the store's to
+    /// know.
+    pub(super) fn storage_failed(&mut self) {
         self.storage_error |= self.error().is_none();
-        self.storage_failure = Some(error);
     }
 }
 
