@@ -32,6 +32,7 @@ fn run(servo: &mut Servo, tick: &Tick) -> Drive {
         motor_temp: DeciCelsius(300),
         strain: 128,
         bridge_fault: false,
+        host_lost: false,
     })
 }
 

@@ -136,6 +136,7 @@ pub const fn fault_word(fault: Fault) -> &'static str {
         Fault::OverVoltage => "over-voltage",
         Fault::UnderVoltage => "under-voltage",
         Fault::Bridge => "bridge",
+        Fault::HostLost => "host-lost",
     }
 }
 
@@ -215,6 +216,7 @@ const FAULT_WORDS: &[&str] = &[
     fault_word(Fault::OverVoltage),
     fault_word(Fault::UnderVoltage),
     fault_word(Fault::Bridge),
+    fault_word(Fault::HostLost),
 ];
 
 const MODE_WORDS: &[&str] = &[

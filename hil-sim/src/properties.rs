@@ -1,20 +1,20 @@
-//! The servo's properties by name: what `[set]` of a scenario and `--set` on the command line speak.
-//!
-//! A row ties a property's name to its field of [`Config`]. Ranges stay in [`Config::validate`]: a row finds
-//! its own by asking it.
+//! The servo's properties by name: what `[set]` of a scenario and `--set` on the command line speak. Which field of
+//! [`Config`] a property is, is the firmware's ([`tater_fw::motion`]); name, range and meaning are the wire's row.
 
-use servo_core::{Config, MotorKind};
+use servo_core::Config;
+use tater_fw::motion;
+use tater_wire::property::Row;
 
 /// One property of the servo.
+#[derive(Clone, Copy)]
 pub struct Property {
-    /// The row of the wire's table.
-    pub property: tater_wire::Property,
     /// Name as in the property table, upper case.
     pub name: &'static str,
-    /// Unit and meaning, for help.
+    /// Meaning, for help.
     pub about: &'static str,
-    get: fn(&Config) -> i64,
-    set: fn(&mut Config, i64),
+    /// The property on the wire.
+    pub property: tater_wire::Property,
+    row: &'static Row,
 }
 
 impl std::fmt::Debug for Property {
@@ -23,71 +23,23 @@ impl std::fmt::Debug for Property {
     }
 }
 
-/// A field of [`Config`] as a property's integer; writing saturates at the field's type.
-trait Raw: Copy {
-    fn read(self) -> i64;
-    fn saturated(value: i64) -> Self;
-}
-
-macro_rules! raw {
-    ($($type:ty),*) => {$(
-        impl Raw for $type {
-            fn read(self) -> i64 {
-                i64::from(self)
-            }
-            fn saturated(value: i64) -> Self {
-                let bounded = value.clamp(i64::from(Self::MIN), i64::from(Self::MAX));
-                Self::try_from(bounded).unwrap_or(Self::MAX)
-            }
-        }
-    )*};
-}
-raw!(u16, i16, i32);
-
-impl Raw for bool {
-    fn read(self) -> i64 {
-        i64::from(self)
+impl Property {
+    const fn new(property: tater_wire::Property) -> Self {
+        let row = property.row();
+        Self { name: row.name, about: row.meaning, property, row }
     }
-    fn saturated(value: i64) -> Self {
-        value > 0
-    }
-}
-
-macro_rules! row {
-    ($name:ident, $field:ident, $about:literal) => {
-        Property {
-            property: tater_wire::Property::$name,
-            name: stringify!($name),
-            about: $about,
-            get: |config| config.$field.read(),
-            set: |config, value| config.$field = Raw::saturated(value),
-        }
-    };
 }
 
 /// Every property that shapes a motion.
-pub const PROPERTIES: [Property; 20] = [
-    row!(KP, kp, "position gain"),
-    row!(KD, kd, "derivative gain"),
-    row!(KI, ki, "integral gain"),
-    row!(KPV, kpv, "velocity gain of mode 4"),
-    row!(MT, mt, "torque limit, 1/1024 of peak"),
-    row!(MV, mv, "cruise velocity, counts/s"),
-    row!(MCV, mcv, "cruise velocity when closing, counts/s"),
-    row!(MOV, mov, "cruise velocity when opening, counts/s"),
-    row!(ACCEL, accel, "acceleration is (ACCEL/1024)^2 counts/ms^2"),
-    row!(MPE, mpe, "arrival window, counts"),
-    row!(HOLD, hold, "after a move: 1 holds, 0 idles"),
-    row!(TSTOP, tstop, "no count for this long while driven is a stall, ms; 0 never"),
-    row!(HSG, hsg, "strain above which a move ends; 255 and 256 disable"),
-    row!(LSG, lsg, "strain below which a move ends; 255 and 256 disable"),
-    row!(BT, bt, "load torque at which a link breaks away, 1/1024 of peak; 0 never"),
-    row!(BS, bs, "a breakaway stops the tip too"),
-    row!(IVEL, ivel, "velocity towards the stop in HI, counts/s"),
-    row!(IOFF, ioff, "distance from the stop to zero in HI, counts"),
-    row!(IHIT, ihit, "torque limit in HI, 1/1024 of peak"),
-    row!(OTEMP, otemp, "motor temperature limit, 0.1 C; -551 disables"),
-];
+pub const PROPERTIES: [Property; motion::PROPERTIES.len()] = {
+    let mut all = [Property::new(motion::PROPERTIES[0]); motion::PROPERTIES.len()];
+    let mut i = 1;
+    while i < all.len() {
+        all[i] = Property::new(motion::PROPERTIES[i]);
+        i += 1;
+    }
+    all
+};
 
 /// Why a property was not set. Displays found and expected.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -126,8 +78,12 @@ impl PropertyError {
         match self {
             Self::Unknown { .. } => format!("one of {}", names()),
             Self::Range { name, min, max, .. } => {
-                let about = find(name).map_or("", |property| property.about);
-                format!("{name} from {min} to {max} ({about})")
+                let about =
+                    find(name).map_or_else(String::new, |Property { about, row, .. }| match row.unit {
+                        "-" => format!(" ({about})"),
+                        unit => format!(" ({about}; {unit})"),
+                    });
+                format!("{name} from {min} to {max}{about}")
             }
         }
     }
@@ -171,7 +127,8 @@ impl Property {
     /// The property's value.
     #[must_use]
     pub fn get(&self, config: &Config) -> i64 {
-        (self.get)(config)
+        // Every row here is a field.
+        motion::get(config, self.row.property).unwrap_or_default()
     }
 
     /// Sets the property.
@@ -179,34 +136,24 @@ impl Property {
     /// # Errors
     /// The value is out of range; `config` has not changed then.
     pub fn set(&self, config: &mut Config, value: i64) -> Result<(), PropertyError> {
-        let (min, max) = self.range();
-        if value < min || value > max {
-            return Err(PropertyError::Range { name: self.name, found: value, min, max });
+        if motion::set(config, self.row.property, value) {
+            return Ok(());
         }
-        (self.set)(config, value);
-        Ok(())
+        let (min, max) = self.range();
+        Err(PropertyError::Range { name: self.name, found: value, min, max })
     }
 
-    /// Smallest and largest value: those of [`Config::validate`], or of the field's type where it checks none.
+    /// Smallest and largest value.
     #[must_use]
-    pub fn range(&self) -> (i64, i64) {
-        // Ranges do not depend on the motor's kind, and the defaults are all valid, so what fails is this row.
-        let mut config = Config::for_motor(MotorKind::Link);
-        let mut ends = [0, 0];
-        for (end, extreme) in ends.iter_mut().zip([i64::MIN, i64::MAX]) {
-            (self.set)(&mut config, extreme);
-            if let Err(error) = config.validate() {
-                return (i64::from(error.min), i64::from(error.max));
-            }
-            *end = (self.get)(&config);
-        }
-        ends.into()
+    pub const fn range(&self) -> (i64, i64) {
+        (self.row.min, self.row.max)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servo_core::MotorKind;
 
     #[test]
     fn every_row_reads_back_both_ends_of_its_range_and_refuses_beyond() {

@@ -23,6 +23,8 @@ pub struct Sense<'a> {
     pub strain: u8,
     /// The gate driver's break input has switched the bridge off.
     pub bridge_fault: bool,
+    /// The host has not been heard for too long; matters in modes 2 and 4, where it steers.
+    pub host_lost: bool,
 }
 
 /// All that the servo asks for at a control tick.

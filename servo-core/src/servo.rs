@@ -147,11 +147,17 @@ impl Servo {
         }
     }
 
+    /// The position it stands at is known to be right, as after HI: it was stored, and nothing has moved since.
+    pub const fn trust_position(&mut self) {
+        self.homed = true;
+    }
+
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
         let counted = self.observe(sense);
         let heat = (sense.motor_temp, self.config.otemp);
-        if let Some(fault) = self.faults.check(sense.bus, heat, sense.bridge_fault, self.limits.short()) {
+        let (short, host_lost) = (self.limits.short(), sense.host_lost && self.is_steered());
+        if let Some(fault) = self.faults.check(sense.bus, heat, sense.bridge_fault, short, host_lost) {
             self.fail(fault);
         }
         let thermal = self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
@@ -201,6 +207,21 @@ impl Servo {
     #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// E as it was set.
+    #[must_use]
+    pub const fn end(&self) -> i32 {
+        self.end
+    }
+
+    /// T of mode 2 after the limits: what was set, or as much of it as they left; elsewhere the torque applied.
+    #[must_use]
+    pub const fn torque(&self) -> Torque {
+        match self.mode {
+            Mode::Torque if self.applied.limit.is_none() => self.torque_wanted,
+            _ => self.applied.torque,
+        }
     }
 
     // --- the tick, step by step -------------------------------------------------------------------------
@@ -332,6 +353,11 @@ impl Servo {
         let same_cell = self.setpoint.position.round() == self.position.round();
         let error = if resting && same_cell { Law::ZERO } else { self.lag() };
         (error, self.setpoint.velocity.0.saturating_sub(self.velocity.0))
+    }
+
+    /// Whether the host steers the motion from moment to moment, and must be there to end it.
+    const fn is_steered(&self) -> bool {
+        matches!(self.mode, Mode::Torque | Mode::Velocity)
     }
 
     /// Whether the motor is driven away from rest (the condition under which a stall is one).

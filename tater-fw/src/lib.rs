@@ -21,9 +21,14 @@
 
 #[cfg(test)]
 extern crate std;
+// The fake board is compiled here and in the system tests.
+#[cfg(test)]
+extern crate self as tater_fw;
 
+mod bind;
 pub mod board;
 pub mod monitor;
+pub mod motion;
 pub mod storage;
 pub mod tater;
 

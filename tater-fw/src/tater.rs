@@ -8,37 +8,70 @@
 //! | ten times a second | [`Tater::slow`]: temperatures, counters, watchdog |
 //! | else | [`Tater::store`]: one flash operation, if one is due |
 
+mod commands;
+mod errors;
+mod kept;
+mod lock;
+mod properties;
+mod storing;
+#[cfg(test)]
+mod tests;
+
+use self::kept::Kept;
+use self::lock::Lock;
 use crate::board::Board;
+use crate::motion::motor;
 use crate::storage::{Progress, Store};
 use heapless::{Deque, Vec};
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
-use servo_core::units::Micros;
-use servo_core::{Config, Drive, Event, MotorKind, Refusal, Sense, Servo, Status};
-use tater_wire::property::Kind;
-use tater_wire::{Frame, Node, Property};
+use servo_core::units::{Micros, Torque};
+use servo_core::{Command, Config, Drive, Event, Refusal, Sense, Servo, Status};
+use tater_wire::property::{Access, Kind};
+use tater_wire::{Body, Destination, Frame, Group, Identifier, Message, Node, Property};
 
 /// Hall events kept between two ticks. Full speed gives one or two; 16 hold a burst of glitches, and what is lost
 /// beyond that the decoder's count still has.
 const HALL_EVENTS: usize = 16;
 
-/// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries.
+/// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries. An answer that
+/// finds no room is not given: [`Refused::Busy`], and counted in [`Tater::unsent`].
 const OUTBOX: usize = 16;
 
 /// Events kept for an observer (a log); the oldest is dropped.
 const EVENTS: usize = 8;
+
+/// Ticks of 1 ms without a frame after which a host that steers (modes 2 and 4) is lost: hosts poll at 10 Hz and faster.
+const HOST_LOST_MS: u16 = 500;
+
+/// Flash operations that a reset waits for, so that a SAVE just before it is kept: a page holds 512 half-words.
+const LAST_OPERATIONS: usize = 1024;
+
+/// Number of VALUE: what a GET by another board is answered as. It is no property of a Tater: it was the raw memory's.
+const VALUE: u8 = 7;
+
+/// LFLAGS: ends of moves are reported.
+const REPORT_ENDS: u8 = 1;
+
+/// LFLAGS: breakaways are reported.
+const REPORT_BREAKAWAYS: u8 = 2;
+
+/// Bridge off, brake engaged.
+const OFF: Drive = Drive { duty: None, brake_released: false };
 
 /// Why a frame changed nothing. Nobody is told on the bus; logs and simulations are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refused {
     /// The frame means nothing.
     Unknown,
-    /// Not a property that may be written, or read, or not by this board.
+    /// Not a property that may be written, or read, or not by this board, or not now (LOCK).
     Access(Property),
     /// The value is out of its range.
     Range(Property),
     /// The servo says no.
     Servo(Refusal),
+    /// The answer found no room in the outbox.
+    Busy(Property),
 }
 
 /// A motor board's application.
@@ -49,44 +82,94 @@ pub struct Tater<B: Board> {
     servo: Servo,
     commutator: Commutator,
     halls: Vec<HallEvent, HALL_EVENTS>,
+    /// HALLH: three bits a code, the newest lowest.
+    hall_history: u32,
     drive: Drive,
+    kept: Kept,
+    lock: Lock,
     store: Store,
+    /// The decoder's count at which the stored position is true, while its mark is unconsumed.
+    trusted_at: Option<i32>,
+    /// ERROR has a storage failure to tell of.
+    storage_error: bool,
+    breakaway_position: i32,
     outbox: Deque<Frame, OUTBOX>,
+    unsent: u32,
     events: Deque<Event, EVENTS>,
+    /// Ticks since the last frame to this board or its groups.
+    silent_ms: u16,
+    /// Whether the tick, and whoever handles the bus, have run since the watchdog was fed last.
+    ticked: bool,
+    bus_served: bool,
+    /// Of the last [`Self::slow`], and time since then that is no whole second.
+    slow_at: Micros,
+    slow_us: u32,
+    /// Counts travelled that are no whole thousand.
+    travelled: u32,
 }
 
 impl<B: Board> Tater<B> {
-    /// After the monitor has started it: awake, STAT 2, in idle.
-    pub fn new(mut board: B, _now: Micros) -> Self {
+    /// After the monitor has started it: awake, STAT 2, in idle, with what is stored. The node is the stored ID, or the
+    /// straps'; a board that has neither obeys groups, so that it can be given an ID, and says nothing.
+    pub fn new(mut board: B, now: Micros) -> Self {
+        let store = Store::open(board.flash());
+        Self::with_store(board, store, now)
+    }
+
+    fn with_store(mut board: B, store: Store, now: Micros) -> Self {
         board.bridge(Bridge::Off);
         board.brake(false);
-        let store = Store::open(board.flash());
-        let node = match store.get(Property::ID).and_then(|id| u8::try_from(id).ok()).and_then(Node::new) {
-            Some(node) => node,
-            None => board.straps(),
-        };
-        let kind = match Kind::of(node) {
-            Kind::Link => MotorKind::Link,
-            Kind::Spread => MotorKind::Spread,
-            Kind::Tip => MotorKind::Tip,
-        };
-        let code = board.halls();
-        Self {
-            servo: Servo::for_motor(kind, 0),
-            commutator: Commutator::new(Wiring::STANDARD, code, 0),
+        let id = store.get(Property::ID).filter(|&id| Property::ID.row().admits(id));
+        let node = id.and_then(|id| Node::new(u8::try_from(id).ok()?)).unwrap_or_else(|| board.straps());
+        let code = board.halls() & 7;
+        let stored = store.trusted_position();
+        let trusted = stored.filter(|&(_, at)| at == code).map(|(position, _)| position);
+        let count = trusted.unwrap_or(0);
+        let mut tater = Self {
+            servo: Servo::for_motor(motor(Kind::of(node)), count),
+            commutator: Commutator::new(Wiring::STANDARD, code, count),
             halls: Vec::new(),
-            drive: Drive { duty: None, brake_released: false },
+            hall_history: u32::from(code),
+            drive: OFF,
+            kept: Kept::default(),
+            lock: Lock::default(),
+            trusted_at: stored.map(|_| count),
+            storage_error: false,
+            breakaway_position: 0,
             outbox: Deque::new(),
+            unsent: 0,
             events: Deque::new(),
+            silent_ms: 0,
+            ticked: false,
+            bus_served: false,
+            slow_at: now,
+            slow_us: 0,
+            travelled: 0,
             board,
             node,
             store,
+        };
+        match trusted {
+            Some(_) => tater.servo.trust_position(),
+            // The lines say that the rotor is elsewhere: the mark is false for good.
+            None => tater.distrust(),
         }
+        tater.load_all(|_| true);
+        // E is 0 until it is set, wherever the motor stands; in range, so it is taken.
+        let _ = tater.servo.command(Command::End(0));
+        tater
     }
 
     /// A hall line changed: commutates at once. Also called by every tick.
     pub fn hall(&mut self, now: Micros) {
-        if let Some(event) = self.commutator.sample(self.board.halls(), now) {
+        let code = self.board.halls() & 7;
+        if u32::from(code) != self.hall_history & 7 {
+            self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
+        }
+        if let Some(event) = self.commutator.sample(code, now) {
+            if let HallEvent::Step(edge) = event {
+                self.travelled = self.travelled.saturating_add(u32::from(edge.steps));
+            }
             // A full list drops the newest; the decoder's count has it.
             let _ = self.halls.push(event);
         }
@@ -95,8 +178,10 @@ impl<B: Board> Tater<B> {
 
     /// The control tick, 1 ms after the last.
     pub fn tick(&mut self, now: Micros) {
+        self.ticked = true;
         self.hall(now);
         let analog = self.board.analog();
+        self.silent_ms = self.silent_ms.saturating_add(1);
         self.drive = self.servo.tick(&Sense {
             now,
             halls: &self.halls,
@@ -105,50 +190,199 @@ impl<B: Board> Tater<B> {
             motor_temp: analog.motor_temp,
             strain: analog.strain,
             bridge_fault: analog.bridge_fault,
+            host_lost: self.silent_ms > HOST_LOST_MS,
         });
         self.halls.clear();
+        if let Some(count) = self.trusted_at
+            && (self.drive.duty.is_some() || self.commutator.count() != count)
+        {
+            self.distrust();
+        }
         self.commutator.set(self.drive.duty);
         self.board.bridge(self.commutator.bridge());
         self.board.brake(self.drive.brake_released);
         self.report();
-        self.flush();
+        self.send();
     }
 
     /// A frame from the bus, any frame: those for other nodes are skipped.
     ///
     /// # Errors
     /// Why it changed nothing and is not answered.
-    pub fn receive(&mut self, _frame: &Frame, _now: Micros) -> Result<(), Refused> {
-        let _ = self.node;
+    pub fn receive(&mut self, frame: &Frame, _now: Micros) -> Result<(), Refused> {
+        self.bus_served = true;
+        let Identifier { from, to } = frame.id();
+        if !self.hears(to) {
+            return Ok(());
+        }
+        self.silent_ms = 0;
+        let obeyed = match Message::parse(frame).map(|message| message.body) {
+            Some(Body::Get(id)) => self.get(id, from),
+            Some(Body::Set { property, value }) => {
+                if property != Property::LOCK.id() {
+                    self.lock.interrupt();
+                }
+                match Property::of(property) {
+                    Some(property) => self.set(property, property.read(value)),
+                    None => Err(Refused::Unknown),
+                }
+            }
+            Some(Body::Torques(torques)) => {
+                self.lock.interrupt();
+                let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
+                match torques.slot(self.kept.pidx) {
+                    Some(torque) => self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most)))),
+                    None => Err(Refused::Range(Property::T)),
+                }
+            }
+            Some(Body::Position(_) | Body::More { .. }) | None => Err(Refused::Unknown),
+        };
         self.report();
-        self.flush();
-        Ok(())
+        self.send();
+        obeyed
     }
 
-    /// Ten times a second: temperatures, counters, watchdog.
-    pub fn slow(&mut self, _now: Micros) {
-        self.board.feed();
+    /// Whether a frame concerns this board. What goes to the host's groups is said by boards, and never an order,
+    /// whatever GRPA, GRPB and GRPC are.
+    fn hears(&self, to: Destination) -> bool {
+        match to {
+            Destination::Node(node) => node == self.node && node != Node::HOST,
+            Destination::Group(Group::POSITIONS | Group::REPLIES) => false,
+            Destination::Group(group) => {
+                let number = group.number();
+                let Kept { grpa, grpb, grpc, .. } = self.kept;
+                group == Group::ALL || number == grpa || number == grpb || number == grpc
+            }
+        }
     }
 
-    /// One flash operation, if one is due: to be called when there is nothing else to do.
+    fn get(&mut self, id: u8, from: Node) -> Result<(), Refused> {
+        let property = Property::of(id).ok_or(Refused::Unknown)?;
+        let value = self.read(property).ok_or(Refused::Access(property))?;
+        self.say(from, property, value)
+    }
+
+    fn set(&mut self, property: Property, value: i64) -> Result<(), Refused> {
+        if property == Property::LOCK {
+            self.lock.key(value);
+        }
+        match property.row().access {
+            Access::ReadOnly => Err(Refused::Access(property)),
+            Access::ReadWrite | Access::WriteOnly => self.write(property, value),
+            Access::Locked => self.unlock(property).and_then(|()| self.write(property, value)),
+        }
+    }
+
+    /// Tells a node a value: the host by a reply, another board by a SET of VALUE.
+    fn say(&mut self, to: Node, property: Property, value: i64) -> Result<(), Refused> {
+        if self.node == Node::HOST {
+            return Ok(());
+        }
+        let message = if to == Node::HOST {
+            Message::reply(self.node, property, value)
+        } else {
+            property.write(value).map(|value| Message {
+                from: self.node,
+                to: Destination::Node(to),
+                body: Body::Set { property: VALUE, value },
+            })
+        };
+        // Every value that is read fits 32 bits.
+        let message = message.ok_or(Refused::Range(property))?;
+        self.outbox.push_back(message.frame()).map_err(|_| {
+            self.unsent = self.unsent.saturating_add(1);
+            Refused::Busy(property)
+        })
+    }
+
+    /// Ten times a second: temperatures, counters, watchdog. The watchdog is fed only if both the tick and the bus
+    /// ([`Self::receive`] or [`Self::flush`]) have been served since the last time.
+    pub fn slow(&mut self, now: Micros) {
+        let us = now.wrapping_since(self.slow_at).0.saturating_add(self.slow_us);
+        self.slow_at = now;
+        self.slow_us = us % 1_000_000;
+        let board_temp = self.board.analog().board_temp.0;
+        let mut counters = self.store.counters();
+        counters.upsecs = counters.upsecs.saturating_add(us / 1_000_000);
+        counters.odometer = counters.odometer.saturating_add(self.travelled / 1000);
+        counters.ptemp = counters.ptemp.max(board_temp);
+        self.travelled %= 1000;
+        self.store.count(counters);
+        if self.ticked && self.bus_served {
+            self.ticked = false;
+            self.bus_served = false;
+            self.board.feed();
+        }
+    }
+
+    /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only while
+    /// the bridge is off; it cannot be switched on meanwhile, because only [`Self::tick`] does that.
     pub fn store(&mut self) -> Progress {
-        let idle = self.drive.duty.is_none();
-        self.store.step(self.board.flash(), idle)
+        let progress = self.store.step(self.board.flash(), self.drive.duty.is_none());
+        if let Progress::Failed(_) = progress {
+            self.storage_failed();
+        }
+        progress
     }
 
-    /// Hands waiting frames to the CAN controller: after every call above, and when it has room again.
-    pub fn flush(&mut self) {
-        while let Some(frame) = self.outbox.front() {
-            if !self.board.transmit(frame) {
+    /// Into the monitor: bridge off first; what is to be stored is stored.
+    fn reset(&mut self) {
+        let _ = self.servo.command(Command::Terminate);
+        self.drive = OFF;
+        self.commutator.set(None);
+        self.board.bridge(Bridge::Off);
+        self.board.brake(false);
+        for _ in 0..LAST_OPERATIONS {
+            if matches!(self.store(), Progress::Done | Progress::Waiting) {
                 break;
             }
-            self.outbox.pop_front();
         }
+        self.send();
+        self.outbox.clear();
+        self.board.reset();
+    }
+
+    /// The bus is being served: hands waiting frames to the CAN controller. To be called whenever it has room again, and
+    /// at least ten times a second.
+    pub fn flush(&mut self) {
+        self.bus_served = true;
+        self.send();
+    }
+
+    fn send(&mut self) {
+        for _ in 0..OUTBOX {
+            match self.outbox.front() {
+                Some(frame) if self.board.transmit(frame) => self.outbox.pop_front(),
+                _ => break,
+            };
+        }
+    }
+
+    /// Frames that were to be sent and found no room in the outbox.
+    #[must_use]
+    pub const fn unsent(&self) -> u32 {
+        self.unsent
     }
 
     /// The servo's reports: to the host if it has asked for them, and to whoever watches.
     fn report(&mut self) {
-        while let Some(event) = self.servo.event() {
+        for _ in 0..EVENTS {
+            let Some(event) = self.servo.event() else { break };
+            let flags = self.kept.lflags;
+            // Without room they are counted as unsent.
+            match event {
+                Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
+                    let _ = self.say(Node::HOST, Property::MODE, i64::from(mode.number()));
+                    let _ = self.say(Node::HOST, Property::END, i64::from(reason.number()));
+                }
+                Event::Breakaway { position, .. } => {
+                    self.breakaway_position = position;
+                    if flags & REPORT_BREAKAWAYS != 0 {
+                        let _ = self.say(Node::HOST, Property::BD, 1);
+                    }
+                }
+                Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
+            }
             if self.events.is_full() {
                 self.events.pop_front();
             }
@@ -160,6 +394,12 @@ impl<B: Board> Tater<B> {
     /// What the servo reported, oldest first: for logs and simulations.
     pub fn event(&mut self) -> Option<Event> {
         self.events.pop_front()
+    }
+
+    /// The node that it is on the bus, until the next start.
+    #[must_use]
+    pub const fn node(&self) -> Node {
+        self.node
     }
 
     /// What the servo says: for logs and simulations.
@@ -174,16 +414,16 @@ impl<B: Board> Tater<B> {
         self.servo.config()
     }
 
-    /// What is driven: for logs and simulations.
-    #[must_use]
-    pub const fn drive(&self) -> Drive {
-        self.drive
-    }
-
     /// The hall count since the start: for logs and simulations.
     #[must_use]
     pub const fn count(&self) -> i32 {
         self.commutator.count()
+    }
+
+    /// What is driven: for logs and simulations.
+    #[must_use]
+    pub const fn drive(&self) -> Drive {
+        self.drive
     }
 
     /// The hardware.

@@ -28,6 +28,8 @@ pub enum Fault {
     UnderVoltage,
     /// The gate driver or the over-current comparator switched the bridge off.
     Bridge,
+    /// The host fell silent in a mode in which it steers (property MODE, 2 and 4).
+    HostLost,
 }
 
 /// A bound that the torque or the duty ran into; the motion goes on.
@@ -70,7 +72,8 @@ impl Faults {
     }
 
     /// One tick of 1 ms: bus voltage, motor thermistor with its limit, and what switched the bridge off or
-    /// should: the driver's break input, and a phase current that is a short's.
+    /// should: the driver's break input, and a phase current that is a short's. `host_lost`: the host is needed, and
+    /// silent.
     ///
     /// Returns a fault when it latches, once.
     pub fn check(
@@ -79,6 +82,7 @@ impl Faults {
         (motor_temp, otemp): (DeciCelsius, i16),
         bridge_fault: bool,
         short: bool,
+        host_lost: bool,
     ) -> Option<Fault> {
         self.over_ms = if bus > OVER { self.over_ms.saturating_add(1) } else { 0 };
         self.under_ms = if bus < UNDER { self.under_ms.saturating_add(1) } else { 0 };
@@ -97,6 +101,8 @@ impl Faults {
             Some(Fault::UnderVoltage)
         } else if Thermal::over(motor_temp, otemp) {
             Some(Fault::OverTemperature)
+        } else if host_lost {
+            Some(Fault::HostLost)
         } else {
             None
         };

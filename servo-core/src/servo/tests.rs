@@ -7,6 +7,7 @@ use crate::units::{DeciCelsius, Duty, Micros, MilliAmps, MilliVolts};
 use proptest::prelude::*;
 
 mod homing;
+mod host;
 
 /// A bench without a motor: hall steps are whatever the test says.
 struct Bench {
@@ -17,6 +18,7 @@ struct Bench {
     bus: MilliVolts,
     motor_temp: DeciCelsius,
     bridge_fault: bool,
+    host_lost: bool,
 }
 
 impl Bench {
@@ -30,6 +32,7 @@ impl Bench {
             bus: MilliVolts(24_000),
             motor_temp: DeciCelsius(300),
             bridge_fault: false,
+            host_lost: false,
         }
     }
 
@@ -60,6 +63,7 @@ impl Bench {
             motor_temp: self.motor_temp,
             strain: self.strain,
             bridge_fault: self.bridge_fault,
+            host_lost: self.host_lost,
         })
     }
 
@@ -368,6 +372,7 @@ fn a_hall_fault_takes_the_zero_away() {
         motor_temp: bench.motor_temp,
         strain: 100,
         bridge_fault: false,
+        host_lost: false,
     });
     let status = bench.servo.status();
     assert_eq!((status.homed, status.fault), (false, Some(Fault::Halls)));

@@ -1,0 +1,51 @@
+//! What concerns the host: that it is there, what it reads back, and a position that it has stored.
+
+use super::*;
+
+#[test]
+fn a_lost_host_ends_what_it_steers_and_nothing_else() {
+    for mode in Mode::ALL {
+        let mut bench = Bench::in_mode(mode);
+        bench.host_lost = true;
+        bench.tick();
+        let status = bench.servo.status();
+        if matches!(mode, Mode::Torque | Mode::Velocity) {
+            assert_eq!((status.mode, status.fault), (Mode::Idle, Some(Fault::HostLost)));
+            assert_eq!(bench.servo.command(Command::Mode(mode)), Err(Refusal::Fault(Fault::HostLost)));
+            bench.host_lost = false;
+            bench.servo.command(Command::ClearFault).unwrap();
+            assert_eq!(bench.servo.command(Command::Mode(mode)), Ok(()));
+        } else {
+            assert_eq!((status.mode, status.fault), (mode, None));
+        }
+    }
+}
+
+#[test]
+fn torque_reads_as_commanded_until_a_limit_takes_of_it() {
+    let mut bench = Bench::in_mode(Mode::Torque);
+    bench.servo.command(Command::Torque(Torque(300))).unwrap();
+    bench.tick();
+    assert_eq!(bench.servo.torque(), Torque(300));
+    bench.servo.command(Command::Torque(Torque(-990))).unwrap();
+    bench.tick();
+    // MT is 750.
+    assert_eq!(bench.servo.torque(), Torque(-750));
+    // The thermistor 4 °C below OTEMP: half of 990.
+    bench.motor_temp = DeciCelsius(660);
+    bench.tick();
+    assert_eq!(bench.servo.torque(), Torque(-495));
+    bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
+    bench.tick();
+    assert_eq!(bench.servo.torque(), bench.servo.status().torque);
+}
+
+#[test]
+fn a_stored_position_can_be_trusted_and_e_reads_back() {
+    let mut servo = Servo::new(Config::for_motor(MotorKind::Tip), -120).expect("defaults are in range");
+    assert!(!servo.status().homed);
+    servo.trust_position();
+    assert_eq!((servo.status().homed, servo.status().position.round()), (true, -120));
+    servo.command(Command::End(-7)).unwrap();
+    assert_eq!(servo.end(), -7);
+}

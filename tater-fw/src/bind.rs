@@ -1,0 +1,83 @@
+//! Ties properties to the fields of a struct, once: reading, writing and listing them come from the same line.
+
+/// A field as a property's value.
+pub trait Raw: Copy {
+    /// The value.
+    fn value(self) -> i64;
+    /// The field of a value; `None` if it does not fit the field.
+    fn of(value: i64) -> Option<Self>;
+}
+
+macro_rules! raw {
+    ($($type:ty),*) => {$(
+        impl Raw for $type {
+            fn value(self) -> i64 {
+                i64::from(self)
+            }
+            fn of(value: i64) -> Option<Self> {
+                Self::try_from(value).ok()
+            }
+        }
+    )*};
+}
+raw!(u8, u16, i16, i32);
+
+impl Raw for bool {
+    fn value(self) -> i64 {
+        i64::from(self)
+    }
+    fn of(value: i64) -> Option<Self> {
+        match value {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        }
+    }
+}
+
+/// `bind!(pattern for Struct: NAME = field, ...)` gives `PROPERTIES`, `get` and `set` for the struct, and a macro of
+/// the given name that matches any of them, for exhaustive matches over all properties.
+macro_rules! bind {
+    ($pattern:ident for $struct:ty: $($property:ident = $field:ident,)*) => {
+        /// The properties that are here.
+        pub const PROPERTIES: [tater_wire::Property; [$(stringify!($property)),*].len()] =
+            [$(tater_wire::Property::$property),*];
+
+        /// The value of a property; `None` if it is not here.
+        #[must_use]
+        pub fn get(from: &$struct, property: tater_wire::Property) -> Option<i64> {
+            match property {
+                $(tater_wire::Property::$property => Some($crate::bind::Raw::value(from.$field)),)*
+                _ => None,
+            }
+        }
+
+        /// Sets a property; `false`, and nothing changed, if it is not here, or the value is out of its row's range.
+        #[must_use]
+        pub fn set(to: &mut $struct, property: tater_wire::Property, value: i64) -> bool {
+            property.row().admits(value) && put(to, property, value)
+        }
+
+        /// The same for any value that the field can hold.
+        fn put(to: &mut $struct, property: tater_wire::Property, value: i64) -> bool {
+            match property {
+                $(tater_wire::Property::$property => match $crate::bind::Raw::of(value) {
+                    Some(value) => {
+                        to.$field = value;
+                        true
+                    }
+                    None => false,
+                },)*
+                _ => false,
+            }
+        }
+
+        macro_rules! $pattern {
+            () => {
+                $(tater_wire::Property::$property)|*
+            };
+        }
+        pub(crate) use $pattern;
+    };
+}
+pub(crate) use bind;

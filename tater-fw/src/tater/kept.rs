@@ -1,0 +1,90 @@
+//! Properties that are neither measured nor the servo's: the board keeps them as they are set.
+
+use crate::bind::bind;
+
+/// Their values. What each means, its unit and its range are its row's in the property table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Kept {
+    role: u16,
+    sn: u16,
+    id: u8,
+    /// Groups that are listened to, besides 0.
+    pub grpa: u8,
+    /// See `grpa`.
+    pub grpb: u8,
+    /// See `grpa`.
+    pub grpc: u8,
+    x0: i16,
+    x1: i16,
+    x2: i16,
+    x3: i16,
+    x4: i16,
+    x5: i16,
+    x6: i16,
+    x7: i16,
+    /// Where CMD M goes.
+    pub dp: i32,
+    /// Where CMD O goes.
+    pub ot: i32,
+    /// Where CMD C goes.
+    pub ct: i32,
+    /// How far CMD IC and IO go.
+    pub ds: i16,
+    /// Which of packed torques is this board's.
+    pub pidx: u8,
+    jidx: u8,
+    en: bool,
+    /// What is reported unasked.
+    pub lflags: u8,
+    lcvc: u8,
+}
+
+bind! { kept for Kept:
+    ROLE = role,
+    SN = sn,
+    ID = id,
+    GRPA = grpa,
+    GRPB = grpb,
+    GRPC = grpc,
+    X0 = x0,
+    X1 = x1,
+    X2 = x2,
+    X3 = x3,
+    X4 = x4,
+    X5 = x5,
+    X6 = x6,
+    X7 = x7,
+    DP = dp,
+    OT = ot,
+    CT = ct,
+    DS = ds,
+    PIDX = pidx,
+    JIDX = jidx,
+    EN = en,
+    LFLAGS = lflags,
+    LCVC = lcvc,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+    use tater_wire::Property;
+
+    #[test]
+    fn each_property_has_a_field_of_its_own_that_holds_its_range() {
+        for property in PROPERTIES {
+            let row = property.row();
+            for value in [row.min, row.max] {
+                let mut kept = Kept::default();
+                assert!(set(&mut kept, property, value), "{property:?} {value}");
+                assert_eq!(get(&kept, property), Some(value), "{property:?}");
+                let changed: Vec<Property> =
+                    PROPERTIES.into_iter().filter(|&p| get(&kept, p) != get(&Kept::default(), p)).collect();
+                assert!(changed.iter().all(|&p| p == property), "{property:?} changes {changed:?}");
+                assert!(!set(&mut kept, property, row.max + 1) && !set(&mut kept, property, row.min - 1));
+                assert_eq!(get(&kept, property), Some(value), "{property:?}");
+            }
+        }
+    }
+}

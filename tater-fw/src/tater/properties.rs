@@ -1,0 +1,143 @@
+//! What a GET of each property reads and what a SET of it does. Both matches are exhaustive: a new row of the property
+//! table does not compile until it is served here.
+
+use super::kept::{self, kept};
+use super::{Refused, Tater};
+use crate::board::Board;
+use crate::motion::{self, motion};
+use crate::storage::Counters;
+use servo_core::mode::Mode;
+use servo_core::servo::COUNTS_PER_REV;
+use servo_core::units::{CountsPerSec, Torque};
+use servo_core::{Command, Refusal};
+use tater_wire::Property;
+
+/// Counts a motor revolution: 18.
+const REV: i32 = COUNTS_PER_REV as i32;
+
+/// STAT of a board that is awake, and the STAT that wakes it or clears ERROR.
+const READY: i64 = 2;
+
+/// The STAT that resets it into the monitor.
+const MONITOR: i64 = 0;
+
+impl<B: Board> Tater<B> {
+    /// The value of a property, within its row's range; `None` if it can only be set.
+    pub(super) fn read(&self, property: Property) -> Option<i64> {
+        use Property as P;
+        let status = self.servo.status();
+        let analog = self.board.analog();
+        let counters = self.store.counters();
+        let value = match property {
+            motion!() => motion::get(self.servo.config(), property)?,
+            // As set; the ID of a board that has none is 0.
+            kept!() => return kept::get(&self.kept, property),
+            P::VERS | P::CTS | P::IPNM | P::POLES => property.row().min,
+            P::ERROR => self.error().map_or(0, |code| i64::from(code.code())),
+            P::STAT => READY,
+            P::MODE => i64::from(status.mode.number()),
+            P::TEMP => i64::from(analog.board_temp.0),
+            P::PTEMP => i64::from(counters.ptemp),
+            P::B => i64::from(self.drive.brake_released),
+            P::ANA0 => i64::from(analog.raw[0]),
+            P::ANA1 => i64::from(analog.raw[1]),
+            P::THERM => i64::from(analog.motor_temp.0),
+            P::VBUS => (i64::from(analog.bus.0) + 50) / 100,
+            P::IMOTOR => i64::from(analog.current.0),
+            P::SG => i64::from(analog.strain),
+            P::T => i64::from(self.servo.torque().0),
+            P::V if status.mode == Mode::Velocity => i64::from(status.setpoint_velocity.round()),
+            P::V => i64::from(status.velocity.round()),
+            // 22 bits go out, whatever a SET may say.
+            P::P => return Some(i64::from(status.position.round())),
+            P::E => i64::from(self.servo.end()),
+            P::UPSECS => i64::from(counters.upsecs),
+            P::OD => i64::from(counters.odometer),
+            P::MECH => i64::from(self.commutator.count().rem_euclid(REV)),
+            P::HALLS => i64::from(self.board.halls() & 7),
+            P::HALLH => i64::from(self.hall_history),
+            P::BD => i64::from(status.breakaway.is_some()),
+            P::BP => i64::from(self.breakaway_position),
+            P::END => status.end.map_or(0, |reason| i64::from(reason.number())),
+            P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M => return None,
+        };
+        let row = property.row();
+        Some(value.max(row.min).min(row.max))
+    }
+
+    /// Sets a property that may be set.
+    ///
+    /// # Errors
+    /// Why not; nothing has changed then.
+    pub(super) fn write(&mut self, property: Property, value: i64) -> Result<(), Refused> {
+        use Property as P;
+        let out_of_range = Refused::Range(property);
+        if !property.row().admits(value) {
+            return Err(out_of_range);
+        }
+        match property {
+            motion!() => {
+                let mut config = *self.servo.config();
+                if !motion::set(&mut config, property, value) {
+                    return Err(out_of_range);
+                }
+                self.command(Command::Configure(config))
+            }
+            kept!() if kept::set(&mut self.kept, property, value) => Ok(()),
+            P::STAT if value == READY => {
+                self.storage_error = false;
+                self.command(Command::ClearFault)
+            }
+            P::STAT if value == MONITOR => {
+                self.reset();
+                Ok(())
+            }
+            P::MODE => {
+                let mode = narrow(value).ok().and_then(Mode::from_number).ok_or(out_of_range)?;
+                self.command(Command::Mode(mode))
+            }
+            P::T => self.command(Command::Torque(Torque(narrow(value)?))),
+            P::V => self.command(Command::Velocity(CountsPerSec::from_int(narrow(value)?))),
+            P::P => self.command(Command::Position(narrow(value)?)),
+            P::E => self.command(Command::End(narrow(value)?)),
+            P::M => self.command(Command::Move(narrow(value)?)),
+            P::CMD => self.cmd(value),
+            P::SAVE => self.save(value),
+            P::LOAD => self.load(value),
+            P::DEF => self.factory(value),
+            // `set` has turned the key, also for numbers out of range.
+            P::LOCK => Ok(()),
+            P::PTEMP => self.reset_counters(Counters { ptemp: narrow(value)?, ..self.store.counters() }),
+            P::UPSECS => self.reset_counters(Counters { upsecs: narrow(value)?, ..self.store.counters() }),
+            P::OD => self.reset_counters(Counters { odometer: narrow(value)?, ..self.store.counters() }),
+            kept!() | P::STAT => Err(out_of_range),
+            P::VERS
+            | P::ERROR
+            | P::TEMP
+            | P::B
+            | P::ANA0
+            | P::ANA1
+            | P::THERM
+            | P::VBUS
+            | P::IMOTOR
+            | P::SG => Err(Refused::Access(property)),
+            P::MECH | P::CTS | P::IPNM | P::HALLS | P::HALLH | P::POLES | P::BD | P::BP | P::END => {
+                Err(Refused::Access(property))
+            }
+        }
+    }
+
+    pub(super) fn command(&mut self, command: Command) -> Result<(), Refused> {
+        self.servo.command(command).map_err(Refused::Servo)
+    }
+
+    fn reset_counters(&mut self, counters: Counters) -> Result<(), Refused> {
+        self.store.reset_counters(counters);
+        Ok(())
+    }
+}
+
+/// A value that its row's range has bounded, in the servo's width.
+fn narrow<T: TryFrom<i64>>(value: i64) -> Result<T, Refused> {
+    T::try_from(value).map_err(|_| Refused::Servo(Refusal::Range))
+}

@@ -1,0 +1,187 @@
+//! SAVE, LOAD and DEF, and whether the stored position may be trusted.
+
+use super::kept;
+use super::{OFF, Refused, Tater};
+use crate::board::Board;
+use crate::motion;
+use servo_core::mode::Mode;
+use servo_core::{Command, Refusal};
+use tater_wire::Property;
+use tater_wire::property::{Access, ROWS, Stored};
+
+/// The id that stands for all properties.
+pub(super) const ALL: i64 = -1;
+
+impl<B: Board> Tater<B> {
+    /// SAVE: takes effect in RAM now; [`Tater::store`] puts it into flash.
+    ///
+    /// # Errors
+    /// Not a property, or not one that is stored.
+    pub(super) fn save(&mut self, id: i64) -> Result<(), Refused> {
+        match stored_property(Property::SAVE, id)? {
+            Some(property) => self.save_one(property),
+            None => ROWS
+                .iter()
+                .filter(|row| row.stored == Stored::Yes)
+                .for_each(|row| self.save_one(row.property)),
+        }
+        Ok(())
+    }
+
+    fn save_one(&mut self, property: Property) {
+        let row = property.row();
+        // What is out of range is not worth keeping: a position far outside any joint, the ID of a board that has none.
+        let Some(value) = self.read(property).filter(|&value| row.admits(value)) else { return };
+        match i32::try_from(value) {
+            Ok(position) if property == Property::P && self.knows_position() => {
+                self.store.save_position(position, self.board.halls() & 7);
+                self.trusted_at = Some(self.commutator.count());
+            }
+            _ if row.stored == Stored::Yes => self.store.set(property, value),
+            // What is always stored needs no saving.
+            _ => {}
+        }
+    }
+
+    /// Whether the position is that of a homed motor at rest, without power and without a count that the servo has
+    /// not seen yet: only then can it be trusted at the next start (manual 7, saveParameters: in idle).
+    fn knows_position(&self) -> bool {
+        let status = self.servo.status();
+        status.homed && status.mode == Mode::Idle && self.drive.duty.is_none() && self.halls.is_empty()
+    }
+
+    /// LOAD: the stored value, or the default where there is none.
+    ///
+    /// # Errors
+    /// Not a property, not one that is stored, locked, or the position while not in idle.
+    pub(super) fn load(&mut self, id: i64) -> Result<(), Refused> {
+        match stored_property(Property::LOAD, id)? {
+            Some(property) => {
+                self.unlock(property)?;
+                // What is always stored is as it is stored.
+                if property.row().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
+            }
+            None => {
+                self.load_all(|access| access != Access::Locked);
+                // Nothing has moved since it was stored, so this only undoes a renaming.
+                match self.store.trusted_position() {
+                    Some((position, _)) if self.servo.status().mode == Mode::Idle => {
+                        self.command(Command::Position(position))
+                    }
+                    _ => Ok(()),
+                }
+            }
+        }
+    }
+
+    /// DEF: the default, and no stored value any more. DEF of all leaves the locked ones and what the present position
+    /// is called.
+    ///
+    /// # Errors
+    /// As those of LOAD.
+    pub(super) fn factory(&mut self, id: i64) -> Result<(), Refused> {
+        match stored_property(Property::DEF, id)? {
+            Some(property) => {
+                self.unlock(property)?;
+                if property == Property::P {
+                    self.in_idle()?;
+                    self.distrust();
+                }
+                self.store.forget(property);
+                self.load_one(property)
+            }
+            None => {
+                self.distrust();
+                let open =
+                    ROWS.iter().filter(|row| row.stored == Stored::Yes && row.access != Access::Locked);
+                open.for_each(|row| self.store.forget(row.property));
+                self.load_all(|access| access != Access::Locked);
+                Ok(())
+            }
+        }
+    }
+
+    /// At the start, and LOAD of all but the position: stored or default, by access.
+    pub(super) fn load_all(&mut self, wanted: impl Fn(Access) -> bool) {
+        let mut config = *self.servo.config();
+        for property in motion::PROPERTIES {
+            let value = self.stored(property);
+            // Defaults are in range, and `stored` gives nothing else.
+            let _ = value.is_some_and(|value| motion::set(&mut config, property, value));
+        }
+        let _ = self.servo.command(Command::Configure(config));
+        for property in kept::PROPERTIES.into_iter().filter(|p| wanted(p.row().access)) {
+            if property.row().stored == Stored::Yes
+                && let Some(value) = self.stored(property)
+            {
+                let _ = kept::set(&mut self.kept, property, value);
+            }
+        }
+    }
+
+    fn load_one(&mut self, property: Property) -> Result<(), Refused> {
+        let Some(value) = self.stored(property) else { return Err(Refused::Access(property)) };
+        if property == Property::P {
+            self.in_idle()?;
+        }
+        self.write(property, value)
+    }
+
+    /// The stored value, or the default if there is none in range.
+    fn stored(&self, property: Property) -> Option<i64> {
+        let row = property.row();
+        self.store.get(property).filter(|&value| row.admits(value)).or_else(|| match property {
+            Property::ID => Some(i64::from(self.board.straps().number())),
+            Property::SN => Some(i64::from(self.board.serial_number())),
+            _ => row.default_for(self.node),
+        })
+    }
+
+    /// # Errors
+    /// The property is locked, and LOCK has not been opened for this one SET.
+    pub(super) fn unlock(&mut self, property: Property) -> Result<(), Refused> {
+        match property.row().access {
+            Access::Locked if !self.lock.take() => Err(Refused::Access(property)),
+            Access::Locked | Access::ReadWrite | Access::WriteOnly | Access::ReadOnly => Ok(()),
+        }
+    }
+
+    /// P has another meaning elsewhere.
+    fn in_idle(&self) -> Result<(), Refused> {
+        match self.servo.status().mode {
+            Mode::Idle => Ok(()),
+            mode => Err(Refused::Servo(Refusal::Mode(mode))),
+        }
+    }
+
+    /// Consumes the stored position's mark. If the flash does not take it, the motor must not move: the next start
+    /// would trust a position that is not true any more.
+    pub(super) fn distrust(&mut self) {
+        if self.trusted_at.is_none() {
+            return;
+        }
+        match self.store.distrust(self.board.flash()) {
+            Ok(()) => self.trusted_at = None,
+            Err(_) => {
+                self.storage_failed();
+                self.drive = OFF;
+                let _ = self.servo.command(Command::Terminate);
+            }
+        }
+    }
+
+    /// The flash has failed: said by ERROR, unless that says something already. Whether to try again is the store's to
+    /// know.
+    pub(super) fn storage_failed(&mut self) {
+        self.storage_error |= self.error().is_none();
+    }
+}
+
+/// The property that SAVE, LOAD or DEF names, one that is stored; `None` for all.
+fn stored_property(by: Property, id: i64) -> Result<Option<Property>, Refused> {
+    if id == ALL {
+        return Ok(None);
+    }
+    let property = u8::try_from(id).ok().and_then(Property::of).ok_or(Refused::Range(by))?;
+    if property.row().stored == Stored::No { Err(Refused::Access(property)) } else { Ok(Some(property)) }
+}

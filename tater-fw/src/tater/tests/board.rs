@@ -1,0 +1,335 @@
+//! A motor board of which a test says what it senses, and which remembers what was done to it; and a bench that runs a
+//! [`Tater`] on it and speaks to it in frames.
+
+use servo_core::Drive;
+use servo_core::mode::Mode;
+use servo_core::sense::commutation::Bridge;
+use servo_core::units::{DeciCelsius, Micros, MilliAmps, MilliVolts};
+use std::vec::Vec;
+use tater_fw::storage::Progress;
+use tater_fw::tater::Refused;
+use tater_fw::{Analog, Board, Flash, FlashError, Tater};
+use tater_wire::memory::{FLASH, PAGE};
+use tater_wire::{Body, Destination, Frame, Group, Message, Node, Property, Value};
+
+/// Hall codes of sectors 0 to 5 (DESIGN 4.2).
+const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
+
+/// A chip's own number.
+pub const SERIAL: u16 = 12_345;
+
+/// Flash that fails when told to, and counts what must not be.
+#[derive(Debug)]
+pub struct FakeFlash {
+    words: Vec<u16>,
+    pub broken: bool,
+    /// Half-words programmed and pages erased.
+    pub operations: u32,
+    pub erases: u32,
+    pub erased_while_driven: u32,
+    driven: bool,
+}
+
+impl Flash for FakeFlash {
+    fn half_word(&self, address: u32) -> u16 {
+        let index = address.wrapping_sub(FLASH.start) as usize / 2;
+        self.words.get(index).copied().unwrap_or(u16::MAX)
+    }
+
+    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+        self.operations += 1;
+        let index = address.wrapping_sub(FLASH.start) as usize / 2;
+        let word = self.words.get_mut(index).ok_or(FlashError::Address)?;
+        if self.broken {
+            return Err(FlashError::Verify);
+        }
+        if *word != u16::MAX && value != 0 {
+            return Err(FlashError::NotErased);
+        }
+        *word = value;
+        Ok(())
+    }
+
+    fn erase(&mut self, page: u32) -> Result<(), FlashError> {
+        self.operations += 1;
+        self.erases += 1;
+        self.erased_while_driven += u32::from(self.driven);
+        let start = page.wrapping_sub(FLASH.start) as usize / 2;
+        let words = self.words.get_mut(start..start + PAGE as usize / 2).ok_or(FlashError::Address)?;
+        if self.broken {
+            return Err(FlashError::Verify);
+        }
+        words.fill(u16::MAX);
+        Ok(())
+    }
+}
+
+/// The board.
+#[derive(Debug)]
+pub struct FakeBoard {
+    pub flash: FakeFlash,
+    pub halls: u8,
+    pub analog: Analog,
+    pub straps: Node,
+    pub bridge: Bridge,
+    pub brake_released: bool,
+    /// Frames that were handed to the CAN controller.
+    pub sent: Vec<Frame>,
+    /// How many more frames the controller takes.
+    pub room: usize,
+    pub feeds: u32,
+    /// Resets, each with whether the bridge was on and the brake released.
+    pub resets: Vec<(bool, bool)>,
+    /// Flash operations done when the bridge was switched on first.
+    pub operations_at_drive: Option<u32>,
+}
+
+impl FakeBoard {
+    /// In good health, with blank flash, its rotor at count 0.
+    pub fn new(straps: u8) -> Self {
+        Self {
+            flash: FakeFlash {
+                words: std::vec![u16::MAX; FLASH.len as usize / 2],
+                broken: false,
+                operations: 0,
+                erases: 0,
+                erased_while_driven: 0,
+                driven: false,
+            },
+            halls: CODES[0],
+            analog: Analog {
+                bus: MilliVolts(24_000),
+                current: MilliAmps(0),
+                motor_temp: DeciCelsius(310),
+                board_temp: DeciCelsius(290),
+                strain: 100,
+                raw: [1234, 2345],
+                bridge_fault: false,
+            },
+            straps: Node::new(straps).expect("0 to 31"),
+            bridge: Bridge::Off,
+            brake_released: false,
+            sent: Vec::new(),
+            room: usize::MAX,
+            feeds: 0,
+            resets: Vec::new(),
+            operations_at_drive: None,
+        }
+    }
+
+    /// What it senses, to change it.
+    pub const fn analog_mut(&mut self) -> &mut Analog {
+        &mut self.analog
+    }
+
+    /// Turns the rotor to a count.
+    pub fn turn_to(&mut self, count: i32) {
+        self.halls = CODES[count.rem_euclid(6) as usize];
+    }
+}
+
+impl Board for FakeBoard {
+    type Flash = FakeFlash;
+
+    fn bridge(&mut self, bridge: Bridge) {
+        self.bridge = bridge;
+        self.flash.driven = bridge != Bridge::Off;
+        if self.flash.driven && self.operations_at_drive.is_none() {
+            self.operations_at_drive = Some(self.flash.operations);
+        }
+    }
+
+    fn brake(&mut self, released: bool) {
+        self.brake_released = released;
+    }
+
+    fn halls(&self) -> u8 {
+        self.halls
+    }
+
+    fn analog(&self) -> Analog {
+        self.analog
+    }
+
+    fn transmit(&mut self, frame: &Frame) -> bool {
+        if self.room == 0 {
+            return false;
+        }
+        self.room -= 1;
+        self.sent.push(*frame);
+        true
+    }
+
+    fn flash(&mut self) -> &mut FakeFlash {
+        &mut self.flash
+    }
+
+    fn feed(&mut self) {
+        self.feeds += 1;
+    }
+
+    fn reset(&mut self) {
+        self.resets.push((self.bridge != Bridge::Off, self.brake_released));
+    }
+
+    fn straps(&self) -> Node {
+        self.straps
+    }
+
+    fn serial_number(&self) -> u16 {
+        SERIAL
+    }
+}
+
+/// A Tater, its clock and its rotor.
+#[derive(Debug)]
+pub struct Bench {
+    pub tater: Tater<FakeBoard>,
+    pub now: Micros,
+    /// Where the rotor really is.
+    pub count: i32,
+}
+
+impl Bench {
+    pub fn new(straps: u8) -> Self {
+        Self::on(FakeBoard::new(straps), 0)
+    }
+
+    /// On a board whose rotor is at a count.
+    pub fn on(mut board: FakeBoard, count: i32) -> Self {
+        board.turn_to(count);
+        // The clock wraps during the test.
+        let now = Micros(u32::MAX - 50_000);
+        Self { tater: Tater::new(board, now), now, count }
+    }
+
+    pub fn board(&mut self) -> &mut FakeBoard {
+        self.tater.board_mut()
+    }
+
+    /// One tick in which the rotor moves to a count, edge by edge.
+    pub fn tick_to(&mut self, count: i32) -> Drive {
+        while self.count != count {
+            self.count += (count - self.count).signum();
+            let count = self.count;
+            self.board().turn_to(count);
+            self.now = self.now.wrapping_add(Micros(100));
+            let now = self.now;
+            self.tater.hall(now);
+        }
+        self.now = self.now.wrapping_add(Micros(1000));
+        self.tater.tick(self.now);
+        self.tater.drive()
+    }
+
+    pub fn tick(&mut self) -> Drive {
+        self.tick_to(self.count)
+    }
+
+    pub fn ticks(&mut self, ticks: usize) {
+        for _ in 0..ticks {
+            self.tick();
+        }
+    }
+
+    /// Ticks, with a rotor that is always where the set-point is, until idle or for so long.
+    pub fn follow(&mut self, most: usize) {
+        let offset = self.count - self.tater.status().position.round();
+        for _ in 0..most {
+            let goal = self.tater.status().setpoint.round() + offset;
+            self.tick_to(goal.clamp(self.count - 4, self.count + 4));
+            if self.tater.status().mode == Mode::Idle {
+                return;
+            }
+        }
+    }
+
+    /// Until all is stored.
+    pub fn settle(&mut self) {
+        for _ in 0..20_000 {
+            match self.tater.store() {
+                Progress::Done => return,
+                Progress::More => {}
+                progress @ (Progress::Waiting | Progress::Failed(_)) => panic!("{progress:?}"),
+            }
+        }
+        panic!("storing does not end");
+    }
+
+    /// Power off and on again.
+    pub fn restart(self) -> Self {
+        let Self { tater, count, .. } = self;
+        let mut board = tater.into_board();
+        board.operations_at_drive = None;
+        Self::on(board, count)
+    }
+
+    pub fn send(&mut self, frame: &Frame) -> Result<(), Refused> {
+        let now = self.now;
+        self.tater.receive(frame, now)
+    }
+
+    pub fn say(&mut self, to: Destination, from: u8, body: Body) -> Result<(), Refused> {
+        let from = Node::new(from).expect("a node");
+        self.send(&Message { from, to, body }.frame())
+    }
+
+    /// To the board's own node, from the host.
+    pub fn own(&self) -> Destination {
+        Destination::Node(self.tater.node())
+    }
+
+    pub fn set(&mut self, property: Property, value: i64) -> Result<(), Refused> {
+        let value = property.write(value).expect("fits 32 bits");
+        self.say(self.own(), 0, Body::Set { property: property.id(), value })
+    }
+
+    /// What the board has sent since the last time, in words.
+    pub fn said(&mut self) -> Vec<Message> {
+        let sent = std::mem::take(&mut self.board().sent);
+        sent.iter().map(|frame| Message::parse(frame).expect("boards speak plainly")).collect()
+    }
+
+    /// The answer to a GET by the host; `None` if there is none. One answer at most, from this node, to the right group.
+    pub fn get(&mut self, property: Property) -> Option<i64> {
+        self.said();
+        let answered = self.say(self.own(), 0, Body::Get(property.id()));
+        let said = self.said();
+        assert_eq!(answered.is_ok(), said.len() == 1, "{property:?}: {answered:?} {said:?}");
+        let message = said.first()?;
+        assert_eq!(message.from, self.tater.node());
+        Some(match message.body {
+            Body::Position(counts) => {
+                assert_eq!((property, message.to), (Property::P, Destination::Group(Group::POSITIONS)));
+                i64::from(counts)
+            }
+            Body::Set { property: id, value } => {
+                assert_eq!((id, message.to), (property.id(), Destination::Group(Group::REPLIES)));
+                let wide = property.row().bits == 32 || i16::try_from(property.read(value)).is_err();
+                assert_eq!(matches!(value, Value::Long(_)), wide, "{property:?}");
+                property.read(value)
+            }
+            body => panic!("{property:?} is answered by {body:?}"),
+        })
+    }
+
+    /// Opens the lock.
+    pub fn unlock(&mut self) {
+        for key in [18384, 23, 3145, 1024, 1] {
+            self.set(Property::LOCK, key).expect("keys are taken");
+        }
+    }
+
+    /// HI on a rotor that stands against its stop, to its end.
+    pub fn home(&mut self) {
+        self.set(Property::CMD, 13).expect("HI");
+        self.tick();
+        while self.tater.status().mode == Mode::Velocity {
+            self.tick();
+        }
+        self.follow(5_000);
+        assert!(self.tater.status().homed, "{:?}", self.tater.status());
+        self.set(Property::CMD, 21).expect("T");
+        self.ticks(400);
+    }
+}

@@ -1,0 +1,228 @@
+//! CMD, groups, packed torques, and who is answered how.
+
+use super::board::{Bench, FakeBoard};
+use crate::tater::Refused;
+use servo_core::mode::Mode;
+use servo_core::units::Torque;
+use servo_core::{EndReason, Refusal};
+use std::vec::Vec;
+use tater_wire::{Body, Destination, Group, Node, Property, Torques, Value, command};
+
+fn group(number: u8) -> Destination {
+    Destination::Group(Group::new(number).expect("a group"))
+}
+
+fn node(number: u8) -> Node {
+    Node::new(number).expect("a node")
+}
+
+fn cmd(bench: &mut Bench, number: i64) -> Result<(), Refused> {
+    bench.set(Property::CMD, number)
+}
+
+#[test]
+fn moves_by_command_go_where_their_property_says() {
+    let mut bench = Bench::new(2);
+    let set = |bench: &mut Bench, property, value| bench.set(property, value).expect("in range");
+    set(&mut bench, Property::P, 100);
+    set(&mut bench, Property::OT, -7);
+    bench.tick();
+    for (number, end) in [(7, 0), (14, 100 + 25), (15, 100 - 25), (18, 331), (19, 155), (20, -7)] {
+        cmd(&mut bench, number).expect("moves");
+        assert_eq!((bench.get(Property::E), bench.get(Property::MODE)), (Some(end), Some(5)), "CMD {number}");
+        cmd(&mut bench, 21).expect("T");
+        assert_eq!(bench.get(Property::MODE), Some(0));
+    }
+    // From where it is, also during a move.
+    cmd(&mut bench, 14).expect("IC");
+    bench.ticks(10);
+    let count = bench.count;
+    bench.tick_to(count + 6);
+    cmd(&mut bench, 14).expect("IC");
+    assert_eq!(bench.get(Property::E), Some(106 + 25));
+}
+
+#[test]
+fn torque_controlled_and_homing_are_mode_4() {
+    for (number, velocity) in [(16, 1000), (17, -1000), (13, -200)] {
+        let mut bench = Bench::new(1);
+        cmd(&mut bench, number).expect("moves");
+        bench.tick();
+        assert_eq!(bench.get(Property::MODE), Some(4), "CMD {number}");
+        assert_eq!(bench.get(Property::V), Some(velocity), "CMD {number}");
+    }
+}
+
+#[test]
+fn every_number_of_cmd_is_a_row_or_refused() {
+    for number in -1..=22 {
+        let mut bench = Bench::new(3);
+        let known = command::ROWS.iter().any(|row| i64::from(row.number) == number);
+        let answer = cmd(&mut bench, number);
+        assert_eq!(answer, if known { Ok(()) } else { Err(Refused::Range(Property::CMD)) }, "CMD {number}");
+        let resets = bench.board().resets.len();
+        assert_eq!(resets, usize::from(number == 2), "CMD {number}");
+    }
+}
+
+#[test]
+fn a_breakaway_is_kept_until_o_or_hi_and_its_place_for_good() {
+    for (number, cleared) in [(20, true), (13, true), (19, false), (21, false)] {
+        let mut bench = Bench::new(1);
+        bench.set(Property::P, 40).expect("idle");
+        cmd(&mut bench, 18).expect("C");
+        bench.ticks(200);
+        assert_eq!(bench.tater.status().end, Some(EndReason::Breakaway));
+        assert_eq!((bench.get(Property::BD), bench.get(Property::BP)), (Some(1), Some(40)));
+        assert_eq!(bench.get(Property::END), Some(5));
+        cmd(&mut bench, number).expect("taken");
+        assert_eq!(bench.get(Property::BD), Some(i64::from(!cleared)), "CMD {number}");
+        assert_eq!(bench.get(Property::BP), Some(40), "CMD {number}");
+    }
+}
+
+#[test]
+fn groups_are_heard_by_their_members_and_the_host_s_groups_by_nobody() {
+    for (number, low, high) in [(0, true, true), (1, true, false), (2, false, true), (3, false, false)]
+        .into_iter()
+        .chain([(4, true, true), (5, false, false), (6, false, false), (31, false, false)])
+    {
+        for (straps, heard) in [(1, low), (4, low), (5, high), (7, high)] {
+            let mut bench = Bench::new(straps);
+            let x0 = |value| Body::Set { property: Property::X0.id(), value: Value::Short(value) };
+            assert_eq!(bench.say(group(number), 0, x0(9)), Ok(()));
+            assert_eq!(
+                bench.get(Property::X0),
+                Some(if heard { 9 } else { 0 }),
+                "group {number}, node {straps}"
+            );
+            bench.say(group(number), 0, Body::Get(Property::X0.id())).expect("heard or skipped");
+            assert_eq!(bench.said().len(), usize::from(heard), "group {number}, node {straps}");
+        }
+    }
+    let mut bench = Bench::new(1);
+    for (property, number) in [(Property::GRPA, 9), (Property::GRPB, 3), (Property::GRPC, 6)] {
+        bench.set(property, number).expect("a group");
+        let number = u8::try_from(number).expect("a group");
+        bench.say(group(number), 0, Body::Get(Property::STAT.id())).expect("heard or skipped");
+        // What other boards tell the host is no order, even to a board that has joined the host's groups.
+        assert_eq!(bench.said().len(), usize::from(number == 9), "group {number}");
+    }
+    // It has left group 1.
+    bench.say(group(1), 0, Body::Get(Property::STAT.id())).expect("skipped");
+    assert!(bench.said().is_empty());
+}
+
+#[test]
+fn frames_for_others_are_skipped() {
+    let mut bench = Bench::new(3);
+    for number in (0..32).filter(|&number| number != 3) {
+        let to = Destination::Node(node(number));
+        assert_eq!(bench.say(to, 0, Body::Get(Property::STAT.id())), Ok(()));
+        assert_eq!(bench.say(to, 0, Body::Set { property: 34, value: Value::Short(1) }), Ok(()));
+    }
+    assert!(bench.said().is_empty());
+    assert_eq!(bench.get(Property::X0), Some(0));
+}
+
+#[test]
+fn another_board_is_answered_by_a_set_of_value() {
+    let mut bench = Bench::new(3);
+    bench.set(Property::P, -2).expect("idle");
+    let ask = |bench: &mut Bench, to, property: Property| {
+        bench.say(to, 5, Body::Get(property.id())).expect("answered");
+        let said = bench.said();
+        assert_eq!(said.len(), 1);
+        (said[0].from, said[0].to, said[0].body)
+    };
+    let value = |value| (node(3), Destination::Node(node(5)), Body::Set { property: 7, value });
+    let own = bench.own();
+    assert_eq!(ask(&mut bench, own, Property::MT), value(Value::Short(750)));
+    assert_eq!(ask(&mut bench, group(4), Property::CT), value(Value::Long(331)));
+    assert_eq!(ask(&mut bench, own, Property::P), value(Value::Long(0xFFFF_FFFE)));
+    // VALUE is nothing that a board takes.
+    let to_value = Body::Set { property: 7, value: Value::Short(1) };
+    assert_eq!(bench.say(own, 5, to_value), Err(Refused::Unknown));
+}
+
+#[test]
+fn packed_torques_are_taken_from_the_own_slot_in_mode_2() {
+    for (straps, to, slot) in [(1, 1, 1), (2, 1, 2), (4, 1, 4), (5, 2, 1), (7, 2, 3)] {
+        let mut bench = Bench::new(straps);
+        let torques = Torques::new(&[11, -22, 33, -44]).expect("four");
+        let packed = Body::Torques(torques);
+        let refused = Err(Refused::Servo(Refusal::Mode(Mode::Idle)));
+        assert_eq!(bench.say(group(to), 0, packed), refused, "not in mode 2");
+        bench.set(Property::MODE, 2).expect("mode 2");
+        assert_eq!(bench.say(group(to), 0, packed), Ok(()));
+        bench.ticks(40);
+        assert_eq!(bench.get(Property::T), torques.slot(slot).map(i64::from), "node {straps}");
+        // The other group's are not its.
+        bench.say(group(3 - to), 0, Body::Torques(Torques::new(&[500; 4]).expect("four"))).expect("skipped");
+        bench.tick();
+        assert_eq!(bench.get(Property::T), torques.slot(slot).map(i64::from), "node {straps}");
+        // A frame without its slot says nothing to it.
+        let short = Torques::new(&[500; 4][..usize::from(slot) - 1]);
+        if let Some(short) = short {
+            assert_eq!(bench.say(group(to), 0, Body::Torques(short)), Err(Refused::Range(Property::T)));
+        }
+    }
+}
+
+#[test]
+fn a_packed_torque_saturates_at_mt_and_pidx_can_be_set() {
+    let mut bench = Bench::new(1);
+    bench.set(Property::MT, 300).expect("in range");
+    bench.set(Property::PIDX, 3).expect("in range");
+    bench.set(Property::MODE, 2).expect("mode 2");
+    for (torque, taken) in [(8191, 300), (-8191, -300), (301, 300), (-299, -299)] {
+        bench.say(group(1), 0, Body::Torques(Torques::new(&[7, 7, torque]).expect("three"))).expect("taken");
+        bench.tick();
+        assert_eq!(bench.tater.servo.torque(), Torque(taken));
+        // Refused, not saturated.
+        assert_eq!(bench.set(Property::T, 991), Err(Refused::Range(Property::T)));
+        assert_eq!(bench.tater.servo.torque(), Torque(taken));
+    }
+}
+
+#[test]
+fn a_board_without_a_name_obeys_groups_and_keeps_silent() {
+    let mut bench = Bench::on(FakeBoard::new(0), 0);
+    bench.say(group(0), 0, Body::Get(Property::STAT.id())).expect("heard");
+    bench.say(Destination::Node(Node::HOST), 5, Body::Get(Property::STAT.id())).expect("skipped");
+    assert!(bench.said().is_empty());
+    let set = |bench: &mut Bench, property: Property, value| {
+        let value = property.write(value).expect("fits");
+        bench.say(group(0), 0, Body::Set { property: property.id(), value })
+    };
+    // Saving all does not make it somebody.
+    set(&mut bench, Property::SAVE, -1).expect("saved");
+    assert_eq!(bench.tater.store.get(Property::ID), None);
+    for key in [18384, 23, 3145, 1024, 1] {
+        set(&mut bench, Property::LOCK, key).expect("a key");
+    }
+    set(&mut bench, Property::ID, 6).expect("unlocked");
+    set(&mut bench, Property::SAVE, 3).expect("saved");
+    assert_eq!(bench.tater.node(), Node::HOST, "from the next start on");
+    bench.settle();
+    let mut bench = bench.restart();
+    assert_eq!((bench.tater.node(), bench.get(Property::ID)), (node(6), Some(6)));
+    assert_eq!(bench.get(Property::IOFF), Some(-350), "a tip's defaults");
+}
+
+#[test]
+fn frames_that_mean_nothing_change_nothing() {
+    let mut bench = Bench::new(4);
+    let own = bench.own();
+    let bodies = [
+        Body::More { frames: 3, received: 9 },
+        Body::Get(6),
+        Body::Get(7),
+        Body::Get(12),
+        Body::Set { property: 6, value: Value::Long(0x2000_0000) },
+        Body::Set { property: 12, value: Value::Short(1) },
+    ];
+    let refused: Vec<_> = bodies.into_iter().map(|body| bench.say(own, 0, body)).collect();
+    assert_eq!(refused, [Err(Refused::Unknown); 6]);
+    assert!(bench.said().is_empty());
+}

@@ -1,0 +1,172 @@
+//! ERROR: every fault of the application can be provoked, idles the motor where it should, and is cleared by STAT 2.
+
+use super::board::Bench;
+use crate::storage::Progress;
+use crate::tater::errors::code;
+use crate::tater::{HOST_LOST_MS, Refused};
+use servo_core::Refusal;
+use servo_core::guard::fault::Fault;
+use servo_core::mode::Mode;
+use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
+use tater_wire::{Body, Destination, FaultCode, Group, Node, Property, fault};
+
+/// Drives the board into a fault; `false` for those of the monitor. Exhaustive: a new row asks for its provocation.
+fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
+    match fault {
+        FaultCode::Halls => {
+            bench.board().halls = 7;
+            bench.ticks(4);
+        }
+        FaultCode::OverCurrent => {
+            bench.set(Property::MODE, 2).expect("mode 2");
+            bench.set(Property::T, 600).expect("mode 2");
+            bench.ticks(35);
+            bench.board().analog.current = MilliAmps(15_000);
+            bench.ticks(6);
+        }
+        FaultCode::OverTemperature => {
+            bench.board().analog.motor_temp = DeciCelsius(700);
+            bench.tick();
+        }
+        FaultCode::OverVoltage => {
+            bench.board().analog.bus = MilliVolts(32_100);
+            bench.ticks(10);
+        }
+        FaultCode::UnderVoltage => {
+            bench.board().analog.bus = MilliVolts(15_900);
+            bench.ticks(10);
+        }
+        FaultCode::Bridge => {
+            bench.board().analog.bridge_fault = true;
+            bench.tick();
+        }
+        FaultCode::HostLost => {
+            bench.set(Property::MODE, 4).expect("mode 4");
+            bench.ticks(501);
+        }
+        FaultCode::Storage => {
+            bench.board().flash.broken = true;
+            bench.set(Property::X0, 1).expect("in range");
+            bench.set(Property::SAVE, -1).expect("stored");
+            for _ in 0..1000 {
+                if let Progress::Failed(_) = bench.tater.store() {
+                    break;
+                }
+            }
+            bench.board().flash.broken = false;
+        }
+        FaultCode::NoApplication
+        | FaultCode::BadRecord
+        | FaultCode::BadChecksum
+        | FaultCode::AddressRange
+        | FaultCode::Overlap
+        | FaultCode::FlashWrite
+        | FaultCode::BadImage
+        | FaultCode::DownloadTimeout => return false,
+    }
+    true
+}
+
+#[test]
+fn every_fault_of_the_application_is_provoked_named_and_cleared() {
+    let mut provoked = 0;
+    for row in fault::ROWS {
+        let mut bench = Bench::new(4);
+        let healthy = *bench.board().analog_mut();
+        bench.tick();
+        assert_eq!(bench.get(Property::ERROR), Some(0));
+        if !provoke(&mut bench, row.code) {
+            continue;
+        }
+        provoked += 1;
+        assert_eq!(bench.get(Property::ERROR), Some(i64::from(row.code.code())), "{}", row.name);
+        assert_eq!(bench.get(Property::STAT), Some(2), "{}", row.name);
+        assert_eq!((bench.tater.status().mode, bench.board().brake_released), (Mode::Idle, false));
+        let refused = bench.tater.status().fault.map(|fault| Err(Refused::Servo(Refusal::Fault(fault))));
+        assert_eq!(bench.set(Property::M, 20), refused.unwrap_or(Ok(())), "{}", row.name);
+        *bench.board().analog_mut() = healthy;
+        let count = bench.count;
+        bench.board().turn_to(count);
+        bench.set(Property::STAT, 2).expect("clears");
+        bench.tick();
+        assert_eq!(bench.get(Property::ERROR), Some(0), "{}", row.name);
+        assert_eq!(bench.set(Property::M, 30), Ok(()), "{}", row.name);
+    }
+    // The servo's seven, and the flash.
+    assert_eq!(provoked, 8);
+}
+
+#[test]
+fn the_first_fault_stays_and_others_do_not_replace_it() {
+    let mut bench = Bench::new(1);
+    provoke(&mut bench, FaultCode::OverVoltage);
+    provoke(&mut bench, FaultCode::Bridge);
+    provoke(&mut bench, FaultCode::Storage);
+    assert_eq!(bench.get(Property::ERROR), Some(4));
+    bench.board().analog.bridge_fault = false;
+    bench.board().analog.bus = MilliVolts(24_000);
+    bench.set(Property::STAT, 2).expect("clears");
+    bench.tick();
+    assert_eq!(bench.get(Property::ERROR), Some(0));
+}
+
+#[test]
+fn a_fault_of_the_flash_does_not_touch_the_motion() {
+    let mut bench = Bench::new(4);
+    bench.set(Property::M, 100).expect("moves");
+    bench.ticks(60);
+    provoke(&mut bench, FaultCode::Storage);
+    assert_eq!(bench.get(Property::ERROR), Some(8));
+    assert!(bench.tick().duty.is_some());
+    assert_eq!(bench.tater.status().mode, Mode::Trapezoidal);
+}
+
+#[test]
+fn the_host_is_lost_after_half_a_second_of_silence_in_modes_2_and_4() {
+    for mode in [2, 3, 4, 5] {
+        let mut bench = Bench::new(1);
+        bench.set(Property::TSTOP, 0).expect("never");
+        bench.set(Property::MODE, mode).expect("a mode");
+        bench.ticks(usize::from(HOST_LOST_MS));
+        assert_eq!(bench.tater.status().fault, None, "mode {mode}");
+        bench.tick();
+        let lost = (mode == 2 || mode == 4).then_some(Fault::HostLost);
+        assert_eq!(bench.tater.status().fault, lost, "mode {mode}");
+        assert_eq!(bench.tater.drive().duty.is_none(), lost.is_some(), "mode {mode}");
+    }
+}
+
+#[test]
+fn any_frame_to_it_or_its_groups_is_life_and_no_other() {
+    let group = |number| Destination::Group(Group::new(number).expect("a group"));
+    let node = |number| Destination::Node(Node::new(number).expect("a node"));
+    let rows = [(node(1), true), (group(0), true), (group(1), true), (group(4), true)];
+    let others = [(node(2), false), (node(0), false), (group(2), false), (group(6), false)];
+    for (to, is_life) in rows.into_iter().chain(others) {
+        let mut bench = Bench::new(1);
+        bench.set(Property::MODE, 2).expect("mode 2");
+        for _ in 0..4 {
+            bench.ticks(400);
+            // Means nothing, and is a frame all the same.
+            let _ = bench.say(to, 0, Body::More { frames: 1, received: 0 });
+        }
+        assert_eq!(bench.tater.status().fault.is_none(), is_life, "{to:?}");
+    }
+}
+
+#[test]
+fn faults_of_the_servo_have_rows_of_their_own() {
+    let all = [
+        Fault::Halls,
+        Fault::OverCurrent,
+        Fault::OverTemperature,
+        Fault::OverVoltage,
+        Fault::UnderVoltage,
+        Fault::Bridge,
+        Fault::HostLost,
+    ];
+    for (i, one) in all.into_iter().enumerate() {
+        assert_eq!(code(one).row().code, code(one));
+        assert!(all[..i].iter().all(|&other| code(other) != code(one)), "{one:?}");
+    }
+}

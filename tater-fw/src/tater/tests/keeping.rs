@@ -1,0 +1,348 @@
+//! What outlives the power, and the watchdog.
+
+use super::board::{Bench, SERIAL};
+use crate::tater::Refused;
+use servo_core::Refusal;
+use servo_core::mode::Mode;
+use servo_core::units::{DeciCelsius, Micros};
+use tater_wire::{FaultCode, Property};
+
+fn id(property: Property) -> i64 {
+    i64::from(property.id())
+}
+
+fn set(bench: &mut Bench, property: Property, value: i64) {
+    bench.set(property, value).expect("taken");
+}
+
+/// A homed board whose position has been saved, powered up again.
+fn saved(straps: u8) -> Bench {
+    let mut bench = Bench::new(straps);
+    bench.home();
+    set(&mut bench, Property::SAVE, id(Property::P));
+    bench.settle();
+    bench.restart()
+}
+
+#[test]
+fn save_load_and_def_of_one() {
+    let rows =
+        [(Property::MT, 500, 750), (Property::CT, -44, 331), (Property::HOLD, 1, 0), (Property::X5, -1, 0)];
+    for (property, value, default) in rows {
+        let mut bench = Bench::new(1);
+        set(&mut bench, property, value);
+        set(&mut bench, Property::SAVE, id(property));
+        set(&mut bench, property, default);
+        set(&mut bench, Property::LOAD, id(property));
+        assert_eq!(bench.get(property), Some(value), "{property:?}");
+        set(&mut bench, property, default);
+        bench.settle();
+        let mut bench = bench.restart();
+        assert_eq!(bench.get(property), Some(value), "{property:?}");
+        set(&mut bench, Property::DEF, id(property));
+        assert_eq!(bench.get(property), Some(default), "{property:?}");
+        set(&mut bench, property, value);
+        set(&mut bench, Property::LOAD, id(property));
+        assert_eq!(bench.get(property), Some(default), "{property:?}: DEF resets the stored copy too");
+        bench.settle();
+        assert_eq!(bench.restart().get(property), Some(default), "{property:?}");
+    }
+}
+
+#[test]
+fn of_all_by_property_and_by_command() {
+    for by_cmd in [false, true] {
+        let act = |bench: &mut Bench, property, number| {
+            let (property, value) = if by_cmd { (Property::CMD, number) } else { (property, -1) };
+            set(bench, property, value);
+        };
+        let mut bench = Bench::new(6);
+        for (property, value) in [(Property::KP, 61), (Property::GRPA, 9), (Property::TSTOP, 65_535)] {
+            set(&mut bench, property, value);
+        }
+        act(&mut bench, Property::SAVE, 1);
+        bench.settle();
+        let mut bench = bench.restart();
+        let read = |bench: &mut Bench| [Property::KP, Property::GRPA, Property::TSTOP].map(|p| bench.get(p));
+        assert_eq!(read(&mut bench), [Some(61), Some(9), Some(65_535)]);
+        set(&mut bench, Property::KP, 1);
+        act(&mut bench, Property::LOAD, 0);
+        assert_eq!(read(&mut bench), [Some(61), Some(9), Some(65_535)]);
+        act(&mut bench, Property::DEF, 3);
+        assert_eq!(read(&mut bench), [Some(60), Some(0), Some(300)]);
+        bench.settle();
+        assert_eq!(read(&mut bench.restart()), [Some(60), Some(0), Some(300)]);
+    }
+}
+
+#[test]
+fn what_is_not_stored_cannot_be_saved_loaded_or_reset() {
+    let mut bench = Bench::new(1);
+    for by in [Property::SAVE, Property::LOAD, Property::DEF] {
+        for property in [Property::MODE, Property::E, Property::LFLAGS, Property::VBUS, Property::CMD] {
+            assert_eq!(bench.set(by, id(property)), Err(Refused::Access(property)));
+        }
+        for nothing in [6, 7, 12, 127] {
+            assert_eq!(bench.set(by, nothing), Err(Refused::Range(by)), "{nothing}");
+        }
+    }
+}
+
+#[test]
+fn locked_ones_are_left_by_all_and_need_the_sequence_by_name() {
+    let mut bench = Bench::new(5);
+    assert_eq!(bench.get(Property::SN), Some(i64::from(SERIAL)));
+    bench.unlock();
+    set(&mut bench, Property::SN, 99);
+    set(&mut bench, Property::SAVE, -1);
+    for (by, all) in [(Property::LOAD, 99), (Property::DEF, 99)] {
+        set(&mut bench, by, -1);
+        assert_eq!(bench.get(Property::SN), Some(all));
+        assert_eq!(bench.set(by, id(Property::SN)), Err(Refused::Access(Property::SN)));
+    }
+    bench.settle();
+    let mut bench = bench.restart();
+    assert_eq!(bench.get(Property::SN), Some(99), "DEF of all has left the stored copy too");
+    bench.unlock();
+    set(&mut bench, Property::DEF, id(Property::SN));
+    assert_eq!(bench.get(Property::SN), Some(i64::from(SERIAL)));
+    assert_eq!(bench.set(Property::DEF, id(Property::SN)), Err(Refused::Access(Property::SN)), "once");
+}
+
+#[test]
+fn an_id_is_heard_from_the_next_start_on() {
+    let mut bench = Bench::new(2);
+    bench.unlock();
+    set(&mut bench, Property::ID, 4);
+    set(&mut bench, Property::SAVE, id(Property::ID));
+    assert_eq!((bench.get(Property::ID), bench.tater.node().number()), (Some(4), 2));
+    bench.settle();
+    let mut bench = bench.restart();
+    assert_eq!((bench.get(Property::ID), bench.tater.node().number()), (Some(4), 4));
+    // The spread's defaults.
+    assert_eq!((bench.get(Property::HOLD), bench.get(Property::PIDX)), (Some(1), Some(4)));
+    bench.unlock();
+    set(&mut bench, Property::DEF, id(Property::ID));
+    assert_eq!(bench.get(Property::ID), Some(2), "the straps'");
+}
+
+#[test]
+fn a_saved_position_is_true_after_the_next_start() {
+    for straps in [1, 4, 5] {
+        let mut bench = Bench::new(straps);
+        bench.home();
+        set(&mut bench, Property::M, 7);
+        bench.follow(3_000);
+        set(&mut bench, Property::CMD, 21);
+        bench.ticks(400);
+        assert_eq!(bench.get(Property::P), Some(7));
+        set(&mut bench, Property::SAVE, -1);
+        bench.settle();
+        let mut bench = bench.restart();
+        assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(7), true), "node {straps}");
+        assert_eq!(bench.get(Property::MECH), Some(7));
+        // And after the one after that, as long as nothing moves.
+        bench.ticks(100);
+        assert!(bench.restart().tater.status().homed);
+    }
+}
+
+#[test]
+fn a_count_a_drive_or_other_halls_take_the_trust_away_for_good() {
+    let untrusted = |bench: Bench| {
+        let mut bench = bench.restart();
+        assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(0), false));
+        bench.board().flash.operations
+    };
+    let mut counted = saved(1);
+    let back = counted.count;
+    counted.tick_to(back + 1);
+    counted.tick_to(back);
+    assert!(counted.tater.status().homed, "this time it still knows");
+    untrusted(counted);
+
+    let mut driven = saved(1);
+    let before = driven.board().flash.operations;
+    set(&mut driven, Property::MODE, 3);
+    driven.tick();
+    let at_drive = driven.board().operations_at_drive.expect("driven");
+    assert!(at_drive > before, "the mark is consumed before the bridge is on");
+    untrusted(driven);
+
+    let mut turned = saved(1);
+    turned.count += 1;
+    let mut turned = turned.restart();
+    assert!(!turned.tater.status().homed);
+    turned.count -= 1;
+    untrusted(turned);
+}
+
+#[test]
+fn a_position_that_is_not_known_is_saved_but_not_trusted() {
+    let mut never_homed = Bench::new(1);
+    set(&mut never_homed, Property::P, 33);
+    set(&mut never_homed, Property::SAVE, id(Property::P));
+    never_homed.settle();
+    let mut bench = never_homed.restart();
+    assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(0), false));
+    set(&mut bench, Property::LOAD, id(Property::P));
+    assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(33), false));
+
+    let mut powered = saved(4);
+    set(&mut powered, Property::MODE, 3);
+    powered.ticks(60);
+    set(&mut powered, Property::SAVE, -1);
+    powered.settle();
+    assert!(!powered.restart().tater.status().homed);
+}
+
+#[test]
+fn load_and_def_of_all_leave_the_position_that_has_moved() {
+    let mut bench = saved(1);
+    assert_eq!(bench.get(Property::P), Some(0));
+    set(&mut bench, Property::P, 50);
+    set(&mut bench, Property::LOAD, -1);
+    assert_eq!(bench.get(Property::P), Some(0), "still trusted: the renaming is undone");
+    bench.ticks(5);
+    let count = bench.count;
+    bench.tick_to(count + 3);
+    set(&mut bench, Property::LOAD, -1);
+    assert_eq!(bench.get(Property::P), Some(3));
+    set(&mut bench, Property::DEF, -1);
+    assert_eq!(bench.get(Property::P), Some(3));
+    for by in [Property::LOAD, Property::DEF] {
+        set(&mut bench, Property::MODE, 3);
+        let refused = Err(Refused::Servo(Refusal::Mode(Mode::Pid)));
+        assert_eq!(bench.set(by, id(Property::P)), refused);
+        set(&mut bench, Property::MODE, 0);
+        set(&mut bench, Property::P, 3);
+        set(&mut bench, by, id(Property::P));
+        assert_eq!(bench.get(Property::P), Some(0), "nothing is stored: the default");
+    }
+}
+
+#[test]
+fn a_mark_that_cannot_be_consumed_keeps_the_bridge_off() {
+    let mut bench = saved(1);
+    bench.board().flash.broken = true;
+    set(&mut bench, Property::M, 100);
+    bench.ticks(5);
+    assert_eq!((bench.tater.drive().duty, bench.board().operations_at_drive), (None, None));
+    assert_eq!(bench.get(Property::ERROR), Some(i64::from(FaultCode::Storage.code())));
+    assert_eq!(bench.get(Property::MODE), Some(0));
+    bench.board().flash.broken = false;
+    set(&mut bench, Property::STAT, 2);
+    set(&mut bench, Property::M, 100);
+    bench.ticks(5);
+    assert!(bench.tater.drive().duty.is_some());
+    assert!(!bench.restart().tater.status().homed);
+}
+
+#[test]
+fn nothing_is_erased_while_it_drives() {
+    let mut bench = Bench::new(4);
+    set(&mut bench, Property::MODE, 3);
+    for round in 0..600 {
+        for property in [Property::X0, Property::X1, Property::X2] {
+            set(&mut bench, property, round);
+        }
+        set(&mut bench, Property::SAVE, -1);
+        for _ in 0..120 {
+            bench.tater.store();
+        }
+        bench.tick();
+    }
+    let flash = &bench.board().flash;
+    assert_eq!((flash.erases, flash.erased_while_driven), (0, 0));
+    set(&mut bench, Property::MODE, 0);
+    bench.tick();
+    bench.settle();
+    assert!(bench.board().flash.erases > 0);
+    assert_eq!(bench.restart().get(Property::X2), Some(599));
+}
+
+/// A second of ticks, and what goes with them.
+fn second(bench: &mut Bench) {
+    for _ in 0..10 {
+        bench.ticks(100);
+        let now = bench.now;
+        bench.tater.slow(now);
+    }
+}
+
+#[test]
+fn counters_grow_and_are_set_only_when_unlocked() {
+    // The clock wraps within the first second.
+    let mut bench = Bench::new(1);
+    for _ in 0..7 {
+        second(&mut bench);
+    }
+    assert_eq!(bench.get(Property::UPSECS), Some(7));
+    for _ in 0..50 {
+        bench.tick_to(30);
+        bench.tick_to(0);
+    }
+    second(&mut bench);
+    assert_eq!(bench.get(Property::OD), Some(3), "3000 counts there and back");
+    for (temp, peak) in [(290, 290), (411, 411), (-100, 411)] {
+        bench.board().analog.board_temp = DeciCelsius(temp);
+        second(&mut bench);
+        assert_eq!(bench.get(Property::PTEMP), Some(peak));
+    }
+    for (property, value) in [(Property::UPSECS, 4_294_967_290), (Property::OD, 1), (Property::PTEMP, -5)] {
+        assert_eq!(bench.set(property, value), Err(Refused::Access(property)));
+        bench.unlock();
+        set(&mut bench, property, value);
+        assert_eq!(bench.get(property), Some(value));
+        // LOAD has nothing to load, DEF resets.
+        bench.unlock();
+        set(&mut bench, Property::LOAD, id(property));
+        assert_eq!(bench.get(property), Some(value));
+        bench.unlock();
+        set(&mut bench, Property::DEF, id(property));
+        assert_eq!(bench.get(property), Some(0));
+        bench.unlock();
+        set(&mut bench, property, value);
+    }
+    for _ in 0..9 {
+        second(&mut bench);
+    }
+    assert_eq!(bench.get(Property::UPSECS), Some(4_294_967_295), "full, and stays so");
+}
+
+#[test]
+fn a_slow_task_that_comes_late_loses_no_time() {
+    let mut bench = Bench::new(1);
+    for micros in [1_999_999, 1, 70 * 60 * 1_000_000, 999_999] {
+        bench.now = bench.now.wrapping_add(Micros(micros));
+        let now = bench.now;
+        bench.tater.slow(now);
+    }
+    assert_eq!(bench.get(Property::UPSECS), Some(2 + 4200));
+}
+
+#[test]
+fn the_watchdog_is_fed_only_if_both_control_and_bus_run() {
+    let mut bench = Bench::new(1);
+    let mut feeds = |act: fn(&mut Bench)| {
+        let before = bench.board().feeds;
+        act(&mut bench);
+        let now = bench.now;
+        bench.tater.slow(now);
+        bench.board().feeds - before
+    };
+    assert_eq!(feeds(|_| {}), 0);
+    assert_eq!(feeds(|bench| bench.ticks(100)), 0);
+    assert_eq!(
+        feeds(|bench| bench.tater.flush()),
+        1,
+        "the tick was before the last time, but is not forgotten"
+    );
+    assert_eq!(feeds(|bench| bench.tater.flush()), 0);
+    assert_eq!(feeds(|bench| bench.tater.flush()), 0);
+    assert_eq!(feeds(|bench| bench.ticks(1)), 1);
+    let frame = |bench: &mut Bench| assert_eq!(bench.get(Property::STAT), Some(2));
+    assert_eq!(feeds(frame), 0);
+    assert_eq!(feeds(|bench| bench.ticks(1)), 1);
+    assert_eq!(feeds(|_| {}), 0);
+}

@@ -1,0 +1,146 @@
+//! What STAT, MODE, T, V, P and E read and do.
+
+use super::board::Bench;
+use crate::tater::Refused;
+use servo_core::mode::Mode;
+use servo_core::units::{CountsPerSec, DeciCelsius};
+use servo_core::{EndReason, Refusal};
+use tater_wire::Property;
+
+#[test]
+fn stat_is_ready_wakes_resets_and_is_never_told_to_be_an_error() {
+    let mut bench = Bench::new(1);
+    assert_eq!(bench.get(Property::STAT), Some(2));
+    assert_eq!(bench.set(Property::STAT, 2), Ok(()));
+    assert_eq!(bench.set(Property::STAT, 1), Err(Refused::Range(Property::STAT)));
+    assert_eq!(bench.set(Property::STAT, 3), Err(Refused::Range(Property::STAT)));
+    assert!(bench.board().resets.is_empty());
+}
+
+#[test]
+fn a_reset_comes_with_the_bridge_off_the_brake_engaged_and_what_was_saved_kept() {
+    for (property, value) in [(Property::STAT, 0), (Property::CMD, 2)] {
+        let mut bench = Bench::new(4);
+        bench.set(Property::X3, 77).expect("in range");
+        bench.set(Property::SAVE, i64::from(Property::X3.id())).expect("stored");
+        bench.set(Property::M, 100).expect("moves");
+        bench.ticks(60);
+        assert!(bench.tater.drive().duty.is_some() && bench.board().brake_released);
+        bench.set(property, value).expect("resets");
+        assert_eq!(bench.board().resets, [(false, false)]);
+        bench.tick();
+        assert_eq!((bench.tater.drive().duty, bench.tater.status().mode), (None, Mode::Idle));
+        assert_eq!(bench.restart().get(Property::X3), Some(77));
+    }
+}
+
+#[test]
+fn a_mode_that_is_none_is_refused() {
+    let mut bench = Bench::new(1);
+    for mode in [1, 6, -1] {
+        assert_eq!(bench.set(Property::MODE, mode), Err(Refused::Range(Property::MODE)));
+        assert_eq!(bench.get(Property::MODE), Some(0));
+    }
+    for mode in [2, 3, 4, 5, 0] {
+        assert_eq!(bench.set(Property::MODE, mode), Ok(()));
+        assert_eq!(bench.get(Property::MODE), Some(mode));
+    }
+}
+
+#[test]
+fn torque_is_set_in_mode_2_only_and_reads_what_the_limits_left() {
+    let mut bench = Bench::new(1);
+    for mode in [Mode::Idle, Mode::Pid, Mode::Velocity, Mode::Trapezoidal] {
+        bench.set(Property::MODE, i64::from(mode.number())).expect("a mode");
+        assert_eq!(bench.set(Property::T, 10), Err(Refused::Servo(Refusal::Mode(mode))));
+    }
+    bench.set(Property::MODE, 2).expect("mode 2");
+    assert_eq!(bench.get(Property::T), Some(0));
+    bench.set(Property::T, -200).expect("mode 2");
+    assert_eq!(bench.get(Property::T), Some(0), "not yet limited, not yet driven");
+    bench.tick();
+    assert_eq!(bench.get(Property::T), Some(-200));
+    // OTEMP 700 allows a quarter of 990 at 68 °C.
+    bench.set(Property::T, 700).expect("mode 2");
+    bench.board().analog.motor_temp = DeciCelsius(680);
+    bench.ticks(2);
+    assert_eq!(bench.get(Property::T), Some(247));
+    bench.set(Property::MODE, 3).expect("mode 3");
+    bench.tick();
+    assert_eq!(bench.get(Property::T), Some(0), "at rest nothing is applied");
+}
+
+#[test]
+fn velocity_reads_the_goal_in_mode_4_and_the_rotor_elsewhere() {
+    let mut bench = Bench::new(1);
+    bench.set(Property::V, -321).expect("written beforehand");
+    assert_eq!(bench.get(Property::V), Some(0));
+    bench.set(Property::MODE, 4).expect("mode 4");
+    assert_eq!(bench.get(Property::V), Some(-321));
+    bench.set(Property::MODE, 3).expect("mode 3");
+    for _ in 0..60 {
+        bench.ticks(4);
+        let count = bench.count;
+        bench.tick_to(count + 1);
+    }
+    let measured = i64::from(bench.tater.status().velocity.round());
+    // A count each 5.1 ms.
+    assert!((150..250).contains(&measured), "{measured}");
+    assert_eq!(bench.get(Property::V), Some(measured));
+    assert_ne!(bench.tater.status().velocity, CountsPerSec::ZERO);
+}
+
+#[test]
+fn position_names_the_place_in_idle_and_is_the_goal_in_mode_3() {
+    let mut bench = Bench::new(1);
+    bench.tick_to(12);
+    assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(12), Some(12)));
+    bench.set(Property::P, -32_767).expect("idle");
+    assert_eq!(bench.get(Property::P), Some(-32_767));
+    bench.tick_to(-9);
+    assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(-32_788), Some(9)));
+    bench.set(Property::MODE, 3).expect("mode 3");
+    bench.tick();
+    bench.set(Property::P, -32_700).expect("mode 3");
+    assert_eq!(bench.tater.status().setpoint.round(), -32_700);
+    assert_eq!(bench.get(Property::P), Some(-32_788));
+    for mode in [Mode::Torque, Mode::Velocity, Mode::Trapezoidal] {
+        bench.set(Property::MODE, i64::from(mode.number())).expect("a mode");
+        assert_eq!(bench.set(Property::P, 5), Err(Refused::Servo(Refusal::Mode(mode))));
+    }
+}
+
+#[test]
+fn e_reads_as_set_and_m_is_e_and_mode_5_in_one() {
+    let mut bench = Bench::new(1);
+    bench.set(Property::P, 50).expect("idle");
+    assert_eq!(bench.get(Property::E), Some(0));
+    bench.set(Property::E, -44).expect("in range");
+    assert_eq!((bench.get(Property::E), bench.get(Property::MODE)), (Some(-44), Some(0)));
+    bench.set(Property::M, 60).expect("in range");
+    assert_eq!((bench.get(Property::E), bench.get(Property::MODE)), (Some(60), Some(5)));
+    assert_eq!(bench.get(Property::END), Some(0), "it has not ended");
+    bench.follow(5_000);
+    assert_eq!(bench.tater.status().end, Some(EndReason::Arrived));
+    assert_eq!((bench.get(Property::END), bench.get(Property::P)), (Some(1), Some(60)));
+}
+
+#[test]
+fn halls_and_their_last_ten_codes() {
+    let mut bench = Bench::new(1);
+    assert_eq!((bench.get(Property::HALLS), bench.get(Property::HALLH)), (Some(2), Some(2)));
+    bench.tick_to(12);
+    bench.tick_to(11);
+    // Codes of counts 3, 4, ... 12, 11: the oldest of eleven has gone.
+    let history = [1, 3, 2, 6, 4, 5, 1, 3, 2, 3].into_iter().fold(0, |all, code| all << 3 | code);
+    assert_eq!((bench.get(Property::HALLS), bench.get(Property::HALLH)), (Some(3), Some(history)));
+}
+
+#[test]
+fn the_brake_reads_as_told() {
+    let mut bench = Bench::new(4);
+    assert_eq!(bench.get(Property::B), Some(0));
+    bench.set(Property::MODE, 3).expect("mode 3");
+    bench.tick();
+    assert_eq!(bench.get(Property::B), Some(1));
+}
