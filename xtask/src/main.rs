@@ -1,15 +1,18 @@
-//! The project's chores: `cargo xtask demo`, `cargo xtask ci`, `cargo xtask bench`. Each is one file here and
-//! does its own set-up; the work itself is done by the programs that they start.
+//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `tek`. Each is one file here and does its own
+//! set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
 
 mod bench;
 mod ci;
 mod demo;
+mod files;
 mod fuzz;
 mod hall_oracle;
 mod program;
 mod setup;
+mod table;
+mod tek;
 
 use std::process::ExitCode;
 
@@ -17,6 +20,20 @@ use clap::{Parser, Subcommand};
 
 /// What a chore gives back: nothing, or a text for the person who called it.
 type Outcome = Result<(), String>;
+
+/// Why a chore fails, in words for the person who called it, and by its exit code.
+enum Failure {
+    /// What was looked at is not as it should be: 1.
+    Judged(String),
+    /// It could not be looked at, or not without another word on the command line: 2, as for bad arguments.
+    Unusable(String),
+}
+
+impl From<String> for Failure {
+    fn from(message: String) -> Self {
+        Self::Judged(message)
+    }
+}
 
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", about = "The project's chores")]
@@ -37,19 +54,30 @@ enum Chore {
         #[arg(long)]
         json: bool,
     },
+    /// The properties, commands and faults as a page: docs/properties.md
+    Table {
+        /// Write nothing; fail if the page is not what the tables say
+        #[arg(long)]
+        check: bool,
+    },
+    /// Images of applications as `.tek` files, the form in which they are downloaded
+    #[command(subcommand)]
+    Tek(tek::Chore),
 }
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().chore {
-        Chore::Demo => demo::demo(),
-        Chore::Ci => ci::ci(),
-        Chore::Bench { json } => bench::bench(json),
+        Chore::Demo => demo::demo().map_err(Failure::from),
+        Chore::Ci => ci::ci().map_err(Failure::from),
+        Chore::Bench { json } => bench::bench(json).map_err(Failure::from),
+        Chore::Table { check } => table::table(check).map_err(Failure::from),
+        Chore::Tek(chore) => tek::tek(&chore),
     };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    let (message, code) = match outcome {
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(Failure::Judged(message)) => (message, 1),
+        Err(Failure::Unusable(message)) => (message, 2),
+    };
+    eprintln!("error: {message}");
+    ExitCode::from(code)
 }

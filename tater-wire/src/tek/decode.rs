@@ -77,11 +77,19 @@ impl Decoder {
         }
         self.came = 0;
         self.records = self.records.saturating_add(1);
-        Ok(Some(match self.kind {
+        Ok(self.last())
+    }
+
+    /// The record that has just become whole, if one has.
+    pub(super) fn last(&self) -> Option<Record<'_>> {
+        if self.came > 0 || self.records == 0 {
+            return None;
+        }
+        Some(match self.kind {
             b'6' => Record::Data { address: self.address, bytes: &self.bytes },
             b'8' => Record::End { entry: self.address },
             _ => Record::Symbols,
-        }))
+        })
     }
 
     /// Takes a character, or says in which column what is wrong.
@@ -95,7 +103,12 @@ impl Decoder {
         if at == 0 {
             self.start();
         }
-        let value = value(found).ok_or((here, TekErrorKind::Character { found }))?;
+        let value = match value(found) {
+            Some(value) => value,
+            // In names GNU writes what has no value (`*ABS*`) and counts it 0.
+            None if at >= HEAD && self.kind == b'3' && found.is_ascii_graphic() => 0,
+            None => return Err((here, TekErrorKind::Character { found })),
+        };
         let hex = || digit(found).ok_or((here, TekErrorKind::Digit { found }));
         match at {
             0 => self.len = hex()? << 4,

@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use super::DATA_BYTES;
+
 /// What is wrong, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TekError {
@@ -15,7 +17,7 @@ pub struct TekError {
     pub kind: TekErrorKind,
 }
 
-/// What can be wrong with a record.
+/// What can be wrong with a record, or with a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TekErrorKind {
     /// Not a hexadecimal digit.
@@ -78,6 +80,54 @@ pub enum TekErrorKind {
         /// The character.
         found: u8,
     },
+    /// A line that does not start with `%`.
+    Start {
+        /// The character.
+        found: u8,
+    },
+    /// A line that is shorter or longer than its record.
+    Line {
+        /// Characters after `%`.
+        found: u8,
+        /// What the length field says, or the least where there is none.
+        expected: u8,
+    },
+    /// A line with more characters than may be.
+    Long {
+        /// The most.
+        expected: u16,
+    },
+    /// The file ends without a termination record.
+    NoEnd,
+    /// [`super::Dialect::Ti`] only: a line that does not end with CR LF.
+    LineEnd {
+        /// A line feed, or nothing.
+        found: Option<u8>,
+    },
+    /// [`super::Dialect::Ti`] only: not 8 address digits.
+    AddressWidth {
+        /// How many.
+        found: u8,
+    },
+    /// [`super::Dialect::Ti`] only: not 1 to 32 data bytes in a record.
+    DataBytes {
+        /// How many.
+        found: u8,
+    },
+    /// [`super::Dialect::Ti`] only: a symbol record.
+    Symbols,
+}
+
+impl TekErrorKind {
+    /// Whether a file with this is one that others may read: whole, but not in the profile of
+    /// [`super::Dialect::Ti`].
+    #[must_use]
+    pub const fn is_dialect(self) -> bool {
+        matches!(
+            self,
+            Self::LineEnd { .. } | Self::AddressWidth { .. } | Self::DataBytes { .. } | Self::Symbols
+        )
+    }
 }
 
 impl fmt::Display for TekError {
@@ -127,6 +177,26 @@ impl fmt::Display for TekErrorKind {
             Self::AfterEnd { found } => {
                 write!(f, "found {} after the termination record, expected the end of the file", Shown(found))
             }
+            Self::Start { found } => write!(f, "found {}, expected % at the start of a line", Shown(found)),
+            Self::Line { found, expected } => write!(
+                f,
+                "found {found} characters after %, expected {expected}: the line is damaged or its length field is wrong"
+            ),
+            Self::Long { expected } => {
+                write!(f, "found a longer line, expected at most {expected} characters")
+            }
+            Self::NoEnd => f.write_str("found the end of the file, expected a termination record (type 8)"),
+            Self::LineEnd { found: Some(found) } => {
+                write!(f, "found {} alone at the end of the line, expected CR LF", Shown(found))
+            }
+            Self::LineEnd { found: None } => {
+                f.write_str("found the end of the file in a line, expected CR LF")
+            }
+            Self::AddressWidth { found } => write!(f, "found {found} address digits, expected 8"),
+            Self::DataBytes { found } => {
+                write!(f, "found {found} data bytes in a record, expected 1 to {DATA_BYTES}")
+            }
+            Self::Symbols => f.write_str("found a symbol record (type 3), expected types 6 and 8 only"),
         }
     }
 }

@@ -1,14 +1,8 @@
-use super::{Decoder, MAX_DATA, Record, value};
+use super::{Decoder, MAX_DATA, Record};
+use crate::tek::tests::record;
 use crate::tek::{TekError, TekErrorKind};
 use proptest::prelude::*;
 use std::{format, string::String, vec::Vec};
-
-/// `LLTCC...` of a type and what follows the checksum.
-fn record(kind: char, rest: &str) -> String {
-    let len = rest.len() + 5;
-    let sum: u32 = format!("{len:02X}{kind}{rest}").bytes().map(|c| u32::from(value(c).unwrap())).sum();
-    format!("{len:02X}{kind}{:02X}{rest}", sum % 256)
-}
 
 /// What the last character of a text gives.
 fn last(text: &str) -> Result<Option<(u64, Vec<u8>)>, TekError> {
@@ -62,6 +56,7 @@ fn the_longest_and_the_shortest_records_are_read() {
     assert_eq!(last(&text), Ok(Some((0, [0xA5; MAX_DATA].to_vec()))));
     assert_eq!(last(&record('6', "17")), Ok(Some((7, [].to_vec()))));
     assert_eq!(last("05308"), Ok(Some((0, [].to_vec()))));
+    assert_eq!(last("203335*ABS*20_binary_a_bin_si227"), Ok(Some((0, [].to_vec()))), "from GNU objcopy");
     assert_eq!(last(&record('3', "5$%._z1")), Ok(Some((0, [].to_vec()))));
 }
 
@@ -84,6 +79,9 @@ fn each_mistake_is_named_in_its_place() {
         ("0A6003".into(), (7, Odd { found: 1 })),
         ("0A8003".into(), (7, Tail { found: 10, expected: 9 })),
         ("0A60041a".into(), (9, Digit { found: b'a' })),
+        ("0C60040000*".into(), (12, Character { found: b'*' })),
+        ("0A3001 ".into(), (8, Character { found: b' ' })),
+        ("*C3".into(), (2, Character { found: b'*' })),
         ("0C60040000\n".into(), (12, Character { found: b'\n' })),
         ("0781110".into(), (5, Checksum { found: 0x10, expected: 0x11 })),
         (record('6', "0FFFFFFFFFFFFFFFF0000"), (8, Wrap { address: u64::MAX, len: 2 })),

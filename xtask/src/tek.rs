@@ -1,0 +1,248 @@
+//! Images of applications as `.tek` files: making them, judging them, reading them.
+
+mod memory;
+mod source;
+mod verify;
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use clap::Subcommand;
+use tater_wire::image::{self, Header};
+use tater_wire::memory::APPLICATION;
+use tater_wire::tek::{self, Dialect, Encoder, Reader, Record, TekError};
+
+use crate::{Failure, files};
+use memory::{ERASED, Memory};
+
+/// A chore about `.tek` files.
+#[derive(Subcommand)]
+pub enum Chore {
+    /// Makes a .tek file of a linked application or of bytes
+    Encode {
+        /// An ELF file, or any bytes
+        input: PathBuf,
+        /// Address of the first byte, decimal or 0x...; an ELF file brings its own
+        #[arg(long, value_parser = address)]
+        base: Option<u32>,
+        /// The .tek file to write
+        #[arg(short, long)]
+        output: PathBuf,
+        /// Fill gaps, pad to 4 bytes and write the header that the monitor checks, with this VERS
+        #[arg(long, value_name = "VERSION")]
+        seal: Option<u16>,
+    },
+    /// Says whether a .tek file can be downloaded, or what is wrong in which line and column (exit code 1)
+    Verify {
+        /// The .tek file
+        file: PathBuf,
+    },
+    /// Makes bytes of a .tek file, of GNU objcopy's and srecord's too; gaps become 0xFF
+    Decode {
+        /// The .tek file
+        file: PathBuf,
+        /// The file to write
+        #[arg(short, long)]
+        output: PathBuf,
+    },
+    /// Prints the records of a .tek file
+    Dump {
+        /// The .tek file
+        file: PathBuf,
+    },
+}
+
+/// An address, decimal or 0x....
+fn address(text: &str) -> Result<u32, String> {
+    let number = match text.strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|error| format!("{error}; expected an address up to 0xFFFFFFFF, such as 0x08004000"))
+}
+
+/// Does the chore.
+///
+/// # Errors
+/// What is wrong with its files.
+pub fn tek(chore: &Chore) -> Result<(), Failure> {
+    match chore {
+        Chore::Encode { input, base, output, seal } => encode(input, *base, output, *seal),
+        Chore::Verify { file } => verify::verify(file),
+        Chore::Decode { file, output } => decode(file, output),
+        Chore::Dump { file } => dump(file),
+    }
+}
+
+fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) -> Result<(), Failure> {
+    let (mut memory, entry) = source::read(input, base)?;
+    let mut header = None;
+    if let Some(version) = version {
+        let (sealed, found) =
+            seal(&memory, version).map_err(|error| format!("{}: {error}", input.display()))?;
+        (memory, header) = (sealed, Some(found));
+    }
+    let mut text = Vec::new();
+    for (address, bytes) in memory.pieces() {
+        let lines = u32::try_from(address).ok().and_then(|address| Encoder::new(address, bytes));
+        let Some(lines) = lines else {
+            let (place, len) = (input.display(), bytes.len());
+            let found = format!("{place}: found {len} bytes from {address:#010x} on");
+            return Err(Failure::Judged(format!("{found}, expected no address above 0xffffffff")));
+        };
+        for line in lines {
+            text.extend_from_slice(line.as_bytes());
+        }
+    }
+    text.extend_from_slice(tek::end(entry).as_bytes());
+    files::replace(output, &text)?;
+    let sealed = header.map_or_else(String::new, |Header { crc, version, .. }| {
+        format!(", sealed: version {version}, CRC-32 {crc:#010x}")
+    });
+    eprintln!("{}: {}{sealed}", output.display(), extent(&memory));
+    Ok(())
+}
+
+/// The image in one piece with its header.
+fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
+    let (first, start) = (memory.range().map_or(0, |range| *range.start()), u64::from(APPLICATION.start));
+    if first != start {
+        return Err(format!(
+            "found a first address of {first:#010x}, expected {start:#010x}, where the monitor looks for the \
+             header: link for it, or leave --seal out"
+        ));
+    }
+    let mut image = memory.image()?;
+    image.resize(image.len().next_multiple_of(4), ERASED);
+    let header = image::seal(&mut image, version.into()).map_err(|error| error.to_string())?;
+    let mut sealed = Memory::default();
+    // It is empty, so nothing is there twice.
+    let _ = sealed.insert(start, &image);
+    Ok((sealed, header))
+}
+
+fn decode(file: &Path, output: &Path) -> Result<(), Failure> {
+    let (mut memory, mut sections, mut start) = (Memory::default(), Vec::new(), 0);
+    records(file, Dialect::Gnu, |record, section| {
+        sections.extend(section.filter(|section| !section.is_empty()));
+        match record {
+            Record::Data { address, bytes } => memory.insert(address, bytes).map_err(|taken| {
+                (8, format!("found {taken:#010x} in two records, expected one\n  encode the image again"))
+            }),
+            Record::End { entry } => {
+                start = entry;
+                Ok(())
+            }
+            Record::Symbols => Ok(()),
+        }
+    })?;
+    let wrong = |error| Failure::Judged(format!("{}: {error}", file.display()));
+    let (base, bytes) = assemble(&memory, &sections).map_err(wrong)?;
+    files::replace(output, &bytes)?;
+    eprintln!("{}: {} bytes, base {base:#010x}, entry {start:#010x}", output.display(), bytes.len());
+    Ok(())
+}
+
+/// The first address and all bytes from there. GNU's files are their sections: 0 where no record says otherwise, and the
+/// zeros around them are padding.
+fn assemble(memory: &Memory, sections: &[Range<u64>]) -> Result<(u64, Vec<u8>), String> {
+    let Some(base) = sections.iter().map(|section| section.start).min() else {
+        let base = memory.range().map_or(0, |range| *range.start());
+        return Ok((base, memory.image()?));
+    };
+    let last = sections.iter().map(|section| section.end - 1).max().unwrap_or(base);
+    let mut bytes = memory::blank(&(base..=last))?;
+    for section in sections {
+        bytes[(section.start - base) as usize..(section.end - base) as usize].fill(0);
+    }
+    for (start, piece) in memory.pieces() {
+        for (address, &byte) in (start..).zip(piece) {
+            if sections.iter().any(|section| section.contains(&address)) {
+                bytes[(address - base) as usize] = byte;
+            } else if byte != 0 {
+                return Err(format!(
+                    "found {byte:#04x} for {address:#010x}, which is in no section, expected 0 there or no sections"
+                ));
+            }
+        }
+    }
+    Ok((base, bytes))
+}
+
+fn dump(file: &Path) -> Result<(), Failure> {
+    let (mut text, mut line) = (String::new(), 0);
+    let judged = records(file, Dialect::Gnu, |record, section| {
+        line += 1;
+        let what = match (record, section) {
+            (Record::Data { address, bytes }, _) => {
+                let hex: String = bytes.iter().map(|byte| format!(" {byte:02x}")).collect();
+                format!("data        {address:#010x} {:3} bytes:{hex}", bytes.len())
+            }
+            (Record::Symbols, Some(section)) => {
+                format!("section     {:#010x} up to, but not, {:#010x}", section.start, section.end)
+            }
+            (Record::Symbols, None) => "symbols".into(),
+            (Record::End { entry }, _) => format!("termination {entry:#010x} is the entry"),
+        };
+        text += &format!("{line:6}  {what}\n");
+        Ok(())
+    });
+    // Also what comes before a mistake.
+    files::print(&text)?;
+    judged
+}
+
+/// Gives each record of a file to `each`, with the section that it defines; what `each` finds wrong is a column and what
+/// was found, expected, and to be done.
+///
+/// # Errors
+/// The first thing that is wrong with the file.
+fn records(
+    path: &Path,
+    dialect: Dialect,
+    mut each: impl FnMut(Record<'_>, Option<Range<u64>>) -> Result<(), (u32, String)>,
+) -> Result<(), Failure> {
+    let place = path.display();
+    let damaged = |TekError { record, line, column, kind }: TekError| {
+        let next = if kind.is_dialect() {
+            "not the profile that boards download: `cargo xtask tek decode` reads it, `tek encode` writes that profile"
+        } else {
+            "copy the file again from where it came from, or encode the image again"
+        };
+        Failure::Judged(format!("{place}:{line}:{column}: record {record}: {kind}\n  {next}"))
+    };
+    let mut file = BufReader::new(File::open(path).map_err(|error| files::unreadable(path, &error))?);
+    let (mut reader, mut line) = (Reader::new(dialect), 0);
+    let mut judge = |record: Record<'_>, section| {
+        line += 1;
+        each(record, section).map_err(|(column, what)| {
+            Failure::Judged(format!("{place}:{line}:{column}: record {line}: {what}"))
+        })
+    };
+    loop {
+        let bytes = file.fill_buf().map_err(|error| files::unreadable(path, &error))?;
+        let len = bytes.len();
+        for &byte in bytes {
+            match reader.push(byte).map_err(damaged)? {
+                None => {}
+                Some(Record::Symbols) => judge(Record::Symbols, reader.section())?,
+                Some(record) => judge(record, None)?,
+            }
+        }
+        if len == 0 {
+            let last = reader.finish().map_err(damaged)?;
+            return last.map_or(Ok(()), |record| judge(record, None));
+        }
+        file.consume(len);
+    }
+}
+
+/// How many bytes a memory has, and where.
+fn extent(memory: &Memory) -> String {
+    match memory.range() {
+        Some(range) => format!("{} bytes in {:#010x} to {:#010x}", memory.len(), range.start(), range.end()),
+        None => "no bytes".into(),
+    }
+}

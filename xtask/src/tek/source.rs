@@ -1,0 +1,68 @@
+//! Where an image comes from: a text of bytes, or a linked application.
+
+use std::path::Path;
+
+use object::Endianness;
+use object::elf::{FileHeader32, PT_LOAD};
+use object::read::elf::{FileHeader, ProgramHeader};
+
+use super::memory::Memory;
+use crate::{Failure, files};
+
+/// The bytes of a file and where execution starts: a linked application's by its program headers, any other file's from
+/// `base` on.
+///
+/// # Errors
+/// It cannot be read, `base` is missing or not the linked application's, or it holds no bytes.
+pub fn read(path: &Path, base: Option<u32>) -> Result<(Memory, u32), Failure> {
+    let data = files::read(path)?;
+    let place = path.display();
+    let wrong = |error: String| Failure::Judged(format!("{place}: {error}"));
+    if data.starts_with(b"\x7fELF") {
+        let (memory, entry) = linked(&data).map_err(wrong)?;
+        let found = memory.range().map_or(0, |range| *range.start());
+        return match base {
+            Some(base) if u64::from(base) != found => Err(wrong(format!(
+                "found a first physical address of {found:#010x}, expected {base:#010x}, as --base says; \
+                 leave --base out, or link for that address"
+            ))),
+            _ => Ok((memory, entry)),
+        };
+    }
+    let Some(base) = base else {
+        return Err(Failure::Unusable(format!(
+            "{place}: is no ELF file, so its address must be given: --base 0x08004000, for example"
+        )));
+    };
+    let mut memory = Memory::default();
+    if data.is_empty() || memory.insert(base.into(), &data).is_err() {
+        return Err(wrong("found no bytes, expected at least 1".into()));
+    }
+    Ok((memory, base))
+}
+
+/// What the program headers load, by physical addresses, since that is what lies in flash.
+fn linked(data: &[u8]) -> Result<(Memory, u32), String> {
+    let damaged = |error: object::Error| format!("found a damaged file, expected a 32-bit ELF file: {error}");
+    let header = FileHeader32::<Endianness>::parse(data).map_err(damaged)?;
+    let endian = header.endian().map_err(damaged)?;
+    let mut memory = Memory::default();
+    for segment in header.program_headers(endian, data).map_err(damaged)? {
+        if segment.p_type(endian) != PT_LOAD {
+            continue;
+        }
+        let address = segment.p_paddr(endian);
+        let bytes = segment.data(endian, data).map_err(|()| {
+            format!("found a segment for {address:#010x} whose bytes are beyond the end of the file")
+        })?;
+        memory
+            .insert(address.into(), bytes)
+            .map_err(|taken| format!("found two segments with bytes for {taken:#010x}, expected one"))?;
+    }
+    if memory.len() == 0 {
+        return Err(
+            "found no segment to load, expected a linked application (an object file is not linked)".into()
+        );
+    }
+    Ok((memory, header.e_entry(endian)))
+}

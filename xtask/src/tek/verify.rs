@@ -1,0 +1,82 @@
+//! Whether a file can be downloaded, judged as the monitor will.
+
+use std::path::Path;
+
+use tater_wire::image::{HEADER_END, Header, ImageError};
+use tater_wire::memory::APPLICATION;
+use tater_wire::tek::{Dialect, Record};
+
+use super::memory::Memory;
+use super::{extent, records};
+use crate::{Failure, files};
+
+/// What to do about addresses.
+const REBUILD: &str = "build the image for the application's addresses and encode it again";
+
+/// Prints what the file holds.
+///
+/// # Errors
+/// The first thing that is wrong with it, with its line and column.
+pub fn verify(path: &Path) -> Result<(), Failure> {
+    let (mut memory, mut count, mut next, mut start) = (Memory::default(), 0_u32, 0, 0);
+    records(path, Dialect::Ti, |record, _| {
+        count += 1;
+        match record {
+            Record::Data { address, bytes } => {
+                judge(address, bytes.len() as u64, next)?;
+                next = address + bytes.len() as u64;
+                // Rising, so that nothing overlaps.
+                memory.insert(address, bytes).map_err(|taken| (8, format!("found {taken:#010x} twice")))
+            }
+            Record::End { .. } if count == 1 => {
+                let found = "found a termination record before any data, expected the application's bytes";
+                Err((4, format!("{found}\n  encode the image again")))
+            }
+            Record::End { entry } => {
+                start = entry;
+                Ok(())
+            }
+            Record::Symbols => Ok(()),
+        }
+    })?;
+    let place = path.display();
+    let seal = seal(&memory).map_err(|error| {
+        format!("{place}: {error}\n  the records are whole, but not the image: seal it again when encoding")
+    })?;
+    let seal = match seal {
+        Some(Header { version, crc, .. }) => format!("sealed: version {version}, CRC-32 {crc:#010x}"),
+        None => "not sealed: the monitor will refuse it; encode it with --seal VERSION".into(),
+    };
+    files::print(&format!("{place}: {count} records, {}, entry {start:#010x}\n{seal}\n", extent(&memory)))?;
+    Ok(())
+}
+
+/// Whether a data record lies in the application and after the one before, which ended at `next`.
+fn judge(address: u64, len: u64, next: u64) -> Result<(), (u32, String)> {
+    let last = address + (len - 1);
+    if !APPLICATION.holds(address, len) {
+        let (first_good, last_good) = (APPLICATION.start, APPLICATION.end() - 1);
+        let found = format!("found addresses {address:#010x} to {last:#010x}");
+        return Err((8, format!("{found}, expected {first_good:#010x} to {last_good:#010x}\n  {REBUILD}")));
+    }
+    if address < next {
+        let found = format!("found address {address:#010x}, expected {next:#010x} or above");
+        let why = "the record overlaps those before it, or they do not rise";
+        return Err((8, format!("{found}: {why}\n  decode the file and encode it again")));
+    }
+    Ok(())
+}
+
+/// The header of a sealed image, checked; `None` if it is not sealed.
+fn seal(memory: &Memory) -> Result<Option<Header>, String> {
+    let image = memory.image()?;
+    let at_start = memory.range().is_some_and(|range| *range.start() == u64::from(APPLICATION.start));
+    if !at_start || image.len() < HEADER_END as usize {
+        return Ok(None);
+    }
+    match Header::verify(&image) {
+        Ok(header) => Ok(Some(header)),
+        Err(ImageError::Unsealed) => Ok(None),
+        Err(error) => Err(error.to_string()),
+    }
+}
