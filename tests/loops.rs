@@ -5,6 +5,7 @@ use hil_sim::plant::RAD_PER_COUNT;
 use hil_sim::scenario::Scenario;
 use hil_sim::{Model, Options, Outcome, run};
 use servo_core::{EndReason, MotorKind};
+use tater_wire::Property;
 
 /// The spread of the plants (the issue's ±30 %) and of the hall placement (ordinary for hand-placed sensors).
 const SCATTER: f64 = 0.3;
@@ -119,15 +120,15 @@ fn every_step_of_a_disturbance_is_held_to_a_count() {
     let scenario = shipped("spread-hold-disturbance");
     let options = Options { seed: 1, model: Model::Averaged, trace: false };
     let mut board = hil_sim::board(&scenario, &scenario.cases[0], &options).expect("valid");
-    board.command(servo_core::Command::Mode(servo_core::mode::Mode::Pid)).expect("idle takes mode 3");
+    hil_sim::set(&mut board, Property::MODE, 3).expect("idle takes mode 3");
     let mut step = |n_m: f64| {
         board.rig_mut().set_disturbance(n_m);
         let mut most = 0.0f64;
         for _ in 0..600 {
             board.step();
-            most = most.max((board.sample().truth.counts - 83.0).abs());
+            most = most.max((board.board().rig().truth().counts - 83.0).abs());
         }
-        let left = (board.sample().truth.counts - 83.0).abs();
+        let left = (board.board().rig().truth().counts - 83.0).abs();
         println!("step to {n_m:+} N·m: pushed away {most:.2} counts, {left:.2} left after 600 ms");
         left
     };
@@ -207,7 +208,7 @@ fn stepped(scenario: &Scenario, model: Model, max_step_us: u64) -> (Option<u32>,
     let mut ended = None;
     for ms in 0..scenario.duration_ms {
         if ms == 50 {
-            board.command(servo_core::Command::Move(166)).expect("idle takes a move");
+            hil_sim::set(&mut board, Property::M, 166).expect("idle takes a move");
         }
         board.step();
         while let Some(event) = board.event() {
@@ -216,7 +217,7 @@ fn stepped(scenario: &Scenario, model: Model, max_step_us: u64) -> (Option<u32>,
             }
         }
     }
-    let ledger = board.sample().truth.ledger;
+    let ledger = board.board().rig().truth().ledger;
     (ended, ledger.residual_j(), ledger.turnover_j())
 }
 

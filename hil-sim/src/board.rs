@@ -1,165 +1,177 @@
-//! A motor board closed around its plant: what the hall interrupt and the control tick do on the metal, in the
-//! same order, with the rig in place of the pins.
+//! The hardware of one motor board, simulated: the rig in place of the pins, a flash, a CAN controller's mailboxes.
+//! It decides nothing; what a board does is [`tater_fw`]'s.
 
-use heapless::Vec;
-use servo_core::sense::commutation::Commutator;
-use servo_core::sense::hall::{HallEvent, Wiring};
-use servo_core::units::Micros;
-use servo_core::{Command, Config, ConfigError, Drive, Event, Refusal, Sense, Servo, Status};
+use servo_core::MotorKind;
+use servo_core::sense::commutation::Bridge;
+use tater_fw::{Analog, Board};
+use tater_wire::property::Kind;
+use tater_wire::{Frame, Node};
 
-use crate::rig::{Analog, Rig, Truth};
+use crate::plant::{Heat, Model, PlantParams, Start};
+use crate::rig::flash::SimFlash;
+use crate::rig::{Rig, RigParams};
 
-/// Control tick in microseconds (servo_core's TICK_HZ).
-const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
+/// Transmit mailboxes of the CAN controller (bxCAN).
+const MAILBOXES: usize = 3;
 
-/// Hall events kept between two ticks. Full speed gives one or two; 16 hold a burst of glitches, and what is
-/// lost beyond that the decoder's count still has.
-const HALL_EVENTS: usize = 16;
-
-/// One motor board and its plant.
+/// One board's hardware and its plant.
+#[derive(Clone, Debug)]
 pub struct SimBoard {
     rig: Rig,
-    servo: Servo,
-    commutator: Commutator,
-    events: Vec<HallEvent, HALL_EVENTS>,
-    drive: Drive,
+    flash: SimFlash,
+    straps: Node,
+    bridge: Bridge,
+    brake_released: bool,
     analog: Analog,
-    tick_us: u64,
-    last_count_us: u64,
-}
-
-/// Everything that can be known of a board after a tick.
-#[derive(Clone, Copy, Debug)]
-pub struct Sample {
-    /// Time of the tick.
-    pub ms: u32,
-    /// What the servo says.
-    pub status: Status,
-    /// Whether the bridge is on.
-    pub driven: bool,
-    /// Whether the brake is told to release.
-    pub brake_released: bool,
-    /// What is really so.
-    pub truth: Truth,
-    /// Hall code.
-    pub halls: u8,
-    /// What the board measured at the tick.
-    pub analog: Analog,
-    /// Time of the last hall count, µs.
-    pub last_count_us: u64,
-    /// The plant's count that the servo calls 0, as [`crate::metrics::Meter`] has followed it.
-    pub zero_counts: f64,
-}
-
-impl Sample {
-    /// The servo's position.
-    #[must_use]
-    pub fn estimated_counts(&self) -> f64 {
-        self.status.position.0.to_num()
-    }
-
-    /// The servo's set-point.
-    #[must_use]
-    pub fn setpoint_counts(&self) -> f64 {
-        self.status.setpoint.0.to_num()
-    }
+    mailboxes: Vec<Frame>,
+    resets: u32,
+    feeds: u32,
 }
 
 impl SimBoard {
-    /// A board in idle on a rig; the servo knows in which whole count the rotor is.
-    ///
-    /// # Errors
-    /// The first property out of range.
-    pub fn new(config: Config, mut rig: Rig) -> Result<Self, ConfigError> {
-        let count = rig.truth().counts.round() as i32;
-        Ok(Self {
-            servo: Servo::new(config, count)?,
-            commutator: Commutator::new(Wiring::STANDARD, rig.halls(), count),
-            events: Vec::new(),
-            drive: Drive { duty: None, brake_released: false },
-            analog: rig.analog(),
-            tick_us: rig.now_us(),
-            last_count_us: rig.now_us(),
-            rig,
-        })
-    }
-
-    /// Asks the servo for something.
-    ///
-    /// # Errors
-    /// Why not.
-    pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
-        self.servo.command(command)
-    }
-
-    /// The servo's present configuration.
+    /// Hardware with an erased flash, whose straps say `straps`.
     #[must_use]
-    pub fn config(&self) -> &Config {
-        self.servo.config()
+    pub fn new(mut rig: Rig, straps: Node) -> Self {
+        Self {
+            analog: rig.analog(),
+            rig,
+            flash: SimFlash::default(),
+            straps,
+            bridge: Bridge::Off,
+            brake_released: false,
+            mailboxes: Vec::new(),
+            resets: 0,
+            feeds: 0,
+        }
+    }
+
+    /// The hand's board of that node with its motor's default plant, at position 0 and 25 °C.
+    #[must_use]
+    pub fn standard(node: Node, model: Model, seed: u64) -> Self {
+        let kind = match Kind::of(node) {
+            Kind::Link => MotorKind::Link,
+            Kind::Spread => MotorKind::Spread,
+            Kind::Tip => MotorKind::Tip,
+        };
+        let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
+        let start = Start { count: 0.0, counts_per_s: 0.0, heat };
+        let rig = Rig::new(PlantParams::for_motor(kind), RigParams::default(), &[], model, start, seed);
+        Self::new(rig.expect("the defaults are in range"), node)
+    }
+
+    /// Runs the plant until `until_us` or until a hall line changes, whichever is first; returns whether one did.
+    pub fn run(&mut self, until_us: u64) -> bool {
+        self.rig.advance(self.bridge, self.brake_released, until_us).is_some()
+    }
+
+    /// Converts the analog inputs, as the ADC does before each tick.
+    pub fn convert(&mut self) {
+        self.analog = self.rig.analog();
+    }
+
+    /// The plant and its sensors.
+    #[must_use]
+    pub const fn rig(&self) -> &Rig {
+        &self.rig
     }
 
     /// The plant, to disturb it.
-    pub fn rig_mut(&mut self) -> &mut Rig {
+    pub const fn rig_mut(&mut self) -> &mut Rig {
         &mut self.rig
     }
 
-    /// The servo's next report.
-    pub fn event(&mut self) -> Option<Event> {
-        self.servo.event()
-    }
-
-    /// One millisecond: the plant runs with every hall change commutated at once, then the control tick.
-    pub fn step(&mut self) {
-        self.tick_us += TICK_US;
-        loop {
-            let bridge = self.commutator.bridge();
-            let change = self.rig.advance(bridge, self.drive.brake_released, self.tick_us);
-            let Some(change) = change else { break };
-            self.sample_halls(change.code, change.at_us);
-        }
-        self.sample_halls(self.rig.halls(), self.tick_us);
-        self.analog = self.rig.analog();
-        self.drive = self.servo.tick(&Sense {
-            now: micros(self.tick_us),
-            halls: &self.events,
-            bus: self.analog.bus,
-            current: self.analog.current,
-            motor_temp: self.analog.motor_temp,
-            strain: self.analog.strain,
-            bridge_fault: self.analog.bridge_fault,
-        });
-        self.events.clear();
-        self.commutator.set(self.drive.duty);
-    }
-
-    fn sample_halls(&mut self, code: u8, at_us: u64) {
-        if let Some(event) = self.commutator.sample(code, micros(at_us)) {
-            if matches!(event, HallEvent::Step(_)) {
-                self.last_count_us = at_us;
-            }
-            // A full list drops the newest, as the interrupt's queue does.
-            let _ = self.events.push(event);
-        }
-    }
-
-    /// What can be known now.
+    /// The flash, to look at it.
     #[must_use]
-    pub fn sample(&self) -> Sample {
-        Sample {
-            ms: (self.tick_us / TICK_US) as u32,
-            status: self.servo.status(),
-            driven: self.drive.duty.is_some(),
-            brake_released: self.drive.brake_released,
-            truth: self.rig.truth(),
-            halls: self.rig.halls(),
-            analog: self.analog,
-            last_count_us: self.last_count_us,
-            zero_counts: 0.0,
+    pub const fn sim_flash(&self) -> &SimFlash {
+        &self.flash
+    }
+
+    /// What the ADC said last.
+    #[must_use]
+    pub const fn analog_now(&self) -> &Analog {
+        &self.analog
+    }
+
+    /// Frames in the mailboxes.
+    #[must_use]
+    pub fn mailboxes(&self) -> &[Frame] {
+        &self.mailboxes
+    }
+
+    /// A frame of the mailboxes has been sent; the later ones move up. One that is not there is ignored: the board was
+    /// reset meanwhile.
+    pub fn sent(&mut self, frame: &Frame) {
+        if let Some(index) = self.mailboxes.iter().position(|waiting| waiting == frame) {
+            self.mailboxes.remove(index);
         }
+    }
+
+    /// How often the program asked for a reset.
+    #[must_use]
+    pub const fn resets(&self) -> u32 {
+        self.resets
+    }
+
+    /// How often the watchdog was fed.
+    #[must_use]
+    pub const fn feeds(&self) -> u32 {
+        self.feeds
+    }
+
+    /// What a reset or a loss of power does to the pins: bridge off, brake engaged, mailboxes empty.
+    pub fn reset_pins(&mut self) {
+        self.bridge(Bridge::Off);
+        self.brake_released = false;
+        self.mailboxes.clear();
     }
 }
 
-/// A time-stamp as the board's 32-bit timer gives it.
-fn micros(us: u64) -> Micros {
-    Micros(us as u32)
+impl Board for SimBoard {
+    type Flash = SimFlash;
+
+    fn bridge(&mut self, bridge: Bridge) {
+        self.bridge = bridge;
+        self.flash.set_bridge_on(bridge != Bridge::Off);
+    }
+
+    fn brake(&mut self, released: bool) {
+        self.brake_released = released;
+    }
+
+    fn halls(&self) -> u8 {
+        self.rig.halls()
+    }
+
+    fn analog(&self) -> Analog {
+        self.analog
+    }
+
+    fn transmit(&mut self, frame: &Frame) -> bool {
+        let room = self.mailboxes.len() < MAILBOXES;
+        if room {
+            self.mailboxes.push(*frame);
+        }
+        room
+    }
+
+    fn flash(&mut self) -> &mut SimFlash {
+        &mut self.flash
+    }
+
+    fn feed(&mut self) {
+        self.feeds += 1;
+    }
+
+    fn reset(&mut self) {
+        self.resets += 1;
+    }
+
+    fn straps(&self) -> Node {
+        self.straps
+    }
+
+    fn serial_number(&self) -> u16 {
+        // Any number of its own.
+        1000 + u16::from(self.straps.number())
+    }
 }

@@ -7,6 +7,7 @@
 pub mod board;
 pub mod bus;
 pub mod metrics;
+pub mod node;
 pub mod plant;
 pub mod properties;
 pub mod replay;
@@ -18,4 +19,4 @@ pub mod slcan;
 pub mod trace;
 
 pub use plant::Model;
-pub use run::{MotorRun, Options, Outcome, board, run};
+pub use run::{MotorRun, Options, Outcome, board, node_of, run, set};

@@ -7,6 +7,8 @@ use servo_core::{Config, MotorKind};
 
 /// One property of the servo.
 pub struct Property {
+    /// The row of the wire's table.
+    pub property: tater_wire::Property,
     /// Name as in the property table, upper case.
     pub name: &'static str,
     /// Unit and meaning, for help.
@@ -52,9 +54,10 @@ impl Raw for bool {
 }
 
 macro_rules! row {
-    ($name:literal, $field:ident, $about:literal) => {
+    ($name:ident, $field:ident, $about:literal) => {
         Property {
-            name: $name,
+            property: tater_wire::Property::$name,
+            name: stringify!($name),
             about: $about,
             get: |config| config.$field.read(),
             set: |config, value| config.$field = Raw::saturated(value),
@@ -64,26 +67,26 @@ macro_rules! row {
 
 /// Every property that shapes a motion.
 pub const PROPERTIES: [Property; 20] = [
-    row!("KP", kp, "position gain"),
-    row!("KD", kd, "derivative gain"),
-    row!("KI", ki, "integral gain"),
-    row!("KPV", kpv, "velocity gain of mode 4"),
-    row!("MT", mt, "torque limit, 1/1024 of peak"),
-    row!("MV", mv, "cruise velocity, counts/s"),
-    row!("MCV", mcv, "cruise velocity when closing, counts/s"),
-    row!("MOV", mov, "cruise velocity when opening, counts/s"),
-    row!("ACCEL", accel, "acceleration is (ACCEL/1024)^2 counts/ms^2"),
-    row!("MPE", mpe, "arrival window, counts"),
-    row!("HOLD", hold, "after a move: 1 holds, 0 idles"),
-    row!("TSTOP", tstop, "no count for this long while driven is a stall, ms; 0 never"),
-    row!("HSG", hsg, "strain above which a move ends; 255 and 256 disable"),
-    row!("LSG", lsg, "strain below which a move ends; 255 and 256 disable"),
-    row!("BT", bt, "load torque at which a link breaks away, 1/1024 of peak; 0 never"),
-    row!("BS", bs, "a breakaway stops the tip too"),
-    row!("IVEL", ivel, "velocity towards the stop in HI, counts/s"),
-    row!("IOFF", ioff, "distance from the stop to zero in HI, counts"),
-    row!("IHIT", ihit, "torque limit in HI, 1/1024 of peak"),
-    row!("OTEMP", otemp, "motor temperature limit, 0.1 C; -551 disables"),
+    row!(KP, kp, "position gain"),
+    row!(KD, kd, "derivative gain"),
+    row!(KI, ki, "integral gain"),
+    row!(KPV, kpv, "velocity gain of mode 4"),
+    row!(MT, mt, "torque limit, 1/1024 of peak"),
+    row!(MV, mv, "cruise velocity, counts/s"),
+    row!(MCV, mcv, "cruise velocity when closing, counts/s"),
+    row!(MOV, mov, "cruise velocity when opening, counts/s"),
+    row!(ACCEL, accel, "acceleration is (ACCEL/1024)^2 counts/ms^2"),
+    row!(MPE, mpe, "arrival window, counts"),
+    row!(HOLD, hold, "after a move: 1 holds, 0 idles"),
+    row!(TSTOP, tstop, "no count for this long while driven is a stall, ms; 0 never"),
+    row!(HSG, hsg, "strain above which a move ends; 255 and 256 disable"),
+    row!(LSG, lsg, "strain below which a move ends; 255 and 256 disable"),
+    row!(BT, bt, "load torque at which a link breaks away, 1/1024 of peak; 0 never"),
+    row!(BS, bs, "a breakaway stops the tip too"),
+    row!(IVEL, ivel, "velocity towards the stop in HI, counts/s"),
+    row!(IOFF, ioff, "distance from the stop to zero in HI, counts"),
+    row!(IHIT, ihit, "torque limit in HI, 1/1024 of peak"),
+    row!(OTEMP, otemp, "motor temperature limit, 0.1 C; -551 disables"),
 ];
 
 /// Why a property was not set. Displays found and expected.

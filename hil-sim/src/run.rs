@@ -2,11 +2,16 @@
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use servo_core::{Command, Event, MotorKind};
+use servo_core::mode::Mode;
+use servo_core::{Command, Config, Event, MotorKind};
+use tater_fw::tater::Refused;
+use tater_wire::{Cmd, Destination, Message, Property};
 
-use crate::board::{Sample, SimBoard};
+use crate::board::SimBoard;
 use crate::metrics::{Meter, Metrics, Value, end_word, fault_word, mode_word};
+use crate::node::{Node, Sample};
 use crate::plant::{Model, ParamError};
+use crate::properties::PROPERTIES;
 use crate::rig::{Rig, RigParams};
 use crate::scenario::{Action, Case, Scenario, Verdict, motor_name};
 use crate::trace::Trace;
@@ -93,11 +98,21 @@ fn unexpected_refusals(scenario: &Scenario, metrics: &Metrics) -> Option<Verdict
     })
 }
 
-/// The board of one motor at the start of a scenario.
+/// The node of a motor of that kind, and its number: a finger's link, the spread, a finger's tip.
+#[must_use]
+pub const fn node_of(motor: MotorKind) -> u8 {
+    match motor {
+        MotorKind::Link => 1,
+        MotorKind::Spread => 4,
+        MotorKind::Tip => 5,
+    }
+}
+
+/// The board of one motor at the start of a scenario: awake, its position and properties set over the bus.
 ///
 /// # Errors
 /// A plant parameter out of range; [`Scenario::parse`] lets none through.
-pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<SimBoard, ParamError> {
+pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node, ParamError> {
     let plant = match scenario.scatter {
         0.0 => case.plant.clone(),
         scatter => case.plant.scattered(options.seed, scatter),
@@ -105,11 +120,32 @@ pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<SimB
     let rig_params = scattered_halls(scenario, options.seed);
     let start = scenario.initial.start(&plant);
     let rig = Rig::new(plant, rig_params, &scenario.objects, options.model, start, options.seed)?;
-    SimBoard::new(case.config, rig).map_err(|e| ParamError {
-        field: e.property,
-        found: f64::from(e.found),
-        expected: format!("{} to {}", e.min, e.max),
-    })
+    let straps = tater_wire::Node::new(node_of(case.motor)).unwrap_or(tater_wire::Node::HOST);
+    let count = rig.truth().counts.round() as i32;
+    let mut node = Node::awake(SimBoard::new(rig, straps));
+    set(&mut node, Property::P, i64::from(count)).map_err(|e| refused("position_counts", count.into(), e))?;
+    let defaults = Config::for_motor(case.motor);
+    for property in &PROPERTIES {
+        let value = property.get(&case.config);
+        if value != property.get(&defaults) {
+            set(&mut node, property.property, value).map_err(|e| refused(property.name, value, e))?;
+        }
+    }
+    Ok(node)
+}
+
+fn refused(field: &'static str, found: i64, why: Refused) -> ParamError {
+    ParamError { field, found: found as f64, expected: format!("a value that the board takes ({why:?})") }
+}
+
+/// SETs a property of a board, as a host does.
+///
+/// # Errors
+/// Why the board did not take it.
+pub fn set(node: &mut Node, property: Property, value: i64) -> Result<(), Refused> {
+    let to = Destination::Node(node.straps());
+    let message = Message::set(to, property, value).ok_or(Refused::Range(property))?;
+    node.receive(&message.frame())
 }
 
 fn scattered_halls(scenario: &Scenario, seed: u64) -> RigParams {
@@ -124,25 +160,36 @@ fn scattered_halls(scenario: &Scenario, seed: u64) -> RigParams {
     rig
 }
 
+/// How often the scenario's host asks for MODE, ms: hosts poll, and modes 2 and 4 end without one.
+const POLL_MS: u32 = 100;
+
 fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<MotorRun, ParamError> {
-    let mut board = board(scenario, case, options)?;
+    let mut node = board(scenario, case, options)?;
     let mut log = Vec::new();
     let mut trace = options.trace.then(|| Trace::new(case.motor, scenario.duration_ms));
     let mut timeline = scenario.timeline.iter().peekable();
-    let mut last = board.sample();
+    let mut last = watch(&node);
     let mut meter = Meter::new(&last);
     if let Some(trace) = &mut trace {
         trace.record(&last);
     }
     for ms in 0..scenario.duration_ms {
         while let Some(timed) = timeline.next_if(|timed| timed.ms <= ms) {
-            act(&timed.action, &mut board, &mut meter, &last, &mut log);
-            last = board.sample();
+            act(&timed.action, &mut node, &mut meter, &last, &mut log);
+            last = watch(&node);
         }
-        board.step();
-        last = board.sample();
+        if ms.is_multiple_of(POLL_MS) {
+            let poll = Message::get(Destination::Node(node.straps()), Property::MODE);
+            // Answered or not, the board has heard its host.
+            let _ = node.receive(&poll.frame());
+        }
+        while let Some(answer) = node.mailboxes().first().copied() {
+            node.sent(&answer);
+        }
+        node.step();
+        last = watch(&node);
         let ms = last.ms;
-        let events = std::iter::from_fn(|| board.event()).inspect(|event| log.push((ms, event_words(event))));
+        let events = std::iter::from_fn(|| node.event()).inspect(|event| log.push((ms, event_words(event))));
         meter.tick(&last, events);
         last.zero_counts = meter.zero_counts();
         if let Some(trace) = &mut trace {
@@ -152,37 +199,64 @@ fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<Motor
     Ok(MotorRun { motor: case.motor, metrics: meter.finish(&last), trace, log })
 }
 
+fn watch(node: &Node) -> Sample {
+    node.sample().expect("no scenario sends a board back into its monitor")
+}
+
 /// Lets a timed action happen.
-fn act(
-    action: &Action,
-    board: &mut SimBoard,
-    meter: &mut Meter,
-    last: &Sample,
-    log: &mut Vec<(u32, String)>,
-) {
+fn act(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log: &mut Vec<(u32, String)>) {
     let command = match action {
-        Action::Command(command) => *command,
+        Action::Command(command) => command,
         Action::Set(rows) => {
-            let mut config = *board.config();
             for (property, value) in rows {
                 // In range: the scenario's reader has checked it.
-                let _ = property.set(&mut config, *value);
+                let _ = set(node, property.property, *value);
             }
-            Command::Configure(config)
+            return;
         }
-        Action::Disturbance(n_m) => return board.rig_mut().set_disturbance(*n_m),
-        Action::Bus(v) => return board.rig_mut().set_bus(*v),
+        Action::Disturbance(n_m) => return node.rig_mut().set_disturbance(*n_m),
+        Action::Bus(v) => return node.rig_mut().set_bus(*v),
     };
-    let answer = board.command(command);
+    let answer = say(command, node);
     // First what the command ended, then what it began.
-    while let Some(event) = board.event() {
+    while let Some(event) = node.event() {
         log.push((last.ms, event_words(&event)));
         meter.event(&event, last);
     }
-    meter.command(&command, answer.is_ok(), last, board.sample().estimated_counts());
+    meter.command(command, answer.is_ok(), last, watch(node).estimated_counts());
     if let Err(refusal) = answer {
         log.push((last.ms, format!("refused {action}: {refusal:?}")));
     }
+}
+
+/// Says a command as a host does, in properties.
+fn say(command: &Command, node: &mut Node) -> Result<(), Refused> {
+    let cmd = |cmd: Cmd| (Property::CMD, i64::from(cmd.number()));
+    let status = watch(node).status;
+    let (property, value) = match *command {
+        Command::Mode(mode) => (Property::MODE, i64::from(mode.number())),
+        Command::Torque(torque) => (Property::T, i64::from(torque.0)),
+        Command::Velocity(velocity) => (Property::V, i64::from(velocity.round())),
+        Command::Position(counts) => (Property::P, i64::from(counts)),
+        Command::End(counts) => (Property::E, i64::from(counts)),
+        Command::Move(counts) => (Property::M, i64::from(counts)),
+        Command::TorqueControlled { closing: true } => cmd(Cmd::Tc),
+        Command::TorqueControlled { closing: false } => cmd(Cmd::To),
+        Command::Home => cmd(Cmd::Hi),
+        Command::Terminate => cmd(Cmd::T),
+        Command::ClearFault => (Property::STAT, 2),
+        // A host that ends a move leaves the motor as HOLD has it (manual 5.5 case 3).
+        Command::Abort if status.mode == Mode::Idle => return Ok(()),
+        Command::Abort if holds(node) => (Property::MODE, i64::from(Mode::Pid.number())),
+        Command::Abort => (Property::MODE, i64::from(Mode::Idle.number())),
+        // The scenario's reader makes neither.
+        Command::Configure(_) | Command::ClearBreakaway => return Err(Refused::Unknown),
+    };
+    set(node, property, value)
+}
+
+fn holds(node: &Node) -> bool {
+    node.application().is_some_and(|tater| tater.config().hold)
 }
 
 /// A report of the servo in words.

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use servo_core::MotorKind;
 
-use crate::board::Sample;
+use crate::node::Sample;
 
 /// Rows kept of a run at most; longer runs keep every n-th tick.
 const MAX_ROWS: u32 = 20_000;

@@ -42,6 +42,12 @@ impl<B: Board> Monitor<B> {
     }
 
     /// The hardware.
+    #[must_use]
+    pub const fn board(&self) -> &B {
+        &self.board
+    }
+
+    /// The hardware.
     pub const fn board_mut(&mut self) -> &mut B {
         &mut self.board
     }

@@ -14,7 +14,7 @@ use heapless::{Deque, Vec};
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
 use servo_core::units::Micros;
-use servo_core::{Drive, Event, MotorKind, Refusal, Sense, Servo, Status};
+use servo_core::{Config, Drive, Event, MotorKind, Refusal, Sense, Servo, Status};
 use tater_wire::property::Kind;
 use tater_wire::{Frame, Node, Property};
 
@@ -168,10 +168,22 @@ impl<B: Board> Tater<B> {
         self.servo.status()
     }
 
+    /// The servo's configuration: for logs and simulations.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        self.servo.config()
+    }
+
     /// What is driven: for logs and simulations.
     #[must_use]
     pub const fn drive(&self) -> Drive {
         self.drive
+    }
+
+    /// The hall count since the start: for logs and simulations.
+    #[must_use]
+    pub const fn count(&self) -> i32 {
+        self.commutator.count()
     }
 
     /// The hardware.

@@ -69,6 +69,13 @@ pub const ROWS: &[Row] = &[
 ];
 
 impl Cmd {
+    /// The value of CMD.
+    #[must_use]
+    pub fn number(self) -> u8 {
+        // Every command has its row (tested).
+        ROWS.iter().find(|row| row.cmd == self).map_or(0, |row| row.number)
+    }
+
     /// The command of a value of CMD; `None` if there is none.
     #[must_use]
     pub fn of(number: i64) -> Option<Self> {
@@ -89,6 +96,7 @@ mod tests {
         for row in ROWS {
             assert!(Property::CMD.row().admits(i64::from(row.number)), "{}", row.name);
             assert_eq!(Cmd::of(i64::from(row.number)), Some(row.cmd));
+            assert_eq!(row.cmd.number(), row.number);
         }
         assert_eq!(Cmd::of(4), None);
         assert_eq!(Cmd::of(-1), None);

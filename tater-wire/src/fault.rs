@@ -14,13 +14,26 @@ macro_rules! table {
         }
 
         /// Every fault, by rising code.
-        pub const ROWS: &[Row] = &[$(Row {
-            code: FaultCode::$name,
-            name: stringify!($name),
-            property: $property,
-            cause: $cause,
-            next: $next,
-        },)*];
+        pub const ROWS: &[Row] = &[$(*FaultCode::$name.row(),)*];
+
+        impl FaultCode {
+            /// The row.
+            #[must_use]
+            pub const fn row(self) -> &'static Row {
+                match self {
+                    $(Self::$name => {
+                        const ROW: Row = Row {
+                            code: FaultCode::$name,
+                            name: stringify!($name),
+                            property: $property,
+                            cause: $cause,
+                            next: $next,
+                        };
+                        &ROW
+                    })*
+                }
+            }
+        }
     };
 }
 
@@ -95,17 +108,6 @@ impl FaultCode {
     #[must_use]
     pub const fn code(self) -> u8 {
         self as u8
-    }
-
-    /// The row.
-    #[must_use]
-    pub fn row(self) -> &'static Row {
-        const FIRST: &Row = match ROWS.first() {
-            Some(row) => row,
-            None => panic!("the table is empty"),
-        };
-        // Every variant has its row: both come from the same line of the table.
-        ROWS.iter().find(|row| row.code == self).unwrap_or(FIRST)
     }
 
     /// The fault of a value of ERROR.

@@ -12,7 +12,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 6] = [
+const ARROWS: [Arrows; 7] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -34,6 +34,11 @@ const ARROWS: [Arrows; 6] = [
     Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw"], others: None },
     Arrows {
         package: "system-tests",
+        ours: &["servo-core", "tater-wire", "tater-fw", "hil-sim"],
+        others: None,
+    },
+    Arrows {
+        package: "tater-fuzz",
         ours: &["servo-core", "tater-wire", "tater-fw", "hil-sim"],
         others: None,
     },

@@ -1,10 +1,15 @@
-//! What servo-core must not know: std, floats, a heap, casts, panics, a simulator; and that one file orders
-//! the tick.
+//! What the crates of the board must not know: std, floats, a heap, casts, panics, a simulator; and that one file
+//! orders the tick.
 
 use super::tokens::{Token, item_end, reads, scan, scan_tokens, tokens, without_tests};
 use super::{Source, Violation, check_fence, check_workspace, files};
 
-const CORE: &str = "servo-core";
+/// The crates that run on the board.
+const BOARD: [&str; 3] = ["servo-core", "tater-wire", "tater-fw"];
+
+fn is_on_board(source: &Source) -> bool {
+    BOARD.iter().any(|package| source.is_in(package))
+}
 
 fn is_float_literal(token: &Token) -> bool {
     let text = token.text.as_str();
@@ -16,63 +21,72 @@ fn is_float_literal(token: &Token) -> bool {
 
 /// No float, in tests neither: what the tests compute must be what the microcontroller computes.
 fn float(source: &Source) -> Vec<Violation> {
-    if !source.is_in(CORE) {
+    if !is_on_board(source) {
         return Vec::new();
     }
     scan(source, |tokens, at| {
         let token = &tokens[at];
         let is_type = !token.is_literal && ["f16", "f32", "f64", "f128"].contains(&token.text.as_str());
         (is_type || is_float_literal(token))
-            .then(|| format!("{}: servo-core has no floating point; use `fixed` or integers", token.text))
+            .then(|| format!("{}: the board has no floating point; use `fixed` or integers", token.text))
     })
 }
 
-/// Neither std nor a heap.
+/// Neither std nor a heap; in servo-core not in tests either.
 fn freestanding(source: &Source) -> Vec<Violation> {
-    if !source.is_in(CORE) {
-        return Vec::new();
-    }
-    scan(source, |tokens, at| {
-        let name = &tokens[at].text;
-        // `core::alloc::` is another module: the name must begin its path.
-        let continues = at >= 3
-            && reads(tokens, at - 2, &[":", ":"])
-            && tokens[at - 3].text.ends_with(|c: char| c.is_alphanumeric() || c == '_');
-        let is_path = reads(tokens, at + 1, &[":", ":"]) && !continues;
-        let is_extern = at > 0 && tokens[at - 1].text == "crate";
-        let is_import = at > 0 && tokens[at - 1].text == "use";
-        (["std", "alloc"].contains(&name.as_str()) && (is_path || is_extern || is_import))
-            .then(|| format!("{name}: servo-core stands on `core` alone"))
-    })
+    if source.is_in("servo-core") { scan(source, named_std) } else { scan_board(source, named_std) }
+}
+
+fn named_std(tokens: &[Token], at: usize) -> Option<String> {
+    let name = &tokens[at].text;
+    // `core::alloc::` is another module: the name must begin its path.
+    let continues = at >= 3
+        && reads(tokens, at - 2, &[":", ":"])
+        && tokens[at - 3].text.ends_with(|c: char| c.is_alphanumeric() || c == '_');
+    let is_path = reads(tokens, at + 1, &[":", ":"]) && !continues;
+    let is_extern = at > 0 && tokens[at - 1].text == "crate";
+    let is_import = at > 0 && tokens[at - 1].text == "use";
+    // The tests' own `extern crate std` stands behind `cfg(test)`, which `without_tests` leaves out.
+    (["std", "alloc"].contains(&name.as_str()) && (is_path || is_extern || is_import))
+        .then(|| format!("{name}: what runs on the board stands on `core` alone"))
 }
 
 /// `as` truncates silently: raw conversions have two homes.
 fn cast(source: &Source) -> Vec<Violation> {
+    let homes = ["servo-core/src/units.rs", "servo-core/src/num.rs"];
+    if homes.contains(&source.path.as_str()) {
+        return Vec::new();
+    }
+    // The wire packs and unpacks bits: that is its purpose.
+    if source.is_in("servo-core") {
+        scan(source, wrong_cast)
+    } else if source.is_in("tater-fw") {
+        scan_board(source, wrong_cast)
+    } else {
+        Vec::new()
+    }
+}
+
+fn wrong_cast(tokens: &[Token], at: usize) -> Option<String> {
     const PRIMITIVES: [&str; 17] = [
         "u8", "u16", "u32", "u64", "u128", "usize", "i8", "i16", "i32", "i64", "i128", "isize", "f32", "f64",
         "char", "_", "*",
     ];
-    let homes = ["servo-core/src/units.rs", "servo-core/src/num.rs"];
-    if !source.is_in(CORE) || homes.contains(&source.path.as_str()) {
-        return Vec::new();
-    }
-    scan(source, |tokens, at| {
-        let to = tokens.get(at + 1).filter(|to| PRIMITIVES.contains(&to.text.as_str()))?;
-        // `use A as _` renames, it does not cast.
-        let renames = tokens[..at]
-            .iter()
-            .rev()
-            .take_while(|t| ![";", "}"].contains(&t.text.as_str()))
-            .any(|t| t.text == "use");
-        (tokens[at].text == "as" && !renames)
-            .then(|| format!("as {}: put a named conversion into units.rs or num.rs", to.text))
-    })
+    let to = tokens.get(at + 1).filter(|to| PRIMITIVES.contains(&to.text.as_str()))?;
+    // `use A as _` renames, it does not cast.
+    let renames = tokens[..at]
+        .iter()
+        .rev()
+        .take_while(|t| ![";", "}"].contains(&t.text.as_str()))
+        .any(|t| t.text == "use");
+    (tokens[at].text == "as" && !renames)
+        .then(|| format!("as {}: put a named conversion into units.rs or num.rs", to.text))
 }
 
-/// Tests `wrong` at every token of servo-core's code, tests left out.
-fn scan_core(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>) -> Vec<Violation> {
+/// Tests `wrong` at every token of the board's code, tests left out.
+fn scan_board(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>) -> Vec<Violation> {
     let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
-    if !source.is_in("servo-core/src") || is_test_file {
+    if !is_on_board(source) || !source.path.contains("/src/") || is_test_file {
         return Vec::new();
     }
     match tokens(source) {
@@ -94,7 +108,7 @@ fn panic_path(source: &Source) -> Vec<Violation> {
         "debug_assert_eq",
         "debug_assert_ne",
     ];
-    scan_core(source, |tokens, at| {
+    scan_board(source, |tokens, at| {
         let name = tokens[at].text.as_str();
         let is_method =
             METHODS.contains(&name) && at > 0 && tokens[at - 1].text == "." && reads(tokens, at + 1, &["("]);
@@ -115,7 +129,7 @@ fn literal(source: &Source) -> Vec<Violation> {
             && !reads(tokens, at + 1, &["fn"])
             && !(at > 0 && ["<", ","].contains(&tokens[at - 1].text.as_str()))
     };
-    scan_core(source, |tokens, at| {
+    scan_board(source, |tokens, at| {
         let in_constant = || (0..at).any(|c| is_constant(tokens, c) && item_end(tokens, c) >= at);
         (reads(tokens, at, &["lit", "("]) && !in_constant())
             .then(|| "lit outside a `const` is parsed when it runs: make it a constant".into())
@@ -135,7 +149,7 @@ fn simulation_feature(source: &Source) -> Vec<Violation> {
 fn tick_order(source: &Source) -> Vec<Violation> {
     const LOOPS: [&str; 3] = ["pid", "profile", "velocity_loop"];
     let is_servo = source.path == "servo-core/src/servo.rs" || source.is_in("servo-core/src/servo");
-    let is_code = source.is_in("servo-core/src") || source.is_in("hil-sim/src");
+    let is_code = is_on_board(source) || source.is_in("hil-sim/src");
     if is_servo || !is_code {
         return Vec::new();
     }
@@ -160,15 +174,26 @@ fn bridge(source: &Source) -> Vec<Violation> {
     if homes.iter().any(|home| source.path == format!("servo-core/src/{home}")) {
         return Vec::new();
     }
-    scan_core(source, |tokens, at| {
+    scan_board(source, |tokens, at| {
         let makes = reads(tokens, at, &["Duty", "("]) || reads(tokens, at, &["Duty", ":", ":", "from_bits"]);
         makes.then(|| "a duty made outside guard/limits escapes its bounds".into())
     })
 }
 
+/// Firmware and simulation run the same `Tater`: nothing around it holds a servo of its own.
+fn second_servo(source: &Source) -> Vec<Violation> {
+    if !source.is_in("hil-sim/src") && !source.is_in("tests") {
+        return Vec::new();
+    }
+    scan(source, |tokens, at| {
+        let names = !tokens[at].is_literal && tokens[at].text == "Servo";
+        names.then(|| "Servo: the simulator runs Tater, and tests reach it by frames".into())
+    })
+}
+
 /// No loop whose end nobody has counted; `for` goes over something that ends.
 fn unbounded(source: &Source) -> Vec<Violation> {
-    scan_core(source, |tokens, at| {
+    scan_board(source, |tokens, at| {
         let token = &tokens[at];
         (!token.is_literal && ["loop", "while"].contains(&token.text.as_str()))
             .then(|| format!("{}: the control path's loops are bounded; use `for` over a range", token.text))
@@ -178,8 +203,12 @@ fn unbounded(source: &Source) -> Vec<Violation> {
 /// What a crate root must promise.
 fn promises(source: &Source) -> Vec<Violation> {
     let wanted: &[&[&str]] = match source.path.as_str() {
-        "servo-core/src/lib.rs" => &[&["no_std"], &["forbid", "(", "unsafe_code", ")"]],
-        "hil-sim/src/lib.rs" | "hil-sim/src/main.rs" => &[&["forbid", "(", "unsafe_code", ")"]],
+        "servo-core/src/lib.rs" | "tater-wire/src/lib.rs" | "tater-fw/src/lib.rs" => {
+            &[&["no_std"], &["forbid", "(", "unsafe_code", ")"]]
+        }
+        "hil-sim/src/lib.rs" | "hil-sim/src/main.rs" | "xtask/src/main.rs" => {
+            &[&["forbid", "(", "unsafe_code", ")"]]
+        }
         _ => return Vec::new(),
     };
     let tokens = match tokens(source) {
@@ -198,12 +227,12 @@ fn promises(source: &Source) -> Vec<Violation> {
 }
 
 #[test]
-fn servo_core_has_no_float() {
+fn the_board_has_no_float() {
     check_workspace(float);
 }
 
 #[test]
-fn servo_core_stands_on_core_alone() {
+fn the_board_stands_on_core_alone() {
     check_workspace(freestanding);
 }
 
@@ -238,6 +267,11 @@ fn duties_are_made_by_the_limits() {
 }
 
 #[test]
+fn nothing_beside_tater_holds_a_servo() {
+    check_workspace(second_servo);
+}
+
+#[test]
 fn loops_are_bounded() {
     check_workspace(unbounded);
 }
@@ -245,7 +279,14 @@ fn loops_are_bounded() {
 #[test]
 fn crate_roots_make_their_promises() {
     check_workspace(promises);
-    let roots = ["servo-core/src/lib.rs", "hil-sim/src/lib.rs", "hil-sim/src/main.rs"];
+    let roots = [
+        "servo-core/src/lib.rs",
+        "tater-wire/src/lib.rs",
+        "tater-fw/src/lib.rs",
+        "hil-sim/src/lib.rs",
+        "hil-sim/src/main.rs",
+        "xtask/src/main.rs",
+    ];
     let files = files("rs");
     assert!(roots.iter().all(|root| files.iter().any(|file| file.path == *root)));
 }
@@ -274,6 +315,9 @@ fn the_std_fence_can_fail() {
         &["use std::vec::Vec;", "extern crate std;", "extern crate alloc;", "fn f() { ::alloc::x() }"],
         &["use core::fmt; // std::fmt", "use core::alloc::Layout;", "fn std() {}"],
     );
+    let tested = "#[cfg(test)] mod t { use std::vec::Vec; }";
+    check_fence(freestanding, "servo-core/src/a.rs", &[tested], &[]);
+    check_fence(freestanding, "tater-fw/src/a.rs", &["use std::vec::Vec;"], &[tested]);
 }
 
 #[test]
@@ -283,6 +327,12 @@ fn the_cast_fence_can_fail() {
         "servo-core/src/a.rs",
         &["fn f(a: u8) -> i8 { a as i8 }", "g!(1 as _);", "const A: *const u8 = B as *const u8;"],
         &["use a::B as _;", "fn f() { <A as B>::c() }"],
+    );
+    check_fence(
+        cast,
+        "tater-fw/src/a.rs",
+        &["fn f(a: u8) -> i8 { a as i8 }"],
+        &["fn f(a: u8) -> u16 { a.into() }"],
     );
     check_fence(cast, "servo-core/src/units.rs", &[], &["fn f(a: u8) -> i8 { a as i8 }"]);
 }
@@ -352,6 +402,18 @@ fn the_bridge_fence_can_fail() {
     let made = ["fn f() -> Duty { Duty(a) }", "fn f() -> Duty { Duty::from_bits(1) }"];
     check_fence(bridge, "servo-core/src/servo.rs", &made, &["fn f(a: Duty) -> bool { a == Duty::ZERO }"]);
     check_fence(bridge, "servo-core/src/guard/limits.rs", &[], &made);
+}
+
+#[test]
+fn the_second_servo_fence_can_fail() {
+    check_fence(
+        second_servo,
+        "hil-sim/src/a.rs",
+        &["use servo_core::Servo;"],
+        &["use tater_fw::Tater; // Servo"],
+    );
+    check_fence(second_servo, "tests/a.rs", &["fn f(a: Servo) {}"], &["fn f() { g(\"Servo\") }"]);
+    check_fence(second_servo, "tater-fw/src/tater.rs", &[], &["use servo_core::Servo;"]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::program::{output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, hall_oracle, setup};
+use crate::{Outcome, fuzz, hall_oracle, setup};
 
 /// One step: what it is called and what it does.
 struct Step {
@@ -13,7 +13,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 9] = [
+const STEPS: [Step; 10] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
@@ -23,6 +23,7 @@ const STEPS: [Step; 9] = [
     Step { name: "documentation", check: documentation },
     Step { name: "scenarios", check: scenarios },
     Step { name: "hall captures", check: hall_oracle::check },
+    Step { name: "fuzz targets", check: fuzz::check },
 ];
 
 /// Runs every step; the first failure ends it.
@@ -45,12 +46,15 @@ fn clippy_host() -> Outcome {
     run(program("cargo clippy --quiet --workspace --all-targets -- -D warnings"))
 }
 
+/// The crates that run on the board.
+const BOARD: &str = "--package servo-core --package tater-wire --package tater-fw";
+
 fn clippy_thumb() -> Outcome {
-    run(program(&format!("cargo clippy --quiet --package servo-core --target {THUMB} -- -D warnings")))
+    run(program(&format!("cargo clippy --quiet {BOARD} --target {THUMB} -- -D warnings")))
 }
 
 fn build_thumb() -> Outcome {
-    run(program(&format!("cargo build --quiet --release --package servo-core --target {THUMB}")))
+    run(program(&format!("cargo build --quiet --release {BOARD} --target {THUMB}")))
 }
 
 fn documentation() -> Outcome {

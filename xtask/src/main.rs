@@ -1,9 +1,12 @@
 //! The project's chores: `cargo xtask demo`, `cargo xtask ci`, `cargo xtask bench`. Each is one file here and
 //! does its own set-up; the work itself is done by the programs that they start.
 
+#![forbid(unsafe_code)]
+
 mod bench;
 mod ci;
 mod demo;
+mod fuzz;
 mod hall_oracle;
 mod program;
 mod setup;

@@ -4,7 +4,7 @@ use servo_core::mode::Mode;
 use servo_core::{Command, EndReason, Event};
 
 use super::Metrics;
-use crate::board::Sample;
+use crate::node::Sample;
 
 /// How long after the end of a move its final error is taken, ms (manual defaults settle well within).
 const SETTLE_MS: u32 = 200;

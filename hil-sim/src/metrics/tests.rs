@@ -4,9 +4,10 @@ use servo_core::units::{Counts, CountsPerSec, DeciCelsius, Duty, MilliAmps, Mill
 use servo_core::{Command, EndReason, Event, Status};
 
 use super::*;
-use crate::board::Sample;
+use crate::node::Sample;
 use crate::plant::Ledger;
-use crate::rig::{Analog, Truth};
+use crate::rig::Truth;
+use tater_fw::Analog;
 
 /// A tick at `ms` with the rotor truly at `counts`, the servo seeing just that.
 fn at(ms: u32, mode: Mode, counts: f64) -> Sample {
@@ -49,7 +50,7 @@ fn at(ms: u32, mode: Mode, counts: f64) -> Sample {
             current: MilliAmps(0),
             motor_temp: DeciCelsius(250),
             strain: 128,
-            bridge_fault: false,
+            ..Analog::default()
         },
         last_count_us: 0,
         zero_counts: 0.0,

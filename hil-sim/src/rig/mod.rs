@@ -13,6 +13,7 @@ use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
+use tater_fw::Analog;
 
 /// Which way an object resists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,21 +48,6 @@ pub struct HallChange {
     pub at_us: u64,
 }
 
-/// What the board's ADC and the gate driver say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Analog {
-    /// Bus voltage, 12 bits over 36.3 V.
-    pub bus: MilliVolts,
-    /// Bus current, mean since the last reading, 12 bits over ±20 A.
-    pub current: MilliAmps,
-    /// Thermistor on the housing, 12 bits over −50..155 °C.
-    pub motor_temp: DeciCelsius,
-    /// Strain gauge, 0..=255.
-    pub strain: u8,
-    /// The break input has switched the bridge off; it stays so until the bridge is commanded off.
-    pub bridge_fault: bool,
-}
-
 /// What is really so; for traces and checks, never for the servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
@@ -91,6 +77,12 @@ pub struct Truth {
     /// Energy since the start.
     pub ledger: Ledger,
 }
+
+/// How much warmer than the air a board is by its own heat, °C: chosen, 1 W into 10 K/W.
+const BOARD_RISE_C: f64 = 10.0;
+
+/// Share of the motor housing's rise that reaches the board through the palm; chosen.
+const BOARD_SHARE: f64 = 0.25;
 
 /// One motor with its sensors on the board's bench.
 #[derive(Clone, Debug)]
@@ -246,7 +238,8 @@ impl Rig {
         }
     }
 
-    /// Reads the ADC; the current is the mean since the last reading.
+    /// Reads the ADC, 12 bits everywhere: bus voltage over 36.3 V, bus current over ±20 A as the mean since the last
+    /// reading, the thermistor on the housing over −50..155 °C, the board's own, the strain gauge.
     pub fn analog(&mut self) -> Analog {
         let s = *self.plant.state();
         let dt = (s.t_us - self.last_read.0) as f64 * 1e-6;
@@ -258,11 +251,20 @@ impl Rig {
         let joint = -s.shaft.load * self.plant.params().gear_ratio;
         let strain = self.params.strain_zero + joint * self.params.strain_per_n_m;
         let bus_v = self.plant.params().bus_v;
+        let ambient_c = self.plant.params().ambient_c;
+        let board_c = ambient_c + BOARD_RISE_C + BOARD_SHARE * (self.plant.heat().housing_c - ambient_c);
+        let bus = self.adc(bus_v, 0.0, 36.3);
+        let current = self.adc(current, -20.0, 20.0);
+        let thermistor = self.adc(self.thermistor_c, -50.0, 155.0);
+        let strain = (strain + self.noise()).round().clamp(0.0, 255.0);
         Analog {
-            bus: MilliVolts((1000.0 * self.adc(bus_v, 0.0, 36.3)).round() as u16),
-            current: MilliAmps((1000.0 * self.adc(current, -20.0, 20.0)).round() as i16),
-            motor_temp: DeciCelsius((10.0 * self.adc(self.thermistor_c, -50.0, 155.0)).round() as i16),
-            strain: (strain + self.noise()).round().clamp(0.0, 255.0) as u8,
+            bus: MilliVolts((1000.0 * bus).round() as u16),
+            current: MilliAmps((1000.0 * current).round() as i16),
+            motor_temp: DeciCelsius((10.0 * thermistor).round() as i16),
+            // A digital sensor: no noise.
+            board_temp: DeciCelsius((10.0 * board_c).round() as i16),
+            strain: strain as u8,
+            raw: [(strain * 16.0) as u16, ((thermistor + 50.0) / 205.0 * 4095.0).round() as u16],
             bridge_fault: self.tripped,
         }
     }

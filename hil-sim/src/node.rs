@@ -1,0 +1,411 @@
+//! One simulated board on the bus: what its reset vector, its interrupts and its idle loop are on the metal, in the same
+//! order, with simulated time for the timers. After power-up the monitor runs; it starts the application.
+
+use servo_core::units::Micros;
+use servo_core::{Event, Status};
+use tater_fw::monitor::Next;
+use tater_fw::storage::Progress;
+use tater_fw::tater::Refused;
+use tater_fw::{Analog, Board, Monitor, Tater};
+use tater_wire::Frame;
+use tater_wire::image::seal;
+use tater_wire::memory::{APPLICATION, RAM};
+
+use crate::board::SimBoard;
+use crate::bus::Station;
+use crate::rig::{Rig, Truth};
+
+/// Control tick in microseconds (servo_core's TICK_HZ).
+const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
+
+/// Ticks from one slow task to the next: 10 Hz.
+const SLOW_TICKS: u64 = 100;
+
+/// From a reset to the first line of the program, µs: crystal and clocks, 2 ms in the data sheet at most; chosen.
+const BOOT_US: u64 = 5_000;
+
+/// What runs on the board.
+#[allow(clippy::large_enum_variant, reason = "one a node, and it hardly ever moves")]
+#[derive(Debug)]
+enum Program {
+    /// The power is off.
+    Off(SimBoard),
+    /// After a reset.
+    Monitor(Monitor<SimBoard>),
+    /// After STAT 2.
+    Application(Tater<SimBoard>),
+}
+
+/// One board and its plant.
+#[derive(Debug)]
+pub struct Node {
+    /// `None` only while one program hands the board to the next.
+    program: Option<Program>,
+    now_us: u64,
+    next_tick_us: u64,
+    ticks: u64,
+    /// Until then the processor waits for its flash, or boots.
+    busy_until_us: u64,
+    /// A hall line changed meanwhile.
+    missed_edge: bool,
+    resets: u32,
+    count: i32,
+    last_count_us: u64,
+}
+
+/// Everything that can be known of a board after a tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Time of the tick.
+    pub ms: u32,
+    /// What the servo says.
+    pub status: Status,
+    /// Whether the bridge is on.
+    pub driven: bool,
+    /// Whether the brake is told to release.
+    pub brake_released: bool,
+    /// What is really so.
+    pub truth: Truth,
+    /// Hall code.
+    pub halls: u8,
+    /// What the board measured at the tick.
+    pub analog: Analog,
+    /// Time of the last hall count, µs.
+    pub last_count_us: u64,
+    /// The plant's count that the servo calls 0, as [`crate::metrics::Meter`] has followed it.
+    pub zero_counts: f64,
+}
+
+impl Sample {
+    /// The servo's position.
+    #[must_use]
+    pub fn estimated_counts(&self) -> f64 {
+        self.status.position.0.to_num()
+    }
+
+    /// The servo's set-point.
+    #[must_use]
+    pub fn setpoint_counts(&self) -> f64 {
+        self.status.setpoint.0.to_num()
+    }
+}
+
+/// An application for the flash of a simulated board: enough of one for the monitor to verify and start it.
+#[must_use]
+pub fn placeholder_application() -> Vec<u8> {
+    let mut image = vec![0u8; 1024];
+    image[..4].copy_from_slice(&RAM.end().to_le_bytes());
+    image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
+    let version = tater_wire::Property::VERS.row().max as u32;
+    // Its length and vectors are right by the lines above.
+    let _ = seal(&mut image, version);
+    image
+}
+
+impl Node {
+    /// A board whose power comes on now, with an application in its flash: it waits in the monitor.
+    #[must_use]
+    pub fn new(mut board: SimBoard) -> Self {
+        board.flash().load(APPLICATION.start, &placeholder_application());
+        let mut node = Self::off(board);
+        node.power_on();
+        node
+    }
+
+    /// The same, awake already: STAT 2.
+    #[must_use]
+    pub fn awake(mut board: SimBoard) -> Self {
+        board.flash().load(APPLICATION.start, &placeholder_application());
+        let mut node = Self::off(board);
+        node.start_application();
+        node
+    }
+
+    fn off(board: SimBoard) -> Self {
+        let now_us = board.rig().now_us();
+        Self {
+            program: Some(Program::Off(board)),
+            now_us,
+            next_tick_us: now_us + TICK_US,
+            ticks: 0,
+            busy_until_us: now_us,
+            missed_edge: false,
+            resets: 0,
+            count: 0,
+            last_count_us: now_us,
+        }
+    }
+
+    // --- power and reset ----------------------------------------------------------------------------------
+
+    /// The power fails: bridge off, brake engaged, RAM lost. The rotor coasts on.
+    pub fn power_off(&mut self) {
+        let mut board = self.take_board();
+        board.reset_pins();
+        self.program = Some(Program::Off(board));
+    }
+
+    /// The power comes on: the monitor runs, even if it was on.
+    pub fn power_on(&mut self) {
+        let mut board = self.take_board();
+        board.reset_pins();
+        board.flash().power_up();
+        self.resets = board.resets();
+        self.program = Some(Program::Monitor(Monitor::new(board)));
+        self.busy_until_us = self.now_us + BOOT_US;
+    }
+
+    fn start_application(&mut self) {
+        let board = self.take_board();
+        let tater = Tater::new(board, micros(self.now_us));
+        self.count = tater.count();
+        self.program = Some(Program::Application(tater));
+    }
+
+    fn take_board(&mut self) -> SimBoard {
+        match self.program.take().expect("a node has a program between two calls") {
+            Program::Off(board) => board,
+            Program::Monitor(monitor) => monitor.into_board(),
+            Program::Application(tater) => tater.into_board(),
+        }
+    }
+
+    // --- time -------------------------------------------------------------------------------------------------
+
+    /// One millisecond.
+    pub fn step(&mut self) {
+        self.advance(self.now_us + TICK_US);
+    }
+
+    /// Runs the board and its plant until `until_us`.
+    pub fn advance(&mut self, until_us: u64) {
+        while self.now_us < until_us {
+            let due = if self.is_busy() { self.busy_until_us } else { self.next_tick_us };
+            let stop = until_us.min(due);
+            let edge = self.board_mut().run(stop);
+            self.now_us = self.board().rig().now_us();
+            self.missed_edge |= edge;
+            if self.is_busy() {
+                continue;
+            }
+            if self.now_us >= self.next_tick_us {
+                self.next_tick_us = (self.now_us / TICK_US + 1) * TICK_US;
+                self.tick();
+            } else if self.missed_edge {
+                self.edge();
+            }
+            self.idle();
+        }
+    }
+
+    const fn is_busy(&self) -> bool {
+        self.now_us < self.busy_until_us
+    }
+
+    /// The hall interrupt.
+    fn edge(&mut self) {
+        self.missed_edge = false;
+        let now = micros(self.now_us);
+        if let Some(Program::Application(tater)) = &mut self.program {
+            tater.hall(now);
+        }
+        self.after();
+    }
+
+    /// The control tick, and every hundredth the slow task.
+    fn tick(&mut self) {
+        self.missed_edge = false;
+        self.ticks += 1;
+        let now = micros(self.now_us);
+        self.board_mut().convert();
+        if let Some(Program::Application(tater)) = &mut self.program {
+            tater.tick(now);
+            if self.ticks.is_multiple_of(SLOW_TICKS) {
+                tater.slow(now);
+            }
+        }
+        self.after();
+    }
+
+    /// The idle loop: one flash operation, if one is due.
+    fn idle(&mut self) {
+        if self.is_busy() {
+            return;
+        }
+        let now = micros(self.now_us);
+        match &mut self.program {
+            Some(Program::Application(tater)) => {
+                let progress = tater.store();
+                debug_assert!(
+                    !matches!(progress, Progress::Failed(_)) || tater.board().sim_flash().is_dead()
+                );
+            }
+            Some(Program::Monitor(monitor)) => {
+                if monitor.step(now) == Next::Start {
+                    self.start_application();
+                    self.busy_until_us = self.now_us + BOOT_US;
+                }
+            }
+            Some(Program::Off(_)) | None => {}
+        }
+        self.after();
+    }
+
+    /// What every call into a program may have led to: time with the flash, a count, a reset, no power.
+    fn after(&mut self) {
+        let busy_us = self.board_mut().flash().take_busy_us();
+        if busy_us > 0 {
+            self.busy_until_us = self.now_us.max(self.busy_until_us) + busy_us;
+        }
+        if let Some(Program::Application(tater)) = &self.program {
+            let count = tater.count();
+            if count != self.count {
+                (self.count, self.last_count_us) = (count, self.now_us);
+            }
+        }
+        if self.board().sim_flash().is_dead() {
+            self.power_off();
+        } else if self.board().resets() != self.resets {
+            self.power_on();
+        }
+    }
+
+    // --- the bus ----------------------------------------------------------------------------------------------
+
+    /// A frame comes in now.
+    ///
+    /// # Errors
+    /// Why the application did nothing with it, which on the bus nobody is told; the monitor never says.
+    pub fn receive(&mut self, frame: &Frame) -> Result<(), Refused> {
+        let now = micros(self.now_us);
+        let done = match &mut self.program {
+            Some(Program::Application(tater)) => tater.receive(frame, now),
+            Some(Program::Monitor(monitor)) => {
+                monitor.receive(frame, now);
+                Ok(())
+            }
+            Some(Program::Off(_)) | None => Ok(()),
+        };
+        self.after();
+        self.idle();
+        done
+    }
+
+    /// Frames that the controller wants to send.
+    #[must_use]
+    pub fn mailboxes(&self) -> &[Frame] {
+        self.board().mailboxes()
+    }
+
+    /// A frame of the mailboxes has been sent.
+    pub fn sent(&mut self, frame: &Frame) {
+        self.board_mut().sent(frame);
+        if let Some(Program::Application(tater)) = &mut self.program {
+            tater.flush();
+        }
+        self.idle();
+    }
+
+    // --- for those who watch --------------------------------------------------------------------------------
+
+    /// The hardware.
+    #[must_use]
+    pub fn board(&self) -> &SimBoard {
+        match self.program.as_ref().expect("a node has a program between two calls") {
+            Program::Off(board) => board,
+            Program::Monitor(monitor) => monitor.board(),
+            Program::Application(tater) => tater.board(),
+        }
+    }
+
+    /// The hardware.
+    pub fn board_mut(&mut self) -> &mut SimBoard {
+        match self.program.as_mut().expect("a node has a program between two calls") {
+            Program::Off(board) => board,
+            Program::Monitor(monitor) => monitor.board_mut(),
+            Program::Application(tater) => tater.board_mut(),
+        }
+    }
+
+    /// The node's number by its straps.
+    #[must_use]
+    pub fn straps(&self) -> tater_wire::Node {
+        self.board().straps()
+    }
+
+    /// The plant, to disturb it.
+    pub fn rig_mut(&mut self) -> &mut Rig {
+        self.board_mut().rig_mut()
+    }
+
+    /// The application, if it runs.
+    #[must_use]
+    pub const fn application(&self) -> Option<&Tater<SimBoard>> {
+        match &self.program {
+            Some(Program::Application(tater)) => Some(tater),
+            _ => None,
+        }
+    }
+
+    /// The application's next report.
+    pub fn event(&mut self) -> Option<Event> {
+        match &mut self.program {
+            Some(Program::Application(tater)) => tater.event(),
+            _ => None,
+        }
+    }
+
+    /// What can be known now; `None` unless the application runs.
+    #[must_use]
+    pub fn sample(&self) -> Option<Sample> {
+        let tater = self.application()?;
+        let board = tater.board();
+        Some(Sample {
+            ms: (self.now_us / TICK_US) as u32,
+            status: tater.status(),
+            driven: tater.drive().duty.is_some(),
+            brake_released: tater.drive().brake_released,
+            truth: board.rig().truth(),
+            halls: board.rig().halls(),
+            analog: *board.analog_now(),
+            last_count_us: self.last_count_us,
+            zero_counts: 0.0,
+        })
+    }
+}
+
+/// A time-stamp as the board's 32-bit timer gives it.
+fn micros(us: u64) -> Micros {
+    Micros(us as u32)
+}
+
+impl Station for Node {
+    fn now_us(&self) -> u64 {
+        self.now_us
+    }
+
+    fn advance(&mut self, until_us: u64) {
+        Self::advance(self, until_us);
+    }
+
+    fn next_us(&self) -> u64 {
+        if self.is_busy() { self.busy_until_us } else { self.next_tick_us }
+    }
+
+    fn busy_until_us(&self) -> u64 {
+        self.busy_until_us
+    }
+
+    fn receive(&mut self, frame: &Frame) {
+        // Nobody is told on the bus.
+        let _ = Self::receive(self, frame);
+    }
+
+    fn pending(&self) -> &[Frame] {
+        self.mailboxes()
+    }
+
+    fn sent(&mut self, frame: &Frame) {
+        Self::sent(self, frame);
+    }
+}

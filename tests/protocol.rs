@@ -1,0 +1,3 @@
+//! What goes over the bus: a Tater as a host sees it.
+
+mod hosts;

@@ -1,0 +1,74 @@
+//! The fuzz targets, for a while each, where a nightly compiler is at hand: libFuzzer needs its instrumentation.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::Outcome;
+use crate::program::{program, root, run, succeeds, target};
+
+/// Seconds a target: most of what a target finds, it finds in the first few.
+const SECONDS: u32 = 30;
+
+/// The version of cargo-fuzz that is installed where there is none.
+const VERSION: &str = "0.13.2";
+
+/// Runs every target of `fuzz/`, or says why not.
+///
+/// # Errors
+/// A target found an input that breaks it; the text says how to repeat it.
+pub fn check() -> Outcome {
+    // Asked of rustup, not of `cargo +nightly`, which would install one.
+    if !succeeds("rustup run nightly cargo --version") {
+        println!("  skipped: no nightly compiler (rustup toolchain install nightly)");
+        return Ok(());
+    }
+    let Some(fuzzer) = fuzzer() else {
+        println!("  skipped: cargo-fuzz cannot be installed (cargo install cargo-fuzz --version {VERSION})");
+        return Ok(());
+    };
+    let targets = targets()?;
+    for name in &targets {
+        println!("  {name}");
+        run(fuzz(&fuzzer, &["build", name]))?;
+        let seconds = format!("-max_total_time={SECONDS}");
+        let mut fuzz =
+            fuzz(&fuzzer, &["run", name, "--", &seconds, "-seed=1", "-verbosity=0", "-print_final_stats=1"]);
+        fuzz.stdout(std::process::Stdio::null());
+        run(fuzz)?;
+    }
+    println!("  {} targets held for {SECONDS} s each", targets.len());
+    Ok(())
+}
+
+/// A subcommand of cargo-fuzz; what it builds stays out of the checks' own target folder.
+fn fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
+    let mut command = Command::new(fuzzer);
+    command.current_dir(root()).arg("fuzz").arg(arguments[0]);
+    command.arg("--target-dir").arg(target().join("fuzz")).args(&arguments[1..]);
+    command.env("RUSTUP_TOOLCHAIN", "nightly");
+    command
+}
+
+/// cargo-fuzz, installed under the target folder if need be.
+fn fuzzer() -> Option<PathBuf> {
+    let tools = target().join("tools");
+    let fuzzer = tools.join("bin/cargo-fuzz");
+    if !fuzzer.exists() {
+        let mut install =
+            program(&format!("cargo install cargo-fuzz --version {VERSION} --locked --quiet --root"));
+        install.arg(&tools);
+        run(install).ok()?;
+    }
+    Some(fuzzer)
+}
+
+/// The names of the targets, sorted.
+fn targets() -> Result<Vec<String>, String> {
+    let folder = root().join("fuzz/fuzz_targets");
+    let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| Some(entry.ok()?.path().file_stem()?.to_string_lossy().into_owned()))
+        .collect();
+    names.sort();
+    if names.is_empty() { Err(format!("no targets in {}", folder.display())) } else { Ok(names) }
+}
