@@ -1,10 +1,52 @@
-//! The monitor: what runs after a reset. It never moves the motor.
+//! The monitor: what runs after a reset. It never moves the motor: the bridge is off and the brake engaged.
+//!
+//! It answers for the few properties that tell a board, takes downloads into staging, copies them over the
+//! application, and starts the application when it is whole. What goes over the bus is in `docs/download.md`.
+//!
+//! A valid image in staging is a copy that is owed: it is made before anything else, after a power failure too, and
+//! only when the application has been verified is staging made invalid. So from the first good download on there is a
+//! valid image at any instant, the old one or the new.
 
-use crate::board::Board;
-use crate::storage::Store;
+mod check;
+mod copy;
+mod download;
+mod identity;
+#[cfg(test)]
+mod tests;
+
+use crate::board::{Board, Flash};
+use crate::storage::{Progress, Store};
+use check::Check;
+use copy::Copy;
+use download::{Download, Step};
+use heapless::Deque;
+use identity::Identity;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::Micros;
-use tater_wire::Frame;
+use tater_wire::download::{START, START_NUMBERED};
+use tater_wire::image::MAGIC_AT;
+use tater_wire::memory::{APPLICATION, STAGING};
+use tater_wire::property::Row;
+use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
+
+/// What the monitor says for VERS.
+const VERSION: i64 = Property::VERS.row().max;
+
+/// The groups that are heard beside group 0.
+const GROUPS: [&Row; 3] = [Property::GRPA.row(), Property::GRPB.row(), Property::GRPC.row()];
+
+/// Properties that have other numbers in the monitor than in the application (Barrett's table of the RESET state).
+const LOCK: u8 = 8;
+/// See [`LOCK`].
+const SAVE: u8 = 9;
+/// See [`LOCK`].
+const LOAD: u8 = 10;
+
+/// The property that carries an answer to another node's GET.
+const VALUE: u8 = 7;
+
+/// Frames that wait for the CAN controller: a GET of each property, and a request.
+const OUTBOX: usize = 8;
 
 /// What comes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,30 +57,328 @@ pub enum Next {
     Start,
 }
 
+/// What a host has asked for, to be obeyed when nothing is owed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wish {
+    Start,
+    Download { numbered: bool },
+}
+
+/// What a check is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Then {
+    /// Staging, where a copy may be owed.
+    Copy,
+    /// Staging, after a download.
+    Received,
+    /// The application, after a copy.
+    Copied,
+    /// The application, to start it.
+    Start,
+}
+
+/// What the monitor is about.
+#[derive(Debug)]
+#[allow(clippy::large_enum_variant, reason = "there is no heap to put the download on")]
+enum Phase {
+    /// Nothing: it answers, and stores what is to be stored.
+    Idle,
+    Check(Check, Then),
+    Download(Download),
+    Copy(Copy),
+    /// Makes staging invalid.
+    Forget,
+    /// Leaves, as soon as all is stored.
+    Start,
+}
+
 /// The monitor on a board.
 #[derive(Debug)]
 pub struct Monitor<B: Board> {
     board: B,
     store: Store,
+    node: Node,
+    groups: [Option<Group>; GROUPS.len()],
+    identity: Identity,
+    phase: Phase,
+    wish: Option<Wish>,
+    error: Option<FaultCode>,
+    outbox: Deque<Frame, OUTBOX>,
 }
 
 impl<B: Board> Monitor<B> {
-    /// After a reset: bridge off, brake engaged, no motion.
+    /// After a reset: bridge off, brake engaged, no motion. If a copy is owed, it is made before anything else.
     pub fn new(mut board: B) -> Self {
         board.bridge(Bridge::Off);
         board.brake(false);
         let store = Store::open(board.flash());
-        Self { board, store }
+        let straps = board.straps();
+        let identity = Identity::new(&store, straps, board.serial_number());
+        let id = identity.get(Property::ID.id()).and_then(|id| u8::try_from(id).ok());
+        let node = id.and_then(Node::new).unwrap_or(straps);
+        let groups = GROUPS.map(|row| {
+            let number = store.get(row.property).or_else(|| row.default_for(node))?;
+            // What goes to the host is not for boards: a reply looks like a SET.
+            let group = Group::new(u8::try_from(number).ok()?)?;
+            (group != Group::POSITIONS && group != Group::REPLIES).then_some(group)
+        });
+        let phase = match Check::new(board.flash(), STAGING) {
+            Some(check) => Phase::Check(check, Then::Copy),
+            None => Phase::Idle,
+        };
+        Self { board, store, node, groups, identity, phase, wish: None, error: None, outbox: Deque::new() }
     }
 
     /// A frame from the bus, any frame: those for other nodes are skipped.
-    pub fn receive(&mut self, _frame: &Frame, _now: Micros) {
-        let _ = &self.store;
+    pub fn receive(&mut self, frame: &Frame, now: Micros) {
+        let id = frame.id();
+        // Node 0 is the host: a board that nobody has named hears groups only, and keeps silent.
+        let mine = self.node != Node::HOST && id.to == Destination::Node(self.node);
+        let host = id.from == Node::HOST;
+        if mine
+            && host
+            && let Phase::Download(download) = &mut self.phase
+            && download.take(frame.data(), now)
+        {
+            return;
+        }
+        let heard = mine
+            || matches!(id.to, Destination::Group(group)
+                if group == Group::ALL || self.groups.contains(&Some(group)));
+        if !heard {
+            return;
+        }
+        match Message::parse(frame).map(|message| message.body) {
+            Some(Body::Get(property)) => self.answer(id.from, property),
+            Some(Body::Set { property, value }) => {
+                let value = match value {
+                    Value::Short(bits) => i64::from(bits.cast_signed()),
+                    Value::Long(bits) => i64::from(bits.cast_signed()),
+                };
+                // Two boards that ask for characters at once would get each other's: only one by its own number.
+                if property == Property::VERS.id() && mine && host {
+                    self.set_vers(value, now);
+                } else {
+                    self.set(property, value, now);
+                }
+            }
+            _ => {}
+        }
+        self.flush();
+    }
+
+    fn answer(&mut self, asker: Node, property: u8) {
+        let value = match property {
+            id if id == Property::VERS.id() => Some(VERSION),
+            id if id == Property::ERROR.id() => Some(self.error.map_or(0, |error| i64::from(error.code()))),
+            id if id == Property::STAT.id() => Some(0),
+            id => self.identity.get(id),
+        };
+        // All of them are 0..=32767.
+        let Some(bits) = value.and_then(|value| u16::try_from(value).ok()) else { return };
+        let value = Value::Short(bits);
+        if asker == Node::HOST {
+            self.send(Destination::Group(Group::REPLIES), Body::Set { property, value });
+        } else {
+            self.send(Destination::Node(asker), Body::Set { property: VALUE, value });
+        }
+    }
+
+    fn set(&mut self, property: u8, value: i64, now: Micros) {
+        match property {
+            LOCK => self.identity.unlock(value),
+            SAVE => self.identity.save(&mut self.store, value),
+            LOAD => self.identity.load(&self.store, value),
+            id if id == Property::STAT.id() => match value {
+                0 => self.order(None, now),
+                2 => self.order(Some(Wish::Start), now),
+                _ => {}
+            },
+            id => self.identity.set(id, value),
+        }
+    }
+
+    fn set_vers(&mut self, value: i64, now: Micros) {
+        let numbered = value == i64::from(START_NUMBERED);
+        if numbered || value == i64::from(START) {
+            self.order(Some(Wish::Download { numbered }), now);
+        }
+    }
+
+    /// A new wish replaces the last, and ends a download. What is owed comes first.
+    fn order(&mut self, wish: Option<Wish>, now: Micros) {
+        self.wish = wish;
+        if wish.is_some() {
+            self.error = None;
+        }
+        match self.phase {
+            Phase::Idle | Phase::Start | Phase::Check(_, Then::Start) => {
+                match Check::new(self.board.flash(), STAGING) {
+                    Some(check) => self.phase = Phase::Check(check, Then::Copy),
+                    None => self.obey(now),
+                }
+            }
+            Phase::Download(_) => self.phase = Phase::Forget,
+            Phase::Check(..) | Phase::Copy(_) | Phase::Forget => {}
+        }
+    }
+
+    /// Nothing is owed: the wish's turn.
+    fn obey(&mut self, now: Micros) {
+        self.phase = match self.wish.take() {
+            None => Phase::Idle,
+            Some(Wish::Download { numbered }) => Phase::Download(Download::new(numbered, now)),
+            Some(Wish::Start) => match Check::new(self.board.flash(), APPLICATION) {
+                Some(check) => Phase::Check(check, Then::Start),
+                None => {
+                    self.fail(FaultCode::NoApplication);
+                    Phase::Idle
+                }
+            },
+        };
+    }
+
+    /// ERROR says why. The application is not started after that until somebody who may have read it asks again.
+    fn fail(&mut self, error: FaultCode) {
+        self.error = Some(error);
+        if self.wish == Some(Wish::Start) {
+            self.wish = None;
+        }
     }
 
     /// What is due: at most one flash operation, a request, a time-out. To be called over and over.
-    pub fn step(&mut self, _now: Micros) -> Next {
-        Next::Start
+    pub fn step(&mut self, now: Micros) -> Next {
+        self.board.feed();
+        match &mut self.phase {
+            Phase::Idle => {
+                self.keep();
+            }
+            Phase::Start => {
+                if self.keep() {
+                    return Next::Start;
+                }
+            }
+            Phase::Check(check, then) => {
+                let then = *then;
+                if let Some(good) = check.step(self.board.flash()) {
+                    let len = check.len();
+                    self.checked(then, good, len, now);
+                }
+            }
+            Phase::Download(download) => match download.step(self.board.flash(), now) {
+                Ok(Step::Working) => {}
+                Ok(Step::Ask(body)) => self.send(Destination::Node(Node::HOST), body),
+                Ok(Step::Whole(len)) => match Check::new(self.board.flash(), STAGING) {
+                    Some(check) if check.len() == len => self.phase = Phase::Check(check, Then::Received),
+                    _ => self.refuse(FaultCode::BadImage),
+                },
+                Err(error) => self.refuse(error),
+            },
+            Phase::Copy(copy) => match copy.step(self.board.flash()) {
+                Ok(false) => {}
+                Ok(true) => match Check::new(self.board.flash(), APPLICATION) {
+                    Some(check) => self.phase = Phase::Check(check, Then::Copied),
+                    None => self.give_up(now),
+                },
+                Err(_) => self.give_up(now),
+            },
+            Phase::Forget => self.forget(now),
+        }
+        self.flush();
+        Next::Stay
+    }
+
+    fn checked(&mut self, then: Then, good: bool, len: u32, now: Micros) {
+        match (then, good) {
+            (Then::Copy | Then::Received, true) => self.phase = Phase::Copy(Copy::new(len)),
+            // What a download that was cut short has left.
+            (Then::Copy, false) => self.obey(now),
+            (Then::Received, false) => self.refuse(FaultCode::BadImage),
+            (Then::Copied, true) => self.phase = Phase::Forget,
+            (Then::Copied, false) => self.give_up(now),
+            (Then::Start, true) => self.phase = Phase::Start,
+            (Then::Start, false) => {
+                self.fail(FaultCode::NoApplication);
+                self.phase = Phase::Idle;
+            }
+        }
+    }
+
+    /// The download is of no use.
+    fn refuse(&mut self, error: FaultCode) {
+        self.fail(error);
+        self.phase = Phase::Forget;
+    }
+
+    /// The copy did not succeed. It stays owed: the next SET STAT 2 or reset makes it again; or a download goes over it.
+    fn give_up(&mut self, now: Micros) {
+        self.fail(FaultCode::FlashWrite);
+        self.obey(now);
+    }
+
+    /// Makes staging invalid: 0 may be written over anything.
+    fn forget(&mut self, now: Micros) {
+        let flash = self.board.flash();
+        let magic = [STAGING.start + MAGIC_AT, STAGING.start + MAGIC_AT + 2];
+        if let Some(&address) = magic.iter().find(|&&address| flash.half_word(address) != 0)
+            && flash.program(address, 0).is_ok()
+        {
+            return;
+        }
+        self.obey(now);
+    }
+
+    /// One flash operation for the store, if one is due; whether there is nothing more to do.
+    fn keep(&mut self) -> bool {
+        match self.store.step(self.board.flash(), true) {
+            Progress::Done => true,
+            Progress::More | Progress::Waiting => false,
+            Progress::Failed(_) => {
+                self.error = Some(FaultCode::Storage);
+                true
+            }
+        }
+    }
+
+    fn send(&mut self, to: Destination, body: Body) {
+        if self.node != Node::HOST {
+            // A full outbox: nobody acknowledges on the bus, and hosts ask again as requests do.
+            let _ = self.outbox.push_back(Message { from: self.node, to, body }.frame());
+        }
+    }
+
+    /// Hands waiting frames to the CAN controller.
+    fn flush(&mut self) {
+        while let Some(frame) = self.outbox.front() {
+            if !self.board.transmit(frame) {
+                break;
+            }
+            self.outbox.pop_front();
+        }
+    }
+
+    /// The node that the board answers as.
+    #[must_use]
+    pub const fn node(&self) -> Node {
+        self.node
+    }
+
+    /// What property ERROR says.
+    #[must_use]
+    pub const fn error(&self) -> Option<FaultCode> {
+        self.error
+    }
+
+    /// Whether there is nothing to do but to answer: no check, download or copy.
+    #[must_use]
+    pub const fn is_idle(&self) -> bool {
+        matches!(self.phase, Phase::Idle)
+    }
+
+    /// The hardware.
+    #[must_use]
+    pub const fn board(&self) -> &B {
+        &self.board
     }
 
     /// The hardware.

@@ -28,7 +28,8 @@ pub const CRC_AT: u32 = 0x24;
 /// See [`MAGIC_AT`].
 pub const VERSION_AT: u32 = 0x28;
 
-static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+/// CRC-32 (ISO-HDLC), for whoever checks images and records: its table is 1 KiB, so once a program.
+pub static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// What an image says of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,8 @@
 //!
 //! Where to look: who speaks to whom is in [`id`], bytes on the wire in [`frame`], what they mean in [`message`],
 //! every property in [`property`], the numbers of CMD in [`command`], what ERROR says in [`fault`]; downloads are
-//! [`tek`] (the file), [`image`] (the header that the monitor checks) and [`memory`] (what lies where in flash).
+//! [`tek`] (the file), [`download`] (its way over the bus), [`image`] (the header that the monitor checks) and
+//! [`memory`] (what lies where in flash).
 #![no_std]
 #![forbid(unsafe_code)]
 // What comes from the bus is never trusted: no panic, no index out of bounds; a test may.
@@ -25,6 +26,7 @@
 extern crate std;
 
 pub mod command;
+pub mod download;
 pub mod fault;
 pub mod frame;
 pub mod id;

@@ -1,0 +1,50 @@
+//! Whether an area of the flash holds a whole image, found out in slices, so that the bus is answered meanwhile.
+
+use crate::board::Flash;
+use tater_wire::image::{HEADER_END, Header, Summer};
+use tater_wire::memory::Area;
+
+/// Bytes summed in a step: 0.1 ms at 72 MHz and some 25 cycles a byte, a fifth of the time an answer may take.
+const SLICE: u32 = 256;
+
+/// The sum over an image so far.
+pub(super) struct Check {
+    area: Area,
+    header: Header,
+    at: u32,
+    summer: Summer,
+}
+
+impl core::fmt::Debug for Check {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Check").field("area", &self.area).field("at", &self.at).finish_non_exhaustive()
+    }
+}
+
+impl Check {
+    /// `None` if the area does not even have a header with sensible vectors.
+    pub(super) fn new<F: Flash>(flash: &F, area: Area) -> Option<Self> {
+        let mut start = [0; HEADER_END as usize];
+        for (address, pair) in (area.start..).step_by(2).zip(start.chunks_exact_mut(2)) {
+            pair.copy_from_slice(&flash.half_word(address).to_le_bytes());
+        }
+        Some(Self { area, header: Header::read(&start).ok()?, at: 0, summer: Summer::default() })
+    }
+
+    /// Bytes of the image, as its header says.
+    pub(super) const fn len(&self) -> u32 {
+        self.header.len
+    }
+
+    /// The next slice; at the end, whether the CRC-32 is that of the header.
+    pub(super) fn step<F: Flash>(&mut self, flash: &F) -> Option<bool> {
+        let end = self.header.len.min(self.at.saturating_add(SLICE));
+        while self.at < end {
+            // Both fit: an area lies in the flash, and a header's length in its area.
+            let address = self.area.start.wrapping_add(self.at);
+            self.summer.update(&flash.half_word(address).to_le_bytes());
+            self.at = self.at.saturating_add(2);
+        }
+        (self.at >= self.header.len).then(|| core::mem::take(&mut self.summer).finish() == self.header.crc)
+    }
+}

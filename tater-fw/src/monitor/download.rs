@@ -1,0 +1,226 @@
+//! A download: asks for characters, takes them, frames and checks the records, and writes what they say to staging.
+//!
+//! The processor stalls while a page is erased, and the CAN controller holds three frames meanwhile; so a page is
+//! erased only when no frame that was asked for is still to come. Programming a half-word takes less than a frame
+//! does, and may go on while frames come.
+
+use crate::board::Flash;
+use heapless::{Deque, Vec};
+use servo_core::units::Micros;
+use tater_wire::download::{CHARACTERS, unpack};
+use tater_wire::memory::{APPLICATION, PAGE, STAGING};
+use tater_wire::tek::{Decoder, MAX_DATA, Record, TekErrorKind};
+use tater_wire::{Body, FaultCode, Property};
+
+/// A request that nobody has answered for so long is made again. A character by the slowest route (GOD, serial,
+/// device server) takes up to 100 ms; twice that, so that a repeat is rare: it makes an old host send twice.
+pub(super) const REPEAT: Micros = Micros(200_000);
+
+/// Without a character for so long the host is gone.
+pub(super) const TIMEOUT: Micros = Micros(10_000_000);
+
+/// Frames granted by one request to a host that numbers them: 128 characters, so that the request costs 1/20 of what
+/// it brings.
+pub(super) const GRANT: u8 = 16;
+
+/// Characters kept until their records are worked off: a grant, and another that is asked for while the first is
+/// worked off. An old host whose frames went missing for 10 s owes 50 at most.
+const RING: usize = 2 * GRANT as usize * CHARACTERS;
+
+/// What a step of a download came to.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    /// It goes on.
+    Working,
+    /// This is to be sent to the host.
+    Ask(Body),
+    /// The termination record has come, and all before it is in staging: so many bytes, gaps and all.
+    Whole(u32),
+}
+
+/// A download so far.
+#[derive(Debug)]
+pub(super) struct Download {
+    /// The host numbers its frames.
+    numbered: bool,
+    /// Frames taken.
+    frames: u32,
+    /// Frames asked for and still to come, as far as known.
+    awaited: u8,
+    /// A frame has come since the last request.
+    answered: bool,
+    /// When the last request was made or the last frame taken, and when the last frame.
+    last: Micros,
+    heard: Micros,
+    ring: Deque<u8, RING>,
+    decoder: Decoder,
+    ended: bool,
+    /// Bytes of the last record that are still to be written, last first, and the offset in staging of the next.
+    bytes: Vec<u8, MAX_DATA>,
+    at: u32,
+    /// A half-word that is not whole yet, and its offset.
+    half: Option<(u32, u16)>,
+    /// End of the last record, as an offset.
+    end: u32,
+    /// Pages erased, from the first on.
+    erased: u32,
+}
+
+impl Download {
+    /// Begins; the first step erases the first page of staging, which holds the header of what is there.
+    pub(super) fn new(numbered: bool, now: Micros) -> Self {
+        Self {
+            numbered,
+            frames: 0,
+            awaited: 0,
+            answered: false,
+            last: now,
+            heard: now,
+            ring: Deque::new(),
+            decoder: Decoder::default(),
+            ended: false,
+            bytes: Vec::new(),
+            at: 0,
+            half: None,
+            end: 0,
+            erased: 0,
+        }
+    }
+
+    /// The data of a frame from the host to this board; whether it belongs to the download. Frames out of turn and
+    /// characters without room are dropped.
+    pub(super) fn take(&mut self, data: &[u8], now: Micros) -> bool {
+        if self.numbered {
+            let Some((number, characters)) = unpack(data) else { return false };
+            let expected = self.frames.to_le_bytes().first() == Some(&number);
+            if expected && self.ring.len() <= RING - CHARACTERS {
+                for character in characters.into_iter().take_while(|&character| character != 0) {
+                    // There is room: see above.
+                    let _ = self.ring.push_back(character);
+                }
+                self.taken(now);
+            }
+            return true;
+        }
+        let [character @ b'0'..=0x7F] = *data else { return false };
+        // If it is lost, the record's checksum or length will not agree.
+        let _ = self.ring.push_back(character);
+        self.taken(now);
+        true
+    }
+
+    fn taken(&mut self, now: Micros) {
+        self.frames = self.frames.saturating_add(1);
+        self.awaited = self.awaited.saturating_sub(1);
+        self.answered = true;
+        self.last = now;
+        self.heard = now;
+    }
+
+    /// At most one flash operation.
+    pub(super) fn step<F: Flash>(&mut self, flash: &mut F, now: Micros) -> Result<Step, FaultCode> {
+        if now.wrapping_since(self.heard).0 >= TIMEOUT.0 {
+            return Err(FaultCode::DownloadTimeout);
+        }
+        self.decode()?;
+        let quiet = self.awaited == 0 || now.wrapping_since(self.last).0 >= REPEAT.0;
+        if self.erased == 0 || self.erased.saturating_mul(PAGE) < self.end {
+            if quiet {
+                flash.erase(STAGING.page(self.erased)).map_err(|_| FaultCode::FlashWrite)?;
+                self.erased = self.erased.saturating_add(1);
+            }
+            return Ok(Step::Working);
+        }
+        if quiet && !self.ended && self.ring.len() <= self.fill() {
+            return Ok(Step::Ask(self.ask(now)));
+        }
+        // After the termination the rest of a grant is waited for: nothing may follow.
+        if self.write(flash)? || !self.ended || !quiet {
+            return Ok(Step::Working);
+        }
+        Ok(Step::Whole(self.end))
+    }
+
+    /// How full the ring may be for the next request.
+    const fn fill(&self) -> usize {
+        if self.numbered { RING - GRANT as usize * CHARACTERS } else { 0 }
+    }
+
+    /// The next request.
+    const fn ask(&mut self, now: Micros) -> Body {
+        self.last = now;
+        if self.numbered {
+            self.awaited = GRANT;
+            // A file has at most 24 bits of characters: 52 KiB are some 130,000.
+            return Body::More { frames: GRANT, received: self.frames.wrapping_mul(CHARACTERS as u32) };
+        }
+        // Every request makes an old host send one more, sooner or later. A silence after an answer means that the
+        // requests before it went astray; one without an answer, that the host is slow and still owes an answer to each.
+        self.awaited = if self.answered { 1 } else { self.awaited.saturating_add(1) };
+        self.answered = false;
+        Body::Get(Property::VERS.id())
+    }
+
+    /// Takes characters up to the end of the next record, if the one before is written.
+    fn decode(&mut self) -> Result<(), FaultCode> {
+        while self.bytes.is_empty()
+            && let Some(character) = self.ring.pop_front()
+        {
+            match self.decoder.push(character) {
+                Ok(None | Some(Record::Symbols)) => {}
+                Ok(Some(Record::End { .. })) => self.ended = true,
+                Ok(Some(Record::Data { address, bytes })) => {
+                    let len = bytes.len() as u32;
+                    if !APPLICATION.holds(address, u64::from(len)) {
+                        return Err(FaultCode::AddressRange);
+                    }
+                    // Inside the application: the offset and the end fit.
+                    let offset = (address as u32).wrapping_sub(APPLICATION.start);
+                    if offset < self.end {
+                        return Err(FaultCode::Overlap);
+                    }
+                    self.at = offset;
+                    self.end = offset.wrapping_add(len);
+                    // Of the same capacity as a record's.
+                    let _ = self.bytes.extend_from_slice(bytes);
+                    self.bytes.reverse();
+                }
+                Err(error) if matches!(error.kind, TekErrorKind::Checksum { .. }) => {
+                    return Err(FaultCode::BadChecksum);
+                }
+                Err(_) => return Err(FaultCode::BadRecord),
+            }
+        }
+        Ok(())
+    }
+
+    /// Programs the next half-word; whether there was one.
+    fn write<F: Flash>(&mut self, flash: &mut F) -> Result<bool, FaultCode> {
+        while let Some(&byte) = self.bytes.last() {
+            let even = self.at & !1;
+            let (_, half) = *self.half.get_or_insert((even, u16::MAX));
+            if self.half.is_some_and(|(at, _)| at != even) {
+                break;
+            }
+            let [low, high] = half.to_le_bytes();
+            let pair = if self.at == even { [byte, high] } else { [low, byte] };
+            self.half = Some((even, u16::from_le_bytes(pair)));
+            let whole = self.at != even;
+            self.at = self.at.wrapping_add(1);
+            self.bytes.pop();
+            if whole {
+                break;
+            }
+        }
+        // A half-word stays open while its second byte may still come.
+        let open = self.half.is_some_and(|(at, _)| at == self.at.wrapping_sub(1));
+        if open && !self.ended && self.bytes.is_empty() {
+            return Ok(false);
+        }
+        let Some((at, value)) = self.half.take() else { return Ok(false) };
+        if value != u16::MAX {
+            flash.program(STAGING.start.wrapping_add(at), value).map_err(|_| FaultCode::FlashWrite)?;
+        }
+        Ok(true)
+    }
+}

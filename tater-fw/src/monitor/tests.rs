@@ -1,0 +1,222 @@
+//! The monitor on a board of RAM. Power cuts and noise are in the system tests.
+
+mod download;
+mod properties;
+
+use super::*;
+use crate::board::{Analog, FlashError};
+use servo_core::sense::commutation::Leg;
+use servo_core::units::Duty;
+use std::vec;
+use std::vec::Vec;
+use tater_wire::Identifier;
+use tater_wire::image::{HEADER_END, Header, seal};
+use tater_wire::memory::{FLASH, PAGE, RAM};
+
+/// Flash in RAM, which keeps the rules of the real one.
+#[derive(Debug)]
+struct Chip {
+    bytes: Vec<u8>,
+    /// Start of each page erased, in order.
+    erased: Vec<u32>,
+    /// From now on no half-word is taken.
+    worn: bool,
+}
+
+impl Chip {
+    fn load(&mut self, address: u32, bytes: &[u8]) {
+        let at = (address - FLASH.start) as usize;
+        self.bytes[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+
+    fn image(&self, area: tater_wire::memory::Area, len: usize) -> &[u8] {
+        let at = (area.start - FLASH.start) as usize;
+        &self.bytes[at..at + len]
+    }
+}
+
+impl Flash for Chip {
+    fn half_word(&self, address: u32) -> u16 {
+        let at = (address - FLASH.start) as usize;
+        u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]])
+    }
+
+    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+        assert!(address.is_multiple_of(2) && FLASH.holds(u64::from(address), 2), "{address:#x}");
+        if self.half_word(address) != u16::MAX && value != 0 {
+            return Err(FlashError::NotErased);
+        }
+        if self.worn {
+            return Err(FlashError::Verify);
+        }
+        self.load(address, &value.to_le_bytes());
+        Ok(())
+    }
+
+    fn erase(&mut self, page: u32) -> Result<(), FlashError> {
+        assert!(page.is_multiple_of(PAGE) && FLASH.holds(u64::from(page), u64::from(PAGE)), "{page:#x}");
+        self.load(page, &[0xFF; PAGE as usize]);
+        self.erased.push(page);
+        Ok(())
+    }
+}
+
+#[derive(Debug)]
+struct Bed {
+    chip: Chip,
+    sent: Vec<Frame>,
+    /// Frames that the CAN controller takes before it is full.
+    room: usize,
+    straps: u8,
+    bridge: Bridge,
+    brake: bool,
+}
+
+impl Board for Bed {
+    type Flash = Chip;
+
+    fn bridge(&mut self, bridge: Bridge) {
+        self.bridge = bridge;
+    }
+    fn brake(&mut self, released: bool) {
+        self.brake = released;
+    }
+    fn halls(&self) -> u8 {
+        2
+    }
+    fn analog(&self) -> Analog {
+        Analog::default()
+    }
+    fn transmit(&mut self, frame: &Frame) -> bool {
+        let taken = self.sent.len() < self.room;
+        if taken {
+            self.sent.push(*frame);
+        }
+        taken
+    }
+    fn flash(&mut self) -> &mut Chip {
+        &mut self.chip
+    }
+    fn feed(&mut self) {}
+    fn reset(&mut self) {}
+    fn straps(&self) -> Node {
+        Node::new(self.straps).expect("straps are 0 to 31")
+    }
+    fn serial_number(&self) -> u16 {
+        4711
+    }
+}
+
+/// A monitor and its host.
+struct Bench {
+    monitor: Monitor<Bed>,
+    now: u32,
+}
+
+impl Bench {
+    fn strapped(straps: u8) -> Self {
+        let chip = Chip { bytes: vec![0xFF; FLASH.len as usize], erased: Vec::new(), worn: false };
+        Self::boot(Bed {
+            chip,
+            sent: Vec::new(),
+            room: usize::MAX,
+            straps,
+            bridge: Bridge::On { legs: [Leg::Low; 3], duty: Duty::ZERO },
+            brake: true,
+        })
+    }
+
+    fn boot(board: Bed) -> Self {
+        // Near the wrap of the clock, so that every test passes it.
+        Self { monitor: Monitor::new(board), now: 0xFFFF_FF00 }
+    }
+
+    fn reset(self) -> Self {
+        Self::boot(self.monitor.into_board())
+    }
+
+    fn board(&mut self) -> &mut Bed {
+        self.monitor.board_mut()
+    }
+
+    /// A frame by its raw identifier; what the monitor sends at once.
+    fn say(&mut self, id: u16, data: &[u8]) -> Vec<Frame> {
+        let frame = Frame::from_raw(id, data).expect("a frame");
+        self.monitor.receive(&frame, Micros(self.now));
+        std::mem::take(&mut self.board().sent)
+    }
+
+    fn set(&mut self, id: u16, property: u8, value: i32) {
+        let [a, b, c, d] = value.to_le_bytes();
+        assert_eq!(self.say(id, &[0x80 | property, 0, a, b, c, d]), [], "a SET is not answered");
+    }
+
+    /// The value of a property of the board at `node`, asked for by the host.
+    fn get(&mut self, node: u16, property: u8) -> Option<u16> {
+        match self.say(node, &[property])[..] {
+            [] => None,
+            [reply] => {
+                assert_eq!(reply.raw_id(), 0x406 | node << 5);
+                let &[id, 0, low, high] = reply.data() else { panic!("{reply:?}") };
+                assert_eq!(id, 0x80 | property);
+                Some(u16::from_le_bytes([low, high]))
+            }
+            ref more => panic!("{more:?}"),
+        }
+    }
+
+    /// Steps until there is nothing to do; whether the application is to start.
+    fn settle(&mut self) -> Next {
+        for _ in 0..200_000 {
+            self.now = self.now.wrapping_add(53);
+            if self.monitor.step(Micros(self.now)) == Next::Start {
+                return Next::Start;
+            }
+            if self.monitor.is_idle() {
+                return Next::Stay;
+            }
+        }
+        panic!("no rest: {:?}", self.monitor.phase);
+    }
+}
+
+/// An image that verifies, of `len` bytes.
+fn image(len: usize, version: u32) -> Vec<u8> {
+    let mut image: Vec<u8> = (0..len).map(|i| (i * 7 + version as usize) as u8).collect();
+    image[..4].copy_from_slice(&RAM.end().to_le_bytes());
+    image[4..8].copy_from_slice(&(APPLICATION.start + HEADER_END + 1).to_le_bytes());
+    image[0x1C..0x2C].fill(0xFF);
+    seal(&mut image, version).expect("an application's image");
+    image
+}
+
+/// A record of data, as the monitor receives it.
+fn data(address: u32, bytes: &[u8]) -> Vec<u8> {
+    let mut body = std::format!("6008{address:08X}");
+    for byte in bytes {
+        body += &std::format!("{byte:02X}");
+    }
+    record(&body)
+}
+
+/// A whole record from its type, a place for the checksum, and the rest.
+fn record(body: &str) -> Vec<u8> {
+    let mut text = std::format!("{:02X}{body}", body.len() + 2).into_bytes();
+    let sum = text.iter().map(|&c| u32::from(tater_wire::tek::value(c).expect("hexadecimal"))).sum::<u32>();
+    text[3..5].copy_from_slice(std::format!("{:02X}", sum % 256).as_bytes());
+    text
+}
+
+/// The characters of a file with this image, 32 bytes a record.
+fn characters(image: &[u8]) -> Vec<u8> {
+    let mut text = Vec::new();
+    for (address, bytes) in (APPLICATION.start..).step_by(32).zip(image.chunks(32)) {
+        text.extend(data(address, bytes));
+    }
+    text.extend(termination());
+    text
+}
+
+fn termination() -> Vec<u8> {
+    record(&std::format!("8008{:08X}", APPLICATION.start))
+}

@@ -1,0 +1,356 @@
+use super::*;
+use crate::monitor::download::{GRANT, REPEAT, TIMEOUT};
+use proptest::prelude::*;
+use tater_wire::download::pack;
+
+/// A board with an old application, and a host at it.
+fn bench() -> (Bench, Vec<u8>) {
+    let mut bench = Bench::strapped(3);
+    let old = image(3000, 1);
+    bench.board().chip.load(APPLICATION.start, &old);
+    (bench, old)
+}
+
+/// What the monitor asked for in this step, in frames; other frames are an error.
+fn requests(bench: &mut Bench, us: u32) -> Vec<Frame> {
+    bench.now = bench.now.wrapping_add(us);
+    assert_eq!(bench.monitor.step(Micros(bench.now)), Next::Stay);
+    let sent = std::mem::take(&mut bench.board().sent);
+    assert!(sent.iter().all(|frame| frame.raw_id() == 3 << 5 && frame.data()[0] == 0), "{sent:?}");
+    sent
+}
+
+/// As Barrett's host does it: one character for each request. Ends when the text does or the monitor is idle.
+fn send_singly(bench: &mut Bench, text: &[u8]) {
+    let mut text = text.iter();
+    while !bench.monitor.is_idle() {
+        for _ in requests(bench, 100) {
+            let Some(&character) = text.next() else { return };
+            bench.say(3, &[character]);
+        }
+    }
+}
+
+/// A download from beginning to end, and what ERROR says after it.
+fn download(bench: &mut Bench, text: &[u8], numbered: bool) -> Option<u16> {
+    if numbered {
+        send_numbered(bench, text, |_| (1, false));
+    } else {
+        bench.set(3, 0, 0xAA);
+        send_singly(bench, text);
+    }
+    while !bench.monitor.is_idle() {
+        requests(bench, 100);
+    }
+    bench.get(3, 4)
+}
+
+fn application(bench: &mut Bench, len: usize) -> Vec<u8> {
+    bench.board().chip.image(APPLICATION, len).to_vec()
+}
+
+fn staging_is_invalid(bench: &mut Bench) -> bool {
+    bench.board().chip.half_word(STAGING.start + MAGIC_AT) == 0
+}
+
+#[test]
+fn one_character_for_a_request_loads_an_application() {
+    let (mut bench, _) = bench();
+    let new = image(2 * 1024 + 400, 2);
+    assert_eq!(download(&mut bench, &characters(&new), false), Some(0));
+    assert_eq!(application(&mut bench, new.len()), new);
+    assert!(staging_is_invalid(&mut bench), "no copy is owed any more");
+    bench.set(3, 5, 2);
+    assert_eq!(bench.settle(), Next::Start);
+}
+
+#[test]
+fn the_first_request_comes_when_the_first_page_is_erased_and_repeats() {
+    let (mut bench, _) = bench();
+    bench.set(3, 0, 0xAA);
+    assert_eq!(requests(&mut bench, 1), []);
+    assert_eq!(bench.board().chip.erased, [STAGING.start]);
+    let request = Frame::from_raw(3 << 5, &[0]).expect("a frame");
+    assert_eq!(requests(&mut bench, 1), [request]);
+    assert_eq!(requests(&mut bench, REPEAT.0 - 1), []);
+    assert_eq!(requests(&mut bench, 1), [request]);
+    assert_eq!(requests(&mut bench, REPEAT.0), [request]);
+}
+
+#[test]
+fn a_host_that_dies_leaves_the_old_application() {
+    let new = image(2 * 1024, 2);
+    let text = characters(&new);
+    for gone_after in (0..text.len()).step_by(97) {
+        let (mut bench, old) = bench();
+        bench.set(3, 0, 0xAA);
+        send_singly(&mut bench, &text[..gone_after]);
+        let last = bench.now;
+        while !bench.monitor.is_idle() {
+            requests(&mut bench, 1000);
+            assert!(bench.now.wrapping_sub(last) < TIMEOUT.0 + REPEAT.0);
+        }
+        assert!(bench.now.wrapping_sub(last) >= TIMEOUT.0 - 1000);
+        assert_eq!(bench.get(3, 4), Some(u16::from(FaultCode::DownloadTimeout.code())));
+        assert_eq!(application(&mut bench, old.len()), old);
+        assert!(staging_is_invalid(&mut bench));
+        assert_eq!(download(&mut bench, &text, false), Some(0), "downloadable again");
+        assert_eq!(application(&mut bench, new.len()), new);
+    }
+}
+
+#[test]
+fn every_bad_file_is_named_and_leaves_the_old_application() {
+    let new = image(2 * 1024, 2);
+    let good = characters(&new);
+    let start = APPLICATION.start;
+    let mut checksum = good.clone();
+    checksum[20] ^= 1;
+    let mut crc = new.clone();
+    crc[1000] ^= 1;
+    let mut unsealed = new.clone();
+    unsealed[0x1C..0x20].fill(0xFF);
+    let mut longer = new.clone();
+    longer.extend([0xFF; 4]);
+    let twice = [data(start, &new[..32]), data(start + 31, &new[31..40])].concat();
+    let cases = [
+        (17, b"X0".to_vec(), "no hexadecimal length"),
+        (18, checksum, "a character of the data"),
+        (19, data(start - 1, &[1, 2]), "below"),
+        (19, data(STAGING.start - 1, &[1, 2]), "beyond"),
+        (19, record("600F80000000000000001"), "far beyond"),
+        (20, twice, "a record begins in the one before"),
+        (20, [data(start + 8, &[1]), data(start, &[1])].concat(), "records fall"),
+        (22, characters(&crc), "a byte is wrong, its record is not"),
+        (22, characters(&unsealed), "not sealed"),
+        (22, characters(&longer), "longer than its header says"),
+        (22, characters(&new[..new.len() - 4]), "shorter than its header says"),
+        (22, termination(), "nothing at all"),
+        (23, good[..good.len() - 1].to_vec(), "no termination"),
+    ];
+    let cases = cases
+        .into_iter()
+        .flat_map(|(error, text, what)| [(error, text.clone(), what, false), (error, text, what, true)]);
+    // One character a request: nobody asks for what follows the end.
+    let after = [(17, [good.clone(), termination()].concat(), "a second termination", true)];
+    for (error, text, what, numbered) in cases.chain(after) {
+        let (mut bench, old) = bench();
+        assert_eq!(download(&mut bench, &text, numbered), Some(error), "{what}");
+        assert_eq!(application(&mut bench, old.len()), old, "{what}");
+        assert!(staging_is_invalid(&mut bench), "{what}");
+        bench.set(3, 5, 2);
+        assert_eq!(bench.settle(), Next::Start, "{what}");
+        let mut bench = bench.reset();
+        assert_eq!(download(&mut bench, &good, !numbered), Some(0), "{what}: downloadable again");
+        assert_eq!(application(&mut bench, new.len()), new, "{what}");
+    }
+}
+
+#[test]
+fn worn_out_flash_is_named() {
+    let (mut bench, old) = bench();
+    bench.board().chip.worn = true;
+    let text = characters(&image(2048, 2));
+    assert_eq!(download(&mut bench, &text, false), Some(u16::from(FaultCode::FlashWrite.code())));
+    assert_eq!(application(&mut bench, old.len()), old);
+}
+
+#[test]
+fn a_host_that_paused_sends_all_it_owes_and_no_page_is_erased_meanwhile() {
+    let new = image(3 * 1024, 2);
+    let text = characters(&new);
+    let (mut bench, _) = bench();
+    bench.set(3, 0, 0xAA);
+    let (mut sent, mut owed, mut most) = (0, 0, 0);
+    while !bench.monitor.is_idle() {
+        let erased = bench.board().chip.erased.len();
+        owed += requests(&mut bench, 100).len();
+        assert!(owed == 0 || bench.board().chip.erased.len() == erased, "erased at {sent}, {owed} owed");
+        // Once in 500 characters the host is busy for 9 s; the board asks on, and is answered for each request.
+        if sent % 500 == 250 && owed < 45 {
+            bench.now = bench.now.wrapping_add(REPEAT.0);
+            continue;
+        }
+        most = most.max(owed);
+        if owed > 0 && sent < text.len() {
+            bench.say(3, &text[sent..=sent]);
+            (sent, owed) = (sent + 1, owed - 1);
+        }
+    }
+    assert_eq!((bench.get(3, 4), most), (Some(0), 45));
+    assert_eq!(application(&mut bench, new.len()), new);
+}
+
+#[test]
+fn a_request_that_went_astray_costs_one_repeat() {
+    let text = characters(&image(1024, 2));
+    let (mut bench, _) = bench();
+    bench.set(3, 0, 0xAA);
+    let (mut sent, mut asked) = (0, 0);
+    while !bench.monitor.is_idle() {
+        for _ in requests(&mut bench, 1000) {
+            asked += 1;
+            if asked % 100 != 0 && sent < text.len() {
+                bench.say(3, &text[sent..=sent]);
+                sent += 1;
+            }
+        }
+    }
+    assert_eq!((bench.get(3, 4), sent), (Some(0), text.len()));
+    // Each hundredth went astray: one repeat, and one more because the board cannot know that no answer is to come.
+    assert!(asked * 97 / 100 < text.len() && asked > text.len(), "{asked} for {}", text.len());
+}
+
+/// Our own host on a bus that `lose` decides of: for the nth frame sent, how often it arrives, and whether late.
+fn send_numbered(bench: &mut Bench, text: &[u8], lose: impl Fn(usize) -> (usize, bool)) -> (usize, usize) {
+    bench.set(3, 0, 0x1AA);
+    let (mut asked, mut count) = (0, 0);
+    let mut late: Vec<[u8; 8]> = Vec::new();
+    while !bench.monitor.is_idle() {
+        for request in requests(bench, 60) {
+            let &[0, GRANT, a, b, c] = request.data() else { panic!("{request:?}") };
+            let from = u32::from_le_bytes([a, b, c, 0]) as usize;
+            asked += 1;
+            for frame in std::mem::take(&mut late) {
+                bench.say(3, &frame);
+            }
+            for (i, eight) in text.chunks(8).enumerate().skip(from / 8).take(usize::from(GRANT)) {
+                let (times, delayed) = lose(count);
+                count += 1;
+                let frame = pack((i % 256) as u8, eight);
+                if delayed {
+                    late.push(frame);
+                } else {
+                    (0..times).for_each(|_| drop(bench.say(3, &frame)));
+                }
+                requests(bench, 130);
+            }
+        }
+    }
+    (asked, count)
+}
+
+#[test]
+fn numbered_frames_load_an_application_and_requests_go_along_with_them() {
+    let (mut bench, _) = bench();
+    let new = image(5000, 2);
+    let text = characters(&new);
+    let (asked, frames) = send_numbered(&mut bench, &text, |_| (1, false));
+    assert_eq!(application(&mut bench, new.len()), new);
+    assert_eq!(frames, text.len().div_ceil(8), "none is sent twice");
+    assert_eq!(asked, frames.div_ceil(usize::from(GRANT)));
+}
+
+#[test]
+fn numbered_frames_that_are_lost_late_or_doubled_do_no_harm() {
+    let new = image(5000, 2);
+    let text = characters(&new);
+    for every in [2, 3, 7, 16, 17, 50] {
+        for (times, late) in [(0, false), (2, false), (3, false), (1, true)] {
+            let (mut bench, _) = bench();
+            // Scattered: at even distances the first frame of every grant could be the lost one.
+            let struck = |n: usize| (n as u32).wrapping_mul(2_654_435_761) >> 8;
+            let lose = |n| if struck(n) % every == 0 { (times, late) } else { (1, false) };
+            send_numbered(&mut bench, &text, lose);
+            assert_eq!(bench.get(3, 4), Some(0), "every {every}th {times} times, late {late}");
+            assert_eq!(application(&mut bench, new.len()), new);
+        }
+    }
+}
+
+#[test]
+fn properties_are_answered_during_a_download_and_orders_end_it() {
+    let text = characters(&image(2048, 2));
+    let (mut bench, old) = bench();
+    bench.set(3, 0, 0xAA);
+    send_singly(&mut bench, &text[..1000]);
+    assert_eq!((bench.get(3, 5), bench.get(3, 4)), (Some(0), Some(0)));
+    bench.set(3, 5, 0);
+    assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(0)), "ended, no fault");
+    bench.set(3, 0, 0xAA);
+    send_singly(&mut bench, &text[..1000]);
+    assert_eq!(download(&mut bench, &text, false), Some(0), "begun anew");
+    bench.board().chip.load(APPLICATION.start, &old);
+    bench.set(3, 0, 0xAA);
+    send_singly(&mut bench, &text[..1000]);
+    bench.set(3, 5, 2);
+    assert_eq!((bench.settle(), application(&mut bench, old.len())), (Next::Start, old));
+}
+
+#[test]
+fn the_wish_to_start_is_kept_through_check_and_copy_but_not_through_a_fault() {
+    for good in [true, false] {
+        let (mut bench, old) = bench();
+        let mut new = image(2048, 2);
+        new[100] ^= u8::from(!good);
+        bench.set(3, 0, 0xAA);
+        let text = characters(&new);
+        send_singly(&mut bench, &text[..text.len() - 1]);
+        bench.say(3, &text[text.len() - 1..]);
+        while matches!(bench.monitor.phase, Phase::Download(_)) {
+            requests(&mut bench, 100);
+        }
+        bench.set(3, 5, 2);
+        let (next, error, application) = if good { (Next::Start, 0, new) } else { (Next::Stay, 22, old) };
+        assert_eq!((bench.settle(), bench.get(3, 4)), (next, Some(error)));
+        assert_eq!(super::download::application(&mut bench, application.len()), application);
+    }
+}
+
+#[test]
+fn a_copy_that_is_owed_is_made_at_boot_and_before_a_start() {
+    for asked in [false, true] {
+        let (mut bench, _) = bench();
+        let new = image(4000, 2);
+        bench.board().chip.load(STAGING.start, &new);
+        if asked {
+            bench.set(3, 5, 2);
+            assert_eq!(bench.settle(), Next::Start);
+        } else {
+            bench = bench.reset();
+            assert_eq!(bench.settle(), Next::Stay);
+        }
+        assert_eq!(application(&mut bench, new.len()), new);
+        assert!(staging_is_invalid(&mut bench));
+    }
+}
+
+#[test]
+fn only_the_host_and_only_by_the_boards_own_number() {
+    let (mut bench, _) = bench();
+    for id in [0x400, 0x401, 0x404, 1 << 5 | 3, 2] {
+        bench.say(id, &[0x80, 0, 0xAA, 0]);
+        assert_eq!((bench.settle(), bench.board().chip.erased.len()), (Next::Stay, 0), "{id:#x}");
+    }
+}
+
+proptest! {
+    /// However an image is cut into records, with bytes of 0xFF left out: odd addresses, odd lengths, gaps.
+    #[test]
+    fn any_rising_records_make_the_image(
+        blank in 60usize..3000, gap in 0usize..1500, cuts in prop::collection::vec(1usize..=120, 20..200),
+    ) {
+        let mut new = image(4096, 2);
+        let end = (blank + gap).min(4096 - 4);
+        new[blank.min(end)..end].fill(0xFF);
+        seal(&mut new, 2).expect("an application's image");
+        let (mut text, mut at) = (Vec::new(), 0);
+        for cut in cuts.into_iter().cycle() {
+            while at < end && at >= blank {
+                at += 1;
+            }
+            let to = (at + cut).min(new.len()).min(if at < blank { blank } else { new.len() });
+            text.extend(data(APPLICATION.start + at as u32, &new[at..to]));
+            at = to;
+            if at == new.len() {
+                break;
+            }
+        }
+        text.extend(termination());
+        let (mut bench, _) = bench();
+        send_numbered(&mut bench, &text, |_| (1, false));
+        prop_assert_eq!(bench.get(3, 4), Some(0));
+        prop_assert_eq!(application(&mut bench, new.len()), new.clone());
+        prop_assert!(Header::verify(&new).is_ok());
+    }
+}

@@ -1,0 +1,193 @@
+use super::*;
+
+const UNLOCK: [i32; 5] = [18384, 23, 3145, 1024, 1];
+
+#[test]
+fn it_answers_for_six_properties_and_no_other() {
+    let mut bench = Bench::strapped(3);
+    let answers: Vec<_> = (0..0x80).filter_map(|id| Some((id, bench.get(3, id)?))).collect();
+    assert_eq!(answers, [(0, 600), (1, 2051), (2, 4711), (3, 3), (4, 0), (5, 0)]);
+    assert_eq!((bench.board().bridge, bench.board().brake), (Bridge::Off, false));
+}
+
+#[test]
+fn it_answers_whoever_asks_where_they_listen() {
+    let mut bench = Bench::strapped(3);
+    let id = |from: u8, to| Identifier { from: Node::new(from).expect("a node"), to }.raw();
+    let node = |n| Destination::Node(Node::new(n).expect("a node"));
+    let answer = bench.say(id(9, node(3)), &[1]);
+    let reply = Frame::from_raw(3 << 5 | 9, &[0x87, 0, 0x03, 0x08]).expect("a frame");
+    assert_eq!(answer, [reply], "SET of VALUE to the node that asked");
+    assert_eq!(bench.say(id(0, node(4)), &[1]), [], "another node's");
+    // Everyone, GRPB 1 for nodes 1 to 4, GRPC 4; not the other half, nor what goes to the host.
+    let heard: Vec<_> = (0..32).filter(|g| !bench.say(0x400 | g, &[5]).is_empty()).collect();
+    assert_eq!(heard, [0, 1, 4]);
+}
+
+#[test]
+fn groups_and_node_come_from_storage_but_a_reply_is_never_taken_for_an_order() {
+    let mut bench = Bench::strapped(3);
+    bench.monitor.store.set(Property::GRPA, 9);
+    bench.monitor.store.set(Property::GRPB, 6);
+    bench.monitor.store.set(Property::ID, 12);
+    while !bench.monitor.keep() {}
+    let mut bench = bench.reset();
+    let heard: Vec<_> = (0..32).filter(|g| !bench.say(0x400 | g, &[5]).is_empty()).collect();
+    assert_eq!(heard, [0, 4, 9]);
+    assert_eq!((bench.get(12, 3), bench.say(3, &[3]).len()), (Some(12), 0));
+}
+
+#[test]
+fn a_board_without_straps_keeps_silent_until_it_has_been_named() {
+    let mut bench = Bench::strapped(0);
+    for id in [0, 0x400, 0x404] {
+        for property in 0..0x80 {
+            assert_eq!(bench.say(id, &[property]), []);
+        }
+    }
+    bench.set(0, 0, 0xAA);
+    bench.set(0x400, 0, 0xAA);
+    assert_eq!((bench.settle(), bench.board().sent.len()), (Next::Stay, 0));
+    for value in UNLOCK {
+        bench.set(0x400, LOCK, value);
+    }
+    bench.set(0x400, 3, 6);
+    bench.set(0x400, SAVE, -1);
+    bench.settle();
+    assert_eq!(bench.reset().get(6, 3), Some(6));
+}
+
+#[test]
+fn a_locked_property_changes_after_the_sequence_once() {
+    for (property, value) in [(1, 3), (2, 1234), (3, 5)] {
+        let mut bench = Bench::strapped(3);
+        let before = bench.get(3, property);
+        bench.set(3, property, value);
+        assert_eq!(bench.get(3, property), before, "locked");
+        for upset in 0..UNLOCK.len() {
+            for (i, number) in UNLOCK.into_iter().enumerate() {
+                bench.set(3, LOCK, if i == upset { number ^ 0x4000 } else { number });
+            }
+            bench.set(3, property, value);
+            assert_eq!(bench.get(3, property), before, "number {upset} was wrong");
+        }
+        // A false start does no harm.
+        for number in [18384, 23].into_iter().chain(UNLOCK) {
+            bench.set(3, LOCK, number);
+        }
+        bench.set(3, property, value);
+        assert_eq!(bench.get(3, property).map(i32::from), Some(value));
+        bench.set(3, property, value + 1);
+        assert_eq!(bench.get(3, property).map(i32::from), Some(value), "once");
+    }
+}
+
+#[test]
+fn what_is_out_of_range_is_refused_and_uses_the_key_up() {
+    for (property, value) in [(1, -1), (1, 32768), (2, 32768), (3, 0), (3, 32)] {
+        let mut bench = Bench::strapped(3);
+        let before = bench.get(3, property);
+        for number in UNLOCK {
+            bench.set(3, LOCK, number);
+        }
+        bench.set(3, property, value);
+        bench.set(3, property, 2);
+        assert_eq!(bench.get(3, property), before, "{property} {value}");
+    }
+}
+
+#[test]
+fn values_are_stored_by_save_and_taken_by_load() {
+    let mut bench = Bench::strapped(3);
+    let change = |bench: &mut Bench, property, value| {
+        for number in UNLOCK {
+            bench.set(3, LOCK, number);
+        }
+        bench.set(3, property, value);
+    };
+    change(&mut bench, 2, 77);
+    bench.set(3, SAVE, 1);
+    bench.set(3, SAVE, 5);
+    bench.settle();
+    let mut bench = bench.reset();
+    assert_eq!(bench.get(3, 2), Some(4711), "another property was stored");
+    change(&mut bench, 2, 77);
+    bench.set(3, SAVE, 2);
+    change(&mut bench, 2, 78);
+    bench.settle();
+    let mut bench = bench.reset();
+    assert_eq!(bench.get(3, 2), Some(77));
+    change(&mut bench, 2, 78);
+    bench.set(3, LOAD, 1);
+    assert_eq!(bench.get(3, 2), Some(78));
+    bench.set(3, LOAD, 2);
+    assert_eq!(bench.get(3, 2), Some(77));
+    change(&mut bench, 1, 3);
+    change(&mut bench, 2, 79);
+    bench.set(3, LOAD, -1);
+    assert_eq!((bench.get(3, 1), bench.get(3, 2)), (Some(2051), Some(77)), "stored, or the default");
+}
+
+#[test]
+fn an_id_moves_the_board_at_the_next_reset() {
+    let mut bench = Bench::strapped(3);
+    for number in UNLOCK {
+        bench.set(3, LOCK, number);
+    }
+    bench.set(3, 3, 5);
+    assert_eq!((bench.get(3, 3), bench.get(5, 3)), (Some(5), None));
+    bench.set(3, SAVE, 3);
+    bench.settle();
+    let mut bench = bench.reset();
+    assert_eq!((bench.get(3, 3), bench.get(5, 3)), (None, Some(5)));
+}
+
+#[test]
+fn answers_wait_for_the_controller() {
+    let mut bench = Bench::strapped(3);
+    bench.board().room = 1;
+    assert_eq!(bench.say(3, &[0]).len(), 1);
+    bench.board().room = 0;
+    for property in 1..6 {
+        assert_eq!(bench.say(3, &[property]), []);
+    }
+    bench.board().room = 10;
+    bench.settle();
+    let order: Vec<_> = bench.board().sent.iter().map(|frame| frame.data()[0]).collect();
+    assert_eq!(order, [0x81, 0x82, 0x83, 0x84, 0x85]);
+}
+
+#[test]
+fn only_a_verified_application_starts() {
+    let mut bench = Bench::strapped(3);
+    bench.set(3, 5, 2);
+    assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(16)), "there is none");
+    let good = image(2000, 1);
+    for at in [0, 0x1C, 0x20, 0x24, 0x28, 999, 1999] {
+        let mut bad = good.clone();
+        bad[at] ^= 0x10;
+        bench.board().chip.load(APPLICATION.start, &bad);
+        bench.set(3, 5, 2);
+        assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(16)), "byte {at} is wrong");
+    }
+    bench.board().chip.load(APPLICATION.start, &good);
+    assert_eq!((bench.settle(), bench.get(3, 5)), (Next::Stay, Some(0)), "nobody asked");
+    bench.set(3, 5, 1);
+    assert_eq!(bench.settle(), Next::Stay, "STAT 1 cannot be asked for");
+    bench.set(0x404, 5, 2);
+    assert_eq!(bench.settle(), Next::Start, "a group can");
+}
+
+#[test]
+fn what_is_to_be_stored_is_stored_before_the_application_starts() {
+    let mut bench = Bench::strapped(3);
+    bench.board().chip.load(APPLICATION.start, &image(2000, 1));
+    for number in UNLOCK {
+        bench.set(3, LOCK, number);
+    }
+    bench.set(3, 2, 99);
+    bench.set(3, SAVE, -1);
+    bench.set(3, 5, 2);
+    assert_eq!(bench.settle(), Next::Start);
+    assert_eq!(bench.reset().get(3, 2), Some(99));
+}

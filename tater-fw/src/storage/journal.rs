@@ -1,0 +1,225 @@
+//! What the journal says is taken up, what has changed is added to it.
+
+use super::pages::{FIRST, PAGE_WORDS, Page};
+use super::record::{self, Found, Head, MOST_WORDS};
+use super::word::{MOST, Word};
+use super::{COUNTERS, Counters, Progress, SPARING, STEP, Store, bit};
+use crate::board::{Flash, FlashError};
+use heapless::Vec;
+use tater_wire::Property;
+
+const P: u8 = Property::P.id();
+const UPSECS: u8 = Property::UPSECS.id();
+const OD: u8 = Property::OD.id();
+const PTEMP: u8 = Property::PTEMP.id();
+
+/// A record on its way into the flash.
+#[derive(Debug)]
+pub struct Writing {
+    words: Vec<u16, MOST_WORDS>,
+    /// Half-words of it that are in.
+    done: usize,
+    head: Head,
+    page: Page,
+    at: usize,
+    /// The properties in it, a bit a number.
+    changed: u128,
+    counters: Counters,
+    /// Nothing has moved since it was begun.
+    pub live: bool,
+}
+
+impl Writing {
+    /// The half-word after it, and after its mark.
+    fn end(&self) -> usize {
+        self.at + self.words.len() + usize::from(self.head.trusted.is_some())
+    }
+
+    /// The address of its mark, if it has one that says trusted.
+    pub fn mark(&self) -> Option<u32> {
+        (self.live && self.head.trusted.is_some()).then(|| self.page.address(self.at + self.words.len()))
+    }
+}
+
+impl Store {
+    /// Takes what stands in the current page.
+    pub(super) fn replay<F: Flash>(&mut self, flash: &F, page: Page) {
+        let mut at = FIRST;
+        // Everything is at least a half-word long.
+        while at < PAGE_WORDS {
+            let Some(word) = Word::decode(page.read(flash, at)) else { break };
+            if let Word::Record(_) = word {
+                let next = self.sequence.wrapping_add(1);
+                let follows = |found: &Found| at == FIRST || found.head.sequence == next;
+                let Some(found) = Found::read(flash, page, at).filter(follows) else { break };
+                self.take(flash, &found);
+                at = found.end();
+            } else {
+                self.counters = grown(self.counters, word);
+                at += 1;
+            }
+        }
+        self.pages.ends_at(flash, at);
+    }
+
+    /// Takes a record.
+    fn take<F: Flash>(&mut self, flash: &F, found: &Found) {
+        self.sequence = found.head.sequence;
+        let mut has_position = found.head.complete;
+        for (id, value) in found.entries(flash) {
+            let count = value.unwrap_or(0);
+            match id {
+                UPSECS => self.counters.upsecs = count.cast_unsigned(),
+                OD => self.counters.odometer = count.cast_unsigned(),
+                PTEMP => self.counters.ptemp = i16::try_from(count).unwrap_or(0),
+                _ => self.put(id, value),
+            }
+            has_position |= id == P;
+        }
+        if has_position {
+            let mark = found.mark().map_or(0, |mark| flash.half_word(mark));
+            // Partly programmed is distrusted, and the rest of it is still to be done.
+            self.trusted = found.head.trusted.filter(|_| mark == u16::MAX);
+            self.live = found.mark().filter(|_| mark != 0);
+        }
+    }
+
+    /// At most one flash operation.
+    pub(super) fn advance<F: Flash>(
+        &mut self,
+        flash: &mut F,
+        may_erase: bool,
+    ) -> Result<Progress, FlashError> {
+        if let Some(writing) = self.writing.take() {
+            self.proceed(flash, writing)?;
+        } else if let Some(mark) = self.obsolete.take() {
+            flash.program(mark, 0)?;
+        } else if self.pages.mark(flash)? {
+        } else if self.changed != 0 {
+            return self.begin(flash, may_erase);
+        } else if let Some(word) = self.due() {
+            let Some((page, at)) = self.pages.room(1) else { return self.begin(flash, may_erase) };
+            flash.program(page.address(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
+            self.pages.add(1);
+            self.kept = grown(self.kept, word);
+        } else if may_erase && let Some(page) = self.pages.stale() {
+            self.pages.erase(flash, page)?;
+        } else {
+            return Ok(Progress::Done);
+        }
+        Ok(Progress::More)
+    }
+
+    /// What the counters have grown by, if it is enough to be told.
+    fn due(&self) -> Option<Word> {
+        let (now, kept) = (self.counters, self.kept);
+        let step = if self.pages.has_ready() { STEP } else { SPARING };
+        let rise = i32::from(now.ptemp) - i32::from(kept.ptemp);
+        let enough = |ahead: u32, step: u32| {
+            (ahead >= step).then(|| u16::try_from(ahead).map_or(MOST, |ahead| ahead.min(MOST)))
+        };
+        enough(now.upsecs.saturating_sub(kept.upsecs), step.upsecs)
+            .map(Word::Time)
+            .or_else(|| enough(now.odometer.saturating_sub(kept.odometer), step.odometer).map(Word::Travel))
+            .or_else(|| {
+                enough(u32::try_from(rise).unwrap_or(0), step.ptemp.unsigned_abs().into()).map(Word::Heat)
+            })
+    }
+
+    /// Begins a record: of what has changed behind the others if there is room, of everything in the next page if not.
+    fn begin<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Result<Progress, FlashError> {
+        let (head, words) = self.record(false);
+        let len = words.len() + usize::from(head.trusted.is_some());
+        let (head, words, page, at) = if let Some((page, at)) = self.pages.room(len) {
+            (head, words, page, at)
+        } else if let Some(page) = self.pages.take_ready() {
+            let (head, words) = self.record(true);
+            (head, words, page, FIRST)
+        } else {
+            let Some(page) = self.pages.last_resort() else { return Err(FlashError::Failed) };
+            if !may_erase {
+                return Ok(Progress::Waiting);
+            }
+            return self.pages.erase(flash, page).map(|()| Progress::More);
+        };
+        let (changed, counters) = (core::mem::take(&mut self.changed), self.counters);
+        let writing = Writing { words, done: 0, head, page, at, changed, counters, live: true };
+        self.proceed(flash, writing)?;
+        Ok(Progress::More)
+    }
+
+    /// The next record: of all there is, or of what has changed.
+    fn record(&self, complete: bool) -> (Head, Vec<u16, MOST_WORDS>) {
+        let trusted = self.trusted.filter(|_| complete || self.changed & bit(P) != 0);
+        let head = Head { sequence: self.sequence.wrapping_add(1), complete, trusted };
+        let entry = |id| {
+            let value = match id {
+                UPSECS => Some(self.counters.upsecs.cast_signed()),
+                OD => Some(self.counters.odometer.cast_signed()),
+                PTEMP => Some(i32::from(self.counters.ptemp)),
+                _ => self.values.get(&id).copied(),
+            };
+            (id, value)
+        };
+        let words = if complete {
+            record::encode(&head, COUNTERS.into_iter().chain(self.values.keys().copied()).map(entry))
+        } else {
+            let changed = (0..128).filter(|id| self.changed & bit(*id) != 0);
+            record::encode(&head, changed.map(entry))
+        };
+        (head, words)
+    }
+
+    /// Programs a record's next half-word, and counts it as stored with the last one.
+    fn proceed<F: Flash>(&mut self, flash: &mut F, mut writing: Writing) -> Result<(), FlashError> {
+        if let Some(word) = writing.words.get(writing.done) {
+            let address = writing.page.address(writing.at + writing.done);
+            if let Err(error) = flash.program(address, *word) {
+                self.writing = Some(writing);
+                self.abandon();
+                return Err(error);
+            }
+        }
+        writing.done += 1;
+        if writing.done < writing.words.len() {
+            self.writing = Some(writing);
+            return Ok(());
+        }
+        let (head, end) = (writing.head, writing.end());
+        if head.complete {
+            self.pages.turn(writing.page, end);
+        } else {
+            self.pages.add(end - writing.at);
+        }
+        self.sequence = head.sequence;
+        if head.complete || writing.changed & bit(UPSECS) != 0 {
+            self.kept = writing.counters;
+        }
+        if head.complete || writing.changed & bit(P) != 0 {
+            self.obsolete = self.live.take();
+            self.live = writing.mark();
+        }
+        Ok(())
+    }
+
+    /// Gives up the record on its way, and its page: what is in it comes with the next, elsewhere. Should it be readable
+    /// after all, it must not be believed that nothing has moved.
+    pub(super) fn abandon(&mut self) {
+        if let Some(writing) = self.writing.take() {
+            self.obsolete = writing.mark();
+            self.changed |= writing.changed;
+            self.pages.fail(writing.page);
+        }
+    }
+}
+
+/// The counters after one of them grew.
+const fn grown(mut counters: Counters, word: Word) -> Counters {
+    match word {
+        Word::Time(amount) => counters.upsecs = counters.upsecs.saturating_add(amount as u32),
+        Word::Travel(amount) => counters.odometer = counters.odometer.saturating_add(amount as u32),
+        Word::Heat(amount) => counters.ptemp = counters.ptemp.saturating_add_unsigned(amount),
+        Word::Record(_) => {}
+    }
+    counters
+}

@@ -1,0 +1,164 @@
+//! Records: values by property number, whole or not at all.
+//!
+//! | half-word | |
+//! |---|---|
+//! | 0 | [`Word::Record`]: half-words up to and with the CRC |
+//! | 1 | bits 15..12 version of this layout, 4 complete, 3 trusted, 2..0 hall code; the others 0 |
+//! | 2, 3 | sequence number, one more than that of the record before |
+//! | ... | entries: number of the property \| half-words of value << 8, then the value, two's complement, in 0 (forgotten), 1 or 2 half-words |
+//! | last two | CRC-32 (ISO-HDLC) of all before |
+//! | and one | only if trusted: the mark, all ones while the position in the record may be trusted |
+//!
+//! Low half-words and bytes first. An entry says its own length, so that a number that this version does not know is
+//! kept, and one of a length that it does not know is skipped.
+
+use super::pages::{PAGE_WORDS, Page};
+use super::word::Word;
+use crate::board::Flash;
+use heapless::Vec;
+use tater_wire::image::CRC;
+
+/// The version of the layout. A record of another version is not read, and its page is erased in its turn: a firmware
+/// with a new layout must read this one too.
+const VERSION: u16 = 1;
+
+/// Half-words before the entries, and the CRC's.
+const HEAD: usize = 4;
+const TAIL: usize = 2;
+
+/// Entries of a record at most: the stored properties and three counters.
+pub const ENTRIES: usize = super::STORED + 3;
+
+/// Half-words of a record at most: every entry has at most three.
+pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES + TAIL;
+
+/// What a record says of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Head {
+    /// Sequence number.
+    pub sequence: u32,
+    /// Holds all values: what it does not name is not stored. The others only name what changed.
+    pub complete: bool,
+    /// The hall code at the position in this record, which may be trusted while the mark says so.
+    pub trusted: Option<u8>,
+}
+
+impl Head {
+    fn info(&self) -> u16 {
+        let trusted = self.trusted.map_or(0, |code| 8 | u16::from(code & 7));
+        VERSION << 12 | u16::from(self.complete) << 4 | trusted
+    }
+
+    fn parse(info: u16, sequence: u32) -> Option<Self> {
+        let [low, _] = info.to_le_bytes();
+        let head = Self { sequence, complete: low & 16 != 0, trusted: (low & 8 != 0).then_some(low & 7) };
+        (head.info() == info).then_some(head)
+    }
+}
+
+/// The half-words of a record to be written, the mark not among them.
+pub fn encode(head: &Head, entries: impl Iterator<Item = (u8, Option<i32>)>) -> Vec<u16, MOST_WORDS> {
+    let [low, high] = halves(head.sequence);
+    let mut words = Vec::<u16, MOST_WORDS>::new();
+    // There is room for all: ENTRIES.
+    let mut push = |word| {
+        let _ = words.push(word);
+    };
+    // The length takes the first one's place.
+    [0, head.info(), low, high].into_iter().for_each(&mut push);
+    for (id, value) in entries.take(ENTRIES) {
+        let [low, high] = halves(value.unwrap_or(0).cast_unsigned());
+        let count = match value {
+            None => 0,
+            Some(value) if i16::try_from(value).is_ok() => 1,
+            Some(_) => 2,
+        };
+        push(u16::from(id) | count << 8);
+        [low, high].into_iter().take(usize::from(count)).for_each(&mut push);
+    }
+    let len = u16::try_from(words.len() + TAIL).unwrap_or(u16::MAX);
+    if let Some(first) = words.first_mut() {
+        *first = Word::Record(len).encode();
+    }
+    let crc = checksum(words.iter().copied());
+    // Room for the CRC is part of MOST_WORDS.
+    let _ = words.extend_from_slice(&halves(crc));
+    words
+}
+
+/// A whole record in the flash.
+#[derive(Clone, Copy, Debug)]
+pub struct Found {
+    /// What it says of itself.
+    pub head: Head,
+    page: Page,
+    at: usize,
+    len: usize,
+}
+
+impl Found {
+    /// The record at a half-word of a page; `None` if there is none, or it is not whole.
+    pub fn read<F: Flash>(flash: &F, page: Page, at: usize) -> Option<Self> {
+        let Word::Record(len) = Word::decode(page.read(flash, at))? else { return None };
+        let len = usize::from(len);
+        if len < HEAD + TAIL || at + len > PAGE_WORDS {
+            return None;
+        }
+        let word = |i| page.read(flash, at + i);
+        if checksum((0..len - TAIL).map(word)) != join(word(len - 2), word(len - 1)) {
+            return None;
+        }
+        let head = Head::parse(word(1), join(word(2), word(3)))?;
+        let found = Self { head, page, at, len };
+        (found.end() <= PAGE_WORDS).then_some(found)
+    }
+
+    /// The half-word after it.
+    pub fn end(&self) -> usize {
+        self.at + self.len + usize::from(self.head.trusted.is_some())
+    }
+
+    /// The address of its mark.
+    pub fn mark(&self) -> Option<u32> {
+        self.head.trusted.map(|_| self.page.address(self.at + self.len))
+    }
+
+    /// Its entries: property numbers, and values, or `None` for forgotten ones.
+    pub fn entries<F: Flash>(&self, flash: &F) -> impl Iterator<Item = (u8, Option<i32>)> {
+        let (page, end) = (self.page, self.at + self.len - TAIL);
+        let mut at = self.at + HEAD;
+        // Every round is at least a half-word further.
+        core::iter::from_fn(move || {
+            while at < end {
+                let [id, count] = page.read(flash, at).to_le_bytes();
+                let value = at + 1;
+                at = value + usize::from(count);
+                let word = |i| page.read(flash, value + i);
+                match count {
+                    _ if at > end => {}
+                    0 => return Some((id, None)),
+                    1 => return Some((id, Some(i32::from(word(0).cast_signed())))),
+                    2 => return Some((id, Some(join(word(0), word(1)).cast_signed()))),
+                    _ => {}
+                }
+            }
+            None
+        })
+    }
+}
+
+fn checksum(words: impl Iterator<Item = u16>) -> u32 {
+    let mut digest = CRC.digest();
+    words.for_each(|word| digest.update(&word.to_le_bytes()));
+    digest.finalize()
+}
+
+const fn halves(word: u32) -> [u16; 2] {
+    let [a, b, c, d] = word.to_le_bytes();
+    [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
+}
+
+const fn join(low: u16, high: u16) -> u32 {
+    let ([a, b], [c, d]) = (low.to_le_bytes(), high.to_le_bytes());
+    u32::from_le_bytes([a, b, c, d])
+}

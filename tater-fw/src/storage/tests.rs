@@ -1,0 +1,389 @@
+mod broken;
+mod model;
+
+use super::pages::PAGE_WORDS;
+use super::record::{self, Head};
+use super::word::Word;
+use super::*;
+use crate::board::Flash;
+use std::collections::BTreeSet;
+use std::vec::Vec;
+use tater_wire::memory::{PAGE, STORAGE};
+use tater_wire::property::ROWS;
+
+/// The storage pages, with the F103's rules, and half-words and pages that fail when told.
+#[derive(Clone)]
+struct Ram {
+    words: Vec<u16>,
+    programmed: usize,
+    erased: usize,
+    /// Addresses that do not take a program, or as a page's first an erase.
+    broken: BTreeSet<u32>,
+}
+
+impl Default for Ram {
+    fn default() -> Self {
+        let words = std::vec![u16::MAX; STORAGE.len as usize / 2];
+        Self { words, programmed: 0, erased: 0, broken: BTreeSet::new() }
+    }
+}
+
+impl Ram {
+    fn index(address: u32) -> usize {
+        (address.checked_sub(STORAGE.start).expect("writes only the storage") / 2) as usize
+    }
+}
+
+impl Flash for Ram {
+    fn half_word(&self, address: u32) -> u16 {
+        self.words[Self::index(address)]
+    }
+
+    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+        self.programmed += 1;
+        let word = &mut self.words[Self::index(address)];
+        if *word != u16::MAX && value != 0 {
+            return Err(FlashError::NotErased);
+        }
+        if self.broken.contains(&address) {
+            return Err(FlashError::Verify);
+        }
+        *word = value;
+        Ok(())
+    }
+
+    fn erase(&mut self, page: u32) -> Result<(), FlashError> {
+        assert!(page.is_multiple_of(PAGE));
+        self.erased += 1;
+        if self.broken.contains(&page) {
+            return Err(FlashError::Verify);
+        }
+        let at = Self::index(page);
+        self.words[at..at + PAGE_WORDS].fill(u16::MAX);
+        Ok(())
+    }
+}
+
+/// Steps until there is nothing more to do or nothing can be done; how many steps did something.
+fn finish(store: &mut Store, flash: &mut Ram) -> usize {
+    for steps in 0..3000 {
+        match store.step(flash, true) {
+            Progress::More => {}
+            Progress::Done => return steps,
+            other => panic!("{other:?}"),
+        }
+    }
+    panic!("no end of it");
+}
+
+/// A store in an erased flash, with the pages prepared.
+fn fresh() -> (Store, Ram) {
+    let mut flash = Ram::default();
+    let mut store = Store::open(&flash);
+    finish(&mut store, &mut flash);
+    (store, flash)
+}
+
+/// The properties that SAVE stores.
+fn stored() -> Vec<Property> {
+    ROWS.iter().filter(|row| row.stored == Stored::Yes).map(|row| row.property).collect()
+}
+
+#[test]
+fn all_stored_properties_fit() {
+    // 43: the number in the module's text, from which its arithmetic follows.
+    assert_eq!(stored().len(), 43);
+    assert!(stored().len() <= STORED);
+    for property in stored() {
+        let row = property.row();
+        assert!(i32::try_from(row.min).is_ok() && i32::try_from(row.max).is_ok(), "{property:?}");
+    }
+    let always: Vec<u8> =
+        ROWS.iter().filter(|row| row.stored == Stored::Always).map(|row| row.property.id()).collect();
+    assert!(always.iter().all(|id| COUNTERS.contains(id)) && always.len() == COUNTERS.len());
+    // Of the 20 KiB of RAM; on the microcontroller it is less, usize being 4 bytes.
+    assert!(size_of::<Store>() <= 900, "{}", size_of::<Store>());
+}
+
+#[test]
+fn what_is_set_and_forgotten_is_read_back() {
+    let (mut store, mut flash) = fresh();
+    assert_eq!((store.get(Property::MT), store.counters()), (None, Counters::default()));
+    store.set(Property::MT, 500);
+    store.set(Property::TSTOP, 65_535);
+    store.set(Property::IVEL, -200);
+    finish(&mut store, &mut flash);
+    let mut store = Store::open(&flash);
+    let read = |store: &Store| [Property::MT, Property::TSTOP, Property::IVEL].map(|p| store.get(p));
+    assert_eq!(read(&store), [Some(500), Some(65_535), Some(-200)]);
+    store.forget(Property::TSTOP);
+    assert_eq!(read(&store), [Some(500), None, Some(-200)]);
+    finish(&mut store, &mut flash);
+    assert_eq!(read(&Store::open(&flash)), [Some(500), None, Some(-200)]);
+}
+
+#[test]
+fn what_is_not_stored_or_out_of_range_is_not_taken() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::TEMP, 300);
+    store.set(Property::UPSECS, 300);
+    store.set(Property::MT, 991);
+    store.set(Property::MT, i64::MAX);
+    store.save_position(32_768, 1);
+    assert_eq!(
+        (store.get(Property::TEMP), store.get(Property::MT), store.trusted_position()),
+        (None, None, None)
+    );
+    assert_eq!(finish(&mut store, &mut flash), 0);
+}
+
+#[test]
+fn a_save_takes_what_the_module_says() {
+    let (mut store, mut flash) = fresh();
+    let save = |value: fn(&Property) -> i64, store: &mut Store, flash: &mut Ram| {
+        let before = flash.programmed;
+        stored().iter().for_each(|property| store.set(*property, value(property)));
+        finish(store, flash);
+        flash.programmed - before
+    };
+    // The first record is a complete one: head 4, counters 3 x 2, properties 2 each, and ACCEL and TSTOP 1 more, CRC 2.
+    assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 4 + 3 * 2 + 43 * 2 + 2 + 2);
+    assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 0, "nothing has changed");
+    assert_eq!(save(|p| p.row().max - 1, &mut store, &mut flash), 4 + 43 * 2 + 2 + 2);
+    store.set(Property::X0, 5);
+    assert_eq!(finish(&mut store, &mut flash), 8);
+    // The longest complete one: counters that need 32 bits.
+    store.reset_counters(Counters { upsecs: u32::MAX, odometer: u32::MAX, ptemp: 900 });
+    finish(&mut store, &mut flash);
+    assert_eq!(store.record(true).1.len(), 4 + 3 + 3 + 2 + 43 * 2 + 2 + 2);
+    assert_eq!(Store::open(&flash).counters(), store.counters());
+}
+
+#[test]
+fn sets_before_a_record_begins_come_together() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::X0, 1);
+    finish(&mut store, &mut flash);
+    store.set(Property::X0, 2);
+    store.set(Property::X1, 2);
+    let both = |flash: &Ram| [Property::X0, Property::X1].map(|p| Store::open(flash).get(p));
+    let mut seen = std::vec![both(&flash)];
+    for _ in 0..10 {
+        store.step(&mut flash, false);
+        seen.push(both(&flash));
+    }
+    // A record of two is 10 half-words; it is there with the last.
+    assert_eq!(seen[..10], [[Some(1), None]; 10]);
+    assert_eq!(seen[10], [Some(2), Some(2)]);
+}
+
+#[test]
+fn with_the_bridge_on_it_waits_for_an_erase() {
+    let mut flash = Ram::default();
+    let mut store = Store::open(&flash);
+    assert_eq!(store.step(&mut flash, false), Progress::Done, "nothing to store");
+    store.set(Property::X0, 1);
+    assert_eq!(store.step(&mut flash, false), Progress::Waiting);
+    assert_eq!((flash.programmed, flash.erased), (0, 0));
+    finish(&mut store, &mut flash);
+    // From now on the pages ready take many records without an erase.
+    let erased = flash.erased;
+    let mut records = 0;
+    'full: for value in 2.. {
+        store.set(Property::X0, value);
+        for _ in 0..100 {
+            match store.step(&mut flash, false) {
+                Progress::More => {}
+                Progress::Done => break,
+                _ => break 'full,
+            }
+        }
+        records += 1;
+    }
+    // Seven pages, each a complete record of 14 half-words or so and others of 8.
+    assert!((7 * 60..=7 * 62).contains(&records), "{records}");
+    assert_eq!(flash.erased, erased);
+    let last = store.get(Property::X0);
+    assert_eq!(
+        Store::open(&flash).get(Property::X0),
+        last.map(|value| value - 1),
+        "the one that waits is not in"
+    );
+    finish(&mut store, &mut flash);
+    assert_eq!(Store::open(&flash).get(Property::X0), last);
+}
+
+#[test]
+fn numbers_of_another_version_are_kept_or_skipped() {
+    let head = Head { sequence: 7, complete: true, trusted: None };
+    let entries = [
+        (6, Some(-5)),
+        (Property::MT.id(), Some(70_000)),
+        (200, Some(1 << 20)),
+        (Property::X0.id(), Some(3)),
+    ];
+    let mut words = record::encode(&head, entries.into_iter());
+    // A value of five half-words, before the CRC.
+    words.truncate(words.len() - 2);
+    words.extend_from_slice(&[7 | 5 << 8, 1, 2, 3, 4, 5]).unwrap();
+    words[0] = Word::Record(words.len() as u16 + 2).encode();
+    let mut digest = tater_wire::image::CRC.digest();
+    words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
+    let crc = digest.finalize();
+    words.extend_from_slice(&[crc as u16, (crc >> 16) as u16]).unwrap();
+    let mut flash = Ram::default();
+    flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
+
+    let mut store = Store::open(&flash);
+    assert_eq!(store.get(Property::X0), Some(3));
+    assert_eq!(store.get(Property::MT), None, "beyond this version's range");
+    for value in 0..200 {
+        store.set(Property::X0, value);
+        finish(&mut store, &mut flash);
+    }
+    let store = Store::open(&flash);
+    assert!(store.pages.current() != Store::open(&Ram::default()).pages.current());
+    let kept = |id| store.values.get(&id).copied();
+    assert_eq!([6, 7, 200, Property::MT.id()].map(kept), [Some(-5), None, Some(1 << 20), Some(70_000)]);
+}
+
+#[test]
+fn unknown_numbers_give_way_to_known_ones() {
+    let head = Head { sequence: 7, complete: true, trusted: None };
+    let words = record::encode(&head, (150..150 + STORED as u8).map(|id| (id, Some(9))));
+    let mut flash = Ram::default();
+    flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
+    let mut store = Store::open(&flash);
+    stored().iter().for_each(|property| store.set(*property, property.row().min));
+    finish(&mut store, &mut flash);
+    let store = Store::open(&flash);
+    assert!(stored().iter().all(|property| store.get(*property) == Some(property.row().min)));
+}
+
+#[test]
+fn nothing_is_read_from_what_is_not_ours() {
+    for words in [std::vec![0; 4096], std::vec![u16::MAX; 4096], std::vec![0x5AC3; 4096]] {
+        let mut flash = Ram { words, ..Ram::default() };
+        let mut store = Store::open(&flash);
+        assert_eq!((store.counters(), store.trusted_position()), (Counters::default(), None));
+        assert!(stored().iter().all(|property| store.get(*property).is_none()));
+        store.set(Property::MT, 1);
+        finish(&mut store, &mut flash);
+        assert_eq!(Store::open(&flash).get(Property::MT), Some(1));
+    }
+    // Another version of the layout.
+    let head = Head { sequence: 7, complete: true, trusted: None };
+    let mut words = record::encode(&head, core::iter::once((Property::MT.id(), Some(5))));
+    words[1] ^= 3 << 12;
+    words.truncate(words.len() - 2);
+    let mut digest = tater_wire::image::CRC.digest();
+    words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
+    words.extend_from_slice(&[digest.clone().finalize() as u16, (digest.finalize() >> 16) as u16]).unwrap();
+    let mut flash = Ram::default();
+    flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
+    assert_eq!(Store::open(&flash).get(Property::MT), None);
+    flash.words[FIRST + 1] ^= 3 << 12;
+    assert_eq!(Store::open(&flash).get(Property::MT), None, "the CRC covers the version");
+}
+
+#[test]
+fn trust_lives_until_it_is_consumed() {
+    let (mut store, mut flash) = fresh();
+    let trusted = |flash: &Ram| Store::open(flash).trusted_position();
+    store.distrust(&mut flash).unwrap();
+    assert_eq!(flash.programmed, 8, "eight pages prepared, and nothing to distrust");
+    store.save_position(-40, 5);
+    assert_eq!(trusted(&flash), None);
+    finish(&mut store, &mut flash);
+    assert_eq!((trusted(&flash), Store::open(&flash).get(Property::P)), (Some((-40, 5)), Some(-40)));
+    // It survives other records, a page's turn among them.
+    for value in 0..100 {
+        store.set(Property::X0, value);
+        finish(&mut store, &mut flash);
+        assert_eq!(trusted(&flash), Some((-40, 5)));
+    }
+    let mut store = Store::open(&flash);
+    let before = flash.programmed;
+    store.distrust(&mut flash).unwrap();
+    store.distrust(&mut flash).unwrap();
+    assert_eq!((flash.programmed - before, trusted(&flash)), (1, None));
+    assert_eq!(Store::open(&flash).get(Property::P), Some(-40), "still stored");
+    for value in 0..100 {
+        store.set(Property::X1, value);
+        finish(&mut store, &mut flash);
+        assert_eq!(trusted(&flash), None, "dead marks stay dead");
+    }
+    store.save_position(-40, 5);
+    finish(&mut store, &mut flash);
+    assert_eq!(trusted(&flash), Some((-40, 5)), "the same place, stored anew");
+    store.set(Property::P, -40);
+    assert_eq!(store.trusted_position(), None);
+    finish(&mut store, &mut flash);
+    assert_eq!(trusted(&flash), None, "SAVE of P alone says nothing about trust");
+}
+
+#[test]
+fn trust_in_a_record_on_its_way_is_consumed_too() {
+    // The second record with a position is complete, or one of a property.
+    for turns in [false, true] {
+        for steps in 0..40 {
+            let (mut store, mut flash) = fresh();
+            store.save_position(7, 3);
+            finish(&mut store, &mut flash);
+            if turns {
+                store.pages.add(500 - store.pages.room(1).unwrap().1);
+            }
+            store.save_position(8, 2);
+            for _ in 0..steps {
+                store.step(&mut flash, true);
+            }
+            store.distrust(&mut flash).unwrap();
+            assert_eq!(Store::open(&flash).trusted_position(), None);
+            finish(&mut store, &mut flash);
+            let store = Store::open(&flash);
+            assert_eq!((store.trusted_position(), store.get(Property::P)), (None, Some(8)));
+            // No older mark is left to be believed either.
+            let marks = (0..8_u32).filter_map(|page| {
+                let mut wiped = flash.clone();
+                wiped.erase(STORAGE.page(page)).unwrap();
+                Store::open(&wiped).trusted_position()
+            });
+            assert_eq!(marks.count(), 0, "{turns} {steps}");
+        }
+    }
+}
+
+#[test]
+fn a_half_programmed_mark_is_distrusted_and_programmed_to_the_end() {
+    let (mut store, mut flash) = fresh();
+    store.save_position(7, 3);
+    finish(&mut store, &mut flash);
+    let mark = Ram::index(store.live.unwrap());
+    flash.words[mark] = 0xFFFE;
+    let mut store = Store::open(&flash);
+    assert_eq!(store.trusted_position(), None);
+    store.distrust(&mut flash).unwrap();
+    assert_eq!(flash.words[mark], 0);
+}
+
+#[test]
+fn counters_are_told_when_due_and_go_back_only_when_told() {
+    let (mut store, mut flash) = fresh();
+    store.count(Counters { upsecs: 57, odometer: 5, ptemp: 0 });
+    assert_eq!(finish(&mut store, &mut flash), 0);
+    let all = Counters { upsecs: 58, odometer: 5, ptemp: 250 };
+    store.count(all);
+    store.count(Counters { upsecs: 3, odometer: 1, ptemp: -70 });
+    assert_eq!(store.counters(), all);
+    finish(&mut store, &mut flash);
+    assert_eq!(Store::open(&flash).counters(), all, "the first record has them all");
+    // 5,000 s more take 5 half-words of up to 1,023 s, 2,000 thousands 2.
+    store.count(Counters { upsecs: 5058, odometer: 2005, ptemp: 253 });
+    assert_eq!(finish(&mut store, &mut flash), 5 + 2 + 1);
+    assert_eq!(Store::open(&flash).counters(), store.counters());
+    let back = Counters { upsecs: 10, odometer: 0, ptemp: -55 };
+    store.reset_counters(back);
+    store.count(Counters { upsecs: 11, ..back });
+    finish(&mut store, &mut flash);
+    assert_eq!(Store::open(&flash).counters(), Counters { upsecs: 11, ..back });
+}

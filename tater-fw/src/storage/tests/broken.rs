@@ -1,0 +1,113 @@
+//! Flash that does not take what it is given.
+
+use super::*;
+
+/// Steps until all is stored; how often the flash failed.
+fn finish_failing(store: &mut Store, flash: &mut Ram) -> usize {
+    let mut failed = 0;
+    for _ in 0..3000 {
+        match store.step(flash, true) {
+            Progress::More => {}
+            Progress::Failed(_) => failed += 1,
+            Progress::Done => return failed,
+            Progress::Waiting => panic!("the bridge is off"),
+        }
+    }
+    panic!("no end of it");
+}
+
+#[test]
+fn another_page_takes_what_one_did_not() {
+    for at in 0..PAGE_WORDS as u32 {
+        let (mut store, mut flash) = fresh();
+        store.set(Property::X0, 1);
+        store.save_position(5, 1);
+        finish(&mut store, &mut flash);
+        // The first page's half-words behind that record, and those of the next.
+        let address = STORAGE.start + PAGE / 2 + 2 * at;
+        flash.broken.insert(address);
+        let mut failed = 0;
+        for value in 2..130 {
+            store.set(Property::X0, value);
+            failed += finish_failing(&mut store, &mut flash);
+            let open = Store::open(&flash);
+            assert_eq!(
+                (open.get(Property::X0), open.trusted_position()),
+                (Some(value), Some((5, 1))),
+                "{at}"
+            );
+        }
+        // Marks of trust and of prepared pages are not written again here.
+        assert!(failed <= 1, "half-word {at}: failed {failed} times");
+    }
+}
+
+#[test]
+fn a_broken_flash_is_not_worn_out_by_trying() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::X0, 1);
+    finish(&mut store, &mut flash);
+    let good = flash.clone();
+    flash.broken.extend((STORAGE.start..STORAGE.end()).step_by(2));
+    store.set(Property::X0, 2);
+    let (programmed, erased) = (flash.programmed, flash.erased);
+    for _ in 0..10_000 {
+        assert_eq!(store.step(&mut flash, false), store.step(&mut flash, true));
+    }
+    assert!(matches!(store.step(&mut flash, true), Progress::Failed(_)));
+    assert!(flash.programmed - programmed <= 8 && flash.erased - erased <= 8, "once a page");
+    assert_eq!(Store::open(&flash).get(Property::X0), Some(1), "what was stored is still there");
+    // A new start tries once more.
+    flash.broken = good.broken;
+    let mut store = Store::open(&flash);
+    store.set(Property::X0, 3);
+    finish(&mut store, &mut flash);
+    assert_eq!(Store::open(&flash).get(Property::X0), Some(3));
+}
+
+#[test]
+fn pages_that_cannot_be_erased_are_left_out() {
+    let mut flash = Ram::default();
+    // All but two: the last resort is the page before the current one.
+    flash.broken = [0, 1, 2, 4, 5, 7].map(|page| STORAGE.page(page)).into();
+    let mut store = Store::open(&flash);
+    let failed = finish_failing(&mut store, &mut flash);
+    assert_eq!((failed, flash.erased), (6, 8));
+    for value in 0..1000 {
+        store.set(Property::X0, value);
+        assert_eq!(finish_failing(&mut store, &mut flash), 0);
+        assert_eq!(Store::open(&flash).get(Property::X0), Some(value));
+    }
+}
+
+#[test]
+fn a_mark_that_does_not_die_is_followed_by_a_record_without_trust() {
+    let (mut store, mut flash) = fresh();
+    store.save_position(5, 1);
+    finish(&mut store, &mut flash);
+    flash.broken.insert(store.live.unwrap());
+    assert_eq!(store.distrust(&mut flash), Err(FlashError::Verify));
+    assert_eq!(store.trusted_position(), None);
+    assert_eq!(finish_failing(&mut store, &mut flash), 1, "the dead mark is tried once more");
+    assert_eq!(store.distrust(&mut flash), Ok(()));
+    let open = Store::open(&flash);
+    assert_eq!((open.trusted_position(), open.get(Property::P)), (None, Some(5)));
+}
+
+#[test]
+fn a_record_whose_mark_does_not_die_is_given_up() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::X0, 1);
+    finish(&mut store, &mut flash);
+    store.save_position(5, 1);
+    store.step(&mut flash, true);
+    let mark = store.writing.as_ref().unwrap().mark().unwrap();
+    flash.broken.insert(mark);
+    assert_eq!(store.distrust(&mut flash), Ok(()));
+    finish_failing(&mut store, &mut flash);
+    let open = Store::open(&flash);
+    assert_eq!(
+        (open.trusted_position(), open.get(Property::P), open.get(Property::X0)),
+        (None, Some(5), Some(1))
+    );
+}

@@ -1,0 +1,90 @@
+//! Half-words that show when their programming was cut short.
+//!
+//! A cut leaves zeros missing. So each word counts its own zeros (a Berger code): data that lost zeros count fewer, and
+//! a count that lost zeros says more, and the two never agree again. Neither an erased half-word nor 0 is a word.
+
+/// Bits of data: two say what it is, ten how much.
+const DATA_BITS: u16 = 12;
+
+/// Bits of the amount.
+const AMOUNT_BITS: u16 = 10;
+
+/// The largest amount.
+pub const MOST: u16 = (1 << AMOUNT_BITS) - 1;
+
+/// The first half-word of whatever stands in a page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Word {
+    /// UPSECS grew by so many seconds.
+    Time(u16),
+    /// OD grew by so many thousands of counts.
+    Travel(u16),
+    /// PTEMP rose by so many tenths of a degree.
+    Heat(u16),
+    /// A record of so many half-words begins with this one.
+    Record(u16),
+}
+
+impl Word {
+    /// As it is programmed. Amounts are at most [`MOST`].
+    pub const fn encode(self) -> u16 {
+        let (kind, amount) = match self {
+            Self::Time(amount) => (0, amount),
+            Self::Travel(amount) => (1, amount),
+            Self::Heat(amount) => (2, amount),
+            Self::Record(amount) => (3, amount),
+        };
+        let data = kind << AMOUNT_BITS | amount & MOST;
+        zeros(data) << DATA_BITS | data
+    }
+
+    /// `None` for one that was not programmed, or not to the end.
+    pub const fn decode(word: u16) -> Option<Self> {
+        let data = word & ((1 << DATA_BITS) - 1);
+        if zeros(data) != word >> DATA_BITS {
+            return None;
+        }
+        let amount = data & MOST;
+        Some(match data >> AMOUNT_BITS {
+            0 => Self::Time(amount),
+            1 => Self::Travel(amount),
+            2 => Self::Heat(amount),
+            _ => Self::Record(amount),
+        })
+    }
+}
+
+/// Zeros among the data bits: 0 to 12.
+const fn zeros(data: u16) -> u16 {
+    let mut zeros = 0;
+    let mut bit = 0;
+    while bit < DATA_BITS {
+        zeros += 1 - (data >> bit & 1);
+        bit += 1;
+    }
+    zeros
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_word_is_read_back_and_no_cut_makes_another_of_it() {
+        for make in [Word::Time, Word::Travel, Word::Heat, Word::Record] {
+            for amount in 0..=MOST {
+                let word = make(amount);
+                let code = word.encode();
+                assert_eq!(Word::decode(code), Some(word));
+                // Every code with more ones than this one: all that a cut can leave.
+                let missing = !code;
+                let mut ones = missing;
+                while ones != 0 {
+                    assert_eq!(Word::decode(code | ones), None, "{code:04x} cut to {:04x}", code | ones);
+                    ones = (ones - 1) & missing;
+                }
+            }
+        }
+        assert_eq!((Word::decode(0), Word::decode(u16::MAX)), (None, None));
+    }
+}
