@@ -15,6 +15,7 @@ pub mod report;
 pub mod rig;
 mod run;
 pub mod scenario;
+pub mod slcan;
 pub mod trace;
 
 pub use plant::Model;

@@ -1,8 +1,9 @@
 //! `hil-sim`: run scenarios of the servo against the motor's plant. A thin shell: arguments in, files and text
-//! out; the only clock read is the wall clock of `wall_s`.
+//! out; the only clock read is the wall clock of `wall_s` and of the bus that is served in real time.
 #![forbid(unsafe_code)]
 
 mod output;
+mod serve;
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -15,6 +16,7 @@ use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
 use hil_sim::trace::{Trace, write_csv};
 use hil_sim::{Model, Options, Outcome, report, run};
 use output::{print, replace, tell};
+use serve::BusArgs;
 
 /// Simulates the servo of a robot hand's motor board in closed loop with its motor.
 #[derive(Parser)]
@@ -30,6 +32,8 @@ enum Task {
     Run(RunArgs),
     /// Name the scenarios that are shipped.
     List,
+    /// Serve boards on a CAN bus in real time, for CAN tools. Ends with ^C.
+    Bus(BusArgs),
     /// Feed a recording of hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -82,6 +86,7 @@ fn main() -> ExitCode {
     let done = match Args::parse().command {
         Task::Run(args) => run_scenario(&args),
         Task::List => print(&list()).map(|()| true).map_err(Into::into),
+        Task::Bus(args) => serve_bus(&args),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
@@ -92,6 +97,13 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+fn serve_bus(args: &BusArgs) -> Result<bool, Box<dyn Error>> {
+    let begun = Instant::now();
+    // 64 bits of microseconds do not end; the service does not either.
+    serve::bus(args, &mut || u64::try_from(begun.elapsed().as_micros()).ok())?;
+    Ok(true)
 }
 
 fn list() -> String {

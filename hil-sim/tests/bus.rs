@@ -1,0 +1,130 @@
+//! `hil-sim bus` as a CAN tool meets it: SLCAN over TCP.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// Only ends a test that would otherwise hang.
+const HANGS: Duration = Duration::from_secs(30);
+
+/// A served bus; ends with the test.
+struct Served {
+    process: Child,
+    address: String,
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn serve(nodes: &str) -> Served {
+    let mut process = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+        .args(["bus", "--nodes", nodes, "--slcan", "127.0.0.1:0"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the binary starts");
+    let mut line = String::new();
+    let out = process.stdout.take().expect("piped");
+    BufReader::new(out).read_line(&mut line).expect("the first line");
+    let address = line.trim().strip_prefix("slcan ").expect("says where it listens").to_owned();
+    Served { process, address }
+}
+
+fn connect(served: &Served) -> TcpStream {
+    let stream = TcpStream::connect(&served.address).expect("connected");
+    stream.set_read_timeout(Some(HANGS)).expect("a time-out");
+    stream
+}
+
+/// Reads until what has come ends so.
+fn read_to(stream: &mut TcpStream, end: &str) -> String {
+    let mut text = String::new();
+    let mut byte = [0];
+    while !text.ends_with(end) {
+        let len = stream.read(&mut byte).unwrap_or_else(|error| panic!("{error} after {text:?}"));
+        assert_eq!(len, 1, "hung up after {text:?}");
+        text.push(char::from(byte[0]));
+    }
+    text
+}
+
+/// GET STAT of node 4 until it answers, whatever it says: it needs a moment after power-up.
+fn ask(stream: &mut TcpStream) {
+    loop {
+        stream.write_all(b"t004105\rV\r").expect("written");
+        read_to(stream, "V0100\r");
+        // Any round trip gives the board time to answer.
+        stream.write_all(b"V\r").expect("written");
+        if read_to(stream, "V0100\r").contains("t486485000") {
+            return;
+        }
+    }
+}
+
+#[test]
+fn a_tool_opens_asks_and_is_answered_and_garbage_harms_nobody() {
+    let served = serve("4");
+    let mut stream = connect(&served);
+    stream.write_all(b"C\rS8\rO\r").expect("written");
+    assert_eq!(read_to(&mut stream, "\x07\r\r"), "\x07\r\r");
+    ask(&mut stream);
+    stream.write_all(&[0xFF; 100_000]).expect("written");
+    stream.write_all(b"\rt0040").expect("written");
+    assert!(read_to(&mut stream, "\x07").ends_with('\x07'));
+    stream.write_all(b"\r").expect("written");
+    read_to(&mut stream, "z\r");
+    ask(&mut stream);
+}
+
+#[test]
+fn a_second_host_is_refused_with_a_reason_and_may_come_when_the_first_has_left() {
+    let served = serve("4");
+    let mut first = connect(&served);
+    first.write_all(b"O\r").expect("written");
+    read_to(&mut first, "\r");
+    let mut second = connect(&served);
+    second.write_all(b"C\rS8\r\rO\r").expect("written");
+    let mut text = String::new();
+    second.read_to_string(&mut text).expect("closed in order");
+    assert!(text.starts_with("error: two hosts") && text.contains("node 0"), "{text}");
+    let address = first.local_addr().expect("connected").to_string();
+    assert!(text.contains(&address), "says who is there: {text}");
+    ask(&mut first);
+    drop(first);
+    // The server hears of it in its own time.
+    let mut third = loop {
+        let mut next = connect(&served);
+        next.write_all(b"O\r").expect("written");
+        let mut byte = [0];
+        if next.read(&mut byte).is_ok_and(|len| len == 1) && byte[0] == b'\r' {
+            break next;
+        }
+    };
+    ask(&mut third);
+}
+
+#[test]
+fn what_cannot_be_served_is_said_with_a_next_step_and_exit_code_2() {
+    let served = serve("4");
+    for (args, said) in [
+        (&["--node", "8", "--slcan", "127.0.0.1:0"][..], "--node 8"),
+        (&["--nodes", "5-1", "--slcan", "127.0.0.1:0"], "1-7 or 1,4,5"),
+        (&["--node", "4"], "--slcan 127.0.0.1:0"),
+        (&["--node", "4", "--slcan", "127.0.0.1:0", "--can", "vcan0"], "node 0"),
+        (&["--node", "4", "--slcan", &served.address], &served.address),
+        (&["--node", "4", "--slcan", "nowhere"], "--slcan nowhere"),
+        (&["--node", "4", "--can", "nocan9"], "ip link add dev nocan9 type vcan"),
+        (&["--slcan", "127.0.0.1:0"], "--node"),
+    ] {
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_hil-sim")).arg("bus").args(args).output().expect("it starts");
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
+        assert!(error.contains(said), "{args:?}: {error}");
+    }
+}
