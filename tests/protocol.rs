@@ -1,0 +1,3 @@
+//! What is said on the wire and what is downloaded, across crates.
+
+mod tek;
