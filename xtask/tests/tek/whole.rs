@@ -158,3 +158,49 @@ fn what_cannot_be_read_or_written_is_no_verdict() {
     let said = tek(&["encode", &empty, "--base", "0", "-o", &out]);
     assert!(said.code == Some(1) && said.err.contains("empty.bin: found no bytes"), "{}", said.err);
 }
+
+/// GNU's files: bytes of a section that no record gives are 0, and what is around the sections is padding.
+#[test]
+fn sections_say_what_is_part_of_the_image() {
+    let scratch = Scratch::new("sections");
+    let section = |from: u32, to: u32| format!("%{}\n", record('3', &format!("1a12{from:02X}2{to:02X}")));
+    let padded = format!("%{}\n", record('6', "21000000001020300000004"));
+    let end = "%0781010\n";
+    let rows = [
+        (section(0x13, 0x1B) + &padded, Ok(vec![1, 2, 3, 0, 0, 0, 4, 0])),
+        (
+            padded.clone() + &section(0x13, 0x16) + &section(0x18, 0x1B),
+            Ok(vec![1, 2, 3, 0xFF, 0xFF, 0, 4, 0]),
+        ),
+        (
+            section(0x13, 0x16) + &section(0x80, 0x80) + &padded,
+            Err("found 0x04 for 0x00000019, which is in no section"),
+        ),
+    ];
+    for (text, expected) in rows {
+        let file = scratch.put("a.tek", (text.clone() + end).as_bytes());
+        let said = tek(&["decode", &file, "-o", &scratch.path("a.bin")]);
+        match expected {
+            Ok(bytes) => {
+                assert_eq!((said.code, scratch.get("a.bin")), (Some(0), bytes), "{text}{}", said.err)
+            }
+            Err(words) => assert!(said.code == Some(1) && said.err.contains(words), "{text}{}", said.err),
+        }
+    }
+}
+
+/// A file is replaced, not written over: who has the old one open, here by another name, keeps it whole. A link stays
+/// one.
+#[cfg(unix)]
+#[test]
+fn files_are_replaced_whole() {
+    let scratch = Scratch::new("replace");
+    let old = scratch.encoded("a.tek", &[1], &[]);
+    std::fs::hard_link(scratch.path("a.tek"), scratch.path("other.tek")).expect("same folder");
+    std::os::unix::fs::symlink("a.tek", scratch.path("link.tek")).expect("same folder");
+    let new = scratch.encoded("link.tek", &[2], &[]);
+    assert_ne!(old, new);
+    assert!(scratch.get("other.tek") == old && scratch.get("a.tek") == new);
+    assert!(std::path::Path::new(&scratch.path("link.tek")).is_symlink());
+    assert_eq!(scratch.names(), ["a.tek", "in.bin", "link.tek", "other.tek"]);
+}
