@@ -1,5 +1,5 @@
 use super::*;
-use std::{format, string::ToString, vec, vec::Vec};
+use std::{format, string::ToString, vec::Vec};
 
 /// An application of `len` bytes with a good stack pointer, a reset vector to the first byte after the header, and
 /// zeros in the reserved vectors.
@@ -152,7 +152,7 @@ fn reset_vectors_that_are_none() {
 #[test]
 fn an_image_without_a_header_is_unsealed() {
     assert_eq!(Header::verify(&linked(100)), Err(ImageError::Unsealed));
-    assert_eq!(Header::verify(&vec![0xFF; 100]), Err(ImageError::Unsealed));
+    assert_eq!(Header::verify(&[0xFF; 100]), Err(ImageError::Unsealed));
     // Vectors are not looked at before the magic: erased flash is unsealed, whatever its stack pointer.
     assert_eq!(Header::read(&[0; HEADER_END as usize]), Err(ImageError::Unsealed));
 }
