@@ -47,6 +47,12 @@ fn an_image_that_is_not_sealed_is_whole_too() {
         assert_eq!(said.code, Some(0), "{}", said.err);
         assert!(said.out.contains("not sealed: "), "{}", said.out);
     }
+    // A header is looked for where the monitor does, and nowhere else.
+    scratch.encoded("a.tek", &application(100), &["--seal", "600"]);
+    assert_eq!(tek(&["decode", &scratch.path("a.tek"), "-o", &scratch.path("a.bin")]).code, Some(0));
+    let (image, elsewhere) = (scratch.path("a.bin"), scratch.path("b.tek"));
+    assert_eq!(tek(&["encode", &image, "--base", "0x08004100", "-o", &elsewhere]).code, Some(0));
+    assert!(tek(&["verify", &elsewhere]).out.contains("not sealed: "));
 }
 
 #[test]
