@@ -37,7 +37,7 @@ fn after(mut flash: SimFlash, script: &[Act]) -> SimFlash {
 }
 
 /// A flash with the pages prepared, every property stored, and counters.
-fn used() -> SimFlash {
+pub fn used() -> SimFlash {
     let mut script: Vec<Act> = stored().map(|property| Act::Set(property, property.row().min)).collect();
     script.extend([Act::Count(counted(5000)), FINISH]);
     after(SimFlash::default(), &script)
