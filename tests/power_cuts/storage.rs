@@ -160,8 +160,7 @@ impl Cuts {
         ]
     }
 
-    /// The power is back. Returns what the store says after it has been written again without another cut, and the operations
-    /// that this took.
+    /// The power is back, and no second cut: the store is written again. How many operations that takes.
     fn recover(flash: &SimFlash, state: &State) -> u64 {
         let mut flash = flash.clone();
         let before = flash.operations();

@@ -44,7 +44,7 @@ impl Board {
 #[derive(Debug, Default)]
 struct Worst(u32, u32, i16);
 
-/// From a power-up until the power fails, in the middle of an operation or between two; what that took.
+/// From a power-up until the power fails, in the middle of an operation or between two.
 fn cycle(flash: &mut SimFlash, rng: &mut Pcg64Mcg, last: &mut Counters, worst: &mut Worst) {
     let mut store = Store::open(flash);
     let start = store.counters();
