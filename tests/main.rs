@@ -4,5 +4,6 @@ mod fences;
 mod halls;
 mod loops;
 mod plant;
+mod power_cuts;
 mod profile;
 mod scenarios;
