@@ -2,3 +2,4 @@
 //! neither.
 
 mod monitor;
+mod storage;

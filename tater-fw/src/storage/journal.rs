@@ -149,7 +149,7 @@ impl Store {
     }
 
     /// The next record: of all there is, or of what has changed.
-    fn record(&self, complete: bool) -> (Head, Vec<u16, MOST_WORDS>) {
+    pub(super) fn record(&self, complete: bool) -> (Head, Vec<u16, MOST_WORDS>) {
         let trusted = self.trusted.filter(|_| complete || self.changed & bit(P) != 0);
         let head = Head { sequence: self.sequence.wrapping_add(1), complete, trusted };
         let entry = |id| {
