@@ -1,3 +1,5 @@
-//! The power fails at every flash operation, in the middle of it, and again in what follows.
+//! The power fails in the middle of every flash operation: what is stored and what is downloaded is old or new, never
+//! neither.
 
+mod monitor;
 mod storage;
