@@ -241,7 +241,11 @@ fn a_mark_that_cannot_be_consumed_keeps_the_bridge_off() {
 #[test]
 fn nothing_is_erased_while_it_drives() {
     let mut bench = Bench::new(4);
+    set(&mut bench, Property::SAVE, -1);
+    bench.settle();
+    bench.board().flash.erases = 0;
     set(&mut bench, Property::MODE, 3);
+    bench.ticks(40);
     for round in 0..600 {
         for property in [Property::X0, Property::X1, Property::X2] {
             set(&mut bench, property, round);

@@ -57,7 +57,7 @@ fn torque_is_set_in_mode_2_only_and_reads_what_the_limits_left() {
     bench.set(Property::MODE, 2).expect("mode 2");
     assert_eq!(bench.get(Property::T), Some(0));
     bench.set(Property::T, -200).expect("mode 2");
-    assert_eq!(bench.get(Property::T), Some(0), "not yet limited, not yet driven");
+    assert_eq!(bench.get(Property::T), Some(-200));
     bench.tick();
     assert_eq!(bench.get(Property::T), Some(-200));
     // OTEMP 700 allows a quarter of 990 at 68 °C.
@@ -97,6 +97,7 @@ fn position_names_the_place_in_idle_and_is_the_goal_in_mode_3() {
     assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(12), Some(12)));
     bench.set(Property::P, -32_767).expect("idle");
     assert_eq!(bench.get(Property::P), Some(-32_767));
+    bench.tick_to(0);
     bench.tick_to(-9);
     assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(-32_788), Some(9)));
     bench.set(Property::MODE, 3).expect("mode 3");
