@@ -5,4 +5,5 @@ mod halls;
 mod loops;
 mod plant;
 mod profile;
+mod protocol;
 mod scenarios;
