@@ -191,6 +191,10 @@ fn a_board_without_a_name_obeys_groups_and_keeps_silent() {
     bench.say(group(0), 0, Body::Get(Property::STAT.id())).expect("heard");
     bench.say(Destination::Node(Node::HOST), 5, Body::Get(Property::STAT.id())).expect("skipped");
     assert!(bench.said().is_empty());
+    // Node 0 is the host's.
+    let x0 = Body::Set { property: Property::X0.id(), value: Value::Short(1) };
+    bench.say(Destination::Node(Node::HOST), 5, x0).expect("skipped");
+    assert_eq!(bench.tater.read(Property::X0), Some(0));
     let set = |bench: &mut Bench, property: Property, value| {
         let value = property.write(value).expect("fits");
         bench.say(group(0), 0, Body::Set { property: property.id(), value })
