@@ -1,4 +1,5 @@
 //! What goes over the bus: a Tater as a host sees it.
 
 mod hosts;
+mod properties;
 mod tek;

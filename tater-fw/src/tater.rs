@@ -306,7 +306,8 @@ impl<B: Board> Tater<B> {
         let mut counters = self.store.counters();
         counters.upsecs = counters.upsecs.saturating_add(us / 1_000_000);
         counters.odometer = counters.odometer.saturating_add(self.travelled / 1000);
-        counters.ptemp = counters.ptemp.max(board_temp);
+        // `count` lets none go back.
+        counters.ptemp = board_temp;
         self.travelled %= 1000;
         self.store.count(counters);
         if self.ticked && self.bus_served {
