@@ -1,3 +1,4 @@
 //! What goes over the bus: a Tater as a host sees it.
 
+mod download;
 mod hosts;
