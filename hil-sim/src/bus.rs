@@ -82,10 +82,13 @@ struct Flight {
 }
 
 impl<S: Station> Slot<S> {
-    /// When the software takes the next frame out of the FIFO.
+    /// When the software takes the next frame out of the FIFO. Frames that waited for the processor are taken all at once
+    /// and in the last microsecond before it runs on: their interrupt goes before what the program does next, which may
+    /// be to stand still again.
     fn delivery_us(&self) -> Option<u64> {
-        let front = self.fifo.front()?;
-        Some(front.at_us.max(self.taken_us).max(self.station.busy_until_us()) + BOARD_US)
+        let ready_us = self.fifo.front()?.at_us + BOARD_US;
+        let busy_us = self.station.busy_until_us();
+        Some(if ready_us < busy_us { busy_us - 1 } else { ready_us.max(self.taken_us + BOARD_US) })
     }
 }
 

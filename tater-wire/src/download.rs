@@ -4,6 +4,10 @@
 //!
 //! A numbered frame always has eight bytes, so it is no GET, SET or request; zeros fill the last one up.
 
+mod host;
+
+pub use host::{Characters, DownloadError, Downloader, Next};
+
 /// SET VERS to this starts a download of one character a frame.
 pub const START: u16 = 0x00AA;
 

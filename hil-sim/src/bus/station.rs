@@ -20,7 +20,8 @@ pub trait Station {
     /// [`Station::now_us`]. `u64::MAX` if it only answers.
     fn next_us(&self) -> u64;
 
-    /// Until when the processor stands still: nothing is received before. At or before [`Station::now_us`] if it runs.
+    /// Until when the processor stands still. At or before [`Station::now_us`] if it runs. What comes meanwhile waits in
+    /// the receive FIFO until the last microsecond.
     fn busy_until_us(&self) -> u64;
 
     /// A frame from the receive FIFO, at the station's present time: any frame on the bus but its own.
