@@ -76,9 +76,10 @@ fn one_wrong_character_ends_a_download() {
     }
 }
 
-/// A checksum cannot tell two characters in exchange: the image's own can.
+/// A checksum cannot tell two characters in exchange: the image's own can. (In the last record they change the entry,
+/// which no monitor goes by: the reset vector is inside the image.)
 #[test]
-fn two_characters_in_exchange_never_become_an_application() {
+fn two_characters_in_exchange_never_become_another_application() {
     // A record has 78 characters.
     const NEAR: usize = 80;
     let image = sealed(&(0..=255).collect::<Vec<u8>>());
@@ -88,7 +89,7 @@ fn two_characters_in_exchange_never_become_an_application() {
         for b in (a + 1..characters.len().min(a + NEAR)).filter(|&b| characters[a] != characters[b]) {
             let mut changed = characters.clone();
             changed.swap(a, b);
-            if let Ok(Some(flash)) = received(&changed) {
+            if let Ok(Some(flash)) = received(&changed).map(|flash| flash.filter(|flash| *flash != image)) {
                 left_to_the_header += 1;
                 assert!(Header::verify(&flash).is_err(), "{a} and {b}");
             }
