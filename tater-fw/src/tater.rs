@@ -90,7 +90,7 @@ pub struct Tater<B: Board> {
     store: Store,
     /// The decoder's count at which the stored position is true, while its mark is unconsumed.
     trusted_at: Option<i32>,
-    /// ERROR has a storage failure to tell of.
+    /// The flash has failed, and STAT 2 has not cleared it. Whether to try again is the store's to know.
     storage_error: bool,
     breakaway_position: i32,
     outbox: Deque<Frame, OUTBOX>,
@@ -321,7 +321,7 @@ impl<B: Board> Tater<B> {
     pub fn store(&mut self) -> Progress {
         let progress = self.store.step(self.board.flash(), self.drive.duty.is_none());
         if let Progress::Failed(_) = progress {
-            self.storage_failed();
+            self.storage_error = true;
         }
         progress
     }
@@ -338,6 +338,8 @@ impl<B: Board> Tater<B> {
                 break;
             }
         }
+        // The last that is heard of it: the move that this has ended, if anybody wants to know.
+        self.report();
         self.send();
         self.outbox.clear();
         self.board.reset();
