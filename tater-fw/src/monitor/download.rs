@@ -60,8 +60,6 @@ pub(super) struct Download {
     at: u32,
     /// A half-word that is not whole yet, and its offset.
     half: Option<(u32, u16)>,
-    /// End of the last record, as an offset.
-    end: u32,
     /// Pages erased, from the first on.
     erased: u32,
 }
@@ -82,7 +80,6 @@ impl Download {
             bytes: Vec::new(),
             at: 0,
             half: None,
-            end: 0,
             erased: 0,
         }
     }
@@ -124,7 +121,7 @@ impl Download {
         }
         self.decode()?;
         let quiet = self.awaited == 0 || now.wrapping_since(self.last).0 >= REPEAT.0;
-        if self.erased == 0 || self.erased.saturating_mul(PAGE) < self.end {
+        if self.erased == 0 || self.erased.saturating_mul(PAGE) < self.end() {
             if quiet {
                 flash.erase(STAGING.page(self.erased)).map_err(|_| FaultCode::FlashWrite)?;
                 self.erased = self.erased.saturating_add(1);
@@ -138,7 +135,13 @@ impl Download {
         if self.write(flash)? || !self.ended || !quiet {
             return Ok(Step::Working);
         }
-        Ok(Step::Whole(self.end))
+        Ok(Step::Whole(self.at))
+    }
+
+    /// End of the last record, as an offset.
+    fn end(&self) -> u32 {
+        // At most 124 bytes, inside the application.
+        self.at.wrapping_add(self.bytes.len() as u32)
     }
 
     /// How full the ring may be for the next request.
@@ -176,11 +179,10 @@ impl Download {
                     }
                     // Inside the application: the offset and the end fit.
                     let offset = (address as u32).wrapping_sub(APPLICATION.start);
-                    if offset < self.end {
+                    if offset < self.at {
                         return Err(FaultCode::Overlap);
                     }
                     self.at = offset;
-                    self.end = offset.wrapping_add(len);
                     // Of the same capacity as a record's.
                     let _ = self.bytes.extend_from_slice(bytes);
                     self.bytes.reverse();
@@ -212,15 +214,13 @@ impl Download {
                 break;
             }
         }
-        // A half-word stays open while its second byte may still come.
-        let open = self.half.is_some_and(|(at, _)| at == self.at.wrapping_sub(1));
-        if open && !self.ended && self.bytes.is_empty() {
+        // A half-word stays open while its second byte may still come. If it never does the image's length is odd, and
+        // the image no good.
+        if self.bytes.is_empty() && self.half.is_some_and(|(at, _)| at == self.at.wrapping_sub(1)) {
             return Ok(false);
         }
         let Some((at, value)) = self.half.take() else { return Ok(false) };
-        if value != u16::MAX {
-            flash.program(STAGING.start.wrapping_add(at), value).map_err(|_| FaultCode::FlashWrite)?;
-        }
+        flash.program(STAGING.start.wrapping_add(at), value).map_err(|_| FaultCode::FlashWrite)?;
         Ok(true)
     }
 }
