@@ -4,6 +4,7 @@ mod fences;
 mod halls;
 mod loops;
 mod plant;
+mod power_cuts;
 mod profile;
 mod protocol;
 mod scenarios;

@@ -1,4 +1,10 @@
 //! What goes over the bus: a Tater as a host sees it.
 
+#[allow(dead_code, reason = "tater-fw's own tests use all of it")]
+#[path = "../tater-fw/src/tater/tests/board.rs"]
+mod board;
 mod download;
 mod hosts;
+mod locked;
+mod properties;
+mod tek;

@@ -4,7 +4,7 @@
 use servo_core::units::Micros;
 use servo_core::{Event, Status};
 use tater_fw::monitor::Next;
-use tater_fw::storage::Progress;
+use tater_fw::storage::{Progress, Store};
 use tater_fw::tater::Refused;
 use tater_fw::{Analog, Board, Monitor, Tater};
 use tater_wire::Frame;
@@ -23,6 +23,10 @@ const SLOW_TICKS: u64 = 100;
 
 /// From a reset to the first line of the program, µs: crystal and clocks, 2 ms in the data sheet at most; chosen.
 const BOOT_US: u64 = 5_000;
+
+/// Steps that the monitor does at most from one event to the next: it does one in 0.1 ms (a slice of a sum), and a tick is
+/// 1 ms.
+const STEPS: usize = 8;
 
 /// What runs on the board.
 #[allow(clippy::large_enum_variant, reason = "one a node, and it hardly ever moves")]
@@ -102,21 +106,37 @@ pub fn placeholder_application() -> Vec<u8> {
     image
 }
 
+/// Flash operations that prepare the storage of a board on its first day: 8 erases and a few half-words.
+const FIRST_OPERATIONS: usize = 1000;
+
+/// A board as it is after its first day: an application in its flash, its storage prepared (which takes a third of a
+/// second of page erases, once).
+fn in_use(mut board: SimBoard) -> SimBoard {
+    let flash = board.flash();
+    flash.load(APPLICATION.start, &placeholder_application());
+    let mut store = Store::open(flash);
+    for _ in 0..FIRST_OPERATIONS {
+        if store.step(flash, true) == Progress::Done {
+            break;
+        }
+    }
+    flash.take_busy_us();
+    board
+}
+
 impl Node {
     /// A board whose power comes on now, with an application in its flash: it waits in the monitor.
     #[must_use]
-    pub fn new(mut board: SimBoard) -> Self {
-        board.flash().load(APPLICATION.start, &placeholder_application());
-        let mut node = Self::off(board);
+    pub fn new(board: SimBoard) -> Self {
+        let mut node = Self::off(in_use(board));
         node.power_on();
         node
     }
 
     /// The same, awake already: STAT 2.
     #[must_use]
-    pub fn awake(mut board: SimBoard) -> Self {
-        board.flash().load(APPLICATION.start, &placeholder_application());
-        let mut node = Self::off(board);
+    pub fn awake(board: SimBoard) -> Self {
+        let mut node = Self::off(in_use(board));
         node.start_application();
         node
     }
@@ -241,9 +261,15 @@ impl Node {
                 );
             }
             Some(Program::Monitor(monitor)) => {
-                if monitor.step(now) == Next::Start {
-                    self.start_application();
-                    self.busy_until_us = self.now_us + BOOT_US;
+                for _ in 0..STEPS {
+                    if monitor.step(now) == Next::Start {
+                        self.start_application();
+                        self.busy_until_us = self.now_us + BOOT_US;
+                        break;
+                    }
+                    if monitor.is_idle() || monitor.board().sim_flash().is_busy() {
+                        break;
+                    }
                 }
             }
             Some(Program::Off(_)) | None => {}

@@ -102,6 +102,8 @@ pub struct Monitor<B: Board> {
     identity: Identity,
     phase: Phase,
     wish: Option<Wish>,
+    /// A SAVE is on its way into the flash. Only then is the store let work: its tidying up takes the board off the bus.
+    saving: bool,
     error: Option<FaultCode>,
     outbox: Deque<Frame, OUTBOX>,
 }
@@ -126,7 +128,18 @@ impl<B: Board> Monitor<B> {
             Some(check) => Phase::Check(check, Then::Copy),
             None => Phase::Idle,
         };
-        Self { board, store, node, groups, identity, phase, wish: None, error: None, outbox: Deque::new() }
+        Self {
+            board,
+            store,
+            node,
+            groups,
+            identity,
+            phase,
+            wish: None,
+            saving: false,
+            error: None,
+            outbox: Deque::new(),
+        }
     }
 
     /// A frame from the bus, any frame: those for other nodes are skipped.
@@ -187,7 +200,10 @@ impl<B: Board> Monitor<B> {
     fn set(&mut self, property: u8, value: i64, now: Micros) {
         match property {
             LOCK => self.identity.unlock(value),
-            SAVE => self.identity.save(&mut self.store, value),
+            SAVE => {
+                self.identity.save(&mut self.store, value);
+                self.saving = true;
+            }
             LOAD => self.identity.load(&self.store, value),
             id if id == Property::STAT.id() => match value {
                 0 => self.order(None, now),
@@ -330,14 +346,17 @@ impl<B: Board> Monitor<B> {
 
     /// One flash operation for the store, if one is due; whether there is nothing more to do.
     fn keep(&mut self) -> bool {
-        match self.store.step(self.board.flash(), true) {
-            Progress::Done => true,
-            Progress::More | Progress::Waiting => false,
-            Progress::Failed(_) => {
-                self.error = Some(FaultCode::Storage);
-                true
-            }
+        if self.saving {
+            self.saving = match self.store.step(self.board.flash(), true) {
+                Progress::Done => false,
+                Progress::More | Progress::Waiting => true,
+                Progress::Failed(_) => {
+                    self.error = Some(FaultCode::Storage);
+                    false
+                }
+            };
         }
+        !self.saving
     }
 
     fn send(&mut self, to: Destination, body: Body) {
@@ -369,10 +388,10 @@ impl<B: Board> Monitor<B> {
         self.error
     }
 
-    /// Whether there is nothing to do but to answer: no check, download or copy.
+    /// Whether there is nothing to do but to answer: no check, download, copy or SAVE.
     #[must_use]
     pub const fn is_idle(&self) -> bool {
-        matches!(self.phase, Phase::Idle)
+        matches!(self.phase, Phase::Idle) && !self.saving
     }
 
     /// The hardware.

@@ -1,41 +1,44 @@
 //! What outlives the power: the stored copies of properties, the counters, and whether the position may be trusted.
 //!
 //! Everything stands in one journal over the eight pages of [`STORAGE`](tater_wire::memory::STORAGE). A page begins
-//! with a complete record of all values ([`record`]); behind it come records of what changed, and single half-words by
-//! which the counters grew ([`word`]). When a page is full, the next one that is ready gets a complete record, and
-//! pages with older state are erased while the bridge is off ([`pages`]). [`Store::open`] takes the complete record
-//! with the highest sequence number and what follows it in its page, up to the first thing that is not whole.
+//! with a complete record of all values (`record.rs`); behind it come records of what changed, and single half-words
+//! by which the counters grew (`word.rs`). When a page is full, the next one that is ready gets a complete record, and
+//! pages with older state are erased while the bridge is off (`pages.rs`). [`Store::open`] takes the complete record
+//! with the highest sequence number and what follows it in its page, up to the first thing that is not whole; nothing
+//! is ever written behind such a thing.
 //!
 //! # What survives a power cut at any instant
 //!
-//! * Properties: a record counts once its CRC-32 is in, so all that was set before a [`Store::step`] began a record is
-//!   there together or not at all, and what was there before stays until then.
+//! * Properties: a record counts once its CRC-32 is in. What was set before a [`Store::step`] began a record is there
+//!   together or not at all, and what was stored before stays until then.
 //! * Counters never go backwards. At most [`LOSS`] is lost if [`Store::count`] is called ten times a second, `step` at
-//!   least once a millisecond, and the board has not driven for longer than the pages last (below).
-//! * Trust in the position: gone for good once [`Store::distrust`] has returned `Ok`. A cut within it leaves the position
-//!   trusted or not, the same at every start.
+//!   least once a millisecond, and the bridge has not been on for longer than the pages last (below).
+//! * Trust in the position is gone for good once [`Store::distrust`] has returned `Ok`. A cut within it leaves the
+//!   position trusted or not, the same at every start.
 //!
-//! This holds if a half-word that was in flight reads the same ever after ([`Flash`]).
+//! This holds if a half-word whose programming was cut short reads the same ever after.
 //!
-//! # What it takes
+//! # How long it takes
 //!
-//! A half-word takes 53 us, and a call of `step` programs one at most. A record of one property is 8 half-words, 0.42 ms; of
-//! all 43 that are stored up to 94, 5.0 ms; a complete one, at a page's beginning, up to 105, 5.6 ms. Saving what is stored
-//! already takes nothing. An erase takes 20 to 40 ms; it comes after a SAVE, not before, and only with the bridge off.
+//! A half-word takes 53 us, and a call of `step` programs one at most. A record of one property has 8 half-words,
+//! 0.42 ms; of all 43 that are stored up to 94, 5.0 ms; a complete one, at the beginning of a page, up to 102, 5.4 ms.
+//! What is stored already is not stored again. An erase takes 20 to 40 ms; it comes after a SAVE, not before, and only
+//! with the bridge off.
 //!
 //! # How long it lasts
 //!
-//! A page is good for 10,000 erases (STM32F103 data sheet), the ring for 80,000 pages. A page has room for 406
-//! half-words behind its complete record.
+//! A page is good for 10,000 erases (STM32F103 data sheet), the ring for 80,000 pages; all wear alike. Behind the
+//! longest complete record a page has room for 408 half-words.
 //!
 //! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 43 x 8 = 344
 //!   half-words, less than a page, so less than 5,000 / 8 = 625 erases a page. Saved by one command it is a quarter.
-//! * Ten years without a pause: UPSECS 5.4 million half-words, one each 58 s, 1,680 erases a page. Moving
-//!   all the time as fast as a finger can (500 counts/s) 26 million more for OD, 9,800 erases a page in all. PTEMP only
+//! * Ten years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,670 erases a page. Moving all the
+//!   time as fast as a finger can (500 counts/s) is 26 million more for OD, 9,700 erases a page together. PTEMP only
 //!   rises: 1,250 half-words in its life.
-//! * With the bridge on without a pause nothing is erased. Six pages are ready then; five of them last 32 h, or 6 h of
-//!   moving all the time, or five FSAVEs one by one. On the last one counters go in coarser steps (16 min,
-//!   120,000 counts, 1 °C), for another four days, or 21 h of moving. Then [`Progress::Waiting`], until the bridge is off.
+//! * With the bridge on without a pause nothing is erased. Six pages are ready then. Five last at least 32 h, or 6 h
+//!   of moving all the time, or five FSAVEs one by one. On the last, counters go in coarser steps (16 min,
+//!   120,000 counts, 1 °C), for another four days, or 21 h of moving. Then it is [`Progress::Waiting`] until the
+//!   bridge is off, and what has not been stored by then goes with the power.
 
 mod journal;
 mod pages;
@@ -64,15 +67,15 @@ pub struct Counters {
     pub ptemp: i16,
 }
 
-/// By how much a counter is ahead of the flash when that is told: a step, and the next call of [`Store::count`] and a page's
-/// turn, 0.2 s together, stay below [`LOSS`].
+/// By how much a counter is ahead of the flash when the flash is told. This and what comes in 0.2 s, which are the next
+/// call of [`Store::count`] and a complete record and an erase before it is its turn, stay within [`LOSS`].
 const STEP: Counters = Counters { upsecs: 58, odometer: 6, ptemp: 1 };
 
 /// The same on the last ready page.
 const SPARING: Counters = Counters { upsecs: 960, odometer: 120, ptemp: 10 };
 
 /// What a power cut takes of the counters at most: 60 s, 8,000 counts (7 thousands, and those that are not a thousand
-/// yet), 1.0 °C. In 0.2 s a motor makes less than 1,000 counts, and a board's temperature rises by less than 0.9 °C.
+/// yet), 1.0 °C. In 0.2 s a motor makes at most 816 counts (V), and a board's temperature rises by less than 0.9 °C.
 pub const LOSS: Counters = Counters { upsecs: 60, odometer: 7, ptemp: 10 };
 
 /// What one step of storing came to.
@@ -103,7 +106,7 @@ pub struct Store {
     trusted: Option<u8>,
     /// The mark in the flash that says so, or might be read so.
     live: Option<u32>,
-    /// The one before, of a position that has been stored again since; made 0 so that it is not believed if what follows it is ever damaged.
+    /// One that what follows it in the journal makes void: to be made 0, lest it be believed should that be damaged.
     obsolete: Option<u32>,
     pages: Pages,
     sequence: u32,
@@ -111,7 +114,8 @@ pub struct Store {
 }
 
 impl Store {
-    /// Reads the newest whole state, none if there is none; writes nothing. Reads each page once or twice, whatever is in it.
+    /// Reads the newest whole state, none if there is none; writes nothing. Reads each page twice at most, whatever is
+    /// in it.
     #[must_use]
     pub fn open<F: Flash>(flash: &F) -> Self {
         let complete = |page| Found::read(flash, page, FIRST).filter(|record| record.head.complete);
@@ -134,8 +138,7 @@ impl Store {
         store
     }
 
-    /// The stored value of a property; `None` if none has been stored, or by another version and beyond the range of this
-    /// one.
+    /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
     #[must_use]
     pub fn get(&self, property: Property) -> Option<i64> {
         self.values
@@ -209,12 +212,12 @@ impl Store {
         self.trusted.map(|code| (*position, code))
     }
 
-    /// Consumes the trust, at once: before the first drive, or at the first count. Costs one half-word the first time, three while a
-    /// trusted position is on its way into the flash, and nothing from then on.
+    /// Consumes the trust, at once: before the first drive, or at the first count. Costs one half-word the first time,
+    /// up to three while a trusted position is on its way into the flash, and nothing from then on.
     ///
     /// # Errors
-    /// The flash did not take it, and the position would be trusted after a reset: do not drive, call again after the next
-    /// steps, which then store the position without trust elsewhere.
+    /// The flash did not take it, and the position would be trusted after a reset. Do not drive; call again after the
+    /// next steps, which store the position without trust elsewhere.
     pub fn distrust<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
         self.trusted = None;
         if let Some(mark) = self.obsolete.take() {
@@ -257,8 +260,8 @@ impl Store {
         self.changed |= COUNTERS.into_iter().fold(0, |bits, id| bits | bit(id));
     }
 
-    /// One flash operation, if one is due: a half-word programmed, or, if `may_erase`, which only a bridge that is off
-    /// allows, a page erased.
+    /// One flash operation, if one is due: a half-word programmed, or a page erased if it may be, which is only with the
+    /// bridge off.
     pub fn step<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Progress {
         self.advance(flash, may_erase).unwrap_or_else(Progress::Failed)
     }

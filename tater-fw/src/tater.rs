@@ -23,6 +23,7 @@ use crate::board::Board;
 use crate::motion::motor;
 use crate::storage::{Progress, Store};
 use heapless::{Deque, Vec};
+use servo_core::mode::Mode;
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
 use servo_core::units::{Micros, Torque};
@@ -305,7 +306,8 @@ impl<B: Board> Tater<B> {
         let mut counters = self.store.counters();
         counters.upsecs = counters.upsecs.saturating_add(us / 1_000_000);
         counters.odometer = counters.odometer.saturating_add(self.travelled / 1000);
-        counters.ptemp = counters.ptemp.max(board_temp);
+        // `count` lets none go back.
+        counters.ptemp = board_temp;
         self.travelled %= 1000;
         self.store.count(counters);
         if self.ticked && self.bus_served {
@@ -315,10 +317,12 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only while
-    /// the bridge is off; it cannot be switched on meanwhile, because only [`Self::tick`] does that.
+    /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only in idle,
+    /// with the bridge off; it cannot be switched on meanwhile, because only [`Self::tick`] does that.
     pub fn store(&mut self) -> Progress {
-        let progress = self.store.step(self.board.flash(), self.drive.duty.is_none());
+        // A motion that has been asked for, and waits for its brake, is not to wait for a page too.
+        let idle = self.drive.duty.is_none() && self.servo.status().mode == Mode::Idle;
+        let progress = self.store.step(self.board.flash(), idle);
         if let Progress::Failed(_) = progress {
             self.storage_failed();
         }

@@ -217,3 +217,6 @@ pub fn seal(image: &mut [u8], version: u32) -> Result<Header, ImageError> {
     }
     Ok(Header { len, crc, version })
 }
+
+#[cfg(test)]
+mod tests;

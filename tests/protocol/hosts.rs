@@ -126,7 +126,7 @@ fn answers_come_within_half_a_millisecond() {
     let mut host = Host::awake(1..=7);
     let mut worst = 0;
     for round in 0..200u64 {
-        host.bus.run_until(1_200_000 + round * 1_337);
+        host.bus.run_until(1_600_000 + round * 1_337);
         let node = (round % 7 + 1) as u8;
         host.clear();
         let asked = host.bus.now_us();

@@ -98,7 +98,7 @@ fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) 
         }
     }
     text.extend_from_slice(tek::end(entry).as_bytes());
-    files::replace(output, &text)?;
+    files::replace(output, &text).map_err(Failure::Unusable)?;
     let sealed = header.map_or_else(String::new, |Header { crc, version, .. }| {
         format!(", sealed: version {version}, CRC-32 {crc:#010x}")
     });
@@ -141,7 +141,7 @@ fn decode(file: &Path, output: &Path) -> Result<(), Failure> {
     })?;
     let wrong = |error| Failure::Judged(format!("{}: {error}", file.display()));
     let (base, bytes) = assemble(&memory, &sections).map_err(wrong)?;
-    files::replace(output, &bytes)?;
+    files::replace(output, &bytes).map_err(Failure::Unusable)?;
     eprintln!("{}: {} bytes, base {base:#010x}, entry {start:#010x}", output.display(), bytes.len());
     Ok(())
 }

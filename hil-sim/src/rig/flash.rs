@@ -88,6 +88,12 @@ impl SimFlash {
         busy
     }
 
+    /// Whether it has been at work since [`Self::take_busy_us`].
+    #[must_use]
+    pub const fn is_busy(&self) -> bool {
+        self.busy_us > 0
+    }
+
     /// How often each page has been erased.
     #[must_use]
     pub fn erases(&self) -> &[u32] {

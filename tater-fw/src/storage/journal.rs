@@ -126,7 +126,7 @@ impl Store {
             })
     }
 
-    /// Begins a record: of what has changed behind the others if there is room, of everything in the next page if not.
+    /// Begins a record: of what has changed behind the others if there is room, else of everything in the next page.
     fn begin<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Result<Progress, FlashError> {
         let (head, words) = self.record(false);
         let len = words.len() + usize::from(head.trusted.is_some());
@@ -202,8 +202,8 @@ impl Store {
         Ok(())
     }
 
-    /// Gives up the record on its way, and its page: what is in it comes with the next, elsewhere. Should it be readable
-    /// after all, it must not be believed that nothing has moved.
+    /// Gives up the record on its way, and its page: what is in it comes with the next, elsewhere. Should it be
+    /// readable after all, its mark must not be believed.
     pub(super) fn abandon(&mut self) {
         if let Some(writing) = self.writing.take() {
             self.obsolete = writing.mark();

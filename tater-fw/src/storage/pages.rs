@@ -63,7 +63,7 @@ pub struct Pages {
     previous: Option<Page>,
     /// Ready to be written.
     ready: u8,
-    /// Failed since the power came: neither erased nor written again, so that a broken flash is not worn out by trying.
+    /// Failed since the start: neither erased nor written again, so that a broken flash is not worn out by trying.
     bad: u8,
     /// Erased, but not yet marked so.
     blank: Option<Page>,

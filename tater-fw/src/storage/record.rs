@@ -5,7 +5,7 @@
 //! | 0 | [`Word::Record`]: half-words up to and with the CRC |
 //! | 1 | bits 15..12 version of this layout, 4 complete, 3 trusted, 2..0 hall code; the others 0 |
 //! | 2, 3 | sequence number, one more than that of the record before |
-//! | ... | entries: number of the property \| half-words of value << 8, then the value, two's complement, in 0 (forgotten), 1 or 2 half-words |
+//! | ... | entries: property number \| n << 8, then the value, two's complement, in n half-words, 0 if forgotten |
 //! | last two | CRC-32 (ISO-HDLC) of all before |
 //! | and one | only if trusted: the mark, all ones while the position in the record may be trusted |
 //!

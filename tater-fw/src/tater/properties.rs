@@ -12,8 +12,9 @@ use servo_core::units::{CountsPerSec, Torque};
 use servo_core::{Command, Refusal};
 use tater_wire::Property;
 
-/// Counts a motor revolution: 18.
-const REV: i32 = COUNTS_PER_REV as i32;
+/// Counts a motor revolution.
+const REV: i32 = 18;
+const _: () = assert!(COUNTS_PER_REV == REV.unsigned_abs() as usize, "the estimator's");
 
 /// STAT of a board that is awake, and the STAT that wakes it or clears ERROR.
 const READY: i64 = 2;

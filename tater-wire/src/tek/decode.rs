@@ -105,8 +105,8 @@ impl Decoder {
         }
         let value = match value(found) {
             Some(value) => value,
-            // In names GNU writes what has no value (`*ABS*`) and counts it 0.
-            None if at >= HEAD && self.kind == b'3' && found.is_ascii_graphic() => 0,
+            // In names GNU writes what has no value (`*ABS*`) and counts it 0. In a head it is no digit, either.
+            None if self.kind == b'3' && found.is_ascii_graphic() => 0,
             None => return Err((here, TekErrorKind::Character { found })),
         };
         let hex = || digit(found).ok_or((here, TekErrorKind::Digit { found }));

@@ -9,7 +9,7 @@ pub const MAX_SPAN: u64 = 16 * 1024 * 1024;
 /// What erased flash holds.
 pub const ERASED: u8 = 0xFF;
 
-/// Bytes in pieces, which neither touch nor are empty.
+/// Bytes in pieces, none of them empty.
 #[derive(Debug, Default, PartialEq)]
 pub struct Memory {
     pieces: BTreeMap<u64, Vec<u8>>,

@@ -30,7 +30,8 @@ fn groups_and_node_come_from_storage_but_a_reply_is_never_taken_for_an_order() {
     bench.monitor.store.set(Property::GRPA, 9);
     bench.monitor.store.set(Property::GRPB, 6);
     bench.monitor.store.set(Property::ID, 12);
-    while !bench.monitor.keep() {}
+    bench.monitor.saving = true;
+    bench.settle();
     let mut bench = bench.reset();
     let heard: Vec<_> = (0..32).filter(|g| !bench.say(0x400 | g, &[5]).is_empty()).collect();
     assert_eq!(heard, [0, 4, 9]);

@@ -191,13 +191,14 @@ fn a_board_without_a_name_obeys_groups_and_keeps_silent() {
     bench.say(group(0), 0, Body::Get(Property::STAT.id())).expect("heard");
     bench.say(Destination::Node(Node::HOST), 5, Body::Get(Property::STAT.id())).expect("skipped");
     assert!(bench.said().is_empty());
+    // Node 0 is the host's.
+    let x0 = Body::Set { property: Property::X0.id(), value: Value::Short(1) };
+    bench.say(Destination::Node(Node::HOST), 5, x0).expect("skipped");
+    assert_eq!(bench.tater.read(Property::X0), Some(0));
     let set = |bench: &mut Bench, property: Property, value| {
         let value = property.write(value).expect("fits");
         bench.say(group(0), 0, Body::Set { property: property.id(), value })
     };
-    // Saving all does not make it somebody.
-    set(&mut bench, Property::SAVE, -1).expect("saved");
-    assert_eq!(bench.tater.store.get(Property::ID), None);
     for key in [18384, 23, 3145, 1024, 1] {
         set(&mut bench, Property::LOCK, key).expect("a key");
     }
@@ -208,6 +209,15 @@ fn a_board_without_a_name_obeys_groups_and_keeps_silent() {
     let mut bench = bench.restart();
     assert_eq!((bench.tater.node(), bench.get(Property::ID)), (node(6), Some(6)));
     assert_eq!(bench.get(Property::IOFF), Some(-350), "a tip's defaults");
+}
+
+#[test]
+fn saving_all_does_not_give_a_name_to_a_board_without_one() {
+    let mut bench = Bench::new(0);
+    let all = Body::Set { property: Property::SAVE.id(), value: Value::Short(0xFFFF) };
+    bench.say(group(0), 0, all).expect("saved");
+    bench.settle();
+    assert_eq!(bench.restart().tater.node(), Node::HOST);
 }
 
 #[test]

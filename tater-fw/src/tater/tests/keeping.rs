@@ -241,7 +241,11 @@ fn a_mark_that_cannot_be_consumed_keeps_the_bridge_off() {
 #[test]
 fn nothing_is_erased_while_it_drives() {
     let mut bench = Bench::new(4);
+    set(&mut bench, Property::SAVE, -1);
+    bench.settle();
+    bench.board().flash.erases = 0;
     set(&mut bench, Property::MODE, 3);
+    bench.ticks(40);
     for round in 0..600 {
         for property in [Property::X0, Property::X1, Property::X2] {
             set(&mut bench, property, round);
@@ -278,12 +282,15 @@ fn counters_grow_and_are_set_only_when_unlocked() {
         second(&mut bench);
     }
     assert_eq!(bench.get(Property::UPSECS), Some(7));
-    for _ in 0..50 {
-        bench.tick_to(30);
-        bench.tick_to(0);
+    for thousands in [0, 1, 2, 3] {
+        for _ in 0..16 {
+            bench.tick_to(13);
+            bench.tick_to(-12);
+        }
+        second(&mut bench);
+        // 800 a time, there and back, less the first 12.
+        assert_eq!(bench.get(Property::OD), Some(thousands));
     }
-    second(&mut bench);
-    assert_eq!(bench.get(Property::OD), Some(3), "3000 counts there and back");
     for (temp, peak) in [(290, 290), (411, 411), (-100, 411)] {
         bench.board().analog.board_temp = DeciCelsius(temp);
         second(&mut bench);

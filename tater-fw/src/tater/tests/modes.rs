@@ -3,7 +3,8 @@
 use super::board::Bench;
 use crate::tater::Refused;
 use servo_core::mode::Mode;
-use servo_core::units::{CountsPerSec, DeciCelsius};
+use servo_core::sense::commutation;
+use servo_core::units::{CountsPerSec, DeciCelsius, Micros};
 use servo_core::{EndReason, Refusal};
 use tater_wire::Property;
 
@@ -57,7 +58,7 @@ fn torque_is_set_in_mode_2_only_and_reads_what_the_limits_left() {
     bench.set(Property::MODE, 2).expect("mode 2");
     assert_eq!(bench.get(Property::T), Some(0));
     bench.set(Property::T, -200).expect("mode 2");
-    assert_eq!(bench.get(Property::T), Some(0), "not yet limited, not yet driven");
+    assert_eq!(bench.get(Property::T), Some(-200));
     bench.tick();
     assert_eq!(bench.get(Property::T), Some(-200));
     // OTEMP 700 allows a quarter of 990 at 68 °C.
@@ -97,6 +98,7 @@ fn position_names_the_place_in_idle_and_is_the_goal_in_mode_3() {
     assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(12), Some(12)));
     bench.set(Property::P, -32_767).expect("idle");
     assert_eq!(bench.get(Property::P), Some(-32_767));
+    bench.tick_to(0);
     bench.tick_to(-9);
     assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(-32_788), Some(9)));
     bench.set(Property::MODE, 3).expect("mode 3");
@@ -134,6 +136,23 @@ fn halls_and_their_last_ten_codes() {
     // Codes of counts 3, 4, ... 12, 11: the oldest of eleven has gone.
     let history = [1, 3, 2, 6, 4, 5, 1, 3, 2, 3].into_iter().fold(0, |all, code| all << 3 | code);
     assert_eq!((bench.get(Property::HALLS), bench.get(Property::HALLH)), (Some(3), Some(history)));
+}
+
+#[test]
+fn an_edge_of_the_halls_is_commutated_at_once() {
+    let mut bench = Bench::new(1);
+    bench.set(Property::MODE, 2).expect("mode 2");
+    bench.set(Property::T, 300).expect("mode 2");
+    bench.tick();
+    let duty = bench.tater.drive().duty;
+    for sector in [0, 1, 2, 3, 4, 5, 0] {
+        bench.board().turn_to(sector);
+        bench.now = bench.now.wrapping_add(Micros(300));
+        let now = bench.now;
+        bench.tater.hall(now);
+        let sector = u8::try_from(sector).expect("a sector");
+        assert_eq!(bench.board().bridge, commutation::bridge(Some(sector), duty));
+    }
 }
 
 #[test]

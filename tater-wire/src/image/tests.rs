@@ -1,0 +1,199 @@
+use super::*;
+use std::{format, string::ToString, vec::Vec};
+
+/// An application of `len` bytes with a good stack pointer, a reset vector to the first byte after the header, and
+/// zeros in the reserved vectors.
+fn linked(len: usize) -> Vec<u8> {
+    let mut image: Vec<u8> = (0..len).map(|i| (i % 251) as u8).collect();
+    put(&mut image, 0, RAM.end());
+    put(&mut image, 4, APPLICATION.start + HEADER_END + 1);
+    for at in (0x1C..HEADER_END).step_by(4) {
+        put(&mut image, at, 0);
+    }
+    image
+}
+
+fn put(image: &mut [u8], at: u32, word: u32) {
+    image[at as usize..][..4].copy_from_slice(&word.to_le_bytes());
+}
+
+fn sealed(len: usize) -> Vec<u8> {
+    let mut image = linked(len);
+    seal(&mut image, 600).expect("it can be sealed");
+    image
+}
+
+#[test]
+fn a_sealed_image_verifies_and_only_its_header_has_changed() {
+    for len in [48, 52, 4096, APPLICATION.len as usize] {
+        let mut image = linked(len);
+        let header = seal(&mut image, 0x1234_5678).expect("it can be sealed");
+        assert_eq!(Header::verify(&image), Ok(header));
+        assert_eq!(Header::read(&image[..HEADER_END as usize]), Ok(header));
+        assert_eq!((header.len as usize, header.version), (len, 0x1234_5678));
+        assert_eq!(&image[0x1C..0x20], b"TatR");
+        assert_eq!(image[..0x1C], linked(len)[..0x1C]);
+        assert_eq!(image[0x2C..], linked(len)[0x2C..]);
+    }
+}
+
+/// The CRC is that of any other program: the check value of ISO-HDLC is in its definition.
+#[test]
+fn the_crc_is_that_of_zip() {
+    let mut summer = Summer::default();
+    summer.update(b"123456789");
+    assert_eq!(summer.finish(), 0xCBF4_3926);
+
+    // Of a whole image: with its own word as erased flash, in whatever pieces it comes.
+    let mut image = sealed(512);
+    let header = Header::verify(&image).expect("it is sealed");
+    for piece in [1, 3, 37, 512] {
+        let mut summer = Summer::default();
+        image.chunks(piece).for_each(|bytes| summer.update(bytes));
+        assert_eq!(summer.finish(), header.crc, "pieces of {piece}");
+    }
+    put(&mut image, CRC_AT, u32::MAX);
+    let crc = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+    assert_eq!(crc.checksum(&image), header.crc);
+}
+
+#[test]
+fn every_changed_bit_is_noticed() {
+    let image = sealed(256);
+    for bit in 0..image.len() * 8 {
+        let mut changed = image.clone();
+        changed[bit / 8] ^= 1 << (bit % 8);
+        assert!(Header::verify(&changed).is_err(), "bit {bit}");
+    }
+}
+
+#[test]
+fn sealing_again_replaces_the_header_and_nothing_else() {
+    let mut image = sealed(100);
+    seal(&mut image, 601).expect("a header may be replaced");
+    assert_eq!(Header::verify(&image).map(|header| header.version), Ok(601));
+    let mut erased = linked(100);
+    for at in (0x1C..HEADER_END).step_by(4) {
+        put(&mut erased, at, u32::MAX);
+    }
+    seal(&mut erased, 601).expect("erased vectors are free");
+    assert_eq!(erased, image);
+}
+
+#[test]
+fn lengths_that_are_none() {
+    let most = APPLICATION.len as usize;
+    for len in [0, 3, 4, 0x1F, 0x20, 0x2B, 45, 46, 47, most + 1, most + 4] {
+        // What is too short for vectors has none.
+        let mut image = linked(len.max(48));
+        image.truncate(len);
+        let found = len as u32;
+        assert_eq!(seal(&mut image, 1), Err(ImageError::Length { found }), "{len}");
+    }
+    for len in [0, 0x1C, 0x2B] {
+        let found = len as u32;
+        assert_eq!(Header::read(&sealed(48)[..len]), Err(ImageError::Length { found }), "{len}");
+    }
+    for found in [0, 0x28, 49, APPLICATION.len + 4, u32::MAX - 3] {
+        let mut image = sealed(48);
+        put(&mut image, LEN_AT, found);
+        assert_eq!(Header::read(&image), Err(ImageError::Length { found }));
+    }
+    // Longer or shorter than the header says.
+    let image = sealed(100);
+    assert_eq!(Header::verify(&image[..96]), Err(ImageError::Length { found: 96 }));
+    let longer = [&image[..], &[0xFF; 4]].concat();
+    assert_eq!(Header::verify(&longer), Err(ImageError::Length { found: 104 }));
+}
+
+#[test]
+fn stack_pointers_that_are_none() {
+    for (found, good) in [
+        (RAM.end(), true),
+        (RAM.start + 4, true),
+        (RAM.start, false),
+        (RAM.end() + 4, false),
+        (RAM.end() - 2, false),
+        (0, false),
+        (u32::MAX, false),
+        (APPLICATION.start, false),
+    ] {
+        let (mut image, mut signed) = (linked(100), sealed(100));
+        put(&mut image, 0, found);
+        put(&mut signed, 0, found);
+        let error = ImageError::Stack { found };
+        assert_eq!(seal(&mut image, 1).err(), (!good).then_some(error), "{found:#x}");
+        assert_eq!(Header::read(&signed).err(), (!good).then_some(error), "{found:#x}");
+    }
+}
+
+#[test]
+fn reset_vectors_that_are_none() {
+    let start = APPLICATION.start;
+    for (found, good) in [
+        (start + HEADER_END + 1, true),
+        (start + 99, true),
+        (start + HEADER_END - 1, false),
+        (start + 101, false),
+        (start + HEADER_END, false),
+        (0, false),
+        (1, false),
+        (u32::MAX, false),
+    ] {
+        let (mut image, mut signed) = (linked(100), sealed(100));
+        put(&mut image, 4, found);
+        put(&mut signed, 4, found);
+        let error = ImageError::Reset { found };
+        assert_eq!(seal(&mut image, 1).err(), (!good).then_some(error), "{found:#x}");
+        assert_eq!(Header::read(&signed).err(), (!good).then_some(error), "{found:#x}");
+    }
+}
+
+#[test]
+fn an_image_without_a_header_is_unsealed() {
+    assert_eq!(Header::verify(&linked(100)), Err(ImageError::Unsealed));
+    assert_eq!(Header::verify(&[0xFF; 100]), Err(ImageError::Unsealed));
+    // Vectors are not looked at before the magic: erased flash is unsealed, whatever its stack pointer.
+    assert_eq!(Header::read(&[0; HEADER_END as usize]), Err(ImageError::Unsealed));
+}
+
+#[test]
+fn vectors_in_use_are_left_alone() {
+    for at in [MAGIC_AT, LEN_AT, CRC_AT, VERSION_AT] {
+        let mut image = linked(100);
+        put(&mut image, at, 0x0800_4101);
+        let before = image.clone();
+        assert_eq!(seal(&mut image, 1), Err(ImageError::Reserved), "{at:#x}");
+        assert_eq!(image, before);
+    }
+}
+
+#[test]
+fn a_wrong_crc_gives_both() {
+    let mut image = sealed(100);
+    let expected = Header::verify(&image).expect("it is sealed").crc;
+    image[99] ^= 0x80;
+    let Err(ImageError::Crc { found, expected: said }) = Header::verify(&image) else {
+        panic!("a changed byte is a wrong CRC");
+    };
+    assert_eq!(said, expected);
+    assert_ne!(found, expected);
+    image[99] ^= 0x80;
+    put(&mut image, CRC_AT, found);
+    assert_eq!(Header::verify(&image), Err(ImageError::Crc { found: expected, expected: found }));
+}
+
+#[test]
+fn errors_say_what_was_found() {
+    let rows = [
+        (ImageError::Length { found: 45 }, "45 bytes"),
+        (ImageError::Stack { found: 0x1234 }, "0x00001234"),
+        (ImageError::Reset { found: 0x1234 }, "0x00001234"),
+        (ImageError::Unsealed, "not sealed"),
+        (ImageError::Reserved, "cannot be sealed"),
+        (ImageError::Crc { found: 0x12, expected: 0x34 }, "0x00000012, but its header says 0x00000034"),
+    ];
+    for (error, words) in rows {
+        assert!(error.to_string().contains(words), "{}", format!("{error}"));
+    }
+}

@@ -1,0 +1,5 @@
+//! The power fails in the middle of every flash operation: what is stored and what is downloaded is old or new, never
+//! neither.
+
+mod monitor;
+mod storage;

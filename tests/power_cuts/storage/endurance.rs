@@ -1,0 +1,170 @@
+//! What years of use leave of the counters and of the flash.
+
+use super::{Counters, LOSS, Progress, Property, SimFlash, Store, scenarios, step, stored};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use tater_wire::memory::{FLASH, PAGE, STORAGE};
+
+/// Erases that a page stands (STM32F103 data sheet, minimum).
+const ENDURANCE: u32 = 10_000;
+
+/// The erases of the page of the storage that was erased most, and least.
+fn wear(flash: &SimFlash) -> (u32, u32) {
+    let first = ((STORAGE.start - FLASH.start) / PAGE) as usize;
+    let pages = &flash.erases()[first..first + STORAGE.pages() as usize];
+    let sorted = pages.iter().copied().collect::<std::collections::BTreeSet<_>>();
+    sorted.last().copied().zip(sorted.first().copied()).expect("eight pages")
+}
+
+fn finish(store: &mut Store, flash: &mut SimFlash) {
+    assert_eq!(step(store, flash, 5000, false), Progress::Done);
+}
+
+/// A board from one power-up to the next: what it has counted, as `count` was told.
+struct Board {
+    counted: Counters,
+    /// Counts that are no thousand yet.
+    rest: u32,
+    tenths: u32,
+}
+
+impl Board {
+    /// A tenth of a second at a speed, in counts/s.
+    fn run(&mut self, speed: u32, temperature: i16) {
+        self.tenths += 1;
+        self.counted.upsecs += u32::from(self.tenths.is_multiple_of(10));
+        self.rest += speed / 10;
+        self.counted.odometer += self.rest / 1000;
+        self.rest %= 1000;
+        self.counted.ptemp = self.counted.ptemp.max(temperature);
+    }
+}
+
+/// The largest loss seen in a cycle, in seconds, counts and 0.1 °C.
+#[derive(Debug, Default)]
+struct Worst(u32, u32, i16);
+
+/// From a power-up until the power fails, in the middle of an operation or between two.
+fn cycle(flash: &mut SimFlash, rng: &mut Pcg64Mcg, last: &mut Counters, worst: &mut Worst) {
+    let mut store = Store::open(flash);
+    let start = store.counters();
+    assert!(start.upsecs >= last.upsecs && start.odometer >= last.odometer && start.ptemp >= last.ptemp);
+    let mut board = Board { counted: start, rest: 0, tenths: 0 };
+    if rng.random() {
+        flash.cut_at(flash.operations() + rng.random_range(0..80), rng.random());
+    }
+    // Up to five minutes, standing or as fast as a motor turns (1,057 counts/s). One day in forty is the hottest yet, and
+    // warms by up to 0.5 °C a tenth of a second.
+    let speed = [0, 500, 1057][rng.random_range(0..3)];
+    let (mut temperature, hottest) =
+        (start.ptemp - 20, start.ptemp + [5, -5][usize::from(rng.random_range(0..40) > 0)]);
+    for _ in 0..rng.random_range(0..3000) {
+        temperature = (temperature + rng.random_range(-3..=5)).min(hottest);
+        board.run(speed, temperature);
+        store.count(board.counted);
+        if rng.random_range(0..200) == 0 {
+            store.set(Property::X0, rng.random_range(-9..9));
+        }
+        // A step a millisecond.
+        step(&mut store, flash, 100, false);
+        if flash.is_dead() {
+            break;
+        }
+    }
+    flash.power_up();
+    let left = Store::open(flash).counters();
+    let told = board.counted;
+    let lost = (told.upsecs - left.upsecs, told.odometer - left.odometer, told.ptemp - left.ptemp);
+    // More than this is what `storage` states: 60 s, 8,000 counts, 1.0 °C.
+    assert!(lost.0 <= LOSS.upsecs && lost.1 <= LOSS.odometer && lost.2 <= LOSS.ptemp, "lost {lost:?}");
+    *worst = Worst(worst.0.max(lost.0), worst.1.max(1000 * lost.1 + board.rest), worst.2.max(lost.2));
+    *last = left;
+}
+
+#[test]
+fn counters_survive_ten_thousand_power_cycles() {
+    let (mut flash, mut rng) = (SimFlash::default(), Pcg64Mcg::new(6));
+    let (mut last, mut worst) = (Counters::default(), Worst::default());
+    for _ in 0..10_000 {
+        cycle(&mut flash, &mut rng, &mut last, &mut worst);
+    }
+    println!("10,000 power cycles: lost at most {worst:?} (s, counts, 0.1 °C); worn {:?}", wear(&flash));
+    println!("counted {last:?}");
+    let stated = (LOSS.upsecs, 1000 * (LOSS.odometer + 1), LOSS.ptemp);
+    assert_eq!(stated, (60, 8000, 10), "the module's text says so");
+    assert!(worst.0 <= stated.0 && worst.1 < stated.1 && worst.2 <= stated.2);
+    // Not a bound that anything would keep: the worst is near it.
+    assert!(worst.0 >= 57 && worst.1 >= 6000 && worst.2 >= 1, "{worst:?}");
+}
+
+#[test]
+fn five_thousand_saves_of_every_property_one_by_one_wear_no_page_out() {
+    let mut flash = SimFlash::default();
+    let mut store = Store::open(&flash);
+    for save in 0..5000 {
+        for property in stored() {
+            // A prime, no range's length: every save changes every property.
+            let row = property.row();
+            store.set(property, row.min + save * 7919 % (row.max - row.min + 1));
+            finish(&mut store, &mut flash);
+        }
+    }
+    let (most, least) = wear(&flash);
+    println!("5,000 FSAVEs one by one: {most} erases of the most erased page, {least} of the least");
+    assert!(most <= 625, "more than the module says: {most}");
+    assert!(most - least <= 1, "not spread: {least} to {most}");
+}
+
+/// Erases after years of counting, by calls so many seconds apart, few enough that the flash gets the same half-words.
+fn years(years: u64, counts_per_s: u64, stride: usize) -> (u32, u32) {
+    let mut flash = SimFlash::default();
+    let mut store = Store::open(&flash);
+    stored().for_each(|property| store.set(property, property.row().max));
+    finish(&mut store, &mut flash);
+    let whole = |number: u64| u32::try_from(number).expect("fits");
+    let seconds = years * 31_557_600;
+    for second in (0..seconds).step_by(stride) {
+        let odometer = whole(second * counts_per_s / 1000);
+        store.count(Counters { upsecs: whole(second), odometer, ptemp: 400 });
+        finish(&mut store, &mut flash);
+    }
+    assert!(Store::open(&flash).counters().upsecs + LOSS.upsecs >= whole(seconds) - stride as u32);
+    wear(&flash)
+}
+
+#[test]
+fn ten_years_of_counting_wear_no_page_out() {
+    let standing = years(10, 0, 29);
+    println!("ten years, standing: {standing:?} erases of the most and the least erased page");
+    // As the module says: 315.6 million s / 58 s / 408 half-words / 8 pages.
+    assert!((1600..=1700).contains(&standing.0), "{standing:?}");
+    // A year of moving all the time as fast as a finger can stands for ten.
+    let moving = years(1, 500, 2);
+    println!("a year, moving all the time: {moving:?}");
+    assert!(10 * moving.0 < ENDURANCE, "{moving:?}");
+}
+
+#[test]
+fn a_day_with_the_bridge_on_loses_no_more() {
+    let mut flash = scenarios::used();
+    let mut store = Store::open(&flash);
+    finish(&mut store, &mut flash);
+    let start = store.counters();
+    let mut hours = 0;
+    'driven: for hour in 1.. {
+        for second in (hour - 1) * 3600..hour * 3600 {
+            store.count(Counters { upsecs: start.upsecs + second, ..start });
+            if step(&mut store, &mut flash, 100, true) != Progress::Done {
+                break 'driven;
+            }
+            if second % 10 == 0 && start.upsecs + second - Store::open(&flash).counters().upsecs > LOSS.upsecs
+            {
+                break 'driven;
+            }
+        }
+        hours = hour;
+    }
+    println!("with the bridge on, the stated loss holds for {hours} h");
+    assert!(hours >= 32, "{hours}");
+    assert_eq!(flash.erased_while_driven(), 0);
+}

@@ -1,0 +1,224 @@
+//! Nothing on the bus reads or writes memory by its address, and locked properties change only after the sequence of
+//! LOCK, once.
+
+use proptest::prelude::*;
+use tater_fw::Flash;
+use tater_wire::memory::{APPLICATION, FLASH, MONITOR, RAM, STORAGE};
+use tater_wire::property::{Access, ROWS};
+use tater_wire::{Body, Destination, Frame, Group, Property, Torques, Value};
+
+use super::board::Bench;
+
+/// All that the flash holds.
+fn flash(bench: &mut Bench) -> Vec<u16> {
+    let flash = &bench.board().flash;
+    (FLASH.start..FLASH.end()).step_by(2).map(|address| flash.half_word(address)).collect()
+}
+
+fn all(bench: &mut Bench) -> Vec<Option<i64>> {
+    ROWS.iter().map(|row| bench.get(row.property)).collect()
+}
+
+/// Every number with every length of data, each filled with addresses and other bytes.
+fn frames(to: u16) -> impl Iterator<Item = Frame> {
+    let starts = [MONITOR, APPLICATION, STORAGE, FLASH, RAM].map(|area| area.start);
+    let fillings =
+        starts.map(u32::to_le_bytes).into_iter().chain([[0; 4], [0xFF; 4], [1, 0, 0, 0], [0x5A; 4]]);
+    fillings.flat_map(move |[a, b, c, d]| {
+        (0..=u8::MAX).flat_map(move |first| {
+            let data = [first, 0, a, b, c, d, a, b];
+            (1..=8).map(move |len| Frame::from_raw(to, &data[..len]).expect("11 bits, 8 bytes"))
+        })
+    })
+}
+
+#[test]
+fn only_the_table_s_numbers_are_answered_and_flash_is_written_by_storage_alone() {
+    // Own node, by the host and by another board; everybody; the packed torques' group.
+    for to in [1, 5 << 5 | 1, 0x400, 0x401] {
+        let mut bench = Bench::new(1);
+        let memory = flash(&mut bench);
+        let mut answered = [false; 128];
+        for frame in frames(to) {
+            let _ = bench.send(&frame);
+            for message in bench.said() {
+                let &[asked] = frame.data() else { panic!("{frame:?} is answered by {message:?}") };
+                let property = Property::of(asked).expect("only properties are answered");
+                // Its own value and nothing else: it is in its range.
+                let value = match message.body {
+                    Body::Set { value, .. } => property.read(value),
+                    Body::Position(counts) => i64::from(counts),
+                    body => panic!("{frame:?} is answered by {body:?}"),
+                };
+                assert!(property.row().admits(value), "{property:?} reads {value}");
+                answered[usize::from(asked)] = true;
+            }
+            bench.tater.store();
+        }
+        for id in 0..128_u8 {
+            let readable = Property::of(id).is_some_and(|p| p.row().access != Access::WriteOnly);
+            assert_eq!(answered[usize::from(id)], readable, "number {id}");
+        }
+        assert!(bench.board().flash.operations > 100, "SAVE has been among them");
+        let changed = memory.into_iter().zip(flash(&mut bench)).enumerate().filter(|(_, (a, b))| a != b);
+        for (index, _) in changed {
+            let address = FLASH.start + 2 * u32::try_from(index).expect("64 Ki half-words");
+            assert!(STORAGE.holds(address.into(), 2), "{address:#X}");
+        }
+    }
+}
+
+#[test]
+fn a_number_without_a_row_does_nothing() {
+    // ADDR (6) and VALUE (7) of Barrett's are among them.
+    assert!(Property::of(6).is_none() && Property::of(7).is_none());
+    for to in [1, 5 << 5 | 1, 0x400] {
+        let mut bench = Bench::new(1);
+        let (memory, before) = (flash(&mut bench), all(&mut bench));
+        for frame in frames(to) {
+            if frame.data().first().is_some_and(|id| Property::of(id & 0x7F).is_none()) {
+                assert!(bench.send(&frame).is_err(), "{frame:?}");
+                assert_eq!(bench.said(), [], "{frame:?}");
+            }
+        }
+        assert!(bench.board().resets.is_empty());
+        assert_eq!(bench.board().flash.operations, 0);
+        assert!(flash(&mut bench) == memory && all(&mut bench) == before);
+    }
+}
+
+const KEYS: [i64; 5] = [18384, 23, 3145, 1024, 1];
+
+/// What a host may try.
+#[derive(Clone, Copy, Debug)]
+enum Try {
+    /// The key that the lock waits for.
+    NextKey,
+    Key(i64),
+    /// A SET of a locked property, by number among them.
+    Locked(usize, i64),
+    /// DEF of one.
+    Default(usize),
+    Unlocked(i64),
+    /// A SET of what cannot be set, or of nothing.
+    Refused(u8),
+    Ask(u8),
+    Packed,
+}
+
+fn attempt() -> impl Strategy<Value = Try> {
+    prop_oneof![
+        40 => Just(Try::NextKey),
+        2 => prop_oneof![prop::sample::select(&KEYS[..]), -2..32_768_i64].prop_map(Try::Key),
+        5 => (0..6_usize, prop_oneof![-1..40_i64, any::<i32>().prop_map(i64::from)])
+            .prop_map(|(which, value)| Try::Locked(which, value)),
+        1 => (0..6_usize).prop_map(Try::Default),
+        1 => any::<i16>().prop_map(|value| Try::Unlocked(value.into())),
+        1 => prop::sample::select(&[0_u8, 4, 6, 7, 12, 115][..]).prop_map(Try::Refused),
+        2 => (0..128_u8).prop_map(Try::Ask),
+        1 => Just(Try::Packed),
+    ]
+}
+
+/// The lock as PROTOCOL and the property table have it: the keys in a row so far, and what the locked properties are.
+struct Model {
+    keys: Vec<i64>,
+    values: Vec<i64>,
+}
+
+impl Model {
+    fn is_open(&self) -> bool {
+        self.keys == KEYS
+    }
+
+    fn key(&mut self, value: i64) {
+        self.keys.push(value);
+        if !KEYS.starts_with(&self.keys) {
+            self.keys.clear();
+            self.keys.extend((value == KEYS[0]).then_some(value));
+        }
+    }
+
+    /// A SET of anything but LOCK and what is locked.
+    fn other(&mut self) {
+        if !self.is_open() {
+            self.keys.clear();
+        }
+    }
+
+    /// A SET of something locked; whether the lock was open, which it no longer is.
+    fn locked(&mut self) -> bool {
+        let open = self.is_open();
+        self.keys.clear();
+        open
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+    #[test]
+    fn locked_properties_change_only_after_the_sequence_and_once(
+        attempts in prop::collection::vec(attempt(), 60),
+    ) {
+        let rows: Vec<_> = ROWS.iter().filter(|row| row.access == Access::Locked).collect();
+        prop_assert_eq!(rows.len(), 6);
+        let mut bench = Bench::new(2);
+        let read = |bench: &mut Bench| -> Vec<i64> {
+            rows.iter().map(|row| bench.get(row.property).expect("can be read")).collect()
+        };
+        let defaults = read(&mut bench);
+        let mut model = Model { keys: Vec::new(), values: defaults.clone() };
+        for attempt in attempts {
+            match attempt {
+                Try::NextKey | Try::Key(_) => {
+                    let next = KEYS.get(model.keys.len()).copied().unwrap_or(KEYS[0]);
+                    // An open lock is not worked at again, or it would hardly ever be used.
+                    if matches!(attempt, Try::NextKey) && model.is_open() {
+                        continue;
+                    }
+                    let value = if let Try::Key(value) = attempt { value } else { next };
+                    let _ = bench.set(Property::LOCK, value);
+                    model.key(value);
+                }
+                Try::Locked(which, value) => {
+                    let property = rows[which].property;
+                    let taken = bench.set(property, value).is_ok();
+                    // −1 of a property without a sign is its largest value.
+                    let value = property.read(property.write(value).expect("fits 32 bits"));
+                    let expected = model.locked() && rows[which].admits(value);
+                    if expected {
+                        model.values[which] = value;
+                    }
+                    prop_assert_eq!(taken, expected);
+                }
+                Try::Default(which) => {
+                    let taken = bench.set(Property::DEF, rows[which].property.id().into()).is_ok();
+                    model.other();
+                    let expected = model.locked();
+                    if expected {
+                        model.values[which] = defaults[which];
+                    }
+                    prop_assert_eq!(taken, expected);
+                }
+                Try::Unlocked(value) => {
+                    bench.set(Property::X1, value).expect("in range");
+                    model.other();
+                }
+                Try::Refused(id) => {
+                    let body = Body::Set { property: id, value: Value::Short(1) };
+                    prop_assert!(bench.say(bench.own(), 0, body).is_err());
+                    model.other();
+                }
+                Try::Ask(id) => {
+                    let _ = bench.say(bench.own(), 0, Body::Get(id));
+                }
+                Try::Packed => {
+                    let torques = Torques::new(&[1, 2, 3, 4]).expect("four");
+                    let _ = bench.say(Destination::Group(Group::LOW), 0, Body::Torques(torques));
+                    model.other();
+                }
+            }
+            prop_assert_eq!(&read(&mut bench), &model.values);
+        }
+    }
+}

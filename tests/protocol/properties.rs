@@ -1,0 +1,228 @@
+//! Every property of the table on each of the seven nodes, by frames alone: number, width, sign, range, access,
+//! defaults, groups; and that what is refused changes nothing and is not answered.
+
+use tater_wire::property::{Access, ROWS, Row, Stored};
+use tater_wire::{Body, Destination, Group, Node, Property, Value};
+
+use super::board::{Bench, SERIAL};
+
+/// What GET reads of every property.
+fn all(bench: &mut Bench) -> Vec<Option<i64>> {
+    ROWS.iter().map(|row| bench.get(row.property)).collect()
+}
+
+/// A board of every node.
+fn nodes() -> impl Iterator<Item = (u8, Bench)> {
+    (1..=7).map(|number| (number, Bench::new(number)))
+}
+
+/// The ways to say a value: in two bytes, if it fits them, and in four. What is never negative and needs all bits has
+/// no sign on the wire.
+fn widths(row: &Row, value: i64) -> Vec<Value> {
+    let signed_max = if row.bits == 16 { i64::from(i16::MAX) } else { i64::from(i32::MAX) };
+    let (short, long) = if row.min >= 0 && row.max > signed_max {
+        (u16::try_from(value).ok(), u32::try_from(value).ok())
+    } else {
+        (i16::try_from(value).ok().map(i16::cast_unsigned), i32::try_from(value).ok().map(i32::cast_unsigned))
+    };
+    short.map(Value::Short).into_iter().chain(long.map(Value::Long)).collect()
+}
+
+/// SET, in this width, of a property that may be locked; nothing may be answered.
+fn set(bench: &mut Bench, row: &Row, value: Value) -> bool {
+    if row.access == Access::Locked {
+        bench.unlock();
+    }
+    let body = Body::Set { property: row.property.id(), value };
+    let taken = bench.say(bench.own(), 0, body).is_ok();
+    assert_eq!(bench.said(), [], "{} := {value:?} is answered", row.name);
+    taken
+}
+
+/// Whether a property holds any value of its range as it is set, whatever the board is doing.
+fn holds(row: &Row) -> bool {
+    let steers = matches!(row.property, Property::STAT | Property::MODE | Property::T | Property::V);
+    matches!(row.access, Access::ReadWrite | Access::Locked) && !steers
+}
+
+#[test]
+fn every_property_reads_its_default_in_its_width() {
+    for (number, mut bench) in nodes() {
+        let node = Node::new(number).expect("a node");
+        for row in ROWS {
+            // `get` checks number, width, sender and group of the answer.
+            let found = bench.get(row.property);
+            let default = match row.property {
+                // In the monitor it would be 0.
+                Property::STAT => Some(2),
+                // The chip's, until one is stored.
+                Property::SN => Some(i64::from(SERIAL)),
+                _ => row.default_for(node),
+            };
+            assert_eq!(found.is_some(), row.access != Access::WriteOnly, "{} of node {number}", row.name);
+            if let (Some(found), Some(default)) = (found, default) {
+                assert_eq!(found, default, "{} of node {number}", row.name);
+            }
+            if let Some(found) = found {
+                assert!(row.admits(found), "{} of node {number}: {found}", row.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_property_takes_both_ends_of_its_range_in_either_width() {
+    for (number, mut bench) in nodes() {
+        for row in ROWS.iter().filter(|row| holds(row)) {
+            for value in [row.min, row.max, row.min + 1, row.max - 1, row.min.midpoint(row.max)] {
+                if !row.admits(value) {
+                    continue;
+                }
+                for wire in widths(row, value) {
+                    assert!(set(&mut bench, row, wire), "{} := {wire:?} on node {number}", row.name);
+                    assert_eq!(bench.get(row.property), Some(value), "{} := {wire:?}", row.name);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_value_out_of_range_is_refused_whole() {
+    for (number, mut bench) in nodes() {
+        let before = all(&mut bench);
+        for row in ROWS {
+            for value in [row.min - 1, row.max + 1, i64::from(i32::MIN), i64::from(i32::MAX)] {
+                if row.admits(value) {
+                    continue;
+                }
+                for wire in widths(row, value) {
+                    assert!(!set(&mut bench, row, wire), "{} := {wire:?} on node {number}", row.name);
+                }
+            }
+            assert_eq!(all(&mut bench), before, "{} on node {number}", row.name);
+        }
+        assert!(bench.board().resets.is_empty());
+    }
+}
+
+#[test]
+fn what_is_read_only_or_locked_is_refused_in_range_too() {
+    for (number, mut bench) in nodes() {
+        let before = all(&mut bench);
+        for row in ROWS.iter().filter(|row| matches!(row.access, Access::ReadOnly | Access::Locked)) {
+            for value in [row.min, row.max] {
+                for wire in widths(row, value) {
+                    let body = Body::Set { property: row.property.id(), value: wire };
+                    assert!(bench.say(bench.own(), 0, body).is_err(), "{} on node {number}", row.name);
+                    assert_eq!(bench.said(), []);
+                }
+            }
+            assert_eq!(all(&mut bench), before, "{} on node {number}", row.name);
+        }
+    }
+}
+
+#[test]
+fn a_set_changes_its_own_property_and_what_that_governs_only() {
+    for (number, mut bench) in nodes() {
+        for row in ROWS.iter().filter(|row| holds(row)) {
+            let before = all(&mut bench);
+            let value = if bench.get(row.property) == Some(row.max) { row.min } else { row.max };
+            let wire = row.property.write(value).expect("fits 32 bits");
+            assert!(set(&mut bench, row, wire));
+            for (other, (before, after)) in ROWS.iter().zip(before.into_iter().zip(all(&mut bench))) {
+                assert!(
+                    other.property == row.property || before == after,
+                    "{} changes {} on node {number}",
+                    row.name,
+                    other.name
+                );
+            }
+            // Groups are left, and the limit of 0 K is passed, before it goes on.
+            bench = Bench::new(number);
+        }
+    }
+}
+
+#[test]
+fn what_steers_is_read_back_in_its_mode() {
+    for (_, mut bench) in nodes() {
+        for (property, mode) in [(Property::V, 4), (Property::T, 2)] {
+            let row = property.row();
+            bench.set(Property::MT, 990).expect("in range");
+            bench.set(Property::MODE, mode).expect("a mode");
+            for value in [row.min, row.max, -1, 0, 1] {
+                for wire in widths(row, value) {
+                    assert!(set(&mut bench, row, wire), "{} := {wire:?}", row.name);
+                    assert_eq!(bench.get(property), Some(value), "{}", row.name);
+                }
+            }
+        }
+        for mode in [0, 2, 3, 4, 5] {
+            assert!(set(&mut bench, Property::MODE.row(), Value::Long(mode)));
+            assert_eq!(bench.get(Property::MODE), Some(i64::from(mode)));
+        }
+    }
+}
+
+#[test]
+fn an_unsigned_short_and_a_signed_one_mean_what_the_row_says() {
+    let mut bench = Bench::new(1);
+    for (property, meant) in [
+        (Property::TSTOP, 65_535),
+        (Property::ACCEL, 65_535),
+        (Property::X0, -1),
+        (Property::E, -1),
+        (Property::DP, -1),
+    ] {
+        assert!(set(&mut bench, property.row(), Value::Short(0xFFFF)));
+        // `get` expects six bytes for what does not fit a signed short.
+        assert_eq!(bench.get(property), Some(meant), "{property:?}");
+    }
+    // −1 in four bytes is no 65535, and 65535 in four bytes no −1.
+    assert!(!set(&mut bench, Property::MPE.row(), Value::Long(0xFFFF_FFFF)));
+    assert!(!set(&mut bench, Property::X0.row(), Value::Long(0xFFFF)));
+}
+
+#[test]
+fn a_get_to_a_group_is_answered_by_its_members_in_node_order() {
+    let members: [(Group, std::ops::RangeInclusive<u8>); 4] =
+        [(Group::ALL, 1..=7), (Group::LOW, 1..=4), (Group::HIGH, 5..=7), (Group::TATERS, 1..=7)];
+    for (group, expected) in members {
+        for property in [Property::STAT, Property::P] {
+            let mut answers = Vec::new();
+            for (_, mut bench) in nodes() {
+                bench.say(Destination::Group(group), 0, Body::Get(property.id())).expect("heard or skipped");
+                answers.append(&mut bench.board().sent);
+            }
+            // The bus carries the lowest identifier first.
+            answers.sort_by_key(|frame| frame.raw_id());
+            let senders: Vec<u8> = answers.iter().map(|frame| frame.id().from.number()).collect();
+            assert_eq!(senders, expected.clone().collect::<Vec<u8>>(), "{property:?} of {group:?}");
+        }
+    }
+}
+
+#[test]
+fn a_set_to_a_group_is_obeyed_by_its_members() {
+    for (group, members) in
+        [(Group::ALL, 1..=7), (Group::LOW, 1..=4), (Group::HIGH, 5..=7), (Group::TATERS, 1..=7)]
+    {
+        for (number, mut bench) in nodes() {
+            for row in ROWS.iter().filter(|row| row.stored == Stored::Yes && row.access == Access::ReadWrite)
+            {
+                let before = bench.get(row.property);
+                let value = if before == Some(row.min) { row.max } else { row.min };
+                let wire = row.property.write(value).expect("fits 32 bits");
+                let body = Body::Set { property: row.property.id(), value: wire };
+                bench.say(Destination::Group(group), 0, body).expect("obeyed or skipped");
+                let expected = if members.contains(&number) { Some(value) } else { before };
+                assert_eq!(bench.get(row.property), expected, "{} of node {number} by {group:?}", row.name);
+                // Back, so that it stays a member.
+                bench.set(row.property, before.expect("can be read")).expect("in range");
+                assert_eq!(bench.said(), []);
+            }
+        }
+    }
+}

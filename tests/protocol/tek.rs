@@ -1,0 +1,99 @@
+//! A sealed image through a `.tek` file, as hosts send it and a monitor receives it. The damaged files are judged by
+//! the program that people use: `xtask/tests/tek/damaged.rs`.
+
+use proptest::prelude::*;
+use tater_wire::image::{Header, seal};
+use tater_wire::memory::{APPLICATION, RAM};
+use tater_wire::tek::{Decoder, Encoder, Record, TekError, end};
+
+/// A sealed application with these bytes after its vectors.
+fn sealed(code: &[u8]) -> Vec<u8> {
+    let mut image = vec![0; 0x2C];
+    image[..4].copy_from_slice(&RAM.end().to_le_bytes());
+    image[4..8].copy_from_slice(&(APPLICATION.start + 0x2D).to_le_bytes());
+    image.extend_from_slice(code);
+    image.resize(image.len().next_multiple_of(4), 0xFF);
+    seal(&mut image, 600).expect("the vectors are good");
+    image
+}
+
+fn file(image: &[u8]) -> Vec<u8> {
+    let lines = Encoder::new(APPLICATION.start, image).expect("it lies in flash");
+    lines.chain([end(APPLICATION.start)]).flat_map(|line| line.as_bytes().to_vec()).collect()
+}
+
+/// What a host sends of a file: of each line what follows its first character, up to a character below '0'.
+fn sent(file: &[u8]) -> Vec<u8> {
+    let lines = file.split_inclusive(|&character| character == b'\n');
+    lines.flat_map(|line| line[1..].iter().copied().take_while(|&c| c >= b'0')).collect()
+}
+
+/// The application's flash after a download; `None` if it does not end.
+fn received(characters: &[u8]) -> Result<Option<Vec<u8>>, TekError> {
+    let (mut decoder, mut flash, mut whole) = (Decoder::default(), Vec::new(), false);
+    for &character in characters {
+        match decoder.push(character)? {
+            Some(Record::Data { address, bytes }) => {
+                if !APPLICATION.holds(address, bytes.len() as u64) {
+                    return Ok(None);
+                }
+                let at = (address - u64::from(APPLICATION.start)) as usize;
+                flash.resize(flash.len().max(at + bytes.len()), 0xFF);
+                flash[at..at + bytes.len()].copy_from_slice(bytes);
+            }
+            Some(Record::End { .. }) => whole = true,
+            Some(Record::Symbols) | None => {}
+        }
+    }
+    Ok(whole.then_some(flash))
+}
+
+proptest! {
+    #[test]
+    fn a_sealed_image_arrives(code in prop::collection::vec(any::<u8>(), 1..3000)) {
+        let image = sealed(&code);
+        let flash = received(&sent(&file(&image)));
+        prop_assert_eq!(flash.as_ref(), Ok(&Some(image.clone())));
+        prop_assert_eq!(Header::verify(&image).map(|header| header.len as usize), Ok(image.len()));
+    }
+}
+
+/// Any one character of a download changed to any other that hosts send, or lost, is noticed by the records.
+#[test]
+fn one_wrong_character_ends_a_download() {
+    let characters = sent(&file(&sealed(&(0..60).collect::<Vec<u8>>())));
+    let whole = |text: &[u8]| matches!(received(text), Ok(Some(_)));
+    assert!(whole(&characters));
+    for at in 0..characters.len() {
+        for other in (b'0'..=b'~').filter(|&other| other != characters[at]) {
+            let mut changed = characters.clone();
+            changed[at] = other;
+            assert!(!whole(&changed), "character {at} as {}", char::from(other));
+        }
+        let mut lost = characters.clone();
+        lost.remove(at);
+        assert!(!whole(&lost), "character {at} lost");
+    }
+}
+
+/// A checksum cannot tell two characters in exchange: the image's own can. (In the last record they change the entry,
+/// which no monitor goes by: the reset vector is inside the image.)
+#[test]
+fn two_characters_in_exchange_never_become_another_application() {
+    // A record has 78 characters.
+    const NEAR: usize = 80;
+    let image = sealed(&(0..=255).collect::<Vec<u8>>());
+    let characters = sent(&file(&image));
+    let mut left_to_the_header = 0;
+    for a in 0..characters.len() {
+        for b in (a + 1..characters.len().min(a + NEAR)).filter(|&b| characters[a] != characters[b]) {
+            let mut changed = characters.clone();
+            changed.swap(a, b);
+            if let Ok(Some(flash)) = received(&changed).map(|flash| flash.filter(|flash| *flash != image)) {
+                left_to_the_header += 1;
+                assert!(Header::verify(&flash).is_err(), "{a} and {b}");
+            }
+        }
+    }
+    assert!(left_to_the_header > 0, "else the header is not needed");
+}
