@@ -91,7 +91,7 @@ pub struct Tater<B: Board> {
     store: Store,
     /// The decoder's count at which the stored position is true, while its mark is unconsumed.
     trusted_at: Option<i32>,
-    /// ERROR has a storage failure to tell of.
+    /// The flash has failed, and STAT 2 has not cleared it. Whether to try again is the store's to know.
     storage_error: bool,
     breakaway_position: i32,
     outbox: Deque<Frame, OUTBOX>,
@@ -324,7 +324,7 @@ impl<B: Board> Tater<B> {
         let idle = self.drive.duty.is_none() && self.servo.status().mode == Mode::Idle;
         let progress = self.store.step(self.board.flash(), idle);
         if let Progress::Failed(_) = progress {
-            self.storage_failed();
+            self.storage_error = true;
         }
         progress
     }
@@ -341,6 +341,8 @@ impl<B: Board> Tater<B> {
                 break;
             }
         }
+        // The last that is heard of it: the move that this has ended, if anybody wants to know.
+        self.report();
         self.send();
         self.outbox.clear();
         self.board.reset();

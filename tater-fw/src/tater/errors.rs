@@ -20,7 +20,8 @@ pub const fn code(fault: Fault) -> FaultCode {
 }
 
 impl<B: Board> Tater<B> {
-    /// The latched fault. A fault of the servo goes before one of the flash, which does not stop the motor.
+    /// The latched fault. A fault of the servo goes before one of the flash, which does not stop the motor; STAT 2 clears
+    /// both.
     pub(super) fn error(&self) -> Option<FaultCode> {
         let storage = self.storage_error.then_some(FaultCode::Storage);
         self.servo.status().fault.map(code).or(storage)

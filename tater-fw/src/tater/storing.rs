@@ -163,17 +163,11 @@ impl<B: Board> Tater<B> {
         match self.store.distrust(self.board.flash()) {
             Ok(()) => self.trusted_at = None,
             Err(_) => {
-                self.storage_failed();
+                self.storage_error = true;
                 self.drive = OFF;
                 let _ = self.servo.command(Command::Terminate);
             }
         }
-    }
-
-    /// The flash has failed: said by ERROR, unless that says something already. Whether to try again is the store's to
-    /// know.
-    pub(super) fn storage_failed(&mut self) {
-        self.storage_error |= self.error().is_none();
     }
 }
 

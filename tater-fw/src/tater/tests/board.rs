@@ -80,6 +80,8 @@ pub struct FakeBoard {
     pub feeds: u32,
     /// Resets, each with whether the bridge was on and the brake released.
     pub resets: Vec<(bool, bool)>,
+    /// Frames sent before the last reset.
+    pub sent_at_reset: usize,
     /// Flash operations done when the bridge was switched on first.
     pub operations_at_drive: Option<u32>,
 }
@@ -113,6 +115,7 @@ impl FakeBoard {
             room: usize::MAX,
             feeds: 0,
             resets: Vec::new(),
+            sent_at_reset: 0,
             operations_at_drive: None,
         }
     }
@@ -169,6 +172,7 @@ impl Board for FakeBoard {
     }
 
     fn reset(&mut self) {
+        self.sent_at_reset = self.sent.len();
         self.resets.push((self.bridge != Bridge::Off, self.brake_released));
     }
 

@@ -95,9 +95,11 @@ fn locked_ones_are_left_by_all_and_need_the_sequence_by_name() {
     bench.unlock();
     set(&mut bench, Property::SN, 99);
     set(&mut bench, Property::SAVE, -1);
-    for (by, all) in [(Property::LOAD, 99), (Property::DEF, 99)] {
+    bench.unlock();
+    set(&mut bench, Property::SN, 98);
+    for by in [Property::LOAD, Property::DEF] {
         set(&mut bench, by, -1);
-        assert_eq!(bench.get(Property::SN), Some(all));
+        assert_eq!(bench.get(Property::SN), Some(98));
         assert_eq!(bench.set(by, id(Property::SN)), Err(Refused::Access(Property::SN)));
     }
     bench.settle();
@@ -140,7 +142,7 @@ fn a_saved_position_is_true_after_the_next_start() {
         bench.settle();
         let mut bench = bench.restart();
         assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(7), true), "node {straps}");
-        assert_eq!(bench.get(Property::MECH), Some(7));
+        assert_eq!((bench.get(Property::MECH), bench.get(Property::E)), (Some(7), Some(0)));
         // And after the one after that, as long as nothing moves.
         bench.ticks(100);
         assert!(bench.restart().tater.status().homed);
@@ -154,6 +156,16 @@ fn a_count_a_drive_or_other_halls_take_the_trust_away_for_good() {
         assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(0), false));
         bench.board().flash.operations
     };
+    // In the same session as the SAVE.
+    let mut at_once = Bench::new(1);
+    at_once.home();
+    set(&mut at_once, Property::SAVE, -1);
+    at_once.settle();
+    let back = at_once.count;
+    at_once.tick_to(back + 1);
+    at_once.tick_to(back);
+    untrusted(at_once);
+
     let mut counted = saved(1);
     let back = counted.count;
     counted.tick_to(back + 1);
@@ -187,6 +199,12 @@ fn a_position_that_is_not_known_is_saved_but_not_trusted() {
     assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(0), false));
     set(&mut bench, Property::LOAD, id(Property::P));
     assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(33), false));
+    set(&mut bench, Property::P, 5);
+    set(&mut bench, Property::MODE, 3);
+    assert!(bench.set(Property::DEF, id(Property::P)).is_err());
+    set(&mut bench, Property::MODE, 0);
+    set(&mut bench, Property::LOAD, id(Property::P));
+    assert_eq!(bench.get(Property::P), Some(33), "what is refused forgets nothing");
 
     let mut powered = saved(4);
     set(&mut powered, Property::MODE, 3);

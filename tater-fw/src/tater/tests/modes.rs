@@ -1,10 +1,11 @@
 //! What STAT, MODE, T, V, P and E read and do.
 
 use super::board::Bench;
+use crate::board::Analog;
 use crate::tater::Refused;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation;
-use servo_core::units::{CountsPerSec, DeciCelsius, Micros};
+use servo_core::units::{CountsPerSec, DeciCelsius, Micros, MilliAmps, MilliVolts};
 use servo_core::{EndReason, Refusal};
 use tater_wire::Property;
 
@@ -22,6 +23,7 @@ fn stat_is_ready_wakes_resets_and_is_never_told_to_be_an_error() {
 fn a_reset_comes_with_the_bridge_off_the_brake_engaged_and_what_was_saved_kept() {
     for (property, value) in [(Property::STAT, 0), (Property::CMD, 2)] {
         let mut bench = Bench::new(4);
+        bench.set(Property::LFLAGS, 1).expect("in range");
         bench.set(Property::X3, 77).expect("in range");
         bench.set(Property::SAVE, i64::from(Property::X3.id())).expect("stored");
         bench.set(Property::M, 100).expect("moves");
@@ -30,6 +32,8 @@ fn a_reset_comes_with_the_bridge_off_the_brake_engaged_and_what_was_saved_kept()
         bench.set(property, value).expect("resets");
         assert_eq!(bench.board().resets, [(false, false)]);
         bench.tick();
+        // MODE and END of the move that it ended: before the reset, nothing after it.
+        assert_eq!((bench.board().sent_at_reset, bench.said().len()), (2, 2));
         assert_eq!((bench.tater.drive().duty, bench.tater.status().mode), (None, Mode::Idle));
         assert_eq!(bench.restart().get(Property::X3), Some(77));
     }
@@ -152,6 +156,31 @@ fn an_edge_of_the_halls_is_commutated_at_once() {
         bench.tater.hall(now);
         let sector = u8::try_from(sector).expect("a sector");
         assert_eq!(bench.board().bridge, commutation::bridge(Some(sector), duty));
+    }
+}
+
+#[test]
+fn what_is_measured_reads_in_its_unit() {
+    let mut bench = Bench::new(1);
+    *bench.board().analog_mut() = Analog {
+        bus: MilliVolts(23_950),
+        current: MilliAmps(-1234),
+        motor_temp: DeciCelsius(451),
+        board_temp: DeciCelsius(-17),
+        strain: 201,
+        raw: [4095, 7],
+        bridge_fault: false,
+    };
+    for (property, value) in [
+        (Property::VBUS, 240),
+        (Property::IMOTOR, -1234),
+        (Property::THERM, 451),
+        (Property::TEMP, -17),
+        (Property::SG, 201),
+        (Property::ANA0, 4095),
+        (Property::ANA1, 7),
+    ] {
+        assert_eq!(bench.get(property), Some(value), "{property:?}");
     }
 }
 
