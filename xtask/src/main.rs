@@ -1,4 +1,4 @@
-//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `tek`. Each is one file here and does its own
+//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `tek`, `download`. Each is one file here and does its own
 //! set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
@@ -6,6 +6,7 @@
 mod bench;
 mod ci;
 mod demo;
+mod download;
 mod files;
 mod fuzz;
 mod hall_oracle;
@@ -63,6 +64,8 @@ enum Chore {
     /// Images of applications as `.tek` files, the form in which they are downloaded
     #[command(subcommand)]
     Tek(tek::Chore),
+    /// A .tek file to a board, over a CAN adapter
+    Download(download::DownloadArgs),
 }
 
 fn main() -> ExitCode {
@@ -72,6 +75,7 @@ fn main() -> ExitCode {
         Chore::Bench { json } => bench::bench(json).map_err(Failure::from),
         Chore::Table { check } => table::table(check).map_err(Failure::from),
         Chore::Tek(chore) => tek::tek(&chore),
+        Chore::Download(args) => download::download(&args),
     };
     let (message, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,

@@ -16,6 +16,7 @@ use tater_wire::tek::{self, Dialect, Encoder, Reader, Record, TekError};
 
 use crate::{Failure, files};
 use memory::{ERASED, Memory};
+pub use verify::sealed;
 
 /// A chore about `.tek` files.
 #[derive(Subcommand)]

@@ -18,6 +18,39 @@ const REBUILD: &str = "build the image for the application's addresses and encod
 /// # Errors
 /// The first thing that is wrong with it, with its line and column.
 pub fn verify(path: &Path) -> Result<(), Failure> {
+    let Verified { records, extent, entry, header } = read(path)?;
+    let place = path.display();
+    let seal = match header {
+        Some(Header { version, crc, .. }) => format!("sealed: version {version}, CRC-32 {crc:#010x}"),
+        None => "not sealed: the monitor will refuse it; encode it with --seal VERSION".into(),
+    };
+    files::print(&format!("{place}: {records} records, {extent}, entry {entry:#010x}\n{seal}\n"))?;
+    Ok(())
+}
+
+/// The header of a file that a board will take.
+///
+/// # Errors
+/// As [`verify`]; or that it is not sealed.
+pub fn sealed(path: &Path) -> Result<Header, Failure> {
+    read(path)?.header.ok_or_else(|| {
+        let place = path.display();
+        let found = format!(
+            "{place}: found an image that is not sealed, expected the header that the monitor checks"
+        );
+        Failure::Judged(format!("{found}\n  encode it again with `cargo xtask tek encode --seal VERSION`"))
+    })
+}
+
+/// What a file holds.
+struct Verified {
+    records: u32,
+    extent: String,
+    entry: u64,
+    header: Option<Header>,
+}
+
+fn read(path: &Path) -> Result<Verified, Failure> {
     let (mut memory, mut count, mut next, mut start) = (Memory::default(), 0_u32, 0, 0);
     records(path, Dialect::Ti, |record, _| {
         count += 1;
@@ -43,12 +76,7 @@ pub fn verify(path: &Path) -> Result<(), Failure> {
     let seal = seal(&memory).map_err(|error| {
         format!("{place}: {error}\n  the records are whole, but not the image: seal it again when encoding")
     })?;
-    let seal = match seal {
-        Some(Header { version, crc, .. }) => format!("sealed: version {version}, CRC-32 {crc:#010x}"),
-        None => "not sealed: the monitor will refuse it; encode it with --seal VERSION".into(),
-    };
-    files::print(&format!("{place}: {count} records, {}, entry {start:#010x}\n{seal}\n", extent(&memory)))?;
-    Ok(())
+    Ok(Verified { records: count, extent: extent(&memory), entry: start, header: seal })
 }
 
 /// Whether a data record lies in the application and after the one before, which ended at `next`.

@@ -1,0 +1,112 @@
+//! `cargo xtask download`: a `.tek` file to a board over a CAN adapter. The protocol is `tater_wire::download`; here are the
+//! file, the adapter, the clock and what a person sees.
+
+mod can;
+mod slcan;
+
+use std::io::{self, IsTerminal};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use tater_wire::download::{DownloadError, Downloader, Next};
+use tater_wire::{Frame, Node};
+
+use crate::{Failure, files, tek};
+
+/// The arguments of the chore.
+#[derive(clap::Args)]
+pub struct DownloadArgs {
+    /// The .tek file: `cargo xtask tek encode --seal VERSION` makes one
+    file: PathBuf,
+    /// The board: 1 to 3 links, 4 the spread, 5 to 7 tips
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=31))]
+    node: u8,
+    /// The adapter: SLCAN over TCP, such as what `hil-sim bus` prints
+    #[arg(long, value_name = "HOST:PORT", required_unless_present = "can", conflicts_with = "can")]
+    slcan: Option<String>,
+    /// The adapter: a CAN interface of Linux, such as can0
+    #[arg(long, value_name = "IFACE")]
+    can: Option<String>,
+}
+
+/// A way to the bus.
+trait Adapter {
+    /// Sends a frame.
+    fn send(&mut self, frame: &Frame) -> Result<(), String>;
+
+    /// The next frame from the bus, if one comes within this time, which is not 0.
+    fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, String>;
+}
+
+/// Downloads a file.
+///
+/// # Errors
+/// The file cannot be downloaded, the adapter cannot be used, or why the board did not take it.
+pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
+    let header = tek::sealed(&args.file)?;
+    let file = files::read(&args.file)?;
+    let mut adapter: Box<dyn Adapter> = match (&args.slcan, &args.can) {
+        (Some(address), _) => Box::new(slcan::Slcan::connect(address)?),
+        (None, Some(interface)) => can::open(interface)?,
+        // clap has asked for one.
+        (None, None) => return Err(Failure::Unusable("found no adapter, expected --slcan or --can".into())),
+    };
+    let node = Node::new(args.node).unwrap_or(Node::HOST);
+    eprintln!(
+        "node {}: version {}, {} bytes; ^C is harmless: the old application stays until the new one is whole",
+        args.node, header.version, header.len
+    );
+    let begun = Instant::now();
+    run(node, &file, adapter.as_mut())?;
+    eprintln!(
+        "node {}: version {} runs, after {:.1} s",
+        args.node,
+        header.version,
+        begun.elapsed().as_secs_f64()
+    );
+    Ok(())
+}
+
+/// Carries frames between the download and the adapter until it ends.
+fn run(node: Node, file: &[u8], adapter: &mut dyn Adapter) -> Result<(), Failure> {
+    let begun = Instant::now();
+    let now = || u64::try_from(begun.elapsed().as_micros()).unwrap_or(u64::MAX);
+    let mut host = Downloader::new(node, file, now());
+    let bar = bar(host.progress().1);
+    let end = loop {
+        match host.next(now()) {
+            Next::Send(frame) => adapter.send(&frame)?,
+            Next::Wait(until) => {
+                let wait = Duration::from_micros(until.saturating_sub(now()).max(1));
+                if let Some(frame) = adapter.receive(wait)? {
+                    host.receive(&frame, now());
+                }
+                bar.set_position(host.progress().0.into());
+                if host.is_sent() {
+                    bar.set_message("; the board copies and checks");
+                }
+            }
+            Next::Done => break Ok(()),
+            Next::Failed(error) => break Err(error),
+        }
+    };
+    // Cleared, so that what follows is not appended to it.
+    bar.finish_and_clear();
+    end.map_err(|error: DownloadError| Failure::Judged(format!("node {}: {error}", node.number())))
+}
+
+/// Percent, rate, time left: on a terminal only.
+fn bar(characters: u32) -> ProgressBar {
+    if !io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(characters.into());
+    let line = "{percent:>3} % [{bar:40}] {per_sec}, {eta} left{msg}";
+    if let Ok(style) = ProgressStyle::with_template(line) {
+        bar.set_style(style);
+    }
+    // A board that is at work is seen to be: the time left goes on.
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}

@@ -1,0 +1,76 @@
+//! A CAN interface of Linux (SocketCAN).
+
+use super::Adapter;
+use crate::Failure;
+
+/// Opens the interface.
+///
+/// # Errors
+/// There is none of that name.
+#[cfg(target_os = "linux")]
+pub fn open(interface: &str) -> Result<Box<dyn Adapter>, Failure> {
+    use socketcan::{CanSocket, Socket};
+    let socket = CanSocket::open(interface).map_err(|error| {
+        Failure::Unusable(format!(
+            "--can {interface}: {error}\n  expected a CAN interface that is up (see `ip link`); `sudo ip link set {interface} up \
+             type can bitrate 1000000` sets one up"
+        ))
+    })?;
+    Ok(Box::new(linux::Interface { socket, name: interface.to_owned() }))
+}
+
+/// There is none.
+///
+/// # Errors
+/// Always.
+#[cfg(not(target_os = "linux"))]
+pub fn open(interface: &str) -> Result<Box<dyn Adapter>, Failure> {
+    Err(Failure::Unusable(format!("--can {interface}: only Linux has CAN interfaces\n  use --slcan")))
+}
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use std::io::ErrorKind;
+    use std::time::Duration;
+
+    use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Frame as _, Socket, StandardId};
+    use tater_wire::Frame;
+
+    use super::Adapter;
+
+    pub struct Interface {
+        pub socket: CanSocket,
+        pub name: String,
+    }
+
+    impl Adapter for Interface {
+        fn send(&mut self, frame: &Frame) -> Result<(), String> {
+            let there = StandardId::new(frame.raw_id()).and_then(|id| CanFrame::new(id, frame.data()));
+            // 11 bits and eight bytes at most, in both forms.
+            let Some(there) = there else { return Ok(()) };
+            self.socket.write_frame_insist(&there).map_err(|error| {
+                format!("--can {}: a frame is not taken: {error}\n  check the cable: the queue fills when nobody answers", self.name)
+            })
+        }
+
+        fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, String> {
+            let lost = |error| format!("--can {}: the interface is lost: {error}", self.name);
+            self.socket.set_read_timeout(wait).map_err(lost)?;
+            match self.socket.read_frame() {
+                Ok(CanFrame::Data(data)) if !data.is_extended() => {
+                    Ok(u16::try_from(data.raw_id()).ok().and_then(|id| Frame::from_raw(id, data.data())))
+                }
+                Ok(_) => Ok(None),
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+                    ) =>
+                {
+                    Ok(None)
+                }
+                Err(error) => Err(lost(error)),
+            }
+        }
+    }
+}
