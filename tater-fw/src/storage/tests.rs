@@ -189,7 +189,7 @@ fn with_the_bridge_on_it_waits_for_an_erase() {
     // From now on the pages ready take many records without an erase.
     let erased = flash.erased;
     let mut records = 0;
-    'full: for value in 2.. {
+    'full: for value in 2..5000 {
         store.set(Property::X0, value);
         for _ in 0..100 {
             match store.step(&mut flash, false) {
