@@ -387,3 +387,16 @@ fn counters_are_told_when_due_and_go_back_only_when_told() {
     finish(&mut store, &mut flash);
     assert_eq!(Store::open(&flash).counters(), Counters { upsecs: 11, ..back });
 }
+
+#[test]
+fn a_record_out_of_sequence_ends_the_journal() {
+    for (sequence, read) in [(8, true), (7, false), (9, false)] {
+        let first = Head { sequence: 7, complete: true, trusted: None };
+        let next = Head { sequence, complete: false, trusted: None };
+        let value = |value| core::iter::once((Property::MT.id(), Some(value)));
+        let words = [record::encode(&first, value(5)), record::encode(&next, value(6))].concat();
+        let mut flash = Ram::default();
+        flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
+        assert_eq!(Store::open(&flash).get(Property::MT), Some(if read { 6 } else { 5 }), "{sequence}");
+    }
+}
