@@ -30,6 +30,13 @@ pub struct DownloadArgs {
     can: Option<String>,
 }
 
+impl DownloadArgs {
+    /// Of a file to a board by SLCAN.
+    pub fn new(file: PathBuf, node: u8, slcan: &str) -> Self {
+        Self { file, node, slcan: Some(slcan.to_owned()), can: None }
+    }
+}
+
 /// A way to the bus.
 trait Adapter {
     /// Sends a frame.

@@ -1,5 +1,5 @@
-//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `tek`, `download`. Each is one file here and does its own
-//! set-up; what takes long is done by the programs that they start.
+//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `tek`, `download`, `host-tools`. Each is one file here
+//! and does its own set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
 
@@ -10,6 +10,7 @@ mod download;
 mod files;
 mod fuzz;
 mod hall_oracle;
+mod host_tools;
 mod program;
 mod setup;
 mod table;
@@ -33,6 +34,14 @@ enum Failure {
 impl From<String> for Failure {
     fn from(message: String) -> Self {
         Self::Judged(message)
+    }
+}
+
+impl From<Failure> for String {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Judged(message) | Failure::Unusable(message) => message,
+        }
     }
 }
 
@@ -66,6 +75,8 @@ enum Chore {
     Tek(tek::Chore),
     /// A .tek file to a board, over a CAN adapter
     Download(download::DownloadArgs),
+    /// The simulated bus as host tools meet it, in real time: a download, and a move by python-can (installed into target/)
+    HostTools,
 }
 
 fn main() -> ExitCode {
@@ -76,6 +87,7 @@ fn main() -> ExitCode {
         Chore::Table { check } => table::table(check).map_err(Failure::from),
         Chore::Tek(chore) => tek::tek(&chore),
         Chore::Download(args) => download::download(&args),
+        Chore::HostTools => host_tools::check().map_err(Failure::from),
     };
     let (message, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,
