@@ -240,7 +240,10 @@ fn an_adapter_adds_its_delays() {
 }
 
 /// A busy, noisy second: all that happened, as a value.
-fn noisy(seed: u64) -> (Stats, Vec<(u64, u16)>, Vec<Vec<(u64, Frame)>>) {
+/// What the host heard and when, and what each board did.
+type Log = (Stats, Vec<(u64, u16)>, Vec<Vec<(u64, Frame)>>);
+
+fn noisy(seed: u64) -> Log {
     let mut bus = bus(1..=7);
     bus.set_medium(Noise::new(seed, 0.05, 0.1));
     let mut answers = Vec::new();
