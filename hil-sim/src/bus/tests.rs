@@ -10,7 +10,7 @@ struct Toy {
     /// Frames to send by itself: when, and what; by time.
     plan: VecDeque<(u64, Frame)>,
     mailboxes: Vec<Frame>,
-    heard: Vec<(u64, Frame)>,
+    heard: Heard,
 }
 
 impl Station for Toy {
@@ -239,11 +239,11 @@ fn an_adapter_adds_its_delays() {
     assert_eq!(bus.now_us(), answer.at_us);
 }
 
-/// A busy, noisy second: all that happened, as a value.
-/// What the host heard and when, and what each board did.
-type Log = (Stats, Vec<(u64, u16)>, Vec<Vec<(u64, Frame)>>);
+/// What a station has heard, and when.
+type Heard = Vec<(u64, Frame)>;
 
-fn noisy(seed: u64) -> Log {
+/// A busy, noisy second: all that happened, as a value.
+fn noisy(seed: u64) -> (Stats, Vec<(u64, u16)>, Vec<Heard>) {
     let mut bus = bus(1..=7);
     bus.set_medium(Noise::new(seed, 0.05, 0.1));
     let mut answers = Vec::new();

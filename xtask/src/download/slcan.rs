@@ -1,5 +1,6 @@
 //! The host's side of Lawicel SLCAN over TCP: as little of it as a download needs.
 
+use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
@@ -22,7 +23,7 @@ pub struct Slcan {
     /// What has come of a line.
     line: Vec<u8>,
     /// What has come after it.
-    read: std::vec::IntoIter<u8>,
+    read: VecDeque<u8>,
     /// Channel open: from here on BEL means that a frame was refused.
     open: bool,
 }
@@ -43,7 +44,7 @@ impl Slcan {
         let stream = TcpStream::connect_timeout(&target, PATIENCE).map_err(unusable)?;
         stream.set_nodelay(true).map_err(unusable)?;
         stream.set_write_timeout(Some(PATIENCE)).map_err(unusable)?;
-        let (line, read) = (Vec::new(), Vec::new().into_iter());
+        let (line, read) = (Vec::new(), VecDeque::new());
         let mut this = Self { stream, address: address.to_owned(), line, read, open: false };
         // Whatever was open is closed: refused if nothing was. The version ends what is answered to that.
         this.write(b"\rC\rS8\rO\rV\r").map_err(Failure::Unusable)?;
@@ -69,7 +70,7 @@ impl Slcan {
 
     /// Takes the bytes that have come up to the next frame.
     fn frame(&mut self) -> Result<Option<Frame>, String> {
-        for byte in self.read.by_ref() {
+        while let Some(byte) = self.read.pop_front() {
             match byte {
                 b'\r' => {
                     let line = std::mem::take(&mut self.line);
@@ -111,7 +112,7 @@ impl Adapter for Slcan {
         match set.and_then(|()| self.stream.read(&mut bytes)) {
             Ok(0) => Err(self.lost("it has hung up")),
             Ok(len) => {
-                self.read = bytes[..len].to_vec().into_iter();
+                self.read.extend(&bytes[..len]);
                 self.frame()
             }
             Err(error)
