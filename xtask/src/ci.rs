@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::program::{output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, fuzz, hall_oracle, setup, table};
+use crate::{Outcome, fuzz, hall_oracle, host_tools, setup, table};
 
 /// One step: what it is called and what it does.
 struct Step {
@@ -13,7 +13,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 11] = [
+const STEPS: [Step; 12] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
@@ -24,6 +24,7 @@ const STEPS: [Step; 11] = [
     Step { name: "property table", check: || table::table(true) },
     Step { name: "scenarios", check: scenarios },
     Step { name: "hall captures", check: hall_oracle::check },
+    Step { name: "host tools", check: host_tools::check },
     Step { name: "fuzz targets", check: fuzz::check },
 ];
 
