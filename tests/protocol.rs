@@ -7,4 +7,5 @@ mod download;
 mod hosts;
 mod locked;
 mod properties;
+mod table;
 mod tek;

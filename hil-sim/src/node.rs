@@ -18,6 +18,10 @@ use crate::rig::{Rig, Truth};
 /// Control tick in microseconds (servo_core's TICK_HZ).
 const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
 
+/// Unfed for so long, the watchdog resets the board, µs: the slow task feeds it ten times a second, and a page takes
+/// 40 ms to erase.
+const WATCHDOG_US: u64 = 500_000;
+
 /// Ticks from one slow task to the next: 10 Hz.
 const SLOW_TICKS: u64 = 100;
 
@@ -53,6 +57,9 @@ pub struct Node {
     /// A hall line changed meanwhile.
     missed_edge: bool,
     resets: u32,
+    /// How often the watchdog had been fed, and since when.
+    fed: (u32, u64),
+    watchdog_resets: u32,
     count: i32,
     last_count_us: u64,
 }
@@ -151,6 +158,8 @@ impl Node {
             busy_until_us: now_us,
             missed_edge: false,
             resets: 0,
+            fed: (0, now_us),
+            watchdog_resets: 0,
             count: 0,
             last_count_us: now_us,
         }
@@ -238,13 +247,27 @@ impl Node {
         self.ticks += 1;
         let now = micros(self.now_us);
         self.board_mut().convert();
+        self.watch();
         if let Some(Program::Application(tater)) = &mut self.program {
             tater.tick(now);
+            tater.flush();
             if self.ticks.is_multiple_of(SLOW_TICKS) {
                 tater.slow(now);
             }
         }
         self.after();
+    }
+
+    /// The watchdog: resets a board whose program has not fed it for too long.
+    fn watch(&mut self) {
+        let feeds = self.board().feeds();
+        if feeds != self.fed.0 || matches!(self.program, Some(Program::Off(_))) {
+            self.fed = (feeds, self.now_us);
+        } else if self.now_us - self.fed.1 > WATCHDOG_US {
+            self.fed.1 = self.now_us;
+            self.watchdog_resets += 1;
+            self.power_on();
+        }
     }
 
     /// The idle loop: one flash operation, if one is due.
@@ -357,6 +380,12 @@ impl Node {
     #[must_use]
     pub fn straps(&self) -> tater_wire::Node {
         self.board().straps()
+    }
+
+    /// How often the watchdog has reset the board.
+    #[must_use]
+    pub const fn watchdog_resets(&self) -> u32 {
+        self.watchdog_resets
     }
 
     /// The plant, to disturb it.

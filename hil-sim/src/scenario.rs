@@ -24,8 +24,8 @@
 //!     damping_n_m_s = 0.005
 //!
 //!     [[at]]                           # a time and one command: move, end, position, mode, torque, velocity,
-//!     ms = 50                          # torque_close, torque_open, home, abort, terminate, clear_fault,
-//!     move = 300                       # clear_breakaway, set, disturbance_n_m or bus_v
+//!     ms = 50                          # torque_close, torque_open, home, abort, terminate, clear_fault, set,
+//!     move = 300                       # disturbance_n_m or bus_v
 //!
 //!     [[at]]
 //!     ms = 200

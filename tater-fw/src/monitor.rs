@@ -243,7 +243,11 @@ impl<B: Board> Monitor<B> {
     fn obey(&mut self, now: Micros) {
         self.phase = match self.wish.take() {
             None => Phase::Idle,
-            Some(Wish::Download { numbered }) => Phase::Download(Download::new(numbered, now)),
+            Some(Wish::Download { numbered }) => {
+                // Of the copy that this download is to make good, perhaps.
+                self.error = None;
+                Phase::Download(Download::new(numbered, now))
+            }
             Some(Wish::Start) => match Check::new(self.board.flash(), APPLICATION) {
                 Some(check) => Phase::Check(check, Then::Start),
                 None => {

@@ -17,6 +17,12 @@ pub const START_NUMBERED: u16 = 0x01AA;
 /// Characters in a numbered frame.
 pub const CHARACTERS: usize = 8;
 
+/// Characters before a numbered frame, of those that the first frames can carry: 24 bits on the wire.
+#[must_use]
+pub const fn before(frame: u32) -> u32 {
+    frame.wrapping_mul(CHARACTERS as u32)
+}
+
 /// The data of a numbered frame: frame `n` of a file has its characters `8n` to `8n + 7`, and says `n` modulo 256.
 /// Characters beyond the eighth are dropped, missing ones are 0.
 #[must_use]

@@ -75,7 +75,7 @@ table! {
         "no frame to this board or its groups for 500 ms while in mode 2 or 4",
         "check the CAN cable; a host in mode 2 or 4 must say something at least twice a second";
     Storage = 8, Some(Property::SAVE),
-        "the flash did not take what was written: nothing more is stored, motion is not affected",
+        "the flash did not take what was written; the motor only stands still if it would make a stored position untrue",
         "SAVE again; if it comes back, the board's flash is worn out";
     NoApplication = 16, Some(Property::STAT),
         "there is no whole application to start",

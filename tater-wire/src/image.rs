@@ -19,6 +19,9 @@ pub const MAGIC: u32 = u32::from_le_bytes(*b"TatR");
 /// Bytes from the start of the image to the end of the header; an image is at least that long.
 pub const HEADER_END: u32 = 0x2C;
 
+/// [`HEADER_END`] as the length of an array.
+pub const HEADER_BYTES: usize = HEADER_END as usize;
+
 /// Where the words of the header are.
 pub const MAGIC_AT: u32 = 0x1C;
 /// See [`MAGIC_AT`].

@@ -14,6 +14,9 @@ pub struct Area {
 /// Bytes that are erased together (STM32F103, medium density).
 pub const PAGE: u32 = 1024;
 
+/// Half-words in a page, as the length of an array.
+pub const PAGE_WORDS: usize = PAGE as usize / 2;
+
 /// All of the flash.
 pub const FLASH: Area = Area { start: 0x0800_0000, len: 128 * 1024 };
 

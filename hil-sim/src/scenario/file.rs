@@ -83,7 +83,6 @@ pub(super) struct At {
     pub(super) abort: Option<Yes>,
     pub(super) terminate: Option<Yes>,
     pub(super) clear_fault: Option<Yes>,
-    pub(super) clear_breakaway: Option<Yes>,
     pub(super) set: Option<Settings>,
     pub(super) disturbance_n_m: Option<NewtonMetres>,
     pub(super) bus_v: Option<Volts>,

@@ -174,7 +174,7 @@ fn timed(source: Source<'_>, at: &Spanned<file::At>, duration_ms: u32) -> Result
             "[[at]] needs one command",
             format!("{} commands at ms = {ms}", more + usize::from(found.is_some())),
             "one command beside ms: move, end, position, mode, torque, velocity, torque_close, torque_open, home, \
-             abort, terminate, clear_fault, clear_breakaway, set, disturbance_n_m or bus_v"
+             abort, terminate, clear_fault, set, disturbance_n_m or bus_v"
                 .to_owned(),
             "write one [[at]] for each command; equal times keep their order",
         ),
@@ -197,7 +197,6 @@ fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
         at.abort.as_ref().map(|_| Command::Abort),
         at.terminate.as_ref().map(|_| Command::Terminate),
         at.clear_fault.as_ref().map(|_| Command::ClearFault),
-        at.clear_breakaway.as_ref().map(|_| Command::ClearBreakaway),
     ];
     let commands = commands.into_iter().flatten().map(Action::Command);
     let others = [

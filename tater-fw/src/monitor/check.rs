@@ -1,7 +1,7 @@
 //! Whether an area of the flash holds a whole image, found out in slices, so that the bus is answered meanwhile.
 
 use crate::board::Flash;
-use tater_wire::image::{HEADER_END, Header, Summer};
+use tater_wire::image::{HEADER_BYTES, Header, Summer};
 use tater_wire::memory::Area;
 
 /// Bytes summed in a step: 0.1 ms at 72 MHz and some 25 cycles a byte, a fifth of the time an answer may take.
@@ -24,7 +24,7 @@ impl core::fmt::Debug for Check {
 impl Check {
     /// `None` if the area does not even have a header with sensible vectors.
     pub(super) fn new<F: Flash>(flash: &F, area: Area) -> Option<Self> {
-        let mut start = [0; HEADER_END as usize];
+        let mut start = [0; HEADER_BYTES];
         for (address, pair) in (area.start..).step_by(2).zip(start.chunks_exact_mut(2)) {
             pair.copy_from_slice(&flash.half_word(address).to_le_bytes());
         }

@@ -30,9 +30,7 @@ impl Copy {
             return Ok(false);
         }
         let value = flash.half_word(STAGING.start.wrapping_add(self.at));
-        if value != u16::MAX {
-            flash.program(APPLICATION.start.wrapping_add(self.at), value)?;
-        }
+        flash.program(APPLICATION.start.wrapping_add(self.at), value)?;
         self.at = self.at.saturating_add(2);
         self.erased = !self.at.is_multiple_of(PAGE);
         Ok(false)

@@ -7,7 +7,7 @@
 use crate::board::Flash;
 use heapless::{Deque, Vec};
 use servo_core::units::Micros;
-use tater_wire::download::{CHARACTERS, unpack};
+use tater_wire::download::{CHARACTERS, before, unpack};
 use tater_wire::memory::{APPLICATION, PAGE, STAGING};
 use tater_wire::tek::{Decoder, MAX_DATA, Record, TekErrorKind};
 use tater_wire::{Body, FaultCode, Property};
@@ -22,10 +22,14 @@ pub(super) const TIMEOUT: Micros = Micros(10_000_000);
 /// Frames granted by one request to a host that numbers them: 128 characters, so that the request costs 1/20 of what
 /// it brings.
 pub(super) const GRANT: u8 = 16;
+const _: () = assert!(GRANT == 16, "GRANTED says the same");
 
 /// Characters kept until their records are worked off: a grant, and another that is asked for while the first is
 /// worked off. An old host whose frames went missing for 10 s owes 50 at most.
-const RING: usize = 2 * GRANT as usize * CHARACTERS;
+const RING: usize = 2 * GRANTED;
+
+/// Characters in a grant.
+const GRANTED: usize = 16 * CHARACTERS;
 
 /// What a step of a download came to.
 #[derive(Debug, PartialEq, Eq)]
@@ -60,8 +64,6 @@ pub(super) struct Download {
     at: u32,
     /// A half-word that is not whole yet, and its offset.
     half: Option<(u32, u16)>,
-    /// End of the last record, as an offset.
-    end: u32,
     /// Pages erased, from the first on.
     erased: u32,
 }
@@ -82,7 +84,6 @@ impl Download {
             bytes: Vec::new(),
             at: 0,
             half: None,
-            end: 0,
             erased: 0,
         }
     }
@@ -124,7 +125,7 @@ impl Download {
         }
         self.decode()?;
         let quiet = self.awaited == 0 || now.wrapping_since(self.last).0 >= REPEAT.0;
-        if self.erased == 0 || self.erased.saturating_mul(PAGE) < self.end {
+        if self.erased == 0 || self.erased.saturating_mul(PAGE) < self.end() {
             if quiet {
                 flash.erase(STAGING.page(self.erased)).map_err(|_| FaultCode::FlashWrite)?;
                 self.erased = self.erased.saturating_add(1);
@@ -138,12 +139,18 @@ impl Download {
         if self.write(flash)? || !self.ended || !quiet {
             return Ok(Step::Working);
         }
-        Ok(Step::Whole(self.end))
+        Ok(Step::Whole(self.at))
+    }
+
+    /// End of the last record, as an offset.
+    fn end(&self) -> u32 {
+        // At most 124 bytes, inside the application.
+        self.at.wrapping_add(u32::try_from(self.bytes.len()).unwrap_or(0))
     }
 
     /// How full the ring may be for the next request.
     const fn fill(&self) -> usize {
-        if self.numbered { RING - GRANT as usize * CHARACTERS } else { 0 }
+        if self.numbered { RING - GRANTED } else { 0 }
     }
 
     /// The next request.
@@ -152,7 +159,7 @@ impl Download {
         if self.numbered {
             self.awaited = GRANT;
             // A file has at most 24 bits of characters: 52 KiB are some 130,000.
-            return Body::More { frames: GRANT, received: self.frames.wrapping_mul(CHARACTERS as u32) };
+            return Body::More { frames: GRANT, received: before(self.frames) };
         }
         // Every request makes an old host send one more, sooner or later. A silence after an answer means that the
         // requests before it went astray; one without an answer, that the host is slow and still owes an answer to each.
@@ -170,17 +177,16 @@ impl Download {
                 Ok(None | Some(Record::Symbols)) => {}
                 Ok(Some(Record::End { .. })) => self.ended = true,
                 Ok(Some(Record::Data { address, bytes })) => {
-                    let len = bytes.len() as u32;
-                    if !APPLICATION.holds(address, u64::from(len)) {
-                        return Err(FaultCode::AddressRange);
-                    }
-                    // Inside the application: the offset and the end fit.
-                    let offset = (address as u32).wrapping_sub(APPLICATION.start);
-                    if offset < self.end {
+                    let inside = |address: &u32| {
+                        APPLICATION.holds((*address).into(), bytes.len().try_into().unwrap_or(u64::MAX))
+                    };
+                    let address =
+                        u32::try_from(address).ok().filter(inside).ok_or(FaultCode::AddressRange)?;
+                    let offset = address.wrapping_sub(APPLICATION.start);
+                    if offset < self.at {
                         return Err(FaultCode::Overlap);
                     }
                     self.at = offset;
-                    self.end = offset.wrapping_add(len);
                     // Of the same capacity as a record's.
                     let _ = self.bytes.extend_from_slice(bytes);
                     self.bytes.reverse();
@@ -212,15 +218,13 @@ impl Download {
                 break;
             }
         }
-        // A half-word stays open while its second byte may still come.
-        let open = self.half.is_some_and(|(at, _)| at == self.at.wrapping_sub(1));
-        if open && !self.ended && self.bytes.is_empty() {
+        // A half-word stays open while its second byte may still come. If it never does the image's length is odd, and
+        // the image no good.
+        if self.bytes.is_empty() && self.half.is_some_and(|(at, _)| at == self.at.wrapping_sub(1)) {
             return Ok(false);
         }
         let Some((at, value)) = self.half.take() else { return Ok(false) };
-        if value != u16::MAX {
-            flash.program(STAGING.start.wrapping_add(at), value).map_err(|_| FaultCode::FlashWrite)?;
-        }
+        flash.program(STAGING.start.wrapping_add(at), value).map_err(|_| FaultCode::FlashWrite)?;
         Ok(true)
     }
 }

@@ -214,10 +214,10 @@ impl Store {
 }
 
 /// The counters after one of them grew.
-const fn grown(mut counters: Counters, word: Word) -> Counters {
+fn grown(mut counters: Counters, word: Word) -> Counters {
     match word {
-        Word::Time(amount) => counters.upsecs = counters.upsecs.saturating_add(amount as u32),
-        Word::Travel(amount) => counters.odometer = counters.odometer.saturating_add(amount as u32),
+        Word::Time(amount) => counters.upsecs = counters.upsecs.saturating_add(amount.into()),
+        Word::Travel(amount) => counters.odometer = counters.odometer.saturating_add(amount.into()),
         Word::Heat(amount) => counters.ptemp = counters.ptemp.saturating_add_unsigned(amount),
         Word::Record(_) => {}
     }

@@ -6,14 +6,12 @@
 //! so says that the erase was not cut short, which blank half-words alone do not say.
 
 use crate::board::{Flash, FlashError};
-use tater_wire::memory::{PAGE, STORAGE};
-
-/// Half-words in a page.
-pub const PAGE_WORDS: usize = PAGE as usize / 2;
+pub use tater_wire::memory::PAGE_WORDS;
+use tater_wire::memory::STORAGE;
 
 /// Pages of the ring. Sets of them are bits of a byte.
 const PAGES: u8 = 8;
-const _: () = assert!(STORAGE.pages() == PAGES as u32, "a bit a page");
+const _: () = assert!(STORAGE.pages() == 8 && PAGES == 8, "a bit a page");
 
 /// Where records begin: after the mark that the page is ready.
 pub const FIRST: usize = 1;
@@ -37,9 +35,10 @@ impl Page {
     }
 
     /// The address of a half-word of it.
-    pub const fn address(self, at: usize) -> u32 {
+    pub fn address(self, at: usize) -> u32 {
         // Below PAGE_WORDS = 512, whatever it comes from.
-        STORAGE.page(self.0 as u32) + 2 * (at % PAGE_WORDS) as u32
+        let at = u16::try_from(at % PAGE_WORDS).unwrap_or(0);
+        STORAGE.page(self.0.into()) + 2 * u32::from(at)
     }
 
     /// A half-word of it.

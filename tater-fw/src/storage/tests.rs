@@ -189,7 +189,7 @@ fn with_the_bridge_on_it_waits_for_an_erase() {
     // From now on the pages ready take many records without an erase.
     let erased = flash.erased;
     let mut records = 0;
-    'full: for value in 2.. {
+    'full: for value in 2..5000 {
         store.set(Property::X0, value);
         for _ in 0..100 {
             match store.step(&mut flash, false) {
@@ -386,4 +386,17 @@ fn counters_are_told_when_due_and_go_back_only_when_told() {
     store.count(Counters { upsecs: 11, ..back });
     finish(&mut store, &mut flash);
     assert_eq!(Store::open(&flash).counters(), Counters { upsecs: 11, ..back });
+}
+
+#[test]
+fn a_record_out_of_sequence_ends_the_journal() {
+    for (sequence, read) in [(8, true), (7, false), (9, false)] {
+        let first = Head { sequence: 7, complete: true, trusted: None };
+        let next = Head { sequence, complete: false, trusted: None };
+        let value = |value| core::iter::once((Property::MT.id(), Some(value)));
+        let words = [record::encode(&first, value(5)), record::encode(&next, value(6))].concat();
+        let mut flash = Ram::default();
+        flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
+        assert_eq!(Store::open(&flash).get(Property::MT), Some(if read { 6 } else { 5 }), "{sequence}");
+    }
 }

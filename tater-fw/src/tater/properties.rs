@@ -14,7 +14,7 @@ use tater_wire::Property;
 
 /// Counts a motor revolution.
 const REV: i32 = 18;
-const _: () = assert!(COUNTS_PER_REV == REV.unsigned_abs() as usize, "the estimator's");
+const _: () = assert!(REV == 18 && COUNTS_PER_REV == 18, "the estimator's");
 
 /// STAT of a board that is awake, and the STAT that wakes it or clears ERROR.
 const READY: i64 = 2;

@@ -49,6 +49,7 @@ fn a_board_without_straps_keeps_silent_until_it_has_been_named() {
     bench.set(0, 0, 0xAA);
     bench.set(0x400, 0, 0xAA);
     assert_eq!((bench.settle(), bench.board().sent.len()), (Next::Stay, 0));
+    assert!(bench.board().chip.erased.is_empty(), "no download has begun");
     for value in UNLOCK {
         bench.set(0x400, LOCK, value);
     }
@@ -191,4 +192,12 @@ fn what_is_to_be_stored_is_stored_before_the_application_starts() {
     bench.set(3, 5, 2);
     assert_eq!(bench.settle(), Next::Start);
     assert_eq!(bench.reset().get(3, 2), Some(99));
+}
+
+#[test]
+fn a_save_that_the_flash_does_not_take_is_named() {
+    let mut bench = Bench::strapped(3);
+    bench.board().chip.worn = true;
+    bench.set(3, SAVE, -1);
+    assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(8)));
 }
