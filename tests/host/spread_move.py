@@ -128,6 +128,10 @@ def main(address):
         check(back and min(back) >= -4, f"the stop is half a count below 0: {back}")
         host.set(SPREAD, MODE, IDLE)
         check(host.get(SPREAD, MODE) == IDLE, "idle")
+        # In idle, P says what the present position is called: all 22 bits come back with their sign.
+        for name in (-32767, -1, 32767):
+            host.set(SPREAD, P, name)
+            check(host.get(SPREAD, P) == name, f"the position is called {name}: {host.get(SPREAD, P)}")
         print(f"spread moved to {positions[-1]} and back, {len(positions)} positions read on the way there")
 
 

@@ -4,11 +4,12 @@
 mod can;
 mod slcan;
 
+use std::fmt::Write;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use tater_wire::download::{DownloadError, Downloader, Next};
 use tater_wire::{Frame, Node};
 
@@ -91,7 +92,7 @@ fn run(node: Node, file: &[u8], adapter: &mut dyn Adapter) -> Result<(), Failure
                 }
                 bar.set_position(host.progress().0.into());
                 if host.is_sent() {
-                    bar.set_message("; the board copies and checks");
+                    set_style(&bar, "100 % sent; the board copies and checks, {elapsed} since the start");
                 }
             }
             Next::Done => break Ok(()),
@@ -109,11 +110,18 @@ fn bar(characters: u32) -> ProgressBar {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::new(characters.into());
-    let line = "{percent:>3} % [{bar:40}] {per_sec}, {eta} left{msg}";
-    if let Ok(style) = ProgressStyle::with_template(line) {
-        bar.set_style(style);
-    }
-    // A board that is at work is seen to be: the time left goes on.
+    set_style(&bar, "{percent:>3} % [{bar:40}] {rate} characters/s, {eta} left");
+    // A board that is at work is seen to be.
     bar.enable_steady_tick(Duration::from_millis(200));
     bar
+}
+
+fn set_style(bar: &ProgressBar, line: &str) {
+    let rate = |state: &ProgressState, text: &mut dyn Write| {
+        // A text in memory takes all that is written.
+        let _ = write!(text, "{:.0}", state.per_sec());
+    };
+    if let Ok(style) = ProgressStyle::with_template(line) {
+        bar.set_style(style.with_key("rate", rate));
+    }
 }

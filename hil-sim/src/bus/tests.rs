@@ -202,6 +202,15 @@ fn a_cut_cable_silences_one_station_and_a_lone_one_waits() {
 }
 
 #[test]
+fn a_station_behind_a_cut_hears_nothing_of_the_others() {
+    let mut bus = bus(1..=2);
+    bus.cut(0, true);
+    bus.send(frame(2, &[0])).expect("plugged");
+    assert_eq!(received(&mut bus, 5_000).len(), 1, "the other one answers");
+    assert_eq!(bus.stations().map(|toy| toy.heard.len()).collect::<Vec<_>>(), [0, 1]);
+}
+
+#[test]
 fn a_cable_cut_in_the_middle_of_a_frame_destroys_it() {
     let mut bus = bus(1..=2);
     bus.station_mut(0).expect("there").mailboxes = vec![frame(0x426, &[])];
