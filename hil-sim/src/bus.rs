@@ -29,9 +29,9 @@ pub use station::Station;
 /// Frames in a controller's receive FIFO (bxCAN: three; locked when full, so the newest is lost).
 pub const FIFO: usize = 3;
 
-/// From the end of a frame to when a board's software has it, µs: the interrupt, and copying out of the FIFO. Chosen, because
-/// 20 us are 1,440 instructions at 72 MHz, and more than that an interrupt must not wait.
-pub const BOARD_US: u64 = 20;
+/// From the end of a frame to when a board has its answer ready, µs, at worst: a control tick (some 1,200 instructions
+/// at 1.5 cycles and 72 MHz: 25) and a hall edge (5) go before it, and its own handling takes some 15.
+pub const BOARD_US: u64 = 50;
 
 /// What has been on the bus.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -82,6 +82,10 @@ struct Flight {
 }
 
 impl<S: Station> Slot<S> {
+    fn is_connected(&self) -> bool {
+        !self.cut && self.station.is_on_bus()
+    }
+
     /// When the software takes the next frame out of the FIFO. Frames that waited for the processor are taken all at once
     /// and in the last microsecond before it runs on: their interrupt goes before what the program does next, which may
     /// be to stand still again.
@@ -237,6 +241,9 @@ impl<S: Station> Bus<S> {
             self.finish(&flight);
         }
         for slot in &mut self.slots {
+            if !slot.station.is_on_bus() {
+                slot.fifo.clear();
+            }
             while slot.delivery_us().is_some_and(|at| at <= self.now_us) {
                 slot.taken_us = self.now_us;
                 if let Some(Stamped { frame, .. }) = slot.fifo.pop_front() {
@@ -253,7 +260,7 @@ impl<S: Station> Bus<S> {
     /// stations have the same one only by mistake; then the first of them goes.
     fn winner(&self) -> Option<(Option<usize>, Frame)> {
         let host = self.host.as_ref().and_then(|host| host.pending(self.now_us)).map(|frame| (None, frame));
-        let connected = self.slots.iter().enumerate().filter(|(_, slot)| !slot.cut);
+        let connected = self.slots.iter().enumerate().filter(|(_, slot)| slot.is_connected());
         // Without a listener there is no acknowledge.
         if connected.clone().count() + usize::from(self.host.is_some()) < 2 {
             return None;
@@ -290,7 +297,7 @@ impl<S: Station> Bus<S> {
         for (index, slot) in self.slots.iter_mut().enumerate() {
             if sender == Some(index) {
                 slot.station.sent(&frame);
-            } else if slot.cut {
+            } else if !slot.is_connected() {
             } else if !self.medium.hears(&frame, Some(index)) {
                 self.stats.unheard += 1;
             } else if slot.fifo.len() >= FIFO {

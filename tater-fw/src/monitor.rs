@@ -398,6 +398,12 @@ impl<B: Board> Monitor<B> {
         matches!(self.phase, Phase::Idle) && !self.saving
     }
 
+    /// Whether the next step sums a slice of an image.
+    #[must_use]
+    pub const fn is_checking(&self) -> bool {
+        matches!(self.phase, Phase::Check(..))
+    }
+
     /// The hardware.
     #[must_use]
     pub const fn board(&self) -> &B {

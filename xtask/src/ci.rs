@@ -13,13 +13,14 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 12] = [
+const STEPS: [Step; 13] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
     Step { name: "clippy, microcontroller", check: clippy_thumb },
     Step { name: "build, microcontroller", check: build_thumb },
-    Step { name: "tests", check: || run(program("cargo test --quiet --workspace")) },
+    Step { name: "tests", check: tests },
+    Step { name: "figures", check: figures },
     Step { name: "documentation", check: documentation },
     Step { name: "property table", check: || table::table(true) },
     Step { name: "scenarios", check: scenarios },
@@ -57,6 +58,40 @@ fn clippy_thumb() -> Outcome {
 
 fn build_thumb() -> Outcome {
     run(program(&format!("cargo build --quiet --release {BOARD} --target {THUMB}")))
+}
+
+/// The system tests that measure: cargo would keep what they print to itself.
+const MEASURING: [&str; 5] =
+    ["power_cuts::", "trust::", "protocol::download::", "protocol::hosts::answers", "protocol::table::"];
+
+fn tests() -> Outcome {
+    let skips = MEASURING.map(|name| format!("--skip {name}")).join(" ");
+    run(program(&format!("cargo test --quiet --workspace -- {skips}")))
+}
+
+/// The fewest distinct contents of the flash after a power cut that must have been tried.
+const CUT_STATES: u64 = 100_000;
+
+/// Runs the measuring tests and shows their figures, and what they skipped.
+fn figures() -> Outcome {
+    let names = MEASURING.join(" ");
+    let text = output(program(&format!("cargo test --package system-tests -- --nocapture {names}")))?;
+    let told =
+        |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
+    told("figure: ").for_each(|figure| println!("  {figure}"));
+    told("skipped: ").for_each(|what| println!("  skipped: {what}"));
+    let states: u64 = told("figure: ").filter_map(distinct_states).sum();
+    println!("  power cuts in all: {states} distinct states");
+    if states < CUT_STATES {
+        return Err(format!("{states} distinct states after power cuts, expected {CUT_STATES} at least"));
+    }
+    Ok(())
+}
+
+/// The number before "distinct states".
+fn distinct_states(figure: &str) -> Option<u64> {
+    let (before, _) = figure.split_once(" distinct")?;
+    before.rsplit(' ').next()?.parse().ok()
 }
 
 fn documentation() -> Outcome {

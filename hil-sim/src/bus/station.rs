@@ -24,6 +24,11 @@ pub trait Station {
     /// the receive FIFO until the last microsecond.
     fn busy_until_us(&self) -> u64;
 
+    /// Whether its CAN controller takes part: a board without power, in reset or booting neither hears nor acknowledges.
+    fn is_on_bus(&self) -> bool {
+        true
+    }
+
     /// A frame from the receive FIFO, at the station's present time: any frame on the bus but its own.
     fn receive(&mut self, frame: &Frame);
 
