@@ -47,6 +47,7 @@ mod word;
 
 use crate::board::{Flash, FlashError};
 use heapless::LinearMap;
+use heapless::linear_map::Entry;
 use journal::Writing;
 use pages::{FIRST, Pages};
 use record::Found;
@@ -189,7 +190,7 @@ impl Store {
     /// Takes a value, or its absence, into RAM.
     fn put(&mut self, id: u8, value: Option<i32>) {
         let Some(value) = value else {
-            self.values.remove(&id);
+            self.drop_value(id);
             return;
         };
         if self.values.insert(id, value).is_err() {
@@ -198,10 +199,17 @@ impl Store {
                 |id: &u8| Property::of(*id).is_some_and(|property| property.spec().stored == Stored::Yes);
             let other = self.values.keys().copied().find(|id| !known(id));
             if let Some(other) = other {
-                self.values.remove(&other);
+                self.drop_value(other);
                 // There is room now.
                 let _ = self.values.insert(id, value);
             }
+        }
+    }
+
+    fn drop_value(&mut self, id: u8) {
+        // Not `LinearMap::remove`, which has a panic.
+        if let Entry::Occupied(entry) = self.values.entry(id) {
+            entry.remove();
         }
     }
 

@@ -57,7 +57,7 @@ impl Head {
 }
 
 /// The half-words of a record to be written, the mark not among them.
-pub fn encode(head: &Head, entries: impl Iterator<Item = (u8, Option<i32>)>) -> Vec<u16, MOST_WORDS> {
+pub fn encode(head: &Head, entries: &mut dyn Iterator<Item = (u8, Option<i32>)>) -> Vec<u16, MOST_WORDS> {
     let [low, high] = halves(head.sequence);
     let mut words = Vec::<u16, MOST_WORDS>::new();
     // There is room for all: ENTRIES.
