@@ -227,9 +227,9 @@ fn numbers_of_another_version_are_kept_or_skipped() {
     words.truncate(words.len() - 2);
     words.extend_from_slice(&[7 | 5 << 8, 1, 2, 3, 4, 5]).unwrap();
     words[0] = Word::Record(words.len() as u16 + 2).encode();
-    let mut digest = tater_wire::image::CRC.digest();
+    let mut digest = tater_wire::image::Crc32::default();
     words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
-    let crc = digest.finalize();
+    let crc = digest.finish();
     words.extend_from_slice(&[crc as u16, (crc >> 16) as u16]).unwrap();
     let mut flash = Ram::default();
     flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
@@ -276,9 +276,9 @@ fn nothing_is_read_from_what_is_not_ours() {
     let mut words = record::encode(&head, &mut core::iter::once((Property::MT.id(), Some(5))));
     words[1] ^= 3 << 12;
     words.truncate(words.len() - 2);
-    let mut digest = tater_wire::image::CRC.digest();
+    let mut digest = tater_wire::image::Crc32::default();
     words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
-    words.extend_from_slice(&[digest.clone().finalize() as u16, (digest.finalize() >> 16) as u16]).unwrap();
+    words.extend_from_slice(&[digest.finish() as u16, (digest.finish() >> 16) as u16]).unwrap();
     let mut flash = Ram::default();
     flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
     assert_eq!(Store::open(&flash).get(Property::MT), None);
