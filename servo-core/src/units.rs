@@ -171,7 +171,7 @@ impl Torque {
     /// Bounded to ±`limit` (`limit` ≥ 0).
     #[must_use]
     pub fn clamp_abs(self, limit: Self) -> Self {
-        Self(self.0.clamp(limit.0.saturating_neg(), limit.0))
+        Self(self.0.max(limit.0.saturating_neg()).min(limit.0))
     }
 
     /// As a fixed-point number of torque units, for the arithmetic inside a control law.

@@ -26,14 +26,13 @@ use servo_core::units::Micros;
 use tater_wire::download::{START, START_NUMBERED};
 use tater_wire::image::MAGIC_AT;
 use tater_wire::memory::{APPLICATION, STAGING};
-use tater_wire::property::Row;
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
 
 /// What the monitor says for VERS.
-const VERSION: i64 = Property::VERS.row().max;
+const VERSION: i64 = Property::VERS.spec().max();
 
 /// The groups that are heard beside group 0.
-const GROUPS: [&Row; 3] = [Property::GRPA.row(), Property::GRPB.row(), Property::GRPC.row()];
+const GROUPS: [Property; 3] = [Property::GRPA, Property::GRPB, Property::GRPC];
 
 /// Properties that have other numbers in the monitor than in the application (Barrett's table of the RESET state).
 const LOCK: u8 = 8;
@@ -118,8 +117,8 @@ impl<B: Board> Monitor<B> {
         let identity = Identity::new(&store, straps, board.serial_number());
         let id = identity.get(Property::ID.id()).and_then(|id| u8::try_from(id).ok());
         let node = id.and_then(Node::new).unwrap_or(straps);
-        let groups = GROUPS.map(|row| {
-            let number = store.get(row.property).or_else(|| row.default_for(node))?;
+        let groups = GROUPS.map(|property| {
+            let number = store.get(property).or_else(|| property.spec().default_for(node))?;
             // What goes to the host is not for boards: a reply looks like a SET.
             let group = Group::new(u8::try_from(number).ok()?)?;
             (group != Group::POSITIONS && group != Group::REPLIES).then_some(group)

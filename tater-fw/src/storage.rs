@@ -47,6 +47,7 @@ mod word;
 
 use crate::board::{Flash, FlashError};
 use heapless::LinearMap;
+use heapless::linear_map::Entry;
 use journal::Writing;
 use pages::{FIRST, Pages};
 use record::Found;
@@ -144,17 +145,17 @@ impl Store {
         self.values
             .get(&property.id())
             .map(|&value| i64::from(value))
-            .filter(|&value| property.row().admits(value))
+            .filter(|&value| property.spec().admits(value))
     }
 
     /// Stores a value, as soon as [`Self::step`] gets to it. Storing P says nothing about whether it may be trusted.
     ///
     /// Does nothing for a property that SAVE does not store, or a value beyond its range.
     pub fn set(&mut self, property: Property, value: i64) {
-        let row = property.row();
+        let spec = property.spec();
         if let Ok(value) = i32::try_from(value)
-            && row.stored == Stored::Yes
-            && row.admits(value.into())
+            && spec.stored == Stored::Yes
+            && spec.admits(value.into())
         {
             self.change(property, Some(value), None);
         }
@@ -168,7 +169,7 @@ impl Store {
     /// Stores the position with the hall code at it; to be trusted until [`Self::distrust`]. Does nothing for a position
     /// beyond the range of P.
     pub fn save_position(&mut self, position: i32, halls: u8) {
-        if Property::P.row().admits(position.into()) {
+        if Property::P.spec().admits(position.into()) {
             self.change(Property::P, Some(position), Some(halls & 7));
         }
     }
@@ -189,19 +190,26 @@ impl Store {
     /// Takes a value, or its absence, into RAM.
     fn put(&mut self, id: u8, value: Option<i32>) {
         let Some(value) = value else {
-            self.values.remove(&id);
+            self.drop_value(id);
             return;
         };
         if self.values.insert(id, value).is_err() {
             // Full: a number that this version does not store gives way.
             let known =
-                |id: &u8| Property::of(*id).is_some_and(|property| property.row().stored == Stored::Yes);
+                |id: &u8| Property::of(*id).is_some_and(|property| property.spec().stored == Stored::Yes);
             let other = self.values.keys().copied().find(|id| !known(id));
             if let Some(other) = other {
-                self.values.remove(&other);
+                self.drop_value(other);
                 // There is room now.
                 let _ = self.values.insert(id, value);
             }
+        }
+    }
+
+    fn drop_value(&mut self, id: u8) {
+        // Not `LinearMap::remove`, which has a panic.
+        if let Entry::Occupied(entry) = self.values.entry(id) {
+            entry.remove();
         }
     }
 

@@ -120,7 +120,7 @@ impl<B: Board> Tater<B> {
     fn with_store(mut board: B, store: Store, now: Micros) -> Self {
         board.bridge(Bridge::Off);
         board.brake(false);
-        let id = store.get(Property::ID).filter(|&id| Property::ID.row().admits(id));
+        let id = store.get(Property::ID);
         let node = id.and_then(|id| Node::new(u8::try_from(id).ok()?)).unwrap_or_else(|| board.straps());
         let code = board.halls() & 7;
         let stored = store.trusted_position();
@@ -267,7 +267,7 @@ impl<B: Board> Tater<B> {
         if property == Property::LOCK {
             self.lock.key(value);
         }
-        match property.row().access {
+        match property.spec().access {
             Access::ReadOnly => Err(Refused::Access(property)),
             Access::ReadWrite | Access::WriteOnly => self.write(property, value),
             Access::Locked => self.unlock(property).and_then(|()| self.write(property, value)),

@@ -9,6 +9,7 @@ pub use table::{Property, ROWS};
 
 use crate::id::Node;
 use crate::message::Value;
+use core::ops::Deref;
 
 /// What a host may do with a property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,9 +41,9 @@ pub enum Default {
     /// Measured, or write-only.
     None,
     /// The same on every board.
-    Same(i32),
+    Same(i16),
     /// For links (nodes 1 to 3), the spread (4) and tips (5 to 7).
-    Kinds(i32, i32, i32),
+    Kinds(i16, i16, i16),
     /// The node's number.
     Node,
     /// The node's slot in packed torques: 1 to 4 for nodes 1 to 4, 1 to 3 for nodes 5 to 7.
@@ -73,36 +74,65 @@ impl Kind {
     }
 }
 
-/// A property's row.
+/// A property's row: what a person reads of it, and by [`Deref`] its [`Spec`].
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
     /// Which.
     pub property: Property,
     /// Its name, as in the manual.
     pub name: &'static str,
-    /// Width on the wire, 16 or 32 bits.
-    pub bits: u8,
-    /// What a host may do with it.
-    pub access: Access,
-    /// Whether it outlives the power.
-    pub stored: Stored,
+    /// What a board goes by.
+    pub spec: &'static Spec,
     /// Unit, or "-".
     pub unit: &'static str,
     /// Smallest value.
     pub min: i64,
     /// Largest value.
     pub max: i64,
-    /// Before anybody sets it.
-    pub default: Default,
     /// What it means.
     pub meaning: &'static str,
 }
 
-impl Row {
+impl Deref for Row {
+    type Target = Spec;
+
+    fn deref(&self) -> &Spec {
+        self.spec
+    }
+}
+
+/// What of a property's row a board goes by: apart from the texts, which are more than a board has room for, and small.
+#[derive(Clone, Copy, Debug)]
+pub struct Spec {
+    /// Width on the wire, 16 or 32 bits.
+    pub bits: u8,
+    /// What a host may do with it.
+    pub access: Access,
+    /// Whether it outlives the power.
+    pub stored: Stored,
+    /// Before anybody sets it.
+    pub default: Default,
+    min: i32,
+    max: u32,
+}
+
+impl Spec {
+    /// Smallest value.
+    #[must_use]
+    pub const fn min(&self) -> i64 {
+        self.min as i64
+    }
+
+    /// Largest value.
+    #[must_use]
+    pub const fn max(&self) -> i64 {
+        self.max as i64
+    }
+
     /// Whether a value is in range.
     #[must_use]
     pub const fn admits(&self, value: i64) -> bool {
-        self.min <= value && value <= self.max
+        self.min() <= value && value <= self.max()
     }
 
     /// The default on a node's board.
@@ -118,8 +148,8 @@ impl Row {
                 Kind::Tip => tip,
             },
             // Beyond the hand's seven a board still has a slot and a joint, if not a sensible one.
-            Default::Node => i64::from(number).clamp(self.min, self.max) as i32,
-            Default::Slot => i32::from(match number {
+            Default::Node => return Some(i64::from(number).max(self.min()).min(self.max())),
+            Default::Slot => i16::from(match number {
                 0 => 1,
                 1..=4 => number,
                 _ => (number - 5) % 4 + 1,
@@ -130,17 +160,11 @@ impl Row {
     /// Whether its numbers have no sign on the wire.
     #[must_use]
     const fn unsigned(&self) -> bool {
-        self.min >= 0 && self.max > if self.bits == 16 { i16::MAX as i64 } else { i32::MAX as i64 }
+        self.min >= 0 && self.max > if self.bits == 16 { i16::MAX as u32 } else { i32::MAX as u32 }
     }
 }
 
 impl Property {
-    /// The property of a number; `None` if there is none.
-    #[must_use]
-    pub fn of(id: u8) -> Option<Self> {
-        ROWS.iter().find(|row| row.property.id() == id).map(|row| row.property)
-    }
-
     /// The property of a name, in any case.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
@@ -150,7 +174,7 @@ impl Property {
     /// What a value on the wire means for this property: with its sign, unless its row has none.
     #[must_use]
     pub fn read(self, value: Value) -> i64 {
-        let unsigned = self.row().unsigned();
+        let unsigned = self.spec().unsigned();
         match value {
             Value::Short(bits) if unsigned => i64::from(bits),
             Value::Short(bits) => i64::from(bits.cast_signed()),
@@ -164,7 +188,7 @@ impl Property {
     #[must_use]
     pub fn write(self, value: i64) -> Option<Value> {
         match i16::try_from(value) {
-            Ok(short) if self.row().bits == 16 => Some(Value::Short(short.cast_unsigned())),
+            Ok(short) if self.spec().bits == 16 => Some(Value::Short(short.cast_unsigned())),
             _ if i64::from(i32::MIN) <= value && value <= i64::from(u32::MAX) => {
                 Some(Value::Long(value as u32))
             }

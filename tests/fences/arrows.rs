@@ -22,14 +22,14 @@ const ARROWS: [Arrows; 7] = [
     Arrows {
         package: "tater-wire",
         ours: &[],
-        // crc: CRC-32 of images, no_std. heapless: bounded buffers without a heap. proptest: tests.
-        others: Some(&["crc", "heapless", "proptest (dev)"]),
+        // heapless: bounded buffers without a heap. crc, proptest: tests.
+        others: Some(&["heapless", "crc (dev)", "proptest (dev)"]),
     },
     Arrows {
         package: "tater-fw",
         ours: &["servo-core", "tater-wire"],
-        // The same, for records in flash and queues.
-        others: Some(&["crc", "heapless", "proptest (dev)"]),
+        // The same.
+        others: Some(&["heapless", "proptest (dev)"]),
     },
     Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw"], others: None },
     Arrows {

@@ -267,7 +267,7 @@ impl<const N: usize> Estimator<N> {
         }
         let waited = dt.saturating_sub(self.delay().0).max(SHORTEST_US);
         let limit = mul_shift(ahead, saturating_signed(RATE / waited), 12);
-        (position, if m.edges < 2 { 0 } else { velocity.clamp(limit.saturating_neg(), limit) })
+        (position, if m.edges < 2 { 0 } else { velocity.max(limit.saturating_neg()).min(limit) })
     }
 
     /// As [`at`](Self::at), but undecided what a pattern is that repeats with the rotor: marks out of place, or a

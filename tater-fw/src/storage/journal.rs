@@ -162,10 +162,10 @@ impl Store {
             (id, value)
         };
         let words = if complete {
-            record::encode(&head, COUNTERS.into_iter().chain(self.values.keys().copied()).map(entry))
+            record::encode(&head, &mut COUNTERS.into_iter().chain(self.values.keys().copied()).map(entry))
         } else {
             let changed = (0..128).filter(|id| self.changed & bit(*id) != 0);
-            record::encode(&head, changed.map(entry))
+            record::encode(&head, &mut changed.map(entry))
         };
         (head, words)
     }

@@ -16,7 +16,7 @@ use super::pages::{PAGE_WORDS, Page};
 use super::word::Word;
 use crate::board::Flash;
 use heapless::Vec;
-use tater_wire::image::CRC;
+use tater_wire::image::Crc32;
 
 /// The version of the layout. A record of another version is not read, and its page is erased in its turn: a firmware
 /// with a new layout must read this one too.
@@ -57,7 +57,7 @@ impl Head {
 }
 
 /// The half-words of a record to be written, the mark not among them.
-pub fn encode(head: &Head, entries: impl Iterator<Item = (u8, Option<i32>)>) -> Vec<u16, MOST_WORDS> {
+pub fn encode(head: &Head, entries: &mut dyn Iterator<Item = (u8, Option<i32>)>) -> Vec<u16, MOST_WORDS> {
     let [low, high] = halves(head.sequence);
     let mut words = Vec::<u16, MOST_WORDS>::new();
     // There is room for all: ENTRIES.
@@ -148,9 +148,9 @@ impl Found {
 }
 
 fn checksum(words: impl Iterator<Item = u16>) -> u32 {
-    let mut digest = CRC.digest();
-    words.for_each(|word| digest.update(&word.to_le_bytes()));
-    digest.finalize()
+    let mut crc = Crc32::default();
+    words.for_each(|word| crc.update(&word.to_le_bytes()));
+    crc.finish()
 }
 
 const fn halves(word: u32) -> [u16; 2] {

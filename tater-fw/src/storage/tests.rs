@@ -222,14 +222,14 @@ fn numbers_of_another_version_are_kept_or_skipped() {
         (200, Some(1 << 20)),
         (Property::X0.id(), Some(3)),
     ];
-    let mut words = record::encode(&head, entries.into_iter());
+    let mut words = record::encode(&head, &mut entries.into_iter());
     // A value of five half-words, before the CRC.
     words.truncate(words.len() - 2);
     words.extend_from_slice(&[7 | 5 << 8, 1, 2, 3, 4, 5]).unwrap();
     words[0] = Word::Record(words.len() as u16 + 2).encode();
-    let mut digest = tater_wire::image::CRC.digest();
+    let mut digest = tater_wire::image::Crc32::default();
     words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
-    let crc = digest.finalize();
+    let crc = digest.finish();
     words.extend_from_slice(&[crc as u16, (crc >> 16) as u16]).unwrap();
     let mut flash = Ram::default();
     flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
@@ -250,7 +250,7 @@ fn numbers_of_another_version_are_kept_or_skipped() {
 #[test]
 fn unknown_numbers_give_way_to_known_ones() {
     let head = Head { sequence: 7, complete: true, trusted: None };
-    let words = record::encode(&head, (150..150 + STORED as u8).map(|id| (id, Some(9))));
+    let words = record::encode(&head, &mut (150..150 + STORED as u8).map(|id| (id, Some(9))));
     let mut flash = Ram::default();
     flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
     let mut store = Store::open(&flash);
@@ -273,12 +273,12 @@ fn nothing_is_read_from_what_is_not_ours() {
     }
     // Another version of the layout.
     let head = Head { sequence: 7, complete: true, trusted: None };
-    let mut words = record::encode(&head, core::iter::once((Property::MT.id(), Some(5))));
+    let mut words = record::encode(&head, &mut core::iter::once((Property::MT.id(), Some(5))));
     words[1] ^= 3 << 12;
     words.truncate(words.len() - 2);
-    let mut digest = tater_wire::image::CRC.digest();
+    let mut digest = tater_wire::image::Crc32::default();
     words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
-    words.extend_from_slice(&[digest.clone().finalize() as u16, (digest.finalize() >> 16) as u16]).unwrap();
+    words.extend_from_slice(&[digest.finish() as u16, (digest.finish() >> 16) as u16]).unwrap();
     let mut flash = Ram::default();
     flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
     assert_eq!(Store::open(&flash).get(Property::MT), None);
@@ -394,7 +394,7 @@ fn a_record_out_of_sequence_ends_the_journal() {
         let first = Head { sequence: 7, complete: true, trusted: None };
         let next = Head { sequence, complete: false, trusted: None };
         let value = |value| core::iter::once((Property::MT.id(), Some(value)));
-        let words = [record::encode(&first, value(5)), record::encode(&next, value(6))].concat();
+        let words = [record::encode(&first, &mut value(5)), record::encode(&next, &mut value(6))].concat();
         let mut flash = Ram::default();
         flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
         assert_eq!(Store::open(&flash).get(Property::MT), Some(if read { 6 } else { 5 }), "{sequence}");

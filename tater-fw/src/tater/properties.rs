@@ -33,7 +33,7 @@ impl<B: Board> Tater<B> {
             motion!() => motion::get(self.servo.config(), property)?,
             // As set; the ID of a board that has none is 0.
             kept!() => return kept::get(&self.kept, property),
-            P::VERS | P::CTS | P::IPNM | P::POLES => property.row().min,
+            P::VERS | P::CTS | P::IPNM | P::POLES => property.spec().min(),
             P::ERROR => self.error().map_or(0, |code| i64::from(code.code())),
             P::STAT => READY,
             P::MODE => i64::from(status.mode.number()),
@@ -62,8 +62,8 @@ impl<B: Board> Tater<B> {
             P::END => status.end.map_or(0, |reason| i64::from(reason.number())),
             P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M => return None,
         };
-        let row = property.row();
-        Some(value.max(row.min).min(row.max))
+        let spec = property.spec();
+        Some(value.max(spec.min()).min(spec.max()))
     }
 
     /// Sets a property that may be set.
@@ -73,7 +73,7 @@ impl<B: Board> Tater<B> {
     pub(super) fn write(&mut self, property: Property, value: i64) -> Result<(), Refused> {
         use Property as P;
         let out_of_range = Refused::Range(property);
-        if !property.row().admits(value) {
+        if !property.spec().admits(value) {
             return Err(out_of_range);
         }
         match property {

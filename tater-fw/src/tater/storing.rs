@@ -7,7 +7,7 @@ use crate::motion;
 use servo_core::mode::Mode;
 use servo_core::{Command, Refusal};
 use tater_wire::Property;
-use tater_wire::property::{Access, ROWS, Stored};
+use tater_wire::property::{Access, Stored};
 
 /// The id that stands for all properties.
 pub(super) const ALL: i64 = -1;
@@ -20,24 +20,21 @@ impl<B: Board> Tater<B> {
     pub(super) fn save(&mut self, id: i64) -> Result<(), Refused> {
         match stored_property(Property::SAVE, id)? {
             Some(property) => self.save_one(property),
-            None => ROWS
-                .iter()
-                .filter(|row| row.stored == Stored::Yes)
-                .for_each(|row| self.save_one(row.property)),
+            None => saved().for_each(|property| self.save_one(property)),
         }
         Ok(())
     }
 
     fn save_one(&mut self, property: Property) {
-        let row = property.row();
+        let spec = property.spec();
         // What is out of range is not worth keeping: a position far outside any joint, the ID of a board that has none.
-        let Some(value) = self.read(property).filter(|&value| row.admits(value)) else { return };
+        let Some(value) = self.read(property).filter(|&value| spec.admits(value)) else { return };
         match i32::try_from(value) {
             Ok(position) if property == Property::P && self.knows_position() => {
                 self.store.save_position(position, self.board.halls() & 7);
                 self.trusted_at = Some(self.commutator.count());
             }
-            _ if row.stored == Stored::Yes => self.store.set(property, value),
+            _ if spec.stored == Stored::Yes => self.store.set(property, value),
             // What is always stored needs no saving.
             _ => {}
         }
@@ -59,7 +56,7 @@ impl<B: Board> Tater<B> {
             Some(property) => {
                 self.unlock(property)?;
                 // What is always stored is as it is stored.
-                if property.row().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
+                if property.spec().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
             }
             None => {
                 self.load_all(|access| access != Access::Locked);
@@ -92,9 +89,8 @@ impl<B: Board> Tater<B> {
             }
             None => {
                 self.distrust();
-                let open =
-                    ROWS.iter().filter(|row| row.stored == Stored::Yes && row.access != Access::Locked);
-                open.for_each(|row| self.store.forget(row.property));
+                let open = saved().filter(|property| property.spec().access != Access::Locked);
+                open.for_each(|property| self.store.forget(property));
                 self.load_all(|access| access != Access::Locked);
                 Ok(())
             }
@@ -110,8 +106,8 @@ impl<B: Board> Tater<B> {
             let _ = value.is_some_and(|value| motion::set(&mut config, property, value));
         }
         let _ = self.servo.command(Command::Configure(config));
-        for property in kept::PROPERTIES.into_iter().filter(|p| wanted(p.row().access)) {
-            if property.row().stored == Stored::Yes
+        for property in kept::PROPERTIES.into_iter().filter(|p| wanted(p.spec().access)) {
+            if property.spec().stored == Stored::Yes
                 && let Some(value) = self.stored(property)
             {
                 let _ = kept::set(&mut self.kept, property, value);
@@ -129,18 +125,17 @@ impl<B: Board> Tater<B> {
 
     /// The stored value, or the default if there is none in range.
     fn stored(&self, property: Property) -> Option<i64> {
-        let row = property.row();
-        self.store.get(property).filter(|&value| row.admits(value)).or_else(|| match property {
+        self.store.get(property).or_else(|| match property {
             Property::ID => Some(i64::from(self.board.straps().number())),
             Property::SN => Some(i64::from(self.board.serial_number())),
-            _ => row.default_for(self.node),
+            _ => property.spec().default_for(self.node),
         })
     }
 
     /// # Errors
     /// The property is locked, and LOCK has not been opened for this one SET.
     pub(super) fn unlock(&mut self, property: Property) -> Result<(), Refused> {
-        match property.row().access {
+        match property.spec().access {
             Access::Locked if !self.lock.take() => Err(Refused::Access(property)),
             Access::Locked | Access::ReadWrite | Access::WriteOnly | Access::ReadOnly => Ok(()),
         }
@@ -171,11 +166,16 @@ impl<B: Board> Tater<B> {
     }
 }
 
+/// What SAVE of all stores.
+fn saved() -> impl Iterator<Item = Property> {
+    Property::ALL.iter().copied().filter(|property| property.spec().stored == Stored::Yes)
+}
+
 /// The property that SAVE, LOAD or DEF names, one that is stored; `None` for all.
 fn stored_property(by: Property, id: i64) -> Result<Option<Property>, Refused> {
     if id == ALL {
         return Ok(None);
     }
     let property = u8::try_from(id).ok().and_then(Property::of).ok_or(Refused::Range(by))?;
-    if property.row().stored == Stored::No { Err(Refused::Access(property)) } else { Ok(Some(property)) }
+    if property.spec().stored == Stored::No { Err(Refused::Access(property)) } else { Ok(Some(property)) }
 }

@@ -1,7 +1,7 @@
 //! The rows. To add one: a free number (a used one never comes back), and a line here; documents, range, storage
 //! and defaults follow. Then the board's side of it, in tater-fw.
 
-use super::{Access, Default, Row, Stored};
+use super::{Access, Default, Row, Spec, Stored};
 
 /// `NAME = id, bits, access, stored, "unit", range, default, "meaning";`
 macro_rules! table {
@@ -19,31 +19,56 @@ macro_rules! table {
         pub const ROWS: &[Row] = &[$(*Property::$name.row(),)*];
 
         impl Property {
+            /// Every one of them, by rising number.
+            pub const ALL: &[Self] = &[$(Self::$name,)*];
+
             /// The number on the wire.
             #[must_use]
             pub const fn id(self) -> u8 {
                 self as u8
             }
 
-            /// The row.
+            /// The property of a number; `None` if there is none.
             #[must_use]
-            pub const fn row(self) -> &'static Row {
+            pub const fn of(id: u8) -> Option<Self> {
+                match id {
+                    $($id => Some(Self::$name),)*
+                    _ => None,
+                }
+            }
+
+            /// What a board goes by.
+            #[must_use]
+            pub const fn spec(self) -> &'static Spec {
                 match self {
-                    $(Self::$name => {
-                        const ROW: Row = Row {
-                            property: Property::$name,
-                            name: stringify!($name),
+                    $(Self::$name => const {
+                        &Spec {
                             bits: $bits,
                             access: Access::$access,
                             stored: Stored::$stored,
+                            default: Default::$default $(($($value),*))?,
+                            min: $min,
+                            max: $max,
+                        }
+                    },)*
+                }
+            }
+
+            /// The row, texts and all: not for firmware, where all of them are linked for one.
+            #[must_use]
+            pub const fn row(self) -> &'static Row {
+                match self {
+                    $(Self::$name => const {
+                        &Row {
+                            property: Property::$name,
+                            name: stringify!($name),
+                            spec: Property::$name.spec(),
                             unit: $unit,
                             min: $min,
                             max: $max,
-                            default: Default::$default $(($($value),*))?,
                             meaning: $meaning,
-                        };
-                        &ROW
-                    })*
+                        }
+                    },)*
                 }
             }
         }
