@@ -191,6 +191,18 @@ fn second_servo(source: &Source) -> Vec<Violation> {
     })
 }
 
+/// The tables' texts are for people: a board that names a row carries all of them, 13 KiB.
+fn texts(source: &Source) -> Vec<Violation> {
+    if !source.is_in("tater-fw/src") {
+        return Vec::new();
+    }
+    scan_board(source, |tokens, at| {
+        let row =
+            reads(tokens, at, &[".", "row", "("]) || !tokens[at].is_literal && tokens[at].text == "ROWS";
+        row.then(|| "the board goes by `spec()`; rows hold texts that it has no room for".into())
+    })
+}
+
 /// No loop whose end nobody has counted; `for` goes over something that ends.
 fn unbounded(source: &Source) -> Vec<Violation> {
     // Storage and monitor run beside it, a step at a time.
@@ -274,6 +286,11 @@ fn duties_are_made_by_the_limits() {
 #[test]
 fn nothing_beside_tater_holds_a_servo() {
     check_workspace(second_servo);
+}
+
+#[test]
+fn the_board_carries_no_texts() {
+    check_workspace(texts);
 }
 
 #[test]
@@ -419,6 +436,13 @@ fn the_second_servo_fence_can_fail() {
     );
     check_fence(second_servo, "tests/a.rs", &["fn f(a: Servo) {}"], &["fn f() { g(\"Servo\") }"]);
     check_fence(second_servo, "tater-fw/src/tater.rs", &[], &["use servo_core::Servo;"]);
+}
+
+#[test]
+fn the_texts_fence_can_fail() {
+    let bad = ["fn f(p: Property) { p.row(); }", "use tater_wire::property::ROWS;"];
+    check_fence(texts, "tater-fw/src/a.rs", &bad, &["fn f(p: Property) { p.spec(); }"]);
+    check_fence(texts, "hil-sim/src/a.rs", &[], &bad);
 }
 
 #[test]
