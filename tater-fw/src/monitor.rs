@@ -163,7 +163,11 @@ impl<B: Board> Monitor<B> {
         }
         match Message::parse(frame).map(|message| message.body) {
             Some(Body::Get(property)) => self.answer(id.from, property),
+            Some(Body::Torques(_)) => self.identity.lock.interrupt(),
             Some(Body::Set { property, value }) => {
+                if property != LOCK {
+                    self.identity.lock.interrupt();
+                }
                 let value = match value {
                     Value::Short(bits) => i64::from(bits.cast_signed()),
                     Value::Long(bits) => i64::from(bits.cast_signed()),
@@ -199,7 +203,7 @@ impl<B: Board> Monitor<B> {
 
     fn set(&mut self, property: u8, value: i64, now: Micros) {
         match property {
-            LOCK => self.identity.unlock(value),
+            LOCK => self.identity.lock.key(value),
             SAVE => {
                 self.identity.save(&mut self.store, value);
                 self.saving = true;

@@ -1,5 +1,6 @@
 //! Who the board is: the properties ROLE, SN and ID, which change only after the sequence of LOCK, once.
 
+use crate::lock::Lock;
 use crate::storage::Store;
 use tater_wire::property::{Default, Row};
 use tater_wire::{Node, Property};
@@ -7,16 +8,13 @@ use tater_wire::{Node, Property};
 /// The rows. Named one by one, so that the monitor's program need not hold the table of all properties.
 const ROWS: [&Row; 3] = [Property::ROLE.row(), Property::SN.row(), Property::ID.row()];
 
-/// Values of LOCK that unlock, in this order.
-const SEQUENCE: [i64; 5] = [18384, 23, 3145, 1024, 1];
-
-/// ROLE, SN and ID as they are now, and how far the sequence has come.
+/// ROLE, SN and ID as they are now, and how far the lock before them has been opened.
 #[derive(Debug)]
 pub(super) struct Identity {
     values: [i64; ROWS.len()],
     defaults: [i64; ROWS.len()],
-    /// Values of the sequence that came; all of them: unlocked.
-    unlocked: usize,
+    /// Told of every SET that the board hears.
+    pub(super) lock: Lock,
 }
 
 impl Identity {
@@ -27,8 +25,10 @@ impl Identity {
             _ => 0,
         };
         let defaults = [role, i64::from(serial_number), i64::from(straps.number())];
-        let mut identity = Self { values: defaults, defaults, unlocked: 0 };
-        identity.load(store, -1);
+        let mut identity = Self { values: defaults, defaults, lock: Lock::default() };
+        for row in ROWS {
+            identity.restore(store, row.property.id());
+        }
         identity
     }
 
@@ -41,27 +41,21 @@ impl Identity {
         self.values.iter().zip(ROWS).find(|(_, row)| row.property.id() == id).map(|(value, _)| *value)
     }
 
-    /// A SET of LOCK.
-    pub(super) fn unlock(&mut self, value: i64) {
-        self.unlocked = match SEQUENCE.get(self.unlocked) {
-            Some(&next) if next == value => self.unlocked.saturating_add(1),
-            _ => usize::from(SEQUENCE.first() == Some(&value)),
-        };
-    }
-
     /// A SET of one of the three properties: taken only if unlocked and in range; locks again in any case.
     pub(super) fn set(&mut self, id: u8, value: i64) {
-        let unlocked = self.unlocked == SEQUENCE.len();
-        let Some((slot, row)) = self.slot(id) else { return };
-        if unlocked && row.admits(value) {
+        if self.get(id).is_some()
+            && self.lock.take()
+            && let Some((slot, row)) = self.slot(id)
+            && row.admits(value)
+        {
             *slot = value;
         }
-        self.unlocked = 0;
     }
 
     /// A SET of SAVE: the present value of the property of this number, or of all for −1, is to be stored.
     pub(super) fn save(&self, store: &mut Store, number: i64) {
-        for (value, row) in self.values.iter().zip(ROWS).filter(|(_, row)| is_meant(row, number)) {
+        let meant = |row: &Row| number == -1 || number == i64::from(row.property.id());
+        for (value, row) in self.values.iter().zip(ROWS).filter(|(_, row)| meant(row)) {
             // A board without straps that nobody has named has no ID to store.
             if row.admits(*value) {
                 store.set(row.property, *value);
@@ -69,15 +63,22 @@ impl Identity {
         }
     }
 
-    /// A SET of LOAD: back to the stored value, or the default, of the property of this number, or of all for −1.
+    /// A SET of LOAD: back to the stored value, or the default, of the property of this number, only if unlocked; locks
+    /// again in any case. −1 leaves the locked ones, as in the application; here that is all.
     pub(super) fn load(&mut self, store: &Store, number: i64) {
+        if let Ok(id) = u8::try_from(number)
+            && self.get(id).is_some()
+            && self.lock.take()
+        {
+            self.restore(store, id);
+        }
+    }
+
+    /// Takes the stored value, or the default.
+    fn restore(&mut self, store: &Store, id: u8) {
         let rows = self.values.iter_mut().zip(self.defaults).zip(ROWS);
-        for ((value, default), row) in rows.filter(|(_, row)| is_meant(row, number)) {
+        for ((value, default), row) in rows.filter(|(_, row)| row.property.id() == id) {
             *value = store.get(row.property).filter(|&stored| row.admits(stored)).unwrap_or(default);
         }
     }
-}
-
-fn is_meant(row: &Row, number: i64) -> bool {
-    number == -1 || number == i64::from(row.property.id())
 }
