@@ -78,6 +78,21 @@ fn the_first_request_comes_when_the_first_page_is_erased_and_repeats() {
 }
 
 #[test]
+fn a_step_whose_time_was_read_before_a_frame_came_ends_nothing() {
+    let (mut bench, _) = bench();
+    bench.set(3, 0, 0xAA);
+    while requests(&mut bench, 100).is_empty() {}
+    // The interrupt comes after the loop has read the clock; as late as can be told from early.
+    for (late, character) in [1, 2, 1000, (1 << 31) - 1].into_iter().zip(characters(&image(1024, 2))) {
+        let read = bench.now;
+        let frame = Frame::from_raw(3, &[character]).expect("a frame");
+        bench.monitor.receive(&frame, Micros(read.wrapping_add(late)));
+        assert_eq!(bench.monitor.step(Micros(read)), Next::Stay);
+        assert!(matches!(bench.monitor.phase, Phase::Download(_)), "{late}: {:?}", bench.monitor.error());
+    }
+}
+
+#[test]
 fn a_host_that_dies_leaves_the_old_application() {
     let new = image(2 * 1024, 2);
     let text = characters(&new);
