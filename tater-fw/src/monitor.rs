@@ -227,10 +227,14 @@ impl<B: Board> Monitor<B> {
 
     /// A new wish replaces the last, and ends a download. What is owed comes first.
     fn order(&mut self, wish: Option<Wish>, now: Micros) {
-        self.wish = wish;
         if wish.is_some() {
             self.error = None;
         }
+        if wish == Some(Wish::Start) && matches!(self.phase, Phase::Start | Phase::Check(_, Then::Start)) {
+            // It is being obeyed. A host that asks again and again must not make it begin again.
+            return;
+        }
+        self.wish = wish;
         match self.phase {
             Phase::Idle | Phase::Start | Phase::Check(_, Then::Start) => {
                 match Check::new(self.board.flash(), STAGING) {

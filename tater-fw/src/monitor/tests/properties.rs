@@ -215,6 +215,21 @@ fn only_a_verified_application_starts() {
 }
 
 #[test]
+fn asked_again_every_10_ms_it_starts_all_the_same() {
+    let mut bench = Bench::strapped(3);
+    bench.board().chip.load(APPLICATION.start, &image(48 * 1024, 1));
+    // In 192 steps of 256 bytes it is verified, in two rounds of 100 therefore; and some for the rest.
+    let started = (0..5).any(|_| {
+        bench.set(3, 5, 2);
+        (0..100).any(|_| {
+            bench.now = bench.now.wrapping_add(100);
+            bench.monitor.step(Micros(bench.now)) == Next::Start
+        })
+    });
+    assert!(started);
+}
+
+#[test]
 fn what_is_to_be_stored_is_stored_before_the_application_starts() {
     let mut bench = Bench::strapped(3);
     bench.board().chip.load(APPLICATION.start, &image(2000, 1));
