@@ -81,7 +81,7 @@ enum Then {
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "there is no heap to put the download on")]
 enum Phase {
-    /// Nothing: it answers, and stores what is to be stored.
+    /// Nothing: it answers, and stores what is to be stored, also before a download that is waiting.
     Idle,
     Check(Check, Then),
     Download(Download),
@@ -251,6 +251,11 @@ impl<B: Board> Monitor<B> {
     fn obey(&mut self, now: Micros) {
         self.phase = match self.wish.take() {
             None => Phase::Idle,
+            // First what is to be stored: a download takes minutes, in which the store does not work.
+            Some(wish @ Wish::Download { .. }) if self.saving => {
+                self.wish = Some(wish);
+                Phase::Idle
+            }
             Some(Wish::Download { numbered }) => {
                 // Of the copy that this download is to make good, perhaps.
                 self.error = None;
@@ -279,7 +284,9 @@ impl<B: Board> Monitor<B> {
         self.board.feed();
         match &mut self.phase {
             Phase::Idle => {
-                self.keep();
+                if self.keep() && self.wish.is_some() {
+                    self.obey(now);
+                }
             }
             Phase::Start => {
                 if self.keep() {

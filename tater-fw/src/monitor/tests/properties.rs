@@ -230,6 +230,25 @@ fn asked_again_every_10_ms_it_starts_all_the_same() {
 }
 
 #[test]
+fn what_is_to_be_stored_is_stored_before_a_download_begins() {
+    let mut bench = Bench::strapped(3);
+    for number in UNLOCK {
+        bench.set(3, LOCK, number);
+    }
+    bench.set(3, SN, 99);
+    bench.set(3, SAVE, -1);
+    bench.set(3, 0, 0xAA);
+    let mut asked = false;
+    for _ in 0..1000 {
+        bench.now = bench.now.wrapping_add(100);
+        assert_eq!(bench.monitor.step(Micros(bench.now)), Next::Stay);
+        asked |= !std::mem::take(&mut bench.board().sent).is_empty();
+    }
+    assert!(asked, "the download goes on");
+    assert_eq!(bench.reset().get(3, SN), Some(99));
+}
+
+#[test]
 fn what_is_to_be_stored_is_stored_before_the_application_starts() {
     let mut bench = Bench::strapped(3);
     bench.board().chip.load(APPLICATION.start, &image(2000, 1));
