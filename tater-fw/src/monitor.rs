@@ -104,6 +104,8 @@ pub struct Monitor<B: Board> {
     wish: Option<Wish>,
     /// A SAVE is on its way into the flash. Only then is the store let work: its tidying up takes the board off the bus.
     saving: bool,
+    /// The copy that is owed has failed.
+    copy_failed: bool,
     error: Option<FaultCode>,
     outbox: Deque<Frame, OUTBOX>,
 }
@@ -137,6 +139,7 @@ impl<B: Board> Monitor<B> {
             phase,
             wish: None,
             saving: false,
+            copy_failed: false,
             error: None,
             outbox: Deque::new(),
         }
@@ -259,6 +262,7 @@ impl<B: Board> Monitor<B> {
             Some(Wish::Download { numbered }) => {
                 // Of the copy that this download is to make good, perhaps.
                 self.error = None;
+                self.copy_failed = false;
                 Phase::Download(Download::new(numbered, now))
             }
             Some(Wish::Start) => match Check::new(self.board.flash(), APPLICATION) {
@@ -345,10 +349,15 @@ impl<B: Board> Monitor<B> {
         self.phase = Phase::Forget;
     }
 
-    /// The copy did not succeed. It stays owed: the next SET STAT 2 or reset makes it again; or a download goes over it.
+    /// The copy did not succeed. It stays owed: the next SET STAT 2 or reset makes it again. A download goes over it, and
+    /// over the only good image; so only when the copy has failed twice.
     fn give_up(&mut self, now: Micros) {
         self.fail(FaultCode::FlashWrite);
-        self.obey(now);
+        let again = !core::mem::replace(&mut self.copy_failed, true) && self.wish.is_some();
+        match Check::new(self.board.flash(), STAGING) {
+            Some(check) if again => self.phase = Phase::Check(check, Then::Copy),
+            _ => self.obey(now),
+        }
     }
 
     /// Makes staging invalid: 0 may be written over anything.

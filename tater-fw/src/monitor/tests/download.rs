@@ -335,6 +335,40 @@ fn a_copy_that_keeps_failing_does_not_stand_in_the_way_of_a_download() {
 }
 
 #[test]
+fn the_only_good_image_is_copied_a_second_time_before_a_download_erases_it() {
+    for mended in [true, false] {
+        let (mut bench, _) = bench();
+        let owed = image(4000, 2);
+        bench.board().chip.load(STAGING.start, &owed);
+        bench.board().chip.worn = true;
+        let mut bench = bench.reset();
+        // The wish comes while the copy is made.
+        while !matches!(bench.monitor.phase, Phase::Copy(_)) {
+            requests(&mut bench, 100);
+        }
+        bench.set(3, 0, 0xAA);
+        let copies = |bench: &mut Bench| {
+            bench.board().chip.erased.iter().filter(|page| **page == APPLICATION.start).count()
+        };
+        while copies(&mut bench) < 2 && !matches!(bench.monitor.phase, Phase::Download(_)) {
+            requests(&mut bench, 100);
+        }
+        assert_eq!(copies(&mut bench), 2, "tried again");
+        bench.board().chip.worn = !mended;
+        while !matches!(bench.monitor.phase, Phase::Download(_)) {
+            requests(&mut bench, 100);
+        }
+        assert_eq!(application(&mut bench, owed.len()) == owed, mended);
+        assert_eq!(copies(&mut bench), 2, "then it is the download's turn");
+        bench.board().chip.worn = false;
+        let new = image(3000, 3);
+        send_singly(&mut bench, &characters(&new));
+        assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(0)));
+        assert_eq!(application(&mut bench, new.len()), new);
+    }
+}
+
+#[test]
 fn properties_are_answered_during_a_download_and_orders_end_it() {
     let text = characters(&image(2048, 2));
     let (mut bench, old) = bench();
