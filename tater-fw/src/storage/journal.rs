@@ -203,12 +203,15 @@ impl Store {
     }
 
     /// Gives up the record on its way, and its page: what is in it comes with the next, elsewhere. Should it be
-    /// readable after all, its mark must not be believed.
+    /// readable after all, its mark must not be believed, and what follows must be newer: so its number is used up, and
+    /// nothing more goes into the page that was current.
     pub(super) fn abandon(&mut self) {
         if let Some(writing) = self.writing.take() {
             self.obsolete = writing.mark();
             self.changed |= writing.changed;
+            self.sequence = writing.head.sequence;
             self.pages.fail(writing.page);
+            self.pages.close();
         }
     }
 }

@@ -131,11 +131,16 @@ impl Pages {
         self.tail = tail;
     }
 
+    /// Nothing more goes into the current page.
+    pub const fn close(&mut self) {
+        self.tail = PAGE_WORDS;
+    }
+
     /// A page did not take what was written.
     pub fn fail(&mut self, page: Page) {
         self.bad |= page.bit();
         if self.current == Some(page) {
-            self.tail = PAGE_WORDS;
+            self.close();
         }
     }
 

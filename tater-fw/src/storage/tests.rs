@@ -19,12 +19,14 @@ struct Ram {
     erased: usize,
     /// Addresses that do not take a program, or as a page's first an erase.
     broken: BTreeSet<u32>,
+    /// An address that reads wrong right after its program, once, and right ever after.
+    late: Option<u32>,
 }
 
 impl Default for Ram {
     fn default() -> Self {
         let words = std::vec![u16::MAX; STORAGE.len as usize / 2];
-        Self { words, programmed: 0, erased: 0, broken: BTreeSet::new() }
+        Self { words, programmed: 0, erased: 0, broken: BTreeSet::new(), late: None }
     }
 }
 
@@ -49,6 +51,9 @@ impl Flash for Ram {
             return Err(FlashError::Verify);
         }
         *word = value;
+        if value != 0 && self.late.take_if(|late| *late == address).is_some() {
+            return Err(FlashError::Verify);
+        }
         Ok(())
     }
 
