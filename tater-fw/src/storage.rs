@@ -131,8 +131,13 @@ impl Store {
             sequence: 0,
             writing: None,
         };
-        if let Some(page) = store.pages.current() {
+        if let Some(page) = store.pages.previous() {
+            // Only for its mark, which a cut may have left: the complete record in the next page is of all else.
             store.replay(flash, page);
+        }
+        if let Some(page) = store.pages.current() {
+            let end = store.replay(flash, page);
+            store.pages.ends_at(flash, end);
         }
         store.kept = store.counters;
         store
@@ -213,7 +218,8 @@ impl Store {
     }
 
     /// Consumes the trust, at once: before the first drive, or at the first count. Costs one half-word the first time,
-    /// up to three while a trusted position is on its way into the flash, and nothing from then on.
+    /// two if a cut has left an older mark, up to three while a trusted position is on its way into the flash, and
+    /// nothing from then on.
     ///
     /// # Errors
     /// The flash did not take it, and the position would be trusted after a reset. Do not drive; call again after the

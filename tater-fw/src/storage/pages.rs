@@ -94,6 +94,11 @@ impl Pages {
         self.current
     }
 
+    /// The page that had it before.
+    pub const fn previous(&self) -> Option<Page> {
+        self.previous
+    }
+
     /// What has been read of the current page ends here. It goes on here if the rest is blank; if not, that is what a
     /// cut has left, and nothing must follow it.
     pub fn ends_at<F: Flash>(&mut self, flash: &F, at: usize) {

@@ -359,6 +359,36 @@ fn trust_in_a_record_on_its_way_is_consumed_too() {
 }
 
 #[test]
+fn a_mark_that_a_cut_has_left_behind_is_voided_after_the_start() {
+    for turns in [false, true] {
+        let (mut store, mut flash) = fresh();
+        store.save_position(5, 1);
+        finish(&mut store, &mut flash);
+        let old = store.live.unwrap();
+        if turns {
+            store.pages.add(510 - store.pages.room(1).unwrap().1);
+        }
+        store.save_position(6, 2);
+        while store.obsolete.is_none() {
+            store.step(&mut flash, true);
+        }
+        // The power fails here: the new record is in, the old mark is not yet void.
+        let new = store.live.unwrap();
+        let mut started = Store::open(&flash);
+        assert_eq!(started.trusted_position(), Some((6, 2)));
+        let mut other = flash.clone();
+        let mut driven = Store::open(&other);
+        finish(&mut started, &mut flash);
+        assert_eq!([old, new].map(|mark| flash.half_word(mark)), [0, u16::MAX], "{turns}");
+        driven.distrust(&mut other).unwrap();
+        assert_eq!([old, new].map(|mark| other.half_word(mark)), [0, 0], "{turns}");
+        // What voided it is damaged later: the CRC's last half-word is before the mark.
+        other.words[Ram::index(new) - 1] ^= 1;
+        assert_eq!(Store::open(&other).trusted_position(), None, "{turns}");
+    }
+}
+
+#[test]
 fn a_half_programmed_mark_is_distrusted_and_programmed_to_the_end() {
     let (mut store, mut flash) = fresh();
     store.save_position(7, 3);
