@@ -213,8 +213,8 @@ impl Store {
     /// The stored position if nothing has moved since: the position and the hall code at it.
     #[must_use]
     pub fn trusted_position(&self) -> Option<(i32, u8)> {
-        let position = self.values.get(&Property::P.id())?;
-        self.trusted.map(|code| (*position, code))
+        let position = self.get(Property::P).and_then(|position| i32::try_from(position).ok())?;
+        self.trusted.map(|code| (position, code))
     }
 
     /// Consumes the trust, at once: before the first drive, or at the first count. Costs one half-word the first time,
