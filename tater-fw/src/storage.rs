@@ -16,7 +16,17 @@
 //! * Trust in the position is gone for good once [`Store::distrust`] has returned `Ok`. A cut within it leaves the
 //!   position trusted or not, the same at every start.
 //!
-//! This holds if a half-word whose programming was cut short reads the same ever after.
+//! # Programs of several versions
+//!
+//! The monitor is never downloaded, so a board's monitor reads and writes this layout for ever, and it must find ID,
+//! ROLE and SN, and lose nothing when it stores them. **So the layout is frozen**: version 1 is the only one. What is
+//! new gets a property number of its own, with a value of up to 32 bits; a program keeps the numbers that it does not
+//! know, and their values, as long as all stored together are at most 48. Should a new layout be needed all the same,
+//! it gets pages of its own, and ID, ROLE and SN stay here.
+//!
+//! # What it relies on
+//!
+//! All this holds if a half-word whose programming was cut short reads the same ever after.
 //!
 //! # How long it takes
 //!
