@@ -27,6 +27,7 @@ extern crate self as tater_fw;
 
 mod bind;
 pub mod board;
+mod lock;
 pub mod monitor;
 pub mod motion;
 pub mod storage;

@@ -80,7 +80,7 @@ enum Then {
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "there is no heap to put the download on")]
 enum Phase {
-    /// Nothing: it answers, and stores what is to be stored.
+    /// Nothing: it answers, and stores what is to be stored, also before a download that is waiting.
     Idle,
     Check(Check, Then),
     Download(Download),
@@ -103,6 +103,8 @@ pub struct Monitor<B: Board> {
     wish: Option<Wish>,
     /// A SAVE is on its way into the flash. Only then is the store let work: its tidying up takes the board off the bus.
     saving: bool,
+    /// The copy that is owed has failed.
+    copy_failed: bool,
     error: Option<FaultCode>,
     outbox: Deque<Frame, OUTBOX>,
 }
@@ -136,6 +138,7 @@ impl<B: Board> Monitor<B> {
             phase,
             wish: None,
             saving: false,
+            copy_failed: false,
             error: None,
             outbox: Deque::new(),
         }
@@ -162,7 +165,11 @@ impl<B: Board> Monitor<B> {
         }
         match Message::parse(frame).map(|message| message.body) {
             Some(Body::Get(property)) => self.answer(id.from, property),
+            Some(Body::Torques(_)) => self.identity.lock.interrupt(),
             Some(Body::Set { property, value }) => {
+                if property != LOCK {
+                    self.identity.lock.interrupt();
+                }
                 let value = match value {
                     Value::Short(bits) => i64::from(bits.cast_signed()),
                     Value::Long(bits) => i64::from(bits.cast_signed()),
@@ -198,7 +205,7 @@ impl<B: Board> Monitor<B> {
 
     fn set(&mut self, property: u8, value: i64, now: Micros) {
         match property {
-            LOCK => self.identity.unlock(value),
+            LOCK => self.identity.lock.key(value),
             SAVE => {
                 self.identity.save(&mut self.store, value);
                 self.saving = true;
@@ -222,10 +229,14 @@ impl<B: Board> Monitor<B> {
 
     /// A new wish replaces the last, and ends a download. What is owed comes first.
     fn order(&mut self, wish: Option<Wish>, now: Micros) {
-        self.wish = wish;
         if wish.is_some() {
             self.error = None;
         }
+        if wish == Some(Wish::Start) && matches!(self.phase, Phase::Start | Phase::Check(_, Then::Start)) {
+            // It is being obeyed. A host that asks again and again must not make it begin again.
+            return;
+        }
+        self.wish = wish;
         match self.phase {
             Phase::Idle | Phase::Start | Phase::Check(_, Then::Start) => {
                 match Check::new(self.board.flash(), STAGING) {
@@ -242,9 +253,15 @@ impl<B: Board> Monitor<B> {
     fn obey(&mut self, now: Micros) {
         self.phase = match self.wish.take() {
             None => Phase::Idle,
+            // First what is to be stored: a download takes minutes, in which the store does not work.
+            Some(wish @ Wish::Download { .. }) if self.saving => {
+                self.wish = Some(wish);
+                Phase::Idle
+            }
             Some(Wish::Download { numbered }) => {
                 // Of the copy that this download is to make good, perhaps.
                 self.error = None;
+                self.copy_failed = false;
                 Phase::Download(Download::new(numbered, now))
             }
             Some(Wish::Start) => match Check::new(self.board.flash(), APPLICATION) {
@@ -270,7 +287,9 @@ impl<B: Board> Monitor<B> {
         self.board.feed();
         match &mut self.phase {
             Phase::Idle => {
-                self.keep();
+                if self.keep() && self.wish.is_some() {
+                    self.obey(now);
+                }
             }
             Phase::Start => {
                 if self.keep() {
@@ -329,10 +348,15 @@ impl<B: Board> Monitor<B> {
         self.phase = Phase::Forget;
     }
 
-    /// The copy did not succeed. It stays owed: the next SET STAT 2 or reset makes it again; or a download goes over it.
+    /// The copy did not succeed. It stays owed: the next SET STAT 2 or reset makes it again. A download goes over it, and
+    /// over the only good image; so only when the copy has failed twice.
     fn give_up(&mut self, now: Micros) {
         self.fail(FaultCode::FlashWrite);
-        self.obey(now);
+        let again = !core::mem::replace(&mut self.copy_failed, true) && self.wish.is_some();
+        match Check::new(self.board.flash(), STAGING) {
+            Some(check) if again => self.phase = Phase::Check(check, Then::Copy),
+            _ => self.obey(now),
+        }
     }
 
     /// Makes staging invalid: 0 may be written over anything.

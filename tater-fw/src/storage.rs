@@ -16,7 +16,17 @@
 //! * Trust in the position is gone for good once [`Store::distrust`] has returned `Ok`. A cut within it leaves the
 //!   position trusted or not, the same at every start.
 //!
-//! This holds if a half-word whose programming was cut short reads the same ever after.
+//! # Programs of several versions
+//!
+//! The monitor is never downloaded, so a board's monitor reads and writes this layout for ever, and it must find ID,
+//! ROLE and SN, and lose nothing when it stores them. **So the layout is frozen**: version 1 is the only one. What is
+//! new gets a property number of its own, with a value of up to 32 bits; a program keeps the numbers that it does not
+//! know, and their values, as long as all stored together are at most 48. Should a new layout be needed all the same,
+//! it gets pages of its own, and ID, ROLE and SN stay here.
+//!
+//! # What it relies on
+//!
+//! All this holds if a half-word whose programming was cut short reads the same ever after.
 //!
 //! # How long it takes
 //!
@@ -132,8 +142,13 @@ impl Store {
             sequence: 0,
             writing: None,
         };
-        if let Some(page) = store.pages.current() {
+        if let Some(page) = store.pages.previous() {
+            // Only for its mark, which a cut may have left: the complete record in the next page is of all else.
             store.replay(flash, page);
+        }
+        if let Some(page) = store.pages.current() {
+            let end = store.replay(flash, page);
+            store.pages.ends_at(flash, end);
         }
         store.kept = store.counters;
         store
@@ -216,12 +231,13 @@ impl Store {
     /// The stored position if nothing has moved since: the position and the hall code at it.
     #[must_use]
     pub fn trusted_position(&self) -> Option<(i32, u8)> {
-        let position = self.values.get(&Property::P.id())?;
-        self.trusted.map(|code| (*position, code))
+        let position = self.get(Property::P).and_then(|position| i32::try_from(position).ok())?;
+        self.trusted.map(|code| (position, code))
     }
 
     /// Consumes the trust, at once: before the first drive, or at the first count. Costs one half-word the first time,
-    /// up to three while a trusted position is on its way into the flash, and nothing from then on.
+    /// two if a cut has left an older mark, up to three while a trusted position is on its way into the flash, and
+    /// nothing from then on.
     ///
     /// # Errors
     /// The flash did not take it, and the position would be trusted after a reset. Do not drive; call again after the

@@ -11,15 +11,14 @@
 mod commands;
 mod errors;
 mod kept;
-mod lock;
 mod properties;
 mod storing;
 #[cfg(test)]
 mod tests;
 
 use self::kept::Kept;
-use self::lock::Lock;
 use crate::board::Board;
+use crate::lock::Lock;
 use crate::motion::motor;
 use crate::storage::{Progress, Store};
 use heapless::{Deque, Vec};

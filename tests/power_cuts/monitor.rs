@@ -137,10 +137,14 @@ fn hash(bytes: &[u8]) -> u64 {
     })
 }
 
-fn try_all(mut trial: Trial) -> usize {
+fn try_all(before: &str, mut trial: Trial) -> usize {
     trial.cut_everywhere();
     let (distinct, [none, old, new]) = (trial.states.len(), trial.found);
-    println!("{distinct} distinct of {} cut states: none {none}, old {old}, new {new}", trial.tried);
+    println!(
+        "figure: power cuts of the monitor ({before} before): {} cuts, {distinct} distinct states; then no application {none} \
+         times, the old one {old}, the new one {new}",
+        trial.tried
+    );
     assert!(new > 0 && (old > 0) == trial.old.is_some() && (none > 0) == trial.old.is_none());
     distinct
 }
@@ -148,11 +152,11 @@ fn try_all(mut trial: Trial) -> usize {
 #[test]
 fn cut_anywhere_with_an_old_application() {
     // Half of the 50,000 that are the monitor's share; fewer would mean that operations or seeds were skipped.
-    assert!(try_all(Trial::new(Some(image(2900, 1)), Host::ours)) >= 25_000);
+    assert!(try_all("an application", Trial::new(Some(image(2900, 1)), Host::ours)) >= 25_000);
 }
 
 #[test]
 fn cut_anywhere_without_an_application() {
     // As above.
-    assert!(try_all(Trial::new(None, Host::barrett)) >= 25_000);
+    assert!(try_all("no application", Trial::new(None, Host::barrett)) >= 25_000);
 }

@@ -237,10 +237,7 @@ fn a_cut_at_any_operation_leaves_the_old_state_or_the_new() {
     let enumerate = |scenarios: &[Scenario]| {
         let mut cuts = Cuts::default();
         for scenario in scenarios {
-            let (states, before) = (cuts.states.len(), cuts.cuts);
             cuts.enumerate(scenario, 6, 1);
-            let states = cuts.states.len() - states;
-            println!("{}: {} cuts, {states} states", scenario.name, cuts.cuts - before);
         }
         cuts
     };
@@ -251,7 +248,7 @@ fn a_cut_at_any_operation_leaves_the_old_state_or_the_new() {
     });
     cuts.states.extend(other.states);
     cuts.cuts += other.cuts;
-    println!("storage: {} cuts, {} distinct states after them", cuts.cuts, cuts.states.len());
+    println!("figure: power cuts of storage: {} cuts, {} distinct states", cuts.cuts, cuts.states.len());
     // The storage's share of the 100,000 that issue 3 asks for.
     assert!(cuts.states.len() >= 60_000, "{}", cuts.states.len());
 }

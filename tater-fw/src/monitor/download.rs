@@ -68,6 +68,13 @@ pub(super) struct Download {
     erased: u32,
 }
 
+/// The time since then; none if then is after now: a frame's time may be taken by an interrupt that comes after the
+/// time of the step was read.
+const fn since(then: Micros, now: Micros) -> Micros {
+    let since = now.wrapping_since(then);
+    if since.0 < 1 << 31 { since } else { Micros(0) }
+}
+
 impl Download {
     /// Begins; the first step erases the first page of staging, which holds the header of what is there.
     pub(super) fn new(numbered: bool, now: Micros) -> Self {
@@ -120,11 +127,11 @@ impl Download {
 
     /// At most one flash operation.
     pub(super) fn step<F: Flash>(&mut self, flash: &mut F, now: Micros) -> Result<Step, FaultCode> {
-        if now.wrapping_since(self.heard).0 >= TIMEOUT.0 {
+        if since(self.heard, now).0 >= TIMEOUT.0 {
             return Err(FaultCode::DownloadTimeout);
         }
         self.decode()?;
-        let quiet = self.awaited == 0 || now.wrapping_since(self.last).0 >= REPEAT.0;
+        let quiet = self.awaited == 0 || since(self.last, now).0 >= REPEAT.0;
         if self.erased == 0 || self.erased.saturating_mul(PAGE) < self.end() {
             if quiet {
                 flash.erase(STAGING.page(self.erased)).map_err(|_| FaultCode::FlashWrite)?;

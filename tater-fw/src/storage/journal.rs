@@ -42,8 +42,8 @@ impl Writing {
 }
 
 impl Store {
-    /// Takes what stands in the current page.
-    pub(super) fn replay<F: Flash>(&mut self, flash: &F, page: Page) {
+    /// Takes what stands in a page; where it ends.
+    pub(super) fn replay<F: Flash>(&mut self, flash: &F, page: Page) -> usize {
         let mut at = FIRST;
         // Everything is at least a half-word long.
         while at < PAGE_WORDS {
@@ -59,12 +59,16 @@ impl Store {
                 at += 1;
             }
         }
-        self.pages.ends_at(flash, at);
+        at
     }
 
     /// Takes a record.
     fn take<F: Flash>(&mut self, flash: &F, found: &Found) {
         self.sequence = found.head.sequence;
+        if found.head.complete {
+            self.values.clear();
+            self.counters = Counters::default();
+        }
         let mut has_position = found.head.complete;
         for (id, value) in found.entries(flash) {
             let count = value.unwrap_or(0);
@@ -80,6 +84,8 @@ impl Store {
             let mark = found.mark().map_or(0, |mark| flash.half_word(mark));
             // Partly programmed is distrusted, and the rest of it is still to be done.
             self.trusted = found.head.trusted.filter(|_| mark == u16::MAX);
+            // A cut has come before it was made 0.
+            self.obsolete = self.live.take().or(self.obsolete);
             self.live = found.mark().filter(|_| mark != 0);
         }
     }
@@ -203,12 +209,15 @@ impl Store {
     }
 
     /// Gives up the record on its way, and its page: what is in it comes with the next, elsewhere. Should it be
-    /// readable after all, its mark must not be believed.
+    /// readable after all, its mark must not be believed, and what follows must be newer: so its number is used up, and
+    /// nothing more goes into the page that was current.
     pub(super) fn abandon(&mut self) {
         if let Some(writing) = self.writing.take() {
             self.obsolete = writing.mark();
             self.changed |= writing.changed;
+            self.sequence = writing.head.sequence;
             self.pages.fail(writing.page);
+            self.pages.close();
         }
     }
 }

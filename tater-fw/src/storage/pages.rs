@@ -94,6 +94,11 @@ impl Pages {
         self.current
     }
 
+    /// The page that had it before.
+    pub const fn previous(&self) -> Option<Page> {
+        self.previous
+    }
+
     /// What has been read of the current page ends here. It goes on here if the rest is blank; if not, that is what a
     /// cut has left, and nothing must follow it.
     pub fn ends_at<F: Flash>(&mut self, flash: &F, at: usize) {
@@ -131,11 +136,16 @@ impl Pages {
         self.tail = tail;
     }
 
+    /// Nothing more goes into the current page.
+    pub const fn close(&mut self) {
+        self.tail = PAGE_WORDS;
+    }
+
     /// A page did not take what was written.
     pub fn fail(&mut self, page: Page) {
         self.bad |= page.bit();
         if self.current == Some(page) {
-            self.tail = PAGE_WORDS;
+            self.close();
         }
     }
 

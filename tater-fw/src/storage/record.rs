@@ -18,8 +18,8 @@ use crate::board::Flash;
 use heapless::Vec;
 use tater_wire::image::Crc32;
 
-/// The version of the layout. A record of another version is not read, and its page is erased in its turn: a firmware
-/// with a new layout must read this one too.
+/// The version of the layout. A record of another version is not read, and its page is erased in its turn; so there is
+/// to be no other (module text of `storage`).
 const VERSION: u16 = 1;
 
 /// Half-words before the entries, and the CRC's.

@@ -19,7 +19,14 @@ fn an_image_of_48_kib_by_both_hosts() {
     for mut host in [Host::barrett(file.as_bytes()), Host::ours(file.as_bytes())] {
         let mut rig = Rig::boot(SimFlash::default());
         let figures = rig.download(&mut host).expect("there is power");
-        println!("48 KiB, {} characters: {figures:?}, without stuffing", host.characters());
+        println!(
+            "figure: 48 KiB, {} characters, without stuffing: {} requests, {} frames, bus busy {} us; in all {} us",
+            host.characters(),
+            figures.requests,
+            figures.frames,
+            figures.bus_us,
+            figures.took_us
+        );
         assert_eq!((rig.error(), rig.lost), (None, 0));
         assert_eq!(area(rig.flash(), APPLICATION, new.len()), new);
         assert_eq!(start(&mut rig), Next::Start);

@@ -83,7 +83,9 @@ fn a_million_frames_without_sense_do_no_harm() {
         }
         downloads += usize::from(!rig.monitor.is_idle());
     }
-    println!("{FRAMES} frames: {starts} starts, {downloads} of them during a check or a download");
+    println!(
+        "figure: frames without sense to the monitor: {FRAMES}, {downloads} of them during a check or a download; {starts} starts"
+    );
     assert!(starts > 1000 && downloads > 10_000, "the noise says things that are understood");
     assert_eq!(area(rig.flash(), APPLICATION, old.len()), old);
     assert_eq!(identity(&rig), before);

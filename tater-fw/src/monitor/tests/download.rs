@@ -78,6 +78,21 @@ fn the_first_request_comes_when_the_first_page_is_erased_and_repeats() {
 }
 
 #[test]
+fn a_step_whose_time_was_read_before_a_frame_came_ends_nothing() {
+    let (mut bench, _) = bench();
+    bench.set(3, 0, 0xAA);
+    while requests(&mut bench, 100).is_empty() {}
+    // The interrupt comes after the loop has read the clock; as late as can be told from early.
+    for (late, character) in [1, 2, 1000, (1 << 31) - 1].into_iter().zip(characters(&image(1024, 2))) {
+        let read = bench.now;
+        let frame = Frame::from_raw(3, &[character]).expect("a frame");
+        bench.monitor.receive(&frame, Micros(read.wrapping_add(late)));
+        assert_eq!(bench.monitor.step(Micros(read)), Next::Stay);
+        assert!(matches!(bench.monitor.phase, Phase::Download(_)), "{late}: {:?}", bench.monitor.error());
+    }
+}
+
+#[test]
 fn a_host_that_dies_leaves_the_old_application() {
     let new = image(2 * 1024, 2);
     let text = characters(&new);
@@ -317,6 +332,40 @@ fn a_copy_that_keeps_failing_does_not_stand_in_the_way_of_a_download() {
     send_singly(&mut bench, &characters(&new));
     assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(0)));
     assert_eq!(application(&mut bench, new.len()), new);
+}
+
+#[test]
+fn the_only_good_image_is_copied_a_second_time_before_a_download_erases_it() {
+    for mended in [true, false] {
+        let (mut bench, _) = bench();
+        let owed = image(4000, 2);
+        bench.board().chip.load(STAGING.start, &owed);
+        bench.board().chip.worn = true;
+        let mut bench = bench.reset();
+        // The wish comes while the copy is made.
+        while !matches!(bench.monitor.phase, Phase::Copy(_)) {
+            requests(&mut bench, 100);
+        }
+        bench.set(3, 0, 0xAA);
+        let copies = |bench: &mut Bench| {
+            bench.board().chip.erased.iter().filter(|page| **page == APPLICATION.start).count()
+        };
+        while copies(&mut bench) < 2 && !matches!(bench.monitor.phase, Phase::Download(_)) {
+            requests(&mut bench, 100);
+        }
+        assert_eq!(copies(&mut bench), 2, "tried again");
+        bench.board().chip.worn = !mended;
+        while !matches!(bench.monitor.phase, Phase::Download(_)) {
+            requests(&mut bench, 100);
+        }
+        assert_eq!(application(&mut bench, owed.len()) == owed, mended);
+        assert_eq!(copies(&mut bench), 2, "then it is the download's turn");
+        bench.board().chip.worn = false;
+        let new = image(3000, 3);
+        send_singly(&mut bench, &characters(&new));
+        assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(0)));
+        assert_eq!(application(&mut bench, new.len()), new);
+    }
 }
 
 #[test]

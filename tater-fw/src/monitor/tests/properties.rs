@@ -1,6 +1,10 @@
 use super::*;
+use tater_wire::Torques;
 
 const UNLOCK: [i32; 5] = [18384, 23, 3145, 1024, 1];
+const ROLE: u8 = 1;
+const SN: u8 = 2;
+const ID: u8 = 3;
 
 #[test]
 fn it_answers_for_six_properties_and_no_other() {
@@ -85,6 +89,31 @@ fn a_locked_property_changes_after_the_sequence_once() {
 }
 
 #[test]
+fn any_other_set_interrupts_the_sequence_but_an_open_lock_stays_open() {
+    let locked = [ROLE, SN, ID];
+    for other in (0..0x80).filter(|id| *id != LOCK && !locked.contains(id)) {
+        for done in 1..=UNLOCK.len() {
+            let mut bench = Bench::strapped(3);
+            UNLOCK[..done].iter().for_each(|&number| bench.set(3, LOCK, number));
+            bench.set(3, other, 77);
+            UNLOCK[done..].iter().for_each(|&number| bench.set(3, LOCK, number));
+            bench.set(3, SN, 99);
+            let open = done == UNLOCK.len();
+            assert_eq!(bench.get(3, SN), Some(if open { 99 } else { 4711 }), "{other} after {done}");
+        }
+    }
+    // Packed torques are a SET too.
+    let mut bench = Bench::strapped(3);
+    UNLOCK[..2].iter().for_each(|&number| bench.set(3, LOCK, number));
+    let body = Body::Torques(Torques::new(&[5]).expect("one"));
+    let torques = Message { from: Node::HOST, to: Destination::Group(Group::LOW), body }.frame();
+    bench.say(torques.raw_id(), torques.data());
+    UNLOCK[2..].iter().for_each(|&number| bench.set(3, LOCK, number));
+    bench.set(3, SN, 99);
+    assert_eq!(bench.get(3, SN), Some(4711), "torques");
+}
+
+#[test]
 fn what_is_out_of_range_is_refused_and_uses_the_key_up() {
     for (property, value) in [(1, -1), (1, 32768), (2, 32768), (3, 0), (3, 32)] {
         let mut bench = Bench::strapped(3);
@@ -119,15 +148,20 @@ fn values_are_stored_by_save_and_taken_by_load() {
     bench.settle();
     let mut bench = bench.reset();
     assert_eq!(bench.get(3, 2), Some(77));
-    change(&mut bench, 2, 78);
-    bench.set(3, LOAD, 1);
-    assert_eq!(bench.get(3, 2), Some(78));
-    bench.set(3, LOAD, 2);
-    assert_eq!(bench.get(3, 2), Some(77));
     change(&mut bench, 1, 3);
+    change(&mut bench, 2, 78);
+    for property in [1, 2, -1] {
+        bench.set(3, LOAD, property);
+    }
+    assert_eq!((bench.get(3, 1), bench.get(3, 2)), (Some(3), Some(78)), "locked");
+    change(&mut bench, LOAD, 1);
+    bench.set(3, LOAD, 2);
+    assert_eq!((bench.get(3, 1), bench.get(3, 2)), (Some(2051), Some(78)), "the default; once");
+    change(&mut bench, LOAD, 2);
+    assert_eq!(bench.get(3, 2), Some(77), "what is stored");
     change(&mut bench, 2, 79);
-    bench.set(3, LOAD, -1);
-    assert_eq!((bench.get(3, 1), bench.get(3, 2)), (Some(2051), Some(77)), "stored, or the default");
+    change(&mut bench, LOAD, -1);
+    assert_eq!(bench.get(3, 2), Some(79), "all does not mean the locked ones");
 }
 
 #[test]
@@ -178,6 +212,40 @@ fn only_a_verified_application_starts() {
     assert_eq!(bench.settle(), Next::Stay, "STAT 1 cannot be asked for");
     bench.set(0x404, 5, 2);
     assert_eq!(bench.settle(), Next::Start, "a group can");
+}
+
+#[test]
+fn asked_again_every_10_ms_it_starts_all_the_same() {
+    let mut bench = Bench::strapped(3);
+    bench.board().chip.load(APPLICATION.start, &image(48 * 1024, 1));
+    // In 192 steps of 256 bytes it is verified, in two rounds of 100 therefore; and some for the rest.
+    let started = (0..5).any(|_| {
+        bench.set(3, 5, 2);
+        (0..100).any(|_| {
+            bench.now = bench.now.wrapping_add(100);
+            bench.monitor.step(Micros(bench.now)) == Next::Start
+        })
+    });
+    assert!(started);
+}
+
+#[test]
+fn what_is_to_be_stored_is_stored_before_a_download_begins() {
+    let mut bench = Bench::strapped(3);
+    for number in UNLOCK {
+        bench.set(3, LOCK, number);
+    }
+    bench.set(3, SN, 99);
+    bench.set(3, SAVE, -1);
+    bench.set(3, 0, 0xAA);
+    let mut asked = false;
+    for _ in 0..1000 {
+        bench.now = bench.now.wrapping_add(100);
+        assert_eq!(bench.monitor.step(Micros(bench.now)), Next::Stay);
+        asked |= !std::mem::take(&mut bench.board().sent).is_empty();
+    }
+    assert!(asked, "the download goes on");
+    assert_eq!(bench.reset().get(3, SN), Some(99));
 }
 
 #[test]
