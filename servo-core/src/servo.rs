@@ -380,8 +380,7 @@ impl Servo {
     }
 
     fn torque_ceiling(&self) -> Torque {
-        let mt = self.config.mt;
-        Config::torque(if self.purpose == Purpose::SeekStop { self.config.ihit.min(mt) } else { mt })
+        if self.purpose == Purpose::SeekStop { self.homing_torque() } else { Config::torque(self.config.mt) }
     }
 
     /// The velocity that the present motion wants.
@@ -428,7 +427,7 @@ impl Servo {
     /// Ends the motion: HI goes on to its next step, anything else to what HOLD says.
     fn finish(&mut self, reason: EndReason) {
         match (self.purpose, reason) {
-            (Purpose::SeekStop, EndReason::Stalled) => {
+            (Purpose::SeekStop, EndReason::Stalled) if self.presses() => {
                 self.zero = self.count;
                 self.position = self.position.wrapping_sub(Counts::from_int(self.position.round()));
                 return self.begin(Mode::Trapezoidal, Purpose::LeaveStop);
