@@ -69,6 +69,8 @@ pub enum Refused {
     Access(Property),
     /// The value is out of its range.
     Range(Property),
+    /// The board has no number on the bus yet, and so does not move.
+    Unnamed,
     /// The servo says no.
     Servo(Refusal),
     /// The answer found no room in the outbox.
@@ -111,7 +113,7 @@ pub struct Tater<B: Board> {
 
 impl<B: Board> Tater<B> {
     /// After the monitor has started it: awake, STAT 2, in idle, with what is stored. The node is the stored ID, or the
-    /// straps'; a board that has neither obeys groups, so that it can be given an ID, and says nothing.
+    /// straps'; a board that has neither obeys groups, so that it can be given an ID, says nothing and does not move.
     pub fn new(mut board: B, now: Micros) -> Self {
         let store = Store::open(board.flash());
         Self::with_store(board, store, now)
