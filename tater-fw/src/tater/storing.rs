@@ -43,11 +43,10 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Whether the position is that of a homed motor at rest, without power and without a count that the servo has
-    /// not seen yet: only then can it be trusted at the next start (manual 7, saveParameters: in idle).
+    /// Whether the position is that of a homed motor that stands: only then can it be trusted at the next start (manual 7,
+    /// saveParameters: in idle).
     fn knows_position(&self) -> bool {
-        let status = self.servo.status();
-        status.homed && status.mode == Mode::Idle && self.drive.duty.is_none() && self.halls.is_empty()
+        self.servo.status().homed && self.stands()
     }
 
     /// LOAD: the stored value, or the default where there is none.

@@ -54,8 +54,10 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
             bench.set(Property::X0, 1).expect("in range");
             bench.set(Property::SAVE, -1).expect("stored");
             for _ in 0..1000 {
-                if let Progress::Failed(_) = bench.tater.store() {
-                    break;
+                match bench.tater.store() {
+                    Progress::Failed(_) => break,
+                    Progress::Waiting => bench.ticks(1),
+                    Progress::Done | Progress::More => {}
                 }
             }
             bench.board().flash.broken = false;
