@@ -205,7 +205,7 @@ impl<B: Board> Tater<B> {
         });
         self.halls.clear();
         if let Some(count) = self.trusted_at
-            && (self.drive.duty.is_some() || self.commutator.count() != count)
+            && (self.drive.duty.is_some() || self.commutator.count() != count || !self.servo.status().homed)
         {
             self.distrust();
         }

@@ -121,3 +121,21 @@ fn a_reset_at_a_count_takes_the_trust() {
         assert_eq!(bench.restart().tater.status().homed, !counts);
     }
 }
+
+#[test]
+fn a_hall_fault_takes_the_trust_in_the_stored_position_too() {
+    let mut bench = moving();
+    set(&mut bench, Property::MODE, 0);
+    bench.ticks(300);
+    set(&mut bench, Property::SAVE, -1);
+    bench.settle();
+    // The cable falls off; the rotor is turned to where the halls are the same; the cable is back.
+    bench.board().halls = 7;
+    bench.ticks(20);
+    bench.count += 6;
+    let count = bench.count;
+    bench.board().turn_to(count);
+    bench.ticks(20);
+    assert!(!bench.tater.status().homed);
+    assert!(!bench.restart().tater.status().homed);
+}
