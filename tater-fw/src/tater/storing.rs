@@ -20,12 +20,21 @@ impl<B: Board> Tater<B> {
     pub(super) fn save(&mut self, id: i64) -> Result<(), Refused> {
         match stored_property(Property::SAVE, id)? {
             Some(property) => self.save_one(property),
-            None => ROWS
-                .iter()
-                .filter(|row| row.stored == Stored::Yes)
-                .for_each(|row| self.save_one(row.property)),
+            None => {
+                for row in ROWS.iter().filter(|row| row.stored == Stored::Yes) {
+                    if row.access != Access::Locked || self.is_own(row.property) {
+                        self.save_one(row.property);
+                    }
+                }
+            }
         }
         Ok(())
+    }
+
+    /// Whether a property is another than without storage, or is stored already: what straps and chip say goes on being
+    /// theirs to say.
+    fn is_own(&self, property: Property) -> bool {
+        self.store.get(property).is_some() || self.read(property) != self.unstored(property)
     }
 
     fn save_one(&mut self, property: Property) {
@@ -128,12 +137,17 @@ impl<B: Board> Tater<B> {
 
     /// The stored value, or the default if there is none in range.
     fn stored(&self, property: Property) -> Option<i64> {
-        let row = property.row();
-        self.store.get(property).filter(|&value| row.admits(value)).or_else(|| match property {
+        let stored = self.store.get(property).filter(|&value| property.row().admits(value));
+        stored.or_else(|| self.unstored(property))
+    }
+
+    /// What it is where nothing is stored.
+    fn unstored(&self, property: Property) -> Option<i64> {
+        match property {
             Property::ID => Some(i64::from(self.board.straps().number())),
             Property::SN => Some(i64::from(self.board.serial_number())),
-            _ => row.default_for(self.node),
-        })
+            _ => property.row().default_for(self.node),
+        }
     }
 
     /// # Errors
