@@ -91,6 +91,10 @@ impl<B: Board> Tater<B> {
         match stored_property(Property::DEF, id)? {
             Some(property) => {
                 self.unlock(property)?;
+                // A board without straps would have no number.
+                if !self.unstored(property).is_some_and(|value| property.row().admits(value)) {
+                    return Err(Refused::Range(property));
+                }
                 if property == Property::P {
                     self.in_idle()?;
                     self.distrust();

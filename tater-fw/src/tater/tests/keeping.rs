@@ -395,3 +395,20 @@ fn save_of_all_leaves_to_straps_and_chip_what_nobody_has_set() {
         }
     }
 }
+
+#[test]
+fn def_of_an_id_that_no_straps_replace_is_refused_whole() {
+    let mut bench = Bench::new(2);
+    bench.unlock();
+    set(&mut bench, Property::ID, 3);
+    bench.unlock();
+    set(&mut bench, Property::SAVE, id(Property::ID));
+    bench.board().straps = Node::HOST;
+    bench.settle();
+    let mut bench = bench.restart();
+    bench.unlock();
+    assert_eq!(bench.set(Property::DEF, id(Property::ID)), Err(Refused::Range(Property::ID)));
+    bench.settle();
+    let mut bench = bench.restart();
+    assert_eq!((bench.tater.node().number(), bench.get(Property::ID)), (3, Some(3)));
+}
