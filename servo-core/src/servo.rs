@@ -152,6 +152,11 @@ impl Servo {
         self.homed = true;
     }
 
+    /// The position it stands at may not be right: HI is needed.
+    pub const fn doubt_position(&mut self) {
+        self.homed = false;
+    }
+
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
         let counted = self.observe(sense);

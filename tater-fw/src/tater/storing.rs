@@ -136,7 +136,12 @@ impl<B: Board> Tater<B> {
         if property == Property::P {
             self.in_idle()?;
         }
-        self.write(property, value)
+        self.write(property, value)?;
+        if property == Property::P && self.trusted_at.is_none() {
+            // So it is called now, wherever it is.
+            self.servo.doubt_position();
+        }
+        Ok(())
     }
 
     /// The stored value, or the default if there is none in range.

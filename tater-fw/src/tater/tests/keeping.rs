@@ -412,3 +412,31 @@ fn def_of_an_id_that_no_straps_replace_is_refused_whole() {
     let mut bench = bench.restart();
     assert_eq!((bench.tater.node().number(), bench.get(Property::ID)), (3, Some(3)));
 }
+
+/// LOAD and DEF of P say what the place is called, not that it is so.
+#[test]
+fn a_position_loaded_after_a_move_is_not_known() {
+    for by in [Property::LOAD, Property::DEF] {
+        let mut bench = saved(1);
+        bench.ticks(300);
+        for _ in 0..50 {
+            let count = bench.count;
+            bench.tick_to(count + 1);
+        }
+        bench.ticks(300);
+        assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(50), true));
+        set(&mut bench, by, id(Property::P));
+        assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(0), false));
+        set(&mut bench, Property::SAVE, id(Property::P));
+        bench.settle();
+        assert!(!bench.restart().tater.status().homed);
+    }
+    // Still trusted: the same place.
+    let mut bench = saved(1);
+    bench.ticks(300);
+    set(&mut bench, Property::LOAD, id(Property::P));
+    assert!(bench.tater.status().homed);
+    // A host's word is its own.
+    set(&mut bench, Property::P, 9);
+    assert!(bench.tater.status().homed);
+}
