@@ -152,6 +152,11 @@ impl Servo {
         self.homed = true;
     }
 
+    /// The position it stands at may not be right: HI is needed.
+    pub const fn doubt_position(&mut self) {
+        self.homed = false;
+    }
+
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
         let counted = self.observe(sense);
@@ -380,8 +385,7 @@ impl Servo {
     }
 
     fn torque_ceiling(&self) -> Torque {
-        let mt = self.config.mt;
-        Config::torque(if self.purpose == Purpose::SeekStop { self.config.ihit.min(mt) } else { mt })
+        if self.purpose == Purpose::SeekStop { self.homing_torque() } else { Config::torque(self.config.mt) }
     }
 
     /// The velocity that the present motion wants.
@@ -428,7 +432,7 @@ impl Servo {
     /// Ends the motion: HI goes on to its next step, anything else to what HOLD says.
     fn finish(&mut self, reason: EndReason) {
         match (self.purpose, reason) {
-            (Purpose::SeekStop, EndReason::Stalled) => {
+            (Purpose::SeekStop, EndReason::Stalled) if self.presses() => {
                 self.zero = self.count;
                 self.position = self.position.wrapping_sub(Counts::from_int(self.position.round()));
                 return self.begin(Mode::Trapezoidal, Purpose::LeaveStop);

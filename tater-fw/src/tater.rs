@@ -44,6 +44,10 @@ const EVENTS: usize = 8;
 /// Ticks of 1 ms without a frame after which a host that steers (modes 2 and 4) is lost: hosts poll at 10 Hz and faster.
 const HOST_LOST_MS: u16 = 500;
 
+/// Ticks of 1 ms, without power and without a change of the halls, after which the rotor stands. One that turns slower than
+/// this tells of, 5 counts/s, makes no two counts while a page is erased (40 ms): none is lost.
+const STILL_MS: u8 = 200;
+
 /// Flash operations that a reset waits for, so that a SAVE just before it is kept: a page holds 512 half-words.
 const LAST_OPERATIONS: usize = 1024;
 
@@ -68,6 +72,8 @@ pub enum Refused {
     Access(Property),
     /// The value is out of its range.
     Range(Property),
+    /// The board has no number on the bus yet, and so does not move.
+    Unnamed,
     /// The servo says no.
     Servo(Refusal),
     /// The answer found no room in the outbox.
@@ -98,6 +104,8 @@ pub struct Tater<B: Board> {
     events: Deque<Event, EVENTS>,
     /// Ticks since the last frame to this board or its groups.
     silent_ms: u16,
+    /// Ticks in idle since a hall line changed last; from [`STILL_MS`] on it may be more.
+    still_ms: u8,
     /// Whether the tick, and whoever handles the bus, have run since the watchdog was fed last.
     ticked: bool,
     bus_served: bool,
@@ -110,7 +118,7 @@ pub struct Tater<B: Board> {
 
 impl<B: Board> Tater<B> {
     /// After the monitor has started it: awake, STAT 2, in idle, with what is stored. The node is the stored ID, or the
-    /// straps'; a board that has neither obeys groups, so that it can be given an ID, and says nothing.
+    /// straps'; a board that has neither obeys groups, so that it can be given an ID, says nothing and does not move.
     pub fn new(mut board: B, now: Micros) -> Self {
         let store = Store::open(board.flash());
         Self::with_store(board, store, now)
@@ -140,6 +148,7 @@ impl<B: Board> Tater<B> {
             unsent: 0,
             events: Deque::new(),
             silent_ms: 0,
+            still_ms: 0,
             ticked: false,
             bus_served: false,
             slow_at: now,
@@ -164,6 +173,7 @@ impl<B: Board> Tater<B> {
     pub fn hall(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
         if u32::from(code) != self.hall_history & 7 {
+            self.still_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
         }
         if let Some(event) = self.commutator.sample(code, now) {
@@ -194,10 +204,11 @@ impl<B: Board> Tater<B> {
         });
         self.halls.clear();
         if let Some(count) = self.trusted_at
-            && (self.drive.duty.is_some() || self.commutator.count() != count)
+            && (self.drive.duty.is_some() || self.commutator.count() != count || !self.servo.status().homed)
         {
             self.distrust();
         }
+        self.still_ms = if self.drive == OFF { self.still_ms.saturating_add(1) } else { 0 };
         self.commutator.set(self.drive.duty);
         self.board.bridge(self.commutator.bridge());
         self.board.brake(self.drive.brake_released);
@@ -316,12 +327,21 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only in idle,
-    /// with the bridge off; it cannot be switched on meanwhile, because only [`Self::tick`] does that.
+    /// Whether the rotor stands: without power for so long that it has stopped coasting, and no motion has been asked for.
+    fn stands(&self) -> bool {
+        self.still_ms >= STILL_MS && self.servo.status().mode == Mode::Idle
+    }
+
+    /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only while the
+    /// rotor stands, because nobody sees the halls meanwhile; the bridge stays off, because only [`Self::tick`] switches it
+    /// on.
     pub fn store(&mut self) -> Progress {
-        // A motion that has been asked for, and waits for its brake, is not to wait for a page too.
-        let idle = self.drive.duty.is_none() && self.servo.status().mode == Mode::Idle;
-        let progress = self.store.step(self.board.flash(), idle);
+        let stands = self.stands();
+        self.step_store(stands)
+    }
+
+    fn step_store(&mut self, may_erase: bool) -> Progress {
+        let progress = self.store.step(self.board.flash(), may_erase);
         if let Progress::Failed(_) = progress {
             self.storage_error = true;
         }
@@ -335,8 +355,12 @@ impl<B: Board> Tater<B> {
         self.commutator.set(None);
         self.board.bridge(Bridge::Off);
         self.board.brake(false);
+        if !self.stands() {
+            self.distrust();
+        }
+        // From now on nobody follows the halls: there is nothing to lose by erasing pages while it coasts.
         for _ in 0..LAST_OPERATIONS {
-            if matches!(self.store(), Progress::Done | Progress::Waiting) {
+            if matches!(self.step_store(true), Progress::Done | Progress::Waiting) {
                 break;
             }
         }

@@ -66,9 +66,11 @@ impl Faults {
         self.halls = true;
     }
 
-    /// Forgets the latched fault; one that persists comes back at the next check.
+    /// Forgets the latched fault; one that persists comes back at the next check, before anything is driven: how long the
+    /// bus voltage has been wrong is not forgotten, and hall lines that are wrong are reported at each tick.
     pub const fn clear(&mut self) {
-        *self = Self { latched: None, halls: false, over_ms: 0, under_ms: 0 };
+        self.latched = None;
+        self.halls = false;
     }
 
     /// One tick of 1 ms: bus voltage, motor thermistor with its limit, and what switched the bridge off or

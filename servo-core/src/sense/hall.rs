@@ -271,7 +271,8 @@ impl HallDecoder {
         self.pending = None;
         match self.illegal_since {
             Some(since) if at.wrapping_since(since).0 >= ILLEGAL.0 => {
-                self.illegal_since = Some(at);
+                // Just as long ago at each sample from now on, or it would be forgotten when the clock wraps.
+                self.illegal_since = Some(at.wrapping_since(ILLEGAL));
                 Some(HallEvent::Fault(HallFault::Illegal))
             }
             Some(_) => None,

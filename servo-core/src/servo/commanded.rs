@@ -9,6 +9,10 @@ use crate::motion::profile::Profile;
 use crate::motion::velocity_loop::VelocityLoop;
 use crate::units::{Counts, CountsPerSec, Torque};
 
+/// The least torque in HI under which what does not turn has met a stop: 0.04 N·m, a joint's friction (DESIGN 4.2), at
+/// 1575 units per N·m.
+const LEAST_PRESS: Torque = Torque(63);
+
 impl Servo {
     /// Asks for something.
     ///
@@ -39,8 +43,10 @@ impl Servo {
             Command::TorqueControlled { closing } => {
                 self.replace(Mode::Velocity, Purpose::TorqueControlled { closing });
             }
-            // Without a velocity it would find its stop wherever it stands.
-            Command::Home if self.config.ivel == 0 => return Err(Refusal::Range),
+            // Without a velocity or a torque it would find its stop wherever it stands.
+            Command::Home if self.config.ivel == 0 || self.homing_torque() < LEAST_PRESS => {
+                return Err(Refusal::Range);
+            }
             Command::Home => {
                 self.homed = false;
                 self.replace(Mode::Velocity, Purpose::SeekStop);
@@ -56,6 +62,17 @@ impl Servo {
             Command::ClearBreakaway => self.broke_away = None,
         }
         Ok(())
+    }
+
+    /// The most torque that HI may press with.
+    pub(super) fn homing_torque(&self) -> Torque {
+        Config::torque(self.config.ihit.min(self.config.mt))
+    }
+
+    /// Whether the motor pushes as hard as a limit lets it, and harder than friction: if it stands still then, something
+    /// is in its way.
+    pub(super) fn presses(&self) -> bool {
+        self.applied.limit.is_some() && self.applied.torque.saturating_abs() >= LEAST_PRESS
     }
 
     /// A host's new mode; the mode it is in does nothing.

@@ -361,7 +361,7 @@ fn trust_in_a_record_on_its_way_is_consumed_too() {
 #[test]
 fn a_position_of_another_version_is_not_trusted_beyond_the_range() {
     let head = Head { sequence: 7, complete: true, trusted: Some(1) };
-    let words = record::encode(&head, core::iter::once((Property::P.id(), Some(40_000_000))));
+    let words = record::encode(&head, &mut core::iter::once((Property::P.id(), Some(40_000_000))));
     let mut flash = Ram::default();
     flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
     let store = Store::open(&flash);

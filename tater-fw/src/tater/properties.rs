@@ -10,7 +10,7 @@ use servo_core::mode::Mode;
 use servo_core::servo::COUNTS_PER_REV;
 use servo_core::units::{CountsPerSec, Torque};
 use servo_core::{Command, Refusal};
-use tater_wire::Property;
+use tater_wire::{Node, Property};
 
 /// Counts a motor revolution.
 const REV: i32 = 18;
@@ -129,6 +129,10 @@ impl<B: Board> Tater<B> {
     }
 
     pub(super) fn command(&mut self, command: Command) -> Result<(), Refused> {
+        // Nobody could tell it alone to stop.
+        if self.node == Node::HOST && command.moves() {
+            return Err(Refused::Unnamed);
+        }
         self.servo.command(command).map_err(Refused::Servo)
     }
 

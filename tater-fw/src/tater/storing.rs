@@ -20,9 +20,21 @@ impl<B: Board> Tater<B> {
     pub(super) fn save(&mut self, id: i64) -> Result<(), Refused> {
         match stored_property(Property::SAVE, id)? {
             Some(property) => self.save_one(property),
-            None => saved().for_each(|property| self.save_one(property)),
+            None => {
+                for property in saved() {
+                    if property.spec().access != Access::Locked || self.is_own(property) {
+                        self.save_one(property);
+                    }
+                }
+            }
         }
         Ok(())
+    }
+
+    /// Whether a property is another than without storage, or is stored already: what straps and chip say goes on being
+    /// theirs to say.
+    fn is_own(&self, property: Property) -> bool {
+        self.store.get(property).is_some() || self.read(property) != self.unstored(property)
     }
 
     fn save_one(&mut self, property: Property) {
@@ -40,11 +52,10 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Whether the position is that of a homed motor at rest, without power and without a count that the servo has
-    /// not seen yet: only then can it be trusted at the next start (manual 7, saveParameters: in idle).
+    /// Whether the position is that of a homed motor that stands: only then can it be trusted at the next start (manual 7,
+    /// saveParameters: in idle).
     fn knows_position(&self) -> bool {
-        let status = self.servo.status();
-        status.homed && status.mode == Mode::Idle && self.drive.duty.is_none() && self.halls.is_empty()
+        self.servo.status().homed && self.stands()
     }
 
     /// LOAD: the stored value, or the default where there is none.
@@ -80,6 +91,10 @@ impl<B: Board> Tater<B> {
         match stored_property(Property::DEF, id)? {
             Some(property) => {
                 self.unlock(property)?;
+                // A board without straps would have no number.
+                if !self.unstored(property).is_some_and(|value| property.row().admits(value)) {
+                    return Err(Refused::Range(property));
+                }
                 if property == Property::P {
                     self.in_idle()?;
                     self.distrust();
@@ -120,16 +135,26 @@ impl<B: Board> Tater<B> {
         if property == Property::P {
             self.in_idle()?;
         }
-        self.write(property, value)
+        self.write(property, value)?;
+        if property == Property::P && self.trusted_at.is_none() {
+            // So it is called now, wherever it is.
+            self.servo.doubt_position();
+        }
+        Ok(())
     }
 
     /// The stored value, or the default if there is none in range.
     fn stored(&self, property: Property) -> Option<i64> {
-        self.store.get(property).or_else(|| match property {
+        self.store.get(property).or_else(|| self.unstored(property))
+    }
+
+    /// What it is where nothing is stored.
+    fn unstored(&self, property: Property) -> Option<i64> {
+        match property {
             Property::ID => Some(i64::from(self.board.straps().number())),
             Property::SN => Some(i64::from(self.board.serial_number())),
             _ => property.spec().default_for(self.node),
-        })
+        }
     }
 
     /// # Errors

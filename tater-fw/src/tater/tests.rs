@@ -7,4 +7,5 @@ mod faults;
 mod keeping;
 mod modes;
 mod reports;
+mod standstill;
 mod upset;

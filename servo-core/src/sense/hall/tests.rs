@@ -237,8 +237,12 @@ fn a_broken_cable_is_named_at_standstill() {
     assert_eq!(d.sample(7, Micros(now + 1000)), None);
     assert_eq!(d.sample(7, Micros(now + 2000)), None);
     assert_eq!(d.sample(7, Micros(now + 2100)), Some(HallEvent::Fault(HallFault::Illegal)));
-    assert_eq!(d.sample(7, Micros(now + 3000)), None);
-    assert_eq!(d.sample(7, Micros(now + 5000)), Some(HallEvent::Fault(HallFault::Illegal)));
+    // For as long as it lasts, also where the clock has wrapped since.
+    for later in [2101, 3000, 5000, u32::MAX / 2, u32::MAX, 100, 200] {
+        let at = Micros(now.wrapping_add(later));
+        assert_eq!(d.sample(7, at), Some(HallEvent::Fault(HallFault::Illegal)), "{later}");
+    }
+    assert_eq!(d.sample(W.code(0), Micros(now + 300)), None);
     let mut unplugged = HallDecoder::new(W, 0, 5);
     assert_eq!(unplugged.sector(), None);
     unplugged.sample(0, Micros(0));

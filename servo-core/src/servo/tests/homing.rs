@@ -38,17 +38,73 @@ fn homing_never_stalls_before_hosts_can_see_mode_4() {
     assert!((250..=253).contains(&left_at.unwrap()), "{left_at:?}");
 }
 
-#[test]
-fn homing_ends_at_a_stop_whatever_the_gain_and_needs_a_velocity() {
+/// HI from standstill, with a rotor that does not move; where it has led after a second.
+fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config) -> Config) -> Status {
     let mut bench = Bench::new(MotorKind::Tip);
-    let config = Config { kpv: 0, ivel: 20, ..*bench.servo.config() };
+    let config = config(*bench.servo.config());
     bench.servo.command(Command::Configure(config)).unwrap();
     bench.servo.command(Command::Home).unwrap();
-    for _ in 0..302 {
-        bench.tick();
+    bench.tick();
+    bench.servo.command(Command::Configure(meanwhile(config))).unwrap();
+    for _ in 0..1000 {
+        if bench.tick().duty.is_none() || bench.servo.status().mode == Mode::Trapezoidal {
+            break;
+        }
     }
-    assert_eq!(bench.servo.status().mode, Mode::Trapezoidal, "on its way from the stop");
-    bench.servo.command(Command::Terminate).unwrap();
-    bench.servo.command(Command::Configure(Config { ivel: 0, ..config })).unwrap();
-    assert_eq!(bench.servo.command(Command::Home), Err(Refusal::Range));
+    bench.servo.status()
+}
+
+/// What does not turn has met its stop only if it was pushed with all that HI may: with less it may be friction.
+#[test]
+fn a_stall_is_the_stop_only_under_the_whole_torque() {
+    let same = |config| config;
+    let leaves = |status: Status| (status.mode, status.end, status.homed) == (Mode::Trapezoidal, None, false);
+    let stays = |status: Status| (status.mode, status.end) == (Mode::Idle, Some(EndReason::Stalled));
+    assert!(leaves(pressed(same, same)));
+    // 20 counts/s times 16 units per count/s are 320, of which IHIT lets 250 through.
+    assert!(leaves(pressed(|c| Config { ivel: 20, kpv: 255, ..c }, same)));
+    // 200 counts/s times 1 unit are 200: IHIT is not reached, nor at a gain of 0.
+    for kpv in [0, 1, 16] {
+        let status = pressed(|c| Config { kpv, ..c }, same);
+        assert!(stays(status) && !status.homed, "KPV {kpv}: {status:?}");
+    }
+    // Taken away meanwhile.
+    assert!(stays(pressed(same, |c| Config { ivel: 0, ..c })));
+    assert!(stays(pressed(same, |c| Config { ihit: 0, ..c })));
+    assert!(stays(pressed(same, |c| Config { mt: 20, ..c })));
+}
+
+#[test]
+fn a_motor_too_warm_to_press_does_not_find_its_stop() {
+    // Of 990 over 8 °C, half a degree below OTEMP leaves 61, and two degrees 247.
+    for (motor_temp, found) in [(695, Mode::Idle), (680, Mode::Trapezoidal)] {
+        let mut bench = Bench::new(MotorKind::Tip);
+        bench.motor_temp = DeciCelsius(motor_temp);
+        bench.servo.command(Command::Home).unwrap();
+        for _ in 0..310 {
+            bench.tick();
+        }
+        assert_eq!(bench.servo.status().mode, found);
+    }
+}
+
+#[test]
+fn homing_needs_a_velocity_and_more_torque_than_friction() {
+    let lame: [fn(Config) -> Config; 4] = [
+        |c| Config { ivel: 0, ..c },
+        |c| Config { ihit: 0, ..c },
+        |c| Config { mt: 0, ..c },
+        |c| Config { ihit: 62, ..c },
+    ];
+    for lame in lame {
+        let mut bench = Bench::new(MotorKind::Tip);
+        let config = lame(*bench.servo.config());
+        bench.servo.trust_position();
+        bench.servo.command(Command::Configure(config)).unwrap();
+        assert_eq!(bench.servo.command(Command::Home), Err(Refusal::Range), "{config:?}");
+        assert!(bench.servo.status().homed, "refused is unchanged");
+        let config = Config { ivel: -1, ihit: 63, mt: 63, ..config };
+        bench.servo.command(Command::Configure(config)).unwrap();
+        assert_eq!(bench.servo.command(Command::Home), Ok(()));
+    }
 }

@@ -46,6 +46,8 @@ fn a_stored_position_can_be_trusted_and_e_reads_back() {
     assert!(!servo.status().homed);
     servo.trust_position();
     assert_eq!((servo.status().homed, servo.status().position.round()), (true, -120));
+    servo.doubt_position();
+    assert_eq!((servo.status().homed, servo.status().position.round()), (false, -120));
     servo.command(Command::End(-7)).unwrap();
     assert_eq!(servo.end(), -7);
 }

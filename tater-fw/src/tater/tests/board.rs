@@ -248,13 +248,16 @@ impl Bench {
         }
     }
 
-    /// Until all is stored.
+    /// Until all is stored; pages are not erased before the rotor has stood for a while.
     pub fn settle(&mut self) {
         for _ in 0..20_000 {
             match self.tater.store() {
                 Progress::Done => return,
                 Progress::More => {}
-                progress @ (Progress::Waiting | Progress::Failed(_)) => panic!("{progress:?}"),
+                Progress::Waiting => {
+                    self.tick();
+                }
+                progress @ Progress::Failed(_) => panic!("{progress:?}"),
             }
         }
         panic!("storing does not end");

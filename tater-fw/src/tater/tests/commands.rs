@@ -236,3 +236,31 @@ fn frames_that_mean_nothing_change_nothing() {
     assert_eq!(refused, [Err(Refused::Unknown); 6]);
     assert!(bench.said().is_empty());
 }
+
+/// A board without a number on the bus cannot be told to stop either: it moves for nobody, but listens.
+#[test]
+fn a_board_that_nobody_has_named_does_not_move() {
+    let mut bench = Bench::new(0);
+    let all = group(0);
+    let steers = [
+        (Property::M, 200),
+        (Property::MODE, 2),
+        (Property::MODE, 3),
+        (Property::MODE, 4),
+        (Property::MODE, 5),
+        (Property::CMD, 13),
+        (Property::CMD, 16),
+        (Property::CMD, 18),
+    ];
+    for (property, value) in steers {
+        let value = property.write(value).expect("fits 32 bits");
+        let body = Body::Set { property: property.id(), value };
+        assert_eq!(bench.say(all, 0, body), Err(Refused::Unnamed), "{body:?}");
+        bench.ticks(3);
+        assert_eq!((bench.tater.drive().duty, bench.tater.status().mode), (None, Mode::Idle));
+    }
+    for property in [Property::MODE, Property::E, Property::V] {
+        let value = property.write(0).expect("fits 32 bits");
+        assert_eq!(bench.say(all, 0, Body::Set { property: property.id(), value }), Ok(()));
+    }
+}

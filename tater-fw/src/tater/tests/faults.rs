@@ -54,8 +54,10 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
             bench.set(Property::X0, 1).expect("in range");
             bench.set(Property::SAVE, -1).expect("stored");
             for _ in 0..1000 {
-                if let Progress::Failed(_) = bench.tater.store() {
-                    break;
+                match bench.tater.store() {
+                    Progress::Failed(_) => break,
+                    Progress::Waiting => bench.ticks(1),
+                    Progress::Done | Progress::More => {}
                 }
             }
             bench.board().flash.broken = false;
@@ -99,6 +101,31 @@ fn every_fault_of_the_application_is_provoked_named_and_cleared() {
     }
     // The servo's seven, and the flash.
     assert_eq!(provoked, 8);
+}
+
+/// A host that clears and goes on without looking drives nothing while what was wrong still is.
+#[test]
+fn what_persists_is_back_before_anything_is_driven() {
+    let lasting = [
+        FaultCode::Halls,
+        FaultCode::OverTemperature,
+        FaultCode::OverVoltage,
+        FaultCode::UnderVoltage,
+        FaultCode::Bridge,
+    ];
+    for fault in lasting {
+        let mut bench = Bench::new(1);
+        bench.tick();
+        assert!(provoke(&mut bench, fault));
+        for ticks in 0..39 {
+            bench.set(Property::STAT, 2).expect("clears");
+            bench.set(Property::M, 200).expect("nothing is latched");
+            for _ in 0..ticks % 13 {
+                assert_eq!(bench.tick().duty, None, "{fault:?}");
+            }
+        }
+        assert_eq!(bench.get(Property::ERROR), Some(i64::from(fault.code())));
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::tater::Refused;
 use servo_core::Refusal;
 use servo_core::mode::Mode;
 use servo_core::units::{DeciCelsius, Micros};
-use tater_wire::{FaultCode, Property};
+use tater_wire::{FaultCode, Node, Property};
 
 fn id(property: Property) -> i64 {
     i64::from(property.id())
@@ -370,4 +370,73 @@ fn the_watchdog_is_fed_only_if_both_control_and_bus_run() {
     assert_eq!(feeds(frame), 0);
     assert_eq!(feeds(|bench| bench.ticks(1)), 1);
     assert_eq!(feeds(|_| {}), 0);
+}
+
+#[test]
+fn save_of_all_leaves_to_straps_and_chip_what_nobody_has_set() {
+    for by_cmd in [false, true] {
+        let mut bench = Bench::new(2);
+        let (property, value) = if by_cmd { (Property::CMD, 1) } else { (Property::SAVE, -1) };
+        set(&mut bench, property, value);
+        bench.settle();
+        let mut board = bench.tater.into_board();
+        board.straps = Node::new(5).expect("a node");
+        let mut bench = Bench::on(board, 0);
+        assert_eq!((bench.tater.node().number(), bench.get(Property::ID)), (5, Some(5)));
+        // What has been set goes, and what is stored is brought up to date.
+        for stored in [6, 5] {
+            bench.unlock();
+            set(&mut bench, Property::ID, stored);
+            set(&mut bench, Property::SAVE, -1);
+            bench.settle();
+            bench.board().straps = Node::new(2).expect("a node");
+            bench = bench.restart();
+            assert_eq!(i64::from(bench.tater.node().number()), stored);
+        }
+    }
+}
+
+#[test]
+fn def_of_an_id_that_no_straps_replace_is_refused_whole() {
+    let mut bench = Bench::new(2);
+    bench.unlock();
+    set(&mut bench, Property::ID, 3);
+    bench.unlock();
+    set(&mut bench, Property::SAVE, id(Property::ID));
+    bench.board().straps = Node::HOST;
+    bench.settle();
+    let mut bench = bench.restart();
+    bench.unlock();
+    assert_eq!(bench.set(Property::DEF, id(Property::ID)), Err(Refused::Range(Property::ID)));
+    bench.settle();
+    let mut bench = bench.restart();
+    assert_eq!((bench.tater.node().number(), bench.get(Property::ID)), (3, Some(3)));
+}
+
+/// LOAD and DEF of P say what the place is called, not that it is so.
+#[test]
+fn a_position_loaded_after_a_move_is_not_known() {
+    for by in [Property::LOAD, Property::DEF] {
+        let mut bench = saved(1);
+        bench.ticks(300);
+        for _ in 0..50 {
+            let count = bench.count;
+            bench.tick_to(count + 1);
+        }
+        bench.ticks(300);
+        assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(50), true));
+        set(&mut bench, by, id(Property::P));
+        assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(0), false));
+        set(&mut bench, Property::SAVE, id(Property::P));
+        bench.settle();
+        assert!(!bench.restart().tater.status().homed);
+    }
+    // Still trusted: the same place.
+    let mut bench = saved(1);
+    bench.ticks(300);
+    set(&mut bench, Property::LOAD, id(Property::P));
+    assert!(bench.tater.status().homed);
+    // A host's word is its own.
+    set(&mut bench, Property::P, 9);
+    assert!(bench.tater.status().homed);
 }
