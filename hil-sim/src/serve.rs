@@ -20,6 +20,7 @@ use tater_wire::Frame;
 
 use crate::output::{print, tell};
 pub use args::BusArgs;
+use args::Place;
 use can::CanPort;
 use pace::Pace;
 use tcp::Client;
@@ -58,23 +59,23 @@ enum Event {
 /// # Errors
 /// The arguments cannot be served: the address is taken, there is no such interface.
 pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
+    let place = args.host()?;
     let mut bus = Bus::new(args.boards()?);
     let (sender, events) = sync_channel(EVENTS);
-    let host = match (&args.slcan, &args.can) {
-        (Some(address), None) => {
+    let host = match place {
+        Place::Slcan(address) => {
             let listener = tcp::listen(address)?;
             print(&format!("slcan {}\n", listener.local_addr()?))?;
             serve_slcan(listener, sender.clone());
             Host::None
         }
-        (None, Some(interface)) => {
+        Place::Can(interface) => {
             let port = CanPort::open(interface)?;
             bus.plug_host(interface, Adapter::default())?;
             print(&format!("can {interface}\n"))?;
             port.watch(sender.clone());
             Host::Can(port)
         }
-        (slcan, _) => return Err(args::one_host(slcan.is_some()).into()),
     };
     Server { bus, events, sender, host, held: Vec::new(), clients: 0, pace: Pace::default() }.run(clock)
 }

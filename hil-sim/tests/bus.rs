@@ -119,7 +119,8 @@ fn what_cannot_be_served_is_said_with_a_next_step_and_exit_code_2() {
         (&["--node", "4", "--slcan", &served.address], &served.address),
         (&["--node", "4", "--slcan", "nowhere"], "--slcan nowhere"),
         (&["--node", "4", "--can", "nocan9"], "ip link add dev nocan9 type vcan"),
-        (&["--slcan", "127.0.0.1:0"], "--node"),
+        (&["--slcan", "127.0.0.1:0"], "add --node 4 or --nodes 1-7\n"),
+        (&[], "add --node 4 or --nodes 1-7, and --slcan 127.0.0.1:0 or --can vcan0\n"),
     ] {
         let output =
             Command::new(env!("CARGO_BIN_EXE_hil-sim")).arg("bus").args(args).output().expect("it starts");
