@@ -34,6 +34,9 @@ const QUEUE: usize = 64;
 /// Longest wait for a host: boards answer a request within half a millisecond, and hosts poll every millisecond.
 const WAIT: Duration = Duration::from_micros(200);
 
+/// From an attempt to accept a client that fails to the next: out of files, it fails at once until one is closed.
+const AGAIN: Duration = Duration::from_millis(100);
+
 /// Longest stretch of simulated time between two looks at the sockets, µs.
 const SLICE_US: u64 = 2_000;
 
@@ -83,9 +86,20 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
 fn serve_slcan(listener: TcpListener, events: SyncSender<Event>) {
     // Ends with the program, or when nobody hears it any more.
     thread::spawn(move || {
-        for stream in listener.incoming().flatten() {
-            if events.send(Event::Client(tcp::Arrival::new(stream))).is_err() {
-                return;
+        let mut told = false;
+        for stream in listener.incoming() {
+            match stream {
+                Ok(stream) => {
+                    if events.send(Event::Client(tcp::Arrival::new(stream))).is_err() {
+                        return;
+                    }
+                }
+                Err(error) => {
+                    if !std::mem::replace(&mut told, true) {
+                        tell(&format!("warning: a client cannot be accepted: {error}; it is tried again"));
+                    }
+                    thread::park_timeout(AGAIN);
+                }
             }
         }
     });
