@@ -52,8 +52,8 @@ trait Adapter {
 /// # Errors
 /// The file cannot be downloaded, the adapter cannot be used, or why the board did not take it.
 pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
-    let header = tek::sealed(&args.file)?;
     let file = files::read(&args.file)?;
+    let header = tek::sealed(&args.file, &file)?;
     let mut adapter: Box<dyn Adapter> = match (&args.slcan, &args.can) {
         (Some(address), _) => Box::new(slcan::Slcan::connect(address)?),
         (None, Some(interface)) => can::open(interface)?,

@@ -126,7 +126,7 @@ fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
 
 fn decode(file: &Path, output: &Path) -> Result<(), Failure> {
     let (mut memory, mut sections, mut start) = (Memory::default(), Vec::new(), 0);
-    records(file, Dialect::Gnu, |record, section| {
+    records(file, open(file)?, Dialect::Gnu, |record, section| {
         sections.extend(section.filter(|section| !section.is_empty()));
         match record {
             Record::Data { address, bytes } => memory.insert(address, bytes).map_err(|taken| {
@@ -174,7 +174,7 @@ fn assemble(memory: &Memory, sections: &[Range<u64>]) -> Result<(u64, Vec<u8>), 
 
 fn dump(file: &Path) -> Result<(), Failure> {
     let (mut text, mut line) = (String::new(), 0);
-    let judged = records(file, Dialect::Gnu, |record, section| {
+    let judged = records(file, open(file)?, Dialect::Gnu, |record, section| {
         line += 1;
         let what = match (record, section) {
             (Record::Data { address, bytes }, _) => {
@@ -195,13 +195,18 @@ fn dump(file: &Path) -> Result<(), Failure> {
     judged
 }
 
-/// Gives each record of a file to `each`, with the section that it defines; what `each` finds wrong is a column and what
+fn open(path: &Path) -> Result<BufReader<File>, Failure> {
+    File::open(path).map(BufReader::new).map_err(|error| files::unreadable(path, &error))
+}
+
+/// Gives each record of a file, whose name is `path`, to `each`, with the section that it defines; what `each` finds wrong is a column and what
 /// was found, expected, and to be done.
 ///
 /// # Errors
 /// The first thing that is wrong with the file.
 fn records(
     path: &Path,
+    mut file: impl BufRead,
     dialect: Dialect,
     mut each: impl FnMut(Record<'_>, Option<Range<u64>>) -> Result<(), (u32, String)>,
 ) -> Result<(), Failure> {
@@ -214,7 +219,6 @@ fn records(
         };
         Failure::Judged(format!("{place}:{line}:{column}: record {record}: {kind}\n  {next}"))
     };
-    let mut file = BufReader::new(File::open(path).map_err(|error| files::unreadable(path, &error))?);
     let (mut reader, mut line) = (Reader::new(dialect), 0);
     let mut judge = |record: Record<'_>, section| {
         line += 1;

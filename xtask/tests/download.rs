@@ -4,7 +4,7 @@
 use std::io::{self, BufRead, BufReader, Write};
 use std::net::{Shutdown, TcpListener};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::thread;
 
 /// A file of this test's own.
@@ -143,6 +143,22 @@ fn a_frame_that_an_adapter_refuses_is_only_lost() {
     });
     let (code, error) = download(&tek("lossy", true), &address);
     assert!(code == Some(2) && error.contains("it has hung up"), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_file_is_read_once() {
+    // What comes from a pipe cannot be read again. The adapter hangs up at the first numbered frame, if there is one.
+    let address = adapter(|command| if is_numbered(command) { b"" } else { board(command) });
+    let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
+    command.args(["download", "--node", "4", "--slcan", &address, "/dev/stdin"]);
+    let file = std::fs::read(tek("piped", true)).expect("the test's own");
+    let mut process =
+        command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the binary starts");
+    process.stdin.take().expect("piped").write_all(&file).expect("it reads");
+    let output = process.wait_with_output().expect("it ends");
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(error.contains("version 600, 512 bytes") && error.contains("it has hung up"), "{error}");
 }
 
 #[test]
