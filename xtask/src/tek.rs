@@ -35,7 +35,8 @@ pub enum Chore {
         #[arg(long, value_name = "VERSION")]
         seal: Option<u16>,
     },
-    /// Says whether a .tek file can be downloaded, or what is wrong in which line and column (exit code 1)
+    /// Says whether a .tek file is whole and in the profile, or what is wrong in which line and column (exit code 1); and
+    /// whether it is sealed: a monitor refuses what is not
     Verify {
         /// The .tek file
         file: PathBuf,

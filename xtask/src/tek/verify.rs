@@ -1,4 +1,4 @@
-//! Whether a file can be downloaded, judged as the monitor will.
+//! Whether a file is whole and in the profile of those that are downloaded, and sealed, judged as the monitor will.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::{Failure, files};
 /// What to do about addresses.
 const REBUILD: &str = "build the image for the application's addresses and encode it again";
 
-/// Prints what the file holds.
+/// Prints what the file holds; an image that is not sealed is no mistake of the file.
 ///
 /// # Errors
 /// The first thing that is wrong with it, with its line and column.
@@ -23,9 +23,11 @@ pub fn verify(path: &Path) -> Result<(), Failure> {
     let place = path.display();
     let seal = match header {
         Some(Header { version, crc, .. }) => format!("sealed: version {version}, CRC-32 {crc:#010x}"),
-        None => "not sealed: the monitor will refuse it; encode it with --seal VERSION".into(),
+        None => "not sealed: a monitor will refuse it, `cargo xtask tek encode --seal VERSION` seals".into(),
     };
-    files::print(&format!("{place}: {records} records, {extent}, entry {entry:#010x}\n{seal}\n"))?;
+    files::print(&format!(
+        "{place}: {records} records, {extent}, entry {entry:#010x}\nwhole and in the profile; {seal}\n"
+    ))?;
     Ok(())
 }
 
