@@ -82,8 +82,14 @@ fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) 
     let (mut memory, entry) = source::read(input, base)?;
     let mut header = None;
     if let Some(version) = version {
-        let (sealed, found) =
-            seal(&memory, version).map_err(|error| format!("{}: {error}", input.display()))?;
+        let (sealed, found) = seal(&memory, version).map_err(|error| {
+            format!(
+                "{}: {error}\n  next: link the image for the application's address {:#010x}, with its vector table first \
+                 and the vectors 7 to 10 left 0; or leave --seal out",
+                input.display(),
+                APPLICATION.start
+            )
+        })?;
         (memory, header) = (sealed, Some(found));
     }
     let mut text = Vec::new();
@@ -113,7 +119,7 @@ fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
     if first != start {
         return Err(format!(
             "found a first address of {first:#010x}, expected {start:#010x}, where the monitor looks for the \
-             header: link for it, or leave --seal out"
+             header"
         ));
     }
     let mut image = memory.image()?;

@@ -77,10 +77,11 @@ fn what_cannot_be_sealed_is_refused() {
         let (input, output) = (scratch.put("in.bin", bytes), scratch.path("out.tek"));
         let said = tek(&["encode", &input, "--base", base, "-o", &output, "--seal", "1"]);
         assert_eq!(said.code, Some(1), "{words}");
+        let (found, next) = said.err.split_once("\n  next: ").unwrap_or_else(|| panic!("{}", said.err));
+        assert!(found.starts_with(&format!("error: {input}: ")) && found.contains(words), "{found}");
         assert!(
-            said.err.starts_with(&format!("error: {input}: ")) && said.err.contains(words),
-            "{}",
-            said.err
+            next.contains("the application's address 0x08004000") && next.contains("vector table"),
+            "{next}"
         );
     }
     assert_eq!(scratch.names(), ["in.bin"], "nothing was written");
@@ -158,6 +159,8 @@ fn what_cannot_be_read_or_written_is_no_verdict() {
         let said = tek(arguments);
         assert_eq!(said.code, Some(2), "{arguments:?}: {}", said.err);
         assert!(said.err.contains(words), "{arguments:?}: {}", said.err);
+        let file = words.contains(": cannot be ");
+        assert!(!file || said.err.contains("\n  next: check "), "{arguments:?}: {}", said.err);
     }
     let said = tek(&["encode", &bytes, "--base", "0xFFFFFFFF", "-o", &out]);
     assert_eq!(said.code, Some(0), "the last address has room for one byte: {}", said.err);
