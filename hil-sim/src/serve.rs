@@ -20,6 +20,7 @@ use tater_wire::Frame;
 
 use crate::output::{print, tell};
 pub use args::BusArgs;
+use args::Place;
 use can::CanPort;
 use pace::Pace;
 use tcp::Client;
@@ -32,6 +33,9 @@ const QUEUE: usize = 64;
 
 /// Longest wait for a host: boards answer a request within half a millisecond, and hosts poll every millisecond.
 const WAIT: Duration = Duration::from_micros(200);
+
+/// From an attempt to accept a client that fails to the next: out of files, it fails at once until one is closed.
+const AGAIN: Duration = Duration::from_millis(100);
 
 /// Longest stretch of simulated time between two looks at the sockets, µs.
 const SLICE_US: u64 = 2_000;
@@ -58,23 +62,23 @@ enum Event {
 /// # Errors
 /// The arguments cannot be served: the address is taken, there is no such interface.
 pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
+    let place = args.host()?;
     let mut bus = Bus::new(args.boards()?);
     let (sender, events) = sync_channel(EVENTS);
-    let host = match (&args.slcan, &args.can) {
-        (Some(address), None) => {
+    let host = match place {
+        Place::Slcan(address) => {
             let listener = tcp::listen(address)?;
             print(&format!("slcan {}\n", listener.local_addr()?))?;
             serve_slcan(listener, sender.clone());
             Host::None
         }
-        (None, Some(interface)) => {
+        Place::Can(interface) => {
             let port = CanPort::open(interface)?;
             bus.plug_host(interface, Adapter::default())?;
             print(&format!("can {interface}\n"))?;
             port.watch(sender.clone());
             Host::Can(port)
         }
-        (slcan, _) => return Err(args::one_host(slcan.is_some()).into()),
     };
     Server { bus, events, sender, host, held: Vec::new(), clients: 0, pace: Pace::default() }.run(clock)
 }
@@ -82,9 +86,20 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
 fn serve_slcan(listener: TcpListener, events: SyncSender<Event>) {
     // Ends with the program, or when nobody hears it any more.
     thread::spawn(move || {
-        for stream in listener.incoming().flatten() {
-            if events.send(Event::Client(tcp::Arrival::new(stream))).is_err() {
-                return;
+        let mut told = false;
+        for stream in listener.incoming() {
+            match stream {
+                Ok(stream) => {
+                    if events.send(Event::Client(tcp::Arrival::new(stream))).is_err() {
+                        return;
+                    }
+                }
+                Err(error) => {
+                    if !std::mem::replace(&mut told, true) {
+                        tell(&format!("warning: a client cannot be accepted: {error}; it is tried again"));
+                    }
+                    thread::park_timeout(AGAIN);
+                }
             }
         }
     });

@@ -10,8 +10,9 @@ use tater_wire::Frame;
 
 use crate::bus::Stamped;
 
-/// Characters of the longest command, a T with eight bytes; what is longer is garbage.
-const LONGEST: usize = 1 + 8 + 1 + 16;
+/// Characters kept of a line: one more than the longest command that is taken, a `t` with eight bytes, so that a longer
+/// line is refused like any other that is no command.
+const LONGEST: usize = 1 + 3 + 1 + 16 + 1;
 
 const CR: u8 = b'\r';
 const BEL: u8 = 7;
@@ -34,8 +35,6 @@ enum Channel {
 #[derive(Clone, Debug, Default)]
 pub struct Slcan {
     line: Vec<u8>,
-    /// The line is longer than any command: it is skipped, and refused at its end.
-    overlong: bool,
     channel: Channel,
     stamps: bool,
 }
@@ -47,10 +46,6 @@ impl Slcan {
         match byte {
             CR => {
                 let line = std::mem::take(&mut self.line);
-                if std::mem::take(&mut self.overlong) {
-                    out.push(BEL);
-                    return None;
-                }
                 let frame = self.command(&line, out);
                 // Keeps the allocation.
                 self.line = line;
@@ -59,7 +54,7 @@ impl Slcan {
             }
             b'\n' => {}
             _ if self.line.len() < LONGEST => self.line.push(byte),
-            _ => self.overlong = true,
+            _ => {}
         }
         None
     }

@@ -5,6 +5,14 @@ use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+/// Clients at once, more than a server with [`FILES`] can have.
+#[cfg(unix)]
+const CROWD: usize = 20;
+
+/// Files that a server may have open: its own three, the listener, two for the host, and two to spare.
+#[cfg(unix)]
+const FILES: usize = 8;
+
 /// Only ends a test that would otherwise hang.
 const HANGS: Duration = Duration::from_secs(30);
 
@@ -22,12 +30,13 @@ impl Drop for Served {
 }
 
 fn serve(nodes: &str) -> Served {
-    let mut process = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
-        .args(["bus", "--nodes", nodes, "--slcan", "127.0.0.1:0"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("the binary starts");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    command.args(["bus", "--nodes", nodes, "--slcan", "127.0.0.1:0"]);
+    start(command.stderr(Stdio::null()))
+}
+
+fn start(command: &mut Command) -> Served {
+    let mut process = command.stdout(Stdio::piped()).spawn().expect("the binary starts");
     let mut line = String::new();
     let out = process.stdout.take().expect("piped");
     BufReader::new(out).read_line(&mut line).expect("the first line");
@@ -119,7 +128,8 @@ fn what_cannot_be_served_is_said_with_a_next_step_and_exit_code_2() {
         (&["--node", "4", "--slcan", &served.address], &served.address),
         (&["--node", "4", "--slcan", "nowhere"], "--slcan nowhere"),
         (&["--node", "4", "--can", "nocan9"], "ip link add dev nocan9 type vcan"),
-        (&["--slcan", "127.0.0.1:0"], "--node"),
+        (&["--slcan", "127.0.0.1:0"], "add --node 4 or --nodes 1-7\n"),
+        (&[], "add --node 4 or --nodes 1-7, and --slcan 127.0.0.1:0 or --can vcan0\n"),
     ] {
         let output =
             Command::new(env!("CARGO_BIN_EXE_hil-sim")).arg("bus").args(args).output().expect("it starts");
@@ -127,4 +137,37 @@ fn what_cannot_be_served_is_said_with_a_next_step_and_exit_code_2() {
         assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
         assert!(error.contains(said), "{args:?}: {error}");
     }
+}
+
+/// Out of files, accepting fails at once and again until a client has left.
+#[cfg(unix)]
+#[test]
+fn a_crowd_is_told_of_once_and_keeps_nobody_out_for_good() {
+    let line = format!("ulimit -n {FILES}; exec \"$0\" bus --node 4 --slcan 127.0.0.1:0");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &line, env!("CARGO_BIN_EXE_hil-sim")]);
+    let mut served = start(shell.stderr(Stdio::piped()));
+    let mut said = BufReader::new(served.process.stderr.take().expect("piped")).lines();
+    let mut next = || said.next().expect("it runs").expect("text");
+    let mut host = connect(&served);
+    assert!(next().ends_with("is the host"));
+    let crowd: Vec<TcpStream> = (0..CROWD).map(|_| connect(&served)).collect();
+    let warning = loop {
+        let line = next();
+        if !line.starts_with("two hosts") {
+            break line;
+        }
+    };
+    assert!(warning.starts_with("warning: a client cannot be accepted"), "{warning}");
+    drop(crowd);
+    // After the crowd, in whose order it came.
+    let mut late = connect(&served);
+    let mut text = String::new();
+    late.read_to_string(&mut text).expect("closed in order");
+    assert!(text.starts_with("error: two hosts"), "{text}");
+    host.write_all(b"O\r").expect("written");
+    ask(&mut host);
+    drop(served);
+    let more: Vec<String> = said.map_while(Result::ok).filter(|line| line.starts_with("warning")).collect();
+    assert_eq!(more, [""; 0], "told once");
 }

@@ -40,10 +40,10 @@ impl DownloadArgs {
 
 /// A way to the bus.
 trait Adapter {
-    /// Sends a frame.
+    /// Sends a frame, or loses it.
     fn send(&mut self, frame: &Frame) -> Result<(), String>;
 
-    /// The next frame from the bus, if one comes within this time, which is not 0.
+    /// The next frame from the bus, if one comes within this time, which is not 0; `None` may also come before.
     fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, String>;
 }
 
@@ -52,8 +52,8 @@ trait Adapter {
 /// # Errors
 /// The file cannot be downloaded, the adapter cannot be used, or why the board did not take it.
 pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
-    let header = tek::sealed(&args.file)?;
     let file = files::read(&args.file)?;
+    let header = tek::sealed(&args.file, &file)?;
     let mut adapter: Box<dyn Adapter> = match (&args.slcan, &args.can) {
         (Some(address), _) => Box::new(slcan::Slcan::connect(address)?),
         (None, Some(interface)) => can::open(interface)?,
@@ -84,10 +84,10 @@ fn run(node: Node, file: &[u8], adapter: &mut dyn Adapter) -> Result<(), Failure
     let bar = bar(host.progress().1);
     let end = loop {
         match host.next(now()) {
-            Next::Send(frame) => adapter.send(&frame)?,
+            Next::Send(frame) => adapter.send(&frame).map_err(Failure::Unusable)?,
             Next::Wait(until) => {
                 let wait = Duration::from_micros(until.saturating_sub(now()).max(1));
-                if let Some(frame) = adapter.receive(wait)? {
+                if let Some(frame) = adapter.receive(wait).map_err(Failure::Unusable)? {
                     host.receive(&frame, now());
                 }
                 bar.set_position(host.progress().0.into());

@@ -16,7 +16,10 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Failure> {
 
 /// What to say of a file that cannot be read.
 pub fn unreadable(path: &Path, error: &io::Error) -> Failure {
-    Failure::Unusable(format!("{}: cannot be read: {error}", path.display()))
+    let place = path.display();
+    Failure::Unusable(format!(
+        "{place}: cannot be read: {error}\n  next: check that it is a file that you may read"
+    ))
 }
 
 /// Writes a file under another name beside it and renames it, so that its reader finds the old one or the new one. What
@@ -28,7 +31,10 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let is_file = fs::metadata(path).map_or(!path.is_symlink(), |meta| meta.is_file());
     let written =
         if is_file && !path.starts_with("/dev") { rename_over(path, bytes) } else { fs::write(path, bytes) };
-    written.map_err(|error| format!("{}: cannot be written: {error}", path.display()))
+    written.map_err(|error| {
+        let place = path.display();
+        format!("{place}: cannot be written: {error}\n  next: check that its folder is there, may be written and has room")
+    })
 }
 
 fn rename_over(path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -52,9 +58,9 @@ fn rename_over(path: &Path, bytes: &[u8]) -> io::Result<()> {
 pub fn print(text: &str) -> Result<(), String> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(format!("standard output cannot be written: {error}"))
-        }
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(format!(
+            "standard output cannot be written: {error}\n  next: free space, or send it elsewhere"
+        )),
         _ => Ok(()),
     }
 }

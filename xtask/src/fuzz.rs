@@ -15,8 +15,16 @@ const VERSION: &str = "0.13.2";
 /// Runs every target of `fuzz/`, or says why not.
 ///
 /// # Errors
-/// A target found an input that breaks it; the text says how to repeat it.
+/// A target found an input that breaks it, and the text says how to repeat it; or the lock file is not current.
 pub fn check() -> Outcome {
+    // A workspace of its own: what changes the project's dependencies does not bring its lock file along.
+    run(program("cargo update --quiet --workspace --locked --manifest-path fuzz/Cargo.toml")).map_err(
+        |error| {
+            format!(
+                "{error}\n  fuzz/Cargo.lock is not current: commit it after the same line without --locked"
+            )
+        },
+    )?;
     // Asked of rustup, not of `cargo +nightly`, which would install one.
     if !succeeds("rustup run nightly cargo --version") {
         println!("  skipped: no nightly compiler (rustup toolchain install nightly)");

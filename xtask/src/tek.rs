@@ -35,7 +35,8 @@ pub enum Chore {
         #[arg(long, value_name = "VERSION")]
         seal: Option<u16>,
     },
-    /// Says whether a .tek file can be downloaded, or what is wrong in which line and column (exit code 1)
+    /// Says whether a .tek file is whole and in the profile, or what is wrong in which line and column (exit code 1); and
+    /// whether it is sealed: a monitor refuses what is not
     Verify {
         /// The .tek file
         file: PathBuf,
@@ -81,8 +82,14 @@ fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) 
     let (mut memory, entry) = source::read(input, base)?;
     let mut header = None;
     if let Some(version) = version {
-        let (sealed, found) =
-            seal(&memory, version).map_err(|error| format!("{}: {error}", input.display()))?;
+        let (sealed, found) = seal(&memory, version).map_err(|error| {
+            format!(
+                "{}: {error}\n  next: link the image for the application's address {:#010x}, with its vector table first \
+                 and the vectors 7 to 10 left 0; or leave --seal out",
+                input.display(),
+                APPLICATION.start
+            )
+        })?;
         (memory, header) = (sealed, Some(found));
     }
     let mut text = Vec::new();
@@ -112,7 +119,7 @@ fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
     if first != start {
         return Err(format!(
             "found a first address of {first:#010x}, expected {start:#010x}, where the monitor looks for the \
-             header: link for it, or leave --seal out"
+             header"
         ));
     }
     let mut image = memory.image()?;
@@ -126,7 +133,7 @@ fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
 
 fn decode(file: &Path, output: &Path) -> Result<(), Failure> {
     let (mut memory, mut sections, mut start) = (Memory::default(), Vec::new(), 0);
-    records(file, Dialect::Gnu, |record, section| {
+    records(file, open(file)?, Dialect::Gnu, |record, section| {
         sections.extend(section.filter(|section| !section.is_empty()));
         match record {
             Record::Data { address, bytes } => memory.insert(address, bytes).map_err(|taken| {
@@ -174,7 +181,7 @@ fn assemble(memory: &Memory, sections: &[Range<u64>]) -> Result<(u64, Vec<u8>), 
 
 fn dump(file: &Path) -> Result<(), Failure> {
     let (mut text, mut line) = (String::new(), 0);
-    let judged = records(file, Dialect::Gnu, |record, section| {
+    let judged = records(file, open(file)?, Dialect::Gnu, |record, section| {
         line += 1;
         let what = match (record, section) {
             (Record::Data { address, bytes }, _) => {
@@ -195,13 +202,18 @@ fn dump(file: &Path) -> Result<(), Failure> {
     judged
 }
 
-/// Gives each record of a file to `each`, with the section that it defines; what `each` finds wrong is a column and what
+fn open(path: &Path) -> Result<BufReader<File>, Failure> {
+    File::open(path).map(BufReader::new).map_err(|error| files::unreadable(path, &error))
+}
+
+/// Gives each record of a file, whose name is `path`, to `each`, with the section that it defines; what `each` finds wrong is a column and what
 /// was found, expected, and to be done.
 ///
 /// # Errors
 /// The first thing that is wrong with the file.
 fn records(
     path: &Path,
+    mut file: impl BufRead,
     dialect: Dialect,
     mut each: impl FnMut(Record<'_>, Option<Range<u64>>) -> Result<(), (u32, String)>,
 ) -> Result<(), Failure> {
@@ -214,7 +226,6 @@ fn records(
         };
         Failure::Judged(format!("{place}:{line}:{column}: record {record}: {kind}\n  {next}"))
     };
-    let mut file = BufReader::new(File::open(path).map_err(|error| files::unreadable(path, &error))?);
     let (mut reader, mut line) = (Reader::new(dialect), 0);
     let mut judge = |record: Record<'_>, section| {
         line += 1;

@@ -1,10 +1,10 @@
 //! `cargo xtask download` as a person meets it where it cannot succeed. That it succeeds is shown by `cargo xtask
 //! host-tools`, and the protocol by the system tests.
 
-use std::io::{Read, Write};
-use std::net::TcpListener;
+use std::io::{self, BufRead, BufReader, Write};
+use std::net::{Shutdown, TcpListener};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::thread;
 
 /// A file of this test's own.
@@ -31,24 +31,56 @@ fn tek(name: &str, sealed: bool) -> String {
     file
 }
 
-/// An adapter that says this as soon as it hears something, and hears on until it is left.
-fn adapter(says: &'static [u8]) -> String {
+/// An adapter that answers commands so. No answer: it hangs up, but hears on, so that what it has said is not lost.
+fn adapter(mut answer: impl FnMut(&str) -> &'static [u8] + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("bound").to_string();
     thread::spawn(move || {
         let (mut stream, _) = listener.accept().expect("a client");
-        let mut bytes = [0; 256];
-        let mut first = true;
-        while stream.read(&mut bytes).is_ok_and(|len| len > 0) {
-            if std::mem::take(&mut first) {
-                stream.write_all(says).expect("told");
-            }
-            if says.is_empty() {
-                return;
+        let mut client = BufReader::new(stream.try_clone().expect("a socket"));
+        let mut line = Vec::new();
+        while client.read_until(b'\r', &mut line).is_ok_and(|len| len > 0) {
+            let said = answer(std::str::from_utf8(&line).expect("ASCII").trim_end());
+            line.clear();
+            if said.is_empty() || stream.write_all(said).is_err() {
+                let _ = stream.shutdown(Shutdown::Write);
+                let _ = io::copy(&mut client, &mut io::sink());
             }
         }
     });
     address
+}
+
+/// One in order: closed at first, takes every frame, and nobody is on its bus.
+fn good(command: &str) -> &'static [u8] {
+    match command {
+        "C" => b"\x07",
+        "V" => b"V0100\r",
+        _ if command.starts_with('t') => b"z\r",
+        _ => b"\r",
+    }
+}
+
+/// The same, but it answers one command otherwise.
+fn but(odd: &'static str, said: &'static [u8]) -> String {
+    adapter(move |command| if command == odd { said } else { good(command) })
+}
+
+/// What a board of node 4 says to a frame, as an adapter passes it on: STAT 0, and a request for 16 numbered frames.
+fn board(command: &str) -> &'static [u8] {
+    match command {
+        "t004105" => b"z\rt486485000000\r",
+        _ if command.starts_with("t004") && command[5..].starts_with("8000AA01") => b"z\rt08050010000000\r",
+        _ => good(command),
+    }
+}
+
+fn is_numbered(command: &str) -> bool {
+    command.starts_with("t0048")
+}
+
+fn download(file: &str, address: &str) -> (Option<i32>, String) {
+    xtask(&["download", "--node", "4", "--slcan", address, file])
 }
 
 #[test]
@@ -57,25 +89,76 @@ fn what_cannot_be_downloaded_is_named_with_a_next_step() {
     let damaged = path("damaged.tek").to_string_lossy().into_owned();
     std::fs::write(&damaged, b"%098xyz\r\n").expect("a file for the test");
     let free = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("bound").to_string();
-    let deaf = adapter(b"");
-    let busy = adapter(b"error: two hosts\r\x07");
-    let refusing = adapter(b"\r\r\r\rV0100\r\x07");
-    // It opens, and nobody is on its bus.
-    let lonely = adapter(b"\r\r\r\rV0100\r");
     for (file, address, code, said) in [
         (&unsealed, &free, 1, "encode it again with `cargo xtask tek encode --seal"),
         (&damaged, &free, 1, "damaged.tek:1:"),
         (&path("none.tek").to_string_lossy().into_owned(), &free, 2, "none.tek: cannot be read"),
         (&sealed, &free, 2, "expected an SLCAN adapter"),
-        (&sealed, &deaf, 2, "it has hung up"),
-        (&sealed, &busy, 2, "error: two hosts"),
-        (&sealed, &refusing, 2, "the adapter refuses"),
-        (&sealed, &lonely, 1, "no board of node 4 answers"),
+        (&sealed, &adapter(good), 1, "no board of node 4 answers"),
     ] {
-        let (found, error) = xtask(&["download", "--node", "4", "--slcan", address, file]);
+        let (found, error) = download(file, address);
         assert_eq!(found, Some(code), "{file} {address}: {error}");
         assert!(error.contains(said), "{file} {address}: expected {said:?}, found {error}");
     }
+}
+
+#[test]
+fn what_an_adapter_refuses_is_said_with_a_next_step() {
+    let file = tek("refused", true);
+    let deaf = adapter(|_| b"");
+    let full = adapter(|command| if command.starts_with('t') { b"\x07" } else { good(command) });
+    for (address, said, next) in [
+        (&deaf, "the adapter is lost: it has hung up", "check its cable"),
+        (&but("", b"error: two hosts: disconnect one\r\x07"), ": two hosts: disconnect", "one"),
+        (
+            &but("S8", b"\x07"),
+            "does not open at 1 Mbit/s: it refuses 1 Mbit/s (S8)",
+            "use one that can do 1 Mbit/s",
+        ),
+        (
+            &but("O", b"\x07"),
+            "does not open at 1 Mbit/s: it refuses to open its channel (O)",
+            "end other programs",
+        ),
+        (&full, "the adapter refuses 16 frames in a row", "check that a board is on its bus"),
+    ] {
+        let (found, error) = download(&file, address);
+        assert_eq!(found, Some(2), "{said}: {error}");
+        assert!(error.contains(said) && error.contains(next), "{said}: {error}");
+        assert_eq!(error.matches("error: ").count(), 1, "{error}");
+    }
+}
+
+#[test]
+fn a_frame_that_an_adapter_refuses_is_only_lost() {
+    // The first numbered frame; at the next it hangs up, so that this ends.
+    let mut numbered = 0;
+    let address = adapter(move |command| {
+        numbered += usize::from(is_numbered(command));
+        match numbered {
+            0 => board(command),
+            1 => b"\x07",
+            _ => b"",
+        }
+    });
+    let (code, error) = download(&tek("lossy", true), &address);
+    assert!(code == Some(2) && error.contains("it has hung up"), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_file_is_read_once() {
+    // What comes from a pipe cannot be read again. The adapter hangs up at the first numbered frame, if there is one.
+    let address = adapter(|command| if is_numbered(command) { b"" } else { board(command) });
+    let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
+    command.args(["download", "--node", "4", "--slcan", &address, "/dev/stdin"]);
+    let file = std::fs::read(tek("piped", true)).expect("the test's own");
+    let mut process =
+        command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the binary starts");
+    process.stdin.take().expect("piped").write_all(&file).expect("it reads");
+    let output = process.wait_with_output().expect("it ends");
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(error.contains("version 600, 512 bytes") && error.contains("it has hung up"), "{error}");
 }
 
 #[test]

@@ -15,23 +15,52 @@ const NODES: std::ops::RangeInclusive<u8> = 1..=7;
 #[derive(clap::Args)]
 pub struct BusArgs {
     /// A board on the bus: 1 to 3 links, 4 the spread, 5 to 7 tips.
-    #[arg(long, value_name = "N", required_unless_present = "nodes")]
+    #[arg(long, value_name = "N")]
     node: Option<String>,
     /// Several, such as 1-7 or 1,4,5.
     #[arg(long, value_name = "LIST")]
     nodes: Option<String>,
     /// Serve SLCAN over TCP here; port 0 picks one. The first line of output says `slcan HOST:PORT`.
     #[arg(long, value_name = "HOST:PORT")]
-    pub slcan: Option<String>,
+    slcan: Option<String>,
     /// Be on a CAN interface of Linux, such as vcan0.
     #[arg(long, value_name = "IFACE")]
-    pub can: Option<String>,
+    can: Option<String>,
     /// Seed of the sensors' noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
 
+/// Where the host is.
+pub enum Place<'a> {
+    /// A TCP client that comes to this address.
+    Slcan(&'a str),
+    /// A CAN interface.
+    Can(&'a str),
+}
+
 impl BusArgs {
+    /// Where the host is.
+    ///
+    /// # Errors
+    /// No boards are named, or not one host.
+    pub fn host(&self) -> Result<Place<'_>, BadInput> {
+        let boards = self.node.is_some() || self.nodes.is_some();
+        let (add_boards, add_host) = ("--node 4 or --nodes 1-7", "--slcan 127.0.0.1:0 or --can vcan0");
+        let (found, next) = match (boards, &self.slcan, &self.can) {
+            (true, Some(address), None) => return Ok(Place::Slcan(address)),
+            (true, None, Some(interface)) => return Ok(Place::Can(interface)),
+            (_, Some(_), Some(_)) => {
+                ("two hosts", "leave --slcan or --can out: each host would be node 0".to_owned())
+            }
+            (true, None, None) => ("no host", format!("add {add_host}")),
+            (false, None, None) => ("no boards and no host", format!("add {add_boards}, and {add_host}")),
+            (false, ..) => ("no boards", format!("add {add_boards}")),
+        };
+        let expected = "boards (--node or --nodes) and one host (--slcan or --can)";
+        Err(bad("hil-sim bus".to_owned(), found, expected, &next))
+    }
+
     /// The boards, with their default plants, at power-up.
     ///
     /// # Errors
@@ -72,15 +101,6 @@ fn parse(list: &str) -> Option<Vec<u8>> {
         ids.extend(first..=last);
     }
     Some(ids)
-}
-
-/// Not one host: two, or none.
-pub fn one_host(two: bool) -> BadInput {
-    let (found, next) = match two {
-        true => ("two", "leave one of them out: each host would be node 0"),
-        false => ("neither", "add --slcan 127.0.0.1:0, or --can vcan0"),
-    };
-    bad("--slcan, --can".to_owned(), found, "one of them, for one host", next)
 }
 
 #[cfg(test)]

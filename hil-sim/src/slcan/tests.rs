@@ -98,6 +98,19 @@ fn an_overlong_line_is_one_refusal_and_the_next_is_understood() {
 }
 
 #[test]
+fn what_follows_the_longest_command_is_not_cut_off_unseen() {
+    let eight = "t00181122334455667788";
+    assert_eq!(talk(&mut opened(), format!("{eight}\r").as_bytes()).1.len(), 1);
+    for more in ["9", "99", "\x079", "t0010"] {
+        assert_eq!(
+            talk(&mut opened(), format!("{eight}{more}\r").as_bytes()),
+            (vec![BEL], vec![]),
+            "{more:?}"
+        );
+    }
+}
+
+#[test]
 fn frames_from_the_bus_are_told_with_a_stamp_if_wanted() {
     let told = |setup: &str, at_us| {
         let mut slcan = Slcan::default();

@@ -49,12 +49,18 @@ mod linux {
             // 11 bits and eight bytes at most, in both forms.
             let Some(there) = there else { return Ok(()) };
             self.socket.write_frame_insist(&there).map_err(|error| {
-                format!("--can {}: a frame is not taken: {error}\n  check the cable: the queue fills when nobody answers", self.name)
+                format!("--can {}: a frame is not taken: {error}\n  next: check the cable: the queue fills when nobody answers", self.name)
             })
         }
 
         fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, String> {
-            let lost = |error| format!("--can {}: the interface is lost: {error}", self.name);
+            let lost = |error: std::io::Error| {
+                format!(
+                    "--can {}: the interface is lost: {error}\n  next: check the adapter, set it up again (`ip link`), and \
+                     download again; the board keeps its old application",
+                    self.name
+                )
+            };
             self.socket.set_read_timeout(wait).map_err(lost)?;
             match self.socket.read_frame() {
                 Ok(CanFrame::Data(data)) if !data.is_extended() => {

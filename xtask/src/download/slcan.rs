@@ -16,6 +16,9 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Characters of the longest line that means something: a frame of eight bytes with a time-stamp, or a refusal in words.
 const LONGEST: usize = 200;
 
+/// Refused in a row, so many frames are no full queue any more: all that a board asks for at once.
+const REFUSED: u32 = 16;
+
 /// An SLCAN adapter.
 pub struct Slcan {
     stream: TcpStream,
@@ -24,15 +27,23 @@ pub struct Slcan {
     line: Vec<u8>,
     /// What has come after it.
     read: VecDeque<u8>,
-    /// Channel open: from here on BEL means that a frame was refused.
-    open: bool,
+    /// Frames that it has refused since it said anything else.
+    refused: u32,
+}
+
+/// What an adapter says.
+enum Heard {
+    /// A line: a frame, or the answer to what was done.
+    Line(Vec<u8>),
+    /// BEL: it does not do that.
+    Refusal,
 }
 
 impl Slcan {
     /// Connects, and opens the channel at 1 Mbit/s.
     ///
     /// # Errors
-    /// Nobody listens there, or the adapter is in use.
+    /// Nobody listens there, or the adapter is in use, or of another rate.
     pub fn connect(address: &str) -> Result<Self, Failure> {
         let unusable = |error: std::io::Error| {
             Failure::Unusable(format!(
@@ -45,19 +56,38 @@ impl Slcan {
         stream.set_nodelay(true).map_err(unusable)?;
         stream.set_write_timeout(Some(PATIENCE)).map_err(unusable)?;
         let (line, read) = (Vec::new(), VecDeque::new());
-        let mut this = Self { stream, address: address.to_owned(), line, read, open: false };
-        // Whatever was open is closed: refused if nothing was. The version ends what is answered to that.
-        this.write(b"\rC\rS8\rO\rV\r").map_err(Failure::Unusable)?;
-        let begun = Instant::now();
-        while !this.open {
-            // What comes without an end, or is a frame of the bus, is not the answer.
-            this.receive(PATIENCE).map_err(Failure::Unusable)?;
-            if !this.open && begun.elapsed() >= PATIENCE {
-                let found = format!("--slcan {address}: connected, but no SLCAN adapter answers within 5 s");
-                return Err(Failure::Unusable(format!("{found}\n  check what listens there")));
+        let mut this = Self { stream, address: address.to_owned(), line, read, refused: 0 };
+        this.open().map_err(Failure::Unusable)?;
+        Ok(this)
+    }
+
+    fn open(&mut self) -> Result<(), String> {
+        // Whatever was open is closed, which is refused if nothing was; frames that came before are gone with it. The
+        // version ends what is answered to that.
+        self.ask(b"\rC\rV\r", |heard| matches!(heard, Heard::Line(line) if line.starts_with(b"V")))?;
+        for (command, what) in [("S8", "1 Mbit/s (S8)"), ("O", "to open its channel (O)")] {
+            if let Heard::Refusal = self.ask(format!("{command}\r").as_bytes(), |_| true)? {
+                return Err(format!(
+                    "--slcan {}: the adapter does not open at 1 Mbit/s: it refuses {what}\n  next: end other programs \
+                     that use it, switch it off and on; or use one that can do 1 Mbit/s",
+                    self.address
+                ));
             }
         }
-        Ok(this)
+        Ok(())
+    }
+
+    /// Says something, and waits for an answer that is `wanted`.
+    fn ask(&mut self, text: &[u8], wanted: impl Fn(&Heard) -> bool) -> Result<Heard, String> {
+        self.write(text)?;
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE {
+            if let Some(heard) = self.hear(PATIENCE)?.filter(&wanted) {
+                return Ok(heard);
+            }
+        }
+        let found = format!("--slcan {}: connected, but no SLCAN adapter answers within 5 s", self.address);
+        Err(format!("{found}\n  next: check what listens there"))
     }
 
     fn write(&mut self, text: &[u8]) -> Result<(), String> {
@@ -65,28 +95,56 @@ impl Slcan {
     }
 
     fn lost(&self, why: &str) -> String {
-        format!("--slcan {}: the adapter is lost: {why}", self.address)
+        format!(
+            "--slcan {}: the adapter is lost: {why}\n  next: check its cable and power, and download again; the board \
+             keeps its old application",
+            self.address
+        )
     }
 
-    /// Takes the bytes that have come up to the next frame.
-    fn frame(&mut self) -> Result<Option<Frame>, String> {
+    /// The next that it says, if it does within this time, which is not 0.
+    fn hear(&mut self, wait: Duration) -> Result<Option<Heard>, String> {
+        if let Some(heard) = self.take()? {
+            return Ok(Some(heard));
+        }
+        let mut bytes = [0; 1024];
+        let set = self.stream.set_read_timeout(Some(wait));
+        match set.and_then(|()| self.stream.read(&mut bytes)) {
+            Ok(0) => Err(self.lost("it has hung up")),
+            Ok(len) => {
+                self.read.extend(&bytes[..len]);
+                self.take()
+            }
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+                ) =>
+            {
+                Ok(None)
+            }
+            Err(error) => Err(self.lost(&error.to_string())),
+        }
+    }
+
+    /// Takes the bytes that have come up to the end of what it says next.
+    fn take(&mut self) -> Result<Option<Heard>, String> {
         while let Some(byte) = self.read.pop_front() {
             match byte {
                 b'\r' => {
                     let line = std::mem::take(&mut self.line);
-                    if line.starts_with(b"error: ") {
-                        return Err(format!("--slcan {}: {}", self.address, String::from_utf8_lossy(&line)));
-                    }
-                    self.open |= line.starts_with(b"V");
-                    let frame = parse(&line);
-                    if frame.is_some() {
-                        return Ok(frame);
-                    }
+                    // So `hil-sim bus` says why it hangs up.
+                    return match line.strip_prefix(b"error: ") {
+                        Some(why) => {
+                            Err(format!("--slcan {}: {}", self.address, String::from_utf8_lossy(why)))
+                        }
+                        None => Ok(Some(Heard::Line(line))),
+                    };
                 }
-                7 if self.open => {
-                    return Err(format!("--slcan {}: the adapter refuses a frame", self.address));
+                7 => {
+                    self.line.clear();
+                    return Ok(Some(Heard::Refusal));
                 }
-                7 => self.line.clear(),
                 _ if self.line.len() < LONGEST => self.line.push(byte),
                 _ => {}
             }
@@ -104,26 +162,22 @@ impl Adapter for Slcan {
     }
 
     fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, String> {
-        if let Some(frame) = self.frame()? {
-            return Ok(Some(frame));
-        }
-        let mut bytes = [0; 1024];
-        let set = self.stream.set_read_timeout(Some(wait));
-        match set.and_then(|()| self.stream.read(&mut bytes)) {
-            Ok(0) => Err(self.lost("it has hung up")),
-            Ok(len) => {
-                self.read.extend(&bytes[..len]);
-                self.frame()
+        match self.hear(wait)? {
+            Some(Heard::Line(line)) => {
+                self.refused = 0;
+                Ok(parse(&line))
             }
-            Err(error)
-                if matches!(
-                    error.kind(),
-                    ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
-                ) =>
-            {
+            // The frame is lost: a full queue. The download sees to that, unless it goes on for ever.
+            Some(Heard::Refusal) if self.refused + 1 < REFUSED => {
+                self.refused += 1;
                 Ok(None)
             }
-            Err(error) => Err(self.lost(&error.to_string())),
+            Some(Heard::Refusal) => Err(format!(
+                "--slcan {}: the adapter refuses {REFUSED} frames in a row\n  next: check that a board is on its bus \
+                 (power, cable, termination), since its queue stays full while nobody answers; then download again",
+                self.address
+            )),
+            None => Ok(None),
         }
     }
 }

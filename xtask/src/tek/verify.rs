@@ -1,5 +1,6 @@
-//! Whether a file can be downloaded, judged as the monitor will.
+//! Whether a file is whole and in the profile of those that are downloaded, and sealed, judged as the monitor will.
 
+use std::io::BufRead;
 use std::path::Path;
 
 use tater_wire::image::{HEADER_END, Header, ImageError};
@@ -7,33 +8,35 @@ use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{Dialect, Record};
 
 use super::memory::Memory;
-use super::{extent, records};
+use super::{extent, open, records};
 use crate::{Failure, files};
 
 /// What to do about addresses.
 const REBUILD: &str = "build the image for the application's addresses and encode it again";
 
-/// Prints what the file holds.
+/// Prints what the file holds; an image that is not sealed is no mistake of the file.
 ///
 /// # Errors
 /// The first thing that is wrong with it, with its line and column.
 pub fn verify(path: &Path) -> Result<(), Failure> {
-    let Verified { records, extent, entry, header } = read(path)?;
+    let Verified { records, extent, entry, header } = read(path, open(path)?)?;
     let place = path.display();
     let seal = match header {
         Some(Header { version, crc, .. }) => format!("sealed: version {version}, CRC-32 {crc:#010x}"),
-        None => "not sealed: the monitor will refuse it; encode it with --seal VERSION".into(),
+        None => "not sealed: a monitor will refuse it, `cargo xtask tek encode --seal VERSION` seals".into(),
     };
-    files::print(&format!("{place}: {records} records, {extent}, entry {entry:#010x}\n{seal}\n"))?;
+    files::print(&format!(
+        "{place}: {records} records, {extent}, entry {entry:#010x}\nwhole and in the profile; {seal}\n"
+    ))?;
     Ok(())
 }
 
-/// The header of a file that a board will take.
+/// The header of a file that a board will take; `path` is only its name.
 ///
 /// # Errors
 /// As [`verify`]; or that it is not sealed.
-pub fn sealed(path: &Path) -> Result<Header, Failure> {
-    read(path)?.header.ok_or_else(|| {
+pub fn sealed(path: &Path, file: &[u8]) -> Result<Header, Failure> {
+    read(path, file)?.header.ok_or_else(|| {
         let place = path.display();
         let found = format!(
             "{place}: found an image that is not sealed, expected the header that the monitor checks"
@@ -50,9 +53,9 @@ struct Verified {
     header: Option<Header>,
 }
 
-fn read(path: &Path) -> Result<Verified, Failure> {
+fn read(path: &Path, file: impl BufRead) -> Result<Verified, Failure> {
     let (mut memory, mut count, mut next, mut start) = (Memory::default(), 0_u32, 0, 0);
-    records(path, Dialect::Ti, |record, _| {
+    records(path, file, Dialect::Ti, |record, _| {
         count += 1;
         match record {
             Record::Data { address, bytes } => {

@@ -27,7 +27,9 @@ fn a_sealed_image_is_verified_and_says_so() {
     assert_eq!(said.code, Some(0), "{}", said.err);
     let first = format!("{file}: 5 records, 104 bytes in 0x08004000 to 0x08004067, entry 0x08004000\n");
     let second = said.out.strip_prefix(&first).unwrap_or_else(|| panic!("{}", said.out));
-    let crc = second.strip_prefix("sealed: version 601, CRC-32 0x").and_then(|text| text.strip_suffix('\n'));
+    let crc = second
+        .strip_prefix("whole and in the profile; sealed: version 601, CRC-32 0x")
+        .and_then(|text| text.strip_suffix('\n'));
 
     assert_eq!(tek(&["decode", &file, "-o", &scratch.path("out.bin")]).code, Some(0));
     let image = scratch.get("out.bin");
@@ -41,12 +43,15 @@ fn a_sealed_image_is_verified_and_says_so() {
 #[test]
 fn an_image_that_is_not_sealed_is_whole_too() {
     let scratch = Scratch::new("unsealed");
+    let words = "whole and in the profile; not sealed: a monitor will refuse it, `cargo xtask tek encode --seal VERSION`";
     for len in [1, 43, 44, 200] {
         scratch.encoded("a.tek", &vec![0xFF; len], &[]);
         let said = tek(&["verify", &scratch.path("a.tek")]);
         assert_eq!(said.code, Some(0), "{}", said.err);
-        assert!(said.out.contains("not sealed: "), "{}", said.out);
+        assert!(said.out.contains(words), "{}", said.out);
     }
+    let help = tek(&["verify", "--help"]).out;
+    assert!(help.contains("whole and in the profile") && help.contains("sealed"), "{help}");
     // A header is looked for where the monitor does, and nowhere else.
     scratch.encoded("a.tek", &application(100), &["--seal", "600"]);
     assert_eq!(tek(&["decode", &scratch.path("a.tek"), "-o", &scratch.path("a.bin")]).code, Some(0));
@@ -72,10 +77,11 @@ fn what_cannot_be_sealed_is_refused() {
         let (input, output) = (scratch.put("in.bin", bytes), scratch.path("out.tek"));
         let said = tek(&["encode", &input, "--base", base, "-o", &output, "--seal", "1"]);
         assert_eq!(said.code, Some(1), "{words}");
+        let (found, next) = said.err.split_once("\n  next: ").unwrap_or_else(|| panic!("{}", said.err));
+        assert!(found.starts_with(&format!("error: {input}: ")) && found.contains(words), "{found}");
         assert!(
-            said.err.starts_with(&format!("error: {input}: ")) && said.err.contains(words),
-            "{}",
-            said.err
+            next.contains("the application's address 0x08004000") && next.contains("vector table"),
+            "{next}"
         );
     }
     assert_eq!(scratch.names(), ["in.bin"], "nothing was written");
@@ -153,6 +159,8 @@ fn what_cannot_be_read_or_written_is_no_verdict() {
         let said = tek(arguments);
         assert_eq!(said.code, Some(2), "{arguments:?}: {}", said.err);
         assert!(said.err.contains(words), "{arguments:?}: {}", said.err);
+        let file = words.contains(": cannot be ");
+        assert!(!file || said.err.contains("\n  next: check "), "{arguments:?}: {}", said.err);
     }
     let said = tek(&["encode", &bytes, "--base", "0xFFFFFFFF", "-o", &out]);
     assert_eq!(said.code, Some(0), "the last address has room for one byte: {}", said.err);
