@@ -92,7 +92,7 @@ impl<B: Board> Tater<B> {
             Some(property) => {
                 self.unlock(property)?;
                 // A board without straps would have no number.
-                if !self.unstored(property).is_some_and(|value| property.row().admits(value)) {
+                if !self.unstored(property).is_some_and(|value| property.spec().admits(value)) {
                     return Err(Refused::Range(property));
                 }
                 if property == Property::P {
