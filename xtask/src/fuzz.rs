@@ -27,11 +27,11 @@ pub fn check() -> Outcome {
     )?;
     // Asked of rustup, not of `cargo +nightly`, which would install one.
     if !succeeds("rustup run nightly cargo --version") {
-        println!("  skipped: no nightly compiler (rustup toolchain install nightly)");
+        println!("skipped: no nightly compiler (rustup toolchain install nightly)");
         return Ok(());
     }
     let Some(fuzzer) = fuzzer() else {
-        println!("  skipped: cargo-fuzz cannot be installed (cargo install cargo-fuzz --version {VERSION})");
+        println!("skipped: cargo-fuzz cannot be installed (cargo install cargo-fuzz --version {VERSION})");
         return Ok(());
     };
     let targets = targets()?;
