@@ -21,7 +21,7 @@ pub fn check() -> Outcome {
     run(program("cargo update --quiet --workspace --locked --manifest-path fuzz/Cargo.toml")).map_err(
         |error| {
             format!(
-                "{error}\n  fuzz/Cargo.lock is not current: commit it after the same line without --locked"
+                "{error}\n  if fuzz/Cargo.lock is not current: the same line without --locked makes it so; commit it"
             )
         },
     )?;
