@@ -38,6 +38,7 @@ def parse(frame):
         bits = int.from_bytes(data, "big") & 0x3FFFFF
         return node, P, bits - (1 << 22) if bits & 1 << 21 else bits
     if group == 6 and len(data) in (4, 6):
+        check(data[0] & 0x7F != P, f"a position comes in group 3 with 22 bits: {frame}")
         return node, data[0] & 0x7F, int.from_bytes(data[2:], "little", signed=True)
     return None
 

@@ -3,7 +3,9 @@
 use hil_sim::board::SimBoard;
 use hil_sim::bus::{Adapter, Bus};
 use hil_sim::node::Node;
-use hil_sim::plant::Model;
+use hil_sim::plant::{Heat, Model, PlantParams, Start};
+use hil_sim::rig::{Object, Rig, RigParams, Side};
+use servo_core::MotorKind;
 use tater_wire::property::Kind;
 use tater_wire::{Body, Destination, Frame, Group, Message, Node as Id, Property, Torques};
 
@@ -27,7 +29,11 @@ impl Host {
     /// Seven boards whose power has just come on.
     pub(super) fn at_power_up(nodes: impl IntoIterator<Item = u8>) -> Self {
         let node = |n| Node::new(SimBoard::standard(id(n), Model::Averaged, u64::from(n)));
-        let mut bus = Bus::new(nodes.into_iter().map(node).collect());
+        Self::on_bus(nodes.into_iter().map(node).collect())
+    }
+
+    fn on_bus(nodes: Vec<Node>) -> Self {
+        let mut bus = Bus::new(nodes);
         bus.plug_host("tests", Adapter::default()).expect("the first host");
         let mut host = Self { bus };
         host.wait_ms(100);
@@ -286,23 +292,50 @@ fn a_fault_keeps_stat_2_and_says_why() {
     host.poll(4, Property::MODE, 3, 10, 3_000);
 }
 
-#[test]
-fn ends_and_breakaways_are_reported_when_asked_for_only() {
-    for flags in 0..=3 {
-        let mut host = Host::awake([1]);
-        host.set(to(1), Property::LFLAGS, flags);
-        host.set(to(1), Property::M, 60);
-        host.wait_ms(1);
-        host.clear();
-        host.wait_ms(3_000);
-        let mut told = Vec::new();
-        while let Some(stamped) = host.bus.receive() {
-            for property in [Property::MODE, Property::END, Property::BD] {
-                told.extend(answer(&stamped.frame, 1, property).map(|value| (property, value)));
-            }
+/// What node 1 says unasked in 3 s after M.
+fn told_after_move(host: &mut Host, flags: i64, counts: i64) -> Vec<(Property, i64)> {
+    host.set(to(1), Property::LFLAGS, flags);
+    host.set(to(1), Property::M, counts);
+    host.wait_ms(1);
+    host.clear();
+    host.wait_ms(3_000);
+    let mut told = Vec::new();
+    while let Some(stamped) = host.bus.receive() {
+        for property in [Property::MODE, Property::END, Property::BD] {
+            told.extend(answer(&stamped.frame, 1, property).map(|value| (property, value)));
         }
+    }
+    told
+}
+
+#[test]
+fn ends_are_reported_when_asked_for_only() {
+    for flags in 0..=3 {
+        let told = told_after_move(&mut Host::awake([1]), flags, 60);
         let ends = [(Property::MODE, 0), (Property::END, 1)];
         assert_eq!(told, if flags & 1 == 1 { &ends[..] } else { &[] }, "LFLAGS {flags}");
+    }
+}
+
+#[test]
+fn breakaways_are_reported_when_asked_for_only() {
+    // As in the scenario breakaway-link: pressed by BT 400, 0.25 N m, it gives way by 0.5 rad, 1.5 counts.
+    let object =
+        Object { from_count: 150.0, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.005, side: Side::Closing };
+    let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
+    let start = Start { count: 0.0, counts_per_s: 0.0, heat };
+    for flags in 0..=3 {
+        let link = PlantParams::for_motor(MotorKind::Link);
+        let rig =
+            Rig::new(link, RigParams::default(), &[object], Model::Averaged, start, 1).expect("in range");
+        let mut host = Host::on_bus(vec![Node::awake(SimBoard::new(rig, id(1)))]);
+        let told = told_after_move(&mut host, flags, 300);
+        let mut expected = Vec::new();
+        expected.extend((flags & 2 == 2).then_some((Property::BD, 1)));
+        let ends = [(Property::MODE, 0), (Property::END, 5)];
+        expected.extend(ends.into_iter().filter(|_| flags & 1 == 1));
+        assert_eq!(told, expected, "LFLAGS {flags}");
+        assert_eq!(host.get(1, Property::BD), Some(1), "LFLAGS {flags}: it has broken away, told or not");
     }
 }
 

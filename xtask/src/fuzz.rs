@@ -21,17 +21,17 @@ pub fn check() -> Outcome {
     run(program("cargo update --quiet --workspace --locked --manifest-path fuzz/Cargo.toml")).map_err(
         |error| {
             format!(
-                "{error}\n  fuzz/Cargo.lock is not current: commit it after the same line without --locked"
+                "{error}\n  if fuzz/Cargo.lock is not current: the same line without --locked makes it so; commit it"
             )
         },
     )?;
     // Asked of rustup, not of `cargo +nightly`, which would install one.
     if !succeeds("rustup run nightly cargo --version") {
-        println!("  skipped: no nightly compiler (rustup toolchain install nightly)");
+        println!("skipped: no nightly compiler (rustup toolchain install nightly)");
         return Ok(());
     }
     let Some(fuzzer) = fuzzer() else {
-        println!("  skipped: cargo-fuzz cannot be installed (cargo install cargo-fuzz --version {VERSION})");
+        println!("skipped: cargo-fuzz cannot be installed (cargo install cargo-fuzz --version {VERSION})");
         return Ok(());
     };
     let targets = targets()?;

@@ -34,7 +34,7 @@ pub fn check() -> Outcome {
     let shared = root().join("../shared");
     let oracle = shared.join("tools/hall_oracle.py");
     if !oracle.exists() {
-        println!("  skipped: no captures in ../shared beside the checkout");
+        println!("skipped: no captures in ../shared beside the checkout");
         return Ok(());
     }
     let out = target().join("hall-oracle");
