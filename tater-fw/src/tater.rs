@@ -348,7 +348,8 @@ impl<B: Board> Tater<B> {
         progress
     }
 
-    /// Into the monitor: bridge off first; what is to be stored is stored.
+    /// Into the monitor: bridge off first; what is to be stored is stored, and so are the
+    /// counters.
     fn reset(&mut self) {
         let _ = self.servo.command(Command::Terminate);
         self.drive = OFF;
@@ -358,6 +359,8 @@ impl<B: Board> Tater<B> {
         if !self.stands() {
             self.distrust();
         }
+        // All that they have come to, not only what is due.
+        self.store.reset_counters(self.store.counters());
         // From now on nobody follows the halls: there is nothing to lose by erasing pages while it coasts.
         for _ in 0..LAST_OPERATIONS {
             if matches!(self.step_store(true), Progress::Done | Progress::Waiting) {

@@ -186,7 +186,7 @@ fn an_unsigned_short_and_a_signed_one_mean_what_the_row_says() {
 }
 
 #[test]
-fn a_get_to_a_group_is_answered_by_its_members_in_node_order() {
+fn a_get_to_a_group_is_answered_by_its_members_once_each() {
     let members: [(Group, std::ops::RangeInclusive<u8>); 4] =
         [(Group::ALL, 1..=7), (Group::LOW, 1..=4), (Group::HIGH, 5..=7), (Group::TATERS, 1..=7)];
     for (group, expected) in members {
@@ -196,8 +196,6 @@ fn a_get_to_a_group_is_answered_by_its_members_in_node_order() {
                 bench.say(Destination::Group(group), 0, Body::Get(property.id())).expect("heard or skipped");
                 answers.append(&mut bench.board().sent);
             }
-            // The bus carries the lowest identifier first.
-            answers.sort_by_key(|frame| frame.raw_id());
             let senders: Vec<u8> = answers.iter().map(|frame| frame.id().from.number()).collect();
             assert_eq!(senders, expected.clone().collect::<Vec<u8>>(), "{property:?} of {group:?}");
         }

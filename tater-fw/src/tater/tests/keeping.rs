@@ -440,3 +440,16 @@ fn a_position_loaded_after_a_move_is_not_known() {
     set(&mut bench, Property::P, 9);
     assert!(bench.tater.status().homed);
 }
+
+#[test]
+fn a_reset_stores_what_the_counters_have_grown_by() {
+    let mut bench = Bench::new(1);
+    second(&mut bench);
+    // The board's temperature is news.
+    bench.settle();
+    for _ in 0..8 {
+        second(&mut bench);
+    }
+    set(&mut bench, Property::STAT, 0);
+    assert_eq!(bench.restart().get(Property::UPSECS), Some(9));
+}
