@@ -105,6 +105,17 @@ fn no_false_end_near_the_speed_limit() {
 }
 
 #[test]
+fn every_healthy_joint_finds_its_stop() {
+    for name in ["homing-link", "homing-spread", "homing-tip"] {
+        let scenario = scattered(shipped(name));
+        for seed in 0..100 {
+            let metrics = on_seed(&scenario, seed).metrics;
+            assert!(metrics.homed, "{name} on seed {seed}: {:?}", metrics.end_reason);
+        }
+    }
+}
+
+#[test]
 fn a_link_that_turns_round_meets_no_object() {
     // Opening at full speed, then told to close: braking takes longer than a breakaway's 10 ms.
     let text = "name = \"turn\"\nabout = \"\"\nmotor = \"link\"\nduration_ms = 2500\n\

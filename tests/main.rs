@@ -8,3 +8,4 @@ mod power_cuts;
 mod profile;
 mod protocol;
 mod scenarios;
+mod trust;

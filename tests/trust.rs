@@ -1,0 +1,191 @@
+//! The power fails in the middle of every flash operation from HI to the end of a session, in which the rotor is driven,
+//! coasts, or is turned by hand: a board that says at the next start that it knows its position knows it.
+
+use std::collections::BTreeSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use hil_sim::board::SimBoard;
+use hil_sim::node::Node;
+use hil_sim::plant::Model;
+use servo_core::mode::Mode;
+use tater_fw::Board;
+use tater_fw::storage::{Progress, Store};
+use tater_wire::{Destination, Message, Node as Id, Property};
+
+/// Sessions, each with its own moment at which it ends and its own remains of what a cut leaves.
+const SEEDS: u64 = 8;
+
+/// Half a count of the cell in which HI ended, and half of the one where the rotor is now.
+const MOST_COUNTS: f64 = 1.0;
+
+/// What turns the spread with its brake engaged, N·m at the motor: half as much again as the brake holds.
+const PUSH_N_M: f64 = 3.0;
+
+/// Saves before the session: two pages of storage are nearly full, so that one must be erased in it.
+const SAVES_BEFORE: i64 = 114;
+
+/// How a session ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Ending {
+    /// The move arrives, the rotor stands, SAVE, STAT 0.
+    Stands,
+    /// CMD T in mid-move; SAVE and STAT 0 while it coasts.
+    Coasts,
+    /// Somebody turns the joint, and lets go of it only in the monitor.
+    Turned,
+}
+
+fn board(number: u8) -> SimBoard {
+    let id = Id::new(number).expect("a node");
+    let mut board = SimBoard::standard(id, Model::Averaged, u64::from(number));
+    let flash = board.flash();
+    let mut store = Store::open(flash);
+    for round in 0..SAVES_BEFORE {
+        store.set(Property::X0, round);
+        let done = (0..1_000).any(|_| store.step(flash, true) == Progress::Done);
+        assert!(done, "storing does not end");
+    }
+    flash.take_busy_us();
+    board
+}
+
+/// A board in use. Once its power has failed, nothing that follows happens.
+struct Session {
+    node: Node,
+    to: Destination,
+    /// How far from the truth HI has called zero, in counts; `None` before its end.
+    zero: Option<f64>,
+}
+
+impl Session {
+    fn is_on(&self) -> bool {
+        !self.node.board().sim_flash().is_dead()
+    }
+
+    fn set(&mut self, property: Property, value: i64) {
+        if self.is_on() {
+            let frame = Message::set(self.to, property, value).expect("fits 32 bits").frame();
+            self.node.receive(&frame).expect("taken");
+        }
+    }
+
+    fn wait(&mut self, ms: u32) {
+        for _ in 0..ms {
+            if self.is_on() {
+                self.node.step();
+            }
+        }
+    }
+
+    /// Until the motor is idle, or without power.
+    fn finish(&mut self) {
+        for _ in 0..3_000 {
+            self.wait(1);
+            if self.node.sample().is_none_or(|sample| sample.status.mode == Mode::Idle) {
+                return;
+            }
+        }
+        panic!("it does not end: {:?}", self.node.sample());
+    }
+
+    /// How far the position is from the truth, in counts; `None` unless the application runs.
+    fn error(&self) -> Option<f64> {
+        self.node.sample().map(|sample| sample.estimated_counts() - sample.truth.counts)
+    }
+
+    fn play(&mut self, ending: Ending, later_ms: u32) {
+        self.set(Property::HOLD, 0);
+        self.set(Property::CMD, 13);
+        self.finish();
+        self.wait(300);
+        self.zero = self.error();
+        self.set(Property::SAVE, -1);
+        self.wait(60);
+        match ending {
+            Ending::Stands => {
+                self.set(Property::M, 12);
+                self.finish();
+                self.wait(300);
+            }
+            Ending::Coasts => {
+                self.set(Property::M, 150);
+                self.wait(250 + later_ms);
+                self.set(Property::CMD, 21);
+                self.wait(2);
+            }
+            Ending::Turned => {
+                self.node.rig_mut().set_disturbance(PUSH_N_M);
+                self.wait(10 + later_ms);
+            }
+        }
+        self.set(Property::SAVE, -1);
+        self.set(Property::STAT, 0);
+        self.wait(50);
+    }
+
+    /// Power off, until all stands, and on again: whether the position is said to be known, and by how much it is not
+    /// what it would be had somebody counted all the time.
+    fn restart(&mut self) -> (bool, f64) {
+        self.node.rig_mut().set_disturbance(0.0);
+        self.node.power_off();
+        for _ in 0..500 {
+            self.node.step();
+        }
+        self.node.power_on();
+        self.wait(20);
+        self.set(Property::STAT, 2);
+        self.wait(100);
+        let error = self.error().expect("the application runs");
+        let homed = self.node.sample().is_some_and(|sample| sample.status.homed);
+        (homed, self.zero.map_or(f64::INFINITY, |zero| (error - zero).abs()))
+    }
+}
+
+/// Plays a session, with the power failing in one of its flash operations or not at all; and how many it has begun.
+fn session(board: SimBoard, ending: Ending, cut: Option<u64>, seed: u64) -> (Session, u64) {
+    let to = Destination::Node(board.straps());
+    let mut node = Node::awake(board);
+    let start = node.board().sim_flash().operations();
+    if let Some(cut) = cut {
+        node.board_mut().flash().cut_at(start + cut, seed);
+    }
+    let mut session = Session { node, to, zero: None };
+    session.play(ending, seed as u32);
+    let operations = session.node.board().sim_flash().operations() - start;
+    (session, operations)
+}
+
+#[test]
+fn a_position_that_is_trusted_is_true_whenever_the_power_fails() {
+    let (mut cuts, mut states, mut known) = (0, BTreeSet::new(), 0);
+    let cases = [(1, Ending::Stands), (1, Ending::Coasts), (4, Ending::Coasts), (4, Ending::Turned)];
+    for ((number, ending), seed) in
+        cases.into_iter().flat_map(|case| (0..SEEDS).map(move |seed| (case, seed)))
+    {
+        let before = board(number);
+        let erases = |board: &SimBoard| board.sim_flash().erases().iter().sum::<u32>();
+        let (mut whole, operations) = session(before.clone(), ending, None, seed);
+        assert!(erases(whole.node.board()) > erases(&before), "no page is erased in {operations} operations");
+        let (homed, error) = whole.restart();
+        assert_eq!(homed, ending == Ending::Stands, "node {number}, {ending:?}, seed {seed}");
+        assert!(!homed || error <= MOST_COUNTS, "node {number}, {ending:?}, seed {seed}: {error}");
+        for cut in 0..operations {
+            let (mut session, _) = session(before.clone(), ending, Some(cut), seed);
+            assert!(!session.is_on(), "cut {cut} of {operations} was not reached");
+            let mut hasher = DefaultHasher::new();
+            session.node.board().sim_flash().bytes().hash(&mut hasher);
+            states.insert(hasher.finish());
+            let (homed, error) = session.restart();
+            let case = format!("node {number}, {ending:?}, cut {cut}, seed {seed}");
+            assert!(!homed || error <= MOST_COUNTS, "{case}: {error}");
+            cuts += 1;
+            known += u32::from(homed);
+        }
+    }
+    println!(
+        "figure: {cuts} power cuts from HI to STAT 0, {} distinct flash states: {known} starts trust their position, \
+         and all of them are within {MOST_COUNTS} count",
+        states.len()
+    );
+    assert!(known > 0 && known < cuts, "{known} of {cuts}");
+}
