@@ -39,8 +39,19 @@ pub fn check() -> Outcome {
         println!("  {name}");
         run(fuzz(&fuzzer, &["build", name]))?;
         let seconds = format!("-max_total_time={SECONDS}");
-        let mut fuzz =
-            fuzz(&fuzzer, &["run", name, "--", &seconds, "-seed=1", "-verbosity=0", "-print_final_stats=1"]);
+        let mut fuzz = fuzz(
+            &fuzzer,
+            &[
+                "run",
+                name,
+                "--",
+                &seconds,
+                "-seed=1",
+                "-verbosity=0",
+                "-print_funcs=0",
+                "-print_final_stats=1",
+            ],
+        );
         fuzz.stdout(std::process::Stdio::null());
         run(fuzz)?;
     }
