@@ -41,9 +41,6 @@ const SAVE: u8 = 9;
 /// See [`LOCK`].
 const LOAD: u8 = 10;
 
-/// The property that carries an answer to another node's GET.
-const VALUE: u8 = 7;
-
 /// Frames that wait for the CAN controller: a GET of each property, and a request.
 const OUTBOX: usize = 8;
 
@@ -186,20 +183,16 @@ impl<B: Board> Monitor<B> {
         self.flush();
     }
 
-    fn answer(&mut self, asker: Node, property: u8) {
+    fn answer(&mut self, asker: Node, number: u8) {
+        let Some(property) = Property::of(number) else { return };
         let value = match property {
-            id if id == Property::VERS.id() => Some(VERSION),
-            id if id == Property::ERROR.id() => Some(self.error.map_or(0, |error| i64::from(error.code()))),
-            id if id == Property::STAT.id() => Some(0),
-            id => self.identity.get(id),
+            Property::VERS => Some(VERSION),
+            Property::ERROR => Some(self.error.map_or(0, |error| i64::from(error.code()))),
+            Property::STAT => Some(0),
+            _ => self.identity.get(number),
         };
-        // All of them are 0..=32767.
-        let Some(bits) = value.and_then(|value| u16::try_from(value).ok()) else { return };
-        let value = Value::Short(bits);
-        if asker == Node::HOST {
-            self.send(Destination::Group(Group::REPLIES), Body::Set { property, value });
-        } else {
-            self.send(Destination::Node(asker), Body::Set { property: VALUE, value });
+        if let Some(message) = value.and_then(|value| Message::answer(self.node, asker, property, value)) {
+            self.send(message);
         }
     }
 
@@ -305,7 +298,9 @@ impl<B: Board> Monitor<B> {
             }
             Phase::Download(download) => match download.step(self.board.flash(), now) {
                 Ok(Step::Working) => {}
-                Ok(Step::Ask(body)) => self.send(Destination::Node(Node::HOST), body),
+                Ok(Step::Ask(body)) => {
+                    self.send(Message { from: self.node, to: Destination::Node(Node::HOST), body });
+                }
                 Ok(Step::Whole(len)) => match Check::new(self.board.flash(), STAGING) {
                     Some(check) if check.len() == len => self.phase = Phase::Check(check, Then::Received),
                     _ => self.refuse(FaultCode::BadImage),
@@ -386,10 +381,10 @@ impl<B: Board> Monitor<B> {
         !self.saving
     }
 
-    fn send(&mut self, to: Destination, body: Body) {
+    fn send(&mut self, message: Message) {
         if self.node != Node::HOST {
             // A full outbox: nobody acknowledges on the bus, and hosts ask again as requests do.
-            let _ = self.outbox.push_back(Message { from: self.node, to, body }.frame());
+            let _ = self.outbox.push_back(message.frame());
         }
     }
 

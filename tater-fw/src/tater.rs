@@ -51,9 +51,6 @@ const STILL_MS: u8 = 200;
 /// Flash operations that a reset waits for, so that a SAVE just before it is kept: a page holds 512 half-words.
 const LAST_OPERATIONS: usize = 1024;
 
-/// Number of VALUE: what a GET by another board is answered as. It is no property of a Tater: it was the raw memory's.
-const VALUE: u8 = 7;
-
 /// LFLAGS: ends of moves are reported.
 const REPORT_ENDS: u8 = 1;
 
@@ -289,17 +286,8 @@ impl<B: Board> Tater<B> {
         if self.node == Node::HOST {
             return Ok(());
         }
-        let message = if to == Node::HOST {
-            Message::reply(self.node, property, value)
-        } else {
-            property.write(value).map(|value| Message {
-                from: self.node,
-                to: Destination::Node(to),
-                body: Body::Set { property: VALUE, value },
-            })
-        };
         // Every value that is read fits 32 bits.
-        let message = message.ok_or(Refused::Range(property))?;
+        let message = Message::answer(self.node, to, property, value).ok_or(Refused::Range(property))?;
         self.outbox.push_back(message.frame()).map_err(|_| {
             self.unsent = self.unsent.saturating_add(1);
             Refused::Busy(property)

@@ -35,10 +35,12 @@ pub mod memory;
 pub mod message;
 pub mod property;
 pub mod tek;
+pub mod value;
 
 pub use command::Cmd;
 pub use fault::FaultCode;
 pub use frame::Frame;
 pub use id::{Destination, Group, Identifier, Node};
-pub use message::{Body, Message, Torques, Value};
+pub use message::{Body, Message, Torques};
 pub use property::Property;
+pub use value::Value;

@@ -9,9 +9,13 @@
 use crate::frame::Frame;
 use crate::id::{Destination, Group, Identifier, Node};
 use crate::property::Property;
+use crate::value::Value;
 
 /// Bit 7 of the first byte: a value follows.
 const SET: u8 = 0x80;
+
+/// Number of VALUE: what a GET by another board is answered as. It is no property of a Tater: it was the raw memory's.
+pub const VALUE: u8 = 7;
 
 /// Torque slots in a packed frame.
 pub const SLOTS: usize = 4;
@@ -50,15 +54,6 @@ pub enum Body {
         /// Characters received so far (24 bits): where to go on from.
         received: u32,
     },
-}
-
-/// A value as it is on the wire, with its width. What the bits mean is the property's: [`Property::read`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Value {
-    /// Two bytes: a frame of DLC 4.
-    Short(u16),
-    /// Four bytes: a frame of DLC 6.
-    Long(u32),
 }
 
 /// One to four packed torques, ±8191 (14 bits; −8192 reads back too).
@@ -190,6 +185,17 @@ impl Message {
     pub fn set(to: Destination, property: Property, value: i64) -> Option<Self> {
         let value = property.write(value)?;
         Some(Self { from: Node::HOST, to, body: Body::Set { property: property.id(), value } })
+    }
+
+    /// A board's answer to a GET of node `to`: the host gets a reply, another board a SET of VALUE. `None` if the value does
+    /// not fit 32 bits.
+    #[must_use]
+    pub fn answer(from: Node, to: Node, property: Property, value: i64) -> Option<Self> {
+        if to == Node::HOST {
+            return Self::reply(from, property, value);
+        }
+        let body = Body::Set { property: VALUE, value: property.write(value)? };
+        Some(Self { from, to: Destination::Node(to), body })
     }
 
     /// A board's answer to the host: positions to group 3, all else to group 6. `None` if the value does not fit

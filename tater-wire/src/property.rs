@@ -8,7 +8,7 @@ mod table;
 pub use table::{Property, ROWS};
 
 use crate::id::Node;
-use crate::message::Value;
+use crate::value::Value;
 use core::ops::Deref;
 
 /// What a host may do with a property.
