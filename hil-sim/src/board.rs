@@ -5,7 +5,7 @@ use servo_core::MotorKind;
 use servo_core::sense::commutation::Bridge;
 use tater_fw::{Analog, Board};
 use tater_wire::property::Kind;
-use tater_wire::{Frame, Node};
+use tater_wire::{Destination, FaultCode, Frame, Group, Node};
 
 use crate::plant::{Heat, Model, PlantParams, Start};
 use crate::rig::flash::SimFlash;
@@ -14,12 +14,18 @@ use crate::rig::{Rig, RigParams};
 /// Transmit mailboxes of the CAN controller (bxCAN).
 const MAILBOXES: usize = 3;
 
+/// Filters that let nothing through but group 0.
+const DEAF: (Node, [Option<Group>; 3]) = (Node::HOST, [None; 3]);
+
 /// One board's hardware and its plant.
 #[derive(Clone, Debug)]
 pub struct SimBoard {
     rig: Rig,
     flash: SimFlash,
     straps: Node,
+    reset_cause: Option<FaultCode>,
+    /// What the filters of the CAN controller let through besides group 0.
+    listens: (Node, [Option<Group>; 3]),
     bridge: Bridge,
     brake_released: bool,
     analog: Analog,
@@ -37,6 +43,8 @@ impl SimBoard {
             rig,
             flash: SimFlash::default(),
             straps,
+            reset_cause: None,
+            listens: DEAF,
             bridge: Bridge::Off,
             brake_released: false,
             mailboxes: Vec::new(),
@@ -118,11 +126,24 @@ impl SimBoard {
         self.feeds
     }
 
-    /// What a reset or a loss of power does to the pins: bridge off, brake engaged, mailboxes empty.
-    pub fn reset_pins(&mut self) {
+    /// Whether the filters of the CAN controller let a frame through.
+    #[must_use]
+    pub fn lets_through(&self, frame: &Frame) -> bool {
+        let (node, groups) = self.listens;
+        match frame.id().to {
+            Destination::Node(to) => to == node && node != Node::HOST,
+            Destination::Group(group) => group == Group::ALL || groups.contains(&Some(group)),
+        }
+    }
+
+    /// What a reset or a loss of power does to the pins and the CAN controller: bridge off, brake engaged, mailboxes and
+    /// filters empty. `cause` is what [`Board::reset_cause`] says from then on.
+    pub fn reset_pins(&mut self, cause: Option<FaultCode>) {
         self.bridge(Bridge::Off);
         self.brake_released = false;
         self.mailboxes.clear();
+        self.listens = DEAF;
+        self.reset_cause = cause;
     }
 }
 
@@ -154,6 +175,10 @@ impl Board for SimBoard {
         room
     }
 
+    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+        self.listens = (node, groups);
+    }
+
     fn flash(&mut self) -> &mut SimFlash {
         &mut self.flash
     }
@@ -164,6 +189,10 @@ impl Board for SimBoard {
 
     fn reset(&mut self) {
         self.resets += 1;
+    }
+
+    fn reset_cause(&self) -> Option<FaultCode> {
+        self.reset_cause
     }
 
     fn straps(&self) -> Node {

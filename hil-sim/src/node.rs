@@ -7,9 +7,9 @@ use tater_fw::monitor::Next;
 use tater_fw::storage::{Progress, Store};
 use tater_fw::tater::Refused;
 use tater_fw::{Analog, Board, Monitor, Tater};
-use tater_wire::Frame;
 use tater_wire::image::seal;
 use tater_wire::memory::{APPLICATION, RAM};
+use tater_wire::{FaultCode, Frame};
 
 use crate::board::SimBoard;
 use crate::bus::Station;
@@ -175,14 +175,19 @@ impl Node {
     /// The power fails: bridge off, brake engaged, RAM lost. The rotor coasts on.
     pub fn power_off(&mut self) {
         let mut board = self.take_board();
-        board.reset_pins();
+        board.reset_pins(None);
         self.program = Some(Program::Off(board));
     }
 
     /// The power comes on: the monitor runs, even if it was on.
     pub fn power_on(&mut self) {
+        self.reset(None);
+    }
+
+    /// The monitor runs; `cause` is why, if nobody asked for it.
+    fn reset(&mut self, cause: Option<FaultCode>) {
         let mut board = self.take_board();
-        board.reset_pins();
+        board.reset_pins(cause);
         board.flash().power_up();
         self.resets = board.resets();
         self.program = Some(Program::Monitor(Monitor::new(board)));
@@ -282,7 +287,7 @@ impl Node {
         } else if self.now_us - self.fed.1 > WATCHDOG_US {
             self.fed.1 = self.now_us;
             self.watchdog_resets += 1;
-            self.power_on();
+            self.reset(Some(FaultCode::Watchdog));
         }
     }
 
@@ -340,11 +345,14 @@ impl Node {
 
     // --- the bus ----------------------------------------------------------------------------------------------
 
-    /// A frame comes in now.
+    /// A frame comes in now. The filters of the CAN controller are before the program.
     ///
     /// # Errors
     /// Why the application did nothing with it, which on the bus nobody is told; the monitor never says.
     pub fn receive(&mut self, frame: &Frame) -> Result<(), Refused> {
+        if !self.board().lets_through(frame) {
+            return Ok(());
+        }
         let now = micros(self.now_us);
         let done = match &mut self.program {
             Some(Program::Application(tater)) => tater.receive(frame, now),

@@ -3,7 +3,7 @@
 
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
-use tater_wire::{Frame, Node};
+use tater_wire::{FaultCode, Frame, Group, Node};
 
 /// Analog readings, as converted last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,6 +44,11 @@ pub trait Board {
     /// Hands a frame to the CAN controller; `false`, and nothing done, if it has no room now.
     fn transmit(&mut self, frame: &Frame) -> bool;
 
+    /// Which frames the CAN controller lets through besides those to group 0: those to the node, unless it is
+    /// [`Node::HOST`] (nobody has named the board), and those to these groups. A hint to hardware filters: the program
+    /// checks each frame itself.
+    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]);
+
     /// The flash.
     fn flash(&mut self) -> &mut Self::Flash;
 
@@ -52,6 +57,10 @@ pub trait Board {
 
     /// Resets the board into the monitor: on the metal this does not return.
     fn reset(&mut self);
+
+    /// Why the board was reset, if nobody asked for it: watchdog, panic, hard fault, crystal. `None` after power-up, the
+    /// reset line or an ordered reset.
+    fn reset_cause(&self) -> Option<FaultCode>;
 
     /// The node that the straps say; node 0 where they say none.
     fn straps(&self) -> Node;

@@ -102,6 +102,7 @@ pub struct Monitor<B: Board> {
     saving: bool,
     /// The copy that is owed has failed.
     copy_failed: bool,
+    /// At first why the board was reset, unless somebody wanted it to be.
     error: Option<FaultCode>,
     outbox: Deque<Frame, OUTBOX>,
 }
@@ -118,10 +119,10 @@ impl<B: Board> Monitor<B> {
         let node = id.and_then(Node::new).unwrap_or(straps);
         let groups = GROUPS.map(|property| {
             let number = store.get(property).or_else(|| property.spec().default_for(node))?;
-            // What goes to the host is not for boards: a reply looks like a SET.
-            let group = Group::new(u8::try_from(number).ok()?)?;
-            (group != Group::POSITIONS && group != Group::REPLIES).then_some(group)
+            Group::new(u8::try_from(number).ok()?).filter(|group| group.is_for_boards())
         });
+        board.listen(node, groups);
+        let error = board.reset_cause();
         let phase = match Check::new(board.flash(), STAGING) {
             Some(check) => Phase::Check(check, Then::Copy),
             None => Phase::Idle,
@@ -136,7 +137,7 @@ impl<B: Board> Monitor<B> {
             wish: None,
             saving: false,
             copy_failed: false,
-            error: None,
+            error,
             outbox: Deque::new(),
         }
     }

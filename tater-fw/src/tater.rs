@@ -250,18 +250,24 @@ impl<B: Board> Tater<B> {
         obeyed
     }
 
-    /// Whether a frame concerns this board. What goes to the host's groups is said by boards, and never an order,
-    /// whatever GRPA, GRPB and GRPC are.
+    /// Whether a frame concerns this board.
     fn hears(&self, to: Destination) -> bool {
         match to {
             Destination::Node(node) => node == self.node && node != Node::HOST,
-            Destination::Group(Group::POSITIONS | Group::REPLIES) => false,
-            Destination::Group(group) => {
-                let number = group.number();
-                let Kept { grpa, grpb, grpc, .. } = self.kept;
-                group == Group::ALL || number == grpa || number == grpb || number == grpc
-            }
+            Destination::Group(group) => group == Group::ALL || self.groups().contains(&Some(group)),
         }
+    }
+
+    /// GRPA, GRPB and GRPC, as far as boards may listen to them.
+    fn groups(&self) -> [Option<Group>; 3] {
+        let Kept { grpa, grpb, grpc, .. } = self.kept;
+        [grpa, grpb, grpc].map(|number| Group::new(number).filter(|group| group.is_for_boards()))
+    }
+
+    /// Tells the CAN controller what concerns this board: to be called whenever the groups have changed.
+    fn listen(&mut self) {
+        let groups = self.groups();
+        self.board.listen(self.node, groups);
     }
 
     fn get(&mut self, id: u8, from: Node) -> Result<(), Refused> {

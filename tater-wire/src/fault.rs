@@ -101,6 +101,18 @@ table! {
     DownloadTimeout = 23, Some(Property::VERS),
         "the host stopped sending in the middle of a download",
         "download it again; the old application is still there";
+    Watchdog = 24, None,
+        "the program hung, and the watchdog reset the board",
+        "wake it by SET STAT 2; if it comes back, note what the hand was doing and report it";
+    Panic = 25, None,
+        "the program found a mistake of its own, and reset the board",
+        "wake it by SET STAT 2; if it comes back, note what the hand was doing and report it";
+    HardFault = 26, None,
+        "the processor could not go on (HardFault), and reset the board",
+        "wake it by SET STAT 2; if it comes back, download the application again, and check the supply";
+    Clock = 27, None,
+        "the 8 MHz crystal failed while the program ran, and the board was reset",
+        "wake it by SET STAT 2; if it comes back, the crystal or its solder joints are broken";
 }
 
 impl FaultCode {

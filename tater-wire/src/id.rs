@@ -51,6 +51,13 @@ impl Group {
     pub const fn number(self) -> u8 {
         self.0
     }
+
+    /// Whether boards may listen to it. What goes to the host's groups is said by boards, and never an order: a reply
+    /// looks like a SET.
+    #[must_use]
+    pub const fn is_for_boards(self) -> bool {
+        !matches!(self, Self::POSITIONS | Self::REPLIES)
+    }
 }
 
 /// Whom a frame is for.

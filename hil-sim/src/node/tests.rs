@@ -1,7 +1,7 @@
 use super::*;
 use crate::bus::{Adapter, Bus, Stamped};
 use crate::plant::Model;
-use tater_wire::{Destination, Message, Property};
+use tater_wire::{Body, Destination, Group, Message, Property};
 
 fn to(number: u8) -> Destination {
     Destination::Node(tater_wire::Node::new(number).expect("a node"))
@@ -101,4 +101,48 @@ fn an_unfed_watchdog_resets_the_board() {
     node.advance(4_000_000);
     assert_eq!(node.watchdog_resets(), 1);
     assert!(node.application().is_none(), "back in the monitor");
+    node.advance(4_020_000);
+    assert_eq!(error(&mut node), Some(i64::from(FaultCode::Watchdog.code())));
+    node.power_on();
+    node.advance(4_040_000);
+    assert_eq!(error(&mut node), Some(0), "power-up");
+}
+
+#[test]
+fn an_ordered_reset_is_no_error() {
+    let mut node = Node::awake(SimBoard::standard(tater_wire::Node::new(4).expect("4"), Model::Averaged, 1));
+    node.reset(Some(FaultCode::Watchdog));
+    node.start_application();
+    let reset = Message::set(to(4), Property::STAT, 0).expect("fits").frame();
+    node.receive(&reset).expect("taken");
+    assert!(node.application().is_none(), "in the monitor");
+    assert_eq!(error(&mut node), Some(0));
+}
+
+#[test]
+fn the_filters_keep_what_is_not_for_the_board_from_the_program() {
+    let mut node = Node::new(SimBoard::standard(tater_wire::Node::new(5).expect("5"), Model::Averaged, 1));
+    let group = |number| Destination::Group(Group::new(number).expect("a group"));
+    let heard = |node: &Node| -> Vec<u8> {
+        (0..32).filter(|&n| node.board().lets_through(&Message::get(group(n), Property::P).frame())).collect()
+    };
+    assert_eq!(heard(&node), [0, 2, 4]);
+    node.start_application();
+    node.receive(&Message::set(to(5), Property::GRPA, 17).expect("fits").frame()).expect("taken");
+    assert_eq!(heard(&node), [0, 2, 4, 17]);
+    let nodes = |n: &u8| node.board().lets_through(&Message::get(to(*n), Property::P).frame());
+    assert_eq!((0..32).filter(nodes).collect::<Vec<_>>(), [5]);
+    node.power_off();
+    assert_eq!(heard(&node), [0], "until a program has said what it listens to");
+}
+
+/// What ERROR says.
+fn error(node: &mut Node) -> Option<i64> {
+    node.receive(&Message::get(to(4), Property::ERROR).frame()).expect("heard");
+    let frame = *node.mailboxes().first()?;
+    node.sent(&frame);
+    match Message::parse(&frame)?.body {
+        Body::Set { value, .. } => Some(Property::ERROR.read(value)),
+        _ => None,
+    }
 }

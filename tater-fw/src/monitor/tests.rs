@@ -70,6 +70,9 @@ struct Bed {
     straps: u8,
     bridge: Bridge,
     brake: bool,
+    /// What the CAN controller lets through.
+    listens: Option<(Node, [Option<Group>; 3])>,
+    cause: Option<FaultCode>,
 }
 
 impl Board for Bed {
@@ -94,11 +97,17 @@ impl Board for Bed {
         }
         taken
     }
+    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+        self.listens = Some((node, groups));
+    }
     fn flash(&mut self) -> &mut Chip {
         &mut self.chip
     }
     fn feed(&mut self) {}
     fn reset(&mut self) {}
+    fn reset_cause(&self) -> Option<FaultCode> {
+        self.cause
+    }
     fn straps(&self) -> Node {
         Node::new(self.straps).expect("straps are 0 to 31")
     }
@@ -123,6 +132,8 @@ impl Bench {
             straps,
             bridge: Bridge::On { legs: [Leg::Low; 3], duty: Duty::ZERO },
             brake: true,
+            listens: None,
+            cause: None,
         })
     }
 

@@ -84,7 +84,12 @@ impl<B: Board> Tater<B> {
                 }
                 self.command(Command::Configure(config))
             }
-            kept!() if kept::set(&mut self.kept, property, value) => Ok(()),
+            kept!() if kept::set(&mut self.kept, property, value) => {
+                if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
+                    self.listen();
+                }
+                Ok(())
+            }
             P::STAT if value == READY => {
                 self.storage_error = false;
                 self.command(Command::ClearFault)

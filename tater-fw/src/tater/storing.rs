@@ -128,6 +128,7 @@ impl<B: Board> Tater<B> {
                 let _ = kept::set(&mut self.kept, property, value);
             }
         }
+        self.listen();
     }
 
     fn load_one(&mut self, property: Property) -> Result<(), Refused> {

@@ -9,7 +9,7 @@ use tater_fw::{Analog, Board, Flash, FlashError};
 use tater_wire::download::{CHARACTERS, START, START_NUMBERED, pack};
 use tater_wire::image::{HEADER_END, Header, seal};
 use tater_wire::memory::{APPLICATION, Area, FLASH, RAM};
-use tater_wire::{Body, Destination, FaultCode, Frame, Message, Node, Property};
+use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property};
 
 /// One flash operation.
 #[derive(Clone, Copy, Debug)]
@@ -71,11 +71,15 @@ impl Board for Bed {
         self.sent.push(*frame);
         true
     }
+    fn listen(&mut self, _: Node, _: [Option<Group>; 3]) {}
     fn flash(&mut self) -> &mut Logged {
         &mut self.flash
     }
     fn feed(&mut self) {}
     fn reset(&mut self) {}
+    fn reset_cause(&self) -> Option<FaultCode> {
+        None
+    }
     fn straps(&self) -> Node {
         NODE
     }

@@ -43,6 +43,35 @@ fn groups_and_node_come_from_storage_but_a_reply_is_never_taken_for_an_order() {
 }
 
 #[test]
+fn the_controller_is_told_what_the_monitor_listens_to() {
+    let groups = |numbers: [u8; 3]| numbers.map(Group::new);
+    let mut bench = Bench::strapped(3);
+    assert_eq!(bench.board().listens, Some((Node::new(3).expect("3"), groups([0, 1, 4]))));
+    bench.monitor.store.set(Property::GRPA, 3);
+    bench.monitor.store.set(Property::GRPB, 9);
+    bench.monitor.store.set(Property::ID, 12);
+    bench.monitor.saving = true;
+    bench.settle();
+    let listens = bench.reset().board().listens;
+    assert_eq!(listens, Some((Node::new(12).expect("12"), [None, Group::new(9), Group::new(4)])));
+    let listens = Bench::strapped(0).board().listens;
+    assert_eq!(listens, Some((Node::HOST, groups([0, 1, 4]))), "nobody has named it");
+}
+
+#[test]
+fn error_says_why_the_board_was_reset_until_it_is_woken() {
+    for cause in [FaultCode::Watchdog, FaultCode::Panic, FaultCode::HardFault, FaultCode::Clock] {
+        let mut bench = Bench::strapped(3);
+        bench.board().chip.load(APPLICATION.start, &image(2000, 1));
+        bench.board().cause = Some(cause);
+        let mut bench = bench.reset();
+        assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(u16::from(cause.code()))));
+        bench.set(3, 5, 2);
+        assert_eq!((bench.get(3, 4), bench.settle()), (Some(0), Next::Start));
+    }
+}
+
+#[test]
 fn a_board_without_straps_keeps_silent_until_it_has_been_named() {
     let mut bench = Bench::strapped(0);
     for id in [0, 0x400, 0x404] {

@@ -10,7 +10,7 @@ use tater_fw::storage::Progress;
 use tater_fw::tater::Refused;
 use tater_fw::{Analog, Board, Flash, FlashError, Tater};
 use tater_wire::memory::{FLASH, PAGE};
-use tater_wire::{Body, Destination, Frame, Group, Message, Node, Property, Value};
+use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
 
 /// Hall codes of sectors 0 to 5 (DESIGN 4.2).
 const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
@@ -71,6 +71,8 @@ pub struct FakeBoard {
     pub halls: u8,
     pub analog: Analog,
     pub straps: Node,
+    /// What the CAN controller lets through, as told each time.
+    pub listened: Vec<(Node, [Option<Group>; 3])>,
     pub bridge: Bridge,
     pub brake_released: bool,
     /// Frames that were handed to the CAN controller.
@@ -109,6 +111,7 @@ impl FakeBoard {
                 bridge_fault: false,
             },
             straps: Node::new(straps).expect("0 to 31"),
+            listened: Vec::new(),
             bridge: Bridge::Off,
             brake_released: false,
             sent: Vec::new(),
@@ -163,6 +166,10 @@ impl Board for FakeBoard {
         true
     }
 
+    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+        self.listened.push((node, groups));
+    }
+
     fn flash(&mut self) -> &mut FakeFlash {
         &mut self.flash
     }
@@ -174,6 +181,10 @@ impl Board for FakeBoard {
     fn reset(&mut self) {
         self.sent_at_reset = self.sent.len();
         self.resets.push((self.bridge != Bridge::Off, self.brake_released));
+    }
+
+    fn reset_cause(&self) -> Option<FaultCode> {
+        None
     }
 
     fn straps(&self) -> Node {

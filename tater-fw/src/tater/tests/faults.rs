@@ -69,7 +69,11 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
         | FaultCode::Overlap
         | FaultCode::FlashWrite
         | FaultCode::BadImage
-        | FaultCode::DownloadTimeout => return false,
+        | FaultCode::DownloadTimeout
+        | FaultCode::Watchdog
+        | FaultCode::Panic
+        | FaultCode::HardFault
+        | FaultCode::Clock => return false,
     }
     true
 }

@@ -5,7 +5,7 @@ use crate::tater::Refused;
 use servo_core::Refusal;
 use servo_core::mode::Mode;
 use servo_core::units::{DeciCelsius, Micros};
-use tater_wire::{FaultCode, Node, Property};
+use tater_wire::{FaultCode, Group, Node, Property};
 
 fn id(property: Property) -> i64 {
     i64::from(property.id())
@@ -73,6 +73,39 @@ fn of_all_by_property_and_by_command() {
         bench.settle();
         assert_eq!(read(&mut bench.restart()), [Some(60), Some(0), Some(300)]);
     }
+}
+
+#[test]
+fn the_controller_is_told_the_groups_whenever_they_change() {
+    let told = |bench: &mut Bench| {
+        let listened = std::mem::take(&mut bench.board().listened);
+        let node = bench.tater.node();
+        listened.last().map(|&(to, groups)| {
+            assert_eq!(to, node);
+            groups.map(|group| group.map(Group::number))
+        })
+    };
+    let mut bench = Bench::new(6);
+    assert_eq!(told(&mut bench), Some([Some(0), Some(2), Some(4)]));
+    set(&mut bench, Property::GRPA, 9);
+    assert_eq!(told(&mut bench), Some([Some(9), Some(2), Some(4)]));
+    set(&mut bench, Property::GRPB, 3);
+    assert_eq!(told(&mut bench), Some([Some(9), None, Some(4)]), "positions are for the host");
+    set(&mut bench, Property::GRPC, 6);
+    assert_eq!(told(&mut bench), Some([Some(9), None, None]), "so are replies");
+    set(&mut bench, Property::SAVE, id(Property::GRPA));
+    set(&mut bench, Property::X0, 9);
+    assert_eq!(told(&mut bench), None, "nothing has changed");
+    set(&mut bench, Property::LOAD, id(Property::GRPC));
+    assert_eq!(told(&mut bench), Some([Some(9), None, Some(4)]));
+    set(&mut bench, Property::LOAD, -1);
+    assert_eq!(told(&mut bench), Some([Some(9), Some(2), Some(4)]));
+    set(&mut bench, Property::DEF, id(Property::GRPA));
+    assert_eq!(told(&mut bench), Some([Some(0), Some(2), Some(4)]));
+    set(&mut bench, Property::GRPB, 30);
+    set(&mut bench, Property::DEF, -1);
+    assert_eq!(told(&mut bench), Some([Some(0), Some(2), Some(4)]));
+    assert_eq!(told(&mut Bench::new(0)), Some([Some(0), Some(1), Some(4)]), "nobody has named it");
 }
 
 #[test]
