@@ -20,7 +20,8 @@ pub struct Analog {
     pub strain: u8,
     /// The raw inputs behind ANA0 (strain gauge) and ANA1 (motor thermistor), 0..=4095.
     pub raw: [u16; 2],
-    /// The break input has switched the bridge off; it stays so until the bridge is commanded off.
+    /// The break input has switched the bridge off; it stays so until the bridge is commanded off. Where an interrupt calls
+    /// [`Tater::bridge_fault`](crate::Tater::bridge_fault), it may be `false` always.
     pub bridge_fault: bool,
 }
 

@@ -3,6 +3,7 @@
 //! | when | what |
 //! |---|---|
 //! | a hall line changes | [`Tater::hall`]: commutate at once |
+//! | the break input has tripped | [`Tater::bridge_fault`]: nothing is driven any more |
 //! | each millisecond | [`Tater::tick`]: sense, servo, drive |
 //! | a frame comes | [`Tater::receive`]: answer, or obey |
 //! | ten times a second | [`Tater::slow`]: temperatures, counters, watchdog |
@@ -88,6 +89,8 @@ pub struct Tater<B: Board> {
     /// HALLH: three bits a code, the newest lowest.
     hall_history: u32,
     drive: Drive,
+    /// The break input has tripped since the last tick.
+    tripped: bool,
     kept: Kept,
     lock: Lock,
     store: Store,
@@ -136,6 +139,7 @@ impl<B: Board> Tater<B> {
             halls: Vec::new(),
             hall_history: u32::from(code),
             drive: OFF,
+            tripped: false,
             kept: Kept::default(),
             lock: Lock::default(),
             trusted_at: stored.map(|_| count),
@@ -183,6 +187,14 @@ impl<B: Board> Tater<B> {
         self.board.bridge(self.commutator.bridge());
     }
 
+    /// The break input has tripped, and the hardware has switched the bridge off: no hall edge may switch it on again
+    /// before the next tick has told the servo.
+    pub fn bridge_fault(&mut self) {
+        self.tripped = true;
+        self.commutator.set(None);
+        self.board.bridge(Bridge::Off);
+    }
+
     /// The control tick, 1 ms after the last.
     pub fn tick(&mut self, now: Micros) {
         self.ticked = true;
@@ -196,7 +208,7 @@ impl<B: Board> Tater<B> {
             current: analog.current,
             motor_temp: analog.motor_temp,
             strain: analog.strain,
-            bridge_fault: analog.bridge_fault,
+            bridge_fault: core::mem::take(&mut self.tripped) || analog.bridge_fault,
             host_lost: self.silent_ms > HOST_LOST_MS,
         });
         self.halls.clear();

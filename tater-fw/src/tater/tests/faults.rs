@@ -7,6 +7,7 @@ use crate::tater::{HOST_LOST_MS, Refused};
 use servo_core::Refusal;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
+use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
 use tater_wire::{Body, Destination, FaultCode, Group, Node, Property, fault};
 
@@ -157,6 +158,30 @@ fn a_fault_of_the_flash_does_not_touch_the_motion() {
     assert_eq!(bench.get(Property::ERROR), Some(8));
     assert!(bench.tick().duty.is_some());
     assert_eq!(bench.tater.status().mode, Mode::Trapezoidal);
+}
+
+#[test]
+fn nothing_switches_the_bridge_on_after_the_break_input_and_the_next_tick_says_so() {
+    let mut bench = Bench::new(4);
+    bench.set(Property::M, 100).expect("moves");
+    bench.ticks(60);
+    assert_ne!(bench.board().bridge, Bridge::Off);
+    bench.tater.bridge_fault();
+    assert_eq!(bench.board().bridge, Bridge::Off);
+    for count in 1..5 {
+        bench.board().turn_to(count);
+        let now = bench.now;
+        bench.tater.hall(now);
+        assert_eq!(bench.board().bridge, Bridge::Off, "edge {count}");
+    }
+    // What a host clears before the tick has not been seen yet.
+    bench.set(Property::STAT, 2).expect("clears");
+    assert_eq!(bench.tick_to(0).duty, None);
+    assert_eq!((bench.get(Property::ERROR), bench.tater.status().mode), (Some(6), Mode::Idle));
+    bench.set(Property::STAT, 2).expect("clears");
+    bench.set(Property::M, 100).expect("moves");
+    bench.ticks(60);
+    assert_ne!(bench.board().bridge, Bridge::Off, "once");
 }
 
 #[test]
