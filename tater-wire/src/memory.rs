@@ -32,10 +32,24 @@ pub const STAGING: Area = Area { start: APPLICATION.end(), len: APPLICATION.len 
 /// Properties and counters.
 pub const STORAGE: Area = Area { start: STAGING.end(), len: 8 * 1024 };
 
-/// Where the stack of an application may start: the end of the 20 KiB of RAM at the latest.
+/// All of the RAM.
 pub const RAM: Area = Area { start: 0x2000_0000, len: 20 * 1024 };
+/// The stack, which grows down: at the bottom, so that one that overflows is a fault and overwrites nothing.
+pub const STACK: Area = Area { start: RAM.start, len: 8 * 1024 };
+/// Variables.
+pub const STATICS: Area = Area { start: STACK.end(), len: RAM.len - STACK.len - KEPT.len };
+/// What survives a reset: why there was one. No program starts by clearing it.
+pub const KEPT: Area = Area { start: RAM.end() - 16, len: 16 };
 
+// Each area begins where the one before it ends: none overlaps another, and nothing is left over.
+const _: () = assert!(MONITOR.start == FLASH.start && APPLICATION.start == MONITOR.end());
+const _: () = assert!(STAGING.start == APPLICATION.end() && STORAGE.start == STAGING.end());
 const _: () = assert!(STORAGE.end() == FLASH.end(), "the areas fill the flash");
+const _: () = assert!(STACK.start == RAM.start && STATICS.start == STACK.end());
+const _: () = assert!(KEPT.start == STATICS.end() && KEPT.end() == RAM.end(), "the areas fill the RAM");
+const _: () = assert!(STAGING.len == APPLICATION.len, "one is copied over the other");
+const _: () = assert!(MONITOR.len.is_multiple_of(PAGE) && APPLICATION.len.is_multiple_of(PAGE));
+const _: () = assert!(STORAGE.len.is_multiple_of(PAGE), "whole pages");
 
 impl Area {
     /// The first address after it.

@@ -28,8 +28,20 @@ const ARROWS: [Arrows; 7] = [
     Arrows {
         package: "tater-fw",
         ours: &["servo-core", "tater-wire"],
-        // The same.
-        others: Some(&["heapless", "proptest (dev)"]),
+        // The same. Only on the metal: bxcan, cortex-m(-rt), stm32f1xx-hal: registers. cortex-m-rtic: interrupts.
+        // embedded-hal: pins. defmt(-rtt): logs. To build: tater-wire, for the memory map in the linker scripts.
+        others: Some(&[
+            "bxcan",
+            "cortex-m",
+            "cortex-m-rt",
+            "cortex-m-rtic",
+            "defmt",
+            "defmt-rtt",
+            "embedded-hal",
+            "heapless",
+            "proptest (dev)",
+            "stm32f1xx-hal",
+        ]),
     },
     Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw"], others: None },
     Arrows {

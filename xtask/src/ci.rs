@@ -57,7 +57,7 @@ fn clippy_thumb() -> Outcome {
 }
 
 fn build_thumb() -> Outcome {
-    run(program(&format!("cargo build --quiet --release {BOARD} --target {THUMB}")))
+    run(program(&format!("cargo build --quiet --release {BOARD} --lib --target {THUMB}")))
 }
 
 /// The system tests that measure: cargo would keep what they print to itself.

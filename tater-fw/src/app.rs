@@ -1,0 +1,110 @@
+//! The application's interrupts and their priorities: a hall edge before a break of the bridge before the control tick before
+//! the bus before what is slow; the flash in between. Each is one call into [`Tater`].
+//!
+//! One resource has them all: who calls into it keeps the others waiting for so long. Why that is short enough is in
+//! `docs/board.md`.
+
+#[rtic::app(device = stm32f1xx_hal::pac, peripherals = true)]
+mod app {
+    use cortex_m::peripheral::syst::SystClkSource;
+    use tater_fw::Tater;
+    use tater_fw::bsp::Metal;
+    use tater_fw::bsp::metal::{Armed, Ticker};
+    use tater_fw::bsp::timing::tick::SLOW_RELOAD;
+    use tater_fw::storage::Progress;
+
+    #[shared]
+    struct Shared {
+        tater: Tater<Metal<Armed>>,
+    }
+
+    #[local]
+    struct Local {
+        ticker: Ticker,
+    }
+
+    #[init]
+    fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
+        let (mut metal, ticker) = Metal::application(cx.device);
+        let mut slow = cx.core.SYST;
+        slow.set_clock_source(SystClkSource::External);
+        slow.set_reload(SLOW_RELOAD);
+        slow.clear_current();
+        slow.enable_counter();
+        slow.enable_interrupt();
+        let now = metal.now();
+        (Shared { tater: Tater::new(metal, now) }, Local { ticker }, init::Monotonics())
+    }
+
+    /// An edge of a hall line.
+    #[task(binds = TIM4, priority = 5, shared = [tater])]
+    fn hall(mut cx: hall::Context) {
+        cx.shared.tater.lock(|tater| {
+            let at = tater.board_mut().edge();
+            tater.hall(at);
+        });
+    }
+
+    /// The break input has switched the bridge off.
+    #[task(binds = TIM1_BRK, priority = 4, shared = [tater])]
+    fn bridge_fault(mut cx: bridge_fault::Context) {
+        cx.shared.tater.lock(|tater| {
+            tater.board_mut().broken();
+            tater.bridge_fault();
+        });
+    }
+
+    /// The control tick.
+    #[task(binds = TIM3, priority = 3, local = [ticker], shared = [tater])]
+    fn tick(mut cx: tick::Context) {
+        cx.local.ticker.seen();
+        cx.shared.tater.lock(|tater| {
+            let now = tater.board_mut().now();
+            tater.tick(now);
+        });
+    }
+
+    /// A frame has come: one a call, the interrupt stays until there is none. Also asked for by the slow task, without one,
+    /// to see that the bus is served.
+    #[task(binds = USB_LP_CAN_RX0, priority = 2, shared = [tater])]
+    fn receive(mut cx: receive::Context) {
+        cx.shared.tater.lock(|tater| {
+            let now = tater.board_mut().now();
+            match tater.board_mut().can.receive() {
+                // Why a frame changed nothing is for logs.
+                Some(frame) => drop(tater.receive(&frame, now)),
+                None => tater.flush(),
+            }
+        });
+    }
+
+    /// A frame has gone: there is room for the next.
+    #[task(binds = USB_HP_CAN_TX, priority = 2, shared = [tater])]
+    fn sent(mut cx: sent::Context) {
+        cx.shared.tater.lock(|tater| {
+            tater.board_mut().can.sent();
+            tater.flush();
+        });
+    }
+
+    /// Ten times a second.
+    #[task(binds = SysTick, priority = 1, shared = [tater])]
+    fn slow(mut cx: slow::Context) {
+        rtic::pend(stm32f1xx_hal::pac::Interrupt::USB_LP_CAN_RX0);
+        cx.shared.tater.lock(|tater| {
+            let now = tater.board_mut().now();
+            tater.slow(now);
+        });
+    }
+
+    /// What is to be stored, one flash operation at a time.
+    #[idle(shared = [tater])]
+    fn idle(mut cx: idle::Context) -> ! {
+        loop {
+            match cx.shared.tater.lock(Tater::store) {
+                Progress::More => {}
+                Progress::Done | Progress::Waiting | Progress::Failed(_) => cortex_m::asm::wfi(),
+            }
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! The monitor of a motor board: entered at reset, it polls the bus and never moves the motor. On a host it prints what lies
+//! where in the flash.
+
+#![cfg_attr(target_os = "none", no_std, no_main)]
+#![forbid(unsafe_code)]
+
+#[cfg(target_os = "none")]
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    use stm32f1xx_hal::pac::Peripherals;
+    use tater_fw::Monitor;
+    use tater_fw::bsp::Metal;
+    use tater_fw::monitor::Next;
+
+    let Some(chip) = Peripherals::take() else { cortex_m::peripheral::SCB::sys_reset() };
+    let mut monitor = Monitor::new(Metal::monitor(chip));
+    loop {
+        let now = monitor.board_mut().now();
+        if let Some(frame) = monitor.board_mut().can.receive() {
+            monitor.receive(&frame, now);
+        }
+        if monitor.step(now) == Next::Start {
+            monitor.into_board().start();
+        }
+    }
+}
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    use tater_wire::memory::{APPLICATION, MONITOR, STAGING, STORAGE};
+    for (name, area) in
+        [("monitor", MONITOR), ("application", APPLICATION), ("staging", STAGING), ("storage", STORAGE)]
+    {
+        println!("{:#010x}..{:#010x} {:>3} KiB  {name}", area.start, area.end(), area.len / 1024);
+    }
+}

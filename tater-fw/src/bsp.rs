@@ -1,0 +1,39 @@
+//! The motor board: an STM32F103CB, what hangs on it, and when things happen (`docs/board.md`).
+//!
+//! It decides nothing: a function of it reads or writes registers as it is told. The numbers ([`pins`], [`timing`],
+//! [`scale`]) are compiled on a host too, where they are tested; the rest has registers. All of the project's `unsafe` is here.
+
+pub mod pins;
+pub mod scale;
+pub mod timing;
+
+#[cfg(target_os = "none")]
+mod adc;
+#[cfg(target_os = "none")]
+pub mod can;
+#[cfg(target_os = "none")]
+pub mod clocks;
+#[cfg(target_os = "none")]
+mod flash;
+#[cfg(target_os = "none")]
+mod halls;
+#[cfg(target_os = "none")]
+mod memory;
+#[cfg(target_os = "none")]
+pub mod metal;
+#[cfg(target_os = "none")]
+mod pwm;
+#[cfg(target_os = "none")]
+pub mod stop;
+#[cfg(target_os = "none")]
+mod watchdog;
+
+#[cfg(target_os = "none")]
+pub use metal::Metal;
+
+/// A place in the chip's memory.
+#[cfg(target_os = "none")]
+fn pointer<T>(address: u32) -> *mut T {
+    // Every address of this chip has 32 bits.
+    core::ptr::with_exposed_provenance_mut(usize::try_from(address).unwrap_or(0))
+}

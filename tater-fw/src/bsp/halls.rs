@@ -1,0 +1,49 @@
+//! The hall lines: TIM4 as a hall-sensor interface (RM0008 15.3.15). Any edge of the three lines, filtered, captures the
+//! counter, restarts it, and interrupts; so the counter says how long ago the last edge was.
+
+use stm32f1xx_hal::pac::{GPIOB, TIM4};
+use stm32f1xx_hal::rcc::{Enable, Rcc};
+
+use super::timing::hall::PRESCALER;
+
+/// The lines and their timer.
+pub struct Halls(TIM4);
+
+impl Halls {
+    /// Lines that interrupt at each edge.
+    pub fn new(tim: TIM4, rcc: &mut Rcc) -> Self {
+        TIM4::enable(rcc);
+        tim.psc().write(|w| w.psc().set(PRESCALER));
+        tim.arr().write(|w| w.arr().set(u16::MAX));
+        // The filter's clock; only an overflow, and no restart, is an update.
+        tim.cr1().write(|w| w.ckd().div4().urs().counter_only());
+        // Channel 1 sees the exclusive or of the lines.
+        tim.cr2().write(|w| w.ti1s().xor());
+        // Both its edges, filtered, are the trigger, which restarts the counter.
+        tim.smcr().write(|w| w.ts().ti1f_ed().sms().reset_mode());
+        // The trigger captures; filter 15.
+        tim.ccmr1_input().write(|w| w.cc1s().trc().ic1f().fdts_div32_n8());
+        tim.ccer().write(|w| w.cc1e().set_bit());
+        // The prescaler is taken over by an update.
+        tim.egr().write(|w| w.ug().update());
+        tim.sr().write(|w| w.uif().clear_bit());
+        tim.dier().write(|w| w.cc1ie().enabled());
+        tim.cr1().modify(|_, w| w.cen().enabled());
+        Self(tim)
+    }
+
+    /// The lines now: PB6 is bit 0.
+    pub fn code() -> u8 {
+        // SAFETY: reads the port's input register, which nobody writes.
+        let port = unsafe { &*GPIOB::ptr() }.idr().read().bits();
+        (port >> 6 & 7).to_le_bytes()[0]
+    }
+
+    /// How long ago the edge was that interrupts, in us; the interrupt is done with. The counter has not come round: nothing
+    /// holds the interrupt up for 65 ms, a page erase neither.
+    pub fn age(&mut self) -> u16 {
+        // First the flags: an edge from here on interrupts again.
+        self.0.sr().write(|w| w.cc1if().clear().cc1of().clear());
+        self.0.cnt().read().cnt().bits()
+    }
+}

@@ -1,0 +1,291 @@
+//! The motor board as both programs have it: [`Board`] over registers.
+
+use core::convert::Infallible;
+
+use embedded_hal::digital::{InputPin, OutputPin};
+use servo_core::sense::commutation::Bridge;
+use servo_core::units::Micros;
+use stm32f1xx_hal::can::Can as CanPins;
+use stm32f1xx_hal::flash::FlashExt;
+use stm32f1xx_hal::gpio::{GpioExt, Output, PB5};
+use stm32f1xx_hal::pac::{self, TIM2, TIM3};
+use stm32f1xx_hal::rcc::{Enable, Rcc, Reset};
+use tater_wire::memory::APPLICATION;
+use tater_wire::{FaultCode, Frame, Group, Node};
+
+use super::adc::Adc;
+use super::can::Can;
+use super::halls::Halls;
+use super::pins::{self, BusPins, MotorPins};
+use super::pwm::Guarded;
+use super::watchdog::Watchdog;
+use super::{clocks, flash, pointer, stop, timing};
+use crate::board::{Analog, Board};
+
+/// What drives and senses the motor, or does not.
+pub trait Motor {
+    /// See [`Board::bridge`].
+    fn bridge(&mut self, bridge: Bridge);
+    /// See [`Board::brake`].
+    fn brake(&mut self, released: bool);
+    /// See [`Board::halls`].
+    fn halls(&self) -> u8;
+    /// See [`Board::analog`].
+    fn analog(&self) -> Analog;
+}
+
+/// The monitor's: the pins stay as reset leaves them, so the bridge is off and the brake engaged, whatever is asked for.
+pub struct Held;
+
+impl Motor for Held {
+    fn bridge(&mut self, _: Bridge) {}
+
+    fn brake(&mut self, _: bool) {}
+
+    fn halls(&self) -> u8 {
+        0
+    }
+
+    fn analog(&self) -> Analog {
+        Analog::default()
+    }
+}
+
+/// The application's.
+pub struct Armed {
+    bridge: Guarded,
+    brake: PB5<Output>,
+    adc: Adc,
+    /// Interrupts at each edge of the hall lines.
+    pub halls: Halls,
+}
+
+impl Motor for Armed {
+    fn bridge(&mut self, bridge: Bridge) {
+        self.bridge.set(bridge);
+    }
+
+    fn brake(&mut self, released: bool) {
+        // A pin of this chip cannot fail.
+        let _: Result<(), Infallible> = OutputPin::set_state(&mut self.brake, released.into());
+    }
+
+    fn halls(&self) -> u8 {
+        Halls::code()
+    }
+
+    fn analog(&self) -> Analog {
+        self.adc.read(self.bridge.broken())
+    }
+}
+
+/// The time base: TIM2 counts microseconds in 16 bits, the rest is counted here.
+struct Clock {
+    tim: TIM2,
+    now: Micros,
+}
+
+impl Clock {
+    fn new(tim: TIM2, rcc: &mut Rcc) -> Self {
+        TIM2::enable(rcc);
+        TIM2::reset(rcc);
+        tim.psc().write(|w| w.psc().set(timing::tick::PRESCALER));
+        tim.arr().write(|w| w.arr().set(u16::MAX));
+        // The prescaler is taken over by an update.
+        tim.egr().write(|w| w.ug().update());
+        tim.cr1().write(|w| w.cen().enabled());
+        Self { tim, now: Micros(0) }
+    }
+
+    /// Right as long as it is called once in 65.5 ms at least.
+    fn now(&mut self) -> Micros {
+        let [low, high, ..] = self.now.0.to_le_bytes();
+        let since = self.tim.cnt().read().cnt().bits().wrapping_sub(u16::from_le_bytes([low, high]));
+        self.now = self.now.wrapping_add(Micros(since.into()));
+        self.now
+    }
+}
+
+/// The control tick's timer, TIM3.
+pub struct Ticker(TIM3);
+
+impl Ticker {
+    fn new(tim: TIM3, rcc: &mut Rcc) -> Self {
+        TIM3::enable(rcc);
+        tim.psc().write(|w| w.psc().set(timing::tick::PRESCALER));
+        tim.arr().write(|w| w.arr().set(timing::tick::TOP));
+        tim.egr().write(|w| w.ug().update());
+        tim.sr().write(|w| w.uif().clear());
+        tim.dier().write(|w| w.uie().enabled());
+        tim.cr1().write(|w| w.cen().enabled());
+        Self(tim)
+    }
+
+    /// The interrupt is done with.
+    pub fn seen(&mut self) {
+        self.0.sr().write(|w| w.uif().clear());
+    }
+}
+
+/// The board.
+pub struct Metal<M: Motor> {
+    /// What drives and senses the motor.
+    pub motor: M,
+    /// The bus.
+    pub can: Can,
+    flash: flash::Metal,
+    watchdog: Watchdog,
+    straps: Node,
+    cause: Option<FaultCode>,
+    clock: Clock,
+}
+
+/// What both programs set up in the same way, from the chip's peripherals.
+macro_rules! metal {
+    ($chip:ident, $rcc:ident, $flash:ident, $cause:ident, $bus:ident, $watchdog:ident, $motor:expr) => {{
+        let BusPins { can_rx, can_tx, mut strap_1, mut strap_2, mut strap_4 } = $bus;
+        let straps: [&mut dyn InputPin<Error = Infallible>; 3] = [&mut strap_1, &mut strap_2, &mut strap_4];
+        let can = Can::new(CanPins::new($chip.CAN, $chip.USB, (can_tx, can_rx), &mut $rcc));
+        let clock = Clock::new($chip.TIM2, &mut $rcc);
+        Metal {
+            straps: node(straps),
+            motor: $motor,
+            can,
+            flash: $flash,
+            watchdog: $watchdog,
+            cause: $cause,
+            clock,
+        }
+    }};
+}
+
+impl Metal<Held> {
+    /// The monitor's board, after a reset.
+    pub fn monitor(chip: pac::Peripherals) -> Self {
+        // First of all: what waits below is waited for by the watchdog.
+        let watchdog = Watchdog::new(chip.IWDG);
+        let cause = stop::reset_cause(&chip.RCC);
+        let mut parts = chip.FLASH.constrain();
+        let mut rcc = clocks::start(chip.RCC, &mut parts);
+        let bus = pins::bus(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
+        let flash = flash::Metal::new();
+        metal!(chip, rcc, flash, cause, bus, watchdog, Held)
+    }
+
+    /// Leaves for the application, which sets up all that it uses.
+    pub fn start(self) -> ! {
+        // SAFETY: the monitor has verified the application: its vector table begins there, with a stack in RAM and a reset
+        // vector inside. No interrupt is enabled, so none meets the new table too early.
+        unsafe {
+            (*cortex_m::peripheral::SCB::PTR).vtor.write(APPLICATION.start);
+            cortex_m::asm::bootload(pointer(APPLICATION.start))
+        }
+    }
+}
+
+impl Metal<Armed> {
+    /// The application's board, with its tick.
+    pub fn application(chip: pac::Peripherals) -> (Self, Ticker) {
+        let watchdog = Watchdog::new(chip.IWDG);
+        let mut parts = chip.FLASH.constrain();
+        let mut rcc = clocks::start(chip.RCC, &mut parts);
+        let (bus, motor) = pins::all(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
+        let MotorPins { brake, .. } = motor;
+        let armed = Armed {
+            adc: Adc::new(chip.ADC1, &mut rcc),
+            bridge: Guarded::new(chip.TIM1, &mut rcc),
+            brake,
+            halls: Halls::new(chip.TIM4, &mut rcc),
+        };
+        let ticker = Ticker::new(chip.TIM3, &mut rcc);
+        let flash = flash::Metal::new();
+        // The monitor has told why there was a reset.
+        let cause = None;
+        let mut metal = metal!(chip, rcc, flash, cause, bus, watchdog, armed);
+        metal.can.interrupt();
+        (metal, ticker)
+    }
+
+    /// When the edge of a hall line was that interrupts; the interrupt is done with.
+    pub fn edge(&mut self) -> Micros {
+        let now = self.now();
+        Micros(now.0.wrapping_sub(self.motor.halls.age().into()))
+    }
+
+    /// The interrupt of the break input is done with.
+    pub fn broken(&mut self) {
+        self.motor.bridge.seen();
+    }
+}
+
+impl<M: Motor> Metal<M> {
+    /// The time, in us since the program's start. To be called every 65 ms at least.
+    pub fn now(&mut self) -> Micros {
+        self.clock.now()
+    }
+}
+
+/// The node that three straps say, lowest bit first: to ground is 1. None is node 0.
+fn node(straps: [&mut dyn InputPin<Error = Infallible>; 3]) -> Node {
+    let bit = |strap: &mut dyn InputPin<Error = Infallible>| u8::from(strap.is_low() == Ok(true));
+    let [a, b, c] = straps.map(bit);
+    // Below 8.
+    Node::new(a | b << 1 | c << 2).unwrap_or(Node::HOST)
+}
+
+/// Where the chip has its number of 96 bits (RM0008 30.2).
+const UNIQUE_ID: u32 = 0x1FFF_F7E8;
+
+impl<M: Motor> Board for Metal<M> {
+    type Flash = flash::Metal;
+
+    fn bridge(&mut self, bridge: Bridge) {
+        self.motor.bridge(bridge);
+    }
+
+    fn brake(&mut self, released: bool) {
+        self.motor.brake(released);
+    }
+
+    fn halls(&self) -> u8 {
+        self.motor.halls()
+    }
+
+    fn analog(&self) -> Analog {
+        self.motor.analog()
+    }
+
+    fn transmit(&mut self, frame: &Frame) -> bool {
+        self.can.transmit(frame)
+    }
+
+    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+        self.can.listen(node, groups);
+    }
+
+    fn flash(&mut self) -> &mut flash::Metal {
+        &mut self.flash
+    }
+
+    fn feed(&mut self) {
+        self.watchdog.feed();
+    }
+
+    fn reset(&mut self) {
+        cortex_m::peripheral::SCB::sys_reset();
+    }
+
+    fn reset_cause(&self) -> Option<FaultCode> {
+        self.cause
+    }
+
+    fn straps(&self) -> Node {
+        self.straps
+    }
+
+    fn serial_number(&self) -> u16 {
+        // SAFETY: six half-words of the system memory, which every program may read.
+        let words: [u16; 6] = unsafe { pointer::<[u16; 6]>(UNIQUE_ID).read() };
+        words.iter().fold(0, |sum: u16, word| sum.rotate_left(3) ^ word) & 0x7FFF
+    }
+}

@@ -1,0 +1,92 @@
+//! The bridge: TIM1, three complementary pairs at 20 kHz, centred, with dead time and a break input (RM0008 14).
+//!
+//! The break input switches all six gates off without code, and they stay off until the program has asked for the bridge
+//! to be off.
+
+use servo_core::sense::commutation::{Bridge, Leg};
+use servo_core::units::Duty;
+use stm32f1xx_hal::pac::TIM1;
+use stm32f1xx_hal::rcc::{Enable, Rcc};
+
+use super::timing::pwm::{CONVERT, DEAD_TIME, TOP};
+
+/// The bridge, which the break input guards.
+pub struct Guarded(TIM1);
+
+impl Guarded {
+    /// All gates off.
+    pub fn new(tim: TIM1, rcc: &mut Rcc) -> Self {
+        TIM1::enable(rcc);
+        tim.cr1().write(|w| w.cms().center_aligned1());
+        // TRGO is the rising edge of channel 4's compare, which starts the ADC. Idle levels: 0, gates off.
+        tim.cr2().write(|w| w.mms().compare_oc4());
+        tim.arr().write(|w| w.arr().set(TOP));
+        // On while the counter is below the compare value. No preload: a new vector is there at once.
+        tim.ccmr1_output().write(|w| w.oc1m().pwm_mode1().oc2m().pwm_mode1());
+        tim.ccmr2_output().write(|w| w.oc3m().pwm_mode1().oc4m().pwm_mode1());
+        tim.ccr4().write(|w| w.ccr().set(CONVERT));
+        // What is off is driven low, with the outputs enabled and without. Break at a low level, and no return by itself.
+        // From here to the next reset nobody can change dead time, break, idle levels and polarities (LOCK 2).
+        tim.bdtr().write(|w| {
+            w.dtg().set(DEAD_TIME);
+            w.ossi().idle_level().ossr().idle_level();
+            w.bke().enabled().bkp().active_low().aoe().manual().lock().level2()
+        });
+        tim.sr().write(|w| w.bif().clear_bit());
+        tim.dier().write(|w| w.bie().enabled());
+        tim.cr1().modify(|_, w| w.cen().enabled());
+        Self(tim)
+    }
+
+    /// Sets the legs, in an order that has no wrong vector on the way: first the high sides off that are to be off, then who
+    /// is driven at all, then the duty. The timer keeps the dead time.
+    pub fn set(&mut self, bridge: Bridge) {
+        let Bridge::On { legs, duty } = bridge else { return self.off() };
+        let compare = compare(duty);
+        let [a, b, c] = legs.map(|leg| if leg == Leg::Pwm { compare } else { 0 });
+        let [drive_a, drive_b, drive_c] = legs.map(|leg| leg != Leg::Float);
+        let tim = &self.0;
+        for (register, value) in [(tim.ccr1(), a), (tim.ccr2(), b), (tim.ccr3(), c)] {
+            if value == 0 {
+                register.write(|w| w.ccr().set(0));
+            }
+        }
+        // A leg that floats has its high side off by compare value 0 and its low side by the output's off-state.
+        tim.ccer().write(|w| {
+            w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
+            w.cc1ne().bit(drive_a).cc2ne().bit(drive_b).cc3ne().bit(drive_c)
+        });
+        for (register, value) in [(tim.ccr1(), a), (tim.ccr2(), b), (tim.ccr3(), c)] {
+            if value != 0 {
+                register.write(|w| w.ccr().set(value));
+            }
+        }
+        // After a break only `off` leads back here with the flag cleared.
+        if !self.broken() {
+            tim.bdtr().modify(|_, w| w.moe().enabled());
+        }
+    }
+
+    /// All gates off, at once. Forgets a break, so that the bridge may be switched on again.
+    fn off(&mut self) {
+        self.0.bdtr().modify(|_, w| w.moe().disabled_idle());
+        self.0.sr().write(|w| w.bif().clear_bit());
+        self.0.dier().write(|w| w.bie().enabled());
+    }
+
+    /// Whether the break input has switched the bridge off since it was last asked to be off.
+    pub fn broken(&self) -> bool {
+        self.0.sr().read().bif().bit_is_set()
+    }
+
+    /// The break interrupt has been seen; the flag stays, because it guards the bridge.
+    pub fn seen(&mut self) {
+        self.0.dier().write(|w| w.bie().disabled());
+    }
+}
+
+/// Compare value of a duty, which is not negative.
+fn compare(duty: Duty) -> u16 {
+    let share = (u32::from(duty.0.to_bits().unsigned_abs()) * u32::from(TOP)) >> 15;
+    u16::try_from(share).unwrap_or(0)
+}

@@ -1,0 +1,201 @@
+//! Every number of the board that has to do with time, computed from the crystal and checked when it is compiled: a timer
+//! that cannot reach its period exactly does not build.
+//!
+//! Sources: RM0008 (reference manual of the STM32F103), by section, and DS5319 (its data sheet).
+
+/// The crystal.
+pub const CRYSTAL_HZ: u32 = 8_000_000;
+/// What the PLL makes of it (RM0008 7.2.3).
+pub const PLL_FACTOR: u32 = 9;
+/// Core, AHB, and APB2 with TIM1: at most 72 MHz (DS5319 5.3.1).
+pub const CORE_HZ: u32 = CRYSTAL_HZ * PLL_FACTOR;
+/// APB1, with bxCAN: at most 36 MHz.
+pub const APB1_HZ: u32 = CORE_HZ / 2;
+/// TIM2, TIM3 and TIM4: twice their bus where that is divided (RM0008 7.2).
+pub const TIMER_HZ: u32 = APB1_HZ * 2;
+/// The ADC: at most 14 MHz.
+pub const ADC_HZ: u32 = CORE_HZ / 6;
+/// The watchdog's RC oscillator, nominally; 30 to 60 kHz (DS5319 5.3.7).
+pub const WATCHDOG_HZ: u32 = 40_000;
+
+const _: () = assert!(CORE_HZ <= 72_000_000 && APB1_HZ <= 36_000_000 && ADC_HZ <= 14_000_000);
+
+/// The lower 16 bits, which must be all; each use has the check beside it.
+const fn register(value: u32) -> u16 {
+    let [low, high, ..] = value.to_le_bytes();
+    u16::from_le_bytes([low, high])
+}
+
+/// The bridge: TIM1, counting up and down (RM0008 14.3.2, 14.3.11).
+pub mod pwm {
+    use super::{ADC_HZ, CORE_HZ, adc, register};
+
+    /// Above hearing; 3600 steps of the core clock a period.
+    pub const HZ: u32 = 20_000;
+    /// ARR: the counter goes up to it and down again in a period. Also the compare value of 100 %.
+    pub const TOP: u16 = register(CORE_HZ / HZ / 2);
+    /// Between a switch off and its complement on: twice the 250 ns that a gate driver and a MOSFET of this size need to
+    /// switch off.
+    pub const DEAD_TIME_NS: u32 = 500;
+    /// DTG: below 128 it counts ticks of the core clock (RM0008 14.4.18).
+    pub const DEAD_TIME: u8 = DEAD_TICKS.to_le_bytes()[0];
+    const DEAD_TICKS: u32 = DEAD_TIME_NS * (CORE_HZ / 1_000_000) / 1000;
+    /// Compare value of channel 4, whose edge starts the conversions: so long before the middle of the on-time (the counter
+    /// at 0) that the middle of the first sample falls there.
+    pub const CONVERT: u16 = register(CORE_HZ / ADC_HZ * adc::SAMPLE_HALF_CYCLES / 4);
+
+    const _: () =
+        assert!(CORE_HZ.is_multiple_of(2 * HZ) && CORE_HZ / HZ / 2 < 1 << 16, "20 kHz is not met exactly");
+    const _: () = assert!(DEAD_TICKS < 128 && DEAD_TICKS * 1000 == DEAD_TIME_NS * (CORE_HZ / 1_000_000));
+    const _: () = assert!(CORE_HZ.is_multiple_of(ADC_HZ) && CONVERT < TOP);
+    const _: () = assert!(adc::INJECTED_NS < 1_000_000_000 / HZ, "conversions overlap the next");
+}
+
+/// Halls: TIM4 (RM0008 15.3.5, 15.3.15).
+pub mod hall {
+    use super::{TIMER_HZ, register};
+
+    /// PSC: 1 us a count.
+    pub const PRESCALER: u16 = register(TIMER_HZ / 1_000_000 - 1);
+    /// CKD = 2: the filter's clock is a quarter of the timer's.
+    pub const FILTER_HZ: u32 = TIMER_HZ / 4;
+    /// ICF = 15: every 32 of those a sample, and 8 alike.
+    pub const FILTER_NS: u32 = 32 * 8 * 1000 / (FILTER_HZ / 1_000_000);
+
+    const _: () = assert!(
+        TIMER_HZ.is_multiple_of(1_000_000) && TIMER_HZ / 1_000_000 <= 1 << 16,
+        "no whole microsecond"
+    );
+    // An edge is late by that, always: 1.5 % of a sector at the no-load speed of 1057 counts/s.
+    const _: () = assert!(FILTER_NS < 15_000, "slower than 1/64 of a sector at full speed");
+}
+
+/// The clock, TIM2, and the control tick, TIM3.
+pub mod tick {
+    use super::{TIMER_HZ, register};
+
+    /// Control ticks a second.
+    pub const HZ: u32 = 1000;
+    /// PSC of both: 1 us a count. The clock counts to 65.536 ms; it is read at least each tick, and after a page erase
+    /// (40 ms at most, DS5319 5.3.9).
+    pub const PRESCALER: u16 = register(TIMER_HZ / 1_000_000 - 1);
+    /// ARR of the tick.
+    pub const TOP: u16 = register(1_000_000 / HZ - 1);
+    /// SysTick's reload for the slow task, ten times a second, from an eighth of the core clock (24 bits).
+    pub const SLOW_RELOAD: u32 = super::CORE_HZ / 8 / SLOW_HZ - 1;
+    /// Slow tasks a second.
+    pub const SLOW_HZ: u32 = 10;
+
+    const _: () = assert!(
+        TIMER_HZ.is_multiple_of(1_000_000) && 1_000_000_u32.is_multiple_of(HZ),
+        "1 kHz is not met exactly"
+    );
+    const _: () = assert!((SLOW_RELOAD + 1) * 8 * SLOW_HZ == super::CORE_HZ && SLOW_RELOAD < 1 << 24);
+}
+
+/// The ADC (RM0008 11.12, DS5319 5.3.18).
+pub mod adc {
+    use super::ADC_HZ;
+
+    /// Sample time in half cycles of its clock: 28.5 cycles. The sources are at most 10 kilo-ohm (thermistors, the dividers),
+    /// for which DS5319 asks for 1.3 us at 12 bits: (10 + 1) kilo-ohm x 8 pF x ln(2^14) = 0.9 us, and pins' capacitance.
+    pub const SAMPLE_HALF_CYCLES: u32 = 57;
+    /// Its code in SMPR.
+    pub const SAMPLE_CODE: u8 = match SAMPLE_HALF_CYCLES {
+        3 => 0,
+        15 => 1,
+        27 => 2,
+        57 => 3,
+        83 => 4,
+        111 => 5,
+        143 => 6,
+        479 => 7,
+        _ => NONE,
+    };
+    const NONE: u8 = 8;
+    /// A sample.
+    pub const SAMPLE_NS: u32 = SAMPLE_HALF_CYCLES * 500 / (ADC_HZ / 1_000_000);
+    /// A conversion: the sample and 12.5 cycles.
+    pub const CONVERSION_NS: u32 = (SAMPLE_HALF_CYCLES + 25) * 500 / (ADC_HZ / 1_000_000);
+    /// The four conversions that a PWM period starts.
+    pub const INJECTED_NS: u32 = 4 * CONVERSION_NS;
+
+    const _: () = assert!(SAMPLE_CODE < NONE, "no such sample time");
+    const _: () = assert!(SAMPLE_NS >= 1_300, "the sampling capacitor does not settle");
+}
+
+/// bxCAN (RM0008 24.7.7).
+pub mod can {
+    use super::APB1_HZ;
+
+    /// Bits a second.
+    pub const HZ: u32 = 1_000_000;
+    /// Clocks a quantum.
+    pub const PRESCALER: u32 = 2;
+    /// Quanta before the sample point, without the first, which synchronises.
+    pub const SEGMENT_1: u32 = 14;
+    /// Quanta after the sample point.
+    pub const SEGMENT_2: u32 = 3;
+    /// Quanta by which an edge may move it.
+    pub const JUMP: u32 = 2;
+    /// Where a bit is sampled, in 1/1000 of it. 75 % to 87.5 % suit a bus of a few metres at this rate.
+    pub const SAMPLE_POINT: u32 = (1 + SEGMENT_1) * 1000 / QUANTA;
+    /// BTR.
+    pub const REGISTER: u32 =
+        (JUMP - 1) << 24 | (SEGMENT_2 - 1) << 20 | (SEGMENT_1 - 1) << 16 | (PRESCALER - 1);
+
+    const QUANTA: u32 = 1 + SEGMENT_1 + SEGMENT_2;
+    const _: () = assert!(HZ * PRESCALER * QUANTA == APB1_HZ, "1 Mbit/s is not met exactly");
+    const _: () = assert!(SAMPLE_POINT >= 750 && SAMPLE_POINT <= 875);
+    const _: () = assert!(SEGMENT_1 <= 16 && SEGMENT_2 <= 8 && JUMP <= 4 && JUMP <= SEGMENT_2);
+}
+
+/// The independent watchdog (RM0008 19).
+pub mod watchdog {
+    use super::WATCHDOG_HZ;
+
+    /// Without a feed for so long, nominally, the board is reset: the slow task has missed five turns.
+    pub const MS: u32 = 500;
+    /// PR = 3: the oscillator by 32.
+    pub const PRESCALER_CODE: u8 = 3;
+    const DIVIDER: u32 = 4 << PRESCALER_CODE;
+    /// RLR, 12 bits.
+    pub const RELOAD: u16 = super::register(WATCHDOG_HZ / DIVIDER * MS / 1000 - 1);
+
+    const _: () = assert!(WATCHDOG_HZ / DIVIDER * MS / 1000 <= 1 << 12);
+    // With the fastest oscillator, 60 kHz, three slow tasks still fit.
+    const _: () = assert!(WATCHDOG_HZ / DIVIDER * MS / 1000 * DIVIDER / 60 >= 300);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn registers_give_the_periods_back() {
+        // Up and down: twice the top.
+        assert_eq!(72_000_000 / (u32::from(pwm::TOP) * 2), 20_000);
+        assert_eq!(u32::from(pwm::DEAD_TIME) * 1_000_000 / 72, 500_000, "picoseconds to nanoseconds");
+        assert_eq!(72_000_000 / (u32::from(hall::PRESCALER) + 1), 1_000_000);
+        assert_eq!(72_000_000 / (u32::from(tick::PRESCALER) + 1) / (u32::from(tick::TOP) + 1), 1000);
+        assert_eq!(72_000_000 / 8 / (tick::SLOW_RELOAD + 1), 10);
+        assert_eq!(40_000 / 32 * watchdog::MS / 1000, u32::from(watchdog::RELOAD) + 1);
+        // 512 half cycles of the filter's 18 MHz.
+        assert_eq!(hall::FILTER_NS, 14_222);
+        // 28.5 and 41 cycles at 12 MHz.
+        assert_eq!((adc::SAMPLE_NS, adc::CONVERSION_NS, adc::SAMPLE_CODE), (2375, 3416, 3));
+        // Half of 28.5 cycles at 12 MHz, in ticks of 72 MHz.
+        assert_eq!(pwm::CONVERT, 85);
+    }
+
+    #[test]
+    fn the_bit_timing_register_is_one_megabit() {
+        let field = |low: u32, bits: u32| (can::REGISTER >> low & ((1 << bits) - 1)) + 1;
+        let (prescaler, segment_1, segment_2, jump) =
+            (field(0, 10), field(16, 4), field(20, 3), field(24, 2));
+        assert_eq!(36_000_000 / prescaler / (1 + segment_1 + segment_2), 1_000_000);
+        assert_eq!((1 + segment_1) * 1000 / (1 + segment_1 + segment_2), can::SAMPLE_POINT);
+        assert!(jump <= segment_2);
+        assert_eq!(can::REGISTER & 0xC000_0000, 0, "neither silent nor looped back");
+    }
+}

@@ -1,0 +1,14 @@
+//! The application of a motor board. On a host it prints the properties that it has on the bus.
+
+#![cfg_attr(target_os = "none", no_std, no_main)]
+#![forbid(unsafe_code)]
+
+#[cfg(target_os = "none")]
+mod app;
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    for property in tater_wire::property::ROWS {
+        println!("{:>3}  {:<6} {}", property.property.id(), property.name, property.meaning);
+    }
+}
