@@ -191,6 +191,8 @@ impl Metal<Armed> {
         let mut rcc = clocks::start(chip.RCC, &mut parts);
         let (bus, motor) = pins::all(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
         let MotorPins { brake, .. } = motor;
+        // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4).
+        chip.DBGMCU.cr().modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit());
         let armed = Armed {
             adc: Adc::new(chip.ADC1, &mut rcc),
             bridge: Guarded::new(chip.TIM1, &mut rcc),

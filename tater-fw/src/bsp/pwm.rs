@@ -33,7 +33,6 @@ impl Guarded {
             w.bke().enabled().bkp().active_low().aoe().manual().lock().level2()
         });
         tim.sr().write(|w| w.bif().clear_bit());
-        tim.dier().write(|w| w.bie().enabled());
         tim.cr1().modify(|_, w| w.cen().enabled());
         Self(tim)
     }
@@ -64,14 +63,16 @@ impl Guarded {
         // After a break only `off` leads back here with the flag cleared.
         if !self.broken() {
             tim.bdtr().modify(|_, w| w.moe().enabled());
+            tim.dier().write(|w| w.bie().enabled());
         }
     }
 
-    /// All gates off, at once. Forgets a break, so that the bridge may be switched on again.
+    /// All gates off, at once. Forgets a break, so that the bridge may be switched on again; an input that is still low says
+    /// so again at once, but interrupts only a bridge that is on.
     fn off(&mut self) {
         self.0.bdtr().modify(|_, w| w.moe().disabled_idle());
+        self.0.dier().write(|w| w.bie().disabled());
         self.0.sr().write(|w| w.bif().clear_bit());
-        self.0.dier().write(|w| w.bie().enabled());
     }
 
     /// Whether the break input has switched the bridge off since it was last asked to be off.
