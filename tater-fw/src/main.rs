@@ -5,6 +5,8 @@
 
 #[cfg(target_os = "none")]
 mod app;
+#[cfg(target_os = "none")]
+mod log;
 
 #[cfg(not(target_os = "none"))]
 fn main() {
