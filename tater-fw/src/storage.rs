@@ -62,7 +62,7 @@ use journal::Writing;
 use pages::{FIRST, Pages};
 use record::Found;
 use tater_wire::Property;
-use tater_wire::property::Stored;
+use tater_wire::property::{Spec, Stored};
 
 /// Most properties that are stored: 43 now, and room for those of other versions.
 const STORED: usize = 48;
@@ -157,22 +157,30 @@ impl Store {
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
     #[must_use]
     pub fn get(&self, property: Property) -> Option<i64> {
-        self.values
-            .get(&property.id())
-            .map(|&value| i64::from(value))
-            .filter(|&value| property.spec().admits(value))
+        self.get_by(property.spec())
+    }
+
+    /// [`Self::get`] for a program that has no room for all specs.
+    #[must_use]
+    pub fn get_by(&self, spec: &Spec) -> Option<i64> {
+        let value = self.values.get(&spec.property.id()).map(|&value| i64::from(value));
+        value.filter(|&value| spec.admits(value))
     }
 
     /// Stores a value, as soon as [`Self::step`] gets to it. Storing P says nothing about whether it may be trusted.
     ///
     /// Does nothing for a property that SAVE does not store, or a value beyond its range.
     pub fn set(&mut self, property: Property, value: i64) {
-        let spec = property.spec();
+        self.set_by(property.spec(), value);
+    }
+
+    /// [`Self::set`] for a program that has no room for all specs.
+    pub fn set_by(&mut self, spec: &Spec, value: i64) {
         if let Ok(value) = i32::try_from(value)
             && spec.stored == Stored::Yes
             && spec.admits(value.into())
         {
-            self.change(property, Some(value), None);
+            self.change(spec.property, Some(value), None);
         }
     }
 
@@ -210,9 +218,7 @@ impl Store {
         };
         if self.values.insert(id, value).is_err() {
             // Full: a number that this version does not store gives way.
-            let known =
-                |id: &u8| Property::of(*id).is_some_and(|property| property.spec().stored == Stored::Yes);
-            let other = self.values.keys().copied().find(|id| !known(id));
+            let other = self.values.keys().copied().find(|&id| !Property::is_stored(id));
             if let Some(other) = other {
                 self.drop_value(other);
                 // There is room now.
