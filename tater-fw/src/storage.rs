@@ -51,6 +51,7 @@
 //!   bridge is off, and what has not been stored by then goes with the power.
 
 mod journal;
+mod numbers;
 mod pages;
 mod record;
 mod word;
@@ -59,6 +60,7 @@ use crate::board::{Flash, FlashError};
 use heapless::LinearMap;
 use heapless::linear_map::Entry;
 use journal::Writing;
+use numbers::Numbers;
 use pages::{FIRST, Pages};
 use record::Found;
 use tater_wire::Property;
@@ -108,8 +110,8 @@ pub enum Progress {
 pub struct Store {
     /// By property number; those of other versions too.
     values: LinearMap<u8, i32, STORED>,
-    /// Properties and counters that have been set since the flash was told, a bit a number.
-    changed: u128,
+    /// Properties and counters that have been set since the flash was told.
+    changed: Numbers,
     counters: Counters,
     /// As the flash has them.
     kept: Counters,
@@ -132,7 +134,7 @@ impl Store {
         let complete = |page| Found::read(flash, page, FIRST).filter(|record| record.head.complete);
         let mut store = Self {
             values: LinearMap::new(),
-            changed: 0,
+            changed: Numbers::default(),
             counters: Counters::default(),
             kept: Counters::default(),
             trusted: None,
@@ -204,7 +206,7 @@ impl Store {
             return;
         }
         self.put(id, value);
-        self.changed |= bit(id);
+        self.changed.insert(id);
         if property == Property::P {
             self.trusted = trusted;
         }
@@ -264,7 +266,7 @@ impl Store {
             }
         }
         if let Some(mark) = self.live {
-            flash.program(mark, 0).inspect_err(|_| self.changed |= bit(Property::P.id()))?;
+            flash.program(mark, 0).inspect_err(|_| self.changed.insert(Property::P.id()))?;
             self.live = None;
         }
         Ok(())
@@ -287,7 +289,7 @@ impl Store {
     /// Sets the counters, back too: what a SET after the sequence of LOCK does.
     pub fn reset_counters(&mut self, counters: Counters) {
         self.counters = counters;
-        self.changed |= COUNTERS.into_iter().fold(0, |bits, id| bits | bit(id));
+        COUNTERS.into_iter().for_each(|id| self.changed.insert(id));
     }
 
     /// One flash operation, if one is due: a half-word programmed, or a page erased if it may be, which is only with the
@@ -299,11 +301,6 @@ impl Store {
 
 /// The counters' property numbers.
 const COUNTERS: [u8; 3] = [Property::UPSECS.id(), Property::OD.id(), Property::PTEMP.id()];
-
-/// A property number's bit; none beyond the 127 that the wire has.
-fn bit(id: u8) -> u128 {
-    1_u128.checked_shl(id.into()).unwrap_or(0)
-}
 
 #[cfg(test)]
 mod tests;

@@ -89,9 +89,10 @@ impl Torques {
             bits = bits << 8 | u64::from(*byte);
         }
         let mut torques = [0; SLOTS];
-        for (torque, shift) in torques.iter_mut().zip([42, 28, 14, 0]) {
+        for torque in torques.iter_mut().rev() {
             // 14 bits to the top of 16, and back with the sign.
-            *torque = (((bits >> shift & 0x3FFF) << 2) as u16).cast_signed() >> 2;
+            *torque = (((bits & 0x3FFF) << 2) as u16).cast_signed() >> 2;
+            bits >>= 14;
         }
         let len = (bytes.len() * 8 / 14).min(SLOTS);
         torques.iter_mut().skip(len).for_each(|torque| *torque = 0);

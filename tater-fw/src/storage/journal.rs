@@ -1,9 +1,10 @@
 //! What the journal says is taken up, what has changed is added to it.
 
+use super::numbers::Numbers;
 use super::pages::{FIRST, PAGE_WORDS, Page};
 use super::record::{self, Found, Head, MOST_WORDS};
 use super::word::{MOST, Word};
-use super::{COUNTERS, Counters, Progress, SPARING, STEP, Store, bit};
+use super::{COUNTERS, Counters, Progress, SPARING, STEP, Store};
 use crate::board::{Flash, FlashError};
 use heapless::Vec;
 use tater_wire::Property;
@@ -22,8 +23,8 @@ pub struct Writing {
     head: Head,
     page: Page,
     at: usize,
-    /// The properties in it, a bit a number.
-    changed: u128,
+    /// The properties in it.
+    changed: Numbers,
     counters: Counters,
     /// Nothing has moved since it was begun.
     pub live: bool,
@@ -101,7 +102,7 @@ impl Store {
         } else if let Some(mark) = self.obsolete.take() {
             flash.program(mark, 0)?;
         } else if self.pages.mark(flash)? {
-        } else if self.changed != 0 {
+        } else if !self.changed.is_empty() {
             return self.begin(flash, may_erase);
         } else if let Some(word) = self.due() {
             let Some((page, at)) = self.pages.room(1) else { return self.begin(flash, may_erase) };
@@ -156,7 +157,7 @@ impl Store {
 
     /// The next record: of all there is, or of what has changed.
     pub(super) fn record(&self, complete: bool) -> (Head, Vec<u16, MOST_WORDS>) {
-        let trusted = self.trusted.filter(|_| complete || self.changed & bit(P) != 0);
+        let trusted = self.trusted.filter(|_| complete || self.changed.contains(P));
         let head = Head { sequence: self.sequence.wrapping_add(1), complete, trusted };
         let entry = |id| {
             let value = match id {
@@ -170,8 +171,7 @@ impl Store {
         let words = if complete {
             record::encode(&head, &mut COUNTERS.into_iter().chain(self.values.keys().copied()).map(entry))
         } else {
-            let changed = (0..128).filter(|id| self.changed & bit(*id) != 0);
-            record::encode(&head, &mut changed.map(entry))
+            record::encode(&head, &mut self.changed.iter().map(entry))
         };
         (head, words)
     }
@@ -198,10 +198,10 @@ impl Store {
             self.pages.add(end - writing.at);
         }
         self.sequence = head.sequence;
-        if head.complete || writing.changed & bit(UPSECS) != 0 {
+        if head.complete || writing.changed.contains(UPSECS) {
             self.kept = writing.counters;
         }
-        if head.complete || writing.changed & bit(P) != 0 {
+        if head.complete || writing.changed.contains(P) {
             self.obsolete = self.live.take();
             self.live = writing.mark();
         }
@@ -214,7 +214,7 @@ impl Store {
     pub(super) fn abandon(&mut self) {
         if let Some(writing) = self.writing.take() {
             self.obsolete = writing.mark();
-            self.changed |= writing.changed;
+            writing.changed.iter().for_each(|id| self.changed.insert(id));
             self.sequence = writing.head.sequence;
             self.pages.fail(writing.page);
             self.pages.close();
