@@ -97,8 +97,8 @@ impl Store {
         flash: &mut F,
         may_erase: bool,
     ) -> Result<Progress, FlashError> {
-        if let Some(writing) = self.writing.take() {
-            self.proceed(flash, writing)?;
+        if self.writing.is_some() {
+            self.proceed(flash)?;
         } else if let Some(mark) = self.obsolete.take() {
             flash.program(mark, 0)?;
         } else if self.pages.mark(flash)? {
@@ -150,8 +150,8 @@ impl Store {
             return self.pages.erase(flash, page).map(|()| Progress::More);
         };
         let (changed, counters) = (core::mem::take(&mut self.changed), self.counters);
-        let writing = Writing { words, done: 0, head, page, at, changed, counters, live: true };
-        self.proceed(flash, writing)?;
+        self.writing = Some(Writing { words, done: 0, head, page, at, changed, counters, live: true });
+        self.proceed(flash)?;
         Ok(Progress::More)
     }
 
@@ -177,18 +177,17 @@ impl Store {
     }
 
     /// Programs a record's next half-word, and counts it as stored with the last one.
-    fn proceed<F: Flash>(&mut self, flash: &mut F, mut writing: Writing) -> Result<(), FlashError> {
+    fn proceed<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
+        let Some(writing) = &mut self.writing else { return Ok(()) };
         if let Some(word) = writing.words.get(writing.done) {
             let address = writing.page.address(writing.at + writing.done);
             if let Err(error) = flash.program(address, *word) {
-                self.writing = Some(writing);
                 self.abandon();
                 return Err(error);
             }
         }
         writing.done += 1;
         if writing.done < writing.words.len() {
-            self.writing = Some(writing);
             return Ok(());
         }
         let (head, end) = (writing.head, writing.end());
@@ -205,6 +204,7 @@ impl Store {
             self.obsolete = self.live.take();
             self.live = writing.mark();
         }
+        self.writing = None;
         Ok(())
     }
 
@@ -212,12 +212,13 @@ impl Store {
     /// readable after all, its mark must not be believed, and what follows must be newer: so its number is used up, and
     /// nothing more goes into the page that was current.
     pub(super) fn abandon(&mut self) {
-        if let Some(writing) = self.writing.take() {
+        if let Some(writing) = &self.writing {
             self.obsolete = writing.mark();
             writing.changed.iter().for_each(|id| self.changed.insert(id));
             self.sequence = writing.head.sequence;
             self.pages.fail(writing.page);
             self.pages.close();
+            self.writing = None;
         }
     }
 }
