@@ -88,14 +88,15 @@ impl Torques {
         for byte in bytes.iter().chain(core::iter::repeat(&0)).take(7) {
             bits = bits << 8 | u64::from(*byte);
         }
+        let len = (bytes.len() * 8 / 14).min(SLOTS);
         let mut torques = [0; SLOTS];
-        for torque in torques.iter_mut().rev() {
-            // 14 bits to the top of 16, and back with the sign.
-            *torque = (((bits & 0x3FFF) << 2) as u16).cast_signed() >> 2;
+        for (slot, torque) in torques.iter_mut().enumerate().rev() {
+            if slot < len {
+                // 14 bits to the top of 16, and back with the sign.
+                *torque = (((bits & 0x3FFF) << 2) as u16).cast_signed() >> 2;
+            }
             bits >>= 14;
         }
-        let len = (bytes.len() * 8 / 14).min(SLOTS);
-        torques.iter_mut().skip(len).for_each(|torque| *torque = 0);
         u8::try_from(len).ok().filter(|&len| len > 0).map(|len| Self { len, torques })
     }
 
