@@ -49,9 +49,9 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
         eprintln!("not used, so that the same commit gives the same image anywhere: {names}");
     }
     let flags = flags(checkout, build)?;
-    for (name, settings) in [("monitor", "monitor"), ("tater", "firmware")] {
+    for name in ["monitor", "tater"] {
         let mut cargo = program(&format!(
-            "cargo build --locked --package tater-fw --bin {name} --profile {settings} --target {THUMB}"
+            "cargo build --locked --package tater-fw --bin {name} --profile firmware --target {THUMB}"
         ));
         cargo.current_dir(checkout).arg("--target-dir").arg(build);
         cargo.env_remove("DEFMT_LOG");
@@ -73,7 +73,7 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
         })?;
     }
     let folder = build.join(THUMB);
-    Ok(Linked { tater: folder.join("firmware/tater"), monitor: folder.join("monitor/monitor") })
+    Ok(Linked { tater: folder.join("firmware/tater"), monitor: folder.join("firmware/monitor") })
 }
 
 /// The names of the variables that are set and left out.
