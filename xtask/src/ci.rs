@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::program::{output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, fuzz, hall_oracle, host_tools, setup, table};
+use crate::{Outcome, fuzz, hall_oracle, host_tools, image, setup, table};
 
 /// One step: what it is called and what it does.
 struct Step {
@@ -13,12 +13,13 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 13] = [
+const STEPS: [Step; 14] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
     Step { name: "clippy, microcontroller", check: clippy_thumb },
     Step { name: "build, microcontroller", check: build_thumb },
+    Step { name: "image", check: image::check },
     Step { name: "tests", check: tests },
     Step { name: "figures", check: figures },
     Step { name: "documentation", check: documentation },
@@ -53,7 +54,11 @@ fn clippy_host() -> Outcome {
 const BOARD: &str = "--package servo-core --package tater-wire --package tater-fw";
 
 fn clippy_thumb() -> Outcome {
-    run(program(&format!("cargo clippy --quiet {BOARD} --target {THUMB} -- -D warnings")))
+    // What goes into the image only with log strings comes second.
+    for features in ["", "--features tater-fw/log"] {
+        run(program(&format!("cargo clippy --quiet {BOARD} --target {THUMB} {features} -- -D warnings")))?;
+    }
+    Ok(())
 }
 
 fn build_thumb() -> Outcome {
