@@ -66,8 +66,14 @@ fn build_thumb() -> Outcome {
 }
 
 /// The system tests that measure: cargo would keep what they print to itself.
-const MEASURING: [&str; 5] =
-    ["power_cuts::", "trust::", "protocol::download::", "protocol::hosts::answers", "protocol::table::"];
+const MEASURING: [&str; 6] = [
+    "power_cuts::",
+    "trust::",
+    "protocol::download::",
+    "protocol::hosts::answers",
+    "protocol::image::",
+    "protocol::table::",
+];
 
 fn tests() -> Outcome {
     let skips = MEASURING.map(|name| format!("--skip {name}")).join(" ");
@@ -85,12 +91,20 @@ fn figures() -> Outcome {
         |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
     told("figure: ").for_each(|figure| println!("  {figure}"));
     told("skipped: ").for_each(|what| println!("  skipped: {what}"));
+    if let Some(what) = told("skipped: ").find(|what| is_made(what)) {
+        return Err(format!("a test was skipped, but the step \"image\" has made what it needs: {what}"));
+    }
     let states: u64 = told("figure: ").filter_map(distinct_states).sum();
     println!("  power cuts in all: {states} distinct states");
     if states < CUT_STATES {
         return Err(format!("{states} distinct states after power cuts, expected {CUT_STATES} at least"));
     }
     Ok(())
+}
+
+/// Whether what a test says it lacks has been made by a step before.
+fn is_made(what: &str) -> bool {
+    what.starts_with("no image")
 }
 
 /// The number before "distinct states".
