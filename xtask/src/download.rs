@@ -18,7 +18,7 @@ use crate::{Failure, files, tek};
 /// The arguments of the chore.
 #[derive(clap::Args)]
 pub struct DownloadArgs {
-    /// The .tek file: `cargo xtask tek encode --seal VERSION` makes one
+    /// The .tek file: `cargo xtask image` makes one
     file: PathBuf,
     /// The board: 1 to 3 links, 4 the spread, 5 to 7 tips
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=31))]
