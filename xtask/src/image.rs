@@ -3,6 +3,7 @@
 //!
 //! The same commit gives the same bytes wherever it is built (`image/compile.rs`).
 
+mod check;
 mod compile;
 
 use std::fs::{self, File};
@@ -16,6 +17,7 @@ use tater_wire::memory::{APPLICATION, Area, MONITOR};
 
 use crate::program::{output, program, root, target};
 use crate::{Failure, files, setup, tek};
+pub use check::check;
 
 /// How the application is built. The monitor is the same in both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

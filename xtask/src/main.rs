@@ -1,4 +1,4 @@
-//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `image`, `tek`, `download`, `host-tools`. Each is one file here
+//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `image`, `flash`, `tek`, `download`, `host-tools`. Each is one file here
 //! and does its own set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
@@ -8,6 +8,7 @@ mod ci;
 mod demo;
 mod download;
 mod files;
+mod flash;
 mod fuzz;
 mod hall_oracle;
 mod host_tools;
@@ -76,6 +77,8 @@ enum Chore {
     /// Images of applications as `.tek` files, the form in which they are downloaded
     #[command(subcommand)]
     Tek(tek::Chore),
+    /// Monitor and application onto a board, through a debug probe
+    Flash(flash::FlashArgs),
     /// A .tek file to a board, over a CAN adapter
     Download(download::DownloadArgs),
     /// The simulated bus as host tools meet it, in real time: a download, and a move by python-can (installed into target/)
@@ -89,6 +92,7 @@ fn main() -> ExitCode {
         Chore::Bench { json } => bench::bench(json).map_err(Failure::from),
         Chore::Table { check } => table::table(check).map_err(Failure::from),
         Chore::Image(args) => image::image(&args),
+        Chore::Flash(args) => flash::flash(&args),
         Chore::Tek(chore) => tek::tek(&chore),
         Chore::Download(args) => download::download(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),

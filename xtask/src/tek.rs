@@ -15,7 +15,8 @@ use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{self, Dialect, Encoder, Reader, Record, TekError};
 
 use crate::{Failure, files};
-use memory::{ERASED, Memory};
+pub use memory::ERASED;
+use memory::Memory;
 pub use verify::sealed;
 
 /// A chore about `.tek` files.
