@@ -38,6 +38,9 @@ fn link(program: &str, folder: &Path) {
     let argument = |text: &str| println!("cargo::rustc-link-arg-bin={program}={text}");
     argument(&format!("-L{}", folder.display()));
     argument("-Tlink.x");
+    // Nothing is aligned to pages of 64 KiB: the linker would load its ELF header into the room before the application,
+    // which is the monitor.
+    argument("--nmagic");
     if program == "tater" && env::var_os("CARGO_FEATURE_LOG").is_some() {
         argument("-Tdefmt.x");
     }

@@ -5,6 +5,7 @@
 mod board;
 mod download;
 mod hosts;
+mod image;
 mod locked;
 mod properties;
 mod table;

@@ -13,6 +13,8 @@ mod app {
     use tater_fw::bsp::timing::tick::SLOW_RELOAD;
     use tater_fw::storage::Progress;
 
+    use crate::log;
+
     #[shared]
     struct Shared {
         tater: Tater<Metal<Armed>>,
@@ -33,7 +35,9 @@ mod app {
         slow.enable_counter();
         slow.enable_interrupt();
         let now = metal.now();
-        (Shared { tater: Tater::new(metal, now) }, Local { ticker }, init::Monotonics())
+        let tater = Tater::new(metal, now);
+        log::started(tater.node(), tater.status().homed);
+        (Shared { tater }, Local { ticker }, init::Monotonics())
     }
 
     /// An edge of a hall line.
@@ -71,8 +75,11 @@ mod app {
         cx.shared.tater.lock(|tater| {
             let now = tater.board_mut().now();
             match tater.board_mut().can.receive() {
-                // Why a frame changed nothing is for logs.
-                Some(frame) => drop(tater.receive(&frame, now)),
+                Some(frame) => {
+                    if let Err(why) = tater.receive(&frame, now) {
+                        log::refused(&frame, why);
+                    }
+                }
                 None => tater.flush(),
             }
         });
@@ -101,9 +108,13 @@ mod app {
     #[idle(shared = [tater])]
     fn idle(mut cx: idle::Context) -> ! {
         loop {
-            match cx.shared.tater.lock(Tater::store) {
-                Progress::More => {}
-                Progress::Done | Progress::Waiting | Progress::Failed(_) => cortex_m::asm::wfi(),
+            let (progress, event) = cx.shared.tater.lock(|tater| (tater.store(), tater.event()));
+            log::stored(progress);
+            if let Some(event) = event {
+                log::event(event);
+            }
+            if progress != Progress::More {
+                cortex_m::asm::wfi();
             }
         }
     }

@@ -26,13 +26,23 @@ use servo_core::units::Micros;
 use tater_wire::download::{START, START_NUMBERED};
 use tater_wire::image::MAGIC_AT;
 use tater_wire::memory::{APPLICATION, STAGING};
+use tater_wire::property::Spec;
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
 
 /// What the monitor says for VERS.
 const VERSION: i64 = Property::VERS.spec().max();
 
 /// The groups that are heard beside group 0.
-const GROUPS: [Property; 3] = [Property::GRPA, Property::GRPB, Property::GRPC];
+const GROUPS: [&Spec; 3] = [Property::GRPA.spec(), Property::GRPB.spec(), Property::GRPC.spec()];
+
+/// Numbers of properties.
+const VERS: u8 = Property::VERS.id();
+/// See [`VERS`].
+const ID: u8 = Property::ID.id();
+/// See [`VERS`].
+const ERROR: u8 = Property::ERROR.id();
+/// See [`VERS`].
+const STAT: u8 = Property::STAT.id();
 
 /// Properties that have other numbers in the monitor than in the application (Barrett's table of the RESET state).
 const LOCK: u8 = 8;
@@ -115,10 +125,10 @@ impl<B: Board> Monitor<B> {
         let store = Store::open(board.flash());
         let straps = board.straps();
         let identity = Identity::new(&store, straps, board.serial_number());
-        let id = identity.get(Property::ID.id()).and_then(|id| u8::try_from(id).ok());
+        let id = identity.get(ID).and_then(|(_, id)| u8::try_from(id).ok());
         let node = id.and_then(Node::new).unwrap_or(straps);
-        let groups = GROUPS.map(|property| {
-            let number = store.get(property).or_else(|| property.spec().default_for(node))?;
+        let groups = GROUPS.map(|spec| {
+            let number = store.get_by(spec).or_else(|| spec.default_for(node))?;
             Group::new(u8::try_from(number).ok()?).filter(|group| group.is_for_boards())
         });
         board.listen(node, groups);
@@ -173,7 +183,7 @@ impl<B: Board> Monitor<B> {
                     Value::Long(bits) => i64::from(bits.cast_signed()),
                 };
                 // Two boards that ask for characters at once would get each other's: only one by its own number.
-                if property == Property::VERS.id() && mine && host {
+                if property == VERS && mine && host {
                     self.set_vers(value, now);
                 } else {
                     self.set(property, value, now);
@@ -185,14 +195,15 @@ impl<B: Board> Monitor<B> {
     }
 
     fn answer(&mut self, asker: Node, number: u8) {
-        let Some(property) = Property::of(number) else { return };
-        let value = match property {
-            Property::VERS => Some(VERSION),
-            Property::ERROR => Some(self.error.map_or(0, |error| i64::from(error.code()))),
-            Property::STAT => Some(0),
+        let answer = match number {
+            VERS => Some((Property::VERS.spec(), VERSION)),
+            ERROR => Some((Property::ERROR.spec(), self.error.map_or(0, |error| i64::from(error.code())))),
+            STAT => Some((Property::STAT.spec(), 0)),
             _ => self.identity.get(number),
         };
-        if let Some(message) = value.and_then(|value| Message::answer(self.node, asker, property, value)) {
+        if let Some((spec, value)) = answer
+            && let Some(message) = Message::answer(self.node, asker, spec, value)
+        {
             self.send(message);
         }
     }
@@ -205,7 +216,7 @@ impl<B: Board> Monitor<B> {
                 self.saving = true;
             }
             LOAD => self.identity.load(&self.store, value),
-            id if id == Property::STAT.id() => match value {
+            STAT => match value {
                 0 => self.order(None, now),
                 2 => self.order(Some(Wish::Start), now),
                 _ => {}

@@ -51,6 +51,7 @@
 //!   bridge is off, and what has not been stored by then goes with the power.
 
 mod journal;
+mod numbers;
 mod pages;
 mod record;
 mod word;
@@ -59,10 +60,11 @@ use crate::board::{Flash, FlashError};
 use heapless::LinearMap;
 use heapless::linear_map::Entry;
 use journal::Writing;
+use numbers::Numbers;
 use pages::{FIRST, Pages};
 use record::Found;
 use tater_wire::Property;
-use tater_wire::property::Stored;
+use tater_wire::property::{Spec, Stored};
 
 /// Most properties that are stored: 43 now, and room for those of other versions.
 const STORED: usize = 48;
@@ -108,8 +110,8 @@ pub enum Progress {
 pub struct Store {
     /// By property number; those of other versions too.
     values: LinearMap<u8, i32, STORED>,
-    /// Properties and counters that have been set since the flash was told, a bit a number.
-    changed: u128,
+    /// Properties and counters that have been set since the flash was told.
+    changed: Numbers,
     counters: Counters,
     /// As the flash has them.
     kept: Counters,
@@ -132,7 +134,7 @@ impl Store {
         let complete = |page| Found::read(flash, page, FIRST).filter(|record| record.head.complete);
         let mut store = Self {
             values: LinearMap::new(),
-            changed: 0,
+            changed: Numbers::default(),
             counters: Counters::default(),
             kept: Counters::default(),
             trusted: None,
@@ -157,22 +159,30 @@ impl Store {
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
     #[must_use]
     pub fn get(&self, property: Property) -> Option<i64> {
-        self.values
-            .get(&property.id())
-            .map(|&value| i64::from(value))
-            .filter(|&value| property.spec().admits(value))
+        self.get_by(property.spec())
+    }
+
+    /// [`Self::get`] for a program that has no room for all specs.
+    #[must_use]
+    pub fn get_by(&self, spec: &Spec) -> Option<i64> {
+        let value = self.values.get(&spec.property.id()).map(|&value| i64::from(value));
+        value.filter(|&value| spec.admits(value))
     }
 
     /// Stores a value, as soon as [`Self::step`] gets to it. Storing P says nothing about whether it may be trusted.
     ///
     /// Does nothing for a property that SAVE does not store, or a value beyond its range.
     pub fn set(&mut self, property: Property, value: i64) {
-        let spec = property.spec();
+        self.set_by(property.spec(), value);
+    }
+
+    /// [`Self::set`] for a program that has no room for all specs.
+    pub fn set_by(&mut self, spec: &Spec, value: i64) {
         if let Ok(value) = i32::try_from(value)
             && spec.stored == Stored::Yes
             && spec.admits(value.into())
         {
-            self.change(property, Some(value), None);
+            self.change(spec.property, Some(value), None);
         }
     }
 
@@ -196,7 +206,7 @@ impl Store {
             return;
         }
         self.put(id, value);
-        self.changed |= bit(id);
+        self.changed.insert(id);
         if property == Property::P {
             self.trusted = trusted;
         }
@@ -210,9 +220,7 @@ impl Store {
         };
         if self.values.insert(id, value).is_err() {
             // Full: a number that this version does not store gives way.
-            let known =
-                |id: &u8| Property::of(*id).is_some_and(|property| property.spec().stored == Stored::Yes);
-            let other = self.values.keys().copied().find(|id| !known(id));
+            let other = self.values.keys().copied().find(|&id| !Property::is_stored(id));
             if let Some(other) = other {
                 self.drop_value(other);
                 // There is room now.
@@ -258,7 +266,7 @@ impl Store {
             }
         }
         if let Some(mark) = self.live {
-            flash.program(mark, 0).inspect_err(|_| self.changed |= bit(Property::P.id()))?;
+            flash.program(mark, 0).inspect_err(|_| self.changed.insert(Property::P.id()))?;
             self.live = None;
         }
         Ok(())
@@ -281,7 +289,7 @@ impl Store {
     /// Sets the counters, back too: what a SET after the sequence of LOCK does.
     pub fn reset_counters(&mut self, counters: Counters) {
         self.counters = counters;
-        self.changed |= COUNTERS.into_iter().fold(0, |bits, id| bits | bit(id));
+        COUNTERS.into_iter().for_each(|id| self.changed.insert(id));
     }
 
     /// One flash operation, if one is due: a half-word programmed, or a page erased if it may be, which is only with the
@@ -293,11 +301,6 @@ impl Store {
 
 /// The counters' property numbers.
 const COUNTERS: [u8; 3] = [Property::UPSECS.id(), Property::OD.id(), Property::PTEMP.id()];
-
-/// A property number's bit; none beyond the 127 that the wire has.
-fn bit(id: u8) -> u128 {
-    1_u128.checked_shl(id.into()).unwrap_or(0)
-}
 
 #[cfg(test)]
 mod tests;

@@ -8,7 +8,7 @@
 
 use crate::frame::Frame;
 use crate::id::{Destination, Group, Identifier, Node};
-use crate::property::Property;
+use crate::property::{Property, Spec};
 use crate::value::Value;
 
 /// Bit 7 of the first byte: a value follows.
@@ -88,13 +88,15 @@ impl Torques {
         for byte in bytes.iter().chain(core::iter::repeat(&0)).take(7) {
             bits = bits << 8 | u64::from(*byte);
         }
-        let mut torques = [0; SLOTS];
-        for (torque, shift) in torques.iter_mut().zip([42, 28, 14, 0]) {
-            // 14 bits to the top of 16, and back with the sign.
-            *torque = (((bits >> shift & 0x3FFF) << 2) as u16).cast_signed() >> 2;
-        }
         let len = (bytes.len() * 8 / 14).min(SLOTS);
-        torques.iter_mut().skip(len).for_each(|torque| *torque = 0);
+        let mut torques = [0; SLOTS];
+        for (slot, torque) in torques.iter_mut().enumerate().rev() {
+            if slot < len {
+                // 14 bits to the top of 16, and back with the sign.
+                *torque = (((bits & 0x3FFF) << 2) as u16).cast_signed() >> 2;
+            }
+            bits >>= 14;
+        }
         u8::try_from(len).ok().filter(|&len| len > 0).map(|len| Self { len, torques })
     }
 
@@ -190,28 +192,26 @@ impl Message {
     /// A board's answer to a GET of node `to`: the host gets a reply, another board a SET of VALUE. `None` if the value does
     /// not fit 32 bits.
     #[must_use]
-    pub fn answer(from: Node, to: Node, property: Property, value: i64) -> Option<Self> {
-        if to == Node::HOST {
-            return Self::reply(from, property, value);
+    pub fn answer(from: Node, to: Node, of: &Spec, value: i64) -> Option<Self> {
+        let host = to == Node::HOST;
+        if host && of.property == Property::P {
+            let to = Destination::Group(Group::POSITIONS);
+            return Some(Self { from, to, body: Body::Position(i32::try_from(value).ok()?) });
         }
-        let body = Body::Set { property: VALUE, value: property.write(value)? };
-        Some(Self { from, to: Destination::Node(to), body })
+        let value = of.write(value)?;
+        let (to, property) = if host {
+            (Destination::Group(Group::REPLIES), of.property.id())
+        } else {
+            (Destination::Node(to), VALUE)
+        };
+        Some(Self { from, to, body: Body::Set { property, value } })
     }
 
     /// A board's answer to the host: positions to group 3, all else to group 6. `None` if the value does not fit
     /// 32 bits.
     #[must_use]
     pub fn reply(from: Node, property: Property, value: i64) -> Option<Self> {
-        if property == Property::P {
-            let counts = i32::try_from(value).ok()?;
-            return Some(Self {
-                from,
-                to: Destination::Group(Group::POSITIONS),
-                body: Body::Position(counts),
-            });
-        }
-        let body = Body::Set { property: property.id(), value: property.write(value)? };
-        Some(Self { from, to: Destination::Group(Group::REPLIES), body })
+        Self::answer(from, Node::HOST, property.spec(), value)
     }
 }
 

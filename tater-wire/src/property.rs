@@ -77,8 +77,6 @@ impl Kind {
 /// A property's row: what a person reads of it, and by [`Deref`] its [`Spec`].
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Which.
-    pub property: Property,
     /// Its name, as in the manual.
     pub name: &'static str,
     /// What a board goes by.
@@ -102,8 +100,12 @@ impl Deref for Row {
 }
 
 /// What of a property's row a board goes by: apart from the texts, which are more than a board has room for, and small.
+/// A program that only names some properties as constants has room for theirs alone: [`Property::spec`] of a variable, and
+/// [`Property::of`], bring those of all.
 #[derive(Clone, Copy, Debug)]
 pub struct Spec {
+    /// Which.
+    pub property: Property,
     /// Width on the wire, 16 or 32 bits.
     pub bits: u8,
     /// What a host may do with it.
@@ -157,6 +159,19 @@ impl Spec {
         }))
     }
 
+    /// A value as it goes on the wire: in the property's width, or 32 bits if it does not fit signed 16; `None` if
+    /// it does not fit 32.
+    #[must_use]
+    pub fn write(&self, value: i64) -> Option<Value> {
+        match i16::try_from(value) {
+            Ok(short) if self.bits == 16 => Some(Value::Short(short.cast_unsigned())),
+            _ if i64::from(i32::MIN) <= value && value <= i64::from(u32::MAX) => {
+                Some(Value::Long(value as u32))
+            }
+            _ => None,
+        }
+    }
+
     /// Whether its numbers have no sign on the wire.
     #[must_use]
     const fn unsigned(&self) -> bool {
@@ -183,17 +198,27 @@ impl Property {
         }
     }
 
-    /// A value as it goes on the wire: in the property's width, or 32 bits if it does not fit signed 16; `None` if
-    /// it does not fit 32.
+    /// A value as it goes on the wire: see [`Spec::write`].
     #[must_use]
     pub fn write(self, value: i64) -> Option<Value> {
-        match i16::try_from(value) {
-            Ok(short) if self.spec().bits == 16 => Some(Value::Short(short.cast_unsigned())),
-            _ if i64::from(i32::MIN) <= value && value <= i64::from(u32::MAX) => {
-                Some(Value::Long(value as u32))
+        self.spec().write(value)
+    }
+
+    /// Whether SAVE stores the property of a number; `false` if there is none.
+    #[must_use]
+    pub const fn is_stored(id: u8) -> bool {
+        // A bit a number: less than all specs.
+        const STORED: u128 = {
+            let (mut bits, mut rest) = (0, Property::ALL);
+            while let [property, others @ ..] = rest {
+                if matches!(property.spec().stored, Stored::Yes) {
+                    bits |= 1 << property.id();
+                }
+                rest = others;
             }
-            _ => None,
-        }
+            bits
+        };
+        id < 128 && STORED >> id & 1 != 0
     }
 }
 

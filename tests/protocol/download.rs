@@ -37,13 +37,14 @@ fn file(image: &[u8]) -> Vec<u8> {
     file
 }
 
-struct Bench {
+/// A board on a bus with a host.
+pub(super) struct Bench {
     bus: Bus<Node>,
 }
 
 impl Bench {
     /// A board that runs its application.
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let node = Node::awake(SimBoard::standard(id(), Model::Averaged, 1));
         let mut bus = Bus::new(vec![node]);
         bus.plug_host("test", Adapter::default()).expect("the first host");
@@ -62,21 +63,21 @@ impl Bench {
         while self.bus.receive().is_some() {}
     }
 
-    fn get(&mut self, property: Property) -> Option<i64> {
+    pub(super) fn get(&mut self, property: Property) -> Option<i64> {
         self.bus.send(Message::get(Destination::Node(id()), property).frame()).expect("plugged");
         let deadline = self.bus.now_us() + 100_000;
         std::iter::from_fn(|| self.bus.wait(deadline)).find_map(|s| answer(&s.frame, NODE, property))
     }
 
     /// What is in the application's area.
-    fn application(&self, len: usize) -> &[u8] {
+    pub(super) fn application(&self, len: usize) -> &[u8] {
         let flash = self.bus.stations().next().expect("the board").board().sim_flash().bytes();
         let start = (APPLICATION.start - FLASH.start) as usize;
         &flash[start..start + len]
     }
 
     /// Barrett's download, as PROTOCOL.md tells it; `None` if the board does not ask on.
-    fn barrett(&mut self, file: &[u8]) -> Option<()> {
+    pub(super) fn barrett(&mut self, file: &[u8]) -> Option<()> {
         self.set(Property::STAT, 0);
         let until = self.bus.now_us() + 1_000_000;
         self.bus.run_until(until);
@@ -95,7 +96,7 @@ impl Bench {
     }
 
     /// Wakes the board and waits for it; how long that took, in µs.
-    fn wake(&mut self) -> u64 {
+    pub(super) fn wake(&mut self) -> u64 {
         let begin = self.bus.now_us();
         self.wait(1_000_000);
         assert_eq!(self.get(Property::ERROR), Some(0));
@@ -108,7 +109,7 @@ impl Bench {
     }
 
     /// Our download.
-    fn ours(&mut self, file: &[u8]) -> Result<(), DownloadError> {
+    pub(super) fn ours(&mut self, file: &[u8]) -> Result<(), DownloadError> {
         let mut host = Downloader::new(id(), file, self.bus.now_us());
         loop {
             match host.next(self.bus.now_us()) {

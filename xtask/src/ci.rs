@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::program::{output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, fuzz, hall_oracle, host_tools, setup, table};
+use crate::{Outcome, fuzz, hall_oracle, host_tools, image, setup, table};
 
 /// One step: what it is called and what it does.
 struct Step {
@@ -13,12 +13,13 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 13] = [
+const STEPS: [Step; 14] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
     Step { name: "clippy, microcontroller", check: clippy_thumb },
     Step { name: "build, microcontroller", check: build_thumb },
+    Step { name: "image", check: image::check },
     Step { name: "tests", check: tests },
     Step { name: "figures", check: figures },
     Step { name: "documentation", check: documentation },
@@ -53,7 +54,11 @@ fn clippy_host() -> Outcome {
 const BOARD: &str = "--package servo-core --package tater-wire --package tater-fw";
 
 fn clippy_thumb() -> Outcome {
-    run(program(&format!("cargo clippy --quiet {BOARD} --target {THUMB} -- -D warnings")))
+    // What goes into the image only with log strings comes second.
+    for features in ["", "--features tater-fw/log"] {
+        run(program(&format!("cargo clippy --quiet {BOARD} --target {THUMB} {features} -- -D warnings")))?;
+    }
+    Ok(())
 }
 
 fn build_thumb() -> Outcome {
@@ -61,8 +66,14 @@ fn build_thumb() -> Outcome {
 }
 
 /// The system tests that measure: cargo would keep what they print to itself.
-const MEASURING: [&str; 5] =
-    ["power_cuts::", "trust::", "protocol::download::", "protocol::hosts::answers", "protocol::table::"];
+const MEASURING: [&str; 6] = [
+    "power_cuts::",
+    "trust::",
+    "protocol::download::",
+    "protocol::hosts::answers",
+    "protocol::image::",
+    "protocol::table::",
+];
 
 fn tests() -> Outcome {
     let skips = MEASURING.map(|name| format!("--skip {name}")).join(" ");
@@ -80,12 +91,20 @@ fn figures() -> Outcome {
         |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
     told("figure: ").for_each(|figure| println!("  {figure}"));
     told("skipped: ").for_each(|what| println!("  skipped: {what}"));
+    if let Some(what) = told("skipped: ").find(|what| is_made(what)) {
+        return Err(format!("a test was skipped, but the step \"image\" has made what it needs: {what}"));
+    }
     let states: u64 = told("figure: ").filter_map(distinct_states).sum();
     println!("  power cuts in all: {states} distinct states");
     if states < CUT_STATES {
         return Err(format!("{states} distinct states after power cuts, expected {CUT_STATES} at least"));
     }
     Ok(())
+}
+
+/// Whether what a test says it lacks has been made by a step before.
+fn is_made(what: &str) -> bool {
+    what.starts_with("no image")
 }
 
 /// The number before "distinct states".

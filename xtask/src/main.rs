@@ -1,4 +1,4 @@
-//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `tek`, `download`, `host-tools`. Each is one file here
+//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `image`, `flash`, `tek`, `download`, `host-tools`. Each is one file here
 //! and does its own set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
@@ -8,9 +8,11 @@ mod ci;
 mod demo;
 mod download;
 mod files;
+mod flash;
 mod fuzz;
 mod hall_oracle;
 mod host_tools;
+mod image;
 mod program;
 mod setup;
 mod table;
@@ -70,9 +72,13 @@ enum Chore {
         #[arg(long)]
         check: bool,
     },
+    /// What is flashed: monitor and application, sealed, in all their forms
+    Image(image::ImageArgs),
     /// Images of applications as `.tek` files, the form in which they are downloaded
     #[command(subcommand)]
     Tek(tek::Chore),
+    /// Monitor and application onto a board, through a debug probe
+    Flash(flash::FlashArgs),
     /// A .tek file to a board, over a CAN adapter
     Download(download::DownloadArgs),
     /// The simulated bus as host tools meet it, in real time: a download, and a move by python-can (installed into target/)
@@ -85,6 +91,8 @@ fn main() -> ExitCode {
         Chore::Ci => ci::ci().map_err(Failure::from),
         Chore::Bench { json } => bench::bench(json).map_err(Failure::from),
         Chore::Table { check } => table::table(check).map_err(Failure::from),
+        Chore::Image(args) => image::image(&args),
+        Chore::Flash(args) => flash::flash(&args),
         Chore::Tek(chore) => tek::tek(&chore),
         Chore::Download(args) => download::download(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),

@@ -17,14 +17,22 @@ pub fn install() -> Outcome {
     if !succeeds("cargo clippy --version") {
         fetch("clippy", "rustup component add clippy")?;
     }
-    if !has_target()? {
-        fetch(THUMB, &format!("rustup target add {THUMB}"))?;
-    }
-    Ok(())
+    target()
+}
+
+/// Makes sure that the core library of the microcontroller is there.
+///
+/// # Errors
+/// As [`install`].
+pub fn target() -> Outcome {
+    if has_target()? { Ok(()) } else { fetch(THUMB, &format!("rustup target add {THUMB}")) }
 }
 
 /// Whether the compiler in use, from rustup or not, has the core library of the microcontroller.
-fn has_target() -> Result<bool, String> {
+///
+/// # Errors
+/// There is no compiler.
+pub fn has_target() -> Result<bool, String> {
     let libraries = output(program(&format!("rustc --print target-libdir --target {THUMB}")))?;
     Ok(std::path::Path::new(libraries.trim()).is_dir())
 }

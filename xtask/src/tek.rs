@@ -10,12 +10,13 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
-use tater_wire::image::{self, Header};
+use tater_wire::image::{self, HEADER_BYTES, Header};
 use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{self, Dialect, Encoder, Reader, Record, TekError};
 
 use crate::{Failure, files};
-use memory::{ERASED, Memory};
+pub use memory::ERASED;
+use memory::Memory;
 pub use verify::sealed;
 
 /// A chore about `.tek` files.
@@ -92,25 +93,68 @@ fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) 
         })?;
         (memory, header) = (sealed, Some(found));
     }
-    let mut text = Vec::new();
-    for (address, bytes) in memory.pieces() {
-        let lines = u32::try_from(address).ok().and_then(|address| Encoder::new(address, bytes));
-        let Some(lines) = lines else {
-            let (place, len) = (input.display(), bytes.len());
-            let found = format!("{place}: found {len} bytes from {address:#010x} on");
-            return Err(Failure::Judged(format!("{found}, expected no address above 0xffffffff")));
-        };
-        for line in lines {
-            text.extend_from_slice(line.as_bytes());
-        }
-    }
-    text.extend_from_slice(tek::end(entry).as_bytes());
+    let text =
+        text(&memory, entry).map_err(|error| Failure::Judged(format!("{}: {error}", input.display())))?;
     files::replace(output, &text).map_err(Failure::Unusable)?;
     let sealed = header.map_or_else(String::new, |Header { crc, version, .. }| {
         format!(", sealed: version {version}, CRC-32 {crc:#010x}")
     });
     eprintln!("{}: {}{sealed}", output.display(), extent(&memory));
     Ok(())
+}
+
+/// The records of some bytes.
+fn text(memory: &Memory, entry: u32) -> Result<Vec<u8>, String> {
+    let mut text = Vec::new();
+    for (address, bytes) in memory.pieces() {
+        let lines = u32::try_from(address).ok().and_then(|address| Encoder::new(address, bytes));
+        let Some(lines) = lines else {
+            let len = bytes.len();
+            return Err(format!(
+                "found {len} bytes from {address:#010x} on, expected no address above 0xffffffff"
+            ));
+        };
+        for line in lines {
+            text.extend_from_slice(line.as_bytes());
+        }
+    }
+    text.extend_from_slice(tek::end(entry).as_bytes());
+    Ok(text)
+}
+
+/// A linked program's bytes as they lie in flash, in one piece, and where.
+///
+/// # Errors
+/// It is no linked program, or its bytes are too far apart.
+pub fn flat(elf: &[u8]) -> Result<(u64, Vec<u8>), String> {
+    let (memory, _) = source::linked(elf)?;
+    let start = memory.range().map_or(0, |range| *range.start());
+    Ok((start, memory.image()?))
+}
+
+/// A linked application in the three forms in which it gets onto a board.
+pub struct Sealed {
+    /// The ELF file with the header in its first segment, for a debug probe.
+    pub elf: Vec<u8>,
+    /// What then lies in flash from the application's address on.
+    pub bytes: Vec<u8>,
+    /// The same as a `.tek` file.
+    pub text: Vec<u8>,
+    /// What the image says of itself.
+    pub header: Header,
+}
+
+/// Seals a linked application.
+///
+/// # Errors
+/// It is none, or cannot be sealed.
+pub fn seal_linked(mut elf: Vec<u8>, version: u16) -> Result<Sealed, String> {
+    let (memory, entry) = source::linked(&elf)?;
+    let (memory, header) = seal(&memory, version)?;
+    let bytes = memory.image()?;
+    // The vector table, in which the header lies, is linked in one piece.
+    source::overwrite(&mut elf, APPLICATION.start, &bytes[..HEADER_BYTES])?;
+    Ok(Sealed { elf, text: text(&memory, entry)?, bytes, header })
 }
 
 /// The image in one piece with its header.

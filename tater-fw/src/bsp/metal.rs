@@ -102,8 +102,20 @@ impl Clock {
         let [low, high, ..] = self.now.0.to_le_bytes();
         let since = self.tim.cnt().read().cnt().bits().wrapping_sub(u16::from_le_bytes([low, high]));
         self.now = self.now.wrapping_add(Micros(since.into()));
+        #[cfg(feature = "log")]
+        LOGGED_AT.store(self.now.0, core::sync::atomic::Ordering::Relaxed);
         self.now
     }
+}
+
+/// The time that was read last, for logs.
+#[cfg(feature = "log")]
+static LOGGED_AT: core::sync::atomic::AtomicU32 = core::sync::atomic::AtomicU32::new(0);
+
+/// When a log line is said, in us, to the last tick.
+#[cfg(feature = "log")]
+pub fn logged_at() -> u32 {
+    LOGGED_AT.load(core::sync::atomic::Ordering::Relaxed)
 }
 
 /// The control tick's timer, TIM3.

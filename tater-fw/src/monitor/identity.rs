@@ -2,17 +2,29 @@
 
 use crate::lock::Lock;
 use crate::storage::Store;
-use tater_wire::property::Default;
+use tater_wire::property::{Default, Spec};
 use tater_wire::{Node, Property};
 
-/// The properties.
-const PROPERTIES: [Property; 3] = [Property::ROLE, Property::SN, Property::ID];
+/// One of the properties.
+#[derive(Debug)]
+struct Own {
+    spec: &'static Spec,
+    /// As it is now.
+    value: i64,
+    default: i64,
+}
 
-/// ROLE, SN and ID as they are now, and how far the lock before them has been opened.
+impl Own {
+    /// Takes the stored value, or the default.
+    fn restore(&mut self, store: &Store) {
+        self.value = store.get_by(self.spec).unwrap_or(self.default);
+    }
+}
+
+/// ROLE, SN and ID, and how far the lock before them has been opened.
 #[derive(Debug)]
 pub(super) struct Identity {
-    values: [i64; PROPERTIES.len()],
-    defaults: [i64; PROPERTIES.len()],
+    own: [Own; 3],
     /// Told of every SET that the board hears.
     pub(super) lock: Lock,
 }
@@ -24,43 +36,51 @@ impl Identity {
             Default::Same(role) => i64::from(role),
             _ => 0,
         };
-        let defaults = [role, i64::from(serial_number), i64::from(straps.number())];
-        let mut identity = Self { values: defaults, defaults, lock: Lock::default() };
-        for property in PROPERTIES {
-            identity.restore(store, property.id());
-        }
-        identity
+        let own = [
+            (Property::ROLE.spec(), role),
+            (Property::SN.spec(), i64::from(serial_number)),
+            (Property::ID.spec(), i64::from(straps.number())),
+        ];
+        let own = own.map(|(spec, default)| {
+            let mut own = Own { spec, value: default, default };
+            own.restore(store);
+            own
+        });
+        Self { own, lock: Lock::default() }
     }
 
-    fn slot(&mut self, id: u8) -> Option<(&mut i64, Property)> {
-        self.values.iter_mut().zip(PROPERTIES).find(|(_, property)| property.id() == id)
+    fn find(&mut self, id: u8) -> Option<&mut Own> {
+        self.own.iter_mut().find(|own| own.spec.property.id() == id)
     }
 
-    /// The value of one of the three properties; `None` for another.
-    pub(super) fn get(&self, id: u8) -> Option<i64> {
-        self.values.iter().zip(PROPERTIES).find(|(_, property)| property.id() == id).map(|(value, _)| *value)
+    /// One of the three properties and its value; `None` for another number.
+    pub(super) fn get(&self, id: u8) -> Option<(&'static Spec, i64)> {
+        self.own.iter().find(|own| own.spec.property.id() == id).map(|own| (own.spec, own.value))
+    }
+
+    /// The property, to change it, if it is one of the three, and unlocked; locks again in that case.
+    fn unlock(&mut self, id: u8) -> Option<&mut Own> {
+        self.find(id)?;
+        if self.lock.take() { self.find(id) } else { None }
     }
 
     /// A SET of one of the three properties: taken only if unlocked and in range; locks again in any case.
     pub(super) fn set(&mut self, id: u8, value: i64) {
-        if self.get(id).is_some()
-            && self.lock.take()
-            && let Some((slot, property)) = self.slot(id)
-            && property.spec().admits(value)
+        if let Some(own) = self.unlock(id)
+            && own.spec.admits(value)
         {
-            *slot = value;
+            own.value = value;
         }
     }
 
     /// A SET of SAVE: the present value of the property of this number, or of all for −1, is to be stored.
     pub(super) fn save(&self, store: &mut Store, number: i64) {
-        let rows = self.values.iter().zip(self.defaults).zip(PROPERTIES);
-        for ((&value, default), property) in rows {
+        for own in &self.own {
             // Of all: what nobody has set stays the straps' and the chip's.
-            let of_all = number == -1 && (value != default || store.get(property).is_some());
+            let of_all = number == -1 && (own.value != own.default || store.get_by(own.spec).is_some());
             // A board without straps that nobody has named has no ID to store: that is out of range, and not taken.
-            if of_all || number == i64::from(property.id()) {
-                store.set(property, value);
+            if of_all || number == i64::from(own.spec.property.id()) {
+                store.set_by(own.spec, own.value);
             }
         }
     }
@@ -69,18 +89,9 @@ impl Identity {
     /// again in any case. −1 leaves the locked ones, as in the application; here that is all.
     pub(super) fn load(&mut self, store: &Store, number: i64) {
         if let Ok(id) = u8::try_from(number)
-            && self.get(id).is_some()
-            && self.lock.take()
+            && let Some(own) = self.unlock(id)
         {
-            self.restore(store, id);
-        }
-    }
-
-    /// Takes the stored value, or the default.
-    fn restore(&mut self, store: &Store, id: u8) {
-        let rows = self.values.iter_mut().zip(self.defaults).zip(PROPERTIES);
-        for ((value, default), property) in rows.filter(|(_, property)| property.id() == id) {
-            *value = store.get(property).unwrap_or(default);
+            own.restore(store);
         }
     }
 }

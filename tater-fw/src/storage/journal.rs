@@ -1,9 +1,10 @@
 //! What the journal says is taken up, what has changed is added to it.
 
+use super::numbers::Numbers;
 use super::pages::{FIRST, PAGE_WORDS, Page};
 use super::record::{self, Found, Head, MOST_WORDS};
 use super::word::{MOST, Word};
-use super::{COUNTERS, Counters, Progress, SPARING, STEP, Store, bit};
+use super::{COUNTERS, Counters, Progress, SPARING, STEP, Store};
 use crate::board::{Flash, FlashError};
 use heapless::Vec;
 use tater_wire::Property;
@@ -22,8 +23,8 @@ pub struct Writing {
     head: Head,
     page: Page,
     at: usize,
-    /// The properties in it, a bit a number.
-    changed: u128,
+    /// The properties in it.
+    changed: Numbers,
     counters: Counters,
     /// Nothing has moved since it was begun.
     pub live: bool,
@@ -96,12 +97,12 @@ impl Store {
         flash: &mut F,
         may_erase: bool,
     ) -> Result<Progress, FlashError> {
-        if let Some(writing) = self.writing.take() {
-            self.proceed(flash, writing)?;
+        if self.writing.is_some() {
+            self.proceed(flash)?;
         } else if let Some(mark) = self.obsolete.take() {
             flash.program(mark, 0)?;
         } else if self.pages.mark(flash)? {
-        } else if self.changed != 0 {
+        } else if !self.changed.is_empty() {
             return self.begin(flash, may_erase);
         } else if let Some(word) = self.due() {
             let Some((page, at)) = self.pages.room(1) else { return self.begin(flash, may_erase) };
@@ -149,14 +150,14 @@ impl Store {
             return self.pages.erase(flash, page).map(|()| Progress::More);
         };
         let (changed, counters) = (core::mem::take(&mut self.changed), self.counters);
-        let writing = Writing { words, done: 0, head, page, at, changed, counters, live: true };
-        self.proceed(flash, writing)?;
+        self.writing = Some(Writing { words, done: 0, head, page, at, changed, counters, live: true });
+        self.proceed(flash)?;
         Ok(Progress::More)
     }
 
     /// The next record: of all there is, or of what has changed.
     pub(super) fn record(&self, complete: bool) -> (Head, Vec<u16, MOST_WORDS>) {
-        let trusted = self.trusted.filter(|_| complete || self.changed & bit(P) != 0);
+        let trusted = self.trusted.filter(|_| complete || self.changed.contains(P));
         let head = Head { sequence: self.sequence.wrapping_add(1), complete, trusted };
         let entry = |id| {
             let value = match id {
@@ -170,25 +171,23 @@ impl Store {
         let words = if complete {
             record::encode(&head, &mut COUNTERS.into_iter().chain(self.values.keys().copied()).map(entry))
         } else {
-            let changed = (0..128).filter(|id| self.changed & bit(*id) != 0);
-            record::encode(&head, &mut changed.map(entry))
+            record::encode(&head, &mut self.changed.iter().map(entry))
         };
         (head, words)
     }
 
     /// Programs a record's next half-word, and counts it as stored with the last one.
-    fn proceed<F: Flash>(&mut self, flash: &mut F, mut writing: Writing) -> Result<(), FlashError> {
+    fn proceed<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
+        let Some(writing) = &mut self.writing else { return Ok(()) };
         if let Some(word) = writing.words.get(writing.done) {
             let address = writing.page.address(writing.at + writing.done);
             if let Err(error) = flash.program(address, *word) {
-                self.writing = Some(writing);
                 self.abandon();
                 return Err(error);
             }
         }
         writing.done += 1;
         if writing.done < writing.words.len() {
-            self.writing = Some(writing);
             return Ok(());
         }
         let (head, end) = (writing.head, writing.end());
@@ -198,13 +197,14 @@ impl Store {
             self.pages.add(end - writing.at);
         }
         self.sequence = head.sequence;
-        if head.complete || writing.changed & bit(UPSECS) != 0 {
+        if head.complete || writing.changed.contains(UPSECS) {
             self.kept = writing.counters;
         }
-        if head.complete || writing.changed & bit(P) != 0 {
+        if head.complete || writing.changed.contains(P) {
             self.obsolete = self.live.take();
             self.live = writing.mark();
         }
+        self.writing = None;
         Ok(())
     }
 
@@ -212,12 +212,13 @@ impl Store {
     /// readable after all, its mark must not be believed, and what follows must be newer: so its number is used up, and
     /// nothing more goes into the page that was current.
     pub(super) fn abandon(&mut self) {
-        if let Some(writing) = self.writing.take() {
+        if let Some(writing) = &self.writing {
             self.obsolete = writing.mark();
-            self.changed |= writing.changed;
+            writing.changed.iter().for_each(|id| self.changed.insert(id));
             self.sequence = writing.head.sequence;
             self.pages.fail(writing.page);
             self.pages.close();
+            self.writing = None;
         }
     }
 }

@@ -43,6 +43,7 @@ macro_rules! table {
                 match self {
                     $(Self::$name => const {
                         &Spec {
+                            property: Self::$name,
                             bits: $bits,
                             access: Access::$access,
                             stored: Stored::$stored,
@@ -60,7 +61,6 @@ macro_rules! table {
                 match self {
                     $(Self::$name => const {
                         &Row {
-                            property: Property::$name,
                             name: stringify!($name),
                             spec: Property::$name.spec(),
                             unit: $unit,

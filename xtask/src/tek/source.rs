@@ -41,8 +41,11 @@ pub fn read(path: &Path, base: Option<u32>) -> Result<(Memory, u32), Failure> {
     Ok((memory, base))
 }
 
-/// What the program headers load, by physical addresses, since that is what lies in flash.
-fn linked(data: &[u8]) -> Result<(Memory, u32), String> {
+/// What the program headers load, by physical addresses, since that is what lies in flash; and the entry.
+///
+/// # Errors
+/// It is no linked program, or a damaged one.
+pub fn linked(data: &[u8]) -> Result<(Memory, u32), String> {
     let damaged = |error: object::Error| format!("found a damaged file, expected a 32-bit ELF file: {error}");
     let header = FileHeader32::<Endianness>::parse(data).map_err(damaged)?;
     let endian = header.endian().map_err(damaged)?;
@@ -65,4 +68,29 @@ fn linked(data: &[u8]) -> Result<(Memory, u32), String> {
         );
     }
     Ok((memory, header.e_entry(endian)))
+}
+
+/// Changes what an ELF file loads from a physical address on.
+///
+/// # Errors
+/// No segment holds all these addresses.
+pub fn overwrite(data: &mut [u8], address: u32, bytes: &[u8]) -> Result<(), String> {
+    let damaged = |error: object::Error| format!("found a damaged file, expected a 32-bit ELF file: {error}");
+    let header = FileHeader32::<Endianness>::parse(&*data).map_err(damaged)?;
+    let endian = header.endian().map_err(damaged)?;
+    let loads = header.program_headers(endian, &*data).map_err(damaged)?.iter();
+    let place = loads.filter(|segment| segment.p_type(endian) == PT_LOAD).find_map(|segment| {
+        let (offset, len) = segment.file_range(endian);
+        let at = u64::from(address.checked_sub(segment.p_paddr(endian))?);
+        (at + bytes.len() as u64 <= len).then_some((offset + at) as usize)
+    });
+    let place = place.and_then(|at| data.get_mut(at..at + bytes.len()));
+    let Some(place) = place else {
+        return Err(format!(
+            "found no segment with {} bytes from {address:#010x} on, expected one",
+            bytes.len()
+        ));
+    };
+    place.copy_from_slice(bytes);
+    Ok(())
 }

@@ -1,0 +1,125 @@
+//! `cargo xtask flash`: monitor and application onto a board through a debug probe, and its number, if asked for. The probe
+//! is driven by the program probe-rs, 0.29 or later.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use tater_wire::image::Crc32;
+use tater_wire::memory::STORAGE;
+
+use crate::image::{self, Profile};
+use crate::program::{program, run, succeeds, target, typed};
+use crate::{Failure, files};
+
+/// As probe-rs calls it.
+const CHIP: &str = "STM32F103CB";
+
+/// How probe-rs is installed: what <https://probe.rs> says, with its packages for Debian.
+pub const INSTALL: &str = "cargo install probe-rs-tools --locked";
+
+/// The arguments of the chore.
+#[derive(clap::Args)]
+pub struct FlashArgs {
+    /// The probe, if there are several: VID:PID or VID:PID:SERIAL, as `probe-rs list` says
+    #[arg(long, value_name = "SELECTOR")]
+    probe: Option<String>,
+    /// Stores the board's number (property ID), whatever its straps say; what else is stored stays
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=7))]
+    node: Option<u8>,
+    /// With log strings or without
+    #[arg(long, value_enum, default_value = "production")]
+    profile: Profile,
+}
+
+/// Builds the images and flashes them.
+///
+/// # Errors
+/// There is no probe-rs, the images cannot be built, or why the board was not flashed.
+pub fn flash(args: &FlashArgs) -> Result<(), Failure> {
+    if !succeeds("probe-rs --version") {
+        return Err(Failure::Unusable(format!(
+            "found no program probe-rs, expected it to drive the debug probe\n  install it: {INSTALL}\n  (on Debian and \
+             Ubuntu before: apt-get install pkg-config libudev-dev cmake; other ways: https://probe.rs)"
+        )));
+    }
+    let images = image::build(args.profile)?;
+    // Before anything is changed: an application that runs writes its counters, a new monitor prepares the pages.
+    let storage = args.node.map(|node| named(args, node)).transpose()?.flatten();
+    for elf in [&images.monitor, &images.tater] {
+        let mut download = probe(args, "download");
+        download.arg("--verify").arg(elf);
+        reach(download)?;
+    }
+    if let Some(storage) = storage {
+        let mut download = probe(args, "download");
+        download.args(["--verify", "--binary-format", "bin", "--base-address"]);
+        download.arg(format!("{:#010x}", STORAGE.start)).arg(storage);
+        reach(download)?;
+    }
+    reach(probe(args, "reset"))?;
+    let number = args.node.map_or_else(String::new, |node| format!(" as node {node}"));
+    eprintln!("flashed; the board waits in its monitor{number} for SET STAT 2");
+    Ok(())
+}
+
+fn probe(args: &FlashArgs, what: &str) -> Command {
+    let mut command = program(&format!("probe-rs {what} --chip {CHIP}"));
+    if let Some(selector) = &args.probe {
+        command.args(["--probe", selector]);
+    }
+    command
+}
+
+fn reach(command: Command) -> Result<(), Failure> {
+    run(command).map_err(|error| {
+        Failure::Judged(format!(
+            "probe-rs: {error}\n  next: see that the board has power and the probe is connected (`probe-rs list`)"
+        ))
+    })
+}
+
+/// A file with the board's storage and this ID in it; `None` if it has that already.
+fn named(args: &FlashArgs, node: u8) -> Result<Option<PathBuf>, Failure> {
+    let folder = target().join("flash");
+    fs::create_dir_all(&folder)
+        .map_err(|error| Failure::Unusable(format!("{}: {error}", folder.display())))?;
+    let (before, after) = (folder.join("storage.bin"), folder.join("storage-named.bin"));
+    // An old one is not to be taken for what could not be read.
+    if before.exists() {
+        fs::remove_file(&before).map_err(|error| format!("{}: {error}", before.display()))?;
+    }
+    let mut read = probe(args, "read");
+    read.args(["--format", "binary", "--output"]).arg(&before);
+    read.args(["b8", &format!("{:#010x}", STORAGE.start), &STORAGE.len.to_string()]);
+    reach(read)?;
+    let found = files::read(&before)?;
+    // Kept by its content: the way back, should the board be cut off halfway.
+    let mut crc = Crc32::default();
+    crc.update(&found);
+    let kept = folder.join(format!("storage-{:08x}.bin", crc.finish()));
+    files::replace(&kept, &found).map_err(Failure::Unusable)?;
+    let bytes = rename(&before, node)?;
+    if bytes == found {
+        return Ok(None);
+    }
+    eprintln!("the storage as it was is kept in {}", kept.display());
+    files::replace(&after, &bytes).map_err(Failure::Unusable)?;
+    Ok(Some(after))
+}
+
+/// The storage in a file, with this ID: the firmware's journal does it.
+fn rename(storage: &Path, node: u8) -> Result<Vec<u8>, Failure> {
+    let mut journal = program(&format!("cargo run --quiet --package tater-fw --bin tater -- name {node}"));
+    let line = typed(&journal);
+    let file = File::open(storage).map_err(|error| files::unreadable(storage, &error))?;
+    let output = journal.stdin(Stdio::from(file)).stderr(Stdio::inherit()).output();
+    let failed = |what: String| {
+        Failure::Judged(format!(
+            "{}: the ID cannot be stored: {what}\n  repeat with: {line} < FILE",
+            storage.display()
+        ))
+    };
+    let output = output.map_err(|error| failed(error.to_string()))?;
+    if output.status.success() { Ok(output.stdout) } else { Err(failed(output.status.to_string())) }
+}

@@ -1,0 +1,204 @@
+//! `cargo xtask image`: what is flashed and downloaded. Monitor and application as ELF files and flat, the application sealed,
+//! also as a `.tek` file, and `image.json`, which says what they are.
+//!
+//! The same commit gives the same bytes wherever it is built (`image/compile.rs`).
+
+mod check;
+mod compile;
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use tater_wire::Property;
+use tater_wire::image::{Crc32, Header};
+use tater_wire::memory::{APPLICATION, Area, MONITOR};
+
+use crate::program::{output, program, root, target};
+use crate::{Failure, files, setup, tek};
+pub use check::check;
+
+/// How the application is built. The monitor is the same in both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Profile {
+    /// With log strings, for a debug probe
+    Release,
+    /// Without
+    Production,
+}
+
+impl Profile {
+    /// As on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Release => "release",
+            Self::Production => "production",
+        }
+    }
+}
+
+/// The arguments of the chore.
+#[derive(clap::Args)]
+pub struct ImageArgs {
+    /// With log strings or without
+    #[arg(long, value_enum, default_value = "production")]
+    profile: Profile,
+    /// The folder to write into; made if missing [default: target/image/PROFILE]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print what image.json holds, and nothing else, to standard output
+    #[arg(long)]
+    json: bool,
+}
+
+/// Where the files are.
+pub struct Images {
+    /// The application, sealed: an ELF file.
+    pub tater: PathBuf,
+    /// The monitor: an ELF file.
+    pub monitor: PathBuf,
+    /// All of image.json.
+    about: Value,
+}
+
+/// Does the chore.
+///
+/// # Errors
+/// The images cannot be built or written.
+pub fn image(args: &ImageArgs) -> Result<(), Failure> {
+    let folder = args.out.clone().unwrap_or_else(|| folder(args.profile));
+    let Images { about, .. } = build_into(args.profile, &folder)?;
+    if args.json {
+        return files::print(&format!("{about:#}\n")).map_err(Failure::from);
+    }
+    for (what, area) in [("application", APPLICATION), ("monitor", MONITOR)] {
+        let text = |key: &str| about[what][key].as_str().unwrap_or_default().to_owned();
+        println!(
+            "{what:11} {} of {} bytes at {}, CRC-32 {}",
+            about[what]["bytes"],
+            area.len,
+            text("address"),
+            text("crc32")
+        );
+    }
+    println!("version {}, in {}", about["version"], folder.display());
+    Ok(())
+}
+
+/// Where images go unless told otherwise.
+pub fn folder(profile: Profile) -> PathBuf {
+    target().join("image").join(profile.name())
+}
+
+/// Builds the images into their usual folder.
+///
+/// # Errors
+/// They cannot be built or written.
+pub fn build(profile: Profile) -> Result<Images, Failure> {
+    build_into(profile, &folder(profile))
+}
+
+fn build_into(profile: Profile, folder: &Path) -> Result<Images, Failure> {
+    setup::target()?;
+    let built = make(&root(), &target(), profile)?;
+    fs::create_dir_all(folder).map_err(|error| {
+        let place = folder.display();
+        Failure::Unusable(format!("{place}: cannot be made: {error}\n  next: give another folder with --out"))
+    })?;
+    let mut about = about(profile, &built)?;
+    for (name, bytes) in built.files() {
+        files::replace(&folder.join(name), bytes).map_err(Failure::Unusable)?;
+        about["files"][name] = json!({ "bytes": bytes.len(), "crc32": hex(crc(bytes)) });
+    }
+    files::replace(&folder.join("image.json"), format!("{about:#}\n").as_bytes())
+        .map_err(Failure::Unusable)?;
+    Ok(Images { tater: folder.join("tater.elf"), monitor: folder.join("monitor.elf"), about })
+}
+
+/// The bytes of all files.
+struct Built {
+    tater: tek::Sealed,
+    monitor: Vec<u8>,
+    monitor_flat: Vec<u8>,
+}
+
+impl Built {
+    fn files(&self) -> [(&'static str, &[u8]); 5] {
+        [
+            ("tater.elf", &self.tater.elf),
+            ("tater.bin", &self.tater.bytes),
+            ("tater.tek", &self.tater.text),
+            ("monitor.elf", &self.monitor),
+            ("monitor.bin", &self.monitor_flat),
+        ]
+    }
+}
+
+/// Compiles a checkout, with what cargo needs for it in the folder `build`.
+fn make(checkout: &Path, build: &Path, profile: Profile) -> Result<Built, Failure> {
+    // Cargo keeps others out of the folder, but only until its own end: all profiles' applications have one name there.
+    fs::create_dir_all(build).map_err(|error| format!("{}: {error}", build.display()))?;
+    let lock = build.join(".image-lock");
+    let lock = File::create(&lock).and_then(|file| file.lock().map(|()| file));
+    let _lock = lock.map_err(|error| format!("{}: {error}", build.display()))?;
+    let linked = compile::compile(checkout, build, profile)?;
+    let wrong = |name: &Path, error| format!("{}: {error}", name.display());
+    let tater = tek::seal_linked(files::read(&linked.tater)?, version())
+        .map_err(|error| wrong(&linked.tater, error))?;
+    let monitor = files::read(&linked.monitor)?;
+    let (start, monitor_flat) = tek::flat(&monitor).map_err(|error| wrong(&linked.monitor, error))?;
+    let len = monitor_flat.len() as u64;
+    if start != u64::from(MONITOR.start) || !MONITOR.holds(start, len) {
+        let Area { start: wanted, len: room } = MONITOR;
+        let found = format!("found {len} bytes from {start:#010x} on");
+        let error = format!("{found}, expected at most {room} from {wanted:#010x} on");
+        return Err(Failure::Judged(wrong(&linked.monitor, error)));
+    }
+    Ok(Built { tater, monitor, monitor_flat })
+}
+
+/// VERS, which the application answers and its header says.
+fn version() -> u16 {
+    // The row's only value, of 16 bits.
+    u16::try_from(Property::VERS.row().max).unwrap_or(u16::MAX)
+}
+
+/// What image.json holds but for the files.
+fn about(profile: Profile, built: &Built) -> Result<Value, Failure> {
+    let Header { len, crc: image_crc, version } = built.tater.header;
+    let git = |line: &str| output(program(line)).map(|text| text.trim().to_owned());
+    // A source archive has no commit.
+    let commit = git("git rev-parse HEAD").ok();
+    let dirty = match &commit {
+        Some(_) => Some(!git("git status --porcelain")?.is_empty()),
+        None => None,
+    };
+    Ok(json!({
+        "version": version,
+        "commit": commit,
+        "dirty": dirty,
+        "profile": profile.name(),
+        "log": compile::log(profile),
+        "rustc": output(program("rustc --version"))?.trim(),
+        "target": setup::THUMB,
+        "application": {
+            "address": hex(APPLICATION.start), "bytes": len, "room": APPLICATION.len, "crc32": hex(image_crc),
+        },
+        "monitor": {
+            "address": hex(MONITOR.start), "bytes": built.monitor_flat.len(), "room": MONITOR.len,
+            "crc32": hex(crc(&built.monitor_flat)),
+        },
+        "files": {},
+    }))
+}
+
+fn crc(bytes: &[u8]) -> u32 {
+    let mut crc = Crc32::default();
+    crc.update(bytes);
+    crc.finish()
+}
+
+fn hex(word: u32) -> String {
+    format!("{word:#010x}")
+}

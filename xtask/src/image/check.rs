@@ -1,0 +1,104 @@
+//! What continuous integration asks of the images: that the forms of one agree, and that another checkout gives the same.
+
+use std::fs;
+use std::path::Path;
+
+use tater_wire::memory::APPLICATION;
+
+use super::{Profile, build, folder, make};
+use crate::program::{output, program, root, run, target};
+use crate::{Failure, Outcome, files, tek};
+
+/// Builds both profiles and judges them; the production image is built once more from a clone.
+///
+/// # Errors
+/// What differs, or cannot be built.
+pub fn check() -> Outcome {
+    for profile in [Profile::Release, Profile::Production] {
+        build(profile)?;
+        agree(&folder(profile))?;
+    }
+    reproducible()
+}
+
+/// The three forms of the application hold the same bytes, and a board will take them.
+fn agree(folder: &Path) -> Result<(), Failure> {
+    let (file, decoded) = (folder.join("tater.tek"), folder.join("decoded.bin"));
+    // Also that no line is longer than hosts read, and none has a character at which they stop.
+    tek::tek(&tek::Chore::Verify { file: file.clone() })?;
+    tek::sealed(&file, &files::read(&file)?)?;
+    tek::tek(&tek::Chore::Decode { file: file.clone(), output: decoded.clone() })?;
+    let flat = files::read(&folder.join("tater.bin"))?;
+    same(&file, &files::read(&decoded)?, &flat)?;
+    // Ours, written just now; if it stays it does no harm.
+    let _ = fs::remove_file(&decoded);
+    // A debug probe leaves erased flash behind the last byte.
+    let elf = folder.join("tater.elf");
+    let (start, mut loaded) = tek::flat(&files::read(&elf)?)?;
+    loaded.resize(loaded.len().next_multiple_of(4), tek::ERASED);
+    if start != u64::from(APPLICATION.start) {
+        let found = format!("{}: found a first address of {start:#010x}", elf.display());
+        return Err(Failure::Judged(format!("{found}, expected {:#010x}", APPLICATION.start)));
+    }
+    same(&elf, &loaded, &flat)
+}
+
+/// Builds the production image of HEAD in another folder and compares.
+fn reproducible() -> Outcome {
+    let Ok(changes) = output(program("git status --porcelain")) else {
+        println!("skipped: no git checkout, so no second one to compare with");
+        return Ok(());
+    };
+    if !changes.is_empty() {
+        println!("skipped: uncommitted changes, and a second checkout would be of HEAD, without them");
+        return Ok(());
+    }
+    let second = target().join("second checkout");
+    clear(&second)?;
+    let mut clone = program("git clone --quiet --shared");
+    clone.arg(root()).arg(&second);
+    run(clone)?;
+    let first = folder(Profile::Production);
+    let made = make(&second, &second.join("build"), Profile::Production)?;
+    for (name, bytes) in made.files() {
+        same(&first.join(name), &files::read(&first.join(name))?, bytes).map_err(|error| {
+            format!("{}\n  the second is of another checkout, {}", String::from(error), second.display())
+        })?;
+    }
+    println!("  another checkout gave the same .tek, .bin and .elf");
+    clear(&second)
+}
+
+fn clear(folder: &Path) -> Outcome {
+    if !folder.exists() {
+        return Ok(());
+    }
+    fs::remove_dir_all(folder).map_err(|error| format!("{}: cannot be removed: {error}", folder.display()))
+}
+
+fn same(file: &Path, found: &[u8], expected: &[u8]) -> Result<(), Failure> {
+    if found == expected {
+        return Ok(());
+    }
+    let at = found.iter().zip(expected).position(|(a, b)| a != b).unwrap_or(found.len().min(expected.len()));
+    let (place, lens) = (file.display(), format!("{} and {} bytes", found.len(), expected.len()));
+    Err(Failure::Judged(format!(
+        "{place}: found two that differ from byte {at} on ({lens}), expected the same"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_byte_that_differs_is_named() {
+        let said = |found: &[u8], expected: &[u8]| {
+            same(Path::new("a"), found, expected).err().map(String::from).unwrap_or_default()
+        };
+        assert_eq!(said(b"abc", b"abc"), "");
+        assert!(said(b"abc", b"abd").contains("from byte 2 on (3 and 3 bytes)"));
+        assert!(said(b"ab", b"abd").contains("from byte 2 on (2 and 3 bytes)"));
+        assert!(said(b"abc", b"ab").contains("from byte 2 on (3 and 2 bytes)"));
+    }
+}

@@ -1,0 +1,123 @@
+//! Compiling and linking the two programs so that the same commit gives the same bytes in any folder, for any user.
+//!
+//! What could make them differ is fixed: dependencies by the lock file, the compiler by rust-toolchain.toml, flags and
+//! profiles by what stands here and in Cargo.toml (the environment's are left out, and it is said), and the folders of
+//! checkout, build, registry and compiler by names that replace them in debug information and panics' places. A user's own
+//! cargo configuration with `[profile]` tables, or vendored dependencies, can still make a difference.
+
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use super::Profile;
+use crate::Failure;
+use crate::program::{output, program, run};
+use crate::setup::THUMB;
+
+/// The two linked programs, where cargo has put them.
+pub struct Linked {
+    pub tater: PathBuf,
+    pub monitor: PathBuf,
+}
+
+/// What the environment may say to cargo and would change an image.
+const LEFT_OUT: [&str; 5] = [
+    "RUSTFLAGS",
+    "CARGO_ENCODED_RUSTFLAGS",
+    "CARGO_BUILD_RUSTFLAGS",
+    "CARGO_TARGET_THUMBV7M_NONE_EABI_RUSTFLAGS",
+    "CARGO_INCREMENTAL",
+];
+
+/// The log levels of an application with log strings, as DEFMT_LOG of defmt says them: that of the environment, or all but
+/// the noisiest two.
+pub fn log(profile: Profile) -> Option<String> {
+    match profile {
+        Profile::Production => None,
+        Profile::Release => Some(std::env::var("DEFMT_LOG").unwrap_or_else(|_| "info".into())),
+    }
+}
+
+/// Builds monitor and application of a checkout in the folder `build`.
+///
+/// # Errors
+/// They cannot be built; cargo has said why.
+pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked, Failure> {
+    let left_out = left_out();
+    if !left_out.is_empty() {
+        let names = left_out.join(", ");
+        eprintln!("not used, so that the same commit gives the same image anywhere: {names}");
+    }
+    let flags = flags(checkout, build)?;
+    for name in ["monitor", "tater"] {
+        let mut cargo = program(&format!(
+            "cargo build --locked --package tater-fw --bin {name} --profile firmware --target {THUMB}"
+        ));
+        cargo.current_dir(checkout).arg("--target-dir").arg(build);
+        cargo.env_remove("DEFMT_LOG");
+        if name == "tater"
+            && let Some(levels) = log(profile)
+        {
+            cargo.args(["--features", "log"]).env("DEFMT_LOG", levels);
+        }
+        if !io::stderr().is_terminal() {
+            cargo.arg("--quiet");
+        }
+        left_out.iter().for_each(|name| {
+            cargo.env_remove(name);
+        });
+        // Not by RUSTFLAGS: a folder's name may have a blank.
+        cargo.env("CARGO_ENCODED_RUSTFLAGS", flags.join("\u{1f}"));
+        run(cargo).map_err(|_| {
+            format!("{name} cannot be built\n  repeat with: cargo xtask image --profile {}", profile.name())
+        })?;
+    }
+    let folder = build.join(THUMB);
+    Ok(Linked { tater: folder.join("firmware/tater"), monitor: folder.join("firmware/monitor") })
+}
+
+/// The names of the variables that are set and left out.
+fn left_out() -> Vec<String> {
+    let names = std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value)));
+    let changes = |name: &str| LEFT_OUT.contains(&name) || name.starts_with("CARGO_PROFILE_");
+    let set = names.filter(|(name, value)| changes(name) && !value.is_empty());
+    set.map(|(name, _)| name).collect()
+}
+
+/// Folders as the compiler may name them, and what is written instead; a later one goes before an earlier one.
+fn flags(checkout: &Path, build: &Path) -> Result<Vec<String>, String> {
+    let rustc = |arguments: &str| {
+        let mut command: Command = program(&format!("rustc {arguments}"));
+        command.current_dir(checkout);
+        output(command)
+    };
+    let about = rustc("--version --verbose")?;
+    let hash = about.lines().find_map(|line| line.strip_prefix("commit-hash: ")).unwrap_or("unknown");
+    // Where the sources of core lie if they are installed; else the compiler writes the second already.
+    let core = Path::new(rustc("--print sysroot")?.trim()).join("lib/rustlib/src/rust");
+    let mut names = vec![(core, format!("/rustc/{hash}"))];
+    names.extend(registries().into_iter().map(|folder| (folder, "/cargo".into())));
+    names.push((checkout.to_owned(), "/tater".into()));
+    names.push((build.to_owned(), "/tater/target".into()));
+    let mut flags = Vec::new();
+    for (folder, name) in names {
+        // The compiler may see the folder or what a link to it means.
+        let real = folder.canonicalize().unwrap_or_else(|_| folder.clone());
+        for folder in [&folder, &real] {
+            flags.push(format!("--remap-path-prefix={}={name}", folder.display()));
+        }
+    }
+    Ok(flags)
+}
+
+/// The folders of cargo's registries: their names depend on where the crates were fetched from.
+fn registries() -> Vec<PathBuf> {
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")));
+    let Some(entries) = home.and_then(|home| std::fs::read_dir(home.join("registry/src")).ok()) else {
+        return Vec::new();
+    };
+    let mut folders: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    folders.sort();
+    folders
+}
