@@ -176,9 +176,10 @@ impl Metal<Held> {
     pub fn monitor(chip: pac::Peripherals) -> Self {
         // First of all: what waits below is waited for by the watchdog.
         let watchdog = Watchdog::new(chip.IWDG);
-        let cause = stop::reset_cause(&chip.RCC);
         let mut parts = chip.FLASH.constrain();
         let mut rcc = clocks::start(chip.RCC, &mut parts);
+        // With the crystal running: while it does not, each start ends by the watchdog, and the first cause stands.
+        let cause = stop::reset_cause(&rcc);
         let bus = pins::bus(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
         let flash = flash::Metal::new();
         metal!(chip, rcc, flash, cause, bus, watchdog, Held)
