@@ -202,13 +202,15 @@ impl Metal<Armed> {
         let watchdog = Watchdog::new(chip.IWDG);
         let mut parts = chip.FLASH.constrain();
         let mut rcc = clocks::start(chip.RCC, &mut parts);
+        // Before its pins: they carry what it says as soon as they are its own.
+        let bridge = Guarded::new(chip.TIM1, &mut rcc);
         let (bus, motor) = pins::all(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
         let MotorPins { brake, .. } = motor;
         // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4).
         chip.DBGMCU.cr().modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit());
         let armed = Armed {
             adc: Adc::new(chip.ADC1, &mut rcc),
-            bridge: Guarded::new(chip.TIM1, &mut rcc),
+            bridge,
             brake,
             halls: Halls::new(chip.TIM4, &mut rcc),
         };
