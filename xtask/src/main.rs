@@ -1,11 +1,12 @@
-//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `image`, `flash`, `tek`, `download`, `host-tools`. Each is one file here
-//! and does its own set-up; what takes long is done by the programs that they start.
+//! The project's chores: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `flash`, `tek`, `download`,
+//! `host-tools`. Each is one file here and does its own set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
 
 mod bench;
 mod ci;
 mod demo;
+mod doctor;
 mod download;
 mod files;
 mod flash;
@@ -60,6 +61,12 @@ enum Chore {
     Demo,
     /// All checks and tests, as continuous integration runs them
     Ci,
+    /// What is installed, what is missing, what for, and how to get it
+    Doctor {
+        /// Print the JSON object, and nothing else, to standard output
+        #[arg(long)]
+        json: bool,
+    },
     /// Speed of the simulator and cost of a control tick, written to bench.json
     Bench {
         /// Print the JSON object, and nothing else, to standard output
@@ -89,6 +96,7 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().chore {
         Chore::Demo => demo::demo().map_err(Failure::from),
         Chore::Ci => ci::ci().map_err(Failure::from),
+        Chore::Doctor { json } => doctor::doctor(json),
         Chore::Bench { json } => bench::bench(json).map_err(Failure::from),
         Chore::Table { check } => table::table(check).map_err(Failure::from),
         Chore::Image(args) => image::image(&args),

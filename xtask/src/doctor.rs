@@ -1,0 +1,179 @@
+//! `cargo xtask doctor`: which programs are there, which are missing, what for, and how to get them. It installs nothing.
+
+use std::path::Path;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+
+use crate::program::{program, root, target};
+use crate::setup::{self, THUMB};
+use crate::{Failure, files, flash};
+
+/// Something to have.
+struct Tool {
+    name: &'static str,
+    /// What it is needed for.
+    purpose: &'static str,
+    /// Whether `cargo xtask image` does not work without.
+    image: bool,
+    /// What it says of itself, or where it is, if it is there.
+    found: Option<String>,
+    /// How to get it.
+    get: String,
+}
+
+/// Prints what there is.
+///
+/// # Errors
+/// What `cargo xtask image` needs is not all there.
+pub fn doctor(json: bool) -> Result<(), Failure> {
+    let tools = tools();
+    let missing = missing(&tools);
+    let text = if json {
+        format!(
+            "{:#}\n",
+            json!({ "image": missing.is_empty(), "tools": tools.iter().map(row).collect::<Vec<_>>() })
+        )
+    } else {
+        tools.iter().map(line).collect()
+    };
+    files::print(&text)?;
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Judged(format!("`cargo xtask image` needs what is missing: {}", missing.join(", "))))
+}
+
+/// The names of what the images need and is not there.
+fn missing(tools: &[Tool]) -> Vec<&'static str> {
+    tools.iter().filter(|tool| tool.image && tool.found.is_none()).map(|tool| tool.name).collect()
+}
+
+fn row(tool: &Tool) -> Value {
+    json!({
+        "name": tool.name, "for": tool.purpose, "needed_for_image": tool.image, "found": tool.found, "get": tool.get,
+    })
+}
+
+fn line(tool: &Tool) -> String {
+    match &tool.found {
+        Some(found) => format!("ok       {:12} {found}\n", tool.name),
+        None => format!("missing  {:12} for {}\n{:22}get it: {}\n", tool.name, tool.purpose, "", tool.get),
+    }
+}
+
+fn tools() -> Vec<Tool> {
+    let tool = |name, purpose, found, get: &str| Tool { name, purpose, image: false, found, get: get.into() };
+    let needed = |tool: Tool| Tool { image: true, ..tool };
+    let rustup = says("rustup --version");
+    let thumb = setup::has_target().unwrap_or(false).then(|| THUMB.to_owned());
+    let probe_rs = flash::INSTALL;
+    vec![
+        needed(compiler()),
+        needed(tool(
+            "target",
+            "what runs on the board",
+            thumb,
+            &format!("rustup target add {THUMB} (`cargo xtask image` does it by itself)"),
+        )),
+        tool("rustup", "getting compiler, target and components", rustup, "https://rustup.rs"),
+        tool("git", "the commit in image.json, and checkouts", says("git --version"), "apt-get install git"),
+        tool("rustfmt", "`cargo xtask ci`", says("cargo fmt --version"), "rustup component add rustfmt"),
+        tool("clippy", "`cargo xtask ci`", says("cargo clippy --version"), "rustup component add clippy"),
+        tool("llvm-tools", "looking into an image", llvm_tools(), "rustup component add llvm-tools"),
+        tool("probe-rs", "`cargo xtask flash`", says("probe-rs --version"), probe_rs),
+        tool("python3", "`cargo xtask host-tools`", says("python3 --version"), "apt-get install python3"),
+        tool(
+            "venv",
+            "`cargo xtask host-tools`: python-can below the target folder",
+            says("python3 -m venv --help").map(|_| "a module of python3".into()),
+            "apt-get install python3-venv",
+        ),
+        tool(
+            "nightly",
+            "the fuzz targets of `cargo xtask ci`",
+            says("rustup run nightly rustc --version"),
+            "rustup toolchain install nightly",
+        ),
+        tool(
+            "cargo-fuzz",
+            "the fuzz targets",
+            cargo_fuzz(),
+            "`cargo xtask ci` installs it below the target folder",
+        ),
+        tool("valgrind", "`cargo xtask bench`", says("valgrind --version"), "apt-get install valgrind"),
+    ]
+}
+
+/// The compiler, if it is that of rust-toolchain.toml: another makes other images.
+fn compiler() -> Tool {
+    let settings = std::fs::read_to_string(root().join("rust-toolchain.toml")).unwrap_or_default();
+    let wanted = channel(&settings).unwrap_or_default();
+    let found = says("rustc --version");
+    let right = found.clone().filter(|found| found.split(' ').nth(1) == Some(wanted));
+    let found = found.unwrap_or_else(|| "none".into());
+    Tool {
+        name: "rustc",
+        purpose: "everything",
+        image: true,
+        found: right,
+        get: format!("rustup toolchain install {wanted} (found {found}, expected {wanted})"),
+    }
+}
+
+/// The compiler's version in rust-toolchain.toml.
+fn channel(settings: &str) -> Option<&str> {
+    settings.lines().find_map(|line| line.strip_prefix("channel = \"")?.strip_suffix('"'))
+}
+
+fn llvm_tools() -> Option<String> {
+    let sysroot = says("rustc --print sysroot")?;
+    let host = says("rustc --print host-tuple")?;
+    let folder = Path::new(&sysroot).join("lib/rustlib").join(host).join("bin");
+    let name = format!("llvm-objdump{}", std::env::consts::EXE_SUFFIX);
+    folder.join(name).exists().then(|| folder.display().to_string())
+}
+
+fn cargo_fuzz() -> Option<String> {
+    let ours = target().join("tools/bin/cargo-fuzz");
+    if ours.exists() { Some(ours.display().to_string()) } else { says("cargo-fuzz --version") }
+}
+
+/// The first line that a program prints, if it succeeds.
+fn says(line: &str) -> Option<String> {
+    let mut command = program(line);
+    command.stdin(Stdio::null()).stderr(Stdio::null());
+    let output = command.output().ok().filter(|output| output.status.success())?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines().next().map(|line| line.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_an_image_needs_and_is_missing_fails() {
+        let tool = |name, image, found: Option<&str>| Tool {
+            name,
+            purpose: "a test",
+            image,
+            found: found.map(String::from),
+            get: "somewhere".into(),
+        };
+        let tools = [tool("a", true, Some("1")), tool("b", false, None), tool("c", true, None)];
+        assert_eq!(missing(&tools[..2]), [""; 0]);
+        assert_eq!(missing(&tools), ["c"]);
+        assert!(line(&tools[1]).starts_with("missing  b"), "{}", line(&tools[1]));
+        assert!(line(&tools[1]).contains("get it: somewhere"));
+        assert!(line(&tools[0]).starts_with("ok       a"));
+    }
+
+    #[test]
+    fn the_compiler_that_is_wanted_is_that_of_the_file() {
+        assert_eq!(channel("[toolchain]\nchannel = \"1.95.0\"\nprofile = \"minimal\""), Some("1.95.0"));
+        assert_eq!(channel("[toolchain]"), None);
+        let settings = std::fs::read_to_string(root().join("rust-toolchain.toml")).expect("it is there");
+        assert!(channel(&settings).is_some_and(|channel| channel.starts_with(|c: char| c.is_ascii_digit())));
+    }
+}
