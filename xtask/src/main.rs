@@ -14,6 +14,7 @@ mod host_tools;
 mod image;
 mod program;
 mod setup;
+mod size;
 mod table;
 mod tek;
 
@@ -76,6 +77,8 @@ enum Chore {
     /// Images of applications as `.tek` files, the form in which they are downloaded
     #[command(subcommand)]
     Tek(tek::Chore),
+    /// Flash, RAM and stack of the two programs on a board, and what must not be linked into them
+    Size(size::SizeArgs),
     /// A .tek file to a board, over a CAN adapter
     Download(download::DownloadArgs),
     /// The simulated bus as host tools meet it, in real time: a download, and a move by python-can (installed into target/)
@@ -90,6 +93,7 @@ fn main() -> ExitCode {
         Chore::Table { check } => table::table(check).map_err(Failure::from),
         Chore::Image(args) => image::image(&args),
         Chore::Tek(chore) => tek::tek(&chore),
+        Chore::Size(args) => size::size(&args),
         Chore::Download(args) => download::download(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),
     };
