@@ -90,7 +90,9 @@ struct Figures {
 pub fn size(args: &SizeArgs) -> Result<(), Failure> {
     if args.profile != Profile::Production && (args.check || args.bless) {
         let what = "the limits and the committed figures are those of production";
-        return Err(Failure::Unusable(format!("{what}\n  next: leave --profile out, or --check and --bless")));
+        return Err(Failure::Unusable(format!(
+            "{what}\n  next: leave --profile out, or --check and --bless"
+        )));
     }
     let app = root().join(APP);
     let source = String::from_utf8_lossy(&files::read(&app)?).into_owned();
@@ -193,8 +195,11 @@ impl Figures {
 
 fn stack_object(worst: &Worst) -> Value {
     let deepest = |deepest: &stack::Deepest| {
-        let path: Vec<Value> =
-            deepest.path.iter().map(|frame| json!({ "function": frame.function, "bytes": frame.bytes })).collect();
+        let path: Vec<Value> = deepest
+            .path
+            .iter()
+            .map(|frame| json!({ "function": frame.function, "bytes": frame.bytes }))
+            .collect();
         json!({ "bytes": deepest.bytes, "path": path })
     };
     let levels: Vec<Value> = worst

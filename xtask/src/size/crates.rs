@@ -29,7 +29,9 @@ pub fn of(program: &Program, section: &Section, handlers: &[String]) -> BTreeMap
     for (name, bytes) in extents(program, section) {
         let whose = match name {
             _ if section.name == ".vector_table" => "vector table".into(),
-            Some(name) if handlers.iter().any(|handler| handler == name) => "tater (interrupt handlers)".into(),
+            Some(name) if handlers.iter().any(|handler| handler == name) => {
+                "tater (interrupt handlers)".into()
+            }
             Some(name) => origin(name),
             None => "constants without a name".into(),
         };
@@ -68,9 +70,8 @@ pub fn extents<'p>(program: &'p Program, section: &Section) -> Vec<(Option<&'p s
 
 /// The crate of a symbol, or what it is.
 pub fn origin(name: &str) -> String {
-    let fits = |pattern: &str| {
-        pattern.strip_suffix('*').map_or(name == pattern, |start| name.starts_with(start))
-    };
+    let fits =
+        |pattern: &str| pattern.strip_suffix('*').map_or(name == pattern, |start| name.starts_with(start));
     // `.Lswitch.table.` and the name of the function that it belongs to.
     let function = name.find("_ZN").or_else(|| name.find("_RN")).map_or(name, |at| &name[at..]);
     let text = plain(function);
@@ -81,5 +82,8 @@ pub fn origin(name: &str) -> String {
         let end = path.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(path.len());
         return path[..end].into();
     }
-    NAMED.iter().find(|(pattern, _)| fits(pattern)).map_or_else(|| format!("{name} (no crate)"), |&(_, whose)| whose.into())
+    NAMED
+        .iter()
+        .find(|(pattern, _)| fits(pattern))
+        .map_or_else(|| format!("{name} (no crate)"), |&(_, whose)| whose.into())
 }

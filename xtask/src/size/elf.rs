@@ -54,7 +54,7 @@ pub struct Program {
     /// By address.
     pub symbols: Vec<Symbol>,
     /// From which address on there is code (`$t`) or data (`$d`), as the assembler has marked it.
-    code: BTreeMap<u32, bool>,
+    pub code: BTreeMap<u32, bool>,
 }
 
 impl Program {
@@ -73,13 +73,16 @@ impl Program {
     /// The same.
     pub fn parse(data: &[u8]) -> Result<Self, String> {
         let damaged = |error: object::Error| {
-            format!("found {error}, expected a linked 32-bit ELF file\n  next: build it again, by cargo xtask image")
+            format!(
+                "found {error}, expected a linked 32-bit ELF file\n  next: build it again, by cargo xtask image"
+            )
         };
         let file: ElfFile32 = ElfFile32::parse(data).map_err(damaged)?;
         let mut sections = Vec::new();
         for section in file.sections() {
             let SectionFlags::Elf { sh_flags, .. } = section.flags() else { continue };
-            let number = |value: u64| u32::try_from(value).map_err(|_| "found an address of more than 32 bits");
+            let number =
+                |value: u64| u32::try_from(value).map_err(|_| "found an address of more than 32 bits");
             let (start, len) = (number(section.address())?, number(section.size())?);
             if !sh_flags.contains(SHF_ALLOC) || len == 0 {
                 continue;
@@ -91,13 +94,20 @@ impl Program {
         }
         let (mut symbols, mut code) = (Vec::new(), BTreeMap::new());
         for symbol in file.symbols() {
-            let (Ok(start), Ok(len)) = (u32::try_from(symbol.address()), u32::try_from(symbol.size())) else { continue };
+            let (Ok(start), Ok(len)) = (u32::try_from(symbol.address()), u32::try_from(symbol.size())) else {
+                continue;
+            };
             let name = symbol.name().map_err(damaged)?.to_owned();
             if name.starts_with("$t") || name.starts_with("$d") {
                 code.insert(start, name.starts_with("$t"));
             } else if !symbol.is_undefined() && !name.is_empty() && symbol.kind() != SymbolKind::File {
                 let function = symbol.kind() == SymbolKind::Text;
-                symbols.push(Symbol { name, start: if function { start & !1 } else { start }, len, function });
+                symbols.push(Symbol {
+                    name,
+                    start: if function { start & !1 } else { start },
+                    len,
+                    function,
+                });
             }
         }
         if symbols.is_empty() || code.is_empty() {

@@ -129,13 +129,30 @@ mod tests {
             "rust_begin_unwind",
         ];
         let floats = [
-            "__aeabi_fadd", "__aeabi_dmul", "__aeabi_i2f", "__aeabi_ul2d", "__aeabi_f2iz", "__aeabi_d2f",
-            "__aeabi_cfcmple", "__aeabi_h2f", "__addsf3", "__muldf3", "__fixunsdfsi", "__floatsisf",
-            "__unordsf2", "__truncdfsf2", "_ZN17compiler_builtins5float3add17h0123456789abcdefE",
+            "__aeabi_fadd",
+            "__aeabi_dmul",
+            "__aeabi_i2f",
+            "__aeabi_ul2d",
+            "__aeabi_f2iz",
+            "__aeabi_d2f",
+            "__aeabi_cfcmple",
+            "__aeabi_h2f",
+            "__addsf3",
+            "__muldf3",
+            "__fixunsdfsi",
+            "__floatsisf",
+            "__unordsf2",
+            "__truncdfsf2",
+            "_ZN17compiler_builtins5float3add17h0123456789abcdefE",
         ];
         let heaps = [
-            "__rust_alloc", "__rust_dealloc", "_RNvCsdBezzDwma51_7___rustc12___rust_alloc", "malloc", "free",
-            "_ZN5alloc7raw_vec17capacity_overflow17h0123456789abcdefE", "__rdl_alloc",
+            "__rust_alloc",
+            "__rust_dealloc",
+            "_RNvCsdBezzDwma51_7___rustc12___rust_alloc",
+            "malloc",
+            "free",
+            "_ZN5alloc7raw_vec17capacity_overflow17h0123456789abcdefE",
+            "__rdl_alloc",
         ];
         for (names, expected) in
             [(&panics[..], Family::Panic), (&floats[..], Family::Float), (&heaps[..], Family::Heap)]
@@ -149,8 +166,20 @@ mod tests {
     #[test]
     fn what_is_needed_is_not_forbidden() {
         for name in [
-            "__aeabi_memcpy", "__aeabi_memclr4", "__aeabi_uldivmod", "__aeabi_ldivmod", "__aeabi_llsl", "__aeabi_idiv",
-            "__udivmoddi4", "__muldi3", "__divdi3", "__negdi2", "__cmpdi2", "memcpy", "Reset", "main",
+            "__aeabi_memcpy",
+            "__aeabi_memclr4",
+            "__aeabi_uldivmod",
+            "__aeabi_ldivmod",
+            "__aeabi_llsl",
+            "__aeabi_idiv",
+            "__udivmoddi4",
+            "__muldi3",
+            "__divdi3",
+            "__negdi2",
+            "__cmpdi2",
+            "memcpy",
+            "Reset",
+            "main",
             "_ZN8tater_fw3bsp4stop4stop17h186901aec2e2d4e6E",
             "_ZN17compiler_builtins3int19specialized_div_rem11u64_div_rem17h0123456789abcdefE",
             "_ZN8tater_fw7not_alloc4f17h0123456789abcdefE",

@@ -65,7 +65,8 @@ pub fn differences(all: &[Figures]) -> Result<Vec<String>, Failure> {
     if rows.is_empty() {
         return Ok(rows);
     }
-    let head = format!("{GOLDEN}: {} figures differ\n    {:>8} {:>8}  figure", rows.len(), "found", "expected");
+    let head =
+        format!("{GOLDEN}: {} figures differ\n    {:>8} {:>8}  figure", rows.len(), "found", "expected");
     let next = "next: if that is meant, cargo xtask size --bless, and review the change of the file";
     Ok(vec![format!("{head}\n    {}\n    {next}", rows.join("\n    "))])
 }
@@ -76,9 +77,13 @@ fn table(expected: &Value, found: &Value) -> Vec<String> {
     leaves("", expected, &mut expected_leaves);
     leaves("", found, &mut found_leaves);
     let value = |leaves: &[(String, String)], place: &str| {
-        leaves.iter().find(|(name, _)| name == place).map_or_else(|| "none".to_owned(), |(_, value)| value.clone())
+        leaves
+            .iter()
+            .find(|(name, _)| name == place)
+            .map_or_else(|| "none".to_owned(), |(_, value)| value.clone())
     };
-    let mut places: Vec<&String> = expected_leaves.iter().chain(&found_leaves).map(|(place, _)| place).collect();
+    let mut places: Vec<&String> =
+        expected_leaves.iter().chain(&found_leaves).map(|(place, _)| place).collect();
     places.sort();
     places.dedup();
     let rows = places.into_iter().filter(|place| *place != "about").filter_map(|place| {
@@ -114,7 +119,11 @@ mod tests {
     fn each_figure_that_differs_is_missing_or_new_has_a_row() {
         let expected = json!({ "tater": { "flash": 1, "ram": 5, "gone": 3 } });
         let found = json!({ "tater": { "flash": 2, "ram": 5, "new": 4 } });
-        let rows = ["       2        1  tater / flash", "    none        3  tater / gone", "       4     none  tater / new"];
+        let rows = [
+            "       2        1  tater / flash",
+            "    none        3  tater / gone",
+            "       4     none  tater / new",
+        ];
         assert_eq!(table(&expected, &found), rows);
     }
 }

@@ -92,8 +92,11 @@ impl<'p> Graph<'p> {
 
     /// A name for an address of a function.
     pub fn name(&self, address: u32) -> String {
-        let exact = self.program.names(address).find(|symbol| symbol.function).map(|symbol| plain(&symbol.name));
-        exact.or_else(|| Some(self.function(address)?.name.clone())).unwrap_or_else(|| format!("{address:#010x}"))
+        let exact =
+            self.program.names(address).find(|symbol| symbol.function).map(|symbol| plain(&symbol.name));
+        exact
+            .or_else(|| Some(self.function(address)?.name.clone()))
+            .unwrap_or_else(|| format!("{address:#010x}"))
     }
 
     /// All functions.
@@ -229,7 +232,11 @@ impl Walk<'_, '_> {
             Stack::Grows(bytes) if optional => state.depth + bytes.max(0),
             Stack::Grows(bytes) => state.depth + bytes,
             Stack::Set if listed(&STACK_BEGUN_ANEW, &self.function.name) => 0,
-            Stack::Set => return Err("found a stack pointer set to what cannot be known; state why in STACK_BEGUN_ANEW".into()),
+            Stack::Set => {
+                return Err(
+                    "found a stack pointer set to what cannot be known; state why in STACK_BEGUN_ANEW".into(),
+                );
+            }
         };
         match found.mask {
             Mask::Same => {}
@@ -344,8 +351,11 @@ impl Walk<'_, '_> {
         } else {
             bytes.iter().map(|&byte| byte.into()).collect()
         };
-        let targets: BTreeSet<u32> =
-            distances.iter().filter(|&&distance| distance > 0).map(|&distance| table + 2 * u32::from(distance)).collect();
+        let targets: BTreeSet<u32> = distances
+            .iter()
+            .filter(|&&distance| distance > 0)
+            .map(|&distance| table + 2 * u32::from(distance))
+            .collect();
         if targets.is_empty() {
             return Err("found a jump by a table, and no table behind it".into());
         }
@@ -371,4 +381,4 @@ fn listed(table: &[(&str, &str)], name: &str) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub mod tests;

@@ -32,7 +32,11 @@ pub fn tasks(source: &str) -> Result<Vec<Task>, String> {
             }
         }
     }
-    if tasks.is_empty() { Err("found no #[task(binds = ..., priority = ...)], expected some".into()) } else { Ok(tasks) }
+    if tasks.is_empty() {
+        Err("found no #[task(binds = ..., priority = ...)], expected some".into())
+    } else {
+        Ok(tasks)
+    }
 }
 
 #[cfg(test)]

@@ -64,7 +64,13 @@ fn stack(page: &mut String, worst: &Worst) -> std::fmt::Result {
         worst.margin_percent()
     )?;
     for level in &worst.levels {
-        writeln!(page, "    {:>6}  {}, of which {} pushed by the processor", level.bytes(), level.name, level.pushed)?;
+        writeln!(
+            page,
+            "    {:>6}  {}, of which {} pushed by the processor",
+            level.bytes(),
+            level.name,
+            level.pushed
+        )?;
         path(page, &level.deepest)?;
     }
     writeln!(page, "    {:>6}  start, where no interrupt comes in", worst.start.bytes)?;

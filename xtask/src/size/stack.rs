@@ -114,7 +114,8 @@ pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
     };
     let table = program.sections.iter().find(|section| section.name == ".vector_table");
     let table = table.ok_or("found no section .vector_table, expected one")?;
-    let vector = |number: u32| program.word(table.start + 4 * number).filter(|&word| word != 0).map(|word| word & !1);
+    let vector =
+        |number: u32| program.word(table.start + 4 * number).filter(|&word| word != 0).map(|word| word & !1);
     let mut levels = BTreeMap::new();
     for number in (2..table.len / 4).filter(|number| !NO_VECTORS.contains(number)) {
         let Some(at) = vector(number) else { continue };
