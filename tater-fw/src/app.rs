@@ -37,6 +37,7 @@ mod app {
         slow.enable_counter();
         slow.enable_interrupt();
         let (tater, ticker) = board(cx.device, cx.local.place);
+        tater.wake();
         log::started(tater.node(), tater.status().homed);
         (Shared { tater }, Local { ticker }, init::Monotonics())
     }
@@ -50,7 +51,7 @@ mod app {
     ) -> (&'static mut Tater<Metal<Armed>>, Ticker) {
         let (mut metal, ticker) = Metal::application(chip);
         let now = metal.now();
-        (place.write(Tater::new(metal, now)), ticker)
+        (place.write(Tater::asleep(metal, now)), ticker)
     }
 
     /// An edge of a hall line.

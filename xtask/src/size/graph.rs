@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::elf::{Program, plain};
-use super::thumb::{Flow, Half, Instruction, Mask, Stack, decode};
+use super::thumb::{Flow, Instruction, Mask, Stack, decode};
 
 /// Instructions that give the stack pointer a value which is not found by reading: what they do, and why it is right.
 const STACK_BEGUN_ANEW: [(&str, &str); 2] = [
@@ -116,12 +116,15 @@ impl<'p> Graph<'p> {
             }
         }
         for function in &self.functions {
-            let halves: Vec<Half> = self.instructions(function).filter_map(|(_, found)| found.half).collect();
-            let of = |upper: bool| halves.iter().filter(move |half| half.upper == upper);
-            words.extend(of(true).flat_map(|high| {
-                let low = of(false).filter(|low| low.register == high.register);
-                low.map(|low| u32::from(high.value) << 16 | u32::from(low.value))
-            }));
+            // MOVT keeps the lower half of its register: what the MOVW before it has put there.
+            let mut lower = BTreeMap::new();
+            for half in self.instructions(function).filter_map(|(_, found)| found.half) {
+                if !half.upper {
+                    lower.insert(half.register, half.value);
+                } else if let Some(&low) = lower.get(&half.register) {
+                    words.insert(u32::from(half.value) << 16 | u32::from(low));
+                }
+            }
         }
         let entry = |word: &u32| word & 1 == 1 && self.program.names(word & !1).any(|symbol| symbol.function);
         words.into_iter().filter(entry).map(|word| word & !1).collect()
