@@ -1,5 +1,5 @@
-//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `image`, `tek`, `download`, `host-tools`. Each is one file here
-//! and does its own set-up; what takes long is done by the programs that they start.
+//! The project's chores: `cargo xtask demo`, `ci`, `bench`, `table`, `image`, `size`, `tek`, `download`, `host-tools`. Each is one
+//! file here and does its own set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
 

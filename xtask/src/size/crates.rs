@@ -1,11 +1,12 @@
-//! Whose bytes a section's are: by the crate that a symbol's name begins with, or what it is if it has none.
+//! Whose bytes a section's are: by the crate that a symbol's name begins with, or what it is if it has none. What the compiler
+//! has inlined counts where it was inlined: most of the servo is in the interrupt that ticks it.
 
 use std::collections::BTreeMap;
 
 use super::elf::{Program, Section, plain};
 
 /// Where the names without a crate come from: the first row whose pattern fits, `*` at its end being anything.
-const NAMED: [(&str, &str); 15] = [
+const NAMED: [(&str, &str); 17] = [
     ("__aeabi_mem*", "tater_fw (assembler)"),
     ("memcpy", "tater_fw (assembler)"),
     ("memset", "tater_fw (assembler)"),
@@ -15,6 +16,8 @@ const NAMED: [(&str, &str); 15] = [
     ("DefaultPreInit", "cortex_m_rt"),
     ("__pre_init", "cortex_m_rt"),
     ("main", "cortex_m_rt"),
+    ("DEVICE_PERIPHERALS", "stm32f1"),
+    ("CORE_PERIPHERALS", "cortex_m"),
     ("NonMaskableInt", "tater_fw"),
     ("DefaultHandler", "tater_fw"),
     ("_defmt*", "defmt"),
@@ -33,6 +36,7 @@ pub fn of(program: &Program, section: &Section, handlers: &[String]) -> BTreeMap
                 "tater (interrupt handlers)".into()
             }
             Some(name) => origin(name),
+            None if section.code || section.bytes.is_empty() => "alignment".into(),
             None => "constants without a name".into(),
         };
         *crates.entry(whose).or_default() += bytes;
@@ -86,4 +90,79 @@ pub fn origin(name: &str) -> String {
         .iter()
         .find(|(pattern, _)| fits(pattern))
         .map_or_else(|| format!("{name} (no crate)"), |&(_, whose)| whose.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::super::elf::Symbol;
+    use super::*;
+
+    #[test]
+    fn names_of_both_manglings_have_their_crate() {
+        for (name, crate_) in [
+            ("_ZN10servo_core5servo5Servo4plan17hd4e02904b985974aE", "servo_core"),
+            (
+                "_ZN75_$LT$tater_fw..bsp..metal..Armed$u20$as$u20$tater_fw..bsp..metal..Motor$GT$6analog17h4a305c966236438bE",
+                "tater_fw",
+            ),
+            (
+                "_ZN62_$LT$$RF$mut$u20$servo_core..X$u20$as$u20$core..fmt..Debug$GT$3fmt17h4a305c966236438bE",
+                "servo_core",
+            ),
+            ("_ZN4core3ptr45drop_in_place$LT$tater_fw..monitor..Phase$GT$17h8e9995bfd624b0d4E", "core"),
+            ("_RNvNtCs1234_10servo_core3num5round", "servo_core"),
+            (".Lswitch.table._ZN10tater_wire8property5table8Property4spec17h1ec259c43e4b3631E", "tater_wire"),
+            (".Lanon.6393b366adb2bdc118465150026bf733.111", "constants without a name"),
+            ("__aeabi_memcpy4", "tater_fw (assembler)"),
+            ("__aeabi_uldivmod", "compiler_builtins"),
+            ("Reset", "cortex_m_rt"),
+            ("surprise", "surprise (no crate)"),
+        ] {
+            assert_eq!(origin(name), crate_, "{name} ({})", plain(name));
+        }
+    }
+
+    #[test]
+    fn each_byte_of_a_section_is_counted_once() {
+        let symbol = |name: &str, start, len, function| Symbol { name: name.into(), start, len, function };
+        let program = Program {
+            sections: vec![Section {
+                name: ".text".into(),
+                start: 100,
+                len: 60,
+                bytes: vec![0; 60],
+                code: true,
+            }],
+            symbols: vec![
+                symbol("before", 90, 30, true),
+                // Two names for one place; then what an assembler defines; then one that has both its ends beyond others.
+                symbol("a", 104, 10, true),
+                symbol("b", 104, 10, true),
+                symbol("assembled", 120, 0, true),
+                symbol("Reset", 130, 20, true),
+                symbol("inside", 140, 100, true),
+                symbol("label", 150, 0, false),
+            ],
+            code: BTreeMap::new(),
+        };
+        let section = &program.sections[0];
+        let extents = extents(&program, section);
+        assert_eq!(
+            extents,
+            [
+                (None, 4),
+                (Some("a"), 10),
+                (None, 6),
+                (Some("assembled"), 10),
+                (Some("Reset"), 20),
+                (Some("inside"), 10),
+            ]
+        );
+        let crates = of(&program, section, &["a".into()]);
+        assert_eq!(crates.values().sum::<u32>(), section.len);
+        assert_eq!(crates["tater (interrupt handlers)"], 10);
+        assert_eq!((crates["alignment"], crates["cortex_m_rt"]), (10, 20));
+    }
 }

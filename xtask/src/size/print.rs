@@ -33,7 +33,7 @@ fn program(page: &mut String, figures: &Figures) -> std::fmt::Result {
         writeln!(page, "    {bytes:>6}  {name} ({place})")?;
     }
     for (place, crates) in [("flash", &figures.flash_by_crate), ("RAM", &figures.ram_by_crate)] {
-        writeln!(page, "  {place} by crate")?;
+        writeln!(page, "  {place} by crate (inlined code where it was inlined)")?;
         let mut crates: Vec<_> = crates.iter().collect();
         crates.sort_by_key(|&(_, bytes)| std::cmp::Reverse(bytes));
         for (name, bytes) in crates {
@@ -87,5 +87,9 @@ fn path(page: &mut String, deepest: &super::stack::Deepest) -> std::fmt::Result 
 }
 
 fn listed(names: &[String]) -> String {
+    let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
+    names.sort_unstable();
+    // The same function for several types has one name.
+    names.dedup();
     if names.is_empty() { "none".into() } else { names.join(", ") }
 }

@@ -1,4 +1,4 @@
-use super::super::graph::tests::{TEXT, program};
+use super::super::graph::tests::{NONE, TEXT, program};
 use super::*;
 
 /// push {r4, lr}; bl to what follows; pop {r4, pc}.
@@ -18,7 +18,7 @@ fn levels(worst: &Worst) -> Vec<(&str, u32)> {
 
 #[test]
 fn a_path_is_the_sum_of_its_frames() {
-    let program = program(&[(1, TEXT)], &[("Reset", &CALLS_NEXT), ("leaf", &LEAF)], &[]);
+    let program = program(&[(1, TEXT)], &[("Reset", &CALLS_NEXT), ("leaf", &LEAF)], NONE);
     let worst = worst(&program, &[]).unwrap();
     let path: Vec<_> = worst.start.path.iter().map(|frame| (frame.function.as_str(), frame.bytes)).collect();
     assert_eq!((worst.start.bytes, path), (72, vec![("Reset", 8), ("leaf", 64)]));
@@ -38,7 +38,7 @@ fn each_priority_comes_once_with_its_deepest_handler_and_what_the_processor_push
         ("HardFault", &FOREVER),
     ];
     let vectors = [(1, at(0)), (2, at(7)), (3, at(8)), (16, at(1)), (17, at(3)), (18, at(5)), (19, at(7))];
-    let program = program(&vectors, &functions, &[]);
+    let program = program(&vectors, &functions, NONE);
     let tasks = [task("CAN_TX", 2), task("TIM4", 5), task("CAN_RX", 2)];
     let found = worst(&program, &tasks).unwrap();
     let frame = EXCEPTION_FRAME;
@@ -63,13 +63,13 @@ fn a_start_that_keeps_interrupts_waiting_is_not_under_them() {
     // cpsid i; sub sp, #64; add sp, #64; cpsie i; b .
     let reset = [0xB672, 0xB090, 0xB010, 0xB662, 0xE7FE];
     let functions: [(&str, &[u16]); 2] = [("Reset", &reset), ("TIM4", &LEAF)];
-    let found = worst(&program(&[(1, TEXT), (16, TEXT + 10)], &functions, &[]), &[task("TIM4", 1)]).unwrap();
+    let found = worst(&program(&[(1, TEXT), (16, TEXT + 10)], &functions, NONE), &[task("TIM4", 1)]).unwrap();
     assert_eq!(levels(&found), [("main", 0), ("priority 1", EXCEPTION_FRAME + 64)]);
     assert_eq!((found.start.bytes, found.bytes()), (64, EXCEPTION_FRAME + 64));
     // The same with cpsie i before the stack is given back.
     let reset = [0xB672, 0xB090, 0xB662, 0xB010, 0xE7FE];
     let functions: [(&str, &[u16]); 2] = [("Reset", &reset), ("TIM4", &LEAF)];
-    let found = worst(&program(&[(1, TEXT), (16, TEXT + 10)], &functions, &[]), &[task("TIM4", 1)]).unwrap();
+    let found = worst(&program(&[(1, TEXT), (16, TEXT + 10)], &functions, NONE), &[task("TIM4", 1)]).unwrap();
     assert_eq!(found.bytes(), 64 + EXCEPTION_FRAME + 64);
 }
 
@@ -78,7 +78,7 @@ fn interrupts_that_a_callee_lets_in_come_on_top_of_its_callers() {
     // cpsid i; push {r4, lr}; bl next; pop {r4, pc}. Then: cpsie i; bx lr.
     let reset = [0xB672, 0xB510, 0xF000, 0xF801, 0xBD10];
     let functions: [(&str, &[u16]); 2] = [("Reset", &reset), ("opens", &[0xB662, 0x4770])];
-    let found = worst(&program(&[(1, TEXT)], &functions, &[]), &[]).unwrap();
+    let found = worst(&program(&[(1, TEXT)], &functions, NONE), &[]).unwrap();
     assert_eq!(levels(&found), [("main", 8)]);
 }
 
@@ -89,7 +89,7 @@ fn a_call_by_register_may_reach_whatever_has_its_address_taken() {
     let [low, high] = [leaf & 0xFFFF, leaf >> 16].map(|half| u16::try_from(half).unwrap());
     let reset = [0xB510, 0x4780, 0xBD10, 0xBF00, low, high];
     let functions: [(&str, &[u16]); 3] = [("Reset", &reset), ("leaf", &LEAF), ("idle", &FOREVER)];
-    let found = worst(&program(&[(1, TEXT)], &functions, &[TEXT + 8..TEXT + 12]), &[]).unwrap();
+    let found = worst(&program(&[(1, TEXT)], &functions, TEXT + 8..TEXT + 12), &[]).unwrap();
     assert_eq!(found.start.bytes, 72);
     assert_eq!((found.by_register, found.unreached), (vec!["leaf".to_owned()], vec!["idle".to_owned()]));
 }
@@ -98,13 +98,13 @@ fn a_call_by_register_may_reach_whatever_has_its_address_taken() {
 fn recursion_is_an_error_with_its_circle() {
     // push {r4, lr}; bl next; pop {r4, pc}. Then: b.w first.
     let functions: [(&str, &[u16]); 2] = [("Reset", &CALLS_NEXT), ("back", &[0xF7FF, 0xBFFA])];
-    let error = worst(&program(&[(1, TEXT)], &functions, &[]), &[]).unwrap_err();
+    let error = worst(&program(&[(1, TEXT)], &functions, NONE), &[]).unwrap_err();
     assert!(error.ends_with("found a recursion, expected none: Reset > back"), "{error}");
 }
 
 #[test]
 fn a_function_that_is_not_gone_through_to_its_end_is_an_error() {
     let functions: [(&str, &[u16]); 1] = [("Reset", &[0x4770, 0xB410, 0x4770])];
-    let error = worst(&program(&[(1, TEXT)], &functions, &[]), &[]).unwrap_err();
+    let error = worst(&program(&[(1, TEXT)], &functions, NONE), &[]).unwrap_err();
     assert!(error.contains("Reset at 0x08004132: found an instruction that no way leads to"), "{error}");
 }
