@@ -5,6 +5,7 @@
 
 mod arrows;
 mod lengths;
+mod metal;
 mod motion_only;
 mod tokens;
 mod world;

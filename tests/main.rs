@@ -3,6 +3,7 @@
 mod fences;
 mod halls;
 mod loops;
+mod metal;
 mod plant;
 mod power_cuts;
 mod profile;

@@ -6,7 +6,10 @@
 
 #[rtic::app(device = stm32f1xx_hal::pac, peripherals = true)]
 mod app {
+    use core::mem::MaybeUninit;
+
     use cortex_m::peripheral::syst::SystClkSource;
+    use stm32f1xx_hal::pac::Peripherals;
     use tater_fw::Tater;
     use tater_fw::bsp::Metal;
     use tater_fw::bsp::metal::{Armed, Ticker};
@@ -17,7 +20,7 @@ mod app {
 
     #[shared]
     struct Shared {
-        tater: Tater<Metal<Armed>>,
+        tater: &'static mut Tater<Metal<Armed>>,
     }
 
     #[local]
@@ -25,19 +28,30 @@ mod app {
         ticker: Ticker,
     }
 
-    #[init]
+    #[init(local = [place: MaybeUninit<Tater<Metal<Armed>>> = MaybeUninit::uninit()])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
-        let (mut metal, ticker) = Metal::application(cx.device);
         let mut slow = cx.core.SYST;
         slow.set_clock_source(SystClkSource::External);
         slow.set_reload(SLOW_RELOAD);
         slow.clear_current();
         slow.enable_counter();
         slow.enable_interrupt();
-        let now = metal.now();
-        let tater = Tater::new(metal, now);
+        let (tater, ticker) = board(cx.device, cx.local.place);
+        tater.wake();
         log::started(tater.node(), tater.status().homed);
         (Shared { tater }, Local { ticker }, init::Monotonics())
+    }
+
+    /// The board, made where it stays. RTIC lets interrupts in while what `init` has on the stack is still there, and `init` with
+    /// two boards in the making under the deepest of each interrupt is more than the stack (`cargo xtask size`): so not inlined.
+    #[inline(never)]
+    fn board(
+        chip: Peripherals,
+        place: &'static mut MaybeUninit<Tater<Metal<Armed>>>,
+    ) -> (&'static mut Tater<Metal<Armed>>, Ticker) {
+        let (mut metal, ticker) = Metal::application(chip);
+        let now = metal.now();
+        (place.write(Tater::asleep(metal, now)), ticker)
     }
 
     /// An edge of a hall line.

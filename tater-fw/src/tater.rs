@@ -119,12 +119,15 @@ pub struct Tater<B: Board> {
 impl<B: Board> Tater<B> {
     /// After the monitor has started it: awake, STAT 2, in idle, with what is stored. The node is the stored ID, or the
     /// straps'; a board that has neither obeys groups, so that it can be given an ID, says nothing and does not move.
-    pub fn new(mut board: B, now: Micros) -> Self {
-        let store = Store::open(board.flash());
-        Self::with_store(board, store, now)
+    pub fn new(board: B, now: Micros) -> Self {
+        let mut tater = Self::asleep(board, now);
+        tater.wake();
+        tater
     }
 
-    fn with_store(mut board: B, store: Store, now: Micros) -> Self {
+    /// The first half of [`Self::new`], for a board that has no stack for both at a time; [`Self::wake`] must follow.
+    pub fn asleep(mut board: B, now: Micros) -> Self {
+        let store = Store::open(board.flash());
         board.bridge(Bridge::Off);
         board.brake(false);
         let id = store.get(Property::ID);
@@ -133,7 +136,7 @@ impl<B: Board> Tater<B> {
         let stored = store.trusted_position();
         let trusted = stored.filter(|&(_, at)| at == code).map(|(position, _)| position);
         let count = trusted.unwrap_or(0);
-        let mut tater = Self {
+        Self {
             servo: Servo::for_motor(motor(Kind::of(node)), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
             halls: Vec::new(),
@@ -158,16 +161,19 @@ impl<B: Board> Tater<B> {
             board,
             node,
             store,
-        };
-        match trusted {
-            Some(_) => tater.servo.trust_position(),
-            // The lines say that the rotor is elsewhere: the mark is false for good.
-            None => tater.distrust(),
         }
-        tater.load_all(|_| true);
+    }
+
+    /// Takes what is stored.
+    pub fn wake(&mut self) {
+        match self.store.trusted_position() {
+            Some((_, at)) if u32::from(at) == self.hall_history => self.servo.trust_position(),
+            // The lines say that the rotor is elsewhere: the mark is false for good.
+            _ => self.distrust(),
+        }
+        self.load_all(|_| true);
         // E is 0 until it is set, wherever the motor stands; in range, so it is taken.
-        let _ = tater.servo.command(Command::End(0));
-        tater
+        let _ = self.servo.command(Command::End(0));
     }
 
     /// A hall line changed: commutates at once. Also called by every tick.

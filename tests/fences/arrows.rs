@@ -55,11 +55,11 @@ const ARROWS: [Arrows; 7] = [
         others: None,
     },
     // The chores start first, on a machine that has nothing yet: few dependencies, and the rest by `cargo run`.
-    // tater-wire: images and downloads. indicatif: progress. object: ELF. socketcan: CAN interfaces of Linux.
+    // tater-wire: images and downloads. indicatif: progress. object, rustc-demangle: ELF. socketcan: CAN interfaces of Linux.
     Arrows {
         package: "xtask",
         ours: &["tater-wire"],
-        others: Some(&["clap", "indicatif", "object", "serde_json", "socketcan"]),
+        others: Some(&["clap", "indicatif", "object", "rustc-demangle", "serde_json", "socketcan"]),
     },
 ];
 

@@ -1,4 +1,4 @@
-//! The project's chores: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `flash`, `tek`, `download`,
+//! The project's chores: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`, `tek`, `download`,
 //! `host-tools`. Each is one file here and does its own set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
@@ -16,6 +16,7 @@ mod host_tools;
 mod image;
 mod program;
 mod setup;
+mod size;
 mod table;
 mod tek;
 
@@ -86,6 +87,8 @@ enum Chore {
     Tek(tek::Chore),
     /// Monitor and application onto a board, through a debug probe
     Flash(flash::FlashArgs),
+    /// Flash, RAM and stack of the two programs on a board, and what must not be linked into them
+    Size(size::SizeArgs),
     /// A .tek file to a board, over a CAN adapter
     Download(download::DownloadArgs),
     /// The simulated bus as host tools meet it, in real time: a download, and a move by python-can (installed into target/)
@@ -102,6 +105,7 @@ fn main() -> ExitCode {
         Chore::Image(args) => image::image(&args),
         Chore::Flash(args) => flash::flash(&args),
         Chore::Tek(chore) => tek::tek(&chore),
+        Chore::Size(args) => size::size(&args),
         Chore::Download(args) => download::download(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),
     };

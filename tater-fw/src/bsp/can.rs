@@ -84,7 +84,8 @@ impl Can {
         registers().tsr().write(|w| w.rqcp0().set_bit().rqcp1().set_bit().rqcp2().set_bit());
     }
 
-    /// The oldest frame that has come. The three places of the FIFO filled up, the newest are lost.
+    /// The oldest frame that has come. The three places of the FIFO filled up, a newer frame takes the third's place (RM0008
+    /// 24.7.3: RFLM is 0).
     pub fn receive(&mut self) -> Option<Frame> {
         let can = registers();
         if can.rf0r().read().fmp().bits() == 0 {

@@ -38,6 +38,7 @@ impl Metal {
         if status.pgerr().bit_is_set() { Err(FlashError::NotErased) } else { Ok(()) }
     }
 
+    /// Opens CR. What is written there next must clear LOCK, which a register's reset value has set.
     fn unlock(&mut self) {
         for key in KEYS {
             // SAFETY: the keys are what KEYR takes.
@@ -65,7 +66,7 @@ impl Flash for Metal {
             return Err(FlashError::Address);
         }
         self.unlock();
-        self.0.cr().write(|w| w.pg().set_bit());
+        self.0.cr().write(|w| w.lock().clear_bit().pg().set_bit());
         // SAFETY: an even address inside the flash behind the monitor; with PG set the write programs a half-word. The
         // areas hold data, or an application that does not run now: no code that runs is changed.
         unsafe { core::ptr::write_volatile(pointer(address), value) };
@@ -78,10 +79,10 @@ impl Flash for Metal {
             return Err(FlashError::Address);
         }
         self.unlock();
-        self.0.cr().write(|w| w.per().set_bit());
+        self.0.cr().write(|w| w.lock().clear_bit().per().set_bit());
         // SAFETY: a page behind the monitor, as above.
         self.0.ar().write(|w| unsafe { w.bits(page) });
-        self.0.cr().write(|w| w.per().set_bit().strt().set_bit());
+        self.0.cr().write(|w| w.lock().clear_bit().per().set_bit().strt().set_bit());
         self.finish()?;
         let erased = (page..page + PAGE).step_by(2).all(|address| self.half_word(address) == u16::MAX);
         if erased { Ok(()) } else { Err(FlashError::Verify) }

@@ -159,6 +159,9 @@ macro_rules! metal {
         let straps: [&mut dyn InputPin<Error = Infallible>; 3] = [&mut strap_1, &mut strap_2, &mut strap_4];
         let can = Can::new(CanPins::new($chip.CAN, $chip.USB, (can_tx, can_rx), &mut $rcc));
         let clock = Clock::new($chip.TIM2, &mut $rcc);
+        // Their pull-ups, of 50 kilo-ohm at most (DS5319 5.3.13), have been on for 4 us: time for 70 pF, and an open strap that
+        // is still low is another node's. 100 us is time for 2 nF.
+        cortex_m::asm::delay(timing::CORE_HZ / 10_000);
         Metal {
             straps: node(straps),
             motor: $motor,
@@ -176,9 +179,10 @@ impl Metal<Held> {
     pub fn monitor(chip: pac::Peripherals) -> Self {
         // First of all: what waits below is waited for by the watchdog.
         let watchdog = Watchdog::new(chip.IWDG);
-        let cause = stop::reset_cause(&chip.RCC);
         let mut parts = chip.FLASH.constrain();
         let mut rcc = clocks::start(chip.RCC, &mut parts);
+        // With the crystal running: while it does not, each start ends by the watchdog, and the first cause stands.
+        let cause = stop::reset_cause(&rcc);
         let bus = pins::bus(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
         let flash = flash::Metal::new();
         metal!(chip, rcc, flash, cause, bus, watchdog, Held)
@@ -201,13 +205,15 @@ impl Metal<Armed> {
         let watchdog = Watchdog::new(chip.IWDG);
         let mut parts = chip.FLASH.constrain();
         let mut rcc = clocks::start(chip.RCC, &mut parts);
+        // Before its pins: they carry what it says as soon as they are its own.
+        let bridge = Guarded::new(chip.TIM1, &mut rcc);
         let (bus, motor) = pins::all(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
         let MotorPins { brake, .. } = motor;
         // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4).
         chip.DBGMCU.cr().modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit());
         let armed = Armed {
             adc: Adc::new(chip.ADC1, &mut rcc),
-            bridge: Guarded::new(chip.TIM1, &mut rcc),
+            bridge,
             brake,
             halls: Halls::new(chip.TIM4, &mut rcc),
         };

@@ -25,6 +25,11 @@ impl Guarded {
         tim.ccmr1_output().write(|w| w.oc1m().pwm_mode1().oc2m().pwm_mode1());
         tim.ccmr2_output().write(|w| w.oc3m().pwm_mode1().oc4m().pwm_mode1());
         tim.ccr4().write(|w| w.ccr().set(CONVERT));
+        // Driven from here on, not only pulled down.
+        tim.ccer().write(|w| {
+            w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
+            w.cc1ne().set_bit().cc2ne().set_bit().cc3ne().set_bit()
+        });
         // What is off is driven low, with the outputs enabled and without. Break at a low level, and no return by itself.
         // From here to the next reset nobody can change dead time, break, idle levels and polarities (LOCK 2).
         tim.bdtr().write(|w| {

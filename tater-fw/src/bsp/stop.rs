@@ -59,7 +59,7 @@ pub fn reset_cause(rcc: &RCC) -> Option<FaultCode> {
 /// stack is begun anew, because it may be what has failed.
 ///
 /// # Safety
-/// Entered by the hardware, by way of cortex-m-rt's trampoline, which leaves the exception frame's address in r0.
+/// Entered by the hardware: cortex-m-rt 0.7.7 has the vector point here, with no trampoline between.
 #[unsafe(naked)]
 #[unsafe(export_name = "HardFault")]
 #[unsafe(link_section = ".HardFault.naked")]
@@ -71,6 +71,8 @@ unsafe extern "C" fn hard_fault() -> ! {
         "ldr r1, ={brr}",
         "movs r2, #{brake}",
         "str r2, [r1]",
+        // The exception frame, where the hardware has put it: both programs have this one stack.
+        "mrs r0, msp",
         "ldr r1, =_stack_start",
         "mov sp, r1",
         "b {told}",

@@ -27,6 +27,8 @@ impl Watchdog {
         iwdg.pr().write(|w| unsafe { w.bits(PRESCALER_CODE.into()) });
         // SAFETY: as above.
         iwdg.rlr().write(|w| unsafe { w.bits(RELOAD) });
+        // Both are taken over some clocks later; a reload before that would load the old one.
+        while iwdg.sr().read().bits() != 0 {}
         key(FEED);
         Self(iwdg)
     }

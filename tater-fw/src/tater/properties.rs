@@ -77,19 +77,7 @@ impl<B: Board> Tater<B> {
             return Err(out_of_range);
         }
         match property {
-            motion!() => {
-                let mut config = *self.servo.config();
-                if !motion::set(&mut config, property, value) {
-                    return Err(out_of_range);
-                }
-                self.command(Command::Configure(config))
-            }
-            kept!() if kept::set(&mut self.kept, property, value) => {
-                if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
-                    self.listen();
-                }
-                Ok(())
-            }
+            motion!() | kept!() | P::P | P::PTEMP | P::UPSECS | P::OD => self.put(property, value),
             P::STAT if value == READY => {
                 self.storage_error = false;
                 self.command(Command::ClearFault)
@@ -104,7 +92,6 @@ impl<B: Board> Tater<B> {
             }
             P::T => self.command(Command::Torque(Torque(narrow(value)?))),
             P::V => self.command(Command::Velocity(CountsPerSec::from_int(narrow(value)?))),
-            P::P => self.command(Command::Position(narrow(value)?)),
             P::E => self.command(Command::End(narrow(value)?)),
             P::M => self.command(Command::Move(narrow(value)?)),
             P::CMD => self.cmd(value),
@@ -113,10 +100,7 @@ impl<B: Board> Tater<B> {
             P::DEF => self.factory(value),
             // `set` has turned the key, also for numbers out of range.
             P::LOCK => Ok(()),
-            P::PTEMP => self.reset_counters(Counters { ptemp: narrow(value)?, ..self.store.counters() }),
-            P::UPSECS => self.reset_counters(Counters { upsecs: narrow(value)?, ..self.store.counters() }),
-            P::OD => self.reset_counters(Counters { odometer: narrow(value)?, ..self.store.counters() }),
-            kept!() | P::STAT => Err(out_of_range),
+            P::STAT => Err(out_of_range),
             P::VERS
             | P::ERROR
             | P::TEMP
@@ -130,6 +114,39 @@ impl<B: Board> Tater<B> {
             P::MECH | P::CTS | P::IPNM | P::HALLS | P::HALLH | P::POLES | P::BD | P::BP | P::END => {
                 Err(Refused::Access(property))
             }
+        }
+    }
+
+    /// Sets a property that flash keeps. LOAD and DEF come this way: through [`Self::write`] they could come to themselves
+    /// again, and nobody could say how deep the stack gets.
+    ///
+    /// # Errors
+    /// As those of [`Self::write`].
+    pub(super) fn put(&mut self, property: Property, value: i64) -> Result<(), Refused> {
+        use Property as P;
+        let out_of_range = Refused::Range(property);
+        if !property.spec().admits(value) {
+            return Err(out_of_range);
+        }
+        match property {
+            motion!() => {
+                let mut config = *self.servo.config();
+                if !motion::set(&mut config, property, value) {
+                    return Err(out_of_range);
+                }
+                self.command(Command::Configure(config))
+            }
+            kept!() if kept::set(&mut self.kept, property, value) => {
+                if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
+                    self.listen();
+                }
+                Ok(())
+            }
+            P::P => self.command(Command::Position(narrow(value)?)),
+            P::PTEMP => self.reset_counters(Counters { ptemp: narrow(value)?, ..self.store.counters() }),
+            P::UPSECS => self.reset_counters(Counters { upsecs: narrow(value)?, ..self.store.counters() }),
+            P::OD => self.reset_counters(Counters { odometer: narrow(value)?, ..self.store.counters() }),
+            _ => Err(out_of_range),
         }
     }
 

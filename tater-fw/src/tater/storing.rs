@@ -136,7 +136,7 @@ impl<B: Board> Tater<B> {
         if property == Property::P {
             self.in_idle()?;
         }
-        self.write(property, value)?;
+        self.put(property, value)?;
         if property == Property::P && self.trusted_at.is_none() {
             // So it is called now, wherever it is.
             self.servo.doubt_position();

@@ -1,0 +1,122 @@
+//! The motor board's numbers: what its front end and its registers say, in floating point; and `docs/board.md`.
+
+mod page;
+
+use tater_fw::bsp::{scale, timing};
+
+/// Every code of the ADC.
+const CODES: std::ops::Range<u16> = 0..4096;
+
+/// The input's voltage: a code is a 4096th of VDDA.
+fn volts(code: u16) -> f64 {
+    f64::from(code) / 4096.0 * 3.3
+}
+
+#[test]
+fn voltage_is_the_divider_s() {
+    for code in CODES {
+        let millivolts = volts(code) * (100e3 + 10e3) / 10e3 * 1e3;
+        // Rounded to the nearest: a thousandth for the floats.
+        let error = f64::from(scale::bus(code).0) - millivolts;
+        assert!(error.abs() <= 0.501, "code {code}: {error} mV");
+    }
+}
+
+#[test]
+fn current_is_the_amplifier_s() {
+    for code in CODES {
+        let milliamps = (volts(code) - 1.65) / 41.25 / 2e-3 * 1e3;
+        // Rounded down: a thousandth for the floats.
+        let error = f64::from(scale::current(code).0) - milliamps;
+        assert!((-1.0..=0.001).contains(&error), "code {code}: {error} mA");
+    }
+}
+
+#[test]
+fn temperature_is_the_thermistor_s() {
+    let mut judged = 0;
+    for code in CODES {
+        // To ground under 10 k: R over 10 k is code over the rest. B equation of 10 k at 25 °C, B 3950 K.
+        let ratio = f64::from(code) / f64::from(4096 - code);
+        let celsius = 1.0 / (1.0 / 298.15 + ratio.ln() / 3950.0) - 273.15;
+        let said = f64::from(scale::temperature(code).0) / 10.0;
+        let allowed = if (0.0..=100.0).contains(&celsius) { 0.3 } else { 1.0 };
+        if (-20.0..=120.0).contains(&celsius) {
+            judged += 1;
+            assert!((said - celsius).abs() <= allowed, "code {code}: {said} for {celsius} degrees");
+        }
+    }
+    // R/R25 is 0.0405 at 120 °C and 10.5 at -20 °C: codes 159 to 3740.
+    assert!(judged > 3500, "{judged} codes");
+    let [short, open] = [0, 4095].map(|code| scale::temperature(code).0);
+    assert_eq!((short, open), (1550, -500), "the ends that a broken wire reads");
+}
+
+/// The crystal, and what the PLL has to make of it (the requirement: 72 MHz from 8 MHz).
+const CORE: f64 = 72e6;
+
+#[track_caller]
+fn near(value: f64, expected: f64, within: f64) {
+    assert!((value - expected).abs() <= within, "{value} is not {expected} within {within}");
+}
+
+#[test]
+fn clocks_are_the_requirement_s() {
+    let mega = |hz: u32| f64::from(hz) / 1e6;
+    let clocks =
+        [timing::CRYSTAL_HZ, timing::CORE_HZ, timing::APB1_HZ, timing::TIMER_HZ, timing::ADC_HZ].map(mega);
+    assert_eq!(clocks, [8.0, CORE / 1e6, 36.0, 72.0, 12.0]);
+    near(clocks[0] * f64::from(timing::PLL_FACTOR), clocks[1], 0.0);
+}
+
+#[test]
+fn pwm_registers_read_back() {
+    use timing::{adc, pwm};
+    // RM0008 14.3.2: centred, ARR up and ARR down. 14.4.18: DTG below 128 is ticks.
+    near(CORE / (2.0 * f64::from(pwm::TOP)), 20e3, 0.0);
+    assert_eq!(pwm::DEAD_TIME >> 7, 0, "DTG above 127 counts other steps");
+    near(f64::from(pwm::DEAD_TIME) / CORE, 500e-9, 1e-12);
+    // RM0008 11.12.4: sample times by code, in cycles of the ADC's clock; 11.6: and 12.5 more a conversion.
+    let cycles = [1.5, 7.5, 13.5, 28.5, 41.5, 55.5, 71.5, 239.5][usize::from(adc::SAMPLE_CODE)];
+    let sample = cycles / 12e6;
+    near(f64::from(adc::SAMPLE_NS) * 1e-9, sample, 1e-9);
+    near(f64::from(adc::CONVERSION_NS) * 1e-9, (cycles + 12.5) / 12e6, 1e-9);
+    assert!(4.0 * (cycles + 12.5) / 12e6 < 1.0 / 20e3, "four conversions fit a period");
+    // The middle of the first sample is the counter at 0, within a tick.
+    near(f64::from(pwm::CONVERT) / CORE, sample / 2.0, 1.0 / CORE);
+}
+
+#[test]
+fn timer_registers_read_back() {
+    use timing::{hall, tick};
+    let count = |prescaler: u16| (f64::from(prescaler) + 1.0) / CORE;
+    near(count(hall::PRESCALER), 1e-6, 1e-15);
+    near(count(tick::PRESCALER), 1e-6, 1e-15);
+    near(count(tick::PRESCALER) * (f64::from(tick::TOP) + 1.0), 1e-3, 1e-12);
+    // SysTick counts an eighth of the core's clock.
+    near((f64::from(tick::SLOW_RELOAD) + 1.0) * 8.0 / CORE, 0.1, 1e-12);
+    // RM0008 15.4.1 and 15.4.7: CKD 2 divides by 4, ICF 15 takes 8 samples of every 32nd.
+    near(f64::from(hall::FILTER_NS) * 1e-9, 8.0 * 32.0 / (CORE / 4.0), 1e-9);
+}
+
+#[test]
+fn bit_timing_reads_back() {
+    // RM0008 24.7.7 and 24.9.2 (CAN_BTR), from APB1.
+    let field = |low: u32, bits: u32| f64::from(timing::can::REGISTER >> low & ((1 << bits) - 1));
+    let quantum = (field(0, 10) + 1.0) / 36e6;
+    let (before, after) = (quantum * (1.0 + field(16, 4) + 1.0), quantum * (field(20, 3) + 1.0));
+    near(before + after, 1e-6, 1e-15);
+    near(before / (before + after), 15.0 / 18.0, 1e-12);
+    near(quantum * (field(24, 2) + 1.0), 2.0 * quantum, 1e-15);
+}
+
+#[test]
+fn the_watchdog_reads_back() {
+    use timing::watchdog::{PRESCALER_CODE, RELOAD};
+    // RM0008 19.4.2: PR divides by 4, 8, 16 ...
+    let seconds =
+        |oscillator: f64| 4.0 * f64::from(1_u32 << PRESCALER_CODE) * (f64::from(RELOAD) + 1.0) / oscillator;
+    near(seconds(40e3), 0.5, 1e-9);
+    // With the fastest oscillator (DS5319 5.3.7) two slow tasks of 100 ms in a row may feed nothing.
+    assert!(seconds(60e3) > 0.3);
+}

@@ -1,0 +1,264 @@
+//! `cargo xtask size`: what the two programs on a board take of its flash, its RAM and its stack, from their ELF files.
+//!
+//! `--check` judges the production images: limits (`LIMITS`), stack that stays free, symbols that must not be there
+//! (`size/forbidden.rs`), and every figure against the file that is committed (`size/golden.rs`).
+
+mod crates;
+mod elf;
+mod forbidden;
+mod golden;
+mod graph;
+mod levels;
+mod print;
+mod stack;
+mod thumb;
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use crate::image::{self, Profile};
+use crate::program::root;
+use crate::{Failure, files};
+use elf::{Program, plain};
+use levels::Task;
+use stack::Worst;
+
+/// The application's tasks and their priorities.
+const APP: &str = "tater-fw/src/app.rs";
+
+/// The largest that a program may be in production, in bytes; RAM without the stack.
+struct Limits {
+    program: &'static str,
+    flash: u32,
+    ram: u32,
+}
+
+/// Of 52 and 16 KiB of flash and 12 KiB for variables: room for what comes later.
+const LIMITS: [Limits; 2] = [
+    Limits { program: "tater", flash: 40 * 1024, ram: 8 * 1024 },
+    Limits { program: "monitor", flash: 14 * 1024, ram: 8 * 1024 },
+];
+
+/// The part of the stack's area that must stay free, in percent. The analysis adds up what can hardly come together, so
+/// that this is for what a change brings unseen until the next check, and for a debugger's own frames.
+const STACK_MARGIN: f64 = 25.0;
+
+/// How many of the largest symbols are told.
+const LARGEST: usize = 12;
+
+/// The arguments of the chore.
+#[derive(clap::Args)]
+pub struct SizeArgs {
+    /// With log strings or without; limits and the committed figures are those of production
+    #[arg(long, value_enum, default_value = "production")]
+    profile: Profile,
+    /// Fail if a limit is passed, a forbidden symbol linked, or a figure not the committed one
+    #[arg(long, conflicts_with = "bless")]
+    check: bool,
+    /// Print the figures as a JSON object, and nothing else, to standard output
+    #[arg(long)]
+    json: bool,
+    /// Write the figures to the file that --check compares with
+    #[arg(long)]
+    bless: bool,
+}
+
+/// What is found out of one program.
+struct Figures {
+    name: &'static str,
+    /// Bytes of each section, and whether in flash, in RAM or in both.
+    sections: Vec<(String, u32, bool, bool)>,
+    /// From the first to the last byte that is written to flash.
+    flash: u32,
+    /// .data, .bss, .uninit and what aligns them.
+    ram: u32,
+    flash_by_crate: BTreeMap<String, u32>,
+    ram_by_crate: BTreeMap<String, u32>,
+    /// Name, bytes.
+    largest: Vec<(String, u32)>,
+    /// Name, family, and a way by which it is reached.
+    forbidden: Vec<(String, &'static str)>,
+    /// Or why it cannot be said.
+    stack: Result<Worst, String>,
+}
+
+/// Does the chore.
+///
+/// # Errors
+/// The images cannot be built or read; or they are not as they should be.
+pub fn size(args: &SizeArgs) -> Result<(), Failure> {
+    if args.profile != Profile::Production && (args.check || args.bless) {
+        let what = "the limits and the committed figures are those of production";
+        return Err(Failure::Unusable(format!(
+            "{what}\n  next: leave --profile out, or --check and --bless"
+        )));
+    }
+    let app = root().join(APP);
+    let source = String::from_utf8_lossy(&files::read(&app)?).into_owned();
+    let tasks = levels::tasks(&source).map_err(|error| Failure::Unusable(format!("{APP}: {error}")))?;
+    let images = image::build(args.profile)?;
+    let programs = [("tater", &images.tater, tasks.as_slice()), ("monitor", &images.monitor, &[])];
+    let mut all = Vec::new();
+    for (name, path, tasks) in programs {
+        all.push(figures(name, &Program::read(path)?, tasks));
+    }
+    if args.json {
+        files::print(&format!("{:#}\n", object(args.profile, &all)))?;
+    } else {
+        files::print(&print::page(&all))?;
+    }
+    if args.bless {
+        return golden::bless(&all).map_err(Failure::Unusable);
+    }
+    if args.check { judge(&all) } else { Ok(()) }
+}
+
+/// All that is looked at.
+fn figures(name: &'static str, program: &Program, tasks: &[Task]) -> Figures {
+    let handlers: Vec<String> = tasks.iter().map(|task| task.binds.clone()).collect();
+    let mut figures = Figures {
+        name,
+        sections: Vec::new(),
+        flash: 0,
+        ram: 0,
+        flash_by_crate: BTreeMap::new(),
+        ram_by_crate: BTreeMap::new(),
+        largest: Vec::new(),
+        forbidden: Vec::new(),
+        stack: stack::worst(program, tasks),
+    };
+    for section in &program.sections {
+        let (in_flash, in_ram) = (section.in_flash(), section.in_ram());
+        figures.sections.push((section.name.clone(), section.len, in_flash, in_ram));
+        let crates = crates::of(program, section, &handlers);
+        for (sum, counts, by_crate) in [
+            (&mut figures.flash, in_flash, &mut figures.flash_by_crate),
+            (&mut figures.ram, in_ram, &mut figures.ram_by_crate),
+        ] {
+            if counts {
+                *sum += section.len;
+                crates.iter().for_each(|(whose, bytes)| *by_crate.entry(whose.clone()).or_default() += bytes);
+            }
+        }
+        let symbols = crates::extents(program, section).into_iter();
+        figures.largest.extend(symbols.filter_map(|(symbol, bytes)| Some((plain(symbol?), bytes))));
+    }
+    figures.largest.sort_by(|a, b| (b.1, &a.0).cmp(&(a.1, &b.0)));
+    figures.largest.truncate(LARGEST);
+    let names = program.symbols.iter().map(|symbol| symbol.name.as_str());
+    let found = forbidden::forbidden(names).into_iter();
+    figures.forbidden = found.map(|(name, family)| (plain(name), family.name())).collect();
+    figures
+}
+
+/// All figures as one object.
+fn object(profile: Profile, all: &[Figures]) -> Value {
+    let programs: serde_json::Map<String, Value> =
+        all.iter().map(|figures| (figures.name.into(), figures.object())).collect();
+    json!({
+        "profile": profile.name(),
+        "limits": LIMITS.iter().map(|limits| (limits.program.to_owned(), json!({
+            "flash_bytes": limits.flash,
+            "ram_bytes": limits.ram,
+        }))).collect::<serde_json::Map<String, Value>>(),
+        "stack_margin_percent_min": STACK_MARGIN,
+        "programs": programs,
+        "faults": faults(all),
+    })
+}
+
+impl Figures {
+    fn object(&self) -> Value {
+        let named = |pairs: &[(String, u32)]| -> Vec<Value> {
+            pairs.iter().map(|(name, bytes)| json!({ "name": name, "bytes": bytes })).collect()
+        };
+        let families: Vec<Value> =
+            self.forbidden.iter().map(|(name, family)| json!({ "name": name, "family": family })).collect();
+        json!({
+            "sections": self.sections.iter().map(|(name, bytes, flash, ram)| json!({
+                "name": name, "bytes": bytes, "flash": flash, "ram": ram,
+            })).collect::<Vec<_>>(),
+            "flash_bytes": self.flash,
+            "ram_bytes": self.ram,
+            "flash_bytes_by_crate": self.flash_by_crate,
+            "ram_bytes_by_crate": self.ram_by_crate,
+            "largest": named(&self.largest),
+            "forbidden": families,
+            "stack": match &self.stack {
+                Ok(worst) => stack_object(worst),
+                Err(error) => json!({ "unknown": error }),
+            },
+        })
+    }
+}
+
+fn stack_object(worst: &Worst) -> Value {
+    let deepest = |deepest: &stack::Deepest| {
+        let path: Vec<Value> = deepest
+            .path
+            .iter()
+            .map(|frame| json!({ "function": frame.function, "bytes": frame.bytes }))
+            .collect();
+        json!({ "bytes": deepest.bytes, "path": path })
+    };
+    let levels: Vec<Value> = worst
+        .levels
+        .iter()
+        .map(|level| json!({ "name": level.name, "pushed_bytes": level.pushed, "deepest": deepest(&level.deepest) }))
+        .collect();
+    json!({
+        "area_bytes": tater_wire::memory::STACK.len,
+        "worst_bytes": worst.bytes(),
+        "margin_bytes": worst.margin(),
+        "margin_percent": (worst.margin_percent() * 10.0).round() / 10.0,
+        "levels": levels,
+        "start": deepest(&worst.start),
+        "called_by_register": worst.by_register,
+        "unreached": worst.unreached,
+    })
+}
+
+/// What is not as it should be, the comparison with the committed figures left out.
+fn faults(all: &[Figures]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for figures in all {
+        let name = figures.name;
+        for limits in LIMITS.iter().filter(|limits| limits.program == name) {
+            for (what, found, limit) in
+                [("flash", figures.flash, limits.flash), ("static RAM", figures.ram, limits.ram)]
+            {
+                if found > limit {
+                    faults.push(format!("{name}: found {found} bytes of {what}, expected {limit} at most"));
+                }
+            }
+        }
+        for (symbol, family) in &figures.forbidden {
+            faults.push(format!(
+                "{name}: found {symbol} ({family}), expected none\n    next: find who calls it (cargo xtask size), and do without; \
+                 or a row with the reason in xtask/src/size/forbidden.rs"
+            ));
+        }
+        match &figures.stack {
+            Err(error) => faults.push(format!("{name}: its stack is unknown: {error}")),
+            Ok(worst) if worst.margin_percent() < STACK_MARGIN => faults.push(format!(
+                "{name}: found {} of {} bytes of stack in use at worst, which leaves {:.1} %, expected {STACK_MARGIN} % at least: \
+                 room for what changes before the next check\n    next: shorten the deepest paths (cargo xtask size)",
+                worst.bytes(),
+                tater_wire::memory::STACK.len,
+                worst.margin_percent()
+            )),
+            Ok(_) => {}
+        }
+    }
+    faults
+}
+
+fn judge(all: &[Figures]) -> Result<(), Failure> {
+    let mut faults = faults(all);
+    faults.extend(golden::differences(all)?);
+    if faults.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Judged(format!("the images are not as they should be\n  {}", faults.join("\n  "))))
+}

@@ -1,0 +1,158 @@
+//! A linked program as the analyses want it: what is loaded, symbols by address, what is code and what is data.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use object::elf::{SHF_ALLOC, SHF_EXECINSTR, SHT_NOBITS};
+use object::read::elf::ElfFile32;
+use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SymbolKind};
+use tater_wire::memory::RAM;
+
+use crate::{Failure, files};
+
+/// A section that takes memory.
+#[derive(Debug)]
+pub struct Section {
+    pub name: String,
+    pub start: u32,
+    pub len: u32,
+    /// Empty where nothing is loaded (.bss).
+    pub bytes: Vec<u8>,
+    pub code: bool,
+}
+
+impl Section {
+    pub const fn in_ram(&self) -> bool {
+        self.start >= RAM.start && self.start < RAM.end()
+    }
+
+    /// Whether its bytes lie in flash: also those that a start copies to RAM.
+    pub const fn in_flash(&self) -> bool {
+        !self.bytes.is_empty()
+    }
+
+    pub const fn end(&self) -> u32 {
+        self.start + self.len
+    }
+}
+
+/// A symbol with an address.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Symbol {
+    pub name: String,
+    pub start: u32,
+    /// 0 for most of what an assembler defines.
+    pub len: u32,
+    /// A function, whose lowest address bit is not in `start`.
+    pub function: bool,
+}
+
+/// A program.
+#[derive(Debug)]
+pub struct Program {
+    pub sections: Vec<Section>,
+    /// By address.
+    pub symbols: Vec<Symbol>,
+    /// From which address on there is code (`$t`) or data (`$d`), as the assembler has marked it.
+    pub code: BTreeMap<u32, bool>,
+}
+
+impl Program {
+    /// Reads a linked program.
+    ///
+    /// # Errors
+    /// No file, no ELF file of 32 bits, or one without symbols.
+    pub fn read(path: &Path) -> Result<Self, Failure> {
+        let data = files::read(path)?;
+        Self::parse(&data).map_err(|error| Failure::Unusable(format!("{}: {error}", path.display())))
+    }
+
+    /// As [`Self::read`], from its bytes.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn parse(data: &[u8]) -> Result<Self, String> {
+        let damaged = |error: object::Error| {
+            format!(
+                "found {error}, expected a linked 32-bit ELF file\n  next: build it again, by cargo xtask image"
+            )
+        };
+        let file: ElfFile32 = ElfFile32::parse(data).map_err(damaged)?;
+        let mut sections = Vec::new();
+        for section in file.sections() {
+            let SectionFlags::Elf { sh_flags, .. } = section.flags() else { continue };
+            let number =
+                |value: u64| u32::try_from(value).map_err(|_| "found an address of more than 32 bits");
+            let (start, len) = (number(section.address())?, number(section.size())?);
+            if !sh_flags.contains(SHF_ALLOC) || len == 0 {
+                continue;
+            }
+            let nothing = section.elf_section_header().sh_type.get(object::Endianness::Little) == SHT_NOBITS;
+            let bytes = if nothing { Vec::new() } else { section.data().map_err(damaged)?.to_vec() };
+            let name = section.name().map_err(damaged)?.to_owned();
+            sections.push(Section { name, start, len, bytes, code: sh_flags.contains(SHF_EXECINSTR) });
+        }
+        let (mut symbols, mut code) = (Vec::new(), BTreeMap::new());
+        for symbol in file.symbols() {
+            let (Ok(start), Ok(len)) = (u32::try_from(symbol.address()), u32::try_from(symbol.size())) else {
+                continue;
+            };
+            let name = symbol.name().map_err(damaged)?.to_owned();
+            if name.starts_with("$t") || name.starts_with("$d") {
+                code.insert(start, name.starts_with("$t"));
+            } else if !symbol.is_undefined() && !name.is_empty() && symbol.kind() != SymbolKind::File {
+                let function = symbol.kind() == SymbolKind::Text;
+                symbols.push(Symbol {
+                    name,
+                    start: if function { start & !1 } else { start },
+                    len,
+                    function,
+                });
+            }
+        }
+        if symbols.is_empty() || code.is_empty() {
+            return Err("found no symbols, expected a program that is not stripped\n  next: build it again, by cargo xtask image".into());
+        }
+        symbols.sort_by(|a, b| (a.start, b.len, &a.name).cmp(&(b.start, a.len, &b.name)));
+        Ok(Self { sections, symbols, code })
+    }
+
+    /// The section that an address lies in.
+    pub fn section(&self, address: u32) -> Option<&Section> {
+        self.sections.iter().find(|section| (section.start..section.end()).contains(&address))
+    }
+
+    /// The bytes from an address to the end of its section.
+    pub fn bytes(&self, address: u32) -> &[u8] {
+        self.section(address)
+            .and_then(|section| section.bytes.get(usize::try_from(address - section.start).ok()?..))
+            .unwrap_or_default()
+    }
+
+    /// The word at an address.
+    pub fn word(&self, address: u32) -> Option<u32> {
+        Some(u32::from_le_bytes(self.bytes(address).get(..4)?.try_into().ok()?))
+    }
+
+    /// Whether an address has an instruction.
+    pub fn is_code(&self, address: u32) -> bool {
+        self.section(address).is_some_and(|section| section.code)
+            && self.code.range(..=address).next_back().is_some_and(|(_, &code)| code)
+    }
+
+    /// The first address after `address` where what was marked data ends.
+    pub fn next_code(&self, address: u32) -> Option<u32> {
+        self.code.range(address..).find(|&(_, &code)| code).map(|(&start, _)| start)
+    }
+
+    /// The names of an address, without Rust's hash.
+    pub fn names(&self, address: u32) -> impl Iterator<Item = &Symbol> {
+        let first = self.symbols.partition_point(|symbol| symbol.start < address);
+        self.symbols[first..].iter().take_while(move |symbol| symbol.start == address)
+    }
+}
+
+/// A symbol's name as its source has it.
+pub fn plain(name: &str) -> String {
+    format!("{:#}", rustc_demangle::demangle(name))
+}

@@ -1,0 +1,196 @@
+//! What must not be linked into a production image: panics, floating point, a heap. A symbol that the linker has kept is
+//! code that something refers to, so that none of these names is there says that nothing calls them.
+
+use super::elf::plain;
+
+/// A family of routines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Family {
+    Panic,
+    Float,
+    Heap,
+}
+
+impl Family {
+    /// In words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Panic => "panic",
+            Self::Float => "floating point",
+            Self::Heap => "heap",
+        }
+    }
+}
+
+/// Symbols that are there and may be, each with the reason.
+pub const ALLOWED: [(&str, &str); 0] = [];
+
+/// Parts of Rust names. `rust_begin_unwind` is the panic handler, whatever it is called in the source.
+const PATHS: [(&str, Family); 20] = [
+    ("core::panicking::", Family::Panic),
+    ("core::panic::", Family::Panic),
+    ("std::panicking::", Family::Panic),
+    ("rust_begin_unwind", Family::Panic),
+    ("rust_panic", Family::Panic),
+    ("rust_eh_personality", Family::Panic),
+    ("::unwrap_failed", Family::Panic),
+    ("::expect_failed", Family::Panic),
+    ("core::slice::index::slice_", Family::Panic),
+    ("core::slice::copy_from_slice_impl::len_mismatch_fail", Family::Panic),
+    ("core::str::slice_error_fail", Family::Panic),
+    ("core::cell::panic_", Family::Panic),
+    ("compiler_builtins::float::", Family::Float),
+    ("compiler_builtins::math::", Family::Float),
+    ("core::num::flt2dec::", Family::Float),
+    ("libm::", Family::Float),
+    ("alloc::", Family::Heap),
+    ("__rust_alloc", Family::Heap),
+    ("__rust_dealloc", Family::Heap),
+    ("__rust_realloc", Family::Heap),
+];
+
+/// Routines of ARM's run-time ABI (IHI 0043, 4.1.2: floating-point helpers) and of libgcc, by how they begin. No integer
+/// helper begins so: those are `__aeabi_i`, `_u`, `_l` and a verb.
+const FLOATS: [&str; 18] = [
+    "__aeabi_f",
+    "__aeabi_d",
+    "__aeabi_cf",
+    "__aeabi_cd",
+    "__aeabi_h2f",
+    "__aeabi_i2f",
+    "__aeabi_ui2f",
+    "__aeabi_l2f",
+    "__aeabi_ul2f",
+    "__aeabi_i2d",
+    "__aeabi_ui2d",
+    "__aeabi_l2d",
+    "__aeabi_ul2d",
+    "__fix",
+    "__float",
+    "__extend",
+    "__trunc",
+    "__powi",
+];
+
+/// A heap of C.
+const HEAPS: [&str; 9] =
+    ["malloc", "calloc", "realloc", "free", "memalign", "aligned_alloc", "posix_memalign", "_sbrk", "sbrk"];
+
+/// The family of a symbol, if it has one that must not be there.
+pub fn family(symbol: &str) -> Option<Family> {
+    let name = plain(symbol);
+    if let Some(&(_, family)) = PATHS.iter().find(|(part, _)| path(&name, part)) {
+        return Some(family);
+    }
+    if FLOATS.iter().any(|start| symbol.starts_with(start)) || is_gnu_float(symbol) {
+        return Some(Family::Float);
+    }
+    let is_heap = HEAPS.contains(&symbol) || symbol.starts_with("__rdl_") || symbol.starts_with("__rg_");
+    is_heap.then_some(Family::Heap)
+}
+
+/// Whether `part` is in a name, and does not begin inside a word.
+fn path(name: &str, part: &str) -> bool {
+    let word = |c: char| c.is_alphanumeric() || c == '_';
+    let inside = part.starts_with(word);
+    name.match_indices(part).any(|(at, _)| !inside || !name[..at].ends_with(word))
+}
+
+/// Names of libgcc: `__` verb, mode (half, single, double, quad), and how many operands.
+fn is_gnu_float(symbol: &str) -> bool {
+    const VERBS: [&str; 13] =
+        ["add", "sub", "mul", "div", "neg", "cmp", "eq", "ne", "lt", "le", "gt", "ge", "unord"];
+    let modes = ["hf", "sf", "df", "tf"];
+    let Some(name) = symbol.strip_prefix("__") else { return false };
+    let Some(name) = name.strip_suffix(['2', '3']) else { return false };
+    modes.iter().any(|mode| name.strip_suffix(mode).is_some_and(|verb| VERBS.contains(&verb)))
+}
+
+/// The forbidden symbols among some, with their families, those of [`ALLOWED`] left out.
+pub fn forbidden<'s>(symbols: impl Iterator<Item = &'s str>) -> Vec<(&'s str, Family)> {
+    let allowed = |name: &str| ALLOWED.iter().any(|&(allowed, _)| allowed == name);
+    symbols.filter(|name| !allowed(&plain(name))).filter_map(|name| Some((name, family(name)?))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_family_is_known_by_its_names() {
+        let panics = [
+            "_ZN4core9panicking5panic17h0123456789abcdefE",
+            "_ZN4core9panicking18panic_bounds_check17h0123456789abcdefE",
+            "_ZN4core6option13unwrap_failed17h0123456789abcdefE",
+            "_ZN4core6result13unwrap_failed17h0123456789abcdefE",
+            "_ZN4core5slice5index16slice_index_fail17h0123456789abcdefE",
+            "_RNvNtCs1234_4core9panicking9panic_fmt",
+            "_RNvCsdBezzDwma51_7___rustc17rust_begin_unwind",
+            "rust_begin_unwind",
+        ];
+        let floats = [
+            "__aeabi_fadd",
+            "__aeabi_dmul",
+            "__aeabi_i2f",
+            "__aeabi_ul2d",
+            "__aeabi_f2iz",
+            "__aeabi_d2f",
+            "__aeabi_cfcmple",
+            "__aeabi_h2f",
+            "__addsf3",
+            "__muldf3",
+            "__fixunsdfsi",
+            "__floatsisf",
+            "__unordsf2",
+            "__truncdfsf2",
+            "_ZN17compiler_builtins5float3add17h0123456789abcdefE",
+        ];
+        let heaps = [
+            "__rust_alloc",
+            "__rust_dealloc",
+            "_RNvCsdBezzDwma51_7___rustc12___rust_alloc",
+            "malloc",
+            "free",
+            "_ZN5alloc7raw_vec17capacity_overflow17h0123456789abcdefE",
+            "__rdl_alloc",
+        ];
+        for (names, expected) in
+            [(&panics[..], Family::Panic), (&floats[..], Family::Float), (&heaps[..], Family::Heap)]
+        {
+            for name in names {
+                assert_eq!(family(name), Some(expected), "{name} ({})", plain(name));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_needed_is_not_forbidden() {
+        for name in [
+            "__aeabi_memcpy",
+            "__aeabi_memclr4",
+            "__aeabi_uldivmod",
+            "__aeabi_ldivmod",
+            "__aeabi_llsl",
+            "__aeabi_idiv",
+            "__udivmoddi4",
+            "__muldi3",
+            "__divdi3",
+            "__negdi2",
+            "__cmpdi2",
+            "memcpy",
+            "Reset",
+            "main",
+            "_ZN8tater_fw3bsp4stop4stop17h186901aec2e2d4e6E",
+            "_ZN17compiler_builtins3int19specialized_div_rem11u64_div_rem17h0123456789abcdefE",
+            "_ZN8tater_fw7not_alloc4f17h0123456789abcdefE",
+        ] {
+            assert_eq!(family(name), None, "{name} ({})", plain(name));
+        }
+    }
+
+    #[test]
+    fn only_forbidden_symbols_are_told() {
+        let found = forbidden(["main", "__aeabi_fadd", "malloc"].into_iter());
+        assert_eq!(found, [("__aeabi_fadd", Family::Float), ("malloc", Family::Heap)]);
+    }
+}

@@ -1,0 +1,129 @@
+//! The figures that are committed, and what differs from them.
+
+use serde_json::{Value, json};
+
+use super::Figures;
+use crate::program::root;
+use crate::{Failure, files};
+
+/// The committed figures of production.
+const GOLDEN: &str = "xtask/size.json";
+
+/// Why they are compared without a tolerance.
+const ABOUT: &str = "Figures of the production images, in bytes. Written by `cargo xtask size --bless`, compared exactly by \
+                     `cargo xtask size --check`: compiler and dependencies are pinned and the build is reproducible, so that only a \
+                     change of ours can change them, and its reviewer sees here what it costs.";
+
+/// What is committed: no names of single functions, which would change with each refactoring.
+fn committed(all: &[Figures]) -> Value {
+    let mut object = serde_json::Map::from_iter([("about".to_owned(), json!(ABOUT))]);
+    for figures in all {
+        let sections: serde_json::Map<String, Value> =
+            figures.sections.iter().map(|(name, bytes, ..)| (name.clone(), json!(bytes))).collect();
+        let stack = figures.stack.as_ref().map_or_else(
+            |_| json!("unknown"),
+            |worst| {
+                let levels = worst.levels.iter().map(|level| (level.name.clone(), json!(level.bytes())));
+                json!({
+                    "worst": worst.bytes(),
+                    "start": worst.start.bytes,
+                    "levels": levels.collect::<serde_json::Map<String, Value>>(),
+                })
+            },
+        );
+        let program = json!({
+            "flash": figures.flash,
+            "ram": figures.ram,
+            "sections": sections,
+            "flash_by_crate": figures.flash_by_crate,
+            "ram_by_crate": figures.ram_by_crate,
+            "stack": stack,
+        });
+        object.insert(figures.name.into(), program);
+    }
+    Value::Object(object)
+}
+
+/// Writes the figures.
+///
+/// # Errors
+/// Of the file system.
+pub fn bless(all: &[Figures]) -> Result<(), String> {
+    files::replace(&root().join(GOLDEN), format!("{:#}\n", committed(all)).as_bytes())
+}
+
+/// A table of what differs from the committed figures; empty if nothing does.
+///
+/// # Errors
+/// There are none, or no JSON.
+pub fn differences(all: &[Figures]) -> Result<Vec<String>, Failure> {
+    let text = files::read(&root().join(GOLDEN))?;
+    let golden: Value = serde_json::from_slice(&text).map_err(|error| {
+        Failure::Unusable(format!("{GOLDEN}: found {error}, expected JSON\n  next: cargo xtask size --bless"))
+    })?;
+    let rows = table(&golden, &committed(all));
+    if rows.is_empty() {
+        return Ok(rows);
+    }
+    let head =
+        format!("{GOLDEN}: {} figures differ\n    {:>8} {:>8}  figure", rows.len(), "found", "expected");
+    let next = "next: if that is meant, cargo xtask size --bless, and review the change of the file";
+    Ok(vec![format!("{head}\n    {}\n    {next}", rows.join("\n    "))])
+}
+
+/// A row for each figure that differs: found, expected, its place.
+fn table(expected: &Value, found: &Value) -> Vec<String> {
+    let (mut expected_leaves, mut found_leaves) = (Vec::new(), Vec::new());
+    leaves("", expected, &mut expected_leaves);
+    leaves("", found, &mut found_leaves);
+    let value = |leaves: &[(String, String)], place: &str| {
+        leaves
+            .iter()
+            .find(|(name, _)| name == place)
+            .map_or_else(|| "none".to_owned(), |(_, value)| value.clone())
+    };
+    let mut places: Vec<&String> =
+        expected_leaves.iter().chain(&found_leaves).map(|(place, _)| place).collect();
+    places.sort();
+    places.dedup();
+    let rows = places.into_iter().filter(|place| *place != "about").filter_map(|place| {
+        let (found, expected) = (value(&found_leaves, place), value(&expected_leaves, place));
+        (found != expected).then(|| format!("{found:>8} {expected:>8}  {place}"))
+    });
+    rows.collect()
+}
+
+/// The values of an object with their places: `tater / stack / worst`.
+fn leaves(place: &str, value: &Value, into: &mut Vec<(String, String)>) {
+    let Value::Object(object) = value else {
+        into.push((place.to_owned(), value.to_string()));
+        return;
+    };
+    for (key, value) in object {
+        let place = if place.is_empty() { key.clone() } else { format!("{place} / {key}") };
+        leaves(&place, value, into);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_figures_have_no_rows_whatever_the_file_says_of_itself() {
+        let figures = |about| json!({ "about": about, "tater": { "flash": 1, "sections": { ".text": 2 } } });
+        assert_eq!(table(&figures("a"), &figures("b")), [""; 0]);
+    }
+
+    #[test]
+    fn each_figure_that_differs_is_missing_or_new_has_a_row() {
+        let expected = json!({ "tater": { "flash": 1, "ram": 5, "gone": 3 } });
+        let found = json!({ "tater": { "flash": 2, "ram": 5, "new": 4 } });
+        let rows = [
+            "       2        1  tater / flash",
+            "    none        3  tater / gone",
+            "       4     none  tater / new",
+        ];
+        assert_eq!(table(&expected, &found), rows);
+    }
+}

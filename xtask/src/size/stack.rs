@@ -1,0 +1,235 @@
+//! The deepest that the stack can be: of a function with all that it calls, and of a program with all interrupts on top.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use tater_wire::memory::STACK;
+
+use super::elf::{Program, plain};
+use super::graph::{Callee, Graph, Ways};
+use super::levels::Task;
+
+/// What the processor pushes for an exception (DDI 0403E, B1.5.6): eight words, and one that aligns them, which this revision
+/// of the core (r1p1) does only if STKALIGN asks for it.
+pub const EXCEPTION_FRAME: u32 = 36;
+
+/// Numbers of exceptions in the vector table, with their names.
+const RESET: u32 = 1;
+const NMI: u32 = 2;
+const HARD_FAULT: u32 = 3;
+/// Words of the table that are none: reserved, and taken for the image's header.
+const NO_VECTORS: std::ops::RangeInclusive<u32> = 7..=10;
+
+/// The deepest way: bytes, and who takes them, the outermost first.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Deepest {
+    pub bytes: u32,
+    pub path: Vec<Frame>,
+}
+
+/// A function on a way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frame {
+    pub function: String,
+    /// Its bytes where it calls the next.
+    pub bytes: u32,
+}
+
+/// Something that takes stack on top of what was there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Level {
+    /// `main`, `priority 3`, `NMI` ...
+    pub name: String,
+    pub deepest: Deepest,
+    /// Pushed by the processor.
+    pub pushed: u32,
+}
+
+impl Level {
+    /// All that it takes.
+    pub const fn bytes(&self) -> u32 {
+        self.deepest.bytes + self.pushed
+    }
+}
+
+/// The worst case of a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Worst {
+    /// From the bottom up.
+    pub levels: Vec<Level>,
+    /// The deepest of the start, where no interrupt comes in.
+    pub start: Deepest,
+    /// What calls by a register may reach.
+    pub by_register: Vec<String>,
+    /// Functions that nothing reaches.
+    pub unreached: Vec<String>,
+}
+
+impl Worst {
+    /// Bytes of all levels, one on the other; or of the start with what comes in even then, if that is more.
+    pub fn bytes(&self) -> u32 {
+        let faults = self.levels.iter().filter(|level| matches!(level.name.as_str(), "HardFault" | "NMI"));
+        let all: u32 = self.levels.iter().map(Level::bytes).sum();
+        all.max(self.start.bytes + faults.map(Level::bytes).sum::<u32>())
+    }
+
+    /// Bytes of the stack's area that stay free; negative if it is too small.
+    pub fn margin(&self) -> i32 {
+        STACK.len.cast_signed() - self.bytes().cast_signed()
+    }
+
+    /// The same, in percent of the area.
+    pub fn margin_percent(&self) -> f64 {
+        100.0 * f64::from(self.margin()) / f64::from(STACK.len)
+    }
+}
+
+/// What is known of a function entered with interrupts masked or not.
+#[derive(Debug, Default)]
+struct Known {
+    all: Deepest,
+    open: Deepest,
+    opens: bool,
+}
+
+/// The analysis of a program, with what it has found so far.
+struct Analysis<'p> {
+    graph: Rc<Graph<'p>>,
+    known: BTreeMap<(u32, bool), Rc<Known>>,
+    ways: Vec<(u32, Rc<Ways>)>,
+    /// The functions that are being looked at.
+    active: Vec<u32>,
+}
+
+/// The worst case of a program whose tasks are given.
+///
+/// # Errors
+/// What cannot be followed, a recursion, or an interrupt of unknown priority.
+pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
+    let mut analysis = Analysis {
+        graph: Rc::new(Graph::new(program)),
+        known: BTreeMap::new(),
+        ways: Vec::new(),
+        active: Vec::new(),
+    };
+    let table = program.sections.iter().find(|section| section.name == ".vector_table");
+    let table = table.ok_or("found no section .vector_table, expected one")?;
+    let vector =
+        |number: u32| program.word(table.start + 4 * number).filter(|&word| word != 0).map(|word| word & !1);
+    let mut levels = BTreeMap::new();
+    for number in (2..table.len / 4).filter(|number| !NO_VECTORS.contains(number)) {
+        let Some(at) = vector(number) else { continue };
+        let (place, name) = level(program, number, at, tasks)?;
+        let deepest = analysis.known(at, false)?.all.clone();
+        let level = Level { name, deepest, pushed: EXCEPTION_FRAME };
+        let deeper = |known: &Level| known.deepest.bytes >= level.deepest.bytes;
+        if !levels.get(&place).is_some_and(deeper) {
+            levels.insert(place, level);
+        }
+    }
+    let reset = vector(RESET).ok_or("found no reset vector, expected one")?;
+    let main = analysis.known(reset, false)?;
+    let bottom = Level { name: "main".into(), deepest: main.open.clone(), pushed: 0 };
+    analysis.complete()?;
+    let graph = Rc::clone(&analysis.graph);
+    let reached = |start: u32, end: u32| analysis.ways.iter().any(|(at, _)| (start..end).contains(at));
+    let idle = graph.functions().iter().filter(|function| !reached(function.start, function.end));
+    Ok(Worst {
+        levels: std::iter::once(bottom).chain(levels.into_values()).collect(),
+        start: main.all.clone(),
+        by_register: graph.taken.iter().map(|&at| graph.name(at)).collect(),
+        unreached: idle.map(|function| function.name.clone()).collect(),
+    })
+}
+
+/// Where a vector's handler comes among the levels, and the level's name. Above the tasks lie the interrupts that nobody
+/// binds: they stop the program, at whatever priority.
+fn level(program: &Program, number: u32, at: u32, tasks: &[Task]) -> Result<(u32, String), String> {
+    let names: Vec<&str> = program.names(at).map(|symbol| symbol.name.as_str()).collect();
+    match (number, tasks.iter().find(|task| names.contains(&task.binds.as_str()))) {
+        (NMI, _) => Ok((u32::MAX, "NMI".into())),
+        (HARD_FAULT, _) => Ok((u32::MAX - 1, "HardFault".into())),
+        _ if names.contains(&"DefaultHandler") => Ok((u32::MAX - 2, "unbound".into())),
+        (_, Some(task)) => Ok((task.priority, format!("priority {}", task.priority))),
+        _ => Err(format!(
+            "found vector {number} with handler {}, expected one of the tasks of tater-fw/src/app.rs",
+            names.first().map_or_else(|| format!("{at:#010x}"), |name| plain(name))
+        )),
+    }
+}
+
+impl Analysis<'_> {
+    /// Whether a callee may let interrupts in.
+    fn opens(&mut self, callee: Callee) -> Result<bool, String> {
+        let mut opens = false;
+        for at in self.targets(callee) {
+            opens |= self.known(at, true)?.opens;
+        }
+        Ok(opens)
+    }
+
+    fn targets(&self, callee: Callee) -> Vec<u32> {
+        match callee {
+            Callee::At(at) => vec![at],
+            Callee::Any => self.graph.taken.iter().copied().collect(),
+        }
+    }
+
+    /// The depth of a function from an entry on, with all that it calls.
+    fn known(&mut self, at: u32, masked: bool) -> Result<Rc<Known>, String> {
+        if let Some(known) = self.known.get(&(at, masked)) {
+            return Ok(Rc::clone(known));
+        }
+        let graph = Rc::clone(&self.graph);
+        if let Some(first) = self.active.iter().position(|&active| active == at) {
+            let names: Vec<String> = self.active[first..].iter().map(|&at| graph.name(at)).collect();
+            return Err(format!("found a recursion, expected none: {}", names.join(" > ")));
+        }
+        self.active.push(at);
+        let ways = Rc::new(graph.ways(at, masked, &mut |callee| self.opens(callee))?);
+        let frame = |bytes: i32| Frame { function: graph.name(at), bytes: u32::try_from(bytes).unwrap_or(0) };
+        let own = |bytes: i32| Deepest { bytes: frame(bytes).bytes, path: vec![frame(bytes)] };
+        let mut known = Known { all: own(ways.deepest), open: own(ways.deepest_open), opens: ways.opens };
+        for call in ways.calls.values() {
+            for to in self.targets(call.callee) {
+                let callee = self.known(to, call.masked)?;
+                deepen(&mut known.all, &frame(call.depth), &callee.all);
+                // A callee that lets interrupts in does so deeper than here.
+                if !call.masked || callee.opens {
+                    deepen(&mut known.open, &frame(call.depth), &callee.open);
+                }
+            }
+        }
+        self.active.pop();
+        self.ways.push((at, ways));
+        let known = Rc::new(known);
+        self.known.insert((at, masked), Rc::clone(&known));
+        Ok(known)
+    }
+
+    /// Nothing of a function that is reached was left out.
+    fn complete(&self) -> Result<(), String> {
+        for function in self.graph.functions() {
+            let inside = |&&(at, _): &&(u32, Rc<Ways>)| (function.start..function.end).contains(&at);
+            let ways: Vec<&Ways> = self.ways.iter().filter(inside).map(|(_, ways)| ways.as_ref()).collect();
+            if let Some(at) = self.graph.missed(function, &ways).filter(|_| !ways.is_empty()) {
+                return Err(format!(
+                    "{} at {at:#010x}: found an instruction that no way leads to: a jump was missed",
+                    function.name
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Takes the way over a callee, if that is deeper.
+fn deepen(deepest: &mut Deepest, frame: &Frame, callee: &Deepest) {
+    let bytes = frame.bytes + callee.bytes;
+    if bytes > deepest.bytes {
+        *deepest = Deepest { bytes, path: [std::slice::from_ref(frame), &callee.path].concat() };
+    }
+}
+
+#[cfg(test)]
+mod tests;
