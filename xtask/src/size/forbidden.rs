@@ -179,7 +179,7 @@ mod tests {
             "main",
             "_ZN8tater_fw3bsp4stop4stop17h186901aec2e2d4e6E",
             "_ZN17compiler_builtins3int19specialized_div_rem11u64_div_rem17h0123456789abcdefE",
-            "_ZN8tater_fw7not_alloc4f17h0123456789abcdefE",
+            "_ZN8tater_fw9not_alloc1f17h0123456789abcdefE",
         ] {
             assert_eq!(family(name), None, "{name} ({})", plain(name));
         }
