@@ -21,6 +21,7 @@ use crate::image::{self, Profile};
 use crate::program::root;
 use crate::{Failure, files};
 use elf::{Program, plain};
+use graph::Graph;
 use levels::Task;
 use stack::Worst;
 
@@ -69,18 +70,25 @@ struct Figures {
     name: &'static str,
     /// Bytes of each section, and whether in flash, in RAM or in both.
     sections: Vec<(String, u32, bool, bool)>,
-    /// From the first to the last byte that is written to flash.
+    /// All that is written to flash.
     flash: u32,
-    /// .data, .bss, .uninit and what aligns them.
+    /// .data, .bss, .uninit.
     ram: u32,
     flash_by_crate: BTreeMap<String, u32>,
     ram_by_crate: BTreeMap<String, u32>,
     /// Name, bytes.
     largest: Vec<(String, u32)>,
-    /// Name, family, and a way by which it is reached.
-    forbidden: Vec<(String, &'static str)>,
+    forbidden: Vec<Forbidden>,
     /// Or why it cannot be said.
     stack: Result<Worst, String>,
+}
+
+/// A symbol that must not be there.
+struct Forbidden {
+    name: String,
+    family: &'static str,
+    /// How it is reached: functions, the last being the symbol.
+    chain: Vec<String>,
 }
 
 /// Does the chore.
@@ -146,9 +154,13 @@ fn figures(name: &'static str, program: &Program, tasks: &[Task]) -> Figures {
     }
     figures.largest.sort_by(|a, b| (b.1, &a.0).cmp(&(a.1, &b.0)));
     figures.largest.truncate(LARGEST);
-    let names = program.symbols.iter().map(|symbol| symbol.name.as_str());
-    let found = forbidden::forbidden(names).into_iter();
-    figures.forbidden = found.map(|(name, family)| (plain(name), family.name())).collect();
+    let graph = Graph::new(program);
+    for symbol in &program.symbols {
+        if let Some(family) = forbidden::family(&symbol.name) {
+            let (name, family, chain) = (plain(&symbol.name), family.name(), graph.chain(symbol.start));
+            figures.forbidden.push(Forbidden { name, family, chain });
+        }
+    }
     figures
 }
 
@@ -173,8 +185,11 @@ impl Figures {
         let named = |pairs: &[(String, u32)]| -> Vec<Value> {
             pairs.iter().map(|(name, bytes)| json!({ "name": name, "bytes": bytes })).collect()
         };
-        let families: Vec<Value> =
-            self.forbidden.iter().map(|(name, family)| json!({ "name": name, "family": family })).collect();
+        let families: Vec<Value> = self
+            .forbidden
+            .iter()
+            .map(|found| json!({ "name": found.name, "family": found.family, "chain": found.chain }))
+            .collect();
         json!({
             "sections": self.sections.iter().map(|(name, bytes, flash, ram)| json!({
                 "name": name, "bytes": bytes, "flash": flash, "ram": ram,
@@ -233,10 +248,11 @@ fn faults(all: &[Figures]) -> Vec<String> {
                 }
             }
         }
-        for (symbol, family) in &figures.forbidden {
+        for Forbidden { name: symbol, family, chain } in &figures.forbidden {
             faults.push(format!(
-                "{name}: found {symbol} ({family}), expected none\n    next: find who calls it (cargo xtask size), and do without; \
-                 or a row with the reason in xtask/src/size/forbidden.rs"
+                "{name}: found {symbol} ({family}), expected none; reached by {}\n    next: do without it, or give a reason in ALLOWED \
+                 of xtask/src/size/forbidden.rs",
+                chain.join(" > ")
             ));
         }
         match &figures.stack {

@@ -57,10 +57,13 @@ pub fn bless(all: &[Figures]) -> Result<(), String> {
 /// # Errors
 /// There are none, or no JSON.
 pub fn differences(all: &[Figures]) -> Result<Vec<String>, Failure> {
-    let text = files::read(&root().join(GOLDEN))?;
-    let golden: Value = serde_json::from_slice(&text).map_err(|error| {
-        Failure::Unusable(format!("{GOLDEN}: found {error}, expected JSON\n  next: cargo xtask size --bless"))
-    })?;
+    let unusable = |error: &dyn std::fmt::Display| {
+        Failure::Unusable(format!(
+            "{GOLDEN}: {error}\n  next: cargo xtask size --bless, and review the change of the file"
+        ))
+    };
+    let text = std::fs::read(root().join(GOLDEN)).map_err(|error| unusable(&error))?;
+    let golden: Value = serde_json::from_slice(&text).map_err(|error| unusable(&error))?;
     let rows = table(&golden, &committed(all));
     if rows.is_empty() {
         return Ok(rows);

@@ -1,6 +1,6 @@
 //! The functions of a program, and the ways through each: how deep the stack is at each call, and what is called.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::elf::{Program, plain};
 use super::thumb::{Flow, Instruction, Mask, Stack, decode};
@@ -128,6 +128,32 @@ impl<'p> Graph<'p> {
         }
         let entry = |word: &u32| word & 1 == 1 && self.program.names(word & !1).any(|symbol| symbol.function);
         words.into_iter().filter(entry).map(|word| word & !1).collect()
+    }
+
+    /// How a function is reached, by names: the shortest chain of calls from one that nothing calls, by what can be read off
+    /// calls and jumps. The function itself is the last.
+    pub fn chain(&self, to: u32) -> Vec<String> {
+        let mut callers: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+        for function in &self.functions {
+            for (_, found) in self.instructions(function) {
+                if let Flow::Call(to) | Flow::Jump(to) | Flow::Branch(to) = found.flow
+                    && let Some(callee) = self.function(to).filter(|callee| *callee != function)
+                {
+                    callers.entry(callee.start).or_default().insert(function.start);
+                }
+            }
+        }
+        let mut chains = VecDeque::from([vec![to]]);
+        let mut seen = BTreeSet::from([to]);
+        while let Some(chain) = chains.pop_front() {
+            let Some(above) = chain.last().and_then(|first| callers.get(first)) else {
+                return chain.iter().rev().map(|&at| self.name(at)).collect();
+            };
+            chains.extend(
+                above.iter().filter(|&&at| seen.insert(at)).map(|&at| [chain.as_slice(), &[at]].concat()),
+            );
+        }
+        vec![self.name(to)]
     }
 
     /// The instructions of a function one after the other, what is data left out.

@@ -45,8 +45,8 @@ fn program(page: &mut String, figures: &Figures) -> std::fmt::Result {
         writeln!(page, "    {bytes:>6}  {name}")?;
     }
     writeln!(page, "  must not be there: {}", figures.forbidden.len())?;
-    for (name, family) in &figures.forbidden {
-        writeln!(page, "    {name} ({family})")?;
+    for found in &figures.forbidden {
+        writeln!(page, "    {} ({}), by {}", found.name, found.family, found.chain.join(" > "))?;
     }
     match &figures.stack {
         Ok(worst) => stack(page, worst),
@@ -87,9 +87,5 @@ fn path(page: &mut String, deepest: &super::stack::Deepest) -> std::fmt::Result 
 }
 
 fn listed(names: &[String]) -> String {
-    let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
-    names.sort_unstable();
-    // The same function for several types has one name.
-    names.dedup();
     if names.is_empty() { "none".into() } else { names.join(", ") }
 }

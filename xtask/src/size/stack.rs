@@ -1,6 +1,6 @@
 //! The deepest that the stack can be: of a function with all that it calls, and of a program with all interrupts on top.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use tater_wire::memory::STACK;
@@ -137,7 +137,14 @@ pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
     Ok(Worst {
         levels: std::iter::once(bottom).chain(levels.into_values()).collect(),
         start: main.all.clone(),
-        by_register: graph.taken.iter().map(|&at| graph.name(at)).collect(),
+        // The same function for several types has one name.
+        by_register: graph
+            .taken
+            .iter()
+            .map(|&at| graph.name(at))
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect(),
         unreached: idle.map(|function| function.name.clone()).collect(),
     })
 }

@@ -152,3 +152,18 @@ fn addresses_that_are_data_or_put_together_are_taken() {
     );
     assert_eq!(Graph::new(&program).taken, BTreeSet::from([g, h]));
 }
+
+#[test]
+fn a_chain_leads_from_where_it_begins_to_the_function() {
+    // Each calls the next, by bl, b.w and bne.w; the last two call each other.
+    let calls: [(&str, &[u16]); 4] = [
+        ("Reset", &[0xF000, 0xF802, 0x4770, 0xBF00]),
+        ("other", &[0xF000, 0xB802, 0x4770, 0xBF00]),
+        ("panic", &[0xF040, 0x8002, 0x4770, 0xBF00]),
+        ("back", &[0xF7FF, 0xBFFA, 0x4770, 0xBF00]),
+    ];
+    let program = program(&[(1, TEXT)], &calls, NONE);
+    let graph = Graph::new(&program);
+    assert_eq!(graph.chain(TEXT), ["Reset"]);
+    assert_eq!(graph.chain(TEXT + 16), ["Reset", "other", "panic"]);
+}

@@ -75,11 +75,18 @@ fn a_start_that_keeps_interrupts_waiting_is_not_under_them() {
 
 #[test]
 fn interrupts_that_a_callee_lets_in_come_on_top_of_its_callers() {
-    // cpsid i; push {r4, lr}; bl next; pop {r4, pc}. Then: cpsie i; bx lr.
+    // cpsid i; push {r4, lr}; bl next; pop {r4, pc}. Then: push {r4, lr}; bl next; cpsid i; pop {r4, pc}.
     let reset = [0xB672, 0xB510, 0xF000, 0xF801, 0xBD10];
-    let functions: [(&str, &[u16]); 2] = [("Reset", &reset), ("opens", &[0xB662, 0x4770])];
+    let middle = [0xB510, 0xF000, 0xF802, 0xB672, 0xBD10];
+    let opens: [u16; 2] = [0xB662, 0x4770];
+    let functions: [(&str, &[u16]); 3] = [("Reset", &reset), ("middle", &middle), ("opens", &opens)];
     let found = worst(&program(&[(1, TEXT)], &functions, NONE), &[]).unwrap();
-    assert_eq!(levels(&found), [("main", 8)]);
+    assert_eq!(levels(&found), [("main", 16)]);
+    // They stay after it: cpsid i; push {r4, lr}; bl next; sub sp, #64; b .
+    let reset = [0xB672, 0xB510, 0xF000, 0xF802, 0xB090, 0xE7FE];
+    let functions: [(&str, &[u16]); 2] = [("Reset", &reset), ("opens", &opens)];
+    let found = worst(&program(&[(1, TEXT)], &functions, NONE), &[]).unwrap();
+    assert_eq!(levels(&found), [("main", 72)]);
 }
 
 #[test]

@@ -43,6 +43,11 @@ fn calls_and_jumps_go_where_they_say() {
         (&[0xF47F, 0xAF03], Flow::Branch(to(-0x1FA))),
         (&[0xF200, 0x82BB], Flow::Branch(to(0x576))),
         (&[0xB161], Flow::Branch(to(0x18))),
+        // By A7.7.12 and A7.7.18: the bits J1 and J2.
+        (&[0xF040, 0xA000], Flow::Branch(to(0x4_0000))),
+        (&[0xF040, 0x8800], Flow::Branch(to(0x8_0000))),
+        (&[0xF000, 0xF000], Flow::Call(to(0x40_0000))),
+        (&[0xF000, 0xD800], Flow::Call(to(0x80_0000))),
         (&[0xBB82], Flow::Branch(to(0x60))),
     ] {
         assert_eq!(flow(halves), expected, "{halves:x?}");
