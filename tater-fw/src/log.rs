@@ -1,4 +1,5 @@
-//! What the application says to a debug probe (RTT) with feature `log`; nothing without it. Said from low priorities only.
+//! What the application says to a debug probe (RTT) with feature `log`; nothing without it. Said from low priorities only, and
+//! in numbers that the tables explain: `Debug` texts would be 10 KiB of formatting.
 
 use servo_core::Event;
 use tater_fw::storage::Progress;
@@ -14,21 +15,27 @@ defmt::timestamp!("{=u32:us}", tater_fw::bsp::metal::logged_at());
 /// The program has started.
 #[cfg(feature = "log")]
 pub fn started(node: Node, homed: bool) {
-    defmt::info!(
-        "node {=u8} awake, position {=str}",
-        node.number(),
-        if homed { "trusted" } else { "unknown" }
-    );
+    defmt::info!("node {=u8} awake, position trusted: {=bool}", node.number(), homed);
 }
 
 /// A frame changed nothing.
 #[cfg(feature = "log")]
 pub fn refused(frame: &Frame, why: Refused) {
+    let (reason, property) = match why {
+        Refused::Unknown => ("it means nothing", None),
+        Refused::Access(property) => ("no access to property", Some(property)),
+        Refused::Range(property) => ("out of range: property", Some(property)),
+        Refused::Unnamed => ("the board has no number", None),
+        Refused::Servo(_) => ("not in this mode, or a fault stands", None),
+        Refused::Busy(property) => ("no room to answer: property", Some(property)),
+    };
+    let number = property.map_or(0, tater_wire::Property::id);
     defmt::warn!(
-        "{=u16:#x} {=[u8]:02x} refused: {}",
+        "{=u16:#x} {=[u8]:02x} refused: {=str} {=u8}",
         frame.id().raw(),
         frame.data(),
-        defmt::Debug2Format(&why)
+        reason,
+        number
     );
 }
 
@@ -36,17 +43,21 @@ pub fn refused(frame: &Frame, why: Refused) {
 #[cfg(feature = "log")]
 pub fn event(event: Event) {
     match event {
-        Event::Fault(fault) => defmt::error!("{}", defmt::Debug2Format(&fault)),
-        Event::Glitch(glitch) => defmt::debug!("{}", defmt::Debug2Format(&glitch)),
-        other => defmt::info!("{}", defmt::Debug2Format(&other)),
+        Event::Ended { reason, mode } => {
+            defmt::info!("END {=u8}, MODE {=u8}", reason.number(), mode.number())
+        }
+        Event::Breakaway { position, .. } => defmt::info!("breakaway at {=i32}", position),
+        Event::Fault(fault) => defmt::error!("ERROR {=u8}", tater_fw::tater::errors::code(fault).code()),
+        Event::Glitch(_) => defmt::debug!("the hall lines lied"),
+        Event::Homed => defmt::info!("homed"),
     }
 }
 
 /// The flash has worked, or failed.
 #[cfg(feature = "log")]
 pub fn stored(progress: Progress) {
-    if let Progress::Failed(why) = progress {
-        defmt::error!("flash: {}", defmt::Debug2Format(&why));
+    if let Progress::Failed(_) = progress {
+        defmt::error!("the flash did not take what was written");
     }
 }
 

@@ -10,7 +10,7 @@
 //! | else | [`Tater::store`]: one flash operation, if one is due |
 
 mod commands;
-mod errors;
+pub mod errors;
 mod kept;
 mod properties;
 mod storing;

@@ -1,36 +1,31 @@
 //! What a SET of CMD does, by number: Barrett's numbers.
 
-/// A value of property CMD.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cmd {
-    /// All properties from storage.
-    Load,
-    /// All properties to storage.
-    Save,
-    /// Resets into the monitor.
-    Reset,
-    /// All properties, and their stored values, to their defaults.
-    Def,
-    /// Moves to position 0.
-    Home,
-    /// Hand initialize: finds the stop, goes to zero, calls it zero.
-    Hi,
-    /// Closes by the default step DS.
-    Ic,
-    /// Opens by the default step DS.
-    Io,
-    /// Closes under torque control.
-    Tc,
-    /// Opens under torque control.
-    To,
-    /// Moves to the close target CT.
-    C,
-    /// Moves to the default position DP.
-    M,
-    /// Moves to the open target OT, and forgets a breakaway.
-    O,
-    /// Terminates power.
-    T,
+/// `Cmd = number, "NAME", "meaning";`
+macro_rules! table {
+    ($($cmd:ident = $number:literal, $name:literal, $meaning:literal;)*) => {
+        /// A value of property CMD.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u8)]
+        pub enum Cmd {
+            $(#[doc = $meaning] $cmd = $number,)*
+        }
+
+        /// Every command, by rising number.
+        pub const ROWS: &[Row] =
+            &[$(Row { number: $number, cmd: Cmd::$cmd, name: $name, meaning: $meaning },)*];
+
+        impl Cmd {
+            /// The command of a value of CMD; `None` if there is none.
+            #[must_use]
+            pub const fn of(number: i64) -> Option<Self> {
+                // Not by the rows: a board has no room for their texts.
+                match number {
+                    $($number => Some(Self::$cmd),)*
+                    _ => None,
+                }
+            }
+        }
+    };
 }
 
 /// A command's row.
@@ -46,40 +41,28 @@ pub struct Row {
     pub meaning: &'static str,
 }
 
-const fn row(number: u8, cmd: Cmd, name: &'static str, meaning: &'static str) -> Row {
-    Row { number, cmd, name, meaning }
+table! {
+    Load = 0, "LOAD", "takes the stored values of all properties";
+    Save = 1, "SAVE", "stores the present values of all properties";
+    Reset = 2, "RESET", "resets into the monitor";
+    Def = 3, "DEF", "resets all properties, and their stored values, to their defaults";
+    Home = 7, "HOME", "moves to position 0";
+    Hi = 13, "HI", "finds the stop (IVEL, IHIT), leaves it by IOFF, and calls the place 0";
+    Ic = 14, "IC", "closes by DS";
+    Io = 15, "IO", "opens by DS";
+    Tc = 16, "TC", "closes at MCV with torque up to MT, until stalled";
+    To = 17, "TO", "opens at MOV with torque up to MT, until stalled";
+    C = 18, "C", "moves to CT";
+    M = 19, "M", "moves to DP";
+    O = 20, "O", "moves to OT, and forgets a breakaway";
+    T = 21, "T", "terminates power: idle, whatever HOLD says";
 }
-
-/// Every command, by rising number.
-pub const ROWS: &[Row] = &[
-    row(0, Cmd::Load, "LOAD", "takes the stored values of all properties"),
-    row(1, Cmd::Save, "SAVE", "stores the present values of all properties"),
-    row(2, Cmd::Reset, "RESET", "resets into the monitor"),
-    row(3, Cmd::Def, "DEF", "resets all properties, and their stored values, to their defaults"),
-    row(7, Cmd::Home, "HOME", "moves to position 0"),
-    row(13, Cmd::Hi, "HI", "finds the stop (IVEL, IHIT), leaves it by IOFF, and calls the place 0"),
-    row(14, Cmd::Ic, "IC", "closes by DS"),
-    row(15, Cmd::Io, "IO", "opens by DS"),
-    row(16, Cmd::Tc, "TC", "closes at MCV with torque up to MT, until stalled"),
-    row(17, Cmd::To, "TO", "opens at MOV with torque up to MT, until stalled"),
-    row(18, Cmd::C, "C", "moves to CT"),
-    row(19, Cmd::M, "M", "moves to DP"),
-    row(20, Cmd::O, "O", "moves to OT, and forgets a breakaway"),
-    row(21, Cmd::T, "T", "terminates power: idle, whatever HOLD says"),
-];
 
 impl Cmd {
     /// The value of CMD.
     #[must_use]
-    pub fn number(self) -> u8 {
-        // Every command has its row (tested).
-        ROWS.iter().find(|row| row.cmd == self).map_or(0, |row| row.number)
-    }
-
-    /// The command of a value of CMD; `None` if there is none.
-    #[must_use]
-    pub fn of(number: i64) -> Option<Self> {
-        ROWS.iter().find(|row| i64::from(row.number) == number).map(|row| row.cmd)
+    pub const fn number(self) -> u8 {
+        self as u8
     }
 }
 
