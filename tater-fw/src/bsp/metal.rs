@@ -147,6 +147,9 @@ macro_rules! metal {
         let straps: [&mut dyn InputPin<Error = Infallible>; 3] = [&mut strap_1, &mut strap_2, &mut strap_4];
         let can = Can::new(CanPins::new($chip.CAN, $chip.USB, (can_tx, can_rx), &mut $rcc));
         let clock = Clock::new($chip.TIM2, &mut $rcc);
+        // Their pull-ups, of 50 kilo-ohm at most (DS5319 5.3.13), have been on for 3.4 us: time for 80 pF, and an open strap that
+        // is still low is another node's. 100 us are time for 2 nF.
+        cortex_m::asm::delay(timing::CORE_HZ / 10_000);
         Metal {
             straps: node(straps),
             motor: $motor,
