@@ -30,6 +30,9 @@ fn to(destination: Destination) -> u32 {
     u32::from(FILTER_MASK) << 16 | u32::from(id << FILTER_SHIFT)
 }
 
+/// Reads of TSR in [`Can::drain`], of some 10 cycles each.
+const DRAIN: u32 = timing::CORE_HZ / 1000 / 10;
+
 /// The registers, for what bxcan has no word for.
 fn registers() -> &'static can::RegisterBlock {
     // SAFETY: the controller belongs to the one `Can` there is; whoever calls this has it, and accesses are volatile.
@@ -82,6 +85,15 @@ impl Can {
     /// The transmit interrupt has been seen.
     pub fn sent(&mut self) {
         registers().tsr().write(|w| w.rqcp0().set_bit().rqcp1().set_bit().rqcp2().set_bit());
+    }
+
+    /// Waits until what was handed over has gone: some 1 ms at most, in which three frames win the bus if anybody is on it.
+    pub fn drain(&self) {
+        let gone = || {
+            let status = registers().tsr().read();
+            status.tme0().bit_is_set() && status.tme1().bit_is_set() && status.tme2().bit_is_set()
+        };
+        let _ = (0..DRAIN).any(|_| gone());
     }
 
     /// The oldest frame that has come. The three places of the FIFO filled up, a newer frame takes the third's place (RM0008

@@ -292,6 +292,8 @@ impl<M: Motor> Board for Metal<M> {
     }
 
     fn reset(&mut self) {
+        // A reset takes the controller off the bus at once, in the middle of a frame too.
+        self.can.drain();
         cortex_m::peripheral::SCB::sys_reset();
     }
 
