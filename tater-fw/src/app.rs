@@ -30,13 +30,13 @@ mod app {
 
     #[init(local = [place: MaybeUninit<Tater<Metal<Armed>>> = MaybeUninit::uninit()])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
+        let (tater, ticker) = board(cx.device, cx.local.place);
         let mut slow = cx.core.SYST;
         slow.set_clock_source(SystClkSource::External);
         slow.set_reload(SLOW_RELOAD);
         slow.clear_current();
         slow.enable_counter();
         slow.enable_interrupt();
-        let (tater, ticker) = board(cx.device, cx.local.place);
         tater.wake();
         log::started(tater.node(), tater.status().homed);
         (Shared { tater }, Local { ticker }, init::Monotonics())

@@ -114,7 +114,7 @@ pub fn size(args: &SizeArgs) -> Result<(), Failure> {
     if args.json {
         files::print(&format!("{:#}\n", object(args.profile, &all)))?;
     } else {
-        files::print(&print::page(&all))?;
+        files::print(&print::page(args.profile, &all))?;
     }
     if args.bless {
         return golden::bless(&all).map_err(Failure::Unusable);

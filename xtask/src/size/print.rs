@@ -6,10 +6,11 @@ use tater_wire::memory::STACK;
 
 use super::stack::Worst;
 use super::{Figures, LIMITS};
+use crate::image::Profile;
 
 /// All programs, one below the other.
-pub fn page(all: &[Figures]) -> String {
-    let mut page = String::new();
+pub fn page(profile: Profile, all: &[Figures]) -> String {
+    let mut page = format!("profile {}; limits are those of production\n", profile.name());
     for figures in all {
         // Writing to a string cannot fail.
         let _ = program(&mut page, figures);
