@@ -376,6 +376,8 @@ impl<B: Board> Tater<B> {
         self.store.reset_counters(self.store.counters());
         // From now on nobody follows the halls: there is nothing to lose by erasing pages while it coasts.
         for _ in 0..LAST_OPERATIONS {
+            // Eight pages and more may be due: longer than the watchdog waits.
+            self.board.feed();
             if matches!(self.step_store(true), Progress::Done | Progress::Waiting) {
                 break;
             }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::program::{output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, fuzz, hall_oracle, host_tools, image, setup, table};
+use crate::{Outcome, fuzz, hall_oracle, host_tools, image, setup, size, table};
 
 /// One step: what it is called and what it does.
 struct Step {
@@ -13,13 +13,14 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 14] = [
+const STEPS: [Step; 15] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
     Step { name: "clippy, microcontroller", check: clippy_thumb },
     Step { name: "build, microcontroller", check: build_thumb },
     Step { name: "image", check: image::check },
+    Step { name: "size", check: size::check },
     Step { name: "tests", check: tests },
     Step { name: "figures", check: figures },
     Step { name: "documentation", check: documentation },

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 
 use crate::image::{self, Profile};
 use crate::program::root;
-use crate::{Failure, files};
+use crate::{Failure, Outcome, files};
 use elf::{Program, plain};
 use graph::Graph;
 use levels::Task;
@@ -102,15 +102,7 @@ pub fn size(args: &SizeArgs) -> Result<(), Failure> {
             "{what}\n  next: leave --profile out, or --check and --bless"
         )));
     }
-    let app = root().join(APP);
-    let source = String::from_utf8_lossy(&files::read(&app)?).into_owned();
-    let tasks = levels::tasks(&source).map_err(|error| Failure::Unusable(format!("{APP}: {error}")))?;
-    let images = image::build(args.profile)?;
-    let programs = [("tater", &images.tater, tasks.as_slice()), ("monitor", &images.monitor, &[])];
-    let mut all = Vec::new();
-    for (name, path, tasks) in programs {
-        all.push(figures(name, &Program::read(path)?, tasks));
-    }
+    let all = measure(args.profile)?;
     if args.json {
         files::print(&format!("{:#}\n", object(args.profile, &all)))?;
     } else {
@@ -120,6 +112,33 @@ pub fn size(args: &SizeArgs) -> Result<(), Failure> {
         return golden::bless(&all).map_err(Failure::Unusable);
     }
     if args.check { judge(&all) } else { Ok(()) }
+}
+
+/// Builds both programs and finds out their figures.
+fn measure(profile: Profile) -> Result<Vec<Figures>, Failure> {
+    let app = root().join(APP);
+    let source = String::from_utf8_lossy(&files::read(&app)?).into_owned();
+    let tasks = levels::tasks(&source).map_err(|error| Failure::Unusable(format!("{APP}: {error}")))?;
+    let images = image::build(profile)?;
+    let programs = [("tater", &images.tater, tasks.as_slice()), ("monitor", &images.monitor, &[])];
+    let mut all = Vec::new();
+    for (name, path, tasks) in programs {
+        all.push(figures(name, &Program::read(path)?, tasks));
+    }
+    Ok(all)
+}
+
+/// CI's step: the figures in a few lines, judged.
+///
+/// # Errors
+/// As [`size`] with `--check`.
+pub fn check() -> Outcome {
+    let all = measure(Profile::Production)?;
+    for Figures { name, flash, ram, stack, .. } in &all {
+        let stack = stack.as_ref().map_or_else(|_| "unknown".into(), |worst| worst.bytes().to_string());
+        println!("  {name}: flash {flash}, static RAM {ram}, stack at worst {stack} bytes");
+    }
+    Ok(judge(&all)?)
 }
 
 /// All that is looked at.

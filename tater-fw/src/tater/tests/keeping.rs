@@ -486,3 +486,14 @@ fn a_reset_stores_what_the_counters_have_grown_by() {
     set(&mut bench, Property::STAT, 0);
     assert_eq!(bench.restart().get(Property::UPSECS), Some(9));
 }
+
+#[test]
+fn the_watchdog_is_fed_for_each_operation_before_a_reset() {
+    let mut bench = Bench::new(1);
+    // A blank storage has eight pages to erase, of 40 ms each.
+    let (feeds, operations) = (bench.board().feeds, bench.board().flash.operations);
+    bench.set(Property::STAT, 0).expect("a reset is always obeyed");
+    let operations = bench.board().flash.operations - operations;
+    assert!(operations >= 8, "{operations}");
+    assert!(bench.board().feeds - feeds >= operations, "{operations}");
+}
