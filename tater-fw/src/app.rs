@@ -86,17 +86,19 @@ mod app {
     /// to see that the bus is served.
     #[task(binds = USB_LP_CAN_RX0, priority = 2, shared = [tater])]
     fn receive(mut cx: receive::Context) {
-        cx.shared.tater.lock(|tater| {
+        let refused = cx.shared.tater.lock(|tater| {
             let now = tater.board_mut().now();
             match tater.board_mut().can.receive() {
-                Some(frame) => {
-                    if let Err(why) = tater.receive(&frame, now) {
-                        log::refused(&frame, why);
-                    }
+                Some(frame) => tater.receive(&frame, now).err().map(|why| (frame, why)),
+                None => {
+                    tater.flush();
+                    None
                 }
-                None => tater.flush(),
             }
         });
+        if let Some((frame, why)) = refused {
+            log::refused(&frame, why);
+        }
     }
 
     /// A frame has gone: there is room for the next.

@@ -60,8 +60,8 @@ table! {
         "phase current above what a working motor can draw, for 5 ms",
         "check the motor's winding and phase cable for a short";
     OverTemperature = 3, Some(Property::OTEMP),
-        "the motor's thermistor is at OTEMP",
-        "let the motor cool; lower MT or TSTOP, or raise OTEMP if the motor may be hotter";
+        "the motor's thermistor is at OTEMP, or its wire is broken (THERM at -40 C or less)",
+        "let the motor cool, or mend the wire; lower MT or TSTOP, or raise OTEMP if the motor may be hotter";
     OverVoltage = 4, Some(Property::VBUS),
         "bus above 32 V for 10 ms",
         "check the supply; a motor that is braked hard pumps the bus up";

@@ -7,6 +7,9 @@
 
 use crate::units::{DeciCelsius, Torque};
 
+/// A thermistor that reads this or less has a broken wire, which reads -50 °C; no hand works in such cold.
+const OPEN: DeciCelsius = DeciCelsius(-400);
+
 /// OTEMP value that disables the limit (manual 5.4.1).
 pub const DISABLED: i16 = -551;
 
@@ -56,10 +59,11 @@ impl Thermal {
         Torque(i16::try_from(by_winding.min(by_otemp)).unwrap_or(0))
     }
 
-    /// Whether the thermistor is at the limit, where torque is cut.
+    /// Whether the thermistor is at the limit, where torque is cut; or reads so cold that its wire must be broken, and
+    /// nobody knows how hot the motor is.
     #[must_use]
     pub fn over(thermistor: DeciCelsius, otemp: i16) -> bool {
-        otemp != DISABLED && thermistor.0 >= otemp
+        otemp != DISABLED && (thermistor.0 >= otemp || thermistor <= OPEN)
     }
 
     /// The modelled winding temperature at this thermistor reading.

@@ -394,11 +394,13 @@ fn strain_ends_a_move_and_not_a_hold() {
 #[test]
 fn a_fault_idles_refuses_motion_and_can_be_cleared() {
     type Break = fn(&mut Bench);
-    let rows: [(Break, Fault, usize); 4] = [
+    let rows: [(Break, Fault, usize); 5] = [
         (|bench| bench.bridge_fault = true, Fault::Bridge, 1),
         (|bench| bench.bus = MilliVolts(33_000), Fault::OverVoltage, 10),
         (|bench| bench.bus = MilliVolts(15_000), Fault::UnderVoltage, 10),
         (|bench| bench.motor_temp = DeciCelsius(700), Fault::OverTemperature, 1),
+        // A broken wire.
+        (|bench| bench.motor_temp = DeciCelsius(-500), Fault::OverTemperature, 1),
     ];
     for (break_it, fault, ticks) in rows {
         let mut bench = Bench::in_mode(Mode::Pid);

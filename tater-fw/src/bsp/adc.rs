@@ -25,12 +25,12 @@ impl Adc {
         while adc.cr2().read().cal().bit_is_set() {}
         adc.smpr2().write(|w| {
             let code = SAMPLE_CODE;
-            w.smp0().set(code).smp1().set(code).smp2().set(code).smp3().set(code).smp4().set(code)
+            w.smp5().set(code).smp1().set(code).smp2().set(code).smp3().set(code).smp4().set(code)
         });
-        // Injected: inputs 0 to 3, in that order. Regular: input 4, over and over.
+        // Injected: inputs 5, 1, 2 and 3, in that order; not 0, which glitches with injected conversions (errata). Regular: input 4, over and over.
         // SAFETY: five bits each, channels that exist.
         adc.jsqr()
-            .write(|w| unsafe { w.jl().bits(3).jsq1().bits(0).jsq2().bits(1).jsq3().bits(2).jsq4().bits(3) });
+            .write(|w| unsafe { w.jl().bits(3).jsq1().bits(5).jsq2().bits(1).jsq3().bits(2).jsq4().bits(3) });
         // SAFETY: the same.
         adc.sqr3().write(|w| unsafe { w.sq1().bits(4) });
         adc.cr1().write(|w| w.scan().enabled());

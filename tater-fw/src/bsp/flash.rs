@@ -4,7 +4,7 @@
 //! half-word and 40 ms a page at most (DS5319 5.3.9).
 
 use stm32f1xx_hal::pac::FLASH;
-use tater_wire::memory::{APPLICATION, FLASH as AREA, PAGE};
+use tater_wire::memory::{FLASH as AREA, PAGE};
 
 use super::pointer;
 use crate::board::{Flash, FlashError};
@@ -15,22 +15,31 @@ const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 /// Reads of SR after which an operation has failed: they would take longer than any, if it did not hold them up.
 const PATIENCE: u32 = 1 << 20;
 
-/// The flash behind the monitor.
-pub struct Metal(FLASH);
+/// The flash, of which a program may write what lies behind its own code.
+pub struct Metal {
+    flash: FLASH,
+    /// The first address that may be written.
+    first: u32,
+}
 
 impl Metal {
-    /// The flash, locked.
-    pub fn new() -> Self {
+    /// The flash, locked, to be written from `first` on.
+    pub fn new(first: u32) -> Self {
         // SAFETY: the HAL has taken the peripheral for the wait states, and does nothing else with it.
-        Self(unsafe { FLASH::steal() })
+        let flash = unsafe { FLASH::steal() };
+        Self { flash, first }
+    }
+
+    fn may_write(&self, address: u32, len: u32) -> bool {
+        AREA.holds(address.into(), len.into()) && address >= self.first
     }
 
     /// Waits for an operation that was started, and puts CR back.
     fn finish(&mut self) -> Result<(), FlashError> {
-        let done = (0..PATIENCE).any(|_| self.0.sr().read().bsy().bit_is_clear());
-        let status = self.0.sr().read();
-        self.0.sr().write(|w| w.eop().set_bit().pgerr().set_bit().wrprterr().set_bit());
-        self.0.cr().write(|w| w.lock().set_bit());
+        let done = (0..PATIENCE).any(|_| self.flash.sr().read().bsy().bit_is_clear());
+        let status = self.flash.sr().read();
+        self.flash.sr().write(|w| w.eop().set_bit().pgerr().set_bit().wrprterr().set_bit());
+        self.flash.cr().write(|w| w.lock().set_bit());
         let failed = !done || status.wrprterr().bit_is_set();
         if failed {
             return Err(FlashError::Failed);
@@ -42,14 +51,9 @@ impl Metal {
     fn unlock(&mut self) {
         for key in KEYS {
             // SAFETY: the keys are what KEYR takes.
-            self.0.keyr().write(|w| unsafe { w.bits(key) });
+            self.flash.keyr().write(|w| unsafe { w.bits(key) });
         }
     }
-}
-
-/// Whether the programs may write there: nobody overwrites the monitor.
-fn may_write(address: u32, len: u32) -> bool {
-    AREA.holds(address.into(), len.into()) && address >= APPLICATION.start
 }
 
 impl Flash for Metal {
@@ -62,27 +66,29 @@ impl Flash for Metal {
     }
 
     fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
-        if !may_write(address, 2) || !address.is_multiple_of(2) {
+        if !self.may_write(address, 2) || !address.is_multiple_of(2) {
             return Err(FlashError::Address);
         }
         self.unlock();
-        self.0.cr().write(|w| w.lock().clear_bit().pg().set_bit());
-        // SAFETY: an even address inside the flash behind the monitor; with PG set the write programs a half-word. The
-        // areas hold data, or an application that does not run now: no code that runs is changed.
+        self.flash.cr().write(|w| w.lock().clear_bit().pg().set_bit());
+        // SAFETY: an even address inside the flash, behind the code that runs; with PG set the write programs a half-word.
         unsafe { core::ptr::write_volatile(pointer(address), value) };
         self.finish()?;
         if self.half_word(address) == value { Ok(()) } else { Err(FlashError::Verify) }
     }
 
     fn erase(&mut self, page: u32) -> Result<(), FlashError> {
-        if !may_write(page, PAGE) || !page.is_multiple_of(PAGE) {
+        if !self.may_write(page, PAGE) || !page.is_multiple_of(PAGE) {
             return Err(FlashError::Address);
         }
         self.unlock();
-        self.0.cr().write(|w| w.lock().clear_bit().per().set_bit());
-        // SAFETY: a page behind the monitor, as above.
-        self.0.ar().write(|w| unsafe { w.bits(page) });
-        self.0.cr().write(|w| w.lock().clear_bit().per().set_bit().strt().set_bit());
+        self.flash.cr().write(|w| w.lock().clear_bit().per().set_bit());
+        // SAFETY: a page behind the code that runs.
+        self.flash.ar().write(|w| unsafe { w.bits(page) });
+        self.flash.cr().write(|w| w.lock().clear_bit().per().set_bit().strt().set_bit());
+        // BSY rises a cycle late (errata): this read does not count.
+        let _ = self.flash.sr().read();
+        cortex_m::asm::nop();
         self.finish()?;
         let erased = (page..page + PAGE).step_by(2).all(|address| self.half_word(address) == u16::MAX);
         if erased { Ok(()) } else { Err(FlashError::Verify) }

@@ -4,7 +4,7 @@
 use stm32f1xx_hal::pac::{GPIOB, TIM4};
 use stm32f1xx_hal::rcc::{Enable, Rcc};
 
-use super::timing::hall::PRESCALER;
+use super::timing::hall::{PRESCALER, SAMPLE_GAP};
 
 /// The lines and their timer.
 pub struct Halls(TIM4);
@@ -32,8 +32,19 @@ impl Halls {
         Self(tim)
     }
 
-    /// The lines now: PB6 is bit 0.
+    /// The lines now: PB6 is bit 0. The port is not behind the timer's filter, so two samples must agree, or a third decides
+    /// for each line: a spike shorter than the time between them changes nothing.
     pub fn code() -> u8 {
+        let (a, b) = (Self::sample(), Self::sample_later());
+        if a == b { a } else { a & b | (a | b) & Self::sample_later() }
+    }
+
+    fn sample_later() -> u8 {
+        cortex_m::asm::delay(SAMPLE_GAP);
+        Self::sample()
+    }
+
+    fn sample() -> u8 {
         // SAFETY: reads the port's input register, which nobody writes.
         let port = unsafe { &*GPIOB::ptr() }.idr().read().bits();
         (port >> 6 & 7).to_le_bytes()[0]

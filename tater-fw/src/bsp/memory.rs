@@ -7,6 +7,7 @@ use core::arch::global_asm;
 global_asm!(
     ".syntax unified",
     ".section .text.memory, \"ax\", %progbits",
+    ".p2align 2",
     ".global memcpy, __aeabi_memcpy, __aeabi_memcpy4, __aeabi_memcpy8",
     ".type memcpy, %function",
     ".type __aeabi_memcpy, %function",

@@ -8,9 +8,9 @@ use servo_core::units::Micros;
 use stm32f1xx_hal::can::Can as CanPins;
 use stm32f1xx_hal::flash::FlashExt;
 use stm32f1xx_hal::gpio::{GpioExt, Output, PB5};
-use stm32f1xx_hal::pac::{self, TIM2, TIM3};
+use stm32f1xx_hal::pac::{self, CAN, DBGMCU, TIM2, TIM3};
 use stm32f1xx_hal::rcc::{Enable, Rcc, Reset};
-use tater_wire::memory::APPLICATION;
+use tater_wire::memory::{APPLICATION, STORAGE};
 use tater_wire::{FaultCode, Frame, Group, Node};
 
 use super::adc::Adc;
@@ -150,6 +150,7 @@ pub struct Metal<M: Motor> {
     straps: Node,
     cause: Option<FaultCode>,
     clock: Clock,
+    debug: DBGMCU,
 }
 
 /// What both programs set up in the same way, from the chip's peripherals.
@@ -157,7 +158,10 @@ macro_rules! metal {
     ($chip:ident, $rcc:ident, $flash:ident, $cause:ident, $bus:ident, $watchdog:ident, $motor:expr) => {{
         let BusPins { can_rx, can_tx, mut strap_1, mut strap_2, mut strap_4 } = $bus;
         let straps: [&mut dyn InputPin<Error = Infallible>; 3] = [&mut strap_1, &mut strap_2, &mut strap_4];
-        let can = Can::new(CanPins::new($chip.CAN, $chip.USB, (can_tx, can_rx), &mut $rcc));
+        let can = CanPins::new($chip.CAN, $chip.USB, (can_tx, can_rx), &mut $rcc);
+        // What the other program has left in it.
+        CAN::reset(&mut $rcc);
+        let can = Can::new(can);
         let clock = Clock::new($chip.TIM2, &mut $rcc);
         // Their pull-ups, of 50 kilo-ohm at most (DS5319 5.3.13), have been on for 4 us: time for 70 pF, and an open strap that
         // is still low is another node's. 100 us is time for 2 nF.
@@ -170,6 +174,7 @@ macro_rules! metal {
             watchdog: $watchdog,
             cause: $cause,
             clock,
+            debug: $chip.DBGMCU,
         }
     }};
 }
@@ -184,12 +189,14 @@ impl Metal<Held> {
         // With the crystal running: while it does not, each start ends by the watchdog, and the first cause stands.
         let cause = stop::reset_cause(&rcc);
         let bus = pins::bus(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
-        let flash = flash::Metal::new();
+        let flash = flash::Metal::new(APPLICATION.start);
         metal!(chip, rcc, flash, cause, bus, watchdog, Held)
     }
 
     /// Leaves for the application, which sets up all that it uses.
     pub fn start(self) -> ! {
+        // The application resets the controller.
+        self.can.drain();
         // SAFETY: the monitor has verified the application: its vector table begins there, with a stack in RAM and a reset
         // vector inside. No interrupt is enabled, so none meets the new table too early.
         unsafe {
@@ -209,8 +216,6 @@ impl Metal<Armed> {
         let bridge = Guarded::new(chip.TIM1, &mut rcc);
         let (bus, motor) = pins::all(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
         let MotorPins { brake, .. } = motor;
-        // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4).
-        chip.DBGMCU.cr().modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit());
         let armed = Armed {
             adc: Adc::new(chip.ADC1, &mut rcc),
             bridge,
@@ -218,7 +223,7 @@ impl Metal<Armed> {
             halls: Halls::new(chip.TIM4, &mut rcc),
         };
         let ticker = Ticker::new(chip.TIM3, &mut rcc);
-        let flash = flash::Metal::new();
+        let flash = flash::Metal::new(STORAGE.start);
         // The monitor has told why there was a reset.
         let cause = None;
         let mut metal = metal!(chip, rcc, flash, cause, bus, watchdog, armed);
@@ -228,8 +233,10 @@ impl Metal<Armed> {
 
     /// When the edge of a hall line was that interrupts; the interrupt is done with.
     pub fn edge(&mut self) -> Micros {
-        let now = self.now();
-        Micros(now.0.wrapping_sub(self.motor.halls.age().into()))
+        let before = self.clock.now;
+        let since = self.now().wrapping_since(before).0;
+        // Not before what was done last: two counters may differ by one.
+        before.wrapping_add(Micros(since.saturating_sub(self.motor.halls.age().into())))
     }
 
     /// The interrupt of the break input is done with.
@@ -288,6 +295,9 @@ impl<M: Motor> Board for Metal<M> {
     }
 
     fn feed(&mut self) {
+        // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4). Said over and
+        // over: without a probe attached the chip does not take it (errata).
+        self.debug.cr().modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit());
         self.watchdog.feed();
     }
 

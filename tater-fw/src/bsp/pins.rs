@@ -86,7 +86,7 @@ application {
     hall_1: PB6 [Input<PullUp>] = gpiob.pb6.into_pull_up_input(crl) "TIM4_CH1" "bit 0 of the hall code; open collector";
     hall_2: PB7 [Input<PullUp>] = gpiob.pb7.into_pull_up_input(crl) "TIM4_CH2" "bit 1, the same";
     hall_3: PB8 [Input<PullUp>] = gpiob.pb8.into_pull_up_input(crh) "TIM4_CH3" "bit 2, the same";
-    current: PA0 [Analog] = gpioa.pa0.into_analog(crl) "ADC1_IN0" "supply current";
+    current: PA5 [Analog] = gpioa.pa5.into_analog(crl) "ADC1_IN5" "supply current";
     voltage: PA1 [Analog] = gpioa.pa1.into_analog(crl) "ADC1_IN1" "supply voltage";
     strain: PA2 [Analog] = gpioa.pa2.into_analog(crl) "ADC1_IN2" "strain gauge: SG, ANA0";
     motor_temp: PA3 [Analog] = gpioa.pa3.into_analog(crl) "ADC1_IN3" "thermistor on the motor's housing: THERM, ANA1";

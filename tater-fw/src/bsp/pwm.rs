@@ -69,6 +69,10 @@ impl Guarded {
         if !self.broken() {
             tim.bdtr().modify(|_, w| w.moe().enabled());
             tim.dier().write(|w| w.bie().enabled());
+            // A pulse that came and went between the two lines above.
+            if self.broken() {
+                tim.bdtr().modify(|_, w| w.moe().disabled_idle());
+            }
         }
     }
 

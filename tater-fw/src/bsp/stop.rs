@@ -29,7 +29,9 @@ fn kept() -> *mut Words {
 
 /// Ends the program for a reason; `at` is an address or a line, for whoever looks with a probe.
 pub fn stop(reason: FaultCode, at: u32) -> ! {
-    // SAFETY: nothing else of this program runs any more, so the registers and the kept words are ours; the linker places
+    // A task may not switch the bridge on again.
+    cortex_m::interrupt::disable();
+    // SAFETY: from here on nothing else of this program runs, so the registers and the kept words are ours; the linker places
     // nothing in KEPT.
     unsafe {
         (*TIM1::ptr()).bdtr().write(|w| w.bits(0));
@@ -55,6 +57,13 @@ pub fn reset_cause(rcc: &RCC) -> Option<FaultCode> {
     told.or_else(|| flags.iwdgrstf().bit_is_set().then_some(FaultCode::Watchdog))
 }
 
+/// Bytes of an exception frame.
+const FRAME: u32 = 32;
+/// Bytes of stack that the rest of a hard fault may take; it takes 40 (`cargo xtask size`).
+const ROOM: u32 = 256;
+
+const _: () = assert!(STACK.len > ROOM + FRAME);
+
 /// A hard fault: whatever the stack pointer is, no word is pushed before the bridge is off and the brake engaged. Then the
 /// stack is begun anew, because it may be what has failed.
 ///
@@ -71,11 +80,23 @@ unsafe extern "C" fn hard_fault() -> ! {
         "ldr r1, ={brr}",
         "movs r2, #{brake}",
         "str r2, [r1]",
-        // The exception frame, where the hardware has put it: both programs have this one stack.
+        // The exception frame, where the hardware has put it: both programs have this one stack. One that is whole, with
+        // room below it, stays as it is; else there is none to read, and the stack is begun anew.
         "mrs r0, msp",
+        "ldr r1, =_stack_end + {room}",
+        "cmp r0, r1",
+        "blo 1f",
+        "ldr r1, =_stack_start - {frame}",
+        "cmp r0, r1",
+        "bls 2f",
+        "1:",
         "ldr r1, =_stack_start",
         "mov sp, r1",
+        "movs r0, #0",
+        "2:",
         "b {told}",
+        room = const ROOM,
+        frame = const FRAME,
         bdtr = const BDTR,
         brr = const BRR,
         brake = const BRAKE,
@@ -85,13 +106,8 @@ unsafe extern "C" fn hard_fault() -> ! {
 
 /// The rest of a hard fault.
 extern "C" fn faulted(frame: *const ExceptionFrame) -> ! {
-    let address = u32::try_from(frame.addr()).unwrap_or(0);
-    let at = if address.is_multiple_of(4) && STACK.holds(address.into(), 32) {
-        // SAFETY: eight words of the stack, where the hardware has put them.
-        unsafe { &*frame }.pc()
-    } else {
-        0
-    };
+    // SAFETY: null, or eight words of the stack, where the hardware has put them, aligned to words.
+    let at = unsafe { frame.as_ref() }.map_or(0, ExceptionFrame::pc);
     stop(FaultCode::HardFault, at)
 }
 

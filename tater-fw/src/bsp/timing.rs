@@ -57,6 +57,9 @@ pub mod hall {
 
     /// PSC: 1 us a count.
     pub const PRESCALER: u16 = register(TIMER_HZ / 1_000_000 - 1);
+    /// Ticks of the core clock between two samples of the lines: 0.25 us at least, more than a spike that comes over from a
+    /// switching leg lasts behind the lines' own low-pass.
+    pub const SAMPLE_GAP: u32 = super::CORE_HZ / 4_000_000;
     /// CKD = 2: the filter's clock is a quarter of the timer's.
     pub const FILTER_HZ: u32 = TIMER_HZ / 4;
     /// ICF = 15: every 32 of those a sample, and 8 alike.
