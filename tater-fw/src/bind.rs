@@ -40,6 +40,7 @@ impl Raw for bool {
 macro_rules! bind {
     ($pattern:ident for $struct:ty: $($property:ident = $field:ident,)*) => {
         /// The properties that are here.
+        #[allow(dead_code, reason = "some are listed by tests alone")]
         pub const PROPERTIES: [tater_wire::Property; [$(stringify!($property)),*].len()] =
             [$(tater_wire::Property::$property),*];
 
@@ -50,6 +51,23 @@ macro_rules! bind {
                 $(tater_wire::Property::$property => Some($crate::bind::Raw::value(from.$field)),)*
                 _ => None,
             }
+        }
+
+        /// Tells the value of each property: all are done in a fraction of the time that [`get`] takes of each.
+        pub fn each(from: &$struct, mut tell: impl FnMut(tater_wire::Property, i64)) {
+            $(tell(tater_wire::Property::$property, $crate::bind::Raw::value(from.$field));)*
+        }
+
+        /// Takes a value of each property, or leaves it as it is; one that the field cannot hold too. Ranges are not looked
+        /// at.
+        // Inlined it is twice as much of the flash.
+        #[inline(never)]
+        pub fn fill(to: &mut $struct, mut value: impl FnMut(tater_wire::Property) -> Option<i32>) {
+            $(if let Some(value) = value(tater_wire::Property::$property)
+                && let Some(value) = $crate::bind::Raw::of(value.into())
+            {
+                to.$field = value;
+            })*
         }
 
         /// Sets a property; `false`, and nothing changed, if it is not here, or the value is out of its row's range.

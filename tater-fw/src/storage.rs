@@ -21,7 +21,7 @@
 //! The monitor is never downloaded, so a board's monitor reads and writes this layout for ever, and it must find ID,
 //! ROLE and SN, and lose nothing when it stores them. **So the layout is frozen**: version 1 is the only one. What is
 //! new gets a property number of its own, with a value of up to 32 bits; a program keeps the numbers that it does not
-//! know, and their values, as long as all stored together are at most 48. Should a new layout be needed all the same,
+//! know, and their values, as long as all stored together are at most 48 (up to 127: the wire has no others). Should a new layout be needed all the same,
 //! it gets pages of its own, and ID, ROLE and SN stay here.
 //!
 //! # What it relies on
@@ -30,7 +30,8 @@
 //!
 //! # How long it takes
 //!
-//! A half-word takes 53 us, and a call of `step` programs one at most. A record of one property has 8 half-words,
+//! A half-word takes 53 us, and a call of `step` programs one at most. It takes less than 100 us, because hall edges
+//! wait for it: so what makes a record programs nothing, and the CRC is made as the record is written. A record of one property has 8 half-words,
 //! 0.42 ms; of all 43 that are stored up to 94, 5.0 ms; a complete one, at the beginning of a page, up to 102, 5.4 ms.
 //! What is stored already is not stored again. An erase takes 20 to 40 ms; it comes after a SAVE, not before, and only
 //! with the bridge off.
@@ -54,20 +55,34 @@ mod journal;
 mod numbers;
 mod pages;
 mod record;
+mod values;
 mod word;
 
 use crate::board::{Flash, FlashError};
-use heapless::LinearMap;
-use heapless::linear_map::Entry;
+use heapless::Vec;
 use journal::Writing;
 use numbers::Numbers;
 use pages::{FIRST, Pages};
-use record::Found;
+use record::{Found, MOST_WORDS};
 use tater_wire::Property;
-use tater_wire::property::{Spec, Stored};
+use tater_wire::property::{Access, Spec, Stored};
+use values::Values;
 
 /// Most properties that are stored: 43 now, and room for those of other versions.
 const STORED: usize = 48;
+
+/// Those of them that DEF of all forgets.
+const OPEN: Numbers = {
+    let (mut open, mut rest) = (Numbers::NONE, Property::ALL);
+    while let [property, others @ ..] = rest {
+        let spec = property.spec();
+        if matches!(spec.stored, Stored::Yes) && !matches!(spec.access, Access::Locked) {
+            open = open.with(property.id());
+        }
+        rest = others;
+    }
+    open
+};
 
 /// Counters that are kept by themselves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -108,8 +123,8 @@ pub enum Progress {
 /// The stored copies in RAM, and where the flash is.
 #[derive(Debug)]
 pub struct Store {
-    /// By property number; those of other versions too.
-    values: LinearMap<u8, i32, STORED>,
+    /// Those of other versions too.
+    values: Values,
     /// Properties and counters that have been set since the flash was told.
     changed: Numbers,
     counters: Counters,
@@ -124,6 +139,8 @@ pub struct Store {
     pages: Pages,
     sequence: u32,
     writing: Option<Writing>,
+    /// The record on its way.
+    words: Vec<u16, MOST_WORDS>,
 }
 
 impl Store {
@@ -131,29 +148,37 @@ impl Store {
     /// in it.
     #[must_use]
     pub fn open<F: Flash>(flash: &F) -> Self {
-        let complete = |page| Found::read(flash, page, FIRST).filter(|record| record.head.complete);
         let mut store = Self {
-            values: LinearMap::new(),
-            changed: Numbers::default(),
+            values: Values::new(),
+            changed: Numbers::NONE,
             counters: Counters::default(),
             kept: Counters::default(),
             trusted: None,
             live: None,
             obsolete: None,
-            pages: Pages::survey(flash, |page| complete(page).map(|record| record.head.sequence)),
+            pages: Pages::NONE,
             sequence: 0,
             writing: None,
+            words: Vec::new(),
         };
-        if let Some(page) = store.pages.previous() {
-            // Only for its mark, which a cut may have left: the complete record in the next page is of all else.
-            store.replay(flash, page);
-        }
-        if let Some(page) = store.pages.current() {
-            let end = store.replay(flash, page);
-            store.pages.ends_at(flash, end);
-        }
-        store.kept = store.counters;
+        store.read(flash);
         store
+    }
+
+    /// [`Self::open`], for an empty one. Inlined it is 200 bytes more of the monitor's flash.
+    #[inline(never)]
+    fn read<F: Flash>(&mut self, flash: &F) {
+        let complete = |page| Found::read(flash, page, FIRST).filter(|record| record.head.complete);
+        self.pages.survey(flash, |page| complete(page).map(|record| record.head.sequence));
+        if let Some(page) = self.pages.previous() {
+            // Only for its mark, which a cut may have left: the complete record in the next page is of all else.
+            self.replay(flash, page);
+        }
+        if let Some(page) = self.pages.current() {
+            let end = self.replay(flash, page);
+            self.pages.ends_at(flash, end);
+        }
+        self.kept = self.counters;
     }
 
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
@@ -165,7 +190,7 @@ impl Store {
     /// [`Self::get`] for a program that has no room for all specs.
     #[must_use]
     pub fn get_by(&self, spec: &Spec) -> Option<i64> {
-        let value = self.values.get(&spec.property.id()).map(|&value| i64::from(value));
+        let value = self.values.get(spec.property.id()).map(i64::from);
         value.filter(|&value| spec.admits(value))
     }
 
@@ -191,6 +216,13 @@ impl Store {
         self.change(property, None, None);
     }
 
+    /// Forgets the stored values of all properties but those that are locked, and the trust in the position.
+    pub fn forget_open(&mut self) {
+        let forgotten = self.values.forget(OPEN);
+        self.changed.extend(forgotten);
+        self.trusted = None;
+    }
+
     /// Stores the position with the hall code at it; to be trusted until [`Self::distrust`]. Does nothing for a position
     /// beyond the range of P.
     pub fn save_position(&mut self, position: i32, halls: u8) {
@@ -202,7 +234,7 @@ impl Store {
     fn change(&mut self, property: Property, value: Option<i32>, trusted: Option<u8>) {
         let id = property.id();
         let same_trust = property != Property::P || self.trusted == trusted;
-        if self.values.get(&id).copied() == value && same_trust {
+        if self.values.get(id) == value && same_trust {
             return;
         }
         self.put(id, value);
@@ -215,25 +247,21 @@ impl Store {
     /// Takes a value, or its absence, into RAM.
     fn put(&mut self, id: u8, value: Option<i32>) {
         let Some(value) = value else {
-            self.drop_value(id);
+            self.values.remove(id);
             return;
         };
-        if self.values.insert(id, value).is_err() {
-            // Full: a number that this version does not store gives way.
-            let other = self.values.keys().copied().find(|&id| !Property::is_stored(id));
-            if let Some(other) = other {
-                self.drop_value(other);
-                // There is room now.
-                let _ = self.values.insert(id, value);
-            }
+        self.values.insert(id, value);
+        if self.values.len() > STORED {
+            self.make_room(id);
         }
     }
 
-    fn drop_value(&mut self, id: u8) {
-        // Not `LinearMap::remove`, which has a panic.
-        if let Entry::Occupied(entry) = self.values.entry(id) {
-            entry.remove();
-        }
+    /// A number that this version does not store gives way.
+    #[cold]
+    #[inline(never)]
+    fn make_room(&mut self, id: u8) {
+        let other = self.values.numbers().iter().find(|&id| !Property::is_stored(id));
+        self.values.remove(other.unwrap_or(id));
     }
 
     /// The stored position if nothing has moved since: the position and the hall code at it.

@@ -171,7 +171,7 @@ impl<B: Board> Tater<B> {
             // The lines say that the rotor is elsewhere: the mark is false for good.
             _ => self.distrust(),
         }
-        self.load_all(|_| true);
+        self.load_all(true);
         // E is 0 until it is set, wherever the motor stands; in range, so it is taken.
         let _ = self.servo.command(Command::End(0));
     }

@@ -206,19 +206,19 @@ impl Property {
 
     /// Whether SAVE stores the property of a number; `false` if there is none.
     #[must_use]
-    pub const fn is_stored(id: u8) -> bool {
+    pub fn is_stored(id: u8) -> bool {
         // A bit a number: less than all specs.
-        const STORED: u128 = {
-            let (mut bits, mut rest) = (0, Property::ALL);
+        const STORED: &[u8; 16] = &{
+            let (mut bits, mut rest) = (0_u128, Property::ALL);
             while let [property, others @ ..] = rest {
                 if matches!(property.spec().stored, Stored::Yes) {
                     bits |= 1 << property.id();
                 }
                 rest = others;
             }
-            bits
+            bits.to_le_bytes()
         };
-        id < 128 && STORED >> id & 1 != 0
+        STORED.get(usize::from(id / 8)).is_some_and(|byte| byte >> (id % 8) & 1 != 0)
     }
 }
 

@@ -2,24 +2,26 @@
 
 use super::numbers::Numbers;
 use super::pages::{FIRST, PAGE_WORDS, Page};
-use super::record::{self, Found, Head, MOST_WORDS};
+use super::record::{self, Found, Head, TAIL, halves};
 use super::word::{MOST, Word};
 use super::{COUNTERS, Counters, Progress, SPARING, STEP, Store};
 use crate::board::{Flash, FlashError};
-use heapless::Vec;
 use tater_wire::Property;
+use tater_wire::image::Crc32;
 
 const P: u8 = Property::P.id();
 const UPSECS: u8 = Property::UPSECS.id();
 const OD: u8 = Property::OD.id();
 const PTEMP: u8 = Property::PTEMP.id();
 
-/// A record on its way into the flash.
+/// A record on its way into the flash. What is in it up to its CRC is in [`Store::words`].
 #[derive(Debug)]
 pub struct Writing {
-    words: Vec<u16, MOST_WORDS>,
-    /// Half-words of it that are in.
+    /// Half-words of it that are in, and its length, with the CRC.
     done: usize,
+    len: usize,
+    /// Of those that are in.
+    crc: Crc32,
     head: Head,
     page: Page,
     at: usize,
@@ -33,12 +35,12 @@ pub struct Writing {
 impl Writing {
     /// The half-word after it, and after its mark.
     fn end(&self) -> usize {
-        self.at + self.words.len() + usize::from(self.head.trusted.is_some())
+        self.at + self.len + usize::from(self.head.trusted.is_some())
     }
 
     /// The address of its mark, if it has one that says trusted.
     pub fn mark(&self) -> Option<u32> {
-        (self.live && self.head.trusted.is_some()).then(|| self.page.address(self.at + self.words.len()))
+        (self.live && self.head.trusted.is_some()).then(|| self.page.address(self.at + self.len))
     }
 }
 
@@ -133,15 +135,20 @@ impl Store {
             })
     }
 
-    /// Begins a record: of what has changed behind the others if there is room, else of everything in the next page.
+    /// Makes a record, which the next steps write: of what has changed behind the others if there is room, else of everything
+    /// in the next page.
     fn begin<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Result<Progress, FlashError> {
-        let (head, words) = self.record(false);
-        let len = words.len() + usize::from(head.trusted.is_some());
-        let (head, words, page, at) = if let Some((page, at)) = self.pages.room(len) {
-            (head, words, page, at)
+        let complete = self.pages.room(1).is_none();
+        let head = self.record(complete);
+        let len = self.words.len() + TAIL + usize::from(head.trusted.is_some());
+        let (page, at) = if let Some(place) = self.pages.room(len) {
+            place
+        } else if !complete {
+            // The next step makes a complete one: hall edges wait for a step.
+            self.pages.close();
+            return Ok(Progress::More);
         } else if let Some(page) = self.pages.take_ready() {
-            let (head, words) = self.record(true);
-            (head, words, page, FIRST)
+            (page, FIRST)
         } else {
             let Some(page) = self.pages.last_resort() else { return Err(FlashError::Failed) };
             if !may_erase {
@@ -150,13 +157,13 @@ impl Store {
             return self.pages.erase(flash, page).map(|()| Progress::More);
         };
         let (changed, counters) = (core::mem::take(&mut self.changed), self.counters);
-        self.writing = Some(Writing { words, done: 0, head, page, at, changed, counters, live: true });
-        self.proceed(flash)?;
+        let (len, crc) = (self.words.len() + TAIL, Crc32::default());
+        self.writing = Some(Writing { done: 0, len, crc, head, page, at, changed, counters, live: true });
         Ok(Progress::More)
     }
 
-    /// The next record: of all there is, or of what has changed.
-    pub(super) fn record(&self, complete: bool) -> (Head, Vec<u16, MOST_WORDS>) {
+    /// Makes the next record: of all there is, or of what has changed.
+    pub(super) fn record(&mut self, complete: bool) -> Head {
         let trusted = self.trusted.filter(|_| complete || self.changed.contains(P));
         let head = Head { sequence: self.sequence.wrapping_add(1), complete, trusted };
         let entry = |id| {
@@ -164,30 +171,38 @@ impl Store {
                 UPSECS => Some(self.counters.upsecs.cast_signed()),
                 OD => Some(self.counters.odometer.cast_signed()),
                 PTEMP => Some(i32::from(self.counters.ptemp)),
-                _ => self.values.get(&id).copied(),
+                _ => self.values.get(id),
             };
             (id, value)
         };
-        let words = if complete {
-            record::encode(&head, &mut COUNTERS.into_iter().chain(self.values.keys().copied()).map(entry))
-        } else {
-            record::encode(&head, &mut self.changed.iter().map(entry))
-        };
-        (head, words)
+        let mut numbers = self.changed;
+        if complete {
+            numbers = self.values.numbers();
+            COUNTERS.into_iter().for_each(|id| numbers.insert(id));
+        }
+        record::encode(&mut self.words, &head, &mut numbers.iter().map(entry));
+        head
     }
 
     /// Programs a record's next half-word, and counts it as stored with the last one.
     fn proceed<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
         let Some(writing) = &mut self.writing else { return Ok(()) };
-        if let Some(word) = writing.words.get(writing.done) {
-            let address = writing.page.address(writing.at + writing.done);
-            if let Err(error) = flash.program(address, *word) {
-                self.abandon();
-                return Err(error);
+        let [low, high] = halves(writing.crc.finish());
+        let word = match self.words.get(writing.done) {
+            Some(&word) => {
+                writing.crc.update(&word.to_le_bytes());
+                word
             }
+            None if writing.done < writing.len - 1 => low,
+            None => high,
+        };
+        let address = writing.page.address(writing.at + writing.done);
+        if let Err(error) = flash.program(address, word) {
+            self.abandon();
+            return Err(error);
         }
         writing.done += 1;
-        if writing.done < writing.words.len() {
+        if writing.done < writing.len {
             return Ok(());
         }
         let (head, end) = (writing.head, writing.end());
@@ -214,7 +229,7 @@ impl Store {
     pub(super) fn abandon(&mut self) {
         if let Some(writing) = &self.writing {
             self.obsolete = writing.mark();
-            writing.changed.iter().for_each(|id| self.changed.insert(id));
+            self.changed.extend(writing.changed);
             self.sequence = writing.head.sequence;
             self.pages.fail(writing.page);
             self.pages.close();

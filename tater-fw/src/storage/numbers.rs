@@ -5,10 +5,53 @@
 pub struct Numbers([u32; 4]);
 
 impl Numbers {
+    /// The empty set.
+    pub const NONE: Self = Self([0; 4]);
+
+    /// With a number, one up to 127.
+    pub const fn with(self, number: u8) -> Self {
+        let ([a, b, c, d], bit) = (self.0, 1 << (number % 32));
+        Self(match number / 32 {
+            0 => [a | bit, b, c, d],
+            1 => [a, b | bit, c, d],
+            2 => [a, b, c | bit, d],
+            _ => [a, b, c, d | bit],
+        })
+    }
+
+    /// What is in both.
+    pub const fn both(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a & e, b & f, c & g, d & h])
+    }
+
+    /// What is not in another.
+    pub const fn without(self, other: Self) -> Self {
+        let [a, b, c, d] = other.0;
+        self.both(Self([!a, !b, !c, !d]))
+    }
+
+    /// How many.
+    pub fn len(self) -> usize {
+        self.0.iter().fold(0, |len, word| len + usize::try_from(word.count_ones()).unwrap_or(0))
+    }
+
+    /// Adds all of another.
+    pub fn extend(&mut self, other: Self) {
+        self.0.iter_mut().zip(other.0).for_each(|(word, other)| *word |= other);
+    }
+
     /// Adds a number; none beyond 127.
     pub fn insert(&mut self, number: u8) {
         if let Some(word) = self.0.get_mut(usize::from(number / 32)) {
             *word |= 1 << (number % 32);
+        }
+    }
+
+    /// Takes a number away.
+    pub fn remove(&mut self, number: u8) {
+        if let Some(word) = self.0.get_mut(usize::from(number / 32)) {
+            *word &= !(1 << (number % 32));
         }
     }
 
@@ -24,7 +67,18 @@ impl Numbers {
 
     /// All that it has, rising.
     pub fn iter(self) -> impl Iterator<Item = u8> {
-        (0..128).filter(move |&number| self.contains(number))
+        let [mut word, b, c, d] = self.0;
+        let (mut first, mut others) = (0, [b, c, d].into_iter());
+        core::iter::from_fn(move || {
+            while word == 0 {
+                word = others.next()?;
+                first += 32;
+            }
+            let number = first + word.trailing_zeros();
+            word &= word - 1;
+            // Below 128.
+            u8::try_from(number).ok()
+        })
     }
 }
 
@@ -42,5 +96,13 @@ mod tests {
         }
         assert_eq!(numbers.iter().collect::<Vec<_>>(), [0, 31, 32, 64, 95, 127]);
         assert!(!numbers.is_empty() && !numbers.contains(128) && !numbers.contains(255));
+        numbers.remove(64);
+        numbers.remove(200);
+        assert_eq!((numbers.iter().collect::<Vec<_>>(), numbers.len()), (std::vec![0, 31, 32, 95, 127], 5));
+        let mut other = Numbers::NONE.with(1).with(32).with(94).with(127);
+        assert_eq!(numbers.both(other).iter().collect::<Vec<_>>(), [32, 127]);
+        assert_eq!(numbers.without(other).iter().collect::<Vec<_>>(), [0, 31, 95]);
+        other.extend(numbers);
+        assert_eq!(other.iter().collect::<Vec<_>>(), [0, 1, 31, 32, 94, 95, 127]);
     }
 }

@@ -71,24 +71,25 @@ pub struct Pages {
 }
 
 impl Pages {
+    /// Before the [survey](Self::survey).
+    pub const NONE: Self =
+        Self { current: None, tail: PAGE_WORDS, previous: None, ready: 0, bad: 0, blank: None };
+
     /// Looks at all of them. `sequence` says how new a page's state is, `None` if it has none.
-    pub fn survey<F: Flash>(flash: &F, sequence: impl Fn(Page) -> Option<u32>) -> Self {
-        let mut pages =
-            Self { current: None, tail: PAGE_WORDS, previous: None, ready: 0, bad: 0, blank: None };
+    pub fn survey<F: Flash>(&mut self, flash: &F, sequence: impl Fn(Page) -> Option<u32>) {
         let mut newest = [None, None];
         for page in Page::all_after(None) {
             let found = sequence(page);
             if found > newest[0] {
                 newest = [found, newest[0]];
-                (pages.previous, pages.current) = (pages.current, Some(page));
+                (self.previous, self.current) = (self.current, Some(page));
             } else if found > newest[1] {
                 newest[1] = found;
-                pages.previous = Some(page);
+                self.previous = Some(page);
             } else if found.is_none() && page.read(flash, 0) == READY && page.is_blank(flash, FIRST) {
-                pages.ready |= page.bit();
+                self.ready |= page.bit();
             }
         }
-        pages
     }
 
     /// The page with the newest state.

@@ -24,13 +24,13 @@ const VERSION: u16 = 1;
 
 /// Half-words before the entries, and the CRC's.
 const HEAD: usize = 4;
-const TAIL: usize = 2;
+pub const TAIL: usize = 2;
 
 /// Entries of a record at most: the stored properties and three counters.
 pub const ENTRIES: usize = super::STORED + 3;
 
-/// Half-words of a record at most: every entry has at most three.
-pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES + TAIL;
+/// Half-words of a record before its CRC at most: every entry has at most three.
+pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES;
 
 /// What a record says of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,10 +56,14 @@ impl Head {
     }
 }
 
-/// The half-words of a record to be written, the mark not among them.
-pub fn encode(head: &Head, entries: &mut dyn Iterator<Item = (u8, Option<i32>)>) -> Vec<u16, MOST_WORDS> {
+/// The half-words of a record to be written, before the CRC.
+pub fn encode(
+    words: &mut Vec<u16, MOST_WORDS>,
+    head: &Head,
+    entries: &mut dyn Iterator<Item = (u8, Option<i32>)>,
+) {
     let [low, high] = halves(head.sequence);
-    let mut words = Vec::<u16, MOST_WORDS>::new();
+    words.clear();
     // There is room for all: ENTRIES.
     let mut push = |word| {
         let _ = words.push(word);
@@ -80,10 +84,6 @@ pub fn encode(head: &Head, entries: &mut dyn Iterator<Item = (u8, Option<i32>)>)
     if let Some(first) = words.first_mut() {
         *first = Word::Record(len).encode();
     }
-    let crc = checksum(words.iter().copied());
-    // Room for the CRC is part of MOST_WORDS.
-    let _ = words.extend_from_slice(&halves(crc));
-    words
 }
 
 /// A whole record in the flash.
@@ -153,7 +153,7 @@ fn checksum(words: impl Iterator<Item = u16>) -> u32 {
     crc.finish()
 }
 
-const fn halves(word: u32) -> [u16; 2] {
+pub const fn halves(word: u32) -> [u16; 2] {
     let [a, b, c, d] = word.to_le_bytes();
     [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
 }

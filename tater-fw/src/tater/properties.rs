@@ -25,14 +25,22 @@ const MONITOR: i64 = 0;
 impl<B: Board> Tater<B> {
     /// The value of a property, within its row's range; `None` if it can only be set.
     pub(super) fn read(&self, property: Property) -> Option<i64> {
+        match property {
+            motion!() => motion::get(self.servo.config(), property),
+            // As set; the ID of a board that has none is 0.
+            kept!() => kept::get(&self.kept, property),
+            // Looks at the inputs: not for each of a SAVE of all.
+            _ => self.observe(property),
+        }
+    }
+
+    /// [`Self::read`] of what is not as a SET has left it.
+    fn observe(&self, property: Property) -> Option<i64> {
         use Property as P;
         let status = self.servo.status();
         let analog = self.board.analog();
         let counters = self.store.counters();
         let value = match property {
-            motion!() => motion::get(self.servo.config(), property)?,
-            // As set; the ID of a board that has none is 0.
-            kept!() => return kept::get(&self.kept, property),
             P::VERS | P::CTS | P::IPNM | P::POLES => property.spec().min(),
             P::ERROR => self.error().map_or(0, |code| i64::from(code.code())),
             P::STAT => READY,
@@ -60,7 +68,7 @@ impl<B: Board> Tater<B> {
             P::BD => i64::from(status.breakaway.is_some()),
             P::BP => i64::from(self.breakaway_position),
             P::END => status.end.map_or(0, |reason| i64::from(reason.number())),
-            P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M => return None,
+            P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | kept!() => return None,
         };
         let spec = property.spec();
         Some(value.max(spec.min()).min(spec.max()))

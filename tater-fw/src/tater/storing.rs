@@ -7,7 +7,7 @@ use crate::motion;
 use servo_core::mode::Mode;
 use servo_core::{Command, Refusal};
 use tater_wire::Property;
-use tater_wire::property::{Access, Stored};
+use tater_wire::property::{Access, Spec, Stored};
 
 /// The id that stands for all properties.
 pub(super) const ALL: i64 = -1;
@@ -21,8 +21,16 @@ impl<B: Board> Tater<B> {
         match stored_property(Property::SAVE, id)? {
             Some(property) => self.save_one(property),
             None => {
-                for property in saved() {
-                    if property.spec().access != Access::Locked || self.is_own(property) {
+                motion::each(self.servo.config(), |property, value| self.store.set(property, value));
+                kept::each(&self.kept, |property, value| {
+                    let spec = property.spec();
+                    if spec.access != Access::Locked {
+                        self.store.set_by(spec, value);
+                    }
+                });
+                self.save_one(Property::P);
+                for property in [Property::ROLE, Property::SN, Property::ID] {
+                    if self.is_own(property) {
                         self.save_one(property);
                     }
                 }
@@ -34,22 +42,23 @@ impl<B: Board> Tater<B> {
     /// Whether a property is another than without storage, or is stored already: what straps and chip say goes on being
     /// theirs to say.
     fn is_own(&self, property: Property) -> bool {
-        self.store.get(property).is_some() || self.read(property) != self.unstored(property)
+        self.store.get(property).is_some() || self.read(property) != self.unstored(property.spec())
     }
 
     fn save_one(&mut self, property: Property) {
-        let spec = property.spec();
-        // What is out of range is not worth keeping: a position far outside any joint, the ID of a board that has none.
-        let Some(value) = self.read(property).filter(|&value| spec.admits(value)) else { return };
-        match i32::try_from(value) {
-            Ok(position) if property == Property::P && self.knows_position() => {
-                self.store.save_position(position, self.board.halls() & 7);
-                self.trusted_at = Some(self.commutator.count());
-            }
-            _ if spec.stored == Stored::Yes => self.store.set(property, value),
-            // What is always stored needs no saving.
-            _ => {}
+        let Some(value) = self.read(property) else { return };
+        if property == Property::P
+            && self.knows_position()
+            && property.spec().admits(value)
+            && let Ok(position) = i32::try_from(value)
+        {
+            self.store.save_position(position, self.board.halls() & 7);
+            self.trusted_at = Some(self.commutator.count());
+            return;
         }
+        // It takes nothing that is out of range, which is not worth keeping (a position far outside any joint, the ID of a
+        // board that has none), and nothing that is always stored, which needs no saving.
+        self.store.set(property, value);
     }
 
     /// Whether the position is that of a homed motor that stands: only then can it be trusted at the next start (manual 7,
@@ -70,7 +79,7 @@ impl<B: Board> Tater<B> {
                 if property.spec().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
             }
             None => {
-                self.load_all(|access| access != Access::Locked);
+                self.load_all(false);
                 // Nothing has moved since it was stored, so this only undoes a renaming.
                 match self.store.trusted_position() {
                     Some((position, _)) if self.servo.status().mode == Mode::Idle => {
@@ -92,7 +101,7 @@ impl<B: Board> Tater<B> {
             Some(property) => {
                 self.unlock(property)?;
                 // A board without straps would have no number.
-                if !self.unstored(property).is_some_and(|value| property.spec().admits(value)) {
+                if !self.unstored(property.spec()).is_some_and(|value| property.spec().admits(value)) {
                     return Err(Refused::Range(property));
                 }
                 if property == Property::P {
@@ -104,35 +113,32 @@ impl<B: Board> Tater<B> {
             }
             None => {
                 self.distrust();
-                let open = saved().filter(|property| property.spec().access != Access::Locked);
-                open.for_each(|property| self.store.forget(property));
-                self.load_all(|access| access != Access::Locked);
+                self.store.forget_open();
+                self.load_all(false);
                 Ok(())
             }
         }
     }
 
-    /// At the start, and LOAD of all but the position: stored or default, by access.
-    pub(super) fn load_all(&mut self, wanted: impl Fn(Access) -> bool) {
+    /// At the start, and LOAD of all but the position: stored or default, of locked ones too or not.
+    #[inline(never)]
+    pub(super) fn load_all(&mut self, locked: bool) {
         let mut config = *self.servo.config();
-        for property in motion::PROPERTIES {
-            let value = self.stored(property);
-            // Defaults are in range, and `stored` gives nothing else.
-            let _ = value.is_some_and(|value| motion::set(&mut config, property, value));
-        }
+        // Defaults are in range, and `stored` gives nothing else.
+        motion::fill(&mut config, |property| narrow(self.stored(property.spec())));
         let _ = self.servo.command(Command::Configure(config));
-        for property in kept::PROPERTIES.into_iter().filter(|p| wanted(p.spec().access)) {
-            if property.spec().stored == Stored::Yes
-                && let Some(value) = self.stored(property)
-            {
-                let _ = kept::set(&mut self.kept, property, value);
-            }
-        }
+        let mut kept = self.kept;
+        kept::fill(&mut kept, |property| {
+            let spec = property.spec();
+            let wanted = spec.stored == Stored::Yes && (locked || spec.access != Access::Locked);
+            if wanted { narrow(self.stored(spec)) } else { None }
+        });
+        self.kept = kept;
         self.listen();
     }
 
     fn load_one(&mut self, property: Property) -> Result<(), Refused> {
-        let Some(value) = self.stored(property) else { return Err(Refused::Access(property)) };
+        let Some(value) = self.stored(property.spec()) else { return Err(Refused::Access(property)) };
         if property == Property::P {
             self.in_idle()?;
         }
@@ -145,16 +151,16 @@ impl<B: Board> Tater<B> {
     }
 
     /// The stored value, or the default if there is none in range.
-    fn stored(&self, property: Property) -> Option<i64> {
-        self.store.get(property).or_else(|| self.unstored(property))
+    fn stored(&self, spec: &Spec) -> Option<i64> {
+        self.store.get_by(spec).or_else(|| self.unstored(spec))
     }
 
     /// What it is where nothing is stored.
-    fn unstored(&self, property: Property) -> Option<i64> {
-        match property {
+    fn unstored(&self, spec: &Spec) -> Option<i64> {
+        match spec.property {
             Property::ID => Some(i64::from(self.board.straps().number())),
             Property::SN => Some(i64::from(self.board.serial_number())),
-            _ => property.spec().default_for(self.node),
+            _ => spec.default_for(self.node),
         }
     }
 
@@ -192,11 +198,6 @@ impl<B: Board> Tater<B> {
     }
 }
 
-/// What SAVE of all stores.
-fn saved() -> impl Iterator<Item = Property> {
-    Property::ALL.iter().copied().filter(|property| property.spec().stored == Stored::Yes)
-}
-
 /// The property that SAVE, LOAD or DEF names, one that is stored; `None` for all.
 fn stored_property(by: Property, id: i64) -> Result<Option<Property>, Refused> {
     if id == ALL {
@@ -204,4 +205,9 @@ fn stored_property(by: Property, id: i64) -> Result<Option<Property>, Refused> {
     }
     let property = u8::try_from(id).ok().and_then(Property::of).ok_or(Refused::Range(by))?;
     if property.spec().stored == Stored::No { Err(Refused::Access(property)) } else { Ok(Some(property)) }
+}
+
+/// A value of a property that is stored.
+fn narrow(value: Option<i64>) -> Option<i32> {
+    value.and_then(|value| i32::try_from(value).ok())
 }

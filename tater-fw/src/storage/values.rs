@@ -1,0 +1,67 @@
+//! Values by property number.
+
+use super::numbers::Numbers;
+
+/// All numbers on the wire.
+const NUMBERS: usize = 128;
+
+/// Each in the place of its number: what is looked up or taken costs the same few instructions for each, because a SAVE
+/// of all does it for each while hall edges wait.
+#[derive(Debug)]
+pub struct Values {
+    values: [i32; NUMBERS],
+    /// Those that have one.
+    numbers: Numbers,
+    len: usize,
+}
+
+impl Values {
+    /// None.
+    pub const fn new() -> Self {
+        Self { values: [0; NUMBERS], numbers: Numbers::NONE, len: 0 }
+    }
+
+    /// Forgets all.
+    pub const fn clear(&mut self) {
+        self.numbers = Numbers::NONE;
+        self.len = 0;
+    }
+
+    /// The value of a number.
+    pub fn get(&self, number: u8) -> Option<i32> {
+        self.values.get(usize::from(number)).filter(|_| self.numbers.contains(number)).copied()
+    }
+
+    /// Takes a value; none beyond 127.
+    pub fn insert(&mut self, number: u8, value: i32) {
+        if let Some(place) = self.values.get_mut(usize::from(number)) {
+            *place = value;
+            self.len += usize::from(!self.numbers.contains(number));
+            self.numbers.insert(number);
+        }
+    }
+
+    /// Forgets a value.
+    pub fn remove(&mut self, number: u8) {
+        self.len -= usize::from(self.numbers.contains(number));
+        self.numbers.remove(number);
+    }
+
+    /// Forgets the values of all these; those that had one.
+    pub fn forget(&mut self, numbers: Numbers) -> Numbers {
+        let forgotten = self.numbers.both(numbers);
+        self.numbers = self.numbers.without(numbers);
+        self.len -= forgotten.len();
+        forgotten
+    }
+
+    /// The numbers that have a value.
+    pub const fn numbers(&self) -> Numbers {
+        self.numbers
+    }
+
+    /// How many.
+    pub const fn len(&self) -> usize {
+        self.len
+    }
+}
