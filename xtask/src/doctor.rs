@@ -18,7 +18,7 @@ struct Tool {
     image: bool,
     /// What it says of itself, or where it is, if it is there.
     found: Option<String>,
-    /// How to get it.
+    /// How to get it, told where it is missing.
     get: String,
 }
 
@@ -51,7 +51,8 @@ fn missing(tools: &[Tool]) -> Vec<&'static str> {
 
 fn row(tool: &Tool) -> Value {
     json!({
-        "name": tool.name, "for": tool.purpose, "needed_for_image": tool.image, "found": tool.found, "get": tool.get,
+        "name": tool.name, "for": tool.purpose, "needed_for_image": tool.image, "found": tool.found,
+        "get": tool.found.is_none().then_some(&tool.get),
     })
 }
 
@@ -167,6 +168,7 @@ mod tests {
         assert!(line(&tools[1]).starts_with("missing  b"), "{}", line(&tools[1]));
         assert!(line(&tools[1]).contains("get it: somewhere"));
         assert!(line(&tools[0]).starts_with("ok       a"));
+        assert_eq!((&row(&tools[0])["get"], &row(&tools[1])["get"]), (&Value::Null, &json!("somewhere")));
     }
 
     #[test]

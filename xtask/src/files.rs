@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::Failure;
 
@@ -29,26 +29,65 @@ pub fn unreadable(path: &Path, error: &io::Error) -> Failure {
 /// Of the file system; nothing is left behind then.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let is_file = fs::metadata(path).map_or(!path.is_symlink(), |meta| meta.is_file());
-    let written =
-        if is_file && !path.starts_with("/dev") { rename_over(path, bytes) } else { fs::write(path, bytes) };
-    written.map_err(|error| {
-        let place = path.display();
-        format!("{place}: cannot be written: {error}\n  next: check that its folder is there, may be written and has room")
-    })
+    let written = if is_file && !path.starts_with("/dev") {
+        Part::write(path, bytes).and_then(Part::rename)
+    } else {
+        fs::write(path, bytes)
+    };
+    written.map_err(|error| unwritable(path, &error))
 }
 
-fn rename_over(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // A symbolic link stays one.
-    let target = if path.is_symlink() { fs::canonicalize(path)? } else { path.to_owned() };
-    let name = target.file_name().ok_or(ErrorKind::InvalidInput)?.to_string_lossy().into_owned();
-    let part = target.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    // Never onto a file of somebody else's: it is then not ours to remove, either.
-    let mut file = File::create_new(&part)?;
-    let moved = file.write_all(bytes).and_then(|()| fs::rename(&part, &target));
-    if moved.is_err() {
-        let _ = fs::remove_file(&part);
+/// Writes several files, none of them before all are on the disk and none has a folder in its way: they are of one kind, old
+/// or new. They are renamed in their order.
+///
+/// # Errors
+/// As [`replace`].
+pub fn replace_all(files: &[(PathBuf, &[u8])]) -> Result<(), String> {
+    let mut parts = Vec::new();
+    for (path, bytes) in files {
+        parts.push((path, Part::write(path, bytes).map_err(|error| unwritable(path, &error))?));
     }
-    moved
+    parts.into_iter().try_for_each(|(path, part)| part.rename().map_err(|error| unwritable(path, &error)))
+}
+
+fn unwritable(path: &Path, error: &io::Error) -> String {
+    let place = path.display();
+    format!(
+        "{place}: cannot be written: {error}\n  next: check that its folder is there, may be written and has room"
+    )
+}
+
+/// A file that is written but for its name. It is removed unless it gets that.
+struct Part {
+    part: PathBuf,
+    target: PathBuf,
+}
+
+impl Part {
+    fn write(path: &Path, bytes: &[u8]) -> io::Result<Self> {
+        if path.is_dir() {
+            return Err(ErrorKind::IsADirectory.into());
+        }
+        // A symbolic link stays one.
+        let target = if path.is_symlink() { fs::canonicalize(path)? } else { path.to_owned() };
+        let name = target.file_name().ok_or(ErrorKind::InvalidInput)?.to_string_lossy().into_owned();
+        let part = target.with_file_name(format!(".{name}.{}.part", std::process::id()));
+        // Never onto a file of somebody else's: it is then not ours to remove, either.
+        let mut file = File::create_new(&part)?;
+        let written = Self { part, target };
+        file.write_all(bytes).map(|()| written)
+    }
+
+    fn rename(self) -> io::Result<()> {
+        fs::rename(&self.part, &self.target)
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // It is not there any more where all went well.
+        let _ = fs::remove_file(&self.part);
+    }
 }
 
 /// Text on standard output; that nobody reads on is no error of ours.
@@ -62,5 +101,27 @@ pub fn print(text: &str) -> Result<(), String> {
             "standard output cannot be written: {error}\n  next: free space, or send it elsewhere"
         )),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_in_the_way_of_one_leaves_all_as_they_were() {
+        let folder = std::env::temp_dir().join(format!("tater-xtask-files-{}", std::process::id()));
+        fs::create_dir_all(folder.join("b")).expect("the temporary folder can be written");
+        let [a, b] = ["a", "b"].map(|name| folder.join(name));
+        fs::write(&a, "old").expect("as before");
+        let error = replace_all(&[(a.clone(), b"new"), (b.clone(), b"new")]).expect_err("b is a folder");
+        assert!(error.starts_with(&b.display().to_string()), "{error}");
+        assert_eq!(fs::read(&a).expect("it is there"), b"old");
+        assert_eq!(fs::read_dir(&folder).expect("ours").count(), 2, "no part is left behind");
+        fs::remove_dir(&b).expect("ours");
+        replace_all(&[(a.clone(), b"new"), (b.clone(), b"new")]).expect("nothing is in the way");
+        assert_eq!([a, b].map(|path| fs::read(path).expect("written")), [b"new"; 2]);
+        assert_eq!(fs::read_dir(&folder).expect("ours").count(), 2);
+        fs::remove_dir_all(&folder).expect("ours");
     }
 }

@@ -58,6 +58,10 @@ pub struct Images {
     pub tater: PathBuf,
     /// The monitor: an ELF file.
     pub monitor: PathBuf,
+    /// Bytes of flash that the application takes.
+    pub tater_bytes: u32,
+    /// Bytes of flash that the monitor takes.
+    pub monitor_bytes: u32,
     /// All of image.json.
     about: Value,
 }
@@ -108,12 +112,20 @@ fn build_into(profile: Profile, folder: &Path) -> Result<Images, Failure> {
     })?;
     let mut about = about(profile, &built)?;
     for (name, bytes) in built.files() {
-        files::replace(&folder.join(name), bytes).map_err(Failure::Unusable)?;
         about["files"][name] = json!({ "bytes": bytes.len(), "crc32": hex(crc(bytes)) });
     }
-    files::replace(&folder.join("image.json"), format!("{about:#}\n").as_bytes())
-        .map_err(Failure::Unusable)?;
-    Ok(Images { tater: folder.join("tater.elf"), monitor: folder.join("monitor.elf"), about })
+    // The last: where it agrees with the files beside it, they are of one build.
+    let text = format!("{about:#}\n");
+    let mut files: Vec<_> = built.files().map(|(name, bytes)| (folder.join(name), bytes)).into();
+    files.push((folder.join("image.json"), text.as_bytes()));
+    files::replace_all(&files).map_err(Failure::Unusable)?;
+    Ok(Images {
+        tater: folder.join("tater.elf"),
+        monitor: folder.join("monitor.elf"),
+        tater_bytes: built.tater.header.len,
+        monitor_bytes: built.monitor_bytes,
+        about,
+    })
 }
 
 /// The bytes of all files.
@@ -121,6 +133,7 @@ struct Built {
     tater: tek::Sealed,
     monitor: Vec<u8>,
     monitor_flat: Vec<u8>,
+    monitor_bytes: u32,
 }
 
 impl Built {
@@ -148,14 +161,16 @@ fn make(checkout: &Path, build: &Path, profile: Profile) -> Result<Built, Failur
         .map_err(|error| wrong(&linked.tater, error))?;
     let monitor = files::read(&linked.monitor)?;
     let (start, monitor_flat) = tek::flat(&monitor).map_err(|error| wrong(&linked.monitor, error))?;
-    let len = monitor_flat.len() as u64;
+    // More than 32 bits is too long, too.
+    let monitor_bytes = u32::try_from(monitor_flat.len()).unwrap_or(u32::MAX);
+    let len = u64::from(monitor_bytes);
     if start != u64::from(MONITOR.start) || !MONITOR.holds(start, len) {
         let Area { start: wanted, len: room } = MONITOR;
         let found = format!("found {len} bytes from {start:#010x} on");
         let error = format!("{found}, expected at most {room} from {wanted:#010x} on");
         return Err(Failure::Judged(wrong(&linked.monitor, error)));
     }
-    Ok(Built { tater, monitor, monitor_flat })
+    Ok(Built { tater, monitor, monitor_flat, monitor_bytes })
 }
 
 /// VERS, which the application answers and its header says.
@@ -168,8 +183,8 @@ fn version() -> u16 {
 fn about(profile: Profile, built: &Built) -> Result<Value, Failure> {
     let Header { len, crc: image_crc, version } = built.tater.header;
     let git = |line: &str| output(program(line)).map(|text| text.trim().to_owned());
-    // A source archive has no commit.
-    let commit = git("git rev-parse HEAD").ok();
+    // A source archive has no commit, nor has a checkout before its first: neither is an error to tell.
+    let commit = is_checkout().then(|| git("git rev-parse --verify --quiet HEAD").ok()).flatten();
     let dirty = match &commit {
         Some(_) => Some(!git("git status --porcelain")?.is_empty()),
         None => None,
@@ -186,11 +201,16 @@ fn about(profile: Profile, built: &Built) -> Result<Value, Failure> {
             "address": hex(APPLICATION.start), "bytes": len, "room": APPLICATION.len, "crc32": hex(image_crc),
         },
         "monitor": {
-            "address": hex(MONITOR.start), "bytes": built.monitor_flat.len(), "room": MONITOR.len,
+            "address": hex(MONITOR.start), "bytes": built.monitor_bytes, "room": MONITOR.len,
             "crc32": hex(crc(&built.monitor_flat)),
         },
         "files": {},
     }))
+}
+
+/// Whether the project is a git checkout of its own, not a folder in another.
+fn is_checkout() -> bool {
+    root().join(".git").exists()
 }
 
 fn crc(bytes: &[u8]) -> u32 {

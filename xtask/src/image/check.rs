@@ -5,7 +5,7 @@ use std::path::Path;
 
 use tater_wire::memory::APPLICATION;
 
-use super::{Profile, build, folder, make};
+use super::{Profile, build, folder, is_checkout, make};
 use crate::program::{output, program, root, run, target};
 use crate::{Failure, Outcome, files, tek};
 
@@ -15,10 +15,18 @@ use crate::{Failure, Outcome, files, tek};
 /// What differs, or cannot be built.
 pub fn check() -> Outcome {
     for profile in [Profile::Release, Profile::Production] {
-        build(profile)?;
-        agree(&folder(profile))?;
+        let agreed = build(profile).and_then(|_| agree(&folder(profile)));
+        agreed.map_err(|error| repeatable(String::from(error), profile))?;
     }
-    reproducible()
+    reproducible().map_err(|error| repeatable(error, Profile::Production))
+}
+
+/// An error with a line to repeat what came before it, if it has none.
+fn repeatable(error: String, profile: Profile) -> String {
+    if error.contains("repeat with: ") {
+        return error;
+    }
+    format!("{error}\n  repeat with: cargo xtask image --profile {}", profile.name())
 }
 
 /// The three forms of the application hold the same bytes, and a board will take them.
@@ -45,12 +53,17 @@ fn agree(folder: &Path) -> Result<(), Failure> {
 
 /// Builds the production image of HEAD in another folder and compares.
 fn reproducible() -> Outcome {
-    let Ok(changes) = output(program("git status --porcelain")) else {
-        println!("skipped: no git checkout, so no second one to compare with");
+    if !is_checkout() {
+        println!("  skipped: no git checkout, so no second one to compare with");
         return Ok(());
-    };
-    if !changes.is_empty() {
-        println!("skipped: uncommitted changes, and a second checkout would be of HEAD, without them");
+    }
+    // Files that git does not know are in no image: what refers to them is a change of another.
+    let changes = output(program("git status --porcelain --untracked-files=no"))?;
+    if let Some(first) = changes.lines().next() {
+        let first = first.get(3..).unwrap_or(first);
+        println!(
+            "  skipped: uncommitted changes ({first}), and a second checkout would be of HEAD, without them"
+        );
         return Ok(());
     }
     let second = target().join("second checkout");
@@ -90,6 +103,13 @@ fn same(file: &Path, found: &[u8], expected: &[u8]) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_has_one_line_to_repeat_it() {
+        let bare = repeatable("a differs".into(), Profile::Release);
+        assert_eq!(bare, "a differs\n  repeat with: cargo xtask image --profile release");
+        assert_eq!(repeatable(bare.clone(), Profile::Production), bare);
+    }
 
     #[test]
     fn the_first_byte_that_differs_is_named() {

@@ -26,6 +26,9 @@ const NAMED: [(&str, &str); 17] = [
     (".L*", "constants without a name"),
 ];
 
+/// Bytes between what is somebody's.
+pub const ALIGNMENT: &str = "alignment";
+
 /// Bytes of a section by crate. Their sum is the section's length.
 pub fn of(program: &Program, section: &Section, handlers: &[String]) -> BTreeMap<String, u32> {
     let mut crates = BTreeMap::new();
@@ -36,7 +39,7 @@ pub fn of(program: &Program, section: &Section, handlers: &[String]) -> BTreeMap
                 "tater (interrupt handlers)".into()
             }
             Some(name) => origin(name),
-            None if section.code || section.bytes.is_empty() => "alignment".into(),
+            None if section.code || section.bytes.is_empty() => ALIGNMENT.into(),
             None => "constants without a name".into(),
         };
         *crates.entry(whose).or_default() += bytes;

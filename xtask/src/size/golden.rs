@@ -47,23 +47,31 @@ fn committed(all: &[Figures]) -> Value {
 /// Writes the figures.
 ///
 /// # Errors
-/// Of the file system.
-pub fn bless(all: &[Figures]) -> Result<(), String> {
-    files::replace(&root().join(GOLDEN), format!("{:#}\n", committed(all)).as_bytes())
+/// The stack of a program is unknown, or of the file system.
+pub fn bless(all: &[Figures]) -> Result<(), Failure> {
+    let figures = blessed(all).map_err(Failure::Judged)?;
+    files::replace(&root().join(GOLDEN), figures.as_bytes()).map_err(Failure::Unusable)
+}
+
+/// The file.
+fn blessed(all: &[Figures]) -> Result<String, String> {
+    for Figures { name, stack, .. } in all {
+        if let Err(error) = stack {
+            return Err(format!("{GOLDEN} stays as it is\n  {name}: its stack is unknown: {error}"));
+        }
+    }
+    Ok(format!("{:#}\n", committed(all)))
 }
 
 /// A table of what differs from the committed figures; empty if nothing does.
 ///
 /// # Errors
-/// There are none, or no JSON.
-pub fn differences(all: &[Figures]) -> Result<Vec<String>, Failure> {
-    let unusable = |error: &dyn std::fmt::Display| {
-        Failure::Unusable(format!(
-            "{GOLDEN}: {error}\n  next: cargo xtask size --bless, and review the change of the file"
-        ))
-    };
-    let text = std::fs::read(root().join(GOLDEN)).map_err(|error| unusable(&error))?;
-    let golden: Value = serde_json::from_slice(&text).map_err(|error| unusable(&error))?;
+/// There are none, or no object of JSON.
+pub fn differences(all: &[Figures]) -> Result<Vec<String>, String> {
+    let text = std::fs::read(root().join(GOLDEN)).map_err(|error| error.to_string());
+    let golden = text.and_then(|text| object(&text)).map_err(|error| {
+        format!("{GOLDEN}: {error}\n  next: cargo xtask size --bless, and review the change of the file")
+    })?;
     let rows = table(&golden, &committed(all));
     if rows.is_empty() {
         return Ok(rows);
@@ -72,6 +80,14 @@ pub fn differences(all: &[Figures]) -> Result<Vec<String>, Failure> {
         format!("{GOLDEN}: {} figures differ\n    {:>8} {:>8}  figure", rows.len(), "found", "expected");
     let next = "next: if that is meant, cargo xtask size --bless, and review the change of the file";
     Ok(vec![format!("{head}\n    {}\n    {next}", rows.join("\n    "))])
+}
+
+fn object(text: &[u8]) -> Result<Value, String> {
+    match serde_json::from_slice(text) {
+        Ok(object @ Value::Object(_)) => Ok(object),
+        Ok(_) => Err("found another value of JSON, expected an object".into()),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
 /// A row for each figure that differs: found, expected, its place.
@@ -110,6 +126,9 @@ fn leaves(place: &str, value: &Value, into: &mut Vec<(String, String)>) {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
+    use super::super::stack::{Deepest, Worst};
     use super::*;
 
     #[test]
@@ -128,5 +147,34 @@ mod tests {
             "       4     none  tater / new",
         ];
         assert_eq!(table(&expected, &found), rows);
+    }
+
+    #[test]
+    fn what_is_committed_is_an_object() {
+        assert_eq!(object(b"{}"), Ok(json!({})));
+        for (text, what) in [("[1, 2]", "expected an object"), ("7", "expected an object"), ("", "EOF")] {
+            let error = object(text.as_bytes()).expect_err(text);
+            assert!(error.contains(what), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_stack_is_not_committed() {
+        let figures = |stack| Figures {
+            name: "tater",
+            sections: Vec::new(),
+            flash: 0,
+            ram: 0,
+            flash_by_crate: BTreeMap::new(),
+            ram_by_crate: BTreeMap::new(),
+            largest: Vec::new(),
+            forbidden: Vec::new(),
+            stack,
+        };
+        let known =
+            Worst { levels: vec![], start: Deepest::default(), by_register: vec![], unreached: vec![] };
+        assert!(blessed(&[figures(Ok(known.clone()))]).is_ok());
+        let error = blessed(&[figures(Ok(known)), figures(Err("found SVC".into()))]).unwrap_err();
+        assert!(error.contains("stays as it is") && error.contains("found SVC"), "{error}");
     }
 }

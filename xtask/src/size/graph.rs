@@ -14,6 +14,10 @@ const STACK_BEGUN_ANEW: [(&str, &str); 2] = [
 /// Functions that leave the program by a jump that is not found by reading.
 const LEAVES: [(&str, &str); 1] = [("cortex_m::asm::bootload", "to the application's reset vector")];
 
+/// What is said of a jump that is neither a call nor one by a table.
+const NOWHERE: &str = "found a jump by a register, expected a table of jumps behind a MOV to the program counter; state where it \
+                       goes in LEAVES";
+
 /// A function: the bytes of its symbol. What an assembler defines without a length is one function with several entries.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Function {
@@ -116,14 +120,12 @@ impl<'p> Graph<'p> {
             }
         }
         for function in &self.functions {
-            // MOVT keeps the lower half of its register: what the MOVW before it has put there.
-            let mut lower = BTreeMap::new();
-            for half in self.instructions(function).filter_map(|(_, found)| found.half) {
-                if !half.upper {
-                    lower.insert(half.register, half.value);
-                } else if let Some(&low) = lower.get(&half.register) {
-                    words.insert(u32::from(half.value) << 16 | u32::from(low));
-                }
+            // MOVT keeps the lower half of its register: what any MOVW of the function may have put there, whatever way leads
+            // from the one to the other. Not all are constants of the program; few of the others are functions' addresses.
+            let halves: Vec<_> = self.instructions(function).filter_map(|(_, found)| found.half).collect();
+            for upper in halves.iter().filter(|half| half.upper) {
+                let lower = halves.iter().filter(|half| !half.upper && half.register == upper.register);
+                words.extend(lower.map(|lower| u32::from(upper.value) << 16 | u32::from(lower.value)));
             }
         }
         let entry = |word: &u32| word & 1 == 1 && self.program.names(word & !1).any(|symbol| symbol.function);
@@ -338,12 +340,25 @@ impl Walk<'_, '_> {
             }
             Flow::Return if optional => open.push(next),
             Flow::Return | Flow::Trap => {}
-            Flow::JumpRegister => {
-                let jumps = self.jumps(at + found.len);
-                if jumps.is_empty() && !listed(&LEAVES, &self.function.name) {
-                    return Err("found a jump by a register, expected a table of jumps behind it; state where it goes in LEAVES".into());
+            Flow::LastCallRegister | Flow::JumpAmong | Flow::JumpRegister
+                if listed(&LEAVES, &self.function.name) => {}
+            Flow::LastCallRegister => {
+                self.last_call(at, Callee::Any, after, opens)?;
+                if optional {
+                    open.push(next);
                 }
-                open.extend(jumps.into_iter().map(|to| (to, after)));
+            }
+            Flow::JumpAmong => {
+                open.extend(self.jumps(at + found.len)?.into_iter().map(|to| (to, after)));
+                if optional {
+                    open.push(next);
+                }
+            }
+            Flow::JumpRegister => return Err(NOWHERE.into()),
+            Flow::Exception => {
+                return Err(
+                    "found SVC, expected none: the exception's handler is a level of no priority".into()
+                );
             }
             Flow::Unknown => return Err("found what is no instruction of a Cortex-M3".into()),
         }
@@ -363,7 +378,17 @@ impl Walk<'_, '_> {
             open.push((to, after));
             return Ok(());
         }
-        let callee = Callee::At(to);
+        self.last_call(at, Callee::At(to), after, opens)
+    }
+
+    /// A jump into another function, which returns to whoever called this one.
+    fn last_call(
+        &mut self,
+        at: u32,
+        callee: Callee,
+        after: State,
+        opens: &mut dyn FnMut(Callee) -> Result<bool, String>,
+    ) -> Result<(), String> {
         self.ways.calls.insert(at, Call { callee, depth: after.depth, masked: after.masked });
         self.ways.opens |= opens(callee)?;
         Ok(())
@@ -391,8 +416,8 @@ impl Walk<'_, '_> {
         Ok(targets)
     }
 
-    /// The jumps of 32 bits that follow a jump by a register, which are its targets.
-    fn jumps(&self, after: u32) -> Vec<u32> {
+    /// The jumps of 32 bits that follow a MOV to the program counter, which are its targets.
+    fn jumps(&self, after: u32) -> Result<Vec<u32>, String> {
         let program = self.graph.program;
         let jump = |at: &u32| {
             let found = decode(*at, program.bytes(*at));
@@ -400,7 +425,8 @@ impl Walk<'_, '_> {
                 && program.is_code(*at)
                 && found.is_some_and(|found| found.len == 4 && matches!(found.flow, Flow::Jump(_)))
         };
-        (after.next_multiple_of(4)..).step_by(4).take_while(jump).collect()
+        let jumps: Vec<u32> = (after.next_multiple_of(4)..).step_by(4).take_while(jump).collect();
+        if jumps.is_empty() { Err(NOWHERE.into()) } else { Ok(jumps) }
     }
 }
 

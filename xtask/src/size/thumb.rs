@@ -17,6 +17,10 @@ pub enum Flow {
     Jump(u32),
     /// There, or on.
     Branch(u32),
+    /// BX: into another function, as the last call of this one.
+    LastCallRegister,
+    /// MOV to the program counter: to one of the jumps that may follow.
+    JumpAmong,
     JumpRegister,
     /// By a table of bytes, or of half-words, that follows.
     Table {
@@ -25,6 +29,8 @@ pub enum Flow {
     Return,
     /// Undefined on purpose: a fault.
     Trap,
+    /// SVC: an exception here and now.
+    Exception,
     /// No instruction of this processor.
     Unknown,
 }
@@ -133,11 +139,14 @@ fn narrow(at: u32, half: u16) -> Instruction {
     match half {
         0x4400..=0x44FF | 0x4600..=0x46FF => {
             let (from, to) = (bits(half, 3, 4), bits(half, 0, 3) | bits(half, 7, 1) << 3);
-            let returns = half >= 0x4600 && from == LR && to == PC;
-            if returns { plain.flow(Flow::Return) } else { plain.writes(to) }
+            match (half >= 0x4600, from, to) {
+                (true, LR, PC) => plain.flow(Flow::Return),
+                (true, _, PC) => plain.flow(Flow::JumpAmong),
+                _ => plain.writes(to),
+            }
         }
         0x4700..=0x477F if bits(half, 3, 4) == LR => plain.flow(Flow::Return),
-        0x4700..=0x477F => plain.flow(Flow::JumpRegister),
+        0x4700..=0x477F => plain.flow(Flow::LastCallRegister),
         0x4780..=0x47FF => plain.flow(Flow::CallRegister),
         0xB000..=0xB07F => plain.shrinks(4 * u32::from(bits(half, 0, 7))),
         0xB080..=0xB0FF => plain.grows(4 * u32::from(bits(half, 0, 7))),
@@ -161,6 +170,7 @@ fn narrow(at: u32, half: u16) -> Instruction {
         }
         0xD000..=0xDDFF => plain.flow(Flow::Branch(target(at, u32::from(bits(half, 0, 8)) << 1, 9))),
         0xDE00..=0xDEFF => plain.flow(Flow::Trap),
+        0xDF00..=0xDFFF => plain.flow(Flow::Exception),
         0xE000..=0xE7FF => plain.flow(Flow::Jump(target(at, u32::from(bits(half, 0, 11)) << 1, 12))),
         _ => plain,
     }
@@ -203,9 +213,9 @@ fn branch(at: u32, first: u16, second: u16) -> Instruction {
             let high = u32::from(sign << 2 | j2 << 1 | j1) << 18;
             plain.flow(Flow::Branch(target(at, high | u32::from(bits(first, 0, 6)) << 12 | low, 21)))
         }
-        // MSR: MSP and PSP, PRIMASK.
+        // MSR: MSP, PSP and CONTROL, which says which of them is the stack pointer; PRIMASK.
         _ if first >> 5 == 0xF380 >> 5 => match bits(second, 0, 8) {
-            8 | 9 => plain.sets_stack(),
+            8 | 9 | 20 => plain.sets_stack(),
             16 => Instruction { mask: Mask::Clear, ..plain },
             _ => plain,
         },

@@ -81,6 +81,20 @@ fn a_return_that_may_be_skipped_gives_nothing_back() {
 }
 
 #[test]
+fn a_last_call_by_a_register_is_one_whatever_follows_it() {
+    // push {r4}; cbz r0 over bx; bx r3; nop; b.w g
+    let last = ways(&[0xB410, 0xB108, 0x4718, 0xBF00, 0xF000, 0xB800], NONE).unwrap();
+    let calls: Vec<_> = last.calls.iter().map(|(at, call)| (at - TEXT, call.callee, call.depth)).collect();
+    assert_eq!(calls, [(4, Callee::Any, 4), (8, Callee::At(TEXT + 12), 4)]);
+    // cbz r0 over bx; bx r3; b.w g
+    let aligned = ways(&[0xB100, 0x4718, 0xF000, 0xB800], NONE).unwrap();
+    assert_eq!(depths(&aligned), [(2, 0), (4, 0)]);
+    // it ne; bxne r3; push {r4}; b .
+    let skipped = ways(&[0xBF18, 0x4718, 0xB410, 0xE7FE], NONE).unwrap();
+    assert_eq!((depths(&skipped), skipped.deepest), (vec![(2, 0)], 4));
+}
+
+#[test]
 fn tables_of_jumps_lead_to_all_their_places() {
     // tbb [pc, r0]; 2, 3, 4, filled up by 0; bx lr; push {r4} bx lr is missing: b . after it
     let bytes = ways(&[0xE8DF, 0xF000, 0x0302, 0x0004, 0x4770, 0xE7FE, 0xB410, 0xE7FE], TEXT + 4..TEXT + 8);
@@ -95,7 +109,11 @@ fn tables_of_jumps_lead_to_all_their_places() {
 #[test]
 fn what_cannot_be_followed_is_an_error_with_its_address() {
     for (halves, what) in [
-        (&[0x4700, 0x4770][..], "found a jump by a register"),
+        (&[0x4687, 0x4770][..], "found a jump by a register"),
+        // add pc, r0; nop; b.w
+        (&[0x4487, 0xBF00, 0xF000, 0xB800], "found a jump by a register"),
+        (&[0xDF00, 0x4770], "found SVC"),
+        (&[0xF380, 0x8814, 0x4770], "found a stack pointer set"),
         (&[0x468D, 0x4770], "found a stack pointer set"),
         (&[0xF004, 0xE800], "found what is no instruction"),
         (&[0xBF00], "found data, expected an instruction"),
@@ -150,6 +168,16 @@ fn addresses_that_are_data_or_put_together_are_taken() {
         &[("f", &f), ("g", &[0x4770]), ("h", &[0x4770]), ("i", &[0x4770])],
         TEXT + 12..TEXT + 16,
     );
+    assert_eq!(Graph::new(&program).taken, BTreeSet::from([g, h]));
+}
+
+#[test]
+fn lower_halves_of_all_ways_to_an_upper_one_are_taken() {
+    let (g, h) = (TEXT + 16, TEXT + 18);
+    // cbz r1; movw r0, #g + 1; b; movw r0, #h + 1; movt r0, #0x0800; bx lr
+    let f = [0xB111, 0xF244, 0x1041, 0xE001, 0xF244, 0x1043, 0xF6C0, 0x0000];
+    let ends: [(&str, &[u16]); 2] = [("g", &[0x4770]), ("h", &[0x4770])];
+    let program = program(&[(1, TEXT)], &[("f", &f), ends[0], ends[1]], NONE);
     assert_eq!(Graph::new(&program).taken, BTreeSet::from([g, h]));
 }
 

@@ -62,8 +62,8 @@ fn what_a_register_decides_is_told() {
         (&[0xBD80], Flow::Return),               // pop {r7, pc}
         (&[0xE8BD, 0x8FF0], Flow::Return),       // pop.w {r4-r11, pc}
         (&[0xF85D, 0xFB04], Flow::Return),       // ldr pc, [sp], #4
-        (&[0x4700], Flow::JumpRegister),         // bx r0
-        (&[0x46B7], Flow::JumpRegister),         // mov pc, r6
+        (&[0x4700], Flow::LastCallRegister),     // bx r0
+        (&[0x46B7], Flow::JumpAmong),            // mov pc, r6
         (&[0x44B7], Flow::JumpRegister),         // add pc, r6
         (&[0xF8DF, 0xF010], Flow::JumpRegister), // ldr.w pc, [pc, #16]
         (&[0xF852, 0xF023], Flow::JumpRegister), // ldr.w pc, [r2, r3, lsl #2]
@@ -76,7 +76,8 @@ fn what_a_register_decides_is_told() {
         (&[0xDEFE], Flow::Trap),                 // udf #254
         (&[0xF7F0, 0xA000], Flow::Trap),         // udf.w #0
         (&[0xF004, 0xE800], Flow::Unknown),      // blx of an address
-        (&[0xDF00], Flow::Next),                 // svc
+        (&[0xDF00], Flow::Exception),            // svc #0
+        (&[0xDFFF], Flow::Exception),            // svc #255
         (&[0xF8DD, 0xB064], Flow::Next),         // ldr.w r11, [sp, #0x64]
         (&[0xF89D, 0xF010], Flow::Next),         // pld [sp, #16]
     ] {
@@ -126,6 +127,7 @@ fn a_stack_pointer_of_unknown_value_is_told() {
         &[0x44A5],         // add sp, r4
         &[0xF381, 0x8808], // msr msp, r1
         &[0xF381, 0x8809], // msr psp, r1
+        &[0xF381, 0x8814], // msr control, r1
         &[0xF1A7, 0x0D18], // sub.w sp, r7, #24
         &[0xEBAD, 0x0D01], // sub.w sp, sp, r1
         &[0xF02D, 0x0D07], // bic sp, sp, #7
