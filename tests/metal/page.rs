@@ -111,6 +111,7 @@ fn phrases() -> Vec<String> {
     let us = |ns: u32| f64::from(ns) / 1e3;
     let ticks = |count: u16| f64::from(count) / f64::from(timing::CORE_HZ) * 1e6;
     let share = |part: u32| f64::from(part) / 10.0;
+    let count = f64::from(tick::SLOW_DIVISION) / f64::from(timing::CORE_HZ) * 1e9;
     let mut phrases = vec![
         format!(
             "{} MHz crystal -> PLL × {} -> {} MHz",
@@ -129,7 +130,8 @@ fn phrases() -> Vec<String> {
         format!("takes {:.2} µs; all four {:.1} µs", us(adc::CONVERSION_NS), us(adc::INJECTED_NS)),
         format!("8 equal samples, {:.1} µs", us(hall::FILTER_NS)),
         format!("| TIM3 | the control tick | 1 µs | {} ms |", 1000 / tick::HZ),
-        format!("| SysTick | the slow task | 111 ns | {} ms |", 1000 / tick::SLOW_HZ),
+        format!("| SysTick | the slow task | {count:.0} ns | {} ms |", 1000 / tick::SLOW_HZ),
+        format!("/ {} = {} MHz SysTick", tick::SLOW_DIVISION, mega(timing::CORE_HZ / tick::SLOW_DIVISION)),
         format!("{} Mbit/s: {} MHz by {}", mega(can::HZ), mega(timing::APB1_HZ), can::PRESCALER),
         format!(
             "1 + {} + {}, sample point {:.1} %",

@@ -60,11 +60,39 @@ pub mod hall {
     /// Ticks of the core clock between two samples of the lines: 0.25 us at least, more than a spike that comes over from a
     /// switching leg lasts behind the lines' own low-pass.
     pub const SAMPLE_GAP: u32 = super::CORE_HZ / 4_000_000;
-    /// CKD = 2: the filter's clock is a quarter of the timer's.
-    pub const FILTER_HZ: u32 = TIMER_HZ / 4;
-    /// ICF = 15: every 32 of those a sample, and 8 alike.
-    pub const FILTER_NS: u32 = 32 * 8 * 1000 / (FILTER_HZ / 1_000_000);
+    /// CKD: the filter's clock is a quarter of the timer's (RM0008 15.4.1).
+    pub const CLOCK_DIVISION: u8 = match DIVISION {
+        1 => 0,
+        2 => 1,
+        4 => 2,
+        _ => NONE,
+    };
+    const DIVISION: u32 = 4;
+    /// What the filter counts.
+    pub const FILTER_HZ: u32 = TIMER_HZ / DIVISION;
+    /// ICF: of every 32nd of those a sample, and an edge is one after 8 alike (RM0008 15.4.7).
+    pub const FILTER: u8 = match (EVERY, SAMPLES) {
+        (2, 6) => 4,
+        (2, 8) => 5,
+        (4, 6) => 6,
+        (4, 8) => 7,
+        (8, 6) => 8,
+        (8, 8) => 9,
+        (16, 5) => 10,
+        (16, 6) => 11,
+        (16, 8) => 12,
+        (32, 5) => 13,
+        (32, 6) => 14,
+        (32, 8) => 15,
+        _ => NONE,
+    };
+    const EVERY: u32 = 32;
+    const SAMPLES: u32 = 8;
+    const NONE: u8 = 16;
+    /// By so much an edge is late, and what is shorter is none.
+    pub const FILTER_NS: u32 = EVERY * SAMPLES * 1000 / (FILTER_HZ / 1_000_000);
 
+    const _: () = assert!(CLOCK_DIVISION < NONE && FILTER < NONE, "no such filter");
     const _: () = assert!(
         TIMER_HZ.is_multiple_of(1_000_000) && TIMER_HZ / 1_000_000 <= 1 << 16,
         "no whole microsecond"
@@ -84,8 +112,10 @@ pub mod tick {
     pub const PRESCALER: u16 = register(TIMER_HZ / 1_000_000 - 1);
     /// ARR of the tick.
     pub const TOP: u16 = register(1_000_000 / HZ - 1);
-    /// SysTick's reload for the slow task, ten times a second, from an eighth of the core clock (24 bits).
-    pub const SLOW_RELOAD: u32 = super::CORE_HZ / 8 / SLOW_HZ - 1;
+    /// SysTick counts the core clock or, from what the core calls external, an eighth of it (RM0008 7.2).
+    pub const SLOW_DIVISION: u32 = 8;
+    /// SysTick's reload for the slow task (24 bits).
+    pub const SLOW_RELOAD: u32 = super::CORE_HZ / SLOW_DIVISION / SLOW_HZ - 1;
     /// Slow tasks a second.
     pub const SLOW_HZ: u32 = 10;
 
@@ -93,7 +123,9 @@ pub mod tick {
         TIMER_HZ.is_multiple_of(1_000_000) && 1_000_000_u32.is_multiple_of(HZ),
         "1 kHz is not met exactly"
     );
-    const _: () = assert!((SLOW_RELOAD + 1) * 8 * SLOW_HZ == super::CORE_HZ && SLOW_RELOAD < 1 << 24);
+    const _: () = assert!(SLOW_DIVISION == 1 || SLOW_DIVISION == 8);
+    const _: () =
+        assert!((SLOW_RELOAD + 1) * SLOW_DIVISION * SLOW_HZ == super::CORE_HZ && SLOW_RELOAD < 1 << 24);
 }
 
 /// The ADC (RM0008 11.12, DS5319 5.3.18).
