@@ -197,6 +197,40 @@ fn interrupts_are_the_application_s() {
     assert_eq!(shown.len(), tasks.len(), "{PAGE} has a row that is no task: {shown:#?}");
 }
 
+/// What is wrong with the lock times of a page's table of tasks: each is a number of microseconds, and further ones say what
+/// for (`15; 100 for SAVE`).
+fn wrong_locks(page: &str) -> Vec<String> {
+    let mut wrong = Vec::new();
+    let rows = page.lines().skip_while(|line| !line.ends_with("| lock, µs |")).skip(2);
+    for row in rows.take_while(|line| line.starts_with('|')) {
+        let mut times = row.trim_end_matches(" |").rsplit(" | ").next().unwrap_or_default().split("; ");
+        let number = |text: &str| text.replace(',', "").parse::<u32>().is_ok();
+        let for_what =
+            |time: &str| time.split_once(' ').is_some_and(|(us, what)| number(us) && what.contains("for "));
+        if !(times.next().is_some_and(number) && times.all(for_what)) {
+            wrong.push(format!("{PAGE}: found `{row}`, expected a lock of `NN` or `NN; NN for ...`"));
+        }
+    }
+    wrong
+}
+
+#[test]
+fn every_lock_has_its_time_and_nothing_is_left_to_do() {
+    let page = read(PAGE);
+    assert!(!page.contains("TODO"), "{PAGE}: something is left to do");
+    assert_eq!(wrong_locks(&page), [""; 0]);
+    // Each row without its last cell, or with a word there, is found.
+    let rows = page.lines().skip_while(|line| !line.ends_with("| lock, µs |")).skip(2);
+    let rows: Vec<&str> = rows.take_while(|line| line.starts_with('|')).collect();
+    assert_eq!(rows.len(), tasks(&read("tater-fw/src/app.rs")).len() + 1, "the tasks and idle");
+    for row in rows {
+        let (head, _) = row.trim_end_matches(" |").rsplit_once(" | ").expect("cells");
+        for cell in ["", "soon", "15; SAVE", "15; 100"] {
+            assert_eq!(wrong_locks(&page.replace(row, &format!("{head} | {cell} |"))).len(), 1, "{cell}");
+        }
+    }
+}
+
 #[test]
 fn the_picture_shows_every_pin() {
     let picture = read("docs/board.svg");
