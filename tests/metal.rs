@@ -126,6 +126,8 @@ fn bit_timing_reads_back() {
     near(before + after, 1e-6, 1e-15);
     near(before / (before + after), 15.0 / 18.0, 1e-12);
     near(quantum * (field(24, 2) + 1.0), 2.0 * quantum, 1e-15);
+    assert!(field(24, 2) <= field(20, 3), "no edge moves the sample point beyond the bit");
+    assert_eq!(timing::can::REGISTER >> 30, 0, "neither silent nor looped back");
 }
 
 #[test]

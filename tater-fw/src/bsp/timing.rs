@@ -201,36 +201,3 @@ pub mod watchdog {
     // With the fastest oscillator, 60 kHz, three slow tasks still fit.
     const _: () = assert!(WATCHDOG_HZ / DIVIDER * MS / 1000 * DIVIDER / 60 >= 300);
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn registers_give_the_periods_back() {
-        // Up and down: twice the top.
-        assert_eq!(72_000_000 / (u32::from(pwm::TOP) * 2), 20_000);
-        assert_eq!(u32::from(pwm::DEAD_TIME) * 1_000_000 / 72, 500_000, "picoseconds to nanoseconds");
-        assert_eq!(72_000_000 / (u32::from(hall::PRESCALER) + 1), 1_000_000);
-        assert_eq!(72_000_000 / (u32::from(tick::PRESCALER) + 1) / (u32::from(tick::TOP) + 1), 1000);
-        assert_eq!(72_000_000 / 8 / (tick::SLOW_RELOAD + 1), 10);
-        assert_eq!(40_000 / 32 * watchdog::MS / 1000, u32::from(watchdog::RELOAD) + 1);
-        // 512 half cycles of the filter's 18 MHz.
-        assert_eq!(hall::FILTER_NS, 14_222);
-        // 28.5 and 41 cycles at 12 MHz.
-        assert_eq!((adc::SAMPLE_NS, adc::CONVERSION_NS, adc::SAMPLE_CODE), (2375, 3416, 3));
-        // Half of 28.5 cycles at 12 MHz, in ticks of 72 MHz.
-        assert_eq!(pwm::CONVERT, 85);
-    }
-
-    #[test]
-    fn the_bit_timing_register_is_one_megabit() {
-        let field = |low: u32, bits: u32| (can::REGISTER >> low & ((1 << bits) - 1)) + 1;
-        let (prescaler, segment_1, segment_2, jump) =
-            (field(0, 10), field(16, 4), field(20, 3), field(24, 2));
-        assert_eq!(36_000_000 / prescaler / (1 + segment_1 + segment_2), 1_000_000);
-        assert_eq!((1 + segment_1) * 1000 / (1 + segment_1 + segment_2), can::SAMPLE_POINT);
-        assert!(jump <= segment_2);
-        assert_eq!(can::REGISTER & 0xC000_0000, 0, "neither silent nor looped back");
-    }
-}
