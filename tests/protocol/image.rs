@@ -50,8 +50,8 @@ fn the_production_image_gets_onto_a_board_by_barretts_downloader_and_by_ours() {
     }
 }
 
-/// What a HardFault must store before anything else: by which instruction, where, and what: TIM1_BDTR 0 (RM0008 14.4.18: MOE off), then port B's BRR with
-/// bit 5 (RM0008 9.2.6: the brake's pin low).
+/// What a HardFault must store before anything else: by which instruction, where, and what. TIM1_BDTR 0 (RM0008 14.4.18:
+/// MOE off), then port B's BRR with bit 5 (RM0008 9.2.6: the brake's pin low).
 const STORES: [(u32, u32, u32); 2] = [(3, 0x4001_2C00 + 0x44, 0), (6, 0x4001_0C00 + 0x14, 1 << 5)];
 
 /// The half-word at an address of an image.
@@ -99,7 +99,7 @@ fn hard_fault(image: &[u8], area: Area) -> Result<Vec<(u32, u32, u32)>, String> 
 fn a_hard_fault_of_the_images_switches_the_bridge_off_before_anything_else() {
     for (name, area) in [("tater.bin", APPLICATION), ("monitor.bin", MONITOR)] {
         let Ok(mut image) = fs::read(folder().join(name)) else {
-            println!("skipped: no {name}; cargo xtask image makes it");
+            println!("skipped: no image ({name}); cargo xtask image makes it");
             return;
         };
         assert_eq!(hard_fault(&image, area), Ok(STORES.to_vec()), "{name}");
