@@ -93,10 +93,28 @@ fn timer_registers_read_back() {
     near(count(hall::PRESCALER), 1e-6, 1e-15);
     near(count(tick::PRESCALER), 1e-6, 1e-15);
     near(count(tick::PRESCALER) * (f64::from(tick::TOP) + 1.0), 1e-3, 1e-12);
-    // SysTick counts an eighth of the core's clock.
-    near((f64::from(tick::SLOW_RELOAD) + 1.0) * 8.0 / CORE, 0.1, 1e-12);
-    // RM0008 15.4.1 and 15.4.7: CKD 2 divides by 4, ICF 15 takes 8 samples of every 32nd.
-    near(f64::from(hall::FILTER_NS) * 1e-9, 8.0 * 32.0 / (CORE / 4.0), 1e-9);
+    near((f64::from(tick::SLOW_RELOAD) + 1.0) * f64::from(tick::SLOW_DIVISION) / CORE, 0.1, 1e-12);
+    // RM0008 15.4.1: CKD divides by 1, 2, 4. 15.4.7: ICF from 4 on, how many samples, and every which clock.
+    let clock = CORE / f64::from(1_u32 << hall::CLOCK_DIVISION);
+    let filters = [
+        (6, 2),
+        (8, 2),
+        (6, 4),
+        (8, 4),
+        (6, 8),
+        (8, 8),
+        (5, 16),
+        (6, 16),
+        (8, 16),
+        (5, 32),
+        (6, 32),
+        (8, 32),
+    ];
+    let (samples, every) = filters[usize::from(hall::FILTER) - 4];
+    let filter = f64::from(samples * every) / clock;
+    near(f64::from(hall::FILTER_NS) * 1e-9, filter, 1e-9);
+    // The slowest that the chip has, and under 1/64 of a sector at the 1057 counts/s of full speed.
+    assert!(filter > 14e-6 && filter < 1.0 / 1057.0 / 64.0, "{filter}");
 }
 
 #[test]
@@ -108,6 +126,8 @@ fn bit_timing_reads_back() {
     near(before + after, 1e-6, 1e-15);
     near(before / (before + after), 15.0 / 18.0, 1e-12);
     near(quantum * (field(24, 2) + 1.0), 2.0 * quantum, 1e-15);
+    assert!(field(24, 2) <= field(20, 3), "no edge moves the sample point beyond the bit");
+    assert_eq!(timing::can::REGISTER >> 30, 0, "neither silent nor looped back");
 }
 
 #[test]

@@ -13,7 +13,7 @@ mod app {
     use tater_fw::Tater;
     use tater_fw::bsp::Metal;
     use tater_fw::bsp::metal::{Armed, Ticker};
-    use tater_fw::bsp::timing::tick::SLOW_RELOAD;
+    use tater_fw::bsp::timing::tick::{SLOW_DIVISION, SLOW_RELOAD};
     use tater_fw::storage::Progress;
 
     use crate::log;
@@ -32,7 +32,8 @@ mod app {
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let (tater, ticker) = board(cx.device, cx.local.place);
         let mut slow = cx.core.SYST;
-        slow.set_clock_source(SystClkSource::External);
+        let of_the_core = SLOW_DIVISION == 1;
+        slow.set_clock_source(if of_the_core { SystClkSource::Core } else { SystClkSource::External });
         slow.set_reload(SLOW_RELOAD);
         slow.clear_current();
         slow.enable_counter();

@@ -1,7 +1,7 @@
 //! What has registers: where it may be named, that its `unsafe` is explained, and that it decides nothing.
 
 use super::tokens::{Token, closing, item_end, reads, scan};
-use super::{Source, Violation, check_fence, check_workspace, files};
+use super::{Source, Violation, assert_none, check_fence, check_workspace, files};
 
 /// The board's folder, and its root module.
 fn is_bsp(source: &Source) -> bool {
@@ -61,21 +61,22 @@ fn unforbidden(source: &Source) -> Vec<Violation> {
 
 /// Registers are named by the board and by the two programs that start on it.
 fn registers(source: &Source) -> Vec<Violation> {
-    const CRATES: [&str; 6] =
-        ["stm32f1xx_hal", "bxcan", "cortex_m", "cortex_m_rt", "cortex_m_rtic", "embedded_hal"];
-    const PROGRAMS: [&str; 2] = ["tater-fw/src/app.rs", "tater-fw/src/bin/monitor.rs"];
-    if is_bsp(source) || PROGRAMS.contains(&source.path.as_str()) {
-        return Vec::new();
-    }
+    const CRATES: [&str; 6] = ["stm32f1xx_hal", "bxcan", "cortex_m", "cortex_m_rt", "rtic", "embedded_hal"];
+    let is_app = source.path == "tater-fw/src/app.rs";
+    let may = is_bsp(source) || is_app || source.path == "tater-fw/src/bin/monitor.rs";
     scan(source, |tokens, at| {
         let token = &tokens[at];
-        (!token.is_literal && CRATES.contains(&token.text.as_str()))
+        // RTIC is the application's alone.
+        let allowed = if token.text == "rtic" { is_app } else { may };
+        (!token.is_literal && !allowed && CRATES.contains(&token.text.as_str()))
             .then(|| format!("{}: a register; what needs one goes through trait Board", token.text))
     })
 }
 
 /// The board decides nothing: a method that it must have is shorter than this.
 const METHOD_LINES: usize = 10;
+/// And none of its other functions is longer: setting up a peripheral, register by register, is the longest.
+const HELPER_LINES: usize = 40;
 
 fn long_method(source: &Source) -> Vec<Violation> {
     if !is_bsp(source) {
@@ -90,14 +91,42 @@ fn long_method(source: &Source) -> Vec<Violation> {
                 && (implements("Board") || implements("Motor"))
         });
         let lines = tokens.get(item_end(tokens, at))?.line - tokens[at].line + 1;
-        (of_the_board && lines >= METHOD_LINES).then(|| {
-            format!("fn {} has {lines} lines, under {METHOD_LINES}: the board decides nothing", name.text)
+        let allowed = if of_the_board { METHOD_LINES - 1 } else { HELPER_LINES };
+        (lines > allowed).then(|| {
+            format!(
+                "fn {} has {lines} lines, expected {allowed} at most: the board decides nothing",
+                name.text
+            )
         })
     })
 }
 
-/// A task of the application is one call into [`Tater`](tater_fw::Tater): it locks once.
-fn locks(source: &Source) -> Vec<Violation> {
+/// What is called on the locked Tater between two tokens. What the board does there (`board_mut()`) decides nothing: see
+/// [`long_method`]. What does not change it (a getter for the log) is idle's alone.
+fn calls(tokens: &[Token], from: usize, to: usize) -> Vec<&str> {
+    let called = |i: &usize| reads(tokens, *i, &["tater", "."]) && tokens[i + 3].text == "(";
+    let names = (from..to).filter(|i| (*i == 0 || tokens[i - 1].text != ".") && called(i));
+    names.map(|i| tokens[i + 2].text.as_str()).filter(|name| *name != "board_mut").collect()
+}
+
+/// The calls into `Tater` that a task may make, one each. Two have a second: a frame that has not come is the slow task's
+/// question, answered by a flush in an arm of its own; and idle takes what there is to log.
+fn may_call(name: &str) -> &'static [&'static str] {
+    match name {
+        "hall" => &["hall"],
+        "bridge_fault" => &["bridge_fault"],
+        "tick" => &["tick"],
+        "receive" => &["receive", "flush"],
+        "sent" => &["flush"],
+        "slow" => &["slow"],
+        "idle" => &["store", "event"],
+        _ => &[],
+    }
+}
+
+/// A task of the application is one call into [`Tater`](tater_fw::Tater): it locks once, calls what is its own, and has no
+/// loop (idle is one).
+fn tasks(source: &Source) -> Vec<Violation> {
     if source.path != "tater-fw/src/app.rs" {
         return Vec::new();
     }
@@ -106,9 +135,20 @@ fn locks(source: &Source) -> Vec<Violation> {
         if !is_task {
             return None;
         }
-        let end = item_end(tokens, closing(tokens, at + 1));
-        let locks = (at..end).filter(|i| reads(tokens, *i, &[".", "lock", "("])).count();
-        (locks != 1).then(|| format!("a task that locks {locks} times: one call into Tater each"))
+        let start = closing(tokens, at + 1) + 1;
+        let end = item_end(tokens, start);
+        let name = tokens.get(start + 1)?.text.as_str();
+        let locks = (start..end).filter(|i| reads(tokens, *i, &[".", "lock", "("])).count();
+        let called = calls(tokens, start, end);
+        let looped = tokens[start..end].iter().find(|t| ["loop", "while", "for"].contains(&t.text.as_str()));
+        match looped {
+            Some(word) if name != "idle" => Some(format!("task {name}: {}: a task is one call", word.text)),
+            _ if locks != 1 => Some(format!("task {name} locks {locks} times: one call into Tater each")),
+            _ if called != may_call(name) => {
+                Some(format!("task {name} calls {called:?}, expected {:?}: one call each", may_call(name)))
+            }
+            _ => None,
+        }
     })
 }
 
@@ -127,6 +167,51 @@ fn busy(source: &Source) -> Vec<Violation> {
         (!token.is_literal && wrong)
             .then(|| format!("{}: the board's loops wait for hardware, and do nothing else", token.text))
     })
+}
+
+/// A file of the board that waits for the hardware, in a loop or by an iterator over a number of looks, is in the page's
+/// table of waiting loops. (`page`: its text.)
+fn untold(source: &Source, page: &str) -> Vec<Violation> {
+    let file = source.path.rsplit('/').next().unwrap_or_default();
+    let row = format!("| `{file}`");
+    let told = page
+        .split_once("Loops that wait for hardware")
+        .is_some_and(|(_, table)| table.lines().any(|line| line.starts_with(&row)));
+    if !is_bsp(source) || told {
+        return Vec::new();
+    }
+    scan(source, |tokens, at| {
+        let looks = ["any", "all", "find", "find_map", "position", "for_each", "try_for_each"]
+            .iter()
+            .any(|name| reads(tokens, at, &[".", name, "(", "|", "_", "|"]));
+        let waits = !tokens[at].is_literal && tokens[at].text == "while" || looks;
+        waits.then(|| {
+            format!("waits: docs/board.md, \"Loops that wait\", names `{file}`, for what, and what ends it")
+        })
+    })
+}
+
+#[test]
+fn the_page_tells_of_every_wait() {
+    let page = &files("md").into_iter().find(|page| page.path == "docs/board.md").expect("the page").text;
+    let sources = files("rs");
+    assert_none(&sources.iter().flat_map(|source| untold(source, page)).collect::<Vec<_>>());
+    let waiting = sources.iter().filter(|source| !untold(source, "").is_empty()).count();
+    assert!(waiting >= 4, "{waiting} files wait: does the fence see them?");
+}
+
+#[test]
+fn the_telling_fence_can_fail() {
+    let found = |path: &str, text: &str, page: &str| untold(&Source::new(path, text), page).len();
+    let (table, other) =
+        ("Loops that wait for hardware\n| `a.rs` | b |", "| `a.rs` | b |\nLoops that wait for hardware");
+    let waits = ["fn f() { while a() {} }", "fn f() { (0..N).any(|_| a()) }"];
+    for text in waits {
+        assert_eq!(found("tater-fw/src/bsp/a.rs", text, other), 1, "{text}");
+        assert_eq!(found("tater-fw/src/bsp/b.rs", text, table), 1, "{text}");
+        assert_eq!(found("tater-fw/src/bsp/a.rs", text, table), 0, "{text}");
+    }
+    assert_eq!(found("tater-fw/src/bsp/a.rs", "fn f() { b.iter().any(|c| c.d) }", ""), 0);
 }
 
 #[test]
@@ -154,7 +239,7 @@ fn the_board_s_methods_are_short() {
 
 #[test]
 fn a_task_is_one_call() {
-    check_workspace(locks);
+    check_workspace(tasks);
 }
 
 #[test]
@@ -210,7 +295,8 @@ fn the_register_fence_can_fail() {
     let names = ["use cortex_m::asm;", "fn f() { bxcan::g() }", "use embedded_hal as e;"];
     check_fence(registers, "tater-fw/src/tater.rs", &names, &["// bxcan\nconst A: &str = \"bxcan\";"]);
     check_fence(registers, "tater-fw/src/main.rs", &["#[cortex_m_rt::entry] fn main() {}"], &[]);
-    check_fence(registers, "tater-fw/src/bsp/can.rs", &[], &names);
+    check_fence(registers, "tater-fw/src/bsp/can.rs", &["fn f() { rtic::pend(a) }"], &names);
+    check_fence(registers, "tater-fw/src/app.rs", &[], &["#[rtic::app(device = a)] mod app {}"]);
 }
 
 #[test]
@@ -221,24 +307,34 @@ fn the_method_fence_can_fail() {
     check_fence(
         long_method,
         "tater-fw/src/bsp/a.rs",
-        &[&of(board, 10), &of(motor, 10)],
-        &[&of(board, 9), &of("impl Flash for Metal", 10), &of("impl<M: Motor> Metal<M>", 10)],
+        &[&of(board, 10), &of(motor, 10), &of("impl Flash for Metal", 41), &method(41)],
+        &[&of(board, 9), &of("impl Flash for Metal", 40), &of("impl<M: Motor> Metal<M>", 40)],
     );
     check_fence(long_method, "hil-sim/src/board.rs", &[], &[&of(board, 10)]);
 }
 
 #[test]
 fn the_task_fence_can_fail() {
+    let locked = |head: &str, body: &str| format!("{head}(c: C) {{ c.tater.lock(|tater| {{ {body} }}); }}");
+    let (slow, hall) = ("#[task(binds = A)] fn slow", "#[task(binds = A)] fn hall");
     check_fence(
-        locks,
+        tasks,
         "tater-fw/src/app.rs",
         &[
-            "#[task(binds = A)] fn a(c: C) { c.lock(|t| t.d()); c.lock(|t| t.e()); }",
-            "#[task(binds = A)] fn a(c: C) { d(); }",
-            "#[idle(shared = [t])] fn a(c: C) -> ! { c.lock(d); loop { c.lock(e); } }",
+            "#[task(binds = A)] fn slow(c: C) { c.lock(|tater| tater.slow(d)); c.lock(|t| t.e()); }",
+            "#[task(binds = A)] fn slow(c: C) { d(); }",
+            "#[idle(shared = [t])] fn idle(c: C) -> ! { c.lock(d); loop { c.lock(e); } }",
+            &locked(slow, "tater.slow(now); tater.flush();"),
+            &locked(slow, "tater.tick(now);"),
+            &locked(slow, ""),
+            &locked(hall, "for _ in 0..2 { tater.hall(at); }"),
+            &locked(hall, "while a() { tater.hall(at); }"),
+            &locked("#[task(binds = A)] fn new", "tater.hall(at);"),
         ],
         &[
-            "#[init] fn a() {} #[task(binds = A)] fn a(c: C) { c.lock(|t| t.d()); } #[idle] fn b(c: C) { c.lock(d) }",
+            "#[init] fn a() {} #[task(binds = A)] fn tick(c: C) { c.lock(|tater| tater.tick(d)); }",
+            "#[idle] fn idle(c: C) -> ! { loop { c.tater.lock(|tater| (tater.store(), tater.event())); } }",
+            &locked(hall, "let at = tater.board_mut().edge(); tater.hall(at);"),
         ],
     );
 }

@@ -111,6 +111,7 @@ fn phrases() -> Vec<String> {
     let us = |ns: u32| f64::from(ns) / 1e3;
     let ticks = |count: u16| f64::from(count) / f64::from(timing::CORE_HZ) * 1e6;
     let share = |part: u32| f64::from(part) / 10.0;
+    let count = f64::from(tick::SLOW_DIVISION) / f64::from(timing::CORE_HZ) * 1e9;
     let mut phrases = vec![
         format!(
             "{} MHz crystal -> PLL × {} -> {} MHz",
@@ -129,7 +130,8 @@ fn phrases() -> Vec<String> {
         format!("takes {:.2} µs; all four {:.1} µs", us(adc::CONVERSION_NS), us(adc::INJECTED_NS)),
         format!("8 equal samples, {:.1} µs", us(hall::FILTER_NS)),
         format!("| TIM3 | the control tick | 1 µs | {} ms |", 1000 / tick::HZ),
-        format!("| SysTick | the slow task | 111 ns | {} ms |", 1000 / tick::SLOW_HZ),
+        format!("| SysTick | the slow task | {count:.0} ns | {} ms |", 1000 / tick::SLOW_HZ),
+        format!("/ {} = {} MHz SysTick", tick::SLOW_DIVISION, mega(timing::CORE_HZ / tick::SLOW_DIVISION)),
         format!("{} Mbit/s: {} MHz by {}", mega(can::HZ), mega(timing::APB1_HZ), can::PRESCALER),
         format!(
             "1 + {} + {}, sample point {:.1} %",
@@ -193,6 +195,40 @@ fn interrupts_are_the_application_s() {
     let shown: Vec<&str> =
         page.lines().filter(|line| line.contains(" | 0x") && line.starts_with("| `")).collect();
     assert_eq!(shown.len(), tasks.len(), "{PAGE} has a row that is no task: {shown:#?}");
+}
+
+/// What is wrong with the lock times of a page's table of tasks: each is a number of microseconds, and further ones say what
+/// for (`15; 100 for SAVE`).
+fn wrong_locks(page: &str) -> Vec<String> {
+    let mut wrong = Vec::new();
+    let rows = page.lines().skip_while(|line| !line.ends_with("| lock, µs |")).skip(2);
+    for row in rows.take_while(|line| line.starts_with('|')) {
+        let mut times = row.trim_end_matches(" |").rsplit(" | ").next().unwrap_or_default().split("; ");
+        let number = |text: &str| text.replace(',', "").parse::<u32>().is_ok();
+        let for_what =
+            |time: &str| time.split_once(' ').is_some_and(|(us, what)| number(us) && what.contains("for "));
+        if !(times.next().is_some_and(number) && times.all(for_what)) {
+            wrong.push(format!("{PAGE}: found `{row}`, expected a lock of `NN` or `NN; NN for ...`"));
+        }
+    }
+    wrong
+}
+
+#[test]
+fn every_lock_has_its_time_and_nothing_is_left_to_do() {
+    let page = read(PAGE);
+    assert!(!page.contains("TODO"), "{PAGE}: something is left to do");
+    assert_eq!(wrong_locks(&page), [""; 0]);
+    // Each row without its last cell, or with a word there, is found.
+    let rows = page.lines().skip_while(|line| !line.ends_with("| lock, µs |")).skip(2);
+    let rows: Vec<&str> = rows.take_while(|line| line.starts_with('|')).collect();
+    assert_eq!(rows.len(), tasks(&read("tater-fw/src/app.rs")).len() + 1, "the tasks and idle");
+    for row in rows {
+        let (head, _) = row.trim_end_matches(" |").rsplit_once(" | ").expect("cells");
+        for cell in ["", "soon", "15; SAVE", "15; 100"] {
+            assert_eq!(wrong_locks(&page.replace(row, &format!("{head} | {cell} |"))).len(), 1, "{cell}");
+        }
+    }
 }
 
 #[test]

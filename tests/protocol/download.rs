@@ -57,7 +57,7 @@ impl Bench {
         self.bus.send(message.frame()).expect("plugged");
     }
 
-    fn wait(&mut self, us: u64) {
+    pub(super) fn wait(&mut self, us: u64) {
         let until = self.bus.now_us() + us;
         self.bus.run_until(until);
         while self.bus.receive().is_some() {}

@@ -4,7 +4,7 @@
 use stm32f1xx_hal::pac::{GPIOB, TIM4};
 use stm32f1xx_hal::rcc::{Enable, Rcc};
 
-use super::timing::hall::{PRESCALER, SAMPLE_GAP};
+use super::timing::hall::{CLOCK_DIVISION, FILTER, PRESCALER, SAMPLE_GAP};
 
 /// The lines and their timer.
 pub struct Halls(TIM4);
@@ -16,13 +16,14 @@ impl Halls {
         tim.psc().write(|w| w.psc().set(PRESCALER));
         tim.arr().write(|w| w.arr().set(u16::MAX));
         // The filter's clock; only an overflow, and no restart, is an update.
-        tim.cr1().write(|w| w.ckd().div4().urs().counter_only());
+        // SAFETY: two bits, a code of CKD, checked where it is computed.
+        tim.cr1().write(|w| unsafe { w.ckd().bits(CLOCK_DIVISION) }.urs().counter_only());
         // Channel 1 sees the exclusive or of the lines.
         tim.cr2().write(|w| w.ti1s().xor());
         // Both its edges, filtered, are the trigger, which restarts the counter.
         tim.smcr().write(|w| w.ts().ti1f_ed().sms().reset_mode());
-        // The trigger captures; filter 15.
-        tim.ccmr1_input().write(|w| w.cc1s().trc().ic1f().fdts_div32_n8());
+        // The trigger captures.
+        tim.ccmr1_input().write(|w| w.cc1s().trc().ic1f().set(FILTER));
         tim.ccer().write(|w| w.cc1e().set_bit());
         // The prescaler is taken over by an update.
         tim.egr().write(|w| w.ug().update());

@@ -60,11 +60,39 @@ pub mod hall {
     /// Ticks of the core clock between two samples of the lines: 0.25 us at least, more than a spike that comes over from a
     /// switching leg lasts behind the lines' own low-pass.
     pub const SAMPLE_GAP: u32 = super::CORE_HZ / 4_000_000;
-    /// CKD = 2: the filter's clock is a quarter of the timer's.
-    pub const FILTER_HZ: u32 = TIMER_HZ / 4;
-    /// ICF = 15: every 32 of those a sample, and 8 alike.
-    pub const FILTER_NS: u32 = 32 * 8 * 1000 / (FILTER_HZ / 1_000_000);
+    /// CKD: the filter's clock is a quarter of the timer's (RM0008 15.4.1).
+    pub const CLOCK_DIVISION: u8 = match DIVISION {
+        1 => 0,
+        2 => 1,
+        4 => 2,
+        _ => NONE,
+    };
+    const DIVISION: u32 = 4;
+    /// What the filter counts.
+    pub const FILTER_HZ: u32 = TIMER_HZ / DIVISION;
+    /// ICF: of every 32nd of those a sample, and an edge is one after 8 alike (RM0008 15.4.7).
+    pub const FILTER: u8 = match (EVERY, SAMPLES) {
+        (2, 6) => 4,
+        (2, 8) => 5,
+        (4, 6) => 6,
+        (4, 8) => 7,
+        (8, 6) => 8,
+        (8, 8) => 9,
+        (16, 5) => 10,
+        (16, 6) => 11,
+        (16, 8) => 12,
+        (32, 5) => 13,
+        (32, 6) => 14,
+        (32, 8) => 15,
+        _ => NONE,
+    };
+    const EVERY: u32 = 32;
+    const SAMPLES: u32 = 8;
+    const NONE: u8 = 16;
+    /// By so much an edge is late, and what is shorter is none.
+    pub const FILTER_NS: u32 = EVERY * SAMPLES * 1000 / (FILTER_HZ / 1_000_000);
 
+    const _: () = assert!(CLOCK_DIVISION < NONE && FILTER < NONE, "no such filter");
     const _: () = assert!(
         TIMER_HZ.is_multiple_of(1_000_000) && TIMER_HZ / 1_000_000 <= 1 << 16,
         "no whole microsecond"
@@ -84,8 +112,10 @@ pub mod tick {
     pub const PRESCALER: u16 = register(TIMER_HZ / 1_000_000 - 1);
     /// ARR of the tick.
     pub const TOP: u16 = register(1_000_000 / HZ - 1);
-    /// SysTick's reload for the slow task, ten times a second, from an eighth of the core clock (24 bits).
-    pub const SLOW_RELOAD: u32 = super::CORE_HZ / 8 / SLOW_HZ - 1;
+    /// SysTick counts the core clock or, from what the core calls external, an eighth of it (RM0008 7.2).
+    pub const SLOW_DIVISION: u32 = 8;
+    /// SysTick's reload for the slow task (24 bits).
+    pub const SLOW_RELOAD: u32 = super::CORE_HZ / SLOW_DIVISION / SLOW_HZ - 1;
     /// Slow tasks a second.
     pub const SLOW_HZ: u32 = 10;
 
@@ -93,7 +123,9 @@ pub mod tick {
         TIMER_HZ.is_multiple_of(1_000_000) && 1_000_000_u32.is_multiple_of(HZ),
         "1 kHz is not met exactly"
     );
-    const _: () = assert!((SLOW_RELOAD + 1) * 8 * SLOW_HZ == super::CORE_HZ && SLOW_RELOAD < 1 << 24);
+    const _: () = assert!(SLOW_DIVISION == 1 || SLOW_DIVISION == 8);
+    const _: () =
+        assert!((SLOW_RELOAD + 1) * SLOW_DIVISION * SLOW_HZ == super::CORE_HZ && SLOW_RELOAD < 1 << 24);
 }
 
 /// The ADC (RM0008 11.12, DS5319 5.3.18).
@@ -168,37 +200,4 @@ pub mod watchdog {
     const _: () = assert!(WATCHDOG_HZ / DIVIDER * MS / 1000 <= 1 << 12);
     // With the fastest oscillator, 60 kHz, three slow tasks still fit.
     const _: () = assert!(WATCHDOG_HZ / DIVIDER * MS / 1000 * DIVIDER / 60 >= 300);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn registers_give_the_periods_back() {
-        // Up and down: twice the top.
-        assert_eq!(72_000_000 / (u32::from(pwm::TOP) * 2), 20_000);
-        assert_eq!(u32::from(pwm::DEAD_TIME) * 1_000_000 / 72, 500_000, "picoseconds to nanoseconds");
-        assert_eq!(72_000_000 / (u32::from(hall::PRESCALER) + 1), 1_000_000);
-        assert_eq!(72_000_000 / (u32::from(tick::PRESCALER) + 1) / (u32::from(tick::TOP) + 1), 1000);
-        assert_eq!(72_000_000 / 8 / (tick::SLOW_RELOAD + 1), 10);
-        assert_eq!(40_000 / 32 * watchdog::MS / 1000, u32::from(watchdog::RELOAD) + 1);
-        // 512 half cycles of the filter's 18 MHz.
-        assert_eq!(hall::FILTER_NS, 14_222);
-        // 28.5 and 41 cycles at 12 MHz.
-        assert_eq!((adc::SAMPLE_NS, adc::CONVERSION_NS, adc::SAMPLE_CODE), (2375, 3416, 3));
-        // Half of 28.5 cycles at 12 MHz, in ticks of 72 MHz.
-        assert_eq!(pwm::CONVERT, 85);
-    }
-
-    #[test]
-    fn the_bit_timing_register_is_one_megabit() {
-        let field = |low: u32, bits: u32| (can::REGISTER >> low & ((1 << bits) - 1)) + 1;
-        let (prescaler, segment_1, segment_2, jump) =
-            (field(0, 10), field(16, 4), field(20, 3), field(24, 2));
-        assert_eq!(36_000_000 / prescaler / (1 + segment_1 + segment_2), 1_000_000);
-        assert_eq!((1 + segment_1) * 1000 / (1 + segment_1 + segment_2), can::SAMPLE_POINT);
-        assert!(jump <= segment_2);
-        assert_eq!(can::REGISTER & 0xC000_0000, 0, "neither silent nor looped back");
-    }
 }
