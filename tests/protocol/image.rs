@@ -20,7 +20,7 @@ fn folder() -> PathBuf {
 /// What this shows: the file's bytes arrive, the monitor takes their header for whole, and starts an application, which answers
 /// as none but an application does. What it does not: that these bytes run. The simulated board starts the firmware that this
 /// test is linked with, so that VERS is the header's because both are of one row of the workspace's manifest; it takes
-/// the emulated board (Part 4) to see the image itself answer.
+/// an emulated board to see the image itself answer.
 #[test]
 fn the_production_image_gets_onto_a_board_by_barretts_downloader_and_by_ours() {
     // Continuous integration has made it, and takes no such line.
