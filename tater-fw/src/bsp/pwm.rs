@@ -45,25 +45,34 @@ impl Guarded {
     /// Sets the legs, in an order that has no wrong vector on the way: first the high sides off that are to be off, then who
     /// is driven at all, then the duty. The timer keeps the dead time.
     pub fn set(&mut self, bridge: Bridge) {
-        let Bridge::On { legs, duty } = bridge else { return self.off() };
-        let compare = compare(duty);
-        let [a, b, c] = legs.map(|leg| if leg == Leg::Pwm { compare } else { 0 });
-        let [drive_a, drive_b, drive_c] = legs.map(|leg| leg != Leg::Float);
+        let Bridge::On { legs: [a, b, c], duty } = bridge else { return self.off() };
+        let share = compare(duty);
+        let on = |leg| if leg == Leg::Pwm { share } else { 0 };
+        let (on_a, on_b, on_c) = (on(a), on(b), on(c));
         let tim = &self.0;
-        for (register, value) in [(tim.ccr1(), a), (tim.ccr2(), b), (tim.ccr3(), c)] {
-            if value == 0 {
-                register.write(|w| w.ccr().set(0));
-            }
+        // Leg by leg, because an edge waits: arrays cost three times as many instructions here.
+        if on_a == 0 {
+            tim.ccr1().write(|w| w.ccr().set(0));
+        }
+        if on_b == 0 {
+            tim.ccr2().write(|w| w.ccr().set(0));
+        }
+        if on_c == 0 {
+            tim.ccr3().write(|w| w.ccr().set(0));
         }
         // A leg that floats has its high side off by compare value 0 and its low side by the output's off-state.
         tim.ccer().write(|w| {
             w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
-            w.cc1ne().bit(drive_a).cc2ne().bit(drive_b).cc3ne().bit(drive_c)
+            w.cc1ne().bit(a != Leg::Float).cc2ne().bit(b != Leg::Float).cc3ne().bit(c != Leg::Float)
         });
-        for (register, value) in [(tim.ccr1(), a), (tim.ccr2(), b), (tim.ccr3(), c)] {
-            if value != 0 {
-                register.write(|w| w.ccr().set(value));
-            }
+        if on_a != 0 {
+            tim.ccr1().write(|w| w.ccr().set(on_a));
+        }
+        if on_b != 0 {
+            tim.ccr2().write(|w| w.ccr().set(on_b));
+        }
+        if on_c != 0 {
+            tim.ccr3().write(|w| w.ccr().set(on_c));
         }
         // After a break only `off` leads back here with the flag cleared.
         if !self.broken() {
