@@ -5,8 +5,7 @@ use stm32f1xx_hal::pac::ADC1;
 use stm32f1xx_hal::rcc::{Enable, Rcc};
 
 use super::scale;
-use super::timing::CORE_HZ;
-use super::timing::adc::SAMPLE_CODE;
+use super::timing::adc::{SAMPLE_CODE, WAKE_UP};
 use crate::board::Analog;
 
 /// The converter.
@@ -17,8 +16,7 @@ impl Adc {
     pub fn new(adc: ADC1, rcc: &mut Rcc) -> Self {
         ADC1::enable(rcc);
         adc.cr2().write(|w| w.adon().enabled());
-        // It takes 1 us to wake up (DS5319 5.3.18), and two of its cycles before it may be calibrated.
-        cortex_m::asm::delay(CORE_HZ / 500_000);
+        cortex_m::asm::delay(WAKE_UP);
         adc.cr2().modify(|_, w| w.rstcal().initialize());
         while adc.cr2().read().rstcal().bit_is_set() {}
         adc.cr2().modify(|_, w| w.cal().start());

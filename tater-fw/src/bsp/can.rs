@@ -30,9 +30,6 @@ fn to(destination: Destination) -> u32 {
     u32::from(FILTER_MASK) << 16 | u32::from(id << FILTER_SHIFT)
 }
 
-/// Reads of TSR in [`Can::drain`], of some 10 cycles each.
-const DRAIN: u32 = timing::CORE_HZ / 1000 / 10;
-
 /// The registers, for what bxcan has no word for.
 fn registers() -> &'static can::RegisterBlock {
     // SAFETY: the controller belongs to the one `Can` there is; whoever calls this has it, and accesses are volatile.
@@ -93,7 +90,7 @@ impl Can {
             let status = registers().tsr().read();
             status.tme0().bit_is_set() && status.tme1().bit_is_set() && status.tme2().bit_is_set()
         };
-        let _ = (0..DRAIN).any(|_| gone());
+        let _ = (0..timing::can::DRAIN).any(|_| gone());
     }
 
     /// The oldest frame that has come. The three places of the FIFO filled up, a newer frame takes the third's place (RM0008

@@ -163,9 +163,7 @@ macro_rules! metal {
         CAN::reset(&mut $rcc);
         let can = Can::new(can);
         let clock = Clock::new($chip.TIM2, &mut $rcc);
-        // Their pull-ups, of 50 kilo-ohm at most (DS5319 5.3.13), have been on for 4 us: time for 70 pF, and an open strap that
-        // is still low is another node's. 100 us is time for 2 nF.
-        cortex_m::asm::delay(timing::CORE_HZ / 10_000);
+        cortex_m::asm::delay(timing::straps::SETTLE);
         Metal {
             straps: node(straps),
             motor: $motor,

@@ -135,6 +135,9 @@ pub mod adc {
     /// Sample time in half cycles of its clock: 28.5 cycles. The sources are at most 10 kilo-ohm (thermistors, the dividers),
     /// for which DS5319 asks for 1.3 us at 12 bits: (10 + 1) kilo-ohm x 8 pF x ln(2^14) = 0.9 us, and pins' capacitance.
     pub const SAMPLE_HALF_CYCLES: u32 = 57;
+    /// From switching it on to calibrating it, in ticks of the core clock: 2 us. It takes 1 us to wake up (DS5319 5.3.18), and
+    /// two of its cycles before it may be calibrated.
+    pub const WAKE_UP: u32 = super::CORE_HZ / 500_000;
     /// Its code in SMPR.
     pub const SAMPLE_CODE: u8 = match SAMPLE_HALF_CYCLES {
         3 => 0,
@@ -159,6 +162,13 @@ pub mod adc {
     const _: () = assert!(SAMPLE_NS >= 1_300, "the sampling capacitor does not settle");
 }
 
+/// Straps.
+pub mod straps {
+    /// From their pull-ups to their reading, in ticks of the core clock: 100 us. The pull-ups have 50 kilo-ohm at most (DS5319
+    /// 5.3.13), so that is time for 2 nF; an open strap that is still low is another node's.
+    pub const SETTLE: u32 = super::CORE_HZ / 10_000;
+}
+
 /// bxCAN (RM0008 24.7.7).
 pub mod can {
     use super::APB1_HZ;
@@ -175,6 +185,9 @@ pub mod can {
     pub const JUMP: u32 = 2;
     /// Where a bit is sampled, in 1/1000 of it. 75 % to 87.5 % suit a bus of a few metres at this rate.
     pub const SAMPLE_POINT: u32 = (1 + SEGMENT_1) * 1000 / QUANTA;
+    /// How often the mailboxes are looked at, at some 10 ticks of the core clock each, until what is in them has gone: 1 ms, in
+    /// which three frames win the bus if anybody is on it.
+    pub const DRAIN: u32 = super::CORE_HZ / 1000 / 10;
     /// BTR.
     pub const REGISTER: u32 =
         (JUMP - 1) << 24 | (SEGMENT_2 - 1) << 20 | (SEGMENT_1 - 1) << 16 | (PRESCALER - 1);
