@@ -70,6 +70,18 @@ macro_rules! bind {
             })*
         }
 
+        /// That [`fill`] and [`each`] do to all what [`set`] and [`get`] do to one.
+        #[cfg(test)]
+        fn fills_and_tells_each(mut all: $struct) {
+            fill(&mut all, |property| i32::try_from(property.row().max).ok());
+            let mut told = std::vec::Vec::new();
+            each(&all, |property, value| told.push((property, value)));
+            assert_eq!(told, PROPERTIES.map(|property| (property, property.row().max)));
+            let before = all;
+            fill(&mut all, |property| (property == PROPERTIES[0]).then_some(i32::MAX));
+            assert_eq!(all, before, "what does not fit is not taken");
+        }
+
         /// Sets a property; `false`, and nothing changed, if it is not here, or the value is out of its row's range.
         #[must_use]
         pub fn set(to: &mut $struct, property: tater_wire::Property, value: i64) -> bool {

@@ -5,7 +5,7 @@ mod can;
 mod slcan;
 
 use std::fmt::Write;
-use std::io::{self, IsTerminal};
+use std::io::{self, ErrorKind, IsTerminal};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -74,6 +74,11 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
         begun.elapsed().as_secs_f64()
     );
     Ok(())
+}
+
+/// Whether a reader has heard nothing in the time that it was to wait, and no worse.
+const fn is_silence(kind: ErrorKind) -> bool {
+    matches!(kind, ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
 /// Carries frames between the download and the adapter until it ends.

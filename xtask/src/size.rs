@@ -145,17 +145,7 @@ pub fn check() -> Outcome {
 /// All that is looked at.
 fn figures(name: &'static str, program: &Program, tasks: &[Task]) -> Figures {
     let handlers: Vec<String> = tasks.iter().map(|task| task.binds.clone()).collect();
-    let mut figures = Figures {
-        name,
-        sections: Vec::new(),
-        flash: 0,
-        ram: 0,
-        flash_by_crate: BTreeMap::new(),
-        ram_by_crate: BTreeMap::new(),
-        largest: Vec::new(),
-        forbidden: Vec::new(),
-        stack: stack::worst(program, tasks),
-    };
+    let mut figures = Figures::new(name, stack::worst(program, tasks));
     for section in &program.sections {
         let (in_flash, in_ram) = (section.in_flash(), section.in_ram());
         figures.sections.push((section.name.clone(), section.len, in_flash, in_ram));
@@ -201,6 +191,21 @@ fn object(profile: Profile, all: &[Figures], faults: &[String]) -> Value {
 }
 
 impl Figures {
+    /// Of nothing but a stack.
+    fn new(name: &'static str, stack: Result<Worst, String>) -> Self {
+        Self {
+            name,
+            sections: Vec::new(),
+            flash: 0,
+            ram: 0,
+            flash_by_crate: BTreeMap::new(),
+            ram_by_crate: BTreeMap::new(),
+            largest: Vec::new(),
+            forbidden: Vec::new(),
+            stack,
+        }
+    }
+
     /// What is flashed is longer than the sections together: by what aligns them, and fills up the last word.
     fn fill(&mut self, flashed: u32) {
         *self.flash_by_crate.entry(crates::ALIGNMENT.into()).or_default() +=

@@ -30,13 +30,12 @@ pub fn open(interface: &str) -> Result<Box<dyn Adapter>, Failure> {
 
 #[cfg(target_os = "linux")]
 mod linux {
-    use std::io::ErrorKind;
     use std::time::Duration;
 
     use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Frame as _, Socket, StandardId};
     use tater_wire::Frame;
 
-    use super::Adapter;
+    use super::super::{Adapter, is_silence};
 
     pub struct Interface {
         pub socket: CanSocket,
@@ -67,14 +66,7 @@ mod linux {
                     Ok(u16::try_from(data.raw_id()).ok().and_then(|id| Frame::from_raw(id, data.data())))
                 }
                 Ok(_) => Ok(None),
-                Err(error)
-                    if matches!(
-                        error.kind(),
-                        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
-                    ) =>
-                {
-                    Ok(None)
-                }
+                Err(error) if is_silence(error.kind()) => Ok(None),
                 Err(error) => Err(lost(error)),
             }
         }

@@ -126,7 +126,6 @@ fn leaves(place: &str, value: &Value, into: &mut Vec<(String, String)>) {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
 
     use super::super::stack::{Deepest, Worst};
     use super::*;
@@ -160,17 +159,7 @@ mod tests {
 
     #[test]
     fn an_unknown_stack_is_not_committed() {
-        let figures = |stack| Figures {
-            name: "tater",
-            sections: Vec::new(),
-            flash: 0,
-            ram: 0,
-            flash_by_crate: BTreeMap::new(),
-            ram_by_crate: BTreeMap::new(),
-            largest: Vec::new(),
-            forbidden: Vec::new(),
-            stack,
-        };
+        let figures = |stack| Figures::new("tater", stack);
         let known =
             Worst { levels: vec![], start: Deepest::default(), by_register: vec![], unreached: vec![] };
         assert!(blessed(&[figures(Ok(known.clone()))]).is_ok());
