@@ -12,7 +12,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 7] = [
+const ARROWS: [Arrows; 8] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -44,9 +44,11 @@ const ARROWS: [Arrows; 7] = [
         ]),
     },
     Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw"], others: None },
+    // The program comes in as bytes: of ours only the world around it.
+    Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
     Arrows {
         package: "system-tests",
-        ours: &["servo-core", "tater-wire", "tater-fw", "hil-sim"],
+        ours: &["servo-core", "tater-wire", "tater-fw", "hil-sim", "board-emu"],
         others: None,
     },
     Arrows {

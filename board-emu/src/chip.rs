@@ -1,0 +1,390 @@
+//! The STM32F103CB around its core: memory, peripherals, and the wires between them (RM0008).
+//!
+//! Each peripheral is a file; what the programs do not touch is not there, and an access to it stops the run.
+
+pub mod adc;
+pub mod afio;
+pub mod can;
+pub mod exti;
+pub mod flash;
+pub mod gpio;
+pub mod iwdg;
+pub mod rcc;
+pub mod tim1;
+pub mod timer;
+pub mod uid;
+
+use crate::time::{NEVER, Time};
+use tater_wire::memory::RAM;
+
+/// What an access to a peripheral gives; the error says what is not modelled.
+pub type Access<T> = Result<T, String>;
+
+/// A block of registers. All accesses are of 32 bits, at offsets that are multiples of four; `now` is when.
+pub trait Peripheral {
+    /// Reads a register, with what reading does to it.
+    ///
+    /// # Errors
+    /// What is not modelled.
+    fn read(&mut self, offset: u32, now: Time) -> Access<u32>;
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// What is not modelled: also bits that the real one obeys and this one does not.
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()>;
+
+    /// When it next does something by itself that anybody can notice: an interrupt, a trigger, a pin.
+    fn next_event(&self) -> Time {
+        NEVER
+    }
+
+    /// Lets time pass to `now`, which is not past [`Self::next_event`].
+    fn advance(&mut self, now: Time) {
+        let _ = now;
+    }
+}
+
+/// How an access went wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// The bus answers with an error: nothing is there, or it is a write to flash that is locked (a BusFault).
+    Bus,
+    /// The model does not have it: the run ends.
+    NotModelled(String),
+}
+
+/// Width of an access.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// 8 bits.
+    Byte,
+    /// 16 bits.
+    Half,
+    /// 32 bits.
+    Word,
+}
+
+impl Size {
+    /// Bytes of it.
+    #[must_use]
+    pub const fn bytes(self) -> u32 {
+        match self {
+            Self::Byte => 1,
+            Self::Half => 2,
+            Self::Word => 4,
+        }
+    }
+}
+
+/// Why the chip starts again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reset {
+    /// The supply came up, or sagged below the threshold of power-on reset.
+    Power,
+    /// The reset pin.
+    Pin,
+    /// AIRCR.SYSRESETREQ.
+    Software,
+    /// The independent watchdog.
+    Watchdog,
+}
+
+/// Memory, peripherals and wires.
+#[derive(Clone, Debug)]
+pub struct Chip {
+    /// The present.
+    pub now: Time,
+    /// The flash, its registers and its busy times.
+    pub flash: flash::Flash,
+    /// 20 KiB.
+    pub ram: Vec<u8>,
+    /// Clocks and reset.
+    pub rcc: rcc::Rcc,
+    /// Ports A to E.
+    pub gpio: gpio::Gpio,
+    /// Remapping.
+    pub afio: afio::Afio,
+    /// External interrupts.
+    pub exti: exti::Exti,
+    /// The bridge's timer.
+    pub tim1: tim1::Tim1,
+    /// The clock.
+    pub tim2: timer::Timer,
+    /// The control tick.
+    pub tim3: timer::Timer,
+    /// The halls.
+    pub tim4: timer::Timer,
+    /// The converter.
+    pub adc: adc::Adc,
+    /// The CAN controller.
+    pub can: can::Can,
+    /// The watchdog.
+    pub iwdg: iwdg::Iwdg,
+    /// The device's number.
+    pub uid: uid::Uid,
+    /// Set by every access to a peripheral and by every event: [`Self::next_event`] is to be asked again.
+    pub touched: bool,
+}
+
+/// Interrupts by position in the vector table (RM0008 table 63).
+pub mod irq {
+    /// Injected or regular conversions are done.
+    pub const ADC1_2: u32 = 18;
+    /// A mailbox is empty.
+    pub const CAN_TX: u32 = 19;
+    /// FIFO 0 has a frame.
+    pub const CAN_RX0: u32 = 20;
+    /// FIFO 1 has a frame.
+    pub const CAN_RX1: u32 = 21;
+    /// Status change, errors.
+    pub const CAN_SCE: u32 = 22;
+    /// Break of TIM1.
+    pub const TIM1_BRK: u32 = 24;
+    /// Update of TIM1.
+    pub const TIM1_UP: u32 = 25;
+    /// Capture and compare of TIM1.
+    pub const TIM1_CC: u32 = 27;
+    /// TIM2.
+    pub const TIM2: u32 = 28;
+    /// TIM3.
+    pub const TIM3: u32 = 29;
+    /// TIM4.
+    pub const TIM4: u32 = 30;
+}
+
+impl Chip {
+    /// A chip whose power is off, its flash erased, its RAM as chance left it (`seed`), with that device number.
+    #[must_use]
+    pub fn new(seed: u64, uid: [u32; 3]) -> Self {
+        // Any pattern that is neither 0 nor all ones: nobody may rely on it.
+        let mut state = seed | 1;
+        let mut chance = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 32) as u8
+        };
+        Self {
+            now: 0,
+            flash: flash::Flash::default(),
+            ram: (0..RAM.len).map(|_| chance()).collect(),
+            rcc: rcc::Rcc::default(),
+            gpio: gpio::Gpio::default(),
+            afio: afio::Afio::default(),
+            exti: exti::Exti::default(),
+            tim1: tim1::Tim1::default(),
+            tim2: timer::Timer::default(),
+            tim3: timer::Timer::default(),
+            tim4: timer::Timer::default(),
+            adc: adc::Adc::default(),
+            can: can::Can::default(),
+            iwdg: iwdg::Iwdg::default(),
+            uid: uid::Uid(uid),
+            touched: true,
+        }
+    }
+
+    /// All registers as after a reset; flash and RAM stay. A reset by the watchdog ends here with it stopped.
+    pub fn reset(&mut self, cause: Reset) {
+        self.flash.reset(self.now);
+        self.rcc.reset(cause);
+        self.gpio.reset();
+        self.afio = afio::Afio::default();
+        self.exti = exti::Exti::default();
+        self.tim1 = tim1::Tim1::default();
+        self.tim2 = timer::Timer::default();
+        self.tim3 = timer::Timer::default();
+        self.tim4 = timer::Timer::default();
+        self.adc.reset();
+        self.can.reset();
+        self.iwdg.reset();
+        self.wire();
+    }
+
+    /// Reads memory or a register.
+    ///
+    /// # Errors
+    /// [`Refusal`].
+    pub fn read(&mut self, address: u32, size: Size) -> Result<u32, Refusal> {
+        match address {
+            0x0000_0000..0x0002_0000 => self.flash.read(address, size),
+            0x0800_0000..0x0802_0000 => self.flash.read(address - 0x0800_0000, size),
+            0x1FFF_F7E8..0x1FFF_F7F4 if size == Size::Word => self.uid.read(address - 0x1FFF_F7E8),
+            0x1FFF_F7E0 if size == Size::Half => Ok(128), // flash size in KiB (RM0008 30.1.1)
+            0x2000_0000..0x2000_5000 => Ok(self.read_ram(address - 0x2000_0000, size)),
+            0x2200_0000..0x220A_0000 | 0x4200_0000..0x4400_0000 if size == Size::Word => {
+                let (word, bit) = alias(address);
+                Ok(self.read(word, Size::Word)? >> bit & 1)
+            }
+            0x4000_0000..0x4002_4000 => {
+                let word = self.register(address & !3, None)?;
+                Ok(word >> (8 * (address & 3)) & mask(size))
+            }
+            _ => Err(Refusal::Bus),
+        }
+    }
+
+    /// Writes memory or a register.
+    ///
+    /// # Errors
+    /// [`Refusal`].
+    pub fn write(&mut self, address: u32, size: Size, value: u32) -> Result<(), Refusal> {
+        match address {
+            0x0800_0000..0x0802_0000 => {
+                self.touched = true;
+                self.flash.program(address - 0x0800_0000, size, value, self.now)
+            }
+            0x2000_0000..0x2000_5000 => {
+                self.write_ram(address - 0x2000_0000, size, value);
+                Ok(())
+            }
+            0x2200_0000..0x220A_0000 | 0x4200_0000..0x4400_0000 if size == Size::Word => {
+                let (word, bit) = alias(address);
+                let old = self.read(word, Size::Word)?;
+                self.write(word, Size::Word, old & !(1 << bit) | (value & 1) << bit)
+            }
+            0x4000_0000..0x4002_4000 if size == Size::Word => {
+                self.register(address, Some(value))?;
+                Ok(())
+            }
+            0x4000_0000..0x4002_4000 => {
+                Err(Refusal::NotModelled("a write narrower than a word to a register".to_owned()))
+            }
+            _ => Err(Refusal::Bus),
+        }
+    }
+
+    fn read_ram(&self, offset: u32, size: Size) -> u32 {
+        let at = offset as usize;
+        let byte = |i: usize| u32::from(self.ram.get(at + i).copied().unwrap_or(0)) << (8 * i);
+        (0..size.bytes() as usize).map(byte).sum()
+    }
+
+    fn write_ram(&mut self, offset: u32, size: Size, value: u32) {
+        let at = offset as usize;
+        for (i, byte) in value.to_le_bytes().into_iter().take(size.bytes() as usize).enumerate() {
+            if let Some(place) = self.ram.get_mut(at + i) {
+                *place = byte;
+            }
+        }
+    }
+
+    /// Reads a register (`value` is `None`) or writes one.
+    fn register(&mut self, address: u32, value: Option<u32>) -> Result<u32, Refusal> {
+        if !self.rcc.is_clocked(address) {
+            return Err(Refusal::NotModelled("the peripheral's clock is off".to_owned()));
+        }
+        let now = self.now;
+        // Blocks of 1 KiB (RM0008 table 3).
+        let block: &mut dyn Peripheral = match address & !0x3FF {
+            0x4000_0000 => &mut self.tim2,
+            0x4000_0400 => &mut self.tim3,
+            0x4000_0800 => &mut self.tim4,
+            0x4000_3000 => &mut self.iwdg,
+            0x4000_6400 => &mut self.can,
+            0x4001_0000 => &mut self.afio,
+            0x4001_0400 => &mut self.exti,
+            0x4001_0800..0x4001_1C00 => &mut self.gpio,
+            0x4001_2400 => &mut self.adc,
+            0x4001_2C00 => &mut self.tim1,
+            0x4002_1000 => &mut self.rcc,
+            0x4002_2000 => &mut self.flash,
+            _ => return Err(Refusal::NotModelled("no such peripheral".to_owned())),
+        };
+        // The ports are one model.
+        let base = if (0x4001_0800..0x4001_1C00).contains(&address) { 0x4001_0800 } else { address & !0x3FF };
+        let done = match value {
+            None => block.read(address - base, now),
+            Some(value) => block.write(address - base, value, now).map(|()| 0),
+        };
+        let word = done.map_err(Refusal::NotModelled)?;
+        self.touched = true;
+        self.wire();
+        Ok(word)
+    }
+
+    /// The wires between peripherals, and from pins to them.
+    fn wire(&mut self) {
+        let now = self.now;
+        let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
+        self.tim4.set_inputs(halls, now);
+        // A dead crystal trips the break as well (RM0008 7.2.7).
+        self.tim1.set_break(self.gpio.level(1, 12), self.rcc.clock_failed(), now);
+        if self.tim1.take_trigger() {
+            self.adc.trigger(now);
+        }
+    }
+
+    /// When something next happens by itself.
+    #[must_use]
+    pub fn next_event(&self) -> Time {
+        let all: [&dyn Peripheral; 9] = [
+            &self.flash,
+            &self.rcc,
+            &self.tim1,
+            &self.tim2,
+            &self.tim3,
+            &self.tim4,
+            &self.adc,
+            &self.can,
+            &self.iwdg,
+        ];
+        all.into_iter().map(Peripheral::next_event).min().unwrap_or(NEVER)
+    }
+
+    /// Lets time pass to `now`, which is not past [`Self::next_event`].
+    pub fn advance(&mut self, now: Time) {
+        self.now = now;
+        let all: [&mut dyn Peripheral; 9] = [
+            &mut self.flash,
+            &mut self.rcc,
+            &mut self.tim1,
+            &mut self.tim2,
+            &mut self.tim3,
+            &mut self.tim4,
+            &mut self.adc,
+            &mut self.can,
+            &mut self.iwdg,
+        ];
+        for peripheral in all {
+            if peripheral.next_event() <= now {
+                peripheral.advance(now);
+                self.touched = true;
+            }
+        }
+        self.wire();
+    }
+
+    /// Which interrupts are being asked for: a bit a position of [`irq`].
+    #[must_use]
+    pub fn interrupts(&self) -> u64 {
+        let line = |number: u32, on: bool| u64::from(on) << number;
+        line(irq::ADC1_2, self.adc.interrupt())
+            | line(irq::CAN_TX, self.can.interrupt_tx())
+            | line(irq::CAN_RX0, self.can.interrupt_rx(0))
+            | line(irq::CAN_RX1, self.can.interrupt_rx(1))
+            | line(irq::CAN_SCE, self.can.interrupt_status())
+            | line(irq::TIM1_BRK, self.tim1.interrupt_break())
+            | line(irq::TIM1_UP, self.tim1.interrupt_update())
+            | line(irq::TIM1_CC, self.tim1.interrupt_compare())
+            | line(irq::TIM2, self.tim2.interrupt())
+            | line(irq::TIM3, self.tim3.interrupt())
+            | line(irq::TIM4, self.tim4.interrupt())
+    }
+}
+
+const fn mask(size: Size) -> u32 {
+    match size {
+        Size::Byte => 0xFF,
+        Size::Half => 0xFFFF,
+        Size::Word => u32::MAX,
+    }
+}
+
+/// The word and the bit behind an address in a bit-band alias (PM0056 2.2.5).
+const fn alias(address: u32) -> (u32, u32) {
+    let offset = address & 0x01FF_FFFF;
+    let byte = (address & 0xF000_0000) + (offset >> 5);
+    (byte & !3, (offset >> 2 & 7) + 8 * (byte & 3))
+}

@@ -1,0 +1,167 @@
+//! A chip with its core, in time.
+
+use std::cell::{Ref, RefCell, RefMut};
+use std::rc::Rc;
+
+use crate::chip::{Chip, Reset};
+use crate::cpu::{Cpu, Shared};
+use crate::image::Names;
+use crate::stop::{Problem, Stop};
+use crate::time::{Time, US};
+
+/// A chip and its core.
+pub struct Machine {
+    chip: Shared,
+    /// The core.
+    pub cpu: Cpu,
+    /// What is where in the programs.
+    pub names: Rc<Names>,
+    /// Whether the supply is up.
+    powered: bool,
+    /// How often it was reset, by cause.
+    pub resets: Vec<(Reset, Time)>,
+}
+
+/// Why [`Machine::run`] came back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pause {
+    /// Time is up.
+    Until,
+    /// The bridge's timer was told something: the gates may have changed.
+    Gates,
+    /// It was reset: pins are as reset leaves them.
+    Reset(Reset),
+    /// The core is at a breakpoint.
+    Breakpoint,
+}
+
+impl Machine {
+    /// A chip without power.
+    #[must_use]
+    pub fn new(chip: Chip, names: Rc<Names>) -> Self {
+        let chip = Rc::new(RefCell::new(chip));
+        Self { cpu: Cpu::new(Rc::clone(&chip)), chip, names, powered: false, resets: Vec::new() }
+    }
+
+    /// The chip, to look at.
+    #[must_use]
+    pub fn chip(&self) -> Ref<'_, Chip> {
+        self.chip.borrow()
+    }
+
+    /// The chip: its pins, its inputs.
+    pub fn chip_mut(&mut self) -> RefMut<'_, Chip> {
+        self.chip.borrow_mut()
+    }
+
+    /// The present.
+    #[must_use]
+    pub fn now(&self) -> Time {
+        self.chip.borrow().now
+    }
+
+    /// Whether the supply is up.
+    #[must_use]
+    pub const fn is_powered(&self) -> bool {
+        self.powered
+    }
+
+    /// The supply fails: the chip is in reset until it comes back. What RAM holds then is chance's.
+    pub fn power_off(&mut self) {
+        self.powered = false;
+        self.chip.borrow_mut().reset(Reset::Power);
+    }
+
+    /// Resets it; with [`Reset::Power`] after the supply has come up.
+    ///
+    /// # Errors
+    /// There is nothing to execute.
+    pub fn reset(&mut self, cause: Reset) -> Result<(), Stop> {
+        self.powered = true;
+        self.resets.push((cause, self.now()));
+        self.chip.borrow_mut().reset(cause);
+        self.cpu.reset().map_err(|problem| self.stop(problem))
+    }
+
+    /// Puts a place to a problem.
+    #[must_use]
+    pub fn stop(&self, problem: Problem) -> Stop {
+        let pc = self.cpu.pc();
+        let function = self.names.function(pc).map(str::to_owned);
+        Stop { problem, pc, function, at_us: self.now() / US }
+    }
+
+    /// When something next happens that the program does not do: a peripheral's event or SysTick's.
+    #[must_use]
+    pub fn next_event(&self) -> Time {
+        self.chip.borrow().next_event().min(self.cpu.next_event())
+    }
+
+    /// Executes until `until`, or a little past it for the last instruction. While the core sleeps, time jumps from event to event.
+    ///
+    /// # Errors
+    /// What ends the run.
+    pub fn run(&mut self, until: Time, breakpoints: &[u32]) -> Result<Pause, Stop> {
+        let mut next = self.settle();
+        while self.now() < until {
+            if !self.powered {
+                self.chip.borrow_mut().now = until;
+                break;
+            }
+            if self.cpu.is_asleep() {
+                let to = next.min(until);
+                self.chip.borrow_mut().now = to;
+            } else {
+                self.cpu.step().map_err(|problem| self.stop(problem))?;
+            }
+            if self.chip.borrow().touched || self.now() >= next {
+                next = self.settle();
+                if let Some(cause) = self.reset_due() {
+                    self.reset(cause)?;
+                    return Ok(Pause::Reset(cause));
+                }
+                if std::mem::take(&mut self.chip.borrow_mut().tim1.gates_changed) {
+                    return Ok(Pause::Gates);
+                }
+            }
+            if !breakpoints.is_empty() && breakpoints.contains(&self.cpu.pc()) {
+                return Ok(Pause::Breakpoint);
+            }
+        }
+        Ok(Pause::Until)
+    }
+
+    /// All events that are due; returns when the next one is.
+    fn settle(&mut self) -> Time {
+        loop {
+            let now = {
+                let mut chip = self.chip.borrow_mut();
+                let now = chip.now;
+                let due = chip.next_event();
+                if due <= now {
+                    // In their order; the present stays.
+                    chip.advance(due);
+                    chip.now = now;
+                    continue;
+                }
+                chip.touched = false;
+                let (interrupts, nmi) = (chip.interrupts(), chip.rcc.clock_failed());
+                drop(chip);
+                self.cpu.advance();
+                self.cpu.set_lines(interrupts, nmi);
+                now
+            };
+            let next = self.next_event();
+            debug_assert!(next > now);
+            return next;
+        }
+    }
+
+    fn reset_due(&mut self) -> Option<Reset> {
+        if self.cpu.take_reset_request() {
+            Some(Reset::Software)
+        } else {
+            self.chip.borrow().iwdg.expired.then_some(Reset::Watchdog)
+        }
+    }
+}
