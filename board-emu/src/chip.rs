@@ -10,6 +10,7 @@ pub mod flash;
 pub mod gpio;
 pub mod iwdg;
 pub mod rcc;
+mod resets;
 pub mod tim1;
 pub mod timer;
 pub mod uid;
@@ -233,6 +234,10 @@ impl Chip {
         match address {
             0x0800_0000..0x0802_0000 => {
                 self.touched = true;
+                if !self.rcc.is_hsi_on() {
+                    let what = "the flash is programmed by the RC oscillator, which is off (PM0075 2.3)";
+                    return Err(Refusal::NotModelled(what.to_owned()));
+                }
                 self.flash.program(address - 0x0800_0000, size, value, self.now)
             }
             0x2000_0000..0x2000_5000 => {
@@ -300,6 +305,12 @@ impl Chip {
         };
         let word = done.map_err(Refusal::NotModelled)?;
         self.touched = true;
+        let (present, needed) = (self.flash.wait_states(), self.rcc.wait_states());
+        if value.is_some() && present < needed {
+            let what =
+                format!("{present} wait states of the flash, {needed} needed at this clock (PM0075 3.1)");
+            return Err(Refusal::NotModelled(what));
+        }
         self.wire();
         Ok(word)
     }
@@ -307,6 +318,8 @@ impl Chip {
     /// The wires between peripherals, and from pins to them.
     fn wire(&mut self) {
         let now = self.now;
+        self.reset_peripherals();
+        self.can.set_cycle(self.rcc.can_cycle());
         let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
         self.tim4.set_inputs(halls, now);
         // A dead crystal trips the break as well (RM0008 7.2.7).
