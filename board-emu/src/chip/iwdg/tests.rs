@@ -99,6 +99,7 @@ fn a_new_prescaler_counts_from_when_it_is_taken_over() {
     let now = 400 * CYCLE;
     key(&mut iwdg, UNLOCK, now);
     iwdg.write(PR, 6, now).expect("open");
+    assert_eq!(iwdg.read(SR, 900 * CYCLE), Ok(0), "looked at late");
     // 405 cycles by 4 are 101 counts, and 3995 more by 256.
     assert_eq!(expiry(&mut iwdg), 405 * CYCLE + 3995 * 256 * CYCLE);
 }
