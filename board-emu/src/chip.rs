@@ -5,6 +5,7 @@
 pub mod adc;
 pub mod afio;
 pub mod can;
+pub mod counter;
 pub mod exti;
 pub mod flash;
 pub mod gpio;
