@@ -155,9 +155,8 @@ impl Counter {
         self.top = self.reload;
     }
 
-    /// UG, or a slave's reset: begins anew at `now`.
+    /// UG, or a slave's reset: begins anew at `now`, with what an update has taken over before.
     pub fn restart(&mut self, now: Time) {
-        self.update();
         self.since = now;
         self.down = self.direction == Direction::Down;
         self.count = if self.down { self.top } else { 0 };
@@ -184,6 +183,7 @@ mod tests {
     fn counter(direction: Direction, top: u32) -> Counter {
         let mut counter = Counter { direction, ..Counter::default() };
         counter.set_reload(top);
+        counter.update();
         counter.restart(0);
         counter.run(true, 0);
         counter

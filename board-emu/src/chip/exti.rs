@@ -14,15 +14,27 @@ pub struct Exti {
     rising: u32,
     falling: u32,
     pending: u32,
-    levels: u32,
+    /// What the pins were last, while anybody waits for an edge.
+    levels: Option<u32>,
 }
 
 impl Exti {
+    /// Whether anybody waits for an edge.
+    #[must_use]
+    pub const fn listens(&self) -> bool {
+        (self.rising | self.falling) != 0
+    }
+
     /// The levels at the pins that the lines listen to, a bit a line.
     pub fn set_inputs(&mut self, levels: u32) {
-        let (up, down) = (levels & !self.levels, self.levels & !levels);
-        self.levels = levels;
+        let before = self.levels.replace(levels).unwrap_or(levels);
+        let (up, down) = (levels & !before, before & !levels);
         self.pending |= up & self.rising | down & self.falling;
+    }
+
+    /// Nobody waits for an edge: the next levels are no change.
+    pub const fn forget(&mut self) {
+        self.levels = None;
     }
 
     /// Which lines interrupt.
@@ -74,6 +86,11 @@ mod tests {
         exti.write(0x00, 0b11, 0).unwrap();
         exti.write(0x08, 0b101, 0).unwrap();
         exti.write(0x0C, 0b10, 0).unwrap();
+        assert!(exti.listens());
+        exti.set_inputs(0b10);
+        assert_eq!(exti.interrupts(), 0, "what was there before is no edge");
+        exti.forget();
+        exti.set_inputs(0);
         exti.set_inputs(0b10);
         assert_eq!(exti.interrupts(), 0, "line 1 rose, which nobody asked for");
         exti.set_inputs(0b101);

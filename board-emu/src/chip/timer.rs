@@ -164,14 +164,15 @@ impl Timer {
         }
     }
 
-    /// UG, or the slave controller's reset; with URS only an overflow is an update that is flagged.
+    /// UG, or the slave controller's reset; with URS only an overflow is an update that is flagged, with UDIS nothing is one.
     fn restart(&mut self, at: Time) {
         if self.cr1 & 1 << 1 == 0 {
-            self.counter.restart(at);
+            self.counter.update();
             if self.cr1 & 1 << 2 == 0 {
                 self.sr |= UIF;
             }
         }
+        self.counter.restart(at);
     }
 }
 
