@@ -284,7 +284,13 @@ impl Chip {
                 self.register(address, Some(value))?;
                 Ok(())
             }
-            0x4000_0000..0x4002_4000 => {
+            // The bridge to the APB widens a narrow write: its bits stand in the word as often as they fit (RM0008 3.1).
+            0x4000_0000..0x4001_8000 => {
+                let copies = if size == Size::Half { 0x1_0001 } else { 0x0101_0101 };
+                self.register(address & !3, Some((value & mask(size)) * copies))?;
+                Ok(())
+            }
+            0x4001_8000..0x4002_4000 => {
                 Err(Refusal::NotModelled("a write narrower than a word to a register".to_owned()))
             }
             _ => Err(Refusal::Bus),
