@@ -169,18 +169,10 @@ impl Chip {
     /// A chip whose power is off, its flash erased, its RAM as chance left it (`seed`), with that device number.
     #[must_use]
     pub fn new(seed: u64, uid: [u32; 3]) -> Self {
-        // Any pattern that is neither 0 nor all ones: nobody may rely on it.
-        let mut state = seed | 1;
-        let mut chance = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 32) as u8
-        };
         Self {
             now: 0,
             flash: flash::Flash::default(),
-            ram: (0..RAM.len).map(|_| chance()).collect(),
+            ram: chance(seed),
             rcc: rcc::Rcc::default(),
             gpio: gpio::Gpio::default(),
             afio: afio::Afio::default(),
@@ -214,6 +206,35 @@ impl Chip {
         self.tim1.gates_changed = true;
         self.touched = true;
         self.wire();
+    }
+
+    /// The supply was off: RAM holds what chance leaves there.
+    pub fn forget(&mut self, seed: u64) {
+        self.ram = chance(seed);
+    }
+
+    /// The world drives a pin (port A is 0), or lets it go.
+    pub fn set_pin(&mut self, (port, pin): (usize, usize), level: Option<bool>) {
+        if self.gpio.driven[port][pin] != level {
+            self.gpio.driven[port][pin] = level;
+            self.touched = true;
+            self.wire();
+        }
+    }
+
+    /// The hall lines have changed at `at`, which is not later than the present.
+    pub fn hall_lines(&mut self, at: Time) {
+        let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
+        self.tim4.set_inputs(halls, at);
+        self.touched = true;
+    }
+
+    /// When something next happens by itself that may interrupt.
+    #[must_use]
+    pub fn next_wake(&self) -> Time {
+        let all: [&dyn Peripheral; 7] =
+            [&self.flash, &self.rcc, &self.tim2, &self.tim3, &self.tim4, &self.can, &self.iwdg];
+        all.into_iter().map(Peripheral::next_event).min().unwrap_or(NEVER)
     }
 
     /// Reads memory or a register.
@@ -414,6 +435,18 @@ impl Chip {
             | line(irq::EXTI9_5, exti & 0x3E0 != 0)
             | line(irq::EXTI15_10, exti & 0xFC00 != 0)
     }
+}
+
+/// What RAM may hold after the supply was off: nobody may rely on it.
+fn chance(seed: u64) -> Vec<u8> {
+    let mut state = seed | 1;
+    let mut byte = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 32) as u8
+    };
+    (0..RAM.len).map(|_| byte()).collect()
 }
 
 const fn mask(size: Size) -> u32 {
