@@ -47,7 +47,6 @@ pub trait Peripheral {
     }
 }
 
-
 /// How an access went wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refusal {
