@@ -1,5 +1,6 @@
 //! System tests: one binary, a module a subject.
 
+mod emulated;
 mod fences;
 mod halls;
 mod loops;

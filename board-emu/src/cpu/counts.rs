@@ -2,7 +2,9 @@
 //!
 //! An exception's entry takes 12 cycles (PM0056 2.3.7) and its return as many, if memory has no wait states; at the model's 1.5
 //! cycles an instruction either is 8 instructions, and both count for its handler. What preempts a handler does not count for it.
+//! Tail-chaining, which on the chip saves most of a return and an entry, counts as both.
 
+use super::nvic::EXCEPTIONS;
 use crate::time::Time;
 
 /// Instructions that an exception's entry, or its return, is worth.
@@ -31,12 +33,62 @@ pub struct Run {
 }
 
 /// What a core has executed.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Counts {
     /// All instructions since the core was made; entries and returns count [`ENTRY`] each.
     pub instructions: u64,
-    /// By exception number; 0 is what runs outside handlers.
+    /// By exception number; 0 is what runs outside handlers, of which `total` alone is counted.
     pub handlers: Vec<Handler>,
     /// The handlers that have begun and not ended, the innermost last.
     pub running: Vec<Run>,
+}
+
+impl Default for Counts {
+    fn default() -> Self {
+        Self { instructions: 0, handlers: vec![Handler::default(); EXCEPTIONS], running: Vec::new() }
+    }
+}
+
+impl Counts {
+    /// An instruction, of the innermost handler or of none.
+    pub(super) fn instruction(&mut self) {
+        self.add(1);
+    }
+
+    fn add(&mut self, instructions: u64) {
+        self.instructions += instructions;
+        if let Some(run) = self.running.last_mut() {
+            run.instructions += instructions;
+        } else if let Some(thread) = self.handlers.first_mut() {
+            thread.total += instructions;
+        }
+    }
+
+    /// A handler begins.
+    pub(super) fn enter(&mut self, exception: u32, now: Time) {
+        self.running.push(Run { exception, instructions: 0, since: now });
+        self.add(ENTRY);
+    }
+
+    /// A handler ends. One that was entered within it and never ended is forgotten.
+    pub(super) fn leave(&mut self, exception: u32) {
+        let Some(at) = self.running.iter().rposition(|run| run.exception == exception) else { return };
+        self.running.truncate(at + 1);
+        self.add(ENTRY);
+        if let (Some(run), Some(handler)) = (self.running.pop(), self.handlers.get_mut(exception as usize)) {
+            handler.runs += 1;
+            handler.total += run.instructions;
+            handler.max = handler.max.max(run.instructions);
+        }
+    }
+
+    /// A reset: no handler runs.
+    pub(super) fn reset(&mut self) {
+        self.running.clear();
+    }
+
+    /// Forgets the longest runs, and what was counted of all handlers.
+    pub fn clear(&mut self) {
+        self.handlers.fill(Handler::default());
+    }
 }

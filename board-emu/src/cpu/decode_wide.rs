@@ -1,0 +1,150 @@
+//! Instructions of 32 bits that are supplied here (ARMv7-M A5.3).
+
+use super::alu::{Data, Divide, Move, Shift};
+use super::decode::{Op, Own, reg};
+use super::memory::{Exclusive, Multiple, Offset, Pair, Transfer};
+use super::special::Special;
+use crate::chip::Size;
+
+/// Decodes one.
+pub fn wide(code: u32) -> Own {
+    match code >> 25 & 15 {
+        0b0100 if code >> 22 & 1 == 0 => multiple(code),
+        0b0100 => pair_or_exclusive(code),
+        0b0101 => shifted_register(code),
+        0b1000..=0b1011 if code >> 15 & 1 == 1 => control(code),
+        0b1100 => single(code),
+        0b1101 if code >> 20 & 0x1F == 0b1_1001 && code >> 4 & 15 == 15 => divide(code, true),
+        0b1101 if code >> 20 & 0x1F == 0b1_1011 && code >> 4 & 15 == 15 => divide(code, false),
+        0b1101 if code >> 23 & 3 == 0 && code >> 4 & 15 == 0 => shift_by_register(code),
+        // There is no coprocessor.
+        0b0110 | 0b0111 | 0b1110 | 0b1111 => Own::Is(Op::Special(Special::Coprocessor)),
+        _ => Own::Other,
+    }
+}
+
+/// Load and store multiple (A5.3.5).
+fn multiple(code: u32) -> Own {
+    let down = match code >> 23 & 3 {
+        1 => false,
+        2 => true,
+        _ => return Own::Undefined,
+    };
+    let (load, wback) = (code >> 20 & 1 == 1, code >> 21 & 1 == 1);
+    Own::Is(Op::Multiple(Multiple { load, rn: reg(code >> 16), list: code as u16, wback, down }))
+}
+
+/// Load and store dual or exclusive, table branch (A5.3.6).
+fn pair_or_exclusive(code: u32) -> Own {
+    let (index, up, wback) = (code >> 24 & 1 == 1, code >> 23 & 1 == 1, code >> 21 & 1 == 1);
+    let load = code >> 20 & 1 == 1;
+    let (rn, rt, second, rm) = (reg(code >> 16), reg(code >> 12), reg(code >> 8), reg(code));
+    let offset = (code & 0xFF) * 4;
+    if index || wback {
+        let offset = if up { offset } else { offset.wrapping_neg() };
+        return Own::Is(Op::Pair(Pair { load, rt, second, rn, offset, index, wback }));
+    }
+    if !up {
+        return Own::Is(Op::Exclusive(Exclusive { load, size: Size::Word, rt, rn, rd: second, offset }));
+    }
+    let narrow = |size| Own::Is(Op::Exclusive(Exclusive { load, size, rt, rn, rd: rm, offset: 0 }));
+    match code >> 4 & 15 {
+        0 if load => Own::Is(Op::Table { base: rn, index: rm, size: Size::Byte }),
+        1 if load => Own::Is(Op::Table { base: rn, index: rm, size: Size::Half }),
+        4 => narrow(Size::Byte),
+        5 => narrow(Size::Half),
+        _ => Own::Undefined,
+    }
+}
+
+/// Data processing with a shifted register (A5.3.11).
+fn shifted_register(code: u32) -> Own {
+    let (shift, n) = Shift::from_bits(code >> 4, code >> 10 & 0x1C | code >> 6 & 3);
+    let (rd, rn) = (code >> 8 & 15, code >> 16 & 15);
+    let flags = code >> 20 & 1 == 1;
+    match Data::operation(code >> 21, rn) {
+        Some(op) => {
+            let rd = (!op.only_tests(rd, flags)).then(|| reg(rd));
+            Own::Is(Op::Data(Data { op, rd, rn: reg(rn), rm: reg(code), shift, n, flags }))
+        }
+        None => Own::Undefined,
+    }
+}
+
+/// Shifts by a register (A5.3.12).
+fn shift_by_register(code: u32) -> Own {
+    if code >> 12 & 15 != 15 {
+        return Own::Undefined;
+    }
+    let shift = [Shift::Lsl, Shift::Lsr, Shift::Asr, Shift::Ror][(code >> 21 & 3) as usize];
+    let (rd, rm, by) = (reg(code >> 8), reg(code >> 16), Ok(reg(code)));
+    Own::Is(Op::Move(Move { rd, rm, shift, by, flags: code >> 20 & 1 == 1 }))
+}
+
+fn divide(code: u32, signed: bool) -> Own {
+    Own::Is(Op::Divide(Divide { rd: reg(code >> 8), rn: reg(code >> 16), rm: reg(code), signed }))
+}
+
+/// Load and store of one register, memory hints (A5.3.7 to A5.3.10).
+fn single(code: u32) -> Own {
+    let size = match code >> 21 & 3 {
+        0 => Size::Byte,
+        1 => Size::Half,
+        2 => Size::Word,
+        _ => return Own::Undefined,
+    };
+    let (load, signed) = (code >> 20 & 1 == 1, code >> 24 & 1 == 1);
+    let (rn, rt) = (code >> 16 & 15, code >> 12 & 15);
+    if (signed && (!load || size == Size::Word)) || (!load && rn == 15) {
+        return Own::Undefined;
+    }
+    let up = code >> 23 & 1 == 1;
+    let signed_by = |up: bool, offset: u32| if up { offset } else { offset.wrapping_neg() };
+    let plain = Transfer { signed, ..Transfer::plain(load, size, reg(rt), reg(rn), code & 0xFFF) };
+    let transfer = if rn == 15 {
+        Transfer { offset: Offset::Immediate(signed_by(up, code & 0xFFF)), ..plain }
+    } else if up {
+        plain
+    } else if code >> 11 & 1 == 1 {
+        let (index, up, wback) = (code >> 10 & 1 == 1, code >> 9 & 1 == 1, code >> 8 & 1 == 1);
+        if !index && !wback {
+            return Own::Undefined;
+        }
+        let offset = Offset::Immediate(signed_by(up, code & 0xFF));
+        Transfer { offset, index, wback, unprivileged: index && up && !wback, ..plain }
+    } else if code >> 6 & 31 == 0 {
+        Transfer { offset: Offset::Register(reg(code), code >> 4 & 3), ..plain }
+    } else {
+        return Own::Undefined;
+    };
+    if load && rt == 15 && size != Size::Word {
+        // PLD, PLI and what may become such.
+        return Own::Is(Op::Special(Special::Nothing));
+    }
+    Own::Is(Op::Transfer(transfer))
+}
+
+/// Branches are `armagnac`'s; the rest of A5.3.4 is not.
+fn control(code: u32) -> Own {
+    if code >> 12 & 0b101 != 0 {
+        return Own::Other;
+    }
+    Own::Is(Op::Special(match code >> 20 & 0x7F {
+        0b011_1000 | 0b011_1001 => {
+            Special::Write { special: code & 0xFF, source: reg(code >> 16), mask: code >> 10 & 3 }
+        }
+        0b011_1010 if code >> 8 & 7 == 0 => match code & 0xFF {
+            hint @ 0..=15 => Special::hint(hint),
+            _ => Special::Nothing,
+        },
+        0b011_1011 => match code >> 4 & 15 {
+            2 => Special::ClearExclusive,
+            4..=6 => Special::Nothing,
+            _ => return Own::Undefined,
+        },
+        0b011_1110 | 0b011_1111 => Special::Read { special: code & 0xFF, rd: reg(code >> 8) },
+        0b111_1111 => return Own::Undefined,
+        op if op & 0b011_1000 != 0b011_1000 => return Own::Other,
+        _ => return Own::Undefined,
+    }))
+}

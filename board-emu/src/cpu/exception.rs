@@ -1,0 +1,176 @@
+//! Entry into exceptions and return from them (ARMv7-M B1.5.6 to B1.5.8).
+//!
+//! Simplified in time, not in effect: an entry takes 12 cycles and so does a return, also where the chip would chain tails in 6;
+//! an exception that arrives while another is being entered preempts it after its first instruction, instead of taking its place.
+
+use super::counts::ENTRY;
+use super::fault::Fault;
+use super::fault::Trap;
+use super::nvic::bit;
+use super::nvic::number::{HARD_FAULT, NMI};
+use super::{Cpu, Sleep};
+use crate::stop::Problem;
+
+/// Bytes of what an entry stores.
+const FRAME: u32 = 0x20;
+
+/// xPSR in a frame: the stack was aligned.
+const ALIGNED: u32 = 1 << 9;
+
+impl Cpu {
+    /// Takes what is due.
+    pub(super) fn take_due(&mut self) -> Result<(), Problem> {
+        match self.sys.nvic.due(self.sys.masks) {
+            Some(exception) => self.enter(exception),
+            None => {
+                self.sys.nvic.changed = false;
+                Ok(())
+            }
+        }
+    }
+
+    /// `ExceptionEntry()`.
+    pub(super) fn enter(&mut self, exception: u32) -> Result<(), Problem> {
+        let return_code = match (self.in_handler(), self.engine.registers.control.spsel()) {
+            (true, _) => 0xFFFF_FFF1,
+            (false, false) => 0xFFFF_FFF9,
+            (false, true) => 0xFFFF_FFFD,
+        };
+        match self.push_frame() {
+            Ok(()) => {}
+            Err(Trap::Stop(problem)) => return Err(problem),
+            // The frame is lost. What is derived may be taken instead; within a HardFault's own entry it is only noted.
+            Err(_) => {
+                self.derived(Fault::Stacking);
+                let derived = self.sys.nvic.most_urgent().unwrap_or(exception);
+                if exception > HARD_FAULT && self.is_more_urgent(derived, exception) {
+                    if self.sys.nvic.enabled >> exception & 1 == 1 {
+                        self.sys.nvic.pend(bit(exception));
+                    }
+                    return self.take(derived, return_code);
+                }
+                if exception <= HARD_FAULT {
+                    self.sys.nvic.unpend(bit(HARD_FAULT));
+                }
+            }
+        }
+        self.take(exception, return_code)
+    }
+
+    fn is_more_urgent(&self, one: u32, other: u32) -> bool {
+        let nvic = &self.sys.nvic;
+        nvic.group(nvic.priority(one)) < nvic.group(nvic.priority(other))
+    }
+
+    /// `PushStack()`.
+    fn push_frame(&mut self) -> Result<(), Trap> {
+        let align = self.sys.aligns_stack();
+        let registers = &self.engine.registers;
+        let old = registers.sp();
+        let top = if align { old & !7 } else { old };
+        let sp = top.wrapping_sub(FRAME);
+        let psr = registers.psr.get() & !ALIGNED | if top == old { 0 } else { ALIGNED };
+        let r = registers;
+        let frame = [r.r0, r.r1, r.r2, r.r3, r.r12, r.lr, r.pc, psr];
+        *self.engine.registers.sp_mut() = sp;
+        for (i, word) in (0..).zip(frame) {
+            self.store_word(sp.wrapping_add(4 * i), word)?;
+        }
+        Ok(())
+    }
+
+    /// `ExceptionTaken()`.
+    fn take(&mut self, exception: u32, return_code: u32) -> Result<(), Problem> {
+        self.sys.nvic.activate(exception);
+        let registers = &mut self.engine.registers;
+        registers.lr = return_code;
+        registers.psr.set_exception_number(exception as u16).set_ici_it(0);
+        registers.control.set_spsel(false);
+        self.sys.sleep = Sleep::No;
+        self.sys.event = true;
+        self.sys.exclusive = false;
+        self.spend(ENTRY);
+        let now = self.chip.borrow().now;
+        self.counts.enter(exception, now);
+        match self.load_word(self.sys.vectors.wrapping_add(4 * exception)) {
+            Ok(vector) => {
+                let registers = &mut self.engine.registers;
+                registers.psr.set_t(vector & 1 == 1);
+                registers.pc = vector & !1;
+                Ok(())
+            }
+            Err(Trap::Stop(problem)) => Err(problem),
+            Err(_) => self.no_vector(exception),
+        }
+    }
+
+    /// `ExceptionReturn()`: what a branch to an address of the form 0xFxxxxxxx means in a handler.
+    pub(super) fn leave(&mut self, return_code: u32) -> Result<(), Problem> {
+        let exception = u32::from(self.engine.registers.psr.exception_number());
+        let nested = (self.sys.nvic.active & !bit(exception)) != 0;
+        let was_active = self.sys.nvic.active & bit(exception) != 0;
+        let fits = match return_code & 15 {
+            1 => nested,
+            9 | 13 => !nested || self.sys.leaves_nested(),
+            _ => false,
+        };
+        self.counts.leave(exception);
+        self.spend(ENTRY);
+        self.sys.nvic.deactivate(exception);
+        if exception != NMI {
+            self.sys.masks.faultmask = false;
+        }
+        self.sys.event = true;
+        self.sys.exclusive = false;
+        if return_code >> 4 != 0x0FFF_FFFF || !fits || !was_active {
+            // Taken in the place of the return: the frame stays (B1.5.8).
+            let taken = self.taker(Fault::Return)?;
+            return self.take(taken, 0xF000_0000 | return_code);
+        }
+        // The next one in the same frame: tail-chaining.
+        if let Some(next) = self.sys.nvic.due(self.sys.masks) {
+            return self.take(next, return_code);
+        }
+        self.restore(return_code)
+    }
+
+    fn restore(&mut self, return_code: u32) -> Result<(), Problem> {
+        let process = return_code & 15 == 13;
+        let registers = &self.engine.registers;
+        let sp = if process { registers.psp } else { registers.msp };
+        let mut frame = [0; 8];
+        for (i, word) in (0..).zip(&mut frame) {
+            match self.load_word(sp.wrapping_add(4 * i)) {
+                Ok(value) => *word = value,
+                Err(Trap::Stop(problem)) => return Err(problem),
+                Err(_) => {
+                    self.derived(Fault::Unstacking);
+                    let Some(next) = self.sys.nvic.due(self.sys.masks) else {
+                        return Err(Problem::Lockup {
+                            what: "an exception's frame cannot be read".to_owned(),
+                        });
+                    };
+                    return self.take(next, return_code);
+                }
+            }
+        }
+        let [r0, r1, r2, r3, r12, lr, pc, psr] = frame;
+        let align = self.sys.aligns_stack() && psr & ALIGNED != 0;
+        let registers = &mut self.engine.registers;
+        (registers.r0, registers.r1, registers.r2, registers.r3) = (r0, r1, r2, r3);
+        (registers.r12, registers.lr, registers.pc) = (r12, lr, pc & !1);
+        registers.psr.set(psr & 0xFF00_FDFF);
+        registers.control.set_spsel(process);
+        *registers.sp_mut() = sp.wrapping_add(FRAME) | if align { 4 } else { 0 };
+        let to_handler = return_code & 15 == 1;
+        if to_handler != (psr & 0x1FF != 0) {
+            // It is entered from where the return would have led (B1.5.8), in the mode that IPSR says.
+            return self.fault(Fault::Return);
+        }
+        if !to_handler && self.sys.sleeps_on_exit() {
+            self.sys.sleep = Sleep::Interrupt;
+            self.wake_if_due();
+        }
+        Ok(())
+    }
+}

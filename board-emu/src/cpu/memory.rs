@@ -1,0 +1,331 @@
+//! Loads and stores: of one register, of two, of many, and exclusive ones.
+//!
+//! Nothing is changed in the core before all of an instruction's loads have succeeded, so that one that faults can be repeated.
+
+use armagnac::registers::RegisterIndex;
+
+use super::fault::{Fault, Trap};
+use super::{Cpu, decode::reg};
+use crate::chip::{Refusal, Size};
+use crate::stop::Problem;
+
+/// What is added to a base.
+#[derive(Clone, Copy, Debug)]
+pub enum Offset {
+    /// A number, which may be negative.
+    Immediate(u32),
+    /// A register, shifted left.
+    Register(RegisterIndex, u32),
+}
+
+/// Load or store of one register.
+#[derive(Clone, Copy, Debug)]
+pub struct Transfer {
+    /// Whether it loads.
+    pub load: bool,
+    /// Of what is transferred.
+    pub size: Size,
+    /// Whether what is loaded is extended by its sign.
+    pub signed: bool,
+    /// Loaded or stored.
+    pub rt: RegisterIndex,
+    /// Base; PC is aligned first.
+    pub rn: RegisterIndex,
+    /// Added to the base.
+    pub offset: Offset,
+    /// Whether the offset counts for this access.
+    pub index: bool,
+    /// Whether the base becomes base and offset.
+    pub wback: bool,
+    /// LDRT and the like: with the rights of unprivileged code.
+    pub unprivileged: bool,
+}
+
+impl Transfer {
+    /// With a positive offset, without write-back.
+    pub const fn plain(load: bool, size: Size, rt: RegisterIndex, rn: RegisterIndex, offset: u32) -> Self {
+        let offset = Offset::Immediate(offset);
+        Self { load, size, signed: false, rt, rn, offset, index: true, wback: false, unprivileged: false }
+    }
+}
+
+/// LDRD, STRD.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair {
+    /// Whether it loads.
+    pub load: bool,
+    /// At the address.
+    pub rt: RegisterIndex,
+    /// At the word after.
+    pub second: RegisterIndex,
+    /// Base; PC is aligned first.
+    pub rn: RegisterIndex,
+    /// Added to the base.
+    pub offset: u32,
+    /// Whether the offset counts for this access.
+    pub index: bool,
+    /// Whether the base becomes base and offset.
+    pub wback: bool,
+}
+
+/// LDM, STM, PUSH, POP.
+#[derive(Clone, Copy, Debug)]
+pub struct Multiple {
+    /// Whether it loads.
+    pub load: bool,
+    /// Base.
+    pub rn: RegisterIndex,
+    /// A bit a register.
+    pub list: u16,
+    /// Whether the base is changed.
+    pub wback: bool,
+    /// Whether the words are beneath the base.
+    pub down: bool,
+}
+
+/// LDREX, STREX and their narrow forms.
+#[derive(Clone, Copy, Debug)]
+pub struct Exclusive {
+    /// Whether it loads.
+    pub load: bool,
+    /// Of what is transferred.
+    pub size: Size,
+    /// Loaded or stored.
+    pub rt: RegisterIndex,
+    /// Base.
+    pub rn: RegisterIndex,
+    /// Of a store: 0 if it happened, 1 if not.
+    pub rd: RegisterIndex,
+    /// Added to the base.
+    pub offset: u32,
+}
+
+/// The private peripheral bus (ARMv7-M B3.1).
+const PRIVATE: u32 = 0xE000_0000;
+const PRIVATE_END: u32 = 0xE010_0000;
+
+impl Cpu {
+    /// Loads from an aligned address.
+    fn load_aligned(&mut self, address: u32, size: Size, privileged: bool) -> Result<u32, Trap> {
+        if (PRIVATE..PRIVATE_END).contains(&address) {
+            return if privileged { self.read_private(address, size) } else { Err(bus(address)) };
+        }
+        let mut chip = self.chip.borrow_mut();
+        if let 0x2000_0000..0x2000_5000 = address {
+            let at = (address - 0x2000_0000) as usize;
+            let ram = chip.ram.get(at..).unwrap_or_default();
+            let value = match size {
+                Size::Byte => ram.first().copied().map(u32::from),
+                Size::Half => ram.first_chunk().map(|bytes| u32::from(u16::from_le_bytes(*bytes))),
+                Size::Word => ram.first_chunk().map(|bytes| u32::from_le_bytes(*bytes)),
+            };
+            return value.ok_or(bus(address));
+        }
+        chip.read(address, size).map_err(|refusal| refused(address, None, refusal))
+    }
+
+    /// Stores to an aligned address.
+    fn store_aligned(&mut self, address: u32, size: Size, value: u32, privileged: bool) -> Result<(), Trap> {
+        if (PRIVATE..PRIVATE_END).contains(&address) {
+            return if privileged { self.write_private(address, size, value) } else { Err(bus(address)) };
+        }
+        let value = match size {
+            Size::Byte => value & 0xFF,
+            Size::Half => value & 0xFFFF,
+            Size::Word => value,
+        };
+        let mut chip = self.chip.borrow_mut();
+        if let 0x2000_0000..0x2000_5000 = address {
+            let (at, len) = ((address - 0x2000_0000) as usize, size.bytes() as usize);
+            if let (Some(ram), Some(bytes)) = (chip.ram.get_mut(at..at + len), value.to_le_bytes().get(..len))
+            {
+                ram.copy_from_slice(bytes);
+                return Ok(());
+            }
+        }
+        chip.write(address, size, value).map_err(|refusal| refused(address, Some(value), refusal))
+    }
+
+    /// `MemU` (ARMv7-M B2.4.4): an unaligned access is one of bytes, unless CCR.UNALIGN_TRP traps it.
+    fn load(&mut self, address: u32, size: Size, privileged: bool) -> Result<u32, Trap> {
+        if address.is_multiple_of(size.bytes()) {
+            return self.load_aligned(address, size, privileged);
+        }
+        self.may_be_unaligned(address, None)?;
+        let mut value = 0;
+        for i in 0..size.bytes() {
+            value |= self.load_aligned(address.wrapping_add(i), Size::Byte, privileged)? << (8 * i);
+        }
+        Ok(value)
+    }
+
+    fn store(&mut self, address: u32, size: Size, value: u32, privileged: bool) -> Result<(), Trap> {
+        if address.is_multiple_of(size.bytes()) {
+            return self.store_aligned(address, size, value, privileged);
+        }
+        self.may_be_unaligned(address, Some(value))?;
+        for i in 0..size.bytes() {
+            self.store_aligned(address.wrapping_add(i), Size::Byte, value >> (8 * i) & 0xFF, privileged)?;
+        }
+        Ok(())
+    }
+
+    fn may_be_unaligned(&self, address: u32, value: Option<u32>) -> Result<(), Trap> {
+        if self.sys.traps_unaligned() {
+            Err(Trap::Fault(Fault::Unaligned))
+        } else if address >= 0x4000_0000 {
+            // Unpredictable for device memory (ARMv7-M A3.2.1).
+            let what = "an unaligned access to a register".to_owned();
+            Err(Trap::Stop(Problem::NotModelled { address, value, what }))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// `MemA` of a word, with the rights of the present mode.
+    pub(super) fn load_word(&mut self, address: u32) -> Result<u32, Trap> {
+        aligned(address, Size::Word)?;
+        self.load_aligned(address, Size::Word, self.is_privileged())
+    }
+
+    pub(super) fn store_word(&mut self, address: u32, value: u32) -> Result<(), Trap> {
+        aligned(address, Size::Word)?;
+        self.store_aligned(address, Size::Word, value, self.is_privileged())
+    }
+
+    fn base(&self, rn: RegisterIndex) -> u32 {
+        if rn.is_pc() { self.engine.registers.pc & !3 } else { self.get(rn) }
+    }
+
+    pub(super) fn transfer(&mut self, transfer: Transfer) -> Result<(), Trap> {
+        let Transfer { load, size, signed, rt, rn, offset, index, wback, unprivileged } = transfer;
+        let base = self.base(rn);
+        let moved = base.wrapping_add(match offset {
+            Offset::Immediate(offset) => offset,
+            Offset::Register(rm, shift) => self.get(rm) << shift,
+        });
+        let address = if index { moved } else { base };
+        let privileged = !unprivileged && self.is_privileged();
+        if !load {
+            self.store(address, size, self.get(rt), privileged)?;
+            if wback {
+                self.set(rn, moved);
+            }
+            return Ok(());
+        }
+        let value = self.load(address, size, privileged)?;
+        let value = match (signed, size) {
+            (true, Size::Byte) => i32::from(value as u8 as i8) as u32,
+            (true, Size::Half) => i32::from(value as u16 as i16) as u32,
+            _ => value,
+        };
+        if wback {
+            self.set(rn, moved);
+        }
+        if rt.is_pc() {
+            self.exchange(value);
+        } else {
+            self.set(rt, value);
+        }
+        Ok(())
+    }
+
+    pub(super) fn pair(&mut self, pair: Pair) -> Result<(), Trap> {
+        let Pair { load, rt, second, rn, offset, index, wback } = pair;
+        let base = self.base(rn);
+        let moved = base.wrapping_add(offset);
+        let address = if index { moved } else { base };
+        if load {
+            let values = (self.load_word(address)?, self.load_word(address.wrapping_add(4))?);
+            self.set(rt, values.0);
+            self.set(second, values.1);
+        } else {
+            self.store_word(address, self.get(rt))?;
+            self.store_word(address.wrapping_add(4), self.get(second))?;
+        }
+        if wback {
+            self.set(rn, moved);
+        }
+        Ok(())
+    }
+
+    pub(super) fn multiple(&mut self, multiple: Multiple) -> Result<(), Trap> {
+        let Multiple { load, rn, list, wback, down } = multiple;
+        let (base, len) = (self.get(rn), 4 * list.count_ones());
+        let moved = if down { base.wrapping_sub(len) } else { base.wrapping_add(len) };
+        let start = if down { moved } else { base };
+        let registers = (0..16).filter(|i| list >> i & 1 == 1);
+        let mut values = [0; 16];
+        for (i, register) in registers.clone().enumerate() {
+            let address = start.wrapping_add(4 * i as u32);
+            if load {
+                let value = self.load_word(address)?;
+                if let Some(place) = values.get_mut(register as usize) {
+                    *place = value;
+                }
+            } else {
+                self.store_word(address, self.get(reg(register)))?;
+            }
+        }
+        if wback {
+            self.set(rn, moved);
+        }
+        if load {
+            for register in registers {
+                let value = values.get(register as usize).copied().unwrap_or(0);
+                if register == 15 {
+                    self.exchange(value);
+                } else {
+                    self.set(reg(register), value);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The monitor of an STM32F103 marks all of memory (PM0056 2.2.7: one tag): a store succeeds after a load, wherever that was.
+    pub(super) fn exclusive(&mut self, exclusive: Exclusive) -> Result<(), Trap> {
+        let Exclusive { load, size, rt, rn, rd, offset } = exclusive;
+        let address = self.get(rn).wrapping_add(offset);
+        aligned(address, size)?;
+        if load {
+            let value = self.load_aligned(address, size, self.is_privileged())?;
+            self.sys.exclusive = true;
+            self.set(rt, value);
+        } else if std::mem::take(&mut self.sys.exclusive) {
+            self.store_aligned(address, size, self.get(rt), self.is_privileged())?;
+            self.set(rd, 0);
+        } else {
+            self.set(rd, 1);
+        }
+        Ok(())
+    }
+
+    pub(super) fn table(
+        &mut self,
+        base: RegisterIndex,
+        index: RegisterIndex,
+        size: Size,
+    ) -> Result<(), Trap> {
+        let address = self.get(base).wrapping_add(self.get(index).wrapping_mul(size.bytes()));
+        let halves = self.load(address, size, self.is_privileged())?;
+        let target = self.engine.registers.pc.wrapping_add(2 * halves);
+        self.branch(target);
+        Ok(())
+    }
+}
+
+const fn aligned(address: u32, size: Size) -> Result<(), Trap> {
+    if address.is_multiple_of(size.bytes()) { Ok(()) } else { Err(Trap::Fault(Fault::Unaligned)) }
+}
+
+const fn bus(address: u32) -> Trap {
+    Trap::Fault(Fault::Bus(address))
+}
+
+fn refused(address: u32, value: Option<u32>, refusal: Refusal) -> Trap {
+    match refusal {
+        Refusal::Bus => bus(address),
+        Refusal::NotModelled(what) => Trap::Stop(Problem::NotModelled { address, value, what }),
+    }
+}

@@ -1,0 +1,173 @@
+//! Special registers, sleep, and instructions that ask for exceptions (ARMv7-M B1.4, B5.2).
+
+use armagnac::registers::RegisterIndex;
+
+use super::fault::{Fault, Trap};
+use super::nvic::PRIORITY_BITS;
+use super::{Cpu, Sleep};
+
+/// What such an instruction does.
+#[derive(Clone, Copy, Debug)]
+pub enum Special {
+    /// NOP, barriers, hints that mean nothing here.
+    Nothing,
+    /// WFI.
+    WaitForInterrupt,
+    /// WFE.
+    WaitForEvent,
+    /// SEV.
+    SendEvent,
+    /// CLREX.
+    ClearExclusive,
+    /// CPS.
+    ChangeState {
+        /// CPSID.
+        disable: bool,
+        /// Flag i.
+        primask: bool,
+        /// Flag f.
+        faultmask: bool,
+    },
+    /// MRS.
+    Read {
+        /// SYSm.
+        special: u32,
+        /// Where to.
+        rd: RegisterIndex,
+    },
+    /// MSR.
+    Write {
+        /// SYSm.
+        special: u32,
+        /// Where from.
+        source: RegisterIndex,
+        /// Of APSR: bit 1 for the flags.
+        mask: u32,
+    },
+    /// SVC.
+    SupervisorCall,
+    /// BKPT.
+    Breakpoint,
+    /// Any instruction of a coprocessor.
+    Coprocessor,
+}
+
+impl Special {
+    /// A hint by its number.
+    pub const fn hint(number: u32) -> Self {
+        match number {
+            2 => Self::WaitForEvent,
+            3 => Self::WaitForInterrupt,
+            4 => Self::SendEvent,
+            _ => Self::Nothing,
+        }
+    }
+}
+
+const APSR: u32 = 0xF800_0000;
+const IPSR: u32 = 0x1FF;
+
+impl Cpu {
+    pub(super) fn special(&mut self, special: Special) -> Result<(), Trap> {
+        match special {
+            Special::Nothing => {}
+            Special::WaitForInterrupt => {
+                self.sys.sleep = Sleep::Interrupt;
+                self.wake_if_due();
+            }
+            Special::WaitForEvent => {
+                if !std::mem::take(&mut self.sys.event) {
+                    self.sys.sleep = Sleep::Event;
+                }
+            }
+            Special::SendEvent => self.sys.event = true,
+            Special::ClearExclusive => self.sys.exclusive = false,
+            Special::ChangeState { disable, primask, faultmask } => {
+                if self.is_privileged() {
+                    if primask {
+                        self.sys.masks.primask = disable;
+                    }
+                    if faultmask {
+                        self.set_faultmask(disable);
+                    }
+                    self.sys.nvic.changed = true;
+                }
+            }
+            Special::Read { special, rd } => {
+                let value = self.read_special(special);
+                self.set(rd, value);
+            }
+            Special::Write { special, source, mask } => self.write_special(special, self.get(source), mask),
+            Special::SupervisorCall => return Err(Trap::SupervisorCall),
+            Special::Breakpoint => return Err(Trap::Fault(Fault::Breakpoint)),
+            Special::Coprocessor => return Err(Trap::Fault(Fault::Coprocessor)),
+        }
+        Ok(())
+    }
+
+    /// Only from a priority below -1 (B5.2.1).
+    fn set_faultmask(&mut self, on: bool) {
+        if !on || self.sys.nvic.execution_priority(self.sys.masks) > -1 {
+            self.sys.masks.faultmask = on;
+        }
+    }
+
+    /// What MRS gives: EPSR reads as 0, and all but APSR and CONTROL so where unprivileged.
+    pub(super) fn read_special(&self, special: u32) -> u32 {
+        let registers = &self.engine.registers;
+        let privileged = self.is_privileged();
+        match special {
+            0..=7 => {
+                let flags = if special & 4 == 0 { registers.psr.get() & APSR } else { 0 };
+                let exception = if special & 1 == 1 && privileged { registers.psr.get() & IPSR } else { 0 };
+                flags | exception
+            }
+            20 => registers.control.read(),
+            _ if !privileged => 0,
+            8 => registers.msp,
+            9 => registers.psp,
+            16 => u32::from(self.sys.masks.primask),
+            17 | 18 => u32::from(self.sys.masks.basepri),
+            19 => u32::from(self.sys.masks.faultmask),
+            _ => 0,
+        }
+    }
+
+    fn write_special(&mut self, special: u32, value: u32, mask: u32) {
+        if special <= 3 {
+            if mask & 2 != 0 {
+                let psr = &mut self.engine.registers.psr;
+                psr.set(psr.get() & !APSR | value & APSR);
+            }
+            return;
+        }
+        if !self.is_privileged() {
+            return;
+        }
+        let handler = self.in_handler();
+        let registers = &mut self.engine.registers;
+        let masks = &mut self.sys.masks;
+        match special {
+            8 => registers.msp = value & !3,
+            9 => registers.psp = value & !3,
+            16 => masks.primask = value & 1 == 1,
+            17 => masks.basepri = value as u8 & PRIORITY_BITS,
+            18 => {
+                let new = value as u8 & PRIORITY_BITS;
+                if new != 0 && (new < masks.basepri || masks.basepri == 0) {
+                    masks.basepri = new;
+                }
+            }
+            19 => self.set_faultmask(value & 1 == 1),
+            20 => {
+                registers.control.set_privileged_bit(value & 1 == 1);
+                // A handler has the main stack.
+                if !handler {
+                    registers.control.set_spsel(value & 2 == 2);
+                }
+            }
+            _ => {}
+        }
+        self.sys.nvic.changed = true;
+    }
+}

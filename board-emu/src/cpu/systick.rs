@@ -1,0 +1,106 @@
+//! SysTick (PM0056 4.5): 24 bits that count down, at the core's clock or an eighth of it.
+//!
+//! It is not stepped: what it shows follows from when it was last looked at.
+
+use crate::time::{NEVER, Time};
+
+const ENABLE: u32 = 1;
+const TICKINT: u32 = 1 << 1;
+const CLKSOURCE: u32 = 1 << 2;
+const COUNTFLAG: u32 = 1 << 16;
+
+/// 1 ms at 9 MHz, which is what ST put there (PM0056 4.5.4).
+const CALIBRATION: u32 = 9000;
+
+/// The timer.
+#[derive(Clone, Debug)]
+pub struct SysTick {
+    control: u32,
+    reload: u32,
+    /// Of the count at `since`.
+    value: u32,
+    since: Time,
+    /// Ticks a cycle of the core.
+    cycle: Time,
+    counted: bool,
+}
+
+impl SysTick {
+    /// As after a reset.
+    #[must_use]
+    pub const fn new(now: Time, cycle: Time) -> Self {
+        Self { control: 0, reload: 0, value: 0, since: now, cycle, counted: false }
+    }
+
+    const fn unit(&self) -> Time {
+        if self.control & CLKSOURCE == 0 { 8 * self.cycle } else { self.cycle }
+    }
+
+    /// Counts until it is 0 the next time; it never is if there is nothing to reload.
+    fn to_zero(&self) -> Option<Time> {
+        match (self.value, self.reload) {
+            (0, 0) => None,
+            (0, reload) => Some(Time::from(reload) + 1),
+            (value, _) => Some(Time::from(value)),
+        }
+    }
+
+    /// Lets time pass to `now`, with cycles of `cycle` ticks from then on; whether it became 0 and interrupts.
+    pub fn advance(&mut self, now: Time, cycle: Time) -> bool {
+        let zero = self.count(now);
+        self.cycle = cycle;
+        self.counted |= zero;
+        zero && self.control & TICKINT != 0
+    }
+
+    fn count(&mut self, now: Time) -> bool {
+        if self.control & ENABLE == 0 {
+            self.since = now;
+            return false;
+        }
+        let unit = self.unit();
+        let counts = now.saturating_sub(self.since) / unit;
+        self.since += counts * unit;
+        let Some(first) = self.to_zero() else { return false };
+        if counts < first {
+            self.value = if counts == 0 { self.value } else { (first - counts) as u32 };
+            return false;
+        }
+        let period = Time::from(self.reload) + 1;
+        let past = (counts - first) % period;
+        self.value = if past == 0 { 0 } else { (period - past) as u32 };
+        true
+    }
+
+    /// When it next interrupts.
+    #[must_use]
+    pub fn next_event(&self) -> Time {
+        if self.control & (ENABLE | TICKINT) != ENABLE | TICKINT {
+            return NEVER;
+        }
+        self.to_zero().map_or(NEVER, |counts| self.since + counts * self.unit())
+    }
+
+    /// CSR, RVR, CVR and CALIB by number; time has passed to the present.
+    pub fn read(&mut self, register: u32) -> u32 {
+        match register {
+            0 => self.control | if std::mem::take(&mut self.counted) { COUNTFLAG } else { 0 },
+            1 => self.reload,
+            2 => self.value,
+            _ => CALIBRATION,
+        }
+    }
+
+    /// The same, written.
+    pub fn write(&mut self, register: u32, value: u32, now: Time) {
+        match register {
+            0 => {
+                self.control = value & (ENABLE | TICKINT | CLKSOURCE);
+                self.since = now;
+            }
+            1 => self.reload = value & 0x00FF_FFFF,
+            2 => (self.value, self.counted, self.since) = (0, false, now),
+            _ => {}
+        }
+    }
+}
