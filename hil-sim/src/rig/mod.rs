@@ -11,7 +11,7 @@ use halls::Halls;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
-use servo_core::sense::commutation::Bridge;
+pub use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
 use tater_fw::Analog;
 
@@ -181,6 +181,12 @@ impl Rig {
     #[must_use]
     pub fn halls(&self) -> u8 {
         self.halls.lines()
+    }
+
+    /// Whether the over-current comparator has tripped.
+    #[must_use]
+    pub const fn tripped(&self) -> bool {
+        self.tripped
     }
 
     /// See [`Plant::set_max_step_us`].
