@@ -4,7 +4,7 @@
 #[path = "../tater-fw/src/tater/tests/board.rs"]
 mod board;
 mod download;
-mod hosts;
+pub(crate) mod hosts;
 mod image;
 mod locked;
 mod properties;

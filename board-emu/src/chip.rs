@@ -5,11 +5,13 @@
 pub mod adc;
 pub mod afio;
 pub mod can;
+pub mod counter;
 pub mod exti;
 pub mod flash;
 pub mod gpio;
 pub mod iwdg;
 pub mod rcc;
+mod resets;
 pub mod tim1;
 pub mod timer;
 pub mod uid;
@@ -129,6 +131,8 @@ pub struct Chip {
 
 /// Interrupts by position in the vector table (RM0008 table 63).
 pub mod irq {
+    /// Line 0 of the external interrupts; lines 1 to 4 follow.
+    pub const EXTI0: u32 = 6;
     /// Injected or regular conversions are done.
     pub const ADC1_2: u32 = 18;
     /// A mailbox is empty.
@@ -139,6 +143,8 @@ pub mod irq {
     pub const CAN_RX1: u32 = 21;
     /// Status change, errors.
     pub const CAN_SCE: u32 = 22;
+    /// Lines 5 to 9 of the external interrupts.
+    pub const EXTI9_5: u32 = 23;
     /// Break of TIM1.
     pub const TIM1_BRK: u32 = 24;
     /// Update of TIM1.
@@ -151,24 +157,18 @@ pub mod irq {
     pub const TIM3: u32 = 29;
     /// TIM4.
     pub const TIM4: u32 = 30;
+    /// Lines 10 to 15 of the external interrupts.
+    pub const EXTI15_10: u32 = 40;
 }
 
 impl Chip {
     /// A chip whose power is off, its flash erased, its RAM as chance left it (`seed`), with that device number.
     #[must_use]
     pub fn new(seed: u64, uid: [u32; 3]) -> Self {
-        // Any pattern that is neither 0 nor all ones: nobody may rely on it.
-        let mut state = seed | 1;
-        let mut chance = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 32) as u8
-        };
         Self {
             now: 0,
             flash: flash::Flash::default(),
-            ram: (0..RAM.len).map(|_| chance()).collect(),
+            ram: chance(seed),
             rcc: rcc::Rcc::default(),
             gpio: gpio::Gpio::default(),
             afio: afio::Afio::default(),
@@ -199,7 +199,38 @@ impl Chip {
         self.adc.reset();
         self.can.reset();
         self.iwdg.reset();
+        self.tim1.gates_changed = true;
+        self.touched = true;
         self.wire();
+    }
+
+    /// The supply was off: RAM holds what chance leaves there.
+    pub fn forget(&mut self, seed: u64) {
+        self.ram = chance(seed);
+    }
+
+    /// The world drives a pin (port A is 0), or lets it go.
+    pub fn set_pin(&mut self, (port, pin): (usize, usize), level: Option<bool>) {
+        if self.gpio.driven[port][pin] != level {
+            self.gpio.driven[port][pin] = level;
+            self.touched = true;
+            self.wire();
+        }
+    }
+
+    /// The hall lines have changed at `at`, which is not later than the present.
+    pub fn hall_lines(&mut self, at: Time) {
+        let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
+        self.tim4.set_inputs(halls, at);
+        self.touched = true;
+    }
+
+    /// When something next happens by itself that may interrupt.
+    #[must_use]
+    pub fn next_wake(&self) -> Time {
+        let all: [&dyn Peripheral; 7] =
+            [&self.flash, &self.rcc, &self.tim2, &self.tim3, &self.tim4, &self.can, &self.iwdg];
+        all.into_iter().map(Peripheral::next_event).min().unwrap_or(NEVER)
     }
 
     /// Reads memory or a register.
@@ -233,6 +264,10 @@ impl Chip {
         match address {
             0x0800_0000..0x0802_0000 => {
                 self.touched = true;
+                if !self.rcc.is_hsi_on() {
+                    let what = "the flash is programmed by the RC oscillator, which is off (PM0075 2.3)";
+                    return Err(Refusal::NotModelled(what.to_owned()));
+                }
                 self.flash.program(address - 0x0800_0000, size, value, self.now)
             }
             0x2000_0000..0x2000_5000 => {
@@ -306,20 +341,52 @@ impl Chip {
         };
         let word = done.map_err(Refusal::NotModelled)?;
         self.touched = true;
+        // Gates and brake are pins.
+        self.tim1.gates_changed |= base == 0x4001_0800 && value.is_some();
+        let (present, needed) = (self.flash.wait_states(), self.rcc.wait_states());
+        if value.is_some() && present < needed {
+            let what =
+                format!("{present} wait states of the flash, {needed} needed at this clock (PM0075 3.1)");
+            return Err(Refusal::NotModelled(what));
+        }
         self.wire();
         Ok(word)
     }
 
-    /// The wires between peripherals, and from pins to them.
+    /// The wires between peripherals, and from pins to them. Whoever changes pins has it called by [`Self::pins_changed`].
     fn wire(&mut self) {
         let now = self.now;
+        self.reset_peripherals();
+        for timer in [&mut self.tim2, &mut self.tim3, &mut self.tim4] {
+            timer.set_cycle(self.rcc.timer_cycle(), now);
+        }
+        self.tim1.set_cycle(self.rcc.timer1_cycle(), now);
+        self.adc.set_cycle(self.rcc.adc_cycle(), now);
+        self.can.set_cycle(self.rcc.can_cycle());
         let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
         self.tim4.set_inputs(halls, now);
         // A dead crystal trips the break as well (RM0008 7.2.7).
         self.tim1.set_break(self.gpio.level(1, 12), self.rcc.clock_failed(), now);
-        if self.tim1.take_trigger() {
-            self.adc.trigger(now);
+        if let Some(at) = self.tim1.take_trigger() {
+            self.adc.trigger(at);
         }
+        if self.exti.listens() {
+            let level = |line: usize| u32::from(self.gpio.level(self.afio.port(line), line)) << line;
+            self.exti.set_inputs((0..16).map(level).sum());
+        } else {
+            self.exti.forget();
+        }
+    }
+
+    /// The world has changed what it drives pins to: what follows in hardware follows at once, as the break.
+    pub fn pins_changed(&mut self) {
+        self.touched = true;
+        self.wire();
+    }
+
+    /// From now on this is at the converter's inputs: 12 bits, by channel.
+    pub fn set_analog(&mut self, inputs: [u16; 18]) {
+        self.adc.set_inputs(inputs, self.now);
     }
 
     /// When something next happens by itself.
@@ -366,6 +433,7 @@ impl Chip {
     #[must_use]
     pub fn interrupts(&self) -> u64 {
         let line = |number: u32, on: bool| u64::from(on) << number;
+        let exti = self.exti.interrupts();
         line(irq::ADC1_2, self.adc.interrupt())
             | line(irq::CAN_TX, self.can.interrupt_tx())
             | line(irq::CAN_RX0, self.can.interrupt_rx(0))
@@ -377,7 +445,22 @@ impl Chip {
             | line(irq::TIM2, self.tim2.interrupt())
             | line(irq::TIM3, self.tim3.interrupt())
             | line(irq::TIM4, self.tim4.interrupt())
+            | u64::from(exti & 0x1F) << irq::EXTI0
+            | line(irq::EXTI9_5, exti & 0x3E0 != 0)
+            | line(irq::EXTI15_10, exti & 0xFC00 != 0)
     }
+}
+
+/// What RAM may hold after the supply was off: nobody may rely on it.
+fn chance(seed: u64) -> Vec<u8> {
+    let mut state = seed | 1;
+    let mut byte = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 32) as u8
+    };
+    (0..RAM.len).map(|_| byte()).collect()
 }
 
 const fn mask(size: Size) -> u32 {
@@ -394,3 +477,6 @@ const fn alias(address: u32) -> (u32, u32) {
     let byte = (address & 0xF000_0000) + (offset >> 5);
     (byte & !3, (offset >> 2 & 7) + 8 * (byte & 3))
 }
+
+#[cfg(test)]
+mod tests;

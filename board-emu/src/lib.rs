@@ -5,7 +5,9 @@
 //! peripherals; [`machine`] is both with time; [`board`] puts the chip's pins to the motor, its sensors and the bus.
 #![forbid(unsafe_code)]
 
+pub mod analog;
 pub mod board;
+pub mod bridge;
 pub mod chip;
 pub mod cpu;
 pub mod image;

@@ -7,7 +7,7 @@ use crate::chip::{Chip, Reset};
 use crate::cpu::{Cpu, Shared};
 use crate::image::Names;
 use crate::stop::{Problem, Stop};
-use crate::time::{Time, US};
+use crate::time::{NEVER, Time, US};
 
 /// A chip and its core.
 pub struct Machine {
@@ -108,8 +108,8 @@ impl Machine {
                 self.chip.borrow_mut().now = until;
                 break;
             }
-            if self.cpu.is_asleep() {
-                let to = next.min(until);
+            if let Some(wakes) = self.waits_until() {
+                let to = next.min(until).min(wakes);
                 self.chip.borrow_mut().now = to;
             } else {
                 self.cpu.step().map_err(|problem| self.stop(problem))?;
@@ -129,6 +129,40 @@ impl Machine {
             }
         }
         Ok(Pause::Until)
+    }
+
+    /// Whether no instruction is executed now: the core sleeps, waits for its flash, or has no power.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        !self.powered || self.waits_until().is_some()
+    }
+
+    /// The core sleeps (which only an event ends), or waits for its flash.
+    fn waits_until(&self) -> Option<Time> {
+        if self.cpu.is_asleep() {
+            return Some(NEVER);
+        }
+        let chip = self.chip.borrow();
+        (chip.flash.busy_until > chip.now).then_some(chip.flash.busy_until)
+    }
+
+    /// When something next happens that may wake the core: not what timer 1 and the converter do among themselves.
+    #[must_use]
+    pub fn next_wake(&self) -> Time {
+        self.chip.borrow().next_wake().min(self.cpu.next_event())
+    }
+
+    /// The same machine in the same state, with a chip of its own.
+    #[must_use]
+    pub fn duplicate(&self) -> Self {
+        let chip = Rc::new(RefCell::new(self.chip.borrow().clone()));
+        Self {
+            cpu: self.cpu.duplicate(Rc::clone(&chip)),
+            chip,
+            names: Rc::clone(&self.names),
+            powered: self.powered,
+            resets: self.resets.clone(),
+        }
     }
 
     /// All events that are due; returns when the next one is.

@@ -90,9 +90,10 @@ impl<S: Station> Slot<S> {
     /// and in the last microsecond before it runs on: their interrupt goes before what the program does next, which may
     /// be to stand still again.
     fn delivery_us(&self) -> Option<u64> {
-        let ready_us = self.fifo.front()?.at_us + BOARD_US;
+        let latency_us = self.station.latency_us();
+        let ready_us = self.fifo.front()?.at_us + latency_us;
         let busy_us = self.station.busy_until_us();
-        Some(if ready_us < busy_us { busy_us - 1 } else { ready_us.max(self.taken_us + BOARD_US) })
+        Some(if ready_us < busy_us { busy_us - 1 } else { ready_us.max(self.taken_us + latency_us) })
     }
 }
 
@@ -288,6 +289,9 @@ impl<S: Station> Bus<S> {
         self.stats.busy_us += self.free_us - flight.begin_us;
         if !flight.whole {
             self.stats.errors += 1;
+            for (index, slot) in self.slots.iter_mut().enumerate().filter(|(_, slot)| slot.is_connected()) {
+                slot.station.error(flight.sender == Some(index));
+            }
             return;
         }
         let Flight { frame, sender, .. } = *flight;

@@ -98,7 +98,7 @@ impl Host {
 }
 
 /// The value in a node's answer about a property.
-pub(super) fn answer(frame: &Frame, node: u8, property: Property) -> Option<i64> {
+pub(crate) fn answer(frame: &Frame, node: u8, property: Property) -> Option<i64> {
     let message = Message::parse(frame)?;
     if message.from != id(node) {
         return None;

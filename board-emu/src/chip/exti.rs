@@ -1,18 +1,102 @@
-//! External interrupts (RM0008 10.3).
+//! External interrupts of the ports' pins (RM0008 10.3). No program of the board uses them.
 
 use super::{Access, Peripheral};
 use crate::time::Time;
 
+/// Lines of pins; those of the supply, the clock and USB are not here.
+const LINES: u32 = 0xFFFF;
+
 /// Its registers.
 #[derive(Clone, Debug, Default)]
-pub struct Exti;
+pub struct Exti {
+    imr: u32,
+    emr: u32,
+    rising: u32,
+    falling: u32,
+    pending: u32,
+    /// What the pins were last, while anybody waits for an edge.
+    levels: Option<u32>,
+}
 
-impl Peripheral for Exti {
-    fn read(&mut self, _offset: u32, _now: Time) -> Access<u32> {
-        Err("nothing of it is".to_owned())
+impl Exti {
+    /// Whether anybody waits for an edge.
+    #[must_use]
+    pub const fn listens(&self) -> bool {
+        (self.rising | self.falling) != 0
     }
 
-    fn write(&mut self, _offset: u32, _value: u32, _now: Time) -> Access<()> {
-        Err("nothing of it is".to_owned())
+    /// The levels at the pins that the lines listen to, a bit a line.
+    pub fn set_inputs(&mut self, levels: u32) {
+        let before = self.levels.replace(levels).unwrap_or(levels);
+        let (up, down) = (levels & !before, before & !levels);
+        self.pending |= up & self.rising | down & self.falling;
+    }
+
+    /// Nobody waits for an edge: the next levels are no change.
+    pub const fn forget(&mut self) {
+        self.levels = None;
+    }
+
+    /// Which lines interrupt.
+    #[must_use]
+    pub const fn interrupts(&self) -> u32 {
+        self.pending & self.imr
+    }
+}
+
+impl Peripheral for Exti {
+    fn read(&mut self, offset: u32, _now: Time) -> Access<u32> {
+        match offset {
+            0x00 => Ok(self.imr),
+            0x04 => Ok(self.emr),
+            0x08 => Ok(self.rising),
+            0x0C => Ok(self.falling),
+            0x10 => Ok(0),
+            0x14 => Ok(self.pending),
+            _ => Err("EXTI has no such register".to_owned()),
+        }
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _now: Time) -> Access<()> {
+        if value & !LINES != 0 {
+            return Err("a line beyond 15".to_owned());
+        }
+        match offset {
+            0x00 => self.imr = value,
+            // An event wakes a core that waits for one.
+            0x04 if value == 0 => self.emr = 0,
+            0x04 => return Err("events".to_owned()),
+            0x08 => self.rising = value,
+            0x0C => self.falling = value,
+            0x10 => self.pending |= value,
+            0x14 => self.pending &= !value,
+            _ => return Err("EXTI has no such register".to_owned()),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_edge_stays_pending_until_its_bit_is_written() {
+        let mut exti = Exti::default();
+        exti.write(0x00, 0b11, 0).unwrap();
+        exti.write(0x08, 0b101, 0).unwrap();
+        exti.write(0x0C, 0b10, 0).unwrap();
+        assert!(exti.listens());
+        exti.set_inputs(0b10);
+        assert_eq!(exti.interrupts(), 0, "what was there before is no edge");
+        exti.forget();
+        exti.set_inputs(0);
+        exti.set_inputs(0b10);
+        assert_eq!(exti.interrupts(), 0, "line 1 rose, which nobody asked for");
+        exti.set_inputs(0b101);
+        assert_eq!(exti.interrupts(), 0b11, "line 2 is masked");
+        exti.write(0x14, 0b01, 0).unwrap();
+        assert_eq!(exti.read(0x14, 0), Ok(0b110));
+        assert!(exti.write(0x00, 1 << 16, 0).is_err());
     }
 }

@@ -2,6 +2,8 @@
 
 use tater_wire::Frame;
 
+use super::BOARD_US;
+
 /// A board on the bus, with its CAN controller's transmit mailboxes; the receive FIFO is the bus's.
 ///
 /// The bus brings all stations to each instant at which something happens on it, and to each [`Station::next_us`];
@@ -24,6 +26,12 @@ pub trait Station {
     /// the receive FIFO until the last microsecond.
     fn busy_until_us(&self) -> u64;
 
+    /// From the end of a frame to when its program has the answer ready, µs, unless the processor stands still. 0 where the
+    /// station has a receive FIFO and a program of its own: it gets a frame when it ends.
+    fn latency_us(&self) -> u64 {
+        BOARD_US
+    }
+
     /// Whether its CAN controller takes part: a board without power, in reset or booting neither hears nor acknowledges.
     fn is_on_bus(&self) -> bool {
         true
@@ -31,6 +39,11 @@ pub trait Station {
 
     /// A frame from the receive FIFO, at the station's present time: any frame on the bus but its own.
     fn receive(&mut self, frame: &Frame);
+
+    /// A frame on the wire was destroyed, which it was sending or hearing.
+    fn error(&mut self, sending: bool) {
+        let _ = sending;
+    }
 
     /// The frames in the transmit mailboxes, in the order of the mailboxes. The controller (bxCAN with TXFP = 0) sends
     /// the lowest identifier first, of equal ones that of the first mailbox. A station that stands still goes on sending.

@@ -1,0 +1,251 @@
+//! What all timers count with: prescaler, counter, auto-reload (RM0008 14.3.1, 14.3.2, 15.3.1, 15.3.2).
+//!
+//! It is a function of time: whoever looks at it first lets it catch up, from one turn to the next.
+
+use crate::time::{NEVER, Time};
+
+/// Which way it counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Direction {
+    /// From 0 to the top, and from 0 again.
+    #[default]
+    Up,
+    /// From the top to 0.
+    Down,
+    /// Up and down again.
+    Centre,
+}
+
+/// A counter.
+#[derive(Clone, Debug)]
+pub struct Counter {
+    /// Ticks a clock of the timer.
+    cycle: Time,
+    /// Since when it has its count; while it stands, nothing.
+    since: Time,
+    /// CEN.
+    pub running: bool,
+    /// The count.
+    pub count: u32,
+    /// DIR, as it is read: counting down.
+    pub down: bool,
+    /// Which way it was told to count.
+    pub direction: Direction,
+    /// PSC as it is read; it counts from the next update on.
+    pub prescaler: u32,
+    /// ARR as it is read.
+    pub reload: u32,
+    /// ARPE: a new ARR counts from the next update on.
+    pub buffered: bool,
+    /// Clocks a count, less one.
+    divider: u32,
+    /// The ARR that counts.
+    pub top: u32,
+}
+
+impl Default for Counter {
+    fn default() -> Self {
+        Self {
+            cycle: 2,
+            since: 0,
+            running: false,
+            count: 0,
+            down: false,
+            direction: Direction::Up,
+            prescaler: 0,
+            reload: 0xFFFF,
+            buffered: false,
+            divider: 0,
+            top: 0xFFFF,
+        }
+    }
+}
+
+impl Counter {
+    /// Ticks a count.
+    #[must_use]
+    pub fn step(&self) -> Time {
+        self.cycle * self.clocks()
+    }
+
+    /// Clocks of the timer a count.
+    #[must_use]
+    pub fn clocks(&self) -> Time {
+        Time::from(self.divider) + 1
+    }
+
+    /// The timer's clock is another from `now` on, to which the counter has caught up.
+    pub fn set_cycle(&mut self, cycle: Time, now: Time) {
+        if cycle != self.cycle {
+            let clocks = now.saturating_sub(self.since) / self.cycle;
+            self.since = now.saturating_sub(clocks * cycle);
+            self.cycle = cycle;
+        }
+    }
+
+    /// Ticks a clock of the timer.
+    #[must_use]
+    pub const fn cycle(&self) -> Time {
+        self.cycle
+    }
+
+    /// Starts or stops it; it has caught up with `now`.
+    pub fn run(&mut self, on: bool, now: Time) {
+        if on && !self.running {
+            self.since = now;
+        }
+        self.running = on;
+    }
+
+    /// Counts until it turns: 1 at least.
+    fn to_turn(&self) -> u32 {
+        match (self.direction, self.down) {
+            // Beyond the top it goes to the end of its 16 bits.
+            (Direction::Up, _) => (if self.count <= self.top { self.top } else { 0xFFFF }) - self.count + 1,
+            (Direction::Down, _) => self.count + 1,
+            (Direction::Centre, false) if self.count >= self.top => 1,
+            (Direction::Centre, false) => self.top - self.count,
+            (Direction::Centre, true) => self.count.max(1),
+        }
+    }
+
+    /// Counts until it is at `count` without turning before.
+    fn to_count(&self, count: u32) -> Option<u32> {
+        let ahead = if self.down { self.count.checked_sub(count) } else { count.checked_sub(self.count) };
+        ahead.filter(|&ahead| ahead > 0 && ahead <= self.to_turn())
+    }
+
+    /// When it next turns, or is at one of the `counts`.
+    #[must_use]
+    pub fn next_stop(&self, counts: &[u32]) -> Time {
+        // With ARR 0 it stands (RM0008 14.4.12).
+        if !self.running || self.top == 0 {
+            return NEVER;
+        }
+        let ahead = counts.iter().filter_map(|&count| self.to_count(count)).fold(self.to_turn(), u32::min);
+        self.since + Time::from(ahead) * self.step()
+    }
+
+    /// Lets it count to `now`, which is not past [`Self::next_stop`]. Whether it turned: an overflow or an underflow.
+    pub fn advance(&mut self, now: Time) -> bool {
+        if !self.running || self.top == 0 {
+            return false;
+        }
+        let passed = now.saturating_sub(self.since) / self.step();
+        self.since += passed * self.step();
+        let passed = u32::try_from(passed).unwrap_or(u32::MAX);
+        if passed < self.to_turn() {
+            self.count = if self.down { self.count - passed } else { self.count + passed };
+            return false;
+        }
+        match self.direction {
+            Direction::Up => self.count = 0,
+            Direction::Down => self.count = self.top,
+            Direction::Centre => {
+                self.count = if self.down { 0 } else { self.top };
+                self.down = !self.down;
+            }
+        }
+        true
+    }
+
+    /// An update takes over what was buffered.
+    pub fn update(&mut self) {
+        self.divider = self.prescaler;
+        self.top = self.reload;
+    }
+
+    /// UG, or a slave's reset: begins anew at `now`, with what an update has taken over before.
+    pub fn restart(&mut self, now: Time) {
+        self.since = now;
+        self.down = self.direction == Direction::Down;
+        self.count = if self.down { self.top } else { 0 };
+    }
+
+    /// Writes ARR.
+    pub fn set_reload(&mut self, reload: u32) {
+        self.reload = reload;
+        if !self.buffered {
+            self.top = reload;
+        }
+    }
+
+    /// Writes CNT at `now`; the prescaler goes on.
+    pub fn set_count(&mut self, count: u32) {
+        self.count = count;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn counter(direction: Direction, top: u32) -> Counter {
+        let mut counter = Counter { direction, ..Counter::default() };
+        counter.set_reload(top);
+        counter.update();
+        counter.restart(0);
+        counter.run(true, 0);
+        counter
+    }
+
+    /// Counts at consecutive clocks, and where it turned.
+    fn counts(counter: &mut Counter, clocks: u64) -> (Vec<u32>, Vec<u64>) {
+        let mut turns = Vec::new();
+        let mut seen = Vec::new();
+        for clock in 0..clocks {
+            if counter.advance(clock * 2) {
+                turns.push(clock);
+            }
+            seen.push(counter.count);
+        }
+        (seen, turns)
+    }
+
+    #[test]
+    fn up_down_and_centre() {
+        let (seen, turns) = counts(&mut counter(Direction::Up, 3), 9);
+        assert_eq!((seen, turns), (vec![0, 1, 2, 3, 0, 1, 2, 3, 0], vec![4, 8]));
+        let (seen, turns) = counts(&mut counter(Direction::Down, 3), 9);
+        assert_eq!((seen, turns), (vec![3, 2, 1, 0, 3, 2, 1, 0, 3], vec![4, 8]));
+        // 0 to ARR - 1, then ARR down to 1: a period of 2 ARR (RM0008 14.3.2).
+        let (seen, turns) = counts(&mut counter(Direction::Centre, 3), 13);
+        assert_eq!((seen, turns), (vec![0, 1, 2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0], vec![3, 6, 9, 12]));
+    }
+
+    #[test]
+    fn a_prescaler_counts_from_an_update_on() {
+        let mut counter = counter(Direction::Up, 9);
+        counter.prescaler = 71;
+        assert_eq!(counter.next_stop(&[]), 20);
+        assert!(counter.advance(20));
+        counter.update();
+        assert_eq!(counter.next_stop(&[]), 20 + 10 * 144);
+        counter.advance(20 + 3 * 144 - 1);
+        assert_eq!(counter.count, 2);
+        counter.advance(20 + 3 * 144);
+        assert_eq!(counter.count, 3);
+    }
+
+    #[test]
+    fn another_clock_keeps_the_clocks_that_were_counted() {
+        let mut counter = counter(Direction::Up, 99);
+        counter.prescaler = 9;
+        counter.update();
+        // Seven clocks of ten, then three slower ones.
+        counter.advance(1014);
+        assert_eq!(counter.count, 50);
+        counter.set_cycle(18, 1014);
+        counter.advance(1014 + 3 * 18 - 1);
+        assert_eq!(counter.count, 50);
+        counter.advance(1014 + 3 * 18);
+        assert_eq!(counter.count, 51);
+    }
+
+    #[test]
+    fn it_stops_where_it_is_told_and_at_the_turn() {
+        let counter = counter(Direction::Centre, 1800);
+        assert_eq!(counter.next_stop(&[85, 900]), 170);
+        assert_eq!(counter.next_stop(&[0, 1801]), 3600);
+    }
+}

@@ -1,0 +1,88 @@
+//! Instructions that are not what was flashed: a task that hangs, an instruction that is none.
+
+use board_emu::time::US;
+use tater_wire::memory::{APPLICATION, FLASH};
+use tater_wire::{FaultCode, Property};
+
+use super::bench::{Bench, production};
+
+/// `b .`
+const WEDGE: u16 = 0xE7FE;
+/// `udf #0`
+const UNDEFINED: u16 = 0xDE00;
+
+/// Exception numbers of the application's tasks.
+const TASKS: [(&str, u32); 6] = [
+    ("hall", 16 + 30),
+    ("tick", 16 + 29),
+    ("receive", 16 + 20),
+    ("sent", 16 + 19),
+    ("slow", 15),
+    ("idle", 0),
+];
+
+/// Overwrites the instruction at an address.
+fn patch(bench: &mut Bench, address: u32, code: u16) {
+    let mut chip = bench.board_mut().machine_mut().chip_mut();
+    let at = (address - FLASH.start) as usize & !1;
+    chip.flash.bytes[at..at + 2].copy_from_slice(&code.to_le_bytes());
+    chip.flash.version += 1;
+}
+
+/// Where the handler of an exception begins; of 0 where the program waits.
+fn handler(bench: &mut Bench, exception: u32) -> u32 {
+    while exception == 0 {
+        if bench.board().machine().is_waiting() {
+            return bench.board().machine().cpu.pc();
+        }
+        bench.wait_us(10);
+    }
+    let at = (APPLICATION.start - FLASH.start + 4 * exception) as usize;
+    let chip = bench.board().machine().chip();
+    let bytes = chip.flash.bytes[at..at + 4].try_into().expect("four");
+    u32::from_le_bytes(bytes) & !1
+}
+
+#[test]
+fn the_watchdog_resets_a_board_with_a_wedged_task() {
+    let Some(programs) = production() else { return };
+    for (name, exception) in TASKS {
+        let mut bench = Bench::moving(&programs);
+        let address = handler(&mut bench, exception);
+        let resets = bench.resets();
+        let begin = bench.board().machine().now();
+        patch(&mut bench, address, WEDGE);
+        // Something for the tasks that only the bus calls.
+        bench.set(Property::M, 20);
+        bench.set(Property::MODE, 5);
+        while bench.resets() == resets {
+            bench.wait_ms(1);
+            assert!(bench.board().machine().now() - begin < 1_500_000 * US, "{name}: no reset");
+        }
+        let after_ms = (bench.board().machine().now() - begin) / US / 1000;
+        assert!(bench.is_safe(), "{name}");
+        bench.wait_ms(100);
+        assert_eq!(bench.get(Property::STAT), Some(0), "{name}: in the monitor");
+        assert_eq!(bench.get(Property::ERROR), Some(i64::from(FaultCode::Watchdog.code())), "{name}");
+        println!("figure: task {name} wedged: reset after {after_ms} ms, ERROR 24");
+    }
+}
+
+#[test]
+fn an_instruction_that_is_none_ends_with_the_bridge_off_and_the_reason() {
+    let Some(programs) = production() else { return };
+    for (name, exception) in TASKS.into_iter().filter(|&(_, exception)| exception != 0) {
+        let mut bench = Bench::moving(&programs);
+        let address = handler(&mut bench, exception);
+        patch(&mut bench, address, UNDEFINED);
+        bench.set(Property::M, 20);
+        let resets = bench.resets();
+        for _ in 0..150 {
+            bench.wait_ms(1);
+        }
+        assert_eq!(bench.resets(), resets + 1, "{name}");
+        assert!(bench.is_safe(), "{name}");
+        assert_eq!(bench.get(Property::STAT), Some(0), "{name}: in the monitor");
+        assert_eq!(bench.get(Property::ERROR), Some(i64::from(FaultCode::HardFault.code())), "{name}");
+    }
+}
