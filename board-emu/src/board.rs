@@ -214,7 +214,7 @@ impl Board {
             if matches!(pause, Pause::Gates | Pause::Reset(_)) {
                 self.pins_changed();
             } else {
-                self.brake_released = self.machine.chip().gpio.output(BRAKE.0, BRAKE.1);
+                self.brake_released = brake(&self.machine.chip());
             }
             if pause == Pause::Breakpoint {
                 return true;
@@ -277,7 +277,7 @@ impl Board {
     fn pins_changed(&mut self) {
         let bridge = {
             let chip = self.machine.chip();
-            self.brake_released = chip.gpio.output(BRAKE.0, BRAKE.1);
+            self.brake_released = brake(&chip);
             bridge::of(&chip)
         };
         match bridge {
@@ -295,6 +295,11 @@ impl Board {
         let chip = self.machine.chip();
         self.pending.extend_from_slice(chip.can.pending());
     }
+}
+
+/// Whether the brake's pin is high; a resistor pulls it down.
+fn brake(chip: &Chip) -> bool {
+    chip.gpio.output(BRAKE.0, BRAKE.1) == Some(true)
 }
 
 impl Station for Board {
@@ -338,8 +343,9 @@ impl Station for Board {
     }
 
     fn error(&mut self, sending: bool) {
+        let at = self.now_us * US;
         let mut chip = self.machine.chip_mut();
-        chip.can.error(sending);
+        chip.can.error(sending, at);
         chip.touched = true;
     }
 

@@ -11,6 +11,7 @@ pub mod flash;
 pub mod gpio;
 pub mod iwdg;
 pub mod rcc;
+mod resets;
 pub mod tim1;
 pub mod timer;
 pub mod uid;
@@ -45,11 +46,6 @@ pub trait Peripheral {
         let _ = now;
     }
 }
-
-/// Ticks a clock of the timers: 72 MHz.
-const TIMER_CYCLE: Time = 2;
-/// Ticks a clock of the converter: 12 MHz.
-const ADC_CYCLE: Time = 12;
 
 /// How an access went wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -268,6 +264,10 @@ impl Chip {
         match address {
             0x0800_0000..0x0802_0000 => {
                 self.touched = true;
+                if !self.rcc.is_hsi_on() {
+                    let what = "the flash is programmed by the RC oscillator, which is off (PM0075 2.3)";
+                    return Err(Refusal::NotModelled(what.to_owned()));
+                }
                 self.flash.program(address - 0x0800_0000, size, value, self.now)
             }
             0x2000_0000..0x2000_5000 => {
@@ -283,7 +283,13 @@ impl Chip {
                 self.register(address, Some(value))?;
                 Ok(())
             }
-            0x4000_0000..0x4002_4000 => {
+            // The bridge to the APB widens a narrow write: its bits stand in the word as often as they fit (RM0008 3.1).
+            0x4000_0000..0x4001_8000 => {
+                let copies = if size == Size::Half { 0x1_0001 } else { 0x0101_0101 };
+                self.register(address & !3, Some((value & mask(size)) * copies))?;
+                Ok(())
+            }
+            0x4001_8000..0x4002_4000 => {
                 Err(Refusal::NotModelled("a write narrower than a word to a register".to_owned()))
             }
             _ => Err(Refusal::Bus),
@@ -337,6 +343,12 @@ impl Chip {
         self.touched = true;
         // Gates and brake are pins.
         self.tim1.gates_changed |= base == 0x4001_0800 && value.is_some();
+        let (present, needed) = (self.flash.wait_states(), self.rcc.wait_states());
+        if value.is_some() && present < needed {
+            let what =
+                format!("{present} wait states of the flash, {needed} needed at this clock (PM0075 3.1)");
+            return Err(Refusal::NotModelled(what));
+        }
         self.wire();
         Ok(word)
     }
@@ -344,11 +356,13 @@ impl Chip {
     /// The wires between peripherals, and from pins to them. Whoever changes pins has it called by [`Self::pins_changed`].
     fn wire(&mut self) {
         let now = self.now;
+        self.reset_peripherals();
         for timer in [&mut self.tim2, &mut self.tim3, &mut self.tim4] {
-            timer.set_cycle(TIMER_CYCLE, now);
+            timer.set_cycle(self.rcc.timer_cycle(), now);
         }
-        self.tim1.set_cycle(TIMER_CYCLE, now);
-        self.adc.set_cycle(ADC_CYCLE, now);
+        self.tim1.set_cycle(self.rcc.timer1_cycle(), now);
+        self.adc.set_cycle(self.rcc.adc_cycle(), now);
+        self.can.set_cycle(self.rcc.can_cycle());
         let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
         self.tim4.set_inputs(halls, now);
         // A dead crystal trips the break as well (RM0008 7.2.7).

@@ -1,9 +1,83 @@
 //! 128 KiB of flash in pages of 1 KiB: programming by half-words, page erase, busy times (RM0008 3, PM0075).
+//!
+//! An operation's result is there as soon as it begins, and [`Flash::busy_until`] says until when nobody can see it: the core
+//! waits. If a reset or the power's failure comes before, the result is taken back in part, as chance (seeded) will have it.
+//! Not modelled: option bytes, write and read protection, the FPEC's interrupt.
+
+#[cfg(test)]
+mod tests;
 
 use super::{Access, Peripheral};
 use super::{Refusal, Size};
-use crate::time::Time;
-use tater_wire::memory::FLASH;
+use crate::time::{Time, US};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use tater_wire::memory::{FLASH, PAGE};
+
+/// Programming a half-word: 52.5 us (DS5319 5.3.9, typical; 40 to 70).
+pub const PROGRAM: Time = 105 * US / 2;
+
+/// Erasing a page, or all of them: 40 ms (DS5319 5.3.9, maximum).
+pub const ERASE: Time = 40_000 * US;
+
+/// What unlocks CR, one after the other (PM0075 2.3.2).
+const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
+
+/// Bits of ACR (PM0075 3.1): latency, half-cycle access, prefetch buffer, and its state.
+mod acr {
+    pub const LATENCY: u32 = 7;
+    pub const PRFTBE: u32 = 1 << 4;
+    pub const PRFTBS: u32 = 1 << 5;
+    /// After a reset.
+    pub const RESET: u32 = PRFTBE;
+}
+
+/// Bits of SR (PM0075 3.4).
+mod sr {
+    pub const BSY: u32 = 1;
+    pub const PGERR: u32 = 1 << 2;
+    pub const WRPRTERR: u32 = 1 << 4;
+    pub const EOP: u32 = 1 << 5;
+}
+
+/// Bits of CR (PM0075 3.5).
+mod cr {
+    pub const PG: u32 = 1;
+    pub const PER: u32 = 1 << 1;
+    pub const MER: u32 = 1 << 2;
+    pub const STRT: u32 = 1 << 6;
+    pub const LOCK: u32 = 1 << 7;
+}
+
+/// How far CR has been unlocked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lock {
+    /// So many keys have been right.
+    Keys(usize),
+    /// A wrong one: until the next reset (PM0075 2.3.2; the bus error that goes with it is not modelled).
+    Jammed,
+}
+
+/// An operation that has begun.
+#[derive(Clone, Debug)]
+struct Operation {
+    /// Which one, since the flash was made.
+    number: u64,
+    /// Where it is, an offset, and what was there.
+    at: usize,
+    old: Vec<u8>,
+    erase: bool,
+}
+
+/// A planned failure of the power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cut {
+    None,
+    /// In the operation of this number.
+    At(u64),
+    /// It is there: nothing has an effect any more.
+    Dead,
+}
 
 /// The flash and its registers.
 #[derive(Clone, Debug)]
@@ -14,18 +88,87 @@ pub struct Flash {
     pub busy_until: Time,
     /// Goes up with every change of its bytes: what was decoded from them is stale.
     pub version: u32,
+    acr: u32,
+    lock: Lock,
+    /// SR without BSY.
+    sr: u32,
+    cr: u32,
+    ar: u32,
+    operations: u64,
+    /// The last operation, until another one begins or it is interrupted.
+    last: Option<Operation>,
+    cut: Cut,
+    /// What an interrupted operation leaves is drawn from it.
+    seed: u64,
 }
 
 impl Default for Flash {
     fn default() -> Self {
-        Self { bytes: vec![0xFF; FLASH.len as usize], busy_until: 0, version: 0 }
+        Self {
+            bytes: vec![0xFF; FLASH.len as usize],
+            busy_until: 0,
+            version: 0,
+            acr: acr::RESET,
+            lock: Lock::Keys(0),
+            sr: 0,
+            cr: cr::LOCK,
+            ar: 0,
+            operations: 0,
+            last: None,
+            cut: Cut::None,
+            seed: 0,
+        }
     }
 }
 
 impl Flash {
-    /// The registers as after a reset: locked.
+    /// The registers as after a reset: locked. An operation that is under way ends here, half done; no cut is planned any
+    /// more, and after one the flash works again.
     pub fn reset(&mut self, now: Time) {
-        let _ = now;
+        if self.busy_until > now {
+            self.interrupt();
+        }
+        self.last = None;
+        self.cut = Cut::None;
+        self.busy_until = now.min(self.busy_until);
+        self.acr = acr::RESET;
+        self.lock = Lock::Keys(0);
+        (self.sr, self.cr, self.ar) = (0, cr::LOCK, 0);
+    }
+
+    /// Operations (half-words programmed, pages erased) since the flash was made; erasing all of it is one.
+    #[must_use]
+    pub const fn operations(&self) -> u64 {
+        self.operations
+    }
+
+    /// The power fails in the middle of the operation that follows `operations` more; `seed` decides what that leaves. From
+    /// then on no operation has an effect until [`Self::reset`]: whoever has the chip is to switch its power off when
+    /// [`Self::is_cut`].
+    pub const fn cut_after(&mut self, operations: u64, seed: u64) {
+        self.cut = Cut::At(self.operations + operations);
+        self.seed = seed;
+    }
+
+    /// Whether the planned failure of the power has come.
+    #[must_use]
+    pub fn is_cut(&self) -> bool {
+        self.cut == Cut::Dead
+    }
+
+    /// Writes as a programmer does at the bench: no timing, no rules. Bytes beyond the flash are dropped.
+    pub fn load(&mut self, address: u32, bytes: &[u8]) {
+        let at = address.wrapping_sub(FLASH.start) as usize;
+        for (to, from) in self.bytes.iter_mut().skip(at).zip(bytes) {
+            *to = *from;
+        }
+        self.version = self.version.wrapping_add(1);
+    }
+
+    /// Wait states that accesses have (ACR.LATENCY).
+    #[must_use]
+    pub const fn wait_states(&self) -> u32 {
+        self.acr & acr::LATENCY
     }
 
     /// Reads at an offset; only within the flash.
@@ -38,22 +181,163 @@ impl Flash {
         Ok((0..size.bytes() as usize).map(byte).sum())
     }
 
-    /// A write to an address of the flash: programs, if the registers allow it.
+    /// A write to an address of the flash: programs, if the registers allow it (PM0075 2.3.3). A half-word that is not erased
+    /// is left as it is, with PGERR, unless 0 is written.
     ///
     /// # Errors
-    /// A width other than 16 bits is a bus error.
+    /// A bus error: a width other than 16 bits, an odd offset, or CR.PG not set.
     pub fn program(&mut self, offset: u32, size: Size, value: u32, now: Time) -> Result<(), Refusal> {
-        let _ = (offset, size, value, now);
-        Err(Refusal::NotModelled("programming".to_owned()))
+        if size != Size::Half || !offset.is_multiple_of(2) || self.cr & cr::PG == 0 {
+            return Err(Refusal::Bus);
+        }
+        if self.cr & (cr::PER | cr::MER) != 0 {
+            return Err(Refusal::NotModelled("programming with FLASH_CR.PER or MER set".to_owned()));
+        }
+        let at = offset as usize;
+        let [low, high, ..] = value.to_le_bytes();
+        let new = [low, high];
+        if self.bytes.get(at..at + 2) != Some(&[0xFF, 0xFF]) && new != [0, 0] {
+            self.sr |= sr::PGERR;
+            return Ok(());
+        }
+        self.begin(at, &new, false, now + PROGRAM);
+        Ok(())
+    }
+
+    /// CR.STRT: erases what PER or MER say (PM0075 2.3.4).
+    fn start(&mut self, now: Time) -> Access<()> {
+        let (at, len) = match self.cr & (cr::PER | cr::MER | cr::PG) {
+            cr::PER if FLASH.holds(self.ar.into(), 1) => {
+                (((self.ar - FLASH.start) / PAGE * PAGE) as usize, PAGE as usize)
+            }
+            cr::PER => return Err(format!("FLASH_AR: no page at {:#010x}", self.ar)),
+            cr::MER => (0, FLASH.len as usize),
+            bits => {
+                return Err(format!(
+                    "FLASH_CR.STRT with {bits:#x} of PG, PER and MER: one of the last two alone"
+                ));
+            }
+        };
+        self.begin(at, &vec![0xFF; len], true, now + ERASE);
+        Ok(())
+    }
+
+    /// Begins an operation, and counts it.
+    fn begin(&mut self, at: usize, new: &[u8], erase: bool, until: Time) {
+        let number = self.operations;
+        self.operations += 1;
+        self.busy_until = until;
+        self.sr |= sr::EOP;
+        if self.is_cut() {
+            return;
+        }
+        let Some(bytes) = self.bytes.get_mut(at..at + new.len()) else { return };
+        self.last = Some(Operation { number, at, old: bytes.to_vec(), erase });
+        bytes.copy_from_slice(new);
+        self.version = self.version.wrapping_add(1);
+        if self.cut == Cut::At(number) {
+            self.interrupt();
+            self.cut = Cut::Dead;
+        }
+    }
+
+    /// The last operation is only half done: what that leaves is what the simulated boards' flash leaves
+    /// (`hil_sim::rig::flash`).
+    fn interrupt(&mut self) {
+        let Some(Operation { number, at, old, erase }) = self.last.take() else { return };
+        let mut rng = Pcg64Mcg::new(u128::from(self.seed) << 64 | u128::from(number));
+        let Some(bytes) = self.bytes.get_mut(at..at + old.len()) else { return };
+        self.version = self.version.wrapping_add(1);
+        if !erase {
+            // Bits that should have fallen and did not.
+            for (byte, old) in bytes.iter_mut().zip(old) {
+                *byte = old & (*byte | rng.random::<u8>());
+            }
+            return;
+        }
+        match rng.random_range(0..4) {
+            // Hardly begun, hardly ended, in between: some bits up, or all of them anyhow.
+            0 => bytes.copy_from_slice(&old),
+            1 => {}
+            2 => bytes.iter_mut().zip(old).for_each(|(byte, old)| *byte = old | rng.random::<u8>()),
+            _ => bytes.iter_mut().for_each(|byte| *byte = rng.random()),
+        }
+    }
+
+    fn write_key(&mut self, key: u32) {
+        self.lock = match self.lock {
+            Lock::Keys(right) if self.cr & cr::LOCK != 0 && KEYS.get(right) == Some(&key) => {
+                Lock::Keys(right + 1)
+            }
+            _ => Lock::Jammed,
+        };
+        if self.lock == Lock::Keys(KEYS.len()) {
+            self.cr &= !cr::LOCK;
+        }
+    }
+
+    /// Without a lock; LOCK can only be set here (PM0075 3.5).
+    fn write_cr(&mut self, value: u32, now: Time) -> Access<()> {
+        if self.cr & cr::LOCK != 0 {
+            return Ok(());
+        }
+        let modelled = cr::PG | cr::PER | cr::MER | cr::STRT | cr::LOCK;
+        if value & !modelled != 0 {
+            return Err("FLASH_CR: option bytes and interrupts are not there".to_owned());
+        }
+        if now < self.busy_until {
+            return Err("FLASH_CR is written during an operation".to_owned());
+        }
+        self.cr = value & !cr::STRT;
+        if value & cr::LOCK != 0 && self.lock != Lock::Jammed {
+            self.lock = Lock::Keys(0);
+        }
+        if value & cr::STRT != 0 { self.start(now) } else { Ok(()) }
     }
 }
 
 impl Peripheral for Flash {
-    fn read(&mut self, _offset: u32, _now: Time) -> Access<u32> {
-        Err("nothing of it is".to_owned())
+    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+        let busy = now < self.busy_until;
+        Ok(match offset {
+            0x00 => self.acr | if self.acr & acr::PRFTBE != 0 { acr::PRFTBS } else { 0 },
+            // Keys are written only.
+            0x04 | 0x08 => 0,
+            0x0C if busy => self.sr & !sr::EOP | sr::BSY,
+            0x0C => self.sr,
+            0x10 if busy && self.last.as_ref().is_some_and(|last| last.erase) => self.cr | cr::STRT,
+            0x10 => self.cr,
+            // Written only.
+            0x14 => 0,
+            _ => {
+                return Err(format!(
+                    "not even a register of the flash at offset {offset:#x}: option bytes are not there"
+                ));
+            }
+        })
     }
 
-    fn write(&mut self, _offset: u32, _value: u32, _now: Time) -> Access<()> {
-        Err("nothing of it is".to_owned())
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+        match offset {
+            0x00 => {
+                let (latency, half_cycle) = (value & acr::LATENCY, value >> 3 & 1);
+                if latency > 2 || half_cycle == 1 || value >> 6 != 0 {
+                    return Err(format!("FLASH_ACR = {value:#x}: up to 2 wait states, no half-cycle access"));
+                }
+                self.acr = value & !acr::PRFTBS;
+            }
+            0x04 => self.write_key(value),
+            0x0C => self.sr &= !(value & (sr::EOP | sr::PGERR | sr::WRPRTERR)),
+            0x10 => self.write_cr(value, now)?,
+            // Protected during an operation (PM0075 3.6).
+            0x14 if now < self.busy_until => {}
+            0x14 => self.ar = value,
+            _ => {
+                return Err(format!(
+                    "the flash has no register at offset {offset:#x}: option bytes are not there"
+                ));
+            }
+        }
+        Ok(())
     }
 }

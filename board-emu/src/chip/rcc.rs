@@ -1,50 +1,432 @@
 //! Clocks and the cause of the last reset (RM0008 7).
+//!
+//! Modelled: the HSI and HSE oscillators and the PLL with their start-up times, the system clock and its dividers, the clock
+//! security system, the clock and reset bits of peripherals, the LSI as far as CSR shows it, and the reset flags. Not
+//! modelled: LSE and RTC, the interrupts of ready flags, MCO.
+
+#[cfg(test)]
+mod tests;
+mod tree;
 
 use super::Reset;
 use super::{Access, Peripheral};
-use crate::time::Time;
+use crate::time::{NEVER, Time, US};
+use tree::{Source, Tree};
+
+/// The crystal's start-up: 2 ms (DS5319 table 22, typical).
+pub const HSE_START: Time = 2000 * US;
+/// The PLL's lock time: 200 us (DS5319 table 28, maximum).
+pub const PLL_LOCK: Time = 200 * US;
+/// The RC oscillator's start-up: 2 us (DS5319 table 24, maximum).
+pub const HSI_START: Time = 2 * US;
+/// The slow RC oscillator's start-up: 85 us (DS5319 table 25, maximum).
+pub const LSI_START: Time = 85 * US;
+
+/// Bits of CR (RM0008 7.3.1).
+mod cr {
+    pub const HSION: u32 = 1;
+    pub const HSIRDY: u32 = 1 << 1;
+    pub const HSITRIM: u32 = 0x1F << 3;
+    pub const HSEON: u32 = 1 << 16;
+    pub const HSERDY: u32 = 1 << 17;
+    pub const HSEBYP: u32 = 1 << 18;
+    pub const CSSON: u32 = 1 << 19;
+    pub const PLLON: u32 = 1 << 24;
+    pub const PLLRDY: u32 = 1 << 25;
+}
+
+/// Bits of CFGR (RM0008 7.3.2).
+mod cfgr {
+    pub const SW: u32 = 3;
+    pub const SWS: u32 = 3 << 2;
+    /// What may be written only while the PLL is off: source, divider of the crystal, factor.
+    pub const PLL: u32 = 0x3F << 16;
+    pub const MCO: u32 = 7 << 24;
+    /// Reserved bits.
+    pub const NONE: u32 = 1 << 23 | 0xF8 << 24;
+}
+
+/// Bits of CIR (RM0008 7.3.3).
+mod cir {
+    pub const CSSF: u32 = 1 << 7;
+    pub const ENABLES: u32 = 0x1F << 8;
+    pub const CSSC: u32 = 1 << 23;
+}
+
+/// Bits of CSR (RM0008 7.3.10).
+mod csr {
+    pub const LSION: u32 = 1;
+    pub const LSIRDY: u32 = 1 << 1;
+    pub const RMVF: u32 = 1 << 24;
+    pub const PINRSTF: u32 = 1 << 26;
+    pub const PORRSTF: u32 = 1 << 27;
+    pub const SFTRSTF: u32 = 1 << 28;
+    pub const IWDGRSTF: u32 = 1 << 29;
+}
 
 /// Clocks and reset.
-#[derive(Clone, Debug, Default)]
-pub struct Rcc;
+#[derive(Clone, Debug)]
+pub struct Rcc {
+    /// The crystal oscillates if it is told to.
+    crystal: bool,
+    /// What was written to CR, without the ready bits.
+    cr: u32,
+    /// Since when each oscillator has been ready, or will be; [`NEVER`] if it is off.
+    hsi_ready: Time,
+    hse_ready: Time,
+    pll_ready: Time,
+    lsi_ready: Time,
+    /// CFGR without SWS.
+    cfgr: u32,
+    /// What the system clock is.
+    source: Source,
+    /// The clock security system has seen the crystal fail.
+    clock_failed: bool,
+    apb2rstr: u32,
+    apb1rstr: u32,
+    ahbenr: u32,
+    apb2enr: u32,
+    apb1enr: u32,
+    /// Reset flags of CSR.
+    flags: u32,
+    /// Blocks that are to be reset.
+    resets: Vec<u32>,
+    /// All cycles, as they follow from the above.
+    tree: Tree,
+}
+
+impl Default for Rcc {
+    fn default() -> Self {
+        let mut rcc = Self {
+            crystal: true,
+            cr: 0,
+            hsi_ready: 0,
+            hse_ready: NEVER,
+            pll_ready: NEVER,
+            lsi_ready: NEVER,
+            cfgr: 0,
+            source: Source::Hsi,
+            clock_failed: false,
+            apb2rstr: 0,
+            apb1rstr: 0,
+            ahbenr: 0,
+            apb2enr: 0,
+            apb1enr: 0,
+            flags: 0,
+            resets: Vec::new(),
+            tree: Tree::RESET,
+        };
+        rcc.reset(Reset::Power);
+        rcc
+    }
+}
 
 impl Rcc {
-    /// All as after a reset; the flags say which.
+    /// All as after a reset; the flags say which. The chip pulls its own NRST low at every reset, so that PINRSTF is always
+    /// set (RM0008 7.1.1, figure 4); flags add up until RMVF or a power-on reset.
     pub fn reset(&mut self, cause: Reset) {
-        let _ = cause;
+        let flags = csr::PINRSTF
+            | match cause {
+                Reset::Power => csr::PORRSTF,
+                Reset::Pin => 0,
+                Reset::Software => csr::SFTRSTF,
+                Reset::Watchdog => csr::IWDGRSTF,
+            };
+        self.flags = if cause == Reset::Power { flags } else { self.flags | flags };
+        // The trimming's middle; the RC oscillator runs (RM0008 7.3.1).
+        self.cr = cr::HSION | 16 << 3;
+        (self.hsi_ready, self.hse_ready, self.pll_ready, self.lsi_ready) = (0, NEVER, NEVER, NEVER);
+        (self.cfgr, self.source, self.tree) = (0, Source::Hsi, Tree::RESET);
+        self.clock_failed = false;
+        (self.apb2rstr, self.apb1rstr) = (0, 0);
+        // RAM and the flash interface while asleep (RM0008 7.3.6).
+        (self.ahbenr, self.apb2enr, self.apb1enr) = (0x14, 0, 0);
+        self.resets.clear();
     }
 
-    /// Whether the clock of the peripheral at an address is on.
+    /// Whether the clock of the peripheral at an address is on, and it is not held in reset.
     #[must_use]
     pub fn is_clocked(&self, address: u32) -> bool {
-        let _ = address;
-        true
+        match tree::switch(address) {
+            None => true,
+            Some(tree::Switch::Ahb(bit)) => self.ahbenr >> bit & 1 == 1,
+            Some(tree::Switch::Apb1(bit)) => (self.apb1enr & !self.apb1rstr) >> bit & 1 == 1,
+            Some(tree::Switch::Apb2(bit)) => (self.apb2enr & !self.apb2rstr) >> bit & 1 == 1,
+        }
+    }
+
+    /// The first address of a block that a bit of APB1RSTR or APB2RSTR resets, once for each.
+    pub fn take_peripheral_reset(&mut self) -> Option<u32> {
+        self.resets.pop()
     }
 
     /// Ticks ([`crate::time`]) a cycle of the core: 2 at 72 MHz, 18 at 8 MHz.
     #[must_use]
-    pub fn core_cycle(&self) -> Time {
-        18
+    pub const fn core_cycle(&self) -> Time {
+        self.tree.core
+    }
+
+    /// Ticks a cycle of TIM1's clock: APB2's, twice as fast if that is divided (RM0008 7.2, figure 8).
+    #[must_use]
+    pub const fn timer1_cycle(&self) -> Time {
+        self.tree.timer1
+    }
+
+    /// Ticks a cycle of TIM2's, TIM3's and TIM4's clock: APB1's, twice as fast if that is divided.
+    #[must_use]
+    pub const fn timer_cycle(&self) -> Time {
+        self.tree.timer
+    }
+
+    /// Ticks a cycle of the converter: 14 MHz at most, which is for the converter to check.
+    #[must_use]
+    pub const fn adc_cycle(&self) -> Time {
+        self.tree.adc
+    }
+
+    /// Ticks a cycle of bxCAN's clock: APB1's.
+    #[must_use]
+    pub const fn can_cycle(&self) -> Time {
+        self.tree.apb1
+    }
+
+    /// Wait states that the flash must have for the clock as it is and as it is about to be (PM0075 3.1: one above 24 MHz, two
+    /// above 48 MHz).
+    #[must_use]
+    pub fn wait_states(&self) -> u32 {
+        let coming = Tree::new(Source::from_bits(self.cfgr & cfgr::SW), self.cfgr);
+        let hz = self.tree.core_hz.max(coming.map_or(0, |tree| tree.core_hz));
+        u32::from(hz > 24_000_000) + u32::from(hz > 48_000_000)
+    }
+
+    /// Whether the RC oscillator runs, without which the flash can be neither programmed nor erased (PM0075 2.3).
+    #[must_use]
+    pub const fn is_hsi_on(&self) -> bool {
+        self.cr & cr::HSION != 0
+    }
+
+    /// Whether the core has no clock: its crystal is dead, and nobody watched it. It stands still where it is, and so does all
+    /// else but the watchdog.
+    #[must_use]
+    pub const fn is_stopped(&self) -> bool {
+        !self.crystal && self.runs_from_crystal()
     }
 
     /// Whether the clock security system has seen the crystal fail, which it says by NMI until told that it is seen.
     #[must_use]
-    pub fn clock_failed(&self) -> bool {
-        false
+    pub const fn clock_failed(&self) -> bool {
+        self.clock_failed
     }
 
-    /// The crystal dies (or comes back).
+    const fn runs_from_crystal(&self) -> bool {
+        match self.source {
+            Source::Hsi => false,
+            Source::Hse => true,
+            Source::Pll => tree::is_pll_from_crystal(self.cfgr),
+        }
+    }
+
+    /// The crystal dies (or comes back: what it was to drive starts again, after its start-up time if it was found out).
     pub fn set_crystal(&mut self, alive: bool, now: Time) {
-        let _ = (alive, now);
+        if self.crystal == alive {
+            return;
+        }
+        self.crystal = alive;
+        if alive {
+            if self.cr & cr::HSEON != 0 && self.hse_ready == NEVER {
+                self.hse_ready = now + HSE_START;
+                self.start_pll(now);
+            }
+            return;
+        }
+        // The security system watches from when the crystal has been ready (RM0008 7.2.7).
+        if self.cr & cr::CSSON != 0 && self.hse_ready <= now {
+            self.clock_failed = true;
+            self.cr &= !cr::HSEON;
+            self.hse_ready = NEVER;
+            if self.runs_from_crystal() {
+                self.cr = (self.cr | cr::HSION) & !(cr::PLLON * u32::from(self.source == Source::Pll));
+                self.hsi_ready = self.hsi_ready.min(now + HSI_START);
+                if self.source == Source::Pll {
+                    self.pll_ready = NEVER;
+                }
+                self.cfgr &= !cfgr::SW;
+                self.switch_to(Source::Hsi);
+            }
+        } else if self.hse_ready > now {
+            // It never gets ready.
+            self.hse_ready = NEVER;
+            self.start_pll(now);
+        }
+    }
+
+    /// Since when the PLL is locked, after a change of it or of its input.
+    fn start_pll(&mut self, now: Time) {
+        let input = if tree::is_pll_from_crystal(self.cfgr) { self.hse_ready } else { self.hsi_ready };
+        let on = self.cr & cr::PLLON != 0 && input != NEVER;
+        self.pll_ready = if on { input.max(now) + PLL_LOCK } else { NEVER };
+    }
+
+    /// When a source is ready, or was.
+    const fn ready(&self, source: Source) -> Time {
+        match source {
+            Source::Hsi => self.hsi_ready,
+            Source::Hse => self.hse_ready,
+            Source::Pll => self.pll_ready,
+        }
+    }
+
+    /// What SW asks for.
+    const fn wanted(&self) -> Source {
+        Source::from_bits(self.cfgr & cfgr::SW)
+    }
+
+    fn switch_to(&mut self, source: Source) {
+        // What cannot be is refused where it is written.
+        if let Ok(tree) = Tree::new(source, self.cfgr) {
+            (self.source, self.tree) = (source, tree);
+        }
+    }
+
+    fn read_cr(&self, now: Time) -> u32 {
+        let bit = |ready: Time, bit: u32| if ready <= now { bit } else { 0 };
+        self.cr
+            | bit(self.hsi_ready, cr::HSIRDY)
+            | bit(self.hse_ready, cr::HSERDY)
+            | bit(self.pll_ready, cr::PLLRDY)
+    }
+
+    /// What drives the system clock, or is to, cannot be switched off (RM0008 7.3.1).
+    fn write_cr(&mut self, value: u32, now: Time) -> Access<()> {
+        let ours = cr::HSION | cr::HSITRIM | cr::HSEON | cr::HSEBYP | cr::CSSON | cr::PLLON;
+        let mut new = value & ours;
+        if new & cr::HSEBYP != 0 {
+            return Err("RCC_CR.HSEBYP: there is a crystal, and no clock from outside".to_owned());
+        }
+        let used = [self.source, self.wanted()];
+        let pll = used.contains(&Source::Pll);
+        let crystal = used.contains(&Source::Hse) || pll && tree::is_pll_from_crystal(self.cfgr);
+        let rc = used.contains(&Source::Hsi) || pll && !tree::is_pll_from_crystal(self.cfgr);
+        new |= cr::PLLON * u32::from(pll) | cr::HSION * u32::from(rc);
+        new |= cr::HSEON * u32::from(crystal) & self.cr;
+        let changed = new ^ self.cr;
+        self.cr = new;
+        if changed & cr::HSION != 0 {
+            self.hsi_ready = if new & cr::HSION != 0 { now + HSI_START } else { NEVER };
+        }
+        if changed & cr::HSEON != 0 {
+            let on = new & cr::HSEON != 0 && self.crystal;
+            self.hse_ready = if on { now + HSE_START } else { NEVER };
+        }
+        if changed & (cr::PLLON | cr::HSEON | cr::HSION) != 0 && !pll {
+            self.start_pll(now);
+        }
+        self.advance(now);
+        Ok(())
+    }
+
+    fn write_cfgr(&mut self, value: u32, now: Time) -> Access<()> {
+        if value & (cfgr::MCO | cfgr::NONE) != 0 {
+            return Err(
+                "RCC_CFGR: no clock comes out of the chip (MCO), and bits 23 and 27 to 31 are reserved"
+                    .to_owned(),
+            );
+        }
+        if value & cfgr::SW == cfgr::SW {
+            return Err("RCC_CFGR.SW = 3: not allowed (RM0008 7.3.2)".to_owned());
+        }
+        let value = value & !cfgr::SWS;
+        if self.cr & cr::PLLON != 0 && (value ^ self.cfgr) & cfgr::PLL != 0 {
+            return Err("RCC_CFGR: the PLL is changed while it runs (RM0008 7.3.2)".to_owned());
+        }
+        let present = Tree::new(self.source, value)?;
+        Tree::new(Source::from_bits(value & cfgr::SW), value)?;
+        self.cfgr = value;
+        self.tree = present;
+        self.advance(now);
+        Ok(())
+    }
+
+    fn write_cir(&mut self, value: u32) -> Access<()> {
+        if value & cir::ENABLES != 0 {
+            return Err("RCC_CIR: no interrupt of a clock that gets ready".to_owned());
+        }
+        self.clock_failed &= value & cir::CSSC == 0;
+        Ok(())
+    }
+
+    fn write_csr(&mut self, value: u32, now: Time) {
+        if value & csr::RMVF != 0 {
+            self.flags = 0;
+        }
+        match (value & csr::LSION != 0, self.lsi_ready) {
+            (true, NEVER) => self.lsi_ready = now + LSI_START,
+            (true, _) => {}
+            (false, _) => self.lsi_ready = NEVER,
+        }
+    }
+
+    fn read_csr(&self, now: Time) -> u32 {
+        let on = if self.lsi_ready == NEVER { 0 } else { csr::LSION };
+        let ready = if self.lsi_ready <= now { csr::LSIRDY } else { 0 };
+        self.flags | on | ready
     }
 }
 
 impl Peripheral for Rcc {
-    fn read(&mut self, _offset: u32, _now: Time) -> Access<u32> {
-        Err("nothing of it is".to_owned())
+    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+        self.advance(now);
+        Ok(match offset {
+            0x00 => self.read_cr(now),
+            0x04 => self.cfgr | self.source.bits() << 2,
+            0x08 => cir::CSSF * u32::from(self.clock_failed),
+            0x0C => self.apb2rstr,
+            0x10 => self.apb1rstr,
+            0x14 => self.ahbenr,
+            0x18 => self.apb2enr,
+            0x1C => self.apb1enr,
+            // The backup domain is off.
+            0x20 => 0,
+            0x24 => self.read_csr(now),
+            _ => return Err(format!("RCC has no register at offset {offset:#x}")),
+        })
     }
 
-    fn write(&mut self, _offset: u32, _value: u32, _now: Time) -> Access<()> {
-        Err("nothing of it is".to_owned())
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+        self.advance(now);
+        match offset {
+            0x00 => self.write_cr(value, now)?,
+            0x04 => self.write_cfgr(value, now)?,
+            0x08 => self.write_cir(value)?,
+            0x0C => {
+                self.resets.extend(tree::blocks(value & !self.apb2rstr, tree::Switch::Apb2));
+                self.apb2rstr = value;
+            }
+            0x10 => {
+                self.resets.extend(tree::blocks(value & !self.apb1rstr, tree::Switch::Apb1));
+                self.apb1rstr = value;
+            }
+            0x14 => self.ahbenr = value,
+            0x18 => self.apb2enr = value,
+            0x1C => self.apb1enr = value,
+            0x20 if value == 0 => {}
+            0x20 => return Err("RCC_BDCR: the backup domain (LSE, RTC) is not there".to_owned()),
+            0x24 => self.write_csr(value, now),
+            _ => return Err(format!("RCC has no register at offset {offset:#x}")),
+        }
+        Ok(())
+    }
+
+    /// When a source gets ready that the system clock waits for.
+    fn next_event(&self) -> Time {
+        let wanted = self.wanted();
+        if wanted == self.source { NEVER } else { self.ready(wanted) }
+    }
+
+    fn advance(&mut self, now: Time) {
+        let wanted = self.wanted();
+        if wanted != self.source && self.ready(wanted) <= now {
+            self.switch_to(wanted);
+        }
     }
 }

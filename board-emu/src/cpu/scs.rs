@@ -42,6 +42,8 @@ pub struct Control {
     pub config: u32,
     /// DEMCR.
     pub debug: u32,
+    /// DBGMCU_CR. A reset of the system leaves it on the chip; here it goes, for nothing depends on it.
+    pub device_debug: u32,
     /// DWT_CTRL.CYCCNTENA.
     pub counting: bool,
     /// Ticks at which DWT_CYCCNT was 0, or its value where it does not count.
@@ -149,6 +151,7 @@ impl Cpu {
             0xE000_ED3C | 0xE000_EDF0 => 0,
             0xE000_EDFC => self.sys.control.debug,
             0xE004_2000 => DEVICE,
+            0xE004_2004 => self.sys.control.device_debug,
             _ => return Err(not_modelled(address, None, "no such register of the core")),
         })
     }
@@ -190,6 +193,8 @@ impl Cpu {
             0xE000_ED38 => self.sys.faults.bus_address = value,
             // Only DWT's clock is there of debugging.
             0xE000_EDFC if value & !(1 << 24) == 0 => self.sys.control.debug = value,
+            // What stands still while a debugger holds the core (RM0008 31.16): there is none.
+            0xE004_2004 => self.sys.control.device_debug = value,
             0xE000_EF00 => self.sys.nvic.pend(bit(IRQ + (value & 0x1FF)) & ALL_LINES),
             _ => return Err(not_modelled(address, Some(value), "no such register or bit of the core")),
         }

@@ -1,0 +1,95 @@
+//! Error counters (RM0008 24.7.6; ISO 11898-1's rules for them).
+
+/// Bits of ESR (RM0008 24.9.2).
+const EWGF: u32 = 1;
+const EPVF: u32 = 1 << 1;
+const BOFF: u32 = 1 << 2;
+const LEC: u32 = 7 << 4;
+
+/// Enable bits of IER: the warning limit, error passive, bus-off, the last error's code.
+const EWGIE: u32 = 1 << 8;
+const EPVIE: u32 = 1 << 9;
+const BOFIE: u32 = 1 << 10;
+const LECIE: u32 = 1 << 11;
+
+/// From here on ESR warns.
+const WARNING: u16 = 96;
+/// Above that it is error passive.
+const PASSIVE: u16 = 127;
+/// Above that it is bus-off.
+const OFF: u16 = 255;
+
+/// Codes of LEC: six equal bits, which is what is left of a destroyed frame; and no acknowledge.
+const STUFF: u32 = 1;
+const ACKNOWLEDGE: u32 = 3;
+
+/// The counters of errors, and the last one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Errors {
+    transmit: u16,
+    receive: u16,
+    last: u32,
+}
+
+impl Errors {
+    pub(super) const fn is_bus_off(&self) -> bool {
+        self.transmit > OFF
+    }
+
+    /// A frame of its own was destroyed. Returns the enable bits of interrupts that are asked for.
+    pub(super) fn transmit(&mut self) -> u32 {
+        self.count(STUFF, |errors| errors.transmit += 8)
+    }
+
+    /// A frame that it was hearing was destroyed; as above.
+    pub(super) fn receive(&mut self) -> u32 {
+        // 8 bits, and what is above 127 says no more.
+        self.count(STUFF, |errors| errors.receive = (errors.receive + 1).min(OFF))
+    }
+
+    /// Nobody acknowledged; as above.
+    pub(super) fn unacknowledged(&mut self) -> u32 {
+        self.count(ACKNOWLEDGE, |errors| {
+            if errors.transmit <= PASSIVE {
+                errors.transmit += 8;
+            }
+        })
+    }
+
+    fn count(&mut self, code: u32, change: impl Fn(&mut Self)) -> u32 {
+        let before = self.status();
+        change(self);
+        self.last = code;
+        let risen = self.status() & !before;
+        let flags = [(EWGF, EWGIE), (EPVF, EPVIE), (BOFF, BOFIE)];
+        // LECIE: at each error.
+        flags.into_iter().filter(|(flag, _)| risen & flag != 0).map(|(_, enable)| enable).sum::<u32>() | LECIE
+    }
+
+    /// A frame went out whole.
+    pub(super) const fn sent(&mut self) {
+        self.transmit = self.transmit.saturating_sub(1);
+        self.last = 0;
+    }
+
+    /// A frame came whole.
+    pub(super) const fn received(&mut self) {
+        // From error passive it goes to between 119 and 127.
+        self.receive = if self.receive > PASSIVE { PASSIVE } else { self.receive.saturating_sub(1) };
+        self.last = 0;
+    }
+
+    /// ESR.
+    pub(super) fn status(&self) -> u32 {
+        let most = self.transmit.max(self.receive);
+        let flags = EWGF * u32::from(most >= WARNING)
+            | EPVF * u32::from(most > PASSIVE)
+            | BOFF * u32::from(self.is_bus_off());
+        flags | self.last << 4 | u32::from(self.transmit.min(OFF)) << 16 | u32::from(self.receive) << 24
+    }
+
+    /// Only the last error's code can be written.
+    pub(super) const fn write_status(&mut self, value: u32) {
+        self.last = (value & LEC) >> 4;
+    }
+}

@@ -1,0 +1,43 @@
+//! Resets of single peripherals (RM0008 7.3.4, 7.3.5).
+
+use super::{Chip, Peripheral};
+use super::{afio, exti, tim1, timer};
+
+/// A port's registers after a reset (RM0008 9.2): all pins floating inputs, all outputs low.
+const PORT: [(u32, u32); 3] = [(0x00, 0x4444_4444), (0x04, 0x4444_4444), (0x0C, 0)];
+
+impl Chip {
+    /// Resets the peripherals that APB1RSTR and APB2RSTR have been told to reset.
+    pub(super) fn reset_peripherals(&mut self) {
+        while let Some(base) = self.rcc.take_peripheral_reset() {
+            self.reset_peripheral(base);
+        }
+    }
+
+    fn reset_peripheral(&mut self, base: u32) {
+        match base {
+            0x4000_0000 => self.tim2 = timer::Timer::default(),
+            0x4000_0400 => self.tim3 = timer::Timer::default(),
+            0x4000_0800 => self.tim4 = timer::Timer::default(),
+            0x4000_6400 => self.can.reset(),
+            0x4001_0000 => {
+                // External interrupts have no reset of their own, and are in the same block.
+                self.afio = afio::Afio::default();
+                self.exti = exti::Exti::default();
+            }
+            0x4001_0800..0x4001_1C00 => {
+                for (offset, value) in PORT {
+                    // A register that the ports do not model is not changed either.
+                    let _ = self.gpio.write(base - 0x4001_0800 + offset, value, self.now);
+                }
+            }
+            0x4001_2400 => self.adc.reset(),
+            0x4001_2C00 => {
+                self.tim1 = tim1::Tim1::default();
+                self.tim1.gates_changed = true;
+            }
+            // Not modelled, and so already as after a reset.
+            _ => {}
+        }
+    }
+}
