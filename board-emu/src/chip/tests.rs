@@ -84,7 +84,7 @@ fn the_trigger_of_tim1_starts_the_converter() {
     chip.tim1.take_trigger();
     chip.set_analog([77; 18]);
     let due = (3600 - 85) * chip.rcc.timer1_cycle();
-    assert_eq!(chip.next_event(), due);
+    assert_eq!(chip.tim1.next_event(), due);
     chip.advance(due);
     // JEOC after a conversion of 1.5 + 12.5 of its cycles.
     let done = due + 14 * chip.rcc.adc_cycle();
