@@ -299,7 +299,7 @@ impl Board {
 
 /// Whether the brake's pin is high; a resistor pulls it down.
 fn brake(chip: &Chip) -> bool {
-    chip.gpio.output(BRAKE.0, BRAKE.1) == Some(true)
+    chip.gpio.output(BRAKE.0, BRAKE.1)
 }
 
 impl Station for Board {

@@ -78,7 +78,12 @@ impl Bench {
     pub fn wake(&mut self) {
         self.set(Property::STAT, 2);
         self.wait_ms(100);
-        assert_eq!(self.get(Property::STAT), Some(2), "the application answers: {:?}", self.board().problem());
+        assert_eq!(
+            self.get(Property::STAT),
+            Some(2),
+            "the application answers: {:?}",
+            self.board().problem()
+        );
     }
 
     pub fn board(&self) -> &Board {

@@ -28,9 +28,25 @@ const TOLERANCE: f64 = 0.03;
 /// A mode and what a host says to be in it, each order with the ms for which it lasts.
 const MODES: [(&str, &[(Property, i64, u64)]); 6] = [
     ("idle", &[(Property::MODE, 0, 1000)]),
-    ("torque", &[(Property::MODE, 2, 0), (Property::T, 150, 400), (Property::T, -150, 400), (Property::MODE, 0, 100)]),
+    (
+        "torque",
+        &[
+            (Property::MODE, 2, 0),
+            (Property::T, 150, 400),
+            (Property::T, -150, 400),
+            (Property::MODE, 0, 100),
+        ],
+    ),
     ("pid", &[(Property::MODE, 3, 1000), (Property::MODE, 0, 100)]),
-    ("velocity", &[(Property::MODE, 4, 0), (Property::V, 150, 400), (Property::V, -150, 400), (Property::MODE, 0, 100)]),
+    (
+        "velocity",
+        &[
+            (Property::MODE, 4, 0),
+            (Property::V, 150, 400),
+            (Property::V, -150, 400),
+            (Property::MODE, 0, 100),
+        ],
+    ),
     ("trapezoidal", &[(Property::M, 160, 300), (Property::M, 20, 200), (Property::M, 150, 1500)]),
     ("homing", &[(Property::CMD, Cmd::Hi as i64, 5000)]),
 ];
@@ -75,11 +91,14 @@ fn ticks_and_edges_take_what_they_took_and_no_more_than_they_may() {
     for (mode, orders) in MODES {
         let mut bench = Bench::awake(&programs);
         let Figures { tick_mean, tick_max, hall_max } = figures(&mut bench, orders);
-        println!("figure: {mode}: tick {tick_mean:.0} instructions, at worst {tick_max}; edge to bridge {hall_max}");
+        println!(
+            "figure: {mode}: tick {tick_mean:.0} instructions, at worst {tick_max}; edge to bridge {hall_max}"
+        );
         if tick_mean > TICK_MEAN || tick_max > TICK_MAX || hall_max > HALL_MAX {
             let _ = writeln!(over, "{mode}: {tick_mean:.0}, {tick_max}, {hall_max}");
         }
-        let row = json!({ "tick_mean": tick_mean.round() as u64, "tick_max": tick_max, "hall_max": hall_max });
+        let row =
+            json!({ "tick_mean": tick_mean.round() as u64, "tick_max": tick_max, "hall_max": hall_max });
         found.insert(mode.to_owned(), row);
     }
     assert!(over.is_empty(), "over {TICK_MEAN}, {TICK_MAX} or {HALL_MAX} instructions:\n{over}");
@@ -92,7 +111,8 @@ fn ticks_and_edges_take_what_they_took_and_no_more_than_they_may() {
     for (mode, row) in found.as_object().expect("made above") {
         for (key, value) in row.as_object().expect("made above") {
             let (is, was) = (value.as_f64().expect("a number"), golden[mode][key].as_f64());
-            let was = was.unwrap_or_else(|| panic!("budgets.json has no {key} of {mode}: BLESS_BUDGETS=1 writes it"));
+            let was = was
+                .unwrap_or_else(|| panic!("budgets.json has no {key} of {mode}: BLESS_BUDGETS=1 writes it"));
             assert!(
                 (is - was).abs() <= TOLERANCE * was,
                 "{key} of {mode} is {is}, was {was}: if that is meant, BLESS_BUDGETS=1 cargo test -p system-tests budgets"
@@ -125,7 +145,10 @@ fn at_full_speed_the_processor_is_mostly_idle_and_the_stack_mostly_untouched() {
     assert!(bench.board().machine().now() > begin);
     let machine = bench.board().machine();
     let stack = STACK.end() - machine.cpu.lowest_sp();
-    println!("figure: at {fastest:.0} counts/s the load is {load:.1} %, the stack {stack} of {} bytes", STACK.len);
+    println!(
+        "figure: at {fastest:.0} counts/s the load is {load:.1} %, the stack {stack} of {} bytes",
+        STACK.len
+    );
     assert!(load <= LOAD_PCT, "{load} %");
     assert!(stack + STACK_SPARE <= STACK.len, "{stack} bytes of stack");
 }

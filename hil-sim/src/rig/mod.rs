@@ -110,6 +110,8 @@ pub struct Rig {
     last_read: (u64, f64),
     /// Largest phase current up to the last reading, from the one before it, A.
     peak_phase_a: f64,
+    /// When a hall line last changed, µs.
+    last_edge_us: u64,
 }
 
 impl Rig {
@@ -154,7 +156,30 @@ impl Rig {
             thermistor_c: start.heat.housing_c,
             last_read: (0, 0.0),
             peak_phase_a: 0.0,
+            last_edge_us: 0,
         })
+    }
+
+    /// The same rig, which starts not at time 0 but at `us`: to put it to a board that has been up for so long.
+    #[must_use]
+    pub fn starting_at(mut self, us: u64) -> Self {
+        self.plant.start_at(us);
+        for glitch in &mut self.params.glitches {
+            glitch.at_us += us;
+        }
+        if let Some(stuck) = &mut self.params.stuck {
+            stuck.from_us += us;
+        }
+        self.halls = Halls::new(self.params.clone(), self.plant.params().zero_sector, self.plant.counts());
+        self.last_read.0 = us;
+        self.last_edge_us = us;
+        self
+    }
+
+    /// When a hall line last changed, µs; of one that never did, the start.
+    #[must_use]
+    pub const fn last_edge_us(&self) -> u64 {
+        self.last_edge_us
     }
 
     /// Time since the start, µs.
@@ -225,6 +250,7 @@ impl Rig {
                 self.tripped = true;
             }
             if self.halls.update(self.plant.counts(), self.now_us()) {
+                self.last_edge_us = self.now_us();
                 return Some(HallChange { code: self.halls.lines(), at_us: self.now_us() });
             }
             if tripped_now && self.guarded_outside {
