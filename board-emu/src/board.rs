@@ -64,7 +64,7 @@ impl Board {
     /// A board whose power is off: the monitor in its flash, everything else erased. `straps` is its node number; `seed` is
     /// that of what its RAM holds at first.
     #[must_use]
-    pub fn new(rig: Rig, straps: Node, programs: &Programs, seed: u64) -> Self {
+    pub fn new(mut rig: Rig, straps: Node, programs: &Programs, seed: u64) -> Self {
         let number = u32::from(straps.number());
         let mut chip = Chip::new(seed, [0x0043_0025 + number, 0x3042_3132, 0x2039_3751]);
         let start = (MONITOR.start - FLASH.start) as usize;
@@ -73,6 +73,8 @@ impl Board {
             // A strap to ground says 1.
             chip.gpio.driven[port][pin] = (number >> bit & 1 == 1).then_some(false);
         }
+        // The comparator pulls the break input, and TIM1 does the rest.
+        rig.guard_outside();
         let now_us = rig.now_us();
         chip.now = now_us * US;
         let mut board = Self {
@@ -251,6 +253,7 @@ impl Board {
     fn follow(&mut self, now: Time) -> Option<Time> {
         let to_us = (now / US).min(self.sampled_us + SAMPLE_US);
         let edge = self.rig.advance(self.bridge, self.brake_released, to_us);
+        self.over_current();
         if self.rig.now_us() >= self.sampled_us + SAMPLE_US {
             self.sampled_us = self.rig.now_us();
             self.sample();
@@ -263,13 +266,19 @@ impl Board {
         (edge.is_some() || behind).then(|| self.rig.now_us() * US)
     }
 
-    /// Brings the converter's inputs and the break input up to date.
+    /// The comparator pulls the break input low, and the gates are off before the next microsecond.
+    fn over_current(&mut self) {
+        let level = self.rig.tripped().then_some(false);
+        if self.machine.chip().gpio.driven[BREAK.0][BREAK.1] != level {
+            self.machine.chip_mut().set_pin(BREAK, level);
+            self.pins_changed();
+        }
+    }
+
+    /// Brings the converter's inputs up to date.
     fn sample(&mut self) {
         let inputs = self.front_end.sample(&mut self.rig);
-        let fault = self.rig.tripped();
-        let mut chip = self.machine.chip_mut();
-        chip.set_analog(inputs);
-        chip.set_pin(BREAK, fault.then_some(false));
+        self.machine.chip_mut().set_analog(inputs);
     }
 
     /// The hall sensors pull their lines low or do not; the time is the motor's.
@@ -313,7 +322,7 @@ impl Board {
 
 /// Whether the brake's pin is high; a resistor pulls it down.
 fn brake(chip: &Chip) -> bool {
-    chip.gpio.output(BRAKE.0, BRAKE.1) == Some(true)
+    chip.gpio.output(BRAKE.0, BRAKE.1)
 }
 
 impl Station for Board {

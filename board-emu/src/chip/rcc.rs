@@ -307,8 +307,9 @@ impl Rcc {
         let pll = used.contains(&Source::Pll);
         let crystal = used.contains(&Source::Hse) || pll && tree::is_pll_from_crystal(self.cfgr);
         let rc = used.contains(&Source::Hsi) || pll && !tree::is_pll_from_crystal(self.cfgr);
-        new |= cr::PLLON * u32::from(pll) | cr::HSION * u32::from(rc);
-        new |= cr::HSEON * u32::from(crystal) & self.cr;
+        for (bit, stays) in [(cr::PLLON, pll), (cr::HSION, rc), (cr::HSEON, crystal)] {
+            new |= if stays { self.cr & bit } else { 0 };
+        }
         let changed = new ^ self.cr;
         self.cr = new;
         if changed & cr::HSION != 0 {

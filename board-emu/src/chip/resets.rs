@@ -1,7 +1,7 @@
 //! Resets of single peripherals (RM0008 7.3.4, 7.3.5).
 
 use super::{Chip, Peripheral};
-use super::{afio, exti, tim1, timer};
+use super::{afio, tim1, timer};
 
 /// A port's registers after a reset (RM0008 9.2): all pins floating inputs, all outputs low.
 const PORT: [(u32, u32); 3] = [(0x00, 0x4444_4444), (0x04, 0x4444_4444), (0x0C, 0)];
@@ -20,11 +20,8 @@ impl Chip {
             0x4000_0400 => self.tim3 = timer::Timer::default(),
             0x4000_0800 => self.tim4 = timer::Timer::default(),
             0x4000_6400 => self.can.reset(),
-            0x4001_0000 => {
-                // External interrupts have no reset of their own, and are in the same block.
-                self.afio = afio::Afio::default();
-                self.exti = exti::Exti::default();
-            }
+            // The external interrupts have no reset of their own.
+            0x4001_0000 => self.afio = afio::Afio::default(),
             0x4001_0800..0x4001_1C00 => {
                 for (offset, value) in PORT {
                     // A register that the ports do not model is not changed either.

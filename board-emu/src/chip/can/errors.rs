@@ -82,9 +82,8 @@ impl Errors {
     /// ESR.
     pub(super) fn status(&self) -> u32 {
         let most = self.transmit.max(self.receive);
-        let flags = EWGF * u32::from(most >= WARNING)
-            | EPVF * u32::from(most > PASSIVE)
-            | BOFF * u32::from(self.is_bus_off());
+        let flags = [(EWGF, most >= WARNING), (EPVF, most > PASSIVE), (BOFF, self.is_bus_off())];
+        let flags: u32 = flags.into_iter().filter(|&(_, on)| on).map(|(flag, _)| flag).sum();
         flags | self.last << 4 | u32::from(self.transmit.min(OFF)) << 16 | u32::from(self.receive) << 24
     }
 
