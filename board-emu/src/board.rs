@@ -6,6 +6,7 @@
 use std::rc::Rc;
 
 use hil_sim::bus::Station;
+use hil_sim::over_can::Watched;
 use hil_sim::rig::{Bridge, Rig};
 use tater_wire::memory::{FLASH, MONITOR};
 use tater_wire::{Frame, Node};
@@ -15,6 +16,7 @@ use crate::bridge;
 use crate::chip::{Chip, Reset};
 use crate::image::Programs;
 use crate::machine::{Machine, Pause};
+use crate::meter::{Figures, Meter};
 use crate::stop::{Problem, Stop};
 use crate::time::{Time, US};
 
@@ -55,6 +57,7 @@ pub struct Board {
     seed: u64,
     /// What is done to the hall lines, whatever the sensors say.
     hall_lines: [Option<bool>; 3],
+    meter: Meter,
     /// What ended the run, if anything did.
     problem: Option<Stop>,
 }
@@ -89,6 +92,7 @@ impl Board {
             pending: Vec::new(),
             seed,
             hall_lines: [None; 3],
+            meter: Meter::default(),
             problem: None,
         };
         board.halls_changed();
@@ -123,6 +127,7 @@ impl Board {
             rig: self.rig.clone(),
             front_end: self.front_end.clone(),
             pending: self.pending.clone(),
+            meter: self.meter.clone(),
             problem: self.problem.clone(),
             ..*self
         }
@@ -200,6 +205,17 @@ impl Board {
         }
     }
 
+    /// Measures from now on what the program takes.
+    pub fn begin_figures(&mut self) {
+        self.meter.begin(&mut self.machine);
+    }
+
+    /// What the program has taken since.
+    #[must_use]
+    pub fn figures(&self) -> Figures {
+        self.meter.figures(&self.machine)
+    }
+
     /// Runs chip and motor to `until`, or to the first breakpoint: then it returns true.
     pub fn run(&mut self, until: Time, breakpoints: &[u32]) -> bool {
         while self.machine.now() < until && self.problem.is_none() {
@@ -214,6 +230,9 @@ impl Board {
             let Some(pause) = self.judge(done) else { break };
             let now = self.machine.now();
             while self.follow(now).is_some() {}
+            if pause == Pause::Gates {
+                self.meter.gate_write(now, &self.machine.cpu.counts);
+            }
             if matches!(pause, Pause::Gates | Pause::Reset(_)) {
                 self.pins_changed();
             } else {
@@ -243,6 +262,7 @@ impl Board {
             self.sample();
         }
         if edge.is_some() {
+            self.meter.edge(self.rig.now_us() * US);
             self.halls_changed();
         }
         let behind = self.rig.now_us() < now / US;
@@ -284,7 +304,10 @@ impl Board {
             bridge::of(&chip)
         };
         match bridge {
-            Ok(bridge) => self.bridge = bridge,
+            Ok(bridge) => {
+                self.bridge = bridge;
+                self.meter.bridge(self.machine.now(), bridge != Bridge::Off);
+            }
             Err(what) => {
                 let stop = self.machine.stop(Problem::Bridge { what });
                 self.judge::<()>(Err(stop));
@@ -295,8 +318,8 @@ impl Board {
     /// Takes over what the controller would send.
     fn mail(&mut self) {
         self.pending.clear();
-        let chip = self.machine.chip();
-        self.pending.extend_from_slice(chip.can.pending());
+        self.pending.extend_from_slice(self.machine.chip().can.pending());
+        self.meter.mailboxes(&self.pending, self.machine.now());
     }
 }
 
@@ -340,6 +363,9 @@ impl Station for Board {
 
     fn receive(&mut self, frame: &Frame) {
         let at = self.now_us * US;
+        if matches!(frame.id().to, tater_wire::Destination::Node(to) if to == self.node) {
+            self.meter.request(frame, at);
+        }
         let mut chip = self.machine.chip_mut();
         chip.can.receive(frame, at);
         chip.touched = true;
@@ -364,5 +390,33 @@ impl Station for Board {
             chip.touched = true;
         }
         self.mail();
+    }
+}
+
+impl Watched for Board {
+    fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    fn rig_mut(&mut self) -> &mut Rig {
+        &mut self.rig
+    }
+
+    fn driven_since_us(&self) -> Option<u64> {
+        self.meter.driven_since().map(|at| at / US)
+    }
+
+    fn is_brake_released(&self) -> bool {
+        self.brake_released
+    }
+
+    fn power_on(&mut self) {
+        Self::power_on(self);
+    }
+
+    fn problem(&self) -> Option<String> {
+        self.problem
+            .as_ref()
+            .map(|stop| format!("{stop}\n  next: look at the code there, or single-step it with --gdb"))
     }
 }

@@ -12,5 +12,7 @@ pub mod chip;
 pub mod cpu;
 pub mod image;
 pub mod machine;
+pub mod meter;
+pub mod session;
 pub mod stop;
 pub mod time;

@@ -21,3 +21,11 @@ pub mod trace;
 
 pub use plant::Model;
 pub use run::{MotorRun, Options, Outcome, board, node_of, rig, run, set};
+pub use servo_core::MotorKind;
+pub use tater_fw::motion::motor;
+
+/// The properties of a kind of motor before anybody sets one.
+#[must_use]
+pub const fn defaults(motor: MotorKind) -> servo_core::Config {
+    servo_core::Config::for_motor(motor)
+}

@@ -125,13 +125,25 @@ pub struct Ran {
     pub judged: bool,
 }
 
-/// What a long operation says of itself: what it does, how much is done, of how much.
-pub type Progress<'a> = &'a mut dyn FnMut(&str, u64, u64);
+/// How far a long operation is.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// What it does.
+    pub what: &'static str,
+    /// How much is done.
+    pub done: u64,
+    /// Of how much.
+    pub of: u64,
+}
+
+/// Who looks on: called every 10 ms of simulated time or more often, to read a board's logs or tell of progress.
+pub type Watcher<S> = Box<dyn FnMut(&mut Bus<S>, Progress)>;
 
 /// A host, and boards on its bus.
 pub struct OverCan<S> {
     bus: Bus<S>,
     nodes: Vec<Id>,
+    watcher: Option<Watcher<S>>,
 }
 
 impl<S: Watched> OverCan<S> {
@@ -142,7 +154,7 @@ impl<S: Watched> OverCan<S> {
         let mut bus = Bus::new(stations);
         // The bus is new and has none.
         let _ = bus.plug_host("scenario", Adapter::default());
-        Self { bus, nodes }
+        Self { bus, nodes, watcher: None }
     }
 
     /// The bus.
@@ -154,6 +166,17 @@ impl<S: Watched> OverCan<S> {
     /// The bus, to get at its boards.
     pub const fn bus_mut(&mut self) -> &mut Bus<S> {
         &mut self.bus
+    }
+
+    /// Lets somebody look on.
+    pub fn watch(&mut self, watcher: Watcher<S>) {
+        self.watcher = Some(watcher);
+    }
+
+    fn tell(&mut self, what: &'static str, done: u64, of: u64) {
+        if let Some(watcher) = &mut self.watcher {
+            watcher(&mut self.bus, Progress { what, done, of });
+        }
     }
 
     /// All boards' power comes on; waits for their monitors.
@@ -183,7 +206,7 @@ impl<S: Watched> OverCan<S> {
         for node in self.nodes.clone() {
             self.until(node, Property::STAT, 2, WAKE_US)?;
         }
-        self.rest(PREPARE_US)
+        self.rest("first start", PREPARE_US)
     }
 
     /// Runs a scenario with every board at once. Their motors are exchanged for those of the jobs at its beginning: a boot takes
@@ -207,7 +230,7 @@ impl<S: Watched> OverCan<S> {
         }
         // A board's tick is at whole milliseconds if it is the native one.
         let begin_us = (self.bus.now_us() / 1000 + 1) * 1000;
-        self.rest(begin_us - self.bus.now_us())?;
+        self.rest("setting up", begin_us - self.bus.now_us())?;
         let mut seats = Vec::new();
         for (index, job) in jobs.into_iter().enumerate() {
             let Some(station) = self.bus.station_mut(index) else { break };

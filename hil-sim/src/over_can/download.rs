@@ -3,7 +3,7 @@
 use tater_wire::download::START;
 use tater_wire::{Destination, Frame, Identifier, Node as Id, Property};
 
-use super::{OverCan, Progress, Watched};
+use super::{OverCan, Watched};
 
 /// Characters of a line that Barrett's software reads.
 const LINE: usize = 98;
@@ -22,7 +22,7 @@ impl<S: Watched> OverCan<S> {
     ///
     /// # Errors
     /// The board does not ask on, or refuses the file: ERROR says why.
-    pub fn download(&mut self, node: Id, tek: &[u8], progress: Progress<'_>) -> Result<(), String> {
+    pub fn download(&mut self, node: Id, tek: &[u8]) -> Result<(), String> {
         self.set(node, Property::VERS, i64::from(START))?;
         let to = Identifier { from: Id::HOST, to: Destination::Node(node) };
         let mut done = 0;
@@ -43,7 +43,7 @@ impl<S: Watched> OverCan<S> {
                 let _ = self.bus.send(Frame::new(to, &[character]).unwrap_or(Frame::EMPTY));
                 done += 1;
                 if done % TOLD == 0 {
-                    progress("download", done, tek.len() as u64);
+                    self.tell("download", done, tek.len() as u64);
                 }
             }
         }

@@ -76,7 +76,7 @@ impl<S: Watched> OverCan<S> {
             if read == Some(wanted) {
                 return Ok(());
             }
-            self.rest(LOOK_US)?;
+            self.rest("waiting", LOOK_US)?;
         }
         let error = self.get(node, Property::ERROR);
         let found =
@@ -90,15 +90,20 @@ impl<S: Watched> OverCan<S> {
         ))
     }
 
-    /// Lets time pass; what comes meanwhile is not read.
+    /// Lets time pass, `what` being the reason; what comes meanwhile is not read.
     ///
     /// # Errors
     /// A board that stands still for good.
-    pub fn rest(&mut self, us: u64) -> Result<(), String> {
-        let until = self.bus.now_us() + us;
-        self.bus.run_until(until);
-        while self.bus.receive().is_some() {}
-        self.check()
+    pub fn rest(&mut self, what: &'static str, us: u64) -> Result<(), String> {
+        let begin = self.bus.now_us();
+        while self.bus.now_us() < begin + us {
+            let until = (self.bus.now_us() + LOOK_US).min(begin + us);
+            self.bus.run_until(until);
+            while self.bus.receive().is_some() {}
+            self.check()?;
+            self.tell(what, self.bus.now_us() - begin, us);
+        }
+        Ok(())
     }
 }
 

@@ -38,6 +38,7 @@ pub(super) fn play<S: Watched>(
             seat.tick(ms, station);
         }
         host.check()?;
+        host.tell("scenario", u64::from(ms), u64::from(scenario.duration_ms));
     }
     // What the last tick has changed is asked for once more.
     for seat in seats.iter_mut() {
