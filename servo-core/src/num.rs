@@ -62,11 +62,14 @@ pub const fn next_tick(time: u64) -> (u32, u64) {
 /// the upper word is only the sign. `shift` < 64.
 #[must_use]
 pub const fn mul_shift(a: i32, b: i32, shift: u32) -> i32 {
-    let product = (a as i64 * b as i64) >> shift;
-    let low = product as i32;
-    if low as i64 == product {
+    saturating_i32((a as i64 * b as i64) >> shift)
+}
+
+const fn saturating_i32(x: i64) -> i32 {
+    let low = x as i32;
+    if low as i64 == x {
         low
-    } else if product < 0 {
+    } else if x < 0 {
         i32::MIN
     } else {
         i32::MAX
@@ -78,6 +81,38 @@ pub const fn mul_shift(a: i32, b: i32, shift: u32) -> i32 {
 #[must_use]
 pub const fn product(a: Law, b: Law) -> Law {
     Law::from_bits(mul_shift(a.to_bits(), b.to_bits(), 16))
+}
+
+/// `a · b / 2^32`, rounded down: the upper word of an `SMULL`.
+#[must_use]
+pub const fn mul_upper(a: i32, b: i32) -> i32 {
+    ((a as i64 * b as i64) >> 32) as i32
+}
+
+/// `a · b / 2^shift`, rounded down, where the caller knows that it fits; else the low 32 bits. `shift` < 64.
+#[must_use]
+pub const fn mul_low(a: i32, b: i32, shift: u32) -> i32 {
+    ((a as i64 * b as i64) >> shift) as i32
+}
+
+/// The same of unsigned numbers.
+#[must_use]
+pub const fn mul_low_unsigned(a: u32, b: u32, shift: u32) -> u32 {
+    ((a as u64 * b as u64) >> shift) as u32
+}
+
+/// `a · b + c · d`, rounded down and saturated once, of which `a` and `c` are not negative: then the sum of the whole
+/// products is below 2^63.
+#[must_use]
+pub const fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
+    let (ab, cd) = (a.to_bits() as i64 * b.to_bits() as i64, c.to_bits() as i64 * d.to_bits() as i64);
+    Law::from_bits(saturating_i32(ab.wrapping_add(cd) >> 16))
+}
+
+/// `a · b` as the nearest whole number, halves up: below 2^30, so nothing saturates, and the upper word of an `SMLAL`.
+#[must_use]
+pub const fn round_product(a: Law, b: Law) -> i32 {
+    ((a.to_bits() as i64 * b.to_bits() as i64 + (1 << 31)) >> 32) as i32
 }
 
 /// An unsigned number as a signed one, saturated at 2^31 − 1.
@@ -110,6 +145,21 @@ mod tests {
         fn products_and_squares_are_rounded_down(a in 0..1_u64 << 35, b in 0..1_u64 << 35) {
             prop_assert_eq!(u128::from(mul_q32(a, b)), u128::from(a) * u128::from(b) / u128::from(ONE));
             prop_assert_eq!(u128::from(square_q51(a)), u128::from(a) * u128::from(a) / (1 << 13));
+        }
+
+        #[test]
+        fn sums_of_products_round_once_and_saturate(a in 0..=i32::MAX, b: i32, c in 0..=i32::MAX, d: i32) {
+            let exact = (i128::from(a) * i128::from(b) + i128::from(c) * i128::from(d)) >> 16;
+            let law = Law::from_bits;
+            let sum = sum_of_products((law(a), law(b)), (law(c), law(d))).to_bits();
+            prop_assert_eq!(i128::from(sum), exact.clamp(i128::from(i32::MIN), i128::from(i32::MAX)));
+        }
+
+        #[test]
+        fn a_rounded_product_is_the_nearest(a: i32, b: i32) {
+            let exact = i128::from(a) * i128::from(b);
+            let error = (i128::from(round_product(Law::from_bits(a), Law::from_bits(b))) << 32) - exact;
+            prop_assert!(error.abs() <= 1 << 31, "{error}");
         }
 
         #[test]

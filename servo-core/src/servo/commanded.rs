@@ -3,6 +3,7 @@
 use super::{Purpose, Servo, pid_of};
 use crate::command::{Command, EndReason, Event, Refusal};
 use crate::config::Config;
+use crate::guard::strain::Window;
 use crate::mode::{Mode, admits};
 use crate::motion::pid::PidState;
 use crate::motion::profile::Profile;
@@ -58,7 +59,10 @@ impl Servo {
             }
             Command::Terminate => self.stop(),
             Command::Configure(config) => self.configure(config),
-            Command::ClearFault => self.faults.clear(),
+            Command::ClearFault => {
+                self.faults.clear();
+                self.thermal.judge_next();
+            }
             Command::ClearBreakaway => self.broke_away = None,
         }
         Ok(())
@@ -179,8 +183,10 @@ impl Servo {
         let shape = |c: &Config| (c.accel, c.mv, c.mcv, c.mov, c.ioff);
         let reshaped = shape(&config) != shape(&self.config);
         self.config = config;
+        self.thermal.judge_next();
         self.pid = pid_of(&config);
         self.velocity_loop = VelocityLoop::new(config.kpv);
+        self.strain = Window::new(config.hsg, config.lsg);
         // Anything else that is set during a blocked move must not put off its stall.
         if reshaped && self.mode == Mode::Trapezoidal && self.entered {
             self.plan();
