@@ -66,6 +66,7 @@ pub struct Servo {
     pid: Pid,
     velocity_loop: VelocityLoop,
     strain: Window,
+    bounds: profile::Bounds,
     estimator: Estimator<COUNTS_PER_REV>,
     /// Decoder count that is called position 0.
     zero: i32,
@@ -123,6 +124,7 @@ impl Servo {
             pid: pid_of(&config),
             velocity_loop: VelocityLoop::new(config.kpv),
             strain: Window::new(config.hsg, config.lsg),
+            bounds: bounds_of(&config),
             estimator: Estimator::new(count),
             zero: 0,
             count,
@@ -286,7 +288,7 @@ impl Servo {
         self.stall.restart();
         self.breakaway.restart();
         let position = self.position_wanted.take().map_or(self.position, Counts::from_int);
-        self.profile = Profile::at_rest(position);
+        self.profile.rest_at(position);
         self.setpoint = self.profile.current();
         if self.mode == Mode::Trapezoidal {
             self.plan();
@@ -383,13 +385,7 @@ impl Servo {
 
     /// Plans the profile to the goal from the present set-point.
     fn plan(&mut self) {
-        let config = &self.config;
-        let limits = profile::Limits {
-            accel: config.accel,
-            closing: Config::speed(config.mv.min(config.mcv)),
-            opening: Config::speed(config.mv.min(config.mov)),
-        };
-        self.profile.plan(Counts::from_int(self.goal()), limits);
+        self.profile.plan(Counts::from_int(self.goal()), &self.bounds);
         self.setpoint = self.profile.current();
         self.stall.restart();
     }
@@ -401,6 +397,12 @@ impl Servo {
         // Room was made above.
         let _ = self.events.push_back(event);
     }
+}
+
+fn bounds_of(config: &Config) -> profile::Bounds {
+    let Config { accel, mv, mcv, mov, .. } = *config;
+    let (closing, opening) = (Config::speed(mv.min(mcv)), Config::speed(mv.min(mov)));
+    profile::Limits { accel, closing, opening }.build()
 }
 
 fn pid_of(config: &Config) -> Pid {

@@ -9,7 +9,6 @@ use crate::guard::hold::{After, after};
 use crate::guard::limits::Bounded;
 use crate::mode::Mode;
 use crate::motion::pid::PidState;
-use crate::motion::profile::Profile;
 use crate::num::Law;
 use crate::units::{Counts, Torque};
 
@@ -109,7 +108,7 @@ impl Servo {
         self.mode = Mode::Pid;
         self.purpose = Purpose::Plain;
         self.entered = true;
-        self.profile = Profile::at_rest(self.position);
+        self.profile.rest_at(self.position);
         self.setpoint = self.profile.current();
         self.stall.restart();
         self.pid_state = if reason == EndReason::Arrived {
