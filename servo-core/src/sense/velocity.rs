@@ -44,6 +44,8 @@ const NOISE_FLOOR: i32 = 1966;
 const LEARNABLE: i32 = 19_661;
 /// A residual beyond this, 16 counts, means that edges were not seen for long: begin anew.
 const LOST: i32 = 16 * ONE;
+/// Most steps that are reckoned with.
+const MOST_STEPS: i32 = 1 << 13;
 /// Shortest time between edges that is reckoned with; also where a learned delay turns their order.
 const SHORTEST_US: u32 = 100;
 /// Highest learned delay of rising edges, in µs.
@@ -88,6 +90,8 @@ struct Motion {
     at: Micros,
     /// The number of the boundary last crossed, at number − ½ counts.
     boundary: i32,
+    /// Its offset's.
+    index: usize,
     /// Where that boundary really is.
     place: i32,
     /// Where the next one really is.
@@ -126,10 +130,11 @@ pub struct Estimator<const N: usize> {
 impl<const N: usize> Estimator<N> {
     /// At rest in the middle of cell `count`, nothing learned.
     #[must_use]
-    pub const fn new(count: i32) -> Self {
+    pub fn new(count: i32) -> Self {
         let motion = Motion {
             at: Micros(0),
             boundary: count,
+            index: Self::index(count),
             place: 0,
             next: ONE,
             position: 0,
@@ -151,6 +156,7 @@ impl<const N: usize> Estimator<N> {
     }
 
     /// Takes a step of the count.
+    #[inline(never)]
     pub fn edge(&mut self, edge: &HallEdge) {
         self.count = edge.count;
         if edge.bounce {
@@ -164,40 +170,48 @@ impl<const N: usize> Estimator<N> {
         let late = if edge.rising { self.delay().0 } else { 0 };
         let at = Micros(edge.at.0.wrapping_sub(late));
         let m = &self.motion;
-        // The next boundary is as a rule where this edge is, and known.
         let steps = along(boundary.wrapping_sub(m.boundary), sign);
-        let expected_one = steps == 1 && sign == m.sign;
-        let place = if expected_one { m.next.wrapping_sub(ONE) } else { self.offset(boundary, sign) };
+        let (index, place, moved) = if steps == 1 && sign == m.sign {
+            // As a rule it is the next boundary, and known.
+            (Self::beside(m.index, sign), m.next.wrapping_sub(ONE), m.next)
+        } else {
+            let index = Self::index(boundary);
+            let place = self.offset(index, sign);
+            // Below 2^30, and far more than `LOST`.
+            (index, place, steps.clamp(-MOST_STEPS, MOST_STEPS).wrapping_mul(ONE).wrapping_add(place))
+        };
         let elapsed = since(m.at, at);
-        let next = self.offset(boundary.wrapping_add(i32::from(sign)), sign).wrapping_add(ONE);
-        let here = Motion { at, boundary, place, next, position: place, sign, rising: edge.rising, ..*m };
+        let next = self.offset(Self::beside(index, sign), sign).wrapping_add(ONE);
+        let here =
+            Motion { at, boundary, index, place, next, position: place, sign, rising: edge.rising, ..*m };
         if sign != m.sign {
             // Crossed back: somewhere in between the rotor stood.
             self.motion = Motion { edges: 1, velocity: 0, acceleration: 0, bias: 0, ..here };
             return;
         }
-        let moved = steps.saturating_mul(ONE).saturating_add(place);
         let dt = elapsed.clamp(SHORTEST_US, STILL.0);
-        let rate = saturating_signed(RATE / dt);
+        let rate = (RATE / dt).cast_signed();
+        // Below 2^29.
         let (expected, velocity) = m.predict(dt);
-        let residual = moved.saturating_sub(expected);
-        if m.edges < 2 || elapsed > STILL.0 || residual.saturating_abs() > LOST {
-            let velocity = mul_shift(moved.saturating_sub(m.place), rate, 12).clamp(0, SPEED_MAX);
+        let residual = moved.wrapping_sub(expected);
+        if m.edges < 2 || elapsed > STILL.0 || residual.abs() > LOST {
+            let velocity = mul_shift(moved.wrapping_sub(m.place), rate, 12).clamp(0, SPEED_MAX);
             self.motion = Motion { edges: 2, velocity, acceleration: 0, bias: 0, ..here };
             return;
         }
         self.motion = Motion { velocity, ..here };
         let corrected = self.motion.correct(residual, rate, dt);
         self.motion.position = place.wrapping_sub(residual).wrapping_add(corrected);
-        if self.motion.edges >= 12 && residual.saturating_abs() < LEARNABLE && edge.steps == 1 {
-            self.learn(boundary, residual, edge.rising, dt);
+        if self.motion.edges >= 12 && residual.abs() < LEARNABLE && edge.steps == 1 {
+            self.learn(index, residual, edge.rising, dt);
         }
     }
 
     /// Offset of an edge, and the rising edges' delay, from a residual.
-    fn learn(&mut self, boundary: i32, residual: i32, rising: bool, dt: u32) {
+    #[inline]
+    fn learn(&mut self, index: usize, residual: i32, rising: bool, dt: u32) {
         let sign = self.motion.sign;
-        if let Some(offset) = self.index(boundary).and_then(|k| self.offsets.get_mut(k)) {
+        if let Some(offset) = self.offsets.get_mut(index) {
             let old = i32::from(*offset);
             // A share of the residual, and a leak: a constant over all edges is not placement.
             *offset = saturating_i16(old.wrapping_sub(along(residual, sign) >> 5).wrapping_sub(old >> 9));
@@ -208,21 +222,32 @@ impl<const N: usize> Estimator<N> {
         self.delay = self.delay.wrapping_add(lag).clamp(0, DELAY_MAX << 8);
     }
 
-    fn index(&self, boundary: i32) -> Option<usize> {
-        let n = i32::try_from(N).ok().filter(|n| *n > 0)?;
-        usize::try_from(boundary.rem_euclid(n)).ok()
+    /// Which offset is a boundary's.
+    fn index(boundary: i32) -> usize {
+        let n = i32::try_from(N).ok().filter(|n| *n > 0);
+        n.and_then(|n| usize::try_from(boundary.rem_euclid(n)).ok()).unwrap_or(0)
     }
 
-    /// Offset of a boundary, forward where that is `sign`.
-    fn offset(&self, boundary: i32, sign: i8) -> i32 {
-        let offset = self.index(boundary).and_then(|k| self.offsets.get(k)).map_or(0, |o| i32::from(*o));
-        along(offset, sign)
+    /// The next one, in the direction of `sign`.
+    const fn beside(index: usize, sign: i8) -> usize {
+        match (sign > 0, index) {
+            (true, last) if last.wrapping_add(1) == N => 0,
+            (true, _) => index.wrapping_add(1),
+            (false, 0) => N.wrapping_sub(1),
+            (false, _) => index.wrapping_sub(1),
+        }
+    }
+
+    /// An offset, forward where that is `sign`.
+    fn offset(&self, index: usize, sign: i8) -> i32 {
+        along(self.offsets.get(index).map_or(0, |o| i32::from(*o)), sign)
     }
 
     /// Position and velocity of the rotor at a time not before the last edge nor before an earlier call. The
     /// position is within the cell of the count. To be called at least each half hour: a standstill is noted
     /// here, before the clock's wrap makes the last edge look young.
     #[must_use]
+    #[inline]
     pub fn at(&mut self, now: Micros) -> (Counts, CountsPerSec) {
         let (position, velocity) = self.rotor(now);
         let sign = i32::from(self.motion.sign);
@@ -284,9 +309,9 @@ impl<const N: usize> Estimator<N> {
         let back = i32::from(m.rising);
         let fall = m.boundary.wrapping_sub(back.wrapping_mul(sign));
         let next = fall.wrapping_add(sign.wrapping_mul(2));
-        let place = self.offset(fall, m.sign);
+        let place = self.offset(Self::index(fall), m.sign);
         // Half of the way between the two: offsets are within ±½.
-        let way = ONE.saturating_add(self.offset(next, m.sign).saturating_sub(place) / 2);
+        let way = ONE.saturating_add(self.offset(Self::index(next), m.sign).saturating_sub(place) / 2);
         let marks = saturating_signed(u32::MAX / way.max(ONE / 2).unsigned_abs());
         let from_mark = position.saturating_add(back.saturating_mul(ONE));
         let along = mul_shift(from_mark.saturating_sub(place), marks, 16);
@@ -314,6 +339,7 @@ const RATE: u32 = 4_096_000_000;
 
 impl Motion {
     /// Position and velocity `dt` µs (≤ `STILL`) after the last edge.
+    #[inline(always)]
     fn predict(&self, dt: u32) -> (i32, i32) {
         let time = seconds(dt);
         let bent = time.min(seconds(ACCEL_US));
@@ -361,11 +387,13 @@ impl Motion {
                 k = 0;
             }
         }
-        let pull = mul_shift(residual, rate, 12);
-        self.velocity = self.velocity.saturating_add(mul_low(pull, h, 16)).clamp(0, SPEED_MAX);
-        // 2^-16 · 2^-12 → 2^-8: 20 bits down.
-        let bend = mul_shift(mul_low(pull, k, 16), rate, 20);
-        let acceleration = self.acceleration.saturating_add(bend).clamp(-ACCEL_MAX, ACCEL_MAX);
+        // Residual ≤ 2^20 and rate ≤ 2^25.3: in 2^-12 counts/s below 2^29.3, and the velocity below 2^26.3.
+        let pull = mul_low(residual, rate, 16);
+        let velocity = (self.velocity >> 4).wrapping_add(mul_low(pull, h, 16));
+        self.velocity = velocity.clamp(0, SPEED_MAX >> 4) << 4;
+        // 2^-12 · 2^-12 → 2^-8: 16 bits down; saturated, and the acceleration is below 2^25.
+        let bend = mul_shift(mul_low(pull, k, 16), rate, 16).clamp(-2 * ACCEL_MAX, 2 * ACCEL_MAX);
+        let acceleration = self.acceleration.wrapping_add(bend).clamp(-ACCEL_MAX, ACCEL_MAX);
         self.acceleration = if (self.bias < 0) == (acceleration < 0) {
             acceleration
         } else {
