@@ -179,18 +179,24 @@ impl<B: Board> Tater<B> {
     /// A hall line changed: commutates at once. Also called by every tick.
     pub fn hall(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
-        if u32::from(code) != self.hall_history & 7 {
+        let event = self.commutator.sample(code, now);
+        let changed = u32::from(code) != self.hall_history & 7;
+        if !changed && event.is_none() {
+            return;
+        }
+        // First of all: until here the legs were wrong.
+        self.board.bridge(self.commutator.bridge());
+        if changed {
             self.still_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
         }
-        if let Some(event) = self.commutator.sample(code, now) {
+        if let Some(event) = event {
             if let HallEvent::Step(edge) = event {
                 self.travelled = self.travelled.saturating_add(u32::from(edge.steps));
             }
             // A full list drops the newest; the decoder's count has it.
             let _ = self.halls.push(event);
         }
-        self.board.bridge(self.commutator.bridge());
     }
 
     /// The break input has tripped, and the hardware has switched the bridge off: no hall edge may switch it on again
@@ -204,8 +210,8 @@ impl<B: Board> Tater<B> {
     /// The control tick, 1 ms after the last.
     pub fn tick(&mut self, now: Micros) {
         self.ticked = true;
-        self.hall(now);
         let analog = self.board.analog();
+        self.hall(now);
         self.silent_ms = self.silent_ms.saturating_add(1);
         self.drive = self.servo.tick(&Sense {
             now,

@@ -28,6 +28,8 @@ pub trait Motor {
     fn bridge(&mut self, bridge: Bridge);
     /// See [`Board::brake`].
     fn brake(&mut self, released: bool);
+    /// Samples the hall lines, some time before [`Self::halls`].
+    fn look(&mut self);
     /// See [`Board::halls`].
     fn halls(&self) -> u8;
     /// See [`Board::analog`].
@@ -41,6 +43,8 @@ impl Motor for Held {
     fn bridge(&mut self, _: Bridge) {}
 
     fn brake(&mut self, _: bool) {}
+
+    fn look(&mut self) {}
 
     fn halls(&self) -> u8 {
         0
@@ -70,8 +74,12 @@ impl Motor for Armed {
         let _: Result<(), Infallible> = OutputPin::set_state(&mut self.brake, released.into());
     }
 
+    fn look(&mut self) {
+        self.halls.look();
+    }
+
     fn halls(&self) -> u8 {
-        Halls::code()
+        self.halls.code()
     }
 
     fn analog(&self) -> Analog {
@@ -230,6 +238,7 @@ impl Metal<Armed> {
     }
 
     /// When the edge of a hall line was that interrupts; the interrupt is done with.
+    #[inline(always)]
     pub fn edge(&mut self) -> Micros {
         let before = self.clock.now;
         let since = self.now().wrapping_since(before).0;
@@ -245,7 +254,10 @@ impl Metal<Armed> {
 
 impl<M: Motor> Metal<M> {
     /// The time, in us since the program's start. To be called every 65 ms at least.
+    ///
+    /// Whoever asks for it may want the hall lines next: it has looked at them.
     pub fn now(&mut self) -> Micros {
+        self.motor.look();
         self.clock.now()
     }
 }
