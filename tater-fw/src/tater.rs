@@ -402,7 +402,16 @@ impl<B: Board> Tater<B> {
         self.send();
     }
 
+    /// Hands over what waits, which is nothing as a rule.
+    #[inline(always)]
     fn send(&mut self) {
+        if !self.outbox.is_empty() {
+            self.hand_over();
+        }
+    }
+
+    #[inline(never)]
+    fn hand_over(&mut self) {
         for _ in 0..OUTBOX {
             match self.outbox.front() {
                 Some(frame) if self.board.transmit(frame) => self.outbox.pop_front(),
@@ -417,31 +426,38 @@ impl<B: Board> Tater<B> {
         self.unsent
     }
 
-    /// The servo's reports: to the host if it has asked for them, and to whoever watches.
+    /// The servo's reports, of which there are none as a rule.
+    #[inline(always)]
     fn report(&mut self) {
         for _ in 0..EVENTS {
             let Some(event) = self.servo.event() else { break };
-            let flags = self.kept.lflags;
-            // Without room they are counted as unsent.
-            match event {
-                Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
-                    let _ = self.say(Node::HOST, Property::MODE, i64::from(mode.number()));
-                    let _ = self.say(Node::HOST, Property::END, i64::from(reason.number()));
-                }
-                Event::Breakaway { position, .. } => {
-                    self.breakaway_position = position;
-                    if flags & REPORT_BREAKAWAYS != 0 {
-                        let _ = self.say(Node::HOST, Property::BD, 1);
-                    }
-                }
-                Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
-            }
-            if self.events.is_full() {
-                self.events.pop_front();
-            }
-            // Room was made above.
-            let _ = self.events.push_back(event);
+            self.tell(event);
         }
+    }
+
+    /// Tells a report: the host if it has asked for them, and whoever watches.
+    #[inline(never)]
+    fn tell(&mut self, event: Event) {
+        let flags = self.kept.lflags;
+        // Without room they are counted as unsent.
+        match event {
+            Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
+                let _ = self.say(Node::HOST, Property::MODE, i64::from(mode.number()));
+                let _ = self.say(Node::HOST, Property::END, i64::from(reason.number()));
+            }
+            Event::Breakaway { position, .. } => {
+                self.breakaway_position = position;
+                if flags & REPORT_BREAKAWAYS != 0 {
+                    let _ = self.say(Node::HOST, Property::BD, 1);
+                }
+            }
+            Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
+        }
+        if self.events.is_full() {
+            self.events.pop_front();
+        }
+        // Room was made above.
+        let _ = self.events.push_back(event);
     }
 
     /// What the servo reported, oldest first: for logs and simulations.

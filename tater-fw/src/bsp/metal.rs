@@ -82,6 +82,7 @@ impl Motor for Armed {
         self.halls.code()
     }
 
+    #[inline(always)]
     fn analog(&self) -> Analog {
         self.adc.read(self.bridge.broken())
     }
@@ -288,6 +289,7 @@ impl<M: Motor> Board for Metal<M> {
         self.motor.halls()
     }
 
+    #[inline(always)]
     fn analog(&self) -> Analog {
         self.motor.analog()
     }
