@@ -37,9 +37,12 @@ fn a_fault_that_is_not_urgent_enough_is_a_hard_fault() {
     assert_eq!((b.exception(), b.peek(HFSR)), (3, FORCED));
 }
 
+/// What it is, its bits, registers before it, who takes it, CFSR.
+type Wrong<'a> = (&'a str, &'a [u16], &'a [(usize, u32)], u32, u32);
+
 #[test]
 fn each_error_of_an_instruction_has_its_bit() {
-    let cases: [(&str, &[u16], &[(usize, u32)], u32, u32); 9] = [
+    let cases: [Wrong<'_>; 9] = [
         ("UDF", &[0xDE00], &[], 6, 1 << 16),
         ("no such instruction", &[0xFFFF, 0xFFFF], &[], 6, 1 << 19),
         ("a coprocessor", &[0xEE00, 0x0A10], &[], 6, 1 << 19),
