@@ -49,6 +49,8 @@ pub struct Board {
     front_end: FrontEnd,
     bridge: Bridge,
     brake_released: bool,
+    /// Whether the over-current comparator pulls the break input low.
+    tripped: bool,
     /// When the converter's inputs were last brought up to date, us.
     sampled_us: u64,
     /// The bus's time.
@@ -92,6 +94,7 @@ impl Board {
             rig,
             bridge: Bridge::Off,
             brake_released: false,
+            tripped: false,
             sampled_us: now_us,
             now_us,
             pending: Vec::new(),
@@ -285,9 +288,9 @@ impl Board {
 
     /// The comparator pulls the break input low, and the gates are off before the next microsecond.
     fn over_current(&mut self) {
-        let level = self.rig.tripped().then_some(false);
-        if self.machine.chip().gpio.driven[BREAK.0][BREAK.1] != level {
-            self.machine.chip_mut().set_pin(BREAK, level);
+        if self.rig.tripped() != self.tripped {
+            self.tripped = self.rig.tripped();
+            self.machine.chip_mut().set_pin(BREAK, self.tripped.then_some(false));
             self.pins_changed();
         }
     }
@@ -339,7 +342,7 @@ impl Board {
 
 /// Whether the brake's pin is high; a resistor pulls it down.
 fn brake(chip: &Chip) -> bool {
-    chip.gpio.output(BRAKE.0, BRAKE.1)
+    chip.gpio.output(BRAKE.0, BRAKE.1) == Some(true)
 }
 
 impl Station for Board {

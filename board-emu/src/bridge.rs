@@ -49,7 +49,7 @@ fn gate(chip: &Chip, (port, pin): (usize, usize), timer: Gate, armed: bool) -> R
         (Mode::PushPull | Mode::OpenDrain, _) if armed => {
             Err(format!("{}: the port has it, not TIM1", name()))
         }
-        (Mode::PushPull | Mode::OpenDrain, _) => Ok(held(chip.gpio.output(port, pin))),
+        (Mode::PushPull | Mode::OpenDrain, _) => Ok(held(chip.gpio.output(port, pin) == Some(true))),
     }
 }
 

@@ -58,9 +58,20 @@ enum Lock {
     Jammed,
 }
 
+/// What is done to the flash; addresses in the flash proper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// A half-word is programmed.
+    Program(u32, u16),
+    /// The page that begins there is erased.
+    Erase(u32),
+    /// All pages are.
+    EraseAll,
+}
+
 /// An operation that has begun.
 #[derive(Clone, Debug)]
-struct Operation {
+struct Begun {
     /// Which one, since the flash was made.
     number: u64,
     /// Where it is, an offset, and what was there.
@@ -94,9 +105,9 @@ pub struct Flash {
     sr: u32,
     cr: u32,
     ar: u32,
-    operations: u64,
+    log: Vec<Operation>,
     /// The last operation, until another one begins or it is interrupted.
-    last: Option<Operation>,
+    last: Option<Begun>,
     cut: Cut,
     /// What an interrupted operation leaves is drawn from it.
     seed: u64,
@@ -113,7 +124,7 @@ impl Default for Flash {
             sr: 0,
             cr: cr::LOCK,
             ar: 0,
-            operations: 0,
+            log: Vec::new(),
             last: None,
             cut: Cut::None,
             seed: 0,
@@ -139,14 +150,20 @@ impl Flash {
     /// Operations (half-words programmed, pages erased) since the flash was made; erasing all of it is one.
     #[must_use]
     pub const fn operations(&self) -> u64 {
-        self.operations
+        self.log.len() as u64
+    }
+
+    /// All operations since the flash was made, those after a cut too.
+    #[must_use]
+    pub fn log(&self) -> &[Operation] {
+        &self.log
     }
 
     /// The power fails in the middle of the operation that follows `operations` more; `seed` decides what that leaves. From
     /// then on no operation has an effect until [`Self::reset`]: whoever has the chip is to switch its power off when
     /// [`Self::is_cut`].
     pub const fn cut_after(&mut self, operations: u64, seed: u64) {
-        self.cut = Cut::At(self.operations + operations);
+        self.cut = Cut::At(self.operations() + operations);
         self.seed = seed;
     }
 
@@ -200,39 +217,42 @@ impl Flash {
             self.sr |= sr::PGERR;
             return Ok(());
         }
-        self.begin(at, &new, false, now + PROGRAM);
+        self.log.push(Operation::Program(FLASH.start + offset, u16::from_le_bytes(new)));
+        self.begin(at, &new, now + PROGRAM);
         Ok(())
     }
 
     /// CR.STRT: erases what PER or MER say (PM0075 2.3.4).
     fn start(&mut self, now: Time) -> Access<()> {
-        let (at, len) = match self.cr & (cr::PER | cr::MER | cr::PG) {
+        let (at, len, operation) = match self.cr & (cr::PER | cr::MER | cr::PG) {
             cr::PER if FLASH.holds(self.ar.into(), 1) => {
-                (((self.ar - FLASH.start) / PAGE * PAGE) as usize, PAGE as usize)
+                let page = (self.ar - FLASH.start) / PAGE * PAGE;
+                (page as usize, PAGE as usize, Operation::Erase(FLASH.start + page))
             }
             cr::PER => return Err(format!("FLASH_AR: no page at {:#010x}", self.ar)),
-            cr::MER => (0, FLASH.len as usize),
+            cr::MER => (0, FLASH.len as usize, Operation::EraseAll),
             bits => {
                 return Err(format!(
                     "FLASH_CR.STRT with {bits:#x} of PG, PER and MER: one of the last two alone"
                 ));
             }
         };
-        self.begin(at, &vec![0xFF; len], true, now + ERASE);
+        self.log.push(operation);
+        self.begin(at, &vec![0xFF; len], now + ERASE);
         Ok(())
     }
 
-    /// Begins an operation, and counts it.
-    fn begin(&mut self, at: usize, new: &[u8], erase: bool, until: Time) {
-        let number = self.operations;
-        self.operations += 1;
+    /// Begins the operation that was logged last.
+    fn begin(&mut self, at: usize, new: &[u8], until: Time) {
+        let number = self.operations() - 1;
+        let erase = !matches!(self.log.last(), Some(Operation::Program(..)));
         self.busy_until = until;
         self.sr |= sr::EOP;
         if self.is_cut() {
             return;
         }
         let Some(bytes) = self.bytes.get_mut(at..at + new.len()) else { return };
-        self.last = Some(Operation { number, at, old: bytes.to_vec(), erase });
+        self.last = Some(Begun { number, at, old: bytes.to_vec(), erase });
         bytes.copy_from_slice(new);
         self.version = self.version.wrapping_add(1);
         if self.cut == Cut::At(number) {
@@ -244,7 +264,7 @@ impl Flash {
     /// The last operation is only half done: what that leaves is what the simulated boards' flash leaves
     /// (`hil_sim::rig::flash`).
     fn interrupt(&mut self) {
-        let Some(Operation { number, at, old, erase }) = self.last.take() else { return };
+        let Some(Begun { number, at, old, erase }) = self.last.take() else { return };
         let mut rng = Pcg64Mcg::new(u128::from(self.seed) << 64 | u128::from(number));
         let Some(bytes) = self.bytes.get_mut(at..at + old.len()) else { return };
         self.version = self.version.wrapping_add(1);

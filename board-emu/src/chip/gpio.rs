@@ -81,19 +81,13 @@ impl Gpio {
 
     /// What the port itself drives a pin to: `None` if it is no output, or an open one.
     #[must_use]
-    pub fn drives(&self, port: usize, pin: usize) -> Option<bool> {
+    pub fn output(&self, port: usize, pin: usize) -> Option<bool> {
         let odr = self.ports[port].odr(pin);
         match self.mode(port, pin) {
             Mode::PushPull => Some(odr),
             Mode::OpenDrain => (!odr).then_some(false),
             _ => None,
         }
-    }
-
-    /// Whether the port drives a pin high.
-    #[must_use]
-    pub fn output(&self, port: usize, pin: usize) -> bool {
-        self.drives(port, pin) == Some(true)
     }
 
     /// The level at a pin (port A is 0): what drives it, or its pull. What nothing holds is high here, and so is a pin that a
@@ -105,7 +99,7 @@ impl Gpio {
             Mode::Pulled => self.ports[port].odr(pin),
             _ => true,
         };
-        self.drives(port, pin).or(self.driven[port][pin]).unwrap_or(open)
+        self.output(port, pin).or(self.driven[port][pin]).unwrap_or(open)
     }
 
     /// A pin that the port drives to the one level and the world to the other.
@@ -113,7 +107,7 @@ impl Gpio {
     pub fn conflict(&self) -> Option<String> {
         for (port, name) in ['A', 'B', 'C', 'D', 'E'].into_iter().enumerate() {
             for pin in 0..16 {
-                if let (Some(ours), Some(theirs)) = (self.drives(port, pin), self.driven[port][pin])
+                if let (Some(ours), Some(theirs)) = (self.output(port, pin), self.driven[port][pin])
                     && ours != theirs
                 {
                     let ours = u8::from(ours);
@@ -188,7 +182,7 @@ mod tests {
         assert_eq!([6, 5, 4, 3].map(|pin| gpio.level(1, pin)), [false; 4]);
         gpio.write(B + 0x10, 1 << 6 | 1 << 5 | 1 << 4, 0).unwrap();
         assert_eq!([6, 5, 4, 3].map(|pin| gpio.level(1, pin)), [true, true, true, false]);
-        assert_eq!([6, 5, 4].map(|pin| gpio.drives(1, pin)), [None, Some(true), None]);
+        assert_eq!([6, 5, 4].map(|pin| gpio.output(1, pin)), [None, Some(true), None]);
         gpio.driven[1][6] = Some(false);
         gpio.driven[1][4] = Some(false);
         assert_eq!(gpio.read(B + 8, 0), Ok(0xFFFF & !(1 << 6 | 1 << 4 | 1 << 3)));

@@ -49,7 +49,9 @@ fn a_bit_of_a_register_is_written_with_all_of_it() {
     assert_eq!(register(&mut chip, 0x4000_0410, None), 0);
     // A bit of CR1 starts it.
     register(&mut chip, bit(0x4000_0400, 0), Some(1));
-    chip.now += 4;
+    // Two clocks of 8 MHz, the clock after a reset.
+    chip.now += 2 * chip.rcc.timer_cycle();
+    assert_eq!(chip.rcc.timer_cycle(), 18);
     assert_eq!(register(&mut chip, 0x4000_0424, None), 2);
     assert_eq!(register(&mut chip, bit(0x4000_0424, 1), None), 1);
 }
@@ -71,6 +73,7 @@ fn a_bit_that_is_read_reads_the_register_with_what_that_does() {
 #[test]
 fn the_trigger_of_tim1_starts_the_converter() {
     let mut chip = Chip::new(1, [0; 3]);
+    chip.pins_changed();
     chip.adc.write(0x08, 1 | 1 << 15, 0).unwrap();
     // Channel 4 in PWM mode 1, OC4REF as TRGO, centred, 20 kHz.
     for (offset, value) in
@@ -80,11 +83,11 @@ fn the_trigger_of_tim1_starts_the_converter() {
     }
     chip.tim1.take_trigger();
     chip.set_analog([77; 18]);
-    let due = (3600 - 85) * 2;
-    assert_eq!(chip.next_event(), due);
+    let due = (3600 - 85) * chip.rcc.timer1_cycle();
+    assert_eq!(chip.tim1.next_event(), due);
     chip.advance(due);
-    // JEOC after a conversion of 1.5 + 12.5 cycles of 12 MHz.
-    let done = due + 14 * 12;
+    // JEOC after a conversion of 1.5 + 12.5 of its cycles.
+    let done = due + 14 * chip.rcc.adc_cycle();
     assert_eq!(chip.adc.read(0, done - 1).unwrap() & 4, 0);
     assert_eq!((chip.adc.read(0, done).unwrap() & 4, chip.adc.read(0x3C, done)), (4, Ok(77)));
 }
