@@ -14,6 +14,7 @@ use tater_wire::{Frame, Node};
 use crate::analog::FrontEnd;
 use crate::bridge;
 use crate::chip::{Chip, Reset};
+use crate::gdb::Wanted;
 use crate::image::Programs;
 use crate::machine::{Machine, Pause};
 use crate::meter::{Figures, Meter};
@@ -37,6 +38,9 @@ const BREAK: (usize, usize) = (1, 12);
 const BRAKE: (usize, usize) = (1, 5);
 const HALLS: [(usize, usize); 3] = [(1, 6), (1, 7), (1, 8)];
 
+/// Runs a board to a time: what a debugger does in place of the board.
+pub type Runner = Box<dyn FnMut(&mut Board, Time)>;
+
 /// A board that executes its flash, and its motor.
 pub struct Board {
     node: Node,
@@ -58,6 +62,10 @@ pub struct Board {
     /// What is done to the hall lines, whatever the sensors say.
     hall_lines: [Option<bool>; 3],
     meter: Meter,
+    /// Who runs it on the bus in place of itself.
+    runner: Option<Runner>,
+    /// What a debugger wants.
+    pub(crate) wanted: Wanted,
     /// What ended the run, if anything did.
     problem: Option<Stop>,
 }
@@ -93,6 +101,8 @@ impl Board {
             seed,
             hall_lines: [None; 3],
             meter: Meter::default(),
+            runner: None,
+            wanted: Wanted::default(),
             problem: None,
         };
         board.halls_changed();
@@ -128,6 +138,8 @@ impl Board {
             front_end: self.front_end.clone(),
             pending: self.pending.clone(),
             meter: self.meter.clone(),
+            runner: None,
+            wanted: Wanted::default(),
             problem: self.problem.clone(),
             ..*self
         }
@@ -203,6 +215,11 @@ impl Board {
                 None
             }
         }
+    }
+
+    /// Lets somebody else run it on the bus.
+    pub fn set_runner(&mut self, runner: Runner) {
+        self.runner = Some(runner);
     }
 
     /// Measures from now on what the program takes.
@@ -334,7 +351,12 @@ impl Station for Board {
     }
 
     fn advance(&mut self, until_us: u64) {
-        self.run(until_us * US, &[]);
+        if let Some(mut runner) = self.runner.take() {
+            runner(self, until_us * US);
+            self.runner = Some(runner);
+        } else {
+            self.run(until_us * US, &[]);
+        }
         self.now_us = until_us;
         self.mail();
     }

@@ -1,6 +1,6 @@
 //! A scenario on emulated boards, from erased flash to a verdict: who is on the bus, how their programs get there.
 
-use hil_sim::over_can::{Job, OverCan, Ran, Watcher, case_of, parked};
+use hil_sim::over_can::{Job, OverCan, Ran, case_of, parked};
 use hil_sim::plant::PlantParams;
 use hil_sim::scenario::{Case, Initial, Scenario};
 use hil_sim::{Options, node_of, properties, rig};
@@ -138,6 +138,9 @@ pub fn load(board: &mut Board, programs: &Programs) {
     }
 }
 
+/// Puts tools to a bus whose boards have no power yet.
+pub type Attach<'a> = &'a mut dyn FnMut(&mut OverCan<Board>) -> Result<(), String>;
+
 /// Boards on a bus with both programs, woken: the first has got its application over the bus, from erased flash, by Barrett's
 /// downloader; the others, on this and later buses, by probe, which are the same bytes and take no half minute each.
 ///
@@ -147,7 +150,7 @@ pub fn bring_up(
     boards: Vec<(Node, Board)>,
     programs: &Programs,
     download: bool,
-    watcher: Option<Watcher<Board>>,
+    attach: Attach<'_>,
 ) -> Result<OverCan<Board>, String> {
     let mut boards = boards;
     for (_, board) in boards.iter_mut().skip(usize::from(download)) {
@@ -155,9 +158,7 @@ pub fn bring_up(
     }
     let first = boards.first().map(|(node, _)| *node);
     let mut host = OverCan::new(boards);
-    if let Some(watcher) = watcher {
-        host.watch(watcher);
-    }
+    attach(&mut host)?;
     host.power_on()?;
     if let Some(first) = first.filter(|_| download) {
         host.download(first, programs.tek.as_bytes())?;
@@ -166,7 +167,8 @@ pub fn bring_up(
     Ok(host)
 }
 
-/// Runs a scenario on emulated boards. `clock` is what time it is, s; `watcher` gives each bus one who looks on.
+/// Runs a scenario on emulated boards. `clock` is what time it is, s; `attach` is given each bus before the
+/// power comes on.
 ///
 /// # Errors
 /// What no verdict can be made of: a board that stops, does not answer or does not take a property.
@@ -176,7 +178,7 @@ pub fn run(
     programs: &Programs,
     options: &Options,
     poll_ms: u32,
-    watcher: &mut dyn FnMut() -> Option<Watcher<Board>>,
+    attach: Attach<'_>,
     clock: &dyn Fn() -> f64,
 ) -> Result<Session, String> {
     let mut session =
@@ -189,7 +191,7 @@ pub fn run(
             (job.node, Board::new(rig, job.node, programs, seed + u64::from(job.node.number())))
         };
         let boards = jobs.iter().zip(rigs).map(board).collect();
-        let mut host = bring_up(boards, programs, index == 0, watcher())?;
+        let mut host = bring_up(boards, programs, index == 0, attach)?;
         for place in 0..jobs.len() {
             if let Some(board) = host.bus_mut().station_mut(place) {
                 board.begin_figures();
