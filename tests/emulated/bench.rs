@@ -59,13 +59,18 @@ impl Bench {
         Self::with(flashed(programs, NODE))
     }
 
-    /// The same of another board.
-    pub fn with(mut board: Board) -> Self {
+    /// A board whose power comes on.
+    pub fn powered(mut board: Board) -> Self {
         board.power_on();
         let node = board.node().number();
         let mut bus = Bus::new(vec![board]);
         bus.plug_host("test", Adapter::default()).expect("the first host");
-        let mut bench = Self { bus, node };
+        Self { bus, node }
+    }
+
+    /// The same as [`Self::awake`] of another board.
+    pub fn with(board: Board) -> Self {
+        let mut bench = Self::powered(board);
         bench.wait_ms(100);
         assert_eq!(bench.get(Property::STAT), Some(0), "the monitor answers: {:?}", bench.board().problem());
         bench.wake();
@@ -78,7 +83,12 @@ impl Bench {
     pub fn wake(&mut self) {
         self.set(Property::STAT, 2);
         self.wait_ms(100);
-        assert_eq!(self.get(Property::STAT), Some(2), "the application answers: {:?}", self.board().problem());
+        assert_eq!(
+            self.get(Property::STAT),
+            Some(2),
+            "the application answers: {:?}",
+            self.board().problem()
+        );
     }
 
     pub fn board(&self) -> &Board {

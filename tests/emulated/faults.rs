@@ -63,7 +63,8 @@ fn glitches_that_pass_the_filter_lose_no_count_or_end_the_motion() {
         bench.wait_ms(1000);
         match bench.get(Property::ERROR) {
             Some(0) => {
-                let (says, is) = (bench.get(Property::P).expect("answers"), bench.board().rig().truth().counts);
+                let (says, is) =
+                    (bench.get(Property::P).expect("answers"), bench.board().rig().truth().counts);
                 assert!((is - says as f64).abs() <= 1.0, "line {line}: says {says}, is {is}");
             }
             error => {
@@ -118,7 +119,9 @@ fn without_its_crystal_a_board_is_off_at_once_and_says_so_when_it_has_it_again()
     assert_eq!(bench.get(Property::STAT), Some(0), "in the monitor");
     let error = bench.get(Property::ERROR);
     assert!(error == code(FaultCode::Clock) || error == code(FaultCode::Watchdog), "{error:?}");
-    println!("figure: crystal dead: bridge off after {after_us} us; {resets} resets in 2 s; ERROR {error:?} after");
+    println!(
+        "figure: crystal dead: bridge off after {after_us} us; {resets} resets in 2 s; ERROR {error:?} after"
+    );
 }
 
 #[test]

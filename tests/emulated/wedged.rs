@@ -12,8 +12,14 @@ const WEDGE: u16 = 0xE7FE;
 const UNDEFINED: u16 = 0xDE00;
 
 /// Exception numbers of the application's tasks.
-const TASKS: [(&str, u32); 6] =
-    [("hall", 16 + 30), ("tick", 16 + 29), ("receive", 16 + 20), ("sent", 16 + 19), ("slow", 15), ("idle", 0)];
+const TASKS: [(&str, u32); 6] = [
+    ("hall", 16 + 30),
+    ("tick", 16 + 29),
+    ("receive", 16 + 20),
+    ("sent", 16 + 19),
+    ("slow", 15),
+    ("idle", 0),
+];
 
 /// Overwrites the instruction at an address.
 fn patch(bench: &mut Bench, address: u32, code: u16) {
