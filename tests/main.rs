@@ -5,6 +5,7 @@ mod fences;
 mod halls;
 mod loops;
 mod metal;
+mod over_can;
 mod plant;
 mod power_cuts;
 mod profile;

@@ -6,6 +6,7 @@
 use std::rc::Rc;
 
 use hil_sim::bus::Station;
+use hil_sim::over_can::Watched;
 use hil_sim::rig::{Bridge, Rig};
 use tater_wire::memory::{FLASH, MONITOR};
 use tater_wire::{Frame, Node};
@@ -13,8 +14,10 @@ use tater_wire::{Frame, Node};
 use crate::analog::FrontEnd;
 use crate::bridge;
 use crate::chip::{Chip, Reset};
+use crate::gdb::Wanted;
 use crate::image::Programs;
 use crate::machine::{Machine, Pause};
+use crate::meter::{Figures, Meter};
 use crate::stop::{Problem, Stop};
 use crate::time::{Time, US};
 
@@ -35,6 +38,9 @@ const BREAK: (usize, usize) = (1, 12);
 const BRAKE: (usize, usize) = (1, 5);
 const HALLS: [(usize, usize); 3] = [(1, 6), (1, 7), (1, 8)];
 
+/// Runs a board to a time: what a debugger does in place of the board.
+pub type Runner = Box<dyn FnMut(&mut Board, Time)>;
+
 /// A board that executes its flash, and its motor.
 pub struct Board {
     node: Node,
@@ -43,6 +49,8 @@ pub struct Board {
     front_end: FrontEnd,
     bridge: Bridge,
     brake_released: bool,
+    /// Whether the over-current comparator pulls the break input low.
+    tripped: bool,
     /// When the converter's inputs were last brought up to date, us.
     sampled_us: u64,
     /// The bus's time.
@@ -53,6 +61,11 @@ pub struct Board {
     seed: u64,
     /// What is done to the hall lines, whatever the sensors say.
     hall_lines: [Option<bool>; 3],
+    meter: Meter,
+    /// Who runs it on the bus in place of itself.
+    runner: Option<Runner>,
+    /// What a debugger wants.
+    pub(crate) wanted: Wanted,
     /// What ended the run, if anything did.
     problem: Option<Stop>,
 }
@@ -61,7 +74,7 @@ impl Board {
     /// A board whose power is off: the monitor in its flash, everything else erased. `straps` is its node number; `seed` is
     /// that of what its RAM holds at first.
     #[must_use]
-    pub fn new(rig: Rig, straps: Node, programs: &Programs, seed: u64) -> Self {
+    pub fn new(mut rig: Rig, straps: Node, programs: &Programs, seed: u64) -> Self {
         let number = u32::from(straps.number());
         let mut chip = Chip::new(seed, [0x0043_0025 + number, 0x3042_3132, 0x2039_3751]);
         let start = (MONITOR.start - FLASH.start) as usize;
@@ -70,6 +83,8 @@ impl Board {
             // A strap to ground says 1.
             chip.gpio.driven[port][pin] = (number >> bit & 1 == 1).then_some(false);
         }
+        // The comparator pulls the break input, and TIM1 does the rest.
+        rig.guard_outside();
         let now_us = rig.now_us();
         chip.now = now_us * US;
         let mut board = Self {
@@ -79,11 +94,15 @@ impl Board {
             rig,
             bridge: Bridge::Off,
             brake_released: false,
+            tripped: false,
             sampled_us: now_us,
             now_us,
             pending: Vec::new(),
             seed,
             hall_lines: [None; 3],
+            meter: Meter::default(),
+            runner: None,
+            wanted: Wanted::default(),
             problem: None,
         };
         board.halls_changed();
@@ -118,6 +137,9 @@ impl Board {
             rig: self.rig.clone(),
             front_end: self.front_end.clone(),
             pending: self.pending.clone(),
+            meter: self.meter.clone(),
+            runner: None,
+            wanted: Wanted::default(),
             problem: self.problem.clone(),
             ..*self
         }
@@ -195,6 +217,22 @@ impl Board {
         }
     }
 
+    /// Lets somebody else run it on the bus.
+    pub fn set_runner(&mut self, runner: Runner) {
+        self.runner = Some(runner);
+    }
+
+    /// Measures from now on what the program takes.
+    pub fn begin_figures(&mut self) {
+        self.meter.begin(&mut self.machine);
+    }
+
+    /// What the program has taken since.
+    #[must_use]
+    pub fn figures(&self) -> Figures {
+        self.meter.figures(&self.machine)
+    }
+
     /// Runs chip and motor to `until`, or to the first breakpoint: then it returns true.
     pub fn run(&mut self, until: Time, breakpoints: &[u32]) -> bool {
         while self.machine.now() < until && self.problem.is_none() {
@@ -209,6 +247,9 @@ impl Board {
             let Some(pause) = self.judge(done) else { break };
             let now = self.machine.now();
             while self.follow(now).is_some() {}
+            if pause == Pause::Gates {
+                self.meter.gate_write(now, &self.machine.cpu.counts);
+            }
             if matches!(pause, Pause::Gates | Pause::Reset(_)) {
                 self.pins_changed();
             } else {
@@ -232,24 +273,32 @@ impl Board {
     fn follow(&mut self, now: Time) -> Option<Time> {
         let to_us = (now / US).min(self.sampled_us + SAMPLE_US);
         let edge = self.rig.advance(self.bridge, self.brake_released, to_us);
+        self.over_current();
         if self.rig.now_us() >= self.sampled_us + SAMPLE_US {
             self.sampled_us = self.rig.now_us();
             self.sample();
         }
         if edge.is_some() {
+            self.meter.edge(self.rig.now_us() * US);
             self.halls_changed();
         }
         let behind = self.rig.now_us() < now / US;
         (edge.is_some() || behind).then(|| self.rig.now_us() * US)
     }
 
-    /// Brings the converter's inputs and the break input up to date.
+    /// The comparator pulls the break input low, and the gates are off before the next microsecond.
+    fn over_current(&mut self) {
+        if self.rig.tripped() != self.tripped {
+            self.tripped = self.rig.tripped();
+            self.machine.chip_mut().set_pin(BREAK, self.tripped.then_some(false));
+            self.pins_changed();
+        }
+    }
+
+    /// Brings the converter's inputs up to date.
     fn sample(&mut self) {
         let inputs = self.front_end.sample(&mut self.rig);
-        let fault = self.rig.tripped();
-        let mut chip = self.machine.chip_mut();
-        chip.set_analog(inputs);
-        chip.set_pin(BREAK, fault.then_some(false));
+        self.machine.chip_mut().set_analog(inputs);
     }
 
     /// The hall sensors pull their lines low or do not; the time is the motor's.
@@ -272,7 +321,10 @@ impl Board {
             bridge::of(&chip)
         };
         match bridge {
-            Ok(bridge) => self.bridge = bridge,
+            Ok(bridge) => {
+                self.bridge = bridge;
+                self.meter.bridge(self.machine.now(), bridge != Bridge::Off);
+            }
             Err(what) => {
                 let stop = self.machine.stop(Problem::Bridge { what });
                 self.judge::<()>(Err(stop));
@@ -283,8 +335,8 @@ impl Board {
     /// Takes over what the controller would send.
     fn mail(&mut self) {
         self.pending.clear();
-        let chip = self.machine.chip();
-        self.pending.extend_from_slice(chip.can.pending());
+        self.pending.extend_from_slice(self.machine.chip().can.pending());
+        self.meter.mailboxes(&self.pending, self.machine.now());
     }
 }
 
@@ -299,7 +351,12 @@ impl Station for Board {
     }
 
     fn advance(&mut self, until_us: u64) {
-        self.run(until_us * US, &[]);
+        if let Some(mut runner) = self.runner.take() {
+            runner(self, until_us * US);
+            self.runner = Some(runner);
+        } else {
+            self.run(until_us * US, &[]);
+        }
         self.now_us = until_us;
         self.mail();
     }
@@ -328,6 +385,9 @@ impl Station for Board {
 
     fn receive(&mut self, frame: &Frame) {
         let at = self.now_us * US;
+        if matches!(frame.id().to, tater_wire::Destination::Node(to) if to == self.node) {
+            self.meter.request(frame, at);
+        }
         let mut chip = self.machine.chip_mut();
         chip.can.receive(frame, at);
         chip.touched = true;
@@ -352,5 +412,33 @@ impl Station for Board {
             chip.touched = true;
         }
         self.mail();
+    }
+}
+
+impl Watched for Board {
+    fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    fn rig_mut(&mut self) -> &mut Rig {
+        &mut self.rig
+    }
+
+    fn driven_since_us(&self) -> Option<u64> {
+        self.meter.driven_since().map(|at| at / US)
+    }
+
+    fn is_brake_released(&self) -> bool {
+        self.brake_released
+    }
+
+    fn power_on(&mut self) {
+        Self::power_on(self);
+    }
+
+    fn problem(&self) -> Option<String> {
+        self.problem
+            .as_ref()
+            .map(|stop| format!("{stop}\n  next: look at the code there, or single-step it with --gdb"))
     }
 }

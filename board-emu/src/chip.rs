@@ -477,3 +477,6 @@ const fn alias(address: u32) -> (u32, u32) {
     let byte = (address & 0xF000_0000) + (offset >> 5);
     (byte & !3, (offset >> 2 & 7) + 8 * (byte & 3))
 }
+
+#[cfg(test)]
+mod tests;

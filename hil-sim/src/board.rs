@@ -27,6 +27,7 @@ pub struct SimBoard {
     /// What the filters of the CAN controller let through besides group 0.
     listens: (Node, [Option<Group>; 3]),
     bridge: Bridge,
+    driven_since_us: Option<u64>,
     brake_released: bool,
     analog: Analog,
     mailboxes: Vec<Frame>,
@@ -46,6 +47,7 @@ impl SimBoard {
             reset_cause: None,
             listens: DEAF,
             bridge: Bridge::Off,
+            driven_since_us: None,
             brake_released: false,
             mailboxes: Vec::new(),
             resets: 0,
@@ -92,6 +94,18 @@ impl SimBoard {
     #[must_use]
     pub const fn sim_flash(&self) -> &SimFlash {
         &self.flash
+    }
+
+    /// Since when the bridge is on, µs; `None` if it is off.
+    #[must_use]
+    pub const fn driven_since_us(&self) -> Option<u64> {
+        self.driven_since_us
+    }
+
+    /// Whether the brake is told to release.
+    #[must_use]
+    pub const fn is_brake_released(&self) -> bool {
+        self.brake_released
     }
 
     /// What the ADC said last.
@@ -152,6 +166,10 @@ impl Board for SimBoard {
 
     fn bridge(&mut self, bridge: Bridge) {
         self.bridge = bridge;
+        self.driven_since_us = match bridge {
+            Bridge::Off => None,
+            _ => Some(self.driven_since_us.unwrap_or(self.rig.now_us())),
+        };
         self.flash.set_bridge_on(bridge != Bridge::Off);
     }
 

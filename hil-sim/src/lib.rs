@@ -8,6 +8,7 @@ pub mod board;
 pub mod bus;
 pub mod metrics;
 pub mod node;
+pub mod over_can;
 pub mod plant;
 pub mod properties;
 pub mod replay;
@@ -19,4 +20,12 @@ pub mod slcan;
 pub mod trace;
 
 pub use plant::Model;
-pub use run::{MotorRun, Options, Outcome, board, node_of, run, set};
+pub use run::{MotorRun, Options, Outcome, board, node_of, rig, run, set};
+pub use servo_core::MotorKind;
+pub use tater_fw::motion::motor;
+
+/// The properties of a kind of motor before anybody sets one.
+#[must_use]
+pub const fn defaults(motor: MotorKind) -> servo_core::Config {
+    servo_core::Config::for_motor(motor)
+}

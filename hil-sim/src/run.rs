@@ -88,7 +88,7 @@ pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, ParamError
 }
 
 /// A refused command means that the scenario did not do what it says, unless it expects refusals.
-fn unexpected_refusals(scenario: &Scenario, metrics: &Metrics) -> Option<Verdict> {
+pub(crate) fn unexpected_refusals(scenario: &Scenario, metrics: &Metrics) -> Option<Verdict> {
     let expected = scenario.expectations.iter().any(|e| e.metric.name == "refusals");
     (!expected && metrics.refusals > 0).then(|| Verdict {
         name: "refusals".to_owned(),
@@ -113,13 +113,7 @@ pub const fn node_of(motor: MotorKind) -> u8 {
 /// # Errors
 /// A plant parameter out of range; [`Scenario::parse`] lets none through.
 pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node, ParamError> {
-    let plant = match scenario.scatter {
-        0.0 => case.plant.clone(),
-        scatter => case.plant.scattered(options.seed, scatter),
-    };
-    let rig_params = scattered_halls(scenario, options.seed);
-    let start = scenario.initial.start(&plant);
-    let rig = Rig::new(plant, rig_params, &scenario.objects, options.model, start, options.seed)?;
+    let rig = rig(scenario, case, options)?;
     let straps = tater_wire::Node::new(node_of(case.motor)).unwrap_or(tater_wire::Node::HOST);
     let count = rig.truth().counts.round() as i32;
     let mut node = Node::awake(SimBoard::new(rig, straps));
@@ -132,6 +126,20 @@ pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node
         }
     }
     Ok(node)
+}
+
+/// The motor of a case with its sensors, at the start of a scenario.
+///
+/// # Errors
+/// A plant parameter out of range; [`Scenario::parse`] lets none through.
+pub fn rig(scenario: &Scenario, case: &Case, options: &Options) -> Result<Rig, ParamError> {
+    let plant = match scenario.scatter {
+        0.0 => case.plant.clone(),
+        scatter => case.plant.scattered(options.seed, scatter),
+    };
+    let rig_params = scattered_halls(scenario, options.seed);
+    let start = scenario.initial.start(&plant);
+    Rig::new(plant, rig_params, &scenario.objects, options.model, start, options.seed)
 }
 
 fn refused(field: &'static str, found: i64, why: Refused) -> ParamError {
@@ -161,7 +169,7 @@ fn scattered_halls(scenario: &Scenario, seed: u64) -> RigParams {
 }
 
 /// How often the scenario's host asks for MODE, ms: hosts poll, and modes 2 and 4 end without one.
-const POLL_MS: u32 = 100;
+pub(crate) const POLL_MS: u32 = 100;
 
 fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<MotorRun, ParamError> {
     let mut node = board(scenario, case, options)?;
@@ -260,7 +268,7 @@ fn holds(node: &Node) -> bool {
 }
 
 /// A report of the servo in words.
-fn event_words(event: &Event) -> String {
+pub(crate) fn event_words(event: &Event) -> String {
     match event {
         Event::Ended { reason, mode } => format!("{}, then {}", end_word(*reason), mode_word(*mode)),
         Event::Breakaway { position, stop_tip: false } => format!("breakaway at {position}"),

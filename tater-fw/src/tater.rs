@@ -179,18 +179,24 @@ impl<B: Board> Tater<B> {
     /// A hall line changed: commutates at once. Also called by every tick.
     pub fn hall(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
-        if u32::from(code) != self.hall_history & 7 {
+        let event = self.commutator.sample(code, now);
+        let changed = u32::from(code) != self.hall_history & 7;
+        if !changed && event.is_none() {
+            return;
+        }
+        // First of all: until here the legs were wrong.
+        self.board.bridge(self.commutator.bridge());
+        if changed {
             self.still_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
         }
-        if let Some(event) = self.commutator.sample(code, now) {
+        if let Some(event) = event {
             if let HallEvent::Step(edge) = event {
                 self.travelled = self.travelled.saturating_add(u32::from(edge.steps));
             }
             // A full list drops the newest; the decoder's count has it.
             let _ = self.halls.push(event);
         }
-        self.board.bridge(self.commutator.bridge());
     }
 
     /// The break input has tripped, and the hardware has switched the bridge off: no hall edge may switch it on again
@@ -204,8 +210,8 @@ impl<B: Board> Tater<B> {
     /// The control tick, 1 ms after the last.
     pub fn tick(&mut self, now: Micros) {
         self.ticked = true;
-        self.hall(now);
         let analog = self.board.analog();
+        self.hall(now);
         self.silent_ms = self.silent_ms.saturating_add(1);
         self.drive = self.servo.tick(&Sense {
             now,
@@ -396,7 +402,16 @@ impl<B: Board> Tater<B> {
         self.send();
     }
 
+    /// Hands over what waits, which is nothing as a rule.
+    #[inline(always)]
     fn send(&mut self) {
+        if !self.outbox.is_empty() {
+            self.hand_over();
+        }
+    }
+
+    #[inline(never)]
+    fn hand_over(&mut self) {
         for _ in 0..OUTBOX {
             match self.outbox.front() {
                 Some(frame) if self.board.transmit(frame) => self.outbox.pop_front(),
@@ -411,31 +426,38 @@ impl<B: Board> Tater<B> {
         self.unsent
     }
 
-    /// The servo's reports: to the host if it has asked for them, and to whoever watches.
+    /// The servo's reports, of which there are none as a rule.
+    #[inline(always)]
     fn report(&mut self) {
         for _ in 0..EVENTS {
             let Some(event) = self.servo.event() else { break };
-            let flags = self.kept.lflags;
-            // Without room they are counted as unsent.
-            match event {
-                Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
-                    let _ = self.say(Node::HOST, Property::MODE, i64::from(mode.number()));
-                    let _ = self.say(Node::HOST, Property::END, i64::from(reason.number()));
-                }
-                Event::Breakaway { position, .. } => {
-                    self.breakaway_position = position;
-                    if flags & REPORT_BREAKAWAYS != 0 {
-                        let _ = self.say(Node::HOST, Property::BD, 1);
-                    }
-                }
-                Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
-            }
-            if self.events.is_full() {
-                self.events.pop_front();
-            }
-            // Room was made above.
-            let _ = self.events.push_back(event);
+            self.tell(event);
         }
+    }
+
+    /// Tells a report: the host if it has asked for them, and whoever watches.
+    #[inline(never)]
+    fn tell(&mut self, event: Event) {
+        let flags = self.kept.lflags;
+        // Without room they are counted as unsent.
+        match event {
+            Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
+                let _ = self.say(Node::HOST, Property::MODE, i64::from(mode.number()));
+                let _ = self.say(Node::HOST, Property::END, i64::from(reason.number()));
+            }
+            Event::Breakaway { position, .. } => {
+                self.breakaway_position = position;
+                if flags & REPORT_BREAKAWAYS != 0 {
+                    let _ = self.say(Node::HOST, Property::BD, 1);
+                }
+            }
+            Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
+        }
+        if self.events.is_full() {
+            self.events.pop_front();
+        }
+        // Room was made above.
+        let _ = self.events.push_back(event);
     }
 
     /// What the servo reported, oldest first: for logs and simulations.

@@ -104,8 +104,13 @@ impl Bench {
         self.bus.send(message.frame()).expect("plugged");
     }
 
-    pub fn get(&mut self, property: Property) -> Option<i64> {
+    /// Asks, and waits for no answer.
+    pub fn ask(&mut self, property: Property) {
         self.bus.send(Message::get(Destination::Node(id(self.node)), property).frame()).expect("plugged");
+    }
+
+    pub fn get(&mut self, property: Property) -> Option<i64> {
+        self.ask(property);
         let (deadline, node) = (self.bus.now_us() + 50_000, self.node);
         std::iter::from_fn(|| self.bus.wait(deadline)).find_map(|s| answer(&s.frame, node, property))
     }

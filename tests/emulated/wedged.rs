@@ -54,7 +54,7 @@ fn the_watchdog_resets_a_board_with_a_wedged_task() {
         patch(&mut bench, address, WEDGE);
         // Something for the tasks that only the bus calls.
         bench.set(Property::M, 20);
-        bench.set(Property::MODE, 5);
+        bench.ask(Property::MODE);
         while bench.resets() == resets {
             bench.wait_ms(1);
             assert!(bench.board().machine().now() - begin < 1_500_000 * US, "{name}: no reset");
@@ -76,6 +76,7 @@ fn an_instruction_that_is_none_ends_with_the_bridge_off_and_the_reason() {
         let address = handler(&mut bench, exception);
         patch(&mut bench, address, UNDEFINED);
         bench.set(Property::M, 20);
+        bench.ask(Property::MODE);
         let resets = bench.resets();
         for _ in 0..150 {
             bench.wait_ms(1);

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::program::{output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, fuzz, hall_oracle, host_tools, image, setup, size, table};
+use crate::{Outcome, fuzz, hall_oracle, host_tools, image, instructions, setup, size, table};
 
 /// One step: what it is called and what it does.
 struct Step {
@@ -13,7 +13,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 15] = [
+const STEPS: [Step; 16] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
@@ -28,6 +28,7 @@ const STEPS: [Step; 15] = [
     Step { name: "scenarios", check: scenarios },
     Step { name: "hall captures", check: hall_oracle::check },
     Step { name: "host tools", check: host_tools::check },
+    Step { name: "instructions", check: instructions::check },
     Step { name: "fuzz targets", check: fuzz::check },
 ];
 
@@ -92,10 +93,13 @@ fn figures() -> Outcome {
         |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
     told("figure: ").for_each(|figure| println!("  {figure}"));
     told("skipped: ").for_each(|what| println!("  skipped: {what}"));
-    if !told("figure: ").any(is_of_image) {
-        return Err("found no figure of the production image, which the step \"image\" has made: its test was skipped or is gone\n  \
-                    repeat with: cargo test --package system-tests -- --nocapture protocol::image::"
-            .into());
+    for (figure, test) in OF_IMAGE {
+        if !told("figure: ").any(|told| told.contains(figure)) {
+            return Err(format!(
+                "found no figure \"{figure}\", which needs the production image that the step \"image\" has made: its test was \
+                 skipped or is gone\n  repeat with: cargo test --package system-tests -- --nocapture {test}"
+            ));
+        }
     }
     let states: u64 = told("figure: ").filter_map(distinct_states).sum();
     println!("  power cuts in all: {states} distinct states");
@@ -105,10 +109,12 @@ fn figures() -> Outcome {
     Ok(())
 }
 
-/// Whether a figure is of the test that takes what the step "image" has made (tests/protocol/image.rs).
-fn is_of_image(figure: &str) -> bool {
-    figure.contains("bytes of production image onto a board")
-}
+/// Figures of tests that take what the step "image" has made, and skip what they measure without; and those tests.
+const OF_IMAGE: [(&str, &str); 3] = [
+    ("bytes of production image onto a board", "protocol::image::"),
+    ("power cuts of the image, download", "power_cuts::image::download::"),
+    ("power cuts of the image, storage", "power_cuts::image::storage::"),
+];
 
 /// The number before "distinct states".
 fn distinct_states(figure: &str) -> Option<u64> {

@@ -1,5 +1,5 @@
 //! The project's chores: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`, `tek`, `download`,
-//! `host-tools`. Each is one file here and does its own set-up; what takes long is done by the programs that they start.
+//! `emu`, `host-tools`. Each is one file here and does its own set-up; what takes long is done by the programs that they start.
 
 #![forbid(unsafe_code)]
 
@@ -8,13 +8,16 @@ mod ci;
 mod demo;
 mod doctor;
 mod download;
+mod emu;
 mod files;
 mod flash;
 mod fuzz;
 mod hall_oracle;
 mod host_tools;
 mod image;
+mod instructions;
 mod program;
+mod python;
 mod setup;
 mod size;
 mod table;
@@ -91,6 +94,8 @@ enum Chore {
     Size(size::SizeArgs),
     /// A .tek file to a board, over a CAN adapter
     Download(download::DownloadArgs),
+    /// The image on emulated boards: a scenario over CAN only, from erased flash on
+    Emu(emu::EmuArgs),
     /// The simulated bus as host tools meet it, in real time: a download, and a move by python-can (installed into target/)
     HostTools,
 }
@@ -107,6 +112,7 @@ fn main() -> ExitCode {
         Chore::Tek(chore) => tek::tek(&chore),
         Chore::Size(args) => size::size(&args),
         Chore::Download(args) => download::download(&args),
+        Chore::Emu(args) => emu::emu(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),
     };
     let (message, code) = match outcome {

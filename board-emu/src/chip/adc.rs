@@ -34,6 +34,8 @@ const RESET_CYCLES: Time = 2;
 const CALIBRATION_CYCLES: Time = 83;
 /// From ADON to the first conversion (DS5319 5.3.18, tSTAB).
 const WAKE_UP: Time = US;
+/// Ticks a cycle at 14 MHz, rounded up.
+const FASTEST: Time = crate::time::HZ.div_ceil(14_000_000);
 /// Sampling, in half cycles, by code of SMPR (RM0008 11.12.4).
 const SAMPLING: [Time; 8] = [3, 15, 27, 57, 83, 111, 143, 479];
 /// A conversion after its sampling, in half cycles (RM0008 11.6).
@@ -264,6 +266,8 @@ impl Adc {
     fn startable(&self, now: Time) -> Access<()> {
         if now < self.on_since + WAKE_UP {
             Err("a conversion less than 1 us after ADON (DS5319 5.3.18)".to_owned())
+        } else if self.cycle < FASTEST {
+            Err("a clock of more than 14 MHz (RM0008 11.1)".to_owned())
         } else if now < self.calibrates_until {
             Err("a conversion during the calibration".to_owned())
         } else {

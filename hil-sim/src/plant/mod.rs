@@ -168,6 +168,11 @@ impl Plant {
         })
     }
 
+    /// Makes `us` the time of a plant that has not been stepped yet.
+    pub(crate) fn start_at(&mut self, us: u64) {
+        (self.state.t_us, self.state.heat_at_us) = (us, us);
+    }
+
     /// Bounds the step, 1..=[`PlantParams::longest_step_us`], to show that results do not depend on it. The switched model never steps
     /// over the end of a PWM period.
     pub fn set_max_step_us(&mut self, us: u64) {

@@ -11,9 +11,9 @@ use halls::Halls;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
-pub use servo_core::sense::commutation::Bridge;
-use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
-use tater_fw::Analog;
+pub use servo_core::sense::commutation::{Bridge, Leg};
+use servo_core::units::{DeciCelsius, Duty, MilliAmps, MilliVolts};
+pub use tater_fw::Analog;
 
 /// Which way an object resists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,6 +23,14 @@ pub enum Side {
     Closing,
     /// It stands in the way of opening.
     Opening,
+}
+
+/// The duty of a compare value of a timer whose `full` is 100 %: the plant's compare steps make the same of it.
+#[must_use]
+pub fn duty(compare: u32, full: u32) -> Duty {
+    // Full duty is a bit short of 1, which the plant rounds up again.
+    let bits = (f64::from(compare) / f64::from(full.max(1)) * 32768.0).round().clamp(0.0, 32767.0);
+    Duty::from_bits(bits as i16)
 }
 
 /// Something in the joint's way: a spring and damper.
@@ -95,11 +103,15 @@ pub struct Rig {
     /// When the brake follows its present command, µs.
     brake_moves_at: Option<u64>,
     tripped: bool,
+    /// Whoever reads [`Rig::tripped`] switches the bridge off; the rig does not.
+    guarded_outside: bool,
     thermistor_c: f64,
     /// Time and bus charge of the last reading.
     last_read: (u64, f64),
     /// Largest phase current up to the last reading, from the one before it, A.
     peak_phase_a: f64,
+    /// When a hall line last changed, µs.
+    last_edge_us: u64,
 }
 
 impl Rig {
@@ -140,10 +152,34 @@ impl Rig {
             brake_engaged: true,
             brake_moves_at: None,
             tripped: false,
+            guarded_outside: false,
             thermistor_c: start.heat.housing_c,
             last_read: (0, 0.0),
             peak_phase_a: 0.0,
+            last_edge_us: 0,
         })
+    }
+
+    /// The same rig, which starts not at time 0 but at `us`: to put it to a board that has been up for so long.
+    #[must_use]
+    pub fn starting_at(mut self, us: u64) -> Self {
+        self.plant.start_at(us);
+        for glitch in &mut self.params.glitches {
+            glitch.at_us += us;
+        }
+        if let Some(stuck) = &mut self.params.stuck {
+            stuck.from_us += us;
+        }
+        self.halls = Halls::new(self.params.clone(), self.plant.params().zero_sector, self.plant.counts());
+        self.last_read.0 = us;
+        self.last_edge_us = us;
+        self
+    }
+
+    /// When a hall line last changed, µs; of one that never did, the start.
+    #[must_use]
+    pub const fn last_edge_us(&self) -> u64 {
+        self.last_edge_us
     }
 
     /// Time since the start, µs.
@@ -156,12 +192,6 @@ impl Rig {
     #[must_use]
     pub fn halls(&self) -> u8 {
         self.halls.lines()
-    }
-
-    /// Whether the over-current comparator has tripped.
-    #[must_use]
-    pub const fn tripped(&self) -> bool {
-        self.tripped
     }
 
     /// See [`Plant::set_max_step_us`].
@@ -179,6 +209,24 @@ impl Rig {
         self.plant.set_bus(v);
     }
 
+    /// From now on the over-current comparator only says that it has tripped ([`Self::tripped`]), and [`Self::advance`] stops
+    /// where it does: a board that has a break input of its own switches the bridge off.
+    pub const fn guard_outside(&mut self) {
+        self.guarded_outside = true;
+    }
+
+    /// Whether a phase current has been too high since the bridge was last off.
+    #[must_use]
+    pub const fn tripped(&self) -> bool {
+        self.tripped
+    }
+
+    /// The plant's dead time, ns.
+    #[must_use]
+    pub fn dead_time_ns(&self) -> f64 {
+        self.plant.params().dead_time_us * 1000.0
+    }
+
     /// Advances with the bridge and the brake's command held until `until_us` or until a hall line changes,
     /// whichever is first; returns the change. The rotor is then within 1 µs of where the line changed.
     pub fn advance(&mut self, bridge: Bridge, brake_released: bool, until_us: u64) -> Option<HallChange> {
@@ -187,20 +235,26 @@ impl Rig {
         }
         self.command_brake(brake_released);
         while self.now_us() < until_us {
+            let mut tripped_now = false;
             let now = self.now_us();
             if self.brake_moves_at.is_some_and(|at| at <= now) {
                 self.brake_engaged = !self.brake_engaged;
                 self.brake_moves_at = None;
             }
             let event = self.halls.next_event(now).min(self.brake_moves_at.unwrap_or(u64::MAX));
-            let bridge = if self.tripped { Bridge::Off } else { bridge };
+            let bridge = if self.tripped && !self.guarded_outside { Bridge::Off } else { bridge };
             self.step(bridge, self.plant.step_to(until_us.min(event)));
             let trip = self.plant.params().trip_a;
             if self.plant.state().current.iter().any(|i| i.abs() > trip) {
+                tripped_now = !self.tripped;
                 self.tripped = true;
             }
             if self.halls.update(self.plant.counts(), self.now_us()) {
+                self.last_edge_us = self.now_us();
                 return Some(HallChange { code: self.halls.lines(), at_us: self.now_us() });
+            }
+            if tripped_now && self.guarded_outside {
+                return None;
             }
         }
         None

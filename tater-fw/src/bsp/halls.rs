@@ -6,8 +6,15 @@ use stm32f1xx_hal::rcc::{Enable, Rcc};
 
 use super::timing::hall::{CLOCK_DIVISION, FILTER, PRESCALER, SAMPLE_GAP};
 
+/// A turn of `delay`, a subtraction and a branch that is taken, is three ticks of a Cortex-M3 or more.
+const DELAY_TICKS: u32 = 3;
+
 /// The lines and their timer.
-pub struct Halls(TIM4);
+pub struct Halls {
+    tim: TIM4,
+    /// The lines at [`Self::look`].
+    first: u8,
+}
 
 impl Halls {
     /// Lines that interrupt at each edge.
@@ -30,18 +37,25 @@ impl Halls {
         tim.sr().write(|w| w.uif().clear_bit());
         tim.dier().write(|w| w.cc1ie().enabled());
         tim.cr1().modify(|_, w| w.cen().enabled());
-        Self(tim)
+        Self { tim, first: Self::sample() }
+    }
+
+    /// Looks at the lines for the first time: at least [`SAMPLE_GAP`] before [`Self::code`], which is filled with what has to
+    /// be done anyway.
+    pub fn look(&mut self) {
+        self.first = Self::sample();
     }
 
     /// The lines now: PB6 is bit 0. The port is not behind the timer's filter, so two samples must agree, or a third decides
     /// for each line: a spike shorter than the time between them changes nothing.
-    pub fn code() -> u8 {
-        let (a, b) = (Self::sample(), Self::sample_later());
+    pub fn code(&self) -> u8 {
+        let (a, b) = (self.first, Self::sample());
         if a == b { a } else { a & b | (a | b) & Self::sample_later() }
     }
 
+    #[cold]
     fn sample_later() -> u8 {
-        cortex_m::asm::delay(SAMPLE_GAP);
+        cortex_m::asm::delay(SAMPLE_GAP / DELAY_TICKS);
         Self::sample()
     }
 
@@ -55,7 +69,7 @@ impl Halls {
     /// holds the interrupt up for 65 ms, a page erase neither.
     pub fn age(&mut self) -> u16 {
         // First the flags: an edge from here on interrupts again.
-        self.0.sr().write(|w| w.cc1if().clear().cc1of().clear());
-        self.0.cnt().read().cnt().bits()
+        self.tim.sr().write(|w| w.cc1if().clear().cc1of().clear());
+        self.tim.cnt().read().cnt().bits()
     }
 }

@@ -28,6 +28,8 @@ pub trait Motor {
     fn bridge(&mut self, bridge: Bridge);
     /// See [`Board::brake`].
     fn brake(&mut self, released: bool);
+    /// Samples the hall lines, some time before [`Self::halls`].
+    fn look(&mut self);
     /// See [`Board::halls`].
     fn halls(&self) -> u8;
     /// See [`Board::analog`].
@@ -41,6 +43,8 @@ impl Motor for Held {
     fn bridge(&mut self, _: Bridge) {}
 
     fn brake(&mut self, _: bool) {}
+
+    fn look(&mut self) {}
 
     fn halls(&self) -> u8 {
         0
@@ -70,10 +74,15 @@ impl Motor for Armed {
         let _: Result<(), Infallible> = OutputPin::set_state(&mut self.brake, released.into());
     }
 
-    fn halls(&self) -> u8 {
-        Halls::code()
+    fn look(&mut self) {
+        self.halls.look();
     }
 
+    fn halls(&self) -> u8 {
+        self.halls.code()
+    }
+
+    #[inline(always)]
     fn analog(&self) -> Analog {
         self.adc.read(self.bridge.broken())
     }
@@ -230,6 +239,7 @@ impl Metal<Armed> {
     }
 
     /// When the edge of a hall line was that interrupts; the interrupt is done with.
+    #[inline(always)]
     pub fn edge(&mut self) -> Micros {
         let before = self.clock.now;
         let since = self.now().wrapping_since(before).0;
@@ -245,7 +255,10 @@ impl Metal<Armed> {
 
 impl<M: Motor> Metal<M> {
     /// The time, in us since the program's start. To be called every 65 ms at least.
+    ///
+    /// Whoever asks for it may want the hall lines next: it has looked at them.
     pub fn now(&mut self) -> Micros {
+        self.motor.look();
         self.clock.now()
     }
 }
@@ -276,6 +289,7 @@ impl<M: Motor> Board for Metal<M> {
         self.motor.halls()
     }
 
+    #[inline(always)]
     fn analog(&self) -> Analog {
         self.motor.analog()
     }

@@ -11,7 +11,11 @@ use stm32f1xx_hal::rcc::{Enable, Rcc};
 use super::timing::pwm::{CONVERT, DEAD_TIME, TOP};
 
 /// The bridge, which the break input guards.
-pub struct Guarded(TIM1);
+pub struct Guarded {
+    tim: TIM1,
+    /// What compare values and CCER are for, as [`number`] says it; [`NONE`] when the bridge is off.
+    legs: u32,
+}
 
 impl Guarded {
     /// All gates off.
@@ -39,68 +43,91 @@ impl Guarded {
         });
         tim.sr().write(|w| w.bif().clear_bit());
         tim.cr1().modify(|_, w| w.cen().enabled());
-        Self(tim)
+        Self { tim, legs: NONE }
     }
 
     /// Sets the legs, in an order that has no wrong vector on the way: first the high sides off that are to be off, then who
-    /// is driven at all, then the duty. The timer keeps the dead time.
+    /// is driven at all, then the duty. The timer keeps the dead time. Legs that stay take the duty alone.
     pub fn set(&mut self, bridge: Bridge) {
         let Bridge::On { legs: [a, b, c], duty } = bridge else { return self.off() };
-        let share = compare(duty);
-        let on = |leg| if leg == Leg::Pwm { share } else { 0 };
-        let (on_a, on_b, on_c) = (on(a), on(b), on(c));
-        let tim = &self.0;
+        let legs = number(a) | number(b) << 8 | number(c) << 16;
+        let tim = &self.tim;
         // Leg by leg, because an edge waits: arrays cost three times as many instructions here.
-        if on_a == 0 {
-            tim.ccr1().write(|w| w.ccr().set(0));
-        }
-        if on_b == 0 {
-            tim.ccr2().write(|w| w.ccr().set(0));
-        }
-        if on_c == 0 {
-            tim.ccr3().write(|w| w.ccr().set(0));
-        }
-        // A leg that floats has its high side off by compare value 0 and its low side by the output's off-state.
-        tim.ccer().write(|w| {
-            w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
-            w.cc1ne().bit(a != Leg::Float).cc2ne().bit(b != Leg::Float).cc3ne().bit(c != Leg::Float)
-        });
-        if on_a != 0 {
-            tim.ccr1().write(|w| w.ccr().set(on_a));
-        }
-        if on_b != 0 {
-            tim.ccr2().write(|w| w.ccr().set(on_b));
-        }
-        if on_c != 0 {
-            tim.ccr3().write(|w| w.ccr().set(on_c));
-        }
-        // After a break only `off` leads back here with the flag cleared.
-        if !self.broken() {
-            tim.bdtr().modify(|_, w| w.moe().enabled());
-            tim.dier().write(|w| w.bie().enabled());
-            // A pulse that came and went between the two lines above.
-            if self.broken() {
-                tim.bdtr().modify(|_, w| w.moe().disabled_idle());
+        if self.legs != legs {
+            self.legs = legs;
+            if a != Leg::Pwm {
+                tim.ccr1().write(|w| w.ccr().set(0));
             }
+            if b != Leg::Pwm {
+                tim.ccr2().write(|w| w.ccr().set(0));
+            }
+            if c != Leg::Pwm {
+                tim.ccr3().write(|w| w.ccr().set(0));
+            }
+            // A leg that floats has its high side off by compare value 0 and its low side by the output's off-state.
+            tim.ccer().write(|w| {
+                w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
+                w.cc1ne().bit(a != Leg::Float).cc2ne().bit(b != Leg::Float).cc3ne().bit(c != Leg::Float)
+            });
+        }
+        let share = compare(duty);
+        if a == Leg::Pwm {
+            tim.ccr1().write(|w| w.ccr().set(share));
+        }
+        if b == Leg::Pwm {
+            tim.ccr2().write(|w| w.ccr().set(share));
+        }
+        if c == Leg::Pwm {
+            tim.ccr3().write(|w| w.ccr().set(share));
+        }
+        if tim.bdtr().read().moe().is_disabled_idle() {
+            self.enable();
+        }
+    }
+
+    /// Switches on what is set, but not after a break: only `off` leads back here with the flag cleared.
+    #[cold]
+    fn enable(&mut self) {
+        if self.broken() {
+            return;
+        }
+        self.tim.bdtr().modify(|_, w| w.moe().enabled());
+        self.tim.dier().write(|w| w.bie().enabled());
+        // A pulse that came and went between the two lines above.
+        if self.broken() {
+            self.tim.bdtr().modify(|_, w| w.moe().disabled_idle());
         }
     }
 
     /// All gates off, at once. Forgets a break, so that the bridge may be switched on again; an input that is still low says
     /// so again at once, but interrupts only a bridge that is on.
     fn off(&mut self) {
-        self.0.bdtr().modify(|_, w| w.moe().disabled_idle());
-        self.0.dier().write(|w| w.bie().disabled());
-        self.0.sr().write(|w| w.bif().clear_bit());
+        self.tim.bdtr().modify(|_, w| w.moe().disabled_idle());
+        self.tim.dier().write(|w| w.bie().disabled());
+        self.tim.sr().write(|w| w.bif().clear_bit());
+        self.legs = NONE;
     }
 
     /// Whether the break input has switched the bridge off since it was last asked to be off.
     pub fn broken(&self) -> bool {
-        self.0.sr().read().bif().bit_is_set()
+        self.tim.sr().read().bif().bit_is_set()
     }
 
     /// The break interrupt has been seen; the flag stays, because it guards the bridge.
     pub fn seen(&mut self) {
-        self.0.dier().write(|w| w.bie().disabled());
+        self.tim.dier().write(|w| w.bie().disabled());
+    }
+}
+
+/// No legs.
+const NONE: u32 = u32::MAX;
+
+/// A byte that tells legs apart.
+const fn number(leg: Leg) -> u32 {
+    match leg {
+        Leg::Pwm => 0,
+        Leg::Low => 1,
+        Leg::Float => 2,
     }
 }
 

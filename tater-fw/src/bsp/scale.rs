@@ -50,7 +50,9 @@ pub fn temperature(code: u16) -> DeciCelsius {
     let (index, rest) = (code >> 6, i32::from(code & 63));
     let (from, to) = (at(index), at(index + 1));
     let step = ((i32::from(to) - i32::from(from)) * rest) >> 6;
-    DeciCelsius(from.saturating_add(i16::try_from(step).unwrap_or(0)))
+    // Between the two, so the upper half is sign.
+    let [low, high, ..] = (i32::from(from) + step).to_le_bytes();
+    DeciCelsius(i16::from_le_bytes([low, high]))
 }
 
 #[cfg(test)]

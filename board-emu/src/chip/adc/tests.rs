@@ -129,4 +129,7 @@ fn what_it_lacks_it_says() {
     }
     assert!(converter().write(CR1, 0, READY).is_err(), "a group without SCAN");
     assert!(converter().write(CR2, on | SWSTART, WAKE_UP).is_ok());
+    let mut fast = converter();
+    fast.set_cycle(8, READY);
+    assert!(fast.write(CR2, on | SWSTART, READY).unwrap_err().contains("14 MHz"));
 }

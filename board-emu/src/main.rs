@@ -1,0 +1,141 @@
+//! `board-emu`: runs a scenario of `hil-sim` on emulated boards. A thin shell; `cargo xtask emu` makes the image and calls it.
+#![forbid(unsafe_code)]
+
+use std::io::{ErrorKind, IsTerminal, Write};
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use board_emu::board::Board;
+use board_emu::gdb::{self, Server};
+use board_emu::image::Programs;
+use board_emu::rtt::Probe;
+use board_emu::session::{self, Nodes};
+use clap::Parser;
+use hil_sim::over_can::{OverCan, POLL_MS, Progress, Watcher, gap, judge};
+use hil_sim::scenario::Scenario;
+use hil_sim::{Model, Options};
+
+mod print;
+
+/// Runs a scenario of hil-sim on emulated boards, over CAN only: the bytes that are flashed, from erased flash on. Exit code 1 if
+/// an expectation fails, 2 for bad input or a board that stops.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// What `cargo xtask image` has written.
+    #[arg(long, value_name = "DIR")]
+    image: PathBuf,
+    /// How many boards, 1 to 7, or which nodes, such as 2-4.
+    #[arg(long, default_value = "1")]
+    nodes: Nodes,
+    /// A shipped scenario (see `hil-sim list`) or a TOML file.
+    #[arg(long, value_name = "NAME", default_value = "spread-full-travel")]
+    scenario: String,
+    /// Print one JSON object and nothing else.
+    #[arg(long)]
+    json: bool,
+    /// Wait for a GDB on this port of 127.0.0.1, which then has the first board; while that is stopped, time stands still.
+    #[arg(long, value_name = "PORT")]
+    gdb: Option<u16>,
+    /// Print what the boards say to a debug probe; the image must be of --profile release.
+    #[arg(long)]
+    rtt: bool,
+    /// How often the host polls, ms; 0: MODE alone, ten times a second, which tells less and loads the board less.
+    #[arg(long, value_name = "MS", default_value_t = POLL_MS)]
+    poll_ms: u32,
+}
+
+fn main() -> ExitCode {
+    match emulate(&Args::parse()) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(error) => {
+            clear();
+            tell(&format!("error: {error}"));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Returns whether all expectations were met.
+fn emulate(args: &Args) -> Result<bool, String> {
+    let scenario = Scenario::find(&args.scenario).map_err(|bad| bad.to_string())?;
+    let programs = Programs::load(&args.image)?;
+    let options = Options { seed: 1, model: Model::Averaged, trace: false };
+    let begun = Instant::now();
+    let clock = || begun.elapsed().as_secs_f64();
+    let elf = args.rtt.then(|| args.image.join("tater.elf"));
+    let mut debugger = args.gdb.map(gdb::listen).transpose()?;
+    let mut attach = |host: &mut OverCan<Board>| {
+        let probes = probes(elf.as_deref(), host)?;
+        host.watch(watcher(begun, probes));
+        match debugger.take() {
+            Some(listener) => debug(&listener, host),
+            None => Ok(()),
+        }
+    };
+    let session =
+        session::run(&scenario, args.nodes, &programs, &options, args.poll_ms, &mut attach, &clock)?;
+    let wall_s = begun.elapsed().as_secs_f64();
+    clear();
+    let (outcome, gaps) = judge(&scenario, &session.ran, &options, args.poll_ms);
+    let known = |name: &str| hil_sim::metrics::find(name).is_none_or(|m| gap(m, args.poll_ms).is_none());
+    let told = print::Told { outcome: &outcome, session: &session, gaps: &gaps, wall_s, known: &known };
+    let text = if args.json { told.json() } else { told.text() };
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        // That nobody reads on is no error of ours.
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(format!("standard output: {error}")),
+        _ => Ok(outcome.passed()),
+    }
+}
+
+/// A probe at each board, if the program's logs are asked for.
+fn probes(elf: Option<&Path>, host: &OverCan<Board>) -> Result<Vec<Probe>, String> {
+    let elf = elf.into_iter();
+    elf.flat_map(|elf| host.bus().stations().map(move |_| Probe::new(elf))).collect()
+}
+
+/// Waits for a GDB for the first board.
+fn debug(listener: &TcpListener, host: &mut OverCan<Board>) -> Result<(), String> {
+    let address = listener.local_addr().map_err(|error| format!("--gdb: {error}"))?;
+    let symbols = "target/image/PROFILE/tater.elf";
+    tell(&format!("waiting for: gdb-multiarch {symbols} -ex 'target remote {address}'"));
+    let Some(board) = host.bus_mut().station_mut(0) else { return Ok(()) };
+    let mut server = Server::accept(listener, board)?;
+    board.set_runner(Box::new(move |board, until| server.run(board, until)));
+    Ok(())
+}
+
+/// Tells what the boards say, and of progress on a terminal only.
+fn watcher(begun: Instant, mut probes: Vec<Probe>) -> Watcher<Board> {
+    let mut told_s = 0;
+    Box::new(move |bus, Progress { what, done, of }| {
+        let now_us = bus.now_us();
+        for (index, probe) in probes.iter_mut().enumerate() {
+            let Some(board) = bus.station_mut(index) else { continue };
+            let node = board.node().number();
+            for line in probe.read(&mut board.machine_mut().chip_mut()) {
+                clear();
+                tell(&format!("{:11.6} s node {node}: {line}", now_us as f64 * 1e-6));
+            }
+        }
+        let now_s = begun.elapsed().as_secs();
+        if now_s > told_s && std::io::stderr().is_terminal() {
+            told_s = now_s;
+            let _ = write!(std::io::stderr(), "\r\x1b[K{what} {} %", 100 * done / of.max(1));
+        }
+    })
+}
+
+/// A line on standard error; there is nowhere to tell that it cannot be told.
+fn tell(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+fn clear() {
+    if std::io::stderr().is_terminal() {
+        let _ = write!(std::io::stderr(), "\r\x1b[K");
+    }
+}

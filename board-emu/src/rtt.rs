@@ -1,0 +1,88 @@
+//! What a program says to a debug probe: defmt logs out of the RTT buffer in its RAM, read as a probe reads it.
+//!
+//! SEGGER's control block lies at the symbol `_SEGGER_RTT`: 16 bytes of mark, the numbers of channels up and down, then for each
+//! channel name, buffer, length, where the program writes next, where the probe reads next, and flags, a word each.
+
+use std::path::Path;
+
+use defmt_decoder::{DecodeError, StreamDecoder, Table};
+use object::read::elf::ElfFile32;
+use object::{Object, ObjectSymbol};
+
+use crate::chip::{Chip, Size};
+
+/// How the block begins, once the program has made it.
+const MARK: &[u8] = b"SEGGER RTT";
+
+/// Offset of channel 0 up, and of its words.
+const CHANNEL: u32 = 24;
+const BUFFER: u32 = CHANNEL + 4;
+const LENGTH: u32 = CHANNEL + 8;
+const WRITE: u32 = CHANNEL + 12;
+const READ: u32 = CHANNEL + 16;
+
+/// A probe at one board.
+pub struct Probe {
+    block: u32,
+    decoder: Box<dyn StreamDecoder + Send + Sync>,
+}
+
+impl Probe {
+    /// A probe for the program of that ELF file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or its program does not log.
+    pub fn new(elf: &Path) -> Result<Self, String> {
+        let wrong = |what: String| format!("{}: {what}", elf.display());
+        let bytes = std::fs::read(elf).map_err(|error| wrong(format!("cannot be read: {error}")))?;
+        let silent = || wrong("the program does not log\n  next: give --profile release".to_owned());
+        let table = Table::parse(&bytes).map_err(|error| wrong(format!("its defmt table: {error}")))?;
+        let table = table.filter(|table| !table.is_empty()).ok_or_else(silent)?;
+        let file: ElfFile32 = ElfFile32::parse(&*bytes).map_err(|error| wrong(error.to_string()))?;
+        let mut symbols = file.symbols().filter(|symbol| symbol.name() == Ok("_SEGGER_RTT"));
+        let block =
+            symbols.next().and_then(|symbol| u32::try_from(symbol.address()).ok()).ok_or_else(silent)?;
+        // Decoder and table are needed until the program ends.
+        let table: &'static Table = Box::leak(Box::new(table));
+        Ok(Self { block, decoder: table.new_stream_decoder() })
+    }
+
+    /// Takes what has been said since, a line each.
+    pub fn read(&mut self, chip: &mut Chip) -> Vec<String> {
+        let bytes = self.take(chip).unwrap_or_default();
+        self.decoder.received(&bytes);
+        let mut lines = Vec::new();
+        loop {
+            match self.decoder.decode() {
+                Ok(frame) => {
+                    let level = frame.level().map_or("", |level| level.as_str());
+                    lines.push(format!("{level} {}", frame.display_message()));
+                }
+                Err(DecodeError::UnexpectedEof) => return lines,
+                // Half a frame, because the buffer was full or the board was reset.
+                Err(DecodeError::Malformed) => lines.push("(lost)".to_owned()),
+            }
+        }
+    }
+
+    /// The bytes between the probe's place and the program's; `None` before the program has made the block.
+    fn take(&self, chip: &mut Chip) -> Option<Vec<u8>> {
+        let byte = |chip: &mut Chip, at: u32| chip.read(at, Size::Byte).ok().map(|byte| byte as u8);
+        let mark: Option<Vec<u8>> = (self.block..).take(MARK.len()).map(|at| byte(chip, at)).collect();
+        if mark? != MARK {
+            return None;
+        }
+        let mut word = |offset: u32| chip.read(self.block + offset, Size::Word).ok();
+        let (buffer, len, write, mut read) = (word(BUFFER)?, word(LENGTH)?, word(WRITE)?, word(READ)?);
+        if len == 0 || write >= len || read >= len {
+            return None;
+        }
+        let mut bytes = Vec::new();
+        while read != write {
+            bytes.push(byte(chip, buffer + read)?);
+            read = (read + 1) % len;
+        }
+        chip.write(self.block + READ, Size::Word, read).ok()?;
+        Some(bytes)
+    }
+}

@@ -1,0 +1,207 @@
+//! A scenario on emulated boards, from erased flash to a verdict: who is on the bus, how their programs get there.
+
+use hil_sim::over_can::{Job, OverCan, Ran, case_of, parked};
+use hil_sim::plant::PlantParams;
+use hil_sim::scenario::{Case, Initial, Scenario};
+use hil_sim::{Options, node_of, properties, rig};
+use tater_wire::Node;
+use tater_wire::memory::{APPLICATION, FLASH};
+use tater_wire::property::Kind;
+
+use crate::board::Board;
+use crate::image::Programs;
+use crate::meter::Figures;
+
+/// Nodes of the hand.
+const HAND: std::ops::RangeInclusive<u8> = 1..=7;
+
+/// Which boards there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Nodes {
+    /// So many: first one for each motor that the scenario names, then the lowest numbers. One: those motors one after
+    /// another, as without a bus.
+    Count(u8),
+    /// From this number to that.
+    Range(u8, u8),
+}
+
+impl std::str::FromStr for Nodes {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || {
+            format!("found {text:?}, expected a number of boards from 1 to 7, or node numbers such as 2-4")
+        };
+        let number = |text: &str| text.parse().ok().filter(|n| HAND.contains(n)).ok_or_else(wrong);
+        match text.split_once('-') {
+            None => number(text).map(Self::Count),
+            Some((from, to)) => match (number(from)?, number(to)?) {
+                (from, to) if from <= to => Ok(Self::Range(from, to)),
+                _ => Err(wrong()),
+            },
+        }
+    }
+}
+
+/// What came of a session.
+#[derive(Clone, Debug)]
+pub struct Session {
+    /// Each board's run.
+    pub ran: Vec<Ran>,
+    /// What the programs took: the worst board's.
+    pub figures: Figures,
+    /// Simulated time of the scenario, s.
+    pub scenario_s: f64,
+    /// What `clock` said of that, s.
+    pub scenario_wall_s: f64,
+}
+
+/// The node numbers of each bus that a scenario is run on, one bus after another.
+///
+/// # Errors
+/// No board, or not enough of them, for the motors that the scenario is about.
+pub fn buses(scenario: &Scenario, nodes: Nodes) -> Result<Vec<Vec<u8>>, String> {
+    let named: Vec<u8> = scenario.cases.iter().map(|case| node_of(case.motor)).collect();
+    match nodes {
+        Nodes::Count(1) => Ok(named.into_iter().map(|node| vec![node]).collect()),
+        Nodes::Count(count) if usize::from(count) < named.len() => Err(format!(
+            "--nodes {count}: {} is about {} motors\n  next: --nodes 1 runs them one after another, {} or more at once",
+            scenario.name,
+            named.len(),
+            named.len()
+        )),
+        Nodes::Count(count) => {
+            let others = HAND.filter(|node| !named.contains(node));
+            let mut all: Vec<u8> = named.iter().copied().chain(others).take(count.into()).collect();
+            all.sort_unstable();
+            Ok(vec![all])
+        }
+        Nodes::Range(from, to) => {
+            let all: Vec<u8> = (from..=to).collect();
+            if all.iter().any(|&node| case_of(scenario, kind(node)).is_some()) {
+                return Ok(vec![all]);
+            }
+            Err(format!(
+                "--nodes {from}-{to}: none of these has a motor that {} is about\n  next: include one of nodes {named:?}",
+                scenario.name
+            ))
+        }
+    }
+}
+
+fn id(node: u8) -> Node {
+    // All are 1 to 7.
+    Node::new(node).unwrap_or(Node::HOST)
+}
+
+fn kind(node: u8) -> hil_sim::MotorKind {
+    hil_sim::motor(Kind::of(id(node)))
+}
+
+/// A board's part, and its motor while it boots. A board whose kind of motor the scenario does not name goes along with its own
+/// motor from position 0, the scenario's properties and its commands, and is not judged.
+fn part(scenario: &Scenario, node: u8, options: &Options) -> Result<(Job, hil_sim::rig::Rig), String> {
+    let wrong = |error| format!("{}: node {node}: {error:?}\n  next: correct the scenario", scenario.name);
+    let (case, scenario, judged) = match case_of(scenario, kind(node)) {
+        Some(case) => (case.clone(), scenario.clone(), true),
+        None => {
+            (bystander(scenario, node), Scenario { initial: Initial::default(), ..scenario.clone() }, false)
+        }
+    };
+    let at_first = parked(&scenario, &case, options).map_err(wrong)?;
+    let rig = rig(&scenario, &case, options).map_err(wrong)?;
+    Ok((Job { node: id(node), case, rig, judged }, at_first))
+}
+
+fn bystander(scenario: &Scenario, node: u8) -> Case {
+    let motor = kind(node);
+    let mut config = hil_sim::defaults(motor);
+    if let Some(case) = scenario.cases.first() {
+        let defaults = hil_sim::defaults(case.motor);
+        for property in &properties::PROPERTIES {
+            let value = property.get(&case.config);
+            if value != property.get(&defaults) {
+                // In range there, so in range here.
+                let _ = properties::set(&mut config, property.name, value);
+            }
+        }
+    }
+    Case { motor, plant: PlantParams::for_motor(motor), config }
+}
+
+/// Puts the application into a board's flash, as a probe does.
+pub fn load(board: &mut Board, programs: &Programs) {
+    let start = (APPLICATION.start - FLASH.start) as usize;
+    let mut chip = board.machine_mut().chip_mut();
+    if let Some(area) = chip.flash.bytes.get_mut(start..start + programs.application.len()) {
+        area.copy_from_slice(&programs.application);
+    }
+}
+
+/// Puts tools to a bus whose boards have no power yet.
+pub type Attach<'a> = &'a mut dyn FnMut(&mut OverCan<Board>) -> Result<(), String>;
+
+/// Boards on a bus with both programs, woken: the first has got its application over the bus, from erased flash, by Barrett's
+/// downloader; the others, on this and later buses, by probe, which are the same bytes and take no half minute each.
+///
+/// # Errors
+/// A board that does not boot, take the download or wake.
+pub fn bring_up(
+    boards: Vec<(Node, Board)>,
+    programs: &Programs,
+    download: bool,
+    attach: Attach<'_>,
+) -> Result<OverCan<Board>, String> {
+    let mut boards = boards;
+    for (_, board) in boards.iter_mut().skip(usize::from(download)) {
+        load(board, programs);
+    }
+    let first = boards.first().map(|(node, _)| *node);
+    let mut host = OverCan::new(boards);
+    attach(&mut host)?;
+    host.power_on()?;
+    if let Some(first) = first.filter(|_| download) {
+        host.download(first, programs.tek.as_bytes())?;
+    }
+    host.wake()?;
+    Ok(host)
+}
+
+/// Runs a scenario on emulated boards. `clock` is what time it is, s; `attach` is given each bus before the
+/// power comes on.
+///
+/// # Errors
+/// What no verdict can be made of: a board that stops, does not answer or does not take a property.
+pub fn run(
+    scenario: &Scenario,
+    nodes: Nodes,
+    programs: &Programs,
+    options: &Options,
+    poll_ms: u32,
+    attach: Attach<'_>,
+    clock: &dyn Fn() -> f64,
+) -> Result<Session, String> {
+    let mut session =
+        Session { ran: Vec::new(), figures: Figures::default(), scenario_s: 0.0, scenario_wall_s: 0.0 };
+    for (index, bus) in buses(scenario, nodes)?.into_iter().enumerate() {
+        let parts = bus.iter().map(|&node| part(scenario, node, options)).collect::<Result<Vec<_>, _>>()?;
+        let (jobs, rigs): (Vec<Job>, Vec<_>) = parts.into_iter().unzip();
+        let seed = options.seed;
+        let board = |(job, rig): (&Job, _)| {
+            (job.node, Board::new(rig, job.node, programs, seed + u64::from(job.node.number())))
+        };
+        let boards = jobs.iter().zip(rigs).map(board).collect();
+        let mut host = bring_up(boards, programs, index == 0, attach)?;
+        for place in 0..jobs.len() {
+            if let Some(board) = host.bus_mut().station_mut(place) {
+                board.begin_figures();
+            }
+        }
+        let begun_s = clock();
+        session.ran.extend(host.run(scenario, jobs, poll_ms)?);
+        session.figures = host.bus().stations().map(Board::figures).fold(session.figures, Figures::worst);
+        session.scenario_wall_s += clock() - begun_s;
+        session.scenario_s += f64::from(scenario.duration_ms) / 1000.0;
+    }
+    Ok(session)
+}
