@@ -1,6 +1,6 @@
 //! The image that `cargo xtask image` has made, executed: faults at the pins, wedged tasks, budgets.
 
-mod bench;
+pub mod bench;
 mod budgets;
 mod faults;
 mod wedged;

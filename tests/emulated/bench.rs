@@ -59,9 +59,19 @@ impl Bench {
         Self::with(flashed(programs, NODE))
     }
 
-    /// The same of another board.
+    /// A board whose power comes on.
+    pub fn powered(mut board: Board) -> Self {
+        board.power_on();
+        let node = board.node().number();
+        let mut bus = Bus::new(vec![board]);
+        bus.plug_host("test", Adapter::default()).expect("the first host");
+        Self { bus, node }
+    }
+
+    /// The same as [`Self::awake`] of another board.
     pub fn with(board: Board) -> Self {
-        let mut bench = Self::started(board);
+        let mut bench = Self::powered(board);
+        bench.answering();
         bench.wake();
         // Eight pages are erased on the first day.
         bench.wait_ms(1000);
@@ -70,18 +80,14 @@ impl Bench {
 
     /// The spread's board, its monitor running.
     pub fn in_monitor(programs: &Programs) -> Self {
-        Self::started(flashed(programs, NODE))
+        let mut bench = Self::powered(flashed(programs, NODE));
+        bench.answering();
+        bench
     }
 
-    fn started(mut board: Board) -> Self {
-        board.power_on();
-        let node = board.node().number();
-        let mut bus = Bus::new(vec![board]);
-        bus.plug_host("test", Adapter::default()).expect("the first host");
-        let mut bench = Self { bus, node };
-        bench.wait_ms(100);
-        assert_eq!(bench.get(Property::STAT), Some(0), "the monitor answers: {:?}", bench.board().problem());
-        bench
+    fn answering(&mut self) {
+        self.wait_ms(100);
+        assert_eq!(self.get(Property::STAT), Some(0), "the monitor answers: {:?}", self.board().problem());
     }
 
     /// From the monitor to the application.

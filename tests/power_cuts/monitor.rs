@@ -7,7 +7,7 @@
 
 mod downloads;
 mod noise;
-mod rig;
+pub(super) mod rig;
 
 use hil_sim::rig::flash::SimFlash;
 use rig::{Host, NODE, Operation, Rig, application, flash_with, image, lines};

@@ -28,14 +28,14 @@ fn bytes(flash: &SimFlash) -> &[u8] {
 
 /// What a store says.
 #[derive(Clone, Debug, PartialEq)]
-struct State {
-    values: BTreeMap<Property, i64>,
-    trusted: Option<(i32, u8)>,
-    counters: Counters,
+pub(super) struct State {
+    pub(super) values: BTreeMap<Property, i64>,
+    pub(super) trusted: Option<(i32, u8)>,
+    pub(super) counters: Counters,
 }
 
 impl State {
-    fn of(store: &Store) -> Self {
+    pub(super) fn of(store: &Store) -> Self {
         let values = stored().filter_map(|property| Some((property, store.get(property)?))).collect();
         Self { values, trusted: store.trusted_position(), counters: store.counters() }
     }

@@ -93,10 +93,13 @@ fn figures() -> Outcome {
         |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
     told("figure: ").for_each(|figure| println!("  {figure}"));
     told("skipped: ").for_each(|what| println!("  skipped: {what}"));
-    if !told("figure: ").any(is_of_image) {
-        return Err("found no figure of the production image, which the step \"image\" has made: its test was skipped or is gone\n  \
-                    repeat with: cargo test --package system-tests -- --nocapture protocol::image::"
-            .into());
+    for (figure, test) in OF_IMAGE {
+        if !told("figure: ").any(|told| told.contains(figure)) {
+            return Err(format!(
+                "found no figure \"{figure}\", which needs the production image that the step \"image\" has made: its test was \
+                 skipped or is gone\n  repeat with: cargo test --package system-tests -- --nocapture {test}"
+            ));
+        }
     }
     let states: u64 = told("figure: ").filter_map(distinct_states).sum();
     println!("  power cuts in all: {states} distinct states");
@@ -106,10 +109,12 @@ fn figures() -> Outcome {
     Ok(())
 }
 
-/// Whether a figure is of the test that takes what the step "image" has made (tests/protocol/image.rs).
-fn is_of_image(figure: &str) -> bool {
-    figure.contains("bytes of production image onto a board")
-}
+/// Figures of tests that take what the step "image" has made, and skip what they measure without; and those tests.
+const OF_IMAGE: [(&str, &str); 3] = [
+    ("bytes of production image onto a board", "protocol::image::"),
+    ("power cuts of the image, download", "power_cuts::image::download::"),
+    ("power cuts of the image, storage", "power_cuts::image::storage::"),
+];
 
 /// The number before "distinct states".
 fn distinct_states(figure: &str) -> Option<u64> {

@@ -133,14 +133,16 @@ impl Default for Flash {
 }
 
 impl Flash {
-    /// The registers as after a reset: locked. An operation that is under way ends here, half done; no cut is planned any
-    /// more, and after one the flash works again.
+    /// The registers as after a reset: locked. An operation that is under way ends here, half done. After a cut the flash works
+    /// again; one that has not come yet stays planned.
     pub fn reset(&mut self, now: Time) {
         if self.busy_until > now {
             self.interrupt();
         }
         self.last = None;
-        self.cut = Cut::None;
+        if self.is_cut() {
+            self.cut = Cut::None;
+        }
         self.busy_until = now.min(self.busy_until);
         self.acr = acr::RESET;
         self.lock = Lock::Keys(0);
@@ -270,8 +272,9 @@ impl Flash {
         self.version = self.version.wrapping_add(1);
         if !erase {
             // Bits that should have fallen and did not.
-            for (byte, old) in bytes.iter_mut().zip(old) {
-                *byte = old & (*byte | rng.random::<u8>());
+            let kept = rng.random::<u16>().to_le_bytes();
+            for ((byte, old), kept) in bytes.iter_mut().zip(old).zip(kept) {
+                *byte = old & (*byte | kept);
             }
             return;
         }

@@ -1,0 +1,127 @@
+//! The production image on an emulated board: the power fails in flash operations that its own instructions do.
+//!
+//! What happens is run once, and the flash's log is kept. As natively (`monitor.rs`), the flash after a cut is that before it,
+//! with the operation half done; a sample is cut for real, and must leave the same bytes. Then each board starts from what is
+//! left, RAM by chance.
+
+mod download;
+mod storage;
+
+use board_emu::chip::flash as chip;
+use board_emu::image::Programs;
+use hil_sim::rig::flash::SimFlash;
+use tater_fw::storage::Store;
+use tater_wire::Property;
+use tater_wire::memory::FLASH;
+
+use super::monitor::rig::Operation;
+use super::storage::State;
+use crate::emulated::bench::{Bench, NODE, flashed};
+
+/// What happened to a flash.
+struct Story {
+    initial: Vec<u8>,
+    log: Vec<Operation>,
+}
+
+impl Story {
+    /// Of a board that was made with `initial` in its flash, as its chip tells it.
+    fn of(initial: Vec<u8>, bench: &Bench) -> Self {
+        let chip = bench.board().machine().chip();
+        let log = chip.flash.log().iter().map(|operation| match *operation {
+            chip::Operation::Program(address, value) => Operation::Program(address, value),
+            chip::Operation::Erase(page) => Operation::Erase(page),
+            chip::Operation::EraseAll => panic!("no program erases itself"),
+        });
+        let story = Self { initial, log: log.collect() };
+        assert!(story.before(story.log.len()).bytes() == chip.flash.bytes, "the log tells all");
+        story
+    }
+
+    /// The flash after a real cut: the same is done again on a board whose power fails in an operation.
+    fn really_cut(&self, programs: &Programs, operation: usize, seed: u64, act: fn(&mut Bench)) {
+        let mut board = flashed(programs, NODE);
+        board.machine_mut().chip_mut().flash.load(FLASH.start, &self.initial);
+        board.machine_mut().chip_mut().flash.cut_after(operation as u64, seed);
+        let mut bench = Bench::powered(board);
+        act(&mut bench);
+        assert!(is_cut(&bench), "operation {operation} did not come");
+        bench.board_mut().power_off();
+        let same = flash_of(&bench).bytes() == self.cut(operation, seed).bytes();
+        assert!(same, "operation {operation}: a real cut leaves something else");
+    }
+
+    /// The flash before an operation.
+    fn before(&self, operation: usize) -> SimFlash {
+        let mut flash = SimFlash::default();
+        flash.load(FLASH.start, &self.initial);
+        for operation in &self.log[..operation] {
+            operation.apply(&mut flash).expect("there is power");
+        }
+        flash
+    }
+
+    /// The flash after a cut in an operation.
+    fn cut(&self, operation: usize, seed: u64) -> SimFlash {
+        let mut flash = self.before(operation);
+        flash.cut_at(operation as u64, seed);
+        assert!(self.log[operation].apply(&mut flash).is_err() && flash.is_dead());
+        flash.power_up();
+        flash
+    }
+}
+
+/// The image's bytes on a board whose power is off.
+fn initial(programs: &Programs) -> Vec<u8> {
+    flashed(programs, NODE).machine().chip().flash.bytes.clone()
+}
+
+/// A board with these bytes in its flash, its power just on.
+fn start(programs: &Programs, bytes: &[u8]) -> Bench {
+    let mut board = flashed(programs, NODE);
+    board.machine_mut().chip_mut().flash.load(FLASH.start, bytes);
+    Bench::powered(board)
+}
+
+/// Whether the planned failure of the power has come.
+fn is_cut(bench: &Bench) -> bool {
+    bench.board().machine().chip().flash.is_cut()
+}
+
+/// What is in a board's flash.
+fn flash_of(bench: &Bench) -> SimFlash {
+    let mut flash = SimFlash::default();
+    flash.load(FLASH.start, &bench.board().machine().chip().flash.bytes);
+    flash
+}
+
+/// What a store makes of a flash.
+fn state_of(flash: &SimFlash) -> State {
+    State::of(&Store::open(flash))
+}
+
+/// The monitor of a board whose power is back: it answers, and nothing is wrong.
+fn monitor(bench: &mut Bench) {
+    // It has the crystal after 2 ms, and the bus after 3.
+    bench.wait_ms(4);
+    wait_for(bench, Property::STAT, 0, 5_000);
+    assert_eq!(bench.get(Property::ERROR), Some(0));
+}
+
+/// From the monitor to the application, which may be copied first.
+fn wake(bench: &mut Bench) {
+    bench.set(Property::STAT, 2);
+    bench.wait_ms(30);
+    wait_for(bench, Property::STAT, 2, 10_000);
+    assert_eq!(bench.get(Property::ERROR), Some(0));
+}
+
+/// Waits until a property is that; how long at most, ms. Meanwhile the board may be busy for 40 ms and answer nothing.
+fn wait_for(bench: &mut Bench, property: Property, value: i64, most_ms: u64) {
+    let end = bench.bus.now_us() + 1000 * most_ms;
+    while bench.get(property) != Some(value) {
+        assert!(bench.board().problem().is_none(), "{:?}", bench.board().problem());
+        assert!(bench.bus.now_us() < end, "{property:?} is not {value} after {most_ms} ms");
+        bench.wait_ms(2);
+    }
+}
