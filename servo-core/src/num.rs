@@ -286,7 +286,7 @@ mod tests {
             let (n, d) = (n >> shift.0, (d >> shift.1).max(64));
             let exact = (u128::from(n) << 32) / u128::from(d);
             let ratio = u128::from(ratio_q32(n, d));
-            prop_assert!(exact >> 63 != 0 || ratio.abs_diff(exact) * u128::from(d) >> 32 < 32, "{ratio} {exact}");
+            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 32, "{ratio} {exact}");
         }
 
         #[test]

@@ -167,14 +167,18 @@ impl Servo {
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
         let counted = self.observe(sense);
-        self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
+        // A tick that enters may have to plan. Its torque is the last motion's for a millisecond, or none.
+        let enters = !self.entered && self.mode != Mode::Idle && self.brake_ms >= self.config.brake_ms;
+        if !enters {
+            self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
+        }
         if let Some(fault) = self.faults.check(sense.bus, self.wrongs(sense)) {
             self.fail(fault);
         }
         if self.mode == Mode::Idle {
             return IDLE;
         }
-        if !self.entered && self.brake_ms < self.config.brake_ms {
+        if !self.entered && !enters {
             self.brake_ms = self.brake_ms.saturating_add(1);
             return Drive { duty: None, brake_released: true };
         }

@@ -8,8 +8,8 @@
 //! at and between ticks and it ends at the first tick not before the optimum. It has three segments: constant
 //! acceleration from the present velocity to a peak (through zero, if the set-point first has to turn round;
 //! downwards, if it is faster than the new cruise velocity), cruise at the peak, constant braking to rest. A
-//! segment begins between two ticks; [`Profile::plan`] computes the state at the first tick after that, and
-//! [`Profile::step`] only adds. A plan is made inside a tick: all that depends on the limits alone is in
+//! segment begins between two ticks; at the first tick after that its state is computed, and between [`Profile::step`] only
+//! adds. A plan is made inside a tick: all that depends on the limits alone is in
 //! [`Limits::build`], and what is left is at most a square root and three divisions, none of them a library's.
 //!
 //! Exactness: the tick is the unit of time and state has 32 fractional bits, so a = ACCEL²/2²⁰ and a/2 are
@@ -90,14 +90,6 @@ impl SetPoint {
     }
 }
 
-/// A stretch of constant acceleration, by its state at its first tick, counted from the plan. Units: counts and ticks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Segment {
-    tick: u32,
-    position: Wide,
-    velocity: Wide,
-}
-
 /// The set-point generator of one motor.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
@@ -111,21 +103,21 @@ pub struct Profile {
     moving: bool,
     /// ACCEL in force.
     accel: u16,
-    /// Ticks since the plan, and when the next segment begins. Of those with the same tick the last holds.
+    /// Ticks since the plan, and when the next segment begins.
     tick: u32,
     due: u32,
-    cruise: Segment,
-    braking: Segment,
-    /// Acceleration while braking.
-    brake: Wide,
+    /// First ticks of braking and of rest; that of rest is known when braking begins. Of segments that begin at the same tick
+    /// the last holds.
+    brake_tick: u32,
     rest_tick: u32,
+    /// What the segments ahead are computed from.
+    course: Course,
 }
 
 impl Profile {
     /// A set-point at rest at `position`, which is also its end.
     #[must_use]
     pub const fn at_rest(position: Counts) -> Self {
-        const NONE: Segment = Segment { tick: 0, position: Wide::ZERO, velocity: Wide::ZERO };
         let position = position.to_wide();
         Self {
             position,
@@ -136,10 +128,9 @@ impl Profile {
             accel: 0,
             tick: 0,
             due: 0,
-            cruise: NONE,
-            braking: NONE,
-            brake: Wide::ZERO,
+            brake_tick: 0,
             rest_tick: 0,
+            course: Course::NONE,
         }
     }
 
@@ -193,15 +184,41 @@ impl Profile {
     /// The segment that begins at this tick.
     #[inline(never)]
     fn begin(&mut self) {
-        if self.tick == self.rest_tick {
+        if self.tick == self.brake_tick {
+            self.begin_braking();
+        } else if self.tick == self.rest_tick {
+            self.rest();
+        } else {
+            let course = &self.course;
+            let peak = course.peak.velocity;
+            let (_, cruised) = next_tick(course.cruise_begins);
+            let way = course.to_cruise.wrapping_add(mul_q32(peak, cruised).cast_signed());
+            self.position = course.from.wrapping_add(course.directed(way));
+            self.velocity = course.directed(peak.cast_signed());
+            self.acceleration = Wide::ZERO;
+            self.due = self.brake_tick;
+        }
+    }
+
+    fn begin_braking(&mut self) {
+        let Course { peak, .. } = self.course;
+        let (Some(slope), (_, braked)) = (Slope::new(self.accel), next_tick(self.course.braking_begins))
+        else {
+            return self.rest();
+        };
+        // Both zero if the set-point comes to rest before this tick.
+        let left = peak.velocity.saturating_sub(slope.change(braked));
+        let time = peak.time.saturating_sub(braked);
+        if time == 0 {
             return self.rest();
         }
-        let braking = self.tick == self.braking.tick;
-        let segment = if braking { self.braking } else { self.cruise };
-        self.position = segment.position;
-        self.velocity = segment.velocity;
-        self.acceleration = if braking { self.brake } else { Wide::ZERO };
-        self.due = if braking { self.rest_tick } else { self.braking.tick };
+        let directed = |magnitude: u64| self.course.directed(magnitude.cast_signed());
+        self.position = self.end.wrapping_sub(directed(mul_q32(left, time) >> 1));
+        self.velocity = directed(left);
+        self.acceleration = Wide::ZERO.wrapping_sub(directed(slope.acceleration()));
+        // The tick at the time, or the first after it.
+        self.rest_tick = self.tick.saturating_add(next_tick(time.wrapping_sub(1)).0);
+        self.due = self.rest_tick;
     }
 
     /// Sets out for `end` within `bounds`, from the present set-point and its velocity, without a step in
@@ -229,36 +246,15 @@ impl Profile {
             return;
         }
 
-        let course = Course::new(slope, distance.to_bits(), self.velocity.to_bits(), bounds);
-        let Ramp { velocity: peak, time: ramping, .. } = course.peak;
-        let directed = |magnitude: u64| course.directed(magnitude.cast_signed());
-        let (forward, backward) =
-            (directed(slope.acceleration()), Wide::ZERO.wrapping_sub(directed(slope.acceleration())));
+        self.course = Course::new(slope, self.position, distance.to_bits(), self.velocity.to_bits(), bounds);
+        let acceleration = slope.acceleration().cast_signed();
+        let slowing = self.course.slowing;
+        self.acceleration =
+            self.course.directed(if slowing { acceleration.wrapping_neg() } else { acceleration });
         self.moving = true;
-        self.acceleration = if course.slowing { backward } else { forward };
-        self.brake = backward;
-        let (cruise_tick, cruised) = next_tick(course.cruise_begins);
-        self.due = cruise_tick;
-        self.cruise = Segment {
-            tick: cruise_tick,
-            position: self
-                .position
-                .wrapping_add(course.directed(course.to_cruise))
-                .wrapping_add(directed(mul_q32(peak, cruised))),
-            velocity: directed(peak),
-        };
-        let (brake_tick, braked) = next_tick(course.braking_begins);
-        // Both zero if the set-point comes to rest before this tick.
-        let left = peak.saturating_sub(slope.change(braked));
-        let time = ramping.saturating_sub(braked);
-        self.braking = Segment {
-            tick: brake_tick,
-            position: self.end.wrapping_sub(directed(mul_q32(left, time) >> 1)),
-            velocity: directed(left),
-        };
-        // The tick at the time, or the first after it.
-        self.rest_tick =
-            brake_tick.saturating_add(if time == 0 { 0 } else { next_tick(time.wrapping_sub(1)).0 });
+        self.due = next_tick(self.course.cruise_begins).0;
+        self.brake_tick = next_tick(self.course.braking_begins).0;
+        self.rest_tick = 0;
     }
 }
 
@@ -302,7 +298,10 @@ impl Slope {
 
 /// A continuous-time motion to rest, mirrored if need be so that its last approach is upwards. 32 fractional
 /// bits in counts and ticks.
+#[derive(Clone, Copy, Debug)]
 struct Course {
+    /// Where it begins.
+    from: Wide,
     /// The approach is in truth downwards.
     mirrored: bool,
     /// The first segment slows from above the cruise velocity.
@@ -318,8 +317,18 @@ struct Course {
 }
 
 impl Course {
+    const NONE: Self = Self {
+        from: Wide::ZERO,
+        mirrored: false,
+        slowing: false,
+        peak: Ramp { velocity: 0, time: 0, distance: 0 },
+        to_cruise: 0,
+        cruise_begins: 0,
+        braking_begins: 0,
+    };
+
     #[inline]
-    fn new(slope: Slope, distance: i64, velocity: i64, bounds: &Bounds) -> Self {
+    fn new(slope: Slope, from: Wide, distance: i64, velocity: i64, bounds: &Bounds) -> Self {
         let (stop_time, stopping) = if velocity == 0 {
             (0, 0)
         } else {
@@ -350,7 +359,7 @@ impl Course {
         let cruise_begins =
             if velocity < 0 { peak.time.wrapping_add(stop_time) } else { peak.time.abs_diff(stop_time) };
         let braking_begins = cruise_begins.saturating_add(ratio_q32(cruising.cast_unsigned(), peak.velocity));
-        Self { mirrored, slowing, peak, to_cruise, cruise_begins, braking_begins }
+        Self { from, mirrored, slowing, peak, to_cruise, cruise_begins, braking_begins }
     }
 
     const fn directed(&self, value: i64) -> Wide {

@@ -9,36 +9,50 @@ use crate::guard::hold::{After, after};
 use crate::guard::limits::Bounded;
 use crate::mode::Mode;
 use crate::motion::pid::PidState;
+use crate::motion::profile::SetPoint;
 use crate::num::Law;
 use crate::units::{Counts, Torque};
 
 impl Servo {
     /// Every way in which a motion ends by itself.
     pub(super) fn check_end(&mut self, counted: bool, strain: u8) {
-        let stalled = self.stall.step(counted, !counted && self.driven(), self.tstop());
-        let move_to_end = self.purpose == Purpose::Plain && self.mode == Mode::Trapezoidal;
-        let torque_controlled = matches!(self.purpose, Purpose::TorqueControlled { .. });
-        if (move_to_end || torque_controlled) && self.strain.excludes(strain) {
-            return self.finish(EndReason::Strain);
+        let driven = !counted && self.driven();
+        let tstop = if driven { self.tstop() } else { 0 };
+        let stalled = self.stall.step(counted, driven, tstop);
+        let reason = match (self.mode, self.purpose) {
+            (Mode::Trapezoidal, Purpose::Plain) => self.move_ends(strain),
+            (Mode::Trapezoidal, _) => self.arrives(),
+            (_, Purpose::TorqueControlled { .. }) if self.strain.excludes(strain) => Some(EndReason::Strain),
+            (_, Purpose::Pressing { .. }) => return,
+            _ => None,
+        };
+        if let Some(reason) = reason.or(stalled.then_some(EndReason::Stalled)) {
+            self.finish(reason);
+        }
+    }
+
+    /// Whether a move to E ends by itself.
+    fn move_ends(&mut self, strain: u8) -> Option<EndReason> {
+        if self.strain.excludes(strain) {
+            return Some(EndReason::Strain);
         }
         // TC is asked to press; what it presses against is no breakaway.
-        if move_to_end && self.config.bt != 0 {
+        if self.config.bt != 0 {
             let wanted = self.setpoint.velocity;
             if self.breakaway.step(self.applied.torque, wanted, self.velocity, self.config.bt) {
                 let position = self.position.round();
                 self.broke_away = Some(position);
                 self.report(Event::Breakaway { position, stop_tip: self.config.bs });
-                return self.finish(EndReason::Breakaway);
+                return Some(EndReason::Breakaway);
             }
         }
-        if self.mode == Mode::Trapezoidal
-            && self.setpoint.done
-            && arrived(true, self.goal(), self.position.round(), self.config.mpe)
-        {
-            self.finish(EndReason::Arrived);
-        } else if stalled && !matches!(self.purpose, Purpose::Pressing { .. }) {
-            self.finish(EndReason::Stalled);
-        }
+        self.arrives()
+    }
+
+    fn arrives(&self) -> Option<EndReason> {
+        let SetPoint { done, .. } = self.setpoint;
+        (done && arrived(done, self.goal(), self.position.round(), self.config.mpe))
+            .then_some(EndReason::Arrived)
     }
 
     /// Whether the motor is driven away from rest (the condition under which a stall is one).
