@@ -73,18 +73,21 @@ mod app {
         });
     }
 
-    /// The control tick.
+    /// The control tick. What it has to report goes out behind it.
     #[task(binds = TIM3, priority = 3, local = [ticker], shared = [tater])]
     fn tick(mut cx: tick::Context) {
         cx.local.ticker.seen();
-        cx.shared.tater.lock(|tater| {
+        let reports = cx.shared.tater.lock(|tater| {
             let now = tater.board_mut().now();
-            tater.tick(now);
+            tater.tick(now)
         });
+        if reports {
+            rtic::pend(stm32f1xx_hal::pac::Interrupt::USB_LP_CAN_RX0);
+        }
     }
 
-    /// A frame has come: one a call, the interrupt stays until there is none. Also asked for by the slow task, without one,
-    /// to see that the bus is served.
+    /// A frame has come: one a call, the interrupt stays until there is none. Also asked for without one: by the tick, to report,
+    /// and by the slow task, to see that the bus is served.
     #[task(binds = USB_LP_CAN_RX0, priority = 2, shared = [tater])]
     fn receive(mut cx: receive::Context) {
         let refused = cx.shared.tater.lock(|tater| {

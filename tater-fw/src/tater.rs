@@ -12,6 +12,7 @@
 mod commands;
 pub mod errors;
 mod kept;
+mod outbox;
 mod properties;
 mod storing;
 #[cfg(test)]
@@ -51,12 +52,6 @@ const STILL_MS: u8 = 200;
 
 /// Flash operations that a reset waits for, so that a SAVE just before it is kept: a page holds 512 half-words.
 const LAST_OPERATIONS: usize = 1024;
-
-/// LFLAGS: ends of moves are reported.
-const REPORT_ENDS: u8 = 1;
-
-/// LFLAGS: breakaways are reported.
-const REPORT_BREAKAWAYS: u8 = 2;
 
 /// Bridge off, brake engaged.
 const OFF: Drive = Drive { duty: None, brake_released: false };
@@ -101,6 +96,8 @@ pub struct Tater<B: Board> {
     breakaway_position: i32,
     outbox: Deque<Frame, OUTBOX>,
     unsent: u32,
+    /// The servo's oldest report, if it has not been told yet.
+    untold: Option<Event>,
     events: Deque<Event, EVENTS>,
     /// Ticks since the last frame to this board or its groups.
     silent_ms: u16,
@@ -150,6 +147,7 @@ impl<B: Board> Tater<B> {
             breakaway_position: 0,
             outbox: Deque::new(),
             unsent: 0,
+            untold: None,
             events: Deque::new(),
             silent_ms: 0,
             still_ms: 0,
@@ -207,8 +205,9 @@ impl<B: Board> Tater<B> {
         self.board.bridge(Bridge::Off);
     }
 
-    /// The control tick, 1 ms after the last.
-    pub fn tick(&mut self, now: Micros) {
+    /// The control tick, 1 ms after the last. Returns whether the servo has something to report: then [`Self::flush`] is to
+    /// follow, as soon as nothing more urgent waits.
+    pub fn tick(&mut self, now: Micros) -> bool {
         self.ticked = true;
         let analog = self.board.analog();
         self.hall(now);
@@ -233,8 +232,10 @@ impl<B: Board> Tater<B> {
         self.commutator.set(self.drive.duty);
         self.board.bridge(self.commutator.bridge());
         self.board.brake(self.drive.brake_released);
-        self.report();
-        self.send();
+        if self.untold.is_none() {
+            self.untold = self.servo.event();
+        }
+        self.untold.is_some()
     }
 
     /// A frame from the bus, any frame: those for other nodes are skipped.
@@ -248,6 +249,10 @@ impl<B: Board> Tater<B> {
             return Ok(());
         }
         self.silent_ms = 0;
+        if self.untold.is_some() {
+            // The frame may ask for what the last tick has to report.
+            self.report();
+        }
         let obeyed = match Message::parse(frame).map(|message| message.body) {
             Some(Body::Get(id)) => self.get(id, from),
             Some(Body::Set { property, value }) => {
@@ -309,20 +314,6 @@ impl<B: Board> Tater<B> {
             Access::ReadWrite | Access::WriteOnly => self.write(property, value),
             Access::Locked => self.unlock(property).and_then(|()| self.write(property, value)),
         }
-    }
-
-    /// Tells a node a value: the host by a reply, another board by a SET of VALUE.
-    fn say(&mut self, to: Node, property: Property, value: i64) -> Result<(), Refused> {
-        if self.node == Node::HOST {
-            return Ok(());
-        }
-        // Every value that is read fits 32 bits.
-        let message =
-            Message::answer(self.node, to, property.spec(), value).ok_or(Refused::Range(property))?;
-        self.outbox.push_back(message.frame()).map_err(|_| {
-            self.unsent = self.unsent.saturating_add(1);
-            Refused::Busy(property)
-        })
     }
 
     /// Ten times a second: temperatures, counters, watchdog. The watchdog is fed only if both the tick and the bus
@@ -393,76 +384,6 @@ impl<B: Board> Tater<B> {
         self.send();
         self.outbox.clear();
         self.board.reset();
-    }
-
-    /// The bus is being served: hands waiting frames to the CAN controller. To be called whenever it has room again, and
-    /// at least ten times a second.
-    pub fn flush(&mut self) {
-        self.bus_served = true;
-        self.send();
-    }
-
-    /// Hands over what waits, which is nothing as a rule.
-    #[inline(always)]
-    fn send(&mut self) {
-        if !self.outbox.is_empty() {
-            self.hand_over();
-        }
-    }
-
-    #[inline(never)]
-    fn hand_over(&mut self) {
-        for _ in 0..OUTBOX {
-            match self.outbox.front() {
-                Some(frame) if self.board.transmit(frame) => self.outbox.pop_front(),
-                _ => break,
-            };
-        }
-    }
-
-    /// Frames that were to be sent and found no room in the outbox.
-    #[must_use]
-    pub const fn unsent(&self) -> u32 {
-        self.unsent
-    }
-
-    /// The servo's reports, of which there are none as a rule.
-    #[inline(always)]
-    fn report(&mut self) {
-        for _ in 0..EVENTS {
-            let Some(event) = self.servo.event() else { break };
-            self.tell(event);
-        }
-    }
-
-    /// Tells a report: the host if it has asked for them, and whoever watches.
-    #[inline(never)]
-    fn tell(&mut self, event: Event) {
-        let flags = self.kept.lflags;
-        // Without room they are counted as unsent.
-        match event {
-            Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
-                let _ = self.say(Node::HOST, Property::MODE, i64::from(mode.number()));
-                let _ = self.say(Node::HOST, Property::END, i64::from(reason.number()));
-            }
-            Event::Breakaway { position, .. } => {
-                self.breakaway_position = position;
-                if flags & REPORT_BREAKAWAYS != 0 {
-                    let _ = self.say(Node::HOST, Property::BD, 1);
-                }
-            }
-            Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
-        }
-        if self.events.is_full() {
-            self.events.pop_front();
-        }
-        // Room was made above.
-        let _ = self.events.push_back(event);
-    }
-
-    /// What the servo reported, oldest first: for logs and simulations.
-    pub fn event(&mut self) -> Option<Event> {
-        self.events.pop_front()
     }
 
     /// The node that it is on the bus, until the next start.

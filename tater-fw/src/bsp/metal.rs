@@ -65,6 +65,7 @@ pub struct Armed {
 }
 
 impl Motor for Armed {
+    #[inline(always)]
     fn bridge(&mut self, bridge: Bridge) {
         self.bridge.set(bridge);
     }
@@ -277,6 +278,7 @@ const UNIQUE_ID: u32 = 0x1FFF_F7E8;
 impl<M: Motor> Board for Metal<M> {
     type Flash = flash::Metal;
 
+    #[inline(always)]
     fn bridge(&mut self, bridge: Bridge) {
         self.motor.bridge(bridge);
     }

@@ -13,7 +13,7 @@ use super::timing::pwm::{CONVERT, DEAD_TIME, TOP};
 /// The bridge, which the break input guards.
 pub struct Guarded {
     tim: TIM1,
-    /// What compare values and CCER are for, as [`number`] says it; [`NONE`] when the bridge is off.
+    /// The [`image`] that compare values and CCER are for; [`NONE`] when the bridge is off.
     legs: u32,
 }
 
@@ -46,38 +46,46 @@ impl Guarded {
         Self { tim, legs: NONE }
     }
 
-    /// Sets the legs, in an order that has no wrong vector on the way: first the high sides off that are to be off, then who
-    /// is driven at all, then the duty. The timer keeps the dead time. Legs that stay take the duty alone.
+    /// Sets the legs.
+    #[inline(always)]
     pub fn set(&mut self, bridge: Bridge) {
-        let Bridge::On { legs: [a, b, c], duty } = bridge else { return self.off() };
-        let legs = number(a) | number(b) << 8 | number(c) << 16;
+        match bridge {
+            Bridge::On { legs, duty } => self.on(image(legs), compare(duty)),
+            Bridge::Off => self.off(),
+        }
+    }
+
+    /// Sets the legs of an image, in an order that has no wrong vector on the way: first the high sides off that are to be off,
+    /// then who is driven at all, then the duty. The timer keeps the dead time. Legs that stay take the duty alone.
+    // Leg by leg, because an edge waits: arrays cost three times as many instructions here.
+    fn on(&mut self, legs: u32, share: u16) {
         let tim = &self.tim;
-        // Leg by leg, because an edge waits: arrays cost three times as many instructions here.
+        let is = |kind: u32, leg: u32| legs & 0xFF << leg == kind << leg;
+        let (a, b, c) = (is(PWM, A), is(PWM, B), is(PWM, C));
         if self.legs != legs {
             self.legs = legs;
-            if a != Leg::Pwm {
+            if !a {
                 tim.ccr1().write(|w| w.ccr().set(0));
             }
-            if b != Leg::Pwm {
+            if !b {
                 tim.ccr2().write(|w| w.ccr().set(0));
             }
-            if c != Leg::Pwm {
+            if !c {
                 tim.ccr3().write(|w| w.ccr().set(0));
             }
             // A leg that floats has its high side off by compare value 0 and its low side by the output's off-state.
             tim.ccer().write(|w| {
                 w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
-                w.cc1ne().bit(a != Leg::Float).cc2ne().bit(b != Leg::Float).cc3ne().bit(c != Leg::Float)
+                w.cc1ne().bit(!is(FLOAT, A)).cc2ne().bit(!is(FLOAT, B)).cc3ne().bit(!is(FLOAT, C))
             });
         }
-        let share = compare(duty);
-        if a == Leg::Pwm {
+        if a {
             tim.ccr1().write(|w| w.ccr().set(share));
         }
-        if b == Leg::Pwm {
+        if b {
             tim.ccr2().write(|w| w.ccr().set(share));
         }
-        if c == Leg::Pwm {
+        if c {
             tim.ccr3().write(|w| w.ccr().set(share));
         }
         if tim.bdtr().read().moe().is_disabled_idle() {
@@ -87,6 +95,7 @@ impl Guarded {
 
     /// Switches on what is set, but not after a break: only `off` leads back here with the flag cleared.
     #[cold]
+    #[inline(never)]
     fn enable(&mut self) {
         if self.broken() {
             return;
@@ -119,16 +128,30 @@ impl Guarded {
     }
 }
 
-/// No legs.
+/// Where a leg's byte is in an image.
+const A: u32 = 0;
+/// See [`A`].
+const B: u32 = 8;
+/// See [`A`].
+const C: u32 = 16;
+/// What a leg's byte says: those of [`Leg`].
+const PWM: u32 = 0;
+/// See [`PWM`].
+const LOW: u32 = 1;
+/// See [`PWM`].
+const FLOAT: u32 = 2;
+/// No legs' image.
 const NONE: u32 = u32::MAX;
 
-/// A byte that tells legs apart.
-const fn number(leg: Leg) -> u32 {
-    match leg {
-        Leg::Pwm => 0,
-        Leg::Low => 1,
-        Leg::Float => 2,
-    }
+/// Three legs in a word.
+#[inline(always)]
+fn image([a, b, c]: [Leg; 3]) -> u32 {
+    let byte = |leg| match leg {
+        Leg::Pwm => PWM,
+        Leg::Low => LOW,
+        Leg::Float => FLOAT,
+    };
+    byte(a) << A | byte(b) << B | byte(c) << C
 }
 
 /// Compare value of a duty, which is not negative.

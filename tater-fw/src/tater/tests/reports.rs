@@ -35,6 +35,27 @@ fn nothing_is_said_unasked_unless_lflags_says_so() {
 }
 
 #[test]
+fn a_tick_says_that_there_is_a_report_and_no_frame_overtakes_it() {
+    // A link that meets an object, as above.
+    let blocked = |flags| {
+        let mut bench = Bench::new(2);
+        bench.set(Property::LFLAGS, flags).expect("in range");
+        bench.set(Property::P, 7).expect("in idle");
+        bench.set(Property::M, 300).expect("moves");
+        let reported = (0..300).any(|_| bench.tick_alone());
+        assert!(reported && bench.said().is_empty(), "a tick says nothing itself");
+        bench
+    };
+    let mut bench = blocked(3);
+    assert!(bench.tick_alone(), "until it is told");
+    bench.tater.flush();
+    assert_eq!(said(&mut bench), [(Property::BD, 1), (Property::MODE, 0), (Property::END, 5)]);
+    assert!(!bench.tick_alone());
+    let mut bench = blocked(0);
+    assert_eq!(bench.get(Property::BP), Some(7), "0 without a breakaway");
+}
+
+#[test]
 fn the_mode_reported_is_the_one_that_follows_the_end() {
     let mut bench = Bench::new(4);
     bench.set(Property::LFLAGS, 1).expect("in range");
@@ -77,7 +98,7 @@ fn answers_wait_for_room_in_order_and_none_is_lost_silently() {
     bench.tater.flush();
     assert_eq!(said(&mut bench), [(Property::MT, 750), (Property::KP, 60), (Property::X0, 0)]);
     bench.board().room = usize::MAX;
-    bench.tick();
+    bench.tater.flush();
     let rest: Vec<Property> = said(&mut bench).into_iter().map(|(property, _)| property).collect();
     assert_eq!(rest, asked[3..]);
     assert_eq!(bench.get(Property::TSTOP), Some(300), "asked again");
