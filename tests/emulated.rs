@@ -1,7 +1,7 @@
 //! The image that `cargo xtask image` has made, executed: faults at the pins, wedged tasks, budgets.
 
 mod bench;
-// mod budgets;
+mod budgets;
 mod faults;
 mod probes;
 mod scenarios;

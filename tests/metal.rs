@@ -1,5 +1,6 @@
 //! The motor board's numbers: what its front end and its registers say, in floating point; and `docs/board.md`.
 
+mod front_end;
 mod page;
 
 use tater_fw::bsp::{scale, timing};

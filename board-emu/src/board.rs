@@ -318,7 +318,10 @@ impl Board {
         let bridge = {
             let chip = self.machine.chip();
             self.brake_released = brake(&chip);
-            bridge::of(&chip)
+            bridge::of(&chip).and_then(|bridge| match bridge {
+                Bridge::Off => Ok(bridge),
+                Bridge::On { .. } => bridge::dead_time_agrees(&chip, &self.rig).map(|()| bridge),
+            })
         };
         match bridge {
             Ok(bridge) => {

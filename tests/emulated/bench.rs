@@ -60,7 +60,20 @@ impl Bench {
     }
 
     /// The same of another board.
-    pub fn with(mut board: Board) -> Self {
+    pub fn with(board: Board) -> Self {
+        let mut bench = Self::started(board);
+        bench.wake();
+        // Eight pages are erased on the first day.
+        bench.wait_ms(1000);
+        bench
+    }
+
+    /// The spread's board, its monitor running.
+    pub fn in_monitor(programs: &Programs) -> Self {
+        Self::started(flashed(programs, NODE))
+    }
+
+    fn started(mut board: Board) -> Self {
         board.power_on();
         let node = board.node().number();
         let mut bus = Bus::new(vec![board]);
@@ -68,9 +81,6 @@ impl Bench {
         let mut bench = Self { bus, node };
         bench.wait_ms(100);
         assert_eq!(bench.get(Property::STAT), Some(0), "the monitor answers: {:?}", bench.board().problem());
-        bench.wake();
-        // Eight pages are erased on the first day.
-        bench.wait_ms(1000);
         bench
     }
 

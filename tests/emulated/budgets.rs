@@ -4,14 +4,12 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use board_emu::meter::Figures;
 use serde_json::{Value, json};
 use tater_wire::memory::STACK;
 use tater_wire::{Cmd, Property};
 
 use super::bench::{Bench, flashed, production};
-
-/// Exception numbers (RM0008 table 63): TIM3, the control tick.
-const TICK: usize = 16 + 29;
 
 /// Instructions of a control tick (DESIGN: 500 in the mean, 900 at worst), of a hall edge until the bridge is written.
 const TICK_MEAN: f64 = 500.0;
@@ -54,15 +52,8 @@ const MODES: [(&str, &[(Property, i64, u64)]); 6] = [
 /// How often a host asks for the mode, ms.
 const POLL_MS: u64 = 100;
 
-/// The figures of a run: mean and worst tick, worst edge to bridge.
-struct Figures {
-    tick_mean: f64,
-    tick_max: u64,
-    hall_max: u64,
-}
-
 fn figures(bench: &mut Bench, orders: &[(Property, i64, u64)]) -> Figures {
-    bench.board_mut().machine_mut().cpu.counts.begin();
+    bench.board_mut().begin_figures();
     for &(property, value, ms) in orders {
         bench.set(property, value);
         for _ in 0..ms / POLL_MS {
@@ -70,13 +61,7 @@ fn figures(bench: &mut Bench, orders: &[(Property, i64, u64)]) -> Figures {
             bench.get(Property::MODE).expect("answers");
         }
     }
-    let counts = &bench.board().machine().cpu.counts;
-    let tick = counts.handlers[TICK];
-    Figures {
-        tick_mean: tick.total as f64 / tick.runs as f64,
-        tick_max: tick.max,
-        hall_max: counts.edge_to_bridge_max,
-    }
+    bench.board().figures()
 }
 
 fn golden() -> PathBuf {
@@ -90,7 +75,9 @@ fn ticks_and_edges_take_what_they_took_and_no_more_than_they_may() {
     let mut over = String::new();
     for (mode, orders) in MODES {
         let mut bench = Bench::awake(&programs);
-        let Figures { tick_mean, tick_max, hall_max } = figures(&mut bench, orders);
+        let of = figures(&mut bench, orders);
+        let (tick_mean, tick_max, hall_max) =
+            (of.tick_instructions_mean, of.tick_instructions_max, of.hall_instructions_max);
         println!(
             "figure: {mode}: tick {tick_mean:.0} instructions, at worst {tick_max}; edge to bridge {hall_max}"
         );
@@ -129,7 +116,7 @@ fn at_full_speed_the_processor_is_mostly_idle_and_the_stack_mostly_untouched() {
     let mut bench = Bench::with(board);
     bench.set(Property::MV, 4000);
     bench.set(Property::ACCEL, 200);
-    bench.board_mut().machine_mut().cpu.counts.begin();
+    bench.board_mut().begin_figures();
     let begin = bench.board().machine().now();
     bench.set(Property::M, 1500);
     let mut fastest = 0.0_f64;
@@ -143,8 +130,7 @@ fn at_full_speed_the_processor_is_mostly_idle_and_the_stack_mostly_untouched() {
         load = load.max(spent as f64 * 1.5 / 7.2e6 * 100.0);
     }
     assert!(bench.board().machine().now() > begin);
-    let machine = bench.board().machine();
-    let stack = STACK.end() - machine.cpu.lowest_sp();
+    let stack = bench.board().figures().stack_bytes_max;
     println!(
         "figure: at {fastest:.0} counts/s the load is {load:.1} %, the stack {stack} of {} bytes",
         STACK.len

@@ -87,3 +87,28 @@ fn an_instruction_that_is_none_ends_with_the_bridge_off_and_the_reason() {
         assert_eq!(bench.get(Property::ERROR), Some(i64::from(FaultCode::HardFault.code())), "{name}");
     }
 }
+
+#[test]
+fn the_monitor_too_ends_at_an_instruction_that_is_none_with_the_reason() {
+    let Some(programs) = production() else { return };
+    let mut bench = Bench::in_monitor(&programs);
+    let resets = bench.resets();
+    while !bench.board().machine().is_waiting() {
+        bench.wait_us(10);
+    }
+    let address = bench.board().machine().cpu.pc();
+    let was = half_word(&bench, address);
+    patch(&mut bench, address, UNDEFINED);
+    bench.wait_ms(1);
+    patch(&mut bench, address, was);
+    bench.wait_ms(100);
+    assert_eq!(bench.resets(), resets + 1);
+    assert_eq!(bench.get(Property::ERROR), Some(i64::from(FaultCode::HardFault.code())));
+}
+
+/// The instruction at an address.
+fn half_word(bench: &Bench, address: u32) -> u16 {
+    let at = (address - FLASH.start) as usize;
+    let chip = bench.board().machine().chip();
+    u16::from_le_bytes(chip.flash.bytes[at..at + 2].try_into().expect("two"))
+}

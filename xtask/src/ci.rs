@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::program::{output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, fuzz, hall_oracle, host_tools, image, setup, size, table};
+use crate::{Outcome, fuzz, hall_oracle, host_tools, image, instructions, setup, size, table};
 
 /// One step: what it is called and what it does.
 struct Step {
@@ -13,7 +13,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 15] = [
+const STEPS: [Step; 16] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
@@ -28,6 +28,7 @@ const STEPS: [Step; 15] = [
     Step { name: "scenarios", check: scenarios },
     Step { name: "hall captures", check: hall_oracle::check },
     Step { name: "host tools", check: host_tools::check },
+    Step { name: "instructions", check: instructions::check },
     Step { name: "fuzz targets", check: fuzz::check },
 ];
 

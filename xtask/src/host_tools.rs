@@ -5,8 +5,8 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use crate::program::{output, program, root, run, succeeds, target, typed};
-use crate::{Outcome, download, tek};
+use crate::program::{output, program, root, run, target, typed};
+use crate::{Outcome, download, python, tek};
 
 /// From PyPI: python-can for `slcan`, pyserial for its `socket://`. Pinned, so that a failure is ours.
 const PACKAGES: [&str; 2] = ["python-can==4.6.1", "pyserial==3.5"];
@@ -19,7 +19,7 @@ const IMAGE: usize = 4096;
 /// # Errors
 /// What failed and how to repeat it; or what is missing to try it.
 pub fn check() -> Outcome {
-    let python = python()?;
+    let python = python::environment("host-tools", &PACKAGES)?;
     run(program("cargo build --quiet --release --package hil-sim"))?;
     let served = serve()?;
     let file = application()?;
@@ -29,36 +29,6 @@ pub fn check() -> Outcome {
     let said = output(script)?;
     println!("  {}", said.trim_end());
     Ok(())
-}
-
-/// The python of the environment below `target/`, made where it is missing or of other versions.
-fn python() -> Result<PathBuf, String> {
-    let folder = target().join("host-tools");
-    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
-    // Written last, so that an environment half made is made again.
-    let mark = folder.join("installed");
-    let wanted = PACKAGES.join("\n");
-    if std::fs::read_to_string(&mark).is_ok_and(|found| found == wanted) && python.exists() {
-        return Ok(python);
-    }
-    if !succeeds("python3 -m venv --help") {
-        return Err(
-            "python3 with its module venv is missing\n  install it (on Debian: apt install python3-venv)"
-                .into(),
-        );
-    }
-    println!("  installing {} into {}", PACKAGES.join(" and "), folder.display());
-    let mut make = program("python3 -m venv --clear");
-    make.arg(&folder);
-    run(make)?;
-    let mut install = Command::new(&python);
-    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args(PACKAGES);
-    install.current_dir(root());
-    run(install).map_err(|error| {
-        format!("python-can cannot be installed; without a network, point pip to a mirror (PIP_INDEX_URL): {error}")
-    })?;
-    std::fs::write(&mark, wanted).map_err(|error| format!("{}: {error}", mark.display()))?;
-    Ok(python)
 }
 
 /// A served bus; ends when this is dropped.

@@ -67,7 +67,7 @@ pub struct PlantParams {
     pub bus_v: f64,
     /// Forward voltage of a body diode. 0.8 V: silicon at some amperes.
     pub diode_v: f64,
-    /// Dead time of the bridge. 1 µs, at most 5.
+    /// Dead time of the bridge. 0.5 µs, as the board's timer makes it (docs/board.md); at most 5.
     pub dead_time_us: f64,
     /// Phase current at which the gate driver's break input trips; 25 A: above the 20 A of plugging at full speed.
     pub trip_a: f64,
@@ -124,7 +124,7 @@ impl PlantParams {
             viscous_n_m_s: 1e-5,
             bus_v: 24.0,
             diode_v: 0.8,
-            dead_time_us: 1.0,
+            dead_time_us: 0.5,
             trip_a: 25.0,
             gear_ratio,
             worm_lead_deg: if worm { 5.0 } else { 0.0 },

@@ -248,8 +248,17 @@ impl HallDecoder {
     #[inline]
     pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         let code = code & 7;
-        if self.quiet && code == self.code {
-            return None;
+        if self.quiet {
+            if code == self.code {
+                return None;
+            }
+            // The rotor's next step, as a rule: there is nothing else to see to.
+            if let (Some(sector), Some(trusted)) = (self.wiring.sector(code), self.sector)
+                && let delta @ (-1 | 1) = way(trusted, sector)
+            {
+                self.code = code;
+                return Some(self.step(sector, delta, at));
+            }
         }
         let event = self.judge(code, at);
         self.quiet = self.pending.is_none() && self.illegal_since.is_none() && self.score == 0;
@@ -328,6 +337,7 @@ impl HallDecoder {
         if self.doubtful { self.direction.sign().wrapping_neg() } else { self.direction.sign() }
     }
 
+    #[inline]
     fn step(&mut self, sector: u8, delta: i8, at: Micros) -> HallEvent {
         let direction = if delta > 0 { Direction::Closing } else { Direction::Opening };
         let steps = delta.unsigned_abs();

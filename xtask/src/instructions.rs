@@ -1,0 +1,34 @@
+//! The emulated core against an independent one, instruction by instruction: random ones, made and executed by board-emu, are
+//! repeated on Unicorn's Cortex-M3.
+
+use std::process::Command;
+
+use crate::program::{output, program, root, run, target};
+use crate::{Outcome, python};
+
+/// From PyPI.
+const PACKAGES: [&str; 1] = ["unicorn==2.1.4"];
+
+/// Instructions to compare at least.
+const LEAST: &str = "200000";
+
+/// Any number; the same instructions each time, so that a failure can be repeated.
+const SEED: &str = "20261122";
+
+/// Makes the instructions and compares.
+///
+/// # Errors
+/// The first instructions that differ, with both states; or what is missing to compare.
+pub fn check() -> Outcome {
+    let python = python::environment("unicorn", &PACKAGES)?;
+    let folder = target().join("instructions");
+    std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let cases = folder.join("cases.bin");
+    let mut make = program("cargo run --quiet --release --package board-emu --example instructions --");
+    make.arg(&cases).args([SEED, LEAST]);
+    run(make)?;
+    let mut compare = Command::new(python);
+    compare.arg("tests/host/instructions.py").arg(&cases).arg(LEAST).current_dir(root());
+    println!("  {}", output(compare)?.trim_end());
+    Ok(())
+}
