@@ -3,4 +3,6 @@
 pub mod bench;
 mod budgets;
 mod faults;
+mod probes;
+mod scenarios;
 mod wedged;

@@ -367,7 +367,7 @@ impl Station for Board {
     fn next_us(&self) -> u64 {
         if self.problem.is_some() || !self.machine.is_powered() {
             u64::MAX
-        } else if self.machine.is_waiting() {
+        } else if self.machine.is_waiting() && !self.machine.chip().touched {
             (self.machine.next_wake() / US + 1).clamp(self.now_us + 1, self.now_us + ASLEEP_US)
         } else {
             self.now_us + BUS_US

@@ -77,7 +77,7 @@ fn emulate(args: &Args) -> Result<bool, String> {
         }
     };
     let session =
-        session::run(&scenario, args.nodes, &programs, &options, args.poll_ms, &mut attach, &clock)?;
+        session::run(&scenario, args.nodes, &programs, &options, (args.poll_ms, true), &mut attach, &clock)?;
     let wall_s = begun.elapsed().as_secs_f64();
     clear();
     let (outcome, gaps) = judge(&scenario, &session.ran, &options, args.poll_ms);

@@ -167,7 +167,7 @@ pub fn bring_up(
     Ok(host)
 }
 
-/// Runs a scenario on emulated boards. `clock` is what time it is, s; `attach` is given each bus before the
+/// Runs a scenario on emulated boards, with a poll each `poll_ms`; with `download` the first board's flash is erased at first. `clock` is what time it is, s; `attach` is given each bus before the
 /// power comes on.
 ///
 /// # Errors
@@ -177,7 +177,7 @@ pub fn run(
     nodes: Nodes,
     programs: &Programs,
     options: &Options,
-    poll_ms: u32,
+    (poll_ms, download): (u32, bool),
     attach: Attach<'_>,
     clock: &dyn Fn() -> f64,
 ) -> Result<Session, String> {
@@ -191,7 +191,7 @@ pub fn run(
             (job.node, Board::new(rig, job.node, programs, seed + u64::from(job.node.number())))
         };
         let boards = jobs.iter().zip(rigs).map(board).collect();
-        let mut host = bring_up(boards, programs, index == 0, attach)?;
+        let mut host = bring_up(boards, programs, download && index == 0, attach)?;
         for place in 0..jobs.len() {
             if let Some(board) = host.bus_mut().station_mut(place) {
                 board.begin_figures();
