@@ -3,7 +3,7 @@
 //! A 32-bit format multiplies in one `SMULL` on the Cortex-M3; a 64-bit one in a library call. So loops run in
 //! [`Law`] and only the profile, which must land exactly, keeps wider state.
 
-use core::num::NonZeroU64;
+use core::num::NonZeroU32;
 use fixed::types::{I16F16, I32F32};
 
 /// The number of a control law: errors, velocities, gains times errors, torque units. Saturating in every law.
@@ -25,31 +25,122 @@ pub type Wide = I32F32;
 /// `a · b` for two magnitudes with 32 fractional bits, rounded down; the product must be below 2^32.
 #[must_use]
 pub const fn mul_q32(a: u64, b: u64) -> u64 {
-    ((a as u128 * b as u128) >> 32) as u64
+    // By words: what of the highest does not fit is zero by the bound.
+    let (a1, a0, b1, b0) = (a >> 32, a & 0xFFFF_FFFF, b >> 32, b & 0xFFFF_FFFF);
+    let high =
+        (a1.wrapping_mul(b1) << 32).wrapping_add(a1.wrapping_mul(b0)).wrapping_add(a0.wrapping_mul(b1));
+    high.wrapping_add(a0.wrapping_mul(b0) >> 32)
 }
 
 /// `x²` with 51 fractional bits for a magnitude below 2^6 with 32 fractional bits, rounded down.
 #[must_use]
 pub const fn square_q51(x: u64) -> u64 {
-    ((x as u128 * x as u128) >> 13) as u64
+    let (x1, x0) = (x >> 32, x & 0xFFFF_FFFF);
+    let high = (x1.wrapping_mul(x1) << 51).wrapping_add(x1.wrapping_mul(x0) << 20);
+    high.wrapping_add(x0.wrapping_mul(x0) >> 13)
 }
 
-/// `n / d` with 32 fractional bits, of which the last three are zero, rounded down; n and d have the same
-/// number of fractional bits and d < 2^35. Saturates.
+/// `n / d`, rounded down. The library's division of 64 bits knows nothing of `UDIV`'s 32: this one takes a third.
 #[must_use]
-pub fn ratio_q32(n: u64, d: NonZeroU64) -> u64 {
-    // In two steps, since n · 2^32 would need 128 bits: the remainder is below d, so 29 more bits fit.
-    let whole = n / d;
-    let remainder = n.wrapping_sub(whole.wrapping_mul(d.get()));
-    whole.saturating_mul(1 << 32).saturating_add(((remainder << 29) / d) << 3)
+pub fn divide(n: u64, d: NonZeroU32) -> u64 {
+    let high = (n >> 32) as u32;
+    let (whole, rest) = (high / d.get(), high % d.get());
+    ((whole as u64) << 32) | divide_below(rest, n as u32, d) as u64
+}
+
+/// `(high · 2^32 + low) / d`, rounded down, where `high` < `d`: long division in two digits of 16 bits.
+fn divide_below(high: u32, low: u32, d: NonZeroU32) -> u32 {
+    let shift = d.leading_zeros();
+    let d = d.get() << shift;
+    let n = (((high as u64) << 32) | low as u64) << shift;
+    let (rest, upper) = digit((n >> 32) as u32, (n >> 16) as u32 & 0xFFFF, d);
+    let (_, lower) = digit(rest, n as u32 & 0xFFFF, d);
+    (upper << 16) | lower
+}
+
+/// One digit of a long division, and the remainder before it: of `rest · 2^16 + next` by `d`, where `rest` < `d` and `d` has
+/// its highest bit set. The digit that the upper half of `d` lets one guess is at most two too large (Knuth, TAOCP 4.3.1 D).
+fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
+    let mut guess = rest / (d >> 16);
+    let remainder = (((rest as u64) << 16) | next as u64).wrapping_sub(guess as u64 * d as u64);
+    let mut low = remainder as u32;
+    // Of a guess too large the remainder is negative, and twice d makes it good.
+    let mut negative = remainder >> 32 != 0;
+    for _ in 0..2 {
+        if negative {
+            guess = guess.wrapping_sub(1);
+            let (sum, carry) = low.overflowing_add(d);
+            low = sum;
+            negative = !carry;
+        }
+    }
+    (low, guess)
+}
+
+/// `n / d` with 32 fractional bits, where both have the same number of fractional bits, 2^6 ≤ d < 2^35 and the ratio is below
+/// 2^31; saturates there. Wrong by less than 2^5 / d.
+#[must_use]
+pub fn ratio_q32(n: u64, d: u64) -> u64 {
+    // As many bits of d as fit in 32, rounded up, for whole ones that are not too many.
+    let high = (d >> 32) as u32;
+    let shift = if high == 0 { 0 } else { 33_u32.wrapping_sub(high.leading_zeros()) };
+    let rounded = (d >> shift).wrapping_add(u64::from(shift != 0));
+    let divisor = NonZeroU32::new(saturating_u32(rounded)).unwrap_or(NonZeroU32::MIN);
+    let (mut whole, mut rest) = (0, n);
+    if n >= d {
+        let dividend = n >> shift;
+        let high = (dividend >> 32) as u32;
+        if high >= divisor.get() {
+            return u64::MAX;
+        }
+        whole = divide_below(high, dividend as u32, divisor);
+        rest = n.wrapping_sub((whole as u64).wrapping_mul(d));
+        // A rounded divisor leaves a few.
+        for _ in 0..3 {
+            if rest >= d {
+                whole = whole.saturating_add(1);
+                rest = rest.wrapping_sub(d);
+            }
+        }
+    }
+    let rest = saturating_u32(rest >> shift).min(divisor.get().wrapping_sub(1));
+    ((whole as u64) << 32) | divide_below(rest, 0, divisor) as u64
+}
+
+const fn saturating_u32(x: u64) -> u32 {
+    if x >> 32 != 0 { u32::MAX } else { x as u32 }
 }
 
 /// `√x` for 52 fractional bits: 32 fractional bits, of which the last six are zero, rounded down to 2^-26 but
 /// not to zero.
 #[must_use]
-pub fn isqrt_q52(x: u64) -> NonZeroU64 {
-    const STEP: NonZeroU64 = NonZeroU64::MIN.saturating_add(63);
-    NonZeroU64::new(x.isqrt() << 6).unwrap_or(STEP)
+pub const fn isqrt_q52(x: u64) -> u64 {
+    let root = (isqrt(x) as u64) << 6;
+    if root == 0 { 64 } else { root }
+}
+
+/// `√x`, rounded down.
+const fn isqrt(x: u64) -> u32 {
+    if x == 0 {
+        return 0;
+    }
+    let shift = x.leading_zeros() & !1;
+    let x = x << shift;
+    // Of the upper word, in [2^30, 2^32): a straight line is 5 % wrong at most, Newton squares that twice.
+    let upper = (x >> 32) as u32;
+    let line = (upper >> 17).wrapping_add(upper >> 19).wrapping_add(24_000);
+    let once = line.wrapping_add(upper / line) / 2;
+    let twice = once.wrapping_add(upper / once) / 2;
+    // Newton's is not below the root, and 2^16 at most.
+    let half =
+        if twice > 0xFFFF || twice.saturating_mul(twice) > upper { twice.wrapping_sub(1) } else { twice };
+    // The lower half is (x − half² · 2^32) / (2 · half · 2^16), or one less (Zimmermann's square root).
+    let rest = upper.wrapping_sub(half.wrapping_mul(half));
+    let quotient = ((rest << 15) | ((x as u32) >> 17)) / half;
+    let quotient = if quotient > 0xFFFF { 0xFFFF } else { quotient };
+    let root = (half << 16) | quotient;
+    let root = if root as u64 * root as u64 > x { root.wrapping_sub(1) } else { root };
+    root >> (shift / 2)
 }
 
 /// The first tick strictly after a time with 32 fractional bits, and the time from then to it, (0, 1].
@@ -62,11 +153,14 @@ pub const fn next_tick(time: u64) -> (u32, u64) {
 /// the upper word is only the sign. `shift` < 64.
 #[must_use]
 pub const fn mul_shift(a: i32, b: i32, shift: u32) -> i32 {
-    let product = (a as i64 * b as i64) >> shift;
-    let low = product as i32;
-    if low as i64 == product {
+    saturating_i32((a as i64 * b as i64) >> shift)
+}
+
+const fn saturating_i32(x: i64) -> i32 {
+    let low = x as i32;
+    if low as i64 == x {
         low
-    } else if product < 0 {
+    } else if x < 0 {
         i32::MIN
     } else {
         i32::MAX
@@ -78,6 +172,38 @@ pub const fn mul_shift(a: i32, b: i32, shift: u32) -> i32 {
 #[must_use]
 pub const fn product(a: Law, b: Law) -> Law {
     Law::from_bits(mul_shift(a.to_bits(), b.to_bits(), 16))
+}
+
+/// `a · b / 2^32`, rounded down: the upper word of an `SMULL`.
+#[must_use]
+pub const fn mul_upper(a: i32, b: i32) -> i32 {
+    ((a as i64 * b as i64) >> 32) as i32
+}
+
+/// `a · b / 2^shift`, rounded down, where the caller knows that it fits; else the low 32 bits. `shift` < 64.
+#[must_use]
+pub const fn mul_low(a: i32, b: i32, shift: u32) -> i32 {
+    ((a as i64 * b as i64) >> shift) as i32
+}
+
+/// The same of unsigned numbers.
+#[must_use]
+pub const fn mul_low_unsigned(a: u32, b: u32, shift: u32) -> u32 {
+    ((a as u64 * b as u64) >> shift) as u32
+}
+
+/// `a · b + c · d`, rounded down and saturated once, of which `a` and `c` are not negative: then the sum of the whole
+/// products is below 2^63.
+#[must_use]
+pub const fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
+    let (ab, cd) = (a.to_bits() as i64 * b.to_bits() as i64, c.to_bits() as i64 * d.to_bits() as i64);
+    Law::from_bits(saturating_i32(ab.wrapping_add(cd) >> 16))
+}
+
+/// `a · b` as the nearest whole number, halves up: below 2^30, so nothing saturates, and the upper word of an `SMLAL`.
+#[must_use]
+pub const fn round_product(a: Law, b: Law) -> i32 {
+    ((a.to_bits() as i64 * b.to_bits() as i64 + (1 << 31)) >> 32) as i32
 }
 
 /// An unsigned number as a signed one, saturated at 2^31 − 1.
@@ -105,25 +231,69 @@ mod tests {
 
     const ONE: u64 = 1 << 32;
 
+    /// Numbers of a few long runs of ones and zeros, and any others.
+    fn runs() -> impl Strategy<Value = u64> {
+        let run = (0..64_u32, any::<bool>());
+        let some = prop::collection::vec(run, 1..4);
+        let runs = some.prop_map(|runs| {
+            runs.iter().fold(0, |x: u64, &(at, up)| if up { x ^ (!0 >> at) } else { x ^ (1 << at) })
+        });
+        prop_oneof![runs, any::<u64>()]
+    }
+
     proptest! {
         #[test]
-        fn products_and_squares_are_rounded_down(a in 0..1_u64 << 35, b in 0..1_u64 << 35) {
+        fn products_and_squares_are_rounded_down(a in 0..1_u64 << 35, b in 0..1_u64 << 60) {
             prop_assert_eq!(u128::from(mul_q32(a, b)), u128::from(a) * u128::from(b) / u128::from(ONE));
-            prop_assert_eq!(u128::from(square_q51(a)), u128::from(a) * u128::from(a) / (1 << 13));
+            prop_assert_eq!(u128::from(mul_q32(b, a)), u128::from(a) * u128::from(b) / u128::from(ONE));
+            // By words: less than the exact square by the rounding of one of them.
+            let exact = u128::from(a) * u128::from(a) / (1 << 13);
+            prop_assert_eq!(u128::from(square_q51(a)), exact);
         }
 
         #[test]
-        fn a_ratio_is_right_to_29_bits(n in 0..1_u64 << 57, d in 1..1_u64 << 35) {
+        fn a_quotient_is_rounded_down(n: u64, d: u32, shift in (0..64_u32, 0..32_u32)) {
+            let (n, d) = (n >> shift.0, NonZeroU32::new(d >> shift.1).unwrap_or(NonZeroU32::MIN));
+            prop_assert_eq!(divide(n, d), n / u64::from(d.get()));
+        }
+
+        /// Where a digit is guessed too large twice: many ones and zeros in a row.
+        #[test]
+        fn a_quotient_of_runs_is_rounded_down(n in runs(), d in runs()) {
+            let d = NonZeroU32::new(u32::try_from(d >> 32).unwrap()).unwrap_or(NonZeroU32::MIN);
+            prop_assert_eq!(divide(n, d), n / u64::from(d.get()));
+        }
+
+        #[test]
+        fn sums_of_products_round_once_and_saturate(a in 0..=i32::MAX, b: i32, c in 0..=i32::MAX, d: i32) {
+            let exact = (i128::from(a) * i128::from(b) + i128::from(c) * i128::from(d)) >> 16;
+            let law = Law::from_bits;
+            let sum = sum_of_products((law(a), law(b)), (law(c), law(d))).to_bits();
+            prop_assert_eq!(i128::from(sum), exact.clamp(i128::from(i32::MIN), i128::from(i32::MAX)));
+        }
+
+        #[test]
+        fn a_rounded_product_is_the_nearest(a: i32, b: i32) {
+            let exact = i128::from(a) * i128::from(b);
+            let error = (i128::from(round_product(Law::from_bits(a), Law::from_bits(b))) << 32) - exact;
+            prop_assert!(error.abs() <= 1 << 31, "{error}");
+        }
+
+        #[test]
+        fn a_ratio_is_right_to_thirty_two_units_of_n(
+            n in runs(), d in runs(), shift in (7..64_u32, 29..58_u32),
+        ) {
+            let (n, d) = (n >> shift.0, (d >> shift.1).max(64));
             let exact = (u128::from(n) << 32) / u128::from(d);
-            let ratio = u128::from(ratio_q32(n, NonZeroU64::new(d).unwrap()));
-            prop_assert!(exact > u128::from(u64::MAX) || ratio == exact & !7, "{ratio} {exact}");
+            let ratio = u128::from(ratio_q32(n, d));
+            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 32, "{ratio} {exact}");
         }
 
         #[test]
         fn a_root_is_rounded_down_to_26_bits(x in any::<u64>(), shift in 0..64_u32) {
             let x = (x >> shift).max(1);
-            let root = u128::from(isqrt_q52(x).get() >> 6);
-            prop_assert_eq!(isqrt_q52(x).get() & 63, 0);
+            let root = u128::from(isqrt_q52(x) >> 6);
+            prop_assert_eq!(isqrt_q52(x) & 63, 0);
             prop_assert!(root * root <= u128::from(x) && (root + 1) * (root + 1) > u128::from(x));
         }
 
@@ -152,8 +322,13 @@ mod tests {
 
     #[test]
     fn extremes_saturate() {
-        assert_eq!(ratio_q32(u64::MAX, NonZeroU64::MIN), u64::MAX);
-        assert_eq!(isqrt_q52(0).get(), 64);
+        assert_eq!(ratio_q32(u64::MAX, 64), u64::MAX);
+        assert_eq!(isqrt_q52(0), 64);
+        for x in
+            [u64::MAX, u64::MAX << 32, 0xFFFE_0001_0000_0000, 0xFFFE_0000_FFFF_FFFF, 0xFFFF_FFFE_0000_0001]
+        {
+            assert_eq!(isqrt_q52(x), x.isqrt() << 6, "{x:x}");
+        }
         assert_eq!(next_tick(u64::MAX), (u32::MAX, 1));
     }
 }

@@ -3,18 +3,16 @@
 
 pub use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Status};
 use crate::config::{Config, ConfigError, MotorKind};
-use crate::guard::arrival::arrived;
 use crate::guard::breakaway::Breakaway;
-use crate::guard::fault::{Fault, Faults};
-use crate::guard::hold::{After, after};
+use crate::guard::fault::{Faults, Wrongs};
 use crate::guard::limits::{Bounded, Envelope, Limits};
 use crate::guard::stall::Stall;
-use crate::guard::strain;
+use crate::guard::strain::Window;
 use crate::guard::thermal::Thermal;
 use crate::mode::Mode;
 use crate::motion::pid::{Pid, PidConfig, PidState};
 use crate::motion::profile::{self, Profile, SetPoint};
-use crate::motion::torque::drag;
+use crate::motion::torque::{MIN_DAMPING, damped};
 use crate::motion::velocity_loop::VelocityLoop;
 use crate::num::Law;
 use crate::sense::hall::HallEvent;
@@ -23,6 +21,7 @@ use crate::units::{Counts, CountsPerSec, Torque};
 use heapless::Deque;
 
 mod commanded;
+mod ending;
 #[cfg(test)]
 mod tests;
 
@@ -31,16 +30,19 @@ pub const COUNTS_PER_REV: usize = 18;
 
 /// The profile waits while the position lags this far: a saturated motor must not be run away from, and six
 /// counts are under what KP turns into full torque (DESIGN 4.3).
-const WAIT_LAG: Law = Law::lit("6");
+const WAIT_LAG: Counts = Counts::from_int(6);
 
 /// From this lag on a position-controlled motor is driven away from rest, and the stall timer runs.
-const DRIVEN_LAG: Law = Law::ONE;
+const DRIVEN_LAG: Counts = Counts::from_int(1);
 
 /// Least stall time in HI: hosts poll slowly and must see mode 4 (DESIGN 5).
 const HOMING_TSTOP_MIN: u16 = 250;
 
 /// Reports that may wait; the oldest is dropped when a host never asks.
 const EVENTS: usize = 8;
+
+/// Bridge off, brake engaged.
+const IDLE: Drive = Drive { duty: None, brake_released: false };
 
 /// What a motion in some mode is for, which decides how it ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +65,8 @@ pub struct Servo {
     config: Config,
     pid: Pid,
     velocity_loop: VelocityLoop,
+    strain: Window,
+    bounds: profile::Bounds,
     estimator: Estimator<COUNTS_PER_REV>,
     /// Decoder count that is called position 0.
     zero: i32,
@@ -72,9 +76,10 @@ pub struct Servo {
     purpose: Purpose,
     /// Whether the mode's entry actions have run: they wait for the brake.
     entered: bool,
-    /// Ticks since the brake was asked to release.
-    brake_ms: u32,
+    /// Ticks since the brake was asked to release, until it has.
+    brake_ms: u16,
     profile: Profile,
+    /// Of modes 3 and 5, once entered.
     setpoint: SetPoint,
     pid_state: PidState,
     torque_wanted: Torque,
@@ -118,6 +123,8 @@ impl Servo {
             config,
             pid: pid_of(&config),
             velocity_loop: VelocityLoop::new(config.kpv),
+            strain: Window::new(config.hsg, config.lsg),
+            bounds: bounds_of(&config),
             estimator: Estimator::new(count),
             zero: 0,
             count,
@@ -160,28 +167,33 @@ impl Servo {
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
         let counted = self.observe(sense);
-        let heat = (sense.motor_temp, self.config.otemp);
-        let (short, host_lost) = (self.limits.short(), sense.host_lost && self.is_steered());
-        if let Some(fault) = self.faults.check(sense.bus, heat, sense.bridge_fault, short, host_lost) {
+        // A tick that enters may have to plan. Its torque is the last motion's for a millisecond, or none.
+        let enters = !self.entered && self.mode != Mode::Idle && self.brake_ms >= self.config.brake_ms;
+        if !enters {
+            self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
+        }
+        if let Some(fault) = self.faults.check(sense.bus, self.wrongs(sense)) {
             self.fail(fault);
         }
-        let thermal = self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
-        self.brake_ms = if self.mode == Mode::Idle { 0 } else { self.brake_ms.saturating_add(1) };
-        if self.ready() {
-            self.enter();
+        if self.mode == Mode::Idle {
+            return IDLE;
+        }
+        if !self.entered && !enters {
+            self.brake_ms = self.brake_ms.saturating_add(1);
+            return Drive { duty: None, brake_released: true };
+        }
+        // What has just begun does not end, but for a move to where it is.
+        if self.entered || self.enter() {
             self.check_end(counted, sense.strain);
+            if !self.entered {
+                // Idle, or HI goes on: it enters its next motion in the next tick, and drives as before till then.
+                return self.drive();
+            }
         }
-        // The end of one motion may have begun another (HI), or led to idle.
-        if self.ready() {
-            self.enter();
-            let envelope = self.limits.envelope(self.torque_ceiling(), thermal, self.velocity, sense.bus);
-            self.applied = envelope.bound(self.law(&envelope));
-        } else {
-            self.applied = Bounded::OFF;
-            self.setpoint = SetPoint::at_rest(self.position);
-        }
-        let duty = self.ready().then_some(self.applied.duty);
-        Drive { duty, brake_released: self.mode != Mode::Idle }
+        let most = self.thermal.most();
+        let envelope = self.limits.envelope(self.torque_ceiling(), most, self.velocity, sense.bus);
+        self.applied = envelope.bound(self.law(&envelope));
+        self.drive()
     }
 
     /// The next report, oldest first.
@@ -196,7 +208,7 @@ impl Servo {
             mode: self.mode,
             position: self.position,
             velocity: self.velocity,
-            setpoint: self.setpoint.position,
+            setpoint: if self.is_positioned() { self.setpoint.position } else { self.position },
             setpoint_velocity: self.velocity_goal(),
             torque: self.applied.torque,
             duty: self.applied.duty,
@@ -255,73 +267,56 @@ impl Servo {
         self.count != before
     }
 
-    /// Whether the bridge may drive: a mode that drives, and the brake has let go.
-    fn ready(&self) -> bool {
-        self.mode != Mode::Idle && self.brake_ms > u32::from(self.config.brake_ms)
+    /// What else than the bus voltage is wrong.
+    fn wrongs(&self, sense: &Sense<'_>) -> Wrongs {
+        Wrongs {
+            bridge: sense.bridge_fault,
+            short: self.limits.short(),
+            hot: self.thermal.over(),
+            host_lost: sense.host_lost && self.is_steered(),
+        }
     }
 
-    /// Entry actions of the mode, at its first driven tick.
-    fn enter(&mut self) {
-        if self.entered {
-            return;
+    /// What is applied, or nothing in idle.
+    fn drive(&self) -> Drive {
+        if self.mode == Mode::Idle {
+            return IDLE;
         }
+        Drive { duty: Some(self.applied.duty), brake_released: true }
+    }
+
+    /// Entry actions of the mode, at its first driven tick. Returns whether its set-point is at rest.
+    #[inline(never)]
+    fn enter(&mut self) -> bool {
         self.entered = true;
         self.stall.restart();
         self.breakaway.restart();
         let position = self.position_wanted.take().map_or(self.position, Counts::from_int);
-        self.profile = Profile::at_rest(position);
+        self.profile.rest_at(position);
         self.setpoint = self.profile.current();
         if self.mode == Mode::Trapezoidal {
             self.plan();
         }
-    }
-
-    /// Every way in which a motion ends by itself.
-    fn check_end(&mut self, counted: bool, strain: u8) {
-        let stalled = self.stall.step(counted, self.driven(), self.tstop());
-        let move_to_end = self.purpose == Purpose::Plain && self.mode == Mode::Trapezoidal;
-        let torque_controlled = matches!(self.purpose, Purpose::TorqueControlled { .. });
-        if (move_to_end || torque_controlled) && strain::outside(strain, self.config.hsg, self.config.lsg) {
-            return self.finish(EndReason::Strain);
-        }
-        // TC is asked to press; what it presses against is no breakaway.
-        if move_to_end {
-            let wanted = self.setpoint.velocity;
-            if self.breakaway.step(self.applied.torque, wanted, self.velocity, self.config.bt) {
-                let position = self.position.round();
-                self.broke_away = Some(position);
-                self.report(Event::Breakaway { position, stop_tip: self.config.bs });
-                return self.finish(EndReason::Breakaway);
-            }
-        }
-        if self.mode == Mode::Trapezoidal
-            && arrived(self.setpoint.done, self.goal(), self.position.round(), self.config.mpe)
-        {
-            self.finish(EndReason::Arrived);
-        } else if stalled && !matches!(self.purpose, Purpose::Pressing { .. }) {
-            self.finish(EndReason::Stalled);
-        }
+        self.setpoint.done
     }
 
     /// The torque that the mode's law wants, damped.
     fn law(&mut self, envelope: &Envelope) -> Torque {
-        if matches!(self.mode, Mode::Torque | Mode::Velocity) {
-            self.setpoint = SetPoint::at_rest(self.position);
-        }
-        let (torque, damping) = match self.mode {
+        let (torque, missing) = match self.mode {
             Mode::Idle => (Torque::ZERO, Law::ZERO),
-            Mode::Torque => (self.torque_wanted, Law::ZERO),
-            Mode::Velocity => (self.velocity_torque(envelope.most()), self.velocity_loop.damping()),
+            Mode::Torque => (self.torque_wanted, MIN_DAMPING),
+            Mode::Velocity => (self.velocity_torque(envelope.most()), self.velocity_loop.missing_damping()),
             Mode::Pid | Mode::Trapezoidal => {
                 if self.mode == Mode::Trapezoidal && !self.left_behind() {
                     self.setpoint = self.profile.step();
                 }
                 let (error, velocity_error) = self.errors();
                 let range = envelope.range();
-                (self.pid.step(&mut self.pid_state, error, velocity_error, range), self.pid.damping())
+                let torque = self.pid.step(&mut self.pid_state, error, velocity_error, range);
+                (torque, self.pid.missing_damping())
             }
         };
-        torque.saturating_add(drag(self.velocity, damping))
+        damped(torque, self.velocity, missing)
     }
 
     /// Mode 4's torque. Pressing takes all of MT while the rotor is slower than half the speed it came with; if
@@ -338,16 +333,22 @@ impl Servo {
 
     // --- pieces -------------------------------------------------------------------------------------------
 
-    /// How far the position lags behind the set-point, counts.
-    fn lag(&self) -> Law {
-        self.setpoint.position.wrapping_sub(self.position).saturating_error()
+    /// Whether there is a set-point of position.
+    const fn is_positioned(&self) -> bool {
+        self.entered && matches!(self.mode, Mode::Pid | Mode::Trapezoidal)
+    }
+
+    /// How far the position lags behind the set-point.
+    fn lag(&self) -> Counts {
+        self.setpoint.position.wrapping_sub(self.position)
     }
 
     /// Whether the position lags too far behind a moving set-point, which then waits. A rotor that is ahead is
     /// not waited for: the set-point catches up with it.
     fn left_behind(&self) -> bool {
         let lag = self.lag();
-        let lag = if self.setpoint.velocity < CountsPerSec::ZERO { lag.saturating_neg() } else { lag };
+        let lag =
+            if self.setpoint.velocity < CountsPerSec::ZERO { Counts::ZERO.wrapping_sub(lag) } else { lag };
         lag > WAIT_LAG
     }
 
@@ -356,32 +357,13 @@ impl Servo {
     fn errors(&self) -> (Law, Law) {
         let resting = self.setpoint.velocity == CountsPerSec::ZERO;
         let same_cell = self.setpoint.position.round() == self.position.round();
-        let error = if resting && same_cell { Law::ZERO } else { self.lag() };
+        let error = if resting && same_cell { Law::ZERO } else { self.lag().saturating_error() };
         (error, self.setpoint.velocity.0.saturating_sub(self.velocity.0))
     }
 
     /// Whether the host steers the motion from moment to moment, and must be there to end it.
     const fn is_steered(&self) -> bool {
         matches!(self.mode, Mode::Torque | Mode::Velocity)
-    }
-
-    /// Whether the motor is driven away from rest (the condition under which a stall is one).
-    fn driven(&self) -> bool {
-        match self.mode {
-            Mode::Idle => false,
-            Mode::Torque => self.torque_wanted != Torque::ZERO,
-            // TC, TO and HI go until something stops them, however little torque a low gain makes of that.
-            Mode::Velocity if self.purpose != Purpose::Plain => true,
-            Mode::Velocity => self.applied.limit.is_some() && self.applied.torque != Torque::ZERO,
-            // ACCEL 0 cannot move: the move ends as a stall instead of never.
-            Mode::Trapezoidal if self.config.accel == 0 => true,
-            Mode::Pid | Mode::Trapezoidal => self.lag().saturating_abs() >= DRIVEN_LAG,
-        }
-    }
-
-    fn tstop(&self) -> u16 {
-        let tstop = self.config.tstop;
-        if self.purpose == Purpose::SeekStop { tstop.max(HOMING_TSTOP_MIN) } else { tstop }
     }
 
     fn torque_ceiling(&self) -> Torque {
@@ -392,7 +374,8 @@ impl Servo {
     fn velocity_goal(&self) -> CountsPerSec {
         match self.purpose {
             Purpose::Plain if self.mode == Mode::Velocity => self.velocity_wanted,
-            Purpose::Plain | Purpose::LeaveStop => self.setpoint.velocity,
+            Purpose::Plain | Purpose::LeaveStop if self.is_positioned() => self.setpoint.velocity,
+            Purpose::Plain | Purpose::LeaveStop => CountsPerSec::ZERO,
             Purpose::TorqueControlled { closing } | Purpose::Pressing { closing } => {
                 if closing {
                     Config::speed(self.config.mcv)
@@ -404,83 +387,11 @@ impl Servo {
         }
     }
 
-    /// Where the present move goes: E, or IOFF in HI. E itself is the host's.
-    fn goal(&self) -> i32 {
-        if self.purpose == Purpose::LeaveStop { self.config.ioff } else { self.end }
-    }
-
     /// Plans the profile to the goal from the present set-point.
     fn plan(&mut self) {
-        let config = &self.config;
-        let limits = profile::Limits {
-            accel: config.accel,
-            closing: Config::speed(config.mv.min(config.mcv)),
-            opening: Config::speed(config.mv.min(config.mov)),
-        };
-        self.profile.plan(Counts::from_int(self.goal()), limits);
+        self.profile.plan(Counts::from_int(self.goal()), &self.bounds);
         self.setpoint = self.profile.current();
         self.stall.restart();
-    }
-
-    fn idle(&mut self) {
-        self.mode = Mode::Idle;
-        self.purpose = Purpose::Plain;
-        self.entered = false;
-        self.applied = Bounded::OFF;
-    }
-
-    /// Ends the motion: HI goes on to its next step, anything else to what HOLD says.
-    fn finish(&mut self, reason: EndReason) {
-        match (self.purpose, reason) {
-            (Purpose::SeekStop, EndReason::Stalled) if self.presses() => {
-                self.zero = self.count;
-                self.position = self.position.wrapping_sub(Counts::from_int(self.position.round()));
-                return self.begin(Mode::Trapezoidal, Purpose::LeaveStop);
-            }
-            (Purpose::LeaveStop, EndReason::Arrived) => {
-                let offset = self.config.ioff;
-                self.zero = self.zero.wrapping_add(offset);
-                self.position = self.position.wrapping_sub(Counts::from_int(offset));
-                self.homed = true;
-                self.report(Event::Homed);
-            }
-            _ => {}
-        }
-        let pressing = match self.purpose {
-            Purpose::TorqueControlled { closing } => Some(Purpose::Pressing { closing }),
-            Purpose::Plain | Purpose::Pressing { .. } | Purpose::SeekStop | Purpose::LeaveStop => None,
-        };
-        match (after(reason, self.config.hold), pressing) {
-            (After::Idle, _) => self.idle(),
-            (After::Stay, Some(pressing)) => self.purpose = pressing,
-            (After::Stay, None) | (After::Hold, _) => self.hold(reason),
-        }
-        self.ended = Some(reason);
-        self.report(Event::Ended { reason, mode: self.mode });
-    }
-
-    /// PID at the present position. A move that arrived rests, and goes on with the torque of this moment, so
-    /// that a load stays carried; any other end may come at speed or under full torque, and starts afresh.
-    fn hold(&mut self, reason: EndReason) {
-        self.mode = Mode::Pid;
-        self.purpose = Purpose::Plain;
-        self.entered = true;
-        self.profile = Profile::at_rest(self.position);
-        self.setpoint = self.profile.current();
-        self.stall.restart();
-        self.pid_state = if reason == EndReason::Arrived {
-            let (error, _) = self.errors();
-            self.pid.bumpless(self.applied.torque, error, Law::ZERO, Config::torque(self.config.mt))
-        } else {
-            PidState::default()
-        };
-    }
-
-    fn fail(&mut self, fault: Fault) {
-        self.report(Event::Fault(fault));
-        if self.mode != Mode::Idle {
-            self.finish(EndReason::Fault);
-        }
     }
 
     fn report(&mut self, event: Event) {
@@ -490,6 +401,12 @@ impl Servo {
         // Room was made above.
         let _ = self.events.push_back(event);
     }
+}
+
+fn bounds_of(config: &Config) -> profile::Bounds {
+    let Config { accel, mv, mcv, mov, .. } = *config;
+    let (closing, opening) = (Config::speed(mv.min(mcv)), Config::speed(mv.min(mov)));
+    profile::Limits { accel, closing, opening }.build()
 }
 
 fn pid_of(config: &Config) -> Pid {

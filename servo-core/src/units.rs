@@ -3,9 +3,9 @@
 //!
 //! Scales (DESIGN 4.1): positions in hall counts, 18 a motor revolution, positive in the closing direction.
 
-use crate::num::Wide;
+use crate::num::{Wide, mul_upper};
 use core::num::NonZeroU64;
-use fixed::types::{I1F15, I16F16, I22F10, I24F8};
+use fixed::types::{I1F15, I16F16, I22F10};
 
 /// A position or a distance in hall counts, with 1/1024 count resolution.
 ///
@@ -110,29 +110,12 @@ impl CountsPerSec {
         NonZeroU64::new(((whole as u64) << 16) | fraction as u64).unwrap_or(NonZeroU64::MIN)
     }
 
-    /// The nearest 1/65536 count/s to a velocity in counts a tick of 1 ms; wraps outside ±32 counts a tick.
+    /// A velocity in counts a tick of 1 ms, nearest but for a quarter of 1/65536 count/s; wraps outside ±8 counts a tick.
     #[must_use]
     pub const fn from_wide_per_tick(velocity: Wide) -> Self {
-        let bits = velocity.to_bits().wrapping_mul(1000).wrapping_add(1 << 15) >> 16;
-        Self(I16F16::from_bits(bits as i32))
-    }
-}
-
-/// An acceleration in hall counts per second², ±8.3 million with 1/256 resolution, which is more than a
-/// reversal from one speed limit to the other within a tick (8160 counts/s in 1 ms); positive closes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct CountsPerSec2(pub I24F8);
-
-impl CountsPerSec2 {
-    /// No acceleration.
-    pub const ZERO: Self = Self(I24F8::ZERO);
-
-    /// The nearest 1/256 count/s² to an acceleration in counts a tick², a tick being 1 ms; wraps outside
-    /// ±8.3 counts a tick².
-    #[must_use]
-    pub const fn from_wide_per_tick2(acceleration: Wide) -> Self {
-        let bits = acceleration.to_bits().wrapping_mul(1_000_000).wrapping_add(1 << 23) >> 24;
-        Self(I24F8::from_bits(bits as i32))
+        // × 1000 >> 16 with one `SMULL`: four bits less of 2^-32, and 1000·2^20 for the upper word. Half a unit is 33 before.
+        let sixteenths = (velocity.to_bits().wrapping_add(33) >> 4) as i32;
+        Self(I16F16::from_bits(mul_upper(sixteenths, 1000 << 20)))
     }
 }
 
@@ -261,8 +244,5 @@ mod tests {
                 CountsPerSec::from_int(-v)
             );
         }
-        // 2^-10 counts a tick² is 10^6/1024 counts/s².
-        assert_eq!(CountsPerSec2::from_wide_per_tick2(Wide::ONE >> 10).0.to_bits() * 1024, 1_000_000 * 256);
-        assert_eq!(CountsPerSec2::from_wide_per_tick2(Wide::from_num(-8)).0, -8_000_000);
     }
 }

@@ -1,7 +1,6 @@
 //! What must never go on, and what merely bounds: two enums, each naming the property that governs it.
 
-use crate::guard::thermal::Thermal;
-use crate::units::{DeciCelsius, MilliVolts};
+use crate::units::MilliVolts;
 
 /// Bus voltage above which the bridge and its capacitors are in danger: 24 V + 1/3 (motors that are braked
 /// pump the bus up).
@@ -50,8 +49,22 @@ pub enum Limit {
 pub struct Faults {
     latched: Option<Fault>,
     halls: bool,
-    over_ms: u8,
-    under_ms: u8,
+    /// How long the bus voltage has been wrong on one side.
+    bus_ms: u8,
+    bus_high: bool,
+}
+
+/// What a tick finds wrong at once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wrongs {
+    /// The driver's break input has switched the bridge off.
+    pub bridge: bool,
+    /// The phase current is that of a short.
+    pub short: bool,
+    /// The motor is at its temperature limit.
+    pub hot: bool,
+    /// The host is needed, and silent.
+    pub host_lost: bool,
 }
 
 impl Faults {
@@ -73,37 +86,46 @@ impl Faults {
         self.halls = false;
     }
 
-    /// One tick of 1 ms: bus voltage, motor thermistor with its limit, and what switched the bridge off or
-    /// should: the driver's break input, and a phase current that is a short's. `host_lost`: the host is needed, and
-    /// silent.
+    /// One tick of 1 ms: the bus voltage, and what else is wrong.
     ///
     /// Returns a fault when it latches, once.
-    pub fn check(
-        &mut self,
-        bus: MilliVolts,
-        (motor_temp, otemp): (DeciCelsius, i16),
-        bridge_fault: bool,
-        short: bool,
-        host_lost: bool,
-    ) -> Option<Fault> {
-        self.over_ms = if bus > OVER { self.over_ms.saturating_add(1) } else { 0 };
-        self.under_ms = if bus < UNDER { self.under_ms.saturating_add(1) } else { 0 };
+    #[inline]
+    pub fn check(&mut self, bus: MilliVolts, wrongs: Wrongs) -> Option<Fault> {
+        let Wrongs { bridge, short, hot, host_lost } = wrongs;
+        let bus_right = bus.0.wrapping_sub(UNDER.0) <= OVER.0 - UNDER.0;
+        if bus_right && !(bridge | short | hot | host_lost | self.halls) {
+            self.bus_ms = 0;
+            return None;
+        }
+        self.judge(bus, wrongs)
+    }
+
+    /// The rest of [`Self::check`], where something is wrong.
+    #[inline(never)]
+    fn judge(&mut self, bus: MilliVolts, wrongs: Wrongs) -> Option<Fault> {
+        let high = bus > OVER;
+        if !high && bus >= UNDER {
+            self.bus_ms = 0;
+        } else if high == self.bus_high {
+            self.bus_ms = self.bus_ms.saturating_add(1);
+        } else {
+            self.bus_high = high;
+            self.bus_ms = 1;
+        }
         if self.latched.is_some() {
             return None;
         }
-        self.latched = if bridge_fault {
+        self.latched = if wrongs.bridge {
             Some(Fault::Bridge)
-        } else if short {
+        } else if wrongs.short {
             Some(Fault::OverCurrent)
         } else if self.halls {
             Some(Fault::Halls)
-        } else if self.over_ms >= BUS_MS {
-            Some(Fault::OverVoltage)
-        } else if self.under_ms >= BUS_MS {
-            Some(Fault::UnderVoltage)
-        } else if Thermal::over(motor_temp, otemp) {
+        } else if self.bus_ms >= BUS_MS {
+            Some(if high { Fault::OverVoltage } else { Fault::UnderVoltage })
+        } else if wrongs.hot {
             Some(Fault::OverTemperature)
-        } else if host_lost {
+        } else if wrongs.host_lost {
             Some(Fault::HostLost)
         } else {
             None

@@ -5,11 +5,12 @@
 
 use crate::guard::fault::Limit;
 use crate::motion::torque::emf;
+use crate::num::saturating_i16;
 use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
 
 /// The largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers charge
 /// their bootstrap capacitors in the rest, and MT's maximum of 990 is this duty at 24 V; at 20 V it gives 825.
-const MAX_DUTY: i32 = 990;
+const MAX_DUTY: u32 = 990;
 
 /// Phase current above which torque is cut back, mA: 10 % over the motor's 9.98 A at peak torque.
 const PEAK_MA: i32 = 11_000;
@@ -43,31 +44,36 @@ impl Bounded {
 }
 
 /// The state of the current limit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Limits {
-    current_cut: Torque,
+    /// What the current takes from `NO_CUT`, 0..=1024.
+    cut: i16,
     short_ms: u8,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self { current_cut: Torque(NO_CUT), short_ms: 0 }
-    }
 }
 
 impl Limits {
     /// Looks at the bus current that flowed at the duty applied since the last tick. A six-step bridge draws
-    /// duty × phase current, so the guard divides; below 1/16 duty the quotient is noise and is left alone.
+    /// duty × phase current, so the guard divides where it is over the peak; below 1/16 duty the quotient is noise and
+    /// is left alone.
+    #[inline]
     pub fn watch_current(&mut self, bus: MilliAmps, applied: Duty) {
         let duty = i32::from(applied.0.to_bits()).abs();
-        let phase = if duty >= 1 << 11 { i32::from(bus.0).abs().saturating_mul(1 << 15) / duty } else { 0 };
-        if phase > PEAK_MA {
-            // 1 A over the peak is about 100 torque units; a quarter of it a tick settles in a few ticks.
-            let cut = i16::try_from(phase.saturating_sub(PEAK_MA) / 40).unwrap_or(NO_CUT);
-            self.current_cut = Torque(self.current_cut.0.saturating_sub(cut).max(0));
-        } else {
-            self.current_cut = Torque(self.current_cut.0.saturating_add(RECOVERY).min(NO_CUT));
+        // ≤ 2^30, and the peak times the duty ≤ 11,000 × 2^15 < 2^29.
+        let current = i32::from(bus.0).abs().wrapping_mul(1 << 15);
+        if duty >= 1 << 11 && current > duty.wrapping_mul(PEAK_MA) {
+            return self.cut_back(current / duty);
         }
+        self.short_ms = 0;
+        if self.cut != 0 {
+            self.cut = self.cut.saturating_sub(RECOVERY).max(0);
+        }
+    }
+
+    #[inline(never)]
+    fn cut_back(&mut self, phase: i32) {
+        // 1 A over the peak is about 100 torque units; a quarter of it a tick settles in a few ticks.
+        let cut = i16::try_from(phase.saturating_sub(PEAK_MA) / 40).unwrap_or(NO_CUT);
+        self.cut = self.cut.saturating_add(cut).min(NO_CUT);
         self.short_ms = if phase > SHORT_MA { self.short_ms.saturating_add(1) } else { 0 };
     }
 
@@ -80,20 +86,24 @@ impl Limits {
     /// What bounds this tick: the least of MT (or IHIT), temperature and current, and what the bus leaves at this
     /// velocity.
     #[must_use]
+    #[inline]
     pub fn envelope(&self, mt: Torque, thermal: Torque, velocity: CountsPerSec, bus: MilliVolts) -> Envelope {
         let mut most = (mt, Limit::Torque);
         if thermal < most.0 {
             most = (thermal, Limit::Thermal);
         }
-        if self.current_cut < most.0 {
-            most = (self.current_cut, Limit::Current);
+        let by_current = Torque(NO_CUT.wrapping_sub(self.cut));
+        if self.cut != 0 && by_current < most.0 {
+            most = (by_current, Limit::Current);
         }
-        let (most, governing) = most;
-        let volts = i32::from(bus.0).saturating_mul(MAX_DUTY) / 24_000;
-        let volts = Torque(i16::try_from(volts).unwrap_or(i16::MAX));
+        let (Torque(most), governing) = most;
+        let most = i32::from(most);
+        // 0..=2703 and ±31,772: nothing below comes near 2^31.
+        let volts = (u32::from(bus.0).wrapping_mul(MAX_DUTY) / 24_000).cast_signed();
         let emf = emf(velocity);
-        let high = volts.saturating_sub(emf).clamp_abs(most);
-        let low = volts.saturating_neg().saturating_sub(emf).clamp_abs(most);
+        let within = |torque: i32| torque.max(most.wrapping_neg()).min(most);
+        let high = within(volts.wrapping_sub(emf));
+        let low = within(volts.wrapping_neg().wrapping_sub(emf));
         Envelope { most, governing, low, high, volts, emf, bus }
     }
 }
@@ -102,16 +112,16 @@ impl Limits {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Envelope {
     /// The torque limit in force.
-    most: Torque,
+    most: i32,
     /// Which limit that is.
     governing: Limit,
     /// The torques that can be had: within ±`most`, less what the duty limit leaves. At speed the EMF takes from
     /// one side and gives to the other.
-    low: Torque,
-    high: Torque,
+    low: i32,
+    high: i32,
     /// The largest voltage across the motor.
-    volts: Torque,
-    emf: Torque,
+    volts: i32,
+    emf: i32,
     bus: MilliVolts,
 }
 
@@ -119,39 +129,40 @@ impl Envelope {
     /// The torque limit in force, either way.
     #[must_use]
     pub const fn most(&self) -> Torque {
-        self.most
+        Torque(saturating_i16(self.most))
     }
 
     /// The torques that can be had, lowest and highest.
     #[must_use]
     pub const fn range(&self) -> (Torque, Torque) {
-        (self.low, self.high)
+        (Torque(saturating_i16(self.low)), Torque(saturating_i16(self.high)))
     }
 
     /// Bounds a torque and turns it into a duty.
     #[must_use]
+    #[inline]
     pub fn bound(&self, wanted: Torque) -> Bounded {
-        let mut torque = wanted.max(self.low).min(self.high);
-        let by_torque = torque.saturating_abs() == self.most;
-        let mut limit = (wanted >= self.high || wanted <= self.low).then_some(if by_torque {
-            self.governing
-        } else {
-            Limit::Duty
-        });
-        let mut volts = torque.saturating_add(self.emf);
-        if volts.saturating_abs() > self.volts {
-            // Turned faster than the bus could turn it: even braking at the torque limit asks for too much.
-            volts = volts.clamp_abs(self.volts);
-            torque = volts.saturating_sub(self.emf);
-            limit = Some(Limit::Duty);
+        let mut torque = i32::from(wanted.0);
+        let mut limit = None;
+        // Between them the voltage is in its bound as well: there is nothing between them where `most` is not the
+        // outer bound of both.
+        if torque >= self.high || torque <= self.low {
+            torque = torque.max(self.low).min(self.high);
+            limit = Some(if torque.abs() == self.most { self.governing } else { Limit::Duty });
+            let volts = torque.wrapping_add(self.emf);
+            if volts.abs() > self.volts {
+                // Turned faster than the bus could turn it: even braking at the torque limit asks for too much.
+                torque = volts.max(self.volts.wrapping_neg()).min(self.volts).wrapping_sub(self.emf);
+                limit = Some(Limit::Duty);
+            }
         }
         // 23.4375 mV a unit, and volts ≤ 2703 (65.5 V) × 23.4375 × 32768 would pass 2^31: a quarter of it does
-        // not. The quarter's rounding may not pass the bound, and a dead bus must not divide by zero.
-        let bus_mv = i32::from(self.bus.0).max(1_000);
-        let most_bits = MAX_DUTY * 32;
-        let bits = i32::from(volts.0).saturating_mul(192_000) / (bus_mv / 4);
-        let bits = i16::try_from(bits.clamp(-most_bits, most_bits)).unwrap_or(0);
-        Bounded { duty: Duty::from_bits(bits), torque, limit }
+        // not. The quarter is rounded up so that the duty does not pass its bound; a dead bus must not divide by zero.
+        let volts = torque.wrapping_add(self.emf);
+        let quarter = i32::from(self.bus.0).max(1_000).wrapping_add(3) / 4;
+        let bits = volts.wrapping_mul(192_000) / quarter;
+        let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
+        Bounded { duty, torque, limit }
     }
 }
 
@@ -248,7 +259,11 @@ mod tests {
             let most = Torque(most);
             let bounded = Limits::default().envelope(most, FULL, velocity, MilliVolts(bus)).bound(Torque(torque));
             let duty = i32::from(bounded.duty.0.to_bits());
-            prop_assert!(duty.abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);
+            prop_assert!(duty.unsigned_abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);
+            // Nothing has wrapped: the duty is the voltage over the bus, and 250 mV of bus in the rounding of a quarter.
+            let volts = i64::from(bounded.torque.0) + i64::from(emf(velocity));
+            let exact = volts * 24 * 32_000 / i64::from(bus.max(1_000));
+            prop_assert!((i64::from(duty) - exact).abs() <= 1 + exact.abs() / 250, "{} {}", duty, exact);
             prop_assert!(bounded.limit == Some(Limit::Duty) || bounded.torque.saturating_abs() <= most);
         }
     }

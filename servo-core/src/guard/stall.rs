@@ -8,9 +8,10 @@ const LEAD_MS: u16 = 10;
 /// The stall timer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
-    driven_ms: u32,
-    /// Time since the last count without being driven, up to `LEAD_MS`; `None` before the first count.
-    lead_ms: Option<u16>,
+    /// Time driven without a count, and what of `LEAD_MS` belongs to it.
+    still_ms: u32,
+    /// How much of `LEAD_MS` may still be added; none before the first count.
+    lead_ms: u16,
 }
 
 impl Stall {
@@ -25,16 +26,17 @@ impl Stall {
     ///
     /// Returns whether the motor has stalled.
     #[must_use]
+    #[inline]
     pub fn step(&mut self, counted: bool, driven: bool, tstop: u16) -> bool {
         if counted {
-            *self = Self { driven_ms: 0, lead_ms: Some(0) };
+            *self = Self { still_ms: 0, lead_ms: LEAD_MS };
         } else if driven {
-            self.driven_ms = self.driven_ms.saturating_add(1);
-        } else if let Some(lead) = &mut self.lead_ms {
-            *lead = lead.saturating_add(1).min(LEAD_MS);
+            self.still_ms = self.still_ms.saturating_add(1);
+            return tstop != 0 && self.still_ms >= u32::from(tstop);
+        } else if let Some(lead_ms) = self.lead_ms.checked_sub(1) {
+            *self = Self { still_ms: self.still_ms.saturating_add(1), lead_ms };
         }
-        let still_ms = self.driven_ms.saturating_add(u32::from(self.lead_ms.unwrap_or(0)));
-        tstop != 0 && self.driven_ms != 0 && still_ms >= u32::from(tstop)
+        false
     }
 }
 

@@ -3,16 +3,32 @@
 /// From this value on, HSG and LSG are disabled (manual: "a value of 255 or 256 disables").
 pub const DISABLED: u16 = 255;
 
-/// Whether `strain` ends a move: above `hsg` or below `lsg`.
-#[must_use]
-pub fn outside(strain: u8, hsg: u16, lsg: u16) -> bool {
-    let strain = u16::from(strain);
-    (hsg < DISABLED && strain > hsg) || (lsg < DISABLED && strain < lsg)
+/// The strains that do not end a move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    low: u8,
+    high: u8,
+}
+
+impl Window {
+    /// From properties HSG and LSG.
+    #[must_use]
+    pub fn new(hsg: u16, lsg: u16) -> Self {
+        // 255 is above no strain and below none.
+        let low = if lsg < DISABLED { u8::try_from(lsg).unwrap_or(0) } else { 0 };
+        Self { low, high: u8::try_from(hsg).unwrap_or(u8::MAX) }
+    }
+
+    /// Whether `strain` ends a move: above HSG or below LSG.
+    #[must_use]
+    pub const fn excludes(self, strain: u8) -> bool {
+        strain > self.high || strain < self.low
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::outside;
+    use super::Window;
 
     #[test]
     fn between_lsg_and_hsg_and_never_when_disabled() {
@@ -26,7 +42,7 @@ mod tests {
             (255, 254, 0, true),
         ];
         for (strain, hsg, lsg, ends) in rows {
-            assert_eq!(outside(strain, hsg, lsg), ends, "strain {strain}, HSG {hsg}, LSG {lsg}");
+            assert_eq!(Window::new(hsg, lsg).excludes(strain), ends, "strain {strain}, HSG {hsg}, LSG {lsg}");
         }
     }
 }

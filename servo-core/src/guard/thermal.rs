@@ -5,6 +5,7 @@
 //! at MT 750 (128 W of copper loss) would put the winding 190 °C above the housing within a minute, long before
 //! the thermistor follows. The winding's rise over the thermistor is therefore modelled from the torque.
 
+use crate::num::{saturating_i16, saturating_signed};
 use crate::units::{DeciCelsius, Torque};
 
 /// A thermistor that reads this or less has a broken wire, which reads -50 °C; no hand works in such cold.
@@ -25,45 +26,78 @@ const WINDING_BAND: i32 = 200;
 
 /// Steady rise of the winding over the housing is torque² / this, in 0.1 °C per torque unit²:
 /// (T/1024)² × 239.5 W × 1.5 K/W × 10.
-const RISE_DIVISOR: i32 = 292;
+const RISE_DIVISOR: u32 = 292;
 
-/// Time constant of winding against housing: 10 J/K × 1.5 K/W = 15 s, in ticks.
-const RISE_TICKS: i32 = 15_000;
+/// Ticks of 1 ms that are judged as one: long against a tick's few instructions, short against 15 s of winding and the
+/// minutes of the housing.
+pub const TICKS: u8 = 16;
+
+/// Time constant of winding against housing: 10 J/K × 1.5 K/W = 15 s is this many half steps of `TICKS`.
+const RISE_HALF_STEPS: i32 = 1_875;
+
+/// |T| ≤ 1024 after the duty clamp at 24 V; a higher bus gives more, but no motor stands it: the squares counted end here.
+const MOST_SQUARED: u32 = 2047 * 2047;
 
 /// The torque limit at no derating: the largest MT.
-const FULL: i32 = 990;
+const FULL: i16 = 990;
 
 /// The thermal state of the winding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Thermal {
-    /// Rise of the winding over the thermistor, 0.1 °C in 1/65536; 0 to 3357 × 65536, which fits.
+    /// Rise of the winding over the thermistor, 0.1 °C in 1/65536; 0 to 14,350 × 65536, of which twice fits.
     rise: i32,
+    /// Sum of torque²/256 over the ticks since the last judgement: of 16 squares below 2^30 it fits.
+    squares: u32,
+    /// Ticks to the next judgement.
+    due: u8,
+    /// The last judgement: what has been taken from the full torque, and whether it is too hot to go on.
+    derated: i16,
+    over: bool,
 }
 
 impl Thermal {
-    /// One tick of 1 ms with the torque applied since the last: the torque limit that the motor's temperature
-    /// leaves, 0..=990.
+    /// One tick of 1 ms with the torque applied since the last. The first, and each of `TICKS`, judges.
+    pub fn step(&mut self, applied: Torque, thermistor: DeciCelsius, otemp: i16) {
+        let torque = i32::from(applied.0);
+        self.squares = self.squares.wrapping_add(torque.wrapping_mul(torque).cast_unsigned() >> 8);
+        match self.due.checked_sub(1) {
+            Some(due) => self.due = due,
+            None => self.judge(thermistor, otemp),
+        }
+    }
+
+    /// Has the next tick judge: a new OTEMP, or a fault that was cleared.
+    pub const fn judge_next(&mut self) {
+        self.due = 0;
+    }
+
+    /// The torque limit that the motor's temperature leaves, 0..=990.
     #[must_use]
-    pub fn step(&mut self, applied: Torque, thermistor: DeciCelsius, otemp: i16) -> Torque {
-        // |T| ≤ 1024 after the duty clamp at 24 V; a higher bus gives more, and 2047² still fits.
-        let torque = i32::from(applied.clamp_abs(Torque(2047)).0);
-        let steady = torque.saturating_mul(torque) / RISE_DIVISOR;
-        let step = steady.saturating_mul(1 << 16).saturating_sub(self.rise) / RISE_TICKS;
-        self.rise = self.rise.saturating_add(step).max(0);
-        let thermistor = i32::from(thermistor.0);
-        let winding = thermistor.saturating_add(self.rise >> 16);
-        let by_winding = derate(winding, WINDING_MAX, WINDING_BAND);
-        let by_otemp =
-            if otemp == DISABLED { FULL } else { derate(thermistor, i32::from(otemp), OTEMP_BAND) };
-        // 0..=990 by `derate`.
-        Torque(i16::try_from(by_winding.min(by_otemp)).unwrap_or(0))
+    pub const fn most(&self) -> Torque {
+        Torque(FULL.wrapping_sub(self.derated))
     }
 
     /// Whether the thermistor is at the limit, where torque is cut; or reads so cold that its wire must be broken, and
     /// nobody knows how hot the motor is.
     #[must_use]
-    pub fn over(thermistor: DeciCelsius, otemp: i16) -> bool {
-        otemp != DISABLED && (thermistor.0 >= otemp || thermistor <= OPEN)
+    pub const fn over(&self) -> bool {
+        self.over
+    }
+
+    #[inline(never)]
+    fn judge(&mut self, thermistor: DeciCelsius, otemp: i16) {
+        // The mean of 16 squares is their sum / 16, and each is 256 times what is summed.
+        let squared = (self.squares << 4).min(MOST_SQUARED);
+        self.squares = 0;
+        self.due = TICKS - 1;
+        let steady = saturating_signed((squared / RISE_DIVISOR) << 16);
+        let step = steady.wrapping_sub(self.rise).saturating_mul(2) / RISE_HALF_STEPS;
+        self.rise = self.rise.saturating_add(step).max(0);
+        let warm = i32::from(thermistor.0);
+        let by_winding = derate(warm.saturating_add(self.rise >> 16), WINDING_MAX, WINDING_BAND);
+        let by_otemp = if otemp == DISABLED { 0 } else { derate(warm, i32::from(otemp), OTEMP_BAND) };
+        self.derated = by_winding.max(by_otemp);
+        self.over = otemp != DISABLED && (thermistor.0 >= otemp || thermistor <= OPEN);
     }
 
     /// The modelled winding temperature at this thermistor reading.
@@ -74,9 +108,11 @@ impl Thermal {
     }
 }
 
-/// `FULL` below the band, nothing at `max`, linear between.
-fn derate(temp: i32, max: i32, band: i32) -> i32 {
-    max.saturating_sub(temp).clamp(0, band).saturating_mul(FULL) / band
+/// What `temp` takes from `FULL`: nothing below the band, all at `max`, linear between.
+fn derate(temp: i32, max: i32, band: i32) -> i16 {
+    let left = max.saturating_sub(temp).clamp(0, band).saturating_mul(i32::from(FULL)) / band;
+    // 0..=990.
+    FULL.saturating_sub(saturating_i16(left))
 }
 
 #[cfg(test)]
@@ -85,23 +121,50 @@ mod tests {
 
     const WARM: DeciCelsius = DeciCelsius(400);
 
+    /// After the first tick at a temperature, 0.1 °C.
+    fn at(temp: i16, otemp: i16) -> Thermal {
+        let mut thermal = Thermal::default();
+        thermal.step(Torque::ZERO, DeciCelsius(temp), otemp);
+        thermal
+    }
+
     #[test]
     fn derates_over_the_eight_degrees_below_otemp() {
         let rows = [(610, 990), (620, 990), (660, 495), (690, 123), (700, 0), (900, 0)];
         for (temp, most) in rows {
-            let limit = Thermal::default().step(Torque::ZERO, DeciCelsius(temp), 700);
-            assert_eq!(limit, Torque(most), "at {temp}");
+            assert_eq!(at(temp, 700).most(), Torque(most), "at {temp}");
         }
-        assert_eq!(Thermal::default().step(Torque::ZERO, DeciCelsius(900), DISABLED), Torque(990));
-        assert!(Thermal::over(DeciCelsius(700), 700) && !Thermal::over(DeciCelsius(699), 700));
-        assert!(!Thermal::over(DeciCelsius(1250), DISABLED));
+        assert_eq!(at(900, DISABLED).most(), Torque(990));
+        assert!(at(700, 700).over() && !at(699, 700).over() && at(-400, 700).over());
+        assert!(!at(1250, DISABLED).over());
+    }
+
+    #[test]
+    fn what_becomes_hot_is_seen_within_sixteen_ticks() {
+        let mut thermal = at(400, 700);
+        let seen = (1..100).find(|_| {
+            thermal.step(Torque::ZERO, DeciCelsius(700), 700);
+            thermal.over()
+        });
+        assert_eq!(seen, Some(usize::from(TICKS)));
+    }
+
+    #[test]
+    fn no_torque_overflows() {
+        for torque in [i16::MIN, i16::MAX] {
+            let mut thermal = Thermal::default();
+            for _ in 0..20_000 {
+                thermal.step(Torque(torque), WARM, DISABLED);
+            }
+            assert_eq!(thermal.most(), Torque::ZERO);
+        }
     }
 
     #[test]
     fn a_stall_at_peak_torque_warms_the_winding_as_the_copper_loss_says() {
         let mut thermal = Thermal::default();
         for _ in 0..300 {
-            let _ = thermal.step(Torque(1024), WARM, 700);
+            thermal.step(Torque(1024), WARM, 700);
         }
         // 239.5 W for 0.3 s into 10 J/K is 7.2 °C, less what flows off.
         let rise = thermal.winding(WARM).0 - WARM.0;
@@ -113,13 +176,14 @@ mod tests {
         let mut thermal = Thermal::default();
         let mut torque = Torque(990);
         for _ in 0..120_000 {
-            torque = thermal.step(torque, WARM, DISABLED).min(Torque(990));
+            thermal.step(torque, WARM, DISABLED);
+            torque = thermal.most();
         }
         let winding = thermal.winding(WARM).0;
         assert!(torque < Torque(700) && torque > Torque(300), "{torque:?}");
         assert!((1100..1300).contains(&winding), "{winding}");
         for _ in 0..120_000 {
-            let _ = thermal.step(Torque::ZERO, WARM, DISABLED);
+            thermal.step(Torque::ZERO, WARM, DISABLED);
         }
         assert!(thermal.winding(WARM).0 - WARM.0 <= 3, "cools down again");
     }

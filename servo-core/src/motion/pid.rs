@@ -4,7 +4,8 @@
 //! the profile's, so the motor does not lag behind a moving set-point; in a hold it is zero, so the derivative
 //! acts on the measurement alone and a commanded step gives no kick (DESIGN 4.3).
 
-use crate::num::{Law, TICK_HZ, gain, product};
+use crate::motion::torque::missing;
+use crate::num::{Law, TICK_HZ, gain, product, sum_of_products};
 use crate::units::Torque;
 
 /// The gains as the host sets them: properties KP, KI, KD.
@@ -24,7 +25,8 @@ impl PidConfig {
     pub fn build(self) -> Pid {
         // The largest KI of 32767 is 32.767 a tick; the truncation of the smallest (1) is 0.8 %.
         let ki = gain(self.ki, 0).checked_div_int(TICK_HZ.cast_signed()).unwrap_or(Law::ZERO);
-        Pid { kp: gain(self.kp, 0), ki, kd: gain(self.kd, 8) }
+        let kd = gain(self.kd, 8);
+        Pid { kp: gain(self.kp, 0), ki, kd, missing: missing(kd) }
     }
 }
 
@@ -34,6 +36,7 @@ pub struct Pid {
     kp: Law,
     ki: Law,
     kd: Law,
+    missing: Law,
 }
 
 /// What the law remembers: the integral, in torque units.
@@ -77,14 +80,15 @@ impl Pid {
         PidState { integral: integral.clamp(limit.saturating_neg(), limit) }
     }
 
-    /// The damping of the velocity, in torque units per count/s.
+    /// What the law lacks in damping: see [`missing`].
     #[must_use]
-    pub const fn damping(&self) -> Law {
-        self.kd
+    pub const fn missing_damping(&self) -> Law {
+        self.missing
     }
 
     fn direct(&self, error: Law, velocity_error: Law) -> Law {
-        product(self.kp, error).saturating_add(product(self.kd, velocity_error))
+        // Gains are not negative.
+        sum_of_products((self.kp, error), (self.kd, velocity_error))
     }
 }
 

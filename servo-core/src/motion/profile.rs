@@ -8,20 +8,21 @@
 //! at and between ticks and it ends at the first tick not before the optimum. It has three segments: constant
 //! acceleration from the present velocity to a peak (through zero, if the set-point first has to turn round;
 //! downwards, if it is faster than the new cruise velocity), cruise at the peak, constant braking to rest. A
-//! segment begins between two ticks; [`Profile::plan`] computes the state at the first tick after that (all
-//! divisions and the one square root are there), and [`Profile::step`] only adds.
+//! segment begins between two ticks; at the first tick after that its state is computed, and between [`Profile::step`] only
+//! adds. A plan is made inside a tick: all that depends on the limits alone is in
+//! [`Limits::build`], and what is left is at most a square root and three divisions, none of them a library's.
 //!
 //! Exactness: the tick is the unit of time and state has 32 fractional bits, so a = ACCEL²/2²⁰ and a/2 are
 //! whole numbers of units: steps inside a segment are exact, however long. Rounding happens only where a
 //! segment begins: velocity by one unit (2⁻³²) or 2⁻²⁹ of the acceleration, position by 2⁻²⁶ counts. Braking
 //! is computed back from the end, so the set-point lands on it exactly; there the unit of velocity moves the
-//! position by one unit for each tick of braking: 10⁻⁶ counts at ACCEL 30, never more than the 1/1024 that is
+//! position by half a unit for each tick of braking: 10⁻⁶ counts at ACCEL 30, never more than the 1/1024 that is
 //! emitted. The cruise velocity is rounded down to one unit, which makes a move longer by at most 2⁻²⁶ of its
 //! duration: 0.06 ticks in the longest, 65,534 counts at 16 counts/s.
 
-use crate::num::{Wide, isqrt_q52, mul_q32, next_tick, ratio_q32, square_q51};
-use crate::units::{Counts, CountsPerSec, CountsPerSec2};
-use core::num::NonZeroU64;
+use crate::num::{Wide, divide, isqrt_q52, mul_q32, next_tick, ratio_q32, square_q51};
+use crate::units::{Counts, CountsPerSec};
+use core::num::NonZeroU32;
 
 #[cfg(test)]
 mod tests;
@@ -38,6 +39,37 @@ pub struct Limits {
     pub opening: CountsPerSec,
 }
 
+impl Limits {
+    /// What a plan needs of them.
+    #[must_use]
+    pub fn build(self) -> Bounds {
+        let velocity = |speed: CountsPerSec| speed.clamp(SLOWEST, FASTEST).to_wide_per_tick().get();
+        Bounds::new(self.accel, velocity(self.closing), velocity(self.opening))
+    }
+}
+
+/// Range of the properties MV, MCV and MOV.
+const SLOWEST: CountsPerSec = CountsPerSec::from_int(16);
+const FASTEST: CountsPerSec = CountsPerSec::from_int(4080);
+
+/// [`Limits`] in counts and ticks, with what takes long to compute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bounds {
+    accel: u16,
+    closing: Ramp,
+    opening: Ramp,
+}
+
+impl Bounds {
+    fn new(accel: u16, closing: u64, opening: u64) -> Self {
+        let ramp = |velocity| match Slope::new(accel) {
+            Some(slope) => slope.ramp(velocity),
+            None => Ramp { velocity, time: 0, distance: 0 },
+        };
+        Self { accel, closing: ramp(closing), opening: ramp(opening) }
+    }
+}
+
 /// The set-point at one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SetPoint {
@@ -46,8 +78,6 @@ pub struct SetPoint {
     pub position: Counts,
     /// Velocity, rounded to the nearest 1/65536 count/s.
     pub velocity: CountsPerSec,
-    /// Mean acceleration over the tick that ends here; zero once at rest.
-    pub acceleration: CountsPerSec2,
     /// At rest exactly on the end position.
     pub done: bool,
 }
@@ -56,70 +86,74 @@ impl SetPoint {
     /// At rest at `position`, which is also its end.
     #[must_use]
     pub const fn at_rest(position: Counts) -> Self {
-        Self { position, velocity: CountsPerSec::ZERO, acceleration: CountsPerSec2::ZERO, done: true }
-    }
-}
-
-/// One stretch of constant acceleration, by its state at a tick. Units: counts and ticks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Segment {
-    /// Ticks since the plan.
-    tick: u32,
-    position: Wide,
-    velocity: Wide,
-    acceleration: Wide,
-}
-
-impl Segment {
-    const fn rest(position: Wide) -> Self {
-        Self { tick: 0, position, velocity: Wide::ZERO, acceleration: Wide::ZERO }
-    }
-
-    fn is_rest(&self) -> bool {
-        self.velocity == Wide::ZERO && self.acceleration == Wide::ZERO
-    }
-
-    /// The state one tick later. Exact: a is a multiple of 2⁻²⁰, so a/2 is one of 2⁻³².
-    fn next(&self) -> Self {
-        let mean = self.velocity.wrapping_add(self.acceleration >> 1);
-        Self {
-            tick: self.tick.wrapping_add(1),
-            position: self.position.wrapping_add(mean),
-            velocity: self.velocity.wrapping_add(self.acceleration),
-            acceleration: self.acceleration,
-        }
+        Self { position, velocity: CountsPerSec::ZERO, done: true }
     }
 }
 
 /// The set-point generator of one motor.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
-    /// The present sample.
-    now: Segment,
-    /// Velocity change over the last tick, counts a tick.
-    change: Wide,
-    /// Cruise, braking, rest at the end: each by its first tick. Of those with the same tick the last holds.
-    ahead: [Segment; 3],
+    /// The present sample. Units: counts and ticks.
+    position: Wide,
+    velocity: Wide,
+    acceleration: Wide,
+    /// Where the plan ends.
+    end: Wide,
+    /// A segment is under way; else the set-point is at rest.
+    moving: bool,
     /// ACCEL in force.
     accel: u16,
+    /// Ticks since the plan, and when the next segment begins.
+    tick: u32,
+    due: u32,
+    /// First ticks of braking and of rest; that of rest is known when braking begins. Of segments that begin at the same tick
+    /// the last holds.
+    brake_tick: u32,
+    rest_tick: u32,
+    /// What the segments ahead are computed from.
+    course: Course,
 }
 
 impl Profile {
     /// A set-point at rest at `position`, which is also its end.
     #[must_use]
     pub const fn at_rest(position: Counts) -> Self {
-        let rest = Segment::rest(position.to_wide());
-        Self { now: rest, change: Wide::ZERO, ahead: [rest; 3], accel: 0 }
+        let position = position.to_wide();
+        Self {
+            position,
+            velocity: Wide::ZERO,
+            acceleration: Wide::ZERO,
+            end: position,
+            moving: false,
+            accel: 0,
+            tick: 0,
+            due: 0,
+            brake_tick: 0,
+            rest_tick: 0,
+            course: Course::NONE,
+        }
+    }
+
+    /// Puts the set-point to rest at `position`, which becomes its end.
+    pub fn rest_at(&mut self, position: Counts) {
+        self.end = position.to_wide();
+        self.rest();
+    }
+
+    fn rest(&mut self) {
+        self.position = self.end;
+        self.velocity = Wide::ZERO;
+        self.acceleration = Wide::ZERO;
+        self.moving = false;
     }
 
     /// The set-point as the last [`step`](Self::step) left it.
     #[must_use]
     pub fn current(&self) -> SetPoint {
         SetPoint {
-            position: Counts::from_wide(self.now.position),
-            velocity: CountsPerSec::from_wide_per_tick(self.now.velocity),
-            acceleration: CountsPerSec2::from_wide_per_tick2(self.change),
-            done: self.now.is_rest() && self.now.position == self.ahead[2].position,
+            position: Counts::from_wide(self.position),
+            velocity: CountsPerSec::from_wide_per_tick(self.velocity),
+            done: !self.moving && self.position == self.end,
         }
     }
 
@@ -127,121 +161,153 @@ impl Profile {
     /// from.
     #[must_use]
     pub const fn exact(&self) -> (Wide, Wide) {
-        (self.now.position, self.now.velocity)
+        (self.position, self.velocity)
     }
 
     /// Advances one tick, 1 ms. At the end, or with ACCEL 0, the set-point stays.
+    #[inline]
     pub fn step(&mut self) -> SetPoint {
-        let before = self.now;
-        if !before.is_rest() {
-            let next = before.next();
-            self.now = match self.ahead.iter().rev().find(|segment| segment.tick == next.tick) {
-                Some(begun) => *begun,
-                None => next,
-            };
+        if self.moving {
+            self.tick = self.tick.wrapping_add(1);
+            if self.tick == self.due {
+                self.begin();
+            } else {
+                // Exact: a is a multiple of 2⁻²⁰, so a/2 is one of 2⁻³².
+                let mean = self.velocity.wrapping_add(self.acceleration >> 1);
+                self.position = self.position.wrapping_add(mean);
+                self.velocity = self.velocity.wrapping_add(self.acceleration);
+            }
         }
-        self.change = self.now.velocity.wrapping_sub(before.velocity);
         self.current()
     }
 
-    /// Sets out for `end` within `limits`, from the present set-point and its velocity, without a step in
-    /// either. If the set-point can no longer stop before `end`, it overshoots and comes back.
-    pub fn plan(&mut self, end: Counts, limits: Limits) {
-        let end = end.to_wide();
-        if limits.accel != 0 || self.now.velocity == Wide::ZERO {
-            self.accel = limits.accel;
+    /// The segment that begins at this tick.
+    #[inline(never)]
+    fn begin(&mut self) {
+        if self.tick == self.brake_tick {
+            self.begin_braking();
+        } else if self.tick == self.rest_tick {
+            self.rest();
+        } else {
+            let course = &self.course;
+            let peak = course.peak.velocity;
+            let (_, cruised) = next_tick(course.cruise_begins);
+            let way = course.to_cruise.wrapping_add(mul_q32(peak, cruised).cast_signed());
+            self.position = course.from.wrapping_add(course.directed(way));
+            self.velocity = course.directed(peak.cast_signed());
+            self.acceleration = Wide::ZERO;
+            self.due = self.brake_tick;
         }
-        let rest = Segment::rest(end);
-        let distance = end.wrapping_sub(self.now.position);
-        self.now.tick = 0;
-        self.now.acceleration = Wide::ZERO;
-        self.ahead = [rest; 3];
-        let Some(ramp) = Ramp::new(self.accel) else { return };
-        if self.now.velocity == Wide::ZERO && distance == Wide::ZERO {
+    }
+
+    fn begin_braking(&mut self) {
+        let Course { peak, .. } = self.course;
+        let (Some(slope), (_, braked)) = (Slope::new(self.accel), next_tick(self.course.braking_begins))
+        else {
+            return self.rest();
+        };
+        // Both zero if the set-point comes to rest before this tick.
+        let left = peak.velocity.saturating_sub(slope.change(braked));
+        let time = peak.time.saturating_sub(braked);
+        if time == 0 {
+            return self.rest();
+        }
+        let directed = |magnitude: u64| self.course.directed(magnitude.cast_signed());
+        self.position = self.end.wrapping_sub(directed(mul_q32(left, time) >> 1));
+        self.velocity = directed(left);
+        self.acceleration = Wide::ZERO.wrapping_sub(directed(slope.acceleration()));
+        // The tick at the time, or the first after it.
+        self.rest_tick = self.tick.saturating_add(next_tick(time.wrapping_sub(1)).0);
+        self.due = self.rest_tick;
+    }
+
+    /// Sets out for `end` within `bounds`, from the present set-point and its velocity, without a step in
+    /// either. If the set-point can no longer stop before `end`, it overshoots and comes back.
+    #[inline(never)]
+    pub fn plan(&mut self, end: Counts, bounds: &Bounds) {
+        if bounds.accel == 0 && self.velocity != Wide::ZERO {
+            let old = Bounds::new(self.accel, bounds.closing.velocity, bounds.opening.velocity);
+            self.set_out(end, &old);
+        } else {
+            self.set_out(end, bounds);
+        }
+    }
+
+    #[inline]
+    fn set_out(&mut self, end: Counts, bounds: &Bounds) {
+        self.accel = bounds.accel;
+        self.end = end.to_wide();
+        self.tick = 0;
+        self.acceleration = Wide::ZERO;
+        self.moving = false;
+        let distance = self.end.wrapping_sub(self.position);
+        let Some(slope) = Slope::new(bounds.accel) else { return };
+        if self.velocity == Wide::ZERO && distance == Wide::ZERO {
             return;
         }
 
-        let course = Course::new(ramp, distance.to_bits(), self.now.velocity.to_bits(), limits);
-        let directed = |magnitude: u64| course.directed(magnitude.cast_signed());
-        let acceleration = ramp.acceleration();
-        self.now.acceleration = course.directed(if course.slowing {
-            acceleration.cast_signed().wrapping_neg()
-        } else {
-            acceleration.cast_signed()
-        });
-        let (cruise_tick, cruised) = next_tick(course.cruise_begins);
-        let cruise = Segment {
-            tick: cruise_tick,
-            position: self
-                .now
-                .position
-                .wrapping_add(course.directed(course.to_cruise))
-                .wrapping_add(directed(mul_q32(course.peak, cruised))),
-            velocity: directed(course.peak),
-            acceleration: Wide::ZERO,
-        };
-        let (brake_tick, braked) = next_tick(course.braking_begins);
-        // Zero if the set-point comes to rest before this tick.
-        let left = course.peak.saturating_sub(ramp.change(braked));
-        let braking = Segment {
-            tick: brake_tick,
-            position: end.wrapping_sub(directed(ramp.distance(left))),
-            velocity: directed(left),
-            acceleration: Wide::ZERO.wrapping_sub(directed(acceleration)),
-        };
-        self.ahead = [cruise, braking, Segment { tick: brake_tick.saturating_add(ramp.ticks(left)), ..rest }];
+        self.course = Course::new(slope, self.position, distance.to_bits(), self.velocity.to_bits(), bounds);
+        let acceleration = slope.acceleration().cast_signed();
+        let slowing = self.course.slowing;
+        self.acceleration =
+            self.course.directed(if slowing { acceleration.wrapping_neg() } else { acceleration });
+        self.moving = true;
+        self.due = next_tick(self.course.cruise_begins).0;
+        self.brake_tick = next_tick(self.course.braking_begins).0;
+        self.rest_tick = 0;
     }
+}
+
+/// A velocity, and the time and the distance between rest and it: magnitudes with 32 fractional bits in counts and ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Ramp {
+    velocity: u64,
+    time: u64,
+    distance: u64,
 }
 
 /// The constant acceleration a = ACCEL²/2²⁰ counts a tick². Arguments and results are magnitudes with 32
 /// fractional bits in counts and ticks; velocities are below 2³ counts a tick.
 #[derive(Clone, Copy)]
-struct Ramp {
-    accel_squared: NonZeroU64,
+struct Slope {
+    accel_squared: NonZeroU32,
 }
 
-impl Ramp {
+impl Slope {
     fn new(accel: u16) -> Option<Self> {
-        let accel = u64::from(accel);
-        NonZeroU64::new(accel.wrapping_mul(accel)).map(|accel_squared| Self { accel_squared })
+        let accel = u32::from(accel);
+        NonZeroU32::new(accel.wrapping_mul(accel)).map(|accel_squared| Self { accel_squared })
     }
 
-    const fn acceleration(self) -> u64 {
-        self.accel_squared.get() << 12
+    fn acceleration(self) -> u64 {
+        u64::from(self.accel_squared.get()) << 12
     }
 
-    /// Distance between rest and `velocity`: v²/2a = v²·2¹⁹/ACCEL², and 2¹⁹·2³² = 2⁵¹. Rounded down.
-    fn distance(self, velocity: u64) -> u64 {
-        square_q51(velocity) / self.accel_squared
-    }
-
-    /// Time of a velocity change: Δv·2²⁰/ACCEL². Δv < 2⁴, so the shift stays below 2⁵⁶. Rounded down.
-    fn time(self, change: u64) -> u64 {
-        (change << 20) / self.accel_squared
+    /// Time is v·2²⁰/ACCEL² (v < 2³, so the shift stays below 2⁵⁵), rounded down; distance is half of its product with the
+    /// velocity, below 2⁵⁷.
+    fn ramp(self, velocity: u64) -> Ramp {
+        let time = divide(velocity << 20, self.accel_squared);
+        Ramp { velocity, time, distance: mul_q32(velocity, time) >> 1 }
     }
 
     /// Velocity change in a time up to one tick; ACCEL² < 2³² keeps the product below 2⁶⁴. Rounded down.
     fn change(self, time: u64) -> u64 {
-        self.accel_squared.get().wrapping_mul(time) >> 20
-    }
-
-    /// Whole ticks that a velocity change takes, rounded up: ⌈⌈Δv/2¹²⌉/ACCEL²⌉.
-    fn ticks(self, change: u64) -> u32 {
-        let units = change.saturating_add(0xFFF) >> 12;
-        let ticks = units.saturating_add(self.accel_squared.get()).saturating_sub(1) / self.accel_squared;
-        u32::try_from(ticks).unwrap_or(u32::MAX)
+        u64::from(self.accel_squared.get()).wrapping_mul(time) >> 20
     }
 }
 
 /// A continuous-time motion to rest, mirrored if need be so that its last approach is upwards. 32 fractional
 /// bits in counts and ticks.
+#[derive(Clone, Copy, Debug)]
 struct Course {
+    /// Where it begins.
+    from: Wide,
     /// The approach is in truth downwards.
     mirrored: bool,
     /// The first segment slows from above the cruise velocity.
     slowing: bool,
     /// Highest velocity of the approach.
-    peak: u64,
+    peak: Ramp,
     /// Distance until `peak` is reached; negative if most of that is turning round.
     to_cruise: i64,
     /// When `peak` is reached.
@@ -251,29 +317,49 @@ struct Course {
 }
 
 impl Course {
-    fn new(ramp: Ramp, distance: i64, velocity: i64, limits: Limits) -> Self {
-        let speed = velocity.unsigned_abs();
-        let stopping = ramp.distance(speed).cast_signed();
+    const NONE: Self = Self {
+        from: Wide::ZERO,
+        mirrored: false,
+        slowing: false,
+        peak: Ramp { velocity: 0, time: 0, distance: 0 },
+        to_cruise: 0,
+        cruise_begins: 0,
+        braking_begins: 0,
+    };
+
+    #[inline]
+    fn new(slope: Slope, from: Wide, distance: i64, velocity: i64, bounds: &Bounds) -> Self {
+        let (stop_time, stopping) = if velocity == 0 {
+            (0, 0)
+        } else {
+            let stop = slope.ramp(velocity.unsigned_abs());
+            (stop.time, stop.distance.cast_signed())
+        };
         // What would be left to go after stopping at once decides the direction of the approach.
         let left = distance.wrapping_sub(if velocity < 0 { stopping.wrapping_neg() } else { stopping });
         let mirrored = left < 0 || (left == 0 && velocity < 0);
         let (distance, velocity, cruise) = if mirrored {
-            (distance.wrapping_neg(), velocity.wrapping_neg(), limits.opening)
+            (distance.wrapping_neg(), velocity.wrapping_neg(), &bounds.opening)
         } else {
-            (distance, velocity, limits.closing)
+            (distance, velocity, &bounds.closing)
         };
 
-        let peak = peak(ramp, distance, velocity, cruise.clamp(SLOWEST, FASTEST).to_wide_per_tick());
-        let change = peak.get().cast_signed().wrapping_sub(velocity);
-        let slowing = change < 0;
-        let braking = ramp.distance(peak.get()).cast_signed();
+        let to_peak = distance.wrapping_add(stopping);
+        let peak = if to_peak >= cruise.distance.cast_signed().wrapping_mul(2) {
+            *cruise
+        } else {
+            slope.ramp(tip(slope, distance, velocity))
+        };
+        let slowing = peak.velocity.cast_signed() < velocity;
+        let braking = peak.distance.cast_signed();
         // (peak² − v²)/2a, and a is negative when slowing.
         let gain = braking.wrapping_sub(stopping);
         let to_cruise = if slowing { gain.wrapping_neg() } else { gain };
         let cruising = distance.wrapping_sub(to_cruise).wrapping_sub(braking).max(0);
-        let cruise_begins = ramp.time(change.unsigned_abs());
-        let braking_begins = cruise_begins.saturating_add(ratio_q32(cruising.cast_unsigned(), peak));
-        Self { mirrored, slowing, peak: peak.get(), to_cruise, cruise_begins, braking_begins }
+        let cruise_begins =
+            if velocity < 0 { peak.time.wrapping_add(stop_time) } else { peak.time.abs_diff(stop_time) };
+        let braking_begins = cruise_begins.saturating_add(ratio_q32(cruising.cast_unsigned(), peak.velocity));
+        Self { from, mirrored, slowing, peak, to_cruise, cruise_begins, braking_begins }
     }
 
     const fn directed(&self, value: i64) -> Wide {
@@ -281,19 +367,13 @@ impl Course {
     }
 }
 
-/// Range of the properties MV, MCV and MOV.
-const SLOWEST: CountsPerSec = CountsPerSec::from_int(16);
-const FASTEST: CountsPerSec = CountsPerSec::from_int(4080);
-
-/// The highest velocity of the approach: `cruise`, or the tip of the triangle, √(a·distance + v²/2), rounded
+/// The tip of the triangle, √(a·distance + v²/2), below a cruise velocity; rounded
 /// down to 2⁻²⁶ (what rounding leaves over is cruised). A tip δ too low costs δ²/(a·tip) ticks, at most
 /// 2⁻²⁶/2⁻²⁰ = 1/64. It is at least 2⁻²⁶, so that cruise time exists; that overruns by 2⁻⁵²/2⁻²⁰ counts at
 /// most, one unit.
-fn peak(ramp: Ramp, distance: i64, velocity: i64, cruise: NonZeroU64) -> NonZeroU64 {
-    // With 52 fractional bits: a·d is ACCEL²·d, v²/2 is v²·2⁵¹, cruise² is 2·cruise²·2⁵¹. Distances too long
-    // for that saturate, far above 4.08².
-    let squared = ramp.accel_squared.get().cast_signed().saturating_mul(distance);
-    let squared =
-        squared.saturating_add(square_q51(velocity.unsigned_abs()).cast_signed()).max(1).cast_unsigned();
-    if squared >= square_q51(cruise.get()) << 1 { cruise } else { isqrt_q52(squared) }
+fn tip(slope: Slope, distance: i64, velocity: i64) -> u64 {
+    // With 52 fractional bits: a·d is ACCEL²·d, v²/2 is v²·2⁵¹. Their sum is below 4.08², and so each is within ±4.08².
+    let squared = i64::from(slope.accel_squared.get()).wrapping_mul(distance);
+    let squared = squared.wrapping_add(square_q51(velocity.unsigned_abs()).cast_signed());
+    isqrt_q52(squared.max(1).cast_unsigned())
 }

@@ -2,7 +2,7 @@
 //! plus the motor's EMF at its speed (DESIGN 4.3). Voltages are counted in torque units: 1024 is 24 V, the
 //! bus at which full duty at standstill is the motor's peak torque.
 
-use crate::num::{Law, product};
+use crate::num::{Law, round_product, saturating_i16};
 use crate::units::{CountsPerSec, Torque};
 
 /// EMF in torque units per count/s: 0.0651 V·s/rad (manual: 65 N·cm at 9.98 A) × 2π/18 rad/count is 22.72 mV
@@ -14,25 +14,36 @@ pub const EMF_PER_SPEED: Law = Law::lit("0.9696");
 /// accelerates it (DESIGN 4.3).
 pub const MIN_DAMPING: Law = Law::lit("0.375");
 
-/// What the law's torque lacks to be damped by [`MIN_DAMPING`]: a torque against the motion, zero for a law
-/// that damps enough by itself (`damping` in torque units per count/s). It is part of the torque, before every
+/// What a law that damps by `damping` torque units per count/s lacks to [`MIN_DAMPING`]; 0 if it damps enough.
+#[must_use]
+pub fn missing(damping: Law) -> Law {
+    MIN_DAMPING.saturating_sub(damping).max(Law::ZERO)
+}
+
+/// A law's torque with what it lacks in damping: a torque against the motion. It is part of the torque, before every
 /// limit, so that plugging at speed stays inside the torque limit.
 #[must_use]
-pub fn drag(velocity: CountsPerSec, damping: Law) -> Torque {
-    let missing = MIN_DAMPING.saturating_sub(damping).max(Law::ZERO);
-    Torque::from_fixed(product(missing, velocity.0)).saturating_neg()
+#[inline]
+pub fn damped(torque: Torque, velocity: CountsPerSec, missing: Law) -> Torque {
+    if missing == Law::ZERO {
+        return torque;
+    }
+    // Below 2^16 in magnitude, both.
+    Torque(saturating_i16(i32::from(torque.0).wrapping_sub(round_product(missing, velocity.0))))
 }
 
 /// The motor's EMF at a velocity, in torque units: torque + EMF is the voltage across the driven phases, and
-/// voltage − EMF the torque that it gives. Saturates at ±32767.
+/// voltage − EMF the torque that it gives. Within ±31,772.
 #[must_use]
-pub fn emf(velocity: CountsPerSec) -> Torque {
-    Torque::from_fixed(product(EMF_PER_SPEED, velocity.0))
+#[inline]
+pub fn emf(velocity: CountsPerSec) -> i32 {
+    round_product(EMF_PER_SPEED, velocity.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::num::product;
 
     /// EMF of a motor whose Ke is 30 % low.
     const WEAK_EMF: Law = Law::lit("0.6787");
@@ -40,8 +51,8 @@ mod tests {
     #[test]
     fn no_load_speed_is_full_voltage() {
         // 24 V / 22.72 mV = 1056 counts/s (DESIGN 4.2).
-        assert_eq!(emf(CountsPerSec::from_int(1056)), Torque(1024));
-        assert_eq!(emf(CountsPerSec::from_int(-1056)), Torque(-1024));
+        assert_eq!(emf(CountsPerSec::from_int(1056)), 1024);
+        assert_eq!(emf(CountsPerSec::from_int(-1056)), -1024);
     }
 
     #[test]
@@ -52,8 +63,8 @@ mod tests {
                 let velocity = CountsPerSec::from_int(speed);
                 // A velocity law towards standstill, with what drag adds to it.
                 let law = Torque::from_fixed(product(damping, velocity.0)).saturating_neg();
-                let applied = law.saturating_add(drag(velocity, damping)).saturating_add(emf(velocity));
-                let current = applied.to_fixed().saturating_sub(product(WEAK_EMF, velocity.0));
+                let applied = i32::from(damped(law, velocity, missing(damping)).0) + emf(velocity);
+                let current = Law::from_num(applied).saturating_sub(product(WEAK_EMF, velocity.0));
                 assert!(current.signum() == -velocity.0.signum(), "{current} at {speed}, gain {damping}");
             }
         }

@@ -1,32 +1,37 @@
 //! Mode 4: torque = gain × velocity error, nothing else (manual 6.1). RealTime and TC/TO run on it.
 
-use crate::num::{Law, gain, product};
+use crate::motion::torque::missing;
+use crate::num::{Law, gain, round_product, saturating_i16};
 use crate::units::{CountsPerSec, Torque};
 
 /// The velocity law with its gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VelocityLoop {
     gain: Law,
+    missing: Law,
 }
 
 impl VelocityLoop {
     /// From property KPV, in 1/16 torque unit per count/s. Every value is allowed.
     #[must_use]
     pub fn new(kpv: u16) -> Self {
-        Self { gain: gain(kpv, 4) }
+        let gain = gain(kpv, 4);
+        Self { gain, missing: missing(gain) }
     }
 
     /// The torque towards `wanted`, within ±`limit`.
     #[must_use]
     pub fn step(&self, wanted: CountsPerSec, measured: CountsPerSec, limit: Torque) -> Torque {
         let error = wanted.0.saturating_sub(measured.0);
-        Torque::from_fixed(product(self.gain, error)).clamp_abs(limit)
+        let limit = i32::from(limit.0);
+        let torque = round_product(self.gain, error).max(limit.wrapping_neg()).min(limit);
+        Torque(saturating_i16(torque))
     }
 
-    /// The damping of the velocity, in torque units per count/s.
+    /// What the law lacks in damping: see [`missing`].
     #[must_use]
-    pub const fn damping(&self) -> Law {
-        self.gain
+    pub const fn missing_damping(&self) -> Law {
+        self.missing
     }
 }
 

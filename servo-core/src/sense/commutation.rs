@@ -33,13 +33,17 @@ pub enum Bridge {
 
 /// Legs for positive torque in sectors 0..5: A+B−, A+C−, B+C−, B+A−, C+A−, C+B− (DESIGN 4.2). Sector k spans
 /// [30° + 60°·k, 90° + 60°·k) electrical, where just these two EMFs are at their opposite flat tops.
-const POSITIVE: [[Leg; 3]; 6] = [
+/// The first three again, so that the opposite sector is three rows on.
+const POSITIVE: [[Leg; 3]; 9] = [
     [Leg::Pwm, Leg::Low, Leg::Float],
     [Leg::Pwm, Leg::Float, Leg::Low],
     [Leg::Float, Leg::Pwm, Leg::Low],
     [Leg::Low, Leg::Pwm, Leg::Float],
     [Leg::Low, Leg::Float, Leg::Pwm],
     [Leg::Float, Leg::Low, Leg::Pwm],
+    [Leg::Pwm, Leg::Low, Leg::Float],
+    [Leg::Pwm, Leg::Float, Leg::Low],
+    [Leg::Float, Leg::Pwm, Leg::Low],
 ];
 
 /// The bridge for a signed duty in a sector (0..=5): positive closes, negative swaps the two driven legs, which
@@ -48,8 +52,8 @@ const POSITIVE: [[Leg; 3]; 6] = [
 #[must_use]
 pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
     let (Some(sector), Some(duty)) = (sector, duty) else { return Bridge::Off };
-    let sector = if duty < Duty::ZERO { sector.wrapping_add(3) % 6 } else { sector };
-    match POSITIVE.get(usize::from(sector)) {
+    let opposite = if duty < Duty::ZERO { 3 } else { 0 };
+    match POSITIVE.get(usize::from(sector).wrapping_add(opposite)).filter(|_| sector < 6) {
         Some(&legs) => Bridge::On { legs, duty: Duty(duty.0.saturating_abs()) },
         None => Bridge::Off,
     }

@@ -41,6 +41,8 @@ const FAULT: u8 = 80;
 /// While the rotor stands ([`STANDING`] without a step), time takes 1 off the score every so often: a motor that
 /// holds would keep its glitches for ever. One is forgotten in 0.26 s.
 const LEAK: Micros = Micros(16_000);
+/// Bit by bit the codes with two lines high: 3, 5 and 6.
+const TWO_HIGH: u8 = 0b0110_1000;
 /// Three times the slowest step at 10 counts/s.
 const STANDING: Micros = Micros(300_000);
 
@@ -199,6 +201,8 @@ pub struct HallDecoder {
     pending: Option<Pending>,
     illegal_since: Option<Micros>,
     score: u8,
+    /// The lines are where the trusted sector says, and there is nothing to forget: until they change, nothing happens.
+    quiet: bool,
     /// When time last took from the score.
     leaked: Micros,
     /// Lines that changed since the score left 0; the change that sticks a line does not count.
@@ -221,6 +225,7 @@ impl HallDecoder {
             pending: None,
             illegal_since: None,
             score: 0,
+            quiet: false,
             leaked: Micros(0),
             toggled: 0,
         }
@@ -240,8 +245,28 @@ impl HallDecoder {
 
     /// One sample of the lines (bits 2..0): at each of their changes, and at each control tick, so that a jump
     /// with no edge after it is confirmed too.
+    #[inline]
     pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         let code = code & 7;
+        if self.quiet {
+            if code == self.code {
+                return None;
+            }
+            // The rotor's next step, as a rule: there is nothing else to see to.
+            if let (Some(sector), Some(trusted)) = (self.wiring.sector(code), self.sector)
+                && let delta @ (-1 | 1) = way(trusted, sector)
+            {
+                self.code = code;
+                return Some(self.step(sector, delta, at));
+            }
+        }
+        let event = self.judge(code, at);
+        self.quiet = self.pending.is_none() && self.illegal_since.is_none() && self.score == 0;
+        event
+    }
+
+    #[inline(never)]
+    fn judge(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         let changed = code ^ self.code;
         self.code = code;
         let stands = self.at.is_none_or(|last| at.wrapping_since(last).0 >= STANDING.0);
@@ -312,11 +337,10 @@ impl HallDecoder {
         if self.doubtful { self.direction.sign().wrapping_neg() } else { self.direction.sign() }
     }
 
+    #[inline]
     fn step(&mut self, sector: u8, delta: i8, at: Micros) -> HallEvent {
         let direction = if delta > 0 { Direction::Closing } else { Direction::Opening };
         let steps = delta.unsigned_abs();
-        let before =
-            self.wiring.code(if delta > 0 { sector.wrapping_add(5) } else { sector.wrapping_add(1) });
         let since = self.at.map_or(u32::MAX, |last| at.wrapping_since(last).0);
         let bounce = steps == 1 && direction != self.direction && since < BOUNCE.0;
         self.sector = Some(sector);
@@ -326,7 +350,8 @@ impl HallDecoder {
         self.doubtful = steps > 1 || since < CONFIRM.0;
         self.pending = None;
         self.score = self.score.saturating_sub(1);
-        let rising = self.wiring.code(sector) & !before != 0;
+        // Neighbours differ in one line, so they have one and two lines high by turns.
+        let rising = TWO_HIGH >> self.code & 1 != 0;
         HallEvent::Step(HallEdge { count: self.count, steps, direction, at, rising, bounce })
     }
 

@@ -14,8 +14,8 @@
 //! Formats: positions and residuals in 2^-16 count, velocity in 2^-16 counts/s, acceleration in 2^-8
 //! counts/s², rates in 2^-12 Hz, gains in 2^-16.
 
-use crate::num::{mul_shift, saturating_i16, saturating_signed};
-use crate::sense::hall::{Direction, HallEdge};
+use crate::num::{mul_low, mul_low_unsigned, mul_shift, mul_upper, saturating_i16, saturating_signed};
+use crate::sense::hall::HallEdge;
 use crate::units::{Counts, CountsPerSec, Micros};
 use fixed::types::{I16F16, I22F10};
 
@@ -32,9 +32,9 @@ const ONE: i32 = 1 << 16;
 const AGE_PER_US: i32 = 143_166;
 /// The most that one edge ages the memory when nothing is going on: 0.4, so that about five edges always count
 /// and a single late one cannot swing the velocity.
-const AGE_STEADY: i32 = 26_214;
+const AGE_STEADY: u32 = 26_214;
 /// The most in a manoeuvre, where two edges must do.
-const AGE_MANOEUVRE: i32 = 78_643;
+const AGE_MANOEUVRE: u32 = 78_643;
 /// Slower edges than this cannot show a manoeuvre that matters: 0.3 counts in 10 ms is 6000 counts/s², a tenth
 /// of what the motor can do, and slow rotors rock over their cogs.
 const QUICK_US: u32 = 10_000;
@@ -44,19 +44,21 @@ const NOISE_FLOOR: i32 = 1966;
 const LEARNABLE: i32 = 19_661;
 /// A residual beyond this, 16 counts, means that edges were not seen for long: begin anew.
 const LOST: i32 = 16 * ONE;
+/// Most steps that are reckoned with.
+const MOST_STEPS: i32 = 1 << 13;
 /// Shortest time between edges that is reckoned with; also where a learned delay turns their order.
 const SHORTEST_US: u32 = 100;
 /// Highest learned delay of rising edges, in µs.
 const DELAY_MAX: i32 = 400;
 /// Highest acceleration believed, counts/s²: the motor's torque gives 70,000.
 const ACCEL_MAX: i32 = 80_000 << 8;
+/// Highest velocity believed: fifteen times the motor's no-load speed.
+const SPEED_MAX: i32 = 1 << 30;
 /// The acceleration is believed for this long after an edge.
 const ACCEL_US: u32 = 30_000;
-/// Edges after which the growing memory is as long as the fading one.
-const GROWN: u8 = 20;
 
 /// Least-squares gains of the n-th edge of a straight line, (position, velocity): all edges weigh the same
-/// until the memory is full.
+/// until the memory is full: then it is as long as the fading one.
 const GROWING: [(i32, i32); 20] = [
     (ONE, ONE),
     (ONE, ONE),
@@ -80,29 +82,36 @@ const GROWING: [(i32, i32); 20] = [
     (12_762, 1035),
 ];
 
-/// What the edges have told of the motion.
+/// What the edges have told of the motion. Distances are counted forward, in the direction of the rotor, from the boundary
+/// last crossed: velocity is never negative.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     /// When the last edge truly was.
     at: Micros,
-    /// Cell count ± ½: the number of the boundary last crossed, at number − ½ counts.
+    /// The number of the boundary last crossed, at number − ½ counts.
     boundary: i32,
-    /// Whether the line rose there.
-    rising: bool,
-    /// +1, −1; 0 before the first edge.
-    sign: i32,
-    /// Edges since the motion began, to `GROWN`.
-    edges: u8,
-    /// Where that boundary really is, from number − ½.
+    /// Its offset's.
+    index: usize,
+    /// Where that boundary really is.
     place: i32,
-    /// Filtered position, from number − ½.
+    /// Where the next one really is.
+    next: i32,
+    /// Filtered position.
     position: i32,
+    /// 0..=`SPEED_MAX`.
     velocity: i32,
+    /// Within ±`ACCEL_MAX`.
     acceleration: i32,
     /// Mean residual: what is left of a manoeuvre.
     bias: i32,
     /// Mean size of a residual.
     noise: i32,
+    /// +1, −1; 0 before the first edge.
+    sign: i8,
+    /// Edges since the motion began, as far as `GROWING` goes.
+    edges: u8,
+    /// Whether the line rose at the boundary.
+    rising: bool,
 }
 
 /// Estimates position and velocity of one motor, learning the places of `N` edges: the hall counts a revolution,
@@ -121,19 +130,21 @@ pub struct Estimator<const N: usize> {
 impl<const N: usize> Estimator<N> {
     /// At rest in the middle of cell `count`, nothing learned.
     #[must_use]
-    pub const fn new(count: i32) -> Self {
+    pub fn new(count: i32) -> Self {
         let motion = Motion {
             at: Micros(0),
             boundary: count,
-            rising: false,
-            sign: 0,
-            edges: 0,
+            index: Self::index(count),
             place: 0,
+            next: ONE,
             position: 0,
             velocity: 0,
             acceleration: 0,
             bias: 0,
             noise: NOISE_FLOOR,
+            sign: 0,
+            edges: 0,
+            rising: false,
         };
         Self { count, motion, before: motion, offsets: [0; N], delay: 0 }
     }
@@ -145,6 +156,7 @@ impl<const N: usize> Estimator<N> {
     }
 
     /// Takes a step of the count.
+    #[inline(never)]
     pub fn edge(&mut self, edge: &HallEdge) {
         self.count = edge.count;
         if edge.bounce {
@@ -152,122 +164,129 @@ impl<const N: usize> Estimator<N> {
             return;
         }
         self.before = self.motion;
-        let sign = i32::from(edge.direction.sign());
-        let boundary = match edge.direction {
-            Direction::Closing => edge.count,
-            Direction::Opening => edge.count.wrapping_add(1),
-        };
+        let sign = edge.direction.sign();
+        let closing = sign > 0;
+        let boundary = if closing { edge.count } else { edge.count.wrapping_add(1) };
         let late = if edge.rising { self.delay().0 } else { 0 };
         let at = Micros(edge.at.0.wrapping_sub(late));
-        let place = self.offset(boundary);
-        let m = &mut self.motion;
+        let m = &self.motion;
+        let steps = along(boundary.wrapping_sub(m.boundary), sign);
+        let (index, place, moved) = if steps == 1 && sign == m.sign {
+            // As a rule it is the next boundary, and known.
+            (Self::beside(m.index, sign), m.next.wrapping_sub(ONE), m.next)
+        } else {
+            let index = Self::index(boundary);
+            let place = self.offset(index, sign);
+            // Below 2^30, and far more than `LOST`.
+            (index, place, steps.clamp(-MOST_STEPS, MOST_STEPS).wrapping_mul(ONE).wrapping_add(place))
+        };
         let elapsed = since(m.at, at);
-        let moved = boundary.wrapping_sub(m.boundary).saturating_mul(ONE).saturating_add(place);
+        let next = self.offset(Self::beside(index, sign), sign).wrapping_add(ONE);
+        let here =
+            Motion { at, boundary, index, place, next, position: place, sign, rising: edge.rising, ..*m };
         if sign != m.sign {
             // Crossed back: somewhere in between the rotor stood.
-            *m = Motion {
-                at,
-                boundary,
-                rising: edge.rising,
-                sign,
-                edges: 1,
-                place,
-                position: place,
-                velocity: 0,
-                acceleration: 0,
-                bias: 0,
-                ..*m
-            };
+            self.motion = Motion { edges: 1, velocity: 0, acceleration: 0, bias: 0, ..here };
             return;
         }
         let dt = elapsed.clamp(SHORTEST_US, STILL.0);
-        let rate = saturating_signed(RATE / dt);
+        let rate = (RATE / dt).cast_signed();
+        // Below 2^29.
         let (expected, velocity) = m.predict(dt);
-        let residual = moved.saturating_sub(expected);
-        if m.edges < 2 || elapsed > STILL.0 || residual.saturating_abs() > LOST {
-            let velocity = mul_shift(moved.saturating_sub(m.place), rate, 12);
-            *m = Motion {
-                at,
-                boundary,
-                rising: edge.rising,
-                edges: 2,
-                place,
-                position: place,
-                velocity,
-                acceleration: 0,
-                bias: 0,
-                ..*m
-            };
+        let residual = moved.wrapping_sub(expected);
+        if m.edges < 2 || elapsed > STILL.0 || residual.abs() > LOST {
+            let velocity = mul_shift(moved.wrapping_sub(m.place), rate, 12).clamp(0, SPEED_MAX);
+            self.motion = Motion { edges: 2, velocity, acceleration: 0, bias: 0, ..here };
             return;
         }
-        m.correct(residual, velocity, rate, dt);
-        m.at = at;
-        m.boundary = boundary;
-        m.rising = edge.rising;
-        m.position = place.saturating_sub(residual).saturating_add(m.position);
-        m.place = place;
-        if m.edges >= 12 && residual.saturating_abs() < LEARNABLE && edge.steps == 1 {
-            self.learn(boundary, residual, edge.rising, dt);
+        self.motion = Motion { velocity, ..here };
+        let corrected = self.motion.correct(residual, rate, dt);
+        self.motion.position = place.wrapping_sub(residual).wrapping_add(corrected);
+        if self.motion.edges >= 12 && residual.abs() < LEARNABLE && edge.steps == 1 {
+            self.learn(index, residual, edge.rising, dt);
         }
     }
 
     /// Offset of an edge, and the rising edges' delay, from a residual.
-    fn learn(&mut self, boundary: i32, residual: i32, rising: bool, dt: u32) {
-        if let Some(offset) = self.index(boundary).and_then(|k| self.offsets.get_mut(k)) {
+    #[inline]
+    fn learn(&mut self, index: usize, residual: i32, rising: bool, dt: u32) {
+        let sign = self.motion.sign;
+        if let Some(offset) = self.offsets.get_mut(index) {
             let old = i32::from(*offset);
             // A share of the residual, and a leak: a constant over all edges is not placement.
-            *offset = saturating_i16(old.saturating_sub(residual >> 5).saturating_sub(old >> 9));
+            *offset = saturating_i16(old.wrapping_sub(along(residual, sign) >> 5).wrapping_sub(old >> 9));
         }
-        // A late edge finds the rotor short of where it is expected; residual · interval is the time.
-        let short = along(if rising { residual.wrapping_neg() } else { residual }, self.motion.sign);
-        let lag = mul_shift(short, saturating_signed(dt.min(2000)), 14);
-        self.delay = self.delay.saturating_add(lag).clamp(0, DELAY_MAX << 8);
+        // A late edge finds the rotor short of where it is expected; residual · interval is the time: < 2^15 · 2^11.
+        let short = if rising { residual.wrapping_neg() } else { residual };
+        let lag = short.wrapping_mul(dt.min(2000).cast_signed()) >> 14;
+        self.delay = self.delay.wrapping_add(lag).clamp(0, DELAY_MAX << 8);
     }
 
-    fn index(&self, boundary: i32) -> Option<usize> {
-        let n = i32::try_from(N).ok().filter(|n| *n > 0)?;
-        usize::try_from(boundary.rem_euclid(n)).ok()
+    /// Which offset is a boundary's.
+    fn index(boundary: i32) -> usize {
+        let n = i32::try_from(N).ok().filter(|n| *n > 0);
+        n.and_then(|n| usize::try_from(boundary.rem_euclid(n)).ok()).unwrap_or(0)
     }
 
-    fn offset(&self, boundary: i32) -> i32 {
-        self.index(boundary).and_then(|k| self.offsets.get(k)).map_or(0, |o| i32::from(*o))
+    /// The next one, in the direction of `sign`.
+    const fn beside(index: usize, sign: i8) -> usize {
+        match (sign > 0, index) {
+            (true, last) if last.wrapping_add(1) == N => 0,
+            (true, _) => index.wrapping_add(1),
+            (false, 0) => N.wrapping_sub(1),
+            (false, _) => index.wrapping_sub(1),
+        }
+    }
+
+    /// An offset, forward where that is `sign`.
+    fn offset(&self, index: usize, sign: i8) -> i32 {
+        along(self.offsets.get(index).map_or(0, |o| i32::from(*o)), sign)
     }
 
     /// Position and velocity of the rotor at a time not before the last edge nor before an earlier call. The
     /// position is within the cell of the count. To be called at least each half hour: a standstill is noted
     /// here, before the clock's wrap makes the last edge look young.
     #[must_use]
+    #[inline]
     pub fn at(&mut self, now: Micros) -> (Counts, CountsPerSec) {
         let (position, velocity) = self.rotor(now);
+        let sign = i32::from(self.motion.sign);
         // From the centre of the cell, which is half a count past the boundary.
-        let half = self.motion.sign.saturating_mul(ONE / 2);
-        let within = position.saturating_sub(half).clamp(-ONE / 2, ONE / 2 - 64);
+        let within = position.clamp(64, ONE - 64).wrapping_sub(ONE / 2).wrapping_mul(sign);
         let within = Counts(I22F10::from_bits(within >> 6));
-        (Counts::from_int(self.count).wrapping_add(within), CountsPerSec(I16F16::from_bits(velocity)))
+        let velocity = CountsPerSec(I16F16::from_bits(velocity.wrapping_mul(sign)));
+        (Counts::from_int(self.count).wrapping_add(within), velocity)
     }
 
-    /// Position from the last boundary's number − ½, not beyond the next edge's place, and velocity.
+    /// Position, not beyond the next edge's place, and velocity; forward.
+    #[inline]
     fn rotor(&mut self, now: Micros) -> (i32, i32) {
-        let m = &self.motion;
-        if m.sign == 0 {
-            return (0, 0);
-        }
+        let m = &mut self.motion;
         let elapsed = since(m.at, now);
-        let dt = elapsed.min(STILL.0);
-        let (position, velocity) = m.predict(dt);
-        // The next edge's place: no edge yet, so the rotor is not there yet.
-        let next = self.offset(m.boundary.wrapping_add(m.sign)).saturating_add(along(ONE, m.sign));
-        let ahead = along(next.saturating_sub(m.place), m.sign).max(ONE / 8);
-        let position = if m.sign > 0 { position.min(next) } else { position.max(next) };
         if elapsed >= STILL.0 {
-            // Stays just as old as this from now on.
-            let at = Micros(now.0.wrapping_sub(STILL.0));
-            self.motion = Motion { at, edges: 1, position, velocity: 0, acceleration: 0, bias: 0, ..*m };
-            return (position, 0);
+            // It has gone as far as it will, and stays just as long ago as this from now on.
+            if m.velocity != 0 || m.acceleration != 0 {
+                (m.position, _) = m.predict(STILL.0);
+                m.position = m.position.min(m.next);
+                (m.velocity, m.acceleration, m.bias) = (0, 0, 0);
+            }
+            m.edges = m.edges.min(1);
+            m.at = Micros(now.0.wrapping_sub(STILL.0));
         }
-        let waited = dt.saturating_sub(self.delay().0).max(SHORTEST_US);
-        let limit = mul_shift(ahead, saturating_signed(RATE / waited), 12);
-        (position, if m.edges < 2 { 0 } else { velocity.max(limit.saturating_neg()).min(limit) })
+        if m.velocity == 0 && m.acceleration == 0 {
+            return (m.position.min(m.next), 0);
+        }
+        let (position, velocity) = m.predict(elapsed);
+        // No edge yet, so the rotor is not there yet. All of the way takes longer than the wait, or it is slower.
+        let waited = elapsed.saturating_sub(self.delay.unsigned_abs() >> 8).max(SHORTEST_US);
+        let ahead = m.next.wrapping_sub(m.place).max(ONE / 8);
+        let way = mul_upper(velocity, seconds(waited));
+        let velocity = if way < ahead {
+            velocity
+        } else {
+            mul_shift(ahead, saturating_signed(RATE / waited), 12).min(velocity)
+        };
+        (position.min(m.next), velocity)
     }
 
     /// As [`at`](Self::at), but undecided what a pattern is that repeats with the rotor: marks out of place, or a
@@ -282,22 +301,23 @@ impl<const N: usize> Estimator<N> {
     pub fn undecided(&mut self, now: Micros) -> (Counts, CountsPerSec) {
         let (position, velocity) = self.rotor(now);
         let m = &self.motion;
-        if m.sign == 0 {
+        let sign = i32::from(m.sign);
+        if sign == 0 {
             return (Counts::from_int(self.count), CountsPerSec::ZERO);
         }
         // Edges fall and rise by turns.
-        let back = if m.rising { m.sign } else { 0 };
-        let fall = m.boundary.wrapping_sub(back);
-        let next = fall.wrapping_add(m.sign.saturating_mul(2));
-        let place = self.offset(fall);
+        let back = i32::from(m.rising);
+        let fall = m.boundary.wrapping_sub(back.wrapping_mul(sign));
+        let next = fall.wrapping_add(sign.wrapping_mul(2));
+        let place = self.offset(Self::index(fall), m.sign);
         // Half of the way between the two: offsets are within ±½.
-        let way = ONE.saturating_add((self.offset(next).saturating_sub(place) / 2).saturating_mul(m.sign));
+        let way = ONE.saturating_add(self.offset(Self::index(next), m.sign).saturating_sub(place) / 2);
         let marks = saturating_signed(u32::MAX / way.max(ONE / 2).unsigned_abs());
-        let from_mark = position.saturating_add(back.saturating_mul(ONE)).saturating_mul(m.sign);
-        let along = mul_shift(from_mark.saturating_sub(place.saturating_mul(m.sign)), marks, 16);
-        let mean = (from_mark / 2).saturating_add(along / 2).clamp(0, 2 * ONE).saturating_mul(m.sign);
+        let from_mark = position.saturating_add(back.saturating_mul(ONE));
+        let along = mul_shift(from_mark.saturating_sub(place), marks, 16);
+        let mean = (from_mark / 2).saturating_add(along / 2).clamp(0, 2 * ONE).saturating_mul(sign);
         let mark = Counts::from_int(fall).wrapping_sub(Counts(I22F10::ONE / 2));
-        let velocity = mul_shift(velocity, marks.saturating_add(ONE), 17);
+        let velocity = mul_shift(velocity, marks.saturating_add(ONE), 17).saturating_mul(sign);
         (mark.wrapping_add(Counts(I22F10::from_bits(mean >> 6))), CountsPerSec(I16F16::from_bits(velocity)))
     }
 }
@@ -310,7 +330,7 @@ const fn since(earlier: Micros, later: Micros) -> u32 {
 }
 
 /// A distance as seen in the direction of `sign`, +1 or −1.
-const fn along(distance: i32, sign: i32) -> i32 {
+const fn along(distance: i32, sign: i8) -> i32 {
     if sign < 0 { distance.wrapping_neg() } else { distance }
 }
 
@@ -318,82 +338,91 @@ const fn along(distance: i32, sign: i32) -> i32 {
 const RATE: u32 = 4_096_000_000;
 
 impl Motion {
-    /// Position from the last boundary and velocity `dt` µs (≤ `STILL`) after the last edge.
+    /// Position and velocity `dt` µs (≤ `STILL`) after the last edge.
+    #[inline(always)]
     fn predict(&self, dt: u32) -> (i32, i32) {
-        let seconds = seconds(dt);
-        let bent = seconds.min(seconds_const(ACCEL_US));
-        // a in 2^-8, time in 2^-31 s: 23 bits down is 2^-16 counts/s.
-        let gain = mul_shift(self.acceleration, bent, 23);
-        let velocity = self.velocity.saturating_add(gain);
-        let straight = mul_shift(self.velocity, seconds, 31);
-        if velocity != 0 && (velocity < 0) != (self.sign < 0) {
+        let time = seconds(dt);
+        let bent = time.min(seconds(ACCEL_US));
+        // a < 2^25 in 2^-8, time < 2^27 in 2^-32 s: 24 bits down is below 2^28 in 2^-16 counts/s.
+        let gain = mul_low(self.acceleration, bent, 24);
+        // Below 2^30 + 2^28.
+        let velocity = self.velocity.wrapping_add(gain);
+        // Below 2^30 · 0.3 s, and below 2^28 of that.
+        let straight = mul_upper(self.velocity, time);
+        if velocity < 0 {
             // Slowed down to a stop: half the distance at full speed is its braking distance, or more.
-            return (self.position.saturating_add(straight / 2), 0);
+            return (self.position.wrapping_add(straight / 2), 0);
         }
-        let extra = mul_shift(gain, seconds.saturating_sub(bent / 2), 31);
-        (self.position.saturating_add(straight).saturating_add(extra), velocity)
+        let extra = mul_upper(gain, time.wrapping_sub(bent / 2));
+        (self.position.wrapping_add(straight).wrapping_add(extra), velocity)
     }
 
-    /// One filter step; leaves in `position` the filtered deviation from the expected place.
-    fn correct(&mut self, residual: i32, velocity: i32, rate: i32, dt: u32) {
-        self.bias = self.bias.saturating_add(mul_shift(residual.saturating_sub(self.bias), 19_661, 16));
-        let size = residual.saturating_abs().min(self.noise.saturating_mul(2));
-        self.noise = self.noise.saturating_add(size.saturating_sub(self.noise) >> 5);
+    /// One filter step from the velocity predicted, with |residual| ≤ `LOST` = 2^20; gives the filtered deviation from the
+    /// expected place.
+    fn correct(&mut self, residual: i32, rate: i32, dt: u32) -> i32 {
+        // Both stay within what they follow: 2^20.
+        self.bias = self.bias.wrapping_add(mul_low(residual.wrapping_sub(self.bias), 19_661, 16));
+        let size = residual.abs().min(self.noise.wrapping_mul(2));
+        self.noise = self.noise.wrapping_add(size.wrapping_sub(self.noise) >> 5);
         // How much of a manoeuvre the residuals are: 2^-8, at most 1.5.
         let usual = self.noise.max(NOISE_FLOOR).unsigned_abs();
-        let manoeuvre = saturating_signed((self.bias.unsigned_abs().min(1 << 20) << 8) / usual).min(384);
-        let square = manoeuvre.saturating_mul(manoeuvre);
-        let age = mul_shift(saturating_signed(dt.min(1 << 17)), AGE_PER_US, 16);
-        let age = age.saturating_add(mul_shift(age, square, 16));
-        let large = residual.saturating_abs() > LEARNABLE && dt < QUICK_US;
-        let age = age.min(if large { AGE_MANOEUVRE } else { AGE_STEADY });
+        let manoeuvre = ((self.bias.unsigned_abs() << 8) / usual).min(384);
+        let large = residual.abs() > LEARNABLE;
+        let quick = dt < QUICK_US;
         // A motion that has just begun is accelerating.
-        let age = if self.edges < 6 && dt < QUICK_US { AGE_MANOEUVRE } else { age };
+        let age = if quick && self.edges < 6 {
+            AGE_MANOEUVRE
+        } else {
+            // < 2^17 · 2.2, and 1 + 1.5² times as much: below 2^20 · 2^18 before the shift.
+            let age = mul_low(dt.min(1 << 17).cast_signed(), AGE_PER_US, 16).unsigned_abs();
+            let age = age.wrapping_add(mul_low_unsigned(age, manoeuvre.wrapping_mul(manoeuvre), 16));
+            age.min(if large && quick { AGE_MANOEUVRE } else { AGE_STEADY })
+        };
         let (mut g, mut h, mut k) = gains(age);
         if let Some(&(g_growing, h_growing)) = GROWING.get(usize::from(self.edges)) {
             g = g.max(g_growing);
             h = h.max(h_growing);
-            self.edges = self.edges.saturating_add(1).min(GROWN);
+            self.edges = self.edges.wrapping_add(1);
             if self.edges < 4 {
                 k = 0;
             }
         }
-        self.position = mul_shift(residual, g, 16);
-        let pull = mul_shift(residual, rate, 12);
-        let velocity = velocity.saturating_add(mul_shift(pull, h, 16));
-        self.velocity = if (velocity < 0) == (self.sign < 0) { velocity } else { 0 };
-        // 2^-16 · 2^-12 → 2^-8: 20 bits down.
-        let bend = mul_shift(mul_shift(pull, k, 16), rate, 20);
-        let mut acceleration = self.acceleration.saturating_add(bend).clamp(-ACCEL_MAX, ACCEL_MAX);
-        if (self.bias < 0) != (acceleration < 0) {
+        // Residual ≤ 2^20 and rate ≤ 2^25.3: in 2^-12 counts/s below 2^29.3, and the velocity below 2^26.3.
+        let pull = mul_low(residual, rate, 16);
+        let velocity = (self.velocity >> 4).wrapping_add(mul_low(pull, h, 16));
+        self.velocity = velocity.clamp(0, SPEED_MAX >> 4) << 4;
+        // 2^-12 · 2^-12 → 2^-8: 16 bits down; saturated, and the acceleration is below 2^25.
+        let bend = mul_shift(mul_low(pull, k, 16), rate, 16).clamp(-2 * ACCEL_MAX, 2 * ACCEL_MAX);
+        let acceleration = self.acceleration.wrapping_add(bend).clamp(-ACCEL_MAX, ACCEL_MAX);
+        self.acceleration = if (self.bias < 0) == (acceleration < 0) {
+            acceleration
+        } else {
             // The acceleration has ended: drop up to 0.7 of it.
-            let share = mul_shift(manoeuvre, 205, 8).min(256);
-            let share = mul_shift(share.saturating_mul(share), 45_875, 16);
-            acceleration = acceleration.saturating_sub(mul_shift(acceleration, share, 16));
-        }
-        self.acceleration = acceleration;
+            let share = (manoeuvre.wrapping_mul(205) >> 8).min(256);
+            let share = (share.wrapping_mul(share).wrapping_mul(45_875) >> 16).cast_signed();
+            acceleration.wrapping_sub(mul_low(acceleration, share, 16))
+        };
+        mul_low(residual, g, 16)
     }
 }
 
-/// Gains of the fading memory for the age that an interval adds (2^-16, below 2).
-fn gains(age: i32) -> (i32, i32, i32) {
-    // y = 1 − e^−x ≈ x / (1 + x/2 + x²/12), 0.1 % high at x = 1.2.
-    let square = mul_shift(age, age, 16);
-    let under = ONE.saturating_add(age / 2).saturating_add(mul_shift(square, 5461, 16)).unsigned_abs();
-    let y = saturating_signed((age.unsigned_abs() << 14) / (under >> 2));
-    let y2 = mul_shift(y, y, 16);
-    let y3 = mul_shift(y2, y, 16);
-    let g = y.saturating_sub(y2).saturating_mul(3).saturating_add(y3);
-    let h = y2.saturating_mul(3).saturating_sub(y3.saturating_add(y3 / 2));
-    (g, h, y3)
+/// Gains of the fading memory for the age that an interval adds (2^-16, at most `AGE_MANOEUVRE`): 0..=2^16 each, 1.5 for
+/// the second.
+fn gains(age: u32) -> (i32, i32, i32) {
+    // y = 1 − e^−x ≈ x / (1 + x/2 + x²/12), 0.1 % high at x = 1.2. Half of the age squares below 2^31.
+    let half = age / 2;
+    let square = half.wrapping_mul(half) >> 14;
+    let under = (1_u32 << 16).wrapping_add(half).wrapping_add(square.wrapping_mul(5461) >> 16);
+    // y < 0.71, so no square passes 2^32.
+    let y = (age << 14) / (under >> 2);
+    let y2 = y.wrapping_mul(y) >> 16;
+    let y3 = y2.wrapping_mul(y) >> 16;
+    let g = y.wrapping_sub(y2).wrapping_mul(3).wrapping_add(y3);
+    let h = y2.wrapping_mul(3).wrapping_sub(y3.wrapping_add(y3 / 2));
+    (g.cast_signed(), h.cast_signed(), y3.cast_signed())
 }
 
-/// Microseconds up to 0.99 s in 2^-31 s.
-fn seconds(us: u32) -> i32 {
-    seconds_const(us.min(STILL.0))
-}
-
-const fn seconds_const(us: u32) -> i32 {
-    // 2^31 / 10^6 = 2147.48
-    mul_shift(saturating_signed(us), 2_199_023, 10)
+/// Microseconds up to `STILL` in 2^-32 s: 4294.97, of which 4295 is 8 millionths more.
+const fn seconds(us: u32) -> i32 {
+    us.wrapping_mul(4295).cast_signed()
 }

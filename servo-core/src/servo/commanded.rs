@@ -1,11 +1,11 @@
 //! What each command does to the servo; the tick does the rest.
 
-use super::{Purpose, Servo, pid_of};
+use super::{Purpose, Servo, bounds_of, pid_of};
 use crate::command::{Command, EndReason, Event, Refusal};
 use crate::config::Config;
+use crate::guard::strain::Window;
 use crate::mode::{Mode, admits};
 use crate::motion::pid::PidState;
-use crate::motion::profile::Profile;
 use crate::motion::velocity_loop::VelocityLoop;
 use crate::units::{Counts, CountsPerSec, Torque};
 
@@ -58,7 +58,10 @@ impl Servo {
             }
             Command::Terminate => self.stop(),
             Command::Configure(config) => self.configure(config),
-            Command::ClearFault => self.faults.clear(),
+            Command::ClearFault => {
+                self.faults.clear();
+                self.thermal.judge_next();
+            }
             Command::ClearBreakaway => self.broke_away = None,
         }
         Ok(())
@@ -138,7 +141,7 @@ impl Servo {
             // The brake still holds: entry would seed the set-point from the measurement.
             Mode::Pid if !self.entered => self.position_wanted = Some(position),
             Mode::Pid => {
-                self.profile = Profile::at_rest(Counts::from_int(position));
+                self.profile.rest_at(Counts::from_int(position));
                 self.setpoint = self.profile.current();
                 self.stall.restart();
             }
@@ -179,8 +182,13 @@ impl Servo {
         let shape = |c: &Config| (c.accel, c.mv, c.mcv, c.mov, c.ioff);
         let reshaped = shape(&config) != shape(&self.config);
         self.config = config;
+        self.thermal.judge_next();
         self.pid = pid_of(&config);
         self.velocity_loop = VelocityLoop::new(config.kpv);
+        self.strain = Window::new(config.hsg, config.lsg);
+        if reshaped {
+            self.bounds = bounds_of(&config);
+        }
         // Anything else that is set during a blocked move must not put off its stall.
         if reshaped && self.mode == Mode::Trapezoidal && self.entered {
             self.plan();

@@ -1,4 +1,6 @@
 use super::*;
+use crate::sense::hall::Direction;
+use proptest::prelude::*;
 
 /// Steps of a count at the given times, closing unless `sign` is −1; edges alternate between falling and rising.
 fn feed<const N: usize>(
@@ -222,6 +224,38 @@ proptest::proptest! {
                 let (p, v) = e.undecided(Micros(now.wrapping_add(later)));
                 proptest::prop_assert!(bounced || p.wrapping_sub(Counts::from_int(count)).0.to_bits().abs() <= 1536);
                 proptest::prop_assert!(later < 300_000 || v == CountsPerSec::ZERO);
+            }
+        }
+    }
+}
+
+proptest! {
+    /// The bounds that the products rely on hold whatever the edges say, and what comes out is inside the cell.
+    #[test]
+    fn no_edges_leave_the_bounds(
+        edges in prop::collection::vec(
+            (prop_oneof![0..200_u32, 0..3000_u32, any::<u32>()], prop_oneof![Just(1), 1..=40_u8], 0..16_u8), 1..300,
+        ),
+        count in prop_oneof![-100..100_i32, Just(i32::MAX), Just(i32::MIN)],
+    ) {
+        let (mut e, mut count, mut now) = (Estimator::<18>::new(count), count, 0_u32);
+        for (wait, steps, flags) in edges {
+            now = now.wrapping_add(wait);
+            let direction = if flags & 12 == 0 { Direction::Opening } else { Direction::Closing };
+            count = count.wrapping_add(i32::from(direction.sign()) * i32::from(steps));
+            let (rising, bounce) = (flags & 1 == 1, flags & 15 == 2);
+            e.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce });
+            let m = e.motion;
+            prop_assert!((0..=SPEED_MAX).contains(&m.velocity) && m.acceleration.abs() <= ACCEL_MAX);
+            prop_assert!(m.bias.abs() <= LOST && (0..=LOST).contains(&m.noise) && (0..=DELAY_MAX << 8).contains(&e.delay));
+            prop_assert!(m.place.abs() <= ONE / 2 && m.position.abs() <= 3 * LOST, "{m:?}");
+            for later in [0, 999, 40_000, 300_000] {
+                let (position, velocity) = e.clone().at(Micros(now.wrapping_add(later)));
+                let out = position.wrapping_sub(Counts::from_int(count)).0.to_bits();
+                prop_assert!(bounce || (-512..512).contains(&out), "{out} {m:?}");
+                // 0 or forward, and at most a quarter above the bound by what it gains in 30 ms.
+                let forward = i64::from(velocity.0.to_bits()) * i64::from(m.sign);
+                prop_assert!((0..=i64::from(SPEED_MAX) * 5 / 4).contains(&forward), "{forward} {m:?}");
             }
         }
     }

@@ -33,7 +33,9 @@ fn torque_reads_as_commanded_until_a_limit_takes_of_it() {
     assert_eq!(bench.servo.torque(), Torque(-750));
     // The thermistor 4 °C below OTEMP: half of 990.
     bench.motor_temp = DeciCelsius(660);
-    bench.tick();
+    for _ in 0..crate::guard::thermal::TICKS {
+        bench.tick();
+    }
     assert_eq!(bench.servo.torque(), Torque(-495));
     bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
     bench.tick();

@@ -32,7 +32,8 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
         }
         FaultCode::OverTemperature => {
             bench.board().analog.motor_temp = DeciCelsius(700);
-            bench.tick();
+            // The temperature is judged each 16 ms.
+            bench.ticks(16);
         }
         FaultCode::OverVoltage => {
             bench.board().analog.bus = MilliVolts(32_100);

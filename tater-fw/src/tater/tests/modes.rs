@@ -68,7 +68,8 @@ fn torque_is_set_in_mode_2_only_and_reads_what_the_limits_left() {
     // OTEMP 700 allows a quarter of 990 at 68 °C.
     bench.set(Property::T, 700).expect("mode 2");
     bench.board().analog.motor_temp = DeciCelsius(680);
-    bench.ticks(2);
+    // The temperature is judged each 16 ms.
+    bench.ticks(16);
     assert_eq!(bench.get(Property::T), Some(247));
     bench.set(Property::MODE, 3).expect("mode 3");
     bench.tick();
