@@ -175,15 +175,30 @@ impl<B: Board> Tater<B> {
     }
 
     /// A hall line changed: commutates at once. Also called by every tick.
+    #[inline(always)]
     pub fn hall(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
-        let event = self.commutator.sample(code, now);
+        if !self.commutator.is_settled(code) {
+            self.turned(code, now);
+        }
+    }
+
+    /// The lines have changed, or wait for time to pass.
+    #[inline(never)]
+    fn turned(&mut self, code: u8, now: Micros) {
         let changed = u32::from(code) != self.hall_history & 7;
+        // First of all, before anything is counted: the legs are wrong.
+        let ahead = if changed { self.commutator.ahead(code, now) } else { None };
+        if let Some(bridge) = ahead {
+            self.board.bridge(bridge);
+        }
+        let event = self.commutator.sample(code, now);
         if !changed && event.is_none() {
             return;
         }
-        // First of all: until here the legs were wrong.
-        self.board.bridge(self.commutator.bridge());
+        if ahead.is_none() {
+            self.board.bridge(self.commutator.bridge());
+        }
         if changed {
             self.still_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);

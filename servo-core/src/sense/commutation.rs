@@ -74,6 +74,21 @@ impl Commutator {
         Self { halls: HallDecoder::new(wiring, code, count), duty: None }
     }
 
+    /// What the bridge must do with `code` on the lines, if that moves the rotor on: the same as [`Self::bridge`] after
+    /// [`Self::sample`], but at once, while an edge waits. `None` if that sample leaves the rotor where it is, or is the first
+    /// legal one.
+    #[must_use]
+    pub fn ahead(&self, code: u8, at: Micros) -> Option<Bridge> {
+        self.halls.ahead(code, at).map(|sector| bridge(Some(sector), self.duty))
+    }
+
+    /// Whether one more sample of `code` would change nothing.
+    #[inline]
+    #[must_use]
+    pub fn is_settled(&self, code: u8) -> bool {
+        self.halls.is_settled(code)
+    }
+
     /// One sample of the lines: at each of their changes, and at each control tick before the servo's.
     pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         self.halls.sample(code, at)

@@ -243,6 +243,21 @@ impl HallDecoder {
         self.sector
     }
 
+    /// The sector that a sample of `code` leads to, if it moves the count: that of a neighbour at once, of another when a jump
+    /// has been confirmed.
+    #[must_use]
+    pub fn ahead(&self, code: u8, at: Micros) -> Option<u8> {
+        let sector = self.wiring.sector(code)?;
+        let follows = match way(self.sector?, sector) {
+            -1 | 1 => true,
+            0 => false,
+            _ => self.pending.is_some_and(|p| {
+                at.wrapping_since(p.at).0 >= CONFIRM.0 && (-1..=1).contains(&way(p.sector, sector))
+            }),
+        };
+        follows.then_some(sector)
+    }
+
     /// One sample of the lines (bits 2..0): at each of their changes, and at each control tick, so that a jump
     /// with no edge after it is confirmed too.
     #[inline]
@@ -263,6 +278,13 @@ impl HallDecoder {
         let event = self.judge(code, at);
         self.quiet = self.pending.is_none() && self.illegal_since.is_none() && self.score == 0;
         event
+    }
+
+    /// Whether one more sample of `code` would change nothing.
+    #[inline]
+    #[must_use]
+    pub fn is_settled(&self, code: u8) -> bool {
+        self.quiet && code & 7 == self.code
     }
 
     #[inline(never)]

@@ -81,3 +81,26 @@ fn no_sector_no_drive() {
     assert_eq!(c.sample(Wiring::STANDARD.code(2), Micros(0)), None);
     assert_eq!(c.bridge(), Bridge::On { legs: POSITIVE[2], duty: Duty::ZERO });
 }
+
+proptest::proptest! {
+    /// Whatever the lines have said: what is told ahead of a sample is what holds after it, and it is told whenever the count
+    /// moves.
+    #[test]
+    fn ahead_is_the_bridge_after_the_sample(
+        samples in proptest::collection::vec((0..8_u8, 0..5000_u32, -1..=1_i16), 0..200),
+    ) {
+        let mut c = Commutator::new(Wiring::STANDARD, 2, 0);
+        let mut now = 0_u32;
+        for (code, later, duty) in samples {
+            now = now.wrapping_add(later);
+            c.set((duty != 0).then_some(Duty(I1F15::from_bits(duty.wrapping_mul(1000)))));
+            let (ahead, before) = (c.ahead(code, Micros(now)), c.count());
+            c.sample(code, Micros(now));
+            if ahead.is_some() {
+                proptest::prop_assert_eq!(ahead, Some(c.bridge()));
+            } else {
+                proptest::prop_assert_eq!(c.count(), before);
+            }
+        }
+    }
+}
