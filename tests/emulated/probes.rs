@@ -7,7 +7,7 @@ use board_emu::gdb::{Server, listen};
 use board_emu::image::Programs;
 use board_emu::rtt::Probe;
 
-use super::bench::{Bench, NODE, flashed, folder};
+use super::bench::{Bench, NODE, flashed, folder, production};
 use tater_wire::Property;
 
 /// The release image, which logs.
@@ -90,7 +90,7 @@ const PC: usize = 15;
 
 #[test]
 fn a_gdb_stops_at_the_tick_reads_steps_and_lets_the_motor_go_on() {
-    let Some(programs) = release() else { return };
+    let Some(programs) = production() else { return };
     let names = std::rc::Rc::clone(&programs.names);
     // Its vector is the tick's: TIM3 is exception 45 (RM0008 table 63).
     let vector = 4 * 45;
