@@ -186,12 +186,20 @@ impl<S: Watched> OverCan<S> {
     /// # Errors
     /// A board that does not answer.
     pub fn power_on(&mut self) -> Result<(), String> {
-        for index in 0..self.nodes.len() {
+        self.power_on_first(self.nodes.len())
+    }
+
+    /// The same of the first `count` boards.
+    ///
+    /// # Errors
+    /// A board that does not answer.
+    pub fn power_on_first(&mut self, count: usize) -> Result<(), String> {
+        for index in 0..count {
             if let Some(station) = self.bus.station_mut(index) {
                 station.power_on();
             }
         }
-        for node in self.nodes.clone() {
+        for node in self.nodes.iter().take(count).copied().collect::<Vec<_>>() {
             self.until(node, Property::STAT, 0, BOOT_US)?;
         }
         Ok(())
