@@ -12,12 +12,18 @@ const OPTIONS: Options = Options { seed: 1, model: Model::Averaged, trace: false
 
 /// Runs one motor of a scenario on the native board that has it.
 pub(super) fn native(scenario: &Scenario, case: &Case, poll_ms: u32) -> Ran {
+    native_at(scenario, case, poll_ms, 1, 0)
+}
+
+/// The same with other noise, and with the tick elsewhere in the host's millisecond.
+pub(super) fn native_at(scenario: &Scenario, case: &Case, poll_ms: u32, seed: u64, phase_us: u64) -> Ran {
     let node = Id::new(node_of(case.motor)).expect("a node");
-    let (at_first, rig) = (parked(scenario, case, &OPTIONS), rig(scenario, case, &OPTIONS));
-    let at_first = at_first.expect("the scenario's reader has checked it");
-    let rig = rig.expect("the same");
+    let options = Options { seed, ..OPTIONS };
+    let at_first = parked(scenario, case, &options).expect("the scenario's reader has checked it");
+    let rig = rig(scenario, case, &options).expect("the same");
     let job = Job { node, case: case.clone(), rig, judged: true };
     let mut host = OverCan::new(vec![(node, Node::new(SimBoard::new(at_first, node)))]);
+    host.phase_us = phase_us;
     let up = host.power_on().and_then(|()| host.wake());
     let ran = up.and_then(|()| host.run(scenario, vec![job], poll_ms));
     ran.unwrap_or_else(|trouble| panic!("{}: {trouble}", scenario.name)).remove(0)

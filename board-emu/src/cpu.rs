@@ -91,6 +91,8 @@ pub struct Cpu {
     chip: Shared,
     /// What it has executed, by exception.
     pub counts: Counts,
+    /// A step ends with an exception's entry, so that a breakpoint at a handler's beginning is seen.
+    pub pauses_at_entry: bool,
     /// Registers, and the instructions that are right. It stays in thread mode, which keeps it from taking part in exceptions;
     /// none of its instructions that touch memory is used.
     engine: Processor,
@@ -107,7 +109,14 @@ impl Cpu {
     #[must_use]
     pub fn new(chip: Shared) -> Self {
         let sys = System::new(0, 1);
-        Self { chip, counts: Counts::default(), engine: engine(), decoder: Decoder::new(), sys }
+        Self {
+            chip,
+            counts: Counts::default(),
+            pauses_at_entry: false,
+            engine: engine(),
+            decoder: Decoder::new(),
+            sys,
+        }
     }
 
     /// A core in the same state, at another chip.
@@ -116,7 +125,7 @@ impl Cpu {
         let mut engine = engine();
         engine.registers = self.engine.registers;
         let (counts, decoder, sys) = (self.counts.clone(), self.decoder.clone(), self.sys.clone());
-        Self { chip, counts, engine, decoder, sys }
+        Self { chip, counts, pauses_at_entry: self.pauses_at_entry, engine, decoder, sys }
     }
 
     /// Out of reset: stack pointer and program counter from the vector table at 0, all else as ARMv7-M B1.5.5 says.
@@ -150,7 +159,11 @@ impl Cpu {
     /// What ends the run.
     pub fn step(&mut self) -> Result<(), Problem> {
         if self.sys.nvic.changed {
+            let before = self.engine.registers.pc;
             self.take_due()?;
+            if self.pauses_at_entry && self.engine.registers.pc != before {
+                return Ok(());
+            }
         }
         let (pc, psr) = (self.engine.registers.pc, self.engine.registers.psr);
         match self.instruction() {

@@ -102,6 +102,7 @@ impl Machine {
     /// # Errors
     /// What ends the run.
     pub fn run(&mut self, until: Time, breakpoints: &[u32]) -> Result<Pause, Stop> {
+        self.cpu.pauses_at_entry = !breakpoints.is_empty();
         let mut next = self.settle();
         while self.now() < until {
             if !self.powered {

@@ -159,10 +159,12 @@ pub fn bring_up(
     let first = boards.first().map(|(node, _)| *node);
     let mut host = OverCan::new(boards);
     attach(&mut host)?;
-    host.power_on()?;
     if let Some(first) = first.filter(|_| download) {
+        // A monitor never sleeps: the others would take their share of the time for nothing.
+        host.power_on_first(1)?;
         host.download(first, programs.tek.as_bytes())?;
     }
+    host.power_on()?;
     host.wake()?;
     Ok(host)
 }

@@ -144,6 +144,8 @@ pub struct OverCan<S> {
     bus: Bus<S>,
     nodes: Vec<Id>,
     watcher: Option<Watcher<S>>,
+    /// How long after a whole millisecond a scenario begins, us: the native board ticks at these.
+    pub phase_us: u64,
 }
 
 impl<S: Watched> OverCan<S> {
@@ -154,7 +156,7 @@ impl<S: Watched> OverCan<S> {
         let mut bus = Bus::new(stations);
         // The bus is new and has none.
         let _ = bus.plug_host("scenario", Adapter::default());
-        Self { bus, nodes, watcher: None }
+        Self { bus, nodes, watcher: None, phase_us: 0 }
     }
 
     /// The bus.
@@ -184,12 +186,20 @@ impl<S: Watched> OverCan<S> {
     /// # Errors
     /// A board that does not answer.
     pub fn power_on(&mut self) -> Result<(), String> {
-        for index in 0..self.nodes.len() {
+        self.power_on_first(self.nodes.len())
+    }
+
+    /// The same of the first `count` boards.
+    ///
+    /// # Errors
+    /// A board that does not answer.
+    pub fn power_on_first(&mut self, count: usize) -> Result<(), String> {
+        for index in 0..count {
             if let Some(station) = self.bus.station_mut(index) {
                 station.power_on();
             }
         }
-        for node in self.nodes.clone() {
+        for node in self.nodes.iter().take(count).copied().collect::<Vec<_>>() {
             self.until(node, Property::STAT, 0, BOOT_US)?;
         }
         Ok(())
@@ -229,7 +239,7 @@ impl<S: Watched> OverCan<S> {
             }
         }
         // A board's tick is at whole milliseconds if it is the native one.
-        let begin_us = (self.bus.now_us() / 1000 + 1) * 1000;
+        let begin_us = (self.bus.now_us() / 1000 + 1) * 1000 + self.phase_us;
         self.rest("setting up", begin_us - self.bus.now_us())?;
         let mut seats = Vec::new();
         for (index, job) in jobs.into_iter().enumerate() {

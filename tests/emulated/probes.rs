@@ -122,6 +122,10 @@ fn a_gdb_stops_at_the_tick_reads_steps_and_lets_the_motor_go_on() {
     let mut server = Server::accept(&listener, bench.board_mut()).expect("a client");
     bench.board_mut().set_runner(Box::new(move |board, until| server.run(board, until)));
     bench.wait_ms(50);
+    // A client that still waits has waited in vain.
+    bench.board_mut().set_runner(Box::new(|board, until| {
+        board.run(until, &[]);
+    }));
     let (code, places) = client.join().expect("the client's own assertions hold");
     let at = (tick - tater_wire::memory::APPLICATION.start) as usize;
     let bytes: String = programs.application[at..at + 4].iter().map(|byte| format!("{byte:02x}")).collect();
