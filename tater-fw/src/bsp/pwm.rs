@@ -154,8 +154,10 @@ fn image([a, b, c]: [Leg; 3]) -> u32 {
     byte(a) << A | byte(b) << B | byte(c) << C
 }
 
-/// Compare value of a duty, which is not negative.
+/// Compare value of a duty, which is not negative: the nearest. Full duty is above the counter's top, where the output never
+/// falls (RM0008 14.3.10); at the top itself it would for a clock, and the dead time after that.
 fn compare(duty: Duty) -> u16 {
-    let share = (u32::from(duty.0.to_bits().unsigned_abs()) * u32::from(TOP)) >> 15;
+    let share = (u32::from(duty.0.to_bits().unsigned_abs()) * u32::from(TOP) + (1 << 14)) >> 15;
+    let share = if share == u32::from(TOP) { share + 1 } else { share };
     u16::try_from(share).unwrap_or(0)
 }
