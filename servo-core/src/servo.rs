@@ -15,7 +15,7 @@ use crate::motion::profile::{self, Profile, SetPoint};
 use crate::motion::torque::{MIN_DAMPING, damped};
 use crate::motion::velocity_loop::VelocityLoop;
 use crate::num::Law;
-use crate::sense::hall::HallEvent;
+use crate::sense::hall::{HallEdge, HallEvent};
 use crate::sense::velocity::Estimator;
 use crate::units::{Counts, CountsPerSec, Torque};
 use heapless::Deque;
@@ -164,10 +164,16 @@ impl Servo {
         self.homed = false;
     }
 
+    /// A step of the count, as soon as it is seen: what it tells of the motion is not the next tick's work.
+    #[inline]
+    pub fn edge(&mut self, edge: &HallEdge) {
+        self.estimator.edge(edge);
+    }
+
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
         let counted = self.observe(sense);
-        // A tick that enters may have to plan. Its torque is the last motion's for a millisecond, or none.
+        // A tick that enters may have to plan, and does little else. Its torque is the last motion's, or none.
         let enters = !self.entered && self.mode != Mode::Idle && self.brake_ms >= self.config.brake_ms;
         if !enters {
             self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
@@ -182,12 +188,20 @@ impl Servo {
             self.brake_ms = self.brake_ms.saturating_add(1);
             return Drive { duty: None, brake_released: true };
         }
-        // What has just begun does not end, but for a move to where it is.
-        if self.entered || self.enter() {
+        if self.entered {
             self.check_end(counted, sense.strain);
             if !self.entered {
                 // Idle, or HI goes on: it enters its next motion in the next tick, and drives as before till then.
                 return self.drive();
+            }
+        } else {
+            self.enter();
+            if self.setpoint.done {
+                // What has just begun does not end, but for a move to where it is.
+                self.check_end(counted, sense.strain);
+            } else {
+                // A plan was made: it sets out in the next tick, and drives as before till then.
+                return self.drive_on();
             }
         }
         let most = self.thermal.most();
@@ -245,13 +259,9 @@ impl Servo {
 
     /// Halls → position and velocity. Returns whether the count moved.
     fn observe(&mut self, sense: &Sense<'_>) -> bool {
-        let before = self.count;
         for event in sense.halls {
             match *event {
-                HallEvent::Step(edge) => {
-                    self.estimator.edge(&edge);
-                    self.count = edge.count;
-                }
+                HallEvent::Step(edge) => self.edge(&edge),
                 HallEvent::Glitch(glitch) => self.report(Event::Glitch(glitch)),
                 HallEvent::Fault(_) => {
                     // The count may have slipped by an electrical revolution.
@@ -264,6 +274,7 @@ impl Servo {
         self.position = position.wrapping_sub(Counts::from_int(self.zero));
         self.velocity = velocity;
         self.limits.watch_current(sense.current, self.applied.duty);
+        let before = core::mem::replace(&mut self.count, self.estimator.count());
         self.count != before
     }
 
@@ -285,9 +296,15 @@ impl Servo {
         Drive { duty: Some(self.applied.duty), brake_released: true }
     }
 
-    /// Entry actions of the mode, at its first driven tick. Returns whether its set-point is at rest.
+    /// The same where the motion has changed and the torque not yet: nothing, if there was none before.
+    fn drive_on(&self) -> Drive {
+        let Bounded { duty, .. } = self.applied;
+        Drive { duty: (self.applied != Bounded::OFF).then_some(duty), brake_released: true }
+    }
+
+    /// Entry actions of the mode, at its first driven tick.
     #[inline(never)]
-    fn enter(&mut self) -> bool {
+    fn enter(&mut self) {
         self.entered = true;
         self.stall.restart();
         self.breakaway.restart();
@@ -297,7 +314,6 @@ impl Servo {
         if self.mode == Mode::Trapezoidal {
             self.plan();
         }
-        self.setpoint.done
     }
 
     /// The torque that the mode's law wants, damped.

@@ -206,9 +206,11 @@ impl<B: Board> Tater<B> {
         if let Some(event) = event {
             if let HallEvent::Step(edge) = event {
                 self.travelled = self.travelled.saturating_add(u32::from(edge.steps));
+                self.servo.edge(&edge);
+            } else {
+                // A full list drops the newest; the tick needs to know of one.
+                let _ = self.halls.push(event);
             }
-            // A full list drops the newest; the decoder's count has it.
-            let _ = self.halls.push(event);
         }
     }
 

@@ -155,6 +155,12 @@ impl<const N: usize> Estimator<N> {
         Micros((self.delay >> 8).unsigned_abs())
     }
 
+    /// The count after the last step.
+    #[must_use]
+    pub const fn count(&self) -> i32 {
+        self.count
+    }
+
     /// Takes a step of the count.
     #[inline(never)]
     pub fn edge(&mut self, edge: &HallEdge) {

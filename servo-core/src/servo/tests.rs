@@ -183,15 +183,30 @@ fn the_brake_lets_go_before_the_bridge_drives_and_grips_in_idle() {
     let mut bench = Bench::new(MotorKind::Spread);
     assert_eq!(bench.tick(), Drive { duty: None, brake_released: false });
     bench.servo.command(Command::Move(50)).unwrap();
-    for tick in 0..30 {
+    // And one tick for the plan.
+    for tick in 0..31 {
         assert_eq!(bench.tick(), Drive { duty: None, brake_released: true }, "tick {tick}");
     }
     assert!(bench.tick().duty.is_some());
     bench.servo.command(Command::Terminate).unwrap();
     assert_eq!(bench.tick(), Drive { duty: None, brake_released: false });
     let mut link = Bench::new(MotorKind::Link);
-    link.servo.command(Command::Move(50)).unwrap();
+    link.servo.command(Command::Mode(Mode::Pid)).unwrap();
     assert!(link.tick().duty.is_some(), "a motor without a brake drives at once");
+}
+
+#[test]
+fn a_plan_takes_a_tick_in_which_the_last_torque_stays() {
+    let mut link = Bench::new(MotorKind::Link);
+    link.servo.command(Command::Mode(Mode::Torque)).unwrap();
+    link.servo.command(Command::Torque(Torque(200))).unwrap();
+    let pushing = link.tick();
+    assert!(pushing.duty.is_some_and(|duty| duty > Duty::ZERO));
+    link.servo.command(Command::Move(-50)).unwrap();
+    assert_eq!(link.tick(), pushing);
+    let setpoint = link.servo.status().setpoint;
+    assert_ne!(link.tick(), pushing);
+    assert!(link.servo.status().setpoint < setpoint);
 }
 
 #[test]
