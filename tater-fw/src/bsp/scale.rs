@@ -43,8 +43,6 @@ const TEMPERATURES: [i16; 65] = [
 ];
 
 /// Temperature of a thermistor's code, 0..=4095. A broken wire reads -50 °C, a short 155 °C.
-// Not inlined: so it is called where the tick uses it, which is not in every tick.
-#[inline(never)]
 #[must_use]
 pub fn temperature(code: u16) -> DeciCelsius {
     let code = code & 0xFFF;
