@@ -113,7 +113,7 @@ impl Machine {
                 let to = next.min(until).min(wakes);
                 self.chip.borrow_mut().now = to;
             } else {
-                self.cpu.step().map_err(|problem| self.stop(problem))?;
+                self.execute(next.min(until), breakpoints)?;
             }
             if self.chip.borrow().touched || self.now() >= next {
                 next = self.settle();
@@ -130,6 +130,21 @@ impl Machine {
             }
         }
         Ok(Pause::Until)
+    }
+
+    /// Executes until something else is due: an event, what follows from an access to a peripheral, sleep, a breakpoint.
+    fn execute(&mut self, until: Time, breakpoints: &[u32]) -> Result<(), Stop> {
+        loop {
+            self.cpu.step().map_err(|problem| self.stop(problem))?;
+            let chip = self.chip.borrow();
+            if chip.touched || chip.now >= until || chip.flash.busy_until > chip.now {
+                return Ok(());
+            }
+            drop(chip);
+            if self.cpu.is_asleep() || breakpoints.contains(&self.cpu.pc()) {
+                return Ok(());
+            }
+        }
     }
 
     /// Whether no instruction is executed now: the core sleeps, waits for its flash, or has no power.

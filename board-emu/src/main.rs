@@ -42,7 +42,7 @@ struct Args {
     /// Print what the boards say to a debug probe; the image must be of --profile release.
     #[arg(long)]
     rtt: bool,
-    /// How often the host polls, ms; 0: MODE alone, ten times a second, which tells less and loads the board less.
+    /// How often the host polls a board, ms, by the number of boards; 0: MODE alone, ten times a second, which tells less and loads the board less.
     #[arg(long, value_name = "MS", default_value_t = POLL_MS)]
     poll_ms: u32,
 }

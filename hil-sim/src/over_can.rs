@@ -23,8 +23,8 @@ use crate::scenario::{Case, Scenario, Verdict, motor_name};
 use compare::Path;
 use seat::Seat;
 
-/// How often the host asks for T, MODE and P unless told otherwise, ms. A round takes one board 0.6 ms and seven boards 3 ms of
-/// bus; no round begins before the last one is answered.
+/// How often the host asks a board for T, MODE and P unless told otherwise, ms, by the number of boards on the bus: a round takes
+/// 0.6 ms of bus a board. No round begins before the last one is answered.
 pub const POLL_MS: u32 = 1;
 
 /// A board on the bus, as its bench sees it.
@@ -250,7 +250,8 @@ impl<S: Watched> OverCan<S> {
             *station.rig_mut() = rig;
             seats.push(Seat::new(job, station, begin_us));
         }
-        timeline::play(self, scenario, &mut seats, begin_us, poll_ms)?;
+        let boards = u32::try_from(seats.len()).unwrap_or(1);
+        timeline::play(self, scenario, &mut seats, begin_us, poll_ms * boards)?;
         Ok(seats.into_iter().map(|seat| seat.finish()).collect())
     }
 

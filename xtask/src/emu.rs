@@ -24,7 +24,7 @@ pub struct EmuArgs {
     /// Print what the boards log; takes --profile release
     #[arg(long)]
     rtt: bool,
-    /// How often the host polls, ms; 0: MODE alone, ten times a second [default: 1]
+    /// How often the host polls a board, ms, by the number of boards; 0: MODE alone, ten times a second [default: 1]
     #[arg(long, value_name = "MS")]
     poll_ms: Option<u32>,
     /// With log strings or without [default: production; with --rtt release]
