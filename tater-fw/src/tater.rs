@@ -99,7 +99,7 @@ pub struct Tater<B: Board> {
     /// The servo's oldest report, if it has not been told yet.
     untold: Option<Event>,
     events: Deque<Event, EVENTS>,
-    /// Ticks since the last frame to this board or its groups.
+    /// Ticks since the last frame to this board or its groups, as far as [`HOST_LOST_MS`].
     silent_ms: u16,
     /// Ticks in idle since a hall line changed last; from [`STILL_MS`] on it may be more.
     still_ms: u8,
@@ -174,36 +174,28 @@ impl<B: Board> Tater<B> {
         let _ = self.servo.command(Command::End(0));
     }
 
-    /// A hall line changed: commutates at once. Also called by every tick.
+    /// A hall line changed: commutates at once.
     #[inline(always)]
     pub fn hall(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
-        if !self.commutator.is_settled(code) {
-            self.turned(code, now);
-        }
-    }
-
-    /// The lines have changed, or wait for time to pass.
-    #[inline(never)]
-    fn turned(&mut self, code: u8, now: Micros) {
-        let changed = u32::from(code) != self.hall_history & 7;
-        // First of all, before anything is counted: the legs are wrong.
-        let ahead = if changed { self.commutator.ahead(code, now) } else { None };
-        if let Some(bridge) = ahead {
-            self.board.bridge(bridge);
-        }
-        let event = self.commutator.sample(code, now);
-        if !changed && event.is_none() {
+        if self.commutator.is_settled(code) {
             return;
         }
-        if ahead.is_none() {
-            self.board.bridge(self.commutator.bridge());
+        // First of all, before anything is counted: the legs are wrong. A glitch leaves them as they are.
+        if let Some(bridge) = self.commutator.ahead(code, now) {
+            self.board.bridge(bridge);
         }
-        if changed {
+        self.turned(code, now);
+    }
+
+    /// The lines have changed, or wait for time to pass. The bridge is the caller's to set.
+    #[inline(never)]
+    fn turned(&mut self, code: u8, now: Micros) {
+        if u32::from(code) != self.hall_history & 7 {
             self.still_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
         }
-        if let Some(event) = event {
+        if let Some(event) = self.commutator.sample(code, now) {
             if let HallEvent::Step(edge) = event {
                 self.travelled = self.travelled.saturating_add(u32::from(edge.steps));
                 self.servo.edge(&edge);
@@ -227,8 +219,15 @@ impl<B: Board> Tater<B> {
     pub fn tick(&mut self, now: Micros) -> bool {
         self.ticked = true;
         let analog = self.board.analog();
-        self.hall(now);
-        self.silent_ms = self.silent_ms.saturating_add(1);
+        // An edge that the filter of the interrupt has yet to let through: the bridge, set below, is early all the same.
+        let code = self.board.halls() & 7;
+        if !self.commutator.is_settled(code) {
+            self.turned(code, now);
+        }
+        let host_lost = self.silent_ms >= HOST_LOST_MS;
+        if !host_lost {
+            self.silent_ms = self.silent_ms.saturating_add(1);
+        }
         self.drive = self.servo.tick(&Sense {
             now,
             halls: &self.halls,
@@ -237,7 +236,7 @@ impl<B: Board> Tater<B> {
             motor_temp: analog.motor_temp,
             strain: analog.strain,
             bridge_fault: core::mem::take(&mut self.tripped) || analog.bridge_fault,
-            host_lost: self.silent_ms > HOST_LOST_MS,
+            host_lost,
         });
         self.halls.clear();
         if let Some(count) = self.trusted_at
@@ -250,9 +249,10 @@ impl<B: Board> Tater<B> {
         self.board.bridge(self.commutator.bridge());
         self.board.brake(self.drive.brake_released);
         if self.untold.is_none() {
-            self.untold = self.servo.event();
+            let Some(event) = self.servo.event() else { return false };
+            self.untold = Some(event);
         }
-        self.untold.is_some()
+        true
     }
 
     /// A frame from the bus, any frame: those for other nodes are skipped.

@@ -8,6 +8,7 @@ use servo_core::units::Duty;
 use stm32f1xx_hal::pac::TIM1;
 use stm32f1xx_hal::rcc::{Enable, Rcc};
 
+use super::pointer;
 use super::timing::pwm::{CONVERT, DEAD_TIME, TOP};
 
 /// The bridge, which the break input guards.
@@ -15,6 +16,8 @@ pub struct Guarded {
     tim: TIM1,
     /// The [`image`] that compare values and CCER are for; [`NONE`] when the bridge is off.
     legs: u32,
+    /// Address of the compare value of the leg that is [`PWM`] in it.
+    share: u32,
 }
 
 impl Guarded {
@@ -43,7 +46,7 @@ impl Guarded {
         });
         tim.sr().write(|w| w.bif().clear_bit());
         tim.cr1().modify(|_, w| w.cen().enabled());
-        Self { tim, legs: NONE }
+        Self { tim, legs: NONE, share: CCR1 }
     }
 
     /// Sets the legs.
@@ -55,40 +58,54 @@ impl Guarded {
         }
     }
 
-    /// Sets the legs of an image, in an order that has no wrong vector on the way: first the high sides off that are to be off,
-    /// then who is driven at all, then the duty. The timer keeps the dead time. Legs that stay take the duty alone.
-    // Leg by leg, because an edge waits: arrays cost three times as many instructions here.
+    /// Legs that stay take the duty alone. A bridge that is off has none, so it is not switched on here.
+    #[inline(always)]
     fn on(&mut self, legs: u32, share: u16) {
+        if self.legs == legs {
+            self.give(share);
+        } else {
+            self.turn(legs, share);
+        }
+    }
+
+    /// The duty.
+    #[inline(always)]
+    fn give(&mut self, share: u16) {
+        // SAFETY: the address of CCR1, CCR2 or CCR3, which are this timer's, and it is ours.
+        unsafe { pointer::<u32>(self.share).write_volatile(share.into()) };
+    }
+
+    /// Sets the legs of an image, in an order that has no wrong vector on the way: first the high sides off that are to be off,
+    /// then who is driven at all, then the duty. The timer keeps the dead time. Off, unless just one leg is [`PWM`].
+    // Leg by leg, because an edge waits: arrays cost three times as many instructions here.
+    #[inline(never)]
+    fn turn(&mut self, legs: u32, share: u16) {
         let tim = &self.tim;
         let is = |kind: u32, leg: u32| legs & 0xFF << leg == kind << leg;
         let (a, b, c) = (is(PWM, A), is(PWM, B), is(PWM, C));
-        if self.legs != legs {
-            self.legs = legs;
-            if !a {
-                tim.ccr1().write(|w| w.ccr().set(0));
-            }
-            if !b {
-                tim.ccr2().write(|w| w.ccr().set(0));
-            }
-            if !c {
-                tim.ccr3().write(|w| w.ccr().set(0));
-            }
-            // A leg that floats has its high side off by compare value 0 and its low side by the output's off-state.
-            tim.ccer().write(|w| {
-                w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
-                w.cc1ne().bit(!is(FLOAT, A)).cc2ne().bit(!is(FLOAT, B)).cc3ne().bit(!is(FLOAT, C))
-            });
+        if !a {
+            tim.ccr1().write(|w| w.ccr().set(0));
         }
-        if a {
-            tim.ccr1().write(|w| w.ccr().set(share));
+        if !b {
+            tim.ccr2().write(|w| w.ccr().set(0));
         }
-        if b {
-            tim.ccr2().write(|w| w.ccr().set(share));
+        if !c {
+            tim.ccr3().write(|w| w.ccr().set(0));
         }
-        if c {
-            tim.ccr3().write(|w| w.ccr().set(share));
-        }
-        if tim.bdtr().read().moe().is_disabled_idle() {
+        // A leg that floats has its high side off by compare value 0 and its low side by the output's off-state.
+        tim.ccer().write(|w| {
+            w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
+            w.cc1ne().bit(!is(FLOAT, A)).cc2ne().bit(!is(FLOAT, B)).cc3ne().bit(!is(FLOAT, C))
+        });
+        self.share = match (a, b, c) {
+            (true, false, false) => CCR1,
+            (false, true, false) => CCR1 + 4,
+            (false, false, true) => CCR1 + 8,
+            _ => return self.off(),
+        };
+        self.legs = legs;
+        self.give(share);
+        if self.tim.bdtr().read().moe().is_disabled_idle() {
             self.enable();
         }
     }
@@ -127,6 +144,9 @@ impl Guarded {
         self.tim.dier().write(|w| w.bie().disabled());
     }
 }
+
+/// TIM1's CCR1; CCR2 and CCR3 follow it (RM0008 14.4.21).
+const CCR1: u32 = 0x4001_2C34;
 
 /// Where a leg's byte is in an image.
 const A: u32 = 0;
