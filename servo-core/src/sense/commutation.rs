@@ -92,6 +92,13 @@ impl Commutator {
         self.halls.is_settled(code)
     }
 
+    /// Whether only another code could change anything: no time is waited for.
+    #[inline]
+    #[must_use]
+    pub const fn is_quiet(&self) -> bool {
+        self.halls.is_quiet()
+    }
+
     /// One sample of the lines: at each of their changes, and at each control tick before the servo's.
     pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         self.halls.sample(code, at)
