@@ -240,7 +240,8 @@ impl Node {
             if ticks {
                 self.next_tick_us = (self.now_us / TICK_US + 1) * TICK_US;
                 self.tick();
-            } else if self.missed_edge {
+            }
+            if self.missed_edge && !self.is_busy() {
                 self.edge();
             }
             if ticks || stalled {
@@ -253,7 +254,7 @@ impl Node {
         self.now_us < self.busy_until_us
     }
 
-    /// The hall interrupt.
+    /// The hall interrupt; after a tick at the same time, because its filter lets an edge through a little later.
     fn edge(&mut self) {
         self.missed_edge = false;
         let now = micros(self.now_us);
@@ -265,7 +266,6 @@ impl Node {
 
     /// The control tick, and every hundredth the slow task.
     fn tick(&mut self) {
-        self.missed_edge = false;
         self.ticks += 1;
         let now = micros(self.now_us);
         self.board_mut().convert();

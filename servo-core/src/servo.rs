@@ -188,26 +188,23 @@ impl Servo {
             self.brake_ms = self.brake_ms.saturating_add(1);
             return Drive { duty: None, brake_released: true };
         }
-        if self.entered {
-            self.check_end(counted, sense.strain);
-            if !self.entered {
-                // Idle, or HI goes on: it enters its next motion in the next tick, and drives as before till then.
-                return self.drive();
-            }
-        } else {
+        if !self.entered {
             self.enter();
-            if self.setpoint.done {
-                // What has just begun does not end, but for a move to where it is.
-                self.check_end(counted, sense.strain);
-            } else {
+            if !self.setpoint.done {
                 // A plan was made: it sets out in the next tick, and drives as before till then.
                 return self.drive_on();
             }
+            // What has just begun does not end, but for a move to where it is.
+        }
+        self.check_end(counted, sense.strain);
+        if !self.entered {
+            // Idle, or HI goes on: it enters its next motion in the next tick, and drives as before till then.
+            return self.drive();
         }
         let most = self.thermal.most();
         let envelope = self.limits.envelope(self.torque_ceiling(), most, self.velocity, sense.bus);
         self.applied = envelope.bound(self.law(&envelope));
-        self.drive()
+        Drive { duty: Some(self.applied.duty), brake_released: true }
     }
 
     /// The next report, oldest first.

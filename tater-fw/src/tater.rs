@@ -81,6 +81,8 @@ pub struct Tater<B: Board> {
     servo: Servo,
     commutator: Commutator,
     halls: Vec<HallEvent, HALL_EVENTS>,
+    /// A tick has seen an edge and left it to the interrupt, which has not come since.
+    left_edge: bool,
     /// HALLH: three bits a code, the newest lowest.
     hall_history: u32,
     drive: Drive,
@@ -137,6 +139,7 @@ impl<B: Board> Tater<B> {
             servo: Servo::for_motor(motor(Kind::of(node)), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
             halls: Vec::new(),
+            left_edge: false,
             hall_history: u32::from(code),
             drive: OFF,
             tripped: false,
@@ -191,6 +194,7 @@ impl<B: Board> Tater<B> {
     /// The lines have changed, or wait for time to pass. The bridge is the caller's to set.
     #[inline(never)]
     fn turned(&mut self, code: u8, now: Micros) {
+        self.left_edge = false;
         if u32::from(code) != self.hall_history & 7 {
             self.still_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
@@ -219,10 +223,15 @@ impl<B: Board> Tater<B> {
     pub fn tick(&mut self, now: Micros) -> bool {
         self.ticked = true;
         let analog = self.board.analog();
-        // An edge that the filter of the interrupt has yet to let through: the bridge, set below, is early all the same.
+        // An edge that the filter of the interrupt has yet to let through is left to it, which comes as soon as this tick is
+        // over; one that was there at a tick before is not on its way.
         let code = self.board.halls() & 7;
         if !self.commutator.is_settled(code) {
-            self.turned(code, now);
+            if self.commutator.is_quiet() && !self.left_edge {
+                self.left_edge = true;
+            } else {
+                self.turned(code, now);
+            }
         }
         let host_lost = self.silent_ms >= HOST_LOST_MS;
         if !host_lost {

@@ -88,15 +88,8 @@ impl Limits {
     #[must_use]
     #[inline]
     pub fn envelope(&self, mt: Torque, thermal: Torque, velocity: CountsPerSec, bus: MilliVolts) -> Envelope {
-        let mut most = (mt, Limit::Torque);
-        if thermal < most.0 {
-            most = (thermal, Limit::Thermal);
-        }
         let by_current = Torque(NO_CUT.wrapping_sub(self.cut));
-        if self.cut != 0 && by_current < most.0 {
-            most = (by_current, Limit::Current);
-        }
-        let (Torque(most), governing) = most;
+        let Torque(most) = mt.min(thermal).min(by_current);
         let most = i32::from(most);
         // 0..=2703 and ±31,772: nothing below comes near 2^31.
         let volts = (u32::from(bus.0).wrapping_mul(MAX_DUTY) / 24_000).cast_signed();
@@ -104,7 +97,7 @@ impl Limits {
         let within = |torque: i32| torque.max(most.wrapping_neg()).min(most);
         let high = within(volts.wrapping_sub(emf));
         let low = within(volts.wrapping_neg().wrapping_sub(emf));
-        Envelope { most, governing, low, high, volts, emf, bus }
+        Envelope { most, mt, thermal, low, high, volts, emf, bus }
     }
 }
 
@@ -113,8 +106,9 @@ impl Limits {
 pub struct Envelope {
     /// The torque limit in force.
     most: i32,
-    /// Which limit that is.
-    governing: Limit,
+    /// Two of the three it is the least of; the third is the current's.
+    mt: Torque,
+    thermal: Torque,
     /// The torques that can be had: within ±`most`, less what the duty limit leaves. At speed the EMF takes from
     /// one side and gives to the other.
     low: i32,
@@ -138,6 +132,17 @@ impl Envelope {
         (Torque(saturating_i16(self.low)), Torque(saturating_i16(self.high)))
     }
 
+    /// Which limit is in force: of equal ones the first in this order.
+    fn governing(&self) -> Limit {
+        if self.most == i32::from(self.mt.0) {
+            Limit::Torque
+        } else if self.most == i32::from(self.thermal.0) {
+            Limit::Thermal
+        } else {
+            Limit::Current
+        }
+    }
+
     /// Bounds a torque and turns it into a duty.
     #[must_use]
     #[inline]
@@ -148,7 +153,7 @@ impl Envelope {
         // outer bound of both.
         if torque >= self.high || torque <= self.low {
             torque = torque.max(self.low).min(self.high);
-            limit = Some(if torque.abs() == self.most { self.governing } else { Limit::Duty });
+            limit = Some(if torque.abs() == self.most { self.governing() } else { Limit::Duty });
             let volts = torque.wrapping_add(self.emf);
             if volts.abs() > self.volts {
                 // Turned faster than the bus could turn it: even braking at the torque limit asks for too much.

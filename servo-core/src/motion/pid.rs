@@ -60,15 +60,15 @@ impl Pid {
         (low, high): (Torque, Torque),
     ) -> Torque {
         let direct = self.direct(error, velocity_error);
-        let (low, high) = (low.to_fixed(), high.to_fixed().max(low.to_fixed()));
+        let (low, high) = (low.to_fixed(), high.to_fixed());
         let increment = product(self.ki, error);
         let unbounded = direct.saturating_add(state.integral);
         let winding_up =
             (unbounded > high && increment > Law::ZERO) || (unbounded < low && increment < Law::ZERO);
         if !winding_up {
-            state.integral = state.integral.saturating_add(increment).clamp(low, high);
+            state.integral = state.integral.saturating_add(increment).max(low).min(high);
         }
-        Torque::from_fixed(direct.saturating_add(state.integral).clamp(low, high))
+        Torque::from_fixed(direct.saturating_add(state.integral).max(low).min(high))
     }
 
     /// The state from which the next step gives `torque`, so that taking over from another law, or moving the

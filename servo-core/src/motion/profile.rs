@@ -174,8 +174,15 @@ impl Profile {
             } else {
                 // Exact: a is a multiple of 2⁻²⁰, so a/2 is one of 2⁻³².
                 let mean = self.velocity.wrapping_add(self.acceleration >> 1);
-                self.position = self.position.wrapping_add(mean);
-                self.velocity = self.velocity.wrapping_add(self.acceleration);
+                let position = self.position.wrapping_add(mean);
+                let velocity = self.velocity.wrapping_add(self.acceleration);
+                (self.position, self.velocity) = (position, velocity);
+                // What moves is not done: only a segment that begins may be rest.
+                return SetPoint {
+                    position: Counts::from_wide(position),
+                    velocity: CountsPerSec::from_wide_per_tick(velocity),
+                    done: false,
+                };
             }
         }
         self.current()

@@ -52,8 +52,11 @@ const POSITIVE: [[Leg; 3]; 9] = [
 #[must_use]
 pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
     let (Some(sector), Some(duty)) = (sector, duty) else { return Bridge::Off };
+    if sector >= 6 {
+        return Bridge::Off;
+    }
     let opposite = if duty < Duty::ZERO { 3 } else { 0 };
-    match POSITIVE.get(usize::from(sector).wrapping_add(opposite)).filter(|_| sector < 6) {
+    match POSITIVE.get(usize::from(sector).wrapping_add(opposite)) {
         Some(&legs) => Bridge::On { legs, duty: Duty(duty.0.saturating_abs()) },
         None => Bridge::Off,
     }
@@ -87,6 +90,13 @@ impl Commutator {
     #[must_use]
     pub fn is_settled(&self, code: u8) -> bool {
         self.halls.is_settled(code)
+    }
+
+    /// Whether only another code could change anything: no time is waited for.
+    #[inline]
+    #[must_use]
+    pub const fn is_quiet(&self) -> bool {
+        self.halls.is_quiet()
     }
 
     /// One sample of the lines: at each of their changes, and at each control tick before the servo's.

@@ -287,6 +287,13 @@ impl HallDecoder {
         self.quiet && code & 7 == self.code
     }
 
+    /// Whether the lines were last where the trusted sector says, with nothing to forget.
+    #[inline]
+    #[must_use]
+    pub const fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
     #[inline(never)]
     fn judge(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         let changed = code ^ self.code;
