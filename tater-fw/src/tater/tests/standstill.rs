@@ -139,3 +139,15 @@ fn a_hall_fault_takes_the_trust_in_the_stored_position_too() {
     assert!(!bench.tater.status().homed);
     assert!(!bench.restart().tater.status().homed);
 }
+
+#[test]
+fn an_edge_whose_interrupt_does_not_come_is_the_second_tick_s() {
+    let mut bench = Bench::new(1);
+    bench.ticks(20);
+    let count = bench.tater.status().position.round();
+    bench.board().turn_to(1);
+    bench.tick_alone();
+    assert_eq!(bench.tater.status().position.round(), count, "left to the interrupt");
+    bench.tick_alone();
+    assert_eq!(bench.tater.status().position.round(), count + 1);
+}
