@@ -105,9 +105,10 @@ pub struct Tater<B: Board> {
     silent_ms: u16,
     /// Ticks in idle since a hall line changed last; from [`STILL_MS`] on it may be more.
     still_ms: u8,
-    /// Whether the tick, and whoever handles the bus, have run since the watchdog was fed last.
+    /// Whether the tick, whoever handles the bus, and who has nothing else to do have run since the watchdog was fed last.
     ticked: bool,
     bus_served: bool,
+    idled: bool,
     /// Of the last [`Self::slow`], and time since then that is no whole second.
     slow_at: Micros,
     slow_us: u32,
@@ -156,6 +157,7 @@ impl<B: Board> Tater<B> {
             still_ms: 0,
             ticked: false,
             bus_served: false,
+            idled: false,
             slow_at: now,
             slow_us: 0,
             travelled: 0,
@@ -342,8 +344,8 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Ten times a second: temperatures, counters, watchdog. The watchdog is fed only if both the tick and the bus
-    /// ([`Self::receive`] or [`Self::flush`]) have been served since the last time.
+    /// Ten times a second: temperatures, counters, watchdog. The watchdog is fed only if the tick, the bus ([`Self::receive`] or
+    /// [`Self::flush`]) and the storage ([`Self::store`]) have been served since the last time.
     pub fn slow(&mut self, now: Micros) {
         let us = now.wrapping_since(self.slow_at).0.saturating_add(self.slow_us);
         self.slow_at = now;
@@ -356,9 +358,10 @@ impl<B: Board> Tater<B> {
         counters.ptemp = board_temp;
         self.travelled %= 1000;
         self.store.count(counters);
-        if self.ticked && self.bus_served {
+        if self.ticked && self.bus_served && self.idled {
             self.ticked = false;
             self.bus_served = false;
+            self.idled = false;
             self.board.feed();
         }
     }
@@ -373,6 +376,7 @@ impl<B: Board> Tater<B> {
     /// on.
     pub fn store(&mut self) -> Progress {
         let stands = self.stands();
+        self.idled = true;
         self.step_store(stands)
     }
 

@@ -133,10 +133,10 @@ fn board_reads_what_is_there() {
     rig.analog();
     let truth = run(&mut rig, 0.5, 1);
     let seen = rig.analog();
-    // Locked: bus current is phase current times the duty less the dead time's 1 of 50 µs; strain is 4 per N·m
+    // Locked: bus current is phase current times the duty less the dead time's 0.5 of 50 µs; strain is 4 per N·m
     // behind 49:1.
     let phase = truth.phase_a.iter().fold(0.0_f64, |most, i| most.max(i.abs()));
-    close("bus mA", f64::from(seen.current.0), 480.0 * phase, 0.01);
+    close("bus mA", f64::from(seen.current.0), 490.0 * phase, 0.01);
     close("bus mV", f64::from(seen.bus.0), 24_000.0, 0.001);
     close("strain", f64::from(seen.strain), 128.0 - truth.load_n_m * 49.0 * 4.0, 0.02);
     assert!(seen.strain > 140 && !seen.bridge_fault);
