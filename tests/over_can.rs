@@ -90,7 +90,8 @@ fn every_shipped_scenario_meets_its_expectations_over_can_with_the_figures_of_a_
             // T is commanded there in mode 2, 0, and what that takes against the EMF is not told. What a glitch does to the torque
             // of its tick follows from where in the tick it comes.
             let told = |difference: &String| {
-                !["coast-low-ke", "hall-glitch"].contains(&&*scenario.name) || !difference.contains("peak_torque")
+                !["coast-low-ke", "hall-glitch"].contains(&&*scenario.name)
+                    || !difference.contains("peak_torque")
             };
             for difference in differences(&direct.metrics, &ran.run.metrics).into_iter().filter(told) {
                 wrong.push(format!("{} ({:?}): {difference}", scenario.name, case.motor));

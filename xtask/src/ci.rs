@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::program::{output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, fuzz, hall_oracle, host_tools, image, instructions, setup, size, table};
+use crate::{Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, setup, size, table};
 
 /// One step: what it is called and what it does.
 struct Step {
@@ -13,7 +13,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 16] = [
+const STEPS: [Step; 17] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "clippy, host", check: clippy_host },
@@ -29,6 +29,7 @@ const STEPS: [Step; 16] = [
     Step { name: "hall captures", check: hall_oracle::check },
     Step { name: "host tools", check: host_tools::check },
     Step { name: "instructions", check: instructions::check },
+    Step { name: "emulation", check: emu::check },
     Step { name: "fuzz targets", check: fuzz::check },
 ];
 
@@ -68,7 +69,8 @@ fn build_thumb() -> Outcome {
 }
 
 /// The system tests that measure: cargo would keep what they print to itself.
-const MEASURING: [&str; 6] = [
+const MEASURING: [&str; 7] = [
+    "emulated::",
     "power_cuts::",
     "trust::",
     "protocol::download::",
@@ -110,7 +112,11 @@ fn figures() -> Outcome {
 }
 
 /// Figures of tests that take what the step "image" has made, and skip what they measure without; and those tests.
-const OF_IMAGE: [(&str, &str); 3] = [
+const OF_IMAGE: [(&str, &str); 7] = [
+    ("edge to bridge", "emulated::budgets::"),
+    ("hall line 2 low: bridge off after", "emulated::faults::"),
+    ("task idle wedged: reset after", "emulated::wedged::"),
+    ("from a native board", "emulated::scenarios::"),
     ("bytes of production image onto a board", "protocol::image::"),
     ("power cuts of the image, download", "power_cuts::image::download::"),
     ("power cuts of the image, storage", "power_cuts::image::storage::"),

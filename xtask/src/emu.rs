@@ -2,9 +2,11 @@
 
 use std::process::Stdio;
 
-use crate::Failure;
+use serde_json::Value;
+
 use crate::image::{self, Profile};
-use crate::program::{program, typed};
+use crate::program::{output, program, typed};
+use crate::{Failure, Outcome};
 
 /// The arguments of the chore.
 #[derive(clap::Args)]
@@ -63,4 +65,45 @@ pub fn emu(args: &EmuArgs) -> Result<(), Failure> {
         Ok(_) => Err(Failure::Unusable(format!("no verdict\n  repeat with: {line}"))),
         Err(error) => Err(Failure::Unusable(format!("cannot start: {error}\n  repeat with: {line}"))),
     }
+}
+
+/// What the JSON object has besides what `hil-sim run` has: others read it.
+const KEYS: [&str; 9] = [
+    "tick_instructions_mean",
+    "tick_instructions_max",
+    "hall_instructions_max",
+    "hall_latency_us_max",
+    "can_latency_us_max",
+    "cpu_load_pct",
+    "stack_bytes_max",
+    "realtime_x",
+    "instructions",
+];
+
+/// What is run: what it shows, the image, and the rest of the line.
+const RUNS: [(&str, Profile, &str); 2] = [
+    ("seven boards, production", Profile::Production, "--nodes 7"),
+    ("one board, release", Profile::Release, "--rtt"),
+];
+
+/// Seven boards with the production image, and one with logs: both from erased flash, by the JSON object.
+///
+/// # Errors
+/// The run that fails, or what its object lacks.
+pub fn check() -> Outcome {
+    for (what, profile, rest) in RUNS {
+        let mut emulate = program("cargo run --quiet --release --package board-emu -- --json --image");
+        emulate.arg(image::folder(profile)).args(rest.split(' '));
+        let line = typed(&emulate);
+        let told = output(emulate)?;
+        let found: Value = serde_json::from_str(&told)
+            .map_err(|error| format!("found no JSON object: {error}\n  repeat with: {line}"))?;
+        let missing: Vec<&str> = KEYS.into_iter().filter(|key| !found[key].is_number()).collect();
+        if !missing.is_empty() {
+            return Err(format!("{what}: found no number for {missing:?}\n  repeat with: {line}"));
+        }
+        let figures = KEYS.map(|key| format!("{key} {}", found[key]));
+        println!("  {what}: {}", figures.join(", "));
+    }
+    Ok(())
 }
