@@ -78,6 +78,8 @@ pub struct Servo {
     entered: bool,
     /// Ticks since the brake was asked to release, until it has.
     brake_ms: u16,
+    /// Whether the last tick entered a mode that plans.
+    planned: bool,
     profile: Profile,
     /// Of modes 3 and 5, once entered.
     setpoint: SetPoint,
@@ -132,6 +134,7 @@ impl Servo {
             purpose: Purpose::Plain,
             entered: false,
             brake_ms: 0,
+            planned: false,
             profile: Profile::at_rest(position),
             setpoint: SetPoint::at_rest(position),
             pid_state: PidState::default(),
@@ -173,9 +176,12 @@ impl Servo {
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
         let counted = self.observe(sense);
-        // A tick that enters may have to plan, and does little else. Its torque is the last motion's, or none.
-        let enters = !self.entered && self.mode != Mode::Idle && self.brake_ms >= self.config.brake_ms;
-        if !enters {
+        let enters = self.enters();
+        // A tick that plans does little else. Its torque is the last motion's, or none.
+        self.planned = enters && self.mode == Mode::Trapezoidal;
+        if self.planned {
+            self.thermal.add(self.applied.torque);
+        } else {
             self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
         }
         if let Some(fault) = self.faults.check(sense.bus, self.wrongs(sense)) {
@@ -186,6 +192,7 @@ impl Servo {
         }
         if !self.entered && !enters {
             self.brake_ms = self.brake_ms.saturating_add(1);
+            self.applied = Bounded::OFF;
             return Drive { duty: None, brake_released: true };
         }
         if !self.entered {
@@ -297,6 +304,13 @@ impl Servo {
     fn drive_on(&self) -> Drive {
         let Bounded { duty, .. } = self.applied;
         Drive { duty: (self.applied != Bounded::OFF).then_some(duty), brake_released: true }
+    }
+
+    /// Whether this tick enters the mode: not while the brake lets go. Nor does it plan right after a tick that planned:
+    /// a host that starts a move each millisecond gets no torque that nothing has bounded but for the first.
+    fn enters(&self) -> bool {
+        let again = self.planned && self.mode == Mode::Trapezoidal;
+        !self.entered && self.mode != Mode::Idle && self.brake_ms >= self.config.brake_ms && !again
     }
 
     /// Entry actions of the mode, at its first driven tick.

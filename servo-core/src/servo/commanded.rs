@@ -60,7 +60,7 @@ impl Servo {
             Command::Configure(config) => self.configure(config),
             Command::ClearFault => {
                 self.faults.clear();
-                self.thermal.judge_next();
+                self.thermal.look_next();
             }
             Command::ClearBreakaway => self.broke_away = None,
         }
@@ -182,7 +182,7 @@ impl Servo {
         let shape = |c: &Config| (c.accel, c.mv, c.mcv, c.mov, c.ioff);
         let reshaped = shape(&config) != shape(&self.config);
         self.config = config;
-        self.thermal.judge_next();
+        self.thermal.look_next();
         self.pid = pid_of(&config);
         self.velocity_loop = VelocityLoop::new(config.kpv);
         self.strain = Window::new(config.hsg, config.lsg);

@@ -121,7 +121,9 @@ impl Servo {
     pub(super) fn hold(&mut self, reason: EndReason) {
         self.mode = Mode::Pid;
         self.purpose = Purpose::Plain;
-        self.entered = true;
+        // A brake that is still letting go gets the rest of its time, and the hold is entered then.
+        self.entered |= self.brake_ms >= self.config.brake_ms;
+        self.position_wanted = None;
         self.profile.rest_at(self.position);
         self.setpoint = self.profile.current();
         self.stall.restart();

@@ -7,6 +7,7 @@ use crate::sense::hall::{Direction, HallEdge};
 use crate::units::{DeciCelsius, Duty, Micros, MilliAmps, MilliVolts};
 use proptest::prelude::*;
 
+mod entries;
 mod homing;
 mod host;
 
@@ -414,11 +415,10 @@ fn a_fault_idles_refuses_motion_and_can_be_cleared() {
         (|bench| bench.bridge_fault = true, Fault::Bridge, 1),
         (|bench| bench.bus = MilliVolts(33_000), Fault::OverVoltage, 10),
         (|bench| bench.bus = MilliVolts(15_000), Fault::UnderVoltage, 10),
-        // The temperature is judged at each sixteenth tick, but not counting the one that enters: `in_mode` leaves it
-        // nine before one.
-        (|bench| bench.motor_temp = DeciCelsius(700), Fault::OverTemperature, 10),
+        // The temperature is judged at the first tick and each sixteenth from there: `in_mode` leaves it nine before one.
+        (|bench| bench.motor_temp = DeciCelsius(700), Fault::OverTemperature, 9),
         // A broken wire.
-        (|bench| bench.motor_temp = DeciCelsius(-500), Fault::OverTemperature, 10),
+        (|bench| bench.motor_temp = DeciCelsius(-500), Fault::OverTemperature, 9),
     ];
     for (break_it, fault, ticks) in rows {
         let mut bench = Bench::in_mode(Mode::Pid);

@@ -1,0 +1,78 @@
+//! A host that starts motions faster than they can be carried out: nothing that guards the motor waits for it.
+
+use super::*;
+
+/// A link that pushes with 700 of torque in mode 2: no brake.
+fn pushing() -> Bench {
+    let mut bench = Bench::new(MotorKind::Link);
+    bench.servo.command(Command::Mode(Mode::Torque)).unwrap();
+    bench.servo.command(Command::Torque(Torque(700))).unwrap();
+    assert!(bench.tick().duty.is_some_and(|duty| duty > Duty::ZERO));
+    bench
+}
+
+/// A tick after MODE 3 and M; whether they were taken.
+fn restarted(bench: &mut Bench) -> (bool, Drive) {
+    let taken = bench.servo.command(Command::Mode(Mode::Pid)).is_ok()
+        && bench.servo.command(Command::Move(50)).is_ok();
+    (taken, bench.tick())
+}
+
+#[test]
+fn a_plan_each_tick_does_not_hide_the_temperature() {
+    let mut bench = pushing();
+    bench.motor_temp = DeciCelsius(900);
+    let most = usize::from(crate::guard::thermal::TICKS) + 1;
+    let hot = (1..=2000).find(|_| {
+        restarted(&mut bench);
+        bench.servo.status().fault == Some(Fault::OverTemperature)
+    });
+    assert!(hot.is_some_and(|ticks| ticks <= most), "{hot:?}");
+}
+
+#[test]
+fn a_plan_each_tick_drives_on_for_one_tick_only() {
+    let mut bench = pushing();
+    let (taken, drive) = restarted(&mut bench);
+    assert!(taken && drive.duty.is_some(), "the first drives as before");
+    for tick in 0..100 {
+        let (taken, drive) = restarted(&mut bench);
+        assert!(taken);
+        assert_eq!(drive, Drive { duty: None, brake_released: true }, "tick {tick}");
+        assert_eq!(bench.servo.status().torque, Torque::ZERO);
+    }
+    while bench.servo.event().is_some() {}
+    // It stops asking: the move goes.
+    assert_eq!(bench.follow(2000), Some(EndReason::Arrived));
+}
+
+#[test]
+fn a_fault_that_was_cleared_is_looked_for_before_it_is_found_again() {
+    let mut bench = pushing();
+    bench.motor_temp = DeciCelsius(900);
+    for _ in 0..crate::guard::thermal::TICKS {
+        bench.tick();
+    }
+    assert_eq!(bench.servo.status().fault, Some(Fault::OverTemperature));
+    bench.motor_temp = DeciCelsius(300);
+    bench.servo.command(Command::ClearFault).unwrap();
+    bench.servo.command(Command::Move(50)).unwrap();
+    bench.tick();
+    assert_eq!(bench.servo.status().fault, None);
+}
+
+#[test]
+fn a_hold_waits_for_the_brake_too() {
+    let mut bench = Bench::new(MotorKind::Spread);
+    bench.servo.command(Command::Move(50)).unwrap();
+    for _ in 0..10 {
+        bench.tick();
+    }
+    bench.servo.command(Command::Abort).unwrap();
+    assert_eq!(bench.servo.status().mode, Mode::Pid);
+    let brake = bench.servo.config().brake_ms;
+    for tick in 10..brake {
+        assert_eq!(bench.tick(), Drive { duty: None, brake_released: true }, "tick {tick}");
+    }
+    assert!(bench.tick().duty.is_some());
+}
