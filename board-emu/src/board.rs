@@ -279,7 +279,6 @@ impl Board {
             self.sample();
         }
         if edge.is_some() {
-            self.meter.edge(self.rig.now_us() * US);
             self.halls_changed();
         }
         let behind = self.rig.now_us() < now / US;
@@ -304,13 +303,17 @@ impl Board {
     /// The hall sensors pull their lines low or do not; the time is the motor's.
     fn halls_changed(&mut self) {
         let (code, at) = (self.rig.halls(), self.rig.now_us() * US);
+        let mut pins = 0;
         let mut chip = self.machine.chip_mut();
         for (bit, (pin, forced)) in HALLS.into_iter().zip(self.hall_lines).enumerate() {
             let level = forced.unwrap_or(code >> bit & 1 == 1);
+            pins |= u8::from(level) << bit;
             // Open collectors: high is the pull-up's.
             chip.gpio.driven[pin.0][pin.1] = (!level).then_some(false);
         }
         chip.hall_lines(at);
+        drop(chip);
+        self.meter.halls(at, pins, &self.machine.cpu.counts);
     }
 
     /// Takes over what the gates and the brake's pin do.

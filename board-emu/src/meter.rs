@@ -14,9 +14,8 @@ use crate::time::{HZ, Time, US};
 const TICK: usize = 16 + 29;
 const HALL: u32 = 16 + 30;
 
-/// A later edge of a hall line is one of its own, and not the same that bounces, if nothing was written for so long: the
-/// filter's 14 us and the longest lock.
-const SAME_EDGE: Time = 100 * US;
+/// The timer's filter: a handler that began earlier after an edge does not run for it. Rounded down to the motor's steps.
+const FILTER: Time = 13 * US;
 
 /// How long a question may be unanswered before it is taken for one that has no answer.
 const NO_ANSWER: Time = 100_000 * US;
@@ -30,16 +29,27 @@ const CYCLES_A_SECOND: f64 = 72e6;
 pub struct Meter {
     /// When it began, and the instructions until then.
     since: (Time, u64),
-    /// The last edge of a hall line.
-    edge: Option<Time>,
-    /// The bridge has been written since.
-    served: bool,
+    /// The lines of the hall sensors.
+    code: u8,
+    /// The oldest edge that is not done with.
+    edge: Option<Edge>,
     hall_instructions_max: u64,
     hall_latency_max: Time,
     /// Properties that were asked for, and when.
     asked: Vec<(u8, Time)>,
     can_latency_max: Time,
     driven_since: Option<Time>,
+}
+
+/// A change of the hall lines while the bridge is on. It waits, however long, until the handler that runs for it has ended,
+/// whether that has written to the bridge or had no need to, or until the code comes back: that was a spike or a bounce.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    at: Time,
+    /// The code before it.
+    from: u8,
+    /// The bridge has been written for it; the handler may write again.
+    served: bool,
 }
 
 /// What a run has taken. Names as in the JSON.
@@ -69,31 +79,46 @@ impl Meter {
         machine.cpu.counts.clear();
         machine.cpu.reset_lowest_sp();
         let since = (machine.now(), machine.cpu.counts.instructions);
-        *self = Self { since, driven_since: self.driven_since, ..Self::default() };
+        *self = Self { since, driven_since: self.driven_since, code: self.code, ..Self::default() };
     }
 
-    /// A hall line has changed at its pin.
-    pub fn edge(&mut self, now: Time) {
-        let same = self.edge.is_some_and(|edge| !self.served && now < edge + SAME_EDGE);
-        if !same {
-            (self.edge, self.served) = (Some(now), false);
+    /// The code at the pins of the hall lines.
+    pub fn halls(&mut self, now: Time, code: u8, counts: &Counts) {
+        self.done(counts);
+        let from = std::mem::replace(&mut self.code, code);
+        let waits = self.edge.filter(|edge| !edge.served);
+        if code != from {
+            self.edge = match waits {
+                Some(edge) if edge.from == code => None,
+                // A bridge that is off has nothing to follow.
+                None => self.driven_since.map(|_| Edge { at: now, from, served: false }),
+                waits => waits,
+            };
         }
+    }
+
+    /// Forgets an edge whose handler has ended.
+    fn done(&mut self, counts: &Counts) {
+        let ended = counts.handlers.get(HALL as usize).map_or(0, |handler| handler.since);
+        self.edge = self.edge.filter(|edge| ended < edge.at + FILTER);
     }
 
     /// The program has written to the bridge's timer.
     pub fn gate_write(&mut self, now: Time, counts: &Counts) {
         let Some(run) = counts.running.last().filter(|run| run.exception == HALL) else { return };
         self.hall_instructions_max = self.hall_instructions_max.max(run.instructions);
+        self.done(counts);
         // A handler that runs for another reason has no edge before it.
-        if let Some(edge) = self.edge.filter(|&edge| edge <= run.since && run.since < edge + SAME_EDGE) {
-            self.served = true;
-            self.hall_latency_max = self.hall_latency_max.max(now.saturating_sub(edge));
+        if let Some(edge) = self.edge.as_mut().filter(|edge| edge.at + FILTER <= run.since) {
+            edge.served = true;
+            self.hall_latency_max = self.hall_latency_max.max(now.saturating_sub(edge.at));
         }
     }
 
     /// The bridge is on or off.
     pub fn bridge(&mut self, now: Time, on: bool) {
         self.driven_since = on.then(|| self.driven_since.unwrap_or(now));
+        self.edge = self.edge.filter(|_| on);
     }
 
     /// Since when the bridge is on.
@@ -161,5 +186,78 @@ impl Figures {
             stack_bytes_max: self.stack_bytes_max.max(other.stack_bytes_max),
             instructions: self.instructions + other.instructions,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::counts::Run;
+
+    /// Until the handler of an edge is done, us.
+    const AFTER_US: u64 = 16;
+
+    /// A meter whose bridge is on, and the halls at 1.
+    fn driven() -> (Meter, Counts) {
+        let (mut meter, counts) = (Meter::default(), Counts::default());
+        meter.halls(0, 1, &counts);
+        meter.bridge(0, true);
+        (meter, counts)
+    }
+
+    /// The hall handler runs from a moment, and writes or does not, after 2 us; us.
+    fn handle(meter: &mut Meter, counts: &mut Counts, at_us: u64, writes: bool) {
+        counts.running.push(Run { exception: HALL, instructions: 100, since: at_us * US });
+        if writes {
+            meter.gate_write((at_us + 2) * US, counts);
+        }
+        counts.leave(HALL);
+    }
+
+    fn latency_us(meter: &Meter) -> u64 {
+        meter.hall_latency_max / US
+    }
+
+    #[test]
+    fn an_edge_counts_however_late_it_is_served() {
+        let (mut meter, mut counts) = driven();
+        meter.halls(1000 * US, 3, &counts);
+        handle(&mut meter, &mut counts, 1700, true);
+        assert_eq!(latency_us(&meter), 702);
+        // Also if the next edge has come before that.
+        meter.halls(5000 * US, 2, &counts);
+        meter.halls(6000 * US, 6, &counts);
+        handle(&mut meter, &mut counts, 6014, true);
+        assert_eq!(latency_us(&meter), 1016);
+    }
+
+    #[test]
+    fn a_code_that_comes_back_is_no_edge() {
+        let (mut meter, mut counts) = driven();
+        meter.halls(1000 * US, 3, &counts);
+        meter.halls(1003 * US, 1, &counts);
+        meter.halls(3000 * US, 3, &counts);
+        handle(&mut meter, &mut counts, 3014, true);
+        assert_eq!(latency_us(&meter), AFTER_US);
+    }
+
+    #[test]
+    fn an_edge_whose_handler_has_ended_waits_no_longer() {
+        let (mut meter, mut counts) = driven();
+        meter.halls(1000 * US, 3, &counts);
+        handle(&mut meter, &mut counts, 1014, false);
+        // It runs again for another reason.
+        handle(&mut meter, &mut counts, 2000, true);
+        meter.halls(3000 * US, 2, &counts);
+        handle(&mut meter, &mut counts, 3014, true);
+        handle(&mut meter, &mut counts, 3500, true);
+        assert_eq!(latency_us(&meter), AFTER_US);
+        // And none waits while the bridge is off.
+        meter.halls(5000 * US, 6, &counts);
+        meter.bridge(5001 * US, false);
+        meter.halls(6000 * US, 4, &counts);
+        meter.bridge(7000 * US, true);
+        handle(&mut meter, &mut counts, 7500, true);
+        assert_eq!(latency_us(&meter), AFTER_US);
     }
 }

@@ -163,12 +163,22 @@ fn the_break_input_switches_the_bridge_off_without_an_instruction() {
         assert_eq!(board.machine().cpu.counts.instructions, before, "no instruction");
         bench.wait_us(51);
     }
-    // And it stays off, whatever the program does about it, until it has asked for it to be off.
+    // And it stays off though the comparator lets go after 20 us, until the host has cleared the fault.
     bench.board_mut().machine_mut().chip_mut().set_pin((1, 12), Some(false));
-    bench.wait_us(60);
+    bench.wait_us(20);
+    bench.board_mut().machine_mut().chip_mut().set_pin((1, 12), None);
+    bench.set(Property::M, 20);
     for _ in 0..1000 {
         assert!(!bench.is_driven());
         bench.wait_us(100);
     }
     assert_eq!(bench.get(Property::ERROR), code(FaultCode::Bridge));
+    bench.set(Property::STAT, 2);
+    bench.wait_ms(10);
+    assert_eq!(bench.get(Property::ERROR), Some(0), "cleared");
+    assert!(!bench.is_driven(), "cleared, and not told to move");
+    let from = bench.board().rig().truth().counts;
+    bench.set(Property::M, 20);
+    bench.wait_ms(300);
+    assert!((bench.board().rig().truth().counts - from).abs() > 5.0, "it moves again");
 }

@@ -19,6 +19,8 @@ pub struct Handler {
     pub total: u64,
     /// Of the longest run.
     pub max: u64,
+    /// When the last run began that has ended.
+    pub since: Time,
 }
 
 /// A handler's run.
@@ -71,7 +73,7 @@ impl Counts {
     }
 
     /// A handler ends. One that was entered within it and never ended is forgotten.
-    pub(super) fn leave(&mut self, exception: u32) {
+    pub(crate) fn leave(&mut self, exception: u32) {
         let Some(at) = self.running.iter().rposition(|run| run.exception == exception) else { return };
         self.running.truncate(at + 1);
         self.add(ENTRY);
@@ -79,6 +81,7 @@ impl Counts {
             handler.runs += 1;
             handler.total += run.instructions;
             handler.max = handler.max.max(run.instructions);
+            handler.since = run.since;
         }
     }
 
