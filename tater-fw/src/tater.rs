@@ -228,12 +228,12 @@ impl<B: Board> Tater<B> {
         // An edge that the filter of the interrupt has yet to let through is left to it, which comes as soon as this tick is
         // over; one that was there at a tick before is not on its way.
         let code = self.board.halls() & 7;
-        if !self.commutator.is_settled(code) {
-            if self.commutator.is_quiet() && !self.left_edge {
-                self.left_edge = true;
-            } else {
-                self.turned(code, now);
-            }
+        if self.commutator.is_settled(code) {
+            self.left_edge = false;
+        } else if self.commutator.is_quiet() && !self.left_edge {
+            self.left_edge = true;
+        } else {
+            self.turned(code, now);
         }
         let host_lost = self.silent_ms >= HOST_LOST_MS;
         if !host_lost {

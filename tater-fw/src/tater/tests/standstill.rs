@@ -151,3 +151,17 @@ fn an_edge_whose_interrupt_does_not_come_is_the_second_tick_s() {
     bench.tick_alone();
     assert_eq!(bench.tater.status().position.round(), count + 1);
 }
+
+#[test]
+fn an_edge_that_went_back_before_its_interrupt_does_not_count_as_left() {
+    let mut bench = Bench::new(1);
+    bench.ticks(20);
+    let count = bench.tater.status().position.round();
+    for to in [1, 0, 1] {
+        bench.board().turn_to(to);
+        bench.tick_alone();
+        assert_eq!(bench.tater.status().position.round(), count, "the line at {to}");
+    }
+    bench.tick_alone();
+    assert_eq!(bench.tater.status().position.round(), count + 1);
+}
