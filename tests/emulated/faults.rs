@@ -125,10 +125,10 @@ fn without_its_crystal_a_board_is_off_at_once_and_says_so_when_it_has_it_again()
 }
 
 #[test]
-fn a_brown_out_leaves_the_bridge_off_and_the_position_kept_or_not_trusted() {
+fn a_brown_out_leaves_the_bridge_off_and_is_no_fault() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::moving(&programs);
-    // A sag below the threshold that RAM survives, and a loss of the supply.
+    // Whether P is trusted afterwards no property says: trust.rs looks at that. A sag below the threshold that RAM survives, and a loss of the supply.
     for lost in [false, true] {
         if lost {
             bench.board_mut().power_off();

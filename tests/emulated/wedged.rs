@@ -1,5 +1,6 @@
 //! Instructions that are not what was flashed: a task that hangs, an instruction that is none.
 
+use board_emu::chip::Reset;
 use board_emu::time::US;
 use tater_wire::memory::{APPLICATION, FLASH};
 use tater_wire::{FaultCode, Property};
@@ -68,6 +69,9 @@ fn the_watchdog_resets_a_board_with_a_wedged_task() {
     }
 }
 
+/// Within it every task runs: two periods of the slowest, SysTick's 10 ms, and of an edge at 50 counts/s, 20 ms.
+const REACHED_US: u64 = 41_000;
+
 #[test]
 fn an_instruction_that_is_none_ends_with_the_bridge_off_and_the_reason() {
     let Some(programs) = production() else { return };
@@ -78,10 +82,13 @@ fn an_instruction_that_is_none_ends_with_the_bridge_off_and_the_reason() {
         bench.set(Property::M, 20);
         bench.ask(Property::MODE);
         let resets = bench.resets();
-        for _ in 0..150 {
-            bench.wait_ms(1);
-        }
-        assert_eq!(bench.resets(), resets + 1, "{name}");
+        let after_us = bench.safe_after_us(REACHED_US);
+        let after_us = after_us.unwrap_or_else(|| panic!("{name}: driven {REACHED_US} us after"));
+        println!("figure: task {name} at no instruction: bridge off after {after_us} us");
+        bench.wait_ms(150);
+        let causes: Vec<_> =
+            bench.board().machine().resets[resets..].iter().map(|&(cause, _)| cause).collect();
+        assert_eq!(causes, [Reset::Software], "{name}: the handler's own, before any watchdog");
         assert!(bench.is_safe(), "{name}");
         assert_eq!(bench.get(Property::STAT), Some(0), "{name}: in the monitor");
         assert_eq!(bench.get(Property::ERROR), Some(i64::from(FaultCode::HardFault.code())), "{name}");
