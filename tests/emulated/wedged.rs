@@ -32,11 +32,11 @@ fn patch(bench: &mut Bench, address: u32, code: u16) {
 
 /// Where the handler of an exception begins; of 0 where the program waits.
 fn handler(bench: &mut Bench, exception: u32) -> u32 {
-    while exception == 0 {
-        if bench.board().machine().is_waiting() {
-            return bench.board().machine().cpu.pc();
+    if exception == 0 {
+        while !bench.board().machine().is_waiting() {
+            bench.wait_us(10);
         }
-        bench.wait_us(10);
+        return bench.board().machine().cpu.pc();
     }
     let at = (APPLICATION.start - FLASH.start + 4 * exception) as usize;
     let chip = bench.board().machine().chip();
