@@ -61,7 +61,8 @@ fn divide_below(high: u32, low: u32, d: NonZeroU32) -> u32 {
 /// One digit of a long division, and the remainder before it: of `rest · 2^16 + next` by `d`, where `rest` < `d` and `d` has
 /// its highest bit set. The digit that the upper half of `d` lets one guess is at most two too large (Knuth, TAOCP 4.3.1 D).
 fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
-    let mut guess = rest / (d >> 16);
+    // The highest bit once more, so that the compiler sees no 0.
+    let mut guess = rest / (d >> 16 | 0x8000);
     let remainder = (((rest as u64) << 16) | next as u64).wrapping_sub(guess as u64 * d as u64);
     let mut low = remainder as u32;
     // Of a guess too large the remainder is negative, and twice d makes it good.

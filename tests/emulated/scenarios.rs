@@ -19,8 +19,11 @@ const APART_MS: f64 = 2.0;
 /// Seeds of noise, and places of the tick in the host's millisecond, us: as many native boards that are all as good as each other.
 const NATIVES: [(u64, u64); 6] = [(1, 0), (2, 150), (3, 300), (4, 450), (5, 600), (6, 800)];
 
-/// How far an emulated run is from the nearest native one, and native ones are from each other at most. A rotor that crawls by
-/// sticking and slipping, or coasts before anybody drives, is where chance has it.
+/// Scenarios in which native boards are further from each other than that: a rotor that crawls by sticking and slipping, and one that
+/// coasts before anybody drives. There the limit is how far they are.
+const CHANCE: [&str; 2] = ["slow-crawl", "coast-low-ke"];
+
+/// How far an emulated run is from the nearest native one, and native ones are from each other at most.
 fn apart(scenario: &Scenario, case: &Case, emulated: &Path) -> (Difference, Difference) {
     let natives: Vec<Path> = NATIVES
         .into_iter()
@@ -65,7 +68,11 @@ fn every_shipped_scenario_passes_on_the_image_and_moves_as_natively() {
                 "figure: {name} ({motor:?}): {:.2} counts, {:.2} ms from a native board; these {:.2} and {:.2} from each other",
                 apart.counts, apart.end_ms, natives.counts, natives.end_ms
             );
-            let (counts, ms) = (APART_COUNTS.max(natives.counts), APART_MS.max(natives.end_ms));
+            let (counts, ms) = if CHANCE.contains(&&**name) {
+                (APART_COUNTS.max(natives.counts), APART_MS.max(natives.end_ms))
+            } else {
+                (APART_COUNTS, APART_MS)
+            };
             if apart.counts > counts || apart.end_ms > ms || apart.other_ends {
                 wrong.push(format!("{name} ({motor:?}): {apart:?} {:?}", ran.run.log));
             }
