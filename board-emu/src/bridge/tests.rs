@@ -170,7 +170,7 @@ fn a_break_is_off_without_an_instruction() {
 fn the_model_s_dead_time_is_compared() {
     let standard = SimBoard::standard(Node::new(1).unwrap(), Model::Averaged, 1);
     let with = |dtg: u32| dead_time_agrees(&board([450, 0, 0], ALL, MOE | HELD | dtg), standard.rig());
-    assert_eq!(with(72), Ok(()));
-    let text = with(36).unwrap_err();
-    assert_eq!(text, "dead time 500 ns by TIM1 and 1000 ns in the motor's model (dead_time_us)");
+    assert_eq!(with(36), Ok(()));
+    let text = with(72).unwrap_err();
+    assert_eq!(text, "dead time 1000 ns by TIM1 and 500 ns in the motor's model (dead_time_us)");
 }
