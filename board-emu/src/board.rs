@@ -1,6 +1,6 @@
 //! The board: the chip's pins at the motor, its sensors and the bus.
 //!
-//! While the core sleeps, chip and motor go from event to event; while it runs, the motor follows it in steps of [`SLICE`] and at
+//! While the core sleeps, chip and motor go from event to event; while it runs, the motor follows it in steps of `SLICE` and at
 //! each change of a gate. The time of a hall edge is exact in either case, because the timer's filter sees it later than that.
 
 use std::rc::Rc;

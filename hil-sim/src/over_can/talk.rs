@@ -14,7 +14,7 @@ const TRIES: u32 = 5;
 const LOOK_US: u64 = 10_000;
 
 impl<S: Watched> OverCan<S> {
-    /// GETs a property; `None` if nobody answers in [`ANSWER_US`].
+    /// GETs a property; `None` if nobody answers in `ANSWER_US`.
     pub fn get(&mut self, node: Id, property: Property) -> Option<i64> {
         while self.bus.receive().is_some() {}
         self.send_get(node, property);
