@@ -15,7 +15,7 @@ const TICK: usize = 16 + 29;
 const HALL: u32 = 16 + 30;
 
 /// The timer's filter: a handler that began earlier after an edge does not run for it. Rounded down to the motor's steps.
-const FILTER: Time = 13 * US;
+const FILTER: Time = 12 * US;
 
 /// How long a question may be unanswered before it is taken for one that has no answer.
 const NO_ANSWER: Time = 100_000 * US;
