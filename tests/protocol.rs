@@ -3,7 +3,7 @@
 #[allow(dead_code, reason = "tater-fw's own tests use all of it")]
 #[path = "../tater-fw/src/tater/tests/board.rs"]
 mod board;
-mod download;
+pub(crate) mod download;
 pub(crate) mod hosts;
 mod image;
 mod locked;

@@ -8,7 +8,7 @@ use std::rc::Rc;
 use hil_sim::bus::Station;
 use hil_sim::over_can::Watched;
 use hil_sim::rig::{Bridge, Rig};
-use tater_wire::memory::{FLASH, MONITOR};
+use tater_wire::memory::MONITOR;
 use tater_wire::{Frame, Node};
 
 use crate::analog::FrontEnd;
@@ -77,8 +77,7 @@ impl Board {
     pub fn new(mut rig: Rig, straps: Node, programs: &Programs, seed: u64) -> Self {
         let number = u32::from(straps.number());
         let mut chip = Chip::new(seed, [0x0043_0025 + number, 0x3042_3132, 0x2039_3751]);
-        let start = (MONITOR.start - FLASH.start) as usize;
-        chip.flash.bytes[start..start + programs.monitor.len()].copy_from_slice(&programs.monitor);
+        chip.flash.load(MONITOR.start, &programs.monitor);
         for (bit, (port, pin)) in STRAPS.into_iter().enumerate() {
             // A strap to ground says 1.
             chip.gpio.driven[port][pin] = (number >> bit & 1 == 1).then_some(false);

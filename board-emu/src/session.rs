@@ -5,7 +5,7 @@ use hil_sim::plant::PlantParams;
 use hil_sim::scenario::{Case, Initial, Scenario};
 use hil_sim::{Options, node_of, properties, rig};
 use tater_wire::Node;
-use tater_wire::memory::{APPLICATION, FLASH};
+use tater_wire::memory::APPLICATION;
 use tater_wire::property::Kind;
 
 use crate::board::Board;
@@ -131,11 +131,7 @@ fn bystander(scenario: &Scenario, node: u8) -> Case {
 
 /// Puts the application into a board's flash, as a probe does.
 pub fn load(board: &mut Board, programs: &Programs) {
-    let start = (APPLICATION.start - FLASH.start) as usize;
-    let mut chip = board.machine_mut().chip_mut();
-    if let Some(area) = chip.flash.bytes.get_mut(start..start + programs.application.len()) {
-        area.copy_from_slice(&programs.application);
-    }
+    board.machine_mut().chip_mut().flash.load(APPLICATION.start, &programs.application);
 }
 
 /// Puts tools to a bus whose boards have no power yet.

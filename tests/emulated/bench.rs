@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use board_emu::board::Board;
 use board_emu::image::Programs;
+use board_emu::session::load;
 use hil_sim::board::SimBoard;
 use hil_sim::bus::{Adapter, Bus, Station};
 use hil_sim::plant::Model;
 use hil_sim::rig::Bridge;
-use tater_wire::memory::{APPLICATION, FLASH};
 use tater_wire::{Destination, Message, Node as Id, Property};
 
 use crate::protocol::hosts::answer;
@@ -41,9 +41,7 @@ pub fn id(number: u8) -> Id {
 pub fn flashed(programs: &Programs, node: u8) -> Board {
     let rig = SimBoard::standard(id(node), Model::Averaged, 1).rig().clone();
     let mut board = Board::new(rig, id(node), programs, 1);
-    let start = (APPLICATION.start - FLASH.start) as usize;
-    let area = start..start + programs.application.len();
-    board.machine_mut().chip_mut().flash.bytes[area].copy_from_slice(&programs.application);
+    load(&mut board, programs);
     board
 }
 

@@ -30,7 +30,8 @@ fn image(len: usize) -> Vec<u8> {
     image
 }
 
-fn file(image: &[u8]) -> Vec<u8> {
+/// A `.tek` file of an application.
+pub(crate) fn file(image: &[u8]) -> Vec<u8> {
     let lines = Encoder::new(APPLICATION.start, image).expect("addresses fit");
     let mut file: Vec<u8> = lines.flat_map(|line| line.as_bytes().to_vec()).collect();
     file.extend_from_slice(end(APPLICATION.start).as_bytes());

@@ -1,21 +1,13 @@
 //! The image that `cargo xtask image` has made, onto a simulated board: the file's way to the metal but for the metal.
 
 use std::fs;
-use std::path::{Path, PathBuf};
 
 use tater_wire::Property;
 use tater_wire::image::Header;
 use tater_wire::memory::{APPLICATION, Area, MONITOR};
 
 use super::download::Bench;
-
-/// Where the production image lies.
-fn folder() -> PathBuf {
-    let root =
-        Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package is a folder of the workspace");
-    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
-    root.join(target).join("image/production")
-}
+use crate::emulated::bench::folder;
 
 /// What this shows: the file's bytes arrive, the monitor takes their header for whole, and starts an application, which answers
 /// as none but an application does. What it does not: that these bytes run. The simulated board starts the firmware that this
@@ -24,11 +16,11 @@ fn folder() -> PathBuf {
 #[test]
 fn the_production_image_gets_onto_a_board_by_barretts_downloader_and_by_ours() {
     // Continuous integration has made it, and takes no such line.
-    let Ok(file) = fs::read(folder().join("tater.tek")) else {
+    let Ok(file) = fs::read(folder("production").join("tater.tek")) else {
         println!("skipped: no image; cargo xtask image makes it");
         return;
     };
-    let image = fs::read(folder().join("tater.bin")).expect("written together with tater.tek");
+    let image = fs::read(folder("production").join("tater.bin")).expect("written together with tater.tek");
     let header = Header::verify(&image).expect("sealed");
     for by in ["Barrett's", "our"] {
         let mut bench = Bench::new();
@@ -98,7 +90,7 @@ fn hard_fault(image: &[u8], area: Area) -> Result<Vec<(u32, u32, u32)>, String> 
 #[test]
 fn a_hard_fault_of_the_images_switches_the_bridge_off_before_anything_else() {
     for (name, area) in [("tater.bin", APPLICATION), ("monitor.bin", MONITOR)] {
-        let Ok(mut image) = fs::read(folder().join(name)) else {
+        let Ok(mut image) = fs::read(folder("production").join(name)) else {
             println!("skipped: no image ({name}); cargo xtask image makes it");
             return;
         };

@@ -97,8 +97,6 @@ pub struct Flash {
     pub bytes: Vec<u8>,
     /// Until when an operation keeps it busy: fetches and reads wait.
     pub busy_until: Time,
-    /// Goes up with every change of its bytes: what was decoded from them is stale.
-    pub version: u32,
     acr: u32,
     lock: Lock,
     /// SR without BSY.
@@ -118,7 +116,6 @@ impl Default for Flash {
         Self {
             bytes: vec![0xFF; FLASH.len as usize],
             busy_until: 0,
-            version: 0,
             acr: acr::RESET,
             lock: Lock::Keys(0),
             sr: 0,
@@ -181,7 +178,6 @@ impl Flash {
         for (to, from) in self.bytes.iter_mut().skip(at).zip(bytes) {
             *to = *from;
         }
-        self.version = self.version.wrapping_add(1);
     }
 
     /// Wait states that accesses have (ACR.LATENCY).
@@ -256,7 +252,6 @@ impl Flash {
         let Some(bytes) = self.bytes.get_mut(at..at + new.len()) else { return };
         self.last = Some(Begun { number, at, old: bytes.to_vec(), erase });
         bytes.copy_from_slice(new);
-        self.version = self.version.wrapping_add(1);
         if self.cut == Cut::At(number) {
             self.interrupt();
             self.cut = Cut::Dead;
@@ -269,7 +264,6 @@ impl Flash {
         let Some(Begun { number, at, old, erase }) = self.last.take() else { return };
         let mut rng = Pcg64Mcg::new(u128::from(self.seed) << 64 | u128::from(number));
         let Some(bytes) = self.bytes.get_mut(at..at + old.len()) else { return };
-        self.version = self.version.wrapping_add(1);
         if !erase {
             // Bits that should have fallen and did not.
             let kept = rng.random::<u16>().to_le_bytes();

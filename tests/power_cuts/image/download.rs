@@ -4,24 +4,17 @@ use board_emu::image::Programs;
 use tater_wire::download::{Downloader, Next};
 use tater_wire::image::seal;
 use tater_wire::memory::{APPLICATION, Area, STAGING, STORAGE};
-use tater_wire::tek::{Encoder, end};
 
 use super::super::monitor::rig::{Operation, area};
 use super::{Story, flash_of, initial, is_cut, monitor, start, wake};
 use crate::emulated::bench::{Bench, NODE, id, production};
+use crate::protocol::download::file;
 
 /// The same application with another number: what tells old from new is its header.
 fn newer(programs: &Programs) -> Vec<u8> {
     let mut image = programs.application.clone();
     seal(&mut image, 999).expect("an application");
     image
-}
-
-fn file(image: &[u8]) -> Vec<u8> {
-    let lines = Encoder::new(APPLICATION.start, image).expect("addresses fit");
-    let mut file: Vec<u8> = lines.flat_map(|line| line.as_bytes().to_vec()).collect();
-    file.extend_from_slice(end(APPLICATION.start).as_bytes());
-    file
 }
 
 /// Our download, to the start of the application, or to a cut of the power.
