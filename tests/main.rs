@@ -2,6 +2,7 @@
 
 mod emulated;
 mod fences;
+mod god;
 mod halls;
 mod loops;
 mod metal;

@@ -12,7 +12,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 8] = [
+const ARROWS: [Arrows; 9] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -43,12 +43,14 @@ const ARROWS: [Arrows; 8] = [
             "stm32f1xx-hal",
         ]),
     },
-    Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw"], others: None },
+    // heapless: bounded buffers without a heap. proptest: tests.
+    Arrows { package: "god", ours: &["tater-wire"], others: Some(&["heapless", "proptest (dev)"]) },
+    Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw", "god"], others: None },
     // The program comes in as bytes: of ours only the world around it.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
     Arrows {
         package: "system-tests",
-        ours: &["servo-core", "tater-wire", "tater-fw", "hil-sim", "board-emu"],
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim", "board-emu"],
         others: None,
     },
     Arrows {

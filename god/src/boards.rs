@@ -1,0 +1,185 @@
+//! Talks to the motor boards: questions with their answers, orders, and what they report unasked.
+
+use core::cell::RefCell;
+
+use tater_wire::{Body, Destination, Frame, Message, Property};
+
+use crate::io::Io;
+use crate::motors::{COUNT, Motor, Motors};
+
+/// How long an answer may take: half a millisecond, and 40 ms where the board erases a page (DESIGN 4.3).
+const ANSWER_US: u64 = 60_000;
+
+/// How often a question is asked before its board is taken for none.
+const TRIES: usize = 3;
+
+/// How long a board may be off the bus when it is woken (PROTOCOL 1), and how often it is asked meanwhile.
+const WAKE_US: u64 = 1_500_000;
+const WAKE_ASK_US: u64 = 20_000;
+
+/// A value of each motor that has given one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Answers([Option<i64>; COUNT]);
+
+impl Answers {
+    /// A motor's.
+    #[must_use]
+    pub fn of(&self, motor: Motor) -> Option<i64> {
+        self.0.get(motor.index()).copied().flatten()
+    }
+
+    /// Puts one in.
+    pub fn put(&mut self, motor: Motor, value: i64) {
+        if let Some(place) = self.0.get_mut(motor.index()) {
+            *place = Some(value);
+        }
+    }
+
+    /// The motors that have one.
+    #[must_use]
+    pub fn motors(&self) -> Motors {
+        Motors::ALL.iter().filter(|&motor| self.of(motor).is_some()).collect()
+    }
+
+    /// The motors whose value is such.
+    #[must_use]
+    pub fn which(&self, is: impl Fn(i64) -> bool) -> Motors {
+        Motors::ALL.iter().filter(|&motor| self.of(motor).is_some_and(&is)).collect()
+    }
+}
+
+/// What a board has reported unasked since it was last asked for that (LFLAGS).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reported {
+    /// Mode after a motion's end.
+    pub mode: Option<i64>,
+    /// Why it ended (END).
+    pub end: Option<i64>,
+    /// A breakaway.
+    pub broke_away: bool,
+}
+
+/// The boards on the bus.
+#[derive(Debug)]
+pub struct Boards<'a> {
+    io: &'a Io,
+    reported: RefCell<[Reported; COUNT]>,
+}
+
+impl<'a> Boards<'a> {
+    /// Nothing is known of them.
+    #[must_use]
+    pub fn new(io: &'a Io) -> Self {
+        Self { io, reported: RefCell::default() }
+    }
+
+    /// Asks for a property. Boards that do not answer in time, asked again twice, have no value.
+    pub async fn get(&self, motors: Motors, property: Property) -> Answers {
+        let mut answers = Answers::default();
+        for _ in 0..TRIES {
+            let missing = motors.but(answers.motors());
+            if missing.is_empty() {
+                break;
+            }
+            self.listen();
+            for motor in missing.iter() {
+                self.io.send(Message::get(Destination::Node(motor.node()), property).frame()).await;
+            }
+            let deadline = self.io.now_us().saturating_add(ANSWER_US);
+            while !motors.but(answers.motors()).is_empty() {
+                let Some(frame) = self.io.receives(deadline).await else { break };
+                match said(&frame) {
+                    Some((motor, id, value)) if id == property && motors.has(motor) => {
+                        answers.put(motor, value);
+                    }
+                    _ => self.note(&frame),
+                }
+            }
+        }
+        answers
+    }
+
+    /// Sets a property of each motor that has a value there. A board does not acknowledge.
+    pub async fn set_each(&self, property: Property, values: &Answers) {
+        for motor in values.motors().iter() {
+            let value = values.of(motor).unwrap_or(0);
+            if let Some(message) = Message::set(Destination::Node(motor.node()), property, value) {
+                self.io.send(message.frame()).await;
+            }
+        }
+    }
+
+    /// Sets a property to the same value everywhere.
+    pub async fn set(&self, motors: Motors, property: Property, value: i64) {
+        let mut values = Answers::default();
+        motors.iter().for_each(|motor| values.put(motor, value));
+        self.set_each(property, &values).await;
+    }
+
+    /// Wakes those that are in their monitor. Returns those whose application runs.
+    pub async fn wake(&self, motors: Motors) -> Motors {
+        let stat = self.get(motors, Property::STAT).await;
+        let asleep = stat.which(|stat| stat == 0);
+        if !asleep.is_empty() {
+            self.set(asleep, Property::STAT, 2).await;
+            let deadline = self.io.now_us().saturating_add(WAKE_US);
+            let mut left = asleep;
+            while !left.is_empty() && self.io.now_us() < deadline {
+                self.io.sleep_until(self.io.now_us().saturating_add(WAKE_ASK_US)).await;
+                left = left.but(self.get(left, Property::STAT).await.which(|stat| stat == 2));
+            }
+            // Ends of motions and breakaways are to be told at once.
+            self.set(asleep.but(left), Property::LFLAGS, 3).await;
+            return stat.motors().but(left);
+        }
+        stat.motors()
+    }
+
+    /// What a motor's board has reported since this was last asked.
+    pub fn takes(&self, motor: Motor) -> Reported {
+        self.listen();
+        self.reported.borrow_mut().get_mut(motor.index()).map(core::mem::take).unwrap_or_default()
+    }
+
+    /// Waits for a frame until a deadline, and takes note of what it reports.
+    pub async fn hear(&self, deadline_us: u64) {
+        if let Some(frame) = self.io.receives(deadline_us).await {
+            self.note(&frame);
+            self.listen();
+        }
+    }
+
+    /// Takes note of all frames that are there.
+    fn listen(&self) {
+        while let Some(frame) = self.io.received() {
+            self.note(&frame);
+        }
+    }
+
+    fn note(&self, frame: &Frame) {
+        let Some((motor, property, value)) = said(frame) else { return };
+        let mut reported = self.reported.borrow_mut();
+        let Some(reported) = reported.get_mut(motor.index()) else { return };
+        match property {
+            Property::MODE => reported.mode = Some(value),
+            Property::END => reported.end = Some(value),
+            Property::BD => reported.broke_away |= value != 0,
+            _ => {}
+        }
+    }
+}
+
+/// Which board says what of which property, if a frame is that.
+#[must_use]
+pub fn said(frame: &Frame) -> Option<(Motor, Property, i64)> {
+    let message = Message::parse(frame)?;
+    let motor = Motor::new(message.from.number())?;
+    match message.body {
+        Body::Position(counts) => Some((motor, Property::P, counts.into())),
+        Body::Set { property, value } => {
+            let property = Property::of(property)?;
+            Some((motor, property, property.read(value)))
+        }
+        Body::Get(_) | Body::Torques(_) | Body::More { .. } => None,
+    }
+}

@@ -1,0 +1,264 @@
+//! Which motors: a set of the seven, and what a prefix selects (manual 5.1.2, table 3).
+
+use tater_wire::Node;
+use tater_wire::property::Kind;
+
+/// Motors of a hand.
+pub const COUNT: usize = 7;
+
+/// One of the seven motors, 1 to 7.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Motor(u8);
+
+impl Motor {
+    /// The spread.
+    pub const SPREAD: Self = Self(4);
+
+    /// `None` but for 1 to 7.
+    #[must_use]
+    pub const fn new(number: u8) -> Option<Self> {
+        if number >= 1 && number <= 7 { Some(Self(number)) } else { None }
+    }
+
+    /// 1 to 7.
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        self.0
+    }
+
+    /// 0 to 6: its place in a list of seven.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self.0 as usize - 1
+    }
+
+    /// Its board on the bus.
+    #[must_use]
+    pub const fn node(self) -> Node {
+        match Node::new(self.0) {
+            Some(node) => node,
+            None => Node::HOST,
+        }
+    }
+
+    /// Link, spread or tip.
+    #[must_use]
+    pub fn kind(self) -> Kind {
+        Kind::of(self.node())
+    }
+
+    /// The tip of a link's finger.
+    #[must_use]
+    pub const fn tip(self) -> Option<Self> {
+        if self.0 <= 3 { Some(Self(self.0 + 4)) } else { None }
+    }
+
+    /// The link of a tip's finger.
+    #[must_use]
+    pub const fn link(self) -> Option<Self> {
+        if self.0 >= 5 { Some(Self(self.0 - 4)) } else { None }
+    }
+
+    const fn bit(self) -> u8 {
+        1 << (self.0 - 1)
+    }
+}
+
+/// A set of motors, in the order of their numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Motors(u8);
+
+impl Motors {
+    /// None.
+    pub const NONE: Self = Self(0);
+    /// All seven.
+    pub const ALL: Self = Self(0b111_1111);
+    /// The inner links, 1 to 3.
+    pub const LINKS: Self = Self(0b000_0111);
+    /// The spread, 4.
+    pub const SPREAD: Self = Self(0b000_1000);
+    /// The tips, 5 to 7.
+    pub const TIPS: Self = Self(0b111_0000);
+
+    /// Whether a motor is among them.
+    #[must_use]
+    pub const fn has(self, motor: Motor) -> bool {
+        self.0 & motor.bit() != 0
+    }
+
+    /// These and one more.
+    #[must_use]
+    pub const fn with(self, motor: Motor) -> Self {
+        Self(self.0 | motor.bit())
+    }
+
+    /// These but one.
+    #[must_use]
+    pub const fn without(self, motor: Motor) -> Self {
+        Self(self.0 & !motor.bit())
+    }
+
+    /// These and those.
+    #[must_use]
+    pub const fn and(self, others: Self) -> Self {
+        Self(self.0 | others.0)
+    }
+
+    /// Those that are in both.
+    #[must_use]
+    pub const fn of(self, others: Self) -> Self {
+        Self(self.0 & others.0)
+    }
+
+    /// These without those.
+    #[must_use]
+    pub const fn but(self, others: Self) -> Self {
+        Self(self.0 & !others.0)
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// How many.
+    #[must_use]
+    pub const fn len(self) -> usize {
+        self.0.count_ones() as usize
+    }
+
+    /// Bit 0 is motor 1.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The tips of the links among them.
+    #[must_use]
+    pub const fn tips(self) -> Self {
+        Self((self.0 & Self::LINKS.0) << 4)
+    }
+
+    /// One after another, by rising number.
+    pub fn iter(self) -> impl Iterator<Item = Motor> {
+        (1..=7).map(Motor).filter(move |&motor| self.has(motor))
+    }
+}
+
+impl FromIterator<Motor> for Motors {
+    fn from_iter<T: IntoIterator<Item = Motor>>(motors: T) -> Self {
+        motors.into_iter().fold(Self::NONE, Self::with)
+    }
+}
+
+/// What the prefix of a command says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Prefix {
+    /// X: these motors and no others, and no BarrettHand is simulated.
+    pub exclusive: bool,
+    /// The motors that it names: without X a finger is its link motor, 1 to 3.
+    pub named: Motors,
+    /// Whether it names any; without, it is the enabled ones.
+    pub given: bool,
+}
+
+/// The motors that a command acts on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Selection {
+    /// Whether link and tip are motors of their own (X), and no finger.
+    pub exclusive: bool,
+    /// Of a finger without X its link motor only: one value a finger. With X exactly the named ones.
+    pub axes: Motors,
+}
+
+impl Selection {
+    /// The motors that move: without X each finger's tip with its link.
+    #[must_use]
+    pub const fn motors(self) -> Motors {
+        if self.exclusive { self.axes } else { self.axes.and(self.axes.tips()) }
+    }
+}
+
+impl Prefix {
+    /// Reads a prefix's characters, upper case: digits, G, S and X, which comes first. `None` where they are no prefix: X elsewhere, 5 to 7
+    /// without X, any other character.
+    #[must_use]
+    pub fn parse(text: &[u8]) -> Option<Self> {
+        let (exclusive, names) = match text {
+            [b'X', names @ ..] => (true, names),
+            names => (false, names),
+        };
+        let mut named = Motors::NONE;
+        for name in names {
+            named = named.and(match name {
+                b'1'..=b'7' => {
+                    let motor =
+                        Motor::new(name - b'0').filter(|motor| exclusive || motor.link().is_none())?;
+                    Motors::NONE.with(motor)
+                }
+                b'S' => Motors::SPREAD,
+                // Table 3: the three fingers, whose motors with X are links and tips (MANUAL-NOTES 10).
+                b'G' if exclusive => Motors::LINKS.and(Motors::TIPS),
+                b'G' => Motors::LINKS,
+                _ => return None,
+            });
+        }
+        Some(Self { exclusive, named, given: !names.is_empty() })
+    }
+
+    /// The motors that it selects, if `enabled` are those with EN. Without a motor after X there is none.
+    #[must_use]
+    pub fn select(self, enabled: Motors) -> Selection {
+        let axes = match (self.given, self.exclusive) {
+            (true, _) => self.named,
+            (false, true) => Motors::NONE,
+            // A finger goes by its link's EN.
+            (false, false) => enabled.of(Motors::LINKS.and(Motors::SPREAD)),
+        };
+        Selection { exclusive: self.exclusive, axes }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axes(text: &str) -> Option<u8> {
+        Prefix::parse(text.as_bytes()).map(|prefix| prefix.select(Motors::ALL).axes.bits())
+    }
+
+    #[test]
+    fn table_3() {
+        for (text, without, with) in [
+            ("1", Some(0b1), Some(0b1)),
+            ("2", Some(0b10), Some(0b10)),
+            ("3", Some(0b100), Some(0b100)),
+            ("4", Some(0b1000), Some(0b1000)),
+            ("5", None, Some(0b1_0000)),
+            ("6", None, Some(0b10_0000)),
+            ("7", None, Some(0b100_0000)),
+            ("G", Some(0b111), Some(0b111_0111)),
+            ("S", Some(0b1000), Some(0b1000)),
+            ("", Some(0b1111), Some(0)),
+            ("12", Some(0b11), Some(0b11)),
+            ("35", None, Some(0b1_0100)),
+            ("SG", Some(0b1111), Some(0b111_1111)),
+            ("1X", None, None),
+            ("8", None, None),
+            ("0", None, None),
+        ] {
+            assert_eq!(axes(text), without, "{text}");
+            assert_eq!(axes(&std::format!("X{text}")), with, "X{text}");
+        }
+    }
+
+    #[test]
+    fn a_finger_moves_with_its_tip_and_goes_by_its_links_en() {
+        let prefix = |text: &str| Prefix::parse(text.as_bytes()).expect("a prefix");
+        let enabled = Motors::ALL.without(Motor(2)).without(Motor(7));
+        assert_eq!(prefix("").select(enabled).motors().bits(), 0b101_1101);
+        assert_eq!(prefix("2").select(enabled).motors().bits(), 0b10_0010, "EN is for no prefix only");
+        assert_eq!(prefix("X13").select(enabled).motors().bits(), 0b101);
+    }
+}

@@ -1,0 +1,18 @@
+//! Movement commands but LOOP (manual 5.2.1): what they ask of which motor, and how a motion ends (5.5).
+
+use crate::command::Command;
+use crate::god::God;
+use crate::motors::Prefix;
+use crate::status::Status;
+use crate::words::Arguments;
+
+/// Does it.
+pub(crate) async fn execute(
+    god: &God<'_>,
+    command: Command,
+    prefix: Prefix,
+    arguments: Arguments<'_>,
+) -> Status {
+    let _ = (god, command, prefix, arguments);
+    Status::UNKNOWN_COMMAND
+}

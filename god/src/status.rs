@@ -1,0 +1,101 @@
+//! Status codes: what follows "ERR" (manual 5.1.3, table 4).
+
+use core::ops::{BitOr, BitOrAssign};
+
+/// `NAME = value, "meaning";`
+macro_rules! table {
+    ($($name:ident = $value:literal, $meaning:literal;)*) => {
+        impl Status {
+            $(#[doc = $meaning] pub const $name: Self = Self($value);)*
+        }
+
+        /// Every code, by rising value.
+        pub const ROWS: &[Row] = &[$(Row { status: Status($value), meaning: $meaning },)*];
+    };
+}
+
+/// A sum of status codes; 0: all went well.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Status(u16);
+
+/// A code's row.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// A power of 2.
+    pub status: Status,
+    /// What has happened.
+    pub meaning: &'static str,
+}
+
+table! {
+    NO_BOARD = 1, "a motor's board does not answer";
+    NO_MOTOR = 2, "no motor is selected";
+    NOT_INITIALIZED = 4, "a motor does not know where it is: HI finds out";
+    NOT_REACHED = 16, "a motor ended farther than MPE from where it was to go";
+    UNKNOWN_COMMAND = 32, "there is no such command";
+    UNKNOWN_PARAMETER = 64, "there is no such parameter";
+    INVALID_VALUE = 128, "a value is missing, no number or out of range";
+    READ_ONLY = 256, "the parameter can only be read";
+    TOO_MANY_ARGUMENTS = 1024, "the command takes fewer arguments";
+    BAD_HEADER = 2048, "no header of a RealTime control block";
+    NO_PREFIX = 4096, "the command takes no motor prefix";
+    OVER_TEMPERATURE = 8192, "the hand is hotter than OTEMP, or a motor than it stands";
+    ABORTED = 16384, "ended by ^C";
+}
+
+impl Status {
+    /// All went well.
+    pub const OK: Self = Self(0);
+
+    /// The number that is printed.
+    #[must_use]
+    pub const fn code(self) -> u16 {
+        self.0
+    }
+
+    /// Of a number, whatever it is.
+    #[must_use]
+    pub const fn of(code: u16) -> Self {
+        Self(code)
+    }
+
+    /// Whether all went well.
+    #[must_use]
+    pub const fn is_ok(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether all of those codes are in it.
+    #[must_use]
+    pub const fn has(self, codes: Self) -> bool {
+        self.0 & codes.0 == codes.0
+    }
+}
+
+impl BitOr for Status {
+    type Output = Self;
+
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl BitOrAssign for Status {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_powers_of_two_and_rise() {
+        assert!(ROWS.iter().all(|row| row.status.code().is_power_of_two() && !row.meaning.is_empty()));
+        assert!(ROWS.windows(2).all(|pair| pair[0].status.code() < pair[1].status.code()));
+        let all = ROWS.iter().fold(Status::OK, |sum, row| sum | row.status);
+        // 8 and 512 are not used.
+        assert_eq!(all.code(), 32767 - 8 - 512);
+    }
+}

@@ -1,0 +1,72 @@
+//! Counts of the language (GCL) and hall counts of the boards: 55 to 1 (manual 1.3.2); degrees and percents. Nowhere else.
+
+use tater_wire::property::Kind;
+
+/// GCL counts a hall count.
+pub const GCL_PER_HALL: i64 = 55;
+
+/// Where a motor stands that a board says to be at a hall count.
+#[must_use]
+pub const fn gcl(halls: i64) -> i64 {
+    halls.saturating_mul(GCL_PER_HALL)
+}
+
+/// The hall count nearest to a GCL count; halves go up.
+#[must_use]
+pub const fn halls(gcl: i64) -> i64 {
+    // 27.5 is half of it; GCL counts are whole.
+    gcl.saturating_add(GCL_PER_HALL / 2).div_euclid(GCL_PER_HALL)
+}
+
+/// GCL counts of 100 revolutions of a joint: the gear's ratio × 18 hall counts × 55 (manual 1.3.2, table 2).
+const fn gcl_per_100_revolutions(kind: Kind) -> i64 {
+    let ratio_hundredths = match kind {
+        Kind::Link => 4900,
+        Kind::Spread => 1828,
+        Kind::Tip => 3900,
+    };
+    ratio_hundredths * 18 * GCL_PER_HALL
+}
+
+/// GCL counts of an angle in degrees; halves go up: 90 degrees of a link are 12128.
+#[must_use]
+pub const fn of_degrees(kind: Kind, degrees: i64) -> i64 {
+    rounded(degrees.saturating_mul(gcl_per_100_revolutions(kind)), 36_000)
+}
+
+/// GCL counts of a percentage of a close target; halves go up.
+#[must_use]
+pub const fn of_percent(percent: i64, close_target: i64) -> i64 {
+    rounded(percent.saturating_mul(close_target), 100)
+}
+
+const fn rounded(numerator: i64, denominator: i64) -> i64 {
+    numerator.saturating_add(denominator / 2).div_euclid(denominator)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn degrees_are_the_manual_s() {
+        assert_eq!(of_degrees(Kind::Link, 90), 12128, "1.3.2's example");
+        assert_eq!(of_degrees(Kind::Link, -90), -12127, "halves go up");
+        assert_eq!(of_degrees(Kind::Tip, 180), 19305);
+        assert_eq!(of_degrees(Kind::Spread, 180), 9049);
+        assert_eq!(of_percent(50, 18_200), 9100);
+        assert_eq!(of_percent(-10, 9300), -930);
+    }
+
+    #[test]
+    fn the_nearest_hall_count() {
+        for halls in -200..=400 {
+            for off in -27..=27 {
+                assert_eq!(super::halls(gcl(halls) + off), halls);
+            }
+        }
+        // The table's defaults: DP 8500, 1575; CT 18200, 9300; DS 1400, 800; MPE 200.
+        let halls = [8500, 1575, 18_200, 9300, 1400, 800, 200].map(super::halls);
+        assert_eq!(halls, [155, 29, 331, 169, 25, 15, 4]);
+    }
+}

@@ -1,0 +1,119 @@
+//! A whole hand: GOD, the bus and seven boards with their motors, in simulated time.
+
+use std::convert::Infallible;
+use std::future::Future;
+use std::pin::Pin;
+use std::rc::Rc;
+
+use god::{Io, Memory};
+use tater_wire::Node as Id;
+
+use crate::board::SimBoard;
+use crate::bus::{Adapter, Bus};
+use crate::node::Node;
+use crate::plant::Model;
+
+/// Who is node 0.
+const GOD: &str = "GOD";
+
+/// GOD and its boards. Bytes go in and come out; time passes when it is told to.
+pub struct Hand {
+    bus: Bus<Node>,
+    io: Rc<Io>,
+    memory: Rc<Memory>,
+    god: Pin<Box<dyn Future<Output = Infallible>>>,
+    /// Until when nothing happens in GOD by itself, us.
+    next_us: u64,
+}
+
+impl Hand {
+    /// A hand whose power has just come on, its boards in their monitors, every motor at its standard place.
+    #[must_use]
+    pub fn new(model: Model, seed: u64, memory: Memory) -> Self {
+        let id = |number| Id::new(number).expect("1 to 7 are nodes");
+        let boards = (1..=7)
+            .map(|number| Node::new(SimBoard::standard(id(number), model, seed.wrapping_add(number.into()))));
+        Self::with(boards.collect(), memory)
+    }
+
+    /// The same with these boards, nodes 1 to 7.
+    #[must_use]
+    pub fn with(boards: Vec<Node>, memory: Memory) -> Self {
+        let mut bus = Bus::new(boards);
+        bus.plug_host(GOD, Adapter::default()).expect("it is the first host");
+        let (io, memory) = (Rc::new(Io::default()), Rc::new(memory));
+        let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
+        let god = Box::pin(async move { god::run(&ports, &kept).await });
+        Self { bus, io, memory, god, next_us: 0 }
+    }
+
+    /// Bytes from the host.
+    pub fn hear(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.io.hear(byte);
+        }
+        self.next_us = self.bus.now_us();
+    }
+
+    /// What GOD has said since this was last asked.
+    pub fn said(&mut self) -> Vec<u8> {
+        // There is room now, for what it has waited to say.
+        self.next_us = self.bus.now_us();
+        std::iter::from_fn(|| self.io.byte()).collect()
+    }
+
+    /// Lets time pass.
+    pub fn run_until(&mut self, until_us: u64) {
+        loop {
+            let now = self.bus.now_us();
+            if now >= self.next_us {
+                self.poll();
+            }
+            if now >= until_us {
+                return;
+            }
+            if let Some(stamped) = self.bus.wait(self.next_us.clamp(now, until_us)) {
+                self.io.receive(&stamped.frame);
+                self.next_us = self.bus.now_us();
+            }
+        }
+    }
+
+    fn poll(&mut self) {
+        self.next_us = god::io::poll(self.god.as_mut(), &self.io, self.bus.now_us());
+        while let Some(frame) = self.io.frame() {
+            self.bus.send(frame).expect("it is plugged");
+            // Something may have waited for the room.
+            self.next_us = self.bus.now_us() + 1;
+        }
+    }
+
+    /// GOD's ports.
+    #[must_use]
+    pub fn io(&self) -> &Io {
+        &self.io
+    }
+
+    /// GOD's memory.
+    #[must_use]
+    pub fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// The bus and its boards.
+    #[must_use]
+    pub fn bus(&self) -> &Bus<Node> {
+        &self.bus
+    }
+
+    /// The same, to break them.
+    pub fn bus_mut(&mut self) -> &mut Bus<Node> {
+        &mut self.bus
+    }
+
+    /// The present time, us.
+    #[must_use]
+    pub fn now_us(&self) -> u64 {
+        self.bus.now_us()
+    }
+}

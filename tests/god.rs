@@ -1,0 +1,58 @@
+//! GOD with its boards, from the host's bytes to the motors.
+
+mod prompt;
+
+use god::Memory;
+use hil_sim::hand::Hand;
+use hil_sim::plant::Model;
+
+/// A hand and its host.
+pub struct Session {
+    pub hand: Hand,
+    /// All that was said.
+    pub heard: String,
+}
+
+/// Longest that a command of a test may take, us.
+const MOST_US: u64 = 120_000_000;
+
+impl Session {
+    /// A hand whose power has come on, its banner and its prompt said.
+    pub fn new() -> Self {
+        Self::with(Memory::default())
+    }
+
+    /// The same, with what has survived.
+    pub fn with(memory: Memory) -> Self {
+        let mut session = Self { hand: Hand::new(Model::Averaged, 1, memory), heard: String::new() };
+        session.until_prompt();
+        session
+    }
+
+    /// Types a line, and waits for the next prompt. Returns what came after the echo, without line ends at its edges and the prompt.
+    pub fn line(&mut self, line: &str) -> String {
+        self.hand.hear(line.as_bytes());
+        self.hand.hear(b"\r");
+        let said = self.until_prompt();
+        let said = said.strip_prefix(line).unwrap_or_else(|| panic!("{line:?} is echoed: {said:?}"));
+        said.strip_suffix("=> ").expect("it ends there").trim().replace("\r\n\r", "\n")
+    }
+
+    /// Waits for the prompt; what was said up to its end.
+    pub fn until_prompt(&mut self) -> String {
+        let end = self.hand.now_us() + MOST_US;
+        let mut said = String::new();
+        while !said.ends_with("\n\r=> ") {
+            assert!(self.hand.now_us() < end, "no prompt: {said:?}");
+            self.wait_us(1000);
+            said.extend(self.hand.said().into_iter().map(char::from));
+        }
+        self.heard.push_str(&said);
+        said
+    }
+
+    /// Lets time pass.
+    pub fn wait_us(&mut self, us: u64) {
+        self.hand.run_until(self.hand.now_us() + us);
+    }
+}
