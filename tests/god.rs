@@ -1,5 +1,6 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
+mod movement;
 mod prompt;
 
 use god::Memory;

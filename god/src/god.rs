@@ -36,6 +36,8 @@ pub struct God<'a> {
     pub(crate) parameters: RefCell<Parameters>,
     /// What a motor's last motion came to (parameter S), by place.
     pub(crate) results: Cell<[Status; crate::motors::COUNT]>,
+    /// What moves, and what it is to be given back.
+    pub(crate) moves: movement::Moves,
 }
 
 /// GOD, from its start on. Never ends.
@@ -43,7 +45,7 @@ pub async fn run(io: &Io, memory: &Memory) -> Infallible {
     loop {
         let god = God::new(io, memory);
         god.start().await;
-        while god.serve().await {}
+        while movement::accompanied(&god, god.serve()).await {}
     }
 }
 
@@ -55,6 +57,7 @@ impl<'a> God<'a> {
             boards: Boards::new(io),
             parameters: RefCell::new(memory.look(|stored| stored.parameters)),
             results: Cell::default(),
+            moves: movement::Moves::default(),
         }
     }
 
@@ -96,6 +99,7 @@ impl<'a> God<'a> {
             return status;
         }
         self.io.takes_abort();
+        movement::abort(self).await;
         Status::ABORTED
     }
 
@@ -126,6 +130,15 @@ impl<'a> God<'a> {
     /// Says a line of an answer.
     pub(crate) async fn answer(&self, text: core::fmt::Arguments<'_>) {
         self.io.print(format_args!("{LINE_END}{text}")).await;
+    }
+
+    /// Takes note of what a motor's motion has come to.
+    pub(crate) fn note(&self, motor: Motor, status: Status) {
+        let mut results = self.results.get();
+        if let Some(result) = results.get_mut(motor.index()) {
+            *result = status;
+        }
+        self.results.set(results);
     }
 
     /// What a motor's last motion came to.

@@ -47,6 +47,8 @@ pub struct Io {
     raw: Cell<bool>,
     /// Bytes or frames that were lost because a queue was full.
     lost: Cell<u32>,
+    /// Of GOD's own board, 0.1 °C.
+    temperature: Cell<i16>,
 }
 
 // --- the owner's side -----------------------------------------------------------------------------------
@@ -103,6 +105,11 @@ impl Io {
         self.aborted.set(true);
     }
 
+    /// How warm GOD's own board is, 0.1 °C (parameter TEMP): nobody else measures it.
+    pub fn set_temperature(&self, tenths: i16) {
+        self.temperature.set(tenths);
+    }
+
     /// Bytes and frames that found no room.
     #[must_use]
     pub const fn lost(&self) -> u32 {
@@ -113,6 +120,12 @@ impl Io {
 // --- GOD's side -----------------------------------------------------------------------------------------
 
 impl Io {
+    /// Of GOD's own board, 0.1 °C, as it was set last; 0 before.
+    #[must_use]
+    pub const fn temperature(&self) -> i16 {
+        self.temperature.get()
+    }
+
     /// The present time, us.
     #[must_use]
     pub const fn now_us(&self) -> u64 {
