@@ -150,7 +150,7 @@ impl<'a> Boards<'a> {
     }
 
     /// Takes note of all frames that are there.
-    fn listen(&self) {
+    pub(crate) fn listen(&self) {
         while let Some(frame) = self.io.received() {
             self.note(&frame);
         }

@@ -4,6 +4,7 @@
 //! has to say waits until there is room, so that a host that never reads costs no memory, and no motor.
 
 use core::cell::{Cell, RefCell};
+use core::convert::Infallible;
 use core::fmt::{self, Write};
 use core::future::{Future, poll_fn};
 use core::pin::Pin;
@@ -45,6 +46,8 @@ pub struct Io {
     aborted: Cell<bool>,
     /// In RealTime any byte is data, ^C among them.
     raw: Cell<bool>,
+    /// Of this board, 0.1 °C.
+    temperature: Cell<i16>,
     /// Bytes or frames that were lost because a queue was full.
     lost: Cell<u32>,
 }
@@ -96,6 +99,11 @@ impl Io {
         self.frames.borrow_mut().pop_front()
     }
 
+    /// The temperature of GOD's board, 0.1 °C.
+    pub fn set_temperature(&self, temperature: i16) {
+        self.temperature.set(temperature);
+    }
+
     /// The host is gone, and a new one may come: what it has said and not heard is forgotten, and what goes on is aborted.
     pub fn hang_up(&self) {
         self.input.borrow_mut().clear();
@@ -117,6 +125,11 @@ impl Io {
     #[must_use]
     pub const fn now_us(&self) -> u64 {
         self.now_us.get()
+    }
+
+    /// The temperature of this board, 0.1 °C.
+    pub(crate) const fn temperature(&self) -> i16 {
+        self.temperature.get()
     }
 
     /// Waits until `ready` gives something, or until `deadline_us`.
@@ -142,6 +155,11 @@ impl Io {
     /// The next byte of the host, or `None` at the deadline.
     pub(crate) async fn hears(&self, deadline_us: u64) -> Option<u8> {
         self.until(deadline_us, || self.input.borrow_mut().pop_front()).await
+    }
+
+    /// Whether the host has said something that nobody has read.
+    pub(crate) fn is_spoken_to(&self) -> bool {
+        self.is_aborted() || !self.input.borrow().is_empty()
     }
 
     /// A byte of the host that is there already.
@@ -208,6 +226,17 @@ pub(crate) async fn unless_aborted<T>(io: &Io, work: impl Future<Output = T>) ->
             return Poll::Ready(None);
         }
         work.as_mut().poll(context).map(Some)
+    })
+    .await
+}
+
+/// Does `work` to its end, and `meanwhile` as long as that takes.
+pub(crate) async fn with<T>(meanwhile: impl Future<Output = Infallible>, work: impl Future<Output = T>) -> T {
+    let mut meanwhile = core::pin::pin!(meanwhile);
+    let mut work = core::pin::pin!(work);
+    poll_fn(|context| {
+        let _ = meanwhile.as_mut().poll(context);
+        work.as_mut().poll(context)
     })
     .await
 }
