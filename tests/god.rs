@@ -1,6 +1,12 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
+mod administration;
+mod golden;
+mod lower;
 mod prompt;
+mod sequences;
+mod settings;
+mod tables;
 
 use god::Memory;
 use hil_sim::hand::Hand;

@@ -120,12 +120,11 @@ fn names<R: 'static>(
 async fn describe(god: &God<'_>, name: &str, rule: Rule, help: &str) {
     let Rule { writable, min, max } = rule;
     let access = if writable { "" } else { ", read only" };
-    god.answer(format_args!("{name} {min}..{max}{access}: {help}")).await;
+    god.answer(format_args!("{name} {min}..{max}{access}; {help}")).await;
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::{io, parameter};
     use std::format;
 
@@ -135,7 +134,7 @@ mod tests {
         let motors = parameter::MOTOR.iter().map(|row| (row.name, row.min, row.max, row.help));
         let global = parameter::GLOBAL.iter().map(|row| (row.name, row.min, row.max, row.help));
         for (name, min, max, help) in motors.chain(global) {
-            let line = format!("\r\n\r{name} {min}..{max}, read only: {help}");
+            let line = format!("\r\n\r{name} {min}..{max}, read only; {help}");
             assert!(line.len() <= io::TEXT, "{line}");
         }
     }
