@@ -57,12 +57,12 @@ const fn rule(row: &Row) -> Rule {
 
 // --- one parameter --------------------------------------------------------------------------------------
 
-/// What a property of a board is while the parameter has that value, GCL counts.
+/// What a property of a board is while the parameter has that value, GCL counts: the nearest that it can be. MPE is no less than 0
+/// there, which comes to the same: a motion ends as near as can be, and GOD judges it (DESIGN 6).
 #[must_use]
-pub(crate) const fn on_board(property: Property, value: i64) -> i64 {
-    let halls = units::halls(value);
-    // No way is shorter than none: a board judges none by less than 0, GOD none at all (DESIGN 6).
-    if matches!(property, Property::MPE) && halls < 0 { 0 } else { halls }
+fn on_board(property: Property, value: i64) -> i64 {
+    let spec = property.spec();
+    units::halls(value).max(spec.min()).min(spec.max())
 }
 
 /// The values of a parameter; of a motor whose board does not answer there is none.
