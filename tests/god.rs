@@ -57,11 +57,6 @@ impl Session {
         said
     }
 
-    /// Forgets what has been said since the last prompt that was waited for.
-    pub fn said_until_now(&mut self) -> Vec<u8> {
-        self.hand.said()
-    }
-
     /// Lets time pass.
     pub fn wait_us(&mut self, us: u64) {
         self.hand.run_until(self.hand.now_us() + us);

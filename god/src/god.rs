@@ -141,17 +141,17 @@ impl<'a> God<'a> {
         Status::OK
     }
 
-    /// The motors of a prefix; their boards are woken.
+    /// The motors of a prefix; their boards are woken. Without one those with EN, which their boards say; one that says nothing is not
+    /// taken for disabled, so that a hand with a dead board says so.
     ///
     /// # Errors
     /// There are none, or a board does not answer.
     pub(crate) async fn selected(&self, prefix: Prefix) -> Result<Selection, Status> {
         let awake = self.boards.wake(Motors::ALL).await;
-        let enabled = if prefix.given || prefix.exclusive {
-            Motors::ALL
-        } else {
-            self.boards.get(awake, Property::EN).await.which(|enabled| enabled != 0)
-        };
+        let mut enabled = Motors::ALL;
+        if !prefix.given && !prefix.exclusive {
+            enabled = enabled.but(self.boards.get(awake, Property::EN).await.which(|en| en == 0));
+        }
         let selection = prefix.select(enabled);
         if selection.axes.is_empty() {
             return Err(Status::NO_MOTOR);

@@ -196,7 +196,7 @@ async fn save(god: &God<'_>) -> Status {
     god.boards.set(awake, Property::SAVE, -1).await;
     let parameters = *god.parameters.borrow();
     god.memory.change(|stored| stored.parameters = parameters);
-    let answered = god.boards.get(awake, Property::STAT).await.motors();
+    let answered = god.boards.store(awake).await;
     if stat.motors() == Motors::ALL && answered == awake { Status::OK } else { Status::NO_BOARD }
 }
 

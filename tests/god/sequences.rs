@@ -107,7 +107,7 @@ fn wait_abort_and_errors() {
         // The session looks once a millisecond.
         (session.hand.now_us() - from) / 1000
     };
-    assert_eq!(took(&mut session, "WAIT 5000", ""), 5001);
+    assert_eq!(took(&mut session, "WAIT 5000", ""), 5000);
     let rows = [
         ("REC 4", ""),
         ("WAIT 2000", ""),
@@ -117,7 +117,7 @@ fn wait_abort_and_errors() {
         ("REC", ""),
     ];
     exercise(&mut session, &rows);
-    assert_eq!(took(&mut session, "PLAY 4", "600\nERR 64"), 2001);
+    assert_eq!(took(&mut session, "PLAY 4", "600\nERR 64"), 2000);
     session.hand.hear(b"PLAY 4\r");
     session.wait_us(1_000_000);
     session.hand.hear(b"\x03");
@@ -129,7 +129,7 @@ fn wait_abort_and_errors() {
 #[test]
 fn they_outlive_the_power() {
     let mut session = Session::new();
-    exercise(&mut session, &[("REC 3", ""), ("VERS", "600"), ("MACSET 7", "")]);
+    exercise(&mut session, &[("REC 3", ""), ("VERS", "600"), ("REC", ""), ("MACSET 7", "")]);
     session.line("RESET");
     exercise(&mut session, &[("PLAY 3", "600")]);
     let stored = session.hand.memory().changed().expect("both");

@@ -67,7 +67,7 @@ pub const COMMANDS: &[Row] = &[
     ("PGET LFDPD BAUD", "0 96"),
     // Any case, any space, the same name twice.
     ("  12 fset  dp 7   dp  8 ", ""),
-    ("12fget dp\tct", "8 8 18200 18200"),
+    ("12fget  dp   ct", "8 8 18200 18200"),
 ];
 
 #[test]

@@ -91,9 +91,18 @@ pub(crate) async fn values(god: &God<'_>, row: &Row, motors: Motors) -> Answers 
     }
 }
 
-/// The status of motors: what their last motion came to.
+/// Bit 30 of HALLH: the board knows where its motor is.
+const KNOWN: i64 = 1 << 30;
+
+/// The status of motors: what their last motion came to, and whether they know where they are now.
 async fn status_of(god: &God<'_>, motors: Motors) -> Answers {
-    each(motors, |motor| Some(god.result(motor).code().into()))
+    let known = god.boards.get(motors, Property::HALLH).await;
+    each(motors, |motor| {
+        // Where it once did not, it may now.
+        let last = god.result(motor).code() & !Status::NOT_INITIALIZED.code();
+        let lost = if known.of(motor)? & KNOWN == 0 { Status::NOT_INITIALIZED } else { Status::OK };
+        Some((Status::of(last) | lost).code().into())
+    })
 }
 
 /// Sets a parameter. A SET to a board is verified by a GET.
@@ -227,8 +236,7 @@ async fn on_boards(god: &God<'_>, motors: Motors, by: Property) -> Status {
     for property in properties() {
         god.boards.set(motors, by, property.id().into()).await;
     }
-    // They have come to the end of it.
-    let answered = god.boards.get(motors, Property::STAT).await.motors();
+    let answered = god.boards.store(motors).await;
     if motors.but(answered).is_empty() { Status::OK } else { Status::NO_BOARD }
 }
 
