@@ -3,6 +3,7 @@
 mod administration;
 mod golden;
 mod lower;
+mod movement;
 mod prompt;
 mod sequences;
 mod settings;

@@ -47,6 +47,8 @@ pub struct God<'a> {
     pub(crate) lower: lower::State,
     /// RESET was the last command.
     pub(crate) is_over: Cell<bool>,
+    /// What moves, and what it is to be given back.
+    pub(crate) moves: movement::Moves,
 }
 
 /// GOD, from its start on. Never ends.
@@ -55,7 +57,7 @@ pub async fn run(io: &Io, memory: &Memory) -> Infallible {
         let god = God::new(io, memory);
         with(settings::hand::keep(&god), async {
             god.start().await;
-            while god.serve().await {}
+            while movement::accompanied(&god, god.serve()).await {}
         })
         .await;
         settings::hand::count(&god);
@@ -75,6 +77,7 @@ impl<'a> God<'a> {
             recording: Cell::default(),
             lower: lower::State::default(),
             is_over: Cell::default(),
+            moves: movement::Moves::default(),
         }
     }
 
@@ -116,6 +119,7 @@ impl<'a> God<'a> {
             return status;
         }
         self.io.takes_abort();
+        movement::abort(self).await;
         Status::ABORTED
     }
 
@@ -186,6 +190,15 @@ impl<'a> God<'a> {
     /// Says a line of an answer.
     pub(crate) async fn answer(&self, text: core::fmt::Arguments<'_>) {
         self.io.print(format_args!("{LINE_END}{text}")).await;
+    }
+
+    /// Takes note of what a motor's motion has come to.
+    pub(crate) fn note(&self, motor: Motor, status: Status) {
+        let mut results = self.results.get();
+        if let Some(result) = results.get_mut(motor.index()) {
+            *result = status;
+        }
+        self.results.set(results);
     }
 
     /// What a motor's last motion came to.

@@ -10,6 +10,7 @@ use crate::command::Command;
 use crate::god::God;
 use crate::memory::{MACROS, Positions, SEQUENCE, SEQUENCES};
 use crate::motors::{COUNT, Motors, Prefix};
+use crate::movement;
 use crate::parameter;
 use crate::settings;
 use crate::status::Status;
@@ -50,11 +51,14 @@ fn place(number: i64, count: usize) -> Result<usize, Status> {
 
 // --- macros ---------------------------------------------------------------------------------------------
 
-/// Where the motors are is macro `number` from now on.
+/// Where the motors are is macro `number` from now on; all of them must know it.
 async fn set_macro(god: &God<'_>, number: i64) -> Status {
     let Ok(place) = place(number, MACROS) else { return Status::INVALID_VALUE };
     if god.boards.wake(Motors::ALL).await != Motors::ALL {
         return Status::NO_BOARD;
+    }
+    if !movement::lost(god, Motors::ALL).await.is_empty() {
+        return Status::NOT_INITIALIZED;
     }
     let Some(row) = parameter::motor("P") else { return Status::UNKNOWN_PARAMETER };
     let positions = settings::motors::values(god, row, Motors::ALL).await;
@@ -80,8 +84,7 @@ async fn play_macro(god: &God<'_>, prefix: Prefix, number: i64) -> Status {
         .ok()
         .and_then(|place| god.memory.look(|stored| stored.macros.get(place).copied().flatten()));
     let Some(positions) = positions else { return Status::INVALID_VALUE };
-    let _ = (prefix, positions);
-    Status::UNKNOWN_COMMAND
+    movement::to_positions(god, prefix, &positions).await
 }
 
 // --- sequences ------------------------------------------------------------------------------------------
@@ -100,11 +103,11 @@ fn begin(god: &God<'_>, number: i64) -> Status {
     Status::OK
 }
 
-/// Records a line, if that is to be done. Where there is no room for it, recording ends, and says so: no status code means that.
+/// Records a line other than PLAY, if that is to be done. Where there is no room for it, recording ends, and says so: no status code means that.
 pub(crate) async fn record(god: &God<'_>, line: &str) {
     let Some(number) = god.recording.get() else { return };
     match words::parse(line) {
-        Ok(Words::Command { command: Command::Rec | Command::Play, .. } | Words::Empty) | Err(_) => return,
+        Ok(Words::Command { command: Command::Rec, .. } | Words::Empty) | Err(_) => return,
         Ok(Words::Command { .. } | Words::Lower(_)) => {}
     }
     let line = line.trim_ascii();

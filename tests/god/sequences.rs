@@ -5,6 +5,8 @@ use super::tables::{Row, exercise};
 
 /// Lines and answers, one after another in one session.
 pub const COMMANDS: &[Row] = &[
+    ("MACSET 0", "ERR 4"),
+    ("HI", ""),
     ("MACSET 0", ""),
     ("MACSET 19", ""),
     ("MACSET 20", "ERR 128"),
@@ -15,6 +17,7 @@ pub const COMMANDS: &[Row] = &[
     ("MAC 20", "ERR 128"),
     ("MAC", "ERR 128"),
     ("GMAC 3", "ERR 128"),
+    ("GMAC 0", ""),
     ("REC 6", "ERR 128"),
     ("REC x", "ERR 128"),
     ("1REC 1", "ERR 4096"),
@@ -129,11 +132,45 @@ fn wait_abort_and_errors() {
 #[test]
 fn they_outlive_the_power() {
     let mut session = Session::new();
-    exercise(&mut session, &[("REC 3", ""), ("VERS", "600"), ("REC", ""), ("MACSET 7", "")]);
+    exercise(&mut session, &[("REC 3", ""), ("VERS", "600"), ("REC", ""), ("HI", ""), ("MACSET 7", "")]);
     session.line("RESET");
     exercise(&mut session, &[("PLAY 3", "600")]);
     let stored = session.hand.memory().changed().expect("both");
     assert_eq!(stored.macros.iter().position(Option::is_some), Some(7));
     session.hand.bus_mut().cut(6, true);
     exercise(&mut session, &[("MACSET 7", "ERR 1")]);
+}
+
+/// Each motor goes to where it was at MACSET: a tip too; with X only those that are named.
+#[test]
+fn a_macro_is_the_place_of_every_motor() {
+    let mut session = Session::new();
+    let places = "X1234567FGET P";
+    session.line("HI");
+    session.line("X1M 5500");
+    session.line("X5M 11000");
+    session.line("SM 4400");
+    let there = session.line(places);
+    exercise(&mut session, &[("MACSET 3", ""), ("HOME", "")]);
+    let home = session.line(places);
+    let number =
+        |places: &str| places.split(' ').map(|place| place.parse().expect("it")).collect::<Vec<i32>>();
+    // The other way round: nobody stays where he was.
+    let near = |found: &str, expected: &[i32]| {
+        // MPE of each, 200, and hall counts of 55.
+        assert!(
+            number(found).iter().zip(expected).all(|(a, b)| (a - b).abs() <= 255),
+            "{found} {expected:?}"
+        );
+    };
+    near(&home, &[0; 7]);
+    near(&there, &[5500, 0, 0, 4400, 11_000, 0, 0]);
+    exercise(&mut session, &[("X5MAC 3", "")]);
+    near(&session.line(places), &[0, 0, 0, 0, 11_000, 0, 0]);
+    exercise(&mut session, &[("GMAC 3", "")]);
+    near(&session.line(places), &[5500, 0, 0, 0, 11_000, 0, 0]);
+    exercise(&mut session, &[("MAC 3", "")]);
+    near(&session.line(places), &[5500, 0, 0, 4400, 11_000, 0, 0]);
+    session.line("RESET");
+    exercise(&mut session, &[("MAC 3", "ERR 4")]);
 }

@@ -265,6 +265,11 @@ fn a_board_that_does_not_answer_is_told() {
         ("2FLISTV", "ERR 1"),
     ];
     exercise(&mut session, &rows);
+    // While it is spoken to.
+    session.hand.hear(b"3FDEF\r");
+    session.wait_us(10_000);
+    session.hand.bus_mut().cut(2, true);
+    assert_eq!(session.until_prompt(), "3FDEF\r\n\rERR 1\r\n\r=> ");
 }
 
 /// PTEMP is the highest TEMP ever, UPSECS the seconds with power on, ever; both outlive it.

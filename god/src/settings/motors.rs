@@ -11,6 +11,7 @@ use crate::command::Command;
 use crate::god::God;
 use crate::memory::OfMotor;
 use crate::motors::{Motor, Motors, Prefix};
+use crate::movement;
 use crate::parameter::{self, MOTOR, Row, Source};
 use crate::status::Status;
 use crate::units;
@@ -91,16 +92,13 @@ pub(crate) async fn values(god: &God<'_>, row: &Row, motors: Motors) -> Answers 
     }
 }
 
-/// Bit 30 of HALLH: the board knows where its motor is.
-const KNOWN: i64 = 1 << 30;
-
 /// The status of motors: what their last motion came to, and whether they know where they are now.
 async fn status_of(god: &God<'_>, motors: Motors) -> Answers {
-    let known = god.boards.get(motors, Property::HALLH).await;
+    let lost = movement::lost(god, motors).await;
     each(motors, |motor| {
         // Where it once did not, it may now.
         let last = god.result(motor).code() & !Status::NOT_INITIALIZED.code();
-        let lost = if known.of(motor)? & KNOWN == 0 { Status::NOT_INITIALIZED } else { Status::OK };
+        let lost = if lost.has(motor) { Status::NOT_INITIALIZED } else { Status::OK };
         Some((Status::of(last) | lost).code().into())
     })
 }
