@@ -72,7 +72,7 @@ pub(super) async fn look(god: &God<'_>, motors: Motors, initialized: bool) -> Re
 }
 
 /// Those of motors whose boards say that they do not know where they are.
-pub(super) async fn lost(god: &God<'_>, motors: Motors) -> Motors {
+pub(crate) async fn lost(god: &God<'_>, motors: Motors) -> Motors {
     god.boards.get(motors, Property::HALLH).await.which(|bits| bits & KNOWN == 0)
 }
 
