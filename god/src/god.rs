@@ -145,22 +145,30 @@ impl<'a> God<'a> {
         Status::OK
     }
 
-    /// The motors of a prefix; their boards are woken. Without one those with EN, which their boards say; one that says nothing is not
-    /// taken for disabled, so that a hand with a dead board says so.
+    /// The motors of a prefix. Without one those with EN, which their boards say, awake for it; one that says nothing is not taken for
+    /// disabled, so that a hand with a dead board says so.
+    ///
+    /// # Errors
+    /// There are none.
+    pub(crate) async fn selection(&self, prefix: Prefix) -> Result<Selection, Status> {
+        let mut enabled = Motors::ALL;
+        if !prefix.given && !prefix.exclusive {
+            let awake = self.boards.wake(Motors::ALL).await;
+            enabled = enabled.but(self.boards.get(awake, Property::EN).await.which(|en| en == 0));
+        }
+        let selection = prefix.select(enabled);
+        if selection.axes.is_empty() { Err(Status::NO_MOTOR) } else { Ok(selection) }
+    }
+
+    /// The same; their boards are woken.
     ///
     /// # Errors
     /// There are none, or a board does not answer.
     pub(crate) async fn selected(&self, prefix: Prefix) -> Result<Selection, Status> {
-        let awake = self.boards.wake(Motors::ALL).await;
-        let mut enabled = Motors::ALL;
-        if !prefix.given && !prefix.exclusive {
-            enabled = enabled.but(self.boards.get(awake, Property::EN).await.which(|en| en == 0));
-        }
-        let selection = prefix.select(enabled);
-        if selection.axes.is_empty() {
-            return Err(Status::NO_MOTOR);
-        }
-        if selection.motors().but(awake).is_empty() { Ok(selection) } else { Err(Status::NO_BOARD) }
+        let selection = self.selection(prefix).await?;
+        let motors = selection.motors();
+        let silent = motors.but(self.boards.wake(motors).await);
+        if silent.is_empty() { Ok(selection) } else { Err(Status::NO_BOARD) }
     }
 
     async fn words(&self, words: Words<'_>) -> Status {

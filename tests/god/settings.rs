@@ -267,7 +267,7 @@ fn a_board_that_does_not_answer_is_told() {
     exercise(&mut session, &rows);
     // While it is spoken to.
     session.hand.hear(b"3FDEF\r");
-    session.wait_us(10_000);
+    session.wait_us(2_000);
     session.hand.bus_mut().cut(2, true);
     assert_eq!(session.until_prompt(), "3FDEF\r\n\rERR 1\r\n\r=> ");
 }
