@@ -1,6 +1,7 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
 mod prompt;
+mod realtime;
 
 use god::Memory;
 use hil_sim::hand::Hand;

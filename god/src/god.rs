@@ -10,10 +10,11 @@ use crate::command::{Category, Command};
 use crate::io::{Io, unless_aborted};
 use crate::line::{self, Heard};
 use crate::memory::{Memory, Parameters};
-use crate::motors::{Motor, Prefix};
+use crate::motors::{COUNT, Motor, Motors, Prefix, Selection};
 use crate::status::Status;
 use crate::words::{self, Words};
 use crate::{administration, lower, movement, realtime, sequences, settings};
+use tater_wire::Property;
 
 /// What ends a line before an answer, an error and the prompt: clients look for LF CR, others for CR LF; this has both (PROTOCOL 3).
 pub const LINE_END: &str = "\r\n\r";
@@ -27,6 +28,11 @@ pub const BANNER: &str = "GOD of a BarrettWraptor, as BarrettHand Firmware";
 /// The version of GOD's software: that of the boards it is made for.
 pub const VERSION: u16 = 600;
 
+/// Modes of the boards: idle, holding.
+pub(crate) const IDLE: i64 = 0;
+/// See [`IDLE`].
+pub(crate) const PID: i64 = 3;
+
 /// What goes on between two commands.
 pub struct God<'a> {
     pub(crate) io: &'a Io,
@@ -35,7 +41,11 @@ pub struct God<'a> {
     /// The parameters as they are.
     pub(crate) parameters: RefCell<Parameters>,
     /// What a motor's last motion came to (parameter S), by place.
-    pub(crate) results: Cell<[Status; crate::motors::COUNT]>,
+    pub(crate) results: Cell<[Status; COUNT]>,
+    /// The motors that a command has set in motion, and that ^C has to end.
+    pub(crate) moving: Cell<Motors>,
+    /// The position of each motor that the host knows, GCL counts: FGET P or RealTime told it (manual 6.2.3).
+    pub(crate) reported: Cell<[i32; COUNT]>,
 }
 
 /// GOD, from its start on. Never ends.
@@ -55,6 +65,8 @@ impl<'a> God<'a> {
             boards: Boards::new(io),
             parameters: RefCell::new(memory.look(|stored| stored.parameters)),
             results: Cell::default(),
+            moving: Cell::default(),
+            reported: Cell::default(),
         }
     }
 
@@ -96,7 +108,35 @@ impl<'a> God<'a> {
             return status;
         }
         self.io.takes_abort();
+        self.io.set_raw(false);
+        self.end_motions().await;
         Status::ABORTED
+    }
+
+    /// Ends all motions that go on as HOLD says.
+    pub(crate) async fn end_motions(&self) {
+        let motors = self.moving.take();
+        let held = self.boards.get(motors, Property::HOLD).await.which(|hold| hold != 0);
+        self.boards.set(held, Property::MODE, PID).await;
+        self.boards.set(motors.but(held), Property::MODE, IDLE).await;
+    }
+
+    /// The motors of a prefix; their boards are woken.
+    ///
+    /// # Errors
+    /// There are none, or a board does not answer.
+    pub(crate) async fn selected(&self, prefix: Prefix) -> Result<Selection, Status> {
+        let awake = self.boards.wake(Motors::ALL).await;
+        let enabled = if prefix.given || prefix.exclusive {
+            Motors::ALL
+        } else {
+            self.boards.get(awake, Property::EN).await.which(|enabled| enabled != 0)
+        };
+        let selection = prefix.select(enabled);
+        if selection.axes.is_empty() {
+            return Err(Status::NO_MOTOR);
+        }
+        if selection.motors().but(awake).is_empty() { Ok(selection) } else { Err(Status::NO_BOARD) }
     }
 
     async fn words(&self, words: Words<'_>) -> Status {
