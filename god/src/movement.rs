@@ -85,7 +85,7 @@ async fn attempt(
 ///
 /// # Errors
 /// Why they cannot: as those of [`ready::look`].
-async fn begin(god: &God<'_>, motors: Motors, initialized: bool) -> Result<(), Status> {
+pub(crate) async fn begin(god: &God<'_>, motors: Motors, initialized: bool) -> Result<(), Status> {
     ready::ready(god, motors, initialized).await?;
     // What a board did not confirm after the last motion.
     moves::give_back(god).await;

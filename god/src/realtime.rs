@@ -54,10 +54,13 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
     if let Err(status) = arguments.none() {
         return status;
     }
-    let selection = match god.selected(prefix).await {
+    let selection = match god.selection(prefix).await {
         Ok(selection) => selection,
         Err(status) => return status,
     };
+    if let Err(status) = movement::begin(god, selection.motors(), true).await {
+        return status;
+    }
     movement::steer(god, selection.motors()).await;
     let control = Loop::new(god, selection).await;
     god.io.set_raw(true);
