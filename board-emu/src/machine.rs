@@ -1,18 +1,16 @@
 //! A chip with its core, in time.
 
-use std::cell::{Ref, RefCell, RefMut};
 use std::rc::Rc;
 
 use crate::chip::{Chip, Reset};
-use crate::cpu::{Cpu, Shared};
+use crate::cpu::Cpu;
 use crate::image::Names;
 use crate::stop::{Problem, Stop};
 use crate::time::{NEVER, Time, US};
 
 /// A chip and its core.
 pub struct Machine {
-    chip: Shared,
-    /// The core.
+    /// The core, which has the chip.
     pub cpu: Cpu,
     /// What is where in the programs.
     pub names: Rc<Names>,
@@ -39,25 +37,24 @@ impl Machine {
     /// A chip without power.
     #[must_use]
     pub fn new(chip: Chip, names: Rc<Names>) -> Self {
-        let chip = Rc::new(RefCell::new(chip));
-        Self { cpu: Cpu::new(Rc::clone(&chip)), chip, names, powered: false, resets: Vec::new() }
+        Self { cpu: Cpu::new(chip), names, powered: false, resets: Vec::new() }
     }
 
     /// The chip, to look at.
     #[must_use]
-    pub fn chip(&self) -> Ref<'_, Chip> {
-        self.chip.borrow()
+    pub const fn chip(&self) -> &Chip {
+        &self.cpu.chip
     }
 
     /// The chip: its pins, its inputs.
-    pub fn chip_mut(&mut self) -> RefMut<'_, Chip> {
-        self.chip.borrow_mut()
+    pub const fn chip_mut(&mut self) -> &mut Chip {
+        &mut self.cpu.chip
     }
 
     /// The present.
     #[must_use]
     pub fn now(&self) -> Time {
-        self.chip.borrow().now
+        self.cpu.chip.now
     }
 
     /// Whether the supply is up.
@@ -69,7 +66,7 @@ impl Machine {
     /// The supply fails: the chip is in reset until it comes back. What RAM holds then is chance's.
     pub fn power_off(&mut self) {
         self.powered = false;
-        self.chip.borrow_mut().reset(Reset::Power);
+        self.cpu.chip.reset(Reset::Power);
     }
 
     /// Resets it; with [`Reset::Power`] after the supply has come up.
@@ -79,7 +76,7 @@ impl Machine {
     pub fn reset(&mut self, cause: Reset) -> Result<(), Stop> {
         self.powered = true;
         self.resets.push((cause, self.now()));
-        self.chip.borrow_mut().reset(cause);
+        self.cpu.chip.reset(cause);
         self.cpu.reset().map_err(|problem| self.stop(problem))
     }
 
@@ -94,7 +91,7 @@ impl Machine {
     /// When something next happens that the program does not do: a peripheral's event or SysTick's.
     #[must_use]
     pub fn next_event(&self) -> Time {
-        self.chip.borrow().next_event().min(self.cpu.next_event())
+        self.cpu.chip.next_event().min(self.cpu.next_event())
     }
 
     /// Executes until `until`, or a little past it for the last instruction. While the core sleeps, time jumps from event to event.
@@ -106,22 +103,22 @@ impl Machine {
         let mut next = self.settle();
         while self.now() < until {
             if !self.powered {
-                self.chip.borrow_mut().now = until;
+                self.cpu.chip.now = until;
                 break;
             }
             if let Some(wakes) = self.waits_until() {
                 let to = next.min(until).min(wakes);
-                self.chip.borrow_mut().now = to;
+                self.cpu.chip.now = to;
             } else {
                 self.execute(next.min(until), breakpoints)?;
             }
-            if self.chip.borrow().touched || self.now() >= next {
+            if self.cpu.chip.touched || self.now() >= next {
                 next = self.settle();
                 if let Some(cause) = self.reset_due() {
                     self.reset(cause)?;
                     return Ok(Pause::Reset(cause));
                 }
-                if std::mem::take(&mut self.chip.borrow_mut().tim1.gates_changed) {
+                if std::mem::take(&mut self.cpu.chip.tim1.gates_changed) {
                     return Ok(Pause::Gates);
                 }
             }
@@ -136,11 +133,11 @@ impl Machine {
     fn execute(&mut self, until: Time, breakpoints: &[u32]) -> Result<(), Stop> {
         loop {
             self.cpu.step().map_err(|problem| self.stop(problem))?;
-            let chip = self.chip.borrow();
-            if chip.touched || chip.now >= until || chip.flash.busy_until > chip.now {
+            let chip = &self.cpu.chip;
+            // Also what keeps the flash busy has touched it.
+            if chip.touched || chip.now >= until {
                 return Ok(());
             }
-            drop(chip);
             if self.cpu.is_asleep() || breakpoints.contains(&self.cpu.pc()) {
                 return Ok(());
             }
@@ -158,23 +155,21 @@ impl Machine {
         if self.cpu.is_asleep() {
             return Some(NEVER);
         }
-        let chip = self.chip.borrow();
+        let chip = &self.cpu.chip;
         (chip.flash.busy_until > chip.now).then_some(chip.flash.busy_until)
     }
 
     /// When something next happens that may wake the core: not what timer 1 and the converter do among themselves.
     #[must_use]
     pub fn next_wake(&self) -> Time {
-        self.chip.borrow().next_wake().min(self.cpu.next_event())
+        self.cpu.chip.next_wake().min(self.cpu.next_event())
     }
 
     /// The same machine in the same state, with a chip of its own.
     #[must_use]
     pub fn duplicate(&self) -> Self {
-        let chip = Rc::new(RefCell::new(self.chip.borrow().clone()));
         Self {
-            cpu: self.cpu.duplicate(Rc::clone(&chip)),
-            chip,
+            cpu: self.cpu.duplicate(),
             names: Rc::clone(&self.names),
             powered: self.powered,
             resets: self.resets.clone(),
@@ -185,7 +180,7 @@ impl Machine {
     fn settle(&mut self) -> Time {
         loop {
             let now = {
-                let mut chip = self.chip.borrow_mut();
+                let chip = &mut self.cpu.chip;
                 let now = chip.now;
                 let due = chip.next_event();
                 if due <= now {
@@ -196,7 +191,6 @@ impl Machine {
                 }
                 chip.touched = false;
                 let (interrupts, nmi) = (chip.interrupts(), chip.rcc.clock_failed());
-                drop(chip);
                 self.cpu.advance();
                 self.cpu.set_lines(interrupts, nmi);
                 now
@@ -211,7 +205,7 @@ impl Machine {
         if self.cpu.take_reset_request() {
             Some(Reset::Software)
         } else {
-            self.chip.borrow().iwdg.expired.then_some(Reset::Watchdog)
+            self.cpu.chip.iwdg.expired.then_some(Reset::Watchdog)
         }
     }
 }
