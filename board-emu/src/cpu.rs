@@ -154,6 +154,26 @@ impl Cpu {
         Ok(())
     }
 
+    /// Steps until [`Self::is_interrupted`]: once at least.
+    ///
+    /// # Errors
+    /// What ends the run.
+    pub fn run(&mut self, until: Time) -> Result<(), Problem> {
+        loop {
+            self.one()?;
+            if self.is_interrupted(until) {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Whether somebody else is to look at the chip before the next instruction: the time has come, a peripheral was touched
+    /// (or the flash, which keeps the core waiting), or the core sleeps.
+    #[must_use]
+    pub fn is_interrupted(&self, until: Time) -> bool {
+        self.chip.touched || self.chip.now >= until || self.is_asleep()
+    }
+
     /// One instruction, after an exception's entry if one is due; moves the chip's time on by what both took.
     ///
     /// Not to be called while [`Self::is_asleep`].
@@ -161,6 +181,11 @@ impl Cpu {
     /// # Errors
     /// What ends the run.
     pub fn step(&mut self) -> Result<(), Problem> {
+        self.one()
+    }
+
+    #[inline(always)]
+    fn one(&mut self) -> Result<(), Problem> {
         if self.sys.nvic.changed {
             let before = self.registers.pc();
             self.take_due()?;

@@ -16,6 +16,8 @@ pub struct Machine {
     pub names: Rc<Names>,
     /// Whether the supply is up.
     powered: bool,
+    /// When what happens by itself is to be looked at again, unless the program touches something before.
+    next: Time,
     /// How often it was reset, by cause.
     pub resets: Vec<(Reset, Time)>,
 }
@@ -37,7 +39,7 @@ impl Machine {
     /// A chip without power.
     #[must_use]
     pub fn new(chip: Chip, names: Rc<Names>) -> Self {
-        Self { cpu: Cpu::new(chip), names, powered: false, resets: Vec::new() }
+        Self { cpu: Cpu::new(chip), names, powered: false, next: 0, resets: Vec::new() }
     }
 
     /// The chip, to look at.
@@ -48,6 +50,7 @@ impl Machine {
 
     /// The chip: its pins, its inputs.
     pub const fn chip_mut(&mut self) -> &mut Chip {
+        self.next = 0;
         &mut self.cpu.chip
     }
 
@@ -91,7 +94,7 @@ impl Machine {
     /// When something next happens that the program does not do: a peripheral's event or SysTick's.
     #[must_use]
     pub fn next_event(&self) -> Time {
-        self.cpu.chip.next_event().min(self.cpu.next_event())
+        if self.is_due() { self.cpu.chip.next_event().min(self.cpu.next_event()) } else { self.next }
     }
 
     /// Executes until `until`, or a little past it for the last instruction. While the core sleeps, time jumps from event to event.
@@ -100,20 +103,22 @@ impl Machine {
     /// What ends the run.
     pub fn run(&mut self, until: Time, breakpoints: &[u32]) -> Result<Pause, Stop> {
         self.cpu.pauses_at_entry = !breakpoints.is_empty();
-        let mut next = self.settle();
+        if self.is_due() {
+            self.settle();
+        }
         while self.now() < until {
             if !self.powered {
                 self.cpu.chip.now = until;
                 break;
             }
             if let Some(wakes) = self.waits_until() {
-                let to = next.min(until).min(wakes);
+                let to = self.next.min(until).min(wakes);
                 self.cpu.chip.now = to;
             } else {
-                self.execute(next.min(until), breakpoints)?;
+                self.execute(self.next.min(until), breakpoints)?;
             }
-            if self.cpu.chip.touched || self.now() >= next {
-                next = self.settle();
+            if self.is_due() {
+                self.settle();
                 if let Some(cause) = self.reset_due() {
                     self.reset(cause)?;
                     return Ok(Pause::Reset(cause));
@@ -132,13 +137,9 @@ impl Machine {
     /// Executes until something else is due: an event, what follows from an access to a peripheral, sleep, a breakpoint.
     fn execute(&mut self, until: Time, breakpoints: &[u32]) -> Result<(), Stop> {
         loop {
-            self.cpu.step().map_err(|problem| self.stop(problem))?;
-            let chip = &self.cpu.chip;
-            // Also what keeps the flash busy has touched it.
-            if chip.touched || chip.now >= until {
-                return Ok(());
-            }
-            if self.cpu.is_asleep() || breakpoints.contains(&self.cpu.pc()) {
+            let stepped = if breakpoints.is_empty() { self.cpu.run(until) } else { self.cpu.step() };
+            stepped.map_err(|problem| self.stop(problem))?;
+            if self.cpu.is_interrupted(until) || breakpoints.contains(&self.cpu.pc()) {
                 return Ok(());
             }
         }
@@ -172,33 +173,32 @@ impl Machine {
             cpu: self.cpu.duplicate(),
             names: Rc::clone(&self.names),
             powered: self.powered,
+            next: self.next,
             resets: self.resets.clone(),
         }
     }
 
-    /// All events that are due; returns when the next one is.
-    fn settle(&mut self) -> Time {
-        loop {
-            let now = {
-                let chip = &mut self.cpu.chip;
-                let now = chip.now;
-                let due = chip.next_event();
-                if due <= now {
-                    // In their order; the present stays.
-                    chip.advance(due);
-                    chip.now = now;
-                    continue;
-                }
-                chip.touched = false;
-                let (interrupts, nmi) = (chip.interrupts(), chip.rcc.clock_failed());
-                self.cpu.advance();
-                self.cpu.set_lines(interrupts, nmi);
-                now
-            };
-            let next = self.next_event();
-            debug_assert!(next > now);
-            return next;
+    const fn is_due(&self) -> bool {
+        self.cpu.chip.touched || self.cpu.chip.now >= self.next
+    }
+
+    /// All events that are due, and when the next one is.
+    fn settle(&mut self) {
+        let chip = &mut self.cpu.chip;
+        let now = chip.now;
+        let mut next = chip.next_event();
+        while next <= now {
+            // In their order; the present stays.
+            chip.advance(next);
+            chip.now = now;
+            next = chip.next_event();
         }
+        chip.touched = false;
+        let (interrupts, nmi) = (chip.interrupts(), chip.rcc.clock_failed());
+        self.cpu.advance();
+        self.cpu.set_lines(interrupts, nmi);
+        self.next = next.min(self.cpu.next_event());
+        debug_assert!(self.next > now);
     }
 
     fn reset_due(&mut self) -> Option<Reset> {
