@@ -385,7 +385,8 @@ impl Servo {
         let resting = self.setpoint.velocity == CountsPerSec::ZERO;
         let same_cell = self.setpoint.position.round() == self.position.round();
         let error = if resting && same_cell { Law::ZERO } else { self.lag().saturating_error() };
-        (error, self.setpoint.velocity.0.saturating_sub(self.velocity.0))
+        // Below 2^13 and 2^14 counts/s: it does not wrap.
+        (error, self.setpoint.velocity.0.wrapping_sub(self.velocity.0))
     }
 
     /// Whether the host steers the motion from moment to moment, and must be there to end it.

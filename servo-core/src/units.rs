@@ -49,17 +49,10 @@ impl Counts {
         Self(self.0.saturating_abs())
     }
 
-    /// The distance as a control error in ±32767 counts with 1/65536 resolution; saturates.
+    /// The distance as a control error in ±32767 counts with 1/65536 resolution; saturates, which is one `SSAT`.
     #[must_use]
-    pub const fn saturating_error(self) -> I16F16 {
-        let bits = self.0.to_bits();
-        if bits > i32::MAX >> 6 {
-            I16F16::MAX
-        } else if bits < i32::MIN >> 6 {
-            I16F16::MIN
-        } else {
-            I16F16::from_bits(bits << 6)
-        }
+    pub fn saturating_error(self) -> I16F16 {
+        I16F16::from_bits(self.0.to_bits().clamp(i32::MIN >> 6, i32::MAX >> 6) << 6)
     }
 
     /// The same with the profile's resolution.
