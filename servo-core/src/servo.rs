@@ -4,7 +4,7 @@
 pub use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Status};
 use crate::config::{Config, ConfigError, MotorKind};
 use crate::guard::breakaway::Breakaway;
-use crate::guard::fault::{Faults, Wrongs};
+use crate::guard::fault::{Faults, Wrong};
 use crate::guard::limits::{Bounded, Envelope, Limits};
 use crate::guard::stall::Stall;
 use crate::guard::strain::Window;
@@ -173,18 +173,30 @@ impl Servo {
         self.estimator.edge(edge);
     }
 
+    /// The break input has switched the bridge off: a fault at the next tick.
+    pub const fn bridge_fault(&mut self) {
+        self.faults.say(Wrong::Bridge);
+    }
+
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
+        // First of all, while it is at hand.
+        if sense.bridge_fault {
+            self.bridge_fault();
+        }
+        if sense.host_lost && self.is_steered() {
+            self.faults.say(Wrong::HostLost);
+        }
         let counted = self.observe(sense);
         let enters = self.enters();
         // A tick that plans does little else. Its torque is the last motion's, or none.
         self.planned = enters && self.mode == Mode::Trapezoidal;
         if self.planned {
             self.thermal.add(self.applied.torque);
-        } else {
-            self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
+        } else if self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp) {
+            self.faults.say(Wrong::Hot);
         }
-        if let Some(fault) = self.faults.check(sense.bus, self.wrongs(sense)) {
+        if let Some(fault) = self.faults.check(sense.bus) {
             self.fail(fault);
         }
         if self.mode == Mode::Idle {
@@ -203,8 +215,7 @@ impl Servo {
             }
             // What has just begun does not end, but for a move to where it is.
         }
-        self.check_end(counted, sense.strain);
-        if !self.entered {
+        if self.check_end(counted, sense.strain) && !self.entered {
             // Idle, or HI goes on: it enters its next motion in the next tick, and drives as before till then.
             return self.drive();
         }
@@ -270,26 +281,18 @@ impl Servo {
                 HallEvent::Fault(_) => {
                     // The count may have slipped by an electrical revolution.
                     self.homed = false;
-                    self.faults.halls();
+                    self.faults.say(Wrong::Halls);
                 }
             }
         }
         let (position, velocity) = self.estimator.at(sense.now);
         self.position = position.wrapping_sub(Counts::from_int(self.zero));
         self.velocity = velocity;
-        self.limits.watch_current(sense.current, self.applied.duty);
+        if self.limits.watch_current(sense.current, self.applied.duty) {
+            self.faults.say(Wrong::Short);
+        }
         let before = core::mem::replace(&mut self.count, self.estimator.count());
         self.count != before
-    }
-
-    /// What else than the bus voltage is wrong.
-    fn wrongs(&self, sense: &Sense<'_>) -> Wrongs {
-        Wrongs {
-            bridge: sense.bridge_fault,
-            short: self.limits.short(),
-            hot: self.thermal.over(),
-            host_lost: sense.host_lost && self.is_steered(),
-        }
     }
 
     /// What is applied, or nothing in idle.

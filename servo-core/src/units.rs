@@ -43,10 +43,11 @@ impl Counts {
         Self(self.0.wrapping_sub(other.0))
     }
 
-    /// The magnitude; saturates at the largest distance.
+    /// Whether the magnitude is less than `distance`, which is not negative: one addition and one comparison.
     #[must_use]
-    pub const fn saturating_abs(self) -> Self {
-        Self(self.0.saturating_abs())
+    pub const fn is_within(self, distance: Self) -> bool {
+        let (bits, less) = (self.0.to_bits(), distance.0.to_bits().wrapping_sub(1));
+        bits.wrapping_add(less).cast_unsigned() <= less.cast_unsigned().wrapping_mul(2)
     }
 
     /// The distance as a control error in ±32767 counts with 1/65536 resolution; saturates, which is one `SSAT`.
