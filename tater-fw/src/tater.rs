@@ -86,8 +86,6 @@ pub struct Tater<B: Board> {
     /// HALLH: three bits a code, the newest lowest.
     hall_history: u32,
     drive: Drive,
-    /// The break input has tripped since the last tick.
-    tripped: bool,
     kept: Kept,
     lock: Lock,
     store: Store,
@@ -101,8 +99,8 @@ pub struct Tater<B: Board> {
     /// The servo's oldest report, if it has not been told yet.
     untold: Option<Event>,
     events: Deque<Event, EVENTS>,
-    /// Ticks since the last frame to this board or its groups, as far as [`HOST_LOST_MS`].
-    silent_ms: u16,
+    /// Ticks for which the host may stay silent: from [`HOST_LOST_MS`] at a frame to this board or its groups down to 0.
+    patience_ms: u16,
     /// Ticks in idle since a hall line changed last; from [`STILL_MS`] on it may be more.
     still_ms: u8,
     /// Whether the tick, whoever handles the bus, and who has nothing else to do have run since the watchdog was fed last.
@@ -143,7 +141,6 @@ impl<B: Board> Tater<B> {
             left_edge: false,
             hall_history: u32::from(code),
             drive: OFF,
-            tripped: false,
             kept: Kept::default(),
             lock: Lock::default(),
             trusted_at: stored.map(|_| count),
@@ -153,7 +150,7 @@ impl<B: Board> Tater<B> {
             unsent: 0,
             untold: None,
             events: Deque::new(),
-            silent_ms: 0,
+            patience_ms: HOST_LOST_MS,
             still_ms: 0,
             ticked: false,
             bus_served: false,
@@ -215,7 +212,7 @@ impl<B: Board> Tater<B> {
     /// The break input has tripped, and the hardware has switched the bridge off: no hall edge may switch it on again
     /// before the next tick has told the servo.
     pub fn bridge_fault(&mut self) {
-        self.tripped = true;
+        self.servo.bridge_fault();
         self.commutator.set(None);
         self.board.bridge(Bridge::Off);
     }
@@ -235,30 +232,35 @@ impl<B: Board> Tater<B> {
         } else {
             self.turned(code, now);
         }
-        let host_lost = self.silent_ms >= HOST_LOST_MS;
+        let host_lost = self.patience_ms == 0;
         if !host_lost {
-            self.silent_ms = self.silent_ms.saturating_add(1);
+            self.patience_ms = self.patience_ms.wrapping_sub(1);
         }
-        self.drive = self.servo.tick(&Sense {
+        let mut drive = self.servo.tick(&Sense {
             now,
             halls: &self.halls,
             bus: analog.bus,
             current: analog.current,
             motor_temp: analog.motor_temp,
             strain: analog.strain,
-            bridge_fault: core::mem::take(&mut self.tripped) || analog.bridge_fault,
+            bridge_fault: analog.bridge_fault,
             host_lost,
         });
         self.halls.clear();
         if let Some(count) = self.trusted_at
-            && (self.drive.duty.is_some() || self.commutator.count() != count || !self.servo.status().homed)
+            && (drive.duty.is_some() || self.commutator.count() != count || !self.servo.status().homed)
         {
             self.distrust();
+            if self.trusted_at.is_some() {
+                // The mark could not be consumed.
+                drive = OFF;
+            }
         }
-        self.still_ms = if self.drive == OFF { self.still_ms.saturating_add(1) } else { 0 };
-        self.commutator.set(self.drive.duty);
+        self.still_ms = if drive == OFF { self.still_ms.saturating_add(1) } else { 0 };
+        self.drive = drive;
+        self.commutator.set(drive.duty);
         self.board.bridge(self.commutator.bridge());
-        self.board.brake(self.drive.brake_released);
+        self.board.brake(drive.brake_released);
         if self.untold.is_none() {
             let Some(event) = self.servo.event() else { return false };
             self.untold = Some(event);
@@ -276,7 +278,7 @@ impl<B: Board> Tater<B> {
         if !self.hears(to) {
             return Ok(());
         }
-        self.silent_ms = 0;
+        self.patience_ms = HOST_LOST_MS;
         if self.untold.is_some() {
             // The frame may ask for what the last tick has to report.
             self.report();
