@@ -101,6 +101,8 @@ pub struct Servo {
     homed: bool,
     broke_away: Option<i32>,
     events: Deque<Event, EVENTS>,
+    /// Whether there is any.
+    has_event: bool,
 }
 
 impl Servo {
@@ -154,6 +156,7 @@ impl Servo {
             homed: false,
             broke_away: None,
             events: Deque::new(),
+            has_event: false,
         }
     }
 
@@ -171,6 +174,19 @@ impl Servo {
     #[inline]
     pub fn edge(&mut self, edge: &HallEdge) {
         self.estimator.edge(edge);
+    }
+
+    /// What the hall decoder saw, as soon as it is seen, or in [`Sense::halls`].
+    pub fn hall(&mut self, event: &HallEvent) {
+        match *event {
+            HallEvent::Step(edge) => self.edge(&edge),
+            HallEvent::Glitch(glitch) => self.report(Event::Glitch(glitch)),
+            HallEvent::Fault(_) => {
+                // The count may have slipped by an electrical revolution.
+                self.homed = false;
+                self.faults.say(Wrong::Halls);
+            }
+        }
     }
 
     /// The break input has switched the bridge off: a fault at the next tick.
@@ -227,7 +243,15 @@ impl Servo {
 
     /// The next report, oldest first.
     pub fn event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+        let event = self.events.pop_front();
+        self.has_event = !self.events.is_empty();
+        event
+    }
+
+    /// Whether there is a report: each tick asks.
+    #[must_use]
+    pub const fn has_event(&self) -> bool {
+        self.has_event
     }
 
     /// What can be read at any time.
@@ -275,15 +299,7 @@ impl Servo {
     /// Halls → position and velocity. Returns whether the count moved.
     fn observe(&mut self, sense: &Sense<'_>) -> bool {
         for event in sense.halls {
-            match *event {
-                HallEvent::Step(edge) => self.edge(&edge),
-                HallEvent::Glitch(glitch) => self.report(Event::Glitch(glitch)),
-                HallEvent::Fault(_) => {
-                    // The count may have slipped by an electrical revolution.
-                    self.homed = false;
-                    self.faults.say(Wrong::Halls);
-                }
-            }
+            self.hall(event);
         }
         let (position, velocity) = self.estimator.at(sense.now);
         self.position = position.wrapping_sub(Counts::from_int(self.zero));
@@ -431,6 +447,7 @@ impl Servo {
         }
         // Room was made above.
         let _ = self.events.push_back(event);
+        self.has_event = true;
     }
 }
 

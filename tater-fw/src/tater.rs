@@ -23,7 +23,7 @@ use crate::board::Board;
 use crate::lock::Lock;
 use crate::motion::motor;
 use crate::storage::{Progress, Store};
-use heapless::{Deque, Vec};
+use heapless::Deque;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
@@ -31,10 +31,6 @@ use servo_core::units::{Micros, Torque};
 use servo_core::{Command, Config, Drive, Event, Refusal, Sense, Servo, Status};
 use tater_wire::property::{Access, Kind};
 use tater_wire::{Body, Destination, Frame, Group, Identifier, Message, Node, Property};
-
-/// Hall events kept between two ticks. Full speed gives one or two; 16 hold a burst of glitches, and what is lost
-/// beyond that the decoder's count still has.
-const HALL_EVENTS: usize = 16;
 
 /// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries. An answer that
 /// finds no room is not given: [`Refused::Busy`], and counted in [`Tater::unsent`].
@@ -80,7 +76,6 @@ pub struct Tater<B: Board> {
     node: Node,
     servo: Servo,
     commutator: Commutator,
-    halls: Vec<HallEvent, HALL_EVENTS>,
     /// A tick has seen an edge and left it to the interrupt, which has not come since.
     left_edge: bool,
     /// HALLH: three bits a code, the newest lowest.
@@ -96,8 +91,6 @@ pub struct Tater<B: Board> {
     breakaway_position: i32,
     outbox: Deque<Frame, OUTBOX>,
     unsent: u32,
-    /// The servo's oldest report, if it has not been told yet.
-    untold: Option<Event>,
     events: Deque<Event, EVENTS>,
     /// Ticks for which the host may stay silent: from [`HOST_LOST_MS`] at a frame to this board or its groups down to 0.
     patience_ms: u16,
@@ -137,7 +130,6 @@ impl<B: Board> Tater<B> {
         Self {
             servo: Servo::for_motor(motor(Kind::of(node)), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
-            halls: Vec::new(),
             left_edge: false,
             hall_history: u32::from(code),
             drive: OFF,
@@ -148,7 +140,6 @@ impl<B: Board> Tater<B> {
             breakaway_position: 0,
             outbox: Deque::new(),
             unsent: 0,
-            untold: None,
             events: Deque::new(),
             patience_ms: HOST_LOST_MS,
             still_ms: 0,
@@ -203,9 +194,22 @@ impl<B: Board> Tater<B> {
                 self.travelled = self.travelled.saturating_add(u32::from(edge.steps));
                 self.servo.edge(&edge);
             } else {
-                // A full list drops the newest; the tick needs to know of one.
-                let _ = self.halls.push(event);
+                self.servo.hall(&event);
             }
+        }
+    }
+
+    /// A tick has seen the lines elsewhere, or waits for time to pass. An edge that the filter of the interrupt has yet to let
+    /// through is left to it, which comes as soon as this tick is over; one that was there at a tick before is not on its way.
+    #[inline(never)]
+    fn unsettled(&mut self, now: Micros) {
+        let code = self.board.halls() & 7;
+        if self.commutator.is_settled(code) {
+            self.left_edge = false;
+        } else if self.commutator.is_quiet() && !self.left_edge {
+            self.left_edge = true;
+        } else {
+            self.turned(code, now);
         }
     }
 
@@ -222,15 +226,10 @@ impl<B: Board> Tater<B> {
     pub fn tick(&mut self, now: Micros) -> bool {
         self.ticked = true;
         let analog = self.board.analog();
-        // An edge that the filter of the interrupt has yet to let through is left to it, which comes as soon as this tick is
-        // over; one that was there at a tick before is not on its way.
-        let code = self.board.halls() & 7;
-        if self.commutator.is_settled(code) {
+        if self.commutator.is_settled(self.board.glance()) {
             self.left_edge = false;
-        } else if self.commutator.is_quiet() && !self.left_edge {
-            self.left_edge = true;
         } else {
-            self.turned(code, now);
+            self.unsettled(now);
         }
         let host_lost = self.patience_ms == 0;
         if !host_lost {
@@ -238,7 +237,8 @@ impl<B: Board> Tater<B> {
         }
         let mut drive = self.servo.tick(&Sense {
             now,
-            halls: &self.halls,
+            // It has been told of all at once.
+            halls: &[],
             bus: analog.bus,
             current: analog.current,
             motor_temp: analog.motor_temp,
@@ -246,7 +246,6 @@ impl<B: Board> Tater<B> {
             bridge_fault: analog.bridge_fault,
             host_lost,
         });
-        self.halls.clear();
         if let Some(count) = self.trusted_at
             && (drive.duty.is_some() || self.commutator.count() != count || !self.servo.status().homed)
         {
@@ -261,11 +260,7 @@ impl<B: Board> Tater<B> {
         self.commutator.set(drive.duty);
         self.board.bridge(self.commutator.bridge());
         self.board.brake(drive.brake_released);
-        if self.untold.is_none() {
-            let Some(event) = self.servo.event() else { return false };
-            self.untold = Some(event);
-        }
-        true
+        self.servo.has_event()
     }
 
     /// A frame from the bus, any frame: those for other nodes are skipped.
@@ -279,7 +274,7 @@ impl<B: Board> Tater<B> {
             return Ok(());
         }
         self.patience_ms = HOST_LOST_MS;
-        if self.untold.is_some() {
+        if self.servo.has_event() {
             // The frame may ask for what the last tick has to report.
             self.report();
         }
