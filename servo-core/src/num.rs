@@ -199,6 +199,12 @@ pub fn product_enough(a: Law, b: Law) -> Law {
     enough(a.to_bits() as i64 * b.to_bits() as i64)
 }
 
+/// `n / d` with 32 fractional bits, rounded up, or one more: for products of which the upper word is taken. `n` < `d` - 1.
+#[must_use]
+pub const fn share_q32(n: u32, d: u32) -> u32 {
+    (((n as u64) << 32) / d as u64 + 1) as u32
+}
+
 /// `a · b + c · d`, rounded down once and bounded (see [`enough`]), of which `a` and `c` are not negative: then the sum of the
 /// whole products is below 2^63.
 #[must_use]

@@ -184,14 +184,14 @@ impl Servo {
             HallEvent::Fault(_) => {
                 // The count may have slipped by an electrical revolution.
                 self.homed = false;
-                self.faults.say(Wrong::Halls);
+                self.faults.say(Wrong::HALLS);
             }
         }
     }
 
     /// The break input has switched the bridge off: a fault at the next tick.
     pub const fn bridge_fault(&mut self) {
-        self.faults.say(Wrong::Bridge);
+        self.faults.say(Wrong::BRIDGE);
     }
 
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
@@ -201,7 +201,7 @@ impl Servo {
             self.bridge_fault();
         }
         if sense.host_lost && self.is_steered() {
-            self.faults.say(Wrong::HostLost);
+            self.faults.say(Wrong::HOST_LOST);
         }
         let counted = self.observe(sense);
         let enters = self.enters();
@@ -210,7 +210,7 @@ impl Servo {
         if self.planned {
             self.thermal.add(self.applied.torque);
         } else if self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp) {
-            self.faults.say(Wrong::Hot);
+            self.faults.say(Wrong::HOT);
         }
         if let Some(fault) = self.faults.check(sense.bus) {
             self.fail(fault);
@@ -305,7 +305,7 @@ impl Servo {
         self.position = position.wrapping_sub(Counts::from_int(self.zero));
         self.velocity = velocity;
         if self.limits.watch_current(sense.current, self.applied.duty) {
-            self.faults.say(Wrong::Short);
+            self.faults.say(Wrong::SHORT);
         }
         let before = core::mem::replace(&mut self.count, self.estimator.count());
         self.count != before

@@ -46,23 +46,19 @@ pub enum Limit {
 
 /// Something that is wrong at once, but for the bus voltage: said where it is seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wrong {
-    /// The driver's break input has switched the bridge off.
-    Bridge,
-    /// The phase current is that of a short.
-    Short,
-    /// The hall decoder has given up on the lines. Stays so until it is cleared.
-    Halls,
-    /// The motor is at its temperature limit.
-    Hot,
-    /// The host is needed, and silent.
-    HostLost,
-}
+pub struct Wrong(u8);
 
 impl Wrong {
-    const fn bit(self) -> u8 {
-        1 << self as u8
-    }
+    /// The driver's break input has switched the bridge off.
+    pub const BRIDGE: Self = Self(1 << 0);
+    /// The phase current is that of a short.
+    pub const SHORT: Self = Self(1 << 1);
+    /// The hall decoder has given up on the lines. Stays so until it is cleared.
+    pub const HALLS: Self = Self(1 << 2);
+    /// The motor is at its temperature limit.
+    pub const HOT: Self = Self(1 << 3);
+    /// The host is needed, and silent.
+    pub const HOST_LOST: Self = Self(1 << 4);
 }
 
 /// Beside the bits of [`Wrong`]: the bus voltage was wrong at the last check.
@@ -88,14 +84,14 @@ impl Faults {
 
     /// Something is wrong: to be said before each [`Self::check`] at which it is.
     pub const fn say(&mut self, wrong: Wrong) {
-        self.said |= wrong.bit();
+        self.said |= wrong.0;
     }
 
     /// Forgets the latched fault; one that persists comes back at the next check, before anything is driven: how long the
     /// bus voltage has been wrong is not forgotten, and hall lines that are wrong are reported at each tick.
     pub const fn clear(&mut self) {
         self.latched = None;
-        self.said &= !Wrong::Halls.bit();
+        self.said &= !Wrong::HALLS.0;
     }
 
     /// One tick of 1 ms: the bus voltage, and what else has been said.
@@ -111,7 +107,7 @@ impl Faults {
     #[inline(never)]
     fn judge(&mut self, bus: MilliVolts) -> Option<Fault> {
         let said = self.said;
-        let wrong = |what: Wrong| said & what.bit() != 0;
+        let wrong = |what: Wrong| said & what.0 != 0;
         let high = bus > OVER;
         if !high && bus >= UNDER {
             self.bus_ms = 0;
@@ -121,24 +117,24 @@ impl Faults {
             self.bus_high = high;
             self.bus_ms = 1;
         }
-        self.said &= Wrong::Halls.bit();
+        self.said &= Wrong::HALLS.0;
         if self.bus_ms != 0 {
             self.said |= BUS;
         }
         if self.latched.is_some() {
             return None;
         }
-        self.latched = if wrong(Wrong::Bridge) {
+        self.latched = if wrong(Wrong::BRIDGE) {
             Some(Fault::Bridge)
-        } else if wrong(Wrong::Short) {
+        } else if wrong(Wrong::SHORT) {
             Some(Fault::OverCurrent)
-        } else if wrong(Wrong::Halls) {
+        } else if wrong(Wrong::HALLS) {
             Some(Fault::Halls)
         } else if self.bus_ms >= BUS_MS {
             Some(if high { Fault::OverVoltage } else { Fault::UnderVoltage })
-        } else if wrong(Wrong::Hot) {
+        } else if wrong(Wrong::HOT) {
             Some(Fault::OverTemperature)
-        } else if wrong(Wrong::HostLost) {
+        } else if wrong(Wrong::HOST_LOST) {
             Some(Fault::HostLost)
         } else {
             None

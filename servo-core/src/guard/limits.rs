@@ -5,7 +5,7 @@
 
 use crate::guard::fault::Limit;
 use crate::motion::torque::emf;
-use crate::num::{mul_low_unsigned, saturating_i16};
+use crate::num::{mul_low_unsigned, saturating_i16, share_q32};
 use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
 
 /// The largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers charge
@@ -124,7 +124,7 @@ impl Limits {
 /// The largest voltage across the motor that a bus has, in torque units: `bus` · `MAX_DUTY` / 24,000, rounded down. A product
 /// whose upper word is the result: 800ths are all that there is between whole numbers, and its error is less than 1/65536.
 fn volts(bus: MilliVolts) -> i32 {
-    const SHARE: u32 = (((MAX_DUTY as u64) << 32) / 24_000 + 1) as u32;
+    const SHARE: u32 = share_q32(MAX_DUTY, 24_000);
     mul_low_unsigned(bus.0.into(), SHARE, 32).cast_signed()
 }
 
