@@ -78,7 +78,8 @@ impl Pid {
     pub fn bumpless(&self, torque: Torque, error: Law, velocity_error: Law, limit: Torque) -> PidState {
         let limit = limit.to_fixed();
         let integral = torque.to_fixed().saturating_sub(self.direct(error, velocity_error));
-        PidState { integral: integral.clamp(limit.saturating_neg(), limit) }
+        // `clamp` would ask whether the bounds are in order.
+        PidState { integral: integral.max(limit.saturating_neg()).min(limit) }
     }
 
     /// What the law lacks in damping: see [`missing`].

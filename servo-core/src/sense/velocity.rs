@@ -400,10 +400,10 @@ impl Motion {
         (self.position.wrapping_add(straight).wrapping_add(extra), velocity)
     }
 
-    /// The velocity that takes `waited` µs for the way to the next boundary.
+    /// The velocity that takes `waited` µs (at least 1) for the way to the next boundary.
     #[cold]
     fn slower(&self, waited: u32) -> i32 {
-        mul_shift(self.ahead.cast_signed(), saturating_signed(RATE / waited), 12)
+        mul_shift(self.ahead.cast_signed(), saturating_signed(RATE / waited.max(1)), 12)
     }
 
     /// One filter step from the velocity predicted, with |residual| ≤ `LOST` = 2^20; gives the filtered deviation from the
