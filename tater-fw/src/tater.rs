@@ -76,8 +76,8 @@ pub struct Tater<B: Board> {
     node: Node,
     servo: Servo,
     commutator: Commutator,
-    /// A tick has seen an edge and left it to the interrupt, which has not come since.
-    left_edge: bool,
+    /// The lines after an edge that the last tick has seen and left to the interrupt, which has not come since.
+    left_edge: Option<u8>,
     /// HALLH: three bits a code, the newest lowest.
     hall_history: u32,
     drive: Drive,
@@ -130,7 +130,7 @@ impl<B: Board> Tater<B> {
         Self {
             servo: Servo::for_motor(motor(Kind::of(node)), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
-            left_edge: false,
+            left_edge: None,
             hall_history: u32::from(code),
             drive: OFF,
             kept: Kept::default(),
@@ -184,7 +184,7 @@ impl<B: Board> Tater<B> {
     /// The lines have changed, or wait for time to pass. The bridge is the caller's to set.
     #[inline(never)]
     fn turned(&mut self, code: u8, now: Micros) {
-        self.left_edge = false;
+        self.left_edge = None;
         if u32::from(code) != self.hall_history & 7 {
             self.still_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
@@ -200,14 +200,15 @@ impl<B: Board> Tater<B> {
     }
 
     /// A tick has seen the lines elsewhere, or waits for time to pass. An edge that the filter of the interrupt has yet to let
-    /// through is left to it, which comes as soon as this tick is over; one that was there at a tick before is not on its way.
+    /// through is left to it, which comes as soon as this tick is over; one that was there at a tick before is not on its way. Lines
+    /// that are elsewhere again at each tick are spikes that keep time with it.
     #[inline(never)]
     fn unsettled(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
         if self.commutator.is_settled(code) {
-            self.left_edge = false;
-        } else if self.commutator.is_quiet() && !self.left_edge {
-            self.left_edge = true;
+            self.left_edge = None;
+        } else if self.commutator.is_quiet() && self.left_edge != Some(code) {
+            self.left_edge = Some(code);
         } else {
             self.turned(code, now);
         }
@@ -227,7 +228,7 @@ impl<B: Board> Tater<B> {
         self.ticked = true;
         let analog = self.board.analog();
         if self.commutator.is_settled(self.board.glance()) {
-            self.left_edge = false;
+            self.left_edge = None;
         } else {
             self.unsettled(now);
         }
