@@ -2,6 +2,7 @@
 
 mod movement;
 mod prompt;
+mod realtime;
 
 use god::Memory;
 use hil_sim::hand::Hand;

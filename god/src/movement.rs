@@ -70,6 +70,28 @@ async fn attempt(
     })
 }
 
+/// The motors of a prefix for RealTime, ready to move; ^C ends what they do from now on.
+///
+/// # Errors
+/// As for any other command.
+pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
+    let selection = ready::select(god, prefix).await?;
+    let motors = selection.motors();
+    god.moves.cease_pressing(motors);
+    ready::ready(god, motors, true).await?;
+    moves::give_back(god).await;
+    let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
+    motors.iter().for_each(|motor| god.note(motor, Status::OK));
+    god.moves.begin(motors, holding);
+    Ok(selection)
+}
+
+/// The end of RealTime: its motors stop as HOLD says.
+pub(crate) async fn let_go(god: &God<'_>) {
+    let motors = god.moves.ends();
+    moves::stop(god, motors).await;
+}
+
 /// The number after a command, within its range (manual 5.2.1): positions of M and WM and distances of IO and IC 0 to 20000, PTM's
 /// distance -20000 to 20000; degrees and percents have no range, but what they come to has ([`goals`]).
 ///

@@ -47,6 +47,11 @@ impl Moves {
         self.moving.set(motors);
     }
 
+    /// None moves any more; those that did.
+    pub(super) fn ends(&self) -> Motors {
+        self.moving.take()
+    }
+
     /// These press on from now on.
     pub(super) fn press(&self, motors: Motors) {
         self.pressing.set(self.pressing.get().and(motors));
@@ -112,7 +117,7 @@ pub(super) async fn stop(god: &God<'_>, motors: Motors) {
 
 /// ^C has dropped a motion, if there was one: ends it on every motor that still moves.
 pub(crate) async fn abort(god: &God<'_>) {
-    let moving = god.moves.moving.take();
+    let moving = god.moves.ends();
     stop(god, moving).await;
     moving.iter().for_each(|motor| god.note(motor, Status::ABORTED));
     give_back(god).await;
