@@ -144,7 +144,9 @@ impl<'a> Boards<'a> {
                 break;
             }
             self.listen();
-            self.ask(missing, property).await;
+            for motor in missing.iter() {
+                self.io.send(Message::get(Destination::Node(motor.node()), property).frame()).await;
+            }
             let deadline = self.io.now_us().saturating_add(ANSWER_US);
             while !motors.but(answers.motors()).is_empty() {
                 let Some(frame) = self.io.receives(deadline).await else { break };
@@ -157,13 +159,6 @@ impl<'a> Boards<'a> {
             }
         }
         answers
-    }
-
-    /// Asks for a property, and does not wait for the answers.
-    pub async fn ask(&self, motors: Motors, property: Property) {
-        for motor in motors.iter() {
-            self.io.send(Message::get(Destination::Node(motor.node()), property).frame()).await;
-        }
     }
 
     /// Asks for what [`Self::answer_of`] is to wait for later. All seven boards are asked at once, by their group.

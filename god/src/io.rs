@@ -45,10 +45,10 @@ pub struct Io {
     aborted: Cell<bool>,
     /// In RealTime any byte is data, ^C among them.
     raw: Cell<bool>,
+    /// Of this board, 0.1 °C.
+    temperature: Cell<i16>,
     /// Bytes or frames that were lost because a queue was full.
     lost: Cell<u32>,
-    /// Of GOD's own board, 0.1 °C.
-    temperature: Cell<i16>,
 }
 
 // --- the owner's side -----------------------------------------------------------------------------------
@@ -98,16 +98,16 @@ impl Io {
         self.frames.borrow_mut().pop_front()
     }
 
+    /// The temperature of GOD's board, 0.1 °C.
+    pub fn set_temperature(&self, temperature: i16) {
+        self.temperature.set(temperature);
+    }
+
     /// The host is gone, and a new one may come: what it has said and not heard is forgotten, and what goes on is aborted.
     pub fn hang_up(&self) {
         self.input.borrow_mut().clear();
         self.output.borrow_mut().clear();
         self.aborted.set(true);
-    }
-
-    /// How warm GOD's own board is, 0.1 °C (parameter TEMP): nobody else measures it.
-    pub fn set_temperature(&self, tenths: i16) {
-        self.temperature.set(tenths);
     }
 
     /// Bytes and frames that found no room.
@@ -120,16 +120,15 @@ impl Io {
 // --- GOD's side -----------------------------------------------------------------------------------------
 
 impl Io {
-    /// Of GOD's own board, 0.1 °C, as it was set last; 0 before.
-    #[must_use]
-    pub const fn temperature(&self) -> i16 {
-        self.temperature.get()
-    }
-
     /// The present time, us.
     #[must_use]
     pub const fn now_us(&self) -> u64 {
         self.now_us.get()
+    }
+
+    /// The temperature of this board, 0.1 °C.
+    pub(crate) const fn temperature(&self) -> i16 {
+        self.temperature.get()
     }
 
     /// Waits until `ready` gives something, or until `deadline_us`.

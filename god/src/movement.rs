@@ -24,6 +24,7 @@ use tater_wire::{Cmd, Property};
 
 use crate::command::Command;
 use crate::god::God;
+use crate::memory::Positions;
 use crate::motors::{Motors, Prefix, Selection};
 use crate::status::Status;
 use crate::words::Arguments;
@@ -43,6 +44,17 @@ pub(crate) async fn execute(
     attempt(god, command, prefix, arguments).await.unwrap_or_else(|refusal| refusal)
 }
 
+/// Moves the motors of a prefix to positions, GCL counts, each to its own: for MAC.
+pub(crate) async fn to_positions(god: &God<'_>, prefix: Prefix, positions: &Positions) -> Status {
+    let moved = async {
+        let selection = ready::select(god, prefix).await?;
+        begin(god, selection.motors(), true).await?;
+        let plan = goals::stored(god, positions, selection).await?;
+        Ok(motion::run(god, &plan).await)
+    };
+    moved.await.unwrap_or_else(|refusal: Status| refusal)
+}
+
 /// What it has come to, or why it was refused.
 async fn attempt(
     god: &God<'_>,
@@ -56,12 +68,10 @@ async fn attempt(
     if motors.is_empty() {
         return Err(Status::NO_MOTOR);
     }
-    god.moves.cease_pressing(motors);
     if command == Command::T {
         return Ok(terminate(god, motors).await);
     }
-    ready::ready(god, motors, command != Command::Hi).await?;
-    moves::give_back(god).await;
+    begin(god, motors, command != Command::Hi).await?;
     Ok(match command {
         Command::Hi => homing::initialize(god, motors).await,
         Command::Tc => motion::run(god, &motion::Plan::ordered(motors, Cmd::Tc)).await,
@@ -77,9 +87,7 @@ async fn attempt(
 pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
     let selection = ready::select(god, prefix).await?;
     let motors = selection.motors();
-    god.moves.cease_pressing(motors);
-    ready::ready(god, motors, true).await?;
-    moves::give_back(god).await;
+    begin(god, motors, true).await?;
     let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
     motors.iter().for_each(|motor| god.note(motor, Status::OK));
     god.moves.begin(motors, holding);
@@ -90,6 +98,18 @@ pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection
 pub(crate) async fn let_go(god: &God<'_>) {
     let motors = god.moves.ends();
     moves::stop(god, motors).await;
+}
+
+/// Makes motors ready to move, all of them or none.
+///
+/// # Errors
+/// Why they cannot: as those of [`ready::look`].
+async fn begin(god: &God<'_>, motors: Motors, initialized: bool) -> Result<(), Status> {
+    ready::ready(god, motors, initialized).await?;
+    // What a board did not confirm after the last motion.
+    moves::give_back(god).await;
+    god.moves.cease_pressing(motors);
+    Ok(())
 }
 
 /// The number after a command, within its range (manual 5.2.1): positions of M and WM and distances of IO and IC 0 to 20000, PTM's
@@ -125,6 +145,7 @@ fn movers(command: Command, selection: Selection) -> Motors {
 /// T: switches off the power of every motor, and then looks whether it should have: a hand that is too hot, a motor that is not initialised
 /// and one that does not answer are told all the same.
 async fn terminate(god: &God<'_>, motors: Motors) -> Status {
+    god.moves.cease_pressing(motors);
     god.boards.set(motors, Property::CMD, Cmd::T.number().into()).await;
     ready::look(god, motors, true).await.err().unwrap_or_default()
 }

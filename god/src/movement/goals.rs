@@ -13,6 +13,7 @@ use super::ready::{all, counts, mapped, positions};
 use crate::boards::Answers;
 use crate::command::Command;
 use crate::god::God;
+use crate::memory::Positions;
 use crate::motors::{Motor, Motors, Selection};
 use crate::status::Status;
 use crate::units;
@@ -70,11 +71,35 @@ pub(super) async fn plan(
     let judged = !matches!(command, Command::C | Command::O);
     // CMD O forgets a breakaway as well; it goes where M to OT would.
     let order = (command == Command::O).then_some((axes, Cmd::O));
-    let mut together = [Motors::NONE; 3];
-    for (group, tip) in together.iter_mut().zip(tips.iter()) {
-        *group = tip.link().map_or(Motors::NONE, |link| Motors::NONE.with(link).with(tip));
+    Ok(Plan { breakaway, judged, order, together: fingers(tips), ..Plan::to(goals, from) })
+}
+
+/// Positions that were stored, a tip's too, are gone to as they are.
+///
+/// # Errors
+/// A board does not answer: [`Status::NO_BOARD`].
+pub(super) async fn stored(
+    god: &God<'_>,
+    positions: &Positions,
+    selection: Selection,
+) -> Result<Plan, Status> {
+    let from = self::positions(god, selection.motors()).await?;
+    let goals = mapped(&from, |motor, _| positions.get(motor.index()).copied().unwrap_or(0).into());
+    let plan = Plan::to(goals, from);
+    Ok(if selection.exclusive {
+        Plan { breakaway: Breakaway::Off, ..plan }
+    } else {
+        Plan { together: fingers(selection.axes.tips()), ..plan }
+    })
+}
+
+/// The fingers of tips: link and tip arrive together.
+fn fingers(tips: Motors) -> [Motors; 3] {
+    let mut fingers = [Motors::NONE; 3];
+    for (finger, tip) in fingers.iter_mut().zip(tips.iter()) {
+        *finger = tip.link().map_or(Motors::NONE, |link| Motors::NONE.with(link).with(tip));
     }
-    Ok(Plan { breakaway, judged, order, together, ..Plan::to(goals, from) })
+    fingers
 }
 
 /// Goals of everything but tips that go with their links.

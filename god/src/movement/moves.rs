@@ -6,7 +6,7 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use tater_wire::Property;
+use tater_wire::{Destination, Message, Property};
 
 use crate::boards::Answers;
 use crate::god::God;
@@ -130,7 +130,11 @@ pub(crate) async fn accompanied<T>(god: &God<'_>, work: impl Future<Output = T>)
             let pressing = || Some(god.moves.pressing.get()).filter(|motors| !motors.is_empty());
             god.io.until(NEVER, pressing).await;
             god.io.sleep_until(god.io.now_us().saturating_add(COMPANY_US)).await;
-            god.boards.ask(god.moves.pressing.get(), Property::STAT).await;
+            for motor in god.moves.pressing.get().iter() {
+                // Nobody waits for the answer.
+                let board = Destination::Node(motor.node());
+                god.io.send(Message::get(board, Property::STAT).frame()).await;
+            }
         }
     };
     let (mut company, mut work) = (pin!(company), pin!(work));

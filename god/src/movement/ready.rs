@@ -47,11 +47,12 @@ pub(super) async fn ready(god: &God<'_>, motors: Motors, initialized: bool) -> R
 /// they know where they are. Wakes those that sleep.
 ///
 /// # Errors
-/// The sum of what is against it: [`Status::OVER_TEMPERATURE`] alone, or [`Status::NO_BOARD`] and [`Status::NOT_INITIALIZED`], which S of each of those
-/// motors tells as well.
+/// The sum of what is against it: [`Status::OVER_TEMPERATURE`] alone, or [`Status::NO_BOARD`] and [`Status::NOT_INITIALIZED`]. S of each motor tells
+/// its own.
 pub(super) async fn look(god: &God<'_>, motors: Motors, initialized: bool) -> Result<(), Status> {
     let limit = god.parameters.borrow().hand.otemp;
     if limit != NO_LIMIT && god.io.temperature() > limit {
+        motors.iter().for_each(|motor| god.note(motor, Status::OVER_TEMPERATURE));
         return Err(Status::OVER_TEMPERATURE);
     }
     let awake = god.boards.wake(motors).await;
