@@ -1,8 +1,14 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
+mod administration;
+mod golden;
+mod lower;
 mod movement;
 mod prompt;
 mod realtime;
+mod sequences;
+mod settings;
+mod tables;
 
 use god::Memory;
 use hil_sim::hand::Hand;

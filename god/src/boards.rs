@@ -17,6 +17,9 @@ const TRIES: usize = 3;
 const WAKE_US: u64 = 1_500_000;
 const WAKE_ASK_US: u64 = 20_000;
 
+/// How long a board has, after a SAVE, to put it into its flash: two pages to erase, 40 ms each, and a record (DESIGN 4.3).
+const STORE_US: u64 = 100_000;
+
 /// A value of each motor that has given one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers([Option<i64>; COUNT]);
@@ -216,6 +219,13 @@ impl<'a> Boards<'a> {
         self.set_each(property, &values).await;
     }
 
+    /// Lets boards put into their flash what a SAVE has told them to, so that the power may go off after it. Returns those that are
+    /// still there.
+    pub async fn store(&self, motors: Motors) -> Motors {
+        self.io.sleep_until(self.io.now_us().saturating_add(STORE_US)).await;
+        self.get(motors, Property::STAT).await.motors()
+    }
+
     /// Wakes those that are in their monitor. Returns those whose application runs.
     pub async fn wake(&self, motors: Motors) -> Motors {
         let stat = self.get(motors, Property::STAT).await;
@@ -250,7 +260,7 @@ impl<'a> Boards<'a> {
     }
 
     /// Takes note of all frames that are there.
-    fn listen(&self) {
+    pub(crate) fn listen(&self) {
         while let Some(frame) = self.io.received() {
             self.note(&frame);
         }

@@ -7,13 +7,14 @@ use heapless::String;
 
 use crate::boards::Boards;
 use crate::command::{Category, Command};
-use crate::io::{Io, unless_aborted};
+use crate::io::{Io, unless_aborted, with};
 use crate::line::{self, Heard};
 use crate::memory::{Memory, Parameters};
-use crate::motors::{COUNT, Motor, Prefix};
+use crate::motors::{COUNT, Motor, Motors, Prefix, Selection};
 use crate::status::Status;
 use crate::words::{self, Words};
 use crate::{administration, lower, movement, realtime, sequences, settings};
+use tater_wire::Property;
 
 /// What ends a line before an answer, an error and the prompt: clients look for LF CR, others for CR LF; this has both (PROTOCOL 3).
 pub const LINE_END: &str = "\r\n\r";
@@ -36,18 +37,30 @@ pub struct God<'a> {
     pub(crate) parameters: RefCell<Parameters>,
     /// What a motor's last motion came to (parameter S), by place.
     pub(crate) results: Cell<[Status; COUNT]>,
-    /// What moves, and what it is to be given back.
-    pub(crate) moves: movement::Moves,
     /// The position of each motor that the host knows, GCL counts: FGET P or RealTime told it (manual 6.2.3).
     pub(crate) reported: Cell<[i32; COUNT]>,
+    /// Until when UPSECS has been counted, us.
+    pub(crate) counted_us: Cell<u64>,
+    /// The sequence that commands are recorded in.
+    pub(crate) recording: Cell<Option<u8>>,
+    /// What the lower grammar needs between two lines.
+    pub(crate) lower: lower::State,
+    /// RESET was the last command.
+    pub(crate) is_over: Cell<bool>,
+    /// What moves, and what it is to be given back.
+    pub(crate) moves: movement::Moves,
 }
 
 /// GOD, from its start on. Never ends.
 pub async fn run(io: &Io, memory: &Memory) -> Infallible {
     loop {
         let god = God::new(io, memory);
-        god.start().await;
-        while movement::accompanied(&god, god.serve()).await {}
+        with(settings::hand::keep(&god), async {
+            god.start().await;
+            while movement::accompanied(&god, god.serve()).await {}
+        })
+        .await;
+        settings::hand::count(&god);
     }
 }
 
@@ -59,8 +72,12 @@ impl<'a> God<'a> {
             boards: Boards::new(io),
             parameters: RefCell::new(memory.look(|stored| stored.parameters)),
             results: Cell::default(),
-            moves: movement::Moves::default(),
             reported: Cell::default(),
+            counted_us: Cell::new(io.now_us()),
+            recording: Cell::default(),
+            lower: lower::State::default(),
+            is_over: Cell::default(),
+            moves: movement::Moves::default(),
         }
     }
 
@@ -69,12 +86,13 @@ impl<'a> God<'a> {
         self.prompt().await;
     }
 
-    async fn prompt(&self) {
+    pub(crate) async fn prompt(&self) {
         self.io.print(format_args!("{LINE_END}{PROMPT}")).await;
     }
 
     /// A line, and the prompt after it. Returns whether it goes on: not after RESET.
     async fn serve(&self) -> bool {
+        lower::tell_ends(self).await;
         let status = match line::read(self.io).await {
             Heard::Abort => Status::OK,
             Heard::TooLong => Status::TOO_MANY_ARGUMENTS,
@@ -83,6 +101,9 @@ impl<'a> God<'a> {
                 self.line(&line).await
             }
         };
+        if self.is_over.get() {
+            return false;
+        }
         if !status.is_ok() {
             self.io.print(format_args!("{LINE_END}ERR {}", status.code())).await;
         }
@@ -92,12 +113,8 @@ impl<'a> God<'a> {
 
     /// Does what a line says, or as much of it as is done before ^C.
     pub(crate) async fn line(&self, line: &str) -> Status {
-        let words = match words::parse(line) {
-            Ok(words) => words,
-            Err(status) => return status,
-        };
         // ^C at the prompt was for what was typed before.
-        let done = unless_aborted(self.io, self.words(words)).await;
+        let done = unless_aborted(self.io, self.commands(line)).await;
         if let Some(status) = done {
             return status;
         }
@@ -105,6 +122,54 @@ impl<'a> God<'a> {
         self.io.set_raw(false);
         movement::abort(self).await;
         Status::ABORTED
+    }
+
+    /// Does a line's command; instead of PLAY, those of its sequence, until one goes wrong.
+    async fn commands(&self, line: &str) -> Status {
+        let sequence = match sequences::played(self, line) {
+            Ok(sequence) => sequence,
+            Err(status) => return status,
+        };
+        if sequence.is_none() {
+            sequences::record(self, line).await;
+        }
+        // A recorded sequence has no PLAY (manual 5.2.4), so this does not go deeper.
+        for command in sequence.as_deref().unwrap_or(line).split_terminator(sequences::END) {
+            let status = match words::parse(command) {
+                Ok(words) => self.words(words).await,
+                Err(status) => status,
+            };
+            if !status.is_ok() || self.is_over.get() {
+                return status;
+            }
+        }
+        Status::OK
+    }
+
+    /// The motors of a prefix. Without one those with EN, which their boards say, awake for it; one that says nothing is not taken for
+    /// disabled, so that a hand with a dead board says so.
+    ///
+    /// # Errors
+    /// There are none.
+    pub(crate) async fn selection(&self, prefix: Prefix) -> Result<Selection, Status> {
+        let mut enabled = Motors::ALL;
+        if !prefix.given && !prefix.exclusive {
+            let awake = self.boards.wake(Motors::ALL).await;
+            enabled = enabled.but(self.boards.get(awake, Property::EN).await.which(|en| en == 0));
+        }
+        let selection = prefix.select(enabled);
+        if selection.axes.is_empty() { Err(Status::NO_MOTOR) } else { Ok(selection) }
+    }
+
+    /// The same; their boards are woken.
+    ///
+    /// # Errors
+    /// There are none, or a board does not answer.
+    pub(crate) async fn selected(&self, prefix: Prefix) -> Result<Selection, Status> {
+        let selection = self.selection(prefix).await?;
+        let motors = selection.motors();
+        let silent = motors.but(self.boards.wake(motors).await);
+        if silent.is_empty() { Ok(selection) } else { Err(Status::NO_BOARD) }
     }
 
     async fn words(&self, words: Words<'_>) -> Status {

@@ -4,6 +4,7 @@
 //! has to say waits until there is room, so that a host that never reads costs no memory, and no motor.
 
 use core::cell::{Cell, RefCell};
+use core::convert::Infallible;
 use core::fmt::{self, Write};
 use core::future::{Future, poll_fn};
 use core::pin::Pin;
@@ -156,6 +157,11 @@ impl Io {
         self.until(deadline_us, || self.input.borrow_mut().pop_front()).await
     }
 
+    /// Whether the host has said something that nobody has read.
+    pub(crate) fn is_spoken_to(&self) -> bool {
+        self.is_aborted() || !self.input.borrow().is_empty()
+    }
+
     /// A byte of the host that is there already.
     pub(crate) fn heard(&self) -> Option<u8> {
         self.input.borrow_mut().pop_front()
@@ -246,6 +252,17 @@ pub(crate) async fn both<A, B>(one: impl Future<Output = A>, other: impl Future<
                 Poll::Pending
             }
         }
+    })
+    .await
+}
+
+/// Does `work` to its end, and `meanwhile` as long as that takes.
+pub(crate) async fn with<T>(meanwhile: impl Future<Output = Infallible>, work: impl Future<Output = T>) -> T {
+    let mut meanwhile = core::pin::pin!(meanwhile);
+    let mut work = core::pin::pin!(work);
+    poll_fn(|context| {
+        let _ = meanwhile.as_mut().poll(context);
+        work.as_mut().poll(context)
     })
     .await
 }

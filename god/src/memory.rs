@@ -1,5 +1,7 @@
 //! What GOD keeps: the parameters that are its own and no board's, as they are and as they are stored; macros and sequences.
 
+pub mod bytes;
+
 use core::cell::{Cell, RefCell};
 
 use heapless::String;

@@ -30,6 +30,7 @@ use crate::status::Status;
 use crate::words::Arguments;
 
 pub(crate) use moves::{Moves, abort, accompanied};
+pub(crate) use ready::lost;
 
 /// Greatest distance or position that is typed, GCL counts (manual 5.2.1).
 const MOST_COUNTS: i64 = 20_000;
@@ -47,7 +48,7 @@ pub(crate) async fn execute(
 /// Moves the motors of a prefix to positions, GCL counts, each to its own: for MAC.
 pub(crate) async fn to_positions(god: &God<'_>, prefix: Prefix, positions: &Positions) -> Status {
     let moved = async {
-        let selection = ready::select(god, prefix).await?;
+        let selection = god.selection(prefix).await?;
         begin(god, selection.motors(), true).await?;
         let plan = goals::stored(god, positions, selection).await?;
         Ok(motion::run(god, &plan).await)
@@ -63,7 +64,7 @@ async fn attempt(
     arguments: Arguments<'_>,
 ) -> Result<Status, Status> {
     let argument = argument(command, arguments)?;
-    let selection = ready::select(god, prefix).await?;
+    let selection = god.selection(prefix).await?;
     let motors = movers(command, selection);
     if motors.is_empty() {
         return Err(Status::NO_MOTOR);
@@ -85,7 +86,7 @@ async fn attempt(
 /// # Errors
 /// As for any other command.
 pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
-    let selection = ready::select(god, prefix).await?;
+    let selection = god.selection(prefix).await?;
     let motors = selection.motors();
     begin(god, motors, true).await?;
     let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
@@ -147,5 +148,7 @@ fn movers(command: Command, selection: Selection) -> Motors {
 async fn terminate(god: &God<'_>, motors: Motors) -> Status {
     god.moves.cease_pressing(motors);
     god.boards.set(motors, Property::CMD, Cmd::T.number().into()).await;
+    // Who answers has been told.
+    god.boards.get(motors, Property::STAT).await;
     ready::look(god, motors, true).await.err().unwrap_or_default()
 }

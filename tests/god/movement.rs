@@ -93,16 +93,21 @@ fn config(session: &mut Session, motor: u8) -> Config {
 }
 
 /// Types a line, and waits until `happened` says so. The command goes on.
-fn line_until(session: &mut Session, line: &str, mut happened: impl FnMut(&mut Session) -> bool) {
+fn line_until(session: &mut Session, line: &str, happened: impl FnMut(&mut Session) -> bool) {
     session.hand.hear(line.as_bytes());
     session.hand.hear(b"\r");
+    until(session, line, happened);
+}
+
+/// Waits until `happened` says so; it is asked each millisecond.
+fn until(session: &mut Session, what: &str, mut happened: impl FnMut(&mut Session) -> bool) {
     for _ in 0..SOON_MS {
         if happened(session) {
             return;
         }
         session.wait_us(1000);
     }
-    panic!("{line}: it never happened: {:?}", counts(session));
+    panic!("{what}: it never happened: {:?}", counts(session));
 }
 
 /// Types ^C; what is said then.

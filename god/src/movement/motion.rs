@@ -15,9 +15,6 @@ use crate::units;
 /// How often boards are asked whether they have ended, µs.
 const ASK_US: u64 = 50_000;
 
-/// LFLAGS: ends of motions and breakaways are reported.
-const REPORTS: i64 = 3;
-
 /// END: the link broke away; a fault.
 const BROKE_AWAY: i64 = 5;
 const FAULT: i64 = 6;
@@ -113,7 +110,7 @@ pub(super) async fn run(god: &God<'_>, plan: &Plan) -> Status {
 /// All that is set and asked before a motion; which links stop their tips when they break away (BS).
 async fn prepare(god: &God<'_>, plan: &Plan) -> Result<Motors, Status> {
     let motors = plan.motors;
-    god.boards.set(motors, Property::LFLAGS, REPORTS).await;
+    god.boards.set(motors, Property::LFLAGS, moves::REPORTS).await;
     let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
     let mut stops = Motors::NONE;
     if let Breakaway::Off = plan.breakaway {

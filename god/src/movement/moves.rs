@@ -6,7 +6,7 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use tater_wire::{Destination, Message, Property};
+use tater_wire::Property;
 
 use crate::boards::Answers;
 use crate::god::God;
@@ -16,6 +16,9 @@ use crate::status::Status;
 
 /// How often a board hears of GOD while its motor presses: after 500 ms of silence it takes its host for lost, and lets go.
 const COMPANY_US: u64 = 200_000;
+
+/// LFLAGS: ends of motions and breakaways are reported.
+pub(super) const REPORTS: i64 = 3;
 
 /// Mode 3: holds a position.
 const HOLDS: i64 = 3;
@@ -130,11 +133,8 @@ pub(crate) async fn accompanied<T>(god: &God<'_>, work: impl Future<Output = T>)
             let pressing = || Some(god.moves.pressing.get()).filter(|motors| !motors.is_empty());
             god.io.until(NEVER, pressing).await;
             god.io.sleep_until(god.io.now_us().saturating_add(COMPANY_US)).await;
-            for motor in god.moves.pressing.get().iter() {
-                // Nobody waits for the answer.
-                let board = Destination::Node(motor.node());
-                god.io.send(Message::get(board, Property::STAT).frame()).await;
-            }
+            // What they have been told before: it changes nothing, and is not answered.
+            god.boards.set(god.moves.pressing.get(), Property::LFLAGS, REPORTS).await;
         }
     };
     let (mut company, mut work) = (pin!(company), pin!(work));

@@ -1,11 +1,12 @@
-//! Who is selected, and whether it can move.
+//! Whether motors can move, and what has to be known of them before.
 
 use tater_wire::{FaultCode, Property};
 
 use crate::boards::Answers;
 use crate::god::God;
-use crate::motors::{Motors, Prefix, Selection};
-use crate::parameter::{MOTOR, Source};
+use crate::motors::{Motor, Motors};
+use crate::parameter::{MOTOR, Row, Source};
+use crate::settings;
 use crate::status::Status;
 use crate::units;
 
@@ -14,22 +15,6 @@ const KNOWN: i64 = 1 << 30;
 
 /// OTEMP of a hand that stands any temperature, 0.1 °C (manual 5.4.1).
 const NO_LIMIT: i16 = -551;
-
-/// The motors of a prefix. Without one those with EN, which their boards say, awake for it; one that says nothing is not taken for
-/// disabled, so that a hand with a dead board says so (ERR 1).
-///
-/// # Errors
-/// None: [`Status::NO_MOTOR`].
-pub(super) async fn select(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
-    let mut enabled = Motors::ALL;
-    if !prefix.given && !prefix.exclusive {
-        let awake = god.boards.wake(Motors::ALL).await;
-        let axes = awake.of(Motors::LINKS.and(Motors::SPREAD));
-        enabled = enabled.but(god.boards.get(axes, Property::EN).await.which(|en| en == 0));
-    }
-    let selection = prefix.select(enabled);
-    if selection.axes.is_empty() { Err(Status::NO_MOTOR) } else { Ok(selection) }
-}
 
 /// Makes motors ready to move: awake, and without faults of the past. A failed flash stays known, it stops no motor.
 ///
@@ -72,7 +57,7 @@ pub(super) async fn look(god: &God<'_>, motors: Motors, initialized: bool) -> Re
 }
 
 /// Those of motors whose boards say that they do not know where they are.
-pub(super) async fn lost(god: &God<'_>, motors: Motors) -> Motors {
+pub(crate) async fn lost(god: &God<'_>, motors: Motors) -> Motors {
     god.boards.get(motors, Property::HALLH).await.which(|bits| bits & KNOWN == 0)
 }
 
@@ -81,7 +66,10 @@ pub(super) async fn lost(god: &God<'_>, motors: Motors) -> Motors {
 /// # Errors
 /// One does not answer: [`Status::NO_BOARD`].
 pub(super) async fn all(god: &God<'_>, motors: Motors, property: Property) -> Result<Answers, Status> {
-    let answers = god.boards.get(motors, property).await;
+    complete(god, motors, god.boards.get(motors, property).await)
+}
+
+fn complete(god: &God<'_>, motors: Motors, answers: Answers) -> Result<Answers, Status> {
     let silent = motors.but(answers.motors());
     silent.iter().for_each(|motor| god.note(motor, Status::NO_BOARD));
     if silent.is_empty() { Ok(answers) } else { Err(Status::NO_BOARD) }
@@ -95,29 +83,18 @@ pub(super) async fn positions(god: &God<'_>, motors: Motors) -> Result<Answers, 
     Ok(mapped(&all(god, motors, Property::P).await?, |_, halls| units::gcl(halls)))
 }
 
-/// A parameter of positions or distances of each of those motors, GCL counts: as it was set, while the board's property is the rounding of
-/// that (DESIGN 6); what the board cannot hold, such as a negative MPE, it holds as its nearest.
+/// A parameter of positions or distances of each of those motors, GCL counts, as FGET tells it.
 ///
 /// # Errors
 /// One does not answer: [`Status::NO_BOARD`].
 pub(super) async fn counts(god: &God<'_>, motors: Motors, property: Property) -> Result<Answers, Status> {
-    let halls = all(god, motors, property).await?;
-    let place = MOTOR.iter().find_map(|row| match row.source {
-        Source::Counts(of, place) if of == property => Some(usize::from(place)),
-        _ => None,
-    });
-    let spec = property.spec();
-    let parameters = god.parameters.borrow();
-    Ok(mapped(&halls, |motor, halls| {
-        let of = parameters.motors.get(motor.index());
-        let as_set = of.and_then(|of| of.as_set.get(place?)).map(|&set| i64::from(set));
-        let held = |set: i64| units::halls(set).max(spec.min()).min(spec.max());
-        as_set.filter(|&set| held(set) == halls).unwrap_or(units::gcl(halls))
-    }))
+    let is = |row: &&Row| matches!(row.source, Source::Counts(of, _) if of == property);
+    let row = MOTOR.iter().find(is).ok_or(Status::UNKNOWN_PARAMETER)?;
+    complete(god, motors, settings::motors::values(god, row, motors).await)
 }
 
 /// The same motors with other values.
-pub(super) fn mapped(answers: &Answers, to: impl Fn(crate::motors::Motor, i64) -> i64) -> Answers {
+pub(super) fn mapped(answers: &Answers, to: impl Fn(Motor, i64) -> i64) -> Answers {
     let mut mapped = Answers::default();
     for motor in answers.motors().iter() {
         mapped.put(motor, to(motor, answers.of(motor).unwrap_or(0)));

@@ -64,7 +64,7 @@ fn a_tip_that_goes_on_alone_goes_as_fast_as_it_may() {
     let mut session = finger();
     super::line_until(&mut session, "1C", |session| counts(session)[0] > 50);
     assert!(config(&mut session, 5).mv < 1000, "with its link it goes slower");
-    super::line_until(&mut session, "", |session| counts(session)[4] > 200);
+    super::until(&mut session, "its end", |session| counts(session)[4] > 200);
     assert_eq!(config(&mut session, 5).mv, 1000);
 }
 

@@ -6,7 +6,8 @@ use servo_core::mode::Mode;
 use tater_wire::Property;
 
 use super::{
-    Session, abort, assert_near, config, counts, initialized, line_until, node, set, status, with_object,
+    Session, abort, assert_near, config, counts, initialized, line_until, node, set, status, until,
+    with_object,
 };
 
 #[test]
@@ -153,7 +154,7 @@ fn a_report_that_does_not_come_costs_little() {
     line_until(&mut session, "SM 5500", |session| counts(session)[3] > 5);
     set(&mut session, 4, Property::LFLAGS, 0);
     let mut ended = None;
-    line_until(&mut session, "", |session| {
+    until(&mut session, "its end", |session| {
         if status(session, 4).mode == Mode::Pid {
             ended = ended.or(Some(session.hand.now_us()));
         }

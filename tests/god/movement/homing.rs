@@ -3,7 +3,7 @@
 use servo_core::mode::Mode;
 use tater_wire::Property;
 
-use super::{Session, abort, assert_near, counts, line_until, set, status};
+use super::{Session, abort, assert_near, counts, line_until, set, status, until};
 
 #[test]
 fn links_go_first_and_all_end_at_their_zeros() {
@@ -28,7 +28,7 @@ fn links_go_first_and_all_end_at_their_zeros() {
         }
         begun
     });
-    line_until(&mut session, "", |session| {
+    until(&mut session, "its end", |session| {
         for (place, count) in counts(session).into_iter().enumerate() {
             highest[place] = count.max(highest[place]);
         }

@@ -1,0 +1,362 @@
+//! What GOD keeps as bytes, for whoever writes it where it survives.
+//!
+//! All numbers little-endian, one after the other:
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 2 | [`VERSION`] |
+//! | 7 × (9 + 5 × 4) | of each motor what [`Kept`](crate::parameter::Kept) says, then the counts as they were set |
+//! | 2, 1, 2, 1 | BAUD, LFT, OTEMP, LFDPD |
+//! | 20 × (1 + 7 × 4) | of each macro whether there is one, and positions |
+//! | 6 × (1 + 150) | of each sequence its length, and its text with zeros after it |
+//! | 4, 2, 4 | SN, PTEMP, UPSECS |
+//! | 4 | CRC-32 (ISO-HDLC) of all that |
+
+use heapless::String;
+use tater_wire::image::Crc32;
+
+use super::{MACROS, OfHand, OfMotor, Positions, SEQUENCE, SEQUENCES, Stored};
+use crate::motors::COUNT;
+use crate::parameter::{self, BAUDS, COUNTS, GLOBAL, Global, KEPT, Source};
+
+/// What changes with the layout: a hand does not read what another version of it has written.
+pub const VERSION: u16 = 1;
+
+const CRC: usize = 4;
+
+/// How many bytes it is.
+pub const LEN: usize = 2
+    + COUNT * (KEPT + COUNTS * 4)
+    + (2 + 1 + 2 + 1)
+    + MACROS * (1 + COUNT * 4)
+    + SEQUENCES * (1 + SEQUENCE)
+    + (4 + 2 + 4)
+    + CRC;
+
+/// Why bytes are not what GOD keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Damaged {
+    /// Not [`LEN`] of them.
+    Length {
+        /// Bytes.
+        found: usize,
+    },
+    /// Another version has written them.
+    Version {
+        /// Its number.
+        found: u16,
+    },
+    /// The CRC-32 does not agree.
+    Crc {
+        /// Computed.
+        found: u32,
+        /// In the bytes.
+        expected: u32,
+    },
+    /// What is there cannot be so.
+    Value {
+        /// The parameter, or what else it is.
+        of: &'static str,
+    },
+}
+
+impl core::fmt::Display for Damaged {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match *self {
+            Self::Length { found } => write!(f, "{found} bytes, expected {LEN}"),
+            Self::Version { found } => {
+                write!(f, "written as version {found}, expected {VERSION}: it is to be begun anew")
+            }
+            Self::Crc { found, expected } => {
+                write!(f, "the CRC-32 is {found:#010x}, but the bytes say {expected:#010x}")
+            }
+            Self::Value { of } => write!(f, "the value of {of} is none"),
+        }
+    }
+}
+
+impl core::error::Error for Damaged {}
+
+impl Stored {
+    /// As bytes.
+    #[must_use]
+    pub fn to_bytes(&self) -> [u8; LEN] {
+        let mut to = Writer { bytes: [0; LEN], at: 0 };
+        to.put(&VERSION.to_le_bytes());
+        for motor in &self.parameters.motors {
+            to.put(&motor.kept);
+            motor.as_set.iter().for_each(|counts| to.put(&counts.to_le_bytes()));
+        }
+        let OfHand { baud, lft, otemp, lfdpd } = self.parameters.hand;
+        to.put(&baud.to_le_bytes());
+        to.put(&[lft.into()]);
+        to.put(&otemp.to_le_bytes());
+        to.put(&[lfdpd.into()]);
+        for positions in &self.macros {
+            to.put(&[positions.is_some().into()]);
+            positions.unwrap_or_default().iter().for_each(|counts| to.put(&counts.to_le_bytes()));
+        }
+        for sequence in &self.sequences {
+            to.put(&[u8::try_from(sequence.len()).unwrap_or(u8::MAX)]);
+            to.put(sequence.as_bytes());
+            (sequence.len()..SEQUENCE).for_each(|_| to.put(&[0]));
+        }
+        to.put(&self.serial.to_le_bytes());
+        to.put(&self.peak_temperature.to_le_bytes());
+        to.put(&self.up_seconds.to_le_bytes());
+        let crc = crc(to.bytes.get(..to.at).unwrap_or(&[]));
+        to.put(&crc.to_le_bytes());
+        to.bytes
+    }
+
+    /// From bytes that [`Stored::to_bytes`] has made.
+    ///
+    /// # Errors
+    /// They are not: what is wrong with them.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Damaged> {
+        let length = Damaged::Length { found: bytes.len() };
+        let whole: &[u8; LEN] = bytes.try_into().map_err(|_| length)?;
+        let (content, sum) = whole.split_last_chunk::<CRC>().ok_or(length)?;
+        let mut from = Reader { left: content };
+        let found = u16::from_le_bytes(from.take()?);
+        if found != VERSION {
+            return Err(Damaged::Version { found });
+        }
+        let (found, expected) = (crc(content), u32::from_le_bytes(*sum));
+        if found != expected {
+            return Err(Damaged::Crc { found, expected });
+        }
+        let mut stored = Self::default();
+        for motor in &mut stored.parameters.motors {
+            *motor = from.motor()?;
+        }
+        stored.parameters.hand = from.hand()?;
+        for positions in &mut stored.macros {
+            *positions = from.positions()?;
+        }
+        for sequence in &mut stored.sequences {
+            *sequence = from.sequence()?;
+        }
+        stored.serial = u32::from_le_bytes(from.take()?);
+        stored.peak_temperature = i16::from_le_bytes(from.take()?);
+        stored.up_seconds = u32::from_le_bytes(from.take()?);
+        Ok(stored)
+    }
+}
+
+fn crc(bytes: &[u8]) -> u32 {
+    let mut crc = Crc32::default();
+    crc.update(bytes);
+    crc.finish()
+}
+
+struct Writer {
+    bytes: [u8; LEN],
+    at: usize,
+}
+
+impl Writer {
+    fn put(&mut self, bytes: &[u8]) {
+        // By LEN there is room.
+        if let Some(to) = self.bytes.get_mut(self.at..self.at + bytes.len()) {
+            to.copy_from_slice(bytes);
+        }
+        self.at += bytes.len();
+    }
+}
+
+struct Reader<'a> {
+    left: &'a [u8],
+}
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], Damaged> {
+        let (first, left) =
+            self.left.split_first_chunk().ok_or(Damaged::Length { found: LEN - self.left.len() })?;
+        self.left = left;
+        Ok(*first)
+    }
+
+    /// A byte that is 0 or 1.
+    fn flag(&mut self, of: &'static str) -> Result<bool, Damaged> {
+        match self.take()? {
+            [0] => Ok(false),
+            [1] => Ok(true),
+            [_] => Err(Damaged::Value { of }),
+        }
+    }
+
+    fn motor(&mut self) -> Result<OfMotor, Damaged> {
+        let kept = self.take()?;
+        let mut as_set = [0; COUNTS];
+        for counts in &mut as_set {
+            *counts = i32::from_le_bytes(self.take()?);
+        }
+        let motor = OfMotor { kept, as_set };
+        for row in parameter::MOTOR {
+            let value = match row.source {
+                Source::Kept(kept) => motor.of(kept).into(),
+                Source::Counts(_, place) => motor.as_set.get(usize::from(place)).copied().unwrap_or(0).into(),
+                Source::Board(_) | Source::Measured(_) | Source::Status | Source::Fixed(_) => continue,
+            };
+            if !(row.min..=row.max).contains(&value) {
+                return Err(Damaged::Value { of: row.name });
+            }
+        }
+        Ok(motor)
+    }
+
+    fn hand(&mut self) -> Result<OfHand, Damaged> {
+        let hand = OfHand {
+            baud: u16::from_le_bytes(self.take()?),
+            lft: self.flag("LFT")?,
+            otemp: i16::from_le_bytes(self.take()?),
+            lfdpd: self.flag("LFDPD")?,
+        };
+        let otemp = GLOBAL.iter().find(|row| row.global == Global::Otemp);
+        if !BAUDS.contains(&hand.baud.into()) {
+            return Err(Damaged::Value { of: "BAUD" });
+        }
+        if !otemp.is_some_and(|row| (row.min..=row.max).contains(&hand.otemp.into())) {
+            return Err(Damaged::Value { of: "OTEMP" });
+        }
+        Ok(hand)
+    }
+
+    fn positions(&mut self) -> Result<Option<Positions>, Damaged> {
+        let is_set = self.flag("a macro")?;
+        let mut positions = Positions::default();
+        for counts in &mut positions {
+            *counts = i32::from_le_bytes(self.take()?);
+        }
+        Ok(is_set.then_some(positions))
+    }
+
+    fn sequence(&mut self) -> Result<String<SEQUENCE>, Damaged> {
+        let none = Damaged::Value { of: "a sequence" };
+        let [len] = self.take()?;
+        let text: [u8; SEQUENCE] = self.take()?;
+        let text = text.get(..usize::from(len)).filter(|text| text.is_ascii()).ok_or(none)?;
+        let text = core::str::from_utf8(text).map_err(|_| none)?;
+        String::try_from(text).map_err(|_| none)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec::Vec;
+
+    fn of_motor() -> impl Strategy<Value = OfMotor> {
+        let rows: Vec<_> = parameter::MOTOR.iter().map(|row| row.min..=row.max).collect();
+        rows.prop_map(|values| {
+            let mut of = OfMotor { kept: [0; KEPT], as_set: [0; COUNTS] };
+            for (row, value) in parameter::MOTOR.iter().zip(values) {
+                match row.source {
+                    Source::Kept(kept) => of.keep(kept, value),
+                    Source::Counts(_, place) => of.as_set[usize::from(place)] = value.try_into().unwrap(),
+                    _ => {}
+                }
+            }
+            of
+        })
+    }
+
+    fn stored() -> impl Strategy<Value = Stored> {
+        let motors = proptest::collection::vec(of_motor(), COUNT);
+        let hand = (0..BAUDS.len(), any::<bool>(), -551..=1250_i16, any::<bool>());
+        let macros = proptest::collection::vec(any::<Option<Positions>>(), MACROS);
+        let sequences = proptest::collection::vec("[ -~\r]{0,150}", SEQUENCES);
+        (motors, hand, macros, sequences, any::<(u32, i16, u32)>()).prop_map(
+            |(motors, (baud, lft, otemp, lfdpd), macros, sequences, (serial, peak, up))| {
+                let mut stored = Stored::default();
+                stored.parameters.motors = motors.try_into().unwrap();
+                let baud = BAUDS[baud].try_into().unwrap();
+                stored.parameters.hand = OfHand { baud, lft, otemp, lfdpd };
+                stored.macros = macros.try_into().unwrap();
+                for (to, text) in stored.sequences.iter_mut().zip(&sequences) {
+                    *to = String::try_from(text.as_str()).unwrap();
+                }
+                (stored.serial, stored.peak_temperature, stored.up_seconds) = (serial, peak, up);
+                stored
+            },
+        )
+    }
+
+    fn sealed(mut bytes: [u8; LEN]) -> [u8; LEN] {
+        let sum = crc(&bytes[..LEN - CRC]);
+        bytes[LEN - CRC..].copy_from_slice(&sum.to_le_bytes());
+        bytes
+    }
+
+    proptest! {
+        #[test]
+        fn it_comes_back_as_it_was(stored in stored()) {
+            prop_assert_eq!(Stored::from_bytes(&stored.to_bytes()), Ok(stored));
+        }
+
+        #[test]
+        fn a_flipped_bit_is_found(stored in stored(), at in 0..LEN * 8) {
+            let mut bytes = stored.to_bytes();
+            bytes[at / 8] ^= 1 << (at % 8);
+            prop_assert!(Stored::from_bytes(&bytes).is_err());
+        }
+
+        #[test]
+        fn any_bytes_are_an_error_or_what_they_say(
+            mut bytes in proptest::collection::vec(any::<u8>(), LEN),
+            like in stored(),
+            mutations in proptest::collection::vec((0..LEN, any::<u8>()), 0..3),
+        ) {
+            bytes[..2].copy_from_slice(&VERSION.to_le_bytes());
+            let mut near = like.to_bytes();
+            mutations.into_iter().for_each(|(at, byte)| near[at] = byte);
+            for bytes in [sealed(bytes.try_into().unwrap()), sealed(near)] {
+                if let Ok(stored) = Stored::from_bytes(&bytes) {
+                    prop_assert_eq!(Stored::from_bytes(&stored.to_bytes()), Ok(stored));
+                }
+            }
+        }
+    }
+
+    /// What the layout says is at an offset: one field a row.
+    #[test]
+    fn what_cannot_be_is_told() {
+        let hand = 2 + COUNT * (KEPT + COUNTS * 4);
+        let macros = hand + 6;
+        let sequences = macros + MACROS * 29;
+        let rows: [(usize, &[u8], &str); 11] = [
+            (2 + 1, &[0], "LCVC"),
+            (2 + 6, &[3], "LFAP"),
+            (2 + 29 + 4, &[0], "LFVC"),
+            (2 + KEPT, &32_768_i32.to_le_bytes(), "DP"),
+            (hand, &[97, 0], "BAUD"),
+            (hand + 2, &[2], "LFT"),
+            (hand + 3, &1251_i16.to_le_bytes(), "OTEMP"),
+            (hand + 5, &[255], "LFDPD"),
+            (macros + 29, &[2], "a macro"),
+            (sequences, &[151], "a sequence"),
+            (sequences, &[1, 0x80], "a sequence"),
+        ];
+        for (at, bytes, of) in rows {
+            let mut whole = Stored::default().to_bytes();
+            whole[at..at + bytes.len()].copy_from_slice(bytes);
+            assert_eq!(Stored::from_bytes(&sealed(whole)), Err(Damaged::Value { of }), "{at}");
+        }
+    }
+
+    #[test]
+    fn length_version_and_sum() {
+        let whole = Stored::default().to_bytes();
+        for len in [0, 1, LEN - 1] {
+            assert_eq!(Stored::from_bytes(&whole[..len]), Err(Damaged::Length { found: len }));
+        }
+        let mut other = whole;
+        other[0] = 2;
+        assert_eq!(Stored::from_bytes(&sealed(other)), Err(Damaged::Version { found: 2 }));
+        let mut other = whole;
+        other[LEN - 1] ^= 1;
+        assert!(matches!(Stored::from_bytes(&other), Err(Damaged::Crc { .. })));
+    }
+}

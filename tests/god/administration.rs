@@ -1,0 +1,74 @@
+//! Help, errors, version, RESET (manual 5.2.5, 5.2.6).
+
+use super::Session;
+use super::tables::{Row, exercise};
+use god::command::ROWS;
+
+/// Lines and answers; the long ones are in golden/administration.txt.
+pub const COMMANDS: &[Row] = &[
+    ("?HI", "HI: finds the stops, and so where the motors are; then goes to 0"),
+    ("?ic", "IC [counts 0..20000]: closes by so many counts, or by DS"),
+    ("?A?", "A?: lists the commands, the advanced ones as well"),
+    ("??", "? [command]: lists the commands, or tells what one does"),
+    ("?FROB", "ERR 32"),
+    ("?HI O", "ERR 1024"),
+    ("A? HI", "ERR 1024"),
+    ("1?", "ERR 4096"),
+    ("ERR 0", "0 all went well"),
+    ("ERR 3", "1 a motor's board does not answer\n2 no motor is selected"),
+    ("ERR 33288", "8 (not used)\n512 (not used)\n32768 (not used)"),
+    ("ERR 65536", "ERR 128"),
+    ("ERR -1", "ERR 128"),
+    ("ERR x", "ERR 128"),
+    ("ERR 1 2", "ERR 1024"),
+    ("VERS", "600"),
+    ("VERS 1", "ERR 1024"),
+    ("RESET 1", "ERR 1024"),
+    ("RESET", "GOD of a BarrettWraptor, as BarrettHand Firmware"),
+];
+
+#[test]
+fn commands() {
+    exercise(&mut Session::new(), COMMANDS);
+}
+
+#[test]
+fn every_command_has_help_and_a_place_in_the_list() {
+    let mut session = Session::new();
+    let standard = session.line("?");
+    let all = session.line("A?");
+    let names = |list: &str| -> Vec<String> {
+        let lines = list.lines().flat_map(|line| line.split_once(": ").expect("a title").1.split(' '));
+        lines.map(str::to_owned).collect()
+    };
+    assert_eq!(names(&all), ROWS.iter().map(|row| row.name).collect::<Vec<_>>());
+    let advanced = ["A?", "FLISTA", "FLISTAV", "PLISTA", "PLISTAV"];
+    assert_eq!(names(&standard), names(&all)[..ROWS.len() - advanced.len()], "manual 5.2.6");
+    assert!(names(&all).ends_with(&advanced.map(str::to_owned)));
+    for row in ROWS {
+        let help = session.line(&format!("?{}", row.name));
+        assert!(help.starts_with(row.name) && help.ends_with(row.help), "{help}");
+    }
+}
+
+/// The boards wait in their monitors, and GOD has forgotten what was not stored.
+#[test]
+fn reset_is_a_power_cycle() {
+    let mut session = Session::new();
+    session.line("PSET LFT 1");
+    session.line("FSET DS 7");
+    session.line("REC 1");
+    assert_eq!(
+        session.line("1234567 G STAT"),
+        (1..=7).map(|n| format!("{n} STAT=2")).collect::<Vec<_>>().join("\n")
+    );
+    session.line("RESET");
+    session.wait_us(100_000);
+    assert_eq!(
+        session.line("1234567 G STAT"),
+        (1..=7).map(|n| format!("{n} STAT=0")).collect::<Vec<_>>().join("\n")
+    );
+    exercise(&mut session, &[("PGET LFT", "0"), ("FGET DS", "1400 1400 1400 800"), ("VERS", "600")]);
+    let recorded = session.hand.memory().changed().expect("the first two lines of it").sequences;
+    assert_eq!(recorded[1], "1234567 G STAT\rRESET\r", "it records no more");
+}

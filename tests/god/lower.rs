@@ -1,0 +1,124 @@
+//! The walk-through's grammar (manual 3; PROTOCOL 3).
+
+use super::Session;
+use super::tables::{Row, exercise};
+
+/// Lines and answers, one after another in one session.
+pub const LINES: &[Row] = &[
+    // Who sleeps has a version and a state, and no temperature.
+    ("1 G STAT", "1 STAT=0"),
+    ("1 G TEMP", "ERR 1"),
+    ("WAKE", ""),
+    ("123 G TEMP", "1 TEMP=350\n2 TEMP=350\n3 TEMP=350"),
+    ("31 g temp", "1 TEMP=350\n3 TEMP=350"),
+    ("12GACCEL", "1 ACCEL=40\n2 ACCEL=40"),
+    ("4 G AP", "4 P=0"),
+    ("4 G M", "4 MODE=0"),
+    ("7 S MT 550", ""),
+    ("7 G MT", "7 MT=550"),
+    ("567 S X0 12", ""),
+    ("5SX013", ""),
+    ("567GX0", "5 X0=13\n6 X0=12\n7 X0=12"),
+    ("5 S E-85", ""),
+    ("5 G E", "5 E=-85"),
+    ("1 G FROB", "ERR 64"),
+    ("1 S FROB 1", "ERR 64"),
+    ("1 S", "ERR 64"),
+    ("1 S E", "ERR 128"),
+    ("1 S E x", "ERR 128"),
+    ("1 S E 40000", "ERR 128"),
+    ("1 S E 1 2", "ERR 1024"),
+    ("1 G E P", "ERR 1024"),
+    ("1 S TEMP 1", "ERR 256"),
+    ("1 G CMD", "ERR 128"),
+    ("8 G P", "ERR 2"),
+    ("1F", "ERR 32"),
+    ("0 G REPLY", "0 REPLY=0"),
+    ("0 G TEMP", "ERR 64"),
+    ("01 G REPLY", "ERR 64"),
+    ("0 S REPLY 2", "ERR 128"),
+];
+
+#[test]
+fn lines() {
+    exercise(&mut Session::new(), LINES);
+}
+
+/// What is said until the next prompt that nobody asked for.
+fn unasked(session: &mut Session) -> String {
+    session.until_prompt().replace("\r\n\r", "\n")
+}
+
+/// Manual 3, step 11: the spread tells that it has ended its move and holds.
+#[test]
+fn an_end_of_a_motion_is_told_when_nothing_is_typed() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("WAKE", ""), ("4 S E 82", ""), ("4 S M 5", "")]);
+    assert_eq!(unasked(&mut session), "\n4 MODE=3\n=> ");
+    assert_eq!(session.line("4 G P"), "4 P=82");
+    // Not into a line.
+    exercise(&mut session, &[("4 S E 40", ""), ("1 S E 20", ""), ("14 SM5", "")]);
+    session.hand.hear(b"4 G");
+    session.wait_us(3_000_000);
+    session.hand.hear(b" M\r");
+    // Links do not hold.
+    assert_eq!(unasked(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
+    // Each once, and only those that this grammar has sent.
+    assert_eq!(session.line("VERS"), "600");
+}
+
+#[test]
+fn packets_are_the_boards_frames() {
+    let mut session = Session::new();
+    exercise(
+        &mut session,
+        &[("WAKE", ""), ("0 S REPLY 1", ""), ("0 G REPLY", "0 REPLY=1"), ("4 S E 82", "")],
+    );
+    session.hand.hear(b"14 G TEMP\r");
+    let mut heard = Vec::new();
+    for _ in 0..100 {
+        session.wait_us(1000);
+        heard.extend(session.hand.said());
+    }
+    // 0x406 | node << 5: to group 6. TEMP is 9; 350 is 0x15E.
+    let expected = b"14 G TEMP\x04\x26\x04\x89\0\x5E\x01\x04\x86\x04\x89\0\x5E\x01\r\n\r=> ";
+    assert_eq!(heard, expected);
+    heard.clear();
+    session.hand.hear(b"4 S M 5\r");
+    for _ in 0..2000 {
+        session.wait_us(1000);
+        heard.extend(session.hand.said());
+    }
+    assert_eq!(heard, b"4 S M 5\r\n\r=> \x04\x86\x04\x88\0\x03\0\r\n\r=> ", "MODE is 8");
+    session.hand.hear(b"0 S REPLY 0\r");
+    session.until_prompt();
+    exercise(&mut session, &[("4 G TEMP", "4 TEMP=350")]);
+}
+
+/// Manual 3, step 17, with the spread holding: positions are known after the power has been off.
+#[test]
+fn save_ends_what_holds_and_saves_positions_and_parameters() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("WAKE", ""), ("1234567 S CMD 13", "")]);
+    session.wait_us(10_000_000);
+    session.hand.said();
+    exercise(&mut session, &[("4 S E 82", ""), ("4 S M 5", "")]);
+    unasked(&mut session);
+    exercise(
+        &mut session,
+        &[("1 S KP 61", ""), ("X1FSET CT 10010", ""), ("4 G M", "4 MODE=3"), ("SAVE", "")],
+    );
+    assert_eq!(session.line("4 G M"), "4 MODE=0");
+    for node in 0..7 {
+        let node = session.hand.bus_mut().station_mut(node).expect("seven");
+        node.power_off();
+        node.power_on();
+    }
+    session.wait_us(100_000);
+    exercise(
+        &mut session,
+        &[("WAKE", ""), ("4 G P", "4 P=82"), ("1 G KP", "1 KP=61"), ("X1FGET CT", "10010")],
+    );
+    session.hand.bus_mut().cut(2, true);
+    exercise(&mut session, &[("SAVE", "ERR 1"), ("WAKE", "ERR 1")]);
+}

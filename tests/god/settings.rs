@@ -1,0 +1,300 @@
+//! Parameters of motors and of the hand (manual 5.2.2, 5.2.3; 5.3, 5.4).
+
+use god::Memory;
+use god::memory::Stored;
+
+use super::Session;
+use super::tables::{Row, exercise};
+
+/// Lines and answers, one after another in one session.
+pub const COMMANDS: &[Row] = &[
+    ("FGET DS", "1400 1400 1400 800"),
+    ("SFSET DS 100", ""),
+    ("FGET DS", "1400 1400 1400 100"),
+    ("SFSAVE", ""),
+    ("SFSET DS 200", ""),
+    ("SFLOAD", ""),
+    ("SFGET DS", "100"),
+    ("SFDEF", ""),
+    ("SFGET DS", "800"),
+    ("SFLOAD", ""),
+    ("SFGET DS", "100"),
+    ("PSET OTEMP 60 LFT 1", ""),
+    ("PGET OTEMP LFT", "60 1"),
+    ("PSAVE", ""),
+    ("PDEF", ""),
+    ("PGET OTEMP LFT", "-551 0"),
+    ("PLOAD", ""),
+    ("PGET OTEMP LFT", "60 1"),
+    // The lists are in golden/*.txt, whole.
+    ("FLIST 1", "ERR 1024"),
+    ("FLISTV 1", "ERR 1024"),
+    ("FLISTA 1", "ERR 1024"),
+    ("FLISTAV 1", "ERR 1024"),
+    ("PLIST 1", "ERR 1024"),
+    ("PLISTV 1", "ERR 1024"),
+    ("PLISTA 1", "ERR 1024"),
+    ("PLISTAV 1", "ERR 1024"),
+    ("FSAVE 1", "ERR 1024"),
+    ("PDEF LFT", "ERR 1024"),
+    ("1FLIST", "ERR 4096"),
+    ("1PGET LFT", "ERR 4096"),
+    // What may be wrong with a name or a value.
+    ("FSET", "ERR 64"),
+    ("FGET", "ERR 64"),
+    ("PSET", "ERR 64"),
+    ("PGET", "ERR 64"),
+    ("FSET FROB 1", "ERR 64"),
+    ("FGET DS FROB", "ERR 64"),
+    ("PGET LFT DS", "ERR 64"),
+    ("FSET DS", "ERR 128"),
+    ("PSET LFT", "ERR 128"),
+    ("FSET DS x", "ERR 128"),
+    ("FSET DS 1.5", "ERR 128"),
+    ("FSET DS 99999999999999999999", "ERR 128"),
+    ("FSET DS 100 200", "ERR 1024"),
+    ("FSET DS 100 DP 1 CT", "ERR 1024"),
+    ("PSET LFT 1 0", "ERR 1024"),
+    ("FSET P 1", "ERR 256"),
+    ("PSET SN 1", "ERR 256"),
+    ("PSET BAUD 95", "ERR 128"),
+    ("XFSET DS 1", "ERR 2"),
+    // Of several pairs of which one is wrong, none is set.
+    ("1FSET DP 1 FROB 2", "ERR 64"),
+    ("1FSET DP 1 CT 40000", "ERR 128"),
+    ("PSET LFDPD 1 BAUD 97", "ERR 128"),
+    ("1FGET DP CT", "8500 18200"),
+    ("PGET LFDPD BAUD", "0 96"),
+    // Any case, any space, the same name twice.
+    ("  12 fset  dp 7   dp  8 ", ""),
+    ("12fget  dp   ct", "8 8 18200 18200"),
+];
+
+#[test]
+fn commands() {
+    exercise(&mut Session::new(), COMMANDS);
+}
+
+/// What can be set, as manual 5.3 has it: defaults of link, spread and tip, least and greatest value. 1 is the least of the
+/// coefficients (DESIGN 6).
+pub const SET: &[(&str, [i64; 3], i64, i64)] = &[
+    ("BS", [0, 0, 0], 0, 1),
+    ("DP", [8500, 1575, 8500], -32_767, 32_767),
+    ("DS", [1400, 800, 1400], -32_767, 32_767),
+    ("HSG", [256, 256, 256], 0, 256),
+    ("LSG", [256, 256, 256], 0, 256),
+    ("MOV", [1000, 1000, 1000], 16, 4080),
+    ("MCV", [1000, 1000, 1000], 16, 4080),
+    ("MSG", [256, 256, 256], 0, 256),
+    ("LCV", [1, 1, 1], 0, 1),
+    ("LCVC", [8, 8, 8], 1, 255),
+    ("LCPG", [1, 1, 1], 0, 1),
+    ("LFV", [1, 1, 1], 0, 1),
+    ("LFVC", [8, 8, 8], 1, 255),
+    ("LFS", [1, 1, 1], 0, 1),
+    ("LFAP", [1, 1, 1], 0, 2),
+    ("LFDP", [1, 1, 1], 0, 1),
+    ("LFDPC", [1, 1, 1], 1, 255),
+    ("ACCEL", [40, 30, 30], 0, 65_535),
+    ("CT", [18_200, 9300, 18_200], -32_767, 32_767),
+    ("EN", [1, 1, 1], 0, 1),
+    ("HOLD", [0, 1, 0], 0, 1),
+    ("MPE", [200, 200, 200], -32_767, 32_767),
+    ("OT", [0, 0, 0], -32_767, 32_767),
+    ("TSTOP", [300, 400, 300], 0, 65_535),
+    // Later hands': PROTOCOL 3.
+    ("LCT", [0, 0, 0], 0, 0),
+    ("LFBP", [0, 0, 0], 0, 0),
+    ("LFAIN", [0, 0, 0], 0, 0),
+];
+
+/// What can only be read, and what it is on a hand that has done nothing yet.
+pub const READ_ONLY: &[(&str, i64)] =
+    &[("BD", 0), ("BP", 0), ("OD", 0), ("P", 0), ("S", 4), ("SG", 128), ("SAMPLE", 31)];
+
+/// The hand's, as manual 5.4 has them: default, least and greatest value.
+pub const SET_HAND: &[(&str, i64, i64, i64)] =
+    &[("BAUD", 96, 6, 384), ("LFT", 0, 0, 1), ("OTEMP", -551, -551, 1250), ("LFDPD", 0, 0, 1)];
+
+/// The hand's that can only be read.
+pub const READ_ONLY_HAND: &[(&str, i64)] = &[("TEMP", 0), ("PTEMP", 0), ("UPSECS", 0), ("SN", 0)];
+
+fn seven(of: [i64; 3]) -> String {
+    let [link, spread, tip] = of;
+    format!("{link} {link} {link} {spread} {tip} {tip} {tip}")
+}
+
+/// A value set is the value read, to the end of the range and no farther; what is set on one motor is on no other.
+#[test]
+fn each_motor_parameter_is_set_and_read() {
+    let mut session = Session::new();
+    for &(name, defaults, min, max) in SET {
+        assert_eq!(session.line(&format!("X1234567FGET {name}")), seven(defaults), "{name}");
+        for value in [max, min] {
+            assert_eq!(session.line(&format!("X246FSET {name} {value}")), "", "{name} {value}");
+            assert_eq!(
+                session.line(&format!("X246FGET {name}")),
+                [value; 3].map(|v| v.to_string()).join(" ")
+            );
+        }
+        for beyond in [min - 1, max + 1] {
+            assert_eq!(session.line(&format!("X246FSET {name} {beyond}")), "ERR 128", "{name} {beyond}");
+        }
+        let [link, spread, tip] = defaults;
+        let expected = format!("{link} {min} {link} {min} {tip} {min} {tip}");
+        assert_eq!(session.line(&format!("X1234567FGET {name}")), expected, "{name} {spread}");
+        // For the rows to come: HSG and MSG are one, and EN selects.
+        assert_eq!(session.line(&format!("X26FSET {name} {link}")), "");
+        assert_eq!(session.line(&format!("X4FSET {name} {spread}")), "");
+        assert_eq!(session.line(&format!("X6FSET {name} {tip}")), "");
+    }
+    for (name, value) in READ_ONLY {
+        assert_eq!(session.line(&format!("X1234567FGET {name}")), [value.to_string().as_str(); 7].join(" "));
+        assert_eq!(session.line(&format!("X1FSET {name} {value}")), "ERR 256", "{name}");
+    }
+}
+
+#[test]
+fn each_parameter_of_the_hand_is_set_and_read() {
+    let mut session = Session::new();
+    for (name, default, min, max) in SET_HAND {
+        assert_eq!(session.line(&format!("PGET {name}")), default.to_string(), "{name}");
+        for value in [min, max] {
+            assert_eq!(session.line(&format!("PSET {name} {value}")), "", "{name} {value}");
+            assert_eq!(session.line(&format!("PGET {name}")), value.to_string());
+        }
+        for beyond in [min - 1, max + 1] {
+            assert_eq!(session.line(&format!("PSET {name} {beyond}")), "ERR 128", "{name} {beyond}");
+        }
+    }
+    for (name, value) in READ_ONLY_HAND {
+        assert_eq!(session.line(&format!("PGET {name}")), value.to_string(), "{name}");
+        assert_eq!(session.line(&format!("PSET {name} {value}")), "ERR 256", "{name}");
+    }
+    for baud in ["6", "12", "24", "48", "96", "192", "384"] {
+        assert_eq!(session.line(&format!("PSET BAUD {baud}")), "");
+    }
+}
+
+/// Without X a finger is one axis: set on both motors, read from the link.
+#[test]
+fn a_finger_is_one_axis() {
+    let rows = [
+        ("2FSET DP 1000 ACCEL 20 LFVC 3", ""),
+        ("X26FGET DP ACCEL LFVC", "1000 1000 20 20 3 3"),
+        ("X15FGET DP ACCEL LFVC", "8500 8500 40 30 8 8"),
+        ("X6FSET DP 2000", ""),
+        ("2FGET DP", "1000"),
+        // EN selects, where there is no prefix; a finger goes by its link's.
+        ("X3FSET EN 0", ""),
+        ("X5FSET EN 0", ""),
+        ("FGET DS", "1400 1400 800"),
+        ("3FGET EN", "0"),
+    ];
+    exercise(&mut Session::new(), &rows);
+}
+
+/// GOD keeps a position as it was set as long as the board has its rounding (DESIGN 6): 55 counts a hall count.
+#[test]
+fn the_board_has_the_nearest_hall_count() {
+    let rows = [
+        ("X1FSET CT 10000", ""),
+        ("1 G CT", "1 CT=182"),
+        // Rounded the same.
+        ("X1FSET CT 10010", ""),
+        ("X1FGET CT", "10010"),
+        // Somebody else sets it.
+        ("1 S CT 100", ""),
+        ("X1FGET CT", "5500"),
+        ("1 S CT 182", ""),
+        ("X1FGET CT", "10010"),
+        ("X1FSET MPE -32767", ""),
+        ("1 G MPE", "1 MPE=0"),
+        ("X1FGET MPE", "-32767"),
+        ("X1FSET OT -28", ""),
+        ("1 G OT", "1 OT=-1"),
+    ];
+    exercise(&mut Session::new(), &rows);
+}
+
+/// What is stored outlives the power, here by RESET; FSAVE and FLOAD are of the parameters' properties and no others, FDEF is of
+/// what is, and not of what is stored.
+#[test]
+fn what_is_saved_outlives_the_power() {
+    let mut session = Session::new();
+    let rows = [
+        ("1 S KP 77", "ERR 1"),
+        ("WAKE", ""),
+        ("123 S KP 77", ""),
+        ("12FSET CT 10010 LFVC 5 TSTOP 900", ""),
+        ("3FSET CT 10010 LFVC 5 TSTOP 900", ""),
+        ("1FSAVE", ""),
+        ("2FDEF", ""),
+        ("2FSAVE", ""),
+        ("1FSET CT 7", ""),
+        ("1FDEF", ""),
+        ("123FGET CT LFVC TSTOP", "18200 18200 10010 8 8 5 300 300 900"),
+        ("123G KP", "1 KP=77\n2 KP=77\n3 KP=77"),
+        ("123FLOAD", ""),
+        ("123FGET CT LFVC TSTOP", "10010 18200 18200 5 8 8 900 300 300"),
+        ("123G KP", "1 KP=77\n2 KP=77\n3 KP=77"),
+    ];
+    exercise(&mut session, &rows[1..]);
+    session.line("RESET");
+    exercise(&mut session, &[("123FGET CT LFVC TSTOP", "10010 18200 18200 5 8 8 900 300 300")]);
+    exercise(&mut session, &[("1 G KP", "1 KP=60"), ("X5FGET CT", "10010")]);
+    let stored = session.hand.memory().changed().expect("GOD's part");
+    let of = |motor: usize| stored.parameters.motors[motor - 1].as_set;
+    assert_eq!((of(1), of(5)), (of(5), of(1)));
+    assert_ne!(of(1), of(2));
+}
+
+#[test]
+fn a_board_that_does_not_answer_is_told() {
+    let mut session = Session::new();
+    session.line("WAKE");
+    session.hand.bus_mut().cut(1, true);
+    let rows = [
+        ("2FGET DS", "ERR 1"),
+        ("FSET DS 1", "ERR 1"),
+        ("13FSET DS 1", ""),
+        ("13FGET DS", "1 1"),
+        ("2FSAVE", "ERR 1"),
+        ("2FLOAD", "ERR 1"),
+        ("2FDEF", "ERR 1"),
+        ("2FLISTV", "ERR 1"),
+    ];
+    exercise(&mut session, &rows);
+    // While it is spoken to.
+    session.hand.hear(b"3FDEF\r");
+    session.wait_us(2_000);
+    session.hand.bus_mut().cut(2, true);
+    assert_eq!(session.until_prompt(), "3FDEF\r\n\rERR 1\r\n\r=> ");
+}
+
+/// PTEMP is the highest TEMP ever, UPSECS the seconds with power on, ever; both outlive it.
+#[test]
+fn temperature_and_time() {
+    let mut session = Session::new();
+    session.hand.io().set_temperature(425);
+    session.wait_us(1000);
+    session.hand.io().set_temperature(-30);
+    exercise(&mut session, &[("PGET TEMP PTEMP", "-30 425")]);
+    let peak = session.hand.memory().changed().expect("at once");
+    assert_eq!(peak.peak_temperature, 425);
+    let seconds = |session: &mut Session| session.line("PGET UPSECS").parse::<u64>().expect("a number");
+    // No later than the prompt's end, which took a millisecond to come.
+    let until = |session: &mut Session, us: u64| session.wait_us(us - session.hand.now_us());
+    until(&mut session, 100_500_000);
+    assert_eq!(seconds(&mut session), 100);
+    session.line("RESET");
+    until(&mut session, 130_900_000);
+    // Less than a second of it is lost with RESET.
+    assert!((129..=130).contains(&seconds(&mut session)));
+    let stored = session.hand.memory().changed().expect("every minute, and with RESET");
+    assert_eq!((stored.peak_temperature, stored.up_seconds), (425, 100));
+    let mut next = Session::with(Memory::new(Stored { up_seconds: u32::MAX, serial: 77, ..stored }));
+    exercise(&mut next, &[("PGET UPSECS PTEMP SN", "4294967295 425 77")]);
+    next.wait_us(1_000_000);
+    assert_eq!(seconds(&mut next), 0, "136 years, and from the beginning");
+}
