@@ -1,5 +1,6 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
+mod program;
 mod prompt;
 
 use god::Memory;

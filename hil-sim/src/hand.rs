@@ -1,5 +1,7 @@
 //! A whole hand: GOD, the bus and seven boards with their motors, in simulated time.
 
+pub mod script;
+
 use std::convert::Infallible;
 use std::future::Future;
 use std::pin::Pin;

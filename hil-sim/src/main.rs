@@ -2,6 +2,7 @@
 //! out; the only clock read is the wall clock of `wall_s` and of the bus that is served in real time.
 #![forbid(unsafe_code)]
 
+mod gcl;
 mod output;
 mod serve;
 
@@ -11,6 +12,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand, ValueEnum};
+use gcl::GclArgs;
 use hil_sim::replay::{Replayed, replay};
 use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
 use hil_sim::trace::{Trace, write_csv};
@@ -34,6 +36,8 @@ enum Task {
     List,
     /// Serve boards on a CAN bus in real time, for CAN tools. Ends with ^C.
     Bus(BusArgs),
+    /// Type Grasper Control Language at a whole hand, in simulated time. Exit code 1 if a line comes to an error.
+    Gcl(GclArgs),
     /// Feed a recording of hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -87,6 +91,10 @@ fn main() -> ExitCode {
         Task::Run(args) => run_scenario(&args),
         Task::List => print(&list()).map(|()| true).map_err(Into::into),
         Task::Bus(args) => serve_bus(&args),
+        Task::Gcl(args) => {
+            let begun = Instant::now();
+            gcl::gcl(&args, &|| begun.elapsed())
+        }
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
