@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod gcl;
+mod keep;
 mod output;
 mod serve;
 
@@ -18,7 +19,7 @@ use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
 use hil_sim::trace::{Trace, write_csv};
 use hil_sim::{Model, Options, Outcome, report, run};
 use output::{print, replace, tell};
-use serve::BusArgs;
+use serve::{BusArgs, HandArgs};
 
 /// Simulates the servo of a robot hand's motor board in closed loop with its motor.
 #[derive(Parser)]
@@ -36,6 +37,8 @@ enum Task {
     List,
     /// Serve boards on a CAN bus in real time, for CAN tools. Ends with ^C.
     Bus(BusArgs),
+    /// Serve a whole hand in real time, for its hosts. Ends with ^C.
+    Hand(HandArgs),
     /// Type Grasper Control Language at a whole hand, in simulated time. Exit code 1 if a line comes to an error.
     Gcl(GclArgs),
     /// Feed a recording of hall lines through the servo's decoder and estimator.
@@ -91,6 +94,7 @@ fn main() -> ExitCode {
         Task::Run(args) => run_scenario(&args),
         Task::List => print(&list()).map(|()| true).map_err(Into::into),
         Task::Bus(args) => serve_bus(&args),
+        Task::Hand(args) => serve_hand(&args),
         Task::Gcl(args) => {
             let begun = Instant::now();
             gcl::gcl(&args, &|| begun.elapsed())
@@ -111,6 +115,12 @@ fn serve_bus(args: &BusArgs) -> Result<bool, Box<dyn Error>> {
     let begun = Instant::now();
     // 64 bits of microseconds do not end; the service does not either.
     serve::bus(args, &mut || u64::try_from(begun.elapsed().as_micros()).ok())?;
+    Ok(true)
+}
+
+fn serve_hand(args: &HandArgs) -> Result<bool, Box<dyn Error>> {
+    let begun = Instant::now();
+    serve::hand(args, &mut || u64::try_from(begun.elapsed().as_micros()).ok())?;
     Ok(true)
 }
 

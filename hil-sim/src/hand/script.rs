@@ -1,5 +1,6 @@
 //! Lines of Grasper Control Language typed at a hand, as fast as it answers, in simulated time.
 
+use god::io::ABORT;
 use serde::Serialize;
 
 use super::Hand;
@@ -72,7 +73,8 @@ impl Typist {
         &self.hand
     }
 
-    /// Types a line and a CR, and waits for the prompt. A ^C in it does what it does. LOOP has no prompt: its `*` is answered with ^C.
+    /// Types a line and a CR, and waits for the prompt. A line that ends in ^C ends there. LOOP has no prompt: its `*` is answered
+    /// with ^C.
     ///
     /// # Errors
     /// There was no prompt: nothing more can be typed.
@@ -81,10 +83,13 @@ impl Typist {
             self.hear(byte);
         }
         let begun_us = self.hand.now_us();
-        self.hear(b'\r');
+        if !line.ends_with(char::from(ABORT)) {
+            self.hear(b'\r');
+        }
         let said = self.until_prompt(line)?;
         let ms = (self.hand.now_us() - begun_us) as f64 / 1000.0;
-        let answer = said.strip_prefix(line).unwrap_or(&said).trim().replace('\r', "");
+        let echo = line.trim_end_matches(char::from(ABORT));
+        let answer = said.strip_prefix(echo).unwrap_or(&said).trim().replace('\r', "");
         let status = answer.lines().rev().find_map(|line| line.strip_prefix("ERR ")?.trim().parse().ok());
         Ok(Answered { line: line.to_owned(), answer, status: status.unwrap_or(0), ms })
     }
@@ -109,8 +114,11 @@ impl Typist {
                 return Ok(text(&said));
             }
             // RealTime wants blocks, and a script has none.
-            if said.ends_with(b"*") && said.len() == line.len() + 1 && line.to_ascii_uppercase().ends_with("LOOP") {
-                self.hand.hear(&[god::io::ABORT]);
+            if said.ends_with(b"*")
+                && said.len() == line.len() + 1
+                && line.to_ascii_uppercase().ends_with("LOOP")
+            {
+                self.hand.hear(&[ABORT]);
             }
         }
         Err(NoPrompt { line: line.to_owned(), said: text(&said) })
