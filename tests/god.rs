@@ -2,6 +2,7 @@
 
 mod program;
 mod prompt;
+mod state;
 
 use god::Memory;
 use hil_sim::hand::Hand;

@@ -68,10 +68,16 @@ impl Link {
         let (out, pieces) = sync_channel::<Vec<u8>>(PIECES);
         let (more, go_on) = sync_channel(1);
         let (reader, writer) = (Arc::clone(&port), Arc::clone(&port));
+        let gone = events.clone();
         thread::spawn(move || read(&*reader, number, &events, &go_on));
         thread::spawn(move || {
-            // Ends with the link, or when it is gone, which its reader tells.
-            while pieces.recv().is_ok_and(|piece| writer.write(&piece).is_ok()) {}
+            while let Ok(piece) = pieces.recv() {
+                if writer.write(&piece).is_err() {
+                    // Its reader may be waiting for its turn, and tell later, or never.
+                    let _ = gone.send(Event::Gone(number));
+                    return;
+                }
+            }
         });
         Self { number, peer, port, out, more, is_held: false }
     }
