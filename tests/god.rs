@@ -1,7 +1,9 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
+mod movement;
 mod program;
 mod prompt;
+mod realtime;
 mod state;
 
 use god::Memory;

@@ -10,7 +10,7 @@ use crate::command::{Category, Command};
 use crate::io::{Io, unless_aborted};
 use crate::line::{self, Heard};
 use crate::memory::{Memory, Parameters};
-use crate::motors::{Motor, Prefix};
+use crate::motors::{COUNT, Motor, Prefix};
 use crate::status::Status;
 use crate::words::{self, Words};
 use crate::{administration, lower, movement, realtime, sequences, settings};
@@ -35,7 +35,11 @@ pub struct God<'a> {
     /// The parameters as they are.
     pub(crate) parameters: RefCell<Parameters>,
     /// What a motor's last motion came to (parameter S), by place.
-    pub(crate) results: Cell<[Status; crate::motors::COUNT]>,
+    pub(crate) results: Cell<[Status; COUNT]>,
+    /// What moves, and what it is to be given back.
+    pub(crate) moves: movement::Moves,
+    /// The position of each motor that the host knows, GCL counts: FGET P or RealTime told it (manual 6.2.3).
+    pub(crate) reported: Cell<[i32; COUNT]>,
 }
 
 /// GOD, from its start on. Never ends.
@@ -43,7 +47,7 @@ pub async fn run(io: &Io, memory: &Memory) -> Infallible {
     loop {
         let god = God::new(io, memory);
         god.start().await;
-        while god.serve().await {}
+        while movement::accompanied(&god, god.serve()).await {}
     }
 }
 
@@ -55,6 +59,8 @@ impl<'a> God<'a> {
             boards: Boards::new(io),
             parameters: RefCell::new(memory.look(|stored| stored.parameters)),
             results: Cell::default(),
+            moves: movement::Moves::default(),
+            reported: Cell::default(),
         }
     }
 
@@ -97,6 +103,8 @@ impl<'a> God<'a> {
             return status;
         }
         self.io.takes_abort();
+        self.io.set_raw(false);
+        movement::abort(self).await;
         Status::ABORTED
     }
 
@@ -127,6 +135,15 @@ impl<'a> God<'a> {
     /// Says a line of an answer.
     pub(crate) async fn answer(&self, text: core::fmt::Arguments<'_>) {
         self.io.print(format_args!("{LINE_END}{text}")).await;
+    }
+
+    /// Takes note of what a motor's motion has come to.
+    pub(crate) fn note(&self, motor: Motor, status: Status) {
+        let mut results = self.results.get();
+        if let Some(result) = results.get_mut(motor.index()) {
+            *result = status;
+        }
+        self.results.set(results);
     }
 
     /// What a motor's last motion came to.

@@ -47,6 +47,8 @@ pub struct Io {
     raw: Cell<bool>,
     /// See [`Io::baud`].
     baud: Cell<u16>,
+    /// Of this board, 0.1 °C.
+    temperature: Cell<i16>,
     /// Bytes or frames that were lost because a queue was full.
     lost: Cell<u32>,
 }
@@ -98,6 +100,11 @@ impl Io {
         self.frames.borrow_mut().pop_front()
     }
 
+    /// The temperature of GOD's board, 0.1 °C.
+    pub fn set_temperature(&self, temperature: i16) {
+        self.temperature.set(temperature);
+    }
+
     /// The host is gone, and a new one may come: what it has said and not heard is forgotten, and what goes on is aborted.
     pub fn hang_up(&self) {
         self.input.borrow_mut().clear();
@@ -131,6 +138,11 @@ impl Io {
     #[must_use]
     pub const fn now_us(&self) -> u64 {
         self.now_us.get()
+    }
+
+    /// The temperature of this board, 0.1 °C.
+    pub(crate) const fn temperature(&self) -> i16 {
+        self.temperature.get()
     }
 
     /// Waits until `ready` gives something, or until `deadline_us`.
@@ -227,6 +239,32 @@ pub(crate) async fn unless_aborted<T>(io: &Io, work: impl Future<Output = T>) ->
             return Poll::Ready(None);
         }
         work.as_mut().poll(context).map(Some)
+    })
+    .await
+}
+
+/// Does two things at once, to the end of both.
+pub(crate) async fn both<A, B>(one: impl Future<Output = A>, other: impl Future<Output = B>) -> (A, B) {
+    let (mut one, mut other) = (core::pin::pin!(one), core::pin::pin!(other));
+    let (mut first, mut second) = (None, None);
+    poll_fn(|context| {
+        if first.is_none()
+            && let Poll::Ready(done) = one.as_mut().poll(context)
+        {
+            first = Some(done);
+        }
+        if second.is_none()
+            && let Poll::Ready(done) = other.as_mut().poll(context)
+        {
+            second = Some(done);
+        }
+        match (first.take(), second.take()) {
+            (Some(one), Some(other)) => Poll::Ready((one, other)),
+            (one, other) => {
+                (first, second) = (one, other);
+                Poll::Pending
+            }
+        }
     })
     .await
 }

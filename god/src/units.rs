@@ -18,14 +18,18 @@ pub const fn halls(gcl: i64) -> i64 {
     gcl.saturating_add(GCL_PER_HALL / 2).div_euclid(GCL_PER_HALL)
 }
 
-/// GCL counts of 100 revolutions of a joint: the gear's ratio × 18 hall counts × 55 (manual 1.3.2, table 2).
-const fn gcl_per_100_revolutions(kind: Kind) -> i64 {
-    let ratio_hundredths = match kind {
+/// Revolutions of the motor a revolution of its joint, hundredths (manual 1.3.2, table 2).
+const fn ratio_hundredths(kind: Kind) -> i64 {
+    match kind {
         Kind::Link => 4900,
         Kind::Spread => 1828,
         Kind::Tip => 3900,
-    };
-    ratio_hundredths * 18 * GCL_PER_HALL
+    }
+}
+
+/// GCL counts of 100 revolutions of a joint: the gear's ratio × 18 hall counts × 55 (manual 1.3.2, table 2).
+const fn gcl_per_100_revolutions(kind: Kind) -> i64 {
+    ratio_hundredths(kind) * 18 * GCL_PER_HALL
 }
 
 /// GCL counts of an angle in degrees; halves go up: 90 degrees of a link are 12128.
@@ -38,6 +42,20 @@ pub const fn of_degrees(kind: Kind, degrees: i64) -> i64 {
 #[must_use]
 pub const fn of_percent(percent: i64, close_target: i64) -> i64 {
     rounded(percent.saturating_mul(close_target), 100)
+}
+
+/// How far a tip goes along with its link, GCL counts or hall counts alike: a third of the link's joint angle. The manual simulates
+/// a BarrettHand without saying how far its tips go along; a third is what that hand's gears make, 375:1 to 125:1.
+#[must_use]
+pub const fn of_tip_along(link: i64) -> i64 {
+    rounded(link.saturating_mul(ratio_hundredths(Kind::Tip)), 3 * ratio_hundredths(Kind::Link))
+}
+
+/// How far a tip goes while its link goes so far, GCL counts or hall counts alike, to keep its direction for an observer: the same joint
+/// angle the other way.
+#[must_use]
+pub const fn of_tip_against(link: i64) -> i64 {
+    rounded(link.saturating_mul(-ratio_hundredths(Kind::Tip)), ratio_hundredths(Kind::Link))
 }
 
 const fn rounded(numerator: i64, denominator: i64) -> i64 {
@@ -56,6 +74,18 @@ mod tests {
         assert_eq!(of_degrees(Kind::Spread, 180), 9049);
         assert_eq!(of_percent(50, 18_200), 9100);
         assert_eq!(of_percent(-10, 9300), -930);
+    }
+
+    #[test]
+    fn a_tip_goes_along_with_a_third_of_the_angle_and_against_with_all_of_it() {
+        for degrees in -10..=130 {
+            let link = of_degrees(Kind::Link, 3 * degrees);
+            let (along, against) = (of_degrees(Kind::Tip, degrees), of_degrees(Kind::Tip, -3 * degrees));
+            assert!((of_tip_along(link) - along).abs() <= 1, "{degrees}");
+            assert!((of_tip_against(link) - against).abs() <= 1, "{degrees}");
+        }
+        // 18200 · 39 / 147 and 12000 · 39 / 49.
+        assert_eq!((of_tip_along(18_200), of_tip_against(12_000)), (4829, -9551));
     }
 
     #[test]

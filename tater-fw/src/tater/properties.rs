@@ -64,7 +64,8 @@ impl<B: Board> Tater<B> {
             P::OD => i64::from(counters.odometer),
             P::MECH => i64::from(self.commutator.count().rem_euclid(REV)),
             P::HALLS => i64::from(self.board.halls() & 7),
-            P::HALLH => i64::from(self.hall_history),
+            // Ten codes are 30 bits; the next one tells GOD whether HI is needed.
+            P::HALLH => i64::from(self.hall_history | u32::from(status.homed) << 30),
             P::BD => i64::from(status.breakaway.is_some()),
             P::BP => i64::from(self.breakaway_position),
             P::END => status.end.map_or(0, |reason| i64::from(reason.number())),

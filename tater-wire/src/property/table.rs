@@ -206,8 +206,8 @@ table! {
         "torque units per newton metre at the motor";
     HALLS = 87, 16, ReadOnly, No, "bits", 0..=7, None,
         "present hall code";
-    HALLH = 88, 32, ReadOnly, No, "bits", 0..=1073741823, None,
-        "the last ten hall codes, the newest in the low three bits";
+    HALLH = 88, 32, ReadOnly, No, "bits", 0..=2147483647, None,
+        "the last ten hall codes, the newest in the low three bits; bit 30: the position is known (HI, or stored and not moved since)";
     POLES = 90, 16, ReadOnly, No, "-", 6..=6, Same(6),
         "rotor poles";
     EN = 94, 16, ReadWrite, Yes, "-", 0..=1, Same(1),

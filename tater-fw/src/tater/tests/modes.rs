@@ -144,6 +144,20 @@ fn halls_and_their_last_ten_codes() {
 }
 
 #[test]
+fn above_the_hall_codes_it_says_whether_the_position_is_known() {
+    let known = |bench: &mut Bench| bench.get(Property::HALLH).map(|bits| bits >> 30);
+    let mut bench = Bench::new(1);
+    assert_eq!(known(&mut bench), Some(0), "after power-up");
+    // A full history does not reach it.
+    bench.tick_to(12);
+    assert_eq!(known(&mut bench), Some(0));
+    bench.home();
+    assert_eq!(known(&mut bench), Some(1), "after HI");
+    bench.set(Property::CMD, 13).expect("HI");
+    assert_eq!(known(&mut bench), Some(0), "HI has begun again");
+}
+
+#[test]
 fn an_edge_of_the_halls_is_commutated_at_once() {
     let mut bench = Bench::new(1);
     bench.set(Property::MODE, 2).expect("mode 2");

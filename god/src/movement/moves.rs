@@ -1,0 +1,150 @@
+//! What outlives a motion's future: which motors move, so that ^C can end them; what their boards are to be given back; and who presses on
+//! after TC and TO.
+
+use core::cell::Cell;
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::Poll;
+
+use tater_wire::{Destination, Message, Property};
+
+use crate::boards::Answers;
+use crate::god::God;
+use crate::io::NEVER;
+use crate::motors::Motors;
+use crate::status::Status;
+
+/// How often a board hears of GOD while its motor presses: after 500 ms of silence it takes its host for lost, and lets go.
+const COMPANY_US: u64 = 200_000;
+
+/// Mode 3: holds a position.
+const HOLDS: i64 = 3;
+
+/// What goes on in the boards.
+#[derive(Debug, Default)]
+pub(crate) struct Moves {
+    /// Motors whose motion has not ended.
+    moving: Cell<Motors>,
+    /// Those of them with HOLD.
+    holding: Cell<Motors>,
+    /// Motors that TC or TO has left pressing in mode 4, because of HOLD.
+    pressing: Cell<Motors>,
+    /// MV as it was before a motion changed it for its own time.
+    velocities: Cell<Answers>,
+    /// BT, likewise.
+    thresholds: Cell<Answers>,
+}
+
+impl Moves {
+    /// A motion begins.
+    pub(super) fn begin(&self, motors: Motors, holding: Motors) {
+        self.moving.set(motors);
+        self.holding.set(holding);
+    }
+
+    /// These move still.
+    pub(super) fn go_on(&self, motors: Motors) {
+        self.moving.set(motors);
+    }
+
+    /// None moves any more; those that did.
+    pub(super) fn ends(&self) -> Motors {
+        self.moving.take()
+    }
+
+    /// These press on from now on.
+    pub(super) fn press(&self, motors: Motors) {
+        self.pressing.set(self.pressing.get().and(motors));
+    }
+
+    /// These do no more: they are given something else to do.
+    pub(super) fn cease_pressing(&self, motors: Motors) {
+        self.pressing.set(self.pressing.get().but(motors));
+    }
+
+    fn lent(&self, property: Property) -> &Cell<Answers> {
+        if property == Property::MV { &self.velocities } else { &self.thresholds }
+    }
+}
+
+/// Sets a property, MV or BT, for the time of a motion; `was` is given back after it.
+pub(super) async fn lend(god: &God<'_>, property: Property, values: &Answers, was: &Answers) {
+    let mut lent = god.moves.lent(property).get();
+    for motor in values.motors().iter() {
+        // What is still to be given back from before is the older.
+        if let Some(was) = was.of(motor).filter(|_| lent.of(motor).is_none()) {
+            lent.put(motor, was);
+        }
+    }
+    // First of all: ^C may come at any time.
+    god.moves.lent(property).set(lent);
+    god.boards.set_each(property, values).await;
+}
+
+/// Gives boards their MV and BT back. What a board does not confirm is tried again at the next motion.
+pub(super) async fn give_back(god: &God<'_>) {
+    for property in [Property::MV, Property::BT] {
+        let lent = god.moves.lent(property).get();
+        if lent.motors().is_empty() {
+            continue;
+        }
+        god.boards.set_each(property, &lent).await;
+        let found = god.boards.get(lent.motors(), property).await;
+        let mut left = Answers::default();
+        for motor in lent.motors().iter() {
+            if let Some(was) = lent.of(motor).filter(|_| found.of(motor) != lent.of(motor)) {
+                left.put(motor, was);
+            }
+        }
+        god.moves.lent(property).set(left);
+    }
+}
+
+/// Gives one motor its MV back, to go on faster; [`give_back`] is to follow in the end.
+pub(super) async fn hurry(god: &God<'_>, motors: Motors) {
+    let lent = god.moves.lent(Property::MV).get();
+    for motor in motors.of(lent.motors()).iter() {
+        god.boards.set(Motors::NONE.with(motor), Property::MV, lent.of(motor).unwrap_or(0)).await;
+    }
+}
+
+/// Ends the motion of motors as HOLD says: to mode 3 where they are, or power off (manual 5.5).
+pub(super) async fn stop(god: &God<'_>, motors: Motors) {
+    let holding = god.moves.holding.get();
+    god.boards.set(motors.of(holding), Property::MODE, HOLDS).await;
+    god.boards.set(motors.but(holding), Property::MODE, 0).await;
+}
+
+/// ^C has dropped a motion, if there was one: ends it on every motor that still moves.
+pub(crate) async fn abort(god: &God<'_>) {
+    let moving = god.moves.ends();
+    stop(god, moving).await;
+    moving.iter().for_each(|motor| god.note(motor, Status::ABORTED));
+    give_back(god).await;
+}
+
+/// Does `work`, and meanwhile lets the boards whose motors press on hear of GOD.
+pub(crate) async fn accompanied<T>(god: &God<'_>, work: impl Future<Output = T>) -> T {
+    let company = async {
+        loop {
+            let pressing = || Some(god.moves.pressing.get()).filter(|motors| !motors.is_empty());
+            god.io.until(NEVER, pressing).await;
+            god.io.sleep_until(god.io.now_us().saturating_add(COMPANY_US)).await;
+            for motor in god.moves.pressing.get().iter() {
+                // Nobody waits for the answer.
+                let board = Destination::Node(motor.node());
+                god.io.send(Message::get(board, Property::STAT).frame()).await;
+            }
+        }
+    };
+    let (mut company, mut work) = (pin!(company), pin!(work));
+    poll_fn(|context| {
+        let work = work.as_mut().poll(context);
+        if work.is_pending() {
+            // After it, because it may just have begun to press.
+            let _: Poll<()> = company.as_mut().poll(context);
+        }
+        work
+    })
+    .await
+}

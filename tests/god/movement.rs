@@ -1,0 +1,113 @@
+//! Movement commands (manual 5.2.1, 5.5), from what is typed to where the seven rotors really are.
+
+mod breakaway;
+mod ends;
+mod goals;
+mod homing;
+mod refusals;
+
+use god::Memory;
+use hil_sim::board::SimBoard;
+use hil_sim::hand::Hand;
+use hil_sim::node::Node;
+use hil_sim::plant::{Heat, Model, PlantParams, Start};
+use hil_sim::rig::{Object, Rig, RigParams, Side};
+use servo_core::{Config, MotorKind, Status};
+use tater_wire::property::Kind;
+use tater_wire::{Destination, Message, Property};
+
+use super::Session;
+
+/// How far a rotor may really be from where it is to be, hall counts: its stop stands on the boundary of two counts (1), and it comes to rest as
+/// near to its goal as friction lets it (1).
+const NEAR: i32 = 2;
+
+/// Longest wait of a test for something that is to happen, ms.
+const SOON_MS: usize = 5_000;
+
+/// Where the motors really are, hall counts, rounded.
+fn counts(session: &Session) -> [i32; 7] {
+    let mut counts = [0; 7];
+    for (count, station) in counts.iter_mut().zip(session.hand.bus().stations()) {
+        *count = station.board().rig().truth().counts.round() as i32;
+    }
+    counts
+}
+
+/// Asserts where the motors really are.
+fn assert_near(session: &Session, expected: [i32; 7], why: &str) {
+    let found = counts(session);
+    let near = found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= NEAR);
+    assert!(near, "{why}: {found:?}, not {expected:?}");
+}
+
+/// A hand that has been initialised.
+fn initialized() -> Session {
+    let mut session = Session::new();
+    assert_eq!(session.line("HI"), "");
+    session
+}
+
+/// A hand with something hard in the way of a motor that closes, from a count on, which has been initialised.
+fn with_object(motor: u8, from_count: f64) -> Session {
+    let boards = (1..=7).map(|number| {
+        let node = tater_wire::Node::new(number).expect("a node");
+        let kind = match Kind::of(node) {
+            Kind::Link => MotorKind::Link,
+            Kind::Spread => MotorKind::Spread,
+            Kind::Tip => MotorKind::Tip,
+        };
+        // As in the scenario breakaway-link: hard enough that full torque dents it by 3 counts.
+        let object = Object { from_count, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.005, side: Side::Closing };
+        let objects = if number == motor { vec![object] } else { vec![] };
+        let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
+        let start = Start { count: 0.0, counts_per_s: 0.0, heat };
+        let (plant, rig) = (PlantParams::for_motor(kind), RigParams::default());
+        let rig = Rig::new(plant, rig, &objects, Model::Averaged, start, number.into()).expect("in range");
+        Node::new(SimBoard::new(rig, node))
+    });
+    let hand = Hand::with(boards.collect(), Memory::default());
+    let mut session = Session { hand, heard: String::new() };
+    session.until_prompt();
+    assert_eq!(session.line("HI"), "");
+    session
+}
+
+fn node(session: &mut Session, motor: u8) -> &mut Node {
+    session.hand.bus_mut().station_mut(usize::from(motor) - 1).expect("1 to 7")
+}
+
+/// Sets a property of a board that is awake, as if by the bus.
+fn set(session: &mut Session, motor: u8, property: Property, value: i64) {
+    let to = Destination::Node(tater_wire::Node::new(motor).expect("a node"));
+    let frame = Message::set(to, property, value).expect("it fits").frame();
+    node(session, motor).receive(&frame).expect("it is taken");
+}
+
+fn status(session: &mut Session, motor: u8) -> Status {
+    node(session, motor).application().expect("it is awake").status()
+}
+
+fn config(session: &mut Session, motor: u8) -> Config {
+    *node(session, motor).application().expect("it is awake").config()
+}
+
+/// Types a line, and waits until `happened` says so. The command goes on.
+fn line_until(session: &mut Session, line: &str, mut happened: impl FnMut(&mut Session) -> bool) {
+    session.hand.hear(line.as_bytes());
+    session.hand.hear(b"\r");
+    for _ in 0..SOON_MS {
+        if happened(session) {
+            return;
+        }
+        session.wait_us(1000);
+    }
+    panic!("{line}: it never happened: {:?}", counts(session));
+}
+
+/// Types ^C; what is said then.
+fn abort(session: &mut Session) -> String {
+    session.hand.said();
+    session.hand.hear(b"\x03");
+    session.until_prompt()
+}
