@@ -8,12 +8,13 @@ use std::time::Duration;
 
 use god::Memory;
 use hil_sim::Model;
-use hil_sim::hand::Hand;
 use hil_sim::hand::script::{Answered, Typist};
-use hil_sim::scenario::BadInput;
+use hil_sim::hand::world::World;
+use hil_sim::hand::{Hand, picture};
+use hil_sim::scenario::{BadInput, grasp};
 use serde::Serialize;
 
-use crate::output::print;
+use crate::output::{print, replace};
 
 /// Longest line of a script: more than ten times what the hand takes, so that it can say what is wrong with a line.
 const LONGEST: usize = 4096;
@@ -24,6 +25,12 @@ pub struct GclArgs {
     /// The lines, as they would be typed; without it, standard input. Lines that begin with # are left out.
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
+    /// What is between the fingers: a TOML file such as hil-sim/grasps/ball.toml; without it, nothing.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Write a picture of the hand as it stands at the end, and faintly as it stood at the start, as SVG.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print one JSON object and nothing else.
     #[arg(long)]
     json: bool,
@@ -48,7 +55,10 @@ struct Json {
 pub fn gcl(args: &GclArgs, elapsed: &dyn Fn() -> Duration) -> Result<bool, Box<dyn Error>> {
     let mut lines = Lines::open(args.script.as_deref())?;
     let begun = elapsed();
-    let hand = Hand::new(Model::Averaged, args.seed, Memory::default());
+    let mut hand = Hand::new(Model::Averaged, args.seed, Memory::default());
+    let world = args.scenario.as_deref().map_or_else(|| Ok(World::default()), grasp::read)?;
+    hand.put_into(world.clone());
+    let start = hand.pose();
     let (mut typist, hello) = Typist::new(hand)?;
     let mut answers = Vec::new();
     let mut ok = true;
@@ -68,6 +78,16 @@ pub fn gcl(args: &GclArgs, elapsed: &dyn Fn() -> Duration) -> Result<bool, Box<d
             print(&spoken(&answered, !lines.are_typed))?;
         }
     }
+    if let Some(path) = &args.report {
+        let svg = picture::svg(&world, &start, &typist.hand().pose(), &title(args));
+        replace(path, svg.as_bytes()).map_err(|error| BadInput {
+            place: format!("--report {}", path.display()),
+            problem: "cannot be written".to_owned(),
+            found: error.to_string(),
+            expected: "a file in a folder that exists".to_owned(),
+            next: "choose another path or free space".to_owned(),
+        })?;
+    }
     if args.json {
         let simulated_s = typist.hand().now_us() as f64 * 1e-6;
         let wall_s = (elapsed() - begun).as_secs_f64();
@@ -75,6 +95,20 @@ pub fn gcl(args: &GclArgs, elapsed: &dyn Fn() -> Duration) -> Result<bool, Box<d
         print(&format!("{}\n", serde_json::to_string(&json)?))?;
     }
     Ok(ok)
+}
+
+/// What a picture is of.
+fn title(args: &GclArgs) -> String {
+    let name = |path: &Option<PathBuf>, or: &str| {
+        path.as_deref()
+            .and_then(Path::file_stem)
+            .map_or(or.to_owned(), |name| name.to_string_lossy().into_owned())
+    };
+    format!(
+        "{}: after {}",
+        name(&args.scenario, "nothing between the fingers"),
+        name(&args.script, "what was typed")
+    )
 }
 
 /// A line and its answer, as on a terminal.

@@ -1,8 +1,10 @@
 //! A whole hand: GOD, the bus and seven boards with their motors, in simulated time.
 
+pub mod picture;
 pub mod script;
 pub mod serial;
 pub mod state;
+pub mod world;
 
 use std::convert::Infallible;
 use std::future::Future;
@@ -19,9 +21,13 @@ use crate::bus::{Adapter, Bus};
 use crate::node::Node;
 use crate::plant::{Model, ParamError};
 use state::{Kept, State};
+use world::{Pose, World};
 
 /// Who is node 0.
 const GOD: &str = "GOD";
+
+/// How often the motors' contacts are computed, us.
+const WORLD_US: u64 = 1_000;
 
 /// Node n as the bus names it.
 fn id(number: u8) -> Id {
@@ -38,6 +44,8 @@ pub struct Hand {
     next_us: u64,
     /// How often GOD's memory was found changed.
     changes: u64,
+    /// What is around the motors, when that is looked at next, us, and which motors touch something.
+    world: Option<(World, u64, [bool; 7])>,
 }
 
 impl Hand {
@@ -71,7 +79,48 @@ impl Hand {
         let (io, memory) = (Rc::new(Io::default()), Rc::new(memory));
         let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
         let god = Box::pin(async move { god::run(&ports, &kept).await });
-        Self { bus, io, memory, god, next_us: 0, changes: 0 }
+        Self { bus, io, memory, god, next_us: 0, changes: 0, world: None }
+    }
+
+    /// Puts it into a world, in which fingers meet things and each other. Without one each motor is alone with its stops.
+    pub fn put_into(&mut self, world: World) {
+        self.world = Some((world, self.bus.now_us(), [true; 7]));
+    }
+
+    /// Its world.
+    #[must_use]
+    pub fn world(&self) -> Option<&World> {
+        self.world.as_ref().map(|(world, ..)| world)
+    }
+
+    /// Where the rotors are.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        let mut pose = Pose::default();
+        for (to, node) in pose.iter_mut().zip(self.bus.stations()) {
+            *to = node.board().rig().truth().counts;
+        }
+        pose
+    }
+
+    /// Tells the motors what they touch.
+    fn touch(&mut self) {
+        let now_us = self.bus.now_us();
+        let pose = self.pose();
+        let Some((world, next_us, touching)) = &mut self.world else { return };
+        if now_us < *next_us {
+            return;
+        }
+        *next_us = now_us + WORLD_US;
+        for (index, (contacts, touched)) in world.contacts(&pose).iter().zip(touching).enumerate() {
+            let touches = !contacts.is_empty();
+            if (touches || *touched)
+                && let Some(node) = self.bus.station_mut(index)
+            {
+                node.rig_mut().set_objects(contacts);
+            }
+            *touched = touches;
+        }
     }
 
     /// Bytes from the host.
@@ -105,17 +154,25 @@ impl Hand {
     pub fn run_until(&mut self, until_us: u64) {
         loop {
             let now = self.bus.now_us();
+            if now >= self.world_us() {
+                self.touch();
+            }
             if now >= self.next_us {
                 self.poll();
             }
             if now >= until_us {
                 return;
             }
-            if let Some(stamped) = self.bus.wait(self.next_us.clamp(now, until_us)) {
+            if let Some(stamped) = self.bus.wait(self.next_us.min(self.world_us()).clamp(now, until_us)) {
                 self.io.receive(&stamped.frame);
                 self.next_us = self.bus.now_us();
             }
         }
+    }
+
+    /// When the world is looked at next.
+    fn world_us(&self) -> u64 {
+        self.world.as_ref().map_or(u64::MAX, |(_, next_us, _)| *next_us)
     }
 
     fn poll(&mut self) {

@@ -15,7 +15,8 @@ use god::Memory;
 use hil_sim::Model;
 use hil_sim::hand::Hand;
 use hil_sim::hand::serial::Serial;
-use hil_sim::scenario::BadInput;
+use hil_sim::hand::world::World;
+use hil_sim::scenario::{BadInput, grasp};
 use hil_sim::slcan::Slcan;
 
 use super::link::{CHUNK, Link};
@@ -43,6 +44,9 @@ pub struct HandArgs {
     /// Serve SLCAN over TCP here, for CAN tools that watch the bus. The output says `slcan HOST:PORT`.
     #[arg(long, value_name = "HOST:PORT")]
     slcan: Option<String>,
+    /// What is between the fingers: a TOML file such as hil-sim/grasps/ball.toml; without it, nothing.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
     /// Keep in this file what the hand keeps without power; it is made if there is none.
     #[arg(long, value_name = "FILE")]
     state: Option<PathBuf>,
@@ -71,7 +75,9 @@ enum Speed {
 /// # Errors
 /// The arguments cannot be served: an address is taken, the state is damaged.
 pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
-    let (hand, keeper) = made(args)?;
+    let world = args.scenario.as_deref().map_or_else(|| Ok(World::default()), grasp::read)?;
+    let (mut hand, keeper) = made(args)?;
+    hand.put_into(world);
     let (sender, events) = sync_channel(EVENTS);
     let address = args.listen.as_deref().or((!args.pty).then_some(ADDRESS));
     if let Some(address) = address {
