@@ -82,6 +82,7 @@ impl<'a> God<'a> {
     }
 
     async fn start(&self) {
+        self.io.set_baud(self.parameters.borrow().hand.baud);
         self.io.print(format_args!("{LINE_END}{BANNER}")).await;
         self.prompt().await;
     }

@@ -46,6 +46,8 @@ pub struct Io {
     aborted: Cell<bool>,
     /// In RealTime any byte is data, ^C among them.
     raw: Cell<bool>,
+    /// See [`Io::baud`].
+    baud: Cell<u16>,
     /// Of this board, 0.1 °C.
     temperature: Cell<i16>,
     /// Bytes or frames that were lost because a queue was full.
@@ -109,6 +111,18 @@ impl Io {
         self.input.borrow_mut().clear();
         self.output.borrow_mut().clear();
         self.aborted.set(true);
+    }
+
+    /// Whether any byte is data now, ^C among them.
+    #[must_use]
+    pub const fn is_raw(&self) -> bool {
+        self.raw.get()
+    }
+
+    /// How fast the serial line to the host is to be, Bd / 100 (parameter BAUD). Whoever has a line follows it.
+    #[must_use]
+    pub const fn baud(&self) -> u16 {
+        self.baud.get()
     }
 
     /// Bytes and frames that found no room.
@@ -210,6 +224,11 @@ impl Io {
     /// Whether ^C is there, and stays.
     pub(crate) const fn is_aborted(&self) -> bool {
         self.aborted.get()
+    }
+
+    /// Tells how fast the serial line is to be, Bd / 100.
+    pub(crate) fn set_baud(&self, baud: u16) {
+        self.baud.set(baud);
     }
 
     /// Whether every byte is data from now on.
