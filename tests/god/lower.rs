@@ -64,7 +64,34 @@ fn an_end_of_a_motion_is_told_when_nothing_is_typed() {
     // Links do not hold.
     assert_eq!(unasked(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
     // Each once, and only those that this grammar has sent.
-    assert_eq!(session.line("VERS"), "600");
+    session.line("HI");
+    session.hand.hear(b"SM 9000\r");
+    session.wait_us(300_000);
+    session.hand.hear(b"\x03");
+    session.until_prompt();
+    session.wait_us(1_000_000);
+    assert_eq!(session.hand.said(), b"");
+}
+
+/// OTEMP is for this grammar, too; what ends a motion is not refused.
+#[test]
+fn a_hot_hand_does_not_move() {
+    let mut session = Session::new();
+    session.hand.io().set_temperature(450);
+    let rows = [
+        ("WAKE", ""),
+        ("PSET OTEMP 449", ""),
+        ("4 S E 82", ""),
+        ("4 S M 5", "ERR 8192"),
+        ("4 S CMD 18", "ERR 8192"),
+        ("4 S CMD 21", ""),
+        ("4 S MODE 0", ""),
+        ("4 G E", "4 E=82"),
+        ("PSET OTEMP 450", ""),
+        ("4 S M 5", ""),
+    ];
+    exercise(&mut session, &rows);
+    assert_eq!(unasked(&mut session), "\n4 MODE=3\n=> ");
 }
 
 #[test]
