@@ -5,6 +5,7 @@ mod golden;
 mod lower;
 mod movement;
 mod prompt;
+mod realtime;
 mod sequences;
 mod settings;
 mod tables;

@@ -2,7 +2,7 @@
 
 use core::cell::RefCell;
 
-use tater_wire::{Body, Destination, Frame, Message, Property};
+use tater_wire::{Body, Destination, Frame, Group, Message, Property};
 
 use crate::io::Io;
 use crate::motors::{COUNT, Motor, Motors};
@@ -38,6 +38,24 @@ impl Answers {
         }
     }
 
+    /// These, and those in their place where they have one.
+    #[must_use]
+    pub fn and(&self, those: &Self) -> Self {
+        Self(core::array::from_fn(|place| {
+            let of = |answers: &Self| answers.0.get(place).copied().flatten();
+            of(those).or(of(self))
+        }))
+    }
+
+    /// Those of these that are others there, or missing.
+    #[must_use]
+    pub fn differing(&self, those: &Self) -> Self {
+        Self(core::array::from_fn(|place| {
+            let of = |answers: &Self| answers.0.get(place).copied().flatten();
+            of(self).filter(|&value| of(those) != Some(value))
+        }))
+    }
+
     /// The motors that have one.
     #[must_use]
     pub fn motors(&self) -> Motors {
@@ -62,18 +80,62 @@ pub struct Reported {
     pub broke_away: bool,
 }
 
+/// One thing for each property that is asked for ahead of its use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ahead<T> {
+    /// P.
+    pub position: T,
+    /// V.
+    pub velocity: T,
+    /// SG.
+    pub strain: T,
+}
+
+impl<T> Ahead<T> {
+    fn of(&mut self, property: Property) -> Option<&mut T> {
+        match property {
+            Property::P => Some(&mut self.position),
+            Property::V => Some(&mut self.velocity),
+            Property::SG => Some(&mut self.strain),
+            _ => None,
+        }
+    }
+}
+
+impl Ahead<bool> {
+    fn properties(self) -> impl Iterator<Item = Property> {
+        [(self.position, Property::P), (self.velocity, Property::V), (self.strain, Property::SG)]
+            .into_iter()
+            .filter_map(|(wanted, property)| wanted.then_some(property))
+    }
+}
+
+impl Ahead<Option<i64>> {
+    /// The values, 0 where none is wanted; `None` while one is missing.
+    fn complete(self, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
+        let value = |wanted: bool, value: Option<i64>| if wanted { value } else { Some(0) };
+        Some(Ahead {
+            position: value(wanted.position, self.position)?,
+            velocity: value(wanted.velocity, self.velocity)?,
+            strain: value(wanted.strain, self.strain)?,
+        })
+    }
+}
+
 /// The boards on the bus.
 #[derive(Debug)]
 pub struct Boards<'a> {
     io: &'a Io,
     reported: RefCell<[Reported; COUNT]>,
+    /// What has been asked for ahead, and answered.
+    ahead: RefCell<[Ahead<Option<i64>>; COUNT]>,
 }
 
 impl<'a> Boards<'a> {
     /// Nothing is known of them.
     #[must_use]
     pub fn new(io: &'a Io) -> Self {
-        Self { io, reported: RefCell::default() }
+        Self { io, reported: RefCell::default(), ahead: RefCell::default() }
     }
 
     /// Asks for a property. Boards that do not answer in time, asked again twice, have no value.
@@ -100,6 +162,44 @@ impl<'a> Boards<'a> {
             }
         }
         answers
+    }
+
+    /// Asks for what [`Self::answer_of`] is to wait for later. All seven boards are asked at once, by their group.
+    pub async fn ask(&self, motors: Motors, wanted: Ahead<bool>) {
+        self.listen();
+        *self.ahead.borrow_mut() = Default::default();
+        if motors == Motors::ALL {
+            for property in wanted.properties() {
+                self.io.send(Message::get(Destination::Group(Group::TATERS), property).frame()).await;
+            }
+            return;
+        }
+        for motor in motors.iter() {
+            for property in wanted.properties() {
+                self.io.send(Message::get(Destination::Node(motor.node()), property).frame()).await;
+            }
+        }
+    }
+
+    /// What a board has answered since [`Self::ask`]; asked once more if it has not in time, and then `None`.
+    pub async fn answer_of(&self, motor: Motor, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
+        for again in [true, false] {
+            let deadline = self.io.now_us().saturating_add(ANSWER_US);
+            loop {
+                let found = self.ahead.borrow().get(motor.index()).and_then(|ahead| ahead.complete(wanted));
+                if found.is_some() {
+                    return found;
+                }
+                let Some(frame) = self.io.receives(deadline).await else { break };
+                self.note(&frame);
+            }
+            if again {
+                for property in wanted.properties() {
+                    self.io.send(Message::get(Destination::Node(motor.node()), property).frame()).await;
+                }
+            }
+        }
+        None
     }
 
     /// Sets a property of each motor that has a value there. A board does not acknowledge.
@@ -168,6 +268,11 @@ impl<'a> Boards<'a> {
 
     fn note(&self, frame: &Frame) {
         let Some((motor, property, value)) = said(frame) else { return };
+        if let Some(ahead) =
+            self.ahead.borrow_mut().get_mut(motor.index()).and_then(|ahead| ahead.of(property))
+        {
+            *ahead = Some(value);
+        }
         let mut reported = self.reported.borrow_mut();
         let Some(reported) = reported.get_mut(motor.index()) else { return };
         match property {

@@ -119,6 +119,8 @@ impl<'a> God<'a> {
             return status;
         }
         self.io.takes_abort();
+        // It may have been RealTime whose host is gone.
+        self.io.set_raw(false);
         movement::abort(self).await;
         Status::ABORTED
     }

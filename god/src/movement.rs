@@ -29,7 +29,7 @@ use crate::motors::{Motors, Prefix, Selection};
 use crate::status::Status;
 use crate::words::Arguments;
 
-pub(crate) use moves::{Moves, abort, accompanied};
+pub(crate) use moves::{Moves, abort, accompanied, end, steer};
 pub(crate) use ready::{is_too_hot, lost};
 
 /// Greatest distance or position that is typed, GCL counts (manual 5.2.1).

@@ -55,7 +55,7 @@ const ARROWS: [Arrows; 9] = [
     },
     Arrows {
         package: "tater-fuzz",
-        ours: &["servo-core", "tater-wire", "tater-fw", "hil-sim"],
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim"],
         others: None,
     },
     // The chores start first, on a machine that has nothing yet: few dependencies, and the rest by `cargo run`.

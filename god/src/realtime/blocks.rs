@@ -1,0 +1,228 @@
+//! The blocks of RealTime (manual 6.2): what is in them by the parameters, and the bytes of a motor's feedback. All of more than a
+//! byte is big-endian (PROTOCOL 3).
+
+use heapless::Vec;
+
+use crate::boards::Ahead;
+use crate::memory::Parameters;
+use crate::motors::{COUNT, Motor, Motors};
+use crate::parameter::Kept;
+use crate::units;
+
+/// Most bytes of a motor's feedback: velocity, strain, position, change of position.
+pub(super) const MOST: usize = 7;
+
+/// What a motor has in the blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct OfMotor {
+    /// LCV.
+    pub velocity: bool,
+    /// LCVC.
+    pub velocity_coefficient: u8,
+    /// LCPG.
+    pub gain: bool,
+    /// LFV.
+    pub feeds_velocity: bool,
+    /// LFVC, not 0.
+    pub feedback_coefficient: u8,
+    /// LFS.
+    pub feeds_strain: bool,
+    /// LFAP: 0, 1 (four bytes) or 2 (two bytes).
+    pub feeds_position: u8,
+    /// LFDP.
+    pub feeds_change: bool,
+    /// LFDPC, not 0.
+    pub change_coefficient: u8,
+}
+
+/// What is in the blocks: it cannot change while RealTime goes on.
+#[derive(Clone, Debug)]
+pub(super) struct Shape {
+    motors: [Option<OfMotor>; COUNT],
+    /// LFT.
+    pub temperature: bool,
+    /// LFDPD.
+    pub discards: bool,
+}
+
+impl Shape {
+    /// By the parameters of these axes.
+    pub fn of(parameters: &Parameters, axes: Motors) -> Self {
+        let mut motors = [None; COUNT];
+        for motor in axes.iter() {
+            let places = (motors.get_mut(motor.index()), parameters.motors.get(motor.index()));
+            let (Some(place), Some(of)) = places else { continue };
+            *place = Some(OfMotor {
+                velocity: of.of(Kept::Lcv) != 0,
+                velocity_coefficient: of.of(Kept::Lcvc),
+                gain: of.of(Kept::Lcpg) != 0,
+                feeds_velocity: of.of(Kept::Lfv) != 0,
+                feedback_coefficient: of.of(Kept::Lfvc).max(1),
+                feeds_strain: of.of(Kept::Lfs) != 0,
+                feeds_position: of.of(Kept::Lfap),
+                feeds_change: of.of(Kept::Lfdp) != 0,
+                change_coefficient: of.of(Kept::Lfdpc).max(1),
+            });
+        }
+        Self { motors, temperature: parameters.hand.lft, discards: parameters.hand.lfdpd }
+    }
+
+    /// A motor's part; `None` if it has none.
+    pub fn of_motor(&self, motor: Motor) -> Option<OfMotor> {
+        self.motors.get(motor.index()).copied().flatten()
+    }
+
+    /// What any board is to be asked for.
+    pub fn asks(&self) -> Ahead<bool> {
+        let each = self.motors.iter().flatten().map(OfMotor::asks);
+        each.fold(Ahead::default(), |all, of| Ahead {
+            position: all.position || of.position,
+            velocity: all.velocity || of.velocity,
+            strain: all.strain || of.strain,
+        })
+    }
+}
+
+impl OfMotor {
+    /// What its board is to be asked for.
+    pub fn asks(&self) -> Ahead<bool> {
+        Ahead {
+            position: self.feeds_position != 0 || self.feeds_change,
+            velocity: self.feeds_velocity,
+            strain: self.feeds_strain,
+        }
+    }
+}
+
+/// A motor's feedback.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Feedback {
+    /// As they go to the host.
+    pub bytes: Vec<u8, MOST>,
+    /// The position that the host knows then, GCL counts.
+    pub reported: i32,
+}
+
+impl Feedback {
+    /// Of what a board has said, hall counts; `reported` is the position that the host knew before, GCL counts.
+    pub fn of(of: &OfMotor, found: Ahead<i64>, reported: i32, discards: bool) -> Self {
+        let mut bytes = Vec::new();
+        let mut put = |piece: &[u8]| {
+            // MOST is the sum of the most that there can be.
+            let _ = bytes.extend_from_slice(piece);
+        };
+        let position = i32::try_from(units::gcl(found.position)).unwrap_or(i32::MAX);
+        if of.feeds_velocity {
+            put(&clipped(found.velocity / i64::from(of.feedback_coefficient)).to_be_bytes());
+        }
+        if of.feeds_strain {
+            put(&[u8::try_from(found.strain.clamp(0, 255)).unwrap_or(u8::MAX)]);
+        }
+        match of.feeds_position {
+            0 => {}
+            2 => {
+                let [_, _, high, low] = position.to_be_bytes();
+                put(&[high, low]);
+            }
+            _ => put(&position.to_be_bytes()),
+        }
+        if !of.feeds_change {
+            return Self { bytes, reported };
+        }
+        let coefficient = i64::from(of.change_coefficient);
+        let change = (i64::from(position) - i64::from(reported)) / coefficient;
+        let sent = clipped(change);
+        put(&sent.to_be_bytes());
+        let reported = if discards && change != i64::from(sent) {
+            position
+        } else {
+            // It goes towards the position, and not beyond.
+            reported.wrapping_add(i32::from(sent).wrapping_mul(i32::from(of.change_coefficient)))
+        };
+        Self { bytes, reported }
+    }
+}
+
+/// As a signed byte, its nearest value.
+fn clipped(value: i64) -> i8 {
+    i8::try_from(value).unwrap_or(if value < 0 { i8::MIN } else { i8::MAX })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec;
+
+    const NOTHING: OfMotor = OfMotor {
+        velocity: false,
+        velocity_coefficient: 8,
+        gain: false,
+        feeds_velocity: false,
+        feedback_coefficient: 8,
+        feeds_strain: false,
+        feeds_position: 0,
+        feeds_change: false,
+        change_coefficient: 1,
+    };
+
+    fn at(position: i64) -> Ahead<i64> {
+        Ahead { position, velocity: -100, strain: 77 }
+    }
+
+    fn bytes(of: OfMotor, found: Ahead<i64>) -> vec::Vec<u8> {
+        Feedback::of(&of, found, 0, false).bytes.to_vec()
+    }
+
+    #[test]
+    fn data_are_in_the_manual_s_order_and_big_endian() {
+        let all = OfMotor {
+            feeds_velocity: true,
+            feeds_strain: true,
+            feeds_position: 1,
+            feeds_change: true,
+            change_coefficient: 100,
+            ..NOTHING
+        };
+        // -100 / 8 = -12; 331 · 55 = 18205 = 0x471D; 18205 / 100 = 182, more than a byte.
+        assert_eq!(bytes(all, at(331)), [0xF4, 77, 0, 0, 0x47, 0x1D, 127]);
+        let short = OfMotor { feeds_position: 2, ..NOTHING };
+        assert_eq!(bytes(short, at(-25)), (-1375_i16).to_be_bytes());
+        let long = OfMotor { feeds_position: 1, ..NOTHING };
+        assert_eq!(bytes(long, at(-158)), (-8690_i32).to_be_bytes());
+        assert_eq!(bytes(NOTHING, at(5)), []);
+    }
+
+    /// Manual 6.2.3: LFDPC 2, reported 1500, and 2000 at once. A hall count is 55 GCL counts, so from 1500 on: 36 counts are 1980.
+    #[test]
+    fn a_change_that_does_not_fit_is_sent_later_or_discarded() {
+        let of = OfMotor { feeds_change: true, change_coefficient: 2, ..NOTHING };
+        let sent = |reported, discards| {
+            let feedback = Feedback::of(&of, at(36), reported, discards);
+            (feedback.bytes[0].cast_signed(), feedback.reported)
+        };
+        assert_eq!(sent(1500, false), (127, 1754));
+        assert_eq!(sent(1754, false), (113, 1980));
+        assert_eq!(sent(1980, false), (0, 1980));
+        assert_eq!(sent(1500, true), (127, 1980));
+        assert_eq!(sent(1980, true), (0, 1980));
+    }
+
+    proptest! {
+        #[test]
+        fn the_host_s_sum_arrives_at_the_position(
+            from in -32_767i32..=32_767, to in -595i64..=595, coefficient in 1u8..=255,
+        ) {
+            let of = OfMotor { feeds_change: true, change_coefficient: coefficient, ..NOTHING };
+            let (mut host, mut reported) = (from, from);
+            for _ in 0..600 {
+                let feedback = Feedback::of(&of, at(to), reported, false);
+                host += i32::from(feedback.bytes[0].cast_signed()) * i32::from(coefficient);
+                reported = feedback.reported;
+                prop_assert_eq!(host, reported);
+            }
+            let left = i64::from(host) - units::gcl(to);
+            prop_assert!(left.abs() < i64::from(coefficient), "{} left", left);
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! LOOP and its blocks (manual 6), and how fast they go.
+
+use super::Session;
+
+/// A host in RealTime.
+struct Host {
+    session: Session,
+}
+
+/// Longest that a block may take, us: a clumsy client's patience (PROTOCOL 3: 100 ms a block).
+const BLOCK_US: u64 = 100_000;
+
+impl Host {
+    /// In RealTime with the motors of a prefix.
+    fn new(prefix: &str) -> Self {
+        let mut session = Session::new();
+        let line = format!("{prefix}LOOP");
+        session.hand.hear(line.as_bytes());
+        session.hand.hear(b"\r");
+        let mut host = Self { session };
+        assert_eq!(host.reads(line.len()), line.as_bytes());
+        assert_eq!(host.reads(1), b"*", "the very next byte after the echo");
+        host
+    }
+
+    /// So many bytes.
+    fn reads(&mut self, count: usize) -> Vec<u8> {
+        let end = self.session.hand.now_us() + BLOCK_US + 2_000_000 * u64::from(count == 1);
+        let mut said = self.session.hand.said();
+        while said.len() < count {
+            assert!(self.session.hand.now_us() < end, "{said:?}");
+            self.session.wait_us(10);
+            said.extend(self.session.hand.said());
+        }
+        assert_eq!(said.len(), count, "{said:?}");
+        said
+    }
+
+    /// A block, and its answer of so many bytes.
+    fn block(&mut self, block: &[u8], answer: usize) -> Vec<u8> {
+        self.session.hand.hear(block);
+        self.reads(answer)
+    }
+
+    /// Velocities and counts of all motors, in truth.
+    fn truth(&self) -> Vec<(f64, f64)> {
+        let truths = self.session.hand.bus().stations().map(|node| node.board().rig().truth());
+        truths.map(|truth| (truth.counts_per_s, truth.counts)).collect()
+    }
+}
+
+/// All seven motors, each with all data.
+const ALL: &str = "X1234567";
+/// A control block of seven motors that asks for feedback.
+fn control(velocity: i8, gain: u8) -> Vec<u8> {
+    std::iter::once(b'C').chain([velocity.cast_unsigned(), gain].repeat(7)).collect()
+}
+/// Its answer: velocity, strain, 4 bytes of position and a change of each motor.
+const FEEDBACK: usize = 1 + 7 * 7;
+
+#[test]
+fn blocks_move_the_motors_and_say_where_they_are() {
+    let mut host = Host::new("");
+    let block: Vec<u8> = std::iter::once(b'C').chain([25, 32].repeat(4)).collect();
+    let mut answer = Vec::new();
+    for _ in 0..50 {
+        answer = host.block(&block, 1 + 4 * 7);
+        host.session.wait_us(5_000);
+    }
+    let truth = host.truth();
+    // 25 x LCVC 8 = 200 counts/s; a tip goes at 13/49 of it. Less the droop of a proportional law: friction of 63 torque units
+    // by a gain of 2 is 32 counts/s.
+    for (motor, &(speed, _)) in truth.iter().enumerate() {
+        let wanted = if motor < 4 { 200.0 } else { 53.0 };
+        assert!((wanted - 45.0..wanted).contains(&speed), "motor {}: {speed}", motor + 1);
+    }
+    for (axis, (data, &(speed, counts))) in answer[1..].chunks(7).zip(&truth).enumerate() {
+        let told = f64::from(data[0].cast_signed()) * 8.0;
+        assert!((told - speed).abs() < 40.0, "axis {axis}: {told} of {speed}");
+        let position = f64::from(i32::from_be_bytes(data[2..6].try_into().expect("four")));
+        assert!((position - 55.0 * counts).abs() < 55.0 * 3.0, "axis {axis}: {position} of {counts} counts");
+    }
+    assert_eq!(host.block(b"a", 1), b"*");
+    host.session.hand.hear(b"\x03");
+    assert_eq!(host.session.until_prompt(), "\r\n\r=> ", "no ERR");
+    host.session.wait_us(300_000);
+    assert!(host.truth().iter().all(|(speed, _)| speed.abs() < 1.0), "{:?}", host.truth());
+}
+
+#[test]
+fn a_header_that_is_none_ends_it() {
+    let mut host = Host::new("1");
+    assert_eq!(host.block(b"A", 8)[0], b'*');
+    host.session.hand.hear(b"x");
+    assert_eq!(host.session.until_prompt(), "\r\n\rERR 2048\r\n\r=> ");
+    assert_eq!(host.session.line("FROB"), "ERR 32", "lines again");
+}
+
+#[test]
+fn a_silent_host_stops_the_motors_and_a_new_block_moves_them_again() {
+    let mut host = Host::new("X4");
+    host.block(&[b'C', 20, 32], 8);
+    host.session.wait_us(240_000);
+    assert!(host.truth()[3].0 > 80.0, "moves on for a while");
+    host.session.wait_us(160_000);
+    assert!(host.truth()[3].0.abs() < 2.0, "{:?}", host.truth()[3]);
+    // The boards would idle after half a second without a word.
+    host.session.wait_us(5_000_000);
+    for _ in 0..20 {
+        host.block(&[b'C', 20, 32], 8);
+        host.session.wait_us(10_000);
+    }
+    assert!(host.truth()[3].0 > 80.0, "{:?}", host.truth()[3]);
+}
+
+#[test]
+fn a_board_that_is_lost_is_told_instead_of_the_next_star() {
+    let mut host = Host::new("X12");
+    host.block(b"A", 15);
+    host.session.hand.bus_mut().cut(1, true);
+    host.session.hand.hear(b"A");
+    host.session.wait_us(300_000);
+    let said = host.session.hand.said();
+    assert_eq!((said.len(), said[0]), (15, b'*'), "begun before it is known");
+    host.session.hand.hear(b"A");
+    assert_eq!(host.session.until_prompt(), "\r\n\rERR 1\r\n\r=> ");
+}
+
+/// The design's number for all seven motors with all feedback.
+const RATE_HZ: u64 = 250;
+
+#[test]
+fn all_seven_motors_with_all_feedback_go_250_times_a_second_and_more() {
+    let mut host = Host::new(ALL);
+    let begin = (host.session.hand.now_us(), host.session.hand.bus().stats().busy_us);
+    let blocks: u32 = 500;
+    let mut latency_us = 0;
+    for i in 0..blocks {
+        let before = host.session.hand.now_us();
+        // The gain too changes with each block.
+        let (velocity, gain) = ((i % 16) as i8, 16 + (i % 2) as u8);
+        host.block(&control(velocity, gain), FEEDBACK);
+        latency_us = latency_us.max(host.session.hand.now_us() - before);
+    }
+    let took_us = host.session.hand.now_us() - begin.0;
+    let busy_us = host.session.hand.bus().stats().busy_us - begin.1;
+    let rate = 1_000_000 * u64::from(blocks) / took_us;
+    println!(
+        "figure: RealTime, seven motors, all data, gain changing: {rate} blocks/s, at worst {latency_us} us; bus load {} %",
+        100 * busy_us / took_us
+    );
+    assert!(rate >= RATE_HZ, "{rate}");
+}
+
+/// A byte of a serial line at 38400 baud: start, eight bits, stop.
+const BYTE_NS: u64 = 10 * 1_000_000_000 / 38_400;
+
+#[test]
+fn at_38400_baud_the_wire_is_what_limits() {
+    let mut host = Host::new(ALL);
+    let (blocks, begin) = (60, host.session.hand.now_us());
+    for _ in 0..blocks {
+        // When the wire has carried the next byte, ns: each way has its own.
+        let start_ns = 1000 * host.session.hand.now_us();
+        let block = control(10, 16);
+        let (mut sent, mut got, mut free_ns, mut waits) = (0, 0, start_ns, 0);
+        while got < FEEDBACK {
+            let now_ns = 1000 * host.session.hand.now_us();
+            while sent < block.len() && start_ns + BYTE_NS * (sent as u64 + 1) <= now_ns {
+                host.session.hand.hear(&block[sent..=sent]);
+                sent += 1;
+            }
+            host.session.wait_us(0);
+            waits += host.session.hand.said().len();
+            while waits > 0 && free_ns.max(start_ns) + BYTE_NS <= now_ns {
+                // A byte that was there in time follows the one before it at once.
+                free_ns = (free_ns + BYTE_NS).max(now_ns - BYTE_NS);
+                waits -= 1;
+                got += 1;
+            }
+            if waits == 0 {
+                free_ns = free_ns.max(now_ns);
+            }
+            host.session.wait_us(20);
+        }
+    }
+    let took_ns = 1000 * (host.session.hand.now_us() - begin);
+    // The header in, and the feedback out: the data come in meanwhile.
+    let allowed_ns = blocks * (1 + FEEDBACK as u64) * BYTE_NS;
+    let share = 100.0 * allowed_ns as f64 / took_ns as f64;
+    println!(
+        "figure: RealTime at 38400 baud, seven motors, all data: {:.1} blocks/s, {share:.1} % of what the wire allows",
+        1e9 * blocks as f64 / took_ns as f64
+    );
+    assert!(share >= 95.0, "{share}");
+}
