@@ -1,5 +1,7 @@
 //! The walk-through's grammar (manual 3; PROTOCOL 3).
 
+use tater_wire::{Message, Node, Property};
+
 use super::Session;
 use super::tables::{Row, exercise};
 
@@ -64,12 +66,9 @@ fn an_end_of_a_motion_is_told_when_nothing_is_typed() {
     // Links do not hold.
     assert_eq!(unasked(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
     // Each once, and only those that this grammar has sent.
-    session.line("HI");
-    session.hand.hear(b"SM 9000\r");
-    session.wait_us(300_000);
-    session.hand.hear(b"\x03");
-    session.until_prompt();
-    session.wait_us(1_000_000);
+    let node = Node::new(4).expect("the spread");
+    session.hand.io().receive(&Message::reply(node, Property::MODE, 3).expect("it fits").frame());
+    session.wait_us(10_000);
     assert_eq!(session.hand.said(), b"");
 }
 
