@@ -11,12 +11,13 @@
 use core::cell::Cell;
 
 use tater_wire::property::Access;
-use tater_wire::{Message, Property};
+use tater_wire::{Cmd, Message, Property};
 
 use crate::boards::Reported;
 use crate::god::God;
 use crate::io::NEVER;
 use crate::motors::{COUNT, Motor, Motors};
+use crate::movement;
 use crate::status::Status;
 
 /// How a motor that has been let go is waited for, us: a board takes it for standing after 200 ms without a hall count.
@@ -137,7 +138,10 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
     if !spec.admits(value) {
         return Status::INVALID_VALUE;
     }
-    if matches!(property, Property::MODE | Property::M | Property::CMD) {
+    if begins_motion(property, value) {
+        if movement::is_too_hot(god) {
+            return Status::OVER_TEMPERATURE;
+        }
         // Who woke the boards may not have told them to report ends; of what has been before, nobody wants to hear.
         god.boards.set(motors, Property::LFLAGS, 3).await;
         motors.iter().for_each(|motor| _ = god.boards.takes(motor));
@@ -145,6 +149,18 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
     }
     god.boards.set(motors, property, value).await;
     Status::OK
+}
+
+/// Whether a SET may set a motor in motion: what ends one or is none of it is never refused to a hot hand.
+fn begins_motion(property: Property, value: i64) -> bool {
+    match property {
+        Property::MODE => value != 0,
+        Property::M => true,
+        Property::CMD => {
+            !matches!(Cmd::of(value), Some(Cmd::T | Cmd::Load | Cmd::Save | Cmd::Def | Cmd::Reset))
+        }
+        _ => false,
+    }
 }
 
 async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {

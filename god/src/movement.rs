@@ -30,7 +30,7 @@ use crate::status::Status;
 use crate::words::Arguments;
 
 pub(crate) use moves::{Moves, abort, accompanied};
-pub(crate) use ready::lost;
+pub(crate) use ready::{is_too_hot, lost};
 
 /// Greatest distance or position that is typed, GCL counts (manual 5.2.1).
 const MOST_COUNTS: i64 = 20_000;

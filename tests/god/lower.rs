@@ -1,5 +1,7 @@
 //! The walk-through's grammar (manual 3; PROTOCOL 3).
 
+use tater_wire::{Message, Node, Property};
+
 use super::Session;
 use super::tables::{Row, exercise};
 
@@ -64,7 +66,31 @@ fn an_end_of_a_motion_is_told_when_nothing_is_typed() {
     // Links do not hold.
     assert_eq!(unasked(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
     // Each once, and only those that this grammar has sent.
-    assert_eq!(session.line("VERS"), "600");
+    let node = Node::new(4).expect("the spread");
+    session.hand.io().receive(&Message::reply(node, Property::MODE, 3).expect("it fits").frame());
+    session.wait_us(10_000);
+    assert_eq!(session.hand.said(), b"");
+}
+
+/// OTEMP is for this grammar, too; what ends a motion is not refused.
+#[test]
+fn a_hot_hand_does_not_move() {
+    let mut session = Session::new();
+    session.hand.io().set_temperature(450);
+    let rows = [
+        ("WAKE", ""),
+        ("PSET OTEMP 449", ""),
+        ("4 S E 82", ""),
+        ("4 S M 5", "ERR 8192"),
+        ("4 S CMD 18", "ERR 8192"),
+        ("4 S CMD 21", ""),
+        ("4 S MODE 0", ""),
+        ("4 G E", "4 E=82"),
+        ("PSET OTEMP 450", ""),
+        ("4 S M 5", ""),
+    ];
+    exercise(&mut session, &rows);
+    assert_eq!(unasked(&mut session), "\n4 MODE=3\n=> ");
 }
 
 #[test]

@@ -298,3 +298,27 @@ fn temperature_and_time() {
     next.wait_us(1_000_000);
     assert_eq!(seconds(&mut next), 0, "136 years, and from the beginning");
 }
+
+/// RealTime counts a change of position from what the host has heard last, by FGET P or by RealTime itself (manual 6.2.3).
+#[test]
+fn fget_p_tells_the_host_where_realtime_begins() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("HI", ""), ("1M 5500", ""), ("1FSET LFV 0 LFS 0 LFAP 0 LFDPC 50", "")]);
+    // A block of feedback: the change of position alone.
+    let change = |session: &mut Session| {
+        session.hand.hear(b"1LOOP\r");
+        session.wait_us(1_000_000);
+        session.hand.said();
+        session.hand.hear(b"A");
+        session.wait_us(100_000);
+        let said = session.hand.said();
+        session.hand.hear(b"\x03");
+        session.until_prompt();
+        said
+    };
+    exercise(&mut session, &[("1FGET P", "5500"), ("1M 8250", "")]);
+    assert_eq!(change(&mut session), [b'*', 55], "8250 - 5500, in fifties");
+    assert_eq!(change(&mut session), [b'*', 0], "and it has told that");
+    exercise(&mut session, &[("1M 2750", ""), ("1FGET P", "2750")]);
+    assert_eq!(change(&mut session), [b'*', 0]);
+}

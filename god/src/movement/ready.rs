@@ -28,6 +28,12 @@ pub(super) async fn ready(god: &God<'_>, motors: Motors, initialized: bool) -> R
     Ok(())
 }
 
+/// Whether the hand is hotter than OTEMP.
+pub(crate) fn is_too_hot(god: &God<'_>) -> bool {
+    let limit = god.parameters.borrow().hand.otemp;
+    limit != NO_LIMIT && god.io.temperature() > limit
+}
+
 /// Looks whether motors can move: that the hand is not hotter than OTEMP, that their boards answer, and, if they are to be `initialized`, that
 /// they know where they are. Wakes those that sleep.
 ///
@@ -35,8 +41,7 @@ pub(super) async fn ready(god: &God<'_>, motors: Motors, initialized: bool) -> R
 /// The sum of what is against it: [`Status::OVER_TEMPERATURE`] alone, or [`Status::NO_BOARD`] and [`Status::NOT_INITIALIZED`]. S of each motor tells
 /// its own.
 pub(super) async fn look(god: &God<'_>, motors: Motors, initialized: bool) -> Result<(), Status> {
-    let limit = god.parameters.borrow().hand.otemp;
-    if limit != NO_LIMIT && god.io.temperature() > limit {
+    if is_too_hot(god) {
         motors.iter().for_each(|motor| god.note(motor, Status::OVER_TEMPERATURE));
         return Err(Status::OVER_TEMPERATURE);
     }

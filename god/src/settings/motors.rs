@@ -286,3 +286,40 @@ async fn list_values(god: &God<'_>, axes: Motors, all: bool) -> Status {
     }
     Status::OK
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::Memory;
+    use crate::{Io, io};
+    use std::pin::pin;
+    use std::string::String;
+    use tater_wire::{Body, Destination, Message};
+
+    /// What GOD says to a line while seven boards are awake that obey nothing and answer 42 to whatever is asked.
+    fn told(line: &str) -> String {
+        let (io, memory) = (Io::default(), Memory::default());
+        let mut god = pin!(crate::run(&io, &memory));
+        let mut said = String::new();
+        line.bytes().chain([b'\r']).for_each(|byte| io.hear(byte));
+        for ms in 0..1000 {
+            io::poll(god.as_mut(), &io, ms * 1000);
+            while let Some(frame) = io.frame() {
+                let message = Message::parse(&frame).expect("GOD's");
+                let (Destination::Node(node), Body::Get(id)) = (message.to, message.body) else { continue };
+                let property = Property::of(id).expect("GOD's");
+                let value = if property == Property::STAT { 2 } else { 42 };
+                io.receive(&Message::reply(node, property, value).expect("it fits").frame());
+            }
+            said.extend(core::iter::from_fn(|| io.byte()).map(char::from));
+        }
+        said.rsplit_once(line).expect("the echo").1.into()
+    }
+
+    #[test]
+    fn what_a_board_does_not_do_is_told() {
+        assert_eq!(told("1FSET TSTOP 43"), "\r\n\rERR 128\r\n\r=> ");
+        assert_eq!(told("1FSET TSTOP 42"), "\r\n\r=> ");
+        assert_eq!(told("1FGET TSTOP"), "\r\n\r42\r\n\r=> ");
+    }
+}
