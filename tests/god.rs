@@ -11,6 +11,7 @@ mod sequences;
 mod settings;
 mod state;
 mod tables;
+mod world;
 
 use god::Memory;
 use hil_sim::hand::Hand;

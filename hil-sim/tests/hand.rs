@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
 /// Only ends a test that would otherwise hang.
 const HANGS: Duration = Duration::from_secs(60);
 
@@ -146,6 +149,11 @@ fn a_tool_watches_the_bus_and_sends_nothing() {
     let mut tool = served.connect("slcan");
     tool.write_all(b"C\rS8\rO\rt0040\r").expect("written");
     assert_eq!(read_to(&mut tool, "\r\x07").expect("answers"), "\x07\r\r\x07");
+    // GOD asks node 4 for STAT when it is to wake, and node 4 says that it is awake.
+    let mut host = served.host();
+    ask(&mut host, "SFGET P");
+    read_to(&mut tool, "t004105\r").expect("what GOD sends");
+    read_to(&mut tool, "t486485000200\r").expect("what the board says");
 }
 
 #[cfg(unix)]
@@ -213,4 +221,65 @@ fn a_state_that_is_none_is_refused_and_left_as_it_is() {
     assert_eq!(second.status.code(), Some(2), "{error}");
     assert!(error.contains("in use"), "{error}");
     drop(served);
+}
+
+/// Kills of a hand that saves.
+const KILLS: u32 = 100;
+
+/// Values that it is told to save between a start and a kill.
+const SAVES: u32 = 3;
+
+/// A multiple of a hall count's 55 and a bit: GOD shows the bit only while the board's own value is the same one.
+fn value(number: u32) -> String {
+    (55 * number + 7).to_string()
+}
+
+/// The number of the value that all seven motors have.
+fn saved(host: &mut TcpStream) -> u32 {
+    let said = ask(host, "X1234567FGET DP");
+    let answer = said.lines().nth(1).unwrap_or_default().trim();
+    let values: Vec<&str> = answer.split_whitespace().collect();
+    assert!(values.len() == 7 && values.iter().all(|value| *value == values[0]), "neither: {said:?}");
+    let counts: u32 = values[0].parse().expect("a number");
+    assert_eq!(counts % 55, 7, "neither: {said:?}");
+    counts / 55
+}
+
+/// Killed at any moment, a hand has all of what it was told to save before a prompt that its host has seen, or all of what it was
+/// told to save since.
+#[test]
+fn a_hand_that_is_killed_has_saved_the_old_or_the_new() {
+    let path = folder("killed").join("hand.state").to_string_lossy().into_owned();
+    let start = || Served::new(&["--listen", "127.0.0.1:0", "--speed", "max", "--state", &path], 1);
+    let save = |number: u32| format!("FSET DP {}\rFSAVE\r", value(number));
+    let mut last = 1;
+    {
+        let served = start();
+        let mut host = served.host();
+        host.write_all(save(last).as_bytes()).expect("written");
+        (0..2).for_each(|_| assert!(read_to(&mut host, "=> ").is_ok()));
+    }
+    let mut rng = Pcg64Mcg::new(0x9111);
+    let mut seen = std::collections::BTreeSet::new();
+    for kill in 0..KILLS {
+        let served = start();
+        let mut host = served.host();
+        assert_eq!(saved(&mut host), last, "kill {kill}");
+        let lines: Vec<String> = (1..=SAVES).map(|more| save(last + more)).collect();
+        let heard = lines.iter().map(|lines| lines.len() + 2 * "\n\r\r=> ".len()).sum::<usize>();
+        host.write_all(lines.concat().as_bytes()).expect("written");
+        let mut bytes = vec![0; rng.random_range(0..=heard - 2 * (2 * SAVES as usize))];
+        host.read_exact(&mut bytes).expect("answers");
+        // And some way into what it does then.
+        (0..rng.random_range(0..2000)).for_each(|_| std::thread::yield_now());
+        drop(served);
+        let prompts = String::from_utf8_lossy(&bytes).matches("=> ").count() as u32;
+        let served = start();
+        let found = saved(&mut served.host());
+        let may = last + prompts / 2..=last + SAVES;
+        assert!(may.contains(&found), "kill {kill}: {found} is not in {may:?}");
+        seen.insert(found - last);
+        last = found;
+    }
+    assert!(seen.len() > 2, "kills were at the same moment: {seen:?}");
 }

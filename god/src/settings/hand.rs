@@ -62,6 +62,7 @@ pub(super) fn set(god: &God<'_>, arguments: Arguments<'_>) -> Status {
             Ok((row, value)) => put(&mut hand, row.global, value),
         }
     }
+    god.io.set_baud(hand.baud);
     god.parameters.borrow_mut().hand = hand;
     Status::OK
 }
@@ -80,7 +81,9 @@ pub(super) async fn get(god: &God<'_>, arguments: Arguments<'_>) -> Status {
 }
 
 pub(super) fn load(god: &God<'_>) -> Status {
-    god.parameters.borrow_mut().hand = god.memory.look(|stored| stored.parameters.hand);
+    let hand = god.memory.look(|stored| stored.parameters.hand);
+    god.io.set_baud(hand.baud);
+    god.parameters.borrow_mut().hand = hand;
     Status::OK
 }
 
@@ -91,7 +94,9 @@ pub(super) fn save(god: &God<'_>) -> Status {
 }
 
 pub(super) fn default(god: &God<'_>) -> Status {
-    god.parameters.borrow_mut().hand = OfHand::default();
+    let hand = OfHand::default();
+    god.io.set_baud(hand.baud);
+    god.parameters.borrow_mut().hand = hand;
     Status::OK
 }
 

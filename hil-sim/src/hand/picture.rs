@@ -9,8 +9,7 @@ const SCALE: f64 = 2400.0;
 
 /// What a panel shows, m: the fingers reach 0.17 from the middle, and as far up.
 const WIDTH: f64 = 0.38;
-const ABOVE: f64 = 0.20;
-const BELOW: f64 = 0.18;
+const TALL: f64 = 0.34;
 
 /// Room for captions, SVG units.
 const HEAD: f64 = 56.0;
@@ -24,17 +23,19 @@ struct View {
     name: &'static str,
     axes: [usize; 2],
     left: f64,
+    /// How far down the origin is, m.
+    down: f64,
 }
 
 const VIEWS: [View; 2] = [
-    View { name: "From the side", axes: [0, 2], left: 0.0 },
-    View { name: "From above", axes: [0, 1], left: WIDTH * SCALE },
+    View { name: "From the side", axes: [0, 2], left: 0.0, down: 0.27 },
+    View { name: "From above", axes: [0, 1], left: WIDTH * SCALE, down: 0.17 },
 ];
 
 impl View {
     fn at(&self, point: Point) -> [f64; 2] {
         let [right, up] = self.axes.map(|axis| point[axis] * SCALE);
-        [self.left + 0.5 * WIDTH * SCALE + right, HEAD + ABOVE * SCALE - up]
+        [self.left + 0.5 * WIDTH * SCALE + right, HEAD + self.down * SCALE - up]
     }
 
     fn capsule(&self, svg: &mut String, capsule: &Capsule, colour: &str, opacity: f64) {
@@ -59,7 +60,7 @@ fn text(svg: &mut String, [x, y]: [f64; 2], size: u32, text: &str) {
 pub fn svg(world: &World, before: &Pose, pose: &Pose, title: &str) -> String {
     let captions = captions(world, pose);
     let width = 2.0 * WIDTH * SCALE;
-    let bottom = HEAD + (ABOVE + BELOW) * SCALE;
+    let bottom = HEAD + TALL * SCALE;
     let height = bottom + LINE * (captions.len() as f64 + 1.0);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\">\n\

@@ -64,7 +64,7 @@ impl State {
                 body.extend(page);
             }
         }
-        body.extend(of_god(&self.god));
+        body.extend(self.god.to_bytes());
         let mut bytes = MAGIC.to_vec();
         // Seven flashes and GOD: under a megabyte.
         bytes.extend((body.len() as u32).to_le_bytes());
@@ -99,9 +99,8 @@ impl State {
         reader.bytes = before;
         let boards = (0..BOARDS).map(|_| reader.kept()).collect::<Result<_, _>>()?;
         let rest = &reader.bytes[reader.at..];
-        let Some(god) = god_of(rest) else {
-            return Err(reader.wrong(format!("{} bytes", rest.len()), "GOD's storage"));
-        };
+        let god =
+            Stored::from_bytes(rest).map_err(|error| reader.wrong(error.to_string(), "GOD's storage"))?;
         Ok(Self { boards, god })
     }
 }
@@ -114,16 +113,6 @@ fn sum(bytes: &[u8]) -> u32 {
     let mut crc = Crc::new();
     crc.update(bytes);
     crc.sum()
-}
-
-/// The bytes of GOD's storage.
-fn of_god(stored: &Stored) -> Vec<u8> {
-    stored.serial.to_le_bytes().to_vec()
-}
-
-/// The storage that such bytes hold.
-fn god_of(bytes: &[u8]) -> Option<Stored> {
-    Some(Stored { serial: u32::from_le_bytes(bytes.try_into().ok()?), ..Stored::default() })
 }
 
 /// Bytes and how many of them have been read.

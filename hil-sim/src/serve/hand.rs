@@ -193,10 +193,10 @@ impl Server {
         Ok(())
     }
 
-    /// Before the host sees a prompt: what it answers for is kept then.
+    /// Before the host sees a prompt, and nothing else has a `>`: what it answers for is kept then.
     fn keep(&mut self) {
         let Some(keeper) = &mut self.keeper else { return };
-        if let Err(error) = keeper.follow(&mut self.hand, self.heard.ends_with(b"=> "))
+        if let Err(error) = keeper.follow(&mut self.hand, self.heard.contains(&b'>'))
             && !std::mem::replace(&mut self.told, true)
         {
             tell(&format!("warning: {error}\n  It is tried again."));
