@@ -4,10 +4,12 @@ mod administration;
 mod golden;
 mod lower;
 mod movement;
+mod program;
 mod prompt;
 mod realtime;
 mod sequences;
 mod settings;
+mod state;
 mod tables;
 
 use god::Memory;

@@ -252,7 +252,7 @@ impl Board {
             if matches!(pause, Pause::Gates | Pause::Reset(_)) {
                 self.pins_changed();
             } else {
-                self.brake_released = brake(&self.machine.chip());
+                self.brake_released = brake(self.machine.chip());
             }
             if pause == Pause::Breakpoint {
                 return true;
@@ -303,7 +303,7 @@ impl Board {
     fn halls_changed(&mut self) {
         let (code, at) = (self.rig.halls(), self.rig.now_us() * US);
         let mut pins = 0;
-        let mut chip = self.machine.chip_mut();
+        let chip = self.machine.chip_mut();
         for (bit, (pin, forced)) in HALLS.into_iter().zip(self.hall_lines).enumerate() {
             let level = forced.unwrap_or(code >> bit & 1 == 1);
             pins |= u8::from(level) << bit;
@@ -311,7 +311,6 @@ impl Board {
             chip.gpio.driven[pin.0][pin.1] = (!level).then_some(false);
         }
         chip.hall_lines(at);
-        drop(chip);
         self.meter.halls(at, pins, &self.machine.cpu.counts);
     }
 
@@ -319,10 +318,10 @@ impl Board {
     fn pins_changed(&mut self) {
         let bridge = {
             let chip = self.machine.chip();
-            self.brake_released = brake(&chip);
-            bridge::of(&chip).and_then(|bridge| match bridge {
+            self.brake_released = brake(chip);
+            bridge::of(chip).and_then(|bridge| match bridge {
                 Bridge::Off => Ok(bridge),
-                Bridge::On { .. } => bridge::dead_time_agrees(&chip, &self.rig).map(|()| bridge),
+                Bridge::On { .. } => bridge::dead_time_agrees(chip, &self.rig).map(|()| bridge),
             })
         };
         match bridge {
@@ -393,14 +392,14 @@ impl Station for Board {
         if matches!(frame.id().to, tater_wire::Destination::Node(to) if to == self.node) {
             self.meter.request(frame, at);
         }
-        let mut chip = self.machine.chip_mut();
+        let chip = self.machine.chip_mut();
         chip.can.receive(frame, at);
         chip.touched = true;
     }
 
     fn error(&mut self, sending: bool) {
         let at = self.now_us * US;
-        let mut chip = self.machine.chip_mut();
+        let chip = self.machine.chip_mut();
         chip.can.error(sending, at);
         chip.touched = true;
     }
@@ -412,7 +411,7 @@ impl Station for Board {
     fn sent(&mut self, frame: &Frame) {
         let at = self.now_us * US;
         {
-            let mut chip = self.machine.chip_mut();
+            let chip = self.machine.chip_mut();
             chip.can.sent(frame, at);
             chip.touched = true;
         }

@@ -8,32 +8,28 @@ mod decode;
 mod decode_wide;
 mod exception;
 mod fault;
+mod frequent;
 mod memory;
 pub mod nvic;
+mod registers;
 mod scs;
 mod special;
 mod systick;
 #[cfg(test)]
 mod tests;
 
-use std::cell::RefCell;
-use std::rc::Rc;
-
-use armagnac::core::{Config, Effect, Processor};
-use armagnac::registers::RegisterIndex;
+use armagnac::core::{Config, Effect, ItState, Processor};
 
 use crate::chip::Chip;
 use crate::stop::Problem;
 use crate::time::Time;
 use counts::Counts;
-use decode::{Decoded, Decoder, Op, Place};
+use decode::{By, Decoder, Op, Place};
 use fault::{Fault, Trap};
 use nvic::number::SYS_TICK;
 use nvic::{Masks, Nvic};
+use registers::{Reg, Registers};
 use systick::SysTick;
-
-/// The chip as the core and its owner share it.
-pub type Shared = Rc<RefCell<Chip>>;
 
 /// Whether the core waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,44 +84,51 @@ impl System {
 
 /// The core.
 pub struct Cpu {
-    chip: Shared,
+    /// The rest of the chip.
+    pub chip: Chip,
     /// What it has executed, by exception.
     pub counts: Counts,
     /// A step ends with an exception's entry, so that a breakpoint at a handler's beginning is seen.
     pub pauses_at_entry: bool,
-    /// Registers, and the instructions that are right. It stays in thread mode, which keeps it from taking part in exceptions;
-    /// none of its instructions that touch memory is used.
+    registers: Registers,
+    /// Those instructions that are right, and lent registers to execute one. It stays in thread mode, which keeps it from taking
+    /// part in exceptions; none of its instructions that touch memory is used.
     engine: Processor,
     decoder: Decoder,
     sys: System,
 }
 
-fn engine() -> Processor {
-    Processor::new(Config::v7m())
-}
+/// The IT state's bits of xPSR (ARMv7-M B1.4.2).
+const IT: u32 = 0x0600_FC00;
 
 impl Cpu {
-    /// A core that is held in reset.
+    /// A core of this chip that is held in reset.
     #[must_use]
-    pub fn new(chip: Shared) -> Self {
+    pub fn new(chip: Chip) -> Self {
         let sys = System::new(0, 1);
         Self {
             chip,
             counts: Counts::default(),
             pauses_at_entry: false,
-            engine: engine(),
+            registers: Registers::new(),
+            engine: Processor::new(Config::v7m()),
             decoder: Decoder::new(),
             sys,
         }
     }
 
-    /// A core in the same state, at another chip.
+    /// A core and a chip in the same state.
     #[must_use]
-    pub fn duplicate(&self, chip: Shared) -> Self {
-        let mut engine = engine();
-        engine.registers = self.engine.registers;
-        let (counts, decoder, sys) = (self.counts.clone(), self.decoder.clone(), self.sys.clone());
-        Self { chip, counts, pauses_at_entry: self.pauses_at_entry, engine, decoder, sys }
+    pub fn duplicate(&self) -> Self {
+        Self {
+            chip: self.chip.clone(),
+            counts: self.counts.clone(),
+            pauses_at_entry: self.pauses_at_entry,
+            registers: self.registers.clone(),
+            engine: Processor::new(Config::v7m()),
+            decoder: self.decoder.clone(),
+            sys: self.sys.clone(),
+        }
     }
 
     /// Out of reset: stack pointer and program counter from the vector table at 0, all else as ARMv7-M B1.5.5 says.
@@ -134,21 +137,41 @@ impl Cpu {
     /// A first instruction that cannot be fetched.
     pub fn reset(&mut self) -> Result<(), Problem> {
         let (now, cycle) = {
-            let chip = self.chip.borrow();
+            let chip = &self.chip;
             (chip.now, chip.rcc.core_cycle())
         };
         let lowest = self.sys.lowest_sp;
         self.sys = System::new(now, cycle);
         self.sys.lowest_sp = lowest;
         self.counts.reset();
-        self.engine.registers = armagnac::registers::CoreRegisters::new();
+        self.registers = Registers::new();
         let no_vector = |_| Problem::Lockup { what: "the vector of reset cannot be read".to_owned() };
         let sp = self.load_word(0).map_err(no_vector)?;
         let pc = self.load_word(4).map_err(no_vector)?;
-        let registers = &mut self.engine.registers;
-        (registers.msp, registers.lr, registers.pc) = (sp & !3, u32::MAX, pc & !1);
-        registers.psr.set_t(pc & 1 == 1);
+        self.registers.set(Reg::SP, sp);
+        self.registers.set(Reg::LR, u32::MAX);
+        self.branch_exchange(pc);
         Ok(())
+    }
+
+    /// Steps until [`Self::is_interrupted`]: once at least.
+    ///
+    /// # Errors
+    /// What ends the run.
+    pub fn run(&mut self, until: Time) -> Result<(), Problem> {
+        loop {
+            self.one()?;
+            if self.is_interrupted(until) {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Whether somebody else is to look at the chip before the next instruction: the time has come, a peripheral was touched
+    /// (or the flash, which keeps the core waiting), or the core sleeps.
+    #[must_use]
+    pub fn is_interrupted(&self, until: Time) -> bool {
+        self.chip.touched || self.chip.now >= until || self.is_asleep()
     }
 
     /// One instruction, after an exception's entry if one is due; moves the chip's time on by what both took.
@@ -158,14 +181,19 @@ impl Cpu {
     /// # Errors
     /// What ends the run.
     pub fn step(&mut self) -> Result<(), Problem> {
+        self.one()
+    }
+
+    #[inline(always)]
+    fn one(&mut self) -> Result<(), Problem> {
         if self.sys.nvic.changed {
-            let before = self.engine.registers.pc;
+            let before = self.registers.pc();
             self.take_due()?;
-            if self.pauses_at_entry && self.engine.registers.pc != before {
+            if self.pauses_at_entry && self.registers.pc() != before {
                 return Ok(());
             }
         }
-        let (pc, psr) = (self.engine.registers.pc, self.engine.registers.psr);
+        let (pc, psr) = (self.registers.pc(), self.registers.psr);
         match self.instruction() {
             Ok(()) => {
                 if let Some(code) = self.sys.returning.take() {
@@ -176,101 +204,139 @@ impl Cpu {
             Err(Trap::SupervisorCall) => self.supervisor_call()?,
             Err(Trap::Fault(fault)) => {
                 // As if it had not begun.
-                (self.engine.registers.pc, self.engine.registers.psr) = (pc, psr);
+                self.registers.set_pc(pc);
+                self.registers.psr = psr;
                 self.fault(fault)?;
             }
         }
-        self.sys.lowest_sp = self.sys.lowest_sp.min(self.engine.registers.msp);
+        self.sys.lowest_sp = self.sys.lowest_sp.min(self.registers.msp());
         Ok(())
     }
 
     /// Fetches and executes.
     fn instruction(&mut self) -> Result<(), Trap> {
-        let pc = self.engine.registers.pc;
+        let pc = self.registers.pc();
         let code = self.fetch(pc)?;
-        let it = self.engine.registers.psr.it_state();
+        let psr = &mut self.registers.psr;
+        let it = if psr.get() & IT == 0 { ItState(0) } else { psr.it_state() };
         let place = match it.0 & 15 {
             0 => Place::Outside,
             8 => Place::Last,
             _ => Place::Inside,
         };
         let decoded = self.decoder.decode(pc, code, place).ok_or(Trap::Fault(Fault::Undefined))?;
-        let registers = &mut self.engine.registers;
-        registers.pc = pc.wrapping_add(4);
         let mut passes = true;
         if place != Place::Outside {
-            passes = it.current_condition().is_none_or(|condition| registers.psr.test(condition));
+            passes = it.current_condition().is_none_or(|condition| psr.test(condition));
             let mut next = it;
             next.advance();
-            registers.psr.set_it_state(next);
+            psr.set_it_state(next);
         }
         if let Some(condition) = decoded.condition {
-            passes = registers.psr.test(condition);
+            passes = psr.test(condition);
         }
-        let next = pc.wrapping_add(if decoded.code >> 16 == 0 { 2 } else { 4 });
-        let branched = passes && self.execute(&decoded, next)?;
+        let next = pc.wrapping_add(if code >> 16 == 0 { 2 } else { 4 });
+        if !passes {
+            self.registers.set_pc(next);
+            return Ok(());
+        }
+        // As which it reads.
+        self.registers.set_pc(pc.wrapping_add(4));
+        let branched = match &decoded.by {
+            By::Us(op) => {
+                let op = *op;
+                self.execute(op, next)?
+            }
+            By::Engine(instruction) => {
+                self.registers.lend(&mut self.engine.registers);
+                let effect = instruction
+                    .execute(&mut self.engine)
+                    .map_err(|error| Trap::Stop(Problem::Instruction { code, what: format!("{error:?}") }))?;
+                self.registers.take_back(&self.engine.registers);
+                effect == Effect::Branch
+            }
+        };
         if !branched {
-            self.engine.registers.pc = next;
+            self.registers.set_pc(next);
         }
         Ok(())
     }
 
     /// Executes; whether the program counter is already where it is to be.
-    fn execute(&mut self, decoded: &Decoded, next: u32) -> Result<bool, Trap> {
-        // What branches changes it; PC reads as the instruction's address and 4.
-        let before = self.engine.registers.pc;
-        match &decoded.op {
-            Op::Engine(instruction) => {
-                let effect = instruction.execute(&mut self.engine).map_err(|error| {
-                    Trap::Stop(Problem::Instruction { code: decoded.code, what: format!("{error:?}") })
-                })?;
-                // The two lowest bits of a stack pointer are 0 (ARMv7-M B1.4.1).
-                *self.engine.registers.sp_mut() &= !3;
-                return Ok(effect == Effect::Branch);
+    fn execute(&mut self, op: Op, next: u32) -> Result<bool, Trap> {
+        match op {
+            Op::Transfer(transfer) => {
+                self.transfer(transfer)?;
+                return Ok(transfer.load && transfer.rt.is_pc());
             }
-            Op::Transfer(transfer) => self.transfer(*transfer)?,
-            Op::Pair(pair) => self.pair(*pair)?,
-            Op::Multiple(multiple) => self.multiple(*multiple)?,
-            Op::Exclusive(exclusive) => self.exclusive(*exclusive)?,
-            Op::Data(data) => self.data(*data),
-            Op::Move(shift) => self.shift(*shift),
-            Op::Divide(divide) => self.divide(*divide)?,
-            Op::Table { base, index, size } => {
-                self.table(*base, *index, *size)?;
+            Op::Multiple(multiple) => {
+                self.multiple(multiple)?;
+                return Ok(multiple.load && multiple.list >> 15 == 1);
+            }
+            Op::Pair(pair) => self.pair(pair)?,
+            Op::Exclusive(exclusive) => self.exclusive(exclusive)?,
+            Op::Data(data) => self.data(data),
+            Op::Move(shift) => self.shift(shift),
+            Op::Divide(divide) => self.divide(divide)?,
+            Op::MoveTop(rd, top) => self.set(rd, u32::from(top) << 16 | self.get(rd) & 0xFFFF),
+            Op::Extend(extend) => self.extend(extend),
+            Op::IfThen(state) => {
+                self.registers.psr.set_it_state(ItState(state));
+            }
+            Op::Special(special) => {
+                // An exception that it asks for returns to what follows it.
+                self.registers.set_pc(next);
+                self.special(special)?;
                 return Ok(true);
             }
+            _ => return self.jump(op, next),
+        }
+        Ok(false)
+    }
+
+    /// Executes what does nothing but branch; whether it did.
+    fn jump(&mut self, op: Op, next: u32) -> Result<bool, Trap> {
+        // It reads as the instruction's address and 4.
+        let pc = self.registers.pc();
+        match op {
+            Op::Branch { offset, link } => {
+                if link {
+                    self.set(Reg::LR, next | 1);
+                }
+                self.branch(pc.wrapping_add(offset));
+            }
+            Op::CompareBranch { rn, zero, offset } => {
+                if (self.get(rn) == 0) != zero {
+                    return Ok(false);
+                }
+                self.branch(pc.wrapping_add(offset));
+            }
             Op::Exchange { target, link } => {
-                let target = self.get(*target);
-                if *link {
-                    self.engine.registers.lr = next | 1;
+                let target = self.get(target);
+                if link {
+                    self.set(Reg::LR, next | 1);
                     self.branch_exchange(target);
                 } else {
                     self.exchange(target);
                 }
-                return Ok(true);
             }
             Op::ToPc { source, add } => {
-                let source = self.get(*source);
-                self.branch(if *add { before.wrapping_add(source) } else { source });
-                return Ok(true);
+                let source = self.get(source);
+                self.branch(if add { pc.wrapping_add(source) } else { source });
             }
-            Op::Special(special) => {
-                // An exception that it asks for returns to what follows it.
-                self.engine.registers.pc = next;
-                self.special(*special)?;
-                return Ok(true);
-            }
+            Op::Table { base, index, size } => self.table(base, index, size)?,
+            _ => return Ok(false),
         }
-        Ok(decoded.loads_pc())
+        Ok(true)
     }
 
     /// `BranchWritePC()`.
     fn branch(&mut self, target: u32) {
-        self.engine.registers.pc = target & !1;
+        self.registers.set_pc(target & !1);
     }
 
     fn branch_exchange(&mut self, target: u32) {
-        self.engine.registers.psr.set_t(target & 1 == 1);
+        self.registers.psr.set_t(target & 1 == 1);
         self.branch(target);
     }
 
@@ -285,17 +351,10 @@ impl Cpu {
     /// The bits of the instruction at an address, the first half-word above the second. A busy flash keeps the core waiting
     /// (RM0008 3.3.3: until the operation is done).
     fn fetch(&mut self, pc: u32) -> Result<u32, Trap> {
-        if !self.engine.registers.psr.t() {
+        if !self.registers.psr.t() {
             return Err(Trap::Fault(Fault::State));
         }
-        let mut chip = self.chip.borrow_mut();
-        let chip = &mut *chip;
-        let half = |bytes: &[u8], at: u32| {
-            bytes
-                .get(at as usize..)
-                .and_then(<[u8]>::first_chunk)
-                .map(|half| u32::from(u16::from_le_bytes(*half)))
-        };
+        let chip = &mut self.chip;
         let (bytes, at) = match pc {
             0x0000_0000..0x0002_0000 | 0x0800_0000..0x0802_0000 => {
                 chip.now = chip.now.max(chip.flash.busy_until);
@@ -305,11 +364,17 @@ impl Cpu {
             0x4000_0000..0x6000_0000 | 0xA000_0000.. => return Err(Trap::Fault(Fault::ExecuteNever)),
             _ => return Err(Trap::Fault(Fault::Fetch)),
         };
-        let fetched = || {
-            let first = half(bytes, at)?;
-            if decode::is_wide(first) { Some(first << 16 | half(bytes, at + 2)?) } else { Some(first) }
+        let bytes = bytes.get(at as usize..).unwrap_or_default();
+        let half = |bytes: &[u8; 2]| u32::from(u16::from_le_bytes(*bytes));
+        let code = match (bytes.first_chunk::<4>(), bytes.first_chunk::<2>()) {
+            (Some(&[a, b, c, d]), _) => {
+                let first = half(&[a, b]);
+                if decode::is_wide(first) { first << 16 | half(&[c, d]) } else { first }
+            }
+            // The last of the memory.
+            (None, Some(last)) if !decode::is_wide(half(last)) => half(last),
+            _ => return Err(Trap::Fault(Fault::Fetch)),
         };
-        let code = fetched().ok_or(Trap::Fault(Fault::Fetch))?;
         // 1.5 cycles an instruction.
         chip.now += chip.rcc.core_cycle() * 3 / 2;
         self.counts.instruction();
@@ -318,7 +383,7 @@ impl Cpu {
 
     /// Time of instructions that are not fetched.
     fn spend(&mut self, instructions: u64) {
-        let mut chip = self.chip.borrow_mut();
+        let chip = &mut self.chip;
         let cycle = chip.rcc.core_cycle();
         chip.now += instructions * cycle * 3 / 2;
     }
@@ -357,7 +422,7 @@ impl Cpu {
     /// Lets the time that the chip shows pass for SysTick.
     pub fn advance(&mut self) {
         let (now, cycle) = {
-            let chip = self.chip.borrow();
+            let chip = &self.chip;
             (chip.now, chip.rcc.core_cycle())
         };
         if self.sys.systick.advance(now, cycle) {
@@ -385,7 +450,7 @@ impl Cpu {
     /// Address of the instruction that is next.
     #[must_use]
     pub fn pc(&self) -> u32 {
-        self.engine.registers.pc
+        self.registers.pc()
     }
 
     /// A register: 0 to 12, 13 the stack pointer in use, 14 the link register, 15 the program counter, 16 xPSR.
@@ -393,7 +458,7 @@ impl Cpu {
     pub fn register(&self, index: usize) -> u32 {
         match index {
             0..=15 => self.get(decode::reg(index as u32)),
-            _ => self.engine.registers.psr.get(),
+            _ => self.registers.psr.get(),
         }
     }
 
@@ -401,24 +466,23 @@ impl Cpu {
     pub fn set_register(&mut self, index: usize, value: u32) {
         match index {
             0..=15 => self.set(decode::reg(index as u32), value),
-            _ => self.engine.registers.psr.set(value),
+            _ => self.registers.psr.set(value),
         }
     }
 
-    fn get(&self, index: RegisterIndex) -> u32 {
-        self.engine.registers[index]
+    fn get(&self, reg: Reg) -> u32 {
+        self.registers.get(reg)
     }
 
-    fn set(&mut self, index: RegisterIndex, value: u32) {
-        let value = if index.is_sp() { value & !3 } else { value };
-        self.engine.registers.set(index, value);
+    fn set(&mut self, reg: Reg, value: u32) {
+        self.registers.set(reg, value);
     }
 
     fn in_handler(&self) -> bool {
-        self.engine.registers.psr.exception_number() != 0
+        self.registers.psr.exception_number() != 0
     }
 
     fn is_privileged(&self) -> bool {
-        self.in_handler() || !self.engine.registers.control.privileged_bit()
+        self.in_handler() || !self.registers.control().privileged_bit()
     }
 }

@@ -114,7 +114,7 @@ impl SingleThreadBase for Board {
 
     /// Memory only: to look at a register may change it.
     fn read_addrs(&mut self, start: u32, data: &mut [u8]) -> TargetResult<usize, Self> {
-        let mut chip = self.machine_mut().chip_mut();
+        let chip = self.machine_mut().chip_mut();
         for (done, byte) in data.iter_mut().enumerate() {
             let address = start.wrapping_add(done as u32);
             let is_memory = address < 0x4000_0000;
@@ -129,7 +129,7 @@ impl SingleThreadBase for Board {
 
     /// RAM only.
     fn write_addrs(&mut self, start: u32, data: &[u8]) -> TargetResult<(), Self> {
-        let mut chip = self.machine_mut().chip_mut();
+        let chip = self.machine_mut().chip_mut();
         for (address, &byte) in (start..).zip(data) {
             if !(0x2000_0000..0x2000_5000).contains(&address) {
                 return Err(TargetError::NonFatal);

@@ -1,23 +1,23 @@
 //! A chip with its core, in time.
 
-use std::cell::{Ref, RefCell, RefMut};
 use std::rc::Rc;
 
 use crate::chip::{Chip, Reset};
-use crate::cpu::{Cpu, Shared};
+use crate::cpu::Cpu;
 use crate::image::Names;
 use crate::stop::{Problem, Stop};
 use crate::time::{NEVER, Time, US};
 
 /// A chip and its core.
 pub struct Machine {
-    chip: Shared,
-    /// The core.
+    /// The core, which has the chip.
     pub cpu: Cpu,
     /// What is where in the programs.
     pub names: Rc<Names>,
     /// Whether the supply is up.
     powered: bool,
+    /// When what happens by itself is to be looked at again, unless the program touches something before.
+    next: Time,
     /// How often it was reset, by cause.
     pub resets: Vec<(Reset, Time)>,
 }
@@ -39,25 +39,25 @@ impl Machine {
     /// A chip without power.
     #[must_use]
     pub fn new(chip: Chip, names: Rc<Names>) -> Self {
-        let chip = Rc::new(RefCell::new(chip));
-        Self { cpu: Cpu::new(Rc::clone(&chip)), chip, names, powered: false, resets: Vec::new() }
+        Self { cpu: Cpu::new(chip), names, powered: false, next: 0, resets: Vec::new() }
     }
 
     /// The chip, to look at.
     #[must_use]
-    pub fn chip(&self) -> Ref<'_, Chip> {
-        self.chip.borrow()
+    pub const fn chip(&self) -> &Chip {
+        &self.cpu.chip
     }
 
     /// The chip: its pins, its inputs.
-    pub fn chip_mut(&mut self) -> RefMut<'_, Chip> {
-        self.chip.borrow_mut()
+    pub const fn chip_mut(&mut self) -> &mut Chip {
+        self.next = 0;
+        &mut self.cpu.chip
     }
 
     /// The present.
     #[must_use]
     pub fn now(&self) -> Time {
-        self.chip.borrow().now
+        self.cpu.chip.now
     }
 
     /// Whether the supply is up.
@@ -69,7 +69,7 @@ impl Machine {
     /// The supply fails: the chip is in reset until it comes back. What RAM holds then is chance's.
     pub fn power_off(&mut self) {
         self.powered = false;
-        self.chip.borrow_mut().reset(Reset::Power);
+        self.cpu.chip.reset(Reset::Power);
     }
 
     /// Resets it; with [`Reset::Power`] after the supply has come up.
@@ -79,7 +79,7 @@ impl Machine {
     pub fn reset(&mut self, cause: Reset) -> Result<(), Stop> {
         self.powered = true;
         self.resets.push((cause, self.now()));
-        self.chip.borrow_mut().reset(cause);
+        self.cpu.chip.reset(cause);
         self.cpu.reset().map_err(|problem| self.stop(problem))
     }
 
@@ -94,7 +94,7 @@ impl Machine {
     /// When something next happens that the program does not do: a peripheral's event or SysTick's.
     #[must_use]
     pub fn next_event(&self) -> Time {
-        self.chip.borrow().next_event().min(self.cpu.next_event())
+        if self.is_due() { self.cpu.chip.next_event().min(self.cpu.next_event()) } else { self.next }
     }
 
     /// Executes until `until`, or a little past it for the last instruction. While the core sleeps, time jumps from event to event.
@@ -103,25 +103,27 @@ impl Machine {
     /// What ends the run.
     pub fn run(&mut self, until: Time, breakpoints: &[u32]) -> Result<Pause, Stop> {
         self.cpu.pauses_at_entry = !breakpoints.is_empty();
-        let mut next = self.settle();
+        if self.is_due() {
+            self.settle();
+        }
         while self.now() < until {
             if !self.powered {
-                self.chip.borrow_mut().now = until;
+                self.cpu.chip.now = until;
                 break;
             }
             if let Some(wakes) = self.waits_until() {
-                let to = next.min(until).min(wakes);
-                self.chip.borrow_mut().now = to;
+                let to = self.next.min(until).min(wakes);
+                self.cpu.chip.now = to;
             } else {
-                self.execute(next.min(until), breakpoints)?;
+                self.execute(self.next.min(until), breakpoints)?;
             }
-            if self.chip.borrow().touched || self.now() >= next {
-                next = self.settle();
+            if self.is_due() {
+                self.settle();
                 if let Some(cause) = self.reset_due() {
                     self.reset(cause)?;
                     return Ok(Pause::Reset(cause));
                 }
-                if std::mem::take(&mut self.chip.borrow_mut().tim1.gates_changed) {
+                if std::mem::take(&mut self.cpu.chip.tim1.gates_changed) {
                     return Ok(Pause::Gates);
                 }
             }
@@ -135,13 +137,9 @@ impl Machine {
     /// Executes until something else is due: an event, what follows from an access to a peripheral, sleep, a breakpoint.
     fn execute(&mut self, until: Time, breakpoints: &[u32]) -> Result<(), Stop> {
         loop {
-            self.cpu.step().map_err(|problem| self.stop(problem))?;
-            let chip = self.chip.borrow();
-            if chip.touched || chip.now >= until || chip.flash.busy_until > chip.now {
-                return Ok(());
-            }
-            drop(chip);
-            if self.cpu.is_asleep() || breakpoints.contains(&self.cpu.pc()) {
+            let stepped = if breakpoints.is_empty() { self.cpu.run(until) } else { self.cpu.step() };
+            stepped.map_err(|problem| self.stop(problem))?;
+            if self.cpu.is_interrupted(until) || breakpoints.contains(&self.cpu.pc()) {
                 return Ok(());
             }
         }
@@ -158,60 +156,56 @@ impl Machine {
         if self.cpu.is_asleep() {
             return Some(NEVER);
         }
-        let chip = self.chip.borrow();
+        let chip = &self.cpu.chip;
         (chip.flash.busy_until > chip.now).then_some(chip.flash.busy_until)
     }
 
     /// When something next happens that may wake the core: not what timer 1 and the converter do among themselves.
     #[must_use]
     pub fn next_wake(&self) -> Time {
-        self.chip.borrow().next_wake().min(self.cpu.next_event())
+        self.cpu.chip.next_wake().min(self.cpu.next_event())
     }
 
     /// The same machine in the same state, with a chip of its own.
     #[must_use]
     pub fn duplicate(&self) -> Self {
-        let chip = Rc::new(RefCell::new(self.chip.borrow().clone()));
         Self {
-            cpu: self.cpu.duplicate(Rc::clone(&chip)),
-            chip,
+            cpu: self.cpu.duplicate(),
             names: Rc::clone(&self.names),
             powered: self.powered,
+            next: self.next,
             resets: self.resets.clone(),
         }
     }
 
-    /// All events that are due; returns when the next one is.
-    fn settle(&mut self) -> Time {
-        loop {
-            let now = {
-                let mut chip = self.chip.borrow_mut();
-                let now = chip.now;
-                let due = chip.next_event();
-                if due <= now {
-                    // In their order; the present stays.
-                    chip.advance(due);
-                    chip.now = now;
-                    continue;
-                }
-                chip.touched = false;
-                let (interrupts, nmi) = (chip.interrupts(), chip.rcc.clock_failed());
-                drop(chip);
-                self.cpu.advance();
-                self.cpu.set_lines(interrupts, nmi);
-                now
-            };
-            let next = self.next_event();
-            debug_assert!(next > now);
-            return next;
+    const fn is_due(&self) -> bool {
+        self.cpu.chip.touched || self.cpu.chip.now >= self.next
+    }
+
+    /// All events that are due, and when the next one is.
+    fn settle(&mut self) {
+        let chip = &mut self.cpu.chip;
+        let now = chip.now;
+        let mut next = chip.next_event();
+        while next <= now {
+            // In their order; the present stays.
+            chip.advance(next);
+            chip.now = now;
+            next = chip.next_event();
         }
+        chip.touched = false;
+        let (interrupts, nmi) = (chip.interrupts(), chip.rcc.clock_failed());
+        self.cpu.advance();
+        self.cpu.set_lines(interrupts, nmi);
+        self.next = next.min(self.cpu.next_event());
+        debug_assert!(self.next > now);
     }
 
     fn reset_due(&mut self) -> Option<Reset> {
         if self.cpu.take_reset_request() {
             Some(Reset::Software)
         } else {
-            self.chip.borrow().iwdg.expired.then_some(Reset::Watchdog)
+            self.cpu.chip.iwdg.expired.then_some(Reset::Watchdog)
         }
     }
 }

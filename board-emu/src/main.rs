@@ -116,7 +116,7 @@ fn watcher(begun: Instant, mut probes: Vec<Probe>) -> Watcher<Board> {
         for (index, probe) in probes.iter_mut().enumerate() {
             let Some(board) = bus.station_mut(index) else { continue };
             let node = board.node().number();
-            for line in probe.read(&mut board.machine_mut().chip_mut()) {
+            for line in probe.read(board.machine_mut().chip_mut()) {
                 clear();
                 tell(&format!("{:11.6} s node {node}: {line}", now_us as f64 * 1e-6));
             }

@@ -165,7 +165,7 @@ impl<'a> Boards<'a> {
     }
 
     /// Asks for what [`Self::answer_of`] is to wait for later. All seven boards are asked at once, by their group.
-    pub async fn ask(&self, motors: Motors, wanted: Ahead<bool>) {
+    pub async fn ask_ahead(&self, motors: Motors, wanted: Ahead<bool>) {
         self.listen();
         *self.ahead.borrow_mut() = Default::default();
         if motors == Motors::ALL {
@@ -181,7 +181,7 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// What a board has answered since [`Self::ask`]; asked once more if it has not in time, and then `None`.
+    /// What a board has answered since [`Self::ask_ahead`]; asked once more if it has not in time, and then `None`.
     pub async fn answer_of(&self, motor: Motor, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
         for again in [true, false] {
             let deadline = self.io.now_us().saturating_add(ANSWER_US);

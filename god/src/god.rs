@@ -82,6 +82,7 @@ impl<'a> God<'a> {
     }
 
     async fn start(&self) {
+        self.io.set_baud(self.parameters.borrow().hand.baud);
         self.io.print(format_args!("{LINE_END}{BANNER}")).await;
         self.prompt().await;
     }
@@ -119,7 +120,6 @@ impl<'a> God<'a> {
             return status;
         }
         self.io.takes_abort();
-        // It may have been RealTime whose host is gone.
         self.io.set_raw(false);
         movement::abort(self).await;
         Status::ABORTED

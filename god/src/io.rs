@@ -46,6 +46,8 @@ pub struct Io {
     aborted: Cell<bool>,
     /// In RealTime any byte is data, ^C among them.
     raw: Cell<bool>,
+    /// See [`Io::baud`].
+    baud: Cell<u16>,
     /// Of this board, 0.1 °C.
     temperature: Cell<i16>,
     /// Bytes or frames that were lost because a queue was full.
@@ -109,6 +111,18 @@ impl Io {
         self.input.borrow_mut().clear();
         self.output.borrow_mut().clear();
         self.aborted.set(true);
+    }
+
+    /// Whether any byte is data now, ^C among them.
+    #[must_use]
+    pub const fn is_raw(&self) -> bool {
+        self.raw.get()
+    }
+
+    /// How fast the serial line to the host is to be, Bd / 100 (parameter BAUD). Whoever has a line follows it.
+    #[must_use]
+    pub const fn baud(&self) -> u16 {
+        self.baud.get()
     }
 
     /// Bytes and frames that found no room.
@@ -212,6 +226,11 @@ impl Io {
         self.aborted.get()
     }
 
+    /// Tells how fast the serial line is to be, Bd / 100.
+    pub(crate) fn set_baud(&self, baud: u16) {
+        self.baud.set(baud);
+    }
+
     /// Whether every byte is data from now on.
     pub(crate) fn set_raw(&self, raw: bool) {
         self.raw.set(raw);
@@ -226,17 +245,6 @@ pub(crate) async fn unless_aborted<T>(io: &Io, work: impl Future<Output = T>) ->
             return Poll::Ready(None);
         }
         work.as_mut().poll(context).map(Some)
-    })
-    .await
-}
-
-/// Does `work` to its end, and `meanwhile` as long as that takes.
-pub(crate) async fn with<T>(meanwhile: impl Future<Output = Infallible>, work: impl Future<Output = T>) -> T {
-    let mut meanwhile = core::pin::pin!(meanwhile);
-    let mut work = core::pin::pin!(work);
-    poll_fn(|context| {
-        let _ = meanwhile.as_mut().poll(context);
-        work.as_mut().poll(context)
     })
     .await
 }
@@ -263,6 +271,17 @@ pub(crate) async fn both<A, B>(one: impl Future<Output = A>, other: impl Future<
                 Poll::Pending
             }
         }
+    })
+    .await
+}
+
+/// Does `work` to its end, and `meanwhile` as long as that takes.
+pub(crate) async fn with<T>(meanwhile: impl Future<Output = Infallible>, work: impl Future<Output = T>) -> T {
+    let mut meanwhile = core::pin::pin!(meanwhile);
+    let mut work = core::pin::pin!(work);
+    poll_fn(|context| {
+        let _ = meanwhile.as_mut().poll(context);
+        work.as_mut().poll(context)
     })
     .await
 }

@@ -140,6 +140,12 @@ impl Memory {
         Self { stored: RefCell::new(stored), changed: Cell::new(false) }
     }
 
+    /// All of it.
+    #[must_use]
+    pub fn stored(&self) -> Stored {
+        self.stored.borrow().clone()
+    }
+
     /// What is to be stored now, if it has changed since this was last asked.
     pub fn changed(&self) -> Option<Stored> {
         self.changed.replace(false).then(|| self.stored.borrow().clone())

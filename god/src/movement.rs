@@ -29,7 +29,7 @@ use crate::motors::{Motors, Prefix, Selection};
 use crate::status::Status;
 use crate::words::Arguments;
 
-pub(crate) use moves::{Moves, abort, accompanied, end, steer};
+pub(crate) use moves::{Moves, abort, accompanied};
 pub(crate) use ready::{is_too_hot, lost};
 
 /// Greatest distance or position that is typed, GCL counts (manual 5.2.1).
@@ -79,6 +79,26 @@ async fn attempt(
         Command::To => motion::run(god, &motion::Plan::ordered(motors, Cmd::To)).await,
         _ => motion::run(god, &goals::plan(god, command, argument, selection, motors).await?).await,
     })
+}
+
+/// The motors of a prefix for RealTime, ready to move; ^C ends what they do from now on.
+///
+/// # Errors
+/// As for any other command.
+pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
+    let selection = god.selection(prefix).await?;
+    let motors = selection.motors();
+    begin(god, motors, true).await?;
+    let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
+    motors.iter().for_each(|motor| god.note(motor, Status::OK));
+    god.moves.begin(motors, holding);
+    Ok(selection)
+}
+
+/// The end of RealTime: its motors stop as HOLD says.
+pub(crate) async fn let_go(god: &God<'_>) {
+    let motors = god.moves.ends();
+    moves::stop(god, motors).await;
 }
 
 /// Makes motors ready to move, all of them or none.

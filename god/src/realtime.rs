@@ -54,11 +54,10 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
     if let Err(status) = arguments.none() {
         return status;
     }
-    let selection = match god.selected(prefix).await {
+    let selection = match movement::take_over(god, prefix).await {
         Ok(selection) => selection,
         Err(status) => return status,
     };
-    movement::steer(god, selection.motors()).await;
     let control = Loop::new(god, selection).await;
     god.io.set_raw(true);
     god.io.say(b"*").await;
@@ -66,7 +65,7 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
     // What comes next is lines again.
     god.io.set_raw(false);
     control.stop().await;
-    movement::end(god).await;
+    movement::let_go(god).await;
     match end {
         End::Host => Status::OK,
         End::Error(status) => status,
@@ -209,7 +208,7 @@ impl<'a, 'b> Loop<'a, 'b> {
 
     /// A feedback block, motor by motor as the answers come.
     async fn feed_back(&self) {
-        self.god.boards.ask(self.selection.axes, self.shape.asks()).await;
+        self.god.boards.ask_ahead(self.selection.axes, self.shape.asks()).await;
         self.spoken_us.set(self.god.io.now_us());
         self.god.io.say(b"*").await;
         for motor in self.selection.axes.iter() {

@@ -7,7 +7,7 @@ use tater_fw::{Analog, Board};
 use tater_wire::property::Kind;
 use tater_wire::{Destination, FaultCode, Frame, Group, Node};
 
-use crate::plant::{Heat, Model, PlantParams, Start};
+use crate::plant::{Heat, Model, ParamError, PlantParams, Start};
 use crate::rig::flash::SimFlash;
 use crate::rig::{Rig, RigParams};
 
@@ -58,15 +58,23 @@ impl SimBoard {
     /// The hand's board of that node with its motor's default plant, at position 0 and 25 °C.
     #[must_use]
     pub fn standard(node: Node, model: Model, seed: u64) -> Self {
+        Self::standing_at(0.0, node, model, seed).expect("the defaults are in range")
+    }
+
+    /// The same at another position, hall counts.
+    ///
+    /// # Errors
+    /// It is beyond the stops.
+    pub fn standing_at(count: f64, node: Node, model: Model, seed: u64) -> Result<Self, ParamError> {
         let kind = match Kind::of(node) {
             Kind::Link => MotorKind::Link,
             Kind::Spread => MotorKind::Spread,
             Kind::Tip => MotorKind::Tip,
         };
         let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
-        let start = Start { count: 0.0, counts_per_s: 0.0, heat };
-        let rig = Rig::new(PlantParams::for_motor(kind), RigParams::default(), &[], model, start, seed);
-        Self::new(rig.expect("the defaults are in range"), node)
+        let start = Start { count, counts_per_s: 0.0, heat };
+        let rig = Rig::new(PlantParams::for_motor(kind), RigParams::default(), &[], model, start, seed)?;
+        Ok(Self::new(rig, node))
     }
 
     /// Runs the plant until `until_us` or until a hall line changes, whichever is first; returns whether one did.

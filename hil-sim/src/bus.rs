@@ -33,6 +33,9 @@ pub const FIFO: usize = 3;
 /// at 1.5 cycles and 72 MHz: 25) and a hall edge (5) go before it, and its own handling takes some 15.
 pub const BOARD_US: u64 = 50;
 
+/// Frames that a tap keeps until they are taken: 0.1 s of a full bus.
+const TAP: usize = 1024;
+
 /// What has been on the bus.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
@@ -60,6 +63,8 @@ pub struct Bus<S> {
     /// End of the last intermission.
     free_us: u64,
     stats: Stats,
+    /// Whole frames that a listener has not taken yet.
+    tap: Option<VecDeque<Stamped>>,
 }
 
 /// A station's place.
@@ -110,6 +115,7 @@ impl<S: Station> Bus<S> {
             flight: None,
             free_us: 0,
             stats: Stats::default(),
+            tap: None,
         }
     }
 
@@ -188,6 +194,16 @@ impl<S: Station> Bus<S> {
     /// What the host has received by now, oldest first.
     pub fn receive(&mut self) -> Option<Stamped> {
         self.host.as_mut()?.receive(self.now_us)
+    }
+
+    /// Begins to keep all frames, whoever sends them, for [`Self::tapped`]; or ends it. A listener that acknowledges nothing.
+    pub fn tap(&mut self, on: bool) {
+        self.tap = on.then(VecDeque::new);
+    }
+
+    /// The next frame that was on the bus since the tap was opened. Of more than [`TAP`] the oldest are lost.
+    pub fn tapped(&mut self) -> Option<Stamped> {
+        self.tap.as_mut()?.pop_front()
     }
 
     /// Lets time pass up to and including `until_us`.
@@ -298,6 +314,12 @@ impl<S: Station> Bus<S> {
         self.stats.frames += 1;
         *self.stats.by_id.entry(frame.raw_id()).or_default() += 1;
         let now_us = self.now_us;
+        if let Some(tap) = &mut self.tap {
+            if tap.len() >= TAP {
+                tap.pop_front();
+            }
+            tap.push_back(Stamped { at_us: now_us, frame });
+        }
         for (index, slot) in self.slots.iter_mut().enumerate() {
             if sender == Some(index) {
                 slot.station.sent(&frame);

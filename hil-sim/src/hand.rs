@@ -1,20 +1,38 @@
 //! A whole hand: GOD, the bus and seven boards with their motors, in simulated time.
 
+pub mod picture;
+pub mod script;
+pub mod serial;
+pub mod state;
+pub mod world;
+
 use std::convert::Infallible;
 use std::future::Future;
 use std::pin::Pin;
 use std::rc::Rc;
 
 use god::{Io, Memory};
+use tater_fw::Board;
 use tater_wire::Node as Id;
+use tater_wire::memory::FLASH;
 
 use crate::board::SimBoard;
 use crate::bus::{Adapter, Bus};
 use crate::node::Node;
-use crate::plant::Model;
+use crate::plant::{Model, ParamError};
+use state::{Kept, State};
+use world::{Pose, World};
 
 /// Who is node 0.
 const GOD: &str = "GOD";
+
+/// How often the motors' contacts are computed, us.
+const WORLD_US: u64 = 1_000;
+
+/// Node n as the bus names it.
+fn id(number: u8) -> Id {
+    Id::new(number).expect("1 to 7 are nodes")
+}
 
 /// GOD and its boards. Bytes go in and come out; time passes when it is told to.
 pub struct Hand {
@@ -24,16 +42,33 @@ pub struct Hand {
     god: Pin<Box<dyn Future<Output = Infallible>>>,
     /// Until when nothing happens in GOD by itself, us.
     next_us: u64,
+    /// How often GOD's memory was found changed.
+    changes: u64,
+    /// What is around the motors, when that is looked at next, us, and which motors touch something.
+    world: Option<(World, u64, [bool; 7])>,
 }
 
 impl Hand {
     /// A hand whose power has just come on, its boards in their monitors, every motor at its standard place.
     #[must_use]
     pub fn new(model: Model, seed: u64, memory: Memory) -> Self {
-        let id = |number| Id::new(number).expect("1 to 7 are nodes");
-        let boards = (1..=7)
-            .map(|number| Node::new(SimBoard::standard(id(number), model, seed.wrapping_add(number.into()))));
-        Self::with(boards.collect(), memory)
+        let board = |number| SimBoard::standard(id(number), model, seed.wrapping_add(u64::from(number)));
+        Self::with((1..=7).map(|number| Node::new(board(number))).collect(), memory)
+    }
+
+    /// A hand whose power comes on again.
+    ///
+    /// # Errors
+    /// A motor stands beyond its stops.
+    pub fn again(model: Model, seed: u64, state: &State) -> Result<Self, ParamError> {
+        let board = |(number, kept): (u8, &Kept)| {
+            let seed = seed.wrapping_add(number.into());
+            let mut board = SimBoard::standing_at(kept.counts, id(number), model, seed)?;
+            board.flash().load(FLASH.start, &kept.flash);
+            Ok(Node::again(board))
+        };
+        let boards = (1..).zip(&state.boards).map(board).collect::<Result<_, _>>()?;
+        Ok(Self::with(boards, Memory::new(state.god.clone())))
     }
 
     /// The same with these boards, nodes 1 to 7.
@@ -44,7 +79,48 @@ impl Hand {
         let (io, memory) = (Rc::new(Io::default()), Rc::new(memory));
         let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
         let god = Box::pin(async move { god::run(&ports, &kept).await });
-        Self { bus, io, memory, god, next_us: 0 }
+        Self { bus, io, memory, god, next_us: 0, changes: 0, world: None }
+    }
+
+    /// Puts it into a world, in which fingers meet things and each other. Without one each motor is alone with its stops.
+    pub fn put_into(&mut self, world: World) {
+        self.world = Some((world, self.bus.now_us(), [true; 7]));
+    }
+
+    /// Its world.
+    #[must_use]
+    pub fn world(&self) -> Option<&World> {
+        self.world.as_ref().map(|(world, ..)| world)
+    }
+
+    /// Where the rotors are.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        let mut pose = Pose::default();
+        for (to, node) in pose.iter_mut().zip(self.bus.stations()) {
+            *to = node.board().rig().truth().counts;
+        }
+        pose
+    }
+
+    /// Tells the motors what they touch.
+    fn touch(&mut self) {
+        let now_us = self.bus.now_us();
+        let pose = self.pose();
+        let Some((world, next_us, touching)) = &mut self.world else { return };
+        if now_us < *next_us {
+            return;
+        }
+        *next_us = now_us + WORLD_US;
+        for (index, (contacts, touched)) in world.contacts(&pose).iter().zip(touching).enumerate() {
+            let touches = !contacts.is_empty();
+            if (touches || *touched)
+                && let Some(node) = self.bus.station_mut(index)
+            {
+                node.rig_mut().set_objects(contacts);
+            }
+            *touched = touches;
+        }
     }
 
     /// Bytes from the host.
@@ -57,26 +133,46 @@ impl Hand {
 
     /// What GOD has said since this was last asked.
     pub fn said(&mut self) -> Vec<u8> {
+        std::iter::from_fn(|| self.say()).collect()
+    }
+
+    /// The next byte that GOD has said.
+    pub fn say(&mut self) -> Option<u8> {
+        let byte = self.io.byte()?;
         // There is room now, for what it has waited to say.
         self.next_us = self.bus.now_us();
-        std::iter::from_fn(|| self.io.byte()).collect()
+        Some(byte)
+    }
+
+    /// The host is gone: what it has said and not heard is forgotten, and what goes on is aborted.
+    pub fn hang_up(&mut self) {
+        self.io.hang_up();
+        self.next_us = self.bus.now_us();
     }
 
     /// Lets time pass.
     pub fn run_until(&mut self, until_us: u64) {
         loop {
             let now = self.bus.now_us();
+            if now >= self.world_us() {
+                self.touch();
+            }
             if now >= self.next_us {
                 self.poll();
             }
             if now >= until_us {
                 return;
             }
-            if let Some(stamped) = self.bus.wait(self.next_us.clamp(now, until_us)) {
+            if let Some(stamped) = self.bus.wait(self.next_us.min(self.world_us()).clamp(now, until_us)) {
                 self.io.receive(&stamped.frame);
                 self.next_us = self.bus.now_us();
             }
         }
+    }
+
+    /// When the world is looked at next.
+    fn world_us(&self) -> u64 {
+        self.world.as_ref().map_or(u64::MAX, |(_, next_us, _)| *next_us)
     }
 
     fn poll(&mut self) {
@@ -86,6 +182,22 @@ impl Hand {
             // Something may have waited for the room.
             self.next_us = self.bus.now_us() + 1;
         }
+    }
+
+    /// What it keeps if the power fails now.
+    #[must_use]
+    pub fn state(&self) -> State {
+        let kept = |node: &Node| Kept {
+            flash: node.board().sim_flash().bytes().to_vec(),
+            counts: node.board().rig().truth().counts,
+        };
+        State { boards: self.bus.stations().map(kept).collect(), god: self.memory.stored() }
+    }
+
+    /// A number that grows when there is something new to keep.
+    pub fn revision(&mut self) -> u64 {
+        self.changes += u64::from(self.memory.changed().is_some());
+        self.changes + self.bus.stations().map(|node| node.board().sim_flash().operations()).sum::<u64>()
     }
 
     /// GOD's ports.

@@ -2,6 +2,8 @@
 //! out; the only clock read is the wall clock of `wall_s` and of the bus that is served in real time.
 #![forbid(unsafe_code)]
 
+mod gcl;
+mod keep;
 mod output;
 mod serve;
 
@@ -11,12 +13,13 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand, ValueEnum};
+use gcl::GclArgs;
 use hil_sim::replay::{Replayed, replay};
 use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
 use hil_sim::trace::{Trace, write_csv};
 use hil_sim::{Model, Options, Outcome, report, run};
 use output::{print, replace, tell};
-use serve::BusArgs;
+use serve::{BusArgs, HandArgs};
 
 /// Simulates the servo of a robot hand's motor board in closed loop with its motor.
 #[derive(Parser)]
@@ -34,6 +37,10 @@ enum Task {
     List,
     /// Serve boards on a CAN bus in real time, for CAN tools. Ends with ^C.
     Bus(BusArgs),
+    /// Serve a whole hand in real time, for its hosts. Ends with ^C.
+    Hand(HandArgs),
+    /// Type Grasper Control Language at a whole hand, in simulated time. Exit code 1 if a line comes to an error.
+    Gcl(GclArgs),
     /// Feed a recording of hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -87,6 +94,11 @@ fn main() -> ExitCode {
         Task::Run(args) => run_scenario(&args),
         Task::List => print(&list()).map(|()| true).map_err(Into::into),
         Task::Bus(args) => serve_bus(&args),
+        Task::Hand(args) => serve_hand(&args),
+        Task::Gcl(args) => {
+            let begun = Instant::now();
+            gcl::gcl(&args, &|| begun.elapsed())
+        }
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
@@ -103,6 +115,12 @@ fn serve_bus(args: &BusArgs) -> Result<bool, Box<dyn Error>> {
     let begun = Instant::now();
     // 64 bits of microseconds do not end; the service does not either.
     serve::bus(args, &mut || u64::try_from(begun.elapsed().as_micros()).ok())?;
+    Ok(true)
+}
+
+fn serve_hand(args: &HandArgs) -> Result<bool, Box<dyn Error>> {
+    let begun = Instant::now();
+    serve::hand(args, &mut || u64::try_from(begun.elapsed().as_micros()).ok())?;
     Ok(true)
 }
 

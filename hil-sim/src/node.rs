@@ -1,19 +1,21 @@
 //! One simulated board on the bus: what its reset vector, its interrupts and its idle loop are on the metal, in the same
 //! order, with simulated time for the timers. After power-up the monitor runs; it starts the application.
 
+mod first_day;
+
 use servo_core::units::Micros;
 use servo_core::{Event, Status};
 use tater_fw::monitor::Next;
-use tater_fw::storage::{Progress, Store};
+use tater_fw::storage::Progress;
 use tater_fw::tater::Refused;
 use tater_fw::{Analog, Board, Monitor, Tater};
-use tater_wire::image::seal;
-use tater_wire::memory::{APPLICATION, RAM};
 use tater_wire::{FaultCode, Frame};
 
 use crate::board::SimBoard;
 use crate::bus::Station;
 use crate::rig::{Rig, Truth};
+use first_day::in_use;
+pub use first_day::placeholder_application;
 
 /// Control tick in microseconds (servo_core's TICK_HZ).
 const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
@@ -105,46 +107,22 @@ impl Sample {
     }
 }
 
-/// An application for the flash of a simulated board: enough of one for the monitor to verify and start it.
-#[must_use]
-pub fn placeholder_application() -> Vec<u8> {
-    let mut image = vec![0u8; 1024];
-    image[..4].copy_from_slice(&RAM.end().to_le_bytes());
-    image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
-    let version = tater_wire::Property::VERS.row().max as u32;
-    // Its length and vectors are right by the lines above.
-    let _ = seal(&mut image, version);
-    image
-}
-
-/// Flash operations that prepare the storage of a board on its first day: 8 erases and a few half-words.
-const FIRST_OPERATIONS: usize = 1000;
-
-/// A board as it is after its first day: an application in its flash, its storage prepared (which takes a third of a
-/// second of page erases, once).
-fn in_use(mut board: SimBoard) -> SimBoard {
-    let flash = board.flash();
-    flash.load(APPLICATION.start, &placeholder_application());
-    let mut store = Store::open(flash);
-    for _ in 0..FIRST_OPERATIONS {
-        if store.step(flash, true) == Progress::Done {
-            break;
-        }
-    }
-    flash.take_busy_us();
-    board
-}
-
 impl Node {
     /// A board whose power comes on now, with an application in its flash: it waits in the monitor.
     #[must_use]
     pub fn new(board: SimBoard) -> Self {
-        let mut node = Self::off(in_use(board));
+        Self::again(in_use(board))
+    }
+
+    /// A board whose power comes on again, its flash as it is.
+    #[must_use]
+    pub fn again(board: SimBoard) -> Self {
+        let mut node = Self::off(board);
         node.power_on();
         node
     }
 
-    /// The same, awake already: STAT 2.
+    /// A new board that is awake already: STAT 2.
     #[must_use]
     pub fn awake(board: SimBoard) -> Self {
         let mut node = Self::off(in_use(board));

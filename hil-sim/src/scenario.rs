@@ -40,6 +40,7 @@
 
 mod error;
 mod file;
+pub mod grasp;
 mod read;
 mod shipped;
 

@@ -1,29 +1,34 @@
 //! `hil-sim bus`: the simulated bus in real time, for CAN tools. One host at a time, by SLCAN over TCP or on a CAN interface.
+//! `hil-sim hand` ([`hand`]): the same with GOD as the host, for GOD's hosts.
 //!
 //! Simulated time follows the clock that is passed in, and waits for nobody; where the machine is too slow it falls
 //! behind and says so. Nothing here decides what happens on the bus.
 
 mod args;
 mod can;
+mod hand;
+mod link;
 mod pace;
+mod pty;
 mod tcp;
 
 use std::error::Error;
-use std::net::TcpListener;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
 use hil_sim::bus::{Adapter, Bus, Station};
 use hil_sim::scenario::BadInput;
+use hil_sim::slcan::Slcan;
 use tater_wire::Frame;
 
 use crate::output::{print, tell};
 pub use args::BusArgs;
 use args::Place;
 use can::CanPort;
+pub use hand::{HandArgs, hand};
 use pace::Pace;
-use tcp::Client;
+use tcp::{Client, Door};
 
 /// Real time since the start in µs; `None` ends the service.
 pub type Clock<'a> = &'a mut dyn FnMut() -> Option<u64>;
@@ -33,9 +38,6 @@ const QUEUE: usize = 64;
 
 /// Longest wait for a host: boards answer a request within half a millisecond, and hosts poll every millisecond.
 const WAIT: Duration = Duration::from_micros(200);
-
-/// From an attempt to accept a client that fails to the next: out of files, it fails at once until one is closed.
-const AGAIN: Duration = Duration::from_millis(100);
 
 /// Longest stretch of simulated time between two looks at the sockets, µs.
 const SLICE_US: u64 = 2_000;
@@ -67,9 +69,8 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
     let (sender, events) = sync_channel(EVENTS);
     let host = match place {
         Place::Slcan(address) => {
-            let listener = tcp::listen(address)?;
-            print(&format!("slcan {}\n", listener.local_addr()?))?;
-            serve_slcan(listener, sender.clone());
+            let address = tcp::listen("--slcan", address, Door::Slcan, sender.clone())?;
+            print(&format!("slcan {address}\n"))?;
             Host::None
         }
         Place::Can(interface) => {
@@ -81,28 +82,6 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
         }
     };
     Server { bus, events, sender, host, held: Vec::new(), clients: 0, pace: Pace::default() }.run(clock)
-}
-
-fn serve_slcan(listener: TcpListener, events: SyncSender<Event>) {
-    // Ends with the program, or when nobody hears it any more.
-    thread::spawn(move || {
-        let mut told = false;
-        for stream in listener.incoming() {
-            match stream {
-                Ok(stream) => {
-                    if events.send(Event::Client(tcp::Arrival::new(stream))).is_err() {
-                        return;
-                    }
-                }
-                Err(error) => {
-                    if !std::mem::replace(&mut told, true) {
-                        tell(&format!("warning: a client cannot be accepted: {error}; it is tried again"));
-                    }
-                    thread::park_timeout(AGAIN);
-                }
-            }
-        }
-    });
 }
 
 /// Who is node 0.
@@ -155,6 +134,9 @@ impl<S: Station> Server<S> {
             Event::Client(arrival) => self.client(arrival),
             Event::Bytes(number, bytes) if self.is_client(number) => {
                 self.held.extend(bytes);
+                if let Host::Slcan(client) = &mut self.host {
+                    client.link.has_come();
+                }
                 self.feed();
             }
             Event::Gone(number) if self.is_client(number) => self.leave("has left"),
@@ -167,7 +149,7 @@ impl<S: Station> Server<S> {
     }
 
     fn is_client(&self, number: u64) -> bool {
-        matches!(&self.host, Host::Slcan(client) if client.number == number)
+        matches!(&self.host, Host::Slcan(client) if client.link.number == number)
     }
 
     /// Lets a client be the host, if the place is free.
@@ -179,9 +161,9 @@ impl<S: Station> Server<S> {
         }
         self.clients += 1;
         match arrival.accept(self.clients, self.sender.clone()) {
-            Ok(client) => {
-                tell(&format!("{} is the host", client.peer));
-                self.host = Host::Slcan(client);
+            Ok(link) => {
+                tell(&format!("{} is the host", link.peer));
+                self.host = Host::Slcan(Client::new(link, Slcan::default()));
             }
             // It has gone already.
             Err(_) => self.bus.unplug_host(),
@@ -190,8 +172,8 @@ impl<S: Station> Server<S> {
 
     fn leave(&mut self, why: &str) {
         if let Host::Slcan(client) = std::mem::replace(&mut self.host, Host::None) {
-            tell(&format!("{} {why}", client.peer));
-            client.close();
+            tell(&format!("{} {why}", client.link.peer));
+            client.link.close();
         }
         self.held.clear();
         self.bus.unplug_host();
@@ -212,6 +194,9 @@ impl<S: Station> Server<S> {
             }
         }
         self.held.drain(..taken);
+        if self.held.is_empty() {
+            client.link.go_on();
+        }
     }
 
     /// What the bus has for the host.
@@ -224,7 +209,7 @@ impl<S: Station> Server<S> {
             }
         }
         if let Host::Slcan(client) = &mut self.host
-            && client.flush().is_err()
+            && !client.flush()
         {
             self.leave("does not read what it is told");
         }

@@ -37,9 +37,17 @@ pub struct Slcan {
     line: Vec<u8>,
     channel: Channel,
     stamps: bool,
+    /// An open channel only receives.
+    only_listens: bool,
 }
 
 impl Slcan {
+    /// An adapter on a bus that has its host already: it is opened like any other, and sends nothing (BEL to `t`).
+    #[must_use]
+    pub fn listener() -> Self {
+        Self { only_listens: true, ..Self::default() }
+    }
+
     /// The next byte from the host. Its answer, if it ends a command, is appended to `out`; the frame that it wants to
     /// send is returned. LF is skipped: some tools end lines with both.
     pub fn push(&mut self, byte: u8, out: &mut Vec<u8>) -> Option<Frame> {
@@ -81,7 +89,7 @@ impl Slcan {
             [b'S', b'8'] if closed => Some(""),
             [b's', ref registers @ ..] if closed && is_1_mbit(registers) => Some(""),
             [b'O'] if closed => {
-                self.channel = Channel::Open;
+                self.channel = if self.only_listens { Channel::Listening } else { Channel::Open };
                 Some("")
             }
             [b'L'] if closed => {

@@ -11,7 +11,7 @@ use crate::units::{Counts, CountsPerSec, DeciCelsius, Duty, Micros, MilliAmps, M
 pub struct Sense<'a> {
     /// The time of this tick.
     pub now: Micros,
-    /// What the commutator saw since the last tick, oldest first.
+    /// What the commutator saw since the last tick and [`Servo::hall`](crate::Servo::hall) has not been told, oldest first.
     pub halls: &'a [HallEvent],
     /// Bus voltage.
     pub bus: MilliVolts,

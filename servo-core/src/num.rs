@@ -193,12 +193,31 @@ pub const fn mul_low_unsigned(a: u32, b: u32, shift: u32) -> u32 {
     ((a as u64 * b as u64) >> shift) as u32
 }
 
-/// `a · b + c · d`, rounded down and saturated once, of which `a` and `c` are not negative: then the sum of the whole
-/// products is below 2^63.
+/// The product of two numbers of a control law, rounded down, and bounded: see [`enough`].
 #[must_use]
-pub const fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
+pub fn product_enough(a: Law, b: Law) -> Law {
+    enough(a.to_bits() as i64 * b.to_bits() as i64)
+}
+
+/// `n / d` with 32 fractional bits, rounded up, or one more: for products of which the upper word is taken. `n` < `d` - 1.
+#[must_use]
+pub const fn share_q32(n: u32, d: u32) -> u32 {
+    (((n as u64) << 32) / d as u64 + 1) as u32
+}
+
+/// `a · b + c · d`, rounded down once and bounded (see [`enough`]), of which `a` and `c` are not negative: then the sum of the
+/// whole products is below 2^63.
+#[must_use]
+pub fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
     let (ab, cd) = (a.to_bits() as i64 * b.to_bits() as i64, c.to_bits() as i64 * d.to_bits() as i64);
-    Law::from_bits(saturating_i32(ab.wrapping_add(cd) >> 16))
+    enough(ab.wrapping_add(cd))
+}
+
+/// A product of two laws as a law: exact within ±8192; beyond that it has its sign and is at least 8191 either way, which is
+/// enough of any torque, and leaves room to add. Only the upper word is bounded: one `SSAT`, where saturating takes eight.
+fn enough(product: i64) -> Law {
+    let high = ((product >> 32) as i32).clamp(-(1 << 13), (1 << 13) - 1);
+    Law::from_bits((high << 16) | (product as u32 >> 16) as i32)
 }
 
 /// `a · b` as the nearest whole number, halves up: below 2^30, so nothing saturates, and the upper word of an `SMLAL`.
@@ -266,11 +285,23 @@ mod tests {
         }
 
         #[test]
-        fn sums_of_products_round_once_and_saturate(a in 0..=i32::MAX, b: i32, c in 0..=i32::MAX, d: i32) {
-            let exact = (i128::from(a) * i128::from(b) + i128::from(c) * i128::from(d)) >> 16;
+        fn products_and_their_sums_round_once_and_are_enough(
+            a in 0..=i32::MAX, b: i32, c in 0..=i32::MAX, d: i32, shift in (0..32_u32, 0..32_u32),
+        ) {
+            let (a, c) = (a >> shift.0, c >> shift.1);
             let law = Law::from_bits;
-            let sum = sum_of_products((law(a), law(b)), (law(c), law(d))).to_bits();
-            prop_assert_eq!(i128::from(sum), exact.clamp(i128::from(i32::MIN), i128::from(i32::MAX)));
+            let (ab, cd) = (i128::from(a) * i128::from(b), i128::from(c) * i128::from(d));
+            let product = product_enough(law(a), law(b));
+            let sum = sum_of_products((law(a), law(b)), (law(c), law(d)));
+            for (exact, found) in [(ab >> 16, product), ((ab + cd) >> 16, sum)] {
+                let found = i128::from(found.to_bits());
+                if exact.abs() < 8192 << 16 {
+                    prop_assert_eq!(found, exact);
+                } else {
+                    prop_assert!(found.signum() == exact.signum() && found.abs() >= 8191 << 16, "{} {}", found, exact);
+                    prop_assert!(found.abs() <= 8192 << 16, "{}", found);
+                }
+            }
         }
 
         #[test]

@@ -4,7 +4,7 @@
 pub use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Status};
 use crate::config::{Config, ConfigError, MotorKind};
 use crate::guard::breakaway::Breakaway;
-use crate::guard::fault::{Faults, Wrongs};
+use crate::guard::fault::{Faults, Wrong};
 use crate::guard::limits::{Bounded, Envelope, Limits};
 use crate::guard::stall::Stall;
 use crate::guard::strain::Window;
@@ -101,6 +101,8 @@ pub struct Servo {
     homed: bool,
     broke_away: Option<i32>,
     events: Deque<Event, EVENTS>,
+    /// Whether there is any.
+    has_event: bool,
 }
 
 impl Servo {
@@ -154,6 +156,7 @@ impl Servo {
             homed: false,
             broke_away: None,
             events: Deque::new(),
+            has_event: false,
         }
     }
 
@@ -173,18 +176,43 @@ impl Servo {
         self.estimator.edge(edge);
     }
 
+    /// What the hall decoder saw, as soon as it is seen, or in [`Sense::halls`].
+    pub fn hall(&mut self, event: &HallEvent) {
+        match *event {
+            HallEvent::Step(edge) => self.edge(&edge),
+            HallEvent::Glitch(glitch) => self.report(Event::Glitch(glitch)),
+            HallEvent::Fault(_) => {
+                // The count may have slipped by an electrical revolution.
+                self.homed = false;
+                self.faults.say(Wrong::HALLS);
+            }
+        }
+    }
+
+    /// The break input has switched the bridge off: a fault at the next tick.
+    pub const fn bridge_fault(&mut self) {
+        self.faults.say(Wrong::BRIDGE);
+    }
+
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
+        // First of all, while it is at hand.
+        if sense.bridge_fault {
+            self.bridge_fault();
+        }
+        if sense.host_lost && self.is_steered() {
+            self.faults.say(Wrong::HOST_LOST);
+        }
         let counted = self.observe(sense);
         let enters = self.enters();
         // A tick that plans does little else. Its torque is the last motion's, or none.
         self.planned = enters && self.mode == Mode::Trapezoidal;
         if self.planned {
             self.thermal.add(self.applied.torque);
-        } else {
-            self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp);
+        } else if self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp) {
+            self.faults.say(Wrong::HOT);
         }
-        if let Some(fault) = self.faults.check(sense.bus, self.wrongs(sense)) {
+        if let Some(fault) = self.faults.check(sense.bus) {
             self.fail(fault);
         }
         if self.mode == Mode::Idle {
@@ -203,8 +231,7 @@ impl Servo {
             }
             // What has just begun does not end, but for a move to where it is.
         }
-        self.check_end(counted, sense.strain);
-        if !self.entered {
+        if self.check_end(counted, sense.strain) && !self.entered {
             // Idle, or HI goes on: it enters its next motion in the next tick, and drives as before till then.
             return self.drive();
         }
@@ -216,7 +243,15 @@ impl Servo {
 
     /// The next report, oldest first.
     pub fn event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+        let event = self.events.pop_front();
+        self.has_event = !self.events.is_empty();
+        event
+    }
+
+    /// Whether there is a report: each tick asks.
+    #[must_use]
+    pub const fn has_event(&self) -> bool {
+        self.has_event
     }
 
     /// What can be read at any time.
@@ -264,32 +299,16 @@ impl Servo {
     /// Halls → position and velocity. Returns whether the count moved.
     fn observe(&mut self, sense: &Sense<'_>) -> bool {
         for event in sense.halls {
-            match *event {
-                HallEvent::Step(edge) => self.edge(&edge),
-                HallEvent::Glitch(glitch) => self.report(Event::Glitch(glitch)),
-                HallEvent::Fault(_) => {
-                    // The count may have slipped by an electrical revolution.
-                    self.homed = false;
-                    self.faults.halls();
-                }
-            }
+            self.hall(event);
         }
         let (position, velocity) = self.estimator.at(sense.now);
         self.position = position.wrapping_sub(Counts::from_int(self.zero));
         self.velocity = velocity;
-        self.limits.watch_current(sense.current, self.applied.duty);
+        if self.limits.watch_current(sense.current, self.applied.duty) {
+            self.faults.say(Wrong::SHORT);
+        }
         let before = core::mem::replace(&mut self.count, self.estimator.count());
         self.count != before
-    }
-
-    /// What else than the bus voltage is wrong.
-    fn wrongs(&self, sense: &Sense<'_>) -> Wrongs {
-        Wrongs {
-            bridge: sense.bridge_fault,
-            short: self.limits.short(),
-            hot: self.thermal.over(),
-            host_lost: sense.host_lost && self.is_steered(),
-        }
     }
 
     /// What is applied, or nothing in idle.
@@ -385,7 +404,8 @@ impl Servo {
         let resting = self.setpoint.velocity == CountsPerSec::ZERO;
         let same_cell = self.setpoint.position.round() == self.position.round();
         let error = if resting && same_cell { Law::ZERO } else { self.lag().saturating_error() };
-        (error, self.setpoint.velocity.0.saturating_sub(self.velocity.0))
+        // Below 2^13 and 2^14 counts/s: it does not wrap.
+        (error, self.setpoint.velocity.0.wrapping_sub(self.velocity.0))
     }
 
     /// Whether the host steers the motion from moment to moment, and must be there to end it.
@@ -427,6 +447,7 @@ impl Servo {
         }
         // Room was made above.
         let _ = self.events.push_back(event);
+        self.has_event = true;
     }
 }
 

@@ -43,23 +43,17 @@ impl Counts {
         Self(self.0.wrapping_sub(other.0))
     }
 
-    /// The magnitude; saturates at the largest distance.
+    /// Whether the magnitude is less than `distance`, which is not negative: one addition and one comparison.
     #[must_use]
-    pub const fn saturating_abs(self) -> Self {
-        Self(self.0.saturating_abs())
+    pub const fn is_within(self, distance: Self) -> bool {
+        let (bits, less) = (self.0.to_bits(), distance.0.to_bits().wrapping_sub(1));
+        bits.wrapping_add(less).cast_unsigned() <= less.cast_unsigned().wrapping_mul(2)
     }
 
-    /// The distance as a control error in ±32767 counts with 1/65536 resolution; saturates.
+    /// The distance as a control error in ±32767 counts with 1/65536 resolution; saturates, which is one `SSAT`.
     #[must_use]
-    pub const fn saturating_error(self) -> I16F16 {
-        let bits = self.0.to_bits();
-        if bits > i32::MAX >> 6 {
-            I16F16::MAX
-        } else if bits < i32::MIN >> 6 {
-            I16F16::MIN
-        } else {
-            I16F16::from_bits(bits << 6)
-        }
+    pub fn saturating_error(self) -> I16F16 {
+        I16F16::from_bits(self.0.to_bits().clamp(i32::MIN >> 6, i32::MAX >> 6) << 6)
     }
 
     /// The same with the profile's resolution.

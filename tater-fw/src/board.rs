@@ -39,6 +39,11 @@ pub trait Board {
     /// The hall lines now, bits 2..0.
     fn halls(&self) -> u8;
 
+    /// The hall lines now or just before, which may show a spike: enough to see that nothing has changed.
+    fn glance(&self) -> u8 {
+        self.halls()
+    }
+
     /// The analog readings.
     fn analog(&self) -> Analog;
 

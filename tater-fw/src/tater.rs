@@ -23,7 +23,7 @@ use crate::board::Board;
 use crate::lock::Lock;
 use crate::motion::motor;
 use crate::storage::{Progress, Store};
-use heapless::{Deque, Vec};
+use heapless::Deque;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
@@ -31,10 +31,6 @@ use servo_core::units::{Micros, Torque};
 use servo_core::{Command, Config, Drive, Event, Refusal, Sense, Servo, Status};
 use tater_wire::property::{Access, Kind};
 use tater_wire::{Body, Destination, Frame, Group, Identifier, Message, Node, Property};
-
-/// Hall events kept between two ticks. Full speed gives one or two; 16 hold a burst of glitches, and what is lost
-/// beyond that the decoder's count still has.
-const HALL_EVENTS: usize = 16;
 
 /// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries. An answer that
 /// finds no room is not given: [`Refused::Busy`], and counted in [`Tater::unsent`].
@@ -80,14 +76,11 @@ pub struct Tater<B: Board> {
     node: Node,
     servo: Servo,
     commutator: Commutator,
-    halls: Vec<HallEvent, HALL_EVENTS>,
-    /// A tick has seen an edge and left it to the interrupt, which has not come since.
-    left_edge: bool,
+    /// The lines after an edge that the last tick has seen and left to the interrupt, which has not come since.
+    left_edge: Option<u8>,
     /// HALLH: three bits a code, the newest lowest.
     hall_history: u32,
     drive: Drive,
-    /// The break input has tripped since the last tick.
-    tripped: bool,
     kept: Kept,
     lock: Lock,
     store: Store,
@@ -98,11 +91,9 @@ pub struct Tater<B: Board> {
     breakaway_position: i32,
     outbox: Deque<Frame, OUTBOX>,
     unsent: u32,
-    /// The servo's oldest report, if it has not been told yet.
-    untold: Option<Event>,
     events: Deque<Event, EVENTS>,
-    /// Ticks since the last frame to this board or its groups, as far as [`HOST_LOST_MS`].
-    silent_ms: u16,
+    /// Ticks for which the host may stay silent: from [`HOST_LOST_MS`] at a frame to this board or its groups down to 0.
+    patience_ms: u16,
     /// Ticks in idle since a hall line changed last; from [`STILL_MS`] on it may be more.
     still_ms: u8,
     /// Whether the tick, whoever handles the bus, and who has nothing else to do have run since the watchdog was fed last.
@@ -139,11 +130,9 @@ impl<B: Board> Tater<B> {
         Self {
             servo: Servo::for_motor(motor(Kind::of(node)), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
-            halls: Vec::new(),
-            left_edge: false,
+            left_edge: None,
             hall_history: u32::from(code),
             drive: OFF,
-            tripped: false,
             kept: Kept::default(),
             lock: Lock::default(),
             trusted_at: stored.map(|_| count),
@@ -151,9 +140,8 @@ impl<B: Board> Tater<B> {
             breakaway_position: 0,
             outbox: Deque::new(),
             unsent: 0,
-            untold: None,
             events: Deque::new(),
-            silent_ms: 0,
+            patience_ms: HOST_LOST_MS,
             still_ms: 0,
             ticked: false,
             bus_served: false,
@@ -196,7 +184,7 @@ impl<B: Board> Tater<B> {
     /// The lines have changed, or wait for time to pass. The bridge is the caller's to set.
     #[inline(never)]
     fn turned(&mut self, code: u8, now: Micros) {
-        self.left_edge = false;
+        self.left_edge = None;
         if u32::from(code) != self.hall_history & 7 {
             self.still_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
@@ -206,16 +194,30 @@ impl<B: Board> Tater<B> {
                 self.travelled = self.travelled.saturating_add(u32::from(edge.steps));
                 self.servo.edge(&edge);
             } else {
-                // A full list drops the newest; the tick needs to know of one.
-                let _ = self.halls.push(event);
+                self.servo.hall(&event);
             }
+        }
+    }
+
+    /// A tick has seen the lines elsewhere, or waits for time to pass. An edge that the filter of the interrupt has yet to let
+    /// through is left to it, which comes as soon as this tick is over; one that was there at a tick before is not on its way. Lines
+    /// that are elsewhere again at each tick are spikes that keep time with it.
+    #[inline(never)]
+    fn unsettled(&mut self, now: Micros) {
+        let code = self.board.halls() & 7;
+        if self.commutator.is_settled(code) {
+            self.left_edge = None;
+        } else if self.commutator.is_quiet() && self.left_edge != Some(code) {
+            self.left_edge = Some(code);
+        } else {
+            self.turned(code, now);
         }
     }
 
     /// The break input has tripped, and the hardware has switched the bridge off: no hall edge may switch it on again
     /// before the next tick has told the servo.
     pub fn bridge_fault(&mut self) {
-        self.tripped = true;
+        self.servo.bridge_fault();
         self.commutator.set(None);
         self.board.bridge(Bridge::Off);
     }
@@ -225,45 +227,41 @@ impl<B: Board> Tater<B> {
     pub fn tick(&mut self, now: Micros) -> bool {
         self.ticked = true;
         let analog = self.board.analog();
-        // An edge that the filter of the interrupt has yet to let through is left to it, which comes as soon as this tick is
-        // over; one that was there at a tick before is not on its way.
-        let code = self.board.halls() & 7;
-        if self.commutator.is_settled(code) {
-            self.left_edge = false;
-        } else if self.commutator.is_quiet() && !self.left_edge {
-            self.left_edge = true;
+        if self.commutator.is_settled(self.board.glance()) {
+            self.left_edge = None;
         } else {
-            self.turned(code, now);
+            self.unsettled(now);
         }
-        let host_lost = self.silent_ms >= HOST_LOST_MS;
+        let host_lost = self.patience_ms == 0;
         if !host_lost {
-            self.silent_ms = self.silent_ms.saturating_add(1);
+            self.patience_ms = self.patience_ms.wrapping_sub(1);
         }
-        self.drive = self.servo.tick(&Sense {
+        let mut drive = self.servo.tick(&Sense {
             now,
-            halls: &self.halls,
+            // It has been told of all at once.
+            halls: &[],
             bus: analog.bus,
             current: analog.current,
             motor_temp: analog.motor_temp,
             strain: analog.strain,
-            bridge_fault: core::mem::take(&mut self.tripped) || analog.bridge_fault,
+            bridge_fault: analog.bridge_fault,
             host_lost,
         });
-        self.halls.clear();
         if let Some(count) = self.trusted_at
-            && (self.drive.duty.is_some() || self.commutator.count() != count || !self.servo.status().homed)
+            && (drive.duty.is_some() || self.commutator.count() != count || !self.servo.status().homed)
         {
             self.distrust();
+            if self.trusted_at.is_some() {
+                // The mark could not be consumed.
+                drive = OFF;
+            }
         }
-        self.still_ms = if self.drive == OFF { self.still_ms.saturating_add(1) } else { 0 };
-        self.commutator.set(self.drive.duty);
+        self.still_ms = if drive == OFF { self.still_ms.saturating_add(1) } else { 0 };
+        self.drive = drive;
+        self.commutator.set(drive.duty);
         self.board.bridge(self.commutator.bridge());
-        self.board.brake(self.drive.brake_released);
-        if self.untold.is_none() {
-            let Some(event) = self.servo.event() else { return false };
-            self.untold = Some(event);
-        }
-        true
+        self.board.brake(drive.brake_released);
+        self.servo.has_event()
     }
 
     /// A frame from the bus, any frame: those for other nodes are skipped.
@@ -276,8 +274,8 @@ impl<B: Board> Tater<B> {
         if !self.hears(to) {
             return Ok(());
         }
-        self.silent_ms = 0;
-        if self.untold.is_some() {
+        self.patience_ms = HOST_LOST_MS;
+        if self.servo.has_event() {
             // The frame may ask for what the last tick has to report.
             self.report();
         }

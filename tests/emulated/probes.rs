@@ -24,7 +24,7 @@ fn the_release_image_logs_and_the_production_image_says_that_it_does_not() {
     let Some(programs) = release() else { return };
     let mut probe = Probe::new(&folder("release").join("tater.elf")).expect("it logs");
     let mut bench = Bench::with(flashed(&programs, NODE));
-    let mut said = |bench: &mut Bench| probe.read(&mut bench.board_mut().machine_mut().chip_mut());
+    let mut said = |bench: &mut Bench| probe.read(bench.board_mut().machine_mut().chip_mut());
     assert_eq!(said(&mut bench), ["info node 4 awake, position trusted: false"]);
     assert_eq!(said(&mut bench), Vec::<String>::new(), "once");
     // Nobody may set VERS in the application.

@@ -14,6 +14,7 @@ impl Host {
     /// In RealTime with the motors of a prefix.
     fn new(prefix: &str) -> Self {
         let mut session = Session::new();
+        assert_eq!(session.line(&format!("{prefix}HI")), "");
         let line = format!("{prefix}LOOP");
         session.hand.hear(line.as_bytes());
         session.hand.hear(b"\r");

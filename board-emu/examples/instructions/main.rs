@@ -10,13 +10,11 @@ mod alu;
 mod case;
 mod memory;
 
-use std::cell::RefCell;
 use std::io::Write;
 use std::path::Path;
-use std::rc::Rc;
 
 use board_emu::chip::Chip;
-use board_emu::cpu::{Cpu, Shared};
+use board_emu::cpu::Cpu;
 use case::{Case, Random, SLOT, WINDOW, WINDOW_LEN};
 
 /// Cases of a batch, and where the first of them lies in the flash: literals reach 4 KiB either way.
@@ -61,21 +59,20 @@ fn batch(random: &mut Random, out: &mut Vec<u8>) -> Result<usize, String> {
     }
     out.extend(&chip.flash.bytes);
     out.extend((cases.len() as u32).to_le_bytes());
-    let chip = Rc::new(RefCell::new(chip));
-    let mut cpu = Cpu::new(Rc::clone(&chip));
+    let mut cpu = Cpu::new(chip);
     let mut steps = 0;
     for case in &cases {
-        steps += run(&mut cpu, &chip, case, out)?;
+        steps += run(&mut cpu, case, out)?;
     }
     Ok(steps)
 }
 
-fn run(cpu: &mut Cpu, chip: &Shared, case: &Case, out: &mut Vec<u8>) -> Result<usize, String> {
+fn run(cpu: &mut Cpu, case: &Case, out: &mut Vec<u8>) -> Result<usize, String> {
     for (index, value) in case.registers.iter().enumerate() {
         cpu.set_register(index, *value);
     }
     let at = (WINDOW - 0x2000_0000) as usize..(WINDOW - 0x2000_0000) as usize + WINDOW_LEN;
-    chip.borrow_mut().ram[at.clone()].copy_from_slice(&case.window);
+    cpu.chip.ram[at.clone()].copy_from_slice(&case.window);
     save(cpu, out);
     out.extend(&case.window);
     let count_at = out.len();
@@ -88,8 +85,7 @@ fn run(cpu: &mut Cpu, chip: &Shared, case: &Case, out: &mut Vec<u8>) -> Result<u
         cpu.step().map_err(|problem| format!("{problem}: {:04x?} at {:#010x}", case.code, cpu.pc()))?;
         steps += 1;
         save(cpu, out);
-        let chip = chip.borrow();
-        let now = &chip.ram[at.clone()];
+        let now = &cpu.chip.ram[at.clone()];
         out.push(u8::from(*now != *window));
         if *now != *window {
             out.extend(now);

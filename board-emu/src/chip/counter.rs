@@ -109,12 +109,6 @@ impl Counter {
         }
     }
 
-    /// Counts until it is at `count` without turning before.
-    fn to_count(&self, count: u32) -> Option<u32> {
-        let ahead = if self.down { self.count.checked_sub(count) } else { count.checked_sub(self.count) };
-        ahead.filter(|&ahead| ahead > 0 && ahead <= self.to_turn())
-    }
-
     /// When it next turns, or is at one of the `counts`.
     #[must_use]
     pub fn next_stop(&self, counts: &[u32]) -> Time {
@@ -122,7 +116,12 @@ impl Counter {
         if !self.running || self.top == 0 {
             return NEVER;
         }
-        let ahead = counts.iter().filter_map(|&count| self.to_count(count)).fold(self.to_turn(), u32::min);
+        // What is behind it is beyond any turn, and so is where it is.
+        let to_count = |count: u32| {
+            if self.down { self.count.wrapping_sub(count) } else { count.wrapping_sub(self.count) }
+        };
+        let ahead = counts.iter().map(|&count| to_count(count)).filter(|&ahead| ahead > 0);
+        let ahead = ahead.fold(self.to_turn(), u32::min);
         self.since + Time::from(ahead) * self.step()
     }
 

@@ -143,8 +143,12 @@ impl Tim1 {
 
     /// Lets time pass to `now`, from stop to stop.
     fn catch_up(&mut self, now: Time) {
-        while self.next_stop() <= now {
-            self.stop();
+        loop {
+            let at = self.next_stop();
+            if at > now {
+                break;
+            }
+            self.stop(at);
         }
         self.counter.advance(now);
     }
@@ -153,9 +157,8 @@ impl Tim1 {
         self.counter.next_stop(&self.channels.map(|channel| channel.value))
     }
 
-    /// To the next stop, and what happens there.
-    fn stop(&mut self) {
-        let at = self.next_stop();
+    /// To the next stop, which is `at`, and what happens there.
+    fn stop(&mut self, at: Time) {
         let going_down = self.counter.down;
         let turned = self.counter.advance(at);
         let over = turned && (!going_down || self.counter.direction == Direction::Down);
@@ -243,7 +246,7 @@ impl Tim1 {
             if at == NEVER {
                 return;
             }
-            ahead.stop();
+            ahead.stop(at);
             if ahead.trigger.is_some() || ahead.gates_changed || ahead.sr & ahead.dier != before {
                 return;
             }

@@ -1,10 +1,9 @@
-//! Shifts, data processing with a shifted register, and division: `armagnac` 0.3 panics for ASR #32, for ROR by 32, for
-//! SDIV and UDIV by 0, and overflows for MIN / -1.
-
-use armagnac::registers::RegisterIndex;
+//! Shifts, data processing, and division: `armagnac` 0.3 panics for ASR #32, for ROR by 32, for SDIV and UDIV by 0, and
+//! overflows for MIN / -1.
 
 use super::Cpu;
 use super::fault::{Fault, Trap};
+use super::registers::Reg;
 
 /// Kinds of shift (ARMv7-M A7.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,21 +93,26 @@ impl Operation {
     }
 }
 
-/// Data processing with a shifted register (ARMv7-M A5.3.11).
+/// The second operand.
+#[derive(Clone, Copy, Debug)]
+pub enum Second {
+    /// A register, shifted by a number.
+    Shifted(Reg, Shift, u32),
+    /// A number, and the carry that it makes, if it makes one.
+    Number(u32, Option<bool>),
+}
+
+/// Data processing (ARMv7-M A5.2.1, A5.2.2, A5.3.1, A5.3.11).
 #[derive(Clone, Copy, Debug)]
 pub struct Data {
     /// What.
     pub op: Operation,
     /// Where the result goes.
-    pub rd: Option<RegisterIndex>,
+    pub rd: Option<Reg>,
     /// First operand.
-    pub rn: RegisterIndex,
-    /// Second operand, before the shift.
-    pub rm: RegisterIndex,
-    /// The shift.
-    pub shift: Shift,
-    /// By how much.
-    pub n: u32,
+    pub rn: Reg,
+    /// Second operand.
+    pub second: Second,
     /// Whether flags are set.
     pub flags: bool,
 }
@@ -138,13 +142,13 @@ impl Data {
 #[derive(Clone, Copy, Debug)]
 pub struct Move {
     /// Where the result goes.
-    pub rd: RegisterIndex,
+    pub rd: Reg,
     /// What is shifted.
-    pub rm: RegisterIndex,
+    pub rm: Reg,
     /// How.
     pub shift: Shift,
     /// By a register's lowest byte, or by a number.
-    pub by: Result<RegisterIndex, u32>,
+    pub by: Result<Reg, u32>,
     /// Whether flags are set.
     pub flags: bool,
 }
@@ -153,13 +157,26 @@ pub struct Move {
 #[derive(Clone, Copy, Debug)]
 pub struct Divide {
     /// Quotient.
-    pub rd: RegisterIndex,
+    pub rd: Reg,
     /// Dividend.
-    pub rn: RegisterIndex,
+    pub rn: Reg,
     /// Divisor.
-    pub rm: RegisterIndex,
+    pub rm: Reg,
     /// SDIV.
     pub signed: bool,
+}
+
+/// SXTH, SXTB, UXTH, UXTB, without rotation.
+#[derive(Clone, Copy, Debug)]
+pub struct Extend {
+    /// Where the result goes.
+    pub rd: Reg,
+    /// What is extended.
+    pub rm: Reg,
+    /// Its lowest byte, or half-word.
+    pub byte: bool,
+    /// By zeros.
+    pub unsigned: bool,
 }
 
 /// `AddWithCarry()`: result, carry and overflow.
@@ -171,9 +188,13 @@ const fn add(x: u32, y: u32, carry: bool) -> (u32, bool, Option<bool>) {
 
 impl Cpu {
     pub(super) fn data(&mut self, data: Data) {
-        let Data { op, rd, rn, rm, shift, n, flags } = data;
-        let old = self.engine.registers.psr.c();
-        let (x, (y, carry)) = (self.get(rn), shift.apply(self.get(rm), n, old));
+        let Data { op, rd, rn, second, flags } = data;
+        let old = self.registers.psr.c();
+        let x = self.get(rn);
+        let (y, carry) = match second {
+            Second::Shifted(rm, shift, n) => shift.apply(self.get(rm), n, old),
+            Second::Number(y, carry) => (y, carry.unwrap_or(old)),
+        };
         let (result, carry, overflow) = match op {
             Operation::And => (x & y, carry, None),
             Operation::Bic => (x & !y, carry, None),
@@ -199,15 +220,27 @@ impl Cpu {
     pub(super) fn shift(&mut self, shift: Move) {
         let Move { rd, rm, shift, by, flags } = shift;
         let n = by.map_or_else(|n| n, |register| self.get(register) & 0xFF);
-        let (result, carry) = shift.apply(self.get(rm), n, self.engine.registers.psr.c());
+        let (result, carry) = shift.apply(self.get(rm), n, self.registers.psr.c());
         self.set(rd, result);
         if flags {
             self.flags(result, carry, None);
         }
     }
 
+    pub(super) fn extend(&mut self, extend: Extend) {
+        let Extend { rd, rm, byte, unsigned } = extend;
+        let value = self.get(rm);
+        let result = match (byte, unsigned) {
+            (false, false) => i32::from(value as u16 as i16) as u32,
+            (false, true) => value & 0xFFFF,
+            (true, false) => i32::from(value as u8 as i8) as u32,
+            (true, true) => value & 0xFF,
+        };
+        self.set(rd, result);
+    }
+
     fn flags(&mut self, result: u32, carry: bool, overflow: Option<bool>) {
-        let psr = &mut self.engine.registers.psr;
+        let psr = &mut self.registers.psr;
         psr.set_nz(result).set_c(carry);
         if let Some(overflow) = overflow {
             psr.set_v(overflow);

@@ -5,18 +5,26 @@ use std::rc::Rc;
 use armagnac::core::{ArmVersion, Condition, ItState};
 use armagnac::decoder::{BasicInstructionDecoder, InstructionDecode};
 use armagnac::instructions::{Instruction, InstructionSize};
-use armagnac::registers::RegisterIndex;
 
-use super::alu::{Data, Divide, Move, Shift};
+use super::alu::{Data, Divide, Extend, Move, Shift};
+use super::frequent::frequent;
 use super::memory::{Exclusive, Multiple, Offset, Pair, Transfer};
+use super::registers::Reg;
 use super::special::Special;
 use crate::chip::Size;
 
-/// What an instruction does.
+/// Who does what an instruction does.
 #[derive(Clone)]
-pub enum Op {
-    /// As `armagnac` has it.
+pub enum By {
+    /// `armagnac`.
     Engine(Rc<dyn Instruction>),
+    /// We.
+    Us(Op),
+}
+
+/// What an instruction does that is supplied here: `armagnac` lacks it, has it wrong, or is slow at what every program is full of.
+#[derive(Clone, Copy)]
+pub enum Op {
     /// Load or store of one register.
     Transfer(Transfer),
     /// LDRD, STRD.
@@ -28,32 +36,54 @@ pub enum Op {
     /// TBB, TBH.
     Table {
         /// Of the table.
-        base: RegisterIndex,
+        base: Reg,
         /// Into it.
-        index: RegisterIndex,
+        index: Reg,
         /// Of an entry.
         size: Size,
     },
     /// BX, BLX.
     Exchange {
         /// Where to.
-        target: RegisterIndex,
+        target: Reg,
         /// Whether it calls.
         link: bool,
     },
     /// MOV to PC (`add` is false), ADD to PC: branches without exchange (ARMv7-M A2.3.1).
     ToPc {
         /// Source.
-        source: RegisterIndex,
+        source: Reg,
         /// Whether the source is added to PC.
         add: bool,
     },
-    /// Data processing with a shifted register.
+    /// Data processing.
     Data(Data),
     /// A shift by itself.
     Move(Move),
     /// SDIV, UDIV.
     Divide(Divide),
+    /// MOVT.
+    MoveTop(Reg, u16),
+    /// SXTH, SXTB, UXTH, UXTB.
+    Extend(Extend),
+    /// B, BL.
+    Branch {
+        /// From what PC reads as.
+        offset: u32,
+        /// Whether it calls.
+        link: bool,
+    },
+    /// CBZ, CBNZ.
+    CompareBranch {
+        /// What is compared with 0.
+        rn: Reg,
+        /// Whether it branches for 0, or for all else.
+        zero: bool,
+        /// From what PC reads as.
+        offset: u32,
+    },
+    /// IT, with the state that it sets.
+    IfThen(u8),
     /// What has to do with special registers, sleep and exceptions.
     Special(Special),
 }
@@ -68,18 +98,7 @@ pub struct Decoded {
     /// Its own condition, beside that of an IT block.
     pub condition: Option<Condition>,
     /// What it does.
-    pub op: Op,
-}
-
-impl Decoded {
-    /// Whether it is a load that branches.
-    pub fn loads_pc(&self) -> bool {
-        match &self.op {
-            Op::Transfer(transfer) => transfer.load && transfer.rt.is_pc(),
-            Op::Multiple(multiple) => multiple.load && multiple.list >> 15 == 1,
-            _ => false,
-        }
-    }
+    pub by: By,
 }
 
 /// Where in an IT block an instruction is.
@@ -98,51 +117,44 @@ pub const fn is_wide(first: u32) -> bool {
     first >> 11 & 0x1F >= 0b11101
 }
 
-pub(super) fn reg(index: u32) -> RegisterIndex {
-    RegisterIndex::new_main(index & 15)
+pub(super) const fn reg(index: u32) -> Reg {
+    Reg::new(index)
 }
 
+/// Half-words of the flash.
+const SLOTS: usize = tater_wire::memory::FLASH.len as usize / 2;
+
 /// Decodes, and keeps what it has decoded from the flash.
+#[derive(Clone)]
 pub struct Decoder {
     engine: Rc<BasicInstructionDecoder>,
     /// By half-word of the flash.
-    kept: Vec<Option<Rc<Decoded>>>,
-}
-
-impl Clone for Decoder {
-    fn clone(&self) -> Self {
-        Self { engine: Rc::clone(&self.engine), kept: self.kept.clone() }
-    }
+    kept: Vec<Option<Decoded>>,
 }
 
 impl Decoder {
     /// Knows nothing yet.
     pub fn new() -> Self {
         let engine = Rc::new(BasicInstructionDecoder::new(ArmVersion::V7M));
-        Self { engine, kept: vec![None; tater_wire::memory::FLASH.len as usize / 2] }
+        Self { engine, kept: vec![None; SLOTS] }
     }
 
     /// The instruction with these bits, at an address; `None` if it is undefined.
-    pub fn decode(&mut self, address: u32, code: u32, place: Place) -> Option<Rc<Decoded>> {
+    pub fn decode(&mut self, address: u32, code: u32, place: Place) -> Option<&Decoded> {
         // The flash's two places are one: the upper bits do not matter, because the code is compared.
-        let slot = (address >> 1) as usize % self.kept.len();
-        if let Some(Some(kept)) = self.kept.get(slot)
-            && kept.code == code
-            && kept.place == place
-        {
-            return Some(Rc::clone(kept));
+        let slot = (address >> 1) as usize % SLOTS;
+        let is_it = |kept: &Decoded| kept.code == code && kept.place == place;
+        if !self.kept.get(slot)?.as_ref().is_some_and(is_it) {
+            let decoded = self.fresh(code, place)?;
+            *self.kept.get_mut(slot)? = Some(decoded);
         }
-        let decoded = Rc::new(self.fresh(code, place)?);
-        if let Some(kept) = self.kept.get_mut(slot) {
-            *kept = Some(Rc::clone(&decoded));
-        }
-        Some(decoded)
+        self.kept.get(slot)?.as_ref()
     }
 
     fn fresh(&self, code: u32, place: Place) -> Option<Decoded> {
         let own = if code >> 16 == 0 { narrow(code, place) } else { super::decode_wide::wide(code) };
         match own {
-            Own::Is(op) => Some(Decoded { code, place, condition: None, op }),
+            Own::Is(op) => Some(Decoded { code, place, condition: None, by: By::Us(op) }),
             Own::Undefined => None,
             Own::Other => {
                 let it = ItState(match place {
@@ -153,7 +165,9 @@ impl Decoder {
                 let size = if code >> 16 == 0 { InstructionSize::Ins16 } else { InstructionSize::Ins32 };
                 let instruction = self.engine.try_decode(code, size, it).ok()?;
                 let condition = instruction.condition();
-                Some(Decoded { code, place, condition, op: Op::Engine(instruction) })
+                // What it refuses is refused.
+                let by = frequent(code, place).map_or(By::Engine(instruction), By::Us);
+                Some(Decoded { code, place, condition, by })
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Instructions of 32 bits that are supplied here (ARMv7-M A5.3).
 
-use super::alu::{Data, Divide, Move, Shift};
+use super::alu::{Data, Divide, Move, Second, Shift};
 use super::decode::{Op, Own, reg};
 use super::memory::{Exclusive, Multiple, Offset, Pair, Transfer};
 use super::special::Special;
@@ -65,7 +65,13 @@ fn shifted_register(code: u32) -> Own {
     match Data::operation(code >> 21, rn) {
         Some(op) => {
             let rd = (!op.only_tests(rd, flags)).then(|| reg(rd));
-            Own::Is(Op::Data(Data { op, rd, rn: reg(rn), rm: reg(code), shift, n, flags }))
+            Own::Is(Op::Data(Data {
+                op,
+                rd,
+                rn: reg(rn),
+                second: Second::Shifted(reg(code), shift, n),
+                flags,
+            }))
         }
         None => Own::Undefined,
     }

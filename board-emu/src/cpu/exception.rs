@@ -8,11 +8,16 @@ use super::fault::Fault;
 use super::fault::Trap;
 use super::nvic::bit;
 use super::nvic::number::{HARD_FAULT, NMI};
+use super::registers::Reg;
 use super::{Cpu, Sleep};
 use crate::stop::Problem;
 
 /// Bytes of what an entry stores.
 const FRAME: u32 = 0x20;
+
+/// What an entry stores before xPSR.
+const STACKED: [Reg; 7] =
+    [Reg::new(0), Reg::new(1), Reg::new(2), Reg::new(3), Reg::new(12), Reg::LR, Reg::PC];
 
 /// xPSR in a frame: the stack was aligned.
 const ALIGNED: u32 = 1 << 9;
@@ -31,7 +36,7 @@ impl Cpu {
 
     /// `ExceptionEntry()`.
     pub(super) fn enter(&mut self, exception: u32) -> Result<(), Problem> {
-        let return_code = match (self.in_handler(), self.engine.registers.control.spsel()) {
+        let return_code = match (self.in_handler(), self.registers.control().spsel()) {
             (true, _) => 0xFFFF_FFF1,
             (false, false) => 0xFFFF_FFF9,
             (false, true) => 0xFFFF_FFFD,
@@ -65,15 +70,14 @@ impl Cpu {
     /// `PushStack()`.
     fn push_frame(&mut self) -> Result<(), Trap> {
         let align = self.sys.aligns_stack();
-        let registers = &self.engine.registers;
-        let old = registers.sp();
+        let registers = &self.registers;
+        let old = registers.get(Reg::SP);
         let top = if align { old & !7 } else { old };
         let sp = top.wrapping_sub(FRAME);
         let psr = registers.psr.get() & !ALIGNED | if top == old { 0 } else { ALIGNED };
-        let r = registers;
-        let frame = [r.r0, r.r1, r.r2, r.r3, r.r12, r.lr, r.pc, psr];
-        *self.engine.registers.sp_mut() = sp;
-        for (i, word) in (0..).zip(frame) {
+        let kept = STACKED.map(|reg| registers.get(reg));
+        self.registers.set(Reg::SP, sp);
+        for (i, word) in (0..).zip(kept.into_iter().chain([psr])) {
             self.store_word(sp.wrapping_add(4 * i), word)?;
         }
         Ok(())
@@ -82,21 +86,20 @@ impl Cpu {
     /// `ExceptionTaken()`.
     fn take(&mut self, exception: u32, return_code: u32) -> Result<(), Problem> {
         self.sys.nvic.activate(exception);
-        let registers = &mut self.engine.registers;
-        registers.lr = return_code;
+        let registers = &mut self.registers;
+        registers.set(Reg::LR, return_code);
         registers.psr.set_exception_number(exception as u16).set_ici_it(0);
-        registers.control.set_spsel(false);
+        registers.select_psp(false);
         self.sys.sleep = Sleep::No;
         self.sys.event = true;
         self.sys.exclusive = false;
         self.spend(ENTRY);
-        let now = self.chip.borrow().now;
+        let now = self.chip.now;
         self.counts.enter(exception, now);
         match self.load_word(self.sys.vectors.wrapping_add(4 * exception)) {
             Ok(vector) => {
-                let registers = &mut self.engine.registers;
-                registers.psr.set_t(vector & 1 == 1);
-                registers.pc = vector & !1;
+                self.registers.psr.set_t(vector & 1 == 1);
+                self.registers.set_pc(vector & !1);
                 Ok(())
             }
             Err(Trap::Stop(problem)) => Err(problem),
@@ -106,7 +109,7 @@ impl Cpu {
 
     /// `ExceptionReturn()`: what a branch to an address of the form 0xFxxxxxxx means in a handler.
     pub(super) fn leave(&mut self, return_code: u32) -> Result<(), Problem> {
-        let exception = u32::from(self.engine.registers.psr.exception_number());
+        let exception = u32::from(self.registers.psr.exception_number());
         let nested = (self.sys.nvic.active & !bit(exception)) != 0;
         let was_active = self.sys.nvic.active & bit(exception) != 0;
         let fits = match return_code & 15 {
@@ -136,8 +139,7 @@ impl Cpu {
 
     fn restore(&mut self, return_code: u32) -> Result<(), Problem> {
         let process = return_code & 15 == 13;
-        let registers = &self.engine.registers;
-        let sp = if process { registers.psp } else { registers.msp };
+        let sp = if process { self.registers.psp() } else { self.registers.msp() };
         let mut frame = [0; 8];
         for (i, word) in (0..).zip(&mut frame) {
             match self.load_word(sp.wrapping_add(4 * i)) {
@@ -154,14 +156,14 @@ impl Cpu {
                 }
             }
         }
-        let [r0, r1, r2, r3, r12, lr, pc, psr] = frame;
+        let [kept @ .., psr] = frame;
         let align = self.sys.aligns_stack() && psr & ALIGNED != 0;
-        let registers = &mut self.engine.registers;
-        (registers.r0, registers.r1, registers.r2, registers.r3) = (r0, r1, r2, r3);
-        (registers.r12, registers.lr, registers.pc) = (r12, lr, pc & !1);
+        let registers = &mut self.registers;
+        STACKED.into_iter().zip(kept).for_each(|(reg, value)| registers.set(reg, value));
+        registers.set_pc(registers.pc() & !1);
         registers.psr.set(psr & 0xFF00_FDFF);
-        registers.control.set_spsel(process);
-        *registers.sp_mut() = sp.wrapping_add(FRAME) | if align { 4 } else { 0 };
+        registers.select_psp(process);
+        registers.set(Reg::SP, sp.wrapping_add(FRAME) | if align { 4 } else { 0 });
         let to_handler = return_code & 15 == 1;
         if to_handler != (psr & 0x1FF != 0) {
             // It is entered from where the return would have led (B1.5.8), in the mode that IPSR says.

@@ -2,10 +2,9 @@
 //!
 //! Nothing is changed in the core before all of an instruction's loads have succeeded, so that one that faults can be repeated.
 
-use armagnac::registers::RegisterIndex;
-
+use super::Cpu;
 use super::fault::{Fault, Trap};
-use super::{Cpu, decode::reg};
+use super::registers::Reg;
 use crate::chip::{Refusal, Size};
 use crate::stop::Problem;
 
@@ -15,7 +14,7 @@ pub enum Offset {
     /// A number, which may be negative.
     Immediate(u32),
     /// A register, shifted left.
-    Register(RegisterIndex, u32),
+    Register(Reg, u32),
 }
 
 /// Load or store of one register.
@@ -28,9 +27,9 @@ pub struct Transfer {
     /// Whether what is loaded is extended by its sign.
     pub signed: bool,
     /// Loaded or stored.
-    pub rt: RegisterIndex,
+    pub rt: Reg,
     /// Base; PC is aligned first.
-    pub rn: RegisterIndex,
+    pub rn: Reg,
     /// Added to the base.
     pub offset: Offset,
     /// Whether the offset counts for this access.
@@ -43,7 +42,7 @@ pub struct Transfer {
 
 impl Transfer {
     /// With a positive offset, without write-back.
-    pub const fn plain(load: bool, size: Size, rt: RegisterIndex, rn: RegisterIndex, offset: u32) -> Self {
+    pub const fn plain(load: bool, size: Size, rt: Reg, rn: Reg, offset: u32) -> Self {
         let offset = Offset::Immediate(offset);
         Self { load, size, signed: false, rt, rn, offset, index: true, wback: false, unprivileged: false }
     }
@@ -55,11 +54,11 @@ pub struct Pair {
     /// Whether it loads.
     pub load: bool,
     /// At the address.
-    pub rt: RegisterIndex,
+    pub rt: Reg,
     /// At the word after.
-    pub second: RegisterIndex,
+    pub second: Reg,
     /// Base; PC is aligned first.
-    pub rn: RegisterIndex,
+    pub rn: Reg,
     /// Added to the base.
     pub offset: u32,
     /// Whether the offset counts for this access.
@@ -74,7 +73,7 @@ pub struct Multiple {
     /// Whether it loads.
     pub load: bool,
     /// Base.
-    pub rn: RegisterIndex,
+    pub rn: Reg,
     /// A bit a register.
     pub list: u16,
     /// Whether the base is changed.
@@ -91,11 +90,11 @@ pub struct Exclusive {
     /// Of what is transferred.
     pub size: Size,
     /// Loaded or stored.
-    pub rt: RegisterIndex,
+    pub rt: Reg,
     /// Base.
-    pub rn: RegisterIndex,
+    pub rn: Reg,
     /// Of a store: 0 if it happened, 1 if not.
-    pub rd: RegisterIndex,
+    pub rd: Reg,
     /// Added to the base.
     pub offset: u32,
 }
@@ -110,7 +109,7 @@ impl Cpu {
         if (PRIVATE..PRIVATE_END).contains(&address) {
             return if privileged { self.read_private(address, size) } else { Err(bus(address)) };
         }
-        let mut chip = self.chip.borrow_mut();
+        let chip = &mut self.chip;
         if let 0x2000_0000..0x2000_5000 = address {
             let at = (address - 0x2000_0000) as usize;
             let ram = chip.ram.get(at..).unwrap_or_default();
@@ -134,14 +133,16 @@ impl Cpu {
             Size::Half => value & 0xFFFF,
             Size::Word => value,
         };
-        let mut chip = self.chip.borrow_mut();
+        let chip = &mut self.chip;
         if let 0x2000_0000..0x2000_5000 = address {
-            let (at, len) = ((address - 0x2000_0000) as usize, size.bytes() as usize);
-            if let (Some(ram), Some(bytes)) = (chip.ram.get_mut(at..at + len), value.to_le_bytes().get(..len))
-            {
-                ram.copy_from_slice(bytes);
-                return Ok(());
-            }
+            let ram = chip.ram.get_mut((address - 0x2000_0000) as usize..).unwrap_or_default();
+            let [a, b, c, d] = value.to_le_bytes();
+            let stored = match size {
+                Size::Byte => ram.first_mut().map(|place| *place = a),
+                Size::Half => ram.first_chunk_mut().map(|place| *place = [a, b]),
+                Size::Word => ram.first_chunk_mut().map(|place| *place = [a, b, c, d]),
+            };
+            return stored.ok_or(bus(address));
         }
         chip.write(address, size, value).map_err(|refusal| refused(address, Some(value), refusal))
     }
@@ -193,8 +194,8 @@ impl Cpu {
         self.store_aligned(address, Size::Word, value, self.is_privileged())
     }
 
-    fn base(&self, rn: RegisterIndex) -> u32 {
-        if rn.is_pc() { self.engine.registers.pc & !3 } else { self.get(rn) }
+    fn base(&self, rn: Reg) -> u32 {
+        if rn.is_pc() { self.registers.pc() & !3 } else { self.get(rn) }
     }
 
     pub(super) fn transfer(&mut self, transfer: Transfer) -> Result<(), Trap> {
@@ -254,30 +255,37 @@ impl Cpu {
         let (base, len) = (self.get(rn), 4 * list.count_ones());
         let moved = if down { base.wrapping_sub(len) } else { base.wrapping_add(len) };
         let start = if down { moved } else { base };
-        let registers = (0..16).filter(|i| list >> i & 1 == 1);
         let mut values = [0; 16];
-        for (i, register) in registers.clone().enumerate() {
-            let address = start.wrapping_add(4 * i as u32);
-            if load {
-                let value = self.load_word(address)?;
-                if let Some(place) = values.get_mut(register as usize) {
-                    *place = value;
-                }
-            } else {
-                self.store_word(address, self.get(reg(register)))?;
+        let mut address = start;
+        let mut rest = list;
+        for value in &mut values {
+            if rest == 0 {
+                break;
             }
+            if load {
+                *value = self.load_word(address)?;
+            } else {
+                self.store_word(address, self.get(Reg::new(rest.trailing_zeros())))?;
+            }
+            address = address.wrapping_add(4);
+            rest &= rest - 1;
         }
         if wback {
             self.set(rn, moved);
         }
         if load {
-            for register in registers {
-                let value = values.get(register as usize).copied().unwrap_or(0);
-                if register == 15 {
+            let mut rest = list;
+            for value in values {
+                if rest == 0 {
+                    break;
+                }
+                let register = Reg::new(rest.trailing_zeros());
+                if register.is_pc() {
                     self.exchange(value);
                 } else {
-                    self.set(reg(register), value);
+                    self.set(register, value);
                 }
+                rest &= rest - 1;
             }
         }
         Ok(())
@@ -301,15 +309,10 @@ impl Cpu {
         Ok(())
     }
 
-    pub(super) fn table(
-        &mut self,
-        base: RegisterIndex,
-        index: RegisterIndex,
-        size: Size,
-    ) -> Result<(), Trap> {
+    pub(super) fn table(&mut self, base: Reg, index: Reg, size: Size) -> Result<(), Trap> {
         let address = self.get(base).wrapping_add(self.get(index).wrapping_mul(size.bytes()));
         let halves = self.load(address, size, self.is_privileged())?;
-        let target = self.engine.registers.pc.wrapping_add(2 * halves);
+        let target = self.registers.pc().wrapping_add(2 * halves);
         self.branch(target);
         Ok(())
     }

@@ -102,7 +102,7 @@ impl Cpu {
 
     /// Writes one.
     pub(super) fn write_private(&mut self, address: u32, size: Size, value: u32) -> Result<(), Trap> {
-        self.chip.borrow_mut().touched = true;
+        self.chip.touched = true;
         if is_narrow(address) {
             for (i, byte) in (0..size.bytes()).zip(value.to_le_bytes()) {
                 self.write_byte(address + i, byte);
@@ -169,7 +169,7 @@ impl Cpu {
 
     fn write_word(&mut self, address: u32, value: u32) -> Result<(), Trap> {
         let lines = (u128::from(value) << (32 * (address >> 2 & 1)) << IRQ) & ALL_LINES;
-        let now = self.chip.borrow().now;
+        let now = self.chip.now;
         match address {
             0xE000_1000 if value & !1 & !0x4000_0000 == 0 => self.count_cycles(value & 1 == 1),
             0xE000_1004 => self.set_cycle_count(value),
@@ -207,7 +207,7 @@ impl Cpu {
         let nvic = &self.sys.nvic;
         let flag = |set: bool, at: u32| u32::from(set) << at;
         let is_pending = |exception| nvic.pending & bit(exception) != 0;
-        let this = u32::from(self.engine.registers.psr.exception_number());
+        let this = u32::from(self.registers.psr.exception_number());
         let alone = nvic.active & !bit(this) == 0;
         this | flag(alone, 11)
             | nvic.most_urgent().unwrap_or(0) << 12
@@ -272,12 +272,12 @@ impl Cpu {
         if !control.counting {
             return control.cycles_from as u32;
         }
-        let chip = self.chip.borrow();
+        let chip = &self.chip;
         (chip.now.wrapping_sub(control.cycles_from) / chip.rcc.core_cycle()) as u32
     }
 
     fn set_cycle_count(&mut self, value: u32) {
-        let chip = self.chip.borrow();
+        let chip = &self.chip;
         let control = &mut self.sys.control;
         control.cycles_from = if control.counting {
             chip.now.wrapping_sub(u64::from(value) * chip.rcc.core_cycle())

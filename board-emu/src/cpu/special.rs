@@ -1,9 +1,8 @@
 //! Special registers, sleep, and instructions that ask for exceptions (ARMv7-M B1.4, B5.2).
 
-use armagnac::registers::RegisterIndex;
-
 use super::fault::{Fault, Trap};
 use super::nvic::PRIORITY_BITS;
+use super::registers::Reg;
 use super::{Cpu, Sleep};
 
 /// What such an instruction does.
@@ -33,14 +32,14 @@ pub enum Special {
         /// SYSm.
         special: u32,
         /// Where to.
-        rd: RegisterIndex,
+        rd: Reg,
     },
     /// MSR.
     Write {
         /// SYSm.
         special: u32,
         /// Where from.
-        source: RegisterIndex,
+        source: Reg,
         /// Of APSR: bit 1 for the flags.
         mask: u32,
     },
@@ -114,7 +113,7 @@ impl Cpu {
 
     /// What MRS gives: EPSR reads as 0, and all but APSR and CONTROL so where unprivileged.
     pub(super) fn read_special(&self, special: u32) -> u32 {
-        let registers = &self.engine.registers;
+        let registers = &self.registers;
         let privileged = self.is_privileged();
         match special {
             0..=7 => {
@@ -122,10 +121,10 @@ impl Cpu {
                 let exception = if special & 1 == 1 && privileged { registers.psr.get() & IPSR } else { 0 };
                 flags | exception
             }
-            20 => registers.control.read(),
+            20 => registers.control().read(),
             _ if !privileged => 0,
-            8 => registers.msp,
-            9 => registers.psp,
+            8 => registers.msp(),
+            9 => registers.psp(),
             16 => u32::from(self.sys.masks.primask),
             17 | 18 => u32::from(self.sys.masks.basepri),
             19 => u32::from(self.sys.masks.faultmask),
@@ -136,7 +135,7 @@ impl Cpu {
     fn write_special(&mut self, special: u32, value: u32, mask: u32) {
         if special <= 3 {
             if mask & 2 != 0 {
-                let psr = &mut self.engine.registers.psr;
+                let psr = &mut self.registers.psr;
                 psr.set(psr.get() & !APSR | value & APSR);
             }
             return;
@@ -145,11 +144,10 @@ impl Cpu {
             return;
         }
         let handler = self.in_handler();
-        let registers = &mut self.engine.registers;
+        let registers = &mut self.registers;
         let masks = &mut self.sys.masks;
         match special {
-            8 => registers.msp = value & !3,
-            9 => registers.psp = value & !3,
+            8 | 9 => registers.set_stack(special == 9, value),
             16 => masks.primask = value & 1 == 1,
             17 => masks.basepri = value as u8 & PRIORITY_BITS,
             18 => {
@@ -160,10 +158,10 @@ impl Cpu {
             }
             19 => self.set_faultmask(value & 1 == 1),
             20 => {
-                registers.control.set_privileged_bit(value & 1 == 1);
+                registers.set_unprivileged(value & 1 == 1);
                 // A handler has the main stack.
                 if !handler {
-                    registers.control.set_spsel(value & 2 == 2);
+                    registers.select_psp(value & 2 == 2);
                 }
             }
             _ => {}

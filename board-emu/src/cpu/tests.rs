@@ -42,7 +42,6 @@ fn handler(digit: u16) -> Vec<u16> {
 
 struct Bench {
     cpu: Cpu,
-    chip: Shared,
 }
 
 impl Bench {
@@ -62,11 +61,10 @@ impl Bench {
         put(MAIN, main);
         (2..60).for_each(|exception| put(home(exception), &[STAY]));
         handlers.iter().for_each(|(exception, code)| put(home(*exception), code));
-        let chip = Rc::new(RefCell::new(chip));
-        let mut cpu = Cpu::new(Rc::clone(&chip));
+        let mut cpu = Cpu::new(chip);
         cpu.reset().unwrap();
         cpu.set_register(5, 0);
-        Self { cpu, chip }
+        Self { cpu }
     }
 
     fn steps(&mut self, n: usize) {
@@ -100,7 +98,7 @@ impl Bench {
         self.cpu.register(16) & 0x1FF
     }
 
-    fn word(&self, address: u32) -> u32 {
-        self.chip.borrow_mut().read(address, Size::Word).unwrap()
+    fn word(&mut self, address: u32) -> u32 {
+        self.cpu.chip.read(address, Size::Word).unwrap()
     }
 }

@@ -50,6 +50,11 @@ impl Moves {
         self.moving.set(motors);
     }
 
+    /// None moves any more; those that did.
+    pub(super) fn ends(&self) -> Motors {
+        self.moving.take()
+    }
+
     /// These press on from now on.
     pub(super) fn press(&self, motors: Motors) {
         self.pressing.set(self.pressing.get().and(motors));
@@ -113,23 +118,11 @@ pub(super) async fn stop(god: &God<'_>, motors: Motors) {
     god.boards.set(motors.but(holding), Property::MODE, 0).await;
 }
 
-/// The host steers motors from now on (LOOP), until [`end`].
-pub(crate) async fn steer(god: &God<'_>, motors: Motors) {
-    god.moves.cease_pressing(motors);
-    let holding = god.boards.get(motors, Property::HOLD).await.which(|hold| hold != 0);
-    god.moves.begin(motors, holding);
-}
-
-/// Ends the motion of every motor that still moves. Returns them.
-pub(crate) async fn end(god: &God<'_>) -> Motors {
-    let moving = god.moves.moving.take();
-    stop(god, moving).await;
-    moving
-}
-
-/// ^C has dropped a motion, if there was one: ends it on every motor.
+/// ^C has dropped a motion, if there was one: ends it on every motor that still moves.
 pub(crate) async fn abort(god: &God<'_>) {
-    end(god).await.iter().for_each(|motor| god.note(motor, Status::ABORTED));
+    let moving = god.moves.ends();
+    stop(god, moving).await;
+    moving.iter().for_each(|motor| god.note(motor, Status::ABORTED));
     give_back(god).await;
 }
 

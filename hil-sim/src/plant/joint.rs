@@ -5,6 +5,9 @@
 
 use super::params::{PlantParams, RAD_PER_COUNT};
 
+/// A joint's own contacts, before those of objects.
+const STOPS: usize = 2;
+
 /// A spring and damper that resists motion beyond a position.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
@@ -92,6 +95,12 @@ impl Joint {
             worm,
             contacts,
         }
+    }
+
+    /// Replaces what stands in the joint's way besides its stops.
+    pub fn set_objects(&mut self, objects: &[Contact]) {
+        self.contacts.truncate(STOPS);
+        self.contacts.extend_from_slice(objects);
     }
 
     /// Energy stored in springs at a position, J.

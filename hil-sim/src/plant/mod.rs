@@ -228,6 +228,14 @@ impl Plant {
         self.disturbance = n_m;
     }
 
+    /// Replaces what stands in the joint's way. What that does to the energy in the springs is the disturbance's.
+    pub fn set_objects(&mut self, objects: &[Contact]) {
+        let theta = self.state.shaft.theta;
+        let before = self.joint.spring_j(theta);
+        self.joint.set_objects(objects);
+        self.state.ledger.disturbance_j += self.joint.spring_j(theta) - before;
+    }
+
     /// Changes the supply voltage, at least 0.
     pub fn set_bus(&mut self, v: f64) {
         self.params.bus_v = v.max(0.0);

@@ -204,6 +204,11 @@ impl Rig {
         self.plant.set_disturbance(n_m);
     }
 
+    /// See [`Plant::set_objects`].
+    pub fn set_objects(&mut self, objects: &[Contact]) {
+        self.plant.set_objects(objects);
+    }
+
     /// Changes the supply voltage.
     pub fn set_bus(&mut self, v: f64) {
         self.plant.set_bus(v);

@@ -44,27 +44,35 @@ pub enum Limit {
     Current,
 }
 
+/// Something that is wrong at once, but for the bus voltage: said where it is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wrong(u8);
+
+impl Wrong {
+    /// The driver's break input has switched the bridge off.
+    pub const BRIDGE: Self = Self(1 << 0);
+    /// The phase current is that of a short.
+    pub const SHORT: Self = Self(1 << 1);
+    /// The hall decoder has given up on the lines. Stays so until it is cleared.
+    pub const HALLS: Self = Self(1 << 2);
+    /// The motor is at its temperature limit.
+    pub const HOT: Self = Self(1 << 3);
+    /// The host is needed, and silent.
+    pub const HOST_LOST: Self = Self(1 << 4);
+}
+
+/// Beside the bits of [`Wrong`]: the bus voltage was wrong at the last check.
+const BUS: u8 = 1 << 7;
+
 /// Watches for faults and keeps the first until it is cleared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {
     latched: Option<Fault>,
-    halls: bool,
+    /// What has been said since the last check, a bit each: nothing as a rule, so that a tick has but this to look at.
+    said: u8,
     /// How long the bus voltage has been wrong on one side.
     bus_ms: u8,
     bus_high: bool,
-}
-
-/// What a tick finds wrong at once.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wrongs {
-    /// The driver's break input has switched the bridge off.
-    pub bridge: bool,
-    /// The phase current is that of a short.
-    pub short: bool,
-    /// The motor is at its temperature limit.
-    pub hot: bool,
-    /// The host is needed, and silent.
-    pub host_lost: bool,
 }
 
 impl Faults {
@@ -74,35 +82,32 @@ impl Faults {
         self.latched
     }
 
-    /// The hall decoder has given up on the lines.
-    pub const fn halls(&mut self) {
-        self.halls = true;
+    /// Something is wrong: to be said before each [`Self::check`] at which it is.
+    pub const fn say(&mut self, wrong: Wrong) {
+        self.said |= wrong.0;
     }
 
     /// Forgets the latched fault; one that persists comes back at the next check, before anything is driven: how long the
     /// bus voltage has been wrong is not forgotten, and hall lines that are wrong are reported at each tick.
     pub const fn clear(&mut self) {
         self.latched = None;
-        self.halls = false;
+        self.said &= !Wrong::HALLS.0;
     }
 
-    /// One tick of 1 ms: the bus voltage, and what else is wrong.
+    /// One tick of 1 ms: the bus voltage, and what else has been said.
     ///
     /// Returns a fault when it latches, once.
     #[inline]
-    pub fn check(&mut self, bus: MilliVolts, wrongs: Wrongs) -> Option<Fault> {
-        let Wrongs { bridge, short, hot, host_lost } = wrongs;
+    pub fn check(&mut self, bus: MilliVolts) -> Option<Fault> {
         let bus_right = bus.0.wrapping_sub(UNDER.0) <= OVER.0 - UNDER.0;
-        if bus_right && !(bridge | short | hot | host_lost | self.halls) {
-            self.bus_ms = 0;
-            return None;
-        }
-        self.judge(bus, wrongs)
+        if bus_right && self.said == 0 { None } else { self.judge(bus) }
     }
 
     /// The rest of [`Self::check`], where something is wrong.
     #[inline(never)]
-    fn judge(&mut self, bus: MilliVolts, wrongs: Wrongs) -> Option<Fault> {
+    fn judge(&mut self, bus: MilliVolts) -> Option<Fault> {
+        let said = self.said;
+        let wrong = |what: Wrong| said & what.0 != 0;
         let high = bus > OVER;
         if !high && bus >= UNDER {
             self.bus_ms = 0;
@@ -112,20 +117,24 @@ impl Faults {
             self.bus_high = high;
             self.bus_ms = 1;
         }
+        self.said &= Wrong::HALLS.0;
+        if self.bus_ms != 0 {
+            self.said |= BUS;
+        }
         if self.latched.is_some() {
             return None;
         }
-        self.latched = if wrongs.bridge {
+        self.latched = if wrong(Wrong::BRIDGE) {
             Some(Fault::Bridge)
-        } else if wrongs.short {
+        } else if wrong(Wrong::SHORT) {
             Some(Fault::OverCurrent)
-        } else if self.halls {
+        } else if wrong(Wrong::HALLS) {
             Some(Fault::Halls)
         } else if self.bus_ms >= BUS_MS {
             Some(if high { Fault::OverVoltage } else { Fault::UnderVoltage })
-        } else if wrongs.hot {
+        } else if wrong(Wrong::HOT) {
             Some(Fault::OverTemperature)
-        } else if wrongs.host_lost {
+        } else if wrong(Wrong::HOST_LOST) {
             Some(Fault::HostLost)
         } else {
             None

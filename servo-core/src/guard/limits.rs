@@ -5,7 +5,7 @@
 
 use crate::guard::fault::Limit;
 use crate::motion::torque::emf;
-use crate::num::saturating_i16;
+use crate::num::{mul_low_unsigned, saturating_i16, share_q32};
 use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
 
 /// The largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers charge
@@ -17,6 +17,13 @@ const PEAK_MA: i32 = 11_000;
 
 /// Phase current that only a short or a wrong motor draws, mA: 24 V across 2.405 Ω − 30 % is 14.3 A.
 const SHORT_MA: i32 = 15_000;
+
+/// The least duty at which the current is looked at, in 1/32768.
+const LEAST_DUTY: i32 = 1 << 11;
+
+/// Bus current that is the peak's at no duty from `LEAST_DUTY` on, mA: the peak's at that is 687.
+const LITTLE_MA: i32 = 640;
+const _: () = assert!(LITTLE_MA << 15 <= LEAST_DUTY * PEAK_MA);
 
 /// Consecutive ticks above `SHORT_MA` that are a fault; the comparator on the bridge acts within microseconds.
 const SHORT_MS: u8 = 5;
@@ -44,42 +51,56 @@ impl Bounded {
 }
 
 /// The state of the current limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// What the current takes from `NO_CUT`, 0..=1024.
-    cut: i16,
+    /// What the current leaves of `NO_CUT`, 0..=1024.
+    left: i16,
+    /// Ticks in a row with the current of a short; then `left` is less than `NO_CUT`.
     short_ms: u8,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { left: NO_CUT, short_ms: 0 }
+    }
 }
 
 impl Limits {
     /// Looks at the bus current that flowed at the duty applied since the last tick. A six-step bridge draws
     /// duty × phase current, so the guard divides where it is over the peak; below 1/16 duty the quotient is noise and
     /// is left alone.
+    ///
+    /// Returns whether the phase current has been that of a short for several ticks: a fault.
     #[inline]
-    pub fn watch_current(&mut self, bus: MilliAmps, applied: Duty) {
+    pub fn watch_current(&mut self, bus: MilliAmps, applied: Duty) -> bool {
+        // So little is below the peak at any duty that is looked at; as a rule there is no more to ask.
+        if i32::from(bus.0).wrapping_add(LITTLE_MA).cast_unsigned() <= 2 * LITTLE_MA.unsigned_abs() {
+            return self.recover();
+        }
         let duty = i32::from(applied.0.to_bits()).abs();
         // ≤ 2^30, and the peak times the duty ≤ 11,000 × 2^15 < 2^29.
         let current = i32::from(bus.0).abs().wrapping_mul(1 << 15);
-        if duty >= 1 << 11 && current > duty.wrapping_mul(PEAK_MA) {
+        if duty >= LEAST_DUTY && current > duty.wrapping_mul(PEAK_MA) {
             return self.cut_back(current / duty);
         }
-        self.short_ms = 0;
-        if self.cut != 0 {
-            self.cut = self.cut.saturating_sub(RECOVERY).max(0);
+        self.recover()
+    }
+
+    #[inline]
+    fn recover(&mut self) -> bool {
+        if self.left != NO_CUT {
+            self.left = self.left.saturating_add(RECOVERY).min(NO_CUT);
+            self.short_ms = 0;
         }
+        false
     }
 
     #[inline(never)]
-    fn cut_back(&mut self, phase: i32) {
+    fn cut_back(&mut self, phase: i32) -> bool {
         // 1 A over the peak is about 100 torque units; a quarter of it a tick settles in a few ticks.
         let cut = i16::try_from(phase.saturating_sub(PEAK_MA) / 40).unwrap_or(NO_CUT);
-        self.cut = self.cut.saturating_add(cut).min(NO_CUT);
+        self.left = self.left.saturating_sub(cut).max(0);
         self.short_ms = if phase > SHORT_MA { self.short_ms.saturating_add(1) } else { 0 };
-    }
-
-    /// Whether the phase current has been that of a short for several ticks: a fault.
-    #[must_use]
-    pub const fn short(&self) -> bool {
         self.short_ms >= SHORT_MS
     }
 
@@ -88,17 +109,23 @@ impl Limits {
     #[must_use]
     #[inline]
     pub fn envelope(&self, mt: Torque, thermal: Torque, velocity: CountsPerSec, bus: MilliVolts) -> Envelope {
-        let by_current = Torque(NO_CUT.wrapping_sub(self.cut));
-        let Torque(most) = mt.min(thermal).min(by_current);
+        let Torque(most) = mt.min(thermal).min(Torque(self.left));
         let most = i32::from(most);
         // 0..=2703 and ±31,772: nothing below comes near 2^31.
-        let volts = (u32::from(bus.0).wrapping_mul(MAX_DUTY) / 24_000).cast_signed();
+        let volts = volts(bus);
         let emf = emf(velocity);
         let within = |torque: i32| torque.max(most.wrapping_neg()).min(most);
         let high = within(volts.wrapping_sub(emf));
         let low = within(volts.wrapping_neg().wrapping_sub(emf));
         Envelope { most, mt, thermal, low, high, volts, emf, bus }
     }
+}
+
+/// The largest voltage across the motor that a bus has, in torque units: `bus` · `MAX_DUTY` / 24,000, rounded down. A product
+/// whose upper word is the result: 800ths are all that there is between whole numbers, and its error is less than 1/65536.
+fn volts(bus: MilliVolts) -> i32 {
+    const SHARE: u32 = share_q32(MAX_DUTY, 24_000);
+    mul_low_unsigned(bus.0.into(), SHARE, 32).cast_signed()
 }
 
 /// The bounds of one tick, in torque units (a voltage of 24 V is 1024).
@@ -235,13 +262,12 @@ mod tests {
         assert_eq!(governing(&limits, 300), (Torque(300), Some(Limit::Thermal)));
         for _ in 0..30 {
             // Half duty: the bus carries half of a phase current of 13 A.
-            limits.watch_current(MilliAmps(6_500), Duty::from_bits(1 << 14));
+            assert!(!limits.watch_current(MilliAmps(6_500), Duty::from_bits(1 << 14)));
         }
-        assert!(!limits.short());
         let (least, by) = governing(&limits, 990);
         assert!(least < Torque(300) && by == Some(Limit::Current), "{least:?} by {by:?}");
         for _ in 0..100 {
-            limits.watch_current(MilliAmps(1_000), Duty::from_bits(1 << 14));
+            assert!(!limits.watch_current(MilliAmps(1_000), Duty::from_bits(1 << 14)));
         }
         assert_eq!(governing(&limits, 990).1, Some(Limit::Torque));
     }
@@ -250,8 +276,25 @@ mod tests {
     fn a_short_is_a_fault_after_five_ticks() {
         let mut limits = Limits::default();
         for tick in 1..=5 {
-            limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14));
-            assert_eq!(limits.short(), tick >= 5);
+            assert_eq!(limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14)), tick >= 5);
+        }
+    }
+
+    #[test]
+    fn the_current_of_a_short_is_counted_in_a_row_alone() {
+        let mut limits = Limits::default();
+        for between in [MilliAmps(0), MilliAmps(1_000)] {
+            for _ in 0..4 {
+                assert!(!limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14)));
+            }
+            assert!(!limits.watch_current(between, Duty::from_bits(1 << 14)));
+        }
+    }
+
+    #[test]
+    fn every_bus_has_its_share_of_voltage() {
+        for bus in 0..=u16::MAX {
+            assert_eq!(volts(MilliVolts(bus)).unsigned_abs(), u32::from(bus) * MAX_DUTY / 24_000, "{bus}");
         }
     }
 

@@ -8,9 +8,9 @@ const LEAD_MS: u16 = 10;
 /// The stall timer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
-    /// Time driven without a count, and what of `LEAD_MS` belongs to it.
+    /// Time driven without a count, and all of `LEAD_MS` that can belong to it.
     still_ms: u32,
-    /// How much of `LEAD_MS` may still be added; none before the first count.
+    /// How much of that does not yet; none before the first count.
     lead_ms: u16,
 }
 
@@ -29,12 +29,13 @@ impl Stall {
     #[inline]
     pub fn step(&mut self, counted: bool, driven: bool, tstop: u16) -> bool {
         if counted {
-            *self = Self { still_ms: 0, lead_ms: LEAD_MS };
+            *self = Self { still_ms: LEAD_MS.into(), lead_ms: LEAD_MS };
         } else if driven {
             self.still_ms = self.still_ms.saturating_add(1);
-            return tstop != 0 && self.still_ms >= u32::from(tstop);
+            // The difference is not negative.
+            return tstop != 0 && self.still_ms.wrapping_sub(self.lead_ms.into()) >= u32::from(tstop);
         } else if let Some(lead_ms) = self.lead_ms.checked_sub(1) {
-            *self = Self { still_ms: self.still_ms.saturating_add(1), lead_ms };
+            self.lead_ms = lead_ms;
         }
         false
     }

@@ -42,49 +42,67 @@ const MOST_SQUARED: u32 = 2047 * 2047;
 const FULL: i16 = 990;
 
 /// The thermal state of the winding.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Thermal {
     /// Rise of the winding over the thermistor, 0.1 °C in 1/65536; 0 to 14,350 × 65536, of which twice fits.
     rise: i32,
     /// Sum of torque²/256 over the ticks since the last judgement: of 16 squares below 2^30 it fits.
     squares: u32,
-    /// Ticks to the next judgement.
+    /// Ticks to the next judgement, 0 to `TICKS` - 1; with [`LOOK`], the thermistor is looked at before that.
     due: u8,
-    /// Whether the last look at the thermistor still holds.
-    looked: bool,
-    /// That look: what has been taken from the full torque, and whether it is too hot to go on.
-    derated: i16,
+    /// The last look: the torque that is left, and whether it is too hot to go on.
+    most: i16,
     over: bool,
+}
+
+/// In `due`: the last look at the thermistor does not hold any more.
+const LOOK: u8 = 0x80;
+
+impl Default for Thermal {
+    fn default() -> Self {
+        Self { rise: 0, squares: 0, due: LOOK, most: FULL, over: false }
+    }
 }
 
 impl Thermal {
     /// One tick of 1 ms with the torque applied since the last. The first, and each of `TICKS`, judges.
-    pub fn step(&mut self, applied: Torque, thermistor: DeciCelsius, otemp: i16) {
-        let due = self.due == 0;
-        self.add(applied);
-        if due || !self.looked {
-            self.judge(due, thermistor, otemp);
+    ///
+    /// Returns whether it has just been found too hot to go on: see [`Self::over`].
+    pub fn step(&mut self, applied: Torque, thermistor: DeciCelsius, otemp: i16) -> bool {
+        self.warm_by(applied);
+        // As a rule neither is due.
+        let left = self.due.wrapping_sub(1);
+        if left < TICKS - 1 {
+            self.due = left;
+            return false;
         }
+        self.judge(thermistor, otemp)
     }
 
     /// The same for a tick that has no time to judge: the next step does, if it was due. Never two in succession.
     pub fn add(&mut self, applied: Torque) {
+        self.warm_by(applied);
+        if self.due & !LOOK != 0 {
+            self.due = self.due.wrapping_sub(1);
+        }
+    }
+
+    fn warm_by(&mut self, applied: Torque) {
         let torque = i32::from(applied.0);
         self.squares = self.squares.wrapping_add(torque.wrapping_mul(torque).cast_unsigned() >> 8);
-        self.due = self.due.saturating_sub(1);
     }
 
     /// Has the next step look at the thermistor: a new OTEMP, or a fault that was cleared. The winding's rise keeps
     /// its own time.
     pub const fn look_next(&mut self) {
-        self.looked = false;
+        self.due |= LOOK;
         self.over = false;
     }
 
     /// The torque limit that the motor's temperature leaves, 0..=990.
     #[must_use]
     pub const fn most(&self) -> Torque {
-        Torque(FULL.wrapping_sub(self.derated))
+        Torque(self.most)
     }
 
     /// Whether the thermistor is at the limit, where torque is cut; or reads so cold that its wire must be broken, and
@@ -95,16 +113,17 @@ impl Thermal {
     }
 
     #[inline(never)]
-    fn judge(&mut self, due: bool, thermistor: DeciCelsius, otemp: i16) {
-        if due {
-            self.warm();
+    fn judge(&mut self, thermistor: DeciCelsius, otemp: i16) -> bool {
+        match (self.due & !LOOK).checked_sub(1) {
+            None => self.warm(),
+            Some(left) => self.due = left,
         }
-        self.looked = true;
         let warm = i32::from(thermistor.0);
         let by_winding = derate(warm.saturating_add(self.rise >> 16), WINDING_MAX, WINDING_BAND);
-        let by_otemp = if otemp == DISABLED { 0 } else { derate(warm, i32::from(otemp), OTEMP_BAND) };
-        self.derated = by_winding.max(by_otemp);
+        let by_otemp = if otemp == DISABLED { FULL } else { derate(warm, i32::from(otemp), OTEMP_BAND) };
+        self.most = by_winding.min(by_otemp);
         self.over = otemp != DISABLED && (thermistor.0 >= otemp || thermistor <= OPEN);
+        self.over
     }
 
     /// The winding's rise after `TICKS` more.
@@ -126,11 +145,11 @@ impl Thermal {
     }
 }
 
-/// What `temp` takes from `FULL`: nothing below the band, all at `max`, linear between.
+/// What `temp` leaves of `FULL`: all below the band, nothing at `max`, linear between.
 fn derate(temp: i32, max: i32, band: i32) -> i16 {
     let left = max.saturating_sub(temp).clamp(0, band).saturating_mul(i32::from(FULL)) / band;
     // 0..=990.
-    FULL.saturating_sub(saturating_i16(left))
+    saturating_i16(left)
 }
 
 #[cfg(test)]
@@ -142,7 +161,7 @@ mod tests {
     /// After the first tick at a temperature, 0.1 °C.
     fn at(temp: i16, otemp: i16) -> Thermal {
         let mut thermal = Thermal::default();
-        thermal.step(Torque::ZERO, DeciCelsius(temp), otemp);
+        assert_eq!(thermal.step(Torque::ZERO, DeciCelsius(temp), otemp), thermal.over());
         thermal
     }
 
@@ -160,10 +179,7 @@ mod tests {
     #[test]
     fn what_becomes_hot_is_seen_within_sixteen_ticks() {
         let mut thermal = at(400, 700);
-        let seen = (1..100).find(|_| {
-            thermal.step(Torque::ZERO, DeciCelsius(700), 700);
-            thermal.over()
-        });
+        let seen = (1..100).find(|_| thermal.step(Torque::ZERO, DeciCelsius(700), 700));
         assert_eq!(seen, Some(usize::from(TICKS)));
     }
 
@@ -190,19 +206,16 @@ mod tests {
         for _ in 0..TICKS {
             thermal.add(Torque::ZERO);
         }
-        thermal.step(Torque::ZERO, DeciCelsius(700), 700);
-        assert!(thermal.over());
+        assert!(thermal.step(Torque::ZERO, DeciCelsius(700), 700));
     }
 
     #[test]
     fn a_new_limit_is_looked_at_in_the_next_step() {
         let mut thermal = at(600, 700);
         thermal.look_next();
-        thermal.step(Torque::ZERO, DeciCelsius(600), 600);
-        assert!(thermal.over());
+        assert!(thermal.step(Torque::ZERO, DeciCelsius(600), 600));
         thermal.look_next();
-        thermal.step(Torque::ZERO, DeciCelsius(600), 700);
-        assert!(!thermal.over());
+        assert!(!thermal.step(Torque::ZERO, DeciCelsius(600), 700));
     }
 
     #[test]

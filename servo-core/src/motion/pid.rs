@@ -5,7 +5,7 @@
 //! acts on the measurement alone and a commanded step gives no kick (DESIGN 4.3).
 
 use crate::motion::torque::missing;
-use crate::num::{Law, TICK_HZ, gain, product, sum_of_products};
+use crate::num::{Law, TICK_HZ, gain, product_enough, sum_of_products};
 use crate::units::Torque;
 
 /// The gains as the host sets them: properties KP, KI, KD.
@@ -61,14 +61,15 @@ impl Pid {
     ) -> Torque {
         let direct = self.direct(error, velocity_error);
         let (low, high) = (low.to_fixed(), high.to_fixed());
-        let increment = product(self.ki, error);
-        let unbounded = direct.saturating_add(state.integral);
+        let increment = product_enough(self.ki, error);
+        // The range is an envelope's, within ±1024, and the integral is inside it; products are within ±8192: no sum wraps.
+        let unbounded = direct.wrapping_add(state.integral);
         let winding_up =
             (unbounded > high && increment > Law::ZERO) || (unbounded < low && increment < Law::ZERO);
         if !winding_up {
-            state.integral = state.integral.saturating_add(increment).max(low).min(high);
+            state.integral = state.integral.wrapping_add(increment).max(low).min(high);
         }
-        Torque::from_fixed(direct.saturating_add(state.integral).max(low).min(high))
+        Torque::from_fixed(direct.wrapping_add(state.integral).max(low).min(high))
     }
 
     /// The state from which the next step gives `torque`, so that taking over from another law, or moving the
@@ -77,7 +78,8 @@ impl Pid {
     pub fn bumpless(&self, torque: Torque, error: Law, velocity_error: Law, limit: Torque) -> PidState {
         let limit = limit.to_fixed();
         let integral = torque.to_fixed().saturating_sub(self.direct(error, velocity_error));
-        PidState { integral: integral.clamp(limit.saturating_neg(), limit) }
+        // `clamp` would ask whether the bounds are in order.
+        PidState { integral: integral.max(limit.saturating_neg()).min(limit) }
     }
 
     /// What the law lacks in damping: see [`missing`].

@@ -38,6 +38,8 @@ const AGE_MANOEUVRE: u32 = 78_643;
 /// Slower edges than this cannot show a manoeuvre that matters: 0.3 counts in 10 ms is 6000 counts/s², a tenth
 /// of what the motor can do, and slow rotors rock over their cogs.
 const QUICK_US: u32 = 10_000;
+/// The last place within a cell, from its boundary: 1/1024 before the other.
+const CELL_END: i32 = ONE - 64;
 /// Residuals are taken to be at least this large, 0.03 counts: ±2° electrical.
 const NOISE_FLOOR: i32 = 1966;
 /// A residual beyond this, 0.3 counts, is no placement error (±10° electrical is 0.17 counts) and not learned.
@@ -47,7 +49,7 @@ const LOST: i32 = 16 * ONE;
 /// Most steps that are reckoned with.
 const MOST_STEPS: i32 = 1 << 13;
 /// Shortest time between edges that is reckoned with; also where a learned delay turns their order.
-const SHORTEST_US: u32 = 100;
+const SHORTEST_US: i32 = 100;
 /// Highest learned delay of rising edges, in µs.
 const DELAY_MAX: i32 = 400;
 /// Highest acceleration believed, counts/s²: the motor's torque gives 70,000.
@@ -96,6 +98,12 @@ struct Motion {
     place: i32,
     /// Where the next one really is.
     next: i32,
+    /// The way between the two, or what is reckoned with: at least an eighth of a count.
+    ahead: u32,
+    /// The last place before the next one that is within the cell.
+    last: i32,
+    /// At a standstill since `STILL` or longer; `at` is as long ago as that.
+    still: bool,
     /// Filtered position.
     position: i32,
     /// 0..=`SPEED_MAX`.
@@ -123,7 +131,7 @@ pub struct Estimator<const N: usize> {
     /// The motion before the last edge, in case that was a glitch.
     before: Motion,
     offsets: [i16; N],
-    /// Delay of rising edges in 2^-8 µs.
+    /// Delay of rising edges in 2^-8 µs, 0..=`DELAY_MAX`.
     delay: i32,
 }
 
@@ -137,6 +145,9 @@ impl<const N: usize> Estimator<N> {
             index: Self::index(count),
             place: 0,
             next: ONE,
+            ahead: ONE.unsigned_abs(),
+            last: CELL_END,
+            still: false,
             position: 0,
             velocity: 0,
             acceleration: 0,
@@ -188,17 +199,20 @@ impl<const N: usize> Estimator<N> {
         };
         let elapsed = since(m.at, at);
         let next = self.offset(Self::beside(index, sign), sign).wrapping_add(ONE);
+        let ahead = next.wrapping_sub(place).max(ONE / 8).unsigned_abs();
+        let rising = edge.rising;
+        let (last, still, position) = (next.min(CELL_END), false, place);
         let here =
-            Motion { at, boundary, index, place, next, position: place, sign, rising: edge.rising, ..*m };
+            Motion { at, boundary, index, place, next, ahead, last, still, position, sign, rising, ..*m };
         if sign != m.sign {
             // Crossed back: somewhere in between the rotor stood.
             self.motion = Motion { edges: 1, velocity: 0, acceleration: 0, bias: 0, ..here };
             return;
         }
-        let dt = elapsed.clamp(SHORTEST_US, STILL.0);
+        let dt = elapsed.clamp(SHORTEST_US.unsigned_abs(), STILL.0);
         let rate = (RATE / dt).cast_signed();
         // Below 2^29.
-        let (expected, velocity) = m.predict(dt);
+        let (expected, velocity) = m.predict(dt.cast_signed(), seconds(dt.cast_signed()).min(BENT));
         let residual = moved.wrapping_sub(expected);
         if m.edges < 2 || elapsed > STILL.0 || residual.abs() > LOST {
             let velocity = mul_shift(moved.wrapping_sub(m.place), rate, 12).clamp(0, SPEED_MAX);
@@ -258,41 +272,63 @@ impl<const N: usize> Estimator<N> {
         let (position, velocity) = self.rotor(now);
         let sign = i32::from(self.motion.sign);
         // From the centre of the cell, which is half a count past the boundary.
-        let within = position.clamp(64, ONE - 64).wrapping_sub(ONE / 2).wrapping_mul(sign);
+        let within = position.min(self.motion.last).max(64).wrapping_sub(ONE / 2).wrapping_mul(sign);
         let within = Counts(I22F10::from_bits(within >> 6));
         let velocity = CountsPerSec(I16F16::from_bits(velocity.wrapping_mul(sign)));
         (Counts::from_int(self.count).wrapping_add(within), velocity)
     }
 
-    /// Position, not beyond the next edge's place, and velocity; forward.
+    /// Position, maybe beyond the next edge's place, and velocity; forward.
     #[inline]
     fn rotor(&mut self, now: Micros) -> (i32, i32) {
         let m = &mut self.motion;
-        let elapsed = since(m.at, now);
-        if elapsed >= STILL.0 {
-            // It has gone as far as it will, and stays just as long ago as this from now on.
-            if m.velocity != 0 || m.acceleration != 0 {
-                (m.position, _) = m.predict(STILL.0);
-                m.position = m.position.min(m.next);
-                (m.velocity, m.acceleration, m.bias) = (0, 0, 0);
-            }
-            m.edges = m.edges.min(1);
+        // Signed, so that a product with it is one `SMULL`: an unsigned number that the compiler knows to be small takes two
+        // instructions more.
+        let elapsed = now.wrapping_since(m.at).0.cast_signed();
+        // As a rule the last edge is not long ago, or long ago.
+        if elapsed < ACCEL_US.cast_signed() {
+            // The acceleration is believed all the time.
+            self.not_there_yet(elapsed, seconds(elapsed))
+        } else if m.still {
             m.at = Micros(now.0.wrapping_sub(STILL.0));
-        }
-        if m.velocity == 0 && m.acceleration == 0 {
-            return (m.position.min(m.next), 0);
-        }
-        let (position, velocity) = m.predict(elapsed);
-        // No edge yet, so the rotor is not there yet. All of the way takes longer than the wait, or it is slower.
-        let waited = elapsed.saturating_sub(self.delay.unsigned_abs() >> 8).max(SHORTEST_US);
-        let ahead = m.next.wrapping_sub(m.place).max(ONE / 8);
-        let way = mul_upper(velocity, seconds(waited));
-        let velocity = if way < ahead {
-            velocity
+            (m.position, 0)
         } else {
-            mul_shift(ahead, saturating_signed(RATE / waited), 12).min(velocity)
-        };
-        (position.min(m.next), velocity)
+            self.rotor_late(now)
+        }
+    }
+
+    /// The rest of [`Self::rotor`]: it slows down, and then stands.
+    #[inline(never)]
+    fn rotor_late(&mut self, now: Micros) -> (i32, i32) {
+        let m = &mut self.motion;
+        let elapsed = since(m.at, now);
+        if elapsed < STILL.0 {
+            return self.not_there_yet(elapsed.cast_signed(), BENT);
+        }
+        // It has gone as far as it will, and stays just as long ago as this from now on.
+        if m.velocity != 0 || m.acceleration != 0 {
+            (m.position, _) = m.predict(STILL.0.cast_signed(), BENT);
+            (m.velocity, m.acceleration, m.bias) = (0, 0, 0);
+        }
+        m.position = m.position.min(m.next);
+        m.edges = m.edges.min(1);
+        m.at = Micros(now.0.wrapping_sub(STILL.0));
+        m.still = true;
+        (m.position, 0)
+    }
+
+    /// Position and velocity `elapsed` µs (≤ `STILL`) after the last edge, given that the next has not come. For `bent` see
+    /// [`Motion::predict`].
+    #[inline(always)]
+    fn not_there_yet(&self, elapsed: i32, bent: i32) -> (i32, i32) {
+        let m = &self.motion;
+        let (position, velocity) = m.predict(elapsed, bent);
+        // All of the way takes longer than the wait, or it is slower. Below 2^19 and 2^17, so the difference has a sign.
+        let waited = elapsed.wrapping_sub(self.delay >> 8).max(SHORTEST_US).cast_unsigned();
+        // Nothing is negative here, so it is one `UMULL`.
+        let way = mul_low_unsigned(velocity.cast_unsigned(), waited.wrapping_mul(SECOND), 32);
+        let velocity = if way < m.ahead { velocity } else { m.slower(waited).min(velocity) };
+        (position, velocity)
     }
 
     /// As [`at`](Self::at), but undecided what a pattern is that repeats with the rotor: marks out of place, or a
@@ -307,6 +343,7 @@ impl<const N: usize> Estimator<N> {
     pub fn undecided(&mut self, now: Micros) -> (Counts, CountsPerSec) {
         let (position, velocity) = self.rotor(now);
         let m = &self.motion;
+        let position = position.min(m.next);
         let sign = i32::from(m.sign);
         if sign == 0 {
             return (Counts::from_int(self.count), CountsPerSec::ZERO);
@@ -344,11 +381,11 @@ const fn along(distance: i32, sign: i8) -> i32 {
 const RATE: u32 = 4_096_000_000;
 
 impl Motion {
-    /// Position and velocity `dt` µs (≤ `STILL`) after the last edge.
+    /// Position and velocity `dt` µs (≤ `STILL`) after the last edge, with the acceleration in the first `bent` of it, in
+    /// 2^-32 s, at most [`BENT`].
     #[inline(always)]
-    fn predict(&self, dt: u32) -> (i32, i32) {
+    fn predict(&self, dt: i32, bent: i32) -> (i32, i32) {
         let time = seconds(dt);
-        let bent = time.min(seconds(ACCEL_US));
         // a < 2^25 in 2^-8, time < 2^27 in 2^-32 s: 24 bits down is below 2^28 in 2^-16 counts/s.
         let gain = mul_low(self.acceleration, bent, 24);
         // Below 2^30 + 2^28.
@@ -359,8 +396,14 @@ impl Motion {
             // Slowed down to a stop: half the distance at full speed is its braking distance, or more.
             return (self.position.wrapping_add(straight / 2), 0);
         }
-        let extra = mul_upper(gain, time.wrapping_sub(bent / 2));
+        let extra = mul_upper(gain, time.wrapping_sub(bent >> 1));
         (self.position.wrapping_add(straight).wrapping_add(extra), velocity)
+    }
+
+    /// The velocity that takes `waited` µs (at least 1) for the way to the next boundary.
+    #[cold]
+    fn slower(&self, waited: u32) -> i32 {
+        mul_shift(self.ahead.cast_signed(), saturating_signed(RATE / waited.max(1)), 12)
     }
 
     /// One filter step from the velocity predicted, with |residual| ≤ `LOST` = 2^20; gives the filtered deviation from the
@@ -428,7 +471,13 @@ fn gains(age: u32) -> (i32, i32, i32) {
     (g.cast_signed(), h.cast_signed(), y3.cast_signed())
 }
 
-/// Microseconds up to `STILL` in 2^-32 s: 4294.97, of which 4295 is 8 millionths more.
-const fn seconds(us: u32) -> i32 {
-    us.wrapping_mul(4295).cast_signed()
+/// A microsecond in 2^-32 s: 4294.97, of which this is 8 millionths more.
+const SECOND: u32 = 4295;
+
+/// `ACCEL_US` in 2^-32 s.
+const BENT: i32 = seconds(ACCEL_US.cast_signed());
+
+/// Microseconds up to `STILL` in 2^-32 s.
+const fn seconds(us: i32) -> i32 {
+    us.wrapping_mul(SECOND.cast_signed())
 }

@@ -14,8 +14,8 @@ use crate::num::Law;
 use crate::units::{Counts, Torque};
 
 impl Servo {
-    /// Every way in which a motion ends by itself.
-    pub(super) fn check_end(&mut self, counted: bool, strain: u8) {
+    /// Every way in which a motion ends by itself. Returns whether it has.
+    pub(super) fn check_end(&mut self, counted: bool, strain: u8) -> bool {
         let driven = !counted && self.driven();
         let tstop = if driven { self.tstop() } else { 0 };
         let stalled = self.stall.step(counted, driven, tstop);
@@ -23,12 +23,12 @@ impl Servo {
             (Mode::Trapezoidal, Purpose::Plain) => self.move_ends(strain),
             (Mode::Trapezoidal, _) => self.arrives(),
             (_, Purpose::TorqueControlled { .. }) if self.strain.excludes(strain) => Some(EndReason::Strain),
-            (_, Purpose::Pressing { .. }) => return,
+            (_, Purpose::Pressing { .. }) => return false,
             _ => None,
         };
-        if let Some(reason) = reason.or(stalled.then_some(EndReason::Stalled)) {
-            self.finish(reason);
-        }
+        let Some(reason) = reason.or(stalled.then_some(EndReason::Stalled)) else { return false };
+        self.finish(reason);
+        true
     }
 
     /// Whether a move to E ends by itself.
@@ -65,7 +65,7 @@ impl Servo {
             Mode::Velocity => self.applied.limit.is_some() && self.applied.torque != Torque::ZERO,
             // ACCEL 0 cannot move: the move ends as a stall instead of never.
             Mode::Trapezoidal if self.config.accel == 0 => true,
-            Mode::Pid | Mode::Trapezoidal => self.lag().saturating_abs() >= DRIVEN_LAG,
+            Mode::Pid | Mode::Trapezoidal => !self.lag().is_within(DRIVEN_LAG),
         }
     }
 

@@ -46,6 +46,11 @@ impl Halls {
         self.first = Self::sample();
     }
 
+    /// The lines at [`Self::look`].
+    pub const fn first(&self) -> u8 {
+        self.first
+    }
+
     /// The lines now: PB6 is bit 0. The port is not behind the timer's filter, so two samples must agree, or a third decides
     /// for each line: a spike shorter than the time between them changes nothing.
     pub fn code(&self) -> u8 {

@@ -32,6 +32,8 @@ pub trait Motor {
     fn look(&mut self);
     /// See [`Board::halls`].
     fn halls(&self) -> u8;
+    /// See [`Board::glance`]: what [`Self::look`] has seen.
+    fn glance(&self) -> u8;
     /// See [`Board::analog`].
     fn analog(&self) -> Analog;
 }
@@ -47,6 +49,10 @@ impl Motor for Held {
     fn look(&mut self) {}
 
     fn halls(&self) -> u8 {
+        0
+    }
+
+    fn glance(&self) -> u8 {
         0
     }
 
@@ -81,6 +87,10 @@ impl Motor for Armed {
 
     fn halls(&self) -> u8 {
         self.halls.code()
+    }
+
+    fn glance(&self) -> u8 {
+        self.halls.first()
     }
 
     #[inline(always)]
@@ -289,6 +299,10 @@ impl<M: Motor> Board for Metal<M> {
 
     fn halls(&self) -> u8 {
         self.motor.halls()
+    }
+
+    fn glance(&self) -> u8 {
+        self.motor.glance()
     }
 
     #[inline(always)]

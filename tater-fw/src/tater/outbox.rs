@@ -52,7 +52,7 @@ impl<B: Board> Tater<B> {
     /// Tells the servo's reports, oldest first.
     pub(super) fn report(&mut self) {
         for _ in 0..EVENTS {
-            let Some(event) = self.untold.take().or_else(|| self.servo.event()) else { break };
+            let Some(event) = self.servo.event() else { break };
             self.tell(event);
         }
     }

@@ -57,7 +57,7 @@ fn words_that_are_wrong() {
 #[test]
 fn what_is_not_initialized_does_not_move_but_is_switched_off() {
     let mut session = Session::new();
-    for line in ["C", "O", "M 1000", "1HOME", "SIC", "GWM", "X5PTM", "TC", "STO", "T"] {
+    for line in ["C", "O", "M 1000", "1HOME", "SIC", "GWM", "X5PTM", "TC", "STO", "LOOP", "T"] {
         assert_eq!(session.line(line), "ERR 4", "{line}");
     }
     assert_eq!(counts(&session), [0; 7]);
@@ -84,7 +84,7 @@ fn a_hand_hotter_than_otemp_does_not_move() {
     assert_eq!(status(&mut session, 4).mode, Mode::Velocity, "it presses");
     session.hand.io().set_temperature(451);
     let before = counts(&session);
-    for line in ["HI", "M 1000", "C", "TC", "GPTM 100", "12WM", "T"] {
+    for line in ["HI", "M 1000", "C", "TC", "GPTM 100", "12WM", "LOOP", "T"] {
         assert_eq!(session.line(line), "ERR 8192", "{line}");
     }
     assert_eq!(counts(&session), before);
@@ -100,7 +100,7 @@ fn a_board_that_does_not_answer() {
     let mut session = initialized();
     session.hand.bus_mut().cut(1, true);
     let before = counts(&session);
-    for line in ["M 5500", "2M 5500", "12M 5500", "X2C", "TC", "HI"] {
+    for line in ["M 5500", "2M 5500", "12M 5500", "X2C", "TC", "LOOP", "HI"] {
         assert_eq!(session.line(line), "ERR 1", "{line}");
         assert_eq!(counts(&session), before, "{line}");
     }

@@ -92,9 +92,14 @@ impl Filters {
             let bit = |bits: u32| bits >> bank & 1 == 1;
             let fifo = usize::from(bit(self.fifo));
             let (lists, wide) = (bit(self.lists), bit(self.wide));
-            for (i, hit) in matches(self.banks[bank], lists, wide, frame.raw_id()).into_iter().enumerate() {
+            let hits = if bit(self.active) {
+                matches(self.banks[bank], lists, wide, frame.raw_id())
+            } else {
+                vec![]
+            };
+            for (i, hit) in hits.into_iter().enumerate() {
                 let rank = (wide, lists, Reverse(bank * 4 + i));
-                if hit && bit(self.active) && best.is_none_or(|(other, _)| rank > other) {
+                if hit && best.is_none_or(|(other, _)| rank > other) {
                     best = Some((rank, (fifo, numbers[fifo] + i as u32)));
                 }
             }

@@ -16,7 +16,7 @@ fn period(control: u32, reload: u32) -> Time {
     let mut times = Vec::new();
     while times.len() < 4 {
         if b.cpu.is_asleep() {
-            b.chip.borrow_mut().now = b.cpu.next_event();
+            b.cpu.chip.now = b.cpu.next_event();
             times.push(b.cpu.next_event());
         } else {
             b.steps(1);
@@ -37,16 +37,16 @@ fn systick_interrupts_every_reload_and_one() {
 #[test]
 fn systick_shows_its_count_and_that_it_was_0() {
     let mut b = Bench::new(&[STAY], &[]);
-    let cycle = b.chip.borrow().rcc.core_cycle();
+    let cycle = b.cpu.chip.rcc.core_cycle();
     b.poke(RVR, 100);
     b.poke(CSR, 0b101);
     assert_eq!(b.cpu.next_event(), NEVER, "it does not interrupt");
-    b.chip.borrow_mut().now += 10 * cycle;
+    b.cpu.chip.now += 10 * cycle;
     assert_eq!(b.peek(CVR), 91, "reloaded by the first cycle");
-    b.chip.borrow_mut().now += 91 * cycle;
+    b.cpu.chip.now += 91 * cycle;
     assert_eq!(b.peek(CVR), 0);
     assert_eq!([b.peek(CSR), b.peek(CSR)], [0x1_0005, 5], "COUNTFLAG is cleared by reading");
-    b.chip.borrow_mut().now += 1010 * cycle;
+    b.cpu.chip.now += 1010 * cycle;
     assert_eq!(b.peek(CVR), 0, "ten periods");
 }
 
@@ -63,12 +63,12 @@ fn a_reset_is_asked_for_with_the_key_only() {
 #[test]
 fn an_instruction_takes_one_and_a_half_cycles_and_waits_for_a_busy_flash() {
     let mut b = Bench::new(&[NOP, NOP, NOP, STAY], &[]);
-    let (cycle, start) = (b.chip.borrow().rcc.core_cycle(), b.chip.borrow().now);
+    let (cycle, start) = (b.cpu.chip.rcc.core_cycle(), b.cpu.chip.now);
     b.steps(2);
-    assert_eq!(b.chip.borrow().now - start, 3 * cycle);
-    b.chip.borrow_mut().flash.busy_until = start + 1000 * cycle;
+    assert_eq!(b.cpu.chip.now - start, 3 * cycle);
+    b.cpu.chip.flash.busy_until = start + 1000 * cycle;
     b.steps(1);
-    assert_eq!(b.chip.borrow().now, start + 1000 * cycle + 3 * cycle / 2);
+    assert_eq!(b.cpu.chip.now, start + 1000 * cycle + 3 * cycle / 2);
 }
 
 #[test]
@@ -98,8 +98,7 @@ fn a_copy_goes_on_as_its_original() {
     b.poke(CSR, 0b111);
     b.lines(&[0]);
     b.steps(2);
-    let chip = Rc::new(RefCell::new(b.chip.borrow().clone()));
-    let mut copy = Bench { cpu: b.cpu.duplicate(Rc::clone(&chip)), chip };
+    let mut copy = Bench { cpu: b.cpu.duplicate() };
     for bench in [&mut b, &mut copy] {
         bench.lines(&[]);
         for _ in 0..200 {
@@ -110,6 +109,6 @@ fn a_copy_goes_on_as_its_original() {
     let state = |b: &Bench| (0..17).map(|i| b.cpu.register(i)).collect::<Vec<u32>>();
     assert_eq!(state(&b), state(&copy));
     assert_eq!(b.cpu.counts.instructions, copy.cpu.counts.instructions);
-    assert_eq!(b.chip.borrow().now, copy.chip.borrow().now);
+    assert_eq!(b.cpu.chip.now, copy.cpu.chip.now);
     assert!(b.cpu.counts.handlers[15].runs > 1);
 }

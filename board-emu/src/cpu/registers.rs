@@ -1,0 +1,124 @@
+//! The registers (ARMv7-M B1.4): an array, because nearly every instruction has several of them by number.
+
+use armagnac::registers::{ControlRegister, CoreRegisters, ProgramStatusRegister};
+
+/// One of R0 to R15.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reg(u8);
+
+impl Reg {
+    /// The stack pointer in use.
+    pub const SP: Self = Self(13);
+    /// The link register.
+    pub const LR: Self = Self(14);
+    /// The program counter.
+    pub const PC: Self = Self(15);
+
+    /// By the lowest four bits, as they stand in an instruction.
+    pub const fn new(index: u32) -> Self {
+        Self((index & 15) as u8)
+    }
+
+    /// Whether it is the program counter.
+    pub const fn is_pc(self) -> bool {
+        self.0 == Self::PC.0
+    }
+}
+
+/// All of them.
+#[derive(Clone, Debug)]
+pub struct Registers {
+    /// R0 to R15, of the two stack pointers the one in use.
+    all: [u32; 16],
+    /// The other one.
+    other_sp: u32,
+    /// Flags, IT state, exception number.
+    pub psr: ProgramStatusRegister,
+    control: ControlRegister,
+}
+
+impl Registers {
+    /// As after a reset, but for what the vector table gives.
+    pub fn new() -> Self {
+        let (psr, control) = (ProgramStatusRegister::new(), ControlRegister::new());
+        Self { all: [0; 16], other_sp: 0, psr, control }
+    }
+
+    /// Reads one.
+    #[inline]
+    pub const fn get(&self, reg: Reg) -> u32 {
+        self.all[(reg.0 & 15) as usize]
+    }
+
+    /// Writes one. The two lowest bits of a stack pointer are 0 (ARMv7-M B1.4.1).
+    #[inline]
+    pub fn set(&mut self, reg: Reg, value: u32) {
+        self.all[usize::from(reg.0 & 15)] = if reg == Reg::SP { value & !3 } else { value };
+    }
+
+    /// The program counter.
+    #[inline]
+    pub const fn pc(&self) -> u32 {
+        self.get(Reg::PC)
+    }
+
+    /// Sets the program counter.
+    #[inline]
+    pub fn set_pc(&mut self, value: u32) {
+        self.set(Reg::PC, value);
+    }
+
+    /// CONTROL.
+    pub const fn control(&self) -> &ControlRegister {
+        &self.control
+    }
+
+    /// CONTROL.nPRIV.
+    pub fn set_unprivileged(&mut self, on: bool) {
+        self.control.set_privileged_bit(on);
+    }
+
+    /// CONTROL.SPSEL: the process stack pointer is the one in use.
+    pub fn select_psp(&mut self, on: bool) {
+        if self.control.spsel() != on {
+            self.control.set_spsel(on);
+            std::mem::swap(&mut self.all[13], &mut self.other_sp);
+        }
+    }
+
+    /// The main stack pointer.
+    #[inline]
+    pub fn msp(&self) -> u32 {
+        if self.control.spsel() { self.other_sp } else { self.get(Reg::SP) }
+    }
+
+    /// The process stack pointer.
+    pub fn psp(&self) -> u32 {
+        if self.control.spsel() { self.get(Reg::SP) } else { self.other_sp }
+    }
+
+    /// Sets the process stack pointer (`process`) or the main one.
+    pub fn set_stack(&mut self, process: bool, value: u32) {
+        if self.control.spsel() == process {
+            self.set(Reg::SP, value);
+        } else {
+            self.other_sp = value & !3;
+        }
+    }
+
+    /// Gives them to the engine, which has one stack pointer.
+    pub fn lend(&self, to: &mut CoreRegisters) {
+        let [r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp, lr, pc] = self.all;
+        let psr = self.psr;
+        *to =
+            CoreRegisters { r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp, lr, pc, psr, ..*to };
+    }
+
+    /// Takes them back.
+    pub fn take_back(&mut self, from: &CoreRegisters) {
+        let CoreRegisters { r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp, lr, pc, psr, .. } =
+            *from;
+        self.all = [r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp & !3, lr, pc];
+        self.psr = psr;
+    }
+}

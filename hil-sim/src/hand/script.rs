@@ -1,0 +1,131 @@
+//! Lines of Grasper Control Language typed at a hand, as fast as it answers, in simulated time.
+
+use god::io::ABORT;
+use serde::Serialize;
+
+use super::Hand;
+
+/// What ends an answer: GOD's prompt at the beginning of a line.
+const PROMPT: &str = "\n\r=> ";
+
+/// Whether what has been said ends in a prompt.
+#[must_use]
+pub fn prompts(said: &[u8]) -> bool {
+    said.ends_with(PROMPT.as_bytes())
+}
+
+/// How often what is said is looked at, us: a line's time is known so well.
+const LOOK_US: u64 = 1_000;
+
+/// Longest that a line may take, us: HI takes some seconds, a sequence of ten moves a minute.
+const MOST_US: u64 = 600_000_000;
+
+/// A line and what came of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Answered {
+    /// The line, as typed.
+    pub line: String,
+    /// What was said after the echo, without the prompt; lines end in LF.
+    pub answer: String,
+    /// The number after ERR (manual, table 4); 0 if there was none.
+    pub status: u32,
+    /// From the line's end to the prompt, ms of simulated time.
+    pub ms: f64,
+}
+
+/// GOD did not prompt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NoPrompt {
+    /// The line.
+    pub line: String,
+    /// What it said meanwhile.
+    pub said: String,
+}
+
+impl std::fmt::Display for NoPrompt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { line, said } = self;
+        write!(f, "{line:?}: no prompt within {} s of simulated time; it said {said:?}", MOST_US / 1_000_000)
+    }
+}
+
+impl std::error::Error for NoPrompt {}
+
+/// A host that types a line and waits for the prompt.
+pub struct Typist {
+    hand: Hand,
+}
+
+impl Typist {
+    /// Takes a hand whose power has just come on. Returns what it said up to its first prompt.
+    ///
+    /// # Errors
+    /// It never prompted.
+    pub fn new(hand: Hand) -> Result<(Self, String), NoPrompt> {
+        let mut typist = Self { hand };
+        let said = typist.until_prompt("")?;
+        Ok((typist, said))
+    }
+
+    /// The hand.
+    #[must_use]
+    pub const fn hand(&self) -> &Hand {
+        &self.hand
+    }
+
+    /// Types a line and a CR, and waits for the prompt. A line that ends in ^C ends there. LOOP has no prompt: its `*` is answered
+    /// with ^C.
+    ///
+    /// # Errors
+    /// There was no prompt: nothing more can be typed.
+    pub fn line(&mut self, line: &str) -> Result<Answered, NoPrompt> {
+        for byte in line.bytes() {
+            self.hear(byte);
+        }
+        let begun_us = self.hand.now_us();
+        if !line.ends_with(char::from(ABORT)) {
+            self.hear(b'\r');
+        }
+        let said = self.until_prompt(line)?;
+        let ms = (self.hand.now_us() - begun_us) as f64 / 1000.0;
+        let echo = line.trim_end_matches(char::from(ABORT));
+        let answer = said.strip_prefix(echo).unwrap_or(&said).trim().replace('\r', "");
+        let status = answer.lines().rev().find_map(|line| line.strip_prefix("ERR ")?.trim().parse().ok());
+        Ok(Answered { line: line.to_owned(), answer, status: status.unwrap_or(0), ms })
+    }
+
+    /// A byte, when there is room for it.
+    fn hear(&mut self, byte: u8) {
+        if self.hand.io().room() == 0 {
+            // GOD takes all that it can at once.
+            self.hand.run_until(self.hand.now_us() + 1);
+        }
+        self.hand.hear(&[byte]);
+    }
+
+    fn until_prompt(&mut self, line: &str) -> Result<String, NoPrompt> {
+        let end_us = self.hand.now_us() + MOST_US;
+        let mut said = Vec::new();
+        while self.hand.now_us() < end_us {
+            self.hand.run_until(self.hand.now_us() + LOOK_US);
+            said.extend(self.hand.said());
+            if prompts(&said) {
+                said.truncate(said.len() - PROMPT.len());
+                return Ok(text(&said));
+            }
+            // RealTime wants blocks, and a script has none.
+            if said.ends_with(b"*")
+                && said.len() == line.len() + 1
+                && line.to_ascii_uppercase().ends_with("LOOP")
+            {
+                self.hand.hear(&[ABORT]);
+            }
+        }
+        Err(NoPrompt { line: line.to_owned(), said: text(&said) })
+    }
+}
+
+/// Latin-1: any byte is a character.
+fn text(said: &[u8]) -> String {
+    said.iter().map(|&byte| char::from(byte)).collect()
+}

@@ -1,0 +1,170 @@
+//! What a hand keeps without power, as bytes of one file: seven flashes, GOD's storage, and where the motors stand.
+//!
+//! Little-endian: [`MAGIC`]; the length of the body (4 bytes); the body; the CRC-32 of all before (4). The body: for each of nodes 1 to
+//! 7 the rotor's position in hall counts (8, IEEE 754), how many pages are not erased (2), and each of those with its number (2);
+//! then GOD's bytes, which end the body.
+
+use flate2::Crc;
+use god::memory::Stored;
+use tater_wire::memory::{FLASH, PAGE};
+
+/// What such a file begins with: what it is, and the version of its form.
+const MAGIC: &[u8] = b"hil-sim hand, state 1\n";
+
+/// Motors of a hand.
+const BOARDS: usize = 7;
+
+/// Bytes of a page of flash.
+const PAGE_BYTES: usize = PAGE as usize;
+
+/// Bytes of a flash.
+const FLASH_BYTES: usize = FLASH.len as usize;
+
+/// What one board and its motor keep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kept {
+    /// The whole flash.
+    pub flash: Vec<u8>,
+    /// Where the rotor stands, hall counts from the plant's 0.
+    pub counts: f64,
+}
+
+/// What a hand keeps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Of nodes 1 to 7.
+    pub boards: Vec<Kept>,
+    /// GOD's.
+    pub god: Stored,
+}
+
+/// Why bytes are no state of a hand.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadState {
+    /// Where it is wrong, bytes from the beginning.
+    pub at: usize,
+    /// What is there.
+    pub found: String,
+    /// What was to be there.
+    pub expected: String,
+}
+
+impl State {
+    /// The bytes of the file.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut body = Vec::new();
+        for Kept { flash, counts } in &self.boards {
+            body.extend(counts.to_le_bytes());
+            let pages = || (0u16..).zip(flash.chunks(PAGE_BYTES)).filter(|(_, page)| !is_erased(page));
+            // A flash of 128 pages.
+            body.extend((pages().count() as u16).to_le_bytes());
+            for (number, page) in pages() {
+                body.extend(number.to_le_bytes());
+                body.extend(page);
+            }
+        }
+        body.extend(of_god(&self.god));
+        let mut bytes = MAGIC.to_vec();
+        // Seven flashes and GOD: under a megabyte.
+        bytes.extend((body.len() as u32).to_le_bytes());
+        bytes.extend(body);
+        bytes.extend(sum(&bytes).to_le_bytes());
+        bytes
+    }
+
+    /// The state that such bytes hold.
+    ///
+    /// # Errors
+    /// They are of something else, of another version, or damaged.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, BadState> {
+        let mut reader = Reader { bytes, at: 0 };
+        let kind = String::from_utf8_lossy(MAGIC).into_owned();
+        if reader.take(MAGIC.len(), &kind)? != MAGIC {
+            let first = String::from_utf8_lossy(&bytes[..MAGIC.len()]).into_owned();
+            return Err(BadState { at: 0, found: format!("{first:?}"), expected: format!("{kind:?}") });
+        }
+        let len = u32::from_le_bytes(reader.array("the length of the body")?) as usize;
+        let end = reader.at.saturating_add(len);
+        if bytes.len() != end.saturating_add(4) {
+            let (found, expected) = (bytes.len(), end.saturating_add(4));
+            return Err(reader.wrong(format!("a file of {found} bytes"), &format!("{expected} bytes")));
+        }
+        let (before, stored) = bytes.split_at(end);
+        if sum(before).to_le_bytes() != stored {
+            reader.at = end;
+            let stored = stored.iter().rev().fold(String::new(), |text, byte| text + &format!("{byte:02X}"));
+            return Err(reader.wrong(format!("CRC-32 {stored}"), &format!("CRC-32 {:08X}", sum(before))));
+        }
+        reader.bytes = before;
+        let boards = (0..BOARDS).map(|_| reader.kept()).collect::<Result<_, _>>()?;
+        let rest = &reader.bytes[reader.at..];
+        let Some(god) = god_of(rest) else {
+            return Err(reader.wrong(format!("{} bytes", rest.len()), "GOD's storage"));
+        };
+        Ok(Self { boards, god })
+    }
+}
+
+fn is_erased(page: &[u8]) -> bool {
+    page.iter().all(|&byte| byte == 0xFF)
+}
+
+fn sum(bytes: &[u8]) -> u32 {
+    let mut crc = Crc::new();
+    crc.update(bytes);
+    crc.sum()
+}
+
+/// The bytes of GOD's storage.
+fn of_god(stored: &Stored) -> Vec<u8> {
+    stored.serial.to_le_bytes().to_vec()
+}
+
+/// The storage that such bytes hold.
+fn god_of(bytes: &[u8]) -> Option<Stored> {
+    Some(Stored { serial: u32::from_le_bytes(bytes.try_into().ok()?), ..Stored::default() })
+}
+
+/// Bytes and how many of them have been read.
+struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn wrong(&self, found: String, expected: &str) -> BadState {
+        BadState { at: self.at, found, expected: expected.to_owned() }
+    }
+
+    fn take(&mut self, len: usize, what: &str) -> Result<&'a [u8], BadState> {
+        let rest = &self.bytes[self.at..];
+        let taken = rest.get(..len).ok_or_else(|| self.wrong(format!("{} bytes", rest.len()), what))?;
+        self.at += len;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N], BadState> {
+        let taken = self.take(N, what)?;
+        Ok(std::array::from_fn(|i| taken[i]))
+    }
+
+    fn kept(&mut self) -> Result<Kept, BadState> {
+        let counts = f64::from_le_bytes(self.array("a position")?);
+        if !counts.is_finite() {
+            return Err(self.wrong(counts.to_string(), "a position"));
+        }
+        let pages = u16::from_le_bytes(self.array("a number of pages")?);
+        let mut flash = vec![0xFF; FLASH_BYTES];
+        for _ in 0..pages {
+            let number = u16::from_le_bytes(self.array("a page's number")?);
+            let page = self.take(PAGE_BYTES, "a page")?;
+            let from = usize::from(number) * PAGE_BYTES;
+            let Some(place) = flash.get_mut(from..from + PAGE_BYTES) else {
+                return Err(self.wrong(format!("page {number}"), "pages 0 to 127"));
+            };
+            place.copy_from_slice(page);
+        }
+        Ok(Kept { flash, counts })
+    }
+}
