@@ -5,7 +5,7 @@
 //! survive a power-off is in [`memory::Memory`]. What GOD does is one future, [`god::run`], that whoever has the ports polls after each
 //! byte, frame or deadline; it never blocks, and needs no waker.
 //!
-//! Where to look: the host's bytes become lines in [`line`], lines become commands in [`words`]; which motors a prefix selects is in
+//! Where to look: the host's bytes become lines in [`mod@line`], lines become commands in [`words`]; which motors a prefix selects is in
 //! [`motors`]; every command is a row of [`command`], every parameter one of [`parameter`], every status code one of
 //! [`status`]; counts of the language and of the boards meet in [`units`] alone; [`boards`] talks to the boards.
 #![no_std]

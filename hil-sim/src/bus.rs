@@ -201,7 +201,7 @@ impl<S: Station> Bus<S> {
         self.tap = on.then(VecDeque::new);
     }
 
-    /// The next frame that was on the bus since the tap was opened. Of more than [`TAP`] the oldest are lost.
+    /// The next frame that was on the bus since the tap was opened. Of more than 1024 the oldest are lost.
     pub fn tapped(&mut self) -> Option<Stamped> {
         self.tap.as_mut()?.pop_front()
     }

@@ -1,6 +1,6 @@
 //! What a hand keeps without power, as bytes of one file: seven flashes, GOD's storage, and where the motors stand.
 //!
-//! Little-endian: [`MAGIC`]; the length of the body (4 bytes); the body; the CRC-32 of all before (4). The body: for each of nodes 1 to
+//! Little-endian: `MAGIC`; the length of the body (4 bytes); the body; the CRC-32 of all before (4). The body: for each of nodes 1 to
 //! 7 the rotor's position in hall counts (8, IEEE 754), how many pages are not erased (2), and each of those with its number (2);
 //! then GOD's bytes, which end the body.
 
