@@ -193,7 +193,7 @@ pub const fn mul_low_unsigned(a: u32, b: u32, shift: u32) -> u32 {
     ((a as u64 * b as u64) >> shift) as u32
 }
 
-/// The product of two numbers of a control law, rounded down, and bounded: see [`enough`].
+/// The product of two numbers of a control law, rounded down, and bounded: see `enough`.
 #[must_use]
 pub fn product_enough(a: Law, b: Law) -> Law {
     enough(a.to_bits() as i64 * b.to_bits() as i64)
@@ -205,7 +205,7 @@ pub const fn share_q32(n: u32, d: u32) -> u32 {
     (((n as u64) << 32) / d as u64 + 1) as u32
 }
 
-/// `a · b + c · d`, rounded down once and bounded (see [`enough`]), of which `a` and `c` are not negative: then the sum of the
+/// `a · b + c · d`, rounded down once and bounded (see `enough`), of which `a` and `c` are not negative: then the sum of the
 /// whole products is below 2^63.
 #[must_use]
 pub fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
