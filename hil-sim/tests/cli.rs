@@ -289,22 +289,40 @@ fn a_full_disk_is_no_success_and_a_closed_pipe_no_failure() {
     }
 }
 
-/// Every command line that the README gives for this program ends well.
+/// Every command line that the README gives for this program ends well; those that serve are begun and ended by the
+/// tests that are named here.
 #[test]
 fn the_readme_can_be_typed() {
     let readme = include_str!("../../README.md");
-    let lines = readme.lines().filter_map(|line| line.strip_prefix("cargo run --release -p hil-sim -- "));
-    let (serving, lines): (Vec<&str>, Vec<&str>) = lines.partition(|line| line.starts_with("bus "));
+    let command = "cargo run --release -p hil-sim -- ";
+    let lines = readme.lines().filter_map(|line| line.strip_prefix(command));
+    let serves = |line: &&str| line.starts_with("bus ") || line.starts_with("hand ");
+    let (serving, lines): (Vec<&str>, Vec<&str>) = lines.partition(serves);
+    let hand = "hand --listen 127.0.0.1:11001 --slcan 127.0.0.1:7100 --state hand.state";
+    assert_eq!(serving, ["bus --nodes 1-7 --slcan 127.0.0.1:7100", hand], "see tests/bus.rs, tests/hand.rs");
     assert_eq!(lines.len(), 2, "{lines:?}");
-    // That one does not end: `tests/bus.rs` starts the like of it.
-    assert_eq!(serving, ["bus --nodes 1-7 --slcan 127.0.0.1:7100"]);
+    let readme_folder = folder("readme");
     for line in lines {
         let args: Vec<&str> = line.split_whitespace().collect();
         let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
             .args(args)
-            .current_dir(folder("readme"))
+            .current_dir(&readme_folder)
             .output()
             .expect("the binary starts");
+        assert_eq!(output.status.code(), Some(0), "{line}: {}{}", stdout(&output), stderr(&output));
+    }
+
+    // What is piped into it, with the shell that a user has.
+    let piped: Vec<&str> = readme.lines().filter(|line| line.contains(&format!("| {command}"))).collect();
+    assert_eq!(piped.len(), 1, "{piped:?}");
+    for line in piped {
+        let grasps = concat!(env!("CARGO_MANIFEST_DIR"), "/grasps");
+        let line = line.replace(command, "\"$0\" ").replace("hil-sim/grasps", grasps);
+        let output = Command::new("sh")
+            .args(["-c", &line, env!("CARGO_BIN_EXE_hil-sim")])
+            .current_dir(&readme_folder)
+            .output()
+            .expect("a shell");
         assert_eq!(output.status.code(), Some(0), "{line}: {}{}", stdout(&output), stderr(&output));
     }
 }
