@@ -2,10 +2,11 @@
 
 use core::cell::RefCell;
 
-use tater_wire::{Body, Destination, Frame, Group, Message, Property};
+use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Property};
 
 use crate::io::Io;
 use crate::motors::{COUNT, Motor, Motors};
+use crate::status::Status;
 
 /// How long an answer may take: half a millisecond, and 40 ms where the board erases a page (DESIGN 4.3).
 const ANSWER_US: u64 = 60_000;
@@ -219,11 +220,21 @@ impl<'a> Boards<'a> {
         self.set_each(property, &values).await;
     }
 
-    /// Lets boards put into their flash what a SAVE has told them to, so that the power may go off after it. Returns those that are
-    /// still there.
-    pub async fn store(&self, motors: Motors) -> Motors {
+    /// SAVEs values of a property, one after another, and lets boards put them into their flash, so that the power may go off after it.
+    /// Returns what that came to: [`Status::NO_BOARD`], [`Status::NOT_STORED`].
+    pub async fn save(&self, motors: Motors, what: impl Iterator<Item = i64>) -> Status {
+        // What their flash has not taken at other times is not this one's; with a fault of another kind ERROR does not tell.
+        let storage = |code| FaultCode::of(code) == Some(FaultCode::Storage);
+        self.set(self.get(motors, Property::ERROR).await.which(storage), Property::STAT, 2).await;
+        for value in what {
+            self.set(motors, Property::SAVE, value).await;
+        }
         self.io.sleep_until(self.io.now_us().saturating_add(STORE_US)).await;
-        self.get(motors, Property::STAT).await.motors()
+        let errors = self.get(motors, Property::ERROR).await;
+        let silent = motors.but(errors.motors());
+        let answered = if silent.is_empty() { Status::OK } else { Status::NO_BOARD };
+        let stored = if errors.which(storage).is_empty() { Status::OK } else { Status::NOT_STORED };
+        answered | stored
     }
 
     /// Wakes those that are in their monitor. Returns those whose application runs.

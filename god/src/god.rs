@@ -57,7 +57,7 @@ pub async fn run(io: &Io, memory: &Memory) -> Infallible {
         let god = God::new(io, memory);
         with(settings::hand::keep(&god), async {
             god.start().await;
-            while movement::accompanied(&god, god.serve()).await {}
+            with(movement::keep_company(&god), async { while god.serve().await {} }).await;
         })
         .await;
         settings::hand::count(&god);

@@ -275,13 +275,16 @@ pub(crate) async fn both<A, B>(one: impl Future<Output = A>, other: impl Future<
     .await
 }
 
-/// Does `work` to its end, and `meanwhile` as long as that takes.
+/// Does `work` to its end, and `meanwhile` as long as that takes: after it each time, because it may just have given it something to do.
 pub(crate) async fn with<T>(meanwhile: impl Future<Output = Infallible>, work: impl Future<Output = T>) -> T {
     let mut meanwhile = core::pin::pin!(meanwhile);
     let mut work = core::pin::pin!(work);
     poll_fn(|context| {
-        let _ = meanwhile.as_mut().poll(context);
-        work.as_mut().poll(context)
+        let work = work.as_mut().poll(context);
+        if work.is_pending() {
+            let _: Poll<Infallible> = meanwhile.as_mut().poll(context);
+        }
+        work
     })
     .await
 }

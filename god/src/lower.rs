@@ -209,11 +209,10 @@ async fn save(god: &God<'_>) -> Status {
             break;
         }
     }
-    god.boards.set(awake, Property::SAVE, -1).await;
     let parameters = *god.parameters.borrow();
     god.memory.change(|stored| stored.parameters = parameters);
-    let answered = god.boards.store(awake).await;
-    if stat.motors() == Motors::ALL && answered == awake { Status::OK } else { Status::NO_BOARD }
+    let answered = if stat.motors() == Motors::ALL { Status::OK } else { Status::NO_BOARD };
+    answered | god.boards.save(awake, core::iter::once(-1)).await
 }
 
 // --- ends of motions ------------------------------------------------------------------------------------

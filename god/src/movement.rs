@@ -8,7 +8,8 @@
 //!   what stopped the last one. A fault that goes on ends the motion at once.
 //! * **Told**: each motor goes on to its own end, and then the sum of their codes is told; parameter S has each motor's own. 16 is for
 //!   commands that go to a position: the motor ended farther from it than MPE, or by a fault. C, O, TC and TO end where they end. An
-//!   overheated motor is 8192, one that has lost its position (hall fault) 4, one whose board fell silent 1.
+//!   overheated motor is 8192, one that has lost its position (hall fault) 4, one whose board fell silent 1; any other fault that ends
+//!   a motion is 8, and a board that does not begin one because its flash is broken 512, where nothing else is to be told.
 //!
 //! Where to look: who can move is in [`ready`], where it goes in [`goals`], how link and tip arrive together in [`pace`], a motion from
 //! its start to its ends in [`motion`], HI in [`homing`], what ^C and the time between two commands need in [`moves`].
@@ -29,7 +30,7 @@ use crate::motors::{Motors, Prefix, Selection};
 use crate::status::Status;
 use crate::words::Arguments;
 
-pub(crate) use moves::{Moves, abort, accompanied};
+pub(crate) use moves::{Moves, abort, keep_company};
 pub(crate) use ready::{is_too_hot, lost};
 
 /// Greatest distance or position that is typed, GCL counts (manual 5.2.1).

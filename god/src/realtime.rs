@@ -241,9 +241,12 @@ impl<'a, 'b> Loop<'a, 'b> {
             }
             let one = Motors::NONE.with(motor);
             let error = self.god.boards.get(one, Property::ERROR).await.of(motor);
-            status |= match error.and_then(FaultCode::of) {
-                Some(FaultCode::OverTemperature) => Status::OVER_TEMPERATURE,
-                _ => Status::NOT_INITIALIZED,
+            status |= match error.map(FaultCode::of) {
+                None => Status::NO_BOARD,
+                Some(Some(FaultCode::OverTemperature)) => Status::OVER_TEMPERATURE,
+                // It has begun anew, and knows nothing.
+                Some(Some(FaultCode::Halls) | None) => Status::NOT_INITIALIZED,
+                Some(Some(_)) => Status::FAULT,
             };
         }
         status

@@ -278,9 +278,8 @@ impl Node {
         match &mut self.program {
             Some(Program::Application(tater)) => {
                 let progress = tater.store();
-                debug_assert!(
-                    !matches!(progress, Progress::Failed(_)) || tater.board().sim_flash().is_dead()
-                );
+                let flash = tater.board().sim_flash();
+                debug_assert!(!matches!(progress, Progress::Failed(_)) || flash.is_dead() || flash.is_worn());
             }
             Some(Program::Monitor(monitor)) => {
                 for _ in 0..STEPS {

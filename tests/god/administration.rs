@@ -16,7 +16,7 @@ pub const COMMANDS: &[Row] = &[
     ("1?", "ERR 4096"),
     ("ERR 0", "0 all went well"),
     ("ERR 3", "1 a motor's board does not answer\n2 no motor is selected"),
-    ("ERR 33288", "8 (not used)\n512 (not used)\n32768 (not used)"),
+    ("ERR 32768", "32768 (not used)"),
     ("ERR 65536", "ERR 128"),
     ("ERR -1", "ERR 128"),
     ("ERR x", "ERR 128"),

@@ -127,6 +127,19 @@ fn a_board_that_is_lost_is_told_instead_of_the_next_star() {
     assert_eq!(host.session.until_prompt(), "\r\n\rERR 1\r\n\r=> ");
 }
 
+#[test]
+fn a_fault_is_told_instead_of_the_next_star() {
+    for bus_v in [10.0, 40.0] {
+        let mut host = Host::new("X12");
+        host.block(&[b'C', 20, 32, 20, 32], 15);
+        let node = host.session.hand.bus_mut().station_mut(1).expect("motor 2");
+        node.rig_mut().set_bus(bus_v);
+        host.session.wait_us(100_000);
+        host.session.hand.hear(b"A");
+        assert_eq!(host.session.until_prompt(), "\r\n\rERR 8\r\n\r=> ");
+    }
+}
+
 /// The design's number for all seven motors with all feedback.
 const RATE_HZ: u64 = 250;
 

@@ -2,6 +2,7 @@
 
 use god::Memory;
 use god::memory::Stored;
+use tater_fw::Board;
 
 use super::Session;
 use super::tables::{Row, exercise};
@@ -297,6 +298,35 @@ fn temperature_and_time() {
     exercise(&mut next, &[("PGET UPSECS PTEMP SN", "4294967295 425 77")]);
     next.wait_us(1_000_000);
     assert_eq!(seconds(&mut next), 0, "136 years, and from the beginning");
+}
+
+#[test]
+fn a_flash_that_takes_nothing_is_told() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("SHI", ""), ("FSET DS 110", ""), ("FSAVE", ""), ("SAVE", "")]);
+    let worn = |session: &mut Session, worn| {
+        let node = session.hand.bus_mut().station_mut(3).expect("motor 4");
+        node.board_mut().flash().set_worn(worn);
+    };
+    worn(&mut session, true);
+    exercise(
+        &mut session,
+        &[
+            ("FSET DS 220", ""),
+            ("GFSAVE", ""),
+            ("SFSAVE", "ERR 512"),
+            ("FSAVE", "ERR 512"),
+            ("SAVE", "ERR 512"),
+            // Its board cannot make the saved position untrue.
+            ("SC", "ERR 512"),
+            ("SFGET S", "512"),
+        ],
+    );
+    // A board tries a page again only after a start.
+    worn(&mut session, false);
+    session.hand.hear(b"RESET\r");
+    session.until_prompt();
+    exercise(&mut session, &[("FSAVE", ""), ("SHI", ""), ("SC", "")]);
 }
 
 /// RealTime counts a change of position from what the host has heard last, by FGET P or by RealTime itself (manual 6.2.3).

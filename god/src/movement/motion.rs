@@ -15,7 +15,8 @@ use crate::units;
 /// How often boards are asked whether they have ended, µs.
 const ASK_US: u64 = 50_000;
 
-/// END: the link broke away; a fault.
+/// END: told to; the link broke away; a fault.
+const ABORTED: i64 = 3;
 const BROKE_AWAY: i64 = 5;
 const FAULT: i64 = 6;
 
@@ -241,7 +242,8 @@ impl Motion<'_, '_> {
             }
             _ => {}
         }
-        let hot = i64::from(FaultCode::OverTemperature.code());
+        let [hot, storage] =
+            [FaultCode::OverTemperature, FaultCode::Storage].map(|fault| fault.code().into());
         let mut sum = Status::OK;
         for motor in plan.motors.iter() {
             let mut status = Status::OK;
@@ -260,6 +262,13 @@ impl Motion<'_, '_> {
             }
             if lost.has(motor) {
                 status |= Status::NOT_INITIALIZED;
+            }
+            // Its flash cannot forget a stored position, so its board does not let it move.
+            let stuck = self.ends.of(motor) == Some(ABORTED) && errors.of(motor) == Some(storage);
+            // Faults of former motions have been cleared.
+            let fault = errors.of(motor).is_some_and(|code| code != 0 && code != storage);
+            if status.is_ok() && (fault || stuck) {
+                status = if fault { Status::FAULT } else { Status::NOT_STORED };
             }
             if errors.of(motor).is_none() {
                 status = Status::NO_BOARD;

@@ -2,9 +2,7 @@
 //! after TC and TO.
 
 use core::cell::Cell;
-use core::future::{Future, poll_fn};
-use core::pin::pin;
-use core::task::Poll;
+use core::convert::Infallible;
 
 use tater_wire::Property;
 
@@ -126,25 +124,13 @@ pub(crate) async fn abort(god: &God<'_>) {
     give_back(god).await;
 }
 
-/// Does `work`, and meanwhile lets the boards whose motors press on hear of GOD.
-pub(crate) async fn accompanied<T>(god: &God<'_>, work: impl Future<Output = T>) -> T {
-    let company = async {
-        loop {
-            let pressing = || Some(god.moves.pressing.get()).filter(|motors| !motors.is_empty());
-            god.io.until(NEVER, pressing).await;
-            god.io.sleep_until(god.io.now_us().saturating_add(COMPANY_US)).await;
-            // What they have been told before: it changes nothing, and is not answered.
-            god.boards.set(god.moves.pressing.get(), Property::LFLAGS, REPORTS).await;
-        }
-    };
-    let (mut company, mut work) = (pin!(company), pin!(work));
-    poll_fn(|context| {
-        let work = work.as_mut().poll(context);
-        if work.is_pending() {
-            // After it, because it may just have begun to press.
-            let _: Poll<()> = company.as_mut().poll(context);
-        }
-        work
-    })
-    .await
+/// Lets the boards whose motors press on hear of GOD, for as long as it is polled.
+pub(crate) async fn keep_company(god: &God<'_>) -> Infallible {
+    loop {
+        let pressing = || Some(god.moves.pressing.get()).filter(|motors| !motors.is_empty());
+        god.io.until(NEVER, pressing).await;
+        god.io.sleep_until(god.io.now_us().saturating_add(COMPANY_US)).await;
+        // What they have been told before: it changes nothing, and is not answered.
+        god.boards.set(god.moves.pressing.get(), Property::LFLAGS, REPORTS).await;
+    }
 }

@@ -229,24 +229,20 @@ fn properties() -> impl Iterator<Item = Property> {
     })
 }
 
-/// SAVE or LOAD of those properties, and no others.
-async fn on_boards(god: &God<'_>, motors: Motors, by: Property) -> Status {
-    for property in properties() {
-        god.boards.set(motors, by, property.id().into()).await;
-    }
-    let answered = god.boards.store(motors).await;
-    if motors.but(answered).is_empty() { Status::OK } else { Status::NO_BOARD }
-}
-
 async fn save(god: &God<'_>, motors: Motors) -> Status {
-    let status = on_boards(god, motors, Property::SAVE).await;
+    let status = god.boards.save(motors, properties().map(|property| property.id().into())).await;
     let present = *god.parameters.borrow();
     god.memory.change(|stored| copy(&present.motors, &mut stored.parameters.motors, motors));
     status
 }
 
 async fn load(god: &God<'_>, motors: Motors) -> Status {
-    let status = on_boards(god, motors, Property::LOAD).await;
+    for property in properties() {
+        god.boards.set(motors, Property::LOAD, property.id().into()).await;
+    }
+    // An answer comes after what was asked before it.
+    let silent = motors.but(god.boards.get(motors, Property::STAT).await.motors());
+    let status = if silent.is_empty() { Status::OK } else { Status::NO_BOARD };
     let stored = god.memory.look(|stored| stored.parameters);
     copy(&stored.motors, &mut god.parameters.borrow_mut().motors, motors);
     status

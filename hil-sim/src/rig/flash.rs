@@ -23,6 +23,7 @@ pub struct SimFlash {
     /// The operation in the middle of which the power fails, and what its remains are drawn from.
     cut: Option<(u64, u64)>,
     dead: bool,
+    worn: bool,
     busy_us: u64,
     erases: Vec<u32>,
     bridge_on: bool,
@@ -36,6 +37,7 @@ impl Default for SimFlash {
             operations: 0,
             cut: None,
             dead: false,
+            worn: false,
             busy_us: 0,
             erases: vec![0; FLASH.pages() as usize],
             bridge_on: false,
@@ -61,6 +63,17 @@ impl SimFlash {
     #[must_use]
     pub const fn is_dead(&self) -> bool {
         self.dead
+    }
+
+    /// Sets whether it takes anything, with the power on: one that is worn out does not.
+    pub const fn set_worn(&mut self, worn: bool) {
+        self.worn = worn;
+    }
+
+    /// Whether it takes nothing.
+    #[must_use]
+    pub const fn is_worn(&self) -> bool {
+        self.worn
     }
 
     /// The power is back; no cut is planned.
@@ -116,7 +129,7 @@ impl SimFlash {
 
     /// Counts an operation; `Err` if the power is gone, `Ok(Some)` with the source of remains if it fails in this one.
     fn begin(&mut self, us: u64) -> Result<Option<Pcg64Mcg>, FlashError> {
-        if self.dead {
+        if self.dead || self.worn {
             return Err(FlashError::Failed);
         }
         let cut = self.cut.filter(|&(at, _)| at == self.operations);
