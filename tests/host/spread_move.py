@@ -101,6 +101,15 @@ def move(host, target):
     return positions
 
 
+def stand_still(host):
+    """Waits until the position has been the same for as long as a brake takes several times over."""
+    end, position, since = time.monotonic() + 10, None, None
+    while since is None or time.monotonic() < since + 0.3:
+        check(time.monotonic() < end, f"the motor stands within 10 s: {position}")
+        if (found := host.get(SPREAD, P)) != position:
+            position, since = found, time.monotonic()
+
+
 def main(address):
     channel = f"socket://{address}"
     with can.Bus(interface="slcan", channel=channel, bitrate=1_000_000, sleep_after_open=0.1) as bus:
@@ -129,6 +138,8 @@ def main(address):
         check(back and min(back) >= -4, f"the stop is half a count below 0: {back}")
         host.set(SPREAD, MODE, IDLE)
         check(host.get(SPREAD, MODE) == IDLE, "idle")
+        # Pressed into its stop, the joint springs back by a count when it is let go.
+        stand_still(host)
         # In idle, P says what the present position is called: all 22 bits come back with their sign.
         for name in (-32767, -1, 32767):
             host.set(SPREAD, P, name)
