@@ -300,6 +300,27 @@ fn temperature_and_time() {
     assert_eq!(seconds(&mut next), 0, "136 years, and from the beginning");
 }
 
+/// Times that a page of an STM32F103's flash can be erased (its data sheet, endurance).
+const ENDURANCE: u32 = 10_000;
+
+/// The manual allows 5,000 FSAVEs in a hand's life (5.2.2): ten times what is done here. Nothing has to be counted.
+#[test]
+fn the_flash_outlives_the_manual_s_fsaves() {
+    let mut session = Session::new();
+    session.line("WAKE");
+    for save in 0..500 {
+        let counts = 1000 + 55 * (save % 2);
+        exercise(&mut session, &[(&*format!("FSET DS {counts} DP {counts}"), ""), ("FSAVE", "")]);
+    }
+    let worst =
+        session.hand.bus().stations().flat_map(|node| node.board().sim_flash().erases().to_vec()).max();
+    let worst = 10 * worst.expect("there are pages");
+    println!(
+        "figure: 5,000 FSAVEs of the whole hand: {worst} erases of the page that has most, of {ENDURANCE}"
+    );
+    assert!((1..=ENDURANCE).contains(&worst), "{worst}");
+}
+
 #[test]
 fn a_flash_that_takes_nothing_is_told() {
     let mut session = Session::new();

@@ -10,7 +10,7 @@ use super::{Session, administration, sequences, settings};
 pub type Row = (&'static str, &'static str);
 
 /// Types lines, one after another, and looks at their answers.
-pub fn exercise(session: &mut Session, rows: &[Row]) {
+pub fn exercise(session: &mut Session, rows: &[(&str, &str)]) {
     for (line, answer) in rows {
         assert_eq!(session.line(line), *answer, "{line}");
     }
