@@ -8,6 +8,9 @@ use crate::program::{output, program, root, run, succeeds, target, typed};
 /// Twenty seconds of moves with the servo in the loop: long enough for a clock, short enough to repeat.
 const SPEED_SCENARIO: &str = "xtask/bench-speed.toml";
 
+/// What a whole hand is told: GOD, bus, seven boards and their motors, homed and moved there and back.
+const HAND_SCRIPT: &str = "xtask/bench-hand.gcl";
+
 /// Runs per figure. The median: a busy machine only ever makes a run slower.
 const RUNS: usize = 5;
 
@@ -18,8 +21,9 @@ const RUNS: usize = 5;
 pub fn bench(json: bool) -> Outcome {
     run(program("cargo build --quiet --release --package hil-sim --bins --examples"))?;
     let figures = json!({
-        "sim_averaged_x": speed("averaged")?,
-        "sim_switched_x": speed("switched")?,
+        "sim_averaged_x": median(|| motor_speed("averaged"))?,
+        "sim_switched_x": median(|| motor_speed("switched"))?,
+        "hand_averaged_x": median(hand_speed)?,
         "tick_instructions_host": tick_instructions()?,
     });
     let text = format!("{figures:#}\n");
@@ -33,6 +37,10 @@ pub fn bench(json: bool) -> Outcome {
     println!("  averaged inverter  {}", figures["sim_averaged_x"]);
     println!("  switched inverter  {}", figures["sim_switched_x"]);
     println!(
+        "the same, a whole hand that a host talks to, averaged inverter: {}",
+        figures["hand_averaged_x"]
+    );
+    println!(
         "instructions a control tick, on this machine's processor: {}",
         figures["tick_instructions_host"]
     );
@@ -40,22 +48,31 @@ pub fn bench(json: bool) -> Outcome {
     Ok(())
 }
 
-/// Simulated seconds a wall second, the median of some runs.
-fn speed(model: &str) -> Result<Value, String> {
-    let mut speeds = Vec::new();
-    for _ in 0..RUNS {
-        let line = format!(
-            "cargo run --quiet --release --package hil-sim -- run {SPEED_SCENARIO} --json --model {model}"
-        );
-        let text = output(program(&line))?;
-        let result: Value =
-            serde_json::from_str(&text).map_err(|error| format!("{line} said {text}: {error}"))?;
-        let seconds =
-            |key: &str| result[key].as_f64().ok_or_else(|| format!("{line} gives no {key}: {text}"));
-        speeds.push(seconds("sim_s")? / seconds("wall_s")?);
-    }
+/// The median of some runs.
+fn median(run: impl Fn() -> Result<f64, String>) -> Result<Value, String> {
+    let mut speeds = (0..RUNS).map(|_| run()).collect::<Result<Vec<_>, _>>()?;
     speeds.sort_by(f64::total_cmp);
     Ok(json!(speeds[RUNS / 2].round()))
+}
+
+/// Simulated seconds a wall second of one motor's moves.
+fn motor_speed(model: &str) -> Result<f64, String> {
+    let said = simulator(&format!("run {SPEED_SCENARIO} --json --model {model}"))?;
+    Ok(said("sim_s")? / said("wall_s")?)
+}
+
+/// The same of a whole hand.
+fn hand_speed() -> Result<f64, String> {
+    simulator(&format!("gcl --script {HAND_SCRIPT} --json"))?("realtime_x")
+}
+
+/// What the simulator says to a line, by key.
+fn simulator(line: &str) -> Result<impl Fn(&str) -> Result<f64, String> + use<>, String> {
+    let line = format!("cargo run --quiet --release --package hil-sim -- {line}");
+    let text = output(program(&line))?;
+    let result: Value =
+        serde_json::from_str(&text).map_err(|error| format!("{line} said {text}: {error}"))?;
+    Ok(move |key: &str| result[key].as_f64().ok_or_else(|| format!("{line} gives no {key}: {text}")))
 }
 
 /// Instructions of one `Servo::tick` in a move: valgrind counts a program that replays the same recorded
