@@ -26,6 +26,9 @@ use world::{Pose, World};
 /// Who is node 0.
 const GOD: &str = "GOD";
 
+/// Temperature of GOD's board, 0.1 °C: the lower end of what a hand in normal use has (manual 2).
+const TEMPERATURE: i16 = 350;
+
 /// How often the motors' contacts are computed, us.
 const WORLD_US: u64 = 1_000;
 
@@ -77,6 +80,7 @@ impl Hand {
         let mut bus = Bus::new(boards);
         bus.plug_host(GOD, Adapter::default()).expect("it is the first host");
         let (io, memory) = (Rc::new(Io::default()), Rc::new(memory));
+        io.set_temperature(TEMPERATURE);
         let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
         let god = Box::pin(async move { god::run(&ports, &kept).await });
         Self { bus, io, memory, god, next_us: 0, changes: 0, world: None }

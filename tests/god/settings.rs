@@ -118,7 +118,7 @@ pub const SET_HAND: &[(&str, i64, i64, i64)] =
     &[("BAUD", 96, 6, 384), ("LFT", 0, 0, 1), ("OTEMP", -551, -551, 1250), ("LFDPD", 0, 0, 1)];
 
 /// The hand's that can only be read.
-pub const READ_ONLY_HAND: &[(&str, i64)] = &[("TEMP", 0), ("PTEMP", 0), ("UPSECS", 0), ("SN", 0)];
+pub const READ_ONLY_HAND: &[(&str, i64)] = &[("TEMP", 350), ("PTEMP", 350), ("UPSECS", 0), ("SN", 0)];
 
 fn seven(of: [i64; 3]) -> String {
     let [link, spread, tip] = of;

@@ -93,6 +93,10 @@ fn a_hand_hotter_than_otemp_does_not_move() {
     let mut session = initialized();
     session.hand.io().set_temperature(1250);
     assert_eq!(session.line("1M 1000"), "");
+    // The manual's example is 6 °C: no hand in use is that cold.
+    let mut session = initialized();
+    assert_eq!(session.line("PSET OTEMP 60"), "");
+    assert_eq!(session.line("1M 1000"), "ERR 8192");
 }
 
 #[test]
