@@ -11,6 +11,7 @@ mod sequences;
 mod settings;
 mod state;
 mod tables;
+mod walk_through;
 mod world;
 
 use god::Memory;
@@ -26,6 +27,9 @@ pub struct Session {
 
 /// Longest that a command of a test may take, us.
 const MOST_US: u64 = 120_000_000;
+
+/// A while, us: a command whose boards are awake has begun long before its end.
+const WHILE_US: u64 = 500_000;
 
 impl Session {
     /// A hand whose power has come on, its banner and its prompt said.
@@ -44,9 +48,24 @@ impl Session {
     pub fn line(&mut self, line: &str) -> String {
         self.hand.hear(line.as_bytes());
         self.hand.hear(b"\r");
-        let said = self.until_prompt();
-        let said = said.strip_prefix(line).unwrap_or_else(|| panic!("{line:?} is echoed: {said:?}"));
-        said.strip_suffix("=> ").expect("it ends there").trim().replace("\r\n\r", "\n")
+        answer(line, &self.until_prompt())
+    }
+
+    /// Types a line that goes on until the host says more, and lets it go on for a while. Returns what was said.
+    pub fn begin(&mut self, line: &str) -> String {
+        self.hand.hear(line.as_bytes());
+        self.hand.hear(b"\r");
+        self.wait_us(WHILE_US);
+        let said: String = self.hand.said().into_iter().map(char::from).collect();
+        self.heard.push_str(&said);
+        said
+    }
+
+    /// The same; then says more, and waits for the prompt. Returns what came as [`Self::line`] does.
+    pub fn line_and(&mut self, line: &str, more: &[u8]) -> String {
+        let said = self.begin(line);
+        self.hand.hear(more);
+        answer(line, &(said + &self.until_prompt()))
     }
 
     /// Waits for the prompt; what was said up to its end.
@@ -66,4 +85,10 @@ impl Session {
     pub fn wait_us(&mut self, us: u64) {
         self.hand.run_until(self.hand.now_us() + us);
     }
+}
+
+/// What was said between the echo of a line and the prompt, without line ends at its edges.
+fn answer(line: &str, said: &str) -> String {
+    let said = said.strip_prefix(line).unwrap_or_else(|| panic!("{line:?} is echoed: {said:?}"));
+    said.strip_suffix("=> ").expect("it ends there").trim().replace("\r\n\r", "\n")
 }

@@ -1,7 +1,8 @@
 //! Macros and sequences (manual 5.2.4).
 //!
-//! While a sequence is recorded, its commands are done as well, as they are typed; PLAY and REC are not recorded. What has been
-//! recorded is stored at once. A command that goes wrong ends PLAY, and its status is PLAY's; so does ^C. A macro or a sequence that is
+//! While a sequence is recorded, its commands are done as well, as they are typed; PLAY and REC are not recorded, nor is LOOP:
+//! a host that plays a sequence waits for its prompt, and what it says next would be taken for control blocks. What has been recorded
+//! is stored at once. A command that goes wrong ends PLAY, and its status is PLAY's; so does ^C. A macro or a sequence that is
 //! empty is no value of MAC or PLAY: ERR 128.
 
 use heapless::String;
@@ -103,11 +104,11 @@ fn begin(god: &God<'_>, number: i64) -> Status {
     Status::OK
 }
 
-/// Records a line other than PLAY, if that is to be done. Where there is no room for it, recording ends, and says so: no status code means that.
+/// Records a line that can be played, if that is to be done. Where there is no room for it, recording ends, and says so: no status code means that.
 pub(crate) async fn record(god: &God<'_>, line: &str) {
     let Some(number) = god.recording.get() else { return };
     match words::parse(line) {
-        Ok(Words::Command { command: Command::Rec, .. } | Words::Empty) | Err(_) => return,
+        Ok(Words::Command { command: Command::Rec | Command::Loop, .. } | Words::Empty) | Err(_) => return,
         Ok(Words::Command { .. } | Words::Lower(_)) => {}
     }
     let line = line.trim_ascii();

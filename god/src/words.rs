@@ -9,6 +9,9 @@ use crate::command::{self, Command};
 use crate::motors::Prefix;
 use crate::status::Status;
 
+/// Lines of the lower grammar that name no node.
+pub const LOWER: [&str; 2] = ["WAKE", "SAVE"];
+
 /// What a line says.
 #[derive(Clone, Debug)]
 pub enum Words<'a> {
@@ -95,7 +98,7 @@ pub fn parse(line: &str) -> Result<Words<'_>, Status> {
     };
     let Some(command) = command::named(name) else {
         // `4SE82`: no command, but the lower grammar without its spaces; `WAKE` and `SAVE` are its words.
-        return if prefix.starts_with(|c: char| c.is_ascii_digit()) || matches!(line, "WAKE" | "SAVE") {
+        return if prefix.starts_with(|c: char| c.is_ascii_digit()) || LOWER.contains(&line) {
             Ok(Words::Lower(line))
         } else {
             Err(Status::UNKNOWN_COMMAND)

@@ -122,16 +122,20 @@ fn spoken(answered: &Answered, echo: bool) -> String {
 }
 
 /// Where lines come from.
-struct Lines {
+pub struct Lines {
     from: Box<dyn BufRead>,
     name: String,
     /// A person types them, and sees them.
-    are_typed: bool,
+    pub are_typed: bool,
     number: usize,
 }
 
 impl Lines {
-    fn open(script: Option<&Path>) -> Result<Self, BadInput> {
+    /// Of a file, or of standard input.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn open(script: Option<&Path>) -> Result<Self, BadInput> {
         let Some(path) = script else {
             let are_typed = stdin().is_terminal();
             let from = Box::new(BufReader::new(stdin()));
@@ -148,8 +152,16 @@ impl Lines {
         Ok(Self { from: Box::new(BufReader::new(from)), name, are_typed: false, number: 0 })
     }
 
+    /// Where the last line was.
+    pub fn place(&self) -> String {
+        format!("{}:{}", self.name, self.number)
+    }
+
     /// The next line without its end; `None` at the end.
-    fn next_line(&mut self) -> Result<Option<String>, BadInput> {
+    ///
+    /// # Errors
+    /// It cannot be read, is too long, or no text.
+    pub fn next_line(&mut self) -> Result<Option<String>, BadInput> {
         loop {
             self.number += 1;
             let mut line = Vec::new();
@@ -165,7 +177,7 @@ impl Lines {
                 },
             };
             return Err(BadInput {
-                place: format!("{}:{}", self.name, self.number),
+                place: self.place(),
                 problem: "this line cannot be read".to_owned(),
                 found: problem,
                 expected: format!("lines of text of up to {LONGEST} bytes"),

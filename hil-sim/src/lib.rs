@@ -6,6 +6,7 @@
 
 pub mod board;
 pub mod bus;
+pub mod grasper;
 pub mod hand;
 pub mod metrics;
 pub mod node;

@@ -6,6 +6,7 @@ mod gcl;
 mod keep;
 mod output;
 mod serve;
+mod talk;
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -20,6 +21,7 @@ use hil_sim::trace::{Trace, write_csv};
 use hil_sim::{Model, Options, Outcome, report, run};
 use output::{print, replace, tell};
 use serve::{BusArgs, HandArgs};
+use talk::GrasperArgs;
 
 /// Simulates the servo of a robot hand's motor board in closed loop with its motor.
 #[derive(Parser)]
@@ -41,6 +43,9 @@ enum Task {
     Hand(HandArgs),
     /// Type Grasper Control Language at a whole hand, in simulated time. Exit code 1 if a line comes to an error.
     Gcl(GclArgs),
+    /// The console of the manual's walk-through, for a hand that is served: standard input goes to it, M, C and O ask what they need.
+    /// Exit code 1 if a line comes to an error.
+    Grasper(GrasperArgs),
     /// Feed a recording of hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -99,6 +104,7 @@ fn main() -> ExitCode {
             let begun = Instant::now();
             gcl::gcl(&args, &|| begun.elapsed())
         }
+        Task::Grasper(args) => talk::grasper(&args),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {

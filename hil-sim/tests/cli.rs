@@ -289,17 +289,18 @@ fn a_full_disk_is_no_success_and_a_closed_pipe_no_failure() {
     }
 }
 
-/// Every command line that the README gives for this program ends well; those that serve are begun and ended by the
-/// tests that are named here.
+/// Every command line that the README gives for this program ends well; those that serve, or talk to one that does, are begun and
+/// ended by the tests that are named here.
 #[test]
 fn the_readme_can_be_typed() {
     let readme = include_str!("../../README.md");
     let command = "cargo run --release -p hil-sim -- ";
     let lines = readme.lines().filter_map(|line| line.strip_prefix(command));
-    let serves = |line: &&str| line.starts_with("bus ") || line.starts_with("hand ");
+    let serves = |line: &&str| ["bus", "hand", "grasper"].contains(&line.split(' ').next().unwrap_or(line));
     let (serving, lines): (Vec<&str>, Vec<&str>) = lines.partition(serves);
     let hand = "hand --listen 127.0.0.1:11001 --slcan 127.0.0.1:7100 --state hand.state";
-    assert_eq!(serving, ["bus --nodes 1-7 --slcan 127.0.0.1:7100", hand], "see tests/bus.rs, tests/hand.rs");
+    let bus = "bus --nodes 1-7 --slcan 127.0.0.1:7100";
+    assert_eq!(serving, [bus, hand, "grasper"], "see tests/bus.rs, tests/hand.rs");
     assert_eq!(lines.len(), 2, "{lines:?}");
     let readme_folder = folder("readme");
     for line in lines {

@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
+use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -108,6 +108,78 @@ fn a_host_types_and_one_that_leaves_in_mid_line_leaves_nothing_behind() {
     let mut next = served.host();
     assert_eq!(ask(&mut next, ""), "\r\n\r=> ");
     assert_eq!(ask(&mut next, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+}
+
+/// Enters lines at the console of the walk-through; its exit code, output and errors.
+fn grasper(address: &str, entries: &str) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    command.args(["grasper", "--connect", address]).stdin(Stdio::piped());
+    let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    // It may have ended before it reads.
+    let _ = process.stdin.take().expect("piped").write_all(entries.as_bytes());
+    let output = process.wait_with_output().expect("it ends");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+/// As in the README. The ends of moves may come in another order than there: this hand's time goes on while its host thinks.
+#[test]
+fn the_walk_through_can_be_entered() {
+    let expected = include_str!("../../tests/god/golden/walk-through.txt");
+    let questions = ["=> ", "Motors: ", "Position: "];
+    let entries = expected.lines().filter_map(|line| questions.iter().find_map(|q| line.strip_prefix(q)));
+    // The last question is not answered.
+    let entries: Vec<&str> = entries.filter(|entry| !entry.is_empty()).collect();
+    let sorted = |screen: &str| {
+        let mut lines: Vec<String> = screen.lines().map(str::to_owned).collect();
+        lines.chunk_by_mut(|a, b| a.contains(" MODE=") && b.contains(" MODE=")).for_each(<[String]>::sort);
+        lines
+    };
+    let served = Served::new(&[&TCP[..], &["--speed", "max"]].concat(), 1);
+    let (code, screen, error) = grasper(served.place("gcl"), &(entries.join("\n") + "\n"));
+    assert_eq!((code, &*error), (Some(0), ""), "{screen}");
+    assert_eq!(sorted(&screen), sorted(expected));
+}
+
+#[test]
+fn entries_that_come_to_nothing_are_told() {
+    let served = Served::new(&[&TCP[..], &["--speed", "max"]].concat(), 1);
+    let address = served.place("gcl");
+    drop(served.host());
+    let speaks = |entries: &str| loop {
+        // The hand hears in its own time that the last host has left.
+        let (code, screen, error) = grasper(address, entries);
+        if !screen.contains("busy: ") {
+            return (code, screen, error);
+        }
+    };
+    assert_eq!(
+        speaks("FROB\nVERS\n"),
+        (Some(1), "=> FROB\nERR 32\n=> VERS\n600\n=> \n".to_owned(), String::new())
+    );
+    for (entries, words) in [
+        ("VERS\nM\n12x\n100\n", ["standard input:3: these are no motors", "\"12x\""]),
+        ("M\n123\nfar\n", ["standard input:3: this is no position", "\"far\""]),
+        ("1LOOP\n", ["standard input:1: ", "programs"]),
+        ("M\n123\n", ["standard input: it ends in the middle", "Position"]),
+        ("\u{e9}\n", ["standard input:1: this is no line for the hand", "\u{e9}"]),
+    ] {
+        let (code, screen, error) = speaks(entries);
+        assert_eq!(code, Some(2), "{screen}{error}");
+        assert!(words.iter().all(|word| error.contains(word)) && error.contains("next: "), "{error}");
+    }
+    let host = served.host();
+    let (code, screen, error) = grasper(address, "VERS\n");
+    assert_eq!(code, Some(2), "{screen}{error}");
+    let first = host.local_addr().expect("connected");
+    assert!(
+        error.contains("the hand is gone") && error.contains(&format!("busy: {first} speaks")),
+        "{error}"
+    );
+    let free = TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("its address");
+    let (code, screen, error) = grasper(&free.to_string(), "VERS\n");
+    assert_eq!((code, &*screen), (Some(2), ""), "{error}");
+    assert!(error.contains(&format!("--connect {free}: there is no hand")), "{error}");
 }
 
 #[test]

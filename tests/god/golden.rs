@@ -1,20 +1,145 @@
 //! Transcripts of the manual's examples, as the host sees them: `golden/*.txt`. What follows a prompt there is typed; a prompt with
 //! nothing after it waits for the next one. BLESS_GOD=1 writes them anew.
+//!
+//! After LOOP's `*` a line that begins with a header's letter is a control block, its data in hexadecimal, and the line after it is what
+//! the hand answers; `^C` ends it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::Session;
 
 const PROMPT: &str = "=> ";
 
+/// What ends RealTime control.
+const ABORT: &str = "^C";
+
+/// From a control block to the next, us: the hand answers in a few milliseconds.
+const BLOCK_US: u64 = 20_000;
+
+/// Of GOD's board, 0.1 °C: two bytes that differ.
+const TEMPERATURE: i16 = 312;
+
+/// The examples of chapter 5.2 by section; what they are examples of is the command in them. 5.3 and 5.4 have none.
+const EXAMPLES: &[(&str, &[&str])] = &[
+    (
+        "5.2.1",
+        &[
+            "SC",
+            "HI",
+            "SGHOME",
+            "12IO 5000",
+            "GIC 5000",
+            "LOOP",
+            "13M 1000",
+            "13MDEG 90",
+            "13MPER 50",
+            "GO",
+            "X567PTM -5000",
+            "ST",
+            "STC",
+            "STO",
+            "12WM 12000",
+        ],
+    ),
+    ("5.2.2", &["SFSET DS 100", "SFGET DS", "3FLOAD", "123FSAVE", "SFDEF", "FLIST", "3FLISTV"]),
+    ("5.2.3", &["PSET OTEMP 60", "PGET TEMP", "PLOAD", "PSAVE", "PDEF", "PLIST", "PLISTV"]),
+    ("5.2.4", &["GMAC 3", "MACSET 3", "REC", "PLAY", "WAIT 5000"]),
+    ("5.2.5", &["?HI", "RESET", "ERR 3", "VERS"]),
+    ("5.2.6", &["A?", "FLISTA", "3FLISTAV", "PLISTA", "PLISTAV"]),
+];
+
+/// The example of 6.4, as it stands there, twice the same lines included.
+const REALTIME: &[&str] = &[
+    "12FSET LCV 1",
+    "12FSET LCVC 1",
+    "12FSET LCPG 0",
+    "12FSET LFV 0",
+    "12FSET LFS 1",
+    "12FSET LFAP 0",
+    "12FSET LFDPC 1",
+    "12FSET LFDPC 1",
+    "4FSET LCV 0",
+    "4FSET LCPG 0",
+    "4FSET LFV 0",
+    "4FSET LFS 0",
+    "4FSET LFAP 0",
+    "4FSET LFDPC 1",
+    "4FSET LFDPC 1",
+    "PSET LFT 1",
+    "124LOOP",
+];
+
+/// `name = "file";`: a test that plays a transcript, and the list of all of them.
+macro_rules! transcripts {
+    ($($name:ident = $file:literal;)*) => {
+        $(
+            #[test]
+            fn $name() {
+                verbatim($file, &played(&read($file)));
+            }
+        )*
+
+        const PLAYED: &[&str] = &[$($file),*];
+    };
+}
+
+transcripts! {
+    movement = "movement";
+    motor_parameters = "motor-parameters";
+    parameters_of_the_hand = "hand-parameters";
+    sequences = "sequences";
+    administration = "administration";
+    realtime = "realtime";
+}
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("god/golden")
+}
+
+fn path(name: &str) -> PathBuf {
+    folder().join(name).with_extension("txt")
+}
+
+fn read(name: &str) -> String {
+    let path = path(name);
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// Holds what was found against a transcript.
+pub fn verbatim(name: &str, found: &str) {
+    if std::env::var_os("BLESS_GOD").is_some() {
+        std::fs::write(path(name), found).expect("it can be written");
+    } else {
+        assert!(found == read(name), "{name}: if that is meant, BLESS_GOD=1 writes it\n{found}");
+    }
+}
+
+/// The lines that a transcript types.
+fn typed(transcript: &str) -> Vec<&str> {
+    let lines = transcript.lines().filter_map(|line| line.strip_prefix(PROMPT));
+    lines.map(|line| line.strip_suffix('*').unwrap_or(line)).collect()
+}
+
 /// Types what a transcript types, and tells how it went.
 fn played(expected: &str) -> String {
     let mut session = Session::new();
-    let mut prompts: Vec<&str> = expected.lines().filter_map(|line| line.strip_prefix(PROMPT)).collect();
+    session.hand.io().set_temperature(TEMPERATURE);
+    let mut prompts = typed(expected);
     // The last one is where it ends.
     assert_eq!(prompts.pop(), Some(""), "a transcript ends with a prompt");
+    let mut lines = expected.lines();
     for typed in prompts {
+        // Up to that prompt, and so to the blocks after it.
+        lines.by_ref().find(|line| line.starts_with(PROMPT));
         if typed.is_empty() {
+            session.until_prompt();
+        } else if typed.ends_with("LOOP") {
+            session.begin(typed);
+            let blocks =
+                lines.by_ref().take_while(|line| *line != ABORT).filter(|line| !line.starts_with('*'));
+            blocks.for_each(|block| exchange(&mut session, block));
+            session.heard.push_str(&format!("\r\n\r{ABORT}"));
+            session.hand.hear(b"\x03");
             session.until_prompt();
         } else {
             session.line(typed);
@@ -23,39 +148,42 @@ fn played(expected: &str) -> String {
     session.heard.replace("\r\n\r", "\n").trim_start().to_owned() + "\n"
 }
 
-fn verbatim(name: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("god/golden").join(name).with_extension("txt");
-    let expected =
-        std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    let found = played(&expected);
-    if std::env::var_os("BLESS_GOD").is_some() {
-        std::fs::write(&path, found).expect("it can be written");
-    } else {
-        assert!(found == expected, "{name}: if that is meant, BLESS_GOD=1 writes it\n{found}");
+/// A control block, such as `C 0a f6`, and its answer.
+fn exchange(session: &mut Session, block: &str) {
+    let (header, data) = block.split_at(1);
+    let data = data.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).expect("hexadecimal"));
+    let bytes: Vec<u8> = header.bytes().chain(data).collect();
+    session.hand.hear(&bytes);
+    session.wait_us(BLOCK_US);
+    let answer = session.hand.said();
+    let (star, data) = answer.split_first().expect("an answer");
+    let data: String = data.iter().map(|byte| format!(" {byte:02x}")).collect();
+    session.heard.push_str(&format!("\r\n\r{block}\r\n\r{}{data}", char::from(*star)));
+}
+
+#[test]
+fn every_example_of_the_manual_is_in_a_transcript() {
+    let transcripts: Vec<String> = PLAYED.iter().map(|name| read(name)).collect();
+    let all: Vec<&str> = transcripts.iter().flat_map(|transcript| typed(transcript)).collect();
+    for (section, examples) in EXAMPLES {
+        for example in *examples {
+            assert!(all.contains(example), "{section}: {example}");
+        }
     }
+    assert!(all.windows(REALTIME.len()).any(|lines| lines == REALTIME), "6.4");
 }
 
+/// Nobody forgets to play one.
 #[test]
-fn motor_parameters() {
-    verbatim("motor-parameters");
-}
-
-#[test]
-fn parameters_of_the_hand() {
-    verbatim("hand-parameters");
-}
-
-#[test]
-fn sequences() {
-    verbatim("sequences");
-}
-
-#[test]
-fn administration() {
-    verbatim("administration");
-}
-
-#[test]
-fn walk_through() {
-    verbatim("walk-through");
+fn every_transcript_is_played() {
+    let files = std::fs::read_dir(folder()).expect("it can be read");
+    let mut names: Vec<String> = files
+        .map(|file| {
+            file.expect("an entry").path().file_stem().expect("a name").to_string_lossy().into_owned()
+        })
+        .collect();
+    names.sort();
+    let mut played = [PLAYED, &["walk-through"]].concat();
+    played.sort_unstable();
+    assert_eq!(names, played, "walk-through is walk_through.rs's");
 }

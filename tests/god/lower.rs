@@ -16,6 +16,7 @@ pub const LINES: &[Row] = &[
     ("12GACCEL", "1 ACCEL=40\n2 ACCEL=40"),
     ("4 G AP", "4 P=0"),
     ("4 G M", "4 MODE=0"),
+    ("4 S M 0", ""),
     ("7 S MT 550", ""),
     ("7 G MT", "7 MT=550"),
     ("567 S X0 12", ""),
@@ -39,6 +40,8 @@ pub const LINES: &[Row] = &[
     ("0 G TEMP", "ERR 64"),
     ("01 G REPLY", "ERR 64"),
     ("0 S REPLY 2", "ERR 128"),
+    ("0 S REPLY 0", ""),
+    ("SAVE", ""),
 ];
 
 #[test]

@@ -1,7 +1,7 @@
 //! Movement commands (manual 5.2.1, 5.5), from what is typed to where the seven rotors really are.
 
 mod breakaway;
-mod ends;
+pub mod ends;
 mod goals;
 mod homing;
 mod refusals;
@@ -35,7 +35,7 @@ fn counts(session: &Session) -> [i32; 7] {
 }
 
 /// Asserts where the motors really are.
-fn assert_near(session: &Session, expected: [i32; 7], why: &str) {
+pub(super) fn assert_near(session: &Session, expected: [i32; 7], why: &str) {
     let found = counts(session);
     let near = found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= NEAR);
     assert!(near, "{why}: {found:?}, not {expected:?}");

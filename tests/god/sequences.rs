@@ -78,6 +78,17 @@ fn what_is_recorded() {
     assert_eq!(recorded(&session, 0), "");
 }
 
+/// RealTime control is for the host that asks for it, and not for one that waits for PLAY's prompt.
+#[test]
+fn loop_is_done_and_not_recorded() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("HI", ""), ("REC 1", ""), ("SFGET DS", "800")]);
+    assert_eq!(session.line_and("SLOOP", b"a\x03"), "**");
+    exercise(&mut session, &[("VERS", "600"), ("REC", "")]);
+    assert_eq!(recorded(&session, 1), "SFGET DS\rVERS\r");
+    exercise(&mut session, &[("PLAY 1", "800\n600")]);
+}
+
 /// 150 characters with the ends of lines; a line that does not fit ends the recording, and is done.
 #[test]
 fn a_sequence_is_150_characters() {

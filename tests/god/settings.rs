@@ -321,6 +321,18 @@ fn the_flash_outlives_the_manual_s_fsaves() {
     assert!((1..=ENDURANCE).contains(&worst), "{worst}");
 }
 
+/// With a position that was saved, and then a flash of motor 4 that takes nothing any more.
+pub const WORN: &[Row] = &[
+    ("FSET DS 220", ""),
+    ("GFSAVE", ""),
+    ("SFSAVE", "ERR 512"),
+    ("FSAVE", "ERR 512"),
+    ("SAVE", "ERR 512"),
+    // Its board cannot make the saved position untrue.
+    ("SC", "ERR 512"),
+    ("SFGET S", "512"),
+];
+
 #[test]
 fn a_flash_that_takes_nothing_is_told() {
     let mut session = Session::new();
@@ -330,19 +342,7 @@ fn a_flash_that_takes_nothing_is_told() {
         node.board_mut().flash().set_worn(worn);
     };
     worn(&mut session, true);
-    exercise(
-        &mut session,
-        &[
-            ("FSET DS 220", ""),
-            ("GFSAVE", ""),
-            ("SFSAVE", "ERR 512"),
-            ("FSAVE", "ERR 512"),
-            ("SAVE", "ERR 512"),
-            // Its board cannot make the saved position untrue.
-            ("SC", "ERR 512"),
-            ("SFGET S", "512"),
-        ],
-    );
+    exercise(&mut session, WORN);
     // A board tries a page again only after a start.
     worn(&mut session, false);
     session.hand.hear(b"RESET\r");

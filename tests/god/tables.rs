@@ -1,10 +1,12 @@
 //! Every command and every parameter has a row in the tables of the tests.
 
-use god::command::{self, Command};
+use god::command;
 use god::parameter::{GLOBAL, MOTOR};
+use god::status;
 use god::words::{self, Words};
 
-use super::{Session, administration, sequences, settings};
+use super::movement::ends;
+use super::{Session, administration, lower, sequences, settings};
 
 /// A line, and what it answers.
 pub type Row = (&'static str, &'static str);
@@ -35,6 +37,20 @@ const MOVEMENT: &[Row] = &[
     ("T", ""),
     ("1M x", "ERR 128"),
     ("1T 1", "ERR 1024"),
+    // No place is near enough, and no hand cold enough.
+    ("SFSET MPE -1", ""),
+    ("SM 1000", "ERR 16"),
+    ("SFDEF", ""),
+    ("PSET OTEMP -1", ""),
+    ("SM 2000", "ERR 8192"),
+];
+
+/// Lines that go on until the host says more; that; and what comes of both.
+const GOING_ON: &[(&str, &[u8], &str)] = &[
+    ("LOOP", b"\x03", "*"),
+    ("13LOOP", b"a\x03", "**"),
+    ("X5LOOP", b"x", "*\nERR 2048"),
+    ("WAIT 60000", b"\x03", "ERR 16384"),
 ];
 
 #[test]
@@ -43,8 +59,25 @@ fn movement() {
 }
 
 #[test]
+fn going_on() {
+    let mut session = Session::new();
+    session.line("HI");
+    for (line, more, answer) in GOING_ON {
+        assert_eq!(session.line_and(line, more), *answer, "{line}");
+    }
+}
+
+/// Every row that types a line.
+fn rows() -> Vec<Row> {
+    let going_on: Vec<Row> = GOING_ON.iter().map(|(line, _, answer)| (*line, *answer)).collect();
+    let whole = [MOVEMENT, settings::COMMANDS, sequences::COMMANDS, administration::COMMANDS, lower::LINES];
+    let broken = [settings::WORN, ends::LOW_BUS];
+    [whole.concat(), broken.concat(), going_on].concat()
+}
+
+#[test]
 fn no_command_is_without_a_row() {
-    let rows = [MOVEMENT, settings::COMMANDS, sequences::COMMANDS, administration::COMMANDS].concat();
+    let rows = rows();
     let used: Vec<_> = rows
         .iter()
         .filter_map(|(line, _)| match words::parse(line) {
@@ -52,9 +85,35 @@ fn no_command_is_without_a_row() {
             _ => None,
         })
         .collect();
-    // What LOOP answers are no lines: realtime.rs.
-    for row in command::ROWS.iter().filter(|row| row.command != Command::Loop) {
+    for row in command::ROWS {
         assert!(used.contains(&row.command), "no test uses {}", row.name);
+    }
+}
+
+/// Of the lower grammar, in a line that goes well.
+#[test]
+fn no_word_of_the_lower_grammar_is_without_a_row() {
+    let words = words::LOWER.into_iter().chain(["S", "G", "M", "AP", "REPLY"]);
+    let good = |(line, answer): &Row, word: &str| {
+        matches!(words::parse(line), Ok(Words::Lower(_)))
+            && line.split_ascii_whitespace().any(|found| found == word)
+            && !answer.contains("ERR")
+    };
+    for word in words {
+        assert!(lower::LINES.iter().any(|row| good(row, word)), "no test uses {word}");
+    }
+}
+
+/// Table 4.
+#[test]
+fn no_status_code_is_without_a_row() {
+    let told = |answer: &str| {
+        let codes = answer.lines().filter_map(|line| line.strip_prefix("ERR ")?.parse().ok());
+        codes.fold(status::Status::OK, |sum, code| sum | status::Status::of(code))
+    };
+    let all = rows().iter().fold(status::Status::OK, |sum, (_, answer)| sum | told(answer));
+    for row in status::ROWS {
+        assert!(all.has(row.status), "no test is told {}", row.status.code());
     }
 }
 

@@ -1,0 +1,106 @@
+//! The walk-through (manual 3), steps 7 to 17, entered word for word at the host's console (`hil_sim::grasper`).
+
+use hil_sim::grasper::Console;
+use hil_sim::hand::Hand;
+use hil_sim::hand::world::World;
+use hil_sim::plant::Model;
+
+use super::movement::assert_near;
+use super::{MOST_US, Session, golden};
+
+/// Its steps, there is no ninth; what is entered; where the motors are then, hall counts. A tip goes along with a third of its link's
+/// angle (27 and 88 hall counts of 100 and 331); 331 is CT's default.
+const STEPS: &[(u8, &[&str], [i32; 7])] = &[
+    (7, &["WAKE"], [0; 7]),
+    (8, &["123 G TEMP"], [0; 7]),
+    (10, &["M", "123", "100"], [100, 100, 100, 0, 27, 27, 27]),
+    (11, &["4 S E 82", "4 S M 5"], [100, 100, 100, 82, 27, 27, 27]),
+    (12, &["C", "1"], [331, 100, 100, 82, 88, 27, 27]),
+    (13, &["O", "1"], [0, 100, 100, 82, 0, 27, 27]),
+    (14, &["4 S E 164", "4 S M 5"], [0, 100, 100, 164, 0, 27, 27]),
+    (15, &["C", "123"], [331, 331, 331, 164, 88, 88, 88]),
+    (16, &["123 G TEMP"], [331, 331, 331, 164, 88, 88, 88]),
+    (17, &["SAVE"], [331, 331, 331, 164, 88, 88, 88]),
+];
+
+/// The hand after its power has been off, fingers that may meet each other around it.
+fn power_cycle(session: &Session) -> Session {
+    let mut hand = Hand::again(Model::Averaged, 1, &session.hand.state()).expect("within its stops");
+    hand.put_into(World::default());
+    let mut session = Session { hand, heard: String::new() };
+    session.until_prompt();
+    session
+}
+
+/// A person at the console.
+struct Person<'a> {
+    session: &'a mut Session,
+    console: Console,
+    /// What is on the screen.
+    screen: String,
+}
+
+impl Person<'_> {
+    /// Until it is the person's turn.
+    fn waits(&mut self) {
+        let end_us = self.session.hand.now_us() + MOST_US;
+        loop {
+            if let Some(line) = self.console.says() {
+                self.session.hand.hear(line.as_bytes());
+            }
+            if let Some(question) = self.console.asks() {
+                self.screen.push_str(question);
+                return;
+            }
+            assert!(self.session.hand.now_us() < end_us, "it never ends: {}", self.screen);
+            self.session.wait_us(1000);
+            for line in self.session.hand.said().into_iter().filter_map(|byte| self.console.hears(byte)) {
+                self.screen.push_str(&format!("{line}\n"));
+            }
+        }
+    }
+
+    fn enters(&mut self, entry: &str) {
+        self.screen.push_str(&format!("{entry}\n"));
+        for line in self.console.enter(entry).expect("the manual's") {
+            self.screen.push_str(&format!("-> {line}\n"));
+        }
+        self.waits();
+    }
+}
+
+/// All steps, and where they bring the motors. Returns what is on the screen.
+fn walk(session: &mut Session) -> String {
+    let mut person = Person { session, console: Console::default(), screen: String::new() };
+    person.waits();
+    for (step, entries, places) in STEPS {
+        entries.iter().for_each(|entry| person.enters(entry));
+        assert_near(person.session, *places, &format!("step {step}"));
+    }
+    assert!(!person.console.went_wrong(), "{}", person.screen);
+    person.screen + "\n"
+}
+
+#[test]
+fn a_hand_that_was_put_away_with_save_walks_through_and_knows_where_it_is_ever_after() {
+    let mut session = Session::new();
+    for line in ["HI", "SAVE"] {
+        assert_eq!(session.line(line), "");
+    }
+    let mut session = power_cycle(&session);
+    golden::verbatim("walk-through", &walk(&mut session));
+    let mut session = power_cycle(&session);
+    assert_eq!(session.line("X1234567FGET S"), "0 0 0 0 0 0 0", "ready");
+    assert_eq!(session.line("HOME"), "", "and moved by GCL without HI");
+    assert_near(&session, [0; 7], "HOME");
+}
+
+/// It moves from where it woke up; what it saves then is no place that it trusts.
+#[test]
+fn a_hand_that_was_never_homed_walks_through_and_does_not_know_where_it_is() {
+    let mut session = Session::new();
+    walk(&mut session);
+    let mut session = power_cycle(&session);
+    assert_eq!(session.line("X1234567FGET S"), "4 4 4 4 4 4 4");
+    assert_eq!(session.line("HOME"), "ERR 4");
+}
