@@ -103,7 +103,7 @@ fn at_38400_baud_the_blocks_own_bytes_come_on_top() {
     println!(
         "figure: RealTime at 38400 baud, first byte of a control block of seven motors to each one's torque: at worst {worst:?} us"
     );
-    // 10 bits each, and as they are looked at.
+    // Ten bits each.
     let bytes_us = control(0, 0).len() as u64 * 10 * 1_000_000 / 38_400;
     let expected = bytes_us..=bytes_us + BOUND_US;
     assert!(worst.iter().all(|us| expected.contains(us)), "{worst:?} us, expected {expected:?}");
@@ -114,7 +114,7 @@ fn a_supervisory_move_waits_for_nothing_but_the_bus_and_leaves_most_of_that_to_o
     let (mut worst, mut load_percent) = ([0; 7], 0.0_f64);
     let mut session = Session::new();
     assert_eq!(session.line("HI"), "");
-    // The spread's has to release first.
+    // The spread's brake has to release first.
     let brake_us = 1_000 * u64::from(Config::for_motor(MotorKind::Spread).brake_ms);
     // All bridges are off when it comes: what holds changes its duty all the time.
     assert_eq!(session.line("FSET HOLD 0"), "");
@@ -124,7 +124,7 @@ fn a_supervisory_move_waits_for_nothing_but_the_bus_and_leaves_most_of_that_to_o
         assert!(duties(&session.hand).iter().all(|&duty| duty == Duty::ZERO));
         session.hand.hear(b"M 9000");
         session.wait_us(10_000);
-        let (begin_us, before) = (session.hand.now_us(), session.hand.bus().stats().clone());
+        let (begin_us, before_us) = (session.hand.now_us(), session.hand.bus().stats().busy_us);
         session.hand.hear(b"\r");
         let changes = changes(&mut session, &mut Serial::new(false), 200_000);
         longest(&mut worst, &changes);
@@ -134,7 +134,7 @@ fn a_supervisory_move_waits_for_nothing_but_the_bus_and_leaves_most_of_that_to_o
             assert!(after_us <= bound_us, "motor {}: {after_us} us, the bus in use for {busy_us}", motor + 1);
         }
         session.until_prompt();
-        let busy_us = session.hand.bus().stats().busy_us - before.busy_us;
+        let busy_us = session.hand.bus().stats().busy_us - before_us;
         load_percent = load_percent.max(100.0 * busy_us as f64 / (session.hand.now_us() - begin_us) as f64);
     }
     println!(
