@@ -101,6 +101,16 @@ def move(host, target):
     return positions
 
 
+def settle(host):
+    """Waits until a position stays for a fifth of a second."""
+    end, before, found = time.monotonic() + 5, None, host.get(SPREAD, P)
+    while found != before:
+        check(time.monotonic() < end, f"it comes to rest within 5 s: {before}, {found}")
+        for _ in host.answers(0.2):
+            pass
+        before, found = found, host.get(SPREAD, P)
+
+
 def main(address):
     channel = f"socket://{address}"
     with can.Bus(interface="slcan", channel=channel, bitrate=1_000_000, sleep_after_open=0.1) as bus:
@@ -129,6 +139,8 @@ def main(address):
         check(back and min(back) >= -4, f"the stop is half a count below 0: {back}")
         host.set(SPREAD, MODE, IDLE)
         check(host.get(SPREAD, MODE) == IDLE, "idle")
+        # Pressed into its stop, it springs back once it is let go.
+        settle(host)
         # In idle, P says what the present position is called: all 22 bits come back with their sign.
         for name in (-32767, -1, 32767):
             host.set(SPREAD, P, name)
