@@ -46,6 +46,8 @@ def main(port, least, baud):
         f" a block takes {p50:.1f} ms (median), {p99:.1f} (99 %), {worst:.1f} (worst)"
     )
     check(rate >= least, f"{least} blocks/s at least: {rate:.1f}")
+    # A per cent for the ends of the measurement.
+    check(not baud or rate * BITS * (1 + FEEDBACK) <= 1.01 * baud, f"no more than {baud} baud allow: {rate:.1f} blocks/s")
 
 
 if __name__ == "__main__":
