@@ -1,5 +1,7 @@
 //! LOOP and its blocks (manual 6), and how fast they go.
 
+mod latency;
+
 use super::Session;
 
 /// A host in RealTime.
@@ -13,7 +15,11 @@ const BLOCK_US: u64 = 100_000;
 impl Host {
     /// In RealTime with the motors of a prefix.
     fn new(prefix: &str) -> Self {
-        let mut session = Session::new();
+        Self::of(Session::new(), prefix)
+    }
+
+    /// The same of a session.
+    fn of(mut session: Session, prefix: &str) -> Self {
         assert_eq!(session.line(&format!("{prefix}HI")), "");
         let line = format!("{prefix}LOOP");
         session.hand.hear(line.as_bytes());

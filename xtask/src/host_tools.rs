@@ -1,5 +1,5 @@
-//! The simulated bus as ordinary host tools meet it, in real time: our own download, then a spread driven by python-can
-//! over SLCAN and TCP. What python needs is installed below `target/`.
+//! What is simulated as ordinary host tools meet it, in real time: our own download and a spread driven by python-can over SLCAN and
+//! TCP; a whole hand driven by pyserial as its real clients do it. What python needs is installed below `target/`.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -8,33 +8,66 @@ use std::process::{Child, Command, Stdio};
 use crate::program::{output, program, root, run, target, typed};
 use crate::{Outcome, download, python, tek};
 
-/// From PyPI: python-can for `slcan`, pyserial for its `socket://`. Pinned, so that a failure is ours.
+/// From PyPI: python-can for `slcan`, pyserial for its `socket://` and for the hand's hosts. Pinned, so that a failure is ours.
 const PACKAGES: [&str; 2] = ["python-can==4.6.1", "pyserial==3.5"];
 
 /// Bytes of the application that is downloaded: a few pages of flash.
 const IMAGE: usize = 4096;
 
-/// Downloads to a served board and drives it from python.
+/// A hand with something to grasp, its bus open to who watches. A pseudo-terminal where there is such a thing.
+const GRASP: &str = if cfg!(unix) {
+    "hand --listen 127.0.0.1:0 --pty --slcan 127.0.0.1:0 --scenario hil-sim/grasps/ball.toml"
+} else {
+    "hand --listen 127.0.0.1:0 --slcan 127.0.0.1:0 --scenario hil-sim/grasps/ball.toml"
+};
+
+/// RealTime blocks a second over TCP below which something is wrong with us, and not with a busy machine: 320 are what the bus allows, two
+/// ends that wait for each other's acknowledgement (Nagle) come to 25.
+const LEAST_TCP: &str = "80";
+
+/// The same at [`BAUD`], where 75 are what the wire allows.
+const LEAST_SERIAL: &str = "35";
+const BAUD: &str = "38400";
+
+/// Downloads to a served board, drives it and a hand from python.
 ///
 /// # Errors
 /// What failed and how to repeat it; or what is missing to try it.
 pub fn check() -> Outcome {
     let python = python::environment("host-tools", &PACKAGES)?;
     run(program("cargo build --quiet --release --package hil-sim"))?;
-    let served = serve()?;
+    let script = |name: &str, args: &[&str]| {
+        let mut script = Command::new(&python);
+        script.arg(format!("tests/host/{name}.py")).args(args).current_dir(root());
+        output(script).map(|said| said.lines().for_each(|line| println!("  {line}")))
+    };
+    let board = Served::new("bus --node 4 --slcan 127.0.0.1:0")?;
+    let address = board.place("slcan")?;
     let file = application()?;
-    download::download(&download::DownloadArgs::new(file, 4, &served.address)).map_err(String::from)?;
-    let mut script = Command::new(python);
-    script.arg("tests/host/spread_move.py").arg(&served.address).current_dir(root());
-    let said = output(script)?;
-    println!("  {}", said.trim_end());
+    download::download(&download::DownloadArgs::new(file, 4, address)).map_err(String::from)?;
+    script("spread_move", &[address])?;
+    drop(board);
+    let hand = Served::new(GRASP)?;
+    let tcp = format!("socket://{}", hand.place("gcl")?);
+    let ports = [tcp.as_str()].into_iter().chain(hand.place("pty"));
+    script("hand_clients", &[hand.place("slcan")?].into_iter().chain(ports).collect::<Vec<_>>())?;
+    drop(hand);
+    let hand = Served::new("hand --listen 127.0.0.1:0")?;
+    script("hand_rate", &[&format!("socket://{}", hand.place("gcl")?), LEAST_TCP])?;
+    drop(hand);
+    if cfg!(unix) {
+        let hand = Served::new("hand --pty --pace-baud")?;
+        script("hand_rate", &[hand.place("pty")?, LEAST_SERIAL, BAUD])?;
+    }
     Ok(())
 }
 
-/// A served bus; ends when this is dropped.
+/// A served bus or hand; ends when this is dropped.
 struct Served {
     process: Child,
-    address: String,
+    line: String,
+    /// Where it can be reached, in its own words: what for, and the place.
+    doors: Vec<(String, String)>,
 }
 
 impl Drop for Served {
@@ -45,22 +78,33 @@ impl Drop for Served {
     }
 }
 
-fn serve() -> Result<Served, String> {
-    let mut command = Command::new(target().join("release/hil-sim"));
-    command.args(["bus", "--node", "4", "--slcan", "127.0.0.1:0"]).current_dir(root());
-    let line = typed(&command);
-    let failed = |what: String| format!("{what}\n  repeat with: {line}");
-    let spawned = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
-    let process = spawned.map_err(|error| failed(format!("cannot start: {error}")))?;
-    let mut served = Served { process, address: String::new() };
-    let mut said = String::new();
-    if let Some(out) = served.process.stdout.take() {
-        BufReader::new(out).read_line(&mut said).map_err(|error| failed(error.to_string()))?;
+impl Served {
+    /// Starts hil-sim, and reads where it serves: a line for each option that asks for a door.
+    fn new(args: &str) -> Result<Self, String> {
+        let mut command = Command::new(target().join("release/hil-sim"));
+        command.args(args.split(' ')).current_dir(root());
+        let line = typed(&command);
+        let failed = |what: String| format!("{what}\n  repeat with: {line}");
+        let spawned = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let process = spawned.map_err(|error| failed(format!("cannot start: {error}")))?;
+        let doors = ["--listen", "--pty", "--slcan"].iter().filter(|door| args.contains(**door)).count();
+        let mut served = Self { process, line: line.clone(), doors: Vec::new() };
+        let Some(out) = served.process.stdout.take() else { return Ok(served) };
+        for said in BufReader::new(out).lines().take(doors) {
+            let said = said.map_err(|error| failed(error.to_string()))?;
+            let (kind, place) = said.split_once(' ').unwrap_or((&said, ""));
+            served.doors.push((kind.to_owned(), place.to_owned()));
+        }
+        Ok(served)
     }
-    let address = said.trim().strip_prefix("slcan ");
-    served.address =
-        address.ok_or_else(|| failed(format!("found {said:?}, expected `slcan HOST:PORT`")))?.to_owned();
-    Ok(served)
+
+    /// The place of a door.
+    fn place(&self, kind: &str) -> Result<&str, String> {
+        let door = self.doors.iter().find(|door| door.0 == kind).map(|door| door.1.as_str());
+        door.ok_or_else(|| {
+            format!("found {:?}, expected `{kind} PLACE`\n  repeat with: {}", self.doors, self.line)
+        })
+    }
 }
 
 /// A sealed `.tek` file of an application that a monitor takes.

@@ -96,7 +96,7 @@ enum Chore {
     Download(download::DownloadArgs),
     /// The image on emulated boards: a scenario over CAN only, from erased flash on
     Emu(emu::EmuArgs),
-    /// The simulated bus as host tools meet it, in real time: a download, and a move by python-can (installed into target/)
+    /// The simulated bus and hand as host tools meet them, in real time: a download, python-can, and hosts by pyserial (installed into target/)
     HostTools,
 }
 

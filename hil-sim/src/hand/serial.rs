@@ -113,3 +113,63 @@ impl Serial {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::Model;
+    use god::Memory;
+
+    /// How finely it is looked, us.
+    const FINE_US: u64 = 10;
+
+    /// When each byte of an answer of so many comes after bytes were put on the line, us.
+    fn times_us(line: &mut Serial, hand: &mut Hand, bytes: &[u8], answer: usize) -> Vec<u64> {
+        let begin_us = hand.now_us();
+        let (mut heard, mut times) = (Vec::new(), Vec::new());
+        line.put(bytes, hand);
+        while times.len() < answer {
+            let after_us = hand.now_us() - begin_us;
+            assert!(after_us < 1_000_000, "{heard:?} for {bytes:?}");
+            line.run_until(hand, begin_us + after_us + FINE_US, &mut heard, 1024);
+            times.resize(heard.len(), after_us + FINE_US);
+        }
+        assert_eq!(times.len(), answer, "{}", String::from_utf8_lossy(&heard));
+        times
+    }
+
+    /// A hand that waits for a line.
+    fn hand() -> Hand {
+        let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
+        hand.run_until(1_000);
+        assert!(hand.said().ends_with(b"=> "));
+        hand
+    }
+
+    /// What FROB comes to after its echo.
+    const ANSWER: &[u8] = b"\r\n\rERR 32\r\n\r=> ";
+
+    #[test]
+    fn a_byte_takes_ten_bits_of_baud_each_way() {
+        let (mut hand, mut line) = (hand(), Serial::new(true));
+        // 9600 Bd is the default (manual 5.4.1).
+        for (order, answer, byte_us) in [("", 0, 1_041), ("PSET BAUD 384\r", 19, 260)] {
+            times_us(&mut line, &mut hand, order.as_bytes(), answer);
+            let times = times_us(&mut line, &mut hand, b"FROB\r", 4 + ANSWER.len());
+            for (place, &time_us) in (2..).zip(&times) {
+                // The first comes in and goes back; from then on one is behind the other, CR and the first of the answer like an echo.
+                let due_us = byte_us * place;
+                // GOD's next byte is looked for forty times a byte.
+                let expected = due_us..=due_us + byte_us / 40 + 1 + FINE_US;
+                assert!(expected.contains(&time_us), "{time_us} is not in {expected:?} us: {times:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_pace_all_is_there_at_once() {
+        let (mut hand, mut line) = (hand(), Serial::new(false));
+        let times = times_us(&mut line, &mut hand, b"FROB\r", 4 + ANSWER.len());
+        assert_eq!(times, [FINE_US; 4 + ANSWER.len()]);
+    }
+}

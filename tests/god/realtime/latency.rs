@@ -1,0 +1,143 @@
+//! From the host's bytes to the motors' torque, seven motors at once on one bus, and what that bus carries.
+
+use hil_sim::hand::Hand;
+use hil_sim::hand::serial::Serial;
+use servo_core::units::Duty;
+use servo_core::{Config, MotorKind};
+
+use super::super::Session;
+use super::{ALL, BLOCK_US, FEEDBACK, Host, control};
+
+/// How finely it is measured, us.
+const LOOK_US: u64 = 10;
+
+/// Blocks that are measured; each begins at another time between two ticks of the boards (1000 us), which 53 does not divide.
+const PHASES: u64 = 60;
+const PHASE_US: u64 = 53;
+
+/// Before the last motor's velocity are the three GET of the feedback (52 bits, 10 stuffed ones at most, 3 between two frames), one answer that
+/// has begun, and seven gains and velocities (76, 16, 3); then 50 us of the board, and its next tick.
+const BOUND_US: u64 = 3 * 65 + 15 * 95 + 50 + 1_000;
+
+/// What each bridge does; 0 is off, or both phases alike.
+fn duties(hand: &Hand) -> Vec<Duty> {
+    let duty =
+        |node: &hil_sim::node::Node| node.application().and_then(|application| application.drive().duty);
+    hand.bus().stations().map(|node| duty(node).unwrap_or_default()).collect()
+}
+
+/// When a motor's duty changed, and for how long the bus had been in use by then, us.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Change {
+    after_us: u64,
+    busy_us: u64,
+}
+
+/// Waits until each motor's duty has changed once, from now on.
+fn changes(session: &mut Session, line: &mut Serial, most_us: u64) -> [Change; 7] {
+    let now = |session: &Session| (session.hand.now_us(), session.hand.bus().stats().busy_us);
+    let ((begin_us, begin_busy_us), before) = (now(session), duties(&session.hand));
+    let (mut changes, mut heard) = ([None; 7], Vec::new());
+    while changes.contains(&None) {
+        let (now_us, busy_us) = now(session);
+        assert!(now_us <= begin_us + most_us, "no torque within {most_us} us: {changes:?}");
+        line.run_until(&mut session.hand, now_us + LOOK_US, &mut heard, 1024);
+        for ((change, now), before) in changes.iter_mut().zip(duties(&session.hand)).zip(&before) {
+            if change.is_none() && now != *before {
+                let after_us = session.hand.now_us() - begin_us;
+                *change = Some(Change { after_us, busy_us: busy_us - begin_busy_us });
+            }
+        }
+    }
+    changes.map(Option::unwrap_or_default)
+}
+
+/// The longer of each two.
+fn longest(worst: &mut [u64; 7], changes: &[Change; 7]) {
+    worst.iter_mut().zip(changes).for_each(|(worst, change)| *worst = change.after_us.max(*worst));
+}
+
+/// Feeds back at rest until no motor has had any duty for ten blocks.
+fn rest(host: &mut Host, gain: u8) {
+    let (mut still, end) = (0, host.session.hand.now_us() + 10_000_000);
+    while still < 10 {
+        assert!(host.session.hand.now_us() < end, "at rest: {:?}", host.truth());
+        host.block(&control(0, gain), FEEDBACK);
+        let rests = duties(&host.session.hand).iter().all(|&duty| duty == Duty::ZERO);
+        still = if rests { still + 1 } else { 0 };
+    }
+}
+
+/// The longest times of motors 1 to 7 from the first byte of a control block that changes all velocities and gains, us.
+fn worst(session: Session, paced: bool) -> [u64; 7] {
+    let mut host = Host::of(session, ALL);
+    let mut worst = [0; 7];
+    for phase in 0..PHASES {
+        rest(&mut host, 16);
+        host.session.wait_us(phase * PHASE_US % 1_000);
+        let velocity = if phase % 2 == 0 { 20 } else { -20 };
+        let mut line = Serial::new(paced);
+        line.put(&control(velocity, 17), &host.session.hand);
+        longest(&mut worst, &changes(&mut host.session, &mut line, BLOCK_US));
+        // The rest of the feedback.
+        host.session.wait_us(20_000);
+        host.session.hand.said();
+    }
+    worst
+}
+
+#[test]
+fn a_blocks_velocities_become_torque_within_its_frames_and_a_tick() {
+    let worst = worst(Session::new(), false);
+    println!(
+        "figure: RealTime, last byte of a control block of seven motors to each one's torque: at worst {worst:?} us"
+    );
+    assert!(worst.iter().all(|&us| us <= BOUND_US), "{worst:?} us, {BOUND_US} at most");
+}
+
+#[test]
+fn at_38400_baud_the_blocks_own_bytes_come_on_top() {
+    let mut session = Session::new();
+    assert_eq!(session.line("PSET BAUD 384"), "");
+    let worst = worst(session, true);
+    println!(
+        "figure: RealTime at 38400 baud, first byte of a control block of seven motors to each one's torque: at worst {worst:?} us"
+    );
+    // Ten bits each.
+    let bytes_us = control(0, 0).len() as u64 * 10 * 1_000_000 / 38_400;
+    let expected = bytes_us..=bytes_us + BOUND_US;
+    assert!(worst.iter().all(|us| expected.contains(us)), "{worst:?} us, expected {expected:?}");
+}
+
+#[test]
+fn a_supervisory_move_waits_for_nothing_but_the_bus_and_leaves_most_of_that_to_others() {
+    let (mut worst, mut load_percent) = ([0; 7], 0.0_f64);
+    let mut session = Session::new();
+    assert_eq!(session.line("HI"), "");
+    // The spread's brake has to release first.
+    let brake_us = 1_000 * u64::from(Config::for_motor(MotorKind::Spread).brake_ms);
+    // All bridges are off when it comes: what holds changes its duty all the time.
+    assert_eq!(session.line("FSET HOLD 0"), "");
+    for phase in 0..20 {
+        assert_eq!(session.line("M 0"), "");
+        session.wait_us(phase * PHASE_US % 1_000);
+        assert!(duties(&session.hand).iter().all(|&duty| duty == Duty::ZERO));
+        session.hand.hear(b"M 9000");
+        session.wait_us(10_000);
+        let (begin_us, before_us) = (session.hand.now_us(), session.hand.bus().stats().busy_us);
+        session.hand.hear(b"\r");
+        let changes = changes(&mut session, &mut Serial::new(false), 200_000);
+        longest(&mut worst, &changes);
+        for (motor, Change { after_us, busy_us }) in changes.into_iter().enumerate() {
+            // Its last frame, 50 us of the board, and its next tick.
+            let bound_us = busy_us + 95 + 50 + 1_000 + if motor == 3 { brake_us } else { 0 };
+            assert!(after_us <= bound_us, "motor {}: {after_us} us, the bus in use for {busy_us}", motor + 1);
+        }
+        session.until_prompt();
+        let busy_us = session.hand.bus().stats().busy_us - before_us;
+        load_percent = load_percent.max(100.0 * busy_us as f64 / (session.hand.now_us() - begin_us) as f64);
+    }
+    println!(
+        "figure: M of seven motors, CR to each one's torque: at worst {worst:?} us; bus load while they move {load_percent:.1} %"
+    );
+}
