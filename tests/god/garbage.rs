@@ -152,8 +152,8 @@ fn god_is_no_bigger_than_it_is() {
     let (io, memory) = (god::Io::default(), god::Memory::default());
     let sizes = [size_of_val(&god::run(&io, &memory)), size_of_val(&io), size_of_val(&memory)];
     println!("figure: GOD's work, ports and memory: {sizes:?} bytes");
-    // RAM of the smallest processor that the hand has, a motor board's.
-    assert!(sizes.iter().sum::<usize>() <= 20 * 1024, "{sizes:?}");
+    // The manual does not say what processor GOD has: the RAM of a larger one of the motor boards' family, STM32F103xE.
+    assert!(sizes.iter().sum::<usize>() <= 64 * 1024, "{sizes:?}");
 }
 
 /// Motions that ^C ends before they have begun leave questions to the boards behind, which the bus has to carry all the same.
