@@ -5,10 +5,13 @@ use god::io::ABORT;
 use hil_sim::hand::Hand;
 use hil_sim::hand::script::prompts;
 use hil_sim::plant::Model;
+use hil_sim::scenario::grasp;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
 use super::watch::{Most, Watch};
+
+const BALL: &str = include_str!("../../../hil-sim/grasps/ball.toml");
 
 /// The largest control block, all seven motors with velocity and gain: so many bytes after LOOP's header are data, ^C too.
 const BLOCK: usize = 14;
@@ -71,10 +74,14 @@ pub struct Client {
 }
 
 impl Client {
-    /// Of a hand that has just prompted.
+    /// Of a hand that has just prompted; with an odd seed there is a ball between its fingers, and they meet each other.
     pub fn new(seed: u128) -> Self {
+        let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
+        if seed % 2 == 1 {
+            hand.put_into(grasp::parse("ball.toml", BALL).expect("a world"));
+        }
         let mut client = Self {
-            hand: Hand::new(Model::Averaged, 1, Memory::default()),
+            hand,
             rng: Pcg64Mcg::new(seed),
             figure: Figure::default(),
             watch: Watch::new(),
