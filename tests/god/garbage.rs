@@ -29,7 +29,7 @@ const _: () = assert!(ANY + CHARACTERS + WORDS + COMMANDS + BLOCKS >= 10_000_000
 const AT_ONCE: usize = 256;
 
 /// Hands that a distribution is said to, one after another: motors that have pressed on their stops for minutes are hot, and move no more.
-const HANDS: u64 = 8;
+const HANDS: u64 = 4;
 
 /// Says to each hand its share of so many bytes: `say` some of it at a time.
 fn said(what: &str, bytes: u64, seed: u128, mut say: impl FnMut(&mut Client)) {

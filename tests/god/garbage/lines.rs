@@ -86,7 +86,8 @@ fn lower(rng: &mut Pcg64Mcg) -> String {
         6 => format!("{nodes} S CMD {}", rng.random_range(0..=22)),
         7 => format!("{nodes} S V {}", rng.random_range(-1000..=1000)),
         8 => format!("{nodes} S T {}", rng.random_range(-990..=990)),
-        9 => format!("{nodes} S {} {}", one(rng, &["MT", "MV", "KPV", "KP"]), rng.random_range(0..=1000)),
+        // Those that shape a motion, everywhere.
+        9 => format!("1234567 S {} {}", one(rng, &["MT", "MV", "KPV", "KP"]), rng.random_range(0..=1000)),
         _ => format!("{nodes} S {} {}", row.name, value(rng, row.min, row.max)),
     }
 }
