@@ -35,7 +35,10 @@ const HANDS: u64 = 4;
 fn said(what: &str, bytes: u64, seed: u128, mut say: impl FnMut(&mut Client)) {
     let mut figure = Figure::default();
     for hand in 0..HANDS {
-        let mut client = Client::new(seed + u128::from(hand));
+        let seed = seed + u128::from(hand);
+        // Seen where it fails.
+        println!("{what}: seed {seed:#x}");
+        let mut client = Client::new(seed);
         let mut homed = 0;
         while client.figure.bytes < bytes.div_ceil(HANDS) {
             // Now and then every motor knows where it is, and has the properties to move.
