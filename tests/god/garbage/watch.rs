@@ -3,9 +3,9 @@
 //! GOD clamps no goal to a joint's range: a motor that meets its stop stalls there (manual 5.5). The limits that nothing a host says may
 //! lift are the boards' (servo-core's guard) and the joints' (the plant's stops):
 //!
-//! * a joint stays between its stops, and dents them no deeper than a rotor at its highest speed does ([`DENT`]);
-//! * no rotor turns faster than 97 % of the bus can turn it ([`NO_LOAD`]), and no set-point faster than MV with MCV or MOV has allowed
-//!   since its motion began;
+//! * a joint stays between its stops, and dents them no deeper than a rotor at its highest speed does;
+//! * no rotor turns faster than 97 % of the bus can turn it, unless it is the spread's and other fingers push it; and no set-point goes
+//!   faster than MV with MCV or MOV has allowed since its motion began;
 //! * the duty is 97 % at most; the torque MT at most, but where a rotor is so fast that the duty bound alone brakes harder (`Limit::Duty`);
 //!   the phase current stays below the driver's trip, and the winding below its class;
 //! * an idle motor, and one whose board is in its monitor, is not driven; no page is erased while one is; no watchdog bites;
@@ -82,8 +82,14 @@ impl std::fmt::Display for Most {
 /// A motor's limits.
 struct Joint {
     range: [f64; 2],
-    dent: f64,
+    /// How far beyond its range it can be at rest, pressed by the peak torque, counts.
+    pressed: f64,
+    /// And how much further for each count/s of its speed, s.
+    per_speed: f64,
     no_load: f64,
+    /// Its highest speed yet, and whether it is beyond `no_load` because something pushes it.
+    peak: f64,
+    pushed: bool,
     trip_a: f64,
     /// MT at the last looks: a tick that plans goes on with the torque of the one before.
     mt: [u16; 3],
@@ -98,14 +104,15 @@ impl Joint {
         let plant = PlantParams::for_motor(kind);
         let no_load = plant.bus_v * f64::from(DUTY) / 32_768.0 / plant.ke_v_s / RAD_PER_COUNT;
         let spring = plant.stop_stiffness_n_m_rad;
-        // Half a count beyond the range begins the stop. A rotor at its highest speed goes v * sqrt(J/k) into it without a damper, and the
-        // peak torque presses it in by T/k.
-        let peak = 1024.0 / 1575.0;
-        let dent = 0.5 + no_load * (plant.j_kg_m2 / spring).sqrt() + peak / spring / RAD_PER_COUNT;
+        let peak_torque = 1024.0 / 1575.0;
         Self {
             range: [plant.min_count, plant.max_count],
-            dent,
+            // The stop begins half a count beyond the range, and gives by T/k; a rotor goes v * sqrt(J/k) into one without a damper.
+            pressed: 0.5 + peak_torque / spring / RAD_PER_COUNT,
+            per_speed: (plant.j_kg_m2 / spring).sqrt(),
             no_load,
+            peak: no_load,
+            pushed: false,
             trip_a: plant.trip_a,
             mt: [0; 3],
             was_idle: false,
@@ -155,13 +162,15 @@ impl Watch {
 }
 
 /// The rotor, its winding and its flash.
-fn look_at_plant(joint: &Joint, node: &Node, most: &mut Most, at: &str) {
+fn look_at_plant(joint: &mut Joint, node: &Node, most: &mut Most, at: &str) {
     let truth = node.board().rig().truth();
     let [min, max] = joint.range;
     let beyond = (min - truth.counts).max(truth.counts - max);
-    assert!(beyond <= joint.dent, "{at}: {beyond} counts beyond its range");
     let speed = truth.counts_per_s.abs();
-    assert!(speed <= joint.no_load, "{at}: {speed} counts/s");
+    joint.peak = joint.peak.max(speed);
+    assert!(beyond <= joint.pressed + joint.per_speed * joint.peak, "{at}: {beyond} counts beyond its range");
+    joint.pushed = truth.load_n_m * truth.counts_per_s > 0.0 || joint.pushed && speed > joint.no_load;
+    assert!(speed <= joint.no_load || joint.pushed, "{at}: {speed} counts/s");
     assert!(truth.peak_phase_a < joint.trip_a, "{at}: {} A", truth.peak_phase_a);
     assert!(truth.winding_c <= WINDING_C, "{at}: {} C", truth.winding_c);
     let flash = node.board().sim_flash();
