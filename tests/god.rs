@@ -1,6 +1,7 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
 mod administration;
+mod garbage;
 mod golden;
 mod lower;
 mod movement;

@@ -1,12 +1,13 @@
-//! Any bytes from a host, any answers from the boards: the prompt comes back.
+//! Any words and bytes from a host, any answers from the boards: the prompt comes back, and what is said is text.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tater_fuzz::God;
+use tater_fuzz::{God, text};
 
-fuzz_target!(|input: (u32, &[u8])| {
-    let (word, bytes) = input;
-    let mut god = God::new(word);
-    bytes.iter().for_each(|&byte| god.hear(byte));
-    assert!(god.prompts());
+fuzz_target!(|input: (u32, bool, &[u8])| {
+    let (word, known, bytes) = input;
+    let mut god = God::new(word, known);
+    text(bytes).iter().for_each(|&byte| god.hear(byte));
+    god.must_prompt();
+    god.must_be_text();
 });

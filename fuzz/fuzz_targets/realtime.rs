@@ -1,13 +1,69 @@
-//! Any bytes in RealTime, any answers from the boards: ^C, or a bad header, gives the prompt back.
+//! Any bytes in RealTime with any flags, any answers from the boards: each block has the answer that the manual gives it (6.2), to the
+//! byte; ^C or a bad header gives the prompt back; and then every motor has been told to stand still.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tater_fuzz::God;
+use tater_fuzz::{God, PROMPT};
 
-fuzz_target!(|input: (u32, &[u8])| {
-    let (word, bytes) = input;
-    let mut god = God::new(word);
-    b"X1234567LOOP\r".iter().for_each(|&byte| god.hear(byte));
-    bytes.iter().for_each(|&byte| god.hear(byte));
-    assert!(god.prompts());
+/// What the flags make of the blocks of seven motors, by their bits.
+struct Shape {
+    control: usize,
+    feedback: usize,
+}
+
+/// Sets the flags, and begins.
+fn begin(god: &mut God, flags: u16) -> Shape {
+    let bit = |bit: u16| usize::from(flags >> bit & 1);
+    let [lcv, lcpg, lfv, lfs, lfdp, lft, lfdpd] = [bit(0), bit(1), bit(2), bit(3), bit(4), bit(5), bit(6)];
+    let lfap = usize::from(flags >> 7 & 3) % 3;
+    god.types(&format!("X1234567FSET LCV {lcv} LCPG {lcpg} LFV {lfv} LFS {lfs} LFDP {lfdp} LFAP {lfap}\r"));
+    god.types(&format!("PSET LFT {lft} LFDPD {lfdpd}\rX1234567LOOP\r"));
+    god.run_for(10_000);
+    assert!(god.is_raw() && god.said.ends_with(b"LOOP*"), "{}", god.told());
+    let each = lfv + lfs + lfdp + [0, 4, 2][lfap];
+    Shape { control: 7 * (lcv + lcpg), feedback: 1 + 7 * each + 2 * lft }
+}
+
+fuzz_target!(|input: (u32, u16, &[u8])| {
+    let (word, flags, bytes) = input;
+    let mut god = God::new(word, true);
+    let Shape { control, feedback } = begin(&mut god, flags);
+    let mut expected = god.said.len();
+    let mut bytes = bytes.iter().copied();
+    'blocks: while let Some(header) = bytes.next() {
+        god.hear(header);
+        let error = match header {
+            b'C' | b'A' => {
+                expected += feedback;
+                None
+            }
+            b'a' => {
+                expected += 1;
+                None
+            }
+            b'c' => None,
+            3 => Some(""),
+            _ => Some("\r\n\rERR 2048"),
+        };
+        if let Some(error) = error {
+            god.run_for(10_000);
+            assert_eq!(String::from_utf8_lossy(&god.said[expected..]), format!("{error}{PROMPT}"));
+            assert!(god.stands() && !god.is_raw());
+            break;
+        }
+        if matches!(header, b'C' | b'c') {
+            for _ in 0..control {
+                assert_eq!(god.said.len(), expected, "{}", god.told());
+                match bytes.next() {
+                    Some(byte) => god.hear(byte),
+                    None => break 'blocks,
+                }
+            }
+        }
+        expected += usize::from(header == b'c');
+        assert_eq!(god.said.len(), expected, "{}", god.told());
+    }
+    // What is left is lines.
+    bytes.for_each(|byte| god.hear(byte));
+    god.must_prompt();
 });

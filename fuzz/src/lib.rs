@@ -4,8 +4,25 @@ use std::future::Future;
 use std::pin::Pin;
 use std::rc::Rc;
 
+use god::command::ROWS;
+use god::parameter::{GLOBAL, MOTOR};
 use god::{Io, Memory};
 use tater_wire::{Body, Destination, Message, Node, Property};
+
+/// ^C.
+const ABORT: u8 = 3;
+
+/// What GOD ends a line with.
+pub const LINE_END: &str = "\r\n\r";
+
+/// What it prompts with.
+pub const PROMPT: &str = "\r\n\r=> ";
+
+/// The largest control block: so many bytes after its header are data, ^C too.
+const BLOCK: usize = 14;
+
+/// Longest that GOD may take to its prompt after ^C, us: boards answer at once.
+const PROMPT_US: u64 = 100_000;
 
 /// GOD, its boards made of nothing.
 pub struct God {
@@ -14,46 +31,95 @@ pub struct God {
     now_us: u64,
     /// What the boards say; each answer changes it.
     word: u32,
+    /// Whether they know where their motors are: without, hardly any command moves them.
+    known: bool,
+    /// V as it was set last, by node.
+    velocities: [i64; 7],
     /// All that was said to the host.
     pub said: Vec<u8>,
+    /// Whether RealTime has begun once.
+    was_raw: bool,
 }
-
-/// Longest that anything may take of which the boards always answer, us: ten minutes, longer than WAIT's most.
-const MOST_US: u64 = 600_000_000;
 
 impl God {
     /// At its first prompt.
-    pub fn new(word: u32) -> Self {
+    pub fn new(word: u32, known: bool) -> Self {
         let (io, memory) = (Rc::new(Io::default()), Rc::new(Memory::default()));
         let ports = Rc::clone(&io);
         let future = Box::pin(async move { god::run(&ports, &memory).await });
-        let mut god = Self { io, future, now_us: 0, word, said: Vec::new() };
+        let (velocities, said) = ([0; 7], Vec::new());
+        let mut god = Self { io, future, now_us: 0, word, known, velocities, said, was_raw: false };
         god.run_for(1_000_000);
         god
     }
 
-    /// Says a byte, and lets a character's time pass.
+    /// Says a byte, if there is room, and lets a character's time pass.
     pub fn hear(&mut self, byte: u8) {
-        self.io.hear(byte);
+        if self.io.room() > 0 || byte == ABORT {
+            self.io.hear(byte);
+        }
         self.run_for(1_000);
     }
 
-    /// ^C ends everything within a second of answers.
-    pub fn prompts(&mut self) -> bool {
-        for _ in 0..2 {
-            // The first may be data of a RealTime block that is not whole: those are at most 14 bytes.
-            for _ in 0..15 {
-                self.hear(3);
-            }
-            self.run_for(MOST_US);
-        }
-        self.said.ends_with(b"\r\n\r=> ")
+    /// Types text.
+    pub fn types(&mut self, text: &str) {
+        text.bytes().for_each(|byte| self.hear(byte));
     }
 
-    fn run_for(&mut self, us: u64) {
+    /// ^C gives the prompt back, also from inside a block.
+    pub fn must_prompt(&mut self) {
+        for _ in 0..=BLOCK {
+            self.hear(ABORT);
+        }
+        self.run_for(PROMPT_US);
+        assert!(self.said.ends_with(PROMPT.as_bytes()), "{}", self.told());
+        assert!(!self.io.is_raw());
+    }
+
+    /// Whether it is in RealTime.
+    #[must_use]
+    pub fn is_raw(&self) -> bool {
+        self.io.is_raw()
+    }
+
+    /// Whether every motor has been told to stand still.
+    #[must_use]
+    pub fn stands(&self) -> bool {
+        self.velocities == [0; 7]
+    }
+
+    /// All that was said, readable.
+    #[must_use]
+    pub fn told(&self) -> String {
+        self.said.escape_ascii().to_string()
+    }
+
+    /// What was said is text, by its rules: CR and LF only as the line end that clients look for, backspace only as it is echoed, and every
+    /// error a sum of status codes. RealTime and packets are no text.
+    pub fn must_be_text(&self) {
+        let text = String::from_utf8_lossy(&self.said).to_ascii_uppercase();
+        if self.was_raw || text.contains("REPLY") {
+            return;
+        }
+        let rest = text.replace(LINE_END, "").replace("\u{8} \u{8}", "");
+        assert!(rest.bytes().all(|byte| (b' '..=b'~').contains(&byte)), "{}", self.told());
+        let codes = god::status::ROWS.iter().fold(0, |sum, row| sum | row.status.code());
+        for (_, error) in text.match_indices("\r\n\rERR ").map(|(at, mark)| text.split_at(at + mark.len())) {
+            let code = error.split(LINE_END).next().unwrap_or_default();
+            // `? ERR` tells what ERR is.
+            assert!(
+                code.starts_with('[') || code.parse().is_ok_and(|code: u16| code > 0 && code & !codes == 0),
+                "{code:?}"
+            );
+        }
+    }
+
+    /// Lets time pass.
+    pub fn run_for(&mut self, us: u64) {
         let until_us = self.now_us + us;
         loop {
             let next_us = god::io::poll(self.future.as_mut(), &self.io, self.now_us);
+            self.was_raw |= self.io.is_raw();
             let mut answered = false;
             while let Some(frame) = self.io.frame() {
                 answered |= self.answer(&frame);
@@ -73,18 +139,30 @@ impl God {
     }
 
     fn answer(&mut self, frame: &tater_wire::Frame) -> bool {
-        let Some(Message { to, body: Body::Get(property), .. }) = Message::parse(frame) else { return false };
-        let Some(property) = Property::of(property) else { return false };
+        let Some(Message { to, body, .. }) = Message::parse(frame) else { return false };
         let nodes = match to {
             Destination::Node(node) => node.number()..=node.number(),
             Destination::Group(_) => 1..=7,
         };
+        let property = match body {
+            Body::Get(property) => Property::of(property),
+            Body::Set { property, value } => {
+                if Property::of(property) == Some(Property::V) {
+                    nodes.for_each(|node| self.velocities[usize::from(node) - 1] = Property::V.read(value));
+                }
+                return false;
+            }
+            _ => None,
+        };
+        let Some(property) = property else { return false };
         for number in nodes {
             self.word = self.word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let any = i64::from(self.word as i32 >> (self.word >> 27));
             let value = match property {
                 // Awake; the rest is anything.
                 Property::STAT => 2,
-                _ => i64::from(self.word as i32 >> (self.word >> 27)),
+                Property::HALLH if self.known => 1 << 30,
+                _ => any,
             };
             let Some(from) = Node::new(number) else { continue };
             if let Some(reply) = Message::reply(from, property, value) {
@@ -93,4 +171,23 @@ impl God {
         }
         true
     }
+}
+
+/// The text of an input: its characters, and for each byte from 128 on a word of the language, so that a fuzzer needs not spell it.
+#[must_use]
+pub fn text(input: &[u8]) -> Vec<u8> {
+    let commands = ROWS.iter().map(|row| row.name);
+    let parameters = MOTOR.iter().map(|row| row.name).chain(GLOBAL.iter().map(|row| row.name));
+    let others = ["WAKE", "SAVE", "REPLY", " S ", " G ", "X1234567", "\r"];
+    // As many as there are bytes left.
+    let properties = Property::ALL.iter().map(|property| property.row().name);
+    let words: Vec<&str> = commands.chain(parameters).chain(others).chain(properties).collect();
+    let mut text = Vec::new();
+    for &byte in input {
+        match usize::from(byte).checked_sub(128).and_then(|place| words.get(place)) {
+            Some(word) => text.extend(word.bytes()),
+            None => text.push(byte),
+        }
+    }
+    text
 }

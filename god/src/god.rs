@@ -121,6 +121,7 @@ impl<'a> God<'a> {
         }
         self.io.takes_abort();
         self.io.set_raw(false);
+        self.io.reread();
         movement::abort(self).await;
         Status::ABORTED
     }

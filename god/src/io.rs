@@ -231,6 +231,15 @@ impl Io {
         self.baud.set(baud);
     }
 
+    /// What came while any byte was data, and has not been used as such, is text: a ^C in it makes void what came before it.
+    pub(crate) fn reread(&self) {
+        let mut input = self.input.borrow_mut();
+        if let Some(last) = input.iter().rposition(|&byte| byte == ABORT) {
+            (0..=last).for_each(|_| _ = input.pop_front());
+            self.aborted.set(true);
+        }
+    }
+
     /// Whether every byte is data from now on.
     pub(crate) fn set_raw(&self, raw: bool) {
         self.raw.set(raw);

@@ -66,6 +66,7 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
     god.io.set_raw(false);
     control.stop().await;
     movement::let_go(god).await;
+    god.io.reread();
     match end {
         End::Host => Status::OK,
         End::Error(status) => status,

@@ -37,6 +37,13 @@ fn id(number: u8) -> Id {
     Id::new(number).expect("1 to 7 are nodes")
 }
 
+/// Frames of GOD's that its CAN controller lets wait; the rest waits in GOD, and GOD with it: or a host that gives orders faster than the
+/// bus carries them would fill the memory.
+const WAITING: usize = 32;
+
+/// How soon GOD is looked at again while as many wait, us: a frame is gone then.
+const FRAME_US: u64 = 100;
+
 /// GOD and its boards. Bytes go in and come out; time passes when it is told to.
 pub struct Hand {
     bus: Bus<Node>,
@@ -181,10 +188,15 @@ impl Hand {
 
     fn poll(&mut self) {
         self.next_us = god::io::poll(self.god.as_mut(), &self.io, self.bus.now_us());
-        while let Some(frame) = self.io.frame() {
+        while self.bus.waiting() < WAITING
+            && let Some(frame) = self.io.frame()
+        {
             self.bus.send(frame).expect("it is plugged");
             // Something may have waited for the room.
             self.next_us = self.bus.now_us() + 1;
+        }
+        if self.bus.waiting() >= WAITING {
+            self.next_us = self.next_us.min(self.bus.now_us() + FRAME_US);
         }
     }
 

@@ -104,6 +104,23 @@ fn a_header_that_is_none_ends_it() {
 }
 
 #[test]
+fn what_came_after_its_end_before_it_was_seen_is_lines_and_aborts() {
+    for (bytes, said) in [
+        (&b"x\x03"[..], "\r\n\rERR 2048\r\n\r=> \r\n\r=> "),
+        (b"\x03\x03\x03", "\r\n\r=> \r\n\r=> "),
+        (b"xFROB\r\x03VERS\r", "\r\n\rERR 2048\r\n\r=> \r\n\r=> VERS\r\n\r600\r\n\r=> "),
+        // A motion that would take its time.
+        (b"xC\r\x03", "\r\n\rERR 2048\r\n\r=> \r\n\r=> "),
+    ] {
+        let mut host = Host::new("1");
+        host.session.hand.hear(bytes);
+        host.session.wait_us(50_000);
+        let text = String::from_utf8(host.session.hand.said()).expect("text");
+        assert_eq!(text, said, "{:?}", bytes.escape_ascii().to_string());
+    }
+}
+
+#[test]
 fn a_silent_host_stops_the_motors_and_a_new_block_moves_them_again() {
     let mut host = Host::new("X4");
     host.block(&[b'C', 20, 32], 8);

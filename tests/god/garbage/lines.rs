@@ -1,0 +1,135 @@
+//! Words and lines of the language, at random.
+
+use god::command::{self, Command};
+use god::parameter::{GLOBAL, MOTOR};
+use rand::RngExt;
+use rand::seq::IndexedRandom;
+use rand_pcg::Pcg64Mcg;
+use tater_wire::Property;
+
+/// One of a list.
+pub fn one<'a, T>(rng: &mut Pcg64Mcg, of: &'a [T]) -> &'a T {
+    of.choose(rng).expect("there is one")
+}
+
+/// A number: small ones, those of the tables' ranges and beyond, and none at all.
+pub fn number(rng: &mut Pcg64Mcg) -> String {
+    match rng.random_range(0..10) {
+        0..4 => rng.random_range(-2..=25).to_string(),
+        4..7 => rng.random_range(-20_001..=20_001).to_string(),
+        7 => {
+            one(rng, &[-32_768, -32_767, 255, 256, 4080, 32_767, 65_535, 4_294_967_295, i64::MAX]).to_string()
+        }
+        8 => rng.random::<i64>().to_string(),
+        _ => one(rng, &["x", "+1", "--1", "1e3", "0x10", "99999999999999999999", "?", ""]).to_string(),
+    }
+}
+
+fn name(rng: &mut Pcg64Mcg) -> &'static str {
+    match rng.random_range(0..4) {
+        0 | 1 => one(rng, MOTOR).name,
+        2 => one(rng, GLOBAL).name,
+        _ => one(rng, Property::ALL).row().name,
+    }
+}
+
+/// Motors before a command; most select some.
+pub fn prefix(rng: &mut Pcg64Mcg) -> String {
+    let digits = |rng: &mut Pcg64Mcg, most: u8| -> String {
+        (1..=most).filter(|_| rng.random()).map(|digit| char::from(b'0' + digit)).collect()
+    };
+    match rng.random_range(0..10) {
+        0..3 => String::new(),
+        3..5 => digits(rng, 4),
+        5 => one(rng, &["G", "S", "GS", "1S", "XG", "XGS"]).to_string(),
+        6..9 => format!("X{}", digits(rng, 7)),
+        _ => one(rng, &["X", "5", "8", "0", "1X", "XX", "11"]).to_string(),
+    }
+}
+
+/// A value for a parameter or property: in its range, at its edges, beyond.
+fn value(rng: &mut Pcg64Mcg, min: i64, max: i64) -> String {
+    match rng.random_range(0..10) {
+        0..6 => rng.random_range(min..=max).to_string(),
+        6 => one(rng, &[min, max]).to_string(),
+        7 => one(rng, &[min.saturating_sub(1), max.saturating_add(1)]).to_string(),
+        _ => number(rng),
+    }
+}
+
+fn parameter(rng: &mut Pcg64Mcg) -> String {
+    let row = one(rng, MOTOR);
+    format!("{} {} ", row.name, value(rng, row.min, row.max))
+}
+
+fn global(rng: &mut Pcg64Mcg) -> String {
+    let row = one(rng, GLOBAL);
+    format!("{} {} ", row.name, value(rng, row.min, row.max))
+}
+
+fn many(rng: &mut Pcg64Mcg, one: fn(&mut Pcg64Mcg) -> String) -> String {
+    (0..rng.random_range(1..=3)).map(|_| one(rng)).collect()
+}
+
+/// A line of the lower grammar.
+fn lower(rng: &mut Pcg64Mcg) -> String {
+    let nodes: String =
+        (0..=7).filter(|_| rng.random_ratio(1, 4)).map(|node| char::from(b'0' + node)).collect();
+    let property = *one(rng, Property::ALL);
+    let row = property.row();
+    match rng.random_range(0..12) {
+        0 => one(rng, &["WAKE", "SAVE", "0 S REPLY 1", "0 G REPLY"]).to_string(),
+        1..4 => format!("{nodes} G {}", row.name),
+        // Those that move.
+        4 => format!("{nodes} S M {}", rng.random_range(0..=5)),
+        5 => format!("{nodes} S E {}", rng.random_range(-400..=400)),
+        6 => format!("{nodes} S CMD {}", rng.random_range(0..=22)),
+        7 => format!("{nodes} S V {}", rng.random_range(-1000..=1000)),
+        8 => format!("{nodes} S T {}", rng.random_range(-990..=990)),
+        // Those that shape a motion, everywhere.
+        9 => format!("1234567 S {} {}", one(rng, &["MT", "MV", "KPV", "KP"]), rng.random_range(0..=1000)),
+        _ => format!("{nodes} S {} {}", row.name, value(rng, row.min, row.max)),
+    }
+}
+
+/// A command with arguments that it may have, or any.
+pub fn command(rng: &mut Pcg64Mcg) -> String {
+    if rng.random_ratio(1, 4) {
+        return lower(rng);
+    }
+    let row = one(rng, command::ROWS);
+    let small = |rng: &mut Pcg64Mcg, most: i64| rng.random_range(-1..=most).to_string();
+    let arguments = match row.command {
+        _ if rng.random_ratio(1, 20) => number(rng),
+        Command::Fset => many(rng, parameter),
+        Command::Fget => many(rng, |rng| format!("{} ", one(rng, MOTOR).name)),
+        Command::Pset => many(rng, global),
+        Command::Pget => many(rng, |rng| format!("{} ", one(rng, GLOBAL).name)),
+        Command::Mac | Command::Macset => small(rng, 20),
+        Command::Rec | Command::Play => small(rng, 6),
+        Command::Wait => small(rng, 2_000),
+        Command::Help => one(rng, command::ROWS).name.to_owned(),
+        Command::Mdeg => small(rng, 150),
+        Command::Mper => small(rng, 100),
+        Command::M | Command::Wm | Command::Ic | Command::Io if rng.random() => small(rng, 20_000),
+        Command::Ptm if rng.random() => small(rng, 3_000),
+        _ => String::new(),
+    };
+    let prefix = if row.prefix || rng.random_ratio(1, 20) { prefix(rng) } else { String::new() };
+    let line = format!("{prefix}{} {arguments}", row.name);
+    if rng.random() { line } else { line.to_ascii_lowercase() }
+}
+
+/// A word of the tables, or what stands between words.
+pub fn word(rng: &mut Pcg64Mcg) -> String {
+    match rng.random_range(0..20) {
+        0..4 => one(rng, command::ROWS).name.to_owned(),
+        4..6 => name(rng).to_owned(),
+        6..8 => prefix(rng),
+        8..11 => number(rng),
+        11 => one(rng, &["S", "G", "WAKE", "SAVE", "REPLY", "M", "AP"]).to_string(),
+        12..15 => " ".to_owned(),
+        15..19 => "\r".to_owned(),
+        _ => char::from(rng.random_range(0..=127)).to_string(),
+    }
+}
