@@ -29,6 +29,9 @@ const GOD: &str = "GOD";
 /// Temperature of GOD's board, 0.1 °C: the lower end of what a hand in normal use has (manual 2).
 const TEMPERATURE: i16 = 350;
 
+/// Hall counts a second below which a motor stands.
+const STANDS_COUNTS_PER_S: f64 = 1.0;
+
 /// How often the motors' contacts are computed, us.
 const WORLD_US: u64 = 1_000;
 
@@ -52,8 +55,10 @@ pub struct Hand {
     god: Pin<Box<dyn Future<Output = Infallible>>>,
     /// Until when nothing happens in GOD by itself, us.
     next_us: u64,
-    /// How often GOD's memory was found changed.
+    /// How often something new to keep was found outside the boards' flashes.
     changes: u64,
+    /// Where the motors stood last.
+    stood: Pose,
     /// What is around the motors, when that is looked at next, us, and which motors touch something.
     world: Option<(World, u64, [bool; 7])>,
 }
@@ -90,7 +95,7 @@ impl Hand {
         io.set_temperature(TEMPERATURE);
         let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
         let god = Box::pin(async move { god::run(&ports, &kept).await });
-        Self { bus, io, memory, god, next_us: 0, changes: 0, world: None }
+        Self { bus, io, memory, god, next_us: 0, changes: 0, stood: Pose::default(), world: None }
     }
 
     /// Puts it into a world, in which fingers meet things and each other. Without one each motor is alone with its stops.
@@ -210,9 +215,16 @@ impl Hand {
         State { boards: self.bus.stations().map(kept).collect(), god: self.memory.stored() }
     }
 
-    /// A number that grows when there is something new to keep.
+    /// A number that grows when there is something new to keep: values that were stored, and motors that stand elsewhere.
     pub fn revision(&mut self) -> u64 {
         self.changes += u64::from(self.memory.changed().is_some());
+        let motors = self.bus.stations().map(|node| node.board().rig().truth());
+        for (stood, now) in self.stood.iter_mut().zip(motors) {
+            if now.counts_per_s.abs() < STANDS_COUNTS_PER_S && (now.counts - *stood).abs() >= 1.0 {
+                *stood = now.counts;
+                self.changes += 1;
+            }
+        }
         self.changes + self.bus.stations().map(|node| node.board().sim_flash().operations()).sum::<u64>()
     }
 

@@ -182,6 +182,41 @@ fn entries_that_come_to_nothing_are_told() {
     assert!(error.contains(&format!("--connect {free}: there is no hand")), "{error}");
 }
 
+/// More than GOD lets wait, 256 bytes, and less than what is read ahead.
+const AHEAD: usize = 10_000;
+
+/// ^C, and the host's end, are heard behind all that is typed ahead, and end a motion that would take 8 s.
+#[test]
+fn what_is_typed_ahead_hides_neither_control_c_nor_the_end() {
+    let served = Served::new(&TCP, 1);
+    let mut host = served.host();
+    for line in ["1FSET MCV 30", "X1HI"] {
+        assert_eq!(ask(&mut host, line), format!("{line}\r\n\r=> "));
+    }
+    let move_on = format!("X1M 15000\r{}", "x".repeat(AHEAD));
+    let position = |host: &mut TcpStream| -> i32 {
+        let said = ask(host, "X1FGET P");
+        said.split_whitespace()
+            .nth(2)
+            .and_then(|word| word.parse().ok())
+            .unwrap_or_else(|| panic!("{said:?}"))
+    };
+    host.write_all(move_on.as_bytes()).expect("written");
+    read_to(&mut host, "X1M 15000").expect("it is begun");
+    host.write_all(b"\x03").expect("written");
+    assert_eq!(read_to(&mut host, "=> ").expect("a prompt"), "\r\n\rERR 16384\r\n\r=> ");
+    assert!(position(&mut host) < 10_000);
+    ask(&mut host, "X1HOME");
+    host.write_all(move_on.as_bytes()).expect("written");
+    read_to(&mut host, "X1M 15000").expect("it is begun");
+    drop(host);
+    let mut next = served.host();
+    // The prompt that ends the motion may come to it, too.
+    next.write_all(b"frob\r").expect("written");
+    read_to(&mut next, "ERR 32\r\n\r=> ").expect("a prompt");
+    assert!(position(&mut next) < 10_000);
+}
+
 #[test]
 fn a_second_host_is_told_who_is_there_and_closed() {
     let served = Served::new(&TCP, 1);
@@ -252,6 +287,28 @@ fn a_pseudo_terminal_is_a_serial_port_and_shares_the_hand_in_turn() {
         drop(served.host());
         let mut port = open();
         while !ask_or_busy(&mut port).ends_with("=> ") {}
+    }
+}
+
+/// A terminal holds some KiB that nobody has read, and the hand some more: the next host reads none of it.
+#[cfg(unix)]
+#[test]
+fn what_a_host_of_the_terminal_has_not_read_nobody_reads() {
+    let served = Served::new(&["--pty"], 1);
+    let open = || File::options().read(true).write(true).open(served.place("pty")).expect("a terminal");
+    for _ in 0..3 {
+        let mut deaf = open();
+        while !ask_or_busy(&mut deaf).ends_with("=> ") {}
+        // 24 bytes of answer to each 5.
+        deaf.write_all(&b"frob\r".repeat(2_000)).expect("written");
+        read_to(&mut deaf, "ERR 32").expect("it has begun");
+        drop(deaf);
+        let mut next = open();
+        // ^C, as clients do: what was typed before it is void.
+        next.write_all(b"\x03").expect("written");
+        let text = read_to(&mut next, "=> ").expect("a prompt");
+        assert!(text.len() < 50, "{text:?}");
+        assert_eq!(ask(&mut next, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
     }
 }
 

@@ -86,6 +86,16 @@ fn a_revision_grows_with_what_is_new() {
     send(&mut hand, Message::set(to(), Property::SAVE, -1));
     wait(&mut hand);
     assert!(hand.revision() > before);
+    // A motor that moves has come nowhere yet.
+    let before = hand.revision();
+    send(&mut hand, Message::set(to(), Property::M, 20));
+    hand.run_until(hand.now_us() + 100_000);
+    assert_eq!(hand.revision(), before);
+    wait(&mut hand);
+    let moved = hand.revision();
+    assert!(moved > before, "it stands elsewhere");
+    wait(&mut hand);
+    assert_eq!(hand.revision(), moved, "and stays there");
 }
 
 #[test]

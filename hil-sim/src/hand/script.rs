@@ -54,6 +54,8 @@ impl std::error::Error for NoPrompt {}
 /// A host that types a line and waits for the prompt.
 pub struct Typist {
     hand: Hand,
+    /// What it has said since its last prompt.
+    said: Vec<u8>,
 }
 
 impl Typist {
@@ -62,7 +64,7 @@ impl Typist {
     /// # Errors
     /// It never prompted.
     pub fn new(hand: Hand) -> Result<(Self, String), NoPrompt> {
-        let mut typist = Self { hand };
+        let mut typist = Self { hand, said: Vec::new() };
         let said = typist.until_prompt("")?;
         Ok((typist, said))
     }
@@ -97,7 +99,8 @@ impl Typist {
     /// A byte, when there is room for it.
     fn hear(&mut self, byte: u8) {
         if self.hand.io().room() == 0 {
-            // GOD takes all that it can at once.
+            // GOD takes all that it can at once, if it can say the echo.
+            self.said.extend(self.hand.said());
             self.hand.run_until(self.hand.now_us() + 1);
         }
         self.hand.hear(&[byte]);
@@ -105,23 +108,23 @@ impl Typist {
 
     fn until_prompt(&mut self, line: &str) -> Result<String, NoPrompt> {
         let end_us = self.hand.now_us() + MOST_US;
-        let mut said = Vec::new();
         while self.hand.now_us() < end_us {
             self.hand.run_until(self.hand.now_us() + LOOK_US);
-            said.extend(self.hand.said());
-            if prompts(&said) {
+            self.said.extend(self.hand.said());
+            if prompts(&self.said) {
+                let mut said = std::mem::take(&mut self.said);
                 said.truncate(said.len() - PROMPT.len());
                 return Ok(text(&said));
             }
             // RealTime wants blocks, and a script has none.
-            if said.ends_with(b"*")
-                && said.len() == line.len() + 1
-                && line.to_ascii_uppercase().ends_with("LOOP")
+            if self.said.ends_with(b"*")
+                && self.said.len() == line.len() + 1
+                && line.trim_end().to_ascii_uppercase().ends_with("LOOP")
             {
                 self.hand.hear(&[ABORT]);
             }
         }
-        Err(NoPrompt { line: line.to_owned(), said: text(&said) })
+        Err(NoPrompt { line: line.to_owned(), said: text(&self.said) })
     }
 }
 

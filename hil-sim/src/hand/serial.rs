@@ -47,12 +47,6 @@ impl Serial {
         self.to_god.len()
     }
 
-    /// Whether nothing is on it.
-    #[must_use]
-    pub fn is_quiet(&self) -> bool {
-        self.to_god.is_empty() && self.back.is_none()
-    }
-
     /// The host has gone: what it has said and not heard is lost.
     pub fn hang_up(&mut self, hand: &mut Hand) {
         *self = Self::new(self.paced);

@@ -29,6 +29,10 @@ use crate::output::{print, tell};
 /// Where a host comes if nobody says otherwise.
 const ADDRESS: &str = "127.0.0.1:11001";
 
+/// Bytes of a host that may wait for GOD, beside the last piece. A ^C among them is heard at once, and so is their host's end: what
+/// is beyond them nobody has read.
+const TYPED_AHEAD: usize = 1 << 16;
+
 /// Tools that may watch the bus at once.
 const WATCHERS: usize = 4;
 
@@ -193,7 +197,7 @@ impl Server {
         Ok(())
     }
 
-    /// Before the host sees a prompt, and nothing else has a `>`: what it answers for is kept then.
+    /// Before the host sees a prompt, which ends in `>` and a space: what it answers for is kept then.
     fn keep(&mut self) {
         let Some(keeper) = &mut self.keeper else { return };
         if let Err(error) = keeper.follow(&mut self.hand, self.heard.contains(&b'>'))
@@ -215,12 +219,12 @@ impl Server {
     /// What GOD says to the host, and room for what the host says.
     fn answer(&mut self) {
         let mut heard = std::mem::take(&mut self.heard);
-        let all_used = self.serial.waiting() == 0;
+        let has_room = self.serial.waiting() < TYPED_AHEAD;
         match self.link() {
             Some(link) => {
                 // What finds no room is kept, and GOD waits.
                 link.send(&mut heard);
-                if all_used {
+                if has_room {
                     link.go_on();
                 }
             }
@@ -328,7 +332,8 @@ impl Server {
             (host, Some(terminal)) if terminal.link.number == number => {
                 let was_host = matches!(host, Host::Terminal);
                 self.numbers += 1;
-                terminal.link = (terminal.again)(self.numbers, self.sender.clone());
+                let next = (terminal.again)(self.numbers, self.sender.clone());
+                std::mem::replace(&mut terminal.link, next).close();
                 was_host
             }
             _ => false,

@@ -1,9 +1,10 @@
 //! A host at the other end of a stream of bytes: a thread that reads and one that writes, so that simulated time never waits for
-//! anybody, and an end to what may wait either way.
+//! anybody, and an end to what may wait either way. What has not been written when a link is closed is not written any more.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
@@ -29,7 +30,7 @@ pub trait Port: Send + Sync + 'static {
     /// It is gone.
     fn write(&self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Hangs up: who waits is told so.
+    /// Hangs up: who waits is told so, and what has been written and not read is lost.
     fn close(&self);
 }
 
@@ -58,6 +59,7 @@ pub struct Link {
     port: Arc<dyn Port>,
     out: SyncSender<Vec<u8>>,
     more: SyncSender<()>,
+    is_closed: Arc<AtomicBool>,
     /// It has sent a piece, and waits until that is used.
     is_held: bool,
 }
@@ -70,16 +72,24 @@ impl Link {
         let (reader, writer) = (Arc::clone(&port), Arc::clone(&port));
         let gone = events.clone();
         thread::spawn(move || read(&*reader, number, &events, &go_on));
+        let is_closed = Arc::new(AtomicBool::new(false));
+        let closed = Arc::clone(&is_closed);
         thread::spawn(move || {
             while let Ok(piece) = pieces.recv() {
-                if writer.write(&piece).is_err() {
+                let is_gone = writer.write(&piece).is_err();
+                if closed.load(Ordering::SeqCst) {
+                    // It may have been written after that.
+                    writer.close();
+                    return;
+                }
+                if is_gone {
                     // Its reader may be waiting for its turn, and tell later, or never.
                     let _ = gone.send(Event::Gone(number));
                     return;
                 }
             }
         });
-        Self { number, peer, port, out, more, is_held: false }
+        Self { number, peer, port, out, more, is_closed, is_held: false }
     }
 
     /// A piece of its has come.
@@ -87,10 +97,10 @@ impl Link {
         self.is_held = true;
     }
 
-    /// All that has come from it is used: the next piece may come.
+    /// There is room for another piece: it may come.
     pub fn go_on(&mut self) {
         if std::mem::take(&mut self.is_held) {
-            // There is room: it waits for this one.
+            // It waits for this one: there is no other.
             let _ = self.more.try_send(());
         }
     }
@@ -113,6 +123,7 @@ impl Link {
 
     /// Hangs up; its threads end.
     pub fn close(self) {
+        self.is_closed.store(true, Ordering::SeqCst);
         self.port.close();
     }
 }

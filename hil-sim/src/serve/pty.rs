@@ -15,7 +15,7 @@ mod unix {
     use hil_sim::scenario::BadInput;
     use rustix::io::Errno;
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+    use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 
     use super::super::bad;
     use super::super::link::Port;
@@ -75,7 +75,10 @@ mod unix {
             file.write_all(bytes)
         }
 
-        fn close(&self) {}
+        fn close(&self) {
+            // A writer that waits for room has it then.
+            let _ = tcflush(&self.file, QueueSelector::IOFlush);
+        }
     }
 }
 
