@@ -86,7 +86,7 @@ pub struct Reported {
 pub struct Ahead<T> {
     /// P.
     pub position: T,
-    /// V.
+    /// VEL: V is what a board in mode 4 is told.
     pub velocity: T,
     /// SG.
     pub strain: T,
@@ -96,7 +96,7 @@ impl<T> Ahead<T> {
     fn of(&mut self, property: Property) -> Option<&mut T> {
         match property {
             Property::P => Some(&mut self.position),
-            Property::V => Some(&mut self.velocity),
+            Property::VEL => Some(&mut self.velocity),
             Property::SG => Some(&mut self.strain),
             _ => None,
         }
@@ -105,7 +105,7 @@ impl<T> Ahead<T> {
 
 impl Ahead<bool> {
     fn properties(self) -> impl Iterator<Item = Property> {
-        [(self.position, Property::P), (self.velocity, Property::V), (self.strain, Property::SG)]
+        [(self.position, Property::P), (self.velocity, Property::VEL), (self.strain, Property::SG)]
             .into_iter()
             .filter_map(|(wanted, property)| wanted.then_some(property))
     }

@@ -94,6 +94,18 @@ fn blocks_move_the_motors_and_say_where_they_are() {
     assert!(host.truth().iter().all(|(speed, _)| speed.abs() < 1.0), "{:?}", host.truth());
 }
 
+/// The velocity that a board is told and the one that there is are two things.
+#[test]
+fn what_is_fed_back_is_the_velocity_that_there_is() {
+    let mut host = Host::new("X4");
+    for _ in 0..20 {
+        // Without a gain no torque comes of it.
+        let answer = host.block(&[b'C', 100, 0], 8);
+        assert_eq!(answer[1], 0, "{answer:?}");
+        host.session.wait_us(5_000);
+    }
+}
+
 #[test]
 fn a_header_that_is_none_ends_it() {
     let mut host = Host::new("1");

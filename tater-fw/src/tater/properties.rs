@@ -56,7 +56,7 @@ impl<B: Board> Tater<B> {
             P::SG => i64::from(analog.strain),
             P::T => i64::from(self.servo.torque().0),
             P::V if status.mode == Mode::Velocity => i64::from(status.setpoint_velocity.round()),
-            P::V => i64::from(status.velocity.round()),
+            P::V | P::VEL => i64::from(status.velocity.round()),
             // 22 bits go out, whatever a SET may say.
             P::P => return Some(i64::from(status.position.round())),
             P::E => i64::from(self.servo.end()),
@@ -120,7 +120,7 @@ impl<B: Board> Tater<B> {
             | P::VBUS
             | P::IMOTOR
             | P::SG => Err(Refused::Access(property)),
-            P::MECH | P::CTS | P::IPNM | P::HALLS | P::HALLH | P::POLES | P::BD | P::BP | P::END => {
+            P::MECH | P::CTS | P::IPNM | P::HALLS | P::HALLH | P::POLES | P::BD | P::BP | P::END | P::VEL => {
                 Err(Refused::Access(property))
             }
         }

@@ -230,4 +230,6 @@ table! {
         "why the last move ended: 0 it has not, 1 arrived, 2 stalled, 3 aborted, 4 strain, 5 breakaway, 6 fault";
     LFLAGS = 116, 16, ReadWrite, No, "bits", 0..=3, Same(0),
         "bit 0: report ends of moves unasked (MODE, then END); bit 1: report breakaways (BD)";
+    VEL = 117, 16, ReadOnly, No, "counts/s", -32767..=32767, None,
+        "the measured velocity in any mode: what RealTime feeds back, whose V is the command";
 }
