@@ -46,6 +46,8 @@ pub struct Io {
     aborted: Cell<bool>,
     /// In RealTime any byte is data, ^C among them.
     raw: Cell<bool>,
+    /// CR or LF, if that was the last byte of the text.
+    line_end: Cell<Option<u8>>,
     /// See [`Io::baud`].
     baud: Cell<u16>,
     /// Of this board, 0.1 °C.
@@ -179,6 +181,16 @@ impl Io {
     /// A byte of the host that is there already.
     pub(crate) fn heard(&self) -> Option<u8> {
         self.input.borrow_mut().pop_front()
+    }
+
+    /// Takes note of a byte of the text, CR or LF or another; whether it is the second of both, and the line has ended already.
+    pub(crate) fn ends_line(&self, end: Option<u8>) -> bool {
+        let before = self.line_end.replace(end);
+        let is_second = end.is_some() && before.is_some() && before != end;
+        if is_second {
+            self.line_end.set(None);
+        }
+        is_second
     }
 
     /// The next frame of the bus, or `None` at the deadline.

@@ -1,7 +1,7 @@
 //! The host's bytes become a line: echo, backspace, CR (manual 5.1.1; PROTOCOL 3).
 //!
-//! Every character is echoed in its own case, but the CR: what clients read back must be what they sent. LF is skipped, because
-//! some hosts end lines with both.
+//! Every character is echoed in its own case, but the CR: what clients read back must be what they sent. LF ends a line as well, because
+//! that is what a person's `nc` sends; both together, in either order, end one line.
 
 use heapless::String;
 
@@ -11,6 +11,7 @@ use crate::io::{Io, NEVER};
 pub const LENGTH: usize = 160;
 
 const CR: u8 = b'\r';
+const LF: u8 = b'\n';
 const BACKSPACE: u8 = 8;
 const DELETE: u8 = 0x7F;
 
@@ -31,17 +32,19 @@ pub(crate) async fn read(io: &Io) -> Heard {
     let mut too_long = false;
     loop {
         let byte = io.until(NEVER, || if io.takes_abort() { Some(None) } else { io.heard().map(Some) }).await;
+        let is_other = io.ends_line(byte.flatten().filter(|&byte| matches!(byte, CR | LF)));
         match byte.flatten() {
             None => return Heard::Abort,
-            Some(CR) if too_long => return Heard::TooLong,
-            Some(CR) => return Heard::Line(line),
+            Some(CR | LF) if is_other => {}
+            Some(CR | LF) if too_long => return Heard::TooLong,
+            Some(CR | LF) => return Heard::Line(line),
             Some(BACKSPACE | DELETE) => {
                 if line.pop().is_some() {
                     io.say(b"\x08 \x08").await;
                 }
             }
-            // Printable; everything else means nothing here.
-            Some(byte @ b' '..=b'~') => {
+            // Printable, and white space; everything else means nothing here.
+            Some(byte @ (b' '..=b'~' | b'\t')) => {
                 too_long |= line.push(char::from(byte)).is_err();
                 io.say(&[byte]).await;
             }

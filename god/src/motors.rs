@@ -181,7 +181,7 @@ impl Selection {
 }
 
 impl Prefix {
-    /// Reads a prefix's characters, upper case: digits, G, S and X, which comes first. `None` where they are no prefix: X elsewhere, 5 to 7
+    /// Reads a prefix's characters, upper case, white space between them: digits, G, S and X, which comes first. `None` where they are no prefix: X elsewhere, 5 to 7
     /// without X, any other character.
     #[must_use]
     pub fn parse(text: &[u8]) -> Option<Self> {
@@ -190,7 +190,7 @@ impl Prefix {
             names => (false, names),
         };
         let mut named = Motors::NONE;
-        for name in names {
+        for name in names.iter().filter(|name| !name.is_ascii_whitespace()) {
             named = named.and(match name {
                 b'1'..=b'7' => {
                     let motor =
@@ -204,7 +204,7 @@ impl Prefix {
                 _ => return None,
             });
         }
-        Some(Self { exclusive, named, given: !names.is_empty() })
+        Some(Self { exclusive, named, given: named != Motors::NONE })
     }
 
     /// The motors that it selects, if `enabled` are those with EN. Without a motor after X there is none.

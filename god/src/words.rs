@@ -1,9 +1,8 @@
-//! A line becomes a command: `[X]<motorPrefixes><command> [<arguments>]` (manual 5.1.1), case and white space free.
+//! A line becomes a command: `[X]<motorPrefixes><command> [<arguments>]` (manual 5.1.1), case and white space free: there may be more of it
+//! than is needed, or none, as far as a line can then be read in one way. Two names, or two numbers, need it between them.
 //!
 //! The walk-through's lower grammar, `<nodes> S <property> <value>` and `<nodes> G <property>` (manual 3), goes first where white space
 //! parts its numbers from its letter: `4 S M 5` sets a mode, `4SM 5` and `SM 5` move the spread.
-
-use core::str::SplitAsciiWhitespace;
 
 use crate::command::{self, Command};
 use crate::motors::Prefix;
@@ -30,15 +29,15 @@ pub enum Words<'a> {
     Lower(&'a str),
 }
 
-/// What follows a command.
+/// What follows a command: names and numbers, one after another.
 #[derive(Clone, Debug)]
-pub struct Arguments<'a>(SplitAsciiWhitespace<'a>);
+pub struct Arguments<'a>(&'a str);
 
 impl<'a> Arguments<'a> {
     /// The words of a text.
     #[must_use]
-    pub fn of(text: &'a str) -> Self {
-        Self(text.split_ascii_whitespace())
+    pub const fn of(text: &'a str) -> Self {
+        Self(text)
     }
 
     /// The next one, as a whole number; `None` if there is none.
@@ -46,7 +45,7 @@ impl<'a> Arguments<'a> {
     /// # Errors
     /// Not a number: [`Status::INVALID_VALUE`].
     pub fn number(&mut self) -> Option<Result<i64, Status>> {
-        self.0.next().map(|word| word.parse().map_err(|_| Status::INVALID_VALUE))
+        self.next().map(|word| word.parse().map_err(|_| Status::INVALID_VALUE))
     }
 
     /// A command's only argument, which may be missing.
@@ -63,7 +62,7 @@ impl<'a> Arguments<'a> {
     /// # Errors
     /// There is: [`Status::TOO_MANY_ARGUMENTS`].
     pub fn none(mut self) -> Result<(), Status> {
-        if self.0.next().is_none() { Ok(()) } else { Err(Status::TOO_MANY_ARGUMENTS) }
+        if self.next().is_none() { Ok(()) } else { Err(Status::TOO_MANY_ARGUMENTS) }
     }
 }
 
@@ -71,7 +70,14 @@ impl<'a> Iterator for Arguments<'a> {
     type Item = &'a str;
 
     fn next(&mut self) -> Option<&'a str> {
-        self.0.next()
+        let text = self.0.trim_ascii_start();
+        // No name has a digit in it: its number may follow at once.
+        let is_name = text.starts_with(|c: char| c.is_ascii_alphabetic());
+        let ends =
+            |c: char| c.is_ascii_whitespace() || is_name && (c.is_ascii_digit() || matches!(c, '-' | '+'));
+        let (word, rest) = split(text, |c| !ends(c));
+        self.0 = rest;
+        (!word.is_empty()).then_some(word)
     }
 }
 
@@ -87,18 +93,19 @@ pub fn parse(line: &str) -> Result<Words<'_>, Status> {
     if is_lower(line) {
         return Ok(Words::Lower(line));
     }
-    let (prefix, rest) = split(line, |c| c.is_ascii_digit() || matches!(c, 'X' | 'G' | 'S'));
-    let (name, arguments) = split(rest.trim_ascii_start(), |c| c.is_ascii_alphabetic() || c == '?');
-    // What `?` is asked about follows at once.
-    let (name, arguments) = match name.strip_prefix('?') {
-        Some(of) if !of.is_empty() => {
-            (name.get(..1).unwrap_or(name), rest.trim_ascii_start().get(1..).unwrap_or(""))
-        }
-        _ => (name, arguments),
-    };
+    let (prefix, rest) = line.split_at_checked(prefix_len(line)).unwrap_or((line, ""));
+    let rest = rest.trim_ascii_start();
+    let (name, arguments) = split(rest, |c| c.is_ascii_alphabetic() || c == '?');
+    // A name may follow these at once.
+    let (name, arguments) = NAMING
+        .iter()
+        .find_map(|&naming| Some((naming, rest.strip_prefix(naming)?)))
+        .unwrap_or((name, arguments));
     let Some(command) = command::named(name) else {
         // `4SE82`: no command, but the lower grammar without its spaces; `WAKE` and `SAVE` are its words.
-        return if prefix.starts_with(|c: char| c.is_ascii_digit()) || LOWER.contains(&line) {
+        return if line == "X" {
+            Err(Status::NO_MOTOR)
+        } else if prefix.starts_with(|c: char| c.is_ascii_digit()) || LOWER.contains(&line) {
             Ok(Words::Lower(line))
         } else {
             Err(Status::UNKNOWN_COMMAND)
@@ -106,6 +113,24 @@ pub fn parse(line: &str) -> Result<Words<'_>, Status> {
     };
     let prefix = Prefix::parse(prefix.as_bytes()).ok_or(Status::NO_MOTOR)?;
     Ok(Words::Command { command, prefix, arguments: Arguments::of(arguments) })
+}
+
+/// The commands that take names.
+const NAMING: [&str; 5] = ["?", "FSET", "FGET", "PSET", "PGET"];
+
+/// How many characters of a line are its motors: digits, X, G and S, and white space before digits; S or G after white space is the
+/// lower grammar's.
+fn prefix_len(line: &str) -> usize {
+    let mut len = 0;
+    for (at, byte) in line.bytes().enumerate() {
+        match byte {
+            b'0'..=b'9' => len = at + 1,
+            b'X' | b'G' | b'S' if len == at => len = at + 1,
+            _ if byte.is_ascii_whitespace() => {}
+            _ => break,
+        }
+    }
+    len
 }
 
 /// Whether a line begins as the lower grammar does: numbers, white space, S or G, and not its end.
@@ -164,6 +189,19 @@ mod tests {
             ("?", "0 Help []"),
             ("A?", "0 HelpAll []"),
             ("ERR 3", "0 Err [\"3\"]"),
+            ("ERR3", "0 Err [\"3\"]"),
+            ("FGETP DP", "0 Fget [\"P\", \"DP\"]"),
+            ("SFSETDS100", "1000 Fset [\"DS\", \"100\"]"),
+            ("1 2FSET\tDS-100 DP 5", "11 Fset [\"DS\", \"-100\", \"DP\", \"5\"]"),
+            ("PGETTEMP", "0 Pget [\"TEMP\"]"),
+            ("X 1 5 FGET P", "X10001 Fget [\"P\"]"),
+            ("S 1HOME", "1001 Home []"),
+            ("S G HOME", "ERR 32"),
+            ("14 SM5", "lower 14 SM5"),
+            ("1 2 S E 82", "lower 1 2 S E 82"),
+            ("M -5", "0 M [\"-5\"]"),
+            ("M-5", "0 M [\"-5\"]"),
+            ("M x5", "0 M [\"x\", \"5\"]"),
             ("4 S E 82", "lower 4 S E 82"),
             ("4 S M 5", "lower 4 S M 5"),
             ("4SM 5", "1000 M [\"5\"]"),
@@ -177,6 +215,9 @@ mod tests {
             ("1XC", "ERR 2"),
             ("FROB", "ERR 32"),
             ("S", "ERR 32"),
+            ("X", "ERR 2"),
+            ("XS", "ERR 32"),
+            ("FGETS", "0 Fget [\"S\"]"),
             ("=", "ERR 32"),
         ] {
             assert_eq!(told(line), expected, "{line:?}");
