@@ -300,6 +300,24 @@ fn temperature_and_time() {
     assert_eq!(seconds(&mut next), 0, "136 years, and from the beginning");
 }
 
+/// What a finger comes to is what its link and its tip come to.
+#[test]
+fn s_of_a_finger_is_its_tip_s_too() {
+    let mut session = Session::new();
+    exercise(
+        &mut session,
+        &[
+            ("FGET S", "4 4 4 4"),
+            ("HI", ""),
+            // No place is near enough.
+            ("X5FSET MPE -1", ""),
+            ("1M 3000", "ERR 16"),
+            ("FGET S", "16 0 0 0"),
+            ("X15FGET S", "0 16"),
+        ],
+    );
+}
+
 /// Times that a page of an STM32F103's flash can be erased (its data sheet, endurance).
 const ENDURANCE: u32 = 10_000;
 

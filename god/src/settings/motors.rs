@@ -10,7 +10,7 @@ use crate::boards::Answers;
 use crate::command::Command;
 use crate::god::God;
 use crate::memory::OfMotor;
-use crate::motors::{Motor, Motors, Prefix};
+use crate::motors::{Motor, Motors, Prefix, Selection};
 use crate::movement;
 use crate::parameter::{self, MOTOR, Row, Source};
 use crate::status::Status;
@@ -39,15 +39,15 @@ pub(super) async fn execute(
         Ok(selection) => selection,
         Err(status) => return status,
     };
-    let (axes, motors) = (selection.axes, selection.motors());
+    let motors = selection.motors();
     match command {
         Command::Fset => set(god, arguments, motors).await,
-        Command::Fget => get(god, arguments, axes).await,
+        Command::Fget => get(god, arguments, selection).await,
         Command::Fload => load(god, motors).await,
         Command::Fsave => save(god, motors).await,
         Command::Fdef => default(god, motors).await,
-        Command::Flistv => list_values(god, axes, false).await,
-        Command::Flistav => list_values(god, axes, true).await,
+        Command::Flistv => list_values(god, selection, false).await,
+        Command::Flistav => list_values(god, selection, true).await,
         _ => Status::UNKNOWN_COMMAND,
     }
 }
@@ -179,11 +179,11 @@ async fn set(god: &God<'_>, arguments: Arguments<'_>, motors: Motors) -> Status 
     status
 }
 
-async fn get(god: &God<'_>, arguments: Arguments<'_>, axes: Motors) -> Status {
+async fn get(god: &God<'_>, arguments: Arguments<'_>, selection: Selection) -> Status {
     let Ok(rows) = names(arguments, parameter::motor) else { return Status::UNKNOWN_PARAMETER };
     let mut before = crate::god::LINE_END;
     for row in rows {
-        let status = print(god, row, axes, before).await;
+        let status = print(god, row, selection, before).await;
         if !status.is_ok() {
             return status;
         }
@@ -193,8 +193,17 @@ async fn get(god: &God<'_>, arguments: Arguments<'_>, axes: Motors) -> Status {
 }
 
 /// Says the values of a parameter after something else, one an axis.
-async fn print(god: &God<'_>, row: &Row, axes: Motors, before: &str) -> Status {
-    let values = values(god, row, axes).await;
+async fn print(god: &God<'_>, row: &Row, selection: Selection, before: &str) -> Status {
+    let axes = selection.axes;
+    let mut values = values(god, row, axes).await;
+    if row.source == Source::Status && !selection.exclusive {
+        // What has come to the tip has come to the finger.
+        let tips = status_of(god, axes.tips()).await;
+        values = each(axes, |motor| {
+            let of_tip = motor.tip().and_then(|tip| tips.of(tip)).unwrap_or(0);
+            Some(values.of(motor)? | of_tip)
+        });
+    }
     if !axes.but(values.motors()).is_empty() {
         return Status::NO_BOARD;
     }
@@ -272,10 +281,10 @@ pub(super) async fn list(god: &God<'_>, all: bool) -> Status {
     Status::OK
 }
 
-async fn list_values(god: &God<'_>, axes: Motors, all: bool) -> Status {
+async fn list_values(god: &God<'_>, selection: Selection, all: bool) -> Status {
     for row in MOTOR.iter().filter(|row| is_listed(row.category, all)) {
         god.answer(format_args!("{}", row.name)).await;
-        let status = print(god, row, axes, " ").await;
+        let status = print(god, row, selection, " ").await;
         if !status.is_ok() {
             return status;
         }
