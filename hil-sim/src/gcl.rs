@@ -43,6 +43,8 @@ pub struct GclArgs {
 #[derive(Serialize)]
 struct Json {
     lines: Vec<Answered>,
+    /// What was said after the last one.
+    unasked: Vec<String>,
     simulated_s: f64,
     wall_s: f64,
     realtime_x: f64,
@@ -70,13 +72,23 @@ pub fn gcl(args: &GclArgs, elapsed: &dyn Fn() -> Duration) -> Result<bool, Box<d
             print("=> ")?;
         }
         let Some(line) = lines.next_line()? else { break };
-        let answered = typist.line(&line)?;
+        let answered = typist.line(&line).map_err(|silent| BadInput {
+            place: lines.place(),
+            problem: "the hand does not prompt any more".to_owned(),
+            found: silent.to_string(),
+            expected: format!("a prompt within {} s of simulated time", silent.seconds),
+            next: "end a line that goes on for ever with ^C; if it should have ended, report it".to_owned(),
+        })?;
         ok &= answered.status == 0;
         if args.json {
             answers.push(answered);
         } else {
             print(&spoken(&answered, !lines.are_typed))?;
         }
+    }
+    let unasked = typist.unasked();
+    if !args.json {
+        print(&told(&unasked))?;
     }
     if let Some(path) = &args.report {
         let svg = picture::svg(&world, &start, &typist.hand().pose(), &title(args));
@@ -91,7 +103,7 @@ pub fn gcl(args: &GclArgs, elapsed: &dyn Fn() -> Duration) -> Result<bool, Box<d
     if args.json {
         let simulated_s = typist.hand().now_us() as f64 * 1e-6;
         let wall_s = (elapsed() - begun).as_secs_f64();
-        let json = Json { lines: answers, simulated_s, wall_s, realtime_x: simulated_s / wall_s };
+        let json = Json { lines: answers, unasked, simulated_s, wall_s, realtime_x: simulated_s / wall_s };
         print(&format!("{}\n", serde_json::to_string(&json)?))?;
     }
     Ok(ok)
@@ -111,9 +123,17 @@ fn title(args: &GclArgs) -> String {
     )
 }
 
+/// What nobody asked for, as on a terminal: each after a prompt.
+fn told(unasked: &[String]) -> String {
+    unasked.iter().map(|text| format!("=> \n{text}\n")).collect()
+}
+
 /// A line and its answer, as on a terminal.
 fn spoken(answered: &Answered, echo: bool) -> String {
-    let mut text = if echo { format!("=> {}\n", answered.line) } else { String::new() };
+    let mut text = told(&answered.unasked);
+    if echo {
+        text.push_str(&format!("=> {}\n", answered.line));
+    }
     if !answered.answer.is_empty() {
         text.push_str(&answered.answer);
         text.push('\n');

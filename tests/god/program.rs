@@ -29,7 +29,23 @@ fn lines_have_their_answers_and_statuses() {
     ] {
         let said = typist.line(line).expect("it prompts");
         let ms = said.ms;
-        assert_eq!(said, Answered { line: line.to_owned(), answer: answer.to_owned(), status, ms });
-        assert!(ms > 0.0 && ms < 5000.0, "{line:?} took {ms} ms");
+        let (line, answer, unasked) = (line.to_owned(), answer.to_owned(), vec![]);
+        assert_eq!(said, Answered { line, answer, status, unasked, ms });
+        assert!(ms > 0.0 && ms < 5000.0, "{ms} ms: {said:?}");
     }
+}
+
+#[test]
+fn what_nobody_asked_for_is_no_line_s_answer() {
+    let mut typist = typist();
+    for line in ["HI", "4 S E 82", "4 S M 5", "WAIT 2000"] {
+        let said = typist.line(line).expect("it prompts");
+        assert_eq!((&*said.answer, said.unasked.len()), ("", 0), "{said:?}");
+    }
+    assert_eq!(typist.line("4 G AP").expect("it prompts").unasked, ["4 MODE=3"]);
+    typist.line("4 S E 0").expect("it prompts");
+    typist.line("4 S M 5").expect("it prompts");
+    // Half an hour and more.
+    assert_eq!(typist.line("wait 2000000").expect("it prompts").ms.round(), 2_000_000.0);
+    assert_eq!(typist.unasked(), ["4 MODE=3"]);
 }

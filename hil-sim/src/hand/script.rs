@@ -8,16 +8,10 @@ use super::Hand;
 /// What ends an answer: GOD's prompt at the beginning of a line.
 const PROMPT: &str = "\n\r=> ";
 
-/// Whether what has been said ends in a prompt.
-#[must_use]
-pub fn prompts(said: &[u8]) -> bool {
-    said.ends_with(PROMPT.as_bytes())
-}
-
 /// How often what is said is looked at, us: a line's time is known so well.
 const LOOK_US: u64 = 1_000;
 
-/// Longest that a line may take, us: HI takes some seconds, a sequence of ten moves a minute.
+/// Longest that a line may take beside what it WAITs, us: HI takes some seconds, a sequence of ten moves a minute.
 const MOST_US: u64 = 600_000_000;
 
 /// A line and what came of it.
@@ -29,8 +23,17 @@ pub struct Answered {
     pub answer: String,
     /// The number after ERR (manual, table 4); 0 if there was none.
     pub status: u32,
+    /// What was said between the last line's prompt and this line: ends of motions of the lower grammar.
+    pub unasked: Vec<String>,
     /// From the line's end to the prompt, ms of simulated time.
     pub ms: f64,
+}
+
+/// What a line may wait by itself, us: WAIT's number.
+fn waits_us(line: &str) -> u64 {
+    let number = line.trim_start().get(..4).filter(|word| word.eq_ignore_ascii_case("WAIT"));
+    let ms = number.and_then(|_| line.trim_start().get(4..)?.trim().parse().ok());
+    ms.map_or(0, |ms: u32| 1_000 * u64::from(ms))
 }
 
 /// GOD did not prompt.
@@ -38,14 +41,17 @@ pub struct Answered {
 pub struct NoPrompt {
     /// The line.
     pub line: String,
+    /// How long it had, s of simulated time.
+    pub seconds: u64,
     /// What it said meanwhile.
     pub said: String,
 }
 
 impl std::fmt::Display for NoPrompt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { line, said } = self;
-        write!(f, "{line:?}: no prompt within {} s of simulated time; it said {said:?}", MOST_US / 1_000_000)
+        // The line may be long, and is most of what was said then.
+        let short = |text: &str| text.chars().take(60).collect::<String>();
+        write!(f, "{:?} after {:?}", short(&self.said), short(&self.line))
     }
 }
 
@@ -81,6 +87,7 @@ impl Typist {
     /// # Errors
     /// There was no prompt: nothing more can be typed.
     pub fn line(&mut self, line: &str) -> Result<Answered, NoPrompt> {
+        let unasked = self.unasked();
         for byte in line.bytes() {
             self.hear(byte);
         }
@@ -93,7 +100,14 @@ impl Typist {
         let echo = line.trim_end_matches(char::from(ABORT));
         let answer = said.strip_prefix(echo).unwrap_or(&said).trim().replace('\r', "");
         let status = answer.lines().rev().find_map(|line| line.strip_prefix("ERR ")?.trim().parse().ok());
-        Ok(Answered { line: line.to_owned(), answer, status: status.unwrap_or(0), ms })
+        Ok(Answered { line: line.to_owned(), answer, status: status.unwrap_or(0), unasked, ms })
+    }
+
+    /// What has been said since the last prompt, without being asked; a prompt follows each.
+    pub fn unasked(&mut self) -> Vec<String> {
+        self.said.extend(self.hand.said());
+        let said = text(&std::mem::take(&mut self.said)).replace('\r', "");
+        said.split("\n=> ").map(|text| text.trim().to_owned()).filter(|text| !text.is_empty()).collect()
     }
 
     /// A byte, when there is room for it.
@@ -107,13 +121,15 @@ impl Typist {
     }
 
     fn until_prompt(&mut self, line: &str) -> Result<String, NoPrompt> {
-        let end_us = self.hand.now_us() + MOST_US;
+        let most_us = MOST_US + waits_us(line);
+        let end_us = self.hand.now_us() + most_us;
         while self.hand.now_us() < end_us {
             self.hand.run_until(self.hand.now_us() + LOOK_US);
             self.said.extend(self.hand.said());
-            if prompts(&self.said) {
-                let mut said = std::mem::take(&mut self.said);
-                said.truncate(said.len() - PROMPT.len());
+            // Something may have come after it.
+            if let Some(at) = self.said.windows(PROMPT.len()).position(|text| text == PROMPT.as_bytes()) {
+                let said = self.said[..at].to_vec();
+                self.said.drain(..at + PROMPT.len());
                 return Ok(text(&said));
             }
             // RealTime wants blocks, and a script has none.
@@ -124,7 +140,8 @@ impl Typist {
                 self.hand.hear(&[ABORT]);
             }
         }
-        Err(NoPrompt { line: line.to_owned(), said: text(&self.said) })
+        let seconds = most_us / 1_000_000;
+        Err(NoPrompt { line: line.to_owned(), seconds, said: text(&self.said) })
     }
 }
 

@@ -3,7 +3,6 @@
 use god::Memory;
 use god::io::ABORT;
 use hil_sim::hand::Hand;
-use hil_sim::hand::script::prompts;
 use hil_sim::plant::Model;
 use hil_sim::scenario::grasp;
 use rand::RngExt;
@@ -140,7 +139,7 @@ impl Client {
     /// Until the prompt is there, or so long.
     pub fn waits_for_prompt(&mut self, most_ms: usize) {
         for _ in 0..most_ms {
-            if prompts(&self.tail) {
+            if self.tail.ends_with(b"\n\r=> ") {
                 return;
             }
             self.ms();
@@ -190,7 +189,7 @@ impl Client {
         let mut said = Vec::new();
         for _ in 0..most_ms {
             said.extend(self.ms());
-            if prompts(&said) {
+            if said.ends_with(b"\n\r=> ") {
                 return said.into_iter().map(char::from).collect();
             }
         }
@@ -205,7 +204,7 @@ impl Client {
             self.hand.hear(&[ABORT]);
             self.ms();
         }
-        while !prompts(&self.tail) {
+        while !self.tail.ends_with(b"\n\r=> ") {
             let tail = self.tail.escape_ascii().to_string();
             assert!(
                 self.hand.now_us() < begun_us + PROMPT_US,
