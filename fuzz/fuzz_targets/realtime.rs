@@ -18,7 +18,8 @@ fn begin(god: &mut God, flags: u16) -> Shape {
     let lfap = usize::from(flags >> 7 & 3) % 3;
     god.types(&format!("X1234567FSET LCV {lcv} LCPG {lcpg} LFV {lfv} LFS {lfs} LFDP {lfdp} LFAP {lfap}\r"));
     god.types(&format!("PSET LFT {lft} LFDPD {lfdpd}\rX1234567LOOP\r"));
-    god.run_for(10_000);
+    // A board may take 40 ms until it drives.
+    god.run_for(50_000);
     assert!(god.is_raw() && god.said.ends_with(b"LOOP*"), "{}", god.told());
     let each = lfv + lfs + lfdp + [0, 4, 2][lfap];
     Shape { control: 7 * (lcv + lcpg), feedback: 1 + 7 * each + 2 * lft }
@@ -46,7 +47,8 @@ fuzz_target!(|input: (u32, u16, &[u8])| {
             _ => Some("\r\n\rERR 2048"),
         };
         if let Some(error) = error {
-            god.run_for(10_000);
+            // After an error GOD hears the host out, until it has been silent for 20 ms.
+            god.run_for(30_000);
             assert_eq!(String::from_utf8_lossy(&god.said[expected..]), format!("{error}{PROMPT}"));
             assert!(god.stands() && !god.is_raw());
             break;

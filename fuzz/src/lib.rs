@@ -21,7 +21,7 @@ pub const PROMPT: &str = "\r\n\r=> ";
 /// The largest control block: so many bytes after its header are data, ^C too.
 const BLOCK: usize = 14;
 
-/// Longest that GOD may take to its prompt after ^C, us: boards answer at once.
+/// Longest that GOD may take to its prompt after ^C, us: boards answer at once, and after an error in RealTime it hears the host out for 20 ms.
 const PROMPT_US: u64 = 100_000;
 
 /// GOD, its boards made of nothing.
@@ -162,6 +162,8 @@ impl God {
                 // Awake; the rest is anything.
                 Property::STAT => 2,
                 Property::HALLH if self.known => 1 << 30,
+                // RealTime begins where they take it.
+                Property::MODE if self.known => 4,
                 _ => any,
             };
             let Some(from) = Node::new(number) else { continue };

@@ -77,8 +77,6 @@ pub struct Reported {
     pub mode: Option<i64>,
     /// Why it ended (END).
     pub end: Option<i64>,
-    /// A breakaway.
-    pub broke_away: bool,
 }
 
 /// One thing for each property that is asked for ahead of its use.
@@ -289,7 +287,6 @@ impl<'a> Boards<'a> {
         match property {
             Property::MODE => reported.mode = Some(value),
             Property::END => reported.end = Some(value),
-            Property::BD => reported.broke_away |= value != 0,
             _ => {}
         }
     }

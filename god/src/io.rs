@@ -238,6 +238,11 @@ impl Io {
         self.aborted.get()
     }
 
+    /// What goes on is to end, as by ^C.
+    pub(crate) fn abort(&self) {
+        self.aborted.set(true);
+    }
+
     /// Tells how fast the serial line is to be, Bd / 100.
     pub(crate) fn set_baud(&self, baud: u16) {
         self.baud.set(baud);

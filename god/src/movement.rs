@@ -30,7 +30,7 @@ use crate::motors::{Motors, Prefix, Selection};
 use crate::status::Status;
 use crate::words::Arguments;
 
-pub(crate) use moves::{Moves, abort, keep_company};
+pub(crate) use moves::{Moves, abort, keep_company, lend};
 pub(crate) use ready::{is_too_hot, lost};
 
 /// Greatest distance or position that is typed, GCL counts (manual 5.2.1).
@@ -90,16 +90,18 @@ pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection
     let selection = god.selection(prefix).await?;
     let motors = selection.motors();
     begin(god, motors, true).await?;
+    god.boards.set(motors, Property::LFLAGS, moves::REPORTS).await;
     let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
     motors.iter().for_each(|motor| god.note(motor, Status::OK));
     god.moves.begin(motors, holding);
     Ok(selection)
 }
 
-/// The end of RealTime: its motors stop as HOLD says.
-pub(crate) async fn let_go(god: &God<'_>) {
+/// The end of RealTime: its motors stop as HOLD says, and have their own KPV again. `silent` ones are not waited for.
+pub(crate) async fn let_go(god: &God<'_>, silent: Motors) {
     let motors = god.moves.ends();
     moves::stop(god, motors).await;
+    moves::give_back_but(god, silent).await;
 }
 
 /// Makes motors ready to move, all of them or none.

@@ -1,21 +1,23 @@
 //! RealTime control: LOOP, its blocks, and what they mean (manual 6).
 //!
 //! The wire sets the pace: a feedback block begins as soon as its header is there, and each motor's data follow as soon as its board
-//! has answered, while the control data are still coming in. What has gone wrong is told in place of the next block's `*`.
+//! has answered, while the control data are still coming in. What has gone wrong is told in place of the next block's `*`; what the host says
+//! on top of that, or the rest of that block, is heard out before: it is no line.
 //!
 //! The motors run in mode 4: the board makes a torque of gain × velocity error. Without X a finger is one unit: its link has the data,
-//! and its tip goes along, at a third of the link's joint velocity.
+//! and its tip goes along, at a third of the link's joint velocity. To press on something is no error: a motor that stalls is off (or holds its
+//! place, by HOLD) until the next control block, which drives it again.
 
 mod blocks;
 
 use core::cell::Cell;
-use tater_wire::Property;
 
+use tater_wire::Property;
 use tater_wire::fault::FaultCode;
 
 use crate::boards::Answers;
 use crate::god::God;
-use crate::io::{ABORT, both};
+use crate::io::{ABORT, Io, both};
 use crate::motors::{Motor, Motors, Prefix, Selection};
 use crate::movement;
 use crate::status::Status;
@@ -23,14 +25,27 @@ use crate::words::Arguments;
 use blocks::{Feedback, Shape};
 
 /// Host silence after which the motors stop, us: a tenth of a revolution of the slowest joint at RealTime's full speed. They stay in RealTime;
-/// the next block moves them again.
+/// the next block moves them again. In a block it ends the block, and nothing of it is obeyed.
 pub const SILENCE_US: u64 = 250_000;
 
-/// How often boards are spoken to while the host is silent, us: they idle with ERROR 7 after 500 ms without a frame.
+/// How often each board is spoken to, us: it idles with ERROR 7 after 500 ms without a frame.
 const ALIVE_US: u64 = 200_000;
+
+/// Host silence after which it has said all that it was about to say before it could see an error, us: a byte takes 16.7 ms at 600 baud, 1 ms
+/// at 9600, and a USB adapter keeps bytes back for 16 ms. The error comes well within the 100 ms that clients wait for a block's `*`.
+const QUIET_US: u64 = 20_000;
+
+/// How long a host is heard out that does not fall silent, us; but a block's data to their end.
+const HEARD_OUT_US: u64 = 1_000_000;
+
+/// How long a board may take until it drives in mode 4, us: the spread's brake lets go in 30 ms.
+const SETS_OUT_US: u64 = 40_000;
 
 /// The boards' mode meanwhile.
 const VELOCITY: i64 = 4;
+
+/// END of a motor that has met something.
+const STALLED: i64 = 2;
 
 /// Greatest velocity that a board takes, hall counts/s.
 const MOST: i64 = 4080;
@@ -45,8 +60,8 @@ const fn of_tip(link: i64) -> i64 {
 enum End {
     /// ^C instead of a header: a plain prompt.
     Host,
-    /// Said instead of the next `*`.
-    Error(Status),
+    /// Said instead of the next `*`, after so many data bytes of the block that is not obeyed.
+    Error(Status, usize),
 }
 
 /// LOOP.
@@ -59,17 +74,40 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
         Err(status) => return status,
     };
     let control = Loop::new(god, selection).await;
+    let refusal = control.set_out().await;
+    if !refusal.is_ok() {
+        control.end().await;
+        return refusal;
+    }
     god.io.set_raw(true);
     god.io.say(b"*").await;
     let end = control.run().await;
+    control.end().await;
+    let status = match end {
+        End::Host => Status::OK,
+        End::Error(status, data) => {
+            hear_out(god.io, data).await;
+            status
+        }
+    };
     // What comes next is lines again.
     god.io.set_raw(false);
-    control.stop().await;
-    movement::let_go(god).await;
     god.io.reread();
-    match end {
-        End::Host => Status::OK,
-        End::Error(status) => status,
+    status
+}
+
+/// Hears what a host says that does not know yet that RealTime is over: so many data bytes, and whatever else until it waits for an answer.
+/// A ^C, if it is not one of these data and is the last of it, aborts.
+async fn hear_out(io: &Io, data: usize) {
+    let end_us = io.now_us().saturating_add(HEARD_OUT_US);
+    let (mut heard, mut last) = (0_usize, None);
+    while heard < data || io.now_us() < end_us {
+        let Some(byte) = io.hears(io.now_us().saturating_add(QUIET_US)).await else { break };
+        last = Some(byte).filter(|_| heard >= data);
+        heard = heard.saturating_add(1);
+    }
+    if last == Some(ABORT) {
+        io.abort();
     }
 }
 
@@ -78,77 +116,105 @@ struct Loop<'a, 'b> {
     god: &'a God<'b>,
     selection: Selection,
     shape: Shape,
+    /// The gains that the boards had before.
+    own_gains: Answers,
     /// The gains that the boards have.
     gains: Cell<Answers>,
     /// What the boards have been told last.
     velocities: Cell<Answers>,
-    /// What is to be said instead of the next `*`.
-    wrong: Cell<Status>,
-    /// When the boards were last spoken to, us.
+    /// Motors that have stalled: the next control block drives them again.
+    stalled: Cell<Motors>,
+    /// Those whose boards have stopped answering.
+    silent: Cell<Motors>,
+    /// When all of the boards were last spoken to, us.
     spoken_us: Cell<u64>,
 }
 
 impl<'a, 'b> Loop<'a, 'b> {
-    /// Puts the motors into mode 4 at rest.
+    /// Puts the motors into mode 4 at rest. What they report from now on is of that.
     async fn new(god: &'a God<'b>, selection: Selection) -> Self {
         let motors = selection.motors();
         let shape = Shape::of(&god.parameters.borrow(), selection.axes);
-        god.boards.set(motors, Property::V, 0).await;
-        god.boards.set(motors, Property::MODE, VELOCITY).await;
         let gains = god.boards.get(motors, Property::KPV).await;
-        for motor in motors.iter() {
-            god.boards.takes(motor);
-        }
         let mut velocities = Answers::default();
-        motors.iter().for_each(|motor| velocities.put(motor, 0));
-        let wrong = if gains.motors() == motors { Status::OK } else { Status::NO_BOARD };
-        let spoken_us = Cell::new(god.io.now_us());
-        let [gains, velocities] = [gains, velocities].map(Cell::new);
-        Self { god, selection, shape, gains, velocities, wrong: Cell::new(wrong), spoken_us }
+        motors.iter().for_each(|motor| {
+            velocities.put(motor, 0);
+            god.boards.takes(motor);
+        });
+        god.boards.set_each(Property::V, &velocities).await;
+        god.boards.set(motors, Property::MODE, VELOCITY).await;
+        Self {
+            god,
+            selection,
+            shape,
+            own_gains: gains,
+            gains: Cell::new(gains),
+            velocities: Cell::new(velocities),
+            stalled: Cell::default(),
+            silent: Cell::new(motors.but(gains.motors())),
+            spoken_us: Cell::new(god.io.now_us()),
+        }
+    }
+
+    /// Waits until all are under way. Returns what is against it.
+    async fn set_out(&self) -> Status {
+        self.god.io.sleep_until(self.god.io.now_us().saturating_add(SETS_OUT_US)).await;
+        self.look(self.selection.motors()).await
     }
 
     /// Block after block, to the end.
     async fn run(&self) -> End {
         loop {
-            let header = self.byte().await;
-            if header == ABORT {
-                return End::Host;
-            }
-            if !matches!(header, b'A' | b'a' | b'C' | b'c') {
-                return End::Error(Status::BAD_HEADER);
-            }
-            let wrong = self.wrong.get() | self.faults().await;
+            let Some(header) = self.byte().await else { continue };
+            let data = match header {
+                ABORT => return End::Host,
+                b'C' | b'c' => self.shape.control_bytes(),
+                b'A' | b'a' => 0,
+                _ => return End::Error(Status::BAD_HEADER, 0),
+            };
+            let wrong = self.faults().await;
             if !wrong.is_ok() {
-                return End::Error(wrong);
+                return End::Error(wrong, data);
             }
             match header {
                 // The data come in while the feedback goes out.
                 b'C' => _ = both(self.feed_back(), self.obey()).await,
                 b'A' => self.feed_back().await,
                 b'c' => {
-                    self.obey().await;
-                    self.god.io.say(b"*").await;
+                    // A block that broke off is none, and has no answer.
+                    if self.obey().await.is_some() {
+                        self.god.io.say(b"*").await;
+                    }
                 }
                 _ => self.god.io.say(b"*").await,
             }
         }
     }
 
-    /// The next byte of the host, however long it takes; the motors stop meanwhile.
-    async fn byte(&self) -> u8 {
+    /// All that was begun is ended.
+    async fn end(&self) {
+        self.stop().await;
+        movement::let_go(self.god, self.silent.get()).await;
+    }
+
+    /// The next byte of the host; `None` after [`SILENCE_US`] without one: the motors stand then. Each board is spoken to meanwhile.
+    async fn byte(&self) -> Option<u8> {
         let silent_us = self.god.io.now_us().saturating_add(SILENCE_US);
         loop {
-            let now = self.god.io.now_us();
             let alive_us = self.spoken_us.get().saturating_add(ALIVE_US);
-            let wait_us = if self.is_stopped() { alive_us } else { alive_us.min(silent_us) };
-            if let Some(byte) = self.god.io.hears(wait_us.max(now)).await {
-                return byte;
-            }
-            if self.god.io.now_us() >= silent_us && !self.is_stopped() {
-                self.stop().await;
-            } else {
+            if self.god.io.now_us() >= alive_us {
                 // Says nothing to them but that somebody is there.
                 self.tell().await;
+                continue;
+            }
+            if let Some(byte) = self.god.io.hears(alive_us.min(silent_us)).await {
+                return Some(byte);
+            }
+            if self.god.io.now_us() >= silent_us {
+                if !self.is_stopped() {
+                    self.stop().await;
+                }
+                return None;
             }
         }
     }
@@ -171,13 +237,13 @@ impl<'a, 'b> Loop<'a, 'b> {
         self.spoken_us.set(self.god.io.now_us());
     }
 
-    /// A control block's data, and what they ask for once all are there.
-    async fn obey(&self) {
+    /// A control block's data, and what they ask for once all are there; `None` if they break off.
+    async fn obey(&self) -> Option<()> {
         let (mut velocities, mut gains) = (Answers::default(), Answers::default());
         for motor in self.selection.axes.iter() {
             let Some(of) = self.shape.of_motor(motor) else { continue };
             if of.velocity {
-                let byte = self.byte().await.cast_signed();
+                let byte = self.byte().await?.cast_signed();
                 let velocity = (i64::from(byte) * i64::from(of.velocity_coefficient)).clamp(-MOST, MOST);
                 velocities.put(motor, velocity);
                 if let Some(tip) = self.follows(motor) {
@@ -185,7 +251,7 @@ impl<'a, 'b> Loop<'a, 'b> {
                 }
             }
             if of.gain {
-                let gain = i64::from(self.byte().await);
+                let gain = i64::from(self.byte().await?);
                 gains.put(motor, gain);
                 if let Some(tip) = self.follows(motor) {
                     gains.put(tip, gain);
@@ -196,10 +262,14 @@ impl<'a, 'b> Loop<'a, 'b> {
         let had = self.gains.get();
         let changed = gains.differing(&had);
         self.gains.set(had.and(&gains));
-        self.god.boards.set_each(Property::KPV, &changed).await;
+        movement::lend(self.god, Property::KPV, &changed, &self.own_gains).await;
         self.velocities.set(self.velocities.get().and(&velocities));
         self.god.boards.set_each(Property::V, &velocities).await;
-        self.spoken_us.set(self.god.io.now_us());
+        if velocities.motors() == self.selection.motors() {
+            self.spoken_us.set(self.god.io.now_us());
+        }
+        self.god.boards.set(self.stalled.take(), Property::MODE, VELOCITY).await;
+        Some(())
     }
 
     /// The tip that goes along with a link.
@@ -210,13 +280,12 @@ impl<'a, 'b> Loop<'a, 'b> {
     /// A feedback block, motor by motor as the answers come.
     async fn feed_back(&self) {
         self.god.boards.ask_ahead(self.selection.axes, self.shape.asks()).await;
-        self.spoken_us.set(self.god.io.now_us());
         self.god.io.say(b"*").await;
         for motor in self.selection.axes.iter() {
             let Some(of) = self.shape.of_motor(motor) else { continue };
             let found = self.god.boards.answer_of(motor, of.asks()).await;
             if found.is_none() {
-                self.wrong.set(self.wrong.get() | Status::NO_BOARD);
+                self.silent.set(self.silent.get().with(motor));
             }
             let reported = self.god.reported.get().get(motor.index()).copied().unwrap_or(0);
             let block = Feedback::of(&of, found.unwrap_or_default(), reported, self.shape.discards);
@@ -232,22 +301,41 @@ impl<'a, 'b> Loop<'a, 'b> {
         }
     }
 
-    /// What boards have reported to be wrong since they were last looked at.
+    /// What is wrong, by what boards have reported since they were last looked at, and by those that have not answered.
     async fn faults(&self) -> Status {
-        let mut status = Status::OK;
+        let mut motors = Motors::NONE;
         for motor in self.selection.motors().iter() {
             let reported = self.god.boards.takes(motor);
-            if reported.end.is_none() && reported.mode.is_none_or(|mode| mode == VELOCITY) {
-                continue;
+            if reported.end.is_some() || reported.mode.is_some() {
+                motors = motors.with(motor);
             }
-            let one = Motors::NONE.with(motor);
-            let error = self.god.boards.get(one, Property::ERROR).await.of(motor);
-            status |= match error.map(FaultCode::of) {
-                None => Status::NO_BOARD,
-                Some(Some(FaultCode::OverTemperature)) => Status::OVER_TEMPERATURE,
-                // It has begun anew, and knows nothing.
-                Some(Some(FaultCode::Halls) | None) => Status::NOT_INITIALIZED,
-                Some(Some(_)) => Status::FAULT,
+        }
+        self.look(motors).await
+    }
+
+    /// What is wrong with motors that should be in mode 4; those that have only stalled are to be driven again.
+    async fn look(&self, motors: Motors) -> Status {
+        let boards = &self.god.boards;
+        let modes = boards.get(motors, Property::MODE).await;
+        let out = modes.which(|mode| mode != VELOCITY);
+        let errors = boards.get(out, Property::ERROR).await;
+        let lost = movement::lost(self.god, out).await;
+        let stalled = boards.get(out, Property::END).await.which(|end| end == STALLED);
+        let answering = modes.motors().but(out.but(errors.motors()));
+        self.silent.set(self.silent.get().and(motors.but(answering)));
+        let mut status = if self.silent.get().is_empty() { Status::OK } else { Status::NO_BOARD };
+        for motor in errors.motors().iter() {
+            status |= match errors.of(motor).and_then(FaultCode::of) {
+                Some(FaultCode::OverTemperature) => Status::OVER_TEMPERATURE,
+                _ if lost.has(motor) => Status::NOT_INITIALIZED,
+                None | Some(FaultCode::Storage) if stalled.has(motor) => {
+                    self.stalled.set(self.stalled.get().with(motor));
+                    Status::OK
+                }
+                // It cannot forget a stored position, so it does not move.
+                Some(FaultCode::Storage) => Status::NOT_STORED,
+                // Another host of the bus has ended it, if no fault has.
+                _ => Status::FAULT,
             };
         }
         status

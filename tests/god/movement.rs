@@ -78,17 +78,17 @@ fn node(session: &mut Session, motor: u8) -> &mut Node {
 }
 
 /// Sets a property of a board that is awake, as if by the bus.
-fn set(session: &mut Session, motor: u8, property: Property, value: i64) {
+pub(super) fn set(session: &mut Session, motor: u8, property: Property, value: i64) {
     let to = Destination::Node(tater_wire::Node::new(motor).expect("a node"));
     let frame = Message::set(to, property, value).expect("it fits").frame();
     node(session, motor).receive(&frame).expect("it is taken");
 }
 
-fn status(session: &mut Session, motor: u8) -> Status {
+pub(super) fn status(session: &mut Session, motor: u8) -> Status {
     node(session, motor).application().expect("it is awake").status()
 }
 
-fn config(session: &mut Session, motor: u8) -> Config {
+pub(super) fn config(session: &mut Session, motor: u8) -> Config {
     *node(session, motor).application().expect("it is awake").config()
 }
 

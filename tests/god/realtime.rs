@@ -1,5 +1,7 @@
 //! LOOP and its blocks (manual 6), and how fast they go.
 
+mod errors;
+mod going_on;
 mod latency;
 
 use super::Session;
@@ -21,6 +23,11 @@ impl Host {
     /// The same of a session.
     fn of(mut session: Session, prefix: &str) -> Self {
         assert_eq!(session.line(&format!("{prefix}HI")), "");
+        Self::into(session, prefix)
+    }
+
+    /// The same of a session whose motors know where they are.
+    fn into(mut session: Session, prefix: &str) -> Self {
         let line = format!("{prefix}LOOP");
         session.hand.hear(line.as_bytes());
         session.hand.hear(b"\r");
@@ -116,11 +123,13 @@ fn a_header_that_is_none_ends_it() {
 }
 
 #[test]
-fn what_came_after_its_end_before_it_was_seen_is_lines_and_aborts() {
+fn what_came_after_its_end_before_it_was_seen_aborts() {
     for (bytes, said) in [
         (&b"x\x03"[..], "\r\n\rERR 2048\r\n\r=> \r\n\r=> "),
         (b"\x03\x03\x03", "\r\n\r=> \r\n\r=> "),
-        (b"xFROB\r\x03VERS\r", "\r\n\rERR 2048\r\n\r=> \r\n\r=> VERS\r\n\r600\r\n\r=> "),
+        (b"\x03VERS\r", "\r\n\r=> VERS\r\n\r600\r\n\r=> "),
+        // Nobody knows what such a ^C was.
+        (b"xFROB\r\x03VERS\r", "\r\n\rERR 2048\r\n\r=> "),
         // A motion that would take its time.
         (b"xC\r\x03", "\r\n\rERR 2048\r\n\r=> \r\n\r=> "),
     ] {

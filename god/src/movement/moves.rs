@@ -34,6 +34,8 @@ pub(crate) struct Moves {
     velocities: Cell<Answers>,
     /// BT, likewise.
     thresholds: Cell<Answers>,
+    /// KPV, likewise, before RealTime changed it.
+    gains: Cell<Answers>,
 }
 
 impl Moves {
@@ -64,12 +66,16 @@ impl Moves {
     }
 
     fn lent(&self, property: Property) -> &Cell<Answers> {
-        if property == Property::MV { &self.velocities } else { &self.thresholds }
+        match property {
+            Property::MV => &self.velocities,
+            Property::KPV => &self.gains,
+            _ => &self.thresholds,
+        }
     }
 }
 
-/// Sets a property, MV or BT, for the time of a motion; `was` is given back after it.
-pub(super) async fn lend(god: &God<'_>, property: Property, values: &Answers, was: &Answers) {
+/// Sets a property, MV, BT or KPV, for the time of a motion; `was` is given back after it.
+pub(crate) async fn lend(god: &God<'_>, property: Property, values: &Answers, was: &Answers) {
     let mut lent = god.moves.lent(property).get();
     for motor in values.motors().iter() {
         // What is still to be given back from before is the older.
@@ -82,15 +88,20 @@ pub(super) async fn lend(god: &God<'_>, property: Property, values: &Answers, wa
     god.boards.set_each(property, values).await;
 }
 
-/// Gives boards their MV and BT back. What a board does not confirm is tried again at the next motion.
+/// Gives boards their MV, BT and KPV back. What a board does not confirm is tried again at the next motion.
 pub(super) async fn give_back(god: &God<'_>) {
-    for property in [Property::MV, Property::BT] {
+    give_back_but(god, Motors::NONE).await;
+}
+
+/// The same, without waiting for `silent` ones, which are known not to answer.
+pub(super) async fn give_back_but(god: &God<'_>, silent: Motors) {
+    for property in [Property::MV, Property::BT, Property::KPV] {
         let lent = god.moves.lent(property).get();
         if lent.motors().is_empty() {
             continue;
         }
         god.boards.set_each(property, &lent).await;
-        let found = god.boards.get(lent.motors(), property).await;
+        let found = god.boards.get(lent.motors().but(silent), property).await;
         let mut left = Answers::default();
         for motor in lent.motors().iter() {
             if let Some(was) = lent.of(motor).filter(|_| found.of(motor) != lent.of(motor)) {

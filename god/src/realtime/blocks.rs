@@ -72,6 +72,11 @@ impl Shape {
         self.motors.get(motor.index()).copied().flatten()
     }
 
+    /// Data bytes of a control block.
+    pub fn control_bytes(&self) -> usize {
+        self.motors.iter().flatten().map(|of| usize::from(of.velocity) + usize::from(of.gain)).sum()
+    }
+
     /// What any board is to be asked for.
     pub fn asks(&self) -> Ahead<bool> {
         let each = self.motors.iter().flatten().map(OfMotor::asks);

@@ -15,9 +15,10 @@ const BALL: &str = include_str!("../../../hil-sim/grasps/ball.toml");
 /// The largest control block, all seven motors with velocity and gain: so many bytes after LOOP's header are data, ^C too.
 const BLOCK: usize = 14;
 
-/// How long the prompt may take after ^C, us: GOD ends the motion, and gives MV and BT back, each with three questions of 60 ms to boards
-/// that do not answer any more; and the ^C of a whole block go before it, a millisecond each.
-const PROMPT_US: u64 = 400_000;
+/// How long the prompt may take after ^C, us: GOD ends the motion, and gives MV, BT and KPV back, each with three questions of 60 ms to boards
+/// that do not answer any more; and the ^C of a whole block go before it, a millisecond each, and 20 ms in which a host is heard out that has
+/// said no header.
+const PROMPT_US: u64 = 600_000;
 
 /// What GOD may keep for a host that does not read.
 pub const UNREAD: usize = 1024;
