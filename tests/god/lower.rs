@@ -199,6 +199,9 @@ fn a_command_that_takes_a_motor_over_tells_its_end() {
         let answer = if line == "4LOOP" { session.line_and(line, b"\x03") } else { session.line(line) };
         assert_eq!(answer, if line == "4LOOP" { "*" } else { "" });
         session.wait_us(3_000_000);
+        // Nor a fault, later.
+        session.hand.bus_mut().station_mut(3).expect("the spread").rig_mut().set_bus(10.0);
+        session.wait_us(100_000);
         assert_eq!(session.hand.said(), b"", "{line}");
     }
 }
@@ -213,26 +216,43 @@ fn an_order_in_place_of_a_motion_is_told_once_it_has_ended_itself() {
     assert!(node.application().expect("it is awake").status().homed);
 }
 
-/// What GOD keeps company is what TC has left pressing, and not what the host steers.
+/// What GOD keeps company is what TC has left pressing, and not what the host has given something else to do.
 #[test]
 fn who_is_steered_after_a_grip_stops_without_its_host() {
-    let cases: [&[Row]; 4] = [
-        &[("1 S MODE 0", ""), ("1 S V -100", ""), ("1 S MODE 4", "")],
-        &[("1 S V -100", "")],
-        &[("1 S CMD 21", ""), ("1 S V -100", ""), ("1 S MODE 4", "")],
-        &[("SAVE", ""), ("1 S V -100", ""), ("1 S MODE 4", "")],
+    let cases: [&[&str]; 8] = [
+        &["1 S MODE 0", "1 S V -100", "1 S MODE 4"],
+        &["1 S MODE 0"],
+        &["1 S V -100"],
+        &["1 S T 10"],
+        &["1 S CMD 18"],
+        &["1 S CMD 21"],
+        &["1 S STAT 0"],
+        &["SAVE"],
     ];
-    for rows in cases {
+    for lines in cases {
         let mut session = Session::new();
         exercise(&mut session, &[("HI", ""), ("1FSET HOLD 1", ""), ("X1TC", "")]);
-        exercise(&mut session, rows);
+        for line in lines {
+            exercise(&mut session, &[(line, "")]);
+        }
         exercise(&mut session, &[("WAIT 3000", "")]);
-        assert_ne!(mode(&session, 1), Mode::Velocity, "{rows:?}");
+        let node = session.hand.bus().stations().next().expect("a link");
+        let steered = node.application().is_some_and(|tater| tater.status().mode == Mode::Velocity);
+        assert!(!steered, "{lines:?}");
         session.wait_us(100_000);
         let frames = session.hand.bus().stats().frames;
         session.wait_us(1_000_000);
-        assert_eq!(session.hand.bus().stats().frames, frames, "{rows:?}");
+        assert_eq!(session.hand.bus().stats().frames, frames, "{lines:?}");
     }
+}
+
+/// What ends no motion leaves a grip as it is.
+#[test]
+fn a_grip_goes_on_while_its_board_is_asked_and_set() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("HI", ""), ("1FSET HOLD 1", ""), ("X1TC", "")]);
+    exercise(&mut session, &[("1 S KP 61", ""), ("1 S STAT 2", ""), ("1 S CMD 1", ""), ("WAIT 3000", "")]);
+    assert_eq!(session.line("1 G MODE"), "1 MODE=4");
 }
 
 #[test]

@@ -103,8 +103,10 @@ fn control_c_leaves_who_has_ended_pressing() {
     // Without HOLD nobody is asked any more.
     assert_eq!(session.line("X1FSET HOLD 0"), "");
     assert_eq!(session.line("X1M 11000"), "");
-    line_until(&mut session, "X12TC", |session| status(session, 1).mode == Mode::Idle);
-    abort(&mut session);
+    line_until(&mut session, "X12TC", |session| status(session, 1).mode == Mode::Velocity);
+    until(&mut session, "its end", |session| status(session, 1).mode == Mode::Idle);
+    session.wait_us(10_000);
+    assert!(abort(&mut session).contains("ERR 16384"));
     session.wait_us(500_000);
     let frames = session.hand.bus().stats().frames;
     session.wait_us(1_000_000);
