@@ -239,6 +239,7 @@ impl<'a> Boards<'a> {
     pub async fn wake(&self, motors: Motors) -> Motors {
         let stat = self.get(motors, Property::STAT).await;
         let asleep = stat.which(|stat| stat == 0);
+        let mut awake = stat.which(|stat| stat == 2);
         if !asleep.is_empty() {
             self.set(asleep, Property::STAT, 2).await;
             let deadline = self.io.now_us().saturating_add(WAKE_US);
@@ -249,9 +250,9 @@ impl<'a> Boards<'a> {
             }
             // Ends of motions and breakaways are to be told at once.
             self.set(asleep.but(left), Property::LFLAGS, 3).await;
-            return stat.motors().but(left);
+            awake = awake.and(asleep.but(left));
         }
-        stat.motors()
+        awake
     }
 
     /// What a motor's board has reported since this was last asked.

@@ -95,7 +95,7 @@ impl<'a> God<'a> {
     async fn serve(&self) -> bool {
         lower::tell_ends(self).await;
         let status = match line::read(self.io).await {
-            Heard::Abort => Status::OK,
+            Heard::Abort => lower::abort(self).await,
             Heard::TooLong => Status::TOO_MANY_ARGUMENTS,
             Heard::Line(mut line) => {
                 line.make_ascii_uppercase();
@@ -123,6 +123,7 @@ impl<'a> God<'a> {
         self.io.set_raw(false);
         self.io.reread();
         movement::abort(self).await;
+        lower::abort(self).await;
         Status::ABORTED
     }
 

@@ -1,8 +1,9 @@
 //! The walk-through's grammar (manual 3): `<nodes> S <property> <value>`, `<nodes> G <property>`, WAKE, SAVE.
 //!
 //! White space is optional. Properties are those of the boards, in hall counts, by the names of their table; M means MODE, and AP P,
-//! as in the manual. A SET goes to the boards as it is and is not verified; a GET answers a line for each board, `1 TEMP=350`. A motor
-//! that this grammar has sent says so when its motion has ended: `4 MODE=3`, between two lines of the host, when nothing is typed.
+//! as in the manual. A SET goes to the boards as it is and is not verified, but that an order (MODE, M, CMD) which a sleeping board does not
+//! obey is ERR 1; a GET answers a line for each board, `1 TEMP=350`. A motor that this grammar has sent says so when its motion has ended:
+//! `4 MODE=3`, between two lines of the host, when nothing is typed. ^C ends it.
 //!
 //! Node 0 is GOD. It has one property, REPLY, 0 after the start: with `0 S REPLY 1` answers and ends of motions are packets instead
 //! of lines (manual 1.4): the board's frame, as two bytes of identifier, the high one first, one of its length, and its data. Echo, errors
@@ -26,6 +27,10 @@ const STANDS_US: u64 = 300_000;
 /// How often that is waited for: the spread, free, has come to rest within a second.
 const STANDS_TRIES: usize = 10;
 
+/// MODE of a motor without power, and of one that holds its position.
+const IDLE: i64 = 0;
+const HOLDS: i64 = 3;
+
 /// What is known between two lines.
 #[derive(Debug, Default)]
 pub struct State {
@@ -33,6 +38,13 @@ pub struct State {
     sent: Cell<Motors>,
     /// REPLY.
     packets: Cell<bool>,
+}
+
+impl State {
+    /// These are given something else to do: their ends are not told.
+    pub(crate) fn forget(&self, motors: Motors) {
+        self.sent.set(self.sent.get().but(motors));
+    }
 }
 
 /// What a line asks for.
@@ -147,8 +159,17 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
         motors.iter().for_each(|motor| _ = god.boards.takes(motor));
         god.lower.sent.set(god.lower.sent.get().and(motors));
     }
+    if changes_motion(property, value) {
+        // From here on it is the host who moves them, and must be there.
+        god.moves.cease_pressing(motors);
+    }
     god.boards.set(motors, property, value).await;
-    Status::OK
+    if !is_order(property, value) {
+        return Status::OK;
+    }
+    // A board that sleeps obeys none, and has no such property.
+    let heard = god.boards.get(motors, Property::HOLD).await.motors();
+    if heard == motors { Status::OK } else { Status::NO_BOARD }
 }
 
 /// Whether a SET may set a motor in motion: what ends one or is none of it is never refused to a hot hand.
@@ -159,6 +180,26 @@ fn begins_motion(property: Property, value: i64) -> bool {
         Property::CMD => {
             !matches!(Cmd::of(value), Some(Cmd::T | Cmd::Load | Cmd::Save | Cmd::Def | Cmd::Reset))
         }
+        _ => false,
+    }
+}
+
+/// Whether a SET begins, changes or ends a motion, or may.
+fn changes_motion(property: Property, value: i64) -> bool {
+    match property {
+        Property::MODE | Property::M | Property::V | Property::T => true,
+        // 2 ends faults, not motions.
+        Property::STAT => value != 2,
+        Property::CMD => !matches!(Cmd::of(value), Some(Cmd::Load | Cmd::Save | Cmd::Def)),
+        _ => false,
+    }
+}
+
+/// Whether a SET is an order that only a board obeys that is awake, and that is so after it.
+fn is_order(property: Property, value: i64) -> bool {
+    match property {
+        Property::MODE | Property::M => true,
+        Property::CMD => Cmd::of(value) != Some(Cmd::Reset),
         _ => false,
     }
 }
@@ -199,6 +240,7 @@ async fn save(god: &God<'_>) -> Status {
     let stat = god.boards.get(Motors::ALL, Property::STAT).await;
     // A board in its monitor has nothing new.
     let awake = stat.which(|stat| stat == 2);
+    god.moves.cease_pressing(Motors::ALL);
     let busy = god.boards.get(awake, Property::MODE).await.which(|mode| mode != 0);
     god.boards.set(busy, Property::MODE, 0).await;
     let mut before = god.boards.get(awake, Property::P).await;
@@ -229,6 +271,12 @@ pub(crate) async fn tell_ends(god: &God<'_>) {
             .await
             .flatten();
         let Some((motor, mode)) = ended else { return };
+        // An order that took the place of a motion has ended it, and what it began goes on. All that was said of the former one has come before
+        // the order's line was over, because its board has answered another question since.
+        if god.boards.get(Motors::NONE.with(motor), Property::END).await.of(motor) == Some(0) {
+            continue;
+        }
+        god.lower.forget(Motors::NONE.with(motor));
         reply(god, motor, Property::MODE, mode).await;
         god.prompt().await;
     }
@@ -240,11 +288,22 @@ fn ended(god: &God<'_>) -> Option<(Motor, i64)> {
     let sent = god.lower.sent.get();
     sent.iter().find_map(|motor| {
         let Reported { mode, .. } = god.boards.takes(motor);
-        mode.map(|mode| {
-            god.lower.sent.set(sent.without(motor));
-            (motor, mode)
-        })
+        mode.map(|mode| (motor, mode))
     })
+}
+
+/// ^C, or the host is gone: ends what this grammar has set in motion, as HOLD says (manual 5.5, case 3); nothing more is told of it. What
+/// holds or presses goes on. [`Status::ABORTED`], if something moved.
+pub(crate) async fn abort(god: &God<'_>) -> Status {
+    let sent = god.lower.sent.take();
+    let modes = god.boards.get(sent, Property::MODE).await;
+    let silent = sent.but(modes.motors());
+    let moving = modes.which(|mode| mode != IDLE && mode != HOLDS);
+    let holding = god.boards.get(moving, Property::HOLD).await.which(|hold| hold != 0);
+    god.boards.set(holding, Property::MODE, HOLDS).await;
+    god.boards.set(moving.but(holding).and(silent), Property::MODE, IDLE).await;
+    moving.iter().for_each(|motor| god.note(motor, Status::ABORTED));
+    if moving.is_empty() { Status::OK } else { Status::ABORTED }
 }
 
 const _: () = assert!(COUNT == 7, "a node is one digit");

@@ -8,7 +8,7 @@
 //!   what stopped the last one. A fault that goes on ends the motion at once.
 //! * **Told**: each motor goes on to its own end, and then the sum of their codes is told; parameter S has each motor's own. 16 is for
 //!   commands that go to a position: the motor ended farther from it than MPE, or by a fault. C, O, TC and TO end where they end. An
-//!   overheated motor is 8192, one that has lost its position (hall fault) 4, one whose board fell silent 1; any other fault that ends
+//!   overheated motor is 8192, one that has lost its position (hall fault) 4, one whose board fell silent 1, which is told to stop; any other fault that ends
 //!   a motion is 8, and a board that does not begin one because its flash is broken 512, where nothing else is to be told.
 //!
 //! Where to look: who can move is in [`ready`], where it goes in [`goals`], how link and tip arrive together in [`pace`], a motion from
@@ -94,6 +94,7 @@ pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection
     let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
     motors.iter().for_each(|motor| god.note(motor, Status::OK));
     god.moves.begin(motors, holding);
+    god.lower.forget(motors);
     Ok(selection)
 }
 
@@ -150,6 +151,7 @@ fn movers(command: Command, selection: Selection) -> Motors {
 /// and one that does not answer are told all the same.
 async fn terminate(god: &God<'_>, motors: Motors) -> Status {
     god.moves.cease_pressing(motors);
+    god.lower.forget(motors);
     god.boards.set(motors, Property::CMD, Cmd::T.number().into()).await;
     // Who answers has been told.
     god.boards.get(motors, Property::STAT).await;

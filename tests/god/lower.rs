@@ -1,5 +1,6 @@
 //! The walk-through's grammar (manual 3; PROTOCOL 3).
 
+use servo_core::mode::Mode;
 use tater_wire::{Message, Node, Property};
 
 use super::Session;
@@ -10,6 +11,8 @@ pub const LINES: &[Row] = &[
     // Who sleeps has a version and a state, and no temperature.
     ("1 G STAT", "1 STAT=0"),
     ("1 G TEMP", "ERR 1"),
+    ("4 S M 5", "ERR 1"),
+    ("4 S CMD 18", "ERR 1"),
     ("WAKE", ""),
     ("123 G TEMP", "1 TEMP=350\n2 TEMP=350\n3 TEMP=350"),
     ("31 g temp", "1 TEMP=350\n3 TEMP=350"),
@@ -150,4 +153,116 @@ fn save_ends_what_holds_and_saves_positions_and_parameters() {
     );
     session.hand.bus_mut().cut(2, true);
     exercise(&mut session, &[("SAVE", "ERR 1"), ("WAKE", "ERR 1")]);
+}
+
+fn mode(session: &Session, motor: usize) -> Mode {
+    let node = session.hand.bus().stations().nth(motor - 1).expect("1 to 7");
+    node.application().expect("it is awake").status().mode
+}
+
+/// The spread, which holds, and a link, which does not, on their way.
+const ON_THEIR_WAY: &[Row] = &[("WAKE", ""), ("4 S E 150", ""), ("1 S E 300", ""), ("14 S M 5", "")];
+
+/// Manual 5.5, case 3; and a host that is gone is no longer there to end it.
+#[test]
+fn control_c_and_the_loss_of_the_host_end_what_moves() {
+    let ends: [fn(&mut Session); 3] = [
+        |session| session.hand.hear(b"\x03"),
+        |session| session.hand.hang_up(),
+        |session| {
+            session.begin("WAIT 3000");
+            session.hand.hear(b"\x03");
+        },
+    ];
+    for (number, end) in ends.into_iter().enumerate() {
+        let mut session = Session::new();
+        exercise(&mut session, ON_THEIR_WAY);
+        session.wait_us(100_000);
+        assert_eq!(mode(&session, 4), Mode::Trapezoidal);
+        end(&mut session);
+        assert_eq!(session.until_prompt(), "\r\n\rERR 16384\r\n\r=> ", "{number}");
+        session.wait_us(100_000);
+        assert_eq!((mode(&session, 4), mode(&session, 1)), (Mode::Pid, Mode::Idle), "{number}");
+        assert_eq!(session.hand.said(), b"", "and nothing more is told: {number}");
+        session.hand.hear(b"\x03");
+        assert_eq!(session.until_prompt(), "\r\n\r=> ", "nothing moves");
+        assert_eq!(mode(&session, 4), Mode::Pid, "what holds goes on");
+    }
+}
+
+/// Clients read to the first prompt.
+#[test]
+fn a_command_that_takes_a_motor_over_tells_its_end() {
+    for line in ["4M 1000", "4T", "4LOOP"] {
+        let mut session = Session::new();
+        exercise(&mut session, &[("HI", ""), ("4 S E 150", ""), ("4 S M 5", "")]);
+        let answer = if line == "4LOOP" { session.line_and(line, b"\x03") } else { session.line(line) };
+        assert_eq!(answer, if line == "4LOOP" { "*" } else { "" });
+        session.wait_us(3_000_000);
+        // Nor a fault, later.
+        session.hand.bus_mut().station_mut(3).expect("the spread").rig_mut().set_bus(10.0);
+        session.wait_us(100_000);
+        assert_eq!(session.hand.said(), b"", "{line}");
+    }
+}
+
+#[test]
+fn an_order_in_place_of_a_motion_is_told_once_it_has_ended_itself() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("WAKE", ""), ("4 S E 150", ""), ("4 S M 5", ""), ("WAIT 60", "")]);
+    exercise(&mut session, &[("4 S CMD 13", "")]);
+    assert_eq!(unasked(&mut session), "\n4 MODE=3\n=> ");
+    let node = session.hand.bus().stations().nth(3).expect("the spread");
+    assert!(node.application().expect("it is awake").status().homed);
+}
+
+/// What GOD keeps company is what TC has left pressing, and not what the host has given something else to do.
+#[test]
+fn who_is_steered_after_a_grip_stops_without_its_host() {
+    let cases: [&[&str]; 8] = [
+        &["1 S MODE 0", "1 S V -100", "1 S MODE 4"],
+        &["1 S MODE 0"],
+        &["1 S V -100"],
+        &["1 S T 10"],
+        &["1 S CMD 18"],
+        &["1 S CMD 21"],
+        &["1 S STAT 0"],
+        &["SAVE"],
+    ];
+    for lines in cases {
+        let mut session = Session::new();
+        exercise(&mut session, &[("HI", ""), ("1FSET HOLD 1", ""), ("X1TC", "")]);
+        for line in lines {
+            exercise(&mut session, &[(line, "")]);
+        }
+        exercise(&mut session, &[("WAIT 3000", "")]);
+        let node = session.hand.bus().stations().next().expect("a link");
+        let steered = node.application().is_some_and(|tater| tater.status().mode == Mode::Velocity);
+        assert!(!steered, "{lines:?}");
+        session.wait_us(100_000);
+        let frames = session.hand.bus().stats().frames;
+        session.wait_us(1_000_000);
+        assert_eq!(session.hand.bus().stats().frames, frames, "{lines:?}");
+    }
+}
+
+/// What ends no motion leaves a grip as it is.
+#[test]
+fn a_grip_goes_on_while_its_board_is_asked_and_set() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("HI", ""), ("1FSET HOLD 1", ""), ("X1TC", "")]);
+    exercise(&mut session, &[("1 S KP 61", ""), ("1 S STAT 2", ""), ("1 S CMD 1", ""), ("WAIT 3000", "")]);
+    assert_eq!(session.line("1 G MODE"), "1 MODE=4");
+}
+
+#[test]
+fn only_who_says_so_is_awake() {
+    let mut session = Session::new();
+    exercise(&mut session, &[("WAKE", "")]);
+    session.hand.bus_mut().cut(1, true);
+    session.hand.hear(b"WAKE\r");
+    session.wait_us(1000);
+    let node = Node::new(2).expect("a board");
+    session.hand.io().receive(&Message::reply(node, Property::STAT, 1).expect("it fits").frame());
+    assert!(session.until_prompt().contains("ERR 1\r"));
 }

@@ -2,9 +2,11 @@
 
 mod breakaway;
 pub mod ends;
+mod former;
 mod goals;
 mod homing;
 mod refusals;
+mod silence;
 
 use god::Memory;
 use hil_sim::board::SimBoard;

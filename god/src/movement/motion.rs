@@ -15,7 +15,9 @@ use crate::units;
 /// How often boards are asked whether they have ended, µs.
 const ASK_US: u64 = 50_000;
 
-/// END: told to; the link broke away; a fault.
+/// END: there; nothing turns any more; told to; the link broke away; a fault.
+const ARRIVED: i64 = 1;
+const STALLED: i64 = 2;
 const ABORTED: i64 = 3;
 const BROKE_AWAY: i64 = 5;
 const FAULT: i64 = 6;
@@ -98,6 +100,7 @@ pub(super) async fn run(god: &God<'_>, plan: &Plan) -> Status {
             motion.refused = motion.ended;
             motion.until_all_have_ended().await;
             let status = motion.judge().await;
+            motion.give_up().await;
             moves::give_back(god).await;
             status
         }
@@ -126,6 +129,7 @@ async fn prepare(god: &God<'_>, plan: &Plan) -> Result<Motors, Status> {
     }
     pace::together(god, &plan.together, &plan.from, &plan.goals).await?;
     god.moves.begin(motors, holding);
+    god.lower.forget(motors);
     Ok(stops)
 }
 
@@ -138,7 +142,7 @@ struct Motion<'a, 'g> {
     moving: Motors,
     /// Of the moving ones, those of whose end nobody has made anything yet.
     ended: Motors,
-    /// Those whose boards have stopped answering.
+    /// Those whose boards have stopped answering: nobody knows whether they move.
     silent: Motors,
     /// Those that had ended before they could begin.
     refused: Motors,
@@ -148,10 +152,14 @@ struct Motion<'a, 'g> {
 
 impl Motion<'_, '_> {
     /// Sets motors going.
+    ///
+    /// A board that takes an order while its motor moves reports the end of that motion first, and END with it, which must not be taken
+    /// for the end of this one. So each is asked for E next: it says everything in its order, so what comes before this answer may be of a
+    /// former motion, and all that comes after it, END's answer and reports alike, is of this one.
     async fn begin(&mut self, motors: Motors, cmd: impl Fn(Motor) -> Option<Cmd>, goals: &Answers) {
         let boards = &self.god.boards;
         self.moving = self.moving.and(motors);
-        self.god.moves.go_on(self.moving);
+        self.god.moves.go_on(self.moving.and(self.silent));
         for motor in motors.iter() {
             let alone = Motors::NONE.with(motor);
             match (cmd(motor), goals.of(motor)) {
@@ -160,11 +168,9 @@ impl Motion<'_, '_> {
                 (None, None) => {}
             }
         }
-        let ends = boards.get(motors, Property::END).await;
-        // What was reported before this answer may be of a former motion; what comes after it is of this one.
-        for motor in motors.iter() {
-            boards.takes(motor);
-        }
+        let ordered = boards.get(motors, Property::E).await.motors();
+        motors.iter().for_each(|motor| _ = boards.takes(motor));
+        let ends = boards.get(ordered, Property::END).await;
         self.hear(motors, &ends);
     }
 
@@ -183,6 +189,8 @@ impl Motion<'_, '_> {
             if self.god.io.now_us() >= ask_us {
                 let ends = self.god.boards.get(self.moving, Property::END).await;
                 self.hear(self.moving, &ends);
+                // Those that only lost some frames stop.
+                moves::stop(self.god, self.silent).await;
                 ask_us = self.god.io.now_us().saturating_add(ASK_US);
             }
             let mut reported = Answers::default();
@@ -205,7 +213,11 @@ impl Motion<'_, '_> {
         let ended = self.moving.of(self.ended);
         self.ended = Motors::NONE;
         self.moving = self.moving.but(ended).but(self.silent);
-        self.god.moves.go_on(self.moving);
+        self.god.moves.go_on(self.moving.and(self.silent));
+        if let Some((ordered, Cmd::Tc | Cmd::To)) = self.plan.order {
+            // At once: the last may end long after them.
+            self.god.moves.press_as_held(ended.of(ordered).of(self.ends.which(|end| end == STALLED)));
+        }
         for link in ended.of(self.ends.which(|end| end == BROKE_AWAY)).iter() {
             if let Some(tip) = link.tip().filter(|&tip| self.plan.motors.has(tip)) {
                 self.breaks_away(link, Motors::NONE.with(tip)).await;
@@ -218,11 +230,24 @@ impl Motion<'_, '_> {
             _ if self.stops.has(link) => moves::stop(self.god, tip.of(self.moving)).await,
             Breakaway::TipStops => moves::stop(self.god, tip.of(self.moving)).await,
             Breakaway::TipGoesTo(goals) => {
-                moves::hurry(self.god, tip).await;
-                self.begin(tip.but(self.silent), |_| None, goals).await;
+                // What has ended a tip elsewhere than at its goal, strain as an instance, has ended it.
+                let arrived = self.ends.which(|end| end == ARRIVED);
+                let goes_on = tip.of(self.moving.and(arrived)).but(self.silent);
+                moves::hurry(self.god, goes_on).await;
+                self.begin(goes_on, |_| None, goals).await;
             }
             Breakaway::TipGoesOn | Breakaway::Off => {}
         }
+    }
+
+    /// Those that nobody hears: before the host is told that they are lost, they are told to stop once more, and again after some time.
+    async fn give_up(&self) {
+        if !self.silent.is_empty() {
+            moves::stop(self.god, self.silent).await;
+            self.god.boards.get(self.silent, Property::MODE).await;
+            moves::stop(self.god, self.silent).await;
+        }
+        self.god.moves.ends();
     }
 
     /// What it has come to.
@@ -230,14 +255,15 @@ impl Motion<'_, '_> {
         let (god, plan) = (self.god, self.plan);
         let heard = plan.motors.but(self.silent);
         let goals = if plan.judged { heard.of(plan.goals.motors()) } else { Motors::NONE };
-        let positions = ready::positions(god, goals).await.unwrap_or_default();
-        let most = ready::counts(god, goals, Property::MPE).await.unwrap_or_default();
+        let positions = ready::known_positions(god, goals).await;
+        let most = ready::known_counts(god, goals, Property::MPE).await;
         let errors = god.boards.get(heard, Property::ERROR).await;
         let mut lost = ready::lost(god, heard).await;
         match plan.order {
             Some((motors, Cmd::Hi)) => lost = lost.and(motors.of(self.refused)),
             Some((motors, Cmd::Tc | Cmd::To)) => {
                 let modes = god.boards.get(motors.of(heard), Property::MODE).await;
+                god.moves.cease_pressing(modes.which(|mode| mode != PRESSES));
                 god.moves.press(modes.which(|mode| mode == PRESSES));
             }
             _ => {}
@@ -247,14 +273,11 @@ impl Motion<'_, '_> {
         let mut sum = Status::OK;
         for motor in plan.motors.iter() {
             let mut status = Status::OK;
-            let within = |position: i64| {
-                plan.goals
-                    .of(motor)
-                    .zip(most.of(motor))
-                    .is_none_or(|(goal, most)| (position - goal).abs() <= most)
-            };
+            // Who does not tell is no board, and not far from its goal.
+            let goal = plan.goals.of(motor).zip(positions.of(motor)).zip(most.of(motor));
+            let is_far = goal.is_some_and(|((goal, position), most)| (position - goal).abs() > most);
             let failed = self.ends.of(motor) == Some(FAULT);
-            if goals.has(motor) && (failed || !positions.of(motor).is_some_and(within)) {
+            if goals.has(motor) && (failed || is_far) {
                 status |= Status::NOT_REACHED;
             }
             if errors.of(motor) == Some(hot) {
@@ -270,7 +293,7 @@ impl Motion<'_, '_> {
             if status.is_ok() && (fault || stuck) {
                 status = if fault { Status::FAULT } else { Status::NOT_STORED };
             }
-            if errors.of(motor).is_none() {
+            if errors.of(motor).is_none() || (goals.has(motor) && goal.is_none()) {
                 status = Status::NO_BOARD;
             }
             god.note(motor, status);

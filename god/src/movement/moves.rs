@@ -60,8 +60,13 @@ impl Moves {
         self.pressing.set(self.pressing.get().and(motors));
     }
 
+    /// The same for those of them with HOLD.
+    pub(super) fn press_as_held(&self, motors: Motors) {
+        self.press(motors.of(self.holding.get()));
+    }
+
     /// These do no more: they are given something else to do.
-    pub(super) fn cease_pressing(&self, motors: Motors) {
+    pub(crate) fn cease_pressing(&self, motors: Motors) {
         self.pressing.set(self.pressing.get().but(motors));
     }
 

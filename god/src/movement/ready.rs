@@ -85,7 +85,12 @@ fn complete(god: &God<'_>, motors: Motors, answers: Answers) -> Result<Answers, 
 /// # Errors
 /// One does not answer: [`Status::NO_BOARD`].
 pub(super) async fn positions(god: &God<'_>, motors: Motors) -> Result<Answers, Status> {
-    Ok(mapped(&all(god, motors, Property::P).await?, |_, halls| units::gcl(halls)))
+    complete(god, motors, known_positions(god, motors).await)
+}
+
+/// The same of those that answer.
+pub(super) async fn known_positions(god: &God<'_>, motors: Motors) -> Answers {
+    mapped(&god.boards.get(motors, Property::P).await, |_, halls| units::gcl(halls))
 }
 
 /// A parameter of positions or distances of each of those motors, GCL counts, as FGET tells it.
@@ -93,9 +98,16 @@ pub(super) async fn positions(god: &God<'_>, motors: Motors) -> Result<Answers, 
 /// # Errors
 /// One does not answer: [`Status::NO_BOARD`].
 pub(super) async fn counts(god: &God<'_>, motors: Motors, property: Property) -> Result<Answers, Status> {
+    complete(god, motors, known_counts(god, motors, property).await)
+}
+
+/// The same of those that answer.
+pub(super) async fn known_counts(god: &God<'_>, motors: Motors, property: Property) -> Answers {
     let is = |row: &&Row| matches!(row.source, Source::Counts(of, _) if of == property);
-    let row = MOTOR.iter().find(is).ok_or(Status::UNKNOWN_PARAMETER)?;
-    complete(god, motors, settings::motors::values(god, row, motors).await)
+    match MOTOR.iter().find(is) {
+        Some(row) => settings::motors::values(god, row, motors).await,
+        None => Answers::default(),
+    }
 }
 
 /// The same motors with other values.

@@ -69,6 +69,19 @@ fn a_tip_that_goes_on_alone_goes_as_fast_as_it_may() {
 }
 
 #[test]
+fn a_tip_that_strain_has_ended_does_not_go_on() {
+    let mut session = finger();
+    super::line_until(&mut session, "1C", |session| counts(session)[0] > 50);
+    // At rest the gauge says 128.
+    set(&mut session, 5, Property::HSG, 1);
+    super::until(&mut session, "its end", |session| status(session, 5).mode == Mode::Idle);
+    set(&mut session, 5, Property::HSG, 256);
+    session.until_prompt();
+    let found = counts(&session);
+    assert!(has_met(found[0]) && found[4] < 40, "{found:?}");
+}
+
+#[test]
 fn bs_stops_the_tip_too() {
     let mut session = finger();
     set(&mut session, 1, Property::BS, 1);

@@ -43,7 +43,7 @@ fn control_c_gives_bt_back_and_ends_torque_control() {
     line_until(&mut session, "STC", |session| counts(session)[3] > 50);
     assert!(abort(&mut session).contains("ERR 16384"));
     assert_eq!(status(&mut session, 4).mode, Mode::Pid);
-    // At the prompt it ends nothing.
+    // At the prompt no command goes on, and what it has left holding holds.
     assert_eq!(session.line("SM 5500"), "");
     assert!(!abort(&mut session).contains("ERR"));
     assert_eq!(status(&mut session, 4).mode, Mode::Pid);
@@ -72,6 +72,55 @@ fn what_presses_with_hold_goes_on_pressing() {
     let frames = session.hand.bus().stats().frames;
     session.wait_us(1_000_000);
     assert_eq!(session.hand.bus().stats().frames, frames, "then nobody is asked any more");
+}
+
+/// A grip of motor 1, while motor 2 closes for 5 s more.
+fn grips_while_another_closes(session: &mut Session) {
+    for line in ["X12FSET HOLD 1", "X1M 18000", "X2FSET MCV 60"] {
+        assert_eq!(session.line(line), "", "{line}");
+    }
+}
+
+#[test]
+fn who_ends_long_before_the_last_presses_on() {
+    let mut session = initialized();
+    grips_while_another_closes(&mut session);
+    assert_eq!(session.line("X12TC"), "");
+    for motor in [1, 2] {
+        assert_eq!(status(&mut session, motor).mode, Mode::Velocity, "{motor}");
+    }
+}
+
+#[test]
+fn control_c_leaves_who_has_ended_pressing() {
+    let mut session = initialized();
+    grips_while_another_closes(&mut session);
+    line_until(&mut session, "X12TC", |session| counts(session)[1] > 100);
+    assert!(abort(&mut session).contains("ERR 16384"));
+    session.wait_us(2_000_000);
+    assert_eq!((status(&mut session, 1).mode, status(&mut session, 1).fault), (Mode::Velocity, None));
+    assert_eq!(status(&mut session, 2).mode, Mode::Pid);
+    // Without HOLD nobody is asked any more.
+    assert_eq!(session.line("X1FSET HOLD 0"), "");
+    assert_eq!(session.line("X1M 11000"), "");
+    line_until(&mut session, "X12TC", |session| status(session, 1).mode == Mode::Velocity);
+    until(&mut session, "its end", |session| status(session, 1).mode == Mode::Idle);
+    session.wait_us(10_000);
+    assert!(abort(&mut session).contains("ERR 16384"));
+    session.wait_us(500_000);
+    let frames = session.hand.bus().stats().frames;
+    session.wait_us(1_000_000);
+    assert_eq!(session.hand.bus().stats().frames, frames);
+}
+
+#[test]
+fn a_grip_outlasts_its_host() {
+    let mut session = initialized();
+    assert_eq!(session.line("STC"), "");
+    assert_eq!(abort(&mut session), "\r\n\r=> ");
+    session.hand.hang_up();
+    session.wait_us(3_000_000);
+    assert_eq!((status(&mut session, 4).mode, status(&mut session, 4).fault), (Mode::Velocity, None));
 }
 
 #[test]
@@ -151,7 +200,7 @@ fn a_board_that_falls_silent_keeps_nobody() {
     line_until(&mut session, "GM 16500", |session| counts(session)[0] > 50);
     session.hand.bus_mut().cut(1, true);
     assert!(session.until_prompt().contains("ERR 1\r"));
-    // It has gone on alone.
+    // Nothing reaches it: it has gone on alone.
     assert_near(&session, [300, 300, 300, 0, 80, 80, 80], "GM");
     session.hand.bus_mut().cut(1, false);
     assert_eq!(session.line("GM 0"), "");
