@@ -1,5 +1,6 @@
 //! Lines of Grasper Control Language typed at a hand, as fast as it answers, in simulated time.
 
+use god::god::LINE_END;
 use god::io::ABORT;
 use serde::Serialize;
 
@@ -62,6 +63,8 @@ pub struct Typist {
     hand: Hand,
     /// What it has said since its last prompt.
     said: Vec<u8>,
+    /// What it has said unasked, and nobody has been told.
+    unasked: Vec<String>,
 }
 
 impl Typist {
@@ -70,7 +73,7 @@ impl Typist {
     /// # Errors
     /// It never prompted.
     pub fn new(hand: Hand) -> Result<(Self, String), NoPrompt> {
-        let mut typist = Self { hand, said: Vec::new() };
+        let mut typist = Self { hand, said: Vec::new(), unasked: Vec::new() };
         let said = typist.until_prompt("")?;
         Ok((typist, said))
     }
@@ -87,7 +90,6 @@ impl Typist {
     /// # Errors
     /// There was no prompt: nothing more can be typed.
     pub fn line(&mut self, line: &str) -> Result<Answered, NoPrompt> {
-        let unasked = self.unasked();
         for byte in line.bytes() {
             self.hear(byte);
         }
@@ -98,16 +100,28 @@ impl Typist {
         let said = self.until_prompt(line)?;
         let ms = (self.hand.now_us() - begun_us) as f64 / 1000.0;
         let echo = line.trim_end_matches(char::from(ABORT));
-        let answer = said.strip_prefix(echo).unwrap_or(&said).trim().replace('\r', "");
+        let answer = answer(said.strip_prefix(echo).unwrap_or(&said));
         let status = answer.lines().rev().find_map(|line| line.strip_prefix("ERR ")?.trim().parse().ok());
+        let unasked = std::mem::take(&mut self.unasked);
         Ok(Answered { line: line.to_owned(), answer, status: status.unwrap_or(0), unasked, ms })
     }
 
-    /// What has been said since the last prompt, without being asked; a prompt follows each.
+    /// What is said now without being asked.
     pub fn unasked(&mut self) -> Vec<String> {
+        self.hand.run_until(self.hand.now_us() + LOOK_US);
         self.said.extend(self.hand.said());
-        let said = text(&std::mem::take(&mut self.said)).replace('\r', "");
-        said.split("\n=> ").map(|text| text.trim().to_owned()).filter(|text| !text.is_empty()).collect()
+        while let Some(said) = self.to_prompt() {
+            self.unasked.push(answer(&said));
+        }
+        std::mem::take(&mut self.unasked)
+    }
+
+    /// What has been said up to the next prompt, if there is one.
+    fn to_prompt(&mut self) -> Option<String> {
+        let at = self.said.windows(PROMPT.len()).position(|text| text == PROMPT.as_bytes())?;
+        let said = text(&self.said[..at]);
+        self.said.drain(..at + PROMPT.len());
+        Some(said)
     }
 
     /// A byte, when there is room for it.
@@ -121,16 +135,20 @@ impl Typist {
     }
 
     fn until_prompt(&mut self, line: &str) -> Result<String, NoPrompt> {
+        // The banner is a line of its own, too.
+        let is_first = self.hand.now_us() == 0;
         let most_us = MOST_US + waits_us(line);
         let end_us = self.hand.now_us() + most_us;
         while self.hand.now_us() < end_us {
             self.hand.run_until(self.hand.now_us() + LOOK_US);
             self.said.extend(self.hand.said());
-            // Something may have come after it.
-            if let Some(at) = self.said.windows(PROMPT.len()).position(|text| text == PROMPT.as_bytes()) {
-                let said = self.said[..at].to_vec();
-                self.said.drain(..at + PROMPT.len());
-                return Ok(text(&said));
+            while let Some(said) = self.to_prompt() {
+                // An end of a motion begins a line of its own, before what has been typed; an error's is the line's that it ends.
+                if !is_first && said.starts_with(LINE_END) && !said[LINE_END.len()..].starts_with("ERR") {
+                    self.unasked.push(answer(&said));
+                } else {
+                    return Ok(said);
+                }
             }
             // RealTime wants blocks, and a script has none.
             if self.said.ends_with(b"*")
@@ -143,6 +161,11 @@ impl Typist {
         let seconds = most_us / 1_000_000;
         Err(NoPrompt { line: line.to_owned(), seconds, said: text(&self.said) })
     }
+}
+
+/// What was said, without line ends at its edges; lines end in LF.
+fn answer(said: &str) -> String {
+    said.trim().replace('\r', "")
 }
 
 /// Latin-1: any byte is a character.
