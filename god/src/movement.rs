@@ -76,8 +76,11 @@ async fn attempt(
     begin(god, motors, command != Command::Hi).await?;
     Ok(match command {
         Command::Hi => homing::initialize(god, motors).await,
-        Command::Tc => motion::run(god, &motion::Plan::ordered(motors, Cmd::Tc)).await,
-        Command::To => motion::run(god, &motion::Plan::ordered(motors, Cmd::To)).await,
+        Command::Tc | Command::To => {
+            let cmd = if command == Command::Tc { Cmd::Tc } else { Cmd::To };
+            let tips = if selection.exclusive { Motors::NONE } else { motors.of(Motors::TIPS) };
+            motion::run(god, &motion::Plan::ordered(motors, cmd, goals::fingers(tips))).await
+        }
         _ => motion::run(god, &goals::plan(god, command, argument, selection, motors).await?).await,
     })
 }

@@ -94,7 +94,7 @@ pub(super) async fn stored(
 }
 
 /// The fingers of tips: link and tip arrive together.
-fn fingers(tips: Motors) -> [Motors; 3] {
+pub(super) fn fingers(tips: Motors) -> [Motors; 3] {
     let mut fingers = [Motors::NONE; 3];
     for (finger, tip) in fingers.iter_mut().zip(tips.iter()) {
         *finger = tip.link().map_or(Motors::NONE, |link| Motors::NONE.with(link).with(tip));

@@ -16,7 +16,7 @@ pub(super) async fn initialize(god: &God<'_>, motors: Motors) -> Status {
     let mut sum = Status::OK;
     for stage in [motors.of(Motors::LINKS), motors.but(Motors::LINKS)] {
         if !stage.is_empty() {
-            sum |= motion::run(god, &Plan::ordered(stage, Cmd::Hi)).await;
+            sum |= motion::run(god, &Plan::ordered(stage, Cmd::Hi, [Motors::NONE; 3])).await;
         }
     }
     sum

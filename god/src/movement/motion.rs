@@ -54,17 +54,16 @@ pub(super) struct Plan {
     pub judged: bool,
     /// What a breakaway is.
     pub breakaway: Breakaway,
-    /// Motors that arrive together.
+    /// Motors that arrive together; those of a finger, if they go until they stall, only go together.
     pub together: [Motors; 3],
 }
 
 impl Plan {
     /// By a number of CMD, without a goal.
-    pub fn ordered(motors: Motors, cmd: Cmd) -> Self {
+    pub fn ordered(motors: Motors, cmd: Cmd, together: [Motors; 3]) -> Self {
         let (from, goals) = (Answers::default(), Answers::default());
         let order = Some((motors, cmd));
-        let (breakaway, together) = (Breakaway::TipGoesOn, [Motors::NONE; 3]);
-        Self { motors, from, goals, order, judged: false, breakaway, together }
+        Self { motors, from, goals, order, judged: false, breakaway: Breakaway::TipGoesOn, together }
     }
 
     /// To positions.
@@ -127,7 +126,10 @@ async fn prepare(god: &God<'_>, plan: &Plan) -> Result<Motors, Status> {
         let links = motors.of(Motors::LINKS);
         stops = ready::all(god, links, Property::BS).await?.which(|bs| bs != 0);
     }
-    pace::together(god, &plan.together, &plan.from, &plan.goals).await?;
+    match plan.order {
+        Some((_, cmd @ (Cmd::Tc | Cmd::To))) => pace::along(god, &plan.together, cmd == Cmd::Tc).await?,
+        _ => pace::together(god, &plan.together, &plan.from, &plan.goals).await?,
+    }
     god.moves.begin(motors, holding);
     god.lower.forget(motors);
     Ok(stops)
@@ -215,8 +217,11 @@ impl Motion<'_, '_> {
         self.moving = self.moving.but(ended).but(self.silent);
         self.god.moves.go_on(self.moving.and(self.silent));
         if let Some((ordered, Cmd::Tc | Cmd::To)) = self.plan.order {
+            let stalled = ended.of(ordered).of(self.ends.which(|end| end == STALLED));
             // At once: the last may end long after them.
-            self.god.moves.press_as_held(ended.of(ordered).of(self.ends.which(|end| end == STALLED)));
+            self.god.moves.press_as_held(stalled);
+            // What stops a link lets its tip go on, as in a breakaway.
+            moves::hurry(self.god, stalled.tips().of(self.moving)).await;
         }
         for link in ended.of(self.ends.which(|end| end == BROKE_AWAY)).iter() {
             if let Some(tip) = link.tip().filter(|&tip| self.plan.motors.has(tip)) {

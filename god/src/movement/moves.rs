@@ -30,13 +30,12 @@ pub(crate) struct Moves {
     holding: Cell<Motors>,
     /// Motors that TC or TO has left pressing in mode 4, because of HOLD.
     pressing: Cell<Motors>,
-    /// MV as it was before a motion changed it for its own time.
-    velocities: Cell<Answers>,
-    /// BT, likewise.
-    thresholds: Cell<Answers>,
-    /// KPV, likewise, before RealTime changed it.
-    gains: Cell<Answers>,
+    /// [`LENT`] as they were before a motion changed them for its own time.
+    lent: [Cell<Answers>; LENT.len()],
 }
+
+/// What a motion may change for its own time: velocities and BT; RealTime KPV.
+const LENT: [Property; 5] = [Property::MV, Property::MCV, Property::MOV, Property::BT, Property::KPV];
 
 impl Moves {
     /// A motion begins.
@@ -71,15 +70,13 @@ impl Moves {
     }
 
     fn lent(&self, property: Property) -> &Cell<Answers> {
-        match property {
-            Property::MV => &self.velocities,
-            Property::KPV => &self.gains,
-            _ => &self.thresholds,
-        }
+        let [first, ..] = &self.lent;
+        let place = LENT.iter().position(|&lent| lent == property);
+        place.and_then(|place| self.lent.get(place)).unwrap_or(first)
     }
 }
 
-/// Sets a property, MV, BT or KPV, for the time of a motion; `was` is given back after it.
+/// Sets a property, one of [`LENT`], for the time of a motion; `was` is given back after it.
 pub(crate) async fn lend(god: &God<'_>, property: Property, values: &Answers, was: &Answers) {
     let mut lent = god.moves.lent(property).get();
     for motor in values.motors().iter() {
@@ -93,14 +90,14 @@ pub(crate) async fn lend(god: &God<'_>, property: Property, values: &Answers, wa
     god.boards.set_each(property, values).await;
 }
 
-/// Gives boards their MV, BT and KPV back. What a board does not confirm is tried again at the next motion.
+/// Gives boards back what was lent. What a board does not confirm is tried again at the next motion.
 pub(super) async fn give_back(god: &God<'_>) {
     give_back_but(god, Motors::NONE).await;
 }
 
 /// The same, without waiting for `silent` ones, which are known not to answer.
 pub(super) async fn give_back_but(god: &God<'_>, silent: Motors) {
-    for property in [Property::MV, Property::BT, Property::KPV] {
+    for property in LENT {
         let lent = god.moves.lent(property).get();
         if lent.motors().is_empty() {
             continue;
@@ -117,11 +114,13 @@ pub(super) async fn give_back_but(god: &God<'_>, silent: Motors) {
     }
 }
 
-/// Gives one motor its MV back, to go on faster; [`give_back`] is to follow in the end.
+/// Gives motors their velocities back, to go on faster; [`give_back`] is to follow in the end.
 pub(super) async fn hurry(god: &God<'_>, motors: Motors) {
-    let lent = god.moves.lent(Property::MV).get();
-    for motor in motors.of(lent.motors()).iter() {
-        god.boards.set(Motors::NONE.with(motor), Property::MV, lent.of(motor).unwrap_or(0)).await;
+    for property in [Property::MV, Property::MCV, Property::MOV] {
+        let lent = god.moves.lent(property).get();
+        for motor in motors.of(lent.motors()).iter() {
+            god.boards.set(Motors::NONE.with(motor), property, lent.of(motor).unwrap_or(0)).await;
+        }
     }
 }
 

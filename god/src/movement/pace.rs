@@ -100,6 +100,30 @@ pub(super) async fn together(
     Ok(())
 }
 
+/// Lets the tips of `fingers` go along with their links while both go until they stall, as far as velocities can do it: there are no goals.
+///
+/// # Errors
+/// A board does not answer: [`Status::NO_BOARD`].
+pub(super) async fn along(god: &God<'_>, fingers: &[Motors], closing: bool) -> Result<(), Status> {
+    let motors = fingers.iter().copied().fold(Motors::NONE, Motors::and);
+    if motors.is_empty() {
+        return Ok(());
+    }
+    let property = if closing { Property::MCV } else { Property::MOV };
+    let limits = ready::all(god, motors, property).await?;
+    let mut slower = Answers::default();
+    for tip in motors.of(Motors::TIPS).iter() {
+        let of_link = tip.link().and_then(|link| limits.of(link));
+        let velocity = of_link.map(|velocity| units::of_tip_along(velocity).max(SLOWEST));
+        if let Some(velocity) = velocity.filter(|&velocity| limits.of(tip).is_some_and(|own| velocity < own))
+        {
+            slower.put(tip, velocity);
+        }
+    }
+    moves::lend(god, property, &slower, &limits).await;
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -98,6 +98,27 @@ fn torque_controlled_motions_go_to_the_stops() {
     }
 }
 
+/// A tip goes along by a third of its link's joint angle, 13 hall counts to 49, as far as velocities that friction holds back alike can do
+/// it: at a link's count of 150 it is somewhere between 20 and 70. With X it goes by itself, as fast as the link.
+#[test]
+fn torque_controlled_tips_go_along_with_their_links() {
+    for (line, along) in [("GTC", true), ("X123567TC", false)] {
+        let mut session = initialized();
+        line_until(&mut session, line, |session| counts(session)[0] >= 150);
+        let tip = counts(&session)[4];
+        assert_eq!((20..=70).contains(&tip), along, "{line}: {tip}");
+        session.until_prompt();
+        assert_near(
+            &session,
+            [338, 338, 338, 0, 350, 350, 350],
+            "what has stopped the link lets its tip go on",
+        );
+        for motor in 1..=7 {
+            assert_eq!(config(&mut session, motor).mcv, 1000, "{line}: MCV of {motor} is given back");
+        }
+    }
+}
+
 /// When the motors of a command end, ms.
 fn ends_of(line: &str) -> [u64; 7] {
     let mut session = initialized();
