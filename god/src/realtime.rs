@@ -166,6 +166,10 @@ impl<'a, 'b> Loop<'a, 'b> {
     async fn run(&self) -> End {
         loop {
             let Some(header) = self.byte().await else { continue };
+            // A LF that belongs to the CR of LOOP's line; any other is no header.
+            if self.god.io.ends_line(Some(header).filter(|&byte| byte == b'\n')) {
+                continue;
+            }
             let data = match header {
                 ABORT => return End::Host,
                 b'C' | b'c' => self.shape.control_bytes(),

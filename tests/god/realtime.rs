@@ -114,6 +114,14 @@ fn what_is_fed_back_is_the_velocity_that_there_is() {
 }
 
 #[test]
+fn a_line_feed_after_loop_s_return_is_no_header() {
+    let mut host = Host::new("X4");
+    assert_eq!(host.block(b"\nA", 8)[0], b'*');
+    host.session.hand.hear(b"\n");
+    assert_eq!(host.session.until_prompt(), "\r\n\rERR 2048\r\n\r=> ");
+}
+
+#[test]
 fn a_header_that_is_none_ends_it() {
     let mut host = Host::new("1");
     assert_eq!(host.block(b"A", 8)[0], b'*');

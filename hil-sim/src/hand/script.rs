@@ -110,14 +110,14 @@ impl Typist {
     pub fn unasked(&mut self) -> Vec<String> {
         self.hand.run_until(self.hand.now_us() + LOOK_US);
         self.said.extend(self.hand.said());
-        while let Some(said) = self.to_prompt() {
+        while let Some(said) = self.up_to_prompt() {
             self.unasked.push(answer(&said));
         }
         std::mem::take(&mut self.unasked)
     }
 
     /// What has been said up to the next prompt, if there is one.
-    fn to_prompt(&mut self) -> Option<String> {
+    fn up_to_prompt(&mut self) -> Option<String> {
         let at = self.said.windows(PROMPT.len()).position(|text| text == PROMPT.as_bytes())?;
         let said = text(&self.said[..at]);
         self.said.drain(..at + PROMPT.len());
@@ -142,7 +142,7 @@ impl Typist {
         while self.hand.now_us() < end_us {
             self.hand.run_until(self.hand.now_us() + LOOK_US);
             self.said.extend(self.hand.said());
-            while let Some(said) = self.to_prompt() {
+            while let Some(said) = self.up_to_prompt() {
                 // An end of a motion begins a line of its own, before what has been typed; an error's is the line's that it ends.
                 if !is_first && said.starts_with(LINE_END) && !said[LINE_END.len()..].starts_with("ERR") {
                     self.unasked.push(answer(&said));
