@@ -5,6 +5,9 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
 use std::time::Duration;
 
 use rand::RngExt;
@@ -13,18 +16,28 @@ use rand_pcg::Pcg64Mcg;
 /// Only ends a test that would otherwise hang.
 const HANGS: Duration = Duration::from_secs(60);
 
-/// A served hand; ends with the test.
+/// Only ends a test that would otherwise hang on a terminal, which has no time-out: longer than any of them takes.
+const ENDS: Duration = Duration::from_secs(300);
+
+/// A served hand; ends with the test, or when that hangs.
 struct Served {
-    process: Child,
+    process: Arc<Mutex<Child>>,
+    /// Its end ends who waits for that.
+    _alive: Sender<()>,
     /// What it listens on, in its own words.
     doors: Vec<(String, String)>,
 }
 
 impl Drop for Served {
     fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
+        end(&self.process);
     }
+}
+
+fn end(process: &Mutex<Child>) {
+    let mut process = process.lock().unwrap_or_else(PoisonError::into_inner);
+    let _ = process.kill();
+    let _ = process.wait();
 }
 
 impl Served {
@@ -38,8 +51,16 @@ impl Served {
             let (kind, place) = line.split_once(' ').expect("a door and its place");
             (kind.to_owned(), place.to_owned())
         };
+        let process = Arc::new(Mutex::new(process));
+        let (_alive, over) = channel::<()>();
+        let watched = Arc::clone(&process);
+        thread::spawn(move || {
+            if over.recv_timeout(ENDS) == Err(RecvTimeoutError::Timeout) {
+                end(&watched);
+            }
+        });
         let doors = lines.take(doors).map(door).collect();
-        Self { process, doors }
+        Self { process, _alive, doors }
     }
 
     fn place(&self, kind: &str) -> &str {
@@ -400,7 +421,7 @@ fn a_hand_that_is_killed_has_saved_the_old_or_the_new() {
         let mut bytes = vec![0; rng.random_range(0..=heard - 2 * (2 * SAVES as usize))];
         host.read_exact(&mut bytes).expect("answers");
         // And some way into what it does then.
-        (0..rng.random_range(0..2000)).for_each(|_| std::thread::yield_now());
+        (0..rng.random_range(0..2000)).for_each(|_| thread::yield_now());
         drop(served);
         let prompts = String::from_utf8_lossy(&bytes).matches("=> ").count() as u32;
         let served = start();

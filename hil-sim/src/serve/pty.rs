@@ -13,6 +13,7 @@ mod unix {
     use std::time::Duration;
 
     use hil_sim::scenario::BadInput;
+    use rustix::fs::{Mode, OFlags};
     use rustix::io::Errno;
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
@@ -26,6 +27,8 @@ mod unix {
     /// The terminal's other side.
     struct Pty {
         file: File,
+        /// Where hosts open it.
+        path: String,
         /// Somebody has it open.
         is_open: AtomicBool,
     }
@@ -46,7 +49,8 @@ mod unix {
         let mut termios = tcgetattr(&owner).map_err(failed)?;
         termios.make_raw();
         tcsetattr(&owner, OptionalActions::Now, &termios).map_err(failed)?;
-        Ok((Arc::new(Pty { file: owner.into(), is_open: AtomicBool::new(false) }), path))
+        let (file, is_open) = (owner.into(), AtomicBool::new(false));
+        Ok((Arc::new(Pty { file, path: path.clone(), is_open }), path))
     }
 
     impl Port for Pty {
@@ -76,8 +80,10 @@ mod unix {
         }
 
         fn close(&self) {
-            // A writer that waits for room has it then.
-            let _ = tcflush(&self.file, QueueSelector::IOFlush);
+            // From the hosts' side: what the next one has written already is not touched. A writer that waits for room has it then.
+            let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+            let _ = rustix::fs::open(&*self.path, flags, Mode::empty())
+                .and_then(|hosts| tcflush(hosts, QueueSelector::IFlush));
         }
     }
 }
