@@ -2,11 +2,14 @@
 
 use std::path::Path;
 
-use tater_wire::Node;
 use tater_wire::property::{Access, ROWS, Stored};
+use tater_wire::{Node, Property};
 
 /// Where the design's list is, from this package.
 const LIST: &str = "../../shared/data/properties.csv";
+
+/// What the list lacks: in mode 4 V is the velocity commanded, and RealTime feeds back the one that there is (manual 5.3.3).
+const ADDED: [Property; 1] = [Property::VEL];
 
 /// The fields of a line; a field in quotes may hold commas.
 fn fields(line: &str) -> Vec<String> {
@@ -28,8 +31,8 @@ fn the_table_is_the_design_s() {
         return;
     };
     let lines: Vec<Vec<String>> = list.lines().skip(1).map(fields).collect();
-    assert_eq!(lines.len(), ROWS.len());
-    for row in ROWS {
+    assert_eq!(lines.len() + ADDED.len(), ROWS.len());
+    for row in ROWS.iter().filter(|row| !ADDED.contains(&row.property)) {
         let id = row.property.id().to_string();
         let line =
             lines.iter().find(|line| line[0] == id).unwrap_or_else(|| panic!("{} is not there", row.name));
