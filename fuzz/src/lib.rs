@@ -102,7 +102,7 @@ impl God {
             return;
         }
         let rest = text.replace(LINE_END, "").replace("\u{8} \u{8}", "");
-        assert!(rest.bytes().all(|byte| (b' '..=b'~').contains(&byte)), "{}", self.told());
+        assert!(rest.bytes().all(|byte| matches!(byte, b' '..=b'~' | b'\t')), "{}", self.told());
         let codes = god::status::ROWS.iter().fold(0, |sum, row| sum | row.status.code());
         for (_, error) in text.match_indices("\r\n\rERR ").map(|(at, mark)| text.split_at(at + mark.len())) {
             let code = error.split(LINE_END).next().unwrap_or_default();
