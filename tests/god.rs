@@ -16,8 +16,11 @@ mod walk_through;
 mod world;
 
 use god::Memory;
+use hil_sim::board::SimBoard;
 use hil_sim::hand::Hand;
+use hil_sim::node::Node;
 use hil_sim::plant::Model;
+use tater_wire::Node as Id;
 
 /// A hand and its host.
 pub struct Session {
@@ -40,7 +43,17 @@ impl Session {
 
     /// The same, with what has survived.
     pub fn with(memory: Memory) -> Self {
-        let mut session = Self { hand: Hand::new(Model::Averaged, 1, memory), heard: String::new() };
+        Self::of(Hand::new(Model::Averaged, 1, memory))
+    }
+
+    /// The same with boards that a test makes, by their number.
+    pub fn of_boards(board: impl Fn(u8, Id) -> SimBoard) -> Self {
+        let boards = (1..=7).map(|number| Node::new(board(number, Id::new(number).expect("a node"))));
+        Self::of(Hand::with(boards.collect(), Memory::default()))
+    }
+
+    fn of(hand: Hand) -> Self {
+        let mut session = Self { hand, heard: String::new() };
         session.until_prompt();
         session
     }

@@ -21,6 +21,21 @@ const WAKE_ASK_US: u64 = 20_000;
 /// How long a board has, after a SAVE, to put it into its flash: two pages to erase, 40 ms each, and a record (DESIGN 4.3).
 const STORE_US: u64 = 100_000;
 
+/// MODE: without power, holds a position, goes by velocity.
+pub(crate) const IDLE: i64 = 0;
+pub(crate) const HOLDS: i64 = 3;
+pub(crate) const VELOCITY: i64 = 4;
+
+/// END: there; nothing turns any more; told to; the link broke away; a fault.
+pub(crate) const ARRIVED: i64 = 1;
+pub(crate) const STALLED: i64 = 2;
+pub(crate) const ABORTED: i64 = 3;
+pub(crate) const BROKE_AWAY: i64 = 5;
+pub(crate) const FAULT: i64 = 6;
+
+/// LFLAGS: ends of motions and breakaways are reported.
+pub(crate) const REPORTS: i64 = 3;
+
 /// A value of each motor that has given one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers([Option<i64>; COUNT]);
@@ -249,7 +264,7 @@ impl<'a> Boards<'a> {
                 left = left.but(self.get(left, Property::STAT).await.which(|stat| stat == 2));
             }
             // Ends of motions and breakaways are to be told at once.
-            self.set(asleep.but(left), Property::LFLAGS, 3).await;
+            self.set(asleep.but(left), Property::LFLAGS, REPORTS).await;
             awake = awake.and(asleep.but(left));
         }
         awake

@@ -14,7 +14,7 @@ use core::cell::Cell;
 use tater_wire::property::Access;
 use tater_wire::{Cmd, Message, Property};
 
-use crate::boards::Reported;
+use crate::boards::{HOLDS, IDLE, REPORTS, Reported};
 use crate::god::God;
 use crate::io::NEVER;
 use crate::motors::{COUNT, Motor, Motors};
@@ -26,10 +26,6 @@ const STANDS_US: u64 = 300_000;
 
 /// How often that is waited for: the spread, free, has come to rest within a second.
 const STANDS_TRIES: usize = 10;
-
-/// MODE of a motor without power, and of one that holds its position.
-const IDLE: i64 = 0;
-const HOLDS: i64 = 3;
 
 /// What is known between two lines.
 #[derive(Debug, Default)]
@@ -155,7 +151,7 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
             return Status::OVER_TEMPERATURE;
         }
         // Who woke the boards may not have told them to report ends; of what has been before, nobody wants to hear.
-        god.boards.set(motors, Property::LFLAGS, 3).await;
+        god.boards.set(motors, Property::LFLAGS, REPORTS).await;
         motors.iter().for_each(|motor| _ = god.boards.takes(motor));
         god.lower.sent.set(god.lower.sent.get().and(motors));
     }
@@ -241,8 +237,8 @@ async fn save(god: &God<'_>) -> Status {
     // A board in its monitor has nothing new.
     let awake = stat.which(|stat| stat == 2);
     god.moves.cease_pressing(Motors::ALL);
-    let busy = god.boards.get(awake, Property::MODE).await.which(|mode| mode != 0);
-    god.boards.set(busy, Property::MODE, 0).await;
+    let busy = god.boards.get(awake, Property::MODE).await.which(|mode| mode != IDLE);
+    god.boards.set(busy, Property::MODE, IDLE).await;
     let mut before = god.boards.get(awake, Property::P).await;
     for _ in 0..STANDS_TRIES {
         god.io.sleep_until(god.io.now_us().saturating_add(STANDS_US)).await;

@@ -23,6 +23,7 @@ mod ready;
 
 use tater_wire::{Cmd, Property};
 
+use crate::boards::REPORTS;
 use crate::command::Command;
 use crate::god::God;
 use crate::memory::Positions;
@@ -93,7 +94,7 @@ pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection
     let selection = god.selection(prefix).await?;
     let motors = selection.motors();
     begin(god, motors, true).await?;
-    god.boards.set(motors, Property::LFLAGS, moves::REPORTS).await;
+    god.boards.set(motors, Property::LFLAGS, REPORTS).await;
     let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
     motors.iter().for_each(|motor| god.note(motor, Status::OK));
     god.moves.begin(motors, holding);

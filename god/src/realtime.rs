@@ -15,12 +15,13 @@ use core::cell::Cell;
 use tater_wire::Property;
 use tater_wire::fault::FaultCode;
 
-use crate::boards::Answers;
+use crate::boards::{Answers, STALLED, VELOCITY};
 use crate::god::God;
 use crate::io::{ABORT, Io, both};
 use crate::motors::{Motor, Motors, Prefix, Selection};
 use crate::movement;
 use crate::status::Status;
+use crate::units;
 use crate::words::Arguments;
 use blocks::{Feedback, Shape};
 
@@ -41,19 +42,8 @@ const HEARD_OUT_US: u64 = 1_000_000;
 /// How long a board may take until it drives in mode 4, us: the spread's brake lets go in 30 ms.
 const SETS_OUT_US: u64 = 40_000;
 
-/// The boards' mode meanwhile.
-const VELOCITY: i64 = 4;
-
-/// END of a motor that has met something.
-const STALLED: i64 = 2;
-
 /// Greatest velocity that a board takes, hall counts/s.
 const MOST: i64 = 4080;
-
-/// Velocity of a tip by its link's: a third of the joint's, by the ratios 39 and 49 (manual 1.3.2).
-const fn of_tip(link: i64) -> i64 {
-    link * 13 / 49
-}
 
 /// What ends RealTime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -251,7 +241,7 @@ impl<'a, 'b> Loop<'a, 'b> {
                 let velocity = (i64::from(byte) * i64::from(of.velocity_coefficient)).clamp(-MOST, MOST);
                 velocities.put(motor, velocity);
                 if let Some(tip) = self.follows(motor) {
-                    velocities.put(tip, of_tip(velocity));
+                    velocities.put(tip, units::of_tip_along(velocity));
                 }
             }
             if of.gain {

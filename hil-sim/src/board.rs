@@ -1,7 +1,6 @@
 //! The hardware of one motor board, simulated: the rig in place of the pins, a flash, a CAN controller's mailboxes.
 //! It decides nothing; what a board does is [`tater_fw`]'s.
 
-use servo_core::MotorKind;
 use servo_core::sense::commutation::Bridge;
 use tater_fw::{Analog, Board};
 use tater_wire::property::Kind;
@@ -9,7 +8,7 @@ use tater_wire::{Destination, FaultCode, Frame, Group, Node};
 
 use crate::plant::{Heat, Model, ParamError, PlantParams, Start};
 use crate::rig::flash::SimFlash;
-use crate::rig::{Rig, RigParams};
+use crate::rig::{Object, Rig, RigParams};
 
 /// Transmit mailboxes of the CAN controller (bxCAN).
 const MAILBOXES: usize = 3;
@@ -66,15 +65,25 @@ impl SimBoard {
     /// # Errors
     /// It is beyond the stops.
     pub fn standing_at(count: f64, node: Node, model: Model, seed: u64) -> Result<Self, ParamError> {
-        let kind = match Kind::of(node) {
-            Kind::Link => MotorKind::Link,
-            Kind::Spread => MotorKind::Spread,
-            Kind::Tip => MotorKind::Tip,
-        };
+        Self::with(count, node, RigParams::default(), &[], model, seed)
+    }
+
+    /// The same with sensors of its own, and with objects in its motor's way.
+    ///
+    /// # Errors
+    /// It is beyond the stops, or a parameter is out of its range.
+    pub fn with(
+        count: f64,
+        node: Node,
+        rig: RigParams,
+        objects: &[Object],
+        model: Model,
+        seed: u64,
+    ) -> Result<Self, ParamError> {
+        let plant = PlantParams::for_motor(tater_fw::motion::motor(Kind::of(node)));
         let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
         let start = Start { count, counts_per_s: 0.0, heat };
-        let rig = Rig::new(PlantParams::for_motor(kind), RigParams::default(), &[], model, start, seed)?;
-        Ok(Self::new(rig, node))
+        Ok(Self::new(Rig::new(plant, rig, objects, model, start, seed)?, node))
     }
 
     /// Runs the plant until `until_us` or until a hall line changes, whichever is first; returns whether one did.

@@ -8,14 +8,11 @@ mod homing;
 mod refusals;
 mod silence;
 
-use god::Memory;
 use hil_sim::board::SimBoard;
-use hil_sim::hand::Hand;
 use hil_sim::node::Node;
-use hil_sim::plant::{Heat, Model, PlantParams, Start};
-use hil_sim::rig::{Object, Rig, RigParams, Side};
-use servo_core::{Config, MotorKind, Status};
-use tater_wire::property::Kind;
+use hil_sim::plant::Model;
+use hil_sim::rig::{Object, RigParams, Side};
+use servo_core::{Config, Status};
 use tater_wire::{Destination, Message, Property};
 
 use super::Session;
@@ -52,25 +49,13 @@ fn initialized() -> Session {
 
 /// A hand with something hard in the way of a motor that closes, from a count on, which has been initialised.
 fn with_object(motor: u8, from_count: f64) -> Session {
-    let boards = (1..=7).map(|number| {
-        let node = tater_wire::Node::new(number).expect("a node");
-        let kind = match Kind::of(node) {
-            Kind::Link => MotorKind::Link,
-            Kind::Spread => MotorKind::Spread,
-            Kind::Tip => MotorKind::Tip,
-        };
-        // As in the scenario breakaway-link: hard enough that full torque dents it by 3 counts.
-        let object = Object { from_count, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.005, side: Side::Closing };
+    // As in the scenario breakaway-link: hard enough that full torque dents it by 3 counts.
+    let object = Object { from_count, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.005, side: Side::Closing };
+    let mut session = Session::of_boards(|number, node| {
         let objects = if number == motor { vec![object] } else { vec![] };
-        let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
-        let start = Start { count: 0.0, counts_per_s: 0.0, heat };
-        let (plant, rig) = (PlantParams::for_motor(kind), RigParams::default());
-        let rig = Rig::new(plant, rig, &objects, Model::Averaged, start, number.into()).expect("in range");
-        Node::new(SimBoard::new(rig, node))
+        SimBoard::with(0.0, node, RigParams::default(), &objects, Model::Averaged, number.into())
+            .expect("in range")
     });
-    let hand = Hand::with(boards.collect(), Memory::default());
-    let mut session = Session { hand, heard: String::new() };
-    session.until_prompt();
     assert_eq!(session.line("HI"), "");
     session
 }

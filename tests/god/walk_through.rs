@@ -27,9 +27,7 @@ const STEPS: &[(u8, &[&str], [i32; 7])] = &[
 fn power_cycle(session: &Session) -> Session {
     let mut hand = Hand::again(Model::Averaged, 1, &session.hand.state()).expect("within its stops");
     hand.put_into(World::default());
-    let mut session = Session { hand, heard: String::new() };
-    session.until_prompt();
-    session
+    Session::of(hand)
 }
 
 /// A person at the console.

@@ -6,7 +6,7 @@
 use tater_wire::{Cmd, FaultCode, Property};
 
 use super::{moves, pace, ready};
-use crate::boards::Answers;
+use crate::boards::{ABORTED, ARRIVED, Answers, BROKE_AWAY, FAULT, REPORTS, STALLED, VELOCITY};
 use crate::god::God;
 use crate::motors::{Motor, Motors};
 use crate::status::Status;
@@ -14,16 +14,6 @@ use crate::units;
 
 /// How often boards are asked whether they have ended, µs.
 const ASK_US: u64 = 50_000;
-
-/// END: there; nothing turns any more; told to; the link broke away; a fault.
-const ARRIVED: i64 = 1;
-const STALLED: i64 = 2;
-const ABORTED: i64 = 3;
-const BROKE_AWAY: i64 = 5;
-const FAULT: i64 = 6;
-
-/// MODE of a motor that TC or TO left pressing.
-const PRESSES: i64 = 4;
 
 /// What it is to a finger that its link meets an object and breaks away (manual 5.1.2): the link is locked there, its tip may go on. With
 /// BS of the link both stop in any case.
@@ -113,7 +103,7 @@ pub(super) async fn run(god: &God<'_>, plan: &Plan) -> Status {
 /// All that is set and asked before a motion; which links stop their tips when they break away (BS).
 async fn prepare(god: &God<'_>, plan: &Plan) -> Result<Motors, Status> {
     let motors = plan.motors;
-    god.boards.set(motors, Property::LFLAGS, moves::REPORTS).await;
+    god.boards.set(motors, Property::LFLAGS, REPORTS).await;
     let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
     let mut stops = Motors::NONE;
     if let Breakaway::Off = plan.breakaway {
@@ -268,8 +258,8 @@ impl Motion<'_, '_> {
             Some((motors, Cmd::Hi)) => lost = lost.and(motors.of(self.refused)),
             Some((motors, Cmd::Tc | Cmd::To)) => {
                 let modes = god.boards.get(motors.of(heard), Property::MODE).await;
-                god.moves.cease_pressing(modes.which(|mode| mode != PRESSES));
-                god.moves.press(modes.which(|mode| mode == PRESSES));
+                god.moves.cease_pressing(modes.which(|mode| mode != VELOCITY));
+                god.moves.press(modes.which(|mode| mode == VELOCITY));
             }
             _ => {}
         }

@@ -6,7 +6,7 @@ use core::convert::Infallible;
 
 use tater_wire::Property;
 
-use crate::boards::Answers;
+use crate::boards::{Answers, HOLDS, IDLE, REPORTS};
 use crate::god::God;
 use crate::io::NEVER;
 use crate::motors::Motors;
@@ -14,12 +14,6 @@ use crate::status::Status;
 
 /// How often a board hears of GOD while its motor presses: after 500 ms of silence it takes its host for lost, and lets go.
 const COMPANY_US: u64 = 200_000;
-
-/// LFLAGS: ends of motions and breakaways are reported.
-pub(super) const REPORTS: i64 = 3;
-
-/// Mode 3: holds a position.
-const HOLDS: i64 = 3;
 
 /// What goes on in the boards.
 #[derive(Debug, Default)]
@@ -128,7 +122,7 @@ pub(super) async fn hurry(god: &God<'_>, motors: Motors) {
 pub(super) async fn stop(god: &God<'_>, motors: Motors) {
     let holding = god.moves.holding.get();
     god.boards.set(motors.of(holding), Property::MODE, HOLDS).await;
-    god.boards.set(motors.but(holding), Property::MODE, 0).await;
+    god.boards.set(motors.but(holding), Property::MODE, IDLE).await;
 }
 
 /// ^C has dropped a motion, if there was one: ends it on every motor that still moves.

@@ -1,15 +1,10 @@
 //! How RealTime ends when something is wrong, what a host says meanwhile, and what it leaves behind.
 
-use god::Memory;
 use hil_sim::board::SimBoard;
-use hil_sim::hand::Hand;
-use hil_sim::node::Node;
-use hil_sim::plant::{Heat, Model, PlantParams, Start};
-use hil_sim::rig::{Rig, RigParams, StuckLine};
-use servo_core::MotorKind;
+use hil_sim::plant::Model;
+use hil_sim::rig::{RigParams, StuckLine};
 use tater_fw::Board;
 use tater_wire::Property;
-use tater_wire::property::Kind;
 
 use super::super::movement::{config, set, status};
 use super::{BLOCK_US, Host};
@@ -125,25 +120,11 @@ const BREAKS_US: u64 = 30_000_000;
 
 /// A hand with such a line.
 fn with_a_broken_line() -> Session {
-    let boards = (1..=7).map(|number| {
-        let node = tater_wire::Node::new(number).expect("a node");
-        let kind = match Kind::of(node) {
-            Kind::Link => MotorKind::Link,
-            Kind::Spread => MotorKind::Spread,
-            Kind::Tip => MotorKind::Tip,
-        };
+    Session::of_boards(|number, node| {
         let stuck = (number == 4).then_some(StuckLine { line: 0, high: true, from_us: BREAKS_US });
         let rig = RigParams { stuck, ..RigParams::default() };
-        let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
-        let start = Start { count: 0.0, counts_per_s: 0.0, heat };
-        let plant = PlantParams::for_motor(kind);
-        let rig = Rig::new(plant, rig, &[], Model::Averaged, start, number.into()).expect("in range");
-        Node::new(SimBoard::new(rig, node))
-    });
-    let hand = Hand::with(boards.collect(), Memory::default());
-    let mut session = Session { hand, heard: String::new() };
-    session.until_prompt();
-    session
+        SimBoard::with(0.0, node, rig, &[], Model::Averaged, number.into()).expect("in range")
+    })
 }
 
 #[test]
