@@ -4,8 +4,10 @@
 //! here, and over a small offending text beside its definition, which shows that it can fail.
 
 mod arrows;
+mod circles;
 mod lengths;
 mod metal;
+mod modules;
 mod motion_only;
 mod tokens;
 mod world;

@@ -1,24 +1,9 @@
-//! Sizes that a reader can hold: a module on a few screens, a function on one; and names that say something.
+//! A function fits a screen, and a name says what a thing is. A file is as long as its one subject.
 
 use super::tokens::{item_end, scan, tokens};
 use super::{Source, Violation, check_fence, check_workspace};
 
-const MODULE_LINES: usize = 500;
 const FUNCTION_LINES: usize = 70;
-
-/// Modules that may be longer, because they are tables; each with its reason.
-const TABLES: [(&str, &str); 0] = [];
-
-fn module_length(source: &Source) -> Vec<Violation> {
-    let lines = source.text.lines().count();
-    if lines <= MODULE_LINES || TABLES.iter().any(|(path, _)| *path == source.path) {
-        return Vec::new();
-    }
-    vec![
-        source
-            .violation(lines, format!("{lines} lines, at most {MODULE_LINES}: split it by what it decides")),
-    ]
-}
 
 fn function_length(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
@@ -44,11 +29,6 @@ fn names(source: &Source) -> Vec<Violation> {
 }
 
 #[test]
-fn modules_are_short() {
-    check_workspace(module_length);
-}
-
-#[test]
 fn functions_fit_a_screen() {
     check_workspace(function_length);
 }
@@ -60,7 +40,6 @@ fn names_say_something() {
 
 #[test]
 fn the_length_fences_can_fail() {
-    check_fence(module_length, "a/src/b.rs", &[&"\n".repeat(501)], &[&"\n".repeat(500)]);
     let function = |lines: usize| format!("fn f(a: [u8; 3]) {{{}}}", "\n".repeat(lines - 1));
     let inside_a_macro = format!("proptest! {{ {} }}", function(71));
     check_fence(
