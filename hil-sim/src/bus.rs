@@ -191,6 +191,14 @@ impl<S: Station> Bus<S> {
         self.host.as_ref().map_or(0, Host::waiting)
     }
 
+    /// Aborts the host's transmissions: frames that wait are never sent. One that is on the wire is finished.
+    pub fn abort_pending(&mut self) {
+        let on_wire = self.flight.as_ref().is_some_and(|flight| flight.sender.is_none());
+        if let Some(host) = &mut self.host {
+            host.abort_pending(on_wire);
+        }
+    }
+
     /// What the host has received by now, oldest first.
     pub fn receive(&mut self) -> Option<Stamped> {
         self.host.as_mut()?.receive(self.now_us)

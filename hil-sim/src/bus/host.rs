@@ -77,6 +77,11 @@ impl Host {
         self.out.len()
     }
 
+    /// Forgets the frames that have not gone out, but the one that is on the wire.
+    pub(super) fn abort_pending(&mut self, on_wire: bool) {
+        self.out.truncate(usize::from(on_wire));
+    }
+
     /// The frame that is in the adapter and may go out.
     pub(super) fn pending(&self, now_us: u64) -> Option<Frame> {
         self.out.front().filter(|out| out.at_us <= now_us).map(|out| out.frame)

@@ -202,6 +202,28 @@ fn a_cut_cable_silences_one_station_and_a_lone_one_waits() {
 }
 
 #[test]
+fn abort_pending_drops_all_but_the_frame_on_the_wire() {
+    let mut bus = bus(1..=1);
+    let frames: Vec<Frame> = (0..3).map(|data| frame(1, &[data])).collect();
+    frames.iter().for_each(|&frame| bus.send(frame).expect("plugged"));
+    bus.run_until(20);
+    bus.abort_pending();
+    bus.run_until(5_000);
+    let heard = |bus: &Bus<Toy>| {
+        bus.stations().flat_map(|toy| toy.heard.clone()).map(|(_, frame)| frame).collect::<Vec<_>>()
+    };
+    assert_eq!(heard(&bus), frames[..1]);
+    // Without a listener nothing begins, and nothing is left when the cable is mended.
+    bus.cut(0, true);
+    frames.iter().for_each(|&frame| bus.send(frame).expect("plugged"));
+    bus.run_until(10_000);
+    bus.abort_pending();
+    bus.cut(0, false);
+    bus.run_until(20_000);
+    assert_eq!(heard(&bus), frames[..1]);
+}
+
+#[test]
 fn a_station_behind_a_cut_hears_nothing_of_the_others() {
     let mut bus = bus(1..=2);
     bus.cut(0, true);

@@ -19,6 +19,8 @@ pub struct Halls {
     rising: [Option<u64>; 3],
     /// The first glitch that is not over.
     glitch: usize,
+    /// The level of each line whose wire is broken.
+    broken: [Option<bool>; 3],
     /// The lines, after delay, glitch and fault.
     lines: u8,
 }
@@ -34,6 +36,7 @@ impl Halls {
             sensed: 0,
             rising: [None; 3],
             glitch: 0,
+            broken: [None; 3],
             lines: 0,
         };
         // Errors are under half a cell, so that the nearest cell is at most one off.
@@ -47,6 +50,11 @@ impl Halls {
     #[must_use]
     pub fn lines(&self) -> u8 {
         self.lines
+    }
+
+    /// Breaks the wires of lines 0 to 2, each at a level, from the next [`Self::update`] on; `None`: the line follows its sensor again.
+    pub fn break_lines(&mut self, levels: [Option<bool>; 3]) {
+        self.broken = levels;
     }
 
     /// The sensors' boundaries below and above the rotor, in counts.
@@ -131,6 +139,14 @@ impl Halls {
         {
             let bit = 1 << stuck.line;
             lines = if stuck.high { lines | bit } else { lines & !bit };
+        }
+        for (line, level) in self.broken.iter().enumerate() {
+            let bit = 1 << line;
+            lines = match level {
+                Some(true) => lines | bit,
+                Some(false) => lines & !bit,
+                None => lines,
+            };
         }
         lines
     }

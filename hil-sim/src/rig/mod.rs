@@ -106,6 +106,10 @@ pub struct Rig {
     /// Whoever reads [`Rig::tripped`] switches the bridge off; the rig does not.
     guarded_outside: bool,
     thermistor_c: f64,
+    /// What a broken thermistor reads, °C.
+    thermistor_fault_c: Option<f64>,
+    /// The brake's coil is dead: it holds, whatever it is told.
+    brake_jammed: bool,
     /// Time and bus charge of the last reading.
     last_read: (u64, f64),
     /// Largest phase current up to the last reading, from the one before it, A.
@@ -154,6 +158,8 @@ impl Rig {
             tripped: false,
             guarded_outside: false,
             thermistor_c: start.heat.housing_c,
+            thermistor_fault_c: None,
+            brake_jammed: false,
             last_read: (0, 0.0),
             peak_phase_a: 0.0,
             last_edge_us: 0,
@@ -214,6 +220,21 @@ impl Rig {
         self.plant.set_bus(v);
     }
 
+    /// Breaks hall lines 0 to 2, each at a level: an open cable reads high, by its pull-up. `None`: the line follows its sensor.
+    pub fn break_hall_lines(&mut self, levels: [Option<bool>; 3]) {
+        self.halls.break_lines(levels);
+    }
+
+    /// Makes the thermistor read this, °C: an open wire reads -50, a short 155. `None`: it reads the motor's housing.
+    pub const fn override_thermistor(&mut self, celsius: Option<f64>) {
+        self.thermistor_fault_c = celsius;
+    }
+
+    /// Jams the brake: it engages, and does not release until it is freed.
+    pub const fn jam_brake(&mut self, jammed: bool) {
+        self.brake_jammed = jammed;
+    }
+
     /// From now on the over-current comparator only says that it has tripped ([`Self::tripped`]), and [`Self::advance`] stops
     /// where it does: a board that has a break input of its own switches the bridge off.
     pub const fn guard_outside(&mut self) {
@@ -238,7 +259,7 @@ impl Rig {
         if bridge == Bridge::Off {
             self.tripped = false;
         }
-        self.command_brake(brake_released);
+        self.command_brake(brake_released && !self.brake_jammed);
         while self.now_us() < until_us {
             let mut tripped_now = false;
             let now = self.now_us();
@@ -320,7 +341,7 @@ impl Rig {
         let board_c = ambient_c + BOARD_RISE_C + BOARD_SHARE * (self.plant.heat().housing_c - ambient_c);
         let bus = self.adc(bus_v, 0.0, 36.3);
         let current = self.adc(current, -20.0, 20.0);
-        let thermistor = self.adc(self.thermistor_c, -50.0, 155.0);
+        let thermistor = self.adc(self.thermistor_fault_c.unwrap_or(self.thermistor_c), -50.0, 155.0);
         let strain = (strain + self.noise()).round().clamp(0.0, 255.0);
         Analog {
             bus: MilliVolts((1000.0 * bus).round() as u16),
