@@ -6,7 +6,7 @@
 //! cases, and the extremes, go to the full length.
 
 use fixed::types::I22F10;
-use servo_core::motion::profile::{Limits, Profile, SetPoint};
+use servo_core::motion::profile::{MoveLimits, Profile, SetPoint};
 use servo_core::units::{Counts, CountsPerSec};
 
 /// Resolution of the emitted values, in counts and counts/s. A difference of two rounded values is off by at
@@ -49,9 +49,9 @@ impl Random {
         CountsPerSec::from_int(self.log(16.0, 4080.4).round() as i16)
     }
 
-    fn limits(&mut self) -> Limits {
+    fn limits(&mut self) -> MoveLimits {
         let accel = self.log(1.0, 65535.4).round() as u16;
-        Limits { accel, closing: self.cruise(), opening: self.cruise() }
+        MoveLimits { accel, closing: self.cruise(), opening: self.cruise() }
     }
 
     /// Any position with a fraction, ±32767.
@@ -76,13 +76,13 @@ fn per_tick(velocity: CountsPerSec) -> f64 {
 }
 
 /// In counts/ms².
-fn acceleration(limits: Limits) -> f64 {
+fn acceleration(limits: MoveLimits) -> f64 {
     (f64::from(limits.accel) / 1024.0).powi(2)
 }
 
 /// The shortest time, in ms, from `velocity` at `distance` before the end to rest on it: the better of the
 /// approaches from either side.
-fn optimum(distance: f64, velocity: f64, limits: Limits) -> f64 {
+fn optimum(distance: f64, velocity: f64, limits: MoveLimits) -> f64 {
     let a = acceleration(limits);
     let up = approach(distance, velocity, a, per_tick(limits.closing));
     let down = approach(-distance, -velocity, a, per_tick(limits.opening));
@@ -101,13 +101,13 @@ fn approach(distance: f64, velocity: f64, a: f64, cruise: f64) -> f64 {
     if distance > ramped { ramps + (distance - ramped) / peak } else { ramps }
 }
 
-fn remaining(profile: &Profile, end: Counts, limits: Limits) -> f64 {
+fn remaining(profile: &Profile, end: Counts, limits: MoveLimits) -> f64 {
     let (position, velocity) = profile.exact();
     optimum(counts(end) - position.to_num::<f64>(), velocity.to_num(), limits)
 }
 
 /// Checks what must hold from one tick to the next; returns what does not.
-fn tick_fault(before: SetPoint, after: SetPoint, limits: Limits) -> Option<&'static str> {
+fn tick_fault(before: SetPoint, after: SetPoint, limits: MoveLimits) -> Option<&'static str> {
     let a = acceleration(limits);
     let cruise = |direction: f64| per_tick(if direction > 0.0 { limits.closing } else { limits.opening });
     let (u, v) = (per_tick(before.velocity), per_tick(after.velocity));
@@ -142,7 +142,7 @@ fn plain_fault(before: SetPoint, after: SetPoint, (start, end): (Counts, Counts)
 
 /// A stretch of a profile with one plan.
 struct Stretch {
-    limits: Limits,
+    limits: MoveLimits,
     end: Counts,
     /// Where it started, if it started from rest.
     plain_from: Option<Counts>,
@@ -195,7 +195,7 @@ impl Stretch {
     }
 }
 
-fn plain(start: Counts, end: Counts, limits: Limits, most: f64) -> Option<()> {
+fn plain(start: Counts, end: Counts, limits: MoveLimits, most: f64) -> Option<()> {
     let mut profile = Profile::at_rest(start);
     profile.plan(end, &limits.build());
     Stretch { limits, end, plain_from: Some(start) }.finish(&mut profile, most)
@@ -221,7 +221,7 @@ fn replanned_move(random: &mut Random, most: f64) -> Option<()> {
         }
         if !random.one_in(3) {
             let new = random.limits();
-            limits = Limits { accel: if random.one_in(2) { new.accel } else { limits.accel }, ..new };
+            limits = MoveLimits { accel: if random.one_in(2) { new.accel } else { limits.accel }, ..new };
         }
         profile.plan(end, &limits.build());
         let after = (profile.exact(), profile.current());
@@ -261,7 +261,7 @@ fn longest_moves() {
     // in between.
     for (accel, cruise) in [(65535, 16), (1, 16), (1, 4080), (8, 4080), (13, 1000)] {
         let cruise = CountsPerSec::from_int(cruise);
-        let limits = Limits { accel, closing: cruise, opening: cruise };
+        let limits = MoveLimits { accel, closing: cruise, opening: cruise };
         let (low, high) = (Counts::from_int(-32767), Counts::from_int(32767));
         assert!(plain(low, high, limits, f64::INFINITY).is_some());
         assert!(plain(high, low, limits, f64::INFINITY).is_some());
@@ -272,7 +272,7 @@ fn longest_moves() {
 #[test]
 fn spread_takes_what_the_manual_says() {
     let cruise = CountsPerSec::from_int(1000);
-    let limits = Limits { accel: 30, closing: cruise, opening: cruise };
+    let limits = MoveLimits { accel: 30, closing: cruise, opening: cruise };
     let mut profile = Profile::at_rest(Counts::ZERO);
     profile.plan(Counts::from_int(166), &limits.build());
     let ticks = Stretch { limits, end: Counts::from_int(166), plain_from: Some(Counts::ZERO) };

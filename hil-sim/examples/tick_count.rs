@@ -58,18 +58,18 @@ fn record() -> Vec<Tick> {
     let mut servo = servo();
     let mut decoder = HallDecoder::new(Wiring::STANDARD, code(0), 0);
     let (mut ticks, mut from, mut now) = (Vec::new(), Counts::ZERO, Micros(0));
-    while servo.status().end.is_none() {
+    while servo.telemetry().end.is_none() {
         now = now.wrapping_add(Micros(1000));
-        let to = servo.status().setpoint;
+        let to = servo.telemetry().setpoint;
         let halls =
             crossings(from, to, now).filter_map(|(count, at)| decoder.sample(code(count), at)).collect();
         let tick = Tick { now, halls };
         run(&mut servo, &tick);
         ticks.push(tick);
         from = to;
-        assert!(ticks.len() < 2000, "the move does not end: {:?}", servo.status());
+        assert!(ticks.len() < 2000, "the move does not end: {:?}", servo.telemetry());
     }
-    assert_eq!(servo.status().position.round(), TRAVEL, "{:?}", servo.status());
+    assert_eq!(servo.telemetry().position.round(), TRAVEL, "{:?}", servo.telemetry());
     ticks
 }
 

@@ -4,7 +4,7 @@
 mod first_day;
 
 use servo_core::units::Micros;
-use servo_core::{Event, Status};
+use servo_core::{Event, Telemetry};
 use tater_fw::monitor::Next;
 use tater_fw::storage::Progress;
 use tater_fw::tater::Refused;
@@ -76,7 +76,7 @@ pub struct Sample {
     /// Time of the tick.
     pub ms: u32,
     /// What the servo says.
-    pub status: Status,
+    pub status: Telemetry,
     /// Whether the bridge is on.
     pub driven: bool,
     /// Whether the brake is told to release.

@@ -1,7 +1,7 @@
 //! The words of the one mouth: what a host may ask, what the sensors say, what the servo answers.
 
 use crate::config::{Config, ConfigError};
-use crate::guard::fault::{Fault, Limit};
+use crate::guard::fault::{Fault, LimitCause};
 use crate::mode::Mode;
 use crate::sense::hall::{Glitch, HallEvent};
 use crate::units::{Counts, CountsPerSec, DeciCelsius, Duty, Micros, MilliAmps, MilliVolts, Torque};
@@ -193,7 +193,7 @@ pub enum Event {
 
 /// What can be read of a servo at any time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Status {
+pub struct Telemetry {
     /// Present mode.
     pub mode: Mode,
     /// Estimated position.
@@ -210,8 +210,8 @@ pub struct Status {
     pub duty: Duty,
     /// Latched fault.
     pub fault: Option<Fault>,
-    /// Limit that bounded the last tick.
-    pub limit: Option<Limit>,
+    /// LimitCause that bounded the last tick.
+    pub limit: Option<LimitCause>,
     /// Why the last motion ended.
     pub end: Option<EndReason>,
     /// Whether HI has found zero.

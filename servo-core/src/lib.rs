@@ -33,6 +33,6 @@ pub mod sense;
 pub mod servo;
 pub mod units;
 
-pub use command::{Command, Drive, EndReason, Event, Refusal, Sense, Status};
+pub use command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 pub use config::{Config, ConfigError, MotorKind};
 pub use servo::Servo;

@@ -193,10 +193,10 @@ pub const fn mul_low_unsigned(a: u32, b: u32, shift: u32) -> u32 {
     ((a as u64 * b as u64) >> shift) as u32
 }
 
-/// The product of two numbers of a control law, rounded down, and bounded: see `enough`.
+/// The product of two numbers of a control law, rounded down, and bounded: see `clamp_q13`.
 #[must_use]
-pub fn product_enough(a: Law, b: Law) -> Law {
-    enough(a.to_bits() as i64 * b.to_bits() as i64)
+pub fn mul_clamped(a: Law, b: Law) -> Law {
+    clamp_q13(a.to_bits() as i64 * b.to_bits() as i64)
 }
 
 /// `n / d` with 32 fractional bits, rounded up, or one more: for products of which the upper word is taken. `n` < `d` - 1.
@@ -205,17 +205,17 @@ pub const fn share_q32(n: u32, d: u32) -> u32 {
     (((n as u64) << 32) / d as u64 + 1) as u32
 }
 
-/// `a · b + c · d`, rounded down once and bounded (see `enough`), of which `a` and `c` are not negative: then the sum of the
+/// `a · b + c · d`, rounded down once and bounded (see `clamp_q13`), of which `a` and `c` are not negative: then the sum of the
 /// whole products is below 2^63.
 #[must_use]
 pub fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
     let (ab, cd) = (a.to_bits() as i64 * b.to_bits() as i64, c.to_bits() as i64 * d.to_bits() as i64);
-    enough(ab.wrapping_add(cd))
+    clamp_q13(ab.wrapping_add(cd))
 }
 
 /// A product of two laws as a law: exact within ±8192; beyond that it has its sign and is at least 8191 either way, which is
 /// enough of any torque, and leaves room to add. Only the upper word is bounded: one `SSAT`, where saturating takes eight.
-fn enough(product: i64) -> Law {
+fn clamp_q13(product: i64) -> Law {
     let high = ((product >> 32) as i32).clamp(-(1 << 13), (1 << 13) - 1);
     Law::from_bits((high << 16) | (product as u32 >> 16) as i32)
 }
@@ -291,7 +291,7 @@ mod tests {
             let (a, c) = (a >> shift.0, c >> shift.1);
             let law = Law::from_bits;
             let (ab, cd) = (i128::from(a) * i128::from(b), i128::from(c) * i128::from(d));
-            let product = product_enough(law(a), law(b));
+            let product = mul_clamped(law(a), law(b));
             let sum = sum_of_products((law(a), law(b)), (law(c), law(d)));
             for (exact, found) in [(ab >> 16, product), ((ab + cd) >> 16, sum)] {
                 let found = i128::from(found.to_bits());

@@ -1,11 +1,11 @@
 //! The servo of one motor: commands and sensor readings in, a duty and a brake out. The tick order is
 //! [`Servo::tick`], here and nowhere else.
 
-pub use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Status};
+pub use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 use crate::config::{Config, ConfigError, MotorKind};
 use crate::guard::breakaway::Breakaway;
-use crate::guard::fault::{Faults, Wrong};
-use crate::guard::limits::{Bounded, Envelope, Limits};
+use crate::guard::fault::{Condition, Faults};
+use crate::guard::limits::{AppliedTorque, TorqueEnvelope, TorqueLimiter};
 use crate::guard::stall::Stall;
 use crate::guard::strain::Window;
 use crate::guard::thermal::Thermal;
@@ -66,7 +66,7 @@ pub struct Servo {
     pid: Pid,
     velocity_loop: VelocityLoop,
     strain: Window,
-    bounds: profile::Bounds,
+    bounds: profile::CruiseRamps,
     estimator: Estimator<COUNTS_PER_REV>,
     /// Decoder count that is called position 0.
     zero: i32,
@@ -92,9 +92,9 @@ pub struct Servo {
     stall: Stall,
     breakaway: Breakaway,
     thermal: Thermal,
-    limits: Limits,
+    limits: TorqueLimiter,
     faults: Faults,
-    applied: Bounded,
+    applied: AppliedTorque,
     position: Counts,
     velocity: CountsPerSec,
     ended: Option<EndReason>,
@@ -147,9 +147,9 @@ impl Servo {
             stall: Stall::default(),
             breakaway: Breakaway::default(),
             thermal: Thermal::default(),
-            limits: Limits::default(),
+            limits: TorqueLimiter::default(),
             faults: Faults::default(),
-            applied: Bounded::OFF,
+            applied: AppliedTorque::OFF,
             position,
             velocity: CountsPerSec::ZERO,
             ended: None,
@@ -184,14 +184,14 @@ impl Servo {
             HallEvent::Fault(_) => {
                 // The count may have slipped by an electrical revolution.
                 self.homed = false;
-                self.faults.say(Wrong::HALLS);
+                self.faults.raise(Condition::HALLS);
             }
         }
     }
 
     /// The break input has switched the bridge off: a fault at the next tick.
     pub const fn bridge_fault(&mut self) {
-        self.faults.say(Wrong::BRIDGE);
+        self.faults.raise(Condition::BRIDGE);
     }
 
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
@@ -201,7 +201,7 @@ impl Servo {
             self.bridge_fault();
         }
         if sense.host_lost && self.is_steered() {
-            self.faults.say(Wrong::HOST_LOST);
+            self.faults.raise(Condition::HOST_LOST);
         }
         let counted = self.observe(sense);
         let enters = self.enters();
@@ -210,7 +210,7 @@ impl Servo {
         if self.planned {
             self.thermal.add(self.applied.torque);
         } else if self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp) {
-            self.faults.say(Wrong::HOT);
+            self.faults.raise(Condition::HOT);
         }
         if let Some(fault) = self.faults.check(sense.bus) {
             self.fail(fault);
@@ -220,7 +220,7 @@ impl Servo {
         }
         if !self.entered && !enters {
             self.brake_ms = self.brake_ms.saturating_add(1);
-            self.applied = Bounded::OFF;
+            self.applied = AppliedTorque::OFF;
             return Drive { duty: None, brake_released: true };
         }
         if !self.entered {
@@ -256,8 +256,8 @@ impl Servo {
 
     /// What can be read at any time.
     #[must_use]
-    pub fn status(&self) -> Status {
-        Status {
+    pub fn telemetry(&self) -> Telemetry {
+        Telemetry {
             mode: self.mode,
             position: self.position,
             velocity: self.velocity,
@@ -305,7 +305,7 @@ impl Servo {
         self.position = position.wrapping_sub(Counts::from_int(self.zero));
         self.velocity = velocity;
         if self.limits.watch_current(sense.current, self.applied.duty) {
-            self.faults.say(Wrong::SHORT);
+            self.faults.raise(Condition::SHORT);
         }
         let before = core::mem::replace(&mut self.count, self.estimator.count());
         self.count != before
@@ -321,8 +321,8 @@ impl Servo {
 
     /// The same where the motion has changed and the torque not yet: nothing, if there was none before.
     fn drive_on(&self) -> Drive {
-        let Bounded { duty, .. } = self.applied;
-        Drive { duty: (self.applied != Bounded::OFF).then_some(duty), brake_released: true }
+        let AppliedTorque { duty, .. } = self.applied;
+        Drive { duty: (self.applied != AppliedTorque::OFF).then_some(duty), brake_released: true }
     }
 
     /// Whether this tick enters the mode: not while the brake lets go. Nor does it plan right after a tick that planned:
@@ -347,7 +347,7 @@ impl Servo {
     }
 
     /// The torque that the mode's law wants, damped.
-    fn law(&mut self, envelope: &Envelope) -> Torque {
+    fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
         let (torque, missing) = match self.mode {
             Mode::Idle => (Torque::ZERO, Law::ZERO),
             Mode::Torque => (self.torque_wanted, MIN_DAMPING),
@@ -451,10 +451,10 @@ impl Servo {
     }
 }
 
-fn bounds_of(config: &Config) -> profile::Bounds {
+fn bounds_of(config: &Config) -> profile::CruiseRamps {
     let Config { accel, mv, mcv, mov, .. } = *config;
     let (closing, opening) = (Config::speed(mv.min(mcv)), Config::speed(mv.min(mov)));
-    profile::Limits { accel, closing, opening }.build()
+    profile::MoveLimits { accel, closing, opening }.build()
 }
 
 fn pid_of(config: &Config) -> Pid {

@@ -28,7 +28,7 @@ use servo_core::mode::Mode;
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
 use servo_core::units::{Micros, Torque};
-use servo_core::{Command, Config, Drive, Event, Refusal, Sense, Servo, Status};
+use servo_core::{Command, Config, Drive, Event, Refusal, Sense, Servo, Telemetry};
 use tater_wire::property::{Access, Kind};
 use tater_wire::{Body, Destination, Frame, Group, Identifier, Message, Node, Property};
 
@@ -248,7 +248,7 @@ impl<B: Board> Tater<B> {
             host_lost,
         });
         if let Some(count) = self.trusted_at
-            && (drive.duty.is_some() || self.commutator.count() != count || !self.servo.status().homed)
+            && (drive.duty.is_some() || self.commutator.count() != count || !self.servo.telemetry().homed)
         {
             self.distrust();
             if self.trusted_at.is_some() {
@@ -366,7 +366,7 @@ impl<B: Board> Tater<B> {
 
     /// Whether the rotor stands: without power for so long that it has stopped coasting, and no motion has been asked for.
     fn stands(&self) -> bool {
-        self.still_ms >= STILL_MS && self.servo.status().mode == Mode::Idle
+        self.still_ms >= STILL_MS && self.servo.telemetry().mode == Mode::Idle
     }
 
     /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only while the
@@ -422,8 +422,8 @@ impl<B: Board> Tater<B> {
 
     /// What the servo says: for logs and simulations.
     #[must_use]
-    pub fn status(&self) -> Status {
-        self.servo.status()
+    pub fn status(&self) -> Telemetry {
+        self.servo.telemetry()
     }
 
     /// The servo's configuration: for logs and simulations.

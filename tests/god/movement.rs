@@ -12,7 +12,7 @@ use hil_sim::board::SimBoard;
 use hil_sim::node::Node;
 use hil_sim::plant::Model;
 use hil_sim::rig::{Object, RigParams, Side};
-use servo_core::{Config, Status};
+use servo_core::{Config, Telemetry};
 use tater_wire::{Destination, Message, Property};
 
 use super::Session;
@@ -71,7 +71,7 @@ pub(super) fn set(session: &mut Session, motor: u8, property: Property, value: i
     node(session, motor).receive(&frame).expect("it is taken");
 }
 
-pub(super) fn status(session: &mut Session, motor: u8) -> Status {
+pub(super) fn status(session: &mut Session, motor: u8) -> Telemetry {
     node(session, motor).application().expect("it is awake").status()
 }
 

@@ -1,7 +1,7 @@
 //! The meter fed with hand-made ticks: what counts as a move, from when, and past what.
 
 use servo_core::units::{Counts, CountsPerSec, DeciCelsius, Duty, MilliAmps, MilliVolts, Torque};
-use servo_core::{Command, EndReason, Event, Status};
+use servo_core::{Command, EndReason, Event, Telemetry};
 
 use super::*;
 use crate::node::Sample;
@@ -14,7 +14,7 @@ fn at(ms: u32, mode: Mode, counts: f64) -> Sample {
     let seen = Counts(fixed_counts(counts));
     Sample {
         ms,
-        status: Status {
+        status: Telemetry {
             mode,
             position: seen,
             velocity: CountsPerSec::ZERO,

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
 use servo_core::units::{Counts, CountsPerSec, Duty, Torque};
-use servo_core::{Command, EndReason, Event, Status};
+use servo_core::{Command, EndReason, Event, Telemetry};
 use tater_fw::Analog;
 use tater_wire::{FaultCode, Frame, Property};
 
@@ -331,7 +331,7 @@ fn fault(code: i64) -> Option<Fault> {
 /// What the rig says now, and what is known of the servo.
 fn look(ms: u32, begin_us: u64, station: &impl Watched, known: &Known) -> Sample {
     let (rig, position) = (station.rig(), Counts::from_int(known.position));
-    let status = Status {
+    let status = Telemetry {
         mode: known.mode,
         position,
         velocity: CountsPerSec::ZERO,

@@ -33,7 +33,7 @@ pub enum Fault {
 
 /// A bound that the torque or the duty ran into; the motion goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Limit {
+pub enum LimitCause {
     /// Torque at MT, or IHIT while homing.
     Torque,
     /// Duty at 97 %: the bootstrap drivers need the rest (property VBUS).
@@ -46,9 +46,9 @@ pub enum Limit {
 
 /// Something that is wrong at once, but for the bus voltage: said where it is seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wrong(u8);
+pub struct Condition(u8);
 
-impl Wrong {
+impl Condition {
     /// The driver's break input has switched the bridge off.
     pub const BRIDGE: Self = Self(1 << 0);
     /// The phase current is that of a short.
@@ -61,7 +61,7 @@ impl Wrong {
     pub const HOST_LOST: Self = Self(1 << 4);
 }
 
-/// Beside the bits of [`Wrong`]: the bus voltage was wrong at the last check.
+/// Beside the bits of [`Condition`]: the bus voltage was wrong at the last check.
 const BUS: u8 = 1 << 7;
 
 /// Watches for faults and keeps the first until it is cleared.
@@ -83,7 +83,7 @@ impl Faults {
     }
 
     /// Something is wrong: to be said before each [`Self::check`] at which it is.
-    pub const fn say(&mut self, wrong: Wrong) {
+    pub const fn raise(&mut self, wrong: Condition) {
         self.said |= wrong.0;
     }
 
@@ -91,7 +91,7 @@ impl Faults {
     /// bus voltage has been wrong is not forgotten, and hall lines that are wrong are reported at each tick.
     pub const fn clear(&mut self) {
         self.latched = None;
-        self.said &= !Wrong::HALLS.0;
+        self.said &= !Condition::HALLS.0;
     }
 
     /// One tick of 1 ms: the bus voltage, and what else has been said.
@@ -107,7 +107,7 @@ impl Faults {
     #[inline(never)]
     fn judge(&mut self, bus: MilliVolts) -> Option<Fault> {
         let said = self.said;
-        let wrong = |what: Wrong| said & what.0 != 0;
+        let wrong = |what: Condition| said & what.0 != 0;
         let high = bus > OVER;
         if !high && bus >= UNDER {
             self.bus_ms = 0;
@@ -117,24 +117,24 @@ impl Faults {
             self.bus_high = high;
             self.bus_ms = 1;
         }
-        self.said &= Wrong::HALLS.0;
+        self.said &= Condition::HALLS.0;
         if self.bus_ms != 0 {
             self.said |= BUS;
         }
         if self.latched.is_some() {
             return None;
         }
-        self.latched = if wrong(Wrong::BRIDGE) {
+        self.latched = if wrong(Condition::BRIDGE) {
             Some(Fault::Bridge)
-        } else if wrong(Wrong::SHORT) {
+        } else if wrong(Condition::SHORT) {
             Some(Fault::OverCurrent)
-        } else if wrong(Wrong::HALLS) {
+        } else if wrong(Condition::HALLS) {
             Some(Fault::Halls)
         } else if self.bus_ms >= BUS_MS {
             Some(if high { Fault::OverVoltage } else { Fault::UnderVoltage })
-        } else if wrong(Wrong::HOT) {
+        } else if wrong(Condition::HOT) {
             Some(Fault::OverTemperature)
-        } else if wrong(Wrong::HOST_LOST) {
+        } else if wrong(Condition::HOST_LOST) {
             Some(Fault::HostLost)
         } else {
             None

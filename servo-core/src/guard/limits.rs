@@ -1,9 +1,9 @@
-//! The last word on torque and duty: every path to the bridge ends in [`Envelope::bound`].
+//! The last word on torque and duty: every path to the bridge ends in [`TorqueEnvelope::bound`].
 //!
 //! Torque is bounded by MT (IHIT while homing), by temperature and by the phase current; then it becomes a
 //! voltage, and the voltage a duty bounded by what the bootstrap drivers can do.
 
-use crate::guard::fault::Limit;
+use crate::guard::fault::LimitCause;
 use crate::motion::torque::emf;
 use crate::num::{mul_low_unsigned, saturating_i16, share_q32};
 use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
@@ -36,36 +36,36 @@ const NO_CUT: i16 = 1024;
 
 /// What the limits made of a wanted torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bounded {
+pub struct AppliedTorque {
     /// For the bridge.
     pub duty: Duty,
     /// The torque that this duty gives, after every clamp: what T reads.
     pub torque: Torque,
     /// The limit that acted last, if any.
-    pub limit: Option<Limit>,
+    pub limit: Option<LimitCause>,
 }
 
-impl Bounded {
+impl AppliedTorque {
     /// Nothing driven.
     pub const OFF: Self = Self { duty: Duty::ZERO, torque: Torque::ZERO, limit: None };
 }
 
 /// The state of the current limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
+pub struct TorqueLimiter {
     /// What the current leaves of `NO_CUT`, 0..=1024.
     left: i16,
     /// Ticks in a row with the current of a short; then `left` is less than `NO_CUT`.
     short_ms: u8,
 }
 
-impl Default for Limits {
+impl Default for TorqueLimiter {
     fn default() -> Self {
         Self { left: NO_CUT, short_ms: 0 }
     }
 }
 
-impl Limits {
+impl TorqueLimiter {
     /// Looks at the bus current that flowed at the duty applied since the last tick. A six-step bridge draws
     /// duty × phase current, so the guard divides where it is over the peak; below 1/16 duty the quotient is noise and
     /// is left alone.
@@ -108,7 +108,13 @@ impl Limits {
     /// velocity.
     #[must_use]
     #[inline]
-    pub fn envelope(&self, mt: Torque, thermal: Torque, velocity: CountsPerSec, bus: MilliVolts) -> Envelope {
+    pub fn envelope(
+        &self,
+        mt: Torque,
+        thermal: Torque,
+        velocity: CountsPerSec,
+        bus: MilliVolts,
+    ) -> TorqueEnvelope {
         let Torque(most) = mt.min(thermal).min(Torque(self.left));
         let most = i32::from(most);
         // 0..=2703 and ±31,772: nothing below comes near 2^31.
@@ -117,7 +123,7 @@ impl Limits {
         let within = |torque: i32| torque.max(most.wrapping_neg()).min(most);
         let high = within(volts.wrapping_sub(emf));
         let low = within(volts.wrapping_neg().wrapping_sub(emf));
-        Envelope { most, mt, thermal, low, high, volts, emf, bus }
+        TorqueEnvelope { most, mt, thermal, low, high, volts, emf, bus }
     }
 }
 
@@ -130,7 +136,7 @@ fn volts(bus: MilliVolts) -> i32 {
 
 /// The bounds of one tick, in torque units (a voltage of 24 V is 1024).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Envelope {
+pub struct TorqueEnvelope {
     /// The torque limit in force.
     most: i32,
     /// Two of the three it is the least of; the third is the current's.
@@ -146,7 +152,7 @@ pub struct Envelope {
     bus: MilliVolts,
 }
 
-impl Envelope {
+impl TorqueEnvelope {
     /// The torque limit in force, either way.
     #[must_use]
     pub const fn most(&self) -> Torque {
@@ -160,32 +166,32 @@ impl Envelope {
     }
 
     /// Which limit is in force: of equal ones the first in this order.
-    fn governing(&self) -> Limit {
+    fn governing(&self) -> LimitCause {
         if self.most == i32::from(self.mt.0) {
-            Limit::Torque
+            LimitCause::Torque
         } else if self.most == i32::from(self.thermal.0) {
-            Limit::Thermal
+            LimitCause::Thermal
         } else {
-            Limit::Current
+            LimitCause::Current
         }
     }
 
     /// Bounds a torque and turns it into a duty.
     #[must_use]
     #[inline]
-    pub fn bound(&self, wanted: Torque) -> Bounded {
+    pub fn bound(&self, wanted: Torque) -> AppliedTorque {
         let mut torque = i32::from(wanted.0);
         let mut limit = None;
         // Between them the voltage is in its bound as well: there is nothing between them where `most` is not the
         // outer bound of both.
         if torque >= self.high || torque <= self.low {
             torque = torque.max(self.low).min(self.high);
-            limit = Some(if torque.abs() == self.most { self.governing() } else { Limit::Duty });
+            limit = Some(if torque.abs() == self.most { self.governing() } else { LimitCause::Duty });
             let volts = torque.wrapping_add(self.emf);
             if volts.abs() > self.volts {
                 // Turned faster than the bus could turn it: even braking at the torque limit asks for too much.
                 torque = volts.max(self.volts.wrapping_neg()).min(self.volts).wrapping_sub(self.emf);
-                limit = Some(Limit::Duty);
+                limit = Some(LimitCause::Duty);
             }
         }
         // 23.4375 mV a unit, and volts ≤ 2703 (65.5 V) × 23.4375 × 32768 would pass 2^31: a quarter of it does
@@ -194,7 +200,7 @@ impl Envelope {
         let quarter = i32::from(self.bus.0).max(1_000).wrapping_add(3) / 4;
         let bits = volts.wrapping_mul(192_000) / quarter;
         let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
-        Bounded { duty, torque, limit }
+        AppliedTorque { duty, torque, limit }
     }
 }
 
@@ -207,11 +213,11 @@ mod tests {
     const BUS: MilliVolts = MilliVolts(24_000);
     const FULL: Torque = Torque(990);
 
-    fn envelope(mt: i16, speed: i16, bus: MilliVolts) -> Envelope {
-        Limits::default().envelope(Torque(mt), FULL, CountsPerSec::from_int(speed), bus)
+    fn envelope(mt: i16, speed: i16, bus: MilliVolts) -> TorqueEnvelope {
+        TorqueLimiter::default().envelope(Torque(mt), FULL, CountsPerSec::from_int(speed), bus)
     }
 
-    fn bound(torque: i16, speed: i16, bus: MilliVolts) -> Bounded {
+    fn bound(torque: i16, speed: i16, bus: MilliVolts) -> AppliedTorque {
         envelope(990, speed, bus).bound(Torque(torque))
     }
 
@@ -219,7 +225,7 @@ mod tests {
     fn torque_at_standstill_is_duty() {
         assert_eq!(
             bound(512, 0, BUS),
-            Bounded { duty: Duty::from_bits(1 << 14), torque: Torque(512), limit: None }
+            AppliedTorque { duty: Duty::from_bits(1 << 14), torque: Torque(512), limit: None }
         );
         assert_eq!(bound(-512, 0, BUS).duty, Duty::from_bits(-(1 << 14)));
     }
@@ -228,14 +234,14 @@ mod tests {
     fn a_low_bus_gives_less_and_says_so() {
         // DESIGN 4.1: at 20 V no more than 825 can be had.
         let bounded = bound(990, 0, MilliVolts(20_000));
-        assert_eq!((bounded.torque, bounded.limit), (Torque(825), Some(Limit::Duty)));
+        assert_eq!((bounded.torque, bounded.limit), (Torque(825), Some(LimitCause::Duty)));
     }
 
     #[test]
     fn at_speed_the_emf_takes_its_share() {
         let bounded = bound(990, 700, BUS);
         // 990 − 0.9696 × 700 = 311.
-        assert_eq!((bounded.torque, bounded.limit), (Torque(311), Some(Limit::Duty)));
+        assert_eq!((bounded.torque, bounded.limit), (Torque(311), Some(LimitCause::Duty)));
     }
 
     #[test]
@@ -247,34 +253,34 @@ mod tests {
         assert!(low == Torque(-750) && high < Torque::ZERO, "{low:?} {high:?}");
         // So fast that the duty bound brakes harder than MT; it is said.
         let bounded = bound(0, 2500, BUS);
-        assert_eq!((bounded.duty, bounded.limit), (Duty::from_bits(31_680), Some(Limit::Duty)));
+        assert_eq!((bounded.duty, bounded.limit), (Duty::from_bits(31_680), Some(LimitCause::Duty)));
         assert_eq!(bounded.torque, Torque(990 - 2424));
     }
 
     #[test]
     fn the_least_limit_governs() {
-        let mut limits = Limits::default();
-        let governing = |limits: &Limits, thermal: i16| {
+        let mut limits = TorqueLimiter::default();
+        let governing = |limits: &TorqueLimiter, thermal: i16| {
             let envelope = limits.envelope(Torque(750), Torque(thermal), CountsPerSec::ZERO, BUS);
             (envelope.most(), envelope.bound(Torque(900)).limit)
         };
-        assert_eq!(governing(&limits, 990), (Torque(750), Some(Limit::Torque)));
-        assert_eq!(governing(&limits, 300), (Torque(300), Some(Limit::Thermal)));
+        assert_eq!(governing(&limits, 990), (Torque(750), Some(LimitCause::Torque)));
+        assert_eq!(governing(&limits, 300), (Torque(300), Some(LimitCause::Thermal)));
         for _ in 0..30 {
             // Half duty: the bus carries half of a phase current of 13 A.
             assert!(!limits.watch_current(MilliAmps(6_500), Duty::from_bits(1 << 14)));
         }
         let (least, by) = governing(&limits, 990);
-        assert!(least < Torque(300) && by == Some(Limit::Current), "{least:?} by {by:?}");
+        assert!(least < Torque(300) && by == Some(LimitCause::Current), "{least:?} by {by:?}");
         for _ in 0..100 {
             assert!(!limits.watch_current(MilliAmps(1_000), Duty::from_bits(1 << 14)));
         }
-        assert_eq!(governing(&limits, 990).1, Some(Limit::Torque));
+        assert_eq!(governing(&limits, 990).1, Some(LimitCause::Torque));
     }
 
     #[test]
     fn a_short_is_a_fault_after_five_ticks() {
-        let mut limits = Limits::default();
+        let mut limits = TorqueLimiter::default();
         for tick in 1..=5 {
             assert_eq!(limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14)), tick >= 5);
         }
@@ -282,7 +288,7 @@ mod tests {
 
     #[test]
     fn the_current_of_a_short_is_counted_in_a_row_alone() {
-        let mut limits = Limits::default();
+        let mut limits = TorqueLimiter::default();
         for between in [MilliAmps(0), MilliAmps(1_000)] {
             for _ in 0..4 {
                 assert!(!limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14)));
@@ -305,14 +311,14 @@ mod tests {
         ) {
             let velocity = CountsPerSec(Law::from_bits(velocity));
             let most = Torque(most);
-            let bounded = Limits::default().envelope(most, FULL, velocity, MilliVolts(bus)).bound(Torque(torque));
+            let bounded = TorqueLimiter::default().envelope(most, FULL, velocity, MilliVolts(bus)).bound(Torque(torque));
             let duty = i32::from(bounded.duty.0.to_bits());
             prop_assert!(duty.unsigned_abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);
             // Nothing has wrapped: the duty is the voltage over the bus, and 250 mV of bus in the rounding of a quarter.
             let volts = i64::from(bounded.torque.0) + i64::from(emf(velocity));
             let exact = volts * 24 * 32_000 / i64::from(bus.max(1_000));
             prop_assert!((i64::from(duty) - exact).abs() <= 1 + exact.abs() / 250, "{} {}", duty, exact);
-            prop_assert!(bounded.limit == Some(Limit::Duty) || bounded.torque.saturating_abs() <= most);
+            prop_assert!(bounded.limit == Some(LimitCause::Duty) || bounded.torque.saturating_abs() <= most);
         }
     }
 }

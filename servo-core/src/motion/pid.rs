@@ -5,7 +5,7 @@
 //! acts on the measurement alone and a commanded step gives no kick (DESIGN 4.3).
 
 use crate::motion::torque::missing;
-use crate::num::{Law, TICK_HZ, gain, product_enough, sum_of_products};
+use crate::num::{Law, TICK_HZ, gain, mul_clamped, sum_of_products};
 use crate::units::Torque;
 
 /// The gains as the host sets them: properties KP, KI, KD.
@@ -61,7 +61,7 @@ impl Pid {
     ) -> Torque {
         let direct = self.direct(error, velocity_error);
         let (low, high) = (low.to_fixed(), high.to_fixed());
-        let increment = product_enough(self.ki, error);
+        let increment = mul_clamped(self.ki, error);
         // The range is an envelope's, within ±1024, and the integral is inside it; products are within ±8192: no sum wraps.
         let unbounded = direct.wrapping_add(state.integral);
         let winding_up =

@@ -10,7 +10,7 @@
 //! downwards, if it is faster than the new cruise velocity), cruise at the peak, constant braking to rest. A
 //! segment begins between two ticks; at the first tick after that its state is computed, and between [`Profile::step`] only
 //! adds. A plan is made inside a tick: all that depends on the limits alone is in
-//! [`Limits::build`], and what is left is at most a square root and three divisions, none of them a library's.
+//! [`MoveLimits::build`], and what is left is at most a square root and three divisions, none of them a library's.
 //!
 //! Exactness: the tick is the unit of time and state has 32 fractional bits, so a = ACCEL²/2²⁰ and a/2 are
 //! whole numbers of units: steps inside a segment are exact, however long. Rounding happens only where a
@@ -29,7 +29,7 @@ mod tests;
 
 /// What bounds a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
+pub struct MoveLimits {
     /// Property ACCEL: √acceleration in 1/1024 √counts/ms, that is a = (ACCEL/1024)² counts/ms². 0 never moves;
     /// in mid-move 0 leaves the old ACCEL in force, since with none there would be no stopping.
     pub accel: u16,
@@ -39,12 +39,12 @@ pub struct Limits {
     pub opening: CountsPerSec,
 }
 
-impl Limits {
+impl MoveLimits {
     /// What a plan needs of them.
     #[must_use]
-    pub fn build(self) -> Bounds {
+    pub fn build(self) -> CruiseRamps {
         let velocity = |speed: CountsPerSec| speed.clamp(SLOWEST, FASTEST).to_wide_per_tick().get();
-        Bounds::new(self.accel, velocity(self.closing), velocity(self.opening))
+        CruiseRamps::new(self.accel, velocity(self.closing), velocity(self.opening))
     }
 }
 
@@ -52,15 +52,15 @@ impl Limits {
 const SLOWEST: CountsPerSec = CountsPerSec::from_int(16);
 const FASTEST: CountsPerSec = CountsPerSec::from_int(4080);
 
-/// [`Limits`] in counts and ticks, with what takes long to compute.
+/// [`MoveLimits`] in counts and ticks, with what takes long to compute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bounds {
+pub struct CruiseRamps {
     accel: u16,
     closing: Ramp,
     opening: Ramp,
 }
 
-impl Bounds {
+impl CruiseRamps {
     fn new(accel: u16, closing: u64, opening: u64) -> Self {
         let ramp = |velocity| match Slope::new(accel) {
             Some(slope) => slope.ramp(velocity),
@@ -231,9 +231,9 @@ impl Profile {
     /// Sets out for `end` within `bounds`, from the present set-point and its velocity, without a step in
     /// either. If the set-point can no longer stop before `end`, it overshoots and comes back.
     #[inline(never)]
-    pub fn plan(&mut self, end: Counts, bounds: &Bounds) {
+    pub fn plan(&mut self, end: Counts, bounds: &CruiseRamps) {
         if bounds.accel == 0 && self.velocity != Wide::ZERO {
-            let old = Bounds::new(self.accel, bounds.closing.velocity, bounds.opening.velocity);
+            let old = CruiseRamps::new(self.accel, bounds.closing.velocity, bounds.opening.velocity);
             self.set_out(end, &old);
         } else {
             self.set_out(end, bounds);
@@ -241,7 +241,7 @@ impl Profile {
     }
 
     #[inline]
-    fn set_out(&mut self, end: Counts, bounds: &Bounds) {
+    fn set_out(&mut self, end: Counts, bounds: &CruiseRamps) {
         self.accel = bounds.accel;
         self.end = end.to_wide();
         self.tick = 0;
@@ -335,7 +335,7 @@ impl Course {
     };
 
     #[inline]
-    fn new(slope: Slope, from: Wide, distance: i64, velocity: i64, bounds: &Bounds) -> Self {
+    fn new(slope: Slope, from: Wide, distance: i64, velocity: i64, bounds: &CruiseRamps) -> Self {
         let (stop_time, stopping) = if velocity == 0 {
             (0, 0)
         } else {
@@ -355,7 +355,7 @@ impl Course {
         let peak = if to_peak >= cruise.distance.cast_signed().wrapping_mul(2) {
             *cruise
         } else {
-            slope.ramp(tip(slope, distance, velocity))
+            slope.ramp(triangle_peak_velocity(slope, distance, velocity))
         };
         let slowing = peak.velocity.cast_signed() < velocity;
         let braking = peak.distance.cast_signed();
@@ -378,7 +378,7 @@ impl Course {
 /// down to 2⁻²⁶ (what rounding leaves over is cruised). A tip δ too low costs δ²/(a·tip) ticks, at most
 /// 2⁻²⁶/2⁻²⁰ = 1/64. It is at least 2⁻²⁶, so that cruise time exists; that overruns by 2⁻⁵²/2⁻²⁰ counts at
 /// most, one unit.
-fn tip(slope: Slope, distance: i64, velocity: i64) -> u64 {
+fn triangle_peak_velocity(slope: Slope, distance: i64, velocity: i64) -> u64 {
     // With 52 fractional bits: a·d is ACCEL²·d, v²/2 is v²·2⁵¹. Their sum is below 4.08², and so each is within ±4.08².
     let squared = i64::from(slope.accel_squared.get()).wrapping_mul(distance);
     let squared = squared.wrapping_add(square_q51(velocity.unsigned_abs()).cast_signed());

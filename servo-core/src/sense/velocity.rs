@@ -212,7 +212,7 @@ impl<const N: usize> Estimator<N> {
         let dt = elapsed.clamp(SHORTEST_US.unsigned_abs(), STILL.0);
         let rate = (RATE / dt).cast_signed();
         // Below 2^29.
-        let (expected, velocity) = m.predict(dt.cast_signed(), seconds(dt.cast_signed()).min(BENT));
+        let (expected, velocity) = m.predict(dt.cast_signed(), seconds(dt.cast_signed()).min(ACCEL_WINDOW));
         let residual = moved.wrapping_sub(expected);
         if m.edges < 2 || elapsed > STILL.0 || residual.abs() > LOST {
             let velocity = mul_shift(moved.wrapping_sub(m.place), rate, 12).clamp(0, SPEED_MAX);
@@ -288,7 +288,7 @@ impl<const N: usize> Estimator<N> {
         // As a rule the last edge is not long ago, or long ago.
         if elapsed < ACCEL_US.cast_signed() {
             // The acceleration is believed all the time.
-            self.not_there_yet(elapsed, seconds(elapsed))
+            self.predict_no_edge(elapsed, seconds(elapsed))
         } else if m.still {
             m.at = Micros(now.0.wrapping_sub(STILL.0));
             (m.position, 0)
@@ -303,11 +303,11 @@ impl<const N: usize> Estimator<N> {
         let m = &mut self.motion;
         let elapsed = since(m.at, now);
         if elapsed < STILL.0 {
-            return self.not_there_yet(elapsed.cast_signed(), BENT);
+            return self.predict_no_edge(elapsed.cast_signed(), ACCEL_WINDOW);
         }
         // It has gone as far as it will, and stays just as long ago as this from now on.
         if m.velocity != 0 || m.acceleration != 0 {
-            (m.position, _) = m.predict(STILL.0.cast_signed(), BENT);
+            (m.position, _) = m.predict(STILL.0.cast_signed(), ACCEL_WINDOW);
             (m.velocity, m.acceleration, m.bias) = (0, 0, 0);
         }
         m.position = m.position.min(m.next);
@@ -317,12 +317,12 @@ impl<const N: usize> Estimator<N> {
         (m.position, 0)
     }
 
-    /// Position and velocity `elapsed` µs (≤ `STILL`) after the last edge, given that the next has not come. For `bent` see
+    /// Position and velocity `elapsed` µs (≤ `STILL`) after the last edge, given that the next has not come. For `accel_window` see
     /// [`Motion::predict`].
     #[inline(always)]
-    fn not_there_yet(&self, elapsed: i32, bent: i32) -> (i32, i32) {
+    fn predict_no_edge(&self, elapsed: i32, accel_window: i32) -> (i32, i32) {
         let m = &self.motion;
-        let (position, velocity) = m.predict(elapsed, bent);
+        let (position, velocity) = m.predict(elapsed, accel_window);
         // All of the way takes longer than the wait, or it is slower. Below 2^19 and 2^17, so the difference has a sign.
         let waited = elapsed.wrapping_sub(self.delay >> 8).max(SHORTEST_US).cast_unsigned();
         // Nothing is negative here, so it is one `UMULL`.
@@ -381,13 +381,13 @@ const fn along(distance: i32, sign: i8) -> i32 {
 const RATE: u32 = 4_096_000_000;
 
 impl Motion {
-    /// Position and velocity `dt` µs (≤ `STILL`) after the last edge, with the acceleration in the first `bent` of it, in
-    /// 2^-32 s, at most [`BENT`].
+    /// Position and velocity `dt` µs (≤ `STILL`) after the last edge, with the acceleration in the first `accel_window` of it, in
+    /// 2^-32 s, at most [`ACCEL_WINDOW`].
     #[inline(always)]
-    fn predict(&self, dt: i32, bent: i32) -> (i32, i32) {
+    fn predict(&self, dt: i32, accel_window: i32) -> (i32, i32) {
         let time = seconds(dt);
         // a < 2^25 in 2^-8, time < 2^27 in 2^-32 s: 24 bits down is below 2^28 in 2^-16 counts/s.
-        let gain = mul_low(self.acceleration, bent, 24);
+        let gain = mul_low(self.acceleration, accel_window, 24);
         // Below 2^30 + 2^28.
         let velocity = self.velocity.wrapping_add(gain);
         // Below 2^30 · 0.3 s, and below 2^28 of that.
@@ -396,7 +396,7 @@ impl Motion {
             // Slowed down to a stop: half the distance at full speed is its braking distance, or more.
             return (self.position.wrapping_add(straight / 2), 0);
         }
-        let extra = mul_upper(gain, time.wrapping_sub(bent >> 1));
+        let extra = mul_upper(gain, time.wrapping_sub(accel_window >> 1));
         (self.position.wrapping_add(straight).wrapping_add(extra), velocity)
     }
 
@@ -475,7 +475,7 @@ fn gains(age: u32) -> (i32, i32, i32) {
 const SECOND: u32 = 4295;
 
 /// `ACCEL_US` in 2^-32 s.
-const BENT: i32 = seconds(ACCEL_US.cast_signed());
+const ACCEL_WINDOW: i32 = seconds(ACCEL_US.cast_signed());
 
 /// Microseconds up to `STILL` in 2^-32 s.
 const fn seconds(us: i32) -> i32 {

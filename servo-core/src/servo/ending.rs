@@ -6,7 +6,7 @@ use crate::config::Config;
 use crate::guard::arrival::arrived;
 use crate::guard::fault::Fault;
 use crate::guard::hold::{After, after};
-use crate::guard::limits::Bounded;
+use crate::guard::limits::AppliedTorque;
 use crate::mode::Mode;
 use crate::motion::pid::PidState;
 use crate::motion::profile::SetPoint;
@@ -83,7 +83,7 @@ impl Servo {
         self.mode = Mode::Idle;
         self.purpose = Purpose::Plain;
         self.entered = false;
-        self.applied = Bounded::OFF;
+        self.applied = AppliedTorque::OFF;
     }
 
     /// Ends the motion: HI goes on to its next step, anything else to what HOLD says.

@@ -76,7 +76,7 @@ impl Bench {
     /// Ticks with a rotor that is always where the set-point is, until something ends.
     fn follow(&mut self, most: usize) -> Option<EndReason> {
         for _ in 0..most {
-            let wanted = self.servo.status().setpoint.round() + self.servo.zero;
+            let wanted = self.servo.telemetry().setpoint.round() + self.servo.zero;
             self.tick_to(wanted.clamp(self.count - 8, self.count + 8));
             while let Some(event) = self.servo.event() {
                 if let Event::Ended { reason, .. } = event {
@@ -94,7 +94,7 @@ impl Bench {
         for _ in 0..40 {
             bench.tick();
         }
-        assert_eq!(bench.servo.status().mode, mode);
+        assert_eq!(bench.servo.telemetry().mode, mode);
         bench
     }
 }
@@ -143,7 +143,7 @@ fn every_mode_takes_or_refuses_every_command() {
                 Command::Abort if mode != Idle => Pid,
                 _ => mode,
             };
-            assert_eq!(bench.servo.status().mode, after, "{name} in {mode:?}");
+            assert_eq!(bench.servo.telemetry().mode, after, "{name} in {mode:?}");
         }
     }
 }
@@ -171,11 +171,11 @@ fn values_out_of_range_are_refused_whole() {
         Command::Move(-32_768),
         Command::Configure(bad),
     ];
-    let before = bench.servo.status();
+    let before = bench.servo.telemetry();
     for command in rows {
         assert!(bench.servo.command(command).is_err(), "{command:?}");
     }
-    assert_eq!(bench.servo.status(), before);
+    assert_eq!(bench.servo.telemetry(), before);
     assert_eq!(bench.servo.config().mv, 1000);
 }
 
@@ -205,9 +205,9 @@ fn a_plan_takes_a_tick_in_which_the_last_torque_stays() {
     assert!(pushing.duty.is_some_and(|duty| duty > Duty::ZERO));
     link.servo.command(Command::Move(-50)).unwrap();
     assert_eq!(link.tick(), pushing);
-    let setpoint = link.servo.status().setpoint;
+    let setpoint = link.servo.telemetry().setpoint;
     assert_ne!(link.tick(), pushing);
-    assert!(link.servo.status().setpoint < setpoint);
+    assert!(link.servo.telemetry().setpoint < setpoint);
 }
 
 #[test]
@@ -216,7 +216,7 @@ fn a_move_arrives_and_hold_decides_what_follows() {
         let mut bench = Bench::new(kind);
         bench.servo.command(Command::Move(60)).unwrap();
         assert_eq!(bench.follow(2000), Some(EndReason::Arrived));
-        let status = bench.servo.status();
+        let status = bench.servo.telemetry();
         assert_eq!((status.mode, status.end, status.position.round()), (after, Some(EndReason::Arrived), 60));
     }
 }
@@ -232,7 +232,7 @@ fn a_blocked_move_stalls_after_tstop() {
     });
     // ACCEL 30 needs 48 ms to its first count, then TSTOP 300 runs.
     assert!((347..=350).contains(&stalled_at.unwrap()), "{stalled_at:?}");
-    assert!(bench.servo.status().torque == Torque::ZERO && bench.tick().duty.is_none());
+    assert!(bench.servo.telemetry().torque == Torque::ZERO && bench.tick().duty.is_none());
 }
 
 #[test]
@@ -242,14 +242,14 @@ fn the_profile_waits_for_a_rotor_that_lags_and_resumes_without_a_step() {
     for _ in 0..250 {
         bench.tick();
     }
-    let waiting = bench.servo.status();
+    let waiting = bench.servo.telemetry();
     // Six counts, and what the last step added: less than the set-point's velocity in 1 ms.
     assert!((6..=7).contains(&waiting.setpoint.round()), "{:?}", waiting.setpoint);
     assert!(waiting.setpoint_velocity > CountsPerSec::from_int(50), "{:?}", waiting.setpoint_velocity);
     let mut before = waiting;
     bench.tick_to(5);
-    while bench.servo.status().mode == Mode::Trapezoidal {
-        let now = bench.servo.status();
+    while bench.servo.telemetry().mode == Mode::Trapezoidal {
+        let now = bench.servo.telemetry();
         // ACCEL 30 is 858 counts/s²: 0.86 counts/s a tick, and the profile never exceeds 60 counts' 227 counts/s.
         let jerk = now.setpoint_velocity.0.saturating_sub(before.setpoint_velocity.0).saturating_abs();
         assert!(jerk < Law::ONE, "the velocity steps by {jerk}");
@@ -258,7 +258,7 @@ fn the_profile_waits_for_a_rotor_that_lags_and_resumes_without_a_step() {
         before = now;
         bench.tick_to(now.setpoint.round());
     }
-    assert_eq!(bench.servo.status().end, Some(EndReason::Arrived));
+    assert_eq!(bench.servo.telemetry().end, Some(EndReason::Arrived));
 }
 
 #[test]
@@ -277,11 +277,11 @@ fn torque_control_with_hold_presses_on() {
     for _ in 0..2000 {
         bench.tick();
     }
-    let status = bench.servo.status();
+    let status = bench.servo.telemetry();
     assert_eq!((status.mode, status.end), (Mode::Velocity, Some(EndReason::Stalled)));
     assert_eq!(status.torque, Torque(750));
     bench.servo.command(Command::Abort).unwrap();
-    assert_eq!(bench.servo.status().mode, Mode::Pid);
+    assert_eq!(bench.servo.telemetry().mode, Mode::Pid);
 }
 
 #[test]
@@ -294,9 +294,9 @@ fn torque_control_ends_by_stall_whatever_the_gain_and_presses_with_mt() {
     for _ in 0..31 + 400 {
         bench.tick();
     }
-    assert_eq!(bench.servo.status().end, Some(EndReason::Stalled));
+    assert_eq!(bench.servo.telemetry().end, Some(EndReason::Stalled));
     bench.tick();
-    assert_eq!(bench.servo.status().torque, Torque(-600));
+    assert_eq!(bench.servo.telemetry().torque, Torque(-600));
 }
 
 #[test]
@@ -308,7 +308,7 @@ fn a_position_written_right_after_mode_3_is_obeyed() {
         for _ in 0..40 {
             bench.tick();
         }
-        let status = bench.servo.status();
+        let status = bench.servo.telemetry();
         assert_eq!(status.setpoint, Counts::from_int(10), "{kind:?}");
         assert!(status.torque > Torque(100), "{kind:?}: {:?}", status.torque);
     }
@@ -346,7 +346,7 @@ fn writing_properties_does_not_put_off_a_stall() {
             bench.servo.command(Command::Configure(config)).unwrap();
             let _ = bench.servo.command(Command::End(60));
         }
-        bench.servo.status().end.is_some()
+        bench.servo.telemetry().end.is_some()
     });
     assert!((347..=350).contains(&stalled_at.unwrap()), "{stalled_at:?}");
 }
@@ -361,7 +361,7 @@ fn a_new_torque_has_all_of_tstop() {
                 bench.tick();
             }
         }
-        assert_eq!(bench.servo.status().mode, Mode::Torque, "round {round}");
+        assert_eq!(bench.servo.telemetry().mode, Mode::Torque, "round {round}");
     }
 }
 
@@ -370,11 +370,11 @@ fn an_end_at_speed_starts_its_hold_afresh() {
     let mut bench = Bench::new(MotorKind::Spread);
     bench.servo.command(Command::Move(160)).unwrap();
     bench.follow(400);
-    assert!(bench.servo.status().velocity > CountsPerSec::from_int(200));
+    assert!(bench.servo.telemetry().velocity > CountsPerSec::from_int(200));
     bench.servo.command(Command::Abort).unwrap();
     bench.tick();
     // Only the derivative acts, against the motion.
-    assert!(bench.servo.status().torque < Torque(-100), "{:?}", bench.servo.status().torque);
+    assert!(bench.servo.telemetry().torque < Torque(-100), "{:?}", bench.servo.telemetry().torque);
 }
 
 #[test]
@@ -391,7 +391,7 @@ fn a_hall_fault_takes_the_zero_away() {
         bridge_fault: false,
         host_lost: false,
     });
-    let status = bench.servo.status();
+    let status = bench.servo.telemetry();
     assert_eq!((status.homed, status.fault), (false, Some(Fault::Halls)));
 }
 
@@ -405,7 +405,7 @@ fn strain_ends_a_move_and_not_a_hold() {
     bench.strain = 151;
     assert_eq!(bench.follow(2), Some(EndReason::Strain));
     assert_eq!(bench.follow(100), None, "holding: nothing ends again");
-    assert_eq!(bench.servo.status().mode, Mode::Pid);
+    assert_eq!(bench.servo.telemetry().mode, Mode::Pid);
 }
 
 #[test]
@@ -437,7 +437,7 @@ fn a_fault_idles_refuses_motion_and_can_be_cleared() {
         bench.servo.command(Command::ClearFault).unwrap();
         assert_eq!(bench.servo.command(Command::Move(10)), Ok(()));
         bench.tick();
-        assert_eq!(bench.servo.status().fault, None);
+        assert_eq!(bench.servo.telemetry().fault, None);
     }
 }
 
@@ -446,12 +446,12 @@ fn a_replan_keeps_the_torque() {
     let mut bench = Bench::new(MotorKind::Spread);
     bench.servo.command(Command::Move(160)).unwrap();
     bench.follow(300);
-    let before = bench.servo.status();
+    let before = bench.servo.telemetry();
     bench.servo.command(Command::End(60)).unwrap();
-    let after = bench.servo.status();
+    let after = bench.servo.telemetry();
     assert_eq!((before.setpoint, before.setpoint_velocity), (after.setpoint, after.setpoint_velocity));
     assert_eq!(bench.follow(3000), Some(EndReason::Arrived));
-    assert_eq!(bench.servo.status().position.round(), 60);
+    assert_eq!(bench.servo.telemetry().position.round(), 60);
 }
 
 proptest! {
@@ -477,13 +477,13 @@ proptest! {
             bench.bus = MilliVolts(bus);
             bench.strain = strain;
             let drive = bench.tick_to(bench.count + moved);
-            let idle = bench.servo.status().mode == Mode::Idle;
+            let idle = bench.servo.telemetry().mode == Mode::Idle;
             let off = Drive { duty: None, brake_released: false };
             prop_assert!(!idle || drive == off);
             let duty = drive.duty.unwrap_or(Duty::ZERO).0.to_bits();
             prop_assert!(duty.unsigned_abs() <= 31_680);
-            let status = bench.servo.status();
-            prop_assert!(status.limit == Some(crate::guard::fault::Limit::Duty)
+            let status = bench.servo.telemetry();
+            prop_assert!(status.limit == Some(crate::guard::fault::LimitCause::Duty)
                 || status.torque.saturating_abs() <= Torque(750));
         }
     }

@@ -37,7 +37,7 @@ impl<B: Board> Tater<B> {
     /// IC and IO: so many counts from where the motor is (manual 5.2: "closes the motor the given number of counts"),
     /// during a move too.
     fn step_by(&mut self, counts: i32) -> Result<(), Refused> {
-        let position = self.servo.status().position.round();
+        let position = self.servo.telemetry().position.round();
         self.command(Command::Move(position.saturating_add(counts)))
     }
 }

@@ -24,6 +24,6 @@ impl<B: Board> Tater<B> {
     /// both.
     pub(super) fn error(&self) -> Option<FaultCode> {
         let storage = self.storage_error.then_some(FaultCode::Storage);
-        self.servo.status().fault.map(code).or(storage)
+        self.servo.telemetry().fault.map(code).or(storage)
     }
 }

@@ -37,7 +37,7 @@ impl<B: Board> Tater<B> {
     /// [`Self::read`] of what is not as a SET has left it.
     fn observe(&self, property: Property) -> Option<i64> {
         use Property as P;
-        let status = self.servo.status();
+        let status = self.servo.telemetry();
         let analog = self.board.analog();
         let counters = self.store.counters();
         let value = match property {

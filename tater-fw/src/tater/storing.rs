@@ -64,7 +64,7 @@ impl<B: Board> Tater<B> {
     /// Whether the position is that of a homed motor that stands: only then can it be trusted at the next start (manual 7,
     /// saveParameters: in idle).
     fn knows_position(&self) -> bool {
-        self.servo.status().homed && self.stands()
+        self.servo.telemetry().homed && self.stands()
     }
 
     /// LOAD: the stored value, or the default where there is none.
@@ -82,7 +82,7 @@ impl<B: Board> Tater<B> {
                 self.load_all(false);
                 // Nothing has moved since it was stored, so this only undoes a renaming.
                 match self.store.trusted_position() {
-                    Some((position, _)) if self.servo.status().mode == Mode::Idle => {
+                    Some((position, _)) if self.servo.telemetry().mode == Mode::Idle => {
                         self.command(Command::Position(position))
                     }
                     _ => Ok(()),
@@ -175,7 +175,7 @@ impl<B: Board> Tater<B> {
 
     /// P has another meaning elsewhere.
     fn in_idle(&self) -> Result<(), Refused> {
-        match self.servo.status().mode {
+        match self.servo.telemetry().mode {
             Mode::Idle => Ok(()),
             mode => Err(Refused::Servo(Refusal::Mode(mode))),
         }

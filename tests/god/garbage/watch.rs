@@ -6,7 +6,7 @@
 //! * a joint stays between its stops, and dents them no deeper than a rotor at its highest speed does;
 //! * no rotor turns faster than 97 % of the bus can turn it, unless it is the spread's and other fingers push it; and no set-point goes
 //!   faster than MV with MCV or MOV has allowed since its motion began;
-//! * the duty is 97 % at most; the torque MT at most, but where a rotor is so fast that the duty bound alone brakes harder (`Limit::Duty`);
+//! * the duty is 97 % at most; the torque MT at most, but where a rotor is so fast that the duty bound alone brakes harder (`LimitCause::Duty`);
 //!   the phase current stays below the driver's trip, and the winding below its class;
 //! * an idle motor, and one whose board is in its monitor, is not driven; no page is erased while one is; no watchdog bites;
 //! * of all faults two may come of what a host says: HostLost, because the lower grammar can leave a motor in mode 2 or 4, or a host
@@ -19,7 +19,7 @@ use hil_sim::hand::Hand;
 use hil_sim::metrics::fault_word;
 use hil_sim::node::{Node, Sample};
 use hil_sim::plant::{PlantParams, RAD_PER_COUNT};
-use servo_core::guard::fault::{Fault, Limit};
+use servo_core::guard::fault::{Fault, LimitCause};
 use servo_core::mode::Mode;
 use std::collections::BTreeSet;
 
@@ -189,7 +189,7 @@ fn look_at_servo(joint: &mut Joint, sample: &Sample, most: &mut Most, at: &str) 
     let torque = status.torque.0.saturating_abs();
     let mt = joint.mt.into_iter().max().unwrap_or(0);
     assert!(
-        status.limit == Some(Limit::Duty) || i32::from(torque) <= i32::from(mt),
+        status.limit == Some(LimitCause::Duty) || i32::from(torque) <= i32::from(mt),
         "{at}: beyond MT {mt}: {status:?}"
     );
     let is_idle = status.mode == Mode::Idle;

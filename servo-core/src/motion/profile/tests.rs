@@ -3,11 +3,11 @@
 use super::*;
 use proptest::prelude::*;
 
-const fn limits(accel: u16, cruise: i16) -> Limits {
-    Limits { accel, closing: CountsPerSec::from_int(cruise), opening: CountsPerSec::from_int(cruise) }
+const fn limits(accel: u16, cruise: i16) -> MoveLimits {
+    MoveLimits { accel, closing: CountsPerSec::from_int(cruise), opening: CountsPerSec::from_int(cruise) }
 }
 
-fn moving(start: i32, end: i32, limits: Limits, ticks: u32) -> Profile {
+fn moving(start: i32, end: i32, limits: MoveLimits, ticks: u32) -> Profile {
     let mut profile = Profile::at_rest(Counts::from_int(start));
     profile.plan(Counts::from_int(end), &limits.build());
     for _ in 0..ticks {
@@ -21,10 +21,10 @@ fn land(profile: &mut Profile, most: u32) -> Option<u32> {
     (1..=most).find(|_| profile.step().done)
 }
 
-fn any_limits() -> impl Strategy<Value = Limits> {
+fn any_limits() -> impl Strategy<Value = MoveLimits> {
     // Equal shares of every number of bits.
     (0..16_u32, 1..=u16::MAX, 16..=4080_i16, 16..=4080_i16).prop_map(|(shift, accel, closing, opening)| {
-        Limits {
+        MoveLimits {
             accel: (accel >> shift).max(1),
             closing: CountsPerSec::from_int(closing),
             opening: CountsPerSec::from_int(opening),
@@ -72,7 +72,7 @@ proptest! {
     fn the_mirrored_move_is_the_mirror_image(
         distance in -2000..2000_i32, ticks in 0..400_u32, end in -2000..2000_i32, limits in any_limits(),
     ) {
-        let limits = Limits { opening: limits.closing, ..limits };
+        let limits = MoveLimits { opening: limits.closing, ..limits };
         let mut one = moving(0, distance, limits, ticks);
         let mut other = moving(0, -distance, limits, ticks);
         one.plan(Counts::from_int(end), &limits.build());
@@ -94,7 +94,7 @@ proptest! {
         let mut profile = Profile::at_rest(start);
         for (end, accel, closing, opening, ticks) in plans {
             let speed = |bits| CountsPerSec(fixed::types::I16F16::from_bits(bits));
-            profile.plan(end, &Limits { accel, closing: speed(closing), opening: speed(opening) }.build());
+            profile.plan(end, &MoveLimits { accel, closing: speed(closing), opening: speed(opening) }.build());
             for _ in 0..ticks {
                 let velocity = profile.step().velocity;
                 prop_assert!(velocity <= FASTEST && velocity >= CountsPerSec(-FASTEST.0));
@@ -114,7 +114,7 @@ fn a_cruise_velocity_out_of_range_is_clamped() {
 
 #[test]
 fn each_direction_has_its_own_cruise_velocity() {
-    let limits = Limits { opening: CountsPerSec::from_int(300), ..limits(1000, 200) };
+    let limits = MoveLimits { opening: CountsPerSec::from_int(300), ..limits(1000, 200) };
     assert_eq!(moving(0, 1000, limits, 100).current().velocity, CountsPerSec::from_int(200));
     assert_eq!(moving(0, -1000, limits, 100).current().velocity, CountsPerSec::from_int(-300));
 }

@@ -25,7 +25,7 @@ fn a_plan_each_tick_does_not_hide_the_temperature() {
     let most = usize::from(crate::guard::thermal::TICKS) + 1;
     let hot = (1..=2000).find(|_| {
         restarted(&mut bench);
-        bench.servo.status().fault == Some(Fault::OverTemperature)
+        bench.servo.telemetry().fault == Some(Fault::OverTemperature)
     });
     assert!(hot.is_some_and(|ticks| ticks <= most), "{hot:?}");
 }
@@ -39,7 +39,7 @@ fn a_plan_each_tick_drives_on_for_one_tick_only() {
         let (taken, drive) = restarted(&mut bench);
         assert!(taken);
         assert_eq!(drive, Drive { duty: None, brake_released: true }, "tick {tick}");
-        assert_eq!(bench.servo.status().torque, Torque::ZERO);
+        assert_eq!(bench.servo.telemetry().torque, Torque::ZERO);
     }
     while bench.servo.event().is_some() {}
     // It stops asking: the move goes.
@@ -53,12 +53,12 @@ fn a_fault_that_was_cleared_is_looked_for_before_it_is_found_again() {
     for _ in 0..crate::guard::thermal::TICKS {
         bench.tick();
     }
-    assert_eq!(bench.servo.status().fault, Some(Fault::OverTemperature));
+    assert_eq!(bench.servo.telemetry().fault, Some(Fault::OverTemperature));
     bench.motor_temp = DeciCelsius(300);
     bench.servo.command(Command::ClearFault).unwrap();
     bench.servo.command(Command::Move(50)).unwrap();
     bench.tick();
-    assert_eq!(bench.servo.status().fault, None);
+    assert_eq!(bench.servo.telemetry().fault, None);
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn a_hold_waits_for_the_brake_too() {
         bench.tick();
     }
     bench.servo.command(Command::Abort).unwrap();
-    assert_eq!(bench.servo.status().mode, Mode::Pid);
+    assert_eq!(bench.servo.telemetry().mode, Mode::Pid);
     let brake = bench.servo.config().brake_ms;
     for tick in 10..brake {
         assert_eq!(bench.tick(), Drive { duty: None, brake_released: true }, "tick {tick}");

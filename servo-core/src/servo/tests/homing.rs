@@ -11,18 +11,18 @@ fn homing_zeroes_at_the_stop_and_again_after_ioff() {
     for tick in 0..600 {
         let moved = i32::from(tick % 5 == 0);
         bench.tick_to((bench.count - moved).max(-40));
-        if bench.servo.status().mode != Mode::Velocity {
+        if bench.servo.telemetry().mode != Mode::Velocity {
             break;
         }
     }
     assert_eq!(bench.follow(2000), Some(EndReason::Arrived));
-    let status = bench.servo.status();
+    let status = bench.servo.telemetry();
     assert!(status.homed && status.mode == Mode::Idle);
     // IOFF 25 from the stop at −40.
     assert_eq!((bench.count, status.position.round()), (-15, 0));
     bench.servo.command(Command::Mode(Mode::Trapezoidal)).unwrap();
     assert_eq!(bench.follow(3000), Some(EndReason::Arrived), "E written before HI is kept");
-    assert_eq!(bench.servo.status().position.round(), 77);
+    assert_eq!(bench.servo.telemetry().position.round(), 77);
 }
 
 #[test]
@@ -33,13 +33,13 @@ fn homing_never_stalls_before_hosts_can_see_mode_4() {
     bench.servo.command(Command::Home).unwrap();
     let left_at = (1..2000).find(|_| {
         bench.tick();
-        bench.servo.status().mode != Mode::Velocity
+        bench.servo.telemetry().mode != Mode::Velocity
     });
     assert!((250..=253).contains(&left_at.unwrap()), "{left_at:?}");
 }
 
 /// HI from standstill, with a rotor that does not move; where it has led after a second.
-fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config) -> Config) -> Status {
+fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config) -> Config) -> Telemetry {
     let mut bench = Bench::new(MotorKind::Tip);
     let config = config(*bench.servo.config());
     bench.servo.command(Command::Configure(config)).unwrap();
@@ -47,19 +47,20 @@ fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config)
     bench.tick();
     bench.servo.command(Command::Configure(meanwhile(config))).unwrap();
     for _ in 0..1000 {
-        if bench.tick().duty.is_none() || bench.servo.status().mode == Mode::Trapezoidal {
+        if bench.tick().duty.is_none() || bench.servo.telemetry().mode == Mode::Trapezoidal {
             break;
         }
     }
-    bench.servo.status()
+    bench.servo.telemetry()
 }
 
 /// What does not turn has met its stop only if it was pushed with all that HI may: with less it may be friction.
 #[test]
 fn a_stall_is_the_stop_only_under_the_whole_torque() {
     let same = |config| config;
-    let leaves = |status: Status| (status.mode, status.end, status.homed) == (Mode::Trapezoidal, None, false);
-    let stays = |status: Status| (status.mode, status.end) == (Mode::Idle, Some(EndReason::Stalled));
+    let leaves =
+        |status: Telemetry| (status.mode, status.end, status.homed) == (Mode::Trapezoidal, None, false);
+    let stays = |status: Telemetry| (status.mode, status.end) == (Mode::Idle, Some(EndReason::Stalled));
     assert!(leaves(pressed(same, same)));
     // 20 counts/s times 16 units per count/s are 320, of which IHIT lets 250 through.
     assert!(leaves(pressed(|c| Config { ivel: 20, kpv: 255, ..c }, same)));
@@ -84,7 +85,7 @@ fn a_motor_too_warm_to_press_does_not_find_its_stop() {
         for _ in 0..310 {
             bench.tick();
         }
-        assert_eq!(bench.servo.status().mode, found);
+        assert_eq!(bench.servo.telemetry().mode, found);
     }
 }
 
@@ -102,7 +103,7 @@ fn homing_needs_a_velocity_and_more_torque_than_friction() {
         bench.servo.trust_position();
         bench.servo.command(Command::Configure(config)).unwrap();
         assert_eq!(bench.servo.command(Command::Home), Err(Refusal::Range), "{config:?}");
-        assert!(bench.servo.status().homed, "refused is unchanged");
+        assert!(bench.servo.telemetry().homed, "refused is unchanged");
         let config = Config { ivel: -1, ihit: 63, mt: 63, ..config };
         bench.servo.command(Command::Configure(config)).unwrap();
         assert_eq!(bench.servo.command(Command::Home), Ok(()));

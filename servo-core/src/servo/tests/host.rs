@@ -8,7 +8,7 @@ fn a_lost_host_ends_what_it_steers_and_nothing_else() {
         let mut bench = Bench::in_mode(mode);
         bench.host_lost = true;
         bench.tick();
-        let status = bench.servo.status();
+        let status = bench.servo.telemetry();
         if matches!(mode, Mode::Torque | Mode::Velocity) {
             assert_eq!((status.mode, status.fault), (Mode::Idle, Some(Fault::HostLost)));
             assert_eq!(bench.servo.command(Command::Mode(mode)), Err(Refusal::Fault(Fault::HostLost)));
@@ -39,17 +39,17 @@ fn torque_reads_as_commanded_until_a_limit_takes_of_it() {
     assert_eq!(bench.servo.torque(), Torque(-495));
     bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
     bench.tick();
-    assert_eq!(bench.servo.torque(), bench.servo.status().torque);
+    assert_eq!(bench.servo.torque(), bench.servo.telemetry().torque);
 }
 
 #[test]
 fn a_stored_position_can_be_trusted_and_e_reads_back() {
     let mut servo = Servo::new(Config::for_motor(MotorKind::Tip), -120).expect("defaults are in range");
-    assert!(!servo.status().homed);
+    assert!(!servo.telemetry().homed);
     servo.trust_position();
-    assert_eq!((servo.status().homed, servo.status().position.round()), (true, -120));
+    assert_eq!((servo.telemetry().homed, servo.telemetry().position.round()), (true, -120));
     servo.doubt_position();
-    assert_eq!((servo.status().homed, servo.status().position.round()), (false, -120));
+    assert_eq!((servo.telemetry().homed, servo.telemetry().position.round()), (false, -120));
     servo.command(Command::End(-7)).unwrap();
     assert_eq!(servo.end(), -7);
 }
