@@ -139,11 +139,11 @@ fn named(name: &str) -> Option<Property> {
 // --- orders ---------------------------------------------------------------------------------------------
 
 async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> Status {
-    let spec = property.spec();
-    if spec.access == Access::ReadOnly {
+    let rules = property.rules();
+    if rules.access == Access::ReadOnly {
         return Status::READ_ONLY;
     }
-    if !spec.admits(value) {
+    if !rules.admits(value) {
         return Status::INVALID_VALUE;
     }
     if begins_motion(property, value) {
@@ -201,7 +201,7 @@ fn is_order(property: Property, value: i64) -> bool {
 }
 
 async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
-    if property.spec().access == Access::WriteOnly {
+    if property.rules().access == Access::WriteOnly {
         // It has no value.
         return Status::INVALID_VALUE;
     }

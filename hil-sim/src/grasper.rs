@@ -118,9 +118,9 @@ impl Console {
                 })
             }
             Question::Position(motors) => {
-                let spec = Property::E.spec();
-                let position = entry.parse().ok().filter(|&position| spec.admits(position));
-                let expected = || format!("a whole number of hall counts, {} to {}", spec.min(), spec.max());
+                let rules = Property::E.rules();
+                let position = entry.parse().ok().filter(|&position| rules.admits(position));
+                let expected = || format!("a whole number of hall counts, {} to {}", rules.min(), rules.max());
                 let position = position.ok_or_else(|| bad("this is no position", entry, expected()))?;
                 Ok(self.go(motors, |_| position))
             }

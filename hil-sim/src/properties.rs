@@ -3,7 +3,7 @@
 
 use servo_core::Config;
 use tater_fw::motion;
-use tater_wire::property::Row;
+use tater_wire::property::PropertySpec;
 
 /// One property of the servo.
 #[derive(Clone, Copy)]
@@ -14,7 +14,7 @@ pub struct Property {
     pub about: &'static str,
     /// The property on the wire.
     pub property: tater_wire::Property,
-    row: &'static Row,
+    row: &'static PropertySpec,
 }
 
 impl std::fmt::Debug for Property {

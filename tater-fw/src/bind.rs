@@ -85,7 +85,7 @@ macro_rules! bind {
         /// Sets a property; `false`, and nothing changed, if it is not here, or the value is out of its row's range.
         #[must_use]
         pub fn set(to: &mut $struct, property: tater_wire::Property, value: i64) -> bool {
-            property.spec().admits(value) && put(to, property, value)
+            property.rules().admits(value) && put(to, property, value)
         }
 
         /// The same for any value that the field can hold.

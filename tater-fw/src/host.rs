@@ -33,7 +33,7 @@ pub fn run() -> ExitCode {
 }
 
 fn print() -> Result<(), String> {
-    let line = |row: &tater_wire::property::Row| {
+    let line = |row: &tater_wire::property::PropertySpec| {
         format!("{:>3}  {:<6} {}\n", row.property.id(), row.name, row.meaning)
     };
     write(ROWS.iter().map(line).collect::<String>().as_bytes())

@@ -26,14 +26,14 @@ use servo_core::units::Micros;
 use tater_wire::download::{START, START_NUMBERED};
 use tater_wire::image::MAGIC_AT;
 use tater_wire::memory::{APPLICATION, STAGING};
-use tater_wire::property::Spec;
+use tater_wire::property::Rules;
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
 
 /// What the monitor says for VERS.
-const VERSION: i64 = Property::VERS.spec().max();
+const VERSION: i64 = Property::VERS.rules().max();
 
 /// The groups that are heard beside group 0.
-const GROUPS: [&Spec; 3] = [Property::GRPA.spec(), Property::GRPB.spec(), Property::GRPC.spec()];
+const GROUPS: [&Rules; 3] = [Property::GRPA.rules(), Property::GRPB.rules(), Property::GRPC.rules()];
 
 /// Numbers of properties.
 const VERS: u8 = Property::VERS.id();
@@ -127,8 +127,8 @@ impl<B: Board> Monitor<B> {
         let identity = Identity::new(&store, straps, board.serial_number());
         let id = identity.get(ID).and_then(|(_, id)| u8::try_from(id).ok());
         let node = id.and_then(Node::new).unwrap_or(straps);
-        let groups = GROUPS.map(|spec| {
-            let number = store.get_by(spec).or_else(|| spec.default_for(node))?;
+        let groups = GROUPS.map(|rules| {
+            let number = store.get_by(rules).or_else(|| rules.default_for(node))?;
             Group::new(u8::try_from(number).ok()?).filter(|group| group.is_for_boards())
         });
         board.listen(node, groups);
@@ -196,13 +196,13 @@ impl<B: Board> Monitor<B> {
 
     fn answer(&mut self, asker: Node, number: u8) {
         let answer = match number {
-            VERS => Some((Property::VERS.spec(), VERSION)),
-            ERROR => Some((Property::ERROR.spec(), self.error.map_or(0, |error| i64::from(error.code())))),
-            STAT => Some((Property::STAT.spec(), 0)),
+            VERS => Some((Property::VERS.rules(), VERSION)),
+            ERROR => Some((Property::ERROR.rules(), self.error.map_or(0, |error| i64::from(error.code())))),
+            STAT => Some((Property::STAT.rules(), 0)),
             _ => self.identity.get(number),
         };
-        if let Some((spec, value)) = answer
-            && let Some(message) = Message::answer(self.node, asker, spec, value)
+        if let Some((rules, value)) = answer
+            && let Some(message) = Message::answer(self.node, asker, rules, value)
         {
             self.send(message);
         }

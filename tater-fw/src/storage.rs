@@ -65,7 +65,7 @@ use numbers::Numbers;
 use pages::{FIRST, Pages};
 use record::{Found, MOST_WORDS};
 use tater_wire::Property;
-use tater_wire::property::{Access, Spec, Stored};
+use tater_wire::property::{Access, Rules, Stored};
 use values::Values;
 
 /// Most properties that are stored: 43 now, and room for those of other versions.
@@ -75,8 +75,8 @@ const STORED: usize = 48;
 const OPEN: Numbers = {
     let (mut open, mut rest) = (Numbers::NONE, Property::ALL);
     while let [property, others @ ..] = rest {
-        let spec = property.spec();
-        if matches!(spec.stored, Stored::Yes) && !matches!(spec.access, Access::Locked) {
+        let rules = property.rules();
+        if matches!(rules.stored, Stored::Yes) && !matches!(rules.access, Access::Locked) {
             open = open.with(property.id());
         }
         rest = others;
@@ -184,30 +184,30 @@ impl Store {
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
     #[must_use]
     pub fn get(&self, property: Property) -> Option<i64> {
-        self.get_by(property.spec())
+        self.get_by(property.rules())
     }
 
     /// [`Self::get`] for a program that has no room for all specs.
     #[must_use]
-    pub fn get_by(&self, spec: &Spec) -> Option<i64> {
-        let value = self.values.get(spec.property.id()).map(i64::from);
-        value.filter(|&value| spec.admits(value))
+    pub fn get_by(&self, rules: &Rules) -> Option<i64> {
+        let value = self.values.get(rules.property.id()).map(i64::from);
+        value.filter(|&value| rules.admits(value))
     }
 
     /// Stores a value, as soon as [`Self::step`] gets to it. Storing P says nothing about whether it may be trusted.
     ///
     /// Does nothing for a property that SAVE does not store, or a value beyond its range.
     pub fn set(&mut self, property: Property, value: i64) {
-        self.set_by(property.spec(), value);
+        self.set_by(property.rules(), value);
     }
 
     /// [`Self::set`] for a program that has no room for all specs.
-    pub fn set_by(&mut self, spec: &Spec, value: i64) {
+    pub fn set_by(&mut self, rules: &Rules, value: i64) {
         if let Ok(value) = i32::try_from(value)
-            && spec.stored == Stored::Yes
-            && spec.admits(value.into())
+            && rules.stored == Stored::Yes
+            && rules.admits(value.into())
         {
-            self.change(spec.property, Some(value), None);
+            self.change(rules.property, Some(value), None);
         }
     }
 
@@ -226,7 +226,7 @@ impl Store {
     /// Stores the position with the hall code at it; to be trusted until [`Self::distrust`]. Does nothing for a position
     /// beyond the range of P.
     pub fn save_position(&mut self, position: i32, halls: u8) {
-        if Property::P.spec().admits(position.into()) {
+        if Property::P.rules().admits(position.into()) {
             self.change(Property::P, Some(position), Some(halls & 7));
         }
     }

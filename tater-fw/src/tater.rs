@@ -335,7 +335,7 @@ impl<B: Board> Tater<B> {
         if property == Property::LOCK {
             self.lock.key(value);
         }
-        match property.spec().access {
+        match property.rules().access {
             Access::ReadOnly => Err(Refused::Access(property)),
             Access::ReadWrite | Access::WriteOnly => self.write(property, value),
             Access::Locked => self.unlock(property).and_then(|()| self.write(property, value)),

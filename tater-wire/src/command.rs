@@ -11,8 +11,8 @@ macro_rules! table {
         }
 
         /// Every command, by rising number.
-        pub const ROWS: &[Row] =
-            &[$(Row { number: $number, cmd: Cmd::$cmd, name: $name, meaning: $meaning },)*];
+        pub const ROWS: &[CmdSpec] =
+            &[$(CmdSpec { number: $number, cmd: Cmd::$cmd, name: $name, meaning: $meaning },)*];
 
         impl Cmd {
             /// The command of a value of CMD; `None` if there is none.
@@ -30,7 +30,7 @@ macro_rules! table {
 
 /// A command's row.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
+pub struct CmdSpec {
     /// Value of CMD.
     pub number: u8,
     /// Which.

@@ -14,15 +14,15 @@ macro_rules! table {
         }
 
         /// Every fault, by rising code.
-        pub const ROWS: &[Row] = &[$(*FaultCode::$name.row(),)*];
+        pub const ROWS: &[FaultSpec] = &[$(*FaultCode::$name.row(),)*];
 
         impl FaultCode {
             /// The row.
             #[must_use]
-            pub const fn row(self) -> &'static Row {
+            pub const fn row(self) -> &'static FaultSpec {
                 match self {
                     $(Self::$name => {
-                        const ROW: Row = Row {
+                        const ROW: FaultSpec = FaultSpec {
                             code: FaultCode::$name,
                             name: stringify!($name),
                             property: $property,
@@ -39,7 +39,7 @@ macro_rules! table {
 
 /// A fault's row.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
+pub struct FaultSpec {
     /// Which.
     pub code: FaultCode,
     /// Its name.

@@ -8,7 +8,7 @@
 
 use crate::frame::Frame;
 use crate::id::{Destination, Group, Identifier, Node};
-use crate::property::{Property, Spec};
+use crate::property::{Property, Rules};
 use crate::value::Value;
 
 /// Bit 7 of the first byte: a value follows.
@@ -192,7 +192,7 @@ impl Message {
     /// A board's answer to a GET of node `to`: the host gets a reply, another board a SET of VALUE. `None` if the value does
     /// not fit 32 bits.
     #[must_use]
-    pub fn answer(from: Node, to: Node, of: &Spec, value: i64) -> Option<Self> {
+    pub fn answer(from: Node, to: Node, of: &Rules, value: i64) -> Option<Self> {
         let host = to == Node::HOST;
         if host && of.property == Property::P {
             let to = Destination::Group(Group::POSITIONS);
@@ -211,7 +211,7 @@ impl Message {
     /// 32 bits.
     #[must_use]
     pub fn reply(from: Node, property: Property, value: i64) -> Option<Self> {
-        Self::answer(from, Node::HOST, property.spec(), value)
+        Self::answer(from, Node::HOST, property.rules(), value)
     }
 }
 

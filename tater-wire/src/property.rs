@@ -74,13 +74,13 @@ impl Kind {
     }
 }
 
-/// A property's row: what a person reads of it, and by [`Deref`] its [`Spec`].
+/// A property's row: what a person reads of it, and by [`Deref`] its [`Rules`].
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
+pub struct PropertySpec {
     /// Its name, as in the manual.
     pub name: &'static str,
     /// What a board goes by.
-    pub spec: &'static Spec,
+    pub rules: &'static Rules,
     /// Unit, or "-".
     pub unit: &'static str,
     /// Smallest value.
@@ -91,19 +91,19 @@ pub struct Row {
     pub meaning: &'static str,
 }
 
-impl Deref for Row {
-    type Target = Spec;
+impl Deref for PropertySpec {
+    type Target = Rules;
 
-    fn deref(&self) -> &Spec {
-        self.spec
+    fn deref(&self) -> &Rules {
+        self.rules
     }
 }
 
 /// What of a property's row a board goes by: apart from the texts, which are more than a board has room for, and small.
-/// A program that only names some properties as constants has room for theirs alone: [`Property::spec`] of a variable, and
+/// A program that only names some properties as constants has room for theirs alone: [`Property::rules`] of a variable, and
 /// [`Property::of`], bring those of all.
 #[derive(Clone, Copy, Debug)]
-pub struct Spec {
+pub struct Rules {
     /// Which.
     pub property: Property,
     /// Width on the wire, 16 or 32 bits.
@@ -118,7 +118,7 @@ pub struct Spec {
     max: u32,
 }
 
-impl Spec {
+impl Rules {
     /// Smallest value.
     #[must_use]
     pub const fn min(&self) -> i64 {
@@ -189,7 +189,7 @@ impl Property {
     /// What a value on the wire means for this property: with its sign, unless its row has none.
     #[must_use]
     pub fn read(self, value: Value) -> i64 {
-        let unsigned = self.spec().unsigned();
+        let unsigned = self.rules().unsigned();
         match value {
             Value::Short(bits) if unsigned => i64::from(bits),
             Value::Short(bits) => i64::from(bits.cast_signed()),
@@ -198,10 +198,10 @@ impl Property {
         }
     }
 
-    /// A value as it goes on the wire: see [`Spec::write`].
+    /// A value as it goes on the wire: see [`Rules::write`].
     #[must_use]
     pub fn write(self, value: i64) -> Option<Value> {
-        self.spec().write(value)
+        self.rules().write(value)
     }
 
     /// Whether SAVE stores the property of a number; `false` if there is none.
@@ -211,7 +211,7 @@ impl Property {
         const STORED: &[u8; 16] = &{
             let (mut bits, mut rest) = (0_u128, Property::ALL);
             while let [property, others @ ..] = rest {
-                if matches!(property.spec().stored, Stored::Yes) {
+                if matches!(property.rules().stored, Stored::Yes) {
                     bits |= 1 << property.id();
                 }
                 rest = others;

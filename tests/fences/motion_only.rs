@@ -205,7 +205,7 @@ fn texts(source: &Source) -> Vec<Violation> {
     scan_board(source, |tokens, at| {
         let row =
             reads(tokens, at, &[".", "row", "("]) || !tokens[at].is_literal && tokens[at].text == "ROWS";
-        row.then(|| "the board goes by `spec()`; rows hold texts that it has no room for".into())
+        row.then(|| "the board goes by `rules()`; rows hold texts that it has no room for".into())
     })
 }
 
@@ -452,7 +452,7 @@ fn the_second_servo_fence_can_fail() {
 #[test]
 fn the_texts_fence_can_fail() {
     let bad = ["fn f(p: Property) { p.row(); }", "use tater_wire::property::ROWS;"];
-    check_fence(texts, "tater-fw/src/a.rs", &bad, &["fn f(p: Property) { p.spec(); }"]);
+    check_fence(texts, "tater-fw/src/a.rs", &bad, &["fn f(p: Property) { p.rules(); }"]);
     check_fence(texts, "hil-sim/src/a.rs", &[], &bad);
 }
 

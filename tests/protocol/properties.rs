@@ -1,7 +1,7 @@
 //! Every property of the table on each of the seven nodes, by frames alone: number, width, sign, range, access,
 //! defaults, groups; and that what is refused changes nothing and is not answered.
 
-use tater_wire::property::{Access, ROWS, Row, Stored};
+use tater_wire::property::{Access, ROWS, PropertySpec, Stored};
 use tater_wire::{Body, Destination, Group, Node, Property, Value};
 
 use super::board::{Bench, SERIAL};
@@ -18,7 +18,7 @@ fn nodes() -> impl Iterator<Item = (u8, Bench)> {
 
 /// The ways to say a value: in two bytes, if it fits them, and in four. What is never negative and needs all bits has
 /// no sign on the wire.
-fn widths(row: &Row, value: i64) -> Vec<Value> {
+fn widths(row: &PropertySpec, value: i64) -> Vec<Value> {
     let signed_max = if row.bits == 16 { i64::from(i16::MAX) } else { i64::from(i32::MAX) };
     let (short, long) = if row.min >= 0 && row.max > signed_max {
         (u16::try_from(value).ok(), u32::try_from(value).ok())
@@ -29,7 +29,7 @@ fn widths(row: &Row, value: i64) -> Vec<Value> {
 }
 
 /// SET, in this width, of a property that may be locked; nothing may be answered.
-fn set(bench: &mut Bench, row: &Row, value: Value) -> bool {
+fn set(bench: &mut Bench, row: &PropertySpec, value: Value) -> bool {
     if row.access == Access::Locked {
         bench.unlock();
     }
@@ -40,7 +40,7 @@ fn set(bench: &mut Bench, row: &Row, value: Value) -> bool {
 }
 
 /// Whether a property holds any value of its range as it is set, whatever the board is doing.
-fn holds(row: &Row) -> bool {
+fn holds(row: &PropertySpec) -> bool {
     let steers = matches!(row.property, Property::STAT | Property::MODE | Property::T | Property::V);
     matches!(row.access, Access::ReadWrite | Access::Locked) && !steers
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use tater_wire::property::{Access, Default, Row, Stored};
+use tater_wire::property::{Access, Default, PropertySpec, Stored};
 use tater_wire::{command, fault, property};
 
 use crate::program::root;
@@ -80,7 +80,7 @@ fn page() -> String {
     page
 }
 
-fn property_row(row: &Row) -> [String; 9] {
+fn property_row(row: &PropertySpec) -> [String; 9] {
     let access = match row.access {
         Access::ReadOnly => "R",
         Access::ReadWrite => "RW",

@@ -62,8 +62,8 @@ const fn rule(row: &Row) -> Rule {
 /// there, which comes to the same: a motion ends as near as can be, and GOD judges it (DESIGN 6).
 #[must_use]
 fn on_board(property: Property, value: i64) -> i64 {
-    let spec = property.spec();
-    units::halls(value).max(spec.min()).min(spec.max())
+    let rules = property.rules();
+    units::halls(value).max(rules.min()).min(rules.max())
 }
 
 /// The values of a parameter; of a motor whose board does not answer there is none.

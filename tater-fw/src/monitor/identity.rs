@@ -2,13 +2,13 @@
 
 use crate::lock::Lock;
 use crate::storage::Store;
-use tater_wire::property::{Default, Spec};
+use tater_wire::property::{Default, Rules};
 use tater_wire::{Node, Property};
 
 /// One of the properties.
 #[derive(Debug)]
 struct Own {
-    spec: &'static Spec,
+    rules: &'static Rules,
     /// As it is now.
     value: i64,
     default: i64,
@@ -17,7 +17,7 @@ struct Own {
 impl Own {
     /// Takes the stored value, or the default.
     fn restore(&mut self, store: &Store) {
-        self.value = store.get_by(self.spec).unwrap_or(self.default);
+        self.value = store.get_by(self.rules).unwrap_or(self.default);
     }
 }
 
@@ -32,17 +32,17 @@ pub(super) struct Identity {
 impl Identity {
     /// From storage, or by default: SN is then the chip's, ID the straps'.
     pub(super) fn new(store: &Store, straps: Node, serial_number: u16) -> Self {
-        let role = match Property::ROLE.spec().default {
+        let role = match Property::ROLE.rules().default {
             Default::Same(role) => i64::from(role),
             _ => 0,
         };
         let own = [
-            (Property::ROLE.spec(), role),
-            (Property::SN.spec(), i64::from(serial_number)),
-            (Property::ID.spec(), i64::from(straps.number())),
+            (Property::ROLE.rules(), role),
+            (Property::SN.rules(), i64::from(serial_number)),
+            (Property::ID.rules(), i64::from(straps.number())),
         ];
-        let own = own.map(|(spec, default)| {
-            let mut own = Own { spec, value: default, default };
+        let own = own.map(|(rules, default)| {
+            let mut own = Own { rules, value: default, default };
             own.restore(store);
             own
         });
@@ -50,12 +50,12 @@ impl Identity {
     }
 
     fn find(&mut self, id: u8) -> Option<&mut Own> {
-        self.own.iter_mut().find(|own| own.spec.property.id() == id)
+        self.own.iter_mut().find(|own| own.rules.property.id() == id)
     }
 
     /// One of the three properties and its value; `None` for another number.
-    pub(super) fn get(&self, id: u8) -> Option<(&'static Spec, i64)> {
-        self.own.iter().find(|own| own.spec.property.id() == id).map(|own| (own.spec, own.value))
+    pub(super) fn get(&self, id: u8) -> Option<(&'static Rules, i64)> {
+        self.own.iter().find(|own| own.rules.property.id() == id).map(|own| (own.rules, own.value))
     }
 
     /// The property, to change it, if it is one of the three, and unlocked; locks again in that case.
@@ -67,7 +67,7 @@ impl Identity {
     /// A SET of one of the three properties: taken only if unlocked and in range; locks again in any case.
     pub(super) fn set(&mut self, id: u8, value: i64) {
         if let Some(own) = self.unlock(id)
-            && own.spec.admits(value)
+            && own.rules.admits(value)
         {
             own.value = value;
         }
@@ -77,10 +77,10 @@ impl Identity {
     pub(super) fn save(&self, store: &mut Store, number: i64) {
         for own in &self.own {
             // Of all: what nobody has set stays the straps' and the chip's.
-            let of_all = number == -1 && (own.value != own.default || store.get_by(own.spec).is_some());
+            let of_all = number == -1 && (own.value != own.default || store.get_by(own.rules).is_some());
             // A board without straps that nobody has named has no ID to store: that is out of range, and not taken.
-            if of_all || number == i64::from(own.spec.property.id()) {
-                store.set_by(own.spec, own.value);
+            if of_all || number == i64::from(own.rules.property.id()) {
+                store.set_by(own.rules, own.value);
             }
         }
     }

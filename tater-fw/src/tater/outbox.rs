@@ -19,7 +19,7 @@ impl<B: Board> Tater<B> {
         }
         // Every value that is read fits 32 bits.
         let message =
-            Message::answer(self.node, to, property.spec(), value).ok_or(Refused::Range(property))?;
+            Message::answer(self.node, to, property.rules(), value).ok_or(Refused::Range(property))?;
         self.outbox.push_back(message.frame()).map_err(|_| {
             self.unsent = self.unsent.saturating_add(1);
             Refused::Busy(property)

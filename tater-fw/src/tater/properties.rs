@@ -41,7 +41,7 @@ impl<B: Board> Tater<B> {
         let analog = self.board.analog();
         let counters = self.store.counters();
         let value = match property {
-            P::VERS | P::CTS | P::IPNM | P::POLES => property.spec().min(),
+            P::VERS | P::CTS | P::IPNM | P::POLES => property.rules().min(),
             P::ERROR => self.error().map_or(0, |code| i64::from(code.code())),
             P::STAT => READY,
             P::MODE => i64::from(status.mode.number()),
@@ -71,8 +71,8 @@ impl<B: Board> Tater<B> {
             P::END => status.end.map_or(0, |reason| i64::from(reason.number())),
             P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | kept!() => return None,
         };
-        let spec = property.spec();
-        Some(value.max(spec.min()).min(spec.max()))
+        let rules = property.rules();
+        Some(value.max(rules.min()).min(rules.max()))
     }
 
     /// Sets a property that may be set.
@@ -82,7 +82,7 @@ impl<B: Board> Tater<B> {
     pub(super) fn write(&mut self, property: Property, value: i64) -> Result<(), Refused> {
         use Property as P;
         let out_of_range = Refused::Range(property);
-        if !property.spec().admits(value) {
+        if !property.rules().admits(value) {
             return Err(out_of_range);
         }
         match property {
@@ -134,7 +134,7 @@ impl<B: Board> Tater<B> {
     pub(super) fn put(&mut self, property: Property, value: i64) -> Result<(), Refused> {
         use Property as P;
         let out_of_range = Refused::Range(property);
-        if !property.spec().admits(value) {
+        if !property.rules().admits(value) {
             return Err(out_of_range);
         }
         match property {

@@ -7,7 +7,7 @@ use crate::motion;
 use servo_core::mode::Mode;
 use servo_core::{Command, Refusal};
 use tater_wire::Property;
-use tater_wire::property::{Access, Spec, Stored};
+use tater_wire::property::{Access, Rules, Stored};
 
 /// The id that stands for all properties.
 pub(super) const ALL: i64 = -1;
@@ -23,9 +23,9 @@ impl<B: Board> Tater<B> {
             None => {
                 motion::each(self.servo.config(), |property, value| self.store.set(property, value));
                 kept::each(&self.kept, |property, value| {
-                    let spec = property.spec();
-                    if spec.access != Access::Locked {
-                        self.store.set_by(spec, value);
+                    let rules = property.rules();
+                    if rules.access != Access::Locked {
+                        self.store.set_by(rules, value);
                     }
                 });
                 self.save_one(Property::P);
@@ -42,14 +42,14 @@ impl<B: Board> Tater<B> {
     /// Whether a property is another than without storage, or is stored already: what straps and chip say goes on being
     /// theirs to say.
     fn is_own(&self, property: Property) -> bool {
-        self.store.get(property).is_some() || self.read(property) != self.unstored(property.spec())
+        self.store.get(property).is_some() || self.read(property) != self.unstored(property.rules())
     }
 
     fn save_one(&mut self, property: Property) {
         let Some(value) = self.read(property) else { return };
         if property == Property::P
             && self.knows_position()
-            && property.spec().admits(value)
+            && property.rules().admits(value)
             && let Ok(position) = i32::try_from(value)
         {
             self.store.save_position(position, self.board.halls() & 7);
@@ -76,7 +76,7 @@ impl<B: Board> Tater<B> {
             Some(property) => {
                 self.unlock(property)?;
                 // What is always stored is as it is stored.
-                if property.spec().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
+                if property.rules().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
             }
             None => {
                 self.load_all(false);
@@ -101,7 +101,7 @@ impl<B: Board> Tater<B> {
             Some(property) => {
                 self.unlock(property)?;
                 // A board without straps would have no number.
-                if !self.unstored(property.spec()).is_some_and(|value| property.spec().admits(value)) {
+                if !self.unstored(property.rules()).is_some_and(|value| property.rules().admits(value)) {
                     return Err(Refused::Range(property));
                 }
                 if property == Property::P {
@@ -125,20 +125,20 @@ impl<B: Board> Tater<B> {
     pub(super) fn load_all(&mut self, locked: bool) {
         let mut config = *self.servo.config();
         // Defaults are in range, and `stored` gives nothing else.
-        motion::fill(&mut config, |property| narrow(self.stored(property.spec())));
+        motion::fill(&mut config, |property| narrow(self.stored(property.rules())));
         let _ = self.servo.command(Command::Configure(config));
         let mut kept = self.kept;
         kept::fill(&mut kept, |property| {
-            let spec = property.spec();
-            let wanted = spec.stored == Stored::Yes && (locked || spec.access != Access::Locked);
-            if wanted { narrow(self.stored(spec)) } else { None }
+            let rules = property.rules();
+            let wanted = rules.stored == Stored::Yes && (locked || rules.access != Access::Locked);
+            if wanted { narrow(self.stored(rules)) } else { None }
         });
         self.kept = kept;
         self.listen();
     }
 
     fn load_one(&mut self, property: Property) -> Result<(), Refused> {
-        let Some(value) = self.stored(property.spec()) else { return Err(Refused::Access(property)) };
+        let Some(value) = self.stored(property.rules()) else { return Err(Refused::Access(property)) };
         if property == Property::P {
             self.in_idle()?;
         }
@@ -151,23 +151,23 @@ impl<B: Board> Tater<B> {
     }
 
     /// The stored value, or the default if there is none in range.
-    fn stored(&self, spec: &Spec) -> Option<i64> {
-        self.store.get_by(spec).or_else(|| self.unstored(spec))
+    fn stored(&self, rules: &Rules) -> Option<i64> {
+        self.store.get_by(rules).or_else(|| self.unstored(rules))
     }
 
     /// What it is where nothing is stored.
-    fn unstored(&self, spec: &Spec) -> Option<i64> {
-        match spec.property {
+    fn unstored(&self, rules: &Rules) -> Option<i64> {
+        match rules.property {
             Property::ID => Some(i64::from(self.board.straps().number())),
             Property::SN => Some(i64::from(self.board.serial_number())),
-            _ => spec.default_for(self.node),
+            _ => rules.default_for(self.node),
         }
     }
 
     /// # Errors
     /// The property is locked, and LOCK has not been opened for this one SET.
     pub(super) fn unlock(&mut self, property: Property) -> Result<(), Refused> {
-        match property.spec().access {
+        match property.rules().access {
             Access::Locked if !self.lock.take() => Err(Refused::Access(property)),
             Access::Locked | Access::ReadWrite | Access::WriteOnly | Access::ReadOnly => Ok(()),
         }
@@ -204,7 +204,7 @@ fn stored_property(by: Property, id: i64) -> Result<Option<Property>, Refused> {
         return Ok(None);
     }
     let property = u8::try_from(id).ok().and_then(Property::of).ok_or(Refused::Range(by))?;
-    if property.spec().stored == Stored::No { Err(Refused::Access(property)) } else { Ok(Some(property)) }
+    if property.rules().stored == Stored::No { Err(Refused::Access(property)) } else { Ok(Some(property)) }
 }
 
 /// A value of a property that is stored.

@@ -1,7 +1,7 @@
 //! The rows. To add one: a free number (a used one never comes back), and a line here; documents, range, storage
 //! and defaults follow. Then the board's side of it, in tater-fw.
 
-use super::{Access, Default, Row, Spec, Stored};
+use super::{Access, Default, PropertySpec, Rules, Stored};
 
 /// `NAME = id, bits, access, stored, "unit", range, default, "meaning";`
 macro_rules! table {
@@ -16,7 +16,7 @@ macro_rules! table {
         }
 
         /// Every property, by rising number.
-        pub const ROWS: &[Row] = &[$(*Property::$name.row(),)*];
+        pub const ROWS: &[PropertySpec] = &[$(*Property::$name.row(),)*];
 
         impl Property {
             /// Every one of them, by rising number.
@@ -39,10 +39,10 @@ macro_rules! table {
 
             /// What a board goes by.
             #[must_use]
-            pub const fn spec(self) -> &'static Spec {
+            pub const fn rules(self) -> &'static Rules {
                 match self {
                     $(Self::$name => const {
-                        &Spec {
+                        &Rules {
                             property: Self::$name,
                             bits: $bits,
                             access: Access::$access,
@@ -57,12 +57,12 @@ macro_rules! table {
 
             /// The row, texts and all: not for firmware, where all of them are linked for one.
             #[must_use]
-            pub const fn row(self) -> &'static Row {
+            pub const fn row(self) -> &'static PropertySpec {
                 match self {
                     $(Self::$name => const {
-                        &Row {
+                        &PropertySpec {
                             name: stringify!($name),
-                            spec: Property::$name.spec(),
+                            rules: Property::$name.rules(),
                             unit: $unit,
                             min: $min,
                             max: $max,
