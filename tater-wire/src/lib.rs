@@ -27,20 +27,24 @@ extern crate std;
 
 pub mod command;
 pub mod download;
+pub mod end;
 pub mod fault;
 pub mod frame;
 pub mod id;
 pub mod image;
 pub mod memory;
 pub mod message;
+pub mod mode;
 pub mod property;
 pub mod tek;
 pub mod value;
 
 pub use command::Cmd;
+pub use end::EndCode;
 pub use fault::FaultCode;
 pub use frame::Frame;
 pub use id::{Destination, Group, Identifier, Node};
 pub use message::{Body, Message, Torques};
+pub use mode::ModeCode;
 pub use property::Property;
 pub use value::Value;
