@@ -289,39 +289,44 @@ fn a_full_disk_is_no_success_and_a_closed_pipe_no_failure() {
     }
 }
 
-/// Every command line that the README gives for this program ends well; those that serve, or talk to one that does, are begun and
-/// ended by the tests that are named here.
+/// Every command line of `hil-sim` in the documents ends well. Those that serve, or connect to one that does, have tests of their own.
 #[test]
-fn the_readme_can_be_typed() {
-    let readme = include_str!("../../README.md");
+fn documented_command_lines_end_well() {
+    let documents = [
+        include_str!("../../README.md"),
+        include_str!("../../docs/simulator.md"),
+        include_str!("../../docs/hosts.md"),
+    ];
     let command = "cargo run --release -p hil-sim -- ";
-    let lines = readme.lines().filter_map(|line| line.strip_prefix(command));
+    let lines = || documents.iter().flat_map(|document| document.lines());
+    let typed = lines().filter_map(|line| line.strip_prefix(command));
     let serves = |line: &&str| ["bus", "hand", "grasper"].contains(&line.split(' ').next().unwrap_or(line));
-    let (serving, lines): (Vec<&str>, Vec<&str>) = lines.partition(serves);
+    let (serving, typed): (Vec<&str>, Vec<&str>) = typed.partition(serves);
     let hand = "hand --listen 127.0.0.1:11001 --slcan 127.0.0.1:7100 --state hand.state";
     let bus = "bus --nodes 1-7 --slcan 127.0.0.1:7100";
     assert_eq!(serving, [bus, hand, "grasper"], "see tests/bus.rs, tests/hand.rs");
-    assert_eq!(lines.len(), 2, "{lines:?}");
-    let readme_folder = folder("readme");
-    for line in lines {
+    assert!(typed.len() >= 3, "{typed:?}");
+    let documents_folder = folder("documents");
+    for line in typed {
         let args: Vec<&str> = line.split_whitespace().collect();
         let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
             .args(args)
-            .current_dir(&readme_folder)
+            .current_dir(&documents_folder)
             .output()
             .expect("the binary starts");
         assert_eq!(output.status.code(), Some(0), "{line}: {}{}", stdout(&output), stderr(&output));
     }
 
-    // What is piped into it, with the shell that a user has.
-    let piped: Vec<&str> = readme.lines().filter(|line| line.contains(&format!("| {command}"))).collect();
+    // Pipes run in the user's shell.
+    let mut piped: Vec<&str> = lines().filter(|line| line.contains(&format!("| {command}"))).collect();
+    piped.dedup();
     assert_eq!(piped.len(), 1, "{piped:?}");
     for line in piped {
         let grasps = concat!(env!("CARGO_MANIFEST_DIR"), "/grasps");
         let line = line.replace(command, "\"$0\" ").replace("hil-sim/grasps", grasps);
         let output = Command::new("sh")
             .args(["-c", &line, env!("CARGO_BIN_EXE_hil-sim")])
-            .current_dir(&readme_folder)
+            .current_dir(&documents_folder)
             .output()
             .expect("a shell");
         assert_eq!(output.status.code(), Some(0), "{line}: {}{}", stdout(&output), stderr(&output));

@@ -143,7 +143,7 @@ fn grasper(address: &str, entries: &str) -> (Option<i32>, String, String) {
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
-/// As in the README. The ends of moves may come in another order than there: this hand's time goes on while its host thinks.
+/// As in docs/hosts.md. The ends of moves may come in another order than there: this hand's time goes on while its host thinks.
 #[test]
 fn the_walk_through_can_be_entered() {
     let expected = include_str!("../../tests/god/golden/walk-through.txt");
