@@ -1,6 +1,7 @@
 //! What the shipped scenarios promise, and what bad scenario files are told.
 
-use hil_sim::scenario::{BadInput, SHIPPED, Scenario};
+use hil_sim::input::BadInput;
+use hil_sim::scenario::{SHIPPED, Scenario};
 use hil_sim::{Model, Options, Outcome, run};
 
 const NOMINAL: Options = Options { seed: 1, model: Model::Averaged, trace: false };

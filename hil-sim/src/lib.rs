@@ -1,30 +1,32 @@
-//! Hardware in the loop without the hardware: the motor, its joint, its sensors and its bridge.
+//! Hardware in the loop without the hardware: motors, joints, sensors, bridges, the CAN bus, and a whole hand.
 //!
-//! [`run`] runs a [`scenario::Scenario`] and gives an [`Outcome`]; the binary `hil-sim` is a thin shell around
-//! it. The library reads no clock: time is simulated, and the same seed gives the same outcome.
+//! [`run`] runs a [`scenario::Scenario`] and returns an [`Outcome`]; the binary `hil-sim` is [`cli`]. The library reads no
+//! clock: time is simulated, and the same seed gives the same outcome.
+//!
+//! # Floors
+//!
+//! Imports point down only; `tests/fences/world.rs` checks it.
+//!
+//! | floor | modules |
+//! |---|---|
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `keep`, `output`, `serve`, `talk` |
+//! | experiment | [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`trace`], [`typist`] |
+//! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
 
-pub mod board;
-pub mod bus;
-pub mod grasper;
-pub mod hand;
-pub mod metrics;
-pub mod node;
-pub mod over_can;
-pub mod plant;
-pub mod properties;
-pub mod replay;
-pub mod report;
-pub mod rig;
-mod run;
-pub mod scenario;
-pub mod slcan;
-pub mod trace;
+mod experiment;
+mod ports;
+mod world;
 
-pub use plant::Model;
-pub use run::{MotorRun, Options, Outcome, board, node_of, rig, run, set};
+pub use experiment::run::{MotorRun, Options, Outcome, board, node_of, rig, run, set};
+pub use experiment::{
+    grasp, input, metrics, over_can, picture, properties, replay, report, scenario, trace, typist,
+};
+pub use ports::{cli, grasper, slcan};
 pub use servo_core::MotorKind;
 pub use tater_fw::motion::motor;
+pub use world::plant::Model;
+pub use world::{board, bus, hand, node, plant, rig};
 
 /// The properties of a kind of motor before anybody sets one.
 #[must_use]

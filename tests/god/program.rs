@@ -2,7 +2,7 @@
 
 use god::Memory;
 use hil_sim::hand::Hand;
-use hil_sim::hand::script::{Answered, Typist};
+use hil_sim::typist::{Answered, Typist};
 use hil_sim::plant::Model;
 
 fn typist() -> Typist {

@@ -2,7 +2,7 @@
 
 use hil_sim::grasper::Console;
 use hil_sim::hand::Hand;
-use hil_sim::hand::world::World;
+use hil_sim::hand::scene::Scene;
 use hil_sim::plant::Model;
 
 use super::movement::assert_near;
@@ -26,7 +26,7 @@ const STEPS: &[(u8, &[&str], [i32; 7])] = &[
 /// The hand after its power has been off, fingers that may meet each other around it.
 fn power_cycle(session: &Session) -> Session {
     let mut hand = Hand::again(Model::Averaged, 1, &session.hand.state()).expect("within its stops");
-    hand.put_into(World::default());
+    hand.set_scene(Scene::default());
     Session::of(hand)
 }
 

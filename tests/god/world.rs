@@ -1,25 +1,25 @@
-//! Grasps: a hand in a world.
+//! Grasps: a hand in a scene.
 
 use god::Memory;
+use hil_sim::grasp;
 use hil_sim::hand::Hand;
-use hil_sim::hand::script::Typist;
-use hil_sim::hand::world::{World, gap};
+use hil_sim::hand::scene::{Scene, gap};
 use hil_sim::plant::Model;
-use hil_sim::scenario::grasp;
+use hil_sim::typist::Typist;
 
 const BALL: &str = include_str!("../../hil-sim/grasps/ball.toml");
 
-/// A homed hand in a world.
-fn in_world(world: World) -> Typist {
+/// A homed hand in a scene.
+fn in_scene(scene: Scene) -> Typist {
     let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
-    hand.put_into(world);
+    hand.set_scene(scene);
     let (mut typist, _) = Typist::new(hand).expect("it prompts");
     assert_eq!(ask(&mut typist, "HI"), [0; 0]);
     typist
 }
 
-fn ball() -> World {
-    grasp::parse("ball.toml", BALL).expect("a world")
+fn ball() -> Scene {
+    grasp::parse("ball.toml", BALL).expect("a scene")
 }
 
 /// The numbers that a line is answered with.
@@ -31,15 +31,15 @@ fn ask(typist: &mut Typist, line: &str) -> Vec<i32> {
 
 /// Gaps between each finger's link and tip and the ball, mm.
 fn gaps(typist: &Typist) -> Vec<[f64; 2]> {
-    let world = typist.hand().world().expect("a world");
-    let fingers = world.fingers(&typist.hand().pose());
-    let to_ball = |part| 1000.0 * gap(part, &world.things[0].capsule);
+    let scene = typist.hand().scene().expect("a scene");
+    let fingers = scene.fingers(&typist.hand().pose());
+    let to_ball = |part| 1000.0 * gap(part, &scene.things[0].capsule);
     fingers.iter().map(|[link, tip]| [to_ball(link), to_ball(tip)]).collect()
 }
 
 #[test]
 fn links_stop_at_the_ball_and_lock_and_tips_envelop_it() {
-    let mut typist = in_world(ball());
+    let mut typist = in_scene(ball());
     assert!(gaps(&typist).iter().flatten().all(|&gap| gap > 10.0), "open");
     ask(&mut typist, "GC");
     for [link, tip] in gaps(&typist) {
@@ -55,7 +55,7 @@ fn links_stop_at_the_ball_and_lock_and_tips_envelop_it() {
     );
     let tips = ask(&mut typist, "X567FGET P");
     // Again with BS 1: the tips stay where the links stopped.
-    let mut stopped = in_world(ball());
+    let mut stopped = in_scene(ball());
     ask(&mut stopped, "GFSET BS 1");
     ask(&mut stopped, "GC");
     assert_eq!(ask(&mut stopped, "GFGET BD"), [1; 3]);
@@ -67,7 +67,7 @@ fn links_stop_at_the_ball_and_lock_and_tips_envelop_it() {
 
 #[test]
 fn with_x_links_and_tips_know_nothing_of_each_other() {
-    let mut typist = in_world(ball());
+    let mut typist = in_scene(ball());
     ask(&mut typist, "X123567C");
     assert_eq!(ask(&mut typist, "GFGET BD"), [0; 3], "no breakaway");
     let (links, tips) = (ask(&mut typist, "GFGET P"), ask(&mut typist, "X567FGET P"));
@@ -79,12 +79,12 @@ fn with_x_links_and_tips_know_nothing_of_each_other() {
 #[test]
 fn fingers_meet_each_other_where_the_spread_brings_them_together() {
     // Closed over the palm, fingers 1 and 2 come to finger 3 from its sides.
-    let mut typist = in_world(World::default());
+    let mut typist = in_scene(Scene::default());
     ask(&mut typist, "GC");
     ask(&mut typist, "SC");
     let met = ask(&mut typist, "SFGET P")[0];
     assert!(met < 8000, "the spread is stopped on its way: {met}");
-    let fingers = typist.hand().world().expect("a world").fingers(&typist.hand().pose());
+    let fingers = typist.hand().scene().expect("a scene").fingers(&typist.hand().pose());
     let least = |a: usize| {
         let pairs = fingers[a].iter().flat_map(|part| fingers[2].iter().map(move |other| gap(part, other)));
         1000.0 * pairs.fold(f64::INFINITY, f64::min)

@@ -4,7 +4,7 @@ use god::Memory;
 use god::io::ABORT;
 use hil_sim::hand::Hand;
 use hil_sim::plant::Model;
-use hil_sim::scenario::grasp;
+use hil_sim::grasp;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
@@ -78,7 +78,7 @@ impl Client {
     pub fn new(seed: u128) -> Self {
         let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
         if seed % 2 == 1 {
-            hand.put_into(grasp::parse("ball.toml", BALL).expect("a world"));
+            hand.set_scene(grasp::parse("ball.toml", BALL).expect("a world"));
         }
         let mut client = Self {
             hand,

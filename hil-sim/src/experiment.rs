@@ -1,0 +1,16 @@
+//! What is done with the world: scenarios and scripts run in it, measured, judged and reported.
+//!
+//! Imports `world`, never `ports`. Reads no clock; the files it reads are its inputs (scenarios, scenes, captures).
+
+pub mod grasp;
+pub mod input;
+pub mod metrics;
+pub mod over_can;
+pub mod picture;
+pub mod properties;
+pub mod replay;
+pub mod report;
+pub mod run;
+pub mod scenario;
+pub mod trace;
+pub mod typist;

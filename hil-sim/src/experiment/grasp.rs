@@ -1,0 +1,185 @@
+//! What is between the fingers of a whole hand, as TOML:
+//!
+//! ```
+//! let scene = hil_sim::grasp::parse("ball.toml", r#"
+//!     [hand]                     # may be left out, and so may each key: see `Geometry`
+//!     link_mm = 70
+//!
+//!     [[object]]
+//!     at_mm = [0, 0, 70]         # x towards finger 3, y towards finger 2 when spread, z out of the palm
+//!     to_mm = [0, 50, 70]        # the other end of its axis; without it, a sphere
+//!     radius_mm = 35
+//!     stiffness_n_m = 1e5        # may be left out
+//! "#).unwrap();
+//! assert_eq!(scene.things.len(), 1);
+//! ```
+
+use std::path::Path;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::input::{BadInput, Source};
+use crate::world::hand::scene::{Capsule, Geometry, Scene, Thing};
+
+/// Stiffness if nobody says otherwise, N/m; chosen: the full torque of a link, some 150 N at its tip, makes a dent of 0.8 mm.
+const STIFFNESS_N_M: f64 = 2e5;
+
+/// Largest such file.
+const MAX_FILE_BYTES: u64 = 1 << 16;
+
+/// Most objects: a handful.
+const OBJECTS: usize = 16;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    hand: Option<Spanned<Hand>>,
+    #[serde(default)]
+    object: Vec<Spanned<Object>>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Hand {
+    spread_axis_mm: Option<f64>,
+    base_mm: Option<f64>,
+    link_mm: Option<f64>,
+    tip_mm: Option<f64>,
+    link_at_zero_deg: Option<f64>,
+    tip_at_zero_deg: Option<f64>,
+    finger_radius_mm: Option<f64>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Object {
+    at_mm: [f64; 3],
+    to_mm: Option<[f64; 3]>,
+    radius_mm: f64,
+    stiffness_n_m: Option<f64>,
+}
+
+/// A field's name, its value, and its range.
+type Row = (&'static str, f64, f64, f64);
+
+/// The scene in the file at a path.
+///
+/// # Errors
+/// It cannot be read, or is no scene.
+pub fn read(path: &Path) -> Result<Scene, BadInput> {
+    let bad = |found: String| BadInput {
+        place: path.display().to_string(),
+        problem: "cannot be read".to_owned(),
+        found,
+        expected: "a TOML file with [[object]] tables".to_owned(),
+        next: "check the path; hil-sim/grasps has some".to_owned(),
+    };
+    let meta = path.metadata().map_err(|error| bad(error.to_string()))?;
+    if !meta.is_file() || meta.len() > MAX_FILE_BYTES {
+        return Err(bad(format!("no file of up to {MAX_FILE_BYTES} bytes")));
+    }
+    let text = std::fs::read_to_string(path).map_err(|error| bad(error.to_string()))?;
+    parse(&path.display().to_string(), &text)
+}
+
+/// The scene in `text`; `file` is what errors call it.
+///
+/// # Errors
+/// What is wrong, with the line.
+pub fn parse(file: &str, text: &str) -> Result<Scene, BadInput> {
+    let source = Source { file, text };
+    let parsed: File = toml::from_str(text).map_err(|error| source.reader_error(&error))?;
+    let mut scene = Scene::default();
+    if let Some(hand) = &parsed.hand {
+        scene.geometry = geometry(source, hand)?;
+    }
+    if let Some(object) = parsed.object.get(OBJECTS) {
+        let next = "take some out";
+        return Err(source.error(object.span(), "too many objects", format!("up to {OBJECTS}"), next));
+    }
+    for object in &parsed.object {
+        scene.things.push(thing(source, object)?);
+    }
+    Ok(scene)
+}
+
+fn geometry(source: Source<'_>, hand: &Spanned<Hand>) -> Result<Geometry, BadInput> {
+    let of = *hand.get_ref();
+    let default = Geometry::default();
+    let mm = |value: Option<f64>, default: f64| value.unwrap_or(1000.0 * default);
+    let deg = |value: Option<f64>, default: f64| value.unwrap_or(default.to_degrees());
+    let rows: [Row; 7] = [
+        ("spread_axis_mm", mm(of.spread_axis_mm, default.spread_axis_m), 0.0, 1000.0),
+        ("base_mm", mm(of.base_mm, default.base_m), 0.0, 1000.0),
+        ("link_mm", mm(of.link_mm, default.link_m), 1.0, 1000.0),
+        ("tip_mm", mm(of.tip_mm, default.tip_m), 1.0, 1000.0),
+        ("link_at_zero_deg", deg(of.link_at_zero_deg, default.link_at_zero), -180.0, 180.0),
+        ("tip_at_zero_deg", deg(of.tip_at_zero_deg, default.tip_at_zero), -180.0, 180.0),
+        ("finger_radius_mm", mm(of.finger_radius_mm, default.finger_radius_m), 0.1, 100.0),
+    ];
+    check(source, hand.span(), "[hand]", &rows)?;
+    let [spread_axis, base, link, tip, link_at_zero, tip_at_zero, finger_radius] = rows.map(|row| row.1);
+    Ok(Geometry {
+        spread_axis_m: spread_axis / 1000.0,
+        base_m: base / 1000.0,
+        link_m: link / 1000.0,
+        tip_m: tip / 1000.0,
+        link_at_zero: link_at_zero.to_radians(),
+        tip_at_zero: tip_at_zero.to_radians(),
+        finger_radius_m: finger_radius / 1000.0,
+    })
+}
+
+fn thing(source: Source<'_>, object: &Spanned<Object>) -> Result<Thing, BadInput> {
+    let of = *object.get_ref();
+    let ends = [of.at_mm, of.to_mm.unwrap_or(of.at_mm)];
+    let stiffness_n_m = of.stiffness_n_m.unwrap_or(STIFFNESS_N_M);
+    let place = |name, value| (name, value, -1000.0, 1000.0);
+    let mut rows = vec![("radius_mm", of.radius_mm, 0.1, 1000.0), ("stiffness_n_m", stiffness_n_m, 1.0, 1e6)];
+    rows.extend(ends[0].map(|value| place("at_mm", value)));
+    rows.extend(ends[1].map(|value| place("to_mm", value)));
+    check(source, object.span(), "[[object]]", &rows)?;
+    let capsule =
+        Capsule { ends: ends.map(|end| end.map(|mm| mm / 1000.0)), radius_m: of.radius_mm / 1000.0 };
+    Ok(Thing { capsule, stiffness_n_m })
+}
+
+fn check(
+    source: Source<'_>,
+    span: std::ops::Range<usize>,
+    table: &str,
+    rows: &[Row],
+) -> Result<(), BadInput> {
+    for &(name, found, min, max) in rows {
+        if !(found >= min && found <= max) {
+            let problem = format!("{table} {name} is out of range");
+            let error = source.error(span, problem, format!("{min} to {max}"), "correct it");
+            return Err(BadInput { found: format!("{name} = {found}"), ..error });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_world_is_refused_with_its_line() {
+        for (text, line, said) in [
+            ("[[object]]\nat_mm = [0, 0, 70]\nradius_mm = 0", "x.toml:1", "radius_mm = 0"),
+            ("\n[[object]]\nat_mm = [0, nan, 70]\nradius_mm = 3", "x.toml:2", "at_mm = NaN"),
+            ("[[object]]\nat_mm = [0, 0]\nradius_mm = 3", "x.toml:2", "array of length 3"),
+            ("[[object]]\nradius_mm = 3", "x.toml:1", "at_mm"),
+            ("[hand]\nlink_mm = 0", "x.toml:1", "link_mm = 0"),
+            ("[[object]]\nat = 3", "x.toml:2", "at"),
+            ("[[object]]\nat_mm=[0,0,0]\nradius_mm=1\nstiffness_n_m=1e9", "x.toml:1", "1 to 1000000"),
+        ] {
+            let error = parse("x.toml", text).expect_err(text).to_string();
+            assert!(error.starts_with(line) && error.contains(said), "{text}\n{error}");
+        }
+        assert_eq!(parse("x.toml", ""), Ok(Scene::default()));
+    }
+}

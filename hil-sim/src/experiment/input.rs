@@ -1,0 +1,151 @@
+//! Bad input, told so that a person can mend it: where, what was found, what was expected, what to do next.
+
+use std::fmt;
+
+/// Something in a scenario file or on the command line that cannot be run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadInput {
+    /// `file:line`, a file, or the command line's option.
+    pub place: String,
+    /// What is wrong, naming the field where there is one.
+    pub problem: String,
+    /// What is there.
+    pub found: String,
+    /// What could be there.
+    pub expected: String,
+    /// What to do.
+    pub next: String,
+}
+
+impl fmt::Display for BadInput {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { place, problem, found, expected, next } = self;
+        write!(f, "{place}: {problem}\n  found:    {found}\n  expected: {expected}\n  next:     {next}")
+    }
+}
+
+impl std::error::Error for BadInput {}
+
+/// A scenario's text and where it came from, to tell lines from byte offsets.
+#[derive(Clone, Copy)]
+pub(crate) struct Source<'a> {
+    pub(crate) file: &'a str,
+    pub(crate) text: &'a str,
+}
+
+impl Source<'_> {
+    /// An error in the line of `span`, whose text is shown as found.
+    pub(crate) fn error(
+        self,
+        span: std::ops::Range<usize>,
+        problem: impl Into<String>,
+        expected: impl Into<String>,
+        next: impl Into<String>,
+    ) -> BadInput {
+        let start = span.start.min(self.text.len());
+        let line = 1 + self.text.bytes().take(start).filter(|byte| *byte == b'\n').count();
+        let found = self.text.lines().nth(line - 1).unwrap_or("").trim();
+        let found = if found.is_empty() { "the end of the file" } else { found };
+        BadInput {
+            place: format!("{}:{line}", self.file),
+            // Room for a key that is not quite known, its value, and what is wrong with it.
+            problem: clipped(&problem.into(), 200),
+            found: shorten(found),
+            expected: expected.into(),
+            next: next.into(),
+        }
+    }
+
+    /// The error of the TOML reader in the project's words.
+    pub(crate) fn reader_error(self, error: &toml::de::Error) -> BadInput {
+        let span = error.span().unwrap_or(0..0);
+        let message = error.message().trim();
+        let (problem, expected) = match message.split_once(", expected ") {
+            Some((problem, expected)) => (problem, plain_type(expected)),
+            None => (message, "TOML with the keys of a scenario".to_owned()),
+        };
+        if let Some(field) = problem.strip_prefix("missing field ") {
+            return self.missing(span, field);
+        }
+        if problem == "duplicate key" {
+            let key = self.key_at(span.start).unwrap_or_else(|| "a table".to_owned());
+            let problem = format!("{key}: duplicate key");
+            return self.error(span, problem, "each key once", "remove one of the two");
+        }
+        let field = self.key_at(span.start);
+        let next = match problem.strip_prefix("unknown field ") {
+            Some(key) => suggestion(key.trim_matches('`'), &expected),
+            None => "correct this line, then run it again".to_owned(),
+        };
+        let problem = match field {
+            Some(field) if !problem.contains(&field) => format!("{field}: {problem}"),
+            _ => problem.to_owned(),
+        };
+        self.error(span, problem, expected, next)
+    }
+
+    fn missing(self, span: std::ops::Range<usize>, field: &str) -> BadInput {
+        let name = field.trim_matches('`');
+        let example = match name {
+            "motor" => "motor = \"link\", \"spread\" or \"tip\"".to_owned(),
+            "duration_ms" => "duration_ms = 1000".to_owned(),
+            name => format!("{name} = ..."),
+        };
+        let mut error = self.error(
+            span,
+            format!("{name} is missing"),
+            example,
+            format!("add {name}; `hil-sim list` names scenarios that can serve as a pattern"),
+        );
+        error.found = format!("no {field} here");
+        error
+    }
+
+    /// The key of the line at a byte offset, if the line has one.
+    fn key_at(self, offset: usize) -> Option<String> {
+        let before = self.text.get(..offset)?;
+        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        let line = self.text.get(start..)?.lines().next()?;
+        let (key, _) = line.split_once('=')?;
+        Some(shorten(key.trim()))
+    }
+}
+
+/// The words of the reader for types, in plain words.
+fn plain_type(expected: &str) -> String {
+    match expected {
+        "u8" | "u16" | "u32" | "u64" => "a whole number, 0 or more".to_owned(),
+        "i8" | "i16" | "i32" | "i64" => "a whole number".to_owned(),
+        "f64" => "a number".to_owned(),
+        other => other.to_owned(),
+    }
+}
+
+/// The next step for a key that is not known, given the list of those that are.
+pub(crate) fn suggestion(key: &str, expected: &str) -> String {
+    let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
+    match closest(key, known.iter().copied()) {
+        Some(name) => format!("did you mean {name}? (a name's end is its unit)"),
+        None => "remove this key or use one of those expected".to_owned(),
+    }
+}
+
+/// The name most like `found`, if one is like it at all.
+pub(crate) fn closest<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    // 0.8 of Jaro-Winkler: a typing error or another unit in a name of this length, not another word.
+    names
+        .map(|name| (strsim::jaro_winkler(&found.to_lowercase(), &name.to_lowercase()), name))
+        .filter(|(likeness, _)| *likeness > 0.8)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, name)| name)
+}
+
+/// At most 80 characters of what was found, without control characters.
+pub(crate) fn shorten(found: &str) -> String {
+    clipped(found, 80)
+}
+
+fn clipped(text: &str, most: usize) -> String {
+    let clean: String = text.chars().take(most).map(|c| if c.is_control() { '?' } else { c }).collect();
+    if text.chars().nth(most).is_some() { clean + "…" } else { clean }
+}

@@ -1,0 +1,106 @@
+//! A picture of the hand and what it holds: from the side and from above, as SVG.
+
+use std::fmt::Write;
+
+use crate::world::hand::scene::{Capsule, Point, Pose, Scene, gap};
+
+/// SVG units a metre: 2.4 a millimetre.
+const SCALE: f64 = 2400.0;
+
+/// What a panel shows, m: the fingers reach 0.17 from the middle, and as far up.
+const WIDTH: f64 = 0.38;
+const TALL: f64 = 0.34;
+
+/// Room for captions, SVG units.
+const HEAD: f64 = 56.0;
+const LINE: f64 = 17.0;
+
+/// Of fingers 1, 2 and 3: blue, vermilion and green, which the colour-blind can tell apart.
+const COLOURS: [&str; 3] = ["#0b62c4", "#d9480f", "#1a7f4b"];
+
+/// Which way a panel looks: the axis to the right and the one upwards.
+struct View {
+    name: &'static str,
+    axes: [usize; 2],
+    left: f64,
+    /// How far down the origin is, m.
+    down: f64,
+}
+
+const VIEWS: [View; 2] = [
+    View { name: "From the side", axes: [0, 2], left: 0.0, down: 0.27 },
+    View { name: "From above", axes: [0, 1], left: WIDTH * SCALE, down: 0.17 },
+];
+
+impl View {
+    fn at(&self, point: Point) -> [f64; 2] {
+        let [right, up] = self.axes.map(|axis| point[axis] * SCALE);
+        [self.left + 0.5 * WIDTH * SCALE + right, HEAD + self.down * SCALE - up]
+    }
+
+    fn capsule(&self, svg: &mut String, capsule: &Capsule, colour: &str, opacity: f64) {
+        let [[x1, y1], [x2, y2]] = capsule.ends.map(|end| self.at(end));
+        let width = 2.0 * capsule.radius_m * SCALE;
+        let _ = writeln!(
+            svg,
+            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\" stroke-width=\"{width:.1}\" \
+             stroke-linecap=\"round\" opacity=\"{opacity}\"/>"
+        );
+    }
+}
+
+fn text(svg: &mut String, [x, y]: [f64; 2], size: u32, text: &str) {
+    let text = text.replace('&', "&amp;").replace('<', "&lt;");
+    let _ =
+        writeln!(svg, "<text x=\"{x:.0}\" y=\"{y:.0}\" font-size=\"{size}\" fill=\"#1c2128\">{text}</text>");
+}
+
+/// The hand in a scene as it is at `pose`, and faintly as it was at `before`; `title` is written above.
+#[must_use]
+pub fn svg(scene: &Scene, before: &Pose, pose: &Pose, title: &str) -> String {
+    let captions = captions(scene, pose);
+    let width = 2.0 * WIDTH * SCALE;
+    let bottom = HEAD + TALL * SCALE;
+    let height = bottom + LINE * (captions.len() as f64 + 1.0);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\">\n\
+         <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
+    );
+    text(&mut svg, [16.0, 24.0], 18, title);
+    for view in &VIEWS {
+        text(&mut svg, [view.left + 16.0, 46.0], 13, view.name);
+        let palm = Capsule { ends: [[-0.05, 0.0, -0.012], [0.05, 0.0, -0.012]], radius_m: 0.01 };
+        view.capsule(&mut svg, &palm, "#d0d4d9", 1.0);
+        for thing in &scene.things {
+            view.capsule(&mut svg, &thing.capsule, "#c9a227", 0.8);
+        }
+        for (pose, opacity) in [(before, [0.12, 0.08]), (pose, [0.85, 0.6])] {
+            for (finger, colour) in scene.fingers(pose).iter().zip(COLOURS) {
+                for (part, opacity) in finger.iter().zip(opacity) {
+                    view.capsule(&mut svg, part, colour, opacity);
+                }
+            }
+        }
+    }
+    for (line, caption) in (1..).zip(&captions) {
+        text(&mut svg, [16.0, bottom + LINE * f64::from(line) - 4.0], 13, caption);
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+/// Where each finger is, and how far from what it holds.
+fn captions(scene: &Scene, pose: &Pose) -> Vec<String> {
+    let caption = |(finger, parts): (usize, &[Capsule; 2])| {
+        let mut text =
+            format!("finger {}: link {:.1}, tip {:.1} counts", finger + 1, pose[finger], pose[finger + 4]);
+        for (number, thing) in (1..).zip(&scene.things) {
+            let [link, tip] = [0, 1].map(|part| 1000.0 * gap(&parts[part], &thing.capsule));
+            let _ = write!(text, "; to object {number}: link {link:.1} mm, tip {tip:.1} mm");
+        }
+        text
+    };
+    let mut captions: Vec<String> = scene.fingers(pose).iter().enumerate().map(caption).collect();
+    captions.push(format!("spread: {:.1} counts", pose[3]));
+    captions
+}

@@ -1,0 +1,306 @@
+//! Recorded hall lines through the servo's decoder and estimator.
+//!
+//! A capture is a run of three-byte samples: 0x5A, then the hall code (bits 2..0 of a little-endian word). It
+//! may begin in the middle of a sample, and may be gzipped.
+
+use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
+use servo_core::sense::velocity::Estimator;
+use servo_core::units::{Counts, CountsPerSec, Micros};
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path;
+
+use crate::experiment::input::BadInput;
+
+/// Codes of sectors 0..5 of the recorded motors: the hand's wiring, counted from another sector.
+const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
+
+/// First byte of a sample.
+const SYNC: u8 = 0x5A;
+
+/// Largest capture read, packed or not: 64 MiB are 12 minutes at 30 kHz, and become 1 GB while they are replayed.
+const MAX_BYTES: u64 = 64 << 20;
+
+/// What was replayed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Replayed {
+    /// Samples, and lines written.
+    pub samples: usize,
+    /// Samples without their sync byte, which were taken all the same.
+    pub bad: usize,
+}
+
+/// The samples of a capture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Samples {
+    /// Hall code of each.
+    pub codes: Vec<u8>,
+    /// How many lack their sync byte.
+    pub bad: usize,
+}
+
+/// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture.
+///
+/// Of 90 counts a revolution, the places of 180 edges are learned: a recording's motor is often not the one its
+/// user thinks of, and 180 holds every motor of 1, 2, 3, 5, 6, 10, 15 or 30 pairs of poles.
+///
+/// # Errors
+/// A file that cannot be read or is no capture, a sample rate or counts a revolution out of range, a full disk.
+pub fn replay(
+    capture: &Path,
+    counts_per_rev: u32,
+    rate_hz: u32,
+    out: &mut impl Write,
+) -> Result<Replayed, BadInput> {
+    if !(1000..=1_000_000).contains(&rate_hz) {
+        return Err(BadInput {
+            place: "--rate-hz".to_owned(),
+            problem: "the sample rate is out of range".to_owned(),
+            found: rate_hz.to_string(),
+            expected: "1000 to 1000000 samples a second".to_owned(),
+            next: "give the recorder's rate, which is usually 30000".to_owned(),
+        });
+    }
+    let estimate = estimator_for(counts_per_rev)?;
+    let raw = bytes(capture, MAX_BYTES)?;
+    let Samples { codes, bad } = samples(&raw).ok_or_else(|| BadInput {
+        place: capture.display().to_string(),
+        problem: "this is no capture of hall lines".to_owned(),
+        found: format!("{} bytes, of which nowhere five samples in a row begin with 0x5A", raw.len()),
+        expected: "three bytes a sample: 0x5A, the hall code, 0".to_owned(),
+        next: "check the path, or record again".to_owned(),
+    })?;
+    for (position, velocity) in estimate(&codes, rate_hz) {
+        writeln!(out, "{position:.4},{velocity:.3}").map_err(|e| BadInput {
+            place: capture.display().to_string(),
+            problem: "its estimate cannot be written".to_owned(),
+            found: e.to_string(),
+            expected: "room for a line a sample".to_owned(),
+            next: "free space, or choose another path".to_owned(),
+        })?;
+    }
+    Ok(Replayed { samples: codes.len(), bad })
+}
+
+/// The estimator of a motor with this many counts a revolution, six a pole pair. The hand's own learns its 18
+/// edges, as on the board; any other learns two revolutions (see [`replay`]).
+fn estimator_for(counts_per_rev: u32) -> Result<Estimate, BadInput> {
+    macro_rules! by_pole_pairs {
+        ($($pairs:literal)*) => {
+            match counts_per_rev {
+                18 => Ok(estimate::<18> as Estimate),
+                $(counts if counts == 6 * $pairs => Ok(estimate::<{ 12 * $pairs }> as Estimate),)*
+                _ => Err(BadInput {
+                    place: "--counts-per-rev".to_owned(),
+                    problem: "no motor has so many counts a revolution".to_owned(),
+                    found: counts_per_rev.to_string(),
+                    expected: "six counts for each pair of poles, 6 to 180".to_owned(),
+                    next: "give the motor's pairs of poles times six; the hand's motors have 18".to_owned(),
+                }),
+            }
+        };
+    }
+    by_pole_pairs!(1 2 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30)
+}
+
+/// Position and velocity at each sample of recorded codes.
+type Estimate = fn(&[u8], u32) -> Vec<(f64, f64)>;
+
+/// The file, unpacked if it begins as gzip does.
+fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, BadInput> {
+    let fail = |problem: &str, found: String, next: &str| BadInput {
+        place: path.display().to_string(),
+        problem: problem.to_owned(),
+        found,
+        expected: format!("a capture of at most {most} bytes, gzipped or not"),
+        next: next.to_owned(),
+    };
+    let unread = |e: std::io::Error| fail("cannot be read", e.to_string(), "check the path");
+    // Looked at before it is opened: to open a pipe may wait for ever.
+    if !path.metadata().map_err(unread)?.is_file() {
+        return Err(fail(
+            "this is not a file",
+            "a directory, pipe or device".to_owned(),
+            "give a recording's path",
+        ));
+    }
+    let raw = at_most(File::open(path).map_err(unread)?, most).map_err(unread)?;
+    let shorter = "cut it into shorter ones";
+    let raw = raw.ok_or_else(|| fail("too large", format!("more than {most} bytes"), shorter))?;
+    if !raw.starts_with(&[0x1F, 0x8B]) {
+        return Ok(raw);
+    }
+    let damaged = "the file is damaged or cut short; copy it again";
+    at_most(flate2::read::MultiGzDecoder::new(raw.as_slice()), most)
+        .map_err(|e| fail("cannot be unpacked", e.to_string(), damaged))?
+        .ok_or_else(|| fail("too large once unpacked", format!("more than {most} bytes"), shorter))
+}
+
+/// All of it, or `None` if it is longer than `most` bytes.
+fn at_most(from: impl Read, most: u64) -> std::io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    let read = from.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    Ok((read as u64 <= most).then_some(bytes))
+}
+
+/// The samples of a capture; `None` if it is none. From the first five in a row that begin with their sync byte,
+/// every third byte begins one whether it is the sync byte or not, so that a line of the estimate is a sample of the
+/// recording to any other reader of it, too.
+#[must_use]
+pub fn samples(raw: &[u8]) -> Option<Samples> {
+    let aligned = |at: usize| (0..5).all(|k| raw.get(at + 3 * k) == Some(&SYNC));
+    // Alignment is at one of three offsets, unless the recording begins with rubbish.
+    let start = (0..raw.len()).find(|&at| aligned(at))?;
+    // The last sample may be cut: it is left out whether or not it is whole.
+    let whole = raw.get(start..raw.len().saturating_sub(1))?;
+    let (frames, _) = whole.as_chunks::<3>();
+    let codes = frames.iter().map(|[_, code, _]| code & 7).collect();
+    Some(Samples { codes, bad: frames.iter().filter(|[sync, ..]| *sync != SYNC).count() })
+}
+
+/// Position and velocity at each sample. Nothing but the edges is known of the recorded rotor, so they are
+/// [`undecided`](Estimator::undecided).
+#[must_use]
+pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
+    readings::<N>(codes, rate_hz, Estimator::undecided)
+}
+
+/// What one of the estimator's readings says at each sample; [`Estimator::at`] is the servo's. The lines' changes
+/// call the decoder as the interrupt does, and so does a tick each millisecond.
+#[must_use]
+pub fn readings<const N: usize>(
+    codes: &[u8],
+    rate_hz: u32,
+    reading: fn(&mut Estimator<N>, Micros) -> (Counts, CountsPerSec),
+) -> Vec<(f64, f64)> {
+    let Some(wiring) = Wiring::new(CODES) else { return Vec::new() };
+    let first = codes.first().copied().unwrap_or(0);
+    let mut halls = HallDecoder::new(wiring, first, 0);
+    let mut estimator = Estimator::<N>::new(0);
+    let mut last = first;
+    let mut tick = 0_u64;
+    let mut rows = Vec::with_capacity(codes.len());
+    for (i, &code) in (0_u64..).zip(codes) {
+        let us = i * 1_000_000 / u64::from(rate_hz);
+        let now = Micros(u32::try_from(us & u64::from(u32::MAX)).unwrap_or(0));
+        let ticked = us / 1000 > tick;
+        tick = us / 1000;
+        if code != last || ticked {
+            if let Some(HallEvent::Step(edge)) = halls.sample(code, now) {
+                estimator.edge(&edge);
+            }
+            last = code;
+        }
+        let (position, velocity) = reading(&mut estimator, now);
+        rows.push((position.0.to_num::<f64>(), velocity.0.to_num::<f64>()));
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A capture of `samples` codes that turns one cell in twenty samples.
+    fn capture(samples: usize) -> Vec<u8> {
+        (0..samples).flat_map(|i| [0x5A, CODES[i / 20 % 6], 0]).collect()
+    }
+
+    fn file(name: &str, content: &[u8]) -> std::path::PathBuf {
+        let path = std::env::temp_dir().join(format!("replay-{}-{name}", std::process::id()));
+        std::fs::write(&path, content).expect("temporary file");
+        path
+    }
+
+    #[test]
+    fn one_line_a_sample_whatever_the_start_and_packing() {
+        let raw = capture(3000);
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        packed.write_all(&raw).expect("pack");
+        let packed = packed.finish().expect("pack");
+        // The last sample is left out, as the scorer does; cut in its middle, the rest is the same.
+        for (name, bytes, want) in [
+            ("whole", &raw[..], 2999),
+            ("cut", &raw[..8998], 2999),
+            ("begun", &raw[2..], 2998),
+            ("packed", &packed, 2999),
+        ] {
+            let path = file(name, bytes);
+            let mut out = Vec::new();
+            assert_eq!(replay(&path, 90, 30_000, &mut out), Ok(Replayed { samples: want, bad: 0 }), "{name}");
+            std::fs::remove_file(path).expect("temporary file");
+            let text = String::from_utf8(out).expect("text");
+            assert_eq!(text.lines().count(), want, "{name}");
+            // 20 samples of 1/30000 s a count: 1500 counts/s.
+            let last: Vec<f64> = text
+                .lines()
+                .last()
+                .into_iter()
+                .flat_map(|l| l.split(','))
+                .map(|x| x.parse().expect("number"))
+                .collect();
+            assert!((last[1] - 1500.0).abs() < 15.0, "{name}: {last:?}");
+            assert!((last[0] - 149.5).abs() < 1.5, "{name}: {last:?}");
+        }
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        packed.write_all(&capture(3000)).expect("pack");
+        let packed = packed.finish().expect("pack");
+        for (name, bytes, counts, rate, want) in [
+            ("empty", &[][..], 90, 30_000, "no capture of hall lines"),
+            ("text", b"this is no capture", 90, 30_000, "no capture of hall lines"),
+            ("short", &capture(4), 90, 30_000, "no capture of hall lines"),
+            ("damaged", &packed[..packed.len() / 2], 90, 30_000, "damaged or cut short"),
+            ("rate", &capture(100), 90, 0, "--rate-hz: the sample rate is out of range\n  found:    0\n"),
+            ("counts", &capture(100), 91, 30_000, "six counts for each pair of poles"),
+        ] {
+            let path = file(name, bytes);
+            let error = replay(&path, counts, rate, &mut Vec::new()).expect_err(name).to_string();
+            for word in [want, "\n  found: ", "\n  expected: ", "\n  next: "] {
+                assert!(error.contains(word), "{name}: {error}");
+            }
+            std::fs::remove_file(path).expect("temporary file");
+        }
+        let error =
+            replay(Path::new("/no/such.dat"), 90, 30_000, &mut Vec::new()).expect_err("absent").to_string();
+        assert!(error.contains("/no/such.dat") && error.contains("check the path"), "{error}");
+    }
+    #[test]
+    fn samples_without_sync_are_taken_and_counted() {
+        let mut raw = capture(100);
+        raw[150] = 0;
+        raw[240] = 0xFF;
+        let Samples { codes, bad } = samples(&raw).expect("a capture");
+        assert_eq!((codes.len(), bad), (99, 2));
+        assert_eq!(codes, samples(&capture(100)).expect("a capture").codes);
+        // Two bytes are lost: from there on nothing is where it should be, and there is a line for each sample still.
+        raw = capture(100);
+        raw.drain(151..153);
+        let Samples { codes, bad } = samples(&raw).expect("a capture");
+        assert_eq!((codes.len(), bad), (99, 48));
+    }
+
+    #[test]
+    fn nothing_is_read_without_end() {
+        use std::error::Error;
+        let check = |bytes: &[u8], most: u64| -> Result<usize, Box<dyn Error>> {
+            let path = file("large", bytes);
+            let read = super::bytes(&path, most);
+            std::fs::remove_file(path)?;
+            Ok(read?.len())
+        };
+        let raw = capture(3000);
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+        packed.write_all(&raw).expect("pack");
+        let packed = packed.finish().expect("pack");
+        assert!(packed.len() < 1000);
+        for bytes in [&raw, &packed] {
+            assert_eq!(check(bytes, 9000).ok(), Some(9000));
+            let error = check(bytes, 8999).expect_err("too large").to_string();
+            assert!(error.contains("too large") && error.contains("more than 8999 bytes"), "{error}");
+        }
+    }
+}

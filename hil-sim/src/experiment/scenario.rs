@@ -1,0 +1,327 @@
+//! Scenarios: what to simulate and what must come of it, as TOML.
+//!
+//! A file that loads can run: every name, unit and range is checked here, so that a run never meets bad input.
+//! The end of a key's name is its unit. All tables but the first keys may be left out:
+//!
+//! ```
+//! let scenario = hil_sim::scenario::Scenario::parse("push.toml", r#"
+//!     name = "push"
+//!     about = "A link closes on something soft while the supply sags."
+//!     motor = "link"                   # or "spread", "tip", or a list of them, run one after another
+//!     duration_ms = 1000
+//!     scatter = 0.3                    # the seed scatters inertia, friction, Ke and R by ±30 %, the bus 20..28 V
+//!     hall_scatter_deg = 10            # and the halls' placement by ±10° electrical
+//!
+//!     plant = { coulomb_n_m = 0.02 }   # fields of `PlantParams`
+//!     rig = { rise_delay_us = 100 }    # fields of `RigParams`
+//!     set = { ACCEL = 60, HOLD = 1 }   # properties, as `--set` takes them
+//!     initial = { position_counts = 20, housing_c = 30 }
+//!
+//!     [[object]]                       # fields of `Object`
+//!     from_count = 150
+//!     side = "closing"
+//!     stiffness_n_m_rad = 0.5
+//!     damping_n_m_s = 0.005
+//!
+//!     [[at]]                           # a time and one command: move, end, position, mode, torque, velocity,
+//!     ms = 50                          # torque_close, torque_open, home, abort, terminate, clear_fault, set,
+//!     move = 300                       # disturbance_n_m or bus_v
+//!
+//!     [[at]]
+//!     ms = 200
+//!     bus_v = 21
+//!
+//!     [[expect]]                       # a metric: min, max or both; or equals, with a tolerance or without
+//!     metric = "position_counts"
+//!     min = 150
+//! "#).unwrap();
+//! assert_eq!(scenario.timeline.len(), 2);
+//! ```
+
+mod file;
+mod read;
+mod shipped;
+
+pub use shipped::{SHIPPED, Shipped};
+
+use std::path::Path;
+
+use servo_core::{Command, Config, MotorKind};
+
+use crate::experiment::input::{self as error, BadInput};
+use crate::experiment::metrics::{self, Metric, Metrics, Value};
+use crate::experiment::properties::{self, Property, PropertyError};
+use crate::world::plant::{Heat, Model, ParamError, PlantParams, Start};
+use crate::world::rig::{Object, Rig, RigParams};
+
+/// Largest scenario file read: the shipped ones have under 2 kB, so this is not one.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+/// What to simulate and what must come of it.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// Name, as printed.
+    pub name: String,
+    /// One sentence for `hil-sim list` and the report.
+    pub about: String,
+    /// Arguments of `hil-sim run` that give this scenario: its name or file, and `--set`s.
+    pub arguments: String,
+    /// The motors on which it runs, one after another.
+    pub cases: Vec<Case>,
+    /// Length of a run, 1..=600000.
+    pub duration_ms: u32,
+    /// Relative scatter of the plant (inertia, friction, Ke, R; bus 20..28 V) with the seed; 0 = nominal.
+    pub scatter: f64,
+    /// Scatter of the halls' placement with the seed, ± degrees electrical.
+    pub hall_scatter_deg: f64,
+    /// The board's sensors.
+    pub rig: RigParams,
+    /// The plant's state at the start.
+    pub initial: Initial,
+    /// What stands in the joint's way.
+    pub objects: Vec<Object>,
+    /// What happens when, in order of time.
+    pub timeline: Vec<Timed>,
+    /// What must come of it.
+    pub expectations: Vec<Expectation>,
+}
+
+/// One motor of a scenario with its plant and its properties.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// The kind of motor.
+    pub motor: MotorKind,
+    /// Its plant before any scatter.
+    pub plant: PlantParams,
+    /// Its properties at the start.
+    pub config: Config,
+}
+
+/// The plant's state at the start of a run.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Initial {
+    /// Rotor position, counts.
+    pub position_counts: f64,
+    /// Rotor velocity, counts/s.
+    pub velocity_counts_s: f64,
+    /// Winding temperature; `None`: that of the housing.
+    pub winding_c: Option<f64>,
+    /// Housing temperature; `None`: that of the surroundings.
+    pub housing_c: Option<f64>,
+}
+
+impl Initial {
+    /// The start of a run on `plant`.
+    #[must_use]
+    pub fn start(&self, plant: &PlantParams) -> Start {
+        let housing_c = self.housing_c.unwrap_or(plant.ambient_c);
+        let heat = Heat { winding_c: self.winding_c.unwrap_or(housing_c), housing_c };
+        Start { count: self.position_counts, counts_per_s: self.velocity_counts_s, heat }
+    }
+
+    /// Whether a rig takes it; the error names the field as the file does.
+    fn check(&self, plant: &PlantParams) -> Result<(), ParamError> {
+        let rig = RigParams::default();
+        let made = Rig::new(plant.clone(), rig, &[], Model::Averaged, self.start(plant), 0);
+        made.map(|_| ()).map_err(|e| match e.field {
+            "start_count" => ParamError { field: "position_counts", ..e },
+            "start_counts_per_s" => ParamError { field: "velocity_counts_s", ..e },
+            _ => e,
+        })
+    }
+}
+
+/// An action at a time.
+#[derive(Clone, Debug)]
+pub struct Timed {
+    /// When, ms since the start of the run.
+    pub ms: u32,
+    /// What.
+    pub action: Action,
+}
+
+/// What can happen to a motor board.
+#[derive(Clone, Debug)]
+pub enum Action {
+    /// A host's command.
+    Command(Command),
+    /// Properties set by a host.
+    Set(Vec<(&'static Property, i64)>),
+    /// A torque from outside on the motor's shaft from now on, N·m, positive closing.
+    Disturbance(f64),
+    /// The supply voltage from now on.
+    Bus(f64),
+}
+
+impl std::fmt::Display for Action {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Command(command) => match command {
+                Command::Mode(mode) => write!(f, "mode {}", metrics::mode_word(*mode)),
+                Command::Torque(torque) => write!(f, "T = {}", torque.0),
+                Command::Velocity(velocity) => write!(f, "V = {}", velocity.round()),
+                Command::Position(position) => write!(f, "P = {position}"),
+                Command::End(end) => write!(f, "E = {end}"),
+                Command::Move(end) => write!(f, "move to {end}"),
+                Command::TorqueControlled { closing: true } => f.write_str("TC"),
+                Command::TorqueControlled { closing: false } => f.write_str("TO"),
+                Command::Home => f.write_str("HI"),
+                Command::Abort => f.write_str("abort"),
+                Command::Terminate => f.write_str("terminate"),
+                Command::Configure(_) => f.write_str("configure"),
+                Command::ClearFault => f.write_str("clear fault"),
+                Command::ClearBreakaway => f.write_str("clear breakaway"),
+            },
+            Self::Set(rows) => {
+                let words: Vec<_> =
+                    rows.iter().map(|(row, value)| format!("{} = {value}", row.name)).collect();
+                f.write_str(&words.join(", "))
+            }
+            Self::Disturbance(n_m) => write!(f, "disturbance {n_m} N·m"),
+            Self::Bus(v) => write!(f, "bus {v} V"),
+        }
+    }
+}
+
+/// What a metric must be.
+#[derive(Clone, Debug)]
+pub struct Expectation {
+    /// Which.
+    pub metric: &'static Metric,
+    /// What it must be.
+    pub want: Want,
+}
+
+/// The wanted value of a metric.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Want {
+    /// A number within both ends.
+    Within(f64, f64),
+    /// A word.
+    Word(String),
+}
+
+/// What became of an expectation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    /// The metric, with the motor before it where a scenario has several.
+    pub name: String,
+    /// Whether it was met.
+    pub ok: bool,
+    /// What it was.
+    pub value: Value,
+    /// What was wanted, in words.
+    pub want: String,
+}
+
+impl Expectation {
+    /// Judges a run; an absent value meets no number.
+    #[must_use]
+    pub fn judge(&self, metrics: &Metrics) -> Verdict {
+        let value = (self.metric.get)(metrics);
+        let ok = match (&self.want, &value) {
+            (Want::Within(min, max), Value::Number(value)) => value >= min && value <= max,
+            (Want::Word(word), Value::Text(text)) => word == text,
+            _ => false,
+        };
+        Verdict { name: self.metric.name.to_owned(), ok, value, want: self.want.to_string() }
+    }
+}
+
+impl std::fmt::Display for Want {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Within(min, max) if min == max => write!(f, "{min}"),
+            Self::Within(min, max) if *max == f64::INFINITY => write!(f, "at least {min}"),
+            Self::Within(min, max) if *min == f64::NEG_INFINITY => write!(f, "at most {max}"),
+            Self::Within(min, max) => write!(f, "{min} to {max}"),
+            Self::Word(word) => f.write_str(word),
+        }
+    }
+}
+
+/// The name of a kind of motor.
+#[must_use]
+pub fn motor_name(kind: MotorKind) -> &'static str {
+    match kind {
+        MotorKind::Link => "link",
+        MotorKind::Spread => "spread",
+        MotorKind::Tip => "tip",
+    }
+}
+
+impl Scenario {
+    /// A shipped scenario by name, or else the TOML file at this path.
+    ///
+    /// # Errors
+    /// No such scenario or file, or a file that no run can be made of.
+    pub fn find(name: &str) -> Result<Self, BadInput> {
+        if let Some(shipped) = SHIPPED.iter().find(|shipped| shipped.name == name) {
+            let parsed = Self::parse(shipped.file, shipped.text)?;
+            return Ok(Self { arguments: name.to_owned(), ..parsed });
+        }
+        let path = Path::new(name);
+        let io_error = |problem: &str, found: String| BadInput {
+            place: name.to_owned(),
+            problem: problem.to_owned(),
+            found,
+            expected: "the name of a shipped scenario, or a TOML file".to_owned(),
+            next: match error::closest(name, SHIPPED.iter().map(|shipped| shipped.name)) {
+                Some(like) => format!("did you mean {like}? `hil-sim list` names all that are shipped"),
+                None => "`hil-sim list` names those shipped; check the path of a file".to_owned(),
+            },
+        };
+        let meta = path
+            .metadata()
+            .map_err(|e| io_error("no scenario and no file of this name can be read", e.to_string()))?;
+        if !meta.is_file() {
+            return Err(io_error("this is not a file", "a directory or a device".to_owned()));
+        }
+        if meta.len() > MAX_FILE_BYTES {
+            return Err(io_error("too large for a scenario", format!("{} bytes", meta.len())));
+        }
+        let bytes = std::fs::read(path).map_err(|e| io_error("cannot be read", e.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|e| {
+            let at = e.utf8_error().valid_up_to();
+            io_error("this is not text", format!("a byte that is not UTF-8 at offset {at}"))
+        })?;
+        Self::parse(name, &text)
+    }
+
+    /// The scenario in `text`; `file` is what errors call it.
+    ///
+    /// # Errors
+    /// What is wrong, with the line.
+    pub fn parse(file: &str, text: &str) -> Result<Self, BadInput> {
+        read::scenario(error::Source { file, text })
+    }
+
+    /// Sets a property of every motor from `NAME=VALUE`, as `--set` gives it.
+    ///
+    /// # Errors
+    /// Not of that form, no such property, or a value out of range.
+    pub fn set(&mut self, assignment: &str) -> Result<(), BadInput> {
+        let bad = |problem: &str, found: &str, expected: String| BadInput {
+            place: format!("--set {}", error::shorten(assignment)),
+            problem: problem.to_owned(),
+            found: error::shorten(found),
+            expected,
+            next: "give --set PROPERTY=VALUE, for example --set KP=120".to_owned(),
+        };
+        let Some((name, value)) = assignment.split_once('=') else {
+            return Err(bad("no = in it", assignment, "PROPERTY=VALUE".to_owned()));
+        };
+        let value: i64 = value
+            .trim()
+            .parse()
+            .map_err(|_| bad("the value is not a whole number", assignment, "a whole number".to_owned()))?;
+        for case in &mut self.cases {
+            properties::set(&mut case.config, name.trim(), value).map_err(|e| match &e {
+                PropertyError::Unknown { .. } => bad("no property has this name", &e.found(), e.expected()),
+                PropertyError::Range { .. } => bad("the value is out of range", &e.found(), e.expected()),
+            })?;
+        }
+        self.arguments.push_str(&format!(" --set {}={value}", name.trim().to_uppercase()));
+        Ok(())
+    }
+}

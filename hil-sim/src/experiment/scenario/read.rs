@@ -1,0 +1,260 @@
+//! A scenario file's text → a [`Scenario`]: the checks that need more than one field, or the plant.
+
+use servo_core::units::{CountsPerSec, Torque};
+use servo_core::{Command, Config, MotorKind};
+use toml::Spanned;
+
+use super::{Action, Case, Expectation, Initial, Scenario, Timed, Want, file};
+use crate::experiment::input::{self as error, BadInput, Source};
+use crate::experiment::metrics;
+use crate::experiment::properties::{self, Property};
+use crate::world::plant::{Model, ParamError, PlantParams};
+use crate::world::rig::{Object, Rig, RigParams};
+
+/// The whole file.
+pub(super) fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
+    let parsed: file::File = toml::from_str(source.text).map_err(|e| source.reader_error(&e))?;
+    let mut cases = Vec::new();
+    for motor in &parsed.motor.0 {
+        let mut config = Config::for_motor(*motor);
+        for (property, value) in settings(source, &parsed.set)? {
+            // Checked by `settings`: the range does not depend on the motor.
+            let _ = property.set(&mut config, value);
+        }
+        cases.push(Case { motor: *motor, plant: plant(source, *motor, &parsed.plant)?, config });
+    }
+    let rig = match &parsed.rig {
+        None => RigParams::default(),
+        Some(rig) => checked(source, rig, RigParams::validate)?,
+    };
+    let mut objects = Vec::new();
+    for object in &parsed.object {
+        // An object's ranges do not depend on the plant; any will do to check it.
+        let nominal = PlantParams::for_motor(MotorKind::Link);
+        objects.push(checked(source, object, |object| check_object(object, &nominal))?);
+    }
+    let duration_ms = parsed.duration_ms.get_ref().0;
+    let mut timeline = Vec::new();
+    for at in &parsed.at {
+        timeline.push(timed(source, at, duration_ms)?);
+    }
+    timeline.sort_by_key(|timed| timed.ms);
+    let initial = match &parsed.initial {
+        None => Initial::default(),
+        Some(initial) => initial.get_ref().into(),
+    };
+    for case in &cases {
+        if let Some(table) = &parsed.initial {
+            checked(source, table, |_| initial.check(&case.plant))?;
+        }
+    }
+    let expectations = parsed.expect.iter().map(|e| expectation(source, e)).collect::<Result<_, _>>()?;
+    Ok(Scenario {
+        name: parsed.name,
+        about: parsed.about,
+        arguments: source.file.to_owned(),
+        cases,
+        duration_ms,
+        scatter: parsed.scatter.0,
+        hall_scatter_deg: parsed.hall_scatter_deg.0,
+        rig,
+        initial,
+        objects,
+        timeline,
+        expectations,
+    })
+}
+
+/// A value of the file that the plant's own check accepts.
+fn checked<T: Clone>(
+    source: Source<'_>,
+    value: &Spanned<T>,
+    check: impl Fn(&T) -> Result<(), ParamError>,
+) -> Result<T, BadInput> {
+    match check(value.get_ref()) {
+        Ok(()) => Ok(value.get_ref().clone()),
+        Err(e) => {
+            let next = "correct it, or leave it out for the default";
+            let mut error =
+                source.error(value.span(), format!("{} is out of range", e.field), &e.expected, next);
+            error.found = format!("{} = {}", e.field, e.found);
+            Err(error)
+        }
+    }
+}
+
+/// Whether a rig takes an object.
+fn check_object(object: &Object, plant: &PlantParams) -> Result<(), ParamError> {
+    // Where the run starts is checked elsewhere; a stop is always a valid start.
+    let start = Initial { position_counts: plant.min_count, ..Initial::default() }.start(plant);
+    let rig = RigParams::default();
+    Rig::new(plant.clone(), rig, &[*object], Model::Averaged, start, 0).map(|_| ())
+}
+
+/// The nominal plant of a motor with the file's overrides.
+fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Result<PlantParams, BadInput> {
+    let nominal = PlantParams::for_motor(motor);
+    let Ok(mut table) = toml::Table::try_from(&nominal) else { return Ok(nominal) };
+    for (name, value) in overrides {
+        let Some(slot) = table.get_mut(name.get_ref().as_str()) else {
+            let known: Vec<String> = table.keys().map(|key| format!("`{key}`")).collect();
+            let known = known.join(", ");
+            let next = error::suggestion(name.get_ref(), &known);
+            return Err(source.error(name.span(), format!("[plant] has no {}", name.get_ref()), known, next));
+        };
+        let number = value.get_ref().0;
+        let whole = number == number.trunc();
+        *slot = match slot {
+            toml::Value::Integer(_) if whole => toml::Value::Integer(number as i64),
+            toml::Value::Integer(_) => {
+                let problem = format!("[plant] {} is not a whole number", name.get_ref());
+                return Err(source.error(name.span(), problem, "a whole number", "round it"));
+            }
+            _ => toml::Value::Float(number),
+        };
+    }
+    // Every value has the type of the one it replaces; what may still not fit is an integer's range.
+    let plant: PlantParams = table.try_into().map_err(|e: toml::de::Error| {
+        let span = overrides.keys().next().map_or(0..0, Spanned::span);
+        source.error(span, format!("[plant]: {}", e.message()), "numbers in their ranges", "correct it")
+    })?;
+    plant.validate().map_err(|e| {
+        let named = |(name, _): &(&Spanned<String>, _)| name.get_ref() == e.field;
+        let span = overrides.iter().find(named).map_or(0..0, |(name, _)| name.span());
+        let next = "correct it, or leave it out for the default";
+        source.error(span, format!("[plant] {} is out of range", e.field), &e.expected, next)
+    })?;
+    Ok(plant)
+}
+
+/// Properties by name, each once, in range.
+fn settings(source: Source<'_>, set: &file::Settings) -> Result<Vec<(&'static Property, i64)>, BadInput> {
+    let mut rows: Vec<(&'static Property, i64)> = Vec::new();
+    for (name, value) in set {
+        let fail = |problem: String, expected: String, next: &str| {
+            Err(source.error(name.span(), problem, expected, next))
+        };
+        let Some(property) = properties::find(name.get_ref()) else {
+            let expected = format!("one of {}", properties::names());
+            return fail(format!("{} is not a property", name.get_ref()), expected, "use one of those");
+        };
+        if rows.iter().any(|(row, _)| row.name == property.name) {
+            let problem = format!("{} is set twice (case does not matter)", property.name);
+            return fail(problem, "each property once".to_owned(), "remove one of the two");
+        }
+        let value = *value.get_ref();
+        let mut scratch = Config::for_motor(MotorKind::Link);
+        if let Err(e) = property.set(&mut scratch, value) {
+            let problem = format!("{} = {value} is out of range", property.name);
+            return fail(problem, e.expected(), "choose a value in the range");
+        }
+        rows.push((property, value));
+    }
+    Ok(rows)
+}
+
+/// One `[[at]]` table: a time and exactly one action.
+fn timed(source: Source<'_>, at: &Spanned<file::At>, duration_ms: u32) -> Result<Timed, BadInput> {
+    let file::At { ms, .. } = *at.get_ref();
+    let fail = |problem: &str, found: String, expected: String, next: &str| {
+        Err(BadInput { found, ..source.error(at.span(), problem, expected, next) })
+    };
+    if ms >= duration_ms {
+        return fail(
+            "[[at]] ms is not before the end of the run",
+            format!("ms = {ms}"),
+            format!("0 to {}", duration_ms.saturating_sub(1)),
+            "make duration_ms longer or the command earlier",
+        );
+    }
+    let mut actions = actions(source, at.get_ref())?;
+    match (actions.pop(), actions.len()) {
+        (Some(action), 0) => Ok(Timed { ms, action }),
+        (found, more) => fail(
+            "[[at]] needs one command",
+            format!("{} commands at ms = {ms}", more + usize::from(found.is_some())),
+            "one command beside ms: move, end, position, mode, torque, velocity, torque_close, torque_open, home, \
+             abort, terminate, clear_fault, set, disturbance_n_m or bus_v"
+                .to_owned(),
+            "write one [[at]] for each command; equal times keep their order",
+        ),
+    }
+}
+
+/// All actions in an `[[at]]` table.
+fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
+    let set = at.set.as_ref().map(|set| settings(source, set)).transpose()?;
+    let commands = [
+        at.r#move.as_ref().map(|e| Command::Move(e.0)),
+        at.end.as_ref().map(|e| Command::End(e.0)),
+        at.position.as_ref().map(|p| Command::Position(p.0)),
+        at.mode.as_ref().map(|mode| Command::Mode(mode.0)),
+        at.torque.as_ref().map(|t| Command::Torque(Torque(t.0))),
+        at.velocity.as_ref().map(|v| Command::Velocity(CountsPerSec::from_int(v.0))),
+        at.torque_close.as_ref().map(|_| Command::TorqueControlled { closing: true }),
+        at.torque_open.as_ref().map(|_| Command::TorqueControlled { closing: false }),
+        at.home.as_ref().map(|_| Command::Home),
+        at.abort.as_ref().map(|_| Command::Abort),
+        at.terminate.as_ref().map(|_| Command::Terminate),
+        at.clear_fault.as_ref().map(|_| Command::ClearFault),
+    ];
+    let commands = commands.into_iter().flatten().map(Action::Command);
+    let others = [
+        set.map(Action::Set),
+        at.disturbance_n_m.map(|n_m| Action::Disturbance(n_m.0)),
+        at.bus_v.map(|v| Action::Bus(v.0)),
+    ];
+    Ok(commands.chain(others.into_iter().flatten()).collect())
+}
+
+/// One `[[expect]]` table.
+fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Expectation, BadInput> {
+    let file::Expect { metric: name, min, max, equals, tolerance } = expect.get_ref();
+    let short = error::shorten(name);
+    let fail = |problem: &str, found: String, expected: &str, next: &str| {
+        let problem = format!("[[expect]] {short} {problem}");
+        Err(BadInput { found, ..source.error(expect.span(), problem, expected, next) })
+    };
+    let named = format!("metric = \"{short}\"");
+    let Some(metric) = metrics::find(name) else {
+        let known = metrics::METRICS.map(|metric| metric.name);
+        return fail("is not a metric", named, &known.join(", "), &did_you_mean(name, &known));
+    };
+    let want = match (metric.is_word(), equals, min, max, tolerance) {
+        (true, Some(file::Wanted::Text(word)), None, None, None) => {
+            if !metric.can_be(word) {
+                let found = format!("equals = \"{}\"", error::shorten(word));
+                let next = did_you_mean(word, metric.words);
+                return fail("is never that", found, &metric.words.join(", "), &next);
+            }
+            Want::Word(word.clone())
+        }
+        (false, Some(file::Wanted::Number(value)), None, None, tolerance) => {
+            let tolerance = tolerance.map_or(0.0, |t| t.0);
+            Want::Within(value - tolerance, value + tolerance)
+        }
+        (false, None, min, max, None) if min.is_some() || max.is_some() => {
+            Want::Within(min.map_or(f64::NEG_INFINITY, |n| n.0), max.map_or(f64::INFINITY, |n| n.0))
+        }
+        (true, ..) => {
+            return fail("is a word", named, "equals = \"...\"", "use equals and nothing else");
+        }
+        (false, ..) => {
+            let expected = "min, max or both; or equals = number, with a tolerance or without";
+            let problem = "has no number to compare with, or too many";
+            return fail(problem, named, expected, "add or remove one of those");
+        }
+    };
+    if matches!(want, Want::Within(min, max) if min > max) {
+        return fail("has its min above its max", named, "min at most max", "exchange them");
+    }
+    Ok(Expectation { metric, want })
+}
+
+/// The next step for a word that is none of those known.
+fn did_you_mean(word: &str, known: &[&str]) -> String {
+    match error::closest(word, known.iter().copied()) {
+        Some(like) => format!("did you mean {like}?"),
+        None => "use one of those".to_owned(),
+    }
+}

@@ -1,0 +1,12 @@
+//! How the program meets its user and other programs: arguments, sockets, terminals and output files.
+//!
+//! Imports both floors below. Real time is passed in: only `main.rs` reads the clock.
+
+pub mod cli;
+mod gcl;
+pub mod grasper;
+mod keep;
+mod output;
+mod serve;
+pub mod slcan;
+mod talk;

@@ -1,0 +1,219 @@
+//! The command line of `hil-sim`: arguments in, files and text out.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::{Parser, Subcommand, ValueEnum};
+
+use super::gcl::{self, GclArgs};
+use super::output::{print, replace, tell};
+use super::serve::{self, BusArgs, HandArgs};
+use super::talk::{self, GrasperArgs};
+use crate::experiment::input::BadInput;
+use crate::experiment::replay::{Replayed, replay};
+use crate::experiment::report;
+use crate::experiment::run::{Options, Outcome, run as simulate};
+use crate::experiment::scenario::{SHIPPED, Scenario};
+use crate::experiment::trace::{Trace, write_csv};
+use crate::world::plant::Model;
+
+/// Simulates the servo of a robot hand's motor board in closed loop with its motor.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    #[command(subcommand)]
+    command: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Run a scenario and judge it. Exit code 1 if an expectation fails, 2 for bad input.
+    Run(RunArgs),
+    /// Name the scenarios that are shipped.
+    List,
+    /// Serve boards on a CAN bus in real time, for CAN tools. Ends with ^C.
+    Bus(BusArgs),
+    /// Serve a whole hand in real time, for its hosts. Ends with ^C.
+    Hand(HandArgs),
+    /// Type Grasper Control Language at a whole hand, in simulated time. Exit code 1 if a line comes to an error.
+    Gcl(GclArgs),
+    /// The console of the manual's walk-through, for a hand that is served: standard input goes to it, M, C and O ask what they need.
+    /// Exit code 1 if a line comes to an error.
+    Grasper(GrasperArgs),
+    /// Feed a recording of hall lines through the servo's decoder and estimator.
+    ReplayHalls(ReplayArgs),
+}
+
+#[derive(clap::Args)]
+struct ReplayArgs {
+    /// Three bytes a sample, 0x5A and the hall code in two, little-endian; may be gzipped.
+    capture: PathBuf,
+    /// Hall counts a motor revolution.
+    #[arg(long, default_value_t = 90)]
+    counts_per_rev: u32,
+    /// Samples a second.
+    #[arg(long, default_value_t = 30_000)]
+    rate_hz: u32,
+    /// Where to write one `position,velocity` line a sample, in counts and counts/s.
+    #[arg(long, value_name = "OUT")]
+    csv: PathBuf,
+}
+
+#[derive(clap::Args)]
+struct RunArgs {
+    /// A shipped scenario (see `hil-sim list`) or a TOML file.
+    scenario: String,
+    /// Set a property of the servo, such as KP=120; may be given again.
+    #[arg(long, value_name = "PROPERTY=VALUE")]
+    set: Vec<String>,
+    /// Write trace.csv and report.html into this directory.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object and nothing else.
+    #[arg(long)]
+    json: bool,
+    /// Seed of noise and scatter.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// How the inverter is computed.
+    #[arg(long, value_enum, default_value_t = ModelName::Averaged)]
+    model: ModelName,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ModelName {
+    /// Means over the PWM period.
+    Averaged,
+    /// Every switching instant.
+    Switched,
+}
+
+/// Real time since the program started.
+pub type Clock<'a> = &'a dyn Fn() -> Duration;
+
+/// Runs the program on the arguments of the process. Returns its exit code: 1 if an expectation failed or a line came to an
+/// error, 2 for bad input.
+pub fn run(clock: Clock) -> ExitCode {
+    // 64 bits of microseconds do not end; a service does not either.
+    let mut clock_us = || u64::try_from(clock().as_micros()).ok();
+    let done = match Args::parse().command {
+        Task::Run(args) => run_scenario(&args, clock),
+        Task::List => print(&list()).map(|()| true).map_err(Into::into),
+        Task::Bus(args) => serve::bus(&args, &mut clock_us).map(|()| true),
+        Task::Hand(args) => serve::hand(&args, &mut clock_us).map(|()| true),
+        Task::Gcl(args) => gcl::gcl(&args, clock),
+        Task::Grasper(args) => talk::grasper(&args),
+        Task::ReplayHalls(args) => replay_halls(&args),
+    };
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(bad) => {
+            tell(&format!("error: {bad}"));
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn list() -> String {
+    let mut text = String::new();
+    for shipped in SHIPPED {
+        let about = Scenario::parse(shipped.file, shipped.text).map(|s| s.about).unwrap_or_default();
+        text.push_str(&format!("{:<24} {about}\n", shipped.name));
+    }
+    text
+}
+
+/// Returns whether all expectations were met.
+fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
+    let mut scenario = Scenario::find(&args.scenario)?;
+    for assignment in &args.set {
+        scenario.set(assignment)?;
+    }
+    let model = match args.model {
+        ModelName::Averaged => Model::Averaged,
+        ModelName::Switched => Model::Switched,
+    };
+    let options = Options { seed: args.seed, model, trace: args.out.is_some() };
+    let spinner = spinner(&scenario);
+    let begun = clock();
+    let outcome = simulate(&scenario, &options).map_err(|e| BadInput {
+        place: args.scenario.clone(),
+        problem: format!("{} is out of range", e.field),
+        found: e.found.to_string(),
+        expected: e.expected.clone(),
+        next: "correct the scenario".to_owned(),
+    })?;
+    let wall_s = (clock() - begun).as_secs_f64();
+    if let Some(spinner) = spinner {
+        spinner.finish_and_clear();
+    }
+    if let Some(dir) = &args.out {
+        write_files(dir, &scenario, &outcome)?;
+    }
+    if args.json {
+        print(&format!("{}\n", report::json(&outcome, wall_s)))?;
+    } else {
+        print(&report::text(&outcome, wall_s))?;
+        if let Some(dir) = &args.out {
+            print(&format!(
+                "\n{}\n{}\n",
+                dir.join("report.html").display(),
+                dir.join("trace.csv").display()
+            ))?;
+        }
+    }
+    Ok(outcome.passed())
+}
+
+/// A sign of life for runs that may take seconds; on a terminal only.
+fn spinner(scenario: &Scenario) -> Option<indicatif::ProgressBar> {
+    let total_ms = u64::from(scenario.duration_ms) * scenario.cases.len() as u64;
+    // At 100 times real time (the switched model) this is a second.
+    if total_ms < 100_000 {
+        return None;
+    }
+    let spinner = indicatif::ProgressBar::new_spinner();
+    spinner.set_message(format!("simulating {} s", total_ms / 1000));
+    spinner.enable_steady_tick(Duration::from_millis(100));
+    Some(spinner)
+}
+
+fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(), BadInput> {
+    let failed = |path: &Path, e: std::io::Error| BadInput {
+        place: format!("--out {}", dir.display()),
+        problem: format!("{} cannot be written", path.display()),
+        found: e.to_string(),
+        expected: "a directory that can be made and written to".to_owned(),
+        next: "choose another directory or free space".to_owned(),
+    };
+    std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
+    let traces: Vec<Trace> = outcome.runs.iter().filter_map(|run| run.trace.clone()).collect();
+    let mut csv = Vec::new();
+    let csv_path = dir.join("trace.csv");
+    write_csv(&mut csv, &traces).map_err(|e| failed(&csv_path, e))?;
+    replace(&csv_path, &csv).map_err(|e| failed(&csv_path, e))?;
+    let html_path = dir.join("report.html");
+    replace(&html_path, report::html(scenario, outcome).as_bytes()).map_err(|e| failed(&html_path, e))
+}
+
+fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
+    let mut csv = Vec::new();
+    let Replayed { samples, bad } = replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
+    replace(&args.csv, &csv).map_err(|e| BadInput {
+        place: format!("--csv {}", args.csv.display()),
+        problem: "cannot be written".to_owned(),
+        found: e.to_string(),
+        expected: "a file in a directory that exists".to_owned(),
+        next: "choose another path or free space".to_owned(),
+    })?;
+    if bad > 0 {
+        let capture = args.capture.display();
+        tell(&format!(
+            "warning: {capture}: {bad} of {samples} samples do not begin with 0x5A; their codes were taken"
+        ));
+    }
+    Ok(true)
+}

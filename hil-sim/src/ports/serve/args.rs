@@ -1,0 +1,119 @@
+//! Which boards are on the bus, and who is the host.
+
+use crate::experiment::input::BadInput;
+use crate::world::board::SimBoard;
+use crate::world::node::Node;
+use crate::world::plant::Model;
+use tater_wire::Node as Id;
+
+use super::bad;
+
+/// The hand has seven motors.
+const NODES: std::ops::RangeInclusive<u8> = 1..=7;
+
+/// The arguments of `hil-sim bus`.
+#[derive(clap::Args)]
+pub struct BusArgs {
+    /// A board on the bus: 1 to 3 links, 4 the spread, 5 to 7 tips.
+    #[arg(long, value_name = "N")]
+    node: Option<String>,
+    /// Several, such as 1-7 or 1,4,5.
+    #[arg(long, value_name = "LIST")]
+    nodes: Option<String>,
+    /// Serve SLCAN over TCP here; port 0 picks one. The first line of output says `slcan HOST:PORT`.
+    #[arg(long, value_name = "HOST:PORT")]
+    slcan: Option<String>,
+    /// Be on a CAN interface of Linux, such as vcan0.
+    #[arg(long, value_name = "IFACE")]
+    can: Option<String>,
+    /// Seed of the sensors' noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// Where the host is.
+pub enum Place<'a> {
+    /// A TCP client that comes to this address.
+    Slcan(&'a str),
+    /// A CAN interface.
+    Can(&'a str),
+}
+
+impl BusArgs {
+    /// Where the host is.
+    ///
+    /// # Errors
+    /// No boards are named, or not one host.
+    pub fn host(&self) -> Result<Place<'_>, BadInput> {
+        let boards = self.node.is_some() || self.nodes.is_some();
+        let (add_boards, add_host) = ("--node 4 or --nodes 1-7", "--slcan 127.0.0.1:0 or --can vcan0");
+        let (found, next) = match (boards, &self.slcan, &self.can) {
+            (true, Some(address), None) => return Ok(Place::Slcan(address)),
+            (true, None, Some(interface)) => return Ok(Place::Can(interface)),
+            (_, Some(_), Some(_)) => {
+                ("two hosts", "leave --slcan or --can out: each host would be node 0".to_owned())
+            }
+            (true, None, None) => ("no host", format!("add {add_host}")),
+            (false, None, None) => ("no boards and no host", format!("add {add_boards}, and {add_host}")),
+            (false, ..) => ("no boards", format!("add {add_boards}")),
+        };
+        let expected = "boards (--node or --nodes) and one host (--slcan or --can)";
+        Err(bad("hil-sim bus".to_owned(), found, expected, &next))
+    }
+
+    /// The boards, with their default plants, at power-up.
+    ///
+    /// # Errors
+    /// A list that cannot be read.
+    pub fn boards(&self) -> Result<Vec<Node>, BadInput> {
+        let mut ids = Vec::new();
+        for (option, list) in [("--node", &self.node), ("--nodes", &self.nodes)] {
+            if let Some(list) = list {
+                ids.extend(parse(list).ok_or_else(|| {
+                    bad(
+                        format!("{option} {list}"),
+                        list,
+                        "nodes from 1 to 7, such as 4 or 1-7 or 1,4,5",
+                        "name the boards that are to be on the bus",
+                    )
+                })?);
+            }
+        }
+        ids.sort_unstable();
+        ids.dedup();
+        let board = |id: u8| {
+            let id = Id::new(id).unwrap_or(Id::HOST);
+            Node::new(SimBoard::standard(id, Model::Averaged, self.seed ^ u64::from(id.number())))
+        };
+        Ok(ids.into_iter().map(board).collect())
+    }
+}
+
+fn parse(list: &str) -> Option<Vec<u8>> {
+    let mut ids = Vec::new();
+    for part in list.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let number = |text: &str| text.trim().parse::<u8>().ok().filter(|id| NODES.contains(id));
+        let (first, last) = (number(first)?, number(last)?);
+        if first > last {
+            return None;
+        }
+        ids.extend(first..=last);
+    }
+    Some(ids)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_read_or_refused() {
+        assert_eq!(parse("4"), Some(vec![4]));
+        assert_eq!(parse("1-7"), Some((1..=7).collect()));
+        assert_eq!(parse("1, 4-5"), Some(vec![1, 4, 5]));
+        for list in ["", "0", "8", "5-4", "1-", "-", "a", "1,,2", "1-3-5", "256", "+"] {
+            assert_eq!(parse(list), None, "{list}");
+        }
+    }
+}

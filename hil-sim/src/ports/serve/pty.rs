@@ -1,0 +1,98 @@
+//! A pseudo-terminal as the hand's serial port: programs open it as they do a real one.
+
+#[cfg(unix)]
+pub use unix::open;
+
+#[cfg(unix)]
+mod unix {
+    use std::fs::File;
+    use std::io::{self, Read, Write};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::thread;
+    use std::time::Duration;
+
+    use crate::experiment::input::BadInput;
+    use rustix::fs::{Mode, OFlags};
+    use rustix::io::Errno;
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
+
+    use super::super::bad;
+    use super::super::link::Port;
+
+    /// From one look whether somebody has opened it to the next.
+    const LOOK: Duration = Duration::from_millis(20);
+
+    /// The terminal's other side.
+    struct Pty {
+        file: File,
+        /// Where hosts open it.
+        path: String,
+        /// Somebody has it open.
+        is_open: AtomicBool,
+    }
+
+    /// Makes one, and says where programs find it.
+    ///
+    /// # Errors
+    /// The system gives none.
+    pub fn open() -> Result<(Arc<dyn Port>, String), BadInput> {
+        let failed = |error: Errno| {
+            let next = "use --listen";
+            bad("--pty".to_owned(), &error.to_string(), "a pseudo-terminal of the system", next)
+        };
+        let owner = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).map_err(failed)?;
+        grantpt(&owner).and_then(|()| unlockpt(&owner)).map_err(failed)?;
+        let path = ptsname(&owner, Vec::new()).map_err(failed)?.to_string_lossy().into_owned();
+        // No echo and no ends of lines of its own, before anybody opens it.
+        let mut termios = tcgetattr(&owner).map_err(failed)?;
+        termios.make_raw();
+        tcsetattr(&owner, OptionalActions::Now, &termios).map_err(failed)?;
+        let (file, is_open) = (owner.into(), AtomicBool::new(false));
+        Ok((Arc::new(Pty { file, path: path.clone(), is_open }), path))
+    }
+
+    impl Port for Pty {
+        fn read(&self, bytes: &mut [u8]) -> io::Result<usize> {
+            loop {
+                let mut file = &self.file;
+                match Read::read(&mut file, bytes) {
+                    // Nobody has it open any more, or not yet.
+                    Err(error) if Errno::from_io_error(&error) == Some(Errno::IO) => {
+                        if self.is_open.swap(false, Ordering::Relaxed) {
+                            return Ok(0);
+                        }
+                        thread::park_timeout(LOOK);
+                    }
+                    Ok(len) => {
+                        self.is_open.store(true, Ordering::Relaxed);
+                        return Ok(len);
+                    }
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+
+        fn write(&self, bytes: &[u8]) -> io::Result<()> {
+            let mut file = &self.file;
+            file.write_all(bytes)
+        }
+
+        fn close(&self) {
+            // From the hosts' side: what the next one has written already is not touched. A writer that waits for room has it then.
+            let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+            let _ = rustix::fs::open(&*self.path, flags, Mode::empty())
+                .and_then(|hosts| tcflush(hosts, QueueSelector::IFlush));
+        }
+    }
+}
+
+/// There is none.
+///
+/// # Errors
+/// Always.
+#[cfg(not(unix))]
+pub fn open() -> Result<(std::sync::Arc<dyn super::link::Port>, String), crate::experiment::input::BadInput> {
+    Err(super::bad("--pty".to_owned(), "not Unix", "a system with pseudo-terminals", "use --listen"))
+}

@@ -1,0 +1,159 @@
+//! Lawicel SLCAN, the text protocol of serial CAN adapters (CAN232/CANUSB manuals, Lawicel AB), from the adapter's side and
+//! without I/O: bytes in, frames and answers out. CR answers what was done, BEL what was refused.
+//!
+//! The simulated bus runs at 1 Mbit/s and carries data frames with 11-bit identifiers, so other bit rates (S0 to S7, other
+//! `s` registers), extended and remote frames (T, R, r) and acceptance masks that would hide something (m) are refused
+//! with BEL and change nothing: a tool that tries other rates first, or ignores the answer, is served at 1 Mbit/s. Frames
+//! come by themselves, as after X1; there is nothing to poll.
+
+use tater_wire::Frame;
+
+use crate::world::bus::Stamped;
+
+/// Characters kept of a line: one more than the longest command that is taken, a `t` with eight bytes, so that a longer
+/// line is refused like any other that is no command.
+const LONGEST: usize = 1 + 3 + 1 + 16 + 1;
+
+const CR: u8 = b'\r';
+const BEL: u8 = 7;
+
+/// The time-stamp wraps after a minute (CAN232 manual: 0 to 0xEA5F ms).
+const STAMP_MS: u64 = 60_000;
+
+/// Whether the channel is open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Channel {
+    #[default]
+    Closed,
+    /// Sends and receives.
+    Open,
+    /// Receives.
+    Listening,
+}
+
+/// An adapter's state.
+#[derive(Clone, Debug, Default)]
+pub struct Slcan {
+    line: Vec<u8>,
+    channel: Channel,
+    stamps: bool,
+    /// An open channel only receives.
+    only_listens: bool,
+}
+
+impl Slcan {
+    /// An adapter on a bus that has its host already: it is opened like any other, and sends nothing (BEL to `t`).
+    #[must_use]
+    pub fn listener() -> Self {
+        Self { only_listens: true, ..Self::default() }
+    }
+
+    /// The next byte from the host. Its answer, if it ends a command, is appended to `out`; the frame that it wants to
+    /// send is returned. LF is skipped: some tools end lines with both.
+    pub fn push(&mut self, byte: u8, out: &mut Vec<u8>) -> Option<Frame> {
+        match byte {
+            CR => {
+                let line = std::mem::take(&mut self.line);
+                let frame = self.command(&line, out);
+                // Keeps the allocation.
+                self.line = line;
+                self.line.clear();
+                return frame;
+            }
+            b'\n' => {}
+            _ if self.line.len() < LONGEST => self.line.push(byte),
+            _ => {}
+        }
+        None
+    }
+
+    /// A frame from the bus, as the host is told it; nothing while the channel is closed.
+    pub fn frame(&self, stamped: &Stamped, out: &mut Vec<u8>) {
+        if self.channel == Channel::Closed {
+            return;
+        }
+        let data = stamped.frame.data();
+        out.extend(format!("t{:03X}{}", stamped.frame.raw_id(), data.len()).bytes());
+        data.iter().for_each(|byte| out.extend(format!("{byte:02X}").bytes()));
+        if self.stamps {
+            out.extend(format!("{:04X}", stamped.at_us / 1000 % STAMP_MS).bytes());
+        }
+        out.push(CR);
+    }
+
+    fn command(&mut self, line: &[u8], out: &mut Vec<u8>) -> Option<Frame> {
+        let closed = self.channel == Channel::Closed;
+        let answer: Option<&str> = match *line {
+            // An empty line clears what an earlier program left; python-can sends one as its data bit rate.
+            [] => Some(""),
+            [b'S', b'8'] if closed => Some(""),
+            [b's', ref registers @ ..] if closed && is_1_mbit(registers) => Some(""),
+            [b'O'] if closed => {
+                self.channel = if self.only_listens { Channel::Listening } else { Channel::Open };
+                Some("")
+            }
+            [b'L'] if closed => {
+                self.channel = Channel::Listening;
+                Some("")
+            }
+            [b'C'] if !closed => {
+                self.channel = Channel::Closed;
+                Some("")
+            }
+            [b't', ref frame @ ..] if self.channel == Channel::Open => {
+                let frame = parse(frame);
+                out.extend(if frame.is_some() { &b"z\r"[..] } else { &[BEL] });
+                return frame;
+            }
+            // No full queue, no error: whatever was sent will go out.
+            [b'F'] if !closed => Some("F00"),
+            [b'V'] => Some("V0100"),
+            [b'N'] => Some("NTATR"),
+            [b'Z', on @ (b'0' | b'1')] if closed => {
+                self.stamps = on == b'1';
+                Some("")
+            }
+            // A code does nothing while the mask says that no bit of it matters.
+            [b'M', ref code @ ..] if closed && code.len() == 8 && hex(code).is_some() => Some(""),
+            [b'm', ref mask @ ..] if closed && mask.len() == 8 && hex(mask) == Some(0xFFFF_FFFF) => Some(""),
+            [b'X', b'0' | b'1'] if closed => Some(""),
+            _ => None,
+        };
+        match answer {
+            Some(text) => {
+                out.extend(text.bytes());
+                out.push(CR);
+            }
+            None => out.push(BEL),
+        }
+        None
+    }
+}
+
+/// The value of up to eight hexadecimal digits.
+fn hex(digits: &[u8]) -> Option<u32> {
+    let digit = |value: u32, byte: &u8| Some(value << 4 | char::from(*byte).to_digit(16)?);
+    if digits.len() > 8 { None } else { digits.iter().try_fold(0, digit) }
+}
+
+/// `iiildd...`: identifier, length, data; no more and no less.
+fn parse(text: &[u8]) -> Option<Frame> {
+    let (id, rest) = text.split_at_checked(3)?;
+    let (len, rest) = rest.split_first()?;
+    let len = usize::try_from(char::from(*len).to_digit(10)?).ok()?;
+    if rest.len() != 2 * len {
+        return None;
+    }
+    let data: Option<Vec<u8>> = rest.chunks(2).map(|pair| u8::try_from(hex(pair)?).ok()).collect();
+    Frame::from_raw(u16::try_from(hex(id)?).ok()?, &data?)
+}
+
+/// Whether BTR0 and BTR1 of an SJA1000 at 16 MHz, as four digits, make 1 Mbit/s: eight quanta of 125 ns.
+fn is_1_mbit(registers: &[u8]) -> bool {
+    let Some(value) = hex(registers).filter(|_| registers.len() == 4) else { return false };
+    let (prescaler, first, second) = ((value >> 8 & 0x3F) + 1, (value & 0xF) + 1, (value >> 4 & 7) + 1);
+    prescaler * (1 + first + second) == 8
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,241 @@
+//! The hardware of one motor board, simulated: the rig in place of the pins, a flash, a CAN controller's mailboxes.
+//! It decides nothing; what a board does is [`tater_fw`]'s.
+
+use servo_core::sense::commutation::Bridge;
+use tater_fw::{Analog, Board};
+use tater_wire::property::Kind;
+use tater_wire::{Destination, FaultCode, Frame, Group, Node};
+
+use crate::world::plant::{Heat, Model, ParamError, PlantParams, Start};
+use crate::world::rig::flash::SimFlash;
+use crate::world::rig::{Object, Rig, RigParams};
+
+/// Transmit mailboxes of the CAN controller (bxCAN).
+const MAILBOXES: usize = 3;
+
+/// Filters that let nothing through but group 0.
+const DEAF: (Node, [Option<Group>; 3]) = (Node::HOST, [None; 3]);
+
+/// One board's hardware and its plant.
+#[derive(Clone, Debug)]
+pub struct SimBoard {
+    rig: Rig,
+    flash: SimFlash,
+    straps: Node,
+    reset_cause: Option<FaultCode>,
+    /// What the filters of the CAN controller let through besides group 0.
+    listens: (Node, [Option<Group>; 3]),
+    bridge: Bridge,
+    driven_since_us: Option<u64>,
+    brake_released: bool,
+    analog: Analog,
+    mailboxes: Vec<Frame>,
+    resets: u32,
+    feeds: u32,
+}
+
+impl SimBoard {
+    /// Hardware with an erased flash, whose straps say `straps`.
+    #[must_use]
+    pub fn new(mut rig: Rig, straps: Node) -> Self {
+        Self {
+            analog: rig.analog(),
+            rig,
+            flash: SimFlash::default(),
+            straps,
+            reset_cause: None,
+            listens: DEAF,
+            bridge: Bridge::Off,
+            driven_since_us: None,
+            brake_released: false,
+            mailboxes: Vec::new(),
+            resets: 0,
+            feeds: 0,
+        }
+    }
+
+    /// The hand's board of that node with its motor's default plant, at position 0 and 25 °C.
+    #[must_use]
+    pub fn standard(node: Node, model: Model, seed: u64) -> Self {
+        Self::standing_at(0.0, node, model, seed).expect("the defaults are in range")
+    }
+
+    /// The same at another position, hall counts.
+    ///
+    /// # Errors
+    /// It is beyond the stops.
+    pub fn standing_at(count: f64, node: Node, model: Model, seed: u64) -> Result<Self, ParamError> {
+        Self::with(count, node, RigParams::default(), &[], model, seed)
+    }
+
+    /// The same with sensors of its own, and with objects in its motor's way.
+    ///
+    /// # Errors
+    /// It is beyond the stops, or a parameter is out of its range.
+    pub fn with(
+        count: f64,
+        node: Node,
+        rig: RigParams,
+        objects: &[Object],
+        model: Model,
+        seed: u64,
+    ) -> Result<Self, ParamError> {
+        let plant = PlantParams::for_motor(tater_fw::motion::motor(Kind::of(node)));
+        let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
+        let start = Start { count, counts_per_s: 0.0, heat };
+        Ok(Self::new(Rig::new(plant, rig, objects, model, start, seed)?, node))
+    }
+
+    /// Runs the plant until `until_us` or until a hall line changes, whichever is first; returns whether one did.
+    pub fn run(&mut self, until_us: u64) -> bool {
+        self.rig.advance(self.bridge, self.brake_released, until_us).is_some()
+    }
+
+    /// Converts the analog inputs, as the ADC does before each tick.
+    pub fn convert(&mut self) {
+        self.analog = self.rig.analog();
+    }
+
+    /// The plant and its sensors.
+    #[must_use]
+    pub const fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// The plant, to disturb it.
+    pub const fn rig_mut(&mut self) -> &mut Rig {
+        &mut self.rig
+    }
+
+    /// The flash, to look at it.
+    #[must_use]
+    pub const fn sim_flash(&self) -> &SimFlash {
+        &self.flash
+    }
+
+    /// Since when the bridge is on, µs; `None` if it is off.
+    #[must_use]
+    pub const fn driven_since_us(&self) -> Option<u64> {
+        self.driven_since_us
+    }
+
+    /// Whether the brake is told to release.
+    #[must_use]
+    pub const fn is_brake_released(&self) -> bool {
+        self.brake_released
+    }
+
+    /// What the ADC said last.
+    #[must_use]
+    pub const fn analog_now(&self) -> &Analog {
+        &self.analog
+    }
+
+    /// Frames in the mailboxes.
+    #[must_use]
+    pub fn mailboxes(&self) -> &[Frame] {
+        &self.mailboxes
+    }
+
+    /// A frame of the mailboxes has been sent; the later ones move up. One that is not there is ignored: the board was
+    /// reset meanwhile.
+    pub fn sent(&mut self, frame: &Frame) {
+        if let Some(index) = self.mailboxes.iter().position(|waiting| waiting == frame) {
+            self.mailboxes.remove(index);
+        }
+    }
+
+    /// How often the program asked for a reset.
+    #[must_use]
+    pub const fn resets(&self) -> u32 {
+        self.resets
+    }
+
+    /// How often the watchdog was fed.
+    #[must_use]
+    pub const fn feeds(&self) -> u32 {
+        self.feeds
+    }
+
+    /// Whether the filters of the CAN controller let a frame through.
+    #[must_use]
+    pub fn lets_through(&self, frame: &Frame) -> bool {
+        let (node, groups) = self.listens;
+        match frame.id().to {
+            Destination::Node(to) => to == node && node != Node::HOST,
+            Destination::Group(group) => group == Group::ALL || groups.contains(&Some(group)),
+        }
+    }
+
+    /// What a reset or a loss of power does to the pins and the CAN controller: bridge off, brake engaged, mailboxes and
+    /// filters empty. `cause` is what [`Board::reset_cause`] says from then on.
+    pub fn reset_pins(&mut self, cause: Option<FaultCode>) {
+        self.bridge(Bridge::Off);
+        self.brake_released = false;
+        self.mailboxes.clear();
+        self.listens = DEAF;
+        self.reset_cause = cause;
+    }
+}
+
+impl Board for SimBoard {
+    type Flash = SimFlash;
+
+    fn bridge(&mut self, bridge: Bridge) {
+        self.bridge = bridge;
+        self.driven_since_us = match bridge {
+            Bridge::Off => None,
+            _ => Some(self.driven_since_us.unwrap_or(self.rig.now_us())),
+        };
+        self.flash.set_bridge_on(bridge != Bridge::Off);
+    }
+
+    fn brake(&mut self, released: bool) {
+        self.brake_released = released;
+    }
+
+    fn halls(&self) -> u8 {
+        self.rig.halls()
+    }
+
+    fn analog(&self) -> Analog {
+        self.analog
+    }
+
+    fn transmit(&mut self, frame: &Frame) -> bool {
+        let room = self.mailboxes.len() < MAILBOXES;
+        if room {
+            self.mailboxes.push(*frame);
+        }
+        room
+    }
+
+    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+        self.listens = (node, groups);
+    }
+
+    fn flash(&mut self) -> &mut SimFlash {
+        &mut self.flash
+    }
+
+    fn feed(&mut self) {
+        self.feeds += 1;
+    }
+
+    fn reset(&mut self) {
+        self.resets += 1;
+    }
+
+    fn reset_cause(&self) -> Option<FaultCode> {
+        self.reset_cause
+    }
+
+    fn straps(&self) -> Node {
+        self.straps
+    }
+
+    fn serial_number(&self) -> u16 {
+        // Any number of its own.
+        1000 + u16::from(self.straps.number())
+    }
+}

@@ -1,0 +1,257 @@
+//! A whole hand: GOD, the bus and seven boards with their motors, in simulated time.
+
+pub mod scene;
+pub mod serial;
+pub mod state;
+
+use std::convert::Infallible;
+use std::future::Future;
+use std::pin::Pin;
+use std::rc::Rc;
+
+use god::{Io, Memory};
+use tater_fw::Board;
+use tater_wire::Node as Id;
+use tater_wire::memory::FLASH;
+
+use crate::world::board::SimBoard;
+use crate::world::bus::{Adapter, Bus};
+use crate::world::node::Node;
+use crate::world::plant::{Model, ParamError};
+use scene::{Pose, Scene};
+use state::{Kept, State};
+
+/// Who is node 0.
+const GOD: &str = "GOD";
+
+/// Temperature of GOD's board, 0.1 °C: the lower end of what a hand in normal use has (manual 2).
+const TEMPERATURE: i16 = 350;
+
+/// Hall counts a second below which a motor stands.
+const STANDS_COUNTS_PER_S: f64 = 1.0;
+
+/// How often the motors' contacts are computed, us.
+const SCENE_US: u64 = 1_000;
+
+/// Node n as the bus names it.
+fn id(number: u8) -> Id {
+    Id::new(number).expect("1 to 7 are nodes")
+}
+
+/// Frames of GOD's that its CAN controller lets wait; the rest waits in GOD, and GOD with it: or a host that gives orders faster than the
+/// bus carries them would fill the memory.
+const WAITING: usize = 32;
+
+/// How soon GOD is looked at again while as many wait, us: a frame is gone then.
+const FRAME_US: u64 = 100;
+
+/// GOD and its boards. Bytes go in and come out; time passes when it is told to.
+pub struct Hand {
+    bus: Bus<Node>,
+    io: Rc<Io>,
+    memory: Rc<Memory>,
+    god: Pin<Box<dyn Future<Output = Infallible>>>,
+    /// Until when nothing happens in GOD by itself, us.
+    next_us: u64,
+    /// How often something new to keep was found outside the boards' flashes.
+    changes: u64,
+    /// Where the motors stood last.
+    stood: Pose,
+    /// What is around the motors, when that is looked at next, us, and which motors touch something.
+    scene: Option<(Scene, u64, [bool; 7])>,
+}
+
+impl Hand {
+    /// A hand whose power has just come on, its boards in their monitors, every motor at its standard place.
+    #[must_use]
+    pub fn new(model: Model, seed: u64, memory: Memory) -> Self {
+        let board = |number| SimBoard::standard(id(number), model, seed.wrapping_add(u64::from(number)));
+        Self::with((1..=7).map(|number| Node::new(board(number))).collect(), memory)
+    }
+
+    /// A hand whose power comes on again.
+    ///
+    /// # Errors
+    /// A motor stands beyond its stops.
+    pub fn again(model: Model, seed: u64, state: &State) -> Result<Self, ParamError> {
+        let board = |(number, kept): (u8, &Kept)| {
+            let seed = seed.wrapping_add(number.into());
+            let mut board = SimBoard::standing_at(kept.counts, id(number), model, seed)?;
+            board.flash().load(FLASH.start, &kept.flash);
+            Ok(Node::again(board))
+        };
+        let boards = (1..).zip(&state.boards).map(board).collect::<Result<_, _>>()?;
+        Ok(Self::with(boards, Memory::new(state.god.clone())))
+    }
+
+    /// The same with these boards, nodes 1 to 7.
+    #[must_use]
+    pub fn with(boards: Vec<Node>, memory: Memory) -> Self {
+        let mut bus = Bus::new(boards);
+        bus.plug_host(GOD, Adapter::default()).expect("it is the first host");
+        let (io, memory) = (Rc::new(Io::default()), Rc::new(memory));
+        io.set_temperature(TEMPERATURE);
+        let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
+        let god = Box::pin(async move { god::run(&ports, &kept).await });
+        Self { bus, io, memory, god, next_us: 0, changes: 0, stood: Pose::default(), scene: None }
+    }
+
+    /// Puts it into a scene, in which fingers meet things and each other. Without one each motor is alone with its stops.
+    pub fn set_scene(&mut self, scene: Scene) {
+        self.scene = Some((scene, self.bus.now_us(), [true; 7]));
+    }
+
+    /// Its scene.
+    #[must_use]
+    pub fn scene(&self) -> Option<&Scene> {
+        self.scene.as_ref().map(|(scene, ..)| scene)
+    }
+
+    /// Where the rotors are.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        let mut pose = Pose::default();
+        for (to, node) in pose.iter_mut().zip(self.bus.stations()) {
+            *to = node.board().rig().truth().counts;
+        }
+        pose
+    }
+
+    /// Tells the motors what they touch.
+    fn touch(&mut self) {
+        let now_us = self.bus.now_us();
+        let pose = self.pose();
+        let Some((scene, next_us, touching)) = &mut self.scene else { return };
+        if now_us < *next_us {
+            return;
+        }
+        *next_us = now_us + SCENE_US;
+        for (index, (contacts, touched)) in scene.contacts(&pose).iter().zip(touching).enumerate() {
+            let touches = !contacts.is_empty();
+            if (touches || *touched)
+                && let Some(node) = self.bus.station_mut(index)
+            {
+                node.rig_mut().set_objects(contacts);
+            }
+            *touched = touches;
+        }
+    }
+
+    /// Bytes from the host.
+    pub fn hear(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.io.hear(byte);
+        }
+        self.next_us = self.bus.now_us();
+    }
+
+    /// What GOD has said since this was last asked.
+    pub fn said(&mut self) -> Vec<u8> {
+        std::iter::from_fn(|| self.say()).collect()
+    }
+
+    /// The next byte that GOD has said.
+    pub fn say(&mut self) -> Option<u8> {
+        let byte = self.io.byte()?;
+        // There is room now, for what it has waited to say.
+        self.next_us = self.bus.now_us();
+        Some(byte)
+    }
+
+    /// The host is gone: what it has said and not heard is forgotten, and what goes on is aborted.
+    pub fn hang_up(&mut self) {
+        self.io.hang_up();
+        self.next_us = self.bus.now_us();
+    }
+
+    /// Lets time pass.
+    pub fn run_until(&mut self, until_us: u64) {
+        loop {
+            let now = self.bus.now_us();
+            if now >= self.scene_us() {
+                self.touch();
+            }
+            if now >= self.next_us {
+                self.poll();
+            }
+            if now >= until_us {
+                return;
+            }
+            if let Some(stamped) = self.bus.wait(self.next_us.min(self.scene_us()).clamp(now, until_us)) {
+                self.io.receive(&stamped.frame);
+                self.next_us = self.bus.now_us();
+            }
+        }
+    }
+
+    /// When the scene is looked at next.
+    fn scene_us(&self) -> u64 {
+        self.scene.as_ref().map_or(u64::MAX, |(_, next_us, _)| *next_us)
+    }
+
+    fn poll(&mut self) {
+        self.next_us = god::io::poll(self.god.as_mut(), &self.io, self.bus.now_us());
+        while self.bus.waiting() < WAITING
+            && let Some(frame) = self.io.frame()
+        {
+            self.bus.send(frame).expect("it is plugged");
+            // Something may have waited for the room.
+            self.next_us = self.bus.now_us() + 1;
+        }
+        if self.bus.waiting() >= WAITING {
+            self.next_us = self.next_us.min(self.bus.now_us() + FRAME_US);
+        }
+    }
+
+    /// What it keeps if the power fails now.
+    #[must_use]
+    pub fn state(&self) -> State {
+        let kept = |node: &Node| Kept {
+            flash: node.board().sim_flash().bytes().to_vec(),
+            counts: node.board().rig().truth().counts,
+        };
+        State { boards: self.bus.stations().map(kept).collect(), god: self.memory.stored() }
+    }
+
+    /// A number that grows when there is something new to keep: values that were stored, and motors that stand elsewhere.
+    pub fn revision(&mut self) -> u64 {
+        self.changes += u64::from(self.memory.changed().is_some());
+        let motors = self.bus.stations().map(|node| node.board().rig().truth());
+        for (stood, now) in self.stood.iter_mut().zip(motors) {
+            if now.counts_per_s.abs() < STANDS_COUNTS_PER_S && (now.counts - *stood).abs() >= 1.0 {
+                *stood = now.counts;
+                self.changes += 1;
+            }
+        }
+        self.changes + self.bus.stations().map(|node| node.board().sim_flash().operations()).sum::<u64>()
+    }
+
+    /// GOD's ports.
+    #[must_use]
+    pub fn io(&self) -> &Io {
+        &self.io
+    }
+
+    /// GOD's memory.
+    #[must_use]
+    pub fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// The bus and its boards.
+    #[must_use]
+    pub fn bus(&self) -> &Bus<Node> {
+        &self.bus
+    }
+
+    /// The same, to break them.
+    pub fn bus_mut(&mut self) -> &mut Bus<Node> {
+        &mut self.bus
+    }
+
+    /// The present time, us.
+    #[must_use]
+    pub fn now_us(&self) -> u64 {
+        self.bus.now_us()
+    }
+}

@@ -1,0 +1,276 @@
+//! The hand's mechanics: where the fingers are, what stands between them, and what each motor feels of it.
+//!
+//! Links, tips and objects are capsules: all points within a radius of a segment; a sphere's segment is a point. Objects stand still,
+//! as if held to the palm, and fingers may meet each other. Two capsules press on each other with a spring along the shortest way
+//! between their segments; a motor feels that through its lever and its gear, as a [`Contact`] at its shaft. The contacts are
+//! computed each millisecond from where the rotors are, and linear in between: at a finger's highest speed, 4 rad/s, that is half a
+//! millimetre.
+//!
+//! The frame: x from the palm's centre to finger 3, z out of the palm; with spread 0 fingers 1 and 2 stand opposite finger 3, and
+//! turn about their own axes to its side, 1 by negative y, 2 by positive.
+
+use servo_core::MotorKind;
+
+use crate::world::plant::{Contact, PlantParams, RAD_PER_COUNT};
+
+/// Fingers.
+const FINGERS: usize = 3;
+
+/// Motors; by node, from 1: three links, the spread, three tips.
+const MOTORS: usize = 7;
+
+/// The spread's place among the motors.
+const SPREAD: usize = 3;
+
+/// A gap beyond which two capsules have nothing to do with each other in the next millisecond, m; see above.
+const NEAR_M: f64 = 0.01;
+
+/// A lever under which a motor feels nothing, m/rad at its joint.
+const LEVER_M: f64 = 1e-3;
+
+/// How far a motor is moved to see what that does to a gap, hall counts.
+const NUDGE: f64 = 0.05;
+
+/// Where the seven rotors are, hall counts.
+pub type Pose = [f64; MOTORS];
+
+/// A place, m.
+pub type Point = [f64; 3];
+
+/// All points within `radius_m` of a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capsule {
+    /// The segment's ends.
+    pub ends: [Point; 2],
+    /// Around it.
+    pub radius_m: f64,
+}
+
+/// Lengths and angles of the hand. The manual gives none; those of the BH8-280, a hand of the same maker, stand in (its published
+/// Denavit-Hartenberg parameters).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// From the hand's middle to the spread axes of fingers 1 and 2 (Aw).
+    pub spread_axis_m: f64,
+    /// From there, and from the middle for finger 3, to the link's joint (A1).
+    pub base_m: f64,
+    /// A link's length (A2).
+    pub link_m: f64,
+    /// A tip's length (A3).
+    pub tip_m: f64,
+    /// A link's angle above the palm at 0 (phi 2), rad.
+    pub link_at_zero: f64,
+    /// A tip's angle to its link at 0 (phi 3), rad.
+    pub tip_at_zero: f64,
+    /// Half of a finger's thickness; chosen, 16 mm.
+    pub finger_radius_m: f64,
+}
+
+impl Default for Geometry {
+    fn default() -> Self {
+        Self {
+            spread_axis_m: 0.025,
+            base_m: 0.05,
+            link_m: 0.07,
+            tip_m: 0.05,
+            link_at_zero: 2.46_f64.to_radians(),
+            tip_at_zero: 39.56_f64.to_radians(),
+            finger_radius_m: 0.008,
+        }
+    }
+}
+
+/// Something between the fingers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thing {
+    /// Its shape and place.
+    pub capsule: Capsule,
+    /// Of what touches it, N/m.
+    pub stiffness_n_m: f64,
+}
+
+/// Stiffness of finger against finger, N/m; chosen: the full torque of two links is a millimetre.
+const FINGER_N_M: f64 = 2e5;
+
+/// The hand and what is between its fingers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// The hand.
+    pub geometry: Geometry,
+    /// What is there.
+    pub things: Vec<Thing>,
+}
+
+/// Kind of the motor at a place.
+const fn kind(motor: usize) -> MotorKind {
+    match motor {
+        0..SPREAD => MotorKind::Link,
+        SPREAD => MotorKind::Spread,
+        _ => MotorKind::Tip,
+    }
+}
+
+/// The link's and the tip's motor of a finger.
+const fn motors(finger: usize) -> [usize; 2] {
+    [finger, finger + SPREAD + 1]
+}
+
+/// Radians of the joint for a hall count of each kind of motor.
+#[derive(Clone, Copy, Debug)]
+struct Gears([f64; MOTORS]);
+
+impl Gears {
+    fn new() -> Self {
+        Self(std::array::from_fn(|motor| RAD_PER_COUNT / PlantParams::for_motor(kind(motor)).gear_ratio))
+    }
+}
+
+impl Scene {
+    /// Link and tip of each finger.
+    #[must_use]
+    pub fn fingers(&self, pose: &Pose) -> [[Capsule; 2]; FINGERS] {
+        let gears = Gears::new();
+        std::array::from_fn(|finger| self.finger(finger, pose, &gears))
+    }
+
+    fn finger(&self, finger: usize, pose: &Pose, gears: &Gears) -> [Capsule; 2] {
+        let Geometry { spread_axis_m, base_m, link_m, tip_m, link_at_zero, tip_at_zero, finger_radius_m } =
+            self.geometry;
+        let angle = |motor: usize| pose[motor] * gears.0[motor];
+        let [link, tip] = motors(finger);
+        let turned = std::f64::consts::PI - angle(SPREAD);
+        let (side, azimuth) = [(-1.0, -turned), (1.0, turned), (0.0, 0.0)][finger];
+        let (sin, cos) = azimuth.sin_cos();
+        // Along the finger's plane: outwards and up.
+        let along = |from: Point, len: f64, up: f64| {
+            [from[0] + len * up.cos() * cos, from[1] + len * up.cos() * sin, from[2] + len * up.sin()]
+        };
+        let base = along([0.0, side * spread_axis_m, 0.0], base_m, 0.0);
+        let up = link_at_zero + angle(link);
+        let joint = along(base, link_m, up);
+        let end = along(joint, tip_m, up + tip_at_zero + angle(tip));
+        [[base, joint], [joint, end]].map(|ends| Capsule { ends, radius_m: finger_radius_m })
+    }
+
+    /// What each motor meets, where the rotors are.
+    #[must_use]
+    pub fn contacts(&self, pose: &Pose) -> [Vec<Contact>; MOTORS] {
+        let gears = Gears::new();
+        let mut contacts: [Vec<Contact>; MOTORS] = Default::default();
+        let fingers: [[Capsule; 2]; FINGERS] =
+            std::array::from_fn(|finger| self.finger(finger, pose, &gears));
+        for finger in 0..FINGERS {
+            for part in 0..2 {
+                for thing in &self.things {
+                    let gap = gap(&fingers[finger][part], &thing.capsule);
+                    let touch = Touch { parts: [(finger, part), (finger, part)], thing: Some(thing), gap };
+                    self.touch(&touch, pose, &gears, &mut contacts);
+                }
+                for other in finger + 1..FINGERS {
+                    for other_part in 0..2 {
+                        let gap = gap(&fingers[finger][part], &fingers[other][other_part]);
+                        let touch = Touch { parts: [(finger, part), (other, other_part)], thing: None, gap };
+                        self.touch(&touch, pose, &gears, &mut contacts);
+                    }
+                }
+            }
+        }
+        contacts
+    }
+
+    /// What a pair that is near means for each motor that moves it.
+    fn touch(&self, touch: &Touch<'_>, pose: &Pose, gears: &Gears, contacts: &mut [Vec<Contact>; MOTORS]) {
+        if touch.gap > NEAR_M {
+            return;
+        }
+        let movers = touch.parts.iter().flat_map(|&(finger, part)| motors(finger).into_iter().take(part + 1));
+        let mut movers: Vec<usize> = movers.chain([SPREAD]).collect();
+        movers.sort_unstable();
+        movers.dedup();
+        for motor in movers {
+            let mut nudged = *pose;
+            nudged[motor] += NUDGE;
+            let gap = self.gap_of(touch, &nudged, gears);
+            let lever = (gap - touch.gap) / (NUDGE * gears.0[motor]);
+            if lever.abs() < LEVER_M {
+                continue;
+            }
+            let plant = PlantParams::for_motor(kind(motor));
+            // The rotor moves the joint by 1/ratio, and the force comes back through the same.
+            let lever = lever / plant.gear_ratio;
+            let stiffness = lever * lever * touch.thing.map_or(FINGER_N_M, |thing| thing.stiffness_n_m);
+            contacts[motor].push(Contact {
+                from: pose[motor] * RAD_PER_COUNT - touch.gap / lever,
+                side: -lever.signum(),
+                stiffness,
+                // Half of critical, as the stops'.
+                damping: (stiffness * plant.j_kg_m2).sqrt(),
+            });
+        }
+    }
+
+    fn gap_of(&self, touch: &Touch<'_>, pose: &Pose, gears: &Gears) -> f64 {
+        let part = |(finger, part): (usize, usize)| self.finger(finger, pose, gears)[part];
+        let other = touch.thing.map_or_else(|| part(touch.parts[1]), |thing| thing.capsule);
+        gap(&part(touch.parts[0]), &other)
+    }
+}
+
+/// Two capsules that may touch.
+struct Touch<'a> {
+    /// Finger and part of it (0 link, 1 tip), twice the same with a thing.
+    parts: [(usize, usize); 2],
+    thing: Option<&'a Thing>,
+    /// Between their surfaces, m; negative where they press.
+    gap: f64,
+}
+
+/// The gap between two capsules' surfaces, m.
+#[must_use]
+pub fn gap(a: &Capsule, b: &Capsule) -> f64 {
+    distance(&a.ends, &b.ends) - a.radius_m - b.radius_m
+}
+
+fn minus(a: Point, b: Point) -> Point {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn at(segment: &[Point; 2], share: f64) -> Point {
+    std::array::from_fn(|i| segment[0][i] + share * (segment[1][i] - segment[0][i]))
+}
+
+/// The share of a segment at which it is nearest to a point.
+fn nearest(segment: &[Point; 2], point: Point) -> f64 {
+    let along = minus(segment[1], segment[0]);
+    let square = dot(along, along);
+    if square > 0.0 { (dot(minus(point, segment[0]), along) / square).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// The shortest distance between two segments: within both, or at an end of one.
+fn distance(a: &[Point; 2], b: &[Point; 2]) -> f64 {
+    let (u, v, w) = (minus(a[1], a[0]), minus(b[1], b[0]), minus(a[0], b[0]));
+    let (uu, uv, vv, uw, vw) = (dot(u, u), dot(u, v), dot(v, v), dot(u, w), dot(v, w));
+    let between = |p: Point, q: Point| dot(minus(p, q), minus(p, q));
+    let mut least = f64::INFINITY;
+    let det = uu * vv - uv * uv;
+    if det > 1e-12 {
+        let (s, t) = ((uv * vw - vv * uw) / det, (uu * vw - uv * uw) / det);
+        if (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t) {
+            least = between(at(a, s), at(b, t));
+        }
+    }
+    for end in *a {
+        least = least.min(between(end, at(b, nearest(b, end))));
+    }
+    for end in *b {
+        least = least.min(between(end, at(a, nearest(a, end))));
+    }
+    least.sqrt()
+}
+
+#[cfg(test)]
+mod tests;

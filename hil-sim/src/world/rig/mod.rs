@@ -1,0 +1,389 @@
+//! The plant as a motor board sees it: hall lines, analog readings and a brake.
+
+pub mod flash;
+pub mod halls;
+pub mod params;
+
+pub use params::{HallGlitch, RigParams, StuckLine};
+
+use crate::world::plant::{Contact, Ledger, Model, ParamError, Plant, PlantParams, RAD_PER_COUNT, Start};
+use halls::Halls;
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
+pub use servo_core::sense::commutation::{Bridge, Leg};
+use servo_core::units::{DeciCelsius, Duty, MilliAmps, MilliVolts};
+pub use tater_fw::Analog;
+
+/// Which way an object resists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// It stands in the way of closing.
+    Closing,
+    /// It stands in the way of opening.
+    Opening,
+}
+
+/// The duty of a compare value of a timer whose `full` is 100 %: the plant's compare steps make the same of it.
+#[must_use]
+pub fn duty(compare: u32, full: u32) -> Duty {
+    // Full duty is a bit short of 1, which the plant rounds up again.
+    let bits = (f64::from(compare) / f64::from(full.max(1)) * 32768.0).round().clamp(0.0, 32767.0);
+    Duty::from_bits(bits as i16)
+}
+
+/// Something in the joint's way: a spring and damper.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Object {
+    /// Where the joint meets it.
+    pub from_count: f64,
+    /// At the motor; 0.01 is soft, 20 as hard as a stop.
+    pub stiffness_n_m_rad: f64,
+    /// At the motor, while being pressed.
+    pub damping_n_m_s: f64,
+    /// Which motion it resists.
+    pub side: Side,
+}
+
+/// A change of the hall lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HallChange {
+    /// The new code.
+    pub code: u8,
+    /// When, µs since the start.
+    pub at_us: u64,
+}
+
+/// What is really so; for traces and checks, never for the servo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truth {
+    /// Time since the start, µs.
+    pub t_us: u64,
+    /// Rotor position, counts.
+    pub counts: f64,
+    /// Rotor velocity, counts/s.
+    pub counts_per_s: f64,
+    /// Torque of the motor, N·m, mean over the last step.
+    pub torque_n_m: f64,
+    /// Phase currents into the winding, A.
+    pub phase_a: [f64; 3],
+    /// Largest phase current between the last two readings of the ADC, that is, during a tick, A.
+    pub peak_phase_a: f64,
+    /// Charge drawn from the bus since the start, C.
+    pub bus_charge_c: f64,
+    /// Torque that stops, objects and disturbance put on the joint's side of the gear, as at the motor of a
+    /// lossless gear, N·m; positive closes.
+    pub load_n_m: f64,
+    /// Winding temperature, °C.
+    pub winding_c: f64,
+    /// Housing temperature, °C.
+    pub housing_c: f64,
+    /// Whether the brake holds.
+    pub brake_engaged: bool,
+    /// Energy since the start.
+    pub ledger: Ledger,
+}
+
+/// How much warmer than the air a board is by its own heat, °C: chosen, 1 W into 10 K/W.
+const BOARD_RISE_C: f64 = 10.0;
+
+/// Share of the motor housing's rise that reaches the board through the palm; chosen.
+const BOARD_SHARE: f64 = 0.25;
+
+/// One motor with its sensors on the board's bench.
+#[derive(Clone, Debug)]
+pub struct Rig {
+    plant: Plant,
+    params: RigParams,
+    halls: Halls,
+    rng: Pcg64Mcg,
+    brake_engaged: bool,
+    /// When the brake follows its present command, µs.
+    brake_moves_at: Option<u64>,
+    tripped: bool,
+    /// Whoever reads [`Rig::tripped`] switches the bridge off; the rig does not.
+    guarded_outside: bool,
+    thermistor_c: f64,
+    /// What a broken thermistor reads, °C.
+    thermistor_fault_c: Option<f64>,
+    /// The brake's coil is dead: it holds, whatever it is told.
+    brake_jammed: bool,
+    /// Time and bus charge of the last reading.
+    last_read: (u64, f64),
+    /// Largest phase current up to the last reading, from the one before it, A.
+    peak_phase_a: f64,
+    /// When a hall line last changed, µs.
+    last_edge_us: u64,
+}
+
+impl Rig {
+    /// A rig at its start, its brake engaged; `seed` is that of the ADC's noise.
+    ///
+    /// # Errors
+    /// A parameter out of range.
+    pub fn new(
+        plant: PlantParams,
+        rig: RigParams,
+        objects: &[Object],
+        model: Model,
+        start: Start,
+        seed: u64,
+    ) -> Result<Self, ParamError> {
+        rig.validate()?;
+        let mut contacts = Vec::new();
+        for o in objects {
+            crate::world::plant::params::check(&[
+                ("from_count", o.from_count, -1e6, 1e6),
+                ("stiffness_n_m_rad", o.stiffness_n_m_rad, 0.0, 1000.0),
+                ("damping_n_m_s", o.damping_n_m_s, 0.0, 10.0),
+            ])?;
+            contacts.push(Contact {
+                from: o.from_count * RAD_PER_COUNT,
+                side: if o.side == Side::Closing { 1.0 } else { -1.0 },
+                stiffness: o.stiffness_n_m_rad,
+                damping: o.damping_n_m_s,
+            });
+        }
+        let plant = Plant::new(plant, &contacts, model, start)?;
+        Ok(Self {
+            // Where the plant has it after radians and back, so that the first step starts within the bounds.
+            halls: Halls::new(rig.clone(), plant.params().zero_sector, plant.counts()),
+            params: rig,
+            plant,
+            rng: Pcg64Mcg::new(u128::from(seed) << 64 | 0xadc),
+            brake_engaged: true,
+            brake_moves_at: None,
+            tripped: false,
+            guarded_outside: false,
+            thermistor_c: start.heat.housing_c,
+            thermistor_fault_c: None,
+            brake_jammed: false,
+            last_read: (0, 0.0),
+            peak_phase_a: 0.0,
+            last_edge_us: 0,
+        })
+    }
+
+    /// The same rig, which starts not at time 0 but at `us`: to put it to a board that has been up for so long.
+    #[must_use]
+    pub fn starting_at(mut self, us: u64) -> Self {
+        self.plant.start_at(us);
+        for glitch in &mut self.params.glitches {
+            glitch.at_us += us;
+        }
+        if let Some(stuck) = &mut self.params.stuck {
+            stuck.from_us += us;
+        }
+        self.halls = Halls::new(self.params.clone(), self.plant.params().zero_sector, self.plant.counts());
+        self.last_read.0 = us;
+        self.last_edge_us = us;
+        self
+    }
+
+    /// When a hall line last changed, µs; of one that never did, the start.
+    #[must_use]
+    pub const fn last_edge_us(&self) -> u64 {
+        self.last_edge_us
+    }
+
+    /// Time since the start, µs.
+    #[must_use]
+    pub fn now_us(&self) -> u64 {
+        self.plant.state().t_us
+    }
+
+    /// The hall lines now.
+    #[must_use]
+    pub fn halls(&self) -> u8 {
+        self.halls.lines()
+    }
+
+    /// See [`Plant::set_max_step_us`].
+    pub fn set_max_step_us(&mut self, us: u64) {
+        self.plant.set_max_step_us(us);
+    }
+
+    /// See [`Plant::set_disturbance`].
+    pub fn set_disturbance(&mut self, n_m: f64) {
+        self.plant.set_disturbance(n_m);
+    }
+
+    /// See [`Plant::set_objects`].
+    pub fn set_objects(&mut self, objects: &[Contact]) {
+        self.plant.set_objects(objects);
+    }
+
+    /// Changes the supply voltage.
+    pub fn set_bus(&mut self, v: f64) {
+        self.plant.set_bus(v);
+    }
+
+    /// Breaks hall lines 0 to 2, each at a level: an open cable reads high, by its pull-up. `None`: the line follows its sensor.
+    pub fn break_hall_lines(&mut self, levels: [Option<bool>; 3]) {
+        self.halls.break_lines(levels);
+    }
+
+    /// Makes the thermistor read this, °C: an open wire reads -50, a short 155. `None`: it reads the motor's housing.
+    pub const fn override_thermistor(&mut self, celsius: Option<f64>) {
+        self.thermistor_fault_c = celsius;
+    }
+
+    /// Jams the brake: it engages, and does not release until it is freed.
+    pub const fn jam_brake(&mut self, jammed: bool) {
+        self.brake_jammed = jammed;
+    }
+
+    /// From now on the over-current comparator only says that it has tripped ([`Self::tripped`]), and [`Self::advance`] stops
+    /// where it does: a board that has a break input of its own switches the bridge off.
+    pub const fn guard_outside(&mut self) {
+        self.guarded_outside = true;
+    }
+
+    /// Whether a phase current has been too high since the bridge was last off.
+    #[must_use]
+    pub const fn tripped(&self) -> bool {
+        self.tripped
+    }
+
+    /// The plant's dead time, ns.
+    #[must_use]
+    pub fn dead_time_ns(&self) -> f64 {
+        self.plant.params().dead_time_us * 1000.0
+    }
+
+    /// Advances with the bridge and the brake's command held until `until_us` or until a hall line changes,
+    /// whichever is first; returns the change. The rotor is then within 1 µs of where the line changed.
+    pub fn advance(&mut self, bridge: Bridge, brake_released: bool, until_us: u64) -> Option<HallChange> {
+        if bridge == Bridge::Off {
+            self.tripped = false;
+        }
+        self.command_brake(brake_released && !self.brake_jammed);
+        while self.now_us() < until_us {
+            let mut tripped_now = false;
+            let now = self.now_us();
+            if self.brake_moves_at.is_some_and(|at| at <= now) {
+                self.brake_engaged = !self.brake_engaged;
+                self.brake_moves_at = None;
+            }
+            let event = self.halls.next_event(now).min(self.brake_moves_at.unwrap_or(u64::MAX));
+            let bridge = if self.tripped && !self.guarded_outside { Bridge::Off } else { bridge };
+            self.step(bridge, self.plant.step_to(until_us.min(event)));
+            let trip = self.plant.params().trip_a;
+            if self.plant.state().current.iter().any(|i| i.abs() > trip) {
+                tripped_now = !self.tripped;
+                self.tripped = true;
+            }
+            if self.halls.update(self.plant.counts(), self.now_us()) {
+                self.last_edge_us = self.now_us();
+                return Some(HallChange { code: self.halls.lines(), at_us: self.now_us() });
+            }
+            if tripped_now && self.guarded_outside {
+                return None;
+            }
+        }
+        None
+    }
+
+    fn command_brake(&mut self, released: bool) {
+        if released != self.brake_engaged {
+            self.brake_moves_at = None;
+        } else if self.brake_moves_at.is_none() {
+            let delay_us = self.plant.params().brake_delay_ms * 1000.0;
+            self.brake_moves_at = Some(self.now_us() + delay_us as u64);
+        }
+    }
+
+    /// Steps to `to_us`, or to the first whole microsecond beyond a hall boundary.
+    fn step(&mut self, bridge: Bridge, to_us: u64) {
+        let brake = if self.brake_engaged { self.plant.params().brake_n_m } else { 0.0 };
+        let (low, high) = self.halls.bounds();
+        let from = *self.plant.state();
+        self.plant.step(bridge, brake, to_us);
+        let end = self.plant.counts();
+        if end >= low && end < high {
+            return;
+        }
+        let (dir, boundary) = if end < low { (-1.0, low) } else { (1.0, high) };
+        let steps = (to_us - from.t_us) as f64;
+        let start = from.shaft.theta / RAD_PER_COUNT;
+        // Under constant acceleration the share of the step until the boundary solves a quadratic; from a
+        // velocity and the distance, all towards the boundary, in the form that is stable as the acceleration
+        // goes to zero.
+        let v0 = dir * from.shaft.omega / RAD_PER_COUNT * steps * 1e-6;
+        let curve = dir * (end - start) - v0;
+        let to_go = dir * (boundary - start);
+        let share = 2.0 * to_go / (v0 + (v0 * v0 + 4.0 * curve * to_go).max(0.0).sqrt());
+        // From a start at rest on the boundary itself that is 0/0, which `max` turns into the least step: time
+        // always moves.
+        let us = (share * steps).ceil().max(1.0).min(steps) as u64;
+        if from.t_us + us < to_us {
+            self.plant.restore(from);
+            self.plant.step(bridge, brake, from.t_us + us);
+        }
+    }
+
+    /// Reads the ADC, 12 bits everywhere: bus voltage over 36.3 V, bus current over ±20 A as the mean since the last
+    /// reading, the thermistor on the housing over −50..155 °C, the board's own, the strain gauge.
+    pub fn analog(&mut self) -> Analog {
+        let s = *self.plant.state();
+        let dt = (s.t_us - self.last_read.0) as f64 * 1e-6;
+        let current = if dt > 0.0 { (s.bus_charge - self.last_read.1) / dt } else { 0.0 };
+        self.last_read = (s.t_us, s.bus_charge);
+        self.peak_phase_a = self.plant.take_peak();
+        let lag = self.params.thermistor_lag_s;
+        self.thermistor_c += (self.plant.heat().housing_c - self.thermistor_c) * (1.0 - (-dt / lag).exp());
+        let joint = -s.shaft.load * self.plant.params().gear_ratio;
+        let strain = self.params.strain_zero + joint * self.params.strain_per_n_m;
+        let bus_v = self.plant.params().bus_v;
+        let ambient_c = self.plant.params().ambient_c;
+        let board_c = ambient_c + BOARD_RISE_C + BOARD_SHARE * (self.plant.heat().housing_c - ambient_c);
+        let bus = self.adc(bus_v, 0.0, 36.3);
+        let current = self.adc(current, -20.0, 20.0);
+        let thermistor = self.adc(self.thermistor_fault_c.unwrap_or(self.thermistor_c), -50.0, 155.0);
+        let strain = (strain + self.noise()).round().clamp(0.0, 255.0);
+        Analog {
+            bus: MilliVolts((1000.0 * bus).round() as u16),
+            current: MilliAmps((1000.0 * current).round() as i16),
+            motor_temp: DeciCelsius((10.0 * thermistor).round() as i16),
+            // A digital sensor: no noise.
+            board_temp: DeciCelsius((10.0 * board_c).round() as i16),
+            strain: strain as u8,
+            raw: [(strain * 16.0) as u16, ((thermistor + 50.0) / 205.0 * 4095.0).round() as u16],
+            bridge_fault: self.tripped,
+        }
+    }
+
+    /// A value through a 12-bit converter over `min..=max`.
+    fn adc(&mut self, value: f64, min: f64, max: f64) -> f64 {
+        let step = (max - min) / 4095.0;
+        let code = ((value - min) / step + self.noise()).round().clamp(0.0, 4095.0);
+        min + code * step
+    }
+
+    fn noise(&mut self) -> f64 {
+        self.params.adc_noise_lsb * self.rng.random_range(-1.0..=1.0)
+    }
+
+    /// What is really so.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        let s = self.plant.state();
+        let heat = self.plant.heat();
+        Truth {
+            t_us: s.t_us,
+            counts: self.plant.counts(),
+            counts_per_s: s.shaft.omega / RAD_PER_COUNT,
+            torque_n_m: s.torque,
+            phase_a: s.current,
+            peak_phase_a: self.peak_phase_a,
+            bus_charge_c: s.bus_charge,
+            load_n_m: s.shaft.load,
+            winding_c: heat.winding_c,
+            housing_c: heat.housing_c,
+            brake_engaged: self.brake_engaged,
+            ledger: self.plant.ledger(),
+        }
+    }
+}

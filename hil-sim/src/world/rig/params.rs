@@ -1,0 +1,98 @@
+//! How well the board's sensors see the plant.
+
+use crate::world::plant::params::{ParamError, check};
+use serde::{Deserialize, Serialize};
+
+/// A wrong code on the hall lines for a while.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HallGlitch {
+    /// From when, µs since the start.
+    pub at_us: u64,
+    /// The code seen, 0..=7.
+    pub code: u8,
+    /// For how long, µs.
+    pub duration_us: u64,
+}
+
+/// A hall line that no longer follows its sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StuckLine {
+    /// Bit of the line in the code, 0..=2.
+    pub line: u8,
+    /// The level it sticks at.
+    pub high: bool,
+    /// From when, µs since the start.
+    pub from_us: u64,
+}
+
+/// The sensors of one board.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RigParams {
+    /// Error of the upper boundary of sector k (90° + 60°·k), degrees electrical, ±25; positive = at a higher count.
+    pub hall_error_deg: [f64; 6],
+    /// How late a hall line rises, µs; falls are at once (open collector with a pull-up).
+    pub rise_delay_us: u64,
+    /// Wrong codes, in order of time, not overlapping.
+    pub glitches: Vec<HallGlitch>,
+    /// A line that sticks.
+    pub stuck: Option<StuckLine>,
+    /// Noise of every ADC reading, uniform ± this many of its steps.
+    pub adc_noise_lsb: f64,
+    /// Lag of the thermistor behind the housing, s.
+    pub thermistor_lag_s: f64,
+    /// Strain reading without load, 0..=255.
+    pub strain_zero: f64,
+    /// Strain steps per N·m at the joint, positive closing torque of the joint on an object.
+    pub strain_per_n_m: f64,
+}
+
+impl Default for RigParams {
+    fn default() -> Self {
+        Self {
+            hall_error_deg: [0.0; 6],
+            rise_delay_us: 0,
+            glitches: Vec::new(),
+            stuck: None,
+            adc_noise_lsb: 0.5,
+            // Chosen: a bead glued to the housing.
+            thermistor_lag_s: 2.0,
+            strain_zero: 128.0,
+            // Chosen: the 15 N·m of a link at full torque and half the worm's efficiency take half of the range above zero.
+            strain_per_n_m: 4.0,
+        }
+    }
+}
+
+impl RigParams {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first field out of range.
+    pub fn validate(&self) -> Result<(), ParamError> {
+        for &error in &self.hall_error_deg {
+            check(&[("hall_error_deg", error, -25.0, 25.0)])?;
+        }
+        let mut free_from = 0;
+        for g in &self.glitches {
+            check(&[
+                ("glitches.code", f64::from(g.code), 0.0, 7.0),
+                ("glitches.duration_us", g.duration_us as f64, 1.0, 1e9),
+                ("glitches.at_us", g.at_us as f64, free_from as f64, 1e15),
+            ])?;
+            free_from = g.at_us + g.duration_us;
+        }
+        if let Some(stuck) = self.stuck {
+            check(&[("stuck.line", f64::from(stuck.line), 0.0, 2.0)])?;
+        }
+        check(&[
+            ("rise_delay_us", self.rise_delay_us as f64, 0.0, 10_000.0),
+            ("adc_noise_lsb", self.adc_noise_lsb, 0.0, 100.0),
+            ("thermistor_lag_s", self.thermistor_lag_s, 1e-3, 1e4),
+            ("strain_zero", self.strain_zero, 0.0, 255.0),
+            ("strain_per_n_m", self.strain_per_n_m, -1000.0, 1000.0),
+        ])
+    }
+}
