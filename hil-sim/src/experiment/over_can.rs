@@ -21,7 +21,6 @@ use crate::world::node::Node;
 use crate::world::plant::ParamError;
 use crate::world::rig::Rig;
 use compare::Path;
-use seat::Seat;
 
 /// How often the host asks a board for T, MODE and P unless told otherwise, ms, by the number of boards on the bus: a round takes
 /// 0.6 ms of bus a board. No round begins before the last one is answered.
@@ -217,42 +216,6 @@ impl<S: Watched> OverCan<S> {
             self.until(node, Property::STAT, 2, WAKE_US)?;
         }
         self.rest("first start", PREPARE_US)
-    }
-
-    /// Runs a scenario with every board at once. Their motors are exchanged for those of the jobs at its beginning: a boot takes
-    /// time in which a rotor would coast and a winding cool.
-    ///
-    /// # Errors
-    /// A board that does not take a property, does not answer, or stands still for good.
-    pub fn run(&mut self, scenario: &Scenario, jobs: Vec<Job>, poll_ms: u32) -> Result<Vec<Ran>, String> {
-        let count = |job: &Job| job.rig.truth().counts.round() as i64;
-        for job in &jobs {
-            self.put(job.node, Property::LFLAGS, 3)?;
-            self.put(job.node, Property::P, count(job))?;
-            let kind = tater_fw::motion::motor(tater_wire::property::Kind::of(job.node));
-            let defaults = servo_core::Config::for_motor(kind);
-            for property in &crate::experiment::properties::PROPERTIES {
-                let value = property.get(&job.case.config);
-                if value != property.get(&defaults) {
-                    self.put(job.node, property.property, value)?;
-                }
-            }
-        }
-        // A board's tick is at whole milliseconds if it is the native one.
-        let begin_us = (self.bus.now_us() / 1000 + 1) * 1000 + self.phase_us;
-        self.rest("setting up", begin_us - self.bus.now_us())?;
-        let mut seats = Vec::new();
-        for (index, job) in jobs.into_iter().enumerate() {
-            let Some(station) = self.bus.station_mut(index) else { break };
-            let mut rig = job.rig.clone().starting_at(begin_us);
-            // As a board that is made with its motor: the noise that follows is the same.
-            rig.analog();
-            *station.rig_mut() = rig;
-            seats.push(Seat::new(job, station, begin_us));
-        }
-        let boards = u32::try_from(seats.len()).unwrap_or(1);
-        timeline::play(self, scenario, &mut seats, begin_us, poll_ms * boards)?;
-        Ok(seats.into_iter().map(|seat| seat.finish()).collect())
     }
 
     /// An error if a board stands still for good.

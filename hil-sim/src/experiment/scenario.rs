@@ -44,18 +44,12 @@ mod shipped;
 
 pub use shipped::{SHIPPED, Shipped};
 
-use std::path::Path;
-
 use servo_core::{Command, Config, MotorKind};
 
-use crate::experiment::input::{self as error, BadInput};
 use crate::experiment::metrics::{self, Metric, Metrics, Value};
-use crate::experiment::properties::{self, Property, PropertyError};
+use crate::experiment::properties::Property;
 use crate::world::plant::{Heat, Model, ParamError, PlantParams, Start};
 use crate::world::rig::{Object, Rig, RigParams};
-
-/// Largest scenario file read: the shipped ones have under 2 kB, so this is not one.
-const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// What to simulate and what must come of it.
 #[derive(Clone, Debug)]
@@ -247,81 +241,5 @@ pub fn motor_name(kind: MotorKind) -> &'static str {
         MotorKind::Link => "link",
         MotorKind::Spread => "spread",
         MotorKind::Tip => "tip",
-    }
-}
-
-impl Scenario {
-    /// A shipped scenario by name, or else the TOML file at this path.
-    ///
-    /// # Errors
-    /// No such scenario or file, or a file that no run can be made of.
-    pub fn find(name: &str) -> Result<Self, BadInput> {
-        if let Some(shipped) = SHIPPED.iter().find(|shipped| shipped.name == name) {
-            let parsed = Self::parse(shipped.file, shipped.text)?;
-            return Ok(Self { arguments: name.to_owned(), ..parsed });
-        }
-        let path = Path::new(name);
-        let io_error = |problem: &str, found: String| BadInput {
-            place: name.to_owned(),
-            problem: problem.to_owned(),
-            found,
-            expected: "the name of a shipped scenario, or a TOML file".to_owned(),
-            next: match error::closest(name, SHIPPED.iter().map(|shipped| shipped.name)) {
-                Some(like) => format!("did you mean {like}? `hil-sim list` names all that are shipped"),
-                None => "`hil-sim list` names those shipped; check the path of a file".to_owned(),
-            },
-        };
-        let meta = path
-            .metadata()
-            .map_err(|e| io_error("no scenario and no file of this name can be read", e.to_string()))?;
-        if !meta.is_file() {
-            return Err(io_error("this is not a file", "a directory or a device".to_owned()));
-        }
-        if meta.len() > MAX_FILE_BYTES {
-            return Err(io_error("too large for a scenario", format!("{} bytes", meta.len())));
-        }
-        let bytes = std::fs::read(path).map_err(|e| io_error("cannot be read", e.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|e| {
-            let at = e.utf8_error().valid_up_to();
-            io_error("this is not text", format!("a byte that is not UTF-8 at offset {at}"))
-        })?;
-        Self::parse(name, &text)
-    }
-
-    /// The scenario in `text`; `file` is what errors call it.
-    ///
-    /// # Errors
-    /// What is wrong, with the line.
-    pub fn parse(file: &str, text: &str) -> Result<Self, BadInput> {
-        read::scenario(error::Source { file, text })
-    }
-
-    /// Sets a property of every motor from `NAME=VALUE`, as `--set` gives it.
-    ///
-    /// # Errors
-    /// Not of that form, no such property, or a value out of range.
-    pub fn set(&mut self, assignment: &str) -> Result<(), BadInput> {
-        let bad = |problem: &str, found: &str, expected: String| BadInput {
-            place: format!("--set {}", error::shorten(assignment)),
-            problem: problem.to_owned(),
-            found: error::shorten(found),
-            expected,
-            next: "give --set PROPERTY=VALUE, for example --set KP=120".to_owned(),
-        };
-        let Some((name, value)) = assignment.split_once('=') else {
-            return Err(bad("no = in it", assignment, "PROPERTY=VALUE".to_owned()));
-        };
-        let value: i64 = value
-            .trim()
-            .parse()
-            .map_err(|_| bad("the value is not a whole number", assignment, "a whole number".to_owned()))?;
-        for case in &mut self.cases {
-            properties::set(&mut case.config, name.trim(), value).map_err(|e| match &e {
-                PropertyError::Unknown { .. } => bad("no property has this name", &e.found(), e.expected()),
-                PropertyError::Range { .. } => bad("the value is out of range", &e.found(), e.expected()),
-            })?;
-        }
-        self.arguments.push_str(&format!(" --set {}={value}", name.trim().to_uppercase()));
-        Ok(())
     }
 }

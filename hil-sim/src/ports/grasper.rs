@@ -120,7 +120,8 @@ impl Console {
             Question::Position(motors) => {
                 let rules = Property::E.rules();
                 let position = entry.parse().ok().filter(|&position| rules.admits(position));
-                let expected = || format!("a whole number of hall counts, {} to {}", rules.min(), rules.max());
+                let expected =
+                    || format!("a whole number of hall counts, {} to {}", rules.min(), rules.max());
                 let position = position.ok_or_else(|| bad("this is no position", entry, expected()))?;
                 Ok(self.go(motors, |_| position))
             }

@@ -24,14 +24,10 @@ pub use host::{Adapter, NoHost, Stamped, TwoHosts};
 pub use length::bits;
 use length::{ERROR_FRAME, INTERMISSION};
 pub use medium::{Clean, Fate, Medium, Noise};
-pub use station::Station;
+pub use station::{BOARD_US, Station};
 
 /// Frames in a controller's receive FIFO (bxCAN: three; locked when full, so the newest is lost).
 pub const FIFO: usize = 3;
-
-/// From the end of a frame to when a board has its answer ready, µs, at worst: a control tick (some 1,200 instructions
-/// at 1.5 cycles and 72 MHz: 25) and a hall edge (5) go before it, and its own handling takes some 15.
-pub const BOARD_US: u64 = 50;
 
 /// Frames that a tap keeps until they are taken: 0.1 s of a full bus.
 const TAP: usize = 1024;

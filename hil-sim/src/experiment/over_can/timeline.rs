@@ -5,12 +5,51 @@ use servo_core::mode::Mode;
 use tater_wire::{Cmd, Property};
 
 use super::seat::{Ask, Seat};
-use super::{OverCan, Watched};
+use super::{Job, OverCan, Ran, Watched};
+use crate::experiment::properties::PROPERTIES;
 use crate::experiment::run::POLL_MS as HOST_MS;
 use crate::experiment::scenario::{Action, Scenario};
 
+impl<S: Watched> OverCan<S> {
+    /// Runs a scenario with every board at once. Their motors are exchanged for those of the jobs at its beginning: a boot takes
+    /// time in which a rotor would coast and a winding cool.
+    ///
+    /// # Errors
+    /// A board that does not take a property, does not answer, or stands still for good.
+    pub fn run(&mut self, scenario: &Scenario, jobs: Vec<Job>, poll_ms: u32) -> Result<Vec<Ran>, String> {
+        let count = |job: &Job| job.rig.truth().counts.round() as i64;
+        for job in &jobs {
+            self.put(job.node, Property::LFLAGS, 3)?;
+            self.put(job.node, Property::P, count(job))?;
+            let kind = tater_fw::motion::motor(tater_wire::property::Kind::of(job.node));
+            let defaults = servo_core::Config::for_motor(kind);
+            for property in &PROPERTIES {
+                let value = property.get(&job.case.config);
+                if value != property.get(&defaults) {
+                    self.put(job.node, property.property, value)?;
+                }
+            }
+        }
+        // A board's tick is at whole milliseconds if it is the native one.
+        let begin_us = (self.bus.now_us() / 1000 + 1) * 1000 + self.phase_us;
+        self.rest("setting up", begin_us - self.bus.now_us())?;
+        let mut seats = Vec::new();
+        for (index, job) in jobs.into_iter().enumerate() {
+            let Some(station) = self.bus.station_mut(index) else { break };
+            let mut rig = job.rig.clone().starting_at(begin_us);
+            // As a board that is made with its motor: the noise that follows is the same.
+            rig.analog();
+            *station.rig_mut() = rig;
+            seats.push(Seat::new(job, station, begin_us));
+        }
+        let boards = u32::try_from(seats.len()).unwrap_or(1);
+        play(self, scenario, &mut seats, begin_us, poll_ms * boards)?;
+        Ok(seats.into_iter().map(|seat| seat.finish()).collect())
+    }
+}
+
 /// Plays a scenario's timeline to all boards.
-pub(super) fn play<S: Watched>(
+fn play<S: Watched>(
     host: &mut OverCan<S>,
     scenario: &Scenario,
     seats: &mut [Seat],

@@ -1,18 +1,99 @@
 //! A scenario file's text → a [`Scenario`]: the checks that need more than one field, or the plant.
 
+use std::path::Path;
+
 use servo_core::units::{CountsPerSec, Torque};
 use servo_core::{Command, Config, MotorKind};
 use toml::Spanned;
 
-use super::{Action, Case, Expectation, Initial, Scenario, Timed, Want, file};
-use crate::experiment::input::{self as error, BadInput, Source};
+use super::{Action, Case, Expectation, Initial, SHIPPED, Scenario, Timed, Want, file};
+use crate::experiment::input::{self, BadInput, Source};
 use crate::experiment::metrics;
-use crate::experiment::properties::{self, Property};
+use crate::experiment::properties::{self, Property, PropertyError};
 use crate::world::plant::{Model, ParamError, PlantParams};
 use crate::world::rig::{Object, Rig, RigParams};
 
+/// Largest scenario file read: the shipped ones have under 2 kB, so this is not one.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+impl Scenario {
+    /// A shipped scenario by name, or else the TOML file at this path.
+    ///
+    /// # Errors
+    /// No such scenario or file, or a file that no run can be made of.
+    pub fn find(name: &str) -> Result<Self, BadInput> {
+        if let Some(shipped) = SHIPPED.iter().find(|shipped| shipped.name == name) {
+            let parsed = Self::parse(shipped.file, shipped.text)?;
+            return Ok(Self { arguments: name.to_owned(), ..parsed });
+        }
+        let path = Path::new(name);
+        let io_error = |problem: &str, found: String| BadInput {
+            place: name.to_owned(),
+            problem: problem.to_owned(),
+            found,
+            expected: "the name of a shipped scenario, or a TOML file".to_owned(),
+            next: match input::closest(name, SHIPPED.iter().map(|shipped| shipped.name)) {
+                Some(like) => format!("did you mean {like}? `hil-sim list` names all that are shipped"),
+                None => "`hil-sim list` names those shipped; check the path of a file".to_owned(),
+            },
+        };
+        let meta = path
+            .metadata()
+            .map_err(|e| io_error("no scenario and no file of this name can be read", e.to_string()))?;
+        if !meta.is_file() {
+            return Err(io_error("this is not a file", "a directory or a device".to_owned()));
+        }
+        if meta.len() > MAX_FILE_BYTES {
+            return Err(io_error("too large for a scenario", format!("{} bytes", meta.len())));
+        }
+        let bytes = std::fs::read(path).map_err(|e| io_error("cannot be read", e.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|e| {
+            let at = e.utf8_error().valid_up_to();
+            io_error("this is not text", format!("a byte that is not UTF-8 at offset {at}"))
+        })?;
+        Self::parse(name, &text)
+    }
+
+    /// The scenario in `text`; `file` is what errors call it.
+    ///
+    /// # Errors
+    /// What is wrong, with the line.
+    pub fn parse(file: &str, text: &str) -> Result<Self, BadInput> {
+        scenario(Source { file, text })
+    }
+
+    /// Sets a property of every motor from `NAME=VALUE`, as `--set` gives it.
+    ///
+    /// # Errors
+    /// Not of that form, no such property, or a value out of range.
+    pub fn set(&mut self, assignment: &str) -> Result<(), BadInput> {
+        let bad = |problem: &str, found: &str, expected: String| BadInput {
+            place: format!("--set {}", input::shorten(assignment)),
+            problem: problem.to_owned(),
+            found: input::shorten(found),
+            expected,
+            next: "give --set PROPERTY=VALUE, for example --set KP=120".to_owned(),
+        };
+        let Some((name, value)) = assignment.split_once('=') else {
+            return Err(bad("no = in it", assignment, "PROPERTY=VALUE".to_owned()));
+        };
+        let value: i64 = value
+            .trim()
+            .parse()
+            .map_err(|_| bad("the value is not a whole number", assignment, "a whole number".to_owned()))?;
+        for case in &mut self.cases {
+            properties::set(&mut case.config, name.trim(), value).map_err(|e| match &e {
+                PropertyError::Unknown { .. } => bad("no property has this name", &e.found(), e.expected()),
+                PropertyError::Range { .. } => bad("the value is out of range", &e.found(), e.expected()),
+            })?;
+        }
+        self.arguments.push_str(&format!(" --set {}={value}", name.trim().to_uppercase()));
+        Ok(())
+    }
+}
+
 /// The whole file.
-pub(super) fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
+fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     let parsed: file::File = toml::from_str(source.text).map_err(|e| source.reader_error(&e))?;
     let mut cases = Vec::new();
     for motor in &parsed.motor.0 {
@@ -99,7 +180,7 @@ fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Res
         let Some(slot) = table.get_mut(name.get_ref().as_str()) else {
             let known: Vec<String> = table.keys().map(|key| format!("`{key}`")).collect();
             let known = known.join(", ");
-            let next = error::suggestion(name.get_ref(), &known);
+            let next = input::suggestion(name.get_ref(), &known);
             return Err(source.error(name.span(), format!("[plant] has no {}", name.get_ref()), known, next));
         };
         let number = value.get_ref().0;
@@ -210,7 +291,7 @@ fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
 /// One `[[expect]]` table.
 fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Expectation, BadInput> {
     let file::Expect { metric: name, min, max, equals, tolerance } = expect.get_ref();
-    let short = error::shorten(name);
+    let short = input::shorten(name);
     let fail = |problem: &str, found: String, expected: &str, next: &str| {
         let problem = format!("[[expect]] {short} {problem}");
         Err(BadInput { found, ..source.error(expect.span(), problem, expected, next) })
@@ -223,7 +304,7 @@ fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Exp
     let want = match (metric.is_word(), equals, min, max, tolerance) {
         (true, Some(file::Wanted::Text(word)), None, None, None) => {
             if !metric.can_be(word) {
-                let found = format!("equals = \"{}\"", error::shorten(word));
+                let found = format!("equals = \"{}\"", input::shorten(word));
                 let next = did_you_mean(word, metric.words);
                 return fail("is never that", found, &metric.words.join(", "), &next);
             }
@@ -253,7 +334,7 @@ fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Exp
 
 /// The next step for a word that is none of those known.
 fn did_you_mean(word: &str, known: &[&str]) -> String {
-    match error::closest(word, known.iter().copied()) {
+    match input::closest(word, known.iter().copied()) {
         Some(like) => format!("did you mean {like}?"),
         None => "use one of those".to_owned(),
     }

@@ -6,7 +6,7 @@ use crate::world::node::Node;
 use crate::world::plant::Model;
 use tater_wire::Node as Id;
 
-use super::bad;
+use super::event::bad;
 
 /// The hand has seven motors.
 const NODES: std::ops::RangeInclusive<u8> = 1..=7;

@@ -16,7 +16,7 @@ mod linux {
     use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Frame as _, Socket, StandardId};
     use tater_wire::Frame;
 
-    use super::super::{Event, bad};
+    use super::super::event::{Event, bad};
     use crate::ports::output::tell;
 
     /// An open interface.
@@ -124,7 +124,7 @@ mod none {
     use crate::experiment::input::BadInput;
     use tater_wire::Frame;
 
-    use super::super::{Event, bad};
+    use super::super::event::{Event, bad};
 
     /// Nothing.
     pub enum CanPort {}

@@ -20,10 +20,11 @@ use crate::world::plant::Model;
 use clap::ValueEnum;
 use god::Memory;
 
+use super::event::{Arrival, Clock, Door, EVENTS, Event, SLICE_US, WAIT, bad};
 use super::link::{CHUNK, Link};
 use super::pace::Pace;
-use super::tcp::{self, Arrival, Client, Door};
-use super::{Clock, EVENTS, Event, SLICE_US, WAIT, bad, pty};
+use super::pty;
+use super::tcp::{self, Client};
 use crate::ports::keep::Keeper;
 use crate::ports::output::{print, tell};
 
@@ -265,12 +266,12 @@ impl Server {
         if let Some(link) = self.link() {
             let why = format!("{} speaks with the hand, and one host does at a time", link.peer);
             tell(&format!("{} is sent away: {why}", arrival.peer));
-            arrival.refuse(&why);
+            tcp::refuse(arrival, &why);
             return;
         }
         self.numbers += 1;
         // One that has gone already has not come.
-        if let Ok(link) = arrival.accept(self.numbers, self.sender.clone()) {
+        if let Ok(link) = tcp::accept(arrival, self.numbers, self.sender.clone()) {
             tell(&format!("{} is the host", link.peer));
             self.host = Host::Tcp(link);
         }
@@ -278,11 +279,11 @@ impl Server {
 
     fn watcher_comes(&mut self, arrival: Arrival) {
         if self.watchers.len() >= WATCHERS {
-            arrival.refuse(&format!("{WATCHERS} tools watch already"));
+            tcp::refuse(arrival, &format!("{WATCHERS} tools watch already"));
             return;
         }
         self.numbers += 1;
-        if let Ok(link) = arrival.accept(self.numbers, self.sender.clone()) {
+        if let Ok(link) = tcp::accept(arrival, self.numbers, self.sender.clone()) {
             tell(&format!("{} watches the bus", link.peer));
             if self.watchers.is_empty() {
                 self.hand.bus_mut().tap(true);

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
-use super::Event;
+use super::event::Event;
 
 /// Bytes that are read at once, and the most of a link that wait to be used.
 pub const CHUNK: usize = 1024;

@@ -18,7 +18,7 @@ mod unix {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 
-    use super::super::bad;
+    use super::super::event::bad;
     use super::super::link::Port;
 
     /// From one look whether somebody has opened it to the next.
@@ -94,5 +94,5 @@ mod unix {
 /// Always.
 #[cfg(not(unix))]
 pub fn open() -> Result<(std::sync::Arc<dyn super::link::Port>, String), crate::experiment::input::BadInput> {
-    Err(super::bad("--pty".to_owned(), "not Unix", "a system with pseudo-terminals", "use --listen"))
+    Err(super::event::bad("--pty".to_owned(), "not Unix", "a system with pseudo-terminals", "use --listen"))
 }

@@ -12,8 +12,8 @@ use crate::ports::slcan::Slcan;
 use crate::world::bus::Stamped;
 use tater_wire::Frame;
 
+use super::event::{Arrival, Door, Event, bad};
 use super::link::Link;
-use super::{Event, bad};
 use crate::ports::output::tell;
 
 /// How long a client that is refused may take to read why, and to close.
@@ -27,15 +27,6 @@ const AGAIN: Duration = Duration::from_millis(100);
 
 /// What an SLCAN client may leave unread, bytes, before it is sent away: a second of a full bus.
 const UNREAD: usize = 1 << 18;
-
-/// What a client comes for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Door {
-    /// Grasper Control Language.
-    Gcl,
-    /// SLCAN.
-    Slcan,
-}
 
 /// Listens at an option's address; clients come as events. Returns the address that it has.
 ///
@@ -58,16 +49,16 @@ pub fn listen(
     let listener = TcpListener::bind(address).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?.to_string();
     // Ends with the program, or when nobody hears it any more.
-    thread::spawn(move || accept(&listener, door, &events));
+    thread::spawn(move || accept_all(&listener, door, &events));
     Ok(address)
 }
 
-fn accept(listener: &TcpListener, door: Door, events: &SyncSender<Event>) {
+fn accept_all(listener: &TcpListener, door: Door, events: &SyncSender<Event>) {
     let mut told = false;
     for stream in listener.incoming() {
         match stream {
             Ok(stream) => {
-                if events.send(Event::Client(Arrival::new(stream, door))).is_err() {
+                if events.send(Event::Client(arrival(stream, door))).is_err() {
                     return;
                 }
             }
@@ -81,48 +72,37 @@ fn accept(listener: &TcpListener, door: Door, events: &SyncSender<Event>) {
     }
 }
 
-/// A client that has connected.
-pub struct Arrival {
-    stream: TcpStream,
-    /// Its address.
-    pub peer: String,
-    /// What it came for.
-    pub door: Door,
+fn arrival(stream: TcpStream, door: Door) -> Arrival {
+    let peer = stream.peer_addr().map_or_else(|_| "a client".to_owned(), |peer| peer.to_string());
+    Arrival { stream, peer, door }
 }
 
-impl Arrival {
-    fn new(stream: TcpStream, door: Door) -> Self {
-        let peer = stream.peer_addr().map_or_else(|_| "a client".to_owned(), |peer| peer.to_string());
-        Self { stream, peer, door }
-    }
+/// Tells it why not, and closes. An SLCAN client skips a line that begins so.
+pub fn refuse(mut arrival: Arrival, why: &str) {
+    let text = match arrival.door {
+        Door::Gcl => format!("\r\n\rbusy: {why}\r\n\r"),
+        Door::Slcan => format!("error: {why}\r\x07"),
+    };
+    // A thread: closing with unread bytes would take the text away from the client before it has read it.
+    thread::spawn(move || {
+        let _ = arrival.stream.set_write_timeout(Some(LAST_WORDS));
+        let _ = arrival.stream.write_all(text.as_bytes());
+        let _ = arrival.stream.shutdown(Shutdown::Write);
+        let _ = arrival.stream.set_read_timeout(Some(LAST_WORDS));
+        // However slowly it goes on: an end.
+        let mut unheard = [0; 1 << 12];
+        let _ = (0..LAST_READS).find(|_| !arrival.stream.read(&mut unheard).is_ok_and(|len| len > 0));
+    });
+}
 
-    /// Tells it why not, and closes. An SLCAN client skips a line that begins so.
-    pub fn refuse(mut self, why: &str) {
-        let text = match self.door {
-            Door::Gcl => format!("\r\n\rbusy: {why}\r\n\r"),
-            Door::Slcan => format!("error: {why}\r\x07"),
-        };
-        // A thread: closing with unread bytes would take the text away from the client before it has read it.
-        thread::spawn(move || {
-            let _ = self.stream.set_write_timeout(Some(LAST_WORDS));
-            let _ = self.stream.write_all(text.as_bytes());
-            let _ = self.stream.shutdown(Shutdown::Write);
-            let _ = self.stream.set_read_timeout(Some(LAST_WORDS));
-            // However slowly it goes on: an end.
-            let mut unheard = [0; 1 << 12];
-            let _ = (0..LAST_READS).find(|_| !self.stream.read(&mut unheard).is_ok_and(|len| len > 0));
-        });
-    }
-
-    /// Lets it in. Its bytes come as events of its number.
-    ///
-    /// # Errors
-    /// It has gone already.
-    pub fn accept(self, number: u64, events: SyncSender<Event>) -> io::Result<Link> {
-        // What it is told is small and wanted at once.
-        self.stream.set_nodelay(true)?;
-        Ok(Link::new(number, self.peer, Arc::new(self.stream), events))
-    }
+/// Lets it in. Its bytes come as events of its number.
+///
+/// # Errors
+/// It has gone already.
+pub fn accept(arrival: Arrival, number: u64, events: SyncSender<Event>) -> io::Result<Link> {
+    // What it is told is small and wanted at once.
+    arrival.stream.set_nodelay(true)?;
+    Ok(Link::new(number, arrival.peer, Arc::new(arrival.stream), events))
 }
 
 /// A client that speaks SLCAN.

@@ -2,7 +2,9 @@
 
 use tater_wire::Frame;
 
-use super::BOARD_US;
+/// From the end of a frame to when a board has its answer ready, µs, at worst: a control tick (some 1,200 instructions
+/// at 1.5 cycles and 72 MHz: 25) and a hall edge (5) go before it, and its own handling takes some 15.
+pub const BOARD_US: u64 = 50;
 
 /// A board on the bus, with its CAN controller's transmit mailboxes; the receive FIFO is the bus's.
 ///
