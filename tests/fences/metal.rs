@@ -310,7 +310,7 @@ fn the_method_fence_can_fail() {
         &[&of(board, 10), &of(motor, 10), &of("impl Flash for Metal", 41), &method(41)],
         &[&of(board, 9), &of("impl Flash for Metal", 40), &of("impl<M: Motor> Metal<M>", 40)],
     );
-    check_fence(long_method, "hil-sim/src/board.rs", &[], &[&of(board, 10)]);
+    check_fence(long_method, "hil-sim/src/world/board.rs", &[], &[&of(board, 10)]);
 }
 
 #[test]

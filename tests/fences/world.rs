@@ -1,7 +1,7 @@
-//! Tests and simulations that repeat: no clock, no sleep; and no work left out silently.
+//! Tests and simulations that repeat: no clock, no sleep, a simulator whose floors are apart; and no work left out silently.
 
-use super::tokens::{closing, reads, scan};
-use super::{Source, Violation, check_fence, check_workspace};
+use super::tokens::{Token, closing, reads, scan, scan_tokens, tokens, without_tests};
+use super::{Source, Violation, check_fence, check_workspace, files};
 
 /// Nothing waits: a test that sleeps is slow, and fails when the machine is busy.
 fn waiting(source: &Source) -> Vec<Violation> {
@@ -21,6 +21,73 @@ fn clock(source: &Source) -> Vec<Violation> {
         (!token.is_literal && ["Instant", "SystemTime"].contains(&token.text.as_str()))
             .then(|| format!("{}: time is passed in, never read", token.text))
     })
+}
+
+/// The floors of hil-sim, the lowest first, each with what of std and of other crates it does without.
+const FLOORS: [(&str, &[&str], &[&str]); 3] = [
+    ("world", &["env", "fs", "io", "net", "os", "process", "thread", "time"], &TERMINALS),
+    ("experiment", &["env", "net", "os", "process", "thread", "time"], &TERMINALS),
+    ("ports", &[], &[]),
+];
+
+/// Crates and macros that reach a terminal, a socket or the command line.
+const TERMINALS: [&str; 8] =
+    ["clap", "eprint", "eprintln", "indicatif", "print", "println", "rustix", "socketcan"];
+
+/// Each floor imports itself and those below it, and nothing of the outside above `ports`.
+fn floors(source: &Source) -> Vec<Violation> {
+    let Some(path) = source.path.strip_prefix("hil-sim/src/").and_then(|path| path.strip_suffix(".rs"))
+    else {
+        return Vec::new();
+    };
+    let modules: Vec<&str> = path.split('/').filter(|module| *module != "mod").collect();
+    let Some(floor) = FLOORS.iter().position(|(name, ..)| *name == modules[0]) else { return Vec::new() };
+    let (name, std, others) = FLOORS[floor];
+    let below = &FLOORS[..=floor];
+    let tokens = match tokens(source) {
+        Ok(tokens) => without_tests(tokens),
+        Err(violation) => return vec![violation],
+    };
+    scan_tokens(source, &tokens, |tokens, at| {
+        let token = &tokens[at];
+        if token.is_literal {
+            return None;
+        }
+        let starts = at == 0 || !["::", ":", "."].contains(&tokens[at - 1].text.as_str());
+        match token.text.as_str() {
+            "crate" if reads(tokens, at + 1, &[":", ":"]) => {
+                let to = tokens.get(at + 3)?.text.as_str();
+                (!below.iter().any(|(floor, ..)| *floor == to)).then(|| {
+                    format!(
+                        "crate::{to}: {name} imports crate::{}",
+                        below.iter().map(|(floor, ..)| *floor).collect::<Vec<_>>().join(", crate::")
+                    )
+                })
+            }
+            "super" if starts => {
+                let supers = (0..).take_while(|i| reads(tokens, at + 3 * i, &["super", ":", ":"])).count();
+                (supers >= modules.len() + blocks(tokens, at))
+                    .then(|| format!("super leaves {name}: write crate:: and the floor"))
+            }
+            "std" if starts && reads(tokens, at + 1, &[":", ":"]) => {
+                let first = tokens.get(at + 3)?;
+                let end = if first.text == "{" { closing(tokens, at + 3) } else { at + 4 };
+                let found = tokens[at + 3..end].iter().find(|token| std.contains(&token.text.as_str()))?;
+                Some(format!("std::{}: {name} does without; pass in what it needs", found.text))
+            }
+            other => {
+                let is_path_or_macro = reads(tokens, at + 1, &[":", ":"]) || reads(tokens, at + 1, &["!"]);
+                (starts && is_path_or_macro && others.contains(&other))
+                    .then(|| format!("{other}: {name} has no terminal; return what is to be shown"))
+            }
+        }
+    })
+}
+
+/// How many `mod name { .. }` there are around a token.
+fn blocks(tokens: &[Token], at: usize) -> usize {
+    let around = |open: &usize| reads(tokens, open + 2, &["{"]) && closing(tokens, open + 2) > at;
+    (0..at).filter(|open| tokens[*open].text == "mod").filter(around).count()
 }
 
 /// A test that does not run, or code that is not there.
@@ -62,6 +129,15 @@ fn nothing_reads_a_clock() {
 }
 
 #[test]
+fn floors_of_the_simulator_import_downwards() {
+    check_workspace(floors);
+    for (floor, ..) in FLOORS {
+        let path = format!("hil-sim/src/{floor}.rs");
+        assert!(files("rs").iter().any(|file| file.path == path), "no {path}: its fence guards nothing");
+    }
+}
+
+#[test]
 fn nothing_is_left_unfinished() {
     check_workspace(unfinished);
 }
@@ -86,11 +162,54 @@ fn the_clock_fence_can_fail() {
     let now = "fn f() { std::time::Instant::now(); }";
     check_fence(
         clock,
-        "hil-sim/src/trace.rs",
+        "hil-sim/src/experiment/trace.rs",
         &[now, "use std::time::SystemTime;"],
         &["/// Instant\nfn f() {}"],
     );
     check_fence(clock, "xtask/src/ci.rs", &[], &[now]);
+}
+
+#[test]
+fn floor_fence_finds_each_breach() {
+    check_fence(
+        floors,
+        "hil-sim/src/world/hand.rs",
+        &[
+            "use crate::experiment::run::Options;",
+            "use crate::ports::keep::Keeper;",
+            "use crate::Model;",
+            "use crate::{world::bus, ports};",
+            "use super::super::experiment;",
+            "mod a { use super::super::super::ports::b; }",
+            "use std::fs::File;",
+            "use std::{collections::BTreeMap, io::Write};",
+            "fn f() { std::net::TcpStream::connect(a); }",
+            "use std::time::SystemTime;",
+            "fn f() { std::thread::spawn(g); }",
+            "fn f() { println!(); }",
+            "use indicatif::ProgressBar;",
+        ],
+        &[
+            "use crate::world::bus::Bus; use super::bus; mod a { use super::super::bus; }",
+            "use std::{collections::VecDeque, fmt}; use std::rc::Rc; // std::fs",
+            "fn f(print: u8) { a.print(); b::print::c(); \"crate::ports\"; }",
+        ],
+    );
+    check_fence(
+        floors,
+        "hil-sim/src/experiment/run.rs",
+        &["use crate::ports::output::print;", "use std::net::UdpSocket;", "fn f() { eprintln!(); }"],
+        &["use crate::world::bus::Bus; use crate::experiment::trace; use std::io::Write;"],
+    );
+    let any = "use crate::{world, experiment}; use std::net::TcpStream; fn f() { println!(); }";
+    check_fence(
+        floors,
+        "hil-sim/src/ports/tcp.rs",
+        &["use crate::Model;", any],
+        &["use std::net::TcpStream; fn f() { println!(); }"],
+    );
+    check_fence(floors, "hil-sim/src/lib.rs", &[], &["pub use ports::cli; use crate::Model;"]);
+    check_fence(floors, "board-emu/src/world/a.rs", &[], &["use std::net::TcpStream;"]);
 }
 
 #[test]
