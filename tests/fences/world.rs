@@ -59,7 +59,7 @@ fn floors(source: &Source) -> Vec<Violation> {
                 let to = tokens.get(at + 3)?.text.as_str();
                 (!below.iter().any(|(floor, ..)| *floor == to)).then(|| {
                     format!(
-                        "crate::{to}: {name} imports crate::{}",
+                        "crate::{to}: {name} may import only crate::{}",
                         below.iter().map(|(floor, ..)| *floor).collect::<Vec<_>>().join(", crate::")
                     )
                 })
