@@ -33,6 +33,8 @@ pub mod board;
 #[allow(unsafe_code, reason = "registers")]
 pub mod bsp;
 #[forbid(unsafe_code)]
+pub mod codes;
+#[forbid(unsafe_code)]
 mod lock;
 #[forbid(unsafe_code)]
 pub mod monitor;

@@ -8,6 +8,8 @@ use tater_wire::{Frame, Node};
 
 #[cfg(feature = "log")]
 use defmt_rtt as _;
+#[cfg(feature = "log")]
+use tater_fw::codes;
 
 #[cfg(feature = "log")]
 defmt::timestamp!("{=u32:us}", tater_fw::bsp::metal::logged_at());
@@ -44,10 +46,10 @@ pub fn refused(frame: &Frame, why: Refused) {
 pub fn event(event: Event) {
     match event {
         Event::Ended { reason, mode } => {
-            defmt::info!("END {=u8}, MODE {=u8}", reason.number(), mode.number())
+            defmt::info!("END {=u8}, MODE {=u8}", codes::end_code(reason).number(), codes::mode_code(mode).number())
         }
         Event::Breakaway { position, .. } => defmt::info!("breakaway at {=i32}", position),
-        Event::Fault(fault) => defmt::error!("ERROR {=u8}", tater_fw::tater::errors::code(fault).code()),
+        Event::Fault(fault) => defmt::error!("ERROR {=u8}", codes::fault_code(fault).code()),
         Event::Glitch(_) => defmt::debug!("the hall lines lied"),
         Event::Homed => defmt::info!("homed"),
     }

@@ -10,7 +10,6 @@
 //! | else | [`Tater::store`]: one flash operation, if one is due |
 
 mod commands;
-pub mod errors;
 mod kept;
 mod outbox;
 mod properties;

@@ -66,6 +66,12 @@ impl Cmd {
     }
 }
 
+impl From<Cmd> for i64 {
+    fn from(cmd: Cmd) -> Self {
+        cmd.number().into()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -52,6 +52,12 @@ impl EndCode {
     }
 }
 
+impl From<EndCode> for i64 {
+    fn from(code: EndCode) -> Self {
+        code.number().into()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -129,6 +129,12 @@ impl FaultCode {
     }
 }
 
+impl From<FaultCode> for i64 {
+    fn from(code: FaultCode) -> Self {
+        code.code().into()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

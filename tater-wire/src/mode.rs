@@ -54,6 +54,12 @@ impl ModeCode {
     }
 }
 
+impl From<ModeCode> for i64 {
+    fn from(code: ModeCode) -> Self {
+        code.number().into()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,6 +6,7 @@ use hil_sim::node::Node;
 use hil_sim::plant::{Heat, Model, PlantParams, Start};
 use hil_sim::rig::{Object, Rig, RigParams, Side};
 use servo_core::MotorKind;
+use servo_core::mode::Mode;
 use tater_wire::property::Kind;
 use tater_wire::{Body, Destination, Frame, Group, Message, Node as Id, Property, Torques};
 
@@ -243,9 +244,9 @@ fn velocity_then_mode_4_and_a_host_that_falls_silent() {
     assert!(there > 40, "it moves: {there}");
     // 500 ms without a frame, and a control tick to see it.
     host.wait_ms(490);
-    assert_eq!(host.board(0).sample().map(|s| s.status.mode.number()), Some(4));
+    assert_eq!(host.board(0).sample().map(|s| s.status.mode), Some(Mode::Velocity));
     host.wait_ms(15);
-    assert_eq!(host.board(0).sample().map(|s| s.status.mode.number()), Some(0));
+    assert_eq!(host.board(0).sample().map(|s| s.status.mode), Some(Mode::Idle));
     assert_eq!(host.get(4, Property::ERROR), Some(7), "the host was lost");
     assert_eq!(host.get(4, Property::STAT), Some(2), "which can be mended");
     host.set(to(4), Property::MODE, 4);

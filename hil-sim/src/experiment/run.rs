@@ -4,8 +4,9 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use servo_core::mode::Mode;
 use servo_core::{Command, Config, Event, MotorKind};
+use tater_fw::codes::mode_code;
 use tater_fw::tater::Refused;
-use tater_wire::{Cmd, Destination, Message, Property};
+use tater_wire::{Cmd, Destination, Message, ModeCode, Property};
 
 use crate::experiment::metrics::{Meter, Metrics, Value, end_word, fault_word, mode_word};
 use crate::experiment::properties::PROPERTIES;
@@ -242,7 +243,7 @@ fn say(command: &Command, node: &mut Node) -> Result<(), Refused> {
     let cmd = |cmd: Cmd| (Property::CMD, i64::from(cmd.number()));
     let status = watch(node).status;
     let (property, value) = match *command {
-        Command::Mode(mode) => (Property::MODE, i64::from(mode.number())),
+        Command::Mode(mode) => (Property::MODE, mode_code(mode).into()),
         Command::Torque(torque) => (Property::T, i64::from(torque.0)),
         Command::Velocity(velocity) => (Property::V, i64::from(velocity.round())),
         Command::Position(counts) => (Property::P, i64::from(counts)),
@@ -255,8 +256,8 @@ fn say(command: &Command, node: &mut Node) -> Result<(), Refused> {
         Command::ClearFault => (Property::STAT, 2),
         // A host that ends a move leaves the motor as HOLD has it (manual 5.5 case 3).
         Command::Abort if status.mode == Mode::Idle => return Ok(()),
-        Command::Abort if holds(node) => (Property::MODE, i64::from(Mode::Pid.number())),
-        Command::Abort => (Property::MODE, i64::from(Mode::Idle.number())),
+        Command::Abort if holds(node) => (Property::MODE, ModeCode::Pid.into()),
+        Command::Abort => (Property::MODE, ModeCode::Idle.into()),
         // The scenario's reader makes neither.
         Command::Configure(_) | Command::ClearBreakaway => return Err(Refused::Unknown),
     };

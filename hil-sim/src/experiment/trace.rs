@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use servo_core::MotorKind;
+use tater_fw::codes::mode_code;
 
 use crate::world::node::Sample;
 
@@ -28,7 +29,7 @@ macro_rules! columns {
 
 columns! {
     time_ms 0 |s| f64::from(s.ms);
-    mode 0 |s| f64::from(s.status.mode.number());
+    mode 0 |s| f64::from(mode_code(s.status.mode).number());
     position_counts 3 |s| s.truth.counts;
     position_estimated_counts 3 Sample::estimated_counts;
     setpoint_counts 3 Sample::setpoint_counts;

@@ -2,6 +2,7 @@
 
 use super::{EVENTS, OUTBOX, Refused, Tater};
 use crate::board::Board;
+use crate::codes::{end_code, mode_code};
 use servo_core::Event;
 use tater_wire::{Message, Node, Property};
 
@@ -63,8 +64,8 @@ impl<B: Board> Tater<B> {
         // Without room they are counted as unsent.
         match event {
             Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
-                let _ = self.say(Node::HOST, Property::MODE, i64::from(mode.number()));
-                let _ = self.say(Node::HOST, Property::END, i64::from(reason.number()));
+                let _ = self.say(Node::HOST, Property::MODE, mode_code(mode).into());
+                let _ = self.say(Node::HOST, Property::END, end_code(reason).into());
             }
             Event::Breakaway { position, .. } => {
                 self.breakaway_position = position;

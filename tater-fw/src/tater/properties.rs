@@ -4,13 +4,14 @@
 use super::kept::{self, kept};
 use super::{Refused, Tater};
 use crate::board::Board;
+use crate::codes::{self, end_code, fault_code, mode_code};
 use crate::motion::{self, motion};
 use crate::storage::Counters;
 use servo_core::mode::Mode;
 use servo_core::servo::COUNTS_PER_REV;
 use servo_core::units::{CountsPerSec, Torque};
 use servo_core::{Command, Refusal};
-use tater_wire::{Node, Property};
+use tater_wire::{FaultCode, Node, Property};
 
 /// Counts a motor revolution.
 const REV: i32 = 18;
@@ -34,6 +35,13 @@ impl<B: Board> Tater<B> {
         }
     }
 
+    /// The latched fault. A fault of the servo goes before one of the flash, which does not stop the motor; STAT 2 clears
+    /// both.
+    pub(super) fn error(&self) -> Option<FaultCode> {
+        let storage = self.storage_error.then_some(FaultCode::Storage);
+        self.servo.telemetry().fault.map(fault_code).or(storage)
+    }
+
     /// [`Self::read`] of what is not as a SET has left it.
     fn observe(&self, property: Property) -> Option<i64> {
         use Property as P;
@@ -42,9 +50,9 @@ impl<B: Board> Tater<B> {
         let counters = self.store.counters();
         let value = match property {
             P::VERS | P::CTS | P::IPNM | P::POLES => property.rules().min(),
-            P::ERROR => self.error().map_or(0, |code| i64::from(code.code())),
+            P::ERROR => self.error().map_or(0, FaultCode::into),
             P::STAT => READY,
-            P::MODE => i64::from(status.mode.number()),
+            P::MODE => mode_code(status.mode).into(),
             P::TEMP => i64::from(analog.board_temp.0),
             P::PTEMP => i64::from(counters.ptemp),
             P::B => i64::from(self.drive.brake_released),
@@ -68,7 +76,7 @@ impl<B: Board> Tater<B> {
             P::HALLH => i64::from(self.hall_history | u32::from(status.homed) << 30),
             P::BD => i64::from(status.breakaway.is_some()),
             P::BP => i64::from(self.breakaway_position),
-            P::END => status.end.map_or(0, |reason| i64::from(reason.number())),
+            P::END => status.end.map_or(0, |reason| end_code(reason).into()),
             P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | kept!() => return None,
         };
         let rules = property.rules();
@@ -96,7 +104,7 @@ impl<B: Board> Tater<B> {
                 Ok(())
             }
             P::MODE => {
-                let mode = narrow(value).ok().and_then(Mode::from_number).ok_or(out_of_range)?;
+                let mode = codes::mode(value).ok_or(out_of_range)?;
                 self.command(Command::Mode(mode))
             }
             P::T => self.command(Command::Torque(Torque(narrow(value)?))),

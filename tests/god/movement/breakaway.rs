@@ -122,7 +122,7 @@ fn with_x_there_is_no_breakaway() {
     // With all of MT, 0.48 N·m, it is 2.7 counts into the object.
     assert!(has_met(found[0]) && (found[4] - 331).abs() <= NEAR, "{found:?}");
     assert_eq!(status(&mut session, 1).breakaway, None);
-    assert_eq!(status(&mut session, 1).end.map(|end| end.number()), Some(2), "it stalled");
+    assert_eq!(status(&mut session, 1).end, Some(servo_core::EndReason::Stalled));
     assert_eq!(config(&mut session, 1).bt, 400, "BT is given back");
     assert_eq!(session.line("X1M 16500"), "ERR 16");
     assert_eq!(session.line("X1O"), "");

@@ -2,12 +2,11 @@
 
 use std::collections::VecDeque;
 
-use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
 use servo_core::units::{Counts, CountsPerSec, Duty, Torque};
 use servo_core::{Command, EndReason, Event, Telemetry};
-use tater_fw::Analog;
-use tater_wire::{FaultCode, Frame, Property};
+use tater_fw::{Analog, codes};
+use tater_wire::{Frame, Property};
 
 use super::compare::Path;
 use super::talk::{ANSWER_US, answer};
@@ -215,7 +214,7 @@ impl Seat {
         let known = &mut self.known;
         match property {
             Property::MODE => {
-                let mode = i32::try_from(value).ok().and_then(Mode::from_number).unwrap_or(known.mode);
+                let mode = codes::mode(value).unwrap_or(known.mode);
                 if mode != known.mode {
                     known.held = None;
                 }
@@ -234,7 +233,7 @@ impl Seat {
             Property::ERROR => {
                 let is_new = value != 0 && value != known.error;
                 known.error = value;
-                if let Some(fault) = fault(value).filter(|_| is_new) {
+                if let Some(fault) = codes::fault(value).filter(|_| is_new) {
                     self.event(Event::Fault(fault));
                 }
             }
@@ -246,9 +245,7 @@ impl Seat {
     }
 
     fn ended(&mut self, value: i64, at_us: u64) {
-        let Some(reason) = REASONS.into_iter().find(|reason| i64::from(reason.number()) == value) else {
-            return;
-        };
+        let Some(reason) = codes::end_reason(value) else { return };
         if std::mem::take(&mut self.homing) && reason == EndReason::Arrived {
             // Only HI that has left the stop arrives, and then zero is where it is.
             self.known.homed = true;
@@ -302,30 +299,6 @@ impl Seat {
         let (node, judged) = (self.job.node, self.job.judged);
         Ran { node, run, path: self.path, unanswered: self.unanswered, judged }
     }
-}
-
-const REASONS: [EndReason; 6] = [
-    EndReason::Arrived,
-    EndReason::Stalled,
-    EndReason::Aborted,
-    EndReason::Strain,
-    EndReason::Breakaway,
-    EndReason::Fault,
-];
-
-/// The servo's fault of a value of ERROR; `None` for those that are not of the servo.
-fn fault(code: i64) -> Option<Fault> {
-    [
-        (FaultCode::Halls, Fault::Halls),
-        (FaultCode::OverCurrent, Fault::OverCurrent),
-        (FaultCode::OverTemperature, Fault::OverTemperature),
-        (FaultCode::OverVoltage, Fault::OverVoltage),
-        (FaultCode::UnderVoltage, Fault::UnderVoltage),
-        (FaultCode::Bridge, Fault::Bridge),
-        (FaultCode::HostLost, Fault::HostLost),
-    ]
-    .into_iter()
-    .find_map(|(of, fault)| (i64::from(of.code()) == code).then_some(fault))
 }
 
 /// What the rig says now, and what is known of the servo.

@@ -2,6 +2,7 @@
 
 use servo_core::Command;
 use servo_core::mode::Mode;
+use tater_fw::codes::mode_code;
 use tater_wire::{Cmd, Property};
 
 use super::seat::{Ask, Seat};
@@ -138,11 +139,11 @@ fn act<S: Watched>(action: &Action, host: &mut OverCan<S>, seat: &mut Seat, inde
 
 /// A command in properties, and what a host then looks at: the property, and its value if the board has obeyed.
 fn say(command: &Command, seat: &Seat) -> Option<(Property, i64, (Property, Option<i64>))> {
-    let mode = |mode: Mode| (Property::MODE, Some(i64::from(mode.number())));
+    let mode = |mode: Mode| (Property::MODE, Some(mode_code(mode).into()));
     let cmd = |cmd: Cmd| (Property::CMD, i64::from(cmd.number()));
     let is_steered = |of: Mode| seat.mode() == of;
     let ((property, value), echo) = match *command {
-        Command::Mode(to) => ((Property::MODE, i64::from(to.number())), mode(to)),
+        Command::Mode(to) => ((Property::MODE, mode_code(to).into()), mode(to)),
         // The limits may leave less of it.
         Command::Torque(torque) => ((Property::T, i64::from(torque.0)), (Property::MODE, None)),
         Command::Velocity(velocity) => {
@@ -164,7 +165,7 @@ fn say(command: &Command, seat: &Seat) -> Option<(Property, i64, (Property, Opti
         Command::Abort if is_steered(Mode::Idle) => return None,
         Command::Abort => {
             let to = if seat.holds() { Mode::Pid } else { Mode::Idle };
-            ((Property::MODE, i64::from(to.number())), mode(to))
+            ((Property::MODE, mode_code(to).into()), mode(to))
         }
         // The scenario's reader makes neither.
         Command::Configure(_) | Command::ClearBreakaway => return None,

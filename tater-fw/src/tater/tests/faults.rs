@@ -1,8 +1,8 @@
 //! ERROR: every fault of the application can be provoked, idles the motor where it should, and is cleared by STAT 2.
 
 use super::board::Bench;
+use crate::codes::fault_code;
 use crate::storage::Progress;
-use crate::tater::errors::code;
 use crate::tater::{HOST_LOST_MS, Refused};
 use servo_core::Refusal;
 use servo_core::guard::fault::Fault;
@@ -232,7 +232,7 @@ fn faults_of_the_servo_have_rows_of_their_own() {
         Fault::HostLost,
     ];
     for (i, one) in all.into_iter().enumerate() {
-        assert_eq!(code(one).row().code, code(one));
-        assert!(all[..i].iter().all(|&other| code(other) != code(one)), "{one:?}");
+        assert_eq!(fault_code(one).row().code, fault_code(one));
+        assert!(all[..i].iter().all(|&other| fault_code(other) != fault_code(one)), "{one:?}");
     }
 }

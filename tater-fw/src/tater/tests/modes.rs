@@ -2,6 +2,7 @@
 
 use super::board::Bench;
 use crate::board::Analog;
+use crate::codes::mode_code;
 use crate::tater::Refused;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation;
@@ -56,7 +57,7 @@ fn a_mode_that_is_none_is_refused() {
 fn torque_is_set_in_mode_2_only_and_reads_what_the_limits_left() {
     let mut bench = Bench::new(1);
     for mode in [Mode::Idle, Mode::Pid, Mode::Velocity, Mode::Trapezoidal] {
-        bench.set(Property::MODE, i64::from(mode.number())).expect("a mode");
+        bench.set(Property::MODE, mode_code(mode).into()).expect("a mode");
         assert_eq!(bench.set(Property::T, 10), Err(Refused::Servo(Refusal::Mode(mode))));
     }
     bench.set(Property::MODE, 2).expect("mode 2");
@@ -112,7 +113,7 @@ fn position_names_the_place_in_idle_and_is_the_goal_in_mode_3() {
     assert_eq!(bench.tater.status().setpoint.round(), -32_700);
     assert_eq!(bench.get(Property::P), Some(-32_788));
     for mode in [Mode::Torque, Mode::Velocity, Mode::Trapezoidal] {
-        bench.set(Property::MODE, i64::from(mode.number())).expect("a mode");
+        bench.set(Property::MODE, mode_code(mode).into()).expect("a mode");
         assert_eq!(bench.set(Property::P, 5), Err(Refused::Servo(Refusal::Mode(mode))));
     }
 }
