@@ -14,7 +14,6 @@ use tater_wire::{Frame, Node};
 use crate::analog::FrontEnd;
 use crate::bridge;
 use crate::chip::{Chip, Reset};
-use crate::gdb::Wanted;
 use crate::image::Programs;
 use crate::machine::{Machine, Pause};
 use crate::meter::{Figures, Meter};
@@ -41,6 +40,14 @@ const HALLS: [(usize, usize); 3] = [(1, 6), (1, 7), (1, 8)];
 /// Runs a board to a time: what a debugger does in place of the board.
 pub type Runner = Box<dyn FnMut(&mut Board, Time)>;
 
+/// What a debugger requests of a board.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct DebugRequests {
+    pub breakpoints: Vec<u32>,
+    /// One instruction, then stop.
+    pub step: bool,
+}
+
 /// A board that executes its flash, and its motor.
 pub struct Board {
     node: Node,
@@ -64,8 +71,7 @@ pub struct Board {
     meter: Meter,
     /// Who runs it on the bus in place of itself.
     runner: Option<Runner>,
-    /// What a debugger wants.
-    pub(crate) wanted: Wanted,
+    pub(crate) debug: DebugRequests,
     /// What ended the run, if anything did.
     problem: Option<Stop>,
 }
@@ -101,7 +107,7 @@ impl Board {
             hall_lines: [None; 3],
             meter: Meter::default(),
             runner: None,
-            wanted: Wanted::default(),
+            debug: DebugRequests::default(),
             problem: None,
         };
         board.halls_changed();
@@ -138,7 +144,7 @@ impl Board {
             pending: self.pending.clone(),
             meter: self.meter.clone(),
             runner: None,
-            wanted: Wanted::default(),
+            debug: DebugRequests::default(),
             problem: self.problem.clone(),
             ..*self
         }

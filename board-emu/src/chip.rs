@@ -10,87 +10,18 @@ pub mod exti;
 pub mod flash;
 pub mod gpio;
 pub mod iwdg;
+mod peripheral;
 pub mod rcc;
 mod resets;
 pub mod tim1;
 pub mod timer;
 pub mod uid;
 
-use crate::time::{NEVER, Time};
+pub use peripheral::{AccessError, Peripheral, RegisterResult, Reset, Size};
+
 use tater_wire::memory::RAM;
 
-/// What an access to a peripheral gives; the error says what is not modelled.
-pub type Access<T> = Result<T, String>;
-
-/// A block of registers. All accesses are of 32 bits, at offsets that are multiples of four; `now` is when.
-pub trait Peripheral {
-    /// Reads a register, with what reading does to it.
-    ///
-    /// # Errors
-    /// What is not modelled.
-    fn read(&mut self, offset: u32, now: Time) -> Access<u32>;
-
-    /// Writes a register.
-    ///
-    /// # Errors
-    /// What is not modelled: also bits that the real one obeys and this one does not.
-    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()>;
-
-    /// When it next does something by itself that anybody can notice: an interrupt, a trigger, a pin.
-    fn next_event(&self) -> Time {
-        NEVER
-    }
-
-    /// Lets time pass to `now`, which is not past [`Self::next_event`].
-    fn advance(&mut self, now: Time) {
-        let _ = now;
-    }
-}
-
-/// How an access went wrong.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// The bus answers with an error: nothing is there, or it is a write to flash that is locked (a BusFault).
-    Bus,
-    /// The model does not have it: the run ends.
-    NotModelled(String),
-}
-
-/// Width of an access.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Size {
-    /// 8 bits.
-    Byte,
-    /// 16 bits.
-    Half,
-    /// 32 bits.
-    Word,
-}
-
-impl Size {
-    /// Bytes of it.
-    #[must_use]
-    pub const fn bytes(self) -> u32 {
-        match self {
-            Self::Byte => 1,
-            Self::Half => 2,
-            Self::Word => 4,
-        }
-    }
-}
-
-/// Why the chip starts again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reset {
-    /// The supply came up, or sagged below the threshold of power-on reset.
-    Power,
-    /// The reset pin.
-    Pin,
-    /// AIRCR.SYSRESETREQ.
-    Software,
-    /// The independent watchdog.
-    Watchdog,
-}
+use crate::time::{NEVER, Time};
 
 /// Memory, peripherals and wires.
 #[derive(Clone, Debug)]
@@ -239,8 +170,8 @@ impl Chip {
     /// Reads memory or a register.
     ///
     /// # Errors
-    /// [`Refusal`].
-    pub fn read(&mut self, address: u32, size: Size) -> Result<u32, Refusal> {
+    /// [`AccessError`].
+    pub fn read(&mut self, address: u32, size: Size) -> Result<u32, AccessError> {
         match address {
             0x0000_0000..0x0002_0000 => self.flash.read(address, size),
             0x0800_0000..0x0802_0000 => self.flash.read(address - 0x0800_0000, size),
@@ -255,21 +186,21 @@ impl Chip {
                 let word = self.register(address & !3, None)?;
                 Ok(word >> (8 * (address & 3)) & mask(size))
             }
-            _ => Err(Refusal::Bus),
+            _ => Err(AccessError::Bus),
         }
     }
 
     /// Writes memory or a register.
     ///
     /// # Errors
-    /// [`Refusal`].
-    pub fn write(&mut self, address: u32, size: Size, value: u32) -> Result<(), Refusal> {
+    /// [`AccessError`].
+    pub fn write(&mut self, address: u32, size: Size, value: u32) -> Result<(), AccessError> {
         match address {
             0x0800_0000..0x0802_0000 => {
                 self.touched = true;
                 if !self.rcc.is_hsi_on() {
                     let what = "the flash is programmed by the RC oscillator, which is off (PM0075 2.3)";
-                    return Err(Refusal::NotModelled(what.to_owned()));
+                    return Err(AccessError::NotModelled(what.to_owned()));
                 }
                 self.flash.program(address - 0x0800_0000, size, value, self.now)
             }
@@ -293,9 +224,9 @@ impl Chip {
                 Ok(())
             }
             0x4001_8000..0x4002_4000 => {
-                Err(Refusal::NotModelled("a write narrower than a word to a register".to_owned()))
+                Err(AccessError::NotModelled("a write narrower than a word to a register".to_owned()))
             }
-            _ => Err(Refusal::Bus),
+            _ => Err(AccessError::Bus),
         }
     }
 
@@ -315,13 +246,13 @@ impl Chip {
     }
 
     /// Reads a register (`value` is `None`) or writes one.
-    fn register(&mut self, address: u32, value: Option<u32>) -> Result<u32, Refusal> {
+    fn register(&mut self, address: u32, value: Option<u32>) -> Result<u32, AccessError> {
         if !self.rcc.is_clocked(address) {
             // What a fault handler does to a timer that was never clocked: its outputs are off, and stay it.
             if (address, value) == (BDTR, Some(0)) {
                 return Ok(0);
             }
-            return Err(Refusal::NotModelled("the peripheral's clock is off".to_owned()));
+            return Err(AccessError::NotModelled("the peripheral's clock is off".to_owned()));
         }
         let now = self.now;
         // Blocks of 1 KiB (RM0008 table 3).
@@ -338,7 +269,7 @@ impl Chip {
             0x4001_2C00 => &mut self.tim1,
             0x4002_1000 => &mut self.rcc,
             0x4002_2000 => &mut self.flash,
-            _ => return Err(Refusal::NotModelled("no such peripheral".to_owned())),
+            _ => return Err(AccessError::NotModelled("no such peripheral".to_owned())),
         };
         // The ports are one model.
         let base = if (0x4001_0800..0x4001_1C00).contains(&address) { 0x4001_0800 } else { address & !0x3FF };
@@ -346,7 +277,7 @@ impl Chip {
             None => block.read(address - base, now),
             Some(value) => block.write(address - base, value, now).map(|()| 0),
         };
-        let word = done.map_err(Refusal::NotModelled)?;
+        let word = done.map_err(AccessError::NotModelled)?;
         self.touched = true;
         // Gates and brake are pins.
         self.tim1.gates_changed |= base == 0x4001_0800 && value.is_some();
@@ -354,7 +285,7 @@ impl Chip {
         if value.is_some() && present < needed {
             let what =
                 format!("{present} wait states of the flash, {needed} needed at this clock (PM0075 3.1)");
-            return Err(Refusal::NotModelled(what));
+            return Err(AccessError::NotModelled(what));
         }
         self.wire();
         Ok(word)

@@ -3,134 +3,41 @@
 //! instructions.
 
 mod alu;
+mod control;
 pub mod counts;
 mod decode;
+mod decode_narrow;
 mod decode_wide;
 mod exception;
 mod fault;
 mod frequent;
 mod memory;
 pub mod nvic;
+mod op;
 mod registers;
 mod scs;
 mod special;
+mod state;
 mod systick;
 #[cfg(test)]
 mod tests;
 
-use armagnac::core::{Config, Effect, ItState, Processor};
+pub use state::Cpu;
 
-use crate::chip::Chip;
+use armagnac::core::{Effect, ItState};
+
 use crate::stop::Problem;
 use crate::time::Time;
-use counts::Counts;
-use decode::{By, Decoder, Op, Place};
+use decode::By;
 use fault::{Fault, Trap};
-use nvic::number::SYS_TICK;
-use nvic::{Masks, Nvic};
+use op::{Op, Place};
 use registers::{Reg, Registers};
-use systick::SysTick;
-
-/// Whether the core waits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sleep {
-    /// It does not.
-    No,
-    /// WFI.
-    Interrupt,
-    /// WFE.
-    Event,
-}
-
-/// All of the core that `armagnac` does not keep.
-#[derive(Clone, Debug)]
-struct System {
-    nvic: Nvic,
-    masks: Masks,
-    systick: SysTick,
-    faults: fault::Status,
-    control: scs::Control,
-    /// VTOR.
-    vectors: u32,
-    sleep: Sleep,
-    /// The event register.
-    event: bool,
-    /// The exclusive monitor.
-    exclusive: bool,
-    /// A branch in a handler asks for the return from its exception.
-    returning: Option<u32>,
-    reset_request: bool,
-    lowest_sp: u32,
-}
-
-impl System {
-    fn new(now: Time, cycle: Time) -> Self {
-        Self {
-            nvic: Nvic::default(),
-            masks: Masks::default(),
-            systick: SysTick::new(now, cycle),
-            faults: fault::Status::default(),
-            control: scs::Control::default(),
-            vectors: 0,
-            sleep: Sleep::No,
-            event: false,
-            exclusive: false,
-            returning: None,
-            reset_request: false,
-            lowest_sp: u32::MAX,
-        }
-    }
-}
-
-/// The core.
-pub struct Cpu {
-    /// The rest of the chip.
-    pub chip: Chip,
-    /// What it has executed, by exception.
-    pub counts: Counts,
-    /// A step ends with an exception's entry, so that a breakpoint at a handler's beginning is seen.
-    pub pauses_at_entry: bool,
-    registers: Registers,
-    /// Those instructions that are right, and lent registers to execute one. It stays in thread mode, which keeps it from taking
-    /// part in exceptions; none of its instructions that touch memory is used.
-    engine: Processor,
-    decoder: Decoder,
-    sys: System,
-}
+use state::{Sleep, System};
 
 /// The IT state's bits of xPSR (ARMv7-M B1.4.2).
 const IT: u32 = 0x0600_FC00;
 
 impl Cpu {
-    /// A core of this chip that is held in reset.
-    #[must_use]
-    pub fn new(chip: Chip) -> Self {
-        let sys = System::new(0, 1);
-        Self {
-            chip,
-            counts: Counts::default(),
-            pauses_at_entry: false,
-            registers: Registers::new(),
-            engine: Processor::new(Config::v7m()),
-            decoder: Decoder::new(),
-            sys,
-        }
-    }
-
-    /// A core and a chip in the same state.
-    #[must_use]
-    pub fn duplicate(&self) -> Self {
-        Self {
-            chip: self.chip.clone(),
-            counts: self.counts.clone(),
-            pauses_at_entry: self.pauses_at_entry,
-            registers: self.registers.clone(),
-            engine: Processor::new(Config::v7m()),
-            decoder: self.decoder.clone(),
-            sys: self.sys.clone(),
-        }
-    }
-
     /// Out of reset: stack pointer and program counter from the vector table at 0, all else as ARMv7-M B1.5.5 says.
     ///
     /// # Errors
@@ -330,24 +237,6 @@ impl Cpu {
         Ok(true)
     }
 
-    /// `BranchWritePC()`.
-    fn branch(&mut self, target: u32) {
-        self.registers.set_pc(target & !1);
-    }
-
-    fn branch_exchange(&mut self, target: u32) {
-        self.registers.psr.set_t(target & 1 == 1);
-        self.branch(target);
-    }
-
-    /// `BXWritePC()`: in a handler it may be the return from an exception.
-    fn exchange(&mut self, target: u32) {
-        if target >> 28 == 15 && self.in_handler() {
-            self.sys.returning = Some(target);
-        }
-        self.branch_exchange(target);
-    }
-
     /// The bits of the instruction at an address, the first half-word above the second. A busy flash keeps the core waiting
     /// (RM0008 3.3.3: until the operation is done).
     fn fetch(&mut self, pc: u32) -> Result<u32, Trap> {
@@ -381,30 +270,13 @@ impl Cpu {
         Ok(code)
     }
 
-    /// Time of instructions that are not fetched.
-    fn spend(&mut self, instructions: u64) {
-        let chip = &mut self.chip;
-        let cycle = chip.rcc.core_cycle();
-        chip.now += instructions * cycle * 3 / 2;
-    }
-
     /// Tells the core of the interrupt lines (a bit each) and of the NMI, as they are now. To be called whenever the chip was
     /// [`Chip::touched`].
     pub fn set_lines(&mut self, interrupts: u64, nmi: bool) {
         let before = self.sys.nvic.pending;
         self.sys.nvic.set_lines(interrupts, nmi);
-        self.sys.event |= self.sys.pending_is_event() && self.sys.nvic.pending & !before != 0;
+        self.sys.event |= self.sys.control.pending_is_event() && self.sys.nvic.pending & !before != 0;
         self.wake_if_due();
-    }
-
-    /// Wakes if something is pending that would preempt what runs, PRIMASK aside (ARMv7-M B1.5.19), or for an event.
-    fn wake_if_due(&mut self) {
-        let masks = Masks { primask: false, ..self.sys.masks };
-        let wakes = self.sys.sleep != Sleep::No && self.sys.nvic.due(masks).is_some()
-            || self.sys.sleep == Sleep::Event && std::mem::take(&mut self.sys.event);
-        if wakes {
-            self.sys.sleep = Sleep::No;
-        }
     }
 
     /// Whether it waits for an interrupt, and none that would wake it is pending.
@@ -417,18 +289,6 @@ impl Cpu {
     #[must_use]
     pub fn next_event(&self) -> Time {
         self.sys.systick.next_event()
-    }
-
-    /// Lets the time that the chip shows pass for SysTick.
-    pub fn advance(&mut self) {
-        let (now, cycle) = {
-            let chip = &self.chip;
-            (chip.now, chip.rcc.core_cycle())
-        };
-        if self.sys.systick.advance(now, cycle) {
-            self.sys.nvic.pend(1 << SYS_TICK);
-            self.wake_if_due();
-        }
     }
 
     /// Whether the program has asked for a reset (AIRCR.SYSRESETREQ) since this was last asked.
@@ -457,7 +317,7 @@ impl Cpu {
     #[must_use]
     pub fn register(&self, index: usize) -> u32 {
         match index {
-            0..=15 => self.get(decode::reg(index as u32)),
+            0..=15 => self.get(Reg::new(index as u32)),
             _ => self.registers.psr.get(),
         }
     }
@@ -465,24 +325,8 @@ impl Cpu {
     /// Sets a register, for a debugger.
     pub fn set_register(&mut self, index: usize, value: u32) {
         match index {
-            0..=15 => self.set(decode::reg(index as u32), value),
+            0..=15 => self.set(Reg::new(index as u32), value),
             _ => self.registers.psr.set(value),
         }
-    }
-
-    fn get(&self, reg: Reg) -> u32 {
-        self.registers.get(reg)
-    }
-
-    fn set(&mut self, reg: Reg, value: u32) {
-        self.registers.set(reg, value);
-    }
-
-    fn in_handler(&self) -> bool {
-        self.registers.psr.exception_number() != 0
-    }
-
-    fn is_privileged(&self) -> bool {
-        self.in_handler() || !self.registers.control().privileged_bit()
     }
 }

@@ -18,20 +18,12 @@ use gdbstub::target::ext::base::singlethread::{
 use gdbstub::target::ext::breakpoints::{Breakpoints, BreakpointsOps, SwBreakpoint, SwBreakpointOps};
 use gdbstub::target::{Target, TargetError, TargetResult};
 
-use crate::board::Board;
+use crate::board::{Board, DebugRequests};
 use crate::chip::Size;
 use crate::time::{Time, US};
 
 /// How long the program runs before ^C is looked for.
 const SLICE: Time = 1000 * US;
-
-/// What a debugger wants of a board.
-#[derive(Clone, Debug, Default)]
-pub struct Wanted {
-    breakpoints: Vec<u32>,
-    /// One instruction, then stop.
-    step: bool,
-}
 
 /// A Cortex-M to GDB: registers as its feature `org.gnu.gdb.arm.m-profile` has them.
 pub enum CortexM {}
@@ -146,7 +138,7 @@ impl SingleThreadBase for Board {
 
 impl SingleThreadResume for Board {
     fn resume(&mut self, _signal: Option<Signal>) -> Result<(), Self::Error> {
-        self.wanted.step = false;
+        self.debug.step = false;
         Ok(())
     }
 
@@ -157,7 +149,7 @@ impl SingleThreadResume for Board {
 
 impl SingleThreadSingleStep for Board {
     fn step(&mut self, _signal: Option<Signal>) -> Result<(), Self::Error> {
-        self.wanted.step = true;
+        self.debug.step = true;
         Ok(())
     }
 }
@@ -171,13 +163,13 @@ impl Breakpoints for Board {
 /// The program stays as it is: the board stops where the program counter arrives.
 impl SwBreakpoint for Board {
     fn add_sw_breakpoint(&mut self, address: u32, _kind: usize) -> TargetResult<bool, Self> {
-        self.wanted.breakpoints.push(address);
+        self.debug.breakpoints.push(address);
         Ok(true)
     }
 
     fn remove_sw_breakpoint(&mut self, address: u32, _kind: usize) -> TargetResult<bool, Self> {
-        let found = self.wanted.breakpoints.iter().position(|&at| at == address);
-        Ok(found.map(|index| self.wanted.breakpoints.swap_remove(index)).is_some())
+        let found = self.debug.breakpoints.iter().position(|&at| at == address);
+        Ok(found.map(|index| self.debug.breakpoints.swap_remove(index)).is_some())
     }
 }
 
@@ -245,14 +237,14 @@ impl Server {
             self.stub = keep(next);
         }
         // Nobody looks any more.
-        board.wanted = Wanted::default();
+        board.debug = DebugRequests::default();
         board.run(until, &[]);
     }
 
     /// An instruction, or many; why the board has stopped, if it has.
     fn go_on(&mut self, board: &mut Board, until: Time) -> Option<SingleThreadStopReason<u32>> {
-        let breakpoints = board.wanted.breakpoints.clone();
-        let reason = if board.wanted.step {
+        let breakpoints = board.debug.breakpoints.clone();
+        let reason = if board.debug.step {
             step(board, until).then_some(SingleThreadStopReason::DoneStep)
         } else {
             let slice = until.min(board.machine().now() + SLICE);

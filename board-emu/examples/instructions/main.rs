@@ -8,6 +8,7 @@
 
 mod alu;
 mod case;
+mod make;
 mod memory;
 
 use std::io::Write;
@@ -48,7 +49,7 @@ fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
 /// Makes and executes a batch; the number of instructions.
 fn batch(random: &mut Random, out: &mut Vec<u8>) -> Result<usize, String> {
     let mut chip = Chip::new(1, [0; 3]);
-    let cases: Vec<Case> = (0..CASES).map(|i| case::make(random, FIRST + i as u32 * SLOT)).collect();
+    let cases: Vec<Case> = (0..CASES).map(|i| make::make(random, FIRST + i as u32 * SLOT)).collect();
     for byte in &mut chip.flash.bytes {
         *byte = random.below(256) as u8;
     }

@@ -3,7 +3,7 @@
 //! A conversion begins with its trigger: the latency of up to three of the ADC's cycles (DS5319 5.3.18) is left out.
 
 use super::timer::only;
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::{NEVER, Time, US};
 
 /// SR: a group is done, the injected group is done, either was begun.
@@ -222,7 +222,7 @@ impl Adc {
         self.cr2 | busy(self.resets_until, RSTCAL) | busy(self.calibrates_until, CAL)
     }
 
-    fn write_cr2(&mut self, value: u32, now: Time) -> Access<()> {
+    fn write_cr2(&mut self, value: u32, now: Time) -> RegisterResult<()> {
         const KEPT: u32 = ADON | CONT | JEXTSEL | JEXTTRIG | EXTSEL | EXTTRIG | TSVREFE;
         only("CR2", value, KEPT | CAL | RSTCAL | JSWSTART | SWSTART)?;
         if value & JEXTTRIG != 0 && value & JEXTSEL != 0 && value & JEXTSEL != JEXTSEL {
@@ -263,7 +263,7 @@ impl Adc {
         Ok(())
     }
 
-    fn startable(&self, now: Time) -> Access<()> {
+    fn startable(&self, now: Time) -> RegisterResult<()> {
         if now < self.on_since + WAKE_UP {
             Err("a conversion less than 1 us after ADON (DS5319 5.3.18)".to_owned())
         } else if self.cycle < FASTEST {
@@ -275,7 +275,7 @@ impl Adc {
         }
     }
 
-    fn write_jsqr(&mut self, value: u32) -> Access<()> {
+    fn write_jsqr(&mut self, value: u32) -> RegisterResult<()> {
         self.jsqr = only("JSQR", value, 0x3F_FFFF)?;
         match (0..self.injected_count()).find(|&index| self.injected_channel(index) > 17) {
             Some(_) => Err("an injected channel above 17".to_owned()),
@@ -285,7 +285,7 @@ impl Adc {
 }
 
 impl Peripheral for Adc {
-    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         self.catch_up(now);
         Ok(match offset {
             0x00 => self.sr,
@@ -306,7 +306,7 @@ impl Peripheral for Adc {
         })
     }
 
-    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()> {
         self.catch_up(now);
         match offset {
             0x00 => self.sr &= value,

@@ -1,6 +1,6 @@
 //! Remapping of pins, and which port an external interrupt listens to (RM0008 9.4).
 
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::Time;
 
 /// MAPR's SWJ_CFG, which only matters to a debug probe and to pins that the board leaves free.
@@ -22,7 +22,7 @@ impl Afio {
 }
 
 impl Peripheral for Afio {
-    fn read(&mut self, offset: u32, _now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, _now: Time) -> RegisterResult<u32> {
         match offset {
             // SWJ_CFG reads as anything (RM0008 9.4.2); all else of these is 0.
             0x00 | 0x04 | 0x1C => Ok(0),
@@ -31,7 +31,7 @@ impl Peripheral for Afio {
         }
     }
 
-    fn write(&mut self, offset: u32, value: u32, _now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, _now: Time) -> RegisterResult<()> {
         match offset {
             0x04 if value & !SWJ_CFG == 0 => {}
             0x00 | 0x1C if value == 0 => {}

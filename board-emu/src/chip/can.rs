@@ -10,7 +10,7 @@ mod mailboxes;
 #[cfg(test)]
 mod tests;
 
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::{NEVER, Time, US};
 use errors::Errors;
 use fifo::Fifo;
@@ -261,7 +261,7 @@ impl Can {
         self.flags | mode | msr::RECESSIVE
     }
 
-    fn write_mcr(&mut self, value: u32, now: Time) -> Access<()> {
+    fn write_mcr(&mut self, value: u32, now: Time) -> RegisterResult<()> {
         if value & mcr::TTCM != 0 {
             return Err("CAN_MCR.TTCM: no time-triggered communication".to_owned());
         }
@@ -279,7 +279,7 @@ impl Can {
     }
 
     /// Follows INRQ and SLEEP (RM0008 24.4, figure 224). Sleep and initialisation are entered at once.
-    fn request(&mut self, now: Time) -> Access<()> {
+    fn request(&mut self, now: Time) -> RegisterResult<()> {
         let (sleep, initialise) = (self.mcr & mcr::SLEEP != 0, self.mcr & mcr::INRQ != 0);
         self.mode = match (self.mode, sleep, initialise) {
             (Mode::Sleep, true, _) => Mode::Sleep,
@@ -297,7 +297,7 @@ impl Can {
     }
 
     /// Joins the bus, after initialisation or sleep (whose bit shows until then).
-    fn join(&self, shows: u32, now: Time) -> Access<Mode> {
+    fn join(&self, shows: u32, now: Time) -> RegisterResult<Mode> {
         if self.btr & btr::MODES != 0 {
             return Err("CAN_BTR.SILM or LBKM: it is on the bus, or not".to_owned());
         }
@@ -314,7 +314,7 @@ impl Can {
 }
 
 impl Peripheral for Can {
-    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         self.advance(now);
         match offset {
             0x00 => Ok(self.mcr),
@@ -333,7 +333,7 @@ impl Peripheral for Can {
         }
     }
 
-    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()> {
         self.advance(now);
         match offset {
             0x00 => self.write_mcr(value, now)?,

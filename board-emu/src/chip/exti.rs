@@ -1,6 +1,6 @@
 //! External interrupts of the ports' pins (RM0008 10.3). No program of the board uses them.
 
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::Time;
 
 /// Lines of pins; those of the supply, the clock and USB are not here.
@@ -45,7 +45,7 @@ impl Exti {
 }
 
 impl Peripheral for Exti {
-    fn read(&mut self, offset: u32, _now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, _now: Time) -> RegisterResult<u32> {
         match offset {
             0x00 => Ok(self.imr),
             0x04 => Ok(self.emr),
@@ -57,7 +57,7 @@ impl Peripheral for Exti {
         }
     }
 
-    fn write(&mut self, offset: u32, value: u32, _now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, _now: Time) -> RegisterResult<()> {
         if value & !LINES != 0 {
             return Err("a line beyond 15".to_owned());
         }

@@ -7,8 +7,8 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Access, Peripheral};
-use super::{Refusal, Size};
+use super::{AccessError, Size};
+use super::{Peripheral, RegisterResult};
 use crate::time::{Time, US};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -190,7 +190,7 @@ impl Flash {
     ///
     /// # Errors
     /// None yet.
-    pub fn read(&mut self, offset: u32, size: Size) -> Result<u32, Refusal> {
+    pub fn read(&mut self, offset: u32, size: Size) -> Result<u32, AccessError> {
         let at = offset as usize;
         let byte = |i: usize| u32::from(self.bytes.get(at + i).copied().unwrap_or(0xFF)) << (8 * i);
         Ok((0..size.bytes() as usize).map(byte).sum())
@@ -201,12 +201,12 @@ impl Flash {
     ///
     /// # Errors
     /// A bus error: a width other than 16 bits, an odd offset, or CR.PG not set.
-    pub fn program(&mut self, offset: u32, size: Size, value: u32, now: Time) -> Result<(), Refusal> {
+    pub fn program(&mut self, offset: u32, size: Size, value: u32, now: Time) -> Result<(), AccessError> {
         if size != Size::Half || !offset.is_multiple_of(2) || self.cr & cr::PG == 0 {
-            return Err(Refusal::Bus);
+            return Err(AccessError::Bus);
         }
         if self.cr & (cr::PER | cr::MER) != 0 {
-            return Err(Refusal::NotModelled("programming with FLASH_CR.PER or MER set".to_owned()));
+            return Err(AccessError::NotModelled("programming with FLASH_CR.PER or MER set".to_owned()));
         }
         let at = offset as usize;
         let [low, high, ..] = value.to_le_bytes();
@@ -221,7 +221,7 @@ impl Flash {
     }
 
     /// CR.STRT: erases what PER or MER say (PM0075 2.3.4).
-    fn start(&mut self, now: Time) -> Access<()> {
+    fn start(&mut self, now: Time) -> RegisterResult<()> {
         let (at, len, operation) = match self.cr & (cr::PER | cr::MER | cr::PG) {
             cr::PER if FLASH.holds(self.ar.into(), 1) => {
                 let page = (self.ar - FLASH.start) / PAGE * PAGE;
@@ -294,7 +294,7 @@ impl Flash {
     }
 
     /// Without a lock; LOCK can only be set here (PM0075 3.5).
-    fn write_cr(&mut self, value: u32, now: Time) -> Access<()> {
+    fn write_cr(&mut self, value: u32, now: Time) -> RegisterResult<()> {
         if self.cr & cr::LOCK != 0 {
             return Ok(());
         }
@@ -314,7 +314,7 @@ impl Flash {
 }
 
 impl Peripheral for Flash {
-    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         let busy = now < self.busy_until;
         Ok(match offset {
             0x00 => self.acr | if self.acr & acr::PRFTBE != 0 { acr::PRFTBS } else { 0 },
@@ -334,7 +334,7 @@ impl Peripheral for Flash {
         })
     }
 
-    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()> {
         match offset {
             0x00 => {
                 let (latency, half_cycle) = (value & acr::LATENCY, value >> 3 & 1);

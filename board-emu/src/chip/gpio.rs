@@ -1,6 +1,6 @@
 //! The ports: modes of pins, outputs, inputs (RM0008 9).
 
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::Time;
 
 /// How a pin is set (RM0008 9.1, table 20).
@@ -126,7 +126,7 @@ impl Gpio {
 }
 
 impl Peripheral for Gpio {
-    fn read(&mut self, offset: u32, _now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, _now: Time) -> RegisterResult<u32> {
         let index = (offset >> 10) as usize;
         let port = &self.ports[index];
         match offset & 0x3FF {
@@ -140,7 +140,7 @@ impl Peripheral for Gpio {
         }
     }
 
-    fn write(&mut self, offset: u32, value: u32, _now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, _now: Time) -> RegisterResult<()> {
         let port = &mut self.ports[(offset >> 10) as usize];
         match offset & 0x3FF {
             0x00 => port.modes = port.modes & !0xFFFF_FFFF | u64::from(value),

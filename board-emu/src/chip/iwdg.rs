@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::{HZ, NEVER, Time};
 
 /// KR: PR and RLR may be written; the counter is reloaded; it starts (RM0008 19.4.1).
@@ -134,7 +134,7 @@ impl Iwdg {
     }
 
     /// Writes PR or RLR, which a key has opened.
-    fn write_late(&mut self, name: &str, value: u32, now: Time) -> Access<()> {
+    fn write_late(&mut self, name: &str, value: u32, now: Time) -> RegisterResult<()> {
         let at = self.update_at(now);
         let unlocked = self.unlocked;
         let register = if name == "PR" { &mut self.prescaler } else { &mut self.reload };
@@ -153,7 +153,7 @@ impl Iwdg {
 }
 
 impl Peripheral for Iwdg {
-    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         self.settle(now);
         match offset {
             // Written only.
@@ -169,7 +169,7 @@ impl Peripheral for Iwdg {
         }
     }
 
-    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()> {
         self.settle(now);
         match offset {
             0x0 => {

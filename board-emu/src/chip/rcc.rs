@@ -9,7 +9,7 @@ mod tests;
 mod tree;
 
 use super::Reset;
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::{NEVER, Time, US};
 use tree::{Source, Tree};
 
@@ -297,7 +297,7 @@ impl Rcc {
     }
 
     /// What drives the system clock, or is to, cannot be switched off (RM0008 7.3.1).
-    fn write_cr(&mut self, value: u32, now: Time) -> Access<()> {
+    fn write_cr(&mut self, value: u32, now: Time) -> RegisterResult<()> {
         let ours = cr::HSION | cr::HSITRIM | cr::HSEON | cr::HSEBYP | cr::CSSON | cr::PLLON;
         let mut new = value & ours;
         if new & cr::HSEBYP != 0 {
@@ -326,7 +326,7 @@ impl Rcc {
         Ok(())
     }
 
-    fn write_cfgr(&mut self, value: u32, now: Time) -> Access<()> {
+    fn write_cfgr(&mut self, value: u32, now: Time) -> RegisterResult<()> {
         if value & (cfgr::MCO | cfgr::NONE) != 0 {
             return Err(
                 "RCC_CFGR: no clock comes out of the chip (MCO), and bits 23 and 27 to 31 are reserved"
@@ -348,7 +348,7 @@ impl Rcc {
         Ok(())
     }
 
-    fn write_cir(&mut self, value: u32) -> Access<()> {
+    fn write_cir(&mut self, value: u32) -> RegisterResult<()> {
         if value & cir::ENABLES != 0 {
             return Err("RCC_CIR: no interrupt of a clock that gets ready".to_owned());
         }
@@ -375,7 +375,7 @@ impl Rcc {
 }
 
 impl Peripheral for Rcc {
-    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         self.advance(now);
         Ok(match offset {
             0x00 => self.read_cr(now),
@@ -393,7 +393,7 @@ impl Peripheral for Rcc {
         })
     }
 
-    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()> {
         self.advance(now);
         match offset {
             0x00 => self.write_cr(value, now)?,

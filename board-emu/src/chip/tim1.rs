@@ -5,7 +5,7 @@
 
 use super::counter::{Counter, Direction};
 use super::timer::only;
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::{NEVER, Time};
 
 mod outputs;
@@ -253,7 +253,7 @@ impl Tim1 {
         }
     }
 
-    fn write_cr1(&mut self, value: u32, now: Time) -> Access<()> {
+    fn write_cr1(&mut self, value: u32, now: Time) -> RegisterResult<()> {
         // CKD, ARPE, CMS, DIR, URS, UDIS, CEN: one pulse is not there.
         only("CR1", value, 0x3F7)?;
         if value >> 8 & 3 == 3 {
@@ -278,7 +278,7 @@ impl Tim1 {
         Ok(())
     }
 
-    fn write_cr2(&mut self, value: u32) -> Access<()> {
+    fn write_cr2(&mut self, value: u32) -> RegisterResult<()> {
         only("CR2", value, IDLE | 7 << 4)?;
         if value >> 4 & 7 == 3 {
             return Err("MMS 3, the compare pulse of channel 1".to_owned());
@@ -293,7 +293,7 @@ impl Tim1 {
     }
 
     /// CCMR1 (channels 0 and 1) or CCMR2.
-    fn write_modes(&mut self, first: usize, value: u32) -> Access<()> {
+    fn write_modes(&mut self, first: usize, value: u32) -> RegisterResult<()> {
         for index in [0, 1] {
             let bits = value >> (8 * index) & 0xFF;
             if bits & 3 != 0 {
@@ -323,7 +323,7 @@ impl Tim1 {
         bits(self.channels[first]) | bits(self.channels[first + 1]) << 8
     }
 
-    fn write_bdtr(&mut self, value: u32) -> Access<()> {
+    fn write_bdtr(&mut self, value: u32) -> RegisterResult<()> {
         let locked = match self.lock() {
             0 => 0,
             1 => DTG | BKE | BKP | AOE,
@@ -336,7 +336,7 @@ impl Tim1 {
         Ok(())
     }
 
-    fn write_register(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+    fn write_register(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()> {
         match offset {
             0x00 => self.write_cr1(value, now)?,
             0x04 => self.write_cr2(value)?,
@@ -388,7 +388,7 @@ impl Tim1 {
 }
 
 impl Peripheral for Tim1 {
-    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         self.catch_up(now);
         Ok(match offset {
             0x00 => self.cr1 & !(1 << 4) | u32::from(self.counter.down) << 4,
@@ -409,7 +409,7 @@ impl Peripheral for Tim1 {
         })
     }
 
-    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()> {
         self.catch_up(now);
         let before = self.gates();
         self.write_register(offset, value, now)?;

@@ -1,7 +1,7 @@
 //! TIM2, TIM3, TIM4: counter, capture of the exclusive or of three lines, reset by a trigger (RM0008 15).
 
 use super::counter::Counter;
-use super::{Access, Peripheral};
+use super::{Peripheral, RegisterResult};
 use crate::time::{NEVER, Time};
 
 /// SR and DIER: update, capture 1, trigger.
@@ -177,13 +177,13 @@ impl Timer {
 }
 
 /// Takes the bits of a register that are modelled, or says that there are others.
-pub(super) fn only(name: &str, value: u32, modelled: u32) -> Access<u32> {
+pub(super) fn only(name: &str, value: u32, modelled: u32) -> RegisterResult<u32> {
     let more = value & !modelled;
     if more == 0 { Ok(value) } else { Err(format!("bits {more:#x} of {name}")) }
 }
 
 impl Peripheral for Timer {
-    fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
+    fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         self.catch_up(now);
         Ok(match offset {
             0x00 => self.cr1,
@@ -207,7 +207,7 @@ impl Peripheral for Timer {
         })
     }
 
-    fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
+    fn write(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()> {
         self.catch_up(now);
         let value = value & 0xFFFF;
         match offset {

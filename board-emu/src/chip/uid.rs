@@ -1,6 +1,6 @@
 //! The device's unique number (RM0008 30.2).
 
-use super::Refusal;
+use super::AccessError;
 
 /// 96 bits.
 #[derive(Clone, Copy, Debug)]
@@ -11,11 +11,11 @@ impl Uid {
     ///
     /// # Errors
     /// An unaligned offset is a bus error here.
-    pub fn read(&self, offset: u32) -> Result<u32, Refusal> {
+    pub fn read(&self, offset: u32) -> Result<u32, AccessError> {
         if offset.is_multiple_of(4) {
-            self.0.get(offset as usize / 4).copied().ok_or(Refusal::Bus)
+            self.0.get(offset as usize / 4).copied().ok_or(AccessError::Bus)
         } else {
-            Err(Refusal::Bus)
+            Err(AccessError::Bus)
         }
     }
 }

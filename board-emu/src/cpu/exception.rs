@@ -1,15 +1,14 @@
-//! Entry into exceptions and return from them (ARMv7-M B1.5.6 to B1.5.8).
+//! Entry into exceptions and return from them (ARMv7-M B1.5.6 to B1.5.8), and which exception takes a fault (B1.5.14).
 //!
 //! Simplified in time, not in effect: an entry takes 12 cycles and so does a return, also where the chip would chain tails in 6;
 //! an exception that arrives while another is being entered preempts it after its first instruction, instead of taking its place.
 
 use super::counts::ENTRY;
-use super::fault::Fault;
-use super::fault::Trap;
+use super::fault::{Fault, Trap};
 use super::nvic::bit;
-use super::nvic::number::{HARD_FAULT, NMI};
+use super::nvic::number::{HARD_FAULT, NMI, SV_CALL};
 use super::registers::Reg;
-use super::{Cpu, Sleep};
+use super::state::{Cpu, Sleep};
 use crate::stop::Problem;
 
 /// Bytes of what an entry stores.
@@ -21,6 +20,11 @@ const STACKED: [Reg; 7] =
 
 /// xPSR in a frame: the stack was aligned.
 const ALIGNED: u32 = 1 << 9;
+
+/// HFSR.VECTTBL.
+const VECTOR: u32 = 1 << 1;
+/// HFSR.FORCED.
+const FORCED: u32 = 1 << 30;
 
 impl Cpu {
     /// Takes what is due.
@@ -69,7 +73,7 @@ impl Cpu {
 
     /// `PushStack()`.
     fn push_frame(&mut self) -> Result<(), Trap> {
-        let align = self.sys.aligns_stack();
+        let align = self.sys.control.aligns_stack();
         let registers = &self.registers;
         let old = registers.get(Reg::SP);
         let top = if align { old & !7 } else { old };
@@ -114,7 +118,7 @@ impl Cpu {
         let was_active = self.sys.nvic.active & bit(exception) != 0;
         let fits = match return_code & 15 {
             1 => nested,
-            9 | 13 => !nested || self.sys.leaves_nested(),
+            9 | 13 => !nested || self.sys.control.leaves_nested(),
             _ => false,
         };
         self.counts.leave(exception);
@@ -157,7 +161,7 @@ impl Cpu {
             }
         }
         let [kept @ .., psr] = frame;
-        let align = self.sys.aligns_stack() && psr & ALIGNED != 0;
+        let align = self.sys.control.aligns_stack() && psr & ALIGNED != 0;
         let registers = &mut self.registers;
         STACKED.into_iter().zip(kept).for_each(|(reg, value)| registers.set(reg, value));
         registers.set_pc(registers.pc() & !1);
@@ -169,10 +173,71 @@ impl Cpu {
             // It is entered from where the return would have led (B1.5.8), in the mode that IPSR says.
             return self.fault(Fault::Return);
         }
-        if !to_handler && self.sys.sleeps_on_exit() {
+        if !to_handler && self.sys.control.sleeps_on_exit() {
             self.sys.sleep = Sleep::Interrupt;
             self.wake_if_due();
         }
+        Ok(())
+    }
+
+    /// The exception that takes a synchronous one that happens now: itself, or the HardFault.
+    fn escalated(&mut self, exception: u32) -> Option<u32> {
+        let now = self.sys.nvic.execution_priority(self.sys.masks);
+        let nvic = &self.sys.nvic;
+        let enabled = nvic.enabled >> exception & 1 == 1;
+        if enabled && nvic.group(nvic.priority(exception)) < now {
+            return Some(exception);
+        }
+        if now <= -1 {
+            return None;
+        }
+        if exception != HARD_FAULT {
+            self.sys.faults.hard |= FORCED;
+        }
+        Some(HARD_FAULT)
+    }
+
+    /// The exception that takes a fault which happens now; the fault is noted.
+    fn taker(&mut self, fault: Fault) -> Result<u32, Problem> {
+        let exception = self.sys.faults.record(fault);
+        let lockup =
+            || Problem::Lockup { what: format!("{fault:?} within a HardFault, an NMI or FAULTMASK") };
+        self.escalated(exception).ok_or_else(lockup)
+    }
+
+    /// Takes a fault of an instruction; the return address is that of the instruction.
+    pub(super) fn fault(&mut self, fault: Fault) -> Result<(), Problem> {
+        let taken = self.taker(fault)?;
+        self.enter(taken)
+    }
+
+    /// Takes SVC.
+    pub(super) fn supervisor_call(&mut self) -> Result<(), Problem> {
+        let lockup = || Problem::Lockup { what: "SVC within a HardFault, an NMI or FAULTMASK".to_owned() };
+        let taken = self.escalated(SV_CALL).ok_or_else(lockup)?;
+        self.enter(taken)
+    }
+
+    /// A fault of an exception's entry or return, which is pending beside what is being entered: it may be the more urgent.
+    fn derived(&mut self, fault: Fault) {
+        let exception = self.sys.faults.record(fault);
+        let nvic = &self.sys.nvic;
+        let taken = if nvic.enabled >> exception & 1 == 1 { exception } else { HARD_FAULT };
+        if taken != exception {
+            self.sys.faults.hard |= FORCED;
+        }
+        self.sys.nvic.pend(1 << taken);
+    }
+
+    /// An exception has no vector.
+    fn no_vector(&mut self, exception: u32) -> Result<(), Problem> {
+        if exception <= HARD_FAULT {
+            return Err(Problem::Lockup {
+                what: format!("the vector of exception {exception} cannot be read"),
+            });
+        }
+        self.sys.faults.hard |= VECTOR;
+        self.sys.nvic.pend(1 << HARD_FAULT);
         Ok(())
     }
 }

@@ -1,8 +1,7 @@
 //! What programs are full of, and `armagnac` executes well but slowly: data processing with numbers and low registers, branches,
 //! IT. It has decoded these already, so that what it refuses is refused, and their conditions are its own.
 
-use super::alu::{Data, Extend, Operation, Second, Shift};
-use super::decode::{Op, Place, reg};
+use super::op::{Data, Extend, Op, Operation, Place, Second, Shift};
 use super::registers::Reg;
 
 /// The instruction with these bits, if it is one of them.
@@ -15,7 +14,7 @@ fn data(op: Operation, rd: Option<Reg>, rn: Reg, second: Second, flags: bool) ->
 }
 
 const fn register(rm: u32) -> Second {
-    Second::Shifted(reg(rm), Shift::Lsl, 0)
+    Second::Shifted(Reg::new(rm), Shift::Lsl, 0)
 }
 
 const fn number(value: u32) -> Second {
@@ -30,8 +29,8 @@ const fn halves(code: u32, bits: u32) -> u32 {
 /// Instructions of 16 bits (ARMv7-M A5.2); `flags`: those that set flags outside of IT blocks do.
 fn narrow(code: u32, flags: bool) -> Option<Op> {
     use Operation::{Add, Mov, Sub};
-    let (low, middle) = (reg(code & 7), reg(code >> 3 & 7));
-    let (high, imm8) = (reg(code >> 8 & 7), number(code & 0xFF));
+    let (low, middle) = (Reg::new(code & 7), Reg::new(code >> 3 & 7));
+    let (high, imm8) = (Reg::new(code >> 8 & 7), number(code & 0xFF));
     let sp = Reg::SP;
     match code >> 9 {
         0b000_1100 => data(Add, Some(low), middle, register(code >> 6 & 7), flags),
@@ -67,7 +66,7 @@ fn narrow(code: u32, flags: bool) -> Option<Op> {
 /// Data processing (A5.2.2): shifts are not here, nor is MUL.
 fn low_registers(code: u32, flags: bool) -> Option<Op> {
     use Operation::{Adc, Add, And, Bic, Eor, Mvn, Orr, Rsb, Sbc, Sub};
-    let (rd, rm) = (reg(code & 7), reg(code >> 3 & 7));
+    let (rd, rm) = (Reg::new(code & 7), Reg::new(code >> 3 & 7));
     let second = register(code >> 3 & 7);
     match code >> 6 & 15 {
         0 => data(And, Some(rd), rd, second, flags),
@@ -87,7 +86,7 @@ fn low_registers(code: u32, flags: bool) -> Option<Op> {
 
 /// Special data instructions (A5.2.3).
 fn high_registers(code: u32) -> Option<Op> {
-    let (rd, second) = (reg(code & 7 | code >> 4 & 8), register(code >> 3 & 15));
+    let (rd, second) = (Reg::new(code & 7 | code >> 4 & 8), register(code >> 3 & 15));
     match code >> 8 & 3 {
         0 => data(Operation::Add, Some(rd), rd, second, false),
         1 => data(Operation::Sub, None, rd, second, true),
@@ -103,13 +102,13 @@ fn wide(code: u32) -> Option<Op> {
     match (code >> 27, code >> 15 & 1, code >> 20 & 0x3F) {
         (0b11110, 0, 0..0x20) => {
             let (op, flags) = (Data::operation(code >> 21, rn)?, code >> 20 & 1 == 1);
-            let rd = (!op.only_tests(rd, flags)).then(|| reg(rd));
-            data(op, rd, reg(rn), expanded(imm12), flags)
+            let rd = (!op.only_tests(rd, flags)).then(|| Reg::new(rd));
+            data(op, rd, Reg::new(rn), expanded(imm12), flags)
         }
         (0b11110, 0, 0b10_0100) => {
-            data(Operation::Mov, Some(reg(rd)), reg(rd), number(rn << 12 | imm12), false)
+            data(Operation::Mov, Some(Reg::new(rd)), Reg::new(rd), number(rn << 12 | imm12), false)
         }
-        (0b11110, 0, 0b10_1100) => Some(Op::MoveTop(reg(rd), (rn << 12 | imm12) as u16)),
+        (0b11110, 0, 0b10_1100) => Some(Op::MoveTop(Reg::new(rd), (rn << 12 | imm12) as u16)),
         (0b11110, 1, _) => branch(code),
         _ => None,
     }

@@ -2,102 +2,12 @@
 //!
 //! Nothing is changed in the core before all of an instruction's loads have succeeded, so that one that faults can be repeated.
 
-use super::Cpu;
 use super::fault::{Fault, Trap};
+use super::op::{Exclusive, Multiple, Offset, Pair, Transfer};
 use super::registers::Reg;
-use crate::chip::{Refusal, Size};
+use super::state::Cpu;
+use crate::chip::{AccessError, Size};
 use crate::stop::Problem;
-
-/// What is added to a base.
-#[derive(Clone, Copy, Debug)]
-pub enum Offset {
-    /// A number, which may be negative.
-    Immediate(u32),
-    /// A register, shifted left.
-    Register(Reg, u32),
-}
-
-/// Load or store of one register.
-#[derive(Clone, Copy, Debug)]
-pub struct Transfer {
-    /// Whether it loads.
-    pub load: bool,
-    /// Of what is transferred.
-    pub size: Size,
-    /// Whether what is loaded is extended by its sign.
-    pub signed: bool,
-    /// Loaded or stored.
-    pub rt: Reg,
-    /// Base; PC is aligned first.
-    pub rn: Reg,
-    /// Added to the base.
-    pub offset: Offset,
-    /// Whether the offset counts for this access.
-    pub index: bool,
-    /// Whether the base becomes base and offset.
-    pub wback: bool,
-    /// LDRT and the like: with the rights of unprivileged code.
-    pub unprivileged: bool,
-}
-
-impl Transfer {
-    /// With a positive offset, without write-back.
-    pub const fn plain(load: bool, size: Size, rt: Reg, rn: Reg, offset: u32) -> Self {
-        let offset = Offset::Immediate(offset);
-        Self { load, size, signed: false, rt, rn, offset, index: true, wback: false, unprivileged: false }
-    }
-}
-
-/// LDRD, STRD.
-#[derive(Clone, Copy, Debug)]
-pub struct Pair {
-    /// Whether it loads.
-    pub load: bool,
-    /// At the address.
-    pub rt: Reg,
-    /// At the word after.
-    pub second: Reg,
-    /// Base; PC is aligned first.
-    pub rn: Reg,
-    /// Added to the base.
-    pub offset: u32,
-    /// Whether the offset counts for this access.
-    pub index: bool,
-    /// Whether the base becomes base and offset.
-    pub wback: bool,
-}
-
-/// LDM, STM, PUSH, POP.
-#[derive(Clone, Copy, Debug)]
-pub struct Multiple {
-    /// Whether it loads.
-    pub load: bool,
-    /// Base.
-    pub rn: Reg,
-    /// A bit a register.
-    pub list: u16,
-    /// Whether the base is changed.
-    pub wback: bool,
-    /// Whether the words are beneath the base.
-    pub down: bool,
-}
-
-/// LDREX, STREX and their narrow forms.
-#[derive(Clone, Copy, Debug)]
-pub struct Exclusive {
-    /// Whether it loads.
-    pub load: bool,
-    /// Of what is transferred.
-    pub size: Size,
-    /// Loaded or stored.
-    pub rt: Reg,
-    /// Base.
-    pub rn: Reg,
-    /// Of a store: 0 if it happened, 1 if not.
-    pub rd: Reg,
-    /// Added to the base.
-    pub offset: u32,
-}
 
 /// The private peripheral bus (ARMv7-M B3.1).
 const PRIVATE: u32 = 0xE000_0000;
@@ -172,7 +82,7 @@ impl Cpu {
     }
 
     fn may_be_unaligned(&self, address: u32, value: Option<u32>) -> Result<(), Trap> {
-        if self.sys.traps_unaligned() {
+        if self.sys.control.traps_unaligned() {
             Err(Trap::Fault(Fault::Unaligned))
         } else if address >= 0x4000_0000 {
             // Unpredictable for device memory (ARMv7-M A3.2.1).
@@ -326,9 +236,9 @@ const fn bus(address: u32) -> Trap {
     Trap::Fault(Fault::Bus(address))
 }
 
-fn refused(address: u32, value: Option<u32>, refusal: Refusal) -> Trap {
+fn refused(address: u32, value: Option<u32>, refusal: AccessError) -> Trap {
     match refusal {
-        Refusal::Bus => bus(address),
-        Refusal::NotModelled(what) => Trap::Stop(Problem::NotModelled { address, value, what }),
+        AccessError::Bus => bus(address),
+        AccessError::NotModelled(what) => Trap::Stop(Problem::NotModelled { address, value, what }),
     }
 }

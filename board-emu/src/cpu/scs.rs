@@ -2,10 +2,11 @@
 //!
 //! What is not here ends the run. SysTick is [`super::systick`], interrupts are [`super::nvic`].
 
-use super::Cpu;
+use super::control::{CCR_BITS, SEV_ON_PEND, SLEEP_ON_EXIT};
 use super::fault::Trap;
 use super::nvic::number::{BUS_FAULT, IRQ, MEM_MANAGE, NMI, PEND_SV, SV_CALL, SYS_TICK, USAGE_FAULT};
 use super::nvic::{ALL_LINES, LINES, bit};
+use super::state::Cpu;
 use crate::chip::Size;
 use crate::stop::Problem;
 
@@ -17,64 +18,11 @@ const DEVICE: u32 = 0x2003_6410;
 const KEY: u32 = 0x05FA;
 const KEY_READ: u32 = 0xFA05;
 
-/// SCR (PM0056 4.4.6).
-const SLEEP_ON_EXIT: u32 = 1 << 1;
-const SEV_ON_PEND: u32 = 1 << 4;
-/// CCR (PM0056 4.4.7).
-const NON_BASE_THREAD: u32 = 1;
-const UNALIGN_TRP: u32 = 1 << 3;
-const DIV_0_TRP: u32 = 1 << 4;
-const STKALIGN: u32 = 1 << 9;
-const CCR_BITS: u32 = 0x31B;
-
 /// Exceptions by bit of SHCSR: active, pending, enabled (PM0056 4.4.9).
 const ACTIVE: [(u32, u32); 6] =
     [(0, MEM_MANAGE), (1, BUS_FAULT), (3, USAGE_FAULT), (7, SV_CALL), (10, PEND_SV), (11, SYS_TICK)];
 const PENDING: [(u32, u32); 4] = [(12, USAGE_FAULT), (13, MEM_MANAGE), (14, BUS_FAULT), (15, SV_CALL)];
 const ENABLED: [(u32, u32); 3] = [(16, MEM_MANAGE), (17, BUS_FAULT), (18, USAGE_FAULT)];
-
-/// Registers of control that are no more than bits.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Control {
-    /// SCR.
-    pub sleep: u32,
-    /// CCR. An STM32F103's core does not align stacks by itself (r1p1).
-    pub config: u32,
-    /// DEMCR.
-    pub debug: u32,
-    /// DBGMCU_CR. A reset of the system leaves it on the chip; here it goes, for nothing depends on it.
-    pub device_debug: u32,
-    /// DWT_CTRL.CYCCNTENA.
-    pub counting: bool,
-    /// Ticks at which DWT_CYCCNT was 0, or its value where it does not count.
-    pub cycles_from: u64,
-}
-
-impl super::System {
-    pub(super) const fn traps_division(&self) -> bool {
-        self.control.config & DIV_0_TRP != 0
-    }
-
-    pub(super) const fn traps_unaligned(&self) -> bool {
-        self.control.config & UNALIGN_TRP != 0
-    }
-
-    pub(super) const fn aligns_stack(&self) -> bool {
-        self.control.config & STKALIGN != 0
-    }
-
-    pub(super) const fn leaves_nested(&self) -> bool {
-        self.control.config & NON_BASE_THREAD != 0
-    }
-
-    pub(super) const fn sleeps_on_exit(&self) -> bool {
-        self.control.sleep & SLEEP_ON_EXIT != 0
-    }
-
-    pub(super) const fn pending_is_event(&self) -> bool {
-        self.control.sleep & SEV_ON_PEND != 0
-    }
-}
 
 fn not_modelled(address: u32, value: Option<u32>, what: &str) -> Trap {
     Trap::Stop(Problem::NotModelled { address, value, what: what.to_owned() })

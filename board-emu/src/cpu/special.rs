@@ -2,66 +2,8 @@
 
 use super::fault::{Fault, Trap};
 use super::nvic::PRIORITY_BITS;
-use super::registers::Reg;
-use super::{Cpu, Sleep};
-
-/// What such an instruction does.
-#[derive(Clone, Copy, Debug)]
-pub enum Special {
-    /// NOP, barriers, hints that mean nothing here.
-    Nothing,
-    /// WFI.
-    WaitForInterrupt,
-    /// WFE.
-    WaitForEvent,
-    /// SEV.
-    SendEvent,
-    /// CLREX.
-    ClearExclusive,
-    /// CPS.
-    ChangeState {
-        /// CPSID.
-        disable: bool,
-        /// Flag i.
-        primask: bool,
-        /// Flag f.
-        faultmask: bool,
-    },
-    /// MRS.
-    Read {
-        /// SYSm.
-        special: u32,
-        /// Where to.
-        rd: Reg,
-    },
-    /// MSR.
-    Write {
-        /// SYSm.
-        special: u32,
-        /// Where from.
-        source: Reg,
-        /// Of APSR: bit 1 for the flags.
-        mask: u32,
-    },
-    /// SVC.
-    SupervisorCall,
-    /// BKPT.
-    Breakpoint,
-    /// Any instruction of a coprocessor.
-    Coprocessor,
-}
-
-impl Special {
-    /// A hint by its number.
-    pub const fn hint(number: u32) -> Self {
-        match number {
-            2 => Self::WaitForEvent,
-            3 => Self::WaitForInterrupt,
-            4 => Self::SendEvent,
-            _ => Self::Nothing,
-        }
-    }
-}
+use super::op::Special;
+use super::state::{Cpu, Sleep};
 
 const APSR: u32 = 0xF800_0000;
 const IPSR: u32 = 0x1FF;

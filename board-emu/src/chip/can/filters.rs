@@ -1,6 +1,6 @@
 //! Acceptance filters: 14 banks, each 32 or 16 bits wide, masks or lists (RM0008 24.7.4).
 
-use super::super::Access;
+use super::super::RegisterResult;
 use std::cmp::Reverse;
 use tater_wire::Frame;
 
@@ -40,7 +40,7 @@ impl Filters {
     ///
     /// # Errors
     /// There is none at that offset.
-    pub(super) fn read(&self, offset: u32) -> Access<u32> {
+    pub(super) fn read(&self, offset: u32) -> RegisterResult<u32> {
         Ok(match offset {
             0x00 => FMR | u32::from(self.initialisation),
             0x04 => self.lists,
@@ -60,7 +60,7 @@ impl Filters {
     ///
     /// # Errors
     /// There is none at that offset.
-    pub(super) fn write(&mut self, offset: u32, value: u32) -> Access<()> {
+    pub(super) fn write(&mut self, offset: u32, value: u32) -> RegisterResult<()> {
         let open = self.initialisation;
         match offset {
             0x00 => self.initialisation = value & FINIT != 0,

@@ -1,6 +1,6 @@
 //! Three transmit mailboxes and their order (RM0008 24.7.1, 24.7.2).
 
-use super::super::Access;
+use super::super::RegisterResult;
 use tater_wire::Frame;
 
 /// Mailboxes.
@@ -30,7 +30,7 @@ struct Mailbox {
 
 impl Mailbox {
     /// The frame that the registers say.
-    fn frame(&self) -> Access<Frame> {
+    fn frame(&self) -> RegisterResult<Frame> {
         let [id, control, low, high] = self.registers;
         if id & (RTR | IDE) != 0 {
             return Err(format!("CAN_TIxR = {id:#010x}: remote and extended frames are not spoken here"));
@@ -147,7 +147,7 @@ impl Mailboxes {
     ///
     /// # Errors
     /// A frame that this bus does not carry.
-    pub(super) fn write(&mut self, offset: u32, value: u32) -> Access<()> {
+    pub(super) fn write(&mut self, offset: u32, value: u32) -> RegisterResult<()> {
         let (mailbox, register) = place(offset);
         let mailbox = &mut self.boxes[mailbox];
         if mailbox.waiting.is_some() {

@@ -26,7 +26,7 @@ fn half(flash: &mut Flash, offset: u32) -> u32 {
     Flash::read(flash, offset, Size::Half).expect("inside")
 }
 
-fn program(flash: &mut Flash, offset: u32, value: u32, now: Time) -> Result<(), Refusal> {
+fn program(flash: &mut Flash, offset: u32, value: u32, now: Time) -> Result<(), AccessError> {
     flash.program(offset, Size::Half, value, now)
 }
 
@@ -44,7 +44,7 @@ fn the_lock_takes_two_keys_and_no_wrong_one() {
     assert_eq!(cr(&mut flash), cr::LOCK, "after a reset");
     flash.write(CR, cr::PG, 0).expect("ignored");
     assert_eq!(cr(&mut flash), cr::LOCK);
-    assert_eq!(program(&mut flash, AT, 1, 0), Err(Refusal::Bus), "locked");
+    assert_eq!(program(&mut flash, AT, 1, 0), Err(AccessError::Bus), "locked");
     unlock(&mut flash, 0);
     flash.write(CR, cr::PG, 0).expect("unlocked");
     assert_eq!(cr(&mut flash), cr::PG);
@@ -83,7 +83,7 @@ fn half_words_are_programmed_once_except_with_0() {
 fn other_widths_and_odd_addresses_are_bus_errors() {
     let mut flash = open(cr::PG);
     for (offset, size) in [(AT, Size::Byte), (AT, Size::Word), (AT + 1, Size::Half)] {
-        assert_eq!(flash.program(offset, size, 0, 0), Err(Refusal::Bus), "{size:?}");
+        assert_eq!(flash.program(offset, size, 0, 0), Err(AccessError::Bus), "{size:?}");
     }
     assert_eq!(flash.operations(), 0);
 }

@@ -1,4 +1,4 @@
-use super::super::{Chip, Refusal, Size};
+use super::super::{AccessError, Chip, Size};
 use super::*;
 
 const CR: u32 = 0x00;
@@ -106,7 +106,7 @@ fn clocks_above_their_limits_and_changes_of_a_running_pll_are_refused() {
         let mut chip = Chip::new(1, [0; 3]);
         (chip.rcc, chip.now) = at_72_mhz();
         let refused = chip.write(0x4002_2000, Size::Word, 0x10 | latency);
-        assert!(matches!(refused, Err(Refusal::NotModelled(_))), "{latency}");
+        assert!(matches!(refused, Err(AccessError::NotModelled(_))), "{latency}");
         assert_eq!(chip.write(0x4002_2000, Size::Word, 0x12), Ok(()));
     }
 }

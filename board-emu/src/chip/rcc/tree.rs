@@ -1,6 +1,6 @@
 //! The clock tree: what follows from the source of the system clock and CFGR; and which bit switches which block.
 
-use super::super::Access;
+use super::super::RegisterResult;
 use crate::time::{HZ, Time};
 
 /// The crystal, and the RC oscillator.
@@ -62,7 +62,7 @@ impl Tree {
     ///
     /// # Errors
     /// A clock above its limit (DS5319 table 9), or one whose cycle is no whole number of ticks.
-    pub(super) fn new(source: Source, cfgr: u32) -> Access<Self> {
+    pub(super) fn new(source: Source, cfgr: u32) -> RegisterResult<Self> {
         let field = |low: u32, bits: u32| cfgr >> low & ((1 << bits) - 1);
         let system_hz = match source {
             Source::Hsi | Source::Hse => OSCILLATOR_HZ,
