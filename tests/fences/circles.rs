@@ -15,9 +15,15 @@ use toml::Table;
 use super::modules::{Named, Target};
 use super::{Source, Violation, assert_none, files};
 
-/// Crates that still have circles.
-const UNFINISHED: [&str; 7] =
-    ["servo-core", "tater-wire", "tater-fw", "god", "board-emu", "system-tests", "xtask"];
+/// Crates that still have circles. One a line, so that two changes that each delete one do not conflict.
+#[rustfmt::skip]
+const UNFINISHED: &[&str] = &[
+    "servo-core",
+    "tater-wire",
+    "tater-fw",
+    "god",
+    "system-tests",
+];
 
 /// Where a file names something of another, as it is written there.
 struct Edge {

@@ -1,19 +1,21 @@
 //! `cargo xtask download`: a `.tek` file to a board over a CAN adapter. The protocol is `tater_wire::download`; here are the
 //! file, the adapter, the clock and what a person sees.
 
+mod adapter;
 mod can;
 mod slcan;
 
 use std::fmt::Write;
-use std::io::{self, ErrorKind, IsTerminal};
+use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use tater_wire::Node;
 use tater_wire::download::{DownloadError, Downloader, Next};
-use tater_wire::{Frame, Node};
 
 use crate::{Failure, files, tek};
+use adapter::Adapter;
 
 /// The arguments of the chore.
 #[derive(clap::Args)]
@@ -36,15 +38,6 @@ impl DownloadArgs {
     pub fn new(file: PathBuf, node: u8, slcan: &str) -> Self {
         Self { file, node, slcan: Some(slcan.to_owned()), can: None }
     }
-}
-
-/// A way to the bus.
-trait Adapter {
-    /// Sends a frame, or loses it.
-    fn send(&mut self, frame: &Frame) -> Result<(), String>;
-
-    /// The next frame from the bus, if one comes within this time, which is not 0; `None` may also come before.
-    fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, String>;
 }
 
 /// Downloads a file.
@@ -74,11 +67,6 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
         begun.elapsed().as_secs_f64()
     );
     Ok(())
-}
-
-/// Whether a reader has heard nothing in the time that it was to wait, and no worse.
-const fn is_silence(kind: ErrorKind) -> bool {
-    matches!(kind, ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
 /// Carries frames between the download and the adapter until it ends.

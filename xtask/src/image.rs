@@ -5,11 +5,11 @@
 
 mod check;
 mod compile;
+mod profile;
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use serde_json::{Value, json};
 use tater_wire::Property;
 use tater_wire::image::{Crc32, Header};
@@ -18,25 +18,7 @@ use tater_wire::memory::{APPLICATION, Area, MONITOR};
 use crate::program::{output, program, root, target};
 use crate::{Failure, files, setup, tek};
 pub use check::check;
-
-/// How the application is built. The monitor is the same in both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Profile {
-    /// With log strings, for a debug probe
-    Release,
-    /// Without
-    Production,
-}
-
-impl Profile {
-    /// As on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Release => "release",
-            Self::Production => "production",
-        }
-    }
-}
+pub use profile::Profile;
 
 /// The arguments of the chore.
 #[derive(clap::Args)]

@@ -16,6 +16,7 @@ mod hall_oracle;
 mod host_tools;
 mod image;
 mod instructions;
+mod outcome;
 mod program;
 mod python;
 mod setup;
@@ -26,31 +27,7 @@ mod tek;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-
-/// What a chore gives back: nothing, or a text for the person who called it.
-type Outcome = Result<(), String>;
-
-/// Why a chore fails, in words for the person who called it, and by its exit code.
-enum Failure {
-    /// What was looked at is not as it should be: 1.
-    Judged(String),
-    /// It could not be looked at, or not without another word on the command line: 2, as for bad arguments.
-    Unusable(String),
-}
-
-impl From<String> for Failure {
-    fn from(message: String) -> Self {
-        Self::Judged(message)
-    }
-}
-
-impl From<Failure> for String {
-    fn from(failure: Failure) -> Self {
-        match failure {
-            Failure::Judged(message) | Failure::Unusable(message) => message,
-        }
-    }
-}
+use outcome::{Failure, Outcome};
 
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", about = "The project's chores")]

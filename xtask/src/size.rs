@@ -5,6 +5,7 @@
 
 mod crates;
 mod elf;
+mod figures;
 mod forbidden;
 mod golden;
 mod graph;
@@ -13,33 +14,18 @@ mod print;
 mod stack;
 mod thumb;
 
-use std::collections::BTreeMap;
-
 use serde_json::{Value, json};
 
 use crate::image::{self, Profile};
 use crate::program::root;
 use crate::{Failure, Outcome, files};
 use elf::{Program, plain};
+use figures::{Figures, Forbidden, LIMITS};
 use graph::Graph;
 use levels::Task;
-use stack::Worst;
 
 /// The application's tasks and their priorities.
 const APP: &str = "tater-fw/src/app.rs";
-
-/// The largest that a program may be in production, in bytes; RAM without the stack.
-struct Limits {
-    program: &'static str,
-    flash: u32,
-    ram: u32,
-}
-
-/// Of 52 and 16 KiB of flash and 12 KiB for variables: room for what comes later.
-const LIMITS: [Limits; 2] = [
-    Limits { program: "tater", flash: 40 * 1024, ram: 8 * 1024 },
-    Limits { program: "monitor", flash: 14 * 1024, ram: 8 * 1024 },
-];
 
 /// The part of the stack's area that must stay free, in percent. The analysis adds up what can hardly come together, so
 /// that this is for what a change brings unseen until the next check, and for a debugger's own frames.
@@ -63,32 +49,6 @@ pub struct SizeArgs {
     /// Write the figures to the file that --check compares with
     #[arg(long)]
     bless: bool,
-}
-
-/// What is found out of one program.
-struct Figures {
-    name: &'static str,
-    /// Bytes of each section, and whether in flash, in RAM or in both.
-    sections: Vec<(String, u32, bool, bool)>,
-    /// All that is written to flash: from its first byte to its last, what lies between sections included.
-    flash: u32,
-    /// .data, .bss, .uninit.
-    ram: u32,
-    flash_by_crate: BTreeMap<String, u32>,
-    ram_by_crate: BTreeMap<String, u32>,
-    /// Name, bytes.
-    largest: Vec<(String, u32)>,
-    forbidden: Vec<Forbidden>,
-    /// Or why it cannot be said.
-    stack: Result<Worst, String>,
-}
-
-/// A symbol that must not be there.
-struct Forbidden {
-    name: String,
-    family: &'static str,
-    /// How it is reached: functions, the last being the symbol.
-    chain: Vec<String>,
 }
 
 /// Does the chore.
@@ -187,82 +147,6 @@ fn object(profile: Profile, all: &[Figures], faults: &[String]) -> Value {
         "stack_margin_percent_min": STACK_MARGIN,
         "programs": programs,
         "faults": faults,
-    })
-}
-
-impl Figures {
-    /// Of nothing but a stack.
-    fn new(name: &'static str, stack: Result<Worst, String>) -> Self {
-        Self {
-            name,
-            sections: Vec::new(),
-            flash: 0,
-            ram: 0,
-            flash_by_crate: BTreeMap::new(),
-            ram_by_crate: BTreeMap::new(),
-            largest: Vec::new(),
-            forbidden: Vec::new(),
-            stack,
-        }
-    }
-
-    /// What is flashed is longer than the sections together: by what aligns them, and fills up the last word.
-    fn fill(&mut self, flashed: u32) {
-        *self.flash_by_crate.entry(crates::ALIGNMENT.into()).or_default() +=
-            flashed.saturating_sub(self.flash);
-        self.flash = flashed.max(self.flash);
-    }
-
-    fn object(&self) -> Value {
-        let named = |pairs: &[(String, u32)]| -> Vec<Value> {
-            pairs.iter().map(|(name, bytes)| json!({ "name": name, "bytes": bytes })).collect()
-        };
-        let families: Vec<Value> = self
-            .forbidden
-            .iter()
-            .map(|found| json!({ "name": found.name, "family": found.family, "chain": found.chain }))
-            .collect();
-        json!({
-            "sections": self.sections.iter().map(|(name, bytes, flash, ram)| json!({
-                "name": name, "bytes": bytes, "flash": flash, "ram": ram,
-            })).collect::<Vec<_>>(),
-            "flash_bytes": self.flash,
-            "ram_bytes": self.ram,
-            "flash_bytes_by_crate": self.flash_by_crate,
-            "ram_bytes_by_crate": self.ram_by_crate,
-            "largest": named(&self.largest),
-            "forbidden": families,
-            "stack": match &self.stack {
-                Ok(worst) => stack_object(worst),
-                Err(error) => json!({ "unknown": error }),
-            },
-        })
-    }
-}
-
-fn stack_object(worst: &Worst) -> Value {
-    let deepest = |deepest: &stack::Deepest| {
-        let path: Vec<Value> = deepest
-            .path
-            .iter()
-            .map(|frame| json!({ "function": frame.function, "bytes": frame.bytes }))
-            .collect();
-        json!({ "bytes": deepest.bytes, "path": path })
-    };
-    let levels: Vec<Value> = worst
-        .levels
-        .iter()
-        .map(|level| json!({ "name": level.name, "pushed_bytes": level.pushed, "deepest": deepest(&level.deepest) }))
-        .collect();
-    json!({
-        "area_bytes": tater_wire::memory::STACK.len,
-        "worst_bytes": worst.bytes(),
-        "margin_bytes": worst.margin(),
-        "margin_percent": (worst.margin_percent() * 10.0).round() / 10.0,
-        "levels": levels,
-        "start": deepest(&worst.start),
-        "called_by_register": worst.by_register,
-        "unreached": worst.unreached,
     })
 }
 

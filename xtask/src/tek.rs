@@ -1,22 +1,22 @@
 //! Images of applications as `.tek` files: making them, judging them, reading them.
 
 mod memory;
+mod records;
 mod source;
 mod verify;
 
-use std::fs::File;
-use std::io::{BufRead, BufReader};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 use tater_wire::image::{self, HEADER_BYTES, Header};
 use tater_wire::memory::APPLICATION;
-use tater_wire::tek::{self, Dialect, Encoder, Reader, Record, TekError};
+use tater_wire::tek::{self, Dialect, Encoder, Record};
 
 use crate::{Failure, files};
 pub use memory::ERASED;
 use memory::Memory;
+use records::{extent, open, records};
 pub use verify::sealed;
 
 /// A chore about `.tek` files.
@@ -244,61 +244,4 @@ fn dump(file: &Path) -> Result<(), Failure> {
     // Also what comes before a mistake.
     files::print(&text)?;
     judged
-}
-
-fn open(path: &Path) -> Result<BufReader<File>, Failure> {
-    File::open(path).map(BufReader::new).map_err(|error| files::unreadable(path, &error))
-}
-
-/// Gives each record of a file, whose name is `path`, to `each`, with the section that it defines; what `each` finds wrong is a column and what
-/// was found, expected, and to be done.
-///
-/// # Errors
-/// The first thing that is wrong with the file.
-fn records(
-    path: &Path,
-    mut file: impl BufRead,
-    dialect: Dialect,
-    mut each: impl FnMut(Record<'_>, Option<Range<u64>>) -> Result<(), (u32, String)>,
-) -> Result<(), Failure> {
-    let place = path.display();
-    let damaged = |TekError { record, line, column, kind }: TekError| {
-        let next = if kind.is_dialect() {
-            "not the profile that boards download: `cargo xtask tek decode` reads it, `tek encode` writes that profile"
-        } else {
-            "copy the file again from where it came from, or encode the image again"
-        };
-        Failure::Judged(format!("{place}:{line}:{column}: record {record}: {kind}\n  {next}"))
-    };
-    let (mut reader, mut line) = (Reader::new(dialect), 0);
-    let mut judge = |record: Record<'_>, section| {
-        line += 1;
-        each(record, section).map_err(|(column, what)| {
-            Failure::Judged(format!("{place}:{line}:{column}: record {line}: {what}"))
-        })
-    };
-    loop {
-        let bytes = file.fill_buf().map_err(|error| files::unreadable(path, &error))?;
-        let len = bytes.len();
-        for &byte in bytes {
-            match reader.push(byte).map_err(damaged)? {
-                None => {}
-                Some(Record::Symbols) => judge(Record::Symbols, reader.section())?,
-                Some(record) => judge(record, None)?,
-            }
-        }
-        if len == 0 {
-            let last = reader.finish().map_err(damaged)?;
-            return last.map_or(Ok(()), |record| judge(record, None));
-        }
-        file.consume(len);
-    }
-}
-
-/// How many bytes a memory has, and where.
-fn extent(memory: &Memory) -> String {
-    match memory.range() {
-        Some(range) => format!("{} bytes in {:#010x} to {:#010x}", memory.len(), range.start(), range.end()),
-        None => "no bytes".into(),
-    }
 }

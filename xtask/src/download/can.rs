@@ -1,6 +1,6 @@
 //! A CAN interface of Linux (SocketCAN).
 
-use super::Adapter;
+use super::adapter::Adapter;
 use crate::Failure;
 
 /// Opens the interface.
@@ -35,7 +35,7 @@ mod linux {
     use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Frame as _, Socket, StandardId};
     use tater_wire::Frame;
 
-    use super::super::{Adapter, is_silence};
+    use super::super::adapter::{Adapter, is_timeout};
 
     pub struct Interface {
         pub socket: CanSocket,
@@ -66,7 +66,7 @@ mod linux {
                     Ok(u16::try_from(data.raw_id()).ok().and_then(|id| Frame::from_raw(id, data.data())))
                 }
                 Ok(_) => Ok(None),
-                Err(error) if is_silence(error.kind()) => Ok(None),
+                Err(error) if is_timeout(error.kind()) => Ok(None),
                 Err(error) => Err(lost(error)),
             }
         }

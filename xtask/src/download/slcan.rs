@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use tater_wire::Frame;
 
-use super::{Adapter, is_silence};
+use super::adapter::{Adapter, is_timeout};
 use crate::Failure;
 
 /// How long an adapter may take to be reached, or to take a frame.
@@ -115,7 +115,7 @@ impl Slcan {
                 self.read.extend(&bytes[..len]);
                 self.take()
             }
-            Err(error) if is_silence(error.kind()) => Ok(None),
+            Err(error) if is_timeout(error.kind()) => Ok(None),
             Err(error) => Err(self.lost(&error.to_string())),
         }
     }

@@ -8,7 +8,7 @@ use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{Dialect, Record};
 
 use super::memory::Memory;
-use super::{extent, open, records};
+use super::records::{extent, open, records};
 use crate::{Failure, files};
 
 /// What to do about addresses.

@@ -1,0 +1,22 @@
+//! The two builds of the application.
+
+use clap::ValueEnum;
+
+/// How the application is built. The monitor is the same in both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Profile {
+    /// With log strings, for a debug probe
+    Release,
+    /// Without
+    Production,
+}
+
+impl Profile {
+    /// As on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Release => "release",
+            Self::Production => "production",
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Reading the records of a `.tek` file, with errors that name record, line and column.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::ops::Range;
+use std::path::Path;
+
+use tater_wire::tek::{Dialect, Reader, Record, TekError};
+
+use super::memory::Memory;
+use crate::{Failure, files};
+
+pub fn open(path: &Path) -> Result<BufReader<File>, Failure> {
+    File::open(path).map(BufReader::new).map_err(|error| files::unreadable(path, &error))
+}
+
+/// Gives each record of a file, whose name is `path`, to `each`, with the section that it defines; what `each` finds wrong is a column and what
+/// was found, expected, and to be done.
+///
+/// # Errors
+/// The first thing that is wrong with the file.
+pub fn records(
+    path: &Path,
+    mut file: impl BufRead,
+    dialect: Dialect,
+    mut each: impl FnMut(Record<'_>, Option<Range<u64>>) -> Result<(), (u32, String)>,
+) -> Result<(), Failure> {
+    let place = path.display();
+    let damaged = |TekError { record, line, column, kind }: TekError| {
+        let next = if kind.is_dialect() {
+            "not the profile that boards download: `cargo xtask tek decode` reads it, `tek encode` writes that profile"
+        } else {
+            "copy the file again from where it came from, or encode the image again"
+        };
+        Failure::Judged(format!("{place}:{line}:{column}: record {record}: {kind}\n  {next}"))
+    };
+    let (mut reader, mut line) = (Reader::new(dialect), 0);
+    let mut judge = |record: Record<'_>, section| {
+        line += 1;
+        each(record, section).map_err(|(column, what)| {
+            Failure::Judged(format!("{place}:{line}:{column}: record {line}: {what}"))
+        })
+    };
+    loop {
+        let bytes = file.fill_buf().map_err(|error| files::unreadable(path, &error))?;
+        let len = bytes.len();
+        for &byte in bytes {
+            match reader.push(byte).map_err(damaged)? {
+                None => {}
+                Some(Record::Symbols) => judge(Record::Symbols, reader.section())?,
+                Some(record) => judge(record, None)?,
+            }
+        }
+        if len == 0 {
+            let last = reader.finish().map_err(damaged)?;
+            return last.map_or(Ok(()), |record| judge(record, None));
+        }
+        file.consume(len);
+    }
+}
+
+/// How many bytes a memory has, and where.
+pub fn extent(memory: &Memory) -> String {
+    match memory.range() {
+        Some(range) => format!("{} bytes in {:#010x} to {:#010x}", memory.len(), range.start(), range.end()),
+        None => "no bytes".into(),
+    }
+}
