@@ -31,13 +31,13 @@ mod app {
     #[init(local = [place: MaybeUninit<Tater<Metal<Armed>>> = MaybeUninit::uninit()])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let (tater, ticker) = board(cx.device, cx.local.place);
-        let mut slow = cx.core.SYST;
+        let mut systick = cx.core.SYST;
         let of_the_core = SLOW_DIVISION == 1;
-        slow.set_clock_source(if of_the_core { SystClkSource::Core } else { SystClkSource::External });
-        slow.set_reload(SLOW_RELOAD);
-        slow.clear_current();
-        slow.enable_counter();
-        slow.enable_interrupt();
+        systick.set_clock_source(if of_the_core { SystClkSource::Core } else { SystClkSource::External });
+        systick.set_reload(SLOW_RELOAD);
+        systick.clear_current();
+        systick.enable_counter();
+        systick.enable_interrupt();
         tater.wake();
         log::started(tater.node(), tater.status().homed);
         (Shared { tater }, Local { ticker }, init::Monotonics())
@@ -116,11 +116,11 @@ mod app {
 
     /// Ten times a second.
     #[task(binds = SysTick, priority = 1, shared = [tater])]
-    fn slow(mut cx: slow::Context) {
+    fn housekeeping(mut cx: housekeeping::Context) {
         rtic::pend(stm32f1xx_hal::pac::Interrupt::USB_LP_CAN_RX0);
         cx.shared.tater.lock(|tater| {
             let now = tater.board_mut().now();
-            tater.slow(now);
+            tater.housekeeping(now);
         });
     }
 

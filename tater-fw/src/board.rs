@@ -40,7 +40,7 @@ pub trait Board {
     fn halls(&self) -> u8;
 
     /// The hall lines now or just before, which may show a spike: enough to see that nothing has changed.
-    fn glance(&self) -> u8 {
+    fn raw_halls(&self) -> u8 {
         self.halls()
     }
 
@@ -53,13 +53,13 @@ pub trait Board {
     /// Which frames the CAN controller lets through besides those to group 0: those to the node, unless it is
     /// [`Node::HOST`] (nobody has named the board), and those to these groups. A hint to hardware filters: the program
     /// checks each frame itself.
-    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]);
+    fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]);
 
     /// The flash.
     fn flash(&mut self) -> &mut Self::Flash;
 
     /// Feeds the watchdog.
-    fn feed(&mut self);
+    fn feed_watchdog(&mut self);
 
     /// Resets the board into the monitor: on the metal this does not return.
     fn reset(&mut self);

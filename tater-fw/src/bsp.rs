@@ -10,6 +10,8 @@ pub mod timing;
 #[cfg(target_os = "none")]
 mod adc;
 #[cfg(target_os = "none")]
+mod address;
+#[cfg(target_os = "none")]
 pub mod can;
 #[cfg(target_os = "none")]
 pub mod clocks;
@@ -30,10 +32,3 @@ mod watchdog;
 
 #[cfg(target_os = "none")]
 pub use metal::Metal;
-
-/// A place in the chip's memory.
-#[cfg(target_os = "none")]
-fn pointer<T>(address: u32) -> *mut T {
-    // Every address of this chip has 32 bits.
-    core::ptr::with_exposed_provenance_mut(usize::try_from(address).unwrap_or(0))
-}

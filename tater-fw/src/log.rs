@@ -3,7 +3,7 @@
 
 use servo_core::Event;
 use tater_fw::storage::Progress;
-use tater_fw::tater::Refused;
+use tater_fw::tater::SetError;
 use tater_wire::{Frame, Node};
 
 #[cfg(feature = "log")]
@@ -22,14 +22,14 @@ pub fn started(node: Node, homed: bool) {
 
 /// A frame changed nothing.
 #[cfg(feature = "log")]
-pub fn refused(frame: &Frame, why: Refused) {
+pub fn refused(frame: &Frame, why: SetError) {
     let (reason, property) = match why {
-        Refused::Unknown => ("it means nothing", None),
-        Refused::Access(property) => ("no access to property", Some(property)),
-        Refused::Range(property) => ("out of range: property", Some(property)),
-        Refused::Unnamed => ("the board has no number", None),
-        Refused::Servo(_) => ("not in this mode, or a fault stands", None),
-        Refused::Busy(property) => ("no room to answer: property", Some(property)),
+        SetError::Unknown => ("it means nothing", None),
+        SetError::Access(property) => ("no access to property", Some(property)),
+        SetError::Range(property) => ("out of range: property", Some(property)),
+        SetError::Unnamed => ("the board has no number", None),
+        SetError::Servo(_) => ("not in this mode, or a fault stands", None),
+        SetError::Busy(property) => ("no room to answer: property", Some(property)),
     };
     let number = property.map_or(0, tater_wire::Property::id);
     defmt::warn!(
@@ -65,13 +65,13 @@ pub fn stored(progress: Progress) {
 
 #[cfg(not(feature = "log"))]
 mod silent {
-    use super::{Event, Frame, Node, Progress, Refused};
+    use super::{Event, Frame, Node, Progress, SetError};
 
     /// Says nothing.
     pub fn started(_: Node, _: bool) {}
 
     /// Says nothing.
-    pub fn refused(_: &Frame, _: Refused) {}
+    pub fn refused(_: &Frame, _: SetError) {}
 
     /// Says nothing.
     pub fn event(_: Event) {}

@@ -131,7 +131,7 @@ impl<B: Board> Monitor<B> {
             let number = store.get_by(rules).or_else(|| rules.default_for(node))?;
             Group::new(u8::try_from(number).ok()?).filter(|group| group.is_for_boards())
         });
-        board.listen(node, groups);
+        board.set_filters(node, groups);
         let error = board.reset_cause();
         let phase = match Check::new(board.flash(), STAGING) {
             Some(check) => Phase::Check(check, Then::Copy),
@@ -289,7 +289,7 @@ impl<B: Board> Monitor<B> {
 
     /// What is due: at most one flash operation, a request, a time-out. To be called over and over.
     pub fn step(&mut self, now: Micros) -> Next {
-        self.board.feed();
+        self.board.feed_watchdog();
         match &mut self.phase {
             Phase::Idle => {
                 if self.keep() && self.wish.is_some() {

@@ -6,54 +6,71 @@
 //! | the break input has tripped | [`Tater::bridge_fault`]: nothing is driven any more |
 //! | each millisecond | [`Tater::tick`]: sense, servo, drive |
 //! | a frame comes | [`Tater::receive`]: answer, or obey |
-//! | ten times a second | [`Tater::slow`]: temperatures, counters, watchdog |
+//! | ten times a second | [`Tater::housekeeping`]: temperatures, counters, watchdog |
 //! | else | [`Tater::store`]: one flash operation, if one is due |
 
-mod commands;
 mod kept;
-mod outbox;
-mod properties;
-mod storing;
 #[cfg(test)]
 mod tests;
 
-use self::kept::Kept;
+use self::kept::{Kept, kept};
 use crate::board::Board;
+use crate::codes::{self, end_code, fault_code, mode_code};
 use crate::lock::Lock;
-use crate::motion::motor;
-use crate::storage::{Progress, Store};
+use crate::motion::{self, motion, motor};
+use crate::storage::{Counters, Progress, Store};
 use heapless::Deque;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
-use servo_core::units::{Micros, Torque};
+use servo_core::servo::COUNTS_PER_REV;
+use servo_core::units::{CountsPerSec, Micros, Torque};
 use servo_core::{Command, Config, Drive, Event, Refusal, Sense, Servo, Telemetry};
-use tater_wire::property::{Access, Kind};
-use tater_wire::{Body, Destination, Frame, Group, Identifier, Message, Node, Property};
+use tater_wire::property::{Access, Kind, Rules, Stored};
+use tater_wire::{Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, Node, Property};
 
 /// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries. An answer that
-/// finds no room is not given: [`Refused::Busy`], and counted in [`Tater::unsent`].
+/// finds no room is not given: [`SetError::Busy`], and counted in [`Tater::unsent`].
 const OUTBOX: usize = 16;
 
 /// Events kept for an observer (a log); the oldest is dropped.
 const EVENTS: usize = 8;
 
 /// Ticks of 1 ms without a frame after which a host that steers (modes 2 and 4) is lost: hosts poll at 10 Hz and faster.
-const HOST_LOST_MS: u16 = 500;
+const HOST_TIMEOUT_MS: u16 = 500;
 
 /// Ticks of 1 ms, without power and without a change of the halls, after which the rotor stands. One that turns slower than
 /// this tells of, 5 counts/s, makes no two counts while a page is erased (40 ms): none is lost.
-const STILL_MS: u8 = 200;
+const STANDSTILL_MS: u8 = 200;
 
 /// Flash operations that a reset waits for, so that a SAVE just before it is kept: a page holds 512 half-words.
 const LAST_OPERATIONS: usize = 1024;
+
+/// LFLAGS bit: ends of motions are reported.
+const REPORT_ENDS: u8 = 1;
+
+/// LFLAGS bit: breakaways are reported.
+const REPORT_BREAKAWAYS: u8 = 2;
+
+/// Counts per motor revolution.
+const REV: i32 = 18;
+const _: () = assert!(REV == 18 && COUNTS_PER_REV == 18, "the estimator's");
+
+/// STAT of a board that is awake. A SET of it clears ERROR.
+const READY: i64 = 2;
+
+/// The STAT that resets the board into the monitor.
+const MONITOR: i64 = 0;
+
+/// The value of SAVE, LOAD and DEF that stands for all properties.
+const ALL: i64 = -1;
 
 /// Bridge off, brake engaged.
 const OFF: Drive = Drive { duty: None, brake_released: false };
 
 /// Why a frame changed nothing. Nobody is told on the bus; logs and simulations are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refused {
+pub enum SetError {
     /// The frame means nothing.
     Unknown,
     /// Not a property that may be written, or read, or not by this board, or not now (LOCK).
@@ -76,7 +93,7 @@ pub struct Tater<B: Board> {
     servo: Servo,
     commutator: Commutator,
     /// The lines after an edge that the last tick has seen and left to the interrupt, which has not come since.
-    left_edge: Option<u8>,
+    pending_code: Option<u8>,
     /// HALLH: three bits a code, the newest lowest.
     hall_history: u32,
     drive: Drive,
@@ -91,17 +108,17 @@ pub struct Tater<B: Board> {
     outbox: Deque<Frame, OUTBOX>,
     unsent: u32,
     events: Deque<Event, EVENTS>,
-    /// Ticks for which the host may stay silent: from [`HOST_LOST_MS`] at a frame to this board or its groups down to 0.
-    patience_ms: u16,
-    /// Ticks in idle since a hall line changed last; from [`STILL_MS`] on it may be more.
-    still_ms: u8,
+    /// Ticks for which the host may stay silent: from [`HOST_TIMEOUT_MS`] at a frame to this board or its groups down to 0.
+    host_timeout_ms: u16,
+    /// Ticks in idle since a hall line changed last; from [`STANDSTILL_MS`] on it may be more.
+    standstill_ms: u8,
     /// Whether the tick, whoever handles the bus, and who has nothing else to do have run since the watchdog was fed last.
-    ticked: bool,
+    tick_ran: bool,
     bus_served: bool,
-    idled: bool,
-    /// Of the last [`Self::slow`], and time since then that is no whole second.
-    slow_at: Micros,
-    slow_us: u32,
+    storage_served: bool,
+    /// Of the last [`Self::housekeeping`], and time since then that is no whole second.
+    housekeeping_at: Micros,
+    second_us: u32,
     /// Counts travelled that are no whole thousand.
     travelled: u32,
 }
@@ -129,7 +146,7 @@ impl<B: Board> Tater<B> {
         Self {
             servo: Servo::for_motor(motor(Kind::of(node)), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
-            left_edge: None,
+            pending_code: None,
             hall_history: u32::from(code),
             drive: OFF,
             kept: Kept::default(),
@@ -140,13 +157,13 @@ impl<B: Board> Tater<B> {
             outbox: Deque::new(),
             unsent: 0,
             events: Deque::new(),
-            patience_ms: HOST_LOST_MS,
-            still_ms: 0,
-            ticked: false,
+            host_timeout_ms: HOST_TIMEOUT_MS,
+            standstill_ms: 0,
+            tick_ran: false,
             bus_served: false,
-            idled: false,
-            slow_at: now,
-            slow_us: 0,
+            storage_served: false,
+            housekeeping_at: now,
+            second_us: 0,
             travelled: 0,
             board,
             node,
@@ -177,15 +194,15 @@ impl<B: Board> Tater<B> {
         if let Some(bridge) = self.commutator.ahead(code, now) {
             self.board.bridge(bridge);
         }
-        self.turned(code, now);
+        self.halls_changed(code, now);
     }
 
     /// The lines have changed, or wait for time to pass. The bridge is the caller's to set.
     #[inline(never)]
-    fn turned(&mut self, code: u8, now: Micros) {
-        self.left_edge = None;
+    fn halls_changed(&mut self, code: u8, now: Micros) {
+        self.pending_code = None;
         if u32::from(code) != self.hall_history & 7 {
-            self.still_ms = 0;
+            self.standstill_ms = 0;
             self.hall_history = self.hall_history << 3 & 0x3FFF_FFFF | u32::from(code);
         }
         if let Some(event) = self.commutator.sample(code, now) {
@@ -202,14 +219,14 @@ impl<B: Board> Tater<B> {
     /// through is left to it, which comes as soon as this tick is over; one that was there at a tick before is not on its way. Lines
     /// that are elsewhere again at each tick are spikes that keep time with it.
     #[inline(never)]
-    fn unsettled(&mut self, now: Micros) {
+    fn resolve_halls(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
         if self.commutator.is_settled(code) {
-            self.left_edge = None;
-        } else if self.commutator.is_quiet() && self.left_edge != Some(code) {
-            self.left_edge = Some(code);
+            self.pending_code = None;
+        } else if self.commutator.is_quiet() && self.pending_code != Some(code) {
+            self.pending_code = Some(code);
         } else {
-            self.turned(code, now);
+            self.halls_changed(code, now);
         }
     }
 
@@ -224,16 +241,16 @@ impl<B: Board> Tater<B> {
     /// The control tick, 1 ms after the last. Returns whether the servo has something to report: then [`Self::flush`] is to
     /// follow, as soon as nothing more urgent waits.
     pub fn tick(&mut self, now: Micros) -> bool {
-        self.ticked = true;
+        self.tick_ran = true;
         let analog = self.board.analog();
-        if self.commutator.is_settled(self.board.glance()) {
-            self.left_edge = None;
+        if self.commutator.is_settled(self.board.raw_halls()) {
+            self.pending_code = None;
         } else {
-            self.unsettled(now);
+            self.resolve_halls(now);
         }
-        let host_lost = self.patience_ms == 0;
+        let host_lost = self.host_timeout_ms == 0;
         if !host_lost {
-            self.patience_ms = self.patience_ms.wrapping_sub(1);
+            self.host_timeout_ms = self.host_timeout_ms.wrapping_sub(1);
         }
         let mut drive = self.servo.tick(&Sense {
             now,
@@ -255,7 +272,7 @@ impl<B: Board> Tater<B> {
                 drive = OFF;
             }
         }
-        self.still_ms = if drive == OFF { self.still_ms.saturating_add(1) } else { 0 };
+        self.standstill_ms = if drive == OFF { self.standstill_ms.saturating_add(1) } else { 0 };
         self.drive = drive;
         self.commutator.set(drive.duty);
         self.board.bridge(self.commutator.bridge());
@@ -267,16 +284,16 @@ impl<B: Board> Tater<B> {
     ///
     /// # Errors
     /// Why it changed nothing and is not answered.
-    pub fn receive(&mut self, frame: &Frame, _now: Micros) -> Result<(), Refused> {
+    pub fn receive(&mut self, frame: &Frame, _now: Micros) -> Result<(), SetError> {
         self.bus_served = true;
         let Identifier { from, to } = frame.id();
-        if !self.hears(to) {
+        if !self.is_addressed(to) {
             return Ok(());
         }
-        self.patience_ms = HOST_LOST_MS;
+        self.host_timeout_ms = HOST_TIMEOUT_MS;
         if self.servo.has_event() {
             // The frame may ask for what the last tick has to report.
-            self.report();
+            self.drain_events();
         }
         let obeyed = match Message::parse(frame).map(|message| message.body) {
             Some(Body::Get(id)) => self.get(id, from),
@@ -286,7 +303,7 @@ impl<B: Board> Tater<B> {
                 }
                 match Property::of(property) {
                     Some(property) => self.set(property, property.read(value)),
-                    None => Err(Refused::Unknown),
+                    None => Err(SetError::Unknown),
                 }
             }
             Some(Body::Torques(torques)) => {
@@ -294,18 +311,18 @@ impl<B: Board> Tater<B> {
                 let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
                 match torques.slot(self.kept.pidx) {
                     Some(torque) => self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most)))),
-                    None => Err(Refused::Range(Property::T)),
+                    None => Err(SetError::Range(Property::T)),
                 }
             }
-            Some(Body::Position(_) | Body::More { .. }) | None => Err(Refused::Unknown),
+            Some(Body::Position(_) | Body::More { .. }) | None => Err(SetError::Unknown),
         };
-        self.report();
-        self.send();
+        self.drain_events();
+        self.transmit();
         obeyed
     }
 
     /// Whether a frame concerns this board.
-    fn hears(&self, to: Destination) -> bool {
+    fn is_addressed(&self, to: Destination) -> bool {
         match to {
             Destination::Node(node) => node == self.node && node != Node::HOST,
             Destination::Group(group) => group == Group::ALL || self.groups().contains(&Some(group)),
@@ -319,34 +336,492 @@ impl<B: Board> Tater<B> {
     }
 
     /// Tells the CAN controller what concerns this board: to be called whenever the groups have changed.
-    fn listen(&mut self) {
+    fn update_filters(&mut self) {
         let groups = self.groups();
-        self.board.listen(self.node, groups);
+        self.board.set_filters(self.node, groups);
     }
 
-    fn get(&mut self, id: u8, from: Node) -> Result<(), Refused> {
-        let property = Property::of(id).ok_or(Refused::Unknown)?;
-        let value = self.read(property).ok_or(Refused::Access(property))?;
-        self.say(from, property, value)
+    fn get(&mut self, id: u8, from: Node) -> Result<(), SetError> {
+        let property = Property::of(id).ok_or(SetError::Unknown)?;
+        let value = self.read(property).ok_or(SetError::Access(property))?;
+        self.answer(from, property, value)
     }
 
-    fn set(&mut self, property: Property, value: i64) -> Result<(), Refused> {
+    fn set(&mut self, property: Property, value: i64) -> Result<(), SetError> {
         if property == Property::LOCK {
             self.lock.key(value);
         }
         match property.rules().access {
-            Access::ReadOnly => Err(Refused::Access(property)),
+            Access::ReadOnly => Err(SetError::Access(property)),
             Access::ReadWrite | Access::WriteOnly => self.write(property, value),
             Access::Locked => self.unlock(property).and_then(|()| self.write(property, value)),
         }
     }
 
+    // --- properties --------------------------------------------------------------------------------------------
+
+    /// The value of a property, within its row's range; `None` if it can only be set.
+    fn read(&self, property: Property) -> Option<i64> {
+        match property {
+            motion!() => motion::get(self.servo.config(), property),
+            // As set; the ID of a board that has none is 0.
+            kept!() => kept::get(&self.kept, property),
+            // Looks at the inputs: not for each of a SAVE of all.
+            _ => self.observe(property),
+        }
+    }
+
+    /// [`Self::read`] of what is not as a SET has left it.
+    fn observe(&self, property: Property) -> Option<i64> {
+        use Property as P;
+        let status = self.servo.telemetry();
+        let analog = self.board.analog();
+        let counters = self.store.counters();
+        let value = match property {
+            P::VERS | P::CTS | P::IPNM | P::POLES => property.rules().min(),
+            P::ERROR => self.error().map_or(0, FaultCode::into),
+            P::STAT => READY,
+            P::MODE => mode_code(status.mode).into(),
+            P::TEMP => i64::from(analog.board_temp.0),
+            P::PTEMP => i64::from(counters.ptemp),
+            P::B => i64::from(self.drive.brake_released),
+            P::ANA0 => i64::from(analog.raw[0]),
+            P::ANA1 => i64::from(analog.raw[1]),
+            P::THERM => i64::from(analog.motor_temp.0),
+            P::VBUS => (i64::from(analog.bus.0) + 50) / 100,
+            P::IMOTOR => i64::from(analog.current.0),
+            P::SG => i64::from(analog.strain),
+            P::T => i64::from(self.servo.torque().0),
+            P::V if status.mode == Mode::Velocity => i64::from(status.setpoint_velocity.round()),
+            P::V | P::VEL => i64::from(status.velocity.round()),
+            // 22 bits go out, whatever a SET may say.
+            P::P => return Some(i64::from(status.position.round())),
+            P::E => i64::from(self.servo.end()),
+            P::UPSECS => i64::from(counters.upsecs),
+            P::OD => i64::from(counters.odometer),
+            P::MECH => i64::from(self.commutator.count().rem_euclid(REV)),
+            P::HALLS => i64::from(self.board.halls() & 7),
+            // Ten codes are 30 bits; the next one tells GOD whether HI is needed.
+            P::HALLH => i64::from(self.hall_history | u32::from(status.homed) << 30),
+            P::BD => i64::from(status.breakaway.is_some()),
+            P::BP => i64::from(self.breakaway_position),
+            P::END => status.end.map_or(0, |reason| end_code(reason).into()),
+            P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | kept!() => return None,
+        };
+        let rules = property.rules();
+        Some(value.max(rules.min()).min(rules.max()))
+    }
+
+    /// Sets a property that may be set.
+    ///
+    /// # Errors
+    /// Why not; nothing has changed then.
+    fn write(&mut self, property: Property, value: i64) -> Result<(), SetError> {
+        use Property as P;
+        let out_of_range = SetError::Range(property);
+        if !property.rules().admits(value) {
+            return Err(out_of_range);
+        }
+        match property {
+            motion!() | kept!() | P::P | P::PTEMP | P::UPSECS | P::OD => self.set_stored(property, value),
+            P::STAT if value == READY => {
+                self.storage_error = false;
+                self.command(Command::ClearFault)
+            }
+            P::STAT if value == MONITOR => {
+                self.reset();
+                Ok(())
+            }
+            P::MODE => {
+                let mode = codes::mode(value).ok_or(out_of_range)?;
+                self.command(Command::Mode(mode))
+            }
+            P::T => self.command(Command::Torque(Torque(narrow(value)?))),
+            P::V => self.command(Command::Velocity(CountsPerSec::from_int(narrow(value)?))),
+            P::E => self.command(Command::End(narrow(value)?)),
+            P::M => self.command(Command::Move(narrow(value)?)),
+            P::CMD => self.run_cmd(value),
+            P::SAVE => self.save(value),
+            P::LOAD => self.load(value),
+            P::DEF => self.restore_default(value),
+            // `set` has turned the key, also for numbers out of range.
+            P::LOCK => Ok(()),
+            P::STAT => Err(out_of_range),
+            P::VERS
+            | P::ERROR
+            | P::TEMP
+            | P::B
+            | P::ANA0
+            | P::ANA1
+            | P::THERM
+            | P::VBUS
+            | P::IMOTOR
+            | P::SG => Err(SetError::Access(property)),
+            P::MECH | P::CTS | P::IPNM | P::HALLS | P::HALLH | P::POLES | P::BD | P::BP | P::END | P::VEL => {
+                Err(SetError::Access(property))
+            }
+        }
+    }
+
+    /// Sets a property that flash keeps. LOAD and DEF come this way: through [`Self::write`] they could come to themselves
+    /// again, and nobody could say how deep the stack gets.
+    ///
+    /// # Errors
+    /// As those of [`Self::write`].
+    fn set_stored(&mut self, property: Property, value: i64) -> Result<(), SetError> {
+        use Property as P;
+        let out_of_range = SetError::Range(property);
+        if !property.rules().admits(value) {
+            return Err(out_of_range);
+        }
+        match property {
+            motion!() => {
+                let mut config = *self.servo.config();
+                if !motion::set(&mut config, property, value) {
+                    return Err(out_of_range);
+                }
+                self.command(Command::Configure(config))
+            }
+            kept!() if kept::set(&mut self.kept, property, value) => {
+                if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
+                    self.update_filters();
+                }
+                Ok(())
+            }
+            P::P => self.command(Command::Position(narrow(value)?)),
+            P::PTEMP => self.reset_counters(Counters { ptemp: narrow(value)?, ..self.store.counters() }),
+            P::UPSECS => self.reset_counters(Counters { upsecs: narrow(value)?, ..self.store.counters() }),
+            P::OD => self.reset_counters(Counters { odometer: narrow(value)?, ..self.store.counters() }),
+            _ => Err(out_of_range),
+        }
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), SetError> {
+        // Nobody could tell it alone to stop.
+        if self.node == Node::HOST && command.moves() {
+            return Err(SetError::Unnamed);
+        }
+        self.servo.command(command).map_err(SetError::Servo)
+    }
+
+    fn reset_counters(&mut self, counters: Counters) -> Result<(), SetError> {
+        self.store.reset_counters(counters);
+        Ok(())
+    }
+
+    /// The latched fault. A fault of the servo goes before one of the flash, which does not stop the motor; STAT 2 clears
+    /// both.
+    fn error(&self) -> Option<FaultCode> {
+        let storage = self.storage_error.then_some(FaultCode::Storage);
+        self.servo.telemetry().fault.map(fault_code).or(storage)
+    }
+
+    // --- CMD ---------------------------------------------------------------------------------------------------
+
+    /// # Errors
+    /// Why not; nothing has changed then.
+    fn run_cmd(&mut self, number: i64) -> Result<(), SetError> {
+        match Cmd::of(number).ok_or(SetError::Range(Property::CMD))? {
+            Cmd::Load => self.load(ALL),
+            Cmd::Save => self.save(ALL),
+            Cmd::Reset => {
+                self.reset();
+                Ok(())
+            }
+            Cmd::Def => self.restore_default(ALL),
+            Cmd::Home => self.command(Command::Move(0)),
+            // A fresh start: BD is of the time before it (manual 5.3.2 names only O).
+            Cmd::Hi => self.command(Command::Home).and_then(|()| self.command(Command::ClearBreakaway)),
+            Cmd::Ic => self.step_by(i32::from(self.kept.ds)),
+            Cmd::Io => self.step_by(-i32::from(self.kept.ds)),
+            Cmd::Tc => self.command(Command::TorqueControlled { closing: true }),
+            Cmd::To => self.command(Command::TorqueControlled { closing: false }),
+            Cmd::C => self.command(Command::Move(self.kept.ct)),
+            Cmd::M => self.command(Command::Move(self.kept.dp)),
+            Cmd::O => {
+                self.command(Command::Move(self.kept.ot)).and_then(|()| self.command(Command::ClearBreakaway))
+            }
+            Cmd::T => self.command(Command::Terminate),
+        }
+    }
+
+    /// IC and IO: so many counts from where the motor is (manual 5.2: "closes the motor the given number of counts"),
+    /// during a move too.
+    fn step_by(&mut self, counts: i32) -> Result<(), SetError> {
+        let position = self.servo.telemetry().position.round();
+        self.command(Command::Move(position.saturating_add(counts)))
+    }
+
+    // --- SAVE, LOAD and DEF ------------------------------------------------------------------------------------
+
+    /// SAVE: takes effect in RAM now; [`Tater::store`] puts it into flash.
+    ///
+    /// # Errors
+    /// Not a property, or not one that is stored.
+    fn save(&mut self, id: i64) -> Result<(), SetError> {
+        match stored_property(Property::SAVE, id)? {
+            Some(property) => self.save_one(property),
+            None => {
+                motion::each(self.servo.config(), |property, value| self.store.set(property, value));
+                kept::each(&self.kept, |property, value| {
+                    let rules = property.rules();
+                    if rules.access != Access::Locked {
+                        self.store.set_by(rules, value);
+                    }
+                });
+                self.save_one(Property::P);
+                for property in [Property::ROLE, Property::SN, Property::ID] {
+                    if self.must_be_stored(property) {
+                        self.save_one(property);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a property is another than without storage, or is stored already: what straps and chip say goes on being
+    /// theirs to say.
+    fn must_be_stored(&self, property: Property) -> bool {
+        self.store.get(property).is_some() || self.read(property) != self.unstored(property.rules())
+    }
+
+    fn save_one(&mut self, property: Property) {
+        let Some(value) = self.read(property) else { return };
+        if property == Property::P
+            && self.position_is_known()
+            && property.rules().admits(value)
+            && let Ok(position) = i32::try_from(value)
+        {
+            self.store.save_position(position, self.board.halls() & 7);
+            self.trusted_at = Some(self.commutator.count());
+            return;
+        }
+        // It takes nothing that is out of range, which is not worth keeping (a position far outside any joint, the ID of a
+        // board that has none), and nothing that is always stored, which needs no saving.
+        self.store.set(property, value);
+    }
+
+    /// Whether the position is that of a homed motor that stands: only then can it be trusted at the next start (manual 7,
+    /// saveParameters: in idle).
+    fn position_is_known(&self) -> bool {
+        self.servo.telemetry().homed && self.stands_still()
+    }
+
+    /// LOAD: the stored value, or the default where there is none.
+    ///
+    /// # Errors
+    /// Not a property, not one that is stored, locked, or the position while not in idle.
+    fn load(&mut self, id: i64) -> Result<(), SetError> {
+        match stored_property(Property::LOAD, id)? {
+            Some(property) => {
+                self.unlock(property)?;
+                // What is always stored is as it is stored.
+                if property.rules().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
+            }
+            None => {
+                self.load_all(false);
+                // Nothing has moved since it was stored, so this only undoes a renaming.
+                match self.store.trusted_position() {
+                    Some((position, _)) if self.servo.telemetry().mode == Mode::Idle => {
+                        self.command(Command::Position(position))
+                    }
+                    _ => Ok(()),
+                }
+            }
+        }
+    }
+
+    /// DEF: the default, and no stored value any more. DEF of all leaves the locked ones and what the present position
+    /// is called.
+    ///
+    /// # Errors
+    /// As those of LOAD.
+    fn restore_default(&mut self, id: i64) -> Result<(), SetError> {
+        match stored_property(Property::DEF, id)? {
+            Some(property) => {
+                self.unlock(property)?;
+                // A board without straps would have no number.
+                if !self.unstored(property.rules()).is_some_and(|value| property.rules().admits(value)) {
+                    return Err(SetError::Range(property));
+                }
+                if property == Property::P {
+                    self.in_idle()?;
+                    self.distrust();
+                }
+                self.store.forget(property);
+                self.load_one(property)
+            }
+            None => {
+                self.distrust();
+                self.store.forget_open();
+                self.load_all(false);
+                Ok(())
+            }
+        }
+    }
+
+    /// At the start, and LOAD of all but the position: stored or default, of locked ones too or not.
+    #[inline(never)]
+    fn load_all(&mut self, locked: bool) {
+        let mut config = *self.servo.config();
+        // Defaults are in range, and `stored` gives nothing else.
+        motion::fill(&mut config, |property| stored_width(self.stored(property.rules())));
+        let _ = self.servo.command(Command::Configure(config));
+        let mut kept = self.kept;
+        kept::fill(&mut kept, |property| {
+            let rules = property.rules();
+            let wanted = rules.stored == Stored::Yes && (locked || rules.access != Access::Locked);
+            if wanted { stored_width(self.stored(rules)) } else { None }
+        });
+        self.kept = kept;
+        self.update_filters();
+    }
+
+    fn load_one(&mut self, property: Property) -> Result<(), SetError> {
+        let Some(value) = self.stored(property.rules()) else { return Err(SetError::Access(property)) };
+        if property == Property::P {
+            self.in_idle()?;
+        }
+        self.set_stored(property, value)?;
+        if property == Property::P && self.trusted_at.is_none() {
+            // So it is called now, wherever it is.
+            self.servo.doubt_position();
+        }
+        Ok(())
+    }
+
+    /// The stored value, or the default if there is none in range.
+    fn stored(&self, rules: &Rules) -> Option<i64> {
+        self.store.get_by(rules).or_else(|| self.unstored(rules))
+    }
+
+    /// What it is where nothing is stored.
+    fn unstored(&self, rules: &Rules) -> Option<i64> {
+        match rules.property {
+            Property::ID => Some(i64::from(self.board.straps().number())),
+            Property::SN => Some(i64::from(self.board.serial_number())),
+            _ => rules.default_for(self.node),
+        }
+    }
+
+    /// # Errors
+    /// The property is locked, and LOCK has not been opened for this one SET.
+    fn unlock(&mut self, property: Property) -> Result<(), SetError> {
+        match property.rules().access {
+            Access::Locked if !self.lock.take() => Err(SetError::Access(property)),
+            Access::Locked | Access::ReadWrite | Access::WriteOnly | Access::ReadOnly => Ok(()),
+        }
+    }
+
+    /// P has another meaning elsewhere.
+    fn in_idle(&self) -> Result<(), SetError> {
+        match self.servo.telemetry().mode {
+            Mode::Idle => Ok(()),
+            mode => Err(SetError::Servo(Refusal::Mode(mode))),
+        }
+    }
+
+    /// Consumes the stored position's mark. If the flash does not take it, the motor must not move: the next start
+    /// would trust a position that is not true any more.
+    fn distrust(&mut self) {
+        if self.trusted_at.is_none() {
+            return;
+        }
+        match self.store.distrust(self.board.flash()) {
+            Ok(()) => self.trusted_at = None,
+            Err(_) => {
+                self.storage_error = true;
+                self.drive = OFF;
+                let _ = self.servo.command(Command::Terminate);
+            }
+        }
+    }
+
+    // --- answers and reports -----------------------------------------------------------------------------------
+
+    /// Tells a node a value: the host by a reply, another board by a SET of VALUE.
+    fn answer(&mut self, to: Node, property: Property, value: i64) -> Result<(), SetError> {
+        if self.node == Node::HOST {
+            return Ok(());
+        }
+        // Every value that is read fits 32 bits.
+        let message =
+            Message::answer(self.node, to, property.rules(), value).ok_or(SetError::Range(property))?;
+        self.outbox.push_back(message.frame()).map_err(|_| {
+            self.unsent = self.unsent.saturating_add(1);
+            SetError::Busy(property)
+        })
+    }
+
+    /// The bus is being served: tells what there is to report, and hands waiting frames to the CAN controller. To be called
+    /// whenever it has room again, whenever [`Self::tick`] asks for it, and at least ten times a second.
+    pub fn flush(&mut self) {
+        self.bus_served = true;
+        self.drain_events();
+        self.transmit();
+    }
+
+    fn transmit(&mut self) {
+        for _ in 0..OUTBOX {
+            match self.outbox.front() {
+                Some(frame) if self.board.transmit(frame) => self.outbox.pop_front(),
+                _ => break,
+            };
+        }
+    }
+
+    /// Frames that were to be sent and found no room in the outbox.
+    #[must_use]
+    pub const fn unsent(&self) -> u32 {
+        self.unsent
+    }
+
+    /// Tells the servo's reports, oldest first.
+    fn drain_events(&mut self) {
+        for _ in 0..EVENTS {
+            let Some(event) = self.servo.event() else { break };
+            self.handle_event(event);
+        }
+    }
+
+    /// Tells a report: the host if it has asked for them, and whoever watches.
+    fn handle_event(&mut self, event: Event) {
+        let flags = self.kept.lflags;
+        // Without room they are counted as unsent.
+        match event {
+            Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
+                let _ = self.answer(Node::HOST, Property::MODE, mode_code(mode).into());
+                let _ = self.answer(Node::HOST, Property::END, end_code(reason).into());
+            }
+            Event::Breakaway { position, .. } => {
+                self.breakaway_position = position;
+                if flags & REPORT_BREAKAWAYS != 0 {
+                    let _ = self.answer(Node::HOST, Property::BD, 1);
+                }
+            }
+            Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
+        }
+        if self.events.is_full() {
+            self.events.pop_front();
+        }
+        // Room was made above.
+        let _ = self.events.push_back(event);
+    }
+
+    /// What the servo reported, oldest first: for logs and simulations.
+    pub fn event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    // --- housekeeping, flash and reset -------------------------------------------------------------------------
+
     /// Ten times a second: temperatures, counters, watchdog. The watchdog is fed only if the tick, the bus ([`Self::receive`] or
     /// [`Self::flush`]) and the storage ([`Self::store`]) have been served since the last time.
-    pub fn slow(&mut self, now: Micros) {
-        let us = now.wrapping_since(self.slow_at).0.saturating_add(self.slow_us);
-        self.slow_at = now;
-        self.slow_us = us % 1_000_000;
+    pub fn housekeeping(&mut self, now: Micros) {
+        let us = now.wrapping_since(self.housekeeping_at).0.saturating_add(self.second_us);
+        self.housekeeping_at = now;
+        self.second_us = us % 1_000_000;
         let board_temp = self.board.analog().board_temp.0;
         let mut counters = self.store.counters();
         counters.upsecs = counters.upsecs.saturating_add(us / 1_000_000);
@@ -355,25 +830,25 @@ impl<B: Board> Tater<B> {
         counters.ptemp = board_temp;
         self.travelled %= 1000;
         self.store.count(counters);
-        if self.ticked && self.bus_served && self.idled {
-            self.ticked = false;
+        if self.tick_ran && self.bus_served && self.storage_served {
+            self.tick_ran = false;
             self.bus_served = false;
-            self.idled = false;
-            self.board.feed();
+            self.storage_served = false;
+            self.board.feed_watchdog();
         }
     }
 
     /// Whether the rotor stands: without power for so long that it has stopped coasting, and no motion has been asked for.
-    fn stands(&self) -> bool {
-        self.still_ms >= STILL_MS && self.servo.telemetry().mode == Mode::Idle
+    fn stands_still(&self) -> bool {
+        self.standstill_ms >= STANDSTILL_MS && self.servo.telemetry().mode == Mode::Idle
     }
 
     /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only while the
     /// rotor stands, because nobody sees the halls meanwhile; the bridge stays off, because only [`Self::tick`] switches it
     /// on.
     pub fn store(&mut self) -> Progress {
-        let stands = self.stands();
-        self.idled = true;
+        let stands = self.stands_still();
+        self.storage_served = true;
         self.step_store(stands)
     }
 
@@ -393,7 +868,7 @@ impl<B: Board> Tater<B> {
         self.commutator.set(None);
         self.board.bridge(Bridge::Off);
         self.board.brake(false);
-        if !self.stands() {
+        if !self.stands_still() {
             self.distrust();
         }
         // All that they have come to, not only what is due.
@@ -401,17 +876,19 @@ impl<B: Board> Tater<B> {
         // From now on nobody follows the halls: there is nothing to lose by erasing pages while it coasts.
         for _ in 0..LAST_OPERATIONS {
             // Eight pages and more may be due: longer than the watchdog waits.
-            self.board.feed();
+            self.board.feed_watchdog();
             if matches!(self.step_store(true), Progress::Done | Progress::Waiting) {
                 break;
             }
         }
         // The last that is heard of it: the move that this has ended, if anybody wants to know.
-        self.report();
-        self.send();
+        self.drain_events();
+        self.transmit();
         self.outbox.clear();
         self.board.reset();
     }
+
+    // --- for logs and simulations ------------------------------------------------------------------------------
 
     /// The node that it is on the bus, until the next start.
     #[must_use]
@@ -458,4 +935,23 @@ impl<B: Board> Tater<B> {
     pub fn into_board(self) -> B {
         self.board
     }
+}
+
+/// A value that its row's range has bounded, in the servo's width.
+fn narrow<T: TryFrom<i64>>(value: i64) -> Result<T, SetError> {
+    T::try_from(value).map_err(|_| SetError::Servo(Refusal::Range))
+}
+
+/// The property that SAVE, LOAD or DEF names, one that is stored; `None` for all.
+fn stored_property(by: Property, id: i64) -> Result<Option<Property>, SetError> {
+    if id == ALL {
+        return Ok(None);
+    }
+    let property = u8::try_from(id).ok().and_then(Property::of).ok_or(SetError::Range(by))?;
+    if property.rules().stored == Stored::No { Err(SetError::Access(property)) } else { Ok(Some(property)) }
+}
+
+/// A value in the width of the storage.
+fn stored_width(value: Option<i64>) -> Option<i32> {
+    value.and_then(|value| i32::try_from(value).ok())
 }

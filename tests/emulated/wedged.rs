@@ -18,7 +18,7 @@ const TASKS: [(&str, u32); 6] = [
     ("tick", 16 + 29),
     ("receive", 16 + 20),
     ("sent", 16 + 19),
-    ("slow", 15),
+    ("housekeeping", 15),
     ("idle", 0),
 ];
 

@@ -118,7 +118,7 @@ fn may_call(name: &str) -> &'static [&'static str] {
         "tick" => &["tick"],
         "receive" => &["receive", "flush"],
         "sent" => &["flush"],
-        "slow" => &["slow"],
+        "housekeeping" => &["housekeeping"],
         "idle" => &["store", "event"],
         _ => &[],
     }
@@ -316,15 +316,15 @@ fn the_method_fence_can_fail() {
 #[test]
 fn the_task_fence_can_fail() {
     let locked = |head: &str, body: &str| format!("{head}(c: C) {{ c.tater.lock(|tater| {{ {body} }}); }}");
-    let (slow, hall) = ("#[task(binds = A)] fn slow", "#[task(binds = A)] fn hall");
+    let (slow, hall) = ("#[task(binds = A)] fn housekeeping", "#[task(binds = A)] fn hall");
     check_fence(
         tasks,
         "tater-fw/src/app.rs",
         &[
-            "#[task(binds = A)] fn slow(c: C) { c.lock(|tater| tater.slow(d)); c.lock(|t| t.e()); }",
-            "#[task(binds = A)] fn slow(c: C) { d(); }",
+            "#[task(binds = A)] fn housekeeping(c: C) { c.lock(|tater| tater.housekeeping(d)); c.lock(|t| t.e()); }",
+            "#[task(binds = A)] fn housekeeping(c: C) { d(); }",
             "#[idle(shared = [t])] fn idle(c: C) -> ! { c.lock(d); loop { c.lock(e); } }",
-            &locked(slow, "tater.slow(now); tater.flush();"),
+            &locked(slow, "tater.housekeeping(now); tater.flush();"),
             &locked(slow, "tater.tick(now);"),
             &locked(slow, ""),
             &locked(hall, "for _ in 0..2 { tater.hall(at); }"),

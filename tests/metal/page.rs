@@ -130,7 +130,7 @@ fn phrases() -> Vec<String> {
         format!("takes {:.2} µs; all four {:.1} µs", us(adc::CONVERSION_NS), us(adc::INJECTED_NS)),
         format!("8 equal samples, {:.1} µs", us(hall::FILTER_NS)),
         format!("| TIM3 | the control tick | 1 µs | {} ms |", 1000 / tick::HZ),
-        format!("| SysTick | the slow task | {count:.0} ns | {} ms |", 1000 / tick::SLOW_HZ),
+        format!("| SysTick | housekeeping | {count:.0} ns | {} ms |", 1000 / tick::SLOW_HZ),
         format!("/ {} = {} MHz SysTick", tick::SLOW_DIVISION, mega(timing::CORE_HZ / tick::SLOW_DIVISION)),
         format!("{} Mbit/s: {} MHz by {}", mega(can::HZ), mega(timing::APB1_HZ), can::PRESCALER),
         format!(

@@ -5,7 +5,7 @@ use rand_pcg::Pcg64Mcg;
 use servo_core::mode::Mode;
 use servo_core::{Command, Config, Event, MotorKind};
 use tater_fw::codes::mode_code;
-use tater_fw::tater::Refused;
+use tater_fw::tater::SetError;
 use tater_wire::{Cmd, Destination, Message, ModeCode, Property};
 
 use crate::experiment::metrics::{Meter, Metrics, Value, end_word, fault_word, mode_word};
@@ -143,7 +143,7 @@ pub fn rig(scenario: &Scenario, case: &Case, options: &Options) -> Result<Rig, P
     Rig::new(plant, rig_params, &scenario.objects, options.model, start, options.seed)
 }
 
-fn refused(field: &'static str, found: i64, why: Refused) -> ParamError {
+fn refused(field: &'static str, found: i64, why: SetError) -> ParamError {
     ParamError { field, found: found as f64, expected: format!("a value that the board takes ({why:?})") }
 }
 
@@ -151,9 +151,9 @@ fn refused(field: &'static str, found: i64, why: Refused) -> ParamError {
 ///
 /// # Errors
 /// Why the board did not take it.
-pub fn set(node: &mut Node, property: Property, value: i64) -> Result<(), Refused> {
+pub fn set(node: &mut Node, property: Property, value: i64) -> Result<(), SetError> {
     let to = Destination::Node(node.straps());
-    let message = Message::set(to, property, value).ok_or(Refused::Range(property))?;
+    let message = Message::set(to, property, value).ok_or(SetError::Range(property))?;
     node.receive(&message.frame())
 }
 
@@ -239,7 +239,7 @@ fn act(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log: 
 }
 
 /// Says a command as a host does, in properties.
-fn say(command: &Command, node: &mut Node) -> Result<(), Refused> {
+fn say(command: &Command, node: &mut Node) -> Result<(), SetError> {
     let cmd = |cmd: Cmd| (Property::CMD, i64::from(cmd.number()));
     let status = watch(node).status;
     let (property, value) = match *command {
@@ -259,7 +259,7 @@ fn say(command: &Command, node: &mut Node) -> Result<(), Refused> {
         Command::Abort if holds(node) => (Property::MODE, ModeCode::Pid.into()),
         Command::Abort => (Property::MODE, ModeCode::Idle.into()),
         // The scenario's reader makes neither.
-        Command::Configure(_) | Command::ClearBreakaway => return Err(Refused::Unknown),
+        Command::Configure(_) | Command::ClearBreakaway => return Err(SetError::Unknown),
     };
     set(node, property, value)
 }

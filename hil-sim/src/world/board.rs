@@ -210,7 +210,7 @@ impl Board for SimBoard {
         room
     }
 
-    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+    fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]) {
         self.listens = (node, groups);
     }
 
@@ -218,7 +218,7 @@ impl Board for SimBoard {
         &mut self.flash
     }
 
-    fn feed(&mut self) {
+    fn feed_watchdog(&mut self) {
         self.feeds += 1;
     }
 

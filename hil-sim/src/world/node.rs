@@ -7,7 +7,7 @@ use servo_core::units::Micros;
 use servo_core::{Event, Telemetry};
 use tater_fw::monitor::Next;
 use tater_fw::storage::Progress;
-use tater_fw::tater::Refused;
+use tater_fw::tater::SetError;
 use tater_fw::{Analog, Board, Monitor, Tater};
 use tater_wire::{FaultCode, Frame};
 
@@ -251,7 +251,7 @@ impl Node {
             tater.tick(now);
             tater.flush();
             if self.ticks.is_multiple_of(SLOW_TICKS) {
-                tater.slow(now);
+                tater.housekeeping(now);
             }
         }
         self.after();
@@ -326,7 +326,7 @@ impl Node {
     ///
     /// # Errors
     /// Why the application did nothing with it, which on the bus nobody is told; the monitor never says.
-    pub fn receive(&mut self, frame: &Frame) -> Result<(), Refused> {
+    pub fn receive(&mut self, frame: &Frame) -> Result<(), SetError> {
         if !self.board().lets_through(frame) {
             return Ok(());
         }

@@ -51,7 +51,7 @@ impl Can {
 
     /// Lets through what is for all, for a node that is not the host's, and for three groups. For as long as that takes,
     /// some 1 us, nothing is received.
-    pub fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+    pub fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]) {
         let all = to(Destination::Group(Group::ALL));
         let mine = if node == Node::HOST { all } else { to(Destination::Node(node)) };
         let [a, b, c] = groups.map(|group| group.map_or(all, |group| to(Destination::Group(group))));

@@ -6,7 +6,7 @@
 use stm32f1xx_hal::pac::FLASH;
 use tater_wire::memory::{FLASH as AREA, PAGE};
 
-use super::pointer;
+use super::address::pointer;
 use crate::board::{Flash, FlashError};
 
 /// What unlocks CR, one after the other.

@@ -14,12 +14,13 @@ use tater_wire::memory::{APPLICATION, STORAGE};
 use tater_wire::{FaultCode, Frame, Group, Node};
 
 use super::adc::Adc;
+use super::address::pointer;
 use super::can::Can;
 use super::halls::Halls;
 use super::pins::{self, BusPins, MotorPins};
 use super::pwm::Guarded;
 use super::watchdog::Watchdog;
-use super::{clocks, flash, pointer, stop, timing};
+use super::{clocks, flash, stop, timing};
 use crate::board::{Analog, Board};
 
 /// What drives and senses the motor, or does not.
@@ -32,8 +33,8 @@ pub trait Motor {
     fn look(&mut self);
     /// See [`Board::halls`].
     fn halls(&self) -> u8;
-    /// See [`Board::glance`]: what [`Self::look`] has seen.
-    fn glance(&self) -> u8;
+    /// See [`Board::raw_halls`]: what [`Self::look`] has seen.
+    fn raw_halls(&self) -> u8;
     /// See [`Board::analog`].
     fn analog(&self) -> Analog;
 }
@@ -52,7 +53,7 @@ impl Motor for Held {
         0
     }
 
-    fn glance(&self) -> u8 {
+    fn raw_halls(&self) -> u8 {
         0
     }
 
@@ -89,7 +90,7 @@ impl Motor for Armed {
         self.halls.code()
     }
 
-    fn glance(&self) -> u8 {
+    fn raw_halls(&self) -> u8 {
         self.halls.first()
     }
 
@@ -301,8 +302,8 @@ impl<M: Motor> Board for Metal<M> {
         self.motor.halls()
     }
 
-    fn glance(&self) -> u8 {
-        self.motor.glance()
+    fn raw_halls(&self) -> u8 {
+        self.motor.raw_halls()
     }
 
     #[inline(always)]
@@ -314,15 +315,15 @@ impl<M: Motor> Board for Metal<M> {
         self.can.transmit(frame)
     }
 
-    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
-        self.can.listen(node, groups);
+    fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]) {
+        self.can.set_filters(node, groups);
     }
 
     fn flash(&mut self) -> &mut flash::Metal {
         &mut self.flash
     }
 
-    fn feed(&mut self) {
+    fn feed_watchdog(&mut self) {
         // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4). Said over and
         // over: without a probe attached the chip does not take it (errata).
         self.debug.cr().modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit());

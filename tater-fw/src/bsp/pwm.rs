@@ -8,7 +8,7 @@ use servo_core::units::Duty;
 use stm32f1xx_hal::pac::TIM1;
 use stm32f1xx_hal::rcc::{Enable, Rcc};
 
-use super::pointer;
+use super::address::pointer;
 use super::timing::pwm::{CONVERT, DEAD_TIME, TOP};
 
 /// The bridge, which the break input guards.

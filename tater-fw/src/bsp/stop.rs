@@ -8,7 +8,7 @@ use stm32f1xx_hal::pac::{GPIOB, RCC, TIM1};
 use tater_wire::FaultCode;
 use tater_wire::memory::{KEPT, STACK};
 
-use super::pointer;
+use super::address::pointer;
 
 /// TIM1's BDTR: 0 switches the outputs off, and changes nothing else there, because LOCK is set.
 const BDTR: u32 = 0x4001_2C44;

@@ -97,13 +97,13 @@ impl Board for Bed {
         }
         taken
     }
-    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+    fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]) {
         self.listens = Some((node, groups));
     }
     fn flash(&mut self) -> &mut Chip {
         &mut self.chip
     }
-    fn feed(&mut self) {}
+    fn feed_watchdog(&mut self) {}
     fn reset(&mut self) {}
     fn reset_cause(&self) -> Option<FaultCode> {
         self.cause

@@ -26,8 +26,11 @@ const VERSION: u16 = 1;
 const HEAD: usize = 4;
 pub const TAIL: usize = 2;
 
+/// Most properties that are stored: 43 now, and room for those of other versions.
+pub const STORED: usize = 48;
+
 /// Entries of a record at most: the stored properties and three counters.
-pub const ENTRIES: usize = super::STORED + 3;
+pub const ENTRIES: usize = STORED + 3;
 
 /// Half-words of a record before its CRC at most: every entry has at most three.
 pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES;

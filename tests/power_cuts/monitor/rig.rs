@@ -71,11 +71,11 @@ impl Board for Bed {
         self.sent.push(*frame);
         true
     }
-    fn listen(&mut self, _: Node, _: [Option<Group>; 3]) {}
+    fn set_filters(&mut self, _: Node, _: [Option<Group>; 3]) {}
     fn flash(&mut self) -> &mut Logged {
         &mut self.flash
     }
-    fn feed(&mut self) {}
+    fn feed_watchdog(&mut self) {}
     fn reset(&mut self) {}
     fn reset_cause(&self) -> Option<FaultCode> {
         None

@@ -7,7 +7,7 @@ use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, Micros, MilliAmps, MilliVolts};
 use std::vec::Vec;
 use tater_fw::storage::Progress;
-use tater_fw::tater::Refused;
+use tater_fw::tater::SetError;
 use tater_fw::{Analog, Board, Flash, FlashError, Tater};
 use tater_wire::memory::{FLASH, PAGE};
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
@@ -166,7 +166,7 @@ impl Board for FakeBoard {
         true
     }
 
-    fn listen(&mut self, node: Node, groups: [Option<Group>; 3]) {
+    fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]) {
         self.listened.push((node, groups));
     }
 
@@ -174,7 +174,7 @@ impl Board for FakeBoard {
         &mut self.flash
     }
 
-    fn feed(&mut self) {
+    fn feed_watchdog(&mut self) {
         self.feeds += 1;
     }
 
@@ -289,12 +289,12 @@ impl Bench {
         Self::on(board, count)
     }
 
-    pub fn send(&mut self, frame: &Frame) -> Result<(), Refused> {
+    pub fn send(&mut self, frame: &Frame) -> Result<(), SetError> {
         let now = self.now;
         self.tater.receive(frame, now)
     }
 
-    pub fn say(&mut self, to: Destination, from: u8, body: Body) -> Result<(), Refused> {
+    pub fn say(&mut self, to: Destination, from: u8, body: Body) -> Result<(), SetError> {
         let from = Node::new(from).expect("a node");
         self.send(&Message { from, to, body }.frame())
     }
@@ -304,7 +304,7 @@ impl Bench {
         Destination::Node(self.tater.node())
     }
 
-    pub fn set(&mut self, property: Property, value: i64) -> Result<(), Refused> {
+    pub fn set(&mut self, property: Property, value: i64) -> Result<(), SetError> {
         let value = property.write(value).expect("fits 32 bits");
         self.say(self.own(), 0, Body::Set { property: property.id(), value })
     }

@@ -1,7 +1,7 @@
 //! CMD, groups, packed torques, and who is answered how.
 
 use super::board::{Bench, FakeBoard};
-use crate::tater::Refused;
+use crate::tater::SetError;
 use servo_core::mode::Mode;
 use servo_core::units::Torque;
 use servo_core::{EndReason, Refusal};
@@ -16,7 +16,7 @@ fn node(number: u8) -> Node {
     Node::new(number).expect("a node")
 }
 
-fn cmd(bench: &mut Bench, number: i64) -> Result<(), Refused> {
+fn cmd(bench: &mut Bench, number: i64) -> Result<(), SetError> {
     bench.set(Property::CMD, number)
 }
 
@@ -59,7 +59,7 @@ fn every_number_of_cmd_is_a_row_or_refused() {
         let mut bench = Bench::new(3);
         let known = command::ROWS.iter().any(|row| i64::from(row.number) == number);
         let answer = cmd(&mut bench, number);
-        assert_eq!(answer, if known { Ok(()) } else { Err(Refused::Range(Property::CMD)) }, "CMD {number}");
+        assert_eq!(answer, if known { Ok(()) } else { Err(SetError::Range(Property::CMD)) }, "CMD {number}");
         let resets = bench.board().resets.len();
         assert_eq!(resets, usize::from(number == 2), "CMD {number}");
     }
@@ -142,7 +142,7 @@ fn another_board_is_answered_by_a_set_of_value() {
     assert_eq!(ask(&mut bench, own, Property::P), value(Value::Long(0xFFFF_FFFE)));
     // VALUE is nothing that a board takes.
     let to_value = Body::Set { property: 7, value: Value::Short(1) };
-    assert_eq!(bench.say(own, 5, to_value), Err(Refused::Unknown));
+    assert_eq!(bench.say(own, 5, to_value), Err(SetError::Unknown));
 }
 
 #[test]
@@ -151,7 +151,7 @@ fn packed_torques_are_taken_from_the_own_slot_in_mode_2() {
         let mut bench = Bench::new(straps);
         let torques = Torques::new(&[11, -22, 33, -44]).expect("four");
         let packed = Body::Torques(torques);
-        let refused = Err(Refused::Servo(Refusal::Mode(Mode::Idle)));
+        let refused = Err(SetError::Servo(Refusal::Mode(Mode::Idle)));
         assert_eq!(bench.say(group(to), 0, packed), refused, "not in mode 2");
         bench.set(Property::MODE, 2).expect("mode 2");
         assert_eq!(bench.say(group(to), 0, packed), Ok(()));
@@ -164,7 +164,7 @@ fn packed_torques_are_taken_from_the_own_slot_in_mode_2() {
         // A frame without its slot says nothing to it.
         let short = Torques::new(&[500; 4][..usize::from(slot) - 1]);
         if let Some(short) = short {
-            assert_eq!(bench.say(group(to), 0, Body::Torques(short)), Err(Refused::Range(Property::T)));
+            assert_eq!(bench.say(group(to), 0, Body::Torques(short)), Err(SetError::Range(Property::T)));
         }
     }
 }
@@ -179,8 +179,8 @@ fn a_packed_torque_saturates_at_mt_and_pidx_can_be_set() {
         bench.say(group(1), 0, Body::Torques(Torques::new(&[7, 7, torque]).expect("three"))).expect("taken");
         bench.tick();
         assert_eq!(bench.tater.servo.torque(), Torque(taken));
-        // Refused, not saturated.
-        assert_eq!(bench.set(Property::T, 991), Err(Refused::Range(Property::T)));
+        // SetError, not saturated.
+        assert_eq!(bench.set(Property::T, 991), Err(SetError::Range(Property::T)));
         assert_eq!(bench.tater.servo.torque(), Torque(taken));
     }
 }
@@ -233,7 +233,7 @@ fn frames_that_mean_nothing_change_nothing() {
         Body::Set { property: 12, value: Value::Short(1) },
     ];
     let refused: Vec<_> = bodies.into_iter().map(|body| bench.say(own, 0, body)).collect();
-    assert_eq!(refused, [Err(Refused::Unknown); 6]);
+    assert_eq!(refused, [Err(SetError::Unknown); 6]);
     assert!(bench.said().is_empty());
 }
 
@@ -255,7 +255,7 @@ fn a_board_that_nobody_has_named_does_not_move() {
     for (property, value) in steers {
         let value = property.write(value).expect("fits 32 bits");
         let body = Body::Set { property: property.id(), value };
-        assert_eq!(bench.say(all, 0, body), Err(Refused::Unnamed), "{body:?}");
+        assert_eq!(bench.say(all, 0, body), Err(SetError::Unnamed), "{body:?}");
         bench.ticks(3);
         assert_eq!((bench.tater.drive().duty, bench.tater.status().mode), (None, Mode::Idle));
     }

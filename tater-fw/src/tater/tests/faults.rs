@@ -3,7 +3,7 @@
 use super::board::Bench;
 use crate::codes::fault_code;
 use crate::storage::Progress;
-use crate::tater::{HOST_LOST_MS, Refused};
+use crate::tater::{HOST_TIMEOUT_MS, SetError};
 use servo_core::Refusal;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
@@ -95,7 +95,7 @@ fn every_fault_of_the_application_is_provoked_named_and_cleared() {
         assert_eq!(bench.get(Property::ERROR), Some(i64::from(row.code.code())), "{}", row.name);
         assert_eq!(bench.get(Property::STAT), Some(2), "{}", row.name);
         assert_eq!((bench.tater.status().mode, bench.board().brake_released), (Mode::Idle, false));
-        let refused = bench.tater.status().fault.map(|fault| Err(Refused::Servo(Refusal::Fault(fault))));
+        let refused = bench.tater.status().fault.map(|fault| Err(SetError::Servo(Refusal::Fault(fault))));
         assert_eq!(bench.set(Property::M, 20), refused.unwrap_or(Ok(())), "{}", row.name);
         *bench.board().analog_mut() = healthy;
         let count = bench.count;
@@ -193,7 +193,7 @@ fn the_host_is_lost_after_half_a_second_of_silence_in_modes_2_and_4() {
         bench.set(Property::TSTOP, 0).expect("never");
         bench.set(Property::E, 100).expect("in range");
         bench.set(Property::MODE, mode).expect("a mode");
-        bench.ticks(usize::from(HOST_LOST_MS));
+        bench.ticks(usize::from(HOST_TIMEOUT_MS));
         assert_eq!(bench.tater.status().fault, None, "mode {mode}");
         bench.tick();
         let lost = (mode == 2 || mode == 4).then_some(Fault::HostLost);

@@ -1,7 +1,7 @@
 //! What outlives the power, and the watchdog.
 
 use super::board::{Bench, SERIAL};
-use crate::tater::Refused;
+use crate::tater::SetError;
 use servo_core::Refusal;
 use servo_core::mode::Mode;
 use servo_core::units::{DeciCelsius, Micros};
@@ -113,10 +113,10 @@ fn what_is_not_stored_cannot_be_saved_loaded_or_reset() {
     let mut bench = Bench::new(1);
     for by in [Property::SAVE, Property::LOAD, Property::DEF] {
         for property in [Property::MODE, Property::E, Property::LFLAGS, Property::VBUS, Property::CMD] {
-            assert_eq!(bench.set(by, id(property)), Err(Refused::Access(property)));
+            assert_eq!(bench.set(by, id(property)), Err(SetError::Access(property)));
         }
         for nothing in [6, 7, 12, 127] {
-            assert_eq!(bench.set(by, nothing), Err(Refused::Range(by)), "{nothing}");
+            assert_eq!(bench.set(by, nothing), Err(SetError::Range(by)), "{nothing}");
         }
     }
 }
@@ -133,7 +133,7 @@ fn locked_ones_are_left_by_all_and_need_the_sequence_by_name() {
     for by in [Property::LOAD, Property::DEF] {
         set(&mut bench, by, -1);
         assert_eq!(bench.get(Property::SN), Some(98));
-        assert_eq!(bench.set(by, id(Property::SN)), Err(Refused::Access(Property::SN)));
+        assert_eq!(bench.set(by, id(Property::SN)), Err(SetError::Access(Property::SN)));
     }
     bench.settle();
     let mut bench = bench.restart();
@@ -141,7 +141,7 @@ fn locked_ones_are_left_by_all_and_need_the_sequence_by_name() {
     bench.unlock();
     set(&mut bench, Property::DEF, id(Property::SN));
     assert_eq!(bench.get(Property::SN), Some(i64::from(SERIAL)));
-    assert_eq!(bench.set(Property::DEF, id(Property::SN)), Err(Refused::Access(Property::SN)), "once");
+    assert_eq!(bench.set(Property::DEF, id(Property::SN)), Err(SetError::Access(Property::SN)), "once");
 }
 
 #[test]
@@ -263,7 +263,7 @@ fn load_and_def_of_all_leave_the_position_that_has_moved() {
     assert_eq!(bench.get(Property::P), Some(3));
     for by in [Property::LOAD, Property::DEF] {
         set(&mut bench, Property::MODE, 3);
-        let refused = Err(Refused::Servo(Refusal::Mode(Mode::Pid)));
+        let refused = Err(SetError::Servo(Refusal::Mode(Mode::Pid)));
         assert_eq!(bench.set(by, id(Property::P)), refused);
         set(&mut bench, Property::MODE, 0);
         set(&mut bench, Property::P, 3);
@@ -321,7 +321,7 @@ fn second(bench: &mut Bench) {
     for _ in 0..10 {
         bench.ticks(100);
         let now = bench.now;
-        bench.tater.slow(now);
+        bench.tater.housekeeping(now);
     }
 }
 
@@ -348,7 +348,7 @@ fn counters_grow_and_are_set_only_when_unlocked() {
         assert_eq!(bench.get(Property::PTEMP), Some(peak));
     }
     for (property, value) in [(Property::UPSECS, 4_294_967_290), (Property::OD, 1), (Property::PTEMP, -5)] {
-        assert_eq!(bench.set(property, value), Err(Refused::Access(property)));
+        assert_eq!(bench.set(property, value), Err(SetError::Access(property)));
         bench.unlock();
         set(&mut bench, property, value);
         assert_eq!(bench.get(property), Some(value));
@@ -374,7 +374,7 @@ fn a_slow_task_that_comes_late_loses_no_time() {
     for micros in [1_999_999, 1, 70 * 60 * 1_000_000, 999_999] {
         bench.now = bench.now.wrapping_add(Micros(micros));
         let now = bench.now;
-        bench.tater.slow(now);
+        bench.tater.housekeeping(now);
     }
     assert_eq!(bench.get(Property::UPSECS), Some(2 + 4200));
 }
@@ -386,7 +386,7 @@ fn the_watchdog_is_fed_only_if_control_bus_and_storage_run() {
         let before = bench.board().feeds;
         act(&mut bench);
         let now = bench.now;
-        bench.tater.slow(now);
+        bench.tater.housekeeping(now);
         bench.board().feeds - before
     };
     let store = |bench: &mut Bench| {
@@ -441,7 +441,7 @@ fn def_of_an_id_that_no_straps_replace_is_refused_whole() {
     bench.settle();
     let mut bench = bench.restart();
     bench.unlock();
-    assert_eq!(bench.set(Property::DEF, id(Property::ID)), Err(Refused::Range(Property::ID)));
+    assert_eq!(bench.set(Property::DEF, id(Property::ID)), Err(SetError::Range(Property::ID)));
     bench.settle();
     let mut bench = bench.restart();
     assert_eq!((bench.tater.node().number(), bench.get(Property::ID)), (3, Some(3)));

@@ -3,7 +3,7 @@
 use super::board::Bench;
 use crate::board::Analog;
 use crate::codes::mode_code;
-use crate::tater::Refused;
+use crate::tater::SetError;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation;
 use servo_core::units::{CountsPerSec, DeciCelsius, Micros, MilliAmps, MilliVolts};
@@ -15,8 +15,8 @@ fn stat_is_ready_wakes_resets_and_is_never_told_to_be_an_error() {
     let mut bench = Bench::new(1);
     assert_eq!(bench.get(Property::STAT), Some(2));
     assert_eq!(bench.set(Property::STAT, 2), Ok(()));
-    assert_eq!(bench.set(Property::STAT, 1), Err(Refused::Range(Property::STAT)));
-    assert_eq!(bench.set(Property::STAT, 3), Err(Refused::Range(Property::STAT)));
+    assert_eq!(bench.set(Property::STAT, 1), Err(SetError::Range(Property::STAT)));
+    assert_eq!(bench.set(Property::STAT, 3), Err(SetError::Range(Property::STAT)));
     assert!(bench.board().resets.is_empty());
 }
 
@@ -44,7 +44,7 @@ fn a_reset_comes_with_the_bridge_off_the_brake_engaged_and_what_was_saved_kept()
 fn a_mode_that_is_none_is_refused() {
     let mut bench = Bench::new(1);
     for mode in [1, 6, -1] {
-        assert_eq!(bench.set(Property::MODE, mode), Err(Refused::Range(Property::MODE)));
+        assert_eq!(bench.set(Property::MODE, mode), Err(SetError::Range(Property::MODE)));
         assert_eq!(bench.get(Property::MODE), Some(0));
     }
     for mode in [2, 3, 4, 5, 0] {
@@ -58,7 +58,7 @@ fn torque_is_set_in_mode_2_only_and_reads_what_the_limits_left() {
     let mut bench = Bench::new(1);
     for mode in [Mode::Idle, Mode::Pid, Mode::Velocity, Mode::Trapezoidal] {
         bench.set(Property::MODE, mode_code(mode).into()).expect("a mode");
-        assert_eq!(bench.set(Property::T, 10), Err(Refused::Servo(Refusal::Mode(mode))));
+        assert_eq!(bench.set(Property::T, 10), Err(SetError::Servo(Refusal::Mode(mode))));
     }
     bench.set(Property::MODE, 2).expect("mode 2");
     assert_eq!(bench.get(Property::T), Some(0));
@@ -114,7 +114,7 @@ fn position_names_the_place_in_idle_and_is_the_goal_in_mode_3() {
     assert_eq!(bench.get(Property::P), Some(-32_788));
     for mode in [Mode::Torque, Mode::Velocity, Mode::Trapezoidal] {
         bench.set(Property::MODE, mode_code(mode).into()).expect("a mode");
-        assert_eq!(bench.set(Property::P, 5), Err(Refused::Servo(Refusal::Mode(mode))));
+        assert_eq!(bench.set(Property::P, 5), Err(SetError::Servo(Refusal::Mode(mode))));
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is said unasked, and what happens to answers that find no room.
 
 use super::board::Bench;
-use crate::tater::{OUTBOX, Refused};
+use crate::tater::{OUTBOX, SetError};
 use servo_core::{EndReason, Event};
 use std::vec::Vec;
 use tater_wire::{Body, Property};
@@ -91,7 +91,7 @@ fn answers_wait_for_room_in_order_and_none_is_lost_silently() {
     for property in &asked {
         assert_eq!(bench.say(own, 0, Body::Get(property.id())), Ok(()));
     }
-    assert_eq!(bench.say(own, 0, Body::Get(Property::TSTOP.id())), Err(Refused::Busy(Property::TSTOP)));
+    assert_eq!(bench.say(own, 0, Body::Get(Property::TSTOP.id())), Err(SetError::Busy(Property::TSTOP)));
     assert_eq!((bench.tater.unsent(), bench.said().len()), (1, 0));
     // Room for three; then for all.
     bench.board().room = 3;

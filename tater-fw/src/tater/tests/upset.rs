@@ -71,7 +71,7 @@ fn apply(bench: &mut Bench, step: Step) {
         Step::BadHalls(code) => bench.board().halls = code,
         Step::Slow => {
             let now = bench.now;
-            bench.tater.slow(now);
+            bench.tater.housekeeping(now);
         }
         Step::Store => {
             bench.tater.store();
