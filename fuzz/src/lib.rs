@@ -55,8 +55,8 @@ impl God {
 
     /// Says a byte, if there is room, and lets a character's time pass.
     pub fn hear(&mut self, byte: u8) {
-        if self.io.room() > 0 || byte == ABORT {
-            self.io.hear(byte);
+        if self.io.rx_room() > 0 || byte == ABORT {
+            self.io.push_rx(byte);
         }
         self.run_for(1_000);
     }
@@ -121,11 +121,11 @@ impl God {
             let next_us = god::io::poll(self.future.as_mut(), &self.io, self.now_us);
             self.was_raw |= self.io.is_raw();
             let mut answered = false;
-            while let Some(frame) = self.io.frame() {
+            while let Some(frame) = self.io.pop_frame() {
                 answered |= self.answer(&frame);
             }
             let before = self.said.len();
-            self.said.extend(std::iter::from_fn(|| self.io.byte()));
+            self.said.extend(std::iter::from_fn(|| self.io.pop_tx()));
             if answered || self.said.len() > before {
                 // Something may go on at once.
                 self.now_us += 100;
@@ -168,7 +168,7 @@ impl God {
             };
             let Some(from) = Node::new(number) else { continue };
             if let Some(reply) = Message::reply(from, property, value) {
-                self.io.receive(&reply.frame());
+                self.io.push_frame(&reply.frame());
             }
         }
         true

@@ -1,100 +1,122 @@
-//! Talks to the motor boards: questions with their answers, orders, and what they report unasked.
+//! The link to the motor boards: questions with their answers, orders, and what boards report unasked.
+//!
+//! Every wait ends: a question is asked up to [`TRIES`] times with [`ANSWER_US`] each, and once only while the bus is down.
 
 use core::cell::RefCell;
 
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Property};
 
+use crate::events::EventKind;
 use crate::io::Io;
 use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
 
-/// How long an answer may take: half a millisecond, and 40 ms where the board erases a page (DESIGN 4.3).
+/// How long an answer may take, µs: half a millisecond, and 40 ms where the board erases a page (docs/wire.md).
 const ANSWER_US: u64 = 60_000;
 
-/// How often a question is asked before its board is taken for none.
+/// How often a question is asked before its board counts as absent.
 const TRIES: usize = 3;
 
-/// How long a board may be off the bus when it is woken (PROTOCOL 1), and how often it is asked meanwhile.
+/// How long a board may be off the bus after it is woken (docs/wire.md), and the interval of asking meanwhile, µs.
 const WAKE_US: u64 = 1_500_000;
-const WAKE_ASK_US: u64 = 20_000;
+const WAKE_POLL_US: u64 = 20_000;
 
-/// How long a board has, after a SAVE, to put it into its flash: two pages to erase, 40 ms each, and a record (DESIGN 4.3).
+/// How long a board needs after a SAVE to write it, µs: two pages to erase, 40 ms each, and a record.
 const STORE_US: u64 = 100_000;
 
-/// MODE: without power, holds a position, goes by velocity.
+/// MODE: without power, holds a position, controls a velocity, moves to E.
 pub(crate) const IDLE: i64 = 0;
 pub(crate) const HOLDS: i64 = 3;
 pub(crate) const VELOCITY: i64 = 4;
+pub(crate) const MOVES: i64 = 5;
 
-/// END: there; nothing turns any more; told to; the link broke away; a fault.
+/// END.
 pub(crate) const ARRIVED: i64 = 1;
 pub(crate) const STALLED: i64 = 2;
 pub(crate) const ABORTED: i64 = 3;
 pub(crate) const BROKE_AWAY: i64 = 5;
 pub(crate) const FAULT: i64 = 6;
 
-/// LFLAGS: ends of motions and breakaways are reported.
+/// LFLAGS: report ends of motions and breakaways.
 pub(crate) const REPORTS: i64 = 3;
 
-/// A value of each motor that has given one.
+/// A value of each motor that has one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers([Option<i64>; COUNT]);
 
 impl Answers {
-    /// A motor's.
+    /// The value that `value` returns for each of those motors.
     #[must_use]
-    pub fn of(&self, motor: Motor) -> Option<i64> {
+    pub fn from_fn(motors: Motors, value: impl Fn(Motor) -> Option<i64>) -> Self {
+        let mut answers = Self::default();
+        for motor in motors.iter() {
+            if let Some(value) = value(motor) {
+                answers.set(motor, value);
+            }
+        }
+        answers
+    }
+
+    /// The same value for each of those motors.
+    #[must_use]
+    pub fn uniform(motors: Motors, value: i64) -> Self {
+        Self::from_fn(motors, |_| Some(value))
+    }
+
+    /// A motor's value.
+    #[must_use]
+    pub fn get(&self, motor: Motor) -> Option<i64> {
         self.0.get(motor.index()).copied().flatten()
     }
 
-    /// Puts one in.
-    pub fn put(&mut self, motor: Motor, value: i64) {
+    /// Sets a motor's value.
+    pub fn set(&mut self, motor: Motor, value: i64) {
         if let Some(place) = self.0.get_mut(motor.index()) {
             *place = Some(value);
         }
     }
 
-    /// These, and those in their place where they have one.
+    /// These values, replaced by those of `other` where it has one.
     #[must_use]
-    pub fn and(&self, those: &Self) -> Self {
-        Self(core::array::from_fn(|place| {
-            let of = |answers: &Self| answers.0.get(place).copied().flatten();
-            of(those).or(of(self))
-        }))
+    pub fn overridden_by(&self, other: &Self) -> Self {
+        Self::from_fn(Motors::ALL, |motor| other.get(motor).or(self.get(motor)))
     }
 
-    /// Those of these that are others there, or missing.
+    /// The values that differ from those of `other`, or that it lacks.
     #[must_use]
-    pub fn differing(&self, those: &Self) -> Self {
-        Self(core::array::from_fn(|place| {
-            let of = |answers: &Self| answers.0.get(place).copied().flatten();
-            of(self).filter(|&value| of(those) != Some(value))
-        }))
+    pub fn different_from(&self, other: &Self) -> Self {
+        Self::from_fn(Motors::ALL, |motor| self.get(motor).filter(|&value| other.get(motor) != Some(value)))
     }
 
-    /// The motors that have one.
+    /// The same motors with other values.
+    #[must_use]
+    pub fn map(&self, to: impl Fn(Motor, i64) -> i64) -> Self {
+        Self::from_fn(Motors::ALL, |motor| Some(to(motor, self.get(motor)?)))
+    }
+
+    /// The motors that have a value.
     #[must_use]
     pub fn motors(&self) -> Motors {
-        Motors::ALL.iter().filter(|&motor| self.of(motor).is_some()).collect()
+        self.filter(|_| true)
     }
 
-    /// The motors whose value is such.
+    /// The motors whose value satisfies `is`.
     #[must_use]
-    pub fn which(&self, is: impl Fn(i64) -> bool) -> Motors {
-        Motors::ALL.iter().filter(|&motor| self.of(motor).is_some_and(&is)).collect()
+    pub fn filter(&self, is: impl Fn(i64) -> bool) -> Motors {
+        Motors::ALL.iter().filter(|&motor| self.get(motor).is_some_and(&is)).collect()
     }
 }
 
-/// What a board has reported unasked since it was last asked for that (LFLAGS).
+/// What a board has said of its mode and its motion's end since [`Boards::take_reported`], asked or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reported {
-    /// Mode after a motion's end.
+    /// MODE.
     pub mode: Option<i64>,
-    /// Why it ended (END).
+    /// Why the motion ended (END); 0 while it goes on.
     pub end: Option<i64>,
 }
 
-/// One thing for each property that is asked for ahead of its use.
+/// One thing for each property that is requested ahead of its use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ahead<T> {
     /// P.
@@ -106,7 +128,7 @@ pub struct Ahead<T> {
 }
 
 impl<T> Ahead<T> {
-    fn of(&mut self, property: Property) -> Option<&mut T> {
+    fn get_mut(&mut self, property: Property) -> Option<&mut T> {
         match property {
             Property::P => Some(&mut self.position),
             Property::VEL => Some(&mut self.velocity),
@@ -136,80 +158,103 @@ impl Ahead<Option<i64>> {
     }
 }
 
+/// What is known of one board.
+#[derive(Clone, Copy, Debug, Default)]
+struct Board {
+    reported: Reported,
+    /// The mode that was logged last.
+    logged_mode: Option<i64>,
+    /// Answers to [`Boards::ask_ahead`].
+    ahead: Ahead<Option<i64>>,
+    /// When the last frame of this board came in, µs.
+    heard_us: u64,
+}
+
 /// The boards on the bus.
 #[derive(Debug)]
 pub struct Boards<'a> {
     io: &'a Io,
-    reported: RefCell<[Reported; COUNT]>,
-    /// What has been asked for ahead, and answered.
-    ahead: RefCell<[Ahead<Option<i64>>; COUNT]>,
+    boards: RefCell<[Board; COUNT]>,
 }
 
 impl<'a> Boards<'a> {
-    /// Nothing is known of them.
+    /// Boards of which nothing is known.
     #[must_use]
     pub fn new(io: &'a Io) -> Self {
-        Self { io, reported: RefCell::default(), ahead: RefCell::default() }
+        Self { io, boards: RefCell::default() }
     }
 
-    /// Asks for a property. Boards that do not answer in time, asked again twice, have no value.
+    /// Asks for a property and waits. Boards that do not answer in time have no value.
     pub async fn get(&self, motors: Motors, property: Property) -> Answers {
         let mut answers = Answers::default();
         for _ in 0..TRIES {
-            let missing = motors.but(answers.motors());
+            let missing = motors.difference(answers.motors());
             if missing.is_empty() {
                 break;
             }
-            self.listen();
-            for motor in missing.iter() {
-                self.io.send(Message::get(Destination::Node(motor.node()), property).frame()).await;
-            }
-            let deadline = self.io.now_us().saturating_add(ANSWER_US);
-            while !motors.but(answers.motors()).is_empty() {
-                let Some(frame) = self.io.receives(deadline).await else { break };
-                match said(&frame) {
+            self.drain();
+            self.ask(missing, property).await;
+            let deadline = self.io.after_us(ANSWER_US);
+            while !motors.difference(answers.motors()).is_empty() {
+                let Some(frame) = self.io.receive(deadline).await else { break };
+                match parse_report(&frame) {
                     Some((motor, id, value)) if id == property && motors.has(motor) => {
-                        answers.put(motor, value);
+                        self.log_answer(motor, property, value);
+                        answers.set(motor, value);
                     }
                     _ => self.note(&frame),
                 }
             }
+            if self.io.is_bus_down() {
+                break;
+            }
+        }
+        for motor in motors.difference(answers.motors()).iter() {
+            self.io.record(EventKind::NoAnswer { motor, property });
         }
         answers
     }
 
+    /// Asks for a property and does not wait: [`Self::take_reported`] has the answers.
+    pub async fn ask(&self, motors: Motors, property: Property) {
+        for motor in motors.iter() {
+            self.send(Message::get(Destination::Node(motor.node()), property)).await;
+        }
+    }
+
     /// Asks for what [`Self::answer_of`] is to wait for later. All seven boards are asked at once, by their group.
     pub async fn ask_ahead(&self, motors: Motors, wanted: Ahead<bool>) {
-        self.listen();
-        *self.ahead.borrow_mut() = Default::default();
+        self.drain();
+        self.boards.borrow_mut().iter_mut().for_each(|board| board.ahead = Ahead::default());
         if motors == Motors::ALL {
             for property in wanted.properties() {
-                self.io.send(Message::get(Destination::Group(Group::TATERS), property).frame()).await;
+                self.send(Message::get(Destination::Group(Group::TATERS), property)).await;
             }
             return;
         }
         for motor in motors.iter() {
             for property in wanted.properties() {
-                self.io.send(Message::get(Destination::Node(motor.node()), property).frame()).await;
+                self.ask(Motors::only(motor), property).await;
             }
         }
     }
 
-    /// What a board has answered since [`Self::ask_ahead`]; asked once more if it has not in time, and then `None`.
+    /// What a board has answered since [`Self::ask_ahead`]. If that is incomplete in time, it is asked once more; then `None`.
     pub async fn answer_of(&self, motor: Motor, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
-        for again in [true, false] {
-            let deadline = self.io.now_us().saturating_add(ANSWER_US);
+        for is_first in [true, false] {
+            let deadline = self.io.after_us(ANSWER_US);
             loop {
-                let found = self.ahead.borrow().get(motor.index()).and_then(|ahead| ahead.complete(wanted));
+                let found =
+                    self.boards.borrow().get(motor.index()).and_then(|board| board.ahead.complete(wanted));
                 if found.is_some() {
                     return found;
                 }
-                let Some(frame) = self.io.receives(deadline).await else { break };
+                let Some(frame) = self.io.receive(deadline).await else { break };
                 self.note(&frame);
             }
-            if again {
+            if is_first {
                 for property in wanted.properties() {
-                    self.io.send(Message::get(Destination::Node(motor.node()), property).frame()).await;
+                    self.ask(Motors::only(motor), property).await;
                 }
             }
         }
@@ -219,98 +264,125 @@ impl<'a> Boards<'a> {
     /// Sets a property of each motor that has a value there. A board does not acknowledge.
     pub async fn set_each(&self, property: Property, values: &Answers) {
         for motor in values.motors().iter() {
-            let value = values.of(motor).unwrap_or(0);
+            let value = values.get(motor).unwrap_or(0);
             if let Some(message) = Message::set(Destination::Node(motor.node()), property, value) {
-                self.io.send(message.frame()).await;
+                // In RealTime these come hundreds of times a second.
+                if !matches!(property, Property::V | Property::KPV) {
+                    self.io.record(EventKind::Sent { motor, property, value });
+                }
+                self.send(message).await;
             }
         }
     }
 
-    /// Sets a property to the same value everywhere.
+    /// Sets a property to the same value on all of those boards.
     pub async fn set(&self, motors: Motors, property: Property, value: i64) {
-        let mut values = Answers::default();
-        motors.iter().for_each(|motor| values.put(motor, value));
-        self.set_each(property, &values).await;
+        self.set_each(property, &Answers::uniform(motors, value)).await;
     }
 
-    /// SAVEs values of a property, one after another, and lets boards put them into their flash, so that the power may go off after it.
-    /// Returns what that came to: [`Status::NO_BOARD`], [`Status::NOT_STORED`].
-    pub async fn save(&self, motors: Motors, what: impl Iterator<Item = i64>) -> Status {
-        // What their flash has not taken at other times is not this one's; with a fault of another kind ERROR does not tell.
-        let storage = |code| FaultCode::of(code) == Some(FaultCode::Storage);
-        self.set(self.get(motors, Property::ERROR).await.which(storage), Property::STAT, 2).await;
-        for value in what {
+    /// SAVEs values of a property, one after another, and waits until boards have written them to their flash, so that the power may go
+    /// off after it. Returns [`Status::NO_BOARD`] and [`Status::NOT_STORED`] where they apply.
+    pub async fn save(&self, motors: Motors, values: impl Iterator<Item = i64>) -> Status {
+        // An earlier failure of the flash is cleared first. While a board has a fault of another kind, ERROR does not show this one.
+        let is_storage = |code| FaultCode::of(code) == Some(FaultCode::Storage);
+        self.set(self.get(motors, Property::ERROR).await.filter(is_storage), Property::STAT, 2).await;
+        for value in values {
             self.set(motors, Property::SAVE, value).await;
         }
-        self.io.sleep_until(self.io.now_us().saturating_add(STORE_US)).await;
+        self.io.sleep_until(self.io.after_us(STORE_US)).await;
         let errors = self.get(motors, Property::ERROR).await;
-        let silent = motors.but(errors.motors());
+        let silent = motors.difference(errors.motors());
         let answered = if silent.is_empty() { Status::OK } else { Status::NO_BOARD };
-        let stored = if errors.which(storage).is_empty() { Status::OK } else { Status::NOT_STORED };
+        let stored = if errors.filter(is_storage).is_empty() { Status::OK } else { Status::NOT_STORED };
         answered | stored
     }
 
-    /// Wakes those that are in their monitor. Returns those whose application runs.
+    /// Wakes the boards that are in their monitor. Returns the motors whose application runs.
     pub async fn wake(&self, motors: Motors) -> Motors {
         let stat = self.get(motors, Property::STAT).await;
-        let asleep = stat.which(|stat| stat == 0);
-        let mut awake = stat.which(|stat| stat == 2);
+        let asleep = stat.filter(|stat| stat == 0);
+        let mut awake = stat.filter(|stat| stat == 2);
         if !asleep.is_empty() {
             self.set(asleep, Property::STAT, 2).await;
-            let deadline = self.io.now_us().saturating_add(WAKE_US);
+            let deadline = self.io.after_us(WAKE_US);
             let mut left = asleep;
             while !left.is_empty() && self.io.now_us() < deadline {
-                self.io.sleep_until(self.io.now_us().saturating_add(WAKE_ASK_US)).await;
-                left = left.but(self.get(left, Property::STAT).await.which(|stat| stat == 2));
+                self.io.sleep_until(self.io.after_us(WAKE_POLL_US)).await;
+                left = left.difference(self.get(left, Property::STAT).await.filter(|stat| stat == 2));
             }
-            // Ends of motions and breakaways are to be told at once.
-            self.set(asleep.but(left), Property::LFLAGS, REPORTS).await;
-            awake = awake.and(asleep.but(left));
+            self.set(asleep.difference(left), Property::LFLAGS, REPORTS).await;
+            awake = awake.union(asleep.difference(left));
         }
         awake
     }
 
-    /// What a motor's board has reported since this was last asked.
-    pub fn takes(&self, motor: Motor) -> Reported {
-        self.listen();
-        self.reported.borrow_mut().get_mut(motor.index()).map(core::mem::take).unwrap_or_default()
+    /// What a motor's board has said of MODE and END since the last call.
+    pub fn take_reported(&self, motor: Motor) -> Reported {
+        self.drain();
+        let mut boards = self.boards.borrow_mut();
+        boards.get_mut(motor.index()).map(|board| core::mem::take(&mut board.reported)).unwrap_or_default()
     }
 
-    /// Waits for a frame until a deadline, and takes note of what it reports.
-    pub async fn hear(&self, deadline_us: u64) {
-        if let Some(frame) = self.io.receives(deadline_us).await {
+    /// When the last frame of a motor's board came in, µs.
+    pub(crate) fn heard_us(&self, motor: Motor) -> u64 {
+        self.boards.borrow().get(motor.index()).map_or(0, |board| board.heard_us)
+    }
+
+    /// Waits for a frame until a deadline, and notes what it reports.
+    pub async fn wait_for_report(&self, deadline_us: u64) {
+        if let Some(frame) = self.io.receive(deadline_us).await {
             self.note(&frame);
-            self.listen();
+            self.drain();
         }
     }
 
-    /// Takes note of all frames that are there.
-    pub(crate) fn listen(&self) {
-        while let Some(frame) = self.io.received() {
+    /// Notes all frames that came in.
+    pub(crate) fn drain(&self) {
+        while let Some(frame) = self.io.try_receive() {
             self.note(&frame);
         }
+    }
+
+    async fn send(&self, message: Message) {
+        // A dead bus shows as boards that do not answer.
+        let _ = self.io.send(message.frame()).await;
     }
 
     fn note(&self, frame: &Frame) {
-        let Some((motor, property, value)) = said(frame) else { return };
-        if let Some(ahead) =
-            self.ahead.borrow_mut().get_mut(motor.index()).and_then(|ahead| ahead.of(property))
-        {
+        let Some((motor, property, value)) = parse_report(frame) else { return };
+        self.log_answer(motor, property, value);
+        let mut boards = self.boards.borrow_mut();
+        let Some(board) = boards.get_mut(motor.index()) else { return };
+        if let Some(ahead) = board.ahead.get_mut(property) {
             *ahead = Some(value);
         }
-        let mut reported = self.reported.borrow_mut();
-        let Some(reported) = reported.get_mut(motor.index()) else { return };
         match property {
-            Property::MODE => reported.mode = Some(value),
-            Property::END => reported.end = Some(value),
+            Property::MODE => board.reported.mode = Some(value),
+            Property::END => board.reported.end = Some(value),
+            _ => {}
+        }
+    }
+
+    /// Logs faults, changes of mode and ends, and when the board was heard.
+    fn log_answer(&self, motor: Motor, property: Property, value: i64) {
+        let mut boards = self.boards.borrow_mut();
+        let Some(board) = boards.get_mut(motor.index()) else { return };
+        board.heard_us = self.io.now_us();
+        match property {
+            Property::ERROR if value != 0 => self.io.record(EventKind::Fault { motor, code: value }),
+            Property::END if value != 0 => self.io.record(EventKind::Ended { motor, end: value }),
+            Property::MODE if board.logged_mode != Some(value) => {
+                board.logged_mode = Some(value);
+                self.io.record(EventKind::Mode { motor, mode: value });
+            }
             _ => {}
         }
     }
 }
 
-/// Which board says what of which property, if a frame is that.
+/// The motor, property and value that a board's frame states, if it is an answer or a report.
 #[must_use]
-pub fn said(frame: &Frame) -> Option<(Motor, Property, i64)> {
+pub fn parse_report(frame: &Frame) -> Option<(Motor, Property, i64)> {
     let message = Message::parse(frame)?;
     let motor = Motor::new(message.from.number())?;
     match message.body {

@@ -7,7 +7,7 @@ use heapless::String;
 
 use crate::boards::Boards;
 use crate::command::{Category, Command};
-use crate::io::{Io, unless_aborted, with};
+use crate::io::{Io, unless_aborted, with_background};
 use crate::line::{self, Heard};
 use crate::memory::{Memory, Parameters};
 use crate::motors::{COUNT, Motor, Motors, Prefix, Selection};
@@ -55,9 +55,9 @@ pub struct God<'a> {
 pub async fn run(io: &Io, memory: &Memory) -> Infallible {
     loop {
         let god = God::new(io, memory);
-        with(settings::hand::keep(&god), async {
+        with_background(settings::hand::keep(&god), async {
             god.start().await;
-            with(movement::keep_company(&god), async { while god.serve().await {} }).await;
+            with_background(movement::keep_company(&god), async { while god.serve().await {} }).await;
         })
         .await;
         settings::hand::count(&god);
@@ -119,9 +119,11 @@ impl<'a> God<'a> {
         if let Some(status) = done {
             return status;
         }
-        self.io.takes_abort();
-        self.io.set_raw(false);
-        self.io.reread();
+        self.io.take_abort();
+        self.io.leave_raw();
+        // Orders that have not left yet are void; output that the host does not read must not keep the prompt back.
+        self.io.drop_frames();
+        self.io.discard_full_output();
         movement::abort(self).await;
         lower::abort(self).await;
         Status::ABORTED
@@ -158,7 +160,7 @@ impl<'a> God<'a> {
         let mut enabled = Motors::ALL;
         if !prefix.given && !prefix.exclusive {
             let awake = self.boards.wake(Motors::ALL).await;
-            enabled = enabled.but(self.boards.get(awake, Property::EN).await.which(|en| en == 0));
+            enabled = enabled.difference(self.boards.get(awake, Property::EN).await.filter(|en| en == 0));
         }
         let selection = prefix.select(enabled);
         if selection.axes.is_empty() { Err(Status::NO_MOTOR) } else { Ok(selection) }
@@ -171,7 +173,7 @@ impl<'a> God<'a> {
     pub(crate) async fn selected(&self, prefix: Prefix) -> Result<Selection, Status> {
         let selection = self.selection(prefix).await?;
         let motors = selection.motors();
-        let silent = motors.but(self.boards.wake(motors).await);
+        let silent = motors.difference(self.boards.wake(motors).await);
         if silent.is_empty() { Ok(selection) } else { Err(Status::NO_BOARD) }
     }
 

@@ -1,7 +1,8 @@
 //! GOD's ports: bytes to and from the host, frames to and from the bus, the time; and what its future waits for.
 //!
-//! The owner puts in what has come, polls the future once ([`poll`]), and takes out what is to go. Every queue has an end: what GOD
-//! has to say waits until there is room, so that a host that never reads costs no memory, and no motor.
+//! The owner pushes in what arrived, polls the future once ([`poll`]) and takes out what is to leave. Every queue is bounded, and so is
+//! every wait for the bus: [`Io::send`] gives up after [`SEND_US`]. Output to a host that never reads waits for the host, until ^C or a
+//! hang-up ends the wait.
 
 use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
@@ -14,23 +15,40 @@ use heapless::Deque;
 use heapless::String;
 use tater_wire::Frame;
 
-/// ^C: ends what goes on.
+use crate::events::{EventKind, EventLog};
+
+/// ^C: aborts the running command.
 pub const ABORT: u8 = 3;
 
-/// Bytes of the host that may wait while a command goes on: a pasted line or two. What comes beyond that is lost, as on a serial line.
-const INPUT: usize = 256;
+/// Received bytes that can wait while a command runs: a pasted line or two. Later ones are lost, as on any serial line.
+const RX: usize = 256;
 
-/// Bytes for the host that may wait.
-const OUTPUT: usize = 1024;
+/// Bytes that can wait for the host.
+const TX: usize = 1024;
 
-/// Frames that may wait either way: an answer of seven boards to three questions, and reports.
+/// Frames that can wait in either direction: the answers of seven boards to three questions, and reports.
 const FRAMES: usize = 32;
 
-/// Longest text that is said at once.
+/// Longest text that is written at once.
 pub const TEXT: usize = 128;
+
+/// How long the bus may take no frame before it counts as down, µs. A full queue drains within 5 ms on a bus that nobody else uses; 40 ms
+/// leave room for a board that sends without pause.
+pub const SEND_US: u64 = 40_000;
 
 /// No deadline.
 pub const NEVER: u64 = u64::MAX;
+
+/// The bus takes no frames: no other station acknowledges, or the bus is shorted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusDown;
+
+/// A frame that waits for the bus.
+#[derive(Clone, Copy, Debug)]
+struct Queued {
+    frame: Frame,
+    since_us: u64,
+}
 
 /// The ports.
 #[derive(Debug, Default)]
@@ -38,109 +56,137 @@ pub struct Io {
     now_us: Cell<u64>,
     /// The earliest deadline that something waits for.
     next_us: Cell<u64>,
-    input: RefCell<Deque<u8, INPUT>>,
-    output: RefCell<Deque<u8, OUTPUT>>,
-    received: RefCell<Deque<Frame, FRAMES>>,
-    frames: RefCell<Deque<Frame, FRAMES>>,
-    /// ^C was heard, and nobody has acted on it.
+    rx: RefCell<Deque<u8, RX>>,
+    tx: RefCell<Deque<u8, TX>>,
+    rx_frames: RefCell<Deque<Frame, FRAMES>>,
+    tx_frames: RefCell<Deque<Queued, FRAMES>>,
+    /// See [`Io::take_cancel`].
+    cancel: Cell<bool>,
+    /// The bus took no frames, and nothing came in since.
+    is_bus_down: Cell<bool>,
+    /// ^C arrived, and nobody has handled it yet.
     aborted: Cell<bool>,
-    /// In RealTime any byte is data, ^C among them.
+    /// In RealTime every byte is data, including ^C.
     raw: Cell<bool>,
+    /// The byte that arrived last.
+    last_rx: Cell<Option<u8>>,
     /// CR or LF, if that was the last byte of the text.
     line_end: Cell<Option<u8>>,
     /// See [`Io::baud`].
     baud: Cell<u16>,
     /// Of this board, 0.1 °C.
     temperature: Cell<i16>,
-    /// Bytes or frames that were lost because a queue was full.
+    /// Bytes or frames lost because a queue was full.
     lost: Cell<u32>,
+    events: EventLog,
 }
 
 // --- the owner's side -----------------------------------------------------------------------------------
 
-/// Lets GOD do all that it can do at `now_us`. Returns when it is to be polled again at the latest, if nothing comes in before: [`NEVER`], if it
-/// waits for something to come in.
+/// Runs GOD as far as it gets at `now_us`. Returns when to poll it again at the latest if nothing arrives before; [`NEVER`] if it only
+/// waits for something to arrive.
 pub fn poll<F: Future + ?Sized>(god: Pin<&mut F>, io: &Io, now_us: u64) -> u64 {
     io.now_us.set(now_us);
     io.next_us.set(NEVER);
-    // It never ends: what it gives back has no value.
+    // GOD never ends, so there is no result to look at.
     let _ = god.poll(&mut Context::from_waker(Waker::noop()));
     io.next_us.get()
 }
 
 impl Io {
-    /// A byte from the host.
-    pub fn hear(&self, byte: u8) {
+    /// Takes a byte from the host.
+    pub fn push_rx(&self, byte: u8) {
+        self.last_rx.set(Some(byte));
         if byte == ABORT && !self.raw.get() {
-            // What was typed ahead is no longer meant.
-            self.input.borrow_mut().clear();
-            self.aborted.set(true);
-        } else if self.input.borrow_mut().push_back(byte).is_err() {
+            // Type-ahead is void.
+            self.rx.borrow_mut().clear();
+            self.abort();
+        } else if self.rx.borrow_mut().push_back(byte).is_err() {
             self.lost.set(self.lost.get().saturating_add(1));
         }
     }
 
-    /// How many more bytes of the host there is room for.
+    /// How many more bytes of the host fit.
     #[must_use]
-    pub fn room(&self) -> usize {
-        INPUT.saturating_sub(self.input.borrow().len())
+    pub fn rx_room(&self) -> usize {
+        RX.saturating_sub(self.rx.borrow().len())
     }
 
-    /// A frame from the bus.
-    pub fn receive(&self, frame: &Frame) {
-        if self.received.borrow_mut().push_back(*frame).is_err() {
+    /// Takes a frame from the bus.
+    pub fn push_frame(&self, frame: &Frame) {
+        if self.is_bus_down.replace(false) {
+            self.record(EventKind::BusUp);
+        }
+        if self.rx_frames.borrow_mut().push_back(*frame).is_err() {
             self.lost.set(self.lost.get().saturating_add(1));
         }
     }
 
-    /// The next byte for the host.
-    pub fn byte(&self) -> Option<u8> {
-        self.output.borrow_mut().pop_front()
+    /// Returns the next byte for the host.
+    pub fn pop_tx(&self) -> Option<u8> {
+        self.tx.borrow_mut().pop_front()
     }
 
-    /// The next frame for the bus.
-    pub fn frame(&self) -> Option<Frame> {
-        self.frames.borrow_mut().pop_front()
+    /// Returns the next frame for the bus.
+    pub fn pop_frame(&self) -> Option<Frame> {
+        self.tx_frames.borrow_mut().pop_front().map(|queued| queued.frame)
     }
 
-    /// The temperature of GOD's board, 0.1 °C.
+    /// Returns `true` once after GOD dropped its queued frames. The owner then withdraws those that it took and the bus has not sent yet
+    /// (bxCAN: ABRQ of each mailbox), so that no stale order leaves when the bus comes back. Call it before [`Io::pop_frame`].
+    pub fn take_cancel(&self) -> bool {
+        self.cancel.replace(false)
+    }
+
+    /// Sets the temperature of GOD's board, 0.1 °C.
     pub fn set_temperature(&self, temperature: i16) {
         self.temperature.set(temperature);
     }
 
-    /// The host is gone, and a new one may come: what it has said and not heard is forgotten, and what goes on is aborted.
+    /// The host disconnected, and a new one may come: drops what is unread in both directions and aborts the running command.
     pub fn hang_up(&self) {
-        self.input.borrow_mut().clear();
-        self.output.borrow_mut().clear();
-        self.aborted.set(true);
+        self.rx.borrow_mut().clear();
+        self.tx.borrow_mut().clear();
+        self.abort();
     }
 
-    /// Whether any byte is data now, ^C among them.
+    /// Whether every byte is data now, including ^C.
     #[must_use]
     pub const fn is_raw(&self) -> bool {
         self.raw.get()
     }
 
-    /// How fast the serial line to the host is to be, Bd / 100 (parameter BAUD). Whoever has a line follows it.
+    /// Baud rate of the serial line to the host / 100 (parameter BAUD). An owner with a line follows it.
     #[must_use]
     pub const fn baud(&self) -> u16 {
         self.baud.get()
     }
 
-    /// Bytes and frames that found no room.
+    /// Number of bytes and frames that found no room.
     #[must_use]
     pub const fn lost(&self) -> u32 {
         self.lost.get()
+    }
+
+    /// What GOD did and saw last.
+    #[must_use]
+    pub const fn events(&self) -> &EventLog {
+        &self.events
     }
 }
 
 // --- GOD's side -----------------------------------------------------------------------------------------
 
 impl Io {
-    /// The present time, us.
+    /// The present time, µs.
     #[must_use]
     pub const fn now_us(&self) -> u64 {
         self.now_us.get()
+    }
+
+    /// The time so many µs from now.
+    pub(crate) const fn after_us(&self, us: u64) -> u64 {
+        self.now_us.get().saturating_add(us)
     }
 
     /// The temperature of this board, 0.1 °C.
@@ -148,8 +194,17 @@ impl Io {
         self.temperature.get()
     }
 
-    /// Waits until `ready` gives something, or until `deadline_us`.
-    pub(crate) async fn until<T>(&self, deadline_us: u64, mut ready: impl FnMut() -> Option<T>) -> Option<T> {
+    /// Adds an event to the log.
+    pub(crate) fn record(&self, kind: EventKind) {
+        self.events.record(self.now_us(), kind);
+    }
+
+    /// Waits until `ready` returns something, or until `deadline_us`.
+    pub(crate) async fn wait_until<T>(
+        &self,
+        deadline_us: u64,
+        mut ready: impl FnMut() -> Option<T>,
+    ) -> Option<T> {
         poll_fn(|_| {
             if let Some(found) = ready() {
                 return Poll::Ready(Some(found));
@@ -163,28 +218,34 @@ impl Io {
         .await
     }
 
-    /// Waits for a time to come.
+    /// Waits until a time.
     pub(crate) async fn sleep_until(&self, deadline_us: u64) {
-        self.until::<()>(deadline_us, || None).await;
+        self.wait_until::<()>(deadline_us, || None).await;
     }
 
-    /// The next byte of the host, or `None` at the deadline.
-    pub(crate) async fn hears(&self, deadline_us: u64) -> Option<u8> {
-        self.until(deadline_us, || self.input.borrow_mut().pop_front()).await
+    /// Reads the next byte of the host; `None` at the deadline.
+    pub(crate) async fn read(&self, deadline_us: u64) -> Option<u8> {
+        self.wait_until(deadline_us, || self.try_read()).await
     }
 
-    /// Whether the host has said something that nobody has read.
-    pub(crate) fn is_spoken_to(&self) -> bool {
-        self.is_aborted() || !self.input.borrow().is_empty()
+    /// The next received byte, if any.
+    pub(crate) fn try_read(&self) -> Option<u8> {
+        self.rx.borrow_mut().pop_front()
     }
 
-    /// A byte of the host that is there already.
-    pub(crate) fn heard(&self) -> Option<u8> {
-        self.input.borrow_mut().pop_front()
+    /// Whether there is something unread of the host: a byte or ^C.
+    pub(crate) fn has_input(&self) -> bool {
+        self.is_aborted() || !self.rx.borrow().is_empty()
     }
 
-    /// Takes note of a byte of the text, CR or LF or another; whether it is the second of both, and the line has ended already.
-    pub(crate) fn ends_line(&self, end: Option<u8>) -> bool {
+    /// The byte that arrived last, read or not.
+    pub(crate) const fn last_rx(&self) -> Option<u8> {
+        self.last_rx.get()
+    }
+
+    /// Tracks line ends: call it for each byte of text, with CR or LF, or `None` for any other byte. Returns whether this one is the second
+    /// half of CR LF or LF CR, which ends no other line.
+    pub(crate) fn is_second_line_end(&self, end: Option<u8>) -> bool {
         let before = self.line_end.replace(end);
         let is_second = end.is_some() && before.is_some() && before != end;
         if is_second {
@@ -193,90 +254,150 @@ impl Io {
         is_second
     }
 
-    /// The next frame of the bus, or `None` at the deadline.
-    pub(crate) async fn receives(&self, deadline_us: u64) -> Option<Frame> {
-        self.until(deadline_us, || self.received.borrow_mut().pop_front()).await
+    /// Receives the next frame; `None` at the deadline.
+    pub(crate) async fn receive(&self, deadline_us: u64) -> Option<Frame> {
+        self.wait_until(deadline_us, || self.try_receive()).await
     }
 
-    /// A frame of the bus that is there already.
-    pub(crate) fn received(&self) -> Option<Frame> {
-        self.received.borrow_mut().pop_front()
+    /// The next received frame, if any.
+    pub(crate) fn try_receive(&self) -> Option<Frame> {
+        self.rx_frames.borrow_mut().pop_front()
     }
 
-    /// Puts a frame on the bus, as soon as there is room.
-    pub(crate) async fn send(&self, frame: Frame) {
-        self.until(NEVER, || self.frames.borrow_mut().push_back(frame).ok()).await;
+    /// Queues a frame for the bus, as soon as there is room.
+    ///
+    /// While the bus is down the frame is queued all the same, behind others of the last [`SEND_US`], and sent should the bus come back.
+    ///
+    /// # Errors
+    /// The bus took no frame for [`SEND_US`]: all that were queued are dropped. Or that happened before, and nothing came in since.
+    pub(crate) async fn send(&self, frame: Frame) -> Result<(), BusDown> {
+        let queued = self.wait_until(self.after_us(SEND_US), || {
+            if self.is_stuck() { Some(false) } else { self.try_queue(frame).then_some(true) }
+        });
+        if queued.await != Some(true) {
+            if !self.is_bus_down.replace(true) {
+                self.record(EventKind::BusDown);
+            }
+            self.drop_frames();
+            self.try_queue(frame);
+        }
+        if self.is_bus_down.get() { Err(BusDown) } else { Ok(()) }
     }
 
-    /// Says bytes to the host, as soon as there is room for all of them; of more than [`TEXT`] one by one.
-    pub(crate) async fn say(&self, bytes: &[u8]) {
+    /// Whether the bus has been taking no frames.
+    pub(crate) const fn is_bus_down(&self) -> bool {
+        self.is_bus_down.get()
+    }
+
+    /// Drops all frames that are not on the bus yet: they are stale, or void after ^C.
+    pub(crate) fn drop_frames(&self) {
+        self.tx_frames.borrow_mut().clear();
+        self.cancel.set(true);
+    }
+
+    fn is_stuck(&self) -> bool {
+        let oldest = self.tx_frames.borrow().front().map(|queued| queued.since_us);
+        oldest.is_some_and(|since_us| self.now_us() >= since_us.saturating_add(SEND_US))
+    }
+
+    fn try_queue(&self, frame: Frame) -> bool {
+        let queued = Queued { frame, since_us: self.now_us() };
+        self.tx_frames.borrow_mut().push_back(queued).is_ok()
+    }
+
+    /// Writes bytes to the host, as soon as there is room for all of them; more than [`TEXT`] piece by piece. ^C and a hang-up discard what
+    /// waits, and so end the wait.
+    pub(crate) async fn write(&self, bytes: &[u8]) {
         for piece in bytes.chunks(TEXT) {
-            self.until(NEVER, || {
-                let mut output = self.output.borrow_mut();
-                let room = OUTPUT.checked_sub(output.len()).filter(|&room| room >= piece.len());
-                room.map(|_| piece.iter().for_each(|&byte| _ = output.push_back(byte)))
+            self.wait_until(NEVER, || {
+                if self.is_aborted() {
+                    self.discard_full_output();
+                }
+                self.try_write(piece).then_some(())
             })
             .await;
         }
     }
 
-    /// Says a text of up to [`TEXT`] bytes, which ends there.
-    pub(crate) async fn print(&self, text: fmt::Arguments<'_>) {
-        let mut said = String::<TEXT>::new();
-        // What does not fit is cut off.
-        let _ = said.write_fmt(text);
-        self.say(said.as_bytes()).await;
+    /// Writes up to [`TEXT`] bytes if there is room for all of them.
+    pub(crate) fn try_write(&self, bytes: &[u8]) -> bool {
+        let mut tx = self.tx.borrow_mut();
+        let fits = TX.saturating_sub(tx.len()) >= bytes.len();
+        if fits {
+            bytes.iter().for_each(|&byte| _ = tx.push_back(byte));
+        }
+        fits
     }
 
-    /// Whether ^C has come since this was last asked.
-    pub(crate) fn takes_abort(&self) -> bool {
+    /// Drops what the host does not read, if there is no room for another text.
+    pub(crate) fn discard_full_output(&self) {
+        let mut tx = self.tx.borrow_mut();
+        if TX.saturating_sub(tx.len()) < TEXT {
+            tx.clear();
+        }
+    }
+
+    /// Writes a text of up to [`TEXT`] bytes; a longer one is cut off there.
+    pub(crate) async fn print(&self, text: fmt::Arguments<'_>) {
+        let mut buffer = String::<TEXT>::new();
+        // What does not fit is cut off.
+        let _ = buffer.write_fmt(text);
+        self.write(buffer.as_bytes()).await;
+    }
+
+    /// Whether ^C arrived since the last call.
+    pub(crate) fn take_abort(&self) -> bool {
         self.aborted.replace(false)
     }
 
-    /// Whether ^C is there, and stays.
+    /// Whether ^C arrived and is not handled yet.
     pub(crate) const fn is_aborted(&self) -> bool {
         self.aborted.get()
     }
 
-    /// What goes on is to end, as by ^C.
+    /// Aborts the running command, as ^C does.
     pub(crate) fn abort(&self) {
+        self.record(EventKind::Aborted);
         self.aborted.set(true);
     }
 
-    /// Tells how fast the serial line is to be, Bd / 100.
+    /// Sets the serial line's baud rate / 100.
     pub(crate) fn set_baud(&self, baud: u16) {
         self.baud.set(baud);
     }
 
-    /// What came while any byte was data, and has not been used as such, is text: a ^C in it makes void what came before it.
-    pub(crate) fn reread(&self) {
-        let mut input = self.input.borrow_mut();
-        if let Some(last) = input.iter().rposition(|&byte| byte == ABORT) {
-            (0..=last).for_each(|_| _ = input.pop_front());
-            self.aborted.set(true);
+    /// Ends raw mode: bytes that arrived as data and are unread are text now, and a ^C among them voids those before it.
+    pub(crate) fn leave_raw(&self) {
+        self.raw.set(false);
+        let mut rx = self.rx.borrow_mut();
+        if let Some(last) = rx.iter().rposition(|&byte| byte == ABORT) {
+            (0..=last).for_each(|_| _ = rx.pop_front());
+            self.abort();
         }
     }
 
-    /// Whether every byte is data from now on.
-    pub(crate) fn set_raw(&self, raw: bool) {
-        self.raw.set(raw);
+    /// Begins raw mode: every byte is data.
+    pub(crate) fn enter_raw(&self) {
+        self.raw.set(true);
     }
 }
 
-/// Does `work` to its end, or until ^C: then `None`, and the work is dropped where it was.
+/// Runs `work` to its end, or until ^C: then the work is dropped where it was, and this returns `None`.
 pub(crate) async fn unless_aborted<T>(io: &Io, work: impl Future<Output = T>) -> Option<T> {
     let mut work = core::pin::pin!(work);
     poll_fn(|context| {
         if io.is_aborted() {
             return Poll::Ready(None);
         }
-        work.as_mut().poll(context).map(Some)
+        let work = work.as_mut().poll(context).map(Some);
+        // The work may abort itself.
+        if work.is_pending() && io.is_aborted() { Poll::Ready(None) } else { work }
     })
     .await
 }
 
-/// Does two things at once, to the end of both.
-pub(crate) async fn both<A, B>(one: impl Future<Output = A>, other: impl Future<Output = B>) -> (A, B) {
+/// Runs two futures at once, to the end of both.
+pub(crate) async fn join<A, B>(one: impl Future<Output = A>, other: impl Future<Output = B>) -> (A, B) {
     let (mut one, mut other) = (core::pin::pin!(one), core::pin::pin!(other));
     let (mut first, mut second) = (None, None);
     poll_fn(|context| {
@@ -301,16 +422,85 @@ pub(crate) async fn both<A, B>(one: impl Future<Output = A>, other: impl Future<
     .await
 }
 
-/// Does `work` to its end, and `meanwhile` as long as that takes: after it each time, because it may just have given it something to do.
-pub(crate) async fn with<T>(meanwhile: impl Future<Output = Infallible>, work: impl Future<Output = T>) -> T {
-    let mut meanwhile = core::pin::pin!(meanwhile);
+/// Runs `work` to its end, and `background` as long as that takes: polled after the work, which may just have given it something to do.
+pub(crate) async fn with_background<T>(
+    background: impl Future<Output = Infallible>,
+    work: impl Future<Output = T>,
+) -> T {
+    let mut background = core::pin::pin!(background);
     let mut work = core::pin::pin!(work);
     poll_fn(|context| {
         let work = work.as_mut().poll(context);
         if work.is_pending() {
-            let _: Poll<Infallible> = meanwhile.as_mut().poll(context);
+            let _: Poll<Infallible> = background.as_mut().poll(context);
         }
         work
     })
     .await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::pin::pin;
+    use tater_wire::{Destination, Message, Node, Property};
+
+    /// Polls `work` each millisecond. Returns its result and the time that took, or `None` after ten seconds.
+    fn run<T>(io: &Io, work: impl Future<Output = T>) -> Option<(T, u64)> {
+        let mut work = pin!(work);
+        let start_us = io.now_us();
+        (start_us..start_us + 10_000_000).step_by(1000).find_map(|now_us| {
+            io.now_us.set(now_us);
+            match work.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+                Poll::Ready(result) => Some((result, now_us - start_us)),
+                Poll::Pending => None,
+            }
+        })
+    }
+
+    fn frame() -> Frame {
+        Message::get(Destination::Node(Node::new(1).expect("a node")), Property::P).frame()
+    }
+
+    #[test]
+    fn send_to_a_dead_bus_times_out_and_drops_the_queue() {
+        let io = Io::default();
+        for _ in 0..FRAMES {
+            assert_eq!(run(&io, io.send(frame())), Some((Ok(()), 0)));
+        }
+        assert_eq!(run(&io, io.send(frame())), Some((Err(BusDown), SEND_US)));
+        assert!(io.take_cancel(), "the owner withdraws what it took");
+        assert_eq!(core::iter::from_fn(|| io.pop_frame()).count(), 1, "the last one probes the bus");
+        // From then on nothing waits, until a frame comes in.
+        assert_eq!(run(&io, io.send(frame())), Some((Err(BusDown), 0)));
+        io.push_frame(&frame());
+        assert_eq!(run(&io, io.send(frame())), Some((Ok(()), 0)));
+    }
+
+    #[test]
+    fn send_after_a_stuck_frame_reports_bus_down_at_once() {
+        let io = Io::default();
+        assert_eq!(run(&io, io.send(frame())), Some((Ok(()), 0)));
+        io.now_us.set(SEND_US);
+        assert_eq!(run(&io, io.send(frame())), Some((Err(BusDown), 0)));
+    }
+
+    #[test]
+    fn write_to_a_host_that_never_reads_ends_by_abort_and_by_hang_up() {
+        let io = Io::default();
+        for _ in 0..TX / TEXT {
+            assert!(run(&io, io.write(&[b'x'; TEXT])).is_some());
+        }
+        assert_eq!(run(&io, io.write(b"y")), None, "it waits for the host");
+        io.push_rx(ABORT);
+        assert_eq!(run(&io, io.write(b"y")), Some(((), 0)));
+        assert_eq!(io.pop_tx(), Some(b'y'), "what nobody read is gone");
+        assert!(io.take_abort());
+        for _ in 0..TX / TEXT {
+            assert!(run(&io, io.write(&[b'x'; TEXT])).is_some());
+        }
+        io.hang_up();
+        assert_eq!(run(&io, io.write(b"z")), Some(((), 0)));
+        assert_eq!(io.pop_tx(), Some(b'z'));
+    }
 }

@@ -29,6 +29,7 @@ extern crate std;
 mod administration;
 pub mod boards;
 pub mod command;
+pub mod events;
 pub mod god;
 pub mod io;
 pub mod line;

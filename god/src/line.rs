@@ -31,8 +31,9 @@ pub(crate) async fn read(io: &Io) -> Heard {
     let mut line = String::new();
     let mut too_long = false;
     loop {
-        let byte = io.until(NEVER, || if io.takes_abort() { Some(None) } else { io.heard().map(Some) }).await;
-        let is_other = io.ends_line(byte.flatten().filter(|&byte| matches!(byte, CR | LF)));
+        let byte =
+            io.wait_until(NEVER, || if io.take_abort() { Some(None) } else { io.try_read().map(Some) }).await;
+        let is_other = io.is_second_line_end(byte.flatten().filter(|&byte| matches!(byte, CR | LF)));
         match byte.flatten() {
             None => return Heard::Abort,
             Some(CR | LF) if is_other => {}
@@ -40,13 +41,13 @@ pub(crate) async fn read(io: &Io) -> Heard {
             Some(CR | LF) => return Heard::Line(line),
             Some(BACKSPACE | DELETE) => {
                 if line.pop().is_some() {
-                    io.say(b"\x08 \x08").await;
+                    io.write(b"\x08 \x08").await;
                 }
             }
             // Printable, and white space; everything else means nothing here.
             Some(byte @ (b' '..=b'~' | b'\t')) => {
                 too_long |= line.push(char::from(byte)).is_err();
-                io.say(&[byte]).await;
+                io.write(&[byte]).await;
             }
             Some(_) => {}
         }

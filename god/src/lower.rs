@@ -39,7 +39,7 @@ pub struct State {
 impl State {
     /// These are given something else to do: their ends are not told.
     pub(crate) fn forget(&self, motors: Motors) {
-        self.sent.set(self.sent.get().but(motors));
+        self.sent.set(self.sent.get().difference(motors));
     }
 }
 
@@ -152,8 +152,8 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
         }
         // Who woke the boards may not have told them to report ends; of what has been before, nobody wants to hear.
         god.boards.set(motors, Property::LFLAGS, REPORTS).await;
-        motors.iter().for_each(|motor| _ = god.boards.takes(motor));
-        god.lower.sent.set(god.lower.sent.get().and(motors));
+        motors.iter().for_each(|motor| _ = god.boards.take_reported(motor));
+        god.lower.sent.set(god.lower.sent.get().union(motors));
     }
     if changes_motion(property, value) {
         // From here on it is the host who moves them, and must be there.
@@ -207,9 +207,9 @@ async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
     }
     let values = god.boards.get(motors, property).await;
     for motor in values.motors().iter() {
-        reply(god, motor, property, values.of(motor).unwrap_or(0)).await;
+        reply(god, motor, property, values.get(motor).unwrap_or(0)).await;
     }
-    if motors.but(values.motors()).is_empty() { Status::OK } else { Status::NO_BOARD }
+    if motors.difference(values.motors()).is_empty() { Status::OK } else { Status::NO_BOARD }
 }
 
 /// Tells a value, as REPLY wants it.
@@ -221,8 +221,8 @@ async fn reply(god: &God<'_>, motor: Motor, property: Property, value: i64) {
         let frame = message.frame();
         let [high, low] = frame.raw_id().to_be_bytes();
         let len = u8::try_from(frame.data().len()).unwrap_or(0);
-        god.io.say(&[high, low, len]).await;
-        god.io.say(frame.data()).await;
+        god.io.write(&[high, low, len]).await;
+        god.io.write(frame.data()).await;
     }
 }
 
@@ -235,13 +235,13 @@ async fn wake(god: &God<'_>) -> Status {
 async fn save(god: &God<'_>) -> Status {
     let stat = god.boards.get(Motors::ALL, Property::STAT).await;
     // A board in its monitor has nothing new.
-    let awake = stat.which(|stat| stat == 2);
+    let awake = stat.filter(|stat| stat == 2);
     god.moves.cease_pressing(Motors::ALL);
-    let busy = god.boards.get(awake, Property::MODE).await.which(|mode| mode != IDLE);
+    let busy = god.boards.get(awake, Property::MODE).await.filter(|mode| mode != IDLE);
     god.boards.set(busy, Property::MODE, IDLE).await;
     let mut before = god.boards.get(awake, Property::P).await;
     for _ in 0..STANDS_TRIES {
-        god.io.sleep_until(god.io.now_us().saturating_add(STANDS_US)).await;
+        god.io.sleep_until(god.io.after_us(STANDS_US)).await;
         let now = god.boards.get(awake, Property::P).await;
         if core::mem::replace(&mut before, now) == now {
             break;
@@ -260,19 +260,19 @@ pub(crate) async fn tell_ends(god: &God<'_>) {
     loop {
         let ended = god
             .io
-            .until(NEVER, || match ended(god) {
+            .wait_until(NEVER, || match ended(god) {
                 Some(ended) => Some(Some(ended)),
-                None => god.io.is_spoken_to().then_some(None),
+                None => god.io.has_input().then_some(None),
             })
             .await
             .flatten();
         let Some((motor, mode)) = ended else { return };
         // An order that took the place of a motion has ended it, and what it began goes on. All that was said of the former one has come before
         // the order's line was over, because its board has answered another question since.
-        if god.boards.get(Motors::NONE.with(motor), Property::END).await.of(motor) == Some(0) {
+        if god.boards.get(Motors::only(motor), Property::END).await.get(motor) == Some(0) {
             continue;
         }
-        god.lower.forget(Motors::NONE.with(motor));
+        god.lower.forget(Motors::only(motor));
         reply(god, motor, Property::MODE, mode).await;
         god.prompt().await;
     }
@@ -280,10 +280,10 @@ pub(crate) async fn tell_ends(god: &God<'_>) {
 
 /// A motor whose end of motion is to be told, and the mode it is in now.
 fn ended(god: &God<'_>) -> Option<(Motor, i64)> {
-    god.boards.listen();
+    god.boards.drain();
     let sent = god.lower.sent.get();
     sent.iter().find_map(|motor| {
-        let Reported { mode, .. } = god.boards.takes(motor);
+        let Reported { mode, .. } = god.boards.take_reported(motor);
         mode.map(|mode| (motor, mode))
     })
 }
@@ -293,11 +293,11 @@ fn ended(god: &God<'_>) -> Option<(Motor, i64)> {
 pub(crate) async fn abort(god: &God<'_>) -> Status {
     let sent = god.lower.sent.take();
     let modes = god.boards.get(sent, Property::MODE).await;
-    let silent = sent.but(modes.motors());
-    let moving = modes.which(|mode| mode != IDLE && mode != HOLDS);
-    let holding = god.boards.get(moving, Property::HOLD).await.which(|hold| hold != 0);
+    let silent = sent.difference(modes.motors());
+    let moving = modes.filter(|mode| mode != IDLE && mode != HOLDS);
+    let holding = god.boards.get(moving, Property::HOLD).await.filter(|hold| hold != 0);
     god.boards.set(holding, Property::MODE, HOLDS).await;
-    god.boards.set(moving.but(holding).and(silent), Property::MODE, IDLE).await;
+    god.boards.set(moving.difference(holding).union(silent), Property::MODE, IDLE).await;
     moving.iter().for_each(|motor| god.note(motor, Status::ABORTED));
     if moving.is_empty() { Status::OK } else { Status::ABORTED }
 }

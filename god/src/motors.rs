@@ -80,6 +80,12 @@ impl Motors {
     /// The tips, 5 to 7.
     pub const TIPS: Self = Self(0b111_0000);
 
+    /// One motor.
+    #[must_use]
+    pub const fn only(motor: Motor) -> Self {
+        Self(motor.bit())
+    }
+
     /// Whether a motor is among them.
     #[must_use]
     pub const fn has(self, motor: Motor) -> bool {
@@ -100,19 +106,19 @@ impl Motors {
 
     /// These and those.
     #[must_use]
-    pub const fn and(self, others: Self) -> Self {
+    pub const fn union(self, others: Self) -> Self {
         Self(self.0 | others.0)
     }
 
     /// Those that are in both.
     #[must_use]
-    pub const fn of(self, others: Self) -> Self {
+    pub const fn intersection(self, others: Self) -> Self {
         Self(self.0 & others.0)
     }
 
     /// These without those.
     #[must_use]
-    pub const fn but(self, others: Self) -> Self {
+    pub const fn difference(self, others: Self) -> Self {
         Self(self.0 & !others.0)
     }
 
@@ -176,7 +182,7 @@ impl Selection {
     /// The motors that move: without X each finger's tip with its link.
     #[must_use]
     pub const fn motors(self) -> Motors {
-        if self.exclusive { self.axes } else { self.axes.and(self.axes.tips()) }
+        if self.exclusive { self.axes } else { self.axes.union(self.axes.tips()) }
     }
 }
 
@@ -191,15 +197,15 @@ impl Prefix {
         };
         let mut named = Motors::NONE;
         for name in names.iter().filter(|name| !name.is_ascii_whitespace()) {
-            named = named.and(match name {
+            named = named.union(match name {
                 b'1'..=b'7' => {
                     let motor =
                         Motor::new(name - b'0').filter(|motor| exclusive || motor.link().is_none())?;
-                    Motors::NONE.with(motor)
+                    Motors::only(motor)
                 }
                 b'S' => Motors::SPREAD,
                 // Table 3: the three fingers, whose motors with X are links and tips (MANUAL-NOTES 10).
-                b'G' if exclusive => Motors::LINKS.and(Motors::TIPS),
+                b'G' if exclusive => Motors::LINKS.union(Motors::TIPS),
                 b'G' => Motors::LINKS,
                 _ => return None,
             });
@@ -214,7 +220,7 @@ impl Prefix {
             (true, _) => self.named,
             (false, true) => Motors::NONE,
             // A finger goes by its link's EN.
-            (false, false) => enabled.of(Motors::LINKS.and(Motors::SPREAD)),
+            (false, false) => enabled.intersection(Motors::LINKS.union(Motors::SPREAD)),
         };
         Selection { exclusive: self.exclusive, axes }
     }

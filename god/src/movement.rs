@@ -79,7 +79,7 @@ async fn attempt(
         Command::Hi => homing::initialize(god, motors).await,
         Command::Tc | Command::To => {
             let cmd = if command == Command::Tc { Cmd::Tc } else { Cmd::To };
-            let tips = if selection.exclusive { Motors::NONE } else { motors.of(Motors::TIPS) };
+            let tips = if selection.exclusive { Motors::NONE } else { motors.intersection(Motors::TIPS) };
             motion::run(god, &motion::Plan::ordered(motors, cmd, goals::fingers(tips))).await
         }
         _ => motion::run(god, &goals::plan(god, command, argument, selection, motors).await?).await,
@@ -95,7 +95,7 @@ pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection
     let motors = selection.motors();
     begin(god, motors, true).await?;
     god.boards.set(motors, Property::LFLAGS, REPORTS).await;
-    let holding = ready::all(god, motors, Property::HOLD).await?.which(|hold| hold != 0);
+    let holding = ready::all(god, motors, Property::HOLD).await?.filter(|hold| hold != 0);
     motors.iter().for_each(|motor| god.note(motor, Status::OK));
     god.moves.begin(motors, holding);
     god.lower.forget(motors);
@@ -141,11 +141,11 @@ fn argument(command: Command, arguments: Arguments<'_>) -> Result<Option<i64>, S
 fn movers(command: Command, selection: Selection) -> Motors {
     let motors = selection.motors();
     match command {
-        Command::Ptm => motors.of(Motors::TIPS),
+        Command::Ptm => motors.intersection(Motors::TIPS),
         // A tip keeps its direction while its link moves: without its link there is nothing to do for it.
         Command::Wm => {
-            let links = motors.of(Motors::LINKS);
-            links.and(motors.of(links.tips()))
+            let links = motors.intersection(Motors::LINKS);
+            links.union(motors.intersection(links.tips()))
         }
         _ => motors,
     }

@@ -17,7 +17,7 @@ use tater_wire::fault::FaultCode;
 
 use crate::boards::{Answers, STALLED, VELOCITY};
 use crate::god::God;
-use crate::io::{ABORT, Io, both};
+use crate::io::{ABORT, Io, join};
 use crate::motors::{Motor, Motors, Prefix, Selection};
 use crate::movement;
 use crate::status::Status;
@@ -69,8 +69,8 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
         control.end().await;
         return refusal;
     }
-    god.io.set_raw(true);
-    god.io.say(b"*").await;
+    god.io.enter_raw();
+    god.io.write(b"*").await;
     let end = control.run().await;
     control.end().await;
     let status = match end {
@@ -81,18 +81,17 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
         }
     };
     // What comes next is lines again.
-    god.io.set_raw(false);
-    god.io.reread();
+    god.io.leave_raw();
     status
 }
 
 /// Hears what a host says that does not know yet that RealTime is over: so many data bytes, and whatever else until it waits for an answer.
 /// A ^C, if it is not one of these data and is the last of it, aborts.
 async fn hear_out(io: &Io, data: usize) {
-    let end_us = io.now_us().saturating_add(HEARD_OUT_US);
+    let end_us = io.after_us(HEARD_OUT_US);
     let (mut heard, mut last) = (0_usize, None);
     while heard < data || io.now_us() < end_us {
-        let Some(byte) = io.hears(io.now_us().saturating_add(QUIET_US)).await else { break };
+        let Some(byte) = io.read(io.after_us(QUIET_US)).await else { break };
         last = Some(byte).filter(|_| heard >= data);
         heard = heard.saturating_add(1);
     }
@@ -128,8 +127,8 @@ impl<'a, 'b> Loop<'a, 'b> {
         let gains = god.boards.get(motors, Property::KPV).await;
         let mut velocities = Answers::default();
         motors.iter().for_each(|motor| {
-            velocities.put(motor, 0);
-            god.boards.takes(motor);
+            velocities.set(motor, 0);
+            god.boards.take_reported(motor);
         });
         god.boards.set_each(Property::V, &velocities).await;
         god.boards.set(motors, Property::MODE, VELOCITY).await;
@@ -141,14 +140,14 @@ impl<'a, 'b> Loop<'a, 'b> {
             gains: Cell::new(gains),
             velocities: Cell::new(velocities),
             stalled: Cell::default(),
-            silent: Cell::new(motors.but(gains.motors())),
+            silent: Cell::new(motors.difference(gains.motors())),
             spoken_us: Cell::new(god.io.now_us()),
         }
     }
 
     /// Waits until all are under way. Returns what is against it.
     async fn set_out(&self) -> Status {
-        self.god.io.sleep_until(self.god.io.now_us().saturating_add(SETS_OUT_US)).await;
+        self.god.io.sleep_until(self.god.io.after_us(SETS_OUT_US)).await;
         self.look(self.selection.motors()).await
     }
 
@@ -157,7 +156,7 @@ impl<'a, 'b> Loop<'a, 'b> {
         loop {
             let Some(header) = self.byte().await else { continue };
             // A LF that belongs to the CR of LOOP's line; any other is no header.
-            if self.god.io.ends_line(Some(header).filter(|&byte| byte == b'\n')) {
+            if self.god.io.is_second_line_end(Some(header).filter(|&byte| byte == b'\n')) {
                 continue;
             }
             let data = match header {
@@ -172,28 +171,30 @@ impl<'a, 'b> Loop<'a, 'b> {
             }
             match header {
                 // The data come in while the feedback goes out.
-                b'C' => _ = both(self.feed_back(), self.obey()).await,
+                b'C' => _ = join(self.feed_back(), self.obey()).await,
                 b'A' => self.feed_back().await,
                 b'c' => {
                     // A block that broke off is none, and has no answer.
                     if self.obey().await.is_some() {
-                        self.god.io.say(b"*").await;
+                        self.write(b"*").await;
                     }
                 }
-                _ => self.god.io.say(b"*").await,
+                _ => self.write(b"*").await,
             }
         }
     }
 
     /// All that was begun is ended.
     async fn end(&self) {
+        // Velocities that have not left yet are void.
+        self.god.io.drop_frames();
         self.stop().await;
         movement::let_go(self.god, self.silent.get()).await;
     }
 
     /// The next byte of the host; `None` after [`SILENCE_US`] without one: the motors stand then. Each board is spoken to meanwhile.
     async fn byte(&self) -> Option<u8> {
-        let silent_us = self.god.io.now_us().saturating_add(SILENCE_US);
+        let silent_us = self.god.io.after_us(SILENCE_US);
         loop {
             let alive_us = self.spoken_us.get().saturating_add(ALIVE_US);
             if self.god.io.now_us() >= alive_us {
@@ -201,7 +202,7 @@ impl<'a, 'b> Loop<'a, 'b> {
                 self.tell().await;
                 continue;
             }
-            if let Some(byte) = self.god.io.hears(alive_us.min(silent_us)).await {
+            if let Some(byte) = self.god.io.read(alive_us.min(silent_us)).await {
                 return Some(byte);
             }
             if self.god.io.now_us() >= silent_us {
@@ -214,13 +215,13 @@ impl<'a, 'b> Loop<'a, 'b> {
     }
 
     fn is_stopped(&self) -> bool {
-        self.velocities.get().which(|velocity| velocity != 0).is_empty()
+        self.velocities.get().filter(|velocity| velocity != 0).is_empty()
     }
 
     /// All motors to rest.
     async fn stop(&self) {
         let mut rest = Answers::default();
-        self.selection.motors().iter().for_each(|motor| rest.put(motor, 0));
+        self.selection.motors().iter().for_each(|motor| rest.set(motor, 0));
         self.velocities.set(rest);
         self.tell().await;
     }
@@ -239,31 +240,56 @@ impl<'a, 'b> Loop<'a, 'b> {
             if of.velocity {
                 let byte = self.byte().await?.cast_signed();
                 let velocity = (i64::from(byte) * i64::from(of.velocity_coefficient)).clamp(-MOST, MOST);
-                velocities.put(motor, velocity);
+                velocities.set(motor, velocity);
                 if let Some(tip) = self.follows(motor) {
-                    velocities.put(tip, units::of_tip_along(velocity));
+                    velocities.set(tip, units::of_tip_along(velocity));
                 }
             }
             if of.gain {
                 let gain = i64::from(self.byte().await?);
-                gains.put(motor, gain);
+                gains.set(motor, gain);
                 if let Some(tip) = self.follows(motor) {
-                    gains.put(tip, gain);
+                    gains.set(tip, gain);
                 }
             }
         }
         // A gain is told where it is another.
         let had = self.gains.get();
-        let changed = gains.differing(&had);
-        self.gains.set(had.and(&gains));
+        let changed = gains.different_from(&had);
+        self.gains.set(had.overridden_by(&gains));
         movement::lend(self.god, Property::KPV, &changed, &self.own_gains).await;
-        self.velocities.set(self.velocities.get().and(&velocities));
+        self.velocities.set(self.velocities.get().overridden_by(&velocities));
         self.god.boards.set_each(Property::V, &velocities).await;
         if velocities.motors() == self.selection.motors() {
             self.spoken_us.set(self.god.io.now_us());
         }
         self.god.boards.set(self.stalled.take(), Property::MODE, VELOCITY).await;
         Some(())
+    }
+
+    /// Writes bytes to the host. One that does not read for [`SILENCE_US`] stops the motors, and its ^C ends RealTime though nobody
+    /// reads it as a header.
+    async fn write(&self, bytes: &[u8]) {
+        let io = self.god.io;
+        let silent_us = io.after_us(SILENCE_US);
+        loop {
+            let alive_us = self.spoken_us.get().saturating_add(ALIVE_US);
+            let deadline_us = if io.now_us() < silent_us { alive_us.min(silent_us) } else { alive_us };
+            let written = io.wait_until(deadline_us, || {
+                if io.now_us() >= silent_us && io.last_rx() == Some(ABORT) {
+                    io.abort();
+                }
+                io.try_write(bytes).then_some(())
+            });
+            if written.await.is_some() {
+                return;
+            }
+            if io.now_us() >= silent_us && !self.is_stopped() {
+                self.stop().await;
+            } else {
+                self.tell().await;
+            }
+        }
     }
 
     /// The tip that goes along with a link.
@@ -274,7 +300,7 @@ impl<'a, 'b> Loop<'a, 'b> {
     /// A feedback block, motor by motor as the answers come.
     async fn feed_back(&self) {
         self.god.boards.ask_ahead(self.selection.axes, self.shape.asks()).await;
-        self.god.io.say(b"*").await;
+        self.write(b"*").await;
         for motor in self.selection.axes.iter() {
             let Some(of) = self.shape.of_motor(motor) else { continue };
             let found = self.god.boards.answer_of(motor, of.asks()).await;
@@ -288,18 +314,22 @@ impl<'a, 'b> Loop<'a, 'b> {
                 *place = block.reported;
             }
             self.god.reported.set(all);
-            self.god.io.say(&block.bytes).await;
+            self.write(&block.bytes).await;
         }
         if self.shape.temperature {
-            self.god.io.say(&self.god.io.temperature().to_be_bytes()).await;
+            self.write(&self.god.io.temperature().to_be_bytes()).await;
         }
     }
 
     /// What is wrong, by what boards have reported since they were last looked at, and by those that have not answered.
     async fn faults(&self) -> Status {
+        if self.god.io.is_bus_down() {
+            self.silent.set(self.selection.motors());
+            return Status::NO_BOARD;
+        }
         let mut motors = Motors::NONE;
         for motor in self.selection.motors().iter() {
-            let reported = self.god.boards.takes(motor);
+            let reported = self.god.boards.take_reported(motor);
             if reported.end.is_some() || reported.mode.is_some() {
                 motors = motors.with(motor);
             }
@@ -311,15 +341,15 @@ impl<'a, 'b> Loop<'a, 'b> {
     async fn look(&self, motors: Motors) -> Status {
         let boards = &self.god.boards;
         let modes = boards.get(motors, Property::MODE).await;
-        let out = modes.which(|mode| mode != VELOCITY);
+        let out = modes.filter(|mode| mode != VELOCITY);
         let errors = boards.get(out, Property::ERROR).await;
         let lost = movement::lost(self.god, out).await;
-        let stalled = boards.get(out, Property::END).await.which(|end| end == STALLED);
-        let answering = modes.motors().but(out.but(errors.motors()));
-        self.silent.set(self.silent.get().and(motors.but(answering)));
+        let stalled = boards.get(out, Property::END).await.filter(|end| end == STALLED);
+        let answering = modes.motors().difference(out.difference(errors.motors()));
+        self.silent.set(self.silent.get().union(motors.difference(answering)));
         let mut status = if self.silent.get().is_empty() { Status::OK } else { Status::NO_BOARD };
         for motor in errors.motors().iter() {
-            status |= match errors.of(motor).and_then(FaultCode::of) {
+            status |= match errors.get(motor).and_then(FaultCode::of) {
                 Some(FaultCode::OverTemperature) => Status::OVER_TEMPERATURE,
                 _ if lost.has(motor) => Status::NOT_INITIALIZED,
                 None | Some(FaultCode::Storage) if stalled.has(motor) => {

@@ -65,7 +65,7 @@ async fn set_macro(god: &God<'_>, number: i64) -> Status {
     let positions = settings::motors::values(god, row, Motors::ALL).await;
     let mut found: Positions = [0; COUNT];
     for motor in Motors::ALL.iter() {
-        let position = positions.of(motor).and_then(|position| position.try_into().ok());
+        let position = positions.get(motor).and_then(|position| position.try_into().ok());
         match (found.get_mut(motor.index()), position) {
             (Some(to), Some(position)) => *to = position,
             _ => return Status::NO_BOARD,
@@ -144,6 +144,6 @@ pub(crate) fn played(god: &God<'_>, line: &str) -> Result<Option<String<SEQUENCE
 async fn wait(god: &God<'_>, milliseconds: i64) -> Status {
     let Ok(milliseconds) = u32::try_from(milliseconds) else { return Status::INVALID_VALUE };
     let us = u64::from(milliseconds).saturating_mul(1000);
-    god.io.sleep_until(god.io.now_us().saturating_add(us)).await;
+    god.io.sleep_until(god.io.after_us(us)).await;
     Status::OK
 }

@@ -114,7 +114,7 @@ fn a_host_that_never_reads_is_waited_for() {
     let mut client = Client::new(2);
     let mut taken = 0;
     for _ in 0..1_000 {
-        while client.hand.io().room() > 0 {
+        while client.hand.io().rx_room() > 0 {
             client.hand.hear(b"\r");
             taken += 1;
         }
@@ -135,7 +135,7 @@ fn motors_stop_whose_host_never_reads() {
     client.hand.hear(b"LOOP\r");
     assert_eq!(client.reads(5, 1_000), b"LOOP*");
     let block = [&b"C"[..], &[25, 32].repeat(4)].concat();
-    while client.hand.io().room() > block.len() {
+    while client.hand.io().rx_room() > block.len() {
         client.hand.hear(&block);
         client.deaf_ms();
     }

@@ -73,7 +73,7 @@ fn an_end_of_a_motion_is_told_when_nothing_is_typed() {
     assert_eq!(unasked(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
     // Each once, and only those that this grammar has sent.
     let node = Node::new(4).expect("the spread");
-    session.hand.io().receive(&Message::reply(node, Property::MODE, 3).expect("it fits").frame());
+    session.hand.io().push_frame(&Message::reply(node, Property::MODE, 3).expect("it fits").frame());
     session.wait_us(10_000);
     assert_eq!(session.hand.said(), b"");
 }
@@ -263,6 +263,6 @@ fn only_who_says_so_is_awake() {
     session.hand.hear(b"WAKE\r");
     session.wait_us(1000);
     let node = Node::new(2).expect("a board");
-    session.hand.io().receive(&Message::reply(node, Property::STAT, 1).expect("it fits").frame());
+    session.hand.io().push_frame(&Message::reply(node, Property::STAT, 1).expect("it fits").frame());
     assert!(session.until_prompt().contains("ERR 1\r"));
 }

@@ -45,9 +45,9 @@ pub(super) async fn plan(
     }
     let wiper = command == Command::Wm;
     // WM with X: the tips that it names go by their links.
-    let axes = if wiper { motors.of(Motors::LINKS) } else { selection.axes };
+    let axes = if wiper { motors.intersection(Motors::LINKS) } else { selection.axes };
     let mut goals = axis_goals(god, command, argument, axes, &from).await?;
-    let tips = if wiper || !selection.exclusive { motors.of(axes.tips()) } else { Motors::NONE };
+    let tips = if wiper || !selection.exclusive { motors.intersection(axes.tips()) } else { Motors::NONE };
     let mut breakaway = if selection.exclusive { Breakaway::Off } else { Breakaway::TipGoesOn };
     if wiper {
         for tip in tips.iter() {
@@ -57,12 +57,12 @@ pub(super) async fn plan(
             breakaway = Breakaway::TipStops;
         }
     } else if !tips.is_empty() {
-        let broken = all(god, axes.of(Motors::LINKS), Property::BD).await?.which(|bd| bd != 0);
+        let broken = all(god, axes.intersection(Motors::LINKS), Property::BD).await?.filter(|bd| bd != 0);
         let close =
             if command == Command::C { counts(god, tips, Property::CT).await? } else { Answers::default() };
         for tip in tips.iter() {
             let broken = tip.link().is_some_and(|link| broken.has(link));
-            put_tip(&mut goals, tip, &from, |way| along(command, way, broken, close.of(tip)));
+            put_tip(&mut goals, tip, &from, |way| along(command, way, broken, close.get(tip)));
         }
         if command == Command::C {
             breakaway = Breakaway::TipGoesTo(close);
@@ -97,7 +97,7 @@ pub(super) async fn stored(
 pub(super) fn fingers(tips: Motors) -> [Motors; 3] {
     let mut fingers = [Motors::NONE; 3];
     for (finger, tip) in fingers.iter_mut().zip(tips.iter()) {
-        *finger = tip.link().map_or(Motors::NONE, |link| Motors::NONE.with(link).with(tip));
+        *finger = tip.link().map_or(Motors::NONE, |link| Motors::only(link).with(tip));
     }
     fingers
 }
@@ -121,13 +121,13 @@ async fn axis_goals(
     let needed = command != Command::Home && (argument.is_none() || command == Command::Mper);
     let set = if needed { counts(god, axes, default).await? } else { Answers::default() };
     let goal = |motor: Motor| {
-        let number = argument.or(set.of(motor));
+        let number = argument.or(set.get(motor));
         match (command, argument) {
             (Command::Home, _) => Some(0),
-            (Command::Io, _) => Some(from.of(motor)? - number?),
-            (Command::Ic, _) => Some(from.of(motor)? + number?),
+            (Command::Io, _) => Some(from.get(motor)? - number?),
+            (Command::Ic, _) => Some(from.get(motor)? + number?),
             (Command::Mdeg, Some(degrees)) => Some(units::of_degrees(motor.kind(), degrees)),
-            (Command::Mper, Some(percent)) => Some(units::of_percent(percent, set.of(motor)?)),
+            (Command::Mper, Some(percent)) => Some(units::of_percent(percent, set.get(motor)?)),
             _ => number,
         }
     };
@@ -137,7 +137,7 @@ async fn axis_goals(
         if matches!(command, Command::Mdeg | Command::Mper) && goal.saturating_abs() > FURTHEST {
             return Err(Status::INVALID_VALUE);
         }
-        goals.put(motor, goal);
+        goals.set(motor, goal);
     }
     Ok(goals)
 }
@@ -159,10 +159,10 @@ impl Way {
 /// Puts in where a tip goes.
 fn put_tip(goals: &mut Answers, tip: Motor, from: &Answers, goal: impl Fn(Way) -> i64) {
     let way = tip.link().and_then(|link| {
-        Some(Way { link_from: from.of(link)?, link_goal: goals.of(link)?, tip_from: from.of(tip)? })
+        Some(Way { link_from: from.get(link)?, link_goal: goals.get(link)?, tip_from: from.get(tip)? })
     });
     if let Some(way) = way {
-        goals.put(tip, goal(way));
+        goals.set(tip, goal(way));
     }
 }
 
@@ -189,17 +189,17 @@ async fn parallel(
         Some(step) => mapped(from, |_, _| step),
         None => counts(god, tips, Property::DS).await?,
     };
-    let leader = Motor::new(7).map_or(Motors::NONE, |motor| Motors::NONE.with(motor));
+    let leader = Motor::new(7).map_or(Motors::NONE, |motor| Motors::only(motor));
     let mut turned = Motors::NONE;
-    if !tips.but(leader).is_empty() {
+    if !tips.difference(leader).is_empty() {
         super::ready::look(god, Motors::SPREAD, true).await?;
-        let spread = positions(god, Motors::SPREAD).await?.of(Motor::SPREAD);
+        let spread = positions(god, Motors::SPREAD).await?.get(Motor::SPREAD);
         if spread.is_some_and(|counts| counts < SPREAD_CLOSED) {
-            turned = tips.but(leader);
+            turned = tips.difference(leader);
         }
     }
     Ok(mapped(&steps, |motor, step| {
         let step = if turned.has(motor) { -step } else { step };
-        from.of(motor).unwrap_or(0) + step
+        from.get(motor).unwrap_or(0) + step
     }))
 }

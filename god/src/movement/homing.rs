@@ -14,7 +14,7 @@ use crate::status::Status;
 /// Does it.
 pub(super) async fn initialize(god: &God<'_>, motors: Motors) -> Status {
     let mut sum = Status::OK;
-    for stage in [motors.of(Motors::LINKS), motors.but(Motors::LINKS)] {
+    for stage in [motors.intersection(Motors::LINKS), motors.difference(Motors::LINKS)] {
         if !stage.is_empty() {
             sum |= motion::run(god, &Plan::ordered(stage, Cmd::Hi, [Motors::NONE; 3])).await;
         }

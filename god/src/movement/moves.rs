@@ -50,17 +50,17 @@ impl Moves {
 
     /// These press on from now on.
     pub(super) fn press(&self, motors: Motors) {
-        self.pressing.set(self.pressing.get().and(motors));
+        self.pressing.set(self.pressing.get().union(motors));
     }
 
     /// The same for those of them with HOLD.
     pub(super) fn press_as_held(&self, motors: Motors) {
-        self.press(motors.of(self.holding.get()));
+        self.press(motors.intersection(self.holding.get()));
     }
 
     /// These do no more: they are given something else to do.
     pub(crate) fn cease_pressing(&self, motors: Motors) {
-        self.pressing.set(self.pressing.get().but(motors));
+        self.pressing.set(self.pressing.get().difference(motors));
     }
 
     fn lent(&self, property: Property) -> &Cell<Answers> {
@@ -75,8 +75,8 @@ pub(crate) async fn lend(god: &God<'_>, property: Property, values: &Answers, wa
     let mut lent = god.moves.lent(property).get();
     for motor in values.motors().iter() {
         // What is still to be given back from before is the older.
-        if let Some(was) = was.of(motor).filter(|_| lent.of(motor).is_none()) {
-            lent.put(motor, was);
+        if let Some(was) = was.get(motor).filter(|_| lent.get(motor).is_none()) {
+            lent.set(motor, was);
         }
     }
     // First of all: ^C may come at any time.
@@ -91,17 +91,21 @@ pub(super) async fn give_back(god: &God<'_>) {
 
 /// The same, without waiting for `silent` ones, which are known not to answer.
 pub(super) async fn give_back_but(god: &God<'_>, silent: Motors) {
+    let mut silent = silent;
     for property in LENT {
         let lent = god.moves.lent(property).get();
         if lent.motors().is_empty() {
             continue;
         }
         god.boards.set_each(property, &lent).await;
-        let found = god.boards.get(lent.motors().but(silent), property).await;
+        let asked = lent.motors().difference(silent);
+        let found = god.boards.get(asked, property).await;
+        // One that does not answer is asked once, and not for each property.
+        silent = silent.union(asked.difference(found.motors()));
         let mut left = Answers::default();
         for motor in lent.motors().iter() {
-            if let Some(was) = lent.of(motor).filter(|_| found.of(motor) != lent.of(motor)) {
-                left.put(motor, was);
+            if let Some(was) = lent.get(motor).filter(|_| found.get(motor) != lent.get(motor)) {
+                left.set(motor, was);
             }
         }
         god.moves.lent(property).set(left);
@@ -112,8 +116,8 @@ pub(super) async fn give_back_but(god: &God<'_>, silent: Motors) {
 pub(super) async fn hurry(god: &God<'_>, motors: Motors) {
     for property in [Property::MV, Property::MCV, Property::MOV] {
         let lent = god.moves.lent(property).get();
-        for motor in motors.of(lent.motors()).iter() {
-            god.boards.set(Motors::NONE.with(motor), property, lent.of(motor).unwrap_or(0)).await;
+        for motor in motors.intersection(lent.motors()).iter() {
+            god.boards.set(Motors::only(motor), property, lent.get(motor).unwrap_or(0)).await;
         }
     }
 }
@@ -121,8 +125,8 @@ pub(super) async fn hurry(god: &God<'_>, motors: Motors) {
 /// Ends the motion of motors as HOLD says: to mode 3 where they are, or power off (manual 5.5).
 pub(super) async fn stop(god: &God<'_>, motors: Motors) {
     let holding = god.moves.holding.get();
-    god.boards.set(motors.of(holding), Property::MODE, HOLDS).await;
-    god.boards.set(motors.but(holding), Property::MODE, IDLE).await;
+    god.boards.set(motors.intersection(holding), Property::MODE, HOLDS).await;
+    god.boards.set(motors.difference(holding), Property::MODE, IDLE).await;
 }
 
 /// ^C has dropped a motion, if there was one: ends it on every motor that still moves.
@@ -137,8 +141,8 @@ pub(crate) async fn abort(god: &God<'_>) {
 pub(crate) async fn keep_company(god: &God<'_>) -> Infallible {
     loop {
         let pressing = || Some(god.moves.pressing.get()).filter(|motors| !motors.is_empty());
-        god.io.until(NEVER, pressing).await;
-        god.io.sleep_until(god.io.now_us().saturating_add(COMPANY_US)).await;
+        god.io.wait_until(NEVER, pressing).await;
+        god.io.sleep_until(god.io.after_us(COMPANY_US)).await;
         // What they have been told before: it changes nothing, and is not answered.
         god.boards.set(god.moves.pressing.get(), Property::LFLAGS, REPORTS).await;
     }

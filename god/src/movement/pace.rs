@@ -71,7 +71,7 @@ pub(super) async fn together(
     from: &Answers,
     goals: &Answers,
 ) -> Result<(), Status> {
-    let motors = groups.iter().copied().fold(Motors::NONE, Motors::and);
+    let motors = groups.iter().copied().fold(Motors::NONE, Motors::union);
     if motors.is_empty() {
         return Ok(());
     }
@@ -80,10 +80,10 @@ pub(super) async fn together(
     let closing = ready::all(god, motors, Property::MCV).await?;
     let opening = ready::all(god, motors, Property::MOV).await?;
     let way = |motor: Motor| {
-        let distance = units::halls(goals.of(motor)?) - units::halls(from.of(motor)?);
+        let distance = units::halls(goals.get(motor)?) - units::halls(from.get(motor)?);
         let limit = if distance > 0 { &closing } else { &opening };
-        let velocity = cruise.of(motor)?.min(limit.of(motor)?);
-        Some(Way { distance: distance.abs(), accel: accel.of(motor)?, velocity })
+        let velocity = cruise.get(motor)?.min(limit.get(motor)?);
+        Some(Way { distance: distance.abs(), accel: accel.get(motor)?, velocity })
     };
     let mut slower = Answers::default();
     for group in groups {
@@ -92,7 +92,7 @@ pub(super) async fn together(
             let Some(way) = way(motor).filter(|way| way.distance > 0) else { continue };
             let velocity = way.velocity_within(longest);
             if velocity < way.velocity {
-                slower.put(motor, velocity);
+                slower.set(motor, velocity);
             }
         }
     }
@@ -105,19 +105,19 @@ pub(super) async fn together(
 /// # Errors
 /// A board does not answer: [`Status::NO_BOARD`].
 pub(super) async fn along(god: &God<'_>, fingers: &[Motors], closing: bool) -> Result<(), Status> {
-    let motors = fingers.iter().copied().fold(Motors::NONE, Motors::and);
+    let motors = fingers.iter().copied().fold(Motors::NONE, Motors::union);
     if motors.is_empty() {
         return Ok(());
     }
     let property = if closing { Property::MCV } else { Property::MOV };
     let limits = ready::all(god, motors, property).await?;
     let mut slower = Answers::default();
-    for tip in motors.of(Motors::TIPS).iter() {
-        let of_link = tip.link().and_then(|link| limits.of(link));
+    for tip in motors.intersection(Motors::TIPS).iter() {
+        let of_link = tip.link().and_then(|link| limits.get(link));
         let velocity = of_link.map(|velocity| units::of_tip_along(velocity).max(SLOWEST));
-        if let Some(velocity) = velocity.filter(|&velocity| limits.of(tip).is_some_and(|own| velocity < own))
+        if let Some(velocity) = velocity.filter(|&velocity| limits.get(tip).is_some_and(|own| velocity < own))
         {
-            slower.put(tip, velocity);
+            slower.set(tip, velocity);
         }
     }
     moves::lend(god, property, &slower, &limits).await;

@@ -24,7 +24,7 @@ pub(super) async fn ready(god: &God<'_>, motors: Motors, initialized: bool) -> R
     look(god, motors, initialized).await?;
     let faults = god.boards.get(motors, Property::ERROR).await;
     let storage = i64::from(FaultCode::Storage.code());
-    god.boards.set(faults.which(|code| code != 0 && code != storage), Property::STAT, 2).await;
+    god.boards.set(faults.filter(|code| code != 0 && code != storage), Property::STAT, 2).await;
     Ok(())
 }
 
@@ -49,7 +49,7 @@ pub(super) async fn look(god: &God<'_>, motors: Motors, initialized: bool) -> Re
     let known = if initialized { god.boards.get(awake, Property::HALLH).await } else { Answers::default() };
     let mut sum = Status::OK;
     for motor in motors.iter() {
-        let status = match known.of(motor) {
+        let status = match known.get(motor) {
             _ if !awake.has(motor) => Status::NO_BOARD,
             None if initialized => Status::NO_BOARD,
             Some(bits) if bits & KNOWN == 0 => Status::NOT_INITIALIZED,
@@ -63,7 +63,7 @@ pub(super) async fn look(god: &God<'_>, motors: Motors, initialized: bool) -> Re
 
 /// Those of motors whose boards say that they do not know where they are.
 pub(crate) async fn lost(god: &God<'_>, motors: Motors) -> Motors {
-    god.boards.get(motors, Property::HALLH).await.which(|bits| bits & KNOWN == 0)
+    god.boards.get(motors, Property::HALLH).await.filter(|bits| bits & KNOWN == 0)
 }
 
 /// A property of each of those motors.
@@ -75,7 +75,7 @@ pub(super) async fn all(god: &God<'_>, motors: Motors, property: Property) -> Re
 }
 
 fn complete(god: &God<'_>, motors: Motors, answers: Answers) -> Result<Answers, Status> {
-    let silent = motors.but(answers.motors());
+    let silent = motors.difference(answers.motors());
     silent.iter().for_each(|motor| god.note(motor, Status::NO_BOARD));
     if silent.is_empty() { Ok(answers) } else { Err(Status::NO_BOARD) }
 }
@@ -114,7 +114,7 @@ pub(super) async fn known_counts(god: &God<'_>, motors: Motors, property: Proper
 pub(super) fn mapped(answers: &Answers, to: impl Fn(Motor, i64) -> i64) -> Answers {
     let mut mapped = Answers::default();
     for motor in answers.motors().iter() {
-        mapped.put(motor, to(motor, answers.of(motor).unwrap_or(0)));
+        mapped.set(motor, to(motor, answers.get(motor).unwrap_or(0)));
     }
     mapped
 }

@@ -138,7 +138,7 @@ pub(crate) async fn keep(god: &God<'_>) -> Infallible {
     loop {
         let due_us = god.counted_us.get().saturating_add(STORE_US);
         let peak = god.memory.look(|stored| stored.peak_temperature);
-        god.io.until(due_us, || (god.io.temperature() > peak).then_some(())).await;
+        god.io.wait_until(due_us, || (god.io.temperature() > peak).then_some(())).await;
         count(god);
     }
 }

@@ -72,12 +72,12 @@ pub(crate) async fn values(god: &God<'_>, row: &Row, motors: Motors) -> Answers 
         Source::Board(property) => god.boards.get(motors, property).await,
         Source::Measured(property) => {
             let halls = god.boards.get(motors, property).await;
-            each(motors, |motor| halls.of(motor).map(units::gcl))
+            each(motors, |motor| halls.get(motor).map(units::gcl))
         }
         Source::Counts(property, place) => {
             let halls = god.boards.get(motors, property).await;
             each(motors, |motor| {
-                let halls = halls.of(motor)?;
+                let halls = halls.get(motor)?;
                 let as_set = of_motor(god, motor)
                     .and_then(|of| of.as_set.get(usize::from(place)).copied())
                     .map(i64::from)
@@ -112,7 +112,7 @@ async fn put(god: &God<'_>, row: &Row, values: &Answers) -> Status {
         Source::Board(property) => put_on_boards(god, property, values).await,
         Source::Counts(property, place) => {
             let halls =
-                each(values.motors(), |motor| values.of(motor).map(|value| on_board(property, value)));
+                each(values.motors(), |motor| values.get(motor).map(|value| on_board(property, value)));
             let status = put_on_boards(god, property, &halls).await;
             change(god, values, |of, value| {
                 if let (Some(to), Ok(value)) = (of.as_set.get_mut(usize::from(place)), value.try_into()) {
@@ -137,9 +137,9 @@ async fn put_on_boards(god: &God<'_>, property: Property, values: &Answers) -> S
     let found = god.boards.get(motors, property).await;
     let mut status = Status::OK;
     for motor in motors.iter() {
-        status |= match found.of(motor) {
+        status |= match found.get(motor) {
             None => Status::NO_BOARD,
-            found if found == values.of(motor) => Status::OK,
+            found if found == values.get(motor) => Status::OK,
             Some(_) => Status::INVALID_VALUE,
         };
     }
@@ -150,7 +150,7 @@ fn each(motors: Motors, value: impl Fn(Motor) -> Option<i64>) -> Answers {
     let mut answers = Answers::default();
     for motor in motors.iter() {
         if let Some(value) = value(motor) {
-            answers.put(motor, value);
+            answers.set(motor, value);
         }
     }
     answers
@@ -163,7 +163,7 @@ fn of_motor(god: &God<'_>, motor: Motor) -> Option<OfMotor> {
 fn change(god: &God<'_>, values: &Answers, change: impl Fn(&mut OfMotor, i64)) {
     let mut parameters = god.parameters.borrow_mut();
     for motor in values.motors().iter() {
-        if let (Some(of), Some(value)) = (parameters.motors.get_mut(motor.index()), values.of(motor)) {
+        if let (Some(of), Some(value)) = (parameters.motors.get_mut(motor.index()), values.get(motor)) {
             change(of, value);
         }
     }
@@ -200,11 +200,11 @@ async fn print(god: &God<'_>, row: &Row, selection: Selection, before: &str) -> 
         // What has come to the tip has come to the finger.
         let tips = status_of(god, axes.tips()).await;
         values = each(axes, |motor| {
-            let of_tip = motor.tip().and_then(|tip| tips.of(tip)).unwrap_or(0);
-            Some(values.of(motor)? | of_tip)
+            let of_tip = motor.tip().and_then(|tip| tips.get(tip)).unwrap_or(0);
+            Some(values.get(motor)? | of_tip)
         });
     }
-    if !axes.but(values.motors()).is_empty() {
+    if !axes.difference(values.motors()).is_empty() {
         return Status::NO_BOARD;
     }
     if row.source == Source::Measured(Property::P) {
@@ -212,7 +212,7 @@ async fn print(god: &God<'_>, row: &Row, selection: Selection, before: &str) -> 
     }
     let mut before = before;
     for motor in axes.iter() {
-        god.io.print(format_args!("{before}{}", values.of(motor).unwrap_or(0))).await;
+        god.io.print(format_args!("{before}{}", values.get(motor).unwrap_or(0))).await;
         before = " ";
     }
     Status::OK
@@ -222,7 +222,7 @@ async fn print(god: &God<'_>, row: &Row, selection: Selection, before: &str) -> 
 fn note_reported(god: &God<'_>, values: &Answers) {
     let mut reported = god.reported.get();
     for motor in values.motors().iter() {
-        let value = values.of(motor).and_then(|value| value.try_into().ok());
+        let value = values.get(motor).and_then(|value| value.try_into().ok());
         if let (Some(to), Some(value)) = (reported.get_mut(motor.index()), value) {
             *to = value;
         }
@@ -250,7 +250,7 @@ async fn load(god: &God<'_>, motors: Motors) -> Status {
         god.boards.set(motors, Property::LOAD, property.id().into()).await;
     }
     // An answer comes after what was asked before it.
-    let silent = motors.but(god.boards.get(motors, Property::STAT).await.motors());
+    let silent = motors.difference(god.boards.get(motors, Property::STAT).await.motors());
     let status = if silent.is_empty() { Status::OK } else { Status::NO_BOARD };
     let stored = god.memory.look(|stored| stored.parameters);
     copy(&stored.motors, &mut god.parameters.borrow_mut().motors, motors);
@@ -306,17 +306,17 @@ mod tests {
         let (io, memory) = (Io::default(), Memory::default());
         let mut god = pin!(crate::run(&io, &memory));
         let mut said = String::new();
-        line.bytes().chain([b'\r']).for_each(|byte| io.hear(byte));
+        line.bytes().chain([b'\r']).for_each(|byte| io.push_rx(byte));
         for ms in 0..1000 {
             io::poll(god.as_mut(), &io, ms * 1000);
-            while let Some(frame) = io.frame() {
+            while let Some(frame) = io.pop_frame() {
                 let message = Message::parse(&frame).expect("GOD's");
                 let (Destination::Node(node), Body::Get(id)) = (message.to, message.body) else { continue };
                 let property = Property::of(id).expect("GOD's");
                 let value = if property == Property::STAT { 2 } else { 42 };
-                io.receive(&Message::reply(node, property, value).expect("it fits").frame());
+                io.push_frame(&Message::reply(node, property, value).expect("it fits").frame());
             }
-            said.extend(core::iter::from_fn(|| io.byte()).map(char::from));
+            said.extend(core::iter::from_fn(|| io.pop_tx()).map(char::from));
         }
         said.rsplit_once(line).expect("the echo").1.into()
     }

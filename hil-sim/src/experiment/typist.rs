@@ -126,7 +126,7 @@ impl Typist {
 
     /// A byte, when there is room for it.
     fn hear(&mut self, byte: u8) {
-        if self.hand.io().room() == 0 {
+        if self.hand.io().rx_room() == 0 {
             // GOD takes all that it can at once, if it can say the echo.
             self.said.extend(self.hand.said());
             self.hand.run_until(self.hand.now_us() + 1);

@@ -210,7 +210,7 @@ impl Console {
         if let Some((motor, _)) = line.split_once(" MODE=")
             && let Some(motor) = motors(motor)
         {
-            self.moving = self.moving.but(motor);
+            self.moving = self.moving.difference(motor);
         }
         if line.starts_with("ERR ") {
             self.went_wrong = true;

@@ -38,9 +38,8 @@ fn id(number: u8) -> Id {
     Id::new(number).expect("1 to 7 are nodes")
 }
 
-/// Frames of GOD's that its CAN controller lets wait; the rest waits in GOD, and GOD with it: or a host that gives orders faster than the
-/// bus carries them would fill the memory.
-const WAITING: usize = 32;
+/// Transmit mailboxes of GOD's CAN controller (bxCAN: three). The other frames wait in GOD.
+const WAITING: usize = 3;
 
 /// How soon GOD is looked at again while as many wait, us: a frame is gone then.
 const FRAME_US: u64 = 100;
@@ -140,7 +139,7 @@ impl Hand {
     /// Bytes from the host.
     pub fn hear(&mut self, bytes: &[u8]) {
         for &byte in bytes {
-            self.io.hear(byte);
+            self.io.push_rx(byte);
         }
         self.next_us = self.bus.now_us();
     }
@@ -152,7 +151,7 @@ impl Hand {
 
     /// The next byte that GOD has said.
     pub fn say(&mut self) -> Option<u8> {
-        let byte = self.io.byte()?;
+        let byte = self.io.pop_tx()?;
         // There is room now, for what it has waited to say.
         self.next_us = self.bus.now_us();
         Some(byte)
@@ -178,7 +177,7 @@ impl Hand {
                 return;
             }
             if let Some(stamped) = self.bus.wait(self.next_us.min(self.scene_us()).clamp(now, until_us)) {
-                self.io.receive(&stamped.frame);
+                self.io.push_frame(&stamped.frame);
                 self.next_us = self.bus.now_us();
             }
         }
@@ -191,8 +190,11 @@ impl Hand {
 
     fn poll(&mut self) {
         self.next_us = god::io::poll(self.god.as_mut(), &self.io, self.bus.now_us());
+        if self.io.take_cancel() {
+            self.bus.abort_pending();
+        }
         while self.bus.waiting() < WAITING
-            && let Some(frame) = self.io.frame()
+            && let Some(frame) = self.io.pop_frame()
         {
             self.bus.send(frame).expect("it is plugged");
             // Something may have waited for the room.

@@ -153,7 +153,7 @@ impl Client {
     /// in text makes what waits void.
     pub fn says(&mut self, bytes: &[u8], patience_ms: u32) {
         for &byte in bytes {
-            while self.hand.io().room() == 0 && (byte != ABORT || self.hand.io().is_raw()) {
+            while self.hand.io().rx_room() == 0 && (byte != ABORT || self.hand.io().is_raw()) {
                 self.ms();
                 if self.rng.random_ratio(1, patience_ms) && !self.hand.io().is_raw() {
                     self.hand.hear(&[ABORT]);
@@ -163,7 +163,7 @@ impl Client {
         }
         self.figure.bytes += bytes.len() as u64;
         // GOD has no room for more before it has been polled.
-        if self.hand.io().room() == 0 {
+        if self.hand.io().rx_room() == 0 {
             self.ms();
         }
     }

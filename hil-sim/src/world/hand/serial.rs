@@ -87,7 +87,7 @@ impl Serial {
         while let Some(&byte) = self.to_god.front() {
             let there_us = *self.there_us.get_or_insert(now_us + byte_us);
             let is_abort = byte == ABORT && !hand.io().is_raw();
-            if there_us > now_us || hand.io().room() == 0 && !is_abort {
+            if there_us > now_us || hand.io().rx_room() == 0 && !is_abort {
                 break;
             }
             hand.hear(&[byte]);

@@ -1,0 +1,143 @@
+//! The event log: what GOD did and saw last, for its owner to print when something goes wrong.
+//!
+//! A ring of fixed size; the newest event replaces the oldest. Recording an event copies a few words and formats nothing, so it costs
+//! the same on the metal as in simulation. RealTime's velocities and gains are not recorded: at 250 blocks a second they would push
+//! everything else out within 20 ms.
+
+use core::cell::RefCell;
+
+use heapless::HistoryBuf;
+use tater_wire::Property;
+
+use crate::motors::Motor;
+use crate::status::Status;
+
+/// Number of events kept.
+pub const CAPACITY: usize = 128;
+
+/// One event and its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Time since GOD's start, µs.
+    pub at_us: u64,
+    /// What happened.
+    pub kind: EventKind,
+}
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EventKind {
+    /// GOD started, or started anew after RESET.
+    Started,
+    /// GOD sent an order: a SET of a property.
+    Sent {
+        /// The motor.
+        motor: Motor,
+        /// The property.
+        property: Property,
+        /// The value, in the board's unit.
+        value: i64,
+    },
+    /// A board neither began nor continued a motion: END is 0, and MODE is not one of that motion.
+    Refused {
+        /// The motor.
+        motor: Motor,
+    },
+    /// A board answered ERROR with a value other than 0.
+    Fault {
+        /// The motor.
+        motor: Motor,
+        /// ERROR.
+        code: i64,
+    },
+    /// A board reported or answered that its mode is another one.
+    Mode {
+        /// The motor.
+        motor: Motor,
+        /// MODE.
+        mode: i64,
+    },
+    /// A board reported or answered that its motion has ended.
+    Ended {
+        /// The motor.
+        motor: Motor,
+        /// END.
+        end: i64,
+    },
+    /// A board did not answer in time.
+    NoAnswer {
+        /// The motor.
+        motor: Motor,
+        /// The property that was asked for.
+        property: Property,
+    },
+    /// The bus took no frame for [`SEND_US`](crate::io::SEND_US); all queued frames were dropped.
+    BusDown,
+    /// A frame came in after [`EventKind::BusDown`].
+    BusUp,
+    /// ^C, or the host hung up.
+    Aborted,
+    /// A command ended with a status other than 0.
+    Failed {
+        /// The status.
+        status: Status,
+    },
+}
+
+/// The ring.
+#[derive(Debug, Default)]
+pub struct EventLog {
+    ring: RefCell<HistoryBuf<Event, CAPACITY>>,
+}
+
+impl EventLog {
+    /// Adds an event; the oldest one makes room.
+    pub(crate) fn record(&self, at_us: u64, kind: EventKind) {
+        self.ring.borrow_mut().write(Event { at_us, kind });
+    }
+
+    /// Calls `visit` for each event, oldest first.
+    pub fn for_each(&self, visit: impl FnMut(&Event)) {
+        self.ring.borrow().oldest_ordered().for_each(visit);
+    }
+}
+
+impl core::fmt::Display for Event {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let [s, us] = [self.at_us / 1_000_000, self.at_us % 1_000_000];
+        write!(f, "{s:4}.{us:06} s  ")?;
+        match self.kind {
+            EventKind::Started => f.write_str("GOD started"),
+            EventKind::Sent { motor, property, value } => {
+                write!(f, "motor {}: SET {} {value}", motor.number(), property.row().name)
+            }
+            EventKind::Refused { motor } => write!(f, "motor {}: no motion (END is 0)", motor.number()),
+            EventKind::Fault { motor, code } => write!(f, "motor {}: ERROR {code}", motor.number()),
+            EventKind::Mode { motor, mode } => write!(f, "motor {}: MODE {mode}", motor.number()),
+            EventKind::Ended { motor, end } => write!(f, "motor {}: END {end}", motor.number()),
+            EventKind::NoAnswer { motor, property } => {
+                write!(f, "motor {}: no answer to GET {}", motor.number(), property.row().name)
+            }
+            EventKind::BusDown => f.write_str("bus down: it takes no frames"),
+            EventKind::BusUp => f.write_str("bus up"),
+            EventKind::Aborted => f.write_str("aborted by ^C or hang-up"),
+            EventKind::Failed { status } => write!(f, "command failed: ERR {}", status.code()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    #[test]
+    fn full_ring_drops_the_oldest_event() {
+        let log = EventLog::default();
+        let events = CAPACITY as u64 + 3;
+        (0..events).for_each(|at_us| log.record(at_us, EventKind::BusDown));
+        let mut times = Vec::new();
+        log.for_each(|event| times.push(event.at_us));
+        assert_eq!(times, (3..events).collect::<Vec<_>>());
+    }
+}
