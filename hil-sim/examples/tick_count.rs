@@ -24,14 +24,15 @@ fn servo() -> Servo {
 }
 
 fn run(servo: &mut Servo, tick: &Tick) -> Drive {
+    for event in &tick.halls {
+        servo.hall(event);
+    }
     servo.tick(&Sense {
         now: tick.now,
-        halls: &tick.halls,
         bus: MilliVolts(24_000),
         current: MilliAmps(500),
         motor_temp: DeciCelsius(300),
         strain: 128,
-        bridge_fault: false,
         host_lost: false,
     })
 }

@@ -1,18 +1,17 @@
-//! The words of the one mouth: what a host may ask, what the sensors say, what the servo answers.
+//! The servo's inputs and outputs: commands, sensor readings, drive, events and telemetry.
 
 use crate::config::{Config, ConfigError};
 use crate::guard::fault::{Fault, LimitCause};
 use crate::mode::Mode;
-use crate::sense::hall::{Glitch, HallEvent};
+use crate::sense::hall::Glitch;
 use crate::units::{Counts, CountsPerSec, DeciCelsius, Duty, Micros, MilliAmps, MilliVolts, Torque};
 
-/// All that the servo is told at a control tick.
+/// The sensor readings of one control tick. Hall edges arrive through [`Servo::hall`](crate::Servo::hall) and a trip of
+/// the gate driver through [`Servo::bridge_fault`](crate::Servo::bridge_fault), when they happen.
 #[derive(Clone, Copy, Debug)]
-pub struct Sense<'a> {
-    /// The time of this tick.
+pub struct Sense {
+    /// Time of this tick.
     pub now: Micros,
-    /// What the commutator saw since the last tick and [`Servo::hall`](crate::Servo::hall) has not been told, oldest first.
-    pub halls: &'a [HallEvent],
     /// Bus voltage.
     pub bus: MilliVolts,
     /// Bus current (not phase current), positive into the bridge.
@@ -21,52 +20,50 @@ pub struct Sense<'a> {
     pub motor_temp: DeciCelsius,
     /// Strain gauge, 0..=255.
     pub strain: u8,
-    /// The gate driver's break input has switched the bridge off.
-    pub bridge_fault: bool,
-    /// The host has not been heard for too long; matters in modes 2 and 4, where it steers.
+    /// No frame from the host for too long. Faults in modes 2 and 4, where the host closes the loop.
     pub host_lost: bool,
 }
 
-/// All that the servo asks for at a control tick.
+/// The outputs of one control tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Drive {
-    /// Signed duty, or `None`: bridge off.
+    /// Signed duty; `None` switches the bridge off.
     pub duty: Option<Duty>,
-    /// Brake energised, which frees the spread. Ignored by motors without a brake.
+    /// Energizes the brake, which frees the spread. Motors without a brake ignore it.
     pub brake_released: bool,
 }
 
-/// What a host may ask of a motor.
+/// A host's command to a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Property MODE. Writing the present mode does nothing.
+    /// Property MODE. Writing the current mode has no effect.
     Mode(Mode),
     /// Property T: torque of mode 2, ±990.
     Torque(Torque),
     /// Property V: velocity of mode 4.
     Velocity(CountsPerSec),
-    /// Property P: in idle, what the present position is called; in mode 3, where to go. Whole counts.
+    /// Property P in whole counts: renames the current position in idle, sets the set-point in mode 3.
     Position(i32),
-    /// Property E: end of a move in whole counts; during a move it re-plans.
+    /// Property E: end position of a move in whole counts; re-plans a move under way.
     End(i32),
-    /// Property M: E and mode 5 in one.
+    /// Property M: sets E and enters mode 5.
     Move(i32),
-    /// Close (`true`) or open under torque control: TC, TO. Ends by stall; with HOLD keeps pressing with MT.
+    /// TC or TO: closes or opens until the motor stalls; with HOLD it then keeps pressing with MT.
     TorqueControlled {
         /// Towards higher counts.
         closing: bool,
     },
-    /// HI: find the stop, go to zero, call it zero.
+    /// HI: seeks the joint's stop, moves IOFF away from it and defines that position as zero.
     Home,
-    /// End the motion now: END 3, then HOLD decides.
+    /// Ends the motion with END 3; HOLD decides between hold and idle.
     Abort,
-    /// Terminate power (T): idle now, whatever HOLD says.
+    /// CMD T, terminate power: idle at once, regardless of HOLD.
     Terminate,
-    /// Replace the configuration, also in mid-move; MV, MCV, MOV and ACCEL re-plan.
+    /// Replaces the configuration, also during a motion; ACCEL, MV, MCV and MOV re-plan a move.
     Configure(Config),
-    /// Forget a latched fault (STAT := 2).
+    /// Clears a latched fault (STAT 2).
     ClearFault,
-    /// Forget a breakaway (BD := 0; the O command).
+    /// Clears a breakaway (BD := 0; the O command).
     ClearBreakaway,
 }
 
@@ -103,7 +100,31 @@ impl Command {
         if fits { Ok(()) } else { Err(Refusal::Range) }
     }
 
-    /// Whether the command starts or steers a motion, which a latched fault forbids.
+    /// Whether the command means something in a mode.
+    ///
+    /// V and E are accepted in every mode, because hosts write them before the mode that uses them. T is reset when
+    /// mode 2 starts, so it is refused elsewhere. P is a set-point in mode 3 and renames the position in idle; renaming
+    /// it under a running motion would move the goal.
+    #[must_use]
+    pub const fn allowed_in(&self, mode: Mode) -> bool {
+        match self {
+            Self::Torque(_) => matches!(mode, Mode::Torque),
+            Self::Position(_) => matches!(mode, Mode::Idle | Mode::Pid),
+            Self::Mode(_)
+            | Self::Velocity(_)
+            | Self::End(_)
+            | Self::Move(_)
+            | Self::TorqueControlled { .. }
+            | Self::Home
+            | Self::Abort
+            | Self::Terminate
+            | Self::Configure(_)
+            | Self::ClearFault
+            | Self::ClearBreakaway => true,
+        }
+    }
+
+    /// Whether the command starts a motion or sets its torque. A latched fault forbids these.
     #[must_use]
     pub const fn moves(&self) -> bool {
         match self {
@@ -121,100 +142,87 @@ impl Command {
     }
 }
 
-/// Why a command was not taken; nothing has changed.
+/// Why a command was refused. A refused command changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// A fault is latched.
     Fault(Fault),
-    /// The command does nothing in this mode.
+    /// The command is not allowed in this mode.
     Mode(Mode),
     /// The value is outside its range.
     Range,
     /// A configuration value is outside its range.
     Config(ConfigError),
+    /// HI cannot find a stop with this configuration: IVEL is 0, or IHIT or MT is below the joint's friction.
+    Homing,
 }
 
-/// Why a move ended: property END.
+/// Why a motion ended: property END.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EndReason {
-    /// 1: the profile has ended and the error is within MPE.
+    /// 1: the profile is complete and the error is within MPE.
     Arrived,
-    /// 2: no count for TSTOP.
+    /// 2: no hall count for TSTOP.
     Stalled,
-    /// 3: told to.
+    /// 3: by a command.
     Aborted,
     /// 4: strain outside LSG..HSG.
     Strain,
-    /// 5: the link met an object.
+    /// 5: a link broke away.
     Breakaway,
     /// 6: a fault.
     Fault,
 }
 
-impl EndReason {
-    /// The property value.
-    #[must_use]
-    pub const fn number(self) -> u8 {
-        match self {
-            Self::Arrived => 1,
-            Self::Stalled => 2,
-            Self::Aborted => 3,
-            Self::Strain => 4,
-            Self::Breakaway => 5,
-            Self::Fault => 6,
-        }
-    }
-}
-
-/// What the servo reports on its own.
+/// A report of the servo, fetched by [`Servo::event`](crate::Servo::event).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// A motion ended; `mode` is the one that follows it.
+    /// A motion ended.
     Ended {
-        /// Why.
+        /// Cause.
         reason: EndReason,
-        /// Idle, or what holds the position.
+        /// Mode after the end: idle, or the one that holds.
         mode: Mode,
     },
-    /// The link met an object.
+    /// A link broke away.
     Breakaway {
-        /// Where (BP), in whole counts.
+        /// Position (BP) in whole counts.
         position: i32,
-        /// BS: the finger's tip must stop too.
+        /// BS: the finger's tip must stop as well.
         stop_tip: bool,
     },
-    /// A fault latched.
+    /// A fault was latched.
     Fault(Fault),
-    /// The hall lines lied.
+    /// Invalid hall transition.
     Glitch(Glitch),
-    /// HI is done: position zero is known.
+    /// HI is complete: zero is known.
     Homed,
 }
 
-/// What can be read of a servo at any time.
+/// The servo's readable state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Telemetry {
-    /// Present mode.
+    /// Current mode.
     pub mode: Mode,
     /// Estimated position.
     pub position: Counts,
     /// Estimated velocity.
     pub velocity: CountsPerSec,
-    /// Position set-point in modes 3 and 5; the position elsewhere.
+    /// Position set-point in modes 3 and 5; equal to `position` elsewhere.
     pub setpoint: Counts,
-    /// The velocity the motion wants: the profile's in mode 5, V in mode 4, else 0.
+    /// Velocity set-point: the profile's in mode 5, V in mode 4, else 0.
     pub setpoint_velocity: CountsPerSec,
-    /// Torque applied after every clamp.
+    /// Torque applied, after every limit.
     pub torque: Torque,
     /// Duty applied.
     pub duty: Duty,
     /// Latched fault.
     pub fault: Option<Fault>,
-    /// LimitCause that bounded the last tick.
+    /// Limit that was active at the last tick.
     pub limit: Option<LimitCause>,
-    /// Why the last motion ended.
+    /// Why the last motion ended; `None` while one is under way.
     pub end: Option<EndReason>,
-    /// Whether HI has found zero.
+    /// Whether zero is known.
     pub homed: bool,
     /// BP of a breakaway not yet cleared (BD = 1).
     pub breakaway: Option<i32>,

@@ -84,6 +84,35 @@ impl core::fmt::Display for ConfigError {
 
 impl core::error::Error for ConfigError {}
 
+impl Default for Config {
+    /// A motor that cannot move: no torque, no gain. Strain and temperature limits are disabled.
+    fn default() -> Self {
+        Self {
+            mt: 0,
+            mv: 16,
+            mcv: 16,
+            mov: 16,
+            accel: 0,
+            mpe: 0,
+            hold: false,
+            tstop: 0,
+            kp: 0,
+            kd: 0,
+            ki: 0,
+            kpv: 0,
+            hsg: 256,
+            lsg: 256,
+            bt: 0,
+            bs: false,
+            ivel: 0,
+            ioff: 0,
+            ihit: 0,
+            otemp: -551,
+            brake_ms: 0,
+        }
+    }
+}
+
 impl Config {
     /// The manual's defaults for a kind of motor; where the manual is silent (gains, BT), tuned in simulation
     /// over ±30 % plants (see CHANGELOG and `hil-sim list`).

@@ -1,17 +1,21 @@
-//! The servo of one motor: commands and sensor readings in, a duty and a brake out. The tick order is
-//! [`Servo::tick`], here and nowhere else.
+//! The servo of one motor: commands and sensor readings in, a duty and a brake state out.
+//!
+//! [`Servo::command`] accepts or refuses a command at once. [`Servo::tick`] is the one place that fixes the order of
+//! sensing, guards, control law and limits. What the motor is doing is a private enum, `Motion`, whose variants own
+//! the data of their motion; the mode that hosts read is derived from it (decision 0044).
 
-pub use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
+use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 use crate::config::{Config, ConfigError, MotorKind};
+use crate::guard::arrival::arrived;
 use crate::guard::breakaway::Breakaway;
-use crate::guard::fault::{Condition, Faults};
+use crate::guard::fault::{Condition, Fault, Faults};
 use crate::guard::limits::{AppliedTorque, TorqueEnvelope, TorqueLimiter};
 use crate::guard::stall::Stall;
 use crate::guard::strain::Window;
 use crate::guard::thermal::Thermal;
 use crate::mode::Mode;
 use crate::motion::pid::{Pid, PidConfig, PidState};
-use crate::motion::profile::{self, Profile, SetPoint};
+use crate::motion::profile::{CruiseRamps, MoveLimits, Profile, SetPoint};
 use crate::motion::torque::{MIN_DAMPING, damped};
 use crate::motion::velocity_loop::VelocityLoop;
 use crate::num::Law;
@@ -20,93 +24,259 @@ use crate::sense::velocity::Estimator;
 use crate::units::{Counts, CountsPerSec, Torque};
 use heapless::Deque;
 
-mod commanded;
-mod ending;
 #[cfg(test)]
 mod tests;
 
 /// Hall counts a motor revolution: three pole pairs times six steps (manual 1.3.3).
 pub const COUNTS_PER_REV: usize = 18;
 
-/// The profile waits while the position lags this far: a saturated motor must not be run away from, and six
-/// counts are under what KP turns into full torque (DESIGN 4.3).
+/// The profile waits while the rotor lags the set-point by more than this, so that it does not run away from a motor
+/// at its torque limit. At the default KP six counts ask for half of MT (decision 0006).
 const WAIT_LAG: Counts = Counts::from_int(6);
 
-/// From this lag on a position-controlled motor is driven away from rest, and the stall timer runs.
+/// From this lag on a position-controlled motor counts as driven, and the stall timer runs.
 const DRIVEN_LAG: Counts = Counts::from_int(1);
 
-/// Least stall time in HI: hosts poll slowly and must see mode 4 (DESIGN 5).
+/// Least stall time while HI seeks the stop: hosts poll slowly and must see mode 4 (decision 0009).
 const HOMING_TSTOP_MIN: u16 = 250;
 
-/// Reports that may wait; the oldest is dropped when a host never asks.
+/// A joint's friction, 0.04 N·m at 1575 units per N·m (decision 0003). A motor that stands still under more torque than
+/// this has met its stop; under less it may be stuck anywhere.
+const FRICTION: Torque = Torque(63);
+
+/// Events that wait to be fetched; the oldest is dropped when a host never asks.
 const EVENTS: usize = 8;
 
 /// Bridge off, brake engaged.
 const IDLE: Drive = Drive { duty: None, brake_released: false };
 
-/// What a motion in some mode is for, which decides how it ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Purpose {
-    /// What the mode says, or holding after an end.
-    Plain,
+/// The state of a position loop.
+#[derive(Clone, Copy, Debug)]
+struct PositionLoop {
+    setpoint: SetPoint,
+    pid: PidState,
+}
+
+impl PositionLoop {
+    const fn at_rest(position: Counts, pid: PidState) -> Self {
+        Self { setpoint: SetPoint::at_rest(position), pid }
+    }
+
+    /// Distance from the position to the set-point.
+    fn lag(&self, position: Counts) -> Counts {
+        self.setpoint.position.wrapping_sub(position)
+    }
+
+    /// Whether the rotor is so far behind a moving set-point that the profile must wait. A rotor ahead of the set-point
+    /// is not waited for: the set-point catches up with it.
+    fn must_wait(&self, position: Counts) -> bool {
+        let lag = self.lag(position);
+        let lag = if self.setpoint.velocity < CountsPerSec::ZERO { lag.wrapping_neg() } else { lag };
+        lag > WAIT_LAG
+    }
+
+    /// Position and velocity error. In the cell of a resting set-point the position error is zero: the halls resolve no
+    /// more, and an integrator fed with half a count would hunt.
+    fn errors(&self, position: Counts, velocity: CountsPerSec) -> (Law, Law) {
+        let resting = self.setpoint.velocity == CountsPerSec::ZERO;
+        let same_cell = self.setpoint.position.round() == position.round();
+        let error = if resting && same_cell { Law::ZERO } else { self.lag(position).saturating_error() };
+        // The profile stays below 2^13 counts/s and the estimate below 2^14.4.
+        (error, self.setpoint.velocity.0 - velocity.0)
+    }
+
+    fn torque(
+        &mut self,
+        pid: &Pid,
+        position: Counts,
+        velocity: CountsPerSec,
+        range: (Torque, Torque),
+    ) -> Torque {
+        let (error, velocity_error) = self.errors(position, velocity);
+        pid.step(&mut self.pid, error, velocity_error, range)
+    }
+}
+
+/// A motion that has been asked for and not started yet.
+#[derive(Clone, Copy, Debug)]
+enum Goal {
+    Torque(Torque),
+    /// At the whole count `at`, or where the rotor is when the motion starts.
+    Position {
+        at: Option<i32>,
+        pid: PidState,
+    },
+    Velocity,
+    TorqueControlled {
+        closing: bool,
+    },
+    /// To E.
+    Move {
+        pid: PidState,
+    },
+    SeekStop,
+    LeaveStop,
+}
+
+impl Goal {
+    const fn mode(self) -> Mode {
+        match self {
+            Self::Torque(_) => Mode::Torque,
+            Self::Position { .. } => Mode::Pid,
+            Self::Velocity | Self::TorqueControlled { .. } | Self::SeekStop => Mode::Velocity,
+            Self::Move { .. } | Self::LeaveStop => Mode::Trapezoidal,
+        }
+    }
+
+    /// Whether the motion follows a profile, which takes most of a tick to plan.
+    const fn plans(self) -> bool {
+        matches!(self, Self::Move { .. } | Self::LeaveStop)
+    }
+}
+
+/// What the motor is doing.
+#[derive(Clone, Copy, Debug)]
+enum Motion {
+    /// Bridge off, brake engaged.
+    Idle,
+    /// Brake energized for `brake_ms` so far; the goal starts when the brake has had its time to release.
+    Starting { goal: Goal, brake_ms: u16 },
+    /// Mode 2.
+    Torque(Torque),
+    /// Mode 3: P, or a hold after the end of a motion.
+    Position(PositionLoop),
+    /// Mode 4: V.
+    Velocity,
     /// TC or TO.
     TorqueControlled { closing: bool },
-    /// TC or TO ended with HOLD: presses on, and cannot stall again.
+    /// After TC or TO stalled with HOLD: keeps pressing with MT and cannot stall again.
     Pressing { closing: bool },
+    /// Mode 5: a move to E.
+    Move { control: PositionLoop, profile: Profile, breakaway: Breakaway },
     /// HI, towards the stop.
     SeekStop,
     /// HI, from the stop to zero.
-    LeaveStop,
+    LeaveStop { control: PositionLoop, profile: Profile },
+}
+
+impl Motion {
+    const fn mode(&self) -> Mode {
+        match self {
+            Self::Idle => Mode::Idle,
+            Self::Starting { goal, .. } => goal.mode(),
+            Self::Torque(_) => Mode::Torque,
+            Self::Position(_) => Mode::Pid,
+            Self::Velocity | Self::TorqueControlled { .. } | Self::Pressing { .. } | Self::SeekStop => {
+                Mode::Velocity
+            }
+            Self::Move { .. } | Self::LeaveStop { .. } => Mode::Trapezoidal,
+        }
+    }
+
+    /// Whether the motion ends by itself and a host waits for that: a move to E, TC, TO or HI.
+    const fn is_awaited(&self) -> bool {
+        match self {
+            Self::Starting { goal, .. } => match goal {
+                Goal::TorqueControlled { .. } | Goal::Move { .. } | Goal::SeekStop | Goal::LeaveStop => true,
+                Goal::Torque(_) | Goal::Position { .. } | Goal::Velocity => false,
+            },
+            Self::TorqueControlled { .. } | Self::Move { .. } | Self::SeekStop | Self::LeaveStop { .. } => {
+                true
+            }
+            Self::Idle | Self::Torque(_) | Self::Position(_) | Self::Velocity | Self::Pressing { .. } => {
+                false
+            }
+        }
+    }
+
+    /// Whether the host closes the loop, so that its silence is a fault: modes 2 and 4.
+    const fn needs_host(&self) -> bool {
+        matches!(self.mode(), Mode::Torque | Mode::Velocity)
+    }
+
+    /// The position loop, if one runs.
+    const fn position_loop(&self) -> Option<&PositionLoop> {
+        match self {
+            Self::Position(control) | Self::Move { control, .. } | Self::LeaveStop { control, .. } => {
+                Some(control)
+            }
+            Self::Idle
+            | Self::Starting { .. }
+            | Self::Torque(_)
+            | Self::Velocity
+            | Self::TorqueControlled { .. }
+            | Self::Pressing { .. }
+            | Self::SeekStop => None,
+        }
+    }
+}
+
+/// The configuration and everything computed from it.
+#[derive(Debug)]
+struct Tuning {
+    config: Config,
+    pid: Pid,
+    velocity_loop: VelocityLoop,
+    strain: Window,
+    ramps: CruiseRamps,
+}
+
+impl Tuning {
+    fn new(config: Config) -> Self {
+        let Config { accel, mv, mcv, mov, kp, ki, kd, kpv, hsg, lsg, .. } = config;
+        let (closing, opening) = (Config::speed(mv.min(mcv)), Config::speed(mv.min(mov)));
+        Self {
+            config,
+            pid: PidConfig { kp, ki, kd }.build(),
+            velocity_loop: VelocityLoop::new(kpv),
+            strain: Window::new(hsg, lsg),
+            ramps: MoveLimits { accel, closing, opening }.build(),
+        }
+    }
+
+    /// The largest torque that HI may press with.
+    fn homing_torque(&self) -> Torque {
+        Config::torque(self.config.ihit.min(self.config.mt))
+    }
+
+    /// Velocity set-point of TC and TO.
+    fn press_speed(&self, closing: bool) -> CountsPerSec {
+        if closing { Config::speed(self.config.mcv) } else { Config::speed(self.config.mov).saturating_neg() }
+    }
 }
 
 /// The servo of one motor.
 #[derive(Debug)]
 pub struct Servo {
-    config: Config,
-    pid: Pid,
-    velocity_loop: VelocityLoop,
-    strain: Window,
-    bounds: profile::CruiseRamps,
-    estimator: Estimator<COUNTS_PER_REV>,
-    /// Decoder count that is called position 0.
-    zero: i32,
-    /// Decoder count.
-    count: i32,
-    mode: Mode,
-    purpose: Purpose,
-    /// Whether the mode's entry actions have run: they wait for the brake.
-    entered: bool,
-    /// Ticks since the brake was asked to release, until it has.
-    brake_ms: u16,
-    /// Whether the last tick entered a mode that plans.
+    tuning: Tuning,
+    motion: Motion,
+    /// Whether the last tick planned a profile; the next tick does not plan another.
     planned: bool,
-    profile: Profile,
-    /// Of modes 3 and 5, once entered.
-    setpoint: SetPoint,
-    pid_state: PidState,
-    torque_wanted: Torque,
-    velocity_wanted: CountsPerSec,
-    /// P written before mode 3's entry actions.
-    position_wanted: Option<i32>,
-    end: i32,
-    stall: Stall,
-    breakaway: Breakaway,
-    thermal: Thermal,
-    limits: TorqueLimiter,
-    faults: Faults,
-    applied: AppliedTorque,
+    estimator: Estimator<COUNTS_PER_REV>,
+    /// Hall count at the last tick.
+    count: i32,
+    /// Hall count that is position 0.
+    zero: i32,
     position: Counts,
     velocity: CountsPerSec,
+    /// Property E.
+    end: i32,
+    /// Property V.
+    velocity_wanted: CountsPerSec,
+    stall: Stall,
+    thermal: Thermal,
+    limiter: TorqueLimiter,
+    faults: Faults,
+    applied: AppliedTorque,
     ended: Option<EndReason>,
     homed: bool,
+    /// Where a link broke away, until cleared.
     broke_away: Option<i32>,
     events: Deque<Event, EVENTS>,
-    /// Whether there is any.
-    has_event: bool,
 }
 
 impl Servo {
-    /// A servo at rest in the cell `count` of the hall decoder, called position `count`, in idle.
+    /// A servo in idle, at rest in the cell `count` of the hall decoder; that cell is position `count`.
     ///
     /// # Errors
     /// The first configuration value out of range.
@@ -122,61 +292,48 @@ impl Servo {
     }
 
     fn with(config: Config, count: i32) -> Self {
-        let position = Counts::from_int(count);
         Self {
-            config,
-            pid: pid_of(&config),
-            velocity_loop: VelocityLoop::new(config.kpv),
-            strain: Window::new(config.hsg, config.lsg),
-            bounds: bounds_of(&config),
-            estimator: Estimator::new(count),
-            zero: 0,
-            count,
-            mode: Mode::Idle,
-            purpose: Purpose::Plain,
-            entered: false,
-            brake_ms: 0,
+            tuning: Tuning::new(config),
+            motion: Motion::Idle,
             planned: false,
-            profile: Profile::at_rest(position),
-            setpoint: SetPoint::at_rest(position),
-            pid_state: PidState::default(),
-            torque_wanted: Torque::ZERO,
-            velocity_wanted: CountsPerSec::ZERO,
-            position_wanted: None,
+            estimator: Estimator::new(count),
+            count,
+            zero: 0,
+            position: Counts::from_int(count),
+            velocity: CountsPerSec::ZERO,
             end: count,
+            velocity_wanted: CountsPerSec::ZERO,
             stall: Stall::default(),
-            breakaway: Breakaway::default(),
             thermal: Thermal::default(),
-            limits: TorqueLimiter::default(),
+            limiter: TorqueLimiter::default(),
             faults: Faults::default(),
             applied: AppliedTorque::OFF,
-            position,
-            velocity: CountsPerSec::ZERO,
             ended: None,
             homed: false,
             broke_away: None,
             events: Deque::new(),
-            has_event: false,
         }
     }
 
-    /// The position it stands at is known to be right, as after HI: it was stored, and nothing has moved since.
+    // --- inputs besides commands and the tick ----------------------------------------------------------------
+
+    /// Marks the position as known, as after HI: it was stored and the rotor has not moved since.
     pub const fn trust_position(&mut self) {
         self.homed = true;
     }
 
-    /// The position it stands at may not be right: HI is needed.
+    /// Marks the position as unknown: HI is needed.
     pub const fn doubt_position(&mut self) {
         self.homed = false;
     }
 
-    /// A step of the count, as soon as it is seen: what it tells of the motion is not the next tick's work.
+    /// One step of the hall count. Called in the hall interrupt, so that a tick costs the same with and without edges.
     #[inline]
     pub fn edge(&mut self, edge: &HallEdge) {
         self.estimator.edge(edge);
     }
 
-    /// What the hall decoder saw, as soon as it is seen, or in [`Sense::halls`].
+    /// One event of the hall decoder, when it happens.
     pub fn hall(&mut self, event: &HallEvent) {
         match *event {
             HallEvent::Step(edge) => self.edge(&edge),
@@ -189,79 +346,32 @@ impl Servo {
         }
     }
 
-    /// The break input has switched the bridge off: a fault at the next tick.
+    /// The break input has switched the bridge off. Latches [`Fault::Bridge`] at the next tick.
     pub const fn bridge_fault(&mut self) {
         self.faults.raise(Condition::BRIDGE);
     }
 
-    /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
-    pub fn tick(&mut self, sense: &Sense<'_>) -> Drive {
-        // First of all, while it is at hand.
-        if sense.bridge_fault {
-            self.bridge_fault();
-        }
-        if sense.host_lost && self.is_steered() {
-            self.faults.raise(Condition::HOST_LOST);
-        }
-        let counted = self.observe(sense);
-        let enters = self.enters();
-        // A tick that plans does little else. Its torque is the last motion's, or none.
-        self.planned = enters && self.mode == Mode::Trapezoidal;
-        if self.planned {
-            self.thermal.add(self.applied.torque);
-        } else if self.thermal.step(self.applied.torque, sense.motor_temp, self.config.otemp) {
-            self.faults.raise(Condition::HOT);
-        }
-        if let Some(fault) = self.faults.check(sense.bus) {
-            self.fail(fault);
-        }
-        if self.mode == Mode::Idle {
-            return IDLE;
-        }
-        if !self.entered && !enters {
-            self.brake_ms = self.brake_ms.saturating_add(1);
-            self.applied = AppliedTorque::OFF;
-            return Drive { duty: None, brake_released: true };
-        }
-        if !self.entered {
-            self.enter();
-            if !self.setpoint.done {
-                // A plan was made: it sets out in the next tick, and drives as before till then.
-                return self.drive_on();
-            }
-            // What has just begun does not end, but for a move to where it is.
-        }
-        if self.check_end(counted, sense.strain) && !self.entered {
-            // Idle, or HI goes on: it enters its next motion in the next tick, and drives as before till then.
-            return self.drive();
-        }
-        let most = self.thermal.most();
-        let envelope = self.limits.envelope(self.torque_ceiling(), most, self.velocity, sense.bus);
-        self.applied = envelope.bound(self.law(&envelope));
-        Drive { duty: Some(self.applied.duty), brake_released: true }
-    }
+    // --- outputs besides the drive ---------------------------------------------------------------------------
 
     /// The next report, oldest first.
     pub fn event(&mut self) -> Option<Event> {
-        let event = self.events.pop_front();
-        self.has_event = !self.events.is_empty();
-        event
+        self.events.pop_front()
     }
 
-    /// Whether there is a report: each tick asks.
+    /// Whether a report waits.
     #[must_use]
-    pub const fn has_event(&self) -> bool {
-        self.has_event
+    pub fn has_event(&self) -> bool {
+        !self.events.is_empty()
     }
 
-    /// What can be read at any time.
+    /// The present state.
     #[must_use]
     pub fn telemetry(&self) -> Telemetry {
         Telemetry {
-            mode: self.mode,
+            mode: self.motion.mode(),
             position: self.position,
             velocity: self.velocity,
-            setpoint: if self.is_positioned() { self.setpoint.position } else { self.position },
+            setpoint: self.motion.position_loop().map_or(self.position, |control| control.setpoint.position),
             setpoint_velocity: self.velocity_goal(),
             torque: self.applied.torque,
             duty: self.applied.duty,
@@ -275,188 +385,536 @@ impl Servo {
 
     /// The present configuration.
     #[must_use]
-    pub fn config(&self) -> &Config {
-        &self.config
+    pub const fn config(&self) -> &Config {
+        &self.tuning.config
     }
 
-    /// E as it was set.
+    /// Property E as it was set.
     #[must_use]
     pub const fn end(&self) -> i32 {
         self.end
     }
 
-    /// T of mode 2 after the limits: what was set, or as much of it as they left; elsewhere the torque applied.
+    /// What property T reads: in mode 2 the commanded torque, unless a limit reduced it; elsewhere the torque applied.
     #[must_use]
     pub const fn torque(&self) -> Torque {
-        match self.mode {
-            Mode::Torque if self.applied.limit.is_none() => self.torque_wanted,
+        match self.motion {
+            Motion::Torque(wanted) | Motion::Starting { goal: Goal::Torque(wanted), .. }
+                if self.applied.limit.is_none() =>
+            {
+                wanted
+            }
             _ => self.applied.torque,
         }
     }
 
-    // --- the tick, step by step -------------------------------------------------------------------------
+    // --- commands --------------------------------------------------------------------------------------------
 
-    /// Halls → position and velocity. Returns whether the count moved.
-    fn observe(&mut self, sense: &Sense<'_>) -> bool {
-        for event in sense.halls {
-            self.hall(event);
+    /// Accepts and executes a command, or refuses it.
+    ///
+    /// # Errors
+    /// Why the command was refused; nothing has changed then.
+    pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
+        self.check(&command)?;
+        match command {
+            Command::Mode(mode) => self.set_mode(mode),
+            Command::Torque(torque) => self.set_torque(torque),
+            Command::Velocity(velocity) => self.set_velocity(velocity),
+            Command::Position(position) => self.set_position(position),
+            Command::End(end) => self.set_end(end),
+            Command::Move(end) => {
+                self.set_end(end);
+                match self.motion {
+                    Motion::Move { .. } | Motion::Starting { goal: Goal::Move { .. }, .. } => {}
+                    _ => self.replace(Goal::Move { pid: self.carried_pid() }),
+                }
+            }
+            Command::TorqueControlled { closing } => self.replace(Goal::TorqueControlled { closing }),
+            Command::Home => {
+                self.homed = false;
+                self.replace(Goal::SeekStop);
+            }
+            Command::Abort => {
+                if !matches!(self.motion, Motion::Idle) {
+                    self.finish(EndReason::Aborted);
+                }
+            }
+            Command::Terminate => self.terminate(),
+            Command::Configure(config) => self.configure(config),
+            Command::ClearFault => {
+                self.faults.clear();
+                self.thermal.look_next();
+            }
+            Command::ClearBreakaway => self.broke_away = None,
         }
+        Ok(())
+    }
+
+    /// Whether a command is acceptable now.
+    fn check(&self, command: &Command) -> Result<(), Refusal> {
+        if let Some(fault) = self.faults.latched()
+            && command.moves()
+        {
+            return Err(Refusal::Fault(fault));
+        }
+        let mode = self.motion.mode();
+        if !command.allowed_in(mode) {
+            return Err(Refusal::Mode(mode));
+        }
+        command.in_range()?;
+        // Without velocity or torque HI would take any place for the stop.
+        let can_home = self.tuning.config.ivel != 0 && self.tuning.homing_torque() >= FRICTION;
+        if matches!(command, Command::Home) && !can_home { Err(Refusal::Homing) } else { Ok(()) }
+    }
+
+    fn set_mode(&mut self, mode: Mode) {
+        if mode == self.motion.mode() {
+            return;
+        }
+        match mode {
+            Mode::Idle => self.terminate(),
+            Mode::Torque => self.replace(Goal::Torque(Torque::ZERO)),
+            Mode::Pid => self.replace(Goal::Position { at: None, pid: self.carried_pid() }),
+            Mode::Velocity => self.replace(Goal::Velocity),
+            Mode::Trapezoidal => self.replace(Goal::Move { pid: self.carried_pid() }),
+        }
+    }
+
+    /// The integrator that the next position loop starts with. Between hold and move the load stays carried; from any
+    /// other motion the integrator starts empty.
+    fn carried_pid(&self) -> PidState {
+        match &self.motion {
+            Motion::Position(control) | Motion::Move { control, .. } | Motion::LeaveStop { control, .. } => {
+                control.pid
+            }
+            Motion::Starting { goal: Goal::Position { pid, .. } | Goal::Move { pid }, .. } => *pid,
+            _ => PidState::default(),
+        }
+    }
+
+    /// Idle at once, regardless of HOLD. A host that waits for a motion is told that it was aborted.
+    fn terminate(&mut self) {
+        let awaited = self.motion.is_awaited();
+        self.idle();
+        if awaited {
+            self.ended = Some(EndReason::Aborted);
+            self.report(Event::Ended { reason: EndReason::Aborted, mode: Mode::Idle });
+        }
+    }
+
+    /// Another motion in place of the present one. A host that waits for that is told that it was aborted.
+    fn replace(&mut self, goal: Goal) {
+        if self.motion.is_awaited() {
+            self.report(Event::Ended { reason: EndReason::Aborted, mode: goal.mode() });
+        }
+        self.begin(goal);
+    }
+
+    fn begin(&mut self, goal: Goal) {
+        let brake_ms = match self.motion {
+            Motion::Idle => 0,
+            Motion::Starting { brake_ms, .. } => brake_ms,
+            _ => self.tuning.config.brake_ms,
+        };
+        self.ended = None;
+        self.motion = Motion::Starting { goal, brake_ms };
+    }
+
+    /// P: renames the present position in idle, is the set-point in mode 3.
+    fn set_position(&mut self, position: i32) {
+        match &mut self.motion {
+            Motion::Starting { goal: Goal::Position { at, .. }, .. } => *at = Some(position),
+            Motion::Position(control) => {
+                control.setpoint = SetPoint::at_rest(Counts::from_int(position));
+                self.stall.restart();
+            }
+            Motion::Idle => {
+                self.zero = self.count.wrapping_sub(position);
+                let shift = position.wrapping_sub(self.position.round());
+                self.position = self.position.wrapping_add(Counts::from_int(shift));
+            }
+            // Refused by `Command::allowed_in`.
+            _ => {}
+        }
+    }
+
+    /// T. Leaving zero starts the stall time.
+    fn set_torque(&mut self, torque: Torque) {
+        match &mut self.motion {
+            Motion::Torque(wanted) | Motion::Starting { goal: Goal::Torque(wanted), .. } => {
+                if *wanted == Torque::ZERO {
+                    self.stall.restart();
+                }
+                *wanted = torque;
+            }
+            // Refused by `Command::allowed_in`.
+            _ => {}
+        }
+    }
+
+    /// E. Writing the same E again does not re-plan.
+    fn set_end(&mut self, end: i32) {
+        let changed = end != self.end;
+        self.end = end;
+        if changed && matches!(self.motion, Motion::Move { .. }) {
+            self.plan();
+        }
+    }
+
+    /// V. Takes over from TC and TO; does not disturb HI.
+    fn set_velocity(&mut self, velocity: CountsPerSec) {
+        self.velocity_wanted = velocity;
+        match &mut self.motion {
+            Motion::TorqueControlled { .. } | Motion::Pressing { .. } => self.motion = Motion::Velocity,
+            Motion::Starting { goal: goal @ Goal::TorqueControlled { .. }, .. } => *goal = Goal::Velocity,
+            _ => {}
+        }
+    }
+
+    fn configure(&mut self, config: Config) {
+        let old = self.tuning.config;
+        let shape = |c: &Config| (c.accel, c.mv, c.mcv, c.mov);
+        let reshaped = match self.motion {
+            Motion::Move { .. } => shape(&config) != shape(&old),
+            Motion::LeaveStop { .. } => (shape(&config), config.ioff) != (shape(&old), old.ioff),
+            _ => false,
+        };
+        self.tuning = Tuning::new(config);
+        self.thermal.look_next();
+        // A property that does not shape the motion must not restart its stall time.
+        if reshaped {
+            self.plan();
+        }
+    }
+
+    // --- the tick, step by step ------------------------------------------------------------------------------
+
+    /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
+    pub fn tick(&mut self, sense: &Sense) -> Drive {
+        if sense.host_lost && self.motion.needs_host() {
+            self.faults.raise(Condition::HOST_LOST);
+        }
+        let counted = self.observe(sense);
+        let due = self.due_goal();
+        // A tick that plans leaves out the thermal judgement, which must not be missed twice in a row.
+        self.planned = due.is_some_and(Goal::plans);
+        if self.planned {
+            self.thermal.add(self.applied.torque);
+        } else if self.thermal.step(self.applied.torque, sense.motor_temp, self.tuning.config.otemp) {
+            self.faults.raise(Condition::HOT);
+        }
+        if let Some(fault) = self.faults.check(sense.bus) {
+            self.fail(fault);
+        }
+        if let Some(goal) = due {
+            if matches!(self.motion, Motion::Starting { .. }) && self.start(goal) {
+                // The profile sets out in the next tick; until then the bridge stays as it was.
+                return self.unchanged_drive();
+            }
+        } else if let Motion::Starting { brake_ms, .. } = &mut self.motion {
+            *brake_ms = brake_ms.saturating_add(1);
+            self.applied = AppliedTorque::OFF;
+            return Drive { duty: None, brake_released: true };
+        }
+        if matches!(self.motion, Motion::Idle) {
+            return IDLE;
+        }
+        if self.check_end(counted, sense.strain) {
+            match self.motion {
+                Motion::Idle => return IDLE,
+                // HI leaves the stop in the next tick; until then the bridge stays as it was.
+                Motion::Starting { .. } => return self.drive(),
+                _ => {}
+            }
+        }
+        let most = self.thermal.most();
+        let envelope = self.limiter.envelope(self.torque_ceiling(), most, self.velocity, sense.bus);
+        self.applied = envelope.bound(self.law(&envelope));
+        self.drive()
+    }
+
+    /// Halls → position and velocity. Returns whether the count changed.
+    fn observe(&mut self, sense: &Sense) -> bool {
         let (position, velocity) = self.estimator.at(sense.now);
         self.position = position.wrapping_sub(Counts::from_int(self.zero));
         self.velocity = velocity;
-        if self.limits.watch_current(sense.current, self.applied.duty) {
+        if self.limiter.watch_current(sense.current, self.applied.duty) {
             self.faults.raise(Condition::SHORT);
         }
         let before = core::mem::replace(&mut self.count, self.estimator.count());
         self.count != before
     }
 
-    /// What is applied, or nothing in idle.
-    fn drive(&self) -> Drive {
-        if self.mode == Mode::Idle {
-            return IDLE;
-        }
+    const fn drive(&self) -> Drive {
         Drive { duty: Some(self.applied.duty), brake_released: true }
     }
 
-    /// The same where the motion has changed and the torque not yet: nothing, if there was none before.
-    fn drive_on(&self) -> Drive {
-        let AppliedTorque { duty, .. } = self.applied;
-        Drive { duty: (self.applied != AppliedTorque::OFF).then_some(duty), brake_released: true }
+    /// The drive of the motion before this one; bridge off if there was none.
+    fn unchanged_drive(&self) -> Drive {
+        let off = self.applied == AppliedTorque::OFF;
+        Drive { duty: if off { None } else { Some(self.applied.duty) }, brake_released: true }
     }
 
-    /// Whether this tick enters the mode: not while the brake lets go. Nor does it plan right after a tick that planned:
-    /// a host that starts a move each millisecond gets no torque that nothing has bounded but for the first.
-    fn enters(&self) -> bool {
-        let again = self.planned && self.mode == Mode::Trapezoidal;
-        !self.entered && self.mode != Mode::Idle && self.brake_ms >= self.config.brake_ms && !again
-    }
-
-    /// Entry actions of the mode, at its first driven tick.
-    #[inline(never)]
-    fn enter(&mut self) {
-        self.entered = true;
-        self.stall.restart();
-        self.breakaway.restart();
-        let position = self.position_wanted.take().map_or(self.position, Counts::from_int);
-        self.profile.rest_at(position);
-        self.setpoint = self.profile.current();
-        if self.mode == Mode::Trapezoidal {
-            self.plan();
+    /// The goal that starts in this tick: one whose brake has released. A goal that plans does not start right after a
+    /// tick that planned: a host that starts a move every millisecond would keep the last torque on without limits.
+    fn due_goal(&self) -> Option<Goal> {
+        match self.motion {
+            Motion::Starting { goal, brake_ms } => {
+                let again = self.planned && goal.plans();
+                (brake_ms >= self.tuning.config.brake_ms && !again).then_some(goal)
+            }
+            _ => None,
         }
     }
 
-    /// The torque that the mode's law wants, damped.
-    fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
-        let (torque, missing) = match self.mode {
-            Mode::Idle => (Torque::ZERO, Law::ZERO),
-            Mode::Torque => (self.torque_wanted, MIN_DAMPING),
-            Mode::Velocity => (self.velocity_torque(envelope.most()), self.velocity_loop.missing_damping()),
-            Mode::Pid | Mode::Trapezoidal => {
-                if self.mode == Mode::Trapezoidal && !self.left_behind() {
-                    self.setpoint = self.profile.step();
-                }
-                let (error, velocity_error) = self.errors();
-                let range = envelope.range();
-                let torque = self.pid.step(&mut self.pid_state, error, velocity_error, range);
-                (torque, self.pid.missing_damping())
+    /// Starts a motion. Returns whether it has a profile to follow, which begins in the next tick.
+    #[inline(never)]
+    fn start(&mut self, goal: Goal) -> bool {
+        self.stall.restart();
+        let position = self.position;
+        self.motion = match goal {
+            Goal::Torque(torque) => Motion::Torque(torque),
+            Goal::Position { at, pid } => {
+                Motion::Position(PositionLoop::at_rest(at.map_or(position, Counts::from_int), pid))
             }
+            Goal::Velocity => Motion::Velocity,
+            Goal::TorqueControlled { closing } => Motion::TorqueControlled { closing },
+            Goal::Move { pid } => Motion::Move {
+                control: PositionLoop::at_rest(position, pid),
+                profile: Profile::at_rest(position),
+                breakaway: Breakaway::default(),
+            },
+            Goal::SeekStop => Motion::SeekStop,
+            Goal::LeaveStop => Motion::LeaveStop {
+                control: PositionLoop::at_rest(position, PidState::default()),
+                profile: Profile::at_rest(position),
+            },
         };
-        damped(torque, self.velocity, missing)
+        self.plan();
+        self.motion.position_loop().is_some_and(|control| !control.setpoint.done)
     }
 
-    /// Mode 4's torque. Pressing takes all of MT while the rotor is slower than half the speed it came with; if
-    /// the object gives way, the velocity loop is back.
+    /// Plans the profile from the present set-point to the end of the motion, if it has one.
+    fn plan(&mut self) {
+        let (control, profile, end) = match &mut self.motion {
+            Motion::Move { control, profile, .. } => (control, profile, self.end),
+            Motion::LeaveStop { control, profile } => (control, profile, self.tuning.config.ioff),
+            _ => return,
+        };
+        profile.plan(Counts::from_int(end), &self.tuning.ramps);
+        control.setpoint = profile.current();
+        self.stall.restart();
+    }
+
+    /// The torque that the motion's control law asks for, with the damping it lacks.
+    fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
+        let (position, velocity) = (self.position, self.velocity);
+        let pid = &self.tuning.pid;
+        let (torque, missing) = match &mut self.motion {
+            Motion::Idle | Motion::Starting { .. } => (Torque::ZERO, Law::ZERO),
+            Motion::Torque(wanted) => (*wanted, MIN_DAMPING),
+            Motion::Velocity
+            | Motion::TorqueControlled { .. }
+            | Motion::Pressing { .. }
+            | Motion::SeekStop => {
+                (self.velocity_torque(envelope.most()), self.tuning.velocity_loop.missing_damping())
+            }
+            Motion::Position(control) => {
+                (control.torque(pid, position, velocity, envelope.range()), pid.missing_damping())
+            }
+            Motion::Move { control, profile, .. } | Motion::LeaveStop { control, profile } => {
+                if !control.must_wait(position) {
+                    control.setpoint = profile.step();
+                }
+                (control.torque(pid, position, velocity, envelope.range()), pid.missing_damping())
+            }
+        };
+        damped(torque, velocity, missing)
+    }
+
+    /// Torque of mode 4. Pressing applies all of MT while the rotor is slower than half its approach speed; if the
+    /// object gives way, the velocity loop takes over.
     fn velocity_torque(&self, most: Torque) -> Torque {
         let goal = self.velocity_goal();
         let half = goal.0 >> 1;
-        match self.purpose {
-            Purpose::Pressing { closing: true } if self.velocity.0 < half => most,
-            Purpose::Pressing { closing: false } if self.velocity.0 > half => most.saturating_neg(),
-            _ => self.velocity_loop.step(goal, self.velocity, most),
+        match self.motion {
+            Motion::Pressing { closing: true } if self.velocity.0 < half => most,
+            Motion::Pressing { closing: false } if self.velocity.0 > half => most.saturating_neg(),
+            _ => self.tuning.velocity_loop.step(goal, self.velocity, most),
         }
     }
 
-    // --- pieces -------------------------------------------------------------------------------------------
-
-    /// Whether there is a set-point of position.
-    const fn is_positioned(&self) -> bool {
-        self.entered && matches!(self.mode, Mode::Pid | Mode::Trapezoidal)
-    }
-
-    /// How far the position lags behind the set-point.
-    fn lag(&self) -> Counts {
-        self.setpoint.position.wrapping_sub(self.position)
-    }
-
-    /// Whether the position lags too far behind a moving set-point, which then waits. A rotor that is ahead is
-    /// not waited for: the set-point catches up with it.
-    fn left_behind(&self) -> bool {
-        let lag = self.lag();
-        let lag =
-            if self.setpoint.velocity < CountsPerSec::ZERO { Counts::ZERO.wrapping_sub(lag) } else { lag };
-        lag > WAIT_LAG
-    }
-
-    /// Errors of the position loop. At rest in the cell of a resting set-point the error is nought: the halls
-    /// cannot tell more, and an integrator on half a count would hunt.
-    fn errors(&self) -> (Law, Law) {
-        let resting = self.setpoint.velocity == CountsPerSec::ZERO;
-        let same_cell = self.setpoint.position.round() == self.position.round();
-        let error = if resting && same_cell { Law::ZERO } else { self.lag().saturating_error() };
-        // Below 2^13 and 2^14 counts/s: it does not wrap.
-        (error, self.setpoint.velocity.0.wrapping_sub(self.velocity.0))
-    }
-
-    /// Whether the host steers the motion from moment to moment, and must be there to end it.
-    const fn is_steered(&self) -> bool {
-        matches!(self.mode, Mode::Torque | Mode::Velocity)
+    /// Velocity set-point of the present motion.
+    fn velocity_goal(&self) -> CountsPerSec {
+        match self.motion {
+            Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. } => self.velocity_wanted,
+            Motion::TorqueControlled { closing }
+            | Motion::Pressing { closing }
+            | Motion::Starting { goal: Goal::TorqueControlled { closing }, .. } => {
+                self.tuning.press_speed(closing)
+            }
+            Motion::SeekStop | Motion::Starting { goal: Goal::SeekStop, .. } => {
+                CountsPerSec::from_int(self.tuning.config.ivel)
+            }
+            Motion::Position(control) | Motion::Move { control, .. } | Motion::LeaveStop { control, .. } => {
+                control.setpoint.velocity
+            }
+            Motion::Idle | Motion::Starting { .. } | Motion::Torque(_) => CountsPerSec::ZERO,
+        }
     }
 
     fn torque_ceiling(&self) -> Torque {
-        if self.purpose == Purpose::SeekStop { self.homing_torque() } else { Config::torque(self.config.mt) }
-    }
-
-    /// The velocity that the present motion wants.
-    fn velocity_goal(&self) -> CountsPerSec {
-        match self.purpose {
-            Purpose::Plain if self.mode == Mode::Velocity => self.velocity_wanted,
-            Purpose::Plain | Purpose::LeaveStop if self.is_positioned() => self.setpoint.velocity,
-            Purpose::Plain | Purpose::LeaveStop => CountsPerSec::ZERO,
-            Purpose::TorqueControlled { closing } | Purpose::Pressing { closing } => {
-                if closing {
-                    Config::speed(self.config.mcv)
-                } else {
-                    Config::speed(self.config.mov).saturating_neg()
-                }
-            }
-            Purpose::SeekStop => CountsPerSec::from_int(self.config.ivel),
+        if matches!(self.motion, Motion::SeekStop) {
+            self.tuning.homing_torque()
+        } else {
+            Config::torque(self.tuning.config.mt)
         }
     }
 
-    /// Plans the profile to the goal from the present set-point.
-    fn plan(&mut self) {
-        self.profile.plan(Counts::from_int(self.goal()), &self.bounds);
-        self.setpoint = self.profile.current();
+    // --- the end of a motion ---------------------------------------------------------------------------------
+
+    /// Ends the motion if a condition for that is met. Returns whether it ended.
+    fn check_end(&mut self, counted: bool, strain: u8) -> bool {
+        let driven = !counted && self.is_driven();
+        let tstop = if driven { self.tstop() } else { 0 };
+        let stalled = self.stall.step(counted, driven, tstop);
+        let reason = match &self.motion {
+            Motion::Move { .. } => self.move_end(strain),
+            Motion::LeaveStop { control, .. } => self.arrival(control, self.tuning.config.ioff),
+            Motion::TorqueControlled { .. } if self.tuning.strain.excludes(strain) => Some(EndReason::Strain),
+            Motion::Pressing { .. } => return false,
+            Motion::Idle
+            | Motion::Starting { .. }
+            | Motion::Torque(_)
+            | Motion::Position(_)
+            | Motion::Velocity
+            | Motion::TorqueControlled { .. }
+            | Motion::SeekStop => None,
+        };
+        let Some(reason) = reason.or(stalled.then_some(EndReason::Stalled)) else { return false };
+        self.finish(reason);
+        true
+    }
+
+    /// Why a move to E ends in this tick, other than by a stall.
+    fn move_end(&mut self, strain: u8) -> Option<EndReason> {
+        let Motion::Move { control, breakaway, .. } = &mut self.motion else { return None };
+        if self.tuning.strain.excludes(strain) {
+            return Some(EndReason::Strain);
+        }
+        let Config { bt, bs, .. } = self.tuning.config;
+        // TC and TO are asked to press, so they never break away.
+        if bt != 0 && breakaway.step(self.applied.torque, control.setpoint.velocity, self.velocity, bt) {
+            let position = self.position.round();
+            self.broke_away = Some(position);
+            self.report(Event::Breakaway { position, stop_tip: bs });
+            return Some(EndReason::Breakaway);
+        }
+        let control = *control;
+        self.arrival(&control, self.end)
+    }
+
+    fn arrival(&self, control: &PositionLoop, end: i32) -> Option<EndReason> {
+        let done = control.setpoint.done;
+        (done && arrived(done, end, self.position.round(), self.tuning.config.mpe))
+            .then_some(EndReason::Arrived)
+    }
+
+    /// Whether the motor is driven away from rest, so that a missing hall count is a stall.
+    fn is_driven(&self) -> bool {
+        match &self.motion {
+            Motion::Idle | Motion::Starting { .. } => false,
+            Motion::Torque(wanted) => *wanted != Torque::ZERO,
+            // These run until something stops them, however little torque a low gain asks for.
+            Motion::TorqueControlled { .. } | Motion::Pressing { .. } | Motion::SeekStop => true,
+            Motion::Velocity => self.applied.limit.is_some() && self.applied.torque != Torque::ZERO,
+            // ACCEL 0 cannot move: such a move ends as a stall instead of never.
+            Motion::Move { .. } | Motion::LeaveStop { .. } if self.tuning.config.accel == 0 => true,
+            Motion::Position(control) | Motion::Move { control, .. } | Motion::LeaveStop { control, .. } => {
+                !control.lag(self.position).is_within(DRIVEN_LAG)
+            }
+        }
+    }
+
+    fn tstop(&self) -> u16 {
+        let tstop = self.tuning.config.tstop;
+        if matches!(self.motion, Motion::SeekStop) { tstop.max(HOMING_TSTOP_MIN) } else { tstop }
+    }
+
+    /// Whether the motor pushes as hard as a limit allows, and harder than friction: standing still, it has met its stop.
+    fn presses(&self) -> bool {
+        self.applied.limit.is_some() && self.applied.torque.saturating_abs() >= FRICTION
+    }
+
+    fn idle(&mut self) {
+        self.motion = Motion::Idle;
+        self.applied = AppliedTorque::OFF;
+    }
+
+    /// Ends the motion: HI continues with its next stage, anything else as HOLD says.
+    fn finish(&mut self, reason: EndReason) {
+        let mut pressing = None;
+        match (&self.motion, reason) {
+            (Motion::SeekStop, EndReason::Stalled) if self.presses() => {
+                self.zero = self.count;
+                self.position = self.position.wrapping_sub(Counts::from_int(self.position.round()));
+                return self.begin(Goal::LeaveStop);
+            }
+            (Motion::LeaveStop { .. }, EndReason::Arrived) => {
+                let offset = self.tuning.config.ioff;
+                self.zero = self.zero.wrapping_add(offset);
+                self.position = self.position.wrapping_sub(Counts::from_int(offset));
+                self.homed = true;
+                self.report(Event::Homed);
+            }
+            (&Motion::TorqueControlled { closing }, EndReason::Stalled) => {
+                pressing = Some(Motion::Pressing { closing });
+            }
+            _ => {}
+        }
+        // Every fault idles, and so does any end with HOLD 0 (manual 5.5).
+        if reason == EndReason::Fault || !self.tuning.config.hold {
+            self.idle();
+        } else if let Some(pressing) = pressing {
+            self.motion = pressing;
+        } else {
+            self.hold(reason);
+        }
+        self.ended = Some(reason);
+        self.report(Event::Ended { reason, mode: self.motion.mode() });
+    }
+
+    /// Position control at the present position. After an arrival the integrator keeps the torque of this moment, so
+    /// that a load stays carried. Any other end may come at speed or under full torque, and starts with an empty one.
+    fn hold(&mut self, reason: EndReason) {
+        let pid = if reason == EndReason::Arrived {
+            let most = Config::torque(self.tuning.config.mt);
+            self.tuning.pid.bumpless(self.applied.torque, Law::ZERO, Law::ZERO, most)
+        } else {
+            PidState::default()
+        };
+        self.motion = match self.motion {
+            // The brake gets the rest of its release time first.
+            Motion::Starting { brake_ms, .. } if brake_ms < self.tuning.config.brake_ms => {
+                Motion::Starting { goal: Goal::Position { at: None, pid }, brake_ms }
+            }
+            _ => Motion::Position(PositionLoop::at_rest(self.position, pid)),
+        };
         self.stall.restart();
+    }
+
+    fn fail(&mut self, fault: Fault) {
+        self.report(Event::Fault(fault));
+        if !matches!(self.motion, Motion::Idle) {
+            self.finish(EndReason::Fault);
+        }
     }
 
     fn report(&mut self, event: Event) {
         if self.events.is_full() {
             self.events.pop_front();
         }
-        // Room was made above.
+        // Cannot fail: there is room now.
         let _ = self.events.push_back(event);
-        self.has_event = true;
     }
-}
-
-fn bounds_of(config: &Config) -> profile::CruiseRamps {
-    let Config { accel, mv, mcv, mov, .. } = *config;
-    let (closing, opening) = (Config::speed(mv.min(mcv)), Config::speed(mv.min(mov)));
-    profile::MoveLimits { accel, closing, opening }.build()
-}
-
-fn pid_of(config: &Config) -> Pid {
-    PidConfig { kp: config.kp, ki: config.ki, kd: config.kd }.build()
 }

@@ -43,6 +43,12 @@ impl Counts {
         Self(self.0.wrapping_sub(other.0))
     }
 
+    /// The opposite distance; −2^21 counts stays as it is.
+    #[must_use]
+    pub const fn wrapping_neg(self) -> Self {
+        Self(self.0.wrapping_neg())
+    }
+
     /// Whether the magnitude is less than `distance`, which is not negative: one addition and one comparison.
     #[must_use]
     pub const fn is_within(self, distance: Self) -> bool {

@@ -252,15 +252,15 @@ impl<B: Board> Tater<B> {
         if !host_lost {
             self.host_timeout_ms = self.host_timeout_ms.wrapping_sub(1);
         }
+        if analog.bridge_fault {
+            self.servo.bridge_fault();
+        }
         let mut drive = self.servo.tick(&Sense {
             now,
-            // It has been told of all at once.
-            halls: &[],
             bus: analog.bus,
             current: analog.current,
             motor_temp: analog.motor_temp,
             strain: analog.strain,
-            bridge_fault: analog.bridge_fault,
             host_lost,
         });
         if let Some(count) = self.trusted_at

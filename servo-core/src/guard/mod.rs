@@ -2,7 +2,6 @@
 pub mod arrival;
 pub mod breakaway;
 pub mod fault;
-pub mod hold;
 pub mod limits;
 pub mod stall;
 pub mod strain;

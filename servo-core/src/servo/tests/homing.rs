@@ -26,6 +26,20 @@ fn homing_zeroes_at_the_stop_and_again_after_ioff() {
 }
 
 #[test]
+fn ioff_written_while_leaving_the_stop_replans_to_the_new_zero() {
+    let mut bench = Bench::new(MotorKind::Link);
+    bench.servo.command(Command::Home).unwrap();
+    while bench.servo.telemetry().mode != Mode::Trapezoidal {
+        bench.tick();
+    }
+    bench.follow(60);
+    let config = Config { ioff: 40, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    assert_eq!(bench.follow(2000), Some(EndReason::Arrived));
+    assert_eq!((bench.count, bench.servo.telemetry().position.round()), (40, 0));
+}
+
+#[test]
 fn homing_never_stalls_before_hosts_can_see_mode_4() {
     let mut bench = Bench::new(MotorKind::Link);
     let config = Config { tstop: 20, ..*bench.servo.config() };
@@ -102,7 +116,7 @@ fn homing_needs_a_velocity_and_more_torque_than_friction() {
         let config = lame(*bench.servo.config());
         bench.servo.trust_position();
         bench.servo.command(Command::Configure(config)).unwrap();
-        assert_eq!(bench.servo.command(Command::Home), Err(Refusal::Range), "{config:?}");
+        assert_eq!(bench.servo.command(Command::Home), Err(Refusal::Homing), "{config:?}");
         assert!(bench.servo.telemetry().homed, "refused is unchanged");
         let config = Config { ivel: -1, ihit: 63, mt: 63, ..config };
         bench.servo.command(Command::Configure(config)).unwrap();
