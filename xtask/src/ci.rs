@@ -1,29 +1,32 @@
-//! All checks and tests, in the order in which they are cheap.
+//! All checks and tests, the cheap ones first.
+//!
+//! Host programs are built with the dev profile alone (simulator and servo with opt-level 3 in it, Cargo.toml): a second build
+//! in release would take minutes, and dev has overflow checks.
 
 use std::process::Command;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use crate::program::{output, program, root, run};
+use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, setup, size, table};
+use crate::{Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, packages, setup, size, table};
 
-/// One step: what it is called and what it does.
 struct Step {
     name: &'static str,
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 17] = [
+const STEPS: [Step; 18] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
+    Step { name: "licenses and sources", check: packages::licenses },
     Step { name: "clippy, host", check: clippy_host },
     Step { name: "clippy, microcontroller", check: clippy_thumb },
     Step { name: "documentation", check: documentation },
+    Step { name: "packages", check: packages::check },
     Step { name: "build, microcontroller", check: build_thumb },
     Step { name: "image", check: image::check },
     Step { name: "size", check: size::check },
     Step { name: "tests", check: tests },
-    Step { name: "figures", check: figures },
     Step { name: "property table", check: || table::table(true) },
     Step { name: "scenarios", check: scenarios },
     Step { name: "hall captures", check: hall_oracle::check },
@@ -33,20 +36,33 @@ const STEPS: [Step; 17] = [
     Step { name: "fuzz targets", check: fuzz::check },
 ];
 
-/// Runs every step; the first failure ends it.
+/// Runs every step and prints how long each took; the first failure ends it.
 ///
 /// # Errors
 /// The name of the step that failed, and the line to repeat it.
 pub fn ci() -> Outcome {
     let start = Instant::now();
+    let mut took = Vec::new();
     for (i, step) in STEPS.iter().enumerate() {
         println!("[{}/{}] {}", i + 1, STEPS.len(), step.name);
         let begin = Instant::now();
         (step.check)().map_err(|error| format!("{}: {error}", step.name))?;
         println!("  {} took {:.1} s", step.name, begin.elapsed().as_secs_f64());
+        took.push((step.name, begin.elapsed()));
     }
+    print!("{}", times(&took, start.elapsed()));
     println!("All {} steps passed in {:.0} s.", STEPS.len(), start.elapsed().as_secs_f64());
     Ok(())
+}
+
+/// A table of the steps, the slowest first.
+fn times(took: &[(&str, Duration)], total: Duration) -> String {
+    let mut took = took.to_vec();
+    took.sort_by_key(|(_, time)| std::cmp::Reverse(*time));
+    let share = |time: Duration| 100.0 * time.as_secs_f64() / total.as_secs_f64().max(f64::MIN_POSITIVE);
+    took.iter()
+        .map(|(name, time)| format!("{:>8.1} s {:>5.1} %  {name}\n", time.as_secs_f64(), share(*time)))
+        .collect()
 }
 
 fn clippy_host() -> Outcome {
@@ -57,59 +73,44 @@ fn clippy_host() -> Outcome {
 const BOARD: &str = "--package servo-core --package tater-wire --package tater-fw --package god";
 
 fn clippy_thumb() -> Outcome {
-    // What goes into the image only with log strings comes second.
+    // Second, what is in the image only with log strings.
     for features in ["", "--features tater-fw/log"] {
         run(program(&format!("cargo clippy --quiet {BOARD} --target {THUMB} {features} -- -D warnings")))?;
     }
     Ok(())
 }
 
+/// GOD, which is in no image: the step "image" builds the other crates of the board.
 fn build_thumb() -> Outcome {
-    run(program(&format!("cargo build --quiet --release {BOARD} --lib --target {THUMB}")))
-}
-
-/// The system tests that measure: cargo would keep what they print to itself.
-const MEASURING: [&str; 9] = [
-    "emulated::",
-    "god::garbage::",
-    "god::realtime::",
-    "power_cuts::",
-    "trust::",
-    "protocol::download::",
-    "protocol::hosts::answers",
-    "protocol::image::",
-    "protocol::table::",
-];
-
-fn tests() -> Outcome {
-    let skips = MEASURING.map(|name| format!("--skip {name}")).join(" ");
-    run(program(&format!("cargo test --quiet --workspace -- {skips}")))
+    run(program(&format!("cargo build --quiet --release --package god --lib --target {THUMB}")))
 }
 
 /// The fewest distinct contents of the flash after a power cut that must have been tried.
 const CUT_STATES: u64 = 100_000;
 
-/// Runs the measuring tests and shows their figures, and what they skipped.
-fn figures() -> Outcome {
-    let names = MEASURING.join(" ");
-    let text = output(program(&format!("cargo test --package system-tests -- --nocapture {names}")))?;
-    let told =
+/// Runs all tests, doctests included, and prints what they measured and what they skipped.
+fn tests() -> Outcome {
+    let text = output(program("cargo test --workspace -- --nocapture"))?;
+    let marked =
         |mark: &'static str| text.lines().filter_map(move |line| line.split_once(mark)).map(|(_, rest)| rest);
-    told("figure: ").for_each(|figure| println!("  {figure}"));
-    told("skipped: ").for_each(|what| println!("  skipped: {what}"));
+    marked("figure: ").for_each(|figure| println!("  {figure}"));
+    marked("skipped: ").for_each(|what| println!("  skipped: {what}"));
     for (figure, test) in OF_IMAGE {
-        if !told("figure: ").any(|told| told.contains(figure)) {
+        if !marked("figure: ").any(|line| line.contains(figure)) {
             return Err(format!(
                 "found no figure \"{figure}\", which needs the production image that the step \"image\" has made: its test was \
                  skipped or is gone\n  repeat with: cargo test --package system-tests -- --nocapture {test}"
             ));
         }
     }
-    let states: u64 = told("figure: ").filter_map(distinct_states).sum();
+    let states: u64 = marked("figure: ").filter_map(distinct_states).sum();
     println!("  power cuts in all: {states} distinct states");
     if states < CUT_STATES {
         return Err(format!("{states} distinct states after power cuts, expected {CUT_STATES} at least"));
     }
+    marked("test result: ").filter(|result| !result.contains(" 0 passed")).for_each(|result| {
+        println!("test result: {result}");
+    });
     Ok(())
 }
 
@@ -145,13 +146,13 @@ fn scenarios() -> Outcome {
     }
     let mut runs: Vec<String> = names.iter().map(|name| format!("run {name} --json")).collect();
     runs.push("run spread-full-travel --json --model switched".into());
-    let failures: Vec<String> = runs.iter().filter_map(|line| output(simulator(line)).err()).collect();
+    let failures = in_parallel(&runs, |line| output(simulator(line)).map(|_| ()));
     println!("  {} of {} runs met their expectations", runs.len() - failures.len(), runs.len());
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
 }
 
 fn simulator(line: &str) -> Command {
-    program(&format!("cargo run --quiet --release --package hil-sim -- {line}"))
+    program(&format!("cargo run --quiet --package hil-sim -- {line}"))
 }
 
 /// The names of the scenario files, sorted.
@@ -168,4 +169,21 @@ fn shipped() -> Result<Vec<String>, String> {
         return Err(format!("no scenarios in {}", folder.display()));
     }
     Ok(names)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_listed_slowest_first() {
+        let took = [("a", Duration::from_secs(1)), ("b", Duration::from_secs(3))];
+        assert_eq!(times(&took, Duration::from_secs(4)), "     3.0 s  75.0 %  b\n     1.0 s  25.0 %  a\n");
+    }
+
+    #[test]
+    fn distinct_states_is_the_number_before_the_words() {
+        assert_eq!(distinct_states("power cuts: 12 cuts, 34 distinct states"), Some(34));
+        assert_eq!(distinct_states("12 cuts"), None);
+    }
 }

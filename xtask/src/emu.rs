@@ -92,7 +92,7 @@ const RUNS: [(&str, Profile, &str); 2] = [
 /// The run that fails, or what its object lacks.
 pub fn check() -> Outcome {
     for (what, profile, rest) in RUNS {
-        let mut emulate = program("cargo run --quiet --release --package board-emu -- --json --image");
+        let mut emulate = program("cargo run --quiet --package board-emu -- --json --image");
         emulate.arg(image::folder(profile)).args(rest.split(' '));
         let line = typed(&emulate);
         let told = output(emulate)?;

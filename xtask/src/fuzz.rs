@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use crate::Outcome;
-use crate::program::{program, root, run, succeeds, target};
+use crate::program::{in_parallel, output_of_both, program, root, run, succeeds, target};
 
 /// Seconds a target: most of what a target finds, it finds in the first few.
 const SECONDS: u32 = 30;
@@ -34,26 +34,18 @@ pub fn check() -> Outcome {
         println!("skipped: cargo-fuzz cannot be installed (cargo install cargo-fuzz --version {VERSION})");
         return Ok(());
     };
+    run(fuzz(&fuzzer, &["build"]))?;
     let targets = targets()?;
-    for name in &targets {
-        println!("  {name}");
-        run(fuzz(&fuzzer, &["build", name]))?;
+    let failures = in_parallel(&targets, |name| {
         let seconds = format!("-max_total_time={SECONDS}");
-        let mut fuzz = fuzz(
-            &fuzzer,
-            &[
-                "run",
-                name,
-                "--",
-                &seconds,
-                "-seed=1",
-                "-verbosity=0",
-                "-print_funcs=0",
-                "-print_final_stats=1",
-            ],
-        );
-        fuzz.stdout(std::process::Stdio::null());
-        run(fuzz)?;
+        let options = [&seconds, "-seed=1", "-verbosity=0", "-print_funcs=0", "-print_final_stats=1"];
+        output_of_both(fuzz(&fuzzer, &[["run", name, "--"].as_slice(), &options].concat())).map(|text| {
+            let runs = text.lines().find_map(|line| line.strip_prefix("stat::number_of_executed_units:"));
+            println!("  {name}: {} runs", runs.unwrap_or("unknown").trim());
+        })
+    });
+    if !failures.is_empty() {
+        return Err(failures.join("\n"));
     }
     println!("  {} targets held for {SECONDS} s each", targets.len());
     Ok(())

@@ -47,7 +47,7 @@ pub fn check() -> Outcome {
 fn judge(bounds: &Bounds, shared: &Path, oracle: &Path, out: &Path) -> Outcome {
     let capture = shared.join("captures").join(format!("{}.dat.gz", bounds.capture));
     let csv = out.join(format!("{}.csv", bounds.capture));
-    let mut replay = program("cargo run --quiet --release --package hil-sim -- replay-halls");
+    let mut replay = program("cargo run --quiet --package hil-sim -- replay-halls");
     replay.arg(&capture).args(["--counts-per-rev", "90", "--rate-hz", "30000", "--csv"]).arg(&csv);
     run(replay)?;
     let mut score = program("python3");

@@ -35,7 +35,7 @@ const BAUD: &str = "38400";
 /// What failed and how to repeat it; or what is missing to try it.
 pub fn check() -> Outcome {
     let python = python::environment("host-tools", &PACKAGES)?;
-    run(program("cargo build --quiet --release --package hil-sim"))?;
+    run(program("cargo build --quiet --package hil-sim"))?;
     let script = |name: &str, args: &[&str]| {
         let mut script = Command::new(&python);
         script.arg(format!("tests/host/{name}.py")).args(args).current_dir(root());
@@ -81,7 +81,7 @@ impl Drop for Served {
 impl Served {
     /// Starts hil-sim, and reads where it serves: a line for each option that asks for a door.
     fn new(args: &str) -> Result<Self, String> {
-        let mut command = Command::new(target().join("release/hil-sim"));
+        let mut command = Command::new(target().join("debug/hil-sim"));
         command.args(args.split(' ')).current_dir(root());
         let line = typed(&command);
         let failed = |what: String| format!("{what}\n  repeat with: {line}");

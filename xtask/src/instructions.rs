@@ -24,7 +24,7 @@ pub fn check() -> Outcome {
     let folder = target().join("instructions");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let cases = folder.join("cases.bin");
-    let mut make = program("cargo run --quiet --release --package board-emu --example instructions --");
+    let mut make = program("cargo run --quiet --package board-emu --example instructions --");
     make.arg(&cases).args([SEED, LEAST]);
     run(make)?;
     let mut compare = Command::new(python);

@@ -17,6 +17,7 @@ mod host_tools;
 mod image;
 mod instructions;
 mod outcome;
+mod packages;
 mod program;
 mod python;
 mod setup;

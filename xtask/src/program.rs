@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// The root of the project.
 pub fn root() -> PathBuf {
@@ -64,9 +66,58 @@ pub fn output(mut command: Command) -> Result<String, String> {
     Err(format!("{}\n{}\n  repeat with: {line}", output.status, text.trim_end()))
 }
 
+/// Runs to the end and returns what it wrote to standard output and then to standard error.
+///
+/// # Errors
+/// As [`output`].
+pub fn output_of_both(mut command: Command) -> Result<String, String> {
+    let line = typed(&command);
+    let output = command.output().map_err(|error| format!("cannot start: {error}\n  repeat with: {line}"))?;
+    let text =
+        [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    if output.status.success() {
+        return Ok(text);
+    }
+    Err(format!("{}\n{}\n  repeat with: {line}", output.status, text.trim_end()))
+}
+
+/// Does each piece of work once, as many at a time as there are processors; returns the errors.
+pub fn in_parallel<T: Sync>(work: &[T], each: impl Fn(&T) -> Result<(), String> + Sync) -> Vec<String> {
+    let workers = std::thread::available_parallelism().map_or(1, usize::from);
+    let (next, errors) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(|| {
+                while let Some(piece) = work.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if let Err(error) = each(piece) {
+                        errors.lock().unwrap_or_else(PoisonError::into_inner).push(error);
+                    }
+                }
+            });
+        }
+    });
+    errors.into_inner().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Whether a program can be started and succeeds; it writes nothing to the terminal.
 pub fn succeeds(line: &str) -> bool {
     let mut command = program(line);
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command.status().is_ok_and(|status| status.success())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::in_parallel;
+
+    #[test]
+    fn parallel_work_is_done_once_and_its_errors_returned() {
+        let done = std::sync::atomic::AtomicU32::new(0);
+        let mut errors = in_parallel(&[1, 2, 3, 4, 5], |n| {
+            done.fetch_add(10_u32.pow(*n), std::sync::atomic::Ordering::Relaxed);
+            if n % 2 == 0 { Err(n.to_string()) } else { Ok(()) }
+        });
+        errors.sort();
+        assert_eq!((done.into_inner(), errors.concat().as_str()), (111_110, "24"));
+    }
 }

@@ -1,11 +1,12 @@
-//! Python for what checks us from outside: an environment of its own below `target/`, with packages from PyPI.
+//! Python environments below `target/` for checks by independent tools, with packages from PyPI.
 
 use std::path::PathBuf;
 use std::process::Command;
 
 use crate::program::{program, root, run, succeeds, target};
 
-/// The python of an environment, made where it is missing or has other packages. Those are pinned, so that a failure is ours.
+/// The Python interpreter of an environment, which is made if it is missing or has other packages. Versions are pinned, so that
+/// a failure is this project's.
 ///
 /// # Errors
 /// What is missing, and how to install it.
