@@ -1,5 +1,5 @@
-//! The hardware of one motor board, simulated: the rig in place of the pins, a flash, a CAN controller's mailboxes.
-//! It decides nothing; what a board does is [`tater_fw`]'s.
+//! The simulated hardware of one motor board: the rig in place of the pins, a flash, a CAN controller's mailboxes.
+//! It implements [`tater_fw::Board`] and makes no decisions.
 
 use servo_core::sense::commutation::Bridge;
 use tater_fw::{Analog, Board};
@@ -13,7 +13,7 @@ use crate::world::rig::{Object, Rig, RigParams};
 /// Transmit mailboxes of the CAN controller (bxCAN).
 const MAILBOXES: usize = 3;
 
-/// Filters that let nothing through but group 0.
+/// Receive filters after a reset: only group 0 passes.
 const DEAF: (Node, [Option<Group>; 3]) = (Node::HOST, [None; 3]);
 
 /// One board's hardware and its plant.
@@ -23,7 +23,7 @@ pub struct SimBoard {
     flash: SimFlash,
     straps: Node,
     reset_cause: Option<FaultCode>,
-    /// What the filters of the CAN controller let through besides group 0.
+    /// Node and groups that the receive filters pass besides group 0.
     listens: (Node, [Option<Group>; 3]),
     bridge: Bridge,
     driven_since_us: Option<u64>,
@@ -35,7 +35,7 @@ pub struct SimBoard {
 }
 
 impl SimBoard {
-    /// Hardware with an erased flash, whose straps say `straps`.
+    /// Hardware with an erased flash; the straps select node `straps`.
     #[must_use]
     pub fn new(mut rig: Rig, straps: Node) -> Self {
         Self {
@@ -63,15 +63,15 @@ impl SimBoard {
     /// The same at another position, hall counts.
     ///
     /// # Errors
-    /// It is beyond the stops.
+    /// The position is beyond the stops.
     pub fn standing_at(count: f64, node: Node, model: Model, seed: u64) -> Result<Self, ParamError> {
         Self::with(count, node, RigParams::default(), &[], model, seed)
     }
 
-    /// The same with sensors of its own, and with objects in its motor's way.
+    /// The same with the given sensors and objects.
     ///
     /// # Errors
-    /// It is beyond the stops, or a parameter is out of its range.
+    /// The position is beyond the stops, or a parameter is out of its range.
     pub fn with(
         count: f64,
         node: Node,
@@ -86,12 +86,12 @@ impl SimBoard {
         Ok(Self::new(Rig::new(plant, rig, objects, model, start, seed)?, node))
     }
 
-    /// Runs the plant until `until_us` or until a hall line changes, whichever is first; returns whether one did.
+    /// Advances the plant to `until_us` or to the next hall edge, whichever is first; returns whether there was an edge.
     pub fn run(&mut self, until_us: u64) -> bool {
         self.rig.advance(self.bridge, self.brake_released, until_us).is_some()
     }
 
-    /// Converts the analog inputs, as the ADC does before each tick.
+    /// Samples the analog inputs, as the ADC does before each tick.
     pub fn convert(&mut self) {
         self.analog = self.rig.analog();
     }
@@ -107,25 +107,25 @@ impl SimBoard {
         &mut self.rig
     }
 
-    /// The flash, to look at it.
+    /// The flash.
     #[must_use]
     pub const fn sim_flash(&self) -> &SimFlash {
         &self.flash
     }
 
-    /// Since when the bridge is on, µs; `None` if it is off.
+    /// Time at which the bridge was switched on, µs; `None` while it is off.
     #[must_use]
     pub const fn driven_since_us(&self) -> Option<u64> {
         self.driven_since_us
     }
 
-    /// Whether the brake is told to release.
+    /// Whether the brake is commanded to release.
     #[must_use]
     pub const fn is_brake_released(&self) -> bool {
         self.brake_released
     }
 
-    /// What the ADC said last.
+    /// The last ADC readings.
     #[must_use]
     pub const fn analog_now(&self) -> &Analog {
         &self.analog
@@ -137,15 +137,14 @@ impl SimBoard {
         &self.mailboxes
     }
 
-    /// A frame of the mailboxes has been sent; the later ones move up. One that is not there is ignored: the board was
-    /// reset meanwhile.
+    /// Removes a sent frame from its mailbox. Ignored if the frame is gone (the board was reset meanwhile).
     pub fn sent(&mut self, frame: &Frame) {
         if let Some(index) = self.mailboxes.iter().position(|waiting| waiting == frame) {
             self.mailboxes.remove(index);
         }
     }
 
-    /// How often the program asked for a reset.
+    /// How often the program requested a reset.
     #[must_use]
     pub const fn resets(&self) -> u32 {
         self.resets
@@ -157,7 +156,7 @@ impl SimBoard {
         self.feeds
     }
 
-    /// Whether the filters of the CAN controller let a frame through.
+    /// Whether the receive filters pass a frame.
     #[must_use]
     pub fn lets_through(&self, frame: &Frame) -> bool {
         let (node, groups) = self.listens;
@@ -167,8 +166,8 @@ impl SimBoard {
         }
     }
 
-    /// What a reset or a loss of power does to the pins and the CAN controller: bridge off, brake engaged, mailboxes and
-    /// filters empty. `cause` is what [`Board::reset_cause`] says from then on.
+    /// Applies a reset or a loss of power to the pins and the CAN controller: bridge off, brake engaged, mailboxes empty, filters
+    /// closed. [`Board::reset_cause`] returns `cause` from then on.
     pub fn reset_pins(&mut self, cause: Option<FaultCode>) {
         self.bridge(Bridge::Off);
         self.brake_released = false;
@@ -235,7 +234,7 @@ impl Board for SimBoard {
     }
 
     fn serial_number(&self) -> u16 {
-        // Any number of its own.
+        // Arbitrary but distinct.
         1000 + u16::from(self.straps.number())
     }
 }

@@ -1,12 +1,12 @@
-//! A CAN bus in simulated time: who sends when, what everybody hears, and what that costs in bit times.
+//! A CAN bus in simulated time: arbitration, delivery, and the bit times each frame takes.
 //!
 //! Classic CAN at 1 Mbit/s, so that a bit is a microsecond. The lowest identifier wins; frames have their exact length with
-//! stuffing; a destroyed frame costs an error frame and is sent again; a controller's receive FIFO holds three frames and
-//! loses what comes while it is full. Left out: error counters (a station never goes bus-off), remote and extended
-//! frames, and the retries of a station that nobody acknowledges: it waits in silence.
+//! stuffing; a corrupted frame costs an error frame and is sent again; a controller's receive FIFO holds three frames and
+//! drops what arrives while it is full. Not modeled: error counters (a station never goes bus-off), remote and extended
+//! frames, and the retransmissions of a station that nobody acknowledges: it waits until another station is on the bus.
 //!
-//! Events decide, not steps: between two of them nothing that a station does can reach another one. All happens in a fixed
-//! order, so the same calls give the same bus, to the microsecond.
+//! The simulation is event-driven: between two events no station can affect another. Events are processed in a fixed order,
+//! so the same calls give the same bus traffic, to the microsecond.
 
 mod host;
 mod length;
@@ -29,27 +29,27 @@ pub use station::{BOARD_US, Station};
 /// Frames in a controller's receive FIFO (bxCAN: three; locked when full, so the newest is lost).
 pub const FIFO: usize = 3;
 
-/// Frames that a tap keeps until they are taken: 0.1 s of a full bus.
+/// Frames that a tap keeps until they are read: 0.1 s of a full bus.
 const TAP: usize = 1024;
 
-/// What has been on the bus.
+/// Counters of the bus traffic.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Bit times in use: frames, error frames, intermissions.
     pub busy_us: u64,
-    /// Frames that were acknowledged.
+    /// Acknowledged frames.
     pub frames: u64,
-    /// Frames that were destroyed, and sent again.
+    /// Corrupted frames; each was sent again.
     pub errors: u64,
     /// Acknowledged frames by identifier.
     pub by_id: BTreeMap<u16, u64>,
     /// Frames lost because a receive FIFO was full.
     pub overruns: u64,
-    /// Frames that a listener lost otherwise.
-    pub unheard: u64,
+    /// Frames that a receiver acknowledged but lost (see [`Medium::delivers`]).
+    pub lost: u64,
 }
 
-/// A bus with its stations, and perhaps a host.
+/// A bus with its stations and at most one host.
 pub struct Bus<S> {
     now_us: u64,
     slots: Vec<Slot<S>>,
@@ -59,23 +59,23 @@ pub struct Bus<S> {
     /// End of the last intermission.
     free_us: u64,
     stats: Stats,
-    /// Whole frames that a listener has not taken yet.
+    /// Frames since the tap was opened that have not been read.
     tap: Option<VecDeque<Stamped>>,
 }
 
-/// A station's place.
+/// A station and its receive side.
 struct Slot<S> {
     station: S,
     cut: bool,
     fifo: VecDeque<Stamped>,
-    /// When the software took the last frame.
+    /// When the station's software read the last frame from the FIFO.
     taken_us: u64,
 }
 
-/// A frame on the wire.
+/// The frame on the wire.
 struct Flight {
     frame: Frame,
-    /// Which station sends it; `None`: the host.
+    /// The sending station; `None`: the host.
     sender: Option<usize>,
     begin_us: u64,
     end_us: u64,
@@ -87,9 +87,8 @@ impl<S: Station> Slot<S> {
         !self.cut && self.station.is_on_bus()
     }
 
-    /// When the software takes the next frame out of the FIFO. Frames that waited for the processor are taken all at once
-    /// and in the last microsecond before it runs on: their interrupt goes before what the program does next, which may
-    /// be to stand still again.
+    /// When the software reads the next frame from the FIFO. Frames that arrived while the processor was stalled are read all
+    /// at once, in the last microsecond of the stall: their interrupt precedes the program's next step, which may stall again.
     fn delivery_us(&self) -> Option<u64> {
         let latency_us = self.station.latency_us();
         let ready_us = self.fifo.front()?.at_us + latency_us;
@@ -115,10 +114,10 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// Plugs a host in, and gives it a name for errors.
+    /// Connects a host; `name` identifies it in errors.
     ///
     /// # Errors
-    /// There is one: host and GOD are both node 0, and the bus carries only one of them.
+    /// A host is connected already: host and GOD are both node 0, and the bus carries only one of them.
     pub fn plug_host(&mut self, name: &str, adapter: Adapter) -> Result<(), TwoHosts> {
         if let Some(host) = &self.host {
             return Err(TwoHosts { present: host.name.clone(), refused: name.to_owned() });
@@ -127,7 +126,7 @@ impl<S: Station> Bus<S> {
         Ok(())
     }
 
-    /// Unplugs the host, with all that it has not sent or received.
+    /// Disconnects the host and discards what it has not sent or received.
     pub fn unplug_host(&mut self) {
         self.host = None;
         if let Some(flight) = self.flight.as_mut().filter(|flight| flight.sender.is_none()) {
@@ -135,12 +134,12 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// Replaces the cable.
+    /// Replaces the cable model.
     pub fn set_medium(&mut self, medium: impl Medium + Send + 'static) {
         self.medium = Box::new(medium);
     }
 
-    /// Cuts a station's cable, or mends it. What it is sending is destroyed.
+    /// Cuts or restores a station's cable. A frame that the station is sending is corrupted.
     pub fn cut(&mut self, station: usize, cut: bool) {
         if let Some(slot) = self.slots.get_mut(station) {
             slot.cut = cut;
@@ -156,38 +155,38 @@ impl<S: Station> Bus<S> {
         self.now_us
     }
 
-    /// What has been on the bus.
+    /// The traffic counters.
     #[must_use]
     pub const fn stats(&self) -> &Stats {
         &self.stats
     }
 
-    /// The stations, in the order given.
+    /// The stations, in the order they were given.
     pub fn stations(&self) -> impl Iterator<Item = &S> {
         self.slots.iter().map(|slot| &slot.station)
     }
 
-    /// A station, by its place in the order given.
+    /// A station by its index.
     pub fn station_mut(&mut self, index: usize) -> Option<&mut S> {
         self.slots.get_mut(index).map(|slot| &mut slot.station)
     }
 
-    /// Gives the host a frame to send, after those it has.
+    /// Queues a frame of the host.
     ///
     /// # Errors
-    /// There is no host.
+    /// No host is connected.
     pub fn send(&mut self, frame: Frame) -> Result<(), NoHost> {
         self.host.as_mut().ok_or(NoHost)?.send(frame, self.now_us);
         Ok(())
     }
 
-    /// Frames that the host has not sent yet.
+    /// Queued frames of the host that are not on the wire yet, the one being sent included.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.host.as_ref().map_or(0, Host::waiting)
     }
 
-    /// Aborts the host's transmissions: frames that wait are never sent. One that is on the wire is finished.
+    /// Discards the host's queued frames. One that is on the wire is finished.
     pub fn abort_pending(&mut self) {
         let on_wire = self.flight.as_ref().is_some_and(|flight| flight.sender.is_none());
         if let Some(host) = &mut self.host {
@@ -195,22 +194,22 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// What the host has received by now, oldest first.
+    /// The oldest frame that has reached the host by now.
     pub fn receive(&mut self) -> Option<Stamped> {
         self.host.as_mut()?.receive(self.now_us)
     }
 
-    /// Begins to keep all frames, whoever sends them, for [`Self::tapped`]; or ends it. A listener that acknowledges nothing.
+    /// Starts or stops recording all frames for [`Self::tapped`]. The tap is passive: it acknowledges nothing.
     pub fn tap(&mut self, on: bool) {
         self.tap = on.then(VecDeque::new);
     }
 
-    /// The next frame that was on the bus since the tap was opened. Of more than 1024 the oldest are lost.
+    /// The next recorded frame. Of more than 1024 unread frames the oldest are dropped.
     pub fn tapped(&mut self) -> Option<Stamped> {
         self.tap.as_mut()?.pop_front()
     }
 
-    /// Lets time pass up to and including `until_us`.
+    /// Advances time up to and including `until_us`.
     pub fn run_until(&mut self, until_us: u64) {
         self.settle();
         while self.now_us < until_us {
@@ -218,7 +217,7 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// Lets time pass until the host has a frame, which is taken; `None` at `deadline_us`.
+    /// Advances time until a frame reaches the host and returns it; `None` at `deadline_us`.
     pub fn wait(&mut self, deadline_us: u64) -> Option<Stamped> {
         self.settle();
         loop {
@@ -232,7 +231,7 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// To the next event, or to `until_us` if that is earlier.
+    /// Advances to the next event, or to `until_us` if that is earlier.
     fn step(&mut self, until_us: u64) {
         let next_us = self.next_us().clamp(self.now_us + 1, until_us.max(self.now_us + 1));
         for slot in &mut self.slots {
@@ -242,7 +241,7 @@ impl<S: Station> Bus<S> {
         self.settle();
     }
 
-    /// When something happens next, as far as is known now.
+    /// Time of the next event, as far as known now.
     fn next_us(&self) -> u64 {
         let wire_us = match &self.flight {
             Some(flight) => flight.end_us,
@@ -256,7 +255,7 @@ impl<S: Station> Bus<S> {
         slots_us.min().unwrap_or(u64::MAX).min(wire_us).min(host_us)
     }
 
-    /// All that is due now: the end of a frame, deliveries, the beginning of a frame.
+    /// Processes what is due now: the end of a frame, deliveries, the start of a frame.
     fn settle(&mut self) {
         if let Some(flight) = self.flight.take_if(|flight| flight.end_us <= self.now_us) {
             self.finish(&flight);
@@ -277,12 +276,12 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// Whom arbitration lets send now: the lowest identifier of all that is pending. Identifiers name their sender, so two
-    /// stations have the same one only by mistake; then the first of them goes.
+    /// The winner of arbitration: the lowest pending identifier. Identifiers contain the sender's node, so two stations share one
+    /// only by mistake; then the first station wins.
     fn winner(&self) -> Option<(Option<usize>, Frame)> {
         let host = self.host.as_ref().and_then(|host| host.pending(self.now_us)).map(|frame| (None, frame));
         let connected = self.slots.iter().enumerate().filter(|(_, slot)| slot.is_connected());
-        // Without a listener there is no acknowledge.
+        // A frame needs a second node on the bus to be acknowledged.
         if connected.clone().count() + usize::from(self.host.is_some()) < 2 {
             return None;
         }
@@ -297,8 +296,8 @@ impl<S: Station> Bus<S> {
         let Some((sender, frame)) = self.winner() else { return };
         let bits = length::bits(&frame);
         let (len, whole) = match self.medium.fate(&frame, bits, self.now_us) {
-            Fate::Whole => (bits, true),
-            Fate::Broken { at_bit } => (at_bit.min(bits) + ERROR_FRAME, false),
+            Fate::Delivered => (bits, true),
+            Fate::Corrupted { at_bit } => (at_bit.min(bits) + ERROR_FRAME, false),
         };
         let end_us = self.now_us + len;
         self.flight = Some(Flight { frame, sender, begin_us: self.now_us, end_us, whole });
@@ -328,8 +327,8 @@ impl<S: Station> Bus<S> {
             if sender == Some(index) {
                 slot.station.sent(&frame);
             } else if !slot.is_connected() {
-            } else if !self.medium.hears(&frame, Some(index)) {
-                self.stats.unheard += 1;
+            } else if !self.medium.delivers(&frame, Some(index)) {
+                self.stats.lost += 1;
             } else if slot.fifo.len() >= FIFO {
                 self.stats.overruns += 1;
             } else {
@@ -339,10 +338,10 @@ impl<S: Station> Bus<S> {
         let Some(host) = &mut self.host else { return };
         if sender.is_none() {
             host.sent();
-        } else if self.medium.hears(&frame, None) {
+        } else if self.medium.delivers(&frame, None) {
             host.hear(frame, now_us);
         } else {
-            self.stats.unheard += 1;
+            self.stats.lost += 1;
         }
     }
 }

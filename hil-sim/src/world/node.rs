@@ -1,7 +1,7 @@
-//! One simulated board on the bus: what its reset vector, its interrupts and its idle loop are on the metal, in the same
-//! order, with simulated time for the timers. After power-up the monitor runs; it starts the application.
+//! One simulated board on the bus: the reset vector, interrupts and idle loop of the firmware in the same order as on the
+//! microcontroller, with simulated timers. The monitor runs after power-up and starts the application.
 
-mod first_day;
+mod factory;
 
 use servo_core::units::Micros;
 use servo_core::{Event, Telemetry};
@@ -14,33 +14,32 @@ use tater_wire::{FaultCode, Frame};
 use crate::world::board::SimBoard;
 use crate::world::bus::Station;
 use crate::world::rig::{Rig, Truth};
-use first_day::in_use;
-pub use first_day::placeholder_application;
+use factory::provisioned;
+pub use factory::placeholder_application;
 
-/// Control tick in microseconds (servo_core's TICK_HZ).
+/// Period of the control tick, µs.
 const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
 
-/// Unfed for so long, the watchdog resets the board, µs: the slow task feeds it ten times a second, and a page takes
-/// 40 ms to erase.
+/// The watchdog's period, µs: it is fed ten times a second, and a page takes 40 ms to erase.
 const WATCHDOG_US: u64 = 500_000;
 
-/// Ticks from one slow task to the next: 10 Hz.
+/// Ticks between two housekeeping tasks: 10 Hz.
 const SLOW_TICKS: u64 = 100;
 
-/// From a reset to the first line of the program, µs: crystal and clocks, 2 ms in the data sheet at most; chosen.
+/// Time from reset to the program's first instruction, µs; chosen: crystal and clocks take at most 2 ms by the data sheet.
 const BOOT_US: u64 = 5_000;
 
-/// Steps without a flash operation that the monitor does at most from one event to the next: they take microseconds.
+/// Monitor steps without a flash operation between two events at most: they take microseconds.
 const STEPS: usize = 8;
 
-/// What a slice of a sum over an image takes the monitor, µs: 256 bytes at some 42 cycles each, at 72 MHz.
+/// Time the monitor needs for one slice of an image's checksum, µs: 256 bytes at about 42 cycles each, at 72 MHz.
 const CHECK_US: u64 = 150;
 
-/// What runs on the board.
+/// The running program.
 #[allow(clippy::large_enum_variant, reason = "one a node, and it hardly ever moves")]
 #[derive(Debug)]
 enum Program {
-    /// The power is off.
+    /// Powered off.
     Off(SimBoard),
     /// After a reset.
     Monitor(Monitor<SimBoard>),
@@ -48,53 +47,53 @@ enum Program {
     Application(Tater<SimBoard>),
 }
 
-/// One board and its plant.
+/// A board and its plant.
 #[derive(Debug)]
 pub struct Node {
-    /// `None` only while one program hands the board to the next.
+    /// `None` only inside a switch from one program to the next.
     program: Option<Program>,
     now_us: u64,
     next_tick_us: u64,
     ticks: u64,
-    /// Until then the processor waits for its flash, or boots.
+    /// End of a flash stall or of the boot.
     busy_until_us: u64,
-    /// Until then it boots.
+    /// End of the boot.
     boots_until_us: u64,
-    /// A hall line changed meanwhile.
+    /// A hall line changed during a stall.
     missed_edge: bool,
     resets: u32,
-    /// How often the watchdog had been fed, and since when.
+    /// The board's feed counter and when it last changed.
     fed: (u32, u64),
     watchdog_resets: u32,
     count: i32,
     last_count_us: u64,
 }
 
-/// Everything that can be known of a board after a tick.
+/// The state of a board after a tick, as seen from outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
     /// Time of the tick.
     pub ms: u32,
-    /// What the servo says.
+    /// The servo's state.
     pub status: Telemetry,
     /// Whether the bridge is on.
     pub driven: bool,
-    /// Whether the brake is told to release.
+    /// Whether the brake is commanded to release.
     pub brake_released: bool,
-    /// What is really so.
+    /// The true state of the plant.
     pub truth: Truth,
     /// Hall code.
     pub halls: u8,
-    /// What the board measured at the tick.
+    /// The ADC readings of the tick.
     pub analog: Analog,
     /// Time of the last hall count, µs.
     pub last_count_us: u64,
-    /// The plant's count that the servo calls 0, as [`crate::experiment::metrics::Meter`] has followed it.
+    /// The plant's count that the servo calls 0, as `Meter` tracks it.
     pub zero_counts: f64,
 }
 
 impl Sample {
-    /// The servo's position.
+    /// The servo's position estimate.
     #[must_use]
     pub fn estimated_counts(&self) -> f64 {
         self.status.position.0.to_num()
@@ -108,13 +107,13 @@ impl Sample {
 }
 
 impl Node {
-    /// A board whose power comes on now, with an application in its flash: it waits in the monitor.
+    /// A new board at power-up, with an application in its flash: it waits in the monitor.
     #[must_use]
     pub fn new(board: SimBoard) -> Self {
-        Self::again(in_use(board))
+        Self::again(provisioned(board))
     }
 
-    /// A board whose power comes on again, its flash as it is.
+    /// A board at power-up with its flash unchanged.
     #[must_use]
     pub fn again(board: SimBoard) -> Self {
         let mut node = Self::off(board);
@@ -122,10 +121,10 @@ impl Node {
         node
     }
 
-    /// A new board that is awake already: STAT 2.
+    /// A new board that has left the monitor already (STAT 2).
     #[must_use]
     pub fn awake(board: SimBoard) -> Self {
-        let mut node = Self::off(in_use(board));
+        let mut node = Self::off(provisioned(board));
         node.start_application();
         node
     }
@@ -150,19 +149,19 @@ impl Node {
 
     // --- power and reset ----------------------------------------------------------------------------------
 
-    /// The power fails: bridge off, brake engaged, RAM lost. The rotor coasts on.
+    /// The power fails: bridge off, brake engaged, RAM lost. The rotor coasts.
     pub fn power_off(&mut self) {
         let mut board = self.take_board();
         board.reset_pins(None);
         self.program = Some(Program::Off(board));
     }
 
-    /// The power comes on: the monitor runs, even if it was on.
+    /// Powers the board up, or resets it if it was on: the monitor starts.
     pub fn power_on(&mut self) {
         self.reset(None);
     }
 
-    /// The monitor runs; `cause` is why, if nobody asked for it.
+    /// Starts the monitor; `cause` is the fault that caused the reset, if any.
     fn reset(&mut self, cause: Option<FaultCode>) {
         let mut board = self.take_board();
         board.reset_pins(cause);
@@ -179,7 +178,7 @@ impl Node {
         self.program = Some(Program::Application(tater));
     }
 
-    /// Until then the CAN controller is off the bus.
+    /// The CAN controller is off the bus during the boot.
     fn boot(&mut self) {
         self.boots_until_us = self.now_us + BOOT_US;
         self.busy_until_us = self.boots_until_us;
@@ -195,12 +194,12 @@ impl Node {
 
     // --- time -------------------------------------------------------------------------------------------------
 
-    /// One millisecond.
+    /// Advances by one millisecond.
     pub fn step(&mut self) {
         self.advance(self.now_us + TICK_US);
     }
 
-    /// Runs the board and its plant until `until_us`.
+    /// Advances the board and its plant to `until_us`.
     pub fn advance(&mut self, until_us: u64) {
         while self.now_us < until_us {
             let stalled = self.is_busy();
@@ -213,7 +212,7 @@ impl Node {
             if self.is_busy() {
                 continue;
             }
-            // Only what happens is acted on, never where a caller's time ends: how it is sliced changes nothing.
+            // Act on events only, never at the end of a caller's slice: the slicing must not change the result.
             let ticks = self.now_us >= self.next_tick_us;
             if ticks {
                 self.next_tick_us = (self.now_us / TICK_US + 1) * TICK_US;
@@ -232,7 +231,7 @@ impl Node {
         self.now_us < self.busy_until_us
     }
 
-    /// The hall interrupt; after a tick at the same time, because its filter lets an edge through a little later.
+    /// The hall interrupt. It follows a tick at the same time, because the timer's filter delays the edge.
     fn edge(&mut self) {
         self.missed_edge = false;
         let now = micros(self.now_us);
@@ -242,7 +241,7 @@ impl Node {
         self.after();
     }
 
-    /// The control tick, and every hundredth the slow task.
+    /// The control tick, and every hundredth the housekeeping task.
     fn tick(&mut self) {
         self.ticks += 1;
         let now = micros(self.now_us);
@@ -257,7 +256,7 @@ impl Node {
         self.after();
     }
 
-    /// The watchdog: resets a board whose program has not fed it for too long.
+    /// The watchdog: resets a board whose program has stopped feeding it.
     fn watch(&mut self) {
         let feeds = self.board().feeds();
         if feeds != self.fed.0 || matches!(self.program, Some(Program::Off(_))) {
@@ -301,7 +300,7 @@ impl Node {
         self.after();
     }
 
-    /// What every call into a program may have led to: time with the flash, a count, a reset, no power.
+    /// After each call into the program: accounts flash stalls, hall counts, resets and power failures.
     fn after(&mut self) {
         let busy_us = self.board_mut().flash().take_busy_us();
         if busy_us > 0 {
@@ -322,10 +321,10 @@ impl Node {
 
     // --- the bus ----------------------------------------------------------------------------------------------
 
-    /// A frame comes in now. The filters of the CAN controller are before the program.
+    /// A frame arrives now, and passes the receive filters first.
     ///
     /// # Errors
-    /// Why the application did nothing with it, which on the bus nobody is told; the monitor never says.
+    /// Why the application ignored it; the bus does not see this. The monitor never fails.
     pub fn receive(&mut self, frame: &Frame) -> Result<(), SetError> {
         if !self.board().lets_through(frame) {
             return Ok(());
@@ -344,13 +343,13 @@ impl Node {
         done
     }
 
-    /// Frames that the controller wants to send.
+    /// Frames in the transmit mailboxes.
     #[must_use]
     pub fn mailboxes(&self) -> &[Frame] {
         self.board().mailboxes()
     }
 
-    /// A frame of the mailboxes has been sent.
+    /// A frame of the mailboxes was sent.
     pub fn sent(&mut self, frame: &Frame) {
         self.board_mut().sent(frame);
         if let Some(Program::Application(tater)) = &mut self.program {
@@ -359,7 +358,7 @@ impl Node {
         self.idle();
     }
 
-    // --- for those who watch --------------------------------------------------------------------------------
+    // --- observation -----------------------------------------------------------------------------------------
 
     /// The hardware.
     #[must_use]
@@ -371,7 +370,7 @@ impl Node {
         }
     }
 
-    /// The hardware.
+    /// The hardware, mutable.
     pub fn board_mut(&mut self) -> &mut SimBoard {
         match self.program.as_mut().expect("a node has a program between two calls") {
             Program::Off(board) => board,
@@ -380,7 +379,7 @@ impl Node {
         }
     }
 
-    /// The node's number by its straps.
+    /// The node's number as strapped.
     #[must_use]
     pub fn straps(&self) -> tater_wire::Node {
         self.board().straps()
@@ -397,7 +396,7 @@ impl Node {
         self.board_mut().rig_mut()
     }
 
-    /// The application, if it runs.
+    /// The application, if it is running.
     #[must_use]
     pub const fn application(&self) -> Option<&Tater<SimBoard>> {
         match &self.program {
@@ -406,7 +405,7 @@ impl Node {
         }
     }
 
-    /// The application's next report.
+    /// The servo's next event.
     pub fn event(&mut self) -> Option<Event> {
         match &mut self.program {
             Some(Program::Application(tater)) => tater.event(),
@@ -414,7 +413,7 @@ impl Node {
         }
     }
 
-    /// What can be known now; `None` unless the application runs.
+    /// The present state; `None` unless the application runs.
     #[must_use]
     pub fn sample(&self) -> Option<Sample> {
         let tater = self.application()?;
@@ -436,7 +435,7 @@ impl Node {
 #[cfg(test)]
 mod tests;
 
-/// A time-stamp as the board's 32-bit timer gives it.
+/// A time stamp of the board's 32-bit timer.
 fn micros(us: u64) -> Micros {
     Micros(us as u32)
 }
@@ -463,7 +462,7 @@ impl Station for Node {
     }
 
     fn receive(&mut self, frame: &Frame) {
-        // Nobody is told on the bus.
+        // A refusal is not visible on the bus.
         let _ = Self::receive(self, frame);
     }
 

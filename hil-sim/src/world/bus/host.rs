@@ -1,11 +1,11 @@
-//! The host's place on the bus: node 0, behind an adapter that queues.
+//! The host on the bus: node 0, behind an adapter with a queue.
 
 use std::collections::VecDeque;
 use std::fmt;
 
 use tater_wire::Frame;
 
-/// What a host's CAN adapter adds to the bus.
+/// Delays of a host's CAN adapter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Adapter {
     /// From the host's program to the adapter's transmit queue, µs.
@@ -14,21 +14,21 @@ pub struct Adapter {
     pub in_us: u64,
 }
 
-/// A frame and when it was there.
+/// A frame with its time stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamped {
-    /// End of the frame on the bus, and the adapter's delay: µs since power-up of the bus.
+    /// End of the frame on the bus plus the adapter's delay, µs since the bus powered up.
     pub at_us: u64,
     /// The frame.
     pub frame: Frame,
 }
 
-/// Somebody else is node 0 already.
+/// A second host wanted to connect.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TwoHosts {
-    /// Who is.
+    /// The connected host.
     pub present: String,
-    /// Who wanted to be.
+    /// The refused host.
     pub refused: String,
 }
 
@@ -56,7 +56,7 @@ impl fmt::Display for NoHost {
 
 impl std::error::Error for NoHost {}
 
-/// A host that is plugged in. Its adapter sends in the order given, and is never too slow to receive.
+/// A connected host. Its adapter sends in order and never loses a received frame.
 pub(super) struct Host {
     pub(super) name: String,
     adapter: Adapter,
@@ -77,12 +77,12 @@ impl Host {
         self.out.len()
     }
 
-    /// Forgets the frames that have not gone out, but the one that is on the wire.
+    /// Discards the queued frames except the one on the wire.
     pub(super) fn abort_pending(&mut self, on_wire: bool) {
         self.out.truncate(usize::from(on_wire));
     }
 
-    /// The frame that is in the adapter and may go out.
+    /// The frame at the head of the adapter's queue, if it may be sent now.
     pub(super) fn pending(&self, now_us: u64) -> Option<Frame> {
         self.out.front().filter(|out| out.at_us <= now_us).map(|out| out.frame)
     }
@@ -99,7 +99,7 @@ impl Host {
         self.inbox.pop_front_if(|stamped| stamped.at_us <= now_us)
     }
 
-    /// The next instant after `now_us` at which a frame gets through the adapter.
+    /// The next time after `now_us` at which a frame passes the adapter.
     pub(super) fn next_us(&self, now_us: u64) -> u64 {
         let fronts = [self.out.front(), self.inbox.front()];
         fronts.into_iter().flatten().map(|s| s.at_us).filter(|&at| at > now_us).min().unwrap_or(u64::MAX)

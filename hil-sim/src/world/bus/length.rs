@@ -1,14 +1,14 @@
-//! How long a frame occupies the bus, bit stuffing counted: at 1 Mbit/s a bit is a microsecond (ISO 11898-1).
+//! Length of a frame on the bus with stuff bits; at 1 Mbit/s a bit is a microsecond (ISO 11898-1).
 
 use tater_wire::Frame;
 
-/// Bits of silence after every frame, error frames included.
+/// Recessive bits after every frame, error frames included.
 pub const INTERMISSION: u64 = 3;
 
-/// Most bits of an error frame: the flags of all stations (6, superposed to at most 12) and the delimiter.
+/// Longest error frame: the superposed flags of all stations (at most 12 bits) and the delimiter.
 pub const ERROR_FRAME: u64 = 12 + 8;
 
-/// CRC delimiter, acknowledge slot and delimiter, end of frame: they are not stuffed.
+/// CRC delimiter, acknowledge slot and delimiter, end of frame: not stuffed.
 const UNSTUFFED: u64 = 1 + 2 + 7;
 
 /// x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
@@ -30,13 +30,13 @@ pub fn bits(frame: &Frame) -> u64 {
     head.count + UNSTUFFED
 }
 
-/// The bits so far, as a transmitter counts them.
+/// The CRC and the number of bits sent so far.
 #[derive(Default)]
 struct Bits {
-    /// With the stuff bits.
+    /// Includes stuff bits.
     count: u64,
     last: bool,
-    /// Equal bits up to now.
+    /// Length of the present run of equal bits.
     run: u8,
     crc: u16,
 }
@@ -51,7 +51,7 @@ impl Bits {
             self.run = if self.count > 0 && bit == self.last { self.run + 1 } else { 1 };
             (self.last, self.count) = (bit, self.count + 1);
             if self.run == 5 {
-                // The opposite bit is put in, and begins a run of its own.
+                // A stuff bit has the opposite level and starts a run of its own.
                 (self.last, self.run, self.count) = (!bit, 1, self.count + 1);
             }
         }
@@ -67,8 +67,8 @@ mod tests {
         Frame::from_raw(id, data).expect("a classic frame")
     }
 
-    /// The same by another way: the whole frame as a text of bits, the CRC by long division, the stuffing by looking for
-    /// runs of five.
+    /// An independent implementation: the frame as a string of bits, the CRC by long division, stuffing by searching for runs
+    /// of five.
     fn by_text(frame: &Frame) -> u64 {
         let mut text = format!("0{:011b}000{:04b}", frame.raw_id(), frame.data().len());
         frame.data().iter().for_each(|byte| text.push_str(&format!("{byte:08b}")));

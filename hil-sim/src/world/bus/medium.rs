@@ -1,31 +1,31 @@
-//! What may go wrong between the stations: the cable as middleware.
+//! Faults between the stations: the cable.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use tater_wire::Frame;
 
-/// What becomes of a frame on the wire.
+/// The fate of a frame on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fate {
-    /// It arrives.
-    Whole,
-    /// An error at this bit: an error frame follows, nobody takes the frame, and its sender tries again.
-    Broken {
-        /// Bits of the frame that were sent, at most all of it.
+    /// All stations receive it.
+    Delivered,
+    /// A bit error: an error frame follows, all stations discard the frame, and its sender retransmits it.
+    Corrupted {
+        /// Bits of the frame sent before the error, at most all of it.
         at_bit: u64,
     },
 }
 
-/// The cable. What it decides may depend on all that it has seen, but on nothing else: runs repeat.
+/// A cable. It may depend only on what it has seen, so that runs repeat.
 pub trait Medium {
-    /// What becomes of a frame of so many bits that begins now.
+    /// The fate of a frame of `bits` bits that starts now.
     fn fate(&mut self, _frame: &Frame, _bits: u64, _now_us: u64) -> Fate {
-        Fate::Whole
+        Fate::Delivered
     }
 
-    /// Whether a listener takes a whole frame; one that does not has still acknowledged it (its software has
-    /// lost it). `station` is `None` for the host.
-    fn hears(&mut self, _frame: &Frame, _station: Option<usize>) -> bool {
+    /// Whether a receiver gets a frame that was sent without errors; if not, it has acknowledged the frame and its software
+    /// has lost it. `station` is `None` for the host.
+    fn delivers(&mut self, _frame: &Frame, _station: Option<usize>) -> bool {
         true
     }
 }
@@ -36,7 +36,7 @@ pub struct Clean;
 
 impl Medium for Clean {}
 
-/// Faults by chance, the same for the same seed.
+/// Random faults, the same for the same seed.
 #[derive(Clone, Debug)]
 pub struct Noise {
     rng: Pcg64Mcg,
@@ -45,8 +45,8 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// `drop`: probability that a listener loses a frame; `corrupt`: that a frame is destroyed at a random bit and sent
-    /// again. Both are clamped to 0..=1, and not a number is 0.
+    /// `drop`: probability that a receiver loses a frame; `corrupt`: that a frame is corrupted at a random bit and
+    /// retransmitted. Both are clamped to 0..=1; NaN counts as 0.
     #[must_use]
     pub fn new(seed: u64, drop: f64, corrupt: f64) -> Self {
         let probability = |p: f64| if p.is_nan() { 0.0 } else { p.clamp(0.0, 1.0) };
@@ -57,12 +57,12 @@ impl Noise {
 impl Medium for Noise {
     fn fate(&mut self, _: &Frame, bits: u64, _: u64) -> Fate {
         if self.rng.random_bool(self.corrupt) {
-            return Fate::Broken { at_bit: self.rng.random_range(1..=bits.max(1)) };
+            return Fate::Corrupted { at_bit: self.rng.random_range(1..=bits.max(1)) };
         }
-        Fate::Whole
+        Fate::Delivered
     }
 
-    fn hears(&mut self, _: &Frame, _: Option<usize>) -> bool {
+    fn delivers(&mut self, _: &Frame, _: Option<usize>) -> bool {
         !self.rng.random_bool(self.drop)
     }
 }

@@ -159,10 +159,10 @@ struct Breaks {
 impl Medium for Breaks {
     fn fate(&mut self, _: &Frame, _: u64, _: u64) -> Fate {
         if self.left == 0 {
-            return Fate::Whole;
+            return Fate::Delivered;
         }
         self.left -= 1;
-        Fate::Broken { at_bit: self.at_bit }
+        Fate::Corrupted { at_bit: self.at_bit }
     }
 }
 

@@ -1,40 +1,39 @@
-//! The hand's mechanics: where the fingers are, what stands between them, and what each motor feels of it.
+//! The hand's mechanics: the position of the fingers and objects, and the contact forces at each motor.
 //!
-//! Links, tips and objects are capsules: all points within a radius of a segment; a sphere's segment is a point. Objects stand still,
-//! as if held to the palm, and fingers may meet each other. Two capsules press on each other with a spring along the shortest way
-//! between their segments; a motor feels that through its lever and its gear, as a [`Contact`] at its shaft. The contacts are
-//! computed each millisecond from where the rotors are, and linear in between: at a finger's highest speed, 4 rad/s, that is half a
-//! millimetre.
+//! Links, tips and objects are capsules: all points within a radius of a segment; a sphere's segment is a point. Objects are
+//! fixed to the palm, and fingers may touch each other. Two capsules press on each other with a spring along the shortest
+//! line between their segments, which acts on a motor through its lever arm and gear as a [`Contact`] at its shaft. Contacts
+//! are linearized at the rotors' positions once a millisecond: at a finger's highest speed, 4 rad/s, it moves half a
+//! millimeter meanwhile.
 //!
-//! The frame: x from the palm's centre to finger 3, z out of the palm; with spread 0 fingers 1 and 2 stand opposite finger 3, and
-//! turn about their own axes to its side, 1 by negative y, 2 by positive.
+//! Frame: x from the palm's center to finger 3, z out of the palm. With spread 0 fingers 1 and 2 stand opposite finger 3; they
+//! rotate about their own axes to its side, finger 1 through negative y and finger 2 through positive y.
 
 use servo_core::MotorKind;
 
 use crate::world::plant::{Contact, PlantParams, RAD_PER_COUNT};
 
-/// Fingers.
 const FINGERS: usize = 3;
 
-/// Motors; by node, from 1: three links, the spread, three tips.
+/// Motors in the order of their nodes: three links, the spread, three tips.
 const MOTORS: usize = 7;
 
-/// The spread's place among the motors.
+/// Index of the spread.
 const SPREAD: usize = 3;
 
-/// A gap beyond which two capsules have nothing to do with each other in the next millisecond, m; see above.
+/// Capsules farther apart than this cannot touch within the next millisecond, m.
 const NEAR_M: f64 = 0.01;
 
-/// A lever under which a motor feels nothing, m/rad at its joint.
+/// Lever arms below this are ignored, m/rad at the joint.
 const LEVER_M: f64 = 1e-3;
 
-/// How far a motor is moved to see what that does to a gap, hall counts.
+/// Motor displacement for the numerical derivative of a gap, hall counts.
 const NUDGE: f64 = 0.05;
 
-/// Where the seven rotors are, hall counts.
+/// Positions of the seven rotors, hall counts.
 pub type Pose = [f64; MOTORS];
 
-/// A place, m.
+/// A point, m.
 pub type Point = [f64; 3];
 
 /// All points within `radius_m` of a segment.
@@ -42,17 +41,17 @@ pub type Point = [f64; 3];
 pub struct Capsule {
     /// The segment's ends.
     pub ends: [Point; 2],
-    /// Around it.
+    /// Radius, m.
     pub radius_m: f64,
 }
 
-/// Lengths and angles of the hand. The manual gives none; those of the BH8-280, a hand of the same maker, stand in (its published
-/// Denavit-Hartenberg parameters).
+/// Dimensions of the hand. The manual gives none; these are the published Denavit-Hartenberg parameters of the BH8-280, a hand
+/// by the same manufacturer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// From the hand's middle to the spread axes of fingers 1 and 2 (Aw).
+    /// From the palm's center to the spread axes of fingers 1 and 2 (Aw).
     pub spread_axis_m: f64,
-    /// From there, and from the middle for finger 3, to the link's joint (A1).
+    /// From there, or from the palm's center for finger 3, to the link's joint (A1).
     pub base_m: f64,
     /// A link's length (A2).
     pub link_m: f64,
@@ -80,28 +79,28 @@ impl Default for Geometry {
     }
 }
 
-/// Something between the fingers.
+/// An object between the fingers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thing {
-    /// Its shape and place.
+    /// Shape and place.
     pub capsule: Capsule,
-    /// Of what touches it, N/m.
+    /// Contact stiffness, N/m.
     pub stiffness_n_m: f64,
 }
 
-/// Stiffness of finger against finger, N/m; chosen: the full torque of two links is a millimetre.
+/// Stiffness of finger against finger, N/m; chosen: the full torque of two links compresses it by a millimeter.
 const FINGER_N_M: f64 = 2e5;
 
-/// The hand and what is between its fingers.
+/// A hand and the objects between its fingers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// The hand.
+    /// The hand's dimensions.
     pub geometry: Geometry,
-    /// What is there.
+    /// The objects.
     pub things: Vec<Thing>,
 }
 
-/// Kind of the motor at a place.
+/// The kind of the motor at an index.
 const fn kind(motor: usize) -> MotorKind {
     match motor {
         0..SPREAD => MotorKind::Link,
@@ -110,12 +109,12 @@ const fn kind(motor: usize) -> MotorKind {
     }
 }
 
-/// The link's and the tip's motor of a finger.
+/// Indices of a finger's link and tip motor.
 const fn motors(finger: usize) -> [usize; 2] {
     [finger, finger + SPREAD + 1]
 }
 
-/// Radians of the joint for a hall count of each kind of motor.
+/// Joint radians per hall count for each kind of motor.
 #[derive(Clone, Copy, Debug)]
 struct Gears([f64; MOTORS]);
 
@@ -126,7 +125,7 @@ impl Gears {
 }
 
 impl Scene {
-    /// Link and tip of each finger.
+    /// Link and tip capsule of each finger.
     #[must_use]
     pub fn fingers(&self, pose: &Pose) -> [[Capsule; 2]; FINGERS] {
         let gears = Gears::new();
@@ -141,7 +140,7 @@ impl Scene {
         let turned = std::f64::consts::PI - angle(SPREAD);
         let (side, azimuth) = [(-1.0, -turned), (1.0, turned), (0.0, 0.0)][finger];
         let (sin, cos) = azimuth.sin_cos();
-        // Along the finger's plane: outwards and up.
+        // In the finger's plane: outwards and up.
         let along = |from: Point, len: f64, up: f64| {
             [from[0] + len * up.cos() * cos, from[1] + len * up.cos() * sin, from[2] + len * up.sin()]
         };
@@ -152,7 +151,7 @@ impl Scene {
         [[base, joint], [joint, end]].map(|ends| Capsule { ends, radius_m: finger_radius_m })
     }
 
-    /// What each motor meets, where the rotors are.
+    /// The contacts of each motor at the rotors' positions.
     #[must_use]
     pub fn contacts(&self, pose: &Pose) -> [Vec<Contact>; MOTORS] {
         let gears = Gears::new();
@@ -178,7 +177,7 @@ impl Scene {
         contacts
     }
 
-    /// What a pair that is near means for each motor that moves it.
+    /// Adds the contacts of a pair to each motor that moves it.
     fn touch(&self, touch: &Touch<'_>, pose: &Pose, gears: &Gears, contacts: &mut [Vec<Contact>; MOTORS]) {
         if touch.gap > NEAR_M {
             return;
@@ -216,12 +215,12 @@ impl Scene {
     }
 }
 
-/// Two capsules that may touch.
+/// A pair of capsules close enough to touch.
 struct Touch<'a> {
-    /// Finger and part of it (0 link, 1 tip), twice the same with a thing.
+    /// Finger and part (0 link, 1 tip); both entries are the same if the other side is an object.
     parts: [(usize, usize); 2],
     thing: Option<&'a Thing>,
-    /// Between their surfaces, m; negative where they press.
+    /// Distance between their surfaces, m; negative where they press.
     gap: f64,
 }
 
@@ -243,14 +242,14 @@ fn at(segment: &[Point; 2], share: f64) -> Point {
     std::array::from_fn(|i| segment[0][i] + share * (segment[1][i] - segment[0][i]))
 }
 
-/// The share of a segment at which it is nearest to a point.
+/// The fraction of a segment at which it is nearest to a point.
 fn nearest(segment: &[Point; 2], point: Point) -> f64 {
     let along = minus(segment[1], segment[0]);
     let square = dot(along, along);
     if square > 0.0 { (dot(minus(point, segment[0]), along) / square).clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// The shortest distance between two segments: within both, or at an end of one.
+/// The shortest distance between two segments: between interior points, or at an end of one.
 fn distance(a: &[Point; 2], b: &[Point; 2]) -> f64 {
     let (u, v, w) = (minus(a[1], a[0]), minus(b[1], b[0]), minus(a[0], b[0]));
     let (uu, uv, vv, uw, vw) = (dot(u, u), dot(u, v), dot(v, v), dot(u, w), dot(v, w));

@@ -1,5 +1,5 @@
-//! The serial line between a hand and its host: bytes wait for room at GOD, and, where it is asked for, each takes the ten bits that
-//! it has at BAUD (manual 5.4.1).
+//! The serial line between a hand and its host: bytes wait until GOD has room, and on request each takes the ten bit times of
+//! parameter BAUD (manual 5.4.1).
 
 use std::collections::VecDeque;
 
@@ -7,31 +7,31 @@ use god::io::ABORT;
 
 use super::Hand;
 
-/// Bits of a byte on the line: start, eight, stop.
+/// Bits per byte: start, eight data bits, stop.
 const BITS: u64 = 10;
 
-/// Looks between two ends of a stretch of time, us, where bytes wait for GOD and the line has no pace: it takes bytes at once.
+/// Poll interval while bytes wait for GOD on an unpaced line, µs.
 const LOOK_US: u64 = 100;
 
-/// The line, and what is on it.
+/// The line and the bytes on it.
 #[derive(Debug, Default)]
 pub struct Serial {
     paced: bool,
     to_god: VecDeque<u8>,
-    /// When the byte that is on its way to GOD is there, us.
+    /// Arrival time of the byte on its way to GOD, µs.
     there_us: Option<u64>,
-    /// The byte on its way to the host, and when it is there, us.
+    /// The byte on its way to the host and its arrival time, µs.
     back: Option<(u8, u64)>,
 }
 
 impl Serial {
-    /// A line whose bytes take their time if `paced`, and else none.
+    /// A line at BAUD if `paced`, otherwise an infinitely fast one.
     #[must_use]
     pub fn new(paced: bool) -> Self {
         Self { paced, ..Self::default() }
     }
 
-    /// The host puts bytes on the line. In text ^C goes before all that still waits, which it makes void.
+    /// Transmits bytes of the host. In text mode on an unpaced line ^C discards the bytes still waiting.
     pub fn put(&mut self, bytes: &[u8], hand: &Hand) {
         for &byte in bytes {
             if byte == ABORT && !hand.io().is_raw() && !self.paced {
@@ -41,19 +41,19 @@ impl Serial {
         }
     }
 
-    /// Bytes that have not come to GOD yet.
+    /// Bytes that have not reached GOD yet.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.to_god.len()
     }
 
-    /// The host has gone: what it has said and not heard is lost.
+    /// The host disconnects: bytes in transit are lost.
     pub fn hang_up(&mut self, hand: &mut Hand) {
         *self = Self::new(self.paced);
         hand.hang_up();
     }
 
-    /// Lets time pass in a hand and on its line; what comes to the host is appended to `heard`, up to `room` bytes: GOD waits
+    /// Advances the hand and its line to `until_us`. Bytes that reach the host are appended to `received`, at most `room`: GOD waits
     /// with the rest.
     pub fn run_until(&mut self, hand: &mut Hand, until_us: u64, heard: &mut Vec<u8>, room: usize) {
         let room = heard.len() + room;
@@ -65,7 +65,7 @@ impl Serial {
             }
             let next_us = if self.paced {
                 let back_us = self.back.filter(|_| heard.len() < room).map(|(_, at)| at);
-                // A byte that GOD begins to say in between is late by so much: a fortieth of one at 38400 Bd.
+                // A byte that GOD sends between two polls is late by a fortieth of a byte time at most.
                 let look_us = now_us + self.byte_us(hand) / 40 + 1;
                 self.there_us.unwrap_or(u64::MAX).min(back_us.unwrap_or(look_us)).max(now_us + 1)
             } else if self.to_god.is_empty() {
@@ -81,7 +81,7 @@ impl Serial {
         if self.paced { BITS * 10_000 / u64::from(hand.io().baud().max(1)) } else { 0 }
     }
 
-    /// What can go over the line now.
+    /// Moves the bytes that are due now.
     fn exchange(&mut self, hand: &mut Hand, heard: &mut Vec<u8>, room: usize) {
         let (now_us, byte_us) = (hand.now_us(), self.byte_us(hand));
         while let Some(&byte) = self.to_god.front() {
@@ -114,10 +114,10 @@ mod tests {
     use crate::world::plant::Model;
     use god::Memory;
 
-    /// How finely it is looked, us.
+    /// Polling step, µs.
     const FINE_US: u64 = 10;
 
-    /// When each byte of an answer of so many comes after bytes were put on the line, us.
+    /// Arrival time of each of `answer` bytes after sending `bytes`, µs.
     fn times_us(line: &mut Serial, hand: &mut Hand, bytes: &[u8], answer: usize) -> Vec<u64> {
         let begin_us = hand.now_us();
         let (mut heard, mut times) = (Vec::new(), Vec::new());
@@ -132,7 +132,7 @@ mod tests {
         times
     }
 
-    /// A hand that waits for a line.
+    /// A hand at its prompt.
     fn hand() -> Hand {
         let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
         hand.run_until(1_000);
@@ -140,7 +140,7 @@ mod tests {
         hand
     }
 
-    /// What FROB comes to after its echo.
+    /// The answer to FROB after its echo.
     const ANSWER: &[u8] = b"\r\n\rERR 32\r\n\r=> ";
 
     #[test]
@@ -151,9 +151,9 @@ mod tests {
             times_us(&mut line, &mut hand, order.as_bytes(), answer);
             let times = times_us(&mut line, &mut hand, b"FROB\r", 4 + ANSWER.len());
             for (place, &time_us) in (2..).zip(&times) {
-                // The first comes in and goes back; from then on one is behind the other, CR and the first of the answer like an echo.
+                // One byte time to GOD and one back for the first echo; after that the line carries one byte per byte time.
                 let due_us = byte_us * place;
-                // GOD's next byte is looked for forty times a byte.
+                // The line is polled forty times a byte.
                 let expected = due_us..=due_us + byte_us / 40 + 1 + FINE_US;
                 assert!(expected.contains(&time_us), "{time_us} is not in {expected:?} us: {times:?}");
             }

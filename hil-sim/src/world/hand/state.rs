@@ -1,23 +1,20 @@
-//! What a hand keeps without power, as bytes of one file: seven flashes, GOD's storage, and where the motors stand.
+//! What a hand keeps without power, as a file format: seven flashes, GOD's storage, and the motors' positions.
 //!
-//! Little-endian: `MAGIC`; the length of the body (4 bytes); the body; the CRC-32 of all before (4). The body: for each of nodes 1 to
-//! 7 the rotor's position in hall counts (8, IEEE 754), how many pages are not erased (2), and each of those with its number (2);
-//! then GOD's bytes, which end the body.
+//! Little-endian: `MAGIC`; the length of the body (4 bytes); the body; the CRC-32 of everything before (4). The body holds for each
+//! of nodes 1 to 7 the rotor's position in hall counts (8, IEEE 754), the number of pages that are not erased (2), and each of
+//! these pages after its number (2); GOD's bytes end the body.
 
 use flate2::Crc;
 use god::memory::Stored;
 use tater_wire::memory::{FLASH, PAGE};
 
-/// What such a file begins with: what it is, and the version of its form.
+/// File type and version.
 const MAGIC: &[u8] = b"hil-sim hand, state 1\n";
 
-/// Motors of a hand.
 const BOARDS: usize = 7;
 
-/// Bytes of a page of flash.
 const PAGE_BYTES: usize = PAGE as usize;
 
-/// Bytes of a flash.
 const FLASH_BYTES: usize = FLASH.len as usize;
 
 /// What one board and its motor keep.
@@ -25,39 +22,39 @@ const FLASH_BYTES: usize = FLASH.len as usize;
 pub struct Kept {
     /// The whole flash.
     pub flash: Vec<u8>,
-    /// Where the rotor stands, hall counts from the plant's 0.
+    /// The rotor's position, hall counts.
     pub counts: f64,
 }
 
 /// What a hand keeps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// Of nodes 1 to 7.
+    /// Nodes 1 to 7.
     pub boards: Vec<Kept>,
-    /// GOD's.
+    /// GOD's storage.
     pub god: Stored,
 }
 
-/// Why bytes are no state of a hand.
+/// Why bytes are not a hand's state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadState {
-    /// Where it is wrong, bytes from the beginning.
+    /// Offset of the error, bytes.
     pub at: usize,
-    /// What is there.
+    /// What was found.
     pub found: String,
-    /// What was to be there.
+    /// What was expected.
     pub expected: String,
 }
 
 impl State {
-    /// The bytes of the file.
+    /// Encodes the state.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut body = Vec::new();
         for Kept { flash, counts } in &self.boards {
             body.extend(counts.to_le_bytes());
             let pages = || (0u16..).zip(flash.chunks(PAGE_BYTES)).filter(|(_, page)| !is_erased(page));
-            // A flash of 128 pages.
+            // At most 128 pages.
             body.extend((pages().count() as u16).to_le_bytes());
             for (number, page) in pages() {
                 body.extend(number.to_le_bytes());
@@ -66,17 +63,17 @@ impl State {
         }
         body.extend(self.god.to_bytes());
         let mut bytes = MAGIC.to_vec();
-        // Seven flashes and GOD: under a megabyte.
+        // Under a megabyte: seven flashes and GOD.
         bytes.extend((body.len() as u32).to_le_bytes());
         bytes.extend(body);
         bytes.extend(sum(&bytes).to_le_bytes());
         bytes
     }
 
-    /// The state that such bytes hold.
+    /// Decodes a state.
     ///
     /// # Errors
-    /// They are of something else, of another version, or damaged.
+    /// The bytes are something else, of another version, or corrupted.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, BadState> {
         let mut reader = Reader { bytes, at: 0 };
         let kind = String::from_utf8_lossy(MAGIC).into_owned();
@@ -115,7 +112,7 @@ fn sum(bytes: &[u8]) -> u32 {
     crc.sum()
 }
 
-/// Bytes and how many of them have been read.
+/// Bytes with a read offset.
 struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,

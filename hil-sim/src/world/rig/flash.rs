@@ -1,4 +1,4 @@
-//! The microcontroller's flash, with the power failing where a test wants it.
+//! The microcontroller's flash, with power failures where a test wants them.
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -18,9 +18,9 @@ const PAGE_BYTES: usize = PAGE as usize;
 #[derive(Clone, Debug)]
 pub struct SimFlash {
     bytes: Vec<u8>,
-    /// Operations done so far.
+    /// Operations so far.
     operations: u64,
-    /// The operation in the middle of which the power fails, and what its remains are drawn from.
+    /// The operation interrupted by a power failure, and the seed of what it leaves behind.
     cut: Option<(u64, u64)>,
     dead: bool,
     worn: bool,
@@ -47,14 +47,14 @@ impl Default for SimFlash {
 }
 
 impl SimFlash {
-    /// Flash operations (half-words programmed, pages erased) since it was made.
+    /// Flash operations (half-words programmed, pages erased) so far.
     #[must_use]
     pub const fn operations(&self) -> u64 {
         self.operations
     }
 
-    /// The power fails in the middle of operation `operation` (0 is the first since the flash was made); `seed`
-    /// decides what that leaves. From then on every operation fails until [`Self::power_up`].
+    /// Lets the power fail during operation `operation` (counted from 0); `seed` determines the bits that remain. Every
+    /// operation fails from then on until [`Self::power_up`].
     pub const fn cut_at(&mut self, operation: u64, seed: u64) {
         self.cut = Some((operation, seed));
     }
@@ -65,43 +65,43 @@ impl SimFlash {
         self.dead
     }
 
-    /// Sets whether it takes anything, with the power on: one that is worn out does not.
+    /// Sets whether the flash is worn out: then every operation fails.
     pub const fn set_worn(&mut self, worn: bool) {
         self.worn = worn;
     }
 
-    /// Whether it takes nothing.
+    /// Whether the flash is worn out.
     #[must_use]
     pub const fn is_worn(&self) -> bool {
         self.worn
     }
 
-    /// The power is back; no cut is planned.
+    /// Restores the power and cancels a planned failure.
     pub const fn power_up(&mut self) {
         self.dead = false;
         self.cut = None;
         self.bridge_on = false;
     }
 
-    /// Tells whether the bridge drives; an erase meanwhile is counted as a violation.
+    /// Reports whether the bridge is on; an erase meanwhile counts as a violation.
     pub const fn set_bridge_on(&mut self, on: bool) {
         self.bridge_on = on;
     }
 
-    /// Pages erased with the bridge on.
+    /// Pages erased while the bridge was on.
     #[must_use]
     pub const fn erased_while_driven(&self) -> u32 {
         self.erased_while_driven
     }
 
-    /// The time that the flash kept the processor from fetching since this was last asked, µs.
+    /// Returns and clears the time for which the flash stalled the processor, µs.
     pub const fn take_busy_us(&mut self) -> u64 {
         let busy = self.busy_us;
         self.busy_us = 0;
         busy
     }
 
-    /// Whether it has been at work since [`Self::take_busy_us`].
+    /// Whether it has stalled the processor since [`Self::take_busy_us`].
     #[must_use]
     pub const fn is_busy(&self) -> bool {
         self.busy_us > 0
@@ -113,13 +113,13 @@ impl SimFlash {
         &self.erases
     }
 
-    /// The whole content, from address 0x0800_0000.
+    /// The whole contents from address 0x0800_0000.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Writes as a programmer does at the bench: no timing, no rules. Bytes beyond the flash are dropped.
+    /// Writes like an external programmer: no timing, no rules. Bytes beyond the flash are dropped.
     pub fn load(&mut self, address: u32, bytes: &[u8]) {
         let at = address.wrapping_sub(FLASH.start) as usize;
         for (to, from) in self.bytes.iter_mut().skip(at).zip(bytes) {
@@ -127,7 +127,7 @@ impl SimFlash {
         }
     }
 
-    /// Counts an operation; `Err` if the power is gone, `Ok(Some)` with the source of remains if it fails in this one.
+    /// Counts an operation of `us`; `Ok(Some)` with a source of random bits if the power fails during it.
     fn begin(&mut self, us: u64) -> Result<Option<Pcg64Mcg>, FlashError> {
         if self.dead || self.worn {
             return Err(FlashError::Failed);
@@ -156,7 +156,7 @@ impl Flash for SimFlash {
         }
         let cut = self.begin(PROGRAM_US)?;
         let kept = cut.map_or(0, |mut rng| rng.random::<u16>());
-        // Bits that should have fallen and did not.
+        // Some bits were not cleared.
         let written = present & (value | kept);
         self.load(address, &written.to_le_bytes());
         if self.dead { Err(FlashError::Failed) } else { Ok(()) }
@@ -176,7 +176,7 @@ impl Flash for SimFlash {
                 self.erases[index] += 1;
             }
             Some(mut rng) => match rng.random_range(0..4) {
-                // Hardly begun, hardly ended, in between: some bits up, or all of them anyhow.
+                // Hardly begun, complete, some bits set, random bits.
                 0 => {}
                 1 => bytes.fill(0xFF),
                 2 => bytes.iter_mut().for_each(|byte| *byte |= rng.random::<u8>()),

@@ -1,8 +1,8 @@
-//! Three hall sensors on one board: where each boundary really is, and what the lines say and when.
+//! Three hall sensors on one board: where the boundaries are, and the levels of the lines over time.
 
 use super::params::RigParams;
 
-/// Code of each sector (DESIGN 4.2), bit 0 = line 0.
+/// Code of each sector (decision 0003), bit 0 = line 0.
 const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
 
 /// The sensors and their lines.
@@ -11,22 +11,22 @@ pub struct Halls {
     params: RigParams,
     /// Sector of count 0.
     zero_sector: u8,
-    /// The cell that the rotor is in, by the sensors' boundaries.
+    /// The cell between two boundaries that the rotor is in.
     cell: i64,
     /// The sensors' outputs.
     sensed: u8,
-    /// When each line that is on its way up arrives, µs.
+    /// When each rising line arrives, µs.
     rising: [Option<u64>; 3],
-    /// The first glitch that is not over.
+    /// Index of the first glitch that has not ended.
     glitch: usize,
-    /// The level of each line whose wire is broken.
+    /// Forced level of each line with a broken wire.
     broken: [Option<bool>; 3],
-    /// The lines, after delay, glitch and fault.
+    /// The lines, after delay, glitches and faults.
     lines: u8,
 }
 
 impl Halls {
-    /// Settled sensors at a rotor position in counts.
+    /// Sensors settled at a rotor position, counts.
     #[must_use]
     pub fn new(params: RigParams, zero_sector: u8, counts: f64) -> Self {
         let mut halls = Self {
@@ -39,7 +39,7 @@ impl Halls {
             broken: [None; 3],
             lines: 0,
         };
-        // Errors are under half a cell, so that the nearest cell is at most one off.
+        // Errors are less than half a cell, so the nearest cell is off by one at most.
         while halls.follow(counts) {}
         halls.sensed = halls.code();
         halls.lines = halls.faulty(0);
@@ -69,7 +69,7 @@ impl Halls {
         k as f64 + 0.5 + error / 60.0
     }
 
-    /// One cell nearer to where the rotor is; whether that was a step.
+    /// Moves one cell towards the rotor; returns whether it moved.
     fn follow(&mut self, counts: f64) -> bool {
         let (low, high) = self.bounds();
         if counts >= high {
@@ -82,7 +82,7 @@ impl Halls {
         true
     }
 
-    /// The next time after `now` at which the lines change without the rotor's doing.
+    /// The next time after `now` at which the lines change while the rotor stands still.
     #[must_use]
     pub fn next_event(&self, now: u64) -> u64 {
         let mut next = u64::MAX;
@@ -102,7 +102,7 @@ impl Halls {
         next
     }
 
-    /// The rotor is at `counts` at time `now`; whether the lines changed.
+    /// Updates for the rotor at `counts` at time `now`; returns whether the lines changed.
     pub fn update(&mut self, counts: f64, now: u64) -> bool {
         while self.follow(counts) {
             let to = self.code();
@@ -130,7 +130,7 @@ impl Halls {
         self.lines != before
     }
 
-    /// The sensors' outputs with what is wrong on the way.
+    /// The sensors' outputs with glitches and faults applied.
     fn faulty(&self, now: u64) -> u8 {
         let glitch = self.params.glitches.get(self.glitch).filter(|g| g.at_us <= now);
         let mut lines = glitch.map_or(self.sensed, |g| g.code);

@@ -19,35 +19,35 @@ pub use tater_fw::Analog;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
-    /// It stands in the way of closing.
+    /// It resists closing.
     Closing,
-    /// It stands in the way of opening.
+    /// It resists opening.
     Opening,
 }
 
-/// The duty of a compare value of a timer whose `full` is 100 %: the plant's compare steps make the same of it.
+/// The duty of a timer's compare value; `full` is 100 %.
 #[must_use]
 pub fn duty(compare: u32, full: u32) -> Duty {
-    // Full duty is a bit short of 1, which the plant rounds up again.
+    // 1 is not representable; the plant rounds full duty up again.
     let bits = (f64::from(compare) / f64::from(full.max(1)) * 32768.0).round().clamp(0.0, 32767.0);
     Duty::from_bits(bits as i16)
 }
 
-/// Something in the joint's way: a spring and damper.
+/// An object in the joint's way: a spring and a damper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Object {
-    /// Where the joint meets it.
+    /// Where the joint meets it, counts.
     pub from_count: f64,
-    /// At the motor; 0.01 is soft, 20 as hard as a stop.
+    /// Stiffness at the motor; 0.01 is soft, 20 as hard as a stop.
     pub stiffness_n_m_rad: f64,
-    /// At the motor, while being pressed.
+    /// Damping at the motor while being pressed.
     pub damping_n_m_s: f64,
-    /// Which motion it resists.
+    /// The motion it resists.
     pub side: Side,
 }
 
-/// A change of the hall lines.
+/// A hall edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HallChange {
     /// The new code.
@@ -56,7 +56,7 @@ pub struct HallChange {
     pub at_us: u64,
 }
 
-/// What is really so; for traces and checks, never for the servo.
+/// The true state of the plant; for traces and checks, never for the servo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
     /// Time since the start, µs.
@@ -69,30 +69,30 @@ pub struct Truth {
     pub torque_n_m: f64,
     /// Phase currents into the winding, A.
     pub phase_a: [f64; 3],
-    /// Largest phase current between the last two readings of the ADC, that is, during a tick, A.
+    /// Largest phase current between the last two ADC readings (one tick), A.
     pub peak_phase_a: f64,
     /// Charge drawn from the bus since the start, C.
     pub bus_charge_c: f64,
-    /// Torque that stops, objects and disturbance put on the joint's side of the gear, as at the motor of a
-    /// lossless gear, N·m; positive closes.
+    /// Torque of stops, objects and disturbance on the joint's side of the gear, referred to the motor through a lossless gear,
+    /// N·m; positive closes.
     pub load_n_m: f64,
     /// Winding temperature, °C.
     pub winding_c: f64,
     /// Housing temperature, °C.
     pub housing_c: f64,
-    /// Whether the brake holds.
+    /// Whether the brake is engaged.
     pub brake_engaged: bool,
-    /// Energy since the start.
+    /// Energy balance since the start.
     pub ledger: Ledger,
 }
 
-/// How much warmer than the air a board is by its own heat, °C: chosen, 1 W into 10 K/W.
+/// Rise of the board above ambient by its own losses, °C; chosen: 1 W into 10 K/W.
 const BOARD_RISE_C: f64 = 10.0;
 
-/// Share of the motor housing's rise that reaches the board through the palm; chosen.
+/// Fraction of the motor housing's rise that reaches the board through the palm; chosen.
 const BOARD_SHARE: f64 = 0.25;
 
-/// One motor with its sensors on the board's bench.
+/// One motor with its sensors.
 #[derive(Clone, Debug)]
 pub struct Rig {
     plant: Plant,
@@ -100,26 +100,26 @@ pub struct Rig {
     halls: Halls,
     rng: Pcg64Mcg,
     brake_engaged: bool,
-    /// When the brake follows its present command, µs.
+    /// When the brake completes its present command, µs.
     brake_moves_at: Option<u64>,
     tripped: bool,
-    /// Whoever reads [`Rig::tripped`] switches the bridge off; the rig does not.
+    /// Whether the board, not the rig, switches the bridge off on over-current (see [`Rig::tripped`]).
     guarded_outside: bool,
     thermistor_c: f64,
-    /// What a broken thermistor reads, °C.
+    /// Forced thermistor reading, °C.
     thermistor_fault_c: Option<f64>,
-    /// The brake's coil is dead: it holds, whatever it is told.
+    /// Whether the brake is jammed: engaged regardless of its command.
     brake_jammed: bool,
-    /// Time and bus charge of the last reading.
+    /// Time and bus charge at the last reading.
     last_read: (u64, f64),
-    /// Largest phase current up to the last reading, from the one before it, A.
+    /// Largest phase current between the last two readings, A.
     peak_phase_a: f64,
     /// When a hall line last changed, µs.
     last_edge_us: u64,
 }
 
 impl Rig {
-    /// A rig at its start, its brake engaged; `seed` is that of the ADC's noise.
+    /// A rig at its start, brake engaged; `seed` is that of the ADC noise.
     ///
     /// # Errors
     /// A parameter out of range.
@@ -148,7 +148,7 @@ impl Rig {
         }
         let plant = Plant::new(plant, &contacts, model, start)?;
         Ok(Self {
-            // Where the plant has it after radians and back, so that the first step starts within the bounds.
+            // The plant's own value, rounded by its radians, so that the first step starts within the bounds.
             halls: Halls::new(rig.clone(), plant.params().zero_sector, plant.counts()),
             params: rig,
             plant,
@@ -166,7 +166,7 @@ impl Rig {
         })
     }
 
-    /// The same rig, which starts not at time 0 but at `us`: to put it to a board that has been up for so long.
+    /// The same rig starting at `us` instead of 0, for a board that has been running.
     #[must_use]
     pub fn starting_at(mut self, us: u64) -> Self {
         self.plant.start_at(us);
@@ -182,7 +182,7 @@ impl Rig {
         self
     }
 
-    /// When a hall line last changed, µs; of one that never did, the start.
+    /// Time of the last hall edge, µs; the start if there was none.
     #[must_use]
     pub const fn last_edge_us(&self) -> u64 {
         self.last_edge_us
@@ -194,7 +194,7 @@ impl Rig {
         self.plant.state().t_us
     }
 
-    /// The hall lines now.
+    /// The hall code now.
     #[must_use]
     pub fn halls(&self) -> u8 {
         self.halls.lines()
@@ -220,28 +220,28 @@ impl Rig {
         self.plant.set_bus(v);
     }
 
-    /// Breaks hall lines 0 to 2, each at a level: an open cable reads high, by its pull-up. `None`: the line follows its sensor.
+    /// Breaks hall lines 0 to 2, each at a level: an open cable reads high through its pull-up. `None`: the line follows its sensor.
     pub fn break_hall_lines(&mut self, levels: [Option<bool>; 3]) {
         self.halls.break_lines(levels);
     }
 
-    /// Makes the thermistor read this, °C: an open wire reads -50, a short 155. `None`: it reads the motor's housing.
+    /// Forces the thermistor reading, °C: an open wire reads -50, a short 155. `None`: it follows the motor's housing.
     pub const fn override_thermistor(&mut self, celsius: Option<f64>) {
         self.thermistor_fault_c = celsius;
     }
 
-    /// Jams the brake: it engages, and does not release until it is freed.
+    /// Jams the brake: it engages and does not release until it is freed.
     pub const fn jam_brake(&mut self, jammed: bool) {
         self.brake_jammed = jammed;
     }
 
-    /// From now on the over-current comparator only says that it has tripped ([`Self::tripped`]), and [`Self::advance`] stops
-    /// where it does: a board that has a break input of its own switches the bridge off.
+    /// Lets the board handle over-current: the comparator then only reports ([`Self::tripped`]), and [`Self::advance`] returns when it
+    /// trips, so that a board with a break input can switch the bridge off.
     pub const fn guard_outside(&mut self) {
         self.guarded_outside = true;
     }
 
-    /// Whether a phase current has been too high since the bridge was last off.
+    /// Whether over-current has tripped since the bridge was last off.
     #[must_use]
     pub const fn tripped(&self) -> bool {
         self.tripped
@@ -253,8 +253,8 @@ impl Rig {
         self.plant.params().dead_time_us * 1000.0
     }
 
-    /// Advances with the bridge and the brake's command held until `until_us` or until a hall line changes,
-    /// whichever is first; returns the change. The rotor is then within 1 µs of where the line changed.
+    /// Advances with the bridge and the brake command held until `until_us` or the next hall edge, whichever is first; returns the
+    /// edge. The rotor is then within 1 µs of it.
     pub fn advance(&mut self, bridge: Bridge, brake_released: bool, until_us: u64) -> Option<HallChange> {
         if bridge == Bridge::Off {
             self.tripped = false;
@@ -308,15 +308,13 @@ impl Rig {
         let (dir, boundary) = if end < low { (-1.0, low) } else { (1.0, high) };
         let steps = (to_us - from.t_us) as f64;
         let start = from.shaft.theta / RAD_PER_COUNT;
-        // Under constant acceleration the share of the step until the boundary solves a quadratic; from a
-        // velocity and the distance, all towards the boundary, in the form that is stable as the acceleration
-        // goes to zero.
+        // Under constant acceleration the fraction of the step until the boundary solves a quadratic; with velocity and distance
+        // positive towards the boundary, this form is stable as the acceleration goes to zero.
         let v0 = dir * from.shaft.omega / RAD_PER_COUNT * steps * 1e-6;
         let curve = dir * (end - start) - v0;
         let to_go = dir * (boundary - start);
         let share = 2.0 * to_go / (v0 + (v0 * v0 + 4.0 * curve * to_go).max(0.0).sqrt());
-        // From a start at rest on the boundary itself that is 0/0, which `max` turns into the least step: time
-        // always moves.
+        // A start at rest on the boundary gives 0/0; `max` turns that into the shortest step, so time always advances.
         let us = (share * steps).ceil().max(1.0).min(steps) as u64;
         if from.t_us + us < to_us {
             self.plant.restore(from);
@@ -324,8 +322,8 @@ impl Rig {
         }
     }
 
-    /// Reads the ADC, 12 bits everywhere: bus voltage over 36.3 V, bus current over ±20 A as the mean since the last
-    /// reading, the thermistor on the housing over −50..155 °C, the board's own, the strain gauge.
+    /// Reads the ADC, 12 bits each: bus voltage over 36.3 V, bus current over ±20 A as the mean since the last reading, the housing's
+    /// thermistor over −50..155 °C, the board's temperature, the strain gauge.
     pub fn analog(&mut self) -> Analog {
         let s = *self.plant.state();
         let dt = (s.t_us - self.last_read.0) as f64 * 1e-6;
@@ -355,7 +353,7 @@ impl Rig {
         }
     }
 
-    /// A value through a 12-bit converter over `min..=max`.
+    /// Quantizes a value with a 12-bit converter over `min..=max`.
     fn adc(&mut self, value: f64, min: f64, max: f64) -> f64 {
         let step = (max - min) / 4095.0;
         let code = ((value - min) / step + self.noise()).round().clamp(0.0, 4095.0);
@@ -366,7 +364,7 @@ impl Rig {
         self.params.adc_noise_lsb * self.rng.random_range(-1.0..=1.0)
     }
 
-    /// What is really so.
+    /// The true state.
     #[must_use]
     pub fn truth(&self) -> Truth {
         let s = self.plant.state();

@@ -1,21 +1,21 @@
-//! How well the board's sensors see the plant.
+//! Errors and scales of the board's sensors.
 
 use crate::world::plant::params::{ParamError, check};
 use serde::{Deserialize, Serialize};
 
-/// A wrong code on the hall lines for a while.
+/// A wrong code on the hall lines for a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HallGlitch {
-    /// From when, µs since the start.
+    /// Start, µs since the start of the run.
     pub at_us: u64,
     /// The code seen, 0..=7.
     pub code: u8,
-    /// For how long, µs.
+    /// Duration, µs.
     pub duration_us: u64,
 }
 
-/// A hall line that no longer follows its sensor.
+/// A hall line stuck at a level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StuckLine {
@@ -23,7 +23,7 @@ pub struct StuckLine {
     pub line: u8,
     /// The level it sticks at.
     pub high: bool,
-    /// From when, µs since the start.
+    /// Start, µs since the start of the run.
     pub from_us: u64,
 }
 
@@ -33,19 +33,19 @@ pub struct StuckLine {
 pub struct RigParams {
     /// Error of the upper boundary of sector k (90° + 60°·k), degrees electrical, ±25; positive = at a higher count.
     pub hall_error_deg: [f64; 6],
-    /// How late a hall line rises, µs; falls are at once (open collector with a pull-up).
+    /// Delay of a rising hall line, µs; falling edges are immediate (open collector with a pull-up).
     pub rise_delay_us: u64,
     /// Wrong codes, in order of time, not overlapping.
     pub glitches: Vec<HallGlitch>,
-    /// A line that sticks.
+    /// A stuck line.
     pub stuck: Option<StuckLine>,
-    /// Noise of every ADC reading, uniform ± this many of its steps.
+    /// Noise of each ADC reading, uniform ± this many LSB.
     pub adc_noise_lsb: f64,
     /// Lag of the thermistor behind the housing, s.
     pub thermistor_lag_s: f64,
     /// Strain reading without load, 0..=255.
     pub strain_zero: f64,
-    /// Strain steps per N·m at the joint, positive closing torque of the joint on an object.
+    /// Strain LSB per N·m of joint torque, positive when closing on an object.
     pub strain_per_n_m: f64,
 }
 
@@ -60,7 +60,7 @@ impl Default for RigParams {
             // Chosen: a bead glued to the housing.
             thermistor_lag_s: 2.0,
             strain_zero: 128.0,
-            // Chosen: the 15 N·m of a link at full torque and half the worm's efficiency take half of the range above zero.
+            // Chosen: 15 N·m (a link at full torque, half the worm's efficiency) use half the range above zero.
             strain_per_n_m: 4.0,
         }
     }

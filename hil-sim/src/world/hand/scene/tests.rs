@@ -1,8 +1,8 @@
-//! Geometry against what can be reckoned by hand, and contacts against the geometry.
+//! Geometry against hand-computed positions, and contacts against the geometry.
 
 use super::*;
 
-/// Spread 0, links upright, tips straight: 90° less the angles at 0, in counts.
+/// Spread 0, links upright, tips straight: 90° minus the angles at 0, in counts.
 fn upright() -> (Scene, Pose) {
     let scene = Scene {
         geometry: Geometry { tip_at_zero: 0.0, link_at_zero: 0.0, ..Geometry::default() },
@@ -80,7 +80,7 @@ fn a_motor_feels_force_through_its_lever_and_gear() {
 fn fingers_meet_each_other_and_the_spread_feels_it() {
     let (scene, mut pose) = upright();
     assert!(scene.contacts(&pose).iter().all(Vec::is_empty), "50 mm and more between them");
-    // Closed over the palm, fingers 1 and 3 cross each other's place where the spread brings finger 1 into finger 3's plane.
+    // Closed over the palm, fingers 1 and 3 cross where the spread brings finger 1 into finger 3's plane.
     pose[3] = 0.5 * 18.28 * 18.0;
     assert!(!scene.contacts(&pose)[3].is_empty(), "9 mm beside finger 3");
     let closing = scene.contacts(&pose)[3][0];
