@@ -60,17 +60,17 @@ impl Session {
 
     /// Types a line, and waits for the next prompt. Returns what came after the echo, without line ends at its edges and the prompt.
     pub fn line(&mut self, line: &str) -> String {
-        self.hand.hear(line.as_bytes());
-        self.hand.hear(b"\r");
+        self.hand.push_rx(line.as_bytes());
+        self.hand.push_rx(b"\r");
         answer(line, &self.until_prompt())
     }
 
     /// Types a line that goes on until the host says more, and lets it go on for a while. Returns what was said.
     pub fn begin(&mut self, line: &str) -> String {
-        self.hand.hear(line.as_bytes());
-        self.hand.hear(b"\r");
+        self.hand.push_rx(line.as_bytes());
+        self.hand.push_rx(b"\r");
         self.wait_us(WHILE_US);
-        let said: String = self.hand.said().into_iter().map(char::from).collect();
+        let said: String = self.hand.take_tx().into_iter().map(char::from).collect();
         self.heard.push_str(&said);
         said
     }
@@ -78,7 +78,7 @@ impl Session {
     /// The same; then says more, and waits for the prompt. Returns what came as [`Self::line`] does.
     pub fn line_and(&mut self, line: &str, more: &[u8]) -> String {
         let said = self.begin(line);
-        self.hand.hear(more);
+        self.hand.push_rx(more);
         answer(line, &(said + &self.until_prompt()))
     }
 
@@ -89,7 +89,7 @@ impl Session {
         while !said.ends_with("\n\r=> ") {
             assert!(self.hand.now_us() < end, "no prompt: {said:?}");
             self.wait_us(1000);
-            said.extend(self.hand.said().into_iter().map(char::from));
+            said.extend(self.hand.take_tx().into_iter().map(char::from));
         }
         self.heard.push_str(&said);
         said

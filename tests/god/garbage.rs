@@ -115,7 +115,7 @@ fn a_host_that_never_reads_is_waited_for() {
     let mut taken = 0;
     for _ in 0..1_000 {
         while client.hand.io().rx_room() > 0 {
-            client.hand.hear(b"\r");
+            client.hand.push_rx(b"\r");
             taken += 1;
         }
         client.deaf_ms();
@@ -132,11 +132,11 @@ fn a_host_that_never_reads_is_waited_for() {
 fn motors_stop_whose_host_never_reads() {
     let mut client = Client::new(3);
     client.homes();
-    client.hand.hear(b"LOOP\r");
+    client.hand.push_rx(b"LOOP\r");
     assert_eq!(client.reads(5, 1_000), b"LOOP*");
     let block = [&b"C"[..], &[25, 32].repeat(4)].concat();
     while client.hand.io().rx_room() > block.len() {
-        client.hand.hear(&block);
+        client.hand.push_rx(&block);
         client.deaf_ms();
     }
     let speeds = |client: &Client| -> Vec<f64> {
@@ -164,11 +164,11 @@ fn god_is_no_bigger_than_it_is() {
 fn a_host_faster_than_the_bus_fills_no_memory() {
     let mut client = Client::new(1);
     for _ in 0..10_000 {
-        client.hand.hear(b"X1234567C\r");
+        client.hand.push_rx(b"X1234567C\r");
         let now_us = client.hand.now_us();
         client.hand.run_until(now_us + 10);
-        client.hand.hear(b"\x03");
-        client.hand.said();
+        client.hand.push_rx(b"\x03");
+        client.hand.take_tx();
         assert!(client.hand.bus().waiting() <= watch::WAITING);
     }
     client.ends();

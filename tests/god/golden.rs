@@ -139,7 +139,7 @@ fn played(expected: &str) -> String {
                 lines.by_ref().take_while(|line| *line != ABORT).filter(|line| !line.starts_with('*'));
             blocks.for_each(|block| exchange(&mut session, block));
             session.heard.push_str(&format!("\r\n\r{ABORT}"));
-            session.hand.hear(b"\x03");
+            session.hand.push_rx(b"\x03");
             session.until_prompt();
         } else {
             session.line(typed);
@@ -153,9 +153,9 @@ fn exchange(session: &mut Session, block: &str) {
     let (header, data) = block.split_at(1);
     let data = data.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).expect("hexadecimal"));
     let bytes: Vec<u8> = header.bytes().chain(data).collect();
-    session.hand.hear(&bytes);
+    session.hand.push_rx(&bytes);
     session.wait_us(BLOCK_US);
-    let answer = session.hand.said();
+    let answer = session.hand.take_tx();
     let (star, data) = answer.split_first().expect("an answer");
     let data: String = data.iter().map(|byte| format!(" {byte:02x}")).collect();
     session.heard.push_str(&format!("\r\n\r{block}\r\n\r{}{data}", char::from(*star)));

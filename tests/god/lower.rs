@@ -66,16 +66,16 @@ fn an_end_of_a_motion_is_told_when_nothing_is_typed() {
     assert_eq!(session.line("4 G P"), "4 P=82");
     // Not into a line.
     exercise(&mut session, &[("4 S E 40", ""), ("1 S E 20", ""), ("14 SM5", "")]);
-    session.hand.hear(b"4 G");
+    session.hand.push_rx(b"4 G");
     session.wait_us(3_000_000);
-    session.hand.hear(b" M\r");
+    session.hand.push_rx(b" M\r");
     // Links do not hold.
     assert_eq!(unasked(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
     // Each once, and only those that this grammar has sent.
     let node = Node::new(4).expect("the spread");
     session.hand.io().push_frame(&Message::reply(node, Property::MODE, 3).expect("it fits").frame());
     session.wait_us(10_000);
-    assert_eq!(session.hand.said(), b"");
+    assert_eq!(session.hand.take_tx(), b"");
 }
 
 /// OTEMP is for this grammar, too; what ends a motion is not refused.
@@ -106,23 +106,23 @@ fn packets_are_the_boards_frames() {
         &mut session,
         &[("WAKE", ""), ("0 S REPLY 1", ""), ("0 G REPLY", "0 REPLY=1"), ("4 S E 82", "")],
     );
-    session.hand.hear(b"14 G TEMP\r");
+    session.hand.push_rx(b"14 G TEMP\r");
     let mut heard = Vec::new();
     for _ in 0..100 {
         session.wait_us(1000);
-        heard.extend(session.hand.said());
+        heard.extend(session.hand.take_tx());
     }
     // 0x406 | node << 5: to group 6. TEMP is 9; 350 is 0x15E.
     let expected = b"14 G TEMP\x04\x26\x04\x89\0\x5E\x01\x04\x86\x04\x89\0\x5E\x01\r\n\r=> ";
     assert_eq!(heard, expected);
     heard.clear();
-    session.hand.hear(b"4 S M 5\r");
+    session.hand.push_rx(b"4 S M 5\r");
     for _ in 0..2000 {
         session.wait_us(1000);
-        heard.extend(session.hand.said());
+        heard.extend(session.hand.take_tx());
     }
     assert_eq!(heard, b"4 S M 5\r\n\r=> \x04\x86\x04\x88\0\x03\0\r\n\r=> ", "MODE is 8");
-    session.hand.hear(b"0 S REPLY 0\r");
+    session.hand.push_rx(b"0 S REPLY 0\r");
     session.until_prompt();
     exercise(&mut session, &[("4 G TEMP", "4 TEMP=350")]);
 }
@@ -133,7 +133,7 @@ fn save_ends_what_holds_and_saves_positions_and_parameters() {
     let mut session = Session::new();
     exercise(&mut session, &[("WAKE", ""), ("1234567 S CMD 13", "")]);
     session.wait_us(10_000_000);
-    session.hand.said();
+    session.hand.take_tx();
     exercise(&mut session, &[("4 S E 82", ""), ("4 S M 5", "")]);
     unasked(&mut session);
     exercise(
@@ -167,11 +167,11 @@ const ON_THEIR_WAY: &[Row] = &[("WAKE", ""), ("4 S E 150", ""), ("1 S E 300", ""
 #[test]
 fn control_c_and_the_loss_of_the_host_end_what_moves() {
     let ends: [fn(&mut Session); 3] = [
-        |session| session.hand.hear(b"\x03"),
+        |session| session.hand.push_rx(b"\x03"),
         |session| session.hand.hang_up(),
         |session| {
             session.begin("WAIT 3000");
-            session.hand.hear(b"\x03");
+            session.hand.push_rx(b"\x03");
         },
     ];
     for (number, end) in ends.into_iter().enumerate() {
@@ -183,8 +183,8 @@ fn control_c_and_the_loss_of_the_host_end_what_moves() {
         assert_eq!(session.until_prompt(), "\r\n\rERR 16384\r\n\r=> ", "{number}");
         session.wait_us(100_000);
         assert_eq!((mode(&session, 4), mode(&session, 1)), (Mode::Pid, Mode::Idle), "{number}");
-        assert_eq!(session.hand.said(), b"", "and nothing more is told: {number}");
-        session.hand.hear(b"\x03");
+        assert_eq!(session.hand.take_tx(), b"", "and nothing more is told: {number}");
+        session.hand.push_rx(b"\x03");
         assert_eq!(session.until_prompt(), "\r\n\r=> ", "nothing moves");
         assert_eq!(mode(&session, 4), Mode::Pid, "what holds goes on");
     }
@@ -202,7 +202,7 @@ fn a_command_that_takes_a_motor_over_tells_its_end() {
         // Nor a fault, later.
         session.hand.bus_mut().station_mut(3).expect("the spread").rig_mut().set_bus(10.0);
         session.wait_us(100_000);
-        assert_eq!(session.hand.said(), b"", "{line}");
+        assert_eq!(session.hand.take_tx(), b"", "{line}");
     }
 }
 
@@ -260,7 +260,7 @@ fn only_who_says_so_is_awake() {
     let mut session = Session::new();
     exercise(&mut session, &[("WAKE", "")]);
     session.hand.bus_mut().cut(1, true);
-    session.hand.hear(b"WAKE\r");
+    session.hand.push_rx(b"WAKE\r");
     session.wait_us(1000);
     let node = Node::new(2).expect("a board");
     session.hand.io().push_frame(&Message::reply(node, Property::STAT, 1).expect("it fits").frame());

@@ -81,8 +81,8 @@ pub(super) fn config(session: &mut Session, motor: u8) -> Config {
 
 /// Types a line, and waits until `happened` says so. The command goes on.
 fn line_until(session: &mut Session, line: &str, happened: impl FnMut(&mut Session) -> bool) {
-    session.hand.hear(line.as_bytes());
-    session.hand.hear(b"\r");
+    session.hand.push_rx(line.as_bytes());
+    session.hand.push_rx(b"\r");
     until(session, line, happened);
 }
 
@@ -99,7 +99,7 @@ fn until(session: &mut Session, what: &str, mut happened: impl FnMut(&mut Sessio
 
 /// Types ^C; what is said then.
 fn abort(session: &mut Session) -> String {
-    session.hand.said();
-    session.hand.hear(b"\x03");
+    session.hand.take_tx();
+    session.hand.push_rx(b"\x03");
     session.until_prompt()
 }

@@ -12,13 +12,13 @@ fn it_says_hello_and_prompts() {
 #[test]
 fn every_character_is_echoed_in_its_own_case_but_the_cr() {
     let mut session = Session::new();
-    session.hand.hear(b"frOb\r");
+    session.hand.push_rx(b"frOb\r");
     assert_eq!(session.until_prompt(), "frOb\r\n\rERR 32\r\n\r=> ");
-    session.hand.hear(b"\r");
+    session.hand.push_rx(b"\r");
     assert_eq!(session.until_prompt(), "\r\n\r=> ", "an empty line prompts");
-    session.hand.hear(b"abc\x03");
+    session.hand.push_rx(b"abc\x03");
     assert_eq!(session.until_prompt(), "\r\n\r=> ", "^C forgets the line");
-    session.hand.hear(b"\x08vx\x08\x7f\r");
+    session.hand.push_rx(b"\x08vx\x08\x7f\r");
     assert_eq!(session.until_prompt(), "vx\x08 \x08\x08 \x08\r\n\r=> ", "backspace");
 }
 
@@ -29,15 +29,15 @@ fn a_line_ends_with_cr_or_lf_or_both() {
         [("\r", 1), ("\n", 1), ("\r\n", 1), ("\n\r", 1), ("\r\r", 2), ("\n\n", 2), ("\r\n\r\n", 2)]
     {
         // What the last line ended with is none of this one's.
-        session.hand.hear(b"frob");
-        session.hand.hear(ends.as_bytes());
+        session.hand.push_rx(b"frob");
+        session.hand.push_rx(ends.as_bytes());
         session.wait_us(10_000);
-        let said: String = session.hand.said().into_iter().map(char::from).collect();
+        let said: String = session.hand.take_tx().into_iter().map(char::from).collect();
         assert_eq!(said, format!("frob\r\n\rERR 32{}", "\r\n\r=> ".repeat(prompts)), "{ends:?}");
     }
     // One of the two comes long after the other, as a command's end.
-    session.hand.hear(b"\r");
+    session.hand.push_rx(b"\r");
     session.until_prompt();
-    session.hand.hear(b"\n\tFGET\tEN\t\r");
+    session.hand.push_rx(b"\n\tFGET\tEN\t\r");
     assert_eq!(session.until_prompt(), "\tFGET\tEN\t\r\n\r1 1 1 1\r\n\r=> ");
 }

@@ -29,8 +29,8 @@ impl Host {
     /// The same of a session whose motors know where they are.
     fn into(mut session: Session, prefix: &str) -> Self {
         let line = format!("{prefix}LOOP");
-        session.hand.hear(line.as_bytes());
-        session.hand.hear(b"\r");
+        session.hand.push_rx(line.as_bytes());
+        session.hand.push_rx(b"\r");
         let mut host = Self { session };
         assert_eq!(host.reads(line.len()), line.as_bytes());
         assert_eq!(host.reads(1), b"*", "the very next byte after the echo");
@@ -40,11 +40,11 @@ impl Host {
     /// So many bytes.
     fn reads(&mut self, count: usize) -> Vec<u8> {
         let end = self.session.hand.now_us() + BLOCK_US + 2_000_000 * u64::from(count == 1);
-        let mut said = self.session.hand.said();
+        let mut said = self.session.hand.take_tx();
         while said.len() < count {
             assert!(self.session.hand.now_us() < end, "{said:?}");
             self.session.wait_us(10);
-            said.extend(self.session.hand.said());
+            said.extend(self.session.hand.take_tx());
         }
         assert_eq!(said.len(), count, "{said:?}");
         said
@@ -52,7 +52,7 @@ impl Host {
 
     /// A block, and its answer of so many bytes.
     fn block(&mut self, block: &[u8], answer: usize) -> Vec<u8> {
-        self.session.hand.hear(block);
+        self.session.hand.push_rx(block);
         self.reads(answer)
     }
 
@@ -95,7 +95,7 @@ fn blocks_move_the_motors_and_say_where_they_are() {
         assert!((position - 55.0 * counts).abs() < 55.0 * 3.0, "axis {axis}: {position} of {counts} counts");
     }
     assert_eq!(host.block(b"a", 1), b"*");
-    host.session.hand.hear(b"\x03");
+    host.session.hand.push_rx(b"\x03");
     assert_eq!(host.session.until_prompt(), "\r\n\r=> ", "no ERR");
     host.session.wait_us(300_000);
     assert!(host.truth().iter().all(|(speed, _)| speed.abs() < 1.0), "{:?}", host.truth());
@@ -117,7 +117,7 @@ fn what_is_fed_back_is_the_velocity_that_there_is() {
 fn a_line_feed_after_loop_s_return_is_no_header() {
     let mut host = Host::new("X4");
     assert_eq!(host.block(b"\nA", 8)[0], b'*');
-    host.session.hand.hear(b"\n");
+    host.session.hand.push_rx(b"\n");
     assert_eq!(host.session.until_prompt(), "\r\n\rERR 2048\r\n\r=> ");
 }
 
@@ -125,7 +125,7 @@ fn a_line_feed_after_loop_s_return_is_no_header() {
 fn a_header_that_is_none_ends_it() {
     let mut host = Host::new("1");
     assert_eq!(host.block(b"A", 8)[0], b'*');
-    host.session.hand.hear(b"x");
+    host.session.hand.push_rx(b"x");
     assert_eq!(host.session.until_prompt(), "\r\n\rERR 2048\r\n\r=> ");
     assert_eq!(host.session.line("FROB"), "ERR 32", "lines again");
 }
@@ -142,9 +142,9 @@ fn what_came_after_its_end_before_it_was_seen_aborts() {
         (b"xC\r\x03", "\r\n\rERR 2048\r\n\r=> \r\n\r=> "),
     ] {
         let mut host = Host::new("1");
-        host.session.hand.hear(bytes);
+        host.session.hand.push_rx(bytes);
         host.session.wait_us(50_000);
-        let text = String::from_utf8(host.session.hand.said()).expect("text");
+        let text = String::from_utf8(host.session.hand.take_tx()).expect("text");
         assert_eq!(text, said, "{:?}", bytes.escape_ascii().to_string());
     }
 }
@@ -171,11 +171,11 @@ fn a_board_that_is_lost_is_told_instead_of_the_next_star() {
     let mut host = Host::new("X12");
     host.block(b"A", 15);
     host.session.hand.bus_mut().cut(1, true);
-    host.session.hand.hear(b"A");
+    host.session.hand.push_rx(b"A");
     host.session.wait_us(300_000);
-    let said = host.session.hand.said();
+    let said = host.session.hand.take_tx();
     assert_eq!((said.len(), said[0]), (15, b'*'), "begun before it is known");
-    host.session.hand.hear(b"A");
+    host.session.hand.push_rx(b"A");
     assert_eq!(host.session.until_prompt(), "\r\n\rERR 1\r\n\r=> ");
 }
 
@@ -187,7 +187,7 @@ fn a_fault_is_told_instead_of_the_next_star() {
         let node = host.session.hand.bus_mut().station_mut(1).expect("motor 2");
         node.rig_mut().set_bus(bus_v);
         host.session.wait_us(100_000);
-        host.session.hand.hear(b"A");
+        host.session.hand.push_rx(b"A");
         assert_eq!(host.session.until_prompt(), "\r\n\rERR 8\r\n\r=> ");
     }
 }
@@ -233,11 +233,11 @@ fn at_38400_baud_the_wire_is_what_limits() {
         while got < FEEDBACK {
             let now_ns = 1000 * host.session.hand.now_us();
             while sent < block.len() && start_ns + BYTE_NS * (sent as u64 + 1) <= now_ns {
-                host.session.hand.hear(&block[sent..=sent]);
+                host.session.hand.push_rx(&block[sent..=sent]);
                 sent += 1;
             }
             host.session.wait_us(0);
-            waits += host.session.hand.said().len();
+            waits += host.session.hand.take_tx().len();
             while waits > 0 && free_ns.max(start_ns) + BYTE_NS <= now_ns {
                 // A byte that was there in time follows the one before it at once.
                 free_ns = (free_ns + BYTE_NS).max(now_ns - BYTE_NS);

@@ -132,9 +132,9 @@ fn wait_abort_and_errors() {
     ];
     exercise(&mut session, &rows);
     assert_eq!(took(&mut session, "PLAY 4", "600\nERR 64"), 2000);
-    session.hand.hear(b"PLAY 4\r");
+    session.hand.push_rx(b"PLAY 4\r");
     session.wait_us(1_000_000);
-    session.hand.hear(b"\x03");
+    session.hand.push_rx(b"\x03");
     assert_eq!(session.until_prompt(), "PLAY 4\r\n\rERR 16384\r\n\r=> ");
     exercise(&mut session, &[("VERS", "600")]);
 }

@@ -267,7 +267,7 @@ fn a_board_that_does_not_answer_is_told() {
     ];
     exercise(&mut session, &rows);
     // While it is spoken to.
-    session.hand.hear(b"3FDEF\r");
+    session.hand.push_rx(b"3FDEF\r");
     session.wait_us(2_000);
     session.hand.bus_mut().cut(2, true);
     assert_eq!(session.until_prompt(), "3FDEF\r\n\rERR 1\r\n\r=> ");
@@ -363,7 +363,7 @@ fn a_flash_that_takes_nothing_is_told() {
     exercise(&mut session, WORN);
     // A board tries a page again only after a start.
     worn(&mut session, false);
-    session.hand.hear(b"RESET\r");
+    session.hand.push_rx(b"RESET\r");
     session.until_prompt();
     exercise(&mut session, &[("FSAVE", ""), ("SHI", ""), ("SC", "")]);
 }
@@ -375,13 +375,13 @@ fn fget_p_tells_the_host_where_realtime_begins() {
     exercise(&mut session, &[("HI", ""), ("1M 5500", ""), ("1FSET LFV 0 LFS 0 LFAP 0 LFDPC 50", "")]);
     // A block of feedback: the change of position alone.
     let change = |session: &mut Session| {
-        session.hand.hear(b"1LOOP\r");
+        session.hand.push_rx(b"1LOOP\r");
         session.wait_us(1_000_000);
-        session.hand.said();
-        session.hand.hear(b"A");
+        session.hand.take_tx();
+        session.hand.push_rx(b"A");
         session.wait_us(100_000);
-        let said = session.hand.said();
-        session.hand.hear(b"\x03");
+        let said = session.hand.take_tx();
+        session.hand.push_rx(b"\x03");
         session.until_prompt();
         said
     };

@@ -65,7 +65,7 @@ fn what_boards_have_stored_and_where_motors_stand_survives() {
     assert!(bytes.len() < 100_000, "{}", bytes.len());
     let read = State::from_bytes(&bytes).expect("as written");
     assert_eq!(read, state);
-    let mut again = Hand::again(Model::Averaged, 1, &read).expect("within its stops");
+    let mut again = Hand::restore(Model::Averaged, 1, &read).expect("within its stops");
     assert_eq!(again.state(), state, "nothing has changed yet");
     wait(&mut again);
     send(&mut again, Message::set(to(), Property::STAT, 2));

@@ -25,7 +25,7 @@ const STEPS: &[(u8, &[&str], [i32; 7])] = &[
 
 /// The hand after its power has been off, fingers that may meet each other around it.
 fn power_cycle(session: &Session) -> Session {
-    let mut hand = Hand::again(Model::Averaged, 1, &session.hand.state()).expect("within its stops");
+    let mut hand = Hand::restore(Model::Averaged, 1, &session.hand.state()).expect("within its stops");
     hand.set_scene(Scene::default());
     Session::of(hand)
 }
@@ -44,7 +44,7 @@ impl Person<'_> {
         let end_us = self.session.hand.now_us() + MOST_US;
         loop {
             if let Some(line) = self.console.says() {
-                self.session.hand.hear(line.as_bytes());
+                self.session.hand.push_rx(line.as_bytes());
             }
             if let Some(question) = self.console.asks() {
                 self.screen.push_str(question);
@@ -52,7 +52,7 @@ impl Person<'_> {
             }
             assert!(self.session.hand.now_us() < end_us, "it never ends: {}", self.screen);
             self.session.wait_us(1000);
-            for line in self.session.hand.said().into_iter().filter_map(|byte| self.console.hears(byte)) {
+            for line in self.session.hand.take_tx().into_iter().filter_map(|byte| self.console.hears(byte)) {
                 self.screen.push_str(&format!("{line}\n"));
             }
         }

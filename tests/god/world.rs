@@ -33,7 +33,7 @@ fn ask(typist: &mut Typist, line: &str) -> Vec<i32> {
 fn gaps(typist: &Typist) -> Vec<[f64; 2]> {
     let scene = typist.hand().scene().expect("a scene");
     let fingers = scene.fingers(&typist.hand().pose());
-    let to_ball = |part| 1000.0 * gap(part, &scene.things[0].capsule);
+    let to_ball = |part| 1000.0 * gap(part, &scene.objects[0].capsule);
     fingers.iter().map(|[link, tip]| [to_ball(link), to_ball(tip)]).collect()
 }
 

@@ -11,7 +11,7 @@
 //!     radius_mm = 35
 //!     stiffness_n_m = 1e5        # may be left out
 //! "#).unwrap();
-//! assert_eq!(scene.things.len(), 1);
+//! assert_eq!(scene.objects.len(), 1);
 //! ```
 
 use std::path::Path;
@@ -20,7 +20,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::input::{BadInput, Source};
-use crate::world::hand::scene::{Capsule, Geometry, Scene, Thing};
+use crate::world::hand::scene::{Capsule, Geometry, Scene, SceneObject};
 
 /// Stiffness if nobody says otherwise, N/m; chosen: the full torque of a link, some 150 N at its tip, makes a dent of 0.8 mm.
 const STIFFNESS_N_M: f64 = 2e5;
@@ -100,7 +100,7 @@ pub fn parse(file: &str, text: &str) -> Result<Scene, BadInput> {
         return Err(source.error(object.span(), "too many objects", format!("up to {OBJECTS}"), next));
     }
     for object in &parsed.object {
-        scene.things.push(thing(source, object)?);
+        scene.objects.push(scene_object(source, object)?);
     }
     Ok(scene)
 }
@@ -132,7 +132,7 @@ fn geometry(source: Source<'_>, hand: &Spanned<Hand>) -> Result<Geometry, BadInp
     })
 }
 
-fn thing(source: Source<'_>, object: &Spanned<Object>) -> Result<Thing, BadInput> {
+fn scene_object(source: Source<'_>, object: &Spanned<Object>) -> Result<SceneObject, BadInput> {
     let of = *object.get_ref();
     let ends = [of.at_mm, of.to_mm.unwrap_or(of.at_mm)];
     let stiffness_n_m = of.stiffness_n_m.unwrap_or(STIFFNESS_N_M);
@@ -143,7 +143,7 @@ fn thing(source: Source<'_>, object: &Spanned<Object>) -> Result<Thing, BadInput
     check(source, object.span(), "[[object]]", &rows)?;
     let capsule =
         Capsule { ends: ends.map(|end| end.map(|mm| mm / 1000.0)), radius_m: of.radius_mm / 1000.0 };
-    Ok(Thing { capsule, stiffness_n_m })
+    Ok(SceneObject { capsule, stiffness_n_m })
 }
 
 fn check(

@@ -71,8 +71,8 @@ pub fn svg(scene: &Scene, before: &Pose, pose: &Pose, title: &str) -> String {
         text(&mut svg, [view.left + 16.0, 46.0], 13, view.name);
         let palm = Capsule { ends: [[-0.05, 0.0, -0.012], [0.05, 0.0, -0.012]], radius_m: 0.01 };
         view.capsule(&mut svg, &palm, "#d0d4d9", 1.0);
-        for thing in &scene.things {
-            view.capsule(&mut svg, &thing.capsule, "#c9a227", 0.8);
+        for object in &scene.objects {
+            view.capsule(&mut svg, &object.capsule, "#c9a227", 0.8);
         }
         for (pose, opacity) in [(before, [0.12, 0.08]), (pose, [0.85, 0.6])] {
             for (finger, colour) in scene.fingers(pose).iter().zip(COLOURS) {
@@ -94,8 +94,8 @@ fn captions(scene: &Scene, pose: &Pose) -> Vec<String> {
     let caption = |(finger, parts): (usize, &[Capsule; 2])| {
         let mut text =
             format!("finger {}: link {:.1}, tip {:.1} counts", finger + 1, pose[finger], pose[finger + 4]);
-        for (number, thing) in (1..).zip(&scene.things) {
-            let [link, tip] = [0, 1].map(|part| 1000.0 * gap(&parts[part], &thing.capsule));
+        for (number, object) in (1..).zip(&scene.objects) {
+            let [link, tip] = [0, 1].map(|part| 1000.0 * gap(&parts[part], &object.capsule));
             let _ = write!(text, "; to object {number}: link {link:.1} mm, tip {tip:.1} mm");
         }
         text

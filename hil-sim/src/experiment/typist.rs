@@ -109,7 +109,7 @@ impl Typist {
     /// What is said now without being asked.
     pub fn unasked(&mut self) -> Vec<String> {
         self.hand.run_until(self.hand.now_us() + LOOK_US);
-        self.said.extend(self.hand.said());
+        self.said.extend(self.hand.take_tx());
         while let Some(said) = self.up_to_prompt() {
             self.unasked.push(answer(&said));
         }
@@ -128,10 +128,10 @@ impl Typist {
     fn hear(&mut self, byte: u8) {
         if self.hand.io().rx_room() == 0 {
             // GOD takes all that it can at once, if it can say the echo.
-            self.said.extend(self.hand.said());
+            self.said.extend(self.hand.take_tx());
             self.hand.run_until(self.hand.now_us() + 1);
         }
-        self.hand.hear(&[byte]);
+        self.hand.push_rx(&[byte]);
     }
 
     fn until_prompt(&mut self, line: &str) -> Result<String, NoPrompt> {
@@ -141,7 +141,7 @@ impl Typist {
         let end_us = self.hand.now_us() + most_us;
         while self.hand.now_us() < end_us {
             self.hand.run_until(self.hand.now_us() + LOOK_US);
-            self.said.extend(self.hand.said());
+            self.said.extend(self.hand.take_tx());
             while let Some(said) = self.up_to_prompt() {
                 // An end of a motion begins a line of its own, before what has been typed; an error's is the line's that it ends.
                 if !is_first && said.starts_with(LINE_END) && !said[LINE_END.len()..].starts_with("ERR") {
@@ -155,7 +155,7 @@ impl Typist {
                 && self.said.len() == line.len() + 1
                 && line.trim_end().to_ascii_uppercase().ends_with("LOOP")
             {
-                self.hand.hear(&[ABORT]);
+                self.hand.push_rx(&[ABORT]);
             }
         }
         let seconds = most_us / 1_000_000;

@@ -14,7 +14,7 @@ use crate::world::rig::{Object, Rig, RigParams};
 const MAILBOXES: usize = 3;
 
 /// Receive filters after a reset: only group 0 passes.
-const DEAF: (Node, [Option<Group>; 3]) = (Node::HOST, [None; 3]);
+const GROUP_0_ONLY: (Node, [Option<Group>; 3]) = (Node::HOST, [None; 3]);
 
 /// One board's hardware and its plant.
 #[derive(Clone, Debug)]
@@ -24,7 +24,7 @@ pub struct SimBoard {
     straps: Node,
     reset_cause: Option<FaultCode>,
     /// Node and groups that the receive filters pass besides group 0.
-    listens: (Node, [Option<Group>; 3]),
+    filters: (Node, [Option<Group>; 3]),
     bridge: Bridge,
     driven_since_us: Option<u64>,
     brake_released: bool,
@@ -44,7 +44,7 @@ impl SimBoard {
             flash: SimFlash::default(),
             straps,
             reset_cause: None,
-            listens: DEAF,
+            filters: GROUP_0_ONLY,
             bridge: Bridge::Off,
             driven_since_us: None,
             brake_released: false,
@@ -57,14 +57,14 @@ impl SimBoard {
     /// The hand's board of that node with its motor's default plant, at position 0 and 25 °C.
     #[must_use]
     pub fn standard(node: Node, model: Model, seed: u64) -> Self {
-        Self::standing_at(0.0, node, model, seed).expect("the defaults are in range")
+        Self::at_position(0.0, node, model, seed).expect("the defaults are in range")
     }
 
     /// The same at another position, hall counts.
     ///
     /// # Errors
     /// The position is beyond the stops.
-    pub fn standing_at(count: f64, node: Node, model: Model, seed: u64) -> Result<Self, ParamError> {
+    pub fn at_position(count: f64, node: Node, model: Model, seed: u64) -> Result<Self, ParamError> {
         Self::with(count, node, RigParams::default(), &[], model, seed)
     }
 
@@ -158,8 +158,8 @@ impl SimBoard {
 
     /// Whether the receive filters pass a frame.
     #[must_use]
-    pub fn lets_through(&self, frame: &Frame) -> bool {
-        let (node, groups) = self.listens;
+    pub fn accepts(&self, frame: &Frame) -> bool {
+        let (node, groups) = self.filters;
         match frame.id().to {
             Destination::Node(to) => to == node && node != Node::HOST,
             Destination::Group(group) => group == Group::ALL || groups.contains(&Some(group)),
@@ -172,7 +172,7 @@ impl SimBoard {
         self.bridge(Bridge::Off);
         self.brake_released = false;
         self.mailboxes.clear();
-        self.listens = DEAF;
+        self.filters = GROUP_0_ONLY;
         self.reset_cause = cause;
     }
 }
@@ -210,7 +210,7 @@ impl Board for SimBoard {
     }
 
     fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]) {
-        self.listens = (node, groups);
+        self.filters = (node, groups);
     }
 
     fn flash(&mut self) -> &mut SimFlash {

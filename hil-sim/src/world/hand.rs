@@ -21,73 +21,73 @@ use crate::world::plant::{Model, ParamError};
 use scene::{Pose, Scene};
 use state::{Kept, State};
 
-/// Who is node 0.
+/// GOD's name as the host of the bus.
 const GOD: &str = "GOD";
 
-/// Temperature of GOD's board, 0.1 °C: the lower end of what a hand in normal use has (manual 2).
+/// Temperature of GOD's board, 0.1 °C: the lower end of normal use (manual 2).
 const TEMPERATURE: i16 = 350;
 
-/// Hall counts a second below which a motor stands.
-const STANDS_COUNTS_PER_S: f64 = 1.0;
+/// A motor below this speed counts as standing, hall counts/s.
+const STANDSTILL_COUNTS_PER_S: f64 = 1.0;
 
-/// How often the motors' contacts are computed, us.
+/// Interval at which the motors' contacts are computed, us.
 const SCENE_US: u64 = 1_000;
 
-/// Node n as the bus names it.
+/// The identifier of a node.
 fn id(number: u8) -> Id {
     Id::new(number).expect("1 to 7 are nodes")
 }
 
 /// Transmit mailboxes of GOD's CAN controller (bxCAN: three). The other frames wait in GOD.
-const WAITING: usize = 3;
+const MAILBOXES: usize = 3;
 
-/// How soon GOD is looked at again while as many wait, us: a frame is gone then.
-const FRAME_US: u64 = 100;
+/// Poll interval of GOD while its mailboxes are full, us: a frame is sent by then.
+const MAILBOX_POLL_US: u64 = 100;
 
-/// GOD and its boards. Bytes go in and come out; time passes when it is told to.
+/// GOD and its boards. Bytes go in and come out; the caller advances time.
 pub struct Hand {
     bus: Bus<Node>,
     io: Rc<Io>,
     memory: Rc<Memory>,
     god: Pin<Box<dyn Future<Output = Infallible>>>,
-    /// Until when nothing happens in GOD by itself, us.
+    /// Next time at which GOD may act by itself, us.
     next_us: u64,
-    /// How often something new to keep was found outside the boards' flashes.
+    /// Number of changes to keep that were found outside the boards' flashes.
     changes: u64,
-    /// Where the motors stood last.
+    /// The motors' positions at the last change.
     stood: Pose,
-    /// What is around the motors, when that is looked at next, us, and which motors touch something.
+    /// The scene, the time of its next evaluation, us, and which motors touch something.
     scene: Option<(Scene, u64, [bool; 7])>,
 }
 
 impl Hand {
-    /// A hand whose power has just come on, its boards in their monitors, every motor at its standard place.
+    /// A hand at power-up: boards in their monitors, every motor at its default position.
     #[must_use]
     pub fn new(model: Model, seed: u64, memory: Memory) -> Self {
         let board = |number| SimBoard::standard(id(number), model, seed.wrapping_add(u64::from(number)));
         Self::with((1..=7).map(|number| Node::new(board(number))).collect(), memory)
     }
 
-    /// A hand whose power comes on again.
+    /// A hand at power-up with a stored state.
     ///
     /// # Errors
-    /// A motor stands beyond its stops.
-    pub fn again(model: Model, seed: u64, state: &State) -> Result<Self, ParamError> {
+    /// A stored position is beyond the motor's stops.
+    pub fn restore(model: Model, seed: u64, state: &State) -> Result<Self, ParamError> {
         let board = |(number, kept): (u8, &Kept)| {
             let seed = seed.wrapping_add(number.into());
-            let mut board = SimBoard::standing_at(kept.counts, id(number), model, seed)?;
+            let mut board = SimBoard::at_position(kept.counts, id(number), model, seed)?;
             board.flash().load(FLASH.start, &kept.flash);
-            Ok(Node::again(board))
+            Ok(Node::with_flash_kept(board))
         };
         let boards = (1..).zip(&state.boards).map(board).collect::<Result<_, _>>()?;
         Ok(Self::with(boards, Memory::new(state.god.clone())))
     }
 
-    /// The same with these boards, nodes 1 to 7.
+    /// A hand at power-up with the given boards, nodes 1 to 7.
     #[must_use]
     pub fn with(boards: Vec<Node>, memory: Memory) -> Self {
         let mut bus = Bus::new(boards);
-        bus.plug_host(GOD, Adapter::default()).expect("it is the first host");
+        bus.plug_host(GOD, Adapter::default()).expect("the bus is new");
         let (io, memory) = (Rc::new(Io::default()), Rc::new(memory));
         io.set_temperature(TEMPERATURE);
         let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
@@ -95,18 +95,18 @@ impl Hand {
         Self { bus, io, memory, god, next_us: 0, changes: 0, stood: Pose::default(), scene: None }
     }
 
-    /// Puts it into a scene, in which fingers meet things and each other. Without one each motor is alone with its stops.
+    /// Puts objects between the fingers. Without a scene each motor meets only its stops.
     pub fn set_scene(&mut self, scene: Scene) {
         self.scene = Some((scene, self.bus.now_us(), [true; 7]));
     }
 
-    /// Its scene.
+    /// The scene, if there is one.
     #[must_use]
     pub fn scene(&self) -> Option<&Scene> {
         self.scene.as_ref().map(|(scene, ..)| scene)
     }
 
-    /// Where the rotors are.
+    /// The rotors' positions.
     #[must_use]
     pub fn pose(&self) -> Pose {
         let mut pose = Pose::default();
@@ -116,8 +116,8 @@ impl Hand {
         pose
     }
 
-    /// Tells the motors what they touch.
-    fn touch(&mut self) {
+    /// Gives the motors their contacts.
+    fn update_contacts(&mut self) {
         let now_us = self.bus.now_us();
         let pose = self.pose();
         let Some((scene, next_us, touching)) = &mut self.scene else { return };
@@ -137,38 +137,38 @@ impl Hand {
     }
 
     /// Bytes from the host.
-    pub fn hear(&mut self, bytes: &[u8]) {
+    pub fn push_rx(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             self.io.push_rx(byte);
         }
         self.next_us = self.bus.now_us();
     }
 
-    /// What GOD has said since this was last asked.
-    pub fn said(&mut self) -> Vec<u8> {
-        std::iter::from_fn(|| self.say()).collect()
+    /// Everything that GOD has sent since the last call.
+    pub fn take_tx(&mut self) -> Vec<u8> {
+        std::iter::from_fn(|| self.pop_tx()).collect()
     }
 
-    /// The next byte that GOD has said.
-    pub fn say(&mut self) -> Option<u8> {
+    /// The next byte that GOD has sent.
+    pub fn pop_tx(&mut self) -> Option<u8> {
         let byte = self.io.pop_tx()?;
-        // There is room now, for what it has waited to say.
+        // GOD may wait for this room.
         self.next_us = self.bus.now_us();
         Some(byte)
     }
 
-    /// The host is gone: what it has said and not heard is forgotten, and what goes on is aborted.
+    /// The host disconnects: GOD discards what was not read and aborts what is running.
     pub fn hang_up(&mut self) {
         self.io.hang_up();
         self.next_us = self.bus.now_us();
     }
 
-    /// Lets time pass.
+    /// Advances time.
     pub fn run_until(&mut self, until_us: u64) {
         loop {
             let now = self.bus.now_us();
             if now >= self.scene_us() {
-                self.touch();
+                self.update_contacts();
             }
             if now >= self.next_us {
                 self.poll();
@@ -183,7 +183,7 @@ impl Hand {
         }
     }
 
-    /// When the scene is looked at next.
+    /// Time of the scene's next evaluation.
     fn scene_us(&self) -> u64 {
         self.scene.as_ref().map_or(u64::MAX, |(_, next_us, _)| *next_us)
     }
@@ -193,19 +193,19 @@ impl Hand {
         if self.io.take_cancel() {
             self.bus.abort_pending();
         }
-        while self.bus.waiting() < WAITING
+        while self.bus.waiting() < MAILBOXES
             && let Some(frame) = self.io.pop_frame()
         {
-            self.bus.send(frame).expect("it is plugged");
-            // Something may have waited for the room.
+            self.bus.send(frame).expect("GOD is connected");
+            // GOD may wait for this room.
             self.next_us = self.bus.now_us() + 1;
         }
-        if self.bus.waiting() >= WAITING {
-            self.next_us = self.next_us.min(self.bus.now_us() + FRAME_US);
+        if self.bus.waiting() >= MAILBOXES {
+            self.next_us = self.next_us.min(self.bus.now_us() + MAILBOX_POLL_US);
         }
     }
 
-    /// What it keeps if the power fails now.
+    /// What would remain if the power failed now.
     #[must_use]
     pub fn state(&self) -> State {
         let kept = |node: &Node| Kept {
@@ -215,12 +215,12 @@ impl Hand {
         State { boards: self.bus.stations().map(kept).collect(), god: self.memory.stored() }
     }
 
-    /// A number that grows when there is something new to keep: values that were stored, and motors that stand elsewhere.
+    /// A number that grows with every change to keep: values stored, and motors at rest at a new position.
     pub fn revision(&mut self) -> u64 {
         self.changes += u64::from(self.memory.changed().is_some());
         let motors = self.bus.stations().map(|node| node.board().rig().truth());
         for (stood, now) in self.stood.iter_mut().zip(motors) {
-            if now.counts_per_s.abs() < STANDS_COUNTS_PER_S && (now.counts - *stood).abs() >= 1.0 {
+            if now.counts_per_s.abs() < STANDSTILL_COUNTS_PER_S && (now.counts - *stood).abs() >= 1.0 {
                 *stood = now.counts;
                 self.changes += 1;
             }
@@ -246,7 +246,7 @@ impl Hand {
         &self.bus
     }
 
-    /// The same, to break them.
+    /// The bus, to inject faults.
     pub fn bus_mut(&mut self) -> &mut Bus<Node> {
         &mut self.bus
     }

@@ -14,8 +14,8 @@ use tater_wire::{FaultCode, Frame};
 use crate::world::board::SimBoard;
 use crate::world::bus::Station;
 use crate::world::rig::{Rig, Truth};
-use factory::provisioned;
 pub use factory::placeholder_application;
+use factory::provisioned;
 
 /// Period of the control tick, µs.
 const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
@@ -110,12 +110,12 @@ impl Node {
     /// A new board at power-up, with an application in its flash: it waits in the monitor.
     #[must_use]
     pub fn new(board: SimBoard) -> Self {
-        Self::again(provisioned(board))
+        Self::with_flash_kept(provisioned(board))
     }
 
     /// A board at power-up with its flash unchanged.
     #[must_use]
-    pub fn again(board: SimBoard) -> Self {
+    pub fn with_flash_kept(board: SimBoard) -> Self {
         let mut node = Self::off(board);
         node.power_on();
         node
@@ -326,7 +326,7 @@ impl Node {
     /// # Errors
     /// Why the application ignored it; the bus does not see this. The monitor never fails.
     pub fn receive(&mut self, frame: &Frame) -> Result<(), SetError> {
-        if !self.board().lets_through(frame) {
+        if !self.board().accepts(frame) {
             return Ok(());
         }
         let now = micros(self.now_us);

@@ -71,9 +71,9 @@ fn begins(client: &mut Client) {
 /// A block, and its answer.
 fn by_the_manual(client: &mut Client, shape: &Shape, data: &[u8]) {
     let header = *one(&mut client.rng, b"CCCCCcAa");
-    client.hand.hear(&[header]);
+    client.hand.push_rx(&[header]);
     if matches!(header, b'C' | b'c') {
-        client.hand.hear(data);
+        client.hand.push_rx(data);
         client.figure.bytes += data.len() as u64;
     }
     client.figure.bytes += 1;

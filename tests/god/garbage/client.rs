@@ -103,7 +103,7 @@ impl Client {
     /// A millisecond; what was said in it.
     pub fn ms(&mut self) -> Vec<u8> {
         self.deaf_ms();
-        let said = self.hand.said();
+        let said = self.hand.take_tx();
         assert!(said.len() <= UNREAD, "{} bytes waited", said.len());
         self.figure.prompts += said.windows(2).filter(|pair| pair == b"=>").count() as u64;
         self.tail.extend(&said);
@@ -156,10 +156,10 @@ impl Client {
             while self.hand.io().rx_room() == 0 && (byte != ABORT || self.hand.io().is_raw()) {
                 self.ms();
                 if self.rng.random_ratio(1, patience_ms) && !self.hand.io().is_raw() {
-                    self.hand.hear(&[ABORT]);
+                    self.hand.push_rx(&[ABORT]);
                 }
             }
-            self.hand.hear(&[byte]);
+            self.hand.push_rx(&[byte]);
         }
         self.figure.bytes += bytes.len() as u64;
         // GOD has no room for more before it has been polled.
@@ -180,8 +180,8 @@ impl Client {
 
     /// Types a line and waits for the prompt; what was said.
     pub fn line(&mut self, line: &str) -> String {
-        self.hand.hear(line.as_bytes());
-        self.hand.hear(b"\r");
+        self.hand.push_rx(line.as_bytes());
+        self.hand.push_rx(b"\r");
         self.figure.bytes += line.len() as u64 + 1;
         self.until_prompt(LINE_MS)
     }
@@ -202,7 +202,7 @@ impl Client {
         let begun_us = self.hand.now_us();
         self.tail.clear();
         for _ in 0..=BLOCK {
-            self.hand.hear(&[ABORT]);
+            self.hand.push_rx(&[ABORT]);
             self.ms();
         }
         while !self.tail.ends_with(b"\n\r=> ") {

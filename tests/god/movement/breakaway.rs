@@ -55,7 +55,7 @@ fn the_tip_never_opens_while_its_finger_closes_again() {
     super::line_until(&mut session, "1C", |session| {
         let tip = counts(session)[4];
         assert!(tip >= 331 - NEAR, "{tip}");
-        session.hand.said().ends_with(b"=> ")
+        session.hand.take_tx().ends_with(b"=> ")
     });
 }
 

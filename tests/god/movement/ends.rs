@@ -217,7 +217,7 @@ fn a_report_that_does_not_come_costs_little() {
         if status(session, 4).mode == Mode::Pid {
             ended = ended.or(Some(session.hand.now_us()));
         }
-        session.hand.said().ends_with(b"=> ")
+        session.hand.take_tx().ends_with(b"=> ")
     });
     // It is asked every 50 ms, and judged in a few more.
     let late_us = session.hand.now_us() - ended.expect("it ended");

@@ -28,7 +28,7 @@ fn torque_control_in_place_of_a_move_goes_on_to_its_own_end() {
 fn control_c_ends_torque_control_in_place_of_a_move() {
     let mut session = moving(SLOW_SPREAD);
     line_until(&mut session, "4TC", |session| counts(session)[3] > 50);
-    assert_eq!(session.hand.said(), b"4TC", "it goes on");
+    assert_eq!(session.hand.take_tx(), b"4TC", "it goes on");
     assert!(abort(&mut session).contains("ERR 16384"));
     assert_eq!(status(&mut session, 4).mode, Mode::Pid);
 }

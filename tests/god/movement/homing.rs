@@ -32,7 +32,7 @@ fn links_go_first_and_all_end_at_their_zeros() {
         for (place, count) in counts(session).into_iter().enumerate() {
             highest[place] = count.max(highest[place]);
         }
-        session.hand.said().ends_with(b"=> ")
+        session.hand.take_tx().ends_with(b"=> ")
     });
     assert!(
         highest[4..].iter().all(|&count| count >= 350),

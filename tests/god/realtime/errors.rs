@@ -19,14 +19,14 @@ const BABBLE_US: u64 = 1_000_000 + 50_000;
 /// What is said from now on, within so long.
 fn said(session: &mut Session, us: u64) -> String {
     session.wait_us(us);
-    String::from_utf8(session.hand.said()).expect("text")
+    String::from_utf8(session.hand.take_tx()).expect("text")
 }
 
 impl Host {
     /// Says bytes at 9600 baud.
     fn says_slowly(&mut self, bytes: &[u8]) {
         for byte in bytes {
-            self.session.hand.hear(&[*byte]);
+            self.session.hand.push_rx(&[*byte]);
             self.session.wait_us(BYTE_US);
         }
     }
@@ -47,7 +47,7 @@ fn what_comes_with_a_header_that_is_none_is_no_command() {
         if slowly {
             host.says_slowly(b"BC\rC\r3\r");
         } else {
-            host.session.hand.hear(b"BC\rC\r3\r");
+            host.session.hand.push_rx(b"BC\rC\r3\r");
         }
         assert_eq!(said(&mut host.session, BLOCK_US), "\r\n\rERR 2048\r\n\r=> ", "slowly: {slowly}");
         assert_eq!(said(&mut host.session, 1_000_000), "");
@@ -65,10 +65,10 @@ fn the_data_of_a_block_that_is_answered_by_an_error_are_no_command() {
             let node = host.session.hand.bus_mut().station_mut(1).expect("motor 2");
             node.rig_mut().set_bus(10.0);
             host.session.wait_us(50_000);
-            host.session.hand.hear(b"C");
+            host.session.hand.push_rx(b"C");
             for byte in data {
                 host.session.wait_us(pause_us);
-                host.session.hand.hear(&[*byte]);
+                host.session.hand.push_rx(&[*byte]);
             }
             assert_eq!(said(&mut host.session, BLOCK_US), "\r\n\rERR 8\r\n\r=> ", "{data:?} {pause_us}");
             assert_eq!(said(&mut host.session, 1_000_000), "", "{data:?} {pause_us}");
@@ -88,7 +88,7 @@ fn a_host_that_babbles_is_heard_out_for_a_while_by_motors_at_rest() {
     assert!(host.truth()[3].0 > 80.0, "{:?}", host.truth());
     let mut text = String::new();
     while !text.ends_with("=> ") {
-        host.session.hand.hear(b"x");
+        host.session.hand.push_rx(b"x");
         text += &said(&mut host.session, 5_000);
         let now_us = host.session.hand.now_us();
         assert!(now_us < begun_us + BABBLE_US, "no prompt: {text:?}");
@@ -135,7 +135,7 @@ fn a_position_that_is_lost_is_err_4() {
     host.session.wait_us(BREAKS_US - now_us);
     host.block(&[b'C', 20, 32], 8);
     host.session.wait_us(200_000);
-    host.session.hand.hear(b"A");
+    host.session.hand.push_rx(b"A");
     assert_eq!(host.session.until_prompt(), "\r\n\rERR 4\r\n\r=> ");
 }
 
@@ -148,7 +148,7 @@ fn ends_are_reported_whatever_lflags_was() {
     let node = host.session.hand.bus_mut().station_mut(1).expect("motor 2");
     node.rig_mut().set_bus(10.0);
     host.session.wait_us(50_000);
-    host.session.hand.hear(b"A");
+    host.session.hand.push_rx(b"A");
     assert_eq!(host.session.until_prompt(), "\r\n\rERR 8\r\n\r=> ");
 }
 
@@ -162,8 +162,8 @@ fn gains_are_given_back() {
         host.session.wait_us(1_000);
         assert_eq!([1, 4].map(|motor| config(&mut host.session, motor).kpv), [7, 7], "{how}");
         match how {
-            "^C" => host.session.hand.hear(b"\x03"),
-            "error" => host.session.hand.hear(b"x"),
+            "^C" => host.session.hand.push_rx(b"\x03"),
+            "error" => host.session.hand.push_rx(b"x"),
             _ => host.session.hand.hang_up(),
         }
         host.session.until_prompt();
@@ -172,7 +172,7 @@ fn gains_are_given_back() {
     // A gain of 0 moves nothing.
     let mut host = Host::new("X1");
     host.block(&[b'C', 0, 0], 8);
-    host.session.hand.hear(b"\x03");
+    host.session.hand.push_rx(b"\x03");
     host.session.until_prompt();
     assert_eq!(host.session.line("X1TC"), "");
     assert!(host.truth()[0].1 > 300.0, "{:?}", host.truth());
@@ -185,11 +185,11 @@ fn a_board_that_was_away_is_given_its_gain_back_later() {
     host.block(&[b'C', 0, 7, 0, 7], 15);
     host.session.wait_us(1_000);
     host.session.hand.bus_mut().cut(1, true);
-    host.session.hand.hear(b"A");
+    host.session.hand.push_rx(b"A");
     host.session.wait_us(300_000);
-    host.session.hand.said();
+    host.session.hand.take_tx();
     let begun_us = host.session.hand.now_us();
-    host.session.hand.hear(b"A");
+    host.session.hand.push_rx(b"A");
     assert_eq!(host.session.until_prompt(), "\r\n\rERR 1\r\n\r=> ");
     let took_us = host.session.hand.now_us() - begun_us;
     assert!(took_us <= BLOCK_US, "{took_us} us");

@@ -61,7 +61,7 @@ fn what_presses_goes_on_with_the_next_control_block() {
         host.session.wait_us(10_000);
     }
     assert!(host.truth()[0].0 < -80.0, "{:?}", host.truth());
-    host.session.hand.hear(b"\x03");
+    host.session.hand.push_rx(b"\x03");
     assert_eq!(host.session.until_prompt(), "\r\n\r=> ");
 }
 
@@ -71,20 +71,20 @@ fn a_block_that_breaks_off_is_dropped() {
     // A host may pause in a block.
     assert_eq!(host.block(b"C\x00\x20\x00\x20\x00", FEEDBACK)[0], b'*');
     host.session.wait_us(240_000);
-    host.session.hand.hear(b"\x20\x00\x20\x00\x20\x00\x20\x00\x20");
+    host.session.hand.push_rx(b"\x20\x00\x20\x00\x20\x00\x20\x00\x20");
     assert_eq!(host.block(b"a", 1), b"*");
     // But not for so long.
-    host.session.hand.hear(b"c\x14\x20\x14");
+    host.session.hand.push_rx(b"c\x14\x20\x14");
     host.session.wait_us(400_000);
-    assert_eq!(host.session.hand.said(), b"", "no star for what is no block");
+    assert_eq!(host.session.hand.take_tx(), b"", "no star for what is no block");
     // What comes next is a header.
     assert_eq!(host.block(b"A", FEEDBACK)[0], b'*');
-    host.session.hand.hear(b"C");
+    host.session.hand.push_rx(b"C");
     host.session.wait_us(400_000);
-    assert_eq!(host.session.hand.said().len(), FEEDBACK);
-    host.session.hand.hear(b"\x03");
+    assert_eq!(host.session.hand.take_tx().len(), FEEDBACK);
+    host.session.hand.push_rx(b"\x03");
     host.session.wait_us(BLOCK_US);
-    assert_eq!(host.session.hand.said(), b"\r\n\r=> ");
+    assert_eq!(host.session.hand.take_tx(), b"\r\n\r=> ");
     // At 160 counts/s for a quarter of a second they would be elsewhere.
     assert!(host.truth().iter().all(|(_, counts)| counts.abs() < 3.0), "{:?}", host.truth());
 }

@@ -81,7 +81,7 @@ fn worst(session: Session, paced: bool) -> [u64; 7] {
         longest(&mut worst, &changes(&mut host.session, &mut line, BLOCK_US));
         // The rest of the feedback.
         host.session.wait_us(20_000);
-        host.session.hand.said();
+        host.session.hand.take_tx();
     }
     worst
 }
@@ -122,10 +122,10 @@ fn a_supervisory_move_waits_for_nothing_but_the_bus_and_leaves_most_of_that_to_o
         assert_eq!(session.line("M 0"), "");
         session.wait_us(phase * PHASE_US % 1_000);
         assert!(duties(&session.hand).iter().all(|&duty| duty == Duty::ZERO));
-        session.hand.hear(b"M 9000");
+        session.hand.push_rx(b"M 9000");
         session.wait_us(10_000);
         let (begin_us, before_us) = (session.hand.now_us(), session.hand.bus().stats().busy_us);
-        session.hand.hear(b"\r");
+        session.hand.push_rx(b"\r");
         let changes = changes(&mut session, &mut Serial::new(false), 200_000);
         longest(&mut worst, &changes);
         for (motor, Change { after_us, busy_us }) in changes.into_iter().enumerate() {

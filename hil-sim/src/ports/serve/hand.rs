@@ -126,7 +126,7 @@ fn made(args: &HandArgs) -> Result<(Hand, Option<Keeper>), BadInput> {
     let (mut keeper, state) = Keeper::open(path)?;
     let mut hand = match &state {
         None => new(),
-        Some(state) => Hand::again(Model::Averaged, args.seed, state).map_err(|error| {
+        Some(state) => Hand::restore(Model::Averaged, args.seed, state).map_err(|error| {
             let next = "restore a copy, or name a file that does not exist yet: it is made";
             bad(format!("--state {}", path.display()), &error.to_string(), "a hand within its stops", next)
         })?,

@@ -81,7 +81,7 @@ impl Default for Geometry {
 
 /// An object between the fingers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Thing {
+pub struct SceneObject {
     /// Shape and place.
     pub capsule: Capsule,
     /// Contact stiffness, N/m.
@@ -97,7 +97,7 @@ pub struct Scene {
     /// The hand's dimensions.
     pub geometry: Geometry,
     /// The objects.
-    pub things: Vec<Thing>,
+    pub objects: Vec<SceneObject>,
 }
 
 /// The kind of the motor at an index.
@@ -160,15 +160,15 @@ impl Scene {
             std::array::from_fn(|finger| self.finger(finger, pose, &gears));
         for finger in 0..FINGERS {
             for part in 0..2 {
-                for thing in &self.things {
-                    let gap = gap(&fingers[finger][part], &thing.capsule);
-                    let touch = Touch { parts: [(finger, part), (finger, part)], thing: Some(thing), gap };
+                for object in &self.objects {
+                    let gap = gap(&fingers[finger][part], &object.capsule);
+                    let touch = Touch { parts: [(finger, part), (finger, part)], object: Some(object), gap };
                     self.touch(&touch, pose, &gears, &mut contacts);
                 }
                 for other in finger + 1..FINGERS {
                     for other_part in 0..2 {
                         let gap = gap(&fingers[finger][part], &fingers[other][other_part]);
-                        let touch = Touch { parts: [(finger, part), (other, other_part)], thing: None, gap };
+                        let touch = Touch { parts: [(finger, part), (other, other_part)], object: None, gap };
                         self.touch(&touch, pose, &gears, &mut contacts);
                     }
                 }
@@ -197,7 +197,7 @@ impl Scene {
             let plant = PlantParams::for_motor(kind(motor));
             // The rotor moves the joint by 1/ratio, and the force comes back through the same.
             let lever = lever / plant.gear_ratio;
-            let stiffness = lever * lever * touch.thing.map_or(FINGER_N_M, |thing| thing.stiffness_n_m);
+            let stiffness = lever * lever * touch.object.map_or(FINGER_N_M, |object| object.stiffness_n_m);
             contacts[motor].push(Contact {
                 from: pose[motor] * RAD_PER_COUNT - touch.gap / lever,
                 side: -lever.signum(),
@@ -210,7 +210,7 @@ impl Scene {
 
     fn gap_of(&self, touch: &Touch<'_>, pose: &Pose, gears: &Gears) -> f64 {
         let part = |(finger, part): (usize, usize)| self.finger(finger, pose, gears)[part];
-        let other = touch.thing.map_or_else(|| part(touch.parts[1]), |thing| thing.capsule);
+        let other = touch.object.map_or_else(|| part(touch.parts[1]), |object| object.capsule);
         gap(&part(touch.parts[0]), &other)
     }
 }
@@ -219,7 +219,7 @@ impl Scene {
 struct Touch<'a> {
     /// Finger and part (0 link, 1 tip); both entries are the same if the other side is an object.
     parts: [(usize, usize); 2],
-    thing: Option<&'a Thing>,
+    object: Option<&'a SceneObject>,
     /// Distance between their surfaces, m; negative where they press.
     gap: f64,
 }

@@ -90,12 +90,12 @@ impl Serial {
             if there_us > now_us || hand.io().rx_room() == 0 && !is_abort {
                 break;
             }
-            hand.hear(&[byte]);
+            hand.push_rx(&[byte]);
             self.to_god.pop_front();
             self.there_us = None;
         }
         while heard.len() < room {
-            let Some((byte, at_us)) = self.back.or_else(|| Some((hand.say()?, now_us + byte_us))) else {
+            let Some((byte, at_us)) = self.back.or_else(|| Some((hand.pop_tx()?, now_us + byte_us))) else {
                 break;
             };
             self.back = Some((byte, at_us));
@@ -136,7 +136,7 @@ mod tests {
     fn hand() -> Hand {
         let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
         hand.run_until(1_000);
-        assert!(hand.said().ends_with(b"=> "));
+        assert!(hand.take_tx().ends_with(b"=> "));
         hand
     }
 

@@ -139,13 +139,13 @@ fn the_filters_keep_what_is_not_for_the_board_from_the_program() {
     let mut node = Node::new(SimBoard::standard(tater_wire::Node::new(5).expect("5"), Model::Averaged, 1));
     let group = |number| Destination::Group(Group::new(number).expect("a group"));
     let heard = |node: &Node| -> Vec<u8> {
-        (0..32).filter(|&n| node.board().lets_through(&Message::get(group(n), Property::P).frame())).collect()
+        (0..32).filter(|&n| node.board().accepts(&Message::get(group(n), Property::P).frame())).collect()
     };
     assert_eq!(heard(&node), [0, 2, 4]);
     node.start_application();
     node.receive(&Message::set(to(5), Property::GRPA, 17).expect("fits").frame()).expect("taken");
     assert_eq!(heard(&node), [0, 2, 4, 17]);
-    let nodes = |n: &u8| node.board().lets_through(&Message::get(to(*n), Property::P).frame());
+    let nodes = |n: &u8| node.board().accepts(&Message::get(to(*n), Property::P).frame());
     assert_eq!((0..32).filter(nodes).collect::<Vec<_>>(), [5]);
     node.power_off();
     assert_eq!(heard(&node), [0], "until a program has said what it listens to");

@@ -6,7 +6,7 @@ use super::*;
 fn upright() -> (Scene, Pose) {
     let scene = Scene {
         geometry: Geometry { tip_at_zero: 0.0, link_at_zero: 0.0, ..Geometry::default() },
-        things: Vec::new(),
+        objects: Vec::new(),
     };
     // 90° of a link are 220.5 counts (the manual's 12128 / 55).
     (scene, [220.5, 220.5, 220.5, 0.0, 0.0, 0.0, 0.0])
@@ -60,7 +60,7 @@ fn distances_of_segments() {
 fn a_motor_feels_force_through_its_lever_and_gear() {
     let (mut scene, pose) = upright();
     let ball = Capsule { ends: [[-0.05 + 0.03, -0.025, 0.12]; 2], radius_m: 0.021 };
-    scene.things.push(Thing { capsule: ball, stiffness_n_m: 1e5 });
+    scene.objects.push(SceneObject { capsule: ball, stiffness_n_m: 1e5 });
     let contacts = scene.contacts(&pose);
     // The gap is 1 mm at the very end of the tip, 120 mm above the link's joint and 50 above its own.
     for (motor, lever_m, ratio) in [(0, 0.12, 49.0), (4, 0.05, 39.0)] {
