@@ -4,7 +4,8 @@
 use hil_sim::plant::RAD_PER_COUNT;
 use hil_sim::scenario::Scenario;
 use hil_sim::{Model, Options, Outcome, run};
-use servo_core::{EndReason, MotorKind};
+use servo_core::EndReason;
+use tater_wire::MotorKind;
 use tater_wire::Property;
 
 /// The spread of the plants (the issue's ±30 %) and of the hall placement (ordinary for hand-placed sensors).
@@ -273,7 +274,7 @@ fn defaults_are_the_manuals() {
         (MotorKind::Tip, 30, false, 300, 200, -350),
     ];
     for (kind, accel, hold, tstop, ivel, ioff) in table {
-        let c = servo_core::Config::for_motor(kind);
+        let c = tater_fw::motion::defaults(kind);
         assert_eq!((c.accel, c.hold, c.tstop, c.ivel, c.ioff), (accel, hold, tstop, ivel, ioff), "{kind:?}");
         assert_eq!((c.mt, c.mv, c.mcv, c.mov, c.mpe, c.ihit, c.otemp), (750, 1000, 1000, 1000, 4, 250, 700));
         assert_eq!((c.hsg, c.lsg, c.bs), (256, 256, false));

@@ -7,9 +7,9 @@ use fixed::types::I1F15;
 use hil_sim::plant::{Heat, Model, PlantParams, Start, trapezoid};
 use hil_sim::rig::{Object, Rig, RigParams, Side, Truth};
 use proptest::prelude::*;
-use servo_core::MotorKind;
 use servo_core::sense::commutation::{Bridge, Leg};
 use servo_core::units::Duty;
+use tater_wire::MotorKind;
 
 mod accepted;
 mod board;

@@ -4,9 +4,9 @@ use hil_sim::over_can::{Job, OverCan, Ran, case_of, parked};
 use hil_sim::plant::PlantParams;
 use hil_sim::scenario::{Case, Initial, Scenario};
 use hil_sim::{Options, node_of, properties, rig};
+use tater_wire::MotorKind;
 use tater_wire::Node;
 use tater_wire::memory::APPLICATION;
-use tater_wire::property::Kind;
 
 use crate::board::Board;
 use crate::image::Programs;
@@ -94,8 +94,8 @@ fn id(node: u8) -> Node {
     Node::new(node).unwrap_or(Node::HOST)
 }
 
-fn kind(node: u8) -> hil_sim::MotorKind {
-    hil_sim::motor(Kind::of(id(node)))
+fn kind(node: u8) -> MotorKind {
+    MotorKind::of(id(node))
 }
 
 /// A board's part, and its motor while it boots. A board whose kind of motor the scenario does not name goes along with its own

@@ -1,7 +1,7 @@
 //! Which motors: a set of the seven, and what a prefix selects (manual 5.1.2, table 3).
 
+use tater_wire::MotorKind;
 use tater_wire::Node;
-use tater_wire::property::Kind;
 
 /// Motors of a hand.
 pub const COUNT: usize = 7;
@@ -43,8 +43,8 @@ impl Motor {
 
     /// Link, spread or tip.
     #[must_use]
-    pub fn kind(self) -> Kind {
-        Kind::of(self.node())
+    pub fn kind(self) -> MotorKind {
+        MotorKind::of(self.node())
     }
 
     /// The tip of a link's finger.

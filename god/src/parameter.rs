@@ -1,7 +1,7 @@
 //! The parameters, a row each (manual 5.3 and 5.4): name, access, range, defaults, help, and where the value is.
 
+use tater_wire::MotorKind;
 use tater_wire::Property;
-use tater_wire::property::Kind;
 
 /// Where the manual lists a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,12 +86,12 @@ pub struct Row {
 impl Row {
     /// The default for a kind of motor.
     #[must_use]
-    pub const fn default_for(&self, kind: Kind) -> i64 {
+    pub const fn default_for(&self, kind: MotorKind) -> i64 {
         let [link, spread, tip] = self.defaults;
         match kind {
-            Kind::Link => link,
-            Kind::Spread => spread,
-            Kind::Tip => tip,
+            MotorKind::Link => link,
+            MotorKind::Spread => spread,
+            MotorKind::Tip => tip,
         }
     }
 }

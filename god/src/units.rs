@@ -1,6 +1,6 @@
 //! Counts of the language (GCL) and hall counts of the boards: 55 to 1 (manual 1.3.2); degrees and percents. Nowhere else.
 
-use tater_wire::property::Kind;
+use tater_wire::MotorKind;
 
 /// GCL counts a hall count.
 pub const GCL_PER_HALL: i64 = 55;
@@ -19,22 +19,22 @@ pub const fn halls(gcl: i64) -> i64 {
 }
 
 /// Revolutions of the motor a revolution of its joint, hundredths (manual 1.3.2, table 2).
-const fn ratio_hundredths(kind: Kind) -> i64 {
+const fn ratio_hundredths(kind: MotorKind) -> i64 {
     match kind {
-        Kind::Link => 4900,
-        Kind::Spread => 1828,
-        Kind::Tip => 3900,
+        MotorKind::Link => 4900,
+        MotorKind::Spread => 1828,
+        MotorKind::Tip => 3900,
     }
 }
 
 /// GCL counts of 100 revolutions of a joint: the gear's ratio × 18 hall counts × 55 (manual 1.3.2, table 2).
-const fn gcl_per_100_revolutions(kind: Kind) -> i64 {
+const fn gcl_per_100_revolutions(kind: MotorKind) -> i64 {
     ratio_hundredths(kind) * 18 * GCL_PER_HALL
 }
 
 /// GCL counts of an angle in degrees; halves go up: 90 degrees of a link are 12128.
 #[must_use]
-pub const fn of_degrees(kind: Kind, degrees: i64) -> i64 {
+pub const fn of_degrees(kind: MotorKind, degrees: i64) -> i64 {
     rounded(degrees.saturating_mul(gcl_per_100_revolutions(kind)), 36_000)
 }
 
@@ -48,14 +48,14 @@ pub const fn of_percent(percent: i64, close_target: i64) -> i64 {
 /// a BarrettHand without saying how far its tips go along; a third is what that hand's gears make, 375:1 to 125:1.
 #[must_use]
 pub const fn of_tip_along(link: i64) -> i64 {
-    rounded(link.saturating_mul(ratio_hundredths(Kind::Tip)), 3 * ratio_hundredths(Kind::Link))
+    rounded(link.saturating_mul(ratio_hundredths(MotorKind::Tip)), 3 * ratio_hundredths(MotorKind::Link))
 }
 
 /// How far a tip goes while its link goes so far, GCL counts or hall counts alike, to keep its direction for an observer: the same joint
 /// angle the other way.
 #[must_use]
 pub const fn of_tip_against(link: i64) -> i64 {
-    rounded(link.saturating_mul(-ratio_hundredths(Kind::Tip)), ratio_hundredths(Kind::Link))
+    rounded(link.saturating_mul(-ratio_hundredths(MotorKind::Tip)), ratio_hundredths(MotorKind::Link))
 }
 
 const fn rounded(numerator: i64, denominator: i64) -> i64 {
@@ -68,10 +68,10 @@ mod tests {
 
     #[test]
     fn degrees_are_the_manual_s() {
-        assert_eq!(of_degrees(Kind::Link, 90), 12128, "1.3.2's example");
-        assert_eq!(of_degrees(Kind::Link, -90), -12127, "halves go up");
-        assert_eq!(of_degrees(Kind::Tip, 180), 19305);
-        assert_eq!(of_degrees(Kind::Spread, 180), 9049);
+        assert_eq!(of_degrees(MotorKind::Link, 90), 12128, "1.3.2's example");
+        assert_eq!(of_degrees(MotorKind::Link, -90), -12127, "halves go up");
+        assert_eq!(of_degrees(MotorKind::Tip, 180), 19305);
+        assert_eq!(of_degrees(MotorKind::Spread, 180), 9049);
         assert_eq!(of_percent(50, 18_200), 9100);
         assert_eq!(of_percent(-10, 9300), -930);
     }
@@ -79,8 +79,9 @@ mod tests {
     #[test]
     fn a_tip_goes_along_with_a_third_of_the_angle_and_against_with_all_of_it() {
         for degrees in -10..=130 {
-            let link = of_degrees(Kind::Link, 3 * degrees);
-            let (along, against) = (of_degrees(Kind::Tip, degrees), of_degrees(Kind::Tip, -3 * degrees));
+            let link = of_degrees(MotorKind::Link, 3 * degrees);
+            let (along, against) =
+                (of_degrees(MotorKind::Tip, degrees), of_degrees(MotorKind::Tip, -3 * degrees));
             assert!((of_tip_along(link) - along).abs() <= 1, "{degrees}");
             assert!((of_tip_against(link) - against).abs() <= 1, "{degrees}");
         }

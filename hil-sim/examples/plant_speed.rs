@@ -1,10 +1,10 @@
 //! How fast the plant alone runs: simulated seconds per wall second, open loop, both models.
 use hil_sim::plant::{Heat, Model, PlantParams, Start};
 use hil_sim::rig::{Rig, RigParams};
-use servo_core::MotorKind;
 use servo_core::sense::commutation::{Bridge, Leg};
 use servo_core::units::Duty;
 use std::time::Instant;
+use tater_wire::MotorKind;
 
 /// The legs that drive a hall code's sector in the closing direction (DESIGN 4.2).
 fn bridge(code: u8, bits: i16) -> Bridge {

@@ -3,9 +3,10 @@
 
 use std::hint::black_box;
 
+use hil_sim::{MotorKind, defaults};
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::units::{Counts, DeciCelsius, Micros, MilliAmps, MilliVolts};
-use servo_core::{Command, Config, Drive, MotorKind, Sense, Servo};
+use servo_core::{Command, Config, Drive, Sense, Servo};
 
 /// A tick's inputs, kept.
 struct Tick {
@@ -17,7 +18,7 @@ struct Tick {
 const TRAVEL: i32 = 338;
 
 fn servo() -> Servo {
-    let config = Config { accel: 60, mv: 750, ..Config::for_motor(MotorKind::Link) };
+    let config = Config { accel: 60, mv: 750, ..defaults(MotorKind::Link) };
     let mut servo = Servo::new(config, 0).expect("defaults are in range");
     servo.command(Command::Move(TRAVEL)).expect("an idle motor takes a move");
     servo

@@ -23,13 +23,7 @@ pub use experiment::{
     grasp, input, metrics, over_can, picture, properties, replay, report, scenario, trace, typist,
 };
 pub use ports::{cli, grasper, slcan};
-pub use servo_core::MotorKind;
-pub use tater_fw::motion::motor;
+pub use tater_fw::motion::defaults;
+pub use tater_wire::MotorKind;
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};
-
-/// The properties of a kind of motor before anybody sets one.
-#[must_use]
-pub const fn defaults(motor: MotorKind) -> servo_core::Config {
-    servo_core::Config::for_motor(motor)
-}

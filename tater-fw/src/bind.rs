@@ -82,14 +82,10 @@ macro_rules! bind {
             assert_eq!(all, before, "what does not fit is not taken");
         }
 
-        /// Sets a property; `false`, and nothing changed, if it is not here, or the value is out of its row's range.
+        /// Sets a property; `false`, and nothing changed, if it is not here, or the field cannot hold the value. The caller has
+        /// checked the range.
         #[must_use]
         pub fn set(to: &mut $struct, property: tater_wire::Property, value: i64) -> bool {
-            property.rules().admits(value) && put(to, property, value)
-        }
-
-        /// The same for any value that the field can hold.
-        fn put(to: &mut $struct, property: tater_wire::Property, value: i64) -> bool {
             match property {
                 $(tater_wire::Property::$property => match $crate::bind::Raw::of(value) {
                     Some(value) => {

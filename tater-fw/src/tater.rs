@@ -17,7 +17,7 @@ use self::kept::{Kept, kept};
 use crate::board::Board;
 use crate::codes::{self, end_code, fault_code, mode_code};
 use crate::lock::Lock;
-use crate::motion::{self, motion, motor};
+use crate::motion::{self, motion};
 use crate::storage::{Counters, Progress, Store};
 use heapless::Deque;
 use servo_core::mode::Mode;
@@ -26,8 +26,10 @@ use servo_core::sense::hall::{HallEvent, Wiring};
 use servo_core::servo::COUNTS_PER_REV;
 use servo_core::units::{CountsPerSec, Micros, Torque};
 use servo_core::{Command, Config, Drive, Event, Refusal, Sense, Servo, Telemetry};
-use tater_wire::property::{Access, Kind, Rules, Stored};
-use tater_wire::{Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, Node, Property};
+use tater_wire::property::{Access, Rules, Stored};
+use tater_wire::{
+    Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, MotorKind, Node, Property,
+};
 
 /// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries. An answer that
 /// finds no room is not given: [`SetError::Busy`], and counted in [`Tater::unsent`].
@@ -144,7 +146,7 @@ impl<B: Board> Tater<B> {
         let trusted = stored.filter(|&(_, at)| at == code).map(|(position, _)| position);
         let count = trusted.unwrap_or(0);
         Self {
-            servo: Servo::for_motor(motor(Kind::of(node)), count),
+            servo: Servo::for_motor(motion::servos(MotorKind::of(node)), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
             pending_code: None,
             hall_history: u32::from(code),
@@ -463,17 +465,14 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Sets a property that flash keeps. LOAD and DEF come this way: through [`Self::write`] they could come to themselves
-    /// again, and nobody could say how deep the stack gets.
+    /// Sets a property that flash keeps, to a value in its range: checked by [`Self::write`], or when it was read from flash.
+    /// LOAD and DEF do not go through `write`, which calls them: the recursion would have no bound on its stack.
     ///
     /// # Errors
     /// As those of [`Self::write`].
     fn set_stored(&mut self, property: Property, value: i64) -> Result<(), SetError> {
         use Property as P;
         let out_of_range = SetError::Range(property);
-        if !property.rules().admits(value) {
-            return Err(out_of_range);
-        }
         match property {
             motion!() => {
                 let mut config = *self.servo.config();
@@ -642,7 +641,7 @@ impl<B: Board> Tater<B> {
             Some(property) => {
                 self.unlock(property)?;
                 // A board without straps would have no number.
-                if !self.unstored(property.rules()).is_some_and(|value| property.rules().admits(value)) {
+                if self.unstored(property.rules()).is_none() {
                     return Err(SetError::Range(property));
                 }
                 if property == Property::P {
@@ -679,7 +678,7 @@ impl<B: Board> Tater<B> {
     }
 
     fn load_one(&mut self, property: Property) -> Result<(), SetError> {
-        let Some(value) = self.stored(property.rules()) else { return Err(SetError::Access(property)) };
+        let value = self.stored(property.rules()).ok_or(SetError::Range(property))?;
         if property == Property::P {
             self.in_idle()?;
         }
@@ -691,15 +690,17 @@ impl<B: Board> Tater<B> {
         Ok(())
     }
 
-    /// The stored value, or the default if there is none in range.
+    /// The stored value, or the default if none in range is stored.
     fn stored(&self, rules: &Rules) -> Option<i64> {
         self.store.get_by(rules).or_else(|| self.unstored(rules))
     }
 
-    /// What it is where nothing is stored.
+    /// The value where nothing is stored, always in range; `None` for the ID of a board without straps.
     fn unstored(&self, rules: &Rules) -> Option<i64> {
         match rules.property {
-            Property::ID => Some(i64::from(self.board.straps().number())),
+            Property::ID => {
+                Some(i64::from(self.board.straps().number())).filter(|&number| rules.admits(number))
+            }
             Property::SN => Some(i64::from(self.board.serial_number())),
             _ => rules.default_for(self.node),
         }

@@ -46,5 +46,5 @@ pub use frame::Frame;
 pub use id::{Destination, Group, Identifier, Node};
 pub use message::{Body, Message, Torques};
 pub use mode::ModeCode;
-pub use property::Property;
+pub use property::{MotorKind, Property};
 pub use value::Value;

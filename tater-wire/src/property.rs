@@ -53,7 +53,7 @@ pub enum Default {
 /// Which joint a motor drives; it decides the defaults. By node: 1 to 3 are links, 4 is the spread, 5 to 7 are tips,
 /// and a node beyond the hand's seven has a link's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MotorKind {
     /// Inner joint of a finger.
     Link,
     /// Finger spread.
@@ -62,7 +62,7 @@ pub enum Kind {
     Tip,
 }
 
-impl Kind {
+impl MotorKind {
     /// The kind of a node's motor.
     #[must_use]
     pub const fn of(node: Node) -> Self {
@@ -137,26 +137,36 @@ impl Rules {
         self.min() <= value && value <= self.max()
     }
 
-    /// The default on a node's board.
+    /// The default for a kind of motor; `None` if there is none, or if it depends on the node.
+    #[must_use]
+    pub const fn default_for_motor(&self, motor: MotorKind) -> Option<i16> {
+        match self.default {
+            Default::Same(value) => Some(value),
+            Default::Kinds(link, spread, tip) => Some(match motor {
+                MotorKind::Link => link,
+                MotorKind::Spread => spread,
+                MotorKind::Tip => tip,
+            }),
+            Default::None | Default::Node | Default::Slot => None,
+        }
+    }
+
+    /// The default on a node's board; `None` if there is none.
     #[must_use]
     pub fn default_for(&self, node: Node) -> Option<i64> {
         let number = node.number();
-        Some(i64::from(match self.default {
-            Default::None => return None,
-            Default::Same(value) => value,
-            Default::Kinds(link, spread, tip) => match Kind::of(node) {
-                Kind::Link => link,
-                Kind::Spread => spread,
-                Kind::Tip => tip,
-            },
-            // Beyond the hand's seven a board still has a slot and a joint, if not a sensible one.
-            Default::Node => return Some(i64::from(number).max(self.min()).min(self.max())),
-            Default::Slot => i16::from(match number {
+        match self.default {
+            // A board beyond the hand's seven still has a slot and a joint.
+            Default::Node => Some(i64::from(number).max(self.min()).min(self.max())),
+            Default::Slot => Some(i64::from(match number {
                 0 => 1,
                 1..=4 => number,
                 _ => (number - 5) % 4 + 1,
-            }),
-        }))
+            })),
+            Default::None | Default::Same(_) | Default::Kinds(..) => {
+                self.default_for_motor(MotorKind::of(node)).map(i64::from)
+            }
+        }
     }
 
     /// A value as it goes on the wire: in the property's width, or 32 bits if it does not fit signed 16; `None` if

@@ -4,7 +4,7 @@ use super::{any_kind, any_model, at, coast, run};
 use hil_sim::plant::{Model, PlantParams};
 use hil_sim::rig::{Rig, RigParams};
 use proptest::prelude::*;
-use servo_core::MotorKind;
+use tater_wire::MotorKind;
 
 /// Runs a plant through drive, plugging, coasting and its stops; the worst residual as a share of the turnover,
 /// and the highest speed seen, counts/s.

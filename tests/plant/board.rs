@@ -4,8 +4,8 @@ use super::{MODELS, at, close, drive, free, frictionless, rig, run};
 use hil_sim::plant::{Model, PlantParams};
 use hil_sim::rig::{HallChange, HallGlitch, Object, Rig, RigParams, Side, StuckLine};
 use proptest::prelude::*;
-use servo_core::MotorKind;
 use servo_core::sense::commutation::Bridge;
+use tater_wire::MotorKind;
 
 /// Turns at the same speed for ever once the bridge is off.
 fn no_brake() -> PlantParams {

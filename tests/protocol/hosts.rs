@@ -5,9 +5,8 @@ use hil_sim::bus::{Adapter, Bus};
 use hil_sim::node::Node;
 use hil_sim::plant::{Heat, Model, PlantParams, Start};
 use hil_sim::rig::{Object, Rig, RigParams, Side};
-use servo_core::MotorKind;
 use servo_core::mode::Mode;
-use tater_wire::property::Kind;
+use tater_wire::MotorKind;
 use tater_wire::{Body, Destination, Frame, Group, Message, Node as Id, Property, Torques};
 
 /// Hosts poll with 1 ms to answer; an answer takes at most 0.5 ms and the frames before it.
@@ -262,7 +261,7 @@ fn hand_initialize_polled_ten_times_a_second() {
     for node in [1, 4, 5] {
         let mut host = Host::awake([node]);
         host.set(to(node), Property::CMD, 13);
-        let hold = i64::from(Kind::of(id(node)) == Kind::Spread);
+        let hold = i64::from(MotorKind::of(id(node)) == MotorKind::Spread);
         let modes = host.poll(node, Property::MODE, 3 * hold, 100, 20_000);
         assert!(modes.contains(&4), "hosts must see mode 4 on node {node}: {modes:?}");
         assert_eq!(host.get(node, Property::END), Some(1), "node {node} has arrived at its zero");

@@ -10,7 +10,7 @@ mod seat;
 mod talk;
 mod timeline;
 
-use servo_core::MotorKind;
+use tater_wire::MotorKind;
 use tater_wire::{Destination, Message, Node as Id, Property};
 
 use crate::experiment::metrics::{Metric, Metrics};

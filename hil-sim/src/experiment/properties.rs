@@ -136,7 +136,7 @@ impl Property {
     /// # Errors
     /// The value is out of range; `config` has not changed then.
     pub fn set(&self, config: &mut Config, value: i64) -> Result<(), PropertyError> {
-        if motion::set(config, self.row.property, value) {
+        if self.row.admits(value) && motion::set(config, self.row.property, value) {
             return Ok(());
         }
         let (min, max) = self.range();
@@ -153,22 +153,22 @@ impl Property {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servo_core::MotorKind;
+    use tater_wire::MotorKind;
 
     #[test]
     fn every_row_reads_back_both_ends_of_its_range_and_refuses_beyond() {
         for property in &PROPERTIES {
             let (min, max) = property.range();
             for value in [min, max] {
-                let mut config = Config::for_motor(MotorKind::Spread);
+                let mut config = crate::defaults(MotorKind::Spread);
                 property.set(&mut config, value).expect(property.name);
                 assert_eq!(property.get(&config), value, "{}", property.name);
                 assert_eq!(config.validate(), Ok(()), "{} = {value}", property.name);
             }
             for value in [min - 1, max + 1] {
-                let mut config = Config::for_motor(MotorKind::Spread);
+                let mut config = crate::defaults(MotorKind::Spread);
                 assert!(property.set(&mut config, value).is_err(), "{} = {value}", property.name);
-                assert_eq!(config, Config::for_motor(MotorKind::Spread));
+                assert_eq!(config, crate::defaults(MotorKind::Spread));
             }
         }
     }
@@ -187,13 +187,13 @@ mod tests {
     #[test]
     fn each_row_sets_its_own_field_only() {
         for property in &PROPERTIES {
-            let mut config = Config::for_motor(MotorKind::Link);
+            let mut config = crate::defaults(MotorKind::Link);
             let (min, max) = property.range();
             let value = if property.get(&config) == max { min } else { max };
             property.set(&mut config, value).expect(property.name);
             let changed: Vec<&str> = PROPERTIES
                 .iter()
-                .filter(|row| row.get(&config) != row.get(&Config::for_motor(MotorKind::Link)))
+                .filter(|row| row.get(&config) != row.get(&crate::defaults(MotorKind::Link)))
                 .map(|row| row.name)
                 .collect();
             assert_eq!(changed, [property.name]);
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn an_unknown_name_lists_the_known() {
-        let mut config = Config::for_motor(MotorKind::Link);
+        let mut config = crate::defaults(MotorKind::Link);
         let error = set(&mut config, "KQ", 1).expect_err("no KQ");
         assert!(error.to_string().contains("KQ") && error.to_string().contains("KPV"), "{error}");
     }

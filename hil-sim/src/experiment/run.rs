@@ -3,10 +3,10 @@
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use servo_core::mode::Mode;
-use servo_core::{Command, Config, Event, MotorKind};
+use servo_core::{Command, Event};
 use tater_fw::codes::mode_code;
 use tater_fw::tater::SetError;
-use tater_wire::{Cmd, Destination, Message, ModeCode, Property};
+use tater_wire::{Cmd, Destination, Message, ModeCode, MotorKind, Property};
 
 use crate::experiment::metrics::{Meter, Metrics, Value, end_word, fault_word, mode_word};
 use crate::experiment::properties::PROPERTIES;
@@ -119,7 +119,7 @@ pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node
     let count = rig.truth().counts.round() as i32;
     let mut node = Node::awake(SimBoard::new(rig, straps));
     set(&mut node, Property::P, i64::from(count)).map_err(|e| refused("position_counts", count.into(), e))?;
-    let defaults = Config::for_motor(case.motor);
+    let defaults = crate::defaults(case.motor);
     for property in &PROPERTIES {
         let value = property.get(&case.config);
         if value != property.get(&defaults) {

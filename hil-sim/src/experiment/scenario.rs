@@ -44,7 +44,8 @@ mod shipped;
 
 pub use shipped::{SHIPPED, Shipped};
 
-use servo_core::{Command, Config, MotorKind};
+use servo_core::{Command, Config};
+use tater_wire::MotorKind;
 
 use crate::experiment::metrics::{self, Metric, Metrics, Value};
 use crate::experiment::properties::Property;

@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use servo_core::MotorKind;
 use tater_fw::codes::mode_code;
+use tater_wire::MotorKind;
 
 use crate::world::node::Sample;
 

@@ -3,7 +3,7 @@
 
 use servo_core::sense::commutation::Bridge;
 use tater_fw::{Analog, Board};
-use tater_wire::property::Kind;
+use tater_wire::MotorKind;
 use tater_wire::{Destination, FaultCode, Frame, Group, Node};
 
 use crate::world::plant::{Heat, Model, ParamError, PlantParams, Start};
@@ -80,7 +80,7 @@ impl SimBoard {
         model: Model,
         seed: u64,
     ) -> Result<Self, ParamError> {
-        let plant = PlantParams::for_motor(tater_fw::motion::motor(Kind::of(node)));
+        let plant = PlantParams::for_motor(MotorKind::of(node));
         let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
         let start = Start { count, counts_per_s: 0.0, heat };
         Ok(Self::new(Rig::new(plant, rig, objects, model, start, seed)?, node))

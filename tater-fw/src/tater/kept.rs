@@ -82,8 +82,6 @@ mod tests {
                 let changed: Vec<Property> =
                     PROPERTIES.into_iter().filter(|&p| get(&kept, p) != get(&Kept::default(), p)).collect();
                 assert!(changed.iter().all(|&p| p == property), "{property:?} changes {changed:?}");
-                assert!(!set(&mut kept, property, row.max + 1) && !set(&mut kept, property, row.min - 1));
-                assert_eq!(get(&kept, property), Some(value), "{property:?}");
             }
         }
     }

@@ -1,9 +1,9 @@
 //! From the host's bytes to the motors' torque, seven motors at once on one bus, and what that bus carries.
 
+use hil_sim::MotorKind;
 use hil_sim::hand::Hand;
 use hil_sim::hand::serial::Serial;
 use servo_core::units::Duty;
-use servo_core::{Config, MotorKind};
 
 use super::super::Session;
 use super::{ALL, BLOCK_US, FEEDBACK, Host, control};
@@ -115,7 +115,7 @@ fn a_supervisory_move_waits_for_nothing_but_the_bus_and_leaves_most_of_that_to_o
     let mut session = Session::new();
     assert_eq!(session.line("HI"), "");
     // The spread's brake has to release first.
-    let brake_us = 1_000 * u64::from(Config::for_motor(MotorKind::Spread).brake_ms);
+    let brake_us = 1_000 * u64::from(hil_sim::defaults(MotorKind::Spread).brake_ms);
     // All bridges are off when it comes: what holds changes its duty all the time.
     assert_eq!(session.line("FSET HOLD 0"), "");
     for phase in 0..20 {

@@ -3,7 +3,8 @@
 use servo_core::Command;
 use servo_core::mode::Mode;
 use tater_fw::codes::mode_code;
-use tater_wire::{Cmd, Property};
+use tater_fw::motion;
+use tater_wire::{Cmd, MotorKind, Property};
 
 use super::seat::{Ask, Seat};
 use super::{Job, OverCan, Ran, Watched};
@@ -22,8 +23,7 @@ impl<S: Watched> OverCan<S> {
         for job in &jobs {
             self.put(job.node, Property::LFLAGS, 3)?;
             self.put(job.node, Property::P, count(job))?;
-            let kind = tater_fw::motion::motor(tater_wire::property::Kind::of(job.node));
-            let defaults = servo_core::Config::for_motor(kind);
+            let defaults = motion::defaults(MotorKind::of(job.node));
             for property in &PROPERTIES {
                 let value = property.get(&job.case.config);
                 if value != property.get(&defaults) {

@@ -2,8 +2,6 @@
 
 use std::fmt::Write;
 
-use servo_core::Config;
-
 use super::chart::{Chart, Mark, Series, escape};
 use super::model_name;
 use crate::experiment::metrics::{METRICS, Value, end_word};
@@ -108,7 +106,7 @@ fn motor(page: &mut String, scenario: &Scenario, case: &Case, run: &MotorRun) {
 
 /// Every property, those that differ from the motor's defaults in bold.
 fn properties(page: &mut String, case: &Case) {
-    let defaults = Config::for_motor(case.motor);
+    let defaults = crate::defaults(case.motor);
     for property in &PROPERTIES {
         let (value, default) = (property.get(&case.config), property.get(&defaults));
         let class = if value == default { "" } else { " class=\"changed\"" };

@@ -6,8 +6,8 @@ use std::fmt;
 
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, SeqAccess, Unexpected, Visitor};
-use servo_core::MotorKind;
 use servo_core::mode::Mode;
+use tater_wire::MotorKind;
 use toml::Spanned;
 
 use crate::world::rig::{Object, RigParams};

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use servo_core::Command;
 use servo_core::units::{CountsPerSec, Torque};
-use servo_core::{Command, Config, MotorKind};
+use tater_wire::MotorKind;
 use toml::Spanned;
 
 use super::{Action, Case, Expectation, Initial, SHIPPED, Scenario, Timed, Want, file};
@@ -97,7 +98,7 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     let parsed: file::File = toml::from_str(source.text).map_err(|e| source.reader_error(&e))?;
     let mut cases = Vec::new();
     for motor in &parsed.motor.0 {
-        let mut config = Config::for_motor(*motor);
+        let mut config = crate::defaults(*motor);
         for (property, value) in settings(source, &parsed.set)? {
             // Checked by `settings`: the range does not depend on the motor.
             let _ = property.set(&mut config, value);
@@ -224,7 +225,7 @@ fn settings(source: Source<'_>, set: &file::Settings) -> Result<Vec<(&'static Pr
             return fail(problem, "each property once".to_owned(), "remove one of the two");
         }
         let value = *value.get_ref();
-        let mut scratch = Config::for_motor(MotorKind::Link);
+        let mut scratch = crate::defaults(MotorKind::Link);
         if let Err(e) = property.set(&mut scratch, value) {
             let problem = format!("{} = {value} is out of range", property.name);
             return fail(problem, e.expected(), "choose a value in the range");

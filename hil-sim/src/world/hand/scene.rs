@@ -9,7 +9,7 @@
 //! Frame: x from the palm's center to finger 3, z out of the palm. With spread 0 fingers 1 and 2 stand opposite finger 3; they
 //! rotate about their own axes to its side, finger 1 through negative y and finger 2 through positive y.
 
-use servo_core::MotorKind;
+use tater_wire::MotorKind;
 
 use crate::world::plant::{Contact, PlantParams, RAD_PER_COUNT};
 

@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
-use servo_core::MotorKind;
+use tater_wire::MotorKind;
 
 /// Shortest time constant of the winding, s: three PWM periods; 333 µs of the nominal motor.
 const MIN_ELECTRICAL_S: f64 = 150e-6;
