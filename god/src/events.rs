@@ -105,23 +105,28 @@ impl EventLog {
 impl core::fmt::Display for Event {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let [s, us] = [self.at_us / 1_000_000, self.at_us % 1_000_000];
-        write!(f, "{s:4}.{us:06} s  ")?;
-        match self.kind {
-            EventKind::Started => f.write_str("GOD started"),
-            EventKind::Sent { motor, property, value } => {
+        write!(f, "{s:4}.{us:06} s  {}", self.kind)
+    }
+}
+
+impl core::fmt::Display for EventKind {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match *self {
+            Self::Started => f.write_str("GOD started"),
+            Self::Sent { motor, property, value } => {
                 write!(f, "motor {}: SET {} {value}", motor.number(), property.row().name)
             }
-            EventKind::Refused { motor } => write!(f, "motor {}: no motion (END is 0)", motor.number()),
-            EventKind::Fault { motor, code } => write!(f, "motor {}: ERROR {code}", motor.number()),
-            EventKind::Mode { motor, mode } => write!(f, "motor {}: MODE {mode}", motor.number()),
-            EventKind::Ended { motor, end } => write!(f, "motor {}: END {end}", motor.number()),
-            EventKind::NoAnswer { motor, property } => {
+            Self::Refused { motor } => write!(f, "motor {}: no motion (END is 0)", motor.number()),
+            Self::Fault { motor, code } => write!(f, "motor {}: ERROR {code}", motor.number()),
+            Self::Mode { motor, mode } => write!(f, "motor {}: MODE {mode}", motor.number()),
+            Self::Ended { motor, end } => write!(f, "motor {}: END {end}", motor.number()),
+            Self::NoAnswer { motor, property } => {
                 write!(f, "motor {}: no answer to GET {}", motor.number(), property.row().name)
             }
-            EventKind::BusDown => f.write_str("bus down: it takes no frames"),
-            EventKind::BusUp => f.write_str("bus up"),
-            EventKind::Aborted => f.write_str("aborted by ^C or hang-up"),
-            EventKind::Failed { status } => write!(f, "command failed: ERR {}", status.code()),
+            Self::BusDown => f.write_str("bus down: it takes no frames"),
+            Self::BusUp => f.write_str("bus up"),
+            Self::Aborted => f.write_str("aborted by ^C or hang-up"),
+            Self::Failed { status } => write!(f, "command failed: ERR {}", status.code()),
         }
     }
 }

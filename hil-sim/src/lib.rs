@@ -9,8 +9,8 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `keep`, `output`, `serve`, `talk` |
-//! | experiment | [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`trace`], [`typist`] |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `keep`, `lines`, `output`, `serve`, `talk` |
+//! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
 
@@ -20,7 +20,7 @@ mod world;
 
 pub use experiment::run::{MotorRun, Options, Outcome, board, node_of, rig, run, set};
 pub use experiment::{
-    grasp, input, metrics, over_can, picture, properties, replay, report, scenario, trace, typist,
+    events, grasp, input, metrics, over_can, picture, properties, replay, report, scenario, trace, typist,
 };
 pub use ports::{cli, grasper, slcan};
 pub use tater_fw::motion::defaults;

@@ -6,6 +6,7 @@ pub mod cli;
 mod gcl;
 pub mod grasper;
 mod keep;
+mod lines;
 mod output;
 mod serve;
 pub mod slcan;

@@ -2,7 +2,7 @@
 
 use god::Memory;
 use hil_sim::hand::Hand;
-use hil_sim::typist::{Answered, Typist};
+use hil_sim::typist::{Reply, Typist};
 use hil_sim::plant::Model;
 
 fn typist() -> Typist {
@@ -27,10 +27,10 @@ fn lines_have_their_answers_and_statuses() {
         ("1 loop ", "*", 0),
         ("", "", 0),
     ] {
-        let said = typist.line(line).expect("it prompts");
+        let said = typist.run_line(line).expect("it prompts");
         let ms = said.ms;
-        let (line, answer, unasked) = (line.to_owned(), answer.to_owned(), vec![]);
-        assert_eq!(said, Answered { line, answer, status, unasked, ms });
+        let (line, answer, unsolicited) = (line.to_owned(), answer.to_owned(), vec![]);
+        assert_eq!(said, Reply { line, answer, status, unsolicited, ms });
         assert!(ms > 0.0 && ms < 5000.0, "{ms} ms: {said:?}");
     }
 }
@@ -39,13 +39,13 @@ fn lines_have_their_answers_and_statuses() {
 fn what_nobody_asked_for_is_no_line_s_answer() {
     let mut typist = typist();
     for line in ["HI", "4 S E 82", "4 S M 5", "WAIT 2000"] {
-        let said = typist.line(line).expect("it prompts");
-        assert_eq!((&*said.answer, said.unasked.len()), ("", 0), "{said:?}");
+        let said = typist.run_line(line).expect("it prompts");
+        assert_eq!((&*said.answer, said.unsolicited.len()), ("", 0), "{said:?}");
     }
-    assert_eq!(typist.line("4 G AP").expect("it prompts").unasked, ["4 MODE=3"]);
-    typist.line("4 S E 0").expect("it prompts");
-    typist.line("4 S M 5").expect("it prompts");
+    assert_eq!(typist.run_line("4 G AP").expect("it prompts").unsolicited, ["4 MODE=3"]);
+    typist.run_line("4 S E 0").expect("it prompts");
+    typist.run_line("4 S M 5").expect("it prompts");
     // More than any other line has.
-    assert_eq!(typist.line("wait 700000").expect("it prompts").ms.round(), 700_000.0);
-    assert_eq!(typist.unasked(), ["4 MODE=3"]);
+    assert_eq!(typist.run_line("wait 700000").expect("it prompts").ms.round(), 700_000.0);
+    assert_eq!(typist.unsolicited(), ["4 MODE=3"]);
 }

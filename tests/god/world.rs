@@ -24,7 +24,7 @@ fn ball() -> Scene {
 
 /// The numbers that a line is answered with.
 fn ask(typist: &mut Typist, line: &str) -> Vec<i32> {
-    let said = typist.line(line).expect("it prompts");
+    let said = typist.run_line(line).expect("it prompts");
     assert_eq!(said.status, 0, "{said:?}");
     said.answer.split_whitespace().map(|word| word.parse().expect("a number")).collect()
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use crate::experiment::input::BadInput;
 use crate::ports::grasper::Console;
 
-use crate::ports::gcl::Lines;
+use crate::ports::lines::Lines;
 use crate::ports::output::{print, tell};
 
 /// How long the hand may be silent while it is waited for: a motor may press for TSTOP, up to 65 s, before it counts as stalled.
