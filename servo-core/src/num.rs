@@ -28,16 +28,16 @@ pub const fn mul_q32(a: u64, b: u64) -> u64 {
     // By words: what of the highest does not fit is zero by the bound.
     let (a1, a0, b1, b0) = (a >> 32, a & 0xFFFF_FFFF, b >> 32, b & 0xFFFF_FFFF);
     let high =
-        (a1.wrapping_mul(b1) << 32).wrapping_add(a1.wrapping_mul(b0)).wrapping_add(a0.wrapping_mul(b1));
-    high.wrapping_add(a0.wrapping_mul(b0) >> 32)
+        ((a1 * b1) << 32) + a1 * b0 + a0 * b1;
+    high + ((a0 * b0) >> 32)
 }
 
 /// `x²` with 51 fractional bits for a magnitude below 2^6 with 32 fractional bits, rounded down.
 #[must_use]
 pub const fn square_q51(x: u64) -> u64 {
     let (x1, x0) = (x >> 32, x & 0xFFFF_FFFF);
-    let high = (x1.wrapping_mul(x1) << 51).wrapping_add(x1.wrapping_mul(x0) << 20);
-    high.wrapping_add(x0.wrapping_mul(x0) >> 13)
+    let high = ((x1 * x1) << 51) + ((x1 * x0) << 20);
+    high + ((x0 * x0) >> 13)
 }
 
 /// `n / d`, rounded down. The library's division of 64 bits knows nothing of `UDIV`'s 32: this one takes a third.
@@ -69,7 +69,7 @@ fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
     let mut negative = remainder >> 32 != 0;
     for _ in 0..2 {
         if negative {
-            guess = guess.wrapping_sub(1);
+            guess -= 1;
             let (sum, carry) = low.overflowing_add(d);
             low = sum;
             negative = !carry;
@@ -84,8 +84,8 @@ fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
 pub fn ratio_q32(n: u64, d: u64) -> u64 {
     // As many bits of d as fit in 32, rounded up, for whole ones that are not too many.
     let high = (d >> 32) as u32;
-    let shift = if high == 0 { 0 } else { 33_u32.wrapping_sub(high.leading_zeros()) };
-    let rounded = (d >> shift).wrapping_add(u64::from(shift != 0));
+    let shift = if high == 0 { 0 } else { 33 - high.leading_zeros() };
+    let rounded = (d >> shift) + u64::from(shift != 0);
     let divisor = NonZeroU32::new(saturating_u32(rounded)).unwrap_or(NonZeroU32::MIN);
     let (mut whole, mut rest) = (0, n);
     if n >= d {
@@ -95,16 +95,16 @@ pub fn ratio_q32(n: u64, d: u64) -> u64 {
             return u64::MAX;
         }
         whole = divide_below(high, dividend as u32, divisor);
-        rest = n.wrapping_sub((whole as u64).wrapping_mul(d));
+        rest = n - whole as u64 * d;
         // A rounded divisor leaves a few.
         for _ in 0..3 {
             if rest >= d {
                 whole = whole.saturating_add(1);
-                rest = rest.wrapping_sub(d);
+                rest -= d;
             }
         }
     }
-    let rest = saturating_u32(rest >> shift).min(divisor.get().wrapping_sub(1));
+    let rest = saturating_u32(rest >> shift).min(divisor.get() - 1);
     ((whole as u64) << 32) | divide_below(rest, 0, divisor) as u64
 }
 
@@ -129,18 +129,18 @@ const fn isqrt(x: u64) -> u32 {
     let x = x << shift;
     // Of the upper word, in [2^30, 2^32): a straight line is 5 % wrong at most, Newton squares that twice.
     let upper = (x >> 32) as u32;
-    let line = (upper >> 17).wrapping_add(upper >> 19).wrapping_add(24_000);
-    let once = line.wrapping_add(upper / line) / 2;
-    let twice = once.wrapping_add(upper / once) / 2;
+    let line = (upper >> 17) + (upper >> 19) + 24_000;
+    let once = (line + upper / line) / 2;
+    let twice = (once + upper / once) / 2;
     // Newton's is not below the root, and 2^16 at most.
     let half =
-        if twice > 0xFFFF || twice.saturating_mul(twice) > upper { twice.wrapping_sub(1) } else { twice };
+        if twice > 0xFFFF || twice.saturating_mul(twice) > upper { twice - 1 } else { twice };
     // The lower half is (x − half² · 2^32) / (2 · half · 2^16), or one less (Zimmermann's square root).
-    let rest = upper.wrapping_sub(half.wrapping_mul(half));
+    let rest = upper - half * half;
     let quotient = ((rest << 15) | ((x as u32) >> 17)) / half;
     let quotient = if quotient > 0xFFFF { 0xFFFF } else { quotient };
     let root = (half << 16) | quotient;
-    let root = if root as u64 * root as u64 > x { root.wrapping_sub(1) } else { root };
+    let root = if root as u64 * root as u64 > x { root - 1 } else { root };
     root >> (shift / 2)
 }
 
@@ -210,7 +210,7 @@ pub const fn share_q32(n: u32, d: u32) -> u32 {
 #[must_use]
 pub fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
     let (ab, cd) = (a.to_bits() as i64 * b.to_bits() as i64, c.to_bits() as i64 * d.to_bits() as i64);
-    clamp_q13(ab.wrapping_add(cd))
+    clamp_q13(ab + cd)
 }
 
 /// A product of two laws as a law: exact within ±8192; beyond that it has its sign and is at least 8191 either way, which is

@@ -22,7 +22,7 @@ impl Counts {
     /// A whole number of counts; wraps outside ±2^21.
     #[must_use]
     pub const fn from_int(counts: i32) -> Self {
-        Self(I22F10::from_bits(counts.wrapping_shl(10)))
+        Self(I22F10::from_bits(counts << 10))
     }
 
     /// The whole count whose cell (half a count to either side) holds this position: what P reads.
@@ -49,11 +49,10 @@ impl Counts {
         Self(self.0.wrapping_neg())
     }
 
-    /// Whether the magnitude is less than `distance`, which is not negative: one addition and one comparison.
+    /// Whether the magnitude is less than that of `distance`.
     #[must_use]
     pub const fn is_within(self, distance: Self) -> bool {
-        let (bits, less) = (self.0.to_bits(), distance.0.to_bits().wrapping_sub(1));
-        bits.wrapping_add(less).cast_unsigned() <= less.cast_unsigned().wrapping_mul(2)
+        self.0.to_bits().unsigned_abs() < distance.0.to_bits().unsigned_abs()
     }
 
     /// The distance as a control error in ±32767 counts with 1/65536 resolution; saturates, which is one `SSAT`.
@@ -71,7 +70,7 @@ impl Counts {
     /// The nearest 1/1024 count; wraps outside ±2^21.
     #[must_use]
     pub const fn from_wide(counts: Wide) -> Self {
-        Self(I22F10::from_bits((counts.to_bits().wrapping_add(1 << 21) >> 22) as i32))
+        Self(I22F10::from_bits(((counts.to_bits() + (1 << 21)) >> 22) as i32))
     }
 }
 
@@ -114,7 +113,7 @@ impl CountsPerSec {
     #[must_use]
     pub const fn from_wide_per_tick(velocity: Wide) -> Self {
         // × 1000 >> 16 with one `SMULL`: four bits less of 2^-32, and 1000·2^20 for the upper word. Half a unit is 33 before.
-        let sixteenths = (velocity.to_bits().wrapping_add(33) >> 4) as i32;
+        let sixteenths = ((velocity.to_bits() + 33) >> 4) as i32;
         Self(I16F16::from_bits(mul_upper(sixteenths, 1000 << 20)))
     }
 }

@@ -5,7 +5,7 @@
 /// it earlier, still moving, does not.
 #[must_use]
 pub fn arrived(profile_done: bool, end: i32, position: i32, mpe: u16) -> bool {
-    profile_done && end.wrapping_sub(position).unsigned_abs() <= u32::from(mpe)
+    profile_done && end.abs_diff(position) <= u32::from(mpe)
 }
 
 #[cfg(test)]

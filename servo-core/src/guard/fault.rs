@@ -99,7 +99,7 @@ impl Faults {
     /// Returns a fault when it latches, once.
     #[inline]
     pub fn check(&mut self, bus: MilliVolts) -> Option<Fault> {
-        let bus_right = bus.0.wrapping_sub(UNDER.0) <= OVER.0 - UNDER.0;
+        let bus_right = (UNDER.0..=OVER.0).contains(&bus.0);
         if bus_right && self.said == 0 { None } else { self.judge(bus) }
     }
 

@@ -74,13 +74,13 @@ impl TorqueLimiter {
     #[inline]
     pub fn watch_current(&mut self, bus: MilliAmps, applied: Duty) -> bool {
         // So little is below the peak at any duty that is looked at; as a rule there is no more to ask.
-        if i32::from(bus.0).wrapping_add(LITTLE_MA).cast_unsigned() <= 2 * LITTLE_MA.unsigned_abs() {
+        if (-LITTLE_MA..=LITTLE_MA).contains(&i32::from(bus.0)) {
             return self.recover();
         }
         let duty = i32::from(applied.0.to_bits()).abs();
         // ≤ 2^30, and the peak times the duty ≤ 11,000 × 2^15 < 2^29.
-        let current = i32::from(bus.0).abs().wrapping_mul(1 << 15);
-        if duty >= LEAST_DUTY && current > duty.wrapping_mul(PEAK_MA) {
+        let current = i32::from(bus.0).abs() << 15;
+        if duty >= LEAST_DUTY && current > duty * PEAK_MA {
             return self.cut_back(current / duty);
         }
         self.recover()
@@ -120,9 +120,9 @@ impl TorqueLimiter {
         // 0..=2703 and ±31,772: nothing below comes near 2^31.
         let volts = volts(bus);
         let emf = emf(velocity);
-        let within = |torque: i32| torque.max(most.wrapping_neg()).min(most);
-        let high = within(volts.wrapping_sub(emf));
-        let low = within(volts.wrapping_neg().wrapping_sub(emf));
+        let within = |torque: i32| torque.max(-most).min(most);
+        let high = within(volts - emf);
+        let low = within(-volts - emf);
         TorqueEnvelope { most, mt, thermal, low, high, volts, emf, bus }
     }
 }
@@ -187,18 +187,18 @@ impl TorqueEnvelope {
         if torque >= self.high || torque <= self.low {
             torque = torque.max(self.low).min(self.high);
             limit = Some(if torque.abs() == self.most { self.governing() } else { LimitCause::Duty });
-            let volts = torque.wrapping_add(self.emf);
+            let volts = torque + self.emf;
             if volts.abs() > self.volts {
                 // Turned faster than the bus could turn it: even braking at the torque limit asks for too much.
-                torque = volts.max(self.volts.wrapping_neg()).min(self.volts).wrapping_sub(self.emf);
+                torque = volts.max(-self.volts).min(self.volts) - self.emf;
                 limit = Some(LimitCause::Duty);
             }
         }
         // 23.4375 mV a unit, and volts ≤ 2703 (65.5 V) × 23.4375 × 32768 would pass 2^31: a quarter of it does
         // not. The quarter is rounded up so that the duty does not pass its bound; a dead bus must not divide by zero.
-        let volts = torque.wrapping_add(self.emf);
-        let quarter = i32::from(self.bus.0).max(1_000).wrapping_add(3) / 4;
-        let bits = volts.wrapping_mul(192_000) / quarter;
+        let volts = torque + self.emf;
+        let quarter = (i32::from(self.bus.0).max(1_000) + 3) / 4;
+        let bits = volts * 192_000 / quarter;
         let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
         AppliedTorque { duty, torque, limit }
     }

@@ -32,8 +32,7 @@ impl Stall {
             *self = Self { still_ms: LEAD_MS.into(), lead_ms: LEAD_MS };
         } else if driven {
             self.still_ms = self.still_ms.saturating_add(1);
-            // The difference is not negative.
-            return tstop != 0 && self.still_ms.wrapping_sub(self.lead_ms.into()) >= u32::from(tstop);
+            return tstop != 0 && self.still_ms - u32::from(self.lead_ms) >= u32::from(tstop);
         } else if let Some(lead_ms) = self.lead_ms.checked_sub(1) {
             self.lead_ms = lead_ms;
         }

@@ -70,10 +70,9 @@ impl Thermal {
     /// Returns whether it has just been found too hot to go on: see [`Self::over`].
     pub fn step(&mut self, applied: Torque, thermistor: DeciCelsius, otemp: i16) -> bool {
         self.warm_by(applied);
-        // As a rule neither is due.
-        let left = self.due.wrapping_sub(1);
-        if left < TICKS - 1 {
-            self.due = left;
+        // Neither judgment nor look is due.
+        if (1..TICKS).contains(&self.due) {
+            self.due -= 1;
             return false;
         }
         self.judge(thermistor, otemp)
@@ -83,13 +82,13 @@ impl Thermal {
     pub fn add(&mut self, applied: Torque) {
         self.warm_by(applied);
         if self.due & !LOOK != 0 {
-            self.due = self.due.wrapping_sub(1);
+            self.due -= 1;
         }
     }
 
     fn warm_by(&mut self, applied: Torque) {
         let torque = i32::from(applied.0);
-        self.squares = self.squares.wrapping_add(torque.wrapping_mul(torque).cast_unsigned() >> 8);
+        self.squares = self.squares + ((torque * torque).cast_unsigned() >> 8);
     }
 
     /// Has the next step look at the thermistor: a new OTEMP, or a fault that was cleared. The winding's rise keeps
@@ -133,7 +132,7 @@ impl Thermal {
         self.squares = 0;
         self.due = TICKS - 1;
         let steady = saturating_signed((squared / RISE_DIVISOR) << 16);
-        let step = steady.wrapping_sub(self.rise).saturating_mul(2) / RISE_HALF_STEPS;
+        let step = (steady - self.rise).saturating_mul(2) / RISE_HALF_STEPS;
         self.rise = self.rise.saturating_add(step).max(0);
     }
 

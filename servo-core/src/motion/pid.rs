@@ -63,13 +63,13 @@ impl Pid {
         let (low, high) = (low.to_fixed(), high.to_fixed());
         let increment = mul_clamped(self.ki, error);
         // The range is an envelope's, within ±1024, and the integral is inside it; products are within ±8192: no sum wraps.
-        let unbounded = direct.wrapping_add(state.integral);
+        let unbounded = direct + state.integral;
         let winding_up =
             (unbounded > high && increment > Law::ZERO) || (unbounded < low && increment < Law::ZERO);
         if !winding_up {
-            state.integral = state.integral.wrapping_add(increment).max(low).min(high);
+            state.integral = (state.integral + increment).max(low).min(high);
         }
-        Torque::from_fixed(direct.wrapping_add(state.integral).max(low).min(high))
+        Torque::from_fixed((direct + state.integral).max(low).min(high))
     }
 
     /// The state from which the next step gives `torque`, so that taking over from another law, or moving the

@@ -168,14 +168,14 @@ impl Profile {
     #[inline]
     pub fn step(&mut self) -> SetPoint {
         if self.moving {
-            self.tick = self.tick.wrapping_add(1);
+            self.tick += 1;
             if self.tick == self.due {
                 self.begin();
             } else {
                 // Exact: a is a multiple of 2⁻²⁰, so a/2 is one of 2⁻³².
-                let mean = self.velocity.wrapping_add(self.acceleration >> 1);
-                let position = self.position.wrapping_add(mean);
-                let velocity = self.velocity.wrapping_add(self.acceleration);
+                let mean = self.velocity + (self.acceleration >> 1);
+                let position = self.position + mean;
+                let velocity = self.velocity + self.acceleration;
                 (self.position, self.velocity) = (position, velocity);
                 // What moves is not done: only a segment that begins may be rest.
                 return SetPoint {
@@ -199,8 +199,8 @@ impl Profile {
             let course = &self.course;
             let peak = course.peak.velocity;
             let (_, cruised) = next_tick(course.cruise_begins);
-            let way = course.to_cruise.wrapping_add(mul_q32(peak, cruised).cast_signed());
-            self.position = course.from.wrapping_add(course.directed(way));
+            let way = course.to_cruise + mul_q32(peak, cruised).cast_signed();
+            self.position = course.from + course.directed(way);
             self.velocity = course.directed(peak.cast_signed());
             self.acceleration = Wide::ZERO;
             self.due = self.brake_tick;
@@ -220,11 +220,11 @@ impl Profile {
             return self.rest();
         }
         let directed = |magnitude: u64| self.course.directed(magnitude.cast_signed());
-        self.position = self.end.wrapping_sub(directed(mul_q32(left, time) >> 1));
+        self.position = self.end - directed(mul_q32(left, time) >> 1);
         self.velocity = directed(left);
-        self.acceleration = Wide::ZERO.wrapping_sub(directed(slope.acceleration()));
+        self.acceleration = -directed(slope.acceleration());
         // The tick at the time, or the first after it.
-        self.rest_tick = self.tick.saturating_add(next_tick(time.wrapping_sub(1)).0);
+        self.rest_tick = self.tick.saturating_add(next_tick(time - 1).0);
         self.due = self.rest_tick;
     }
 
@@ -247,7 +247,7 @@ impl Profile {
         self.tick = 0;
         self.acceleration = Wide::ZERO;
         self.moving = false;
-        let distance = self.end.wrapping_sub(self.position);
+        let distance = self.end - self.position;
         let Some(slope) = Slope::new(bounds.accel) else { return };
         if self.velocity == Wide::ZERO && distance == Wide::ZERO {
             return;
@@ -257,7 +257,7 @@ impl Profile {
         let acceleration = slope.acceleration().cast_signed();
         let slowing = self.course.slowing;
         self.acceleration =
-            self.course.directed(if slowing { acceleration.wrapping_neg() } else { acceleration });
+            self.course.directed(if slowing { -acceleration } else { acceleration });
         self.moving = true;
         self.due = next_tick(self.course.cruise_begins).0;
         self.brake_tick = next_tick(self.course.braking_begins).0;
@@ -283,7 +283,7 @@ struct Slope {
 impl Slope {
     fn new(accel: u16) -> Option<Self> {
         let accel = u32::from(accel);
-        NonZeroU32::new(accel.wrapping_mul(accel)).map(|accel_squared| Self { accel_squared })
+        NonZeroU32::new(accel * accel).map(|accel_squared| Self { accel_squared })
     }
 
     fn acceleration(self) -> u64 {
@@ -299,7 +299,7 @@ impl Slope {
 
     /// Velocity change in a time up to one tick; ACCEL² < 2³² keeps the product below 2⁶⁴. Rounded down.
     fn change(self, time: u64) -> u64 {
-        u64::from(self.accel_squared.get()).wrapping_mul(time) >> 20
+        (u64::from(self.accel_squared.get()) * time) >> 20
     }
 }
 
@@ -343,16 +343,16 @@ impl Course {
             (stop.time, stop.distance.cast_signed())
         };
         // What would be left to go after stopping at once decides the direction of the approach.
-        let left = distance.wrapping_sub(if velocity < 0 { stopping.wrapping_neg() } else { stopping });
+        let left = distance - if velocity < 0 { -stopping } else { stopping };
         let mirrored = left < 0 || (left == 0 && velocity < 0);
         let (distance, velocity, cruise) = if mirrored {
-            (distance.wrapping_neg(), velocity.wrapping_neg(), &bounds.opening)
+            (-distance, -velocity, &bounds.opening)
         } else {
             (distance, velocity, &bounds.closing)
         };
 
-        let to_peak = distance.wrapping_add(stopping);
-        let peak = if to_peak >= cruise.distance.cast_signed().wrapping_mul(2) {
+        let to_peak = distance + stopping;
+        let peak = if to_peak >= 2 * cruise.distance.cast_signed() {
             *cruise
         } else {
             slope.ramp(triangle_peak_velocity(slope, distance, velocity))
@@ -360,17 +360,17 @@ impl Course {
         let slowing = peak.velocity.cast_signed() < velocity;
         let braking = peak.distance.cast_signed();
         // (peak² − v²)/2a, and a is negative when slowing.
-        let gain = braking.wrapping_sub(stopping);
-        let to_cruise = if slowing { gain.wrapping_neg() } else { gain };
-        let cruising = distance.wrapping_sub(to_cruise).wrapping_sub(braking).max(0);
+        let gain = braking - stopping;
+        let to_cruise = if slowing { -gain } else { gain };
+        let cruising = (distance - to_cruise - braking).max(0);
         let cruise_begins =
-            if velocity < 0 { peak.time.wrapping_add(stop_time) } else { peak.time.abs_diff(stop_time) };
+            if velocity < 0 { peak.time + stop_time } else { peak.time.abs_diff(stop_time) };
         let braking_begins = cruise_begins.saturating_add(ratio_q32(cruising.cast_unsigned(), peak.velocity));
         Self { from, mirrored, slowing, peak, to_cruise, cruise_begins, braking_begins }
     }
 
     const fn directed(&self, value: i64) -> Wide {
-        Wide::from_bits(if self.mirrored { value.wrapping_neg() } else { value })
+        Wide::from_bits(if self.mirrored { -value } else { value })
     }
 }
 
@@ -380,7 +380,7 @@ impl Course {
 /// most, one unit.
 fn triangle_peak_velocity(slope: Slope, distance: i64, velocity: i64) -> u64 {
     // With 52 fractional bits: a·d is ACCEL²·d, v²/2 is v²·2⁵¹. Their sum is below 4.08², and so each is within ±4.08².
-    let squared = i64::from(slope.accel_squared.get()).wrapping_mul(distance);
-    let squared = squared.wrapping_add(square_q51(velocity.unsigned_abs()).cast_signed());
+    let squared = i64::from(slope.accel_squared.get()) * distance;
+    let squared = squared + square_q51(velocity.unsigned_abs()).cast_signed();
     isqrt_q52(squared.max(1).cast_unsigned())
 }

@@ -29,7 +29,7 @@ pub fn damped(torque: Torque, velocity: CountsPerSec, missing: Law) -> Torque {
         return torque;
     }
     // Below 2^16 in magnitude, both.
-    Torque(saturating_i16(i32::from(torque.0).wrapping_sub(round_product(missing, velocity.0))))
+    Torque(saturating_i16(i32::from(torque.0) - round_product(missing, velocity.0)))
 }
 
 /// The motor's EMF at a velocity, in torque units: torque + EMF is the voltage across the driven phases, and

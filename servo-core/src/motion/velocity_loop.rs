@@ -24,7 +24,7 @@ impl VelocityLoop {
     pub fn step(&self, wanted: CountsPerSec, measured: CountsPerSec, limit: Torque) -> Torque {
         let error = wanted.0.saturating_sub(measured.0);
         let limit = i32::from(limit.0);
-        let torque = round_product(self.gain, error).max(limit.wrapping_neg()).min(limit);
+        let torque = round_product(self.gain, error).max(-limit).min(limit);
         Torque(saturating_i16(torque))
     }
 

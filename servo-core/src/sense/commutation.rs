@@ -56,7 +56,7 @@ pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
         return Bridge::Off;
     }
     let opposite = if duty < Duty::ZERO { 3 } else { 0 };
-    match POSITIVE.get(usize::from(sector).wrapping_add(opposite)) {
+    match POSITIVE.get(usize::from(sector) + opposite) {
         Some(&legs) => Bridge::On { legs, duty: Duty(duty.0.saturating_abs()) },
         None => Bridge::Off,
     }

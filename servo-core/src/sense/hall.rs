@@ -165,9 +165,9 @@ impl Wiring {
 const fn way(from: u8, to: u8) -> i8 {
     let d = to.wrapping_sub(from).cast_signed();
     if d > 3 {
-        d.wrapping_sub(6)
+        d - 6
     } else if d < -2 {
-        d.wrapping_add(6)
+        d + 6
     } else {
         d
     }
@@ -346,7 +346,7 @@ impl HallDecoder {
                 0 => return Some(self.step(sector, p.delta, p.at)),
                 // The rotor goes on from there: that also tells which way three sectors were.
                 on @ (-1 | 1) => {
-                    let delta = if p.either { on.wrapping_mul(4) } else { p.delta.wrapping_add(on) };
+                    let delta = if p.either { on * 4 } else { p.delta + on };
                     return Some(self.step(sector, delta, at));
                 }
                 _ => {}
@@ -355,7 +355,7 @@ impl HallDecoder {
             return None;
         }
         let either = delta == 3;
-        let delta = if either { self.likely_way().wrapping_mul(3) } else { delta };
+        let delta = if either { self.likely_way() * 3 } else { delta };
         self.pending = Some(Pending { sector, delta, either, at });
         Some(self.glitch(Glitch::Jump))
     }
@@ -363,7 +363,7 @@ impl HallDecoder {
     /// Three sectors away by which way: on as before, but after a doubtful step back whence it came, so that a
     /// wrong code of any length is undone.
     const fn likely_way(&self) -> i8 {
-        if self.doubtful { self.direction.sign().wrapping_neg() } else { self.direction.sign() }
+        if self.doubtful { -self.direction.sign() } else { self.direction.sign() }
     }
 
     #[inline]

@@ -50,6 +50,9 @@ const LOST: i32 = 16 * ONE;
 const MOST_STEPS: i32 = 1 << 13;
 /// Shortest time between edges that is reckoned with; also where a learned delay turns their order.
 const SHORTEST_US: i32 = 100;
+/// Time stamps out of order by up to this are simultaneous, µs: the learned delay reverses edges by up to 400 µs, and a
+/// tick may be stamped before an edge that its computation waited for. Any other gap is a gap: of up to 71.5 minutes.
+const REORDERED: i32 = 10_000;
 /// Highest learned delay of rising edges, in µs.
 const DELAY_MAX: i32 = 400;
 /// Highest acceleration believed, counts/s²: the motor's torque gives 70,000.
@@ -187,19 +190,20 @@ impl<const N: usize> Estimator<N> {
         let late = if edge.rising { self.delay().0 } else { 0 };
         let at = Micros(edge.at.0.wrapping_sub(late));
         let m = &self.motion;
-        let steps = along(boundary.wrapping_sub(m.boundary), sign);
+        let steps =
+            if closing { boundary.wrapping_sub(m.boundary) } else { m.boundary.wrapping_sub(boundary) };
         let (index, place, moved) = if steps == 1 && sign == m.sign {
             // As a rule it is the next boundary, and known.
-            (Self::beside(m.index, sign), m.next.wrapping_sub(ONE), m.next)
+            (Self::beside(m.index, sign), m.next - ONE, m.next)
         } else {
             let index = Self::index(boundary);
             let place = self.offset(index, sign);
             // Below 2^30, and far more than `LOST`.
-            (index, place, steps.clamp(-MOST_STEPS, MOST_STEPS).wrapping_mul(ONE).wrapping_add(place))
+            (index, place, steps.clamp(-MOST_STEPS, MOST_STEPS) * ONE + place)
         };
         let elapsed = since(m.at, at);
-        let next = self.offset(Self::beside(index, sign), sign).wrapping_add(ONE);
-        let ahead = next.wrapping_sub(place).max(ONE / 8).unsigned_abs();
+        let next = self.offset(Self::beside(index, sign), sign) + ONE;
+        let ahead = (next - place).max(ONE / 8).unsigned_abs();
         let rising = edge.rising;
         let (last, still, position) = (next.min(CELL_END), false, place);
         let here =
@@ -213,15 +217,15 @@ impl<const N: usize> Estimator<N> {
         let rate = (RATE / dt).cast_signed();
         // Below 2^29.
         let (expected, velocity) = m.predict(dt.cast_signed(), seconds(dt.cast_signed()).min(ACCEL_WINDOW));
-        let residual = moved.wrapping_sub(expected);
+        let residual = moved - expected;
         if m.edges < 2 || elapsed > STILL.0 || residual.abs() > LOST {
-            let velocity = mul_shift(moved.wrapping_sub(m.place), rate, 12).clamp(0, SPEED_MAX);
+            let velocity = mul_shift(moved - m.place, rate, 12).clamp(0, SPEED_MAX);
             self.motion = Motion { edges: 2, velocity, acceleration: 0, bias: 0, ..here };
             return;
         }
         self.motion = Motion { velocity, ..here };
         let corrected = self.motion.correct(residual, rate, dt);
-        self.motion.position = place.wrapping_sub(residual).wrapping_add(corrected);
+        self.motion.position = place - residual + corrected;
         if self.motion.edges >= 12 && residual.abs() < LEARNABLE && edge.steps == 1 {
             self.learn(index, residual, edge.rising, dt);
         }
@@ -234,12 +238,12 @@ impl<const N: usize> Estimator<N> {
         if let Some(offset) = self.offsets.get_mut(index) {
             let old = i32::from(*offset);
             // A share of the residual, and a leak: a constant over all edges is not placement.
-            *offset = saturating_i16(old.wrapping_sub(along(residual, sign) >> 5).wrapping_sub(old >> 9));
+            *offset = saturating_i16(old - (along(residual, sign) >> 5) - (old >> 9));
         }
         // A late edge finds the rotor short of where it is expected; residual · interval is the time: < 2^15 · 2^11.
-        let short = if rising { residual.wrapping_neg() } else { residual };
-        let lag = short.wrapping_mul(dt.min(2000).cast_signed()) >> 14;
-        self.delay = self.delay.wrapping_add(lag).clamp(0, DELAY_MAX << 8);
+        let short = if rising { -residual } else { residual };
+        let lag = (short * dt.min(2000).cast_signed()) >> 14;
+        self.delay = (self.delay + lag).clamp(0, DELAY_MAX << 8);
     }
 
     /// Which offset is a boundary's.
@@ -251,10 +255,10 @@ impl<const N: usize> Estimator<N> {
     /// The next one, in the direction of `sign`.
     const fn beside(index: usize, sign: i8) -> usize {
         match (sign > 0, index) {
-            (true, last) if last.wrapping_add(1) == N => 0,
-            (true, _) => index.wrapping_add(1),
-            (false, 0) => N.wrapping_sub(1),
-            (false, _) => index.wrapping_sub(1),
+            (true, last) if last + 1 == N => 0,
+            (true, _) => index + 1,
+            (false, 0) => N - 1,
+            (false, _) => index - 1,
         }
     }
 
@@ -263,18 +267,18 @@ impl<const N: usize> Estimator<N> {
         along(self.offsets.get(index).map_or(0, |o| i32::from(*o)), sign)
     }
 
-    /// Position and velocity of the rotor at a time not before the last edge nor before an earlier call. The
-    /// position is within the cell of the count. To be called at least each half hour: a standstill is noted
-    /// here, before the clock's wrap makes the last edge look young.
+    /// Position and velocity of the rotor at `now`, which is not before the last edge nor before an earlier call. The
+    /// position is within the cell of the count. Call it at least once an hour: it records a standstill before the
+    /// wrapping clock (71.6 minutes) makes the last edge look recent.
     #[must_use]
     #[inline]
     pub fn at(&mut self, now: Micros) -> (Counts, CountsPerSec) {
         let (position, velocity) = self.rotor(now);
         let sign = i32::from(self.motion.sign);
         // From the centre of the cell, which is half a count past the boundary.
-        let within = position.min(self.motion.last).max(64).wrapping_sub(ONE / 2).wrapping_mul(sign);
+        let within = (position.min(self.motion.last).max(64) - ONE / 2) * sign;
         let within = Counts(I22F10::from_bits(within >> 6));
-        let velocity = CountsPerSec(I16F16::from_bits(velocity.wrapping_mul(sign)));
+        let velocity = CountsPerSec(I16F16::from_bits(velocity * sign));
         (Counts::from_int(self.count).wrapping_add(within), velocity)
     }
 
@@ -282,12 +286,9 @@ impl<const N: usize> Estimator<N> {
     #[inline]
     fn rotor(&mut self, now: Micros) -> (i32, i32) {
         let m = &mut self.motion;
-        // Signed, so that a product with it is one `SMULL`: an unsigned number that the compiler knows to be small takes two
-        // instructions more.
+        // Signed, because a signed product is one `SMULL`.
         let elapsed = now.wrapping_since(m.at).0.cast_signed();
-        // As a rule the last edge is not long ago, or long ago.
-        if elapsed < ACCEL_US.cast_signed() {
-            // The acceleration is believed all the time.
+        if (-REORDERED..ACCEL_US.cast_signed()).contains(&elapsed) {
             self.predict_no_edge(elapsed, seconds(elapsed))
         } else if m.still {
             m.at = Micros(now.0.wrapping_sub(STILL.0));
@@ -324,9 +325,9 @@ impl<const N: usize> Estimator<N> {
         let m = &self.motion;
         let (position, velocity) = m.predict(elapsed, accel_window);
         // All of the way takes longer than the wait, or it is slower. Below 2^19 and 2^17, so the difference has a sign.
-        let waited = elapsed.wrapping_sub(self.delay >> 8).max(SHORTEST_US).cast_unsigned();
+        let waited = (elapsed - (self.delay >> 8)).max(SHORTEST_US).cast_unsigned();
         // Nothing is negative here, so it is one `UMULL`.
-        let way = mul_low_unsigned(velocity.cast_unsigned(), waited.wrapping_mul(SECOND), 32);
+        let way = mul_low_unsigned(velocity.cast_unsigned(), waited * SECOND, 32);
         let velocity = if way < m.ahead { velocity } else { m.slower(waited).min(velocity) };
         (position, velocity)
     }
@@ -350,8 +351,8 @@ impl<const N: usize> Estimator<N> {
         }
         // Edges fall and rise by turns.
         let back = i32::from(m.rising);
-        let fall = m.boundary.wrapping_sub(back.wrapping_mul(sign));
-        let next = fall.wrapping_add(sign.wrapping_mul(2));
+        let fall = m.boundary.wrapping_sub(back * sign);
+        let next = fall.wrapping_add(2 * sign);
         let place = self.offset(Self::index(fall), m.sign);
         // Half of the way between the two: offsets are within ±½.
         let way = ONE.saturating_add(self.offset(Self::index(next), m.sign).saturating_sub(place) / 2);
@@ -365,16 +366,15 @@ impl<const N: usize> Estimator<N> {
     }
 }
 
-/// Time from one stamp to another. A learned delay may turn two edges round: then it is none, not the clock's
-/// whole range.
+/// Time from one stamp to another; 0 if `later` is up to [`REORDERED`] before `earlier`.
 const fn since(earlier: Micros, later: Micros) -> u32 {
     let elapsed = later.wrapping_since(earlier).0;
-    if elapsed > u32::MAX / 2 { 0 } else { elapsed }
+    if elapsed > u32::MAX - REORDERED.unsigned_abs() { 0 } else { elapsed }
 }
 
 /// A distance as seen in the direction of `sign`, +1 or −1.
 const fn along(distance: i32, sign: i8) -> i32 {
-    if sign < 0 { distance.wrapping_neg() } else { distance }
+    if sign < 0 { -distance } else { distance }
 }
 
 /// 1 MHz in 2^-12 Hz: divided by µs it is a rate.
@@ -389,15 +389,15 @@ impl Motion {
         // a < 2^25 in 2^-8, time < 2^27 in 2^-32 s: 24 bits down is below 2^28 in 2^-16 counts/s.
         let gain = mul_low(self.acceleration, accel_window, 24);
         // Below 2^30 + 2^28.
-        let velocity = self.velocity.wrapping_add(gain);
+        let velocity = self.velocity + gain;
         // Below 2^30 · 0.3 s, and below 2^28 of that.
         let straight = mul_upper(self.velocity, time);
         if velocity < 0 {
             // Slowed down to a stop: half the distance at full speed is its braking distance, or more.
-            return (self.position.wrapping_add(straight / 2), 0);
+            return (self.position + straight / 2, 0);
         }
-        let extra = mul_upper(gain, time.wrapping_sub(accel_window >> 1));
-        (self.position.wrapping_add(straight).wrapping_add(extra), velocity)
+        let extra = mul_upper(gain, time - (accel_window >> 1));
+        (self.position + straight + extra, velocity)
     }
 
     /// The velocity that takes `waited` µs (at least 1) for the way to the next boundary.
@@ -410,9 +410,9 @@ impl Motion {
     /// expected place.
     fn correct(&mut self, residual: i32, rate: i32, dt: u32) -> i32 {
         // Both stay within what they follow: 2^20.
-        self.bias = self.bias.wrapping_add(mul_low(residual.wrapping_sub(self.bias), 19_661, 16));
-        let size = residual.abs().min(self.noise.wrapping_mul(2));
-        self.noise = self.noise.wrapping_add(size.wrapping_sub(self.noise) >> 5);
+        self.bias = self.bias + mul_low(residual - self.bias, 19_661, 16);
+        let size = residual.abs().min(2 * self.noise);
+        self.noise = self.noise + ((size - self.noise) >> 5);
         // How much of a manoeuvre the residuals are: 2^-8, at most 1.5.
         let usual = self.noise.max(NOISE_FLOOR).unsigned_abs();
         let manoeuvre = ((self.bias.unsigned_abs() << 8) / usual).min(384);
@@ -424,32 +424,32 @@ impl Motion {
         } else {
             // < 2^17 · 2.2, and 1 + 1.5² times as much: below 2^20 · 2^18 before the shift.
             let age = mul_low(dt.min(1 << 17).cast_signed(), AGE_PER_US, 16).unsigned_abs();
-            let age = age.wrapping_add(mul_low_unsigned(age, manoeuvre.wrapping_mul(manoeuvre), 16));
+            let age = age + mul_low_unsigned(age, manoeuvre * manoeuvre, 16);
             age.min(if large && quick { AGE_MANOEUVRE } else { AGE_STEADY })
         };
         let (mut g, mut h, mut k) = gains(age);
         if let Some(&(g_growing, h_growing)) = GROWING.get(usize::from(self.edges)) {
             g = g.max(g_growing);
             h = h.max(h_growing);
-            self.edges = self.edges.wrapping_add(1);
+            self.edges = self.edges + 1;
             if self.edges < 4 {
                 k = 0;
             }
         }
         // Residual ≤ 2^20 and rate ≤ 2^25.3: in 2^-12 counts/s below 2^29.3, and the velocity below 2^26.3.
         let pull = mul_low(residual, rate, 16);
-        let velocity = (self.velocity >> 4).wrapping_add(mul_low(pull, h, 16));
+        let velocity = (self.velocity >> 4) + mul_low(pull, h, 16);
         self.velocity = velocity.clamp(0, SPEED_MAX >> 4) << 4;
         // 2^-12 · 2^-12 → 2^-8: 16 bits down; saturated, and the acceleration is below 2^25.
         let bend = mul_shift(mul_low(pull, k, 16), rate, 16).clamp(-2 * ACCEL_MAX, 2 * ACCEL_MAX);
-        let acceleration = self.acceleration.wrapping_add(bend).clamp(-ACCEL_MAX, ACCEL_MAX);
+        let acceleration = (self.acceleration + bend).clamp(-ACCEL_MAX, ACCEL_MAX);
         self.acceleration = if (self.bias < 0) == (acceleration < 0) {
             acceleration
         } else {
             // The acceleration has ended: drop up to 0.7 of it.
-            let share = (manoeuvre.wrapping_mul(205) >> 8).min(256);
-            let share = (share.wrapping_mul(share).wrapping_mul(45_875) >> 16).cast_signed();
-            acceleration.wrapping_sub(mul_low(acceleration, share, 16))
+            let share = ((manoeuvre * 205) >> 8).min(256);
+            let share = ((share * share * 45_875) >> 16).cast_signed();
+            acceleration - mul_low(acceleration, share, 16)
         };
         mul_low(residual, g, 16)
     }
@@ -460,14 +460,14 @@ impl Motion {
 fn gains(age: u32) -> (i32, i32, i32) {
     // y = 1 − e^−x ≈ x / (1 + x/2 + x²/12), 0.1 % high at x = 1.2. Half of the age squares below 2^31.
     let half = age / 2;
-    let square = half.wrapping_mul(half) >> 14;
-    let under = (1_u32 << 16).wrapping_add(half).wrapping_add(square.wrapping_mul(5461) >> 16);
+    let square = (half * half) >> 14;
+    let under = (1 << 16) + half + ((square * 5461) >> 16);
     // y < 0.71, so no square passes 2^32.
     let y = (age << 14) / (under >> 2);
-    let y2 = y.wrapping_mul(y) >> 16;
-    let y3 = y2.wrapping_mul(y) >> 16;
-    let g = y.wrapping_sub(y2).wrapping_mul(3).wrapping_add(y3);
-    let h = y2.wrapping_mul(3).wrapping_sub(y3.wrapping_add(y3 / 2));
+    let y2 = (y * y) >> 16;
+    let y3 = (y2 * y) >> 16;
+    let g = 3 * (y - y2) + y3;
+    let h = 3 * y2 - y3 - y3 / 2;
     (g.cast_signed(), h.cast_signed(), y3.cast_signed())
 }
 
@@ -479,5 +479,5 @@ const ACCEL_WINDOW: i32 = seconds(ACCEL_US.cast_signed());
 
 /// Microseconds up to `STILL` in 2^-32 s.
 const fn seconds(us: i32) -> i32 {
-    us.wrapping_mul(SECOND.cast_signed())
+    us * SECOND.cast_signed()
 }

@@ -113,6 +113,20 @@ fn a_standstill_longer_than_the_clock_is_not_forgotten() {
 }
 
 #[test]
+fn a_gap_of_more_than_2_pow_31_us_is_a_standstill() {
+    // 36 minutes and 71 minutes without a tick in between.
+    for gap in [2_160_000_000, 4_260_000_000] {
+        let (mut e, mut count) = (Estimator::<18>::new(0), 0);
+        feed(&mut e, &mut count, 1, (0..40).map(|k| k * 2000));
+        let later = (39 * 2000_u32).wrapping_add(gap);
+        let mut ticked = e.clone();
+        assert_eq!(velocity(&mut ticked, later), 0, "tick after {gap} µs");
+        feed(&mut e, &mut count, 1, [later]);
+        assert!(velocity(&mut e, later) <= 4, "one count in 0.3 s or more, after {gap} µs");
+    }
+}
+
+#[test]
 fn undecided_is_half_way_between_even_speed_and_even_marks() {
     // 500 counts/s; the falling boundaries 0, 2, 4 of six seem out by 0, +0.1 and −0.1 counts, so the ways between
     // them are 2.1, 1.8 and 2.1 counts. If the marks are even it is the speed that is 476, 556 and 476.
