@@ -1,4 +1,4 @@
-//! The shipped scenarios over CAN alone, on native boards: what a host can find out is what is so.
+//! The shipped scenarios over CAN alone, on native boards: a host's measurements match the direct ones.
 
 use hil_sim::board::SimBoard;
 use hil_sim::metrics::{Metrics, Value, find};
@@ -15,7 +15,7 @@ pub(super) fn native(scenario: &Scenario, case: &Case, poll_ms: u32) -> Ran {
     native_at(scenario, case, poll_ms, 1, 0)
 }
 
-/// The same with other noise, and with the tick elsewhere in the host's millisecond.
+/// The same with other noise, and with the tick at another phase of the host's millisecond.
 pub(super) fn native_at(scenario: &Scenario, case: &Case, poll_ms: u32, seed: u64, phase_us: u64) -> Ran {
     let node = Id::new(node_of(case.motor)).expect("a node");
     let options = Options { seed, ..OPTIONS };
@@ -33,15 +33,15 @@ fn shipped() -> impl Iterator<Item = Scenario> {
     SHIPPED.iter().map(|shipped| Scenario::find(shipped.name).expect("shipped"))
 }
 
-/// How far a figure may be from `direct`, that of a run that looks into the servo, and why. The noise of the converter is of the
-/// same kind in both and not the same at each tick.
+/// Allowed difference of a figure from `direct`, a run that reads the servo's state, and why. The converter's
+/// noise has the same distribution in both, but other values at each tick.
 fn tolerance(name: &str, direct: f64) -> Option<f64> {
     match name {
-        // A tick; or what the noise of a thermistor does to a fault after half a minute.
+        // A tick; or the effect of a thermistor's noise on a fault after half a minute.
         "end_ms" | "arrival_ms" => Some((0.005 * direct).max(1.0)),
-        // P is a whole number: half a count, and the rotor goes on while it is asked for.
+        // P is a whole number: half a count, and the rotor moves while it is read.
         "hold_error_counts" | "peak_hold_error_counts" => Some(0.75),
-        // HI's zero is found from P: up to a count.
+        // HI's zero is derived from P: up to a count.
         "count_error_counts" => Some(1.0),
         // The same motor under the same commands.
         "sim_s" | "ends" | "refusals" | "homed" | "breakaway_counts" => Some(0.0),
@@ -56,9 +56,10 @@ fn tolerance(name: &str, direct: f64) -> Option<f64> {
     }
 }
 
-/// The figures of two runs that differ by more than they may.
+/// The figures of two runs that differ by more than allowed.
 fn differences(direct: &Metrics, over_can: &Metrics) -> Vec<String> {
-    // Where a move ends by itself it rests before, and how long decides the noise; a stall's time is an expectation.
+    // At rest after the end of a move, the duration is up to the noise; the time of a stall is an
+    // expectation.
     let compared = |name: &str| name != "end_after_last_count_ms";
     let differs = |metric: &hil_sim::metrics::Metric| {
         let (a, b) = ((metric.get)(direct), (metric.get)(over_can));
@@ -75,7 +76,7 @@ fn differences(direct: &Metrics, over_can: &Metrics) -> Vec<String> {
 }
 
 #[test]
-fn every_shipped_scenario_meets_its_expectations_over_can_with_the_figures_of_a_run_without() {
+fn shipped_scenarios_over_can_match_direct_runs() {
     let mut wrong = Vec::new();
     for scenario in shipped() {
         let direct = run(&scenario, &OPTIONS).expect("a valid scenario");
@@ -87,8 +88,8 @@ fn every_shipped_scenario_meets_its_expectations_over_can_with_the_figures_of_a_
                 let (name, value, want) = (&verdict.name, &verdict.value, &verdict.want);
                 wrong.push(format!("{}: {name} = {value}, want {want} {:?}", scenario.name, ran.run.log));
             }
-            // T is commanded there in mode 2, 0, and what that takes against the EMF is not told. What a glitch does to the torque
-            // of its tick follows from where in the tick it comes.
+            // In mode 2, T reads the command, 0, and not the torque against the EMF. The effect of a glitch
+            // on the torque of its tick depends on its time within the tick.
             let told = |difference: &String| {
                 !["coast-low-ke", "hall-glitch"].contains(&&*scenario.name)
                     || !difference.contains("peak_torque")
@@ -102,7 +103,7 @@ fn every_shipped_scenario_meets_its_expectations_over_can_with_the_figures_of_a_
 }
 
 #[test]
-fn what_cannot_be_known_over_can_is_said_and_not_judged() {
+fn expectations_unknown_over_can_are_reported_and_not_judged() {
     let scenario = Scenario::find("hall-glitch").expect("shipped");
     let ran = native(&scenario, &scenario.cases[0], POLL_MS);
     let (outcome, gaps) = judge(&scenario, &[ran], &OPTIONS, POLL_MS);

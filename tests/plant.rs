@@ -1,6 +1,6 @@
-//! The plant and the rig against the numbers of DESIGN 4.2, against each other, and against physics.
+//! The plant and the rig against the figures of decision 0003, against each other, and against physics.
 //!
-//! Commutation is open loop: the hall code chooses the legs by the table of DESIGN 4.2, so that nothing here
+//! Commutation is open loop: the hall code selects the legs by the table of decision 0003, so nothing here
 //! depends on the servo.
 
 use fixed::types::I1F15;
@@ -72,7 +72,7 @@ fn coast(rig: &mut Rig, ms: u64) -> Truth {
     rig.truth()
 }
 
-/// What two models must agree on: means over a window.
+/// Means over a window, on which two models must agree.
 #[derive(Debug)]
 struct Means {
     counts_per_s: f64,
@@ -97,7 +97,7 @@ fn close(what: &str, found: f64, want: f64, share: f64) {
 }
 
 #[test]
-fn no_load_speed_is_the_manuals() {
+fn no_load_speed_matches_manual() {
     for model in MODELS {
         let mut rig = rig(frictionless(), model, at(0.0, 0.0));
         run(&mut rig, 1.0, 500);
@@ -106,7 +106,7 @@ fn no_load_speed_is_the_manuals() {
 }
 
 #[test]
-fn stall_torque_and_current_are_the_manuals() {
+fn stall_torque_and_current_match_manual() {
     for model in MODELS {
         // Engaged, the spread's brake holds the rotor; 10 ms are thirty electrical time constants.
         let mut rig = rig(free(), model, at(0.0, 0.0));
@@ -147,7 +147,7 @@ fn averaged_and_switched_agree() {
         println!("duty {duty} load {load} bus {bus_v}: {averaged:?} {switched:?}");
         close("velocity", averaged.counts_per_s, switched.counts_per_s, 0.02);
         close("rms current", averaged.rms_a, switched.rms_a, 0.02);
-        // Where duty · current is nearly nothing, 2 % of the current at full duty is what can be asked.
+        // Where duty · current is nearly zero, the tolerance is 2 % of the current at full duty.
         let slack = 0.02 * (switched.bus_a.abs() + 0.1 * switched.rms_a);
         assert!(
             (averaged.bus_a - switched.bus_a).abs() <= slack,
@@ -159,8 +159,8 @@ fn averaged_and_switched_agree() {
 }
 
 #[test]
-fn models_agree_on_the_floating_legs_pulses() {
-    // Without friction, at half duty, the pulses through the floating leg's diode are all that brakes.
+fn models_agree_on_pulses_of_the_floating_leg() {
+    // Without friction, at half duty, the pulses through the floating leg's diode are the only brake.
     let [averaged, switched] = MODELS.map(|model| {
         let mut rig = rig(frictionless(), model, at(0.0, 500.0));
         run(&mut rig, 0.5, 300);
@@ -186,7 +186,7 @@ fn models_agree_in_transients() {
     }
 }
 
-/// A run with everything in it: drive, plugging, stop, object, load, coast.
+/// A run with every effect in it: drive, plugging, stop, object, load, coast.
 fn eventful(kind: MotorKind, model: Model, step_us: u64) -> Rig {
     let object =
         Object { from_count: 100.0, stiffness_n_m_rad: 0.05, damping_n_m_s: 1e-3, side: Side::Closing };
@@ -220,7 +220,7 @@ fn energy_is_conserved() {
 }
 
 #[test]
-fn halving_the_step_changes_nothing_that_matters() {
+fn halving_the_step_keeps_results_within_tolerance() {
     for model in MODELS {
         let step = if model == Model::Averaged { 100 } else { 50 };
         for (duty, kind) in [(0.15, MotorKind::Link), (0.5, MotorKind::Spread), (1.0, MotorKind::Tip)] {
@@ -231,7 +231,7 @@ fn halving_the_step_changes_nothing_that_matters() {
                 run(&mut rig, duty, 300)
             });
             println!("{model:?} {duty}: {} {}", whole.counts, half.counts);
-            // A tick at this speed is the yardstick: arrival may move by one at most.
+            // A tick at this speed is the unit of comparison: arrival may move by one at most.
             assert!((whole.counts - half.counts).abs() < 1e-3 * whole.counts_per_s, "{whole:?} {half:?}");
         }
     }
@@ -269,8 +269,8 @@ fn best_vector_of_each_sector() {
 }
 
 #[test]
-fn emf_is_a_trapezoid_with_phases_120_degrees_apart() {
-    // Phase A by its definition: rising through zero at 0°, flat from 30° to 150°, odd about 180°.
+fn emf_is_trapezoidal_with_phases_120_degrees_apart() {
+    // Phase A by definition: rising through zero at 0°, flat from 30° to 150°, odd about 180°.
     let phase_a = |degrees: f64| {
         let d = degrees.rem_euclid(360.0);
         let (sign, d) = if d < 180.0 { (1.0, d) } else { (-1.0, d - 180.0) };
@@ -278,7 +278,7 @@ fn emf_is_a_trapezoid_with_phases_120_degrees_apart() {
     };
     for tenth in -7200..7200 {
         let degrees = f64::from(tenth) / 10.0;
-        // Sector 0 is centred on 60°.
+        // Sector 0 is centered on 60°.
         let emf = trapezoid((degrees - 60.0) / 60.0);
         for (f, lag) in emf.into_iter().zip([0.0, 120.0, 240.0]) {
             assert!((f - phase_a(degrees - lag)).abs() < 1e-6, "{emf:?} at {degrees}°");
@@ -287,9 +287,9 @@ fn emf_is_a_trapezoid_with_phases_120_degrees_apart() {
 }
 
 #[test]
-fn stiction_is_a_state() {
+fn rotor_at_rest_stays_at_rest_below_static_friction() {
     for model in MODELS {
-        // 0.035 N·m are over Coulomb and under static friction.
+        // 0.035 N·m is above Coulomb and below static friction.
         let mut rig = rig(free(), model, at(0.2, 0.0));
         let stuck = run(&mut rig, 0.0, 30);
         rig.set_disturbance(0.035);
@@ -301,7 +301,7 @@ fn stiction_is_a_state() {
 }
 
 #[test]
-fn motor_stalls_against_a_stop_and_can_leave_it() {
+fn motor_stalls_at_a_stop_and_can_leave_it() {
     for kind in [MotorKind::Link, MotorKind::Spread, MotorKind::Tip] {
         let plant = PlantParams::for_motor(kind);
         let end = plant.max_count + 0.5;
@@ -309,7 +309,8 @@ fn motor_stalls_against_a_stop_and_can_leave_it() {
         let mut rig = rig(plant, Model::Averaged, at(end - 5.5, 700.0));
         let held = run(&mut rig, 0.73, 300);
         assert_eq!(held.counts_per_s, 0.0, "{kind:?}");
-        // Half a newton metre dents it by 0.07 counts; a worm keeps some of what the impact dented.
+        // Half a newton metre compresses it by 0.07 counts; a worm keeps part of the compression of the
+        // impact.
         assert!((0.0..0.3).contains(&(held.counts - end)), "{kind:?} {}", held.counts - end);
         assert!(held.load_n_m < -0.1);
         let left = run(&mut rig, -0.73, 100);
@@ -318,7 +319,7 @@ fn motor_stalls_against_a_stop_and_can_leave_it() {
 }
 
 #[test]
-fn an_elastic_object_gives_back_the_speed() {
+fn elastic_object_returns_the_speed() {
     for stiffness_n_m_rad in [0.5, 20.0, 500.0] {
         let object = Object { from_count: 0.3, stiffness_n_m_rad, damping_n_m_s: 0.0, side: Side::Closing };
         let plant = PlantParams { brake_n_m: 0.0, ..frictionless() };
@@ -330,7 +331,7 @@ fn an_elastic_object_gives_back_the_speed() {
 }
 
 #[test]
-fn an_object_never_pulls() {
+fn object_never_pulls() {
     let object = Object { from_count: 0.3, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.01, side: Side::Closing };
     let plant = PlantParams { brake_n_m: 0.0, ..frictionless() };
     let mut rig =
@@ -339,12 +340,12 @@ fn an_object_never_pulls() {
         while rig.advance(Bridge::Off, true, tick * 100).is_some() {}
         assert!(rig.truth().load_n_m <= 0.0, "{:?}", rig.truth());
     }
-    // It was pressed in and has let go.
+    // It was compressed and has released the rotor.
     assert!(rig.truth().ledger.damper_j > 0.1 && rig.truth().counts_per_s < -10.0, "{:?}", rig.truth());
 }
 
 #[test]
-fn heat_goes_where_it_should() {
+fn stall_heat_warms_the_winding_first() {
     // Locked at a duty of one half: 12 V over 2.405 Ω, 60 W, 6 K/s in the winding at first.
     let mut rig = rig(PlantParams { dead_time_us: 0.0, ..free() }, Model::Averaged, at(0.0, 0.0));
     rig.advance(drive(rig.halls(), 0.5), false, 1_000_000);
@@ -352,13 +353,13 @@ fn heat_goes_where_it_should() {
     close("winding rise", truth.winding_c - 25.0, 5.7, 0.05);
     close("copper heat", truth.ledger.copper_j, 58.6, 0.03);
     assert!(truth.housing_c > 25.0 && truth.housing_c < truth.winding_c);
-    // The hot winding takes less current: 1 + 0.0039 · rise.
+    // The hot winding draws less current: 1 + 0.0039 · rise.
     let hot = 12.0 / (2.405 * (1.0 + 0.0039 * (truth.winding_c - 25.0)));
     close("current", truth.phase_a[0], hot, 0.01);
 }
 
 #[test]
-fn bad_parameters_are_named() {
+fn bad_parameters_name_the_field() {
     type Spoil = fn(&mut PlantParams);
     let spoils: [(&str, Spoil); 5] = [
         ("r_ohm", |p| p.r_ohm = f64::NAN),
@@ -391,7 +392,8 @@ fn any_kind() -> impl Strategy<Value = MotorKind> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// Whatever is done to it, the plant stays finite, within its stops and above ambient, and its books close.
+    /// For any input the plant stays finite, within its stops and above ambient, and its energy balance
+    /// closes.
     #[test]
     fn plant_stays_physical(
         kind in any_kind(),
@@ -403,8 +405,9 @@ proptest! {
         let plant = PlantParams::for_motor(kind).scattered(seed, 0.3);
         let (low, high) = (plant.min_count - 0.5, plant.max_count + 0.5);
         let start = at(low + share * (high - low), 0.0);
-        // Deepest dent: all of 0.9 N·m and the motion's energy into a 20 N·m/rad spring. Full speed (below
-        // 2300 counts/s even at 28 V and 30 % low Ke) would dent it by 800 rad/s · √(2.6e-5/20) = 0.91 rad.
+        // Deepest compression: all of 0.9 N·m and the kinetic energy into a 20 N·m/rad spring. Full speed
+        // (below 2300 counts/s even at 28 V and 30 % low Ke) would compress it by 800 rad/s · √(2.6e-5/20) =
+        // 0.91 rad.
         let dent = 2.7;
         let mut rig = rig(plant, model, start);
         for (duty, load, on, ms) in plan {
@@ -415,16 +418,17 @@ proptest! {
             prop_assert!(t.winding_c >= 25.0 && t.housing_c >= 25.0, "{t:?}");
             prop_assert!(t.phase_a.iter().sum::<f64>().abs() < 1e-9, "{t:?}");
             let l = t.ledger;
-            // The averaged dead time charges its diodes the mean current, whose sign may not be the ripple's.
+            // The averaged dead time charges its diodes with the mean current, whose sign may differ from the
+            // ripple's.
             prop_assert!(l.copper_j >= 0.0 && l.diode_j >= -1e-5 && l.friction_j >= 0.0 && l.damper_j >= 0.0, "{l:?}");
             prop_assert!(l.residual_j().abs() < 0.005 * l.turnover_j() + 1e-3, "{} {l:?}", l.residual_j());
         }
     }
 
-    /// Any plant at any load that brakes and any duty at which it turns (slower, the models may stick at different
-    /// torque ripples). Of 14,000 such points the worst were 0.4 % apart in velocity and 0.7 % in rms current.
-    /// Left out: loads that cancel friction. There the current is a few hundredths of an ampere, the velocity is
-    /// the mean voltage, and the dead time's share of it was seen to be 8 counts/s apart.
+    /// Any plant at any load that brakes and any duty at which it turns (slower, the models may stick at
+    /// different torque ripples). Of 14,000 such points the worst differed by 0.4 % in velocity and 0.7 % in
+    /// rms current. Left out: loads that cancel friction. There the current is a few hundredths of an ampere,
+    /// the velocity is the mean voltage, and the dead time's effect on it differed by 8 counts/s.
     #[test]
     fn models_agree_anywhere(seed in any::<u64>(), duty in 0.1..1.0_f64, load in -0.3..0.0_f64, l_mh in 0.5..2.0_f64) {
         let [averaged, switched] = MODELS.map(|model| {
@@ -441,17 +445,18 @@ proptest! {
 
     /// No load on the joint drives a worm's motor, nor a braked spread.
     #[test]
-    fn worm_and_brake_hold(kind in any_kind(), load in -1.9..1.9_f64, count in 1.0..160.0_f64) {
+    fn worm_and_brake_hold_any_load(kind in any_kind(), load in -1.9..1.9_f64, count in 1.0..160.0_f64) {
         let mut rig = rig(PlantParams::for_motor(kind), Model::Averaged, at(count, 0.0));
         rig.set_disturbance(load);
         rig.advance(Bridge::Off, false, 200_000);
-        // Radians and back round.
+        // Rounding of the conversion to radians and back.
         prop_assert!((rig.truth().counts - count).abs() < 1e-9);
     }
 
-    /// With the bridge off and no load, energy only leaves; with EMF under the bus nothing comes back from it.
+    /// With the bridge off and no load, energy only leaves; with the EMF below the bus none returns to the
+    /// bus.
     #[test]
-    fn passive(kind in any_kind(), model in any_model(), count in 0.0..160.0_f64, speed in -1000.0..1000.0_f64) {
+    fn unpowered_plant_only_loses_energy(kind in any_kind(), model in any_model(), count in 0.0..160.0_f64, speed in -1000.0..1000.0_f64) {
         let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::for_motor(kind) };
         let mut rig = rig(plant, model, at(count, speed));
         let mut stored = 0.0;

@@ -1,4 +1,4 @@
-//! What the shipped scenarios promise, and what bad scenario files are told.
+//! The shipped scenarios' expectations, and the errors for bad scenario files.
 
 use hil_sim::input::BadInput;
 use hil_sim::scenario::{SHIPPED, Scenario};
@@ -14,7 +14,7 @@ fn outcome(name: &str, options: &Options) -> Outcome {
     run(&shipped(name), options).unwrap_or_else(|bad| panic!("{name}: {bad}"))
 }
 
-/// The expectations that a run of every shipped scenario does not meet.
+/// The expectations that shipped scenarios fail.
 fn unmet(model: Model) -> Vec<String> {
     let mut unmet = Vec::new();
     for scenario in SHIPPED {
@@ -85,7 +85,7 @@ fn the_trace_and_the_report_show_the_run() {
     }
 }
 
-/// A scenario that loads: each bad one below differs from it in a line.
+/// A scenario that loads: each bad one below differs from it in one line.
 const GOOD: &str = r#"name = "x"
 about = "y"
 motor = "link"
@@ -112,7 +112,7 @@ metric = "arrival_ms"
 min = 1
 "#;
 
-/// A line of `GOOD`, what stands there instead, the line that the message must name, and words that it must have:
+/// A line of `GOOD`, its replacement, the line that the message must name, and texts that it must contain:
 /// the field, what was found, what was expected or what to do.
 const BAD: &[(&str, &str, &str, [&str; 3])] = &[
     ("about = \"y\"", "about = \"y\"\nspeed = 3", "x.toml:3", ["speed", "unknown field", "duration_ms"]),
@@ -218,7 +218,7 @@ const BAD: &[(&str, &str, &str, [&str; 3])] = &[
     ("min = 1", "", "x.toml:22", ["arrival_ms", "min, max or both", "add or remove one"]),
 ];
 
-/// A metric, a word that it never is, and words that the message must have.
+/// A metric, a text that it never is, and texts that the message must contain.
 const BAD_WORDS: &[(&str, &str, [&str; 3])] = &[
     ("end_reason", "arived", ["equals = \"arived\"", "arrived, stalled, aborted", "did you mean arrived"]),
     ("mode", "holding", ["equals = \"holding\"", "idle, torque, pid", "use one of those"]),
@@ -227,7 +227,7 @@ const BAD_WORDS: &[(&str, &str, [&str; 3])] = &[
 ];
 
 #[test]
-fn a_word_that_a_metric_never_is_cannot_be_expected() {
+fn impossible_text_of_a_metric_is_refused() {
     let expect = |metric: &str, word: &str| {
         let (head, _) = GOOD.split_once("metric =").expect("an expectation");
         format!("{head}metric = \"{metric}\"\nequals = \"{word}\"\n")
@@ -241,7 +241,7 @@ fn a_word_that_a_metric_never_is_cannot_be_expected() {
 }
 
 #[test]
-fn a_name_without_end_is_told_in_part() {
+fn endless_name_is_shortened_in_the_message() {
     let long = "k".repeat(100_000);
     let with = |line: &str, instead: String| GOOD.replacen(line, &instead, 1);
     for text in [
@@ -255,7 +255,7 @@ fn a_name_without_end_is_told_in_part() {
         with("\"arrival_ms\"\nmin = 1", format!("\"mode\"\nequals = \"{long}\"")),
     ] {
         let bad = refusal(&text);
-        // The longest list of what is known has 1000 characters.
+        // The longest list of known names has 1000 characters.
         assert!(bad.to_string().chars().count() < 2000, "{} characters", bad.to_string().chars().count());
         assert!(bad.to_string().contains('…'), "{bad}");
     }
@@ -270,7 +270,7 @@ fn refusal(text: &str) -> BadInput {
     }
 }
 
-/// The project's style: where, what, found, expected, what next, each with something in it.
+/// The project's style of errors: where, what, found, expected, next step, none of them empty.
 fn assert_style(bad: &BadInput, place: &str, words: &[&str]) {
     let message = bad.to_string();
     assert_eq!(bad.place, place, "{message}");
@@ -285,13 +285,13 @@ fn assert_style(bad: &BadInput, place: &str, words: &[&str]) {
 }
 
 #[test]
-fn the_good_scenario_loads() {
+fn good_scenario_loads() {
     let good = Scenario::parse("x.toml", GOOD).unwrap_or_else(|bad| panic!("{bad}"));
     assert_eq!((good.duration_ms, good.timeline.len(), good.objects.len()), (500, 1, 1));
 }
 
 #[test]
-fn a_bad_line_is_named_with_what_was_found_expected_and_a_next_step() {
+fn bad_line_error_names_found_expected_and_next_step() {
     for (line, instead, place, words) in BAD {
         assert!(GOOD.contains(&format!("{line}\n")), "{line}");
         assert_style(&refusal(&GOOD.replacen(line, instead, 1)), place, words);
@@ -299,7 +299,7 @@ fn a_bad_line_is_named_with_what_was_found_expected_and_a_next_step() {
 }
 
 #[test]
-fn what_is_no_scenario_at_all_is_told_so() {
+fn file_that_is_no_scenario_is_refused() {
     let cases = [
         ("", "x.toml:1", "name is missing"),
         ("hello world", "x.toml:1", "expected"),
@@ -314,7 +314,7 @@ fn what_is_no_scenario_at_all_is_told_so() {
 }
 
 #[test]
-fn a_file_that_cannot_be_read_is_named() {
+fn unreadable_file_is_named() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("bad-scenarios");
     std::fs::create_dir_all(folder.join("directory.toml")).expect("a folder for the test");
     let file =
@@ -341,7 +341,7 @@ fn a_file_that_cannot_be_read_is_named() {
 }
 
 #[test]
-fn properties_set_by_hand_are_checked_like_those_of_a_file() {
+fn properties_from_the_command_line_are_checked_like_those_of_a_file() {
     let mut scenario = shipped("link-fast");
     scenario.set("kp=120").unwrap_or_else(|bad| panic!("{bad}"));
     assert!(scenario.cases.iter().all(|case| case.config.kp == 120));
@@ -368,9 +368,9 @@ fn timed(motor: &str, commands: &[(u32, &str)]) -> hil_sim::metrics::Metrics {
     run(&scenario, &NOMINAL).unwrap_or_else(|bad| panic!("{bad}")).metrics
 }
 
-/// The same move takes the same time, whatever was before it.
+/// The same move takes the same time, whatever preceded it.
 #[test]
-fn a_move_is_timed_from_its_own_first_tick() {
+fn move_time_starts_at_its_first_driven_tick() {
     let from_rest = |end| timed("link", &[(0, &format!("move = {end}"))]).end_ms.expect("an end");
     let after_velocity =
         timed("link", &[(0, "velocity = 60"), (0, "mode = \"velocity\""), (1000, "move = 300")]);
@@ -381,7 +381,7 @@ fn a_move_is_timed_from_its_own_first_tick() {
     let took = after_abort.arrival_ms().expect("an arrival");
     assert!(took < from_rest(100), "{took} ms");
     assert_eq!(after_abort.ends, 2);
-    // It is there already.
+    // It is at the goal already.
     for motor in ["link", "spread"] {
         let metrics = timed(motor, &[(0, "move = 0")]);
         assert_eq!((metrics.end_ms, metrics.arrival_ms()), (Some(0.0), Some(0.0)), "{motor}");

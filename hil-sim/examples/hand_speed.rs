@@ -1,5 +1,5 @@
-//! How fast seven boards with their motors and the bus are simulated, with the averaged model on one core: asleep, idle, holding,
-//! moving. `cargo run --release -p hil-sim --example hand_speed`
+//! Simulation speed of seven boards with their motors and the bus, averaged model, on one core: asleep, idle,
+//! holding, moving. `cargo run --release -p hil-sim --example hand_speed`
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use hil_sim::bus::{Adapter, Bus};
 use hil_sim::node::Node;
 use tater_wire::{Destination, Message, Node as Id, Property};
 
-/// Simulated, each, s.
+/// Simulated time of each, s.
 const SECONDS: u64 = 20;
 
 fn nodes(awake: bool) -> Bus<Node> {

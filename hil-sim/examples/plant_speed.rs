@@ -1,4 +1,4 @@
-//! How fast the plant alone runs: simulated seconds per wall second, open loop, both models.
+//! Speed of the plant alone: simulated seconds per wall second, open loop, both models.
 use hil_sim::plant::{Heat, Model, PlantParams, Start};
 use hil_sim::rig::{Rig, RigParams};
 use servo_core::sense::commutation::{Bridge, Leg};
@@ -6,7 +6,7 @@ use servo_core::units::Duty;
 use std::time::Instant;
 use tater_wire::MotorKind;
 
-/// The legs that drive a hall code's sector in the closing direction (DESIGN 4.2).
+/// The legs that drive a hall code's sector in the closing direction (decision 0003).
 fn bridge(code: u8, bits: i16) -> Bridge {
     use Leg::{Float, Low, Pwm};
     let legs = match code {

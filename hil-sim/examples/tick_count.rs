@@ -1,5 +1,6 @@
-//! A program whose instructions are counted: the same control ticks of one move, replayed as often as asked.
-//! `cargo xtask bench` runs it under valgrind with one replay and with two; the difference is the servo's ticks.
+//! A program whose instructions are counted: the same control ticks of one move, replayed as often as
+//! requested. `cargo xtask bench` runs it under valgrind with one replay and with two; the difference is the
+//! servo's ticks.
 
 use std::hint::black_box;
 
@@ -8,13 +9,13 @@ use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::units::{Counts, DeciCelsius, Micros, MilliAmps, MilliVolts};
 use servo_core::{Command, Config, Drive, Sense, Servo};
 
-/// A tick's inputs, kept.
+/// Recorded inputs of a tick.
 struct Tick {
     now: Micros,
     halls: Vec<HallEvent>,
 }
 
-/// A link's full travel near the speed limit: as many edges a tick as a real move has.
+/// A link's full travel near the speed limit: as many edges per tick as a real move has.
 const TRAVEL: i32 = 338;
 
 fn servo() -> Servo {
@@ -38,7 +39,8 @@ fn run(servo: &mut Servo, tick: &Tick) -> Drive {
     })
 }
 
-/// When a rotor that goes from one place to another, upwards, in the millisecond before `now` enters each cell.
+/// The times, in the millisecond before `now`, at which a rotor moving upwards from one position to another
+/// enters each cell.
 fn crossings(from: Counts, to: Counts, now: Micros) -> impl Iterator<Item = (i32, Micros)> {
     let (from_bits, to_bits) = (i64::from(from.0.to_bits()), i64::from(to.0.to_bits()));
     (from.round() + 1..=to.round()).map(move |count| {

@@ -1,22 +1,22 @@
-//! `hil-sim bus` as a CAN tool meets it: SLCAN over TCP.
+//! `hil-sim bus` with a CAN tool over SLCAN and TCP.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// Clients at once, more than a server with [`FILES`] can have.
+/// Simultaneous clients, more than a server with [`FILES`] can have.
 #[cfg(unix)]
 const CROWD: usize = 20;
 
-/// Files that a server may have open: its own three, the listener, two for the host, and two to spare.
+/// Files that a server may open: its own three, the listener, two for the host, and two to spare.
 #[cfg(unix)]
 const FILES: usize = 8;
 
-/// Only ends a test that would otherwise hang.
+/// Deadline for a test that would otherwise hang.
 const HANGS: Duration = Duration::from_secs(30);
 
-/// A served bus; ends with the test.
+/// A served bus; the process ends with the test.
 struct Served {
     process: Child,
     address: String,
@@ -50,7 +50,7 @@ fn connect(served: &Served) -> TcpStream {
     stream
 }
 
-/// Reads until what has come ends so.
+/// Reads until the received bytes end with this text.
 fn read_to(stream: &mut TcpStream, end: &str) -> String {
     let mut text = String::new();
     let mut byte = [0];
@@ -62,7 +62,7 @@ fn read_to(stream: &mut TcpStream, end: &str) -> String {
     text
 }
 
-/// GET STAT of node 4 until it answers, whatever it says: it needs a moment after power-up.
+/// Repeats GET STAT of node 4 until it answers; it needs a moment after power-up.
 fn ask(stream: &mut TcpStream) {
     loop {
         stream.write_all(b"t004105\rV\r").expect("written");
@@ -76,7 +76,7 @@ fn ask(stream: &mut TcpStream) {
 }
 
 #[test]
-fn a_tool_opens_asks_and_is_answered_and_garbage_harms_nobody() {
+fn tool_gets_answers_and_garbage_does_no_harm() {
     let served = serve("4");
     let mut stream = connect(&served);
     stream.write_all(b"C\rS8\rO\r").expect("written");
@@ -91,7 +91,7 @@ fn a_tool_opens_asks_and_is_answered_and_garbage_harms_nobody() {
 }
 
 #[test]
-fn a_second_host_is_refused_with_a_reason_and_may_come_when_the_first_has_left() {
+fn second_host_is_refused_until_the_first_has_left() {
     let served = serve("4");
     let mut first = connect(&served);
     first.write_all(b"O\r").expect("written");
@@ -105,7 +105,7 @@ fn a_second_host_is_refused_with_a_reason_and_may_come_when_the_first_has_left()
     assert!(text.contains(&address), "says who is there: {text}");
     ask(&mut first);
     drop(first);
-    // The server hears of it in its own time.
+    // The server notices it with a delay.
     let mut third = loop {
         let mut next = connect(&served);
         next.write_all(b"O\r").expect("written");
@@ -118,7 +118,7 @@ fn a_second_host_is_refused_with_a_reason_and_may_come_when_the_first_has_left()
 }
 
 #[test]
-fn what_cannot_be_served_is_said_with_a_next_step_and_exit_code_2() {
+fn unusable_arguments_name_a_next_step_and_exit_with_2() {
     let served = serve("4");
     for (args, said) in [
         (&["--node", "8", "--slcan", "127.0.0.1:0"][..], "--node 8"),
@@ -139,10 +139,10 @@ fn what_cannot_be_served_is_said_with_a_next_step_and_exit_code_2() {
     }
 }
 
-/// Out of files, accepting fails at once and again until a client has left.
+/// Out of file descriptors, accepting fails at once, again and again, until a client has left.
 #[cfg(unix)]
 #[test]
-fn a_crowd_is_told_of_once_and_keeps_nobody_out_for_good() {
+fn exhausted_descriptors_are_reported_once_and_recover() {
     let line = format!("ulimit -n {FILES}; exec \"$0\" bus --node 4 --slcan 127.0.0.1:0");
     let mut shell = Command::new("sh");
     shell.args(["-c", &line, env!("CARGO_BIN_EXE_hil-sim")]);
@@ -160,7 +160,7 @@ fn a_crowd_is_told_of_once_and_keeps_nobody_out_for_good() {
     };
     assert!(warning.starts_with("warning: a client cannot be accepted"), "{warning}");
     drop(crowd);
-    // After the crowd, in whose order it came.
+    // After the crowd, in order of arrival.
     let mut late = connect(&served);
     let mut text = String::new();
     late.read_to_string(&mut text).expect("closed in order");

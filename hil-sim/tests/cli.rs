@@ -1,4 +1,4 @@
-//! The binary as a person or a program meets it: output, files and exit codes.
+//! The binary for a person or a program: output, files and exit codes.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -15,7 +15,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).expect("text")
 }
 
-/// An empty folder of this test's own.
+/// An empty folder for one test.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&folder);
@@ -23,7 +23,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// A scenario of 20 ms whose one expectation is as given.
+/// A scenario of 20 ms with one given expectation.
 fn scenario(folder: &Path, expect: &str) -> String {
     let path = folder.join("x.toml");
     let head = "name = \"x\"\nabout = \"y\"\nmotor = \"link\"\nduration_ms = 20\n";
@@ -33,7 +33,7 @@ fn scenario(folder: &Path, expect: &str) -> String {
 }
 
 #[test]
-fn json_is_one_object_alone_with_the_promised_keys() {
+fn json_prints_one_object_with_the_documented_keys() {
     let output = hil_sim(&["run", "spread-full-travel", "--json", "--seed", "7", "--model", "switched"]);
     let text = stdout(&output);
     let json: serde_json::Value = serde_json::from_str(&text).expect("one JSON object and nothing else");
@@ -71,7 +71,7 @@ fn json_is_one_object_alone_with_the_promised_keys() {
 }
 
 #[test]
-fn exit_codes_tell_met_unmet_and_bad_input_apart() {
+fn exit_codes_distinguish_met_unmet_and_bad_input() {
     let folder = folder("exit-codes");
     let met = hil_sim(&["run", &scenario(&folder, "equals = 0.02")]);
     assert_eq!(met.status.code(), Some(0), "{}", stderr(&met));
@@ -103,7 +103,7 @@ fn exit_codes_tell_met_unmet_and_bad_input_apart() {
 }
 
 #[test]
-fn files_are_written_where_asked_and_nowhere_else() {
+fn out_writes_its_files_and_no_others() {
     let folder = folder("files");
     let out = folder.join("deep/report");
     let out_text = out.to_string_lossy().into_owned();
@@ -146,13 +146,13 @@ fn list_names_every_shipped_scenario() {
 }
 
 #[test]
-fn a_hall_capture_becomes_a_line_a_sample() {
+fn hall_capture_gives_one_line_per_sample() {
     let folder = folder("replay");
     let path = |name: &str| folder.join(name).to_string_lossy().into_owned();
     // Two revolutions of 6 codes at 100 samples each: 300 counts/s at 30 kHz.
     let codes = [1u8, 3, 2, 6, 4, 5].repeat(2).into_iter().flat_map(|code| [code; 100]);
     let mut capture: Vec<u8> = codes.flat_map(|code| [0x5a, code, 0]).collect();
-    // Recordings end anywhere: a sample that is cut off is none.
+    // Recordings end anywhere: a sample that is cut off does not count.
     capture.push(0x5a);
     std::fs::write(path("x.dat"), &capture).expect("a file for the test");
     let replay = |capture: &str, csv: &str, rev: &str| {
@@ -177,7 +177,7 @@ fn a_hall_capture_becomes_a_line_a_sample() {
     assert!(stderr(&output).contains("1 of 1200 samples do not begin with 0x5A"), "{}", stderr(&output));
     assert_eq!(std::fs::read_to_string(path("dirty.csv")).expect("text"), csv);
 
-    // Of holes, which cost the disk nothing.
+    // A sparse file, which needs no disk space.
     let large = std::fs::File::create(path("large.dat")).expect("a file for the test");
     large.set_len((64 << 20) + 1).expect("a file for the test");
     std::fs::write(path("text.dat"), "no capture").expect("a file for the test");
@@ -203,10 +203,10 @@ fn a_hall_capture_becomes_a_line_a_sample() {
     assert!(!folder.join("y.csv").exists(), "no file for bad input");
 }
 
-/// What a run writes is its own two files, whatever stands there already.
+/// A run writes its own two files only, whatever exists already.
 #[cfg(unix)]
 #[test]
-fn only_the_named_file_is_touched() {
+fn output_touches_only_the_named_file() {
     use std::os::unix::fs::{FileTypeExt, symlink};
     let folder = folder("only-named");
     let path = |name: &str| folder.join(name).to_string_lossy().into_owned();
@@ -216,7 +216,7 @@ fn only_the_named_file_is_touched() {
         |csv: &str| hil_sim(&["replay-halls", &path("x.dat"), "--counts-per-rev", "18", "--csv", csv]);
     let lines = |name: &str| std::fs::read_to_string(path(name)).expect("text").lines().count();
 
-    // Somebody's file of the name that is near at hand.
+    // A user's file with a similar name.
     std::fs::write(path("x.part"), "mine").expect("a file for the test");
     assert_eq!(replay(&path("x.csv")).status.code(), Some(0));
     assert_eq!(
@@ -224,7 +224,7 @@ fn only_the_named_file_is_touched() {
         ("mine", 5)
     );
 
-    // Links stay links, also one to nothing.
+    // Links stay links, also a dangling one.
     std::fs::create_dir(path("far")).expect("a folder");
     std::fs::write(path("far/old.csv"), "old").expect("a file for the test");
     for (link, to) in [("old-link.csv", "far/old.csv"), ("new-link.csv", "far/new.csv")] {
@@ -235,24 +235,24 @@ fn only_the_named_file_is_touched() {
         assert_eq!(lines(to), 5, "{link}");
     }
 
-    // A pipe stays one, and its reader gets the lines.
+    // A pipe stays a pipe, and its reader gets the lines.
     assert!(Command::new("mkfifo").arg(path("fifo")).status().expect("mkfifo").success());
     let reader = std::thread::spawn({
         let fifo = path("fifo");
         move || std::fs::read_to_string(fifo).expect("text")
     });
     assert_eq!(replay(&path("fifo")).status.code(), Some(0));
-    // Looked at before the reader is awaited, who would wait for ever on a pipe that is there no more.
+    // Check before waiting for the reader, who would wait forever on a pipe that no longer exists.
     assert!(std::fs::metadata(path("fifo")).expect("it is there").file_type().is_fifo());
     assert_eq!(reader.join().expect("read").lines().count(), 5);
     assert_eq!(replay("/dev/stdout").stdout.iter().filter(|byte| **byte == b'\n').count(), 5);
 
-    // Onto a folder: refused, and nothing is left of it.
+    // Onto a folder: refused, and nothing is left behind.
     std::fs::create_dir(path("folder.csv")).expect("a folder");
     assert_eq!(replay(&path("folder.csv")).status.code(), Some(2));
     let full = replay("/dev/full");
     assert_eq!(full.status.code(), Some(2), "{}", stderr(&full));
-    // No room, as a limit of nought on the size of files makes it: the old file is whole.
+    // A file size limit of zero acts as a full disk: the old file is intact.
     let none = "trap '' XFSZ; ulimit -f 0; exec \"$0\" replay-halls \"$1\" --counts-per-rev 18 --csv \"$2\"";
     let args = [none, env!("CARGO_BIN_EXE_hil-sim"), &path("x.dat"), &path("x.csv")];
     let no_room = Command::new("sh").arg("-c").args(args).output().expect("a shell");
@@ -267,7 +267,7 @@ fn only_the_named_file_is_touched() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_full_disk_is_no_success_and_a_closed_pipe_no_failure() {
+fn full_disk_fails_and_closed_pipe_succeeds() {
     for args in [&["run", "spread-full-travel", "--json"][..], &["run", "spread-full-travel"], &["list"]] {
         let full = std::fs::File::create("/dev/full").expect("Linux has one");
         let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))

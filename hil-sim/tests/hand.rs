@@ -1,4 +1,4 @@
-//! `hil-sim hand` as its hosts meet it: TCP, a pseudo-terminal, SLCAN.
+//! `hil-sim hand` with its hosts: TCP, a pseudo-terminal, SLCAN.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -13,18 +13,19 @@ use std::time::Duration;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// Only ends a test that would otherwise hang.
+/// Deadline for a test that would otherwise hang.
 const HANGS: Duration = Duration::from_secs(60);
 
-/// Only ends a test that would otherwise hang on a terminal, which has no time-out: longer than any of them takes.
+/// Deadline for a test that would otherwise hang on a terminal, which has no timeout: longer than any of them
+/// takes.
 const ENDS: Duration = Duration::from_secs(300);
 
-/// A served hand; ends with the test, or when that hangs.
+/// A served hand; the process ends with the test, or when the test hangs.
 struct Served {
     process: Arc<Mutex<Child>>,
-    /// Its end ends who waits for that.
+    /// Dropping it stops the watchdog thread.
     _alive: Sender<()>,
-    /// What it listens on, in its own words.
+    /// The addresses it printed: what for, and where.
     doors: Vec<(String, String)>,
 }
 
@@ -74,7 +75,7 @@ impl Served {
         stream
     }
 
-    /// Connects until it is the host: the hand hears in its own time that the last one has left.
+    /// Connects until it is the host: the hand notices with a delay that the last host has left.
     fn host(&self) -> TcpStream {
         loop {
             let mut stream = self.connect("gcl");
@@ -86,7 +87,7 @@ impl Served {
     }
 }
 
-/// Reads until what has come ends so; `Err` if the other side closes before.
+/// Reads until the received bytes end with this text; `Err` if the other side closes before.
 fn read_to(from: &mut impl Read, end: &str) -> Result<String, String> {
     let mut text = String::new();
     let mut byte = [0];
@@ -102,7 +103,7 @@ fn read_to(from: &mut impl Read, end: &str) -> Result<String, String> {
     Ok(text)
 }
 
-/// Types a line; what came up to the prompt.
+/// Types a line; returns the output up to the prompt.
 fn ask(host: &mut (impl Read + Write), line: &str) -> String {
     host.write_all(format!("{line}\r").as_bytes()).expect("written");
     read_to(host, "=> ").expect("a prompt")
@@ -110,7 +111,7 @@ fn ask(host: &mut (impl Read + Write), line: &str) -> String {
 
 const TCP: [&str; 2] = ["--listen", "127.0.0.1:0"];
 
-/// An empty folder of this test's own.
+/// An empty folder for one test.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&folder);
@@ -119,7 +120,7 @@ fn folder(name: &str) -> PathBuf {
 }
 
 #[test]
-fn a_host_types_and_one_that_leaves_in_mid_line_leaves_nothing_behind() {
+fn host_that_leaves_in_mid_line_leaves_nothing_behind() {
     let served = Served::new(&TCP, 1);
     let mut host = served.host();
     assert_eq!(ask(&mut host, "frOb"), "frOb\r\n\rERR 32\r\n\r=> ");
@@ -131,21 +132,22 @@ fn a_host_types_and_one_that_leaves_in_mid_line_leaves_nothing_behind() {
     assert_eq!(ask(&mut next, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
 }
 
-/// Enters lines at the console of the walk-through; its exit code, output and errors.
+/// Enters lines at the console of the walk-through; returns exit code, output and errors.
 fn grasper(address: &str, entries: &str) -> (Option<i32>, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
     command.args(["grasper", "--connect", address]).stdin(Stdio::piped());
     let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
-    // It may have ended before it reads.
+    // The console may exit before it reads.
     let _ = process.stdin.take().expect("piped").write_all(entries.as_bytes());
     let output = process.wait_with_output().expect("it ends");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
-/// As in docs/hosts.md. The ends of moves may come in another order than there: this hand's time goes on while its host thinks.
+/// As in docs/hosts.md. Ends of moves may arrive in another order than there: the hand's time advances while
+/// its host waits.
 #[test]
-fn the_walk_through_can_be_entered() {
+fn walk_through_runs_as_printed() {
     let expected = include_str!("../../tests/god/golden/walk-through.txt");
     let questions = ["=> ", "Motors: ", "Position: "];
     let entries = expected.lines().filter_map(|line| questions.iter().find_map(|q| line.strip_prefix(q)));
@@ -163,12 +165,12 @@ fn the_walk_through_can_be_entered() {
 }
 
 #[test]
-fn entries_that_come_to_nothing_are_told() {
+fn bad_console_entries_are_reported() {
     let served = Served::new(&[&TCP[..], &["--speed", "max"]].concat(), 1);
     let address = served.place("gcl");
     drop(served.host());
     let speaks = |entries: &str| loop {
-        // The hand hears in its own time that the last host has left.
+        // The hand notices with a delay that the last host has left.
         let (code, screen, error) = grasper(address, entries);
         if !screen.contains("busy: ") {
             return (code, screen, error);
@@ -203,12 +205,12 @@ fn entries_that_come_to_nothing_are_told() {
     assert!(error.contains(&format!("--connect {free}: there is no hand")), "{error}");
 }
 
-/// More than GOD lets wait, 256 bytes, and less than what is read ahead.
+/// More than the 256 bytes that GOD queues, and less than what is read ahead.
 const AHEAD: usize = 10_000;
 
-/// ^C, and the host's end, are heard behind all that is typed ahead, and end a motion that would take 8 s.
+/// ^C and a disconnect are seen behind type-ahead, and end a motion that would take 8 s.
 #[test]
-fn what_is_typed_ahead_hides_neither_control_c_nor_the_end() {
+fn type_ahead_does_not_mask_control_c_or_disconnect() {
     let served = Served::new(&TCP, 1);
     let mut host = served.host();
     for line in ["1FSET MCV 30", "X1HI"] {
@@ -232,14 +234,14 @@ fn what_is_typed_ahead_hides_neither_control_c_nor_the_end() {
     read_to(&mut host, "X1M 15000").expect("it is begun");
     drop(host);
     let mut next = served.host();
-    // The prompt that ends the motion may come to it, too.
+    // The prompt that ends the motion may reach it as well.
     next.write_all(b"frob\r").expect("written");
     read_to(&mut next, "ERR 32\r\n\r=> ").expect("a prompt");
     assert!(position(&mut next) < 10_000);
 }
 
 #[test]
-fn a_second_host_is_told_who_is_there_and_closed() {
+fn second_host_is_refused_with_the_address_of_the_first() {
     let served = Served::new(&TCP, 1);
     let mut host = served.host();
     let mut second = served.connect("gcl");
@@ -250,10 +252,10 @@ fn a_second_host_is_told_who_is_there_and_closed() {
     assert_eq!(ask(&mut host, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
 }
 
-/// GOD's answers fill all that may wait for the host, and then the hand takes no more from it: what it writes finds no room
-/// either. It is the kernel that has it, not the hand.
+/// GOD's answers fill the host's queue; then the hand accepts no more bytes, and the host's writes block. The
+/// bytes wait in the kernel, not in the hand.
 #[test]
-fn a_host_that_never_reads_is_not_served_beyond_what_may_wait_and_stops_nobody() {
+fn host_that_never_reads_fills_its_queue_and_blocks_nobody() {
     let served = Served::new(&[&TCP[..], &["--slcan", "127.0.0.1:0"]].concat(), 2);
     let mut deaf = served.host();
     deaf.set_write_timeout(Some(Duration::from_secs(1))).expect("a time-out");
@@ -272,12 +274,12 @@ fn a_host_that_never_reads_is_not_served_beyond_what_may_wait_and_stops_nobody()
 }
 
 #[test]
-fn a_tool_watches_the_bus_and_sends_nothing() {
+fn slcan_monitor_receives_and_cannot_send() {
     let served = Served::new(&[&TCP[..], &["--slcan", "127.0.0.1:0"]].concat(), 2);
     let mut tool = served.connect("slcan");
     tool.write_all(b"C\rS8\rO\rt0040\r").expect("written");
     assert_eq!(read_to(&mut tool, "\r\x07").expect("answers"), "\x07\r\r\x07");
-    // GOD asks node 4 for STAT when it is to wake, and node 4 says that it is awake.
+    // GOD polls STAT of node 4 while it wakes, and node 4 answers that it is awake.
     let mut host = served.host();
     ask(&mut host, "SFGET P");
     read_to(&mut tool, "t004105\r").expect("what GOD sends");
@@ -286,12 +288,12 @@ fn a_tool_watches_the_bus_and_sends_nothing() {
 
 #[cfg(unix)]
 #[test]
-fn a_pseudo_terminal_is_a_serial_port_and_shares_the_hand_in_turn() {
+fn pseudo_terminal_is_a_raw_serial_port_for_one_host_at_a_time() {
     let served = Served::new(&[&TCP[..], &["--pty"]].concat(), 2);
     let open = || File::options().read(true).write(true).open(served.place("pty")).expect("a terminal");
     for _ in 0..2 {
         let mut port = open();
-        // Raw: nothing echoed or changed on the way but by GOD.
+        // Raw mode: only GOD echoes.
         assert_eq!(ask(&mut port, "frOb\x7f"), "frOb\x08 \x08\r\n\rERR 32\r\n\r=> ");
         let mut text = String::new();
         served.connect("gcl").read_to_string(&mut text).expect("closed in order");
@@ -304,17 +306,17 @@ fn a_pseudo_terminal_is_a_serial_port_and_shares_the_hand_in_turn() {
         let text = read_to(&mut port, "time\r\n\r").expect("an answer");
         assert!(text.contains("busy: 127.0.0.1:"), "{text:?}");
         drop((port, host));
-        // The next round's terminal has to be the host.
+        // The next round's terminal has to become the host.
         drop(served.host());
         let mut port = open();
         while !ask_or_busy(&mut port).ends_with("=> ") {}
     }
 }
 
-/// A terminal holds some KiB that nobody has read, and the hand some more: the next host reads none of it.
+/// A terminal holds a few KiB that nobody has read, and the hand some more: the next host must not read them.
 #[cfg(unix)]
 #[test]
-fn what_a_host_of_the_terminal_has_not_read_nobody_reads() {
+fn unread_output_of_a_terminal_host_is_discarded() {
     let served = Served::new(&["--pty"], 1);
     let open = || File::options().read(true).write(true).open(served.place("pty")).expect("a terminal");
     for _ in 0..3 {
@@ -325,7 +327,7 @@ fn what_a_host_of_the_terminal_has_not_read_nobody_reads() {
         read_to(&mut deaf, "ERR 32").expect("it has begun");
         drop(deaf);
         let mut next = open();
-        // ^C, as clients do: what was typed before it is void.
+        // ^C, as clients do: it discards what was typed before.
         next.write_all(b"\x03").expect("written");
         let text = read_to(&mut next, "=> ").expect("a prompt");
         assert!(text.len() < 50, "{text:?}");
@@ -333,7 +335,7 @@ fn what_a_host_of_the_terminal_has_not_read_nobody_reads() {
     }
 }
 
-/// A line to a terminal; its prompt, or that the hand is busy.
+/// Sends a line to a terminal; returns its prompt, or that the hand is busy.
 #[cfg(unix)]
 fn ask_or_busy(port: &mut File) -> String {
     port.write_all(b"\r").expect("written");
@@ -347,7 +349,7 @@ fn ask_or_busy(port: &mut File) -> String {
 }
 
 #[test]
-fn a_state_that_is_none_is_refused_and_left_as_it_is() {
+fn invalid_state_file_is_refused_and_unchanged() {
     let folder = folder("bad-state");
     let path = folder.join("hand.state");
     let args = |path: &Path| -> Vec<String> {
@@ -373,13 +375,14 @@ fn a_state_that_is_none_is_refused_and_left_as_it_is() {
     drop(served);
 }
 
-/// Kills of a hand that saves.
+/// Number of times that a saving hand is killed.
 const KILLS: u32 = 100;
 
-/// Values that it is told to save between a start and a kill.
+/// Number of values saved between a start and a kill.
 const SAVES: u32 = 3;
 
-/// A multiple of a hall count's 55 and a bit: GOD shows the bit only while the board's own value is the same one.
+/// A multiple of a hall count's 55, plus a remainder: GOD shows the remainder only while the board's value is
+/// unchanged.
 fn value(number: u32) -> String {
     (55 * number + 7).to_string()
 }
@@ -395,10 +398,10 @@ fn saved(host: &mut TcpStream) -> u32 {
     counts / 55
 }
 
-/// Killed at any moment, a hand has all of what it was told to save before a prompt that its host has seen, or all of what it was
-/// told to save since.
+/// Killed at any moment, a hand has everything that it saved before a prompt that its host has seen, or
+/// everything that it was to save since.
 #[test]
-fn a_hand_that_is_killed_has_saved_the_old_or_the_new() {
+fn killed_hand_keeps_old_or_new_state() {
     let path = folder("killed").join("hand.state").to_string_lossy().into_owned();
     let start = || Served::new(&["--listen", "127.0.0.1:0", "--speed", "max", "--state", &path], 1);
     let save = |number: u32| format!("FSET DP {}\rFSAVE\r", value(number));
@@ -420,7 +423,7 @@ fn a_hand_that_is_killed_has_saved_the_old_or_the_new() {
         host.write_all(lines.concat().as_bytes()).expect("written");
         let mut bytes = vec![0; rng.random_range(0..=heard - 2 * (2 * SAVES as usize))];
         host.read_exact(&mut bytes).expect("answers");
-        // And some way into what it does then.
+        // And some way into the command after it.
         (0..rng.random_range(0..2000)).for_each(|_| thread::yield_now());
         drop(served);
         let prompts = String::from_utf8_lossy(&bytes).matches("=> ").count() as u32;

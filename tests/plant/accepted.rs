@@ -1,4 +1,4 @@
-//! Every plant that is accepted conserves energy and stays finite.
+//! Every accepted plant conserves energy and stays finite.
 
 use super::{any_kind, any_model, at, coast, run};
 use hil_sim::plant::{Model, PlantParams};
@@ -6,8 +6,8 @@ use hil_sim::rig::{Rig, RigParams};
 use proptest::prelude::*;
 use tater_wire::MotorKind;
 
-/// Runs a plant through drive, plugging, coasting and its stops; the worst residual as a share of the turnover,
-/// and the highest speed seen, counts/s.
+/// Runs a plant through drive, plugging, coasting and its stops; returns the worst residual as a fraction of
+/// the energy turned over, and the highest speed, counts/s.
 fn worst(plant: &PlantParams, model: Model, duties: &[f64]) -> (f64, f64) {
     let start = at(0.5 * (plant.min_count + plant.max_count), 0.0);
     let mut rig = Rig::new(plant.clone(), RigParams::default(), &[], model, start, 1).unwrap();
@@ -19,9 +19,9 @@ fn worst(plant: &PlantParams, model: Model, duties: &[f64]) -> (f64, f64) {
                 fastest = fastest.max(t.counts_per_s.abs());
 
                 let l = t.ledger;
-                // A tenth of a millijoule is nothing, also for a plant that turns over hardly more.
+                // A tenth of a millijoule is negligible, also for a plant with little more energy in total.
                 let share = (l.residual_j().abs() - 1e-4).max(0.0) / l.turnover_j();
-                // `max` would pass over a NaN.
+                // `max` would skip a NaN.
                 if !(share.is_finite() && t.counts.is_finite() && t.counts_per_s.is_finite()) {
                     return (f64::INFINITY, f64::INFINITY);
                 }
@@ -38,7 +38,7 @@ fn decades(low: f64, high: f64) -> impl Strategy<Value = f64> {
 }
 
 prop_compose! {
-    /// Any plant that is accepted, from all of each range that electrics, mechanics and heat depend on.
+    /// Any accepted plant, from the whole of each range that electrics, mechanics and heat depend on.
     fn any_accepted()(
         kind in any_kind(),
         (r_ohm, l_mh, ke_v_s, j_kg_m2) in (decades(0.1, 100.0), decades(0.05, 20.0), decades(1e-3, 1.0), decades(2e-6, 1e-2)),
@@ -51,7 +51,7 @@ prop_compose! {
             r_ohm, l_mh, ke_v_s, j_kg_m2, coulomb_n_m, static_n_m: coulomb_n_m * static_share, viscous_n_m_s,
             bus_v, diode_v, dead_time_us, stop_stiffness_n_m_rad, stop_damping_n_m_s, winding_j_k,
             winding_housing_k_w, housing_j_k,
-            // Out of the way: the largest currents are the hardest.
+            // No trip current: the largest currents are the hardest.
             trip_a: 1000.0,
             ..PlantParams::for_motor(kind)
         }
@@ -68,14 +68,14 @@ proptest! {
     ) {
         let (leak, fastest) = worst(&plant, model, &[1.0, -0.5, 0.3]);
         prop_assert!(leak <= 0.005, "{leak} leaks from {plant:?}");
-        // Four times the largest no-load speed: weakly damped resonances swing beyond no-load. Plants
-        // that blew up came to 1e5 and more.
+        // Four times the largest no-load speed: weakly damped resonances swing beyond no-load. Plants that
+        // diverged reached 1e5 and more.
         prop_assert!(fastest <= 12_000.0, "{fastest} counts/s of {plant:?}");
     }
 }
 
 #[test]
-fn plants_that_steps_cannot_follow_are_refused() {
+fn plants_too_fast_for_the_step_are_refused() {
     type Spoil = fn(&mut PlantParams);
     let spoils: [(&str, Spoil); 4] = [
         ("l_mh", |p| p.l_mh = 0.05),
@@ -96,7 +96,7 @@ fn plants_that_steps_cannot_follow_are_refused() {
 }
 
 #[test]
-fn a_start_far_beyond_a_stop_is_refused() {
+fn start_far_beyond_a_stop_is_refused() {
     let plant = PlantParams::for_motor(MotorKind::Spread);
     let start = |count| {
         let params = RigParams::default();

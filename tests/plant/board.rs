@@ -1,4 +1,4 @@
-//! What the board sees of the plant: hall edges, brake, analog readings.
+//! The board's view of the plant: hall edges, brake, analog readings.
 
 use super::{MODELS, at, close, drive, free, frictionless, rig, run};
 use hil_sim::plant::{Model, PlantParams};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use servo_core::sense::commutation::Bridge;
 use tater_wire::MotorKind;
 
-/// Turns at the same speed for ever once the bridge is off.
+/// Turns at constant speed once the bridge is off.
 fn no_brake() -> PlantParams {
     PlantParams { brake_n_m: 0.0, ..frictionless() }
 }
@@ -41,7 +41,7 @@ fn times(changes: &[HallChange]) -> Vec<u64> {
 }
 
 #[test]
-fn placement_errors_and_rise_delays_move_the_edges() {
+fn placement_errors_and_rise_delays_shift_the_edges() {
     // 100 counts/s: a count takes 10 ms, a degree electrical 166.7 µs.
     let exact = turning(RigParams::default(), 100.0, 60);
     assert_eq!(times(&exact), [5_000, 15_000, 25_000, 35_000, 45_000, 55_000]);
@@ -57,7 +57,7 @@ fn placement_errors_and_rise_delays_move_the_edges() {
 }
 
 #[test]
-fn glitches_and_stuck_lines_are_as_told() {
+fn glitches_and_stuck_lines_appear_as_configured() {
     let glitches = vec![HallGlitch { at_us: 7_000, code: 0, duration_us: 40 }];
     let seen = turning(RigParams { glitches, ..RigParams::default() }, 100.0, 20);
     let want = [(6, 5_000), (0, 7_000), (6, 7_040), (4, 15_000)];
@@ -69,7 +69,7 @@ fn glitches_and_stuck_lines_are_as_told() {
 }
 
 #[test]
-fn a_line_that_falls_before_it_has_risen_never_rises() {
+fn line_that_falls_within_its_rise_delay_never_rises() {
     // At 1000 counts/s a sensor is on for 3 ms.
     let seen = turning(RigParams { rise_delay_us: 3_100, ..RigParams::default() }, 1000.0, 60);
     assert_eq!(seen.last().map(|change| change.code), Some(0));
@@ -77,7 +77,7 @@ fn a_line_that_falls_before_it_has_risen_never_rises() {
 }
 
 #[test]
-fn brake_takes_its_time_and_holds() {
+fn brake_acts_after_its_delay_and_holds() {
     let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
     rig.set_disturbance(0.6);
     rig.advance(Bridge::Off, false, 50_000);
@@ -86,7 +86,7 @@ fn brake_takes_its_time_and_holds() {
     assert_eq!(rig.truth().counts, 80.0);
     rig.advance(Bridge::Off, true, 75_000);
     assert!(rig.truth().counts > 80.0);
-    // Engaging, too: the rotor runs on for 20 ms, then stops for good.
+    // Engaging takes time too: the rotor turns for 20 ms, then stops for good.
     let released = rig.now_us();
     while rig.now_us() < released + 40_000 {
         rig.advance(Bridge::Off, false, released + 40_000);
@@ -96,7 +96,7 @@ fn brake_takes_its_time_and_holds() {
 }
 
 #[test]
-fn brake_that_is_told_otherwise_in_time_does_not_move() {
+fn brake_command_reversed_within_the_delay_has_no_effect() {
     let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
     rig.set_disturbance(0.6);
     rig.advance(Bridge::Off, true, 15_000);
@@ -106,7 +106,7 @@ fn brake_that_is_told_otherwise_in_time_does_not_move() {
 
 #[test]
 fn thermistor_lags_behind_the_housing() {
-    // Locked at 60 W for 20 s: the housing warms by 0.4 K/s in the end, and the bead is 2 s behind.
+    // Locked at 60 W for 20 s: the housing warms by 0.4 K/s in the end, and the thermistor lags by 2 s.
     let params = RigParams { adc_noise_lsb: 0.0, ..RigParams::default() };
     let mut rig = Rig::new(free(), params, &[], Model::Averaged, at(0.0, 0.0), 1).unwrap();
     let mut two_seconds_ago = 0.0;
@@ -123,7 +123,7 @@ fn thermistor_lags_behind_the_housing() {
 }
 
 #[test]
-fn board_reads_what_is_there() {
+fn analog_readings_match_the_plant() {
     let object = Object { from_count: 20.0, stiffness_n_m_rad: 1.0, damping_n_m_s: 0.0, side: Side::Closing };
     let plant = PlantParams::for_motor(MotorKind::Link);
     let mut rig =
@@ -133,8 +133,8 @@ fn board_reads_what_is_there() {
     rig.analog();
     let truth = run(&mut rig, 0.5, 1);
     let seen = rig.analog();
-    // Locked: bus current is phase current times the duty less the dead time's 0.5 of 50 µs; strain is 4 per N·m
-    // behind 49:1.
+    // Locked: bus current is phase current times the duty minus the dead time's 0.5 of 50 µs; strain is 4 per
+    // N·m behind 49:1.
     let phase = truth.phase_a.iter().fold(0.0_f64, |most, i| most.max(i.abs()));
     close("bus mA", f64::from(seen.current.0), 490.0 * phase, 0.01);
     close("bus mV", f64::from(seen.bus.0), 24_000.0, 0.001);
@@ -172,7 +172,7 @@ fn peak_current_is_the_largest_between_readings() {
     }
 }
 
-/// Advances by 50 ms at a duty, watching that every call moves time; returns the number of calls.
+/// Advances by 50 ms at a duty, checking that every call advances the time; returns the number of calls.
 #[track_caller]
 fn progresses(rig: &mut Rig, duty: Option<f64>) -> u32 {
     let until = rig.now_us() + 50_000;
@@ -191,8 +191,9 @@ fn progresses(rig: &mut Rig, duty: Option<f64>) -> u32 {
 }
 
 #[test]
-fn a_start_on_a_boundary_moves_on() {
-    // The boundary's own place with each error; radians and back may put the rotor on either side.
+fn start_on_a_boundary_advances() {
+    // The boundary's own position with each placement error; rounding in radians may put the rotor on either
+    // side.
     for model in MODELS {
         for error in [-25.0, -6.0, 0.0, 0.1, 6.0, 25.0] {
             let params = RigParams { hall_error_deg: [error; 6], ..RigParams::default() };
@@ -210,8 +211,8 @@ fn a_start_on_a_boundary_moves_on() {
 }
 
 #[test]
-fn a_load_takes_a_resting_rotor_down_from_a_boundary() {
-    // A stop stands on a hall boundary.
+fn load_moves_a_resting_rotor_off_a_boundary() {
+    // A stop is on a hall boundary.
     let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::for_motor(MotorKind::Spread) };
     let stop = plant.max_count + 0.5;
     for model in MODELS {
@@ -229,7 +230,7 @@ fn halves() -> impl Strategy<Value = f64> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// Wherever the rotor starts and whatever its sensors are, time moves with every call.
+    /// For any start position and any sensors, every call advances the time.
     #[test]
     fn advance_always_progresses(
         count in halves(),

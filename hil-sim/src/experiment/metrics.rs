@@ -1,8 +1,8 @@
-//! What a run is judged by: figures of the true rotor, which the servo never sees.
+//! Figures that judge a run, taken from the true rotor, which the servo never sees.
 //!
-//! A *move* begins when the servo takes a move, TC, TO, HI or another mode than idle and its own; a new end while
-//! a move is under way re-plans that one and begins no other. Its time zero is its first driven tick, after the
-//! brake has released. Metrics of a move are of the last one.
+//! A *move* begins when the servo accepts a move, TC, TO, HI or a mode other than idle and its own. A new end
+//! position during a move re-plans that move and begins no other. Its time zero is its first driven tick,
+//! after the brake has released. Metrics of a move are those of the last one.
 
 mod meter;
 
@@ -18,11 +18,12 @@ mod tests;
 /// The figures of a run. Positions are of the true rotor, in hall counts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Metrics {
-    /// Why the last move ended.
+    /// Reason for the end of the last move.
     pub end_reason: Option<EndReason>,
-    /// From the move's first driven tick to its end; none if it was cut short before it drove.
+    /// Time from the move's first driven tick to its end; none if it was cut short before it drove.
     pub end_ms: Option<f64>,
-    /// Farthest past E in the direction of travel since the move began, 0 if never past it; of a move to E only.
+    /// Farthest position past E in the direction of travel since the move began, 0 if never past it; for a
+    /// move to E only.
     pub overshoot_counts: Option<f64>,
     /// Distance from E 200 ms after the end.
     pub final_error_counts: Option<f64>,
@@ -30,7 +31,7 @@ pub struct Metrics {
     pub tracking_rms_counts: Option<f64>,
     /// Largest applied torque, 1/1024 of peak.
     pub peak_torque: f64,
-    /// Largest phase current at any instant, the ripple of the switching included.
+    /// Largest phase current at any instant, including the ripple of the switching.
     pub peak_current_a: f64,
     /// Highest winding temperature.
     pub peak_winding_c: f64,
@@ -60,8 +61,7 @@ pub struct Metrics {
     pub velocity_counts_s: f64,
     /// Largest speed of the run, counts/s.
     pub peak_speed_counts_s: f64,
-    /// |P as read − true position| at the end of the run: up to half a count plus the halls' placement while
-    /// no count has been lost.
+    /// |P as read − true position| at the end of the run: up to half a count plus the halls' placement error while no count has been lost.
     pub count_error_counts: f64,
     /// BP of the last breakaway.
     pub breakaway_counts: Option<f64>,
@@ -74,7 +74,7 @@ impl Metrics {
         self.end_ms.filter(|_| self.end_reason == Some(EndReason::Arrived))
     }
 
-    /// The worse of two motors' figures, for a scenario that runs several.
+    /// The worse of two motors' figures, for a scenario with several motors.
     #[must_use]
     pub fn worst(self, other: Self) -> Self {
         let most = |a: Option<f64>, b: Option<f64>| a.zip(b).map_or(a.or(b), |(a, b)| Some(a.max(b)));
@@ -113,7 +113,7 @@ fn larger(a: f64, b: f64) -> f64 {
     if a.abs() >= b.abs() { a } else { b }
 }
 
-/// The word for an end.
+/// Name of an end reason.
 #[must_use]
 pub const fn end_word(reason: EndReason) -> &'static str {
     match reason {
@@ -126,7 +126,7 @@ pub const fn end_word(reason: EndReason) -> &'static str {
     }
 }
 
-/// The word for a fault.
+/// Name of a fault.
 #[must_use]
 pub const fn fault_word(fault: Fault) -> &'static str {
     match fault {
@@ -140,7 +140,7 @@ pub const fn fault_word(fault: Fault) -> &'static str {
     }
 }
 
-/// The word for a mode.
+/// Name of a mode.
 #[must_use]
 pub const fn mode_word(mode: Mode) -> &'static str {
     match mode {
@@ -159,7 +159,7 @@ pub enum Value {
     Number(f64),
     /// A word.
     Text(String),
-    /// The run had none (no move, no end, not held).
+    /// The run has no such value: no move, no end, not held.
     Absent,
 }
 
@@ -227,21 +227,21 @@ const MODE_WORDS: &[&str] = &[
     mode_word(Mode::Trapezoidal),
 ];
 
-/// The word for no end and for no fault.
+/// Text for no end and for no fault.
 const NONE: &str = "none";
 
-/// What stands between faults, where there are several.
+/// Separator between several faults.
 const AND: &str = ", ";
 
 /// One metric by name.
 pub struct Metric {
-    /// Name as in an expectation; its end is the unit.
+    /// Name as in an expectation, with the unit at its end.
     pub name: &'static str,
-    /// What it is, for the report.
+    /// Explanation for the report.
     pub about: &'static str,
     /// Reads it.
     pub get: fn(&Metrics) -> Value,
-    /// The words that it can be, none if it is a number.
+    /// The texts that it can be; none if it is a number.
     pub words: &'static [&'static str],
 }
 
@@ -264,13 +264,13 @@ macro_rules! metric {
 }
 
 impl Metric {
-    /// Whether its value is a word.
+    /// Whether its value is a text.
     #[must_use]
     pub fn is_word(&self) -> bool {
         !self.words.is_empty()
     }
 
-    /// Whether its value can be that text: one of its words, or faults in the order in which they latch.
+    /// Whether its value can be that text: one of its names, or faults in the order in which they latch.
     #[must_use]
     pub fn can_be(&self, text: &str) -> bool {
         let several =

@@ -1,5 +1,6 @@
-//! The servo's properties by name: what `[set]` of a scenario and `--set` on the command line speak. Which field of
-//! [`Config`] a property is, is the firmware's ([`tater_fw::motion`]); name, range and meaning are the wire's row.
+//! The servo's properties by name, for `[set]` in a scenario and `--set` on the command line. Name, range and
+//! meaning come from the wire's table; the firmware ([`tater_fw::motion`]) maps each property to its field of
+//! [`Config`].
 
 use servo_core::Config;
 use tater_fw::motion;
@@ -41,7 +42,7 @@ pub const PROPERTIES: [Property; motion::PROPERTIES.len()] = {
     all
 };
 
-/// Why a property was not set. Displays found and expected.
+/// Reason why a property was not set. Displays found and expected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PropertyError {
     /// No property of that name.
@@ -63,7 +64,7 @@ pub enum PropertyError {
 }
 
 impl PropertyError {
-    /// What was found, for an error message.
+    /// The value found, for an error message.
     #[must_use]
     pub fn found(&self) -> String {
         match self {
@@ -72,7 +73,7 @@ impl PropertyError {
         }
     }
 
-    /// What is allowed, for an error message.
+    /// The allowed values, for an error message.
     #[must_use]
     pub fn expected(&self) -> String {
         match self {
@@ -101,7 +102,7 @@ impl std::fmt::Display for PropertyError {
 
 impl std::error::Error for PropertyError {}
 
-/// The property of that name, in any case.
+/// The property of that name, case-insensitive.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Property> {
     const ROWS: &[Property] = &PROPERTIES;
@@ -111,7 +112,7 @@ pub fn find(name: &str) -> Option<&'static Property> {
 /// Sets a property by name.
 ///
 /// # Errors
-/// No such name, or a value out of range; `config` has not changed then.
+/// The name is unknown, or the value is out of range; `config` is unchanged.
 pub fn set(config: &mut Config, name: &str, value: i64) -> Result<(), PropertyError> {
     let property = find(name).ok_or_else(|| PropertyError::Unknown { name: name.to_owned() })?;
     property.set(config, value)
@@ -134,7 +135,7 @@ impl Property {
     /// Sets the property.
     ///
     /// # Errors
-    /// The value is out of range; `config` has not changed then.
+    /// The value is out of range; `config` is unchanged.
     pub fn set(&self, config: &mut Config, value: i64) -> Result<(), PropertyError> {
         if self.row.admits(value) && motion::set(config, self.row.property, value) {
             return Ok(());
@@ -156,7 +157,7 @@ mod tests {
     use tater_wire::MotorKind;
 
     #[test]
-    fn every_row_reads_back_both_ends_of_its_range_and_refuses_beyond() {
+    fn range_ends_read_back_and_values_beyond_are_refused() {
         for property in &PROPERTIES {
             let (min, max) = property.range();
             for value in [min, max] {
@@ -185,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn each_row_sets_its_own_field_only() {
+    fn property_sets_its_own_field_only() {
         for property in &PROPERTIES {
             let mut config = crate::defaults(MotorKind::Link);
             let (min, max) = property.range();
@@ -201,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_name_lists_the_known() {
+    fn unknown_name_lists_known_names() {
         let mut config = crate::defaults(MotorKind::Link);
         let error = set(&mut config, "KQ", 1).expect_err("no KQ");
         assert!(error.to_string().contains("KQ") && error.to_string().contains("KPV"), "{error}");

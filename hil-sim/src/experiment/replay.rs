@@ -1,7 +1,7 @@
-//! Recorded hall lines through the servo's decoder and estimator.
+//! Runs recorded hall lines through the servo's decoder and estimator.
 //!
-//! A capture is a run of three-byte samples: 0x5A, then the hall code (bits 2..0 of a little-endian word). It
-//! may begin in the middle of a sample, and may be gzipped.
+//! A capture is a sequence of three-byte samples: 0x5A, then the hall code (bits 2..0 of a little-endian
+//! word). It may begin in the middle of a sample, and may be gzipped.
 
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::sense::velocity::Estimator;
@@ -18,15 +18,15 @@ const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
 /// First byte of a sample.
 const SYNC: u8 = 0x5A;
 
-/// Largest capture read, packed or not: 64 MiB are 12 minutes at 30 kHz, and become 1 GB while they are replayed.
+/// Largest capture read, compressed or not: 64 MiB are 12 minutes at 30 kHz, and need 1 GB during the replay.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// What was replayed.
+/// Result of a replay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Replayed {
     /// Samples, and lines written.
     pub samples: usize,
-    /// Samples without their sync byte, which were taken all the same.
+    /// Samples without their sync byte, which were used nevertheless.
     pub bad: usize,
 }
 
@@ -35,17 +35,18 @@ pub struct Replayed {
 pub struct Samples {
     /// Hall code of each.
     pub codes: Vec<u8>,
-    /// How many lack their sync byte.
+    /// Number of samples without their sync byte.
     pub bad: usize,
 }
 
 /// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture.
 ///
-/// Of 90 counts a revolution, the places of 180 edges are learned: a recording's motor is often not the one its
-/// user thinks of, and 180 holds every motor of 1, 2, 3, 5, 6, 10, 15 or 30 pairs of poles.
+/// With 90 counts a revolution, 180 edge places are learned: a recording's motor is often not the one its
+/// user assumes, and 180 fits every motor with 1, 2, 3, 5, 6, 10, 15 or 30 pole pairs.
 ///
 /// # Errors
-/// A file that cannot be read or is no capture, a sample rate or counts a revolution out of range, a full disk.
+/// The file cannot be read or is no capture; the sample rate or the counts a revolution are out of range; the
+/// disk is full.
 pub fn replay(
     capture: &Path,
     counts_per_rev: u32,
@@ -82,8 +83,8 @@ pub fn replay(
     Ok(Replayed { samples: codes.len(), bad })
 }
 
-/// The estimator of a motor with this many counts a revolution, six a pole pair. The hand's own learns its 18
-/// edges, as on the board; any other learns two revolutions (see [`replay`]).
+/// The estimator of a motor with this many counts a revolution, six for each pole pair. The hand's own motor
+/// learns its 18 edges, as on the board; any other learns two revolutions (see [`replay`]).
 fn estimator_for(counts_per_rev: u32) -> Result<Estimate, BadInput> {
     macro_rules! by_pole_pairs {
         ($($pairs:literal)*) => {
@@ -106,7 +107,7 @@ fn estimator_for(counts_per_rev: u32) -> Result<Estimate, BadInput> {
 /// Position and velocity at each sample of recorded codes.
 type Estimate = fn(&[u8], u32) -> Vec<(f64, f64)>;
 
-/// The file, unpacked if it begins as gzip does.
+/// The file, decompressed if it begins like gzip.
 fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, BadInput> {
     let fail = |problem: &str, found: String, next: &str| BadInput {
         place: path.display().to_string(),
@@ -116,7 +117,7 @@ fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, BadInput> {
         next: next.to_owned(),
     };
     let unread = |e: std::io::Error| fail("cannot be read", e.to_string(), "check the path");
-    // Looked at before it is opened: to open a pipe may wait for ever.
+    // Check the type before opening: opening a pipe may block forever.
     if !path.metadata().map_err(unread)?.is_file() {
         return Err(fail(
             "this is not a file",
@@ -136,36 +137,36 @@ fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, BadInput> {
         .ok_or_else(|| fail("too large once unpacked", format!("more than {most} bytes"), shorter))
 }
 
-/// All of it, or `None` if it is longer than `most` bytes.
+/// The whole content, or `None` if it is longer than `most` bytes.
 fn at_most(from: impl Read, most: u64) -> std::io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     let read = from.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     Ok((read as u64 <= most).then_some(bytes))
 }
 
-/// The samples of a capture; `None` if it is none. From the first five in a row that begin with their sync byte,
-/// every third byte begins one whether it is the sync byte or not, so that a line of the estimate is a sample of the
-/// recording to any other reader of it, too.
+/// The samples of a capture; `None` if it is none. From the first five in a row that begin with their sync
+/// byte, every third byte begins a sample, sync byte or not, so that a line of the estimate is a sample of
+/// the recording for any other reader as well.
 #[must_use]
 pub fn samples(raw: &[u8]) -> Option<Samples> {
     let aligned = |at: usize| (0..5).all(|k| raw.get(at + 3 * k) == Some(&SYNC));
-    // Alignment is at one of three offsets, unless the recording begins with rubbish.
+    // Alignment is at one of three offsets, unless the recording begins with garbage.
     let start = (0..raw.len()).find(|&at| aligned(at))?;
-    // The last sample may be cut: it is left out whether or not it is whole.
+    // The last sample may be cut off: it is left out, complete or not.
     let whole = raw.get(start..raw.len().saturating_sub(1))?;
     let (frames, _) = whole.as_chunks::<3>();
     let codes = frames.iter().map(|[_, code, _]| code & 7).collect();
     Some(Samples { codes, bad: frames.iter().filter(|[sync, ..]| *sync != SYNC).count() })
 }
 
-/// Position and velocity at each sample. Nothing but the edges is known of the recorded rotor, so they are
+/// Position and velocity at each sample. Only the edges of the recorded rotor are known, so the readings are
 /// [`undecided`](Estimator::undecided).
 #[must_use]
 pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
     readings::<N>(codes, rate_hz, Estimator::undecided)
 }
 
-/// What one of the estimator's readings says at each sample; [`Estimator::at`] is the servo's. The lines' changes
+/// One of the estimator's readings at each sample; [`Estimator::at`] is the servo's. Changes of the lines
 /// call the decoder as the interrupt does, and so does a tick each millisecond.
 #[must_use]
 pub fn readings<const N: usize>(
@@ -201,7 +202,7 @@ pub fn readings<const N: usize>(
 mod tests {
     use super::*;
 
-    /// A capture of `samples` codes that turns one cell in twenty samples.
+    /// A capture of `samples` codes that turns by one cell in twenty samples.
     fn capture(samples: usize) -> Vec<u8> {
         (0..samples).flat_map(|i| [0x5A, CODES[i / 20 % 6], 0]).collect()
     }
@@ -213,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn one_line_a_sample_whatever_the_start_and_packing() {
+    fn replay_writes_one_line_per_sample_for_any_start_and_packing() {
         let raw = capture(3000);
         let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         packed.write_all(&raw).expect("pack");
@@ -245,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_input_is_named() {
+    fn replay_of_bad_input_names_it() {
         let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         packed.write_all(&capture(3000)).expect("pack");
         let packed = packed.finish().expect("pack");
@@ -269,14 +270,14 @@ mod tests {
         assert!(error.contains("/no/such.dat") && error.contains("check the path"), "{error}");
     }
     #[test]
-    fn samples_without_sync_are_taken_and_counted() {
+    fn samples_without_sync_are_used_and_counted() {
         let mut raw = capture(100);
         raw[150] = 0;
         raw[240] = 0xFF;
         let Samples { codes, bad } = samples(&raw).expect("a capture");
         assert_eq!((codes.len(), bad), (99, 2));
         assert_eq!(codes, samples(&capture(100)).expect("a capture").codes);
-        // Two bytes are lost: from there on nothing is where it should be, and there is a line for each sample still.
+        // Two bytes are lost: all later samples are misaligned, and each still gives a line.
         raw = capture(100);
         raw.drain(151..153);
         let Samples { codes, bad } = samples(&raw).expect("a capture");
@@ -284,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_read_without_end() {
+    fn oversized_capture_is_refused() {
         use std::error::Error;
         let check = |bytes: &[u8], most: u64| -> Result<usize, Box<dyn Error>> {
             let path = file("large", bytes);

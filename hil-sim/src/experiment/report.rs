@@ -1,4 +1,4 @@
-//! A run told to people and programs: text, JSON, and an HTML page with charts.
+//! Reports of a run for people and programs: text, JSON, and an HTML page with charts.
 
 mod chart;
 mod page;
@@ -20,7 +20,7 @@ pub fn model_name(model: Model) -> &'static str {
     }
 }
 
-/// The JSON object of a run. A value that does not exist is null; nothing is ever NaN.
+/// The JSON object of a run. A missing value is null; nothing is ever NaN.
 #[derive(Serialize)]
 struct Json<'a> {
     scenario: &'a str,
@@ -84,7 +84,7 @@ pub fn json(outcome: &Outcome, wall_s: f64) -> String {
         wall_s: Some(wall_s),
         expectations: expectations.collect(),
     };
-    // The object has string keys and finite values only, so it always has a text.
+    // The object has string keys and finite values only, so serialization cannot fail.
     serde_json::to_string(&object).unwrap_or_default()
 }
 

@@ -1,4 +1,4 @@
-//! Watches a run tick by tick and takes its figures.
+//! Observes a run tick by tick and computes its metrics.
 
 use servo_core::mode::Mode;
 use servo_core::{Command, EndReason, Event};
@@ -6,26 +6,27 @@ use servo_core::{Command, EndReason, Event};
 use super::Metrics;
 use crate::world::node::Sample;
 
-/// How long after the end of a move its final error is taken, ms (manual defaults settle well within).
+/// Delay from the end of a move to the measurement of its final error, ms (manual defaults settle well
+/// within).
 const SETTLE_MS: u32 = 200;
 
-/// Where a move is going, in the plant's counts.
+/// Goal of a move, in the plant's counts.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     end: f64,
     /// Direction of travel, +1 or −1.
     direction: f64,
-    /// Farthest past the end.
+    /// Farthest position past the end.
     overshoot: f64,
 }
 
-/// The last move, with what is known of it alone.
+/// The last move and its own figures.
 #[derive(Clone, Copy, Debug, Default)]
 struct Move {
-    /// Its first driven tick, once there was one.
+    /// Its first driven tick, if it had one.
     since_ms: Option<u32>,
     end: Option<End>,
-    /// Of a move to E.
+    /// For a move to E.
     target: Option<Target>,
     final_error: Option<f64>,
     squares: f64,
@@ -40,15 +41,15 @@ struct End {
     after_last_count_ms: f64,
 }
 
-/// Watches a run, a tick at a time.
+/// Observes a run, one tick at a time.
 #[derive(Clone, Debug)]
 pub struct Meter {
     metrics: Metrics,
-    /// Plant's count that the servo calls 0.
+    /// The plant's count that the servo calls 0.
     origin: f64,
     /// Property E.
     end: i32,
-    /// HI is running; it re-names positions at the stop and at its end.
+    /// HI is running; it renames positions at the stop and at its end.
     homing: bool,
     last_mode: Mode,
     last_move: Option<Move>,
@@ -61,7 +62,7 @@ impl Meter {
         Self {
             metrics: Metrics::default(),
             origin: 0.0,
-            // E of a servo that was never told one is where it began.
+            // E defaults to the start position.
             end: start.status.position.round(),
             homing: false,
             last_mode: start.status.mode,
@@ -69,8 +70,8 @@ impl Meter {
         }
     }
 
-    /// A command was given in the state `last`; `accepted` if the servo took it. What the servo reports of it (a
-    /// move cut short) comes before, through [`Self::event`].
+    /// Records a command given in the state `last`; `accepted` if the servo accepted it. The servo's report
+    /// of it (a move cut short) comes before, through [`Self::event`].
     pub fn command(&mut self, command: &Command, accepted: bool, last: &Sample, position_after: f64) {
         if !accepted {
             self.metrics.refusals += 1;
@@ -109,14 +110,14 @@ impl Meter {
         self.last_move = Some(Move { target, ..Move::default() });
     }
 
-    /// From where the rotor is to E.
+    /// Direction from the rotor to E.
     fn target(&self, last: &Sample) -> Target {
         let end = f64::from(self.end) + self.origin;
         let direction = if end >= last.truth.counts { 1.0 } else { -1.0 };
         Target { end, direction, overshoot: 0.0 }
     }
 
-    /// The move goes elsewhere; the E that it has changes nothing, wherever the rotor is.
+    /// Only a new E changes the goal; writing the present E again does nothing, wherever the rotor is.
     fn replan(&mut self, last: &Sample) {
         let target = self.target(last);
         if let Some(present) = &mut self.last_move
@@ -126,7 +127,7 @@ impl Meter {
         }
     }
 
-    /// A tick has run.
+    /// Records a tick.
     pub fn tick(&mut self, sample: &Sample, events: impl Iterator<Item = Event>) {
         let mode = sample.status.mode;
         if let Some(present) = &mut self.last_move
@@ -173,7 +174,7 @@ impl Meter {
         }
     }
 
-    /// The servo reported something in the state `sample`.
+    /// Records an event that the servo reported in the state `sample`.
     pub fn event(&mut self, event: &Event, sample: &Sample) {
         match *event {
             Event::Ended { reason, .. } => self.ended(reason, sample),
@@ -189,20 +190,21 @@ impl Meter {
         }
     }
 
-    /// The move ended; of one that has, a hold ended, which is no move.
+    /// End of the move. If it has ended already, a hold ended, which is no move.
     fn ended(&mut self, reason: EndReason, sample: &Sample) {
         self.homing = false;
         let Some(present) = self.last_move.as_mut().filter(|present| present.end.is_none()) else { return };
         self.metrics.ends += 1;
         let after_last_count_ms = f64::from(sample.ms) - sample.last_count_us as f64 / 1000.0;
         present.end = Some(End { reason, ms: sample.ms, after_last_count_ms });
-        // Only a move that the brake lets go can end by itself, be it in its first tick, which then drives no more.
+        // A move can end by itself only after the brake has released, possibly in its first tick, which then
+        // no longer drives.
         if !matches!(reason, EndReason::Aborted | EndReason::Fault) {
             present.since_ms.get_or_insert(sample.ms);
         }
     }
 
-    /// The servo has put its zero elsewhere, by whole counts: finds where from the true rotor.
+    /// The servo has moved its zero by whole counts: find the new zero from the true rotor.
     fn follow_zero(&mut self, sample: &Sample) {
         self.origin = (sample.truth.counts - sample.estimated_counts()).round();
     }
@@ -213,7 +215,7 @@ impl Meter {
         self.origin
     }
 
-    /// The figures of the run that ended with `last`.
+    /// The metrics of the run that ended with `last`.
     #[must_use]
     pub fn finish(self, last: &Sample) -> Metrics {
         let of = self.last_move.unwrap_or_default();

@@ -1,4 +1,4 @@
-//! The meter fed with hand-made ticks: what counts as a move, from when, and past what.
+//! Feeds the meter hand-made ticks: what counts as a move, from which time, and past which goal.
 
 use servo_core::units::{Counts, CountsPerSec, DeciCelsius, Duty, MilliAmps, MilliVolts, Torque};
 use servo_core::{Command, EndReason, Event, Telemetry};
@@ -9,7 +9,7 @@ use crate::world::plant::Ledger;
 use crate::world::rig::Truth;
 use tater_fw::Analog;
 
-/// A tick at `ms` with the rotor truly at `counts`, the servo seeing just that.
+/// A tick at `ms` with the rotor at `counts`, seen exactly by the servo.
 fn at(ms: u32, mode: Mode, counts: f64) -> Sample {
     let seen = Counts(fixed_counts(counts));
     Sample {
@@ -67,7 +67,7 @@ fn begun() -> Meter {
     Meter::new(&at(0, Mode::Idle, 0.0))
 }
 
-/// The figures so far, after a tick.
+/// The metrics so far, after a tick.
 fn so_far(meter: &Meter) -> Metrics {
     meter.clone().finish(&at(0, Mode::Idle, 0.0))
 }
@@ -98,7 +98,7 @@ fn time_zero_is_the_first_driven_tick_not_the_command() {
 }
 
 #[test]
-fn a_stall_has_an_end_but_no_arrival() {
+fn stall_ends_without_arrival() {
     let mut meter = begun();
     meter.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
     tick(&mut meter, &at(1, Mode::Trapezoidal, 0.0));
@@ -129,7 +129,7 @@ fn overshoot_is_past_the_end_in_the_direction_of_travel() {
 }
 
 #[test]
-fn a_replan_is_the_same_move_with_another_end() {
+fn replan_keeps_the_move_and_changes_its_goal() {
     let mut meter = begun();
     meter.command(&Command::Move(100), true, &at(0, Mode::Idle, 0.0), 0.0);
     for ms in 1..=50 {
@@ -144,7 +144,7 @@ fn a_replan_is_the_same_move_with_another_end() {
 }
 
 #[test]
-fn a_move_after_another_motion_has_its_own_time() {
+fn move_after_another_motion_has_its_own_time() {
     // From velocity without an idle tick between: mode 4 has no end.
     let mut meter = begun();
     meter.command(&Command::Mode(Mode::Velocity), true, &at(0, Mode::Idle, 0.0), 0.0);
@@ -158,7 +158,7 @@ fn a_move_after_another_motion_has_its_own_time() {
     ended(&mut meter, &at(71, Mode::Idle, 10.0), EndReason::Arrived);
     assert_eq!((so_far(&meter).end_ms, so_far(&meter).ends), (Some(20.0), 1));
 
-    // From a move that the command has cut short: that end is the other's.
+    // After a move that the command cut short: that end belongs to the move before.
     meter.command(&Command::Move(90), true, &at(100, Mode::Idle, 10.0), 10.0);
     tick(&mut meter, &at(101, Mode::Trapezoidal, 10.0));
     let cut = at(150, Mode::Velocity, 50.0);
@@ -173,13 +173,13 @@ fn a_move_after_another_motion_has_its_own_time() {
         (metrics.end_reason, metrics.end_ms, metrics.ends),
         (Some(EndReason::Stalled), Some(300.0), 3)
     );
-    // What holds after it is no move, and neither is its end.
+    // The hold afterwards is no move, and neither is its end.
     ended(&mut meter, &at(600, Mode::Idle, 50.0), EndReason::Aborted);
     assert_eq!(so_far(&meter), metrics);
 }
 
 #[test]
-fn a_move_that_is_there_already_takes_no_time_and_one_that_never_drove_has_none() {
+fn move_at_its_goal_takes_no_time_and_undriven_move_has_none() {
     for (reason, end_ms) in [(EndReason::Arrived, Some(0.0)), (EndReason::Aborted, None)] {
         let mut meter = begun();
         meter.command(&Command::Move(0), true, &at(0, Mode::Idle, 0.0), 0.0);
@@ -192,7 +192,7 @@ fn a_move_that_is_there_already_takes_no_time_and_one_that_never_drove_has_none(
 }
 
 #[test]
-fn a_target_is_of_its_move_alone() {
+fn goal_belongs_to_its_move_only() {
     let mut meter = begun();
     meter.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
     tick(&mut meter, &at(1, Mode::Trapezoidal, 11.0));
@@ -202,10 +202,10 @@ fn a_target_is_of_its_move_alone() {
     }
     let done = so_far(&meter);
     assert_eq!((done.overshoot_counts, done.final_error_counts), (Some(1.0), Some(0.25)));
-    // E for the next one, while nothing moves.
+    // E for the next move, while nothing moves.
     meter.command(&Command::End(-30), true, &at(202, Mode::Idle, 10.25), 10.0);
     assert_eq!(so_far(&meter), done);
-    // Mode 4 has no end to shoot past, and mode 5 takes the E written before.
+    // Mode 4 has no goal to overshoot, and mode 5 uses the E written before.
     meter.command(&Command::Mode(Mode::Velocity), true, &at(202, Mode::Idle, 10.25), 10.0);
     tick(&mut meter, &at(203, Mode::Velocity, 80.0));
     assert_eq!(so_far(&meter).overshoot_counts, None);
@@ -219,7 +219,7 @@ fn a_target_is_of_its_move_alone() {
 }
 
 #[test]
-fn the_final_error_is_200_ms_after_the_end_or_not_at_all() {
+fn final_error_is_taken_200_ms_after_the_end() {
     let mut meter = begun();
     meter.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
     tick(&mut meter, &at(1, Mode::Trapezoidal, 10.0));
@@ -232,7 +232,7 @@ fn the_final_error_is_200_ms_after_the_end_or_not_at_all() {
 }
 
 #[test]
-fn tracking_is_of_the_true_rotor_and_only_of_a_positioned_move() {
+fn tracking_uses_true_rotor_and_positioned_moves_only() {
     let mut meter = begun();
     meter.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
     for (ms, lag) in [(1, 3.0), (2, -4.0)] {
@@ -249,7 +249,7 @@ fn tracking_is_of_the_true_rotor_and_only_of_a_positioned_move() {
 }
 
 #[test]
-fn a_held_position_is_judged_and_its_worst_kept() {
+fn hold_error_keeps_its_maximum() {
     let mut meter = begun();
     for (ms, off) in [(1, 0.5), (2, 3.0), (3, 0.25)] {
         let mut sample = at(ms, Mode::Pid, 20.0);
@@ -261,7 +261,7 @@ fn a_held_position_is_judged_and_its_worst_kept() {
 }
 
 #[test]
-fn a_count_lost_is_seen_and_one_renamed_is_not() {
+fn lost_count_is_an_error_and_renamed_position_is_not() {
     let mut lost = at(5, Mode::Idle, 20.0);
     lost.truth.counts = 21.0;
     assert_eq!(begun().finish(&lost).count_error_counts, 1.0);
@@ -276,7 +276,7 @@ fn a_count_lost_is_seen_and_one_renamed_is_not() {
 }
 
 #[test]
-fn refusals_change_nothing_else() {
+fn refused_command_changes_nothing_else() {
     let mut meter = begun();
     meter.command(&Command::Move(10), false, &at(0, Mode::Idle, 0.0), 0.0);
     let metrics = meter.finish(&at(0, Mode::Idle, 0.0));
@@ -284,7 +284,7 @@ fn refusals_change_nothing_else() {
 }
 
 #[test]
-fn the_worse_of_two_is_kept_figure_by_figure() {
+fn worst_takes_the_worse_of_each_figure() {
     let a = Metrics {
         end_reason: Some(EndReason::Arrived),
         end_ms: Some(5.0),
@@ -306,7 +306,7 @@ fn the_worse_of_two_is_kept_figure_by_figure() {
 }
 
 #[test]
-fn names_are_unique_and_found() {
+fn metric_names_are_unique_and_found() {
     for (index, metric) in METRICS.iter().enumerate() {
         let first = METRICS.iter().position(|other| other.name == metric.name);
         assert_eq!(first, Some(index), "{} is there twice", metric.name);
@@ -319,7 +319,7 @@ fn names_are_unique_and_found() {
 }
 
 #[test]
-fn every_word_that_a_run_can_give_can_be_expected() {
+fn every_text_value_can_be_expected() {
     let of = |name: &str, metrics: &Metrics| {
         let metric = find(name).expect("a metric");
         let Value::Text(text) = (metric.get)(metrics) else { panic!("{name} is a word") };

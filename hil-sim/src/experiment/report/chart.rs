@@ -1,11 +1,12 @@
-//! One chart as inline SVG: curves over time, with axes, a legend and marks. Colours are CSS classes of the page.
+//! One chart as inline SVG: curves over time, with axes, a legend and marks. Colors are CSS classes of the
+//! page.
 
 use std::fmt::Write;
 
-/// Points drawn of a curve at most: more than the plot has pixels shows nothing more.
+/// Maximum points drawn for a curve: more than the plot has pixels would show nothing new.
 const MAX_POINTS: usize = 2000;
 
-/// Drawing area in SVG units, and the margins that hold the axes' labels.
+/// Drawing area in SVG units, and the margins for the axis labels.
 const WIDTH: f64 = 1060.0;
 const LEFT: f64 = 62.0;
 const RIGHT: f64 = 18.0;
@@ -21,7 +22,7 @@ pub(super) struct Series {
     pub(super) name: &'static str,
     /// CSS class: `c1` to `c4`, `goal` for a set-point.
     pub(super) class: &'static str,
-    /// One value a time.
+    /// One value for each time.
     pub(super) values: Vec<f64>,
 }
 
@@ -40,18 +41,18 @@ pub(super) struct Chart<'a> {
     pub(super) unit: &'static str,
     /// Height of the whole chart in SVG units.
     pub(super) height: f64,
-    /// The least span of the y axis, so that noise is not drawn large.
+    /// Minimum span of the y axis, so that noise is not enlarged.
     pub(super) least_span: f64,
-    /// Names on the y axis in place of numbers: lanes of height 1 from below, for logic levels.
+    /// Names on the y axis in place of numbers: lanes of height 1 from the bottom, for logic levels.
     pub(super) lanes: &'static [&'static str],
     pub(super) times: &'a [f64],
     pub(super) series: Vec<Series>,
     pub(super) marks: &'a [Mark],
-    /// Whether marks have their labels here.
+    /// Whether to label the marks.
     pub(super) labelled: bool,
 }
 
-/// An axis: data range and where it is drawn.
+/// An axis: data range and drawing range.
 struct Axis {
     min: f64,
     max: f64,
@@ -64,7 +65,7 @@ impl Axis {
         self.from + (value - self.min) / (self.max - self.min) * (self.to - self.from)
     }
 
-    /// Round values at a round distance, about `count` of them, and the decimals to write them with.
+    /// Round values at a round distance, about `count` of them, and their number of decimals.
     fn ticks(&self, count: f64) -> (Vec<f64>, usize) {
         let rough = (self.max - self.min) / count;
         let power = 10f64.powf(rough.log10().floor());
@@ -144,7 +145,7 @@ impl Chart<'_> {
         let (side, below) = (LEFT - 14.0, bottom + 16.0);
         let _ = write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{side}\" y=\"{below}\">ms</text>");
         if self.lanes.is_empty() {
-            // About 28 units a step: labels do not crowd.
+            // About 28 units a step, so that labels do not crowd.
             let (ticks, decimals) = y.ticks((bottom - top) / 28.0);
             for tick in ticks {
                 self.y_tick(svg, y.at(tick), right, &format!("{tick:.decimals$}"), tick == 0.0);
@@ -211,13 +212,13 @@ impl Chart<'_> {
     }
 }
 
-/// Where a mark's label stands: in which line above the plot, and on which side of its mark.
+/// Position of a mark's label: line above the plot, and side of the mark.
 struct Label {
     line: usize,
     leftwards: bool,
 }
 
-/// Gives each mark's label the first line in which it has room.
+/// Assigns each mark's label the first line in which it has room.
 fn place(marks: &[Mark], x: &Axis) -> Vec<Label> {
     let mut ends: Vec<f64> = Vec::new();
     let mut labels = Vec::new();
@@ -238,11 +239,11 @@ fn place(marks: &[Mark], x: &Axis) -> Vec<Label> {
     labels
 }
 
-/// A curve's path, interrupted where a value is not finite. Of many values in one pixel the smallest and the
-/// largest are kept, in their order.
+/// A curve's path, interrupted where a value is not finite. Of several values in one pixel the smallest and
+/// the largest are kept, in order.
 fn path(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
     let points: Vec<(f64, f64)> = times.iter().copied().zip(values.iter().copied()).collect();
-    // Two points a bucket; a curve that is short enough has buckets of one.
+    // Two points per bucket; a short curve has one value per bucket.
     let bucket = if points.len() <= MAX_POINTS { 1 } else { points.len().div_ceil(MAX_POINTS / 2) };
     let mut path = String::new();
     let mut pen_down = false;
@@ -267,7 +268,7 @@ fn path(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
     path
 }
 
-/// Text with what HTML would read as markup written out.
+/// Text with HTML markup escaped.
 pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
@@ -277,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_long_curve_is_thinned_and_keeps_its_extremes() {
+    fn long_curve_is_thinned_and_keeps_its_extremes() {
         let times: Vec<f64> = (0..50_000).map(f64::from).collect();
         let mut values = vec![0.0; times.len()];
         values[31_415] = 7.0;
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_stops_where_there_is_nothing_to_draw() {
+    fn curve_stops_at_missing_values() {
         let x = Axis { min: 0.0, max: 4.0, from: 0.0, to: 4.0 };
         let y = Axis { min: 0.0, max: 4.0, from: 0.0, to: 4.0 };
         let drawn = path(&[0.0, 1.0, 2.0, 3.0, 4.0], &[1.0, 2.0, f64::NAN, 3.0, 4.0], &x, &y);

@@ -1,4 +1,4 @@
-//! The HTML page of a run: figures, verdicts and charts in one file that needs nothing else.
+//! The HTML page of a run: metrics, verdicts and charts in one self-contained file.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use crate::experiment::run::{MotorRun, Outcome};
 use crate::experiment::scenario::{Case, Scenario, motor_name};
 use crate::experiment::trace::Trace;
 
-/// The figures shown large.
+/// The metrics shown large.
 const HEADLINES: [(&str, &str, &str); 8] = [
     ("end_ms", "end of move", "ms"),
     ("overshoot_counts", "overshoot", "counts"),
@@ -104,7 +104,7 @@ fn motor(page: &mut String, scenario: &Scenario, case: &Case, run: &MotorRun) {
     page.push_str("</table></section>\n</div>\n");
 }
 
-/// Every property, those that differ from the motor's defaults in bold.
+/// Every property; bold if it differs from the motor's default.
 fn properties(page: &mut String, case: &Case) {
     let defaults = crate::defaults(case.motor);
     for property in &PROPERTIES {
@@ -137,10 +137,10 @@ fn marks(scenario: &Scenario, run: &MotorRun) -> Vec<Mark> {
     marks
 }
 
-/// A chart's title, unit, height, least span of its y axis, and curves (name, class, column).
+/// A chart's title, unit, height, minimum span of its y axis, and curves (name, class, column).
 type Row = (&'static str, &'static str, f64, f64, &'static [(&'static str, &'static str, &'static str)]);
 
-/// The charts, from above. Positions are in the plant's counts, so that HI does not tear the curves.
+/// The charts, from the top. Positions are in the plant's counts, so that HI causes no jump in the curves.
 const CHARTS: [Row; 6] = [
     (
         "Position",
@@ -203,7 +203,7 @@ fn charts(trace: &Trace, times: &[f64], marks: &[Mark]) -> Vec<String> {
         let curves = curves.iter().map(|(name, class, column)| (name, class, curve(trace, column)));
         let series: Vec<Series> =
             curves.map(|(name, class, values)| Series { name, class, values }).collect();
-        // A lag, say, is only there in modes 3 and 5.
+        // Some values exist only in some modes, such as the lag in modes 3 and 5.
         if series.iter().any(|series| series.values.iter().any(|value| value.is_finite())) {
             let (height, least_span, labelled) = (*height, *least_span, *title == "Position");
             let chart = Chart { title, unit, height, least_span, lanes: &[], times, series, marks, labelled };
@@ -214,7 +214,7 @@ fn charts(trace: &Trace, times: &[f64], marks: &[Mark]) -> Vec<String> {
     charts
 }
 
-/// A column of the trace, or what a chart makes of some: NaN where there is nothing to draw.
+/// A column of the trace, or a value derived from several; NaN if there is nothing to draw.
 fn curve(trace: &Trace, name: &str) -> Vec<f64> {
     match name {
         "setpoint_counts" => {
@@ -266,7 +266,7 @@ fn capital(word: &str) -> String {
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A figure with the digits that matter at a glance.
+/// A figure rounded to the digits that matter.
 fn short(value: &Value) -> String {
     match value {
         Value::Number(value) if value.abs() < 10.0 && *value != value.trunc() => format!("{value:.2}"),
@@ -276,7 +276,8 @@ fn short(value: &Value) -> String {
     }
 }
 
-/// Colours are told apart by the colour-blind too (blue, vermilion, green); dark where the reader's system is.
+/// The colors (blue, vermilion, green) are distinct for color-blind readers; the page is dark if the reader's
+/// system is.
 const STYLE: &str = "
 :root { color-scheme: light dark; --bg:#fbfbfa; --ink:#1c2128; --soft:#667080; --line:#e3e5e8; --frame:#9aa3ad;
   --card:#fff; --c1:#0b62c4; --c2:#d9480f; --c3:#1a7f4b; --good:#1a7f4b; --bad:#c92a2a; --goal:#8a929c; }

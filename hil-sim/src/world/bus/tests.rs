@@ -1,13 +1,14 @@
 use super::*;
 use tater_wire::{Body, Destination, Message, Node, Property};
 
-/// A station that answers every GET with what it was asked, and sends what it is told to at its ticks.
+/// A station that answers every GET with the value of its request and transmits scheduled frames at its
+/// ticks.
 #[derive(Clone, Default)]
 struct Toy {
     node: u8,
     now_us: u64,
     busy_until_us: u64,
-    /// Frames to send by itself: when, and what; by time.
+    /// Frames to transmit unasked, with their times, in order of time.
     plan: VecDeque<(u64, Frame)>,
     mailboxes: Vec<Frame>,
     heard: Heard,
@@ -74,20 +75,20 @@ fn ids(toy: &Toy) -> Vec<u16> {
     toy.heard.iter().map(|(_, frame)| frame.raw_id()).collect()
 }
 
-/// Everything that a host receives until a time.
+/// Every frame that a host receives up to a time.
 fn received(bus: &mut Bus<Toy>, until_us: u64) -> Vec<(u64, u16)> {
     std::iter::from_fn(|| bus.wait(until_us)).map(|s| (s.at_us, s.frame.raw_id())).collect()
 }
 
 #[test]
-fn a_request_and_its_answer_take_their_bits_and_the_boards_delay() {
+fn request_and_answer_take_their_bit_times_and_the_board_delay() {
     let mut bus = bus(4..=4);
     let get = frame(4, &[5]);
     bus.send(get).expect("plugged");
     let answer = bus.wait(10_000).expect("an answer");
     let reply = frame(0x406 | 4 << 5, &[0x85, 0, 5, 0]);
     assert_eq!(answer.frame, reply);
-    // The intermission is over long before the board's 20 us.
+    // The intermission ends long before the board's 20 µs.
     assert_eq!(answer.at_us, bits(&get) + BOARD_US + bits(&reply));
     bus.run_until(20_000);
     let stats = bus.stats();
@@ -97,18 +98,19 @@ fn a_request_and_its_answer_take_their_bits_and_the_boards_delay() {
 }
 
 #[test]
-fn the_lowest_identifier_wins_the_host_keeps_its_order_and_the_bus_is_back_to_back() {
+fn lowest_identifier_wins_and_host_keeps_its_order_back_to_back() {
     let mut bus = Bus::new(toys(1..=4));
     bus.plug_host("test", Adapter::default()).expect("the first host");
-    // Begins at 0 and keeps the bus while all the rest becomes pending.
+    // Begins at 0 and keeps the bus busy while all the rest becomes pending.
     let first = frame(0x7F0, &[0; 8]);
     bus.station_mut(0).expect("there").mailboxes = vec![first];
-    // One station with three mailboxes, not by rising identifier, and two that want to send at the same time.
+    // One station with three mailboxes, not in order of identifier, and two that want to transmit at the same
+    // time.
     let plan = |ids: &[u16]| ids.iter().map(|&id| (10, frame(id, &[1]))).collect::<VecDeque<_>>();
     bus.station_mut(1).expect("there").plan = plan(&[0x300, 0x100, 0x200]);
     bus.station_mut(2).expect("there").plan = plan(&[0x180]);
     bus.run_until(5);
-    // A host's queue is not sorted: 0x010 waits behind 0x280, which has to wait for 0x100 to 0x200.
+    // A host's queue is not sorted: 0x010 waits behind 0x280, which waits for 0x100 to 0x200.
     bus.send(frame(0x280, &[])).expect("plugged");
     bus.send(frame(0x010, &[])).expect("plugged");
     bus.run_until(2_000);
@@ -124,7 +126,7 @@ fn the_lowest_identifier_wins_the_host_keeps_its_order_and_the_bus_is_back_to_ba
 }
 
 #[test]
-fn of_equal_identifiers_the_first_mailbox_goes_first() {
+fn equal_identifiers_send_the_first_mailbox_first() {
     let mut bus = bus(1..=1);
     let frames = [frame(0x406, &[1]), frame(0x406, &[2]), frame(0x403, &[3])];
     bus.station_mut(0).expect("there").mailboxes = frames.to_vec();
@@ -133,7 +135,7 @@ fn of_equal_identifiers_the_first_mailbox_goes_first() {
 }
 
 #[test]
-fn a_station_that_stands_still_keeps_three_frames_and_goes_on_sending() {
+fn stalled_station_keeps_three_frames_and_still_transmits() {
     let mut bus = bus(1..=2);
     let station = bus.station_mut(0).expect("there");
     station.busy_until_us = 40_000;
@@ -150,7 +152,7 @@ fn a_station_that_stands_still_keeps_three_frames_and_goes_on_sending() {
     assert_eq!(bus.stations().nth(1).expect("there").heard.len(), 6, "the other one hears all");
 }
 
-/// Breaks the first `left` frames at a bit.
+/// Corrupts the first `left` frames at a bit.
 struct Breaks {
     left: u32,
     at_bit: u64,
@@ -167,7 +169,7 @@ impl Medium for Breaks {
 }
 
 #[test]
-fn a_destroyed_frame_costs_an_error_frame_and_is_sent_again() {
+fn corrupted_frame_costs_an_error_frame_and_is_repeated() {
     let mut bus = bus(1..=1);
     bus.set_medium(Breaks { left: 2, at_bit: 17 });
     let sent = frame(1, &[1, 2, 3]);
@@ -181,7 +183,7 @@ fn a_destroyed_frame_costs_an_error_frame_and_is_sent_again() {
 }
 
 #[test]
-fn a_more_urgent_frame_goes_before_a_repetition() {
+fn more_urgent_frame_precedes_a_repetition() {
     let mut bus = bus(1..=2);
     bus.set_medium(Breaks { left: 1, at_bit: 40 });
     bus.station_mut(0).expect("there").mailboxes = vec![frame(0x500, &[])];
@@ -190,7 +192,7 @@ fn a_more_urgent_frame_goes_before_a_repetition() {
 }
 
 #[test]
-fn a_cut_cable_silences_one_station_and_a_lone_one_waits() {
+fn cut_cable_silences_one_station_and_lone_station_waits() {
     let mut bus = bus(1..=1);
     bus.cut(0, true);
     bus.station_mut(0).expect("there").mailboxes = vec![frame(0x426, &[])];
@@ -224,7 +226,7 @@ fn abort_pending_drops_all_but_the_frame_on_the_wire() {
 }
 
 #[test]
-fn a_station_behind_a_cut_hears_nothing_of_the_others() {
+fn station_behind_a_cut_receives_nothing() {
     let mut bus = bus(1..=2);
     bus.cut(0, true);
     bus.send(frame(2, &[0])).expect("plugged");
@@ -233,7 +235,7 @@ fn a_station_behind_a_cut_hears_nothing_of_the_others() {
 }
 
 #[test]
-fn a_cable_cut_in_the_middle_of_a_frame_destroys_it() {
+fn cable_cut_within_a_frame_destroys_it() {
     let mut bus = bus(1..=2);
     bus.station_mut(0).expect("there").mailboxes = vec![frame(0x426, &[])];
     bus.run_until(20);
@@ -245,7 +247,7 @@ fn a_cable_cut_in_the_middle_of_a_frame_destroys_it() {
 }
 
 #[test]
-fn the_second_host_is_refused_and_an_unplugged_one_is_forgotten() {
+fn second_host_is_refused_until_the_first_unplugs() {
     let mut bus = bus(1..=1);
     let refused = bus.plug_host("GOD", Adapter::default()).expect_err("one too many");
     assert_eq!((refused.present.as_str(), refused.refused.as_str()), ("test", "GOD"));
@@ -260,7 +262,7 @@ fn the_second_host_is_refused_and_an_unplugged_one_is_forgotten() {
 }
 
 #[test]
-fn an_adapter_adds_its_delays() {
+fn adapter_adds_its_delays() {
     let mut bus = Bus::new(toys(4..=4));
     bus.plug_host("test", Adapter { out_us: 125, in_us: 1_000 }).expect("the first host");
     let (get, reply) = (frame(4, &[5]), frame(0x486, &[0x85, 0, 5, 0]));
@@ -270,10 +272,10 @@ fn an_adapter_adds_its_delays() {
     assert_eq!(bus.now_us(), answer.at_us);
 }
 
-/// What a station has heard, and when.
+/// Received frames of a station, with their times.
 type Heard = Vec<(u64, Frame)>;
 
-/// A busy, noisy second: all that happened, as a value.
+/// A busy, noisy second: every event, as a value.
 fn noisy(seed: u64) -> (Stats, Vec<(u64, u16)>, Vec<Heard>) {
     let mut bus = bus(1..=7);
     bus.set_medium(Noise::new(seed, 0.05, 0.1));
@@ -289,13 +291,13 @@ fn noisy(seed: u64) -> (Stats, Vec<(u64, u16)>, Vec<Heard>) {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bus_and_noise_does_what_it_says() {
+fn same_seed_repeats_the_bus_and_noise_has_its_rate() {
     let (stats, answers, heard) = noisy(7);
     assert_eq!((&stats, &answers, &heard), (&noisy(7).0, &noisy(7).1, &noisy(7).2));
     assert_ne!(stats, noisy(8).0);
     // 1,400 requests, each lost by its board with 5 %, and each answer by the host with 5 %: 1,263.5 +- 11 (one sigma).
     assert!((1_208..=1_319).contains(&answers.len()), "{}: five sigma", answers.len());
-    // A frame is destroyed with 10 %, so 1/9 errors a frame: of about 2,730 frames 303 +- 18.
+    // A frame is destroyed with 10 %, so there are 1/9 errors per frame: for about 2,730 frames 303 +- 18.
     assert!((213..=393).contains(&stats.errors), "{}: five sigma", stats.errors);
     assert_eq!(stats.frames, stats.by_id.values().sum::<u64>());
 }

@@ -24,7 +24,8 @@ fn get(bus: &mut Bus<Node>, node: u8, property: Property) {
     bus.send(Message::get(to(node), property).frame()).expect("plugged");
 }
 
-/// A wake, a move and its polls, with time let pass in slices of so many µs; all that the host hears, and when.
+/// A wake, a move and its polls, advanced in slices of so many µs; every frame that the host receives, with
+/// its time.
 fn heard(slice_us: u64) -> Vec<Stamped> {
     let mut bus = bus(&[4, 5]);
     let mut heard = Vec::new();
@@ -48,14 +49,15 @@ fn said(stamped: &Stamped) -> Option<Body> {
 }
 
 #[test]
-fn how_time_is_sliced_changes_nothing() {
+fn time_slices_do_not_change_the_result() {
     let whole = heard(1_000);
     assert!(whole.len() > 1_000, "{}", whole.len());
     for slice_us in [7, 130, 333] {
         let sliced = heard(slice_us);
         assert_eq!(sliced.len(), whole.len(), "in slices of {slice_us} us");
-        // The plant's steps end where slices do, so an edge may round to the next microsecond: a poll that meets it may read
-        // the count before it. Among 148 polls and 90 edges in 900,000 us that is one in 70 runs.
+        // The plant's steps end at the end of a slice, so an edge may round to the next microsecond, and a
+        // poll at that time may read the count before it. With 148 polls and 90 edges in 900,000 µs that is
+        // one in 70 runs.
         let apart: Vec<_> = sliced.iter().zip(&whole).filter(|(a, b)| a != b).collect();
         assert!(apart.len() <= 1, "in slices of {slice_us} us: {apart:?}");
         for (a, b) in apart {
@@ -68,7 +70,7 @@ fn how_time_is_sliced_changes_nothing() {
 }
 
 #[test]
-fn a_sum_over_the_application_takes_its_time() {
+fn checksum_of_the_application_takes_time() {
     let mut bus = bus(&[4]);
     bus.run_until(50_000);
     set(&mut bus, 4, Property::STAT, 2);
@@ -84,7 +86,7 @@ fn a_sum_over_the_application_takes_its_time() {
 }
 
 #[test]
-fn a_board_in_reset_neither_hears_nor_acknowledges() {
+fn board_in_reset_neither_receives_nor_acknowledges() {
     let mut pair = bus(&[4, 5]);
     pair.run_until(20_000);
     pair.station_mut(0).expect("node 4").power_on();
@@ -107,11 +109,11 @@ fn a_board_in_reset_neither_hears_nor_acknowledges() {
 }
 
 #[test]
-fn an_unfed_watchdog_resets_the_board() {
+fn unfed_watchdog_resets_the_board() {
     let mut node = Node::awake(SimBoard::standard(tater_wire::Node::new(4).expect("4"), Model::Averaged, 1));
     node.advance(3_000_000);
     assert_eq!(node.watchdog_resets(), 0, "it is fed");
-    // A flash that stalls for ever is a program that feeds nothing.
+    // A flash that stalls forever is a program that feeds no watchdog.
     node.busy_until_us = u64::MAX;
     node.advance(4_000_000);
     assert_eq!(node.watchdog_resets(), 1);
@@ -124,7 +126,7 @@ fn an_unfed_watchdog_resets_the_board() {
 }
 
 #[test]
-fn an_ordered_reset_is_no_error() {
+fn ordered_reset_is_no_error() {
     let mut node = Node::awake(SimBoard::standard(tater_wire::Node::new(4).expect("4"), Model::Averaged, 1));
     node.reset(Some(FaultCode::Watchdog));
     node.start_application();
@@ -135,7 +137,7 @@ fn an_ordered_reset_is_no_error() {
 }
 
 #[test]
-fn the_filters_keep_what_is_not_for_the_board_from_the_program() {
+fn filters_drop_frames_for_other_boards() {
     let mut node = Node::new(SimBoard::standard(tater_wire::Node::new(5).expect("5"), Model::Averaged, 1));
     let group = |number| Destination::Group(Group::new(number).expect("a group"));
     let heard = |node: &Node| -> Vec<u8> {
@@ -151,7 +153,7 @@ fn the_filters_keep_what_is_not_for_the_board_from_the_program() {
     assert_eq!(heard(&node), [0], "until a program has said what it listens to");
 }
 
-/// What ERROR says.
+/// The value of ERROR.
 fn error(node: &mut Node) -> Option<i64> {
     node.receive(&Message::get(to(4), Property::ERROR).frame()).expect("heard");
     let frame = *node.mailboxes().first()?;

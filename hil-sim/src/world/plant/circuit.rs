@@ -1,24 +1,24 @@
-//! The star-connected winding between its terminals: exact currents while terminals and EMF stay as they are.
+//! The star-connected winding between its terminals: exact currents while terminals and EMF are constant.
 //!
-//! With each terminal at a fixed voltage, or open, every phase current is one exponential towards its own end
-//! value, so an interval costs one `exp` and a diode's end of conduction is one `ln`.
+//! With each terminal at a fixed voltage or open, every phase current is one exponential towards its own end
+//! value. An interval costs one `exp`, and the end of a diode's conduction one `ln`.
 
-/// What holds one terminal for an interval.
+/// The state of one terminal during an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Terminal {
-    /// A closed switch, or the mean of a switching leg: `v` volts, current drawn from the bus for `bus_share` of
-    /// the time. `bus_share · bus − v` is what is lost on the way, in diodes.
+    /// A closed switch, or the mean of a switching leg: `v` volts, with current drawn from the bus for
+    /// `bus_share` of the time. `bus_share · bus − v` is lost in diodes.
     Held {
         /// Volts above ground.
         v: f64,
-        /// 0 for ground, 1 for the bus, between for a mean over a PWM period.
+        /// 0 for ground, 1 for the bus, in between for a mean over a PWM period.
         bus_share: f64,
     },
-    /// Both switches open: only the body diodes may conduct.
+    /// Both switches open: only the body diodes can conduct.
     Open,
 }
 
-/// What flowed during an interval.
+/// Charges and losses of an interval.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Flow {
     /// Charge into each phase, C.
@@ -29,11 +29,11 @@ pub struct Flow {
     pub copper_j: f64,
     /// Heat in diodes, J.
     pub drop_j: f64,
-    /// Largest phase current, A, at the ends of exponentials, which is where their extremes are.
+    /// Largest phase current, A, at the ends of the exponentials, where their extremes are.
     pub peak_a: f64,
 }
 
-/// What flowed through two driven phases in series, from the first into the second.
+/// Flow through two driven phases in series, from the first into the second.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PairFlow {
     charge: f64,
@@ -46,7 +46,7 @@ pub struct PairFlow {
 }
 
 impl Flow {
-    /// Adds what flowed from phase `first` into phase `second`.
+    /// Adds the flow from phase `first` into phase `second`.
     pub fn add_pair(&mut self, first: usize, second: usize, pair: &PairFlow, phase_r: f64) {
         self.charge[first] += pair.charge;
         self.charge[second] -= pair.charge;
@@ -74,7 +74,7 @@ pub struct Winding {
     per_pair_r: f64,
 }
 
-/// How one terminal conducts.
+/// The way one terminal conducts.
 #[derive(Clone, Copy)]
 struct Hold {
     v: f64,
@@ -131,8 +131,8 @@ impl Winding {
         flow: &mut Flow,
     ) {
         let (mut dt, mut decay) = (dt, decay);
-        // Each pass but the last ends with a diode falling out of conduction; three legs can do so, and start
-        // again, only a few times in a PWM period.
+        // Each pass but the last ends when a diode stops conducting. Three legs can do so, and start again,
+        // only a few times in a PWM period.
         for _ in 0..12 {
             let topology = self.topology(i, held, e);
             let spent = match topology.count {
@@ -153,8 +153,8 @@ impl Winding {
     }
 
     /// [`Winding::advance`] for the usual case, several times as fast: current `i` flows into the phase at
-    /// terminal `first` and out of one held at ground, the third phase has none; `e` in that order. Returns
-    /// whether that stayed so; if not, nothing has changed.
+    /// terminal `first` and out of one at ground; the third phase has none; `e` is in that order. Returns
+    /// `false` if that changed within the interval; then nothing has been modified.
     #[inline]
     pub fn advance_pair(
         &self,
@@ -186,8 +186,8 @@ impl Winding {
         true
     }
 
-    /// Which terminals conduct: closed switches, diodes with current, and diodes that the open terminal's
-    /// voltage would push beyond the rails.
+    /// The terminals that conduct: closed switches, diodes with current, and diodes that the voltage of an
+    /// open terminal would push beyond the rails.
     #[inline]
     fn topology(&self, i: &[f64; 3], held: &[Terminal; 3], e: [f64; 3]) -> Topology {
         let mut t = Topology { holds: [NO_HOLD; 3], on: [false; 3], count: 0, sum: 0.0 };
@@ -203,7 +203,7 @@ impl Winding {
             self.rectify(&mut t, e);
             return t;
         }
-        // The terminal that is farthest beyond a rail conducts first; then the star point has moved.
+        // The terminal farthest beyond a rail conducts first; that moves the star point.
         while t.count < 3 {
             let star = t.sum * if t.count == 2 { 0.5 } else { 1.0 };
             let mut worst = (0.0, 0, NO_HOLD);
@@ -225,7 +225,7 @@ impl Winding {
         t
     }
 
-    /// All terminals open and no current: the EMF conducts into the bus only if it exceeds it.
+    /// All terminals open and no current: the EMF conducts into the bus only if it exceeds the bus.
     fn rectify(&self, t: &mut Topology, e: [f64; 3]) {
         let (mut top, mut bottom) = (0, 0);
         for (k, &emf) in e.iter().enumerate() {
@@ -242,7 +242,7 @@ impl Winding {
         }
     }
 
-    /// Two terminals, one current. Returns when a diode stopped it, if one did.
+    /// Two terminals, one current. Returns the time at which a diode stopped conducting, if one did.
     #[inline]
     fn pair(
         &self,
@@ -282,7 +282,7 @@ impl Winding {
         stopped
     }
 
-    /// Three terminals. Returns when the first diode stopped, if one did.
+    /// Three terminals. Returns the time at which the first diode stopped conducting, if one did.
     fn star(
         &self,
         t: &Topology,
@@ -295,7 +295,7 @@ impl Winding {
         let star = t.sum / 3.0;
         let mut to = [0.0; 3];
         let mut end = [0.0; 3];
-        // The decay at which the first diode's current is zero.
+        // The decay factor at which the first diode's current reaches zero.
         let mut first: Option<(usize, f64)> = None;
         for k in 0..3 {
             to[k] = (t.holds[k].v - e[k] - star) / self.phase_r;
@@ -330,7 +330,7 @@ impl Winding {
         stopped
     }
 
-    /// Integrals of i and i² over `span` of the exponential from `start` to `end` that heads for `to`.
+    /// Integrals of i and i² over `span` of the exponential from `start` to `end` with the asymptote `to`.
     fn integrals(&self, start: f64, to: f64, end: f64, span: f64) -> (f64, f64) {
         let fall = self.tau * (start - end);
         (to * span + fall, to * to * span + fall * (to + 0.5 * (start + end)))

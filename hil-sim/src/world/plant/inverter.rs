@@ -1,4 +1,5 @@
-//! The bridge: what its three legs do to the winding over a step, averaged over the PWM period or edge by edge.
+//! The bridge: the effect of its three legs on the winding over a step, averaged over the PWM period or edge
+//! by edge.
 
 use super::circuit::{Flow, PairFlow, Terminal, Winding};
 use servo_core::sense::commutation::{Bridge, Leg};
@@ -6,11 +7,11 @@ use servo_core::sense::commutation::{Bridge, Leg};
 /// PWM period, µs: 20 kHz.
 pub const PERIOD_US: u64 = 50;
 const PERIOD_S: f64 = 50e-6;
-/// Compare steps from no to full duty: a 72 MHz timer counting up and down at 20 kHz. A duty that rounds to
+/// Compare steps from zero to full duty: a 72 MHz timer counting up and down at 20 kHz. A duty that rounds to
 /// full never switches, so it has no dead time.
 const COMPARE_STEPS: f64 = 1800.0;
 
-/// How the bridge is computed.
+/// The inverter model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Model {
     /// Means over the PWM period.
@@ -29,17 +30,17 @@ struct Segment {
     pwm: Terminal,
 }
 
-/// Which leg does what while one of them is pulse-width modulated.
+/// The role of each leg while one of them is pulse-width modulated.
 #[derive(Clone, Copy, Debug)]
 struct Roles {
     pwm: usize,
     low: usize,
     float: usize,
-    /// One leg of each kind; otherwise `low` and `float` are just the other two.
+    /// One leg in each role; otherwise `low` and `float` are the two remaining legs.
     six_step: bool,
 }
 
-/// What the legs do to the terminals while the PWM leg is in one state.
+/// State of the terminals while the PWM leg is in one state.
 fn terminals(legs: &[Leg; 3], pwm: Terminal) -> [Terminal; 3] {
     legs.map(|leg| match leg {
         Leg::Pwm => pwm,
@@ -48,16 +49,16 @@ fn terminals(legs: &[Leg; 3], pwm: Terminal) -> [Terminal; 3] {
     })
 }
 
-/// Half of the current's ripple from valley to peak in two phases at a duty, A.
+/// Half of the peak-to-peak current ripple in two phases at a duty, A.
 fn swing(w: &Winding, duty: f64) -> f64 {
     0.25 * w.bus_v * duty * (1.0 - duty) * PERIOD_S / w.phase_l
 }
 
-/// The bridge as it was last told to be, with what can be computed ahead for it.
+/// The bridge as last commanded, with everything that can be precomputed for it.
 #[derive(Clone, Debug)]
 pub struct Inverter {
     model: Model,
-    /// The averaged model's last step, s, and its exp(−step/τ): steps are mostly alike.
+    /// The averaged model's last step, s, and its exp(−step/τ); most steps are equal.
     mean_decay: (f64, f64),
     bridge: Bridge,
     legs: [Leg; 3],
@@ -65,13 +66,13 @@ pub struct Inverter {
     duty: f64,
     winding: Winding,
     dead_s: f64,
-    /// Dead time as a share of the period.
+    /// Dead time as a fraction of the period.
     dead_share: f64,
-    /// Half of the current's ripple from valley to peak, A.
+    /// Half of the peak-to-peak current ripple, A.
     swing: f64,
-    /// What a volt changes the current of two phases by in a dead time, A/V.
+    /// Current change of two phases per volt within a dead time, A/V.
     dead_a_v: f64,
-    /// 1 / what the bus changes it by, 1/A.
+    /// 1 / (current change that the bus voltage causes in a dead time), 1/A.
     per_dead_a: f64,
     segments: Vec<Segment>,
 }
@@ -99,7 +100,7 @@ impl Inverter {
         inverter
     }
 
-    /// The winding as of now.
+    /// The winding with the present resistance and supply.
     #[must_use]
     pub fn winding(&self) -> &Winding {
         &self.winding
@@ -137,7 +138,8 @@ impl Inverter {
         }
     }
 
-    /// The period's stretches. Either gate of the PWM leg turns on a dead time after the other has turned off.
+    /// The segments of a period. Either gate of the PWM leg turns on a dead time after the other has turned
+    /// off.
     fn build_segments(&mut self) {
         let low = Terminal::Held { v: 0.0, bus_share: 0.0 };
         let high = Terminal::Held { v: self.winding.bus_v, bus_share: 1.0 };
@@ -162,7 +164,7 @@ impl Inverter {
         let tau = self.winding.tau;
         self.swing = swing(&self.winding, self.duty);
         self.dead_a_v = 0.5 * self.dead_s / self.winding.phase_l;
-        // A nanoampere keeps it finite without a supply or a dead time.
+        // A nanoampere keeps the quotient finite without a supply or a dead time.
         self.per_dead_a = 1.0 / (self.dead_a_v * self.winding.bus_v + 1e-9);
         self.segments.clear();
         if self.model == Model::Averaged {
@@ -177,8 +179,8 @@ impl Inverter {
         }
     }
 
-    /// Advances the currents over `dt` seconds from `phase` seconds into the PWM period, which the step must
-    /// not leave in the switched model.
+    /// Advances the currents over `dt` seconds from `phase` seconds into the PWM period. In the switched
+    /// model the step must not leave the period.
     pub fn advance(&mut self, i: &mut [f64; 3], e: [f64; 3], phase: f64, dt: f64, flow: &mut Flow) {
         let Some(roles) = self.roles else {
             let decay = self.mean_decay(dt);
@@ -192,7 +194,7 @@ impl Inverter {
                 let (v, bus_share) = self.mean_leg(i[roles.pwm], e[roles.pwm] - e[roles.low]);
                 let segment = Segment { end: dt, decay, pwm: Terminal::Held { v, bus_share } };
                 self.run(roles, &[segment], i, e, (0.0, dt), flow);
-                // A triangle of ±swing has the mean square swing²/3, in two phases; the supply pays for it.
+                // A triangle of ±swing has the mean square swing²/3, in two phases; the supply delivers it.
                 let w = &self.winding;
                 let swing = swing(w, bus_share);
                 let ripple_j = 2.0 * w.phase_r * swing * swing / 3.0 * dt;
@@ -214,7 +216,7 @@ impl Inverter {
         self.mean_decay.1
     }
 
-    /// Advances through those parts of `segments` that lie within `begin..end`, seconds into the PWM period.
+    /// Advances through the parts of `segments` within `begin..end`, seconds into the PWM period.
     fn run(
         &self,
         roles: Roles,
@@ -232,7 +234,7 @@ impl Inverter {
         for segment in segments {
             if segment.end > begin && start < end {
                 let dt = segment.end.min(end) - f64::max(start, begin);
-                // Rounding of the phase must not pass for a cut segment.
+                // Rounding of the phase must not count as a cut segment.
                 let whole = dt > (segment.end - start) * (1.0 - 1e-9);
                 let decay = if whole { segment.decay } else { (-dt / w.tau).exp() };
                 let mut current = i[pwm];
@@ -251,11 +253,12 @@ impl Inverter {
         flow.add_pair(pwm, low, &pair, w.phase_r);
     }
 
-    /// Mean voltage and bus share of the PWM leg at a mean current of `i` A, against the driven pair's `emf`. During a dead time the current
-    /// chooses the diode: at the rising edge the ripple's valley loses the dead time if positive; at the falling
-    /// edge its peak gains it if negative. A current that reaches zero within the dead time stays there, at the
-    /// voltage of the EMF, for the rest: that makes the choice a ramp as wide as the bus changes the current in
-    /// a dead time, (bus − emf) of it on the negative side.
+    /// Mean voltage and bus share of the PWM leg at a mean current of `i` A, against the driven pair's `emf`.
+    /// During a dead time the current selects the diode: at the rising edge the ripple's valley loses the
+    /// dead time if it is positive; at the falling edge its peak gains it if it is negative. A current that
+    /// reaches zero within the dead time stays there, at the voltage of the EMF, for the rest. That makes the
+    /// selection a ramp as wide as the current change that the bus causes in a dead time, with (bus − emf) of
+    /// it on the negative side.
     fn mean_leg(&self, i: f64, emf: f64) -> (f64, f64) {
         let w = &self.winding;
         if self.duty <= 0.0 || self.duty >= 1.0 {
@@ -271,9 +274,9 @@ impl Inverter {
         (bus_share * w.bus_v - drop, bus_share)
     }
 
-    /// The floating leg's diode pulses within a PWM period, which the mean voltages do not show: with the PWM leg
-    /// low, the star point is near ground and a negative EMF of the floating phase makes its low diode
-    /// conduct until some time into the on-time; with the PWM leg high, the same towards the bus.
+    /// The floating leg's diode pulses within a PWM period, which the mean voltages do not show. With the PWM
+    /// leg low, the star point is near ground, and a negative EMF of the floating phase makes its low diode
+    /// conduct until some time into the on-time; with the PWM leg high, the same happens towards the bus.
     /// Triangular pulses, resistance neglected (25 µs against τ = 330 µs).
     fn float_pulses(&self, roles: Roles, share: f64, e: [f64; 3], dt: f64, flow: &mut Flow) {
         let w = &self.winding;
@@ -293,7 +296,7 @@ impl Inverter {
         if drive >= half_bus || release > 1.0 - active {
             return; // continuous: the mean circuit has it
         }
-        // All per period: times as shares of it, so that a mean current is a peak times a share.
+        // Everything is per period: times are fractions of it, so a mean current is a peak times a fraction.
         let peak = 2.0 / 3.0 * drive * active * PERIOD_S / w.phase_l;
         let mean = 0.5 * peak * (active + release) * sign;
         flow.peak_a = flow.peak_a.max(peak);

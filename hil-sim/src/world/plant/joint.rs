@@ -1,7 +1,7 @@
-//! The shaft and all that acts on it but the motor: friction, worm, brake, stops and objects.
+//! The shaft and every torque on it except the motor's: friction, worm, brake, stops and objects.
 //!
-//! Implicit midpoint: with forces linear in position and velocity it is stable at any stiffness and closes the
-//! energy balance to rounding. Standstill is an exact state, entered at the instant of zero velocity.
+//! Implicit midpoint: with forces linear in position and velocity it is stable at any stiffness and closes
+//! the energy balance to rounding. Standstill is an exact state, entered at the instant of zero velocity.
 
 use super::params::{PlantParams, RAD_PER_COUNT};
 
@@ -11,7 +11,7 @@ const STOPS: usize = 2;
 /// A spring and damper that resists motion beyond a position.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
-    /// Where it begins, rad at the motor.
+    /// Position at which it begins, rad at the motor.
     pub from: f64,
     /// +1 resists closing beyond `from`, −1 resists opening below it.
     pub side: f64,
@@ -28,18 +28,18 @@ pub struct Shaft {
     pub theta: f64,
     /// Velocity, rad/s.
     pub omega: f64,
-    /// Mean acceleration over the last step, rad/s²: predicts the next step's middle.
+    /// Mean acceleration over the last step, rad/s²; it predicts the middle of the next step.
     pub acceleration: f64,
     /// Torque of contacts and disturbance on the motor before the worm, N·m, positive closing.
     pub load: f64,
 }
 
-/// Where mechanical energy went during a step, J.
+/// Mechanical energy of a step, J.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Work {
-    /// Given by the motor.
+    /// From the motor.
     pub motor: f64,
-    /// Given by the disturbance.
+    /// From the disturbance.
     pub disturbance: f64,
     /// Lost in friction, worm and brake.
     pub friction: f64,
@@ -73,8 +73,8 @@ impl Joint {
         let lead = p.worm_lead_deg.to_radians().tan();
         let worm = if lead > 0.0 {
             let (lambda, phi) = (p.worm_lead_deg.to_radians(), p.worm_friction.atan());
-            // Motor torque per load torque is tan(φ+λ)/tan λ against the load and tan(φ−λ)/tan λ with it, both
-            // against the motion: beyond the ideal gear's ∓1, this is friction.
+            // Motor torque per load torque is tan(φ+λ)/tan λ against the load and tan(φ−λ)/tan λ with it,
+            // both against the motion. The excess over the ideal gear's ∓1 is friction.
             [(phi + lambda).tan() / lead - 1.0, (phi - lambda).tan() / lead + 1.0]
         } else {
             [0.0; 2]
@@ -97,7 +97,7 @@ impl Joint {
         }
     }
 
-    /// Replaces what stands in the joint's way besides its stops.
+    /// Replaces the objects in the joint's way; its stops remain.
     pub fn set_objects(&mut self, objects: &[Contact]) {
         self.contacts.truncate(STOPS);
         self.contacts.extend_from_slice(objects);
@@ -113,13 +113,13 @@ impl Joint {
         self.contacts.iter().map(energy).sum()
     }
 
-    /// Energy of motion, J.
+    /// Kinetic energy, J.
     #[must_use]
     pub fn kinetic_j(&self, shaft: &Shaft) -> f64 {
         0.5 * self.j * shaft.omega * shaft.omega
     }
 
-    /// The contacts that act on a shaft in the middle of the coming `dt`.
+    /// The contacts that act on the shaft in the middle of the coming `dt`.
     fn load(&self, shaft: &Shaft, dt: f64) -> Load {
         let mid = shaft.theta + 0.5 * dt * shaft.omega;
         let mut load = Load { spring: 0.0, stiffness: 0.0, damping: 0.0 };
@@ -135,7 +135,7 @@ impl Joint {
         load
     }
 
-    /// How much of the load torque acts on a shaft that moves in direction `dir`.
+    /// The fraction of the load torque that acts on a shaft moving in direction `dir`.
     fn worm_factor(&self, load: f64, dir: f64) -> f64 {
         if load * dir < 0.0 { 1.0 + self.worm[0] } else { 1.0 - self.worm[1] }
     }
@@ -146,7 +146,8 @@ impl Joint {
         let mut work = Work::default();
         let mut left = dt;
         let before = shaft.omega;
-        // A step is cut where it enters or leaves a contact and where it comes to rest: a handful of times.
+        // A step is cut where the shaft enters or leaves a contact and where it comes to rest: a few times at
+        // most.
         for _ in 0..16 {
             if left <= 1e-12 {
                 break;
@@ -155,7 +156,7 @@ impl Joint {
             if shaft.omega != 0.0 {
                 for c in &self.contacts {
                     let to_go = (c.from - shaft.theta) / shaft.omega;
-                    // Nearer than a nanosecond is there already.
+                    // Within a nanosecond counts as reached.
                     if to_go > 1e-9 && to_go < span {
                         span = to_go;
                     }
@@ -167,7 +168,7 @@ impl Joint {
         work
     }
 
-    /// One stretch of at most `dt` without a change of contacts; ends early where the shaft comes to rest.
+    /// One segment of at most `dt` without a change of contacts; ends early if the shaft comes to rest.
     /// Returns the time spent.
     fn smooth(
         &self,
@@ -195,7 +196,7 @@ impl Joint {
             }
         };
         let m = self.worm_factor(shaft.load, dir);
-        // J·dω/dt = push − damp·ω̄ − m·stiffness·(ω̄·dt/2), ω̄ the mean velocity over the stretch.
+        // J·dω/dt = push − damp·ω̄ − m·stiffness·(ω̄·dt/2), with ω̄ the mean velocity over the segment.
         let push = torque + m * static_load - dir * (self.coulomb + brake);
         let damp = self.viscous + m * load.damping;
         let stiff = m * load.stiffness;
@@ -206,8 +207,8 @@ impl Joint {
         let mut mean = mean_over(dt);
         let mut end = 2.0 * mean - omega;
         if end * dir <= 0.0 && omega != 0.0 {
-            // Rest within the stretch: the dt at which the mean is half the start; a fixed point, since the
-            // spring's part is small.
+            // Rest within the segment: find the dt at which the mean is half the initial velocity, by
+            // fixed-point iteration, since the spring's part is small.
             span *= omega / (omega - end);
             for _ in 0..3 {
                 let brakes = omega * (0.5 * damp + 0.25 * span * stiff) - push;

@@ -1,6 +1,6 @@
 //! The physical half of one motor: winding, bridge, shaft, joint and heat, in SI units and f64.
 //!
-//! Knows nothing of sensors or firmware. Time is what it is told to advance by; nothing here is random.
+//! Knows nothing of sensors or firmware. The caller advances the time; nothing here is random.
 
 pub mod circuit;
 pub mod inverter;
@@ -20,16 +20,16 @@ use servo_core::sense::commutation::Bridge;
 
 /// Temperature at which `r_ohm` holds, °C.
 const R_AT_C: f64 = 25.0;
-/// Interval of the heat equations and of the resistance that follows, µs.
+/// Interval of the heat equations and of the resistance update, µs.
 const HEAT_US: u64 = 1000;
 
 /// How far beyond a stop a rotor may start, counts: full speed dents one by 2.7.
 const START_BEYOND_COUNTS: f64 = 2.0;
 
-/// Energy since the start, J. What went in equals what was lost and what is stored.
+/// Energy since the start, J. Input equals losses plus stored energy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ledger {
-    /// From the supply; less what went back.
+    /// From the supply, minus what was fed back.
     pub supply_j: f64,
     /// From the disturbance.
     pub disturbance_j: f64,
@@ -43,12 +43,12 @@ pub struct Ledger {
     pub damper_j: f64,
     /// Mechanical work of the motor.
     pub motor_j: f64,
-    /// Stored in motion, springs and inductance now, less what was stored at the start.
+    /// Stored in motion, springs and inductance now, minus what was stored at the start.
     pub stored_j: f64,
 }
 
 impl Ledger {
-    /// What is missing, J: in − lost − stored. Zero but for the integration's error.
+    /// Energy balance error, J: in − lost − stored. Zero except for the integration error.
     #[must_use]
     pub fn residual_j(&self) -> f64 {
         self.supply_j + self.disturbance_j
@@ -59,7 +59,7 @@ impl Ledger {
             - self.stored_j
     }
 
-    /// What the residual is to be compared with, J: the largest entry.
+    /// The scale for the residual, J: the largest entry.
     #[must_use]
     pub fn turnover_j(&self) -> f64 {
         [self.supply_j, self.disturbance_j, self.copper_j, self.friction_j, self.damper_j, self.stored_j]
@@ -68,7 +68,7 @@ impl Ledger {
     }
 }
 
-/// All that changes with every step; copied to take a step back.
+/// The state that changes with every step; copied so that a step can be undone.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     /// Since the start, µs.
@@ -85,12 +85,12 @@ pub struct State {
     peak_a: f64,
     ledger: Ledger,
     heat: Heat,
-    /// Copper and friction heat not yet in the heat equations, J.
+    /// Copper and friction heat that the heat equations have not taken yet, J.
     pending: [f64; 2],
     heat_at_us: u64,
 }
 
-/// How a run begins, without current.
+/// Initial conditions of a run, without current.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Rotor position, counts.
@@ -118,7 +118,7 @@ impl Plant {
     /// A plant at its start.
     ///
     /// # Errors
-    /// A parameter out of range.
+    /// A parameter is out of range.
     pub fn new(
         params: PlantParams,
         objects: &[Contact],
@@ -168,18 +168,18 @@ impl Plant {
         })
     }
 
-    /// Makes `us` the time of a plant that has not been stepped yet.
+    /// Sets the time of a plant that has not been stepped yet, µs.
     pub(crate) fn start_at(&mut self, us: u64) {
         (self.state.t_us, self.state.heat_at_us) = (us, us);
     }
 
-    /// Bounds the step, 1..=[`PlantParams::longest_step_us`], to show that results do not depend on it. The switched model never steps
-    /// over the end of a PWM period.
+    /// Limits the step, 1..=[`PlantParams::longest_step_us`], to show that results do not depend on it. The
+    /// switched model never steps over the end of a PWM period.
     pub fn set_max_step_us(&mut self, us: u64) {
         self.max_step_us = us.clamp(1, self.params.longest_step_us());
     }
 
-    /// The state, to read or to come back to.
+    /// The state, to read or to restore.
     #[must_use]
     pub fn state(&self) -> &State {
         &self.state
@@ -190,7 +190,7 @@ impl Plant {
         std::mem::take(&mut self.state.peak_a)
     }
 
-    /// Takes back every step since `state` was read; the bridge, the supply and the disturbance stay.
+    /// Undoes every step since `state` was read; bridge, supply and disturbance stay.
     pub fn restore(&mut self, state: State) {
         self.state = state;
     }
@@ -201,7 +201,7 @@ impl Plant {
         self.state.shaft.theta / RAD_PER_COUNT
     }
 
-    /// The parameters, with the supply as it is now.
+    /// The parameters, with the present supply voltage.
     #[must_use]
     pub fn params(&self) -> &PlantParams {
         &self.params
@@ -222,13 +222,13 @@ impl Plant {
         Ledger { stored_j: stored - self.stored_at_start, ..s.ledger }
     }
 
-    /// Torque of a load on the joint, as it arrives at the motor of a gear without losses; through a worm it
+    /// Torque of a load on the joint, referred to the motor through a gear without losses; through a worm it
     /// cannot drive the motor.
     pub fn set_disturbance(&mut self, n_m: f64) {
         self.disturbance = n_m;
     }
 
-    /// Replaces what stands in the joint's way. What that does to the energy in the springs is the disturbance's.
+    /// Replaces the objects in the joint's way. The change of spring energy is booked on the disturbance.
     pub fn set_objects(&mut self, objects: &[Contact]) {
         let theta = self.state.shaft.theta;
         let before = self.joint.spring_j(theta);
@@ -253,8 +253,8 @@ impl Plant {
         to
     }
 
-    /// Advances to `to_us`, at most what [`Plant::step_to`] allows, with the bridge held and the brake's
-    /// friction torque `brake` in N·m.
+    /// Advances to `to_us`, at most as far as [`Plant::step_to`] allows, with the bridge unchanged and the
+    /// brake's friction torque `brake` in N·m.
     pub fn step(&mut self, bridge: Bridge, brake: f64, to_us: u64) {
         let s = &mut self.state;
         let us = to_us.saturating_sub(s.t_us);
@@ -263,7 +263,7 @@ impl Plant {
         }
         let dt = us as f64 * 1e-6;
         self.inverter.set_bridge(bridge);
-        // The step's middle, as the last step's acceleration predicts it.
+        // Predict the middle of the step with the acceleration of the last one.
         let half = 0.5 * dt;
         let omega = s.shaft.omega + half * s.shaft.acceleration;
         let theta = s.shaft.theta + half * (s.shaft.omega + 0.5 * half * s.shaft.acceleration);
@@ -308,8 +308,8 @@ fn winding(p: &PlantParams, winding_c: f64) -> Winding {
     Winding::new(0.5 * p.r_ohm * hot, 0.5e-3 * p.l_mh, p.bus_v, p.diode_v)
 }
 
-/// The three EMFs at an electrical position in sectors of 60°, as shares of the flat top. In sector k (k − ½ .. k + ½) one
-/// phase is at +1, one at −1 and the third crosses over linearly.
+/// The three EMFs at an electrical position in sectors of 60°, as fractions of the flat top. In sector k (k −
+/// ½ .. k + ½) one phase is at +1, one at −1, and the third crosses over linearly.
 #[must_use]
 pub fn trapezoid(sectors: f64) -> [f64; 3] {
     // Truncation towards zero is a floor for positive numbers: 2^21 · 6 sectors keep the argument positive.

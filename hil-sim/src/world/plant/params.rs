@@ -1,4 +1,4 @@
-//! What a motor and its joint are made of, with the reason for every number that the manual does not give.
+//! Parameters of a motor and its joint, with the reason for each number that the manual does not give.
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -28,7 +28,7 @@ pub struct ParamError {
     pub field: &'static str,
     /// The value found.
     pub found: f64,
-    /// What is allowed, in words.
+    /// The allowed values, in words.
     pub expected: String,
 }
 
@@ -45,29 +45,29 @@ impl std::error::Error for ParamError {}
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlantParams {
-    /// Line-to-line winding resistance at 25 °C. 2.405 Ω: 24 V squared over 239.5 W (DESIGN 4.2).
+    /// Line-to-line winding resistance at 25 °C. 2.405 Ω: 24 V squared over 239.5 W (decision 0003).
     pub r_ohm: f64,
-    /// Rise of the resistance per kelvin. 0.0039: copper.
+    /// Temperature coefficient of the resistance, 1/K. 0.0039: copper.
     pub r_per_k: f64,
-    /// Line-to-line inductance. Chosen 0.8 mH: an electrical time constant of 0.33 ms, usual for a slotted motor
-    /// of this size, which keeps the 20 kHz ripple at or below 24 V · 12.5 µs / 0.8 mH = 0.38 A.
+    /// Line-to-line inductance. Chosen 0.8 mH: an electrical time constant of 0.33 ms, usual for a slotted
+    /// motor of this size. It keeps the 20 kHz ripple at or below 24 V · 12.5 µs / 0.8 mH = 0.38 A.
     pub l_mh: f64,
-    /// Line-to-line EMF constant, and so torque constant. 0.0651 V·s/rad (DESIGN 4.2).
+    /// Line-to-line EMF constant, equal to the torque constant. 0.0651 V·s/rad (decision 0003).
     pub ke_v_s: f64,
     /// Rotor and reflected joint inertia. Chosen 2e-5 kg·m²: a steel rotor of 30 mm diameter and 30 mm length is
     /// 1.9e-5; a finger link of 5e-4 kg·m² behind 49:1 adds 2e-7. ACCEL 60 then takes 0.024 N·m of the 0.48 of MT 750.
     pub j_kg_m2: f64,
-    /// Coulomb friction. Chosen 0.03 N·m: DESIGN 4.2 bounds it by 0.04.
+    /// Coulomb friction. Chosen 0.03 N·m: decision 0003 limits it to 0.04.
     pub coulomb_n_m: f64,
-    /// Friction to be overcome from rest. Chosen 0.04 N·m: a third above Coulomb, as in greased gears.
+    /// Breakaway friction from rest. Chosen 0.04 N·m: a third above Coulomb, as in greased gears.
     pub static_n_m: f64,
     /// Viscous friction. Chosen 1e-5 N·m·s/rad: 3.7 mN·m at no-load speed, under an eighth of Coulomb.
     pub viscous_n_m_s: f64,
     /// Supply voltage. 24 V.
     pub bus_v: f64,
-    /// Forward voltage of a body diode. 0.8 V: silicon at some amperes.
+    /// Forward voltage of a body diode. 0.8 V: silicon at a few amperes.
     pub diode_v: f64,
-    /// Dead time of the bridge. 0.5 µs, as the board's timer makes it (docs/board.md); at most 5.
+    /// Dead time of the bridge. 0.5 µs, as set in the board's timer (docs/board.md); at most 5.
     pub dead_time_us: f64,
     /// Phase current at which the gate driver's break input trips; 25 A: above the 20 A of plugging at full speed.
     pub trip_a: f64,
@@ -75,30 +75,32 @@ pub struct PlantParams {
     pub gear_ratio: f64,
     /// Lead angle of the worm; 0 = no worm. 5° chosen: a single-start worm of 49:1 or 39:1.
     pub worm_lead_deg: f64,
-    /// Friction coefficient of the worm's mesh. 0.09 chosen: just above tan 5° = 0.0875, so that the fingers
-    /// cannot be driven backwards, as the manual has it, and yet a motor can leave a stop that it ran into.
+    /// Friction coefficient of the worm's mesh. Chosen 0.09: just above tan 5° = 0.0875, so that the fingers
+    /// cannot be driven backwards (manual 2), and yet a motor can leave a stop that it ran into.
     pub worm_friction: f64,
     /// Torque of the engaged brake; 0 = no brake. 2 N·m: three times the motor's peak.
     pub brake_n_m: f64,
     /// Time from the brake's command to its effect, either way. 20 ms: a small power-off brake.
     pub brake_delay_ms: f64,
-    /// Sector (0..=5) in which count 0 lies: how the rotor was mounted to the joint.
+    /// Sector (0..=5) of count 0: how the rotor is mounted on the joint.
     pub zero_sector: u8,
-    /// Lowest whole count of the range; the stop stands half a count below.
+    /// Lowest whole count of the range; the stop is half a count below.
     pub min_count: f64,
-    /// Highest whole count of the range; the stop stands half a count above.
+    /// Highest whole count of the range; the stop is half a count above.
     pub max_count: f64,
-    /// Stiffness of the stops. 20 N·m/rad: full torque dents them by a tenth of a count.
+    /// Stiffness of the stops. 20 N·m/rad: full torque compresses them by a tenth of a count.
     pub stop_stiffness_n_m_rad: f64,
-    /// Damping of the stops while being run into. 0.02 N·m·s/rad: half of critical, √(2e-5 · 20) = 0.02.
+    /// Damping of the stops during compression. 0.02 N·m·s/rad: half of critical, √(2e-5 · 20) = 0.02.
     pub stop_damping_n_m_s: f64,
     /// Heat capacity of the winding. 10 J/K: 26 g of copper; a full stall heats it by 24 K/s.
     pub winding_j_k: f64,
-    /// Heat resistance winding to housing. 1.5 K/W: with 10 J/K a time constant of 15 s, usual at this size.
+    /// Thermal resistance from winding to housing. 1.5 K/W: with 10 J/K a time constant of 15 s, usual at
+    /// this size.
     pub winding_housing_k_w: f64,
     /// Heat capacity of the housing. 60 J/K: 130 g of steel.
     pub housing_j_k: f64,
-    /// Heat resistance housing to ambient. 6 K/W: with 60 J/K six minutes; 7.5 W hold the 70 °C limit.
+    /// Thermal resistance from housing to ambient. 6 K/W: with 60 J/K six minutes; 7.5 W keep it at the 70 °C
+    /// limit.
     pub housing_ambient_k_w: f64,
     /// Ambient temperature.
     pub ambient_c: f64,
@@ -144,13 +146,13 @@ impl PlantParams {
         }
     }
 
-    /// Checks every field, and those together that a step has to be short against.
+    /// Checks every field, and the combinations that a step must be short against.
     ///
     /// # Errors
     /// The first field out of range (NaN is out of every range).
     pub fn validate(&self) -> Result<(), ParamError> {
-        // The ranges keep the exact solutions well-conditioned. Heat: 0.1 J/K · 0.1 K/W are 10 ms against the 1 ms
-        // of its steps.
+        // The ranges keep the exact solutions well-conditioned. Heat: 0.1 J/K · 0.1 K/W are 10 ms against
+        // steps of 1 ms.
         let rows: [(&'static str, f64, f64, f64); 28] = [
             ("r_ohm", self.r_ohm, 0.1, 100.0),
             ("r_per_k", self.r_per_k, 0.0, 0.01),
@@ -179,23 +181,23 @@ impl PlantParams {
             ("housing_j_k", self.housing_j_k, 0.1, 1e5),
             ("housing_ambient_k_w", self.housing_ambient_k_w, 0.1, 1e3),
             ("ambient_c", self.ambient_c, -60.0, 125.0),
-            // A worm that friction does not lock would need its own efficiency going backwards.
+            // A worm that friction does not lock would need its own efficiency for backward driving.
             ("worm_friction", self.worm_friction, self.worm_lead_deg.to_radians().tan(), 0.5),
         ];
         check(&rows)?;
         self.validate_together()
     }
 
-    /// With these limits, of 20,000 random plants (tests/plant/accepted.rs, which says what varies; no objects) none
-    /// lost more than 0.5 % of its energy; without them it was up to all of it.
+    /// With these limits none of 20,000 random plants (tests/plant/accepted.rs says what varies; no objects)
+    /// lost more than 0.5 % of its energy; without them, up to all of it.
     fn validate_together(&self) -> Result<(), ParamError> {
         let at_least = |field, found: f64, least: f64, why| {
-            // Rounded up to three places, so that the value named is accepted.
+            // Rounded up to three places, so that the value in the error message is accepted.
             let place = 10_f64.powi(2 - least.log10().floor() as i32);
             let expected = format!("at least {} for the other values: {why}", (least * place).ceil() / place);
             if found >= least { Ok(()) } else { Err(ParamError { field, found, expected }) }
         };
-        // The averaged model's ripple is a triangle, and its floating leg's pulses, too.
+        // In the averaged model the ripple is a triangle, and so are the floating leg's pulses.
         let l_mh = 1e3 * MIN_ELECTRICAL_S * self.r_ohm;
         at_least("l_mh", self.l_mh, l_mh, "L/R must be three PWM periods, 150 µs, or more")?;
         // The resistance follows the temperature once a millisecond.
@@ -224,9 +226,10 @@ impl PlantParams {
         self.ke_v_s / (1e-3 * self.l_mh * self.j_kg_m2).sqrt()
     }
 
-    /// The longest step that couples winding and shaft well enough, µs, 10 to 100 in a valid plant. The EMF of a
-    /// step is a prediction: its error adds up with every radian of the resonance, with the share of the motor's
-    /// time constant and of an impact on a stop that a step is, and with the counts that the EMF's ramps move in it.
+    /// The longest step that couples winding and shaft well enough, µs, 10 to 100 in a valid plant. The EMF
+    /// of a step is a prediction. Its error grows with the resonance in radians, with the step as a fraction
+    /// of the motor's time constant and of an impact on a stop, and with the counts that the EMF's ramps move
+    /// within the step.
     #[must_use]
     pub fn longest_step_us(&self) -> u64 {
         let resonance = 100.0 * (1000.0 / self.resonance_rad_s()).powf(1.5);
@@ -257,7 +260,7 @@ impl PlantParams {
     }
 }
 
-/// The first row (field, value, min, max) whose value is outside its range.
+/// The first row (field, value, min, max) whose value is out of range.
 pub(crate) fn check(rows: &[(&'static str, f64, f64, f64)]) -> Result<(), ParamError> {
     for &(field, found, min, max) in rows {
         if !(found >= min && found <= max) {

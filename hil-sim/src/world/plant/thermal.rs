@@ -12,7 +12,7 @@ pub struct Heat {
 }
 
 impl Heat {
-    /// Advances by `dt` seconds (well under the winding's time constant of seconds) with this much heat put in.
+    /// Advances by `dt` seconds (well under the winding's time constant of seconds) with this heat input.
     pub fn advance(&mut self, p: &PlantParams, copper_j: f64, friction_j: f64, dt: f64) {
         let across = (self.winding_c - self.housing_c) / p.winding_housing_k_w * dt;
         let out = (self.housing_c - p.ambient_c) / p.housing_ambient_k_w * dt;

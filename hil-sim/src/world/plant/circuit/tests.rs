@@ -1,4 +1,4 @@
-//! The exact solution against small explicit steps of the same circuit, written down independently.
+//! The exact solution against small explicit steps of the same circuit, written independently.
 
 use super::{Flow, PairFlow, Terminal, Winding};
 use proptest::prelude::*;
@@ -9,13 +9,14 @@ fn winding() -> Winding {
     Winding::new(1.2, 0.4e-3, 24.0, 0.8)
 }
 
-/// Currents after `dt` and the copper heat, by Euler steps of 10 ns with ideal diodes that are looked at anew in
-/// every step.
+/// Currents after `dt` and the copper heat, by Euler steps of 10 ns with ideal diodes, which are evaluated
+/// again in every step.
 fn by_small_steps(mut i: [f64; 3], held: &[Terminal; 3], e: [f64; 3], dt: f64) -> ([f64; 3], f64) {
     let step = 1e-8;
     let mut copper = 0.0;
     for _ in 0..(dt / step).round() as usize {
-        // Which terminals are tied to what: switches always; open ones by their current or their voltage.
+        // The terminals that are tied, and to what: switches always; open ones by their current or their
+        // voltage.
         let mut v: [Option<f64>; 3] = [None; 3];
         for k in 0..3 {
             v[k] = match held[k] {
@@ -89,10 +90,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn exact_solution_is_what_small_steps_tend_to(
+    fn exact_solution_matches_small_euler_steps(
         held in [any_terminal(), any_terminal(), any_terminal()],
         (a, b) in (-9.0..9.0_f64, -9.0..9.0_f64),
-        // Beyond what the motor does at 24 V, so that every diode has its turn.
+        // Beyond what the motor does at 24 V, so that every diode conducts at some time.
         e in [-18.0..18.0_f64, -18.0..18.0_f64, -18.0..18.0_f64],
         dt in 5e-6..100e-6_f64,
     ) {
@@ -109,7 +110,7 @@ proptest! {
         }
         prop_assert!((flow.copper_j - copper).abs() < 2e-3 * copper + 1e-6, "{} {copper}", flow.copper_j);
         prop_assert!(flow.charge.iter().sum::<f64>().abs() < 1e-12);
-        // What the terminals gave is heat, work on the EMF, and magnetic energy.
+        // Energy from the terminals is heat, work on the EMF, and magnetic energy.
         let magnetic = |i: [f64; 3]| 0.5 * w.phase_l * i.iter().map(|i| i * i).sum::<f64>();
         let given = flow.bus_charge * w.bus_v - flow.drop_j;
         let emf: f64 = (0..3).map(|k| e[k] * flow.charge[k]).sum();
@@ -118,7 +119,7 @@ proptest! {
     }
 
     #[test]
-    fn pair_is_the_general_solution_or_declines(
+    fn two_phase_shortcut_matches_general_solution_or_declines(
         share in 0.0..1.0_f64,
         open in any::<bool>(),
         start in -9.0..9.0_f64,
