@@ -1,4 +1,5 @@
-//! The motor board's numbers: what its front end and its registers say, in floating point; and `docs/board.md`.
+//! The motor board's numbers: scales of the front end and values of the registers against floating point; and
+//! `docs/board.md`.
 
 mod front_end;
 mod page;
@@ -8,36 +9,36 @@ use tater_fw::bsp::{scale, timing};
 /// Every code of the ADC.
 const CODES: std::ops::Range<u16> = 0..4096;
 
-/// The input's voltage: a code is a 4096th of VDDA.
+/// The input's voltage: a code is 1/4096 of VDDA.
 fn volts(code: u16) -> f64 {
     f64::from(code) / 4096.0 * 3.3
 }
 
 #[test]
-fn voltage_is_the_divider_s() {
+fn voltage_matches_divider() {
     for code in CODES {
         let millivolts = volts(code) * (100e3 + 10e3) / 10e3 * 1e3;
-        // Rounded to the nearest: a thousandth for the floats.
+        // Rounded to the nearest, with a thousandth for the floats.
         let error = f64::from(scale::bus(code).0) - millivolts;
         assert!(error.abs() <= 0.501, "code {code}: {error} mV");
     }
 }
 
 #[test]
-fn current_is_the_amplifier_s() {
+fn current_matches_amplifier() {
     for code in CODES {
         let milliamps = (volts(code) - 1.65) / 41.25 / 2e-3 * 1e3;
-        // Rounded down: a thousandth for the floats.
+        // Rounded down, with a thousandth for the floats.
         let error = f64::from(scale::current(code).0) - milliamps;
         assert!((-1.0..=0.001).contains(&error), "code {code}: {error} mA");
     }
 }
 
 #[test]
-fn temperature_is_the_thermistor_s() {
+fn temperature_matches_thermistor() {
     let mut judged = 0;
     for code in CODES {
-        // To ground under 10 k: R over 10 k is code over the rest. B equation of 10 k at 25 °C, B 3950 K.
+        // To ground, under 10 k: R over 10 k is code over the rest. B equation with 10 k at 25 °C, B 3950 K.
         let ratio = f64::from(code) / f64::from(4096 - code);
         let celsius = 1.0 / (1.0 / 298.15 + ratio.ln() / 3950.0) - 273.15;
         let said = f64::from(scale::temperature(code).0) / 10.0;
@@ -53,7 +54,7 @@ fn temperature_is_the_thermistor_s() {
     assert_eq!((short, open), (1550, -500), "the ends that a broken wire reads");
 }
 
-/// The crystal, and what the PLL has to make of it (the requirement: 72 MHz from 8 MHz).
+/// The required clocks: 72 MHz from the 8 MHz crystal.
 const CORE: f64 = 72e6;
 
 #[track_caller]
@@ -62,7 +63,7 @@ fn near(value: f64, expected: f64, within: f64) {
 }
 
 #[test]
-fn clocks_are_the_requirement_s() {
+fn clocks_match_requirement() {
     let mega = |hz: u32| f64::from(hz) / 1e6;
     let clocks =
         [timing::CRYSTAL_HZ, timing::CORE_HZ, timing::APB1_HZ, timing::TIMER_HZ, timing::ADC_HZ].map(mega);
@@ -73,11 +74,12 @@ fn clocks_are_the_requirement_s() {
 #[test]
 fn pwm_registers_read_back() {
     use timing::{adc, pwm};
-    // RM0008 14.3.2: centred, ARR up and ARR down. 14.4.18: DTG below 128 is ticks.
+    // RM0008 14.3.2: centered, ARR up and ARR down. 14.4.18: DTG below 128 is in ticks.
     near(CORE / (2.0 * f64::from(pwm::TOP)), 20e3, 0.0);
     assert_eq!(pwm::DEAD_TIME >> 7, 0, "DTG above 127 counts other steps");
     near(f64::from(pwm::DEAD_TIME) / CORE, 500e-9, 1e-12);
-    // RM0008 11.12.4: sample times by code, in cycles of the ADC's clock; 11.6: and 12.5 more a conversion.
+    // RM0008 11.12.4: sample times by code, in cycles of the ADC's clock; 11.6: 12.5 more for each
+    // conversion.
     let cycles = [1.5, 7.5, 13.5, 28.5, 41.5, 55.5, 71.5, 239.5][usize::from(adc::SAMPLE_CODE)];
     let sample = cycles / 12e6;
     near(f64::from(adc::SAMPLE_NS) * 1e-9, sample, 1e-9);
@@ -95,7 +97,8 @@ fn timer_registers_read_back() {
     near(count(tick::PRESCALER), 1e-6, 1e-15);
     near(count(tick::PRESCALER) * (f64::from(tick::TOP) + 1.0), 1e-3, 1e-12);
     near((f64::from(tick::SLOW_RELOAD) + 1.0) * f64::from(tick::SLOW_DIVISION) / CORE, 0.1, 1e-12);
-    // RM0008 15.4.1: CKD divides by 1, 2, 4. 15.4.7: ICF from 4 on, how many samples, and every which clock.
+    // RM0008 15.4.1: CKD divides by 1, 2, 4. 15.4.7: ICF from 4 on, the number of samples and their clock
+    // divider.
     let clock = CORE / f64::from(1_u32 << hall::CLOCK_DIVISION);
     let filters = [
         (6, 2),
@@ -114,7 +117,7 @@ fn timer_registers_read_back() {
     let (samples, every) = filters[usize::from(hall::FILTER) - 4];
     let filter = f64::from(samples * every) / clock;
     near(f64::from(hall::FILTER_NS) * 1e-9, filter, 1e-9);
-    // The slowest that the chip has, and under 1/64 of a sector at the 1057 counts/s of full speed.
+    // The slowest filter of the chip, and under 1/64 of a sector at the full speed of 1057 counts/s.
     assert!(filter > 14e-6 && filter < 1.0 / 1057.0 / 64.0, "{filter}");
 }
 
@@ -132,12 +135,12 @@ fn bit_timing_reads_back() {
 }
 
 #[test]
-fn the_watchdog_reads_back() {
+fn watchdog_registers_read_back() {
     use timing::watchdog::{PRESCALER_CODE, RELOAD};
     // RM0008 19.4.2: PR divides by 4, 8, 16 ...
     let seconds =
         |oscillator: f64| 4.0 * f64::from(1_u32 << PRESCALER_CODE) * (f64::from(RELOAD) + 1.0) / oscillator;
     near(seconds(40e3), 0.5, 1e-9);
-    // With the fastest oscillator (DS5319 5.3.7) two slow tasks of 100 ms in a row may feed nothing.
+    // With the fastest oscillator (DS5319 5.3.7) two consecutive slow tasks of 100 ms may miss their feed.
     assert!(seconds(60e3) > 0.3);
 }

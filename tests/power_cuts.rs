@@ -1,4 +1,4 @@
-//! The power fails in the middle of every flash operation: what is stored and what is downloaded is old or new, never
+//! Power cuts at every flash operation: what is stored and what is downloaded is afterwards old or new, never
 //! neither.
 
 mod image;

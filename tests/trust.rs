@@ -1,5 +1,5 @@
-//! The power fails in the middle of every flash operation from HI to the end of a session, in which the rotor is driven,
-//! coasts, or is turned by hand: a board that says at the next start that it knows its position knows it.
+//! Power cuts at every flash operation from HI to the end of a session in which the rotor is driven, coasts,
+//! or is turned by hand. A board that claims at the next start to know its position does know it.
 
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -12,26 +12,27 @@ use tater_fw::Board;
 use tater_fw::storage::{Progress, Store};
 use tater_wire::{Destination, Message, Node as Id, Property};
 
-/// Sessions, each with its own moment at which it ends and its own remains of what a cut leaves.
+/// Sessions, each with its own end time and its own remains of a cut.
 const SEEDS: u64 = 8;
 
-/// Half a count of the cell in which HI ended, and half of the one where the rotor is now.
+/// Half a count of the cell in which HI ended, and half of the rotor's present cell.
 const MOST_COUNTS: f64 = 1.0;
 
-/// What turns the spread with its brake engaged, N·m at the motor: half as much again as the brake holds.
+/// Torque that turns the spread with its brake engaged, N·m at the motor: one and a half times the brake's
+/// holding torque.
 const PUSH_N_M: f64 = 3.0;
 
-/// Saves before the session: two pages of storage are nearly full, so that one must be erased in it.
+/// Saves before the session: two pages of storage are nearly full, so that one must be erased during it.
 const SAVES_BEFORE: i64 = 114;
 
-/// How a session ends.
+/// The end of a session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ending {
     /// The move arrives, the rotor stands, SAVE, STAT 0.
     Stands,
-    /// CMD T in mid-move; SAVE and STAT 0 while it coasts.
+    /// CMD T during a move; SAVE and STAT 0 while it coasts.
     Coasts,
-    /// Somebody turns the joint, and lets go of it only in the monitor.
+    /// Somebody turns the joint by hand and releases it only in the monitor.
     Turned,
 }
 
@@ -49,11 +50,11 @@ fn board(number: u8) -> SimBoard {
     board
 }
 
-/// A board in use. Once its power has failed, nothing that follows happens.
+/// A board in use. After its power has failed, further commands do nothing.
 struct Session {
     node: Node,
     to: Destination,
-    /// How far from the truth HI has called zero, in counts; `None` before its end.
+    /// Error of HI's zero, in counts; `None` before its end.
     zero: Option<f64>,
 }
 
@@ -88,7 +89,7 @@ impl Session {
         panic!("it does not end: {:?}", self.node.sample());
     }
 
-    /// How far the position is from the truth, in counts; `None` unless the application runs.
+    /// Error of the position, in counts; `None` unless the application runs.
     fn error(&self) -> Option<f64> {
         self.node.sample().map(|sample| sample.estimated_counts() - sample.truth.counts)
     }
@@ -123,8 +124,8 @@ impl Session {
         self.wait(50);
     }
 
-    /// Power off, until all stands, and on again: whether the position is said to be known, and by how much it is not
-    /// what it would be had somebody counted all the time.
+    /// Power off until the rotor stands, and on again: returns whether the position is reported as known, and
+    /// its error against continuous counting.
     fn restart(&mut self) -> (bool, f64) {
         self.node.rig_mut().set_disturbance(0.0);
         self.node.power_off();
@@ -141,7 +142,8 @@ impl Session {
     }
 }
 
-/// Plays a session, with the power failing in one of its flash operations or not at all; and how many it has begun.
+/// Plays a session, with the power failing in one of its flash operations or not at all; returns the number
+/// of operations begun.
 fn session(board: SimBoard, ending: Ending, cut: Option<u64>, seed: u64) -> (Session, u64) {
     let to = Destination::Node(board.straps());
     let mut node = Node::awake(board);
@@ -156,7 +158,7 @@ fn session(board: SimBoard, ending: Ending, cut: Option<u64>, seed: u64) -> (Ses
 }
 
 #[test]
-fn a_position_that_is_trusted_is_true_whenever_the_power_fails() {
+fn trusted_position_is_true_after_any_power_cut() {
     let (mut cuts, mut states, mut known) = (0, BTreeSet::new(), 0);
     let cases = [(1, Ending::Stands), (1, Ending::Coasts), (4, Ending::Coasts), (4, Ending::Turned)];
     for ((number, ending), seed) in

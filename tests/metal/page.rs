@@ -1,4 +1,4 @@
-//! `docs/board.md` against the code: tables that are made of it, figures that it must state, interrupts, the picture's pins.
+//! `docs/board.md` against the code: generated tables, required figures, interrupts, the pins in the picture.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -11,7 +11,7 @@ use tater_wire::memory::{APPLICATION, KEPT, MONITOR, STACK, STAGING, STATICS, ST
 
 const PAGE: &str = "docs/board.md";
 
-/// Set in the environment, this makes the test write the tables instead of comparing them.
+/// With this environment variable set, the test writes the tables instead of comparing them.
 const MAKE: &str = "MAKE_BOARD_PAGE";
 
 fn file(path: &str) -> PathBuf {
@@ -22,7 +22,7 @@ fn read(path: &str) -> String {
     fs::read_to_string(file(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// The rows of the table that is made under a name.
+/// The rows of the generated table of that name.
 fn made(name: &str) -> String {
     let mut table = String::new();
     let mut row = |cells: &[&str]| writeln!(table, "| {} |", cells.join(" | ")).expect("a string takes all");
@@ -58,7 +58,7 @@ fn made(name: &str) -> String {
     table
 }
 
-/// The page with the tables as the code has them.
+/// The page with tables generated from the code.
 fn remade(page: &str) -> String {
     let mut whole = page.to_string();
     for name in ["pins", "memory"] {
@@ -80,7 +80,7 @@ fn difference(found: &str, expected: &str) -> Option<String> {
 }
 
 #[test]
-fn tables_are_the_code_s() {
+fn tables_match_the_code() {
     let page = read(PAGE);
     let expected = remade(&page);
     if std::env::var_os(MAKE).is_some() {
@@ -94,7 +94,7 @@ fn tables_are_the_code_s() {
 }
 
 #[test]
-fn another_table_is_found() {
+fn changed_table_is_found() {
     let page = read(PAGE);
     for (from, to) in [("| PA8 |", "| PA7 |"), ("| 8192 |", "| 8191 |"), ("<!-- end -->", "x\n<!-- end -->")]
     {
@@ -104,7 +104,7 @@ fn another_table_is_found() {
     }
 }
 
-/// What the page must say, made of the constants: one that changes makes another phrase.
+/// Phrases that the page must contain, made from constants: a constant that changes makes another phrase.
 fn phrases() -> Vec<String> {
     use timing::{adc, can, hall, pwm, tick, watchdog};
     let mega = |hz: u32| hz / 1_000_000;
@@ -149,27 +149,27 @@ fn phrases() -> Vec<String> {
     phrases
 }
 
-/// The phrases that a page lacks. Where its lines break does not matter.
+/// The phrases that a page lacks, ignoring its line breaks.
 fn missing(page: &str) -> Vec<String> {
     let text = page.split_whitespace().collect::<Vec<_>>().join(" ");
     phrases().into_iter().filter(|phrase| !text.contains(phrase.as_str())).collect()
 }
 
 #[test]
-fn figures_are_the_code_s() {
+fn figures_match_the_code() {
     let missing = missing(&read(PAGE));
     assert!(missing.is_empty(), "{PAGE} does not say, as the code does:\n  {}", missing.join("\n  "));
 }
 
 #[test]
-fn a_figure_that_is_missing_is_found() {
+fn missing_figure_is_found() {
     let text = read(PAGE).split_whitespace().collect::<Vec<_>>().join(" ");
     for phrase in phrases() {
         assert!(missing(&text.replace(&phrase, "")).contains(&phrase), "{phrase}");
     }
 }
 
-/// `task`, vector and priority of each of the application's tasks, as `app.rs` binds them.
+/// `task`, vector and priority of each of the application's tasks, as bound in `app.rs`.
 fn tasks(app: &str) -> Vec<(String, String, u8)> {
     let value = |attribute: &str, key: &str| -> String {
         let from = attribute.find(key).unwrap_or_else(|| panic!("{attribute}: no {key}")) + key.len();
@@ -184,7 +184,7 @@ fn tasks(app: &str) -> Vec<(String, String, u8)> {
 }
 
 #[test]
-fn interrupts_are_the_application_s() {
+fn interrupts_match_the_application() {
     let (page, tasks) = (read(PAGE), tasks(&read("tater-fw/src/app.rs")));
     assert!(tasks.len() > 5, "{tasks:?}");
     for (task, vector, priority) in &tasks {
@@ -197,8 +197,8 @@ fn interrupts_are_the_application_s() {
     assert_eq!(shown.len(), tasks.len(), "{PAGE} has a row that is no task: {shown:#?}");
 }
 
-/// What is wrong with the lock times of a page's table of tasks: each is a number of microseconds, and further ones say what
-/// for (`15; 100 for SAVE`).
+/// Errors in the lock times of a page's table of tasks: each must be a number of microseconds, and further
+/// ones must say their case (`15; 100 for SAVE`).
 fn wrong_locks(page: &str) -> Vec<String> {
     let mut wrong = Vec::new();
     let rows = page.lines().skip_while(|line| !line.ends_with("| lock, µs |")).skip(2);
@@ -215,11 +215,11 @@ fn wrong_locks(page: &str) -> Vec<String> {
 }
 
 #[test]
-fn every_lock_has_its_time_and_nothing_is_left_to_do() {
+fn every_lock_has_its_time() {
     let page = read(PAGE);
     assert!(!page.contains("TODO"), "{PAGE}: something is left to do");
     assert_eq!(wrong_locks(&page), [""; 0]);
-    // Each row without its last cell, or with a word there, is found.
+    // Each row without its last cell, or with a word there, is an error.
     let rows = page.lines().skip_while(|line| !line.ends_with("| lock, µs |")).skip(2);
     let rows: Vec<&str> = rows.take_while(|line| line.starts_with('|')).collect();
     assert_eq!(rows.len(), tasks(&read("tater-fw/src/app.rs")).len() + 1, "the tasks and idle");
@@ -232,7 +232,7 @@ fn every_lock_has_its_time_and_nothing_is_left_to_do() {
 }
 
 #[test]
-fn the_picture_shows_every_pin() {
+fn picture_shows_every_pin() {
     let picture = read("docs/board.svg");
     let text: Vec<&str> = picture.split(|c: char| !c.is_alphanumeric()).collect();
     for pin in BUS.iter().chain(MOTOR) {

@@ -1,8 +1,8 @@
-//! The production image on an emulated board: the power fails in flash operations that its own instructions do.
+//! The production image on an emulated board: power cuts in flash operations that its own instructions start.
 //!
-//! What happens is run once, and the flash's log is kept. As natively (`monitor.rs`), the flash after a cut is that before it,
-//! with the operation half done; a sample is cut for real, and must leave the same bytes. Then each board starts from what is
-//! left, RAM by chance.
+//! A story runs once, and the flash's log is kept. As natively (`monitor.rs`), the flash after a cut is the
+//! flash before the operation, with the operation half done; a sample of cuts is really made and must leave
+//! the same bytes. Each board then boots from the remains, with random RAM.
 
 mod download;
 mod storage;
@@ -18,14 +18,14 @@ use super::monitor::rig::Operation;
 use super::storage::State;
 use crate::emulated::bench::{Bench, NODE, flashed};
 
-/// What happened to a flash.
+/// Flash contents with a log of operations.
 struct Story {
     initial: Vec<u8>,
     log: Vec<Operation>,
 }
 
 impl Story {
-    /// Of a board that was made with `initial` in its flash, as its chip tells it.
+    /// The history of a board that started with `initial` in its flash, from its chip's log.
     fn of(initial: Vec<u8>, bench: &Bench) -> Self {
         let chip = bench.board().machine().chip();
         let log = chip.flash.log().iter().map(|operation| match *operation {
@@ -38,7 +38,7 @@ impl Story {
         story
     }
 
-    /// The flash after a real cut: the same is done again on a board whose power fails in an operation.
+    /// The flash after a real cut: the same story again on a board whose power fails in an operation.
     fn really_cut(&self, programs: &Programs, operation: usize, seed: u64, act: fn(&mut Bench)) {
         let mut board = flashed(programs, NODE);
         board.machine_mut().chip_mut().flash.load(FLASH.start, &self.initial);
@@ -71,44 +71,44 @@ impl Story {
     }
 }
 
-/// The image's bytes on a board whose power is off.
+/// The image's bytes on a board without power.
 fn initial(programs: &Programs) -> Vec<u8> {
     flashed(programs, NODE).machine().chip().flash.bytes.clone()
 }
 
-/// A board with these bytes in its flash, its power just on.
+/// A board with these bytes in its flash, just powered.
 fn start(programs: &Programs, bytes: &[u8]) -> Bench {
     let mut board = flashed(programs, NODE);
     board.machine_mut().chip_mut().flash.load(FLASH.start, bytes);
     Bench::powered(board)
 }
 
-/// Whether the planned failure of the power has come.
+/// Whether the planned power cut has happened.
 fn is_cut(bench: &Bench) -> bool {
     bench.board().machine().chip().flash.is_cut()
 }
 
-/// What is in a board's flash.
+/// The contents of a board's flash.
 fn flash_of(bench: &Bench) -> SimFlash {
     let mut flash = SimFlash::default();
     flash.load(FLASH.start, &bench.board().machine().chip().flash.bytes);
     flash
 }
 
-/// What a store makes of a flash.
+/// The flash after a store has opened it.
 fn state_of(flash: &SimFlash) -> State {
     State::of(&Store::open(flash))
 }
 
-/// The monitor of a board whose power is back: it answers, and nothing is wrong.
+/// The monitor of a board whose power is back: it answers, without ERROR.
 fn monitor(bench: &mut Bench) {
-    // It has the crystal after 2 ms, and the bus after 3.
+    // The crystal runs after 2 ms, the bus after 3.
     bench.wait_ms(4);
     wait_for(bench, Property::STAT, 0, 5_000);
     assert_eq!(bench.get(Property::ERROR), Some(0));
 }
 
-/// From the monitor to the application, which may be copied first.
+/// From the monitor to the application; a copy may come first.
 fn wake(bench: &mut Bench) {
     bench.set(Property::STAT, 2);
     bench.wait_ms(30);
@@ -116,7 +116,8 @@ fn wake(bench: &mut Bench) {
     assert_eq!(bench.get(Property::ERROR), Some(0));
 }
 
-/// Waits until a property is that; how long at most, ms. Meanwhile the board may be busy for 40 ms and answer nothing.
+/// Waits up to a time in ms until a property has a value. Meanwhile the board may be busy for 40 ms and not
+/// answer.
 fn wait_for(bench: &mut Bench, property: Property, value: i64, most_ms: u64) {
     let end = bench.bus.now_us() + 1000 * most_ms;
     while bench.get(property) != Some(value) {

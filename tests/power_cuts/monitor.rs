@@ -1,9 +1,9 @@
 //! The monitor.
 //!
-//! A download with all that follows is run once and its flash operations are written down. Up to an operation the
-//! monitor does not know that the power will fail in it; so the flash after a cut there is that before it, with the
-//! operation half done, and every cut can be tried without running the download again. A sample is run through all
-//! the same, and must give the same.
+//! A download with everything that follows runs once, and its flash operations are recorded. Up to an
+//! operation the monitor cannot know that the power will fail in it. So the flash after a cut is the flash
+//! before the operation, with the operation half done, and every cut can be tried without repeating the
+//! download. A sample of cuts is really made and must give the same.
 
 mod downloads;
 mod noise;
@@ -15,10 +15,10 @@ use std::collections::HashSet;
 use tater_fw::monitor::Next;
 use tater_wire::{Body, Message, Property};
 
-/// Seeds for each operation: together with the second cuts some 60,000 states, the monitor's share of 100,000.
+/// Seeds for each operation: with the second cuts some 60,000 states, the monitor's share of 100,000.
 const SEEDS: u64 = 10;
 
-/// One in so many states gets a whole download after it; all get as far as the first request.
+/// One state in so many gets a whole download afterwards; all get as far as the first request.
 const SAMPLE: usize = 97;
 
 struct Trial {
@@ -33,7 +33,7 @@ struct Trial {
 
 impl Trial {
     fn new(old: Option<Vec<u8>>, host: fn(&[u8]) -> Host) -> Self {
-        // Three pages, the last not full.
+        // Three pages, the last partly filled.
         let new = image(2100, 2);
         Self { old, new, host, states: HashSet::new(), tried: 0, found: [0; 3] }
     }
@@ -46,7 +46,7 @@ impl Trial {
         rig.download(&mut (self.host)(lines(&self.new).concat().as_bytes())).is_some()
     }
 
-    /// Every operation of a download, a copy and what follows it.
+    /// Every operation of a download, a copy and the rest.
     fn operations(&self) -> Vec<Operation> {
         let mut rig = Rig::boot(self.before());
         assert!(self.download(&mut rig));
@@ -82,13 +82,13 @@ impl Trial {
         assert!(rig.flash().bytes() == replayed.bytes(), "operation {operation}");
     }
 
-    /// The power comes back after a cut; and fails again in one of the operations by which the monitor recovers.
+    /// Power returns after a cut, and fails again in one of the operations of the monitor's recovery.
     fn cut_again(&mut self, mut flash: SimFlash, operations: usize, seed: u64) {
         if operations == 0 {
             return;
         }
         flash.power_up();
-        // A multiplier of PCG's: scatters the operations over all seeds.
+        // A multiplier of PCG: scatters the operations over all seeds.
         let at = seed.wrapping_mul(0x5851_F42D_4C95_7F2D) >> 32;
         flash.cut_at(flash.operations() + at % operations as u64, seed);
         let mut rig = Rig::boot(flash);
@@ -96,7 +96,8 @@ impl Trial {
         self.recover(rig.into_flash().sim);
     }
 
-    /// The power is back: old or new, alive, downloadable. Returns the number of operations that recovery took.
+    /// Power is back: old or new application, responsive, downloadable. Returns the number of operations of
+    /// the recovery.
     fn recover(&mut self, mut flash: SimFlash) -> usize {
         self.tried += 1;
         self.states.insert(hash(flash.bytes()));
@@ -129,7 +130,7 @@ impl Trial {
     }
 }
 
-/// Fowler-Noll-Vo's over words of 8 bytes: states are told apart, nobody attacks them.
+/// Fowler-Noll-Vo over words of 8 bytes: it distinguishes states; nobody attacks them.
 fn hash(bytes: &[u8]) -> u64 {
     bytes.chunks_exact(8).fold(0xCBF2_9CE4_8422_2325, |hash, word| {
         let word = word.try_into().map_or(0, u64::from_le_bytes);
@@ -150,13 +151,13 @@ fn try_all(before: &str, mut trial: Trial) -> usize {
 }
 
 #[test]
-fn cut_anywhere_with_an_old_application() {
-    // Half of the 50,000 that are the monitor's share; fewer would mean that operations or seeds were skipped.
+fn cut_download_leaves_old_or_new_application() {
+    // Half of the monitor's share of 50,000; fewer would mean that operations or seeds were skipped.
     assert!(try_all("an application", Trial::new(Some(image(2900, 1)), Host::ours)) >= 25_000);
 }
 
 #[test]
-fn cut_anywhere_without_an_application() {
+fn cut_download_without_application_leaves_none_or_new() {
     // As above.
     assert!(try_all("no application", Trial::new(None, Host::barrett)) >= 25_000);
 }

@@ -1,5 +1,5 @@
-//! A motor board's storage: after any cut every property has its old or its new value, those set together are there
-//! together, counters lose at most what is stated, and the store can be written again.
+//! A motor board's storage. After any cut every property has its old or its new value, values set together
+//! are present together, counters lose at most the stated amount, and the store can be written again.
 
 mod endurance;
 mod scenarios;
@@ -26,7 +26,7 @@ fn bytes(flash: &SimFlash) -> &[u8] {
     &flash.bytes()[start..start + STORAGE.len as usize]
 }
 
-/// What a store says.
+/// The values that a store reads.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct State {
     pub(super) values: BTreeMap<Property, i64>,
@@ -59,7 +59,8 @@ impl State {
         self
     }
 
-    /// Whether a store that says `self` may be what is left of one that was to say `told`, trust aside.
+    /// Whether a store with the values `self` may be the result of an interrupted write of `told`, ignoring
+    /// trust.
     fn is_left_of(&self, told: &Self) -> bool {
         let within = |left: i64, told: i64, loss: i64| (told - loss..=told).contains(&left);
         let (left, counters) = (self.counters, told.counters);
@@ -70,13 +71,13 @@ impl State {
     }
 }
 
-/// What the flash may hold after a script, or after a cut in it.
+/// The allowed contents of the flash after a script, or after a cut in it.
 struct MayBe {
-    /// Which of the states between its acts; the first is that before all of them.
+    /// The allowed range of states between its acts; the first is the state before all of them.
     states: Range<usize>,
     /// Trust in states before this one has been consumed for good,
     consumed: usize,
-    /// or was about to be.
+    /// or was being consumed.
     consuming: bool,
 }
 
@@ -90,7 +91,7 @@ impl MayBe {
     }
 }
 
-/// Steps until all is stored, the power fails, or an erase is needed and must not be.
+/// Steps until everything is stored, the power fails, or an erase is needed but not allowed.
 fn step(store: &mut Store, flash: &mut SimFlash, most: usize, bridge_on: bool) -> Progress {
     flash.set_bridge_on(bridge_on);
     for _ in 0..most {
@@ -131,7 +132,7 @@ fn run(script: &[Act], store: &mut Store, flash: &mut SimFlash) -> MayBe {
     MayBe { states: done..script.len() + 1, consumed, consuming: false }
 }
 
-/// Cuts at every operation of scenarios.
+/// Makes cuts at every operation of scenarios.
 #[derive(Default)]
 struct Cuts {
     /// Distinct contents right after a cut, hashed.
@@ -150,7 +151,7 @@ impl Cuts {
         self.cuts += 1;
     }
 
-    /// What a store is asked to do after a cut: take two values together.
+    /// The write attempted after a cut: two values together.
     fn recovery(state: &State) -> [Act; 3] {
         let other = |property| 1 - state.values.get(&property).copied().unwrap_or(0).clamp(0, 1);
         [
@@ -160,7 +161,7 @@ impl Cuts {
         ]
     }
 
-    /// The power is back, and no second cut: the store is written again. How many operations that takes.
+    /// Power is back, without a second cut: the store is written again. Returns the number of operations.
     fn recover(flash: &SimFlash, state: &State) -> u64 {
         let mut flash = flash.clone();
         let before = flash.operations();
@@ -176,8 +177,8 @@ impl Cuts {
         flash.operations() - before
     }
 
-    /// All cuts of a scenario: `seeds` of each, and after the first `twice` of them a second cut at every operation of
-    /// the recovery.
+    /// All cuts of a scenario: `seeds` of each, and after the first `twice` of them a second cut at every
+    /// operation of the recovery.
     fn enumerate(&mut self, scenario: &Scenario, seeds: u64, twice: u64) {
         let Scenario { name, flash: initial, script } = scenario;
         let first = State::of(&Store::open(initial));
@@ -232,7 +233,7 @@ impl Cuts {
 }
 
 #[test]
-fn a_cut_at_any_operation_leaves_the_old_state_or_the_new() {
+fn cut_at_any_operation_leaves_old_or_new_state() {
     let all = scenarios::all();
     let enumerate = |scenarios: &[Scenario]| {
         let mut cuts = Cuts::default();
@@ -249,6 +250,6 @@ fn a_cut_at_any_operation_leaves_the_old_state_or_the_new() {
     cuts.states.extend(other.states);
     cuts.cuts += other.cuts;
     println!("figure: power cuts of storage: {} cuts, {} distinct states", cuts.cuts, cuts.states.len());
-    // The storage's share of the 100,000 that issue 3 asks for.
+    // The storage's share of at least 100,000 states.
     assert!(cuts.states.len() >= 60_000, "{}", cuts.states.len());
 }

@@ -1,4 +1,4 @@
-//! Cuts in a download: the erase of staging, programming it, the copy onto the application, and what ends it.
+//! Cuts in a download: the erase of staging, its programming, the copy to the application, and the end.
 
 use board_emu::image::Programs;
 use tater_wire::download::{Downloader, Next};
@@ -10,14 +10,14 @@ use super::{Story, flash_of, initial, is_cut, monitor, start, wake};
 use crate::emulated::bench::{Bench, NODE, id, production};
 use crate::protocol::download::file;
 
-/// The same application with another number: what tells old from new is its header.
+/// The same application with another version: the header tells old from new.
 fn newer(programs: &Programs) -> Vec<u8> {
     let mut image = programs.application.clone();
     seal(&mut image, 999).expect("an application");
     image
 }
 
-/// Our download, to the start of the application, or to a cut of the power.
+/// Our download, up to the start of the application, or to a power cut.
 fn download(bench: &mut Bench, image: &[u8]) {
     let file = file(image);
     let mut host = Downloader::new(id(NODE), &file, bench.bus.now_us());
@@ -41,11 +41,11 @@ fn act(bench: &mut Bench) {
     download(bench, &newer(&programs));
 }
 
-/// One in so many half-words of a phase is cut.
+/// One half-word in so many of a phase is cut.
 const EACH: usize = 600;
 
-/// Where to cut: some erases and half-words of staging and of the copy, the first and the last ones among them, and all that
-/// ends a download.
+/// The cuts: some erases and half-words of staging and of the copy, including the first and the last, and
+/// every operation at the end of a download.
 fn cuts(story: &Story) -> Vec<usize> {
     let mut seen = [0; 2];
     let chosen = |(i, operation): (usize, &Operation)| {
@@ -55,7 +55,7 @@ fn cuts(story: &Story) -> Vec<usize> {
         };
         let inside = |area: Area| area.holds(address.into(), 1);
         if inside(STORAGE) {
-            // The application's first start, which is the other test's.
+            // The application's first start, which the other test covers.
             return None;
         }
         let last = inside(STAGING) && seen[1] > 0;
@@ -68,7 +68,7 @@ fn cuts(story: &Story) -> Vec<usize> {
 }
 
 #[test]
-fn a_download_that_is_cut_leaves_the_old_application_or_the_new() {
+fn cut_download_of_the_image_leaves_old_or_new_application() {
     let Some(programs) = production() else { return };
     let (old, new) = (programs.application.clone(), newer(&programs));
     assert!(old != new);
@@ -111,6 +111,6 @@ fn a_download_that_is_cut_leaves_the_old_application_or_the_new() {
         story.log.len()
     );
     assert!(old > 0 && new > 0);
-    // Together with those of storage the 200 of issue 5.
+    // With those of storage at least 200.
     assert!(cuts.len() >= 100, "{}", cuts.len());
 }

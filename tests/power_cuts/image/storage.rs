@@ -1,4 +1,5 @@
-//! Cuts in what the application stores: the pages' first preparation, SAVE of one and of all, DEF, an ordered reset.
+//! Cuts in what the application stores: the first preparation of the pages, SAVE of one and of all, DEF, an
+//! ordered reset.
 
 use board_emu::image::Programs;
 use rand::RngExt;
@@ -11,7 +12,7 @@ use super::super::storage::State;
 use super::{Story, flash_of, initial, is_cut, monitor, start, state_of, wait_for, wake};
 use crate::emulated::bench::{Bench, production};
 
-/// The programs, and a storage in which nobody has written anything sensible: its first preparation erases it.
+/// The programs, and a storage with random contents, which its first preparation erases.
 fn unprepared(programs: &Programs) -> Vec<u8> {
     let mut bytes = initial(programs);
     let mut rng = Pcg64Mcg::new(3);
@@ -19,16 +20,17 @@ fn unprepared(programs: &Programs) -> Vec<u8> {
     bytes
 }
 
-/// Properties that are looked at over the bus.
+/// Properties that are checked over the bus.
 const LOOKED_AT: [Property; 4] = [Property::MT, Property::X1, Property::X2, Property::X6];
 
-/// One in so many operations is cut,
+/// One operation in so many is cut,
 const EACH: usize = 2;
 
-/// and each of the last ones of an act so often.
+/// and the last ones of an act more often.
 const LAST: usize = 4;
 
-/// Waits until nothing more is stored: 400 ms without an operation. Before an erase the rotor must have stood for 200.
+/// Waits until nothing more is stored: 400 ms without an operation. Before an erase the rotor must have stood
+/// for 200 ms.
 fn quiet(bench: &mut Bench) {
     loop {
         let before = operations(bench);
@@ -50,7 +52,7 @@ fn save(bench: &mut Bench, values: &[(Property, i64)], id: i64) {
     bench.set(Property::SAVE, id);
 }
 
-/// What is done, one after the other.
+/// The acts, in order.
 const ACTS: [fn(&mut Bench); 9] = [
     |bench| {
         bench.wait_ms(4);
@@ -64,7 +66,7 @@ const ACTS: [fn(&mut Bench); 9] = [
     },
     |bench| bench.set(Property::DEF, Property::X1.id().into()),
     |bench| save(bench, &[(Property::X1, 1), (Property::X2, 2)], Property::X2.id().into()),
-    // Travels, and says so before the reset.
+    // Moves, and stores its odometer before the reset.
     |bench| {
         bench.set(Property::M, 100);
         bench.wait_ms(900);
@@ -79,7 +81,7 @@ const ACTS: [fn(&mut Bench); 9] = [
     |bench| bench.set(Property::DEF, -1),
 ];
 
-/// All of it, or as far as the power lasts.
+/// All acts, or as many as the power lasts for.
 fn act(bench: &mut Bench) {
     for act in ACTS {
         act(bench);
@@ -90,7 +92,7 @@ fn act(bench: &mut Bench) {
     }
 }
 
-/// All acts; after how many operations each was done.
+/// All acts, and the number of operations after each.
 fn run(bench: &mut Bench) -> Vec<usize> {
     let done = |act: &fn(&mut Bench)| {
         act(bench);
@@ -100,8 +102,8 @@ fn run(bench: &mut Bench) -> Vec<usize> {
     ACTS.iter().map(done).collect()
 }
 
-/// Whether a store that says `found` may be left of a cut between two states: all values of one of them, the position trusted
-/// only if it was, and counters that lose what they may and never go beyond.
+/// Whether a store with these values may be the result of a cut between two states: all values of one of
+/// them, the position trusted only if it was, and counters within their allowed loss and never ahead.
 fn is_between(found: &State, old: &State, new: &State) -> bool {
     let (counters, least, most) = (found.counters, old.counters, new.counters);
     [old, new].iter().any(|state| found.values == state.values)
@@ -111,7 +113,7 @@ fn is_between(found: &State, old: &State, new: &State) -> bool {
         && (least.ptemp.min(0)..=most.ptemp).contains(&counters.ptemp)
 }
 
-/// The power is back: the monitor and the application answer, say what is stored, and store again.
+/// Power is back: the monitor and the application answer, read back what is stored, and store again.
 fn recover(programs: &Programs, bytes: &[u8], found: &State, defaults: &[Option<i64>]) {
     let mut bench = start(programs, bytes);
     monitor(&mut bench);
@@ -134,7 +136,7 @@ fn recover(programs: &Programs, bytes: &[u8], found: &State, defaults: &[Option<
 }
 
 #[test]
-fn what_is_stored_is_old_or_new_after_a_cut() {
+fn cut_storage_of_the_image_is_old_or_new() {
     let Some(programs) = production() else { return };
     let mut bench = start(&programs, &unprepared(&programs));
     monitor(&mut bench);
@@ -173,6 +175,6 @@ fn what_is_stored_is_old_or_new_after_a_cut() {
         cuts.len(),
         story.log.len()
     );
-    // Together with those of the download the 200 of issue 5.
+    // With those of the download at least 200.
     assert!(cuts.len() >= 100, "{}", cuts.len());
 }

@@ -1,4 +1,4 @@
-//! Downloads by both hosts: how much of the bus they take, and every failure.
+//! Downloads by both hosts: their bus load, and every failure.
 
 use super::rig::{Host, Rig, application, area, data, flash_with, image, line, lines};
 use hil_sim::rig::flash::SimFlash;
@@ -12,7 +12,7 @@ fn start(rig: &mut Rig) -> Next {
 }
 
 #[test]
-fn an_image_of_48_kib_by_both_hosts() {
+fn download_of_48_kib_takes_the_stated_time() {
     let new = image(48 * 1024, 2);
     let file = lines(&new).concat();
     let mut bus = Vec::new();
@@ -35,7 +35,7 @@ fn an_image_of_48_kib_by_both_hosts() {
     assert!(bus[0] >= 5 * bus[1], "Must show 3: a fifth of the bus at most, {bus:?}");
 }
 
-/// Files that must not get through, what ERROR says, and what is wrong with them.
+/// Files that must be refused, the ERROR, and their defect.
 fn damaged(new: &[u8]) -> Vec<(FaultCode, String, &'static str)> {
     let good = lines(new);
     let with = |i: usize, text: String| {
@@ -67,7 +67,7 @@ fn damaged(new: &[u8]) -> Vec<(FaultCode, String, &'static str)> {
 }
 
 #[test]
-fn every_failure_leaves_the_old_application_and_a_new_download_possible() {
+fn failed_download_keeps_old_application_and_allows_another() {
     let (old, new) = (image(3000, 1), image(2100, 2));
     let good = lines(&new).concat();
     for (error, file, what) in damaged(&new) {
@@ -88,7 +88,7 @@ fn every_failure_leaves_the_old_application_and_a_new_download_possible() {
 }
 
 #[test]
-fn a_host_may_die_at_every_record() {
+fn host_that_dies_at_any_record_leaves_a_usable_board() {
     let (old, new) = (image(3000, 1), image(2100, 2));
     let all = lines(&new);
     for sent in 0..all.len() {

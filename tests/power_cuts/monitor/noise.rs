@@ -1,4 +1,4 @@
-//! A million frames without sense.
+//! A million random frames.
 
 use super::rig::{NODE, Rig, area, flash_with, image};
 use tater_fw::monitor::Next;
@@ -21,7 +21,8 @@ impl Random {
         std::array::from_fn(|_| self.below(end) as u8)
     }
 
-    /// Of anything, of what the monitor listens to, and of what means something to it, about as much.
+    /// About equal parts of anything, of frames that the monitor receives, and of frames with a meaning for
+    /// it.
     fn frame(&mut self) -> Frame {
         let node = u16::from(NODE.number());
         let id = match self.below(8) {
@@ -34,13 +35,13 @@ impl Random {
         match self.below(4) {
             0 => Frame::from_raw(id, &self.bytes(256)[..len]),
             1 => Frame::from_raw(id, &[self.below(128) as u8]),
-            // Characters, one or eight; hexadecimal digits, so that records have lengths and types that there are.
+            // Characters, one or eight; hexadecimal digits, so that records have existing lengths and types.
             2 => {
                 let digits = self.bytes(16).map(|i| b"0123456789ABCDEF"[usize::from(i)]);
                 Frame::from_raw(id, &digits[..if self.below(2) == 0 { 1 } else { 8 }])
             }
             _ => {
-                // 1024 is missing from the key, which chance would find.
+                // 1024 is missing from the key, or chance would find it.
                 let values =
                     [0, 1, 2, 3, 5, -1, 0xAA, 0x1AA, 18384, 23, 3145, 77, i32::MIN, self.below(65536) as i32];
                 let [a, b, c, d] = values[self.below(values.len() as u64) as usize].to_le_bytes();
@@ -52,14 +53,14 @@ impl Random {
     }
 }
 
-/// What the flash stores of who the board is.
+/// The identity that the flash stores.
 fn identity(rig: &Rig) -> [Option<i64>; 3] {
     let store = Store::open(rig.flash());
     [Property::ROLE, Property::SN, Property::ID].map(|property| store.get(property))
 }
 
 #[test]
-fn a_million_frames_without_sense_do_no_harm() {
+fn million_random_frames_do_no_harm() {
     let old = image(3000, 1);
     let mut flash = flash_with(&old);
     let mut store = Store::open(&flash);
@@ -73,7 +74,7 @@ fn a_million_frames_without_sense_do_no_harm() {
     let mut random = Random(1);
     let (mut starts, mut downloads) = (0, 0);
     for _ in 0..FRAMES {
-        // Now and then a pause, so that things run out of time.
+        // A pause now and then, so that timeouts expire.
         let pause = if random.below(1000) == 0 { 1_000_000 * random.below(20) } else { random.below(300) };
         rig.pass(pause);
         rig.say(random.frame());

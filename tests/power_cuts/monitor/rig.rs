@@ -1,4 +1,4 @@
-//! A monitor on simulated flash, a wire with its time to it, and the hosts at the other end.
+//! A monitor on simulated flash, its bus with transmission times, and the hosts at the other end.
 
 use hil_sim::rig::flash::SimFlash;
 use servo_core::sense::commutation::Bridge;
@@ -27,7 +27,7 @@ impl Operation {
     }
 }
 
-/// Simulated flash that writes down what is done to it.
+/// Simulated flash that logs its operations.
 pub struct Logged {
     pub sim: SimFlash,
     pub log: Vec<Operation>,
@@ -93,37 +93,37 @@ pub const NODE: Node = match Node::new(3) {
     None => panic!("3 is a node"),
 };
 
-/// Between two steps of the monitor: its loop, and a frame's way through it, µs.
+/// Interval of two steps of the monitor: its loop, and the processing of a frame, µs.
 const LOOP_US: u64 = 10;
 
-/// Frames that the CAN controller keeps while the flash stalls the processor.
+/// Frames that the CAN controller buffers while the flash stalls the processor.
 const FIFO: usize = 3;
 
-/// A frame on a bus of 1 Mbit/s, µs: 44 bits and the data, 3 bits until the next; stuffing is the bus's to add.
+/// A frame on a bus of 1 Mbit/s, µs: 44 bits and the data, 3 bits until the next; without stuffing.
 fn frame_us(frame: &Frame) -> u64 {
     47 + 8 * frame.data().len() as u64
 }
 
-/// What a download took.
+/// Cost of a download.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Figures {
     pub requests: usize,
     pub frames: usize,
-    /// Time that the bus was taken, µs.
+    /// Time of bus occupation, µs.
     pub bus_us: u64,
     /// From SET VERS to the end of the copy, µs.
     pub took_us: u64,
 }
 
-/// A monitor and the wire to it.
+/// A monitor and its bus.
 pub struct Rig {
     pub monitor: Monitor<Bed>,
     now: u64,
-    /// Frames on their way to the board, and when they arrive.
+    /// Frames on their way to the board, with arrival times.
     coming: VecDeque<(u64, Frame)>,
     bus_free: u64,
     figures: Figures,
-    /// Frames that found the controller full.
+    /// Frames lost because the controller was full.
     pub lost: usize,
 }
 
@@ -144,7 +144,7 @@ impl Rig {
         self.monitor.into_board().flash
     }
 
-    /// Nothing happens for a while.
+    /// Lets time pass without frames.
     pub fn pass(&mut self, us: u64) {
         self.now += us;
     }
@@ -161,7 +161,8 @@ impl Rig {
         self.say(message.frame());
     }
 
-    /// A step of the monitor; what came while the flash stalled it waits in the controller, which keeps three.
+    /// A step of the monitor. Frames that arrive while the flash stalls it wait in the controller, which
+    /// keeps three.
     pub fn step(&mut self) -> (Next, Vec<Frame>) {
         let next = self.monitor.step(Micros(self.now as u32));
         self.now += LOOP_US + self.monitor.board_mut().flash.sim.take_busy_us();
@@ -182,7 +183,7 @@ impl Rig {
         (next, sent)
     }
 
-    /// Steps until all that was said is heard and worked off; whether the application is to start.
+    /// Steps until all frames are received and processed; returns whether the application is to start.
     pub fn settle(&mut self) -> Next {
         for _ in 0..100_000 {
             let (next, _) = self.step();
@@ -193,7 +194,7 @@ impl Rig {
         panic!("no rest: {:?}", self.monitor.error());
     }
 
-    /// What the board answers to a GET; `None` if nothing comes in 0.5 ms and a page's erase.
+    /// The board's answer to a GET; `None` if nothing arrives within 0.5 ms and a page's erase.
     pub fn get(&mut self, property: Property) -> Option<i64> {
         self.say(Message::get(Destination::Node(NODE), property).frame());
         let end = self.now + 41_000;
@@ -232,12 +233,12 @@ impl Rig {
         Some(std::mem::take(&mut self.figures))
     }
 
-    /// Steps on, whatever happens, until the power fails; whether it does.
+    /// Steps on, whatever happens, until the power fails; returns whether it does.
     pub fn run_into_cut(&mut self) -> bool {
         for _ in 0..20_000 {
             self.step();
             if self.flash().is_dead() {
-                // It does not know, and goes on for a while.
+                // It does not know, and continues for a while.
                 (0..10).for_each(|_| drop(self.step()));
                 return true;
             }
@@ -253,14 +254,14 @@ impl Rig {
 /// A host with a file.
 pub struct Host {
     numbered: bool,
-    /// The characters that it sends, in order.
+    /// The characters to send, in order.
     characters: Vec<u8>,
     sent: usize,
 }
 
 impl Host {
-    /// As PROTOCOL §2 describes Barrett's: lines of at most 98 characters; of each the characters after the first, up to
-    /// one below '0'; one for any frame that it sees; never back.
+    /// Barrett's downloader (docs/download.md): lines of at most 98 characters; of each line the characters
+    /// after the first, up to one below '0'; one character for any frame that it sees; never back.
     pub fn barrett(file: &[u8]) -> Self {
         let mut characters = Vec::new();
         for line in file.split_inclusive(|&c| c == b'\n').flat_map(|line| line.chunks(98)) {
@@ -269,7 +270,7 @@ impl Host {
         Self { numbered: false, characters, sent: 0 }
     }
 
-    /// Ours: numbered frames, from where the board says.
+    /// Our downloader: numbered frames, from where the board requests.
     pub fn ours(file: &[u8]) -> Self {
         Self { numbered: true, ..Self::barrett(file) }
     }
@@ -297,7 +298,7 @@ impl Host {
     }
 }
 
-/// What an area holds.
+/// The contents of an area.
 pub fn area(flash: &SimFlash, area: Area, len: usize) -> &[u8] {
     &flash.bytes()[(area.start - FLASH.start) as usize..][..len]
 }
@@ -309,7 +310,7 @@ pub fn application(flash: &SimFlash) -> Option<Header> {
     Header::verify(&all[..header.len as usize]).ok()
 }
 
-/// An image that verifies, of `len` bytes, with whatever bytes.
+/// An image of `len` random bytes that verifies.
 pub fn image(len: usize, version: u32) -> Vec<u8> {
     let mut state = version;
     let mut image: Vec<u8> = std::iter::repeat_with(|| {
@@ -347,7 +348,8 @@ pub fn data(address: u32, bytes: &[u8]) -> String {
     line(&format!("6008{address:08X}{hex}"))
 }
 
-/// The lines of a `.tek` file with this image from the application's start on, 32 bytes each, and the termination.
+/// The lines of a `.tek` file with this image at the application's address, 32 bytes each, and the
+/// termination.
 pub fn lines(image: &[u8]) -> Vec<String> {
     let data = (APPLICATION.start..).step_by(32).zip(image.chunks(32)).map(|(at, bytes)| data(at, bytes));
     data.chain([line(&format!("8008{:08X}", APPLICATION.start))]).collect()

@@ -1,14 +1,14 @@
-//! What years of use leave of the counters and of the flash.
+//! The effect of years of use on the counters and on the flash.
 
 use super::{Counters, LOSS, Progress, Property, SimFlash, Store, scenarios, step, stored};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::memory::{FLASH, PAGE, STORAGE};
 
-/// Erases that a page stands (STM32F103 data sheet, minimum).
+/// Erase endurance of a page (STM32F103 data sheet, minimum).
 const ENDURANCE: u32 = 10_000;
 
-/// The erases of the page of the storage that was erased most, and least.
+/// Erases of the most and of the least erased page of the storage.
 fn wear(flash: &SimFlash) -> (u32, u32) {
     let first = ((STORAGE.start - FLASH.start) / PAGE) as usize;
     let pages = &flash.erases()[first..first + STORAGE.pages() as usize];
@@ -20,16 +20,16 @@ fn finish(store: &mut Store, flash: &mut SimFlash) {
     assert_eq!(step(store, flash, 5000, false), Progress::Done);
 }
 
-/// A board from one power-up to the next: what it has counted, as `count` was told.
+/// A board from one power-up to the next: its true counts, as passed to `count`.
 struct Board {
     counted: Counters,
-    /// Counts that are no thousand yet.
+    /// Counts of an incomplete thousand.
     rest: u32,
     tenths: u32,
 }
 
 impl Board {
-    /// A tenth of a second at a speed, in counts/s.
+    /// Advances a tenth of a second at a speed, in counts/s.
     fn run(&mut self, speed: u32, temperature: i16) {
         self.tenths += 1;
         self.counted.upsecs += u32::from(self.tenths.is_multiple_of(10));
@@ -47,27 +47,27 @@ fn amounts(counters: Counters) -> Amounts {
     [counters.upsecs.into(), counters.odometer.into(), counters.ptemp.into()]
 }
 
-/// By how much `of` is ahead of `left`.
+/// The lead of `of` over `left`.
 fn loss(of: Counters, left: Counters) -> Amounts {
     let (of, left) = (amounts(of), amounts(left));
     std::array::from_fn(|i| of[i] - left[i])
 }
 
-/// What all the cycles so far came to.
+/// Totals of all cycles so far.
 #[derive(Default)]
 struct Life {
-    /// What the flash must at least have: what it had after the last cut, or what was stored exactly since.
+    /// Lower bound of the flash's counters: their values after the last cut, or those stored exactly since.
     kept: Counters,
-    /// Seconds and thousands counted in all cycles, as if none had ever been lost.
+    /// Seconds and thousands of counts in all cycles, as if none had been lost.
     counted: [i64; 2],
-    /// Cycles that ended without all stored.
+    /// Cycles that ended before everything was stored.
     cuts: i64,
     /// The largest loss in a cycle, in seconds, counts and 0.1 °C.
     worst: Amounts,
 }
 
-/// From a power-up until the power fails, in the middle of an operation or between two; or, one
-/// time in eight, until all is stored exactly.
+/// From a power-up until the power fails, in the middle of an operation or between two; or, in one case of
+/// eight, until everything is stored exactly.
 fn cycle(flash: &mut SimFlash, rng: &mut Pcg64Mcg, life: &mut Life) {
     let mut store = Store::open(flash);
     let start = store.counters();
@@ -76,8 +76,8 @@ fn cycle(flash: &mut SimFlash, rng: &mut Pcg64Mcg, life: &mut Life) {
     if rng.random() {
         flash.cut_at(flash.operations() + rng.random_range(0..80), rng.random());
     }
-    // Up to five minutes, standing or as fast as a motor turns (1,057 counts/s). One day in forty is the hottest yet, and
-    // warms by up to 0.5 °C a tenth of a second.
+    // Up to five minutes, standing or as fast as a motor turns (1,057 counts/s). One day in forty is the
+    // hottest so far, and warms by up to 0.5 °C in a tenth of a second.
     let speed = [0, 500, 1057][rng.random_range(0..3)];
     let (mut temperature, hottest) =
         (start.ptemp - 20, start.ptemp + [5, -5][usize::from(rng.random_range(0..40) > 0)]);
@@ -107,7 +107,7 @@ fn cycle(flash: &mut SimFlash, rng: &mut Pcg64Mcg, life: &mut Life) {
     flash.power_up();
     let left = Store::open(flash).counters();
     let lost = loss(board.counted, left);
-    // More than this is what `storage` states: 60 s, 8,000 counts, 1.0 °C.
+    // The bound that `storage` states: 60 s, 8,000 counts, 1.0 °C.
     assert!(std::iter::zip(lost, amounts(LOSS)).all(|(lost, most)| lost <= most), "lost {lost:?}");
     let lost = [lost[0], 1000 * lost[1] + i64::from(board.rest), lost[2]];
     life.worst = std::array::from_fn(|i| life.worst[i].max(lost[i]));
@@ -138,20 +138,20 @@ fn counters_survive_ten_thousand_power_cycles() {
     let stated = [i64::from(LOSS.upsecs), i64::from(1000 * (LOSS.odometer + 1)), LOSS.ptemp.into()];
     assert_eq!(stated, [60, 8000, 10], "the module's text says so");
     assert!(worst[0] <= stated[0] && worst[1] < stated[1] && worst[2] <= stated[2]);
-    // Not a bound that anything would keep: the worst is near it.
+    // The bound is tight: the worst case comes near it.
     assert!(worst[0] >= 57 && worst[1] >= 6000 && worst[2] >= 1, "{worst:?}");
-    // Cuts come at any time, so each costs half of the 58 s and of the 6 thousand by which the flash is told on average; and
-    // a tenth more for chance. Where all was stored nothing is lost.
+    // Cuts come at any time, so on average each costs half of the 58 s and of the 6 thousand counts between
+    // updates of the flash, and a tenth more for chance. A cycle that stored everything loses nothing.
     assert!(10 * lost[0] <= 11 * cuts * 29 && 10 * lost[1] <= 11 * cuts * 3, "{lost:?} in {cuts} cuts");
 }
 
 #[test]
-fn five_thousand_saves_of_every_property_one_by_one_wear_no_page_out() {
+fn five_thousand_saves_of_each_property_wear_no_page_out() {
     let mut flash = SimFlash::default();
     let mut store = Store::open(&flash);
     for save in 0..5000 {
         for property in stored() {
-            // A prime, no range's length: every save changes every property.
+            // A prime that is no range's length, so that every save changes every property.
             let row = property.row();
             store.set(property, row.min + save * 7919 % (row.max - row.min + 1));
             finish(&mut store, &mut flash);
@@ -165,7 +165,7 @@ fn five_thousand_saves_of_every_property_one_by_one_wear_no_page_out() {
     assert!(most - least <= 1, "not spread: {least} to {most}");
 }
 
-/// Erases after years of counting, by calls so many seconds apart, few enough that the flash gets the same half-words.
+/// Erases after years of counting, with calls so many seconds apart that the flash gets the same half-words.
 fn years(years: u64, counts_per_s: u64, stride: usize) -> (u32, u32) {
     let mut flash = SimFlash::default();
     let mut store = Store::open(&flash);
@@ -185,9 +185,9 @@ fn years(years: u64, counts_per_s: u64, stride: usize) -> (u32, u32) {
 #[test]
 fn ten_years_of_counting_wear_no_page_out() {
     let standing = years(10, 0, 29);
-    // As the module says: 315.6 million s / 58 s / 408 half-words / 8 pages.
+    // As the module states: 315.6 million s / 58 s / 408 half-words / 8 pages.
     assert!((1600..=1700).contains(&standing.0), "{standing:?}");
-    // A year of moving all the time as fast as a finger can stands for ten.
+    // A year of continuous movement at a finger's top speed stands for ten years of use.
     let moving = years(1, 500, 2);
     println!(
         "figure: erases of the most erased page: {} in ten years standing, {} in a year of moving all the time",
@@ -197,7 +197,7 @@ fn ten_years_of_counting_wear_no_page_out() {
 }
 
 #[test]
-fn a_day_with_the_bridge_on_loses_no_more() {
+fn day_with_the_bridge_on_loses_no_more_than_stated() {
     let mut flash = scenarios::used();
     let mut store = Store::open(&flash);
     finish(&mut store, &mut flash);

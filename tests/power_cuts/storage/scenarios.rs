@@ -1,11 +1,11 @@
-//! What a board may be doing when the power fails.
+//! Activities of a board at the time of a power cut.
 
 use super::{Counters, Property, SimFlash, Store, run, stored};
 use rand::RngExt;
 use tater_fw::Flash;
 use tater_wire::memory::STORAGE;
 
-/// A call of a store, or several of its step.
+/// A call of a store, or several of its steps.
 #[derive(Clone, Copy, Debug)]
 pub enum Act {
     Set(Property, i64),
@@ -17,13 +17,13 @@ pub enum Act {
     Steps { most: usize, bridge_on: bool },
 }
 
-/// Steps until all is stored.
+/// Steps until everything is stored.
 const FINISH: Act = Act::Steps { most: 3000, bridge_on: false };
 
 /// The same while the motor is driven.
 const DRIVEN: Act = Act::Steps { most: 3000, bridge_on: true };
 
-/// A flash and what happens to it.
+/// A flash and a script of its activities.
 pub struct Scenario {
     pub name: &'static str,
     pub flash: SimFlash,
@@ -43,7 +43,7 @@ pub fn used() -> SimFlash {
     after(SimFlash::default(), &script)
 }
 
-/// The same, with its current page full but for some half-words.
+/// The same, with its current page full except for some half-words.
 fn nearly_full(left: usize) -> SimFlash {
     let (mut flash, mut value) = (used(), 0);
     let last = STORAGE.page(1) - 2 * (left as u32 + 8);
@@ -87,7 +87,7 @@ fn middle(property: Property) -> i64 {
     (property.row().min + property.row().max) / 2
 }
 
-/// A position saved, consumed, saved again, with other saves between, and consumed while it is on its way.
+/// A position saved, consumed, saved again, with other saves between, and consumed while it is being written.
 fn trust() -> Vec<Act> {
     let few = |most| Act::Steps { most, bridge_on: false };
     let (save, other) = (Act::SavePosition(-12, 3), Act::Set(Property::X1, 77));
@@ -111,7 +111,7 @@ fn trust() -> Vec<Act> {
     script
 }
 
-/// Sets while records are on their way.
+/// Sets while records are being written.
 fn interleaved() -> Vec<Act> {
     let step = |most| Act::Steps { most, bridge_on: false };
     let mut script = Vec::new();
