@@ -1,6 +1,6 @@
 //! The servo's inputs and outputs: commands, sensor readings, drive, events and telemetry.
 
-use crate::config::{Config, ConfigError};
+use crate::config::{self, Config, ConfigError};
 use crate::guard::fault::{Fault, LimitCause};
 use crate::mode::Mode;
 use crate::sense::hall::Glitch;
@@ -67,14 +67,14 @@ pub enum Command {
     ClearBreakaway,
 }
 
-/// Velocity commands: ±4080 counts/s (property V).
-const MAX_SPEED: CountsPerSec = CountsPerSec::from_int(4080);
+/// Velocity commands lie within ± this.
+const MAX_SPEED: CountsPerSec = CountsPerSec::from_int(config::MAX_SPEED.cast_signed());
 
-/// Torque commands: ±990 (property T).
-const MAX_TORQUE: Torque = Torque(990);
+/// Torque commands lie within ± this.
+const MAX_TORQUE: Torque = Torque(config::MAX_TORQUE.cast_signed());
 
-/// Positions: ±32767 counts (properties P, E, M).
-const MAX_POSITION: u32 = 32_767;
+/// Position commands lie within ± this, counts.
+const MAX_POSITION: u32 = config::MAX_POSITION.unsigned_abs();
 
 impl Command {
     /// Whether the value is inside its property's range.

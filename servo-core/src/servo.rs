@@ -5,7 +5,7 @@
 //! the data of their motion; the mode that hosts read is derived from it (decision 0044).
 
 use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
-use crate::config::{Config, ConfigError, MotorKind};
+use crate::config::{Config, ConfigError};
 use crate::guard::arrival::arrived;
 use crate::guard::breakaway::Breakaway;
 use crate::guard::fault::{Condition, Fault, Faults};
@@ -285,10 +285,10 @@ impl Servo {
         Ok(Self::with(config, count))
     }
 
-    /// The same with a motor's defaults, which are in range.
+    /// The same without a configuration: it cannot move until [`Command::Configure`].
     #[must_use]
-    pub fn for_motor(kind: MotorKind, count: i32) -> Self {
-        Self::with(Config::for_motor(kind), count)
+    pub fn unconfigured(count: i32) -> Self {
+        Self::with(Config::default(), count)
     }
 
     fn with(config: Config, count: i32) -> Self {

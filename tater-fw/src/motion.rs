@@ -28,22 +28,25 @@ bind! { motion for Config:
     OTEMP = otemp,
 }
 
-/// The servo's word for a kind of motor.
-#[must_use]
-pub(crate) const fn servos(motor: MotorKind) -> servo_core::MotorKind {
-    match motor {
-        MotorKind::Link => servo_core::MotorKind::Link,
-        MotorKind::Spread => servo_core::MotorKind::Spread,
-        MotorKind::Tip => servo_core::MotorKind::Tip,
-    }
-}
+/// How long the spread's brake takes to release, ms: electromagnetic power-off brakes of its size take 10 to 30.
+const BRAKE_MS: u16 = 30;
 
 /// The configuration of a motor on which nothing has been set: the property table's defaults.
 #[must_use]
 pub fn defaults(motor: MotorKind) -> Config {
-    let mut config = Config::for_motor(servos(motor));
+    let mut config = unset(motor);
     fill(&mut config, |property| property.rules().default_for_motor(motor).map(i32::from));
     config
+}
+
+/// What of a motor's configuration is no property.
+#[must_use]
+pub(crate) fn unset(motor: MotorKind) -> Config {
+    let brake_ms = match motor {
+        MotorKind::Spread => BRAKE_MS,
+        MotorKind::Link | MotorKind::Tip => 0,
+    };
+    Config { brake_ms, ..Config::default() }
 }
 
 #[cfg(test)]

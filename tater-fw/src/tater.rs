@@ -146,7 +146,7 @@ impl<B: Board> Tater<B> {
         let trusted = stored.filter(|&(_, at)| at == code).map(|(position, _)| position);
         let count = trusted.unwrap_or(0);
         Self {
-            servo: Servo::for_motor(motion::servos(MotorKind::of(node)), count),
+            servo: Servo::unconfigured(count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
             pending_code: None,
             hall_history: u32::from(code),
@@ -663,7 +663,7 @@ impl<B: Board> Tater<B> {
     /// At the start, and LOAD of all but the position: stored or default, of locked ones too or not.
     #[inline(never)]
     fn load_all(&mut self, locked: bool) {
-        let mut config = *self.servo.config();
+        let mut config = motion::unset(MotorKind::of(self.node));
         // Defaults are in range, and `stored` gives nothing else.
         motion::fill(&mut config, |property| stored_width(self.stored(property.rules())));
         let _ = self.servo.command(Command::Configure(config));

@@ -1,7 +1,6 @@
 //! The mode table, walked whole; entry, end and fault actions on an ideal motor that follows at once.
 
 use super::*;
-use crate::config::MotorKind;
 use crate::guard::fault::Fault;
 use crate::sense::hall::{Direction, HallEdge, HallFault};
 use crate::units::{DeciCelsius, Duty, Micros, MilliAmps, MilliVolts};
@@ -10,6 +9,48 @@ use proptest::prelude::*;
 mod entries;
 mod homing;
 mod host;
+
+/// The joints of the hand, as examples of what a motor may drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum MotorKind {
+    /// With a worm gear, breaks away.
+    Link,
+    /// Back-drivable, with a brake, holds.
+    Spread,
+    /// With a worm gear, homes by closing.
+    Tip,
+}
+
+fn config_of(kind: MotorKind) -> Config {
+    let (accel, hold, tstop, ivel, ioff, bt, brake_ms) = match kind {
+        MotorKind::Link => (40, false, 300, -200, 25, 400, 0),
+        MotorKind::Spread => (30, true, 400, -200, 0, 0, 30),
+        MotorKind::Tip => (30, false, 300, 200, -350, 0, 0),
+    };
+    let (mv, mcv, mov) = (1000, 1000, 1000);
+    let (kp, kd, ki, kpv) = (60, 256, 800, 32);
+    Config {
+        mt: 750,
+        mv,
+        mcv,
+        mov,
+        accel,
+        mpe: 4,
+        hold,
+        tstop,
+        kp,
+        kd,
+        ki,
+        kpv,
+        bt,
+        ivel,
+        ioff,
+        ihit: 250,
+        otemp: 700,
+        brake_ms,
+        ..Config::default()
+    }
+}
 
 /// A bench without a motor: hall steps are whatever the test says.
 struct Bench {
@@ -24,7 +65,7 @@ struct Bench {
 
 impl Bench {
     fn new(kind: MotorKind) -> Self {
-        let servo = Servo::new(Config::for_motor(kind), 0).expect("defaults are in range");
+        let servo = Servo::new(config_of(kind), 0).expect("defaults are in range");
         Self {
             servo,
             now: Micros(u32::MAX - 50_000), // the clock wraps during the test
@@ -110,7 +151,7 @@ fn commands() -> [(Command, &'static str); 17] {
         (Command::Home, "HI"),
         (Command::Terminate, "T (command)"),
         (Command::Abort, "^C"),
-        (Command::Configure(Config { mt: 700, ..Config::for_motor(MotorKind::Spread) }), "MT"),
+        (Command::Configure(Config { mt: 700, ..config_of(MotorKind::Spread) }), "MT"),
         (Command::ClearFault, "STAT 2"),
         (Command::ClearBreakaway, "O"),
     ]
@@ -146,7 +187,7 @@ fn every_mode_takes_or_refuses_every_command() {
 #[test]
 fn values_out_of_range_are_refused_whole() {
     let mut bench = Bench::in_mode(Mode::Torque);
-    let mut bad = Config::for_motor(MotorKind::Spread);
+    let mut bad = config_of(MotorKind::Spread);
     bad.mv = 15;
     let rows = [
         Command::Torque(Torque(991)),
