@@ -144,6 +144,7 @@ impl Command {
 
 /// Why a command was refused. A refused command changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refusal {
     /// A fault is latched.
     Fault(Fault),
@@ -159,6 +160,7 @@ pub enum Refusal {
 
 /// Why a motion ended: property END.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EndReason {
     /// 1: the profile is complete and the error is within MPE.
     Arrived,
@@ -176,6 +178,7 @@ pub enum EndReason {
 
 /// A report of the servo, fetched by [`Servo::event`](crate::Servo::event).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Event {
     /// A motion ended.
     Ended {

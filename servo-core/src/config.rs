@@ -70,6 +70,7 @@ pub struct Config {
 
 /// A value that the servo's arithmetic does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ConfigError {
     /// The field's name.
     pub field: &'static str,

@@ -2,6 +2,7 @@
 
 /// The control mode of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
     /// MODE 0: bridge off, brake engaged.
     #[default]

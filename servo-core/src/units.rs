@@ -187,6 +187,7 @@ impl Duty {
 /// A time-stamp or a duration in microseconds. Time-stamps wrap after 71.6 minutes; differences are right
 /// across the wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Micros(pub u32);
 
 impl Micros {

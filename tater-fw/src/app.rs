@@ -90,19 +90,14 @@ mod app {
     /// and by the slow task, to see that the bus is served.
     #[task(binds = USB_LP_CAN_RX0, priority = 2, shared = [tater])]
     fn receive(mut cx: receive::Context) {
-        let refused = cx.shared.tater.lock(|tater| {
+        cx.shared.tater.lock(|tater| {
             let now = tater.board_mut().now();
             match tater.board_mut().can.receive() {
-                Some(frame) => tater.receive(&frame, now).err().map(|why| (frame, why)),
-                None => {
-                    tater.flush();
-                    None
-                }
+                // A refusal is in the event ring.
+                Some(frame) => drop(tater.receive(&frame, now)),
+                None => tater.flush(),
             }
         });
-        if let Some((frame, why)) = refused {
-            log::refused(&frame, why);
-        }
     }
 
     /// A frame has gone: there is room for the next.
@@ -128,12 +123,10 @@ mod app {
     #[idle(shared = [tater])]
     fn idle(mut cx: idle::Context) -> ! {
         loop {
-            let (progress, event) = cx.shared.tater.lock(|tater| (tater.store(), tater.event()));
-            log::stored(progress);
-            if let Some(event) = event {
-                log::event(event);
-            }
-            if progress != Progress::More {
+            let (progress, entry) = cx.shared.tater.lock(|tater| (tater.store(), tater.next_event()));
+            if let Some(entry) = entry {
+                log::event(entry);
+            } else if progress != Progress::More {
                 cortex_m::asm::wfi();
             }
         }

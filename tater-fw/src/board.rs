@@ -77,6 +77,7 @@ pub trait Board {
 
 /// Why the flash did not do as told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FlashError {
     /// What was read back is not what was written.
     Verify,

@@ -35,11 +35,15 @@ pub mod bsp;
 #[forbid(unsafe_code)]
 pub mod codes;
 #[forbid(unsafe_code)]
+pub mod events;
+#[forbid(unsafe_code)]
 mod lock;
 #[forbid(unsafe_code)]
 pub mod monitor;
 #[forbid(unsafe_code)]
 pub mod motion;
+#[forbid(unsafe_code)]
+mod set_error;
 #[forbid(unsafe_code)]
 pub mod storage;
 #[forbid(unsafe_code)]
@@ -47,4 +51,5 @@ pub mod tater;
 
 pub use board::{Analog, Board, Flash, FlashError};
 pub use monitor::Monitor;
+pub use set_error::SetError;
 pub use tater::Tater;

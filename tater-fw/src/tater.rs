@@ -14,10 +14,12 @@ mod kept;
 mod tests;
 
 use self::kept::{Kept, kept};
-use crate::board::Board;
+use crate::board::{Board, FlashError};
 use crate::codes::{self, end_code, fault_code, mode_code};
+use crate::events::{BoardEvent, Entry, Events};
 use crate::lock::Lock;
 use crate::motion::{self, motion};
+use crate::set_error::SetError;
 use crate::storage::{Counters, Progress, Store};
 use heapless::Deque;
 use servo_core::mode::Mode;
@@ -25,18 +27,18 @@ use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
 use servo_core::servo::COUNTS_PER_REV;
 use servo_core::units::{CountsPerSec, Micros, Torque};
-use servo_core::{Command, Config, Drive, Event, Refusal, Sense, Servo, Telemetry};
+use servo_core::{Command, Config, Drive, EndReason, Event, Refusal, Sense, Servo, Telemetry};
 use tater_wire::property::{Access, Rules, Stored};
 use tater_wire::{
-    Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, MotorKind, Node, Property,
+    Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, MotorKind, Node, Property, Torques, Value,
 };
 
 /// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries. An answer that
 /// finds no room is not given: [`SetError::Busy`], and counted in [`Tater::unsent`].
 const OUTBOX: usize = 16;
 
-/// Events kept for an observer (a log); the oldest is dropped.
-const EVENTS: usize = 8;
+/// Servo reports handled in one call.
+const REPORTS: usize = 8;
 
 /// Ticks of 1 ms without a frame after which a host that steers (modes 2 and 4) is lost: hosts poll at 10 Hz and faster.
 const HOST_TIMEOUT_MS: u16 = 500;
@@ -70,23 +72,6 @@ const ALL: i64 = -1;
 /// Bridge off, brake engaged.
 const OFF: Drive = Drive { duty: None, brake_released: false };
 
-/// Why a frame changed nothing. Nobody is told on the bus; logs and simulations are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SetError {
-    /// The frame means nothing.
-    Unknown,
-    /// Not a property that may be written, or read, or not by this board, or not now (LOCK).
-    Access(Property),
-    /// The value is out of its range.
-    Range(Property),
-    /// The board has no number on the bus yet, and so does not move.
-    Unnamed,
-    /// The servo says no.
-    Servo(Refusal),
-    /// The answer found no room in the outbox.
-    Busy(Property),
-}
-
 /// A motor board's application.
 #[derive(Debug)]
 pub struct Tater<B: Board> {
@@ -109,7 +94,13 @@ pub struct Tater<B: Board> {
     breakaway_position: i32,
     outbox: Deque<Frame, OUTBOX>,
     unsent: u32,
-    events: Deque<Event, EVENTS>,
+    /// Why an order to move was refused, until the next motion: END says it.
+    refused_end: Option<EndReason>,
+    events: Events,
+    /// The mode that [`Self::events`] has recorded last.
+    recorded_mode: Mode,
+    /// The time of the last tick or frame.
+    now: Micros,
     /// Ticks for which the host may stay silent: from [`HOST_TIMEOUT_MS`] at a frame to this board or its groups down to 0.
     host_timeout_ms: u16,
     /// Ticks in idle since a hall line changed last; from [`STANDSTILL_MS`] on it may be more.
@@ -158,7 +149,10 @@ impl<B: Board> Tater<B> {
             breakaway_position: 0,
             outbox: Deque::new(),
             unsent: 0,
-            events: Deque::new(),
+            refused_end: None,
+            events: Events::default(),
+            recorded_mode: Mode::Idle,
+            now,
             host_timeout_ms: HOST_TIMEOUT_MS,
             standstill_ms: 0,
             tick_ran: false,
@@ -244,6 +238,7 @@ impl<B: Board> Tater<B> {
     /// follow, as soon as nothing more urgent waits.
     pub fn tick(&mut self, now: Micros) -> bool {
         self.tick_ran = true;
+        self.now = now;
         let analog = self.board.analog();
         if self.commutator.is_settled(self.board.raw_halls()) {
             self.pending_code = None;
@@ -286,7 +281,7 @@ impl<B: Board> Tater<B> {
     ///
     /// # Errors
     /// Why it changed nothing and is not answered.
-    pub fn receive(&mut self, frame: &Frame, _now: Micros) -> Result<(), SetError> {
+    pub fn receive(&mut self, frame: &Frame, now: Micros) -> Result<(), SetError> {
         self.bus_served = true;
         let Identifier { from, to } = frame.id();
         if !self.is_addressed(to) {
@@ -297,30 +292,48 @@ impl<B: Board> Tater<B> {
             // The frame may ask for what the last tick has to report.
             self.drain_events();
         }
-        let obeyed = match Message::parse(frame).map(|message| message.body) {
+        self.now = now;
+        let message = Message::parse(frame).map(|message| message.body);
+        let result = match message {
             Some(Body::Get(id)) => self.get(id, from),
-            Some(Body::Set { property, value }) => {
-                if property != Property::LOCK.id() {
-                    self.lock.interrupt();
-                }
-                match Property::of(property) {
-                    Some(property) => self.set(property, property.read(value)),
-                    None => Err(SetError::Unknown),
-                }
-            }
-            Some(Body::Torques(torques)) => {
-                self.lock.interrupt();
-                let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
-                match torques.slot(self.kept.pidx) {
-                    Some(torque) => self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most)))),
-                    None => Err(SetError::Range(Property::T)),
-                }
-            }
+            Some(Body::Set { property, value }) => self.set_by_number(property, value),
+            Some(Body::Torques(torques)) => self.set_torques(torques),
             Some(Body::Position(_) | Body::More { .. }) | None => Err(SetError::Unknown),
         };
+        if let Err(error) = result {
+            let property = match message {
+                Some(Body::Get(property) | Body::Set { property, .. }) => Some(property),
+                Some(Body::Torques(_)) => Some(Property::T.id()),
+                Some(Body::Position(_) | Body::More { .. }) | None => None,
+            };
+            self.record(BoardEvent::Refused { property, error });
+        }
         self.drain_events();
         self.transmit();
-        obeyed
+        result
+    }
+
+    fn set_by_number(&mut self, number: u8, value: Value) -> Result<(), SetError> {
+        if number != Property::LOCK.id() {
+            self.lock.interrupt();
+        }
+        let property = Property::of(number).ok_or(SetError::Unknown)?;
+        let value = property.read(value);
+        self.set(property, value)?;
+        if !matches!(property, Property::T | Property::V | Property::LOCK) {
+            // Every property's range is within 32 bits.
+            let value = i32::try_from(value).unwrap_or(i32::MAX);
+            self.record(BoardEvent::Order { property, value });
+        }
+        Ok(())
+    }
+
+    /// Torques for several boards in one frame: PIDX says which is this board's.
+    fn set_torques(&mut self, torques: Torques) -> Result<(), SetError> {
+        self.lock.interrupt();
+        let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
+        let torque = torques.slot(self.kept.pidx).ok_or(SetError::Range(Property::T))?;
+        self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most))))
     }
 
     /// Whether a frame concerns this board.
@@ -407,7 +420,7 @@ impl<B: Board> Tater<B> {
             P::HALLH => i64::from(self.hall_history | u32::from(status.homed) << 30),
             P::BD => i64::from(status.breakaway.is_some()),
             P::BP => i64::from(self.breakaway_position),
-            P::END => status.end.map_or(0, |reason| end_code(reason).into()),
+            P::END => self.refused_end.or(status.end).map_or(0, |reason| end_code(reason).into()),
             P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | kept!() => return None,
         };
         let rules = property.rules();
@@ -500,7 +513,25 @@ impl<B: Board> Tater<B> {
         if self.node == Node::HOST && command.moves() {
             return Err(SetError::Unnamed);
         }
-        self.servo.command(command).map_err(SetError::Servo)
+        let result = self.servo.command(command);
+        match result {
+            Ok(()) if command.moves() => self.refused_end = None,
+            Err(refusal) if starts_motion(&command) => self.end_refused(refusal),
+            Ok(()) | Err(_) => {}
+        }
+        result.map_err(SetError::Servo)
+    }
+
+    /// An order to move was refused: END says so at once, because a host that waits for the motion's end would wait for ever.
+    /// A motion under way has an end of its own.
+    fn end_refused(&mut self, refusal: Refusal) {
+        let Telemetry { mode, end, .. } = self.servo.telemetry();
+        if matches!(mode, Mode::Velocity | Mode::Trapezoidal) && end.is_none() {
+            return;
+        }
+        let reason = if let Refusal::Fault(_) = refusal { EndReason::Fault } else { EndReason::Aborted };
+        self.refused_end = Some(reason);
+        self.handle_event(Event::Ended { reason, mode });
     }
 
     fn reset_counters(&mut self, counters: Counters) -> Result<(), SetError> {
@@ -731,8 +762,8 @@ impl<B: Board> Tater<B> {
         }
         match self.store.distrust(self.board.flash()) {
             Ok(()) => self.trusted_at = None,
-            Err(_) => {
-                self.storage_error = true;
+            Err(error) => {
+                self.flash_failed(error);
                 self.drive = OFF;
                 let _ = self.servo.command(Command::Terminate);
             }
@@ -778,18 +809,22 @@ impl<B: Board> Tater<B> {
         self.unsent
     }
 
-    /// Tells the servo's reports, oldest first.
+    /// Handles the servo's reports, oldest first.
     fn drain_events(&mut self) {
-        for _ in 0..EVENTS {
+        for _ in 0..REPORTS {
             let Some(event) = self.servo.event() else { break };
             self.handle_event(event);
         }
+        let mode = self.servo.telemetry().mode;
+        if mode != self.recorded_mode {
+            self.recorded_mode = mode;
+            self.record(BoardEvent::Mode(mode));
+        }
     }
 
-    /// Tells a report: the host if it has asked for them, and whoever watches.
+    /// Sends a report to the host, if LFLAGS asks for it, and records it. One that finds no room is counted as unsent.
     fn handle_event(&mut self, event: Event) {
         let flags = self.kept.lflags;
-        // Without room they are counted as unsent.
         match event {
             Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
                 let _ = self.answer(Node::HOST, Property::MODE, mode_code(mode).into());
@@ -803,16 +838,21 @@ impl<B: Board> Tater<B> {
             }
             Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
         }
-        if self.events.is_full() {
-            self.events.pop_front();
-        }
-        // Room was made above.
-        let _ = self.events.push_back(event);
+        self.record(BoardEvent::Motor(event));
     }
 
-    /// What the servo reported, oldest first: for logs and simulations.
-    pub fn event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+    fn record(&mut self, event: BoardEvent) {
+        self.events.push(self.now, event);
+    }
+
+    /// The next entry of [`Self::events`] that has not been taken: for logs and simulations.
+    pub fn next_event(&mut self) -> Option<Entry> {
+        self.events.take_next()
+    }
+
+    /// The last [`CAPACITY`](crate::events::CAPACITY) entries, oldest first: for logs and simulations.
+    pub fn events(&self) -> impl Iterator<Item = &Entry> {
+        self.events.iter()
     }
 
     // --- housekeeping, flash and reset -------------------------------------------------------------------------
@@ -855,10 +895,18 @@ impl<B: Board> Tater<B> {
 
     fn step_store(&mut self, may_erase: bool) -> Progress {
         let progress = self.store.step(self.board.flash(), may_erase);
-        if let Progress::Failed(_) = progress {
-            self.storage_error = true;
+        if let Progress::Failed(error) = progress {
+            self.flash_failed(error);
         }
         progress
+    }
+
+    /// ERROR 8, recorded once until SET STAT 2 clears it.
+    fn flash_failed(&mut self, error: FlashError) {
+        if !self.storage_error {
+            self.storage_error = true;
+            self.record(BoardEvent::Flash(error));
+        }
     }
 
     /// Into the monitor: bridge off first; what is to be stored is stored, and so are the
@@ -936,6 +984,11 @@ impl<B: Board> Tater<B> {
     pub fn into_board(self) -> B {
         self.board
     }
+}
+
+/// Whether a command starts a motion that ends by itself, or a mode that moves.
+const fn starts_motion(command: &Command) -> bool {
+    command.moves() && !matches!(command, Command::Torque(_))
 }
 
 /// A value that its row's range has bounded, in the servo's width.

@@ -3,6 +3,7 @@
 
 /// A node of the bus, 0..=31: 0 is the host (or GOD in its place), Taters are 1 to 7.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Node(u8);
 
 impl Node {

@@ -16,14 +16,15 @@ const ARROWS: [Arrows; 9] = [
     Arrows {
         package: "servo-core",
         ours: &[],
-        // fixed: the Q-formats, no_std, integer only. heapless: bounded queues without a heap. proptest: tests.
-        others: Some(&["fixed", "heapless", "proptest (dev)"]),
+        // fixed: the Q-formats, no_std, integer only. heapless: bounded queues without a heap. defmt: feature, log lines that
+        // carry types. proptest: tests.
+        others: Some(&["defmt", "fixed", "heapless", "proptest (dev)"]),
     },
     Arrows {
         package: "tater-wire",
         ours: &[],
-        // heapless: bounded buffers without a heap. crc, proptest: tests.
-        others: Some(&["heapless", "crc (dev)", "proptest (dev)"]),
+        // heapless: bounded buffers without a heap. defmt: as above. crc, proptest: tests.
+        others: Some(&["defmt", "heapless", "crc (dev)", "proptest (dev)"]),
     },
     Arrows {
         package: "tater-fw",

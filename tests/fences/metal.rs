@@ -119,7 +119,7 @@ fn may_call(name: &str) -> &'static [&'static str] {
         "receive" => &["receive", "flush"],
         "sent" => &["flush"],
         "housekeeping" => &["housekeeping"],
-        "idle" => &["store", "event"],
+        "idle" => &["store", "next_event"],
         _ => &[],
     }
 }
@@ -333,7 +333,7 @@ fn the_task_fence_can_fail() {
         ],
         &[
             "#[init] fn a() {} #[task(binds = A)] fn tick(c: C) { c.lock(|tater| tater.tick(d)); }",
-            "#[idle] fn idle(c: C) -> ! { loop { c.tater.lock(|tater| (tater.store(), tater.event())); } }",
+            "#[idle] fn idle(c: C) -> ! { loop { c.tater.lock(|tater| (tater.store(), tater.next_event())); } }",
             &locked(hall, "let at = tater.board_mut().edge(); tater.hall(at);"),
         ],
     );

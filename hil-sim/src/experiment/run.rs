@@ -5,7 +5,7 @@ use rand_pcg::Pcg64Mcg;
 use servo_core::mode::Mode;
 use servo_core::{Command, Event};
 use tater_fw::codes::mode_code;
-use tater_fw::tater::SetError;
+use tater_fw::SetError;
 use tater_wire::{Cmd, Destination, Message, ModeCode, MotorKind, Property};
 
 use crate::experiment::metrics::{Meter, Metrics, Value, end_word, fault_word, mode_word};

@@ -5,9 +5,10 @@ mod factory;
 
 use servo_core::units::Micros;
 use servo_core::{Event, Telemetry};
+use tater_fw::events::BoardEvent;
 use tater_fw::monitor::Next;
 use tater_fw::storage::Progress;
-use tater_fw::tater::SetError;
+use tater_fw::SetError;
 use tater_fw::{Analog, Board, Monitor, Tater};
 use tater_wire::{FaultCode, Frame};
 
@@ -405,11 +406,13 @@ impl Node {
         }
     }
 
-    /// The servo's next event.
+    /// The servo's next event, if the application runs. Drops what else the board has recorded since the last call.
     pub fn event(&mut self) -> Option<Event> {
-        match &mut self.program {
-            Some(Program::Application(tater)) => tater.event(),
-            _ => None,
+        let Some(Program::Application(tater)) = &mut self.program else { return None };
+        loop {
+            if let BoardEvent::Motor(event) = tater.next_event()?.event {
+                return Some(event);
+            }
         }
     }
 

@@ -14,6 +14,7 @@ const BUS_MS: u8 = 10;
 
 /// A condition that ends motion at once: bridge off, brake engaged, until `Command::ClearFault`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
     /// The hall lines lie too often or one of them is stuck (property HALLS).
     Halls,

@@ -86,6 +86,7 @@ pub struct HallEdge {
 
 /// A sample that cannot be the rotor's doing, named; the count does not follow it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Glitch {
     /// Code 0 or 7: no rotor position gives it.
     Illegal,

@@ -10,6 +10,7 @@ macro_rules! table {
         /// A property of a Tater, by its name in the manual. What it means is its row's `meaning`.
         #[allow(clippy::upper_case_acronyms, reason = "the manual's names")]
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
         pub enum Property {
             $(#[doc = $meaning] $name = $id,)*

@@ -6,8 +6,8 @@ use servo_core::mode::Mode;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, Micros, MilliAmps, MilliVolts};
 use std::vec::Vec;
+use tater_fw::SetError;
 use tater_fw::storage::Progress;
-use tater_fw::tater::SetError;
 use tater_fw::{Analog, Board, Flash, FlashError, Tater};
 use tater_wire::memory::{FLASH, PAGE};
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
@@ -242,6 +242,11 @@ impl Bench {
     pub fn tick_alone(&mut self) -> bool {
         self.now = self.now.wrapping_add(Micros(1000));
         self.tater.tick(self.now)
+    }
+
+    /// The time of the last tick.
+    pub const fn now(&self) -> Micros {
+        self.now
     }
 
     pub fn tick(&mut self) -> Drive {

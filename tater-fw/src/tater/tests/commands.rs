@@ -1,7 +1,7 @@
 //! CMD, groups, packed torques, and who is answered how.
 
 use super::board::{Bench, FakeBoard};
-use crate::tater::SetError;
+use crate::SetError;
 use servo_core::mode::Mode;
 use servo_core::units::Torque;
 use servo_core::{EndReason, Refusal};

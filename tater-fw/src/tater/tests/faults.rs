@@ -1,9 +1,10 @@
 //! ERROR: every fault of the application can be provoked, idles the motor where it should, and is cleared by STAT 2.
 
 use super::board::Bench;
+use crate::SetError;
 use crate::codes::fault_code;
 use crate::storage::Progress;
-use crate::tater::{HOST_TIMEOUT_MS, SetError};
+use crate::tater::HOST_TIMEOUT_MS;
 use servo_core::Refusal;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;

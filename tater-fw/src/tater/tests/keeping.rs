@@ -1,7 +1,7 @@
 //! What outlives the power, and the watchdog.
 
 use super::board::{Bench, SERIAL};
-use crate::tater::SetError;
+use crate::SetError;
 use servo_core::Refusal;
 use servo_core::mode::Mode;
 use servo_core::units::{DeciCelsius, Micros};

@@ -1,9 +1,9 @@
 //! What STAT, MODE, T, V, P and E read and do.
 
 use super::board::Bench;
+use crate::SetError;
 use crate::board::Analog;
 use crate::codes::mode_code;
-use crate::tater::SetError;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation;
 use servo_core::units::{CountsPerSec, DeciCelsius, Micros, MilliAmps, MilliVolts};

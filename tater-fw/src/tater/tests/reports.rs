@@ -1,7 +1,11 @@
 //! What is said unasked, and what happens to answers that find no room.
 
 use super::board::Bench;
-use crate::tater::{OUTBOX, SetError};
+use crate::SetError;
+use crate::events::{BoardEvent, Entry};
+use crate::tater::OUTBOX;
+use servo_core::guard::fault::Fault;
+use servo_core::mode::Mode;
 use servo_core::{EndReason, Event};
 use std::vec::Vec;
 use tater_wire::{Body, Property};
@@ -69,16 +73,111 @@ fn the_mode_reported_is_the_one_that_follows_the_end() {
     assert_eq!(said(&mut bench), [(Property::MODE, 0), (Property::END, 3)], "in the same call");
 }
 
+/// All that the board has recorded since the last call.
+fn recorded(bench: &mut Bench) -> Vec<BoardEvent> {
+    std::iter::from_fn(|| bench.tater.next_event()).map(|entry| entry.event).collect()
+}
+
 #[test]
-fn events_are_kept_for_an_observer_the_oldest_go_first() {
+fn event_ring_records_orders_modes_refusals_and_ends() {
     let mut bench = Bench::new(4);
-    for _ in 0..6 {
-        bench.set(Property::M, 50).expect("moves");
-        bench.set(Property::CMD, 21).expect("T");
+    let (m, t) = (Property::M, Property::CMD);
+    for _ in 0..2 {
+        bench.set(m, 50).expect("moves");
+        bench.set(t, 21).expect("T");
     }
-    let ends: Vec<_> = std::iter::from_fn(|| bench.tater.event()).collect();
-    assert_eq!(ends.len(), 6);
-    assert!(ends.iter().all(|event| matches!(event, Event::Ended { reason: EndReason::Aborted, .. })));
+    let order = |property, value| BoardEvent::Order { property, value };
+    let aborted = BoardEvent::Motor(Event::Ended { reason: EndReason::Aborted, mode: Mode::Idle });
+    let once = [
+        order(m, 50),
+        BoardEvent::Mode(Mode::Trapezoidal),
+        order(t, 21),
+        aborted,
+        BoardEvent::Mode(Mode::Idle),
+    ];
+    assert_eq!(recorded(&mut bench), [once, once].concat());
+    let error = SetError::Range(Property::MT);
+    assert_eq!(bench.set(Property::MT, 5000), Err(error));
+    let refused = BoardEvent::Refused { property: Some(Property::MT.id()), error };
+    assert_eq!(recorded(&mut bench), [refused]);
+    let at = bench.tater.events().map(|entry| entry.at.0).collect::<Vec<_>>();
+    assert!(at.len() == 11 && at.is_sorted(), "{at:?}");
+}
+
+#[test]
+fn event_ring_has_the_tick_of_a_fault_and_no_streamed_torque() {
+    let mut bench = Bench::new(4);
+    bench.set(Property::MODE, 2).expect("idle");
+    recorded(&mut bench);
+    for torque in 0..100 {
+        bench.set(Property::T, torque).expect("mode 2");
+    }
+    assert_eq!(recorded(&mut bench), []);
+    bench.tater.bridge_fault();
+    bench.ticks(1);
+    let at = bench.now();
+    bench.ticks(3);
+    let entries: Vec<Entry> = std::iter::from_fn(|| bench.tater.next_event()).collect();
+    let fault = BoardEvent::Motor(Event::Fault(Fault::Bridge));
+    assert!(entries.iter().any(|entry| entry.event == fault && entry.at == at), "{at:?} {entries:?}");
+}
+
+/// END and MODE as a host reads them, and what was reported before unasked.
+fn end_and_mode(bench: &mut Bench) -> (Option<i64>, Option<i64>, Vec<(Property, i64)>) {
+    let reports = said(bench);
+    (bench.get(Property::END), bench.get(Property::MODE), reports)
+}
+
+#[test]
+fn motion_refused_for_a_fault_sets_end_6_at_once() {
+    let cmds = [7, 13, 14, 15, 16, 17, 18, 19, 20].map(|number| (Property::CMD, number));
+    for (property, value) in [(Property::M, 40), (Property::MODE, 5)].into_iter().chain(cmds) {
+        let mut bench = Bench::new(1);
+        bench.set(Property::LFLAGS, 1).expect("in range");
+        bench.tater.bridge_fault();
+        bench.ticks(1);
+        assert_eq!(bench.get(Property::END), Some(0), "no motion has ended");
+        said(&mut bench);
+        bench.set(property, value).expect_err("a fault is latched");
+        let reports = [(Property::MODE, 0), (Property::END, 6)].to_vec();
+        assert_eq!(end_and_mode(&mut bench), (Some(6), Some(0), reports), "{property:?} {value}");
+        assert_eq!(bench.get(Property::ERROR), Some(6));
+        // The next motion that is accepted has an end of its own.
+        bench.set(Property::STAT, 2).expect("clears it");
+        assert_eq!(bench.get(Property::END), Some(6));
+        bench.set(Property::M, 400).expect("moves");
+        bench.ticks(3);
+        assert_eq!((bench.get(Property::END), bench.get(Property::MODE)), (Some(0), Some(5)));
+    }
+}
+
+#[test]
+fn homing_that_cannot_find_a_stop_sets_end_3_at_once() {
+    let mut bench = Bench::new(1);
+    bench.set(Property::LFLAGS, 1).expect("in range");
+    bench.set(Property::IVEL, 0).expect("in range");
+    bench.set(Property::CMD, 13).expect_err("no velocity");
+    let reports = [(Property::MODE, 0), (Property::END, 3)].to_vec();
+    assert_eq!(end_and_mode(&mut bench), (Some(3), Some(0), reports));
+    assert_eq!(bench.get(Property::ERROR), Some(0));
+}
+
+#[test]
+fn refusal_leaves_end_to_a_motion_under_way_and_to_streamed_torque() {
+    let mut bench = Bench::new(1);
+    bench.set(Property::IVEL, 0).expect("in range");
+    bench.set(Property::M, 400).expect("moves");
+    bench.ticks(10);
+    bench.set(Property::CMD, 13).expect_err("no velocity");
+    assert_eq!((bench.get(Property::END), bench.get(Property::MODE)), (Some(0), Some(5)));
+    bench.tater.bridge_fault();
+    bench.ticks(1);
+    assert_eq!(bench.get(Property::END), Some(6), "the motion's end");
+    let mut bench = Bench::new(1);
+    bench.tater.bridge_fault();
+    bench.ticks(1);
+    bench.set(Property::T, 100).expect_err("a fault is latched");
+    assert_eq!(bench.get(Property::END), Some(0));
 }
 
 #[test]
