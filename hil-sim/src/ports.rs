@@ -5,9 +5,9 @@
 pub mod cli;
 mod gcl;
 pub mod grasper;
-mod keep;
+mod grasper_client;
 mod lines;
 mod output;
 mod serve;
 pub mod slcan;
-mod talk;
+mod state_file;

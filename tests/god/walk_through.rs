@@ -43,16 +43,16 @@ impl Person<'_> {
     fn waits(&mut self) {
         let end_us = self.session.hand.now_us() + MOST_US;
         loop {
-            if let Some(line) = self.console.says() {
+            if let Some(line) = self.console.next_line() {
                 self.session.hand.push_rx(line.as_bytes());
             }
-            if let Some(question) = self.console.asks() {
+            if let Some(question) = self.console.question() {
                 self.screen.push_str(question);
                 return;
             }
             assert!(self.session.hand.now_us() < end_us, "it never ends: {}", self.screen);
             self.session.wait_us(1000);
-            for line in self.session.hand.take_tx().into_iter().filter_map(|byte| self.console.hears(byte)) {
+            for line in self.session.hand.take_tx().into_iter().filter_map(|byte| self.console.push_byte(byte)) {
                 self.screen.push_str(&format!("{line}\n"));
             }
         }
@@ -75,7 +75,7 @@ fn walk(session: &mut Session) -> String {
         entries.iter().for_each(|entry| person.enters(entry));
         assert_near(person.session, *places, &format!("step {step}"));
     }
-    assert!(!person.console.went_wrong(), "{}", person.screen);
+    assert!(!person.console.had_error(), "{}", person.screen);
     person.screen + "\n"
 }
 

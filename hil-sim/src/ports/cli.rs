@@ -8,9 +8,9 @@ use std::time::Duration;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use super::gcl::{self, GclArgs};
-use super::output::{print, replace, tell};
+use super::grasper_client::{self, GrasperArgs};
+use super::output::{print, replace_file, warn};
 use super::serve::{self, BusArgs, HandArgs};
-use super::talk::{self, GrasperArgs};
 use crate::experiment::input::BadInput;
 use crate::experiment::replay::{Replayed, replay};
 use crate::experiment::report;
@@ -29,34 +29,34 @@ struct Args {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Run a scenario and judge it. Exit code 1 if an expectation fails, 2 for bad input.
+    /// Run a scenario and check its expectations. Exit code 1 if one fails, 2 for bad input.
     Run(RunArgs),
-    /// Name the scenarios that are shipped.
+    /// List the shipped scenarios.
     List,
-    /// Serve boards on a CAN bus in real time, for CAN tools. Ends with ^C.
+    /// Serve boards on a CAN bus in real time, for CAN tools. Stop with ^C.
     Bus(BusArgs),
-    /// Serve a whole hand in real time, for its hosts. Ends with ^C.
+    /// Serve a whole hand in real time, for its hosts. Stop with ^C.
     Hand(HandArgs),
-    /// Type Grasper Control Language at a whole hand, in simulated time. Exit code 1 if a line comes to an error.
+    /// Type Grasper Control Language at a simulated hand, as fast as possible. Exit code 1 if a line ends in an error.
     Gcl(GclArgs),
-    /// The console of the manual's walk-through, for a hand that is served: standard input goes to it, M, C and O ask what they need.
-    /// Exit code 1 if a line comes to an error.
+    /// The console of the manual's walk-through, for a hand served by `hil-sim hand`: reads standard input; M, C and O prompt for their
+    /// arguments. Exit code 1 if a line ends in an error.
     Grasper(GrasperArgs),
-    /// Feed a recording of hall lines through the servo's decoder and estimator.
+    /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
 
 #[derive(clap::Args)]
 struct ReplayArgs {
-    /// Three bytes a sample, 0x5A and the hall code in two, little-endian; may be gzipped.
+    /// Samples of three bytes: 0x5A, then the hall code as a little-endian word; may be gzipped.
     capture: PathBuf,
-    /// Hall counts a motor revolution.
+    /// Hall counts per motor revolution.
     #[arg(long, default_value_t = 90)]
     counts_per_rev: u32,
-    /// Samples a second.
+    /// Sample rate, 1/s.
     #[arg(long, default_value_t = 30_000)]
     rate_hz: u32,
-    /// Where to write one `position,velocity` line a sample, in counts and counts/s.
+    /// Output file: one `position,velocity` line per sample, in counts and counts/s.
     #[arg(long, value_name = "OUT")]
     csv: PathBuf,
 }
@@ -65,10 +65,10 @@ struct ReplayArgs {
 struct RunArgs {
     /// A shipped scenario (see `hil-sim list`) or a TOML file.
     scenario: String,
-    /// Set a property of the servo, such as KP=120; may be given again.
+    /// Set a property of the servo, such as KP=120; repeatable.
     #[arg(long, value_name = "PROPERTY=VALUE")]
     set: Vec<String>,
-    /// Write trace.csv and report.html into this directory.
+    /// Write trace.csv and report.html into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print one JSON object and nothing else.
@@ -77,7 +77,7 @@ struct RunArgs {
     /// Seed of noise and scatter.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// How the inverter is computed.
+    /// Model of the inverter.
     #[arg(long, value_enum, default_value_t = ModelName::Averaged)]
     model: ModelName,
 }
@@ -93,10 +93,10 @@ enum ModelName {
 /// Real time since the program started.
 pub type Clock<'a> = &'a dyn Fn() -> Duration;
 
-/// Runs the program on the arguments of the process. Returns its exit code: 1 if an expectation failed or a line came to an
+/// Runs the program with the process's arguments. Returns its exit code: 1 if an expectation failed or a line ended in an
 /// error, 2 for bad input.
 pub fn run(clock: Clock) -> ExitCode {
-    // 64 bits of microseconds do not end; a service does not either.
+    // 64 bits of microseconds last for the life of the process, so a service never ends by itself.
     let mut clock_us = || u64::try_from(clock().as_micros()).ok();
     let done = match Args::parse().command {
         Task::Run(args) => run_scenario(&args, clock),
@@ -104,14 +104,14 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Bus(args) => serve::bus(&args, &mut clock_us).map(|()| true),
         Task::Hand(args) => serve::hand(&args, &mut clock_us).map(|()| true),
         Task::Gcl(args) => gcl::gcl(&args, clock),
-        Task::Grasper(args) => talk::grasper(&args),
+        Task::Grasper(args) => grasper_client::grasper(&args),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(bad) => {
-            tell(&format!("error: {bad}"));
+            warn(&format!("error: {bad}"));
             ExitCode::from(2)
         }
     }
@@ -168,7 +168,7 @@ fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     Ok(outcome.passed())
 }
 
-/// A sign of life for runs that may take seconds; on a terminal only.
+/// A progress indicator for runs that take seconds; on a terminal only.
 fn spinner(scenario: &Scenario) -> Option<indicatif::ProgressBar> {
     let total_ms = u64::from(scenario.duration_ms) * scenario.cases.len() as u64;
     // At 100 times real time (the switched model) this is a second.
@@ -186,33 +186,33 @@ fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(),
         place: format!("--out {}", dir.display()),
         problem: format!("{} cannot be written", path.display()),
         found: e.to_string(),
-        expected: "a directory that can be made and written to".to_owned(),
-        next: "choose another directory or free space".to_owned(),
+        expected: "a writable folder".to_owned(),
+        next: "choose another folder or free space".to_owned(),
     };
     std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
     let traces: Vec<Trace> = outcome.runs.iter().filter_map(|run| run.trace.clone()).collect();
     let mut csv = Vec::new();
     let csv_path = dir.join("trace.csv");
     write_csv(&mut csv, &traces).map_err(|e| failed(&csv_path, e))?;
-    replace(&csv_path, &csv).map_err(|e| failed(&csv_path, e))?;
+    replace_file(&csv_path, &csv).map_err(|e| failed(&csv_path, e))?;
     let html_path = dir.join("report.html");
-    replace(&html_path, report::html(scenario, outcome).as_bytes()).map_err(|e| failed(&html_path, e))
+    replace_file(&html_path, report::html(scenario, outcome).as_bytes()).map_err(|e| failed(&html_path, e))
 }
 
 fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
     let mut csv = Vec::new();
     let Replayed { samples, bad } = replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
-    replace(&args.csv, &csv).map_err(|e| BadInput {
+    replace_file(&args.csv, &csv).map_err(|e| BadInput {
         place: format!("--csv {}", args.csv.display()),
         problem: "cannot be written".to_owned(),
         found: e.to_string(),
-        expected: "a file in a directory that exists".to_owned(),
+        expected: "a file in an existing folder".to_owned(),
         next: "choose another path or free space".to_owned(),
     })?;
     if bad > 0 {
         let capture = args.capture.display();
-        tell(&format!(
-            "warning: {capture}: {bad} of {samples} samples do not begin with 0x5A; their codes were taken"
+        warn(&format!(
+            "warning: {capture}: {bad} of {samples} samples do not begin with 0x5A; their codes were used anyway"
         ));
     }
     Ok(true)

@@ -8,7 +8,7 @@ use god::Memory;
 use serde::Serialize;
 
 use super::lines::Lines;
-use super::output::{print, replace, tell};
+use super::output::{print, replace_file, warn};
 use crate::experiment::events::{self, Event};
 use crate::experiment::input::BadInput;
 use crate::experiment::typist::{NoPrompt, Reply, Typist};
@@ -74,11 +74,11 @@ pub fn gcl(args: &GclArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn
     let events = args.events.then(|| events::of_hand(typist.hand()));
     if !args.json {
         print(&after_prompts(&unsolicited))?;
-        tell_events(events.as_deref().unwrap_or_default());
+        warn_events(events.as_deref().unwrap_or_default());
     }
     if let Some(path) = &args.report {
         let svg = picture::svg(&scene, &start_pose, &typist.hand().pose(), &title(args));
-        replace(path, svg.as_bytes()).map_err(|error| BadInput {
+        replace_file(path, svg.as_bytes()).map_err(|error| BadInput {
             place: format!("--report {}", path.display()),
             problem: "cannot be written".to_owned(),
             found: error.to_string(),
@@ -106,7 +106,7 @@ fn run_lines(args: &GclArgs, lines: &mut Lines, typist: &mut Typist) -> Result<V
         }
         let Some(line) = lines.next_line()? else { return Ok(replies) };
         let reply = typist.run_line(&line).map_err(|no_prompt| {
-            tell_events(&events::of_hand(typist.hand()));
+            warn_events(&events::of_hand(typist.hand()));
             timed_out(lines.place(), &no_prompt)
         })?;
         if !args.json {
@@ -127,9 +127,9 @@ fn timed_out(place: String, no_prompt: &NoPrompt) -> BadInput {
     }
 }
 
-fn tell_events(events: &[Event]) {
+fn warn_events(events: &[Event]) {
     if !events.is_empty() {
-        tell(events::text(events).trim_end());
+        warn(events::text(events).trim_end());
     }
 }
 
@@ -143,7 +143,7 @@ fn title(args: &GclArgs) -> String {
     format!(
         "{}: after {}",
         name(&args.scenario, "nothing between the fingers"),
-        name(&args.script, "what was typed")
+        name(&args.script, "the lines typed")
     )
 }
 

@@ -1,14 +1,14 @@
-//! The host's program of the walk-through, GrasperTest (manual 3): what a person enters, a line at a time, becomes lines for the hand.
+//! The host program of the walk-through, GrasperTest (manual 3): turns each entry into lines for the hand.
 //!
-//! `M`, `C` and `O` are this program's own: they ask for motors, and M for a position, and become lines of the lower grammar, in hall
-//! counts. As the manual's functions move, close and open (7) they take a link's tip along; what is closed and open are the
-//! defaults of CT and OT. Every other entry goes to the hand as it is. Who has sent motors on a move (`4 S M 5`) waits until each has
-//! said that it has ended (`4 MODE=3`), as the manual's function command does.
+//! `M`, `C` and `O` are commands of this program: they ask for motors, and M for a position, and become lines of the lower
+//! grammar, in hall counts. As the manual's functions move, close and open (7) they move a link's tip along; the open and closed
+//! positions are the defaults of OT and CT. Every other entry goes to the hand unchanged. After a move command (`4 S M 5`) the
+//! console waits until each motor has reported its end (`4 MODE=3`), as the manual's function command does.
 //!
-//! The walk-through has no HI: it begins with a hand that knows where it is, because it was homed once and put away with SAVE, as in
-//! step 17. One that does not know takes the place where it woke up for 0, and moves all the same; but what it SAVEs it will not trust.
+//! The walk-through has no HI: it starts with a hand that was homed once and stored its position with SAVE, as in step 17. Any
+//! other hand takes its position at wake-up for 0 and moves all the same, but does not trust what it SAVEs.
 //!
-//! Nothing here reads or writes: bytes of the hand and entries of the person go in, lines and texts come out.
+//! No I/O: bytes from the hand and entries go in, lines and texts come out.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -18,65 +18,65 @@ use tater_wire::Property;
 
 use crate::experiment::input::BadInput;
 
-/// What the hand says when it waits for a line, and this program too.
+/// Prompt of the hand, and of this program.
 const PROMPT: &str = "=> ";
 
-/// Longest line of the hand that is kept whole: some times what it says at once.
-const LONGEST: usize = 1024;
+/// Longest line of the hand kept whole: several times its longest line.
+const MAX_LINE: usize = 1024;
 
-/// What a person is asked.
+/// The question that the next entry answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Question {
     Command,
-    Motors(Own),
+    Motors(OwnCommand),
     Position(Motors),
 }
 
-/// The commands that this program has itself.
+/// The commands of this program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Own {
+enum OwnCommand {
     Move,
     Close,
     Open,
 }
 
-/// Between a person and a hand.
+/// State between a person and a hand.
 #[derive(Debug)]
 pub struct Console {
     question: Question,
-    /// What the hand is still to be told.
+    /// Lines to be sent to the hand.
     lines: VecDeque<String>,
-    /// What it has been told, until its prompt comes.
-    said: Option<String>,
-    /// That has been echoed: the next prompt is its.
+    /// The line sent, until the hand prompts.
+    awaiting: Option<String>,
+    /// Whether the line has been echoed: then the next prompt ends its answer.
     echoed: bool,
-    /// The hand's line, as far as it has come.
-    heard: String,
-    /// Who has not said yet that its motion has ended.
+    /// The hand's present line so far.
+    input: String,
+    /// Motors that have not reported the end of their motion.
     moving: Motors,
-    went_wrong: bool,
+    had_error: bool,
 }
 
 impl Default for Console {
     fn default() -> Self {
         Self {
             question: Question::Command,
-            // An empty line gets the prompt.
+            // An empty line makes the hand prompt.
             lines: VecDeque::from([String::new()]),
-            said: None,
+            awaiting: None,
             echoed: false,
-            heard: String::new(),
+            input: String::new(),
             moving: Motors::NONE,
-            went_wrong: false,
+            had_error: false,
         }
     }
 }
 
 impl Console {
-    /// What the person is asked, if it is the person's turn.
+    /// The question to print; `None` while the hand is busy.
     #[must_use]
-    pub fn asks(&self) -> Option<&'static str> {
-        let is_done = self.lines.is_empty() && self.said.is_none() && self.moving.is_empty();
+    pub fn question(&self) -> Option<&'static str> {
+        let is_done = self.lines.is_empty() && self.awaiting.is_none() && self.moving.is_empty();
         is_done.then_some(match self.question {
             Question::Command => PROMPT,
             Question::Motors(_) => "Motors: ",
@@ -84,37 +84,37 @@ impl Console {
         })
     }
 
-    /// Whether the person is in the middle of M, C or O.
+    /// Whether an M, C or O is incomplete.
     #[must_use]
-    pub fn is_asking(&self) -> bool {
+    pub fn is_incomplete(&self) -> bool {
         self.question != Question::Command
     }
 
-    /// Whether the hand has told an error so far.
+    /// Whether the hand has reported an error so far.
     #[must_use]
-    pub const fn went_wrong(&self) -> bool {
-        self.went_wrong
+    pub const fn had_error(&self) -> bool {
+        self.had_error
     }
 
-    /// The person's answer. Returns the lines that it comes to, if they are not the entry itself.
+    /// Handles an entry. Returns the lines that it became, if they differ from the entry.
     ///
     /// # Errors
-    /// It is none; then nothing is told to the hand, and the command is forgotten.
+    /// The entry is invalid: nothing is sent, and the command is dropped.
     pub fn enter(&mut self, entry: &str) -> Result<Vec<String>, BadInput> {
         let entry = entry.trim();
         match std::mem::replace(&mut self.question, Question::Command) {
             Question::Command => self.command(entry).map(|()| Vec::new()),
             Question::Motors(own) => {
                 let motors = motors(entry).ok_or_else(|| {
-                    bad("these are no motors", entry, "motors from 1 to 7, such as 123".to_owned())
+                    bad("invalid motors", entry, "motors from 1 to 7, such as 123".to_owned())
                 })?;
                 Ok(match own {
-                    Own::Move => {
+                    OwnCommand::Move => {
                         self.question = Question::Position(motors);
                         Vec::new()
                     }
-                    Own::Close => self.go(motors, |motor| default("CT", motor)),
-                    Own::Open => self.go(motors, |motor| default("OT", motor)),
+                    OwnCommand::Close => self.move_to(motors, |motor| default("CT", motor)),
+                    OwnCommand::Open => self.move_to(motors, |motor| default("OT", motor)),
                 })
             }
             Question::Position(motors) => {
@@ -122,24 +122,25 @@ impl Console {
                 let position = entry.parse().ok().filter(|&position| rules.admits(position));
                 let expected =
                     || format!("a whole number of hall counts, {} to {}", rules.min(), rules.max());
-                let position = position.ok_or_else(|| bad("this is no position", entry, expected()))?;
-                Ok(self.go(motors, |_| position))
+                let position = position.ok_or_else(|| bad("invalid position", entry, expected()))?;
+                Ok(self.move_to(motors, |_| position))
             }
         }
     }
 
     fn command(&mut self, entry: &str) -> Result<(), BadInput> {
         let own = match &*entry.to_ascii_uppercase() {
-            "M" => Own::Move,
-            "C" => Own::Close,
-            "O" => Own::Open,
+            "M" => OwnCommand::Move,
+            "C" => OwnCommand::Close,
+            "O" => OwnCommand::Open,
             name if name.ends_with("LOOP") => {
-                let expected = "commands that end with a prompt; RealTime control is for programs".to_owned();
-                return Err(bad("this cannot be entered", entry, expected));
+                let expected =
+                    "a command that ends with a prompt; RealTime control is for programs".to_owned();
+                return Err(bad("LOOP is not available here", entry, expected));
             }
             _ if entry.len() > line::LENGTH || !entry.bytes().all(|byte| matches!(byte, b' '..=b'~')) => {
                 let expected = format!("up to {} characters of ASCII", line::LENGTH);
-                return Err(bad("this is no line for the hand", entry, expected));
+                return Err(bad("the hand does not take this line", entry, expected));
             }
             _ => {
                 self.lines.push_back(entry.to_owned());
@@ -150,10 +151,10 @@ impl Console {
         Ok(())
     }
 
-    /// Motors, and the tips of links among them, are to go to their goals, hall counts. Returns the lines that say so.
-    fn go(&mut self, motors: Motors, goal: impl Fn(Motor) -> i64) -> Vec<String> {
+    /// Moves motors, and the tips of links among them, to their goals in hall counts. Returns the lines for it.
+    fn move_to(&mut self, motors: Motors, goal: impl Fn(Motor) -> i64) -> Vec<String> {
         let along = |link: Motor| Some((link.tip()?, units::of_tip_along(goal(link))));
-        // A tip that is named itself comes later, and goes by its own.
+        // A tip named itself comes later and keeps its own goal.
         let goals = motors.iter().filter_map(along).chain(motors.iter().map(|motor| (motor, goal(motor))));
         let goals: BTreeMap<Motor, i64> = goals.collect();
         let mut nodes: Vec<(i64, String)> = Vec::new();
@@ -172,39 +173,39 @@ impl Console {
         lines
     }
 
-    /// The next line for the hand, with its end, if it waits for one.
-    pub fn says(&mut self) -> Option<String> {
-        if self.said.is_some() || !self.moving.is_empty() {
+    /// The next line for the hand, with its line end, if the hand is waiting for one.
+    pub fn next_line(&mut self) -> Option<String> {
+        if self.awaiting.is_some() || !self.moving.is_empty() {
             return None;
         }
         let line = self.lines.pop_front()?;
-        self.moving = sent(&line);
-        // The prompt before the first line may have come before we did.
+        self.moving = started_by(&line);
+        // The hand may have prompted before the connection was made.
         self.echoed = line.is_empty();
         let with_end = format!("{line}\r");
-        self.said = Some(line);
+        self.awaiting = Some(line);
         Some(with_end)
     }
 
-    /// A byte from the hand. Returns a line for the person, whenever one is complete.
-    pub fn hears(&mut self, byte: u8) -> Option<String> {
+    /// A byte from the hand. Returns each complete line for display.
+    pub fn push_byte(&mut self, byte: u8) -> Option<String> {
         match byte {
             b'\r' => return None,
             b'\n' => return self.line(),
-            byte => self.heard.push(char::from(byte)),
+            byte => self.input.push(char::from(byte)),
         }
-        if self.heard == PROMPT && self.echoed {
-            self.said = None;
+        if self.input == PROMPT && self.echoed {
+            self.awaiting = None;
         }
-        (self.heard.len() >= LONGEST).then(|| self.line()).flatten()
+        (self.input.len() >= MAX_LINE).then(|| self.line()).flatten()
     }
 
-    /// The hand has ended a line.
+    /// Handles the end of a line of the hand.
     fn line(&mut self) -> Option<String> {
-        let line = std::mem::take(&mut self.heard);
+        let line = std::mem::take(&mut self.input);
         if let Some(echo) = line.strip_prefix(PROMPT) {
-            // Nothing after it: what comes next was not asked for.
-            self.echoed |= self.said.as_deref() == Some(echo);
+            // Nothing after the prompt: what follows is unsolicited.
+            self.echoed |= self.awaiting.as_deref() == Some(echo);
             return None;
         }
         if let Some((motor, _)) = line.split_once(" MODE=")
@@ -213,29 +214,29 @@ impl Console {
             self.moving = self.moving.difference(motor);
         }
         if line.starts_with("ERR ") {
-            self.went_wrong = true;
+            self.had_error = true;
             self.moving = Motors::NONE;
-            // Whoever is not told where to go does not start.
+            // Motors whose goal was not set must not start.
             self.lines.clear();
         }
         Some(line).filter(|line| !line.is_empty())
     }
 }
 
-/// A motor's parameter that nobody has set, in hall counts.
+/// The default of a motor's parameter, hall counts.
 fn default(name: &str, motor: Motor) -> i64 {
     units::halls(parameter::motor(name).map_or(0, |row| row.default_for(motor.kind())))
 }
 
-/// `123`.
+/// Parses `123`.
 fn motors(entry: &str) -> Option<Motors> {
     let motor = |digit: char| Motor::new(u8::try_from(digit.to_digit(10)?).ok()?);
     let motors = entry.chars().filter(|c| !c.is_whitespace()).map(motor).collect::<Option<Motors>>()?;
     (!motors.is_empty()).then_some(motors)
 }
 
-/// Those that a line sends on a move of mode 5: `4 S M 5`.
-fn sent(line: &str) -> Motors {
+/// The motors that a line starts on a move of mode 5: `4 S M 5`.
+fn started_by(line: &str) -> Motors {
     let line = line.to_ascii_uppercase();
     let words: Vec<&str> = line.split_whitespace().collect();
     match words[..] {
@@ -261,31 +262,31 @@ mod tests {
     /// A console whose hand has prompted.
     fn console() -> Console {
         let mut console = Console::default();
-        assert_eq!(console.says().as_deref(), Some("\r"));
-        hear(&mut console, "\r\n\r=> ");
+        assert_eq!(console.next_line().as_deref(), Some("\r"));
+        feed(&mut console, "\r\n\r=> ");
         console
     }
 
-    /// What the hand says; what the person sees of it.
-    fn hear(console: &mut Console, text: &str) -> Vec<String> {
-        text.bytes().filter_map(|byte| console.hears(byte)).collect()
+    /// Feeds the hand's output; returns the lines displayed.
+    fn feed(console: &mut Console, text: &str) -> Vec<String> {
+        text.bytes().filter_map(|byte| console.push_byte(byte)).collect()
     }
 
-    /// The lines that entries come to, if each is answered as it should be.
+    /// The lines that entries become if the hand answers each correctly.
     fn lines(entries: &[&str]) -> Vec<String> {
         let mut console = console();
         let mut lines = Vec::new();
         for entry in entries {
-            assert!(console.asks().is_some(), "{entry}");
-            let made = console.enter(entry).expect("it is good");
+            assert!(console.question().is_some(), "{entry}");
+            let made = console.enter(entry).expect("valid");
             let from = lines.len();
-            while let Some(line) = console.says() {
+            while let Some(line) = console.next_line() {
                 let line = line.trim_end();
-                hear(&mut console, &format!("{line}\r\n\r=> "));
+                feed(&mut console, &format!("{line}\r\n\r=> "));
                 for motor in console.moving.iter().collect::<Vec<_>>() {
-                    assert_eq!((console.says(), console.asks()), (None, None), "it moves");
+                    assert_eq!((console.next_line(), console.question()), (None, None), "moving");
                     let report = format!("{} MODE=0", motor.number());
-                    assert_eq!(hear(&mut console, &format!("\r\n\r{report}\r\n\r=> ")), [report]);
+                    assert_eq!(feed(&mut console, &format!("\r\n\r{report}\r\n\r=> ")), [report]);
                 }
                 lines.push(line.to_owned());
             }
@@ -295,16 +296,16 @@ mod tests {
     }
 
     #[test]
-    fn entries_become_lines() {
+    fn valid_entry_becomes_lines() {
         for (entries, expected) in [
             (&["WAKE"][..], &["WAKE"][..]),
             (&[" 4 S E 82 ", "4 s mode 5"], &["4 S E 82", "4 s mode 5"]),
             (&["M", "123", "100"], &["123 S E 100", "567 S E 27", "123567 S M 5"]),
             (&["m", "3 1", " -20 "], &["13 S E -20", "57 S E -5", "1357 S M 5"]),
-            // A tip that is named goes by its own.
+            // A tip named itself keeps its own goal.
             (&["M", "16", "100"], &["16 S E 100", "5 S E 27", "156 S M 5"]),
             (&["M", "15", "100"], &["15 S E 100", "15 S M 5"]),
-            // 18200 and 9300 counts are 331 and 169 hall counts; the tip has a third of its link's angle.
+            // 18200 and 9300 counts are 331 and 169 hall counts; the tip moves a third of its link's angle.
             (&["C", "1"], &["1 S E 331", "5 S E 88", "15 S M 5"]),
             (&["C", "47"], &["4 S E 169", "7 S E 331", "47 S M 5"]),
             (&["O", "1"], &["15 S E 0", "15 S M 5"]),
@@ -316,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn entries_that_are_none_are_refused_and_forgotten() {
+    fn invalid_entry_drops_the_command() {
         let long = "x".repeat(161);
         for entries in [
             &["M", ""][..],
@@ -338,47 +339,45 @@ mod tests {
             let mut console = console();
             let (last, first) = entries.split_last().expect("one at least");
             first.iter().for_each(|entry| assert_eq!(console.enter(entry).expect("good"), [""; 0]));
-            let error = console.enter(last).expect_err("it is none");
+            let error = console.enter(last).expect_err("invalid");
             assert_eq!(error.found, format!("{last:?}"));
-            assert_eq!((console.says(), console.asks()), (None, Some(PROMPT)), "{entries:?}");
+            assert_eq!((console.next_line(), console.question()), (None, Some(PROMPT)), "{entries:?}");
         }
     }
 
-    /// Nobody starts who was not told where to.
     #[test]
-    fn an_error_ends_what_goes_on() {
+    fn error_drops_pending_lines() {
         for (wrong, answers) in [(0, "ERR 8192"), (1, "ERR 1"), (2, "ERR 8192")] {
             let mut console = console();
             console.enter("C").expect("good");
             console.enter("1").expect("good");
             for place in 0..=wrong {
-                let line = console.says().expect("a line").trim_end().to_owned();
+                let line = console.next_line().expect("a line").trim_end().to_owned();
                 let answer = if place == wrong { format!("\r\n\r{answers}") } else { String::new() };
-                assert!(!console.went_wrong());
-                hear(&mut console, &format!("{line}{answer}\r\n\r=> "));
+                assert!(!console.had_error());
+                feed(&mut console, &format!("{line}{answer}\r\n\r=> "));
             }
-            assert_eq!((console.says(), console.asks()), (None, Some(PROMPT)), "{wrong}");
-            assert!(console.went_wrong());
+            assert_eq!((console.next_line(), console.question()), (None, Some(PROMPT)), "{wrong}");
+            assert!(console.had_error());
         }
     }
 
-    /// A report that was on its way when a line was said comes before its echo.
+    /// A report that was under way when a line was sent precedes its echo.
     #[test]
-    fn a_prompt_that_is_another_line_s_is_not_waited_for() {
+    fn prompt_of_a_report_does_not_end_a_line() {
         let mut console = console();
         console.enter("1 G P").expect("good");
-        assert_eq!(console.says().as_deref(), Some("1 G P\r"));
-        assert_eq!(hear(&mut console, "\r\n\r4 MODE=3\r\n\r=> "), ["4 MODE=3"]);
-        assert_eq!(console.asks(), None, "its answer has not come");
-        assert_eq!(hear(&mut console, "1 G P\r\n\r1 P=0\r\n\r=> "), ["1 P=0"]);
-        assert_eq!(console.asks(), Some(PROMPT));
+        assert_eq!(console.next_line().as_deref(), Some("1 G P\r"));
+        assert_eq!(feed(&mut console, "\r\n\r4 MODE=3\r\n\r=> "), ["4 MODE=3"]);
+        assert_eq!(console.question(), None, "no answer yet");
+        assert_eq!(feed(&mut console, "1 G P\r\n\r1 P=0\r\n\r=> "), ["1 P=0"]);
+        assert_eq!(console.question(), Some(PROMPT));
     }
 
-    /// Whatever a hand says, it is shown in pieces, and forgotten.
     #[test]
-    fn a_line_without_an_end_takes_no_room() {
+    fn endless_line_is_shown_in_pieces() {
         let mut console = console();
-        let shown = hear(&mut console, &"x".repeat(10 * LONGEST));
-        assert!(shown.len() >= 9 && console.heard.len() < LONGEST, "{}", shown.len());
+        let shown = feed(&mut console, &"x".repeat(10 * MAX_LINE));
+        assert!(shown.len() >= 9 && console.input.len() < MAX_LINE, "{}", shown.len());
     }
 }

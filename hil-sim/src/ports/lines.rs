@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::experiment::input::BadInput;
 
 /// Longest line read, bytes: more than ten times what the hand takes, so that the hand answers an over-long line.
-const LONGEST: usize = 4096;
+const MAX_LINE: usize = 4096;
 
 /// A source of lines.
 pub struct Lines {
@@ -53,11 +53,11 @@ impl Lines {
         loop {
             self.number += 1;
             let mut line = Vec::new();
-            let read = (&mut self.from).take(LONGEST as u64 + 1).read_until(b'\n', &mut line);
+            let read = (&mut self.from).take(MAX_LINE as u64 + 1).read_until(b'\n', &mut line);
             let problem = match read {
                 Ok(0) => return Ok(None),
                 Err(error) => error.to_string(),
-                Ok(_) if line.len() > LONGEST => format!("more than {LONGEST} bytes without a line end"),
+                Ok(_) if line.len() > MAX_LINE => format!("more than {MAX_LINE} bytes without a line end"),
                 Ok(_) => match String::from_utf8(line) {
                     Ok(line) if line.starts_with('#') => continue,
                     Ok(line) => return Ok(Some(line.trim_end_matches(['\r', '\n']).to_owned())),
@@ -68,7 +68,7 @@ impl Lines {
                 place: self.place(),
                 problem: "this line cannot be read".to_owned(),
                 found: problem,
-                expected: format!("lines of text of up to {LONGEST} bytes"),
+                expected: format!("lines of text of up to {MAX_LINE} bytes"),
                 next: "give a text file with one command per line".to_owned(),
             });
         }

@@ -1,4 +1,4 @@
-//! What the program gives: text on standard output and standard error, and whole files.
+//! Output: text on standard output and standard error, and files replaced atomically.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use crate::experiment::input::BadInput;
 
-/// Prints to standard output; that nobody reads on is no error of ours.
+/// Prints to standard output; a closed pipe is not an error.
 ///
 /// # Errors
-/// Anything else, a full disk above all.
+/// Any other error, such as a full disk.
 pub fn print(text: &str) -> Result<(), BadInput> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -24,19 +24,19 @@ pub fn print(text: &str) -> Result<(), BadInput> {
     }
 }
 
-/// A line on standard error; there is nowhere to tell that it cannot be told.
-pub fn tell(line: &str) {
+/// Prints a line to standard error; a failure there cannot be reported.
+pub fn warn(line: &str) {
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// Writes a file under another name first, so that a reader finds the old or the new one and never a half. A
-/// symbolic link stays one; what is no regular file (a pipe, a device) is written to as it is.
+/// Replaces a file atomically: writes a temporary file beside it and renames it. Keeps symbolic links; writes to pipes and
+/// devices directly.
 ///
 /// # Errors
-/// Of the file system; nothing is left behind then.
-pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// Those of the file system; no temporary file is left behind.
+pub fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let (target, permissions) = match fs::metadata(path) {
-        // Under /dev a regular file is a shell's redirection (/dev/stdout): whoever opened it keeps it.
+        // A regular file under /dev is a shell's redirection (/dev/stdout), which its owner keeps open.
         Ok(meta) if meta.is_file() && !path.starts_with("/dev") => {
             (fs::canonicalize(path)?, Some(meta.permissions()))
         }
@@ -45,7 +45,7 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
         _ => return fs::write(path, bytes),
     };
     let part = part_of(&target)?;
-    // Never onto a file of somebody else's: it is then not ours to remove, either.
+    // `create_new`: never overwrite, nor remove below, somebody else's file.
     let file = File::create_new(&part)?;
     let moved = write_new(file, bytes, permissions).and_then(|()| fs::rename(&part, &target));
     if moved.is_err() {
@@ -58,7 +58,7 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 fn part_of(target: &Path) -> io::Result<PathBuf> {
     let name = target
         .file_name()
-        .ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "the path does not end in a file's name"))?;
+        .ok_or_else(|| io::Error::new(ErrorKind::InvalidInput, "the path does not end in a file name"))?;
     Ok(target.with_file_name(format!(".{}.{}.part", name.to_string_lossy(), std::process::id())))
 }
 

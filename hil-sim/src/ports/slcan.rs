@@ -1,5 +1,5 @@
 //! Lawicel SLCAN, the text protocol of serial CAN adapters (CAN232/CANUSB manuals, Lawicel AB), from the adapter's side and
-//! without I/O: bytes in, frames and answers out. CR answers what was done, BEL what was refused.
+//! without I/O: bytes in, frames and answers out. CR acknowledges a command, BEL refuses it.
 //!
 //! The simulated bus runs at 1 Mbit/s and carries data frames with 11-bit identifiers, so other bit rates (S0 to S7, other
 //! `s` registers), extended and remote frames (T, R, r) and acceptance masks that would hide something (m) are refused
@@ -12,12 +12,12 @@ use crate::world::bus::Stamped;
 
 /// Characters kept of a line: one more than the longest command that is taken, a `t` with eight bytes, so that a longer
 /// line is refused like any other that is no command.
-const LONGEST: usize = 1 + 3 + 1 + 16 + 1;
+const MAX_LINE: usize = 1 + 3 + 1 + 16 + 1;
 
 const CR: u8 = b'\r';
 const BEL: u8 = 7;
 
-/// The time-stamp wraps after a minute (CAN232 manual: 0 to 0xEA5F ms).
+/// Time stamps wrap after a minute (CAN232 manual: 0 to 0xEA5F ms).
 const STAMP_MS: u64 = 60_000;
 
 /// Whether the channel is open.
@@ -27,7 +27,7 @@ enum Channel {
     Closed,
     /// Sends and receives.
     Open,
-    /// Receives.
+    /// Only receives.
     Listening,
 }
 
@@ -37,37 +37,37 @@ pub struct Slcan {
     line: Vec<u8>,
     channel: Channel,
     stamps: bool,
-    /// An open channel only receives.
-    only_listens: bool,
+    /// The adapter never sends.
+    is_listener: bool,
 }
 
 impl Slcan {
-    /// An adapter on a bus that has its host already: it is opened like any other, and sends nothing (BEL to `t`).
+    /// An adapter on a bus that already has its host: it opens like any other, but answers `t` with BEL.
     #[must_use]
     pub fn listener() -> Self {
-        Self { only_listens: true, ..Self::default() }
+        Self { is_listener: true, ..Self::default() }
     }
 
-    /// The next byte from the host. Its answer, if it ends a command, is appended to `out`; the frame that it wants to
-    /// send is returned. LF is skipped: some tools end lines with both.
+    /// Handles a byte from the host. Appends the answer to `out` if the byte ends a command; returns a frame to send, if any.
+    /// Skips LF: some tools end lines with CR LF.
     pub fn push(&mut self, byte: u8, out: &mut Vec<u8>) -> Option<Frame> {
         match byte {
             CR => {
                 let line = std::mem::take(&mut self.line);
                 let frame = self.command(&line, out);
-                // Keeps the allocation.
+                // Reuse the allocation.
                 self.line = line;
                 self.line.clear();
                 return frame;
             }
             b'\n' => {}
-            _ if self.line.len() < LONGEST => self.line.push(byte),
+            _ if self.line.len() < MAX_LINE => self.line.push(byte),
             _ => {}
         }
         None
     }
 
-    /// A frame from the bus, as the host is told it; nothing while the channel is closed.
+    /// Appends a frame from the bus for the host; nothing while the channel is closed.
     pub fn frame(&self, stamped: &Stamped, out: &mut Vec<u8>) {
         if self.channel == Channel::Closed {
             return;
@@ -84,12 +84,12 @@ impl Slcan {
     fn command(&mut self, line: &[u8], out: &mut Vec<u8>) -> Option<Frame> {
         let closed = self.channel == Channel::Closed;
         let answer: Option<&str> = match *line {
-            // An empty line clears what an earlier program left; python-can sends one as its data bit rate.
+            // An empty line clears the input of an earlier program; python-can sends one as its data bit rate.
             [] => Some(""),
             [b'S', b'8'] if closed => Some(""),
             [b's', ref registers @ ..] if closed && is_1_mbit(registers) => Some(""),
             [b'O'] if closed => {
-                self.channel = if self.only_listens { Channel::Listening } else { Channel::Open };
+                self.channel = if self.is_listener { Channel::Listening } else { Channel::Open };
                 Some("")
             }
             [b'L'] if closed => {
@@ -105,7 +105,7 @@ impl Slcan {
                 out.extend(if frame.is_some() { &b"z\r"[..] } else { &[BEL] });
                 return frame;
             }
-            // No full queue, no error: whatever was sent will go out.
+            // Status flags: no full queue, no error.
             [b'F'] if !closed => Some("F00"),
             [b'V'] => Some("V0100"),
             [b'N'] => Some("NTATR"),
@@ -113,7 +113,7 @@ impl Slcan {
                 self.stamps = on == b'1';
                 Some("")
             }
-            // A code does nothing while the mask says that no bit of it matters.
+            // The mask makes the code irrelevant.
             [b'M', ref code @ ..] if closed && code.len() == 8 && hex(code).is_some() => Some(""),
             [b'm', ref mask @ ..] if closed && mask.len() == 8 && hex(mask) == Some(0xFFFF_FFFF) => Some(""),
             [b'X', b'0' | b'1'] if closed => Some(""),
@@ -130,13 +130,13 @@ impl Slcan {
     }
 }
 
-/// The value of up to eight hexadecimal digits.
+/// Parses up to eight hexadecimal digits.
 fn hex(digits: &[u8]) -> Option<u32> {
     let digit = |value: u32, byte: &u8| Some(value << 4 | char::from(*byte).to_digit(16)?);
     if digits.len() > 8 { None } else { digits.iter().try_fold(0, digit) }
 }
 
-/// `iiildd...`: identifier, length, data; no more and no less.
+/// Parses exactly `iiildd...`: identifier, length, data.
 fn parse(text: &[u8]) -> Option<Frame> {
     let (id, rest) = text.split_at_checked(3)?;
     let (len, rest) = rest.split_first()?;

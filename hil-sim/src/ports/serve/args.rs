@@ -1,4 +1,4 @@
-//! Which boards are on the bus, and who is the host.
+//! The boards on the bus and the host's connection.
 
 use crate::experiment::input::BadInput;
 use crate::world::board::SimBoard;
@@ -17,33 +17,33 @@ pub struct BusArgs {
     /// A board on the bus: 1 to 3 links, 4 the spread, 5 to 7 tips.
     #[arg(long, value_name = "N")]
     node: Option<String>,
-    /// Several, such as 1-7 or 1,4,5.
+    /// Several boards, such as 1-7 or 1,4,5.
     #[arg(long, value_name = "LIST")]
     nodes: Option<String>,
-    /// Serve SLCAN over TCP here; port 0 picks one. The first line of output says `slcan HOST:PORT`.
+    /// Serve SLCAN over TCP here; port 0 picks a free one. The first line of output is `slcan HOST:PORT`.
     #[arg(long, value_name = "HOST:PORT")]
     slcan: Option<String>,
-    /// Be on a CAN interface of Linux, such as vcan0.
+    /// Connect to a CAN interface of Linux, such as vcan0.
     #[arg(long, value_name = "IFACE")]
     can: Option<String>,
-    /// Seed of the sensors' noise.
+    /// Seed of the sensor noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
 
-/// Where the host is.
+/// The host's connection.
 pub enum Place<'a> {
-    /// A TCP client that comes to this address.
+    /// A TCP client at this address.
     Slcan(&'a str),
     /// A CAN interface.
     Can(&'a str),
 }
 
 impl BusArgs {
-    /// Where the host is.
+    /// The host's connection.
     ///
     /// # Errors
-    /// No boards are named, or not one host.
+    /// No boards, or not exactly one host.
     pub fn host(&self) -> Result<Place<'_>, BadInput> {
         let boards = self.node.is_some() || self.nodes.is_some();
         let (add_boards, add_host) = ("--node 4 or --nodes 1-7", "--slcan 127.0.0.1:0 or --can vcan0");
@@ -51,7 +51,7 @@ impl BusArgs {
             (true, Some(address), None) => return Ok(Place::Slcan(address)),
             (true, None, Some(interface)) => return Ok(Place::Can(interface)),
             (_, Some(_), Some(_)) => {
-                ("two hosts", "leave --slcan or --can out: each host would be node 0".to_owned())
+                ("two hosts", "omit --slcan or --can: each host would be node 0".to_owned())
             }
             (true, None, None) => ("no host", format!("add {add_host}")),
             (false, None, None) => ("no boards and no host", format!("add {add_boards}, and {add_host}")),
@@ -61,10 +61,10 @@ impl BusArgs {
         Err(bad("hil-sim bus".to_owned(), found, expected, &next))
     }
 
-    /// The boards, with their default plants, at power-up.
+    /// The boards with their default plants, at power-up.
     ///
     /// # Errors
-    /// A list that cannot be read.
+    /// An invalid list.
     pub fn boards(&self) -> Result<Vec<Node>, BadInput> {
         let mut ids = Vec::new();
         for (option, list) in [("--node", &self.node), ("--nodes", &self.nodes)] {
@@ -74,7 +74,7 @@ impl BusArgs {
                         format!("{option} {list}"),
                         list,
                         "nodes from 1 to 7, such as 4 or 1-7 or 1,4,5",
-                        "name the boards that are to be on the bus",
+                        "name the boards on the bus",
                     )
                 })?);
             }
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_are_read_or_refused() {
+    fn node_list_parses_or_is_refused() {
         assert_eq!(parse("4"), Some(vec![4]));
         assert_eq!(parse("1-7"), Some((1..=7).collect()));
         assert_eq!(parse("1, 4-5"), Some(vec![1, 4, 5]));

@@ -7,27 +7,27 @@ use std::time::Duration;
 
 use super::args::{BusArgs, Place};
 use super::can::CanPort;
-use super::event::{Arrival, Clock, Door, EVENTS, Event, SLICE_US, WAIT};
+use super::event::{Clock, EVENTS, Event, NewClient, Protocol, SLICE_US, WAIT};
 use super::pace::Pace;
 use super::tcp::{self, Client};
-use crate::ports::output::{print, tell};
+use crate::ports::output::{print, warn};
 use crate::ports::slcan::Slcan;
 use crate::world::bus::{Adapter, Bus, Station};
 
-/// Frames that a host may have in the adapter; what it sends beyond that stays in its socket.
+/// Frames queued in the adapter; further ones stay in the host's socket.
 const QUEUE: usize = 64;
 
-/// Serves boards as the arguments say, until the clock ends.
+/// Serves boards until the clock ends.
 ///
 /// # Errors
-/// The arguments cannot be served: the address is taken, there is no such interface.
+/// The address is in use, or there is no such interface.
 pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
     let place = args.host()?;
     let mut bus = Bus::new(args.boards()?);
     let (sender, events) = sync_channel(EVENTS);
     let host = match place {
         Place::Slcan(address) => {
-            let address = tcp::listen("--slcan", address, Door::Slcan, sender.clone())?;
+            let address = tcp::listen("--slcan", address, Protocol::Slcan, sender.clone())?;
             print(&format!("slcan {address}\n"))?;
             Host::None
         }
@@ -39,10 +39,10 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
             Host::Can(port)
         }
     };
-    Server { bus, events, sender, host, held: Vec::new(), clients: 0, pace: Pace::default() }.run(clock)
+    Server { bus, events, sender, host, unparsed: Vec::new(), clients: 0, pace: Pace::default() }.run(clock)
 }
 
-/// Who is node 0.
+/// Node 0.
 enum Host {
     None,
     Slcan(Client),
@@ -52,12 +52,12 @@ enum Host {
 struct Server<S> {
     bus: Bus<S>,
     events: Receiver<Event>,
-    /// For the threads of clients to come.
+    /// For the threads of future clients.
     sender: SyncSender<Event>,
     host: Host,
-    /// Bytes of the client for which there was no room in the adapter yet.
-    held: Vec<u8>,
-    /// Clients so far.
+    /// Bytes received while the adapter's queue was full.
+    unparsed: Vec<u8>,
+    /// Number of clients so far.
     clients: u64,
     pace: Pace,
 }
@@ -67,11 +67,11 @@ impl<S: Station> Server<S> {
         while let Some(real_us) = clock() {
             let (target_us, late) = self.pace.target(real_us, self.bus.now_us());
             if let Some(text) = late {
-                tell(&text);
+                warn(&text);
             }
             let slice_us = target_us.min(self.bus.now_us() + SLICE_US);
             self.bus.run_until(slice_us);
-            self.answer();
+            self.send_frames();
             self.feed();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
             if self.bus.waiting() >= QUEUE {
@@ -89,16 +89,16 @@ impl<S: Station> Server<S> {
 
     fn handle(&mut self, event: Event) -> Result<(), Box<dyn Error>> {
         match event {
-            Event::Client(arrival) => self.client(arrival),
+            Event::Client(client) => self.connected(client),
             Event::Bytes(number, bytes) if self.is_client(number) => {
-                self.held.extend(bytes);
+                self.unparsed.extend(bytes);
                 if let Host::Slcan(client) = &mut self.host {
-                    client.link.has_come();
+                    client.link.chunk_received();
                 }
                 self.feed();
             }
-            Event::Gone(number) if self.is_client(number) => self.leave("has left"),
-            // Of a client that has been sent away already.
+            Event::Gone(number) if self.is_client(number) => self.disconnect("has left"),
+            // From a client that was disconnected.
             Event::Bytes(..) | Event::Gone(_) => {}
             Event::Frame(frame) => self.bus.send(frame)?,
             Event::Lost(problem) => return Err(problem.into()),
@@ -110,55 +110,55 @@ impl<S: Station> Server<S> {
         matches!(&self.host, Host::Slcan(client) if client.link.number == number)
     }
 
-    /// Lets a client be the host, if the place is free.
-    fn client(&mut self, arrival: Arrival) {
-        if let Err(two) = self.bus.plug_host(&arrival.peer, Adapter::default()) {
-            tell(&two.to_string());
-            tcp::refuse(arrival, &two.to_string());
+    /// Makes a client the host, if there is none.
+    fn connected(&mut self, client: NewClient) {
+        if let Err(two) = self.bus.plug_host(&client.peer, Adapter::default()) {
+            warn(&two.to_string());
+            tcp::refuse(client, &two.to_string());
             return;
         }
         self.clients += 1;
-        match tcp::accept(arrival, self.clients, self.sender.clone()) {
+        match tcp::accept(client, self.clients, self.sender.clone()) {
             Ok(link) => {
-                tell(&format!("{} is the host", link.peer));
+                warn(&format!("{} is the host", link.peer));
                 self.host = Host::Slcan(Client::new(link, Slcan::default()));
             }
-            // It has gone already.
+            // The client disconnected before accept.
             Err(_) => self.bus.unplug_host(),
         }
     }
 
-    fn leave(&mut self, why: &str) {
+    fn disconnect(&mut self, why: &str) {
         if let Host::Slcan(client) = std::mem::replace(&mut self.host, Host::None) {
-            tell(&format!("{} {why}", client.link.peer));
+            warn(&format!("{} {why}", client.link.peer));
             client.link.close();
         }
-        self.held.clear();
+        self.unparsed.clear();
         self.bus.unplug_host();
     }
 
-    /// Bytes to frames, while there is room for frames.
+    /// Converts bytes to frames while the queue has room.
     fn feed(&mut self) {
         let Host::Slcan(client) = &mut self.host else { return };
         let mut taken = 0;
-        for &byte in &self.held {
+        for &byte in &self.unparsed {
             if self.bus.waiting() >= QUEUE {
                 break;
             }
             taken += 1;
             if let Some(frame) = client.push(byte) {
-                // It is plugged in.
+                // The host is connected.
                 let _ = self.bus.send(frame);
             }
         }
-        self.held.drain(..taken);
-        if self.held.is_empty() {
-            client.link.go_on();
+        self.unparsed.drain(..taken);
+        if self.unparsed.is_empty() {
+            client.link.read_next();
         }
     }
 
-    /// What the bus has for the host.
-    fn answer(&mut self) {
+    /// Sends frames from the bus to the host.
+    fn send_frames(&mut self) {
         while let Some(stamped) = self.bus.receive() {
             match &mut self.host {
                 Host::Slcan(client) => client.frame(&stamped),
@@ -169,7 +169,7 @@ impl<S: Station> Server<S> {
         if let Host::Slcan(client) = &mut self.host
             && !client.flush()
         {
-            self.leave("does not read what it is told");
+            self.disconnect("does not read; disconnected");
         }
     }
 }

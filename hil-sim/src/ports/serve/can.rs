@@ -1,4 +1,4 @@
-//! A CAN interface of Linux (SocketCAN), where the kernel has one.
+//! A CAN interface of Linux (SocketCAN).
 
 #[cfg(target_os = "linux")]
 pub use linux::CanPort;
@@ -17,12 +17,12 @@ mod linux {
     use tater_wire::Frame;
 
     use super::super::event::{Event, bad};
-    use crate::ports::output::tell;
+    use crate::ports::output::warn;
 
     /// An open interface.
     pub struct CanPort {
         socket: Arc<CanSocket>,
-        told: bool,
+        warned: bool,
     }
 
     impl CanPort {
@@ -40,10 +40,10 @@ mod linux {
                     ),
                 )
             })?;
-            Ok(Self { socket: Arc::new(socket), told: false })
+            Ok(Self { socket: Arc::new(socket), warned: false })
         }
 
-        /// Tells of frames from the interface, in a thread that ends with the interface.
+        /// Reports frames from the interface, in a thread that ends with the interface.
         pub fn watch(&self, events: SyncSender<Event>) {
             let socket = Arc::clone(&self.socket);
             thread::spawn(move || {
@@ -51,11 +51,11 @@ mod linux {
                     let event = match socket.read_frame() {
                         Ok(frame) => match from_interface(&frame) {
                             Some(frame) => Event::Frame(frame),
-                            // What the boards do not speak, they do not hear.
+                            // Boards ignore other kinds of frames.
                             None => continue,
                         },
                         Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-                        Err(error) => Event::Lost(format!("the CAN interface is gone: {error}")),
+                        Err(error) => Event::Lost(format!("the CAN interface failed: {error}")),
                     };
                     let lost = matches!(event, Event::Lost(_));
                     if events.send(event).is_err() || lost {
@@ -65,18 +65,18 @@ mod linux {
             });
         }
 
-        /// A frame from the boards.
+        /// Sends a frame from the boards.
         pub fn send(&mut self, frame: &Frame) {
             let Some(frame) = to_interface(frame) else { return };
             if let Err(error) = self.socket.write_frame(&frame)
-                && !std::mem::replace(&mut self.told, true)
+                && !std::mem::replace(&mut self.warned, true)
             {
-                tell(&format!("warning: the CAN interface does not take all frames: {error}"));
+                warn(&format!("warning: the CAN interface drops frames: {error}"));
             }
         }
     }
 
-    /// Only data frames with 11-bit identifiers are spoken here.
+    /// The bus carries only data frames with 11-bit identifiers.
     fn from_interface(frame: &CanFrame) -> Option<Frame> {
         match frame {
             CanFrame::Data(data) if !data.is_extended() => {
@@ -97,7 +97,7 @@ mod linux {
         use super::*;
 
         #[test]
-        fn frames_go_through_the_interfaces_form_and_others_are_left_out() {
+        fn data_frames_convert_both_ways_and_others_are_ignored() {
             for (id, data) in [(0, &[][..]), (0x7FF, &[1, 2, 3, 4, 5, 6, 7, 8]), (0x486, &[0x85, 0, 2, 0])] {
                 let frame = Frame::from_raw(id, data).expect("a classic frame");
                 let there = to_interface(&frame).expect("the interface takes it");
@@ -110,7 +110,7 @@ mod linux {
         }
 
         #[test]
-        fn an_interface_that_is_not_there_is_named_with_what_to_do() {
+        fn missing_interface_is_named_with_the_next_step() {
             let error = CanPort::open("nocan9").err().expect("there is no such interface").to_string();
             assert!(error.contains("--can nocan9") && error.contains("type vcan"), "{error}");
         }
@@ -126,7 +126,7 @@ mod none {
 
     use super::super::event::{Event, bad};
 
-    /// Nothing.
+    /// Does not exist on this system.
     pub enum CanPort {}
 
     impl CanPort {
@@ -141,12 +141,12 @@ mod none {
             ))
         }
 
-        /// There is none.
+        /// Unreachable.
         pub fn watch(&self, _: SyncSender<Event>) {
             match *self {}
         }
 
-        /// There is none.
+        /// Unreachable.
         pub fn send(&mut self, _: &Frame) {
             match *self {}
         }

@@ -1,4 +1,4 @@
-//! What the threads that wait for sockets report, and what all servers share.
+//! Reports of the threads that wait for sockets, and items shared by the servers.
 
 use std::net::TcpStream;
 use std::time::Duration;
@@ -10,46 +10,46 @@ use crate::experiment::input::BadInput;
 /// Real time since the start in µs; `None` ends the service.
 pub type Clock<'a> = &'a mut dyn FnMut() -> Option<u64>;
 
-/// Longest wait for a host: boards answer a request within half a millisecond, and hosts poll every millisecond.
+/// Longest wait for an event: boards answer a request within half a millisecond, and hosts poll every millisecond.
 pub const WAIT: Duration = Duration::from_micros(200);
 
-/// Longest stretch of simulated time between two looks at the sockets, µs.
+/// Longest stretch of simulated time between two polls of the sockets, µs.
 pub const SLICE_US: u64 = 2_000;
 
-/// Events that may wait; then the threads that read sockets do.
+/// Events queued before the threads that read sockets block.
 pub const EVENTS: usize = 16;
 
-/// What a thread reports.
+/// A thread's report.
 pub enum Event {
-    /// A client wants to be the host.
-    Client(Arrival),
-    /// Bytes of the client of that number.
+    /// A client has connected.
+    Client(NewClient),
+    /// Bytes of the client with this number.
     Bytes(u64, Vec<u8>),
-    /// The client of that number is gone.
+    /// The client with this number has disconnected.
     Gone(u64),
     /// A frame from the CAN interface.
     Frame(Frame),
-    /// The CAN interface is gone.
+    /// The CAN interface has failed.
     Lost(String),
 }
 
-/// What a client comes for.
+/// The protocol of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Door {
+pub enum Protocol {
     /// Grasper Control Language.
     Gcl,
     /// SLCAN.
     Slcan,
 }
 
-/// A client that has connected.
-pub struct Arrival {
+/// A new client, not accepted yet.
+pub struct NewClient {
     /// Its connection.
     pub stream: TcpStream,
     /// Its address.
     pub peer: String,
-    /// What it came for.
-    pub door: Door,
+    /// The protocol of the port that it connected to.
+    pub protocol: Protocol,
 }
 
 /// An error of the command line.

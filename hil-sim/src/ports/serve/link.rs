@@ -1,5 +1,5 @@
-//! A host at the other end of a stream of bytes: a thread that reads and one that writes, so that simulated time never waits for
-//! anybody, and an end to what may wait either way. What has not been written when a link is closed is not written any more.
+//! A byte stream to a host with a reading and a writing thread, so that simulated time never waits for a host, and with bounded
+//! queues both ways. Closing a link discards what has not been written.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -10,27 +10,27 @@ use std::thread;
 
 use super::event::Event;
 
-/// Bytes that are read at once, and the most of a link that wait to be used.
+/// Most bytes per read, and most bytes of a link waiting to be used.
 pub const CHUNK: usize = 1024;
 
-/// Pieces that may wait to be written.
-const PIECES: usize = 16;
+/// Chunks queued for writing.
+const MAX_CHUNKS: usize = 16;
 
-/// What a link goes over.
+/// A byte stream.
 pub trait Port: Send + Sync + 'static {
-    /// Waits for bytes; 0 at the end.
+    /// Blocks until bytes arrive; 0 at the end.
     ///
     /// # Errors
-    /// It is gone.
+    /// The stream has failed.
     fn read(&self, bytes: &mut [u8]) -> io::Result<usize>;
 
-    /// Waits until all are written.
+    /// Blocks until all bytes are written.
     ///
     /// # Errors
-    /// It is gone.
+    /// The stream has failed.
     fn write(&self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Hangs up: who waits is told so, and what has been written and not read is lost.
+    /// Closes the stream: blocked readers and writers return, and unread bytes are lost.
     fn close(&self);
 }
 
@@ -50,85 +50,85 @@ impl Port for TcpStream {
     }
 }
 
-/// A host that is there.
+/// An open byte stream.
 pub struct Link {
     /// Its number in events.
     pub number: u64,
-    /// Who it is.
+    /// The peer's address.
     pub peer: String,
     port: Arc<dyn Port>,
     out: SyncSender<Vec<u8>>,
     more: SyncSender<()>,
     is_closed: Arc<AtomicBool>,
-    /// It has sent a piece, and waits until that is used.
-    is_held: bool,
+    /// The reader has delivered a chunk and waits for [`Self::read_next`].
+    is_paused: bool,
 }
 
 impl Link {
-    /// Starts to read and to write. What it reads comes as events of its number, a piece at a time: see [`Self::go_on`].
+    /// Starts both threads. Received chunks arrive as events, one at a time: see [`Self::read_next`].
     pub fn new(number: u64, peer: String, port: Arc<dyn Port>, events: SyncSender<Event>) -> Self {
-        let (out, pieces) = sync_channel::<Vec<u8>>(PIECES);
-        let (more, go_on) = sync_channel(1);
+        let (out, chunks) = sync_channel::<Vec<u8>>(MAX_CHUNKS);
+        let (more, next_chunk) = sync_channel(1);
         let (reader, writer) = (Arc::clone(&port), Arc::clone(&port));
         let gone = events.clone();
-        thread::spawn(move || read(&*reader, number, &events, &go_on));
+        thread::spawn(move || read(&*reader, number, &events, &next_chunk));
         let is_closed = Arc::new(AtomicBool::new(false));
         let closed = Arc::clone(&is_closed);
         thread::spawn(move || {
-            while let Ok(piece) = pieces.recv() {
-                let is_gone = writer.write(&piece).is_err();
+            while let Ok(chunk) = chunks.recv() {
+                let is_gone = writer.write(&chunk).is_err();
                 if closed.load(Ordering::SeqCst) {
-                    // It may have been written after that.
+                    // The chunk may have been written after the close.
                     writer.close();
                     return;
                 }
                 if is_gone {
-                    // Its reader may be waiting for its turn, and tell later, or never.
+                    // The reader may be waiting for its turn and would report this late or never.
                     let _ = gone.send(Event::Gone(number));
                     return;
                 }
             }
         });
-        Self { number, peer, port, out, more, is_closed, is_held: false }
+        Self { number, peer, port, out, more, is_closed, is_paused: false }
     }
 
-    /// A piece of its has come.
-    pub const fn has_come(&mut self) {
-        self.is_held = true;
+    /// Notes that a chunk has arrived.
+    pub const fn chunk_received(&mut self) {
+        self.is_paused = true;
     }
 
-    /// There is room for another piece: it may come.
-    pub fn go_on(&mut self) {
-        if std::mem::take(&mut self.is_held) {
-            // It waits for this one: there is no other.
+    /// Lets the reader deliver the next chunk.
+    pub fn read_next(&mut self) {
+        if std::mem::take(&mut self.is_paused) {
+            // The channel is empty: the reader waits for exactly one token.
             let _ = self.more.try_send(());
         }
     }
 
-    /// Sends a piece if there is room; whether there was. All of it, or nothing: then `piece` is as it was.
-    pub fn send(&self, piece: &mut Vec<u8>) -> bool {
-        if piece.is_empty() {
+    /// Queues a chunk for writing. Returns whether there was room; otherwise `chunk` is unchanged.
+    pub fn send(&self, chunk: &mut Vec<u8>) -> bool {
+        if chunk.is_empty() {
             return true;
         }
-        match self.out.try_send(std::mem::take(piece)) {
+        match self.out.try_send(std::mem::take(chunk)) {
             Ok(()) => true,
             Err(error) => {
                 let (std::sync::mpsc::TrySendError::Full(back)
                 | std::sync::mpsc::TrySendError::Disconnected(back)) = error;
-                *piece = back;
+                *chunk = back;
                 false
             }
         }
     }
 
-    /// Hangs up; its threads end.
+    /// Closes the stream and ends both threads.
     pub fn close(self) {
         self.is_closed.store(true, Ordering::SeqCst);
         self.port.close();
     }
 }
 
-fn read(port: &dyn Port, number: u64, events: &SyncSender<Event>, go_on: &Receiver<()>) {
+fn read(port: &dyn Port, number: u64, events: &SyncSender<Event>, next_chunk: &Receiver<()>) {
     let mut bytes = [0; CHUNK];
     loop {
         let event = match port.read(&mut bytes) {
@@ -137,7 +137,7 @@ fn read(port: &dyn Port, number: u64, events: &SyncSender<Event>, go_on: &Receiv
             Ok(len) => Event::Bytes(number, bytes[..len].to_vec()),
         };
         let gone = matches!(event, Event::Gone(_));
-        if events.send(event).is_err() || gone || go_on.recv().is_err() {
+        if events.send(event).is_err() || gone || next_chunk.recv().is_err() {
             return;
         }
     }

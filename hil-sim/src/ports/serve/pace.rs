@@ -1,18 +1,18 @@
-//! Simulated time at the pace of real time.
+//! Couples simulated time to real time.
 
-/// How far simulated time may be behind before it stops catching up, µs: longer than any pause of an ordinary scheduler.
+/// Lag beyond which simulated time no longer catches up, µs: longer than a scheduler's ordinary pauses.
 const SLACK_US: u64 = 100_000;
 
-/// The difference between real and simulated time.
+/// The offset between real and simulated time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
-    /// Given up so far.
+    /// Lag given up so far, µs.
     behind_us: u64,
-    told: bool,
+    warned: bool,
 }
 
 impl Pace {
-    /// Where simulated time, now at `now_us`, should be; and what to tell the user, once, where it will never get there.
+    /// The target of simulated time, now at `now_us`, and a warning when it falls behind for the first time.
     pub fn target(&mut self, real_us: u64, now_us: u64) -> (u64, Option<String>) {
         let late_us = real_us.saturating_sub(self.behind_us).saturating_sub(now_us);
         if late_us <= SLACK_US {
@@ -20,7 +20,7 @@ impl Pace {
         }
         self.behind_us += late_us - SLACK_US;
         let text = "warning: the machine is too slow, or was stopped: simulated time falls behind real time";
-        let first = !std::mem::replace(&mut self.told, true);
+        let first = !std::mem::replace(&mut self.warned, true);
         (now_us + SLACK_US, first.then(|| text.to_owned()))
     }
 }
@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn time_is_followed_and_never_goes_back() {
+    fn target_follows_real_time_and_never_decreases() {
         let mut pace = Pace::default();
         assert_eq!(pace.target(1_000, 0), (1_000, None));
         assert_eq!(pace.target(1_000, 1_000), (1_000, None));
@@ -39,13 +39,13 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_machine_falls_behind_and_is_told_of_once() {
+    fn slow_machine_falls_behind_and_warns_once() {
         let mut pace = Pace::default();
         let (target, text) = pace.target(10_000_000, 0);
         assert_eq!(target, 100_000);
         assert!(text.is_some());
-        // 1 s later it is where it was to be, and on time from now on: 9.9 s behind.
+        // 1 s later time is on target again, 9.9 s behind real time.
         assert_eq!(pace.target(11_000_000, 1_100_000), (1_100_000, None));
-        assert_eq!(pace.target(30_000_000, 1_100_000), (1_200_000, None), "not told again");
+        assert_eq!(pace.target(30_000_000, 1_100_000), (1_200_000, None), "no second warning");
     }
 }

@@ -1,4 +1,4 @@
-//! A pseudo-terminal as the hand's serial port: programs open it as they do a real one.
+//! A pseudo-terminal in place of the hand's serial port.
 
 #[cfg(unix)]
 pub use unix::open;
@@ -21,22 +21,22 @@ mod unix {
     use super::super::event::bad;
     use super::super::link::Port;
 
-    /// From one look whether somebody has opened it to the next.
-    const LOOK: Duration = Duration::from_millis(20);
+    /// Poll interval for hosts that open the terminal.
+    const POLL: Duration = Duration::from_millis(20);
 
-    /// The terminal's other side.
+    /// The controlling side of the terminal.
     struct Pty {
         file: File,
-        /// Where hosts open it.
+        /// Path of the hosts' side.
         path: String,
-        /// Somebody has it open.
+        /// Whether a host has it open.
         is_open: AtomicBool,
     }
 
-    /// Makes one, and says where programs find it.
+    /// Creates a pseudo-terminal; returns it with its path.
     ///
     /// # Errors
-    /// The system gives none.
+    /// The system provides none.
     pub fn open() -> Result<(Arc<dyn Port>, String), BadInput> {
         let failed = |error: Errno| {
             let next = "use --listen";
@@ -45,7 +45,7 @@ mod unix {
         let owner = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).map_err(failed)?;
         grantpt(&owner).and_then(|()| unlockpt(&owner)).map_err(failed)?;
         let path = ptsname(&owner, Vec::new()).map_err(failed)?.to_string_lossy().into_owned();
-        // No echo and no ends of lines of its own, before anybody opens it.
+        // Raw mode before a host opens it: no echo, no line editing.
         let mut termios = tcgetattr(&owner).map_err(failed)?;
         termios.make_raw();
         tcsetattr(&owner, OptionalActions::Now, &termios).map_err(failed)?;
@@ -58,12 +58,12 @@ mod unix {
             loop {
                 let mut file = &self.file;
                 match Read::read(&mut file, bytes) {
-                    // Nobody has it open any more, or not yet.
+                    // EIO: no host has it open.
                     Err(error) if Errno::from_io_error(&error) == Some(Errno::IO) => {
                         if self.is_open.swap(false, Ordering::Relaxed) {
                             return Ok(0);
                         }
-                        thread::park_timeout(LOOK);
+                        thread::park_timeout(POLL);
                     }
                     Ok(len) => {
                         self.is_open.store(true, Ordering::Relaxed);
@@ -80,7 +80,7 @@ mod unix {
         }
 
         fn close(&self) {
-            // From the hosts' side: what the next one has written already is not touched. A writer that waits for room has it then.
+            // Flush from the hosts' side: bytes that the next host has written already stay. A blocked writer gets room.
             let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
             let _ = rustix::fs::open(&*self.path, flags, Mode::empty())
                 .and_then(|hosts| tcflush(hosts, QueueSelector::IFlush));
@@ -88,7 +88,7 @@ mod unix {
     }
 }
 
-/// There is none.
+/// Not supported on this system.
 ///
 /// # Errors
 /// Always.

@@ -12,30 +12,30 @@ use crate::ports::slcan::Slcan;
 use crate::world::bus::Stamped;
 use tater_wire::Frame;
 
-use super::event::{Arrival, Door, Event, bad};
+use super::event::{Event, NewClient, Protocol, bad};
 use super::link::Link;
-use crate::ports::output::tell;
+use crate::ports::output::warn;
 
-/// How long a client that is refused may take to read why, and to close.
-const LAST_WORDS: Duration = Duration::from_millis(100);
+/// Time for a refused client to read the reason and close.
+const REFUSAL_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// Pieces of what it has said that are taken from it then.
-const LAST_READS: usize = 16;
+/// Most chunks of its input discarded meanwhile.
+const REFUSAL_READS: usize = 16;
 
-/// From an attempt to accept a client that fails to the next: out of files, it fails at once until one is closed.
-const AGAIN: Duration = Duration::from_millis(100);
+/// Delay before accepting again after an error: without free file descriptors, accept fails at once until one is closed.
+const ACCEPT_RETRY: Duration = Duration::from_millis(100);
 
-/// What an SLCAN client may leave unread, bytes, before it is sent away: a second of a full bus.
+/// An SLCAN client is disconnected when it leaves more than this unread, bytes: a second of a full bus.
 const UNREAD: usize = 1 << 18;
 
-/// Listens at an option's address; clients come as events. Returns the address that it has.
+/// Listens at an option's address; clients arrive as events. Returns the actual address.
 ///
 /// # Errors
-/// No address, or one that cannot be had.
+/// The address is invalid or in use.
 pub fn listen(
     option: &str,
     address: &str,
-    door: Door,
+    protocol: Protocol,
     events: SyncSender<Event>,
 ) -> Result<String, BadInput> {
     let failed = |error: io::Error| {
@@ -48,88 +48,88 @@ pub fn listen(
     };
     let listener = TcpListener::bind(address).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?.to_string();
-    // Ends with the program, or when nobody hears it any more.
-    thread::spawn(move || accept_all(&listener, door, &events));
+    // Ends with the program, or when the receiver is gone.
+    thread::spawn(move || accept_all(&listener, protocol, &events));
     Ok(address)
 }
 
-fn accept_all(listener: &TcpListener, door: Door, events: &SyncSender<Event>) {
-    let mut told = false;
+fn accept_all(listener: &TcpListener, protocol: Protocol, events: &SyncSender<Event>) {
+    let mut warned = false;
     for stream in listener.incoming() {
         match stream {
             Ok(stream) => {
-                if events.send(Event::Client(arrival(stream, door))).is_err() {
+                if events.send(Event::Client(client(stream, protocol))).is_err() {
                     return;
                 }
             }
             Err(error) => {
-                if !std::mem::replace(&mut told, true) {
-                    tell(&format!("warning: a client cannot be accepted: {error}; it is tried again"));
+                if !std::mem::replace(&mut warned, true) {
+                    warn(&format!("warning: a client cannot be accepted: {error}; trying again"));
                 }
-                thread::park_timeout(AGAIN);
+                thread::park_timeout(ACCEPT_RETRY);
             }
         }
     }
 }
 
-fn arrival(stream: TcpStream, door: Door) -> Arrival {
+fn client(stream: TcpStream, protocol: Protocol) -> NewClient {
     let peer = stream.peer_addr().map_or_else(|_| "a client".to_owned(), |peer| peer.to_string());
-    Arrival { stream, peer, door }
+    NewClient { stream, peer, protocol }
 }
 
-/// Tells it why not, and closes. An SLCAN client skips a line that begins so.
-pub fn refuse(mut arrival: Arrival, why: &str) {
-    let text = match arrival.door {
-        Door::Gcl => format!("\r\n\rbusy: {why}\r\n\r"),
-        Door::Slcan => format!("error: {why}\r\x07"),
+/// Sends the reason and closes. SLCAN clients skip such a line.
+pub fn refuse(mut client: NewClient, why: &str) {
+    let text = match client.protocol {
+        Protocol::Gcl => format!("\r\n\rbusy: {why}\r\n\r"),
+        Protocol::Slcan => format!("error: {why}\r\x07"),
     };
-    // A thread: closing with unread bytes would take the text away from the client before it has read it.
+    // In a thread: closing with unread input would discard the text before the client reads it.
     thread::spawn(move || {
-        let _ = arrival.stream.set_write_timeout(Some(LAST_WORDS));
-        let _ = arrival.stream.write_all(text.as_bytes());
-        let _ = arrival.stream.shutdown(Shutdown::Write);
-        let _ = arrival.stream.set_read_timeout(Some(LAST_WORDS));
-        // However slowly it goes on: an end.
-        let mut unheard = [0; 1 << 12];
-        let _ = (0..LAST_READS).find(|_| !arrival.stream.read(&mut unheard).is_ok_and(|len| len > 0));
+        let _ = client.stream.set_write_timeout(Some(REFUSAL_TIMEOUT));
+        let _ = client.stream.write_all(text.as_bytes());
+        let _ = client.stream.shutdown(Shutdown::Write);
+        let _ = client.stream.set_read_timeout(Some(REFUSAL_TIMEOUT));
+        // Bounded even for a client that keeps sending.
+        let mut discarded = [0; 1 << 12];
+        let _ = (0..REFUSAL_READS).find(|_| !client.stream.read(&mut discarded).is_ok_and(|len| len > 0));
     });
 }
 
-/// Lets it in. Its bytes come as events of its number.
+/// Accepts a client; its bytes arrive as events with its number.
 ///
 /// # Errors
-/// It has gone already.
-pub fn accept(arrival: Arrival, number: u64, events: SyncSender<Event>) -> io::Result<Link> {
-    // What it is told is small and wanted at once.
-    arrival.stream.set_nodelay(true)?;
-    Ok(Link::new(number, arrival.peer, Arc::new(arrival.stream), events))
+/// The client has disconnected.
+pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> io::Result<Link> {
+    // Answers are short and wanted at once.
+    client.stream.set_nodelay(true)?;
+    Ok(Link::new(number, client.peer, Arc::new(client.stream), events))
 }
 
 /// A client that speaks SLCAN.
 pub struct Client {
-    /// Its bytes.
+    /// Its connection.
     pub link: Link,
     codec: Slcan,
     out: Vec<u8>,
 }
 
 impl Client {
-    /// One that has been let in, as `codec` has it.
+    /// A new client, with `codec` as its adapter.
     pub const fn new(link: Link, codec: Slcan) -> Self {
         Self { link, codec, out: Vec::new() }
     }
 
-    /// A byte from it: the frame that it completes, if any.
+    /// Handles a byte from the client; returns a frame it completes.
     pub fn push(&mut self, byte: u8) -> Option<Frame> {
         self.codec.push(byte, &mut self.out)
     }
 
-    /// A frame for it.
+    /// Queues a frame for the client.
     pub fn frame(&mut self, stamped: &Stamped) {
         self.codec.frame(stamped, &mut self.out);
     }
 
-    /// Sends what there is to tell it. Returns whether it still reads.
+    /// Sends what is queued. Returns `false` if the client has stopped reading.
     pub fn flush(&mut self) -> bool {
         self.link.send(&mut self.out) || self.out.len() <= UNREAD
     }

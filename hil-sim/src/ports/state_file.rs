@@ -1,0 +1,141 @@
+//! The file with what a hand keeps without power: read at the start, rewritten after changes.
+//!
+//! Updates are atomic: a reader finds the whole old or the whole new state whenever the program or the machine was stopped. The new
+//! state is written to `FILE.part`, synced and renamed. `FILE.lock` keeps other programs out while this one runs.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+
+use crate::experiment::input::BadInput;
+use crate::world::hand::Hand;
+use crate::world::hand::state::State;
+
+/// Size limit, bytes: seven flashes of 128 KiB and GOD need less.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// A state is written after this simulated time without changes, us: boards store one after another, 40 ms per erase.
+const QUIET_US: u64 = 200_000;
+
+/// A state is written at the latest after this simulated time, us.
+const MAX_DELAY_US: u64 = 2_000_000;
+
+/// A state file locked by this program.
+pub struct StateFile {
+    path: PathBuf,
+    /// Holds the lock while open.
+    _lock: File,
+    /// The revision in the file.
+    written: u64,
+    /// The newest revision, its time, and the time of the first change not written, us.
+    unsaved: Option<(u64, u64, u64)>,
+}
+
+impl StateFile {
+    /// Locks and reads a state file; `None` if it does not exist.
+    ///
+    /// # Errors
+    /// The file is in use, unreadable or not a state; it is not changed.
+    pub fn open(path: &Path) -> Result<(Self, Option<State>), BadInput> {
+        // A symbolic link stays: its target is replaced.
+        let path = &fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let lock = lock(path)?;
+        let state_file = Self { path: path.clone(), _lock: lock, written: 0, unsaved: None };
+        let mut bytes = Vec::new();
+        match File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok((state_file, None)),
+            Err(error) => {
+                let next = "check the path, or name a new file";
+                return Err(bad(path, "cannot be read", error.to_string(), "a state file", next));
+            }
+            Ok(_) => {}
+        }
+        let state = State::from_bytes(&bytes).map_err(|error| {
+            let problem = format!("not a state of a hand, from byte {} on; left as it is", error.at);
+            let next = "restore a copy, or name a new file";
+            bad(path, &problem, error.found, &error.expected, next)
+        })?;
+        Ok((state_file, Some(state)))
+    }
+
+    /// Writes the hand's state.
+    ///
+    /// # Errors
+    /// The file cannot be written; the old one is unchanged.
+    pub fn write(&mut self, hand: &mut Hand) -> Result<(), BadInput> {
+        let revision = hand.revision();
+        // If writing fails, the state counts as changed now.
+        self.unsaved = Some((revision, hand.now_us(), hand.now_us()));
+        self.replace(&hand.state().to_bytes()).map_err(|error| {
+            let next = "free space, or choose a writable folder";
+            bad(&self.path, "cannot be written", error.to_string(), "a file that can be replaced", next)
+        })?;
+        (self.written, self.unsaved) = (revision, None);
+        Ok(())
+    }
+
+    /// Writes the state if it changed: at once if `now`, otherwise once changes pause.
+    ///
+    /// # Errors
+    /// As [`Self::write`].
+    pub fn save_changes(&mut self, hand: &mut Hand, now: bool) -> Result<(), BadInput> {
+        let (revision, now_us) = (hand.revision(), hand.now_us());
+        if revision == self.written {
+            return Ok(());
+        }
+        let (newest, since_us, first_us) = self.unsaved.unwrap_or((revision, now_us, now_us));
+        let since_us = if newest == revision { since_us } else { now_us };
+        self.unsaved = Some((revision, since_us, first_us));
+        if now || now_us - since_us >= QUIET_US || now_us - first_us >= MAX_DELAY_US {
+            self.write(hand)?;
+        }
+        Ok(())
+    }
+
+    fn replace(&self, bytes: &[u8]) -> io::Result<()> {
+        let part = with_suffix(&self.path, "part");
+        let mut file = File::create(&part)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&part, &self.path)?;
+        // The rename is durable once the folder is synced.
+        match self.path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            Some(folder) => File::open(folder)?.sync_all(),
+            None => File::open(".")?.sync_all(),
+        }
+    }
+}
+
+fn lock(path: &Path) -> Result<File, BadInput> {
+    let name = with_suffix(path, "lock");
+    let next = "choose a writable folder";
+    let file = File::options().create(true).append(true).open(&name).map_err(|error| {
+        bad(path, &format!("{} cannot be created", name.display()), error.to_string(), "a file", next)
+    })?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => {
+            let next = "stop the other hand, or use another file";
+            Err(bad(path, "in use", "another hand that uses this file".to_owned(), "one hand", next))
+        }
+        Err(TryLockError::Error(error)) => {
+            Err(bad(path, "cannot be locked", error.to_string(), "a file system with locks", next))
+        }
+    }
+}
+
+fn with_suffix(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(format!(".{ending}"));
+    name.into()
+}
+
+fn bad(path: &Path, problem: &str, found: String, expected: &str, next: &str) -> BadInput {
+    BadInput {
+        place: format!("--state {}", path.display()),
+        problem: problem.to_owned(),
+        found,
+        expected: expected.to_owned(),
+        next: next.to_owned(),
+    }
+}
