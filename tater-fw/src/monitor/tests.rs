@@ -13,13 +13,13 @@ use tater_wire::Identifier;
 use tater_wire::image::{HEADER_END, Header, seal};
 use tater_wire::memory::{FLASH, PAGE, RAM};
 
-/// Flash in RAM, which keeps the rules of the real one.
+/// Flash in RAM with the rules of the real one.
 #[derive(Debug)]
 struct Chip {
     bytes: Vec<u8>,
     /// Start of each page erased, in order.
     erased: Vec<u32>,
-    /// From now on no half-word but 0 is taken.
+    /// From now on every half-word except 0 fails.
     worn: bool,
 }
 
@@ -65,12 +65,12 @@ impl Flash for Chip {
 struct Bed {
     chip: Chip,
     sent: Vec<Frame>,
-    /// Frames that the CAN controller takes before it is full.
+    /// Frames that the CAN controller accepts before it is full.
     room: usize,
     straps: u8,
     bridge: Bridge,
     brake: bool,
-    /// What the CAN controller lets through.
+    /// The filters of the CAN controller.
     listens: Option<(Node, [Option<Group>; 3])>,
     cause: Option<FaultCode>,
 }
@@ -150,7 +150,7 @@ impl Bench {
         self.monitor.board_mut()
     }
 
-    /// A frame by its raw identifier; what the monitor sends at once.
+    /// Receives a frame with this raw identifier; returns the frames that the monitor sends at once.
     fn say(&mut self, id: u16, data: &[u8]) -> Vec<Frame> {
         let frame = Frame::from_raw(id, data).expect("a frame");
         self.monitor.receive(&frame, Micros(self.now));
@@ -162,7 +162,7 @@ impl Bench {
         assert_eq!(self.say(id, &[0x80 | property, 0, a, b, c, d]), [], "a SET is not answered");
     }
 
-    /// The value of a property of the board at `node`, asked for by the host.
+    /// The value of a property of the board at `node`, read by the host.
     fn get(&mut self, node: u16, property: u8) -> Option<u16> {
         match self.say(node, &[property])[..] {
             [] => None,
@@ -176,7 +176,7 @@ impl Bench {
         }
     }
 
-    /// Steps until there is nothing to do; whether the application is to start.
+    /// Steps until there is nothing to do; returns whether the application is to start.
     fn settle(&mut self) -> Next {
         for _ in 0..200_000 {
             self.now = self.now.wrapping_add(53);
@@ -191,7 +191,7 @@ impl Bench {
     }
 }
 
-/// An image that verifies, of `len` bytes.
+/// An image of `len` bytes that verifies.
 fn image(len: usize, version: u32) -> Vec<u8> {
     let mut image: Vec<u8> = (0..len).map(|i| (i * 7 + version as usize) as u8).collect();
     image[..4].copy_from_slice(&RAM.end().to_le_bytes());
@@ -201,7 +201,7 @@ fn image(len: usize, version: u32) -> Vec<u8> {
     image
 }
 
-/// A record of data, as the monitor receives it.
+/// A data record, as the monitor receives it.
 fn data(address: u32, bytes: &[u8]) -> Vec<u8> {
     let mut body = std::format!("6008{address:08X}");
     for byte in bytes {
@@ -210,7 +210,7 @@ fn data(address: u32, bytes: &[u8]) -> Vec<u8> {
     record(&body)
 }
 
-/// A whole record from its type, a place for the checksum, and the rest.
+/// A whole record from its type, a placeholder for the checksum, and the rest.
 fn record(body: &str) -> Vec<u8> {
     let mut text = std::format!("{:02X}{body}", body.len() + 2).into_bytes();
     let sum = text.iter().map(|&c| u32::from(tater_wire::tek::value(c).expect("hexadecimal"))).sum::<u32>();

@@ -11,15 +11,15 @@ use std::vec::Vec;
 use tater_wire::memory::{PAGE, STORAGE};
 use tater_wire::property::ROWS;
 
-/// The storage pages, with the F103's rules, and half-words and pages that fail when told.
+/// The storage pages with the F103's rules, and with half-words and pages that fail on request.
 #[derive(Clone)]
 struct Ram {
     words: Vec<u16>,
     programmed: usize,
     erased: usize,
-    /// Addresses that do not take a program, or as a page's first an erase.
+    /// Addresses where a program fails, or, for the first of a page, an erase.
     broken: BTreeSet<u32>,
-    /// An address that reads wrong right after its program, once, and right ever after.
+    /// An address that reads wrong once, right after its program, and correctly afterwards.
     late: Option<u32>,
 }
 
@@ -69,7 +69,7 @@ impl Flash for Ram {
     }
 }
 
-/// Steps until there is nothing more to do or nothing can be done; how many steps did something.
+/// Steps until nothing more is to do or can be done; returns the number of steps that did something.
 fn finish(store: &mut Store, flash: &mut Ram) -> usize {
     for steps in 0..3000 {
         match store.step(flash, true) {
@@ -111,7 +111,7 @@ fn stored() -> Vec<Property> {
 
 #[test]
 fn all_stored_properties_fit() {
-    // 43: the number in the module's text, from which its arithmetic follows.
+    // 43: the number in the module's documentation, on which its arithmetic is based.
     assert_eq!(stored().len(), 43);
     assert!(stored().len() <= STORED);
     for property in stored() {
@@ -121,12 +121,12 @@ fn all_stored_properties_fit() {
     let always: Vec<u8> =
         ROWS.iter().filter(|row| row.stored == Stored::Always).map(|row| row.property.id()).collect();
     assert!(always.iter().all(|id| COUNTERS.contains(id)) && always.len() == COUNTERS.len());
-    // Of the 20 KiB of RAM; on the microcontroller it is less, usize being 4 bytes.
+    // Of the 20 KiB of RAM; less on the microcontroller, where usize is 4 bytes.
     assert!(size_of::<Store>() <= 1024, "{}", size_of::<Store>());
 }
 
 #[test]
-fn what_is_set_and_forgotten_is_read_back() {
+fn set_and_forgotten_values_read_back() {
     let (mut store, mut flash) = fresh();
     assert_eq!((store.get(Property::MT), store.counters()), (None, Counters::default()));
     store.set(Property::MT, 500);
@@ -143,7 +143,7 @@ fn what_is_set_and_forgotten_is_read_back() {
 }
 
 #[test]
-fn what_is_not_stored_or_out_of_range_is_not_taken() {
+fn unstored_or_out_of_range_values_are_refused() {
     let (mut store, mut flash) = fresh();
     store.set(Property::TEMP, 300);
     store.set(Property::UPSECS, 300);
@@ -158,7 +158,7 @@ fn what_is_not_stored_or_out_of_range_is_not_taken() {
 }
 
 #[test]
-fn a_save_takes_what_the_module_says() {
+fn save_takes_the_stated_half_words() {
     let (mut store, mut flash) = fresh();
     let save = |value: fn(&Property) -> i64, store: &mut Store, flash: &mut Ram| {
         let before = flash.programmed;
@@ -181,7 +181,7 @@ fn a_save_takes_what_the_module_says() {
 }
 
 #[test]
-fn sets_before_a_record_begins_come_together() {
+fn sets_before_a_record_are_stored_together() {
     let (mut store, mut flash) = fresh();
     store.set(Property::X0, 1);
     finish(&mut store, &mut flash);
@@ -192,16 +192,16 @@ fn sets_before_a_record_begins_come_together() {
     for _ in 0..11 {
         store.step(&mut flash, false);
         seen.push(both(&flash));
-        // The record is made by now.
+        // The record has been made by now.
         store.set(Property::X1, 3);
     }
-    // A record of two is 10 half-words; it is there with the last.
+    // A record of two is 10 half-words; it counts with the last.
     assert_eq!(seen[..11], [[Some(1), None]; 11]);
     assert_eq!(seen[11], [Some(2), Some(2)]);
 }
 
 #[test]
-fn all_are_forgotten_but_the_locked_ones() {
+fn forget_all_keeps_locked_properties() {
     let (mut store, mut flash) = fresh();
     stored().iter().for_each(|property| store.set(*property, property.row().max));
     store.save_position(5, 1);
@@ -216,7 +216,7 @@ fn all_are_forgotten_but_the_locked_ones() {
 }
 
 #[test]
-fn with_the_bridge_on_it_waits_for_an_erase() {
+fn erase_waits_while_the_bridge_is_on() {
     let mut flash = Ram::default();
     let mut store = Store::open(&flash);
     assert_eq!(store.step(&mut flash, false), Progress::Done, "nothing to store");
@@ -224,7 +224,7 @@ fn with_the_bridge_on_it_waits_for_an_erase() {
     assert_eq!(store.step(&mut flash, false), Progress::Waiting);
     assert_eq!((flash.programmed, flash.erased), (0, 0));
     finish(&mut store, &mut flash);
-    // From now on the pages ready take many records without an erase.
+    // From now on the prepared pages take many records without an erase.
     let erased = flash.erased;
     let mut records = 0;
     'full: for value in 2..5000 {
@@ -238,7 +238,8 @@ fn with_the_bridge_on_it_waits_for_an_erase() {
         }
         records += 1;
     }
-    // Eight pages: each half-words for a mark, a complete record of 14, and (512 - 15) / 8 = 62 others. One was there.
+    // Eight pages: each half-words for a mark, a complete record of 14, and (512 - 15) / 8 = 62 others. One
+    // existed already.
     assert_eq!(records, 8 * 63 - 1);
     assert_eq!(flash.erased, erased);
     let last = store.get(Property::X0);
@@ -297,7 +298,7 @@ fn unknown_numbers_give_way_to_known_ones() {
 }
 
 #[test]
-fn nothing_is_read_from_what_is_not_ours() {
+fn foreign_contents_are_ignored() {
     for words in [std::vec![0; 4096], std::vec![u16::MAX; 4096], std::vec![0x5AC3; 4096]] {
         let mut flash = Ram { words, ..Ram::default() };
         let mut store = Store::open(&flash);
@@ -321,7 +322,7 @@ fn nothing_is_read_from_what_is_not_ours() {
 }
 
 #[test]
-fn trust_lives_until_it_is_consumed() {
+fn trust_lasts_until_it_is_consumed() {
     let (mut store, mut flash) = fresh();
     let trusted = |flash: &Ram| Store::open(flash).trusted_position();
     store.distrust(&mut flash).unwrap();
@@ -330,7 +331,7 @@ fn trust_lives_until_it_is_consumed() {
     assert_eq!(trusted(&flash), None);
     finish(&mut store, &mut flash);
     assert_eq!((trusted(&flash), Store::open(&flash).get(Property::P)), (Some((-40, 5)), Some(-40)));
-    // It survives other records, a page's turn among them.
+    // It survives other records, including the change to another page.
     for value in 0..100 {
         store.set(Property::X0, value);
         finish(&mut store, &mut flash);
@@ -357,7 +358,7 @@ fn trust_lives_until_it_is_consumed() {
 }
 
 #[test]
-fn trust_in_a_record_on_its_way_is_consumed_too() {
+fn trust_in_a_record_being_written_is_consumed_too() {
     // The second record with a position is complete, or one of a property.
     for turns in [false, true] {
         for steps in 0..40 {
@@ -376,7 +377,7 @@ fn trust_in_a_record_on_its_way_is_consumed_too() {
             finish(&mut store, &mut flash);
             let store = Store::open(&flash);
             assert_eq!((store.trusted_position(), store.get(Property::P)), (None, Some(8)));
-            // No older mark is left to be believed either.
+            // No older mark may be believed either.
             let marks = (0..8_u32).filter_map(|page| {
                 let mut wiped = flash.clone();
                 wiped.erase(STORAGE.page(page)).unwrap();
@@ -388,7 +389,7 @@ fn trust_in_a_record_on_its_way_is_consumed_too() {
 }
 
 #[test]
-fn a_position_of_another_version_is_not_trusted_beyond_the_range() {
+fn position_of_another_version_beyond_the_range_is_not_trusted() {
     let head = Head { sequence: 7, complete: true, trusted: Some(1) };
     let words = encode(&head, &mut core::iter::once((Property::P.id(), Some(40_000_000))));
     let mut flash = Ram::default();
@@ -398,7 +399,7 @@ fn a_position_of_another_version_is_not_trusted_beyond_the_range() {
 }
 
 #[test]
-fn a_mark_that_a_cut_has_left_behind_is_voided_after_the_start() {
+fn mark_left_by_a_power_cut_is_voided_at_the_start() {
     for turns in [false, true] {
         let (mut store, mut flash) = fresh();
         store.save_position(5, 1);
@@ -411,7 +412,7 @@ fn a_mark_that_a_cut_has_left_behind_is_voided_after_the_start() {
         while store.obsolete.is_none() {
             store.step(&mut flash, true);
         }
-        // The power fails here: the new record is in, the old mark is not yet void.
+        // The power fails here: the new record is complete, the old mark is not yet void.
         let new = store.live.unwrap();
         let mut started = Store::open(&flash);
         assert_eq!(started.trusted_position(), Some((6, 2)));
@@ -421,14 +422,14 @@ fn a_mark_that_a_cut_has_left_behind_is_voided_after_the_start() {
         assert_eq!([old, new].map(|mark| flash.half_word(mark)), [0, u16::MAX], "{turns}");
         driven.distrust(&mut other).unwrap();
         assert_eq!([old, new].map(|mark| other.half_word(mark)), [0, 0], "{turns}");
-        // What voided it is damaged later: the CRC's last half-word is before the mark.
+        // The record that voided it is damaged later: the CRC's last half-word is before the mark.
         other.words[Ram::index(new) - 1] ^= 1;
         assert_eq!(Store::open(&other).trusted_position(), None, "{turns}");
     }
 }
 
 #[test]
-fn a_half_programmed_mark_is_distrusted_and_programmed_to_the_end() {
+fn half_programmed_mark_is_distrusted_and_completed() {
     let (mut store, mut flash) = fresh();
     store.save_position(7, 3);
     finish(&mut store, &mut flash);
@@ -441,7 +442,7 @@ fn a_half_programmed_mark_is_distrusted_and_programmed_to_the_end() {
 }
 
 #[test]
-fn counters_are_told_when_due_and_go_back_only_when_told() {
+fn counters_are_stored_when_due_and_decrease_only_when_set() {
     let (mut store, mut flash) = fresh();
     store.count(Counters { upsecs: 57, odometer: 5, ptemp: 0 });
     assert_eq!(finish(&mut store, &mut flash), 0);
@@ -463,7 +464,7 @@ fn counters_are_told_when_due_and_go_back_only_when_told() {
 }
 
 #[test]
-fn a_record_out_of_sequence_ends_the_journal() {
+fn record_out_of_sequence_ends_the_journal() {
     for (sequence, read) in [(8, true), (7, false), (9, false)] {
         let first = Head { sequence: 7, complete: true, trusted: None };
         let next = Head { sequence, complete: false, trusted: None };

@@ -1,4 +1,4 @@
-//! The application on a fake board, for what frames alone cannot show or would take long to. Property by property
+//! The application on a fake board: cases that frames alone cannot show, or only slowly. Every property
 //! against the table: `tests/protocol/properties.rs`.
 
 mod board;

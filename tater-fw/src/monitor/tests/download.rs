@@ -3,7 +3,7 @@ use crate::monitor::download::{GRANT, REPEAT, TIMEOUT};
 use proptest::prelude::*;
 use tater_wire::download::pack;
 
-/// A board with an old application, and a host at it.
+/// A board with an old application, and its host.
 fn bench() -> (Bench, Vec<u8>) {
     let mut bench = Bench::strapped(3);
     let old = image(3000, 1);
@@ -11,7 +11,7 @@ fn bench() -> (Bench, Vec<u8>) {
     (bench, old)
 }
 
-/// What the monitor asked for in this step, in frames; other frames are an error.
+/// The monitor's requests in this step, in frames; other frames are an error.
 fn requests(bench: &mut Bench, us: u32) -> Vec<Frame> {
     bench.now = bench.now.wrapping_add(us);
     assert_eq!(bench.monitor.step(Micros(bench.now)), Next::Stay);
@@ -20,7 +20,8 @@ fn requests(bench: &mut Bench, us: u32) -> Vec<Frame> {
     sent
 }
 
-/// As Barrett's host does it: one character for each request. Ends when the text does or the monitor is idle.
+/// As Barrett's host does it: one character for each request. Ends with the text, or when the monitor is
+/// idle.
 fn send_singly(bench: &mut Bench, text: &[u8]) {
     let mut text = text.iter();
     while !bench.monitor.is_idle() {
@@ -31,7 +32,7 @@ fn send_singly(bench: &mut Bench, text: &[u8]) {
     }
 }
 
-/// A download from beginning to end, and what ERROR says after it.
+/// A download from beginning to end; returns ERROR after it.
 fn download(bench: &mut Bench, text: &[u8], numbered: bool) -> Option<u16> {
     if numbered {
         send_numbered(bench, text, |_| (1, false));
@@ -54,7 +55,7 @@ fn staging_is_invalid(bench: &mut Bench) -> bool {
 }
 
 #[test]
-fn one_character_for_a_request_loads_an_application() {
+fn one_character_per_request_loads_an_application() {
     let (mut bench, _) = bench();
     let new = image(2 * 1024 + 400, 2);
     assert_eq!(download(&mut bench, &characters(&new), false), Some(0));
@@ -65,7 +66,7 @@ fn one_character_for_a_request_loads_an_application() {
 }
 
 #[test]
-fn the_first_request_comes_when_the_first_page_is_erased_and_repeats() {
+fn first_request_follows_the_first_erase_and_repeats() {
     let (mut bench, _) = bench();
     bench.set(3, 0, 0xAA);
     assert_eq!(requests(&mut bench, 1), []);
@@ -78,11 +79,11 @@ fn the_first_request_comes_when_the_first_page_is_erased_and_repeats() {
 }
 
 #[test]
-fn a_step_whose_time_was_read_before_a_frame_came_ends_nothing() {
+fn step_with_a_time_before_the_frame_does_not_time_out() {
     let (mut bench, _) = bench();
     bench.set(3, 0, 0xAA);
     while requests(&mut bench, 100).is_empty() {}
-    // The interrupt comes after the loop has read the clock; as late as can be told from early.
+    // The interrupt occurs after the loop has read the clock, at the latest time that still counts as early.
     for (late, character) in [1, 2, 1000, (1 << 31) - 1].into_iter().zip(characters(&image(1024, 2))) {
         let read = bench.now;
         let frame = Frame::from_raw(3, &[character]).expect("a frame");
@@ -93,7 +94,7 @@ fn a_step_whose_time_was_read_before_a_frame_came_ends_nothing() {
 }
 
 #[test]
-fn a_host_that_dies_leaves_the_old_application() {
+fn host_that_dies_leaves_the_old_application() {
     let new = image(2 * 1024, 2);
     let text = characters(&new);
     for gone_after in (0..text.len()).step_by(97) {
@@ -115,7 +116,7 @@ fn a_host_that_dies_leaves_the_old_application() {
 }
 
 #[test]
-fn every_bad_file_is_named_and_leaves_the_old_application() {
+fn bad_file_raises_its_error_and_leaves_the_old_application() {
     let new = image(2 * 1024, 2);
     let good = characters(&new);
     let start = APPLICATION.start;
@@ -146,10 +147,10 @@ fn every_bad_file_is_named_and_leaves_the_old_application() {
     let cases = cases
         .into_iter()
         .flat_map(|(error, text, what)| [(error, text.clone(), what, false), (error, text, what, true)]);
-    // One character a request: nobody asks for what follows the end.
+    // One character a request: nobody requests what follows the end.
     let after = [
         (17, [good.clone(), termination()].concat(), "a second termination", true),
-        // The first ends with a frame, and is worked off when the next frame comes.
+        // The first error ends with a frame, and is found when the next frame is processed.
         (17, [record("300AAAAA"), termination().repeat(3)].concat(), "terminations only", true),
     ];
     for (error, text, what, numbered) in cases.chain(after) {
@@ -166,7 +167,7 @@ fn every_bad_file_is_named_and_leaves_the_old_application() {
 }
 
 #[test]
-fn worn_out_flash_is_named() {
+fn worn_out_flash_raises_flash_write() {
     let (mut bench, old) = bench();
     bench.board().chip.worn = true;
     let text = characters(&image(2048, 2));
@@ -175,7 +176,7 @@ fn worn_out_flash_is_named() {
 }
 
 #[test]
-fn a_host_that_paused_sends_all_it_owes_and_no_page_is_erased_meanwhile() {
+fn paused_host_sends_what_it_owes_before_the_next_erase() {
     let new = image(3 * 1024, 2);
     let text = characters(&new);
     let (mut bench, _) = bench();
@@ -186,8 +187,8 @@ fn a_host_that_paused_sends_all_it_owes_and_no_page_is_erased_meanwhile() {
         owed += requests(&mut bench, 1000).len();
         let erased = bench.board().chip.erased.len() > erased;
         assert!(!erased || owed == 0 || sent == text.len(), "erased at {sent}, {owed} owed");
-        // Once in 50 characters, so at every page, the host is busy for 8 s; the board asks on, and is answered for
-        // each request.
+        // Once in 50 characters, so at every page, the host is busy for 8 s; the board repeats its request
+        // and gets an answer to each.
         if sent % 50 == 5 && owed < 40 {
             continue;
         }
@@ -202,7 +203,7 @@ fn a_host_that_paused_sends_all_it_owes_and_no_page_is_erased_meanwhile() {
 }
 
 #[test]
-fn a_request_that_went_astray_costs_one_repeat() {
+fn lost_request_costs_one_repeat() {
     let text = characters(&image(1024, 2));
     let (mut bench, _) = bench();
     bench.set(3, 0, 0xAA);
@@ -218,14 +219,15 @@ fn a_request_that_went_astray_costs_one_repeat() {
         }
     }
     assert_eq!((bench.get(3, 4), sent), (Some(0), text.len()));
-    // Each hundredth went astray: one repeat, and one more because the board cannot know that no answer is to come.
+    // Each hundredth was lost: one repeat, and one more because the board cannot know that no answer will
+    // come.
     assert!(asked * 97 / 100 < text.len() && asked > text.len(), "{asked} for {}", text.len());
     let took = bench.now.wrapping_sub(begun);
-    // Two silences for each, and below two steps for a character, a half-word each and the copy.
+    // Two timeouts for each, and below two steps for a character, a half-word each and the copy.
     assert!(took < 2 * REPEAT.0 * (asked as u32).div_ceil(100) + 200 * text.len() as u32, "{took}");
 }
 
-/// Our own host on a bus that `lose` decides of: for the nth frame sent, how often it arrives, and whether late.
+/// Our own host on a bus where `lose` decides, for the nth frame sent, how often it arrives and whether late.
 fn send_numbered(bench: &mut Bench, text: &[u8], lose: impl Fn(usize) -> (usize, bool)) -> (usize, usize) {
     bench.set(3, 0, 0x1AA);
     let (mut asked, mut count) = (0, 0);
@@ -255,7 +257,7 @@ fn send_numbered(bench: &mut Bench, text: &[u8], lose: impl Fn(usize) -> (usize,
 }
 
 #[test]
-fn numbered_frames_load_an_application_and_requests_go_along_with_them() {
+fn numbered_frames_load_an_application() {
     let (mut bench, _) = bench();
     let new = image(5000, 2);
     let text = characters(&new);
@@ -266,7 +268,7 @@ fn numbered_frames_load_an_application_and_requests_go_along_with_them() {
 }
 
 #[test]
-fn numbered_frames_that_are_lost_late_or_doubled_do_no_harm() {
+fn lost_late_or_duplicated_numbered_frames_do_no_harm() {
     let new = image(5000, 2);
     let text = characters(&new);
     for every in [2, 3, 7, 16, 17, 50] {
@@ -283,7 +285,7 @@ fn numbered_frames_that_are_lost_late_or_doubled_do_no_harm() {
 }
 
 #[test]
-fn a_host_that_sends_more_than_it_was_granted_is_asked_again() {
+fn host_beyond_its_grant_is_asked_again() {
     let new = image(5000, 2);
     let text = characters(&new);
     let (mut bench, _) = bench();
@@ -301,7 +303,7 @@ fn a_host_that_sends_more_than_it_was_granted_is_asked_again() {
 }
 
 #[test]
-fn a_copy_that_fails_stays_owed() {
+fn failed_copy_stays_owed() {
     let (mut bench, _) = bench();
     let new = image(4000, 2);
     bench.board().chip.load(STAGING.start, &new);
@@ -317,7 +319,7 @@ fn a_copy_that_fails_stays_owed() {
 }
 
 #[test]
-fn a_copy_that_keeps_failing_does_not_stand_in_the_way_of_a_download() {
+fn repeatedly_failing_copy_does_not_block_a_download() {
     let (mut bench, _) = bench();
     bench.board().chip.load(STAGING.start, &image(4000, 2));
     bench.board().chip.worn = true;
@@ -335,14 +337,14 @@ fn a_copy_that_keeps_failing_does_not_stand_in_the_way_of_a_download() {
 }
 
 #[test]
-fn the_only_good_image_is_copied_a_second_time_before_a_download_erases_it() {
+fn owed_copy_is_retried_before_a_download_erases_staging() {
     for mended in [true, false] {
         let (mut bench, _) = bench();
         let owed = image(4000, 2);
         bench.board().chip.load(STAGING.start, &owed);
         bench.board().chip.worn = true;
         let mut bench = bench.reset();
-        // The wish comes while the copy is made.
+        // The request to start arrives during the copy.
         while !matches!(bench.monitor.phase, Phase::Copy(_)) {
             requests(&mut bench, 100);
         }
@@ -369,7 +371,7 @@ fn the_only_good_image_is_copied_a_second_time_before_a_download_erases_it() {
 }
 
 #[test]
-fn properties_are_answered_during_a_download_and_orders_end_it() {
+fn get_is_answered_during_a_download_and_set_stat_ends_it() {
     let text = characters(&image(2048, 2));
     let (mut bench, old) = bench();
     bench.set(3, 0, 0xAA);
@@ -388,7 +390,7 @@ fn properties_are_answered_during_a_download_and_orders_end_it() {
 }
 
 #[test]
-fn the_wish_to_start_is_kept_through_check_and_copy_but_not_through_a_fault() {
+fn start_request_survives_check_and_copy_but_no_fault() {
     for good in [true, false] {
         let (mut bench, old) = bench();
         let mut new = image(2048, 2);
@@ -408,7 +410,7 @@ fn the_wish_to_start_is_kept_through_check_and_copy_but_not_through_a_fault() {
 }
 
 #[test]
-fn a_copy_that_is_owed_is_made_at_boot_and_before_a_start() {
+fn owed_copy_is_made_at_boot_and_before_a_start() {
     for asked in [false, true] {
         let (mut bench, _) = bench();
         let new = image(4000, 2);
@@ -426,7 +428,7 @@ fn a_copy_that_is_owed_is_made_at_boot_and_before_a_start() {
 }
 
 #[test]
-fn only_the_host_and_only_by_the_boards_own_number() {
+fn download_is_accepted_only_from_the_host_to_the_own_node() {
     let (mut bench, _) = bench();
     for id in [0x400, 0x401, 0x404, 1 << 5 | 3, 2] {
         bench.say(id, &[0x80, 0, 0xAA, 0]);
@@ -435,9 +437,9 @@ fn only_the_host_and_only_by_the_boards_own_number() {
 }
 
 proptest! {
-    /// However an image is cut into records, with bytes of 0xFF left out: odd addresses, odd lengths, gaps.
+    /// An image cut into any records, with bytes of 0xFF left out: odd addresses, odd lengths, gaps.
     #[test]
-    fn any_rising_records_make_the_image(
+    fn any_rising_records_build_the_image(
         blank in 60usize..3000, gap in 0usize..1500, cuts in prop::collection::vec(1usize..=120, 20..200),
     ) {
         let mut new = image(4096, 2);

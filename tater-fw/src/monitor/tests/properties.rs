@@ -7,7 +7,7 @@ const SN: u8 = 2;
 const ID: u8 = 3;
 
 #[test]
-fn it_answers_for_six_properties_and_no_other() {
+fn monitor_answers_six_properties_only() {
     let mut bench = Bench::strapped(3);
     let answers: Vec<_> = (0..0x80).filter_map(|id| Some((id, bench.get(3, id)?))).collect();
     assert_eq!(answers, [(0, 600), (1, 2051), (2, 4711), (3, 3), (4, 0), (5, 0)]);
@@ -15,7 +15,7 @@ fn it_answers_for_six_properties_and_no_other() {
 }
 
 #[test]
-fn it_answers_whoever_asks_where_they_listen() {
+fn monitor_answers_host_and_boards_in_their_groups() {
     let mut bench = Bench::strapped(3);
     let id = |from: u8, to| Identifier { from: Node::new(from).expect("a node"), to }.raw();
     let node = |n| Destination::Node(Node::new(n).expect("a node"));
@@ -23,13 +23,13 @@ fn it_answers_whoever_asks_where_they_listen() {
     let reply = Frame::from_raw(3 << 5 | 9, &[0x87, 0, 0x03, 0x08]).expect("a frame");
     assert_eq!(answer, [reply], "SET of VALUE to the node that asked");
     assert_eq!(bench.say(id(0, node(4)), &[1]), [], "another node's");
-    // Everyone, GRPB 1 for nodes 1 to 4, GRPC 4; not the other half, nor what goes to the host.
+    // Group 0, GRPB 1 for nodes 1 to 4, GRPC 4; not the other half's group, nor replies to the host.
     let heard: Vec<_> = (0..32).filter(|g| !bench.say(0x400 | g, &[5]).is_empty()).collect();
     assert_eq!(heard, [0, 1, 4]);
 }
 
 #[test]
-fn groups_and_node_come_from_storage_but_a_reply_is_never_taken_for_an_order() {
+fn groups_and_node_come_from_storage_and_replies_are_ignored() {
     let mut bench = Bench::strapped(3);
     bench.monitor.store.set(Property::GRPA, 9);
     bench.monitor.store.set(Property::GRPB, 6);
@@ -43,7 +43,7 @@ fn groups_and_node_come_from_storage_but_a_reply_is_never_taken_for_an_order() {
 }
 
 #[test]
-fn the_controller_is_told_what_the_monitor_listens_to() {
+fn monitor_sets_the_can_filters() {
     let groups = |numbers: [u8; 3]| numbers.map(Group::new);
     let mut bench = Bench::strapped(3);
     assert_eq!(bench.board().listens, Some((Node::new(3).expect("3"), groups([0, 1, 4]))));
@@ -59,7 +59,7 @@ fn the_controller_is_told_what_the_monitor_listens_to() {
 }
 
 #[test]
-fn error_says_why_the_board_was_reset_until_it_is_woken() {
+fn error_gives_the_reset_reason_until_wake() {
     for cause in [FaultCode::Watchdog, FaultCode::Panic, FaultCode::HardFault, FaultCode::Clock] {
         let mut bench = Bench::strapped(3);
         bench.board().chip.load(APPLICATION.start, &image(2000, 1));
@@ -72,7 +72,7 @@ fn error_says_why_the_board_was_reset_until_it_is_woken() {
 }
 
 #[test]
-fn a_board_without_straps_keeps_silent_until_it_has_been_named() {
+fn board_without_straps_is_silent_until_it_has_an_id() {
     let mut bench = Bench::strapped(0);
     for id in [0, 0x400, 0x404] {
         for property in 0..0x80 {
@@ -93,7 +93,7 @@ fn a_board_without_straps_keeps_silent_until_it_has_been_named() {
 }
 
 #[test]
-fn a_locked_property_changes_after_the_sequence_once() {
+fn locked_property_changes_once_after_the_sequence() {
     for (property, value) in [(1, 3), (2, 1234), (3, 5)] {
         let mut bench = Bench::strapped(3);
         let before = bench.get(3, property);
@@ -106,7 +106,7 @@ fn a_locked_property_changes_after_the_sequence_once() {
             bench.set(3, property, value);
             assert_eq!(bench.get(3, property), before, "number {upset} was wrong");
         }
-        // A false start does no harm.
+        // A wrong first value does no harm.
         for number in [18384, 23].into_iter().chain(UNLOCK) {
             bench.set(3, LOCK, number);
         }
@@ -118,7 +118,7 @@ fn a_locked_property_changes_after_the_sequence_once() {
 }
 
 #[test]
-fn any_other_set_interrupts_the_sequence_but_an_open_lock_stays_open() {
+fn other_set_interrupts_the_sequence_but_not_an_open_lock() {
     let locked = [ROLE, SN, ID];
     for other in (0..0x80).filter(|id| *id != LOCK && !locked.contains(id)) {
         for done in 1..=UNLOCK.len() {
@@ -143,7 +143,7 @@ fn any_other_set_interrupts_the_sequence_but_an_open_lock_stays_open() {
 }
 
 #[test]
-fn what_is_out_of_range_is_refused_and_uses_the_key_up() {
+fn out_of_range_value_is_refused_and_relocks() {
     for (property, value) in [(1, -1), (1, 32768), (2, 32768), (3, 0), (3, 32)] {
         let mut bench = Bench::strapped(3);
         let before = bench.get(3, property);
@@ -157,7 +157,7 @@ fn what_is_out_of_range_is_refused_and_uses_the_key_up() {
 }
 
 #[test]
-fn values_are_stored_by_save_and_taken_by_load() {
+fn save_stores_and_load_restores() {
     let mut bench = Bench::strapped(3);
     let change = |bench: &mut Bench, property, value| {
         for number in UNLOCK {
@@ -194,7 +194,7 @@ fn values_are_stored_by_save_and_taken_by_load() {
 }
 
 #[test]
-fn an_id_moves_the_board_at_the_next_reset() {
+fn new_id_takes_effect_at_the_next_reset() {
     let mut bench = Bench::strapped(3);
     for number in UNLOCK {
         bench.set(3, LOCK, number);
@@ -244,10 +244,10 @@ fn only_a_verified_application_starts() {
 }
 
 #[test]
-fn asked_again_every_10_ms_it_starts_all_the_same() {
+fn repeated_start_requests_do_not_restart_the_check() {
     let mut bench = Bench::strapped(3);
     bench.board().chip.load(APPLICATION.start, &image(48 * 1024, 1));
-    // In 192 steps of 256 bytes it is verified, in two rounds of 100 therefore; and some for the rest.
+    // Verification takes 192 steps of 256 bytes, so two rounds of 100; plus some for the rest.
     let started = (0..5).any(|_| {
         bench.set(3, 5, 2);
         (0..100).any(|_| {
@@ -259,7 +259,7 @@ fn asked_again_every_10_ms_it_starts_all_the_same() {
 }
 
 #[test]
-fn what_is_to_be_stored_is_stored_before_a_download_begins() {
+fn pending_values_are_stored_before_a_download() {
     let mut bench = Bench::strapped(3);
     for number in UNLOCK {
         bench.set(3, LOCK, number);
@@ -278,7 +278,7 @@ fn what_is_to_be_stored_is_stored_before_a_download_begins() {
 }
 
 #[test]
-fn what_is_to_be_stored_is_stored_before_the_application_starts() {
+fn pending_values_are_stored_before_the_application_starts() {
     let mut bench = Bench::strapped(3);
     bench.board().chip.load(APPLICATION.start, &image(2000, 1));
     for number in UNLOCK {
@@ -292,7 +292,7 @@ fn what_is_to_be_stored_is_stored_before_the_application_starts() {
 }
 
 #[test]
-fn a_save_that_the_flash_does_not_take_is_named() {
+fn failed_save_raises_an_error() {
     let mut bench = Bench::strapped(3);
     bench.board().chip.worn = true;
     bench.set(3, SAVE, -1);

@@ -1,8 +1,8 @@
-//! Flash that does not take what it is given.
+//! Flash that fails to program or erase.
 
 use super::*;
 
-/// Steps until all is stored; how often the flash failed.
+/// Steps until everything is stored; returns the number of flash failures.
 fn finish_failing(store: &mut Store, flash: &mut Ram) -> usize {
     let mut failed = 0;
     for _ in 0..3000 {
@@ -17,13 +17,13 @@ fn finish_failing(store: &mut Store, flash: &mut Ram) -> usize {
 }
 
 #[test]
-fn another_page_takes_what_one_did_not() {
+fn failed_page_is_replaced_by_the_next() {
     for at in 0..PAGE_WORDS as u32 {
         let (mut store, mut flash) = fresh();
         store.set(Property::X0, 1);
         store.save_position(5, 1);
         finish(&mut store, &mut flash);
-        // The first page's half-words behind that record, and those of the next.
+        // The first page's half-words behind that record, and those of the next page.
         let address = STORAGE.start + PAGE / 2 + 2 * at;
         flash.broken.insert(address);
         let mut failed = 0;
@@ -37,22 +37,22 @@ fn another_page_takes_what_one_did_not() {
                 "{at}"
             );
         }
-        // Marks of trust and of prepared pages are not written again here.
+        // Marks of trust and of prepared pages are not repeated here.
         assert!(failed <= 1, "half-word {at}: failed {failed} times");
     }
 }
 
 #[test]
-fn a_record_that_was_given_up_is_never_taken_for_the_newest() {
+fn abandoned_record_is_never_the_newest() {
     for at in 0..PAGE_WORDS as u32 {
         let (mut store, mut flash) = fresh();
         store.set(Property::X0, 1);
         finish(&mut store, &mut flash);
-        // As above; but what verified wrong was right, so the record may be whole.
+        // As above; but the half-word that verified wrong was right, so the record may be complete.
         flash.late = Some(STORAGE.start + PAGE / 2 + 2 * at);
         let mut failed = 0;
         for value in 2..100 {
-            // Records of several lengths and single half-words: some fit where the one given up did not.
+            // Records of several lengths and single half-words: some fit where the abandoned one did not.
             store.set(Property::X0, value);
             if value % 3 == 0 {
                 for property in [Property::X1, Property::X2, Property::X3] {
@@ -74,7 +74,7 @@ fn a_record_that_was_given_up_is_never_taken_for_the_newest() {
 }
 
 #[test]
-fn a_broken_flash_is_not_worn_out_by_trying() {
+fn broken_flash_is_not_worn_out_by_retries() {
     let (mut store, mut flash) = fresh();
     store.set(Property::X0, 1);
     finish(&mut store, &mut flash);
@@ -115,7 +115,7 @@ fn pages_that_cannot_be_erased_are_left_out() {
 }
 
 #[test]
-fn a_mark_that_does_not_die_is_followed_by_a_record_without_trust() {
+fn unerasable_mark_is_followed_by_a_record_without_trust() {
     let (mut store, mut flash) = fresh();
     store.save_position(5, 1);
     finish(&mut store, &mut flash);
@@ -129,7 +129,7 @@ fn a_mark_that_does_not_die_is_followed_by_a_record_without_trust() {
 }
 
 #[test]
-fn a_record_whose_mark_does_not_die_is_given_up() {
+fn record_with_an_unerasable_mark_is_abandoned() {
     let (mut store, mut flash) = fresh();
     store.set(Property::X0, 1);
     finish(&mut store, &mut flash);

@@ -1,4 +1,4 @@
-//! Any sequence of calls against a plain map.
+//! Any sequence of calls, compared with a plain map.
 
 use super::*;
 use proptest::prelude::*;
@@ -47,7 +47,7 @@ impl Model {
     }
 }
 
-/// What the flash may say: the state stored last, or any that came after it.
+/// The allowed contents of the flash: the state stored last, or any later one.
 struct World {
     store: Store,
     flash: Ram,
@@ -115,7 +115,7 @@ impl World {
 
 proptest! {
     #[test]
-    fn any_sequence_equals_a_map(acts in prop::collection::vec(act(), 1..120)) {
+    fn any_sequence_of_calls_matches_a_map(acts in prop::collection::vec(act(), 1..120)) {
         let flash = Ram::default();
         let store = Store::open(&flash);
         let mut world =
@@ -126,7 +126,7 @@ proptest! {
     }
 
     #[test]
-    fn any_damage_is_read_without_panic_and_written_over(
+    fn any_damage_is_read_without_panic_and_overwritten(
         acts in prop::collection::vec(act(), 1..60),
         damage in prop::collection::vec((0..4096_usize, any::<u16>()), 0..200),
     ) {
@@ -141,7 +141,7 @@ proptest! {
         let mut store = Store::open(&world.flash);
         store.set(Property::X3, 1234);
         store.save_position(77, 6);
-        // A page that is not as it was read may fail once.
+        // A page that reads differently from before may fail once.
         for _ in 0..3000 {
             if store.step(&mut world.flash, true) == Progress::Done {
                 break;

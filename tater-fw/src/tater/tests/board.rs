@@ -1,5 +1,5 @@
-//! A motor board of which a test says what it senses, and which remembers what was done to it; and a bench that runs a
-//! [`Tater`] on it and speaks to it in frames.
+//! A fake motor board with settable sensors and a record of its outputs; and a bench that runs a [`Tater`] on
+//! it and exchanges frames with it.
 
 use servo_core::Drive;
 use servo_core::mode::Mode;
@@ -12,13 +12,13 @@ use tater_fw::{Analog, Board, Flash, FlashError, Tater};
 use tater_wire::memory::{FLASH, PAGE};
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
 
-/// Hall codes of sectors 0 to 5 (DESIGN 4.2).
+/// Hall codes of sectors 0 to 5 (decision 0003).
 const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
 
-/// A chip's own number.
+/// A chip's unique number.
 pub const SERIAL: u16 = 12_345;
 
-/// Flash that fails when told to, and counts what must not be.
+/// Flash that fails on request, and counts violations.
 #[derive(Debug)]
 pub struct FakeFlash {
     words: Vec<u16>,
@@ -71,25 +71,25 @@ pub struct FakeBoard {
     pub halls: u8,
     pub analog: Analog,
     pub straps: Node,
-    /// What the CAN controller lets through, as told each time.
+    /// The filters of the CAN controller, as set each time.
     pub listened: Vec<(Node, [Option<Group>; 3])>,
     pub bridge: Bridge,
     pub brake_released: bool,
-    /// Frames that were handed to the CAN controller.
+    /// Frames handed to the CAN controller.
     pub sent: Vec<Frame>,
-    /// How many more frames the controller takes.
+    /// Number of frames that the controller still accepts.
     pub room: usize,
     pub feeds: u32,
     /// Resets, each with whether the bridge was on and the brake released.
     pub resets: Vec<(bool, bool)>,
     /// Frames sent before the last reset.
     pub sent_at_reset: usize,
-    /// Flash operations done when the bridge was switched on first.
+    /// Flash operations done before the bridge was switched on first.
     pub operations_at_drive: Option<u32>,
 }
 
 impl FakeBoard {
-    /// In good health, with blank flash, its rotor at count 0.
+    /// A healthy board with blank flash and its rotor at count 0.
     pub fn new(straps: u8) -> Self {
         Self {
             flash: FakeFlash {
@@ -123,7 +123,7 @@ impl FakeBoard {
         }
     }
 
-    /// What it senses, to change it.
+    /// The sensor readings, to change them.
     pub const fn analog_mut(&mut self) -> &mut Analog {
         &mut self.analog
     }
@@ -201,7 +201,7 @@ impl Board for FakeBoard {
 pub struct Bench {
     pub tater: Tater<FakeBoard>,
     pub now: Micros,
-    /// Where the rotor really is.
+    /// The true position of the rotor.
     pub count: i32,
 }
 
@@ -210,7 +210,7 @@ impl Bench {
         Self::on(FakeBoard::new(straps), 0)
     }
 
-    /// On a board whose rotor is at a count.
+    /// On a board with its rotor at a count.
     pub fn on(mut board: FakeBoard, count: i32) -> Self {
         board.turn_to(count);
         // The clock wraps during the test.
@@ -238,7 +238,7 @@ impl Bench {
         self.tater.drive()
     }
 
-    /// A tick, and not the flush that it may ask for.
+    /// A tick without the flush that it may request.
     pub fn tick_alone(&mut self) -> bool {
         self.now = self.now.wrapping_add(Micros(1000));
         self.tater.tick(self.now)
@@ -259,7 +259,7 @@ impl Bench {
         }
     }
 
-    /// Ticks, with a rotor that is always where the set-point is, until idle or for so long.
+    /// Ticks, with a rotor that follows the set-point exactly, until idle or for a number of ticks.
     pub fn follow(&mut self, most: usize) {
         let offset = self.count - self.tater.status().position.round();
         for _ in 0..most {
@@ -271,7 +271,7 @@ impl Bench {
         }
     }
 
-    /// Until all is stored; pages are not erased before the rotor has stood for a while.
+    /// Runs until everything is stored; pages are erased only after the rotor has stood for a while.
     pub fn settle(&mut self) {
         for _ in 0..20_000 {
             match self.tater.store() {
@@ -304,7 +304,7 @@ impl Bench {
         self.send(&Message { from, to, body }.frame())
     }
 
-    /// To the board's own node, from the host.
+    /// A frame from the host to the board's own node.
     pub fn own(&self) -> Destination {
         Destination::Node(self.tater.node())
     }
@@ -314,13 +314,14 @@ impl Bench {
         self.say(self.own(), 0, Body::Set { property: property.id(), value })
     }
 
-    /// What the board has sent since the last time, in words.
+    /// The frames that the board has sent since the last call, decoded.
     pub fn said(&mut self) -> Vec<Message> {
         let sent = std::mem::take(&mut self.board().sent);
         sent.iter().map(|frame| Message::parse(frame).expect("boards speak plainly")).collect()
     }
 
-    /// The answer to a GET by the host; `None` if there is none. One answer at most, from this node, to the right group.
+    /// The answer to a GET by the host, or `None`. Asserts at most one answer, from this node, to the right
+    /// group.
     pub fn get(&mut self, property: Property) -> Option<i64> {
         self.said();
         let answered = self.say(self.own(), 0, Body::Get(property.id()));
@@ -350,7 +351,7 @@ impl Bench {
         }
     }
 
-    /// HI on a rotor that stands against its stop, to its end.
+    /// HI to its end, on a rotor that stands against its stop.
     pub fn home(&mut self) {
         self.set(Property::CMD, 13).expect("HI");
         self.tick();

@@ -1,4 +1,4 @@
-//! CMD, groups, packed torques, and who is answered how.
+//! CMD, groups, packed torques, and the destinations of answers.
 
 use super::board::{Bench, FakeBoard};
 use crate::SetError;
@@ -21,7 +21,7 @@ fn cmd(bench: &mut Bench, number: i64) -> Result<(), SetError> {
 }
 
 #[test]
-fn moves_by_command_go_where_their_property_says() {
+fn move_commands_go_to_their_property() {
     let mut bench = Bench::new(2);
     let set = |bench: &mut Bench, property, value| bench.set(property, value).expect("in range");
     set(&mut bench, Property::P, 100);
@@ -33,7 +33,7 @@ fn moves_by_command_go_where_their_property_says() {
         cmd(&mut bench, 21).expect("T");
         assert_eq!(bench.get(Property::MODE), Some(0));
     }
-    // From where it is, also during a move.
+    // From the present position, also during a move.
     cmd(&mut bench, 14).expect("IC");
     bench.ticks(10);
     let count = bench.count;
@@ -43,7 +43,7 @@ fn moves_by_command_go_where_their_property_says() {
 }
 
 #[test]
-fn torque_controlled_and_homing_are_mode_4() {
+fn tc_to_and_hi_are_mode_4() {
     for (number, velocity) in [(16, 1000), (17, -1000), (13, -200)] {
         let mut bench = Bench::new(1);
         cmd(&mut bench, number).expect("moves");
@@ -54,7 +54,7 @@ fn torque_controlled_and_homing_are_mode_4() {
 }
 
 #[test]
-fn every_number_of_cmd_is_a_row_or_refused() {
+fn cmd_without_a_row_is_refused() {
     for number in -1..=22 {
         let mut bench = Bench::new(3);
         let known = command::ROWS.iter().any(|row| i64::from(row.number) == number);
@@ -66,7 +66,7 @@ fn every_number_of_cmd_is_a_row_or_refused() {
 }
 
 #[test]
-fn a_breakaway_is_kept_until_o_or_hi_and_its_place_for_good() {
+fn breakaway_flag_lasts_until_o_or_hi_and_its_position_for_good() {
     for (number, cleared) in [(20, true), (13, true), (19, false), (21, false)] {
         let mut bench = Bench::new(1);
         bench.set(Property::P, 40).expect("idle");
@@ -82,7 +82,7 @@ fn a_breakaway_is_kept_until_o_or_hi_and_its_place_for_good() {
 }
 
 #[test]
-fn groups_are_heard_by_their_members_and_the_host_s_groups_by_nobody() {
+fn groups_reach_their_members_and_reply_groups_nobody() {
     for (number, low, high) in [(0, true, true), (1, true, false), (2, false, true), (3, false, false)]
         .into_iter()
         .chain([(4, true, true), (5, false, false), (6, false, false), (31, false, false)])
@@ -105,7 +105,7 @@ fn groups_are_heard_by_their_members_and_the_host_s_groups_by_nobody() {
         bench.set(property, number).expect("a group");
         let number = u8::try_from(number).expect("a group");
         bench.say(group(number), 0, Body::Get(Property::STAT.id())).expect("heard or skipped");
-        // What other boards tell the host is no order, even to a board that has joined the host's groups.
+        // A reply of another board is no order, even to a board that has joined the host's groups.
         assert_eq!(bench.said().len(), usize::from(number == 9), "group {number}");
     }
     // It has left group 1.
@@ -126,7 +126,7 @@ fn frames_for_others_are_skipped() {
 }
 
 #[test]
-fn another_board_is_answered_by_a_set_of_value() {
+fn get_by_another_board_is_answered_by_set_of_value() {
     let mut bench = Bench::new(3);
     bench.set(Property::P, -2).expect("idle");
     let ask = |bench: &mut Bench, to, property: Property| {
@@ -140,13 +140,13 @@ fn another_board_is_answered_by_a_set_of_value() {
     assert_eq!(ask(&mut bench, own, Property::MT), value(Value::Short(750)));
     assert_eq!(ask(&mut bench, group(4), Property::CT), value(Value::Long(331)));
     assert_eq!(ask(&mut bench, own, Property::P), value(Value::Long(0xFFFF_FFFE)));
-    // VALUE is nothing that a board takes.
+    // A board does not accept VALUE.
     let to_value = Body::Set { property: 7, value: Value::Short(1) };
     assert_eq!(bench.say(own, 5, to_value), Err(SetError::Unknown));
 }
 
 #[test]
-fn packed_torques_are_taken_from_the_own_slot_in_mode_2() {
+fn packed_torque_is_taken_from_the_own_slot_in_mode_2() {
     for (straps, to, slot) in [(1, 1, 1), (2, 1, 2), (4, 1, 4), (5, 2, 1), (7, 2, 3)] {
         let mut bench = Bench::new(straps);
         let torques = Torques::new(&[11, -22, 33, -44]).expect("four");
@@ -157,11 +157,11 @@ fn packed_torques_are_taken_from_the_own_slot_in_mode_2() {
         assert_eq!(bench.say(group(to), 0, packed), Ok(()));
         bench.ticks(40);
         assert_eq!(bench.get(Property::T), torques.slot(slot).map(i64::from), "node {straps}");
-        // The other group's are not its.
+        // The other group's torques are not for this board.
         bench.say(group(3 - to), 0, Body::Torques(Torques::new(&[500; 4]).expect("four"))).expect("skipped");
         bench.tick();
         assert_eq!(bench.get(Property::T), torques.slot(slot).map(i64::from), "node {straps}");
-        // A frame without its slot says nothing to it.
+        // A frame without its slot has no effect.
         let short = Torques::new(&[500; 4][..usize::from(slot) - 1]);
         if let Some(short) = short {
             assert_eq!(bench.say(group(to), 0, Body::Torques(short)), Err(SetError::Range(Property::T)));
@@ -170,7 +170,7 @@ fn packed_torques_are_taken_from_the_own_slot_in_mode_2() {
 }
 
 #[test]
-fn a_packed_torque_saturates_at_mt_and_pidx_can_be_set() {
+fn packed_torque_saturates_at_mt_and_pidx_can_be_set() {
     let mut bench = Bench::new(1);
     bench.set(Property::MT, 300).expect("in range");
     bench.set(Property::PIDX, 3).expect("in range");
@@ -179,14 +179,14 @@ fn a_packed_torque_saturates_at_mt_and_pidx_can_be_set() {
         bench.say(group(1), 0, Body::Torques(Torques::new(&[7, 7, torque]).expect("three"))).expect("taken");
         bench.tick();
         assert_eq!(bench.tater.servo.torque(), Torque(taken));
-        // SetError, not saturated.
+        // Refused, not saturated.
         assert_eq!(bench.set(Property::T, 991), Err(SetError::Range(Property::T)));
         assert_eq!(bench.tater.servo.torque(), Torque(taken));
     }
 }
 
 #[test]
-fn a_board_without_a_name_obeys_groups_and_keeps_silent() {
+fn board_without_node_obeys_groups_and_sends_nothing() {
     let mut bench = Bench::on(FakeBoard::new(0), 0);
     bench.say(group(0), 0, Body::Get(Property::STAT.id())).expect("heard");
     bench.say(Destination::Node(Node::HOST), 5, Body::Get(Property::STAT.id())).expect("skipped");
@@ -212,7 +212,7 @@ fn a_board_without_a_name_obeys_groups_and_keeps_silent() {
 }
 
 #[test]
-fn saving_all_does_not_give_a_name_to_a_board_without_one() {
+fn save_all_gives_no_node_to_a_board_without_one() {
     let mut bench = Bench::new(0);
     let all = Body::Set { property: Property::SAVE.id(), value: Value::Short(0xFFFF) };
     bench.say(group(0), 0, all).expect("saved");
@@ -221,7 +221,7 @@ fn saving_all_does_not_give_a_name_to_a_board_without_one() {
 }
 
 #[test]
-fn frames_that_mean_nothing_change_nothing() {
+fn meaningless_frames_change_nothing() {
     let mut bench = Bench::new(4);
     let own = bench.own();
     let bodies = [
@@ -237,9 +237,9 @@ fn frames_that_mean_nothing_change_nothing() {
     assert!(bench.said().is_empty());
 }
 
-/// A board without a number on the bus cannot be told to stop either: it moves for nobody, but listens.
+/// A board without a node number cannot be stopped over the bus either: it never moves, but receives.
 #[test]
-fn a_board_that_nobody_has_named_does_not_move() {
+fn board_without_node_does_not_move() {
     let mut bench = Bench::new(0);
     let all = group(0);
     let steers = [

@@ -1,4 +1,5 @@
-//! ERROR: every fault of the application can be provoked, idles the motor where it should, and is cleared by STAT 2.
+//! ERROR: every fault of the application can be provoked, idles the motor if it should, and is cleared by
+//! STAT 2.
 
 use super::board::Bench;
 use crate::SetError;
@@ -12,7 +13,8 @@ use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
 use tater_wire::{Body, Destination, FaultCode, Group, Node, Property, fault};
 
-/// Drives the board into a fault; `false` for those of the monitor. Exhaustive: a new row asks for its provocation.
+/// Drives the board into a fault; `false` for faults of the monitor. The match is exhaustive: a new row needs
+/// its provocation.
 fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
     match fault {
         FaultCode::Halls => {
@@ -24,7 +26,7 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
             bench.set(Property::T, 600).expect("mode 2");
             bench.ticks(35);
             for _ in 0..6 {
-                // 15.5 A in the phases, of which the bus carries the duty's share.
+                // 15.5 A in the phases, of which the supply carries the duty's share.
                 let duty = i32::from(bench.tater.status().duty.0.to_bits());
                 let bus = i16::try_from(15_500 * duty / 32_768).expect("below 15.5 A");
                 bench.board().analog.current = MilliAmps(bus);
@@ -82,7 +84,7 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
 }
 
 #[test]
-fn every_fault_of_the_application_is_provoked_named_and_cleared() {
+fn every_application_fault_is_raised_named_and_cleared() {
     let mut provoked = 0;
     for row in fault::ROWS {
         let mut bench = Bench::new(4);
@@ -110,9 +112,9 @@ fn every_fault_of_the_application_is_provoked_named_and_cleared() {
     assert_eq!(provoked, 8);
 }
 
-/// A host that clears and goes on without looking drives nothing while what was wrong still is.
+/// A host that clears a fault and continues without checking drives nothing while the cause persists.
 #[test]
-fn what_persists_is_back_before_anything_is_driven() {
+fn persistent_fault_returns_before_anything_is_driven() {
     let lasting = [
         FaultCode::Halls,
         FaultCode::OverTemperature,
@@ -136,7 +138,7 @@ fn what_persists_is_back_before_anything_is_driven() {
 }
 
 #[test]
-fn the_first_fault_stays_and_others_do_not_replace_it() {
+fn first_fault_stays_latched() {
     let mut bench = Bench::new(1);
     provoke(&mut bench, FaultCode::OverVoltage);
     provoke(&mut bench, FaultCode::Bridge);
@@ -150,7 +152,7 @@ fn the_first_fault_stays_and_others_do_not_replace_it() {
 }
 
 #[test]
-fn a_fault_of_the_flash_does_not_touch_the_motion() {
+fn flash_fault_does_not_affect_the_motion() {
     let mut bench = Bench::new(4);
     bench.set(Property::SAVE, -1).expect("stored");
     bench.settle();
@@ -163,7 +165,7 @@ fn a_fault_of_the_flash_does_not_touch_the_motion() {
 }
 
 #[test]
-fn nothing_switches_the_bridge_on_after_the_break_input_and_the_next_tick_says_so() {
+fn break_input_keeps_the_bridge_off_and_raises_a_fault_at_the_next_tick() {
     let mut bench = Bench::new(4);
     bench.set(Property::M, 100).expect("moves");
     bench.ticks(60);
@@ -176,7 +178,7 @@ fn nothing_switches_the_bridge_on_after_the_break_input_and_the_next_tick_says_s
         bench.tater.hall(now);
         assert_eq!(bench.board().bridge, Bridge::Off, "edge {count}");
     }
-    // What a host clears before the tick has not been seen yet.
+    // A fault that a host clears before the tick has not been seen yet.
     bench.set(Property::STAT, 2).expect("clears");
     assert_eq!(bench.tick_to(0).duty, None);
     assert_eq!((bench.get(Property::ERROR), bench.tater.status().mode), (Some(6), Mode::Idle));
@@ -187,7 +189,7 @@ fn nothing_switches_the_bridge_on_after_the_break_input_and_the_next_tick_says_s
 }
 
 #[test]
-fn the_host_is_lost_after_half_a_second_of_silence_in_modes_2_and_4() {
+fn host_is_lost_after_500_ms_of_silence_in_modes_2_and_4() {
     for mode in [2, 3, 4, 5] {
         // A spread that is stuck on its way.
         let mut bench = Bench::new(4);
@@ -204,7 +206,7 @@ fn the_host_is_lost_after_half_a_second_of_silence_in_modes_2_and_4() {
 }
 
 #[test]
-fn any_frame_to_it_or_its_groups_is_life_and_no_other() {
+fn frame_to_the_board_or_its_groups_feeds_the_host_watchdog() {
     let group = |number| Destination::Group(Group::new(number).expect("a group"));
     let node = |number| Destination::Node(Node::new(number).expect("a node"));
     let rows = [(node(1), true), (group(0), true), (group(1), true), (group(4), true)];
@@ -214,7 +216,7 @@ fn any_frame_to_it_or_its_groups_is_life_and_no_other() {
         bench.set(Property::MODE, 2).expect("mode 2");
         for _ in 0..4 {
             bench.ticks(400);
-            // Means nothing, and is a frame all the same.
+            // Meaningless, but a frame all the same.
             let _ = bench.say(to, 0, Body::More { frames: 1, received: 0 });
         }
         assert_eq!(bench.tater.status().fault.is_none(), is_life, "{to:?}");
@@ -222,7 +224,7 @@ fn any_frame_to_it_or_its_groups_is_life_and_no_other() {
 }
 
 #[test]
-fn faults_of_the_servo_have_rows_of_their_own() {
+fn servo_faults_have_distinct_rows() {
     let all = [
         Fault::Halls,
         Fault::OverCurrent,

@@ -1,4 +1,4 @@
-//! What outlives the power, and the watchdog.
+//! Nonvolatile values, and the watchdog.
 
 use super::board::{Bench, SERIAL};
 use crate::SetError;
@@ -50,7 +50,7 @@ fn save_load_and_def_of_one() {
 }
 
 #[test]
-fn of_all_by_property_and_by_command() {
+fn save_load_and_def_of_all_by_property_and_by_command() {
     for by_cmd in [false, true] {
         let act = |bench: &mut Bench, property, number| {
             let (property, value) = if by_cmd { (Property::CMD, number) } else { (property, -1) };
@@ -76,7 +76,7 @@ fn of_all_by_property_and_by_command() {
 }
 
 #[test]
-fn the_controller_is_told_the_groups_whenever_they_change() {
+fn changed_groups_update_the_can_filters() {
     let told = |bench: &mut Bench| {
         let listened = std::mem::take(&mut bench.board().listened);
         let node = bench.tater.node();
@@ -109,7 +109,7 @@ fn the_controller_is_told_the_groups_whenever_they_change() {
 }
 
 #[test]
-fn what_is_not_stored_cannot_be_saved_loaded_or_reset() {
+fn unstored_property_cannot_be_saved_loaded_or_reset() {
     let mut bench = Bench::new(1);
     for by in [Property::SAVE, Property::LOAD, Property::DEF] {
         for property in [Property::MODE, Property::E, Property::LFLAGS, Property::VBUS, Property::CMD] {
@@ -122,7 +122,7 @@ fn what_is_not_stored_cannot_be_saved_loaded_or_reset() {
 }
 
 #[test]
-fn locked_ones_are_left_by_all_and_need_the_sequence_by_name() {
+fn locked_properties_are_skipped_by_all_and_need_the_sequence() {
     let mut bench = Bench::new(5);
     assert_eq!(bench.get(Property::SN), Some(i64::from(SERIAL)));
     bench.unlock();
@@ -145,7 +145,7 @@ fn locked_ones_are_left_by_all_and_need_the_sequence_by_name() {
 }
 
 #[test]
-fn an_id_is_heard_from_the_next_start_on() {
+fn new_id_takes_effect_at_the_next_start() {
     let mut bench = Bench::new(2);
     bench.unlock();
     set(&mut bench, Property::ID, 4);
@@ -162,7 +162,7 @@ fn an_id_is_heard_from_the_next_start_on() {
 }
 
 #[test]
-fn a_saved_position_is_true_after_the_next_start() {
+fn saved_position_is_trusted_after_the_next_start() {
     for straps in [1, 4, 5] {
         let mut bench = Bench::new(straps);
         bench.home();
@@ -176,14 +176,14 @@ fn a_saved_position_is_true_after_the_next_start() {
         let mut bench = bench.restart();
         assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(7), true), "node {straps}");
         assert_eq!((bench.get(Property::MECH), bench.get(Property::E)), (Some(7), Some(0)));
-        // And after the one after that, as long as nothing moves.
+        // And after the next one, as long as nothing moves.
         bench.ticks(100);
         assert!(bench.restart().tater.status().homed);
     }
 }
 
 #[test]
-fn a_count_a_drive_or_other_halls_take_the_trust_away_for_good() {
+fn count_drive_or_other_halls_end_the_trust() {
     let untrusted = |bench: Bench| {
         let mut bench = bench.restart();
         assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(0), false));
@@ -223,7 +223,7 @@ fn a_count_a_drive_or_other_halls_take_the_trust_away_for_good() {
 }
 
 #[test]
-fn a_position_that_is_not_known_is_saved_but_not_trusted() {
+fn unknown_position_is_saved_but_not_trusted() {
     let mut never_homed = Bench::new(1);
     set(&mut never_homed, Property::P, 33);
     set(&mut never_homed, Property::SAVE, id(Property::P));
@@ -248,7 +248,7 @@ fn a_position_that_is_not_known_is_saved_but_not_trusted() {
 }
 
 #[test]
-fn load_and_def_of_all_leave_the_position_that_has_moved() {
+fn load_and_def_of_all_keep_the_measured_position() {
     let mut bench = saved(1);
     assert_eq!(bench.get(Property::P), Some(0));
     set(&mut bench, Property::P, 50);
@@ -273,7 +273,7 @@ fn load_and_def_of_all_leave_the_position_that_has_moved() {
 }
 
 #[test]
-fn a_mark_that_cannot_be_consumed_keeps_the_bridge_off() {
+fn unconsumable_trust_mark_keeps_the_bridge_off() {
     let mut bench = saved(1);
     bench.board().flash.broken = true;
     set(&mut bench, Property::M, 100);
@@ -316,7 +316,7 @@ fn nothing_is_erased_while_it_drives() {
     assert_eq!(bench.restart().get(Property::X2), Some(599));
 }
 
-/// A second of ticks, and what goes with them.
+/// A second of ticks with housekeeping.
 fn second(bench: &mut Bench) {
     for _ in 0..10 {
         bench.ticks(100);
@@ -339,7 +339,7 @@ fn counters_grow_and_are_set_only_when_unlocked() {
             bench.tick_to(-12);
         }
         second(&mut bench);
-        // 800 a time, there and back, less the first 12.
+        // 800 a time, there and back, minus the first 12.
         assert_eq!(bench.get(Property::OD), Some(thousands));
     }
     for (temp, peak) in [(290, 290), (411, 411), (-100, 411)] {
@@ -369,7 +369,7 @@ fn counters_grow_and_are_set_only_when_unlocked() {
 }
 
 #[test]
-fn a_slow_task_that_comes_late_loses_no_time() {
+fn late_housekeeping_loses_no_time() {
     let mut bench = Bench::new(1);
     for micros in [1_999_999, 1, 70 * 60 * 1_000_000, 999_999] {
         bench.now = bench.now.wrapping_add(Micros(micros));
@@ -380,7 +380,7 @@ fn a_slow_task_that_comes_late_loses_no_time() {
 }
 
 #[test]
-fn the_watchdog_is_fed_only_if_control_bus_and_storage_run() {
+fn watchdog_is_fed_only_if_control_bus_and_storage_run() {
     let mut bench = Bench::new(1);
     let mut feeds = |act: fn(&mut Bench)| {
         let before = bench.board().feeds;
@@ -407,7 +407,7 @@ fn the_watchdog_is_fed_only_if_control_bus_and_storage_run() {
 }
 
 #[test]
-fn save_of_all_leaves_to_straps_and_chip_what_nobody_has_set() {
+fn save_all_stores_no_defaults_of_straps_and_chip() {
     for by_cmd in [false, true] {
         let mut bench = Bench::new(2);
         let (property, value) = if by_cmd { (Property::CMD, 1) } else { (Property::SAVE, -1) };
@@ -417,7 +417,7 @@ fn save_of_all_leaves_to_straps_and_chip_what_nobody_has_set() {
         board.straps = Node::new(5).expect("a node");
         let mut bench = Bench::on(board, 0);
         assert_eq!((bench.tater.node().number(), bench.get(Property::ID)), (5, Some(5)));
-        // What has been set goes, and what is stored is brought up to date.
+        // Set values are reset, and the stored ones are updated.
         for stored in [6, 5] {
             bench.unlock();
             set(&mut bench, Property::ID, stored);
@@ -431,7 +431,7 @@ fn save_of_all_leaves_to_straps_and_chip_what_nobody_has_set() {
 }
 
 #[test]
-fn def_of_an_id_that_no_straps_replace_is_refused_whole() {
+fn def_of_id_without_straps_is_refused() {
     let mut bench = Bench::new(2);
     bench.unlock();
     set(&mut bench, Property::ID, 3);
@@ -447,9 +447,9 @@ fn def_of_an_id_that_no_straps_replace_is_refused_whole() {
     assert_eq!((bench.tater.node().number(), bench.get(Property::ID)), (3, Some(3)));
 }
 
-/// LOAD and DEF of P say what the place is called, not that it is so.
+/// LOAD and DEF of P rename the position; they do not confirm it.
 #[test]
-fn a_position_loaded_after_a_move_is_not_known() {
+fn position_loaded_after_a_move_is_unknown() {
     for by in [Property::LOAD, Property::DEF] {
         let mut bench = saved(1);
         bench.ticks(300);
@@ -465,21 +465,21 @@ fn a_position_loaded_after_a_move_is_not_known() {
         bench.settle();
         assert!(!bench.restart().tater.status().homed);
     }
-    // Still trusted: the same place.
+    // Still trusted: the same position.
     let mut bench = saved(1);
     bench.ticks(300);
     set(&mut bench, Property::LOAD, id(Property::P));
     assert!(bench.tater.status().homed);
-    // A host's word is its own.
+    // The host's own statement.
     set(&mut bench, Property::P, 9);
     assert!(bench.tater.status().homed);
 }
 
 #[test]
-fn a_reset_stores_what_the_counters_have_grown_by() {
+fn reset_stores_the_counters() {
     let mut bench = Bench::new(1);
     second(&mut bench);
-    // The board's temperature is news.
+    // A change of the board's temperature.
     bench.settle();
     for _ in 0..8 {
         second(&mut bench);
@@ -489,7 +489,7 @@ fn a_reset_stores_what_the_counters_have_grown_by() {
 }
 
 #[test]
-fn the_watchdog_is_fed_for_each_operation_before_a_reset() {
+fn watchdog_is_fed_for_each_flash_operation_before_a_reset() {
     let mut bench = Bench::new(1);
     // A blank storage has eight pages to erase, of 40 ms each.
     let (feeds, operations) = (bench.board().feeds, bench.board().flash.operations);

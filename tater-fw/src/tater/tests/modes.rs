@@ -1,4 +1,4 @@
-//! What STAT, MODE, T, V, P and E read and do.
+//! Reading and writing STAT, MODE, T, V, P and E.
 
 use super::board::Bench;
 use crate::SetError;
@@ -11,7 +11,7 @@ use servo_core::{EndReason, Refusal};
 use tater_wire::Property;
 
 #[test]
-fn stat_is_ready_wakes_resets_and_is_never_told_to_be_an_error() {
+fn stat_reads_ready_wakes_resets_and_refuses_1() {
     let mut bench = Bench::new(1);
     assert_eq!(bench.get(Property::STAT), Some(2));
     assert_eq!(bench.set(Property::STAT, 2), Ok(()));
@@ -21,7 +21,7 @@ fn stat_is_ready_wakes_resets_and_is_never_told_to_be_an_error() {
 }
 
 #[test]
-fn a_reset_comes_with_the_bridge_off_the_brake_engaged_and_what_was_saved_kept() {
+fn reset_switches_bridge_off_engages_brake_and_keeps_saved_values() {
     for (property, value) in [(Property::STAT, 0), (Property::CMD, 2)] {
         let mut bench = Bench::new(4);
         bench.set(Property::LFLAGS, 1).expect("in range");
@@ -33,7 +33,7 @@ fn a_reset_comes_with_the_bridge_off_the_brake_engaged_and_what_was_saved_kept()
         bench.set(property, value).expect("resets");
         assert_eq!(bench.board().resets, [(false, false)]);
         bench.tick();
-        // MODE and END of the move that it ended: before the reset, nothing after it.
+        // MODE and END of the aborted move, before the reset; nothing after it.
         assert_eq!((bench.board().sent_at_reset, bench.said().len()), (2, 2));
         assert_eq!((bench.tater.drive().duty, bench.tater.status().mode), (None, Mode::Idle));
         assert_eq!(bench.restart().get(Property::X3), Some(77));
@@ -41,7 +41,7 @@ fn a_reset_comes_with_the_bridge_off_the_brake_engaged_and_what_was_saved_kept()
 }
 
 #[test]
-fn a_mode_that_is_none_is_refused() {
+fn unknown_mode_is_refused() {
     let mut bench = Bench::new(1);
     for mode in [1, 6, -1] {
         assert_eq!(bench.set(Property::MODE, mode), Err(SetError::Range(Property::MODE)));
@@ -54,7 +54,7 @@ fn a_mode_that_is_none_is_refused() {
 }
 
 #[test]
-fn torque_is_set_in_mode_2_only_and_reads_what_the_limits_left() {
+fn torque_is_set_in_mode_2_only_and_reads_after_the_limits() {
     let mut bench = Bench::new(1);
     for mode in [Mode::Idle, Mode::Pid, Mode::Velocity, Mode::Trapezoidal] {
         bench.set(Property::MODE, mode_code(mode).into()).expect("a mode");
@@ -78,7 +78,7 @@ fn torque_is_set_in_mode_2_only_and_reads_what_the_limits_left() {
 }
 
 #[test]
-fn velocity_reads_the_goal_in_mode_4_and_the_rotor_elsewhere() {
+fn velocity_reads_the_command_in_mode_4_and_the_rotor_elsewhere() {
     let mut bench = Bench::new(1);
     bench.set(Property::V, -321).expect("written beforehand");
     assert_eq!(bench.get(Property::V), Some(0));
@@ -98,7 +98,7 @@ fn velocity_reads_the_goal_in_mode_4_and_the_rotor_elsewhere() {
 }
 
 #[test]
-fn position_names_the_place_in_idle_and_is_the_goal_in_mode_3() {
+fn position_renames_in_idle_and_is_the_goal_in_mode_3() {
     let mut bench = Bench::new(1);
     bench.tick_to(12);
     assert_eq!((bench.get(Property::P), bench.get(Property::MECH)), (Some(12), Some(12)));
@@ -134,22 +134,22 @@ fn e_reads_as_set_and_m_is_e_and_mode_5_in_one() {
 }
 
 #[test]
-fn halls_and_their_last_ten_codes() {
+fn halls_and_hallh_read_the_last_ten_codes() {
     let mut bench = Bench::new(1);
     assert_eq!((bench.get(Property::HALLS), bench.get(Property::HALLH)), (Some(2), Some(2)));
     bench.tick_to(12);
     bench.tick_to(11);
-    // Codes of counts 3, 4, ... 12, 11: the oldest of eleven has gone.
+    // Codes of counts 3, 4, ... 12, 11: the oldest of eleven has dropped out.
     let history = [1, 3, 2, 6, 4, 5, 1, 3, 2, 3].into_iter().fold(0, |all, code| all << 3 | code);
     assert_eq!((bench.get(Property::HALLS), bench.get(Property::HALLH)), (Some(3), Some(history)));
 }
 
 #[test]
-fn above_the_hall_codes_it_says_whether_the_position_is_known() {
+fn hallh_bit_30_is_set_while_the_position_is_known() {
     let known = |bench: &mut Bench| bench.get(Property::HALLH).map(|bits| bits >> 30);
     let mut bench = Bench::new(1);
     assert_eq!(known(&mut bench), Some(0), "after power-up");
-    // A full history does not reach it.
+    // A full history does not reach this bit.
     bench.tick_to(12);
     assert_eq!(known(&mut bench), Some(0));
     bench.home();
@@ -159,7 +159,7 @@ fn above_the_hall_codes_it_says_whether_the_position_is_known() {
 }
 
 #[test]
-fn an_edge_of_the_halls_is_commutated_at_once() {
+fn hall_edge_is_commutated_at_once() {
     let mut bench = Bench::new(1);
     bench.set(Property::MODE, 2).expect("mode 2");
     bench.set(Property::T, 300).expect("mode 2");
@@ -176,7 +176,7 @@ fn an_edge_of_the_halls_is_commutated_at_once() {
 }
 
 #[test]
-fn what_is_measured_reads_in_its_unit() {
+fn measurements_read_in_their_units() {
     let mut bench = Bench::new(1);
     *bench.board().analog_mut() = Analog {
         bus: MilliVolts(23_950),
@@ -201,7 +201,7 @@ fn what_is_measured_reads_in_its_unit() {
 }
 
 #[test]
-fn the_brake_reads_as_told() {
+fn brake_reads_as_commanded() {
     let mut bench = Bench::new(4);
     assert_eq!(bench.get(Property::B), Some(0));
     bench.set(Property::MODE, 3).expect("mode 3");

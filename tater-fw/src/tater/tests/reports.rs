@@ -1,4 +1,4 @@
-//! What is said unasked, and what happens to answers that find no room.
+//! Unasked reports, and answers that find no room.
 
 use super::board::Bench;
 use crate::SetError;
@@ -10,7 +10,7 @@ use servo_core::{EndReason, Event};
 use std::vec::Vec;
 use tater_wire::{Body, Property};
 
-/// What was said to the host: numbers of properties and values.
+/// Properties and values sent to the host.
 fn said(bench: &mut Bench) -> Vec<(Property, i64)> {
     let words = bench.said().into_iter().map(|message| match message.body {
         Body::Set { property, value } => {
@@ -23,7 +23,7 @@ fn said(bench: &mut Bench) -> Vec<(Property, i64)> {
 }
 
 #[test]
-fn nothing_is_said_unasked_unless_lflags_says_so() {
+fn reports_are_sent_only_if_lflags_is_set() {
     let end = [(Property::MODE, 0), (Property::END, 5)];
     let both = [(Property::BD, 1), (Property::MODE, 0), (Property::END, 5)];
     let rows: [(i64, &[(Property, i64)]); 4] = [(0, &[]), (1, &end), (2, &both[..1]), (3, &both)];
@@ -39,7 +39,7 @@ fn nothing_is_said_unasked_unless_lflags_says_so() {
 }
 
 #[test]
-fn a_tick_says_that_there_is_a_report_and_no_frame_overtakes_it() {
+fn tick_signals_a_report_and_no_frame_overtakes_it() {
     // A link that meets an object, as above.
     let blocked = |flags| {
         let mut bench = Bench::new(2);
@@ -60,7 +60,7 @@ fn a_tick_says_that_there_is_a_report_and_no_frame_overtakes_it() {
 }
 
 #[test]
-fn the_mode_reported_is_the_one_that_follows_the_end() {
+fn reported_mode_is_the_one_after_the_end() {
     let mut bench = Bench::new(4);
     bench.set(Property::LFLAGS, 1).expect("in range");
     bench.set(Property::M, 20).expect("moves");
@@ -181,7 +181,7 @@ fn refusal_leaves_end_to_a_motion_under_way_and_to_streamed_torque() {
 }
 
 #[test]
-fn answers_wait_for_room_in_order_and_none_is_lost_silently() {
+fn answers_wait_for_room_in_order() {
     let mut bench = Bench::new(3);
     bench.board().room = 0;
     let own = bench.own();

@@ -1,4 +1,5 @@
-//! A rotor without power coasts on: what must wait until it stands, and what must not be believed if it does not.
+//! A rotor without power coasts on: actions that must wait for standstill, and positions that must not be
+//! trusted before it.
 
 use super::board::Bench;
 use servo_core::mode::Mode;
@@ -9,7 +10,7 @@ fn set(bench: &mut Bench, property: Property, value: i64) {
     bench.set(property, value).expect("taken");
 }
 
-/// A homed board on its way at 1000 counts/s.
+/// A homed board moving at 1000 counts/s.
 fn moving() -> Bench {
     let mut bench = Bench::new(1);
     bench.home();
@@ -24,7 +25,7 @@ fn moving() -> Bench {
     bench
 }
 
-/// Saves until a page must be erased, which it must not be yet.
+/// Saves until a page must be erased, which is not allowed yet.
 fn fill(bench: &mut Bench) {
     for round in 1..=60 {
         for property in [Property::X0, Property::X1, Property::X2, Property::X3, Property::X4, Property::X5] {
@@ -38,7 +39,7 @@ fn fill(bench: &mut Bench) {
 }
 
 #[test]
-fn no_page_is_erased_before_the_rotor_has_stood_for_a_fifth_of_a_second() {
+fn page_erase_waits_for_200_ms_of_standstill() {
     let stops: [fn(&mut Bench); 3] = [
         |bench| set(bench, Property::MODE, 0),
         |bench| set(bench, Property::CMD, 21),
@@ -49,7 +50,7 @@ fn no_page_is_erased_before_the_rotor_has_stood_for_a_fifth_of_a_second() {
         fill(&mut bench);
         stop(&mut bench);
         let before = bench.board().flash.erases;
-        // Coasts, ever slower.
+        // Coasts, slower and slower.
         for wait in (0..198).chain([198; 3]) {
             let count = bench.count;
             bench.tick_to(count + 1);
@@ -67,7 +68,7 @@ fn no_page_is_erased_before_the_rotor_has_stood_for_a_fifth_of_a_second() {
 }
 
 #[test]
-fn a_motion_that_waits_for_the_tick_is_not_held_up_by_a_page() {
+fn motion_waiting_for_the_tick_is_not_delayed_by_an_erase() {
     let mut bench = moving();
     fill(&mut bench);
     set(&mut bench, Property::MODE, 0);
@@ -81,7 +82,7 @@ fn a_motion_that_waits_for_the_tick_is_not_held_up_by_a_page() {
 }
 
 #[test]
-fn what_is_saved_while_it_coasts_is_not_trusted() {
+fn position_saved_while_coasting_is_not_trusted() {
     for (rests, trusted) in [(0, false), (150, false), (201, true)] {
         let mut bench = moving();
         set(&mut bench, Property::MODE, 0);
@@ -91,7 +92,7 @@ fn what_is_saved_while_it_coasts_is_not_trusted() {
         set(&mut bench, Property::SAVE, -1);
         let said = bench.get(Property::P);
         set(&mut bench, Property::STAT, 0);
-        // The monitor runs, and the rotor turns on to where the halls are the same.
+        // The monitor runs, and the rotor coasts to a position with the same hall code.
         if !trusted {
             bench.count += 6;
         }
@@ -102,7 +103,7 @@ fn what_is_saved_while_it_coasts_is_not_trusted() {
 }
 
 #[test]
-fn a_reset_at_a_count_takes_the_trust() {
+fn reset_during_a_count_ends_the_trust() {
     for counts in [false, true] {
         let mut bench = moving();
         set(&mut bench, Property::MODE, 0);
@@ -123,13 +124,13 @@ fn a_reset_at_a_count_takes_the_trust() {
 }
 
 #[test]
-fn a_hall_fault_takes_the_trust_in_the_stored_position_too() {
+fn hall_fault_ends_the_trust_in_the_stored_position() {
     let mut bench = moving();
     set(&mut bench, Property::MODE, 0);
     bench.ticks(300);
     set(&mut bench, Property::SAVE, -1);
     bench.settle();
-    // The cable falls off; the rotor is turned to where the halls are the same; the cable is back.
+    // The cable comes off; the rotor is turned to a position with the same hall code; the cable is back.
     bench.board().halls = 7;
     bench.ticks(20);
     bench.count += 6;
@@ -141,7 +142,7 @@ fn a_hall_fault_takes_the_trust_in_the_stored_position_too() {
 }
 
 #[test]
-fn an_edge_whose_interrupt_does_not_come_is_the_second_tick_s() {
+fn edge_without_interrupt_is_taken_by_the_second_tick() {
     let mut bench = Bench::new(1);
     bench.ticks(20);
     let count = bench.tater.status().position.round();
@@ -153,7 +154,7 @@ fn an_edge_whose_interrupt_does_not_come_is_the_second_tick_s() {
 }
 
 #[test]
-fn an_edge_that_went_back_before_its_interrupt_does_not_count_as_left() {
+fn edge_reversed_before_its_interrupt_is_not_pending() {
     let mut bench = Bench::new(1);
     bench.ticks(20);
     let count = bench.tater.status().position.round();

@@ -1,4 +1,4 @@
-//! Any frames, any sensor readings: no panic, nothing out of its range, nothing driven beyond its bounds.
+//! Any frames, any sensor readings: no panic, no value out of its range, no drive beyond its bounds.
 
 use super::board::Bench;
 use proptest::prelude::*;
@@ -80,7 +80,7 @@ fn apply(bench: &mut Bench, step: Step) {
     }
 }
 
-/// What must hold after every step.
+/// Checked after every step.
 fn check(bench: &mut Bench) {
     assert_eq!(bench.tater.servo.config().validate(), Ok(()));
     let drive = bench.tater.drive();
@@ -97,7 +97,7 @@ fn check(bench: &mut Bench) {
     }
 }
 
-/// Whatever can be read is in its row's range.
+/// Every readable value is in its row's range.
 fn check_all_reads(bench: &mut Bench) {
     bench.board().room = usize::MAX;
     bench.tater.flush();
@@ -113,10 +113,10 @@ fn check_all_reads(bench: &mut Bench) {
 }
 
 proptest! {
-    // 1000 times 100 frames and spells of ticks.
+    // 1000 times 100 frames and intervals of ticks.
     #![proptest_config(ProptestConfig { cases: 1000, ..ProptestConfig::default() })]
     #[test]
-    fn nothing_upsets_it(steps in prop::collection::vec(step(), 100)) {
+    fn any_frames_and_readings_keep_the_board_in_its_bounds(steps in prop::collection::vec(step(), 100)) {
         let mut bench = Bench::new(1);
         for step in steps {
             apply(&mut bench, step);
