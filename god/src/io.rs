@@ -90,6 +90,7 @@ pub fn poll<F: Future + ?Sized>(god: Pin<&mut F>, io: &Io, now_us: u64) -> u64 {
     io.next_us.set(NEVER);
     // GOD never ends, so there is no result to look at.
     let _ = god.poll(&mut Context::from_waker(Waker::noop()));
+    io.drop_stale_frames();
     io.next_us.get()
 }
 
@@ -275,10 +276,7 @@ impl Io {
             if self.is_stuck() { Some(false) } else { self.try_queue(frame).then_some(true) }
         });
         if queued.await != Some(true) {
-            if !self.is_bus_down.replace(true) {
-                self.record(EventKind::BusDown);
-            }
-            self.drop_frames();
+            self.bus_failed();
             self.try_queue(frame);
         }
         if self.is_bus_down.get() { Err(BusDown) } else { Ok(()) }
@@ -295,9 +293,30 @@ impl Io {
         self.cancel.set(true);
     }
 
+    /// Drops the queue once its oldest frame has waited for [`SEND_US`]. Without it the last orders before a prompt would wait for the
+    /// next command, and leave whenever the bus comes back.
+    fn drop_stale_frames(&self) {
+        if self.is_stuck() {
+            self.bus_failed();
+        } else if let Some(since_us) = self.oldest_us() {
+            self.next_us.set(self.next_us.get().min(since_us.saturating_add(SEND_US)));
+        }
+    }
+
+    fn bus_failed(&self) {
+        if !self.is_bus_down.replace(true) {
+            self.record(EventKind::BusDown);
+        }
+        self.drop_frames();
+    }
+
+    /// Since when the oldest queued frame waits, µs.
+    fn oldest_us(&self) -> Option<u64> {
+        self.tx_frames.borrow().front().map(|queued| queued.since_us)
+    }
+
     fn is_stuck(&self) -> bool {
-        let oldest = self.tx_frames.borrow().front().map(|queued| queued.since_us);
-        oldest.is_some_and(|since_us| self.now_us() >= since_us.saturating_add(SEND_US))
+        self.oldest_us().is_some_and(|since_us| self.now_us() >= since_us.saturating_add(SEND_US))
     }
 
     fn try_queue(&self, frame: Frame) -> bool {
@@ -483,6 +502,22 @@ mod tests {
         assert_eq!(run(&io, io.send(frame())), Some((Ok(()), 0)));
         io.now_us.set(SEND_US);
         assert_eq!(run(&io, io.send(frame())), Some((Err(BusDown), 0)));
+    }
+
+    #[test]
+    fn frames_left_on_a_dead_bus_are_dropped_without_another_send() {
+        let io = Io::default();
+        let mut god = pin!(async {
+            let sent = io.send(frame()).await;
+            io.wait_until::<()>(NEVER, || None).await;
+            sent
+        });
+        assert_eq!(poll(god.as_mut(), &io, 7), SEND_US + 7, "it asks to be polled then");
+        poll(god.as_mut(), &io, SEND_US + 6);
+        assert!(!io.take_cancel());
+        assert_eq!(poll(god.as_mut(), &io, SEND_US + 7), NEVER);
+        assert!(io.take_cancel() && io.is_bus_down());
+        assert_eq!(io.pop_frame(), None);
     }
 
     #[test]
