@@ -1,6 +1,9 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
 mod administration;
+mod bus_down;
+mod deadlines;
+mod faults;
 mod garbage;
 mod golden;
 mod lower;
@@ -52,7 +55,7 @@ impl Session {
         Self::of(Hand::with(boards.collect(), Memory::default()))
     }
 
-    fn of(hand: Hand) -> Self {
+    pub fn of(hand: Hand) -> Self {
         let mut session = Self { hand, heard: String::new() };
         session.until_prompt();
         session
@@ -63,6 +66,51 @@ impl Session {
         self.hand.push_rx(line.as_bytes());
         self.hand.push_rx(b"\r");
         answer(line, &self.until_prompt())
+    }
+
+    /// Types a line, and waits for the prompt for so long. Returns the answer and the time from the end of the line to the prompt, us.
+    ///
+    /// # Errors
+    /// There was no prompt: what was said, and what the motors do.
+    pub fn try_line(&mut self, line: &str, within_us: u64) -> Result<(String, u64), String> {
+        self.hand.push_rx(line.as_bytes());
+        self.hand.push_rx(b"\r");
+        let (said, us) = self.try_until_prompt(within_us).map_err(|hang| format!("{line}: {hang}"))?;
+        Ok((answer(line, &said), us))
+    }
+
+    /// Waits for the prompt for so long. Returns what was said up to its end, and the time.
+    ///
+    /// # Errors
+    /// There was no prompt: what was said, and what the motors do.
+    pub fn try_until_prompt(&mut self, within_us: u64) -> Result<(String, u64), String> {
+        let begun_us = self.hand.now_us();
+        let mut said = String::new();
+        while !said.ends_with("\n\r=> ") {
+            if self.hand.now_us() - begun_us > within_us {
+                return Err(format!(
+                    "no prompt within {} ms, but {said:?}; {}",
+                    within_us / 1000,
+                    self.motors()
+                ));
+            }
+            self.wait_us(1000);
+            said.extend(self.hand.take_tx().into_iter().map(char::from));
+        }
+        self.heard.push_str(&said);
+        Ok((said, self.hand.now_us() - begun_us))
+    }
+
+    /// Mode, end and fault of each motor, for messages.
+    pub fn motors(&self) -> String {
+        let motor = |node: &Node| {
+            node.application().map_or("not awake".to_owned(), |tater| {
+                let of = tater.status();
+                format!("{:?} {:?} {:?}", of.mode, of.end, of.fault)
+            })
+        };
+        let motors: Vec<String> = self.hand.bus().stations().map(motor).collect();
+        format!("motors: {}", motors.join(", "))
     }
 
     /// Types a line that goes on until the host says more, and lets it go on for a while. Returns what was said.

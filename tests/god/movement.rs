@@ -19,13 +19,13 @@ use super::Session;
 
 /// How far a rotor may really be from where it is to be, hall counts: its stop stands on the boundary of two counts (1), and it comes to rest as
 /// near to its goal as friction lets it (1).
-const NEAR: i32 = 2;
+pub(super) const NEAR: i32 = 2;
 
 /// Longest wait of a test for something that is to happen, ms.
 const SOON_MS: usize = 5_000;
 
 /// Where the motors really are, hall counts, rounded.
-fn counts(session: &Session) -> [i32; 7] {
+pub(super) fn counts(session: &Session) -> [i32; 7] {
     let mut counts = [0; 7];
     for (count, station) in counts.iter_mut().zip(session.hand.bus().stations()) {
         *count = station.board().rig().truth().counts.round() as i32;
@@ -80,7 +80,7 @@ pub(super) fn config(session: &mut Session, motor: u8) -> Config {
 }
 
 /// Types a line, and waits until `happened` says so. The command goes on.
-fn line_until(session: &mut Session, line: &str, happened: impl FnMut(&mut Session) -> bool) {
+pub(super) fn line_until(session: &mut Session, line: &str, happened: impl FnMut(&mut Session) -> bool) {
     session.hand.push_rx(line.as_bytes());
     session.hand.push_rx(b"\r");
     until(session, line, happened);

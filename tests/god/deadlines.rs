@@ -1,0 +1,122 @@
+//! How long a command may take to its prompt, and what becomes of a motor whose board refuses its order.
+
+use super::Session;
+use super::movement::assert_near;
+
+/// Cruise speed of a move and of TC and TO, counts/s: MV, MCV and MOV are 1000, which no joint's range is long enough to reach. A tip that
+/// goes along with its link by velocity has 13/49 of that.
+const TIP_ALONG: u64 = 265;
+
+/// Homing speed IVEL, counts/s.
+const HOMING: u64 = 200;
+
+/// Velocity that friction takes from a proportional loop, counts/s: 63 torque units (decision 0003) by KPV's gain of 2.
+const DROOP: u64 = 32;
+
+/// The joints' ranges, hall counts (manual table 1): link, spread, tip.
+const LINK: u64 = 363;
+const SPREAD: u64 = 166;
+const TIP: u64 = 508;
+
+/// What the longest move of a tip takes, ms: 2·√(distance/acceleration), acceleration = (ACCEL/1024)² counts/ms² with ACCEL 30. A link
+/// (ACCEL 40) takes 976 ms and the spread 880 ms.
+const MOVE_MS: u64 = triangle_ms(TIP, 30);
+
+/// GOD's own time, ms, whatever breaks: five questions in a row that a silent board does not answer, each three times for 60 ms, and 100 ms
+/// for the spread's brake (30 ms), for boards that wake up (26 ms) and for all that is answered (under 1 ms each).
+const OWN_MS: u64 = 5 * 3 * 60 + 100;
+
+/// In which a motor that has refused its order or has a fault ends its share of a command, us (issue 13).
+pub const SHARE_US: u64 = 100_000;
+
+/// From ^C or a disconnect to the prompt, us: GOD stops the motors and restores up to three properties; a silent board costs each
+/// three questions of 60 ms.
+pub const ABORT_US: u64 = 600_000;
+
+/// 2·√(distance/acceleration), rounded up.
+const fn triangle_ms(counts: u64, accel: u64) -> u64 {
+    2 * (counts * 1024 * 1024).isqrt() / accel + 1
+}
+
+/// What the motors need for a command at most, us: TSTOP (ms) once for each stage that can stall, the travel of each stage, and
+/// GOD's own time.
+pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
+    let name = line
+        .split(' ')
+        .next()
+        .unwrap_or_default()
+        .trim_start_matches(['X', '1', '2', '3', '4', '5', '6', '7']);
+    let (stages, travel_ms) = match name {
+        // Links to their stops and IOFF 25 back; then tips to theirs and 350 back, the spread meanwhile.
+        "HI" => (
+            2,
+            LINK * 1000 / (HOMING - DROOP)
+                + triangle_ms(25, 40)
+                + TIP * 1000 / (HOMING - DROOP)
+                + triangle_ms(350, 30),
+        ),
+        // A tip whose link meets something goes on to its own goal.
+        "C" => (2, 2 * MOVE_MS),
+        "TC" | "TO" => (1, TIP * 1000 / (TIP_ALONG - DROOP)),
+        "T" => (0, 0),
+        _ => (1, MOVE_MS),
+    };
+    // HI stalls for 250 ms at least (decision 0009).
+    1000 * (stages * tstop_ms.max(250) + travel_ms + OWN_MS)
+}
+
+const _: () = assert!(MOVE_MS > triangle_ms(LINK, 40) && MOVE_MS > triangle_ms(SPREAD, 30));
+
+/// What is typed before, the command, its answer, and how long it may take, us, if that is not [`command_us`].
+type Refused = (&'static [&'static str], &'static str, &'static str, Option<u64>);
+
+/// Orders that a board refuses, and some that only look like it.
+const REFUSED: &[Refused] = &[
+    // The motor is at 25 °C. OverTemperature, and so not initialized; the others are.
+    (&["WAKE", "1 S OTEMP 250"], "HI", "ERR 8196", None),
+    (&["WAKE", "1 S OTEMP 250"], "X1HI", "ERR 8196", Some(SHARE_US)),
+    (&["HI", "1 S IVEL 0"], "HI", "ERR 4", None),
+    (&["HI", "1 S IVEL 0"], "X1HI", "ERR 4", Some(SHARE_US)),
+    // C ends both modes, and moves.
+    (&["HI", "4 S MODE 2"], "SC", "", None),
+    (&["HI", "4 S MODE 0"], "SC", "", None),
+    (&["HI", "4 S OTEMP 250"], "SC", "ERR 8192", Some(SHARE_US)),
+    (&["HI", "4 S MODE 2", "4 S MODE 0", "4 S OTEMP 250"], "SC", "ERR 8192", Some(SHARE_US)),
+];
+
+#[test]
+fn refused_order_ends_with_a_status() {
+    let mut wrong = Vec::new();
+    for (before, line, expected, within_us) in REFUSED {
+        let mut session = Session::new();
+        for line in *before {
+            session.line(line);
+        }
+        let within_us = within_us.unwrap_or_else(|| command_us(line, 400));
+        match session.try_line(line, within_us) {
+            Ok((answer, us)) if answer == *expected => {
+                println!(
+                    "figure: deadlines: {before:?}, {line}: {answer:?} after {} ms, bound {} ms",
+                    us / 1000,
+                    within_us / 1000
+                );
+            }
+            Ok((answer, _)) => wrong.push(format!("{before:?}, {line}: {answer:?}, expected {expected:?}")),
+            Err(hang) => wrong.push(format!("{before:?}: {hang}")),
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// The motor that refuses ends its share; the other six are initialized by the same HI.
+#[test]
+fn refused_homing_leaves_the_others_initialized() {
+    for refusal in ["1 S OTEMP 250", "1 S IVEL 0"] {
+        let mut session = Session::new();
+        session.line("WAKE");
+        session.line(refusal);
+        session.line("HI");
+        assert_eq!(session.line("X234567M 1000"), "", "{refusal}");
+        assert_near(&session, [0, 18, 18, 18, 18, 18, 18], refusal);
+    }
+}

@@ -1,0 +1,418 @@
+//! Single faults: what breaks, on which motor and when. Every command still reaches a prompt, and every motor that works does its part.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use hil_sim::hand::Hand;
+use hil_sim::hand::state::State;
+use hil_sim::plant::Model;
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngSeed, TestRunner};
+use tater_fw::Board;
+
+use super::Session;
+use super::deadlines::{ABORT_US, SHARE_US, command_us};
+use super::movement::{NEAR, counts};
+
+/// What can break at one motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fault {
+    /// All hall lines are open.
+    HallCable,
+    HallLineLow,
+    HallLineHigh,
+    /// 12 V.
+    LowSupply,
+    /// 36 V.
+    HighSupply,
+    OpenThermistor,
+    /// 90 °C; OTEMP is 70 °C.
+    HotMotor,
+    /// The board is off the bus.
+    NoBoard,
+    /// The brake does not release; only the spread has one.
+    JammedBrake,
+    /// The flash takes nothing.
+    WornFlash,
+}
+
+use Fault::*;
+
+const FAULTS: [Fault; 10] = [
+    HallCable,
+    HallLineLow,
+    HallLineHigh,
+    LowSupply,
+    HighSupply,
+    OpenThermistor,
+    HotMotor,
+    NoBoard,
+    JammedBrake,
+    WornFlash,
+];
+
+/// Faults that a board sees at once, without its motor's turning: it refuses every order to move.
+const REFUSING: [Fault; 5] = [HallCable, LowSupply, HighSupply, OpenThermistor, HotMotor];
+
+/// A link, the spread and a tip.
+const MOTORS: [u8; 3] = [1, 4, 5];
+
+impl Fault {
+    fn inject(self, hand: &mut Hand, motor: u8) {
+        let place = usize::from(motor) - 1;
+        let node = hand.bus_mut().station_mut(place).expect("1 to 7");
+        match self {
+            HallCable => node.rig_mut().break_hall_lines([Some(true); 3]),
+            HallLineLow => node.rig_mut().break_hall_lines([Some(false), None, None]),
+            HallLineHigh => node.rig_mut().break_hall_lines([None, Some(true), None]),
+            LowSupply => node.rig_mut().set_bus(12.0),
+            HighSupply => node.rig_mut().set_bus(36.0),
+            OpenThermistor => node.rig_mut().override_thermistor(Some(-50.0)),
+            HotMotor => node.rig_mut().override_thermistor(Some(90.0)),
+            NoBoard => hand.bus_mut().cut(place, true),
+            JammedBrake => node.rig_mut().jam_brake(true),
+            WornFlash => node.board_mut().flash().set_worn(true),
+        }
+    }
+}
+
+/// When it breaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Moment {
+    PowerUp,
+    /// The boards are awake, and have seen the fault before the command comes.
+    Prompt,
+    /// So long after the command's end of line, ms.
+    MidMotion(u64),
+}
+
+/// The motion commands, with arguments that move every motor from where [`saved`] has put it.
+const COMMANDS: [&str; 16] = [
+    "HI", "C", "O", "M 9000", "MDEG 60", "MPER 60", "IC 3000", "IO 2000", "HOME", "TC", "TO", "T", "WM 6000",
+    "PTM 2000", "MAC 3", "LOOP",
+];
+
+/// A hand that knows where its motors are, in the middle of their ranges, and has macro 3.
+fn saved() -> &'static State {
+    static SAVED: OnceLock<State> = OnceLock::new();
+    SAVED.get_or_init(|| {
+        let mut session = Session::new();
+        for line in ["HI", "M 8000", "MACSET 3", "M 4000", "SAVE"] {
+            assert_eq!(session.line(line), "", "{line}");
+        }
+        session.hand.state()
+    })
+}
+
+/// A single fault and the command that meets it.
+#[derive(Clone, Debug)]
+struct Case {
+    fault: Fault,
+    motor: u8,
+    moment: Moment,
+    line: String,
+    /// TSTOP of all motors, ms; `None`: the defaults, 300 and 400.
+    tstop_ms: Option<u64>,
+    /// Whether a host in LOOP says ^C after a while, if no error has ended it.
+    ends_loop: bool,
+}
+
+/// What came of it.
+#[derive(Debug)]
+struct Outcome {
+    /// The number after ERR, or 0.
+    status: u16,
+    /// From the end of the line to the prompt, us.
+    took_us: u64,
+    /// From the fault, if that was later.
+    after_fault_us: u64,
+}
+
+/// How long a host stays in LOOP if nothing ends it, us, and how often it says a block.
+const LOOP_US: u64 = 1_000_000;
+const BLOCK_US: u64 = 20_000;
+
+impl Case {
+    fn new(fault: Fault, motor: u8, moment: Moment, line: impl Into<String>) -> Self {
+        Self { fault, motor, moment, line: line.into(), tstop_ms: None, ends_loop: true }
+    }
+
+    fn bound_us(&self) -> u64 {
+        let host_us = if self.line.ends_with("LOOP") { LOOP_US } else { 0 };
+        host_us + command_us(&self.line, self.tstop_ms.unwrap_or(400))
+    }
+
+    /// At the prompt before the command.
+    fn session(&self) -> Session {
+        let mut hand = Hand::restore(Model::Averaged, 1, saved()).expect("within its stops");
+        if self.moment == Moment::PowerUp {
+            self.fault.inject(&mut hand, self.motor);
+        }
+        let mut session = Session::of(hand);
+        if let Some(ms) = self.tstop_ms {
+            session.line(&format!("X1234567FSET TSTOP {ms}"));
+        } else if self.moment != Moment::PowerUp {
+            session.line("WAKE");
+        }
+        if self.moment == Moment::Prompt {
+            self.fault.inject(&mut session.hand, self.motor);
+            session.wait_us(200_000);
+        }
+        session
+    }
+
+    /// Runs the command to its prompt.
+    fn run(&self) -> Result<Outcome, String> {
+        let mut session = self.session();
+        let begun_us = session.hand.now_us();
+        session.hand.push_rx(self.line.as_bytes());
+        session.hand.push_rx(b"\r");
+        let (mut said, mut fault_us) = (String::new(), begun_us);
+        while !said.ends_with("\n\r=> ") {
+            let elapsed_us = session.hand.now_us() - begun_us;
+            if elapsed_us > self.bound_us() {
+                return Err(format!(
+                    "{self:?}: no prompt within {} ms, but {said:?}; {}",
+                    self.bound_us() / 1000,
+                    session.motors()
+                ));
+            }
+            if self.moment == Moment::MidMotion(elapsed_us / 1000) && fault_us == begun_us {
+                self.fault.inject(&mut session.hand, self.motor);
+                fault_us = session.hand.now_us();
+            }
+            if said.starts_with(&format!("{}*", self.line)) && elapsed_us.is_multiple_of(BLOCK_US) {
+                self.say_block(&mut session, elapsed_us);
+            }
+            session.wait_us(1000);
+            said.extend(session.hand.take_tx().into_iter().map(char::from));
+        }
+        let now_us = session.hand.now_us();
+        let status = said.rsplit_once("ERR ").and_then(|(_, rest)| rest.split('\r').next()?.parse().ok());
+        Ok(Outcome {
+            status: status.unwrap_or(0),
+            took_us: now_us - begun_us,
+            after_fault_us: now_us - fault_us,
+        })
+    }
+
+    fn say_block(&self, session: &mut Session, elapsed_us: u64) {
+        if self.ends_loop && elapsed_us > LOOP_US {
+            session.hand.push_rx(b"\x03");
+        } else {
+            let axes = if self.line.starts_with('X') { 1 } else { 4 };
+            session.hand.push_rx(&[&b"C"[..], &[10, 32].repeat(axes)].concat());
+        }
+    }
+}
+
+/// Runs each fault with each motion command, of the whole hand and of the motor alone.
+fn each_command(moment: Moment) {
+    let mut wrong = Vec::new();
+    let mut slowest: BTreeMap<&str, (u64, String)> = BTreeMap::new();
+    for fault in FAULTS {
+        for motor in MOTORS {
+            for command in COMMANDS {
+                for line in [command.to_owned(), format!("X{motor}{command}")] {
+                    let case = Case::new(fault, motor, moment, line);
+                    match case.run() {
+                        Err(hang) => wrong.push(hang),
+                        Ok(outcome) => {
+                            let slow = slowest.entry(command).or_default();
+                            if outcome.took_us > slow.0 {
+                                *slow =
+                                    (outcome.took_us, format!("{fault:?} of motor {motor}, {}", case.line));
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    for (command, (us, what)) in slowest {
+        let most_ms = command_us(command, 400) / 1000;
+        println!(
+            "figure: faults, {moment:?}: {command}: prompt after {} ms at most ({what}), bound {most_ms} ms",
+            us / 1000
+        );
+    }
+    assert!(wrong.is_empty(), "{} hang:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+#[test]
+fn fault_at_power_up_each_command_reaches_its_prompt() {
+    each_command(Moment::PowerUp);
+}
+
+#[test]
+fn fault_at_the_prompt_each_command_reaches_its_prompt() {
+    each_command(Moment::Prompt);
+}
+
+#[test]
+fn fault_in_mid_motion_each_command_reaches_its_prompt() {
+    each_command(Moment::MidMotion(200));
+}
+
+/// T switches off whatever it finds; WM and PTM have no use for the other motors.
+fn moves(command: &str, motor: u8) -> bool {
+    match command {
+        "T" => false,
+        "WM 6000" => motor < 4,
+        "PTM 2000" => motor > 4,
+        _ => true,
+    }
+}
+
+#[test]
+fn refused_motor_ends_within_100_ms_with_a_status() {
+    let (mut wrong, mut slowest) = (Vec::new(), 0);
+    for fault in REFUSING {
+        for motor in MOTORS {
+            for command in COMMANDS.into_iter().filter(|command| moves(command, motor)) {
+                for moment in [Moment::Prompt, Moment::MidMotion(100)] {
+                    let case = Case::new(fault, motor, moment, format!("X{motor}{command}"));
+                    match case.run() {
+                        // It has ended before.
+                        Ok(outcome) if outcome.status == 0 && matches!(moment, Moment::MidMotion(_)) => {}
+                        Ok(outcome) if outcome.status != 0 && outcome.after_fault_us <= SHARE_US => {
+                            slowest = slowest.max(outcome.after_fault_us);
+                        }
+                        Ok(outcome) => wrong.push(format!("{case:?}: {outcome:?}")),
+                        Err(hang) => wrong.push(hang),
+                    }
+                }
+            }
+        }
+    }
+    println!("figure: faults: a refused or faulted motor has its status after {} ms at most", slowest / 1000);
+    assert!(wrong.is_empty(), "{}:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// Motors 1 and 3 go on when motor 2, or its tip, is refused: to their goals, with nothing against them.
+#[test]
+fn refused_motor_leaves_the_others_their_goals() {
+    for fault in REFUSING {
+        for motor in [2, 6] {
+            let case = Case::new(fault, motor, Moment::MidMotion(100), "GM 9000");
+            let mut session = case.session();
+            session.hand.push_rx(b"GM 9000\r");
+            session.wait_us(100_000);
+            fault.inject(&mut session.hand, motor);
+            let (said, _) =
+                session.try_until_prompt(case.bound_us()).unwrap_or_else(|hang| panic!("{case:?}: {hang}"));
+            assert!(said.contains("ERR "), "{case:?}: {said:?}");
+            // 9000 GCL counts are 164 hall counts, and 44 of the tips.
+            let found = counts(&session);
+            for (place, goal) in [(0, 164), (2, 164), (4, 44), (6, 44)] {
+                assert!((found[place] - goal).abs() <= NEAR, "{case:?}: {found:?}");
+            }
+            assert_eq!(session.line("13FGET S"), "0 0", "{case:?}");
+            assert_ne!(session.line(&format!("X{motor}FGET S")), "0", "{case:?}");
+        }
+    }
+}
+
+/// HI of a hand with one motor that cannot: the others are initialized.
+#[test]
+fn refused_motor_leaves_the_others_initialized() {
+    for fault in REFUSING {
+        for motor in MOTORS {
+            let case = Case::new(fault, motor, Moment::PowerUp, "HI");
+            let mut session = case.session();
+            let (answer, _) =
+                session.try_line("HI", case.bound_us()).unwrap_or_else(|hang| panic!("{case:?}: {hang}"));
+            assert!(answer.starts_with("ERR "), "{case:?}: {answer}");
+            for other in (1..=7).filter(|&other| other != motor) {
+                assert_eq!(session.line(&format!("X{other}M 1000")), "", "{case:?}: motor {other}");
+            }
+        }
+    }
+}
+
+/// Cases of a property: 96 in CI, or GOD_FAULT_CASES.
+fn cases() -> u32 {
+    std::env::var("GOD_FAULT_CASES").map_or(96, |cases| cases.parse().expect("GOD_FAULT_CASES is a number"))
+}
+
+/// Runs a property on the same cases each time.
+fn check<S: Strategy>(seed: u64, of: S, property: impl Fn(S::Value) -> Result<(), TestCaseError>) {
+    let config = Config {
+        cases: cases(),
+        rng_seed: RngSeed::Fixed(seed),
+        failure_persistence: None,
+        max_shrink_iters: 64,
+        ..Config::default()
+    };
+    TestRunner::new(config).run(&of, property).unwrap_or_else(|failed| panic!("{failed}"));
+}
+
+fn any_case() -> impl Strategy<Value = Case> {
+    let fault = prop::sample::select(&FAULTS[..]);
+    let moment = prop_oneof![
+        Just(Moment::PowerUp),
+        Just(Moment::Prompt),
+        // HI takes 5 s; a motion that has ended before meets no fault.
+        (0u64..1_200).prop_map(Moment::MidMotion),
+        (0u64..5_000).prop_map(Moment::MidMotion),
+    ];
+    let prefix = prop_oneof![
+        Just(String::new()),
+        Just("G".to_owned()),
+        Just("S".to_owned()),
+        (1u8..=7).prop_map(|motor| format!("X{motor}")),
+        Just("X1234567".to_owned()),
+        Just("12".to_owned()),
+    ];
+    let command = prop_oneof![
+        prop::sample::select(&COMMANDS[..COMMANDS.len() - 1]).prop_map(str::to_owned),
+        (0i64..=20_000).prop_map(|to| format!("M {to}")),
+        (-2_000i64..=2_000).prop_map(|by| format!("PTM {by}")),
+        (0i64..=130).prop_map(|degrees| format!("MDEG {degrees}")),
+    ];
+    let tstop = prop::option::of(50u64..2_000);
+    (fault, 1u8..=7, moment, prefix, command, tstop).prop_map(
+        |(fault, motor, moment, prefix, command, tstop_ms)| Case {
+            tstop_ms,
+            ..Case::new(fault, motor, moment, prefix + &command)
+        },
+    )
+}
+
+#[test]
+fn any_command_under_any_single_fault_reaches_its_prompt_in_time() {
+    check(0xFA01, any_case(), |case| case.run().map(|_| ()).map_err(TestCaseError::fail));
+}
+
+#[test]
+fn control_c_and_disconnect_under_any_single_fault_get_a_prompt() {
+    let slowest = Cell::new(0);
+    check(0xFA02, (any_case(), 0u64..2_000, any::<bool>()), |(case, after_ms, hangs_up)| {
+        let mut session = case.session();
+        session.hand.push_rx(case.line.as_bytes());
+        session.hand.push_rx(b"\r");
+        for ms in 0..after_ms {
+            if case.moment == Moment::MidMotion(ms) {
+                case.fault.inject(&mut session.hand, case.motor);
+            }
+            session.wait_us(1000);
+        }
+        session.hand.take_tx();
+        if hangs_up {
+            session.hand.hang_up()
+        } else {
+            session.hand.push_rx(b"\x03")
+        }
+        let (_, us) = session
+            .try_until_prompt(ABORT_US)
+            .map_err(|hang| TestCaseError::fail(format!("{case:?}: {hang}")))?;
+        slowest.set(us.max(slowest.get()));
+        Ok(())
+    });
+    println!(
+        "figure: faults: prompt {} ms after ^C or a disconnect at most, bound {} ms",
+        slowest.get() / 1000,
+        ABORT_US / 1000
+    );
+}
