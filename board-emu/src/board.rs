@@ -1,7 +1,8 @@
-//! The board: the chip's pins at the motor, its sensors and the bus.
+//! The board: connects the chip's pins to motor, sensors and bus.
 //!
-//! While the core sleeps, chip and motor go from event to event; while it runs, the motor follows it in steps of `SLICE` and at
-//! each change of a gate. The time of a hall edge is exact in either case, because the timer's filter sees it later than that.
+//! While the core sleeps, chip and motor advance from event to event. While it runs, the motor follows in
+//! steps of `SLICE` and at each change of a gate. The time of a hall edge is exact in both cases, because the
+//! timer's filter delays it by more than a step.
 
 use std::rc::Rc;
 
@@ -20,35 +21,35 @@ use crate::meter::{Figures, Meter};
 use crate::stop::{Problem, Stop};
 use crate::time::{Time, US};
 
-/// How far the core runs ahead of the motor: less than the hall lines' filter (14 us) by more than an instruction.
+/// Longest lead of the core over the motor: the filter of the hall lines (14 us) less one instruction.
 const SLICE: Time = 5 * US;
 
-/// How often the converter's inputs are brought up to date, us: a PWM period, in which it converts once.
+/// Sample period of the converter's inputs, us: one PWM period, in which it converts once.
 const SAMPLE_US: u64 = 50;
 
-/// How far apart bus and board may be while the board's program runs, us: how late a frame may begin that it asks for.
+/// Largest time between bus and board while the program runs, us: how late a requested frame may begin.
 const BUS_US: u64 = 10;
-/// The same while it sleeps: only a hall edge could wake it, which asks for no frame but the report of a fault.
+/// The same while it sleeps: only a hall edge could wake it, which requests no frame but a fault report.
 const ASLEEP_US: u64 = 250;
 
-/// Pins, port and number: straps (1, 2, 4), break input, brake, hall lines.
+/// Pins as (port, number): straps (1, 2, 4), break input, brake, hall lines.
 const STRAPS: [(usize, usize); 3] = [(1, 0), (1, 1), (1, 10)];
 const BREAK: (usize, usize) = (1, 12);
 const BRAKE: (usize, usize) = (1, 5);
 const HALLS: [(usize, usize); 3] = [(1, 6), (1, 7), (1, 8)];
 
-/// Runs a board to a time: what a debugger does in place of the board.
+/// Runs a board up to a time in place of [`Board::run`]: a debugger.
 pub type Runner = Box<dyn FnMut(&mut Board, Time)>;
 
-/// What a debugger requests of a board.
+/// Requests of a debugger.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DebugRequests {
     pub breakpoints: Vec<u32>,
-    /// One instruction, then stop.
+    /// Stop after one instruction.
     pub step: bool,
 }
 
-/// A board that executes its flash, and its motor.
+/// A board that executes its flash, with its motor.
 pub struct Board {
     node: Node,
     machine: Machine,
@@ -56,39 +57,39 @@ pub struct Board {
     front_end: FrontEnd,
     bridge: Bridge,
     brake_released: bool,
-    /// Whether the over-current comparator pulls the break input low.
+    /// The over-current comparator pulls the break input low.
     tripped: bool,
-    /// When the converter's inputs were last brought up to date, us.
+    /// Last sample of the converter's inputs, us.
     sampled_us: u64,
-    /// The bus's time.
+    /// Time of the bus, us.
     now_us: u64,
-    /// What the controller would send.
+    /// Frames that the controller offers to the bus.
     pending: Vec<Frame>,
-    /// Seed of what RAM holds after the next power-up.
+    /// Seed of the RAM contents after the next power-up.
     seed: u64,
-    /// What is done to the hall lines, whatever the sensors say.
+    /// Stuck hall lines: levels that override the sensors.
     hall_lines: [Option<bool>; 3],
     meter: Meter,
-    /// Who runs it on the bus in place of itself.
+    /// Replaces [`Board::run`] on the bus.
     runner: Option<Runner>,
     pub(crate) debug: DebugRequests,
-    /// What ended the run, if anything did.
+    /// The problem that ended the run, if any.
     problem: Option<Stop>,
 }
 
 impl Board {
-    /// A board whose power is off: the monitor in its flash, everything else erased. `straps` is its node number; `seed` is
-    /// that of what its RAM holds at first.
+    /// A board without power: the monitor in its flash, everything else erased. `straps` is its node number,
+    /// `seed` determines the first contents of its RAM.
     #[must_use]
     pub fn new(mut rig: Rig, straps: Node, programs: &Programs, seed: u64) -> Self {
         let number = u32::from(straps.number());
         let mut chip = Chip::new(seed, [0x0043_0025 + number, 0x3042_3132, 0x2039_3751]);
         chip.flash.load(MONITOR.start, &programs.monitor);
         for (bit, (port, pin)) in STRAPS.into_iter().enumerate() {
-            // A strap to ground says 1.
+            // A strap to ground is a 1.
             chip.gpio.driven[port][pin] = (number >> bit & 1 == 1).then_some(false);
         }
-        // The comparator pulls the break input, and TIM1 does the rest.
+        // The comparator acts through the break input and TIM1 alone.
         rig.guard_outside();
         let now_us = rig.now_us();
         chip.now = now_us * US;
@@ -114,27 +115,27 @@ impl Board {
         board
     }
 
-    /// The power comes on.
+    /// Switches the power on.
     pub fn power_on(&mut self) {
         self.seed = self.seed.wrapping_mul(0x5851_F42D_4C95_7F2D).wrapping_add(1);
         self.machine.chip_mut().forget(self.seed);
         self.reset(Reset::Power);
     }
 
-    /// The power fails: bridge off, brake engaged, RAM lost. The rotor coasts on.
+    /// Switches the power off: bridge off, brake engaged, RAM lost. The rotor coasts on.
     pub fn power_off(&mut self) {
         self.machine.power_off();
         self.pins_changed();
     }
 
-    /// The reset pin is pulled, or the supply sags below the threshold and comes back before RAM is lost.
+    /// Resets by the pin, or by a supply dip too short to lose RAM.
     pub fn reset(&mut self, cause: Reset) {
         let done = self.machine.reset(cause);
         self.judge(done);
         self.pins_changed();
     }
 
-    /// The same board in the same state, to see what becomes of it in another way.
+    /// A copy in the same state, to try another continuation.
     #[must_use]
     pub fn duplicate(&self) -> Self {
         Self {
@@ -150,7 +151,7 @@ impl Board {
         }
     }
 
-    /// A hall line (0 to 2) sticks at a level, or follows its sensor again. An open line is pulled high.
+    /// Makes a hall line (0 to 2) stick at a level, or follow its sensor again. An open line is pulled high.
     pub fn stick_hall(&mut self, line: usize, level: Option<bool>) {
         if let Some(forced) = self.hall_lines.get_mut(line) {
             *forced = level;
@@ -158,53 +159,53 @@ impl Board {
         self.halls_changed();
     }
 
-    /// Its number by its straps.
+    /// The node number of the straps.
     #[must_use]
     pub const fn node(&self) -> Node {
         self.node
     }
 
-    /// The chip and its core.
+    /// Chip and core.
     #[must_use]
     pub const fn machine(&self) -> &Machine {
         &self.machine
     }
 
-    /// The chip and its core.
+    /// Chip and core.
     pub const fn machine_mut(&mut self) -> &mut Machine {
         &mut self.machine
     }
 
-    /// The motor.
+    /// Motor and sensors.
     #[must_use]
     pub const fn rig(&self) -> &Rig {
         &self.rig
     }
 
-    /// The motor, to disturb it.
+    /// Motor and sensors, to disturb them.
     pub const fn rig_mut(&mut self) -> &mut Rig {
         &mut self.rig
     }
 
-    /// What the gates do to the motor.
+    /// The state of the bridge.
     #[must_use]
     pub const fn bridge(&self) -> Bridge {
         self.bridge
     }
 
-    /// Whether the brake's coil is on.
+    /// Whether the brake's coil is energized.
     #[must_use]
     pub const fn brake_released(&self) -> bool {
         self.brake_released
     }
 
-    /// What was measured last, before the converter.
+    /// The last analog readings, before conversion.
     #[must_use]
     pub const fn front_end(&self) -> &FrontEnd {
         &self.front_end
     }
 
-    /// What ended the run: from then on the board stands still, its bridge off.
+    /// The problem that ended the run. From then on the board stands still with its bridge off.
     #[must_use]
     pub const fn problem(&self) -> Option<&Stop> {
         self.problem.as_ref()
@@ -222,28 +223,29 @@ impl Board {
         }
     }
 
-    /// Lets somebody else run it on the bus.
+    /// Sets who runs the board on the bus in place of [`Self::run`].
     pub fn set_runner(&mut self, runner: Runner) {
         self.runner = Some(runner);
     }
 
-    /// Measures from now on what the program takes.
+    /// Starts to measure the program.
     pub fn begin_figures(&mut self) {
         self.meter.begin(&mut self.machine);
     }
 
-    /// What the program has taken since.
+    /// The figures since [`Self::measure`].
     #[must_use]
     pub fn figures(&self) -> Figures {
         self.meter.figures(&self.machine)
     }
 
-    /// Runs chip and motor to `until`, or to the first breakpoint: then it returns true.
+    /// Runs chip and motor up to `until`; returns `true` early at the first breakpoint.
     pub fn run(&mut self, until: Time, breakpoints: &[u32]) -> bool {
         while self.machine.now() < until && self.problem.is_none() {
             let to = if self.machine.is_waiting() {
                 let to = self.machine.next_event().min(until).min(self.next_sample());
-                // Perhaps only to an edge of a hall line, from which on the chip sees it.
+                // The motor may stop at an edge of a hall line before that, from which on the chip sees the
+                // line.
                 self.follow(to).unwrap_or(to)
             } else {
                 until.min(self.machine.now() + SLICE).min(self.next_sample().max(self.machine.now() + 1))
@@ -274,7 +276,7 @@ impl Board {
         (self.sampled_us + SAMPLE_US) * US
     }
 
-    /// Lets the motor follow to `now` or to the first edge of a hall line, whose time it returns.
+    /// Advances the motor to `now`, or to the first edge of a hall line, whose time it returns.
     fn follow(&mut self, now: Time) -> Option<Time> {
         let to_us = (now / US).min(self.sampled_us + SAMPLE_US);
         let edge = self.rig.advance(self.bridge, self.brake_released, to_us);
@@ -290,7 +292,7 @@ impl Board {
         (edge.is_some() || behind).then(|| self.rig.now_us() * US)
     }
 
-    /// The comparator pulls the break input low, and the gates are off before the next microsecond.
+    /// Lets the comparator pull the break input low: the gates are off before the next microsecond.
     fn over_current(&mut self) {
         if self.rig.tripped() != self.tripped {
             self.tripped = self.rig.tripped();
@@ -299,13 +301,13 @@ impl Board {
         }
     }
 
-    /// Brings the converter's inputs up to date.
+    /// Samples the converter's inputs.
     fn sample(&mut self) {
         let inputs = self.front_end.sample(&mut self.rig);
         self.machine.chip_mut().set_analog(inputs);
     }
 
-    /// The hall sensors pull their lines low or do not; the time is the motor's.
+    /// Sets the hall lines from the sensors; the time is the motor's.
     fn halls_changed(&mut self) {
         let (code, at) = (self.rig.halls(), self.rig.now_us() * US);
         let mut pins = 0;
@@ -313,14 +315,14 @@ impl Board {
         for (bit, (pin, forced)) in HALLS.into_iter().zip(self.hall_lines).enumerate() {
             let level = forced.unwrap_or(code >> bit & 1 == 1);
             pins |= u8::from(level) << bit;
-            // Open collectors: high is the pull-up's.
+            // Open collectors: the pull-up makes the high level.
             chip.gpio.driven[pin.0][pin.1] = (!level).then_some(false);
         }
         chip.hall_lines(at);
         self.meter.halls(at, pins, &self.machine.cpu.counts);
     }
 
-    /// Takes over what the gates and the brake's pin do.
+    /// Applies the gates and the brake's pin.
     fn pins_changed(&mut self) {
         let bridge = {
             let chip = self.machine.chip();
@@ -342,7 +344,7 @@ impl Board {
         }
     }
 
-    /// Takes over what the controller would send.
+    /// Collects the frames that the controller offers.
     fn mail(&mut self) {
         self.pending.clear();
         self.pending.extend_from_slice(self.machine.chip().can.pending());

@@ -1,6 +1,6 @@
-//! From the timer's outputs to the bridge as the motor's model has it: who drives each gate, and with what.
+//! From the timer's outputs to the motor model's bridge: which output drives each gate, and when.
 //!
-//! The drivers switch a gate on at a high level, and a pull-down holds one off that nobody drives.
+//! A driver switches its gate on at a high level; a pull-down holds an undriven one off.
 
 use hil_sim::rig::{Bridge, Leg, Rig, duty};
 
@@ -8,14 +8,14 @@ use crate::chip::Chip;
 use crate::chip::gpio::Mode;
 use crate::chip::tim1::{Gate, Gates};
 
-/// Pins of the high sides A, B, C and of the low sides, port and number (port A is 0).
+/// Pins of the high sides A, B, C and of the low sides, as (port, number); port A is 0.
 const HIGH: [(usize, usize); 3] = [(0, 8), (0, 9), (0, 10)];
 const LOW: [(usize, usize); 3] = [(1, 13), (1, 14), (1, 15)];
 const NAMES: [&str; 3] = ["A", "B", "C"];
-/// What a gate driver and its MOSFET need to switch off (`docs/board.md`), in ns, and in clocks of 72 MHz.
+/// Turn-off time of a gate driver with its MOSFET (docs/board.md), in ns and in clocks of 72 MHz.
 const SWITCH_OFF_NS: u64 = 250;
 const SWITCH_OFF: u64 = SWITCH_OFF_NS * 72 / 1000;
-/// A PWM period of the motor's model: 50 us at 72 MHz.
+/// PWM period of the motor model: 50 us at 72 MHz.
 const PERIOD: u64 = 3600;
 
 /// A gate as its driver sees it.
@@ -23,11 +23,11 @@ const PERIOD: u64 = 3600;
 enum Switch {
     Off,
     On,
-    /// From when and for how long of the period it is on, clocks.
+    /// Start and length of the on-time within the period, clocks.
     Pwm(u64, u64),
 }
 
-/// What a pin does to its gate; the error says who should.
+/// The effect of a pin on its gate. An error names the output that should drive it.
 fn gate(chip: &Chip, (port, pin): (usize, usize), timer: Gate, armed: bool) -> Result<Switch, String> {
     let held = |level: bool| if level { Switch::On } else { Switch::Off };
     let name = || format!("gate at P{}{pin}", ['A', 'B', 'C', 'D', 'E'][port]);
@@ -43,7 +43,7 @@ fn gate(chip: &Chip, (port, pin): (usize, usize), timer: Gate, armed: bool) -> R
         (Mode::AlternatePushPull, Gate::Held(level)) => Ok(held(level)),
         (Mode::AlternatePushPull, Gate::Pwm { rise, high }) => Ok(Switch::Pwm(rise, high)),
         (Mode::Pulled, _) if !chip.gpio.level(port, pin) => open(),
-        // A pull-up against a pull-down is anything.
+        // A pull-up against the pull-down gives no defined level.
         (Mode::Pulled, _) => Err(format!("{}: the chip pulls it up, against the driver's pull-down", name())),
         (Mode::AlternateOpenDrain, _) => open(),
         (Mode::PushPull | Mode::OpenDrain, _) if armed => {
@@ -53,12 +53,12 @@ fn gate(chip: &Chip, (port, pin): (usize, usize), timer: Gate, armed: bool) -> R
     }
 }
 
-/// Clocks from the end of one switch's on-time to the begin of the other's.
+/// Clocks between the on-times of the two switches.
 fn gap((from, on): (u64, u64), next: u64, period: u64) -> u64 {
     (next + 2 * period - from - on) % period
 }
 
-/// What a leg does; `compare` is its channel's.
+/// The state of a leg; `compare` is the value of its channel.
 fn leg(gates: &Gates, high: Switch, low: Switch, compare: u32) -> Result<(Leg, u32), String> {
     match (high, low) {
         (Switch::Off, Switch::Off) => Ok((Leg::Float, 0)),
@@ -70,7 +70,7 @@ fn leg(gates: &Gates, high: Switch, low: Switch, compare: u32) -> Result<(Leg, u
         }
         (Switch::Pwm(rise, on), Switch::Pwm(rise_n, on_n)) => {
             let (a, b) = (gap((rise, on), rise_n, gates.period), gap((rise_n, on_n), rise, gates.period));
-            // The two of them and the gaps make a period, unless they overlap.
+            // Unless they overlap, both on-times and the gaps fill the period.
             if on + on_n + a + b != gates.period {
                 Err("both switches conduct for a part of the period".to_owned())
             } else if a.min(b) < SWITCH_OFF {
@@ -84,7 +84,7 @@ fn leg(gates: &Gates, high: Switch, low: Switch, compare: u32) -> Result<(Leg, u
                 Ok((Leg::Pwm, compare))
             }
         }
-        // So short a pulse that the dead time has eaten the one side.
+        // The dead time has eaten the shorter pulse.
         (Switch::Off, Switch::Pwm(..)) if 2 * u64::from(compare) <= gates.dead && compare > 0 => {
             Ok((Leg::Pwm, compare))
         }
@@ -94,10 +94,10 @@ fn leg(gates: &Gates, high: Switch, low: Switch, compare: u32) -> Result<(Leg, u
     }
 }
 
-/// What the bridge does to the motor.
+/// The state of the bridge.
 ///
 /// # Errors
-/// Which gate or leg is not as any bridge may be, or as the motor's model can have it.
+/// A gate or leg in a state that no bridge survives, or that the motor model cannot represent.
 pub fn of(chip: &Chip) -> Result<Bridge, String> {
     let gates = chip.tim1.gates();
     let armed = chip.tim1.is_on();
@@ -131,10 +131,10 @@ pub fn of(chip: &Chip) -> Result<Bridge, String> {
     Ok(Bridge::On { legs, duty: duty(compare, gates.full) })
 }
 
-/// Whether the motor's model has the timer's dead time, within a clock.
+/// Checks that the motor model has the timer's dead time, within a clock.
 ///
 /// # Errors
-/// Both.
+/// Both dead times.
 pub fn dead_time_agrees(chip: &Chip, rig: &Rig) -> Result<(), String> {
     let ns = chip.tim1.dead_time() as f64 * 1000.0 / 72.0;
     if (ns - rig.dead_time_ns()).abs() < 1000.0 / 72.0 {

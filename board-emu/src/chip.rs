@@ -1,6 +1,7 @@
 //! The STM32F103CB around its core: memory, peripherals, and the wires between them (RM0008).
 //!
-//! Each peripheral is a file; what the programs do not touch is not there, and an access to it stops the run.
+//! One peripheral a file. Registers that the programs do not touch are not modeled; an access to one ends the
+//! run.
 
 pub mod adc;
 pub mod afio;
@@ -26,9 +27,9 @@ use crate::time::{NEVER, Time};
 /// Memory, peripherals and wires.
 #[derive(Clone, Debug)]
 pub struct Chip {
-    /// The present.
+    /// Present time.
     pub now: Time,
-    /// The flash, its registers and its busy times.
+    /// Flash with its registers and busy times.
     pub flash: flash::Flash,
     /// 20 KiB.
     pub ram: Vec<u8>,
@@ -42,11 +43,11 @@ pub struct Chip {
     pub exti: exti::Exti,
     /// The bridge's timer.
     pub tim1: tim1::Tim1,
-    /// The clock.
+    /// Free-running clock.
     pub tim2: timer::Timer,
-    /// The control tick.
+    /// Control tick.
     pub tim3: timer::Timer,
-    /// The halls.
+    /// Hall timer.
     pub tim4: timer::Timer,
     /// The converter.
     pub adc: adc::Adc,
@@ -54,9 +55,9 @@ pub struct Chip {
     pub can: can::Can,
     /// The watchdog.
     pub iwdg: iwdg::Iwdg,
-    /// The device's number.
+    /// Unique device ID.
     pub uid: uid::Uid,
-    /// Set by every access to a peripheral and by every event: [`Self::next_event`] is to be asked again.
+    /// Set by every access to a peripheral and every event: [`Self::next_event`] may have changed.
     pub touched: bool,
 }
 
@@ -96,7 +97,7 @@ pub mod irq {
 }
 
 impl Chip {
-    /// A chip whose power is off, its flash erased, its RAM as chance left it (`seed`), with that device number.
+    /// A chip without power: flash erased, random RAM (`seed`), and this unique ID.
     #[must_use]
     pub fn new(seed: u64, uid: [u32; 3]) -> Self {
         Self {
@@ -119,7 +120,7 @@ impl Chip {
         }
     }
 
-    /// All registers as after a reset; flash and RAM stay. A reset by the watchdog ends here with it stopped.
+    /// Resets all registers; flash and RAM stay. A watchdog that caused it is stopped.
     pub fn reset(&mut self, cause: Reset) {
         self.flash.reset(self.now);
         self.rcc.reset(cause);
@@ -138,12 +139,12 @@ impl Chip {
         self.wire();
     }
 
-    /// The supply was off: RAM holds what chance leaves there.
+    /// Randomizes the RAM, as after a power loss.
     pub fn forget(&mut self, seed: u64) {
         self.ram = chance(seed);
     }
 
-    /// The world drives a pin (port A is 0), or lets it go.
+    /// Drives a pin from outside (port A is 0), or releases it.
     pub fn set_pin(&mut self, (port, pin): (usize, usize), level: Option<bool>) {
         if self.gpio.driven[port][pin] != level {
             self.gpio.driven[port][pin] = level;
@@ -152,14 +153,14 @@ impl Chip {
         }
     }
 
-    /// The hall lines have changed at `at`, which is not later than the present.
+    /// Reports a change of the hall lines at `at`, which is not later than the present.
     pub fn hall_lines(&mut self, at: Time) {
         let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
         self.tim4.set_inputs(halls, at);
         self.touched = true;
     }
 
-    /// When something next happens by itself that may interrupt.
+    /// Time of the next event that may interrupt.
     #[must_use]
     pub fn next_wake(&self) -> Time {
         let all: [&dyn Peripheral; 7] =
@@ -200,7 +201,7 @@ impl Chip {
                 self.touched = true;
                 if !self.rcc.is_hsi_on() {
                     let what = "the flash is programmed by the RC oscillator, which is off (PM0075 2.3)";
-                    return Err(AccessError::NotModelled(what.to_owned()));
+                    return Err(AccessError::NotModeled(what.to_owned()));
                 }
                 self.flash.program(address - 0x0800_0000, size, value, self.now)
             }
@@ -217,14 +218,14 @@ impl Chip {
                 self.register(address, Some(value))?;
                 Ok(())
             }
-            // The bridge to the APB widens a narrow write: its bits stand in the word as often as they fit (RM0008 3.1).
+            // The bridge to the APB repeats a narrow write over the whole word (RM0008 3.1).
             0x4000_0000..0x4001_8000 => {
                 let copies = if size == Size::Half { 0x1_0001 } else { 0x0101_0101 };
                 self.register(address & !3, Some((value & mask(size)) * copies))?;
                 Ok(())
             }
             0x4001_8000..0x4002_4000 => {
-                Err(AccessError::NotModelled("a write narrower than a word to a register".to_owned()))
+                Err(AccessError::NotModeled("a write narrower than a word to a register".to_owned()))
             }
             _ => Err(AccessError::Bus),
         }
@@ -248,11 +249,11 @@ impl Chip {
     /// Reads a register (`value` is `None`) or writes one.
     fn register(&mut self, address: u32, value: Option<u32>) -> Result<u32, AccessError> {
         if !self.rcc.is_clocked(address) {
-            // What a fault handler does to a timer that was never clocked: its outputs are off, and stay it.
+            // A fault handler may clear MOE of a timer that was never clocked: its outputs are off already.
             if (address, value) == (BDTR, Some(0)) {
                 return Ok(0);
             }
-            return Err(AccessError::NotModelled("the peripheral's clock is off".to_owned()));
+            return Err(AccessError::NotModeled("the peripheral's clock is off".to_owned()));
         }
         let now = self.now;
         // Blocks of 1 KiB (RM0008 table 3).
@@ -269,29 +270,30 @@ impl Chip {
             0x4001_2C00 => &mut self.tim1,
             0x4002_1000 => &mut self.rcc,
             0x4002_2000 => &mut self.flash,
-            _ => return Err(AccessError::NotModelled("no such peripheral".to_owned())),
+            _ => return Err(AccessError::NotModeled("no such peripheral".to_owned())),
         };
-        // The ports are one model.
+        // One model serves all ports.
         let base = if (0x4001_0800..0x4001_1C00).contains(&address) { 0x4001_0800 } else { address & !0x3FF };
         let done = match value {
             None => block.read(address - base, now),
             Some(value) => block.write(address - base, value, now).map(|()| 0),
         };
-        let word = done.map_err(AccessError::NotModelled)?;
+        let word = done.map_err(AccessError::NotModeled)?;
         self.touched = true;
-        // Gates and brake are pins.
+        // A port write may change gates and brake.
         self.tim1.gates_changed |= base == 0x4001_0800 && value.is_some();
         let (present, needed) = (self.flash.wait_states(), self.rcc.wait_states());
         if value.is_some() && present < needed {
             let what =
                 format!("{present} wait states of the flash, {needed} needed at this clock (PM0075 3.1)");
-            return Err(AccessError::NotModelled(what));
+            return Err(AccessError::NotModeled(what));
         }
         self.wire();
         Ok(word)
     }
 
-    /// The wires between peripherals, and from pins to them. Whoever changes pins has it called by [`Self::pins_changed`].
+    /// Propagates signals between peripherals and from pins. Called by [`Self::pins_changed`] after outside
+    /// changes.
     fn wire(&mut self) {
         let now = self.now;
         self.reset_peripherals();
@@ -303,7 +305,7 @@ impl Chip {
         self.can.set_cycle(self.rcc.can_cycle());
         let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
         self.tim4.set_inputs(halls, now);
-        // A dead crystal trips the break as well (RM0008 7.2.7).
+        // A failed crystal trips the break as well (RM0008 7.2.7).
         self.tim1.set_break(self.gpio.level(1, 12), self.rcc.clock_failed(), now);
         if let Some(at) = self.tim1.take_trigger() {
             self.adc.trigger(at);
@@ -316,18 +318,18 @@ impl Chip {
         }
     }
 
-    /// The world has changed what it drives pins to: what follows in hardware follows at once, as the break.
+    /// Propagates a change of outside levels at once, as the break input needs.
     pub fn pins_changed(&mut self) {
         self.touched = true;
         self.wire();
     }
 
-    /// From now on this is at the converter's inputs: 12 bits, by channel.
+    /// Sets the converter's inputs from now on: 12 bits, by channel.
     pub fn set_analog(&mut self, inputs: [u16; 18]) {
         self.adc.set_inputs(inputs, self.now);
     }
 
-    /// When something next happens by itself.
+    /// Time of the next event.
     #[must_use]
     pub fn next_event(&self) -> Time {
         let all: [&dyn Peripheral; 9] = [
@@ -344,7 +346,7 @@ impl Chip {
         all.into_iter().map(Peripheral::next_event).min().unwrap_or(NEVER)
     }
 
-    /// Lets time pass to `now`, which is not past [`Self::next_event`].
+    /// Advances time to `now`, which is not past [`Self::next_event`].
     pub fn advance(&mut self, now: Time) {
         self.now = now;
         let all: [&mut dyn Peripheral; 9] = [
@@ -367,7 +369,7 @@ impl Chip {
         self.wire();
     }
 
-    /// Which interrupts are being asked for: a bit a position of [`irq`].
+    /// Requested interrupts: one bit for each position of [`irq`].
     #[must_use]
     pub fn interrupts(&self) -> u64 {
         let line = |number: u32, on: bool| u64::from(on) << number;
@@ -389,7 +391,7 @@ impl Chip {
     }
 }
 
-/// What RAM may hold after the supply was off: nobody may rely on it.
+/// Random contents of the RAM after a power loss: no program may rely on them.
 fn chance(seed: u64) -> Vec<u8> {
     let mut state = seed | 1;
     let mut byte = || {
@@ -409,7 +411,7 @@ const fn mask(size: Size) -> u32 {
     }
 }
 
-/// The word and the bit behind an address in a bit-band alias (PM0056 2.2.5).
+/// The word and the bit behind an address of a bit-band alias (PM0056 2.2.5).
 const fn alias(address: u32) -> (u32, u32) {
     let offset = address & 0x01FF_FFFF;
     let byte = (address & 0xF000_0000) + (offset >> 5);

@@ -1,6 +1,6 @@
-//! The core: a Cortex-M3 (ARMv7-M, r1p1) as far as firmware uses one. `armagnac` executes instructions; what it lacks or has
-//! wrong is supplied here: exceptions and their priorities, the system control space, SysTick, sleep, faults, and some
-//! instructions.
+//! The core: a Cortex-M3 (ARMv7-M, r1p1) as far as the firmware uses one. `armagnac` executes instructions.
+//! Supplied here is what it lacks, does wrong or does slowly: exceptions and priorities, system control
+//! space, SysTick, sleep, faults, and many instructions.
 
 mod alu;
 mod control;
@@ -38,10 +38,11 @@ use state::{Sleep, System};
 const IT: u32 = 0x0600_FC00;
 
 impl Cpu {
-    /// Out of reset: stack pointer and program counter from the vector table at 0, all else as ARMv7-M B1.5.5 says.
+    /// Leaves reset: stack pointer and program counter from the vector table at 0, all else by ARMv7-M
+    /// B1.5.5.
     ///
     /// # Errors
-    /// A first instruction that cannot be fetched.
+    /// The vector table cannot be read.
     pub fn reset(&mut self) -> Result<(), Problem> {
         let (now, cycle) = {
             let chip = &self.chip;
@@ -61,10 +62,10 @@ impl Cpu {
         Ok(())
     }
 
-    /// Steps until [`Self::is_interrupted`]: once at least.
+    /// Steps at least once, until [`Self::is_interrupted`].
     ///
     /// # Errors
-    /// What ends the run.
+    /// The problem that ends the run.
     pub fn run(&mut self, until: Time) -> Result<(), Problem> {
         loop {
             self.one()?;
@@ -74,19 +75,19 @@ impl Cpu {
         }
     }
 
-    /// Whether somebody else is to look at the chip before the next instruction: the time has come, a peripheral was touched
-    /// (or the flash, which keeps the core waiting), or the core sleeps.
+    /// Whether the chip needs service before the next instruction: time is up, the core sleeps, or a
+    /// peripheral or the flash was accessed.
     #[must_use]
     pub fn is_interrupted(&self, until: Time) -> bool {
         self.chip.touched || self.chip.now >= until || self.is_asleep()
     }
 
-    /// One instruction, after an exception's entry if one is due; moves the chip's time on by what both took.
+    /// Executes one instruction, after an exception entry if one is due, and advances the chip's time.
     ///
-    /// Not to be called while [`Self::is_asleep`].
+    /// Must not be called while [`Self::is_asleep`].
     ///
     /// # Errors
-    /// What ends the run.
+    /// The problem that ends the run.
     pub fn step(&mut self) -> Result<(), Problem> {
         self.one()
     }
@@ -110,7 +111,7 @@ impl Cpu {
             Err(Trap::Stop(problem)) => return Err(problem),
             Err(Trap::SupervisorCall) => self.supervisor_call()?,
             Err(Trap::Fault(fault)) => {
-                // As if it had not begun.
+                // A faulting instruction has no effect.
                 self.registers.set_pc(pc);
                 self.registers.psr = psr;
                 self.fault(fault)?;
@@ -147,7 +148,7 @@ impl Cpu {
             self.registers.set_pc(next);
             return Ok(());
         }
-        // As which it reads.
+        // An instruction reads PC as its address plus 4.
         self.registers.set_pc(pc.wrapping_add(4));
         let branched = match &decoded.by {
             By::Us(op) => {
@@ -155,11 +156,11 @@ impl Cpu {
                 self.execute(op, next)?
             }
             By::Engine(instruction) => {
-                self.registers.lend(&mut self.engine.registers);
+                self.registers.copy_to(&mut self.engine.registers);
                 let effect = instruction
                     .execute(&mut self.engine)
                     .map_err(|error| Trap::Stop(Problem::Instruction { code, what: format!("{error:?}") }))?;
-                self.registers.take_back(&self.engine.registers);
+                self.registers.copy_from(&self.engine.registers);
                 effect == Effect::Branch
             }
         };
@@ -169,7 +170,7 @@ impl Cpu {
         Ok(())
     }
 
-    /// Executes; whether the program counter is already where it is to be.
+    /// Executes an operation; returns whether it has written PC.
     fn execute(&mut self, op: Op, next: u32) -> Result<bool, Trap> {
         match op {
             Op::Transfer(transfer) => {
@@ -191,7 +192,7 @@ impl Cpu {
                 self.registers.psr.set_it_state(ItState(state));
             }
             Op::Special(special) => {
-                // An exception that it asks for returns to what follows it.
+                // An exception that it requests returns to the next instruction.
                 self.registers.set_pc(next);
                 self.special(special)?;
                 return Ok(true);
@@ -201,9 +202,9 @@ impl Cpu {
         Ok(false)
     }
 
-    /// Executes what does nothing but branch; whether it did.
+    /// Executes a branch; returns whether it was taken.
     fn jump(&mut self, op: Op, next: u32) -> Result<bool, Trap> {
-        // It reads as the instruction's address and 4.
+        // Address of the instruction plus 4.
         let pc = self.registers.pc();
         match op {
             Op::Branch { offset, link } => {
@@ -237,8 +238,8 @@ impl Cpu {
         Ok(true)
     }
 
-    /// The bits of the instruction at an address, the first half-word above the second. A busy flash keeps the core waiting
-    /// (RM0008 3.3.3: until the operation is done).
+    /// Reads the bits of an instruction, the first half-word in the upper half of a wide one. A busy flash
+    /// stalls the core until its operation is done (RM0008 3.3.3).
     fn fetch(&mut self, pc: u32) -> Result<u32, Trap> {
         if !self.registers.psr.t() {
             return Err(Trap::Fault(Fault::State));
@@ -260,17 +261,17 @@ impl Cpu {
                 let first = half(&[a, b]);
                 if decode::is_wide(first) { first << 16 | half(&[c, d]) } else { first }
             }
-            // The last of the memory.
+            // The last half-word of the memory.
             (None, Some(last)) if !decode::is_wide(half(last)) => half(last),
             _ => return Err(Trap::Fault(Fault::Fetch)),
         };
-        // 1.5 cycles an instruction.
+        // The model's cost: 1.5 cycles an instruction.
         chip.now += chip.rcc.core_cycle() * 3 / 2;
         self.counts.instruction();
         Ok(code)
     }
 
-    /// Tells the core of the interrupt lines (a bit each) and of the NMI, as they are now. To be called whenever the chip was
+    /// Sets the interrupt lines (a bit each) and the NMI. Must be called whenever the chip was
     /// [`Chip::touched`].
     pub fn set_lines(&mut self, interrupts: u64, nmi: bool) {
         let before = self.sys.nvic.pending;
@@ -279,35 +280,35 @@ impl Cpu {
         self.wake_if_due();
     }
 
-    /// Whether it waits for an interrupt, and none that would wake it is pending.
+    /// Whether the core waits for an interrupt or event.
     #[must_use]
     pub fn is_asleep(&self) -> bool {
         self.sys.sleep != Sleep::No
     }
 
-    /// When SysTick next interrupts.
+    /// Time of the next SysTick interrupt.
     #[must_use]
     pub fn next_event(&self) -> Time {
         self.sys.systick.next_event()
     }
 
-    /// Whether the program has asked for a reset (AIRCR.SYSRESETREQ) since this was last asked.
+    /// Returns and clears the program's request for a reset (AIRCR.SYSRESETREQ).
     pub fn take_reset_request(&mut self) -> bool {
         std::mem::take(&mut self.sys.reset_request)
     }
 
-    /// The lowest that the main stack pointer has been after an instruction, since [`Self::reset_lowest_sp`].
+    /// Lowest main stack pointer after an instruction since [`Self::reset_lowest_sp`].
     #[must_use]
     pub const fn lowest_sp(&self) -> u32 {
         self.sys.lowest_sp
     }
 
-    /// Forgets it.
+    /// Restarts that measurement.
     pub const fn reset_lowest_sp(&mut self) {
         self.sys.lowest_sp = u32::MAX;
     }
 
-    /// Address of the instruction that is next.
+    /// Address of the next instruction.
     #[must_use]
     pub fn pc(&self) -> u32 {
         self.registers.pc()

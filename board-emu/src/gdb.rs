@@ -1,6 +1,6 @@
-//! The GDB remote protocol: a person stops and steps the program, and the motor keeps the program's time.
+//! The GDB remote protocol: stops and steps the program, while the motor keeps the program's time.
 //!
-//! Registers, memory, breakpoints, step, continue and ^C. While the program is stopped nothing on the bus moves either.
+//! Registers, memory, breakpoints, step, continue and ^C. The bus stands still while the program is stopped.
 
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 
@@ -22,10 +22,10 @@ use crate::board::{Board, DebugRequests};
 use crate::chip::Size;
 use crate::time::{Time, US};
 
-/// How long the program runs before ^C is looked for.
+/// Longest run between two checks for ^C.
 const SLICE: Time = 1000 * US;
 
-/// A Cortex-M to GDB: registers as its feature `org.gnu.gdb.arm.m-profile` has them.
+/// The architecture for GDB: registers of its feature `org.gnu.gdb.arm.m-profile`.
 pub enum CortexM {}
 
 /// r0 to r12, sp, lr, pc, xPSR.
@@ -104,7 +104,7 @@ impl SingleThreadBase for Board {
         Ok(())
     }
 
-    /// Memory only: to look at a register may change it.
+    /// Memory only: reading a register may change it.
     fn read_addrs(&mut self, start: u32, data: &mut [u8]) -> TargetResult<usize, Self> {
         let chip = self.machine_mut().chip_mut();
         for (done, byte) in data.iter_mut().enumerate() {
@@ -160,7 +160,7 @@ impl Breakpoints for Board {
     }
 }
 
-/// The program stays as it is: the board stops where the program counter arrives.
+/// The program is not modified: the board compares the program counter.
 impl SwBreakpoint for Board {
     fn add_sw_breakpoint(&mut self, address: u32, _kind: usize) -> TargetResult<bool, Self> {
         self.debug.breakpoints.push(address);
@@ -173,38 +173,38 @@ impl SwBreakpoint for Board {
     }
 }
 
-/// Who runs a board in place of its own: a GDB that is connected.
+/// A connected GDB, which runs a board.
 pub struct Server {
-    /// `None` from when it has gone.
+    /// `None` after a disconnect.
     stub: Option<GdbStubStateMachine<'static, Board, TcpStream>>,
-    /// The board's end has been told.
+    /// The end of the board has been reported.
     told: bool,
 }
 
-/// Listens on a port of this computer, 0 for any.
+/// Listens on a port of localhost; 0 for any.
 ///
 /// # Errors
-/// The port is taken.
+/// The port is in use.
 pub fn listen(port: u16) -> Result<TcpListener, String> {
     TcpListener::bind((Ipv4Addr::LOCALHOST, port))
         .map_err(|error| format!("--gdb {port}: {error}\n  next: give another port"))
 }
 
 impl Server {
-    /// Waits for a GDB, which then finds the board stopped.
+    /// Waits for a GDB, which finds the board stopped.
     ///
     /// # Errors
     /// The connection fails.
     pub fn accept(listener: &TcpListener, board: &mut Board) -> Result<Self, String> {
         let (stream, _) = listener.accept().map_err(|error| format!("--gdb: {error}"))?;
-        // Packets are small, and each is waited for.
+        // Each small packet is waited for: do not delay it.
         stream.set_nodelay(true).map_err(|error| format!("--gdb: {error}"))?;
         let stub =
             GdbStub::new(stream).run_state_machine(board).map_err(|error| format!("--gdb: {error}"))?;
         Ok(Self { stub: Some(stub), told: false })
     }
 
-    /// Runs the board as GDB wants it, to `until`; while it is stopped, waits.
+    /// Runs the board up to `until` as GDB requests; blocks while it is stopped.
     pub fn run(&mut self, board: &mut Board, until: Time) {
         while let Some(stub) = self.stub.take() {
             let next = match stub {
@@ -236,12 +236,12 @@ impl Server {
             };
             self.stub = keep(next);
         }
-        // Nobody looks any more.
+        // GDB has disconnected: run on without it.
         board.debug = DebugRequests::default();
         board.run(until, &[]);
     }
 
-    /// An instruction, or many; why the board has stopped, if it has.
+    /// Runs one instruction or a slice; returns why the board stopped, if it did.
     fn go_on(&mut self, board: &mut Board, until: Time) -> Option<SingleThreadStopReason<u32>> {
         let breakpoints = board.debug.breakpoints.clone();
         let reason = if board.debug.step {
@@ -257,7 +257,7 @@ impl Server {
     }
 }
 
-/// Runs until an instruction has been executed; false if none was until `until`, because the core sleeps.
+/// Runs until one instruction is executed; returns `false` if the core sleeps until `until`.
 fn step(board: &mut Board, until: Time) -> bool {
     let before = board.machine().cpu.counts.instructions;
     while board.machine().now() < until && board.problem().is_none() {
@@ -272,7 +272,7 @@ fn step(board: &mut Board, until: Time) -> bool {
     false
 }
 
-/// The stub, unless the connection has failed.
+/// The stub, unless the connection failed.
 fn keep<E, C>(
     next: Result<GdbStubStateMachine<'static, Board, TcpStream>, GdbStubError<E, C>>,
 ) -> Option<GdbStubStateMachine<'static, Board, TcpStream>> {

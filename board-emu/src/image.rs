@@ -1,4 +1,4 @@
-//! The programs: their bytes for the flash, and their names for people.
+//! The programs: bytes for the flash, and names of functions.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use object::{Object, ObjectSymbol, SymbolKind};
 /// Functions by address.
 #[derive(Clone, Debug, Default)]
 pub struct Names {
-    /// Start, length, name; by start.
+    /// Start, length, name; sorted by start.
     functions: Vec<(u32, u32, String)>,
 }
 
@@ -16,7 +16,7 @@ impl Names {
     /// Adds the functions of an ELF file.
     ///
     /// # Errors
-    /// What is wrong with the file.
+    /// The file is not a readable ELF file.
     pub fn add(&mut self, path: &Path) -> Result<(), String> {
         let bytes =
             std::fs::read(path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
@@ -31,7 +31,7 @@ impl Names {
         Ok(())
     }
 
-    /// The function that an address is in.
+    /// The function that contains an address.
     #[must_use]
     pub fn function(&self, address: u32) -> Option<&str> {
         let after = self.functions.partition_point(|&(start, ..)| start <= address);
@@ -44,7 +44,7 @@ impl Names {
             .map(|(.., name)| name.as_str())
     }
 
-    /// Where a function of exactly that name, or ending in `::name`, begins.
+    /// Start of the function of this name, or whose path ends in `::name`.
     #[must_use]
     pub fn address(&self, name: &str) -> Option<u32> {
         let tail = format!("::{name}");
@@ -53,24 +53,24 @@ impl Names {
     }
 }
 
-/// What is flashed by probe, and what is downloaded.
+/// The images that are flashed and downloaded.
 #[derive(Clone, Debug)]
 pub struct Programs {
-    /// `monitor.bin`, from the first address of the flash on.
+    /// `monitor.bin`, from the start of the flash.
     pub monitor: Vec<u8>,
     /// `tater.bin`, sealed.
     pub application: Vec<u8>,
     /// `tater.tek`.
     pub tek: String,
-    /// What is where in both.
+    /// Functions of both programs.
     pub names: std::rc::Rc<Names>,
 }
 
 impl Programs {
-    /// Reads what `cargo xtask image` has written into a folder.
+    /// Reads a folder written by `cargo xtask image`.
     ///
     /// # Errors
-    /// The file that is missing, and what to do.
+    /// The missing file, and the command that makes it.
     pub fn load(folder: &Path) -> Result<Self, String> {
         let read = |name: &str| {
             let path = folder.join(name);

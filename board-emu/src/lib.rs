@@ -1,8 +1,8 @@
-//! A motor board without the board: a Cortex-M3 that runs the bytes that are flashed, with as much of an STM32F103 around it
-//! as they touch, wired to the motor of `hil-sim`.
+//! An emulated motor board: a Cortex-M3 runs the flashed bytes, with as much of an STM32F103 around it as
+//! they use, connected to the motor of `hil-sim`.
 //!
-//! From the inside out: [`cpu`] executes instructions, takes exceptions and counts both; [`chip`] is memory and
-//! peripherals; [`machine`] is both with time; [`board`] puts the chip's pins to the motor, its sensors and the bus.
+//! From the inside out: [`cpu`] executes instructions and exceptions and counts them; [`chip`] is memory and
+//! peripherals; [`machine`] advances both in time; [`board`] connects the pins to motor, sensors and bus.
 #![forbid(unsafe_code)]
 
 pub mod analog;

@@ -1,4 +1,4 @@
-//! A chip with its core, in time.
+//! Chip and core, advanced in time.
 
 use std::rc::Rc;
 
@@ -8,28 +8,28 @@ use crate::image::Names;
 use crate::stop::{Problem, Stop};
 use crate::time::{NEVER, Time, US};
 
-/// A chip and its core.
+/// A chip with its core.
 pub struct Machine {
-    /// The core, which has the chip.
+    /// The core, which owns the chip.
     pub cpu: Cpu,
-    /// What is where in the programs.
+    /// Functions of the programs.
     pub names: Rc<Names>,
-    /// Whether the supply is up.
+    /// Supply is up.
     powered: bool,
-    /// When what happens by itself is to be looked at again, unless the program touches something before.
+    /// Time of the next event, unless the program touches a peripheral before.
     next: Time,
-    /// How often it was reset, by cause.
+    /// Every reset with its cause and time.
     pub resets: Vec<(Reset, Time)>,
 }
 
-/// Why [`Machine::run`] came back.
+/// Why [`Machine::run`] returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pause {
     /// Time is up.
     Until,
-    /// The bridge's timer was told something: the gates may have changed.
+    /// The bridge's timer was written: the gates may have changed.
     Gates,
-    /// It was reset: pins are as reset leaves them.
+    /// A reset: pins are in their reset state.
     Reset(Reset),
     /// The core is at a breakpoint.
     Breakpoint,
@@ -42,19 +42,19 @@ impl Machine {
         Self { cpu: Cpu::new(chip), names, powered: false, next: 0, resets: Vec::new() }
     }
 
-    /// The chip, to look at.
+    /// The chip.
     #[must_use]
     pub const fn chip(&self) -> &Chip {
         &self.cpu.chip
     }
 
-    /// The chip: its pins, its inputs.
+    /// The chip, to change its pins or inputs.
     pub const fn chip_mut(&mut self) -> &mut Chip {
         self.next = 0;
         &mut self.cpu.chip
     }
 
-    /// The present.
+    /// Present time.
     #[must_use]
     pub fn now(&self) -> Time {
         self.cpu.chip.now
@@ -66,16 +66,16 @@ impl Machine {
         self.powered
     }
 
-    /// The supply fails: the chip is in reset until it comes back. What RAM holds then is chance's.
+    /// Removes the supply: the chip is in reset until it returns, and the RAM is undefined.
     pub fn power_off(&mut self) {
         self.powered = false;
         self.cpu.chip.reset(Reset::Power);
     }
 
-    /// Resets it; with [`Reset::Power`] after the supply has come up.
+    /// Resets the chip; with [`Reset::Power`] after the supply has come up.
     ///
     /// # Errors
-    /// There is nothing to execute.
+    /// The vector table cannot be read.
     pub fn reset(&mut self, cause: Reset) -> Result<(), Stop> {
         self.powered = true;
         self.resets.push((cause, self.now()));
@@ -83,7 +83,7 @@ impl Machine {
         self.cpu.reset().map_err(|problem| self.stop(problem))
     }
 
-    /// Puts a place to a problem.
+    /// Adds place and time to a problem.
     #[must_use]
     pub fn stop(&self, problem: Problem) -> Stop {
         let pc = self.cpu.pc();
@@ -91,16 +91,17 @@ impl Machine {
         Stop { problem, pc, function, at_us: self.now() / US }
     }
 
-    /// When something next happens that the program does not do: a peripheral's event or SysTick's.
+    /// Time of the next event of a peripheral or of SysTick.
     #[must_use]
     pub fn next_event(&self) -> Time {
         if self.is_due() { self.cpu.chip.next_event().min(self.cpu.next_event()) } else { self.next }
     }
 
-    /// Executes until `until`, or a little past it for the last instruction. While the core sleeps, time jumps from event to event.
+    /// Executes up to `until`; the last instruction may end later. While the core sleeps, time jumps from
+    /// event to event.
     ///
     /// # Errors
-    /// What ends the run.
+    /// The problem that ends the run.
     pub fn run(&mut self, until: Time, breakpoints: &[u32]) -> Result<Pause, Stop> {
         self.cpu.pauses_at_entry = !breakpoints.is_empty();
         if self.is_due() {
@@ -134,7 +135,7 @@ impl Machine {
         Ok(Pause::Until)
     }
 
-    /// Executes until something else is due: an event, what follows from an access to a peripheral, sleep, a breakpoint.
+    /// Executes up to the next event, access to a peripheral, sleep or breakpoint.
     fn execute(&mut self, until: Time, breakpoints: &[u32]) -> Result<(), Stop> {
         loop {
             let stepped = if breakpoints.is_empty() { self.cpu.run(until) } else { self.cpu.step() };
@@ -145,13 +146,13 @@ impl Machine {
         }
     }
 
-    /// Whether no instruction is executed now: the core sleeps, waits for its flash, or has no power.
+    /// Whether no instruction is executed now: the core sleeps, stalls on its flash, or has no power.
     #[must_use]
     pub fn is_waiting(&self) -> bool {
         !self.powered || self.waits_until().is_some()
     }
 
-    /// The core sleeps (which only an event ends), or waits for its flash.
+    /// End of the wait: never by itself while the core sleeps, or the end of the flash operation.
     fn waits_until(&self) -> Option<Time> {
         if self.cpu.is_asleep() {
             return Some(NEVER);
@@ -160,13 +161,13 @@ impl Machine {
         (chip.flash.busy_until > chip.now).then_some(chip.flash.busy_until)
     }
 
-    /// When something next happens that may wake the core: not what timer 1 and the converter do among themselves.
+    /// Time of the next event that may wake the core; those between timer 1 and converter cannot.
     #[must_use]
     pub fn next_wake(&self) -> Time {
         self.cpu.chip.next_wake().min(self.cpu.next_event())
     }
 
-    /// The same machine in the same state, with a chip of its own.
+    /// A copy in the same state, with its own chip.
     #[must_use]
     pub fn duplicate(&self) -> Self {
         Self {
@@ -182,13 +183,13 @@ impl Machine {
         self.cpu.chip.touched || self.cpu.chip.now >= self.next
     }
 
-    /// All events that are due, and when the next one is.
+    /// Handles all due events and finds the next.
     fn settle(&mut self) {
         let chip = &mut self.cpu.chip;
         let now = chip.now;
         let mut next = chip.next_event();
         while next <= now {
-            // In their order; the present stays.
+            // Events are handled at their own time; the present stays.
             chip.advance(next);
             chip.now = now;
             next = chip.next_event();

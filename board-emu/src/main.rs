@@ -1,4 +1,5 @@
-//! `board-emu`: runs a scenario of `hil-sim` on emulated boards. A thin shell; `cargo xtask emu` makes the image and calls it.
+//! `board-emu`: runs a scenario of `hil-sim` on emulated boards. `cargo xtask emu` builds the image and calls
+//! it.
 #![forbid(unsafe_code)]
 
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -19,30 +20,31 @@ use hil_sim::{Model, Options};
 
 mod print;
 
-/// Runs a scenario of hil-sim on emulated boards, over CAN only: the bytes that are flashed, from erased flash on. Exit code 1 if
-/// an expectation fails, 2 for bad input or a board that stops.
+/// Runs a scenario of hil-sim on emulated boards over CAN: the flashed bytes, from erased flash. Exit code 1
+/// if an expectation fails, 2 for bad input or a board that stops.
 #[derive(Parser)]
 #[command(version)]
 struct Args {
-    /// What `cargo xtask image` has written.
+    /// Folder written by `cargo xtask image`.
     #[arg(long, value_name = "DIR")]
     image: PathBuf,
-    /// How many boards, 1 to 7, or which nodes, such as 2-4.
+    /// Number of boards, 1 to 7, or a range of nodes, such as 2-4.
     #[arg(long, default_value = "1")]
     nodes: Nodes,
-    /// A shipped scenario (see `hil-sim list`) or a TOML file.
+    /// A shipped scenario (`hil-sim list`) or a TOML file.
     #[arg(long, value_name = "NAME", default_value = "spread-full-travel")]
     scenario: String,
-    /// Print one JSON object and nothing else.
+    /// Print one JSON object, and nothing else, to standard output.
     #[arg(long)]
     json: bool,
-    /// Wait for a GDB on this port of 127.0.0.1, which then has the first board; while that is stopped, time stands still.
+    /// Wait for a GDB on this port of 127.0.0.1; it debugs the first board, and time stands still while that
+    /// is stopped.
     #[arg(long, value_name = "PORT")]
     gdb: Option<u16>,
-    /// Print what the boards say to a debug probe; the image must be of --profile release.
+    /// Print the boards' defmt logs; needs an image of --profile release.
     #[arg(long)]
     rtt: bool,
-    /// How often the host polls a board, ms, by the number of boards; 0: MODE alone, ten times a second, which tells less and loads the board less.
+    /// Poll period of the host for each board, ms; 0 polls MODE alone, ten times a second, at a lower load.
     #[arg(long, value_name = "MS", default_value_t = POLL_MS)]
     poll_ms: u32,
 }
@@ -85,13 +87,13 @@ fn emulate(args: &Args) -> Result<bool, String> {
     let told = print::Told { outcome: &outcome, session: &session, gaps: &gaps, wall_s, known: &known };
     let text = if args.json { told.json() } else { told.text() };
     match std::io::stdout().lock().write_all(text.as_bytes()) {
-        // That nobody reads on is no error of ours.
+        // A closed pipe is no error.
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(format!("standard output: {error}")),
         _ => Ok(outcome.passed()),
     }
 }
 
-/// A probe at each board, if the program's logs are asked for.
+/// A probe for each board, if logs are requested.
 fn probes(elf: Option<&Path>, host: &OverCan<Board>) -> Result<Vec<Probe>, String> {
     let elf = elf.into_iter();
     elf.flat_map(|elf| host.bus().stations().map(move |_| Probe::new(elf))).collect()
@@ -108,7 +110,7 @@ fn debug(listener: &TcpListener, host: &mut OverCan<Board>) -> Result<(), String
     Ok(())
 }
 
-/// Tells what the boards say, and of progress on a terminal only.
+/// Prints logs, and progress if standard error is a terminal.
 fn watcher(begun: Instant, mut probes: Vec<Probe>) -> Watcher<Board> {
     let mut told_s = 0;
     Box::new(move |bus, Progress { what, done, of }| {
@@ -129,7 +131,7 @@ fn watcher(begun: Instant, mut probes: Vec<Probe>) -> Watcher<Board> {
     })
 }
 
-/// A line on standard error; there is nowhere to tell that it cannot be told.
+/// A failed write to standard error cannot be reported.
 fn tell(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }

@@ -1,6 +1,7 @@
-//! What a run takes: instructions of the tick, from a hall edge to the bridge, from a question on the bus to its answer.
+//! Measures a run: instructions of a tick, latency from a hall edge to the bridge, and from a GET to its
+//! answer.
 //!
-//! The board says what happens at its pins; instructions are the core's own counts ([`crate::cpu::counts`]).
+//! The board reports events at its pins; the core counts instructions ([`crate::cpu::counts`]).
 
 use serde::Serialize;
 use tater_wire::memory::STACK;
@@ -14,67 +15,70 @@ use crate::time::{HZ, Time, US};
 const TICK: usize = 16 + 29;
 const HALL: u32 = 16 + 30;
 
-/// The timer's filter: a handler that began earlier after an edge does not run for it. Rounded down to the motor's steps.
+/// Filter of the hall timer, rounded down to a step of the motor: a handler that began earlier after an edge
+/// serves another one.
 const FILTER: Time = 12 * US;
 
-/// How long a question may be unanswered before it is taken for one that has no answer.
+/// A request without an answer for this long has none.
 const NO_ANSWER: Time = 100_000 * US;
 
-/// Cycles an instruction, and cycles a second, of the model of a chip with wait states.
+/// Cycles an instruction, and cycles a second: the model of a chip with wait states.
 const CYCLES: f64 = 1.5;
 const CYCLES_A_SECOND: f64 = 72e6;
 
-/// Follows a board from a moment on.
+/// Measures a board from a moment on.
 #[derive(Clone, Debug, Default)]
 pub struct Meter {
-    /// When it began, and the instructions until then.
+    /// Start of the measurement, and the instructions before it.
     since: (Time, u64),
-    /// The lines of the hall sensors.
+    /// The present hall code.
     code: u8,
-    /// The oldest edge that is not done with.
+    /// The oldest edge that is not served.
     edge: Option<Edge>,
     hall_instructions_max: u64,
     hall_latency_max: Time,
-    /// Properties that were asked for, and when.
+    /// Requested properties, and when.
     asked: Vec<(u8, Time)>,
     can_latency_max: Time,
     driven_since: Option<Time>,
 }
 
-/// A change of the hall lines while the bridge is on. It waits, however long, until the handler that runs for it has ended,
-/// whether that has written to the bridge or had no need to, or until the code comes back: that was a spike or a bounce.
+/// A change of the hall lines while the bridge is on. It is served when its handler has ended, whether or not
+/// that wrote to the bridge. It is dropped if the code returns before: a spike or bounce.
 #[derive(Clone, Copy, Debug)]
 struct Edge {
     at: Time,
-    /// The code before it.
+    /// The code before the edge.
     from: u8,
-    /// The bridge has been written for it; the handler may write again.
+    /// The bridge has been written for it; its handler may write again.
     served: bool,
 }
 
-/// What a run has taken. Names as in the JSON.
+/// Figures of a run, named as in the JSON object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
-    /// The control tick alone, what preempts it excluded: mean.
+    /// Mean instructions of a control tick, without those of handlers that preempt it.
     pub tick_instructions_mean: f64,
-    /// The same, at worst.
+    /// Maximum of the same.
     pub tick_instructions_max: u64,
-    /// From TIM4's exception entry to the handler's last write to the bridge's timer.
+    /// From the entry of TIM4's exception to its handler's last write to the bridge's timer, at most.
     pub hall_instructions_max: u64,
-    /// From a hall line's edge to that write; the timer's filter of 14 us is in it. To 5 us: as often the motor is looked at.
+    /// From a hall edge to that write, at most; includes the timer's filter of 14 us. Resolution 5 us: the
+    /// step of the motor.
     pub hall_latency_us_max: f64,
-    /// From the end of a GET on the wire to its answer in a mailbox. To 10 us: as often the bus is looked at.
+    /// From the end of a GET on the wire to its answer in a mailbox, at most. Resolution 10 us: the step of
+    /// the bus.
     pub can_latency_us_max: f64,
-    /// Instructions by 1.5 cycles of 72 MHz.
+    /// Instructions at 1.5 cycles each, relative to 72 MHz.
     pub cpu_load_pct: f64,
-    /// Deepest that the stack has been.
+    /// Deepest stack, bytes.
     pub stack_bytes_max: u32,
     /// All instructions.
     pub instructions: u64,
 }
 
 impl Meter {
-    /// Begins anew, from now on.
+    /// Starts the measurement anew.
     pub fn begin(&mut self, machine: &mut Machine) {
         machine.cpu.counts.clear();
         machine.cpu.reset_lowest_sp();
@@ -82,7 +86,7 @@ impl Meter {
         *self = Self { since, driven_since: self.driven_since, code: self.code, ..Self::default() };
     }
 
-    /// The code at the pins of the hall lines.
+    /// Records the hall code at the pins.
     pub fn halls(&mut self, now: Time, code: u8, counts: &Counts) {
         self.done(counts);
         let from = std::mem::replace(&mut self.code, code);
@@ -90,44 +94,44 @@ impl Meter {
         if code != from {
             self.edge = match waits {
                 Some(edge) if edge.from == code => None,
-                // A bridge that is off has nothing to follow.
+                // A bridge that is off has no edge to follow.
                 None => self.driven_since.map(|_| Edge { at: now, from, served: false }),
                 waits => waits,
             };
         }
     }
 
-    /// Forgets an edge whose handler has ended.
+    /// Drops an edge whose handler has ended.
     fn done(&mut self, counts: &Counts) {
         let ended = counts.handlers.get(HALL as usize).map_or(0, |handler| handler.since);
         self.edge = self.edge.filter(|edge| ended < edge.at + FILTER);
     }
 
-    /// The program has written to the bridge's timer.
+    /// Records a write to the bridge's timer.
     pub fn gate_write(&mut self, now: Time, counts: &Counts) {
         let Some(run) = counts.running.last().filter(|run| run.exception == HALL) else { return };
         self.hall_instructions_max = self.hall_instructions_max.max(run.instructions);
         self.done(counts);
-        // A handler that runs for another reason has no edge before it.
+        // The handler may run for another reason.
         if let Some(edge) = self.edge.as_mut().filter(|edge| edge.at + FILTER <= run.since) {
             edge.served = true;
             self.hall_latency_max = self.hall_latency_max.max(now.saturating_sub(edge.at));
         }
     }
 
-    /// The bridge is on or off.
+    /// Records that the bridge is on or off.
     pub fn bridge(&mut self, now: Time, on: bool) {
         self.driven_since = on.then(|| self.driven_since.unwrap_or(now));
         self.edge = self.edge.filter(|_| on);
     }
 
-    /// Since when the bridge is on.
+    /// When the bridge was switched on.
     #[must_use]
     pub const fn driven_since(&self) -> Option<Time> {
         self.driven_since
     }
 
-    /// A frame for the board has ended on the wire.
+    /// Records a frame for the board at its end on the wire.
     pub fn request(&mut self, frame: &Frame, now: Time) {
         self.asked.retain(|&(_, at)| now < at + NO_ANSWER);
         if let Some(Message { body: Body::Get(property), .. }) = Message::parse(frame) {
@@ -135,7 +139,7 @@ impl Meter {
         }
     }
 
-    /// What is in the mailboxes now.
+    /// Records the present contents of the mailboxes.
     pub fn mailboxes(&mut self, frames: &[Frame], now: Time) {
         for message in frames.iter().filter_map(Message::parse) {
             let property = match message.body {
@@ -150,7 +154,7 @@ impl Meter {
         }
     }
 
-    /// What it has taken so far.
+    /// The figures so far.
     #[must_use]
     pub fn figures(&self, machine: &Machine) -> Figures {
         let counts = &machine.cpu.counts;
@@ -173,7 +177,7 @@ impl Meter {
 }
 
 impl Figures {
-    /// The worse of two boards' figures, and the instructions of both.
+    /// The maximum of each figure, and the sum of the instructions.
     #[must_use]
     pub fn worst(self, other: Self) -> Self {
         Self {
@@ -194,10 +198,10 @@ mod tests {
     use super::*;
     use crate::cpu::counts::Run;
 
-    /// Until the handler of an edge is done, us.
+    /// End of the handler of an edge, us after the edge.
     const AFTER_US: u64 = 16;
 
-    /// A meter whose bridge is on, and the halls at 1.
+    /// A meter with the bridge on and hall code 1.
     fn driven() -> (Meter, Counts) {
         let (mut meter, counts) = (Meter::default(), Counts::default());
         meter.halls(0, 1, &counts);
@@ -205,7 +209,7 @@ mod tests {
         (meter, counts)
     }
 
-    /// The hall handler runs from a moment, and writes or does not, after 2 us; us.
+    /// Runs the hall handler from `at_us`; it may write to the bridge after 2 us.
     fn handle(meter: &mut Meter, counts: &mut Counts, at_us: u64, writes: bool) {
         counts.running.push(Run { exception: HALL, instructions: 100, since: at_us * US });
         if writes {
@@ -219,12 +223,12 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_counts_however_late_it_is_served() {
+    fn late_edge_counts_in_full() {
         let (mut meter, mut counts) = driven();
         meter.halls(1000 * US, 3, &counts);
         handle(&mut meter, &mut counts, 1700, true);
         assert_eq!(latency_us(&meter), 702);
-        // Also if the next edge has come before that.
+        // The same if another edge arrives before the handler.
         meter.halls(5000 * US, 2, &counts);
         meter.halls(6000 * US, 6, &counts);
         handle(&mut meter, &mut counts, 6014, true);
@@ -232,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_code_that_comes_back_is_no_edge() {
+    fn returning_code_is_no_edge() {
         let (mut meter, mut counts) = driven();
         meter.halls(1000 * US, 3, &counts);
         meter.halls(1003 * US, 1, &counts);
@@ -242,17 +246,17 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_whose_handler_has_ended_waits_no_longer() {
+    fn edge_ends_with_its_handler() {
         let (mut meter, mut counts) = driven();
         meter.halls(1000 * US, 3, &counts);
         handle(&mut meter, &mut counts, 1014, false);
-        // It runs again for another reason.
+        // The handler runs for another reason.
         handle(&mut meter, &mut counts, 2000, true);
         meter.halls(3000 * US, 2, &counts);
         handle(&mut meter, &mut counts, 3014, true);
         handle(&mut meter, &mut counts, 3500, true);
         assert_eq!(latency_us(&meter), AFTER_US);
-        // And none waits while the bridge is off.
+        // With the bridge off no edge waits.
         meter.halls(5000 * US, 6, &counts);
         meter.bridge(5001 * US, false);
         meter.halls(6000 * US, 4, &counts);

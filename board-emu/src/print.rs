@@ -1,21 +1,21 @@
-//! A session told to people and programs.
+//! Prints the outcome of a session for people or as JSON.
 
 use board_emu::session::Session;
 use hil_sim::metrics::{METRICS, Value};
 use hil_sim::{Outcome, report};
 use serde_json::{Map, Value as Json, json};
 
-/// What there is to tell.
+/// An outcome to print.
 pub struct Told<'a> {
     /// The verdict.
     pub outcome: &'a Outcome,
-    /// What was run.
+    /// Scenario and boards.
     pub session: &'a Session,
-    /// Expectations that were not judged, and why.
+    /// Expectations that were not judged, with reasons.
     pub gaps: &'a [(&'static str, &'static str)],
-    /// How long all of it took, s.
+    /// Wall-clock time of the whole session, s.
     pub wall_s: f64,
-    /// Whether a metric is known.
+    /// Whether a metric exists.
     pub known: &'a dyn Fn(&str) -> bool,
 }
 
@@ -37,7 +37,7 @@ impl Told<'_> {
         format!("{}\n", Json::Object(object))
     }
 
-    /// For a terminal.
+    /// Text for a terminal.
     pub fn text(&self) -> String {
         let ran = &self.session.ran;
         let nodes: Vec<_> = ran.iter().map(|ran| ran.node.number().to_string()).collect();

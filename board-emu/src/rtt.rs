@@ -1,7 +1,7 @@
-//! What a program says to a debug probe: defmt logs out of the RTT buffer in its RAM, read as a probe reads it.
+//! defmt logs from the RTT buffer in a program's RAM, read as a debug probe reads it.
 //!
-//! SEGGER's control block lies at the symbol `_SEGGER_RTT`: 16 bytes of mark, the numbers of channels up and down, then for each
-//! channel name, buffer, length, where the program writes next, where the probe reads next, and flags, a word each.
+//! SEGGER's control block is at the symbol `_SEGGER_RTT`: a mark of 16 bytes, the numbers of up and down
+//! channels, and for each channel the words name, buffer, length, write index, read index and flags.
 
 use std::path::Path;
 
@@ -11,27 +11,27 @@ use object::{Object, ObjectSymbol};
 
 use crate::chip::{Chip, Size};
 
-/// How the block begins, once the program has made it.
+/// Mark of an initialized block.
 const MARK: &[u8] = b"SEGGER RTT";
 
-/// Offset of channel 0 up, and of its words.
+/// Offset of up channel 0, and of its words.
 const CHANNEL: u32 = 24;
 const BUFFER: u32 = CHANNEL + 4;
 const LENGTH: u32 = CHANNEL + 8;
 const WRITE: u32 = CHANNEL + 12;
 const READ: u32 = CHANNEL + 16;
 
-/// A probe at one board.
+/// A probe on one board.
 pub struct Probe {
     block: u32,
     decoder: Box<dyn StreamDecoder + Send + Sync>,
 }
 
 impl Probe {
-    /// A probe for the program of that ELF file.
+    /// A probe for the program of this ELF file.
     ///
     /// # Errors
-    /// The file cannot be read, or its program does not log.
+    /// The file cannot be read, or its program has no logs.
     pub fn new(elf: &Path) -> Result<Self, String> {
         let wrong = |what: String| format!("{}: {what}", elf.display());
         let bytes = std::fs::read(elf).map_err(|error| wrong(format!("cannot be read: {error}")))?;
@@ -42,12 +42,12 @@ impl Probe {
         let mut symbols = file.symbols().filter(|symbol| symbol.name() == Ok("_SEGGER_RTT"));
         let block =
             symbols.next().and_then(|symbol| u32::try_from(symbol.address()).ok()).ok_or_else(silent)?;
-        // Decoder and table are needed until the program ends.
+        // Decoder and table live until the program ends.
         let table: &'static Table = Box::leak(Box::new(table));
         Ok(Self { block, decoder: table.new_stream_decoder() })
     }
 
-    /// Takes what has been said since, a line each.
+    /// Takes new log lines.
     pub fn read(&mut self, chip: &mut Chip) -> Vec<String> {
         let bytes = self.take(chip).unwrap_or_default();
         self.decoder.received(&bytes);
@@ -59,13 +59,13 @@ impl Probe {
                     lines.push(format!("{level} {}", frame.display_message()));
                 }
                 Err(DecodeError::UnexpectedEof) => return lines,
-                // Half a frame, because the buffer was full or the board was reset.
+                // An incomplete frame: the buffer was full or the board was reset.
                 Err(DecodeError::Malformed) => lines.push("(lost)".to_owned()),
             }
         }
     }
 
-    /// The bytes between the probe's place and the program's; `None` before the program has made the block.
+    /// The bytes between read and write index; `None` before the program has initialized the block.
     fn take(&self, chip: &mut Chip) -> Option<Vec<u8>> {
         let byte = |chip: &mut Chip, at: u32| chip.read(at, Size::Byte).ok().map(|byte| byte as u8);
         let mark: Option<Vec<u8>> = (self.block..).take(MARK.len()).map(|at| byte(chip, at)).collect();

@@ -1,4 +1,4 @@
-//! A scenario on emulated boards, from erased flash to a verdict: who is on the bus, how their programs get there.
+//! Runs a scenario on emulated boards: assigns nodes, boots them from erased flash, and collects the verdict.
 
 use hil_sim::over_can::{Job, OverCan, Ran, case_of, parked};
 use hil_sim::plant::PlantParams;
@@ -15,13 +15,13 @@ use crate::meter::Figures;
 /// Nodes of the hand.
 const HAND: std::ops::RangeInclusive<u8> = 1..=7;
 
-/// Which boards there are.
+/// Which boards take part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Nodes {
-    /// So many: first one for each motor that the scenario names, then the lowest numbers. One: those motors one after
-    /// another, as without a bus.
+    /// This many: one for each motor of the scenario first, then the lowest numbers. With one, the motors run
+    /// one after another, as without a bus.
     Count(u8),
-    /// From this number to that.
+    /// A range of nodes.
     Range(u8, u8),
 }
 
@@ -43,23 +43,23 @@ impl std::str::FromStr for Nodes {
     }
 }
 
-/// What came of a session.
+/// Outcome of a session.
 #[derive(Clone, Debug)]
 pub struct Session {
-    /// Each board's run.
+    /// Outcome of each board.
     pub ran: Vec<Ran>,
-    /// What the programs took: the worst board's.
+    /// Figures of the worst board.
     pub figures: Figures,
     /// Simulated time of the scenario, s.
     pub scenario_s: f64,
-    /// What `clock` said of that, s.
+    /// Wall-clock time of the scenario, s, by `clock`.
     pub scenario_wall_s: f64,
 }
 
-/// The node numbers of each bus that a scenario is run on, one bus after another.
+/// The nodes of each bus that a scenario runs on, one bus after another.
 ///
 /// # Errors
-/// No board, or not enough of them, for the motors that the scenario is about.
+/// Fewer boards than motors in the scenario, or none.
 pub fn buses(scenario: &Scenario, nodes: Nodes) -> Result<Vec<Vec<u8>>, String> {
     let named: Vec<u8> = scenario.cases.iter().map(|case| node_of(case.motor)).collect();
     match nodes {
@@ -98,8 +98,8 @@ fn kind(node: u8) -> MotorKind {
     MotorKind::of(id(node))
 }
 
-/// A board's part, and its motor while it boots. A board whose kind of motor the scenario does not name goes along with its own
-/// motor from position 0, the scenario's properties and its commands, and is not judged.
+/// The role of a board, and its motor while it boots. A board whose motor the scenario does not name runs the
+/// scenario's commands with its own motor from position 0, and is not judged.
 fn part(scenario: &Scenario, node: u8, options: &Options) -> Result<(Job, hil_sim::rig::Rig), String> {
     let wrong = |error| format!("{}: node {node}: {error:?}\n  next: correct the scenario", scenario.name);
     let (case, scenario, judged) = match case_of(scenario, kind(node)) {
@@ -121,7 +121,7 @@ fn bystander(scenario: &Scenario, node: u8) -> Case {
         for property in &properties::PROPERTIES {
             let value = property.get(&case.config);
             if value != property.get(&defaults) {
-                // In range there, so in range here.
+                // The scenario has checked the range.
                 let _ = properties::set(&mut config, property.name, value);
             }
         }
@@ -129,19 +129,19 @@ fn bystander(scenario: &Scenario, node: u8) -> Case {
     Case { motor, plant: PlantParams::for_motor(motor), config }
 }
 
-/// Puts the application into a board's flash, as a probe does.
+/// Writes the application to a board's flash, as a debug probe does.
 pub fn load(board: &mut Board, programs: &Programs) {
     board.machine_mut().chip_mut().flash.load(APPLICATION.start, &programs.application);
 }
 
-/// Puts tools to a bus whose boards have no power yet.
+/// Attaches tools to a bus of boards without power.
 pub type Attach<'a> = &'a mut dyn FnMut(&mut OverCan<Board>) -> Result<(), String>;
 
-/// Boards on a bus with both programs, woken: the first has got its application over the bus, from erased flash, by Barrett's
-/// downloader; the others, on this and later buses, by probe, which are the same bytes and take no half minute each.
+/// Boots boards with both programs. The first downloads its application over the bus, from erased flash, by
+/// the original downloader; the others get the same bytes by probe, which saves half a minute each.
 ///
 /// # Errors
-/// A board that does not boot, take the download or wake.
+/// A board does not boot, download or wake.
 pub fn bring_up(
     boards: Vec<(Node, Board)>,
     programs: &Programs,
@@ -156,7 +156,7 @@ pub fn bring_up(
     let mut host = OverCan::new(boards);
     attach(&mut host)?;
     if let Some(first) = first.filter(|_| download) {
-        // A monitor never sleeps: the others would take their share of the time for nothing.
+        // A monitor never sleeps: the others would only cost time.
         host.power_on_first(1)?;
         host.download(first, programs.tek.as_bytes())?;
     }
@@ -165,11 +165,11 @@ pub fn bring_up(
     Ok(host)
 }
 
-/// Runs a scenario on emulated boards, with a poll each `poll_ms`; with `download` the first board's flash is erased at first. `clock` is what time it is, s; `attach` is given each bus before the
-/// power comes on.
+/// Runs a scenario on emulated boards, polled every `poll_ms`. With `download` the first board starts with
+/// erased flash. `clock` returns the time in s; `attach` gets each bus before its power-up.
 ///
 /// # Errors
-/// What no verdict can be made of: a board that stops, does not answer or does not take a property.
+/// A board stops, does not answer, or rejects a property: there is no verdict.
 pub fn run(
     scenario: &Scenario,
     nodes: Nodes,

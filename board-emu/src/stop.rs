@@ -1,39 +1,39 @@
-//! Why a run ends that should not have: what the program or the bridge did that no board survives, or that is not modelled.
+//! Problems that end a run: misuse that no board survives, and accesses that are not modeled.
 
 use std::fmt;
 
-/// What went wrong.
+/// Kind of problem.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Problem {
-    /// A register, a bit or a width of access that the model of the chip does not have.
-    NotModelled {
-        /// Where.
+    /// A register, bit or access width that the chip model lacks.
+    NotModeled {
+        /// Address of the access.
         address: u32,
-        /// Written, or `None` for a read.
+        /// Written value, or `None` for a read.
         value: Option<u32>,
-        /// What of it.
+        /// Explanation.
         what: String,
     },
-    /// An instruction that the core does not know.
+    /// An instruction that the core lacks.
     Instruction {
         /// Its bits; a narrow one in the lower 16.
         code: u32,
-        /// What of it.
+        /// Explanation.
         what: String,
     },
     /// A fault that cannot be taken (ARMv7-M B1.5.15).
     Lockup {
-        /// Why.
+        /// Explanation.
         what: String,
     },
-    /// The stack pointer left the stack.
+    /// The stack pointer has left the stack.
     Stack {
-        /// Where it is.
+        /// The pointer.
         pointer: u32,
     },
-    /// Both switches of a leg conduct, or nobody says what a gate is to do while the bridge is on.
+    /// Shoot-through, or an undriven gate while the bridge is on.
     Bridge {
-        /// Which, and why.
+        /// Leg or gate, with an explanation.
         what: String,
     },
 }
@@ -41,24 +41,24 @@ pub enum Problem {
 /// A problem with its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stop {
-    /// What went wrong.
+    /// The problem.
     pub problem: Problem,
     /// Address of the instruction.
     pub pc: u32,
-    /// The function that it is in, if the program's names are known.
+    /// Its function, if the program's names are known.
     pub function: Option<String>,
-    /// When, us.
+    /// Time, us.
     pub at_us: u64,
 }
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotModelled { address, value: None, what } => {
-                write!(f, "read of {address:#010x}, which is not modelled: {what}")
+            Self::NotModeled { address, value: None, what } => {
+                write!(f, "read of {address:#010x}, which is not modeled: {what}")
             }
-            Self::NotModelled { address, value: Some(value), what } => {
-                write!(f, "write of {value:#x} to {address:#010x}, which is not modelled: {what}")
+            Self::NotModeled { address, value: Some(value), what } => {
+                write!(f, "write of {value:#x} to {address:#010x}, which is not modeled: {what}")
             }
             Self::Instruction { code, what } => write!(f, "instruction {code:#x}: {what}"),
             Self::Lockup { what } => write!(f, "the processor locks up: {what}"),

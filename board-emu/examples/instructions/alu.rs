@@ -1,10 +1,10 @@
-//! Data processing: everything that changes registers and flags alone.
+//! Data processing: instructions that change only registers and flags.
 //!
-//! What ARMv7-M calls unpredictable is not made: the two cores may differ there.
+//! Unpredictable ones (ARMv7-M) are not generated: the two cores may differ.
 
 use crate::case::{Case, Random};
 
-/// One instruction; `it` says whether it stands in an IT block.
+/// Generates an instruction; `it`: inside an IT block.
 pub fn any(random: &mut Random, case: &mut Case, it: bool) {
     match random.below(14) {
         0..=3 => narrow(random, case, it),
@@ -38,8 +38,8 @@ fn narrow(random: &mut Random, case: &mut Case, it: bool) {
     case.narrow(code);
 }
 
-/// ADD, CMP and MOV with high registers, but not into PC. Into SP only multiples of four: its two lowest bits are 0 on a
-/// Cortex-M3 whatever is written, and should be written as 0 (B1.4.1); Unicorn keeps them.
+/// ADD, CMP and MOV with high registers, but not into PC. Into SP only multiples of four: a Cortex-M3 clears
+/// its two lowest bits (B1.4.1), Unicorn keeps them.
 fn high(random: &mut Random, case: &mut Case, it: bool) {
     let (mut rd, rm) = (random.below(15), random.below(15));
     if rd == 13 && (it || rm == 13) {
@@ -56,7 +56,7 @@ fn high(random: &mut Random, case: &mut Case, it: bool) {
     }
 }
 
-/// Operations of A5.3.1 and A5.3.11: their number, and whether they have a form without result.
+/// Operations of A5.3.1 and A5.3.11: number, and whether they have a test form.
 const OPERATIONS: [(u32, bool); 10] = [
     (0, true),
     (1, false),
@@ -89,7 +89,7 @@ fn operands(random: &mut Random) -> u32 {
 
 fn modified_immediate(random: &mut Random, case: &mut Case) {
     let mut immediate = random.bits(12);
-    // A byte that is repeated must not be 0 (A5.3.2).
+    // A repeated byte must not be 0 (A5.3.2).
     if immediate & 0xC00 == 0 && immediate & 0x300 != 0 && immediate & 0xFF == 0 {
         immediate |= 1;
     }
@@ -104,7 +104,7 @@ fn modified_immediate(random: &mut Random, case: &mut Case) {
 
 fn shifted_register(random: &mut Random, case: &mut Case) {
     let mut code = 0xEA00_0000 | operands(random) | random.register();
-    // Into SP only with LSL #0 to #3 (A7.7.6), of which two give multiples of four, see `high`.
+    // Into SP only with LSL #0 to #3 (A7.7.6), of which two give multiples of four: see `high`.
     let (kind, count) =
         if code >> 8 & 15 == 13 { (0, 2 + random.below(2)) } else { (random.bits(2), random.bits(5)) };
     code |= kind << 4 | (count & 0x1C) << 10 | (count & 3) << 6;
@@ -171,7 +171,7 @@ fn multiply(random: &mut Random, case: &mut Case) {
     });
 }
 
-/// MRS and MSR of the flags, hints that do nothing, barriers.
+/// MRS and MSR of the flags, hints without effect, barriers.
 fn other(random: &mut Random, case: &mut Case) {
     match random.below(6) {
         // MRS of APSR, IAPSR, EAPSR, xPSR, IPSR, EPSR, IEPSR.

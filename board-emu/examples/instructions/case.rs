@@ -1,13 +1,13 @@
-//! A case (registers, memory and a few instructions) and the random numbers that it is made of.
+//! A case (registers, memory and a few instructions), and random numbers.
 
 /// Bytes of flash for a case's instructions.
 pub const SLOT: u32 = 32;
-/// Where loads and stores go: the middle half of it.
+/// Memory window of loads and stores, which use its middle half.
 pub const WINDOW: u32 = 0x2000_1000;
-/// Its bytes.
+/// Size of the window in bytes.
 pub const WINDOW_LEN: usize = 256;
 
-/// Numbers by chance (SplitMix64).
+/// Random numbers (SplitMix64).
 pub struct Random(u64);
 
 impl Random {
@@ -35,7 +35,7 @@ impl Random {
         self.bits(1) == 1
     }
 
-    /// A register but SP and PC.
+    /// Any register except SP and PC.
     pub fn register(&mut self) -> u32 {
         *self.choose(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14])
     }
@@ -44,7 +44,7 @@ impl Random {
         &of[self.below(of.len() as u32) as usize]
     }
 
-    /// A value: any, or one of those where instructions change their minds.
+    /// A random word, with many corner cases.
     pub fn value(&mut self) -> u32 {
         match self.below(8) {
             0 => *self.choose(&[0, 1, 2, u32::MAX, 1 << 31, i32::MAX as u32, 0x7FFF, 0x8000, 0xFF, 0xFFFF]),
@@ -56,7 +56,7 @@ impl Random {
     }
 }
 
-/// What is executed.
+/// A case to execute.
 pub struct Case {
     pub registers: [u32; 17],
     pub window: Vec<u8>,
@@ -76,15 +76,14 @@ impl Case {
         self.code.extend([(code >> 16) as u16, code as u16]);
     }
 
-    /// A word of the window.
+    /// Sets a word of the window.
     pub fn set_word(&mut self, address: u32, value: u32) {
         let at = (address - WINDOW) as usize;
         self.window[at..at + 4].copy_from_slice(&value.to_le_bytes());
     }
 }
 
-/// A branch's target: odd, because there is only Thumb state, and none of the values that mean a return from an exception
-/// (ARMv7-M B1.5.8).
+/// A branch target: odd, because only Thumb state exists, and never an EXC_RETURN value (ARMv7-M B1.5.8).
 pub fn target(random: &mut Random) -> u32 {
     random.word() & 0x7FFF_FFFF | 1
 }

@@ -1,10 +1,10 @@
-//! Random instructions, executed one by one on the core: what it started from and what came out, for another core to repeat
-//! (tests/host/instructions.py).
+//! Generates random instructions and executes them one by one: writes state before and after, for another
+//! core to repeat (tests/host/instructions.py).
 //!
-//! `instructions OUT SEED STEPS` writes OUT with at least STEPS results. The file is little-endian throughout: batches, each of
-//! the flash's bytes from its start, a count of cases, and the cases. A case is its 17 registers (0 to 15 and xPSR), the bytes
-//! of the memory window, a count of steps, and for each step the 17 registers after it, a byte 1 if the window has changed
-//! and then the window.
+//! `instructions OUT SEED STEPS` writes at least STEPS results to OUT. All numbers are little-endian. The
+//! file is a sequence of batches: the flash contents, a count of cases, the cases. A case is its 17 registers
+//! (0 to 15 and xPSR), the memory window, a count of steps, and for each step the 17 registers after it and a
+//! byte: 1 if the window has changed, followed by the window.
 
 mod alu;
 mod case;
@@ -18,7 +18,7 @@ use board_emu::chip::Chip;
 use board_emu::cpu::Cpu;
 use case::{Case, Random, SLOT, WINDOW, WINDOW_LEN};
 
-/// Cases of a batch, and where the first of them lies in the flash: literals reach 4 KiB either way.
+/// Cases in a batch, and address of the first: literals reach 4 KiB either way.
 const CASES: usize = 1800;
 const FIRST: u32 = 0x0800_2000;
 
@@ -46,7 +46,7 @@ fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     std::fs::rename(part, path)
 }
 
-/// Makes and executes a batch; the number of instructions.
+/// Generates and executes a batch; returns the number of instructions.
 fn batch(random: &mut Random, out: &mut Vec<u8>) -> Result<usize, String> {
     let mut chip = Chip::new(1, [0; 3]);
     let cases: Vec<Case> = (0..CASES).map(|i| make::make(random, FIRST + i as u32 * SLOT)).collect();
@@ -80,7 +80,7 @@ fn run(cpu: &mut Cpu, case: &Case, out: &mut Vec<u8>) -> Result<usize, String> {
     out.push(0);
     let (mut window, mut steps) = (case.window.clone(), 0);
     let (mut at_half, start) = (0, case.address());
-    // Until the end, or a branch: it is not followed.
+    // Until the end or a branch, which is not followed.
     while at_half < case.code.len() && cpu.pc() == start + 2 * at_half as u32 {
         at_half += if case.code[at_half] >> 11 >= 0b11101 { 2 } else { 1 };
         cpu.step().map_err(|problem| format!("{problem}: {:04x?} at {:#010x}", case.code, cpu.pc()))?;

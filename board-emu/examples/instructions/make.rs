@@ -1,13 +1,13 @@
-//! One random case: which instructions it has; branches and IT blocks.
+//! Generates a random case, with branches and IT blocks.
 
 use crate::case::{Case, Random, WINDOW_LEN, target};
 use crate::{alu, memory};
 
-/// The flags and Q; xPSR is these and Thumb state.
+/// The flags and Q, and Thumb state of xPSR.
 const FLAGS: u32 = 0xF800_0000;
 const THUMB: u32 = 1 << 24;
 
-/// One case, to be put at an address.
+/// Generates a case for an address.
 pub fn make(random: &mut Random, address: u32) -> Case {
     let mut registers = [0; 17];
     registers.fill_with(|| random.value());
@@ -26,12 +26,13 @@ pub fn make(random: &mut Random, address: u32) -> Case {
     case
 }
 
-/// IT with one to four instructions. A load or store comes first, so that its registers are still as it wants them; a branch
-/// may only be the last (ARMv7-M A4.1.3). No B with a condition of its own, no CBZ, no IT inside (A7.7.12, A7.7.21, A7.7.38).
+/// Generates IT with one to four instructions. A load or store comes first, while its registers still have
+/// their prepared values; a branch comes last (ARMv7-M A4.1.3). No conditional B, CBZ or IT inside (A7.7.12,
+/// A7.7.21, A7.7.38).
 fn it_block(random: &mut Random, case: &mut Case) {
     let n = 1 + random.below(4);
     let first = random.below(15);
-    // With condition AL there is no else (A7.7.38).
+    // AL has no else (A7.7.38).
     let others = if first == 14 { 0 } else { random.bits(3) };
     let same = first & 1;
     let mask = (0..3).fold(0, |mask, i| {
@@ -62,7 +63,7 @@ fn direct_branch(random: &mut Random, case: &mut Case) {
         }
         1 => wide_branch(random, case, 0xF000_9000),
         2 => wide_branch(random, case, 0xF000_D000),
-        // Not MOV PC, PC or ADD PC, PC: the latter is unpredictable (A7.7.4); nor SP, for it may be anything.
+        // Not ADD PC, PC, which is unpredictable (A7.7.4), and not SP, whose value is arbitrary.
         3 => case.narrow(0x4687 | random.register() << 3),
         _ => case.narrow(0x4487 | random.register() << 3),
     }

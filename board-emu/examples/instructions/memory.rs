@@ -1,8 +1,8 @@
-//! Loads and stores, in all modes; what ARMv7-M calls unpredictable is not made, nor what faults.
+//! Loads and stores in all modes, except those that are unpredictable (ARMv7-M) or fault.
 
 use crate::case::{Case, Random, WINDOW, WINDOW_LEN, target};
 
-/// One instruction; `inside` says whether it stands in an IT block and not last, where it must not branch (A4.1.3).
+/// Generates an instruction; `inside`: in an IT block and not last, where it must not branch (A4.1.3).
 pub fn any(random: &mut Random, case: &mut Case, inside: bool) {
     match random.below(10) {
         0 | 1 => narrow(random, case),
@@ -23,9 +23,9 @@ fn place(random: &mut Random, align: u32) -> u32 {
     (WINDOW + quarter + random.below(2 * quarter - 8)) / align * align
 }
 
-/// Sets a base so that with the offset it is a place.
+/// Sets a base so that base plus offset is in the window.
 fn aim(random: &mut Random, case: &mut Case, base: u32, offset: u32) {
-    // Mostly aligned, as programs are.
+    // Mostly aligned, as in real programs.
     let align = *random.choose(&[4, 4, 1]);
     case.registers[base as usize] = place(random, align).wrapping_sub(offset);
 }
@@ -79,7 +79,7 @@ const KINDS: [(u32, u32); 8] = [
 
 const LDR: u32 = 0xF850_0000;
 
-/// A destination or source: of LDR also SP and, unless inside an IT block, PC.
+/// A data register; for LDR also SP and, outside IT blocks, PC.
 fn transferred(random: &mut Random, kind: u32, inside: bool) -> u32 {
     match random.below(8) {
         0 if kind == LDR && !inside => 15,
@@ -88,7 +88,7 @@ fn transferred(random: &mut Random, kind: u32, inside: bool) -> u32 {
     }
 }
 
-/// What is loaded into PC must be a target, and aligned (A7.7.43); what is loaded into SP a multiple of four (B1.4.1).
+/// A word loaded into PC must be an aligned target (A7.7.43), one loaded into SP a multiple of four (B1.4.1).
 fn aim_at_target(random: &mut Random, case: &mut Case, rt: u32, base: u32, offset: u32) {
     if matches!(rt, 13 | 15) {
         let address = place(random, 4);
@@ -110,8 +110,8 @@ fn immediate(random: &mut Random, case: &mut Case, inside: bool) {
         return;
     }
     let (offset, mut mode) = (random.bits(8), *random.choose(&[1, 3, 4, 5, 7, 6]));
-    // Write-back into what is transferred is unpredictable (A7.7.43, A7.7.160); mode 6 is LDRT and the like, which do not take
-    // SP or PC (A7.7.67).
+    // Write-back into the data register is unpredictable (A7.7.43, A7.7.160). Mode 6 is LDRT and the like,
+    // without SP and PC (A7.7.67).
     if rt == rn && mode & 1 == 1 || mode == 6 && matches!(rt, 13 | 15) {
         mode = 4;
     }
@@ -143,10 +143,10 @@ fn literal(random: &mut Random, case: &mut Case) {
 
 fn pair(random: &mut Random, case: &mut Case) {
     let (rt, load) = (random.register(), random.bits(1));
-    // Two registers (A7.7.50).
+    // Two different registers (A7.7.50).
     let second = if rt == 14 { 0 } else { (rt + 1) % 13 };
     let (mut rn, offset) = (random.register(), random.bits(8));
-    // Index, up, write-back: not without index and write-back, which are other instructions.
+    // Index, up, write-back; neither index nor write-back encodes another instruction.
     let mut mode = *random.choose(&[0b1000, 0b1100, 0b1001, 0b1101, 0b0001, 0b0101]);
     if rn == rt || rn == second {
         mode = mode & 0b0100 | 0b1000;
@@ -168,7 +168,7 @@ fn multiple(random: &mut Random, case: &mut Case, inside: bool) {
     if random.coin() {
         let rn = random.bits(3);
         let mut list = random.bits(8).max(1);
-        // A base that is stored and changed must be the first (A7.7.159).
+        // A stored base with write-back must be the first (A7.7.159).
         if load == 0 && list >> rn & 1 == 1 {
             list &= !((1 << rn) - 1);
         }
@@ -178,7 +178,7 @@ fn multiple(random: &mut Random, case: &mut Case, inside: bool) {
     }
     let (rn, down, wback) = (*random.choose(&[0, 3, 5, 8, 12, 13, 14]), random.bits(1), random.bits(1));
     let mut list = random.bits(13);
-    // PC and LR not both, at least two, not the base that is changed (A7.7.41, A7.7.159).
+    // Not both PC and LR, at least two, not a base with write-back (A7.7.41, A7.7.159).
     if load == 1 && !inside && random.coin() {
         list |= 1 << 15;
     } else {
@@ -203,7 +203,7 @@ fn multiple(random: &mut Random, case: &mut Case, inside: bool) {
     }
 }
 
-/// TBB, TBH; the table may follow.
+/// TBB, TBH; the table may follow the instruction.
 fn table(random: &mut Random, case: &mut Case) {
     let (rn, rm, half) = (random.register(), random.register(), random.bits(1));
     let rm = if rm == rn { (rm + 1) % 8 } else { rm };
@@ -218,8 +218,8 @@ fn table(random: &mut Random, case: &mut Case) {
     }
 }
 
-/// A load and a store, with something between; or a store alone, which must not happen. To one address and with one width: what a
-/// store elsewhere does is up to the implementation (A3.4.1).
+/// A load and a store with another instruction between, or a store alone, which must fail. Same address and
+/// width: other combinations are implementation-defined (A3.4.1).
 pub fn exclusives(random: &mut Random, case: &mut Case) {
     let size = random.below(3);
     let (rn, rt, rd, rs) = (8, random.below(4), 4 + random.below(4), 9 + random.below(4));

@@ -20,7 +20,7 @@ const MOE: u32 = 1 << 15;
 /// CCxE and CCxNE of channels 1 to 3.
 const ALL: u32 = 0x0555;
 
-/// To the blocks themselves: their clocks are another's matter.
+/// At the blocks themselves, without their clocks.
 fn write(chip: &mut Chip, address: u32, value: u32) {
     let now = chip.now;
     match address.checked_sub(TIM1) {
@@ -30,7 +30,7 @@ fn write(chip: &mut Chip, address: u32, value: u32) {
     .unwrap();
 }
 
-/// Pins given to TIM1, centred PWM at 20 kHz, `bdtr` with the dead time in it.
+/// TIM1 on its pins, centered PWM at 20 kHz, `bdtr` with the dead time.
 fn board(compares: [u32; 3], ccer: u32, bdtr: u32) -> Chip {
     let mut chip = Chip::new(1, [0; 3]);
     chip.gpio.driven[1][12] = Some(true);
@@ -83,7 +83,7 @@ fn six_vectors_and_off() {
 }
 
 #[test]
-fn every_compare_value_comes_back_from_its_duty() {
+fn compare_value_round_trips_through_duty() {
     for compare in 0..=1800 {
         let Bridge::On { duty, .. } = (Bridge::On { legs: [Leg::Pwm; 3], duty: duty(compare, 1800) }) else {
             panic!()
@@ -94,28 +94,29 @@ fn every_compare_value_comes_back_from_its_duty() {
 }
 
 #[test]
-fn the_ends_of_the_compare_value() {
+fn extreme_compare_values_lose_their_pulse() {
     let legs_of = |compare: u32| match of(&board([compare, 0, 0], ALL & !0x400, MOE | HELD | 36)) {
         Ok(Bridge::On { legs, duty: seen }) => (legs[0], seen),
         other => panic!("{other:?}"),
     };
     assert_eq!(legs_of(0), (Leg::Low, duty(0, 1)));
-    // The dead time eats it, in the model too.
+    // The dead time swallows it, in the model too.
     assert_eq!(legs_of(18), (Leg::Pwm, duty(18, 1800)));
     assert_eq!(legs_of(1800), (Leg::Pwm, duty(1, 1)));
 }
 
 #[test]
-fn shoot_through() {
+fn shoot_through_is_an_error() {
     assert!(problem([450, 0, 0], ALL, MOE | HELD).contains("dead time of 0 ns"));
     assert!(problem([450, 0, 0], ALL, MOE | HELD | 17).contains("dead time of 236 ns"));
     assert!(of(&board([450, 0, 0], ALL, MOE | HELD | 18)).is_ok(), "250 ns are enough");
-    // The low side's polarity inverted: on while the high side is.
+    // Inverted polarity of the low side: on together with the high side.
     assert!(problem([450, 0, 0], ALL | 8, MOE | HELD | 36).contains("both switches conduct"));
     assert!(problem([0, 0, 0], ALL | 2, MOE | HELD | 36).contains("leg A: both switches conduct"));
-    // Both inverted: what should be the dead time is on-time of both.
+    // Both inverted: the intended dead time turns both on.
     assert!(problem([450, 0, 0], ALL | 2 | 8, MOE | HELD | 36).contains("both switches conduct"));
-    // Idle levels that turn one on are the motor's, both are not taken by the timer; the ports can.
+    // Idle levels that turn one side on are legal; the timer ignores those that turn on both; the ports do
+    // not.
     let mut chip = board([0; 3], ALL, HELD | 36);
     write(&mut chip, GPIOA_CRH, 0x4444_4BB3);
     write(&mut chip, GPIOB_CRH, 0xBB34_4444);
@@ -125,7 +126,7 @@ fn shoot_through() {
 }
 
 #[test]
-fn what_the_motor_s_model_lacks() {
+fn states_unknown_to_the_motor_model_are_errors() {
     assert!(problem([450, 0, 0], ALL & !4, MOE | HELD | 36).contains("only its high side"));
     assert!(problem([450, 0, 0], ALL & !1, MOE | HELD | 36).contains("only its low side"));
     assert!(problem([450, 451, 0], ALL, MOE | HELD | 36).contains("different compare values [450, 451]"));
@@ -135,7 +136,7 @@ fn what_the_motor_s_model_lacks() {
 }
 
 #[test]
-fn a_gate_that_nobody_drives_while_the_bridge_is_on() {
+fn undriven_gate_is_an_error_while_the_bridge_is_on() {
     let mut chip = board([450, 0, 0], ALL, MOE | HELD | 36);
     write(&mut chip, GPIOB_CRH, 0xBB44_4444);
     assert_eq!(of(&chip), Err("gate at PB13: nobody drives it, and the bridge is on".to_owned()));
@@ -143,7 +144,7 @@ fn a_gate_that_nobody_drives_while_the_bridge_is_on() {
     assert!(of(&chip).unwrap_err().contains("nobody drives it"), "open drain cannot switch it on");
     write(&mut chip, GPIOB_CRH, 0xBB34_4444);
     assert!(of(&chip).unwrap_err().contains("the port has it"));
-    // OSSR 0: the timer lets the low side of a floating leg go.
+    // OSSR 0: the timer releases the low side of a floating leg.
     assert!(problem([450, 0, 0], ALL & !0x400, MOE | 36).contains("gate at PB15: nobody"));
     // With the bridge off the pull-down holds it.
     write(&mut chip, GPIOB_CRH, 0xBB44_4444);
@@ -155,7 +156,7 @@ fn a_gate_that_nobody_drives_while_the_bridge_is_on() {
 }
 
 #[test]
-fn a_break_is_off_without_an_instruction() {
+fn break_switches_off_without_an_instruction() {
     let mut chip = board([450, 0, 0], ALL, MOE | HELD | 36 | 1 << 12);
     assert!(matches!(of(&chip), Ok(Bridge::On { .. })));
     chip.tim1.gates_changed = false;
@@ -167,7 +168,7 @@ fn a_break_is_off_without_an_instruction() {
 }
 
 #[test]
-fn the_model_s_dead_time_is_compared() {
+fn dead_time_must_match_the_motor_model() {
     let standard = SimBoard::standard(Node::new(1).unwrap(), Model::Averaged, 1);
     let with = |dtg: u32| dead_time_agrees(&board([450, 0, 0], ALL, MOE | HELD | dtg), standard.rig());
     assert_eq!(with(36), Ok(()));

@@ -1,12 +1,12 @@
-//! The converter: injected conversions on a trigger, a regular one over and over (RM0008 11).
+//! The converter: injected conversions on a trigger, and a continuous regular one (RM0008 11).
 //!
-//! A conversion begins with its trigger: the latency of up to three of the ADC's cycles (DS5319 5.3.18) is left out.
+//! A conversion begins at its trigger: the latency of up to three ADC cycles (DS5319 5.3.18) is not modeled.
 
 use super::timer::only;
 use super::{Peripheral, RegisterResult};
 use crate::time::{NEVER, Time, US};
 
-/// SR: a group is done, the injected group is done, either was begun.
+/// SR: end of a group, end of the injected group, start of either.
 const EOC: u32 = 1 << 1;
 const JEOC: u32 = 1 << 2;
 const JSTRT: u32 = 1 << 3;
@@ -14,7 +14,7 @@ const STRT: u32 = 1 << 4;
 /// CR1: their interrupts.
 const EOCIE: u32 = 1 << 5;
 const JEOCIE: u32 = 1 << 7;
-/// CR1: more than the first channel of a group.
+/// CR1: scan mode.
 const SCAN: u32 = 1 << 8;
 /// CR2.
 const ADON: u32 = 1;
@@ -28,24 +28,24 @@ const EXTTRIG: u32 = 1 << 20;
 const JSWSTART: u32 = 1 << 21;
 const SWSTART: u32 = 1 << 22;
 const TSVREFE: u32 = 1 << 23;
-/// Reset state of a calibration register's write: cycles that RSTCAL takes. The manual says none; a few.
+/// Cycles of RSTCAL. The manual states no number.
 const RESET_CYCLES: Time = 2;
-/// A calibration, cycles (DS5319 5.3.18).
+/// Cycles of a calibration (DS5319 5.3.18).
 const CALIBRATION_CYCLES: Time = 83;
-/// From ADON to the first conversion (DS5319 5.3.18, tSTAB).
+/// Time from ADON to the first conversion (DS5319 5.3.18, tSTAB).
 const WAKE_UP: Time = US;
 /// Ticks a cycle at 14 MHz, rounded up.
 const FASTEST: Time = crate::time::HZ.div_ceil(14_000_000);
-/// Sampling, in half cycles, by code of SMPR (RM0008 11.12.4).
+/// Sampling time in half cycles, by code of SMPR (RM0008 11.12.4).
 const SAMPLING: [Time; 8] = [3, 15, 27, 57, 83, 111, 143, 479];
-/// A conversion after its sampling, in half cycles (RM0008 11.6).
+/// Conversion time after the sampling, in half cycles (RM0008 11.6).
 const CONVERSION: Time = 25;
 
-/// A conversion that goes on.
+/// A conversion in progress.
 #[derive(Clone, Copy, Debug)]
 struct Running {
     since: Time,
-    /// What was at the input at the end of the sampling.
+    /// The input at the end of the sampling.
     held: Option<u16>,
 }
 
@@ -58,7 +58,7 @@ impl Running {
 /// ADC1.
 #[derive(Clone, Debug)]
 pub struct Adc {
-    /// What is at the inputs, 12 bits, by channel.
+    /// Inputs, 12 bits, by channel.
     inputs: [u16; 18],
     cycle: Time,
     sr: u32,
@@ -70,13 +70,13 @@ pub struct Adc {
     jsqr: u32,
     jdr: [u16; 4],
     dr: u16,
-    /// When it was switched on.
+    /// Time of ADON.
     on_since: Time,
-    /// Until when RSTCAL and CAL read 1.
+    /// End of RSTCAL and CAL.
     resets_until: Time,
     calibrates_until: Time,
     regular: Option<Running>,
-    /// The injected conversion, 0..=3, that goes on.
+    /// The injected conversion in progress, 0..=3.
     injected: Option<(usize, Running)>,
 }
 
@@ -103,18 +103,18 @@ impl Default for Adc {
 }
 
 impl Adc {
-    /// As after a reset; the inputs stay.
+    /// Resets the registers; the inputs stay.
     pub fn reset(&mut self) {
         *self = Self { inputs: self.inputs, cycle: self.cycle, ..Self::default() };
     }
 
-    /// From `now` on this is at the inputs: 12 bits, by channel. What was sampled before has what was there before.
+    /// Sets the inputs from `now` on; earlier samples saw the old ones.
     pub fn set_inputs(&mut self, inputs: [u16; 18], now: Time) {
         self.catch_up(now);
         self.inputs = inputs;
     }
 
-    /// Ticks a cycle of its clock; what goes on takes the new one.
+    /// Sets the ticks a cycle of its clock, also for a conversion in progress.
     pub fn set_cycle(&mut self, cycle: Time, now: Time) {
         if cycle != self.cycle {
             self.catch_up(now);
@@ -122,7 +122,7 @@ impl Adc {
         }
     }
 
-    /// The external trigger of the injected group rises. One that comes during the group is lost.
+    /// Raises the external trigger of the injected group. A trigger during the group is lost.
     pub fn trigger(&mut self, now: Time) {
         self.catch_up(now);
         if self.cr2 & ADON != 0 && self.cr2 & JEXTTRIG != 0 && self.injected.is_none() {
@@ -135,7 +135,7 @@ impl Adc {
         self.injected = Some((0, Running::at(now)));
     }
 
-    /// Whether it interrupts.
+    /// Whether it requests an interrupt.
     #[must_use]
     pub fn interrupt(&self) -> bool {
         self.sr & EOC != 0 && self.cr1 & EOCIE != 0 || self.sr & JEOC != 0 && self.cr1 & JEOCIE != 0
@@ -156,19 +156,19 @@ impl Adc {
         (self.sqr3 & 0x1F) as usize
     }
 
-    /// Ticks of a channel's sampling.
+    /// Ticks of a channel's sampling time.
     fn sampling(&self, channel: usize) -> Time {
         let code =
             if channel < 10 { self.smpr[1] >> (3 * channel) } else { self.smpr[0] >> (3 * (channel - 10)) };
         SAMPLING[(code & 7) as usize] * self.cycle / 2
     }
 
-    /// Ticks of a channel's conversion with its sampling.
+    /// Ticks of a channel's sampling and conversion.
     fn length(&self, channel: usize) -> Time {
         self.sampling(channel) + CONVERSION * self.cycle / 2
     }
 
-    /// Lets time pass to `now`.
+    /// Advances to `now`.
     fn catch_up(&mut self, now: Time) {
         while let Some((index, running)) = self.injected {
             let (running, done) = self.run(running, self.injected_channel(index), now);
@@ -181,7 +181,7 @@ impl Adc {
             self.injected = (next < self.injected_count()).then_some((next, Running::at(end)));
             if self.injected.is_none() {
                 self.sr |= JEOC;
-                // The regular conversion that was interrupted begins anew (RM0008 11.3.9).
+                // An interrupted regular conversion restarts (RM0008 11.3.9).
                 if let Some(regular) = &mut self.regular {
                     *regular = Running::at(end);
                 }
@@ -196,7 +196,8 @@ impl Adc {
             self.sr |= EOC;
             self.regular = None;
             if self.cr2 & CONT != 0 {
-                // Those that have begun and ended since then saw what is there now: the inputs change by a call that catches up.
+                // Conversions that began and ended since the last call saw the present inputs: a change of
+                // them catches up first.
                 let length = self.length(channel);
                 let whole = (now - end) / length;
                 if whole > 0 {
@@ -207,7 +208,7 @@ impl Adc {
         }
     }
 
-    /// A conversion up to `now`: if it is over, its end and its value.
+    /// A conversion up to `now`; returns end and value once it is over.
     fn run(&self, mut running: Running, channel: usize, now: Time) -> (Running, Option<(Time, u16)>) {
         if running.held.is_none() && running.since + self.sampling(channel) <= now {
             running.held = Some(self.inputs[channel] & 0xFFF);
@@ -249,7 +250,7 @@ impl Adc {
             }
             self.calibrates_until = now + CALIBRATION_CYCLES * self.cycle;
         }
-        // ADON written over itself, and nothing else changed, begins a regular conversion too.
+        // Writing ADON to 1 again, with no other change, starts a regular conversion.
         let again = was_on && value == old;
         if value & SWSTART != 0 && value & EXTTRIG != 0 || again {
             self.startable(now)?;
@@ -329,7 +330,7 @@ impl Peripheral for Adc {
             0x3C..=0x4C => {}
             _ => return Err(format!("no register {offset:#x} of the ADC, or the analog watchdog's")),
         }
-        // The order of set-up is free, so this is only an error once it is on.
+        // The order of set-up is free: an error only once the converter is on.
         if self.cr2 & JEXTTRIG != 0 && self.injected_count() > 1 && self.cr1 & SCAN == 0 {
             return Err("an injected group without SCAN".to_owned());
         }
@@ -340,7 +341,7 @@ impl Peripheral for Adc {
         let injected = self.injected.filter(|_| self.cr1 & JEOCIE != 0 && self.sr & JEOC == 0);
         let regular = self.regular.filter(|_| self.cr1 & EOCIE != 0 && self.sr & EOC == 0);
         let end = |running: Running, channel: usize| running.since + self.length(channel);
-        // During an injected group the regular one waits.
+        // The regular group waits for the injected one.
         let injected = injected.map(|(index, running)| end(running, self.injected_channel(index)));
         let regular = regular.filter(|_| self.injected.is_none()).map(|r| end(r, self.regular_channel()));
         injected.unwrap_or(NEVER).min(regular.unwrap_or(NEVER))

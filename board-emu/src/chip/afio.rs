@@ -1,12 +1,12 @@
-//! Remapping of pins, and which port an external interrupt listens to (RM0008 9.4).
+//! Remapping of pins, and the ports of external interrupts (RM0008 9.4).
 
 use super::{Peripheral, RegisterResult};
 use crate::time::Time;
 
-/// MAPR's SWJ_CFG, which only matters to a debug probe and to pins that the board leaves free.
+/// MAPR's SWJ_CFG: affects only a debug probe and unused pins.
 const SWJ_CFG: u32 = 7 << 24;
 
-/// Its registers.
+/// The registers.
 #[derive(Clone, Debug, Default)]
 pub struct Afio {
     /// EXTICR1 to EXTICR4.
@@ -24,7 +24,7 @@ impl Afio {
 impl Peripheral for Afio {
     fn read(&mut self, offset: u32, _now: Time) -> RegisterResult<u32> {
         match offset {
-            // SWJ_CFG reads as anything (RM0008 9.4.2); all else of these is 0.
+            // SWJ_CFG reads as undefined (RM0008 9.4.2); all other bits as 0.
             0x00 | 0x04 | 0x1C => Ok(0),
             0x08..=0x14 => Ok(self.exticr[(offset as usize - 8) / 4]),
             _ => Err("AFIO has no such register".to_owned()),
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn remaps_are_refused_and_ports_kept() {
+    fn remap_is_rejected_and_port_selection_kept() {
         let mut afio = Afio::default();
         afio.write(0x04, 2 << 24, 0).unwrap();
         assert!(afio.write(0x04, 1 << 6, 0).is_err(), "TIM1 remapped");

@@ -1,7 +1,8 @@
-//! bxCAN: mailboxes, filters, two FIFOs, initialisation and sleep, errors (RM0008 24).
+//! bxCAN: mailboxes, filters, two FIFOs, initialization and sleep, errors (RM0008 24).
 //!
-//! The bus outside says what has been sent and what came; the controller says what it would send next. Not modelled: remote and
-//! extended frames, time-triggered communication, silent and loop-back mode, and bit timings other than 1 Mbit/s.
+//! The bus reports sent and received frames; the controller offers frames to send. Not modeled: remote and
+//! extended frames, time-triggered communication, silent and loop-back mode, and bit timings other than 1
+//! Mbit/s.
 
 mod errors;
 mod fifo;
@@ -21,9 +22,9 @@ use tater_wire::Frame;
 
 /// A bit on the bus: 1 Mbit/s.
 const BIT: Time = US;
-/// What a node must see before it takes part: 11 recessive bits (RM0008 24.4.2).
+/// Recessive bits before a node may join (RM0008 24.4.2).
 const IDLE: Time = 11 * BIT;
-/// What is left of that at the end of a frame: the delimiter and the end of frame have been 8 of them.
+/// Those that are left at the end of a frame: its delimiter and end of frame were 8 of them.
 const INTERMISSION: Time = 3 * BIT;
 
 /// Bits of MCR (RM0008 24.9.2).
@@ -38,7 +39,7 @@ mod mcr {
     pub const TTCM: u32 = 1 << 7;
     pub const RESET: u32 = 1 << 15;
     pub const DBF: u32 = 1 << 16;
-    /// After a reset: asleep, and a debugger's halt freezes it.
+    /// Reset state: asleep, and frozen while a debugger halts the core.
     pub const AT_RESET: u32 = DBF | SLEEP;
 }
 
@@ -49,7 +50,7 @@ mod msr {
     pub const ERRI: u32 = 1 << 2;
     pub const WKUI: u32 = 1 << 3;
     pub const SLAKI: u32 = 1 << 4;
-    /// The last sample of the receive pin, and the pin: recessive, because nobody looks.
+    /// Last sample and present level of the receive pin: always recessive in this model.
     pub const RECESSIVE: u32 = 3 << 10;
 }
 
@@ -69,18 +70,18 @@ mod btr {
     pub const AT_RESET: u32 = 0x0123_0000;
 }
 
-/// What it is doing (RM0008 24.4).
+/// Mode of operation (RM0008 24.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Sleep,
-    Initialisation,
-    /// Waits for 11 recessive bits, until then: INAK or SLAK of the mode before still show.
+    Initialization,
+    /// Waits for 11 recessive bits until this time; INAK or SLAK of the mode before still reads 1.
     Joining {
         at: Time,
         shows: u32,
     },
     Normal,
-    /// Bus-off; recovers then, or never by itself.
+    /// Bus-off; recovers at this time, or never by itself.
     BusOff {
         until: Time,
     },
@@ -101,7 +102,7 @@ pub struct Can {
     filters: Filters,
     /// Ticks a cycle of APB1.
     cycle: Time,
-    /// What [`Self::pending`] shows.
+    /// Cache for [`Self::pending`].
     offered: Vec<Frame>,
 }
 
@@ -124,30 +125,30 @@ impl Default for Can {
 }
 
 impl Can {
-    /// As after a reset: asleep, off the bus.
+    /// Reset state: asleep, off the bus.
     pub fn reset(&mut self) {
         *self = Self { cycle: self.cycle, ..Self::default() };
     }
 
-    /// Sets the ticks a cycle of its clock, APB1, has: the bit timing is checked with it when the bus is joined.
+    /// Sets the ticks a cycle of its clock, APB1. Joining the bus checks the bit timing against it.
     pub const fn set_cycle(&mut self, ticks: Time) {
         self.cycle = ticks;
     }
 
-    /// Whether it takes part in the bus: left initialisation, and not bus-off.
+    /// Whether it takes part in the bus: it has left initialization and is not bus-off.
     #[must_use]
     pub fn is_on_bus(&self) -> bool {
         self.mode == Mode::Normal
     }
 
-    /// What it may send: what is in the transmit mailboxes, in their order; with TXFP set only what was requested first.
-    /// Nothing while it does not take part.
+    /// Frames that it offers: those of the transmit mailboxes, in their order, or with TXFP only the oldest
+    /// request. None while it is off the bus.
     #[must_use]
     pub fn pending(&self) -> &[Frame] {
         &self.offered
     }
 
-    /// A frame of the mailboxes has been sent and acknowledged. One that is not there any more is ignored.
+    /// Reports that a frame was sent and acknowledged. Ignored if its mailbox no longer holds it.
     pub fn sent(&mut self, frame: &Frame, now: Time) {
         self.advance(now);
         if self.is_on_bus() && self.mailboxes.sent(frame) {
@@ -156,13 +157,13 @@ impl Can {
         self.offer();
     }
 
-    /// A frame that somebody else sent: through the filters into a FIFO. `now` is its end. It is not heard by a controller
-    /// that is not on the bus, or was not when the frame began.
+    /// Receives a frame of another node, which ends at `now`, through the filters into a FIFO. Ignored if the
+    /// controller joined after the frame began.
     pub fn receive(&mut self, frame: &Frame, now: Time) {
         if let Mode::Joining { at, shows } = self.mode
             && at > now.saturating_sub(bits(frame) * BIT)
         {
-            // In a frame there are no 11 recessive bits, but after it.
+            // The 11 recessive bits can only follow a frame.
             self.mode = Mode::Joining { at: at.max(now + INTERMISSION), shows };
             return;
         }
@@ -187,7 +188,7 @@ impl Can {
         }
     }
 
-    /// A frame on the bus was destroyed: one that it was sending, or one that it was hearing.
+    /// Reports a corrupted frame, its own or a received one.
     pub fn error(&mut self, sending: bool, now: Time) {
         self.advance(now);
         if !self.is_on_bus() {
@@ -200,8 +201,8 @@ impl Can {
         self.told(asked, now);
     }
 
-    /// Nobody acknowledged what it was sending. It sends it again, and never gets bus-off by that: once error passive, its
-    /// counter stands (ISO 11898-1, the exception for acknowledge errors).
+    /// Reports that its frame was not acknowledged. It repeats the frame and never goes bus-off by that: the
+    /// error counter stops at error passive (ISO 11898-1, exception for acknowledge errors).
     pub fn unacknowledged(&mut self, now: Time) {
         self.advance(now);
         if self.is_on_bus() {
@@ -211,39 +212,39 @@ impl Can {
         }
     }
 
-    /// What follows from an error: its interrupt (`asked`: the enable bits that concern it), and perhaps bus-off.
+    /// Effects of an error: an interrupt (`asked`: its enable bits) and possibly bus-off.
     fn told(&mut self, asked: u32, now: Time) {
         if self.ier & asked != 0 {
             self.flags |= msr::ERRI;
         }
         if self.errors.is_bus_off() {
-            // 128 times 11 recessive bits, with nobody on the bus meanwhile (RM0008 24.7.6).
+            // 128 times 11 recessive bits on an idle bus (RM0008 24.7.6).
             let until = if self.mcr & mcr::ABOM != 0 { now + 128 * IDLE } else { NEVER };
             self.mode = Mode::BusOff { until };
         }
         self.offer();
     }
 
-    /// Whether an empty mailbox interrupts.
+    /// Whether an empty mailbox requests an interrupt.
     #[must_use]
     pub fn interrupt_tx(&self) -> bool {
         self.ier & ier::TMEIE != 0 && self.mailboxes.is_any_complete()
     }
 
-    /// Whether a FIFO interrupts.
+    /// Whether a FIFO requests an interrupt.
     #[must_use]
     pub fn interrupt_rx(&self, fifo: usize) -> bool {
         self.fifos.get(fifo).is_some_and(|queue| queue.interrupts(self.ier >> (1 + 3 * fifo)))
     }
 
-    /// Whether a status change or an error interrupts.
+    /// Whether a status change or an error requests an interrupt.
     #[must_use]
     pub fn interrupt_status(&self) -> bool {
         let pairs = [(ier::ERRIE, msr::ERRI), (ier::WKUIE, msr::WKUI), (ier::SLKIE, msr::SLAKI)];
         pairs.into_iter().any(|(enable, flag)| self.ier & enable != 0 && self.flags & flag != 0)
     }
 
-    /// Keeps [`Self::pending`] up to date.
+    /// Updates [`Self::pending`].
     fn offer(&mut self) {
         self.offered.clear();
         if self.is_on_bus() {
@@ -254,7 +255,7 @@ impl Can {
     fn read_msr(&self) -> u32 {
         let mode = match self.mode {
             Mode::Sleep => msr::SLAK,
-            Mode::Initialisation => msr::INAK,
+            Mode::Initialization => msr::INAK,
             Mode::Joining { shows, .. } => shows,
             Mode::Normal | Mode::BusOff { .. } => 0,
         };
@@ -266,7 +267,7 @@ impl Can {
             return Err("CAN_MCR.TTCM: no time-triggered communication".to_owned());
         }
         if value & mcr::RESET != 0 {
-            // A master reset leaves bit timing and filters alone (RM0008 24.9.2).
+            // A master reset keeps bit timing and filters (RM0008 24.9.2).
             self.mcr = mcr::AT_RESET;
             self.mode = Mode::Sleep;
             self.fifos = [Fifo::default(), Fifo::default()];
@@ -278,25 +279,25 @@ impl Can {
         self.request(now)
     }
 
-    /// Follows INRQ and SLEEP (RM0008 24.4, figure 224). Sleep and initialisation are entered at once.
+    /// Follows INRQ and SLEEP (RM0008 24.4, figure 224). Sleep and initialization are entered at once.
     fn request(&mut self, now: Time) -> RegisterResult<()> {
         let (sleep, initialise) = (self.mcr & mcr::SLEEP != 0, self.mcr & mcr::INRQ != 0);
         self.mode = match (self.mode, sleep, initialise) {
             (Mode::Sleep, true, _) => Mode::Sleep,
-            (_, _, true) => Mode::Initialisation,
+            (_, _, true) => Mode::Initialization,
             (_, true, false) => {
-                // Only if that interrupts (RM0008 24.9.2).
+                // Only if that interrupt is enabled (RM0008 24.9.2).
                 self.flags |= msr::SLAKI * u32::from(self.ier & ier::SLKIE != 0);
                 Mode::Sleep
             }
-            (Mode::Initialisation, false, false) => self.join(msr::INAK, now)?,
+            (Mode::Initialization, false, false) => self.join(msr::INAK, now)?,
             (Mode::Sleep, false, false) => self.join(msr::SLAK, now)?,
             (mode, false, false) => mode,
         };
         Ok(())
     }
 
-    /// Joins the bus, after initialisation or sleep (whose bit shows until then).
+    /// Joins the bus after initialization or sleep, whose bit reads 1 until then.
     fn join(&self, shows: u32, now: Time) -> RegisterResult<Mode> {
         if self.btr & btr::MODES != 0 {
             return Err("CAN_BTR.SILM or LBKM: it is on the bus, or not".to_owned());
@@ -307,7 +308,7 @@ impl Can {
             let btr = self.btr;
             return Err(format!("CAN_BTR = {btr:#010x}: a bit of {bit}/144 us, and that of the bus is 1 us"));
         }
-        // Bus-off ends by initialisation, and the wait for 128 times 11 recessive bits after it (RM0008 24.7.6).
+        // Bus-off ends by initialization and 128 times 11 recessive bits (RM0008 24.7.6).
         let wait = if self.errors.is_bus_off() { 128 * IDLE } else { IDLE };
         Ok(Mode::Joining { at: now + wait, shows })
     }
@@ -344,8 +345,8 @@ impl Peripheral for Can {
             0x14 if value & !ier::ALL != 0 => return Err(format!("CAN_IER = {value:#x}: reserved bits")),
             0x14 => self.ier = value,
             0x18 => self.errors.write_status(value),
-            // Otherwise it is protected (RM0008 24.9.2).
-            0x1C if self.mode == Mode::Initialisation => self.btr = value & (btr::MODES | btr::TIMING),
+            // Write-protected otherwise (RM0008 24.9.2).
+            0x1C if self.mode == Mode::Initialization => self.btr = value & (btr::MODES | btr::TIMING),
             0x1C => {}
             0x180..0x1B0 => self.mailboxes.write(offset - 0x180, value)?,
             0x1B0..0x1D0 => return Err("a receive FIFO cannot be written".to_owned()),

@@ -1,16 +1,16 @@
-//! What all timers count with: prescaler, counter, auto-reload (RM0008 14.3.1, 14.3.2, 15.3.1, 15.3.2).
+//! The counter of all timers: prescaler, counter, auto-reload (RM0008 14.3.1, 14.3.2, 15.3.1, 15.3.2).
 //!
-//! It is a function of time: whoever looks at it first lets it catch up, from one turn to the next.
+//! A function of time, brought up to date when it is read, from one turn to the next.
 
 use crate::time::{NEVER, Time};
 
-/// Which way it counts.
+/// Counting mode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
-    /// From 0 to the top, and from 0 again.
+    /// Up: from 0 to ARR, and again from 0.
     #[default]
     Up,
-    /// From the top to 0.
+    /// Down: from ARR to 0.
     Down,
     /// Up and down again.
     Centre,
@@ -21,25 +21,25 @@ pub enum Direction {
 pub struct Counter {
     /// Ticks a clock of the timer.
     cycle: Time,
-    /// Since when it has its count; while it stands, nothing.
+    /// Time of the present count; unused while it is stopped.
     since: Time,
     /// CEN.
     pub running: bool,
     /// The count.
     pub count: u32,
-    /// DIR, as it is read: counting down.
+    /// DIR as read: counting down.
     pub down: bool,
-    /// Which way it was told to count.
+    /// Counting mode.
     pub direction: Direction,
-    /// PSC as it is read; it counts from the next update on.
+    /// PSC as read; takes effect at the next update.
     pub prescaler: u32,
-    /// ARR as it is read.
+    /// ARR as read.
     pub reload: u32,
-    /// ARPE: a new ARR counts from the next update on.
+    /// ARPE: a new ARR takes effect at the next update.
     pub buffered: bool,
-    /// Clocks a count, less one.
+    /// PSC in effect.
     divider: u32,
-    /// The ARR that counts.
+    /// ARR in effect.
     pub top: u32,
 }
 
@@ -74,7 +74,7 @@ impl Counter {
         Time::from(self.divider) + 1
     }
 
-    /// The timer's clock is another from `now` on, to which the counter has caught up.
+    /// Changes the timer's clock at `now`, to which the counter is up to date.
     pub fn set_cycle(&mut self, cycle: Time, now: Time) {
         if cycle != self.cycle {
             let clocks = now.saturating_sub(self.since) / self.cycle;
@@ -89,7 +89,7 @@ impl Counter {
         self.cycle
     }
 
-    /// Starts or stops it; it has caught up with `now`.
+    /// Starts or stops it; it is up to date with `now`.
     pub fn run(&mut self, on: bool, now: Time) {
         if on && !self.running {
             self.since = now;
@@ -97,10 +97,10 @@ impl Counter {
         self.running = on;
     }
 
-    /// Counts until it turns: 1 at least.
+    /// Counts until the next turn: at least 1.
     fn to_turn(&self) -> u32 {
         match (self.direction, self.down) {
-            // Beyond the top it goes to the end of its 16 bits.
+            // From beyond ARR it counts to the end of its 16 bits.
             (Direction::Up, _) => (if self.count <= self.top { self.top } else { 0xFFFF }) - self.count + 1,
             (Direction::Down, _) => self.count + 1,
             (Direction::Centre, false) if self.count >= self.top => 1,
@@ -109,14 +109,14 @@ impl Counter {
         }
     }
 
-    /// When it next turns, or is at one of the `counts`.
+    /// Time of the next turn, or of the next of these `counts`.
     #[must_use]
     pub fn next_stop(&self, counts: &[u32]) -> Time {
-        // With ARR 0 it stands (RM0008 14.4.12).
+        // With ARR 0 the counter stands still (RM0008 14.4.12).
         if !self.running || self.top == 0 {
             return NEVER;
         }
-        // What is behind it is beyond any turn, and so is where it is.
+        // A count in the other direction comes after the turn; so does the present one.
         let to_count = |count: u32| {
             if self.down { self.count.wrapping_sub(count) } else { count.wrapping_sub(self.count) }
         };
@@ -125,7 +125,8 @@ impl Counter {
         self.since + Time::from(ahead) * self.step()
     }
 
-    /// Lets it count to `now`, which is not past [`Self::next_stop`]. Whether it turned: an overflow or an underflow.
+    /// Counts up to `now`, which is not past [`Self::next_stop`]. Returns whether it turned: an overflow or
+    /// underflow.
     pub fn advance(&mut self, now: Time) -> bool {
         if !self.running || self.top == 0 {
             return false;
@@ -148,13 +149,13 @@ impl Counter {
         true
     }
 
-    /// An update takes over what was buffered.
+    /// Update: the buffered values take effect.
     pub fn update(&mut self) {
         self.divider = self.prescaler;
         self.top = self.reload;
     }
 
-    /// UG, or a slave's reset: begins anew at `now`, with what an update has taken over before.
+    /// UG, or a slave reset: restarts at `now` after an update.
     pub fn restart(&mut self, now: Time) {
         self.since = now;
         self.down = self.direction == Direction::Down;
@@ -169,7 +170,7 @@ impl Counter {
         }
     }
 
-    /// Writes CNT at `now`; the prescaler goes on.
+    /// Writes CNT at `now`; the prescaler is not restarted.
     pub fn set_count(&mut self, count: u32) {
         self.count = count;
     }
@@ -188,7 +189,7 @@ mod tests {
         counter
     }
 
-    /// Counts at consecutive clocks, and where it turned.
+    /// Counts at consecutive clocks, and the turns.
     fn counts(counter: &mut Counter, clocks: u64) -> (Vec<u32>, Vec<u64>) {
         let mut turns = Vec::new();
         let mut seen = Vec::new();
@@ -202,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn up_down_and_centre() {
+    fn up_down_and_centered() {
         let (seen, turns) = counts(&mut counter(Direction::Up, 3), 9);
         assert_eq!((seen, turns), (vec![0, 1, 2, 3, 0, 1, 2, 3, 0], vec![4, 8]));
         let (seen, turns) = counts(&mut counter(Direction::Down, 3), 9);
@@ -213,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_prescaler_counts_from_an_update_on() {
+    fn prescaler_takes_effect_at_update() {
         let mut counter = counter(Direction::Up, 9);
         counter.prescaler = 71;
         assert_eq!(counter.next_stop(&[]), 20);
@@ -227,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn another_clock_keeps_the_clocks_that_were_counted() {
+    fn clock_change_keeps_counted_clocks() {
         let mut counter = counter(Direction::Up, 99);
         counter.prescaler = 9;
         counter.update();
@@ -242,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn it_stops_where_it_is_told_and_at_the_turn() {
+    fn next_stop_is_a_given_count_or_the_turn() {
         let counter = counter(Direction::Centre, 1800);
         assert_eq!(counter.next_stop(&[85, 900]), 170);
         assert_eq!(counter.next_stop(&[0, 1801]), 3600);

@@ -1,9 +1,9 @@
-//! External interrupts of the ports' pins (RM0008 10.3). No program of the board uses them.
+//! External interrupts of pins (RM0008 10.3). No program of the board uses them.
 
 use super::{Peripheral, RegisterResult};
 use crate::time::Time;
 
-/// Lines of pins; those of the supply, the clock and USB are not here.
+/// Lines of pins; those of supply, clock and USB are not modeled.
 const LINES: u32 = 0xFFFF;
 
 /// Its registers.
@@ -14,30 +14,30 @@ pub struct Exti {
     rising: u32,
     falling: u32,
     pending: u32,
-    /// What the pins were last, while anybody waits for an edge.
+    /// Last levels, while any line waits for an edge.
     levels: Option<u32>,
 }
 
 impl Exti {
-    /// Whether anybody waits for an edge.
+    /// Whether any line waits for an edge.
     #[must_use]
     pub const fn listens(&self) -> bool {
         (self.rising | self.falling) != 0
     }
 
-    /// The levels at the pins that the lines listen to, a bit a line.
+    /// Sets the levels of the lines, a bit each.
     pub fn set_inputs(&mut self, levels: u32) {
         let before = self.levels.replace(levels).unwrap_or(levels);
         let (up, down) = (levels & !before, before & !levels);
         self.pending |= up & self.rising | down & self.falling;
     }
 
-    /// Nobody waits for an edge: the next levels are no change.
+    /// No line waits for an edge: forget the levels.
     pub const fn forget(&mut self) {
         self.levels = None;
     }
 
-    /// Which lines interrupt.
+    /// Lines that request an interrupt.
     #[must_use]
     pub const fn interrupts(&self) -> u32 {
         self.pending & self.imr
@@ -63,7 +63,7 @@ impl Peripheral for Exti {
         }
         match offset {
             0x00 => self.imr = value,
-            // An event wakes a core that waits for one.
+            // An event wakes a core in WFE.
             0x04 if value == 0 => self.emr = 0,
             0x04 => return Err("events".to_owned()),
             0x08 => self.rising = value,
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_edge_stays_pending_until_its_bit_is_written() {
+    fn edge_is_pending_until_cleared() {
         let mut exti = Exti::default();
         exti.write(0x00, 0b11, 0).unwrap();
         exti.write(0x08, 0b101, 0).unwrap();

@@ -1,8 +1,8 @@
 //! 128 KiB of flash in pages of 1 KiB: programming by half-words, page erase, busy times (RM0008 3, PM0075).
 //!
-//! An operation's result is there as soon as it begins, and [`Flash::busy_until`] says until when nobody can see it: the core
-//! waits. If a reset or the power's failure comes before, the result is taken back in part, as chance (seeded) will have it.
-//! Not modelled: option bytes, write and read protection, the FPEC's interrupt.
+//! An operation takes effect when it begins; until [`Flash::busy_until`] the core stalls on the flash. If a
+//! reset or power failure comes before, a random (seeded) part of the effect is undone. Not modeled: option
+//! bytes, write and read protection, the FPEC's interrupt.
 
 #[cfg(test)]
 mod tests;
@@ -20,7 +20,7 @@ pub const PROGRAM: Time = 105 * US / 2;
 /// Erasing a page, or all of them: 40 ms (DS5319 5.3.9, maximum).
 pub const ERASE: Time = 40_000 * US;
 
-/// What unlocks CR, one after the other (PM0075 2.3.2).
+/// The keys that unlock CR, in order (PM0075 2.3.2).
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
 /// Bits of ACR (PM0075 3.1): latency, half-cycle access, prefetch buffer, and its state.
@@ -49,53 +49,53 @@ mod cr {
     pub const LOCK: u32 = 1 << 7;
 }
 
-/// How far CR has been unlocked.
+/// State of CR's lock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Lock {
-    /// So many keys have been right.
+    /// Number of correct keys so far.
     Keys(usize),
-    /// A wrong one: until the next reset (PM0075 2.3.2; the bus error that goes with it is not modelled).
+    /// A wrong key: locked until the next reset (PM0075 2.3.2; its bus error is not modeled).
     Jammed,
 }
 
-/// What is done to the flash; addresses in the flash proper.
+/// Kind of operation, with its offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
-    /// A half-word is programmed.
+    /// Program a half-word.
     Program(u32, u16),
-    /// The page that begins there is erased.
+    /// Erase the page that begins here.
     Erase(u32),
-    /// All pages are.
+    /// Erase all pages.
     EraseAll,
 }
 
 /// An operation that has begun.
 #[derive(Clone, Debug)]
 struct Begun {
-    /// Which one, since the flash was made.
+    /// Number of the operation since the flash was made.
     number: u64,
-    /// Where it is, an offset, and what was there.
+    /// Offset and former contents.
     at: usize,
     old: Vec<u8>,
     erase: bool,
 }
 
-/// A planned failure of the power.
+/// A planned power failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cut {
     None,
-    /// In the operation of this number.
+    /// Number of the operation that it hits.
     At(u64),
-    /// It is there: nothing has an effect any more.
+    /// It has happened: operations have no effect.
     Dead,
 }
 
 /// The flash and its registers.
 #[derive(Clone, Debug)]
 pub struct Flash {
-    /// Its bytes.
+    /// Contents.
     pub bytes: Vec<u8>,
-    /// Until when an operation keeps it busy: fetches and reads wait.
+    /// End of the present operation: fetches and reads stall until then.
     pub busy_until: Time,
     acr: u32,
     lock: Lock,
@@ -104,10 +104,10 @@ pub struct Flash {
     cr: u32,
     ar: u32,
     log: Vec<Operation>,
-    /// The last operation, until another one begins or it is interrupted.
+    /// The last operation, until another begins or it is interrupted.
     last: Option<Begun>,
     cut: Cut,
-    /// What an interrupted operation leaves is drawn from it.
+    /// State of the random numbers for interrupted operations.
     seed: u64,
 }
 
@@ -130,8 +130,8 @@ impl Default for Flash {
 }
 
 impl Flash {
-    /// The registers as after a reset: locked. An operation that is under way ends here, half done. After a cut the flash works
-    /// again; one that has not come yet stays planned.
+    /// Resets the registers: locked. An operation in progress stays half done. After a power failure the
+    /// flash works again; a planned one stays planned.
     pub fn reset(&mut self, now: Time) {
         if self.busy_until > now {
             self.interrupt();
@@ -146,33 +146,33 @@ impl Flash {
         (self.sr, self.cr, self.ar) = (0, cr::LOCK, 0);
     }
 
-    /// Operations (half-words programmed, pages erased) since the flash was made; erasing all of it is one.
+    /// Operations (half-words programmed, pages erased) since the flash was made; a mass erase is one.
     #[must_use]
     pub const fn operations(&self) -> u64 {
         self.log.len() as u64
     }
 
-    /// All operations since the flash was made, those after a cut too.
+    /// The same, including those after a power failure.
     #[must_use]
     pub fn log(&self) -> &[Operation] {
         &self.log
     }
 
-    /// The power fails in the middle of the operation that follows `operations` more; `seed` decides what that leaves. From
-    /// then on no operation has an effect until [`Self::reset`]: whoever has the chip is to switch its power off when
-    /// [`Self::is_cut`].
+    /// Plans a power failure in the middle of the operation after `operations` more; `seed` decides what that
+    /// leaves. From then on operations have no effect until [`Self::reset`]: the caller switches the power
+    /// off when [`Self::is_cut`].
     pub const fn cut_after(&mut self, operations: u64, seed: u64) {
         self.cut = Cut::At(self.operations() + operations);
         self.seed = seed;
     }
 
-    /// Whether the planned failure of the power has come.
+    /// Whether the planned power failure has happened.
     #[must_use]
     pub fn is_cut(&self) -> bool {
         self.cut == Cut::Dead
     }
 
-    /// Writes as a programmer does at the bench: no timing, no rules. Bytes beyond the flash are dropped.
+    /// Writes without timing or rules, as a programmer on the bench. Bytes beyond the flash are ignored.
     pub fn load(&mut self, address: u32, bytes: &[u8]) {
         let at = address.wrapping_sub(FLASH.start) as usize;
         for (to, from) in self.bytes.iter_mut().skip(at).zip(bytes) {
@@ -180,24 +180,24 @@ impl Flash {
         }
     }
 
-    /// Wait states that accesses have (ACR.LATENCY).
+    /// Wait states of accesses (ACR.LATENCY).
     #[must_use]
     pub const fn wait_states(&self) -> u32 {
         self.acr & acr::LATENCY
     }
 
-    /// Reads at an offset; only within the flash.
+    /// Reads at an offset within the flash.
     ///
     /// # Errors
-    /// None yet.
+    /// None at present.
     pub fn read(&mut self, offset: u32, size: Size) -> Result<u32, AccessError> {
         let at = offset as usize;
         let byte = |i: usize| u32::from(self.bytes.get(at + i).copied().unwrap_or(0xFF)) << (8 * i);
         Ok((0..size.bytes() as usize).map(byte).sum())
     }
 
-    /// A write to an address of the flash: programs, if the registers allow it (PM0075 2.3.3). A half-word that is not erased
-    /// is left as it is, with PGERR, unless 0 is written.
+    /// Writes to the flash: programs if the registers allow it (PM0075 2.3.3). A half-word that is not erased
+    /// keeps its value and sets PGERR, unless 0 is written.
     ///
     /// # Errors
     /// A bus error: a width other than 16 bits, an odd offset, or CR.PG not set.
@@ -206,7 +206,7 @@ impl Flash {
             return Err(AccessError::Bus);
         }
         if self.cr & (cr::PER | cr::MER) != 0 {
-            return Err(AccessError::NotModelled("programming with FLASH_CR.PER or MER set".to_owned()));
+            return Err(AccessError::NotModeled("programming with FLASH_CR.PER or MER set".to_owned()));
         }
         let at = offset as usize;
         let [low, high, ..] = value.to_le_bytes();
@@ -220,7 +220,7 @@ impl Flash {
         Ok(())
     }
 
-    /// CR.STRT: erases what PER or MER say (PM0075 2.3.4).
+    /// CR.STRT: erases by PER or MER (PM0075 2.3.4).
     fn start(&mut self, now: Time) -> RegisterResult<()> {
         let (at, len, operation) = match self.cr & (cr::PER | cr::MER | cr::PG) {
             cr::PER if FLASH.holds(self.ar.into(), 1) => {
@@ -240,7 +240,7 @@ impl Flash {
         Ok(())
     }
 
-    /// Begins the operation that was logged last.
+    /// Begins the last logged operation.
     fn begin(&mut self, at: usize, new: &[u8], until: Time) {
         let number = self.operations() - 1;
         let erase = !matches!(self.log.last(), Some(Operation::Program(..)));
@@ -258,14 +258,14 @@ impl Flash {
         }
     }
 
-    /// The last operation is only half done: what that leaves is what the simulated boards' flash leaves
+    /// Leaves the last operation half done, by the same rules as the simulated boards' flash
     /// (`hil_sim::rig::flash`).
     fn interrupt(&mut self) {
         let Some(Begun { number, at, old, erase }) = self.last.take() else { return };
         let mut rng = Pcg64Mcg::new(u128::from(self.seed) << 64 | u128::from(number));
         let Some(bytes) = self.bytes.get_mut(at..at + old.len()) else { return };
         if !erase {
-            // Bits that should have fallen and did not.
+            // Some bits did not fall.
             let kept = rng.random::<u16>().to_le_bytes();
             for ((byte, old), kept) in bytes.iter_mut().zip(old).zip(kept) {
                 *byte = old & (*byte | kept);
@@ -273,7 +273,7 @@ impl Flash {
             return;
         }
         match rng.random_range(0..4) {
-            // Hardly begun, hardly ended, in between: some bits up, or all of them anyhow.
+            // Interrupted early, late, or in between: some bits, all, or none are erased.
             0 => bytes.copy_from_slice(&old),
             1 => {}
             2 => bytes.iter_mut().zip(old).for_each(|(byte, old)| *byte = old | rng.random::<u8>()),
@@ -293,13 +293,13 @@ impl Flash {
         }
     }
 
-    /// Without a lock; LOCK can only be set here (PM0075 3.5).
+    /// A write without lock; LOCK can only be set here (PM0075 3.5).
     fn write_cr(&mut self, value: u32, now: Time) -> RegisterResult<()> {
         if self.cr & cr::LOCK != 0 {
             return Ok(());
         }
-        let modelled = cr::PG | cr::PER | cr::MER | cr::STRT | cr::LOCK;
-        if value & !modelled != 0 {
+        let modeled = cr::PG | cr::PER | cr::MER | cr::STRT | cr::LOCK;
+        if value & !modeled != 0 {
             return Err("FLASH_CR: option bytes and interrupts are not there".to_owned());
         }
         if now < self.busy_until {
@@ -318,13 +318,13 @@ impl Peripheral for Flash {
         let busy = now < self.busy_until;
         Ok(match offset {
             0x00 => self.acr | if self.acr & acr::PRFTBE != 0 { acr::PRFTBS } else { 0 },
-            // Keys are written only.
+            // Write-only.
             0x04 | 0x08 => 0,
             0x0C if busy => self.sr & !sr::EOP | sr::BSY,
             0x0C => self.sr,
             0x10 if busy && self.last.as_ref().is_some_and(|last| last.erase) => self.cr | cr::STRT,
             0x10 => self.cr,
-            // Written only.
+            // Write-only.
             0x14 => 0,
             _ => {
                 return Err(format!(
@@ -346,7 +346,7 @@ impl Peripheral for Flash {
             0x04 => self.write_key(value),
             0x0C => self.sr &= !(value & (sr::EOP | sr::PGERR | sr::WRPRTERR)),
             0x10 => self.write_cr(value, now)?,
-            // Protected during an operation (PM0075 3.6).
+            // Write-protected during an operation (PM0075 3.6).
             0x14 if now < self.busy_until => {}
             0x14 => self.ar = value,
             _ => {

@@ -1,24 +1,24 @@
-//! The ports: modes of pins, outputs, inputs (RM0008 9).
+//! Ports: pin modes, outputs, inputs (RM0008 9).
 
 use super::{Peripheral, RegisterResult};
 use crate::time::Time;
 
-/// How a pin is set (RM0008 9.1, table 20).
+/// Pin mode (RM0008 9.1, table 20).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// The ADC's; as a digital input it reads 0.
+    /// Analog; reads 0 as a digital input.
     Analog,
-    /// Nothing of the chip holds it.
+    /// Floating.
     Floating,
-    /// Pulled up or down by some 40 kilo-ohm, as its bit of ODR says.
+    /// Pulled up or down by about 40 kilo-ohm, by its bit of ODR.
     Pulled,
-    /// Driven to its bit of ODR.
+    /// Push-pull by its bit of ODR.
     PushPull,
-    /// Driven low by a 0 in ODR, else open.
+    /// Open drain by its bit of ODR.
     OpenDrain,
-    /// Driven by a peripheral.
+    /// Push-pull by a peripheral.
     AlternatePushPull,
-    /// Driven low by a peripheral, or open.
+    /// Open drain by a peripheral.
     AlternateOpenDrain,
 }
 
@@ -55,7 +55,7 @@ impl Port {
 /// Ports A to E, at 1 KiB each.
 #[derive(Clone, Debug)]
 pub struct Gpio {
-    /// What the world does to each pin: a level, or nothing (open).
+    /// Outside level of each pin; `None` is open.
     pub driven: [[Option<bool>; 16]; 5],
     ports: [Port; 5],
 }
@@ -67,19 +67,19 @@ impl Default for Gpio {
 }
 
 impl Gpio {
-    /// As after a reset: all pins floating inputs.
+    /// Reset state: all pins are floating inputs.
     pub fn reset(&mut self) {
         self.ports = [Port::RESET; 5];
     }
 
-    /// How a pin is set (port A is 0).
+    /// Mode of a pin (port A is 0).
     #[must_use]
     pub fn mode(&self, port: usize, pin: usize) -> Mode {
-        // The reserved code is refused when it is written.
+        // A write of the reserved code is rejected.
         self.ports[port].mode(pin).unwrap_or(Mode::Floating)
     }
 
-    /// What the port itself drives a pin to: `None` if it is no output, or an open one.
+    /// Level that the port drives a pin to: `None` if it is no output, or an open one.
     #[must_use]
     pub fn output(&self, port: usize, pin: usize) -> Option<bool> {
         let odr = self.ports[port].odr(pin);
@@ -90,8 +90,8 @@ impl Gpio {
         }
     }
 
-    /// The level at a pin (port A is 0): what drives it, or its pull. What nothing holds is high here, and so is a pin that a
-    /// peripheral drives: what it drives it to is not in this model.
+    /// Level at a pin (port A is 0): the driver's, or its pull's. Reads high if nothing drives it, or a
+    /// peripheral does, whose level this model does not know.
     #[must_use]
     pub fn level(&self, port: usize, pin: usize) -> bool {
         let open = match self.mode(port, pin) {
@@ -102,7 +102,7 @@ impl Gpio {
         self.output(port, pin).or(self.driven[port][pin]).unwrap_or(open)
     }
 
-    /// A pin that the port drives to the one level and the world to the other.
+    /// Whether port and outside drive a pin to opposite levels.
     #[must_use]
     pub fn conflict(&self) -> Option<String> {
         for (port, name) in ['A', 'B', 'C', 'D', 'E'].into_iter().enumerate() {
@@ -148,7 +148,7 @@ impl Peripheral for Gpio {
             // IDR is read-only.
             0x08 => {}
             0x0C => port.odr = value & 0xFFFF,
-            // What is both set and reset is set (RM0008 9.2.5).
+            // BS wins over BR (RM0008 9.2.5).
             0x10 => port.odr = port.odr & !(value >> 16) | value & 0xFFFF,
             0x14 => port.odr &= !value,
             0x18 if value == 0 => {}
@@ -169,7 +169,7 @@ mod tests {
     const B: u32 = 0x400;
 
     #[test]
-    fn pulls_and_outputs_and_the_world() {
+    fn level_follows_pull_output_and_outside() {
         let mut gpio = Gpio::default();
         assert_eq!(gpio.read(B, 0), Ok(0x4444_4444));
         // PB6 pulled, PB5 push-pull 2 MHz, PB4 open drain, PB3 analog.
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn set_wins_over_reset_and_brr_resets() {
+    fn set_wins_over_reset() {
         let mut gpio = Gpio::default();
         gpio.write(0x0C, 0b1010, 0).unwrap();
         gpio.write(0x10, 0b1110 << 16 | 0b0100, 0).unwrap();
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn two_that_drive_a_pin_are_an_error() {
+    fn opposing_drivers_are_an_error() {
         let mut gpio = Gpio::default();
         gpio.driven[0][8] = Some(true);
         let text = gpio.write(4, 0x4444_4441, 0).unwrap_err();
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_it_lacks_it_says() {
+    fn unmodeled_bits_are_errors() {
         let mut gpio = Gpio::default();
         assert!(gpio.write(0x18, 0x1_0000, 0).is_err());
         assert!(gpio.write(0, 0xC, 0).unwrap_err().contains("pin 0"));

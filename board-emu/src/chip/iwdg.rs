@@ -6,30 +6,30 @@ mod tests;
 use super::{Peripheral, RegisterResult};
 use crate::time::{HZ, NEVER, Time};
 
-/// KR: PR and RLR may be written; the counter is reloaded; it starts (RM0008 19.4.1).
+/// Keys of KR: unlock PR and RLR; reload; start (RM0008 19.4.1).
 const UNLOCK: u32 = 0x5555;
 /// See [`UNLOCK`].
 const RELOAD: u32 = 0xAAAA;
 /// See [`UNLOCK`].
 const START: u32 = 0xCCCC;
 
-/// What the counter starts from, and RLR after a reset.
+/// First count, and reset value of RLR.
 const TOP: u32 = 0xFFF;
 
-/// Cycles of the oscillator that PR and RLR take to be taken over: 5 at most (RM0008 19.4.4).
+/// Oscillator cycles until PR and RLR take effect: 5 at most (RM0008 19.4.4).
 const UPDATE: u64 = 5;
 
-/// Its oscillator's nominal frequency, and the data sheet's range (DS5319 table 25).
+/// Nominal frequency of its oscillator, and its range (DS5319 table 25).
 const NOMINAL_HZ: u32 = 40_000;
 
-/// A register that is taken over by the other clock a while after it is written.
+/// A register that takes effect in the other clock domain some time after its write.
 #[derive(Clone, Copy, Debug)]
 struct Late {
-    /// In force.
+    /// In effect.
     present: u32,
     /// Written.
     next: u32,
-    /// When it is taken over; [`NEVER`] if it has been, or while the oscillator stands.
+    /// When the written value takes effect; [`NEVER`] if it has, or while the oscillator is off.
     at: Time,
 }
 
@@ -43,18 +43,18 @@ impl Late {
     }
 }
 
-/// The watchdog, with an oscillator of its own.
+/// The watchdog with its oscillator.
 #[derive(Clone, Debug)]
 pub struct Iwdg {
-    /// It has expired: the chip is to be reset.
+    /// Expired: the chip must be reset.
     pub expired: bool,
     hz: u32,
-    /// It counts: until a reset, nothing stops it.
+    /// Running: only a reset stops it.
     running: bool,
     unlocked: bool,
     prescaler: Late,
     reload: Late,
-    /// The counter, and when it was that.
+    /// Count, and its time.
     count: u32,
     since: Time,
 }
@@ -75,17 +75,17 @@ impl Default for Iwdg {
 }
 
 impl Iwdg {
-    /// Stopped, as after a reset; its oscillator stays what it is.
+    /// Reset state: stopped. The oscillator's frequency stays.
     pub fn reset(&mut self) {
         *self = Self { hz: self.hz, ..Self::default() };
     }
 
-    /// Sets what frequency its oscillator really has: 30 to 60 kHz (DS5319 table 25). Before it runs.
+    /// Sets the actual frequency of its oscillator: 30 to 60 kHz (DS5319 table 25). Before it runs.
     pub const fn set_oscillator(&mut self, hz: u32) {
         self.hz = hz;
     }
 
-    /// So many cycles of its oscillator, in ticks.
+    /// Oscillator cycles in ticks.
     fn cycles(&self, count: u64) -> Time {
         count * HZ / u64::from(self.hz)
     }
@@ -95,12 +95,12 @@ impl Iwdg {
         4 << self.prescaler.present.min(6)
     }
 
-    /// When the counter comes to its end: it is at 0 for a count as well (RM0008 19.3, table 96).
+    /// Time of expiry: the count 0 lasts a count as well (RM0008 19.3, table 96).
     fn expiry(&self) -> Time {
         self.since + self.cycles((u64::from(self.count) + 1) * self.divider())
     }
 
-    /// Takes over what is due by `now`.
+    /// Makes values take effect that are due by `now`.
     fn settle(&mut self, now: Time) {
         if self.reload.at <= now {
             self.reload = Late::new(self.reload.next);
@@ -114,7 +114,7 @@ impl Iwdg {
         }
     }
 
-    /// When a register that is written now is taken over.
+    /// When a register written now takes effect.
     fn update_at(&self, now: Time) -> Time {
         if self.running { now + self.cycles(UPDATE) } else { NEVER }
     }
@@ -133,7 +133,7 @@ impl Iwdg {
         }
     }
 
-    /// Writes PR or RLR, which a key has opened.
+    /// Writes PR or RLR, unlocked by a key.
     fn write_late(&mut self, name: &str, value: u32, now: Time) -> RegisterResult<()> {
         let at = self.update_at(now);
         let unlocked = self.unlocked;
@@ -146,7 +146,7 @@ impl Iwdg {
                 "IWDG_{name} is written before it has taken over what was written last (RM0008 19.4)"
             ));
         }
-        // The same value takes as long.
+        // An unchanged value takes as long.
         (register.next, register.at) = (value, at);
         Ok(())
     }
@@ -156,7 +156,7 @@ impl Peripheral for Iwdg {
     fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         self.settle(now);
         match offset {
-            // Written only.
+            // Write-only.
             0x0 => Ok(0),
             0x4 if !self.prescaler.is_waiting() => Ok(self.prescaler.present),
             0x8 if !self.reload.is_waiting() => Ok(self.reload.present),
@@ -173,7 +173,7 @@ impl Peripheral for Iwdg {
         self.settle(now);
         match offset {
             0x0 => {
-                // Any other key closes PR and RLR again (RM0008 19.3.2).
+                // Any other key locks PR and RLR again (RM0008 19.3.2).
                 self.unlocked = value & 0xFFFF == UNLOCK;
                 match value & 0xFFFF {
                     START => self.start(now),

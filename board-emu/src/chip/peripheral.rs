@@ -1,30 +1,30 @@
-//! What every block of registers implements, and the words for an access to it.
+//! The interface of every block of registers, and the results of an access.
 
 use crate::time::{NEVER, Time};
 
-/// The result of an access to a register; the error says what is not modelled.
+/// The result of an access to a register; the error names what is not modeled.
 pub type RegisterResult<T> = Result<T, String>;
 
-/// A block of registers. All accesses are of 32 bits, at offsets that are multiples of four; `now` is when.
+/// A block of registers. Accesses have 32 bits at offsets that are multiples of four; `now` is their time.
 pub trait Peripheral {
-    /// Reads a register, with what reading does to it.
+    /// Reads a register, with its side effects.
     ///
     /// # Errors
-    /// What is not modelled.
+    /// The register or bit is not modeled.
     fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32>;
 
     /// Writes a register.
     ///
     /// # Errors
-    /// What is not modelled: also bits that the real one obeys and this one does not.
+    /// The register or bit is not modeled, but has an effect on the chip.
     fn write(&mut self, offset: u32, value: u32, now: Time) -> RegisterResult<()>;
 
-    /// When it next does something by itself that anybody can notice: an interrupt, a trigger, a pin.
+    /// Time of the next event that is visible outside: an interrupt, a trigger, a pin.
     fn next_event(&self) -> Time {
         NEVER
     }
 
-    /// Lets time pass to `now`, which is not past [`Self::next_event`].
+    /// Advances to `now`, which is not past [`Self::next_event`].
     fn advance(&mut self, now: Time) {
         let _ = now;
     }
@@ -36,7 +36,7 @@ pub enum AccessError {
     /// The bus answers with an error (a BusFault): nothing is at the address, or the flash is locked.
     Bus,
     /// The model lacks it: the run ends.
-    NotModelled(String),
+    NotModeled(String),
 }
 
 /// Width of an access.
@@ -62,7 +62,7 @@ impl Size {
     }
 }
 
-/// Why the chip starts again.
+/// Cause of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
     /// The supply came up, or sagged below the threshold of power-on reset.

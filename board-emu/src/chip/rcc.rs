@@ -1,8 +1,8 @@
 //! Clocks and the cause of the last reset (RM0008 7).
 //!
-//! Modelled: the HSI and HSE oscillators and the PLL with their start-up times, the system clock and its dividers, the clock
-//! security system, the clock and reset bits of peripherals, the LSI as far as CSR shows it, and the reset flags. Not
-//! modelled: LSE and RTC, the interrupts of ready flags, MCO.
+//! Modeled: HSI, HSE and PLL with their start-up times, the system clock and its dividers, the clock security
+//! system, clock enable and reset bits of peripherals, the LSI as CSR shows it, and the reset flags. Not
+//! modeled: LSE and RTC, ready interrupts, MCO.
 
 #[cfg(test)]
 mod tests;
@@ -13,7 +13,7 @@ use super::{Peripheral, RegisterResult};
 use crate::time::{NEVER, Time, US};
 use tree::{Source, Tree};
 
-/// The crystal's start-up: 2 ms (DS5319 table 22, typical).
+/// Start-up of the crystal: 2 ms (DS5319 table 22, typical).
 pub const HSE_START: Time = 2000 * US;
 /// The PLL's lock time: 200 us (DS5319 table 28, maximum).
 pub const PLL_LOCK: Time = 200 * US;
@@ -39,7 +39,7 @@ mod cr {
 mod cfgr {
     pub const SW: u32 = 3;
     pub const SWS: u32 = 3 << 2;
-    /// What may be written only while the PLL is off: source, divider of the crystal, factor.
+    /// Fields that may be written only while the PLL is off: source, divider of the crystal, factor.
     pub const PLL: u32 = 0x3F << 16;
     pub const MCO: u32 = 7 << 24;
     /// Reserved bits.
@@ -67,20 +67,20 @@ mod csr {
 /// Clocks and reset.
 #[derive(Clone, Debug)]
 pub struct Rcc {
-    /// The crystal oscillates if it is told to.
+    /// Whether the crystal works.
     crystal: bool,
-    /// What was written to CR, without the ready bits.
+    /// CR as written, without the ready bits.
     cr: u32,
-    /// Since when each oscillator has been ready, or will be; [`NEVER`] if it is off.
+    /// When each oscillator is ready; [`NEVER`] if it is off.
     hsi_ready: Time,
     hse_ready: Time,
     pll_ready: Time,
     lsi_ready: Time,
     /// CFGR without SWS.
     cfgr: u32,
-    /// What the system clock is.
+    /// Source of the system clock.
     source: Source,
-    /// The clock security system has seen the crystal fail.
+    /// The clock security system has detected a failure of the crystal.
     clock_failed: bool,
     apb2rstr: u32,
     apb1rstr: u32,
@@ -89,9 +89,9 @@ pub struct Rcc {
     apb1enr: u32,
     /// Reset flags of CSR.
     flags: u32,
-    /// Blocks that are to be reset.
+    /// Blocks to be reset.
     resets: Vec<u32>,
-    /// All cycles, as they follow from the above.
+    /// All cycles that follow from the above.
     tree: Tree,
 }
 
@@ -122,8 +122,8 @@ impl Default for Rcc {
 }
 
 impl Rcc {
-    /// All as after a reset; the flags say which. The chip pulls its own NRST low at every reset, so that PINRSTF is always
-    /// set (RM0008 7.1.1, figure 4); flags add up until RMVF or a power-on reset.
+    /// Resets all registers and sets the flag of the cause. PINRSTF is always set, because the chip pulls its
+    /// own NRST low at every reset (RM0008 7.1.1, figure 4). Flags accumulate until RMVF or a power-on reset.
     pub fn reset(&mut self, cause: Reset) {
         let flags = csr::PINRSTF
             | match cause {
@@ -133,18 +133,18 @@ impl Rcc {
                 Reset::Watchdog => csr::IWDGRSTF,
             };
         self.flags = if cause == Reset::Power { flags } else { self.flags | flags };
-        // The trimming's middle; the RC oscillator runs (RM0008 7.3.1).
+        // Middle of the trimming; the RC oscillator runs (RM0008 7.3.1).
         self.cr = cr::HSION | 16 << 3;
         (self.hsi_ready, self.hse_ready, self.pll_ready, self.lsi_ready) = (0, NEVER, NEVER, NEVER);
         (self.cfgr, self.source, self.tree) = (0, Source::Hsi, Tree::RESET);
         self.clock_failed = false;
         (self.apb2rstr, self.apb1rstr) = (0, 0);
-        // RAM and the flash interface while asleep (RM0008 7.3.6).
+        // Clocks of RAM and flash interface in sleep mode (RM0008 7.3.6).
         (self.ahbenr, self.apb2enr, self.apb1enr) = (0x14, 0, 0);
         self.resets.clear();
     }
 
-    /// Whether the clock of the peripheral at an address is on, and it is not held in reset.
+    /// Whether the peripheral at an address is clocked and not held in reset.
     #[must_use]
     pub fn is_clocked(&self, address: u32) -> bool {
         match tree::switch(address) {
@@ -155,7 +155,7 @@ impl Rcc {
         }
     }
 
-    /// The first address of a block that a bit of APB1RSTR or APB2RSTR resets, once for each.
+    /// Takes the start addresses of the blocks that APB1RSTR or APB2RSTR resets.
     pub fn take_peripheral_reset(&mut self) -> Option<u32> {
         self.resets.pop()
     }
@@ -178,7 +178,7 @@ impl Rcc {
         self.tree.timer
     }
 
-    /// Ticks a cycle of the converter: 14 MHz at most, which is for the converter to check.
+    /// Ticks a cycle of the converter; it checks the limit of 14 MHz itself.
     #[must_use]
     pub const fn adc_cycle(&self) -> Time {
         self.tree.adc
@@ -190,8 +190,8 @@ impl Rcc {
         self.tree.apb1
     }
 
-    /// Wait states that the flash must have for the clock as it is and as it is about to be (PM0075 3.1: one above 24 MHz, two
-    /// above 48 MHz).
+    /// Wait states that the flash needs for the present and the selected clock (PM0075 3.1: one above 24 MHz,
+    /// two above 48 MHz).
     #[must_use]
     pub fn wait_states(&self) -> u32 {
         let coming = Tree::new(Source::from_bits(self.cfgr & cfgr::SW), self.cfgr);
@@ -199,20 +199,20 @@ impl Rcc {
         u32::from(hz > 24_000_000) + u32::from(hz > 48_000_000)
     }
 
-    /// Whether the RC oscillator runs, without which the flash can be neither programmed nor erased (PM0075 2.3).
+    /// Whether the RC oscillator runs: programming and erasing the flash needs it (PM0075 2.3).
     #[must_use]
     pub const fn is_hsi_on(&self) -> bool {
         self.cr & cr::HSION != 0
     }
 
-    /// Whether the core has no clock: its crystal is dead, and nobody watched it. It stands still where it is, and so does all
-    /// else but the watchdog.
+    /// Whether the core has no clock, because its crystal failed without the clock security system.
+    /// Everything but the watchdog stops.
     #[must_use]
     pub const fn is_stopped(&self) -> bool {
         !self.crystal && self.runs_from_crystal()
     }
 
-    /// Whether the clock security system has seen the crystal fail, which it says by NMI until told that it is seen.
+    /// Whether the clock security system has detected a failure of the crystal: an NMI until it is cleared.
     #[must_use]
     pub const fn clock_failed(&self) -> bool {
         self.clock_failed
@@ -226,7 +226,7 @@ impl Rcc {
         }
     }
 
-    /// The crystal dies (or comes back: what it was to drive starts again, after its start-up time if it was found out).
+    /// Makes the crystal fail or work again. A detected failure costs the start-up time again.
     pub fn set_crystal(&mut self, alive: bool, now: Time) {
         if self.crystal == alive {
             return;
@@ -239,7 +239,7 @@ impl Rcc {
             }
             return;
         }
-        // The security system watches from when the crystal has been ready (RM0008 7.2.7).
+        // The security system watches a crystal once it is ready (RM0008 7.2.7).
         if self.cr & cr::CSSON != 0 && self.hse_ready <= now {
             self.clock_failed = true;
             self.cr &= !cr::HSEON;
@@ -254,20 +254,20 @@ impl Rcc {
                 self.switch_to(Source::Hsi);
             }
         } else if self.hse_ready > now {
-            // It never gets ready.
+            // It never becomes ready.
             self.hse_ready = NEVER;
             self.start_pll(now);
         }
     }
 
-    /// Since when the PLL is locked, after a change of it or of its input.
+    /// When the PLL is locked after a change of it or of its input.
     fn start_pll(&mut self, now: Time) {
         let input = if tree::is_pll_from_crystal(self.cfgr) { self.hse_ready } else { self.hsi_ready };
         let on = self.cr & cr::PLLON != 0 && input != NEVER;
         self.pll_ready = if on { input.max(now) + PLL_LOCK } else { NEVER };
     }
 
-    /// When a source is ready, or was.
+    /// When a source is ready.
     const fn ready(&self, source: Source) -> Time {
         match source {
             Source::Hsi => self.hsi_ready,
@@ -276,13 +276,13 @@ impl Rcc {
         }
     }
 
-    /// What SW asks for.
+    /// The source that SW selects.
     const fn wanted(&self) -> Source {
         Source::from_bits(self.cfgr & cfgr::SW)
     }
 
     fn switch_to(&mut self, source: Source) {
-        // What cannot be is refused where it is written.
+        // A write rejects what is not allowed.
         if let Ok(tree) = Tree::new(source, self.cfgr) {
             (self.source, self.tree) = (source, tree);
         }
@@ -296,7 +296,7 @@ impl Rcc {
             | bit(self.pll_ready, cr::PLLRDY)
     }
 
-    /// What drives the system clock, or is to, cannot be switched off (RM0008 7.3.1).
+    /// The present or selected source of the system clock cannot be switched off (RM0008 7.3.1).
     fn write_cr(&mut self, value: u32, now: Time) -> RegisterResult<()> {
         let ours = cr::HSION | cr::HSITRIM | cr::HSEON | cr::HSEBYP | cr::CSSON | cr::PLLON;
         let mut new = value & ours;
@@ -418,7 +418,7 @@ impl Peripheral for Rcc {
         Ok(())
     }
 
-    /// When a source gets ready that the system clock waits for.
+    /// When the selected source becomes ready.
     fn next_event(&self) -> Time {
         let wanted = self.wanted();
         if wanted == self.source { NEVER } else { self.ready(wanted) }

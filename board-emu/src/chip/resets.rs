@@ -3,11 +3,11 @@
 use super::{Chip, Peripheral};
 use super::{afio, tim1, timer};
 
-/// A port's registers after a reset (RM0008 9.2): all pins floating inputs, all outputs low.
+/// Reset state of a port (RM0008 9.2): all pins floating inputs, all outputs low.
 const PORT: [(u32, u32); 3] = [(0x00, 0x4444_4444), (0x04, 0x4444_4444), (0x0C, 0)];
 
 impl Chip {
-    /// Resets the peripherals that APB1RSTR and APB2RSTR have been told to reset.
+    /// Resets the peripherals that APB1RSTR and APB2RSTR select.
     pub(super) fn reset_peripherals(&mut self) {
         while let Some(base) = self.rcc.take_peripheral_reset() {
             self.reset_peripheral(base);
@@ -20,11 +20,11 @@ impl Chip {
             0x4000_0400 => self.tim3 = timer::Timer::default(),
             0x4000_0800 => self.tim4 = timer::Timer::default(),
             0x4000_6400 => self.can.reset(),
-            // The external interrupts have no reset of their own.
+            // The EXTI has no reset bit.
             0x4001_0000 => self.afio = afio::Afio::default(),
             0x4001_0800..0x4001_1C00 => {
                 for (offset, value) in PORT {
-                    // A register that the ports do not model is not changed either.
+                    // A register that the ports do not model is unchanged.
                     let _ = self.gpio.write(base - 0x4001_0800 + offset, value, self.now);
                 }
             }
@@ -33,7 +33,7 @@ impl Chip {
                 self.tim1 = tim1::Tim1::default();
                 self.tim1.gates_changed = true;
             }
-            // Not modelled, and so already as after a reset.
+            // Not modeled, hence in reset state already.
             _ => {}
         }
     }

@@ -15,7 +15,7 @@ const fn bit(address: u32, bit: u32) -> u32 {
 }
 
 #[test]
-fn a_bit_of_ram_has_a_word() {
+fn bit_band_alias_reads_and_writes_ram() {
     let mut chip = Chip::new(1, [0; 3]);
     chip.write(0x2000_4FFC, Size::Word, 0x8000_0001).unwrap();
     assert_eq!(bit(0x2000_0300, 2), 0x2200_6008, "the manual's example");
@@ -31,7 +31,7 @@ fn a_bit_of_ram_has_a_word() {
 /// TIM3, counting to an update at once.
 fn flagged() -> Chip {
     let mut chip = Chip::new(1, [0; 3]);
-    // Its clock, where that is modelled.
+    // Its clock, where that is modeled.
     let _ = chip.write(0x4002_101C, Size::Word, 1 << 1);
     register(&mut chip, 0x4000_042C, Some(9));
     register(&mut chip, 0x4000_0414, Some(1));
@@ -39,7 +39,7 @@ fn flagged() -> Chip {
 }
 
 #[test]
-fn a_bit_of_a_register_is_written_with_all_of_it() {
+fn bit_band_write_is_a_read_modify_write() {
     let mut chip = flagged();
     assert_eq!(register(&mut chip, 0x4000_0410, None), 1);
     // Writing a bit of SR reads the whole and writes it back: ones leave the flags as they are.
@@ -57,7 +57,7 @@ fn a_bit_of_a_register_is_written_with_all_of_it() {
 }
 
 #[test]
-fn a_bit_that_is_read_reads_the_register_with_what_that_does() {
+fn bit_band_read_has_the_side_effects_of_the_register() {
     let mut chip = Chip::new(1, [0; 3]);
     // A regular conversion is done: reading DR clears EOC.
     chip.adc.write(0x08, 1, 0).unwrap();
@@ -71,11 +71,11 @@ fn a_bit_that_is_read_reads_the_register_with_what_that_does() {
 }
 
 #[test]
-fn the_trigger_of_tim1_starts_the_converter() {
+fn tim1_trigger_starts_the_converter() {
     let mut chip = Chip::new(1, [0; 3]);
     chip.pins_changed();
     chip.adc.write(0x08, 1 | 1 << 15, 0).unwrap();
-    // Channel 4 in PWM mode 1, OC4REF as TRGO, centred, 20 kHz.
+    // Channel 4 in PWM mode 1, OC4REF as TRGO, centered, 20 kHz.
     for (offset, value) in
         [(0, 1 << 5), (4, 7 << 4), (0x1C, 0x6000), (0x2C, 1800), (0x40, 85), (0, 1 << 5 | 1)]
     {
@@ -93,7 +93,7 @@ fn the_trigger_of_tim1_starts_the_converter() {
 }
 
 #[test]
-fn a_low_break_input_needs_no_instruction() {
+fn low_break_input_acts_without_an_instruction() {
     let mut chip = Chip::new(1, [0; 3]);
     chip.pins_changed();
     chip.tim1.write(0x44, 1 << 15 | 1 << 12, 0).unwrap();

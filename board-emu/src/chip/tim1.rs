@@ -1,7 +1,7 @@
 //! TIM1: three complementary pairs with dead time, a break input, a trigger (RM0008 14).
 //!
-//! Its counter stops in time where something happens: at its turns, and at the compare values. What of that anybody can
-//! notice is looked for ahead, so that nobody is woken for the rest.
+//! The counter stops in time at its turns and at the compare values. The next stop that is visible outside is
+//! searched ahead, so that others wake nobody.
 
 use super::counter::{Counter, Direction};
 use super::timer::only;
@@ -29,27 +29,27 @@ const MOE: u32 = 1 << 15;
 const IDLE: u32 = 0x3F00;
 /// CCER's polarities: channels 1 to 4, and complements of 1 to 3.
 const POLARITIES: u32 = 0x2AAA;
-/// How many stops are looked at ahead; then it is asked again.
+/// Stops searched ahead; then again.
 const AHEAD: usize = 64;
 
-/// A channel's comparison.
+/// Compare unit of a channel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Compare {
     /// OCxM.
     mode: u32,
-    /// OCxPE: a new value counts from the next update on.
+    /// OCxPE: a new value takes effect at the next update.
     buffered: bool,
-    /// CCRx as it is read, and the one that counts.
+    /// CCRx as read, and in effect.
     written: u32,
     value: u32,
-    /// The reference's level where the mode does not say it (frozen).
+    /// Level of the reference in the mode "frozen".
     level: bool,
 }
 
 /// The bridge's timer.
 #[derive(Clone, Debug, Default)]
 pub struct Tim1 {
-    /// Something changed that the gates may follow from; whoever has them clears it.
+    /// Outputs may have changed; cleared by the reader.
     pub gates_changed: bool,
     counter: Counter,
     cr1: u32,
@@ -58,18 +58,18 @@ pub struct Tim1 {
     sr: u32,
     ccer: u32,
     bdtr: u32,
-    /// BDTR has been written: LOCK stays (RM0008 14.4.18).
+    /// BDTR has been written: LOCK is fixed (RM0008 14.4.18).
     frozen: bool,
     channels: [Compare; 4],
-    /// RCR, and how many turns are left before an update.
+    /// RCR, and turns left before an update.
     repetition: u32,
     left: u32,
-    /// The pin at the break input, and the clock security system.
+    /// Level of the break input, and the clock security system.
     break_pin: bool,
     clock_failed: bool,
     trgo: bool,
     trigger: Option<Time>,
-    /// When anybody can notice something next.
+    /// Time of the next visible event.
     due: Option<Time>,
 }
 
@@ -83,7 +83,7 @@ impl Tim1 {
         }
     }
 
-    /// The break input's level, and whether the clock security system says that the crystal has failed.
+    /// Sets the level of the break input, and whether the clock security system reports a failure.
     pub fn set_break(&mut self, level: bool, clock_failed: bool, now: Time) {
         if (level, clock_failed) != (self.break_pin, self.clock_failed) {
             self.catch_up(now);
@@ -93,42 +93,42 @@ impl Tim1 {
         }
     }
 
-    /// When TRGO has risen, if it has since this was last asked.
+    /// Takes the time of TRGO's last rise.
     pub fn take_trigger(&mut self) -> Option<Time> {
         self.trigger.take()
     }
 
-    /// Whether the break interrupts.
+    /// Whether the break requests an interrupt.
     #[must_use]
     pub fn interrupt_break(&self) -> bool {
         self.sr & self.dier & BIF != 0
     }
 
-    /// Whether the update interrupts.
+    /// Whether the update requests an interrupt.
     #[must_use]
     pub fn interrupt_update(&self) -> bool {
         self.sr & self.dier & UIF != 0
     }
 
-    /// Whether a compare interrupts.
+    /// Whether a compare requests an interrupt.
     #[must_use]
     pub fn interrupt_compare(&self) -> bool {
         self.sr & self.dier & COMPARES != 0
     }
 
-    /// MOE: the outputs are enabled.
+    /// MOE: main output enable.
     #[must_use]
     pub const fn is_on(&self) -> bool {
         self.bdtr & MOE != 0
     }
 
-    /// The break is being asked for: its source is active, and it is enabled (RM0008 14.3.12).
+    /// Whether a break is active: its source is active, and it is enabled (RM0008 14.3.12).
     fn breaking(&self) -> bool {
         let pin = self.break_pin == (self.bdtr & BKP != 0);
         self.bdtr & BKE != 0 && (pin || self.clock_failed)
     }
 
-    /// It needs no clock and no code.
+    /// A break acts without clock or code.
     fn obey_break(&mut self) {
         if self.breaking() {
             self.cut();
@@ -141,7 +141,7 @@ impl Tim1 {
         self.sr |= BIF;
     }
 
-    /// Lets time pass to `now`, from stop to stop.
+    /// Advances to `now`, from stop to stop.
     fn catch_up(&mut self, now: Time) {
         loop {
             let at = self.next_stop();
@@ -157,7 +157,7 @@ impl Tim1 {
         self.counter.next_stop(&self.channels.map(|channel| channel.value))
     }
 
-    /// To the next stop, which is `at`, and what happens there.
+    /// Advances to the next stop at `at`, with its events.
     fn stop(&mut self, at: Time) {
         let going_down = self.counter.down;
         let turned = self.counter.advance(at);
@@ -169,7 +169,7 @@ impl Tim1 {
             _ => true,
         };
         for (index, channel) in self.channels.iter().enumerate() {
-            // What the counter never reaches is flagged where it turns (RM0008 14.4.5).
+            // A compare value beyond the counter's range is flagged at the turn (RM0008 14.4.5).
             if flagged && channel.value == self.counter.count || over && channel.value > self.counter.top {
                 self.sr |= 2 << index;
             }
@@ -207,7 +207,7 @@ impl Tim1 {
         }
     }
 
-    /// TRGO follows the reference that MMS names (RM0008 14.4.2).
+    /// TRGO follows the reference selected by MMS (RM0008 14.4.2).
     fn follow(&mut self, at: Time) {
         let level = match self.cr2 >> 4 & 7 {
             1 => self.counter.running,
@@ -224,7 +224,7 @@ impl Tim1 {
     fn reference(&self, channel: usize) -> bool {
         let Compare { mode, value, level, .. } = self.channels[channel];
         let Counter { count, down, direction, .. } = self.counter;
-        // Compare value 0 is none at all, but for a counter that only counts down.
+        // Compare value 0 is never active, except counting down.
         let below =
             if down { count <= value && (value > 0 || direction == Direction::Down) } else { count < value };
         match mode {
@@ -236,7 +236,7 @@ impl Tim1 {
         }
     }
 
-    /// Looks ahead for what anybody can notice.
+    /// Searches the next visible event.
     fn plan(&mut self) {
         let mut ahead = Self { trigger: None, gates_changed: false, ..self.clone() };
         let before = ahead.sr & ahead.dier;
@@ -254,24 +254,24 @@ impl Tim1 {
     }
 
     fn write_cr1(&mut self, value: u32, now: Time) -> RegisterResult<()> {
-        // CKD, ARPE, CMS, DIR, URS, UDIS, CEN: one pulse is not there.
+        // CKD, ARPE, CMS, DIR, URS, UDIS, CEN; one-pulse mode is not modeled.
         only("CR1", value, 0x3F7)?;
         if value >> 8 & 3 == 3 {
             return Err("CKD 3, which is reserved".to_owned());
         }
-        let centred = |cr1: u32| cr1 >> 5 & 3 != 0;
-        if self.counter.running && centred(value) != centred(self.cr1) {
+        let centered = |cr1: u32| cr1 >> 5 & 3 != 0;
+        if self.counter.running && centered(value) != centered(self.cr1) {
             return Err("CMS changed while it counts (RM0008 14.4.1)".to_owned());
         }
         self.cr1 = value;
         self.counter.buffered = value & 1 << 7 != 0;
-        self.counter.direction = match (centred(value), value & 1 << 4 != 0) {
+        self.counter.direction = match (centered(value), value & 1 << 4 != 0) {
             (true, _) => Direction::Centre,
             (false, true) => Direction::Down,
             (false, false) => Direction::Up,
         };
-        // DIR is read-only while it is centred.
-        if !centred(value) {
+        // DIR is read-only in centered mode.
+        if !centered(value) {
             self.counter.down = value & 1 << 4 != 0;
         }
         self.counter.run(value & 1 != 0, now);
@@ -306,7 +306,7 @@ impl Tim1 {
                 return Err("an output that changes at a match (OCxM 1 to 3)".to_owned());
             }
         }
-        // Level 3: OCxM and OCxPE stay.
+        // Level 3: OCxM and OCxPE are locked.
         if self.lock() < 3 {
             for index in [0, 1] {
                 let bits = value >> (8 * index) & 0xFF;
@@ -331,7 +331,7 @@ impl Tim1 {
         } | if self.frozen { LOCK } else { 0 };
         self.frozen = true;
         self.bdtr = value & 0xFFFF & !locked | self.bdtr & locked;
-        // MOE cannot be set while the break is being asked for (RM0008 14.3.12).
+        // MOE cannot be set while a break is active (RM0008 14.3.12).
         self.obey_break();
         Ok(())
     }
@@ -345,7 +345,7 @@ impl Tim1 {
             0x0C => self.dier = only("DIER", value, UIF | COMPARES | BIF)?,
             0x10 => {
                 self.sr &= value;
-                // BIF stays while the break is being asked for.
+                // BIF cannot be cleared while a break is active.
                 self.obey_break();
             }
             0x14 => {

@@ -1,4 +1,4 @@
-//! TIM2, TIM3, TIM4: counter, capture of the exclusive or of three lines, reset by a trigger (RM0008 15).
+//! TIM2, TIM3, TIM4: counter, capture of the XOR of three lines, reset by a trigger (RM0008 15).
 
 use super::counter::Counter;
 use super::{Peripheral, RegisterResult};
@@ -8,7 +8,7 @@ use crate::time::{NEVER, Time};
 const UIF: u32 = 1;
 const CC1IF: u32 = 1 << 1;
 const TIF: u32 = 1 << 6;
-/// SR: a capture came before the last was read.
+/// SR: overcapture.
 const CC1OF: u32 = 1 << 9;
 
 /// A general-purpose timer.
@@ -29,30 +29,31 @@ pub struct Timer {
     filter: Filter,
 }
 
-/// A digital filter of an input: its output follows after N equal samples (RM0008 15.4.7, IC1F).
+/// Digital input filter: its output follows after N equal samples (RM0008 15.4.7, IC1F).
 #[derive(Clone, Copy, Debug, Default)]
 struct Filter {
     input: bool,
     output: bool,
-    /// When the last of the samples is that make the output follow.
+    /// Time of the sample that switches the output.
     due: Option<Time>,
-    /// When the input went back meanwhile: no sample has seen it yet.
+    /// Time at which the input returned, not seen by a sample yet.
     back: Option<Time>,
 }
 
 impl Filter {
-    /// The input is at a level from `at` on; a sample is taken every `gap` ticks, and `count` equal ones make an edge.
+    /// Sets the input's level from `at` on; a sample is taken every `gap` ticks, and `count` equal ones
+    /// switch the output.
     fn set(&mut self, level: bool, at: Time, (gap, count): (Time, Time)) {
         if level == self.input {
             return;
         }
         self.input = level;
-        // A sample at just that time has been taken.
+        // A sample at this very time sees the old level.
         let next = |at: Time| (at / gap + 1) * gap;
         if level == self.output {
             self.back = Some(at);
         } else {
-            // Where no sample saw it go back, the count of equal samples goes on.
+            // If no sample saw it return, the run of equal samples continues.
             if self.due.is_none() || self.back.is_some_and(|back| next(back) <= at) {
                 self.due = Some(next(at) + (count - 1) * gap);
             }
@@ -60,7 +61,7 @@ impl Filter {
         }
     }
 
-    /// The last sample that is due has been taken; whether the output follows.
+    /// Whether the last due sample switches the output.
     fn sampled(&mut self) -> bool {
         self.due = None;
         let follows = self.back.take().is_none();
@@ -80,7 +81,7 @@ impl Timer {
         }
     }
 
-    /// The levels of channels 1 to 3.
+    /// Sets the levels of channels 1 to 3.
     pub fn set_inputs(&mut self, levels: [bool; 3], now: Time) {
         if levels != self.inputs {
             self.catch_up(now);
@@ -89,13 +90,13 @@ impl Timer {
         }
     }
 
-    /// Whether it interrupts.
+    /// Whether it requests an interrupt.
     #[must_use]
     pub fn interrupt(&self) -> bool {
         self.sr & self.dier != 0
     }
 
-    /// Channel 1's input, at the filter: TI1S has the exclusive or of all three.
+    /// Input of channel 1's filter: TI1S selects the XOR of all three.
     fn route(&mut self, now: Time) {
         let [a, b, c] = self.inputs;
         let level = if self.cr2 & 1 << 7 != 0 { a ^ b ^ c } else { a };
@@ -103,7 +104,7 @@ impl Timer {
         self.catch_up(now);
     }
 
-    /// The filter's samples: ticks from one to the next, and how many make an edge.
+    /// Sampling of the filter: ticks between samples, and equal samples for an edge.
     fn sampling(&self) -> (Time, Time) {
         let clock = self.counter.cycle();
         let dts = clock << (self.cr1 >> 8 & 3);
@@ -120,7 +121,7 @@ impl Timer {
         }
     }
 
-    /// Lets time pass to `now`.
+    /// Advances to `now`.
     fn catch_up(&mut self, now: Time) {
         loop {
             let turn = self.counter.next_stop(&[]);
@@ -141,7 +142,7 @@ impl Timer {
         self.counter.advance(now);
     }
 
-    /// The counter went past its top: an update, unless UDIS.
+    /// Overflow: an update, unless UDIS.
     fn turned(&mut self) {
         if self.cr1 & 1 << 1 == 0 {
             self.counter.update();
@@ -149,7 +150,7 @@ impl Timer {
         }
     }
 
-    /// An edge of channel 1's filtered input, which TS may have made the trigger (TI1F_ED).
+    /// An edge of channel 1's filtered input, which may be the trigger (TS: TI1F_ED).
     fn triggered(&mut self, at: Time) {
         if self.smcr >> 4 & 7 != 4 {
             return;
@@ -164,7 +165,8 @@ impl Timer {
         }
     }
 
-    /// UG, or the slave controller's reset; with URS only an overflow is an update that is flagged, with UDIS nothing is one.
+    /// UG, or the slave controller's reset. With URS only an overflow sets the update flag; UDIS suppresses
+    /// all updates.
     fn restart(&mut self, at: Time) {
         if self.cr1 & 1 << 1 == 0 {
             self.counter.update();
@@ -176,9 +178,9 @@ impl Timer {
     }
 }
 
-/// Takes the bits of a register that are modelled, or says that there are others.
-pub(super) fn only(name: &str, value: u32, modelled: u32) -> RegisterResult<u32> {
-    let more = value & !modelled;
+/// Accepts the modeled bits of a register, or returns an error for others.
+pub(super) fn only(name: &str, value: u32, modeled: u32) -> RegisterResult<u32> {
+    let more = value & !modeled;
     if more == 0 { Ok(value) } else { Err(format!("bits {more:#x} of {name}")) }
 }
 
@@ -198,7 +200,7 @@ impl Peripheral for Timer {
             0x28 => self.counter.prescaler,
             0x2C => self.counter.reload,
             0x34 => {
-                // Reading the capture is seeing it (RM0008 15.4.5).
+                // Reading CCR1 clears the capture flag (RM0008 15.4.5).
                 self.sr &= !CC1IF;
                 self.captured
             }
@@ -212,7 +214,7 @@ impl Peripheral for Timer {
         let value = value & 0xFFFF;
         match offset {
             0x00 => {
-                // CKD, ARPE, URS, UDIS, CEN: it counts up, and again and again.
+                // CKD, ARPE, URS, UDIS, CEN: counts up continuously.
                 self.cr1 = only("CR1", value, 0x387)?;
                 if value >> 8 & 3 == 3 {
                     return Err("CKD 3, which is reserved".to_owned());
@@ -240,7 +242,7 @@ impl Peripheral for Timer {
                 if value != 0 && (value & !0xF3 != 0 || capture != 3) {
                     return Err("channels that are not captures of channel 1 by the trigger".to_owned());
                 }
-                // CC1S is only writable with the channel off (RM0008 15.4.7).
+                // CC1S is writable only while the channel is off (RM0008 15.4.7).
                 if self.ccer & 1 != 0 && capture != self.ccmr1 & 3 {
                     return Err("CC1S written with CC1E on".to_owned());
                 }
@@ -255,7 +257,7 @@ impl Peripheral for Timer {
             0x24 => self.counter.set_count(value),
             0x28 => self.counter.prescaler = value,
             0x2C => self.counter.set_reload(value),
-            // A capture's CCR1 is read-only.
+            // CCR1 of a capture is read-only.
             0x34 if self.ccmr1 & 3 != 0 => {}
             0x1C | 0x34..=0x40 => return Err("compares of TIM2 to TIM4".to_owned()),
             _ => return Err(format!("no register {offset:#x} of TIM2 to TIM4")),

@@ -1,4 +1,4 @@
-//! The device's unique number (RM0008 30.2).
+//! Unique device ID (RM0008 30.2).
 
 use super::AccessError;
 
@@ -10,7 +10,7 @@ impl Uid {
     /// Reads a word at an offset.
     ///
     /// # Errors
-    /// An unaligned offset is a bus error here.
+    /// An unaligned offset is a bus error in this model.
     pub fn read(&self, offset: u32) -> Result<u32, AccessError> {
         if offset.is_multiple_of(4) {
             self.0.get(offset as usize / 4).copied().ok_or(AccessError::Bus)

@@ -1,5 +1,5 @@
-//! Shifts, data processing, and division: `armagnac` 0.3 panics for ASR #32, for ROR by 32, for SDIV and UDIV by 0, and
-//! overflows for MIN / -1.
+//! Shifts, data processing and division. `armagnac` 0.3 panics for ASR #32, for ROR by 32 and for division by
+//! 0, and overflows for MIN / -1.
 
 use super::fault::{Fault, Trap};
 use super::op::{Data, Divide, Extend, Move, Operation, Second};
@@ -73,7 +73,7 @@ impl Cpu {
         }
     }
 
-    /// By zero: 0, or a fault if CCR.DIV_0_TRP says so.
+    /// Division by 0 gives 0, or a fault with CCR.DIV_0_TRP.
     pub(super) fn divide(&mut self, divide: Divide) -> Result<(), Trap> {
         let Divide { rd, rn, rm, signed } = divide;
         let (x, y) = (self.get(rn), self.get(rm));

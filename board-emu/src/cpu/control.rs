@@ -1,4 +1,4 @@
-//! Control registers of the core that are no more than bits (PM0056 4.4).
+//! Control registers of the core without side effects (PM0056 4.4).
 
 /// SCR (PM0056 4.4.6).
 pub const SLEEP_ON_EXIT: u32 = 1 << 1;
@@ -16,15 +16,15 @@ pub const CCR_BITS: u32 = 0x31B;
 pub struct Control {
     /// SCR.
     pub sleep: u32,
-    /// CCR. An STM32F103's core does not align stacks by itself (r1p1).
+    /// CCR. Revision r1p1 does not align stacks by itself.
     pub config: u32,
     /// DEMCR.
     pub debug: u32,
-    /// DBGMCU_CR. A reset of the system leaves it on the chip; here it goes, for nothing depends on it.
+    /// DBGMCU_CR. On the chip a system reset keeps it; nothing depends on it here.
     pub device_debug: u32,
     /// DWT_CTRL.CYCCNTENA.
     pub counting: bool,
-    /// Ticks at which DWT_CYCCNT was 0, or its value where it does not count.
+    /// Time at which DWT_CYCCNT was 0, or its value while it is stopped.
     pub cycles_from: u64,
 }
 

@@ -1,47 +1,48 @@
-//! Counts of instructions: all, and those of each exception's handler alone.
+//! Instruction counts: all, and those of each exception's handler alone.
 //!
-//! An exception's entry takes 12 cycles (PM0056 2.3.7) and its return as many, if memory has no wait states; at the model's 1.5
-//! cycles an instruction either is 8 instructions, and both count for its handler. What preempts a handler does not count for it.
-//! Tail-chaining, which on the chip saves most of a return and an entry, counts as both.
+//! An exception's entry takes 12 cycles (PM0056 2.3.7), and so does its return, without wait states. At the
+//! model's 1.5 cycles an instruction each counts as 8 instructions of its handler. Handlers that preempt
+//! another do not count for it. Tail-chaining, which saves most of a return and an entry on the chip, counts
+//! as both.
 
 use super::nvic::EXCEPTIONS;
 use crate::time::Time;
 
-/// Instructions that an exception's entry, or its return, is worth.
+/// Instructions for an exception's entry, or its return.
 pub const ENTRY: u64 = 8;
 
-/// What one exception's handler has taken.
+/// Counts of one exception's handler.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Handler {
-    /// How often it ran to its end.
+    /// Completed runs.
     pub runs: u64,
-    /// Instructions of all runs, entries and returns included.
+    /// Instructions of all runs, with entries and returns.
     pub total: u64,
-    /// Of the longest run.
+    /// Instructions of the longest run.
     pub max: u64,
-    /// When the last run began that has ended.
+    /// Start of the last completed run.
     pub since: Time,
 }
 
-/// A handler's run.
+/// A run of a handler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// Exception number: 16 and the interrupt's position, 15 for SysTick.
+    /// Exception number: 15 for SysTick, 16 plus the position of an interrupt.
     pub exception: u32,
-    /// Instructions so far, its entry included.
+    /// Instructions so far, with its entry.
     pub instructions: u64,
-    /// When it began.
+    /// Start of the run.
     pub since: Time,
 }
 
-/// What a core has executed.
+/// Counts of a core.
 #[derive(Clone, Debug)]
 pub struct Counts {
     /// All instructions since the core was made; entries and returns count [`ENTRY`] each.
     pub instructions: u64,
-    /// By exception number; 0 is what runs outside handlers, of which `total` alone is counted.
+    /// By exception number; of 0, thread mode, only `total` is counted.
     pub handlers: Vec<Handler>,
-    /// The handlers that have begun and not ended, the innermost last.
+    /// Handlers in progress, the innermost last.
     pub running: Vec<Run>,
 }
 
@@ -52,7 +53,7 @@ impl Default for Counts {
 }
 
 impl Counts {
-    /// An instruction, of the innermost handler or of none.
+    /// Counts an instruction for the innermost handler.
     pub(super) fn instruction(&mut self) {
         self.add(1);
     }
@@ -66,13 +67,13 @@ impl Counts {
         }
     }
 
-    /// A handler begins.
+    /// Starts a handler.
     pub(super) fn enter(&mut self, exception: u32, now: Time) {
         self.running.push(Run { exception, instructions: 0, since: now });
         self.add(ENTRY);
     }
 
-    /// A handler ends. One that was entered within it and never ended is forgotten.
+    /// Ends a handler, and drops runs inside it that never ended.
     pub(crate) fn leave(&mut self, exception: u32) {
         let Some(at) = self.running.iter().rposition(|run| run.exception == exception) else { return };
         self.running.truncate(at + 1);
@@ -85,12 +86,12 @@ impl Counts {
         }
     }
 
-    /// A reset: no handler runs.
+    /// A reset ends all handlers.
     pub(super) fn reset(&mut self) {
         self.running.clear();
     }
 
-    /// Forgets the longest runs, and what was counted of all handlers.
+    /// Clears the counts of all handlers.
     pub fn clear(&mut self) {
         self.handlers.fill(Handler::default());
     }

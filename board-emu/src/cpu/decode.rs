@@ -1,4 +1,4 @@
-//! From bits to instructions: those that are supplied here, then those of `armagnac` (ARMv7-M A5).
+//! Decodes instructions: first those that are executed here, then those of `armagnac` (ARMv7-M A5).
 
 use std::rc::Rc;
 
@@ -11,29 +11,29 @@ use super::decode_wide::wide;
 use super::frequent::frequent;
 use super::op::{Decoding, Op, Place};
 
-/// Who does what an instruction does.
+/// The executor of an instruction.
 #[derive(Clone)]
 pub enum By {
     /// `armagnac`.
     Engine(Rc<dyn Instruction>),
-    /// We.
+    /// This emulator.
     Us(Op),
 }
 
-/// An instruction as it is kept.
+/// A decoded instruction in the cache.
 #[derive(Clone)]
 pub struct Decoded {
     /// Its bits; a narrow one in the lower 16.
     pub code: u32,
-    /// Where in an IT block it was decoded for.
+    /// The place that it was decoded for.
     pub place: Place,
-    /// Its own condition, beside that of an IT block.
+    /// Its own condition, which may differ from that of an IT block.
     pub condition: Option<Condition>,
-    /// What it does.
+    /// Its executor.
     pub by: By,
 }
 
-/// Whether the first half-word is that of a wide instruction (ARMv7-M A5.1).
+/// Whether a first half-word begins a wide instruction (ARMv7-M A5.1).
 pub const fn is_wide(first: u32) -> bool {
     first >> 11 & 0x1F >= 0b11101
 }
@@ -41,7 +41,7 @@ pub const fn is_wide(first: u32) -> bool {
 /// Half-words of the flash.
 const SLOTS: usize = tater_wire::memory::FLASH.len as usize / 2;
 
-/// Decodes, and keeps what it has decoded from the flash.
+/// Decoder with a cache of the flash's instructions.
 #[derive(Clone)]
 pub struct Decoder {
     engine: Rc<BasicInstructionDecoder>,
@@ -50,15 +50,15 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// Knows nothing yet.
+    /// A decoder with an empty cache.
     pub fn new() -> Self {
         let engine = Rc::new(BasicInstructionDecoder::new(ArmVersion::V7M));
         Self { engine, kept: vec![None; SLOTS] }
     }
 
-    /// The instruction with these bits, at an address; `None` if it is undefined.
+    /// Decodes the instruction with these bits at an address; `None` if it is undefined.
     pub fn decode(&mut self, address: u32, code: u32, place: Place) -> Option<&Decoded> {
-        // The flash's two places are one: the upper bits do not matter, because the code is compared.
+        // The flash appears at two addresses with equal lower bits; the compared code rules out mistakes.
         let slot = (address >> 1) as usize % SLOTS;
         let is_it = |kept: &Decoded| kept.code == code && kept.place == place;
         if !self.kept.get(slot)?.as_ref().is_some_and(is_it) {
@@ -82,7 +82,7 @@ impl Decoder {
                 let size = if code >> 16 == 0 { InstructionSize::Ins16 } else { InstructionSize::Ins32 };
                 let instruction = self.engine.try_decode(code, size, it).ok()?;
                 let condition = instruction.condition();
-                // What it refuses is refused.
+                // `armagnac` has rejected undefined instructions.
                 let by = frequent(code, place).map_or(By::Engine(instruction), By::Us);
                 Some(Decoded { code, place, condition, by })
             }

@@ -1,4 +1,4 @@
-//! Instructions of 32 bits that are supplied here (ARMv7-M A5.3).
+//! Instructions of 32 bits that are executed here (ARMv7-M A5.3).
 
 use super::op::{
     Data, Decoding, Divide, Exclusive, Move, Multiple, Offset, Op, Pair, Second, Shift, Special, Transfer,
@@ -6,7 +6,7 @@ use super::op::{
 use super::registers::Reg;
 use crate::chip::Size;
 
-/// Decodes one.
+/// Decodes an instruction of 32 bits.
 pub fn wide(code: u32) -> Decoding {
     match code >> 25 & 15 {
         0b0100 if code >> 22 & 1 == 0 => multiple(code),
@@ -17,7 +17,7 @@ pub fn wide(code: u32) -> Decoding {
         0b1101 if code >> 20 & 0x1F == 0b1_1001 && code >> 4 & 15 == 15 => divide(code, true),
         0b1101 if code >> 20 & 0x1F == 0b1_1011 && code >> 4 & 15 == 15 => divide(code, false),
         0b1101 if code >> 23 & 3 == 0 && code >> 4 & 15 == 0 => shift_by_register(code),
-        // There is no coprocessor.
+        // The chip has no coprocessor.
         0b0110 | 0b0111 | 0b1110 | 0b1111 => Decoding::Op(Op::Special(Special::Coprocessor)),
         _ => Decoding::Engine,
     }
@@ -130,13 +130,13 @@ fn single(code: u32) -> Decoding {
         return Decoding::Undefined;
     };
     if load && rt == 15 && size != Size::Word {
-        // PLD, PLI and what may become such.
+        // PLD, PLI and reserved memory hints.
         return Decoding::Op(Op::Special(Special::Nothing));
     }
     Decoding::Op(Op::Transfer(transfer))
 }
 
-/// Branches are `armagnac`'s; the rest of A5.3.4 is not.
+/// Control instructions (A5.3.4) except branches, which `armagnac` decodes.
 fn control(code: u32) -> Decoding {
     if code >> 12 & 0b101 != 0 {
         return Decoding::Engine;

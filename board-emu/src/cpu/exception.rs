@@ -1,7 +1,8 @@
-//! Entry into exceptions and return from them (ARMv7-M B1.5.6 to B1.5.8), and which exception takes a fault (B1.5.14).
+//! Exception entry and return (ARMv7-M B1.5.6 to B1.5.8), and the exception that takes a fault (B1.5.14).
 //!
-//! Simplified in time, not in effect: an entry takes 12 cycles and so does a return, also where the chip would chain tails in 6;
-//! an exception that arrives while another is being entered preempts it after its first instruction, instead of taking its place.
+//! Simplified timing: entry and return take 12 cycles each, where the chip tail-chains in 6. An exception
+//! that arrives during the entry of another preempts it after its first instruction; on the chip it takes its
+//! place.
 
 use super::counts::ENTRY;
 use super::fault::{Fault, Trap};
@@ -11,10 +12,10 @@ use super::registers::Reg;
 use super::state::{Cpu, Sleep};
 use crate::stop::Problem;
 
-/// Bytes of what an entry stores.
+/// Size of a stack frame.
 const FRAME: u32 = 0x20;
 
-/// What an entry stores before xPSR.
+/// Registers in a frame, before xPSR.
 const STACKED: [Reg; 7] =
     [Reg::new(0), Reg::new(1), Reg::new(2), Reg::new(3), Reg::new(12), Reg::LR, Reg::PC];
 
@@ -27,7 +28,7 @@ const VECTOR: u32 = 1 << 1;
 const FORCED: u32 = 1 << 30;
 
 impl Cpu {
-    /// Takes what is due.
+    /// Takes the due exception, if any.
     pub(super) fn take_due(&mut self) -> Result<(), Problem> {
         match self.sys.nvic.due(self.sys.masks) {
             Some(exception) => self.enter(exception),
@@ -48,7 +49,8 @@ impl Cpu {
         match self.push_frame() {
             Ok(()) => {}
             Err(Trap::Stop(problem)) => return Err(problem),
-            // The frame is lost. What is derived may be taken instead; within a HardFault's own entry it is only noted.
+            // The frame is lost. The derived fault may be taken instead; during the entry of HardFault it is
+            // only recorded.
             Err(_) => {
                 self.derived(Fault::Stacking);
                 let derived = self.sys.nvic.most_urgent().unwrap_or(exception);
@@ -111,7 +113,7 @@ impl Cpu {
         }
     }
 
-    /// `ExceptionReturn()`: what a branch to an address of the form 0xFxxxxxxx means in a handler.
+    /// `ExceptionReturn()`: a branch of a handler to 0xFxxxxxxx.
     pub(super) fn leave(&mut self, return_code: u32) -> Result<(), Problem> {
         let exception = u32::from(self.registers.psr.exception_number());
         let nested = (self.sys.nvic.active & !bit(exception)) != 0;
@@ -130,11 +132,11 @@ impl Cpu {
         self.sys.event = true;
         self.sys.exclusive = false;
         if return_code >> 4 != 0x0FFF_FFFF || !fits || !was_active {
-            // Taken in the place of the return: the frame stays (B1.5.8).
+            // The fault is taken in place of the return; the frame stays (B1.5.8).
             let taken = self.taker(Fault::Return)?;
             return self.take(taken, 0xF000_0000 | return_code);
         }
-        // The next one in the same frame: tail-chaining.
+        // Tail-chaining: the next exception uses the same frame.
         if let Some(next) = self.sys.nvic.due(self.sys.masks) {
             return self.take(next, return_code);
         }
@@ -170,7 +172,7 @@ impl Cpu {
         registers.set(Reg::SP, sp.wrapping_add(FRAME) | if align { 4 } else { 0 });
         let to_handler = return_code & 15 == 1;
         if to_handler != (psr & 0x1FF != 0) {
-            // It is entered from where the return would have led (B1.5.8), in the mode that IPSR says.
+            // The fault is taken at the return address (B1.5.8), in the mode of IPSR.
             return self.fault(Fault::Return);
         }
         if !to_handler && self.sys.control.sleeps_on_exit() {
@@ -180,7 +182,7 @@ impl Cpu {
         Ok(())
     }
 
-    /// The exception that takes a synchronous one that happens now: itself, or the HardFault.
+    /// The exception that takes a synchronous one now: itself, or HardFault.
     fn escalated(&mut self, exception: u32) -> Option<u32> {
         let now = self.sys.nvic.execution_priority(self.sys.masks);
         let nvic = &self.sys.nvic;
@@ -197,7 +199,7 @@ impl Cpu {
         Some(HARD_FAULT)
     }
 
-    /// The exception that takes a fault which happens now; the fault is noted.
+    /// Records a fault and returns the exception that takes it now.
     fn taker(&mut self, fault: Fault) -> Result<u32, Problem> {
         let exception = self.sys.faults.record(fault);
         let lockup =
@@ -205,7 +207,7 @@ impl Cpu {
         self.escalated(exception).ok_or_else(lockup)
     }
 
-    /// Takes a fault of an instruction; the return address is that of the instruction.
+    /// Takes a fault of an instruction, which is also the return address.
     pub(super) fn fault(&mut self, fault: Fault) -> Result<(), Problem> {
         let taken = self.taker(fault)?;
         self.enter(taken)
@@ -218,7 +220,7 @@ impl Cpu {
         self.enter(taken)
     }
 
-    /// A fault of an exception's entry or return, which is pending beside what is being entered: it may be the more urgent.
+    /// Pends a fault of an exception's entry or return; it may be more urgent than that exception.
     fn derived(&mut self, fault: Fault) {
         let exception = self.sys.faults.record(fault);
         let nvic = &self.sys.nvic;
@@ -229,7 +231,7 @@ impl Cpu {
         self.sys.nvic.pend(1 << taken);
     }
 
-    /// An exception has no vector.
+    /// Handles an exception whose vector cannot be read.
     fn no_vector(&mut self, exception: u32) -> Result<(), Problem> {
         if exception <= HARD_FAULT {
             return Err(Problem::Lockup {

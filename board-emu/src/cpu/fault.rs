@@ -1,51 +1,52 @@
 //! Faults and their bits in the status registers (ARMv7-M B1.5.14).
 //!
-//! All are precise. On the chip a store that the bus refuses may be reported late (IMPRECISERR), without its address.
+//! All faults are precise. On the chip a rejected store may be reported late (IMPRECISERR), without its
+//! address.
 
 use super::nvic::number::{BUS_FAULT, HARD_FAULT, MEM_MANAGE, USAGE_FAULT};
 use crate::stop::Problem;
 
-/// Why an instruction cannot be completed.
+/// Cause of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// No such instruction.
+    /// Undefined instruction.
     Undefined,
     /// Not in Thumb state.
     State,
-    /// An exception return that does not fit.
+    /// Invalid exception return.
     Return,
-    /// There is no coprocessor.
+    /// Coprocessor instruction.
     Coprocessor,
-    /// An address that is not aligned.
+    /// Unaligned access.
     Unaligned,
-    /// A division by 0, trapped.
+    /// Trapped division by 0.
     DivideByZero,
-    /// The bus refuses a load or a store of this address.
+    /// Bus error of a load or store at this address.
     Bus(u32),
-    /// The bus refuses to give an instruction.
+    /// Bus error of an instruction fetch.
     Fetch,
-    /// Nothing may be executed there.
+    /// Fetch from execute-never memory.
     ExecuteNever,
-    /// The bus refuses what an exception's entry stores.
+    /// Bus error while stacking.
     Stacking,
-    /// The bus refuses what an exception's return loads.
+    /// Bus error while unstacking.
     Unstacking,
-    /// BKPT without a debugger.
+    /// BKPT without debugger.
     Breakpoint,
 }
 
-/// Why an instruction does not end as usual.
+/// Why an instruction did not complete normally.
 #[derive(Clone, Debug)]
 pub enum Trap {
-    /// A fault, to be taken by the program.
+    /// A fault of the program.
     Fault(Fault),
-    /// SVC: done, and asks for its exception.
+    /// SVC has completed and requests its exception.
     SupervisorCall,
     /// The run ends.
     Stop(Problem),
 }
 
-/// Status of faults (PM0056 4.4.10 to 4.4.15).
+/// Fault status registers (PM0056 4.4.10 to 4.4.15).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FaultStatus {
     /// CFSR.
@@ -66,7 +67,7 @@ const DEBUG_EVENT: u32 = 1 << 31;
 const PRECISE: u32 = 1 << 9 | 1 << 15;
 
 impl FaultStatus {
-    /// Records a fault; returns the exception that is its own.
+    /// Records a fault; returns its own exception.
     pub fn record(&mut self, fault: Fault) -> u32 {
         let (exception, bits) = match fault {
             Fault::ExecuteNever => (MEM_MANAGE, 1),

@@ -1,10 +1,11 @@
-//! What programs are full of, and `armagnac` executes well but slowly: data processing with numbers and low registers, branches,
-//! IT. It has decoded these already, so that what it refuses is refused, and their conditions are its own.
+//! Frequent instructions that `armagnac` executes correctly but slowly: data processing with immediates and
+//! low registers, branches, IT. `armagnac` has decoded them before, so that undefined ones are rejected, and
+//! provides their conditions.
 
 use super::op::{Data, Extend, Op, Operation, Place, Second, Shift};
 use super::registers::Reg;
 
-/// The instruction with these bits, if it is one of them.
+/// The operation of these bits, if it is one of them.
 pub fn frequent(code: u32, place: Place) -> Option<Op> {
     if code >> 16 == 0 { narrow(code, place == Place::Outside) } else { wide(code) }
 }
@@ -26,7 +27,7 @@ const fn halves(code: u32, bits: u32) -> u32 {
     ((code << (32 - bits)) as i32 >> (31 - bits)) as u32
 }
 
-/// Instructions of 16 bits (ARMv7-M A5.2); `flags`: those that set flags outside of IT blocks do.
+/// Instructions of 16 bits (ARMv7-M A5.2); `flags` applies to those that set flags outside IT blocks.
 fn narrow(code: u32, flags: bool) -> Option<Op> {
     use Operation::{Add, Mov, Sub};
     let (low, middle) = (Reg::new(code & 7), Reg::new(code >> 3 & 7));
@@ -63,7 +64,7 @@ fn narrow(code: u32, flags: bool) -> Option<Op> {
     }
 }
 
-/// Data processing (A5.2.2): shifts are not here, nor is MUL.
+/// Data processing (A5.2.2), except shifts and MUL.
 fn low_registers(code: u32, flags: bool) -> Option<Op> {
     use Operation::{Adc, Add, And, Bic, Eor, Mvn, Orr, Rsb, Sbc, Sub};
     let (rd, rm) = (Reg::new(code & 7), Reg::new(code >> 3 & 7));
@@ -95,7 +96,7 @@ fn high_registers(code: u32) -> Option<Op> {
     }
 }
 
-/// Instructions of 32 bits (ARMv7-M A5.3): numbers and branches.
+/// Instructions of 32 bits (ARMv7-M A5.3): immediates and branches.
 fn wide(code: u32) -> Option<Op> {
     let (rd, rn) = (code >> 8 & 15, code >> 16 & 15);
     let imm12 = code >> 15 & 0x800 | code >> 4 & 0x700 | code & 0xFF;

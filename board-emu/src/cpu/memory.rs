@@ -1,6 +1,7 @@
-//! Loads and stores: of one register, of two, of many, and exclusive ones.
+//! Loads and stores: single, dual, multiple and exclusive.
 //!
-//! Nothing is changed in the core before all of an instruction's loads have succeeded, so that one that faults can be repeated.
+//! The core changes only after all loads of an instruction have succeeded, so that a faulting one can be
+//! repeated.
 
 use super::fault::{Fault, Trap};
 use super::op::{Exclusive, Multiple, Offset, Pair, Transfer};
@@ -57,7 +58,7 @@ impl Cpu {
         chip.write(address, size, value).map_err(|refusal| refused(address, Some(value), refusal))
     }
 
-    /// `MemU` (ARMv7-M B2.4.4): an unaligned access is one of bytes, unless CCR.UNALIGN_TRP traps it.
+    /// `MemU` (ARMv7-M B2.4.4): an unaligned access is split into bytes, or a fault with CCR.UNALIGN_TRP.
     fn load(&mut self, address: u32, size: Size, privileged: bool) -> Result<u32, Trap> {
         if address.is_multiple_of(size.bytes()) {
             return self.load_aligned(address, size, privileged);
@@ -87,13 +88,13 @@ impl Cpu {
         } else if address >= 0x4000_0000 {
             // Unpredictable for device memory (ARMv7-M A3.2.1).
             let what = "an unaligned access to a register".to_owned();
-            Err(Trap::Stop(Problem::NotModelled { address, value, what }))
+            Err(Trap::Stop(Problem::NotModeled { address, value, what }))
         } else {
             Ok(())
         }
     }
 
-    /// `MemA` of a word, with the rights of the present mode.
+    /// `MemA` of a word, with the privileges of the present mode.
     pub(super) fn load_word(&mut self, address: u32) -> Result<u32, Trap> {
         aligned(address, Size::Word)?;
         self.load_aligned(address, Size::Word, self.is_privileged())
@@ -201,7 +202,8 @@ impl Cpu {
         Ok(())
     }
 
-    /// The monitor of an STM32F103 marks all of memory (PM0056 2.2.7: one tag): a store succeeds after a load, wherever that was.
+    /// The exclusive monitor of an STM32F103 covers all memory (PM0056 2.2.7): a store succeeds after a load
+    /// of any address.
     pub(super) fn exclusive(&mut self, exclusive: Exclusive) -> Result<(), Trap> {
         let Exclusive { load, size, rt, rn, rd, offset } = exclusive;
         let address = self.get(rn).wrapping_add(offset);
@@ -239,6 +241,6 @@ const fn bus(address: u32) -> Trap {
 fn refused(address: u32, value: Option<u32>, refusal: AccessError) -> Trap {
     match refusal {
         AccessError::Bus => bus(address),
-        AccessError::NotModelled(what) => Trap::Stop(Problem::NotModelled { address, value, what }),
+        AccessError::NotModeled(what) => Trap::Stop(Problem::NotModeled { address, value, what }),
     }
 }

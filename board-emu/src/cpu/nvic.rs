@@ -1,16 +1,16 @@
-//! Which exception is pending, enabled and active, and which of them runs (ARMv7-M B1.5.4, B3.4; PM0056 4.3).
+//! Pending, enabled and active exceptions, and the one to take (ARMv7-M B1.5.4, B3.4; PM0056 4.3).
 //!
-//! An exception is a bit of a `u128`: 2 is the NMI, 3 the HardFault, 16 the first interrupt.
+//! Sets of exceptions have one bit each: 2 is NMI, 3 HardFault, 16 the first interrupt.
 
 /// Exception numbers (ARMv7-M B1.5.2).
 pub mod number {
     /// Non-maskable interrupt: the clock security system.
     pub const NMI: u32 = 2;
-    /// All faults that nobody else takes.
+    /// Faults that no other exception takes.
     pub const HARD_FAULT: u32 = 3;
-    /// Execution where none may be.
+    /// Access to execute-never memory.
     pub const MEM_MANAGE: u32 = 4;
-    /// Errors of the bus.
+    /// Bus errors.
     pub const BUS_FAULT: u32 = 5;
     /// Errors of instructions.
     pub const USAGE_FAULT: u32 = 6;
@@ -29,13 +29,13 @@ use number::{BUS_FAULT, HARD_FAULT, IRQ, MEM_MANAGE, NMI, PEND_SV, SV_CALL, SYS_
 /// Interrupts of a medium-density STM32F103 (RM0008 table 63).
 pub const LINES: u32 = 43;
 
-/// Exceptions, the number 0 included, which is none.
+/// Number of exceptions, with the unused 0.
 pub const EXCEPTIONS: usize = (IRQ + LINES) as usize;
 
-/// Below every exception: thread mode.
+/// Priority of thread mode, below every exception.
 pub const LOWEST: i16 = 256;
 
-/// The bits of a priority that an STM32F103 has (PM0056 4.3.7).
+/// Implemented bits of a priority (PM0056 4.3.7).
 pub const PRIORITY_BITS: u8 = 0xF0;
 
 const ALWAYS: u128 = 1 << NMI | 1 << HARD_FAULT | 1 << SV_CALL | 1 << 12 | 1 << PEND_SV | 1 << SYS_TICK;
@@ -43,32 +43,32 @@ const ALWAYS: u128 = 1 << NMI | 1 << HARD_FAULT | 1 << SV_CALL | 1 << 12 | 1 << 
 /// All interrupts.
 pub const ALL_LINES: u128 = ((1 << LINES) - 1) << IRQ;
 
-/// What masks exceptions (ARMv7-M B1.4.3).
+/// Exception masks (ARMv7-M B1.4.3).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Masks {
     /// Raises priority to 0.
     pub primask: bool,
     /// Raises priority to -1.
     pub faultmask: bool,
-    /// Raises priority to it, unless 0.
+    /// Raises priority to this, unless 0.
     pub basepri: u8,
 }
 
-/// The controller.
+/// The interrupt controller.
 #[derive(Clone, Debug)]
 pub struct Nvic {
-    /// Wait to be taken.
+    /// Pending.
     pub pending: u128,
-    /// Have begun and not ended.
+    /// Active.
     pub active: u128,
-    /// May be taken.
+    /// Enabled.
     pub enabled: u128,
-    /// The lines as they are.
+    /// Interrupt lines.
     levels: u128,
     priority: [u8; EXCEPTIONS],
-    /// AIRCR.PRIGROUP: the priority's bits up to this one are of the sub-priority.
+    /// AIRCR.PRIGROUP: priority bits up to this one are sub-priority.
     pub group: u8,
-    /// Something has changed since [`Self::due`] last said no.
+    /// Changed since [`Self::due`] last returned `None`.
     pub changed: bool,
 }
 
@@ -79,13 +79,13 @@ impl Default for Nvic {
     }
 }
 
-/// Its bit.
+/// The bit of an exception.
 pub const fn bit(exception: u32) -> u128 {
     1 << exception
 }
 
 impl Nvic {
-    /// The lines as they are now: a rising edge pends, and so does a line that is high while its handler does not run.
+    /// Sets the lines: a rising edge pends, and so does a high line whose handler is not active.
     pub fn set_lines(&mut self, interrupts: u64, nmi: bool) {
         let levels = u128::from(interrupts) << IRQ & ALL_LINES | u128::from(nmi) << NMI;
         let rising = levels & !self.levels;
@@ -93,7 +93,7 @@ impl Nvic {
         self.pend(rising | levels & !self.active);
     }
 
-    /// Makes exceptions pending.
+    /// Pends exceptions.
     pub const fn pend(&mut self, exceptions: u128) {
         if exceptions & !self.pending != 0 {
             self.pending |= exceptions;
@@ -101,33 +101,33 @@ impl Nvic {
         }
     }
 
-    /// Takes back what is pending; a line that is high pends again at once.
+    /// Clears pending exceptions; a high line pends again at once.
     pub const fn unpend(&mut self, exceptions: u128) {
         self.pending &= !exceptions | self.levels & !self.active;
     }
 
-    /// A handler ends. Its line pends again if it is still high.
+    /// Ends a handler. Its line pends again if it is still high.
     pub const fn deactivate(&mut self, exception: u32) {
         self.active &= !bit(exception);
         self.pending |= self.levels & bit(exception);
         self.changed = true;
     }
 
-    /// A handler begins.
+    /// Starts a handler.
     pub const fn activate(&mut self, exception: u32) {
         self.active |= bit(exception);
         self.pending &= !bit(exception);
         self.changed = true;
     }
 
-    /// Lets a configurable fault be taken by itself, or not (SHCSR).
+    /// Enables a configurable fault (SHCSR).
     pub fn enable_fault(&mut self, exception: u32, on: bool) {
         debug_assert!([MEM_MANAGE, BUS_FAULT, USAGE_FAULT].contains(&exception));
         self.enabled = self.enabled & !bit(exception) | u128::from(on) << exception;
         self.changed = true;
     }
 
-    /// A priority's register.
+    /// Register of a priority.
     #[must_use]
     pub fn priority_byte(&self, exception: u32) -> u8 {
         self.priority.get(exception as usize).copied().unwrap_or(0)
@@ -142,7 +142,7 @@ impl Nvic {
         }
     }
 
-    /// A priority; the lower, the more urgent.
+    /// Priority; lower is more urgent.
     #[must_use]
     pub fn priority(&self, exception: u32) -> i16 {
         match exception {
@@ -151,7 +151,7 @@ impl Nvic {
         }
     }
 
-    /// A priority without its sub-priority.
+    /// Group priority, without sub-priority.
     #[must_use]
     pub const fn group(&self, priority: i16) -> i16 {
         if priority < 0 { priority } else { priority & !((2 << self.group) - 1) }
@@ -178,7 +178,7 @@ impl Nvic {
         lowest
     }
 
-    /// The most urgent that is pending and enabled: by priority with sub-priority, then by number.
+    /// The most urgent pending and enabled exception: by priority with sub-priority, then by number.
     #[must_use]
     pub fn most_urgent(&self) -> Option<u32> {
         let mut waiting = self.pending & self.enabled;
@@ -192,7 +192,7 @@ impl Nvic {
         best.map(|(_, exception)| exception)
     }
 
-    /// Which is to be taken now, if any.
+    /// The exception to take now, if any.
     #[must_use]
     pub fn due(&self, masks: Masks) -> Option<u32> {
         let exception = self.most_urgent()?;

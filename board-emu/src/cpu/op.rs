@@ -1,9 +1,10 @@
-//! Operations: an instruction after decoding, as far as `armagnac` does not execute it.
+//! Operations: decoded instructions that are executed here.
 
 use super::registers::Reg;
 use crate::chip::Size;
 
-/// What an instruction does that is supplied here: `armagnac` lacks it, has it wrong, or is slow at what every program is full of.
+/// An instruction that is executed here, because `armagnac` lacks it, executes it wrongly, or is slow at a
+/// frequent one.
 #[derive(Clone, Copy)]
 pub enum Op {
     /// Load or store of one register.
@@ -16,25 +17,25 @@ pub enum Op {
     Exclusive(Exclusive),
     /// TBB, TBH.
     Table {
-        /// Of the table.
+        /// Start of the table.
         base: Reg,
-        /// Into it.
+        /// Index into it.
         index: Reg,
-        /// Of an entry.
+        /// Size of an entry.
         size: Size,
     },
     /// BX, BLX.
     Exchange {
-        /// Where to.
+        /// Target.
         target: Reg,
-        /// Whether it calls.
+        /// BLX.
         link: bool,
     },
     /// MOV to PC (`add` is false), ADD to PC: branches without exchange (ARMv7-M A2.3.1).
     ToPc {
         /// Source.
         source: Reg,
-        /// Whether the source is added to PC.
+        /// ADD.
         add: bool,
     },
     /// Data processing.
@@ -49,64 +50,64 @@ pub enum Op {
     Extend(Extend),
     /// B, BL.
     Branch {
-        /// From what PC reads as.
+        /// Relative to PC as read.
         offset: u32,
-        /// Whether it calls.
+        /// BL.
         link: bool,
     },
     /// CBZ, CBNZ.
     CompareBranch {
-        /// What is compared with 0.
+        /// Compared with 0.
         rn: Reg,
-        /// Whether it branches for 0, or for all else.
+        /// CBZ.
         zero: bool,
-        /// From what PC reads as.
+        /// Relative to PC as read.
         offset: u32,
     },
-    /// IT, with the state that it sets.
+    /// IT, with the new state.
     IfThen(u8),
-    /// What has to do with special registers, sleep and exceptions.
+    /// Special registers, sleep and exceptions.
     Special(Special),
 }
 
-/// Where in an IT block an instruction is.
+/// Place of an instruction relative to IT blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// In none.
     Outside,
-    /// In one, not the last.
+    /// Inside one, not last.
     Inside,
-    /// The last of one.
+    /// Last of one.
     Last,
 }
 
-/// What the bits of an instruction are to this emulator.
+/// Result of decoding.
 pub enum Decoding {
     /// An operation executed here.
     Op(Op),
-    /// No Cortex-M3 knows it.
+    /// Undefined on a Cortex-M3.
     Undefined,
     /// One that `armagnac` decodes.
     Engine,
 }
 
-/// Kinds of shift (ARMv7-M A7.4).
+/// Shift types (ARMv7-M A7.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shift {
-    /// Left.
+    /// Logical left.
     Lsl,
-    /// Right, zeros come in.
+    /// Logical right.
     Lsr,
-    /// Right, signs come in.
+    /// Arithmetic right.
     Asr,
-    /// Right, what goes out comes in.
+    /// Rotate right.
     Ror,
-    /// Right by one, the carry comes in.
+    /// Rotate right by one through carry.
     Rrx,
 }
 
 impl Shift {
-    /// `DecodeImmShift()`: kind and count.
+    /// `DecodeImmShift()`: type and count.
     pub const fn from_bits(kind: u32, count: u32) -> (Self, u32) {
         match (kind & 3, count) {
             (0, n) => (Self::Lsl, n),
@@ -142,7 +143,7 @@ impl Shift {
     }
 }
 
-/// Operations of data processing.
+/// Data-processing operations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// Also TST.
@@ -151,48 +152,48 @@ pub enum Operation {
     Bic,
     /// Inclusive or.
     Orr,
-    /// The second operand alone.
+    /// Move.
     Mov,
-    /// Or with the complement.
+    /// Or not.
     Orn,
-    /// The complement alone.
+    /// Move not.
     Mvn,
     /// Also TEQ.
     Eor,
     /// Also CMN.
     Add,
-    /// With carry.
+    /// Add with carry.
     Adc,
-    /// With borrow.
+    /// Subtract with carry.
     Sbc,
     /// Also CMP.
     Sub,
-    /// The other way round.
+    /// Reverse subtract.
     Rsb,
 }
 
 impl Operation {
-    /// Whether the result goes nowhere: TST, TEQ, CMN, CMP.
+    /// Whether only flags are written: TST, TEQ, CMN, CMP.
     pub const fn only_tests(self, rd: u32, flags: bool) -> bool {
         flags && rd == 15 && matches!(self, Self::And | Self::Eor | Self::Add | Self::Sub)
     }
 }
 
-/// The second operand.
+/// Second operand.
 #[derive(Clone, Copy, Debug)]
 pub enum Second {
-    /// A register, shifted by a number.
+    /// A register shifted by a constant.
     Shifted(Reg, Shift, u32),
-    /// A number, and the carry that it makes, if it makes one.
+    /// A constant, with the carry that it sets, if any.
     Number(u32, Option<bool>),
 }
 
 /// Data processing (ARMv7-M A5.2.1, A5.2.2, A5.3.1, A5.3.11).
 #[derive(Clone, Copy, Debug)]
 pub struct Data {
-    /// What.
+    /// Operation.
     pub op: Operation,
-    /// Where the result goes.
+    /// Destination; `None` for a test.
     pub rd: Option<Reg>,
     /// First operand.
     pub rn: Reg,
@@ -203,7 +204,7 @@ pub struct Data {
 }
 
 impl Data {
-    /// The operation; `None` if undefined.
+    /// Decodes the operation; `None` if undefined.
     pub const fn operation(op: u32, rn: u32) -> Option<Operation> {
         Some(match op & 15 {
             0 => Operation::And,
@@ -223,16 +224,16 @@ impl Data {
     }
 }
 
-/// A shift by itself.
+/// A shift instruction.
 #[derive(Clone, Copy, Debug)]
 pub struct Move {
-    /// Where the result goes.
+    /// Destination.
     pub rd: Reg,
-    /// What is shifted.
+    /// Operand.
     pub rm: Reg,
-    /// How.
+    /// Type.
     pub shift: Shift,
-    /// By a register's lowest byte, or by a number.
+    /// By the lowest byte of a register, or by a constant.
     pub by: Result<Reg, u32>,
     /// Whether flags are set.
     pub flags: bool,
@@ -254,20 +255,20 @@ pub struct Divide {
 /// SXTH, SXTB, UXTH, UXTB, without rotation.
 #[derive(Clone, Copy, Debug)]
 pub struct Extend {
-    /// Where the result goes.
+    /// Destination.
     pub rd: Reg,
-    /// What is extended.
+    /// Operand.
     pub rm: Reg,
-    /// Its lowest byte, or half-word.
+    /// Byte, otherwise half-word.
     pub byte: bool,
-    /// By zeros.
+    /// Zero extension.
     pub unsigned: bool,
 }
 
-/// What is added to a base.
+/// Offset from a base.
 #[derive(Clone, Copy, Debug)]
 pub enum Offset {
-    /// A number, which may be negative.
+    /// Constant, in two's complement.
     Immediate(u32),
     /// A register, shifted left.
     Register(Reg, u32),
@@ -276,28 +277,28 @@ pub enum Offset {
 /// Load or store of one register.
 #[derive(Clone, Copy, Debug)]
 pub struct Transfer {
-    /// Whether it loads.
+    /// Load, otherwise store.
     pub load: bool,
-    /// Of what is transferred.
+    /// Size of the access.
     pub size: Size,
-    /// Whether what is loaded is extended by its sign.
+    /// Sign extension of a load.
     pub signed: bool,
-    /// Loaded or stored.
+    /// Data register.
     pub rt: Reg,
     /// Base; PC is aligned first.
     pub rn: Reg,
-    /// Added to the base.
+    /// Offset.
     pub offset: Offset,
-    /// Whether the offset counts for this access.
+    /// The access uses base plus offset.
     pub index: bool,
-    /// Whether the base becomes base and offset.
+    /// Write-back of base plus offset.
     pub wback: bool,
-    /// LDRT and the like: with the rights of unprivileged code.
+    /// LDRT and the like: unprivileged access.
     pub unprivileged: bool,
 }
 
 impl Transfer {
-    /// With a positive offset, without write-back.
+    /// A positive constant offset, no write-back.
     pub const fn plain(load: bool, size: Size, rt: Reg, rn: Reg, offset: u32) -> Self {
         let offset = Offset::Immediate(offset);
         Self { load, size, signed: false, rt, rn, offset, index: true, wback: false, unprivileged: false }
@@ -307,58 +308,58 @@ impl Transfer {
 /// LDRD, STRD.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// Whether it loads.
+    /// Load, otherwise store.
     pub load: bool,
-    /// At the address.
+    /// Data register at the address.
     pub rt: Reg,
-    /// At the word after.
+    /// Data register at the next word.
     pub second: Reg,
     /// Base; PC is aligned first.
     pub rn: Reg,
-    /// Added to the base.
+    /// Offset.
     pub offset: u32,
-    /// Whether the offset counts for this access.
+    /// The access uses base plus offset.
     pub index: bool,
-    /// Whether the base becomes base and offset.
+    /// Write-back of base plus offset.
     pub wback: bool,
 }
 
 /// LDM, STM, PUSH, POP.
 #[derive(Clone, Copy, Debug)]
 pub struct Multiple {
-    /// Whether it loads.
+    /// Load, otherwise store.
     pub load: bool,
     /// Base.
     pub rn: Reg,
-    /// A bit a register.
+    /// Registers, a bit each.
     pub list: u16,
-    /// Whether the base is changed.
+    /// Write-back.
     pub wback: bool,
-    /// Whether the words are beneath the base.
+    /// The words are below the base.
     pub down: bool,
 }
 
 /// LDREX, STREX and their narrow forms.
 #[derive(Clone, Copy, Debug)]
 pub struct Exclusive {
-    /// Whether it loads.
+    /// Load, otherwise store.
     pub load: bool,
-    /// Of what is transferred.
+    /// Size of the access.
     pub size: Size,
-    /// Loaded or stored.
+    /// Data register.
     pub rt: Reg,
     /// Base.
     pub rn: Reg,
-    /// Of a store: 0 if it happened, 1 if not.
+    /// Result of a store: 0 success, 1 failure.
     pub rd: Reg,
-    /// Added to the base.
+    /// Offset.
     pub offset: u32,
 }
 
-/// Special registers, sleep, and instructions that ask for exceptions (ARMv7-M B1.4, B5.2).
+/// Special registers, sleep, and instructions that request exceptions (ARMv7-M B1.4, B5.2).
 #[derive(Clone, Copy, Debug)]
 pub enum Special {
-    /// NOP, barriers, hints that mean nothing here.
+    /// NOP, barriers, and hints without effect.
     Nothing,
     /// WFI.
     WaitForInterrupt,
@@ -381,28 +382,28 @@ pub enum Special {
     Read {
         /// SYSm.
         special: u32,
-        /// Where to.
+        /// Destination.
         rd: Reg,
     },
     /// MSR.
     Write {
         /// SYSm.
         special: u32,
-        /// Where from.
+        /// Source.
         source: Reg,
-        /// Of APSR: bit 1 for the flags.
+        /// Mask; bit 1 writes the flags.
         mask: u32,
     },
     /// SVC.
     SupervisorCall,
     /// BKPT.
     Breakpoint,
-    /// Any instruction of a coprocessor.
+    /// Any coprocessor instruction.
     Coprocessor,
 }
 
 impl Special {
-    /// A hint by its number.
+    /// Decodes a hint.
     pub const fn hint(number: u32) -> Self {
         match number {
             2 => Self::WaitForEvent,

@@ -1,4 +1,4 @@
-//! The registers (ARMv7-M B1.4): an array, because nearly every instruction has several of them by number.
+//! Core registers (ARMv7-M B1.4), as an array for access by number.
 
 use armagnac::registers::{ControlRegister, CoreRegisters, ProgramStatusRegister};
 
@@ -14,7 +14,7 @@ impl Reg {
     /// The program counter.
     pub const PC: Self = Self(15);
 
-    /// By the lowest four bits, as they stand in an instruction.
+    /// By the lowest four bits of `index`.
     pub const fn new(index: u32) -> Self {
         Self((index & 15) as u8)
     }
@@ -25,12 +25,12 @@ impl Reg {
     }
 }
 
-/// All of them.
+/// Core registers.
 #[derive(Clone, Debug)]
 pub struct Registers {
-    /// R0 to R15, of the two stack pointers the one in use.
+    /// R0 to R15, with the stack pointer in use.
     all: [u32; 16],
-    /// The other one.
+    /// The other stack pointer.
     other_sp: u32,
     /// Flags, IT state, exception number.
     pub psr: ProgramStatusRegister,
@@ -38,19 +38,19 @@ pub struct Registers {
 }
 
 impl Registers {
-    /// As after a reset, but for what the vector table gives.
+    /// Reset state, except for the values of the vector table.
     pub fn new() -> Self {
         let (psr, control) = (ProgramStatusRegister::new(), ControlRegister::new());
         Self { all: [0; 16], other_sp: 0, psr, control }
     }
 
-    /// Reads one.
+    /// Reads a register.
     #[inline]
     pub const fn get(&self, reg: Reg) -> u32 {
         self.all[(reg.0 & 15) as usize]
     }
 
-    /// Writes one. The two lowest bits of a stack pointer are 0 (ARMv7-M B1.4.1).
+    /// Writes a register. The two lowest bits of a stack pointer are 0 (ARMv7-M B1.4.1).
     #[inline]
     pub fn set(&mut self, reg: Reg, value: u32) {
         self.all[usize::from(reg.0 & 15)] = if reg == Reg::SP { value & !3 } else { value };
@@ -78,7 +78,7 @@ impl Registers {
         self.control.set_privileged_bit(on);
     }
 
-    /// CONTROL.SPSEL: the process stack pointer is the one in use.
+    /// Selects the process stack pointer (CONTROL.SPSEL).
     pub fn select_psp(&mut self, on: bool) {
         if self.control.spsel() != on {
             self.control.set_spsel(on);
@@ -106,16 +106,16 @@ impl Registers {
         }
     }
 
-    /// Gives them to the engine, which has one stack pointer.
-    pub fn lend(&self, to: &mut CoreRegisters) {
+    /// Copies the registers to the engine, which has one stack pointer.
+    pub fn copy_to(&self, to: &mut CoreRegisters) {
         let [r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp, lr, pc] = self.all;
         let psr = self.psr;
         *to =
             CoreRegisters { r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp, lr, pc, psr, ..*to };
     }
 
-    /// Takes them back.
-    pub fn take_back(&mut self, from: &CoreRegisters) {
+    /// Copies the registers back from the engine.
+    pub fn copy_from(&mut self, from: &CoreRegisters) {
         let CoreRegisters { r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp, lr, pc, psr, .. } =
             *from;
         self.all = [r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp & !3, lr, pc];

@@ -1,6 +1,7 @@
-//! The private peripheral bus: system control space and what of debugging programs look at (PM0056 4, ARMv7-M B3.2).
+//! The private peripheral bus: system control space and a few debug registers (PM0056 4, ARMv7-M B3.2).
 //!
-//! What is not here ends the run. SysTick is [`super::systick`], interrupts are [`super::nvic`].
+//! Access to any other register ends the run. SysTick is in [`super::systick`], interrupts in
+//! [`super::nvic`].
 
 use super::control::{CCR_BITS, SEV_ON_PEND, SLEEP_ON_EXIT};
 use super::fault::Trap;
@@ -24,20 +25,20 @@ const ACTIVE: [(u32, u32); 6] =
 const PENDING: [(u32, u32); 4] = [(12, USAGE_FAULT), (13, MEM_MANAGE), (14, BUS_FAULT), (15, SV_CALL)];
 const ENABLED: [(u32, u32); 3] = [(16, MEM_MANAGE), (17, BUS_FAULT), (18, USAGE_FAULT)];
 
-fn not_modelled(address: u32, value: Option<u32>, what: &str) -> Trap {
-    Trap::Stop(Problem::NotModelled { address, value, what: what.to_owned() })
+fn not_modeled(address: u32, value: Option<u32>, what: &str) -> Trap {
+    Trap::Stop(Problem::NotModeled { address, value, what: what.to_owned() })
 }
 
-/// Which registers are accessible by bytes and half-words: NVIC_IPR, SHPR, CFSR.
+/// Registers with byte and half-word access: NVIC_IPR, SHPR, CFSR.
 const fn is_narrow(address: u32) -> bool {
     matches!(address, 0xE000_E400..0xE000_E4F0 | 0xE000_ED18..0xE000_ED24 | 0xE000_ED28..0xE000_ED2C)
 }
 
 impl Cpu {
-    /// Reads a register of the private bus.
+    /// Reads a register of the private peripheral bus.
     pub(super) fn read_private(&mut self, address: u32, size: Size) -> Result<u32, Trap> {
         if size != Size::Word && !is_narrow(address) {
-            return Err(not_modelled(address, None, "a register of the core, narrower than a word"));
+            return Err(not_modeled(address, None, "a register of the core, narrower than a word"));
         }
         let word = self.read_word(address & !3)?;
         let value = word >> (8 * (address & 3));
@@ -48,7 +49,7 @@ impl Cpu {
         })
     }
 
-    /// Writes one.
+    /// Writes a register of the private peripheral bus.
     pub(super) fn write_private(&mut self, address: u32, size: Size, value: u32) -> Result<(), Trap> {
         self.chip.touched = true;
         if is_narrow(address) {
@@ -58,7 +59,7 @@ impl Cpu {
             return Ok(());
         }
         if size != Size::Word {
-            return Err(not_modelled(address, Some(value), "a register of the core, narrower than a word"));
+            return Err(not_modeled(address, Some(value), "a register of the core, narrower than a word"));
         }
         self.write_word(address, value)
     }
@@ -95,12 +96,12 @@ impl Cpu {
             0xE000_ED30 => faults.debug,
             0xE000_ED34 => faults.memory_address,
             0xE000_ED38 => faults.bus_address,
-            // No auxiliary faults, and no debugger.
+            // Not implemented: auxiliary faults and a debugger.
             0xE000_ED3C | 0xE000_EDF0 => 0,
             0xE000_EDFC => self.sys.control.debug,
             0xE004_2000 => DEVICE,
             0xE004_2004 => self.sys.control.device_debug,
-            _ => return Err(not_modelled(address, None, "no such register of the core")),
+            _ => return Err(not_modeled(address, None, "no such register of the core")),
         })
     }
 
@@ -108,7 +109,7 @@ impl Cpu {
         match address {
             0xE000_E400..0xE000_E4F0 => self.sys.nvic.set_priority(IRQ + address - 0xE000_E400, byte),
             0xE000_ED28..0xE000_ED2C => {
-                // Written with 1 to clear.
+                // Write 1 to clear.
                 self.sys.faults.configurable &= !(u32::from(byte) << (8 * (address & 3)));
             }
             _ => self.sys.nvic.set_priority(4 + address - 0xE000_ED18, byte),
@@ -139,12 +140,12 @@ impl Cpu {
             0xE000_ED30 => self.sys.faults.debug &= !value,
             0xE000_ED34 => self.sys.faults.memory_address = value,
             0xE000_ED38 => self.sys.faults.bus_address = value,
-            // Only DWT's clock is there of debugging.
+            // Only TRCENA, for the DWT, is modeled.
             0xE000_EDFC if value & !(1 << 24) == 0 => self.sys.control.debug = value,
-            // What stands still while a debugger holds the core (RM0008 31.16): there is none.
+            // Peripherals that stop while a debugger halts the core (RM0008 31.16): there is no debugger.
             0xE004_2004 => self.sys.control.device_debug = value,
             0xE000_EF00 => self.sys.nvic.pend(bit(IRQ + (value & 0x1FF)) & ALL_LINES),
-            _ => return Err(not_modelled(address, Some(value), "no such register or bit of the core")),
+            _ => return Err(not_modeled(address, Some(value), "no such register or bit of the core")),
         }
         self.sys.nvic.changed = true;
         Ok(())
@@ -180,13 +181,13 @@ impl Cpu {
         }
     }
 
-    /// AIRCR (PM0056 4.4.5); without its key a write does nothing.
+    /// AIRCR (PM0056 4.4.5); ignores a write without its key.
     fn set_reset_control(&mut self, address: u32, value: u32) -> Result<(), Trap> {
         if value >> 16 != KEY {
             return Ok(());
         }
         if value & 0b011 != 0 {
-            return Err(not_modelled(address, Some(value), "a reset of the core alone"));
+            return Err(not_modeled(address, Some(value), "a reset of the core alone"));
         }
         self.sys.nvic.group = (value >> 8 & 7) as u8;
         self.sys.reset_request |= value & 0b100 != 0;
@@ -234,7 +235,7 @@ impl Cpu {
         };
     }
 
-    /// Starts or stops DWT_CYCCNT, which counts with the clock that the core has when it is read.
+    /// Starts or stops DWT_CYCCNT. Its count uses the core's clock at the time of reading.
     fn count_cycles(&mut self, on: bool) {
         let value = self.cycle_count();
         self.sys.control.counting = on;

@@ -46,14 +46,14 @@ impl Cpu {
         Ok(())
     }
 
-    /// Only from a priority below -1 (B5.2.1).
+    /// FAULTMASK can only be set from a priority below -1 (B5.2.1).
     fn set_faultmask(&mut self, on: bool) {
         if !on || self.sys.nvic.execution_priority(self.sys.masks) > -1 {
             self.sys.masks.faultmask = on;
         }
     }
 
-    /// What MRS gives: EPSR reads as 0, and all but APSR and CONTROL so where unprivileged.
+    /// Value of MRS. EPSR reads as 0; unprivileged, so does everything but APSR and CONTROL.
     pub(super) fn read_special(&self, special: u32) -> u32 {
         let registers = &self.registers;
         let privileged = self.is_privileged();
@@ -101,7 +101,7 @@ impl Cpu {
             19 => self.set_faultmask(value & 1 == 1),
             20 => {
                 registers.set_unprivileged(value & 1 == 1);
-                // A handler has the main stack.
+                // Handler mode uses the main stack.
                 if !handler {
                     registers.select_psp(value & 2 == 2);
                 }

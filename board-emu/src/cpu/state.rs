@@ -1,4 +1,4 @@
-//! The state of the core, and the operations on it that all instructions share.
+//! State of the core, and operations that all instructions share.
 
 use armagnac::core::{Config, Processor};
 
@@ -13,10 +13,10 @@ use super::systick::SysTick;
 use crate::chip::Chip;
 use crate::time::Time;
 
-/// Whether the core waits.
+/// Sleep state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sleep {
-    /// It does not.
+    /// Awake.
     No,
     /// WFI.
     Interrupt,
@@ -24,7 +24,7 @@ pub(super) enum Sleep {
     Event,
 }
 
-/// All of the core that `armagnac` does not keep.
+/// State of the core that `armagnac` does not hold.
 #[derive(Clone, Debug)]
 pub(super) struct System {
     pub(super) nvic: Nvic,
@@ -35,11 +35,11 @@ pub(super) struct System {
     /// VTOR.
     pub(super) vectors: u32,
     pub(super) sleep: Sleep,
-    /// The event register.
+    /// Event register.
     pub(super) event: bool,
-    /// The exclusive monitor.
+    /// Exclusive monitor.
     pub(super) exclusive: bool,
-    /// A branch in a handler asks for the return from its exception.
+    /// EXC_RETURN of a branch in a handler.
     pub(super) returning: Option<u32>,
     pub(super) reset_request: bool,
     pub(super) lowest_sp: u32,
@@ -66,22 +66,22 @@ impl System {
 
 /// The core.
 pub struct Cpu {
-    /// The rest of the chip.
+    /// The chip around the core.
     pub chip: Chip,
-    /// What it has executed, by exception.
+    /// Instruction counts.
     pub counts: Counts,
-    /// A step ends with an exception's entry, so that a breakpoint at a handler's beginning is seen.
+    /// A step ends after an exception entry, so that a breakpoint at the start of a handler is seen.
     pub pauses_at_entry: bool,
     pub(super) registers: Registers,
-    /// Those instructions that are right, and lent registers to execute one. It stays in thread mode, which keeps it from taking
-    /// part in exceptions; none of its instructions that touch memory is used.
+    /// Executes the correct instructions of `armagnac` on a copy of the registers. It stays in thread mode,
+    /// so that it never takes an exception, and executes no instruction that accesses memory.
     pub(super) engine: Processor,
     pub(super) decoder: Decoder,
     pub(super) sys: System,
 }
 
 impl Cpu {
-    /// A core of this chip that is held in reset.
+    /// A core in reset.
     #[must_use]
     pub fn new(chip: Chip) -> Self {
         let sys = System::new(0, 1);
@@ -96,7 +96,7 @@ impl Cpu {
         }
     }
 
-    /// A core and a chip in the same state.
+    /// A copy of core and chip.
     #[must_use]
     pub fn duplicate(&self) -> Self {
         Self {
@@ -120,7 +120,7 @@ impl Cpu {
         self.branch(target);
     }
 
-    /// `BXWritePC()`: in a handler it may be the return from an exception.
+    /// `BXWritePC()`: in a handler possibly an exception return.
     pub(super) fn exchange(&mut self, target: u32) {
         if target >> 28 == 15 && self.in_handler() {
             self.sys.returning = Some(target);
@@ -128,14 +128,14 @@ impl Cpu {
         self.branch_exchange(target);
     }
 
-    /// Time of instructions that are not fetched.
+    /// Spends the time of instructions that are not fetched.
     pub(super) fn spend(&mut self, instructions: u64) {
         let chip = &mut self.chip;
         let cycle = chip.rcc.core_cycle();
         chip.now += instructions * cycle * 3 / 2;
     }
 
-    /// Wakes if something is pending that would preempt what runs, PRIMASK aside (ARMv7-M B1.5.19), or for an event.
+    /// Wakes for an event, or for a pending exception that would preempt, ignoring PRIMASK (ARMv7-M B1.5.19).
     pub(super) fn wake_if_due(&mut self) {
         let masks = Masks { primask: false, ..self.sys.masks };
         let wakes = self.sys.sleep != Sleep::No && self.sys.nvic.due(masks).is_some()
@@ -145,7 +145,7 @@ impl Cpu {
         }
     }
 
-    /// Lets the time that the chip shows pass for SysTick.
+    /// Advances SysTick to the chip's time.
     pub fn advance(&mut self) {
         let (now, cycle) = {
             let chip = &self.chip;

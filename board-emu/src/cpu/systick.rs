@@ -1,6 +1,6 @@
-//! SysTick (PM0056 4.5): 24 bits that count down, at the core's clock or an eighth of it.
+//! SysTick (PM0056 4.5): counts 24 bits down, at the core's clock or an eighth of it.
 //!
-//! It is not stepped: what it shows follows from when it was last looked at.
+//! Its state is computed from the time of the last access.
 
 use crate::time::{NEVER, Time};
 
@@ -9,15 +9,15 @@ const TICKINT: u32 = 1 << 1;
 const CLKSOURCE: u32 = 1 << 2;
 const COUNTFLAG: u32 = 1 << 16;
 
-/// 1 ms at 9 MHz, which is what ST put there (PM0056 4.5.4).
+/// CALIB: 1 ms at 9 MHz (PM0056 4.5.4).
 const CALIBRATION: u32 = 9000;
 
-/// The timer.
+/// The system timer.
 #[derive(Clone, Debug)]
 pub struct SysTick {
     control: u32,
     reload: u32,
-    /// Of the count at `since`.
+    /// Count at `since`.
     value: u32,
     since: Time,
     /// Ticks a cycle of the core.
@@ -36,7 +36,7 @@ impl SysTick {
         if self.control & CLKSOURCE == 0 { 8 * self.cycle } else { self.cycle }
     }
 
-    /// Counts until it is 0 the next time; it never is if there is nothing to reload.
+    /// Counts until the next 0; `None` if reload and value are 0.
     fn to_zero(&self) -> Option<Time> {
         match (self.value, self.reload) {
             (0, 0) => None,
@@ -45,7 +45,8 @@ impl SysTick {
         }
     }
 
-    /// Lets time pass to `now`, with cycles of `cycle` ticks from then on; whether it became 0 and interrupts.
+    /// Advances to `now`; from then on a cycle has `cycle` ticks. Returns whether it reached 0 with its
+    /// interrupt enabled.
     pub fn advance(&mut self, now: Time, cycle: Time) -> bool {
         let zero = self.count(now);
         self.cycle = cycle;
@@ -72,7 +73,7 @@ impl SysTick {
         true
     }
 
-    /// When it next interrupts.
+    /// Time of the next interrupt.
     #[must_use]
     pub fn next_event(&self) -> Time {
         if self.control & (ENABLE | TICKINT) != ENABLE | TICKINT {
@@ -81,7 +82,7 @@ impl SysTick {
         self.to_zero().map_or(NEVER, |counts| self.since + counts * self.unit())
     }
 
-    /// CSR, RVR, CVR and CALIB by number; time has passed to the present.
+    /// Reads CSR, RVR, CVR or CALIB by number; must be advanced to the present.
     pub fn read(&mut self, register: u32) -> u32 {
         match register {
             0 => self.control | if std::mem::take(&mut self.counted) { COUNTFLAG } else { 0 },
@@ -91,7 +92,7 @@ impl SysTick {
         }
     }
 
-    /// The same, written.
+    /// Writes one of them.
     pub fn write(&mut self, register: u32, value: u32, now: Time) {
         match register {
             0 => {

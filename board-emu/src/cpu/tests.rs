@@ -1,4 +1,4 @@
-//! The core from the inside, with programs of a few instructions.
+//! Tests of the core, with programs of a few instructions.
 
 mod exceptions;
 mod faults;
@@ -9,7 +9,7 @@ use crate::chip::{Chip, Size};
 
 /// Top of the main stack.
 const TOP: u32 = 0x2000_2000;
-/// Where the program begins.
+/// Start of the program.
 const MAIN: u32 = 0x0800_0200;
 /// ISER0, ISPR0, ICPR0, IABR0, IPR0.
 const ENABLE: u32 = 0xE000_E100;
@@ -23,19 +23,19 @@ const BFAR: u32 = 0xE000_ED38;
 
 // Instructions.
 const NOP: u16 = 0xBF00;
-/// A loop of itself.
+/// A branch to itself.
 const STAY: u16 = 0xE7FE;
 const BX_LR: u16 = 0x4770;
 const WFI: u16 = 0xBF30;
 const CPSID: u16 = 0xB672;
 const CPSIE: u16 = 0xB662;
 
-/// Appends a digit to r5, in which handlers leave their trace: no entry stores or restores it.
+/// Appends a digit to r5, the trace of handlers: entry and return do not touch r5.
 const fn trace(digit: u16) -> [u16; 2] {
     [0x012D, 0x3500 | digit] // LSLS r5, r5, #4; ADDS r5, #digit
 }
 
-/// A handler that leaves a trace.
+/// A handler that appends a digit to the trace.
 fn handler(digit: u16) -> Vec<u16> {
     [trace(digit).as_slice(), &[BX_LR]].concat()
 }
@@ -45,7 +45,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A core after reset, with a program and handlers by exception number; all other exceptions stay where they are.
+    /// A core after reset, with a program and handlers by exception number; other exceptions loop forever.
     fn new(main: &[u16], handlers: &[(u32, Vec<u16>)]) -> Self {
         let mut chip = Chip::new(1, [0; 3]);
         let mut put = |address: u32, code: &[u16]| {

@@ -47,7 +47,7 @@ fn calibration_bits_clear_after_their_time() {
 }
 
 #[test]
-fn a_trigger_converts_four_one_after_the_other() {
+fn trigger_starts_four_conversions() {
     let mut adc = converter();
     adc.set_inputs(inputs(100), READY);
     adc.trigger(READY);
@@ -68,7 +68,7 @@ fn a_trigger_converts_four_one_after_the_other() {
 }
 
 #[test]
-fn a_shorter_group_ends_with_the_last_of_the_sequence() {
+fn shorter_group_uses_the_last_ranks() {
     let mut adc = converter();
     adc.write(JSQR, 1 << 20 | 3 << 15 | 2 << 10 | 1 << 5 | 5, 0).unwrap();
     adc.set_inputs(inputs(100), READY);
@@ -78,7 +78,7 @@ fn a_shorter_group_ends_with_the_last_of_the_sequence() {
 }
 
 #[test]
-fn the_regular_conversion_goes_round_and_gives_way() {
+fn injected_group_interrupts_regular_conversion() {
     let mut adc = converter();
     adc.set_inputs(inputs(100), READY);
     let cr2 = adc.read(CR2, READY).unwrap();
@@ -112,7 +112,7 @@ fn without_its_switches_a_trigger_does_nothing() {
 }
 
 #[test]
-fn what_it_lacks_it_says() {
+fn unmodeled_bits_are_errors() {
     let on = ADON | EXTSEL | EXTTRIG;
     for (register, value, at) in [
         (CR1, 1 << 10, READY),                   // JAUTO

@@ -1,4 +1,4 @@
-//! Error counters (RM0008 24.7.6; ISO 11898-1's rules for them).
+//! Error counters (RM0008 24.7.6; ISO 11898-1).
 
 /// Bits of ESR (RM0008 24.9.2).
 const EWGF: u32 = 1;
@@ -6,24 +6,24 @@ const EPVF: u32 = 1 << 1;
 const BOFF: u32 = 1 << 2;
 const LEC: u32 = 7 << 4;
 
-/// Enable bits of IER: the warning limit, error passive, bus-off, the last error's code.
+/// Enable bits of IER: error warning, error passive, bus-off, last error code.
 const EWGIE: u32 = 1 << 8;
 const EPVIE: u32 = 1 << 9;
 const BOFIE: u32 = 1 << 10;
 const LECIE: u32 = 1 << 11;
 
-/// From here on ESR warns.
+/// Limit of the error warning.
 const WARNING: u16 = 96;
-/// Above that it is error passive.
+/// Above this: error passive.
 const PASSIVE: u16 = 127;
-/// Above that it is bus-off.
+/// Above this: bus-off.
 const OFF: u16 = 255;
 
-/// Codes of LEC: six equal bits, which is what is left of a destroyed frame; and no acknowledge.
+/// Codes of LEC: stuff error (a corrupted frame) and missing acknowledge.
 const STUFF: u32 = 1;
 const ACKNOWLEDGE: u32 = 3;
 
-/// The counters of errors, and the last one.
+/// Error counters and the last error.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Errors {
     transmit: u16,
@@ -36,18 +36,18 @@ impl Errors {
         self.transmit > OFF
     }
 
-    /// A frame of its own was destroyed. Returns the enable bits of interrupts that are asked for.
+    /// Counts a corrupted frame of its own. Returns the enable bits of the requested interrupts.
     pub(super) fn transmit(&mut self) -> u32 {
         self.count(STUFF, |errors| errors.transmit += 8)
     }
 
-    /// A frame that it was hearing was destroyed; as above.
+    /// Counts a corrupted frame that it received; as above.
     pub(super) fn receive(&mut self) -> u32 {
-        // 8 bits, and what is above 127 says no more.
+        // 8 bits; values above 127 mean no more than 128.
         self.count(STUFF, |errors| errors.receive = (errors.receive + 1).min(OFF))
     }
 
-    /// Nobody acknowledged; as above.
+    /// Counts a missing acknowledge; as above.
     pub(super) fn unacknowledged(&mut self) -> u32 {
         self.count(ACKNOWLEDGE, |errors| {
             if errors.transmit <= PASSIVE {
@@ -66,15 +66,15 @@ impl Errors {
         flags.into_iter().filter(|(flag, _)| risen & flag != 0).map(|(_, enable)| enable).sum::<u32>() | LECIE
     }
 
-    /// A frame went out whole.
+    /// Counts a sent frame.
     pub(super) const fn sent(&mut self) {
         self.transmit = self.transmit.saturating_sub(1);
         self.last = 0;
     }
 
-    /// A frame came whole.
+    /// Counts a received frame.
     pub(super) const fn received(&mut self) {
-        // From error passive it goes to between 119 and 127.
+        // Error passive recovers to between 119 and 127.
         self.receive = if self.receive > PASSIVE { PASSIVE } else { self.receive.saturating_sub(1) };
         self.last = 0;
     }
@@ -87,7 +87,7 @@ impl Errors {
         flags | self.last << 4 | u32::from(self.transmit.min(OFF)) << 16 | u32::from(self.receive) << 24
     }
 
-    /// Only the last error's code can be written.
+    /// Only LEC can be written.
     pub(super) const fn write_status(&mut self, value: u32) {
         self.last = (value & LEC) >> 4;
     }

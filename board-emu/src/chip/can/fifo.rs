@@ -1,8 +1,8 @@
-//! A receive FIFO: three places, of which the program sees the oldest (RM0008 24.7.3).
+//! A receive FIFO of three frames, of which the program sees the oldest (RM0008 24.7.3).
 
 use tater_wire::Frame;
 
-/// Places.
+/// Frames that it holds.
 const DEPTH: usize = 3;
 
 /// Bits of RFxR (RM0008 24.9.2).
@@ -10,20 +10,20 @@ const FULL: u32 = 1 << 3;
 const FOVR: u32 = 1 << 4;
 const RFOM: u32 = 1 << 5;
 
-/// A place: RIxR, RDTxR, RDLxR, RDHxR.
+/// A received frame: RIxR, RDTxR, RDLxR, RDHxR.
 type Place = [u32; 4];
 
 /// A receive FIFO.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fifo {
     places: Vec<Place>,
-    /// FULL and FOVR, until they are cleared.
+    /// FULL and FOVR, until cleared.
     flags: u32,
 }
 
 impl Fifo {
-    /// Takes a frame and the number of the filter that let it through. Of a FIFO that is full the newest frame is lost: the
-    /// one that comes if it is `locked` (MCR.RFLM), else the one in the last place.
+    /// Stores a frame with the number of the filter that accepted it. A full FIFO loses the new frame if it
+    /// is `locked` (MCR.RFLM), otherwise the last one.
     pub(super) fn push(&mut self, frame: &Frame, filter: u32, locked: bool) {
         let mut bytes = [0; 8];
         for (to, from) in bytes.iter_mut().zip(frame.data()) {
@@ -50,7 +50,7 @@ impl Fifo {
         self.flags | self.places.len() as u32
     }
 
-    /// Writes RFxR: clears flags, releases the oldest place.
+    /// Writes RFxR: clears flags, releases the oldest frame.
     pub(super) fn write_status(&mut self, value: u32) {
         self.flags &= !value;
         if value & RFOM != 0 && !self.places.is_empty() {
@@ -58,12 +58,12 @@ impl Fifo {
         }
     }
 
-    /// One of the four registers of the oldest place; what an empty FIFO shows says nothing.
+    /// One of the four registers of the oldest frame; undefined if the FIFO is empty.
     pub(super) fn read(&self, offset: u32) -> u32 {
         self.places.first().and_then(|place| place.get(offset as usize / 4)).copied().unwrap_or(0)
     }
 
-    /// Whether it interrupts; `enables` are FMPIE, FFIE and FOVIE, from bit 0 on.
+    /// Whether it requests an interrupt; `enables` are FMPIE, FFIE and FOVIE from bit 0.
     pub(super) fn interrupts(&self, enables: u32) -> bool {
         enables & 1 != 0 && !self.places.is_empty()
             || enables & 2 != 0 && self.flags & FULL != 0

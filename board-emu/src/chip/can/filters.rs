@@ -6,10 +6,10 @@ use tater_wire::Frame;
 
 /// Banks of a medium-density chip.
 const BANKS: usize = 14;
-/// A bit a bank.
+/// All banks, a bit each.
 const ALL: u32 = (1 << BANKS) - 1;
 
-/// FMR: initialisation. All other bits are reserved here, and keep their reset value.
+/// FMR: initialization. The other bits are reserved and keep their reset value.
 const FINIT: u32 = 1;
 /// See [`FINIT`].
 const FMR: u32 = 0x2A1C_0E00;
@@ -17,8 +17,8 @@ const FMR: u32 = 0x2A1C_0E00;
 /// The filter banks.
 #[derive(Clone, Debug)]
 pub(super) struct Filters {
-    initialisation: bool,
-    /// A bit a bank: lists, 32 bits, into FIFO 1, active (FM1R, FS1R, FFA1R, FA1R).
+    initialization: bool,
+    /// A bit for each bank: list mode, 32 bits, FIFO 1, active (FM1R, FS1R, FFA1R, FA1R).
     lists: u32,
     wide: u32,
     fifo: u32,
@@ -28,21 +28,21 @@ pub(super) struct Filters {
 
 impl Default for Filters {
     fn default() -> Self {
-        Self { initialisation: true, lists: 0, wide: 0, fifo: 0, active: 0, banks: [[0; 2]; BANKS] }
+        Self { initialization: true, lists: 0, wide: 0, fifo: 0, active: 0, banks: [[0; 2]; BANKS] }
     }
 }
 
-/// How good a match is: wide before narrow, lists before masks, then low numbers.
+/// Priority of a match: wide before narrow, lists before masks, then low numbers.
 type Rank = (bool, bool, Reverse<usize>);
 
 impl Filters {
     /// Reads a register.
     ///
     /// # Errors
-    /// There is none at that offset.
+    /// No register at that offset.
     pub(super) fn read(&self, offset: u32) -> RegisterResult<u32> {
         Ok(match offset {
-            0x00 => FMR | u32::from(self.initialisation),
+            0x00 => FMR | u32::from(self.initialization),
             0x04 => self.lists,
             0x0C => self.wide,
             0x14 => self.fifo,
@@ -55,15 +55,15 @@ impl Filters {
         })
     }
 
-    /// Writes a register. What may only be written in initialisation, or while the bank is not active, stays as it is
-    /// otherwise.
+    /// Writes a register. Fields that are write-protected outside initialization, or while their bank is
+    /// active, keep their value.
     ///
     /// # Errors
-    /// There is none at that offset.
+    /// No register at that offset.
     pub(super) fn write(&mut self, offset: u32, value: u32) -> RegisterResult<()> {
-        let open = self.initialisation;
+        let open = self.initialization;
         match offset {
-            0x00 => self.initialisation = value & FINIT != 0,
+            0x00 => self.initialization = value & FINIT != 0,
             0x04 if open => self.lists = value & ALL,
             0x0C if open => self.wide = value & ALL,
             0x14 if open => self.fifo = value & ALL,
@@ -80,12 +80,12 @@ impl Filters {
         Ok(())
     }
 
-    /// The FIFO that a frame goes into, and the number of the filter that says so; `None` if no filter does.
+    /// FIFO and filter number for a frame; `None` if no filter accepts it.
     pub(super) fn pass(&self, frame: &Frame) -> Option<(usize, u32)> {
-        if self.initialisation {
+        if self.initialization {
             return None;
         }
-        // Numbers count for each FIFO alone, whether banks are active or not.
+        // Numbers count separately for each FIFO, inactive banks included.
         let mut numbers = [0; 2];
         let mut best: Option<(Rank, (usize, u32))> = None;
         for bank in 0..BANKS {
@@ -123,13 +123,13 @@ const fn filters(lists: bool, wide: bool) -> u32 {
     }
 }
 
-/// Which of a bank's filters a data frame with an 11-bit identifier passes; the identifier is in the upper bits, and those for
-/// an extended identifier, IDE and RTR are 0 (figure 230).
+/// The filters of a bank that accept a data frame with an 11-bit identifier, which is in the upper bits; the
+/// bits of an extended identifier, IDE and RTR are 0 (figure 230).
 fn matches([first, second]: [u32; 2], lists: bool, wide: bool, id: u16) -> Vec<bool> {
     let (long, short) = (u32::from(id) << 21, u32::from(id) << 5);
     let halves = |word: u32| [word & 0xFFFF, word >> 16];
     match (lists, wide) {
-        // Bit 0 is not there.
+        // Bit 0 is unused.
         (false, true) => vec![(long ^ first) & second & !1 == 0],
         (true, true) => vec![(long ^ first) & !1 == 0, (long ^ second) & !1 == 0],
         (false, false) => {

@@ -6,7 +6,7 @@ use tater_wire::Frame;
 /// Mailboxes.
 const COUNT: usize = 3;
 
-/// Bits of TSR for mailbox 0; those of the next are 8 bits further on (RM0008 24.9.2).
+/// Bits of TSR for mailbox 0; those of the next are 8 bits higher (RM0008 24.9.2).
 const RQCP: u32 = 1;
 const TXOK: u32 = 1 << 1;
 const TERR: u32 = 1 << 3;
@@ -17,19 +17,19 @@ const TXRQ: u32 = 1;
 const RTR: u32 = 1 << 1;
 const IDE: u32 = 1 << 2;
 
-/// A mailbox: what is to be sent, and what became of it.
+/// A mailbox with its last result.
 #[derive(Clone, Debug, Default)]
 struct Mailbox {
     /// TIxR without TXRQ, TDTxR, TDLxR, TDHxR.
     registers: [u32; 4],
-    /// The frame that waits, and the number of its request.
+    /// The requested frame, and the number of the request.
     waiting: Option<(Frame, u64)>,
     /// RQCP, TXOK, TERR.
     flags: u32,
 }
 
 impl Mailbox {
-    /// The frame that the registers say.
+    /// The frame in the registers.
     fn frame(&self) -> RegisterResult<Frame> {
         let [id, control, low, high] = self.registers;
         if id & (RTR | IDE) != 0 {
@@ -47,12 +47,12 @@ impl Mailbox {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mailboxes {
     boxes: [Mailbox; COUNT],
-    /// Requests so far.
+    /// Number of requests so far.
     requests: u64,
 }
 
 impl Mailboxes {
-    /// Mailboxes with a frame, in the order in which they are sent: by identifier and then by number, or (TXFP) by request.
+    /// Mailboxes with a request, in order of transmission: by identifier and number, or with TXFP by request.
     fn order(&self, by_request: bool) -> Vec<usize> {
         let waiting = |i: &usize| self.boxes[*i].waiting;
         let mut order: Vec<usize> = (0..COUNT).filter(|i| waiting(i).is_some()).collect();
@@ -62,8 +62,8 @@ impl Mailboxes {
         order
     }
 
-    /// What may be sent next: all in the order of mailboxes, of which the bus takes the lowest identifier, or (TXFP) only
-    /// what was requested first.
+    /// Frames to offer: all in the order of mailboxes, of which the bus takes the lowest identifier, or with
+    /// TXFP only the oldest request.
     pub(super) fn offer(&self, by_request: bool, to: &mut Vec<Frame>) {
         let mut order = self.order(by_request);
         if by_request {
@@ -74,9 +74,9 @@ impl Mailboxes {
         to.extend(order.iter().filter_map(|&i| Some(self.boxes[i].waiting?.0)));
     }
 
-    /// A frame has been sent; whether it was there.
+    /// Removes a sent frame; returns whether it was present.
     pub(super) fn sent(&mut self, frame: &Frame) -> bool {
-        // Equal frames are told apart by nobody.
+        // Equal frames are indistinguishable.
         let hit = |mailbox: &&mut Mailbox| mailbox.waiting.is_some_and(|(waiting, _)| waiting == *frame);
         let Some(mailbox) =
             self.boxes.iter_mut().filter(hit).min_by_key(|mailbox| mailbox.waiting.map(|(_, at)| at))
@@ -88,7 +88,7 @@ impl Mailboxes {
         true
     }
 
-    /// What was being sent failed: it stays, unless (NART) nothing is sent twice.
+    /// Handles a failed transmission: the request stays unless NART forbids repetition.
     pub(super) fn failed(&mut self, by_request: bool, once: bool) {
         let Some(&first) = self.order(by_request).first() else { return };
         let mailbox = &mut self.boxes[first];
@@ -111,7 +111,8 @@ impl Mailboxes {
             status |= mailbox.flags << (8 * i);
             status |= u32::from(mailbox.waiting.is_none()) << (26 + i);
         }
-        // CODE: the next that is empty, else that which is sent last. LOW: the latter, if there are two or more.
+        // CODE: the next empty mailbox, or the last in the order. LOW: the last in the order, if there are
+        // several.
         let last = order.last().copied().unwrap_or(0);
         let empty = (0..COUNT).find(|i| !order.contains(i));
         status |= (empty.unwrap_or(last) as u32) << 24;
@@ -121,8 +122,8 @@ impl Mailboxes {
         status
     }
 
-    /// Writes TSR: clears a mailbox's flags by its RQCP; gives one up by its ABRQ. What is on the bus already is given up too,
-    /// because nobody here knows that it is: the bus's `sent` finds it gone.
+    /// Writes TSR: RQCP clears a mailbox's flags, ABRQ aborts its request. A frame in transmission is aborted
+    /// too, because the controller does not know that the bus carries it; [`Self::sent`] then ignores it.
     pub(super) fn write_status(&mut self, value: u32) {
         for (i, mailbox) in self.boxes.iter_mut().enumerate() {
             let bits = value >> (8 * i);
@@ -143,10 +144,10 @@ impl Mailboxes {
         mailbox.registers[register] | requested
     }
 
-    /// Writes a register of a mailbox: only while it is empty.
+    /// Writes a register of an empty mailbox.
     ///
     /// # Errors
-    /// A frame that this bus does not carry.
+    /// A frame that this bus cannot carry.
     pub(super) fn write(&mut self, offset: u32, value: u32) -> RegisterResult<()> {
         let (mailbox, register) = place(offset);
         let mailbox = &mut self.boxes[mailbox];

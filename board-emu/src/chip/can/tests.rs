@@ -17,7 +17,7 @@ const FA1R: u32 = 0x21C;
 /// 36 MHz by 2, 18 quanta a bit: 1 + 14 + 3; jump width 2.
 const TIMING: u32 = 1 << 24 | 2 << 20 | 13 << 16 | 1;
 
-/// When [`on_bus`] is there.
+/// When [`on_bus`] has joined.
 const JOINED: Time = IDLE;
 
 fn read(can: &mut Can, offset: u32, now: Time) -> u32 {
@@ -25,16 +25,16 @@ fn read(can: &mut Can, offset: u32, now: Time) -> u32 {
 }
 
 fn write(can: &mut Can, offset: u32, value: u32, now: Time) {
-    can.write(offset, value, now).expect("modelled");
+    can.write(offset, value, now).expect("modeled");
 }
 
-/// A controller that is on the bus, with these bits in MCR and a filter that lets all into FIFO 0.
+/// A controller on the bus, with these bits in MCR and a filter that accepts all frames into FIFO 0.
 fn on_bus(options: u32) -> Can {
     let mut can = Can::default();
     can.set_cycle(4);
     write(&mut can, MCR, mcr::INRQ, 0);
     write(&mut can, BTR, TIMING, 0);
-    // Bank 0: a mask of nothing.
+    // Bank 0: an empty mask.
     write(&mut can, FA1R, 1, 0);
     write(&mut can, FMR, 0, 0);
     write(&mut can, MCR, options, 0);
@@ -56,13 +56,13 @@ fn request(can: &mut Can, mailbox: u32, id: u32, now: Time) {
     write(can, at, id << 21 | 1, now);
 }
 
-/// The identifiers that it offers.
+/// Identifiers of the offered frames.
 fn offered(can: &Can) -> Vec<u16> {
     can.pending().iter().map(Frame::raw_id).collect()
 }
 
 #[test]
-fn after_a_reset_it_sleeps() {
+fn reset_state_is_sleep() {
     let mut can = Can::default();
     // RM0008 24.9.5, table of reset values.
     let table = [
@@ -87,7 +87,7 @@ fn after_a_reset_it_sleeps() {
 }
 
 #[test]
-fn sleep_initialisation_and_11_recessive_bits_to_the_bus() {
+fn joins_after_initialization_and_11_recessive_bits() {
     let mut can = Can::default();
     can.set_cycle(4);
     let acknowledges = |can: &mut Can, now| read(can, MSR, now) & (msr::INAK | msr::SLAK);
@@ -97,7 +97,7 @@ fn sleep_initialisation_and_11_recessive_bits_to_the_bus() {
     write(&mut can, MCR, mcr::SLEEP, 0);
     assert_eq!(acknowledges(&mut can, 0), msr::SLAK);
     write(&mut can, BTR, 0, 0);
-    assert_eq!(read(&mut can, BTR, 0), TIMING, "protected outside initialisation");
+    assert_eq!(read(&mut can, BTR, 0), TIMING, "protected outside initialization");
     write(&mut can, MCR, 0, 1000);
     assert_eq!((acknowledges(&mut can, 1000 + IDLE - 1), can.is_on_bus()), (msr::SLAK, false));
     assert_eq!(can.next_event(), 1000 + IDLE);
@@ -107,7 +107,7 @@ fn sleep_initialisation_and_11_recessive_bits_to_the_bus() {
 }
 
 #[test]
-fn it_joins_after_a_frame_that_began_before() {
+fn joins_after_a_frame_in_progress() {
     let mut can = Can::default();
     can.set_cycle(4);
     write(&mut can, MCR, mcr::INRQ, 0);
@@ -115,7 +115,7 @@ fn it_joins_after_a_frame_that_began_before() {
     write(&mut can, FA1R, 1, 0);
     write(&mut can, FMR, 0, 0);
     write(&mut can, MCR, 0, 10 * BIT);
-    // Of 44 bits at least, it ends at 60 us: it had begun when the controller asked to join.
+    // At least 44 bits long, it ends at 60 us: it began before the controller asked to join.
     can.receive(&frame(0x123, &[]), 60 * BIT);
     assert!(!can.is_on_bus());
     assert_eq!(read(&mut can, RF0R, 60 * BIT), 0, "not heard");
@@ -126,8 +126,8 @@ fn it_joins_after_a_frame_that_began_before() {
 }
 
 #[test]
-fn a_bit_timing_that_is_not_this_bus_is_refused() {
-    // One quantum more; the other prescaler; the right one at half the clock.
+fn other_bit_timing_is_rejected() {
+    // One quantum more; the other prescaler; the right values at half the clock.
     for (timing, cycle) in [(TIMING + (1 << 16), 4), (TIMING + 1, 4), (TIMING, 8)] {
         let mut can = Can::default();
         can.set_cycle(cycle);
@@ -138,7 +138,7 @@ fn a_bit_timing_that_is_not_this_bus_is_refused() {
 }
 
 #[test]
-fn a_master_reset_puts_it_to_sleep() {
+fn master_reset_ends_in_sleep() {
     let mut can = on_bus(mcr::ABOM);
     can.receive(&frame(1, &[]), 200 * BIT);
     write(&mut can, MCR, mcr::RESET, 200 * BIT);
@@ -148,7 +148,7 @@ fn a_master_reset_puts_it_to_sleep() {
 }
 
 #[test]
-fn a_frame_wakes_it_if_it_may() {
+fn frame_wakes_it_with_awum() {
     for (automatic, wakes) in [(0, false), (mcr::AWUM, true)] {
         let mut can = on_bus(automatic);
         write(&mut can, IER, ier::WKUIE, JOINED);

@@ -38,7 +38,7 @@ fn erase(flash: &mut Flash, now: Time) {
 }
 
 #[test]
-fn the_lock_takes_two_keys_and_no_wrong_one() {
+fn wrong_key_locks_until_reset() {
     let mut flash = Flash::default();
     let cr = |flash: &mut Flash| Peripheral::read(flash, CR, 0).expect("CR");
     assert_eq!(cr(&mut flash), cr::LOCK, "after a reset");
@@ -51,7 +51,7 @@ fn the_lock_takes_two_keys_and_no_wrong_one() {
     flash.write(CR, cr::LOCK, 0).expect("locks");
     unlock(&mut flash, 0);
     assert_eq!(cr(&mut flash), 0, "and again");
-    // The second key first: locked until the next reset.
+    // Second key first: locked until the next reset.
     let mut flash = Flash::default();
     flash.write(KEYR, KEYS[1], 0).expect("a key");
     unlock(&mut flash, 0);
@@ -62,7 +62,7 @@ fn the_lock_takes_two_keys_and_no_wrong_one() {
 }
 
 #[test]
-fn half_words_are_programmed_once_except_with_0() {
+fn half_word_is_programmed_once_except_to_0() {
     let mut flash = open(cr::PG);
     assert_eq!(program(&mut flash, AT, 0x1234, 1000), Ok(()));
     assert_eq!(flash.busy_until, 1000 + 7560, "52.5 us");
@@ -89,7 +89,7 @@ fn other_widths_and_odd_addresses_are_bus_errors() {
 }
 
 #[test]
-fn a_page_is_erased_in_40_ms_and_no_other() {
+fn page_erase_takes_40_ms_and_spares_others() {
     let mut flash = open(0);
     flash.load(FLASH.start + 39 * PAGE, &[0x55; 3 * PAGE as usize]);
     erase(&mut flash, 100);
@@ -108,7 +108,7 @@ fn a_page_is_erased_in_40_ms_and_no_other() {
 }
 
 #[test]
-fn what_the_registers_do_not_have_is_said() {
+fn unmodeled_bits_are_errors() {
     let mut flash = open(0);
     assert!(flash.write(CR, 1 << 4, 0).is_err(), "OPTPG");
     assert!(flash.write(CR, cr::STRT, 0).is_err(), "neither PER nor MER");
@@ -118,7 +118,7 @@ fn what_the_registers_do_not_have_is_said() {
 }
 
 #[test]
-fn a_cut_in_the_middle_of_programming_leaves_zeros_missing() {
+fn power_failure_while_programming_leaves_ones() {
     let mut seen = BTreeSet::new();
     for seed in 0..200 {
         let mut flash = open(cr::PG);
@@ -143,7 +143,7 @@ fn a_cut_in_the_middle_of_programming_leaves_zeros_missing() {
 }
 
 #[test]
-fn a_cut_in_an_erase_leaves_all_nothing_or_something_of_the_page() {
+fn power_failure_while_erasing_leaves_part_of_the_page() {
     let mut untouched = 0;
     let mut erased = 0;
     let mut between = 0;
@@ -168,7 +168,7 @@ fn a_cut_in_an_erase_leaves_all_nothing_or_something_of_the_page() {
 }
 
 #[test]
-fn a_reset_during_an_operation_leaves_it_half_done_and_one_after_it_does_not() {
+fn reset_during_an_operation_leaves_it_half_done() {
     let mut left = BTreeSet::new();
     for value in 0..100 {
         let mut flash = open(cr::PG);

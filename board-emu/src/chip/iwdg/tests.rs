@@ -13,7 +13,7 @@ fn key(iwdg: &mut Iwdg, key: u32, now: Time) {
     iwdg.write(KR, key, now).expect("a key");
 }
 
-/// One that was started at 0 and then set, as programs do; the time when both registers have been taken over.
+/// Started at 0 and then configured, as programs do; with the time at which both registers are in effect.
 fn running(prescaler: u32, reload: u32) -> (Iwdg, Time) {
     let mut iwdg = Iwdg::default();
     key(&mut iwdg, START, 0);
@@ -25,7 +25,7 @@ fn running(prescaler: u32, reload: u32) -> (Iwdg, Time) {
     (iwdg, 5 * CYCLE)
 }
 
-/// When it expires.
+/// Time of expiry.
 fn expiry(iwdg: &mut Iwdg) -> Time {
     loop {
         let next = iwdg.next_event();
@@ -39,7 +39,7 @@ fn expiry(iwdg: &mut Iwdg) -> Time {
 }
 
 #[test]
-fn it_does_nothing_until_it_is_started() {
+fn stopped_watchdog_never_expires() {
     let mut iwdg = Iwdg::default();
     assert_eq!(iwdg.next_event(), NEVER);
     assert_eq!((iwdg.read(PR, 0), iwdg.read(RLR, 0)), (Ok(0), Ok(0xFFF)), "RM0008 19.4");
@@ -49,7 +49,7 @@ fn it_does_nothing_until_it_is_started() {
 }
 
 #[test]
-fn the_times_are_those_of_the_manuals_table() {
+fn timeouts_match_table_96() {
     // RM0008 table 96: prescaler, shortest (RLR 0) and longest (RLR 0xFFF), us.
     for (code, shortest, longest) in [(0, 100, 409_600), (3, 800, 3_276_800), (6, 6_400, 26_214_400)] {
         for (reload, us) in [(0, shortest), (0xFFF, longest)] {
@@ -61,7 +61,7 @@ fn the_times_are_those_of_the_manuals_table() {
 }
 
 #[test]
-fn a_feed_begins_anew_and_a_start_does_not() {
+fn reload_key_restarts_and_start_key_does_not() {
     let (mut iwdg, now) = running(3, 624);
     key(&mut iwdg, RELOAD, now);
     key(&mut iwdg, RELOAD, now + 300_000 * US);
@@ -70,7 +70,7 @@ fn a_feed_begins_anew_and_a_start_does_not() {
 }
 
 #[test]
-fn a_reload_before_rlr_is_taken_over_loads_the_old_value() {
+fn reload_before_rlr_takes_effect_loads_the_old_value() {
     let mut iwdg = Iwdg::default();
     key(&mut iwdg, START, 0);
     key(&mut iwdg, UNLOCK, 0);
@@ -80,7 +80,7 @@ fn a_reload_before_rlr_is_taken_over_loads_the_old_value() {
 }
 
 #[test]
-fn registers_are_closed_without_their_key() {
+fn registers_are_locked_without_their_key() {
     let (mut iwdg, now) = running(3, 624);
     key(&mut iwdg, RELOAD, now);
     iwdg.write(PR, 0, now).expect("ignored");
@@ -93,7 +93,7 @@ fn registers_are_closed_without_their_key() {
 }
 
 #[test]
-fn a_new_prescaler_counts_from_when_it_is_taken_over() {
+fn prescaler_takes_effect_while_counting() {
     let mut iwdg = Iwdg::default();
     key(&mut iwdg, START, 0);
     let now = 400 * CYCLE;
@@ -105,7 +105,7 @@ fn a_new_prescaler_counts_from_when_it_is_taken_over() {
 }
 
 #[test]
-fn its_oscillator_may_be_fast_or_slow_and_outlasts_a_reset() {
+fn oscillator_tolerance_survives_reset() {
     for (hz, us) in [(30_000, 10_000_000 / 15), (60_000, 10_000_000 / 30)] {
         let mut iwdg = Iwdg::default();
         iwdg.set_oscillator(hz);

@@ -17,10 +17,10 @@ fn read(rcc: &mut Rcc, offset: u32, now: Time) -> u32 {
 }
 
 fn write(rcc: &mut Rcc, offset: u32, value: u32, now: Time) {
-    rcc.write(offset, value, now).expect("modelled");
+    rcc.write(offset, value, now).expect("modeled");
 }
 
-/// At 72 MHz from the crystal; the time then.
+/// At 72 MHz from the crystal; with the time.
 fn at_72_mhz() -> (Rcc, Time) {
     let mut rcc = Rcc::default();
     write(&mut rcc, CR, CR_RESET | cr::HSEON, 0);
@@ -32,7 +32,7 @@ fn at_72_mhz() -> (Rcc, Time) {
 }
 
 #[test]
-fn after_a_reset_the_rc_oscillator_drives_all_at_8_mhz() {
+fn reset_state_is_8_mhz_from_the_rc_oscillator() {
     let mut rcc = Rcc::default();
     assert_eq!(read(&mut rcc, CR, 0), CR_RESET);
     assert_eq!(read(&mut rcc, CFGR, 0), 0);
@@ -43,7 +43,7 @@ fn after_a_reset_the_rc_oscillator_drives_all_at_8_mhz() {
 }
 
 #[test]
-fn crystal_and_pll_take_their_time() {
+fn crystal_and_pll_have_start_up_times() {
     let mut rcc = Rcc::default();
     write(&mut rcc, CR, CR_RESET | cr::HSEON, 100);
     assert_eq!(read(&mut rcc, CR, 100 + HSE_START - 1) & cr::HSERDY, 0);
@@ -59,7 +59,7 @@ fn crystal_and_pll_take_their_time() {
 }
 
 #[test]
-fn at_72_mhz_the_timers_of_apb1_run_twice_as_fast_as_their_bus() {
+fn apb1_timers_run_at_twice_their_bus_clock() {
     let (mut rcc, now) = at_72_mhz();
     assert_eq!(read(&mut rcc, CFGR, now) & cfgr::SWS, 2 << 2, "SWS");
     let cycles = (rcc.core_cycle(), rcc.timer1_cycle(), rcc.timer_cycle(), rcc.can_cycle(), rcc.adc_cycle());
@@ -68,7 +68,7 @@ fn at_72_mhz_the_timers_of_apb1_run_twice_as_fast_as_their_bus() {
 }
 
 #[test]
-fn a_switch_to_a_clock_that_is_not_ready_waits_for_it() {
+fn clock_switch_waits_until_ready() {
     let mut rcc = Rcc::default();
     write(&mut rcc, CFGR, PLL_72, 0);
     write(&mut rcc, CR, CR_RESET | cr::HSEON | cr::PLLON, 0);
@@ -83,7 +83,7 @@ fn a_switch_to_a_clock_that_is_not_ready_waits_for_it() {
 }
 
 #[test]
-fn what_drives_the_system_clock_cannot_be_switched_off() {
+fn system_clock_source_cannot_be_switched_off() {
     let (mut rcc, now) = at_72_mhz();
     write(&mut rcc, CR, 0, now);
     let left = read(&mut rcc, CR, now);
@@ -93,7 +93,7 @@ fn what_drives_the_system_clock_cannot_be_switched_off() {
 }
 
 #[test]
-fn clocks_above_their_limits_and_changes_of_a_running_pll_are_refused() {
+fn overclocking_and_changes_of_a_running_pll_are_rejected() {
     let mut rcc = Rcc::default();
     // APB1 by 1, and a factor of 10.
     for value in [PLL_72 & !(7 << 8) | 2, 8 << 18 | 1 << 16 | 4 << 8 | 2, 3, 1 << 24] {
@@ -106,13 +106,13 @@ fn clocks_above_their_limits_and_changes_of_a_running_pll_are_refused() {
         let mut chip = Chip::new(1, [0; 3]);
         (chip.rcc, chip.now) = at_72_mhz();
         let refused = chip.write(0x4002_2000, Size::Word, 0x10 | latency);
-        assert!(matches!(refused, Err(AccessError::NotModelled(_))), "{latency}");
+        assert!(matches!(refused, Err(AccessError::NotModeled(_))), "{latency}");
         assert_eq!(chip.write(0x4002_2000, Size::Word, 0x12), Ok(()));
     }
 }
 
 #[test]
-fn a_crystal_that_dies_under_watch_leaves_the_rc_oscillator_and_an_nmi() {
+fn crystal_failure_with_css_falls_back_and_raises_nmi() {
     let (mut rcc, now) = at_72_mhz();
     write(&mut rcc, CR, CR_RESET | cr::HSEON | cr::PLLON | cr::CSSON, now);
     rcc.set_crystal(false, now);
@@ -121,7 +121,7 @@ fn a_crystal_that_dies_under_watch_leaves_the_rc_oscillator_and_an_nmi() {
     assert_eq!(read(&mut rcc, CFGR, now) & (cfgr::SW | cfgr::SWS), 0);
     assert_eq!(read(&mut rcc, CR, now) & (cr::HSEON | cr::HSERDY | cr::PLLON | cr::PLLRDY), 0);
     assert_eq!(read(&mut rcc, CIR, now), cir::CSSF);
-    // Once more CSSON: no second failure without a crystal that was ready.
+    // CSSON again: no second failure without a crystal that was ready.
     write(&mut rcc, CIR, cir::CSSC, now);
     assert!(!rcc.clock_failed());
     write(&mut rcc, CR, CR_RESET | cr::HSEON | cr::CSSON, now);
@@ -131,7 +131,7 @@ fn a_crystal_that_dies_under_watch_leaves_the_rc_oscillator_and_an_nmi() {
 }
 
 #[test]
-fn a_crystal_that_dies_unwatched_stops_the_core() {
+fn crystal_failure_without_css_stops_the_core() {
     let (mut rcc, now) = at_72_mhz();
     rcc.set_crystal(false, now);
     assert!(rcc.is_stopped() && !rcc.clock_failed());
@@ -140,7 +140,7 @@ fn a_crystal_that_dies_unwatched_stops_the_core() {
 }
 
 #[test]
-fn reset_flags_add_up_until_rmvf_or_power() {
+fn reset_flags_accumulate_until_rmvf_or_power_on() {
     let mut rcc = Rcc::default();
     assert_eq!(read(&mut rcc, CSR, 0), 0x0C00_0000, "after power-up (RM0008 7.3.10)");
     rcc.reset(Reset::Watchdog);
@@ -154,7 +154,7 @@ fn reset_flags_add_up_until_rmvf_or_power() {
 }
 
 #[test]
-fn peripherals_have_a_clock_and_a_reset() {
+fn peripherals_have_clock_and_reset_bits() {
     let mut rcc = Rcc::default();
     // TIM3 on APB1, TIM1 and port B on APB2; RCC, the flash, the watchdog and EXTI always.
     for (address, register, bit) in [(0x4000_0434, 0x1C, 1), (0x4001_2C00, 0x18, 11), (0x4001_0C00, 0x18, 3)]
@@ -176,9 +176,9 @@ fn peripherals_have_a_clock_and_a_reset() {
 }
 
 #[test]
-fn a_reset_of_the_can_controller_puts_it_to_sleep() {
+fn can_reset_bit_ends_in_sleep() {
     let mut chip = Chip::new(1, [0; 3]);
-    let mut set = |address, value| chip.write(address, Size::Word, value).expect("modelled");
+    let mut set = |address, value| chip.write(address, Size::Word, value).expect("modeled");
     set(0x4002_101C, 1 << 25);
     set(0x4000_6400, 1);
     set(0x4002_1010, 1 << 25);

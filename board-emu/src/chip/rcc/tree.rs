@@ -1,4 +1,4 @@
-//! The clock tree: what follows from the source of the system clock and CFGR; and which bit switches which block.
+//! The clock tree: frequencies from the system clock's source and CFGR; enable bits of peripherals.
 
 use super::super::RegisterResult;
 use crate::time::{HZ, Time};
@@ -6,7 +6,7 @@ use crate::time::{HZ, Time};
 /// The crystal, and the RC oscillator.
 const OSCILLATOR_HZ: u64 = 8_000_000;
 
-/// What the system clock is (CFGR.SW).
+/// Source of the system clock (CFGR.SW).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     /// The RC oscillator.
@@ -18,7 +18,7 @@ pub(super) enum Source {
 }
 
 impl Source {
-    /// From SW; the value that is not allowed is refused elsewhere.
+    /// By SW; writes reject the reserved value.
     pub(super) const fn from_bits(bits: u32) -> Self {
         match bits {
             0 => Self::Hsi,
@@ -27,7 +27,7 @@ impl Source {
         }
     }
 
-    /// As in SWS.
+    /// As SWS.
     pub(super) const fn bits(self) -> u32 {
         match self {
             Self::Hsi => 0,
@@ -37,7 +37,7 @@ impl Source {
     }
 }
 
-/// Whether CFGR has the PLL run from the crystal (PLLSRC).
+/// Whether the PLL runs from the crystal (CFGR.PLLSRC).
 pub(super) const fn is_pll_from_crystal(cfgr: u32) -> bool {
     cfgr >> 16 & 1 == 1
 }
@@ -54,14 +54,14 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// As reset leaves it: all at 8 MHz, and the converter at half of that.
+    /// Reset state: all at 8 MHz, the converter at half of it.
     pub(super) const RESET: Self =
         Self { core_hz: OSCILLATOR_HZ, core: 18, apb1: 18, timer: 18, timer1: 18, adc: 36 };
 
-    /// The tree that follows from CFGR (RM0008 7.3.2), with a source of the system clock.
+    /// The tree of CFGR (RM0008 7.3.2) with this source.
     ///
     /// # Errors
-    /// A clock above its limit (DS5319 table 9), or one whose cycle is no whole number of ticks.
+    /// A clock above its limit (DS5319 table 9), or a cycle that is not a whole number of ticks.
     pub(super) fn new(source: Source, cfgr: u32) -> RegisterResult<Self> {
         let field = |low: u32, bits: u32| cfgr >> low & ((1 << bits) - 1);
         let system_hz = match source {
@@ -112,7 +112,7 @@ impl Tree {
     }
 }
 
-/// The bit that switches a block's clock, by the bus of it.
+/// Enable bit of a peripheral, by its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Switch {
     Ahb(u32),
@@ -120,7 +120,7 @@ pub(super) enum Switch {
     Apb2(u32),
 }
 
-/// First address and switch of each block that there is on a medium-density chip (RM0008 3.3, 7.3.6 to 7.3.8).
+/// Start address and enable bit of each peripheral of a medium-density chip (RM0008 3.3, 7.3.6 to 7.3.8).
 const SWITCHES: [(u32, Switch); 26] = [
     (0x4000_0000, Switch::Apb1(0)),  // TIM2
     (0x4000_0400, Switch::Apb1(1)),  // TIM3
@@ -150,7 +150,7 @@ const SWITCHES: [(u32, Switch); 26] = [
     (0x4002_3000, Switch::Ahb(6)),   // CRC
 ];
 
-/// The switch of the block that an address is in; `None` for one that has none: EXTI, RTC, IWDG, RCC, the flash.
+/// Enable bit of the peripheral at an address; `None` if it has none: EXTI, RTC, IWDG, RCC, the flash.
 pub(super) fn switch(address: u32) -> Option<Switch> {
     let base = address & !0x3FF;
     let found = SWITCHES.binary_search_by_key(&base, |&(start, _)| start).ok()?;

@@ -1,20 +1,20 @@
-//! What TIM1 does to its pins over a PWM period (RM0008 14.3.7, 14.3.11, table 83).
+//! TIM1's outputs over a PWM period (RM0008 14.3.7, 14.3.11, table 83).
 
 use super::{Direction, MOE, OSSI, OSSR, Tim1};
 use crate::time::Time;
 
-/// What the timer does to a pin.
+/// State of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
-    /// It does not drive it.
+    /// Not driven.
     Open,
-    /// It drives it to a level.
+    /// Constant level.
     Held(bool),
-    /// It drives it to two levels in turn, each period.
+    /// Pulse in each period.
     Pwm {
-        /// When it rises, in clocks of the timer from where the counter begins.
+        /// Rise, in clocks of the timer from the counter's start.
         rise: Time,
-        /// For how many clocks it is high: over 0, below the period.
+        /// Length of the high level in clocks: more than 0, less than the period.
         high: Time,
     },
 }
@@ -22,21 +22,21 @@ pub enum Gate {
 /// The six outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gates {
-    /// Clocks of the timer a PWM period.
+    /// PWM period in clocks of the timer.
     pub period: Time,
-    /// Clocks of the timer of dead time, where both outputs of a channel are enabled.
+    /// Dead time in clocks of the timer, where both outputs of a channel are enabled.
     pub dead: Time,
     /// CH1 to CH3.
     pub high: [Gate; 3],
     /// CH1N to CH3N.
     pub low: [Gate; 3],
-    /// Compare values that count.
+    /// Compare values in effect.
     pub compare: [u32; 3],
-    /// The value of those that is 100 %.
+    /// The compare value of 100 %.
     pub full: u32,
 }
 
-/// When a signal is active: from a clock of the period on, for some clocks.
+/// Active part of a period: start and length in clocks.
 #[derive(Clone, Copy, Debug)]
 struct Active {
     from: Time,
@@ -44,7 +44,7 @@ struct Active {
 }
 
 impl Active {
-    /// As a level at a pin.
+    /// The level at a pin.
     fn gate(self, period: Time, inverted: bool) -> Gate {
         match (self.clocks, inverted) {
             (0, _) => Gate::Held(inverted),
@@ -58,7 +58,7 @@ impl Active {
         Self { from: self.from + self.clocks, clocks: period - self.clocks }
     }
 
-    /// With the begin so much later; one that lasts the whole period has none.
+    /// Delayed start, same end; a signal that is always active has no start.
     fn late(self, dead: Time, period: Time) -> Self {
         let dead = if self.clocks < period { dead } else { 0 };
         Self { from: self.from + dead, clocks: self.clocks.saturating_sub(dead) }
@@ -79,14 +79,14 @@ impl Tim1 {
         units << (self.cr1 >> 8 & 3)
     }
 
-    /// Clocks of the timer a PWM period.
+    /// PWM period in clocks of the timer.
     fn period(&self) -> Time {
         let top = Time::from(self.counter.top);
         let counts = if self.counter.direction == Direction::Centre { 2 * top } else { top + 1 };
         counts.max(1) * self.counter.clocks()
     }
 
-    /// When a channel's reference is active. A counter that stands has it active all the time, or never.
+    /// Active part of a channel's reference. With a stopped counter it is always or never active.
     fn active(&self, index: usize) -> Active {
         let period = self.period();
         let channel = self.channels[index];
@@ -108,7 +108,7 @@ impl Tim1 {
         if channel.mode == 6 { below } else { below.complement(period) }
     }
 
-    /// A channel's two outputs.
+    /// The two outputs of a channel.
     fn pair(&self, index: usize) -> (Gate, Gate) {
         let bits = self.ccer >> (4 * index);
         let (enabled, inverted) = (bits & 1 != 0, bits & 2 != 0);
@@ -118,7 +118,7 @@ impl Tim1 {
             if self.bdtr & OSSI == 0 {
                 return (Gate::Open, Gate::Open);
             }
-            // Idle levels that would be active both are not taken: then it stays inactive.
+            // Idle levels that would activate both are ignored (RM0008 14.3.11).
             let both = idle.0 != inverted && idle.1 != inverted_n;
             let (a, b) = if both { (inverted, inverted_n) } else { idle };
             return (Gate::Held(a), Gate::Held(b));
@@ -128,7 +128,7 @@ impl Tim1 {
         match (enabled, enabled_n) {
             (false, false) => (Gate::Open, Gate::Open),
             (true, false) => (active.gate(period, inverted), off(inverted_n)),
-            // Alone, the complement is the reference itself.
+            // Without its partner, the complement is the reference itself.
             (false, true) => (off(inverted), active.gate(period, inverted_n)),
             (true, true) => {
                 let dead = self.dead_time();
@@ -140,7 +140,7 @@ impl Tim1 {
         }
     }
 
-    /// What the outputs do from now on, until something is written or happens.
+    /// The outputs until the next write or event.
     #[must_use]
     pub fn gates(&self) -> Gates {
         let pairs = [0, 1, 2].map(|index| self.pair(index));

@@ -19,7 +19,7 @@ pub(super) const CENTRE: u32 = 1 << 5;
 /// OCxM of both channels of a CCMR: PWM mode 1.
 pub(super) const PWM1: u32 = 0x6060;
 
-/// Its break input high, which is no break with BKP 0.
+/// Break input high: no break with BKP 0.
 pub(super) fn written(writes: &[(u32, u32)]) -> Tim1 {
     let mut tim = Tim1::default();
     tim.set_break(true, false, 0);
@@ -33,7 +33,7 @@ pub(super) fn written(writes: &[(u32, u32)]) -> Tim1 {
 const CLOCK: Time = 2;
 
 #[test]
-fn it_counts_up_and_down_at_known_times() {
+fn counts_up_and_down_at_known_times() {
     let mut tim = written(&[(CR1, CENTRE), (ARR, 1800), (CR1, CENTRE | 1)]);
     for (clock, count, down) in
         [(0, 0, 0), (1, 1, 0), (1799, 1799, 0), (1800, 1800, 1), (1801, 1799, 1), (3599, 1, 1)]
@@ -51,7 +51,7 @@ fn it_counts_up_and_down_at_known_times() {
 }
 
 #[test]
-fn updates_flag_at_each_turn_and_rcr_skips() {
+fn update_flag_at_each_turn_except_by_rcr() {
     let set = |rcr: u32| {
         written(&[(CR1, CENTRE), (ARR, 100), (RCR, rcr), (EGR, 1), (SR, 0), (DIER, UIF), (CR1, CENTRE | 1)])
     };
@@ -68,7 +68,7 @@ fn updates_flag_at_each_turn_and_rcr_skips() {
 }
 
 #[test]
-fn compares_flag_by_cms_and_interrupt() {
+fn compare_flag_depends_on_cms() {
     let times = |cms: u32| {
         let cr1 = cms << 5;
         let mut tim = written(&[(CR1, cr1), (ARR, 100), (CCR1, 30), (DIER, 2), (CR1, cr1 | 1)]);
@@ -89,7 +89,7 @@ fn compares_flag_by_cms_and_interrupt() {
 }
 
 #[test]
-fn channel_4_triggers_on_the_way_down() {
+fn channel_4_triggers_while_counting_down() {
     let mut tim =
         written(&[(CR1, CENTRE), (CR2, 7 << 4), (ARR, 1800), (CCMR2, PWM1), (CCR4, 85), (CR1, CENTRE | 1)]);
     // The first period begins below the compare value.
@@ -104,7 +104,7 @@ fn channel_4_triggers_on_the_way_down() {
 }
 
 #[test]
-fn mms_chooses_the_trigger() {
+fn mms_selects_the_trigger() {
     let mut reset = written(&[(EGR, 1)]);
     assert_eq!(reset.take_trigger(), Some(0));
     assert_eq!(written(&[(CR2, 1 << 4), (EGR, 1)]).take_trigger(), None);
@@ -123,12 +123,12 @@ fn mms_chooses_the_trigger() {
 fn preload_waits_for_an_update() {
     let mut tim = written(&[(CR1, CENTRE), (ARR, 100), (CCMR1, 0x68), (CCR1, 30), (CR1, CENTRE | 1)]);
     assert_eq!((tim.read(CCR1, 0), tim.gates().compare[0]), (Ok(30), 0));
-    // Its coming is noticed: the gates may change.
+    // The update counts as visible: the gates may change.
     assert_eq!(tim.next_event(), 100 * CLOCK);
     tim.gates_changed = false;
     tim.advance(100 * CLOCK);
     assert_eq!((tim.gates_changed, tim.gates().compare[0]), (true, 30));
-    // Without preload at once; ARR the same way, by ARPE.
+    // Without preload at once; the same for ARR with ARPE.
     tim.write(CCMR1, 0x60, 100 * CLOCK).unwrap();
     tim.write(CCR1, 40, 100 * CLOCK).unwrap();
     assert_eq!(tim.gates().compare[0], 40);
@@ -140,7 +140,7 @@ fn preload_waits_for_an_update() {
 }
 
 #[test]
-fn a_break_needs_no_code_and_holds() {
+fn break_acts_without_code_and_latches() {
     let mut tim = written(&[(BDTR, MOE | BKE), (DIER, BIF)]);
     assert!(tim.is_on());
     tim.gates_changed = false;
@@ -154,13 +154,13 @@ fn a_break_needs_no_code_and_holds() {
     tim.write(SR, 0, 1005).unwrap();
     tim.write(BDTR, MOE | BKE, 1006).unwrap();
     assert_eq!((tim.is_on(), tim.read(SR, 1007).unwrap() & BIF), (true, 0));
-    // The clock security system breaks as well.
+    // The clock security system causes a break too.
     tim.set_break(true, true, 1008);
     assert!(!tim.is_on());
 }
 
 #[test]
-fn break_obeys_bke_bkp_bg_and_aoe() {
+fn break_follows_bke_bkp_bg_and_aoe() {
     let mut ignored = written(&[(BDTR, MOE)]);
     ignored.set_break(false, true, 0);
     assert!(ignored.is_on(), "BKE 0");
@@ -176,7 +176,7 @@ fn break_obeys_bke_bkp_bg_and_aoe() {
     assert!(auto.is_on(), "AOE at the next update");
 }
 
-/// What is left of writes to everything that LOCK may guard: CR2, CCER, CCMR1, BDTR.
+/// Remaining bits after writes to all that LOCK may protect: CR2, CCER, CCMR1, BDTR.
 fn after_lock(level: u32) -> [u32; 4] {
     let mut tim = written(&[(BDTR, level << 8)]);
     for (register, value) in [(CR2, IDLE), (CCER, 0x3FFF), (CCMR1, 0x6868), (BDTR, 0xFFFF & !BKP & !MOE)] {
@@ -186,13 +186,13 @@ fn after_lock(level: u32) -> [u32; 4] {
 }
 
 #[test]
-fn lock_levels() {
+fn lock_levels_protect_registers() {
     let (free, bdtr) = (0xFFFF & !BKP & !MOE & !LOCK, DTG | BKE | AOE);
     assert_eq!(after_lock(0), [IDLE, 0x3FFF, 0x6868, free]);
     assert_eq!(after_lock(1), [0, 0x3FFF, 0x6868, free & !bdtr | 1 << 8]);
     assert_eq!(after_lock(2), [0, 0x3FFF & !POLARITIES, 0x6868, 2 << 8]);
     assert_eq!(after_lock(3), [0, 0x3FFF & !POLARITIES, 0, 3 << 8]);
-    // MOE is never locked, and LOCK is written once.
+    // MOE is never locked; LOCK can be written once.
     let mut tim = written(&[(BDTR, 3 << 8), (BDTR, MOE)]);
     assert_eq!(tim.read(BDTR, 0), Ok(MOE | 3 << 8));
     let mut tim = written(&[(BDTR, 0), (BDTR, 3 << 8)]);
@@ -200,7 +200,7 @@ fn lock_levels() {
 }
 
 #[test]
-fn what_it_lacks_it_says() {
+fn unmodeled_bits_are_errors() {
     for (register, value) in [
         (CR1, 1 << 3),
         (0x08, 4),

@@ -23,7 +23,7 @@ fn written(writes: &[(u32, u32)]) -> Timer {
 }
 
 #[test]
-fn microseconds_come_round_after_65536() {
+fn counter_wraps_after_65536_us() {
     // PSC 71 is taken over by UG.
     let mut timer = written(&[(PSC, 71), (ARR, 0xFFFF), (EGR, 1), (CR1, 1)]);
     for us in [0, 1, 999, 65_535, 65_536, 200_000] {
@@ -34,7 +34,7 @@ fn microseconds_come_round_after_65536() {
 }
 
 #[test]
-fn an_update_flags_and_interrupts_each_period() {
+fn update_interrupts_each_period() {
     let mut timer = written(&[(PSC, 71), (ARR, 999), (EGR, 1), (SR, 0), (DIER, 1), (CR1, 1)]);
     assert_eq!(timer.next_event(), 1000 * US);
     timer.advance(1000 * US - 1);
@@ -50,7 +50,7 @@ fn an_update_flags_and_interrupts_each_period() {
 }
 
 #[test]
-fn ug_flags_only_without_urs() {
+fn ug_sets_the_flag_only_without_urs() {
     assert_eq!(written(&[(EGR, 1)]).read(SR, 0), Ok(UIF));
     assert_eq!(written(&[(CR1, 1 << 2), (EGR, 1)]).read(SR, 0), Ok(0));
     // UDIS: neither a flag nor what is buffered.
@@ -58,7 +58,7 @@ fn ug_flags_only_without_urs() {
     assert_eq!((timer.read(SR, 0), timer.read(CNT, 72)), (Ok(0), Ok(36)));
 }
 
-/// As a hall interface: 1 us a count, the filter at CKD 4, of every 32nd clock 8 samples.
+/// As a hall interface: 1 us a count; the filter samples every 32nd clock, 8 samples (CKD 4).
 fn halls() -> Timer {
     let mut timer = written(&[
         (PSC, 71),
@@ -75,16 +75,16 @@ fn halls() -> Timer {
     timer
 }
 
-/// A sample of that filter, ticks: 32 x 4 clocks.
+/// Ticks between samples of that filter: 32 x 4 clocks.
 const SAMPLE: Time = 32 * 4 * 2;
 
 #[test]
-fn an_edge_of_any_line_captures_restarts_and_interrupts_after_the_filter() {
+fn edge_of_any_line_captures_and_restarts_after_the_filter() {
     let mut timer = halls();
     for (i, inputs) in [[true, false, false], [true, true, false], [true, true, true]].into_iter().enumerate()
     {
         let base = (i as Time + 1) * 1000 * SAMPLE;
-        // Just after a sample: the next is the first of eight.
+        // Just after a sample: the next one is the first of eight.
         timer.set_inputs(inputs, base);
         let seen = base + 8 * SAMPLE;
         assert_eq!(timer.next_event(), seen);
@@ -101,9 +101,9 @@ fn an_edge_of_any_line_captures_restarts_and_interrupts_after_the_filter() {
 }
 
 #[test]
-fn what_is_shorter_than_the_samples_is_no_edge() {
+fn pulse_shorter_than_the_filter_is_no_edge() {
     let mut timer = halls();
-    // Seven samples see it, and the eighth does not.
+    // Seven samples see it, the eighth does not.
     timer.set_inputs([true, false, false], 100 * SAMPLE);
     timer.set_inputs([false; 3], 108 * SAMPLE - 1);
     timer.advance(200 * SAMPLE);
@@ -115,20 +115,20 @@ fn what_is_shorter_than_the_samples_is_no_edge() {
     timer.advance(400 * SAMPLE);
     assert_eq!(timer.read(SR, 400 * SAMPLE).unwrap() & (CC1IF | CC1OF), CC1IF | CC1OF);
     assert_eq!(timer.read(CNT, 400 * SAMPLE), Ok(((400 - 316) * SAMPLE / US) as u32));
-    // A gap that no sample sees is none.
+    // A gap between samples is not seen.
     timer.write(SR, 0, 400 * SAMPLE).unwrap();
     timer.set_inputs([true, false, false], 500 * SAMPLE);
     timer.set_inputs([false; 3], 502 * SAMPLE + 1);
     timer.set_inputs([true, false, false], 502 * SAMPLE + 9);
     assert_eq!(timer.next_event(), 508 * SAMPLE);
-    // One that a sample sees begins the count anew.
+    // A sampled gap restarts the count.
     timer.set_inputs([false; 3], 504 * SAMPLE - 1);
     timer.set_inputs([true, false, false], 504 * SAMPLE);
     assert_eq!(timer.next_event(), 512 * SAMPLE);
 }
 
 #[test]
-fn filter_codes_are_those_of_the_manual() {
+fn filter_codes_match_the_manual() {
     let timer = |ckd: u32, code: u32| written(&[(CR1, ckd << 8), (CCMR1, code << 4 | 3)]).sampling();
     let expected = [
         (1, 1),
@@ -150,14 +150,14 @@ fn filter_codes_are_those_of_the_manual() {
     ];
     for (code, (every, samples)) in (0..).zip(expected) {
         assert_eq!(timer(0, code), (2 * every, samples), "code {code}");
-        // CKD divides DTS, and not the timer's clock, at which codes 1 to 3 sample.
+        // CKD divides DTS, not the timer's clock, at which codes 1 to 3 sample.
         let divided = if (1..4).contains(&code) { 1 } else { 4 };
         assert_eq!(timer(2, code), (2 * every * divided, samples), "code {code}");
     }
 }
 
 #[test]
-fn what_it_lacks_it_says() {
+fn unmodeled_bits_are_errors() {
     let mut timer = Timer::default();
     for (register, value) in
         [(CR1, 1 << 4), (CR1, 1 << 3), (SMCR, 0x54), (DIER, 1 << 8), (CCMR1, 0x60), (CCER, 1)]

@@ -1,13 +1,13 @@
-//! Who is taken when, and what an entry and a return do.
+//! Priorities, entry and return.
 
 use super::*;
 
-/// A handler that leaves a trace, takes its time, and leaves another.
+/// A handler that appends a digit, waits, and appends another.
 fn slow(first: u16, last: u16) -> Vec<u16> {
     [trace(first).as_slice(), &[NOP; 4], &trace(last), &[BX_LR]].concat()
 }
 
-/// Interrupt 0 is in its handler when interrupt 1 comes; the trace of both.
+/// Trace of interrupt 1 arriving in the handler of interrupt 0.
 fn second_arrives(first: u8, second: u8, group: u32) -> u32 {
     let mut b = Bench::new(&[STAY], &[(16, slow(1, 2)), (17, handler(3))]);
     b.poke(0xE000_ED0C, 0x05FA_0000 | group << 8);
@@ -25,18 +25,18 @@ fn second_arrives(first: u8, second: u8, group: u32) -> u32 {
 }
 
 #[test]
-fn a_more_urgent_interrupt_preempts_and_no_other() {
+fn only_a_more_urgent_interrupt_preempts() {
     assert_eq!(second_arrives(0x80, 0x40, 0), 0x132, "more urgent");
     assert_eq!(second_arrives(0x80, 0x80, 0), 0x123, "as urgent");
     assert_eq!(second_arrives(0x80, 0xC0, 0), 0x123, "less urgent");
     assert_eq!(second_arrives(0x80, 0x8F, 0), 0x123, "four bits only");
-    // Priorities 0x80 and 0xB0 are of one group if the upper two bits make it (PRIGROUP 5).
+    // With PRIGROUP 5 the upper two bits make the group: 0x80 and 0xB0 are equal.
     assert_eq!(second_arrives(0xB0, 0x80, 5), 0x123, "sub-priority");
     assert_eq!(second_arrives(0xB0, 0x40, 5), 0x132, "another group");
 }
 
 #[test]
-fn of_those_that_wait_the_most_urgent_comes_first_then_the_lowest_number() {
+fn pending_exceptions_run_by_priority_then_number() {
     let mut b = Bench::new(&[STAY], &[(16, handler(1)), (17, handler(2)), (50, handler(3))]);
     for (position, priority) in [(0, 0x40), (1, 0x30), (34, 0x30)] {
         b.interrupt(position, priority);
@@ -45,12 +45,12 @@ fn of_those_that_wait_the_most_urgent_comes_first_then_the_lowest_number() {
     b.lines(&[]);
     b.steps(9);
     assert_eq!(b.trace(), 0x231);
-    // Tails are chained: three handlers and one frame.
+    // Tail-chaining: three handlers, one frame.
     assert_eq!(b.cpu.lowest_sp(), TOP - 32);
 }
 
 #[test]
-fn basepri_masks_what_is_as_urgent_or_less() {
+fn basepri_masks_equal_and_lower_priorities() {
     // MOVS r0, #0x80; MSR BASEPRI, r0
     let mut b = Bench::new(&[0x2080, 0xF380, 0x8811, STAY], &[(16, handler(1)), (17, handler(2))]);
     b.interrupt(0, 0x80);
@@ -73,7 +73,7 @@ fn basepri_masks_what_is_as_urgent_or_less() {
 }
 
 #[test]
-fn with_primask_wfi_wakes_and_nothing_is_taken_until_it_is_cleared() {
+fn wfi_wakes_with_primask_set_without_entry() {
     let mut b = Bench::new(&[CPSID, WFI, 0x3501, CPSIE, NOP, STAY], &[(16, handler(7))]);
     b.interrupt(0, 0x10);
     b.steps(2);
@@ -90,7 +90,7 @@ fn with_primask_wfi_wakes_and_nothing_is_taken_until_it_is_cleared() {
 }
 
 #[test]
-fn wfe_takes_an_event_that_came_before() {
+fn wfe_consumes_an_earlier_event() {
     let mut b = Bench::new(&[0xBF40, 0xBF20, 0xBF20, NOP], &[]); // SEV, WFE, WFE
     b.steps(2);
     assert!(!b.cpu.is_asleep());
@@ -99,7 +99,7 @@ fn wfe_takes_an_event_that_came_before() {
 }
 
 #[test]
-fn a_line_pends_by_its_edge_and_while_it_is_high() {
+fn line_pends_at_its_edge_and_while_high() {
     let run = |after_entry: &[&[u32]]| {
         let mut b = Bench::new(&[STAY], &[(16, handler(1))]);
         b.interrupt(0, 0x10);
@@ -116,7 +116,7 @@ fn a_line_pends_by_its_edge_and_while_it_is_high() {
     assert_eq!(run(&[&[]]), 1, "cleared in the handler");
     assert_eq!(run(&[&[], &[0], &[]]), 0x11, "a pulse while its handler runs");
     assert_eq!(run(&[]), 0x11, "still high at the return");
-    // What is pending stays so when the line falls before it is taken.
+    // A pending interrupt outlasts its line.
     let mut b = Bench::new(&[CPSID, NOP, CPSIE, STAY], &[(16, handler(1))]);
     b.interrupt(0, 0x10);
     b.steps(1);
@@ -144,7 +144,7 @@ fn software_pends_and_unpends() {
 }
 
 #[test]
-fn an_entry_stores_eight_words_and_aligns_if_told() {
+fn entry_stores_eight_words_and_aligns_by_stkalign() {
     // MOVS r0, #11; PUSH {r0}: four bytes off alignment.
     for (stkalign, frame) in [(0, TOP - 4 - 32), (1 << 9, TOP - 8 - 32)] {
         let mut b = Bench::new(&[0x200B, 0xB401, STAY], &[(16, handler(1))]);
@@ -169,7 +169,7 @@ fn an_entry_stores_eight_words_and_aligns_if_told() {
 }
 
 #[test]
-fn an_exception_clears_the_exclusive_monitor() {
+fn exception_clears_the_exclusive_monitor() {
     // LDREX r1, [r0]; NOP; STREX r2, r1, [r0]
     let main = [0xE850, 0x1F00, NOP, 0xE840, 0x1200, STAY];
     for (interrupted, failed) in [(false, 0), (true, 1)] {
@@ -200,7 +200,7 @@ fn it_state_survives_an_interrupt() {
 }
 
 #[test]
-fn svc_comes_at_once_and_pendsv_when_nothing_else_does() {
+fn svc_is_immediate_and_pendsv_is_last() {
     let mut b = Bench::new(&[0xDF00, 0x3501, STAY], &[(11, handler(2)), (14, handler(3))]);
     b.poke(0xE000_ED20, 0x00F0_0000); // PendSV is the least urgent
     b.steps(1);
@@ -214,7 +214,7 @@ fn svc_comes_at_once_and_pendsv_when_nothing_else_does() {
 }
 
 #[test]
-fn an_nmi_is_masked_by_nothing() {
+fn nmi_cannot_be_masked() {
     let mut b = Bench::new(&[CPSID, 0xB671, STAY], &[(2, handler(9))]); // CPSID i, CPSID f
     b.steps(3);
     b.cpu.set_lines(0, true);

@@ -1,11 +1,11 @@
-//! Faults and what they leave in the status registers.
+//! Faults and the status registers.
 
 use super::*;
 
 const PRECISE: u32 = 0x8200;
 const FORCED: u32 = 1 << 30;
 
-/// A core after an instruction that must fault, in the handler that took it.
+/// A core in the handler that took the fault of this instruction.
 fn after(main: &[u16], registers: &[(usize, u32)], enabled: u32) -> Bench {
     let mut b = Bench::new(main, &[]);
     b.poke(SHCSR, enabled);
@@ -16,7 +16,7 @@ fn after(main: &[u16], registers: &[(usize, u32)], enabled: u32) -> Bench {
 }
 
 #[test]
-fn a_load_from_nowhere_is_a_hard_fault_with_its_address() {
+fn load_from_unmapped_address_records_it_in_bfar() {
     let main = [0x6801, STAY]; // LDR r1, [r0]
     let mut b = after(&main, &[(0, 0x3000_0000), (1, 5)], 0);
     assert_eq!((b.exception(), b.peek(CFSR), b.peek(HFSR), b.peek(BFAR)), (3, PRECISE, FORCED, 0x3000_0000));
@@ -29,7 +29,7 @@ fn a_load_from_nowhere_is_a_hard_fault_with_its_address() {
 }
 
 #[test]
-fn a_fault_that_is_not_urgent_enough_is_a_hard_fault() {
+fn fault_below_present_priority_escalates() {
     let mut b = Bench::new(&[CPSID, 0x6801, STAY], &[]);
     b.poke(SHCSR, 1 << 17);
     b.cpu.set_register(0, 0x3000_0000);
@@ -37,11 +37,11 @@ fn a_fault_that_is_not_urgent_enough_is_a_hard_fault() {
     assert_eq!((b.exception(), b.peek(HFSR)), (3, FORCED));
 }
 
-/// What it is, its bits, registers before it, who takes it, CFSR.
+/// Name, code, registers before it, exception that takes it, CFSR.
 type Wrong<'a> = (&'a str, &'a [u16], &'a [(usize, u32)], u32, u32);
 
 #[test]
-fn each_error_of_an_instruction_has_its_bit() {
+fn each_instruction_fault_sets_its_bit() {
     let cases: [Wrong<'_>; 9] = [
         ("UDF", &[0xDE00], &[], 6, 1 << 16),
         ("no such instruction", &[0xFFFF, 0xFFFF], &[], 6, 1 << 19),
@@ -61,7 +61,7 @@ fn each_error_of_an_instruction_has_its_bit() {
 }
 
 #[test]
-fn a_branch_to_where_nothing_can_run_faults_there() {
+fn branch_to_unexecutable_memory_faults_at_target() {
     let cases = [
         ("not Thumb", 0x0800_0300, 6, 1 << 17),
         ("nothing", 0x3000_0001, 5, 1 << 8),
@@ -76,13 +76,13 @@ fn a_branch_to_where_nothing_can_run_faults_there() {
 }
 
 #[test]
-fn a_breakpoint_without_a_debugger_is_a_hard_fault() {
+fn breakpoint_without_debugger_is_a_hard_fault() {
     let mut b = after(&[0xBE00], &[], 7 << 16);
     assert_eq!((b.exception(), b.peek(HFSR), b.peek(0xE000_ED30)), (3, 1 << 31, 2));
 }
 
 #[test]
-fn a_fault_within_a_hard_fault_locks_up() {
+fn fault_in_hard_fault_locks_up() {
     let mut b = Bench::new(&[0x6801], &[(3, vec![0x6801])]);
     b.cpu.set_register(0, 0x3000_0000);
     b.steps(1);
@@ -90,7 +90,7 @@ fn a_fault_within_a_hard_fault_locks_up() {
 }
 
 #[test]
-fn a_stack_beneath_the_ram_is_a_hard_fault() {
+fn stack_below_ram_is_a_hard_fault() {
     let mut b = Bench::new(&[STAY], &[(16, handler(1))]);
     b.interrupt(0, 0x10);
     b.cpu.set_register(13, 0x2000_0010);
@@ -105,7 +105,7 @@ fn a_stack_beneath_the_ram_is_a_hard_fault() {
 }
 
 #[test]
-fn a_return_that_does_not_fit_is_a_usage_fault() {
+fn invalid_exception_return_is_a_usage_fault() {
     for code in [0xFFFF_FFF1_u32, 0xFFFF_FFF5, 0xFFFF_0FF9] {
         let mut b = Bench::new(&[STAY], &[(16, vec![0x4700])]); // BX r0
         b.poke(SHCSR, 1 << 18);
@@ -118,13 +118,13 @@ fn a_return_that_does_not_fit_is_a_usage_fault() {
 }
 
 #[test]
-fn what_is_not_modelled_ends_the_run_with_address_and_value() {
+fn unmodeled_access_ends_the_run_with_address_and_value() {
     let mut b = Bench::new(&[0x6001], &[]); // STR r1, [r0]
     b.cpu.set_register(0, 0xE000_1008);
     b.cpu.set_register(1, 77);
     let problem = b.cpu.step().unwrap_err();
     assert!(
-        matches!(problem, Problem::NotModelled { address: 0xE000_1008, value: Some(77), .. }),
+        matches!(problem, Problem::NotModeled { address: 0xE000_1008, value: Some(77), .. }),
         "{problem}"
     );
 }

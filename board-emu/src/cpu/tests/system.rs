@@ -7,7 +7,7 @@ const CSR: u32 = 0xE000_E010;
 const RVR: u32 = 0xE000_E014;
 const CVR: u32 = 0xE000_E018;
 
-/// Ticks from one interrupt of SysTick to the next, each with the core asleep.
+/// Ticks between SysTick interrupts, with the core asleep.
 fn period(control: u32, reload: u32) -> Time {
     let mut b = Bench::new(&[WFI, 0xE7FD], &[(15, handler(1))]); // and back to WFI
     b.poke(RVR, reload);
@@ -28,14 +28,14 @@ fn period(control: u32, reload: u32) -> Time {
 }
 
 #[test]
-fn systick_interrupts_every_reload_and_one() {
+fn systick_period_is_reload_plus_one() {
     let cycle = Chip::new(1, [0; 3]).rcc.core_cycle();
     assert_eq!(period(0b111, 999), 1000 * cycle);
     assert_eq!(period(0b011, 999), 8 * 1000 * cycle, "an eighth of the core's clock");
 }
 
 #[test]
-fn systick_shows_its_count_and_that_it_was_0() {
+fn systick_reads_count_and_countflag() {
     let mut b = Bench::new(&[STAY], &[]);
     let cycle = b.cpu.chip.rcc.core_cycle();
     b.poke(RVR, 100);
@@ -51,7 +51,7 @@ fn systick_shows_its_count_and_that_it_was_0() {
 }
 
 #[test]
-fn a_reset_is_asked_for_with_the_key_only() {
+fn reset_request_needs_the_key() {
     let mut b = Bench::new(&[STAY], &[]);
     b.poke(0xE000_ED0C, 4);
     assert!(!b.cpu.take_reset_request());
@@ -61,7 +61,7 @@ fn a_reset_is_asked_for_with_the_key_only() {
 }
 
 #[test]
-fn an_instruction_takes_one_and_a_half_cycles_and_waits_for_a_busy_flash() {
+fn instruction_takes_1_5_cycles_and_stalls_on_busy_flash() {
     let mut b = Bench::new(&[NOP, NOP, NOP, STAY], &[]);
     let (cycle, start) = (b.cpu.chip.rcc.core_cycle(), b.cpu.chip.now);
     b.steps(2);
@@ -72,7 +72,7 @@ fn an_instruction_takes_one_and_a_half_cycles_and_waits_for_a_busy_flash() {
 }
 
 #[test]
-fn vectors_move_with_vtor_and_handlers_use_the_main_stack() {
+fn handlers_use_vtor_and_the_main_stack() {
     // MSR PSP, r0; MOVS r1, #2; MSR CONTROL, r1
     let main = [0xF380, 0x8809, 0x2102, 0xF381, 0x8814, STAY];
     let mut b = Bench::new(&main, &[(16, handler(1)), (17, handler(2))]);
@@ -91,7 +91,7 @@ fn vectors_move_with_vtor_and_handlers_use_the_main_stack() {
 }
 
 #[test]
-fn a_copy_goes_on_as_its_original() {
+fn copy_continues_like_its_original() {
     let mut b = Bench::new(&[STAY], &[(16, handler(1)), (15, handler(2))]);
     b.interrupt(0, 0x10);
     b.poke(RVR, 40);

@@ -11,7 +11,7 @@ fn counters(can: &mut Can, now: Time) -> (u32, u32, u32) {
 }
 
 #[test]
-fn errors_count_up_and_frames_count_down() {
+fn counters_rise_with_errors_and_fall_with_frames() {
     let mut can = on_bus(0);
     request(&mut can, 0, 7, NOW);
     can.error(true, NOW);
@@ -26,7 +26,7 @@ fn errors_count_up_and_frames_count_down() {
 }
 
 #[test]
-fn it_warns_at_96_and_is_passive_above_127() {
+fn warning_at_96_and_error_passive_above_127() {
     let mut can = on_bus(0);
     let mut seen = Vec::new();
     for _ in 0..16 {
@@ -43,7 +43,7 @@ fn it_warns_at_96_and_is_passive_above_127() {
 }
 
 #[test]
-fn above_255_it_is_bus_off_and_comes_back_by_itself_with_abom() {
+fn bus_off_above_255_recovers_by_abom() {
     let mut can = on_bus(mcr::ABOM);
     request(&mut can, 0, 7, NOW);
     (0..31).for_each(|_| can.error(true, NOW));
@@ -63,7 +63,7 @@ fn above_255_it_is_bus_off_and_comes_back_by_itself_with_abom() {
 }
 
 #[test]
-fn without_abom_it_comes_back_by_initialisation() {
+fn bus_off_without_abom_ends_by_initialization() {
     let mut can = on_bus(0);
     (0..32).for_each(|_| can.error(true, NOW));
     assert_eq!((can.next_event(), can.is_on_bus()), (NEVER, false));
@@ -76,7 +76,7 @@ fn without_abom_it_comes_back_by_initialisation() {
 }
 
 #[test]
-fn nobody_to_acknowledge_is_no_way_to_bus_off() {
+fn missing_acknowledge_never_causes_bus_off() {
     let mut can = on_bus(mcr::ABOM);
     request(&mut can, 0, 7, NOW);
     (0..1000).for_each(|_| can.unacknowledged(NOW));
@@ -86,7 +86,7 @@ fn nobody_to_acknowledge_is_no_way_to_bus_off() {
 }
 
 #[test]
-fn each_status_interrupts_if_it_is_asked_to() {
+fn status_interrupts_have_separate_enables() {
     // ERRIE and: EWGIE at the 12th error, EPVIE at the 16th, BOFIE at the 32nd, LECIE at the first.
     for (enable, at) in [(1 << 8, 12), (1 << 9, 16), (1 << 10, 32), (1 << 11, 1)] {
         let mut can = on_bus(0);

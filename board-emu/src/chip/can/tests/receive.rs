@@ -5,7 +5,7 @@ use super::*;
 const NOW: Time = 1000 * BIT;
 const RFOM: u32 = 1 << 5;
 
-/// A controller with filters: registers and values, as RM0008 24.9.4 lists them, all in initialisation.
+/// A controller with these filter registers and values (RM0008 24.9.4), set during initialization.
 fn filtered(registers: &[(u32, u32)]) -> Can {
     let mut can = on_bus(0);
     write(&mut can, FMR, 1, NOW);
@@ -16,7 +16,7 @@ fn filtered(registers: &[(u32, u32)]) -> Can {
     can
 }
 
-/// FIFO and number of the filter by which a frame gets in.
+/// FIFO and filter number of a received frame.
 fn filter(can: &mut Can, id: u16) -> Option<(u32, u32)> {
     can.receive(&frame(id, &[]), NOW);
     (0..2).find_map(|fifo| {
@@ -29,7 +29,7 @@ fn filter(can: &mut Can, id: u16) -> Option<(u32, u32)> {
 }
 
 #[test]
-fn a_frame_is_in_its_registers_until_it_is_released() {
+fn received_frame_stays_until_released() {
     let mut can = on_bus(0);
     can.receive(&frame(0x321, &[1, 2, 3, 4, 5]), NOW);
     can.receive(&frame(0x322, &[9]), NOW);
@@ -44,7 +44,7 @@ fn a_frame_is_in_its_registers_until_it_is_released() {
 }
 
 #[test]
-fn of_four_frames_three_are_kept_and_which_is_lost_is_chosen() {
+fn fourth_frame_overruns_by_rflm() {
     for (locked, last) in [(0, 4), (mcr::RFLM, 3)] {
         let mut can = on_bus(locked);
         (1..=3).for_each(|id| can.receive(&frame(id, &[]), NOW));
@@ -63,7 +63,7 @@ fn of_four_frames_three_are_kept_and_which_is_lost_is_chosen() {
 }
 
 #[test]
-fn each_of_a_fifos_three_interrupts_has_its_enable() {
+fn fifo_interrupts_have_separate_enables() {
     for (frames, enable) in [(1, 1 << 1), (3, 1 << 2), (4, 1 << 3)] {
         let mut can = on_bus(0);
         write(&mut can, IER, enable, NOW);
@@ -76,7 +76,7 @@ fn each_of_a_fifos_three_interrupts_has_its_enable() {
 }
 
 #[test]
-fn nothing_is_received_while_filters_are_set_or_none_is_active() {
+fn frame_without_active_filter_is_dropped() {
     let mut can = on_bus(0);
     write(&mut can, FMR, 1, NOW);
     assert_eq!(filter(&mut can, 5), None);
@@ -87,7 +87,7 @@ fn nothing_is_received_while_filters_are_set_or_none_is_active() {
 }
 
 #[test]
-fn registers_of_filters_are_protected() {
+fn filter_registers_are_write_protected() {
     let mut can = on_bus(0);
     for (register, value) in [(0x204, 1), (0x20C, 1), (0x214, 1), (0x240, 77)] {
         write(&mut can, register, value, NOW);
@@ -98,9 +98,9 @@ fn registers_of_filters_are_protected() {
     assert!(can.write(0x2B0, 0, NOW).is_err(), "there are 14 banks");
 }
 
-/// A destination as this bus has it: a mask of the sender's five bits lets all senders through.
+/// A destination on this bus: the mask ignores the sender's five bits.
 #[test]
-fn masks_of_16_bits_are_two_a_bank() {
+fn bank_holds_two_masks_of_16_bits() {
     // Identifier in the lower half, mask in the upper; the lowest five bits: remote, extended, and three of the latter.
     let mask = 0x41F << 5 | 3 << 3;
     let banks = [(0x240, mask << 16 | 3 << 5), (0x244, mask << 16 | 0x400 << 5), (FA1R, 1)];
@@ -109,7 +109,7 @@ fn masks_of_16_bits_are_two_a_bank() {
     assert_eq!(filter(&mut can, 0x3E3), Some((0, 0)), "any sender");
     assert_eq!(filter(&mut can, 0x400), Some((0, 1)));
     assert_eq!((filter(&mut can, 0x004), filter(&mut can, 0x403)), (None, None));
-    // A mask that asks for a remote frame lets no data frame through.
+    // A mask that requires a remote frame accepts no data frame.
     let mut can = filtered(&[(0x240, mask << 16 | 3 << 5 | 1 << 4), (0x244, u32::MAX), (FA1R, 1)]);
     assert_eq!(filter(&mut can, 0x003), None);
 }
@@ -157,10 +157,10 @@ fn lists_and_wide_filters_and_their_numbers() {
 }
 
 #[test]
-fn of_several_filters_the_wide_one_then_the_list_then_the_first_says_the_number() {
+fn filter_priority_is_width_then_list_then_number() {
     let all16 = [(0x240, 5 << 5), (0x244, 5 << 5)];
-    // Bank 0: two masks of 16 bits that let all through. Bank 1: list of 16 bits. Bank 2: mask of 32 bits, all. Bank 3: list of
-    // 32 bits.
+    // Bank 0: two masks of 16 bits that accept all. Bank 1: list of 16 bits. Bank 2: mask of 32 bits that
+    // accepts all. Bank 3: list of 32 bits.
     let banks = [
         (0x204, 0b1010),
         (0x20C, 0b1100),
@@ -177,7 +177,7 @@ fn of_several_filters_the_wide_one_then_the_list_then_the_first_says_the_number(
 }
 
 #[test]
-fn in_initialisation_frames_pass_by() {
+fn frame_during_initialization_is_ignored() {
     let mut can = on_bus(0);
     write(&mut can, MCR, mcr::INRQ, NOW);
     can.receive(&frame(5, &[]), NOW);

@@ -4,13 +4,13 @@ use super::*;
 
 const NOW: Time = 1000 * BIT;
 
-/// TSR: which mailboxes are empty.
+/// TSR: bits of empty mailboxes.
 fn empty(can: &mut Can) -> u32 {
     read(can, TSR, NOW) >> 26 & 7
 }
 
 #[test]
-fn a_frame_goes_as_its_registers_say() {
+fn frame_is_sent_as_in_its_registers() {
     let mut can = on_bus(0);
     request(&mut can, 1, 0x123, NOW);
     assert_eq!(can.pending(), [frame(0x123, &[0xAA, 0xBB])]);
@@ -31,7 +31,7 @@ const TXOK: u32 = 2;
 const TERR: u32 = 8;
 
 #[test]
-fn a_length_code_above_8_means_8() {
+fn length_code_above_8_means_8() {
     let mut can = on_bus(0);
     write(&mut can, 0x184, 15, NOW);
     write(&mut can, 0x188, 0x0403_0201, NOW);
@@ -41,7 +41,7 @@ fn a_length_code_above_8_means_8() {
 }
 
 #[test]
-fn remote_and_extended_frames_are_refused() {
+fn remote_and_extended_frames_are_rejected() {
     for bit in [1 << 1, 1 << 2] {
         let mut can = on_bus(0);
         assert!(can.write(0x180, 5 << 21 | bit | 1, NOW).is_err());
@@ -49,7 +49,7 @@ fn remote_and_extended_frames_are_refused() {
 }
 
 #[test]
-fn by_identifier_all_are_offered_and_code_and_low_say_which_is_last() {
+fn all_frames_are_offered_and_low_flags_the_last() {
     let mut can = on_bus(0);
     assert_eq!(read(&mut can, TSR, NOW) >> 24 & 3, 0, "CODE: the first that is empty");
     for (mailbox, id) in [(0, 0x300), (1, 0x400), (2, 0x200)] {
@@ -66,7 +66,7 @@ fn by_identifier_all_are_offered_and_code_and_low_say_which_is_last() {
 }
 
 #[test]
-fn by_request_only_the_first_is_offered() {
+fn txfp_offers_only_the_oldest_request() {
     let mut can = on_bus(mcr::TXFP);
     for (mailbox, id) in [(2, 0x300), (0, 0x100), (1, 0x200)] {
         request(&mut can, mailbox, id, NOW);
@@ -79,7 +79,7 @@ fn by_request_only_the_first_is_offered() {
 }
 
 #[test]
-fn of_two_equal_frames_one_goes() {
+fn sent_frame_frees_one_of_two_equal_ones() {
     let mut can = on_bus(0);
     request(&mut can, 0, 7, NOW);
     request(&mut can, 1, 7, NOW);
@@ -90,7 +90,7 @@ fn of_two_equal_frames_one_goes() {
 }
 
 #[test]
-fn it_interrupts_until_all_that_went_has_been_seen() {
+fn transmit_interrupt_lasts_until_rqcp_is_cleared() {
     let mut can = on_bus(0);
     request(&mut can, 0, 7, NOW);
     can.sent(&frame(7, &[0xAA, 0xBB]), NOW);
@@ -102,7 +102,7 @@ fn it_interrupts_until_all_that_went_has_been_seen() {
 }
 
 #[test]
-fn a_request_may_be_given_up() {
+fn request_can_be_aborted() {
     let mut can = on_bus(0);
     request(&mut can, 1, 7, NOW);
     write(&mut can, TSR, 1 << 15, NOW);
@@ -113,7 +113,7 @@ fn a_request_may_be_given_up() {
 }
 
 #[test]
-fn a_destroyed_frame_is_sent_again_unless_nothing_is() {
+fn corrupted_frame_is_repeated_unless_nart() {
     for (once, left) in [(0, 1), (mcr::NART, 0)] {
         let mut can = on_bus(once);
         request(&mut can, 0, 7, NOW);
@@ -124,7 +124,7 @@ fn a_destroyed_frame_is_sent_again_unless_nothing_is() {
 }
 
 #[test]
-fn off_the_bus_nothing_is_offered() {
+fn nothing_is_offered_off_the_bus() {
     let mut can = on_bus(0);
     request(&mut can, 0, 7, NOW);
     write(&mut can, MCR, mcr::INRQ, NOW);

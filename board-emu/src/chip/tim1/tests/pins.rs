@@ -5,7 +5,7 @@ use super::*;
 const EN: u32 = 0x0001;
 const EN_N: u32 = 0x0004;
 
-/// Channel 1 in PWM mode 1, centred, 3600 clocks a period.
+/// Channel 1 in PWM mode 1, centered, 3600 clocks a period.
 fn pair(compare: u32, ccer: u32, bdtr: u32) -> Tim1 {
     written(&[
         (CR1, CENTRE),
@@ -24,18 +24,18 @@ fn first(tim: &Tim1) -> (Gate, Gate) {
 }
 
 #[test]
-fn edges_and_dead_time_of_a_pair() {
+fn pair_has_dead_time_at_both_edges() {
     let tim = pair(900, EN | EN_N, MOE | 36);
-    // The reference is high from 2700 to 900 around the counter's 0; each side begins 36 clocks late.
+    // The reference is high from 2700 to 900 around the counter's 0; each side starts 36 clocks later.
     let on = Gate::Pwm { rise: 2736, high: 1764 };
     let off = Gate::Pwm { rise: 936, high: 1764 };
     assert_eq!((first(&tim), tim.gates().period), ((on, off), 3600));
-    // Alone, without dead time.
+    // One side alone has no dead time.
     assert_eq!(
         first(&pair(900, EN, MOE | OSSR | 36)),
         (Gate::Pwm { rise: 2700, high: 1800 }, Gate::Held(false))
     );
-    // The ends: a pulse shorter than the dead time is none.
+    // A pulse shorter than the dead time vanishes.
     assert_eq!(first(&pair(0, EN | EN_N, MOE | 36)), (Gate::Held(false), Gate::Held(true)));
     assert_eq!(first(&pair(1800, EN | EN_N, MOE | 36)), (Gate::Held(true), Gate::Held(false)));
     let short = Gate::Pwm { rise: 54, high: 3600 - 36 - 36 };
@@ -44,7 +44,7 @@ fn edges_and_dead_time_of_a_pair() {
 }
 
 #[test]
-fn the_reference_is_what_the_gates_say() {
+fn gates_follow_the_reference() {
     let mut tim = pair(700, EN, MOE);
     let (Gate::Pwm { rise, high }, _) = first(&tim) else { panic!("no PWM") };
     for clock in 0..3600 {
@@ -60,14 +60,14 @@ fn dead_time_has_four_ranges() {
     assert_eq!([0x80, 0x81, 0xBF].map(dead), [128, 130, 254]);
     assert_eq!([0xC0, 0xC1, 0xDF].map(dead), [256, 264, 504]);
     assert_eq!([0xE0, 0xE1, 0xFF].map(dead), [512, 528, 1008]);
-    // In units of DTS, which CKD divides.
+    // In units of DTS, divided by CKD.
     let mut tim = pair(900, EN | EN_N, MOE | 36);
     tim.write(CR1, CENTRE | 1 << 8 | 1, 0).unwrap();
     assert_eq!(tim.dead_time(), 72);
 }
 
 #[test]
-fn what_is_off_is_open_or_held_by_ossr_and_ossi() {
+fn ossr_and_ossi_hold_disabled_outputs() {
     use Gate::{Held, Open};
     assert_eq!(first(&pair(900, 0, MOE | OSSR)), (Open, Open));
     assert_eq!(first(&pair(900, EN, MOE)).1, Open);
@@ -89,13 +89,13 @@ fn what_is_off_is_open_or_held_by_ossr_and_ossi() {
 #[test]
 fn polarity_inverts_the_pin() {
     let tim = pair(900, EN | 2 | EN_N | 8, MOE | OSSR | 36);
-    // High where the side is off.
+    // High while the side is off.
     assert_eq!(first(&tim), (Gate::Pwm { rise: 900, high: 1836 }, Gate::Pwm { rise: 2700, high: 1836 }));
     assert_eq!(first(&pair(900, EN | 8, MOE | OSSR)).1, Gate::Held(true));
 }
 
 #[test]
-fn forced_frozen_and_standing() {
+fn forced_and_frozen_modes_hold_their_level() {
     use Gate::Held;
     let forced = |mode: u32| {
         let mut tim = pair(900, EN | EN_N, MOE | 36);
@@ -104,7 +104,7 @@ fn forced_frozen_and_standing() {
     };
     assert_eq!(forced(5), (Held(true), Held(false)));
     assert_eq!(forced(4), (Held(false), Held(true)));
-    // Frozen at what the reference was: below 900 at first.
+    // Frozen at the level of the reference: below 900 first.
     assert_eq!(forced(0), (Held(true), Held(false)));
     assert_eq!(forced(7).0, Gate::Pwm { rise: 936, high: 1764 });
     let mut tim = pair(900, EN | EN_N, MOE | 36);
@@ -114,7 +114,7 @@ fn forced_frozen_and_standing() {
 }
 
 #[test]
-fn only_what_changes_the_gates_says_so() {
+fn only_gate_changes_are_reported() {
     let mut tim = pair(900, EN | EN_N, MOE | 36);
     for (register, value, changes) in [
         (CCR1, 900, false),
