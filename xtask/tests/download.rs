@@ -1,5 +1,5 @@
-//! `cargo xtask download` as a person meets it where it cannot succeed. That it succeeds is shown by `cargo xtask
-//! host-tools`, and the protocol by the system tests.
+//! `cargo xtask download` in cases where it cannot succeed. `cargo xtask host-tools` shows that it succeeds;
+//! the system tests cover the protocol.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::net::{Shutdown, TcpListener};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
 
-/// A file of this test's own.
+/// A file for one test.
 fn path(name: &str) -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
 }
@@ -31,7 +31,8 @@ fn tek(name: &str, sealed: bool) -> String {
     file
 }
 
-/// An adapter that answers commands so. No answer: it hangs up, but hears on, so that what it has said is not lost.
+/// An adapter that answers commands with these texts. Without an answer it hangs up, but keeps receiving, so
+/// that what it has sent is not lost.
 fn adapter(mut answer: impl FnMut(&str) -> &'static [u8] + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("bound").to_string();
@@ -51,7 +52,7 @@ fn adapter(mut answer: impl FnMut(&str) -> &'static [u8] + Send + 'static) -> St
     address
 }
 
-/// One in order: closed at first, takes every frame, and nobody is on its bus.
+/// A working adapter: closed at first, accepts every frame, no board on its bus.
 fn good(command: &str) -> &'static [u8] {
     match command {
         "C" => b"\x07",
@@ -61,12 +62,13 @@ fn good(command: &str) -> &'static [u8] {
     }
 }
 
-/// The same, but it answers one command otherwise.
+/// The same, but with another answer to one command.
 fn but(odd: &'static str, said: &'static [u8]) -> String {
     adapter(move |command| if command == odd { said } else { good(command) })
 }
 
-/// What a board of node 4 says to a frame, as an adapter passes it on: STAT 0, and a request for 16 numbered frames.
+/// The answer of a board with node 4 to a frame, as the adapter passes it on: STAT 0, and a request for 16
+/// numbered frames.
 fn board(command: &str) -> &'static [u8] {
     match command {
         "t004105" => b"z\rt486485000000\r",
@@ -84,7 +86,7 @@ fn download(file: &str, address: &str) -> (Option<i32>, String) {
 }
 
 #[test]
-fn what_cannot_be_downloaded_is_named_with_a_next_step() {
+fn bad_file_is_named_with_a_next_step() {
     let (sealed, unsealed) = (tek("sealed", true), tek("unsealed", false));
     let damaged = path("damaged.tek").to_string_lossy().into_owned();
     std::fs::write(&damaged, b"%098xyz\r\n").expect("a file for the test");
@@ -103,7 +105,7 @@ fn what_cannot_be_downloaded_is_named_with_a_next_step() {
 }
 
 #[test]
-fn what_an_adapter_refuses_is_said_with_a_next_step() {
+fn adapter_error_is_reported_with_a_next_step() {
     let file = tek("refused", true);
     let deaf = adapter(|_| b"");
     let full = adapter(|command| if command.starts_with('t') { b"\x07" } else { good(command) });
@@ -130,8 +132,8 @@ fn what_an_adapter_refuses_is_said_with_a_next_step() {
 }
 
 #[test]
-fn a_frame_that_an_adapter_refuses_is_only_lost() {
-    // The first numbered frame; at the next it hangs up, so that this ends.
+fn frame_refused_by_the_adapter_is_only_lost() {
+    // The first numbered frame; at the next the adapter hangs up, so that the download ends.
     let mut numbered = 0;
     let address = adapter(move |command| {
         numbered += usize::from(is_numbered(command));
@@ -147,8 +149,8 @@ fn a_frame_that_an_adapter_refuses_is_only_lost() {
 
 #[cfg(unix)]
 #[test]
-fn a_file_is_read_once() {
-    // What comes from a pipe cannot be read again. The adapter hangs up at the first numbered frame, if there is one.
+fn file_is_read_once() {
+    // A pipe cannot be read twice. The adapter hangs up at the first numbered frame.
     let address = adapter(|command| if is_numbered(command) { b"" } else { board(command) });
     let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
     command.args(["download", "--node", "4", "--slcan", &address, "/dev/stdin"]);
@@ -162,7 +164,7 @@ fn a_file_is_read_once() {
 }
 
 #[test]
-fn an_adapter_and_a_node_are_needed() {
+fn adapter_and_node_are_required() {
     let file = tek("named", true);
     for (args, said) in [
         (&["--node", "4"][..], "--slcan"),

@@ -1,11 +1,11 @@
-//! `cargo xtask flash` with a probe-rs that only writes down what it is asked for.
+//! `cargo xtask flash` with a fake probe-rs that logs its arguments.
 
 use std::fs;
 
 use super::Bench;
 
 impl Bench {
-    /// A probe-rs that writes down its arguments, and a board behind it with a storage that is read and written.
+    /// A fake probe-rs that logs its arguments, and a board whose storage it reads and writes.
     fn probe(&self) {
         let here = self.0.display();
         self.program(
@@ -20,7 +20,7 @@ impl Bench {
         );
     }
 
-    /// The exit code and what it said.
+    /// Exit code and output.
     fn flash(&self, arguments: &[&str]) -> (Option<i32>, String) {
         let mut command = self.chore(&["flash"]);
         command.args(arguments);
@@ -28,7 +28,7 @@ impl Bench {
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     }
 
-    /// What the probe was asked for, folders left out.
+    /// The arguments of the probe, without folders.
     fn calls(&self) -> Vec<String> {
         let text = String::from_utf8(self.get("calls")).expect("it is text");
         let folder = format!("{}/", self.0.display());
@@ -37,9 +37,9 @@ impl Bench {
 }
 
 #[test]
-fn without_probe_rs_it_says_how_to_install_it_and_builds_nothing() {
+fn flash_without_probe_rs_explains_its_installation_and_builds_nothing() {
     let bench = Bench::new("absent");
-    // As where there is none: whatever else the machine has.
+    // Acts like a machine without probe-rs, even if it is installed.
     bench.program("probe-rs", "exit 127");
     let (code, said) = bench.flash(&[]);
     assert_eq!(code, Some(2), "{said}");
@@ -48,7 +48,7 @@ fn without_probe_rs_it_says_how_to_install_it_and_builds_nothing() {
 }
 
 #[test]
-fn the_monitor_comes_first_then_the_application_then_a_reset() {
+fn flash_writes_monitor_then_application_then_resets() {
     let bench = Bench::new("order");
     bench.probe();
     let (code, said) = bench.flash(&["--probe", "0483:3748", "--profile", "release"]);
@@ -66,7 +66,7 @@ fn the_monitor_comes_first_then_the_application_then_a_reset() {
 }
 
 #[test]
-fn a_number_is_added_to_what_the_board_has_stored() {
+fn node_number_is_added_to_the_stored_values() {
     let bench = Bench::new("node");
     bench.probe();
     let (code, said) = bench.flash(&["--node", "5"]);
@@ -84,7 +84,7 @@ fn a_number_is_added_to_what_the_board_has_stored() {
     assert_eq!(bench.calls(), expected);
     let stored = bench.get("flash");
     assert!(stored.len() == 8192 && stored.iter().any(|&byte| byte != 0xFF));
-    // It has that number now: nothing is worn out by it.
+    // The board has that number already: the flash is not written.
     fs::remove_file(bench.0.join("calls")).expect("the probe wrote it");
     let (code, said) = bench.flash(&["--node", "5"]);
     assert_eq!(code, Some(0), "{said}");
@@ -93,7 +93,7 @@ fn a_number_is_added_to_what_the_board_has_stored() {
 }
 
 #[test]
-fn a_storage_that_cannot_be_read_leaves_the_board_as_it_is() {
+fn unreadable_storage_leaves_the_board_unchanged() {
     let bench = Bench::new("short");
     bench.probe();
     bench.put("flash", &[0xFF; 100]);
@@ -104,7 +104,7 @@ fn a_storage_that_cannot_be_read_leaves_the_board_as_it_is() {
 }
 
 #[test]
-fn a_probe_that_fails_ends_it() {
+fn failing_probe_ends_the_flash() {
     let bench = Bench::new("fails");
     bench.program(
         "probe-rs",

@@ -1,4 +1,4 @@
-//! `cargo xtask image`: what it writes and says, and where.
+//! `cargo xtask image`: its files and its output.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use tater_wire::image::{Crc32, Header};
 
 use super::{Bench, elf};
 
-/// The exit code, and what it wrote to standard output and to standard error.
+/// Exit code, standard output and standard error.
 fn run(mut command: Command) -> (Option<i32>, String, String) {
     let output = command.output().expect("xtask starts");
     let [out, error] =
@@ -23,7 +23,7 @@ fn crc(bytes: &[u8]) -> String {
     format!("{:#010x}", crc.finish())
 }
 
-/// What another program says, in the project's folder.
+/// Output of another program, run in the project's folder.
 fn says(line: &str) -> String {
     let words: Vec<&str> = line.split(' ').collect();
     let mut command = Command::new(words[0]);
@@ -32,7 +32,7 @@ fn says(line: &str) -> String {
 }
 
 #[test]
-fn image_json_says_what_the_files_are_and_json_the_same() {
+fn image_json_describes_the_files_and_json_prints_the_same() {
     let bench = Bench::new("about");
     let (code, out, error) = run(bench.chore(&["image", "--json"]));
     assert_eq!(code, Some(0), "{error}");
@@ -79,14 +79,14 @@ fn image_json_says_what_the_files_are_and_json_the_same() {
     assert_eq!([&about["profile"], &about["log"]], [&json!("production"), &Value::Null]);
     assert_eq!(about["target"], "thumbv7m-none-eabi");
     assert_eq!(about["rustc"], says("rustc --version"));
-    // Whether this is a checkout or a source archive.
+    // In a checkout or a source archive.
     let is_checkout = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name(".git").exists();
     let commit = is_checkout.then(|| says("git rev-parse HEAD"));
     assert_eq!((&about["commit"], about["dirty"].is_boolean()), (&json!(commit), is_checkout));
 }
 
 #[test]
-fn out_is_a_folder_below_the_caller_s() {
+fn out_is_relative_to_the_callers_folder() {
     let bench = Bench::new("out");
     let mut command = bench.chore(&["image", "--profile", "release", "--out", "given/here"]);
     command.current_dir(&bench.0).env("DEFMT_LOG", "warn");
@@ -103,7 +103,7 @@ fn out_is_a_folder_below_the_caller_s() {
 }
 
 #[test]
-fn an_unusable_folder_is_bad_usage_and_says_nothing_to_standard_output() {
+fn unusable_folder_is_bad_usage_without_standard_output() {
     let bench = Bench::new("unusable");
     bench.put("file", b"mine");
     let out = bench.0.join("file").display().to_string();
@@ -114,7 +114,7 @@ fn an_unusable_folder_is_bad_usage_and_says_nothing_to_standard_output() {
 }
 
 #[test]
-fn a_file_that_cannot_be_written_leaves_those_of_the_last_time() {
+fn unwritable_file_keeps_the_files_of_the_last_run() {
     let bench = Bench::new("mixed");
     assert_eq!(run(bench.chore(&["image"])).0, Some(0));
     let folder = bench.0.join("target/image/production");

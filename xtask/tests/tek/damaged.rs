@@ -1,12 +1,12 @@
-//! Damaged files: each is named with its line and column, what was found and what was expected, by exit code 1.
+//! Damaged files: the error names line and column, what was found and what was expected; exit code 1.
 
 use super::{Scratch, application, record, tek};
 
-/// A file, and where and how it is damaged.
+/// A file, and the position and kind of its damage.
 struct Row {
     name: &'static str,
     file: Vec<u8>,
-    /// Line and column; (0, 0) if it is the image as a whole.
+    /// Line and column; (0, 0) for the image as a whole.
     place: (u32, u32),
     words: String,
 }
@@ -50,7 +50,7 @@ fn put(number: usize, column: usize, character: &str) -> String {
     })
 }
 
-/// The good file with something before a column of a line.
+/// The good file with a text inserted before a column of a line.
 fn insert(number: usize, column: usize, text: &str) -> String {
     with(number, |line| format!("{}{text}{}", &line[..column - 1], &line[column - 1..]))
 }
@@ -62,7 +62,7 @@ const AFTER: &str = "after the termination record, expected the end of the file"
 const CR_LF: &str = "expected CR LF";
 const ALPHABET: &str = "expected a character of a record: 0-9 A-Z a-z $ % . _";
 
-/// What happens to files on their way.
+/// Damage that happens in transit.
 fn transported() -> Vec<Row> {
     let [a, b, c, d, end] = good();
     let all = good().concat();
@@ -114,7 +114,7 @@ fn transported() -> Vec<Row> {
     ]
 }
 
-/// Ten million bytes that are no file.
+/// Ten million bytes that are no `.tek` file.
 fn noise() -> Vec<Row> {
     const LEN: usize = 10_000_000;
     let mut state = 1_u32;
@@ -152,7 +152,7 @@ fn noise() -> Vec<Row> {
     ]
 }
 
-/// What is wrong with the head of a record.
+/// Damage to the head of a record.
 fn heads() -> Vec<Row> {
     let checksum = |n| with(n, |line| format!("{}00{}", &line[..4], &line[6..]));
     vec![
@@ -186,7 +186,7 @@ fn heads() -> Vec<Row> {
     ]
 }
 
-/// What is wrong with a record's digits.
+/// Damage to a record's digits.
 fn digits() -> Vec<Row> {
     vec![
         row(
@@ -248,14 +248,14 @@ fn digits() -> Vec<Row> {
     ]
 }
 
-/// A line with a character replaced and its checksum made good, if the character has a value.
+/// A line with a character replaced and its checksum corrected, if the character has a value.
 fn redone(line: &str, column: usize, character: &str) -> String {
     let kind = char::from(line.as_bytes()[3]);
     let rest = format!("{}{character}{}", &line[..column - 1], &line[column..].trim_end());
     self::line(kind, &rest[6..])
 }
 
-/// What is wrong with the records together.
+/// Damage to the records together.
 fn order() -> Vec<Row> {
     let [a, b, c, d, end] = good();
     let next = |at: u32| format!("expected {at:#010x} or above: the record overlaps");
@@ -281,7 +281,7 @@ fn order() -> Vec<Row> {
     ]
 }
 
-/// Whole records of an image that is not.
+/// Correct records of an incorrect image.
 fn images() -> Vec<Row> {
     let scratch = Scratch::new("damaged-images");
     scratch.encoded("sealed.tek", &application(100), &["--seal", "600"]);
@@ -314,7 +314,7 @@ fn images() -> Vec<Row> {
     ]
 }
 
-/// Whether the row is named as it says; what was said instead, if not.
+/// Whether the error matches the row; if not, the error.
 fn check(scratch: &Scratch, row: &Row) -> Result<(), String> {
     let path = scratch.put("damaged.tek", &row.file);
     let said = tek(&["verify", &path]);
@@ -324,7 +324,7 @@ fn check(scratch: &Scratch, row: &Row) -> Result<(), String> {
         line => format!("error: {path}:{line}:{column}: record {line}: "),
     };
     let named = said.err.starts_with(&start) && said.err.contains(words.as_str());
-    // What is wrong, and what to do next.
+    // The defect and the next step.
     let brief = said.out.is_empty() && said.err.lines().count() == 2;
     match said.code {
         Some(1) if named && brief => Ok(()),
@@ -333,7 +333,7 @@ fn check(scratch: &Scratch, row: &Row) -> Result<(), String> {
 }
 
 #[test]
-fn each_kind_of_damage_is_named_in_its_place() {
+fn each_kind_of_damage_is_reported_with_its_position() {
     let scratch = Scratch::new("damaged");
     let whole = scratch.put("good.tek", good().concat().as_bytes());
     assert_eq!(tek(&["verify", &whole]).code, Some(0), "else no row means anything");

@@ -1,4 +1,4 @@
-//! `cargo xtask tek` as a person calls it: files in, files and words out, exit codes.
+//! `cargo xtask tek` from the command line: files in, files and texts out, exit codes.
 
 mod damaged;
 mod elf;
@@ -9,10 +9,10 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Where the application lies, as `--base` takes it.
+/// The application's address, as `--base` takes it.
 const BASE: &str = "0x08004000";
 
-/// A folder of a test's own, empty at first.
+/// An empty folder for one test.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -46,7 +46,7 @@ impl Scratch {
         self.get(name)
     }
 
-    /// What is in the folder.
+    /// The files in the folder.
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.0).expect("our own folder can be read");
         let names = entries.map(|entry| entry.expect("our own folder can be read").file_name());
@@ -56,7 +56,7 @@ impl Scratch {
     }
 }
 
-/// What a run said.
+/// The output of a run.
 struct Said {
     code: Option<i32>,
     out: String,
@@ -70,7 +70,7 @@ fn tek(arguments: &[&str]) -> Said {
     Said { code: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
 }
 
-/// `LLTCC...` of a type and what follows the checksum.
+/// `LLTCC...` from a type and the text after the checksum.
 fn record(kind: char, rest: &str) -> String {
     let len = rest.len() + 5;
     let sum: u32 = format!("{len:02X}{kind}{rest}")
@@ -80,8 +80,8 @@ fn record(kind: char, rest: &str) -> String {
     format!("{len:02X}{kind}{:02X}{rest}", sum % 256)
 }
 
-/// The smallest application that can be sealed, with `len` bytes in all: stack pointer, reset vector, then zeros in the
-/// reserved vectors, then something to tell bytes apart.
+/// The smallest application that can be sealed, with `len` bytes in total: stack pointer, reset vector, zeros
+/// in the reserved vectors, then a pattern.
 fn application(len: usize) -> Vec<u8> {
     let mut image = vec![0; len];
     image[..4].copy_from_slice(&0x2000_5000_u32.to_le_bytes());
@@ -92,8 +92,9 @@ fn application(len: usize) -> Vec<u8> {
     image
 }
 
-/// Images with what is special to GNU's blocks of 32 bytes: one that ends inside a block, starts inside a block, has
-/// blocks of zeros at the start, in between and at the end, is all zeros, crosses its chunks of 8 KiB.
+/// Images with special cases for GNU's blocks of 32 bytes: one that ends inside a block, starts inside a
+/// block, has blocks of zeros at the start, in between and at the end, is all zeros, crosses its chunks of 8
+/// KiB.
 fn images() -> Vec<(u32, Vec<u8>)> {
     let noise = |len: u32| (0..len).map(|i| (i.wrapping_mul(0x9E37_79B9) >> 24) as u8).collect::<Vec<u8>>();
     let mut holes = noise(1000);

@@ -1,10 +1,10 @@
-//! What GNU objcopy writes we read, and what we write it reads, where binutils is installed.
+//! GNU objcopy and we read each other's files; needs binutils.
 
 use std::process::Command;
 
 use super::{BASE, Scratch, images, record, tek};
 
-/// Whether there is a GNU objcopy that knows the format; says so if not.
+/// Whether a GNU objcopy that knows the format is installed; prints a note if not.
 fn installed() -> bool {
     let info = Command::new("objcopy").arg("--info").output();
     let knows = info.is_ok_and(|output| String::from_utf8_lossy(&output.stdout).contains("tekhex"));
@@ -14,14 +14,14 @@ fn installed() -> bool {
     knows
 }
 
-/// Runs a program of binutils; what it said on standard error, if it failed.
+/// Runs a program of binutils; returns its standard error if it failed.
 fn binutils(program: &str, arguments: &[&str]) -> Result<(), String> {
     let output = Command::new(program).args(arguments).output().expect("binutils is installed");
     if output.status.success() { Ok(()) } else { Err(String::from_utf8_lossy(&output.stderr).into_owned()) }
 }
 
 #[test]
-fn we_read_what_it_writes() {
+fn objcopy_output_is_read() {
     if !installed() {
         return;
     }
@@ -40,10 +40,10 @@ fn we_read_what_it_writes() {
     }
 }
 
-/// It takes our data records, CR LF included, but only inside a section, which the profile has no record for: here one
-/// is put before them.
+/// objcopy reads our data records, including CR LF, but only inside a section, for which the profile has no
+/// record: here one is put before them.
 #[test]
-fn it_reads_what_we_write_with_a_section_before_it() {
+fn our_output_is_read_by_objcopy_with_a_section_before_it() {
     if !installed() {
         return;
     }
@@ -65,10 +65,10 @@ fn it_reads_what_we_write_with_a_section_before_it() {
     }
 }
 
-/// A real linker's program headers, not only those of our own test.
+/// Program headers of a real linker, beside those of our own test.
 #[test]
-fn an_application_that_gnu_linked_is_encoded() {
-    // The linker of this machine may know no 32-bit ELF.
+fn application_linked_by_gnu_is_encoded() {
+    // This machine's linker may not know 32-bit ELF.
     let knows = Command::new("ld").arg("-V").output();
     if !installed() {
         return;
@@ -82,7 +82,7 @@ fn an_application_that_gnu_linked_is_encoded() {
     let (input, object, linked) = (scratch.put("in.bin", &bytes), scratch.path("a.o"), scratch.path("a.elf"));
     let convert = ["-I", "binary", "-O", "elf32-i386", "-B", "i386", &input, &object];
     assert_eq!(binutils("objcopy", &convert), Ok(()));
-    // -N: the segment holds no headers, as on a microcontroller.
+    // -N: the segment contains no headers, as on a microcontroller.
     let place = format!("-Tdata={BASE}");
     assert_eq!(
         binutils("ld", &["-m", "elf_i386", "-N", "-e", "0x08004000", &place, "-o", &linked, &object]),

@@ -1,9 +1,9 @@
-//! Files that are as they should be.
+//! Correct files.
 
 use super::{BASE, Scratch, application, images, record, tek};
 
 #[test]
-fn bytes_come_back_through_encode_and_decode() {
+fn encode_and_decode_return_the_same_bytes() {
     let scratch = Scratch::new("round");
     for (base, bytes) in images() {
         let (input, output) = (scratch.put("in.bin", &bytes), scratch.path("out.tek"));
@@ -18,7 +18,7 @@ fn bytes_come_back_through_encode_and_decode() {
 }
 
 #[test]
-fn a_sealed_image_is_verified_and_says_so() {
+fn sealed_image_is_verified_and_reported_as_sealed() {
     let scratch = Scratch::new("sealed");
     // 101 bytes are padded to 104.
     scratch.encoded("sealed.tek", &application(101), &["--seal", "601"]);
@@ -41,7 +41,7 @@ fn a_sealed_image_is_verified_and_says_so() {
 }
 
 #[test]
-fn an_image_that_is_not_sealed_is_whole_too() {
+fn unsealed_image_is_whole() {
     let scratch = Scratch::new("unsealed");
     let words = "whole and in the profile; not sealed: a monitor will refuse it, `cargo xtask tek encode --seal VERSION`";
     for len in [1, 43, 44, 200] {
@@ -52,7 +52,7 @@ fn an_image_that_is_not_sealed_is_whole_too() {
     }
     let help = tek(&["verify", "--help"]).out;
     assert!(help.contains("whole and in the profile") && help.contains("sealed"), "{help}");
-    // A header is looked for where the monitor does, and nowhere else.
+    // The header is expected where the monitor reads it, and nowhere else.
     scratch.encoded("a.tek", &application(100), &["--seal", "600"]);
     assert_eq!(tek(&["decode", &scratch.path("a.tek"), "-o", &scratch.path("a.bin")]).code, Some(0));
     let (image, elsewhere) = (scratch.path("a.bin"), scratch.path("b.tek"));
@@ -61,7 +61,7 @@ fn an_image_that_is_not_sealed_is_whole_too() {
 }
 
 #[test]
-fn what_cannot_be_sealed_is_refused() {
+fn unsealable_program_is_refused() {
     let scratch = Scratch::new("seal");
     let mut no_stack = application(100);
     no_stack[3] = 0;
@@ -88,7 +88,7 @@ fn what_cannot_be_sealed_is_refused() {
 }
 
 #[test]
-fn gaps_are_filled_and_absurd_ones_refused() {
+fn small_gaps_are_filled_and_huge_ones_refused() {
     let scratch = Scratch::new("gaps");
     let at = |address: &str, bytes: &str| format!("%{}\r\n", record('6', &(String::from(address) + bytes)));
     let end = format!("%{}\r\n", record('8', "800000000"));
@@ -117,7 +117,7 @@ fn gaps_are_filled_and_absurd_ones_refused() {
 }
 
 #[test]
-fn dump_prints_each_record_and_what_comes_before_a_mistake() {
+fn dump_prints_all_records_before_an_error() {
     let scratch = Scratch::new("dump");
     let good = scratch.encoded("a.tek", &[0xAB; 34], &[]);
     let said = tek(&["dump", &scratch.path("a.tek")]);
@@ -134,7 +134,7 @@ fn dump_prints_each_record_and_what_comes_before_a_mistake() {
 }
 
 #[test]
-fn what_cannot_be_read_or_written_is_no_verdict() {
+fn io_error_is_no_verdict() {
     let scratch = Scratch::new("usage");
     let (missing, folder) = (scratch.path("missing.tek"), scratch.path("."));
     let bytes = scratch.put("a.bin", b"a");
@@ -173,9 +173,9 @@ fn what_cannot_be_read_or_written_is_no_verdict() {
     assert!(said.code == Some(1) && said.err.contains("empty.bin: found no bytes"), "{}", said.err);
 }
 
-/// GNU's files: bytes of a section that no record gives are 0, and what is around the sections is padding.
+/// GNU's files: bytes of a section without a record are 0; anything around the sections is padding.
 #[test]
-fn sections_say_what_is_part_of_the_image() {
+fn sections_define_the_image() {
     let scratch = Scratch::new("sections");
     let section = |from: u32, to: u32| format!("%{}\n", record('3', &format!("1a12{from:02X}2{to:02X}")));
     let padded = format!("%{}\n", record('6', "21000000001020300000004"));
@@ -203,11 +203,11 @@ fn sections_say_what_is_part_of_the_image() {
     }
 }
 
-/// A file is replaced, not written over: who has the old one open, here by another name, keeps it whole. A link stays
-/// one.
+/// A file is replaced, not overwritten: a process that has the old one open, here through another name, keeps
+/// it whole. A link stays a link.
 #[cfg(unix)]
 #[test]
-fn files_are_replaced_whole() {
+fn output_files_are_replaced_atomically() {
     let scratch = Scratch::new("replace");
     let old = scratch.encoded("a.tek", &[1], &[]);
     std::fs::hard_link(scratch.path("a.tek"), scratch.path("other.tek")).expect("same folder");
