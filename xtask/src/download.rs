@@ -1,5 +1,5 @@
-//! `cargo xtask download`: a `.tek` file to a board over a CAN adapter. The protocol is `tater_wire::download`; here are the
-//! file, the adapter, the clock and what a person sees.
+//! `cargo xtask download`: a `.tek` file to a board over a CAN adapter. `tater_wire::download` is the
+//! protocol; here are the file, the adapter, the clock and the user's output.
 
 mod adapter;
 mod can;
@@ -17,7 +17,7 @@ use tater_wire::download::{DownloadError, Downloader, Next};
 use crate::{Failure, files, tek};
 use adapter::Adapter;
 
-/// The arguments of the chore.
+/// The arguments.
 #[derive(clap::Args)]
 pub struct DownloadArgs {
     /// The .tek file: `cargo xtask image` makes one
@@ -34,7 +34,7 @@ pub struct DownloadArgs {
 }
 
 impl DownloadArgs {
-    /// Of a file to a board by SLCAN.
+    /// For a file to a board by SLCAN.
     pub fn new(file: PathBuf, node: u8, slcan: &str) -> Self {
         Self { file, node, slcan: Some(slcan.to_owned()), can: None }
     }
@@ -43,14 +43,14 @@ impl DownloadArgs {
 /// Downloads a file.
 ///
 /// # Errors
-/// The file cannot be downloaded, the adapter cannot be used, or why the board did not take it.
+/// The file cannot be downloaded, the adapter cannot be used, or the board refused the file.
 pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
     let file = files::read(&args.file)?;
     let header = tek::sealed(&args.file, &file)?;
     let mut adapter: Box<dyn Adapter> = match (&args.slcan, &args.can) {
         (Some(address), _) => Box::new(slcan::Slcan::connect(address)?),
         (None, Some(interface)) => can::open(interface)?,
-        // clap has asked for one.
+        // clap requires one.
         (None, None) => return Err(Failure::Unusable("found no adapter, expected --slcan or --can".into())),
     };
     let node = Node::new(args.node).unwrap_or(Node::HOST);
@@ -92,7 +92,7 @@ fn run(node: Node, file: &[u8], adapter: &mut dyn Adapter) -> Result<(), Failure
             Next::Failed(error) => break Err(error),
         }
     };
-    // Cleared, so that what follows is not appended to it.
+    // Clear the line, so that later output is not appended to it.
     bar.finish_and_clear();
     end.map_err(|error: DownloadError| Failure::Judged(format!("node {}: {error}", node.number())))
 }
@@ -104,14 +104,14 @@ fn bar(characters: u32) -> ProgressBar {
     }
     let bar = ProgressBar::new(characters.into());
     set_style(&bar, "{percent:>3} % [{bar:40}] {rate} characters/s, {eta} left");
-    // A board that is at work is seen to be.
+    // Shows that the board is still working.
     bar.enable_steady_tick(Duration::from_millis(200));
     bar
 }
 
 fn set_style(bar: &ProgressBar, line: &str) {
     let rate = |state: &ProgressState, text: &mut dyn Write| {
-        // A text in memory takes all that is written.
+        // Writing to a string cannot fail.
         let _ = write!(text, "{:.0}", state.per_sec());
     };
     if let Ok(style) = ProgressStyle::with_template(line) {

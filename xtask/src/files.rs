@@ -14,7 +14,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     fs::read(path).map_err(|error| unreadable(path, &error))
 }
 
-/// What to say of a file that cannot be read.
+/// Error text for a file that cannot be read.
 pub fn unreadable(path: &Path, error: &io::Error) -> Failure {
     let place = path.display();
     Failure::Unusable(format!(
@@ -22,11 +22,11 @@ pub fn unreadable(path: &Path, error: &io::Error) -> Failure {
     ))
 }
 
-/// Writes a file under another name beside it and renames it, so that its reader finds the old one or the new one. What
-/// is there and no regular file (`/dev/stdout`, a pipe) is written to as it is.
+/// Writes a file under a temporary name in the same folder and renames it, so that a reader finds the old one
+/// or the new one. An existing path that is no regular file (`/dev/stdout`, a pipe) is written directly.
 ///
 /// # Errors
-/// Of the file system; nothing is left behind then.
+/// The file system's error; nothing is left behind then.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let is_file = fs::metadata(path).map_or(!path.is_symlink(), |meta| meta.is_file());
     let written = if is_file && !path.starts_with("/dev") {
@@ -37,8 +37,8 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), String> {
     written.map_err(|error| unwritable(path, &error))
 }
 
-/// Writes several files, none of them before all are on the disk and none has a folder in its way: they are of one kind, old
-/// or new. They are renamed in their order.
+/// Writes several files, none of them before all are on the disk and no folder is in the way of one: all are
+/// old or all new. They are renamed in order.
 ///
 /// # Errors
 /// As [`replace`].
@@ -57,7 +57,7 @@ fn unwritable(path: &Path, error: &io::Error) -> String {
     )
 }
 
-/// A file that is written but for its name. It is removed unless it gets that.
+/// A file that is complete except for its name. Removed unless it gets that name.
 struct Part {
     part: PathBuf,
     target: PathBuf,
@@ -68,11 +68,11 @@ impl Part {
         if path.is_dir() {
             return Err(ErrorKind::IsADirectory.into());
         }
-        // A symbolic link stays one.
+        // A symbolic link stays a link.
         let target = if path.is_symlink() { fs::canonicalize(path)? } else { path.to_owned() };
         let name = target.file_name().ok_or(ErrorKind::InvalidInput)?.to_string_lossy().into_owned();
         let part = target.with_file_name(format!(".{name}.{}.part", std::process::id()));
-        // Never onto a file of somebody else's: it is then not ours to remove, either.
+        // Never onto another user's file, which would not be ours to remove.
         let mut file = File::create_new(&part)?;
         let written = Self { part, target };
         file.write_all(bytes).map(|()| written)
@@ -85,12 +85,12 @@ impl Part {
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // It is not there any more where all went well.
+        // The temporary file no longer exists if all went well.
         let _ = fs::remove_file(&self.part);
     }
 }
 
-/// Text on standard output; that nobody reads on is no error of ours.
+/// Prints text to standard output; a reader that stops reading is no error.
 ///
 /// # Errors
 /// Standard output cannot be written.
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_in_the_way_of_one_leaves_all_as_they_were() {
+    fn folder_in_the_way_of_one_file_leaves_all_unchanged() {
         let folder = std::env::temp_dir().join(format!("tater-xtask-files-{}", std::process::id()));
         fs::create_dir_all(folder.join("b")).expect("the temporary folder can be written");
         let [a, b] = ["a", "b"].map(|name| folder.join(name));

@@ -1,4 +1,5 @@
-//! The fuzz targets, for a while each, where a nightly compiler is at hand: libFuzzer needs its instrumentation.
+//! Runs each fuzz target for a while, if a nightly compiler is installed: libFuzzer needs its
+//! instrumentation.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -6,18 +7,18 @@ use std::process::Command;
 use crate::Outcome;
 use crate::program::{in_parallel, output_of_both, program, root, run, succeeds, target};
 
-/// Seconds a target: most of what a target finds, it finds in the first few.
+/// Seconds per target: a target finds most of its failures in the first few.
 const SECONDS: u32 = 30;
 
-/// The version of cargo-fuzz that is installed where there is none.
+/// The version of cargo-fuzz to install if it is missing.
 const VERSION: &str = "0.13.2";
 
-/// Runs every target of `fuzz/`, or says why not.
+/// Runs every target of `fuzz/`, or prints why not.
 ///
 /// # Errors
-/// A target found an input that breaks it, and the text says how to repeat it; or the lock file is not current.
+/// A target found a failing input, and the text says how to repeat it; or the lock file is out of date.
 pub fn check() -> Outcome {
-    // A workspace of its own: what changes the project's dependencies does not bring its lock file along.
+    // A workspace of its own: a change of the project's dependencies does not update its lock file.
     run(program("cargo update --quiet --workspace --locked --manifest-path fuzz/Cargo.toml")).map_err(
         |error| {
             format!(
@@ -25,7 +26,7 @@ pub fn check() -> Outcome {
             )
         },
     )?;
-    // Asked of rustup, not of `cargo +nightly`, which would install one.
+    // Ask rustup, not `cargo +nightly`, which would install one.
     if !succeeds("rustup run nightly cargo --version") {
         println!("skipped: no nightly compiler (rustup toolchain install nightly)");
         return Ok(());
@@ -51,7 +52,7 @@ pub fn check() -> Outcome {
     Ok(())
 }
 
-/// A subcommand of cargo-fuzz; what it builds stays out of the checks' own target folder.
+/// A subcommand of cargo-fuzz; its build stays out of the checks' own target folder.
 fn fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
     let mut command = Command::new(fuzzer);
     command.current_dir(root()).arg("fuzz").arg(arguments[0]);
@@ -60,7 +61,7 @@ fn fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
     command
 }
 
-/// cargo-fuzz, installed under the target folder if need be.
+/// cargo-fuzz, installed under the target folder if necessary.
 fn fuzzer() -> Option<PathBuf> {
     let tools = target().join("tools");
     let fuzzer = tools.join("bin/cargo-fuzz");

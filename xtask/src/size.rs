@@ -1,7 +1,7 @@
-//! `cargo xtask size`: what the two programs on a board take of its flash, its RAM and its stack, from their ELF files.
+//! `cargo xtask size`: flash, RAM and stack of the two programs on a board, from their ELF files.
 //!
-//! `--check` judges the production images: limits (`LIMITS`), stack that stays free, symbols that must not be there
-//! (`size/forbidden.rs`), and every figure against the file that is committed (`size/golden.rs`).
+//! `--check` judges the production images: limits (`LIMITS`), free stack, forbidden symbols
+//! (`size/forbidden.rs`), and every figure against the committed file (`size/golden.rs`).
 
 mod crates;
 mod elf;
@@ -27,14 +27,14 @@ use levels::Task;
 /// The application's tasks and their priorities.
 const APP: &str = "tater-fw/src/app.rs";
 
-/// The part of the stack's area that must stay free, in percent. The analysis adds up what can hardly come together, so
-/// that this is for what a change brings unseen until the next check, and for a debugger's own frames.
+/// Part of the stack area that must stay free, in percent. The analysis adds up interrupts that hardly ever
+/// coincide, so this margin covers a change until the next check, and a debugger's own frames.
 const STACK_MARGIN: f64 = 25.0;
 
-/// How many of the largest symbols are told.
+/// Number of largest symbols to print.
 const LARGEST: usize = 12;
 
-/// The arguments of the chore.
+/// The arguments.
 #[derive(clap::Args)]
 pub struct SizeArgs {
     /// With log strings or without; limits and the committed figures are those of production
@@ -51,10 +51,10 @@ pub struct SizeArgs {
     bless: bool,
 }
 
-/// Does the chore.
+/// Runs the command.
 ///
 /// # Errors
-/// The images cannot be built or read; or they are not as they should be.
+/// The images cannot be built or read, or they fail the check.
 pub fn size(args: &SizeArgs) -> Result<(), Failure> {
     if args.profile != Profile::Production && (args.check || args.bless) {
         let what = "the limits and the committed figures are those of production";
@@ -75,7 +75,7 @@ pub fn size(args: &SizeArgs) -> Result<(), Failure> {
     if args.check { fail(&faults, failure) } else { Ok(()) }
 }
 
-/// Builds both programs and finds out their figures.
+/// Builds both programs and computes their figures.
 fn measure(profile: Profile) -> Result<Vec<Figures>, Failure> {
     let app = root().join(APP);
     let source = String::from_utf8_lossy(&files::read(&app)?).into_owned();
@@ -88,7 +88,7 @@ fn measure(profile: Profile) -> Result<Vec<Figures>, Failure> {
     Ok(vec![tater, monitor])
 }
 
-/// CI's step: the figures in a few lines, judged.
+/// CI's step: the figures in a few lines, checked.
 ///
 /// # Errors
 /// As [`size`] with `--check`.
@@ -102,7 +102,7 @@ pub fn check() -> Outcome {
     Ok(fail(&faults, failure)?)
 }
 
-/// All that is looked at.
+/// The figures of both programs.
 fn figures(name: &'static str, program: &Program, tasks: &[Task]) -> Figures {
     let handlers: Vec<String> = tasks.iter().map(|task| task.binds.clone()).collect();
     let mut figures = Figures::new(name, stack::worst(program, tasks));
@@ -150,7 +150,7 @@ fn object(profile: Profile, all: &[Figures], faults: &[String]) -> Value {
     })
 }
 
-/// What is not as it should be, the comparison with the committed figures left out.
+/// Defects of the images, without the comparison with the committed figures.
 fn faults(all: &[Figures]) -> Vec<String> {
     let mut faults = Vec::new();
     for figures in all {
@@ -186,7 +186,7 @@ fn faults(all: &[Figures]) -> Vec<String> {
     faults
 }
 
-/// What is not as it should be, and what failure that is: another if the committed figures cannot be read.
+/// Defects of the images, and the kind of failure: a different one if the committed figures cannot be read.
 fn judge(all: &[Figures]) -> (Vec<String>, fn(String) -> Failure) {
     let mut faults = faults(all);
     match golden::differences(all) {

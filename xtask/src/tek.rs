@@ -1,4 +1,4 @@
-//! Images of applications as `.tek` files: making them, judging them, reading them.
+//! `.tek` files of applications: encode, verify, decode, dump.
 
 mod memory;
 mod records;
@@ -19,7 +19,7 @@ use memory::Memory;
 use records::{extent, open, records};
 pub use verify::sealed;
 
-/// A chore about `.tek` files.
+/// A command for `.tek` files.
 #[derive(Subcommand)]
 pub enum Chore {
     /// Makes a .tek file of a linked application or of bytes
@@ -66,10 +66,10 @@ fn address(text: &str) -> Result<u32, String> {
     number.map_err(|error| format!("{error}; expected an address up to 0xFFFFFFFF, such as 0x08004000"))
 }
 
-/// Does the chore.
+/// Runs the command.
 ///
 /// # Errors
-/// What is wrong with its files.
+/// The defect of its files.
 pub fn tek(chore: &Chore) -> Result<(), Failure> {
     match chore {
         Chore::Encode { input, base, output, seal } => encode(input, *base, output, *seal),
@@ -122,7 +122,7 @@ fn text(memory: &Memory, entry: u32) -> Result<Vec<u8>, String> {
     Ok(text)
 }
 
-/// A linked program's bytes as they lie in flash, in one piece, and where.
+/// A linked program's bytes as they are in flash, in one piece, and their address.
 ///
 /// # Errors
 /// It is no linked program, or its bytes are too far apart.
@@ -132,27 +132,27 @@ pub fn flat(elf: &[u8]) -> Result<(u64, Vec<u8>), String> {
     Ok((start, memory.image()?))
 }
 
-/// A linked application in the three forms in which it gets onto a board.
+/// A linked application in the three forms for a board.
 pub struct Sealed {
     /// The ELF file with the header in its first segment, for a debug probe.
     pub elf: Vec<u8>,
-    /// What then lies in flash from the application's address on.
+    /// The bytes in flash from the application's address on.
     pub bytes: Vec<u8>,
     /// The same as a `.tek` file.
     pub text: Vec<u8>,
-    /// What the image says of itself.
+    /// The image's header.
     pub header: Header,
 }
 
 /// Seals a linked application.
 ///
 /// # Errors
-/// It is none, or cannot be sealed.
+/// It is no application, or it cannot be sealed.
 pub fn seal_linked(mut elf: Vec<u8>, version: u16) -> Result<Sealed, String> {
     let (memory, entry) = source::linked(&elf)?;
     let (memory, header) = seal(&memory, version)?;
     let bytes = memory.image()?;
-    // The vector table, in which the header lies, is linked in one piece.
+    // The vector table, which contains the header, is linked in one piece.
     source::overwrite(&mut elf, APPLICATION.start, &bytes[..HEADER_BYTES])?;
     Ok(Sealed { elf, text: text(&memory, entry)?, bytes, header })
 }
@@ -170,7 +170,7 @@ fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
     image.resize(image.len().next_multiple_of(4), ERASED);
     let header = image::seal(&mut image, version.into()).map_err(|error| error.to_string())?;
     let mut sealed = Memory::default();
-    // It is empty, so nothing is there twice.
+    // It is empty, so no address exists twice.
     let _ = sealed.insert(start, &image);
     Ok((sealed, header))
 }
@@ -197,7 +197,7 @@ fn decode(file: &Path, output: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The first address and all bytes from there. GNU's files are their sections: 0 where no record says otherwise, and the
+/// The first address and all bytes from there. GNU's files are sections: 0 where no record has bytes, and the
 /// zeros around them are padding.
 fn assemble(memory: &Memory, sections: &[Range<u64>]) -> Result<(u64, Vec<u8>), String> {
     let Some(base) = sections.iter().map(|section| section.start).min() else {
@@ -241,7 +241,7 @@ fn dump(file: &Path) -> Result<(), Failure> {
         text += &format!("{line:6}  {what}\n");
         Ok(())
     });
-    // Also what comes before a mistake.
+    // Prints the records before an error too.
     files::print(&text)?;
     judged
 }

@@ -1,4 +1,4 @@
-//! What a download needs of a CAN adapter.
+//! The interface of a CAN adapter for a download.
 
 use std::io::ErrorKind;
 use std::time::Duration;
@@ -10,7 +10,8 @@ pub trait Adapter {
     /// Sends a frame, or loses it.
     fn send(&mut self, frame: &Frame) -> Result<(), String>;
 
-    /// The next frame from the bus, if one comes within this time, which is not 0; `None` may also come before.
+    /// The next frame from the bus, if one arrives within this time, which is not 0; `None` may also come
+    /// earlier.
     fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, String>;
 }
 

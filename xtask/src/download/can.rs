@@ -6,7 +6,7 @@ use crate::Failure;
 /// Opens the interface.
 ///
 /// # Errors
-/// There is none of that name.
+/// There is no interface of that name.
 #[cfg(target_os = "linux")]
 pub fn open(interface: &str) -> Result<Box<dyn Adapter>, Failure> {
     use socketcan::{CanSocket, Socket};
@@ -19,7 +19,7 @@ pub fn open(interface: &str) -> Result<Box<dyn Adapter>, Failure> {
     Ok(Box::new(linux::Interface { socket, name: interface.to_owned() }))
 }
 
-/// There is none.
+/// Not available on this system.
 ///
 /// # Errors
 /// Always.

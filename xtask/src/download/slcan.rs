@@ -1,4 +1,4 @@
-//! The host's side of Lawicel SLCAN over TCP: as little of it as a download needs.
+//! The host's side of Lawicel SLCAN over TCP, limited to what a download needs.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -10,32 +10,32 @@ use tater_wire::Frame;
 use super::adapter::{Adapter, is_timeout};
 use crate::Failure;
 
-/// How long an adapter may take to be reached, or to take a frame.
+/// Timeout for reaching an adapter, and for its acceptance of a frame.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Characters of the longest line that means something: a frame of eight bytes with a time-stamp, or a refusal in words.
+/// Length of the longest valid line: a frame of eight bytes with a time-stamp, or an error text.
 const LONGEST: usize = 200;
 
-/// Refused in a row, so many frames are no full queue any more: all that a board asks for at once.
+/// This many refused frames in a row are more than a full queue: all that a board requests at once.
 const REFUSED: u32 = 16;
 
 /// An SLCAN adapter.
 pub struct Slcan {
     stream: TcpStream,
     address: String,
-    /// What has come of a line.
+    /// The received part of a line.
     line: Vec<u8>,
-    /// What has come after it.
+    /// Received bytes after it.
     read: VecDeque<u8>,
-    /// Frames that it has refused since it said anything else.
+    /// Frames refused since its last other message.
     refused: u32,
 }
 
-/// What an adapter says.
+/// A message of an adapter.
 enum Heard {
-    /// A line: a frame, or the answer to what was done.
+    /// A line: a frame, or an answer.
     Line(Vec<u8>),
-    /// BEL: it does not do that.
+    /// BEL: refused.
     Refusal,
 }
 
@@ -43,7 +43,7 @@ impl Slcan {
     /// Connects, and opens the channel at 1 Mbit/s.
     ///
     /// # Errors
-    /// Nobody listens there, or the adapter is in use, or of another rate.
+    /// Nothing listens there, the adapter is in use, or it has another bit rate.
     pub fn connect(address: &str) -> Result<Self, Failure> {
         let unusable = |error: std::io::Error| {
             Failure::Unusable(format!(
@@ -62,8 +62,8 @@ impl Slcan {
     }
 
     fn open(&mut self) -> Result<(), String> {
-        // Whatever was open is closed, which is refused if nothing was; frames that came before are gone with it. The
-        // version ends what is answered to that.
+        // Close first, in case the channel is open; that is refused if it was not, and drops old frames. The
+        // answer to the version request marks the end of earlier answers.
         self.ask(b"\rC\rV\r", |heard| matches!(heard, Heard::Line(line) if line.starts_with(b"V")))?;
         for (command, what) in [("S8", "1 Mbit/s (S8)"), ("O", "to open its channel (O)")] {
             if let Heard::Refusal = self.ask(format!("{command}\r").as_bytes(), |_| true)? {
@@ -77,7 +77,7 @@ impl Slcan {
         Ok(())
     }
 
-    /// Says something, and waits for an answer that is `wanted`.
+    /// Sends a command and waits for an answer that is `wanted`.
     fn ask(&mut self, text: &[u8], wanted: impl Fn(&Heard) -> bool) -> Result<Heard, String> {
         self.write(text)?;
         let begun = Instant::now();
@@ -102,7 +102,7 @@ impl Slcan {
         )
     }
 
-    /// The next that it says, if it does within this time, which is not 0.
+    /// The next message, if one arrives within this time, which is not 0.
     fn hear(&mut self, wait: Duration) -> Result<Option<Heard>, String> {
         if let Some(heard) = self.take()? {
             return Ok(Some(heard));
@@ -120,13 +120,13 @@ impl Slcan {
         }
     }
 
-    /// Takes the bytes that have come up to the end of what it says next.
+    /// Takes the received bytes up to the end of the next message.
     fn take(&mut self) -> Result<Option<Heard>, String> {
         while let Some(byte) = self.read.pop_front() {
             match byte {
                 b'\r' => {
                     let line = std::mem::take(&mut self.line);
-                    // So `hil-sim bus` says why it hangs up.
+                    // `hil-sim bus` sends its reason this way before it hangs up.
                     return match line.strip_prefix(b"error: ") {
                         Some(why) => {
                             Err(format!("--slcan {}: {}", self.address, String::from_utf8_lossy(why)))
@@ -160,7 +160,7 @@ impl Adapter for Slcan {
                 self.refused = 0;
                 Ok(parse(&line))
             }
-            // The frame is lost: a full queue. The download sees to that, unless it goes on for ever.
+            // The queue is full and the frame is lost. The download repeats it, unless that never ends.
             Some(Heard::Refusal) if self.refused + 1 < REFUSED => {
                 self.refused += 1;
                 Ok(None)
@@ -175,7 +175,7 @@ impl Adapter for Slcan {
     }
 }
 
-/// `tiiildd...`, perhaps with a time-stamp; anything else is no frame for us.
+/// `tiiildd...`, possibly with a time-stamp; anything else is no frame.
 fn parse(line: &[u8]) -> Option<Frame> {
     let text = std::str::from_utf8(line).ok()?.strip_prefix('t')?;
     let id = u16::from_str_radix(text.get(..3)?, 16).ok()?;
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_frames_or_nothing() {
+    fn lines_parse_as_frames_or_nothing() {
         let frame = Frame::from_raw(0x486, &[0x85, 0, 2, 0]);
         assert_eq!(parse(b"t486485000200"), frame);
         assert_eq!(parse(b"t4864850002001F2A"), frame, "with a time-stamp");

@@ -1,11 +1,12 @@
-//! Whose bytes a section's are: by the crate that a symbol's name begins with, or what it is if it has none. What the compiler
-//! has inlined counts where it was inlined: most of the servo is in the interrupt that ticks it.
+//! Attributes the bytes of a section to crates: by the crate in a symbol's name, or by the kind of a symbol
+//! without one. Inlined code counts where it was inlined: most of the servo is in the interrupt that ticks
+//! it.
 
 use std::collections::BTreeMap;
 
 use super::elf::{Program, Section, plain};
 
-/// Where the names without a crate come from: the first row whose pattern fits, `*` at its end being anything.
+/// Origin of names without a crate: the first row whose pattern matches; `*` at its end matches anything.
 const NAMED: [(&str, &str); 17] = [
     ("__aeabi_mem*", "tater_fw (assembler)"),
     ("memcpy", "tater_fw (assembler)"),
@@ -26,7 +27,7 @@ const NAMED: [(&str, &str); 17] = [
     (".L*", "constants without a name"),
 ];
 
-/// Bytes between what is somebody's.
+/// Alignment bytes between symbols.
 pub const ALIGNMENT: &str = "alignment";
 
 /// Bytes of a section by crate. Their sum is the section's length.
@@ -47,7 +48,7 @@ pub fn of(program: &Program, section: &Section, handlers: &[String]) -> BTreeMap
     crates
 }
 
-/// The section cut at its symbols: each byte once, to the symbol that begins last before it; none where there is none.
+/// The section divided at its symbols: each byte once, to the last symbol that begins before it, or to none.
 pub fn extents<'p>(program: &'p Program, section: &Section) -> Vec<(Option<&'p str>, u32)> {
     let inside = |start: u32| (section.start..section.end()).contains(&start);
     let symbols: Vec<_> = program.symbols.iter().filter(|symbol| inside(symbol.start)).collect();
@@ -55,7 +56,7 @@ pub fn extents<'p>(program: &'p Program, section: &Section) -> Vec<(Option<&'p s
     let mut at = section.start;
     for (index, symbol) in symbols.iter().enumerate() {
         let next = symbols.get(index + 1).map_or(section.end(), |next| next.start);
-        // What an assembler defines has no length: it goes to the next symbol, if it is a function.
+        // Assembler symbols have no length: their bytes go to the next symbol, if it is a function.
         let end = match symbol.len {
             0 if symbol.function => next,
             len => (symbol.start + len).min(section.end()),
@@ -75,11 +76,11 @@ pub fn extents<'p>(program: &'p Program, section: &Section) -> Vec<(Option<&'p s
     extents
 }
 
-/// The crate of a symbol, or what it is.
+/// The crate of a symbol, or its kind.
 pub fn origin(name: &str) -> String {
     let fits =
         |pattern: &str| pattern.strip_suffix('*').map_or(name == pattern, |start| name.starts_with(start));
-    // `.Lswitch.table.` and the name of the function that it belongs to.
+    // `.Lswitch.table.` and the name of its function.
     let function = name.find("_ZN").or_else(|| name.find("_RN")).map_or(name, |at| &name[at..]);
     let text = plain(function);
     if text.contains("::") {
@@ -103,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_both_manglings_have_their_crate() {
+    fn crate_is_found_in_names_of_both_manglings() {
         for (name, crate_) in [
             ("_ZN10servo_core5servo5Servo4plan17hd4e02904b985974aE", "servo_core"),
             (
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn each_byte_of_a_section_is_counted_once() {
+    fn every_byte_of_a_section_is_counted_once() {
         let symbol = |name: &str, start, len, function| Symbol { name: name.into(), start, len, function };
         let program = Program {
             sections: vec![Section {
@@ -140,7 +141,8 @@ mod tests {
             }],
             symbols: vec![
                 symbol("before", 90, 30, true),
-                // Two names for one place; then what an assembler defines; then one that has both its ends beyond others.
+                // Two names for one address; then an assembler symbol; then one that begins before and ends
+                // after others.
                 symbol("a", 104, 10, true),
                 symbol("b", 104, 10, true),
                 symbol("assembled", 120, 0, true),

@@ -1,4 +1,4 @@
-//! A linked program as the analyses want it: what is loaded, symbols by address, what is code and what is data.
+//! A linked program, prepared for analysis: loaded sections, symbols by address, code and data.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,13 +10,13 @@ use tater_wire::memory::RAM;
 
 use crate::{Failure, files};
 
-/// A section that takes memory.
+/// A section that occupies memory.
 #[derive(Debug)]
 pub struct Section {
     pub name: String,
     pub start: u32,
     pub len: u32,
-    /// Empty where nothing is loaded (.bss).
+    /// Empty if nothing is loaded (.bss).
     pub bytes: Vec<u8>,
     pub code: bool,
 }
@@ -26,7 +26,7 @@ impl Section {
         self.start >= RAM.start && self.start < RAM.end()
     }
 
-    /// Whether its bytes lie in flash: also those that a start copies to RAM.
+    /// Whether its bytes are in flash, including those that startup copies to RAM.
     pub const fn in_flash(&self) -> bool {
         !self.bytes.is_empty()
     }
@@ -41,9 +41,9 @@ impl Section {
 pub struct Symbol {
     pub name: String,
     pub start: u32,
-    /// 0 for most of what an assembler defines.
+    /// 0 for most assembler symbols.
     pub len: u32,
-    /// A function, whose lowest address bit is not in `start`.
+    /// A function; `start` excludes the lowest address bit, which marks Thumb code.
     pub function: bool,
 }
 
@@ -51,9 +51,9 @@ pub struct Symbol {
 #[derive(Debug)]
 pub struct Program {
     pub sections: Vec<Section>,
-    /// By address.
+    /// Sorted by address.
     pub symbols: Vec<Symbol>,
-    /// From which address on there is code (`$t`) or data (`$d`), as the assembler has marked it.
+    /// Addresses at which code (`$t`) or data (`$d`) begins, as marked by the assembler.
     pub code: BTreeMap<u32, bool>,
 }
 
@@ -61,7 +61,7 @@ impl Program {
     /// Reads a linked program.
     ///
     /// # Errors
-    /// No file, no ELF file of 32 bits, or one without symbols.
+    /// The file is missing, is no 32-bit ELF file, or has no symbols.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let data = files::read(path)?;
         Self::parse(&data).map_err(|error| Failure::Unusable(format!("{}: {error}", path.display())))
@@ -117,7 +117,7 @@ impl Program {
         Ok(Self { sections, symbols, code })
     }
 
-    /// The section that an address lies in.
+    /// The section of an address.
     pub fn section(&self, address: u32) -> Option<&Section> {
         self.sections.iter().find(|section| (section.start..section.end()).contains(&address))
     }
@@ -140,7 +140,7 @@ impl Program {
             && self.code.range(..=address).next_back().is_some_and(|(_, &code)| code)
     }
 
-    /// The first address after `address` where what was marked data ends.
+    /// The first address after `address` where data ends.
     pub fn next_code(&self, address: u32) -> Option<u32> {
         self.code.range(address..).find(|&(_, &code)| code).map(|(&start, _)| start)
     }
@@ -152,7 +152,7 @@ impl Program {
     }
 }
 
-/// A symbol's name as its source has it.
+/// A symbol's name as in the source.
 pub fn plain(name: &str) -> String {
     format!("{:#}", rustc_demangle::demangle(name))
 }

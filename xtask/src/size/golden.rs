@@ -1,4 +1,4 @@
-//! The figures that are committed, and what differs from them.
+//! The committed figures, and the differences from them.
 
 use serde_json::{Value, json};
 
@@ -9,12 +9,12 @@ use crate::{Failure, files};
 /// The committed figures of production.
 const GOLDEN: &str = "xtask/size.json";
 
-/// Why they are compared without a tolerance.
+/// The reason for a comparison without tolerance.
 const ABOUT: &str = "Figures of the production images, in bytes. Written by `cargo xtask size --bless`, compared exactly by \
                      `cargo xtask size --check`: compiler and dependencies are pinned and the build is reproducible, so that only a \
                      change of ours can change them, and its reviewer sees here what it costs.";
 
-/// What is committed: no names of single functions, which would change with each refactoring.
+/// The committed figures. They name no single functions, which would change with each refactoring.
 fn committed(all: &[Figures]) -> Value {
     let mut object = serde_json::Map::from_iter([("about".to_owned(), json!(ABOUT))]);
     for figures in all {
@@ -47,7 +47,7 @@ fn committed(all: &[Figures]) -> Value {
 /// Writes the figures.
 ///
 /// # Errors
-/// The stack of a program is unknown, or of the file system.
+/// The stack of a program is unknown, or the file cannot be written.
 pub fn bless(all: &[Figures]) -> Result<(), Failure> {
     let figures = blessed(all).map_err(Failure::Judged)?;
     files::replace(&root().join(GOLDEN), figures.as_bytes()).map_err(Failure::Unusable)
@@ -63,10 +63,10 @@ fn blessed(all: &[Figures]) -> Result<String, String> {
     Ok(format!("{:#}\n", committed(all)))
 }
 
-/// A table of what differs from the committed figures; empty if nothing does.
+/// A table of differences from the committed figures; empty if there are none.
 ///
 /// # Errors
-/// There are none, or no object of JSON.
+/// The file is missing or is no JSON object.
 pub fn differences(all: &[Figures]) -> Result<Vec<String>, String> {
     let text = std::fs::read(root().join(GOLDEN)).map_err(|error| error.to_string());
     let golden = text.and_then(|text| object(&text)).map_err(|error| {
@@ -90,7 +90,7 @@ fn object(text: &[u8]) -> Result<Value, String> {
     }
 }
 
-/// A row for each figure that differs: found, expected, its place.
+/// A row for each different figure: found, expected, path.
 fn table(expected: &Value, found: &Value) -> Vec<String> {
     let (mut expected_leaves, mut found_leaves) = (Vec::new(), Vec::new());
     leaves("", expected, &mut expected_leaves);
@@ -112,7 +112,7 @@ fn table(expected: &Value, found: &Value) -> Vec<String> {
     rows.collect()
 }
 
-/// The values of an object with their places: `tater / stack / worst`.
+/// The values of an object with their paths: `tater / stack / worst`.
 fn leaves(place: &str, value: &Value, into: &mut Vec<(String, String)>) {
     let Value::Object(object) = value else {
         into.push((place.to_owned(), value.to_string()));
@@ -131,13 +131,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_figures_have_no_rows_whatever_the_file_says_of_itself() {
+    fn equal_figures_have_no_rows_and_about_is_ignored() {
         let figures = |about| json!({ "about": about, "tater": { "flash": 1, "sections": { ".text": 2 } } });
         assert_eq!(table(&figures("a"), &figures("b")), [""; 0]);
     }
 
     #[test]
-    fn each_figure_that_differs_is_missing_or_new_has_a_row() {
+    fn every_different_missing_or_new_figure_has_a_row() {
         let expected = json!({ "tater": { "flash": 1, "ram": 5, "gone": 3 } });
         let found = json!({ "tater": { "flash": 2, "ram": 5, "new": 4 } });
         let rows = [
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_committed_is_an_object() {
+    fn committed_figures_are_an_object() {
         assert_eq!(object(b"{}"), Ok(json!({})));
         for (text, what) in [("[1, 2]", "expected an object"), ("7", "expected an object"), ("", "EOF")] {
             let error = object(text.as_bytes()).expect_err(text);
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_stack_is_not_committed() {
+    fn unknown_stack_is_not_committed() {
         let figures = |stack| Figures::new("tater", stack);
         let known =
             Worst { levels: vec![], start: Deepest::default(), by_register: vec![], unreached: vec![] };

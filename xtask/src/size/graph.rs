@@ -1,38 +1,39 @@
-//! The functions of a program, and the ways through each: how deep the stack is at each call, and what is called.
+//! The functions of a program and the paths through each: the stack depth at each call, and the callee.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::elf::{Program, plain};
 use super::thumb::{Flow, Instruction, Mask, Stack, decode};
 
-/// Instructions that give the stack pointer a value which is not found by reading: what they do, and why it is right.
+/// Instructions that set the stack pointer to a value that static analysis does not find: their effect, and
+/// why it is correct.
 const STACK_BEGUN_ANEW: [(&str, &str); 2] = [
     ("HardFault", "begins the stack anew, because it may be what has failed, and never returns"),
     ("cortex_m::asm::bootload", "leaves the monitor for the application, which begins its own"),
 ];
 
-/// Functions that leave the program by a jump that is not found by reading.
+/// Functions that leave the program by a jump that static analysis does not find.
 const LEAVES: [(&str, &str); 1] = [("cortex_m::asm::bootload", "to the application's reset vector")];
 
-/// What is said of a jump that is neither a call nor one by a table.
+/// Error text for a jump that is neither a call nor by a table.
 const NOWHERE: &str = "found a jump by a register, expected a table of jumps behind a MOV to the program counter; state where it \
                        goes in LEAVES";
 
-/// A function: the bytes of its symbol. What an assembler defines without a length is one function with several entries.
+/// A function: the bytes of its symbol. Assembler code without a length is one function with several entries.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Function {
     pub name: String,
     pub start: u32,
     pub end: u32,
-    /// Of an assembler, entered in the middle.
+    /// Assembler code, entered in the middle.
     assembled: bool,
 }
 
-/// Where a call goes.
+/// The target of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Callee {
     At(u32),
-    /// By a register: any function whose address is somewhere as data.
+    /// By a register: any function whose address exists as data.
     Any,
 }
 
@@ -40,33 +41,33 @@ pub enum Callee {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Call {
     pub callee: Callee,
-    /// Bytes on the stack at it.
+    /// Bytes on the stack at this point.
     pub depth: i32,
-    /// No interrupt comes in there (PRIMASK).
+    /// Interrupts are masked here (PRIMASK).
     pub masked: bool,
 }
 
-/// What is known of the stack on entry to an instruction.
+/// State of the stack on entry to an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct State {
     depth: i32,
     masked: bool,
-    /// Instructions that are executed or not.
+    /// Number of conditional instructions left.
     conditional: u32,
-    /// Nothing was done since a call: it may be one that does not return.
+    /// Nothing was executed since a call, which may never return.
     called: bool,
 }
 
-/// All ways through a function from one entry.
+/// All paths through a function from one entry.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Ways {
     /// By the address of the instruction.
     pub calls: BTreeMap<u32, Call>,
-    /// Bytes on the stack, at most.
+    /// Maximum bytes on the stack.
     pub deepest: i32,
-    /// The same, where interrupts come in.
+    /// The same, where interrupts are enabled.
     pub deepest_open: i32,
-    /// It has an instruction that may let interrupts in.
+    /// It contains an instruction that may enable interrupts.
     pub opens: bool,
     /// The addresses of its instructions.
     reached: BTreeSet<u32>,
@@ -76,7 +77,7 @@ pub struct Ways {
 pub struct Graph<'p> {
     program: &'p Program,
     functions: Vec<Function>,
-    /// What a call by a register may reach.
+    /// Possible targets of a call by a register.
     pub taken: BTreeSet<u32>,
 }
 
@@ -88,7 +89,7 @@ impl<'p> Graph<'p> {
         graph
     }
 
-    /// The function that an address lies in.
+    /// The function at an address.
     pub fn function(&self, address: u32) -> Option<&Function> {
         let next = self.functions.partition_point(|function| function.start <= address);
         self.functions[..next].last().filter(|function| address < function.end)
@@ -108,8 +109,9 @@ impl<'p> Graph<'p> {
         &self.functions
     }
 
-    /// The functions whose address is a word of the constants, of the variables' first values or of a literal pool, or is put
-    /// together by MOVW and MOVT in some function. The vector table is no such place: the processor calls those.
+    /// The functions whose address is a word of the constants, of the variables' initial values or of a
+    /// literal pool, or is put together by MOVW and MOVT in some function. The vector table does not count:
+    /// the processor calls those.
     fn taken(&self) -> BTreeSet<u32> {
         let mut words = BTreeSet::new();
         for section in self.program.sections.iter().filter(|section| section.name != ".vector_table") {
@@ -120,8 +122,9 @@ impl<'p> Graph<'p> {
             }
         }
         for function in &self.functions {
-            // MOVT keeps the lower half of its register: what any MOVW of the function may have put there, whatever way leads
-            // from the one to the other. Not all are constants of the program; few of the others are functions' addresses.
+            // MOVT keeps the lower half of its register, which any MOVW of the function may have written on
+            // some path. Not all pairs are constants of the program; few of the others are addresses of
+            // functions.
             let halves: Vec<_> = self.instructions(function).filter_map(|(_, found)| found.half).collect();
             for upper in halves.iter().filter(|half| half.upper) {
                 let lower = halves.iter().filter(|half| !half.upper && half.register == upper.register);
@@ -132,8 +135,8 @@ impl<'p> Graph<'p> {
         words.into_iter().filter(entry).map(|word| word & !1).collect()
     }
 
-    /// How a function is reached, by names: the shortest chain of calls from one that nothing calls, by what can be read off
-    /// calls and jumps. The function itself is the last.
+    /// The shortest chain of calls to a function from one that nothing calls, by the names in direct calls
+    /// and jumps. The function itself is the last.
     pub fn chain(&self, to: u32) -> Vec<String> {
         let mut callers: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
         for function in &self.functions {
@@ -158,7 +161,7 @@ impl<'p> Graph<'p> {
         vec![self.name(to)]
     }
 
-    /// The instructions of a function one after the other, what is data left out.
+    /// The instructions of a function in order, without data.
     fn instructions(&self, function: &Function) -> impl Iterator<Item = (u32, Instruction)> {
         let mut at = function.start;
         let end = function.end;
@@ -172,10 +175,10 @@ impl<'p> Graph<'p> {
         })
     }
 
-    /// Follows all ways from an entry. `opens` says of a callee whether it may let interrupts in.
+    /// Follows all paths from an entry. `opens` returns whether a callee may enable interrupts.
     ///
     /// # Errors
-    /// Something that cannot be followed: what, and where.
+    /// An instruction that cannot be followed, with its address.
     pub fn ways(
         &self,
         entry: u32,
@@ -195,7 +198,7 @@ impl<'p> Graph<'p> {
         Ok(walk.ways)
     }
 
-    /// The first instruction of a function on none of the ways that were followed: a jump has been missed.
+    /// The first instruction of a function that no followed path reaches: a jump has been missed.
     pub fn missed(&self, function: &Function, ways: &[&Ways]) -> Option<u32> {
         let unknown = |&(at, found): &(u32, Instruction)| {
             found.flow != Flow::Trap && !found.nop && !ways.iter().any(|ways| ways.reached.contains(&at))
@@ -214,7 +217,7 @@ fn functions(program: &Program) -> Vec<Function> {
         let next = later.map_or(section.end(), |later| later.start.min(section.end()));
         let assembled = symbol.len == 0;
         match functions.last_mut() {
-            // Another name for what is there already.
+            // Another name for the same address.
             Some(last) if symbol.start < last.end && symbol.start == last.start => {}
             Some(last) if assembled && last.assembled && last.end == symbol.start => last.end = next,
             Some(last) if symbol.start < last.end => {}
@@ -235,11 +238,11 @@ struct Walk<'g, 'p> {
     states: BTreeMap<u32, State>,
 }
 
-/// Where an instruction leads within its function, beside the next.
+/// The successors of an instruction within its function, except the next one.
 type Open = Vec<(u32, State)>;
 
 impl Walk<'_, '_> {
-    /// Executes one instruction in a state, unless it was in a worse one.
+    /// Executes one instruction in a state, unless it has been in a worse one.
     fn step(
         &mut self,
         at: u32,
@@ -259,7 +262,7 @@ impl Walk<'_, '_> {
             ..state
         };
         after.depth = match found.stack {
-            // Executed or not: whichever is more. What leaves then, has given it back.
+            // Executed or not: take the larger. A path that leaves the function here has released its stack.
             Stack::Grows(bytes) if optional => state.depth + bytes.max(0),
             Stack::Grows(bytes) => state.depth + bytes,
             Stack::Set if listed(&STACK_BEGUN_ANEW, &self.function.name) => 0,
@@ -284,7 +287,7 @@ impl Walk<'_, '_> {
         self.follow(at, &found, after, open, opens, optional)
     }
 
-    /// The state to go on with; none if nothing of it is new.
+    /// The state to continue with; none if it contains nothing new.
     fn worse(&mut self, at: u32, state: State) -> Result<Option<State>, String> {
         let Some(known) = self.states.get(&at) else {
             self.states.insert(at, state);
@@ -299,7 +302,7 @@ impl Walk<'_, '_> {
         if both == *known {
             return Ok(None);
         }
-        // More than there is RAM: it would grow for ever.
+        // More than the RAM: it would grow forever.
         if both.depth > tater_wire::memory::RAM.len.cast_signed() {
             return Err("found a loop that takes more stack each time".into());
         }
@@ -307,7 +310,7 @@ impl Walk<'_, '_> {
         Ok(Some(both))
     }
 
-    /// Where the instruction leads.
+    /// The target of the instruction.
     fn follow(
         &mut self,
         at: u32,
@@ -365,7 +368,7 @@ impl Walk<'_, '_> {
         Ok(())
     }
 
-    /// A jump: within the function, or as the last call of it.
+    /// A jump: within the function, or a tail call.
     fn jump(
         &mut self,
         at: u32,
@@ -381,7 +384,7 @@ impl Walk<'_, '_> {
         self.last_call(at, Callee::At(to), after, opens)
     }
 
-    /// A jump into another function, which returns to whoever called this one.
+    /// A jump into another function, which returns to this function's caller.
     fn last_call(
         &mut self,
         at: u32,
@@ -394,8 +397,8 @@ impl Walk<'_, '_> {
         Ok(())
     }
 
-    /// The targets of TBB or TBH: distances in half-words from the table on, which ends where code begins again. The byte that
-    /// fills up an odd table is a distance of 0, which would be the table itself.
+    /// The targets of TBB or TBH: distances in half-words from the table, which ends where code begins. The
+    /// padding byte of an odd table is a distance of 0, which would be the table itself.
     fn table(&self, table: u32, wide: bool) -> Result<BTreeSet<u32>, String> {
         let end = self.graph.program.next_code(table).unwrap_or(self.function.end).min(self.function.end);
         let len = usize::try_from(end.saturating_sub(table)).unwrap_or(0);
@@ -416,7 +419,7 @@ impl Walk<'_, '_> {
         Ok(targets)
     }
 
-    /// The jumps of 32 bits that follow a MOV to the program counter, which are its targets.
+    /// The 32-bit jumps that follow a MOV to the program counter, which are its targets.
     fn jumps(&self, after: u32) -> Result<Vec<u32>, String> {
         let program = self.graph.program;
         let jump = |at: &u32| {

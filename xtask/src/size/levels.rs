@@ -9,10 +9,10 @@ pub struct Task {
     pub priority: u32,
 }
 
-/// The tasks that a source of RTIC declares: `#[task(binds = TIM3, priority = 3, ...)]`.
+/// The tasks declared in a source with RTIC: `#[task(binds = TIM3, priority = 3, ...)]`.
 ///
 /// # Errors
-/// None, or one that says not all, with its line.
+/// There are none, or one is incomplete; the error gives its line.
 pub fn tasks(source: &str) -> Result<Vec<Task>, String> {
     let mut tasks = Vec::new();
     for (number, line) in (1..).zip(source.lines()) {
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn a_task_that_says_not_all_is_told_with_its_line() {
+    fn incomplete_task_is_reported_with_its_line() {
         let error = tasks("fn x() {}\n#[task(binds = TIM4)]").unwrap_err();
         assert!(error.starts_with("line 2: found `#[task(binds = TIM4)]`"), "{error}");
         assert!(tasks("#[task(binds = TIM4, priority = high)]").is_err());
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn the_applications_source_has_all_levels() {
+    fn application_source_has_all_levels() {
         let path = crate::program::root().join("tater-fw/src/app.rs");
         let tasks = tasks(&std::fs::read_to_string(path).unwrap()).unwrap();
         let levels: std::collections::BTreeSet<u32> = tasks.iter().map(|task| task.priority).collect();

@@ -1,4 +1,4 @@
-//! The deepest that the stack can be: of a function with all that it calls, and of a program with all interrupts on top.
+//! The greatest stack depth: of a function with its callees, and of a program with all interrupts on top.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -9,33 +9,33 @@ use super::elf::{Program, plain};
 use super::graph::{Callee, Graph, Ways};
 use super::levels::Task;
 
-/// What the processor pushes for an exception (DDI 0403E, B1.5.6): eight words, and one that aligns them, which this revision
-/// of the core (r1p1) does only if STKALIGN asks for it.
+/// The exception frame (DDI 0403E, B1.5.6): eight words, and one for alignment, which this revision of the
+/// core (r1p1) pushes only if STKALIGN is set.
 pub const EXCEPTION_FRAME: u32 = 36;
 
 /// Numbers of exceptions in the vector table, with their names.
 const RESET: u32 = 1;
 const NMI: u32 = 2;
 const HARD_FAULT: u32 = 3;
-/// Words of the table that are none: reserved, and taken for the image's header.
+/// Words of the table that are no vectors: reserved, and used for the image's header.
 const NO_VECTORS: std::ops::RangeInclusive<u32> = 7..=10;
 
-/// The deepest way: bytes, and who takes them, the outermost first.
+/// The deepest path: bytes, and the functions on it, the outermost first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Deepest {
     pub bytes: u32,
     pub path: Vec<Frame>,
 }
 
-/// A function on a way.
+/// A function on a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frame {
     pub function: String,
-    /// Its bytes where it calls the next.
+    /// Its bytes at the call of the next.
     pub bytes: u32,
 }
 
-/// Something that takes stack on top of what was there.
+/// A level that is stacked on the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Level {
     /// `main`, `priority 3`, `NMI` ...
@@ -46,7 +46,7 @@ pub struct Level {
 }
 
 impl Level {
-    /// All that it takes.
+    /// Total bytes.
     pub const fn bytes(&self) -> u32 {
         self.deepest.bytes + self.pushed
     }
@@ -57,23 +57,23 @@ impl Level {
 pub struct Worst {
     /// From the bottom up.
     pub levels: Vec<Level>,
-    /// The deepest of the start, where no interrupt comes in.
+    /// The deepest path of startup, where interrupts are masked.
     pub start: Deepest,
-    /// What calls by a register may reach.
+    /// Possible targets of calls by a register.
     pub by_register: Vec<String>,
     /// Functions that nothing reaches.
     pub unreached: Vec<String>,
 }
 
 impl Worst {
-    /// Bytes of all levels, one on the other; or of the start with what comes in even then, if that is more.
+    /// Bytes of all levels together; or of startup with the exceptions that occur even then, if that is more.
     pub fn bytes(&self) -> u32 {
         let faults = self.levels.iter().filter(|level| matches!(level.name.as_str(), "HardFault" | "NMI"));
         let all: u32 = self.levels.iter().map(Level::bytes).sum();
         all.max(self.start.bytes + faults.map(Level::bytes).sum::<u32>())
     }
 
-    /// Bytes of the stack's area that stay free; negative if it is too small.
+    /// Bytes of the stack area that stay free; negative if it is too small.
     pub fn margin(&self) -> i32 {
         STACK.len.cast_signed() - self.bytes().cast_signed()
     }
@@ -84,7 +84,7 @@ impl Worst {
     }
 }
 
-/// What is known of a function entered with interrupts masked or not.
+/// Result for a function entered with interrupts masked or not.
 #[derive(Debug, Default)]
 struct Known {
     all: Deepest,
@@ -92,19 +92,19 @@ struct Known {
     opens: bool,
 }
 
-/// The analysis of a program, with what it has found so far.
+/// The analysis of a program, with its results so far.
 struct Analysis<'p> {
     graph: Rc<Graph<'p>>,
     known: BTreeMap<(u32, bool), Rc<Known>>,
     ways: Vec<(u32, Rc<Ways>)>,
-    /// The functions that are being looked at.
+    /// The functions being analyzed, to detect recursion.
     active: Vec<u32>,
 }
 
-/// The worst case of a program whose tasks are given.
+/// The worst case of a program with these tasks.
 ///
 /// # Errors
-/// What cannot be followed, a recursion, or an interrupt of unknown priority.
+/// Code that cannot be followed, a recursion, or an interrupt of unknown priority.
 pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
     let mut analysis = Analysis {
         graph: Rc::new(Graph::new(program)),
@@ -149,8 +149,8 @@ pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
     })
 }
 
-/// Where a vector's handler comes among the levels, and the level's name. Above the tasks lie the interrupts that nobody
-/// binds: they stop the program, at whatever priority.
+/// The level of a vector's handler, and its name. Above the tasks are the interrupts without a task: they
+/// stop the program, at whatever priority.
 fn level(program: &Program, number: u32, at: u32, tasks: &[Task]) -> Result<(u32, String), String> {
     let names: Vec<&str> = program.names(at).map(|symbol| symbol.name.as_str()).collect();
     match (number, tasks.iter().find(|task| names.contains(&task.binds.as_str()))) {
@@ -166,7 +166,7 @@ fn level(program: &Program, number: u32, at: u32, tasks: &[Task]) -> Result<(u32
 }
 
 impl Analysis<'_> {
-    /// Whether a callee may let interrupts in.
+    /// Whether a callee may enable interrupts.
     fn opens(&mut self, callee: Callee) -> Result<bool, String> {
         let mut opens = false;
         for at in self.targets(callee) {
@@ -182,7 +182,7 @@ impl Analysis<'_> {
         }
     }
 
-    /// The depth of a function from an entry on, with all that it calls.
+    /// The depth of a function from an entry, with its callees.
     fn known(&mut self, at: u32, masked: bool) -> Result<Rc<Known>, String> {
         if let Some(known) = self.known.get(&(at, masked)) {
             return Ok(Rc::clone(known));
@@ -201,7 +201,7 @@ impl Analysis<'_> {
             for to in self.targets(call.callee) {
                 let callee = self.known(to, call.masked)?;
                 deepen(&mut known.all, &frame(call.depth), &callee.all);
-                // A callee that lets interrupts in does so deeper than here.
+                // A callee that enables interrupts does so deeper than here.
                 if !call.masked || callee.opens {
                     deepen(&mut known.open, &frame(call.depth), &callee.open);
                 }
@@ -214,7 +214,7 @@ impl Analysis<'_> {
         Ok(known)
     }
 
-    /// Nothing of a function that is reached was left out.
+    /// Checks that every instruction of a reached function was followed.
     fn complete(&self) -> Result<(), String> {
         for function in self.graph.functions() {
             let inside = |&&(at, _): &&(u32, Rc<Ways>)| (function.start..function.end).contains(&at);
@@ -230,7 +230,7 @@ impl Analysis<'_> {
     }
 }
 
-/// Takes the way over a callee, if that is deeper.
+/// Keeps the path through a callee if it is deeper.
 fn deepen(deepest: &mut Deepest, frame: &Frame, callee: &Deepest) {
     let bytes = frame.bytes + callee.bytes;
     if bytes > deepest.bytes {

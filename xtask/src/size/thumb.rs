@@ -1,5 +1,6 @@
-//! What an instruction of a Cortex-M3 does to the flow of a program, to the stack pointer and to PRIMASK; no more than that.
-//! Encodings: ARMv7-M Architecture Reference Manual (DDI 0403E), chapter A5 and section A7.7.
+//! Decodes the effect of a Cortex-M3 instruction on control flow, the stack pointer and PRIMASK, and nothing
+//! else (decision 0041). Encodings: ARMv7-M Architecture Reference Manual (DDI 0403E), chapter A5 and section
+//! A7.7.
 
 /// The stack pointer's number.
 const SP: u16 = 13;
@@ -8,48 +9,48 @@ const LR: u16 = 14;
 /// The program counter's.
 const PC: u16 = 15;
 
-/// Where execution goes on.
+/// Successor of an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
     Next,
     Call(u32),
     CallRegister,
     Jump(u32),
-    /// There, or on.
+    /// There, or the next instruction.
     Branch(u32),
-    /// BX: into another function, as the last call of this one.
+    /// BX: a tail call into another function.
     LastCallRegister,
     /// MOV to the program counter: to one of the jumps that may follow.
     JumpAmong,
     JumpRegister,
-    /// By a table of bytes, or of half-words, that follows.
+    /// By a table of bytes or half-words that follows.
     Table {
         wide: bool,
     },
     Return,
     /// Undefined on purpose: a fault.
     Trap,
-    /// SVC: an exception here and now.
+    /// SVC: an exception at this instruction.
     Exception,
     /// No instruction of this processor.
     Unknown,
 }
 
-/// What becomes of the stack pointer.
+/// Effect on the stack pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stack {
     /// Bytes more on the stack; fewer, if negative.
     Grows(i32),
-    /// It is set to something that only running the program would tell.
+    /// Set to a value that static analysis does not find.
     Set,
 }
 
-/// What becomes of PRIMASK, which keeps interrupts waiting.
+/// Effect on PRIMASK, which masks interrupts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mask {
     Same,
     Set,
-    /// Cleared, or possibly so.
+    /// Cleared, or possibly cleared.
     Clear,
 }
 
@@ -69,7 +70,7 @@ pub struct Instruction {
     pub flow: Flow,
     pub stack: Stack,
     pub mask: Mask,
-    /// How many instructions after it are executed or not, by a condition (IT).
+    /// Number of following instructions that are conditional (IT).
     pub conditional: u32,
     pub half: Option<Half>,
     /// Does nothing at all.
@@ -105,7 +106,7 @@ impl Instruction {
         Self { stack: Stack::Set, ..self }
     }
 
-    /// `register` is written with something.
+    /// `register` is written.
     const fn writes(self, register: u16) -> Self {
         match register {
             SP => self.sets_stack(),
@@ -115,7 +116,7 @@ impl Instruction {
     }
 }
 
-/// The instruction at an address; none if the bytes end inside.
+/// The instruction at an address; `None` if the bytes end within it.
 pub fn decode(at: u32, bytes: &[u8]) -> Option<Instruction> {
     let half = |index: usize| Some(u16::from_le_bytes(bytes.get(index..index + 2)?.try_into().ok()?));
     let first = half(0)?;
@@ -127,7 +128,8 @@ const fn bits(half: u16, low: u32, count: u32) -> u16 {
     half >> low & ((1 << count) - 1)
 }
 
-/// The address that is `offset` from the program counter, which is 4 ahead; `offset` has `count` bits with its sign.
+/// The address at `offset` from the program counter, which is 4 ahead; `offset` has `count` bits including
+/// its sign.
 const fn target(at: u32, offset: u32, count: u32) -> u32 {
     let offset = (offset << (32 - count)).cast_signed() >> (32 - count);
     at.wrapping_add(4).wrapping_add_signed(offset)
@@ -207,13 +209,13 @@ fn branch(at: u32, first: u16, second: u16) -> Instruction {
     match (bits(second, 14, 1), bits(second, 12, 1)) {
         (1, 1) => plain.flow(Flow::Call(far())),
         (0, 1) => plain.flow(Flow::Jump(far())),
-        // BLX to an address: leaves Thumb state, which this processor has not.
+        // BLX to an address: leaves Thumb state, which this processor cannot do.
         (1, 0) => plain.flow(Flow::Unknown),
         _ if bits(first, 6, 4) < 14 => {
             let high = u32::from(sign << 2 | j2 << 1 | j1) << 18;
             plain.flow(Flow::Branch(target(at, high | u32::from(bits(first, 0, 6)) << 12 | low, 21)))
         }
-        // MSR: MSP, PSP and CONTROL, which says which of them is the stack pointer; PRIMASK.
+        // MSR: MSP, PSP and CONTROL, which selects the stack pointer; PRIMASK.
         _ if first >> 5 == 0xF380 >> 5 => match bits(second, 0, 8) {
             8 | 9 | 20 => plain.sets_stack(),
             16 => Instruction { mask: Mask::Clear, ..plain },
@@ -245,7 +247,7 @@ fn immediate(first: u16, second: u16) -> Instruction {
     }
 }
 
-/// A constant of 12 bits as the 32 that it stands for (A5.3.2).
+/// Expands a 12-bit constant to 32 bits (A5.3.2).
 fn expand(imm12: u16) -> u32 {
     let byte = u32::from(bits(imm12, 0, 8));
     match bits(imm12, 8, 4) {
@@ -257,7 +259,7 @@ fn expand(imm12: u16) -> u32 {
     }
 }
 
-/// Several registers to or from memory (A5.3.5).
+/// Load and store multiple (A5.3.5).
 fn multiple(first: u16, second: u16) -> Instruction {
     let plain = Instruction::new(4);
     let (loads, rn) = (bits(first, 4, 1) == 1, bits(first, 0, 4));
@@ -275,7 +277,7 @@ fn multiple(first: u16, second: u16) -> Instruction {
     }
 }
 
-/// Two registers to or from memory, and jumps by a table (A5.3.6).
+/// Load and store dual, table branches (A5.3.6).
 fn dual(first: u16, second: u16) -> Instruction {
     let plain = Instruction::new(4);
     if first >> 4 == 0xE8D0 >> 4 && second >> 5 == 0xF000 >> 5 {
@@ -290,11 +292,11 @@ fn dual(first: u16, second: u16) -> Instruction {
     if bits(first, 7, 1) == 1 { plain.shrinks(bytes) } else { plain.grows(bytes) }
 }
 
-/// One register to or from memory (A5.3.7 to A5.3.10).
+/// Load and store single (A5.3.7 to A5.3.10).
 fn single(first: u16, second: u16) -> Instruction {
     let plain = Instruction::new(4);
     let (rn, rt) = (bits(first, 0, 4), bits(second, 12, 4));
-    // An offset of eight bits, with write-back.
+    // An 8-bit offset, with write-back.
     let back = bits(first, 7, 1) == 0 && bits(second, 11, 1) == 1 && bits(second, 8, 1) == 1 && rn == SP;
     let bytes = u32::from(bits(second, 0, 8));
     let moved = match (back, bits(second, 9, 1)) {
@@ -302,7 +304,7 @@ fn single(first: u16, second: u16) -> Instruction {
         (true, 0) => plain.grows(bytes),
         (true, _) => plain.shrinks(bytes),
     };
-    // A byte or a half-word into PC is a hint.
+    // A byte or half-word load into PC is a hint.
     let loads_word = bits(first, 4, 1) == 1 && bits(first, 5, 2) == 2;
     match (loads_word, rt) {
         (true, PC) if back => moved.flow(Flow::Return),

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-/// Longest stretch of addresses that becomes one image: more than any microcontroller's flash, and no surprise.
+/// Longest span of addresses that becomes one image: more than any microcontroller's flash, but not an absurd
+/// amount of memory.
 pub const MAX_SPAN: u64 = 16 * 1024 * 1024;
 
-/// What erased flash holds.
+/// Value of erased flash.
 pub const ERASED: u8 = 0xFF;
 
 /// Bytes in pieces, none of them empty.
@@ -16,7 +17,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Adds bytes. The last of them must have an address.
+    /// Adds bytes. The last one must have an address.
     ///
     /// # Errors
     /// The first address that has a byte already; nothing is added then.
@@ -58,10 +59,10 @@ impl Memory {
         Some(first..=start + (bytes.len() as u64 - 1))
     }
 
-    /// All addresses in one, what is between the pieces as erased flash; empty if there are none.
+    /// All addresses in one piece, with erased flash between the pieces; empty if there are none.
     ///
     /// # Errors
-    /// From the first to the last address it is more than [`MAX_SPAN`].
+    /// The span is more than [`MAX_SPAN`].
     pub fn image(&self) -> Result<Vec<u8>, String> {
         let Some(range) = self.range() else { return Ok(Vec::new()) };
         let mut image = blank(&range)?;

@@ -14,11 +14,11 @@ pub fn open(path: &Path) -> Result<BufReader<File>, Failure> {
     File::open(path).map(BufReader::new).map_err(|error| files::unreadable(path, &error))
 }
 
-/// Gives each record of a file, whose name is `path`, to `each`, with the section that it defines; what `each` finds wrong is a column and what
-/// was found, expected, and to be done.
+/// Passes each record of a file, whose name is `path`, to `each`, with the section that it defines. `each`
+/// returns a defect as a column and found, expected, next step.
 ///
 /// # Errors
-/// The first thing that is wrong with the file.
+/// The first defect of the file.
 pub fn records(
     path: &Path,
     mut file: impl BufRead,
@@ -59,7 +59,7 @@ pub fn records(
     }
 }
 
-/// How many bytes a memory has, and where.
+/// Size and address range of a memory, as text.
 pub fn extent(memory: &Memory) -> String {
     match memory.range() {
         Some(range) => format!("{} bytes in {:#010x} to {:#010x}", memory.len(), range.start(), range.end()),

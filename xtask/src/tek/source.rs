@@ -1,4 +1,4 @@
-//! Where an image comes from: a text of bytes, or a linked application.
+//! Source of an image: a file of bytes, or a linked application.
 
 use std::path::Path;
 
@@ -9,11 +9,11 @@ use object::read::elf::{FileHeader, ProgramHeader};
 use super::memory::Memory;
 use crate::{Failure, files};
 
-/// The bytes of a file and where execution starts: a linked application's by its program headers, any other file's from
-/// `base` on.
+/// The bytes of a file and the entry address: a linked application's by its program headers, any other file's
+/// from `base` on.
 ///
 /// # Errors
-/// It cannot be read, `base` is missing or not the linked application's, or it holds no bytes.
+/// The file cannot be read, `base` is missing or not the linked application's, or there are no bytes.
 pub fn read(path: &Path, base: Option<u32>) -> Result<(Memory, u32), Failure> {
     let data = files::read(path)?;
     let place = path.display();
@@ -41,7 +41,7 @@ pub fn read(path: &Path, base: Option<u32>) -> Result<(Memory, u32), Failure> {
     Ok((memory, base))
 }
 
-/// What the program headers load, by physical addresses, since that is what lies in flash; and the entry.
+/// The loaded bytes of the program headers by physical address, which is their place in flash; and the entry.
 ///
 /// # Errors
 /// It is no linked program, or a damaged one.
@@ -70,10 +70,10 @@ pub fn linked(data: &[u8]) -> Result<(Memory, u32), String> {
     Ok((memory, header.e_entry(endian)))
 }
 
-/// Changes what an ELF file loads from a physical address on.
+/// Changes the loaded bytes of an ELF file from a physical address on.
 ///
 /// # Errors
-/// No segment holds all these addresses.
+/// No segment contains all these addresses.
 pub fn overwrite(data: &mut [u8], address: u32, bytes: &[u8]) -> Result<(), String> {
     let damaged = |error: object::Error| format!("found a damaged file, expected a 32-bit ELF file: {error}");
     let header = FileHeader32::<Endianness>::parse(&*data).map_err(damaged)?;

@@ -1,4 +1,4 @@
-//! Whether a file is whole and in the profile of those that are downloaded, and sealed, judged as the monitor will.
+//! Verifies that a file is whole, in the profile of downloads, and sealed, by the monitor's rules.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -11,13 +11,13 @@ use super::memory::Memory;
 use super::records::{extent, open, records};
 use crate::{Failure, files};
 
-/// What to do about addresses.
+/// Next step for a wrong address.
 const REBUILD: &str = "build the image for the application's addresses and encode it again";
 
-/// Prints what the file holds; an image that is not sealed is no mistake of the file.
+/// Prints the contents of the file; an unsealed image is no defect of the file.
 ///
 /// # Errors
-/// The first thing that is wrong with it, with its line and column.
+/// The first defect, with its line and column.
 pub fn verify(path: &Path) -> Result<(), Failure> {
     let Verified { records, extent, entry, header } = read(path, open(path)?)?;
     let place = path.display();
@@ -31,10 +31,10 @@ pub fn verify(path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The header of a file that a board will take; `path` is only its name.
+/// The header of a file that a board will accept; `path` is its name for errors.
 ///
 /// # Errors
-/// As [`verify`]; or that it is not sealed.
+/// As [`verify`]; or the image is not sealed.
 pub fn sealed(path: &Path, file: &[u8]) -> Result<Header, Failure> {
     read(path, file)?.header.ok_or_else(|| {
         let place = path.display();
@@ -45,7 +45,7 @@ pub fn sealed(path: &Path, file: &[u8]) -> Result<Header, Failure> {
     })
 }
 
-/// What a file holds.
+/// The contents of a file.
 struct Verified {
     records: u32,
     extent: String,
@@ -61,7 +61,7 @@ fn read(path: &Path, file: impl BufRead) -> Result<Verified, Failure> {
             Record::Data { address, bytes } => {
                 judge(address, bytes.len() as u64, next)?;
                 next = address + bytes.len() as u64;
-                // Rising, so that nothing overlaps.
+                // Rising addresses, so that nothing overlaps.
                 memory.insert(address, bytes).map_err(|taken| (8, format!("found {taken:#010x} twice")))
             }
             Record::End { .. } if count == 1 => {
@@ -82,7 +82,7 @@ fn read(path: &Path, file: impl BufRead) -> Result<Verified, Failure> {
     Ok(Verified { records: count, extent: extent(&memory), entry: start, header: seal })
 }
 
-/// Whether a data record lies in the application and after the one before, which ended at `next`.
+/// Whether a data record is inside the application and after the one before, which ended at `next`.
 fn judge(address: u64, len: u64, next: u64) -> Result<(), (u32, String)> {
     let last = address + (len - 1);
     if !APPLICATION.holds(address, len) {
