@@ -5,7 +5,7 @@ use std::pin::Pin;
 use std::rc::Rc;
 
 use god::command::ROWS;
-use god::parameter::{GLOBAL, MOTOR};
+use god::parameter::{HAND, MOTOR};
 use god::{Io, Memory};
 use tater_wire::{Body, Destination, Message, Node, Property};
 
@@ -179,7 +179,7 @@ impl God {
 #[must_use]
 pub fn text(input: &[u8]) -> Vec<u8> {
     let commands = ROWS.iter().map(|row| row.name);
-    let parameters = MOTOR.iter().map(|row| row.name).chain(GLOBAL.iter().map(|row| row.name));
+    let parameters = MOTOR.iter().map(|row| row.name).chain(HAND.iter().map(|row| row.name));
     let others = ["WAKE", "SAVE", "REPLY", " S ", " G ", "X1234567", "\r"];
     // As many as there are bytes left.
     let properties = Property::ALL.iter().map(|property| property.row().name);

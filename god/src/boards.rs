@@ -24,19 +24,6 @@ const WAKE_POLL_US: u64 = 20_000;
 /// How long a board needs after a SAVE to write it, µs: two pages to erase, 40 ms each, and a record.
 const STORE_US: u64 = 100_000;
 
-/// MODE: without power, holds a position, controls a velocity, moves to E.
-pub(crate) const IDLE: i64 = 0;
-pub(crate) const HOLDS: i64 = 3;
-pub(crate) const VELOCITY: i64 = 4;
-pub(crate) const MOVES: i64 = 5;
-
-/// END.
-pub(crate) const ARRIVED: i64 = 1;
-pub(crate) const STALLED: i64 = 2;
-pub(crate) const ABORTED: i64 = 3;
-pub(crate) const BROKE_AWAY: i64 = 5;
-pub(crate) const FAULT: i64 = 6;
-
 /// LFLAGS: report ends of motions and breakaways.
 pub(crate) const REPORTS: i64 = 3;
 

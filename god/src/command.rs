@@ -1,4 +1,4 @@
-//! The commands, a row each (manual 5.2): name, arguments, category, help. The parser, `?` and the dispatch go by the row.
+//! The table of commands (manual 5.2): name, arguments, category, help. Parser, help and dispatch use it.
 
 /// Where the manual lists a command (5.2.1 to 5.2.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,18 +19,18 @@ pub enum Category {
 
 /// A command's row.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
-    /// As it is typed.
+pub struct CommandSpec {
+    /// Its name, as typed.
     pub name: &'static str,
-    /// Which.
-    pub command: Command,
-    /// Where the manual lists it.
+    /// The command.
+    pub command: GclCommand,
+    /// Its category.
     pub category: Category,
     /// Whether it takes a motor prefix.
     pub prefix: bool,
     /// Its arguments, as help shows them; `[]` around those that may be missing.
     pub arguments: &'static str,
-    /// What it does.
+    /// Help text.
     pub help: &'static str,
 }
 
@@ -39,14 +39,14 @@ macro_rules! table {
     ($($command:ident = $name:literal, $category:ident, $prefix:literal, $arguments:literal, $help:literal;)*) => {
         /// A command.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum Command {
+        pub enum GclCommand {
             $(#[doc = $help] $command,)*
         }
 
         /// Every command, in the manual's order.
-        pub const ROWS: &[Row] = &[$(Row {
+        pub const ROWS: &[CommandSpec] = &[$(CommandSpec {
             name: $name,
-            command: Command::$command,
+            command: GclCommand::$command,
             category: Category::$category,
             prefix: $prefix,
             arguments: $arguments,
@@ -103,14 +103,14 @@ table! {
 
 /// The command of that name, in upper case.
 #[must_use]
-pub fn named(name: &str) -> Option<Command> {
+pub fn named(name: &str) -> Option<GclCommand> {
     ROWS.iter().find(|row| row.name == name).map(|row| row.command)
 }
 
-impl Command {
-    /// Its row.
+impl GclCommand {
+    /// Its row in the table.
     #[must_use]
-    pub fn row(self) -> Option<&'static Row> {
+    pub fn row(self) -> Option<&'static CommandSpec> {
         ROWS.iter().find(|row| row.command == self)
     }
 }
@@ -121,7 +121,7 @@ mod tests {
     use crate::motors::Prefix;
 
     #[test]
-    fn names_are_unique_and_no_prefix_begins_one() {
+    fn names_are_unique_and_none_begins_with_a_prefix() {
         for (i, row) in ROWS.iter().enumerate() {
             assert_eq!(named(row.name), Some(row.command), "{}", row.name);
             assert!(ROWS[..i].iter().all(|other| other.name != row.name));

@@ -1,16 +1,41 @@
-//! GOD, the General Operations Device: speaks Grasper Control Language (manual 5) and RealTime (6) to the host, and CAN to the
-//! seven motor boards.
+//! GOD, the General Operations Device: speaks Grasper Control Language (manual 5) and RealTime (6) to the host, and CAN to the seven motor
+//! boards of a robot hand.
 //!
-//! `no_std`, no heap, no clock, no port: bytes and frames go in and out through [`io::Io`], time is passed in, and what is to
-//! survive a power-off is in [`memory::Memory`]. What GOD does is one future, [`god::run`], that whoever has the ports polls after each
-//! byte, frame or deadline; it never blocks, and needs no waker.
+//! `no_std`, no heap, no clock, no port: bytes and frames go in and out through [`Io`], time is passed in, and what survives a power-off is in
+//! [`Memory`]. GOD is one future, [`run`], which the owner of the ports polls after each byte, frame or deadline. It never blocks, needs no
+//! waker, and bounds every wait for the bus.
 //!
-//! Where to look: the host's bytes become lines in [`mod@line`], lines become commands in [`words`]; which motors a prefix selects is in
-//! [`motors`]; every command is a row of [`command`], every parameter one of [`parameter`], every status code one of
-//! [`status`]; counts of the language and of the boards meet in [`units`] alone; [`boards`] talks to the boards.
+//! ```
+//! use core::pin::pin;
+//! use god::{Io, Memory, io};
+//!
+//! let (io, memory) = (Io::default(), Memory::default());
+//! let mut god = pin!(god::run(&io, &memory));
+//! // A host presses Return.
+//! io.push_rx(b'\r');
+//! let next_us = io::poll(god.as_mut(), &io, 0);
+//! let answer: String = std::iter::from_fn(|| io.pop_tx()).map(char::from).collect();
+//! assert!(answer.ends_with("\r\n\r=> "));
+//! // Without further input, GOD has to be polled again in a minute, when it stores its hours of operation.
+//! assert_eq!(next_us, 60_000_000);
+//! ```
+//!
+//! # Layers
+//! Imports point downwards only.
+//!
+//! | layer | modules |
+//! |---|---|
+//! | shell | [`shell`]: start, prompt, line, dispatch |
+//! | commands | `movement`, `realtime`, `settings`, `sequences`, `administration`, `walk_through` |
+//! | motion | `motion`: prepare, start, follow, judge, restore; `pace`: motors that arrive together |
+//! | queries and orders | `query`: what boards are asked; `order`: what they are told |
+//! | context | [`god`](mod@god): ports, memory, boards, parameters, session |
+//! | link and state | [`boards`]: questions, answers, reports; [`session`]: what outlives a command; [`memory`]: what outlives the power |
+//! | ports | [`io`]: bytes, frames, time; [`events`]: the log; [`line`](mod@line): lines of the host |
+//! | tables | [`grammar`], [`command`], [`parameter`], [`status`], [`motors`], [`units`] |
 #![no_std]
 #![forbid(unsafe_code)]
-// What comes from host and bus is never trusted: no panic, no index out of bounds; a test may.
+// Input from host and bus is never trusted: no panic, no index out of bounds; tests may.
 #![cfg_attr(
     not(test),
     deny(
@@ -31,22 +56,28 @@ pub mod boards;
 pub mod command;
 pub mod events;
 pub mod god;
+pub mod grammar;
 pub mod io;
 pub mod line;
-mod lower;
 pub mod memory;
+mod motion;
 pub mod motors;
 mod movement;
+mod order;
+mod pace;
 pub mod parameter;
+mod query;
 mod realtime;
 mod sequences;
+pub mod session;
 mod settings;
+pub mod shell;
 pub mod status;
 pub mod units;
-pub mod words;
+mod walk_through;
 
-pub use god::run;
 pub use io::Io;
 pub use memory::Memory;
 pub use motors::Motors;
+pub use shell::run;
 pub use status::Status;

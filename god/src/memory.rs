@@ -1,4 +1,4 @@
-//! What GOD keeps: the parameters that are its own and no board's, as they are and as they are stored; macros and sequences.
+//! What survives a power-off in GOD: its own parameters, macros, sequences and statistics.
 
 pub mod bytes;
 
@@ -7,22 +7,23 @@ use core::cell::{Cell, RefCell};
 use heapless::String;
 
 use crate::motors::{COUNT, Motor};
-use crate::parameter::{self, COUNTS, GLOBAL, Global, KEPT, Kept, Source};
+use crate::parameter::{self, COUNTS, HAND, HandParameter, KEPT, Kept, Source};
 
-/// Macros that the hand holds (manual 5.2.4).
+/// Number of macros (manual 5.2.4).
 pub const MACROS: usize = 20;
 
-/// Sequences that the hand holds, and the longest, ends of lines included.
+/// Number of sequences (manual 5.2.4).
 pub const SEQUENCES: usize = 6;
-/// See [`SEQUENCES`].
+
+/// Length of the longest sequence, line ends included (manual 5.2.4).
 pub const SEQUENCE: usize = 150;
 
-/// What of a motor's parameters is GOD's.
+/// The parameters of a motor that GOD keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OfMotor {
     /// By [`Kept`].
     pub kept: [u8; KEPT],
-    /// Positions and distances as they were set, GCL counts: by the place in [`Source::Counts`].
+    /// Positions and distances as they were set, GCL counts; by the place in [`Source::Counts`].
     pub as_set: [i32; COUNTS],
 }
 
@@ -34,8 +35,8 @@ impl OfMotor {
         for row in parameter::MOTOR {
             let default = row.default_for(motor.kind());
             match row.source {
-                Source::Kept(kept) => of.keep(kept, default),
-                Source::Counts(_, place) => {
+                Source::Kept { kept, .. } => of.set(kept, default),
+                Source::Counts { place, .. } => {
                     if let (Some(to), Ok(value)) = (of.as_set.get_mut(usize::from(place)), default.try_into())
                     {
                         *to = value;
@@ -49,12 +50,12 @@ impl OfMotor {
 
     /// The value of one.
     #[must_use]
-    pub fn of(&self, kept: Kept) -> u8 {
+    pub fn value(&self, kept: Kept) -> u8 {
         self.kept.get(kept as usize).copied().unwrap_or(0)
     }
 
-    /// Sets one; the row's range fits a byte.
-    pub fn keep(&mut self, kept: Kept, value: i64) {
+    /// Sets one; the range of each fits a byte.
+    pub fn set(&mut self, kept: Kept, value: i64) {
         if let (Some(to), Ok(value)) = (self.kept.get_mut(kept as usize), value.try_into()) {
             *to = value;
         }
@@ -76,12 +77,12 @@ pub struct OfHand {
 
 impl Default for OfHand {
     fn default() -> Self {
-        let of = |global| GLOBAL.iter().find(|row| row.global == global).map_or(0, |row| row.default);
+        let of = |parameter| HAND.iter().find(|row| row.parameter == parameter).map_or(0, |row| row.default);
         Self {
-            baud: of(Global::Baud).try_into().unwrap_or(96),
-            lft: of(Global::Lft) != 0,
-            otemp: of(Global::Otemp).try_into().unwrap_or(-551),
-            lfdpd: of(Global::Lfdpd) != 0,
+            baud: of(HandParameter::Baud).try_into().unwrap_or(96),
+            lft: of(HandParameter::Lft) != 0,
+            otemp: of(HandParameter::Otemp).try_into().unwrap_or(-551),
+            lfdpd: of(HandParameter::Lfdpd) != 0,
         }
     }
 }
@@ -126,7 +127,7 @@ pub struct Stored {
     pub up_seconds: u32,
 }
 
-/// GOD's memory: who owns the storage reads it when it has changed, and writes it where it survives.
+/// GOD's memory. The owner asks for changes and writes them where they survive.
 #[derive(Debug, Default)]
 pub struct Memory {
     stored: RefCell<Stored>,
@@ -134,7 +135,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// With what has survived.
+    /// A memory with what has survived.
     #[must_use]
     pub fn new(stored: Stored) -> Self {
         Self { stored: RefCell::new(stored), changed: Cell::new(false) }
@@ -146,19 +147,19 @@ impl Memory {
         self.stored.borrow().clone()
     }
 
-    /// What is to be stored now, if it has changed since this was last asked.
+    /// What to store, if it has changed since the last call.
     pub fn changed(&self) -> Option<Stored> {
         self.changed.replace(false).then(|| self.stored.borrow().clone())
     }
 
-    /// Looks at it.
-    pub(crate) fn look<T>(&self, look: impl FnOnce(&Stored) -> T) -> T {
-        look(&self.stored.borrow())
+    /// Reads it.
+    pub(crate) fn read<T>(&self, read: impl FnOnce(&Stored) -> T) -> T {
+        read(&self.stored.borrow())
     }
 
-    /// Changes it.
-    pub(crate) fn change<T>(&self, change: impl FnOnce(&mut Stored) -> T) -> T {
+    /// Changes it, to be stored.
+    pub(crate) fn update<T>(&self, update: impl FnOnce(&mut Stored) -> T) -> T {
         self.changed.set(true);
-        change(&mut self.stored.borrow_mut())
+        update(&mut self.stored.borrow_mut())
     }
 }

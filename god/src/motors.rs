@@ -1,9 +1,9 @@
-//! Which motors: a set of the seven, and what a prefix selects (manual 5.1.2, table 3).
+//! Sets of motors, and the motors that a prefix selects (manual 5.1.2, table 3).
 
 use tater_wire::MotorKind;
 use tater_wire::Node;
 
-/// Motors of a hand.
+/// Number of motors.
 pub const COUNT: usize = 7;
 
 /// One of the seven motors, 1 to 7.
@@ -14,25 +14,25 @@ impl Motor {
     /// The spread.
     pub const SPREAD: Self = Self(4);
 
-    /// `None` but for 1 to 7.
+    /// The motor of a number, 1 to 7.
     #[must_use]
     pub const fn new(number: u8) -> Option<Self> {
         if number >= 1 && number <= 7 { Some(Self(number)) } else { None }
     }
 
-    /// 1 to 7.
+    /// Its number, 1 to 7.
     #[must_use]
     pub const fn number(self) -> u8 {
         self.0
     }
 
-    /// 0 to 6: its place in a list of seven.
+    /// Its place in a list of seven, 0 to 6.
     #[must_use]
     pub const fn index(self) -> usize {
         self.0 as usize - 1
     }
 
-    /// Its board on the bus.
+    /// Its board's node on the bus.
     #[must_use]
     pub const fn node(self) -> Node {
         match Node::new(self.0) {
@@ -69,7 +69,7 @@ impl Motor {
 pub struct Motors(u8);
 
 impl Motors {
-    /// None.
+    /// No motor.
     pub const NONE: Self = Self(0);
     /// All seven.
     pub const ALL: Self = Self(0b111_1111);
@@ -86,67 +86,67 @@ impl Motors {
         Self(motor.bit())
     }
 
-    /// Whether a motor is among them.
+    /// Whether it contains a motor.
     #[must_use]
     pub const fn has(self, motor: Motor) -> bool {
         self.0 & motor.bit() != 0
     }
 
-    /// These and one more.
+    /// The set with one more motor.
     #[must_use]
     pub const fn with(self, motor: Motor) -> Self {
         Self(self.0 | motor.bit())
     }
 
-    /// These but one.
+    /// The set without a motor.
     #[must_use]
     pub const fn without(self, motor: Motor) -> Self {
         Self(self.0 & !motor.bit())
     }
 
-    /// These and those.
+    /// The motors in either set.
     #[must_use]
     pub const fn union(self, others: Self) -> Self {
         Self(self.0 | others.0)
     }
 
-    /// Those that are in both.
+    /// The motors in both sets.
     #[must_use]
     pub const fn intersection(self, others: Self) -> Self {
         Self(self.0 & others.0)
     }
 
-    /// These without those.
+    /// The motors of this set that are not in the other.
     #[must_use]
     pub const fn difference(self, others: Self) -> Self {
         Self(self.0 & !others.0)
     }
 
-    /// Whether there is none.
+    /// Whether it is empty.
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// How many.
+    /// Number of motors in it.
     #[must_use]
     pub const fn len(self) -> usize {
         self.0.count_ones() as usize
     }
 
-    /// Bit 0 is motor 1.
+    /// As bits: bit 0 is motor 1.
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0
     }
 
-    /// The tips of the links among them.
+    /// The tips of the links in it.
     #[must_use]
     pub const fn tips(self) -> Self {
         Self((self.0 & Self::LINKS.0) << 4)
     }
 
-    /// One after another, by rising number.
+    /// Its motors by ascending number.
     pub fn iter(self) -> impl Iterator<Item = Motor> {
         (1..=7).map(Motor).filter(move |&motor| self.has(motor))
     }
@@ -158,28 +158,28 @@ impl FromIterator<Motor> for Motors {
     }
 }
 
-/// What the prefix of a command says.
+/// The prefix of a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Prefix {
-    /// X: these motors and no others, and no BarrettHand is simulated.
+    /// X: exactly these motors, without simulating a BarrettHand.
     pub exclusive: bool,
-    /// The motors that it names: without X a finger is its link motor, 1 to 3.
+    /// The motors that it names; without X a finger is its link motor, 1 to 3.
     pub named: Motors,
-    /// Whether it names any; without, it is the enabled ones.
+    /// Whether it names any; otherwise the enabled ones are selected.
     pub given: bool,
 }
 
 /// The motors that a command acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Selection {
-    /// Whether link and tip are motors of their own (X), and no finger.
+    /// X: link and tip are separate motors, not a finger.
     pub exclusive: bool,
-    /// Of a finger without X its link motor only: one value a finger. With X exactly the named ones.
+    /// The motors with a value of their own: without X a finger has one, its link's. With X exactly the named motors.
     pub axes: Motors,
 }
 
 impl Selection {
-    /// The motors that move: without X each finger's tip with its link.
+    /// The motors that move: without X each finger's tip moves with its link.
     #[must_use]
     pub const fn motors(self) -> Motors {
         if self.exclusive { self.axes } else { self.axes.union(self.axes.tips()) }
@@ -187,8 +187,8 @@ impl Selection {
 }
 
 impl Prefix {
-    /// Reads a prefix's characters, upper case, white space between them: digits, G, S and X, which comes first. `None` where they are no prefix: X elsewhere, 5 to 7
-    /// without X, any other character.
+    /// Parses a prefix in upper case, with white space between its characters: X first, then digits, G and S. `None` for X elsewhere, 5 to 7
+    /// without X, and any other character.
     #[must_use]
     pub fn parse(text: &[u8]) -> Option<Self> {
         let (exclusive, names) = match text {
@@ -204,7 +204,7 @@ impl Prefix {
                     Motors::only(motor)
                 }
                 b'S' => Motors::SPREAD,
-                // Table 3: the three fingers, whose motors with X are links and tips (MANUAL-NOTES 10).
+                // Table 3: the three fingers, whose motors with X are links and tips (decision 0001).
                 b'G' if exclusive => Motors::LINKS.union(Motors::TIPS),
                 b'G' => Motors::LINKS,
                 _ => return None,
@@ -213,7 +213,7 @@ impl Prefix {
         Some(Self { exclusive, named, given: named != Motors::NONE })
     }
 
-    /// The motors that it selects, if `enabled` are those with EN. Without a motor after X there is none.
+    /// The motors that it selects, if `enabled` are those with EN. X without a motor selects none.
     #[must_use]
     pub fn select(self, enabled: Motors) -> Selection {
         let axes = match (self.given, self.exclusive) {
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn table_3() {
+    fn prefixes_select_motors_as_in_table_3() {
         for (text, without, with) in [
             ("1", Some(0b1), Some(0b1)),
             ("2", Some(0b10), Some(0b10)),
@@ -260,11 +260,15 @@ mod tests {
     }
 
     #[test]
-    fn a_finger_moves_with_its_tip_and_goes_by_its_links_en() {
+    fn finger_moves_with_its_tip_and_is_enabled_by_its_link() {
         let prefix = |text: &str| Prefix::parse(text.as_bytes()).expect("a prefix");
         let enabled = Motors::ALL.without(Motor(2)).without(Motor(7));
         assert_eq!(prefix("").select(enabled).motors().bits(), 0b101_1101);
-        assert_eq!(prefix("2").select(enabled).motors().bits(), 0b10_0010, "EN is for no prefix only");
+        assert_eq!(
+            prefix("2").select(enabled).motors().bits(),
+            0b10_0010,
+            "EN matters without a prefix only"
+        );
         assert_eq!(prefix("X13").select(enabled).motors().bits(), 0b101);
     }
 }

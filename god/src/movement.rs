@@ -1,149 +1,136 @@
-//! Movement commands but LOOP (manual 5.2.1): what they ask of which motor, and how a motion ends (5.5).
+//! Movement commands but LOOP (manual 5.2.1): which motors they move, and what their end is reported as (5.5).
 //!
-//! * **Who**: without a prefix the motors with EN; a finger goes by its link's EN, and its tip moves with it. With X exactly those named.
-//!   Nobody: ERR 2. WM is for fingers and PTM for tips; who else is selected stands still.
-//! * **Refused**, and then nothing moves: a number out of range or none (128), one too many (1024), a hand hotter than OTEMP (8192), a
-//!   board that does not answer (1), a motor whose position is not known (4; HI finds it). T switches off whom it can all the same.
-//! * **Faults** that boards have kept from former motions are cleared by the next command that moves their motor: who types it has seen
-//!   what stopped the last one. A fault that goes on ends the motion at once.
-//! * **Told**: each motor goes on to its own end, and then the sum of their codes is told; parameter S has each motor's own. 16 is for
+//! * **Motors**: without a prefix those with EN; a finger goes by its link's EN, and its tip moves with it. With X exactly the named ones.
+//!   None: ERR 2. WM is for fingers and PTM for tips; other selected motors stand still.
+//! * **Refusals**, where nothing moves: a number that is missing or out of range (128), one too many (1024), a hand hotter than OTEMP (8192), a
+//!   board that does not answer (1), a motor whose position is not known (4; HI finds it). T switches off the motors that it reaches all the
+//!   same.
+//! * **Faults** that boards keep from former motions are cleared by the next command that moves their motor: its user has seen what
+//!   stopped the last one. A fault that persists ends the motion at once.
+//! * **Results**: each motor goes on to its own end, then the sum of their codes is reported; parameter S has each motor's own. 16 is for
 //!   commands that go to a position: the motor ended farther from it than MPE, or by a fault. C, O, TC and TO end where they end. An
-//!   overheated motor is 8192, one that has lost its position (hall fault) 4, one whose board fell silent 1, which is told to stop; any other fault that ends
-//!   a motion is 8, and a board that does not begin one because its flash is broken 512, where nothing else is to be told.
+//!   overheated motor is 8192, one that has lost its position (hall fault) 4, one whose board fell silent 1; any other fault or refusal is 8,
+//!   and a board that does not move because its flash is broken 512, each where nothing else is reported.
+//! * **HI** (findZero in manual 7): links to their open stops and to 0; then the spread to its open stop and the tips to their closed stops,
+//!   out of the links' way, and to 0. Each board knows the way from its stop to 0 (IVEL, IHIT, IOFF). A motor that does not find its stop, or
+//!   refuses (IVEL 0), ends this for itself only, so that one bad finger does not keep the hand from starting: ERR 4 at the end.
 //!
-//! Where to look: who can move is in [`ready`], where it goes in [`goals`], how link and tip arrive together in [`pace`], a motion from
-//! its start to its ends in [`motion`], HI in [`homing`], what ^C and the time between two commands need in [`moves`].
+//! The goals of each motor are in [`goals`], a motion from its start to its ends in [`motion`](crate::motion).
 
 mod goals;
-mod homing;
-mod motion;
-mod moves;
-mod pace;
-mod ready;
 
 use tater_wire::{Cmd, Property};
 
 use crate::boards::REPORTS;
-use crate::command::Command;
+use crate::command::GclCommand;
 use crate::god::God;
+use crate::grammar::Arguments;
 use crate::memory::Positions;
+use crate::motion::{self, Plan};
 use crate::motors::{Motors, Prefix, Selection};
+use crate::session::Stopping;
 use crate::status::Status;
-use crate::words::Arguments;
+use crate::{order, query};
 
-pub(crate) use moves::{Moves, abort, keep_company, lend};
-pub(crate) use ready::{is_too_hot, lost};
+/// Greatest distance or position of an argument, GCL counts (manual 5.2.1).
+const MAX_COUNTS: i64 = 20_000;
 
-/// Greatest distance or position that is typed, GCL counts (manual 5.2.1).
-const MOST_COUNTS: i64 = 20_000;
-
-/// Does it.
+/// Runs a movement command.
 pub(crate) async fn execute(
     god: &God<'_>,
-    command: Command,
+    command: GclCommand,
     prefix: Prefix,
     arguments: Arguments<'_>,
 ) -> Status {
-    attempt(god, command, prefix, arguments).await.unwrap_or_else(|refusal| refusal)
+    run(god, command, prefix, arguments).await.unwrap_or_else(|refusal| refusal)
 }
 
-/// Moves the motors of a prefix to positions, GCL counts, each to its own: for MAC.
+async fn run(
+    god: &God<'_>,
+    command: GclCommand,
+    prefix: Prefix,
+    arguments: Arguments<'_>,
+) -> Result<Status, Status> {
+    let argument = argument(command, arguments)?;
+    let selection = query::selection(god, prefix).await?;
+    let motors = movers(command, selection);
+    if motors.is_empty() {
+        return Err(Status::NO_MOTOR);
+    }
+    if command == GclCommand::T {
+        return Ok(terminate(god, motors).await);
+    }
+    order::make_ready(god, motors, command != GclCommand::Hi).await?;
+    Ok(match command {
+        GclCommand::Hi => initialize(god, motors).await,
+        GclCommand::Tc | GclCommand::To => {
+            let cmd = if command == GclCommand::Tc { Cmd::Tc } else { Cmd::To };
+            let tips = if selection.exclusive { Motors::NONE } else { motors.intersection(Motors::TIPS) };
+            motion::run(god, &Plan::by_command(motors, cmd, goals::fingers(tips))).await
+        }
+        _ => {
+            let plan = goals::plan(god, command, argument, selection, motors).await?;
+            motion::run(god, &plan).await
+        }
+    })
+}
+
+/// Moves the motors of a prefix to positions, GCL counts, each to its own: MAC.
 pub(crate) async fn to_positions(god: &God<'_>, prefix: Prefix, positions: &Positions) -> Status {
     let moved = async {
-        let selection = god.selection(prefix).await?;
-        begin(god, selection.motors(), true).await?;
+        let selection = query::selection(god, prefix).await?;
+        order::make_ready(god, selection.motors(), true).await?;
         let plan = goals::stored(god, positions, selection).await?;
         Ok(motion::run(god, &plan).await)
     };
     moved.await.unwrap_or_else(|refusal: Status| refusal)
 }
 
-/// What it has come to, or why it was refused.
-async fn attempt(
-    god: &God<'_>,
-    command: Command,
-    prefix: Prefix,
-    arguments: Arguments<'_>,
-) -> Result<Status, Status> {
-    let argument = argument(command, arguments)?;
-    let selection = god.selection(prefix).await?;
-    let motors = movers(command, selection);
-    if motors.is_empty() {
-        return Err(Status::NO_MOTOR);
-    }
-    if command == Command::T {
-        return Ok(terminate(god, motors).await);
-    }
-    begin(god, motors, command != Command::Hi).await?;
-    Ok(match command {
-        Command::Hi => homing::initialize(god, motors).await,
-        Command::Tc | Command::To => {
-            let cmd = if command == Command::Tc { Cmd::Tc } else { Cmd::To };
-            let tips = if selection.exclusive { Motors::NONE } else { motors.intersection(Motors::TIPS) };
-            motion::run(god, &motion::Plan::ordered(motors, cmd, goals::fingers(tips))).await
-        }
-        _ => motion::run(god, &goals::plan(god, command, argument, selection, motors).await?).await,
-    })
-}
-
-/// The motors of a prefix for RealTime, ready to move; ^C ends what they do from now on.
+/// Makes the motors of a prefix ready for RealTime; ^C stops them from now on.
 ///
 /// # Errors
 /// As for any other command.
-pub(crate) async fn take_over(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
-    let selection = god.selection(prefix).await?;
+pub(crate) async fn begin_realtime(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
+    let selection = query::selection(god, prefix).await?;
     let motors = selection.motors();
-    begin(god, motors, true).await?;
+    order::make_ready(god, motors, true).await?;
     god.boards.set(motors, Property::LFLAGS, REPORTS).await;
-    let holding = ready::all(god, motors, Property::HOLD).await?.filter(|hold| hold != 0);
-    motors.iter().for_each(|motor| god.note(motor, Status::OK));
-    god.moves.begin(motors, holding);
-    god.lower.forget(motors);
+    let holding = query::property(god, motors, Property::HOLD).await?.filter(|hold| hold != 0);
+    motors.iter().for_each(|motor| god.session.set_result(motor, Status::OK));
+    god.session.begin_motion(motors, holding);
     Ok(selection)
 }
 
-/// The end of RealTime: its motors stop as HOLD says, and have their own KPV again. `silent` ones are not waited for.
-pub(crate) async fn let_go(god: &God<'_>, silent: Motors) {
-    let motors = god.moves.ends();
-    moves::stop(god, motors).await;
-    moves::give_back_but(god, silent).await;
-}
-
-/// Makes motors ready to move, all of them or none.
-///
-/// # Errors
-/// Why they cannot: as those of [`ready::look`].
-async fn begin(god: &God<'_>, motors: Motors, initialized: bool) -> Result<(), Status> {
-    ready::ready(god, motors, initialized).await?;
-    // What a board did not confirm after the last motion.
-    moves::give_back(god).await;
-    god.moves.cease_pressing(motors);
-    Ok(())
+/// Ends RealTime: its motors stop as HOLD demands, and get their own KPV back. `silent` ones are not waited for.
+pub(crate) async fn end_realtime(god: &God<'_>, silent: Motors) {
+    let Stopping { motors, holding } = god.session.take_moving();
+    order::stop(god, motors, holding).await;
+    order::restore_properties(god, silent).await;
 }
 
 /// The number after a command, within its range (manual 5.2.1): positions of M and WM and distances of IO and IC 0 to 20000, PTM's
-/// distance -20000 to 20000; degrees and percents have no range, but what they come to has ([`goals`]).
+/// distance -20000 to 20000; degrees and percents have no range, but the positions that they amount to have ([`goals`]).
 ///
 /// # Errors
-/// No number, or out of range: [`Status::INVALID_VALUE`]. More than the command takes: [`Status::TOO_MANY_ARGUMENTS`].
-fn argument(command: Command, arguments: Arguments<'_>) -> Result<Option<i64>, Status> {
+/// [`Status::INVALID_VALUE`]: not a number, or out of range. [`Status::TOO_MANY_ARGUMENTS`].
+fn argument(command: GclCommand, arguments: Arguments<'_>) -> Result<Option<i64>, Status> {
     let range = match command {
-        Command::M | Command::Wm | Command::Io | Command::Ic => 0..=MOST_COUNTS,
-        Command::Ptm => -MOST_COUNTS..=MOST_COUNTS,
-        Command::Mdeg | Command::Mper => i64::MIN..=i64::MAX,
+        GclCommand::M | GclCommand::Wm | GclCommand::Io | GclCommand::Ic => 0..=MAX_COUNTS,
+        GclCommand::Ptm => -MAX_COUNTS..=MAX_COUNTS,
+        GclCommand::Mdeg | GclCommand::Mper => i64::MIN..=i64::MAX,
         _ => return arguments.none().map(|()| None),
     };
     let number = arguments.only_number()?;
     if number.is_none_or(|number| range.contains(&number)) { Ok(number) } else { Err(Status::INVALID_VALUE) }
 }
 
-/// Those of a selection that a command moves.
-fn movers(command: Command, selection: Selection) -> Motors {
+/// The motors of a selection that a command moves.
+fn movers(command: GclCommand, selection: Selection) -> Motors {
     let motors = selection.motors();
     match command {
-        Command::Ptm => motors.intersection(Motors::TIPS),
-        // A tip keeps its direction while its link moves: without its link there is nothing to do for it.
-        Command::Wm => {
+        GclCommand::Ptm => motors.intersection(Motors::TIPS),
+        // A tip keeps its direction while its link moves: without its link it has nothing to do.
+        GclCommand::Wm => {
             let links = motors.intersection(Motors::LINKS);
             links.union(motors.intersection(links.tips()))
         }
@@ -151,13 +138,24 @@ fn movers(command: Command, selection: Selection) -> Motors {
     }
 }
 
-/// T: switches off the power of every motor, and then looks whether it should have: a hand that is too hot, a motor that is not initialised
-/// and one that does not answer are told all the same.
+/// HI, in two stages.
+async fn initialize(god: &God<'_>, motors: Motors) -> Status {
+    let mut sum = Status::OK;
+    for stage in [motors.intersection(Motors::LINKS), motors.difference(Motors::LINKS)] {
+        if !stage.is_empty() {
+            sum |= motion::run(god, &Plan::by_command(stage, Cmd::Hi, [Motors::NONE; 3])).await;
+        }
+    }
+    sum
+}
+
+/// T: switches off every motor first, and then checks whether it may: a hand that is too hot, a motor that is not initialized and a board
+/// that does not answer are reported all the same.
 async fn terminate(god: &God<'_>, motors: Motors) -> Status {
-    god.moves.cease_pressing(motors);
-    god.lower.forget(motors);
-    god.boards.set(motors, Property::CMD, Cmd::T.number().into()).await;
-    // Who answers has been told.
+    god.session.cease_pressing(motors);
+    god.session.unwatch(motors);
+    god.boards.set(motors, Property::CMD, Cmd::T.into()).await;
+    // A board that answers this has the order.
     god.boards.get(motors, Property::STAT).await;
-    ready::look(god, motors, true).await.err().unwrap_or_default()
+    query::check_ready(god, motors, true).await.err().unwrap_or_default()
 }

@@ -1,7 +1,9 @@
-//! The parameters, a row each (manual 5.3 and 5.4): name, access, range, defaults, help, and where the value is.
+//! The tables of parameters (manual 5.3 and 5.4): name, access, range, defaults, help, and where the value is.
+//!
+//! Range and defaults of a parameter that is a board's property come from the property's row in `tater_wire`. Only what the language states in
+//! its own units is stated here: positions and distances in GCL counts, RealTime's formats, and the hand's parameters.
 
-use tater_wire::MotorKind;
-use tater_wire::Property;
+use tater_wire::{MotorKind, Property};
 
 /// Where the manual lists a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,14 +20,14 @@ pub enum Category {
     Global,
     /// 5.4.2.
     GlobalStatus,
-    /// Of later hands, whose clients set them here too: no list has them.
+    /// Parameters of later hands, which their clients set here too: no list shows them.
     Later,
 }
 
-/// What of a motor GOD keeps itself: it shapes RealTime, and no board knows of it.
+/// Parameters of a motor that GOD keeps itself: they shape RealTime, and no board has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-#[allow(missing_docs, reason = "the parameter of that name says it")]
+#[allow(missing_docs, reason = "each is the parameter of that name")]
 pub enum Kept {
     Lcv,
     Lcvc,
@@ -38,60 +40,103 @@ pub enum Kept {
     Lfdpc,
 }
 
-/// How many of [`Kept`] there are.
+/// Number of parameters in [`Kept`].
 pub const KEPT: usize = 9;
 
-/// Where the value of a motor's parameter is.
+/// Farthest position and longest distance of the language, GCL counts (manual 5.3).
+const MAX_COUNTS: i64 = 32_767;
+
+/// Where the value of a motor's parameter is, and its range and defaults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// A property of its board, in the same unit.
+    /// A property of its board, in the same unit, with its range and defaults.
     Board(Property),
-    /// A property of its board in hall counts. GOD keeps the value as it was set while the property is its rounding (DESIGN 6); that is
-    /// the place in the list of those.
-    Counts(Property, u8),
-    /// A position that the board measures.
+    /// A property of its board in hall counts, set in GCL counts. GOD keeps the value as it was set while the property is its rounding
+    /// (decision 0027).
+    Counts {
+        /// The property.
+        property: Property,
+        /// The place in the list of kept values.
+        place: u8,
+        /// The language's defaults of link, spread and tip, GCL counts (manual 5.3): the boards' are their rounding.
+        defaults: [i64; 3],
+    },
+    /// A position that the board measures, in hall counts.
     Measured(Property),
     /// GOD's.
-    Kept(Kept),
+    Kept {
+        /// Which.
+        kept: Kept,
+        /// Smallest value.
+        min: u8,
+        /// Largest value.
+        max: u8,
+        /// Default.
+        default: u8,
+    },
     /// The status of the motor.
     Status,
-    /// Always this.
+    /// Always this value.
     Fixed(i64),
 }
 
-/// How many parameters are [`Source::Counts`].
+/// Number of parameters that are [`Source::Counts`].
 pub const COUNTS: usize = 5;
 
 /// A motor parameter's row.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
-    /// As it is typed.
+pub struct ParameterSpec {
+    /// Its name, as typed.
     pub name: &'static str,
-    /// Where the manual lists it.
+    /// Its category.
     pub category: Category,
     /// Whether it can be set.
     pub writable: bool,
-    /// Least value.
-    pub min: i64,
-    /// Greatest value.
-    pub max: i64,
-    /// Defaults of link, spread and tip; of what cannot be set: none.
-    pub defaults: [i64; 3],
     /// Where the value is.
     pub source: Source,
-    /// What it is for.
+    /// Help text.
     pub help: &'static str,
 }
 
-impl Row {
-    /// The default for a kind of motor.
+impl ParameterSpec {
+    /// Smallest value.
     #[must_use]
-    pub const fn default_for(&self, kind: MotorKind) -> i64 {
-        let [link, spread, tip] = self.defaults;
-        match kind {
-            MotorKind::Link => link,
-            MotorKind::Spread => spread,
-            MotorKind::Tip => tip,
+    pub const fn min(&self) -> i64 {
+        match self.source {
+            Source::Board(property) => property.rules().min(),
+            Source::Counts { .. } | Source::Measured(_) => -MAX_COUNTS,
+            Source::Kept { min, .. } => min as i64,
+            Source::Status => 0,
+            Source::Fixed(value) => value,
+        }
+    }
+
+    /// Largest value.
+    #[must_use]
+    pub const fn max(&self) -> i64 {
+        match self.source {
+            Source::Board(property) => property.rules().max(),
+            Source::Counts { .. } | Source::Measured(_) => MAX_COUNTS,
+            Source::Kept { max, .. } => max as i64,
+            // All status codes at once.
+            Source::Status => 32_767,
+            Source::Fixed(value) => value,
+        }
+    }
+
+    /// The default for a kind of motor; 0 for what cannot be set.
+    #[must_use]
+    pub fn default_for(&self, kind: MotorKind) -> i64 {
+        match self.source {
+            Source::Board(property) => property.rules().default_for_motor(kind).map_or(0, i64::from),
+            Source::Counts { defaults: [link, spread, tip], .. } => match kind {
+                MotorKind::Link => link,
+                MotorKind::Spread => spread,
+                MotorKind::Tip => tip,
+            },
+            Source::Kept { default, .. } => default.into(),
+            Source::Fixed(value) => value,
+            Source::Measured(_) | Source::Status => 0,
         }
     }
 }
@@ -99,17 +144,14 @@ impl Row {
 const RW: bool = true;
 const RO: bool = false;
 
-/// `"NAME", category, access, range, [link, spread, tip], source, "help";`
+/// `"NAME", category, access, source, "help";`
 macro_rules! motor {
-    ($($name:literal, $category:ident, $writable:ident, $min:literal..=$max:literal, $defaults:expr, $source:expr, $help:literal;)*) => {
+    ($($name:literal, $category:ident, $writable:ident, $source:expr, $help:literal;)*) => {
         /// Every motor parameter, in the manual's order.
-        pub const MOTOR: &[Row] = &[$(Row {
+        pub const MOTOR: &[ParameterSpec] = &[$(ParameterSpec {
             name: $name,
             category: Category::$category,
             writable: $writable,
-            min: $min,
-            max: $max,
-            defaults: $defaults,
             source: $source,
             help: $help,
         },)*];
@@ -119,46 +161,46 @@ macro_rules! motor {
 use Source::{Board, Counts, Fixed, Measured};
 
 motor! {
-    "BS", Movement, RW, 0..=1, [0, 0, 0], Board(Property::BS), "1: a finger stops where it breaks away";
-    "DP", Movement, RW, -32_767..=32_767, [8500, 1575, 8500], Counts(Property::DP, 0), "where M goes without an argument, counts";
-    "DS", Movement, RW, -32_767..=32_767, [1400, 800, 1400], Counts(Property::DS, 1), "how far IC and IO go without an argument, counts";
-    "HSG", Movement, RW, 0..=256, [256, 256, 256], Board(Property::HSG), "strain above which a motion ends; 255 and 256: never";
-    "LSG", Movement, RW, 0..=256, [256, 256, 256], Board(Property::LSG), "strain below which a motion ends; 255 and 256: never";
-    "MOV", Movement, RW, 16..=4080, [1000, 1000, 1000], Board(Property::MOV), "greatest velocity of opening, hall counts/s";
-    "MCV", Movement, RW, 16..=4080, [1000, 1000, 1000], Board(Property::MCV), "greatest velocity of closing, hall counts/s";
-    "MSG", Movement, RW, 0..=256, [256, 256, 256], Board(Property::HSG), "the same as HSG";
-    "BD", Status, RO, 0..=1, [0, 0, 0], Board(Property::BD), "whether the finger has broken away";
-    "BP", Status, RO, -32_767..=32_767, [0, 0, 0], Measured(Property::BP), "where the finger broke away last, counts";
-    "OD", Status, RO, 0..=4_294_967_295, [0, 0, 0], Board(Property::OD), "how far the motor has turned, 1000 hall counts";
-    "P", Status, RO, -32_767..=32_767, [0, 0, 0], Measured(Property::P), "position, counts";
-    "S", Status, RO, 0..=32_767, [0, 0, 0], Source::Status, "0: ready; otherwise a sum of status codes";
-    "SG", Status, RO, 0..=255, [0, 0, 0], Board(Property::SG), "strain";
-    "LCV", RealTime, RW, 0..=1, [1, 1, 1], Source::Kept(Kept::Lcv), "1: control blocks have the motor's velocity";
-    "LCVC", RealTime, RW, 1..=255, [8, 8, 8], Source::Kept(Kept::Lcvc), "what that velocity is multiplied by";
-    "LCPG", RealTime, RW, 0..=1, [1, 1, 1], Source::Kept(Kept::Lcpg), "1: control blocks have the motor's proportional gain";
-    "LFV", RealTime, RW, 0..=1, [1, 1, 1], Source::Kept(Kept::Lfv), "1: feedback blocks have the motor's velocity";
-    "LFVC", RealTime, RW, 1..=255, [8, 8, 8], Source::Kept(Kept::Lfvc), "what that velocity is divided by";
-    "LFS", RealTime, RW, 0..=1, [1, 1, 1], Source::Kept(Kept::Lfs), "1: feedback blocks have the motor's strain";
-    "LFAP", RealTime, RW, 0..=2, [1, 1, 1], Source::Kept(Kept::Lfap), "1: feedback blocks have the motor's position, 4 bytes; 2: 2 bytes";
-    "LFDP", RealTime, RW, 0..=1, [1, 1, 1], Source::Kept(Kept::Lfdp), "1: feedback blocks have the change of the motor's position";
-    "LFDPC", RealTime, RW, 1..=255, [1, 1, 1], Source::Kept(Kept::Lfdpc), "what that change is divided by";
-    "ACCEL", Advanced, RW, 0..=65_535, [40, 30, 30], Board(Property::ACCEL), "greatest acceleration, sqrt(hall counts)/ms/1024";
-    "CT", Advanced, RW, -32_767..=32_767, [18_200, 9300, 18_200], Counts(Property::CT, 2), "where C goes, counts";
-    "EN", Advanced, RW, 0..=1, [1, 1, 1], Board(Property::EN), "1: a command without a motor prefix moves it";
-    "HOLD", Advanced, RW, 0..=1, [0, 1, 0], Board(Property::HOLD), "1: the motor holds its position after a motion";
-    "MPE", Advanced, RW, -32_767..=32_767, [200, 200, 200], Counts(Property::MPE, 3), "how far from its goal a motion may end, counts";
-    "OT", Advanced, RW, -32_767..=32_767, [0, 0, 0], Counts(Property::OT, 4), "where O goes, counts";
-    "SAMPLE", Advanced, RO, 31..=31, [31, 31, 31], Fixed(31), "sample time of the motor's controller";
-    "TSTOP", Advanced, RW, 0..=65_535, [300, 400, 300], Board(Property::TSTOP), "how long a motor may be stopped before its motion ends, ms; 0: for ever";
-    "LCT", Later, RW, 0..=0, [0, 0, 0], Fixed(0), "0: control blocks have no torque";
-    "LFBP", Later, RW, 0..=0, [0, 0, 0], Fixed(0), "0: feedback blocks have no breakaway position";
-    "LFAIN", Later, RW, 0..=0, [0, 0, 0], Fixed(0), "0: feedback blocks have no analog input";
+    "BS", Movement, RW, Board(Property::BS), "1: a finger stops where it breaks away";
+    "DP", Movement, RW, Counts { property: Property::DP, place: 0, defaults: [8500, 1575, 8500] }, "where M goes without an argument, counts";
+    "DS", Movement, RW, Counts { property: Property::DS, place: 1, defaults: [1400, 800, 1400] }, "how far IC and IO go without an argument, counts";
+    "HSG", Movement, RW, Board(Property::HSG), "strain above which a motion ends; 255 and 256: never";
+    "LSG", Movement, RW, Board(Property::LSG), "strain below which a motion ends; 255 and 256: never";
+    "MOV", Movement, RW, Board(Property::MOV), "greatest velocity of opening, hall counts/s";
+    "MCV", Movement, RW, Board(Property::MCV), "greatest velocity of closing, hall counts/s";
+    "MSG", Movement, RW, Board(Property::HSG), "the same as HSG";
+    "BD", Status, RO, Board(Property::BD), "whether the finger has broken away";
+    "BP", Status, RO, Measured(Property::BP), "where the finger broke away last, counts";
+    "OD", Status, RO, Board(Property::OD), "how far the motor has turned, 1000 hall counts";
+    "P", Status, RO, Measured(Property::P), "position, counts";
+    "S", Status, RO, Source::Status, "0: ready; otherwise a sum of status codes";
+    "SG", Status, RO, Board(Property::SG), "strain";
+    "LCV", RealTime, RW, Source::Kept { kept: Kept::Lcv, min: 0, max: 1, default: 1 }, "1: control blocks have the motor's velocity";
+    "LCVC", RealTime, RW, Source::Kept { kept: Kept::Lcvc, min: 1, max: 255, default: 8 }, "what that velocity is multiplied by";
+    "LCPG", RealTime, RW, Source::Kept { kept: Kept::Lcpg, min: 0, max: 1, default: 1 }, "1: control blocks have the motor's proportional gain";
+    "LFV", RealTime, RW, Source::Kept { kept: Kept::Lfv, min: 0, max: 1, default: 1 }, "1: feedback blocks have the motor's velocity";
+    "LFVC", RealTime, RW, Source::Kept { kept: Kept::Lfvc, min: 1, max: 255, default: 8 }, "what that velocity is divided by";
+    "LFS", RealTime, RW, Source::Kept { kept: Kept::Lfs, min: 0, max: 1, default: 1 }, "1: feedback blocks have the motor's strain";
+    "LFAP", RealTime, RW, Source::Kept { kept: Kept::Lfap, min: 0, max: 2, default: 1 }, "1: feedback blocks have the motor's position, 4 bytes; 2: 2 bytes";
+    "LFDP", RealTime, RW, Source::Kept { kept: Kept::Lfdp, min: 0, max: 1, default: 1 }, "1: feedback blocks have the change of the motor's position";
+    "LFDPC", RealTime, RW, Source::Kept { kept: Kept::Lfdpc, min: 1, max: 255, default: 1 }, "what that change is divided by";
+    "ACCEL", Advanced, RW, Board(Property::ACCEL), "greatest acceleration, sqrt(hall counts)/ms/1024";
+    "CT", Advanced, RW, Counts { property: Property::CT, place: 2, defaults: [18_200, 9300, 18_200] }, "where C goes, counts";
+    "EN", Advanced, RW, Board(Property::EN), "1: a command without a motor prefix moves it";
+    "HOLD", Advanced, RW, Board(Property::HOLD), "1: the motor holds its position after a motion";
+    "MPE", Advanced, RW, Counts { property: Property::MPE, place: 3, defaults: [200, 200, 200] }, "how far from its goal a motion may end, counts";
+    "OT", Advanced, RW, Counts { property: Property::OT, place: 4, defaults: [0, 0, 0] }, "where O goes, counts";
+    "SAMPLE", Advanced, RO, Fixed(31), "sample time of the motor's controller";
+    "TSTOP", Advanced, RW, Board(Property::TSTOP), "how long a motor may be stopped before its motion ends, ms; 0: for ever";
+    "LCT", Later, RW, Fixed(0), "0: control blocks have no torque";
+    "LFBP", Later, RW, Fixed(0), "0: feedback blocks have no breakaway position";
+    "LFAIN", Later, RW, Fixed(0), "0: feedback blocks have no analog input";
 }
 
-/// Which parameter of the hand.
+/// The parameters of the hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the parameter of that name says it")]
-pub enum Global {
+#[allow(missing_docs, reason = "each is the parameter of that name")]
+pub enum HandParameter {
     Baud,
     Lft,
     Otemp,
@@ -169,38 +211,38 @@ pub enum Global {
     Lfdpd,
 }
 
-/// A parameter of the hand.
+/// A row of a parameter of the hand.
 #[derive(Clone, Copy, Debug)]
-pub struct GlobalRow {
-    /// As it is typed.
+pub struct HandParameterSpec {
+    /// Its name, as typed.
     pub name: &'static str,
-    /// Where the manual lists it.
+    /// Its category.
     pub category: Category,
-    /// Which.
-    pub global: Global,
+    /// The parameter.
+    pub parameter: HandParameter,
     /// Whether it can be set.
     pub writable: bool,
-    /// Least value.
+    /// Smallest value.
     pub min: i64,
-    /// Greatest value.
+    /// Largest value.
     pub max: i64,
-    /// Default; of what cannot be set: none.
+    /// Default; 0 for what cannot be set.
     pub default: i64,
-    /// What it is for.
+    /// Help text.
     pub help: &'static str,
 }
 
-/// What BAUD may be: baud rate / 100.
+/// The values of BAUD: baud rate / 100.
 pub const BAUDS: [i64; 7] = [6, 12, 24, 48, 96, 192, 384];
 
 /// `"NAME", category, which, access, range, default, "help";`
-macro_rules! global {
-    ($($name:literal, $category:ident, $global:ident, $writable:ident, $min:literal..=$max:literal, $default:literal, $help:literal;)*) => {
+macro_rules! hand {
+    ($($name:literal, $category:ident, $parameter:ident, $writable:ident, $min:literal..=$max:literal, $default:literal, $help:literal;)*) => {
         /// Every parameter of the hand, in the manual's order.
-        pub const GLOBAL: &[GlobalRow] = &[$(GlobalRow {
+        pub const HAND: &[HandParameterSpec] = &[$(HandParameterSpec {
             name: $name,
             category: Category::$category,
-            global: Global::$global,
+            parameter: HandParameter::$parameter,
             writable: $writable,
             min: $min,
             max: $max,
@@ -210,7 +252,7 @@ macro_rules! global {
     };
 }
 
-global! {
+hand! {
     "BAUD", Global, Baud, RW, 6..=384, 96, "baud rate / 100: 6, 12, 24, 48, 96, 192 or 384";
     "LFT", Global, Lft, RW, 0..=1, 0, "1: feedback blocks have the hand's temperature";
     "OTEMP", Global, Otemp, RW, -551..=1250, -551, "temperature above which no motor moves, 0.1 C; -551: none";
@@ -223,14 +265,14 @@ global! {
 
 /// The motor parameter of that name, in upper case.
 #[must_use]
-pub fn motor(name: &str) -> Option<&'static Row> {
+pub fn motor(name: &str) -> Option<&'static ParameterSpec> {
     MOTOR.iter().find(|row| row.name == name)
 }
 
 /// The hand's parameter of that name, in upper case.
 #[must_use]
-pub fn global(name: &str) -> Option<&'static GlobalRow> {
-    GLOBAL.iter().find(|row| row.name == name)
+pub fn hand(name: &str) -> Option<&'static HandParameterSpec> {
+    HAND.iter().find(|row| row.name == name)
 }
 
 #[cfg(test)]
@@ -240,38 +282,33 @@ mod tests {
     use crate::units;
 
     #[test]
-    fn rows_are_sound() {
+    fn names_are_unique_and_defaults_in_range() {
         for (i, row) in MOTOR.iter().enumerate() {
             assert!(MOTOR[..i].iter().all(|other| other.name != row.name), "{}", row.name);
-            assert!(
-                !row.writable || row.defaults.iter().all(|d| (row.min..=row.max).contains(d)),
-                "{}",
-                row.name
-            );
+            for kind in [MotorKind::Link, MotorKind::Spread, MotorKind::Tip] {
+                let default = row.default_for(kind);
+                assert!(!row.writable || (row.min()..=row.max()).contains(&default), "{}", row.name);
+            }
         }
-        for row in GLOBAL {
+        for row in HAND {
             assert!(!row.writable || (row.min..=row.max).contains(&row.default), "{}", row.name);
         }
         let counts: std::vec::Vec<u8> = MOTOR
             .iter()
-            .filter_map(|row| if let Counts(_, place) = row.source { Some(place) } else { None })
+            .filter_map(|row| if let Counts { place, .. } = row.source { Some(place) } else { None })
             .collect();
         assert_eq!(counts, [0, 1, 2, 3, 4]);
     }
 
-    /// A board that nobody has set anything on has what the language's default rounds to.
+    /// A factory-new board has the rounding of the language's defaults.
     #[test]
-    fn defaults_are_the_boards() {
+    fn defaults_in_counts_round_to_the_boards_defaults() {
         for motor in Motors::ALL.iter() {
             for row in MOTOR.iter().filter(|row| row.writable) {
-                let (property, default) = match row.source {
-                    Board(property) => (property, row.default_for(motor.kind())),
-                    Counts(property, _) => (property, units::halls(row.default_for(motor.kind()))),
-                    _ => continue,
-                };
+                let Counts { property, .. } = row.source else { continue };
                 assert_eq!(
-                    property.row().default_for(motor.node()),
-                    Some(default),
+                    property.rules().default_for(motor.node()),
+                    Some(units::halls(row.default_for(motor.kind()))),
                     "{} of {motor:?}",
                     row.name
                 );

@@ -1,7 +1,7 @@
 //! Status codes: what follows "ERR" (manual 5.1.3, table 4).
 //!
-//! The table leaves 8 and 512 unused, and has no code for a motor that a fault of its board has stopped, nor for a flash that does not
-//! take what is to be saved. They are here for these two: a hand that fails must not say that all went well.
+//! The table leaves 8 and 512 unused, and has no code for a motor that a fault of its board has stopped, nor for a flash that does not take
+//! what is saved. GOD uses them for these two, so that no failure is reported as success (decision 0001).
 
 use core::ops::{BitOr, BitOrAssign};
 
@@ -12,21 +12,21 @@ macro_rules! table {
             $(#[doc = $meaning] pub const $name: Self = Self($value);)*
         }
 
-        /// Every code, by rising value.
-        pub const ROWS: &[Row] = &[$(Row { status: Status($value), meaning: $meaning },)*];
+        /// Every code, by ascending value.
+        pub const ROWS: &[StatusSpec] = &[$(StatusSpec { status: Status($value), meaning: $meaning },)*];
     };
 }
 
-/// A sum of status codes; 0: all went well.
+/// A sum of status codes; 0 is success.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status(u16);
 
 /// A code's row.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
+pub struct StatusSpec {
     /// A power of 2.
     pub status: Status,
-    /// What has happened.
+    /// What it means.
     pub meaning: &'static str,
 }
 
@@ -49,28 +49,28 @@ table! {
 }
 
 impl Status {
-    /// All went well.
+    /// Success.
     pub const OK: Self = Self(0);
 
-    /// The number that is printed.
+    /// The number that is printed after ERR.
     #[must_use]
     pub const fn code(self) -> u16 {
         self.0
     }
 
-    /// Of a number, whatever it is.
+    /// The status of any number.
     #[must_use]
     pub const fn of(code: u16) -> Self {
         Self(code)
     }
 
-    /// Whether all went well.
+    /// Whether it is success.
     #[must_use]
     pub const fn is_ok(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether all of those codes are in it.
+    /// Whether it contains all of those codes.
     #[must_use]
     pub const fn has(self, codes: Self) -> bool {
         self.0 & codes.0 == codes.0
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_are_powers_of_two_and_rise() {
+    fn codes_are_ascending_powers_of_two() {
         assert!(ROWS.iter().all(|row| row.status.code().is_power_of_two() && !row.meaning.is_empty()));
         assert!(ROWS.windows(2).all(|pair| pair[0].status.code() < pair[1].status.code()));
         let all = ROWS.iter().fold(Status::OK, |sum, row| sum | row.status);

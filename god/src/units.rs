@@ -1,24 +1,24 @@
-//! Counts of the language (GCL) and hall counts of the boards: 55 to 1 (manual 1.3.2); degrees and percents. Nowhere else.
+//! Conversions between GCL counts, the boards' hall counts (55 to 1, manual 1.3.2), degrees and percents. No other file converts them.
 
 use tater_wire::MotorKind;
 
-/// GCL counts a hall count.
+/// GCL counts per hall count.
 pub const GCL_PER_HALL: i64 = 55;
 
-/// Where a motor stands that a board says to be at a hall count.
+/// GCL counts of a position in hall counts.
 #[must_use]
 pub const fn gcl(halls: i64) -> i64 {
     halls.saturating_mul(GCL_PER_HALL)
 }
 
-/// The hall count nearest to a GCL count; halves go up.
+/// The hall count nearest to a GCL count, rounding halves up.
 #[must_use]
 pub const fn halls(gcl: i64) -> i64 {
-    // 27.5 is half of it; GCL counts are whole.
+    // Half of it is 27.5, and GCL counts are integers.
     gcl.saturating_add(GCL_PER_HALL / 2).div_euclid(GCL_PER_HALL)
 }
 
-/// Revolutions of the motor a revolution of its joint, hundredths (manual 1.3.2, table 2).
+/// Gear ratio, motor to joint, in hundredths (manual 1.3.2, table 2).
 const fn ratio_hundredths(kind: MotorKind) -> i64 {
     match kind {
         MotorKind::Link => 4900,
@@ -27,32 +27,31 @@ const fn ratio_hundredths(kind: MotorKind) -> i64 {
     }
 }
 
-/// GCL counts of 100 revolutions of a joint: the gear's ratio × 18 hall counts × 55 (manual 1.3.2, table 2).
+/// GCL counts of 100 revolutions of a joint: gear ratio × 18 hall counts × 55.
 const fn gcl_per_100_revolutions(kind: MotorKind) -> i64 {
     ratio_hundredths(kind) * 18 * GCL_PER_HALL
 }
 
-/// GCL counts of an angle in degrees; halves go up: 90 degrees of a link are 12128.
+/// GCL counts of a joint angle in degrees, rounding halves up: 90 degrees of a link are 12128.
 #[must_use]
 pub const fn of_degrees(kind: MotorKind, degrees: i64) -> i64 {
     rounded(degrees.saturating_mul(gcl_per_100_revolutions(kind)), 36_000)
 }
 
-/// GCL counts of a percentage of a close target; halves go up.
+/// GCL counts of a percentage of a close target, rounding halves up.
 #[must_use]
 pub const fn of_percent(percent: i64, close_target: i64) -> i64 {
     rounded(percent.saturating_mul(close_target), 100)
 }
 
-/// How far a tip goes along with its link, GCL counts or hall counts alike: a third of the link's joint angle. The manual simulates
-/// a BarrettHand without saying how far its tips go along; a third is what that hand's gears make, 375:1 to 125:1.
+/// The way of a tip that moves along with its link, in the unit of `link`: a third of the link's joint angle. The manual simulates a
+/// BarrettHand without stating this share; that hand's gears, 375:1 and 125:1, make a third (decision 0030).
 #[must_use]
 pub const fn of_tip_along(link: i64) -> i64 {
     rounded(link.saturating_mul(ratio_hundredths(MotorKind::Tip)), 3 * ratio_hundredths(MotorKind::Link))
 }
 
-/// How far a tip goes while its link goes so far, GCL counts or hall counts alike, to keep its direction for an observer: the same joint
-/// angle the other way.
+/// The way of a tip that keeps its direction while its link moves, in the unit of `link`: the same joint angle the other way.
 #[must_use]
 pub const fn of_tip_against(link: i64) -> i64 {
     rounded(link.saturating_mul(-ratio_hundredths(MotorKind::Tip)), ratio_hundredths(MotorKind::Link))
@@ -67,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn degrees_are_the_manual_s() {
+    fn degrees_convert_as_in_the_manual() {
         assert_eq!(of_degrees(MotorKind::Link, 90), 12128, "1.3.2's example");
         assert_eq!(of_degrees(MotorKind::Link, -90), -12127, "halves go up");
         assert_eq!(of_degrees(MotorKind::Tip, 180), 19305);
@@ -77,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tip_goes_along_with_a_third_of_the_angle_and_against_with_all_of_it() {
+    fn tip_follows_a_third_of_the_links_angle_and_opposes_all_of_it() {
         for degrees in -10..=130 {
             let link = of_degrees(MotorKind::Link, 3 * degrees);
             let (along, against) =
@@ -90,13 +89,13 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_hall_count() {
+    fn halls_rounds_to_the_nearest_count() {
         for halls in -200..=400 {
             for off in -27..=27 {
                 assert_eq!(super::halls(gcl(halls) + off), halls);
             }
         }
-        // The table's defaults: DP 8500, 1575; CT 18200, 9300; DS 1400, 800; MPE 200.
+        // The language's defaults: DP 8500, 1575; CT 18200, 9300; DS 1400, 800; MPE 200.
         let halls = [8500, 1575, 18_200, 9300, 1400, 800, 200].map(super::halls);
         assert_eq!(halls, [155, 29, 331, 169, 25, 15, 4]);
     }

@@ -1,9 +1,9 @@
 //! Every command and every parameter has a row in the tables of the tests.
 
 use god::command;
-use god::parameter::{GLOBAL, MOTOR};
+use god::parameter::{HAND, MOTOR};
 use god::status;
-use god::words::{self, Words};
+use god::grammar::{self, Statement};
 
 use super::movement::ends;
 use super::{Session, administration, lower, sequences, settings};
@@ -80,8 +80,8 @@ fn no_command_is_without_a_row() {
     let rows = rows();
     let used: Vec<_> = rows
         .iter()
-        .filter_map(|(line, _)| match words::parse(line) {
-            Ok(Words::Command { command, .. }) => Some(command),
+        .filter_map(|(line, _)| match grammar::parse(line) {
+            Ok(Statement::Command { command, .. }) => Some(command),
             _ => None,
         })
         .collect();
@@ -93,9 +93,9 @@ fn no_command_is_without_a_row() {
 /// Of the lower grammar, in a line that goes well.
 #[test]
 fn no_word_of_the_lower_grammar_is_without_a_row() {
-    let words = words::LOWER.into_iter().chain(["S", "G", "M", "AP", "REPLY"]);
+    let words = grammar::WALK_THROUGH.into_iter().chain(["S", "G", "M", "AP", "REPLY"]);
     let good = |(line, answer): &Row, word: &str| {
-        matches!(words::parse(line), Ok(Words::Lower(_)))
+        matches!(grammar::parse(line), Ok(Statement::WalkThrough(_)))
             && line.split_ascii_whitespace().any(|found| found == word)
             && !answer.contains("ERR")
     };
@@ -125,5 +125,5 @@ fn no_parameter_is_without_a_row() {
     let hand =
         settings::SET_HAND.iter().map(|row| row.0).chain(settings::READ_ONLY_HAND.iter().map(|row| row.0));
     let hand: Vec<_> = hand.collect();
-    assert!(GLOBAL.iter().all(|row| hand.contains(&row.name)), "{hand:?}");
+    assert!(HAND.iter().all(|row| hand.contains(&row.name)), "{hand:?}");
 }

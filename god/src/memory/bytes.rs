@@ -1,11 +1,11 @@
-//! What GOD keeps as bytes, for whoever writes it where it survives.
+//! The byte format of what GOD stores.
 //!
 //! All numbers little-endian, one after the other:
 //!
-//! | bytes | what |
+//! | bytes | content |
 //! |---|---|
 //! | 2 | [`VERSION`] |
-//! | 7 × (9 + 5 × 4) | of each motor what [`Kept`](crate::parameter::Kept) says, then the counts as they were set |
+//! | 7 × (9 + 5 × 4) | of each motor the parameters of [`Kept`](crate::parameter::Kept), then the counts as they were set |
 //! | 2, 1, 2, 1 | BAUD, LFT, OTEMP, LFDPD |
 //! | 20 × (1 + 7 × 4) | of each macro whether there is one, and positions |
 //! | 6 × (1 + 150) | of each sequence its length, and its text with zeros after it |
@@ -17,14 +17,14 @@ use tater_wire::image::Crc32;
 
 use super::{MACROS, OfHand, OfMotor, Positions, SEQUENCE, SEQUENCES, Stored};
 use crate::motors::COUNT;
-use crate::parameter::{self, BAUDS, COUNTS, GLOBAL, Global, KEPT, Source};
+use crate::parameter::{self, BAUDS, COUNTS, HAND, HandParameter, KEPT, Source};
 
-/// What changes with the layout: a hand does not read what another version of it has written.
+/// Version of the layout: a hand does not read another version.
 pub const VERSION: u16 = 1;
 
 const CRC: usize = 4;
 
-/// How many bytes it is.
+/// Length in bytes.
 pub const LEN: usize = 2
     + COUNT * (KEPT + COUNTS * 4)
     + (2 + 1 + 2 + 1)
@@ -33,15 +33,15 @@ pub const LEN: usize = 2
     + (4 + 2 + 4)
     + CRC;
 
-/// Why bytes are not what GOD keeps.
+/// Why bytes cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Damaged {
-    /// Not [`LEN`] of them.
+    /// Not [`LEN`] bytes.
     Length {
         /// Bytes.
         found: usize,
     },
-    /// Another version has written them.
+    /// Written by another version.
     Version {
         /// Its number.
         found: u16,
@@ -53,9 +53,9 @@ pub enum Damaged {
         /// In the bytes.
         expected: u32,
     },
-    /// What is there cannot be so.
+    /// A value is out of range.
     Value {
-        /// The parameter, or what else it is.
+        /// The name of the parameter, or of another field.
         of: &'static str,
     },
 }
@@ -65,12 +65,12 @@ impl core::fmt::Display for Damaged {
         match *self {
             Self::Length { found } => write!(f, "{found} bytes, expected {LEN}"),
             Self::Version { found } => {
-                write!(f, "written as version {found}, expected {VERSION}: it is to be begun anew")
+                write!(f, "written as version {found}, expected {VERSION}; delete it to begin with defaults")
             }
             Self::Crc { found, expected } => {
                 write!(f, "the CRC-32 is {found:#010x}, but the bytes say {expected:#010x}")
             }
-            Self::Value { of } => write!(f, "the value of {of} is none"),
+            Self::Value { of } => write!(f, "the value of {of} is out of range"),
         }
     }
 }
@@ -78,7 +78,7 @@ impl core::fmt::Display for Damaged {
 impl core::error::Error for Damaged {}
 
 impl Stored {
-    /// As bytes.
+    /// Serializes it.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; LEN] {
         let mut to = Writer { bytes: [0; LEN], at: 0 };
@@ -109,10 +109,10 @@ impl Stored {
         to.bytes
     }
 
-    /// From bytes that [`Stored::to_bytes`] has made.
+    /// Parses bytes of [`Stored::to_bytes`].
     ///
     /// # Errors
-    /// They are not: what is wrong with them.
+    /// What is wrong with them.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Damaged> {
         let length = Damaged::Length { found: bytes.len() };
         let whole: &[u8; LEN] = bytes.try_into().map_err(|_| length)?;
@@ -157,7 +157,7 @@ struct Writer {
 
 impl Writer {
     fn put(&mut self, bytes: &[u8]) {
-        // By LEN there is room.
+        // LEN is the sum of all fields.
         if let Some(to) = self.bytes.get_mut(self.at..self.at + bytes.len()) {
             to.copy_from_slice(bytes);
         }
@@ -195,11 +195,13 @@ impl Reader<'_> {
         let motor = OfMotor { kept, as_set };
         for row in parameter::MOTOR {
             let value = match row.source {
-                Source::Kept(kept) => motor.of(kept).into(),
-                Source::Counts(_, place) => motor.as_set.get(usize::from(place)).copied().unwrap_or(0).into(),
+                Source::Kept { kept, .. } => motor.value(kept).into(),
+                Source::Counts { place, .. } => {
+                    motor.as_set.get(usize::from(place)).copied().unwrap_or(0).into()
+                }
                 Source::Board(_) | Source::Measured(_) | Source::Status | Source::Fixed(_) => continue,
             };
-            if !(row.min..=row.max).contains(&value) {
+            if !(row.min()..=row.max()).contains(&value) {
                 return Err(Damaged::Value { of: row.name });
             }
         }
@@ -213,7 +215,7 @@ impl Reader<'_> {
             otemp: i16::from_le_bytes(self.take()?),
             lfdpd: self.flag("LFDPD")?,
         };
-        let otemp = GLOBAL.iter().find(|row| row.global == Global::Otemp);
+        let otemp = HAND.iter().find(|row| row.parameter == HandParameter::Otemp);
         if !BAUDS.contains(&hand.baud.into()) {
             return Err(Damaged::Value { of: "BAUD" });
         }
@@ -249,13 +251,13 @@ mod tests {
     use std::vec::Vec;
 
     fn of_motor() -> impl Strategy<Value = OfMotor> {
-        let rows: Vec<_> = parameter::MOTOR.iter().map(|row| row.min..=row.max).collect();
+        let rows: Vec<_> = parameter::MOTOR.iter().map(|row| row.min()..=row.max()).collect();
         rows.prop_map(|values| {
             let mut of = OfMotor { kept: [0; KEPT], as_set: [0; COUNTS] };
             for (row, value) in parameter::MOTOR.iter().zip(values) {
                 match row.source {
-                    Source::Kept(kept) => of.keep(kept, value),
-                    Source::Counts(_, place) => of.as_set[usize::from(place)] = value.try_into().unwrap(),
+                    Source::Kept { kept, .. } => of.set(kept, value),
+                    Source::Counts { place, .. } => of.as_set[usize::from(place)] = value.try_into().unwrap(),
                     _ => {}
                 }
             }
@@ -292,19 +294,19 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_comes_back_as_it_was(stored in stored()) {
+        fn to_bytes_and_from_bytes_are_inverse(stored in stored()) {
             prop_assert_eq!(Stored::from_bytes(&stored.to_bytes()), Ok(stored));
         }
 
         #[test]
-        fn a_flipped_bit_is_found(stored in stored(), at in 0..LEN * 8) {
+        fn flipped_bit_is_an_error(stored in stored(), at in 0..LEN * 8) {
             let mut bytes = stored.to_bytes();
             bytes[at / 8] ^= 1 << (at % 8);
             prop_assert!(Stored::from_bytes(&bytes).is_err());
         }
 
         #[test]
-        fn any_bytes_are_an_error_or_what_they_say(
+        fn arbitrary_bytes_are_an_error_or_round_trip(
             mut bytes in proptest::collection::vec(any::<u8>(), LEN),
             like in stored(),
             mutations in proptest::collection::vec((0..LEN, any::<u8>()), 0..3),
@@ -320,9 +322,9 @@ mod tests {
         }
     }
 
-    /// What the layout says is at an offset: one field a row.
+    /// Offsets by the layout: one field a row.
     #[test]
-    fn what_cannot_be_is_told() {
+    fn value_out_of_range_names_its_field() {
         let hand = 2 + COUNT * (KEPT + COUNTS * 4);
         let macros = hand + 6;
         let sequences = macros + MACROS * 29;
@@ -347,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn length_version_and_sum() {
+    fn wrong_length_version_or_sum_is_an_error() {
         let whole = Stored::default().to_bytes();
         for len in [0, 1, LEN - 1] {
             assert_eq!(Stored::from_bytes(&whole[..len]), Err(Damaged::Length { found: len }));

@@ -1,5 +1,5 @@
-//! The blocks of RealTime (manual 6.2): what is in them by the parameters, and the bytes of a motor's feedback. All of more than a
-//! byte is big-endian (PROTOCOL 3).
+//! The blocks of RealTime (manual 6.2): their layout by the parameters, and the bytes of a motor's feedback. Values of several bytes are
+//! big-endian (decision 0026).
 
 use heapless::Vec;
 
@@ -9,10 +9,10 @@ use crate::motors::{COUNT, Motor, Motors};
 use crate::parameter::Kept;
 use crate::units;
 
-/// Most bytes of a motor's feedback: velocity, strain, position, change of position.
-pub(super) const MOST: usize = 7;
+/// Most bytes of a motor's feedback: velocity 1, strain 1, position 4, change of position 1.
+pub(super) const MAX_FEEDBACK: usize = 7;
 
-/// What a motor has in the blocks.
+/// A motor's part of the blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct OfMotor {
     /// LCV.
@@ -35,9 +35,9 @@ pub(super) struct OfMotor {
     pub change_coefficient: u8,
 }
 
-/// What is in the blocks: it cannot change while RealTime goes on.
+/// The layout of the blocks, which cannot change during RealTime.
 #[derive(Clone, Debug)]
-pub(super) struct Shape {
+pub(super) struct Layout {
     motors: [Option<OfMotor>; COUNT],
     /// LFT.
     pub temperature: bool,
@@ -45,23 +45,23 @@ pub(super) struct Shape {
     pub discards: bool,
 }
 
-impl Shape {
-    /// By the parameters of these axes.
+impl Layout {
+    /// The layout by the parameters of these axes.
     pub fn of(parameters: &Parameters, axes: Motors) -> Self {
         let mut motors = [None; COUNT];
         for motor in axes.iter() {
             let places = (motors.get_mut(motor.index()), parameters.motors.get(motor.index()));
             let (Some(place), Some(of)) = places else { continue };
             *place = Some(OfMotor {
-                velocity: of.of(Kept::Lcv) != 0,
-                velocity_coefficient: of.of(Kept::Lcvc),
-                gain: of.of(Kept::Lcpg) != 0,
-                feeds_velocity: of.of(Kept::Lfv) != 0,
-                feedback_coefficient: of.of(Kept::Lfvc).max(1),
-                feeds_strain: of.of(Kept::Lfs) != 0,
-                feeds_position: of.of(Kept::Lfap),
-                feeds_change: of.of(Kept::Lfdp) != 0,
-                change_coefficient: of.of(Kept::Lfdpc).max(1),
+                velocity: of.value(Kept::Lcv) != 0,
+                velocity_coefficient: of.value(Kept::Lcvc),
+                gain: of.value(Kept::Lcpg) != 0,
+                feeds_velocity: of.value(Kept::Lfv) != 0,
+                feedback_coefficient: of.value(Kept::Lfvc).max(1),
+                feeds_strain: of.value(Kept::Lfs) != 0,
+                feeds_position: of.value(Kept::Lfap),
+                feeds_change: of.value(Kept::Lfdp) != 0,
+                change_coefficient: of.value(Kept::Lfdpc).max(1),
             });
         }
         Self { motors, temperature: parameters.hand.lft, discards: parameters.hand.lfdpd }
@@ -72,12 +72,12 @@ impl Shape {
         self.motors.get(motor.index()).copied().flatten()
     }
 
-    /// Data bytes of a control block.
+    /// Number of data bytes of a control block.
     pub fn control_bytes(&self) -> usize {
         self.motors.iter().flatten().map(|of| usize::from(of.velocity) + usize::from(of.gain)).sum()
     }
 
-    /// What any board is to be asked for.
+    /// What some board has to be asked for.
     pub fn asks(&self) -> Ahead<bool> {
         let each = self.motors.iter().flatten().map(OfMotor::asks);
         each.fold(Ahead::default(), |all, of| Ahead {
@@ -89,7 +89,7 @@ impl Shape {
 }
 
 impl OfMotor {
-    /// What its board is to be asked for.
+    /// What its board has to be asked for.
     pub fn asks(&self) -> Ahead<bool> {
         Ahead {
             position: self.feeds_position != 0 || self.feeds_change,
@@ -102,18 +102,18 @@ impl OfMotor {
 /// A motor's feedback.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Feedback {
-    /// As they go to the host.
-    pub bytes: Vec<u8, MOST>,
-    /// The position that the host knows then, GCL counts.
+    /// As the host gets them.
+    pub bytes: Vec<u8, MAX_FEEDBACK>,
+    /// The position that the host knows after it, GCL counts.
     pub reported: i32,
 }
 
 impl Feedback {
-    /// Of what a board has said, hall counts; `reported` is the position that the host knew before, GCL counts.
+    /// The feedback of a board's answers, hall counts; `reported` is the position that the host knew before, GCL counts.
     pub fn of(of: &OfMotor, found: Ahead<i64>, reported: i32, discards: bool) -> Self {
         let mut bytes = Vec::new();
         let mut put = |piece: &[u8]| {
-            // MOST is the sum of the most that there can be.
+            // MAX_FEEDBACK is the sum of all pieces.
             let _ = bytes.extend_from_slice(piece);
         };
         let position = i32::try_from(units::gcl(found.position)).unwrap_or(i32::MAX);
@@ -141,14 +141,14 @@ impl Feedback {
         let reported = if discards && change != i64::from(sent) {
             position
         } else {
-            // It goes towards the position, and not beyond.
+            // Towards the position, and not beyond it.
             reported.wrapping_add(i32::from(sent).wrapping_mul(i32::from(of.change_coefficient)))
         };
         Self { bytes, reported }
     }
 }
 
-/// As a signed byte, its nearest value.
+/// The nearest value of a signed byte.
 fn clipped(value: i64) -> i8 {
     i8::try_from(value).unwrap_or(if value < 0 { i8::MIN } else { i8::MAX })
 }
@@ -159,7 +159,7 @@ mod tests {
     use proptest::prelude::*;
     use std::vec;
 
-    const NOTHING: OfMotor = OfMotor {
+    const EMPTY: OfMotor = OfMotor {
         velocity: false,
         velocity_coefficient: 8,
         gain: false,
@@ -180,28 +180,28 @@ mod tests {
     }
 
     #[test]
-    fn data_are_in_the_manual_s_order_and_big_endian() {
+    fn feedback_is_big_endian_in_the_manuals_order() {
         let all = OfMotor {
             feeds_velocity: true,
             feeds_strain: true,
             feeds_position: 1,
             feeds_change: true,
             change_coefficient: 100,
-            ..NOTHING
+            ..EMPTY
         };
         // -100 / 8 = -12; 331 · 55 = 18205 = 0x471D; 18205 / 100 = 182, more than a byte.
         assert_eq!(bytes(all, at(331)), [0xF4, 77, 0, 0, 0x47, 0x1D, 127]);
-        let short = OfMotor { feeds_position: 2, ..NOTHING };
+        let short = OfMotor { feeds_position: 2, ..EMPTY };
         assert_eq!(bytes(short, at(-25)), (-1375_i16).to_be_bytes());
-        let long = OfMotor { feeds_position: 1, ..NOTHING };
+        let long = OfMotor { feeds_position: 1, ..EMPTY };
         assert_eq!(bytes(long, at(-158)), (-8690_i32).to_be_bytes());
-        assert_eq!(bytes(NOTHING, at(5)), []);
+        assert_eq!(bytes(EMPTY, at(5)), []);
     }
 
     /// Manual 6.2.3: LFDPC 2, reported 1500, and 2000 at once. A hall count is 55 GCL counts, so from 1500 on: 36 counts are 1980.
     #[test]
-    fn a_change_that_does_not_fit_is_sent_later_or_discarded() {
-        let of = OfMotor { feeds_change: true, change_coefficient: 2, ..NOTHING };
+    fn change_beyond_a_byte_is_sent_later_or_discarded() {
+        let of = OfMotor { feeds_change: true, change_coefficient: 2, ..EMPTY };
         let sent = |reported, discards| {
             let feedback = Feedback::of(&of, at(36), reported, discards);
             (feedback.bytes[0].cast_signed(), feedback.reported)
@@ -215,10 +215,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_host_s_sum_arrives_at_the_position(
+        fn sum_of_changes_arrives_at_the_position(
             from in -32_767i32..=32_767, to in -595i64..=595, coefficient in 1u8..=255,
         ) {
-            let of = OfMotor { feeds_change: true, change_coefficient: coefficient, ..NOTHING };
+            let of = OfMotor { feeds_change: true, change_coefficient: coefficient, ..EMPTY };
             let (mut host, mut reported) = (from, from);
             for _ in 0..600 {
                 let feedback = Feedback::of(&of, at(to), reported, false);

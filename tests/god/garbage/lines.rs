@@ -1,7 +1,7 @@
 //! Words and lines of the language, at random.
 
-use god::command::{self, Command};
-use god::parameter::{GLOBAL, MOTOR};
+use god::command::{self, GclCommand};
+use god::parameter::{HAND, MOTOR};
 use rand::RngExt;
 use rand::seq::IndexedRandom;
 use rand_pcg::Pcg64Mcg;
@@ -28,7 +28,7 @@ pub fn number(rng: &mut Pcg64Mcg) -> String {
 fn name(rng: &mut Pcg64Mcg) -> &'static str {
     match rng.random_range(0..4) {
         0 | 1 => one(rng, MOTOR).name,
-        2 => one(rng, GLOBAL).name,
+        2 => one(rng, HAND).name,
         _ => one(rng, Property::ALL).row().name,
     }
 }
@@ -59,11 +59,11 @@ fn value(rng: &mut Pcg64Mcg, min: i64, max: i64) -> String {
 
 fn parameter(rng: &mut Pcg64Mcg) -> String {
     let row = one(rng, MOTOR);
-    format!("{} {} ", row.name, value(rng, row.min, row.max))
+    format!("{} {} ", row.name, value(rng, row.min(), row.max()))
 }
 
 fn global(rng: &mut Pcg64Mcg) -> String {
-    let row = one(rng, GLOBAL);
+    let row = one(rng, HAND);
     format!("{} {} ", row.name, value(rng, row.min, row.max))
 }
 
@@ -101,18 +101,18 @@ pub fn command(rng: &mut Pcg64Mcg) -> String {
     let small = |rng: &mut Pcg64Mcg, most: i64| rng.random_range(-1..=most).to_string();
     let arguments = match row.command {
         _ if rng.random_ratio(1, 20) => number(rng),
-        Command::Fset => many(rng, parameter),
-        Command::Fget => many(rng, |rng| format!("{} ", one(rng, MOTOR).name)),
-        Command::Pset => many(rng, global),
-        Command::Pget => many(rng, |rng| format!("{} ", one(rng, GLOBAL).name)),
-        Command::Mac | Command::Macset => small(rng, 20),
-        Command::Rec | Command::Play => small(rng, 6),
-        Command::Wait => small(rng, 2_000),
-        Command::Help => one(rng, command::ROWS).name.to_owned(),
-        Command::Mdeg => small(rng, 150),
-        Command::Mper => small(rng, 100),
-        Command::M | Command::Wm | Command::Ic | Command::Io if rng.random() => small(rng, 20_000),
-        Command::Ptm if rng.random() => small(rng, 3_000),
+        GclCommand::Fset => many(rng, parameter),
+        GclCommand::Fget => many(rng, |rng| format!("{} ", one(rng, MOTOR).name)),
+        GclCommand::Pset => many(rng, global),
+        GclCommand::Pget => many(rng, |rng| format!("{} ", one(rng, HAND).name)),
+        GclCommand::Mac | GclCommand::Macset => small(rng, 20),
+        GclCommand::Rec | GclCommand::Play => small(rng, 6),
+        GclCommand::Wait => small(rng, 2_000),
+        GclCommand::Help => one(rng, command::ROWS).name.to_owned(),
+        GclCommand::Mdeg => small(rng, 150),
+        GclCommand::Mper => small(rng, 100),
+        GclCommand::M | GclCommand::Wm | GclCommand::Ic | GclCommand::Io if rng.random() => small(rng, 20_000),
+        GclCommand::Ptm if rng.random() => small(rng, 3_000),
         _ => String::new(),
     };
     let prefix = if row.prefix || rng.random_ratio(1, 20) { prefix(rng) } else { String::new() };

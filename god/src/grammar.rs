@@ -1,66 +1,66 @@
-//! A line becomes a command: `[X]<motorPrefixes><command> [<arguments>]` (manual 5.1.1), case and white space free: there may be more of it
-//! than is needed, or none, as far as a line can then be read in one way. Two names, or two numbers, need it between them.
+//! Parses a line: `[X]<motorPrefixes><command> [<arguments>]` (manual 5.1.1). Case is free, and so is white space where a line can be read in
+//! one way only. Two names, or two numbers, need it between them.
 //!
-//! The walk-through's lower grammar, `<nodes> S <property> <value>` and `<nodes> G <property>` (manual 3), goes first where white space
-//! parts its numbers from its letter: `4 S M 5` sets a mode, `4SM 5` and `SM 5` move the spread.
+//! The walk-through's grammar, `<nodes> S <property> <value>` and `<nodes> G <property>` (manual 3), takes precedence where white space
+//! separates its numbers from its letter: `4 S M 5` sets a mode, `4SM 5` and `SM 5` move the spread.
 
-use crate::command::{self, Command};
+use crate::command::{self, GclCommand};
 use crate::motors::Prefix;
 use crate::status::Status;
 
-/// Lines of the lower grammar that name no node.
-pub const LOWER: [&str; 2] = ["WAKE", "SAVE"];
+/// Lines of the walk-through's grammar that name no node.
+pub const WALK_THROUGH: [&str; 2] = ["WAKE", "SAVE"];
 
-/// What a line says.
+/// A parsed line.
 #[derive(Clone, Debug)]
-pub enum Words<'a> {
-    /// Nothing.
+pub enum Statement<'a> {
+    /// Nothing but white space.
     Empty,
     /// A command of the Grasper Control Language.
     Command {
-        /// Which.
-        command: Command,
-        /// Its motors.
+        /// The command.
+        command: GclCommand,
+        /// Which motors.
         prefix: Prefix,
-        /// What follows it.
+        /// The text after it.
         arguments: Arguments<'a>,
     },
-    /// A line of the lower grammar.
-    Lower(&'a str),
+    /// A line of the walk-through's grammar.
+    WalkThrough(&'a str),
 }
 
-/// What follows a command: names and numbers, one after another.
+/// The arguments of a command: names and numbers, one after another.
 #[derive(Clone, Debug)]
 pub struct Arguments<'a>(&'a str);
 
 impl<'a> Arguments<'a> {
-    /// The words of a text.
+    /// The arguments in a text.
     #[must_use]
     pub const fn of(text: &'a str) -> Self {
         Self(text)
     }
 
-    /// The next one, as a whole number; `None` if there is none.
+    /// The next argument as a whole number; `None` if there is none.
     ///
     /// # Errors
-    /// Not a number: [`Status::INVALID_VALUE`].
+    /// [`Status::INVALID_VALUE`]: not a number.
     pub fn number(&mut self) -> Option<Result<i64, Status>> {
         self.next().map(|word| word.parse().map_err(|_| Status::INVALID_VALUE))
     }
 
-    /// A command's only argument, which may be missing.
+    /// A command's only argument, a number, which may be missing.
     ///
     /// # Errors
-    /// Not a number, or another one after it.
+    /// [`Status::INVALID_VALUE`]: not a number. [`Status::TOO_MANY_ARGUMENTS`]: another argument follows.
     pub fn only_number(mut self) -> Result<Option<i64>, Status> {
         let number = self.number().transpose()?;
         self.none().map(|()| number)
     }
 
-    /// That there is nothing more.
+    /// Checks that there is no further argument.
     ///
     /// # Errors
-    /// There is: [`Status::TOO_MANY_ARGUMENTS`].
+    /// [`Status::TOO_MANY_ARGUMENTS`]: there is one.
     pub fn none(mut self) -> Result<(), Status> {
         if self.next().is_none() { Ok(()) } else { Err(Status::TOO_MANY_ARGUMENTS) }
     }
@@ -71,7 +71,7 @@ impl<'a> Iterator for Arguments<'a> {
 
     fn next(&mut self) -> Option<&'a str> {
         let text = self.0.trim_ascii_start();
-        // No name has a digit in it: its number may follow at once.
+        // No name contains a digit, so its number may follow without white space.
         let is_name = text.starts_with(|c: char| c.is_ascii_alphabetic());
         let ends =
             |c: char| c.is_ascii_whitespace() || is_name && (c.is_ascii_digit() || matches!(c, '-' | '+'));
@@ -81,45 +81,45 @@ impl<'a> Iterator for Arguments<'a> {
     }
 }
 
-/// Reads a line in upper case.
+/// Parses a line in upper case.
 ///
 /// # Errors
-/// There is no such command, or its prefix selects motors that there are not.
-pub fn parse(line: &str) -> Result<Words<'_>, Status> {
+/// [`Status::UNKNOWN_COMMAND`], or [`Status::NO_MOTOR`]: the prefix names a motor that does not exist.
+pub fn parse(line: &str) -> Result<Statement<'_>, Status> {
     let line = line.trim_ascii();
     if line.is_empty() {
-        return Ok(Words::Empty);
+        return Ok(Statement::Empty);
     }
-    if is_lower(line) {
-        return Ok(Words::Lower(line));
+    if is_walk_through(line) {
+        return Ok(Statement::WalkThrough(line));
     }
     let (prefix, rest) = line.split_at_checked(prefix_len(line)).unwrap_or((line, ""));
     let rest = rest.trim_ascii_start();
     let (name, arguments) = split(rest, |c| c.is_ascii_alphabetic() || c == '?');
-    // A name may follow these at once.
+    // After these, a name may follow without white space.
     let (name, arguments) = NAMING
         .iter()
         .find_map(|&naming| Some((naming, rest.strip_prefix(naming)?)))
         .unwrap_or((name, arguments));
     let Some(command) = command::named(name) else {
-        // `4SE82`: no command, but the lower grammar without its spaces; `WAKE` and `SAVE` are its words.
+        // `4SE82` is no command, but the walk-through's grammar without its spaces; `WAKE` and `SAVE` are its words.
         return if line == "X" {
             Err(Status::NO_MOTOR)
-        } else if prefix.starts_with(|c: char| c.is_ascii_digit()) || LOWER.contains(&line) {
-            Ok(Words::Lower(line))
+        } else if prefix.starts_with(|c: char| c.is_ascii_digit()) || WALK_THROUGH.contains(&line) {
+            Ok(Statement::WalkThrough(line))
         } else {
             Err(Status::UNKNOWN_COMMAND)
         };
     };
     let prefix = Prefix::parse(prefix.as_bytes()).ok_or(Status::NO_MOTOR)?;
-    Ok(Words::Command { command, prefix, arguments: Arguments::of(arguments) })
+    Ok(Statement::Command { command, prefix, arguments: Arguments::of(arguments) })
 }
 
-/// The commands that take names.
+/// The commands whose arguments are names.
 const NAMING: [&str; 5] = ["?", "FSET", "FGET", "PSET", "PGET"];
 
-/// How many characters of a line are its motors: digits, X, G and S, and white space before digits; S or G after white space is the
-/// lower grammar's.
+/// Length of a line's motor prefix: digits, X, G and S, and white space before digits; S or G after white space belongs to the walk-through's
+/// grammar.
 fn prefix_len(line: &str) -> usize {
     let mut len = 0;
     for (at, byte) in line.bytes().enumerate() {
@@ -133,8 +133,8 @@ fn prefix_len(line: &str) -> usize {
     len
 }
 
-/// Whether a line begins as the lower grammar does: numbers, white space, S or G, and not its end.
-fn is_lower(line: &str) -> bool {
+/// Whether a line begins as the walk-through's grammar does: numbers, white space, S or G, and more.
+fn is_walk_through(line: &str) -> bool {
     let (nodes, rest) = split(line, |c| c.is_ascii_digit());
     let words = rest.trim_ascii_start();
     !nodes.is_empty()
@@ -144,7 +144,7 @@ fn is_lower(line: &str) -> bool {
             .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_whitespace()))
 }
 
-/// The longest beginning whose characters all are `wanted`, and the rest.
+/// Splits off the longest start whose characters are all `wanted`.
 fn split(text: &str, wanted: impl Fn(char) -> bool) -> (&str, &str) {
     let end = text.find(|c| !wanted(c)).unwrap_or(text.len());
     text.split_at_checked(end).unwrap_or((text, ""))
@@ -156,11 +156,11 @@ mod tests {
     use std::format;
     use std::string::String;
 
-    fn told(line: &str) -> String {
+    fn parsed(line: &str) -> String {
         match parse(line) {
-            Ok(Words::Empty) => "-".into(),
-            Ok(Words::Lower(line)) => format!("lower {line}"),
-            Ok(Words::Command { command, prefix, arguments }) => {
+            Ok(Statement::Empty) => "-".into(),
+            Ok(Statement::WalkThrough(line)) => format!("walk-through {line}"),
+            Ok(Statement::Command { command, prefix, arguments }) => {
                 let exclusive = if prefix.exclusive { "X" } else { "" };
                 let words: std::vec::Vec<_> = arguments.collect();
                 format!("{exclusive}{:b} {command:?} {words:?}", prefix.named.bits())
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_what_the_manual_means() {
+    fn parse_reads_lines_as_the_manual_means() {
         for (line, expected) in [
             ("", "-"),
             ("  ", "-"),
@@ -197,20 +197,20 @@ mod tests {
             ("X 1 5 FGET P", "X10001 Fget [\"P\"]"),
             ("S 1HOME", "1001 Home []"),
             ("S G HOME", "ERR 32"),
-            ("14 SM5", "lower 14 SM5"),
-            ("1 2 S E 82", "lower 1 2 S E 82"),
+            ("14 SM5", "walk-through 14 SM5"),
+            ("1 2 S E 82", "walk-through 1 2 S E 82"),
             ("M -5", "0 M [\"-5\"]"),
             ("M-5", "0 M [\"-5\"]"),
             ("M x5", "0 M [\"x\", \"5\"]"),
-            ("4 S E 82", "lower 4 S E 82"),
-            ("4 S M 5", "lower 4 S M 5"),
+            ("4 S E 82", "walk-through 4 S E 82"),
+            ("4 S M 5", "walk-through 4 S M 5"),
             ("4SM 5", "1000 M [\"5\"]"),
-            ("4SE82", "lower 4SE82"),
-            ("123 G TEMP", "lower 123 G TEMP"),
-            ("123GTEMP", "lower 123GTEMP"),
+            ("4SE82", "walk-through 4SE82"),
+            ("123 G TEMP", "walk-through 123 G TEMP"),
+            ("123GTEMP", "walk-through 123GTEMP"),
             ("1GM", "111 M []"),
-            ("WAKE", "lower WAKE"),
-            ("SAVE", "lower SAVE"),
+            ("WAKE", "walk-through WAKE"),
+            ("SAVE", "walk-through SAVE"),
             ("5C", "ERR 2"),
             ("1XC", "ERR 2"),
             ("FROB", "ERR 32"),
@@ -220,7 +220,7 @@ mod tests {
             ("FGETS", "0 Fget [\"S\"]"),
             ("=", "ERR 32"),
         ] {
-            assert_eq!(told(line), expected, "{line:?}");
+            assert_eq!(parsed(line), expected, "{line:?}");
         }
     }
 }

@@ -1,59 +1,42 @@
-//! The walk-through's grammar (manual 3): `<nodes> S <property> <value>`, `<nodes> G <property>`, WAKE, SAVE.
+//! The walk-through's grammar (manual 3, decision 0029): `<nodes> S <property> <value>`, `<nodes> G <property>`, WAKE, SAVE.
 //!
-//! White space is optional. Properties are those of the boards, in hall counts, by the names of their table; M means MODE, and AP P,
-//! as in the manual. A SET goes to the boards as it is and is not verified, but that an order (MODE, M, CMD) which a sleeping board does not
-//! obey is ERR 1; a GET answers a line for each board, `1 TEMP=350`. A motor that this grammar has sent says so when its motion has ended:
-//! `4 MODE=3`, between two lines of the host, when nothing is typed. ^C ends it.
+//! White space is optional. Properties are the boards' own, in hall counts, by the names of their table; M means MODE, and AP P, as in the
+//! manual. A SET goes to the boards as it is and is not verified, except that an order (MODE, M, CMD) that a sleeping board does not obey is
+//! ERR 1; a GET prints a line for each board, `1 TEMP=350`. A motor that this grammar has set going reports its end: `4 MODE=3`, between two
+//! lines of the host, while nothing is typed. ^C stops it.
 //!
-//! Node 0 is GOD. It has one property, REPLY, 0 after the start: with `0 S REPLY 1` answers and ends of motions are packets instead
-//! of lines (manual 1.4): the board's frame, as two bytes of identifier, the high one first, one of its length, and its data. Echo, errors
-//! and prompts stay as they are.
-
-use core::cell::Cell;
+//! Node 0 is GOD. It has one property, REPLY, 0 after the start: with `0 S REPLY 1` answers and ends of motions are packets instead of lines
+//! (manual 1.4): the board's frame, as two bytes of identifier, the high one first, one of its length, and its data. Echo, errors and prompts
+//! stay text.
 
 use tater_wire::property::Access;
-use tater_wire::{Cmd, Message, Property};
+use tater_wire::{Cmd, Message, ModeCode, Property};
 
-use crate::boards::{HOLDS, IDLE, REPORTS, Reported};
+use crate::boards::{REPORTS, Reported};
 use crate::god::God;
 use crate::io::NEVER;
 use crate::motors::{COUNT, Motor, Motors};
-use crate::movement;
 use crate::status::Status;
+use crate::{order, query};
 
-/// How a motor that has been let go is waited for, us: a board takes it for standing after 200 ms without a hall count.
-const STANDS_US: u64 = 300_000;
+/// How long to wait for a motor without power before its position is read again, µs: a board counts it as standing after 200 ms without a
+/// hall count.
+const STANDSTILL_US: u64 = 300_000;
 
-/// How often that is waited for: the spread, free, has come to rest within a second.
-const STANDS_TRIES: usize = 10;
-
-/// What is known between two lines.
-#[derive(Debug, Default)]
-pub struct State {
-    /// Motors whose end of motion is to be told.
-    sent: Cell<Motors>,
-    /// REPLY.
-    packets: Cell<bool>,
-}
-
-impl State {
-    /// These are given something else to do: their ends are not told.
-    pub(crate) fn forget(&self, motors: Motors) {
-        self.sent.set(self.sent.get().difference(motors));
-    }
-}
+/// How often to wait for that: the spread, free, comes to rest within a second.
+const STANDSTILL_TRIES: usize = 10;
 
 /// What a line asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Order {
     Set(Motors, Property, i64),
     Get(Motors, Property),
-    /// Of GOD.
+    /// GOD's.
     SetReply(i64),
     GetReply,
 }
 
-/// Does it.
+/// Runs a line of this grammar.
 pub(crate) async fn execute(god: &God<'_>, line: &str) -> Status {
     match line {
         "WAKE" => return wake(god).await,
@@ -65,12 +48,12 @@ pub(crate) async fn execute(god: &God<'_>, line: &str) -> Status {
         Ok(Order::Set(motors, property, value)) => set(god, motors, property, value).await,
         Ok(Order::Get(motors, property)) => get(god, motors, property).await,
         Ok(Order::SetReply(mode @ 0..=1)) => {
-            god.lower.packets.set(mode == 1);
+            god.session.set_packets(mode == 1);
             Status::OK
         }
         Ok(Order::SetReply(_)) => Status::INVALID_VALUE,
         Ok(Order::GetReply) => {
-            god.answer(format_args!("0 REPLY={}", u8::from(god.lower.packets.get()))).await;
+            god.print_line(format_args!("0 REPLY={}", u8::from(god.session.packets()))).await;
             Status::OK
         }
     }
@@ -112,8 +95,7 @@ fn parse(line: &str) -> Result<Order, Status> {
     }
 }
 
-/// A property's name and a value. Without white space between them the name is as short as can be, but has all letters: `X012` is
-/// 12 for X0.
+/// A property's name and a value. Without white space between them the name is the shortest that has all letters: `X012` sets X0 to 12.
 fn value<T>(text: &str, named: impl Fn(&str) -> Option<T>) -> Result<(T, i64), Status> {
     let end = |is: fn(char) -> bool| text.find(is).unwrap_or(text.len());
     let letters = end(|c| !c.is_ascii_alphabetic());
@@ -136,7 +118,7 @@ fn named(name: &str) -> Option<Property> {
     }
 }
 
-// --- orders ---------------------------------------------------------------------------------------------
+// --- lines ----------------------------------------------------------------------------------------------
 
 async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> Status {
     let rules = property.rules();
@@ -147,28 +129,28 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
         return Status::INVALID_VALUE;
     }
     if begins_motion(property, value) {
-        if movement::is_too_hot(god) {
+        if query::is_too_hot(god) {
             return Status::OVER_TEMPERATURE;
         }
-        // Who woke the boards may not have told them to report ends; of what has been before, nobody wants to hear.
+        // Another host may have woken the boards without setting LFLAGS. What they reported before is of no interest.
         god.boards.set(motors, Property::LFLAGS, REPORTS).await;
         motors.iter().for_each(|motor| _ = god.boards.take_reported(motor));
-        god.lower.sent.set(god.lower.sent.get().union(motors));
+        god.session.watch(motors);
     }
     if changes_motion(property, value) {
-        // From here on it is the host who moves them, and must be there.
-        god.moves.cease_pressing(motors);
+        // From here on the host moves them, and has to keep their boards alive.
+        god.session.cease_pressing(motors);
     }
     god.boards.set(motors, property, value).await;
     if !is_order(property, value) {
         return Status::OK;
     }
-    // A board that sleeps obeys none, and has no such property.
-    let heard = god.boards.get(motors, Property::HOLD).await.motors();
-    if heard == motors { Status::OK } else { Status::NO_BOARD }
+    // A board that sleeps obeys none of these, and does not answer this.
+    let answering = god.boards.get(motors, Property::HOLD).await.motors();
+    if answering == motors { Status::OK } else { Status::NO_BOARD }
 }
 
-/// Whether a SET may set a motor in motion: what ends one or is none of it is never refused to a hot hand.
+/// Whether a SET may start a motion, which a hot hand refuses.
 fn begins_motion(property: Property, value: i64) -> bool {
     match property {
         Property::MODE => value != 0,
@@ -180,18 +162,18 @@ fn begins_motion(property: Property, value: i64) -> bool {
     }
 }
 
-/// Whether a SET begins, changes or ends a motion, or may.
+/// Whether a SET may start, change or end a motion.
 fn changes_motion(property: Property, value: i64) -> bool {
     match property {
         Property::MODE | Property::M | Property::V | Property::T => true,
-        // 2 ends faults, not motions.
+        // 2 clears faults and ends no motion.
         Property::STAT => value != 2,
         Property::CMD => !matches!(Cmd::of(value), Some(Cmd::Load | Cmd::Save | Cmd::Def)),
         _ => false,
     }
 }
 
-/// Whether a SET is an order that only a board obeys that is awake, and that is so after it.
+/// Whether a SET is an order that only a board obeys that is awake, and still is after it.
 fn is_order(property: Property, value: i64) -> bool {
     match property {
         Property::MODE | Property::M => true,
@@ -212,10 +194,10 @@ async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
     if motors.difference(values.motors()).is_empty() { Status::OK } else { Status::NO_BOARD }
 }
 
-/// Tells a value, as REPLY wants it.
+/// Prints a value as REPLY says.
 async fn reply(god: &God<'_>, motor: Motor, property: Property, value: i64) {
-    if !god.lower.packets.get() {
-        return god.answer(format_args!("{} {}={value}", motor.number(), property.row().name)).await;
+    if !god.session.packets() {
+        return god.print_line(format_args!("{} {}={value}", motor.number(), property.row().name)).await;
     }
     if let Some(message) = Message::reply(motor.node(), property, value) {
         let frame = message.frame();
@@ -230,33 +212,34 @@ async fn wake(god: &God<'_>) -> Status {
     if god.boards.wake(Motors::ALL).await == Motors::ALL { Status::OK } else { Status::NO_BOARD }
 }
 
-/// Everything is ready for power-off (manual 3, step 17): what moves or holds is let go, because a position can only be trusted that a
-/// standing motor has saved; then each board saves where it is, and all its parameters, and GOD its own.
+/// SAVE makes the hand ready for power-off (manual 3, step 17): motors that move or hold lose their power, because only the position of a
+/// motor at rest can be trusted; then each board saves its position and all its parameters, and GOD its own.
 async fn save(god: &God<'_>) -> Status {
     let stat = god.boards.get(Motors::ALL, Property::STAT).await;
-    // A board in its monitor has nothing new.
+    // A board in its monitor has nothing to save.
     let awake = stat.filter(|stat| stat == 2);
-    god.moves.cease_pressing(Motors::ALL);
-    let busy = god.boards.get(awake, Property::MODE).await.filter(|mode| mode != IDLE);
-    god.boards.set(busy, Property::MODE, IDLE).await;
+    god.session.cease_pressing(Motors::ALL);
+    let busy =
+        god.boards.get(awake, Property::MODE).await.filter(|mode| ModeCode::of(mode) != Some(ModeCode::Idle));
+    god.boards.set(busy, Property::MODE, ModeCode::Idle.into()).await;
     let mut before = god.boards.get(awake, Property::P).await;
-    for _ in 0..STANDS_TRIES {
-        god.io.sleep_until(god.io.after_us(STANDS_US)).await;
+    for _ in 0..STANDSTILL_TRIES {
+        god.io.sleep_until(god.io.after_us(STANDSTILL_US)).await;
         let now = god.boards.get(awake, Property::P).await;
         if core::mem::replace(&mut before, now) == now {
             break;
         }
     }
     let parameters = *god.parameters.borrow();
-    god.memory.change(|stored| stored.parameters = parameters);
+    god.memory.update(|stored| stored.parameters = parameters);
     let answered = if stat.motors() == Motors::ALL { Status::OK } else { Status::NO_BOARD };
     answered | god.boards.save(awake, core::iter::once(-1)).await
 }
 
 // --- ends of motions ------------------------------------------------------------------------------------
 
-/// Until the host says something, tells which motions have ended that this grammar began; a prompt follows.
-pub(crate) async fn tell_ends(god: &God<'_>) {
+/// Reports motions of this grammar that have ended, each followed by a prompt, until the host sends something.
+pub(crate) async fn report_ends(god: &God<'_>) {
     loop {
         let ended = god
             .io
@@ -267,38 +250,38 @@ pub(crate) async fn tell_ends(god: &God<'_>) {
             .await
             .flatten();
         let Some((motor, mode)) = ended else { return };
-        // An order that took the place of a motion has ended it, and what it began goes on. All that was said of the former one has come before
-        // the order's line was over, because its board has answered another question since.
+        // END 0: a later order has replaced that motion, and runs. Reports of the former one arrived before the prompt of that order, because
+        // its board has answered a question since.
         if god.boards.get(Motors::only(motor), Property::END).await.get(motor) == Some(0) {
             continue;
         }
-        god.lower.forget(Motors::only(motor));
+        god.session.unwatch(Motors::only(motor));
         reply(god, motor, Property::MODE, mode).await;
         god.prompt().await;
     }
 }
 
-/// A motor whose end of motion is to be told, and the mode it is in now.
+/// A motor whose motion has ended, and its mode now.
 fn ended(god: &God<'_>) -> Option<(Motor, i64)> {
     god.boards.drain();
-    let sent = god.lower.sent.get();
-    sent.iter().find_map(|motor| {
+    god.session.watched().iter().find_map(|motor| {
         let Reported { mode, .. } = god.boards.take_reported(motor);
         mode.map(|mode| (motor, mode))
     })
 }
 
-/// ^C, or the host is gone: ends what this grammar has set in motion, as HOLD says (manual 5.5, case 3); nothing more is told of it. What
-/// holds or presses goes on. [`Status::ABORTED`], if something moved.
+/// ^C, or the host has disconnected: stops what this grammar has set going, as HOLD demands (manual 5.5, case 3), and reports no end of it.
+/// Motors that hold or press go on. Returns [`Status::ABORTED`] if one was moving.
 pub(crate) async fn abort(god: &God<'_>) -> Status {
-    let sent = god.lower.sent.take();
-    let modes = god.boards.get(sent, Property::MODE).await;
-    let silent = sent.difference(modes.motors());
-    let moving = modes.filter(|mode| mode != IDLE && mode != HOLDS);
+    let watched = god.session.watched();
+    god.session.unwatch(watched);
+    let modes = god.boards.get(watched, Property::MODE).await;
+    let silent = watched.difference(modes.motors());
+    let at_rest = |mode| matches!(ModeCode::of(mode), Some(ModeCode::Idle | ModeCode::Pid));
+    let moving = modes.filter(|mode| !at_rest(mode));
     let holding = god.boards.get(moving, Property::HOLD).await.filter(|hold| hold != 0);
-    god.boards.set(holding, Property::MODE, HOLDS).await;
-    god.boards.set(moving.difference(holding).union(silent), Property::MODE, IDLE).await;
-    moving.iter().for_each(|motor| god.note(motor, Status::ABORTED));
+    order::stop(god, moving.union(silent), holding).await;
+    moving.iter().for_each(|motor| god.session.set_result(motor, Status::ABORTED));
     if moving.is_empty() { Status::OK } else { Status::ABORTED }
 }
 

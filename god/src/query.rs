@@ -1,0 +1,181 @@
+//! What commands ask the boards: which motors are selected, whether they can move, values and positions in the language's units.
+
+use tater_wire::Property;
+
+use crate::boards::Answers;
+use crate::god::God;
+use crate::memory::OfMotor;
+use crate::motors::{Motor, Motors, Prefix, Selection};
+use crate::parameter::{MOTOR, ParameterSpec, Source};
+use crate::status::Status;
+use crate::units;
+
+/// HALLH: the board knows its motor's position.
+const POSITION_KNOWN: i64 = 1 << 30;
+
+/// OTEMP of a hand without a limit, 0.1 °C (manual 5.4.1).
+const NO_LIMIT: i16 = -551;
+
+// --- motors ---------------------------------------------------------------------------------------------
+
+/// The motors of a prefix. Without one those with EN, for which all boards are woken. A board that does not answer counts as enabled, so
+/// that a hand with a dead board reports it.
+///
+/// # Errors
+/// [`Status::NO_MOTOR`]: none is selected.
+pub(crate) async fn selection(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
+    let mut enabled = Motors::ALL;
+    if !prefix.given && !prefix.exclusive {
+        let awake = god.boards.wake(Motors::ALL).await;
+        enabled = enabled.difference(god.boards.get(awake, Property::EN).await.filter(|en| en == 0));
+    }
+    let selection = prefix.select(enabled);
+    if selection.axes.is_empty() { Err(Status::NO_MOTOR) } else { Ok(selection) }
+}
+
+/// The same, with their boards awake.
+///
+/// # Errors
+/// [`Status::NO_MOTOR`], or [`Status::NO_BOARD`]: one does not answer.
+pub(crate) async fn awake_selection(god: &God<'_>, prefix: Prefix) -> Result<Selection, Status> {
+    let selection = selection(god, prefix).await?;
+    let motors = selection.motors();
+    let silent = motors.difference(god.boards.wake(motors).await);
+    if silent.is_empty() { Ok(selection) } else { Err(Status::NO_BOARD) }
+}
+
+// --- readiness ------------------------------------------------------------------------------------------
+
+/// Whether the hand is hotter than OTEMP.
+pub(crate) fn is_too_hot(god: &God<'_>) -> bool {
+    let limit = god.parameters.borrow().hand.otemp;
+    limit != NO_LIMIT && god.io.temperature() > limit
+}
+
+/// Checks that motors can move: the hand is not hotter than OTEMP, their boards answer, and, if they must be `initialized`, know their
+/// positions. Wakes those that sleep.
+///
+/// # Errors
+/// [`Status::OVER_TEMPERATURE`] alone, or the sum of [`Status::NO_BOARD`] and [`Status::NOT_INITIALIZED`]. S has each motor's own.
+pub(crate) async fn check_ready(god: &God<'_>, motors: Motors, initialized: bool) -> Result<(), Status> {
+    if is_too_hot(god) {
+        motors.iter().for_each(|motor| god.session.set_result(motor, Status::OVER_TEMPERATURE));
+        return Err(Status::OVER_TEMPERATURE);
+    }
+    let awake = god.boards.wake(motors).await;
+    let halls = if initialized { god.boards.get(awake, Property::HALLH).await } else { Answers::default() };
+    let mut sum = Status::OK;
+    for motor in motors.iter() {
+        let status = match halls.get(motor) {
+            _ if !awake.has(motor) => Status::NO_BOARD,
+            None if initialized => Status::NO_BOARD,
+            Some(bits) if bits & POSITION_KNOWN == 0 => Status::NOT_INITIALIZED,
+            _ => continue,
+        };
+        god.session.set_result(motor, status);
+        sum |= status;
+    }
+    if sum.is_ok() { Ok(()) } else { Err(sum) }
+}
+
+/// The motors whose boards answer that they do not know their position.
+pub(crate) async fn uninitialized(god: &God<'_>, motors: Motors) -> Motors {
+    god.boards.get(motors, Property::HALLH).await.filter(|bits| bits & POSITION_KNOWN == 0)
+}
+
+// --- values ---------------------------------------------------------------------------------------------
+
+/// A property of each of those motors, in the board's unit.
+///
+/// # Errors
+/// [`Status::NO_BOARD`]: one does not answer.
+pub(crate) async fn property(god: &God<'_>, motors: Motors, property: Property) -> Result<Answers, Status> {
+    complete(god, motors, god.boards.get(motors, property).await)
+}
+
+/// Where each of those motors is, GCL counts.
+///
+/// # Errors
+/// [`Status::NO_BOARD`]: one does not answer.
+pub(crate) async fn positions(god: &God<'_>, motors: Motors) -> Result<Answers, Status> {
+    complete(god, motors, known_positions(god, motors).await)
+}
+
+/// The same of those that answer.
+pub(crate) async fn known_positions(god: &God<'_>, motors: Motors) -> Answers {
+    god.boards.get(motors, Property::P).await.map(|_, halls| units::gcl(halls))
+}
+
+/// A parameter in counts of each of those motors, as FGET prints it, by its property.
+///
+/// # Errors
+/// [`Status::NO_BOARD`]: one does not answer.
+pub(crate) async fn counts(god: &God<'_>, motors: Motors, property: Property) -> Result<Answers, Status> {
+    complete(god, motors, known_counts(god, motors, property).await)
+}
+
+/// The same of those that answer.
+pub(crate) async fn known_counts(god: &God<'_>, motors: Motors, property: Property) -> Answers {
+    let is =
+        |spec: &&ParameterSpec| matches!(spec.source, Source::Counts { property: of, .. } if of == property);
+    match MOTOR.iter().find(is) {
+        Some(spec) => parameter(god, spec, motors).await,
+        None => Answers::default(),
+    }
+}
+
+fn complete(god: &God<'_>, motors: Motors, answers: Answers) -> Result<Answers, Status> {
+    let silent = motors.difference(answers.motors());
+    silent.iter().for_each(|motor| god.session.set_result(motor, Status::NO_BOARD));
+    if silent.is_empty() { Ok(answers) } else { Err(Status::NO_BOARD) }
+}
+
+/// The values of a parameter; a motor whose board does not answer has none.
+pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motors) -> Answers {
+    match spec.source {
+        Source::Board(property) => god.boards.get(motors, property).await,
+        Source::Measured(property) => {
+            god.boards.get(motors, property).await.map(|_, halls| units::gcl(halls))
+        }
+        Source::Counts { property, place, .. } => {
+            let on_board = god.boards.get(motors, property).await;
+            let as_set = |motor: Motor| {
+                let as_set = of_motor(god, motor)?.as_set.get(usize::from(place)).copied()?;
+                Some(i64::from(as_set))
+            };
+            on_board.map(|motor, halls| {
+                // Unless the board's value was set by somebody else.
+                let same = as_set(motor).filter(|&as_set| counts_on_board(property, as_set) == halls);
+                same.unwrap_or(units::gcl(halls))
+            })
+        }
+        Source::Kept { kept, .. } => {
+            Answers::from_fn(motors, |motor| of_motor(god, motor).map(|of| of.value(kept).into()))
+        }
+        Source::Status => status(god, motors).await,
+        Source::Fixed(value) => Answers::uniform(motors, value),
+    }
+}
+
+/// S of each motor: the result of its last motion, and whether its position is known now.
+pub(crate) async fn status(god: &God<'_>, motors: Motors) -> Answers {
+    let lost = uninitialized(god, motors).await;
+    Answers::from_fn(motors, |motor| {
+        // The last motion's answer to that is outdated.
+        let last = god.session.result(motor).code() & !Status::NOT_INITIALIZED.code();
+        let now = if lost.has(motor) { Status::NOT_INITIALIZED } else { Status::OK };
+        Some((Status::of(last) | now).code().into())
+    })
+}
+
+/// The board's value of a parameter in GCL counts: the nearest hall count in the property's range. MPE below 0 is 0 there, which is the
+/// same to the board: the motion ends as near as possible, and GOD judges it.
+#[must_use]
+pub(crate) fn counts_on_board(property: Property, gcl: i64) -> i64 {
+    let rules = property.rules();
+    units::halls(gcl).max(rules.min()).min(rules.max())
+}
+
+fn of_motor(god: &God<'_>, motor: Motor) -> Option<OfMotor> {
+    god.parameters.borrow().motors.get(motor.index()).copied()
+}

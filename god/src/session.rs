@@ -1,0 +1,192 @@
+//! State that outlives a command: what each motor is doing for the host, what boards are to get back, and what the host was told.
+
+use core::cell::Cell;
+
+use tater_wire::Property;
+
+use crate::boards::Answers;
+use crate::motors::{COUNT, Motor, Motors};
+use crate::status::Status;
+
+/// What a motor is doing for the host.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Activity {
+    /// Nothing that GOD has to end or to report.
+    #[default]
+    Idle,
+    /// A command moves it; ^C stops it.
+    Moving {
+        /// HOLD: when stopped it holds its position, else its power goes off.
+        holds: bool,
+    },
+    /// TC or TO has left it pressing in mode 4, because of HOLD: its board needs a keep-alive.
+    Pressing,
+    /// The walk-through's grammar has sent it: its end is reported to the host.
+    Watched,
+}
+
+/// Motors that ^C or the end of RealTime stops.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Stopping {
+    /// Those.
+    pub motors: Motors,
+    /// Those of them that hold their position.
+    pub holding: Motors,
+}
+
+/// Properties that a motion may override for its own time: velocities and BT; RealTime overrides KPV.
+pub(crate) const OVERRIDABLE: [Property; 5] =
+    [Property::MV, Property::MCV, Property::MOV, Property::BT, Property::KPV];
+
+/// The state.
+#[derive(Debug, Default)]
+pub struct Session {
+    activities: Cell<[Activity; COUNT]>,
+    /// The boards' own values of [`OVERRIDABLE`] where a motion has overridden them.
+    overridden: [Cell<Answers>; OVERRIDABLE.len()],
+    /// Result of each motor's last motion (parameter S).
+    results: Cell<[Status; COUNT]>,
+    /// The position of each motor that the host knows, GCL counts: FGET P or RealTime stated it (manual 6.2.3).
+    reported: Cell<[i32; COUNT]>,
+    /// The sequence that commands are recorded in.
+    recording: Cell<Option<u8>>,
+    /// REPLY of the walk-through's grammar: answers are packets.
+    packets: Cell<bool>,
+}
+
+/// What each motor is doing.
+impl Session {
+    /// These motors begin a motion.
+    pub(crate) fn begin_motion(&self, motors: Motors, holding: Motors) {
+        self.change(motors, |motor, _| Activity::Moving { holds: holding.has(motor) });
+    }
+
+    /// The motion of these motors has ended.
+    pub(crate) fn end_motion(&self, motors: Motors) {
+        self.change(motors, |_, activity| match activity {
+            Activity::Moving { .. } => Activity::Idle,
+            other => other,
+        });
+    }
+
+    /// Ends every motion. Returns the motors that were moving.
+    pub(crate) fn take_moving(&self) -> Stopping {
+        let motors = self.filter(|activity| matches!(activity, Activity::Moving { .. }));
+        let holding = self.filter(|activity| activity == Activity::Moving { holds: true });
+        self.end_motion(motors);
+        Stopping { motors, holding }
+    }
+
+    /// These motors press on.
+    pub(crate) fn press(&self, motors: Motors) {
+        self.change(motors, |_, _| Activity::Pressing);
+    }
+
+    /// These motors no longer press: they get something else to do.
+    pub(crate) fn cease_pressing(&self, motors: Motors) {
+        self.change(motors, |_, activity| match activity {
+            Activity::Pressing => Activity::Idle,
+            other => other,
+        });
+    }
+
+    /// The motors that press on.
+    pub(crate) fn pressing(&self) -> Motors {
+        self.filter(|activity| activity == Activity::Pressing)
+    }
+
+    /// The end of these motors' motion is to be reported to the host.
+    pub(crate) fn watch(&self, motors: Motors) {
+        self.change(motors, |_, _| Activity::Watched);
+    }
+
+    /// The end of these motors' motion is not to be reported any more.
+    pub(crate) fn unwatch(&self, motors: Motors) {
+        self.change(motors, |_, activity| match activity {
+            Activity::Watched => Activity::Idle,
+            other => other,
+        });
+    }
+
+    /// The motors whose end of motion is to be reported.
+    pub(crate) fn watched(&self) -> Motors {
+        self.filter(|activity| activity == Activity::Watched)
+    }
+
+    fn filter(&self, is: impl Fn(Activity) -> bool) -> Motors {
+        let activities = self.activities.get();
+        Motors::ALL.iter().filter(|motor| activities.get(motor.index()).copied().is_some_and(&is)).collect()
+    }
+
+    fn change(&self, motors: Motors, to: impl Fn(Motor, Activity) -> Activity) {
+        let mut activities = self.activities.get();
+        for motor in motors.iter() {
+            if let Some(activity) = activities.get_mut(motor.index()) {
+                *activity = to(motor, *activity);
+            }
+        }
+        self.activities.set(activities);
+    }
+}
+
+/// What boards are to get back, and what the host was told.
+impl Session {
+    /// The boards' own values of a property of [`OVERRIDABLE`] where it is overridden.
+    pub(crate) fn overridden(&self, property: Property) -> &Cell<Answers> {
+        let [first, ..] = &self.overridden;
+        let place = OVERRIDABLE.iter().position(|&overridable| overridable == property);
+        place.and_then(|place| self.overridden.get(place)).unwrap_or(first)
+    }
+
+    /// Sets the result of a motor's last motion.
+    pub(crate) fn set_result(&self, motor: Motor, status: Status) {
+        set(&self.results, motor, status);
+    }
+
+    /// The result of a motor's last motion.
+    pub(crate) fn result(&self, motor: Motor) -> Status {
+        get(&self.results, motor)
+    }
+
+    /// Sets the position of a motor that the host knows, GCL counts.
+    pub(crate) fn set_reported(&self, motor: Motor, position: i32) {
+        set(&self.reported, motor, position);
+    }
+
+    /// The position of a motor that the host knows, GCL counts.
+    pub(crate) fn reported(&self, motor: Motor) -> i32 {
+        get(&self.reported, motor)
+    }
+
+    /// Begins to record commands in a sequence, or ends it.
+    pub(crate) fn set_recording(&self, sequence: Option<u8>) {
+        self.recording.set(sequence);
+    }
+
+    /// The sequence that commands are recorded in.
+    pub(crate) const fn recording(&self) -> Option<u8> {
+        self.recording.get()
+    }
+
+    /// Sets REPLY: whether answers of the walk-through's grammar are packets.
+    pub(crate) fn set_packets(&self, packets: bool) {
+        self.packets.set(packets);
+    }
+
+    /// REPLY.
+    pub(crate) const fn packets(&self) -> bool {
+        self.packets.get()
+    }
+}
+
+fn set<T: Copy>(all: &Cell<[T; COUNT]>, motor: Motor, value: T) {
+    let mut values = all.get();
+    if let Some(place) = values.get_mut(motor.index()) {
+        *place = value;
+    }
+    all.set(values);
+}
+
+fn get<T: Copy + Default>(all: &Cell<[T; COUNT]>, motor: Motor) -> T {
+    all.get().get(motor.index()).copied().unwrap_or_default()
+}

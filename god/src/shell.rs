@@ -1,0 +1,141 @@
+//! The shell: start, prompt, line, command, status, prompt (manual 5.1).
+//!
+//! # Deadlines
+//! ^C and a hang-up end every command: its orders that have not left yet are dropped, the motors that it moved are stopped, overridden
+//! properties restored. With a dead bus that takes 0.5 s at most. After it the host is at a prompt.
+
+use core::convert::Infallible;
+
+use tater_wire::Property;
+
+use crate::command::{Category, GclCommand};
+use crate::events::EventKind;
+use crate::god::{BANNER, God};
+use crate::grammar::{self, Statement};
+use crate::io::{Io, unless_aborted, with_background};
+use crate::line::{self, Input};
+use crate::memory::Memory;
+use crate::motors::{Motors, Prefix};
+use crate::status::Status;
+use crate::{administration, movement, order, realtime, sequences, settings, walk_through};
+
+/// What a line has come to.
+enum Outcome {
+    /// The line is done: print its status and the prompt.
+    Done(Status),
+    /// RESET: start anew.
+    Reset,
+}
+
+/// Runs GOD from its start on. Never ends.
+pub async fn run(io: &Io, memory: &Memory) -> Infallible {
+    loop {
+        let god = God::new(io, memory);
+        io.record(EventKind::Started);
+        with_background(settings::hand::maintain_statistics(&god), async {
+            io.set_baud(god.parameters.borrow().hand.baud);
+            god.print_line(format_args!("{BANNER}")).await;
+            god.prompt().await;
+            with_background(order::send_keepalives(&god), serve(&god)).await;
+        })
+        .await;
+        settings::hand::update_statistics(&god);
+    }
+}
+
+/// Reads lines and runs them, until RESET.
+async fn serve(god: &God<'_>) {
+    loop {
+        walk_through::report_ends(god).await;
+        let outcome = match line::read(god.io).await {
+            Input::Abort => {
+                god.io.drop_frames();
+                Outcome::Done(walk_through::abort(god).await)
+            }
+            Input::TooLong => Outcome::Done(Status::TOO_MANY_ARGUMENTS),
+            Input::Line(mut line) => {
+                line.make_ascii_uppercase();
+                run_line(god, &line).await
+            }
+        };
+        match outcome {
+            Outcome::Reset => return,
+            Outcome::Done(status) if !status.is_ok() => {
+                god.io.record(EventKind::Failed { status });
+                god.print_line(format_args!("ERR {}", status.code())).await;
+            }
+            Outcome::Done(_) => {}
+        }
+        god.prompt().await;
+    }
+}
+
+/// Runs a line to its end or to ^C.
+async fn run_line(god: &God<'_>, line: &str) -> Outcome {
+    if let Some(outcome) = unless_aborted(god.io, run_commands(god, line)).await {
+        return outcome;
+    }
+    god.io.take_abort();
+    god.io.leave_raw();
+    // Orders that have not left yet are void; output that the host does not read must not hold the prompt back.
+    god.io.drop_frames();
+    god.io.discard_full_output();
+    order::abort_motion(god).await;
+    walk_through::abort(god).await;
+    Outcome::Done(Status::ABORTED)
+}
+
+/// Runs a line's command; for PLAY those of its sequence, until one fails.
+async fn run_commands(god: &God<'_>, line: &str) -> Outcome {
+    let sequence = match sequences::played(god, line) {
+        Ok(sequence) => sequence,
+        Err(status) => return Outcome::Done(status),
+    };
+    if sequence.is_none() {
+        sequences::record(god, line).await;
+    }
+    // A recorded sequence contains no PLAY (manual 5.2.4), so this does not nest.
+    for command in sequence.as_deref().unwrap_or(line).split_terminator(sequences::END) {
+        let outcome = match grammar::parse(command) {
+            Ok(statement) => dispatch(god, statement).await,
+            Err(status) => Outcome::Done(status),
+        };
+        match outcome {
+            Outcome::Done(status) if status.is_ok() => {}
+            outcome => return outcome,
+        }
+    }
+    Outcome::Done(Status::OK)
+}
+
+async fn dispatch(god: &God<'_>, statement: Statement<'_>) -> Outcome {
+    let (command, prefix, arguments) = match statement {
+        Statement::Empty => return Outcome::Done(Status::OK),
+        Statement::WalkThrough(line) => return Outcome::Done(walk_through::execute(god, line).await),
+        Statement::Command { command, prefix, arguments } => (command, prefix, arguments),
+    };
+    let Some(spec) = command.row() else { return Outcome::Done(Status::UNKNOWN_COMMAND) };
+    if !spec.prefix && prefix != Prefix::default() {
+        return Outcome::Done(Status::NO_PREFIX);
+    }
+    Outcome::Done(match (command, spec.category) {
+        (GclCommand::Loop, _) => realtime::execute(god, prefix, arguments).await,
+        (GclCommand::Reset, _) => match arguments.none() {
+            Ok(()) => {
+                // As after power-on, the boards wait in their monitors.
+                god.boards.set(Motors::ALL, Property::STAT, 0).await;
+                return Outcome::Reset;
+            }
+            Err(status) => status,
+        },
+        (_, Category::Movement) => movement::execute(god, command, prefix, arguments).await,
+        (_, Category::MotorParameters | Category::GlobalParameters)
+        | (GclCommand::Flista | GclCommand::Flistav | GclCommand::Plista | GclCommand::Plistav, _) => {
+            settings::execute(god, command, prefix, arguments).await
+        }
+        (_, Category::Sequences) => sequences::execute(god, command, prefix, arguments).await,
+        (_, Category::Administration | Category::Advanced) => {
+            administration::execute(god, command, arguments).await
+        }
+    })
+}
