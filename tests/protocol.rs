@@ -1,4 +1,4 @@
-//! What goes over the bus: a Tater as a host sees it.
+//! A Tater as a host sees it over the bus.
 
 #[allow(dead_code, reason = "tater-fw's own tests use all of it")]
 #[path = "../tater-fw/src/tater/tests/board.rs"]

@@ -1,4 +1,4 @@
-//! Downloads over the simulated bus: by a host that does exactly what Barrett's does, and by ours.
+//! Downloads over the simulated bus: by a host that works exactly like Barrett's, and by ours.
 
 use hil_sim::board::SimBoard;
 use hil_sim::bus::{Adapter, Bus, Noise, Stats};
@@ -19,7 +19,7 @@ fn id() -> Id {
     Id::new(NODE).expect("a node")
 }
 
-/// A sealed image of so many bytes, none of them left erased.
+/// A sealed image of so many bytes, none of them erased flash.
 fn image(len: usize) -> Vec<u8> {
     let mut image: Vec<u8> =
         (0..len as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8 & 0x7F).collect();
@@ -70,23 +70,23 @@ impl Bench {
         std::iter::from_fn(|| self.bus.wait(deadline)).find_map(|s| answer(&s.frame, NODE, property))
     }
 
-    /// What is in the application's area.
+    /// The contents of the application's area.
     pub(super) fn application(&self, len: usize) -> &[u8] {
         let flash = self.bus.stations().next().expect("the board").board().sim_flash().bytes();
         let start = (APPLICATION.start - FLASH.start) as usize;
         &flash[start..start + len]
     }
 
-    /// Barrett's download, as PROTOCOL.md tells it; `None` if the board does not ask on.
+    /// Barrett's downloader (docs/download.md); `None` if the board stops requesting.
     pub(super) fn barrett(&mut self, file: &[u8]) -> Option<()> {
         self.set(Property::STAT, 0);
         let until = self.bus.now_us() + 1_000_000;
         self.bus.run_until(until);
         self.set(Property::VERS, i64::from(START));
-        // At most 98 characters a line are read; the first is skipped, and one below '0' ends it.
+        // Reads at most 98 characters a line, skips the first, and stops at one below '0'.
         for line in file.split_inclusive(|&byte| byte == b'\n').flat_map(|line| line.chunks(98)) {
             for &character in line.iter().skip(1).take_while(|&&character| character >= b'0') {
-                // Any frame is the go-ahead. The real one would wait for ever.
+                // Any frame counts as a request. The real host would wait forever.
                 let deadline = self.bus.now_us() + 30_000_000;
                 self.bus.wait(deadline)?;
                 let to = Identifier { from: Id::HOST, to: Destination::Node(id()) };
@@ -96,7 +96,7 @@ impl Bench {
         Some(())
     }
 
-    /// Wakes the board and waits for it; how long that took, in µs.
+    /// Wakes the board and waits until it is awake; returns the time in µs.
     pub(super) fn wake(&mut self) -> u64 {
         let begin = self.bus.now_us();
         self.wait(1_000_000);
@@ -109,7 +109,7 @@ impl Bench {
         self.bus.now_us() - begin
     }
 
-    /// Our download.
+    /// Our downloader.
     pub(super) fn ours(&mut self, file: &[u8]) -> Result<(), DownloadError> {
         let mut host = Downloader::new(id(), file, self.bus.now_us());
         loop {
@@ -131,11 +131,11 @@ impl Bench {
     }
 }
 
-/// 48 KiB, as a real application may have.
+/// 48 KiB, a realistic application.
 const BYTES: usize = 48 * 1024;
 
 #[test]
-fn barretts_downloader_completes_and_ours_needs_a_fifth_of_the_bus_at_most() {
+fn barretts_downloader_completes_and_ours_needs_a_fifth_of_the_bus() {
     let image = image(BYTES);
     let file = file(&image);
 
@@ -168,9 +168,9 @@ fn barretts_downloader_completes_and_ours_needs_a_fifth_of_the_bus_at_most() {
 }
 
 #[test]
-fn a_noisy_cable_costs_repetitions_but_no_download() {
+fn noisy_cable_causes_repetitions_but_no_failure() {
     let (image, mut bench) = (image(4096), Bench::new());
-    // One frame in 50 is destroyed, one in 200 is lost by who should hear it: far worse than any cable that works.
+    // One frame in 50 is destroyed, one in 200 is lost by its receiver: far worse than any working cable.
     bench.bus.set_medium(Noise::new(3, 0.005, 0.02));
     bench.ours(&file(&image)).expect("it repeats what is lost");
     let stats = bench.stats();
@@ -179,7 +179,7 @@ fn a_noisy_cable_costs_repetitions_but_no_download() {
 }
 
 #[test]
-fn a_host_that_dies_leaves_the_old_application_and_a_board_that_can_be_downloaded_again() {
+fn host_that_dies_leaves_the_old_application_and_a_usable_monitor() {
     let mut bench = Bench::new();
     let old = placeholder_application();
     let (image, half) = (image(4096), 3_000);
@@ -197,11 +197,11 @@ fn a_host_that_dies_leaves_the_old_application_and_a_board_that_can_be_downloade
 }
 
 #[test]
-fn a_damaged_file_is_refused_by_the_board_with_its_reason() {
+fn damaged_file_is_refused_with_its_error() {
     let mut bench = Bench::new();
     let old = placeholder_application();
     let mut file = file(&image(4096));
-    // A digit of data in the second record: its checksum does not agree any more.
+    // A digit of data in the second record: its checksum no longer matches.
     file[79 + 2 + 40] ^= 1;
     let error = bench.ours(&file).expect_err("damaged");
     assert_eq!(error, DownloadError::Refused { error: i64::from(FaultCode::BadChecksum.code()) });
@@ -212,7 +212,7 @@ fn a_damaged_file_is_refused_by_the_board_with_its_reason() {
 }
 
 #[test]
-fn a_board_that_is_not_there_is_named() {
+fn missing_board_is_named() {
     let mut bench = Bench::new();
     bench.bus.cut(0, true);
     assert_eq!(bench.ours(&file(&image(1024))), Err(DownloadError::NoBoard { node: id() }));

@@ -1,4 +1,4 @@
-//! What Barrett's host software does, through the bus, in simulated time.
+//! The sequences of Barrett's host software, over the bus, in simulated time.
 
 use hil_sim::board::SimBoard;
 use hil_sim::bus::{Adapter, Bus};
@@ -9,7 +9,7 @@ use servo_core::mode::Mode;
 use tater_wire::MotorKind;
 use tater_wire::{Body, Destination, Frame, Group, Message, Node as Id, Property, Torques};
 
-/// Hosts poll with 1 ms to answer; an answer takes at most 0.5 ms and the frames before it.
+/// Hosts poll with a timeout of 1 ms; an answer takes at most 0.5 ms plus the frames before it.
 const POLL_US: u64 = 1_000;
 
 /// A host on the bus.
@@ -26,7 +26,7 @@ fn to(number: u8) -> Destination {
 }
 
 impl Host {
-    /// Seven boards whose power has just come on.
+    /// Seven boards, just powered.
     pub(super) fn at_power_up(nodes: impl IntoIterator<Item = u8>) -> Self {
         let node = |n| Node::new(SimBoard::standard(id(n), Model::Averaged, u64::from(n)));
         Self::on_bus(nodes.into_iter().map(node).collect())
@@ -65,12 +65,12 @@ impl Host {
         self.bus.station_mut(index).expect("a board")
     }
 
-    /// Forgets what has come.
+    /// Discards received frames.
     pub(super) fn clear(&mut self) {
         while self.bus.receive().is_some() {}
     }
 
-    /// GETs, and waits 1 ms for the answer of that node.
+    /// Sends a GET, and waits 1 ms for the answer of that node.
     pub(super) fn get(&mut self, node: u8, property: Property) -> Option<i64> {
         self.clear();
         let deadline = self.bus.now_us() + POLL_US;
@@ -83,7 +83,7 @@ impl Host {
         None
     }
 
-    /// Polls a property every `every_ms` until it is `wanted`, at most `for_ms`; what was read on the way.
+    /// Polls a property every `every_ms` until it is `wanted`, for at most `for_ms`; returns the values read.
     fn poll(&mut self, node: u8, property: Property, wanted: i64, every_ms: u64, for_ms: u64) -> Vec<i64> {
         let mut read = Vec::new();
         for _ in 0..for_ms / every_ms {
@@ -111,7 +111,7 @@ pub(crate) fn answer(frame: &Frame, node: u8, property: Property) -> Option<i64>
 }
 
 #[test]
-fn enumeration_finds_the_boards_that_are_there_and_no_others() {
+fn enumeration_finds_present_boards_only() {
     let mut host = Host::at_power_up(1..=7);
     let found: Vec<(u8, i64)> =
         (1..=31).filter_map(|node| host.get(node, Property::STAT).map(|stat| (node, stat))).collect();
@@ -128,7 +128,7 @@ fn enumeration_finds_the_boards_that_are_there_and_no_others() {
 }
 
 #[test]
-fn answers_come_within_half_a_millisecond() {
+fn answers_arrive_within_half_a_millisecond() {
     let mut host = Host::awake(1..=7);
     let mut worst = 0;
     for round in 0..200u64 {
@@ -146,7 +146,7 @@ fn answers_come_within_half_a_millisecond() {
 }
 
 #[test]
-fn a_group_is_answered_by_every_member() {
+fn get_to_a_group_is_answered_by_every_member() {
     let mut host = Host::awake(1..=7);
     for (group, members) in
         [(Group::ALL, 1..=7), (Group::TATERS, 1..=7), (Group::LOW, 1..=4), (Group::HIGH, 5..=7)]
@@ -163,13 +163,13 @@ fn a_group_is_answered_by_every_member() {
                 Some(message.from.number().into())
             );
         }
-        // All ask for the bus at once: the lowest identifier, which holds the sender, goes first.
+        // All request the bus at once: the lowest identifier, which contains the sender, goes first.
         assert_eq!(from, members.collect::<Vec<_>>(), "{group:?}");
     }
 }
 
 #[test]
-fn a_trapezoidal_move_by_e_and_mode_5() {
+fn e_then_mode_5_moves() {
     let mut host = Host::awake(1..=7);
     for (property, value) in
         [(Property::ACCEL, 30), (Property::MV, 1000), (Property::TSTOP, 400), (Property::HOLD, 1)]
@@ -202,7 +202,7 @@ fn packed_torques_of_one_to_four_slots() {
             host.set(to(node), Property::MODE, 2);
         }
         for len in 1..=nodes.len() {
-            // Too little to turn anything: the static friction is some 60 units.
+            // Too little to turn the motor: static friction is about 60 units.
             let torques: Vec<i16> = (0..len).map(|slot| 5 + slot as i16 + 10 * len as i16 % 30).collect();
             for &node in nodes {
                 host.set(to(node), Property::T, 1);
@@ -228,7 +228,7 @@ fn packed_torques_of_one_to_four_slots() {
 }
 
 #[test]
-fn velocity_then_mode_4_and_a_host_that_falls_silent() {
+fn v_then_mode_4_moves_until_the_host_is_silent() {
     let mut host = Host::awake([4]);
     host.set(to(4), Property::P, 20);
     host.set(to(4), Property::V, 60);
@@ -241,7 +241,7 @@ fn velocity_then_mode_4_and_a_host_that_falls_silent() {
     }
     let there = host.get(4, Property::P).expect("an answer");
     assert!(there > 40, "it moves: {there}");
-    // 500 ms without a frame, and a control tick to see it.
+    // 500 ms without a frame, and a control tick to notice it.
     host.wait_ms(490);
     assert_eq!(host.board(0).sample().map(|s| s.status.mode), Some(Mode::Velocity));
     host.wait_ms(15);
@@ -257,7 +257,7 @@ fn velocity_then_mode_4_and_a_host_that_falls_silent() {
 }
 
 #[test]
-fn hand_initialize_polled_ten_times_a_second() {
+fn hi_polled_ten_times_a_second_homes() {
     for node in [1, 4, 5] {
         let mut host = Host::awake([node]);
         host.set(to(node), Property::CMD, 13);
@@ -272,7 +272,7 @@ fn hand_initialize_polled_ten_times_a_second() {
 }
 
 #[test]
-fn a_fault_keeps_stat_2_and_says_why() {
+fn fault_keeps_stat_2_and_sets_error() {
     let mut host = Host::awake([4]);
     host.set(to(4), Property::E, 150);
     host.set(to(4), Property::MODE, 5);
@@ -292,7 +292,7 @@ fn a_fault_keeps_stat_2_and_says_why() {
     host.poll(4, Property::MODE, 3, 10, 3_000);
 }
 
-/// What node 1 says unasked in 3 s after M.
+/// The unasked frames of node 1 in the 3 s after M.
 fn told_after_move(host: &mut Host, flags: i64, counts: i64) -> Vec<(Property, i64)> {
     host.set(to(1), Property::LFLAGS, flags);
     host.set(to(1), Property::M, counts);
@@ -309,7 +309,7 @@ fn told_after_move(host: &mut Host, flags: i64, counts: i64) -> Vec<(Property, i
 }
 
 #[test]
-fn ends_are_reported_when_asked_for_only() {
+fn ends_are_reported_only_with_lflags() {
     for flags in 0..=3 {
         let told = told_after_move(&mut Host::awake([1]), flags, 60);
         let ends = [(Property::MODE, 0), (Property::END, 1)];
@@ -318,7 +318,7 @@ fn ends_are_reported_when_asked_for_only() {
 }
 
 #[test]
-fn breakaways_are_reported_when_asked_for_only() {
+fn breakaways_are_reported_only_with_lflags() {
     // As in the scenario breakaway-link: pressed by BT 400, 0.25 N m, it gives way by 0.5 rad, 1.5 counts.
     let object =
         Object { from_count: 150.0, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.005, side: Side::Closing };
@@ -340,7 +340,7 @@ fn breakaways_are_reported_when_asked_for_only() {
 }
 
 #[test]
-fn stat_0_goes_back_to_the_monitor() {
+fn stat_0_returns_to_the_monitor() {
     let mut host = Host::awake([2]);
     host.set(to(2), Property::MODE, 3);
     host.wait_ms(5);
@@ -354,7 +354,7 @@ fn stat_0_goes_back_to_the_monitor() {
 }
 
 #[test]
-fn a_second_host_is_refused() {
+fn second_host_is_refused() {
     let mut host = Host::awake([1]);
     assert!(host.bus.plug_host("GOD", Adapter::default()).is_err());
 }

@@ -1,4 +1,4 @@
-//! The image that `cargo xtask image` has made, onto a simulated board: the file's way to the metal but for the metal.
+//! The image made by `cargo xtask image`, downloaded to a simulated board.
 
 use std::fs;
 
@@ -9,13 +9,13 @@ use tater_wire::memory::{APPLICATION, Area, MONITOR};
 use super::download::Bench;
 use crate::emulated::bench::folder;
 
-/// What this shows: the file's bytes arrive, the monitor takes their header for whole, and starts an application, which answers
-/// as none but an application does. What it does not: that these bytes run. The simulated board starts the firmware that this
-/// test is linked with, so that VERS is the header's because both are of one row of the workspace's manifest; it takes
-/// an emulated board to see the image itself answer.
+/// Shows that the file's bytes arrive, that the monitor accepts their header, and that it starts an
+/// application. Does not show that these bytes run: the simulated board starts the firmware that this test is
+/// linked with, and VERS matches the header because both come from one row of the workspace's manifest. The
+/// emulated board runs the image itself.
 #[test]
-fn the_production_image_gets_onto_a_board_by_barretts_downloader_and_by_ours() {
-    // Continuous integration has made it, and takes no such line.
+fn production_image_downloads_by_barretts_downloader_and_by_ours() {
+    // Continuous integration has built the image, so the note is not acceptable there.
     let Ok(file) = fs::read(folder("production").join("tater.tek")) else {
         println!("skipped: no image; cargo xtask image makes it");
         return;
@@ -42,8 +42,8 @@ fn the_production_image_gets_onto_a_board_by_barretts_downloader_and_by_ours() {
     }
 }
 
-/// What a HardFault must store before anything else: by which instruction, where, and what. TIM1_BDTR 0 (RM0008 14.4.18:
-/// MOE off), then port B's BRR with bit 5 (RM0008 9.2.6: the brake's pin low).
+/// The stores that a HardFault must do before anything else: instruction, address and value. TIM1_BDTR 0
+/// (RM0008 14.4.18: MOE off), then port B's BRR with bit 5 (RM0008 9.2.6: the brake's pin low).
 const STORES: [(u32, u32, u32); 2] = [(3, 0x4001_2C00 + 0x44, 0), (6, 0x4001_0C00 + 0x14, 1 << 5)];
 
 /// The half-word at an address of an image.
@@ -57,8 +57,8 @@ fn word(image: &[u8], area: Area, address: u32) -> Option<u32> {
     Some(u32::from(high) << 16 | u32::from(low))
 }
 
-/// Runs the first six instructions of an image's HardFault: address from the literal pool, value, store, twice. Any other
-/// instruction, a register that is not set, or a vector without its Thumb bit is an error.
+/// Executes the first six instructions of an image's HardFault: address from the literal pool, value, store,
+/// twice. Any other instruction, a register that is not set, or a vector without its Thumb bit is an error.
 fn hard_fault(image: &[u8], area: Area) -> Result<Vec<(u32, u32, u32)>, String> {
     let vector = word(image, area, area.start + 0xC).ok_or("no vector")?;
     let entry = vector.checked_sub(1).filter(|entry| entry % 2 == 0).ok_or("not Thumb code")?;
@@ -88,14 +88,14 @@ fn hard_fault(image: &[u8], area: Area) -> Result<Vec<(u32, u32, u32)>, String> 
 }
 
 #[test]
-fn a_hard_fault_of_the_images_switches_the_bridge_off_before_anything_else() {
+fn hard_fault_of_the_images_switches_the_bridge_off_first() {
     for (name, area) in [("tater.bin", APPLICATION), ("monitor.bin", MONITOR)] {
         let Ok(mut image) = fs::read(folder("production").join(name)) else {
             println!("skipped: no image ({name}); cargo xtask image makes it");
             return;
         };
         assert_eq!(hard_fault(&image, area), Ok(STORES.to_vec()), "{name}");
-        // Any other bit of the vector or of those instructions is found.
+        // A change of any other bit of the vector or of those instructions is found.
         let vector = word(&image, area, area.start + 0xC).expect("judged above");
         let entry = (vector - 1 - area.start) as usize;
         for (at, bit) in (0xC..0x10).chain(entry..entry + 12).flat_map(|at| (0..8).map(move |bit| (at, bit)))

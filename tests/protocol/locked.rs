@@ -1,5 +1,4 @@
-//! Nothing on the bus reads or writes memory by its address, and locked properties change only after the sequence of
-//! LOCK, once.
+//! No frame reads or writes memory by address, and a locked property changes only once after LOCK's sequence.
 
 use proptest::prelude::*;
 use tater_fw::Flash;
@@ -9,7 +8,7 @@ use tater_wire::{Body, Destination, Frame, Group, Property, Torques, Value};
 
 use super::board::Bench;
 
-/// All that the flash holds.
+/// The whole content of the flash.
 fn flash(bench: &mut Bench) -> Vec<u16> {
     let flash = &bench.board().flash;
     (FLASH.start..FLASH.end()).step_by(2).map(|address| flash.half_word(address)).collect()
@@ -19,7 +18,7 @@ fn all(bench: &mut Bench) -> Vec<Option<i64>> {
     ROWS.iter().map(|row| bench.get(row.property)).collect()
 }
 
-/// Every number with every length of data, each filled with addresses and other bytes.
+/// Every number with every data length, filled with addresses and other bytes.
 fn frames(to: u16) -> impl Iterator<Item = Frame> {
     let starts = [MONITOR, APPLICATION, STORAGE, FLASH, RAM].map(|area| area.start);
     let fillings =
@@ -33,8 +32,8 @@ fn frames(to: u16) -> impl Iterator<Item = Frame> {
 }
 
 #[test]
-fn only_the_table_s_numbers_are_answered_and_flash_is_written_by_storage_alone() {
-    // Own node, by the host and by another board; everybody; the packed torques' group.
+fn only_table_properties_answer_and_only_storage_writes_flash() {
+    // To the own node, from the host and from another board; to everybody; to the packed torques' group.
     for to in [1, 5 << 5 | 1, 0x400, 0x401] {
         let mut bench = Bench::new(1);
         let memory = flash(&mut bench);
@@ -44,7 +43,7 @@ fn only_the_table_s_numbers_are_answered_and_flash_is_written_by_storage_alone()
             for message in bench.said() {
                 let &[asked] = frame.data() else { panic!("{frame:?} is answered by {message:?}") };
                 let property = Property::of(asked).expect("only properties are answered");
-                // Its own value and nothing else: it is in its range.
+                // A value in the property's range, and nothing else.
                 let value = match message.body {
                     Body::Set { value, .. } => property.read(value),
                     Body::Position(counts) => i64::from(counts),
@@ -69,8 +68,8 @@ fn only_the_table_s_numbers_are_answered_and_flash_is_written_by_storage_alone()
 }
 
 #[test]
-fn a_number_without_a_row_does_nothing() {
-    // ADDR (6) and VALUE (7) of Barrett's are among them.
+fn number_without_a_row_has_no_effect() {
+    // ADDR (6) and VALUE (7) of Barrett's boards are among them.
     assert!(Property::of(6).is_none() && Property::of(7).is_none());
     for to in [1, 5 << 5 | 1, 0x400] {
         let mut bench = Bench::new(1);
@@ -89,20 +88,20 @@ fn a_number_without_a_row_does_nothing() {
 
 const KEYS: [i64; 5] = [18384, 23, 3145, 1024, 1];
 
-/// What a host may try.
+/// A host's attempt.
 #[derive(Clone, Copy, Debug)]
 enum Try {
-    /// The key that the lock waits for.
+    /// The next key of the lock.
     NextKey,
-    /// The key after the one sent last, whatever has come between.
+    /// The key after the last one sent, whatever came between.
     Onward,
     Key(i64),
-    /// A SET of a locked property, by number among them.
+    /// A SET of a locked property, chosen by number.
     Locked(usize, i64),
-    /// DEF of one.
+    /// DEF of one property.
     Default(usize),
     Unlocked(i64),
-    /// A SET of what cannot be set, or of nothing.
+    /// A SET of a property that cannot be set, or of no property.
     Refused(u8),
     Ask(u8),
     Packed,
@@ -123,13 +122,13 @@ fn attempt() -> impl Strategy<Value = Try> {
     ]
 }
 
-/// The key after a key; the first after anything else.
+/// The key after this key; the first after anything else.
 fn next_key(last: i64) -> i64 {
     let at = KEYS.iter().position(|&key| key == last).map_or(0, |at| at + 1);
     KEYS[at % KEYS.len()]
 }
 
-/// The lock as PROTOCOL and the property table have it: the keys in a row so far, and what the locked properties are.
+/// A model of the lock: the number of correct keys in a row, and the values of the locked properties.
 struct Model {
     keys: Vec<i64>,
     values: Vec<i64>,
@@ -148,14 +147,14 @@ impl Model {
         }
     }
 
-    /// A SET of anything but LOCK and what is locked.
+    /// A SET of anything except LOCK and locked properties.
     fn other(&mut self) {
         if !self.is_open() {
             self.keys.clear();
         }
     }
 
-    /// A SET of something locked; whether the lock was open, which it no longer is.
+    /// A SET of a locked property; returns whether the lock was open. It is closed now.
     fn locked(&mut self) -> bool {
         let open = self.is_open();
         self.keys.clear();
@@ -166,7 +165,7 @@ impl Model {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
     #[test]
-    fn locked_properties_change_only_after_the_sequence_and_once(
+    fn locked_property_changes_once_after_the_sequence(
         attempts in prop::collection::vec(attempt(), 60),
     ) {
         let rows: Vec<_> = ROWS.iter().filter(|row| row.access == Access::Locked).collect();
@@ -180,7 +179,7 @@ proptest! {
         let mut model = Model { keys: Vec::new(), values: defaults.clone() };
         for attempt in attempts {
             match attempt {
-                // An open lock is not worked at again, or it would hardly ever be used.
+                // While the lock is open no keys are sent, or it would hardly ever be used.
                 Try::NextKey | Try::Onward if model.is_open() => {}
                 Try::NextKey | Try::Onward | Try::Key(_) => {
                     last = match attempt {
@@ -194,7 +193,7 @@ proptest! {
                 Try::Locked(which, value) => {
                     let property = rows[which].property;
                     let taken = bench.set(property, value).is_ok();
-                    // −1 of a property without a sign is its largest value.
+                    // −1 of an unsigned property is its largest value.
                     let value = property.read(property.write(value).expect("fits 32 bits"));
                     let expected = model.locked() && rows[which].admits(value);
                     if expected {

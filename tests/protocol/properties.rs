@@ -1,23 +1,23 @@
-//! Every property of the table on each of the seven nodes, by frames alone: number, width, sign, range, access,
-//! defaults, groups; and that what is refused changes nothing and is not answered.
+//! Every property of the table on each of the seven nodes, by frames alone: number, width, sign, range,
+//! access, defaults, groups. A refused frame changes nothing and is not answered.
 
 use tater_wire::property::{Access, ROWS, PropertySpec, Stored};
 use tater_wire::{Body, Destination, Group, Node, Property, Value};
 
 use super::board::{Bench, SERIAL};
 
-/// What GET reads of every property.
+/// The values that GET reads of every property.
 fn all(bench: &mut Bench) -> Vec<Option<i64>> {
     ROWS.iter().map(|row| bench.get(row.property)).collect()
 }
 
-/// A board of every node.
+/// One board for each node.
 fn nodes() -> impl Iterator<Item = (u8, Bench)> {
     (1..=7).map(|number| (number, Bench::new(number)))
 }
 
-/// The ways to say a value: in two bytes, if it fits them, and in four. What is never negative and needs all bits has
-/// no sign on the wire.
+/// The encodings of a value: in two bytes, if it fits, and in four. A property that is never negative and
+/// needs all bits is unsigned on the wire.
 fn widths(row: &PropertySpec, value: i64) -> Vec<Value> {
     let signed_max = if row.bits == 16 { i64::from(i16::MAX) } else { i64::from(i32::MAX) };
     let (short, long) = if row.min >= 0 && row.max > signed_max {
@@ -28,7 +28,7 @@ fn widths(row: &PropertySpec, value: i64) -> Vec<Value> {
     short.map(Value::Short).into_iter().chain(long.map(Value::Long)).collect()
 }
 
-/// SET, in this width, of a property that may be locked; nothing may be answered.
+/// SET, in this width, of a property that may be locked; asserts that nothing is answered.
 fn set(bench: &mut Bench, row: &PropertySpec, value: Value) -> bool {
     if row.access == Access::Locked {
         bench.unlock();
@@ -39,14 +39,14 @@ fn set(bench: &mut Bench, row: &PropertySpec, value: Value) -> bool {
     taken
 }
 
-/// Whether a property holds any value of its range as it is set, whatever the board is doing.
+/// Whether a property holds any value of its range as set, whatever the board is doing.
 fn holds(row: &PropertySpec) -> bool {
     let steers = matches!(row.property, Property::STAT | Property::MODE | Property::T | Property::V);
     matches!(row.access, Access::ReadWrite | Access::Locked) && !steers
 }
 
 #[test]
-fn every_property_reads_its_default_in_its_width() {
+fn property_reads_its_default_in_its_width() {
     for (number, mut bench) in nodes() {
         let node = Node::new(number).expect("a node");
         for row in ROWS {
@@ -55,7 +55,7 @@ fn every_property_reads_its_default_in_its_width() {
             let default = match row.property {
                 // In the monitor it would be 0.
                 Property::STAT => Some(2),
-                // The chip's, until one is stored.
+                // The chip's number, until one is stored.
                 Property::SN => Some(i64::from(SERIAL)),
                 _ => row.default_for(node),
             };
@@ -71,7 +71,7 @@ fn every_property_reads_its_default_in_its_width() {
 }
 
 #[test]
-fn every_property_takes_both_ends_of_its_range_in_either_width() {
+fn property_accepts_both_ends_of_its_range_in_either_width() {
     for (number, mut bench) in nodes() {
         for row in ROWS.iter().filter(|row| holds(row)) {
             for value in [row.min, row.max, row.min + 1, row.max - 1, row.min.midpoint(row.max)] {
@@ -88,7 +88,7 @@ fn every_property_takes_both_ends_of_its_range_in_either_width() {
 }
 
 #[test]
-fn a_value_out_of_range_is_refused_whole() {
+fn out_of_range_value_is_refused() {
     for (number, mut bench) in nodes() {
         let before = all(&mut bench);
         for row in ROWS {
@@ -107,7 +107,7 @@ fn a_value_out_of_range_is_refused_whole() {
 }
 
 #[test]
-fn what_is_read_only_or_locked_is_refused_in_range_too() {
+fn read_only_or_locked_property_is_refused_in_range() {
     for (number, mut bench) in nodes() {
         let before = all(&mut bench);
         for row in ROWS.iter().filter(|row| matches!(row.access, Access::ReadOnly | Access::Locked)) {
@@ -124,7 +124,7 @@ fn what_is_read_only_or_locked_is_refused_in_range_too() {
 }
 
 #[test]
-fn a_set_changes_its_own_property_and_what_that_governs_only() {
+fn set_changes_only_its_property_and_dependents() {
     for (number, mut bench) in nodes() {
         for row in ROWS.iter().filter(|row| holds(row)) {
             let before = all(&mut bench);
@@ -139,14 +139,14 @@ fn a_set_changes_its_own_property_and_what_that_governs_only() {
                     other.name
                 );
             }
-            // Groups are left, and the limit of 0 K is passed, before it goes on.
+            // Leave the groups, and exceed the limit of 0 K, before continuing.
             bench = Bench::new(number);
         }
     }
 }
 
 #[test]
-fn what_steers_is_read_back_in_its_mode() {
+fn commands_read_back_in_their_mode() {
     for (_, mut bench) in nodes() {
         for (property, mode) in [(Property::V, 4), (Property::T, 2)] {
             let row = property.row();
@@ -167,7 +167,7 @@ fn what_steers_is_read_back_in_its_mode() {
 }
 
 #[test]
-fn an_unsigned_short_and_a_signed_one_mean_what_the_row_says() {
+fn sixteen_bit_values_have_the_sign_of_their_row() {
     let mut bench = Bench::new(1);
     for (property, meant) in [
         (Property::TSTOP, 65_535),
@@ -186,7 +186,7 @@ fn an_unsigned_short_and_a_signed_one_mean_what_the_row_says() {
 }
 
 #[test]
-fn a_get_to_a_group_is_answered_by_its_members_once_each() {
+fn get_to_a_group_is_answered_once_by_each_member() {
     let members: [(Group, std::ops::RangeInclusive<u8>); 4] =
         [(Group::ALL, 1..=7), (Group::LOW, 1..=4), (Group::HIGH, 5..=7), (Group::TATERS, 1..=7)];
     for (group, expected) in members {
@@ -203,7 +203,7 @@ fn a_get_to_a_group_is_answered_by_its_members_once_each() {
 }
 
 #[test]
-fn a_set_to_a_group_is_obeyed_by_its_members() {
+fn set_to_a_group_reaches_its_members() {
     for (group, members) in
         [(Group::ALL, 1..=7), (Group::LOW, 1..=4), (Group::HIGH, 5..=7), (Group::TATERS, 1..=7)]
     {

@@ -1,5 +1,5 @@
-//! A sealed image through a `.tek` file, as hosts send it and a monitor receives it. The damaged files are judged by
-//! the program that people use: `xtask/tests/tek/damaged.rs`.
+//! A sealed image through a `.tek` file, from a host to a monitor. Damaged files are tested with the program
+//! that people use: `xtask/tests/tek/damaged.rs`.
 
 use proptest::prelude::*;
 use tater_wire::image::{Header, seal};
@@ -22,7 +22,7 @@ fn file(image: &[u8]) -> Vec<u8> {
     lines.chain([end(APPLICATION.start)]).flat_map(|line| line.as_bytes().to_vec()).collect()
 }
 
-/// What a host sends of a file: of each line what follows its first character, up to a character below '0'.
+/// The characters that a host sends: of each line those after the first, up to a character below '0'.
 fn sent(file: &[u8]) -> Vec<u8> {
     let lines = file.split_inclusive(|&character| character == b'\n');
     lines.flat_map(|line| line[1..].iter().copied().take_while(|&c| c >= b'0')).collect()
@@ -50,7 +50,7 @@ fn received(characters: &[u8]) -> Result<Option<Vec<u8>>, TekError> {
 
 proptest! {
     #[test]
-    fn a_sealed_image_arrives(code in prop::collection::vec(any::<u8>(), 1..3000)) {
+    fn sealed_image_arrives(code in prop::collection::vec(any::<u8>(), 1..3000)) {
         let image = sealed(&code);
         let flash = received(&sent(&file(&image)));
         prop_assert_eq!(flash.as_ref(), Ok(&Some(image.clone())));
@@ -58,9 +58,10 @@ proptest! {
     }
 }
 
-/// Any one character of a download changed to any other that hosts send, or lost, is noticed by the records.
+/// Any one character of a download that is lost, or changed to another that hosts send, is detected by the
+/// records.
 #[test]
-fn one_wrong_character_ends_a_download() {
+fn one_wrong_character_ends_the_download() {
     let characters = sent(&file(&sealed(&(0..60).collect::<Vec<u8>>())));
     let whole = |text: &[u8]| matches!(received(text), Ok(Some(_)));
     assert!(whole(&characters));
@@ -76,10 +77,10 @@ fn one_wrong_character_ends_a_download() {
     }
 }
 
-/// A checksum cannot tell two characters in exchange: the image's own can. (In the last record they change the entry,
-/// which no monitor goes by: the reset vector is inside the image.)
+/// A checksum cannot detect two exchanged characters: the image's CRC-32 can. (In the last record they change
+/// the entry address, which no monitor uses: the reset vector is in the image.)
 #[test]
-fn two_characters_in_exchange_never_become_another_application() {
+fn exchanged_characters_never_become_another_application() {
     // A record has 78 characters.
     const NEAR: usize = 80;
     let image = sealed(&(0..=255).collect::<Vec<u8>>());
