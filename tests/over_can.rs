@@ -3,7 +3,7 @@
 use hil_sim::board::SimBoard;
 use hil_sim::metrics::{Metrics, Value, find};
 use hil_sim::node::Node;
-use hil_sim::over_can::{Job, OverCan, POLL_MS, Ran, gap, judge, parked};
+use hil_sim::over_can::{Job, OverCan, POLL_MS, BoardResult, gap, judge, parked};
 use hil_sim::scenario::{Case, SHIPPED, Scenario};
 use hil_sim::{Model, Options, node_of, rig, run};
 use tater_wire::Node as Id;
@@ -11,12 +11,12 @@ use tater_wire::Node as Id;
 const OPTIONS: Options = Options { seed: 1, model: Model::Averaged, trace: false };
 
 /// Runs one motor of a scenario on the native board that has it.
-pub(super) fn native(scenario: &Scenario, case: &Case, poll_ms: u32) -> Ran {
+pub(super) fn native(scenario: &Scenario, case: &Case, poll_ms: u32) -> BoardResult {
     native_at(scenario, case, poll_ms, 1, 0)
 }
 
 /// The same with other noise, and with the tick at another phase of the host's millisecond.
-pub(super) fn native_at(scenario: &Scenario, case: &Case, poll_ms: u32, seed: u64, phase_us: u64) -> Ran {
+pub(super) fn native_at(scenario: &Scenario, case: &Case, poll_ms: u32, seed: u64, phase_us: u64) -> BoardResult {
     let node = Id::new(node_of(case.motor)).expect("a node");
     let options = Options { seed, ..OPTIONS };
     let at_first = parked(scenario, case, &options).expect("the scenario's reader has checked it");

@@ -7,7 +7,7 @@
 use std::rc::Rc;
 
 use hil_sim::bus::Station;
-use hil_sim::over_can::Watched;
+use hil_sim::over_can::ObservedBoard;
 use hil_sim::rig::{Bridge, Rig};
 use tater_wire::memory::MONITOR;
 use tater_wire::{Frame, Node};
@@ -427,7 +427,7 @@ impl Station for Board {
     }
 }
 
-impl Watched for Board {
+impl ObservedBoard for Board {
     fn rig(&self) -> &Rig {
         &self.rig
     }

@@ -14,7 +14,7 @@ use board_emu::image::Programs;
 use board_emu::rtt::Probe;
 use board_emu::session::{self, Nodes};
 use clap::Parser;
-use hil_sim::over_can::{OverCan, POLL_MS, Progress, Watcher, gap, judge};
+use hil_sim::over_can::{OverCan, POLL_MS, Progress, Observer, gap, judge};
 use hil_sim::scenario::Scenario;
 use hil_sim::{Model, Options};
 
@@ -72,7 +72,7 @@ fn emulate(args: &Args) -> Result<bool, String> {
     let mut debugger = args.gdb.map(gdb::listen).transpose()?;
     let mut attach = |host: &mut OverCan<Board>| {
         let probes = probes(elf.as_deref(), host)?;
-        host.watch(watcher(begun, probes));
+        host.observe(observer(begun, probes));
         match debugger.take() {
             Some(listener) => debug(&listener, host),
             None => Ok(()),
@@ -111,7 +111,7 @@ fn debug(listener: &TcpListener, host: &mut OverCan<Board>) -> Result<(), String
 }
 
 /// Prints logs, and progress if standard error is a terminal.
-fn watcher(begun: Instant, mut probes: Vec<Probe>) -> Watcher<Board> {
+fn observer(begun: Instant, mut probes: Vec<Probe>) -> Observer<Board> {
     let mut told_s = 0;
     Box::new(move |bus, Progress { what, done, of }| {
         let now_us = bus.now_us();

@@ -1,6 +1,6 @@
 //! Runs a scenario on emulated boards: assigns nodes, boots them from erased flash, and collects the verdict.
 
-use hil_sim::over_can::{Job, OverCan, Ran, case_of, parked};
+use hil_sim::over_can::{Job, OverCan, BoardResult, case_of, parked};
 use hil_sim::plant::PlantParams;
 use hil_sim::scenario::{Case, Initial, Scenario};
 use hil_sim::{Options, node_of, properties, rig};
@@ -47,7 +47,7 @@ impl std::str::FromStr for Nodes {
 #[derive(Clone, Debug)]
 pub struct Session {
     /// Outcome of each board.
-    pub ran: Vec<Ran>,
+    pub ran: Vec<BoardResult>,
     /// Figures of the worst board.
     pub figures: Figures,
     /// Simulated time of the scenario, s.

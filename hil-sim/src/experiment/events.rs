@@ -3,8 +3,13 @@
 use std::fmt;
 
 use serde::Serialize;
+use tater_fw::events::BoardEvent;
+use tater_wire::Property;
 
+use crate::experiment::metrics::{end_word, fault_word, mode_word};
+use crate::world::bus::Station;
 use crate::world::hand::Hand;
+use crate::world::node::Node;
 
 /// An event of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -23,7 +28,7 @@ impl fmt::Display for Event {
     }
 }
 
-/// The events that GOD and the boards of a hand still have, oldest first.
+/// The events still in the logs of GOD and the boards, oldest first.
 #[must_use]
 pub fn of_hand(hand: &Hand) -> Vec<Event> {
     let mut events = Vec::new();
@@ -31,12 +36,58 @@ pub fn of_hand(hand: &Hand) -> Vec<Event> {
         let ms = event.at_us as f64 / 1000.0;
         events.push(Event { ms, source: "GOD".to_owned(), event: event.kind.to_string() });
     });
-    // Stable: events of equal times keep the order of their log.
+    events.extend(hand.bus().stations().flat_map(of_board));
+    // The sort is stable: simultaneous events keep the order of their log.
     events.sort_by(|a, b| a.ms.total_cmp(&b.ms));
     events
 }
 
-/// Events as lines of text under a heading; nothing if there are none.
+/// The events still in a board's log, oldest first. The log starts anew with the application.
+#[must_use]
+pub fn of_board(node: &Node) -> Vec<Event> {
+    let source = format!("board {}", node.straps().number());
+    let now_us = node.now_us();
+    let entries = node.application().into_iter().flat_map(|tater| tater.events());
+    let event = |entry: &tater_fw::events::Entry| {
+        // The board's time stamps have the low 32 bits.
+        let age_us = (now_us as u32).wrapping_sub(entry.at.0);
+        let ms = (now_us - u64::from(age_us)) as f64 / 1000.0;
+        Event { ms, source: source.clone(), event: board_text(&entry.event) }
+    };
+    entries.map(event).collect()
+}
+
+fn board_text(event: &BoardEvent) -> String {
+    match event {
+        BoardEvent::Order { property, value } => format!("SET {} {value}", property.row().name),
+        BoardEvent::Refused { property, error } => {
+            let name = match property.map(|number| (number, Property::of(number))) {
+                Some((_, Some(property))) => property.row().name.to_owned(),
+                Some((number, None)) => format!("property {number}"),
+                None => "a frame".to_owned(),
+            };
+            format!("refused {name}: {error:?}")
+        }
+        BoardEvent::Mode(mode) => format!("mode {}", mode_word(*mode)),
+        BoardEvent::Motor(event) => motor_text(event),
+        BoardEvent::Flash(error) => format!("flash: {error:?}"),
+    }
+}
+
+/// An event of the servo in words.
+pub(crate) fn motor_text(event: &servo_core::Event) -> String {
+    use servo_core::Event;
+    match event {
+        Event::Ended { reason, mode } => format!("{}, then {}", end_word(*reason), mode_word(*mode)),
+        Event::Breakaway { position, stop_tip: false } => format!("breakaway at {position}"),
+        Event::Breakaway { position, stop_tip: true } => format!("breakaway at {position}, tip stops too"),
+        Event::Fault(fault) => format!("fault: {}", fault_word(*fault)),
+        Event::Glitch(glitch) => format!("glitch: {glitch:?}"),
+        Event::Homed => "homed".to_owned(),
+    }
+}
+
+/// Lines of text under a heading; empty without events.
 #[must_use]
 pub fn text(events: &[Event]) -> String {
     if events.is_empty() {

@@ -1,15 +1,15 @@
-//! What is between the fingers of a whole hand, as TOML:
+//! Files with the objects between a hand's fingers, as TOML:
 //!
 //! ```
 //! let scene = hil_sim::grasp::parse("ball.toml", r#"
-//!     [hand]                     # may be left out, and so may each key: see `Geometry`
+//!     [hand]                     # optional, as is each key: see `Geometry`
 //!     link_mm = 70
 //!
 //!     [[object]]
 //!     at_mm = [0, 0, 70]         # x towards finger 3, y towards finger 2 when spread, z out of the palm
-//!     to_mm = [0, 50, 70]        # the other end of its axis; without it, a sphere
+//!     to_mm = [0, 50, 70]        # optional: the other end of the axis; default: a sphere
 //!     radius_mm = 35
-//!     stiffness_n_m = 1e5        # may be left out
+//!     stiffness_n_m = 1e5        # optional
 //! "#).unwrap();
 //! assert_eq!(scene.objects.len(), 1);
 //! ```
@@ -22,13 +22,13 @@ use toml::Spanned;
 use super::input::{BadInput, Source};
 use crate::world::hand::scene::{Capsule, Geometry, Scene, SceneObject};
 
-/// Stiffness if nobody says otherwise, N/m; chosen: the full torque of a link, some 150 N at its tip, makes a dent of 0.8 mm.
+/// Default stiffness, N/m; chosen: the full torque of a link, about 150 N at its tip, dents it by 0.8 mm.
 const STIFFNESS_N_M: f64 = 2e5;
 
-/// Largest such file.
+/// Size limit of a file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 16;
 
-/// Most objects: a handful.
+/// Most objects.
 const OBJECTS: usize = 16;
 
 #[derive(Deserialize)]
@@ -61,13 +61,13 @@ struct Object {
     stiffness_n_m: Option<f64>,
 }
 
-/// A field's name, its value, and its range.
+/// A field's name, value, minimum and maximum.
 type Row = (&'static str, f64, f64, f64);
 
-/// The scene in the file at a path.
+/// Reads the scene in a file.
 ///
 /// # Errors
-/// It cannot be read, or is no scene.
+/// The file cannot be read or is invalid.
 pub fn read(path: &Path) -> Result<Scene, BadInput> {
     let bad = |found: String| BadInput {
         place: path.display().to_string(),
@@ -84,10 +84,10 @@ pub fn read(path: &Path) -> Result<Scene, BadInput> {
     parse(&path.display().to_string(), &text)
 }
 
-/// The scene in `text`; `file` is what errors call it.
+/// Parses a scene; errors name it `file`.
 ///
 /// # Errors
-/// What is wrong, with the line.
+/// An invalid key or value, with its line.
 pub fn parse(file: &str, text: &str) -> Result<Scene, BadInput> {
     let source = Source { file, text };
     let parsed: File = toml::from_str(text).map_err(|error| source.reader_error(&error))?;

@@ -1,19 +1,19 @@
-//! Bad input, told so that a person can mend it: where, what was found, what was expected, what to do next.
+//! Errors in what the user gave: where, what was found, what was expected, what to do next.
 
 use std::fmt;
 
-/// Something in a scenario file or on the command line that cannot be run.
+/// An error in a scenario file, another input file, or the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadInput {
     /// `file:line`, a file, or the command line's option.
     pub place: String,
-    /// What is wrong, naming the field where there is one.
+    /// The problem, naming the field where there is one.
     pub problem: String,
-    /// What is there.
+    /// The text or value found.
     pub found: String,
-    /// What could be there.
+    /// Valid input.
     pub expected: String,
-    /// What to do.
+    /// The next step.
     pub next: String,
 }
 
@@ -26,7 +26,7 @@ impl fmt::Display for BadInput {
 
 impl std::error::Error for BadInput {}
 
-/// A scenario's text and where it came from, to tell lines from byte offsets.
+/// A scenario's text and file name, to turn byte offsets into line numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct Source<'a> {
     pub(crate) file: &'a str,
@@ -34,7 +34,7 @@ pub(crate) struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// An error in the line of `span`, whose text is shown as found.
+    /// An error in the line of `span`, which is shown as found.
     pub(crate) fn error(
         self,
         span: std::ops::Range<usize>,
@@ -48,7 +48,7 @@ impl Source<'_> {
         let found = if found.is_empty() { "the end of the file" } else { found };
         BadInput {
             place: format!("{}:{line}", self.file),
-            // Room for a key that is not quite known, its value, and what is wrong with it.
+            // Room for an unknown key, its value, and the problem.
             problem: clipped(&problem.into(), 200),
             found: shorten(found),
             expected: expected.into(),
@@ -56,7 +56,7 @@ impl Source<'_> {
         }
     }
 
-    /// The error of the TOML reader in the project's words.
+    /// Rewrites an error of the TOML parser.
     pub(crate) fn reader_error(self, error: &toml::de::Error) -> BadInput {
         let span = error.span().unwrap_or(0..0);
         let message = error.message().trim();
@@ -101,7 +101,7 @@ impl Source<'_> {
         error
     }
 
-    /// The key of the line at a byte offset, if the line has one.
+    /// The key in the line at a byte offset, if any.
     fn key_at(self, offset: usize) -> Option<String> {
         let before = self.text.get(..offset)?;
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
@@ -111,7 +111,7 @@ impl Source<'_> {
     }
 }
 
-/// The words of the reader for types, in plain words.
+/// A type's name for people.
 fn plain_type(expected: &str) -> String {
     match expected {
         "u8" | "u16" | "u32" | "u64" => "a whole number, 0 or more".to_owned(),
@@ -121,7 +121,7 @@ fn plain_type(expected: &str) -> String {
     }
 }
 
-/// The next step for a key that is not known, given the list of those that are.
+/// The next step for an unknown key, given the parser's list of known ones.
 pub(crate) fn suggestion(key: &str, expected: &str) -> String {
     let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
     match closest(key, known.iter().copied()) {
@@ -130,9 +130,9 @@ pub(crate) fn suggestion(key: &str, expected: &str) -> String {
     }
 }
 
-/// The name most like `found`, if one is like it at all.
+/// The most similar name, if one is similar.
 pub(crate) fn closest<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    // 0.8 of Jaro-Winkler: a typing error or another unit in a name of this length, not another word.
+    // 0.8 by Jaro-Winkler: a typing error or another unit, not another word.
     names
         .map(|name| (strsim::jaro_winkler(&found.to_lowercase(), &name.to_lowercase()), name))
         .filter(|(likeness, _)| *likeness > 0.8)
@@ -140,7 +140,7 @@ pub(crate) fn closest<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> 
         .map(|(_, name)| name)
 }
 
-/// At most 80 characters of what was found, without control characters.
+/// At most 80 characters, control characters replaced.
 pub(crate) fn shorten(found: &str) -> String {
     clipped(found, 80)
 }

@@ -1,13 +1,13 @@
-//! Scenarios over CAN alone: what a host can do and see, on any board that is a station of the bus. The same driver runs the
-//! native board and an emulated one, so that one can be compared with the other ([`compare`]).
+//! Scenarios over CAN alone: limited to what a host can do and see, for any board that is a bus station. The same driver runs the
+//! native board and an emulated one, so that they can be compared ([`compare`]).
 //!
-//! Commands are SET frames. What the servo thinks is polled, and it reports ends and breakaways by itself (LFLAGS); what is
-//! really so comes from the rig, as ever. What neither can tell is not judged: [`gap`] says what and why.
+//! Commands are SET frames. The servo's state is polled, ends and breakaways are reported (LFLAGS), and the true state comes from
+//! the rig. Metrics that need more are not judged; [`gap`] lists them with the reason.
 
+mod board_view;
 pub mod compare;
 mod download;
-mod seat;
-mod talk;
+mod requests;
 mod timeline;
 
 use tater_wire::MotorKind;
@@ -22,34 +22,34 @@ use crate::world::plant::ParamError;
 use crate::world::rig::Rig;
 use compare::Path;
 
-/// How often the host asks a board for T, MODE and P unless told otherwise, ms, by the number of boards on the bus: a round takes
-/// 0.6 ms of bus a board. No round begins before the last one is answered.
+/// Default interval at which the host polls T, MODE and P, ms per board on the bus: a round takes 0.6 ms of bus time per board. No
+/// round starts before the last one is answered.
 pub const POLL_MS: u32 = 1;
 
-/// A board on the bus, as its bench sees it.
-pub trait Watched: Station {
+/// A board on the bus with its rig.
+pub trait ObservedBoard: Station {
     /// The motor and its sensors.
     fn rig(&self) -> &Rig;
 
-    /// The motor and its sensors, to disturb or to exchange them.
+    /// The motor and its sensors, to disturb or replace them.
     fn rig_mut(&mut self) -> &mut Rig;
 
-    /// Since when the bridge is on, us since power-up of the bus; `None` while it is off.
+    /// Time at which the bridge was switched on, us since power-up of the bus; `None` while it is off.
     fn driven_since_us(&self) -> Option<u64>;
 
-    /// Whether the brake is told to release.
+    /// Whether the brake is commanded to release.
     fn is_brake_released(&self) -> bool;
 
-    /// The supply of the board's logic comes on.
+    /// Powers the board's logic up.
     fn power_on(&mut self);
 
-    /// Why the board stands still for good, if it does: where, and what to do.
+    /// Why the board has stopped for good, if it has: where, and the next step.
     fn problem(&self) -> Option<String> {
         None
     }
 }
 
-impl Watched for Node {
+impl ObservedBoard for Node {
     fn rig(&self) -> &Rig {
         self.board().rig()
     }
@@ -71,7 +71,7 @@ impl Watched for Node {
     }
 }
 
-/// Why a metric is not judged over CAN; `None` if it is. Without polls (`poll_ms` 0) less is known.
+/// Why a metric is not judged over CAN; `None` if it is. Without polls (`poll_ms` 0) fewer are.
 #[must_use]
 pub fn gap(metric: &Metric, poll_ms: u32) -> Option<&'static str> {
     match metric.name {
@@ -84,10 +84,10 @@ pub fn gap(metric: &Metric, poll_ms: u32) -> Option<&'static str> {
     }
 }
 
-/// The motor of a case while its board boots: at rest where the scenario begins, its sensors without the scenario's faults.
+/// The motor of a case while its board boots: at rest at the scenario's start, without its sensor faults.
 ///
 /// # Errors
-/// A plant parameter out of range; [`Scenario::parse`] lets none through.
+/// A plant parameter out of range; [`Scenario::parse`] rejects those.
 pub fn parked(scenario: &Scenario, case: &Case, options: &Options) -> Result<Rig, ParamError> {
     let mut scenario = scenario.clone();
     scenario.initial.velocity_counts_s = 0.0;
@@ -101,61 +101,61 @@ pub fn parked(scenario: &Scenario, case: &Case, options: &Options) -> Result<Rig
 pub struct Job {
     /// Its node on the bus.
     pub node: Id,
-    /// The motor that it has, and the properties that it gets.
+    /// Its motor and properties.
     pub case: Case,
     /// The motor at the start of the scenario.
     pub rig: Rig,
-    /// Whether the scenario's expectations are for it.
+    /// Whether the scenario's expectations apply to it.
     pub judged: bool,
 }
 
-/// What came of one board's run.
+/// The result of one board.
 #[derive(Clone, Debug)]
-pub struct Ran {
+pub struct BoardResult {
     /// Its node on the bus.
     pub node: Id,
-    /// As of a run without a bus; has no trace.
+    /// As for a run without a bus, without a trace.
     pub run: MotorRun,
-    /// Where the rotor was, and when the last move was driven and ended.
+    /// The rotor's path, and when the last move was driven and ended.
     pub path: Path,
-    /// GETs that nobody answered.
+    /// GETs without an answer.
     pub unanswered: u32,
-    /// Whether the scenario's expectations are for it.
+    /// Whether the scenario's expectations apply to it.
     pub judged: bool,
 }
 
-/// How far a long operation is.
+/// Progress of a long operation.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
-    /// What it does.
+    /// The operation.
     pub what: &'static str,
-    /// How much is done.
+    /// The amount done.
     pub done: u64,
-    /// Of how much.
+    /// The total.
     pub of: u64,
 }
 
-/// Who looks on: called every 10 ms of simulated time or more often, to read a board's logs or tell of progress.
-pub type Watcher<S> = Box<dyn FnMut(&mut Bus<S>, Progress)>;
+/// A callback at least every 10 ms of simulated time, to read a board's logs or show progress.
+pub type Observer<S> = Box<dyn FnMut(&mut Bus<S>, Progress)>;
 
-/// A host, and boards on its bus.
+/// A host and the boards on its bus.
 pub struct OverCan<S> {
     bus: Bus<S>,
     nodes: Vec<Id>,
-    watcher: Option<Watcher<S>>,
-    /// How long after a whole millisecond a scenario begins, us: the native board ticks at these.
+    observer: Option<Observer<S>>,
+    /// Offset of the scenario's start from a whole millisecond, us: the native board ticks at these.
     pub phase_us: u64,
 }
 
-impl<S: Watched> OverCan<S> {
-    /// The host plugged into a bus with these boards, each of that node.
+impl<S: ObservedBoard> OverCan<S> {
+    /// Connects the host to a bus with these boards and their nodes.
     #[must_use]
     pub fn new(stations: Vec<(Id, S)>) -> Self {
         let (nodes, stations) = stations.into_iter().unzip();
         let mut bus = Bus::new(stations);
-        // The bus is new and has none.
+        // A new bus has no host.
         let _ = bus.plug_host("scenario", Adapter::default());
-        Self { bus, nodes, watcher: None, phase_us: 0 }
+        Self { bus, nodes, observer: None, phase_us: 0 }
     }
 
     /// The bus.
@@ -164,34 +164,34 @@ impl<S: Watched> OverCan<S> {
         &self.bus
     }
 
-    /// The bus, to get at its boards.
+    /// The bus, mutable.
     pub const fn bus_mut(&mut self) -> &mut Bus<S> {
         &mut self.bus
     }
 
-    /// Lets somebody look on.
-    pub fn watch(&mut self, watcher: Watcher<S>) {
-        self.watcher = Some(watcher);
+    /// Sets the callback.
+    pub fn observe(&mut self, observer: Observer<S>) {
+        self.observer = Some(observer);
     }
 
-    fn tell(&mut self, what: &'static str, done: u64, of: u64) {
-        if let Some(watcher) = &mut self.watcher {
-            watcher(&mut self.bus, Progress { what, done, of });
+    fn report_progress(&mut self, what: &'static str, done: u64, of: u64) {
+        if let Some(observer) = &mut self.observer {
+            observer(&mut self.bus, Progress { what, done, of });
         }
     }
 
-    /// All boards' power comes on; waits for their monitors.
+    /// Powers all boards up; waits for their monitors.
     ///
     /// # Errors
-    /// A board that does not answer.
+    /// A board does not answer.
     pub fn power_on(&mut self) -> Result<(), String> {
         self.power_on_first(self.nodes.len())
     }
 
-    /// The same of the first `count` boards.
+    /// Powers the first `count` boards up; waits for their monitors.
     ///
     /// # Errors
-    /// A board that does not answer.
+    /// A board does not answer.
     pub fn power_on_first(&mut self, count: usize) -> Result<(), String> {
         for index in 0..count {
             if let Some(station) = self.bus.station_mut(index) {
@@ -204,10 +204,10 @@ impl<S: Watched> OverCan<S> {
         Ok(())
     }
 
-    /// STAT 2 to every board; waits for their applications, and until these have prepared their storage.
+    /// Sends STAT 2 to every board; waits until their applications run and have prepared their storage.
     ///
     /// # Errors
-    /// A board that does not wake, with its ERROR.
+    /// A board does not start, with its ERROR.
     pub fn wake(&mut self) -> Result<(), String> {
         for node in self.nodes.clone() {
             self.set(node, Property::STAT, 2)?;
@@ -218,7 +218,7 @@ impl<S: Watched> OverCan<S> {
         self.rest("first start", PREPARE_US)
     }
 
-    /// An error if a board stands still for good.
+    /// Returns an error if a board has stopped for good.
     fn check(&self) -> Result<(), String> {
         let problem =
             |(node, station): (&Id, &S)| Some(format!("node {}: {}", node.number(), station.problem()?));
@@ -226,29 +226,29 @@ impl<S: Watched> OverCan<S> {
     }
 
     fn send_get(&mut self, node: Id, property: Property) {
-        // The host is plugged since the beginning.
+        // The host is connected since `new`.
         let _ = self.bus.send(Message::get(Destination::Node(node), property).frame());
     }
 }
 
-/// From power-on to a monitor that answers, us: crystal, clocks and the sum over an image take under 100 ms.
+/// Time limit from power-up to an answering monitor, us: crystal, clocks and an image's checksum take under 100 ms.
 const BOOT_US: u64 = 1_000_000;
 
-/// From STAT 2 to an application that answers, us: it may copy 52 pages first, of 60 ms each.
+/// Time limit from STAT 2 to an answering application, us: it may copy 52 pages of 60 ms first.
 const WAKE_US: u64 = 10_000_000;
 
-/// What an application takes to prepare an erased storage, us: 8 pages of up to 40 ms, and as much again.
+/// Time for an application to prepare an erased storage, us: 8 pages of up to 40 ms, doubled.
 const PREPARE_US: u64 = 700_000;
 
-/// Judges what came of a scenario's motors, as [`crate::run()`] does, but for what is not known: name and reason of these.
+/// Judges the results like [`crate::run()`]; returns the metrics not judged with their reasons.
 #[must_use]
 pub fn judge(
     scenario: &Scenario,
-    ran: &[Ran],
+    ran: &[BoardResult],
     options: &Options,
     poll_ms: u32,
 ) -> (Outcome, Vec<(&'static str, &'static str)>) {
-    let judged: Vec<&Ran> = ran.iter().filter(|ran| ran.judged).collect();
+    let judged: Vec<&BoardResult> = ran.iter().filter(|ran| ran.judged).collect();
     let mut expectations = Vec::new();
     for ran in &judged {
         let known = scenario.expectations.iter().filter(|e| gap(e.metric, poll_ms).is_none());
@@ -270,8 +270,8 @@ pub fn judge(
     (Outcome { scenario: scenario.name.clone(), options: *options, metrics, expectations, runs }, gaps)
 }
 
-/// Polls that are lost are figures that are missed.
-fn unanswered(ran: &Ran) -> Option<Verdict> {
+/// A failed verdict for lost polls: they make the metrics unreliable.
+fn unanswered(ran: &BoardResult) -> Option<Verdict> {
     (ran.unanswered > 0).then(|| Verdict {
         name: "unanswered".to_owned(),
         ok: false,
@@ -280,7 +280,7 @@ fn unanswered(ran: &Ran) -> Option<Verdict> {
     })
 }
 
-/// The case of a scenario for a kind of motor, if it names that kind.
+/// The case of a scenario for a kind of motor, if it has one.
 #[must_use]
 pub fn case_of(scenario: &Scenario, motor: MotorKind) -> Option<&Case> {
     scenario.cases.iter().find(|case| case.motor == motor)

@@ -1,29 +1,29 @@
-//! A picture of the hand and what it holds: from the side and from above, as SVG.
+//! A picture of the hand and its objects from the side and from above, as SVG.
 
 use std::fmt::Write;
 
 use crate::world::hand::scene::{Capsule, Point, Pose, Scene, gap};
 
-/// SVG units a metre: 2.4 a millimetre.
+/// SVG units per meter: 2.4 per millimeter.
 const SCALE: f64 = 2400.0;
 
-/// What a panel shows, m: the fingers reach 0.17 from the middle, and as far up.
+/// Size of a panel, m: the fingers reach 0.17 from the center, and as far up.
 const WIDTH: f64 = 0.38;
 const TALL: f64 = 0.34;
 
-/// Room for captions, SVG units.
+/// Space for captions, SVG units.
 const HEAD: f64 = 56.0;
 const LINE: f64 = 17.0;
 
-/// Of fingers 1, 2 and 3: blue, vermilion and green, which the colour-blind can tell apart.
+/// Colors of fingers 1, 2 and 3, distinct for the color-blind.
 const COLOURS: [&str; 3] = ["#0b62c4", "#d9480f", "#1a7f4b"];
 
-/// Which way a panel looks: the axis to the right and the one upwards.
+/// A view by its axes: to the right and upwards.
 struct View {
     name: &'static str,
     axes: [usize; 2],
     left: f64,
-    /// How far down the origin is, m.
+    /// Distance of the origin from the top, m.
     down: f64,
 }
 
@@ -55,7 +55,7 @@ fn text(svg: &mut String, [x, y]: [f64; 2], size: u32, text: &str) {
         writeln!(svg, "<text x=\"{x:.0}\" y=\"{y:.0}\" font-size=\"{size}\" fill=\"#1c2128\">{text}</text>");
 }
 
-/// The hand in a scene as it is at `pose`, and faintly as it was at `before`; `title` is written above.
+/// Draws the hand in a scene at `pose`, and faintly at `before`, under `title`.
 #[must_use]
 pub fn svg(scene: &Scene, before: &Pose, pose: &Pose, title: &str) -> String {
     let captions = captions(scene, pose);
@@ -89,7 +89,7 @@ pub fn svg(scene: &Scene, before: &Pose, pose: &Pose, title: &str) -> String {
     svg
 }
 
-/// Where each finger is, and how far from what it holds.
+/// The fingers' positions and distances from the objects.
 fn captions(scene: &Scene, pose: &Pose) -> Vec<String> {
     let caption = |(finger, parts): (usize, &[Capsule; 2])| {
         let mut text =

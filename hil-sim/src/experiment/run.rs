@@ -1,14 +1,15 @@
-//! Runs a scenario: every motor of it, from time zero to its end, judged by its expectations.
+//! Runs a scenario on each of its motors and judges the results.
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+use servo_core::Command;
 use servo_core::mode::Mode;
-use servo_core::{Command, Event};
-use tater_fw::codes::mode_code;
 use tater_fw::SetError;
+use tater_fw::codes::mode_code;
 use tater_wire::{Cmd, Destination, Message, ModeCode, MotorKind, Property};
 
-use crate::experiment::metrics::{Meter, Metrics, Value, end_word, fault_word, mode_word};
+use crate::experiment::events::{self, motor_text, of_board};
+use crate::experiment::metrics::{Meter, Metrics, Value};
 use crate::experiment::properties::PROPERTIES;
 use crate::experiment::scenario::{Action, Case, Scenario, Verdict, motor_name};
 use crate::experiment::trace::Trace;
@@ -17,57 +18,59 @@ use crate::world::node::{Node, Sample};
 use crate::world::plant::{Model, ParamError};
 use crate::world::rig::{Rig, RigParams};
 
-/// How to run a scenario.
+/// Options of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Seed of the sensors' noise and of the plant's scatter, where a scenario scatters it.
+    /// Seed of the sensor noise and, where a scenario has scatter, of the plant's parameters.
     pub seed: u64,
-    /// How the inverter is computed.
+    /// Model of the inverter.
     pub model: Model,
     /// Whether to keep a trace.
     pub trace: bool,
 }
 
-/// What came of a scenario.
+/// The result of a scenario.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The scenario's name.
     pub scenario: String,
-    /// As asked for.
+    /// The options of the run.
     pub options: Options,
-    /// Figures; of several motors the worst of each.
+    /// Metrics; the worst of each over several motors.
     pub metrics: Metrics,
-    /// The expectations of every motor.
+    /// The verdicts for every motor.
     pub expectations: Vec<Verdict>,
-    /// Each motor's own.
+    /// The result of each motor.
     pub runs: Vec<MotorRun>,
 }
 
-/// What came of one motor's run.
+/// The result of one motor.
 #[derive(Clone, Debug)]
 pub struct MotorRun {
-    /// Which.
+    /// The kind of motor.
     pub motor: MotorKind,
-    /// Its figures.
+    /// Its metrics.
     pub metrics: Metrics,
-    /// Its trace, if asked for.
+    /// Its trace, if requested.
     pub trace: Option<Trace>,
-    /// What the servo reported and refused, with the time in ms.
+    /// The servo's reports and refusals, with their time in ms.
     pub log: Vec<(u32, String)>,
+    /// The board's event log at the end of the run; empty for runs over CAN.
+    pub events: Vec<events::Event>,
 }
 
 impl Outcome {
-    /// Whether every expectation was met.
+    /// Whether all expectations were met.
     #[must_use]
     pub fn passed(&self) -> bool {
         self.expectations.iter().all(|verdict| verdict.ok)
     }
 }
 
-/// Runs a scenario. Same scenario, options and commit: same outcome, to the last bit.
+/// Runs a scenario. The same scenario, options and commit give the same outcome bit for bit.
 ///
 /// # Errors
-/// A plant parameter out of range; [`Scenario::parse`] lets none through.
+/// A plant parameter out of range; [`Scenario::parse`] rejects those.
 pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, ParamError> {
     let mut runs = Vec::new();
     let mut expectations = Vec::new();
@@ -88,7 +91,7 @@ pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, ParamError
     Ok(Outcome { scenario: scenario.name.clone(), options: *options, metrics, expectations, runs })
 }
 
-/// A refused command means that the scenario did not do what it says, unless it expects refusals.
+/// A failed verdict for refused commands, unless the scenario expects refusals.
 pub(crate) fn unexpected_refusals(scenario: &Scenario, metrics: &Metrics) -> Option<Verdict> {
     let expected = scenario.expectations.iter().any(|e| e.metric.name == "refusals");
     (!expected && metrics.refusals > 0).then(|| Verdict {
@@ -99,7 +102,7 @@ pub(crate) fn unexpected_refusals(scenario: &Scenario, metrics: &Metrics) -> Opt
     })
 }
 
-/// The node of a motor of that kind, and its number: a finger's link, the spread, a finger's tip.
+/// The node of the first motor of a kind: a finger's link, the spread, a finger's tip.
 #[must_use]
 pub const fn node_of(motor: MotorKind) -> u8 {
     match motor {
@@ -109,10 +112,10 @@ pub const fn node_of(motor: MotorKind) -> u8 {
     }
 }
 
-/// The board of one motor at the start of a scenario: awake, its position and properties set over the bus.
+/// The board of one motor at the start of a scenario: awake, position and properties set over the bus.
 ///
 /// # Errors
-/// A plant parameter out of range; [`Scenario::parse`] lets none through.
+/// A plant parameter out of range; [`Scenario::parse`] rejects those.
 pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node, ParamError> {
     let rig = rig(scenario, case, options)?;
     let straps = tater_wire::Node::new(node_of(case.motor)).unwrap_or(tater_wire::Node::HOST);
@@ -132,7 +135,7 @@ pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node
 /// The motor of a case with its sensors, at the start of a scenario.
 ///
 /// # Errors
-/// A plant parameter out of range; [`Scenario::parse`] lets none through.
+/// A plant parameter out of range; [`Scenario::parse`] rejects those.
 pub fn rig(scenario: &Scenario, case: &Case, options: &Options) -> Result<Rig, ParamError> {
     let plant = match scenario.scatter {
         0.0 => case.plant.clone(),
@@ -147,10 +150,10 @@ fn refused(field: &'static str, found: i64, why: SetError) -> ParamError {
     ParamError { field, found: found as f64, expected: format!("a value that the board takes ({why:?})") }
 }
 
-/// SETs a property of a board, as a host does.
+/// SETs a property of a board over the bus.
 ///
 /// # Errors
-/// Why the board did not take it.
+/// Why the board refused it.
 pub fn set(node: &mut Node, property: Property, value: i64) -> Result<(), SetError> {
     let to = Destination::Node(node.straps());
     let message = Message::set(to, property, value).ok_or(SetError::Range(property))?;
@@ -169,7 +172,7 @@ fn scattered_halls(scenario: &Scenario, seed: u64) -> RigParams {
     rig
 }
 
-/// How often the scenario's host asks for MODE, ms: hosts poll, and modes 2 and 4 end without one.
+/// Interval at which the host polls MODE, ms: modes 2 and 4 end without a host.
 pub(crate) const POLL_MS: u32 = 100;
 
 fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<MotorRun, ParamError> {
@@ -177,48 +180,48 @@ fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<Motor
     let mut log = Vec::new();
     let mut trace = options.trace.then(|| Trace::new(case.motor, scenario.duration_ms));
     let mut timeline = scenario.timeline.iter().peekable();
-    let mut last = watch(&node);
+    let mut last = observe(&node);
     let mut meter = Meter::new(&last);
     if let Some(trace) = &mut trace {
         trace.record(&last);
     }
     for ms in 0..scenario.duration_ms {
         while let Some(timed) = timeline.next_if(|timed| timed.ms <= ms) {
-            act(&timed.action, &mut node, &mut meter, &last, &mut log);
-            last = watch(&node);
+            apply(&timed.action, &mut node, &mut meter, &last, &mut log);
+            last = observe(&node);
         }
         if ms.is_multiple_of(POLL_MS) {
             let poll = Message::get(Destination::Node(node.straps()), Property::MODE);
-            // Answered or not, the board has heard its host.
+            // The request alone keeps the host watchdog fed.
             let _ = node.receive(&poll.frame());
         }
         while let Some(answer) = node.mailboxes().first().copied() {
             node.sent(&answer);
         }
         node.step();
-        last = watch(&node);
+        last = observe(&node);
         let ms = last.ms;
-        let events = std::iter::from_fn(|| node.event()).inspect(|event| log.push((ms, event_words(event))));
+        let events = std::iter::from_fn(|| node.event()).inspect(|event| log.push((ms, motor_text(event))));
         meter.tick(&last, events);
         last.zero_counts = meter.zero_counts();
         if let Some(trace) = &mut trace {
             trace.record(&last);
         }
     }
-    Ok(MotorRun { motor: case.motor, metrics: meter.finish(&last), trace, log })
+    Ok(MotorRun { motor: case.motor, metrics: meter.finish(&last), trace, log, events: of_board(&node) })
 }
 
-fn watch(node: &Node) -> Sample {
+fn observe(node: &Node) -> Sample {
     node.sample().expect("no scenario sends a board back into its monitor")
 }
 
-/// Lets a timed action happen.
-fn act(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log: &mut Vec<(u32, String)>) {
+/// Applies a timed action.
+fn apply(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log: &mut Vec<(u32, String)>) {
     let command = match action {
         Action::Command(command) => command,
         Action::Set(rows) => {
             for (property, value) in rows {
-                // In range: the scenario's reader has checked it.
+                // In range: checked when the scenario was parsed.
                 let _ = set(node, property.property, *value);
             }
             return;
@@ -226,22 +229,22 @@ fn act(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log: 
         Action::Disturbance(n_m) => return node.rig_mut().set_disturbance(*n_m),
         Action::Bus(v) => return node.rig_mut().set_bus(*v),
     };
-    let answer = say(command, node);
-    // First what the command ended, then what it began.
+    let answer = send_command(command, node);
+    // Events of the motion that the command ended come before those of its own.
     while let Some(event) = node.event() {
-        log.push((last.ms, event_words(&event)));
+        log.push((last.ms, motor_text(&event)));
         meter.event(&event, last);
     }
-    meter.command(command, answer.is_ok(), last, watch(node).estimated_counts());
+    meter.command(command, answer.is_ok(), last, observe(node).estimated_counts());
     if let Err(refusal) = answer {
         log.push((last.ms, format!("refused {action}: {refusal:?}")));
     }
 }
 
-/// Says a command as a host does, in properties.
-fn say(command: &Command, node: &mut Node) -> Result<(), SetError> {
+/// Sends a command the way a host does, as properties.
+fn send_command(command: &Command, node: &mut Node) -> Result<(), SetError> {
     let cmd = |cmd: Cmd| (Property::CMD, i64::from(cmd.number()));
-    let status = watch(node).status;
+    let status = observe(node).status;
     let (property, value) = match *command {
         Command::Mode(mode) => (Property::MODE, mode_code(mode).into()),
         Command::Torque(torque) => (Property::T, i64::from(torque.0)),
@@ -254,11 +257,11 @@ fn say(command: &Command, node: &mut Node) -> Result<(), SetError> {
         Command::Home => cmd(Cmd::Hi),
         Command::Terminate => cmd(Cmd::T),
         Command::ClearFault => (Property::STAT, 2),
-        // A host that ends a move leaves the motor as HOLD has it (manual 5.5 case 3).
+        // A host that ends a move honors HOLD (manual 5.5 case 3).
         Command::Abort if status.mode == Mode::Idle => return Ok(()),
         Command::Abort if holds(node) => (Property::MODE, ModeCode::Pid.into()),
         Command::Abort => (Property::MODE, ModeCode::Idle.into()),
-        // The scenario's reader makes neither.
+        // Not available in scenarios.
         Command::Configure(_) | Command::ClearBreakaway => return Err(SetError::Unknown),
     };
     set(node, property, value)
@@ -266,16 +269,4 @@ fn say(command: &Command, node: &mut Node) -> Result<(), SetError> {
 
 fn holds(node: &Node) -> bool {
     node.application().is_some_and(|tater| tater.config().hold)
-}
-
-/// A report of the servo in words.
-pub(crate) fn event_words(event: &Event) -> String {
-    match event {
-        Event::Ended { reason, mode } => format!("{}, then {}", end_word(*reason), mode_word(*mode)),
-        Event::Breakaway { position, stop_tip: false } => format!("breakaway at {position}"),
-        Event::Breakaway { position, stop_tip: true } => format!("breakaway at {position}, tip stops too"),
-        Event::Fault(fault) => format!("fault: {}", fault_word(*fault)),
-        Event::Glitch(glitch) => format!("glitch: {glitch:?}"),
-        Event::Homed => "homed".to_owned(),
-    }
 }

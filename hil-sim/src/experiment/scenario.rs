@@ -1,7 +1,7 @@
-//! Scenarios: what to simulate and what must come of it, as TOML.
+//! Scenarios: what to simulate and what to expect, as TOML.
 //!
-//! A file that loads can run: every name, unit and range is checked here, so that a run never meets bad input.
-//! The end of a key's name is its unit. All tables but the first keys may be left out:
+//! A file that parses can run: every name, unit and range is checked here. A key's name ends in its unit. Everything but the
+//! first keys is optional:
 //!
 //! ```
 //! let scenario = hil_sim::scenario::Scenario::parse("push.toml", r#"
@@ -52,14 +52,14 @@ use crate::experiment::properties::Property;
 use crate::world::plant::{Heat, Model, ParamError, PlantParams, Start};
 use crate::world::rig::{Object, Rig, RigParams};
 
-/// What to simulate and what must come of it.
+/// A scenario.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// Name, as printed.
     pub name: String,
     /// One sentence for `hil-sim list` and the report.
     pub about: String,
-    /// Arguments of `hil-sim run` that give this scenario: its name or file, and `--set`s.
+    /// Arguments of `hil-sim run` that reproduce this scenario: its name or file, and `--set`s.
     pub arguments: String,
     /// The motors on which it runs, one after another.
     pub cases: Vec<Case>,
@@ -73,11 +73,11 @@ pub struct Scenario {
     pub rig: RigParams,
     /// The plant's state at the start.
     pub initial: Initial,
-    /// What stands in the joint's way.
+    /// Objects in the joint's way.
     pub objects: Vec<Object>,
-    /// What happens when, in order of time.
+    /// Timed actions, in order of time.
     pub timeline: Vec<Timed>,
-    /// What must come of it.
+    /// Expected results.
     pub expectations: Vec<Expectation>,
 }
 
@@ -101,12 +101,12 @@ pub struct Initial {
     pub velocity_counts_s: f64,
     /// Winding temperature; `None`: that of the housing.
     pub winding_c: Option<f64>,
-    /// Housing temperature; `None`: that of the surroundings.
+    /// Housing temperature; `None`: ambient.
     pub housing_c: Option<f64>,
 }
 
 impl Initial {
-    /// The start of a run on `plant`.
+    /// The plant's start for these values.
     #[must_use]
     pub fn start(&self, plant: &PlantParams) -> Start {
         let housing_c = self.housing_c.unwrap_or(plant.ambient_c);
@@ -114,7 +114,7 @@ impl Initial {
         Start { count: self.position_counts, counts_per_s: self.velocity_counts_s, heat }
     }
 
-    /// Whether a rig takes it; the error names the field as the file does.
+    /// Checks the values against the plant; the error names the field as in the file.
     fn check(&self, plant: &PlantParams) -> Result<(), ParamError> {
         let rig = RigParams::default();
         let made = Rig::new(plant.clone(), rig, &[], Model::Averaged, self.start(plant), 0);
@@ -126,23 +126,23 @@ impl Initial {
     }
 }
 
-/// An action at a time.
+/// An action and its time.
 #[derive(Clone, Debug)]
 pub struct Timed {
     /// When, ms since the start of the run.
     pub ms: u32,
-    /// What.
+    /// The action.
     pub action: Action,
 }
 
-/// What can happen to a motor board.
+/// An action on a motor board.
 #[derive(Clone, Debug)]
 pub enum Action {
     /// A host's command.
     Command(Command),
     /// Properties set by a host.
     Set(Vec<(&'static Property, i64)>),
-    /// A torque from outside on the motor's shaft from now on, N·m, positive closing.
+    /// An external torque on the motor's shaft from now on, N·m, positive closing.
     Disturbance(f64),
     /// The supply voltage from now on.
     Bus(f64),
@@ -178,39 +178,39 @@ impl std::fmt::Display for Action {
     }
 }
 
-/// What a metric must be.
+/// An expected metric.
 #[derive(Clone, Debug)]
 pub struct Expectation {
-    /// Which.
+    /// The metric.
     pub metric: &'static Metric,
-    /// What it must be.
+    /// The expected value.
     pub want: Want,
 }
 
-/// The wanted value of a metric.
+/// The expected value of a metric.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Want {
-    /// A number within both ends.
+    /// A range, both ends included.
     Within(f64, f64),
     /// A word.
     Word(String),
 }
 
-/// What became of an expectation.
+/// The result of an expectation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The metric, with the motor before it where a scenario has several.
+    /// The metric, prefixed with the motor where a scenario has several.
     pub name: String,
     /// Whether it was met.
     pub ok: bool,
-    /// What it was.
+    /// The actual value.
     pub value: Value,
-    /// What was wanted, in words.
+    /// The expected value, in words.
     pub want: String,
 }
 
 impl Expectation {
-    /// Judges a run; an absent value meets no number.
+    /// Judges a run. A missing value fails a numeric expectation.
     #[must_use]
     pub fn judge(&self, metrics: &Metrics) -> Verdict {
         let value = (self.metric.get)(metrics);

@@ -1,4 +1,4 @@
-//! What happened, tick by tick, as rows of numbers: for CSV, charts and comparison with goldens.
+//! The run tick by tick, as rows of numbers: for CSV files, charts and golden files.
 
 use std::io::{self, Write};
 
@@ -7,14 +7,14 @@ use tater_wire::MotorKind;
 
 use crate::world::node::Sample;
 
-/// Rows kept of a run at most; longer runs keep every n-th tick.
+/// Most rows of a trace; longer runs keep every n-th tick.
 const MAX_ROWS: u32 = 20_000;
 
 /// A column of the trace.
 pub struct Column {
-    /// Name as in the CSV; its end is the unit.
+    /// Name in the CSV; ends in the unit.
     pub name: &'static str,
-    /// Decimals in the CSV: enough to see the quantity's resolution, few enough to read.
+    /// Decimals in the CSV: enough for the quantity's resolution.
     decimals: usize,
     get: fn(&Sample) -> f64,
 }
@@ -58,7 +58,7 @@ columns! {
 /// The trace of one motor's run.
 #[derive(Clone, Debug)]
 pub struct Trace {
-    /// Which motor.
+    /// The kind of motor.
     pub motor: MotorKind,
     every_ms: u32,
     values: Vec<f64>,
@@ -73,19 +73,19 @@ impl Trace {
         Self { motor, every_ms, values: Vec::with_capacity(rows * COLUMNS.len()) }
     }
 
-    /// Keeps a tick, if it is one of those kept.
+    /// Records a tick, if it is one of those kept.
     pub fn record(&mut self, sample: &Sample) {
         if sample.ms.is_multiple_of(self.every_ms) {
             self.values.extend(COLUMNS.iter().map(|column| (column.get)(sample)));
         }
     }
 
-    /// The values of one tick after another, each as long as [`COLUMNS`].
+    /// The rows, each as long as [`COLUMNS`].
     pub fn rows(&self) -> impl Iterator<Item = &[f64]> {
         self.values.chunks_exact(COLUMNS.len())
     }
 
-    /// One column over time; empty for a name that is none.
+    /// One column over time; empty for an unknown name.
     #[must_use]
     pub fn column(&self, name: &str) -> Vec<f64> {
         match COLUMNS.iter().position(|column| column.name == name) {
@@ -95,8 +95,8 @@ impl Trace {
     }
 }
 
-/// Writes traces as one CSV: a header, then a row a tick. With several motors the second column is the motor's
-/// number in the hand (1 link, 4 spread, 5 tip).
+/// Writes traces as one CSV file: a header, then one row per tick. With several motors the second column is the motor's node
+/// (1 link, 4 spread, 5 tip).
 ///
 /// # Errors
 /// Those of `out`.

@@ -11,6 +11,7 @@ use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
 use super::output::{print, replace_file, warn};
 use super::serve::{self, BusArgs, HandArgs};
+use crate::experiment::events::{self, Event};
 use crate::experiment::input::BadInput;
 use crate::experiment::replay::{Replayed, replay};
 use crate::experiment::report;
@@ -164,6 +165,10 @@ fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
                 dir.join("trace.csv").display()
             ))?;
         }
+    }
+    if !outcome.passed() {
+        let events: Vec<Event> = outcome.runs.iter().flat_map(|run| run.events.clone()).collect();
+        warn(events::text(&events).trim_end());
     }
     Ok(outcome.passed())
 }

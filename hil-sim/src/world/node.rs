@@ -5,10 +5,10 @@ mod factory;
 
 use servo_core::units::Micros;
 use servo_core::{Event, Telemetry};
+use tater_fw::SetError;
 use tater_fw::events::BoardEvent;
 use tater_fw::monitor::Next;
 use tater_fw::storage::Progress;
-use tater_fw::SetError;
 use tater_fw::{Analog, Board, Monitor, Tater};
 use tater_wire::{FaultCode, Frame};
 

@@ -1,15 +1,15 @@
-//! Two runs of one scenario over CAN, of the native board and an emulated one: how far apart their rotors ever are.
+//! Compares two runs of one scenario over CAN, native and emulated: the largest distance between their rotors.
 //!
-//! Their ticks have different phases, so their times are aligned to the first driven tick of the run.
+//! The boards tick at different phases, so times count from the first driven tick of each run.
 
 use servo_core::Command;
 
 use crate::world::rig::Truth;
 
-/// Where the rotor was, a millisecond at a time, and the moves that it made.
+/// The rotor's path once a millisecond, and the moves.
 #[derive(Clone, Debug)]
 pub struct Path {
-    /// Time in us, and position in counts.
+    /// Time in us and position in counts.
     points: Vec<(u64, f64)>,
     /// When the bridge first was on, us.
     driven_us: Option<u64>,
@@ -24,14 +24,14 @@ struct Moved {
     ended_us: Option<u64>,
 }
 
-/// How far two runs differ.
+/// The difference between two runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
-    /// Largest distance of the rotors at the same time, counts.
+    /// Largest distance between the rotors at the same time, counts.
     pub counts: f64,
-    /// Largest difference of the times that the moves took, from the first driven tick to the report of the end, ms.
+    /// Largest difference between the durations of a move, from its first driven tick to its reported end, ms.
     pub end_ms: f64,
-    /// Whether one has ended another number of moves than the other.
+    /// Whether the runs ended different numbers of moves.
     pub other_ends: bool,
 }
 
@@ -71,12 +71,12 @@ impl Path {
         }
     }
 
-    /// When everything begins, us: the first driven tick, or the run's beginning if it never drove.
+    /// Time zero, us: the first driven tick, or the run's start if it never drove.
     fn zero_us(&self) -> u64 {
         self.driven_us.or_else(|| self.points.first().map(|point| point.0)).unwrap_or(0)
     }
 
-    /// The position at a time, straight between the points; `None` outside of them.
+    /// The position at a time, interpolated linearly; `None` outside the path.
     fn at(&self, us: u64) -> Option<f64> {
         let after = self.points.partition_point(|&(t, _)| t <= us);
         let &(t0, from) = self.points.get(after.checked_sub(1)?)?;
@@ -87,7 +87,7 @@ impl Path {
         Some(from + (to - from) * (us - t0) as f64 / (t1 - t0) as f64)
     }
 
-    /// How long each move took that drove and ended, us.
+    /// Durations of the moves that drove and ended, us.
     fn took_us(&self) -> Vec<u64> {
         self.moves.iter().filter_map(|m| Some(m.ended_us?.saturating_sub(m.driven_us?))).collect()
     }

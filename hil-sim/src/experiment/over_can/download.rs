@@ -1,27 +1,27 @@
-//! A download as Barrett's host software does it: a character a frame, each after the board has asked for it.
+//! A download as Barrett's host software does it: one character per frame, each on the board's request (docs/download.md).
 
 use tater_wire::download::START;
 use tater_wire::{Destination, Frame, Identifier, Node as Id, Property};
 
-use super::{OverCan, Watched};
+use super::{ObservedBoard, OverCan};
 
 /// Characters of a line that Barrett's software reads.
 const LINE: usize = 98;
 
-/// How long the host waits for a board to ask on, us: it may erase a page of the staging first. The real one waits for ever.
+/// Time limit for a board's request, us: it may erase a page of the staging area first. Barrett's software waits forever.
 const ASKS_US: u64 = 30_000_000;
 
-/// From the last character to a monitor that answers again, us: it sums up the whole image.
+/// Time limit from the last character to an answering monitor, us: it checks the whole image first.
 const CHECK_US: u64 = 5_000_000;
 
-/// Every so many characters progress is told.
+/// Characters between two progress reports.
 const TOLD: u64 = 1024;
 
-impl<S: Watched> OverCan<S> {
+impl<S: ObservedBoard> OverCan<S> {
     /// Downloads a `.tek` file to a board whose monitor runs.
     ///
     /// # Errors
-    /// The board does not ask on, or refuses the file: ERROR says why.
+    /// The board stops requesting, or refuses the file: ERROR says why.
     pub fn download(&mut self, node: Id, tek: &[u8]) -> Result<(), String> {
         self.set(node, Property::VERS, i64::from(START))?;
         let to = Identifier { from: Id::HOST, to: Destination::Node(node) };
@@ -29,7 +29,7 @@ impl<S: Watched> OverCan<S> {
         // The first character of a line is skipped, and one below '0' ends it.
         for line in tek.split_inclusive(|&byte| byte == b'\n').flat_map(|line| line.chunks(LINE)) {
             for &character in line.iter().skip(1).take_while(|&&character| character >= b'0') {
-                // Any frame of the board is the go-ahead.
+                // Any frame of the board is a request.
                 let deadline = self.bus.now_us() + ASKS_US;
                 let asked = std::iter::from_fn(|| self.bus.wait(deadline)).any(|s| s.frame.id().from == node);
                 self.check()?;
@@ -39,11 +39,11 @@ impl<S: Watched> OverCan<S> {
                         node.number()
                     ));
                 }
-                // One byte fits a frame, and the host is plugged since the beginning.
+                // One byte fits a frame, and the host is connected.
                 let _ = self.bus.send(Frame::new(to, &[character]).unwrap_or(Frame::EMPTY));
                 done += 1;
                 if done % TOLD == 0 {
-                    self.tell("download", done, tek.len() as u64);
+                    self.report_progress("download", done, tek.len() as u64);
                 }
             }
         }

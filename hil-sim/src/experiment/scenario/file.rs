@@ -1,5 +1,5 @@
-//! The shape of a scenario file. Types here refuse what no scenario may hold, so that the reader can say the
-//! line; what needs two fields to judge is judged in `scenario.rs`.
+//! The structure of a scenario file. These types reject invalid values, so that the parser can name the line; checks across fields
+//! are in `read.rs`.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -38,7 +38,7 @@ pub(super) struct File {
     pub(super) expect: Vec<Spanned<Expect>>,
 }
 
-/// Plant overrides by name; which names there are is the plant's to say.
+/// Plant overrides by name; the plant knows the names.
 pub(super) type Numbers = BTreeMap<Spanned<String>, Spanned<Number>>;
 /// Properties by name.
 pub(super) type Settings = BTreeMap<Spanned<String>, Spanned<i64>>;
@@ -99,7 +99,7 @@ pub(super) struct Expect {
     pub(super) tolerance: Option<Tolerance>,
 }
 
-/// What a metric should equal.
+/// The expected value of a metric.
 pub(super) enum Wanted {
     Number(f64),
     Text(String),
@@ -109,11 +109,11 @@ pub(super) enum Wanted {
 #[derive(Clone, Copy, Default)]
 pub(super) struct Number(pub(super) f64);
 
-/// How far off a number may be.
+/// A tolerance.
 #[derive(Clone, Copy)]
 pub(super) struct Tolerance(pub(super) f64);
 
-/// A torque on the shaft: ten times what the motor can.
+/// A torque on the shaft, up to ten times the motor's.
 #[derive(Clone, Copy)]
 pub(super) struct NewtonMetres(pub(super) f64);
 
@@ -133,16 +133,16 @@ pub(super) struct HallScatter(pub(super) f64);
 #[derive(Clone, Copy)]
 pub(super) struct Duration(pub(super) u32);
 
-/// A whole count that a position property can hold.
+/// A hall count in the range of the position properties.
 pub(super) struct Position(pub(super) i32);
 
-/// A torque that property T can hold.
+/// A torque in the range of property T.
 pub(super) struct TorqueUnits(pub(super) i16);
 
-/// A velocity that property V can hold.
+/// A velocity in the range of property V.
 pub(super) struct VelocityUnits(pub(super) i16);
 
-/// `true`: the command has no value.
+/// `true`, the only value of a command without a parameter.
 pub(super) struct Yes;
 
 /// A mode by name.
@@ -151,7 +151,7 @@ pub(super) struct ModeName(pub(super) Mode);
 /// One kind of motor or several.
 pub(super) struct Motors(pub(super) Vec<MotorKind>);
 
-/// Implements `Deserialize` for a number in a range, stated in words for the error.
+/// Implements `Deserialize` for a number in a range, described for the error.
 macro_rules! number {
     ($name:ident, $min:expr, $max:expr, $words:literal) => {
         impl<'de> Deserialize<'de> for $name {
@@ -179,7 +179,7 @@ macro_rules! number {
     };
 }
 
-/// Implements `Deserialize` for a whole number in a range, stated in words for the error.
+/// Implements `Deserialize` for a whole number in a range, described for the error.
 macro_rules! integer {
     ($name:ident, $min:expr, $max:expr, $words:literal) => {
         impl<'de> Deserialize<'de> for $name {
@@ -267,7 +267,7 @@ impl<'de> Deserialize<'de> for Wanted {
     }
 }
 
-/// The motor of that name.
+/// Parses a kind of motor.
 fn motor<E: Error>(name: &str) -> Result<MotorKind, E> {
     match name {
         "link" => Ok(MotorKind::Link),

@@ -1,4 +1,4 @@
-//! A scenario file's text → a [`Scenario`]: the checks that need more than one field, or the plant.
+//! Finds and parses scenario files, with the checks that need several fields or the plant.
 
 use std::path::Path;
 
@@ -14,14 +14,14 @@ use crate::experiment::properties::{self, Property, PropertyError};
 use crate::world::plant::{Model, ParamError, PlantParams};
 use crate::world::rig::{Object, Rig, RigParams};
 
-/// Largest scenario file read: the shipped ones have under 2 kB, so this is not one.
+/// Size limit of a scenario file, bytes; the shipped ones have under 2 kB.
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
 impl Scenario {
-    /// A shipped scenario by name, or else the TOML file at this path.
+    /// A shipped scenario by name, or the TOML file at this path.
     ///
     /// # Errors
-    /// No such scenario or file, or a file that no run can be made of.
+    /// No such scenario or file, or an invalid file.
     pub fn find(name: &str) -> Result<Self, BadInput> {
         if let Some(shipped) = SHIPPED.iter().find(|shipped| shipped.name == name) {
             let parsed = Self::parse(shipped.file, shipped.text)?;
@@ -55,18 +55,18 @@ impl Scenario {
         Self::parse(name, &text)
     }
 
-    /// The scenario in `text`; `file` is what errors call it.
+    /// Parses a scenario; errors name it `file`.
     ///
     /// # Errors
-    /// What is wrong, with the line.
+    /// An invalid key or value, with its line.
     pub fn parse(file: &str, text: &str) -> Result<Self, BadInput> {
         scenario(Source { file, text })
     }
 
-    /// Sets a property of every motor from `NAME=VALUE`, as `--set` gives it.
+    /// Sets a property of every motor from `NAME=VALUE` (`--set`).
     ///
     /// # Errors
-    /// Not of that form, no such property, or a value out of range.
+    /// Another form, an unknown property, or a value out of range.
     pub fn set(&mut self, assignment: &str) -> Result<(), BadInput> {
         let bad = |problem: &str, found: &str, expected: String| BadInput {
             place: format!("--set {}", input::shorten(assignment)),
@@ -100,7 +100,7 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     for motor in &parsed.motor.0 {
         let mut config = crate::defaults(*motor);
         for (property, value) in settings(source, &parsed.set)? {
-            // Checked by `settings`: the range does not depend on the motor.
+            // Already checked: the ranges do not depend on the motor.
             let _ = property.set(&mut config, value);
         }
         cases.push(Case { motor: *motor, plant: plant(source, *motor, &parsed.plant)?, config });
@@ -111,7 +111,7 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     };
     let mut objects = Vec::new();
     for object in &parsed.object {
-        // An object's ranges do not depend on the plant; any will do to check it.
+        // An object's ranges do not depend on the plant.
         let nominal = PlantParams::for_motor(MotorKind::Link);
         objects.push(checked(source, object, |object| check_object(object, &nominal))?);
     }
@@ -147,7 +147,7 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     })
 }
 
-/// A value of the file that the plant's own check accepts.
+/// A value that passes the plant's own check.
 fn checked<T: Clone>(
     source: Source<'_>,
     value: &Spanned<T>,
@@ -165,9 +165,9 @@ fn checked<T: Clone>(
     }
 }
 
-/// Whether a rig takes an object.
+/// Checks an object against the rig.
 fn check_object(object: &Object, plant: &PlantParams) -> Result<(), ParamError> {
-    // Where the run starts is checked elsewhere; a stop is always a valid start.
+    // A stop is always a valid start.
     let start = Initial { position_counts: plant.min_count, ..Initial::default() }.start(plant);
     let rig = RigParams::default();
     Rig::new(plant.clone(), rig, &[*object], Model::Averaged, start, 0).map(|_| ())
@@ -195,7 +195,7 @@ fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Res
             _ => toml::Value::Float(number),
         };
     }
-    // Every value has the type of the one it replaces; what may still not fit is an integer's range.
+    // Types were preserved; only an integer may be out of its type's range.
     let plant: PlantParams = table.try_into().map_err(|e: toml::de::Error| {
         let span = overrides.keys().next().map_or(0..0, Spanned::span);
         source.error(span, format!("[plant]: {}", e.message()), "numbers in their ranges", "correct it")
@@ -209,7 +209,7 @@ fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Res
     Ok(plant)
 }
 
-/// Properties by name, each once, in range.
+/// Properties by name, without duplicates, in range.
 fn settings(source: Source<'_>, set: &file::Settings) -> Result<Vec<(&'static Property, i64)>, BadInput> {
     let mut rows: Vec<(&'static Property, i64)> = Vec::new();
     for (name, value) in set {
@@ -235,7 +235,7 @@ fn settings(source: Source<'_>, set: &file::Settings) -> Result<Vec<(&'static Pr
     Ok(rows)
 }
 
-/// One `[[at]]` table: a time and exactly one action.
+/// Parses an `[[at]]` table: a time and exactly one action.
 fn timed(source: Source<'_>, at: &Spanned<file::At>, duration_ms: u32) -> Result<Timed, BadInput> {
     let file::At { ms, .. } = *at.get_ref();
     let fail = |problem: &str, found: String, expected: String, next: &str| {
@@ -333,7 +333,7 @@ fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Exp
     Ok(Expectation { metric, want })
 }
 
-/// The next step for a word that is none of those known.
+/// The next step for an unknown word.
 fn did_you_mean(word: &str, known: &[&str]) -> String {
     match input::closest(word, known.iter().copied()) {
         Some(like) => format!("did you mean {like}?"),

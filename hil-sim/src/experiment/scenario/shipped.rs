@@ -1,10 +1,10 @@
-//! The scenarios that come with the program.
+//! The scenarios built into the program.
 
-/// A scenario's text in the program.
+/// A built-in scenario.
 pub struct Shipped {
-    /// Its name; the file's name without `.toml`.
+    /// Its name: the file's name without `.toml`.
     pub name: &'static str,
-    /// The file, as errors name it.
+    /// The file's path, for errors.
     pub file: &'static str,
     /// Its text.
     pub text: &'static str,

@@ -1,4 +1,4 @@
-//! One board as its host knows it: what it is asked, what it has said, and the figures that come of both.
+//! One board as its host sees it: requests, answers, and the metrics derived from them.
 
 use std::collections::VecDeque;
 
@@ -9,87 +9,87 @@ use tater_fw::{Analog, codes};
 use tater_wire::{Frame, Property};
 
 use super::compare::Path;
-use super::talk::{ANSWER_US, answer};
-use super::{Job, OverCan, Ran, Watched};
+use super::requests::{ANSWER_US, answer};
+use super::{BoardResult, Job, ObservedBoard, OverCan};
+use crate::experiment::events::motor_text;
 use crate::experiment::metrics::Meter;
-use crate::experiment::run::{MotorRun, event_words};
+use crate::experiment::run::MotorRun;
 use crate::world::node::Sample;
 
-/// From a command's SET until all that it has led to at once has been reported, us: the SET (110), the board (50) and two
-/// reports (190).
+/// Time from a command's SET until its immediate reports have arrived, us: the SET (110), the board (50) and two reports (190).
 const DONE_US: u64 = 400;
 
-/// What a host wants of a board.
+/// A request to a board.
 pub(super) enum Ask {
-    /// A property's value.
+    /// Read a property.
     Get(Property),
-    /// A property set.
+    /// Set a property.
     Set(Property, i64),
-    /// A command, and where a host sees that it is obeyed.
+    /// Send a command, then read `echo` to see whether the board obeyed.
     Command { command: Command, property: Property, value: i64, echo: (Property, Option<i64>) },
 }
 
-/// A command that has been sent.
-struct Doing {
+/// A command in progress.
+struct PendingCommand {
     command: Command,
-    /// What was known before.
+    /// The state before the command.
     before: Sample,
     echo: (Property, Option<i64>),
-    /// What the board says of the echo's property.
+    /// The answer for the echo's property.
     read: Option<Option<i64>>,
     due_us: u64,
 }
 
-/// What the board has said.
-struct Known {
+/// The board's state as far as its answers show it.
+struct KnownState {
     mode: Mode,
     position: i32,
     torque: i16,
-    /// The position at the beginning of the hold.
+    /// The position at the start of a hold.
     held: Option<i32>,
     homed: bool,
     error: i64,
 }
 
-/// A board and its host's knowledge of it.
-pub(super) struct Seat {
+/// The host's view of a board.
+pub(super) struct BoardView {
     job: Job,
     begin_us: u64,
     asks: VecDeque<Ask>,
-    /// The property that was asked for, and until when.
+    /// The property requested, and the time limit of its answer.
     waiting: Option<(Property, u64)>,
-    doing: Option<Doing>,
-    known: Known,
-    /// Until then T may be what was commanded and not yet bounded, us.
+    pending: Option<PendingCommand>,
+    known: KnownState,
+    /// Until this time T may be the commanded value, before limits, us.
     torque_due_us: u64,
-    /// HI is under way.
+    /// HI is running.
     homing: bool,
-    /// HI has ended, and the position that it gave is not known yet.
+    /// HI has ended, and its new position has not been read.
     zero_due: bool,
     events: Vec<Event>,
     meter: Meter,
-    /// The last whole millisecond, with what the rig said then.
+    /// The rig's state at the last whole millisecond.
     last: Sample,
-    /// Whether the meter has had it.
+    /// Whether the meter has processed `last`.
     metered: bool,
     log: Vec<(u32, String)>,
     path: Path,
     unanswered: u32,
 }
 
-impl Seat {
-    /// A board in idle, at the beginning of a run.
-    pub(super) fn new(job: Job, station: &impl Watched, begin_us: u64) -> Self {
+impl BoardView {
+    /// An idle board at the start of a run.
+    pub(super) fn new(job: Job, station: &impl ObservedBoard, begin_us: u64) -> Self {
         let position = job.rig.truth().counts.round() as i32;
-        let known = Known { mode: Mode::Idle, position, torque: 0, held: None, homed: false, error: 0 };
-        let last = look(0, begin_us, station, &known);
+        let known = KnownState { mode: Mode::Idle, position, torque: 0, held: None, homed: false, error: 0 };
+        let last = observe(0, begin_us, station, &known);
         Self {
             meter: Meter::new(&last),
             job,
             begin_us,
             asks: VecDeque::new(),
             waiting: None,
-            doing: None,
+            pending: None,
             known,
             torque_due_us: begin_us,
             homing: false,
@@ -108,40 +108,44 @@ impl Seat {
         self.known.mode
     }
 
-    /// Whether a move is to end in a hold.
+    /// Whether a move ends in a hold.
     pub(super) const fn holds(&self) -> bool {
         self.job.case.config.hold
     }
 
-    /// Wants something of the board, after all that is wanted of it already.
+    /// Queues a request.
     pub(super) fn ask(&mut self, ask: Ask) {
         self.asks.push_back(ask);
     }
 
-    /// Wants values, unless the board is behind already.
+    /// Queues reads, unless earlier ones are still queued.
     pub(super) fn poll(&mut self, properties: &[Property]) {
         if self.asks.iter().all(|ask| !matches!(ask, Ask::Get(_))) {
             self.asks.extend(properties.iter().copied().map(Ask::Get));
         }
     }
 
-    /// Sends what may go out now: one question at a time, so that answers cannot be mistaken.
-    pub(super) fn pump<S: Watched>(&mut self, host: &mut OverCan<S>, now_us: u64) -> Result<(), String> {
+    /// Sends what is due: one request at a time, so that answers are unambiguous.
+    pub(super) fn pump<S: ObservedBoard>(
+        &mut self,
+        host: &mut OverCan<S>,
+        now_us: u64,
+    ) -> Result<(), String> {
         loop {
             if self.waiting.is_some_and(|(_, until)| until > now_us) {
                 return Ok(());
             }
             if self.waiting.take().is_some() {
                 self.unanswered += 1;
-                if let Some(doing) = &mut self.doing {
-                    doing.read.get_or_insert(None);
+                if let Some(pending) = &mut self.pending {
+                    pending.read.get_or_insert(None);
                 }
             }
-            if self.doing.as_ref().is_some_and(|doing| doing.due_us > now_us) {
+            if self.pending.as_ref().is_some_and(|pending| pending.due_us > now_us) {
                 return Ok(());
             }
-            if let Some(doing) = self.doing.take() {
-                self.did(&doing);
+            if let Some(pending) = self.pending.take() {
+                self.finish_command(&pending);
             }
             let node = self.job.node;
             match self.asks.pop_front() {
@@ -151,8 +155,8 @@ impl Seat {
                 Some(Ask::Command { command, property, value, echo }) => {
                     let before = refreshed(&self.last, &self.known);
                     let due_us = now_us + DONE_US;
-                    self.doing = Some(Doing { command, before, echo, read: None, due_us });
-                    // Limits are known after the next tick.
+                    self.pending = Some(PendingCommand { command, before, echo, read: None, due_us });
+                    // The limits apply from the next tick.
                     self.torque_due_us = now_us + DONE_US + 1000;
                     host.set(node, property, value)?;
                     self.get(host, echo.0, now_us);
@@ -161,27 +165,27 @@ impl Seat {
         }
     }
 
-    fn get<S: Watched>(&mut self, host: &mut OverCan<S>, property: Property, now_us: u64) {
+    fn get<S: ObservedBoard>(&mut self, host: &mut OverCan<S>, property: Property, now_us: u64) {
         host.send_get(self.job.node, property);
         self.waiting = Some((property, now_us + ANSWER_US));
     }
 
-    /// When [`Self::pump`] may next do something by itself.
+    /// The next time at which [`Self::pump`] has something to do.
     pub(super) fn due_us(&self) -> Option<u64> {
         let waits = self.waiting.map(|(_, until)| until);
-        waits.or_else(|| self.doing.as_ref().map(|doing| doing.due_us))
+        waits.or_else(|| self.pending.as_ref().map(|pending| pending.due_us))
     }
 
-    /// A command has been obeyed, or has not.
-    fn did(&mut self, doing: &Doing) {
-        let Doing { command, before, echo, read, .. } = doing;
+    /// Evaluates a completed command.
+    fn finish_command(&mut self, pending: &PendingCommand) {
+        let PendingCommand { command, before, echo, read, .. } = pending;
         let read = read.flatten();
         let obeyed = read.is_some() && (echo.1.is_none() || read == echo.1);
         if !obeyed {
             let what = format!("not obeyed: {command:?}; {:?} is {read:?}, expected {:?}", echo.0, echo.1);
             self.log.push((before.ms, what));
         }
-        // First what was before it and what it ended, then what it began.
+        // The motion that the command ended comes before the one it started.
         self.meter_now(*before);
         self.meter.command(command, obeyed, before, f64::from(self.known.position));
         if obeyed {
@@ -195,22 +199,22 @@ impl Seat {
         }
     }
 
-    /// A frame that the host has received.
-    pub(super) fn hear(&mut self, frame: &Frame, at_us: u64) {
+    /// Handles a frame that the host received.
+    pub(super) fn receive(&mut self, frame: &Frame, at_us: u64) {
         let Some((from, property, value)) = answer(frame) else { return };
         if from != self.job.node {
             return;
         }
-        self.learn(property, value, at_us);
+        self.update(property, value, at_us);
         if self.waiting.is_some_and(|(asked, _)| asked == property) {
             self.waiting = None;
-            if let Some(doing) = &mut self.doing {
-                doing.read = Some(Some(value));
+            if let Some(pending) = &mut self.pending {
+                pending.read = Some(Some(value));
             }
         }
     }
 
-    fn learn(&mut self, property: Property, value: i64, at_us: u64) {
+    fn update(&mut self, property: Property, value: i64, at_us: u64) {
         let known = &mut self.known;
         match property {
             Property::MODE => {
@@ -247,7 +251,7 @@ impl Seat {
     fn ended(&mut self, value: i64, at_us: u64) {
         let Some(reason) = codes::end_reason(value) else { return };
         if std::mem::take(&mut self.homing) && reason == EndReason::Arrived {
-            // Only HI that has left the stop arrives, and then zero is where it is.
+            // HI arrives only after it has left the stop; zero is then known.
             self.known.homed = true;
             self.zero_due = true;
             self.asks.push_front(Ask::Get(Property::P));
@@ -260,11 +264,11 @@ impl Seat {
     }
 
     fn event(&mut self, event: Event) {
-        self.log.push((self.last.ms, event_words(&event)));
+        self.log.push((self.last.ms, motor_text(&event)));
         self.events.push(event);
     }
 
-    /// Gives the meter the last millisecond, if it has not had it, with what has been reported since.
+    /// Passes the last millisecond to the meter, unless it has had it, with the events since.
     fn meter_now(&mut self, sample: Sample) {
         if self.metered {
             for event in std::mem::take(&mut self.events) {
@@ -276,33 +280,34 @@ impl Seat {
         }
     }
 
-    /// A millisecond is over: the one that began at `ms`.
-    pub(super) fn tick(&mut self, ms: u32, station: &impl Watched) {
-        // What was polled after a tick is the state that it left.
+    /// Ends the millisecond that started at `ms`.
+    pub(super) fn tick(&mut self, ms: u32, station: &impl ObservedBoard) {
+        // Answers after a tick show the state that the tick left.
         self.meter_now(refreshed(&self.last, &self.known));
-        self.last = look(ms + 1, self.begin_us, station, &self.known);
+        self.last = observe(ms + 1, self.begin_us, station, &self.known);
         self.metered = false;
         self.path.follow(station.rig().truth(), station.driven_since_us());
     }
 
-    /// The run is over.
+    /// Ends the run.
     pub(super) fn close(&mut self, ms: u32) {
         self.last.ms = ms;
         self.meter_now(refreshed(&self.last, &self.known));
     }
 
-    /// What came of it.
-    pub(super) fn finish(self) -> Ran {
+    /// The result.
+    pub(super) fn finish(self) -> BoardResult {
         let mut metrics = self.meter.finish(&refreshed(&self.last, &self.known));
         metrics.tracking_rms_counts = None;
-        let run = MotorRun { motor: self.job.case.motor, metrics, trace: None, log: self.log };
+        let run =
+            MotorRun { motor: self.job.case.motor, metrics, trace: None, log: self.log, events: Vec::new() };
         let (node, judged) = (self.job.node, self.job.judged);
-        Ran { node, run, path: self.path, unanswered: self.unanswered, judged }
+        BoardResult { node, run, path: self.path, unanswered: self.unanswered, judged }
     }
 }
 
-/// What the rig says now, and what is known of the servo.
-fn look(ms: u32, begin_us: u64, station: &impl Watched, known: &Known) -> Sample {
+/// The rig's present state combined with the known state of the servo.
+fn observe(ms: u32, begin_us: u64, station: &impl ObservedBoard, known: &KnownState) -> Sample {
     let (rig, position) = (station.rig(), Counts::from_int(known.position));
     let status = Telemetry {
         mode: known.mode,
@@ -331,8 +336,8 @@ fn look(ms: u32, begin_us: u64, station: &impl Watched, known: &Known) -> Sample
     }
 }
 
-/// A sample with what has been said since.
-fn refreshed(sample: &Sample, known: &Known) -> Sample {
+/// A sample updated with the answers since.
+fn refreshed(sample: &Sample, known: &KnownState) -> Sample {
     let mut sample = *sample;
     let status = &mut sample.status;
     status.mode = known.mode;

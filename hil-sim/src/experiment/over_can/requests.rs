@@ -1,20 +1,20 @@
-//! Questions and answers, one at a time: before a scenario begins there is no hurry.
+//! Requests and answers one at a time, outside a scenario's timeline.
 
 use tater_wire::{Body, Destination, Frame, Message, Node as Id, Property};
 
-use super::{OverCan, Watched};
+use super::{ObservedBoard, OverCan};
 
-/// How long a host waits for an answer before it asks again, us: a board that erases a page (40 ms) answers after it.
+/// Time limit of an answer, us: a board that erases a page (40 ms) answers after it.
 pub(super) const ANSWER_US: u64 = 100_000;
 
-/// How often a host asks in vain.
+/// Attempts before a board counts as silent.
 const TRIES: u32 = 5;
 
-/// Between two looks at what takes a while, us.
+/// Poll interval of long operations, us.
 const LOOK_US: u64 = 10_000;
 
-impl<S: Watched> OverCan<S> {
-    /// GETs a property; `None` if nobody answers in `ANSWER_US`.
+impl<S: ObservedBoard> OverCan<S> {
+    /// GETs a property; `None` without an answer in `ANSWER_US`.
     pub fn get(&mut self, node: Id, property: Property) -> Option<i64> {
         while self.bus.receive().is_some() {}
         self.send_get(node, property);
@@ -25,14 +25,14 @@ impl<S: Watched> OverCan<S> {
         })
     }
 
-    /// SETs a property; nobody answers that.
+    /// SETs a property, without an acknowledgment.
     ///
     /// # Errors
-    /// A value of more than 32 bits.
+    /// The value has more than 32 bits.
     pub fn set(&mut self, node: Id, property: Property, value: i64) -> Result<(), String> {
         let message = Message::set(Destination::Node(node), property, value)
             .ok_or_else(|| format!("{property:?} = {value}: no value of a property"))?;
-        // The host is plugged since the beginning.
+        // The host is connected since `new`.
         let _ = self.bus.send(message.frame());
         Ok(())
     }
@@ -40,7 +40,7 @@ impl<S: Watched> OverCan<S> {
     /// SETs a property and reads it back.
     ///
     /// # Errors
-    /// The board has another value, or does not answer.
+    /// The board reads back another value, or does not answer.
     pub fn put(&mut self, node: Id, property: Property, value: i64) -> Result<(), String> {
         self.set(node, property, value)?;
         let read = (0..TRIES).find_map(|_| self.get(node, property));
@@ -57,10 +57,10 @@ impl<S: Watched> OverCan<S> {
         })
     }
 
-    /// Asks until a property has a value.
+    /// Polls a property until it has a value.
     ///
     /// # Errors
-    /// It has not, for so long; a board that stands still for good.
+    /// Timeout, or a board that has stopped for good.
     pub(super) fn until(
         &mut self,
         node: Id,
@@ -90,10 +90,10 @@ impl<S: Watched> OverCan<S> {
         ))
     }
 
-    /// Lets time pass, `what` being the reason; what comes meanwhile is not read.
+    /// Lets time pass, reporting progress as `what`; discards received frames.
     ///
     /// # Errors
-    /// A board that stands still for good.
+    /// A board has stopped for good.
     pub fn rest(&mut self, what: &'static str, us: u64) -> Result<(), String> {
         let begin = self.bus.now_us();
         while self.bus.now_us() < begin + us {
@@ -101,13 +101,13 @@ impl<S: Watched> OverCan<S> {
             self.bus.run_until(until);
             while self.bus.receive().is_some() {}
             self.check()?;
-            self.tell(what, self.bus.now_us() - begin, us);
+            self.report_progress(what, self.bus.now_us() - begin, us);
         }
         Ok(())
     }
 }
 
-/// What a board says of a property, asked or not.
+/// The property and value in a board's answer or report.
 pub(super) fn answer(frame: &Frame) -> Option<(Id, Property, i64)> {
     let message = Message::parse(frame)?;
     match message.body {
