@@ -1,7 +1,7 @@
 //! Every property of the table on each of the seven nodes, by frames alone: number, width, sign, range,
 //! access, defaults, groups. A refused frame changes nothing and is not answered.
 
-use tater_wire::property::{Access, ROWS, PropertySpec, Stored};
+use tater_wire::property::{Access, PropertySpec, ROWS, Stored};
 use tater_wire::{Body, Destination, Group, Node, Property, Value};
 
 use super::board::{Bench, SERIAL};
