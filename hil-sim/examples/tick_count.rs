@@ -20,7 +20,7 @@ const TRAVEL: i32 = 338;
 
 fn servo() -> Servo {
     let config = Config { accel: 60, mv: 750, ..defaults(MotorKind::Link) };
-    let mut servo = Servo::new(config, 0).expect("defaults are in range");
+    let mut servo = Servo::new(config, 0);
     servo.command(Command::Move(TRAVEL)).expect("an idle motor takes a move");
     servo
 }

@@ -1,6 +1,6 @@
 //! The servo's inputs and outputs: commands, sensor readings, drive, events and telemetry.
 
-use crate::config::{self, Config, ConfigError};
+use crate::config::Config;
 use crate::guard::fault::{Fault, LimitCause};
 use crate::mode::Mode;
 use crate::sense::hall::Glitch;
@@ -38,7 +38,7 @@ pub struct Drive {
 pub enum Command {
     /// Property MODE. Writing the current mode has no effect.
     Mode(Mode),
-    /// Property T: torque of mode 2, ±990.
+    /// Property T: torque of mode 2.
     Torque(Torque),
     /// Property V: velocity of mode 4.
     Velocity(CountsPerSec),
@@ -67,37 +67,29 @@ pub enum Command {
     ClearBreakaway,
 }
 
-/// Velocity commands lie within ± this.
-const MAX_SPEED: CountsPerSec = CountsPerSec::from_int(config::MAX_SPEED.cast_signed());
-
-/// Torque commands lie within ± this.
-const MAX_TORQUE: Torque = Torque(config::MAX_TORQUE.cast_signed());
-
-/// Position commands lie within ± this, counts.
-const MAX_POSITION: u32 = config::MAX_POSITION.unsigned_abs();
+/// Largest position of a command, in whole counts: half of what [`Counts`] holds, so that no distance wraps.
+const MAX_POSITION: u32 = 1 << 20;
 
 impl Command {
-    /// Whether the value is inside its property's range.
-    ///
-    /// # Errors
-    /// [`Refusal::Range`] or [`Refusal::Config`].
-    pub fn in_range(&self) -> Result<(), Refusal> {
-        let fits = match self {
-            Self::Torque(torque) => torque.saturating_abs() <= MAX_TORQUE,
-            Self::Velocity(velocity) => velocity.0.saturating_abs() <= MAX_SPEED.0,
+    /// Whether the position of a command can be reached without wrapping: within ±2^20 counts. Every other value is
+    /// acceptable; the limits bound what comes of it.
+    #[must_use]
+    pub const fn is_representable(&self) -> bool {
+        match self {
             Self::Position(counts) | Self::End(counts) | Self::Move(counts) => {
                 counts.unsigned_abs() <= MAX_POSITION
             }
-            Self::Configure(config) => return config.validate().map_err(Refusal::Config),
-            Self::Mode(_)
+            Self::Torque(_)
+            | Self::Velocity(_)
+            | Self::Configure(_)
+            | Self::Mode(_)
             | Self::TorqueControlled { .. }
             | Self::Home
             | Self::Abort
             | Self::Terminate
             | Self::ClearFault
             | Self::ClearBreakaway => true,
-        };
-        if fits { Ok(()) } else { Err(Refusal::Range) }
+        }
     }
 
     /// Whether the command means something in a mode.
@@ -150,10 +142,8 @@ pub enum Refusal {
     Fault(Fault),
     /// The command is not allowed in this mode.
     Mode(Mode),
-    /// The value is outside its range.
+    /// The position is beyond ±2^20 counts.
     Range,
-    /// A configuration value is outside its range.
-    Config(ConfigError),
     /// HI cannot find a stop with this configuration: IVEL is 0, or IHIT or MT is below the joint's friction.
     Homing,
 }

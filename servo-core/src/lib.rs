@@ -34,5 +34,5 @@ pub mod servo;
 pub mod units;
 
 pub use command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
-pub use config::{Config, ConfigError};
+pub use config::Config;
 pub use servo::Servo;

@@ -27,8 +27,7 @@ pub type Wide = I32F32;
 pub const fn mul_q32(a: u64, b: u64) -> u64 {
     // By words: what of the highest does not fit is zero by the bound.
     let (a1, a0, b1, b0) = (a >> 32, a & 0xFFFF_FFFF, b >> 32, b & 0xFFFF_FFFF);
-    let high =
-        ((a1 * b1) << 32) + a1 * b0 + a0 * b1;
+    let high = ((a1 * b1) << 32) + a1 * b0 + a0 * b1;
     high + ((a0 * b0) >> 32)
 }
 
@@ -133,8 +132,7 @@ const fn isqrt(x: u64) -> u32 {
     let once = (line + upper / line) / 2;
     let twice = (once + upper / once) / 2;
     // Newton's is not below the root, and 2^16 at most.
-    let half =
-        if twice > 0xFFFF || twice.saturating_mul(twice) > upper { twice - 1 } else { twice };
+    let half = if twice > 0xFFFF || twice.saturating_mul(twice) > upper { twice - 1 } else { twice };
     // The lower half is (x − half² · 2^32) / (2 · half · 2^16), or one less (Zimmermann's square root).
     let rest = upper - half * half;
     let quotient = ((rest << 15) | ((x as u32) >> 17)) / half;

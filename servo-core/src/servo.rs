@@ -5,7 +5,7 @@
 //! the data of their motion; the mode that hosts read is derived from it (decision 0044).
 
 use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
-use crate::config::{Config, ConfigError};
+use crate::config::{self, Config};
 use crate::guard::arrival::arrived;
 use crate::guard::breakaway::Breakaway;
 use crate::guard::fault::{Condition, Fault, Faults};
@@ -219,29 +219,29 @@ struct Tuning {
     velocity_loop: VelocityLoop,
     strain: Window,
     ramps: CruiseRamps,
+    /// The torque limit, and that of HI towards the stop.
+    most: Torque,
+    homing_most: Torque,
 }
 
 impl Tuning {
     fn new(config: Config) -> Self {
-        let Config { accel, mv, mcv, mov, kp, ki, kd, kpv, hsg, lsg, .. } = config;
-        let (closing, opening) = (Config::speed(mv.min(mcv)), Config::speed(mv.min(mov)));
+        let Config { mt, mv, mcv, mov, accel, kp, kd, ki, kpv, hsg, lsg, ihit, .. } = config;
+        let (closing, opening) = (config::speed(mv.min(mcv)), config::speed(mv.min(mov)));
         Self {
             config,
             pid: PidConfig { kp, ki, kd }.build(),
             velocity_loop: VelocityLoop::new(kpv),
             strain: Window::new(hsg, lsg),
             ramps: MoveLimits { accel, closing, opening }.build(),
+            most: config::torque(mt),
+            homing_most: config::torque(ihit.min(mt)),
         }
-    }
-
-    /// The largest torque that HI may press with.
-    fn homing_torque(&self) -> Torque {
-        Config::torque(self.config.ihit.min(self.config.mt))
     }
 
     /// Velocity set-point of TC and TO.
     fn press_speed(&self, closing: bool) -> CountsPerSec {
-        if closing { Config::speed(self.config.mcv) } else { Config::speed(self.config.mov).saturating_neg() }
+        if closing { config::speed(self.config.mcv) } else { config::speed(self.config.mov).saturating_neg() }
     }
 }
 
@@ -277,21 +277,8 @@ pub struct Servo {
 
 impl Servo {
     /// A servo in idle, at rest in the cell `count` of the hall decoder; that cell is position `count`.
-    ///
-    /// # Errors
-    /// The first configuration value out of range.
-    pub fn new(config: Config, count: i32) -> Result<Self, ConfigError> {
-        config.validate()?;
-        Ok(Self::with(config, count))
-    }
-
-    /// The same without a configuration: it cannot move until [`Command::Configure`].
     #[must_use]
-    pub fn unconfigured(count: i32) -> Self {
-        Self::with(Config::default(), count)
-    }
-
-    fn with(config: Config, count: i32) -> Self {
+    pub fn new(config: Config, count: i32) -> Self {
         Self {
             tuning: Tuning::new(config),
             motion: Motion::Idle,
@@ -461,9 +448,11 @@ impl Servo {
         if !command.allowed_in(mode) {
             return Err(Refusal::Mode(mode));
         }
-        command.in_range()?;
+        if !command.is_representable() {
+            return Err(Refusal::Range);
+        }
         // Without velocity or torque HI would take any place for the stop.
-        let can_home = self.tuning.config.ivel != 0 && self.tuning.homing_torque() >= FRICTION;
+        let can_home = self.tuning.config.ivel != 0 && self.tuning.homing_most >= FRICTION;
         if matches!(command, Command::Home) && !can_home { Err(Refusal::Homing) } else { Ok(()) }
     }
 
@@ -764,11 +753,7 @@ impl Servo {
     }
 
     fn torque_ceiling(&self) -> Torque {
-        if matches!(self.motion, Motion::SeekStop) {
-            self.tuning.homing_torque()
-        } else {
-            Config::torque(self.tuning.config.mt)
-        }
+        if matches!(self.motion, Motion::SeekStop) { self.tuning.homing_most } else { self.tuning.most }
     }
 
     // --- the end of a motion ---------------------------------------------------------------------------------
@@ -888,8 +873,7 @@ impl Servo {
     /// that a load stays carried. Any other end may come at speed or under full torque, and starts with an empty one.
     fn hold(&mut self, reason: EndReason) {
         let pid = if reason == EndReason::Arrived {
-            let most = Config::torque(self.tuning.config.mt);
-            self.tuning.pid.bumpless(self.applied.torque, Law::ZERO, Law::ZERO, most)
+            self.tuning.pid.bumpless(self.applied.torque, Law::ZERO, Law::ZERO, self.tuning.most)
         } else {
             PidState::default()
         };

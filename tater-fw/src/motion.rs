@@ -28,25 +28,23 @@ bind! { motion for Config:
     OTEMP = otemp,
 }
 
-/// How long the spread's brake takes to release, ms: electromagnetic power-off brakes of its size take 10 to 30.
-const BRAKE_MS: u16 = 30;
+/// A motor that cannot move until it is configured, but knows its brake: the spread's is a power-off brake, of which
+/// this size releases in 10 to 30 ms.
+#[must_use]
+pub(crate) fn unconfigured(motor: MotorKind) -> Config {
+    let brake_ms = match motor {
+        MotorKind::Spread => 30,
+        MotorKind::Link | MotorKind::Tip => 0,
+    };
+    Config { brake_ms, ..Config::default() }
+}
 
 /// The configuration of a motor on which nothing has been set: the property table's defaults.
 #[must_use]
 pub fn defaults(motor: MotorKind) -> Config {
-    let mut config = unset(motor);
+    let mut config = unconfigured(motor);
     fill(&mut config, |property| property.rules().default_for_motor(motor).map(i32::from));
     config
-}
-
-/// What of a motor's configuration is no property.
-#[must_use]
-pub(crate) fn unset(motor: MotorKind) -> Config {
-    let brake_ms = match motor {
-        MotorKind::Spread => BRAKE_MS,
-        MotorKind::Link | MotorKind::Tip => 0,
-    };
-    Config { brake_ms, ..Config::default() }
 }
 
 #[cfg(test)]
@@ -67,15 +65,14 @@ mod tests {
         }
     }
 
-    /// So the one check of a SET, against the table, is enough for the servo.
+    /// So the one check of a SET, against the table, is enough: the servo is safe with whatever its fields hold.
     #[test]
-    fn every_value_of_the_tables_ranges_fits_its_field_and_the_servo() {
+    fn every_value_of_the_tables_ranges_fits_its_field() {
         for property in PROPERTIES {
             let row = property.row();
             for value in [row.min, row.max] {
                 let mut config = defaults(MotorKind::Spread);
                 assert!(set(&mut config, property, value), "{property:?} {value}");
-                assert_eq!(config.validate(), Ok(()), "{property:?} {value}");
                 assert_eq!(get(&config, property), Some(value));
             }
         }

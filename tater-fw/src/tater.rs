@@ -137,7 +137,7 @@ impl<B: Board> Tater<B> {
         let trusted = stored.filter(|&(_, at)| at == code).map(|(position, _)| position);
         let count = trusted.unwrap_or(0);
         Self {
-            servo: Servo::unconfigured(count),
+            servo: Servo::new(motion::unconfigured(MotorKind::of(node)), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
             pending_code: None,
             hall_history: u32::from(code),
@@ -578,8 +578,11 @@ impl<B: Board> Tater<B> {
     /// IC and IO: so many counts from where the motor is (manual 5.2: "closes the motor the given number of counts"),
     /// during a move too.
     fn step_by(&mut self, counts: i32) -> Result<(), SetError> {
-        let position = self.servo.telemetry().position.round();
-        self.command(Command::Move(position.saturating_add(counts)))
+        let end = self.servo.telemetry().position.round().saturating_add(counts);
+        if !Property::E.rules().admits(end.into()) {
+            return Err(SetError::Range(Property::E));
+        }
+        self.command(Command::Move(end))
     }
 
     // --- SAVE, LOAD and DEF ------------------------------------------------------------------------------------
@@ -694,7 +697,7 @@ impl<B: Board> Tater<B> {
     /// At the start, and LOAD of all but the position: stored or default, of locked ones too or not.
     #[inline(never)]
     fn load_all(&mut self, locked: bool) {
-        let mut config = motion::unset(MotorKind::of(self.node));
+        let mut config = motion::unconfigured(MotorKind::of(self.node));
         // Defaults are in range, and `stored` gives nothing else.
         motion::fill(&mut config, |property| stored_width(self.stored(property.rules())));
         let _ = self.servo.command(Command::Configure(config));

@@ -16,8 +16,8 @@ const ARROWS: [Arrows; 9] = [
     Arrows {
         package: "servo-core",
         ours: &[],
-        // fixed: the Q-formats, no_std, integer only. heapless: bounded queues without a heap. defmt: feature, log lines that
-        // carry types. proptest: tests.
+        // fixed: the Q-formats, no_std, integer only. heapless: bounded queues without a heap. defmt: Format for what a
+        // firmware logs, only with the feature of that name. proptest: tests.
         others: Some(&["defmt", "fixed", "heapless", "proptest (dev)"]),
     },
     Arrows {

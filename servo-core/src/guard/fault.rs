@@ -34,6 +34,7 @@ pub enum Fault {
 
 /// A bound that the torque or the duty ran into; the motion goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LimitCause {
     /// Torque at MT, or IHIT while homing.
     Torque,

@@ -88,7 +88,7 @@ impl Thermal {
 
     fn warm_by(&mut self, applied: Torque) {
         let torque = i32::from(applied.0);
-        self.squares = self.squares + ((torque * torque).cast_unsigned() >> 8);
+        self.squares += (torque * torque).cast_unsigned() >> 8;
     }
 
     /// Has the next step look at the thermistor: a new OTEMP, or a fault that was cleared. The winding's rise keeps

@@ -256,8 +256,7 @@ impl Profile {
         self.course = Course::new(slope, self.position, distance.to_bits(), self.velocity.to_bits(), bounds);
         let acceleration = slope.acceleration().cast_signed();
         let slowing = self.course.slowing;
-        self.acceleration =
-            self.course.directed(if slowing { -acceleration } else { acceleration });
+        self.acceleration = self.course.directed(if slowing { -acceleration } else { acceleration });
         self.moving = true;
         self.due = next_tick(self.course.cruise_begins).0;
         self.brake_tick = next_tick(self.course.braking_begins).0;
@@ -363,8 +362,7 @@ impl Course {
         let gain = braking - stopping;
         let to_cruise = if slowing { -gain } else { gain };
         let cruising = (distance - to_cruise - braking).max(0);
-        let cruise_begins =
-            if velocity < 0 { peak.time + stop_time } else { peak.time.abs_diff(stop_time) };
+        let cruise_begins = if velocity < 0 { peak.time + stop_time } else { peak.time.abs_diff(stop_time) };
         let braking_begins = cruise_begins.saturating_add(ratio_q32(cruising.cast_unsigned(), peak.velocity));
         Self { from, mirrored, slowing, peak, to_cruise, cruise_begins, braking_begins }
     }

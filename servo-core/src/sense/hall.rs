@@ -48,6 +48,7 @@ const STANDING: Micros = Micros(300_000);
 
 /// Which way the rotor turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Direction {
     /// Counts rise.
     Closing,
@@ -96,6 +97,7 @@ pub enum Glitch {
 
 /// Lines that lie so often that the count is not to be trusted any more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum HallFault {
     /// Code 0 or 7 for [`ILLEGAL`]: cable or supply.
     Illegal,

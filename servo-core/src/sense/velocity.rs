@@ -431,7 +431,7 @@ impl Motion {
         if let Some(&(g_growing, h_growing)) = GROWING.get(usize::from(self.edges)) {
             g = g.max(g_growing);
             h = h.max(h_growing);
-            self.edges = self.edges + 1;
+            self.edges += 1;
             if self.edges < 4 {
                 k = 0;
             }

@@ -4,7 +4,7 @@ use super::*;
 
 /// A link that pushes with 700 of torque in mode 2: no brake.
 fn pushing() -> Bench {
-    let mut bench = Bench::new(MotorKind::Link);
+    let mut bench = Bench::new(Joint::Link);
     bench.servo.command(Command::Mode(Mode::Torque)).unwrap();
     bench.servo.command(Command::Torque(Torque(700))).unwrap();
     assert!(bench.tick().duty.is_some_and(|duty| duty > Duty::ZERO));
@@ -63,7 +63,7 @@ fn a_fault_that_was_cleared_is_looked_for_before_it_is_found_again() {
 
 #[test]
 fn a_hold_waits_for_the_brake_too() {
-    let mut bench = Bench::new(MotorKind::Spread);
+    let mut bench = Bench::new(Joint::Spread);
     bench.servo.command(Command::Move(50)).unwrap();
     for _ in 0..10 {
         bench.tick();

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn homing_zeroes_at_the_stop_and_again_after_ioff() {
-    let mut bench = Bench::new(MotorKind::Link);
+    let mut bench = Bench::new(Joint::Link);
     bench.servo.command(Command::End(77)).unwrap();
     bench.servo.command(Command::Home).unwrap();
     // The stop is 40 counts in the opening direction; 200 counts/s to it.
@@ -27,7 +27,7 @@ fn homing_zeroes_at_the_stop_and_again_after_ioff() {
 
 #[test]
 fn ioff_written_while_leaving_the_stop_replans_to_the_new_zero() {
-    let mut bench = Bench::new(MotorKind::Link);
+    let mut bench = Bench::new(Joint::Link);
     bench.servo.command(Command::Home).unwrap();
     while bench.servo.telemetry().mode != Mode::Trapezoidal {
         bench.tick();
@@ -41,7 +41,7 @@ fn ioff_written_while_leaving_the_stop_replans_to_the_new_zero() {
 
 #[test]
 fn homing_never_stalls_before_hosts_can_see_mode_4() {
-    let mut bench = Bench::new(MotorKind::Link);
+    let mut bench = Bench::new(Joint::Link);
     let config = Config { tstop: 20, ..*bench.servo.config() };
     bench.servo.command(Command::Configure(config)).unwrap();
     bench.servo.command(Command::Home).unwrap();
@@ -54,7 +54,7 @@ fn homing_never_stalls_before_hosts_can_see_mode_4() {
 
 /// HI from standstill, with a rotor that does not move; where it has led after a second.
 fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config) -> Config) -> Telemetry {
-    let mut bench = Bench::new(MotorKind::Tip);
+    let mut bench = Bench::new(Joint::Tip);
     let config = config(*bench.servo.config());
     bench.servo.command(Command::Configure(config)).unwrap();
     bench.servo.command(Command::Home).unwrap();
@@ -93,7 +93,7 @@ fn a_stall_is_the_stop_only_under_the_whole_torque() {
 fn a_motor_too_warm_to_press_does_not_find_its_stop() {
     // Of 990 over 8 °C, half a degree below OTEMP leaves 61, and two degrees 247.
     for (motor_temp, found) in [(695, Mode::Idle), (680, Mode::Trapezoidal)] {
-        let mut bench = Bench::new(MotorKind::Tip);
+        let mut bench = Bench::new(Joint::Tip);
         bench.motor_temp = DeciCelsius(motor_temp);
         bench.servo.command(Command::Home).unwrap();
         for _ in 0..310 {
@@ -112,7 +112,7 @@ fn homing_needs_a_velocity_and_more_torque_than_friction() {
         |c| Config { ihit: 62, ..c },
     ];
     for lame in lame {
-        let mut bench = Bench::new(MotorKind::Tip);
+        let mut bench = Bench::new(Joint::Tip);
         let config = lame(*bench.servo.config());
         bench.servo.trust_position();
         bench.servo.command(Command::Configure(config)).unwrap();

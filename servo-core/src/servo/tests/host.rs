@@ -44,7 +44,7 @@ fn torque_reads_as_commanded_until_a_limit_takes_of_it() {
 
 #[test]
 fn a_stored_position_can_be_trusted_and_e_reads_back() {
-    let mut servo = Servo::new(config_of(MotorKind::Tip), -120).expect("defaults are in range");
+    let mut servo = Servo::new(Joint::Tip.config(), -120);
     assert!(!servo.telemetry().homed);
     servo.trust_position();
     assert_eq!((servo.telemetry().homed, servo.telemetry().position.round()), (true, -120));

@@ -1,6 +1,7 @@
 //! Any frames, any sensor readings: no panic, no value out of its range, no drive beyond its bounds.
 
 use super::board::Bench;
+use crate::motion;
 use proptest::prelude::*;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
@@ -82,7 +83,10 @@ fn apply(bench: &mut Bench, step: Step) {
 
 /// Checked after every step.
 fn check(bench: &mut Bench) {
-    assert_eq!(bench.tater.servo.config().validate(), Ok(()));
+    for property in motion::PROPERTIES {
+        let value = motion::get(bench.tater.servo.config(), property);
+        assert!(value.is_some_and(|value| property.rules().admits(value)), "{property:?} {value:?}");
+    }
     let drive = bench.tater.drive();
     // 990/1024 (guard/limits).
     assert!(drive.duty.is_none_or(|duty| i32::from(duty.0.to_bits()).abs() <= 990 * 32), "{drive:?}");
