@@ -309,7 +309,7 @@ fn motor_stalls_at_a_stop_and_can_leave_it() {
         let mut rig = rig(plant, Model::Averaged, at(end - 5.5, 700.0));
         let held = run(&mut rig, 0.73, 300);
         assert_eq!(held.counts_per_s, 0.0, "{kind:?}");
-        // Half a newton metre compresses it by 0.07 counts; a worm keeps part of the compression of the
+        // Half a newton meter compresses it by 0.07 counts; a worm keeps part of the compression of the
         // impact.
         assert!((0.0..0.3).contains(&(held.counts - end)), "{kind:?} {}", held.counts - end);
         assert!(held.load_n_m < -0.1);

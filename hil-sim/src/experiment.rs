@@ -1,4 +1,4 @@
-//! What is done with the world: scenarios and scripts run in it, measured, judged and reported.
+//! Experiments in the world: scenarios and scripts, their metrics, verdicts and reports.
 //!
 //! Imports `world`, never `ports`. Reads no clock; the files it reads are its inputs (scenarios, scenes, captures).
 

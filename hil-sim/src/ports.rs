@@ -1,4 +1,4 @@
-//! How the program meets its user and other programs: arguments, sockets, terminals and output files.
+//! The program's interfaces: arguments, sockets, terminals and output files.
 //!
 //! Imports both floors below. Real time is passed in: only `main.rs` reads the clock.
 

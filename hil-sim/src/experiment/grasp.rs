@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_world_is_refused_with_its_line() {
+    fn invalid_scene_is_refused_with_its_line() {
         for (text, line, said) in [
             ("[[object]]\nat_mm = [0, 0, 70]\nradius_mm = 0", "x.toml:1", "radius_mm = 0"),
             ("\n[[object]]\nat_mm = [0, nan, 70]\nradius_mm = 3", "x.toml:2", "at_mm = NaN"),

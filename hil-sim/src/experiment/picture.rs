@@ -16,7 +16,7 @@ const HEAD: f64 = 56.0;
 const LINE: f64 = 17.0;
 
 /// Colors of fingers 1, 2 and 3, distinct for the color-blind.
-const COLOURS: [&str; 3] = ["#0b62c4", "#d9480f", "#1a7f4b"];
+const COLORS: [&str; 3] = ["#0b62c4", "#d9480f", "#1a7f4b"];
 
 /// A view by its axes: to the right and upwards.
 struct View {
@@ -38,12 +38,12 @@ impl View {
         [self.left + 0.5 * WIDTH * SCALE + right, HEAD + self.down * SCALE - up]
     }
 
-    fn capsule(&self, svg: &mut String, capsule: &Capsule, colour: &str, opacity: f64) {
+    fn capsule(&self, svg: &mut String, capsule: &Capsule, color: &str, opacity: f64) {
         let [[x1, y1], [x2, y2]] = capsule.ends.map(|end| self.at(end));
         let width = 2.0 * capsule.radius_m * SCALE;
         let _ = writeln!(
             svg,
-            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\" stroke-width=\"{width:.1}\" \
+            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{color}\" stroke-width=\"{width:.1}\" \
              stroke-linecap=\"round\" opacity=\"{opacity}\"/>"
         );
     }
@@ -75,9 +75,9 @@ pub fn svg(scene: &Scene, before: &Pose, pose: &Pose, title: &str) -> String {
             view.capsule(&mut svg, &object.capsule, "#c9a227", 0.8);
         }
         for (pose, opacity) in [(before, [0.12, 0.08]), (pose, [0.85, 0.6])] {
-            for (finger, colour) in scene.fingers(pose).iter().zip(COLOURS) {
+            for (finger, color) in scene.fingers(pose).iter().zip(COLORS) {
                 for (part, opacity) in finger.iter().zip(opacity) {
-                    view.capsule(&mut svg, part, colour, opacity);
+                    view.capsule(&mut svg, part, color, opacity);
                 }
             }
         }

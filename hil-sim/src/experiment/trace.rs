@@ -139,20 +139,20 @@ mod tests {
 
     fn traces(motor: &str, duration_ms: u32) -> Vec<Trace> {
         let text = format!("name = 'x'\nabout = 'y'\nmotor = {motor}\nduration_ms = {duration_ms}");
-        let scenario = Scenario::parse("x.toml", &text).expect("a good scenario");
+        let scenario = Scenario::parse("x.toml", &text).expect("valid");
         let options = Options { seed: 1, model: Model::Averaged, trace: true };
-        let runs = run(&scenario, &options).expect("a good scenario").runs;
+        let runs = run(&scenario, &options).expect("valid").runs;
         runs.into_iter().filter_map(|run| run.trace).collect()
     }
 
     fn csv(traces: &[Trace]) -> Vec<String> {
         let mut csv = Vec::new();
-        write_csv(&mut csv, traces).expect("memory takes it");
+        write_csv(&mut csv, traces).expect("memory is large enough");
         String::from_utf8(csv).expect("text").lines().map(str::to_owned).collect()
     }
 
     #[test]
-    fn one_motor_has_a_row_a_tick_and_several_have_a_column_for_which() {
+    fn trace_has_a_row_per_tick_and_a_motor_column_for_several() {
         let one = csv(&traces("'tip'", 3));
         assert_eq!(one.len(), 1 + 4);
         assert!(one[0].starts_with("time_ms,mode,") && one[4].starts_with("3,0,"), "{one:?}");
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_run_keeps_every_nth_tick() {
+    fn long_run_keeps_every_nth_tick() {
         let long = traces("'link'", 60_000);
         let times = long.first().map(|trace| trace.column("time_ms")).unwrap_or_default();
         assert_eq!((times.len(), times.get(1), times.last()), (20_001, Some(&3.0), Some(&60_000.0)));

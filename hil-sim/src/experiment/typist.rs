@@ -89,7 +89,7 @@ impl Typist {
     /// with ^C.
     ///
     /// # Errors
-    /// No prompt within the limit; the hand takes no more lines.
+    /// No prompt within the limit; the hand accepts no further lines.
     pub fn run_line(&mut self, line: &str) -> Result<Reply, NoPrompt> {
         for byte in line.bytes() {
             self.type_byte(byte);

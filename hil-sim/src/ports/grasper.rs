@@ -6,7 +6,7 @@
 //! console waits until each motor has reported its end (`4 MODE=3`), as the manual's function command does.
 //!
 //! The walk-through has no HI: it starts with a hand that was homed once and stored its position with SAVE, as in step 17. Any
-//! other hand takes its position at wake-up for 0 and moves all the same, but does not trust what it SAVEs.
+//! other hand takes its position at wake-up as 0; it moves, but does not trust a position that it SAVEs.
 //!
 //! No I/O: bytes from the hand and entries go in, lines and texts come out.
 

@@ -3,7 +3,7 @@
 //! Classic CAN at 1 Mbit/s, so that a bit is a microsecond. The lowest identifier wins; frames have their exact length with
 //! stuffing; a corrupted frame costs an error frame and is sent again; a controller's receive FIFO holds three frames and
 //! drops what arrives while it is full. Not modeled: error counters (a station never goes bus-off), remote and extended
-//! frames, and the retransmissions of a station that nobody acknowledges: it waits until another station is on the bus.
+//! frames, and retransmissions without an acknowledgment: a lone station waits until another one is on the bus.
 //!
 //! The simulation is event-driven: between two events no station can affect another. Events are processed in a fixed order,
 //! so the same calls give the same bus traffic, to the microsecond.

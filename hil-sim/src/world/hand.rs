@@ -205,7 +205,7 @@ impl Hand {
         }
     }
 
-    /// What would remain if the power failed now.
+    /// The state that would remain if the power failed now.
     #[must_use]
     pub fn state(&self) -> State {
         let kept = |node: &Node| Kept {

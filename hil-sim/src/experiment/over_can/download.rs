@@ -21,7 +21,7 @@ impl<S: ObservedBoard> OverCan<S> {
     /// Downloads a `.tek` file to a board whose monitor runs.
     ///
     /// # Errors
-    /// The board stops requesting, or refuses the file: ERROR says why.
+    /// The board stops requesting, or refuses the file, with the reason in ERROR.
     pub fn download(&mut self, node: Id, tek: &[u8]) -> Result<(), String> {
         self.set(node, Property::VERS, i64::from(START))?;
         let to = Identifier { from: Id::HOST, to: Destination::Node(node) };

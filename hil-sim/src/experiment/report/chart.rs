@@ -49,7 +49,7 @@ pub(super) struct Chart<'a> {
     pub(super) series: Vec<Series>,
     pub(super) marks: &'a [Mark],
     /// Whether to label the marks.
-    pub(super) labelled: bool,
+    pub(super) labeled: bool,
 }
 
 /// An axis: data range and drawing range.
@@ -94,7 +94,7 @@ impl Chart<'_> {
             to: WIDTH - RIGHT,
         };
         let (min, max) = self.range();
-        let labels = if self.labelled { place(self.marks, &x) } else { Vec::new() };
+        let labels = if self.labeled { place(self.marks, &x) } else { Vec::new() };
         let lines = labels.iter().map(|label| label.line + 1).max().unwrap_or(0);
         let y = Axis { min, max, from: height - BOTTOM, to: TOP + LINE * lines as f64 };
         self.grid(&mut svg, &x, &y);

@@ -205,8 +205,8 @@ fn charts(trace: &Trace, times: &[f64], marks: &[Mark]) -> Vec<String> {
             curves.map(|(name, class, values)| Series { name, class, values }).collect();
         // Some values exist only in some modes, such as the lag in modes 3 and 5.
         if series.iter().any(|series| series.values.iter().any(|value| value.is_finite())) {
-            let (height, least_span, labelled) = (*height, *least_span, *title == "Position");
-            let chart = Chart { title, unit, height, least_span, lanes: &[], times, series, marks, labelled };
+            let (height, least_span, labeled) = (*height, *least_span, *title == "Position");
+            let chart = Chart { title, unit, height, least_span, lanes: &[], times, series, marks, labeled };
             charts.push(chart.svg());
         }
     }
@@ -256,7 +256,7 @@ fn halls(trace: &Trace, times: &[f64], marks: &[Mark]) -> String {
         times,
         series,
         marks,
-        labelled: false,
+        labeled: false,
     }
     .svg()
 }

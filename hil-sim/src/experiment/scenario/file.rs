@@ -84,7 +84,7 @@ pub(super) struct At {
     pub(super) terminate: Option<Yes>,
     pub(super) clear_fault: Option<Yes>,
     pub(super) set: Option<Settings>,
-    pub(super) disturbance_n_m: Option<NewtonMetres>,
+    pub(super) disturbance_n_m: Option<NewtonMeters>,
     pub(super) bus_v: Option<Volts>,
 }
 
@@ -115,7 +115,7 @@ pub(super) struct Tolerance(pub(super) f64);
 
 /// A torque on the shaft, up to ten times the motor's.
 #[derive(Clone, Copy)]
-pub(super) struct NewtonMetres(pub(super) f64);
+pub(super) struct NewtonMeters(pub(super) f64);
 
 /// A supply voltage.
 #[derive(Clone, Copy)]
@@ -203,7 +203,7 @@ macro_rules! integer {
 
 number!(Number, -1e12, 1e12, "a finite number (of the unit that the key's name ends in)");
 number!(Tolerance, 0.0, 1e12, "a tolerance, 0 or more");
-number!(NewtonMetres, -6.5, 6.5, "a torque at the motor in N·m, -6.5 to 6.5");
+number!(NewtonMeters, -6.5, 6.5, "a torque at the motor in N·m, -6.5 to 6.5");
 number!(Volts, 0.0, 60.0, "a supply voltage, 0 to 60 V");
 number!(Spread, 0.0, 0.5, "a relative scatter, 0 to 0.5 (0.3 is ±30 %)");
 number!(HallScatter, 0.0, 25.0, "degrees electrical, 0 to 25");

@@ -110,7 +110,7 @@ impl<S: Station> Server<S> {
         matches!(&self.host, Host::Slcan(client) if client.link.number == number)
     }
 
-    /// Makes a client the host, if there is none.
+    /// Makes a client the host, unless there is one.
     fn connected(&mut self, client: NewClient) {
         if let Err(two) = self.bus.plug_host(&client.peer, Adapter::default()) {
             warn(&two.to_string());

@@ -2,7 +2,7 @@
 //! pseudo-terminal, like its serial line.
 //!
 //! One host at a time: a client is the host from connecting (TCP) or its first byte (pseudo-terminal) until it disconnects; others
-//! are told that the hand is busy and, over TCP, disconnected. GOD's output without a host is lost, as on a serial line, and a
+//! get a busy message and, over TCP, are disconnected. GOD's output without a host is lost, as on a serial line, and a
 //! disconnect aborts what is running. CAN tools may watch the bus at any time.
 
 use std::error::Error;
@@ -224,7 +224,7 @@ impl Server {
         let has_room = self.serial.waiting() < MAX_TYPE_AHEAD;
         match self.link() {
             Some(link) => {
-                // What does not fit stays, and GOD waits.
+                // The rest stays, and GOD waits.
                 link.send(&mut output);
                 if has_room {
                     link.read_next();

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn the_crc_is_that_of_can() {
+    fn crc_matches_the_can_polynomial() {
         let mut head = Bits::default();
         b"123456789".iter().for_each(|byte| head.push(u16::from(*byte), 8));
         assert_eq!(head.crc, 0x059E, "the check value of CRC-15/CAN in catalogues");

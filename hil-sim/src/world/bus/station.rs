@@ -1,4 +1,4 @@
-//! What the bus needs from a board: its transmit mailboxes and its time.
+//! The bus's view of a board: transmit mailboxes and time.
 
 use tater_wire::Frame;
 

@@ -144,7 +144,7 @@ mod tests {
     const ANSWER: &[u8] = b"\r\n\rERR 32\r\n\r=> ";
 
     #[test]
-    fn a_byte_takes_ten_bits_of_baud_each_way() {
+    fn paced_byte_takes_ten_bits_each_way() {
         let (mut hand, mut line) = (hand(), Serial::new(true));
         // 9600 Bd is the default (manual 5.4.1).
         for (order, answer, byte_us) in [("", 0, 1_041), ("PSET BAUD 384\r", 19, 260)] {
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn without_pace_all_is_there_at_once() {
+    fn unpaced_bytes_arrive_at_once() {
         let (mut hand, mut line) = (hand(), Serial::new(false));
         let times = times_us(&mut line, &mut hand, b"FROB\r", 4 + ANSWER.len());
         assert_eq!(times, [FINE_US; 4 + ANSWER.len()]);

@@ -1,4 +1,4 @@
-//! What a hand keeps without power, as a file format: seven flashes, GOD's storage, and the motors' positions.
+//! File format of a hand's state without power: seven flashes, GOD's storage, and the motors' positions.
 //!
 //! Little-endian: `MAGIC`; the length of the body (4 bytes); the body; the CRC-32 of everything before (4). The body holds for each
 //! of nodes 1 to 7 the rotor's position in hall counts (8, IEEE 754), the number of pages that are not erased (2), and each of
@@ -17,7 +17,7 @@ const PAGE_BYTES: usize = PAGE as usize;
 
 const FLASH_BYTES: usize = FLASH.len as usize;
 
-/// What one board and its motor keep.
+/// The state of one board and its motor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept {
     /// The whole flash.
@@ -26,7 +26,7 @@ pub struct Kept {
     pub counts: f64,
 }
 
-/// What a hand keeps.
+/// The state of a hand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
     /// Nodes 1 to 7.
@@ -40,9 +40,9 @@ pub struct State {
 pub struct BadState {
     /// Offset of the error, bytes.
     pub at: usize,
-    /// What was found.
+    /// The content found.
     pub found: String,
-    /// What was expected.
+    /// The content expected.
     pub expected: String,
 }
 
@@ -85,19 +85,19 @@ impl State {
         let end = reader.at.saturating_add(len);
         if bytes.len() != end.saturating_add(4) {
             let (found, expected) = (bytes.len(), end.saturating_add(4));
-            return Err(reader.wrong(format!("a file of {found} bytes"), &format!("{expected} bytes")));
+            return Err(reader.error(format!("a file of {found} bytes"), &format!("{expected} bytes")));
         }
         let (before, stored) = bytes.split_at(end);
         if sum(before).to_le_bytes() != stored {
             reader.at = end;
             let stored = stored.iter().rev().fold(String::new(), |text, byte| text + &format!("{byte:02X}"));
-            return Err(reader.wrong(format!("CRC-32 {stored}"), &format!("CRC-32 {:08X}", sum(before))));
+            return Err(reader.error(format!("CRC-32 {stored}"), &format!("CRC-32 {:08X}", sum(before))));
         }
         reader.bytes = before;
         let boards = (0..BOARDS).map(|_| reader.kept()).collect::<Result<_, _>>()?;
         let rest = &reader.bytes[reader.at..];
         let god =
-            Stored::from_bytes(rest).map_err(|error| reader.wrong(error.to_string(), "GOD's storage"))?;
+            Stored::from_bytes(rest).map_err(|error| reader.error(error.to_string(), "GOD's storage"))?;
         Ok(Self { boards, god })
     }
 }
@@ -119,13 +119,13 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn wrong(&self, found: String, expected: &str) -> BadState {
+    fn error(&self, found: String, expected: &str) -> BadState {
         BadState { at: self.at, found, expected: expected.to_owned() }
     }
 
     fn take(&mut self, len: usize, what: &str) -> Result<&'a [u8], BadState> {
         let rest = &self.bytes[self.at..];
-        let taken = rest.get(..len).ok_or_else(|| self.wrong(format!("{} bytes", rest.len()), what))?;
+        let taken = rest.get(..len).ok_or_else(|| self.error(format!("{} bytes", rest.len()), what))?;
         self.at += len;
         Ok(taken)
     }
@@ -138,7 +138,7 @@ impl<'a> Reader<'a> {
     fn kept(&mut self) -> Result<Kept, BadState> {
         let counts = f64::from_le_bytes(self.array("a position")?);
         if !counts.is_finite() {
-            return Err(self.wrong(counts.to_string(), "a position"));
+            return Err(self.error(counts.to_string(), "a position"));
         }
         let pages = u16::from_le_bytes(self.array("a number of pages")?);
         let mut flash = vec![0xFF; FLASH_BYTES];
@@ -147,7 +147,7 @@ impl<'a> Reader<'a> {
             let page = self.take(PAGE_BYTES, "a page")?;
             let from = usize::from(number) * PAGE_BYTES;
             let Some(place) = flash.get_mut(from..from + PAGE_BYTES) else {
-                return Err(self.wrong(format!("page {number}"), "pages 0 to 127"));
+                return Err(self.error(format!("page {number}"), "pages 0 to 127"));
             };
             place.copy_from_slice(page);
         }

@@ -14,7 +14,7 @@ pub fn placeholder_application() -> Vec<u8> {
     image[..4].copy_from_slice(&RAM.end().to_le_bytes());
     image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
     let version = tater_wire::Property::VERS.row().max as u32;
-    // `seal` fails only on a wrong length or vector table.
+    // `seal` fails only on an invalid length or vector table.
     let _ = seal(&mut image, version);
     image
 }

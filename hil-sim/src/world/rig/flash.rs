@@ -194,7 +194,7 @@ mod tests {
     const AT: u32 = FLASH.start + 2048;
 
     #[test]
-    fn half_words_are_programmed_once_and_erased_by_the_page() {
+    fn half_word_is_programmed_once_and_erased_by_the_page() {
         let mut flash = SimFlash::default();
         assert_eq!(flash.program(AT, 0x1234), Ok(()));
         assert_eq!(flash.half_word(AT), 0x1234);
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_leaves_zeros_missing_and_everything_after_it_fails() {
+    fn power_cut_leaves_bits_set_and_fails_later_operations() {
         let mut seen = std::collections::BTreeSet::new();
         for seed in 0..200 {
             let mut flash = SimFlash::default();
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn an_erase_with_the_bridge_on_is_seen() {
+    fn erase_with_the_bridge_on_is_counted() {
         let mut flash = SimFlash::default();
         flash.set_bridge_on(true);
         assert_eq!(flash.erase(AT), Ok(()));

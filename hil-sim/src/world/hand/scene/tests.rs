@@ -18,7 +18,7 @@ fn close(found: Point, expected: Point) {
 }
 
 #[test]
-fn fingers_stand_where_the_lengths_put_them() {
+fn finger_positions_follow_from_the_dimensions() {
     let (scene, pose) = upright();
     let fingers = scene.fingers(&pose);
     for (finger, x, y) in [(0, -0.05, -0.025), (1, -0.05, 0.025), (2, 0.05, 0.0)] {
@@ -39,7 +39,7 @@ fn fingers_stand_where_the_lengths_put_them() {
 }
 
 #[test]
-fn distances_of_segments() {
+fn segment_distance_covers_interior_and_ends() {
     let along_x = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
     for (other, expected) in [
         ([[0.5, -1.0, 2.0], [0.5, 1.0, 2.0]], 2.0),
@@ -57,7 +57,7 @@ fn distances_of_segments() {
 
 /// An upright link of 70 mm and a ball that touches its end from the inside: lever 70 mm.
 #[test]
-fn a_motor_feels_force_through_its_lever_and_gear() {
+fn contact_force_acts_through_lever_and_gear() {
     let (mut scene, pose) = upright();
     let ball = Capsule { ends: [[-0.05 + 0.03, -0.025, 0.12]; 2], radius_m: 0.021 };
     scene.objects.push(SceneObject { capsule: ball, stiffness_n_m: 1e5 });
@@ -77,7 +77,7 @@ fn a_motor_feels_force_through_its_lever_and_gear() {
 }
 
 #[test]
-fn fingers_meet_each_other_and_the_spread_feels_it() {
+fn finger_contact_acts_on_the_spread() {
     let (scene, mut pose) = upright();
     assert!(scene.contacts(&pose).iter().all(Vec::is_empty), "50 mm and more between them");
     // Closed over the palm, fingers 1 and 3 cross where the spread brings finger 1 into finger 3's plane.
