@@ -5,6 +5,7 @@
 
 mod arrows;
 mod circles;
+mod docs;
 mod lengths;
 mod metal;
 mod modules;
