@@ -1,4 +1,4 @@
-//! Any frame: what is understood is said again alike.
+//! Any frame: a message that parses emits the same frame.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

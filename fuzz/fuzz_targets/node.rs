@@ -1,4 +1,5 @@
-//! Any frames to a board with its plant, in the monitor and awake: no panic, nothing driven out of its limits.
+//! Any frames to a board with its plant, in the monitor and awake: no panic, nothing driven beyond its
+//! limits.
 #![no_main]
 
 use hil_sim::board::SimBoard;
@@ -12,7 +13,7 @@ fuzz_target!(|input: (bool, Vec<(u8, u16, Vec<u8>)>)| {
     let board = SimBoard::standard(tater_wire::Node::new(4).expect("a node"), Model::Averaged, 1);
     let mut node = if awake { Node::awake(board) } else { Node::new(board) };
     for (ms, id, data) in frames.into_iter().take(64) {
-        // Most frames to the board itself, or nobody would listen.
+        // Most frames go to the board itself, or nothing would receive them.
         let id = if id & 0x8000 == 0 { 4 } else { id & 0x7FF };
         if let Some(frame) = Frame::from_raw(id, &data) {
             let _ = node.receive(&frame);

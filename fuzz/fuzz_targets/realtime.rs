@@ -1,17 +1,17 @@
-//! Any bytes in RealTime with any flags, any answers from the boards: each block has the answer that the manual gives it (6.2), to the
-//! byte; ^C or a bad header gives the prompt back; and then every motor has been told to stand still.
+//! Any bytes in RealTime with any flags, any answers from the boards: each block has the answer of manual
+//! 6.2, to the byte; ^C or a bad header gives a prompt, and then every motor has been ordered to stop.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use tater_fuzz::{God, PROMPT};
 
-/// What the flags make of the blocks of seven motors, by their bits.
+/// The sizes of the blocks of seven motors, by the bits of their flags.
 struct Shape {
     control: usize,
     feedback: usize,
 }
 
-/// Sets the flags, and begins.
+/// Sets the flags, and enters RealTime.
 fn begin(god: &mut God, flags: u16) -> Shape {
     let bit = |bit: u16| usize::from(flags >> bit & 1);
     let [lcv, lcpg, lfv, lfs, lfdp, lft, lfdpd] = [bit(0), bit(1), bit(2), bit(3), bit(4), bit(5), bit(6)];
@@ -30,14 +30,14 @@ fuzz_target!(|input: (u32, u16, &[u8])| {
     let mut god = God::new(word, true);
     let Shape { control, feedback } = begin(&mut god, flags);
     let mut expected = god.said.len();
-    // One LF is of LOOP's line still.
+    // One LF still belongs to LOOP's line.
     let bytes = bytes.strip_prefix(b"\n").map_or(bytes, |rest| {
-        god.hear(b'\n');
+        god.send(b'\n');
         rest
     });
     let mut bytes = bytes.iter().copied();
     'blocks: while let Some(header) = bytes.next() {
-        god.hear(header);
+        god.send(header);
         let error = match header {
             b'C' | b'A' => {
                 expected += feedback;
@@ -52,7 +52,7 @@ fuzz_target!(|input: (u32, u16, &[u8])| {
             _ => Some("\r\n\rERR 2048"),
         };
         if let Some(error) = error {
-            // After an error GOD hears the host out, until it has been silent for 20 ms.
+            // After an error GOD drains the host's bytes until it has been silent for 20 ms.
             god.run_for(30_000);
             assert_eq!(String::from_utf8_lossy(&god.said[expected..]), format!("{error}{PROMPT}"));
             assert!(god.stands() && !god.is_raw());
@@ -62,7 +62,7 @@ fuzz_target!(|input: (u32, u16, &[u8])| {
             for _ in 0..control {
                 assert_eq!(god.said.len(), expected, "{}", god.told());
                 match bytes.next() {
-                    Some(byte) => god.hear(byte),
+                    Some(byte) => god.send(byte),
                     None => break 'blocks,
                 }
             }
@@ -70,7 +70,7 @@ fuzz_target!(|input: (u32, u16, &[u8])| {
         expected += usize::from(header == b'c');
         assert_eq!(god.said.len(), expected, "{}", god.told());
     }
-    // What is left is lines.
-    bytes.for_each(|byte| god.hear(byte));
+    // The rest is lines.
+    bytes.for_each(|byte| god.send(byte));
     god.must_prompt();
 });

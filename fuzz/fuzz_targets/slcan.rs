@@ -10,7 +10,7 @@ fuzz_target!(|input: &[u8]| {
     for &byte in input {
         let before = out.len();
         if let Some(frame) = slcan.push(byte, &mut out) {
-            // What a tool may send it may also be sent.
+            // What a tool may send, it may also receive.
             slcan.frame(&Stamped { at_us: 1, frame }, &mut out);
         }
         assert_eq!(out.len() > before, byte == b'\r', "an answer a line");

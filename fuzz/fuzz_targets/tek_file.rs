@@ -1,4 +1,4 @@
-//! Any file: the reader neither panics nor finds more data than there are characters, and its error stays.
+//! Any file: the reader neither panics nor finds more data than there are characters, and its error persists.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Any characters: the monitor's decoder neither panics nor makes up a record that is longer than its characters.
+//! Any characters: the monitor's decoder neither panics nor returns a record longer than its characters.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

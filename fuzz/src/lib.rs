@@ -1,4 +1,4 @@
-//! GOD with boards that answer anything at once.
+//! GOD with boards that answer arbitrary values at once.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -12,37 +12,38 @@ use tater_wire::{Body, Destination, Message, Node, Property};
 /// ^C.
 const ABORT: u8 = 3;
 
-/// What GOD ends a line with.
+/// GOD's line end.
 pub const LINE_END: &str = "\r\n\r";
 
-/// What it prompts with.
+/// GOD's prompt.
 pub const PROMPT: &str = "\r\n\r=> ";
 
-/// The largest control block: so many bytes after its header are data, ^C too.
+/// The largest control block: this many bytes after its header are data, including ^C.
 const BLOCK: usize = 14;
 
-/// Longest that GOD may take to its prompt after ^C, us: boards answer at once, and after an error in RealTime it hears the host out for 20 ms.
+/// Longest time from ^C to the prompt, µs: boards answer at once, and after an error in RealTime GOD drains
+/// the host's bytes for 20 ms.
 const PROMPT_US: u64 = 100_000;
 
-/// GOD, its boards made of nothing.
+/// GOD with simulated boards.
 pub struct God {
     io: Rc<Io>,
     future: Pin<Box<dyn Future<Output = std::convert::Infallible>>>,
     now_us: u64,
-    /// What the boards say; each answer changes it.
+    /// The boards' values; each answer changes it.
     word: u32,
-    /// Whether they know where their motors are: without, hardly any command moves them.
+    /// Whether the boards know their positions; without, hardly any command moves them.
     known: bool,
-    /// V as it was set last, by node.
+    /// The last V set, by node.
     velocities: [i64; 7],
-    /// All that was said to the host.
+    /// All output to the host.
     pub said: Vec<u8>,
-    /// Whether RealTime has begun once.
+    /// Whether RealTime has started once.
     was_raw: bool,
 }
 
 impl God {
-    /// At its first prompt.
+    /// A GOD at its first prompt.
     pub fn new(word: u32, known: bool) -> Self {
         let (io, memory) = (Rc::new(Io::default()), Rc::new(Memory::default()));
         let ports = Rc::clone(&io);
@@ -53,8 +54,8 @@ impl God {
         god
     }
 
-    /// Says a byte, if there is room, and lets a character's time pass.
-    pub fn hear(&mut self, byte: u8) {
+    /// Sends a byte, if there is room, and lets a character's time pass.
+    pub fn send(&mut self, byte: u8) {
         if self.io.rx_room() > 0 || byte == ABORT {
             self.io.push_rx(byte);
         }
@@ -63,13 +64,13 @@ impl God {
 
     /// Types text.
     pub fn types(&mut self, text: &str) {
-        text.bytes().for_each(|byte| self.hear(byte));
+        text.bytes().for_each(|byte| self.send(byte));
     }
 
-    /// ^C gives the prompt back, also from inside a block.
+    /// ^C gives a prompt, also from inside a block.
     pub fn must_prompt(&mut self) {
         for _ in 0..=BLOCK {
-            self.hear(ABORT);
+            self.send(ABORT);
         }
         self.run_for(PROMPT_US);
         assert!(self.said.ends_with(PROMPT.as_bytes()), "{}", self.told());
@@ -82,20 +83,20 @@ impl God {
         self.io.is_raw()
     }
 
-    /// Whether every motor has been told to stand still.
+    /// Whether every motor has been ordered to stop.
     #[must_use]
     pub fn stands(&self) -> bool {
         self.velocities == [0; 7]
     }
 
-    /// All that was said, readable.
+    /// All output, readable.
     #[must_use]
     pub fn told(&self) -> String {
         self.said.escape_ascii().to_string()
     }
 
-    /// What was said is text, by its rules: CR and LF only as the line end that clients look for, backspace only as it is echoed, and every
-    /// error a sum of status codes. RealTime and packets are no text.
+    /// Checks that the output is text: CR and LF only as the line end that clients expect, backspace only as
+    /// it is echoed, and every error a sum of status codes. RealTime and packets are not text.
     pub fn must_be_text(&self) {
         let text = String::from_utf8_lossy(&self.said).to_ascii_uppercase();
         if self.was_raw || text.contains("REPLY") {
@@ -106,7 +107,7 @@ impl God {
         let codes = god::status::ROWS.iter().fold(0, |sum, row| sum | row.status.code());
         for (_, error) in text.match_indices("\r\n\rERR ").map(|(at, mark)| text.split_at(at + mark.len())) {
             let code = error.split(LINE_END).next().unwrap_or_default();
-            // `? ERR` tells what ERR is.
+            // `? ERR` explains ERR.
             assert!(
                 code.starts_with('[') || code.parse().is_ok_and(|code: u16| code > 0 && code & !codes == 0),
                 "{code:?}"
@@ -127,7 +128,7 @@ impl God {
             let before = self.said.len();
             self.said.extend(std::iter::from_fn(|| self.io.pop_tx()));
             if answered || self.said.len() > before {
-                // Something may go on at once.
+                // Something may be due at once.
                 self.now_us += 100;
             } else if next_us > until_us {
                 self.now_us = self.now_us.max(until_us);
@@ -159,10 +160,10 @@ impl God {
             self.word = self.word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let any = i64::from(self.word as i32 >> (self.word >> 27));
             let value = match property {
-                // Awake; the rest is anything.
+                // Awake; all other values are arbitrary.
                 Property::STAT => 2,
                 Property::HALLH if self.known => 1 << 30,
-                // RealTime begins where they take it.
+                // RealTime starts where the boards accept it.
                 Property::MODE if self.known => 4,
                 _ => any,
             };
@@ -175,7 +176,8 @@ impl God {
     }
 }
 
-/// The text of an input: its characters, and for each byte from 128 on a word of the language, so that a fuzzer needs not spell it.
+/// The text of an input: its characters, and for each byte from 128 on a word of the language, so that a
+/// fuzzer need not spell it.
 #[must_use]
 pub fn text(input: &[u8]) -> Vec<u8> {
     let commands = ROWS.iter().map(|row| row.name);
