@@ -33,7 +33,7 @@ fn gate(chip: &Chip, (port, pin): (usize, usize), timer: Gate, armed: bool) -> R
     let name = || format!("gate at P{}{pin}", ['A', 'B', 'C', 'D', 'E'][port]);
     let open = || {
         if armed {
-            Err(format!("{}: nobody drives it, and the bridge is on", name()))
+            Err(format!("{}: not driven while the bridge is on", name()))
         } else {
             Ok(Switch::Off)
         }

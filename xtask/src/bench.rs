@@ -1,23 +1,23 @@
-//! Figures that must not get worse unseen: the simulator's speed and the cost of a control tick.
+//! Figures that should not regress unnoticed: simulator speed and instructions of a control tick.
 
 use serde_json::{Value, json};
 
 use crate::Outcome;
 use crate::program::{output, program, root, run, succeeds, target, typed};
 
-/// Twenty seconds of moves with the servo in the loop: long enough for a clock, short enough to repeat.
+/// Twenty seconds of moves: long enough for a clock, short enough to repeat.
 const SPEED_SCENARIO: &str = "xtask/bench-speed.toml";
 
-/// What a whole hand is told: GOD, bus, seven boards and their motors, homed and moved there and back.
+/// A script for the whole hand (GOD, bus, seven boards): home, close, open.
 const HAND_SCRIPT: &str = "xtask/bench-hand.gcl";
 
-/// Runs per figure. The median: a busy machine only ever makes a run slower.
+/// Runs for each figure. The median, because a busy machine only makes a run slower.
 const RUNS: usize = 5;
 
-/// Measures, and writes `bench.json` in the root of the project.
+/// Measures and writes `bench.json` in the project's root.
 ///
 /// # Errors
-/// A program fails, or says something unexpected.
+/// A program fails, or prints unexpected output.
 pub fn bench(json: bool) -> Outcome {
     run(program("cargo build --quiet --release --package hil-sim --bins --examples"))?;
     let figures = json!({
@@ -55,28 +55,28 @@ fn median(run: impl Fn() -> Result<f64, String>) -> Result<Value, String> {
     Ok(json!(speeds[RUNS / 2].round()))
 }
 
-/// Simulated seconds a wall second of one motor's moves.
+/// Simulated seconds per wall-clock second, for moves of one motor.
 fn motor_speed(model: &str) -> Result<f64, String> {
     let said = simulator(&format!("run {SPEED_SCENARIO} --json --model {model}"))?;
     Ok(said("sim_s")? / said("wall_s")?)
 }
 
-/// The same of a whole hand.
+/// The same for a whole hand.
 fn hand_speed() -> Result<f64, String> {
     simulator(&format!("gcl --script {HAND_SCRIPT} --json"))?("realtime_x")
 }
 
-/// What the simulator says to a line, by key.
+/// The simulator's JSON output for a command line.
 fn simulator(line: &str) -> Result<impl Fn(&str) -> Result<f64, String> + use<>, String> {
     let line = format!("cargo run --quiet --release --package hil-sim -- {line}");
     let text = output(program(&line))?;
     let result: Value =
-        serde_json::from_str(&text).map_err(|error| format!("{line} said {text}: {error}"))?;
+        serde_json::from_str(&text).map_err(|error| format!("{line} printed {text}: {error}"))?;
     Ok(move |key: &str| result[key].as_f64().ok_or_else(|| format!("{line} gives no {key}: {text}")))
 }
 
-/// Instructions of one `Servo::tick` in a move: valgrind counts a program that replays the same recorded
-/// ticks once and twice, so that what is common to both cancels. `null` where there is no valgrind.
+/// Instructions of one `Servo::tick` during a move. valgrind counts a program that replays the same recorded
+/// ticks once and twice; the difference cancels the rest. `null` without valgrind.
 fn tick_instructions() -> Result<Value, String> {
     if !succeeds("valgrind --version") {
         eprintln!(
@@ -90,7 +90,7 @@ fn tick_instructions() -> Result<Value, String> {
     Ok(json!((per_tick * 10.0).round() / 10.0))
 }
 
-/// Ticks a replay, and the instructions of a program that does `replays` of them.
+/// Ticks of a replay, and instructions of a program with this number of replays.
 fn count(replays: u32) -> Result<(f64, f64), String> {
     let mut valgrind = program("valgrind --tool=cachegrind --cache-sim=no --cachegrind-out-file=/dev/null");
     valgrind.arg("--log-fd=1").arg(target().join("release/examples/tick_count")).arg(replays.to_string());

@@ -36,10 +36,10 @@ const STEPS: [Step; 18] = [
     Step { name: "fuzz targets", check: fuzz::check },
 ];
 
-/// Runs every step and prints how long each took; the first failure ends it.
+/// Runs every step and prints its time; stops at the first failure.
 ///
 /// # Errors
-/// The name of the step that failed, and the line to repeat it.
+/// Name of the failed step, and a command that repeats it.
 pub fn ci() -> Outcome {
     let start = Instant::now();
     let mut took = Vec::new();
@@ -69,26 +69,26 @@ fn clippy_host() -> Outcome {
     run(program("cargo clippy --quiet --workspace --all-targets -- -D warnings"))
 }
 
-/// The crates that run on boards: GOD's is to have a microcontroller as well.
+/// The crates for microcontrollers. GOD has no board yet.
 const BOARD: &str = "--package servo-core --package tater-wire --package tater-fw --package god";
 
 fn clippy_thumb() -> Outcome {
-    // Second, what is in the image only with log strings.
+    // The second run covers the code of the log feature.
     for features in ["", "--features tater-fw/log"] {
         run(program(&format!("cargo clippy --quiet {BOARD} --target {THUMB} {features} -- -D warnings")))?;
     }
     Ok(())
 }
 
-/// GOD, which is in no image: the step "image" builds the other crates of the board.
+/// Builds GOD, which is in no image; the step "image" builds the other crates.
 fn build_thumb() -> Outcome {
     run(program(&format!("cargo build --quiet --release --package god --lib --target {THUMB}")))
 }
 
-/// The fewest distinct contents of the flash after a power cut that must have been tried.
+/// Fewest distinct flash contents after a power cut.
 const CUT_STATES: u64 = 100_000;
 
-/// Runs all tests, doctests included, and prints what they measured and what they skipped.
+/// Runs all tests and doctests; prints their figures and what they skipped.
 fn tests() -> Outcome {
     let text = output(program("cargo test --workspace -- --nocapture"))?;
     let marked =
@@ -98,8 +98,8 @@ fn tests() -> Outcome {
     for (figure, test) in OF_IMAGE {
         if !marked("figure: ").any(|line| line.contains(figure)) {
             return Err(format!(
-                "found no figure \"{figure}\", which needs the production image that the step \"image\" has made: its test was \
-                 skipped or is gone\n  repeat with: cargo test --package system-tests -- --nocapture {test}"
+                "found no figure \"{figure}\": its test was skipped for lack of the production image (step \"image\") or \
+                 removed\n  repeat with: cargo test --package system-tests -- --nocapture {test}"
             ));
         }
     }
@@ -114,7 +114,7 @@ fn tests() -> Outcome {
     Ok(())
 }
 
-/// Figures of tests that take what the step "image" has made, and skip what they measure without; and those tests.
+/// Figures of tests that are skipped without the image of the step "image", with those tests.
 const OF_IMAGE: [(&str, &str); 7] = [
     ("edge to bridge", "emulated::budgets::"),
     ("hall line 2 low: bridge off after", "emulated::faults::"),
@@ -125,7 +125,7 @@ const OF_IMAGE: [(&str, &str); 7] = [
     ("power cuts of the image, storage", "power_cuts::image::storage::"),
 ];
 
-/// The number before "distinct states".
+/// The number before "distinct".
 fn distinct_states(figure: &str) -> Option<u64> {
     let (before, _) = figure.split_once(" distinct")?;
     before.rsplit(' ').next()?.parse().ok()
@@ -137,7 +137,7 @@ fn documentation() -> Outcome {
     run(doc)
 }
 
-/// Every shipped scenario must meet its own expectations; the headline one with both models of the inverter.
+/// Runs every shipped scenario; the main one with both inverter models.
 fn scenarios() -> Outcome {
     let names = shipped()?;
     let listed = output(simulator("list"))?;
@@ -155,7 +155,7 @@ fn simulator(line: &str) -> Command {
     program(&format!("cargo run --quiet --package hil-sim -- {line}"))
 }
 
-/// The names of the scenario files, sorted.
+/// Sorted names of the scenario files.
 fn shipped() -> Result<Vec<String>, String> {
     let folder = root().join("hil-sim/scenarios");
     let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

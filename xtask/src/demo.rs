@@ -1,12 +1,12 @@
-//! The main job: a tuning run that shows, in numbers and in a picture, how a motor of the hand moves.
+//! The demonstration: a tuning run with metrics and a report of how a motor of the hand moves.
 
 use crate::Outcome;
 use crate::program::{program, root, run};
 
-/// The spread as the manual sets it, and a finger link at the manual's speed limit.
+/// The spread with the manual's settings, and a finger link at the manual's speed limit.
 const SCENARIOS: [&str; 2] = ["spread-full-travel", "link-fast"];
 
-/// Needs no set-up: the simulator is built by cargo alone.
+/// Needs no set-up besides cargo.
 pub fn demo() -> Outcome {
     println!("Building the simulator (a minute or two the first time) ...");
     run(program("cargo build --quiet --release --package hil-sim"))?;

@@ -1,4 +1,5 @@
-//! `cargo xtask doctor`: which programs are there, which are missing, what for, and how to get them. It installs nothing.
+//! `cargo xtask doctor`: lists installed and missing programs, their purpose, and how to install them. It
+//! installs nothing.
 
 use std::path::Path;
 use std::process::Stdio;
@@ -9,23 +10,23 @@ use crate::program::{program, root, target};
 use crate::setup::{self, THUMB};
 use crate::{Failure, files, flash};
 
-/// Something to have.
+/// A program or component.
 struct Tool {
     name: &'static str,
-    /// What it is needed for.
+    /// Purpose.
     purpose: &'static str,
-    /// Whether `cargo xtask image` does not work without.
+    /// Whether `cargo xtask image` needs it.
     image: bool,
-    /// What it says of itself, or where it is, if it is there.
+    /// Version or place, if it is installed.
     found: Option<String>,
-    /// How to get it, told where it is missing.
+    /// How to install it.
     get: String,
 }
 
-/// Prints what there is.
+/// Prints the list.
 ///
 /// # Errors
-/// What `cargo xtask image` needs is not all there.
+/// Something is missing that `cargo xtask image` needs.
 pub fn doctor(json: bool) -> Result<(), Failure> {
     let tools = tools();
     let missing = missing(&tools);
@@ -44,7 +45,7 @@ pub fn doctor(json: bool) -> Result<(), Failure> {
     Err(Failure::Judged(format!("`cargo xtask image` needs what is missing: {}", missing.join(", "))))
 }
 
-/// The names of what the images need and is not there.
+/// Names of missing components that images need.
 fn missing(tools: &[Tool]) -> Vec<&'static str> {
     tools.iter().filter(|tool| tool.image && tool.found.is_none()).map(|tool| tool.name).collect()
 }
@@ -106,7 +107,7 @@ fn tools() -> Vec<Tool> {
     ]
 }
 
-/// The compiler, if it is that of rust-toolchain.toml: another makes other images.
+/// Version of the compiler, if it is that of rust-toolchain.toml: another one makes other images.
 fn compiler() -> Tool {
     let settings = std::fs::read_to_string(root().join("rust-toolchain.toml")).unwrap_or_default();
     let wanted = channel(&settings).unwrap_or_default();
@@ -140,7 +141,7 @@ fn cargo_fuzz() -> Option<String> {
     if ours.exists() { Some(ours.display().to_string()) } else { says("cargo-fuzz --version") }
 }
 
-/// The first line that a program prints, if it succeeds.
+/// First line of a program's output, if it succeeds.
 fn says(line: &str) -> Option<String> {
     let mut command = program(line);
     command.stdin(Stdio::null()).stderr(Stdio::null());
@@ -154,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_an_image_needs_and_is_missing_fails() {
+    fn missing_component_of_an_image_fails() {
         let tool = |name, image, found: Option<&str>| Tool {
             name,
             purpose: "a test",
@@ -172,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn the_compiler_that_is_wanted_is_that_of_the_file() {
+    fn wanted_compiler_is_that_of_the_toolchain_file() {
         assert_eq!(channel("[toolchain]\nchannel = \"1.95.0\"\nprofile = \"minimal\""), Some("1.95.0"));
         assert_eq!(channel("[toolchain]"), None);
         let settings = std::fs::read_to_string(root().join("rust-toolchain.toml")).expect("it is there");

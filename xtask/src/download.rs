@@ -1,5 +1,5 @@
-//! `cargo xtask download`: a `.tek` file to a board over a CAN adapter. `tater_wire::download` is the
-//! protocol; here are the file, the adapter, the clock and the user's output.
+//! `cargo xtask download`: sends a `.tek` file to a board over a CAN adapter. The protocol is in
+//! `tater_wire::download`; this module has the file, the adapter, the clock and the progress bar.
 
 mod adapter;
 mod can;
@@ -17,15 +17,15 @@ use tater_wire::download::{DownloadError, Downloader, Next};
 use crate::{Failure, files, tek};
 use adapter::Adapter;
 
-/// The arguments.
+/// Arguments of `download`.
 #[derive(clap::Args)]
 pub struct DownloadArgs {
-    /// The .tek file: `cargo xtask image` makes one
+    /// The .tek file, made by `cargo xtask image`
     file: PathBuf,
     /// The board: 1 to 3 links, 4 the spread, 5 to 7 tips
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=31))]
     node: u8,
-    /// The adapter: SLCAN over TCP, such as what `hil-sim bus` prints
+    /// The adapter: SLCAN over TCP, as served by `hil-sim bus`
     #[arg(long, value_name = "HOST:PORT", required_unless_present = "can", conflicts_with = "can")]
     slcan: Option<String>,
     /// The adapter: a CAN interface of Linux, such as can0
@@ -34,7 +34,7 @@ pub struct DownloadArgs {
 }
 
 impl DownloadArgs {
-    /// For a file to a board by SLCAN.
+    /// Arguments for a download by SLCAN.
     pub fn new(file: PathBuf, node: u8, slcan: &str) -> Self {
         Self { file, node, slcan: Some(slcan.to_owned()), can: None }
     }
@@ -43,14 +43,14 @@ impl DownloadArgs {
 /// Downloads a file.
 ///
 /// # Errors
-/// The file cannot be downloaded, the adapter cannot be used, or the board refused the file.
+/// The file or adapter cannot be used, or the board rejected the download.
 pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
     let file = files::read(&args.file)?;
     let header = tek::sealed(&args.file, &file)?;
     let mut adapter: Box<dyn Adapter> = match (&args.slcan, &args.can) {
         (Some(address), _) => Box::new(slcan::Slcan::connect(address)?),
         (None, Some(interface)) => can::open(interface)?,
-        // clap requires one.
+        // clap requires one of them.
         (None, None) => return Err(Failure::Unusable("found no adapter, expected --slcan or --can".into())),
     };
     let node = Node::new(args.node).unwrap_or(Node::HOST);
@@ -69,7 +69,7 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Carries frames between the download and the adapter until it ends.
+/// Passes frames between downloader and adapter until the download ends.
 fn run(node: Node, file: &[u8], adapter: &mut dyn Adapter) -> Result<(), Failure> {
     let begun = Instant::now();
     let now = || u64::try_from(begun.elapsed().as_micros()).unwrap_or(u64::MAX);
@@ -92,26 +92,26 @@ fn run(node: Node, file: &[u8], adapter: &mut dyn Adapter) -> Result<(), Failure
             Next::Failed(error) => break Err(error),
         }
     };
-    // Clear the line, so that later output is not appended to it.
+    // Removed, so that later text is not appended to it.
     bar.finish_and_clear();
     end.map_err(|error: DownloadError| Failure::Judged(format!("node {}: {error}", node.number())))
 }
 
-/// Percent, rate, time left: on a terminal only.
+/// Progress bar with rate and remaining time; hidden unless standard error is a terminal.
 fn bar(characters: u32) -> ProgressBar {
     if !io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::new(characters.into());
     set_style(&bar, "{percent:>3} % [{bar:40}] {rate} characters/s, {eta} left");
-    // Shows that the board is still working.
+    // Shows activity while the board is busy.
     bar.enable_steady_tick(Duration::from_millis(200));
     bar
 }
 
 fn set_style(bar: &ProgressBar, line: &str) {
     let rate = |state: &ProgressState, text: &mut dyn Write| {
-        // Writing to a string cannot fail.
+        // Writing to memory cannot fail.
         let _ = write!(text, "{:.0}", state.per_sec());
     };
     if let Ok(style) = ProgressStyle::with_template(line) {

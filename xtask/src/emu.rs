@@ -1,4 +1,4 @@
-//! `cargo xtask emu`: the image, built if it is not, on emulated boards. The program `board-emu` does it.
+//! `cargo xtask emu`: builds the image and runs it on emulated boards, with the program `board-emu`.
 
 use std::process::Stdio;
 
@@ -8,10 +8,10 @@ use crate::image::{self, Profile};
 use crate::program::{output, program, typed};
 use crate::{Failure, Outcome};
 
-/// The arguments of the chore.
+/// Arguments of `emu`.
 #[derive(clap::Args)]
 pub struct EmuArgs {
-    /// How many boards, 1 to 7, or which nodes, such as 2-4 [default: 1]
+    /// Number of boards, 1 to 7, or a range of nodes, such as 2-4 [default: 1]
     #[arg(long, value_name = "1-7")]
     nodes: Option<String>,
     /// A shipped scenario, or a TOML file [default: spread-full-travel]
@@ -23,10 +23,10 @@ pub struct EmuArgs {
     /// Wait for a GDB on this port of 127.0.0.1
     #[arg(long, value_name = "PORT")]
     gdb: Option<u16>,
-    /// Print what the boards log; takes --profile release
+    /// Print the boards' logs; implies --profile release
     #[arg(long)]
     rtt: bool,
-    /// How often the host polls a board, ms, by the number of boards; 0: MODE alone, ten times a second [default: 1]
+    /// Poll period of the host for each board, ms; 0 polls MODE alone, ten times a second [default: 1]
     #[arg(long, value_name = "MS")]
     poll_ms: Option<u32>,
     /// With log strings or without [default: production; with --rtt release]
@@ -37,8 +37,8 @@ pub struct EmuArgs {
 /// Builds the image and runs it.
 ///
 /// # Errors
-/// An expectation that is not met (1); bad input, an image that cannot be built, a board that stops (2). What it was has been
-/// said.
+/// A missed expectation (1); bad input, a failed build, or a board that stops (2). The details have been
+/// printed.
 pub fn emu(args: &EmuArgs) -> Result<(), Failure> {
     let profile = args.profile.unwrap_or(if args.rtt { Profile::Release } else { Profile::Production });
     image::build(profile)?;
@@ -60,14 +60,14 @@ pub fn emu(args: &EmuArgs) -> Result<(), Failure> {
     match emulate.stdin(Stdio::null()).status() {
         Ok(status) if status.success() => Ok(()),
         Ok(status) if status.code() == Some(1) => {
-            Err(Failure::Judged(format!("an expectation is not met\n  repeat with: {line}")))
+            Err(Failure::Judged(format!("an expectation was missed\n  repeat with: {line}")))
         }
         Ok(_) => Err(Failure::Unusable(format!("no verdict\n  repeat with: {line}"))),
         Err(error) => Err(Failure::Unusable(format!("cannot start: {error}\n  repeat with: {line}"))),
     }
 }
 
-/// What the JSON object has besides what `hil-sim run` has: others read it.
+/// Keys of the JSON object besides those of `hil-sim run`; they are a contract.
 const KEYS: [&str; 9] = [
     "tick_instructions_mean",
     "tick_instructions_max",
@@ -80,16 +80,16 @@ const KEYS: [&str; 9] = [
     "instructions",
 ];
 
-/// What is run: what it shows, the image, and the rest of the line.
+/// Runs of the CI step: title, image, arguments.
 const RUNS: [(&str, Profile, &str); 2] = [
     ("seven boards, production", Profile::Production, "--nodes 7"),
     ("one board, release", Profile::Release, "--rtt"),
 ];
 
-/// Seven boards with the production image, and one with logs: both from erased flash, by the JSON object.
+/// Runs seven boards with the production image, and one with logs, both from erased flash.
 ///
 /// # Errors
-/// The run that fails, or what its object lacks.
+/// The failed run, or the missing keys.
 pub fn check() -> Outcome {
     for (what, profile, rest) in RUNS {
         let mut emulate = program("cargo run --quiet --package board-emu -- --json --image");

@@ -1,4 +1,4 @@
-//! Files written whole or not at all, and text for a reader that may stop reading.
+//! Files that are replaced completely or not at all, and output for a reader that may close its end.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -9,12 +9,12 @@ use crate::Failure;
 /// Reads a file.
 ///
 /// # Errors
-/// It cannot be read.
+/// The file cannot be read.
 pub fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     fs::read(path).map_err(|error| unreadable(path, &error))
 }
 
-/// Error text for a file that cannot be read.
+/// Error for a file that cannot be read.
 pub fn unreadable(path: &Path, error: &io::Error) -> Failure {
     let place = path.display();
     Failure::Unusable(format!(
@@ -22,11 +22,11 @@ pub fn unreadable(path: &Path, error: &io::Error) -> Failure {
     ))
 }
 
-/// Writes a file under a temporary name in the same folder and renames it, so that a reader finds the old one
-/// or the new one. An existing path that is no regular file (`/dev/stdout`, a pipe) is written directly.
+/// Writes a temporary file beside the target and renames it, so that a reader finds the old or the new
+/// contents. A target that is no regular file (`/dev/stdout`, a pipe) is written directly.
 ///
 /// # Errors
-/// The file system's error; nothing is left behind then.
+/// A file-system error; nothing is left behind.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let is_file = fs::metadata(path).map_or(!path.is_symlink(), |meta| meta.is_file());
     let written = if is_file && !path.starts_with("/dev") {
@@ -37,8 +37,8 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), String> {
     written.map_err(|error| unwritable(path, &error))
 }
 
-/// Writes several files, none of them before all are on the disk and no folder is in the way of one: all are
-/// old or all new. They are renamed in order.
+/// Replaces several files, in order, once all temporary files are on the disk and no folder is in the way of
+/// one.
 ///
 /// # Errors
 /// As [`replace`].
@@ -57,7 +57,7 @@ fn unwritable(path: &Path, error: &io::Error) -> String {
     )
 }
 
-/// A file that is complete except for its name. Removed unless it gets that name.
+/// A temporary file; removed unless it is renamed.
 struct Part {
     part: PathBuf,
     target: PathBuf,
@@ -68,11 +68,11 @@ impl Part {
         if path.is_dir() {
             return Err(ErrorKind::IsADirectory.into());
         }
-        // A symbolic link stays a link.
+        // Follow a symbolic link.
         let target = if path.is_symlink() { fs::canonicalize(path)? } else { path.to_owned() };
         let name = target.file_name().ok_or(ErrorKind::InvalidInput)?.to_string_lossy().into_owned();
         let part = target.with_file_name(format!(".{name}.{}.part", std::process::id()));
-        // Never onto another user's file, which would not be ours to remove.
+        // Never overwrite a foreign file, nor remove it.
         let mut file = File::create_new(&part)?;
         let written = Self { part, target };
         file.write_all(bytes).map(|()| written)
@@ -85,12 +85,12 @@ impl Part {
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // The temporary file no longer exists if all went well.
+        // Already renamed if all went well.
         let _ = fs::remove_file(&self.part);
     }
 }
 
-/// Prints text to standard output; a reader that stops reading is no error.
+/// Prints to standard output; a closed pipe is no error.
 ///
 /// # Errors
 /// Standard output cannot be written.
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn folder_in_the_way_of_one_file_leaves_all_unchanged() {
+    fn folder_in_the_way_leaves_all_files_unchanged() {
         let folder = std::env::temp_dir().join(format!("tater-xtask-files-{}", std::process::id()));
         fs::create_dir_all(folder.join("b")).expect("the temporary folder can be written");
         let [a, b] = ["a", "b"].map(|name| folder.join(name));

@@ -1,5 +1,5 @@
-//! `cargo xtask flash`: monitor and application onto a board through a debug probe, and its number, if asked for. The probe
-//! is driven by the program probe-rs, 0.29 or later.
+//! `cargo xtask flash`: writes monitor and application to a board through a debug probe, and optionally its
+//! node number. Drives the probe with probe-rs 0.29 or later.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -12,19 +12,19 @@ use crate::image::{self, Profile};
 use crate::program::{program, run, succeeds, target, typed};
 use crate::{Failure, files};
 
-/// As probe-rs calls it.
+/// Name of the chip in probe-rs.
 const CHIP: &str = "STM32F103CB";
 
-/// How probe-rs is installed: what <https://probe.rs> says, with its packages for Debian.
+/// How to install probe-rs, from <https://probe.rs>, with its Debian packages.
 pub const INSTALL: &str = "cargo install probe-rs-tools --locked";
 
-/// The arguments of the chore.
+/// Arguments of `flash`.
 #[derive(clap::Args)]
 pub struct FlashArgs {
-    /// The probe, if there are several: VID:PID or VID:PID:SERIAL, as `probe-rs list` says
+    /// The probe, if there are several: VID:PID or VID:PID:SERIAL, as listed by `probe-rs list`
     #[arg(long, value_name = "SELECTOR")]
     probe: Option<String>,
-    /// Stores the board's number (property ID), whatever its straps say; what else is stored stays
+    /// Store the board's number (property ID), whatever its straps are; other stored properties stay
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=7))]
     node: Option<u8>,
     /// With log strings or without
@@ -35,7 +35,7 @@ pub struct FlashArgs {
 /// Builds the images and flashes them.
 ///
 /// # Errors
-/// There is no probe-rs, the images cannot be built, or why the board was not flashed.
+/// probe-rs is missing, the images cannot be built, or flashing failed.
 pub fn flash(args: &FlashArgs) -> Result<(), Failure> {
     if !succeeds("probe-rs --version") {
         return Err(Failure::Unusable(format!(
@@ -44,7 +44,8 @@ pub fn flash(args: &FlashArgs) -> Result<(), Failure> {
         )));
     }
     let images = image::build(args.profile)?;
-    // Before anything is changed: an application that runs writes its counters, a new monitor prepares the pages.
+    // Read the storage first: a running application writes its counters, and a new monitor prepares the
+    // pages.
     let storage = args.node.map(|node| named(args, node)).transpose()?.flatten();
     for elf in [&images.monitor, &images.tater] {
         let mut download = probe(args, "download");
@@ -79,13 +80,13 @@ fn reach(command: Command) -> Result<(), Failure> {
     })
 }
 
-/// A file with the board's storage and this ID in it; `None` if it has that already.
+/// A file with the board's storage and this ID; `None` if the board has this ID already.
 fn named(args: &FlashArgs, node: u8) -> Result<Option<PathBuf>, Failure> {
     let folder = target().join("flash");
     fs::create_dir_all(&folder)
         .map_err(|error| Failure::Unusable(format!("{}: {error}", folder.display())))?;
     let (before, after) = (folder.join("storage.bin"), folder.join("storage-named.bin"));
-    // An old one is not to be taken for what could not be read.
+    // Remove an old file: it must not pass for a storage that could not be read.
     if before.exists() {
         fs::remove_file(&before).map_err(|error| format!("{}: {error}", before.display()))?;
     }
@@ -94,7 +95,7 @@ fn named(args: &FlashArgs, node: u8) -> Result<Option<PathBuf>, Failure> {
     read.args(["b8", &format!("{:#010x}", STORAGE.start), &STORAGE.len.to_string()]);
     reach(read)?;
     let found = files::read(&before)?;
-    // Kept by its content: the way back, should the board be cut off halfway.
+    // Named by its content and kept: a backup if the board is unplugged halfway.
     let mut crc = Crc32::default();
     crc.update(&found);
     let kept = folder.join(format!("storage-{:08x}.bin", crc.finish()));
@@ -108,7 +109,7 @@ fn named(args: &FlashArgs, node: u8) -> Result<Option<PathBuf>, Failure> {
     Ok(Some(after))
 }
 
-/// The storage in a file, with this ID: the firmware's journal does it.
+/// The storage in a file with this ID, written by the firmware's own journal.
 fn rename(storage: &Path, node: u8) -> Result<Vec<u8>, Failure> {
     let mut journal = program(&format!("cargo run --quiet --package tater-fw --bin tater -- name {node}"));
     let line = typed(&journal);

@@ -1,4 +1,4 @@
-//! Runs each fuzz target for a while, if a nightly compiler is installed: libFuzzer needs its
+//! Runs every fuzz target for a while, if a nightly compiler is installed: libFuzzer needs its
 //! instrumentation.
 
 use std::path::PathBuf;
@@ -7,18 +7,18 @@ use std::process::Command;
 use crate::Outcome;
 use crate::program::{in_parallel, output_of_both, program, root, run, succeeds, target};
 
-/// Seconds per target: a target finds most of its failures in the first few.
+/// Seconds for each target: most findings come in the first few.
 const SECONDS: u32 = 30;
 
-/// The version of cargo-fuzz to install if it is missing.
+/// Version of cargo-fuzz to install.
 const VERSION: &str = "0.13.2";
 
 /// Runs every target of `fuzz/`, or prints why not.
 ///
 /// # Errors
-/// A target found a failing input, and the text says how to repeat it; or the lock file is out of date.
+/// The input that breaks a target, with a command to repeat it; or an outdated lock file.
 pub fn check() -> Outcome {
-    // A workspace of its own: a change of the project's dependencies does not update its lock file.
+    // fuzz/ is its own workspace: changes of dependencies must update its lock file too.
     run(program("cargo update --quiet --workspace --locked --manifest-path fuzz/Cargo.toml")).map_err(
         |error| {
             format!(
@@ -26,7 +26,7 @@ pub fn check() -> Outcome {
             )
         },
     )?;
-    // Ask rustup, not `cargo +nightly`, which would install one.
+    // Ask rustup: `cargo +nightly` would install a compiler.
     if !succeeds("rustup run nightly cargo --version") {
         println!("skipped: no nightly compiler (rustup toolchain install nightly)");
         return Ok(());
@@ -52,7 +52,7 @@ pub fn check() -> Outcome {
     Ok(())
 }
 
-/// A subcommand of cargo-fuzz; its build stays out of the checks' own target folder.
+/// A subcommand of cargo-fuzz, with its own target folder.
 fn fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
     let mut command = Command::new(fuzzer);
     command.current_dir(root()).arg("fuzz").arg(arguments[0]);
@@ -61,7 +61,7 @@ fn fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
     command
 }
 
-/// cargo-fuzz, installed under the target folder if necessary.
+/// Path of cargo-fuzz, installed below the target folder if it is missing.
 fn fuzzer() -> Option<PathBuf> {
     let tools = target().join("tools");
     let fuzzer = tools.join("bin/cargo-fuzz");
@@ -74,7 +74,7 @@ fn fuzzer() -> Option<PathBuf> {
     Some(fuzzer)
 }
 
-/// The names of the targets, sorted.
+/// Sorted names of the targets.
 fn targets() -> Result<Vec<String>, String> {
     let folder = root().join("fuzz/fuzz_targets");
     let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

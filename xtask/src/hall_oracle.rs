@@ -1,6 +1,6 @@
-//! The hall estimator against recorded captures of real sensors, judged by the oracle that came with them.
+//! Scores the hall estimator on recorded captures of real sensors, with the oracle that came with them.
 //!
-//! Captures and oracle are not part of the project: they lie in `shared/` beside the checkout, where present.
+//! Captures and oracle are not part of the project; they are in `shared/` beside the checkout, if present.
 
 use std::path::Path;
 
@@ -9,27 +9,27 @@ use serde_json::Value;
 use crate::Outcome;
 use crate::program::{output, program, root, run, target};
 
-/// Upper bounds for one capture: what the best public estimator known reaches, less a margin.
+/// Upper bounds for a capture: the result of the best known public estimator, minus a margin.
 struct Bounds {
     capture: &'static str,
     velocity_mse: f64,
     position_mse: f64,
 }
 
-/// (counts/s)² and counts²; the targets of the estimator's design, one setting for all captures.
+/// (counts/s)² and counts²; one setting of the estimator for all captures.
 const BOUNDS: [Bounds; 3] = [
     Bounds { capture: "20250616-back-and-forth", velocity_mse: 84.0, position_mse: 0.395 },
     Bounds { capture: "20250616-speed-cycle", velocity_mse: 294.0, position_mse: 0.177 },
     Bounds { capture: "20260618-spindle-hw", velocity_mse: 506.0, position_mse: 0.062 },
 ];
 
-/// Most that a steady speed may be over- or under-estimated, percent.
+/// Largest bias of a steady speed, percent.
 const BIAS_PERCENT: f64 = 0.3;
 
-/// Replays every capture and compares with its bounds; says so where there is nothing to replay.
+/// Replays and scores every capture; skipped with a message if there are none.
 ///
 /// # Errors
-/// A capture fails its bounds, or a program fails.
+/// A capture misses its bounds, or a program fails.
 pub fn check() -> Outcome {
     let shared = root().join("../shared");
     let oracle = shared.join("tools/hall_oracle.py");
@@ -53,12 +53,12 @@ fn judge(bounds: &Bounds, shared: &Path, oracle: &Path, out: &Path) -> Outcome {
     let mut score = program("python3");
     score.arg(oracle).arg(&capture).arg(&csv).arg("--json");
     let text = output(score)?;
-    let score = serde_json::from_str(&text).map_err(|error| format!("the oracle said {text}: {error}"))?;
+    let score = serde_json::from_str(&text).map_err(|error| format!("the oracle printed {text}: {error}"))?;
     println!("  {}", within(bounds, &score)?);
     Ok(())
 }
 
-/// The score in words, if it keeps the bounds; else the same as an error.
+/// The score as text; an error if it misses a bound.
 fn within(bounds: &Bounds, score: &Value) -> Result<String, String> {
     let number = |key: &str| score[key].as_f64().ok_or_else(|| format!("the oracle gives no {key}: {score}"));
     let (velocity, position) = (number("velocity_mse")?, number("position_mse")?);
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_bound_can_fail() {
+    fn score_beyond_any_bound_fails() {
         let bounds = Bounds { capture: "a", velocity_mse: 84.0, position_mse: 0.4 };
         let judged = |velocity: f64, position: f64, bias: f64| {
             let score =

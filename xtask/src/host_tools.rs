@@ -1,5 +1,6 @@
-//! What is simulated as ordinary host tools meet it, in real time: our own download and a spread driven by python-can over SLCAN and
-//! TCP; a whole hand driven by pyserial as its real clients do it. What python needs is installed below `target/`.
+//! Tests the simulation with real host tools in real time: a download and a spread move by python-can over
+//! SLCAN and TCP, and a whole hand driven by pyserial as its real clients do. Python packages are installed
+//! below `target/`.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -8,31 +9,33 @@ use std::process::{Child, Command, Stdio};
 use crate::program::{output, program, root, run, target, typed};
 use crate::{Outcome, download, python, tek};
 
-/// From PyPI: python-can for `slcan`, pyserial for its `socket://` and for the hand's hosts. Pinned, so that a failure is ours.
+/// From PyPI: python-can for `slcan`, pyserial for `socket://` and the hand's clients. Pinned, so that a
+/// failure is this project's.
 const PACKAGES: [&str; 2] = ["python-can==4.6.1", "pyserial==3.5"];
 
-/// Bytes of the application that is downloaded: a few pages of flash.
+/// Size of the downloaded application in bytes: a few pages of flash.
 const IMAGE: usize = 4096;
 
-/// A hand with something to grasp, its bus open to who watches. A pseudo-terminal where there is such a thing.
+/// A hand with an object to grasp, its bus open to an observer, on a pseudo-terminal where the system has
+/// them.
 const GRASP: &str = if cfg!(unix) {
     "hand --listen 127.0.0.1:0 --pty --slcan 127.0.0.1:0 --scenario hil-sim/grasps/ball.toml"
 } else {
     "hand --listen 127.0.0.1:0 --slcan 127.0.0.1:0 --scenario hil-sim/grasps/ball.toml"
 };
 
-/// RealTime blocks a second over TCP below which something is wrong with us, and not with a busy machine: 320 are what the bus allows, two
-/// ends that wait for each other's acknowledgement (Nagle) come to 25.
+/// Fewest RealTime blocks a second over TCP, even on a busy machine. The bus allows 320; ends that wait for
+/// each other's acknowledgement (Nagle) reach 25.
 const LEAST_TCP: &str = "80";
 
-/// The same at [`BAUD`], where 75 are what the wire allows.
+/// The same at [`BAUD`], where the wire allows 75.
 const LEAST_SERIAL: &str = "35";
 const BAUD: &str = "38400";
 
-/// Downloads to a served board, drives it and a hand from python.
+/// Downloads to a served board, then drives it and a hand from Python.
 ///
 /// # Errors
-/// What failed and how to repeat it; or what is missing to try it.
+/// The failed check with a command to repeat it, or the missing tool.
 pub fn check() -> Outcome {
     let python = python::environment("host-tools", &PACKAGES)?;
     run(program("cargo build --quiet --package hil-sim"))?;
@@ -62,24 +65,24 @@ pub fn check() -> Outcome {
     Ok(())
 }
 
-/// A served bus or hand; ends when this is dropped.
+/// A served bus or hand; stopped when dropped.
 struct Served {
     process: Child,
     line: String,
-    /// Where it can be reached, in its own words: what for, and the place.
+    /// Its printed endpoints: kind and address.
     doors: Vec<(String, String)>,
 }
 
 impl Drop for Served {
     fn drop(&mut self) {
-        // It has ended by itself, or it does so now.
+        // It may have ended by itself.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
 }
 
 impl Served {
-    /// Starts hil-sim, and reads where it serves: a line for each option that asks for a door.
+    /// Starts hil-sim and reads its endpoints, one line for each option that requests one.
     fn new(args: &str) -> Result<Self, String> {
         let mut command = Command::new(target().join("debug/hil-sim"));
         command.args(args.split(' ')).current_dir(root());
@@ -98,7 +101,7 @@ impl Served {
         Ok(served)
     }
 
-    /// The place of a door.
+    /// Address of an endpoint.
     fn place(&self, kind: &str) -> Result<&str, String> {
         let door = self.doors.iter().find(|door| door.0 == kind).map(|door| door.1.as_str());
         door.ok_or_else(|| {
@@ -107,14 +110,14 @@ impl Served {
     }
 }
 
-/// A sealed `.tek` file of an application that a monitor takes.
+/// A sealed `.tek` file of an application that a monitor accepts.
 fn application() -> Result<PathBuf, String> {
     let folder = target().join("host-tools");
     let (bytes, file) = (folder.join("application.bin"), folder.join("application.tek"));
     let mut image = vec![0x5A; IMAGE];
     image[..4].copy_from_slice(&tater_wire::memory::RAM.end().to_le_bytes());
     image[4..8].copy_from_slice(&(tater_wire::memory::APPLICATION.start + 0x101).to_le_bytes());
-    // The vectors that the header goes into are reserved.
+    // The vectors that hold the header are reserved.
     image[0x1C..0x2C].fill(0);
     std::fs::write(&bytes, image).map_err(|error| format!("{}: {error}", bytes.display()))?;
     encode(&bytes, &file)?;

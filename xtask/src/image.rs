@@ -1,7 +1,7 @@
-//! `cargo xtask image`: what is flashed and downloaded. Monitor and application as ELF files and flat, the application sealed,
-//! also as a `.tek` file, and `image.json`, which says what they are.
+//! `cargo xtask image`: builds what is flashed and downloaded: monitor and application as ELF and flat files,
+//! the sealed application also as a `.tek` file, and `image.json`, which describes them.
 //!
-//! The same commit gives the same bytes wherever it is built (`image/compile.rs`).
+//! The same commit gives the same bytes on every machine (`image/compile.rs`).
 
 mod check;
 mod compile;
@@ -20,35 +20,35 @@ use crate::{Failure, files, setup, tek};
 pub use check::check;
 pub use profile::Profile;
 
-/// The arguments of the chore.
+/// Arguments of `image`.
 #[derive(clap::Args)]
 pub struct ImageArgs {
     /// With log strings or without
     #[arg(long, value_enum, default_value = "production")]
     profile: Profile,
-    /// The folder to write into; made if missing [default: target/image/PROFILE]
+    /// The folder to write into; created if missing [default: target/image/PROFILE]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print what image.json holds, and nothing else, to standard output
+    /// Print image.json, and nothing else, to standard output
     #[arg(long)]
     json: bool,
 }
 
-/// Where the files are.
+/// The images of a profile.
 pub struct Images {
-    /// The application, sealed: an ELF file.
+    /// The sealed application, an ELF file.
     pub tater: PathBuf,
-    /// The monitor: an ELF file.
+    /// The monitor, an ELF file.
     pub monitor: PathBuf,
-    /// Bytes of flash that the application takes.
+    /// Size of the application in flash, bytes.
     pub tater_bytes: u32,
-    /// Bytes of flash that the monitor takes.
+    /// Size of the monitor in flash, bytes.
     pub monitor_bytes: u32,
-    /// All of image.json.
+    /// Contents of image.json.
     about: Value,
 }
 
-/// Does the chore.
+/// Runs `image`.
 ///
 /// # Errors
 /// The images cannot be built or written.
@@ -72,15 +72,15 @@ pub fn image(args: &ImageArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where images go unless told otherwise.
+/// Default folder of the images.
 pub fn folder(profile: Profile) -> PathBuf {
     target().join("image").join(profile.name())
 }
 
-/// Builds the images into their usual folder.
+/// Builds the images into their default folder.
 ///
 /// # Errors
-/// They cannot be built or written.
+/// The images cannot be built or written.
 pub fn build(profile: Profile) -> Result<Images, Failure> {
     build_into(profile, &folder(profile))
 }
@@ -96,7 +96,7 @@ fn build_into(profile: Profile, folder: &Path) -> Result<Images, Failure> {
     for (name, bytes) in built.files() {
         about["files"][name] = json!({ "bytes": bytes.len(), "crc32": hex(crc(bytes)) });
     }
-    // The last: where it agrees with the files beside it, they are of one build.
+    // Written last: if it agrees with the files beside it, they are of one build.
     let text = format!("{about:#}\n");
     let mut files: Vec<_> = built.files().map(|(name, bytes)| (folder.join(name), bytes)).into();
     files.push((folder.join("image.json"), text.as_bytes()));
@@ -110,7 +110,7 @@ fn build_into(profile: Profile, folder: &Path) -> Result<Images, Failure> {
     })
 }
 
-/// The bytes of all files.
+/// Contents of all files.
 struct Built {
     tater: tek::Sealed,
     monitor: Vec<u8>,
@@ -130,9 +130,9 @@ impl Built {
     }
 }
 
-/// Compiles a checkout, with what cargo needs for it in the folder `build`.
+/// Builds a checkout, with cargo's files in the folder `build`.
 fn make(checkout: &Path, build: &Path, profile: Profile) -> Result<Built, Failure> {
-    // Cargo keeps others out of the folder, but only until its own end: all profiles' applications have one name there.
+    // Cargo's own lock ends with cargo, and both profiles give their application the same name.
     fs::create_dir_all(build).map_err(|error| format!("{}: {error}", build.display()))?;
     let lock = build.join(".image-lock");
     let lock = File::create(&lock).and_then(|file| file.lock().map(|()| file));
@@ -143,7 +143,7 @@ fn make(checkout: &Path, build: &Path, profile: Profile) -> Result<Built, Failur
         .map_err(|error| wrong(&linked.tater, error))?;
     let monitor = files::read(&linked.monitor)?;
     let (start, monitor_flat) = tek::flat(&monitor).map_err(|error| wrong(&linked.monitor, error))?;
-    // More than 32 bits is too long, too.
+    // More than 32 bits is too long as well.
     let monitor_bytes = u32::try_from(monitor_flat.len()).unwrap_or(u32::MAX);
     let len = u64::from(monitor_bytes);
     if start != u64::from(MONITOR.start) || !MONITOR.holds(start, len) {
@@ -155,17 +155,17 @@ fn make(checkout: &Path, build: &Path, profile: Profile) -> Result<Built, Failur
     Ok(Built { tater, monitor, monitor_flat, monitor_bytes })
 }
 
-/// VERS, which the application answers and its header says.
+/// VERS, as in the application's answer and header.
 fn version() -> u16 {
-    // The row's only value, of 16 bits.
+    // VERS has a single value, of 16 bits.
     u16::try_from(Property::VERS.row().max).unwrap_or(u16::MAX)
 }
 
-/// What image.json holds but for the files.
+/// Contents of image.json except the files.
 fn about(profile: Profile, built: &Built) -> Result<Value, Failure> {
     let Header { len, crc: image_crc, version } = built.tater.header;
     let git = |line: &str| output(program(line)).map(|text| text.trim().to_owned());
-    // A source archive has no commit, nor has a checkout before its first: neither is an error to tell.
+    // A source archive has no commit, nor has a checkout before its first: neither is an error.
     let commit = is_checkout().then(|| git("git rev-parse --verify --quiet HEAD").ok()).flatten();
     let dirty = match &commit {
         Some(_) => Some(!git("git status --porcelain")?.is_empty()),
@@ -190,7 +190,7 @@ fn about(profile: Profile, built: &Built) -> Result<Value, Failure> {
     }))
 }
 
-/// Whether the project is a git checkout of its own, not a folder in another.
+/// Whether the project is its own git checkout, not a folder in another.
 fn is_checkout() -> bool {
     root().join(".git").exists()
 }

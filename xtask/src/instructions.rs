@@ -1,5 +1,5 @@
-//! The emulated core against an independent one, instruction by instruction: random ones, made and executed by board-emu, are
-//! repeated on Unicorn's Cortex-M3.
+//! Compares the emulated core with an independent one: board-emu generates and executes random instructions,
+//! Unicorn's Cortex-M3 repeats them.
 
 use std::process::Command;
 
@@ -9,16 +9,16 @@ use crate::{Outcome, python};
 /// From PyPI.
 const PACKAGES: [&str; 1] = ["unicorn==2.1.4"];
 
-/// Instructions to compare at least.
+/// Fewest instructions to compare.
 const LEAST: &str = "200000";
 
-/// Any number; the same instructions each time, so that a failure can be repeated.
+/// Fixed, so that a failure can be repeated.
 const SEED: &str = "20261122";
 
-/// Makes the instructions and compares.
+/// Generates the instructions and compares the results.
 ///
 /// # Errors
-/// The first instructions that differ, with both states; or what is missing to compare.
+/// The first instructions that differ, with both states; or the missing tool.
 pub fn check() -> Outcome {
     let python = python::environment("unicorn", &PACKAGES)?;
     let folder = target().join("instructions");

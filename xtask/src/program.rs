@@ -1,23 +1,23 @@
-//! Starting other programs from the root of the project, with errors that say how to repeat them by hand.
+//! Starts other programs in the project's root. Errors include the command that repeats them.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// The root of the project.
+/// The project's root.
 pub fn root() -> PathBuf {
-    // A checkout may have moved since this was compiled: cargo's own word goes first.
+    // The checkout may have moved since the build: prefer cargo's present value.
     let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_else(|_| env!("CARGO_MANIFEST_DIR").into());
     Path::new(&manifest).parent().map_or_else(PathBuf::new, Path::to_path_buf)
 }
 
-/// Where cargo puts what it builds.
+/// Cargo's target folder.
 pub fn target() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder))
 }
 
-/// A program to start in the root of the project, `line` split at blanks.
+/// A program to start in the project's root; `line` is split at blanks.
 pub fn program(line: &str) -> Command {
     let mut words = line.split_whitespace();
     let mut command = Command::new(words.next().unwrap_or_default());
@@ -25,7 +25,7 @@ pub fn program(line: &str) -> Command {
     command
 }
 
-/// The command line as a person would type it in the root of the project.
+/// The command line as typed in the project's root.
 pub fn typed(command: &Command) -> String {
     let quoted = |word: String| if word.contains(' ') { format!("'{word}'") } else { word };
     let variables = command.get_envs().filter_map(|(name, value)| {
@@ -36,10 +36,10 @@ pub fn typed(command: &Command) -> String {
     variables.chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// Runs to the end with the terminal shared.
+/// Runs a program on the shared terminal.
 ///
 /// # Errors
-/// The program cannot be started or fails; the text ends with the line to repeat it.
+/// The program cannot be started or fails; with the command to repeat it.
 pub fn run(mut command: Command) -> Result<(), String> {
     let line = typed(&command);
     match command.status() {
@@ -49,10 +49,10 @@ pub fn run(mut command: Command) -> Result<(), String> {
     }
 }
 
-/// Runs to the end and returns what it wrote to standard output; standard error stays on the terminal.
+/// Runs a program and returns its standard output; standard error goes to the terminal.
 ///
 /// # Errors
-/// As [`run`]; the text also holds the output.
+/// As [`run`], with the output.
 pub fn output(mut command: Command) -> Result<String, String> {
     let line = typed(&command);
     let output = command
@@ -66,7 +66,7 @@ pub fn output(mut command: Command) -> Result<String, String> {
     Err(format!("{}\n{}\n  repeat with: {line}", output.status, text.trim_end()))
 }
 
-/// Runs to the end and returns what it wrote to standard output and then to standard error.
+/// Runs a program and returns its standard output followed by its standard error.
 ///
 /// # Errors
 /// As [`output`].
@@ -81,7 +81,7 @@ pub fn output_of_both(mut command: Command) -> Result<String, String> {
     Err(format!("{}\n{}\n  repeat with: {line}", output.status, text.trim_end()))
 }
 
-/// Does each piece of work once, as many at a time as there are processors; returns the errors.
+/// Processes each item once, one on each processor at a time; returns the errors.
 pub fn in_parallel<T: Sync>(work: &[T], each: impl Fn(&T) -> Result<(), String> + Sync) -> Vec<String> {
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
     let (next, errors) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
@@ -99,7 +99,7 @@ pub fn in_parallel<T: Sync>(work: &[T], each: impl Fn(&T) -> Result<(), String> 
     errors.into_inner().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Whether a program can be started and succeeds; it writes nothing to the terminal.
+/// Whether a program can be started and succeeds; hides its output.
 pub fn succeeds(line: &str) -> bool {
     let mut command = program(line);
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -111,7 +111,7 @@ mod tests {
     use super::in_parallel;
 
     #[test]
-    fn parallel_work_is_done_once_and_its_errors_returned() {
+    fn parallel_work_runs_once_and_returns_errors() {
         let done = std::sync::atomic::AtomicU32::new(0);
         let mut errors = in_parallel(&[1, 2, 3, 4, 5], |n| {
             done.fetch_add(10_u32.pow(*n), std::sync::atomic::Ordering::Relaxed);

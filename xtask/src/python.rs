@@ -5,15 +5,15 @@ use std::process::Command;
 
 use crate::program::{program, root, run, succeeds, target};
 
-/// The Python interpreter of an environment, which is made if it is missing or has other packages. Versions are pinned, so that
-/// a failure is this project's.
+/// The Python interpreter of an environment, created if it is missing or has other packages. Versions are
+/// pinned, so that a failure is this project's.
 ///
 /// # Errors
-/// What is missing, and how to install it.
+/// The missing tool, and how to install it.
 pub fn environment(name: &str, packages: &[&str]) -> Result<PathBuf, String> {
     let folder = target().join(name);
     let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
-    // Written last, so that an environment half made is made again.
+    // Written last: an incomplete environment is created anew.
     let mark = folder.join("installed");
     let wanted = packages.join("\n");
     if std::fs::read_to_string(&mark).is_ok_and(|found| found == wanted) && python.exists() {

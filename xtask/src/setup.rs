@@ -1,15 +1,15 @@
-//! What the checks need beside cargo, fetched where it is missing.
+//! Installs what the checks need besides cargo.
 
 use crate::Outcome;
 use crate::program::{output, program, run, succeeds};
 
-/// The microcontroller's target.
+/// Target triple of the microcontroller.
 pub const THUMB: &str = "thumbv7m-none-eabi";
 
-/// Makes sure that rustfmt, clippy and the core library of the microcontroller are there.
+/// Installs rustfmt, clippy and the microcontroller's core library if missing.
 ///
 /// # Errors
-/// What is missing and the line that installs it.
+/// The missing component, and the command that installs it.
 pub fn install() -> Outcome {
     if !succeeds("cargo fmt --version") {
         fetch("rustfmt", "rustup component add rustfmt")?;
@@ -20,7 +20,7 @@ pub fn install() -> Outcome {
     target()
 }
 
-/// Makes sure that the core library of the microcontroller is there.
+/// Installs the microcontroller's core library if missing.
 ///
 /// # Errors
 /// As [`install`].
@@ -28,10 +28,10 @@ pub fn target() -> Outcome {
     if has_target()? { Ok(()) } else { fetch(THUMB, &format!("rustup target add {THUMB}")) }
 }
 
-/// Whether the compiler in use, from rustup or not, has the core library of the microcontroller.
+/// Whether the compiler in use has the microcontroller's core library.
 ///
 /// # Errors
-/// There is no compiler.
+/// No compiler.
 pub fn has_target() -> Result<bool, String> {
     let libraries = output(program(&format!("rustc --print target-libdir --target {THUMB}")))?;
     Ok(std::path::Path::new(libraries.trim()).is_dir())

@@ -1,7 +1,7 @@
-//! `cargo xtask size`: flash, RAM and stack of the two programs on a board, from their ELF files.
+//! `cargo xtask size`: flash, RAM and stack of the two programs of a board, from their ELF files.
 //!
-//! `--check` judges the production images: limits (`LIMITS`), free stack, forbidden symbols
-//! (`size/forbidden.rs`), and every figure against the committed file (`size/golden.rs`).
+//! `--check` compares the production images with limits (`LIMITS`), the stack margin, forbidden symbols
+//! (`size/forbidden.rs`) and the committed figures (`size/golden.rs`).
 
 mod crates;
 mod elf;
@@ -24,37 +24,37 @@ use figures::{Figures, Forbidden, LIMITS};
 use graph::Graph;
 use levels::Task;
 
-/// The application's tasks and their priorities.
+/// Source of the application's tasks and priorities.
 const APP: &str = "tater-fw/src/app.rs";
 
-/// Part of the stack area that must stay free, in percent. The analysis adds up interrupts that hardly ever
-/// coincide, so this margin covers a change until the next check, and a debugger's own frames.
+/// Part of the stack that must stay free, in percent. The analysis assumes the worst coincidence of
+/// interrupts; the margin covers changes until the next check and a debugger's frames.
 const STACK_MARGIN: f64 = 25.0;
 
 /// Number of largest symbols to print.
 const LARGEST: usize = 12;
 
-/// The arguments.
+/// Arguments of `size`.
 #[derive(clap::Args)]
 pub struct SizeArgs {
-    /// With log strings or without; limits and the committed figures are those of production
+    /// With log strings or without; limits and committed figures apply to production
     #[arg(long, value_enum, default_value = "production")]
     profile: Profile,
-    /// Fail if a limit is passed, a forbidden symbol linked, or a figure not the committed one
+    /// Fail on an exceeded limit, a forbidden symbol, or a figure that differs from the committed one
     #[arg(long, conflicts_with = "bless")]
     check: bool,
     /// Print the figures as a JSON object, and nothing else, to standard output
     #[arg(long)]
     json: bool,
-    /// Write the figures to the file that --check compares with
+    /// Write the figures that --check compares with
     #[arg(long)]
     bless: bool,
 }
 
-/// Runs the command.
+/// Runs `size`.
 ///
 /// # Errors
-/// The images cannot be built or read, or they fail the check.
+/// The images cannot be built or read, or a check fails.
 pub fn size(args: &SizeArgs) -> Result<(), Failure> {
     if args.profile != Profile::Production && (args.check || args.bless) {
         let what = "the limits and the committed figures are those of production";
@@ -75,7 +75,7 @@ pub fn size(args: &SizeArgs) -> Result<(), Failure> {
     if args.check { fail(&faults, failure) } else { Ok(()) }
 }
 
-/// Builds both programs and computes their figures.
+/// Builds and measures both programs.
 fn measure(profile: Profile) -> Result<Vec<Figures>, Failure> {
     let app = root().join(APP);
     let source = String::from_utf8_lossy(&files::read(&app)?).into_owned();
@@ -88,7 +88,7 @@ fn measure(profile: Profile) -> Result<Vec<Figures>, Failure> {
     Ok(vec![tater, monitor])
 }
 
-/// CI's step: the figures in a few lines, checked.
+/// CI step: a short report with all checks.
 ///
 /// # Errors
 /// As [`size`] with `--check`.
@@ -102,7 +102,7 @@ pub fn check() -> Outcome {
     Ok(fail(&faults, failure)?)
 }
 
-/// The figures of both programs.
+/// Measures a program.
 fn figures(name: &'static str, program: &Program, tasks: &[Task]) -> Figures {
     let handlers: Vec<String> = tasks.iter().map(|task| task.binds.clone()).collect();
     let mut figures = Figures::new(name, stack::worst(program, tasks));
@@ -134,7 +134,7 @@ fn figures(name: &'static str, program: &Program, tasks: &[Task]) -> Figures {
     figures
 }
 
-/// All figures as one object.
+/// All figures as one JSON object.
 fn object(profile: Profile, all: &[Figures], faults: &[String]) -> Value {
     let programs: serde_json::Map<String, Value> =
         all.iter().map(|figures| (figures.name.into(), figures.object())).collect();
@@ -150,7 +150,7 @@ fn object(profile: Profile, all: &[Figures], faults: &[String]) -> Value {
     })
 }
 
-/// Defects of the images, without the comparison with the committed figures.
+/// Failed checks, without the comparison with the committed figures.
 fn faults(all: &[Figures]) -> Vec<String> {
     let mut faults = Vec::new();
     for figures in all {
@@ -166,7 +166,7 @@ fn faults(all: &[Figures]) -> Vec<String> {
         }
         for Forbidden { name: symbol, family, chain } in &figures.forbidden {
             faults.push(format!(
-                "{name}: found {symbol} ({family}), expected none; reached by {}\n    next: do without it, or give a reason in ALLOWED \
+                "{name}: found {symbol} ({family}), expected none; reached by {}\n    next: remove the call, or give a reason in ALLOWED \
                  of xtask/src/size/forbidden.rs",
                 chain.join(" > ")
             ));
@@ -174,8 +174,7 @@ fn faults(all: &[Figures]) -> Vec<String> {
         match &figures.stack {
             Err(error) => faults.push(format!("{name}: its stack is unknown: {error}")),
             Ok(worst) if worst.margin_percent() < STACK_MARGIN => faults.push(format!(
-                "{name}: found {} of {} bytes of stack in use at worst, which leaves {:.1} %, expected {STACK_MARGIN} % at least: \
-                 room for what changes before the next check\n    next: shorten the deepest paths (cargo xtask size)",
+                "{name}: found {} of {} bytes of stack in use at worst: {:.1} % free, expected at least {STACK_MARGIN} %\n    next: shorten the deepest paths (cargo xtask size)",
                 worst.bytes(),
                 tater_wire::memory::STACK.len,
                 worst.margin_percent()
@@ -186,7 +185,7 @@ fn faults(all: &[Figures]) -> Vec<String> {
     faults
 }
 
-/// Defects of the images, and the kind of failure: a different one if the committed figures cannot be read.
+/// All failed checks, and the kind of failure: unreadable committed figures are another.
 fn judge(all: &[Figures]) -> (Vec<String>, fn(String) -> Failure) {
     let mut faults = faults(all);
     match golden::differences(all) {
@@ -205,5 +204,5 @@ fn fail(faults: &[String], failure: fn(String) -> Failure) -> Result<(), Failure
     if faults.is_empty() {
         return Ok(());
     }
-    Err(failure(format!("the images are not as they should be\n  {}", faults.join("\n  "))))
+    Err(failure(format!("the images failed their checks\n  {}", faults.join("\n  "))))
 }

@@ -1,4 +1,4 @@
-//! `.tek` files of applications: encode, verify, decode, dump.
+//! Images of applications as `.tek` files: encode, verify, decode, dump.
 
 mod memory;
 mod records;
@@ -19,14 +19,14 @@ use memory::Memory;
 use records::{extent, open, records};
 pub use verify::sealed;
 
-/// A command for `.tek` files.
+/// Subcommands for `.tek` files.
 #[derive(Subcommand)]
 pub enum Chore {
-    /// Makes a .tek file of a linked application or of bytes
+    /// Make a .tek file from a linked application or raw bytes
     Encode {
-        /// An ELF file, or any bytes
+        /// An ELF file, or raw bytes
         input: PathBuf,
-        /// Address of the first byte, decimal or 0x...; an ELF file brings its own
+        /// Address of the first byte, decimal or 0x...; an ELF file has its own
         #[arg(long, value_parser = address)]
         base: Option<u32>,
         /// The .tek file to write
@@ -36,13 +36,13 @@ pub enum Chore {
         #[arg(long, value_name = "VERSION")]
         seal: Option<u16>,
     },
-    /// Says whether a .tek file is whole and in the profile, or what is wrong in which line and column (exit code 1); and
-    /// whether it is sealed: a monitor refuses what is not
+    /// Check that a .tek file is complete and downloadable, or report line and column of the first error
+    /// (exit code 1); also report whether it is sealed, as a monitor requires
     Verify {
         /// The .tek file
         file: PathBuf,
     },
-    /// Makes bytes of a .tek file, of GNU objcopy's and srecord's too; gaps become 0xFF
+    /// Convert a .tek file to raw bytes, also one of GNU objcopy or srecord; gaps become 0xFF
     Decode {
         /// The .tek file
         file: PathBuf,
@@ -50,7 +50,7 @@ pub enum Chore {
         #[arg(short, long)]
         output: PathBuf,
     },
-    /// Prints the records of a .tek file
+    /// Print the records of a .tek file
     Dump {
         /// The .tek file
         file: PathBuf,
@@ -66,10 +66,10 @@ fn address(text: &str) -> Result<u32, String> {
     number.map_err(|error| format!("{error}; expected an address up to 0xFFFFFFFF, such as 0x08004000"))
 }
 
-/// Runs the command.
+/// Runs a subcommand.
 ///
 /// # Errors
-/// The defect of its files.
+/// The error in its files.
 pub fn tek(chore: &Chore) -> Result<(), Failure> {
     match chore {
         Chore::Encode { input, base, output, seal } => encode(input, *base, output, *seal),
@@ -103,7 +103,7 @@ fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) 
     Ok(())
 }
 
-/// The records of some bytes.
+/// Encodes bytes as records.
 fn text(memory: &Memory, entry: u32) -> Result<Vec<u8>, String> {
     let mut text = Vec::new();
     for (address, bytes) in memory.pieces() {
@@ -122,37 +122,37 @@ fn text(memory: &Memory, entry: u32) -> Result<Vec<u8>, String> {
     Ok(text)
 }
 
-/// A linked program's bytes as they are in flash, in one piece, and their address.
+/// The flash contents of a linked program in one piece, and their address.
 ///
 /// # Errors
-/// It is no linked program, or its bytes are too far apart.
+/// Not a linked program, or too long an address range.
 pub fn flat(elf: &[u8]) -> Result<(u64, Vec<u8>), String> {
     let (memory, _) = source::linked(elf)?;
     let start = memory.range().map_or(0, |range| *range.start());
     Ok((start, memory.image()?))
 }
 
-/// A linked application in the three forms for a board.
+/// A linked application in its three forms.
 pub struct Sealed {
-    /// The ELF file with the header in its first segment, for a debug probe.
+    /// ELF file with the header in its first segment, for a debug probe.
     pub elf: Vec<u8>,
-    /// The bytes in flash from the application's address on.
+    /// Flash contents from the application's address.
     pub bytes: Vec<u8>,
     /// The same as a `.tek` file.
     pub text: Vec<u8>,
-    /// The image's header.
+    /// The image header.
     pub header: Header,
 }
 
 /// Seals a linked application.
 ///
 /// # Errors
-/// It is no application, or it cannot be sealed.
+/// Not an application, or it cannot be sealed.
 pub fn seal_linked(mut elf: Vec<u8>, version: u16) -> Result<Sealed, String> {
     let (memory, entry) = source::linked(&elf)?;
     let (memory, header) = seal(&memory, version)?;
     let bytes = memory.image()?;
-    // The vector table, which contains the header, is linked in one piece.
+    // The vector table, which holds the header, is linked in one piece.
     source::overwrite(&mut elf, APPLICATION.start, &bytes[..HEADER_BYTES])?;
     Ok(Sealed { elf, text: text(&memory, entry)?, bytes, header })
 }
@@ -170,7 +170,7 @@ fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
     image.resize(image.len().next_multiple_of(4), ERASED);
     let header = image::seal(&mut image, version.into()).map_err(|error| error.to_string())?;
     let mut sealed = Memory::default();
-    // It is empty, so no address exists twice.
+    // Inserting into an empty memory cannot fail.
     let _ = sealed.insert(start, &image);
     Ok((sealed, header))
 }
@@ -197,8 +197,8 @@ fn decode(file: &Path, output: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The first address and all bytes from there. GNU's files are sections: 0 where no record has bytes, and the
-/// zeros around them are padding.
+/// Base address and contents. In GNU's files the sections determine them: bytes default to 0, and zeros
+/// around the sections are padding.
 fn assemble(memory: &Memory, sections: &[Range<u64>]) -> Result<(u64, Vec<u8>), String> {
     let Some(base) = sections.iter().map(|section| section.start).min() else {
         let base = memory.range().map_or(0, |range| *range.start());
@@ -241,7 +241,7 @@ fn dump(file: &Path) -> Result<(), Failure> {
         text += &format!("{line:6}  {what}\n");
         Ok(())
     });
-    // Prints the records before an error too.
+    // Print the records before an error too.
     files::print(&text)?;
     judged
 }

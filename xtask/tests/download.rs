@@ -1,5 +1,5 @@
-//! `cargo xtask download` in cases where it cannot succeed. `cargo xtask host-tools` shows that it succeeds;
-//! the system tests cover the protocol.
+//! Failures of `cargo xtask download` as a user sees them. Success is shown by `cargo xtask host-tools`, the
+//! protocol by the system tests.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::net::{Shutdown, TcpListener};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
 
-/// A file for one test.
+/// A temporary file of this test.
 fn path(name: &str) -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
 }
@@ -31,8 +31,8 @@ fn tek(name: &str, sealed: bool) -> String {
     file
 }
 
-/// An adapter that answers commands with these texts. Without an answer it hangs up, but keeps receiving, so
-/// that what it has sent is not lost.
+/// An adapter with these answers. Without an answer it hangs up, but keeps reading, so that its output is not
+/// lost.
 fn adapter(mut answer: impl FnMut(&str) -> &'static [u8] + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("bound").to_string();
@@ -52,7 +52,7 @@ fn adapter(mut answer: impl FnMut(&str) -> &'static [u8] + Send + 'static) -> St
     address
 }
 
-/// A working adapter: closed at first, accepts every frame, no board on its bus.
+/// A working adapter: closed at first, accepts every frame, on an empty bus.
 fn good(command: &str) -> &'static [u8] {
     match command {
         "C" => b"\x07",
@@ -62,13 +62,12 @@ fn good(command: &str) -> &'static [u8] {
     }
 }
 
-/// The same, but with another answer to one command.
+/// The same, with another answer to one command.
 fn but(odd: &'static str, said: &'static [u8]) -> String {
     adapter(move |command| if command == odd { said } else { good(command) })
 }
 
-/// The answer of a board with node 4 to a frame, as the adapter passes it on: STAT 0, and a request for 16
-/// numbered frames.
+/// Answers of board 4 to a frame, as an adapter passes them on: STAT 0, and a request for 16 numbered frames.
 fn board(command: &str) -> &'static [u8] {
     match command {
         "t004105" => b"z\rt486485000000\r",
@@ -86,7 +85,7 @@ fn download(file: &str, address: &str) -> (Option<i32>, String) {
 }
 
 #[test]
-fn bad_file_is_named_with_a_next_step() {
+fn unusable_file_is_named_with_a_next_step() {
     let (sealed, unsealed) = (tek("sealed", true), tek("unsealed", false));
     let damaged = path("damaged.tek").to_string_lossy().into_owned();
     std::fs::write(&damaged, b"%098xyz\r\n").expect("a file for the test");
@@ -105,7 +104,7 @@ fn bad_file_is_named_with_a_next_step() {
 }
 
 #[test]
-fn adapter_error_is_reported_with_a_next_step() {
+fn rejected_command_is_reported_with_a_next_step() {
     let file = tek("refused", true);
     let deaf = adapter(|_| b"");
     let full = adapter(|command| if command.starts_with('t') { b"\x07" } else { good(command) });
@@ -132,8 +131,8 @@ fn adapter_error_is_reported_with_a_next_step() {
 }
 
 #[test]
-fn frame_refused_by_the_adapter_is_only_lost() {
-    // The first numbered frame; at the next the adapter hangs up, so that the download ends.
+fn rejected_frame_counts_as_lost() {
+    // The first numbered frame; it hangs up at the next, which ends the test.
     let mut numbered = 0;
     let address = adapter(move |command| {
         numbered += usize::from(is_numbered(command));
@@ -150,7 +149,7 @@ fn frame_refused_by_the_adapter_is_only_lost() {
 #[cfg(unix)]
 #[test]
 fn file_is_read_once() {
-    // A pipe cannot be read twice. The adapter hangs up at the first numbered frame.
+    // A pipe can be read only once. The adapter hangs up at the first numbered frame.
     let address = adapter(|command| if is_numbered(command) { b"" } else { board(command) });
     let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
     command.args(["download", "--node", "4", "--slcan", &address, "/dev/stdin"]);

@@ -139,13 +139,13 @@ fn states_unknown_to_the_motor_model_are_errors() {
 fn undriven_gate_is_an_error_while_the_bridge_is_on() {
     let mut chip = board([450, 0, 0], ALL, MOE | HELD | 36);
     write(&mut chip, GPIOB_CRH, 0xBB44_4444);
-    assert_eq!(of(&chip), Err("gate at PB13: nobody drives it, and the bridge is on".to_owned()));
+    assert_eq!(of(&chip), Err("gate at PB13: not driven while the bridge is on".to_owned()));
     write(&mut chip, GPIOB_CRH, 0xBBF4_4444);
-    assert!(of(&chip).unwrap_err().contains("nobody drives it"), "open drain cannot switch it on");
+    assert!(of(&chip).unwrap_err().contains("not driven"), "open drain cannot switch it on");
     write(&mut chip, GPIOB_CRH, 0xBB34_4444);
     assert!(of(&chip).unwrap_err().contains("the port has it"));
     // OSSR 0: the timer releases the low side of a floating leg.
-    assert!(problem([450, 0, 0], ALL & !0x400, MOE | 36).contains("gate at PB15: nobody"));
+    assert!(problem([450, 0, 0], ALL & !0x400, MOE | 36).contains("gate at PB15: not driven"));
     // With the bridge off the pull-down holds it.
     write(&mut chip, GPIOB_CRH, 0xBB44_4444);
     write(&mut chip, BDTR, HELD | 36);

@@ -92,7 +92,7 @@ mod tests {
         exti.forget();
         exti.set_inputs(0);
         exti.set_inputs(0b10);
-        assert_eq!(exti.interrupts(), 0, "line 1 rose, which nobody asked for");
+        assert_eq!(exti.interrupts(), 0, "line 1 rose but is masked");
         exti.set_inputs(0b101);
         assert_eq!(exti.interrupts(), 0b11, "line 2 is masked");
         exti.write(0x14, 0b01, 0).unwrap();

@@ -411,7 +411,7 @@ impl Peripheral for Rcc {
             0x18 => self.apb2enr = value,
             0x1C => self.apb1enr = value,
             0x20 if value == 0 => {}
-            0x20 => return Err("RCC_BDCR: the backup domain (LSE, RTC) is not there".to_owned()),
+            0x20 => return Err("RCC_BDCR: the backup domain (LSE, RTC) is not modeled".to_owned()),
             0x24 => self.write_csr(value, now),
             _ => return Err(format!("RCC has no register at offset {offset:#x}")),
         }

@@ -1,4 +1,4 @@
-//! The interface of a CAN adapter for a download.
+//! The interface of a CAN adapter.
 
 use std::io::ErrorKind;
 use std::time::Duration;
@@ -7,15 +7,14 @@ use tater_wire::Frame;
 
 /// A connection to the bus.
 pub trait Adapter {
-    /// Sends a frame, or loses it.
+    /// Sends a frame; it may get lost.
     fn send(&mut self, frame: &Frame) -> Result<(), String>;
 
-    /// The next frame from the bus, if one arrives within this time, which is not 0; `None` may also come
-    /// earlier.
+    /// Waits up to `wait`, which is not 0, for a frame; may return `None` earlier.
     fn receive(&mut self, wait: Duration) -> Result<Option<Frame>, String>;
 }
 
-/// Whether a read only timed out.
+/// Whether a read timed out or was interrupted.
 pub const fn is_timeout(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }

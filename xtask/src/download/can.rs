@@ -6,7 +6,7 @@ use crate::Failure;
 /// Opens the interface.
 ///
 /// # Errors
-/// There is no interface of that name.
+/// No interface of that name.
 #[cfg(target_os = "linux")]
 pub fn open(interface: &str) -> Result<Box<dyn Adapter>, Failure> {
     use socketcan::{CanSocket, Socket};
@@ -19,10 +19,10 @@ pub fn open(interface: &str) -> Result<Box<dyn Adapter>, Failure> {
     Ok(Box::new(linux::Interface { socket, name: interface.to_owned() }))
 }
 
-/// Not available on this system.
+/// Only Linux has CAN interfaces.
 ///
 /// # Errors
-/// Always.
+/// Always fails.
 #[cfg(not(target_os = "linux"))]
 pub fn open(interface: &str) -> Result<Box<dyn Adapter>, Failure> {
     Err(Failure::Unusable(format!("--can {interface}: only Linux has CAN interfaces\n  use --slcan")))
@@ -45,10 +45,10 @@ mod linux {
     impl Adapter for Interface {
         fn send(&mut self, frame: &Frame) -> Result<(), String> {
             let there = StandardId::new(frame.raw_id()).and_then(|id| CanFrame::new(id, frame.data()));
-            // 11 bits and eight bytes at most, in both forms.
+            // Both types hold 11 bits and at most eight bytes.
             let Some(there) = there else { return Ok(()) };
             self.socket.write_frame_insist(&there).map_err(|error| {
-                format!("--can {}: a frame is not taken: {error}\n  next: check the cable: the queue fills when nobody answers", self.name)
+                format!("--can {}: sending failed: {error}\n  next: check the cable: without an acknowledge the queue fills", self.name)
             })
         }
 

@@ -1,4 +1,4 @@
-//! The host's side of Lawicel SLCAN over TCP, limited to what a download needs.
+//! SLCAN (Lawicel) over TCP, host side: the subset that a download needs.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -10,32 +10,32 @@ use tater_wire::Frame;
 use super::adapter::{Adapter, is_timeout};
 use crate::Failure;
 
-/// Timeout for reaching an adapter, and for its acceptance of a frame.
+/// Timeout for a connection or a sent frame.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Length of the longest valid line: a frame of eight bytes with a time-stamp, or an error text.
+/// Longest valid line: a frame of eight bytes with a time-stamp, or an error text.
 const LONGEST: usize = 200;
 
-/// This many refused frames in a row are more than a full queue: all that a board requests at once.
+/// This many rejected frames in a row are an error, not a full queue: as many as a board requests at once.
 const REFUSED: u32 = 16;
 
 /// An SLCAN adapter.
 pub struct Slcan {
     stream: TcpStream,
     address: String,
-    /// The received part of a line.
+    /// Received part of a line.
     line: Vec<u8>,
     /// Received bytes after it.
     read: VecDeque<u8>,
-    /// Frames refused since its last other message.
+    /// Frames rejected since the last other answer.
     refused: u32,
 }
 
-/// A message of an adapter.
+/// An answer of the adapter.
 enum Heard {
-    /// A line: a frame, or an answer.
+    /// A line: a frame, or a result.
     Line(Vec<u8>),
-    /// BEL: refused.
+    /// BEL: rejected.
     Refusal,
 }
 
@@ -43,7 +43,7 @@ impl Slcan {
     /// Connects, and opens the channel at 1 Mbit/s.
     ///
     /// # Errors
-    /// Nothing listens there, the adapter is in use, or it has another bit rate.
+    /// No listener, an adapter in use, or another bit rate.
     pub fn connect(address: &str) -> Result<Self, Failure> {
         let unusable = |error: std::io::Error| {
             Failure::Unusable(format!(
@@ -62,8 +62,8 @@ impl Slcan {
     }
 
     fn open(&mut self) -> Result<(), String> {
-        // Close first, in case the channel is open; that is refused if it was not, and drops old frames. The
-        // answer to the version request marks the end of earlier answers.
+        // Close an open channel; BEL if none was open. Frames received before are dropped. The version marks
+        // the end of these answers.
         self.ask(b"\rC\rV\r", |heard| matches!(heard, Heard::Line(line) if line.starts_with(b"V")))?;
         for (command, what) in [("S8", "1 Mbit/s (S8)"), ("O", "to open its channel (O)")] {
             if let Heard::Refusal = self.ask(format!("{command}\r").as_bytes(), |_| true)? {
@@ -102,7 +102,7 @@ impl Slcan {
         )
     }
 
-    /// The next message, if one arrives within this time, which is not 0.
+    /// The next answer, within a time that is not 0.
     fn hear(&mut self, wait: Duration) -> Result<Option<Heard>, String> {
         if let Some(heard) = self.take()? {
             return Ok(Some(heard));
@@ -120,13 +120,13 @@ impl Slcan {
         }
     }
 
-    /// Takes the received bytes up to the end of the next message.
+    /// Takes received bytes up to the end of the next answer.
     fn take(&mut self) -> Result<Option<Heard>, String> {
         while let Some(byte) = self.read.pop_front() {
             match byte {
                 b'\r' => {
                     let line = std::mem::take(&mut self.line);
-                    // `hil-sim bus` sends its reason this way before it hangs up.
+                    // `hil-sim bus` explains a hang-up in such a line.
                     return match line.strip_prefix(b"error: ") {
                         Some(why) => {
                             Err(format!("--slcan {}: {}", self.address, String::from_utf8_lossy(why)))
@@ -160,7 +160,7 @@ impl Adapter for Slcan {
                 self.refused = 0;
                 Ok(parse(&line))
             }
-            // The queue is full and the frame is lost. The download repeats it, unless that never ends.
+            // A full queue: the frame is lost and the protocol repeats it, unless all are rejected.
             Some(Heard::Refusal) if self.refused + 1 < REFUSED => {
                 self.refused += 1;
                 Ok(None)
@@ -175,7 +175,7 @@ impl Adapter for Slcan {
     }
 }
 
-/// `tiiildd...`, possibly with a time-stamp; anything else is no frame.
+/// Parses `tiiildd...`, with or without a time-stamp; `None` for other frames.
 fn parse(line: &[u8]) -> Option<Frame> {
     let text = std::str::from_utf8(line).ok()?.strip_prefix('t')?;
     let id = u16::from_str_radix(text.get(..3)?, 16).ok()?;
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_parse_as_frames_or_nothing() {
+    fn only_standard_data_frames_are_parsed() {
         let frame = Frame::from_raw(0x486, &[0x85, 0, 2, 0]);
         assert_eq!(parse(b"t486485000200"), frame);
         assert_eq!(parse(b"t4864850002001F2A"), frame, "with a time-stamp");

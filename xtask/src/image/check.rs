@@ -1,4 +1,4 @@
-//! What continuous integration asks of the images: that the forms of one agree, and that another checkout gives the same.
+//! CI step: the forms of an image agree, and another checkout builds the same bytes.
 
 use std::fs;
 use std::path::Path;
@@ -9,10 +9,10 @@ use super::{Profile, build, folder, is_checkout, make};
 use crate::program::{output, program, root, run, target};
 use crate::{Failure, Outcome, files, tek};
 
-/// Builds both profiles and judges them; the production image is built once more from a clone.
+/// Builds and checks both profiles; builds the production image once more from a clone.
 ///
 /// # Errors
-/// What differs, or cannot be built.
+/// A difference, or a failed build.
 pub fn check() -> Outcome {
     for profile in [Profile::Release, Profile::Production] {
         let agreed = build(profile).and_then(|_| agree(&folder(profile)));
@@ -21,7 +21,7 @@ pub fn check() -> Outcome {
     reproducible().map_err(|error| repeatable(error, Profile::Production))
 }
 
-/// An error with a line to repeat what came before it, if it has none.
+/// Adds the command that repeats an error, if it has none.
 fn repeatable(error: String, profile: Profile) -> String {
     if error.contains("repeat with: ") {
         return error;
@@ -29,16 +29,16 @@ fn repeatable(error: String, profile: Profile) -> String {
     format!("{error}\n  repeat with: cargo xtask image --profile {}", profile.name())
 }
 
-/// The three forms of the application hold the same bytes, and a board will take them.
+/// Checks that the three forms of the application hold the same bytes, and that a board accepts them.
 fn agree(folder: &Path) -> Result<(), Failure> {
     let (file, decoded) = (folder.join("tater.tek"), folder.join("decoded.bin"));
-    // Also that no line is longer than hosts read, and none has a character at which they stop.
+    // Also checks line lengths and characters.
     tek::tek(&tek::Chore::Verify { file: file.clone() })?;
     tek::sealed(&file, &files::read(&file)?)?;
     tek::tek(&tek::Chore::Decode { file: file.clone(), output: decoded.clone() })?;
     let flat = files::read(&folder.join("tater.bin"))?;
     same(&file, &files::read(&decoded)?, &flat)?;
-    // Ours, written just now; if it stays it does no harm.
+    // A temporary file; harmless if it stays.
     let _ = fs::remove_file(&decoded);
     // A debug probe leaves erased flash behind the last byte.
     let elf = folder.join("tater.elf");
@@ -57,7 +57,7 @@ fn reproducible() -> Outcome {
         println!("  skipped: no git checkout, so no second one to compare with");
         return Ok(());
     }
-    // Files that git does not know are in no image: what refers to them is a change of another.
+    // Untracked files are in no image.
     let Ok(changes) = output(program("git status --porcelain --untracked-files=no")) else {
         println!("  skipped: git refuses to read this checkout, for the reason above");
         return Ok(());
@@ -108,14 +108,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_has_one_line_to_repeat_it() {
+    fn error_has_one_repeat_command() {
         let bare = repeatable("a differs".into(), Profile::Release);
         assert_eq!(bare, "a differs\n  repeat with: cargo xtask image --profile release");
         assert_eq!(repeatable(bare.clone(), Profile::Production), bare);
     }
 
     #[test]
-    fn the_first_byte_that_differs_is_named() {
+    fn first_different_byte_is_named() {
         let said = |found: &[u8], expected: &[u8]| {
             same(Path::new("a"), found, expected).err().map(String::from).unwrap_or_default()
         };

@@ -1,9 +1,10 @@
-//! Compiling and linking the two programs so that the same commit gives the same bytes in any folder, for any user.
+//! Builds the two programs so that the same commit gives the same bytes in any folder, for any user.
 //!
-//! What could make them differ is fixed: dependencies by the lock file, the compiler by rust-toolchain.toml, flags and
-//! profiles by what stands here and in Cargo.toml (the environment's are left out, and it is said), and the folders of
-//! checkout, build, registry and compiler by names that replace them in debug information and panics' places. A user's own
-//! cargo configuration with `[profile]` tables, or vendored dependencies, can still make a difference.
+//! Possible differences are fixed: dependencies by the lock file, the compiler by rust-toolchain.toml, flags
+//! and profiles by this file and Cargo.toml (those of the environment are ignored with a message), and
+//! folders of checkout, build, registry and compiler by replacements in debug information and panic
+//! locations. `[profile]` tables in a user's cargo configuration, or vendored dependencies, can still make a
+//! difference.
 
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
@@ -14,13 +15,13 @@ use crate::Failure;
 use crate::program::{output, program, run};
 use crate::setup::THUMB;
 
-/// The two linked programs, where cargo has put them.
+/// The two linked programs.
 pub struct Linked {
     pub tater: PathBuf,
     pub monitor: PathBuf,
 }
 
-/// What the environment may say to cargo and would change an image.
+/// Environment variables of cargo that would change an image.
 const LEFT_OUT: [&str; 5] = [
     "RUSTFLAGS",
     "CARGO_ENCODED_RUSTFLAGS",
@@ -29,8 +30,8 @@ const LEFT_OUT: [&str; 5] = [
     "CARGO_INCREMENTAL",
 ];
 
-/// The log levels of an application with log strings, as DEFMT_LOG of defmt says them: that of the environment, or all but
-/// the noisiest two.
+/// Log levels of an application with log strings, in the syntax of DEFMT_LOG: that of the environment, or
+/// `info`.
 pub fn log(profile: Profile) -> Option<String> {
     match profile {
         Profile::Production => None,
@@ -41,7 +42,7 @@ pub fn log(profile: Profile) -> Option<String> {
 /// Builds monitor and application of a checkout in the folder `build`.
 ///
 /// # Errors
-/// They cannot be built; cargo has said why.
+/// The build failed; cargo has printed why.
 pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked, Failure> {
     let left_out = left_out();
     if !left_out.is_empty() {
@@ -66,7 +67,7 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
         left_out.iter().for_each(|name| {
             cargo.env_remove(name);
         });
-        // Not by RUSTFLAGS: a folder's name may have a blank.
+        // Not by RUSTFLAGS: a path may contain a blank.
         cargo.env("CARGO_ENCODED_RUSTFLAGS", flags.join("\u{1f}"));
         run(cargo).map_err(|_| {
             format!("{name} cannot be built\n  repeat with: cargo xtask image --profile {}", profile.name())
@@ -76,7 +77,7 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
     Ok(Linked { tater: folder.join("firmware/tater"), monitor: folder.join("firmware/monitor") })
 }
 
-/// The names of the variables that are set and left out.
+/// Names of the variables that are set and ignored.
 fn left_out() -> Vec<String> {
     let names = std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value)));
     let changes = |name: &str| LEFT_OUT.contains(&name) || name.starts_with("CARGO_PROFILE_");
@@ -84,7 +85,7 @@ fn left_out() -> Vec<String> {
     set.map(|(name, _)| name).collect()
 }
 
-/// Folders as the compiler may name them, and what is written instead; a later one goes before an earlier one.
+/// Paths as the compiler may print them, with replacements; later ones take precedence.
 fn flags(checkout: &Path, build: &Path) -> Result<Vec<String>, String> {
     let rustc = |arguments: &str| {
         let mut command: Command = program(&format!("rustc {arguments}"));
@@ -93,7 +94,7 @@ fn flags(checkout: &Path, build: &Path) -> Result<Vec<String>, String> {
     };
     let about = rustc("--version --verbose")?;
     let hash = about.lines().find_map(|line| line.strip_prefix("commit-hash: ")).unwrap_or("unknown");
-    // Where the sources of core lie if they are installed; else the compiler writes the second already.
+    // Path of core's sources if they are installed; otherwise the compiler prints the replacement itself.
     let core = Path::new(rustc("--print sysroot")?.trim()).join("lib/rustlib/src/rust");
     let mut names = vec![(core, format!("/rustc/{hash}"))];
     names.extend(registries().into_iter().map(|folder| (folder, "/cargo".into())));
@@ -101,7 +102,7 @@ fn flags(checkout: &Path, build: &Path) -> Result<Vec<String>, String> {
     names.push((build.to_owned(), "/tater/target".into()));
     let mut flags = Vec::new();
     for (folder, name) in names {
-        // The compiler may see the folder or what a link to it means.
+        // The compiler may print a path or its canonical form.
         let real = folder.canonicalize().unwrap_or_else(|_| folder.clone());
         for folder in [&folder, &real] {
             flags.push(format!("--remap-path-prefix={}={name}", folder.display()));
@@ -110,7 +111,7 @@ fn flags(checkout: &Path, build: &Path) -> Result<Vec<String>, String> {
     Ok(flags)
 }
 
-/// The folders of cargo's registries: their names depend on where the crates were fetched from.
+/// The folders of cargo's registries, whose names depend on the source of the crates.
 fn registries() -> Vec<PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")));

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 
-/// How the application is built. The monitor is the same in both.
+/// Build of the application. The monitor is the same in both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Profile {
     /// With log strings, for a debug probe
@@ -12,7 +12,7 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// As on the command line.
+    /// Name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Release => "release",

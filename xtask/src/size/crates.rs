@@ -1,12 +1,11 @@
-//! Attributes the bytes of a section to crates: by the crate in a symbol's name, or by the kind of a symbol
-//! without one. Inlined code counts where it was inlined: most of the servo is in the interrupt that ticks
-//! it.
+//! Bytes of a section by crate, from the names of its symbols. Inlined code counts where it was inlined: most
+//! of the servo counts for the tick's interrupt.
 
 use std::collections::BTreeMap;
 
 use super::elf::{Program, Section, plain};
 
-/// Origin of names without a crate: the first row whose pattern matches; `*` at its end matches anything.
+/// Owners of names without a crate: the first pattern that matches; a final `*` matches anything.
 const NAMED: [(&str, &str); 17] = [
     ("__aeabi_mem*", "tater_fw (assembler)"),
     ("memcpy", "tater_fw (assembler)"),
@@ -27,10 +26,10 @@ const NAMED: [(&str, &str); 17] = [
     (".L*", "constants without a name"),
 ];
 
-/// Alignment bytes between symbols.
+/// Bytes between symbols.
 pub const ALIGNMENT: &str = "alignment";
 
-/// Bytes of a section by crate. Their sum is the section's length.
+/// Bytes of a section by crate; the sum is its length.
 pub fn of(program: &Program, section: &Section, handlers: &[String]) -> BTreeMap<String, u32> {
     let mut crates = BTreeMap::new();
     for (name, bytes) in extents(program, section) {
@@ -48,7 +47,8 @@ pub fn of(program: &Program, section: &Section, handlers: &[String]) -> BTreeMap
     crates
 }
 
-/// The section divided at its symbols: each byte once, to the last symbol that begins before it, or to none.
+/// Splits the section at its symbols: each byte counts once, for the last symbol that begins before it, if
+/// any.
 pub fn extents<'p>(program: &'p Program, section: &Section) -> Vec<(Option<&'p str>, u32)> {
     let inside = |start: u32| (section.start..section.end()).contains(&start);
     let symbols: Vec<_> = program.symbols.iter().filter(|symbol| inside(symbol.start)).collect();
@@ -56,7 +56,7 @@ pub fn extents<'p>(program: &'p Program, section: &Section) -> Vec<(Option<&'p s
     let mut at = section.start;
     for (index, symbol) in symbols.iter().enumerate() {
         let next = symbols.get(index + 1).map_or(section.end(), |next| next.start);
-        // Assembler symbols have no length: their bytes go to the next symbol, if it is a function.
+        // Assembler symbols have no length: a function extends to the next symbol.
         let end = match symbol.len {
             0 if symbol.function => next,
             len => (symbol.start + len).min(section.end()),
@@ -76,15 +76,15 @@ pub fn extents<'p>(program: &'p Program, section: &Section) -> Vec<(Option<&'p s
     extents
 }
 
-/// The crate of a symbol, or its kind.
+/// Crate or kind of a symbol.
 pub fn origin(name: &str) -> String {
     let fits =
         |pattern: &str| pattern.strip_suffix('*').map_or(name == pattern, |start| name.starts_with(start));
-    // `.Lswitch.table.` and the name of its function.
+    // `.Lswitch.table.` with the name of its function.
     let function = name.find("_ZN").or_else(|| name.find("_RN")).map_or(name, |at| &name[at..]);
     let text = plain(function);
     if text.contains("::") {
-        // `<&mut T as Trait>::f`: of T's crate.
+        // `<&mut T as Trait>::f` belongs to T's crate.
         let path = text.trim_start_matches(|c: char| !c.is_alphanumeric() && c != '_');
         let path = ["mut ", "const ", "dyn "].iter().fold(path, |path, word| path.trim_start_matches(word));
         let end = path.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(path.len());
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn crate_is_found_in_names_of_both_manglings() {
+    fn crate_is_found_in_both_manglings() {
         for (name, crate_) in [
             ("_ZN10servo_core5servo5Servo4plan17hd4e02904b985974aE", "servo_core"),
             (
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn every_byte_of_a_section_is_counted_once() {
+    fn each_byte_counts_once() {
         let symbol = |name: &str, start, len, function| Symbol { name: name.into(), start, len, function };
         let program = Program {
             sections: vec![Section {
@@ -141,8 +141,7 @@ mod tests {
             }],
             symbols: vec![
                 symbol("before", 90, 30, true),
-                // Two names for one address; then an assembler symbol; then one that begins before and ends
-                // after others.
+                // Two names for one place; an assembler symbol; one that extends beyond others.
                 symbol("a", 104, 10, true),
                 symbol("b", 104, 10, true),
                 symbol("assembled", 120, 0, true),

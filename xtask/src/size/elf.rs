@@ -1,4 +1,4 @@
-//! A linked program, prepared for analysis: loaded sections, symbols by address, code and data.
+//! A linked program for the analyses: loaded sections, symbols by address, code and data.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,13 +10,13 @@ use tater_wire::memory::RAM;
 
 use crate::{Failure, files};
 
-/// A section that occupies memory.
+/// A section with memory.
 #[derive(Debug)]
 pub struct Section {
     pub name: String,
     pub start: u32,
     pub len: u32,
-    /// Empty if nothing is loaded (.bss).
+    /// Empty for .bss.
     pub bytes: Vec<u8>,
     pub code: bool,
 }
@@ -26,7 +26,7 @@ impl Section {
         self.start >= RAM.start && self.start < RAM.end()
     }
 
-    /// Whether its bytes are in flash, including those that startup copies to RAM.
+    /// Whether it is in flash, also if copied to RAM at the start.
     pub const fn in_flash(&self) -> bool {
         !self.bytes.is_empty()
     }
@@ -43,7 +43,7 @@ pub struct Symbol {
     pub start: u32,
     /// 0 for most assembler symbols.
     pub len: u32,
-    /// A function; `start` excludes the lowest address bit, which marks Thumb code.
+    /// A function; `start` has no Thumb bit.
     pub function: bool,
 }
 
@@ -53,7 +53,7 @@ pub struct Program {
     pub sections: Vec<Section>,
     /// Sorted by address.
     pub symbols: Vec<Symbol>,
-    /// Addresses at which code (`$t`) or data (`$d`) begins, as marked by the assembler.
+    /// Start addresses of code (`$t`) and data (`$d`), as marked by the assembler.
     pub code: BTreeMap<u32, bool>,
 }
 
@@ -61,16 +61,16 @@ impl Program {
     /// Reads a linked program.
     ///
     /// # Errors
-    /// The file is missing, is no 32-bit ELF file, or has no symbols.
+    /// Not a readable 32-bit ELF file, or without symbols.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let data = files::read(path)?;
         Self::parse(&data).map_err(|error| Failure::Unusable(format!("{}: {error}", path.display())))
     }
 
-    /// As [`Self::read`], from its bytes.
+    /// As [`Self::read`], from bytes.
     ///
     /// # Errors
-    /// The same.
+    /// As [`Self::read`].
     pub fn parse(data: &[u8]) -> Result<Self, String> {
         let damaged = |error: object::Error| {
             format!(
@@ -117,7 +117,7 @@ impl Program {
         Ok(Self { sections, symbols, code })
     }
 
-    /// The section of an address.
+    /// The section that contains an address.
     pub fn section(&self, address: u32) -> Option<&Section> {
         self.sections.iter().find(|section| (section.start..section.end()).contains(&address))
     }
@@ -134,25 +134,25 @@ impl Program {
         Some(u32::from_le_bytes(self.bytes(address).get(..4)?.try_into().ok()?))
     }
 
-    /// Whether an address has an instruction.
+    /// Whether an address holds code.
     pub fn is_code(&self, address: u32) -> bool {
         self.section(address).is_some_and(|section| section.code)
             && self.code.range(..=address).next_back().is_some_and(|(_, &code)| code)
     }
 
-    /// The first address after `address` where data ends.
+    /// The end of the data at `address`.
     pub fn next_code(&self, address: u32) -> Option<u32> {
         self.code.range(address..).find(|&(_, &code)| code).map(|(&start, _)| start)
     }
 
-    /// The names of an address, without Rust's hash.
+    /// Symbols at an address.
     pub fn names(&self, address: u32) -> impl Iterator<Item = &Symbol> {
         let first = self.symbols.partition_point(|symbol| symbol.start < address);
         self.symbols[first..].iter().take_while(move |symbol| symbol.start == address)
     }
 }
 
-/// A symbol's name as in the source.
+/// A symbol's name as in the source, without Rust's hash.
 pub fn plain(name: &str) -> String {
     format!("{:#}", rustc_demangle::demangle(name))
 }

@@ -1,4 +1,4 @@
-//! The figures of one program, and the limits for them.
+//! Figures of a program, and their limits.
 
 use std::collections::BTreeMap;
 
@@ -7,47 +7,47 @@ use serde_json::{Value, json};
 use super::crates;
 use super::stack::{Deepest, Worst};
 
-/// The largest that a program may be in production, in bytes; RAM without the stack.
+/// Limits of a production program in bytes; RAM without the stack.
 pub struct Limits {
     pub program: &'static str,
     pub flash: u32,
     pub ram: u32,
 }
 
-/// Of 52 and 16 KiB of flash and 12 KiB for variables: room for what comes later.
+/// Of 52 and 16 KiB of flash and 12 KiB for variables: leaves room to grow.
 pub const LIMITS: [Limits; 2] = [
     Limits { program: "tater", flash: 40 * 1024, ram: 8 * 1024 },
     Limits { program: "monitor", flash: 14 * 1024, ram: 8 * 1024 },
 ];
 
-/// What is found out of one program.
+/// Figures of one program.
 pub struct Figures {
     pub name: &'static str,
-    /// Bytes of each section, and whether in flash, in RAM or in both.
+    /// Sections: name, bytes, in flash, in RAM.
     pub sections: Vec<(String, u32, bool, bool)>,
-    /// All that is written to flash: from its first byte to its last, what lies between sections included.
+    /// Bytes of flash from the first to the last, gaps included.
     pub flash: u32,
     /// .data, .bss, .uninit.
     pub ram: u32,
     pub flash_by_crate: BTreeMap<String, u32>,
     pub ram_by_crate: BTreeMap<String, u32>,
-    /// Name, bytes.
+    /// Name and bytes.
     pub largest: Vec<(String, u32)>,
     pub forbidden: Vec<Forbidden>,
-    /// Or why it cannot be said.
+    /// Or why it is unknown.
     pub stack: Result<Worst, String>,
 }
 
-/// A symbol that must not be there.
+/// A linked symbol that is forbidden.
 pub struct Forbidden {
     pub name: String,
     pub family: &'static str,
-    /// How it is reached: functions, the last being the symbol.
+    /// Call chain to it; it is the last.
     pub chain: Vec<String>,
 }
 
 impl Figures {
-    /// Of nothing but a stack.
+    /// Figures with a stack only.
     pub fn new(name: &'static str, stack: Result<Worst, String>) -> Self {
         Self {
             name,
@@ -62,7 +62,7 @@ impl Figures {
         }
     }
 
-    /// What is flashed is longer than the sections together: by what aligns them, and fills up the last word.
+    /// Adds the alignment and padding that make the flashed image longer than its sections.
     pub fn fill(&mut self, flashed: u32) {
         *self.flash_by_crate.entry(crates::ALIGNMENT.into()).or_default() +=
             flashed.saturating_sub(self.flash);

@@ -1,5 +1,5 @@
-//! Code that must not be linked into a production image: panics, floating point, a heap. A symbol that the
-//! linker has kept is referenced by something, so if none of these names exists, nothing calls them.
+//! Code that must not be in a production image: panics, floating point, a heap. The linker keeps a symbol
+//! only if something refers to it, so the absence of these names proves that nothing calls them.
 
 use super::elf::plain;
 
@@ -12,7 +12,7 @@ pub enum Family {
 }
 
 impl Family {
-    /// Its name for people.
+    /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Panic => "panic",
@@ -22,10 +22,10 @@ impl Family {
     }
 }
 
-/// Allowed symbols, each with the reason.
+/// Symbols that are allowed, each with a reason.
 pub const ALLOWED: [(&str, &str); 0] = [];
 
-/// Parts of Rust names. `rust_begin_unwind` is the panic handler, whatever it is called in the source.
+/// Parts of Rust names. `rust_begin_unwind` is the panic handler.
 const PATHS: [(&str, Family); 20] = [
     ("core::panicking::", Family::Panic),
     ("core::panic::", Family::Panic),
@@ -49,8 +49,8 @@ const PATHS: [(&str, Family); 20] = [
     ("__rust_realloc", Family::Heap),
 ];
 
-/// Routines of ARM's run-time ABI (IHI 0043, 4.1.2: floating-point helpers) and of libgcc, by prefix. No
-/// integer helper has these prefixes: those are `__aeabi_i`, `_u`, `_l` and a verb.
+/// Prefixes of ARM's run-time ABI (IHI 0043, 4.1.2: floating-point helpers) and of libgcc. Integer helpers
+/// begin otherwise: `__aeabi_i`, `_u`, `_l` and a verb.
 const FLOATS: [&str; 18] = [
     "__aeabi_f",
     "__aeabi_d",
@@ -72,7 +72,7 @@ const FLOATS: [&str; 18] = [
     "__powi",
 ];
 
-/// The C heap.
+/// A C heap.
 const HEAPS: [&str; 9] =
     ["malloc", "calloc", "realloc", "free", "memalign", "aligned_alloc", "posix_memalign", "_sbrk", "sbrk"];
 
@@ -92,14 +92,14 @@ pub fn family(symbol: &str) -> Option<Family> {
     is_heap.then_some(Family::Heap)
 }
 
-/// Whether `part` is in a name and begins a word.
+/// Whether a name contains `part` at the start of a word.
 fn path(name: &str, part: &str) -> bool {
     let word = |c: char| c.is_alphanumeric() || c == '_';
     let inside = part.starts_with(word);
     name.match_indices(part).any(|(at, _)| !inside || !name[..at].ends_with(word))
 }
 
-/// Names of libgcc: `__` verb, mode (half, single, double, quad), and the number of operands.
+/// Names of libgcc: `__`, verb, mode (half, single, double, quad), number of operands.
 fn is_gnu_float(symbol: &str) -> bool {
     const VERBS: [&str; 13] =
         ["add", "sub", "mul", "div", "neg", "cmp", "eq", "ne", "lt", "le", "gt", "ge", "unord"];
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn forbidden_symbols_are_found_by_family() {
+    fn forbidden_names_have_their_family() {
         let panics = [
             "_ZN4core9panicking5panic17h0123456789abcdefE",
             "_ZN4core9panicking18panic_bounds_check17h0123456789abcdefE",
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn allowed_symbols_are_not_forbidden() {
+    fn needed_names_are_allowed() {
         for name in [
             "__aeabi_memcpy",
             "__aeabi_memclr4",

@@ -1,4 +1,4 @@
-//! The committed figures, and the differences from them.
+//! The committed figures, and differences from them.
 
 use serde_json::{Value, json};
 
@@ -6,15 +6,15 @@ use super::Figures;
 use crate::program::root;
 use crate::{Failure, files};
 
-/// The committed figures of production.
+/// File of the production figures.
 const GOLDEN: &str = "xtask/size.json";
 
-/// The reason for a comparison without tolerance.
+/// Text in that file.
 const ABOUT: &str = "Figures of the production images, in bytes. Written by `cargo xtask size --bless`, compared exactly by \
                      `cargo xtask size --check`: compiler and dependencies are pinned and the build is reproducible, so that only a \
                      change of ours can change them, and its reviewer sees here what it costs.";
 
-/// The committed figures. They name no single functions, which would change with each refactoring.
+/// The committed part of the figures: no names of functions, which would change with each refactoring.
 fn committed(all: &[Figures]) -> Value {
     let mut object = serde_json::Map::from_iter([("about".to_owned(), json!(ABOUT))]);
     for figures in all {
@@ -63,10 +63,10 @@ fn blessed(all: &[Figures]) -> Result<String, String> {
     Ok(format!("{:#}\n", committed(all)))
 }
 
-/// A table of differences from the committed figures; empty if there are none.
+/// Lines of a table of differences; empty if there are none.
 ///
 /// # Errors
-/// The file is missing or is no JSON object.
+/// The file is missing or no JSON object.
 pub fn differences(all: &[Figures]) -> Result<Vec<String>, String> {
     let text = std::fs::read(root().join(GOLDEN)).map_err(|error| error.to_string());
     let golden = text.and_then(|text| object(&text)).map_err(|error| {
@@ -90,7 +90,7 @@ fn object(text: &[u8]) -> Result<Value, String> {
     }
 }
 
-/// A row for each different figure: found, expected, path.
+/// A row for each difference: found, expected, path.
 fn table(expected: &Value, found: &Value) -> Vec<String> {
     let (mut expected_leaves, mut found_leaves) = (Vec::new(), Vec::new());
     leaves("", expected, &mut expected_leaves);
@@ -112,7 +112,7 @@ fn table(expected: &Value, found: &Value) -> Vec<String> {
     rows.collect()
 }
 
-/// The values of an object with their paths: `tater / stack / worst`.
+/// The numbers of an object with their paths: `tater / stack / worst`.
 fn leaves(place: &str, value: &Value, into: &mut Vec<(String, String)>) {
     let Value::Object(object) = value else {
         into.push((place.to_owned(), value.to_string()));
@@ -131,13 +131,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_figures_have_no_rows_and_about_is_ignored() {
+    fn equal_figures_give_no_rows() {
         let figures = |about| json!({ "about": about, "tater": { "flash": 1, "sections": { ".text": 2 } } });
         assert_eq!(table(&figures("a"), &figures("b")), [""; 0]);
     }
 
     #[test]
-    fn every_different_missing_or_new_figure_has_a_row() {
+    fn changed_missing_and_new_figures_give_rows() {
         let expected = json!({ "tater": { "flash": 1, "ram": 5, "gone": 3 } });
         let found = json!({ "tater": { "flash": 2, "ram": 5, "new": 4 } });
         let rows = [
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn committed_figures_are_an_object() {
+    fn committed_file_is_an_object() {
         assert_eq!(object(b"{}"), Ok(json!({})));
         for (text, what) in [("[1, 2]", "expected an object"), ("7", "expected an object"), ("", "EOF")] {
             let error = object(text.as_bytes()).expect_err(text);

@@ -1,75 +1,76 @@
-//! The functions of a program and the paths through each: the stack depth at each call, and the callee.
+//! The functions of a program and the paths through each: calls, and the stack depth at each call.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::elf::{Program, plain};
 use super::thumb::{Flow, Instruction, Mask, Stack, decode};
 
-/// Instructions that set the stack pointer to a value that static analysis does not find: their effect, and
-/// why it is correct.
-const STACK_BEGUN_ANEW: [(&str, &str); 2] = [
+/// Instructions that load the stack pointer with a value that static analysis cannot know, with the reason
+/// why they are right.
+const STACK_RESET: [(&str, &str); 2] = [
     ("HardFault", "begins the stack anew, because it may be what has failed, and never returns"),
     ("cortex_m::asm::bootload", "leaves the monitor for the application, which begins its own"),
 ];
 
-/// Functions that leave the program by a jump that static analysis does not find.
+/// Functions that leave the program by a jump that static analysis cannot follow.
 const LEAVES: [(&str, &str); 1] = [("cortex_m::asm::bootload", "to the application's reset vector")];
 
-/// Error text for a jump that is neither a call nor by a table.
-const NOWHERE: &str = "found a jump by a register, expected a table of jumps behind a MOV to the program counter; state where it \
+/// Error for a jump that is neither a call nor a table jump.
+const UNKNOWN_JUMP: &str = "found a jump by a register, expected a table of jumps behind a MOV to the program counter; state where it \
                        goes in LEAVES";
 
-/// A function: the bytes of its symbol. Assembler code without a length is one function with several entries.
+/// A function: the bytes of its symbol. Assembler code without symbol lengths is one function with several
+/// entries.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Function {
     pub name: String,
     pub start: u32,
     pub end: u32,
-    /// Assembler code, entered in the middle.
+    /// Assembler code, possibly entered in the middle.
     assembled: bool,
 }
 
-/// The target of a call.
+/// Target of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Callee {
     At(u32),
-    /// By a register: any function whose address exists as data.
+    /// By a register: any function whose address is taken.
     Any,
 }
 
-/// A call, or a jump into another function.
+/// A call, or a jump to another function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Call {
     pub callee: Callee,
-    /// Bytes on the stack at this point.
+    /// Stack depth in bytes at the call.
     pub depth: i32,
-    /// Interrupts are masked here (PRIMASK).
+    /// Interrupts are masked (PRIMASK).
     pub masked: bool,
 }
 
-/// State of the stack on entry to an instruction.
+/// Abstract state before an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct State {
     depth: i32,
     masked: bool,
-    /// Number of conditional instructions left.
+    /// Conditional instructions that follow (IT).
     conditional: u32,
-    /// Nothing was executed since a call, which may never return.
+    /// No effect since a call, which may not return.
     called: bool,
 }
 
 /// All paths through a function from one entry.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Ways {
-    /// By the address of the instruction.
+    /// Calls by address of the instruction.
     pub calls: BTreeMap<u32, Call>,
-    /// Maximum bytes on the stack.
+    /// Largest stack depth, bytes.
     pub deepest: i32,
-    /// The same, where interrupts are enabled.
+    /// The same while interrupts are enabled.
     pub deepest_open: i32,
-    /// It contains an instruction that may enable interrupts.
+    /// It may enable interrupts.
     pub opens: bool,
-    /// The addresses of its instructions.
+    /// Addresses of the visited instructions.
     reached: BTreeSet<u32>,
 }
 
@@ -77,7 +78,7 @@ pub struct Ways {
 pub struct Graph<'p> {
     program: &'p Program,
     functions: Vec<Function>,
-    /// Possible targets of a call by a register.
+    /// Functions whose address is taken: possible targets of a call by a register.
     pub taken: BTreeSet<u32>,
 }
 
@@ -89,13 +90,13 @@ impl<'p> Graph<'p> {
         graph
     }
 
-    /// The function at an address.
+    /// The function that contains an address.
     pub fn function(&self, address: u32) -> Option<&Function> {
         let next = self.functions.partition_point(|function| function.start <= address);
         self.functions[..next].last().filter(|function| address < function.end)
     }
 
-    /// A name for an address of a function.
+    /// A name for an address in a function.
     pub fn name(&self, address: u32) -> String {
         let exact =
             self.program.names(address).find(|symbol| symbol.function).map(|symbol| plain(&symbol.name));
@@ -109,9 +110,8 @@ impl<'p> Graph<'p> {
         &self.functions
     }
 
-    /// The functions whose address is a word of the constants, of the variables' initial values or of a
-    /// literal pool, or is put together by MOVW and MOVT in some function. The vector table does not count:
-    /// the processor calls those.
+    /// Functions whose address is a word of constants, initial values or literal pools, or is built by MOVW
+    /// and MOVT. The vector table does not count: only the processor calls those.
     fn taken(&self) -> BTreeSet<u32> {
         let mut words = BTreeSet::new();
         for section in self.program.sections.iter().filter(|section| section.name != ".vector_table") {
@@ -122,9 +122,8 @@ impl<'p> Graph<'p> {
             }
         }
         for function in &self.functions {
-            // MOVT keeps the lower half of its register, which any MOVW of the function may have written on
-            // some path. Not all pairs are constants of the program; few of the others are addresses of
-            // functions.
+            // MOVT keeps the lower half: combine it with every MOVW of the function to the same register. Few
+            // of the results are addresses of functions by accident.
             let halves: Vec<_> = self.instructions(function).filter_map(|(_, found)| found.half).collect();
             for upper in halves.iter().filter(|half| half.upper) {
                 let lower = halves.iter().filter(|half| !half.upper && half.register == upper.register);
@@ -135,8 +134,8 @@ impl<'p> Graph<'p> {
         words.into_iter().filter(entry).map(|word| word & !1).collect()
     }
 
-    /// The shortest chain of calls to a function from one that nothing calls, by the names in direct calls
-    /// and jumps. The function itself is the last.
+    /// The shortest call chain to a function, by names, from one that nothing calls. The function itself is
+    /// the last.
     pub fn chain(&self, to: u32) -> Vec<String> {
         let mut callers: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
         for function in &self.functions {
@@ -175,7 +174,7 @@ impl<'p> Graph<'p> {
         })
     }
 
-    /// Follows all paths from an entry. `opens` returns whether a callee may enable interrupts.
+    /// Follows all paths from an entry. `opens` tells whether a callee may enable interrupts.
     ///
     /// # Errors
     /// An instruction that cannot be followed, with its address.
@@ -198,7 +197,7 @@ impl<'p> Graph<'p> {
         Ok(walk.ways)
     }
 
-    /// The first instruction of a function that no followed path reaches: a jump has been missed.
+    /// The first instruction on no followed path, if any: a jump was missed.
     pub fn missed(&self, function: &Function, ways: &[&Ways]) -> Option<u32> {
         let unknown = |&(at, found): &(u32, Instruction)| {
             found.flow != Flow::Trap && !found.nop && !ways.iter().any(|ways| ways.reached.contains(&at))
@@ -217,7 +216,7 @@ fn functions(program: &Program) -> Vec<Function> {
         let next = later.map_or(section.end(), |later| later.start.min(section.end()));
         let assembled = symbol.len == 0;
         match functions.last_mut() {
-            // Another name for the same address.
+            // Another name for the same place.
             Some(last) if symbol.start < last.end && symbol.start == last.start => {}
             Some(last) if assembled && last.assembled && last.end == symbol.start => last.end = next,
             Some(last) if symbol.start < last.end => {}
@@ -230,7 +229,7 @@ fn functions(program: &Program) -> Vec<Function> {
     functions
 }
 
-/// One function being followed.
+/// A function being followed.
 struct Walk<'g, 'p> {
     graph: &'g Graph<'p>,
     function: &'g Function,
@@ -238,11 +237,11 @@ struct Walk<'g, 'p> {
     states: BTreeMap<u32, State>,
 }
 
-/// The successors of an instruction within its function, except the next one.
+/// Successors of an instruction other than the next.
 type Open = Vec<(u32, State)>;
 
 impl Walk<'_, '_> {
-    /// Executes one instruction in a state, unless it has been in a worse one.
+    /// Executes an instruction, unless a deeper state was seen there before.
     fn step(
         &mut self,
         at: u32,
@@ -262,13 +261,14 @@ impl Walk<'_, '_> {
             ..state
         };
         after.depth = match found.stack {
-            // Executed or not: take the larger. A path that leaves the function here has released its stack.
+            // Conditional: assume the deeper of both outcomes. A conditional return has already released its
+            // part.
             Stack::Grows(bytes) if optional => state.depth + bytes.max(0),
             Stack::Grows(bytes) => state.depth + bytes,
-            Stack::Set if listed(&STACK_BEGUN_ANEW, &self.function.name) => 0,
+            Stack::Set if listed(&STACK_RESET, &self.function.name) => 0,
             Stack::Set => {
                 return Err(
-                    "found a stack pointer set to what cannot be known; state why in STACK_BEGUN_ANEW".into(),
+                    "found a stack pointer set to an unknown value; give the reason in STACK_RESET".into(),
                 );
             }
         };
@@ -287,7 +287,7 @@ impl Walk<'_, '_> {
         self.follow(at, &found, after, open, opens, optional)
     }
 
-    /// The state to continue with; none if it contains nothing new.
+    /// The state to continue with; `None` if it adds nothing.
     fn worse(&mut self, at: u32, state: State) -> Result<Option<State>, String> {
         let Some(known) = self.states.get(&at) else {
             self.states.insert(at, state);
@@ -302,15 +302,15 @@ impl Walk<'_, '_> {
         if both == *known {
             return Ok(None);
         }
-        // More than the RAM: it would grow forever.
+        // Deeper than the RAM: it would grow without end.
         if both.depth > tater_wire::memory::RAM.len.cast_signed() {
-            return Err("found a loop that takes more stack each time".into());
+            return Err("found a loop that pushes without end".into());
         }
         self.states.insert(at, both);
         Ok(Some(both))
     }
 
-    /// The target of the instruction.
+    /// Adds the successors of an instruction.
     fn follow(
         &mut self,
         at: u32,
@@ -357,18 +357,18 @@ impl Walk<'_, '_> {
                     open.push(next);
                 }
             }
-            Flow::JumpRegister => return Err(NOWHERE.into()),
+            Flow::JumpRegister => return Err(UNKNOWN_JUMP.into()),
             Flow::Exception => {
                 return Err(
-                    "found SVC, expected none: the exception's handler is a level of no priority".into()
+                    "found SVC, expected none: the level of its handler is unknown".into()
                 );
             }
-            Flow::Unknown => return Err("found what is no instruction of a Cortex-M3".into()),
+            Flow::Unknown => return Err("found an instruction that a Cortex-M3 lacks".into()),
         }
         Ok(())
     }
 
-    /// A jump: within the function, or a tail call.
+    /// A jump within the function, or a tail call.
     fn jump(
         &mut self,
         at: u32,
@@ -384,7 +384,7 @@ impl Walk<'_, '_> {
         self.last_call(at, Callee::At(to), after, opens)
     }
 
-    /// A jump into another function, which returns to this function's caller.
+    /// A tail call to another function.
     fn last_call(
         &mut self,
         at: u32,
@@ -397,8 +397,8 @@ impl Walk<'_, '_> {
         Ok(())
     }
 
-    /// The targets of TBB or TBH: distances in half-words from the table, which ends where code begins. The
-    /// padding byte of an odd table is a distance of 0, which would be the table itself.
+    /// Targets of TBB or TBH: offsets in half-words from the table, which ends where code begins. The byte
+    /// that pads an odd table is an offset of 0: the table itself.
     fn table(&self, table: u32, wide: bool) -> Result<BTreeSet<u32>, String> {
         let end = self.graph.program.next_code(table).unwrap_or(self.function.end).min(self.function.end);
         let len = usize::try_from(end.saturating_sub(table)).unwrap_or(0);
@@ -414,12 +414,12 @@ impl Walk<'_, '_> {
             .map(|&distance| table + 2 * u32::from(distance))
             .collect();
         if targets.is_empty() {
-            return Err("found a jump by a table, and no table behind it".into());
+            return Err("found a table jump without a table".into());
         }
         Ok(targets)
     }
 
-    /// The 32-bit jumps that follow a MOV to the program counter, which are its targets.
+    /// The 32-bit jumps that follow a MOV to PC: its targets.
     fn jumps(&self, after: u32) -> Result<Vec<u32>, String> {
         let program = self.graph.program;
         let jump = |at: &u32| {
@@ -429,7 +429,7 @@ impl Walk<'_, '_> {
                 && found.is_some_and(|found| found.len == 4 && matches!(found.flow, Flow::Jump(_)))
         };
         let jumps: Vec<u32> = (after.next_multiple_of(4)..).step_by(4).take_while(jump).collect();
-        if jumps.is_empty() { Err(NOWHERE.into()) } else { Ok(jumps) }
+        if jumps.is_empty() { Err(UNKNOWN_JUMP.into()) } else { Ok(jumps) }
     }
 }
 

@@ -1,18 +1,18 @@
-//! The priorities of the application's interrupts, as its source states them.
+//! Interrupt priorities of the application, from its source.
 
 /// A task of the application.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Task {
-    /// The interrupt, by its name in the vector table.
+    /// Its interrupt, by name.
     pub binds: String,
     /// Higher preempts lower.
     pub priority: u32,
 }
 
-/// The tasks declared in a source with RTIC: `#[task(binds = TIM3, priority = 3, ...)]`.
+/// Tasks of an RTIC source: `#[task(binds = TIM3, priority = 3, ...)]`.
 ///
 /// # Errors
-/// There are none, or one is incomplete; the error gives its line.
+/// No task, or an incomplete attribute, with its line.
 pub fn tasks(source: &str) -> Result<Vec<Task>, String> {
     let mut tasks = Vec::new();
     for (number, line) in (1..).zip(source.lines()) {
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn incomplete_task_is_reported_with_its_line() {
+    fn incomplete_task_is_an_error_with_its_line() {
         let error = tasks("fn x() {}\n#[task(binds = TIM4)]").unwrap_err();
         assert!(error.starts_with("line 2: found `#[task(binds = TIM4)]`"), "{error}");
         assert!(tasks("#[task(binds = TIM4, priority = high)]").is_err());

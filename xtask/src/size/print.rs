@@ -1,4 +1,4 @@
-//! The figures as a page for a terminal.
+//! The figures as a report for a terminal.
 
 use std::fmt::Write;
 

@@ -1,4 +1,4 @@
-//! The greatest stack depth: of a function with its callees, and of a program with all interrupts on top.
+//! Worst-case stack depth: of a function with its callees, and of a program with all nested interrupts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -9,18 +9,18 @@ use super::elf::{Program, plain};
 use super::graph::{Callee, Graph, Ways};
 use super::levels::Task;
 
-/// The exception frame (DDI 0403E, B1.5.6): eight words, and one for alignment, which this revision of the
-/// core (r1p1) pushes only if STKALIGN is set.
+/// Bytes that the processor pushes for an exception (DDI 0403E, B1.5.6): eight words, and one for alignment,
+/// which revision r1p1 needs only with STKALIGN.
 pub const EXCEPTION_FRAME: u32 = 36;
 
-/// Numbers of exceptions in the vector table, with their names.
+/// Exceptions of the vector table, with names.
 const RESET: u32 = 1;
 const NMI: u32 = 2;
 const HARD_FAULT: u32 = 3;
-/// Words of the table that are no vectors: reserved, and used for the image's header.
+/// Unused words of the table: reserved, and used for the image header.
 const NO_VECTORS: std::ops::RangeInclusive<u32> = 7..=10;
 
-/// The deepest path: bytes, and the functions on it, the outermost first.
+/// The deepest path: bytes and frames, outermost first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Deepest {
     pub bytes: u32,
@@ -31,54 +31,55 @@ pub struct Deepest {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frame {
     pub function: String,
-    /// Its bytes at the call of the next.
+    /// Its stack depth where it calls the next.
     pub bytes: u32,
 }
 
-/// A level that is stacked on the others.
+/// A level of nesting.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Level {
     /// `main`, `priority 3`, `NMI` ...
     pub name: String,
     pub deepest: Deepest,
-    /// Pushed by the processor.
+    /// Bytes pushed by the processor.
     pub pushed: u32,
 }
 
 impl Level {
-    /// Total bytes.
+    /// All bytes of the level.
     pub const fn bytes(&self) -> u32 {
         self.deepest.bytes + self.pushed
     }
 }
 
-/// The worst case of a program.
+/// Worst case of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Worst {
-    /// From the bottom up.
+    /// From the lowest priority up.
     pub levels: Vec<Level>,
-    /// The deepest path of startup, where interrupts are masked.
+    /// The deepest path of the start with interrupts masked.
     pub start: Deepest,
-    /// Possible targets of calls by a register.
+    /// Functions that calls by a register may reach.
     pub by_register: Vec<String>,
-    /// Functions that nothing reaches.
+    /// Unreached functions.
     pub unreached: Vec<String>,
 }
 
 impl Worst {
-    /// Bytes of all levels together; or of startup with the exceptions that occur even then, if that is more.
+    /// Bytes of all levels together, or of the start with the exceptions that can preempt it, if that is
+    /// more.
     pub fn bytes(&self) -> u32 {
         let faults = self.levels.iter().filter(|level| matches!(level.name.as_str(), "HardFault" | "NMI"));
         let all: u32 = self.levels.iter().map(Level::bytes).sum();
         all.max(self.start.bytes + faults.map(Level::bytes).sum::<u32>())
     }
 
-    /// Bytes of the stack area that stay free; negative if it is too small.
+    /// Free bytes of the stack; negative if it is too small.
     pub fn margin(&self) -> i32 {
         STACK.len.cast_signed() - self.bytes().cast_signed()
     }
 
-    /// The same, in percent of the area.
+    /// Free part in percent.
     pub fn margin_percent(&self) -> f64 {
         100.0 * f64::from(self.margin()) / f64::from(STACK.len)
     }
@@ -97,11 +98,11 @@ struct Analysis<'p> {
     graph: Rc<Graph<'p>>,
     known: BTreeMap<(u32, bool), Rc<Known>>,
     ways: Vec<(u32, Rc<Ways>)>,
-    /// The functions being analyzed, to detect recursion.
+    /// Functions under analysis.
     active: Vec<u32>,
 }
 
-/// The worst case of a program with these tasks.
+/// Worst case of a program with these tasks.
 ///
 /// # Errors
 /// Code that cannot be followed, a recursion, or an interrupt of unknown priority.
@@ -137,7 +138,7 @@ pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
     Ok(Worst {
         levels: std::iter::once(bottom).chain(levels.into_values()).collect(),
         start: main.all.clone(),
-        // The same function for several types has one name.
+        // Instances of one function for several types share a name.
         by_register: graph
             .taken
             .iter()
@@ -149,8 +150,8 @@ pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
     })
 }
 
-/// The level of a vector's handler, and its name. Above the tasks are the interrupts without a task: they
-/// stop the program, at whatever priority.
+/// Order and name of the level of a vector's handler. Unused interrupts come above the tasks: they stop the
+/// program.
 fn level(program: &Program, number: u32, at: u32, tasks: &[Task]) -> Result<(u32, String), String> {
     let names: Vec<&str> = program.names(at).map(|symbol| symbol.name.as_str()).collect();
     match (number, tasks.iter().find(|task| names.contains(&task.binds.as_str()))) {
@@ -182,7 +183,7 @@ impl Analysis<'_> {
         }
     }
 
-    /// The depth of a function from an entry, with its callees.
+    /// Depth of a function from an entry, with its callees.
     fn known(&mut self, at: u32, masked: bool) -> Result<Rc<Known>, String> {
         if let Some(known) = self.known.get(&(at, masked)) {
             return Ok(Rc::clone(known));
@@ -201,7 +202,7 @@ impl Analysis<'_> {
             for to in self.targets(call.callee) {
                 let callee = self.known(to, call.masked)?;
                 deepen(&mut known.all, &frame(call.depth), &callee.all);
-                // A callee that enables interrupts does so deeper than here.
+                // A callee that enables interrupts does so at its own depth.
                 if !call.masked || callee.opens {
                     deepen(&mut known.open, &frame(call.depth), &callee.open);
                 }
@@ -214,14 +215,14 @@ impl Analysis<'_> {
         Ok(known)
     }
 
-    /// Checks that every instruction of a reached function was followed.
+    /// Checks that no instruction of a reached function was missed.
     fn complete(&self) -> Result<(), String> {
         for function in self.graph.functions() {
             let inside = |&&(at, _): &&(u32, Rc<Ways>)| (function.start..function.end).contains(&at);
             let ways: Vec<&Ways> = self.ways.iter().filter(inside).map(|(_, ways)| ways.as_ref()).collect();
             if let Some(at) = self.graph.missed(function, &ways).filter(|_| !ways.is_empty()) {
                 return Err(format!(
-                    "{} at {at:#010x}: found an instruction that no way leads to: a jump was missed",
+                    "{} at {at:#010x}: found an instruction on no path: a jump was missed",
                     function.name
                 ));
             }
@@ -230,7 +231,7 @@ impl Analysis<'_> {
     }
 }
 
-/// Keeps the path through a callee if it is deeper.
+/// Replaces the deepest path if the one through a callee is deeper.
 fn deepen(deepest: &mut Deepest, frame: &Frame, callee: &Deepest) {
     let bytes = frame.bytes + callee.bytes;
     if bytes > deepest.bytes {

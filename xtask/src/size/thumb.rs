@@ -1,47 +1,48 @@
-//! Decodes the effect of a Cortex-M3 instruction on control flow, the stack pointer and PRIMASK, and nothing
-//! else (decision 0041). Encodings: ARMv7-M Architecture Reference Manual (DDI 0403E), chapter A5 and section
-//! A7.7.
+//! The effect of a Cortex-M3 instruction on control flow, stack pointer and PRIMASK, and nothing else.
+//! Encodings: ARMv7-M Architecture Reference Manual (DDI 0403E), chapter A5 and section A7.7.
+//!
+//! Why board-emu's decoder is not used: decision 0041.
 
-/// The stack pointer's number.
+/// Number of the stack pointer.
 const SP: u16 = 13;
-/// The link register's.
+/// Number of the link register.
 const LR: u16 = 14;
-/// The program counter's.
+/// Number of the program counter.
 const PC: u16 = 15;
 
-/// Successor of an instruction.
+/// Control flow after the instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
     Next,
     Call(u32),
     CallRegister,
     Jump(u32),
-    /// There, or the next instruction.
+    /// Conditional: this target or the next instruction.
     Branch(u32),
-    /// BX: a tail call into another function.
+    /// BX: a tail call.
     LastCallRegister,
-    /// MOV to the program counter: to one of the jumps that may follow.
+    /// MOV to PC: to one of the jumps that follow.
     JumpAmong,
     JumpRegister,
-    /// By a table of bytes or half-words that follows.
+    /// By a following table of bytes or half-words.
     Table {
         wide: bool,
     },
     Return,
-    /// Undefined on purpose: a fault.
+    /// Permanently undefined: a fault.
     Trap,
-    /// SVC: an exception at this instruction.
+    /// SVC.
     Exception,
-    /// No instruction of this processor.
+    /// Undefined on this processor.
     Unknown,
 }
 
 /// Effect on the stack pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stack {
-    /// Bytes more on the stack; fewer, if negative.
+    /// Bytes pushed; negative if popped.
     Grows(i32),
-    /// Set to a value that static analysis does not find.
+    /// Set to a value unknown to static analysis.
     Set,
 }
 
@@ -54,7 +55,7 @@ pub enum Mask {
     Clear,
 }
 
-/// Half of a constant, into a register: MOVW or MOVT.
+/// Half of a constant for a register: MOVW or MOVT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Half {
     pub register: u16,
@@ -65,15 +66,15 @@ pub struct Half {
 /// An instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instruction {
-    /// Bytes.
+    /// Length in bytes.
     pub len: u32,
     pub flow: Flow,
     pub stack: Stack,
     pub mask: Mask,
-    /// Number of following instructions that are conditional (IT).
+    /// Number of conditional instructions that follow (IT).
     pub conditional: u32,
     pub half: Option<Half>,
-    /// Does nothing at all.
+    /// No effect.
     pub nop: bool,
 }
 
@@ -106,7 +107,7 @@ impl Instruction {
         Self { stack: Stack::Set, ..self }
     }
 
-    /// `register` is written.
+    /// `register` gets an unknown value.
     const fn writes(self, register: u16) -> Self {
         match register {
             SP => self.sets_stack(),
@@ -116,7 +117,7 @@ impl Instruction {
     }
 }
 
-/// The instruction at an address; `None` if the bytes end within it.
+/// Decodes the instruction at an address; `None` if the bytes end inside it.
 pub fn decode(at: u32, bytes: &[u8]) -> Option<Instruction> {
     let half = |index: usize| Some(u16::from_le_bytes(bytes.get(index..index + 2)?.try_into().ok()?));
     let first = half(0)?;
@@ -128,8 +129,7 @@ const fn bits(half: u16, low: u32, count: u32) -> u16 {
     half >> low & ((1 << count) - 1)
 }
 
-/// The address at `offset` from the program counter, which is 4 ahead; `offset` has `count` bits including
-/// its sign.
+/// The address at `offset`, of `count` bits with sign, from PC, which is 4 ahead.
 const fn target(at: u32, offset: u32, count: u32) -> u32 {
     let offset = (offset << (32 - count)).cast_signed() >> (32 - count);
     at.wrapping_add(4).wrapping_add_signed(offset)
@@ -209,13 +209,13 @@ fn branch(at: u32, first: u16, second: u16) -> Instruction {
     match (bits(second, 14, 1), bits(second, 12, 1)) {
         (1, 1) => plain.flow(Flow::Call(far())),
         (0, 1) => plain.flow(Flow::Jump(far())),
-        // BLX to an address: leaves Thumb state, which this processor cannot do.
+        // BLX with immediate would leave Thumb state: undefined here.
         (1, 0) => plain.flow(Flow::Unknown),
         _ if bits(first, 6, 4) < 14 => {
             let high = u32::from(sign << 2 | j2 << 1 | j1) << 18;
             plain.flow(Flow::Branch(target(at, high | u32::from(bits(first, 0, 6)) << 12 | low, 21)))
         }
-        // MSR: MSP, PSP and CONTROL, which selects the stack pointer; PRIMASK.
+        // MSR: MSP, PSP, CONTROL (which selects between them), PRIMASK.
         _ if first >> 5 == 0xF380 >> 5 => match bits(second, 0, 8) {
             8 | 9 | 20 => plain.sets_stack(),
             16 => Instruction { mask: Mask::Clear, ..plain },
@@ -226,7 +226,7 @@ fn branch(at: u32, first: u16, second: u16) -> Instruction {
     }
 }
 
-/// Data processing with a constant (A5.3.1, A5.3.3).
+/// Data processing with an immediate (A5.3.1, A5.3.3).
 fn immediate(first: u16, second: u16) -> Instruction {
     let plain = Instruction::new(4);
     let (rn, rd) = (bits(first, 0, 4), bits(second, 8, 4));
@@ -247,7 +247,7 @@ fn immediate(first: u16, second: u16) -> Instruction {
     }
 }
 
-/// Expands a 12-bit constant to 32 bits (A5.3.2).
+/// Expands an immediate of 12 bits (A5.3.2).
 fn expand(imm12: u16) -> u32 {
     let byte = u32::from(bits(imm12, 0, 8));
     match bits(imm12, 8, 4) {
@@ -277,7 +277,7 @@ fn multiple(first: u16, second: u16) -> Instruction {
     }
 }
 
-/// Load and store dual, table branches (A5.3.6).
+/// Load and store dual, and table branches (A5.3.6).
 fn dual(first: u16, second: u16) -> Instruction {
     let plain = Instruction::new(4);
     if first >> 4 == 0xE8D0 >> 4 && second >> 5 == 0xF000 >> 5 {
@@ -292,11 +292,11 @@ fn dual(first: u16, second: u16) -> Instruction {
     if bits(first, 7, 1) == 1 { plain.shrinks(bytes) } else { plain.grows(bytes) }
 }
 
-/// Load and store single (A5.3.7 to A5.3.10).
+/// Load and store of one register (A5.3.7 to A5.3.10).
 fn single(first: u16, second: u16) -> Instruction {
     let plain = Instruction::new(4);
     let (rn, rt) = (bits(first, 0, 4), bits(second, 12, 4));
-    // An 8-bit offset, with write-back.
+    // Offset of eight bits with write-back.
     let back = bits(first, 7, 1) == 0 && bits(second, 11, 1) == 1 && bits(second, 8, 1) == 1 && rn == SP;
     let bytes = u32::from(bits(second, 0, 8));
     let moved = match (back, bits(second, 9, 1)) {

@@ -1,26 +1,25 @@
-//! Bytes by their addresses.
+//! Bytes by address.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-/// Longest span of addresses that becomes one image: more than any microcontroller's flash, but not an absurd
-/// amount of memory.
+/// Longest address range of an image: more than any microcontroller's flash, and safe to allocate.
 pub const MAX_SPAN: u64 = 16 * 1024 * 1024;
 
-/// Value of erased flash.
+/// Contents of erased flash.
 pub const ERASED: u8 = 0xFF;
 
-/// Bytes in pieces, none of them empty.
+/// Non-empty pieces.
 #[derive(Debug, Default, PartialEq)]
 pub struct Memory {
     pieces: BTreeMap<u64, Vec<u8>>,
 }
 
 impl Memory {
-    /// Adds bytes. The last one must have an address.
+    /// Adds bytes, the last of which must have an address.
     ///
     /// # Errors
-    /// The first address that has a byte already; nothing is added then.
+    /// The first address that is already taken; nothing is added.
     pub fn insert(&mut self, address: u64, bytes: &[u8]) -> Result<(), u64> {
         let Some(more) = (bytes.len() as u64).checked_sub(1) else { return Ok(()) };
         if let Some((&next, _)) = self.pieces.range(address..).next()
@@ -42,7 +41,7 @@ impl Memory {
         Ok(())
     }
 
-    /// Pieces by rising address. Two may touch if the later came first.
+    /// Pieces by rising address. Two may touch if the second was added first.
     pub fn pieces(&self) -> impl Iterator<Item = (u64, &[u8])> {
         self.pieces.iter().map(|(&start, bytes)| (start, bytes.as_slice()))
     }
@@ -52,17 +51,17 @@ impl Memory {
         self.pieces.values().map(Vec::len).sum()
     }
 
-    /// The first and the last address.
+    /// First and last address.
     pub fn range(&self) -> Option<RangeInclusive<u64>> {
         let (&first, _) = self.pieces.first_key_value()?;
         let (&start, bytes) = self.pieces.last_key_value()?;
         Some(first..=start + (bytes.len() as u64 - 1))
     }
 
-    /// All addresses in one piece, with erased flash between the pieces; empty if there are none.
+    /// All bytes in one piece, with gaps as erased flash; empty if there are none.
     ///
     /// # Errors
-    /// The span is more than [`MAX_SPAN`].
+    /// The range is longer than [`MAX_SPAN`].
     pub fn image(&self) -> Result<Vec<u8>, String> {
         let Some(range) = self.range() else { return Ok(Vec::new()) };
         let mut image = blank(&range)?;
@@ -74,10 +73,10 @@ impl Memory {
     }
 }
 
-/// Erased flash for these addresses.
+/// Erased flash for a range.
 ///
 /// # Errors
-/// They are more than [`MAX_SPAN`].
+/// The range is longer than [`MAX_SPAN`].
 pub fn blank(range: &RangeInclusive<u64>) -> Result<Vec<u8>, String> {
     let (first, last) = (range.start(), range.end());
     match last - first {
@@ -94,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pieces_join_and_overlaps_are_found() {
+    fn adjacent_pieces_join_and_overlap_is_an_error() {
         let mut memory = Memory::default();
         assert_eq!(memory.range(), None);
         for (address, bytes) in [(10, &[1, 2][..]), (12, &[3]), (20, &[4]), (u64::MAX, &[9]), (5, &[])] {
@@ -113,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_are_erased_flash_up_to_the_longest_span() {
+    fn gaps_are_filled_up_to_the_longest_range() {
         let mut memory = Memory::default();
         assert_eq!(memory.image(), Ok(Vec::new()));
         assert_eq!(memory.insert(7, &[1]), Ok(()));

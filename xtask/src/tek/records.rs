@@ -14,11 +14,11 @@ pub fn open(path: &Path) -> Result<BufReader<File>, Failure> {
     File::open(path).map(BufReader::new).map_err(|error| files::unreadable(path, &error))
 }
 
-/// Passes each record of a file, whose name is `path`, to `each`, with the section that it defines. `each`
-/// returns a defect as a column and found, expected, next step.
+/// Passes each record of the file `path`, with the section that it defines, to `each`, which returns column
+/// and message of an error.
 ///
 /// # Errors
-/// The first defect of the file.
+/// The first error in the file.
 pub fn records(
     path: &Path,
     mut file: impl BufRead,
@@ -59,7 +59,7 @@ pub fn records(
     }
 }
 
-/// Size and address range of a memory, as text.
+/// Number of bytes of a memory, and their range.
 pub fn extent(memory: &Memory) -> String {
     match memory.range() {
         Some(range) => format!("{} bytes in {:#010x} to {:#010x}", memory.len(), range.start(), range.end()),

@@ -1,4 +1,4 @@
-//! Source of an image: a file of bytes, or a linked application.
+//! Reads an image: raw bytes, or a linked application.
 
 use std::path::Path;
 
@@ -9,11 +9,10 @@ use object::read::elf::{FileHeader, ProgramHeader};
 use super::memory::Memory;
 use crate::{Failure, files};
 
-/// The bytes of a file and the entry address: a linked application's by its program headers, any other file's
-/// from `base` on.
+/// Bytes and entry of a file: by the program headers of a linked application, or from `base` for raw bytes.
 ///
 /// # Errors
-/// The file cannot be read, `base` is missing or not the linked application's, or there are no bytes.
+/// The file cannot be read or is empty, or `base` is missing or contradicts the program headers.
 pub fn read(path: &Path, base: Option<u32>) -> Result<(Memory, u32), Failure> {
     let data = files::read(path)?;
     let place = path.display();
@@ -41,10 +40,10 @@ pub fn read(path: &Path, base: Option<u32>) -> Result<(Memory, u32), Failure> {
     Ok((memory, base))
 }
 
-/// The loaded bytes of the program headers by physical address, which is their place in flash; and the entry.
+/// Loaded bytes by physical address, as in flash, and the entry.
 ///
 /// # Errors
-/// It is no linked program, or a damaged one.
+/// Not a linked program, or a damaged one.
 pub fn linked(data: &[u8]) -> Result<(Memory, u32), String> {
     let damaged = |error: object::Error| format!("found a damaged file, expected a 32-bit ELF file: {error}");
     let header = FileHeader32::<Endianness>::parse(data).map_err(damaged)?;
@@ -70,10 +69,10 @@ pub fn linked(data: &[u8]) -> Result<(Memory, u32), String> {
     Ok((memory, header.e_entry(endian)))
 }
 
-/// Changes the loaded bytes of an ELF file from a physical address on.
+/// Overwrites what an ELF file loads from a physical address.
 ///
 /// # Errors
-/// No segment contains all these addresses.
+/// No segment holds all these addresses.
 pub fn overwrite(data: &mut [u8], address: u32, bytes: &[u8]) -> Result<(), String> {
     let damaged = |error: object::Error| format!("found a damaged file, expected a 32-bit ELF file: {error}");
     let header = FileHeader32::<Endianness>::parse(&*data).map_err(damaged)?;

@@ -1,4 +1,4 @@
-//! Verifies that a file is whole, in the profile of downloads, and sealed, by the monitor's rules.
+//! Checks that a `.tek` file is complete, downloadable and sealed, by the monitor's rules.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -11,30 +11,30 @@ use super::memory::Memory;
 use super::records::{extent, open, records};
 use crate::{Failure, files};
 
-/// Next step for a wrong address.
+/// Advice for wrong addresses.
 const REBUILD: &str = "build the image for the application's addresses and encode it again";
 
-/// Prints the contents of the file; an unsealed image is no defect of the file.
+/// Prints a summary of the file; an unsealed image is not an error.
 ///
 /// # Errors
-/// The first defect, with its line and column.
+/// The first error, with line and column.
 pub fn verify(path: &Path) -> Result<(), Failure> {
     let Verified { records, extent, entry, header } = read(path, open(path)?)?;
     let place = path.display();
     let seal = match header {
         Some(Header { version, crc, .. }) => format!("sealed: version {version}, CRC-32 {crc:#010x}"),
-        None => "not sealed: a monitor will refuse it, `cargo xtask tek encode --seal VERSION` seals".into(),
+        None => "not sealed: a monitor will reject it, `cargo xtask tek encode --seal VERSION` seals".into(),
     };
     files::print(&format!(
-        "{place}: {records} records, {extent}, entry {entry:#010x}\nwhole and in the profile; {seal}\n"
+        "{place}: {records} records, {extent}, entry {entry:#010x}\ncomplete and downloadable; {seal}\n"
     ))?;
     Ok(())
 }
 
-/// The header of a file that a board will accept; `path` is its name for errors.
+/// Header of a file that a board will accept; `path` is for messages only.
 ///
 /// # Errors
-/// As [`verify`]; or the image is not sealed.
+/// As [`verify`]; or that it is not sealed.
 pub fn sealed(path: &Path, file: &[u8]) -> Result<Header, Failure> {
     read(path, file)?.header.ok_or_else(|| {
         let place = path.display();
@@ -45,7 +45,7 @@ pub fn sealed(path: &Path, file: &[u8]) -> Result<Header, Failure> {
     })
 }
 
-/// The contents of a file.
+/// Contents of a file.
 struct Verified {
     records: u32,
     extent: String,
@@ -61,7 +61,7 @@ fn read(path: &Path, file: impl BufRead) -> Result<Verified, Failure> {
             Record::Data { address, bytes } => {
                 judge(address, bytes.len() as u64, next)?;
                 next = address + bytes.len() as u64;
-                // Rising addresses, so that nothing overlaps.
+                // Rising addresses cannot overlap.
                 memory.insert(address, bytes).map_err(|taken| (8, format!("found {taken:#010x} twice")))
             }
             Record::End { .. } if count == 1 => {
@@ -82,7 +82,7 @@ fn read(path: &Path, file: impl BufRead) -> Result<Verified, Failure> {
     Ok(Verified { records: count, extent: extent(&memory), entry: start, header: seal })
 }
 
-/// Whether a data record is inside the application and after the one before, which ended at `next`.
+/// Checks that a data record is inside the application and follows `next`, the end of the one before.
 fn judge(address: u64, len: u64, next: u64) -> Result<(), (u32, String)> {
     let last = address + (len - 1);
     if !APPLICATION.holds(address, len) {
@@ -98,7 +98,7 @@ fn judge(address: u64, len: u64, next: u64) -> Result<(), (u32, String)> {
     Ok(())
 }
 
-/// The header of a sealed image, checked; `None` if it is not sealed.
+/// The checked header of a sealed image; `None` if it is not sealed.
 fn seal(memory: &Memory) -> Result<Option<Header>, String> {
     let image = memory.image()?;
     let at_start = memory.range().is_some_and(|range| *range.start() == u64::from(APPLICATION.start));

@@ -1,11 +1,11 @@
-//! `cargo xtask flash` with a fake probe-rs that logs its arguments.
+//! `cargo xtask flash` with a probe-rs that only records its arguments.
 
 use std::fs;
 
 use super::Bench;
 
 impl Bench {
-    /// A fake probe-rs that logs its arguments, and a board whose storage it reads and writes.
+    /// A probe-rs that records its arguments, and a board with a storage to read and write.
     fn probe(&self) {
         let here = self.0.display();
         self.program(
@@ -28,7 +28,7 @@ impl Bench {
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     }
 
-    /// The arguments of the probe, without folders.
+    /// Recorded arguments, without folders.
     fn calls(&self) -> Vec<String> {
         let text = String::from_utf8(self.get("calls")).expect("it is text");
         let folder = format!("{}/", self.0.display());
@@ -37,9 +37,9 @@ impl Bench {
 }
 
 #[test]
-fn flash_without_probe_rs_explains_its_installation_and_builds_nothing() {
+fn missing_probe_rs_is_reported_before_building() {
     let bench = Bench::new("absent");
-    // Acts like a machine without probe-rs, even if it is installed.
+    // A PATH without probe-rs.
     bench.program("probe-rs", "exit 127");
     let (code, said) = bench.flash(&[]);
     assert_eq!(code, Some(2), "{said}");
@@ -48,7 +48,7 @@ fn flash_without_probe_rs_explains_its_installation_and_builds_nothing() {
 }
 
 #[test]
-fn flash_writes_monitor_then_application_then_resets() {
+fn monitor_is_flashed_first_and_reset_last() {
     let bench = Bench::new("order");
     bench.probe();
     let (code, said) = bench.flash(&["--probe", "0483:3748", "--profile", "release"]);
@@ -60,13 +60,13 @@ fn flash_writes_monitor_then_application_then_resets() {
         format!("reset {chip}"),
     ];
     assert_eq!(bench.calls(), expected);
-    // Sealed: the magic word is in the vector table.
+    // Sealed: the vector table has the magic word.
     let tater = bench.get("target/image/release/tater.elf");
     assert_eq!(&tater[84 + 0x1C..84 + 0x20], b"TatR");
 }
 
 #[test]
-fn node_number_is_added_to_the_stored_values() {
+fn number_is_added_to_the_stored_properties() {
     let bench = Bench::new("node");
     bench.probe();
     let (code, said) = bench.flash(&["--node", "5"]);
@@ -84,7 +84,7 @@ fn node_number_is_added_to_the_stored_values() {
     assert_eq!(bench.calls(), expected);
     let stored = bench.get("flash");
     assert!(stored.len() == 8192 && stored.iter().any(|&byte| byte != 0xFF));
-    // The board has that number already: the flash is not written.
+    // It has this number already: do not wear out the flash.
     fs::remove_file(bench.0.join("calls")).expect("the probe wrote it");
     let (code, said) = bench.flash(&["--node", "5"]);
     assert_eq!(code, Some(0), "{said}");
@@ -104,7 +104,7 @@ fn unreadable_storage_leaves_the_board_unchanged() {
 }
 
 #[test]
-fn failing_probe_ends_the_flash() {
+fn probe_failure_ends_flashing() {
     let bench = Bench::new("fails");
     bench.program(
         "probe-rs",

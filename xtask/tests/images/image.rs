@@ -1,4 +1,4 @@
-//! `cargo xtask image`: its files and its output.
+//! Files and output of `cargo xtask image`.
 
 use std::fs;
 use std::path::Path;
@@ -23,7 +23,7 @@ fn crc(bytes: &[u8]) -> String {
     format!("{:#010x}", crc.finish())
 }
 
-/// Output of another program, run in the project's folder.
+/// Output of a program in the project's folder.
 fn says(line: &str) -> String {
     let words: Vec<&str> = line.split(' ').collect();
     let mut command = Command::new(words[0]);
@@ -32,7 +32,7 @@ fn says(line: &str) -> String {
 }
 
 #[test]
-fn image_json_describes_the_files_and_json_prints_the_same() {
+fn image_json_describes_the_files() {
     let bench = Bench::new("about");
     let (code, out, error) = run(bench.chore(&["image", "--json"]));
     assert_eq!(code, Some(0), "{error}");
@@ -79,14 +79,14 @@ fn image_json_describes_the_files_and_json_prints_the_same() {
     assert_eq!([&about["profile"], &about["log"]], [&json!("production"), &Value::Null]);
     assert_eq!(about["target"], "thumbv7m-none-eabi");
     assert_eq!(about["rustc"], says("rustc --version"));
-    // In a checkout or a source archive.
+    // Works in a checkout and in a source archive.
     let is_checkout = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name(".git").exists();
     let commit = is_checkout.then(|| says("git rev-parse HEAD"));
     assert_eq!((&about["commit"], about["dirty"].is_boolean()), (&json!(commit), is_checkout));
 }
 
 #[test]
-fn out_is_relative_to_the_callers_folder() {
+fn out_is_relative_to_the_working_directory() {
     let bench = Bench::new("out");
     let mut command = bench.chore(&["image", "--profile", "release", "--out", "given/here"]);
     command.current_dir(&bench.0).env("DEFMT_LOG", "warn");
@@ -103,7 +103,7 @@ fn out_is_relative_to_the_callers_folder() {
 }
 
 #[test]
-fn unusable_folder_is_bad_usage_without_standard_output() {
+fn unusable_folder_exits_2_with_empty_standard_output() {
     let bench = Bench::new("unusable");
     bench.put("file", b"mine");
     let out = bench.0.join("file").display().to_string();
@@ -114,7 +114,7 @@ fn unusable_folder_is_bad_usage_without_standard_output() {
 }
 
 #[test]
-fn unwritable_file_keeps_the_files_of_the_last_run() {
+fn failed_write_leaves_the_former_files() {
     let bench = Bench::new("mixed");
     assert_eq!(run(bench.chore(&["image"])).0, Some(0));
     let folder = bench.0.join("target/image/production");

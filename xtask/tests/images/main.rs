@@ -1,4 +1,5 @@
-//! `cargo xtask image` and `flash` with a fake cargo whose programs are already linked.
+//! `cargo xtask image` and `flash` with a fake cargo that has built already: tests what they do with linked
+//! programs.
 #![cfg(unix)]
 
 mod flash;
@@ -9,7 +10,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The smallest linked program: 64 bytes from `address` on, with the vectors of an application.
+/// The smallest linked program: 64 bytes from `address`, with the vectors of an application.
 fn elf(address: u32) -> Vec<u8> {
     let halves = |numbers: &[u16]| numbers.iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<u8>>();
     let words = |numbers: &[u32]| numbers.iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<u8>>();
@@ -24,7 +25,7 @@ fn elf(address: u32) -> Vec<u8> {
     file
 }
 
-/// A folder with the fake programs, and their output.
+/// A folder with the fake programs and their records.
 struct Bench(PathBuf);
 
 impl Bench {
@@ -38,7 +39,7 @@ impl Bench {
         bench.put("tater", &elf(0x0800_4000));
         bench.put("monitor", &elf(0x0800_0000));
         bench.put("flash", &[0xFF; 8192]);
-        // It builds by copying. Other programs really run, in the folder of these tests.
+        // The fake cargo copies files instead of building; `cargo run` commands do run, in the tests' folder.
         let (here, real) = (bench.0.display(), env!("CARGO"));
         let target =
             Path::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("below the target folder").display();
@@ -69,7 +70,7 @@ impl Bench {
         fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("it is ours");
     }
 
-    /// The command, with the fake programs first in PATH.
+    /// The tool, with the fake programs first in PATH.
     fn chore(&self, arguments: &[&str]) -> Command {
         let path = format!("{}:{}", self.0.join("bin").display(), std::env::var("PATH").expect("a PATH"));
         let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));

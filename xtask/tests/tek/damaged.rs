@@ -1,8 +1,8 @@
-//! Damaged files: the error names line and column, what was found and what was expected; exit code 1.
+//! Damaged files: exit code 1, and a message with line, column, found, expected and next step.
 
 use super::{Scratch, application, record, tek};
 
-/// A file, and the position and kind of its damage.
+/// A damaged file, and the place of the damage.
 struct Row {
     name: &'static str,
     file: Vec<u8>,
@@ -15,7 +15,7 @@ fn row(name: &'static str, file: impl Into<Vec<u8>>, place: (u32, u32), words: i
     Row { name, file: file.into(), place, words: words.into() }
 }
 
-/// The lines of a good file of 100 bytes: three full records, one of 4 bytes, the termination.
+/// Lines of a valid file of 100 bytes: three full records, one of 4 bytes, the termination.
 fn good() -> [String; 5] {
     let bytes: Vec<u8> = (0..100).collect();
     let piece = |(i, piece): (usize, &[u8])| {
@@ -35,14 +35,14 @@ fn data(address: u32, hex: &str) -> String {
     line('6', &format!("8{address:08X}{hex}"))
 }
 
-/// The good file with one line changed.
+/// The valid file with one line changed.
 fn with(number: usize, change: impl Fn(&str) -> String) -> String {
     let mut lines = good();
     lines[number - 1] = change(&lines[number - 1]);
     lines.concat()
 }
 
-/// The good file with a character of a line replaced.
+/// The valid file with a character of a line replaced.
 fn put(number: usize, column: usize, character: &str) -> String {
     with(number, |line| {
         assert_ne!(&line[column - 1..column], character, "the replacement changes nothing");
@@ -50,7 +50,7 @@ fn put(number: usize, column: usize, character: &str) -> String {
     })
 }
 
-/// The good file with a text inserted before a column of a line.
+/// The valid file with text inserted before a column of a line.
 fn insert(number: usize, column: usize, text: &str) -> String {
     with(number, |line| format!("{}{text}{}", &line[..column - 1], &line[column - 1..]))
 }
@@ -62,7 +62,7 @@ const AFTER: &str = "after the termination record, expected the end of the file"
 const CR_LF: &str = "expected CR LF";
 const ALPHABET: &str = "expected a character of a record: 0-9 A-Z a-z $ % . _";
 
-/// Damage that happens in transit.
+/// Typical accidents of files.
 fn transported() -> Vec<Row> {
     let [a, b, c, d, end] = good();
     let all = good().concat();
@@ -114,7 +114,7 @@ fn transported() -> Vec<Row> {
     ]
 }
 
-/// Ten million bytes that are no `.tek` file.
+/// Ten million bytes that are no records.
 fn noise() -> Vec<Row> {
     const LEN: usize = 10_000_000;
     let mut state = 1_u32;
@@ -152,7 +152,7 @@ fn noise() -> Vec<Row> {
     ]
 }
 
-/// Damage to the head of a record.
+/// Errors in the head of a record.
 fn heads() -> Vec<Row> {
     let checksum = |n| with(n, |line| format!("{}00{}", &line[..4], &line[6..]));
     vec![
@@ -186,7 +186,7 @@ fn heads() -> Vec<Row> {
     ]
 }
 
-/// Damage to a record's digits.
+/// Errors in a record's digits.
 fn digits() -> Vec<Row> {
     vec![
         row(
@@ -255,7 +255,7 @@ fn redone(line: &str, column: usize, character: &str) -> String {
     self::line(kind, &rest[6..])
 }
 
-/// Damage to the records together.
+/// Errors between records.
 fn order() -> Vec<Row> {
     let [a, b, c, d, end] = good();
     let next = |at: u32| format!("expected {at:#010x} or above: the record overlaps");
@@ -281,7 +281,7 @@ fn order() -> Vec<Row> {
     ]
 }
 
-/// Correct records of an incorrect image.
+/// Valid records of an invalid image.
 fn images() -> Vec<Row> {
     let scratch = Scratch::new("damaged-images");
     scratch.encoded("sealed.tek", &application(100), &["--seal", "600"]);
@@ -314,7 +314,7 @@ fn images() -> Vec<Row> {
     ]
 }
 
-/// Whether the error matches the row; if not, the error.
+/// The message of a row if it is not the expected one.
 fn check(scratch: &Scratch, row: &Row) -> Result<(), String> {
     let path = scratch.put("damaged.tek", &row.file);
     let said = tek(&["verify", &path]);
@@ -324,7 +324,7 @@ fn check(scratch: &Scratch, row: &Row) -> Result<(), String> {
         line => format!("error: {path}:{line}:{column}: record {line}: "),
     };
     let named = said.err.starts_with(&start) && said.err.contains(words.as_str());
-    // The defect and the next step.
+    // The next step.
     let brief = said.out.is_empty() && said.err.lines().count() == 2;
     match said.code {
         Some(1) if named && brief => Ok(()),
@@ -333,7 +333,7 @@ fn check(scratch: &Scratch, row: &Row) -> Result<(), String> {
 }
 
 #[test]
-fn each_kind_of_damage_is_reported_with_its_position() {
+fn each_kind_of_damage_is_located() {
     let scratch = Scratch::new("damaged");
     let whole = scratch.put("good.tek", good().concat().as_bytes());
     assert_eq!(tek(&["verify", &whole]).code, Some(0), "else no row means anything");

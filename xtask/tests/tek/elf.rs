@@ -21,7 +21,7 @@ fn elf(entry: u32, segments: &[Segment<'_>]) -> Vec<u8> {
     let mut at = 52 + 32 * segments.len() as u32;
     for &(kind, virtual_address, physical, bytes) in segments {
         let len = bytes.len() as u32;
-        // More memory than file: zeros that the application initializes itself.
+        // More memory than file: zeros that the application clears itself.
         file.extend(words(&[kind, at, virtual_address, physical, len, len + 8, 4, 4]));
         at += len;
     }
@@ -32,9 +32,9 @@ fn elf(entry: u32, segments: &[Segment<'_>]) -> Vec<u8> {
 }
 
 #[test]
-fn elf_bytes_are_placed_at_their_physical_addresses() {
+fn bytes_are_placed_at_physical_addresses() {
     let scratch = Scratch::new("elf");
-    // Code, initialized data that is copied to RAM at the start, zeros in RAM, and a note that is not loaded.
+    // Text, initial data copied to RAM at the start, zeros in RAM, and a note that is not loaded.
     let file = elf(
         0x0800_4101,
         &[
@@ -57,7 +57,7 @@ fn elf_bytes_are_placed_at_their_physical_addresses() {
 }
 
 #[test]
-fn file_that_is_no_application_is_refused() {
+fn other_elf_files_are_rejected() {
     let scratch = Scratch::new("noelf");
     let good = elf(0, &[(LOAD, 0, 0x0800_4000, &[1; 8])]);
     let wide = [&good[..4], &[2], &good[5..]].concat();

@@ -1,4 +1,4 @@
-//! `cargo xtask tek` from the command line: files in, files and texts out, exit codes.
+//! `cargo xtask tek` as a user calls it: files, messages, exit codes.
 
 mod damaged;
 mod elf;
@@ -9,10 +9,10 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// The application's address, as `--base` takes it.
+/// The application's address as an argument of `--base`.
 const BASE: &str = "0x08004000";
 
-/// An empty folder for one test.
+/// A temporary folder of a test.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -46,7 +46,7 @@ impl Scratch {
         self.get(name)
     }
 
-    /// The files in the folder.
+    /// Names of the files in the folder.
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.0).expect("our own folder can be read");
         let names = entries.map(|entry| entry.expect("our own folder can be read").file_name());
@@ -56,7 +56,7 @@ impl Scratch {
     }
 }
 
-/// The output of a run.
+/// Output of a run.
 struct Said {
     code: Option<i32>,
     out: String,
@@ -70,7 +70,7 @@ fn tek(arguments: &[&str]) -> Said {
     Said { code: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
 }
 
-/// `LLTCC...` from a type and the text after the checksum.
+/// `LLTCC...`: a record of this type with these characters after the checksum.
 fn record(kind: char, rest: &str) -> String {
     let len = rest.len() + 5;
     let sum: u32 = format!("{len:02X}{kind}{rest}")
@@ -80,8 +80,8 @@ fn record(kind: char, rest: &str) -> String {
     format!("{len:02X}{kind}{:02X}{rest}", sum % 256)
 }
 
-/// The smallest application that can be sealed, with `len` bytes in total: stack pointer, reset vector, zeros
-/// in the reserved vectors, then a pattern.
+/// The smallest sealable application with `len` bytes: stack pointer, reset vector, zeros in the reserved
+/// vectors, then distinct bytes.
 fn application(len: usize) -> Vec<u8> {
     let mut image = vec![0; len];
     image[..4].copy_from_slice(&0x2000_5000_u32.to_le_bytes());
@@ -92,9 +92,8 @@ fn application(len: usize) -> Vec<u8> {
     image
 }
 
-/// Images with special cases for GNU's blocks of 32 bytes: one that ends inside a block, starts inside a
-/// block, has blocks of zeros at the start, in between and at the end, is all zeros, crosses its chunks of 8
-/// KiB.
+/// Images with what is special to GNU's blocks of 32 bytes: one that ends inside a block, starts inside a block, has
+/// blocks of zeros at the start, in between and at the end, is all zeros, crosses its chunks of 8 KiB.
 fn images() -> Vec<(u32, Vec<u8>)> {
     let noise = |len: u32| (0..len).map(|i| (i.wrapping_mul(0x9E37_79B9) >> 24) as u8).collect::<Vec<u8>>();
     let mut holes = noise(1000);

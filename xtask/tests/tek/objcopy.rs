@@ -1,10 +1,10 @@
-//! GNU objcopy and we read each other's files; needs binutils.
+//! Exchange with GNU objcopy, where binutils is installed.
 
 use std::process::Command;
 
 use super::{BASE, Scratch, images, record, tek};
 
-/// Whether a GNU objcopy that knows the format is installed; prints a note if not.
+/// Whether GNU objcopy is installed and knows the format; prints if not.
 fn installed() -> bool {
     let info = Command::new("objcopy").arg("--info").output();
     let knows = info.is_ok_and(|output| String::from_utf8_lossy(&output.stdout).contains("tekhex"));
@@ -21,7 +21,7 @@ fn binutils(program: &str, arguments: &[&str]) -> Result<(), String> {
 }
 
 #[test]
-fn objcopy_output_is_read() {
+fn output_of_objcopy_is_decoded() {
     if !installed() {
         return;
     }
@@ -40,10 +40,10 @@ fn objcopy_output_is_read() {
     }
 }
 
-/// objcopy reads our data records, including CR LF, but only inside a section, for which the profile has no
-/// record: here one is put before them.
+/// objcopy reads our data records, CR LF included, but only inside a section, which our profile has no record
+/// for: the test inserts one.
 #[test]
-fn our_output_is_read_by_objcopy_with_a_section_before_it() {
+fn objcopy_reads_encoded_file_with_a_section() {
     if !installed() {
         return;
     }
@@ -56,7 +56,7 @@ fn our_output_is_read_by_objcopy_with_a_section_before_it() {
         let error = read(&ours).expect_err("there is no section");
         assert!(error.contains("has no sections"), "{error}");
 
-        // Name, then the range: its end is exclusive.
+        // Name and range; the end is exclusive.
         let end = base + bytes.len() as u32;
         let section = record('3', &format!("5.data18{base:08X}8{end:08X}"));
         let text = [format!("%{section}\r\n").as_bytes(), &scratch.get("ours.tek")].concat();
@@ -65,9 +65,9 @@ fn our_output_is_read_by_objcopy_with_a_section_before_it() {
     }
 }
 
-/// Program headers of a real linker, beside those of our own test.
+/// Uses the program headers of a real linker.
 #[test]
-fn application_linked_by_gnu_is_encoded() {
+fn application_linked_by_gnu_ld_is_encoded() {
     // This machine's linker may not know 32-bit ELF.
     let knows = Command::new("ld").arg("-V").output();
     if !installed() {

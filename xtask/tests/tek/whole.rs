@@ -1,9 +1,9 @@
-//! Correct files.
+//! Valid files.
 
 use super::{BASE, Scratch, application, images, record, tek};
 
 #[test]
-fn encode_and_decode_return_the_same_bytes() {
+fn bytes_round_trip_through_encode_and_decode() {
     let scratch = Scratch::new("round");
     for (base, bytes) in images() {
         let (input, output) = (scratch.put("in.bin", &bytes), scratch.path("out.tek"));
@@ -18,7 +18,7 @@ fn encode_and_decode_return_the_same_bytes() {
 }
 
 #[test]
-fn sealed_image_is_verified_and_reported_as_sealed() {
+fn sealed_image_is_verified() {
     let scratch = Scratch::new("sealed");
     // 101 bytes are padded to 104.
     scratch.encoded("sealed.tek", &application(101), &["--seal", "601"]);
@@ -28,7 +28,7 @@ fn sealed_image_is_verified_and_reported_as_sealed() {
     let first = format!("{file}: 5 records, 104 bytes in 0x08004000 to 0x08004067, entry 0x08004000\n");
     let second = said.out.strip_prefix(&first).unwrap_or_else(|| panic!("{}", said.out));
     let crc = second
-        .strip_prefix("whole and in the profile; sealed: version 601, CRC-32 0x")
+        .strip_prefix("complete and downloadable; sealed: version 601, CRC-32 0x")
         .and_then(|text| text.strip_suffix('\n'));
 
     assert_eq!(tek(&["decode", &file, "-o", &scratch.path("out.bin")]).code, Some(0));
@@ -41,9 +41,9 @@ fn sealed_image_is_verified_and_reported_as_sealed() {
 }
 
 #[test]
-fn unsealed_image_is_whole() {
+fn unsealed_image_is_valid() {
     let scratch = Scratch::new("unsealed");
-    let words = "whole and in the profile; not sealed: a monitor will refuse it, `cargo xtask tek encode --seal VERSION`";
+    let words = "complete and downloadable; not sealed: a monitor will reject it, `cargo xtask tek encode --seal VERSION`";
     for len in [1, 43, 44, 200] {
         scratch.encoded("a.tek", &vec![0xFF; len], &[]);
         let said = tek(&["verify", &scratch.path("a.tek")]);
@@ -51,8 +51,8 @@ fn unsealed_image_is_whole() {
         assert!(said.out.contains(words), "{}", said.out);
     }
     let help = tek(&["verify", "--help"]).out;
-    assert!(help.contains("whole and in the profile") && help.contains("sealed"), "{help}");
-    // The header is expected where the monitor reads it, and nowhere else.
+    assert!(help.contains("complete and downloadable") && help.contains("sealed"), "{help}");
+    // Only the monitor's place for the header counts.
     scratch.encoded("a.tek", &application(100), &["--seal", "600"]);
     assert_eq!(tek(&["decode", &scratch.path("a.tek"), "-o", &scratch.path("a.bin")]).code, Some(0));
     let (image, elsewhere) = (scratch.path("a.bin"), scratch.path("b.tek"));
@@ -61,7 +61,7 @@ fn unsealed_image_is_whole() {
 }
 
 #[test]
-fn unsealable_program_is_refused() {
+fn unsealable_image_is_rejected() {
     let scratch = Scratch::new("seal");
     let mut no_stack = application(100);
     no_stack[3] = 0;
@@ -88,7 +88,7 @@ fn unsealable_program_is_refused() {
 }
 
 #[test]
-fn small_gaps_are_filled_and_huge_ones_refused() {
+fn gaps_are_filled_up_to_the_limit() {
     let scratch = Scratch::new("gaps");
     let at = |address: &str, bytes: &str| format!("%{}\r\n", record('6', &(String::from(address) + bytes)));
     let end = format!("%{}\r\n", record('8', "800000000"));
@@ -117,7 +117,7 @@ fn small_gaps_are_filled_and_huge_ones_refused() {
 }
 
 #[test]
-fn dump_prints_all_records_before_an_error() {
+fn dump_prints_records_up_to_the_first_error() {
     let scratch = Scratch::new("dump");
     let good = scratch.encoded("a.tek", &[0xAB; 34], &[]);
     let said = tek(&["dump", &scratch.path("a.tek")]);
@@ -134,7 +134,7 @@ fn dump_prints_all_records_before_an_error() {
 }
 
 #[test]
-fn io_error_is_no_verdict() {
+fn unreadable_or_unwritable_file_exits_2() {
     let scratch = Scratch::new("usage");
     let (missing, folder) = (scratch.path("missing.tek"), scratch.path("."));
     let bytes = scratch.put("a.bin", b"a");
@@ -173,9 +173,9 @@ fn io_error_is_no_verdict() {
     assert!(said.code == Some(1) && said.err.contains("empty.bin: found no bytes"), "{}", said.err);
 }
 
-/// GNU's files: bytes of a section without a record are 0; anything around the sections is padding.
+/// GNU's files: unrecorded bytes of a section are 0, and bytes around sections are padding.
 #[test]
-fn sections_define_the_image() {
+fn sections_delimit_the_image() {
     let scratch = Scratch::new("sections");
     let section = |from: u32, to: u32| format!("%{}\n", record('3', &format!("1a12{from:02X}2{to:02X}")));
     let padded = format!("%{}\n", record('6', "21000000001020300000004"));
@@ -203,11 +203,11 @@ fn sections_define_the_image() {
     }
 }
 
-/// A file is replaced, not overwritten: a process that has the old one open, here through another name, keeps
-/// it whole. A link stays a link.
+/// A file is replaced, not overwritten: a reader of the old one, here by another link, keeps its contents. A
+/// symbolic link stays.
 #[cfg(unix)]
 #[test]
-fn output_files_are_replaced_atomically() {
+fn files_are_replaced_completely() {
     let scratch = Scratch::new("replace");
     let old = scratch.encoded("a.tek", &[1], &[]);
     std::fs::hard_link(scratch.path("a.tek"), scratch.path("other.tek")).expect("same folder");

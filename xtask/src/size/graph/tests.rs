@@ -4,14 +4,13 @@ use std::ops::Range;
 use super::super::elf::{Section, Symbol};
 use super::*;
 
-/// Where the test programs begin, after a vector table.
+/// Start of the test programs, behind a vector table.
 pub const TEXT: u32 = 0x0800_4130;
 
 /// No data between the instructions.
 pub const NONE: Range<u32> = 0..0;
 
-/// A program of functions, one behind the other from [`TEXT`] on, with a vector table. `data` are addresses that have no
-/// instructions.
+/// A program of functions from [`TEXT`] on, with a vector table. `data` are addresses without instructions.
 pub fn program(vectors: &[(u32, u32)], functions: &[(&str, &[u16])], data: Range<u32>) -> Program {
     let mut table = vec![0; 0x130];
     for &(number, address) in vectors {
@@ -39,7 +38,7 @@ pub fn program(vectors: &[(u32, u32)], functions: &[(&str, &[u16])], data: Range
     Program { sections, symbols, code }
 }
 
-/// The ways through the first function.
+/// Paths through the first function.
 fn ways(halves: &[u16], data: Range<u32>) -> Result<Ways, String> {
     let program = program(&[], &[("f", halves), ("g", &[0x4770])], data);
     Graph::new(&program).ways(TEXT, false, &mut |_| Ok(false))
@@ -50,14 +49,14 @@ fn depths(ways: &Ways) -> Vec<(u32, i32)> {
 }
 
 #[test]
-fn a_frame_is_what_is_pushed_and_what_is_taken_for_locals() {
+fn frame_includes_pushes_and_locals() {
     // push {r7, lr}; mov r7, sp; sub sp, #16; add sp, #16; pop {r7, pc}
     let ways = ways(&[0xB580, 0x466F, 0xB084, 0xB004, 0xBD80], NONE).unwrap();
     assert_eq!((ways.deepest, ways.deepest_open), (24, 24));
 }
 
 #[test]
-fn each_call_has_the_depth_of_its_place() {
+fn each_call_has_its_own_depth() {
     // push {r4, lr}; bl g; sub sp, #8; bl g; add sp, #8; pop.w {r4, lr}; b.w g
     let ways =
         ways(&[0xB510, 0xF000, 0xF808, 0xB082, 0xF000, 0xF805, 0xB002, 0xE8BD, 0x4010, 0xF000, 0xB800], NONE)
@@ -67,21 +66,21 @@ fn each_call_has_the_depth_of_its_place() {
 }
 
 #[test]
-fn both_sides_of_a_branch_are_gone_and_the_deeper_counts() {
+fn deeper_side_of_a_branch_counts() {
     // cbz r0, +4 (over the push); push {r4}; nop; sub sp, #4; bkpt-free end: b .
     let ways = ways(&[0xB108, 0xB410, 0xBF00, 0xB081, 0xE7FE], NONE).unwrap();
     assert_eq!(ways.deepest, 8);
 }
 
 #[test]
-fn a_return_that_may_be_skipped_gives_nothing_back() {
+fn conditional_return_keeps_the_depth() {
     // push {r7, lr}; it ne; popne {r7, pc}; sub sp, #8; add sp, #8; pop {r7, pc}
     let ways = ways(&[0xB580, 0xBF18, 0xBD80, 0xB082, 0xB002, 0xBD80], NONE).unwrap();
     assert_eq!(ways.deepest, 16);
 }
 
 #[test]
-fn a_last_call_by_a_register_is_one_whatever_follows_it() {
+fn tail_call_by_register_ends_the_path() {
     // push {r4}; cbz r0 over bx; bx r3; nop; b.w g
     let last = ways(&[0xB410, 0xB108, 0x4718, 0xBF00, 0xF000, 0xB800], NONE).unwrap();
     let calls: Vec<_> = last.calls.iter().map(|(at, call)| (at - TEXT, call.callee, call.depth)).collect();
@@ -95,7 +94,7 @@ fn a_last_call_by_a_register_is_one_whatever_follows_it() {
 }
 
 #[test]
-fn tables_of_jumps_lead_to_all_their_places() {
+fn jump_tables_lead_to_all_targets() {
     // tbb [pc, r0]; 2, 3, 4, filled up by 0; bx lr; push {r4} bx lr is missing: b . after it
     let bytes = ways(&[0xE8DF, 0xF000, 0x0302, 0x0004, 0x4770, 0xE7FE, 0xB410, 0xE7FE], TEXT + 4..TEXT + 8);
     assert_eq!(bytes.unwrap().deepest, 4);
@@ -107,7 +106,7 @@ fn tables_of_jumps_lead_to_all_their_places() {
 }
 
 #[test]
-fn what_cannot_be_followed_is_an_error_with_its_address() {
+fn unknown_jump_is_an_error_with_its_address() {
     for (halves, what) in [
         (&[0x4687, 0x4770][..], "found a jump by a register"),
         // add pc, r0; nop; b.w
@@ -115,10 +114,10 @@ fn what_cannot_be_followed_is_an_error_with_its_address() {
         (&[0xDF00, 0x4770], "found SVC"),
         (&[0xF380, 0x8814, 0x4770], "found a stack pointer set"),
         (&[0x468D, 0x4770], "found a stack pointer set"),
-        (&[0xF004, 0xE800], "found what is no instruction"),
+        (&[0xF004, 0xE800], "found an instruction that a Cortex-M3 lacks"),
         (&[0xBF00], "found data, expected an instruction"),
-        (&[0xB410, 0xE7FD], "found a loop that takes more stack"),
-        (&[0xE8DF, 0xF000], "found a jump by a table"),
+        (&[0xB410, 0xE7FD], "found a loop that pushes without end"),
+        (&[0xE8DF, 0xF000], "found a table jump without"),
     ] {
         let error = ways(halves, NONE).unwrap_err();
         assert!(error.starts_with("f at 0x0800413") && error.contains(what), "{halves:x?}: {error}");
@@ -126,14 +125,14 @@ fn what_cannot_be_followed_is_an_error_with_its_address() {
 }
 
 #[test]
-fn what_follows_a_call_that_never_returns_is_not_gone() {
+fn data_after_a_call_without_return_is_not_followed() {
     // push {r7, lr}; bl g; nop; data
     let ways = ways(&[0xB580, 0xF000, 0xF803, 0xBF00, 0x1234, 0x5678], TEXT + 8..TEXT + 12).unwrap();
     assert_eq!(depths(&ways), [(2, 8)]);
 }
 
 #[test]
-fn an_instruction_that_no_way_leads_to_is_found() {
+fn unvisited_instruction_is_found() {
     let program = program(&[], &[("f", &[0x4770, 0xBF00, 0xB410, 0x4770])], NONE);
     let graph = Graph::new(&program);
     let ways = graph.ways(TEXT, false, &mut |_| Ok(false)).unwrap();
@@ -143,7 +142,7 @@ fn an_instruction_that_no_way_leads_to_is_found() {
 }
 
 #[test]
-fn masked_is_what_every_way_has_masked() {
+fn masked_needs_every_path_masked() {
     // cpsid i; push {r4}; cpsie i; pop {r4}; bx lr
     let open = ways(&[0xB672, 0xB410, 0xB662, 0xBC10, 0x4770], NONE).unwrap();
     assert_eq!((open.deepest, open.deepest_open, open.opens), (4, 4, true));
@@ -156,8 +155,8 @@ fn masked_is_what_every_way_has_masked() {
 }
 
 #[test]
-fn addresses_that_are_data_or_put_together_are_taken() {
-    // f has the address of g in its literals, and puts that of h together.
+fn literal_and_built_addresses_are_taken() {
+    // f has the address of g in a literal and builds that of h.
     let (g, h) = (TEXT + 16, TEXT + 18);
     let [low, high] = [(g | 1) & 0xFFFF, g >> 16].map(|half| u16::try_from(half).unwrap());
     // movw r0, #h + 1; movt r0, #0x0800; bx lr; nop; literal
@@ -172,7 +171,7 @@ fn addresses_that_are_data_or_put_together_are_taken() {
 }
 
 #[test]
-fn lower_halves_of_all_ways_to_an_upper_one_are_taken() {
+fn each_lower_half_combines_with_an_upper_one() {
     let (g, h) = (TEXT + 16, TEXT + 18);
     // cbz r1; movw r0, #g + 1; b; movw r0, #h + 1; movt r0, #0x0800; bx lr
     let f = [0xB111, 0xF244, 0x1041, 0xE001, 0xF244, 0x1043, 0xF6C0, 0x0000];
@@ -182,7 +181,7 @@ fn lower_halves_of_all_ways_to_an_upper_one_are_taken() {
 }
 
 #[test]
-fn a_chain_leads_from_where_it_begins_to_the_function() {
+fn chain_leads_from_its_root_to_the_function() {
     // Each calls the next, by bl, b.w and bne.w; the last two call each other.
     let calls: [(&str, &[u16]); 4] = [
         ("Reset", &[0xF000, 0xF802, 0x4770, 0xBF00]),

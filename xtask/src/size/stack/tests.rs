@@ -17,7 +17,7 @@ fn levels(worst: &Worst) -> Vec<(&str, u32)> {
 }
 
 #[test]
-fn a_path_is_the_sum_of_its_frames() {
+fn path_is_the_sum_of_its_frames() {
     let program = program(&[(1, TEXT)], &[("Reset", &CALLS_NEXT), ("leaf", &LEAF)], NONE);
     let worst = worst(&program, &[]).unwrap();
     let path: Vec<_> = worst.start.path.iter().map(|frame| (frame.function.as_str(), frame.bytes)).collect();
@@ -26,9 +26,9 @@ fn a_path_is_the_sum_of_its_frames() {
 }
 
 #[test]
-fn each_priority_comes_once_with_its_deepest_handler_and_what_the_processor_pushes() {
+fn each_priority_counts_its_deepest_handler_once() {
     let at = |index: u32| TEXT + index * 2;
-    // A handler of 4 bytes and one of 8, of the same priority; one of 12 above them.
+    // Handlers of 4 and 8 bytes with the same priority; one of 12 above them.
     let functions: [(&str, &[u16]); 6] = [
         ("Reset", &FOREVER),
         ("CAN_TX", &[0xB410, 0xE7FE]),
@@ -59,14 +59,14 @@ fn each_priority_comes_once_with_its_deepest_handler_and_what_the_processor_push
 }
 
 #[test]
-fn a_start_that_keeps_interrupts_waiting_is_not_under_them() {
+fn masked_start_is_not_below_interrupts() {
     // cpsid i; sub sp, #64; add sp, #64; cpsie i; b .
     let reset = [0xB672, 0xB090, 0xB010, 0xB662, 0xE7FE];
     let functions: [(&str, &[u16]); 2] = [("Reset", &reset), ("TIM4", &LEAF)];
     let found = worst(&program(&[(1, TEXT), (16, TEXT + 10)], &functions, NONE), &[task("TIM4", 1)]).unwrap();
     assert_eq!(levels(&found), [("main", 0), ("priority 1", EXCEPTION_FRAME + 64)]);
     assert_eq!((found.start.bytes, found.bytes()), (64, EXCEPTION_FRAME + 64));
-    // The same with cpsie i before the stack is given back.
+    // The same with cpsie i before the stack is released.
     let reset = [0xB672, 0xB090, 0xB662, 0xB010, 0xE7FE];
     let functions: [(&str, &[u16]); 2] = [("Reset", &reset), ("TIM4", &LEAF)];
     let found = worst(&program(&[(1, TEXT), (16, TEXT + 10)], &functions, NONE), &[task("TIM4", 1)]).unwrap();
@@ -74,7 +74,7 @@ fn a_start_that_keeps_interrupts_waiting_is_not_under_them() {
 }
 
 #[test]
-fn interrupts_that_a_callee_lets_in_come_on_top_of_its_callers() {
+fn interrupts_enabled_by_a_callee_count_on_top_of_its_callers() {
     // cpsid i; push {r4, lr}; bl next; pop {r4, pc}. Then: push {r4, lr}; bl next; cpsid i; pop {r4, pc}.
     let reset = [0xB672, 0xB510, 0xF000, 0xF801, 0xBD10];
     let middle = [0xB510, 0xF000, 0xF802, 0xB672, 0xBD10];
@@ -90,8 +90,8 @@ fn interrupts_that_a_callee_lets_in_come_on_top_of_its_callers() {
 }
 
 #[test]
-fn a_call_by_register_may_reach_whatever_has_its_address_taken() {
-    // push {r4, lr}; blx r0; pop {r4, pc}; nop; the address of leaf, which is g's neighbour.
+fn call_by_register_reaches_every_taken_address() {
+    // push {r4, lr}; blx r0; pop {r4, pc}; nop; the address of leaf, which is next to g.
     let leaf = (TEXT + 12) | 1;
     let [low, high] = [leaf & 0xFFFF, leaf >> 16].map(|half| u16::try_from(half).unwrap());
     let reset = [0xB510, 0x4780, 0xBD10, 0xBF00, low, high];
@@ -102,7 +102,7 @@ fn a_call_by_register_may_reach_whatever_has_its_address_taken() {
 }
 
 #[test]
-fn recursion_is_an_error_with_its_circle() {
+fn recursion_is_an_error_with_its_chain() {
     // push {r4, lr}; bl next; pop {r4, pc}. Then: b.w first.
     let functions: [(&str, &[u16]); 2] = [("Reset", &CALLS_NEXT), ("back", &[0xF7FF, 0xBFFA])];
     let error = worst(&program(&[(1, TEXT)], &functions, NONE), &[]).unwrap_err();
@@ -110,8 +110,8 @@ fn recursion_is_an_error_with_its_circle() {
 }
 
 #[test]
-fn a_function_that_is_not_gone_through_to_its_end_is_an_error() {
+fn function_with_unvisited_code_is_an_error() {
     let functions: [(&str, &[u16]); 1] = [("Reset", &[0x4770, 0xB410, 0x4770])];
     let error = worst(&program(&[(1, TEXT)], &functions, NONE), &[]).unwrap_err();
-    assert!(error.contains("Reset at 0x08004132: found an instruction that no way leads to"), "{error}");
+    assert!(error.contains("Reset at 0x08004132: found an instruction on no path"), "{error}");
 }

@@ -1,4 +1,4 @@
-//! Encodings as another disassembler reads them (llvm-objdump), and by the manual's diagrams where it had none.
+//! Encodings as disassembled by llvm-objdump, or from the manual's diagrams where it had none.
 
 use super::*;
 
@@ -14,7 +14,7 @@ fn flow(halves: &[u16]) -> Flow {
 }
 
 #[test]
-fn lengths_are_those_of_the_first_half_word() {
+fn length_follows_from_the_first_half_word() {
     for (halves, len) in [
         (&[0xBF00, 0][..], 2),
         (&[0xE7FB, 0], 2),
@@ -29,7 +29,7 @@ fn lengths_are_those_of_the_first_half_word() {
 }
 
 #[test]
-fn calls_and_jumps_go_where_they_say() {
+fn calls_and_jumps_have_their_targets() {
     let to = |offset: i32| (AT + 4).wrapping_add_signed(offset);
     for (halves, expected) in [
         (&[0xF004, 0xFF73][..], Flow::Call(to(0x4EE6))),
@@ -43,7 +43,7 @@ fn calls_and_jumps_go_where_they_say() {
         (&[0xF47F, 0xAF03], Flow::Branch(to(-0x1FA))),
         (&[0xF200, 0x82BB], Flow::Branch(to(0x576))),
         (&[0xB161], Flow::Branch(to(0x18))),
-        // By A7.7.12 and A7.7.18: the bits J1 and J2.
+        // By A7.7.12 and A7.7.18: bits J1 and J2.
         (&[0xF040, 0xA000], Flow::Branch(to(0x4_0000))),
         (&[0xF040, 0x8800], Flow::Branch(to(0x8_0000))),
         (&[0xF000, 0xF000], Flow::Call(to(0x40_0000))),
@@ -55,7 +55,7 @@ fn calls_and_jumps_go_where_they_say() {
 }
 
 #[test]
-fn what_a_register_decides_is_told() {
+fn register_targets_are_classified() {
     for (halves, expected) in [
         (&[0x4770][..], Flow::Return),           // bx lr
         (&[0x46F7], Flow::Return),               // mov pc, lr
@@ -86,7 +86,7 @@ fn what_a_register_decides_is_told() {
 }
 
 #[test]
-fn the_stack_grows_and_shrinks_by_what_is_pushed() {
+fn stack_depth_follows_push_and_pop() {
     for (halves, bytes) in [
         (&[0xB5F0][..], 20),         // push {r4, r5, r6, r7, lr}
         (&[0xBDF0], -20),            // pop {r4, r5, r6, r7, pc}
@@ -105,7 +105,7 @@ fn the_stack_grows_and_shrinks_by_what_is_pushed() {
         (&[0xF5AD, 0x7D79], 0x3E4),
         (&[0xF6AD, 0x2DB8], 0xAB8),  // subw sp, sp, #0xab8
         (&[0xF20D, 0x5D64], -0x564), // addw sp, sp, #0x564
-        // And what only looks at it.
+        // These only read it.
         (&[0xAF03], 0),         // add r7, sp, #0xc
         (&[0x466F], 0),         // mov r7, sp
         (&[0x9010], 0),         // str r0, [sp, #0x40]
@@ -121,7 +121,7 @@ fn the_stack_grows_and_shrinks_by_what_is_pushed() {
 }
 
 #[test]
-fn a_stack_pointer_of_unknown_value_is_told() {
+fn unknown_stack_pointer_is_reported() {
     for halves in [
         &[0x468D][..],     // mov sp, r1
         &[0x44A5],         // add sp, r4
@@ -138,7 +138,7 @@ fn a_stack_pointer_of_unknown_value_is_told() {
 }
 
 #[test]
-fn constants_of_twelve_bits_are_those_of_the_manual() {
+fn modified_immediates_match_the_manual() {
     // A5.3.2, table A5-11.
     for (imm12, value) in [
         (0x0AB, 0xAB),
@@ -154,7 +154,7 @@ fn constants_of_twelve_bits_are_those_of_the_manual() {
 }
 
 #[test]
-fn masks_conditions_and_halves_of_constants_are_told() {
+fn masks_conditions_and_half_constants_are_decoded() {
     assert_eq!(of(&[0xB672]).mask, Mask::Set, "cpsid i");
     assert_eq!(of(&[0xB662]).mask, Mask::Clear, "cpsie i");
     assert_eq!(of(&[0xB671]).mask, Mask::Same, "cpsid f");
