@@ -6,7 +6,7 @@ mod deadlines;
 mod faults;
 mod garbage;
 mod golden;
-mod lower;
+
 mod movement;
 mod program;
 mod prompt;
@@ -16,6 +16,7 @@ mod settings;
 mod state;
 mod tables;
 mod walk_through;
+mod walk_through_grammar;
 mod world;
 
 use god::Memory;
@@ -25,132 +26,137 @@ use hil_sim::node::Node;
 use hil_sim::plant::Model;
 use tater_wire::Node as Id;
 
-/// A hand and its host.
+/// A simulated hand and its host.
 pub struct Session {
     pub hand: Hand,
-    /// All that was said.
-    pub heard: String,
+    /// Everything that GOD has written.
+    pub transcript: String,
 }
 
-/// Longest that a command of a test may take, us.
-const MOST_US: u64 = 120_000_000;
+/// A line and its answer.
+type Exchange = (&'static str, &'static str);
 
-/// A while, us: a command whose boards are awake has begun long before its end.
-const WHILE_US: u64 = 500_000;
+/// Timeout of a command in simulated time, us.
+const COMMAND_US: u64 = 120_000_000;
+
+/// Time after which a command whose boards are awake has begun, us.
+const START_US: u64 = 500_000;
 
 impl Session {
-    /// A hand whose power has come on, its banner and its prompt said.
+    /// A hand after power-up, at its first prompt.
     pub fn new() -> Self {
-        Self::with(Memory::default())
+        Self::with_memory(Memory::default())
     }
 
-    /// The same, with what has survived.
-    pub fn with(memory: Memory) -> Self {
-        Self::of(Hand::new(Model::Averaged, 1, memory))
+    /// The same with the contents of GOD's memory.
+    pub fn with_memory(memory: Memory) -> Self {
+        Self::from_hand(Hand::new(Model::Averaged, 1, memory))
     }
 
-    /// The same with boards that a test makes, by their number.
-    pub fn of_boards(board: impl Fn(u8, Id) -> SimBoard) -> Self {
+    /// The same with boards made by a test, by their number.
+    pub fn with_boards(board: impl Fn(u8, Id) -> SimBoard) -> Self {
         let boards = (1..=7).map(|number| Node::new(board(number, Id::new(number).expect("a node"))));
-        Self::of(Hand::with(boards.collect(), Memory::default()))
+        Self::from_hand(Hand::with(boards.collect(), Memory::default()))
     }
 
-    pub fn of(hand: Hand) -> Self {
-        let mut session = Self { hand, heard: String::new() };
-        session.until_prompt();
+    pub fn from_hand(hand: Hand) -> Self {
+        let mut session = Self { hand, transcript: String::new() };
+        session.read_to_prompt();
         session
     }
 
-    /// Types a line, and waits for the next prompt. Returns what came after the echo, without line ends at its edges and the prompt.
-    pub fn line(&mut self, line: &str) -> String {
-        self.hand.push_rx(line.as_bytes());
-        self.hand.push_rx(b"\r");
-        answer(line, &self.until_prompt())
+    /// Types a line and waits for the prompt. Returns the answer: the text between echo and prompt, without line ends at its edges.
+    pub fn run(&mut self, line: &str) -> String {
+        self.type_line(line);
+        answer(line, &self.read_to_prompt())
     }
 
-    /// Types a line, and waits for the prompt for so long. Returns the answer and the time from the end of the line to the prompt, us.
+    /// The same with a timeout. Returns the answer and the time from the end of the line to the prompt, us.
     ///
     /// # Errors
-    /// There was no prompt: what was said, and what the motors do.
-    pub fn try_line(&mut self, line: &str, within_us: u64) -> Result<(String, u64), String> {
-        self.hand.push_rx(line.as_bytes());
-        self.hand.push_rx(b"\r");
-        let (said, us) = self.try_until_prompt(within_us).map_err(|hang| format!("{line}: {hang}"))?;
-        Ok((answer(line, &said), us))
+    /// No prompt in time: the text so far and the state of the motors.
+    pub fn try_run(&mut self, line: &str, within_us: u64) -> Result<(String, u64), String> {
+        self.type_line(line);
+        let (text, us) = self.try_read_to_prompt(within_us).map_err(|hang| format!("{line}: {hang}"))?;
+        Ok((answer(line, &text), us))
     }
 
-    /// Waits for the prompt for so long. Returns what was said up to its end, and the time.
+    /// Types a line that ends only by further input, and lets it run for [`START_US`]. Returns the text so far.
+    pub fn start(&mut self, line: &str) -> String {
+        self.type_line(line);
+        self.wait_us(START_US);
+        let text: String = self.hand.take_tx().into_iter().map(char::from).collect();
+        self.transcript.push_str(&text);
+        text
+    }
+
+    /// The same; then sends `input` and waits for the prompt. Returns the answer.
+    pub fn run_with_input(&mut self, line: &str, input: &[u8]) -> String {
+        let text = self.start(line);
+        self.hand.push_rx(input);
+        answer(line, &(text + &self.read_to_prompt()))
+    }
+
+    /// Types a line, and its CR.
+    pub fn type_line(&mut self, line: &str) {
+        self.hand.push_rx(line.as_bytes());
+        self.hand.push_rx(b"\r");
+    }
+
+    /// Waits for the prompt. Returns the text up to its end.
+    pub fn read_to_prompt(&mut self) -> String {
+        self.try_read_to_prompt(COMMAND_US).unwrap_or_else(|hang| panic!("{hang}")).0
+    }
+
+    /// The same with a timeout. Returns the time as well, us.
     ///
     /// # Errors
-    /// There was no prompt: what was said, and what the motors do.
-    pub fn try_until_prompt(&mut self, within_us: u64) -> Result<(String, u64), String> {
-        let begun_us = self.hand.now_us();
-        let mut said = String::new();
-        while !said.ends_with("\n\r=> ") {
-            if self.hand.now_us() - begun_us > within_us {
+    /// No prompt in time: the text so far and the state of the motors.
+    pub fn try_read_to_prompt(&mut self, within_us: u64) -> Result<(String, u64), String> {
+        let start_us = self.hand.now_us();
+        let mut text = String::new();
+        while !text.ends_with("\n\r=> ") {
+            if self.hand.now_us() - start_us > within_us {
                 return Err(format!(
-                    "no prompt within {} ms, but {said:?}; {}",
+                    "no prompt within {} ms, only {text:?}; {}",
                     within_us / 1000,
                     self.motors()
                 ));
             }
             self.wait_us(1000);
-            said.extend(self.hand.take_tx().into_iter().map(char::from));
+            text.extend(self.hand.take_tx().into_iter().map(char::from));
         }
-        self.heard.push_str(&said);
-        Ok((said, self.hand.now_us() - begun_us))
+        self.transcript.push_str(&text);
+        Ok((text, self.hand.now_us() - start_us))
     }
 
     /// Mode, end and fault of each motor, for messages.
     pub fn motors(&self) -> String {
         let motor = |node: &Node| {
-            node.application().map_or("not awake".to_owned(), |tater| {
-                let of = tater.status();
-                format!("{:?} {:?} {:?}", of.mode, of.end, of.fault)
+            node.application().map_or("asleep".to_owned(), |tater| {
+                let telemetry = tater.status();
+                format!("{:?} {:?} {:?}", telemetry.mode, telemetry.end, telemetry.fault)
             })
         };
         let motors: Vec<String> = self.hand.bus().stations().map(motor).collect();
         format!("motors: {}", motors.join(", "))
     }
 
-    /// Types a line that goes on until the host says more, and lets it go on for a while. Returns what was said.
-    pub fn begin(&mut self, line: &str) -> String {
-        self.hand.push_rx(line.as_bytes());
-        self.hand.push_rx(b"\r");
-        self.wait_us(WHILE_US);
-        let said: String = self.hand.take_tx().into_iter().map(char::from).collect();
-        self.heard.push_str(&said);
-        said
-    }
-
-    /// The same; then says more, and waits for the prompt. Returns what came as [`Self::line`] does.
-    pub fn line_and(&mut self, line: &str, more: &[u8]) -> String {
-        let said = self.begin(line);
-        self.hand.push_rx(more);
-        answer(line, &(said + &self.until_prompt()))
-    }
-
-    /// Waits for the prompt; what was said up to its end.
-    pub fn until_prompt(&mut self) -> String {
-        let end = self.hand.now_us() + MOST_US;
-        let mut said = String::new();
-        while !said.ends_with("\n\r=> ") {
-            assert!(self.hand.now_us() < end, "no prompt: {said:?}");
-            self.wait_us(1000);
-            said.extend(self.hand.take_tx().into_iter().map(char::from));
-        }
-        self.heard.push_str(&said);
-        said
-    }
-
-    /// Lets time pass.
+    /// Lets simulated time pass.
     pub fn wait_us(&mut self, us: u64) {
         self.hand.run_until(self.hand.now_us() + us);
     }
 }
 
-/// What was said between the echo of a line and the prompt, without line ends at its edges.
-fn answer(line: &str, said: &str) -> String {
-    let said = said.strip_prefix(line).unwrap_or_else(|| panic!("{line:?} is echoed: {said:?}"));
-    said.strip_suffix("=> ").expect("it ends there").trim().replace("\r\n\r", "\n")
+/// The text between the echo of a line and the prompt, without line ends at its edges.
+fn answer(line: &str, text: &str) -> String {
+    let text = text.strip_prefix(line).unwrap_or_else(|| panic!("no echo of {line:?} in {text:?}"));
+    text.strip_suffix("=> ").expect("it ends with the prompt").trim().replace("\r\n\r", "\n")
+}
+
+/// Types lines, one after another, and checks their answers.
+fn assert_answers(session: &mut Session, exchanges: &[(&str, &str)]) {
+    for (line, answer) in exchanges {
+        assert_eq!(session.run(line), *answer, "{line}");
+    }
 }

@@ -1,11 +1,10 @@
 //! Help, errors, version, RESET (manual 5.2.5, 5.2.6).
 
-use super::Session;
-use super::tables::{Row, exercise};
+use super::{Exchange, Session, assert_answers};
 use god::command::ROWS;
 
-/// Lines and answers; the long ones are in golden/administration.txt.
-pub const COMMANDS: &[Row] = &[
+/// Lines and answers. Long answers are in golden/administration.txt.
+pub const COMMANDS: &[Exchange] = &[
     ("?HI", "HI: finds the stops, and so where the motors are; then goes to 0"),
     ("?ic", "IC [counts 0..20000]: closes by so many counts, or by DS"),
     ("?A?", "A?: lists the commands, the advanced ones as well"),
@@ -28,15 +27,15 @@ pub const COMMANDS: &[Row] = &[
 ];
 
 #[test]
-fn commands() {
-    exercise(&mut Session::new(), COMMANDS);
+fn administration_commands_have_their_answers() {
+    assert_answers(&mut Session::new(), COMMANDS);
 }
 
 #[test]
-fn every_command_has_help_and_a_place_in_the_list() {
+fn help_covers_and_lists_every_command() {
     let mut session = Session::new();
-    let standard = session.line("?");
-    let all = session.line("A?");
+    let standard = session.run("?");
+    let all = session.run("A?");
     let names = |list: &str| -> Vec<String> {
         let lines = list.lines().flat_map(|line| line.split_once(": ").expect("a title").1.split(' '));
         lines.map(str::to_owned).collect()
@@ -46,29 +45,29 @@ fn every_command_has_help_and_a_place_in_the_list() {
     assert_eq!(names(&standard), names(&all)[..ROWS.len() - advanced.len()], "manual 5.2.6");
     assert!(names(&all).ends_with(&advanced.map(str::to_owned)));
     for row in ROWS {
-        let help = session.line(&format!("?{}", row.name));
+        let help = session.run(&format!("?{}", row.name));
         assert!(help.starts_with(row.name) && help.ends_with(row.help), "{help}");
     }
 }
 
-/// The boards wait in their monitors, and GOD has forgotten what was not stored.
+/// After RESET the boards are in their monitors, and GOD has lost what was not stored.
 #[test]
-fn reset_is_a_power_cycle() {
+fn reset_restarts_hand_and_boards() {
     let mut session = Session::new();
-    session.line("PSET LFT 1");
-    session.line("FSET DS 7");
-    session.line("REC 1");
+    session.run("PSET LFT 1");
+    session.run("FSET DS 7");
+    session.run("REC 1");
     assert_eq!(
-        session.line("1234567 G STAT"),
+        session.run("1234567 G STAT"),
         (1..=7).map(|n| format!("{n} STAT=2")).collect::<Vec<_>>().join("\n")
     );
-    session.line("RESET");
+    session.run("RESET");
     session.wait_us(100_000);
     assert_eq!(
-        session.line("1234567 G STAT"),
+        session.run("1234567 G STAT"),
         (1..=7).map(|n| format!("{n} STAT=0")).collect::<Vec<_>>().join("\n")
     );
-    exercise(&mut session, &[("PGET LFT", "0"), ("FGET DS", "1400 1400 1400 800"), ("VERS", "600")]);
-    let recorded = session.hand.memory().changed().expect("the first two lines of it").sequences;
-    assert_eq!(recorded[1], "1234567 G STAT\rRESET\r", "it records no more");
+    assert_answers(&mut session, &[("PGET LFT", "0"), ("FGET DS", "1400 1400 1400 800"), ("VERS", "600")]);
+    let recorded = session.hand.memory().changed().expect("the first two lines of the sequence").sequences;
+    assert_eq!(recorded[1], "1234567 G STAT\rRESET\r", "recording has ended");
 }

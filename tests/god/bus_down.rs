@@ -1,11 +1,11 @@
-//! A bus on which nobody acknowledges: GOD's frames are not taken, its queue fills, and its host has a prompt all the same.
+//! A dead bus: no board acknowledges, so GOD's frames stay in its queue. The host must still get a prompt in time.
 
 use super::Session;
-use super::movement::{counts, line_until};
+use super::movement::{counts, run_until};
 use tater_wire::{Body, Message, Node, Property};
 
-/// From the end of a line to its prompt with ERR 1, us: GOD notices after 40 ms that the bus takes nothing, or asks three times for 60 ms;
-/// then it restores what it can.
+/// Longest time from the end of a line to its prompt with ERR 1, us: GOD takes the bus for dead after 40 ms, waits 60 ms for each question after
+/// that, and SAVE and FLISTV ask up to seven.
 const DOWN_US: u64 = 500_000;
 
 /// Cuts the cable of every board, or mends it.
@@ -13,19 +13,19 @@ fn cut(session: &mut Session, cut: bool) {
     (0..7).for_each(|board| session.hand.bus_mut().cut(board, cut));
 }
 
-/// A hand that has been initialized, and whose bus is dead now.
+/// A hand after HI whose bus is dead.
 fn dead() -> Session {
     let mut session = Session::new();
-    assert_eq!(session.line("HI"), "");
+    assert_eq!(session.run("HI"), "");
     cut(&mut session, true);
     session
 }
 
-/// How long the bus stays dead after the prompt, us: longer than the 40 ms that GOD lets a frame wait.
+/// Time from the prompt to the bus's return, us: longer than the 40 ms for which GOD keeps a frame.
 const STAYS_DEAD_US: u64 = 100_000;
 
-/// Mends the bus some time after the prompt, and asserts that no stale order leaves: what may is left of a stop or a question, and fits
-/// the three mailboxes that GOD cannot look into.
+/// Mends the bus after the prompt and asserts that no stale order leaves. At most three frames may: the controller's mailboxes, which can
+/// hold the end of a stop or of a question.
 fn assert_nothing_stale(session: &mut Session, what: &str) {
     session.wait_us(STAYS_DEAD_US);
     session.hand.bus_mut().tap(true);
@@ -37,7 +37,7 @@ fn assert_nothing_stale(session: &mut Session, what: &str) {
     assert!(sent.len() <= 3 && !sent.iter().any(moves), "{what}: {sent:?}");
 }
 
-/// Whether an order can set a motor going.
+/// Whether an order can start a motor.
 fn moves(message: &Message) -> bool {
     let Body::Set { property, value } = message.body else { return !matches!(message.body, Body::Get(_)) };
     let property = Property::of(property).expect("a property");
@@ -50,8 +50,8 @@ fn moves(message: &Message) -> bool {
 }
 
 fn assert_works(session: &mut Session) {
-    assert_eq!(session.line("HOME"), "");
-    assert_eq!(session.line("FGET P"), "0 0 0 0");
+    assert_eq!(session.run("HOME"), "");
+    assert_eq!(session.run("FGET P"), "0 0 0 0");
 }
 
 #[test]
@@ -59,10 +59,10 @@ fn bus_down_at_power_up_each_command_is_err_1() {
     for line in ["FGET P", "HI", "WAKE", "FSAVE", "M 1000", "LOOP", "T"] {
         let mut session = Session::new();
         cut(&mut session, true);
-        let (answer, us) = session.try_line(line, DOWN_US).expect("bus down at power-up");
+        let (answer, us) = session.try_run(line, DOWN_US).expect("bus down at power-up");
         println!("figure: bus down at power-up: {line}: {answer} after {} ms", us / 1000);
         assert_eq!(answer, "ERR 1", "{line}");
-        assert_eq!(session.line("VERS"), "600");
+        assert_eq!(session.run("VERS"), "600");
         assert_nothing_stale(&mut session, line);
     }
 }
@@ -73,7 +73,7 @@ fn bus_down_at_the_prompt_each_command_is_err_1() {
         ["FGET P", "FSET DS 7", "FLISTV", "HI", "C", "M 1000", "TC", "T", "MACSET 3", "LOOP", "SAVE", "1 G P"]
     {
         let mut session = dead();
-        let (answer, us) = session.try_line(line, DOWN_US).expect("bus down at the prompt");
+        let (answer, us) = session.try_run(line, DOWN_US).expect("bus down at the prompt");
         println!("figure: bus down at the prompt: {line}: {answer} after {} ms", us / 1000);
         assert!(answer.ends_with("ERR 1"), "{line}: {answer}");
         assert_nothing_stale(&mut session, line);
@@ -86,17 +86,17 @@ fn bus_down_in_mid_motion_is_err_1() {
     for line in ["HI", "C", "M 9000", "MDEG 60", "MPER 60", "IC 3000", "WM 6000", "PTM 2000", "TC", "MAC 3"] {
         let mut session = Session::new();
         for line in ["HI", "M 4000", "MACSET 3", "M 1000"] {
-            assert_eq!(session.line(line), "");
+            assert_eq!(session.run(line), "");
         }
-        line_until(&mut session, line, |session| counts(session) != [18, 18, 18, 18, 5, 5, 5]);
+        run_until(&mut session, line, |session| counts(session) != [18, 18, 18, 18, 5, 5, 5]);
         session.wait_us(50_000);
         cut(&mut session, true);
-        let (said, us) = session.try_until_prompt(DOWN_US).expect("bus down in mid-motion");
+        let (received, us) = session.try_read_to_prompt(DOWN_US).expect("bus down in mid-motion");
         println!("figure: bus down in mid-motion: {line}: ERR 1 after {} ms", us / 1000);
-        assert!(said.ends_with("ERR 1\r\n\r=> "), "{line}: {said:?}");
+        assert!(received.ends_with("ERR 1\r\n\r=> "), "{line}: {received:?}");
         assert_nothing_stale(&mut session, line);
         session.wait_us(3_000_000);
-        assert_eq!(session.line("HI"), "");
+        assert_eq!(session.run("HI"), "");
         assert_works(&mut session);
     }
 }
@@ -106,11 +106,11 @@ fn block(header: u8) -> Vec<u8> {
     [&[header][..], &[20, 32].repeat(7)].concat()
 }
 
-/// A hand in LOOP whose bus is dead now, after some blocks.
+/// A hand in LOOP whose bus is dead after some blocks.
 fn dead_in_loop() -> Session {
     let mut session = Session::new();
-    assert_eq!(session.line("HI"), "");
-    assert!(session.begin("X1234567LOOP").ends_with('*'));
+    assert_eq!(session.run("HI"), "");
+    assert!(session.start("X1234567LOOP").ends_with('*'));
     for _ in 0..10 {
         session.hand.push_rx(&block(b'c'));
         session.wait_us(10_000);
@@ -124,32 +124,32 @@ fn dead_in_loop() -> Session {
 fn bus_down_in_loop_the_next_block_is_err_1() {
     for header in [b'C', b'c'] {
         let mut session = dead_in_loop();
-        let mut said = String::new();
-        let begun_us = session.hand.now_us();
-        while !said.ends_with("\n\r=> ") {
+        let mut received = String::new();
+        let start_us = session.hand.now_us();
+        while !received.ends_with("\n\r=> ") {
             assert!(
-                session.hand.now_us() < begun_us + 2 * DOWN_US,
-                "no prompt, but {said:?}; {}",
+                session.hand.now_us() < start_us + 2 * DOWN_US,
+                "no prompt, but {received:?}; {}",
                 session.motors()
             );
             session.hand.push_rx(&block(header));
             session.wait_us(20_000);
-            said.extend(session.hand.take_tx().into_iter().map(char::from));
+            received.extend(session.hand.take_tx().into_iter().map(char::from));
         }
         println!(
             "figure: bus down in LOOP, blocks {:?}: ERR 1 after {} ms",
             char::from(header),
-            (session.hand.now_us() - begun_us) / 1000
+            (session.hand.now_us() - start_us) / 1000
         );
-        assert!(said.contains("\r\n\rERR 1\r\n\r=> "), "{said:?}");
+        assert!(received.contains("\r\n\rERR 1\r\n\r=> "), "{received:?}");
         assert_nothing_stale(&mut session, "LOOP");
         session.hand.push_rx(b"\x03");
-        session.try_until_prompt(DOWN_US).expect("^C");
+        session.try_read_to_prompt(DOWN_US).expect("^C");
         assert_works(&mut session);
     }
 }
 
-/// So many blocks fill every queue on the way to the bus.
+/// Blocks that fill every queue on the way to the bus.
 const BLOCKS: usize = 20;
 
 #[test]
@@ -169,11 +169,11 @@ fn bus_down_in_loop_control_c_disconnect_and_a_new_host_get_a_prompt() {
                 session.hand.push_rx(b"\r");
             }
         }
-        let (_, us) = session.try_until_prompt(DOWN_US).unwrap_or_else(|hang| panic!("{how}: {hang}"));
+        let (_, us) = session.try_read_to_prompt(DOWN_US).unwrap_or_else(|hang| panic!("{how}: {hang}"));
         println!("figure: bus down in LOOP: {how}: prompt after {} ms", us / 1000);
         session.wait_us(DOWN_US);
         session.hand.take_tx();
-        assert_eq!(session.line("VERS"), "600", "{how}");
+        assert_eq!(session.run("VERS"), "600", "{how}");
         assert_nothing_stale(&mut session, how);
         assert_works(&mut session);
     }
@@ -195,7 +195,7 @@ fn bus_down_in_a_command_control_c_and_disconnect_get_a_prompt() {
                     session.hand.push_rx(b"\x03")
                 }
                 let (_, us) = session
-                    .try_until_prompt(DOWN_US)
+                    .try_read_to_prompt(DOWN_US)
                     .unwrap_or_else(|hang| panic!("{line}, {wait_us} us, disconnect {hangs_up}: {hang}"));
                 println!(
                     "figure: bus down, {line}, {wait_us} us, disconnect {hangs_up}: prompt after {} ms",

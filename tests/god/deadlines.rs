@@ -1,16 +1,15 @@
-//! How long a command may take to its prompt, and what becomes of a motor whose board refuses its order.
+//! Longest times from a command to its prompt, and motors whose boards refuse an order.
 
 use super::Session;
 use super::movement::assert_near;
 
-/// Cruise speed of a move and of TC and TO, counts/s: MV, MCV and MOV are 1000, which no joint's range is long enough to reach. A tip that
-/// goes along with its link by velocity has 13/49 of that.
+/// Speed of a tip in TC and TO, counts/s: it follows its link by velocity at 13/49 of MCV's and MOV's 1000.
 const TIP_ALONG: u64 = 265;
 
 /// Homing speed IVEL, counts/s.
 const HOMING: u64 = 200;
 
-/// Velocity that friction takes from a proportional loop, counts/s: 63 torque units (decision 0003) by KPV's gain of 2.
+/// Droop of the proportional velocity loop under friction, counts/s: 63 torque units (decision 0003) divided by KPV's gain of 2.
 const DROOP: u64 = 32;
 
 /// The joints' ranges, hall counts (manual table 1): link, spread, tip.
@@ -18,19 +17,19 @@ const LINK: u64 = 363;
 const SPREAD: u64 = 166;
 const TIP: u64 = 508;
 
-/// What the longest move of a tip takes, ms: 2·√(distance/acceleration), acceleration = (ACCEL/1024)² counts/ms² with ACCEL 30. A link
-/// (ACCEL 40) takes 976 ms and the spread 880 ms.
+/// Longest move, ms, a tip's over its whole range: 2·√(distance/acceleration) with an acceleration of (ACCEL/1024)² counts/ms² (decision
+/// 0002). No range is long enough to reach MV. A link takes 976 ms and the spread 880 ms.
 const MOVE_MS: u64 = triangle_ms(TIP, 30);
 
-/// GOD's own time, ms, whatever breaks: five questions in a row that a silent board does not answer, each three times for 60 ms, and 100 ms
-/// for the spread's brake (30 ms), for boards that wake up (26 ms) and for all that is answered (under 1 ms each).
+/// The constant: GOD's own time, ms, under any fault. Five questions in a row to a silent board take three times 60 ms each. 100 ms are for
+/// the spread's brake (30 ms), waking boards (26 ms) and questions that are answered (under 1 ms each).
 const OWN_MS: u64 = 5 * 3 * 60 + 100;
 
-/// In which a motor that has refused its order or has a fault ends its share of a command, us (issue 13).
+/// Longest time in which a motor that refuses an order or has a fault ends its share of a command, us.
 pub const SHARE_US: u64 = 100_000;
 
-/// From ^C or a disconnect to the prompt, us: GOD stops the motors and restores up to three properties; a silent board costs each
-/// three questions of 60 ms.
+/// Longest time from ^C or a disconnect to the prompt, us: GOD stops the motors and restores up to three properties, each with three
+/// questions of 60 ms to a silent board.
 pub const ABORT_US: u64 = 600_000;
 
 /// 2·√(distance/acceleration), rounded up.
@@ -38,8 +37,8 @@ const fn triangle_ms(counts: u64, accel: u64) -> u64 {
     2 * (counts * 1024 * 1024).isqrt() / accel + 1
 }
 
-/// What the motors need for a command at most, us: TSTOP (ms) once for each stage that can stall, the travel of each stage, and
-/// GOD's own time.
+/// Longest time of a command, us: TSTOP (ms) for each stage, since each can stall, the travel of each stage, and GOD's own time. TSTOP 0
+/// has no bound: such a motor never ends by a stall.
 pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
     let name = line
         .split(' ')
@@ -47,7 +46,7 @@ pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
         .unwrap_or_default()
         .trim_start_matches(['X', '1', '2', '3', '4', '5', '6', '7']);
     let (stages, travel_ms) = match name {
-        // Links to their stops and IOFF 25 back; then tips to theirs and 350 back, the spread meanwhile.
+        // Links to their stops and IOFF 25 back, then tips to theirs and 350 back; the spread is faster.
         "HI" => (
             2,
             LINK * 1000 / (HOMING - DROOP)
@@ -55,7 +54,7 @@ pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
                 + TIP * 1000 / (HOMING - DROOP)
                 + triangle_ms(350, 30),
         ),
-        // A tip whose link meets something goes on to its own goal.
+        // A tip whose link breaks away continues to its own goal.
         "C" => (2, 2 * MOVE_MS),
         "TC" | "TO" => (1, TIP * 1000 / (TIP_ALONG - DROOP)),
         "T" => (0, 0),
@@ -67,10 +66,10 @@ pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
 
 const _: () = assert!(MOVE_MS > triangle_ms(LINK, 40) && MOVE_MS > triangle_ms(SPREAD, 30));
 
-/// What is typed before, the command, its answer, and how long it may take, us, if that is not [`command_us`].
+/// Lines before the command, the command, its answer, and its longest time, us, if that is not [`command_us`].
 type Refused = (&'static [&'static str], &'static str, &'static str, Option<u64>);
 
-/// Orders that a board refuses, and some that only look like it.
+/// Orders that a board refuses, and two that it accepts.
 const REFUSED: &[Refused] = &[
     // The motor is at 25 °C. OverTemperature, and so not initialized; the others are.
     (&["WAKE", "1 S OTEMP 250"], "HI", "ERR 8196", None),
@@ -90,10 +89,10 @@ fn refused_order_ends_with_a_status() {
     for (before, line, expected, within_us) in REFUSED {
         let mut session = Session::new();
         for line in *before {
-            session.line(line);
+            session.run(line);
         }
         let within_us = within_us.unwrap_or_else(|| command_us(line, 400));
-        match session.try_line(line, within_us) {
+        match session.try_run(line, within_us) {
             Ok((answer, us)) if answer == *expected => {
                 println!(
                     "figure: deadlines: {before:?}, {line}: {answer:?} after {} ms, bound {} ms",
@@ -108,15 +107,14 @@ fn refused_order_ends_with_a_status() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// The motor that refuses ends its share; the other six are initialized by the same HI.
 #[test]
 fn refused_homing_leaves_the_others_initialized() {
     for refusal in ["1 S OTEMP 250", "1 S IVEL 0"] {
         let mut session = Session::new();
-        session.line("WAKE");
-        session.line(refusal);
-        session.line("HI");
-        assert_eq!(session.line("X234567M 1000"), "", "{refusal}");
+        session.run("WAKE");
+        session.run(refusal);
+        session.run("HI");
+        assert_eq!(session.run("X234567M 1000"), "", "{refusal}");
         assert_near(&session, [0, 18, 18, 18, 18, 18, 18], refusal);
     }
 }

@@ -1,4 +1,4 @@
-//! Single faults: what breaks, on which motor and when. Every command still reaches a prompt, and every motor that works does its part.
+//! Single faults at any moment: every command reaches its prompt in time, and healthy motors reach their goals.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -13,9 +13,9 @@ use tater_fw::Board;
 
 use super::Session;
 use super::deadlines::{ABORT_US, SHARE_US, command_us};
-use super::movement::{NEAR, counts};
+use super::movement::{TOLERANCE, counts};
 
-/// What can break at one motor.
+/// A fault of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     /// All hall lines are open.
@@ -52,7 +52,7 @@ const FAULTS: [Fault; 10] = [
     WornFlash,
 ];
 
-/// Faults that a board sees at once, without its motor's turning: it refuses every order to move.
+/// Faults that a board detects at rest. It then refuses every order to move.
 const REFUSING: [Fault; 5] = [HallCable, LowSupply, HighSupply, OpenThermistor, HotMotor];
 
 /// A link, the spread and a tip.
@@ -77,35 +77,35 @@ impl Fault {
     }
 }
 
-/// When it breaks.
+/// When the fault appears.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Moment {
     PowerUp,
-    /// The boards are awake, and have seen the fault before the command comes.
+    /// The boards are awake and have detected the fault before the command.
     Prompt,
-    /// So long after the command's end of line, ms.
+    /// This long after the end of the line, ms.
     MidMotion(u64),
 }
 
-/// The motion commands, with arguments that move every motor from where [`saved`] has put it.
+/// The motion commands, with arguments that move every motor of [`saved`].
 const COMMANDS: [&str; 16] = [
     "HI", "C", "O", "M 9000", "MDEG 60", "MPER 60", "IC 3000", "IO 2000", "HOME", "TC", "TO", "T", "WM 6000",
     "PTM 2000", "MAC 3", "LOOP",
 ];
 
-/// A hand that knows where its motors are, in the middle of their ranges, and has macro 3.
+/// A hand with trusted positions in the middle of the ranges, and macro 3.
 fn saved() -> &'static State {
     static SAVED: OnceLock<State> = OnceLock::new();
     SAVED.get_or_init(|| {
         let mut session = Session::new();
         for line in ["HI", "M 8000", "MACSET 3", "M 4000", "SAVE"] {
-            assert_eq!(session.line(line), "", "{line}");
+            assert_eq!(session.run(line), "", "{line}");
         }
         session.hand.state()
     })
 }
 
-/// A single fault and the command that meets it.
+/// A single fault and a command.
 #[derive(Clone, Debug)]
 struct Case {
     fault: Fault,
@@ -114,28 +114,26 @@ struct Case {
     line: String,
     /// TSTOP of all motors, ms; `None`: the defaults, 300 and 400.
     tstop_ms: Option<u64>,
-    /// Whether a host in LOOP says ^C after a while, if no error has ended it.
-    ends_loop: bool,
 }
 
-/// What came of it.
+/// Result of a case.
 #[derive(Debug)]
 struct Outcome {
     /// The number after ERR, or 0.
     status: u16,
-    /// From the end of the line to the prompt, us.
+    /// Time from the end of the line to the prompt, us.
     took_us: u64,
-    /// From the fault, if that was later.
+    /// Time from the fault to the prompt, if the fault was later, us.
     after_fault_us: u64,
 }
 
-/// How long a host stays in LOOP if nothing ends it, us, and how often it says a block.
+/// Time after which the host ends LOOP by ^C, and time between two blocks, us.
 const LOOP_US: u64 = 1_000_000;
 const BLOCK_US: u64 = 20_000;
 
 impl Case {
     fn new(fault: Fault, motor: u8, moment: Moment, line: impl Into<String>) -> Self {
-        Self { fault, motor, moment, line: line.into(), tstop_ms: None, ends_loop: true }
+        Self { fault, motor, moment, line: line.into(), tstop_ms: None }
     }
 
     fn bound_us(&self) -> u64 {
@@ -143,17 +141,17 @@ impl Case {
         host_us + command_us(&self.line, self.tstop_ms.unwrap_or(400))
     }
 
-    /// At the prompt before the command.
+    /// The hand at the prompt before the command.
     fn session(&self) -> Session {
         let mut hand = Hand::restore(Model::Averaged, 1, saved()).expect("within its stops");
         if self.moment == Moment::PowerUp {
             self.fault.inject(&mut hand, self.motor);
         }
-        let mut session = Session::of(hand);
+        let mut session = Session::from_hand(hand);
         if let Some(ms) = self.tstop_ms {
-            session.line(&format!("X1234567FSET TSTOP {ms}"));
+            session.run(&format!("X1234567FSET TSTOP {ms}"));
         } else if self.moment != Moment::PowerUp {
-            session.line("WAKE");
+            session.run("WAKE");
         }
         if self.moment == Moment::Prompt {
             self.fault.inject(&mut session.hand, self.motor);
@@ -165,40 +163,40 @@ impl Case {
     /// Runs the command to its prompt.
     fn run(&self) -> Result<Outcome, String> {
         let mut session = self.session();
-        let begun_us = session.hand.now_us();
+        let start_us = session.hand.now_us();
         session.hand.push_rx(self.line.as_bytes());
         session.hand.push_rx(b"\r");
-        let (mut said, mut fault_us) = (String::new(), begun_us);
-        while !said.ends_with("\n\r=> ") {
-            let elapsed_us = session.hand.now_us() - begun_us;
+        let (mut received, mut fault_us) = (String::new(), start_us);
+        while !received.ends_with("\n\r=> ") {
+            let elapsed_us = session.hand.now_us() - start_us;
             if elapsed_us > self.bound_us() {
                 return Err(format!(
-                    "{self:?}: no prompt within {} ms, but {said:?}; {}",
+                    "{self:?}: no prompt within {} ms, but {received:?}; {}",
                     self.bound_us() / 1000,
                     session.motors()
                 ));
             }
-            if self.moment == Moment::MidMotion(elapsed_us / 1000) && fault_us == begun_us {
+            if self.moment == Moment::MidMotion(elapsed_us / 1000) && fault_us == start_us {
                 self.fault.inject(&mut session.hand, self.motor);
                 fault_us = session.hand.now_us();
             }
-            if said.starts_with(&format!("{}*", self.line)) && elapsed_us.is_multiple_of(BLOCK_US) {
-                self.say_block(&mut session, elapsed_us);
+            if received.starts_with(&format!("{}*", self.line)) && elapsed_us.is_multiple_of(BLOCK_US) {
+                self.send_block(&mut session, elapsed_us);
             }
             session.wait_us(1000);
-            said.extend(session.hand.take_tx().into_iter().map(char::from));
+            received.extend(session.hand.take_tx().into_iter().map(char::from));
         }
         let now_us = session.hand.now_us();
-        let status = said.rsplit_once("ERR ").and_then(|(_, rest)| rest.split('\r').next()?.parse().ok());
+        let status = received.rsplit_once("ERR ").and_then(|(_, rest)| rest.split('\r').next()?.parse().ok());
         Ok(Outcome {
             status: status.unwrap_or(0),
-            took_us: now_us - begun_us,
+            took_us: now_us - start_us,
             after_fault_us: now_us - fault_us,
         })
     }
 
-    fn say_block(&self, session: &mut Session, elapsed_us: u64) {
-        if self.ends_loop && elapsed_us > LOOP_US {
+    fn send_block(&self, session: &mut Session, elapsed_us: u64) {
+        if elapsed_us > LOOP_US {
             session.hand.push_rx(b"\x03");
         } else {
             let axes = if self.line.starts_with('X') { 1 } else { 4 };
@@ -207,8 +205,8 @@ impl Case {
     }
 }
 
-/// Runs each fault with each motion command, of the whole hand and of the motor alone.
-fn each_command(moment: Moment) {
+/// Runs each fault with each motion command, for the whole hand and for the motor alone.
+fn run_each_command(moment: Moment) {
     let mut wrong = Vec::new();
     let mut slowest: BTreeMap<&str, (u64, String)> = BTreeMap::new();
     for fault in FAULTS {
@@ -237,25 +235,25 @@ fn each_command(moment: Moment) {
             us / 1000
         );
     }
-    assert!(wrong.is_empty(), "{} hang:\n{}", wrong.len(), wrong.join("\n"));
+    assert!(wrong.is_empty(), "{} runs without a prompt:\n{}", wrong.len(), wrong.join("\n"));
 }
 
 #[test]
 fn fault_at_power_up_each_command_reaches_its_prompt() {
-    each_command(Moment::PowerUp);
+    run_each_command(Moment::PowerUp);
 }
 
 #[test]
 fn fault_at_the_prompt_each_command_reaches_its_prompt() {
-    each_command(Moment::Prompt);
+    run_each_command(Moment::Prompt);
 }
 
 #[test]
 fn fault_in_mid_motion_each_command_reaches_its_prompt() {
-    each_command(Moment::MidMotion(200));
+    run_each_command(Moment::MidMotion(200));
 }
 
-/// T switches off whatever it finds; WM and PTM have no use for the other motors.
+/// Whether a command moves a motor. T moves none, WM only fingers, PTM only tips.
 fn moves(command: &str, motor: u8) -> bool {
     match command {
         "T" => false,
@@ -274,7 +272,7 @@ fn refused_motor_ends_within_100_ms_with_a_status() {
                 for moment in [Moment::Prompt, Moment::MidMotion(100)] {
                     let case = Case::new(fault, motor, moment, format!("X{motor}{command}"));
                     match case.run() {
-                        // It has ended before.
+                        // The motion had ended before the fault.
                         Ok(outcome) if outcome.status == 0 && matches!(moment, Moment::MidMotion(_)) => {}
                         Ok(outcome) if outcome.status != 0 && outcome.after_fault_us <= SHARE_US => {
                             slowest = slowest.max(outcome.after_fault_us);
@@ -290,7 +288,7 @@ fn refused_motor_ends_within_100_ms_with_a_status() {
     assert!(wrong.is_empty(), "{}:\n{}", wrong.len(), wrong.join("\n"));
 }
 
-/// Motors 1 and 3 go on when motor 2, or its tip, is refused: to their goals, with nothing against them.
+/// Fingers 1 and 3 reach their goals with status 0 when motor 2 or its tip fails.
 #[test]
 fn refused_motor_leaves_the_others_their_goals() {
     for fault in REFUSING {
@@ -300,21 +298,20 @@ fn refused_motor_leaves_the_others_their_goals() {
             session.hand.push_rx(b"GM 9000\r");
             session.wait_us(100_000);
             fault.inject(&mut session.hand, motor);
-            let (said, _) =
-                session.try_until_prompt(case.bound_us()).unwrap_or_else(|hang| panic!("{case:?}: {hang}"));
-            assert!(said.contains("ERR "), "{case:?}: {said:?}");
+            let (received, _) =
+                session.try_read_to_prompt(case.bound_us()).unwrap_or_else(|hang| panic!("{case:?}: {hang}"));
+            assert!(received.contains("ERR "), "{case:?}: {received:?}");
             // 9000 GCL counts are 164 hall counts, and 44 of the tips.
             let found = counts(&session);
             for (place, goal) in [(0, 164), (2, 164), (4, 44), (6, 44)] {
-                assert!((found[place] - goal).abs() <= NEAR, "{case:?}: {found:?}");
+                assert!((found[place] - goal).abs() <= TOLERANCE, "{case:?}: {found:?}");
             }
-            assert_eq!(session.line("13FGET S"), "0 0", "{case:?}");
-            assert_ne!(session.line(&format!("X{motor}FGET S")), "0", "{case:?}");
+            assert_eq!(session.run("13FGET S"), "0 0", "{case:?}");
+            assert_ne!(session.run(&format!("X{motor}FGET S")), "0", "{case:?}");
         }
     }
 }
 
-/// HI of a hand with one motor that cannot: the others are initialized.
 #[test]
 fn refused_motor_leaves_the_others_initialized() {
     for fault in REFUSING {
@@ -322,21 +319,21 @@ fn refused_motor_leaves_the_others_initialized() {
             let case = Case::new(fault, motor, Moment::PowerUp, "HI");
             let mut session = case.session();
             let (answer, _) =
-                session.try_line("HI", case.bound_us()).unwrap_or_else(|hang| panic!("{case:?}: {hang}"));
+                session.try_run("HI", case.bound_us()).unwrap_or_else(|hang| panic!("{case:?}: {hang}"));
             assert!(answer.starts_with("ERR "), "{case:?}: {answer}");
             for other in (1..=7).filter(|&other| other != motor) {
-                assert_eq!(session.line(&format!("X{other}M 1000")), "", "{case:?}: motor {other}");
+                assert_eq!(session.run(&format!("X{other}M 1000")), "", "{case:?}: motor {other}");
             }
         }
     }
 }
 
-/// Cases of a property: 96 in CI, or GOD_FAULT_CASES.
+/// Cases of a property: 96, or GOD_FAULT_CASES.
 fn cases() -> u32 {
     std::env::var("GOD_FAULT_CASES").map_or(96, |cases| cases.parse().expect("GOD_FAULT_CASES is a number"))
 }
 
-/// Runs a property on the same cases each time.
+/// Runs a property with a fixed seed.
 fn check<S: Strategy>(seed: u64, of: S, property: impl Fn(S::Value) -> Result<(), TestCaseError>) {
     let config = Config {
         cases: cases(),
@@ -353,7 +350,7 @@ fn any_case() -> impl Strategy<Value = Case> {
     let moment = prop_oneof![
         Just(Moment::PowerUp),
         Just(Moment::Prompt),
-        // HI takes 5 s; a motion that has ended before meets no fault.
+        // Most motions take 1 s; HI takes 5 s.
         (0u64..1_200).prop_map(Moment::MidMotion),
         (0u64..5_000).prop_map(Moment::MidMotion),
     ];
@@ -405,7 +402,7 @@ fn control_c_and_disconnect_under_any_single_fault_get_a_prompt() {
             session.hand.push_rx(b"\x03")
         }
         let (_, us) = session
-            .try_until_prompt(ABORT_US)
+            .try_read_to_prompt(ABORT_US)
             .map_err(|hang| TestCaseError::fail(format!("{case:?}: {hang}")))?;
         slowest.set(us.max(slowest.get()));
         Ok(())

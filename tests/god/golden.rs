@@ -1,8 +1,7 @@
-//! Transcripts of the manual's examples, as the host sees them: `golden/*.txt`. What follows a prompt there is typed; a prompt with
-//! nothing after it waits for the next one. BLESS_GOD=1 writes them anew.
+//! Transcripts of the manual's examples as the host sees them: `golden/*.txt`. Text after a prompt is typed; an empty prompt waits for the
+//! next one. BLESS_GOD=1 rewrites them.
 //!
-//! After LOOP's `*` a line that begins with a header's letter is a control block, its data in hexadecimal, and the line after it is what
-//! the hand answers; `^C` ends it.
+//! After LOOP's `*` a line is a control block, its data in hexadecimal, and the next line is the hand's answer; `^C` ends LOOP.
 
 use std::path::{Path, PathBuf};
 
@@ -10,16 +9,16 @@ use super::Session;
 
 const PROMPT: &str = "=> ";
 
-/// What ends RealTime control.
+/// The line that ends RealTime.
 const ABORT: &str = "^C";
 
-/// From a control block to the next, us: the hand answers in a few milliseconds.
+/// Time between two control blocks, us; the hand answers in a few milliseconds.
 const BLOCK_US: u64 = 20_000;
 
-/// Of GOD's board, 0.1 °C: two bytes that differ.
+/// Temperature of GOD's board, 0.1 °C; its two bytes differ, so their order shows.
 const TEMPERATURE: i16 = 312;
 
-/// The examples of chapter 5.2 by section; what they are examples of is the command in them. 5.3 and 5.4 have none.
+/// The examples of chapter 5.2 by section. 5.3 and 5.4 have none.
 const EXAMPLES: &[(&str, &[&str])] = &[
     (
         "5.2.1",
@@ -48,7 +47,7 @@ const EXAMPLES: &[(&str, &[&str])] = &[
     ("5.2.6", &["A?", "FLISTA", "3FLISTAV", "PLISTA", "PLISTAV"]),
 ];
 
-/// The example of 6.4, as it stands there, twice the same lines included.
+/// The example of 6.4 verbatim, including its repeated lines.
 const REALTIME: &[&str] = &[
     "12FSET LCV 1",
     "12FSET LCVC 1",
@@ -69,7 +68,7 @@ const REALTIME: &[&str] = &[
     "124LOOP",
 ];
 
-/// `name = "file";`: a test that plays a transcript, and the list of all of them.
+/// `name = "file";` makes a test that replays a transcript, and lists all files.
 macro_rules! transcripts {
     ($($name:ident = $file:literal;)*) => {
         $(
@@ -105,50 +104,50 @@ fn read(name: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Holds what was found against a transcript.
+/// Compares text with a transcript.
 pub fn verbatim(name: &str, found: &str) {
     if std::env::var_os("BLESS_GOD").is_some() {
         std::fs::write(path(name), found).expect("it can be written");
     } else {
-        assert!(found == read(name), "{name}: if that is meant, BLESS_GOD=1 writes it\n{found}");
+        assert!(found == read(name), "{name}: if the change is intended, BLESS_GOD=1 rewrites it\n{found}");
     }
 }
 
-/// The lines that a transcript types.
+/// Lines typed in a transcript.
 fn typed(transcript: &str) -> Vec<&str> {
     let lines = transcript.lines().filter_map(|line| line.strip_prefix(PROMPT));
     lines.map(|line| line.strip_suffix('*').unwrap_or(line)).collect()
 }
 
-/// Types what a transcript types, and tells how it went.
+/// Types the lines of a transcript. Returns the new transcript.
 fn played(expected: &str) -> String {
     let mut session = Session::new();
     session.hand.io().set_temperature(TEMPERATURE);
     let mut prompts = typed(expected);
-    // The last one is where it ends.
+    // The last prompt stays empty.
     assert_eq!(prompts.pop(), Some(""), "a transcript ends with a prompt");
     let mut lines = expected.lines();
     for typed in prompts {
-        // Up to that prompt, and so to the blocks after it.
+        // Skip to that prompt; the blocks follow it.
         lines.by_ref().find(|line| line.starts_with(PROMPT));
         if typed.is_empty() {
-            session.until_prompt();
+            session.read_to_prompt();
         } else if typed.ends_with("LOOP") {
-            session.begin(typed);
+            session.start(typed);
             let blocks =
                 lines.by_ref().take_while(|line| *line != ABORT).filter(|line| !line.starts_with('*'));
             blocks.for_each(|block| exchange(&mut session, block));
-            session.heard.push_str(&format!("\r\n\r{ABORT}"));
+            session.transcript.push_str(&format!("\r\n\r{ABORT}"));
             session.hand.push_rx(b"\x03");
-            session.until_prompt();
+            session.read_to_prompt();
         } else {
-            session.line(typed);
+            session.run(typed);
         }
     }
-    session.heard.replace("\r\n\r", "\n").trim_start().to_owned() + "\n"
+    session.transcript.replace("\r\n\r", "\n").trim_start().to_owned() + "\n"
 }
 
-/// A control block, such as `C 0a f6`, and its answer.
+/// Sends a control block, such as `C 0a f6`, and records its answer.
 fn exchange(session: &mut Session, block: &str) {
     let (header, data) = block.split_at(1);
     let data = data.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).expect("hexadecimal"));
@@ -158,11 +157,11 @@ fn exchange(session: &mut Session, block: &str) {
     let answer = session.hand.take_tx();
     let (star, data) = answer.split_first().expect("an answer");
     let data: String = data.iter().map(|byte| format!(" {byte:02x}")).collect();
-    session.heard.push_str(&format!("\r\n\r{block}\r\n\r{}{data}", char::from(*star)));
+    session.transcript.push_str(&format!("\r\n\r{block}\r\n\r{}{data}", char::from(*star)));
 }
 
 #[test]
-fn every_example_of_the_manual_is_in_a_transcript() {
+fn transcripts_cover_the_manuals_examples() {
     let transcripts: Vec<String> = PLAYED.iter().map(|name| read(name)).collect();
     let all: Vec<&str> = transcripts.iter().flat_map(|transcript| typed(transcript)).collect();
     for (section, examples) in EXAMPLES {
@@ -173,9 +172,8 @@ fn every_example_of_the_manual_is_in_a_transcript() {
     assert!(all.windows(REALTIME.len()).any(|lines| lines == REALTIME), "6.4");
 }
 
-/// Nobody forgets to play one.
 #[test]
-fn every_transcript_is_played() {
+fn every_transcript_is_replayed() {
     let files = std::fs::read_dir(folder()).expect("it can be read");
     let mut names: Vec<String> = files
         .map(|file| {

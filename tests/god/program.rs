@@ -1,9 +1,9 @@
-//! A script of lines, as `hil-sim gcl` types it.
+//! Scripts as `hil-sim gcl` types them.
 
 use god::Memory;
 use hil_sim::hand::Hand;
-use hil_sim::typist::{Reply, Typist};
 use hil_sim::plant::Model;
+use hil_sim::typist::{Reply, Typist};
 
 fn typist() -> Typist {
     let (typist, hello) = Typist::new(Hand::new(Model::Averaged, 1, Memory::default())).expect("it prompts");
@@ -12,40 +12,40 @@ fn typist() -> Typist {
 }
 
 #[test]
-fn lines_have_their_answers_and_statuses() {
+fn typist_returns_answers_and_statuses() {
     let mut typist = typist();
     let [long, longer] = [1_000, 4_000].map(|len| "x".repeat(len));
     for (line, answer, status) in [
         ("", "", 0),
         ("frOb", "ERR 32", 32),
         ("frob\x03", "", 0),
-        // Longer than GOD's queue of bytes: it has heard all of it.
+        // Longer than GOD's input queue: no byte is lost.
         (&long, "ERR 1024", 1024),
-        // Longer than what it can say: its echo.
+        // The echo is longer than GOD's output queue.
         (&longer, "ERR 1024", 1024),
         ("HI", "", 0),
         ("1 loop ", "*", 0),
         ("", "", 0),
     ] {
-        let said = typist.run_line(line).expect("it prompts");
-        let ms = said.ms;
+        let received = typist.run_line(line).expect("it prompts");
+        let ms = received.ms;
         let (line, answer, unsolicited) = (line.to_owned(), answer.to_owned(), vec![]);
-        assert_eq!(said, Reply { line, answer, status, unsolicited, ms });
-        assert!(ms > 0.0 && ms < 5000.0, "{ms} ms: {said:?}");
+        assert_eq!(received, Reply { line, answer, status, unsolicited, ms });
+        assert!(ms > 0.0 && ms < 5000.0, "{ms} ms: {received:?}");
     }
 }
 
 #[test]
-fn what_nobody_asked_for_is_no_line_s_answer() {
+fn typist_separates_unsolicited_text_from_answers() {
     let mut typist = typist();
     for line in ["HI", "4 S E 82", "4 S M 5", "WAIT 2000"] {
-        let said = typist.run_line(line).expect("it prompts");
-        assert_eq!((&*said.answer, said.unsolicited.len()), ("", 0), "{said:?}");
+        let received = typist.run_line(line).expect("it prompts");
+        assert_eq!((&*received.answer, received.unsolicited.len()), ("", 0), "{received:?}");
     }
     assert_eq!(typist.run_line("4 G AP").expect("it prompts").unsolicited, ["4 MODE=3"]);
     typist.run_line("4 S E 0").expect("it prompts");
     typist.run_line("4 S M 5").expect("it prompts");
-    // More than any other line has.
+    // Longer than the timeout of any other line.
     assert_eq!(typist.run_line("wait 700000").expect("it prompts").ms.round(), 700_000.0);
     assert_eq!(typist.unsolicited(), ["4 MODE=3"]);
 }

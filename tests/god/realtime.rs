@@ -1,4 +1,4 @@
-//! LOOP and its blocks (manual 6), and how fast they go.
+//! LOOP, its blocks (manual 6) and their rate.
 
 mod errors;
 mod going_on;
@@ -11,69 +11,69 @@ struct Host {
     session: Session,
 }
 
-/// Longest that a block may take, us: a clumsy client's patience (PROTOCOL 3: 100 ms a block).
+/// Longest answer to a block, us: clients wait 100 ms (decision 0026).
 const BLOCK_US: u64 = 100_000;
 
 impl Host {
-    /// In RealTime with the motors of a prefix.
+    /// A hand after HI, in RealTime with the motors of a prefix.
     fn new(prefix: &str) -> Self {
-        Self::of(Session::new(), prefix)
+        Self::from_session(Session::new(), prefix)
     }
 
-    /// The same of a session.
-    fn of(mut session: Session, prefix: &str) -> Self {
-        assert_eq!(session.line(&format!("{prefix}HI")), "");
-        Self::into(session, prefix)
+    /// The same with a session.
+    fn from_session(mut session: Session, prefix: &str) -> Self {
+        assert_eq!(session.run(&format!("{prefix}HI")), "");
+        Self::enter(session, prefix)
     }
 
-    /// The same of a session whose motors know where they are.
-    fn into(mut session: Session, prefix: &str) -> Self {
+    /// The same without HI.
+    fn enter(mut session: Session, prefix: &str) -> Self {
         let line = format!("{prefix}LOOP");
         session.hand.push_rx(line.as_bytes());
         session.hand.push_rx(b"\r");
         let mut host = Self { session };
-        assert_eq!(host.reads(line.len()), line.as_bytes());
-        assert_eq!(host.reads(1), b"*", "the very next byte after the echo");
+        assert_eq!(host.read(line.len()), line.as_bytes());
+        assert_eq!(host.read(1), b"*", "the very next byte after the echo");
         host
     }
 
-    /// So many bytes.
-    fn reads(&mut self, count: usize) -> Vec<u8> {
+    /// Reads `count` bytes.
+    fn read(&mut self, count: usize) -> Vec<u8> {
         let end = self.session.hand.now_us() + BLOCK_US + 2_000_000 * u64::from(count == 1);
-        let mut said = self.session.hand.take_tx();
-        while said.len() < count {
-            assert!(self.session.hand.now_us() < end, "{said:?}");
+        let mut received = self.session.hand.take_tx();
+        while received.len() < count {
+            assert!(self.session.hand.now_us() < end, "{received:?}");
             self.session.wait_us(10);
-            said.extend(self.session.hand.take_tx());
+            received.extend(self.session.hand.take_tx());
         }
-        assert_eq!(said.len(), count, "{said:?}");
-        said
+        assert_eq!(received.len(), count, "{received:?}");
+        received
     }
 
-    /// A block, and its answer of so many bytes.
+    /// Sends a block. Returns its answer of `answer` bytes.
     fn block(&mut self, block: &[u8], answer: usize) -> Vec<u8> {
         self.session.hand.push_rx(block);
-        self.reads(answer)
+        self.read(answer)
     }
 
-    /// Velocities and counts of all motors, in truth.
+    /// True velocity and position of each motor, counts/s and counts.
     fn truth(&self) -> Vec<(f64, f64)> {
         let truths = self.session.hand.bus().stations().map(|node| node.board().rig().truth());
         truths.map(|truth| (truth.counts_per_s, truth.counts)).collect()
     }
 }
 
-/// All seven motors, each with all data.
+/// Prefix of all seven motors.
 const ALL: &str = "X1234567";
 /// A control block of seven motors that asks for feedback.
 fn control(velocity: i8, gain: u8) -> Vec<u8> {
     std::iter::once(b'C').chain([velocity.cast_unsigned(), gain].repeat(7)).collect()
 }
-/// Its answer: velocity, strain, 4 bytes of position and a change of each motor.
+/// Bytes of its answer: velocity, strain, four of position and the change of each motor.
 const FEEDBACK: usize = 1 + 7 * 7;
 
 #[test]
-fn blocks_move_the_motors_and_say_where_they_are() {
+fn blocks_move_motors_and_feed_back_positions() {
     let mut host = Host::new("");
     let block: Vec<u8> = std::iter::once(b'C').chain([25, 32].repeat(4)).collect();
     let mut answer = Vec::new();
@@ -82,8 +82,8 @@ fn blocks_move_the_motors_and_say_where_they_are() {
         host.session.wait_us(5_000);
     }
     let truth = host.truth();
-    // 25 x LCVC 8 = 200 counts/s; a tip goes at 13/49 of it. Less the droop of a proportional law: friction of 63 torque units
-    // by a gain of 2 is 32 counts/s.
+    // 25 x LCVC 8 = 200 counts/s; a tip moves at 13/49 of it. Friction of 63 torque units makes the proportional loop droop by
+    // 32 counts/s at a gain of 2.
     for (motor, &(speed, _)) in truth.iter().enumerate() {
         let wanted = if motor < 4 { 200.0 } else { 53.0 };
         assert!((wanted - 45.0..wanted).contains(&speed), "motor {}: {speed}", motor + 1);
@@ -96,17 +96,16 @@ fn blocks_move_the_motors_and_say_where_they_are() {
     }
     assert_eq!(host.block(b"a", 1), b"*");
     host.session.hand.push_rx(b"\x03");
-    assert_eq!(host.session.until_prompt(), "\r\n\r=> ", "no ERR");
+    assert_eq!(host.session.read_to_prompt(), "\r\n\r=> ", "no ERR");
     host.session.wait_us(300_000);
     assert!(host.truth().iter().all(|(speed, _)| speed.abs() < 1.0), "{:?}", host.truth());
 }
 
-/// The velocity that a board is told and the one that there is are two things.
 #[test]
-fn what_is_fed_back_is_the_velocity_that_there_is() {
+fn feedback_is_the_measured_velocity() {
     let mut host = Host::new("X4");
     for _ in 0..20 {
-        // Without a gain no torque comes of it.
+        // Without a gain there is no torque, and the motor stands.
         let answer = host.block(&[b'C', 100, 0], 8);
         assert_eq!(answer[1], 0, "{answer:?}");
         host.session.wait_us(5_000);
@@ -114,50 +113,50 @@ fn what_is_fed_back_is_the_velocity_that_there_is() {
 }
 
 #[test]
-fn a_line_feed_after_loop_s_return_is_no_header() {
+fn line_feed_after_loop_is_no_header() {
     let mut host = Host::new("X4");
     assert_eq!(host.block(b"\nA", 8)[0], b'*');
     host.session.hand.push_rx(b"\n");
-    assert_eq!(host.session.until_prompt(), "\r\n\rERR 2048\r\n\r=> ");
+    assert_eq!(host.session.read_to_prompt(), "\r\n\rERR 2048\r\n\r=> ");
 }
 
 #[test]
-fn a_header_that_is_none_ends_it() {
+fn bad_header_ends_loop() {
     let mut host = Host::new("1");
     assert_eq!(host.block(b"A", 8)[0], b'*');
     host.session.hand.push_rx(b"x");
-    assert_eq!(host.session.until_prompt(), "\r\n\rERR 2048\r\n\r=> ");
-    assert_eq!(host.session.line("FROB"), "ERR 32", "lines again");
+    assert_eq!(host.session.read_to_prompt(), "\r\n\rERR 2048\r\n\r=> ");
+    assert_eq!(host.session.run("FROB"), "ERR 32", "lines again");
 }
 
 #[test]
-fn what_came_after_its_end_before_it_was_seen_aborts() {
-    for (bytes, said) in [
+fn control_c_after_the_end_of_loop_aborts() {
+    for (bytes, received) in [
         (&b"x\x03"[..], "\r\n\rERR 2048\r\n\r=> \r\n\r=> "),
         (b"\x03\x03\x03", "\r\n\r=> \r\n\r=> "),
         (b"\x03VERS\r", "\r\n\r=> VERS\r\n\r600\r\n\r=> "),
-        // Nobody knows what such a ^C was.
+        // GOD cannot tell what such a ^C was meant for.
         (b"xFROB\r\x03VERS\r", "\r\n\rERR 2048\r\n\r=> "),
-        // A motion that would take its time.
+        // C would be a long motion.
         (b"xC\r\x03", "\r\n\rERR 2048\r\n\r=> \r\n\r=> "),
     ] {
         let mut host = Host::new("1");
         host.session.hand.push_rx(bytes);
         host.session.wait_us(50_000);
         let text = String::from_utf8(host.session.hand.take_tx()).expect("text");
-        assert_eq!(text, said, "{:?}", bytes.escape_ascii().to_string());
+        assert_eq!(text, received, "{:?}", bytes.escape_ascii().to_string());
     }
 }
 
 #[test]
-fn a_silent_host_stops_the_motors_and_a_new_block_moves_them_again() {
+fn silent_host_stops_motors_until_the_next_block() {
     let mut host = Host::new("X4");
     host.block(&[b'C', 20, 32], 8);
     host.session.wait_us(240_000);
-    assert!(host.truth()[3].0 > 80.0, "moves on for a while");
+    assert!(host.truth()[3].0 > 80.0, "it moves on for a while");
     host.session.wait_us(160_000);
     assert!(host.truth()[3].0.abs() < 2.0, "{:?}", host.truth()[3]);
-    // The boards would idle after half a second without a word.
+    // Without keep-alives the boards would idle after half a second.
     host.session.wait_us(5_000_000);
     for _ in 0..20 {
         host.block(&[b'C', 20, 32], 8);
@@ -167,20 +166,20 @@ fn a_silent_host_stops_the_motors_and_a_new_block_moves_them_again() {
 }
 
 #[test]
-fn a_board_that_is_lost_is_told_instead_of_the_next_star() {
+fn lost_board_is_err_1_instead_of_the_next_star() {
     let mut host = Host::new("X12");
     host.block(b"A", 15);
     host.session.hand.bus_mut().cut(1, true);
     host.session.hand.push_rx(b"A");
     host.session.wait_us(300_000);
-    let said = host.session.hand.take_tx();
-    assert_eq!((said.len(), said[0]), (15, b'*'), "begun before it is known");
+    let received = host.session.hand.take_tx();
+    assert_eq!((received.len(), received[0]), (15, b'*'), "the answer begins before the loss is known");
     host.session.hand.push_rx(b"A");
-    assert_eq!(host.session.until_prompt(), "\r\n\rERR 1\r\n\r=> ");
+    assert_eq!(host.session.read_to_prompt(), "\r\n\rERR 1\r\n\r=> ");
 }
 
 #[test]
-fn a_fault_is_told_instead_of_the_next_star() {
+fn fault_is_err_8_instead_of_the_next_star() {
     for bus_v in [10.0, 40.0] {
         let mut host = Host::new("X12");
         host.block(&[b'C', 20, 32, 20, 32], 15);
@@ -188,22 +187,22 @@ fn a_fault_is_told_instead_of_the_next_star() {
         node.rig_mut().set_bus(bus_v);
         host.session.wait_us(100_000);
         host.session.hand.push_rx(b"A");
-        assert_eq!(host.session.until_prompt(), "\r\n\rERR 8\r\n\r=> ");
+        assert_eq!(host.session.read_to_prompt(), "\r\n\rERR 8\r\n\r=> ");
     }
 }
 
-/// The design's number for all seven motors with all feedback.
+/// Required blocks per second of seven motors with all feedback (decision 0026).
 const RATE_HZ: u64 = 250;
 
 #[test]
-fn all_seven_motors_with_all_feedback_go_250_times_a_second_and_more() {
+fn seven_motors_with_all_feedback_reach_250_blocks_per_second() {
     let mut host = Host::new(ALL);
     let begin = (host.session.hand.now_us(), host.session.hand.bus().stats().busy_us);
     let blocks: u32 = 500;
     let mut latency_us = 0;
     for i in 0..blocks {
         let before = host.session.hand.now_us();
-        // The gain too changes with each block.
+        // The gain changes with each block as well.
         let (velocity, gain) = ((i % 16) as i8, 16 + (i % 2) as u8);
         host.block(&control(velocity, gain), FEEDBACK);
         latency_us = latency_us.max(host.session.hand.now_us() - before);
@@ -222,11 +221,11 @@ fn all_seven_motors_with_all_feedback_go_250_times_a_second_and_more() {
 const BYTE_NS: u64 = 10 * 1_000_000_000 / 38_400;
 
 #[test]
-fn at_38400_baud_the_wire_is_what_limits() {
+fn loop_at_38400_baud_is_limited_by_the_wire() {
     let mut host = Host::new(ALL);
     let (blocks, begin) = (60, host.session.hand.now_us());
     for _ in 0..blocks {
-        // When the wire has carried the next byte, ns: each way has its own.
+        // Each direction has its own wire; `free_ns` is when the one to the host is free, ns.
         let start_ns = 1000 * host.session.hand.now_us();
         let block = control(10, 16);
         let (mut sent, mut got, mut free_ns, mut waits) = (0, 0, start_ns, 0);
@@ -239,7 +238,7 @@ fn at_38400_baud_the_wire_is_what_limits() {
             host.session.wait_us(0);
             waits += host.session.hand.take_tx().len();
             while waits > 0 && free_ns.max(start_ns) + BYTE_NS <= now_ns {
-                // A byte that was there in time follows the one before it at once.
+                // A byte that was ready in time follows its predecessor at once.
                 free_ns = (free_ns + BYTE_NS).max(now_ns - BYTE_NS);
                 waits -= 1;
                 got += 1;
@@ -251,7 +250,7 @@ fn at_38400_baud_the_wire_is_what_limits() {
         }
     }
     let took_ns = 1000 * (host.session.hand.now_us() - begin);
-    // The header in, and the feedback out: the data come in meanwhile.
+    // The header, then the feedback; the control data arrive meanwhile.
     let allowed_ns = blocks * (1 + FEEDBACK as u64) * BYTE_NS;
     let share = 100.0 * allowed_ns as f64 / took_ns as f64;
     println!(

@@ -1,10 +1,9 @@
 //! Macros and sequences (manual 5.2.4).
 
-use super::Session;
-use super::tables::{Row, exercise};
+use super::{Exchange, Session, assert_answers};
 
 /// Lines and answers, one after another in one session.
-pub const COMMANDS: &[Row] = &[
+pub const COMMANDS: &[Exchange] = &[
     ("MACSET 0", "ERR 4"),
     ("HI", ""),
     ("MACSET 0", ""),
@@ -41,17 +40,17 @@ pub const COMMANDS: &[Row] = &[
 ];
 
 #[test]
-fn commands() {
-    exercise(&mut Session::new(), COMMANDS);
+fn sequence_commands_have_their_answers() {
+    assert_answers(&mut Session::new(), COMMANDS);
 }
 
 fn recorded(session: &Session, number: usize) -> String {
     session.hand.memory().changed().expect("it was recorded").sequences[number].to_string()
 }
 
-/// What is typed is recorded and done; PLAY, REC and what is no command are not recorded.
+/// Lines are recorded and run. PLAY, REC and lines that are no command are not recorded.
 #[test]
-fn what_is_recorded() {
+fn rec_records_commands_only() {
     let mut session = Session::new();
     let rows = [
         ("REC 1", ""),
@@ -63,7 +62,7 @@ fn what_is_recorded() {
         ("FROB", "ERR 32"),
         ("5C", "ERR 2"),
         ("", ""),
-        // A command that goes wrong is one all the same.
+        // A command that fails is still recorded.
         ("PGET FROB", "ERR 64"),
         ("0 G REPLY", "0 REPLY=0"),
         ("REC 6", "ERR 128"),
@@ -71,54 +70,57 @@ fn what_is_recorded() {
         ("REC", ""),
         ("VERS", "600"),
     ];
-    exercise(&mut session, &rows);
+    assert_answers(&mut session, &rows);
     assert_eq!(recorded(&session, 0), "PGET LFT\rPGET FROB\r0 G REPLY\rVERS\r");
-    // It is erased as soon as recording begins.
-    exercise(&mut session, &[("REC 0", "")]);
+    // Recording erases the sequence at once.
+    assert_answers(&mut session, &[("REC 0", "")]);
     assert_eq!(recorded(&session, 0), "");
 }
 
-/// RealTime control is for the host that asks for it, and not for one that waits for PLAY's prompt.
+/// A host that waits for PLAY's prompt cannot send blocks (decision 0028).
 #[test]
-fn loop_is_done_and_not_recorded() {
+fn loop_while_recording_runs_unrecorded() {
     let mut session = Session::new();
-    exercise(&mut session, &[("HI", ""), ("REC 1", ""), ("SFGET DS", "800")]);
-    assert_eq!(session.line_and("SLOOP", b"a\x03"), "**");
-    exercise(&mut session, &[("VERS", "600"), ("REC", "")]);
+    assert_answers(&mut session, &[("HI", ""), ("REC 1", ""), ("SFGET DS", "800")]);
+    assert_eq!(session.run_with_input("SLOOP", b"a\x03"), "**");
+    assert_answers(&mut session, &[("VERS", "600"), ("REC", "")]);
     assert_eq!(recorded(&session, 1), "SFGET DS\rVERS\r");
-    exercise(&mut session, &[("PLAY 1", "800\n600")]);
+    assert_answers(&mut session, &[("PLAY 1", "800\n600")]);
 }
 
-/// 150 characters with the ends of lines; a line that does not fit ends the recording, and is done.
+/// 150 characters including the line ends. A line that does not fit ends the recording, and runs.
 #[test]
-fn a_sequence_is_150_characters() {
+fn sequence_holds_150_characters() {
     let mut session = Session::new();
-    session.line("REC 2");
+    session.run("REC 2");
     let lines = [30, 30, 30, 30, 26];
     for len in lines {
-        // And the CR.
-        assert_eq!(session.line(&format!("VERS{}", " ".repeat(len - 1 - 9) + "1 2 3")), "ERR 1024");
+        // The CR is the last character.
+        assert_eq!(session.run(&format!("VERS{}", " ".repeat(len - 1 - 9) + "1 2 3")), "ERR 1024");
     }
     let end = "sequence 2 is full: recording has ended\n600";
-    exercise(&mut session, &[("VERS", end), ("VERS", "600"), ("REC 2", ""), ("VERS", "600")]);
+    assert_answers(&mut session, &[("VERS", end), ("VERS", "600"), ("REC 2", ""), ("VERS", "600")]);
     assert_eq!(recorded(&session, 2), "VERS\r");
     let mut session = Session::new();
-    session.line("REC 3");
+    session.run("REC 3");
     let first = format!("VERS{}", " ".repeat(140)) + "x";
-    exercise(&mut session, &[(&*first.leak(), "ERR 1024"), ("?", "")][..1]);
+    assert_answers(&mut session, &[(&*first.leak(), "ERR 1024"), ("?", "")][..1]);
     assert_eq!(recorded(&session, 3).len(), 146);
-    exercise(&mut session, &[("?HI", "HI: finds the stops, and so where the motors are; then goes to 0")]);
-    assert_eq!(recorded(&session, 3).len(), 150, "to the last one");
+    assert_answers(
+        &mut session,
+        &[("?HI", "HI: finds the stops, and so where the motors are; then goes to 0")],
+    );
+    assert_eq!(recorded(&session, 3).len(), 150, "to the last character");
 }
 
-/// It waits so long, in a sequence too; ^C ends the sequence; so does what goes wrong.
+/// WAIT takes exactly its time, in a sequence as well. ^C and errors end a sequence.
 #[test]
-fn wait_abort_and_errors() {
+fn wait_is_exact_and_abort_or_error_ends_a_sequence() {
     let mut session = Session::new();
     let took = |session: &mut Session, line: &str, answer: &str| {
         let from = session.hand.now_us();
-        assert_eq!(session.line(line), answer, "{line}");
-        // The session looks once a millisecond.
+        assert_eq!(session.run(line), answer, "{line}");
+        // The session has a resolution of a millisecond.
         (session.hand.now_us() - from) / 1000
     };
     assert_eq!(took(&mut session, "WAIT 5000", ""), 5000);
@@ -130,43 +132,45 @@ fn wait_abort_and_errors() {
         ("VERS", "600"),
         ("REC", ""),
     ];
-    exercise(&mut session, &rows);
+    assert_answers(&mut session, &rows);
     assert_eq!(took(&mut session, "PLAY 4", "600\nERR 64"), 2000);
     session.hand.push_rx(b"PLAY 4\r");
     session.wait_us(1_000_000);
     session.hand.push_rx(b"\x03");
-    assert_eq!(session.until_prompt(), "PLAY 4\r\n\rERR 16384\r\n\r=> ");
-    exercise(&mut session, &[("VERS", "600")]);
+    assert_eq!(session.read_to_prompt(), "PLAY 4\r\n\rERR 16384\r\n\r=> ");
+    assert_answers(&mut session, &[("VERS", "600")]);
 }
 
-/// Both are in memory at once, and so outlive RESET.
+/// Both are stored at once.
 #[test]
-fn they_outlive_the_power() {
+fn macros_and_sequences_survive_reset() {
     let mut session = Session::new();
-    exercise(&mut session, &[("REC 3", ""), ("VERS", "600"), ("REC", ""), ("HI", ""), ("MACSET 7", "")]);
-    session.line("RESET");
-    exercise(&mut session, &[("PLAY 3", "600")]);
+    assert_answers(
+        &mut session,
+        &[("REC 3", ""), ("VERS", "600"), ("REC", ""), ("HI", ""), ("MACSET 7", "")],
+    );
+    session.run("RESET");
+    assert_answers(&mut session, &[("PLAY 3", "600")]);
     let stored = session.hand.memory().changed().expect("both");
     assert_eq!(stored.macros.iter().position(Option::is_some), Some(7));
     session.hand.bus_mut().cut(6, true);
-    exercise(&mut session, &[("MACSET 7", "ERR 1")]);
+    assert_answers(&mut session, &[("MACSET 7", "ERR 1")]);
 }
 
-/// Each motor goes to where it was at MACSET: a tip too; with X only those that are named.
+/// Each motor returns to its position at MACSET, tips included; with X only those named.
 #[test]
-fn a_macro_is_the_place_of_every_motor() {
+fn macro_stores_the_position_of_every_motor() {
     let mut session = Session::new();
     let places = "X1234567FGET P";
-    session.line("HI");
-    session.line("X1M 5500");
-    session.line("X5M 11000");
-    session.line("SM 4400");
-    let there = session.line(places);
-    exercise(&mut session, &[("MACSET 3", ""), ("HOME", "")]);
-    let home = session.line(places);
+    session.run("HI");
+    session.run("X1M 5500");
+    session.run("X5M 11000");
+    session.run("SM 4400");
+    let there = session.run(places);
+    assert_answers(&mut session, &[("MACSET 3", ""), ("HOME", "")]);
+    let home = session.run(places);
     let number =
         |places: &str| places.split(' ').map(|place| place.parse().expect("it")).collect::<Vec<i32>>();
-    // The other way round: nobody stays where he was.
     let near = |found: &str, expected: &[i32]| {
         // MPE of each, 200, and hall counts of 55.
         assert!(
@@ -176,12 +180,12 @@ fn a_macro_is_the_place_of_every_motor() {
     };
     near(&home, &[0; 7]);
     near(&there, &[5500, 0, 0, 4400, 11_000, 0, 0]);
-    exercise(&mut session, &[("X5MAC 3", "")]);
-    near(&session.line(places), &[0, 0, 0, 0, 11_000, 0, 0]);
-    exercise(&mut session, &[("GMAC 3", "")]);
-    near(&session.line(places), &[5500, 0, 0, 0, 11_000, 0, 0]);
-    exercise(&mut session, &[("MAC 3", "")]);
-    near(&session.line(places), &[5500, 0, 0, 4400, 11_000, 0, 0]);
-    session.line("RESET");
-    exercise(&mut session, &[("MAC 3", "ERR 4")]);
+    assert_answers(&mut session, &[("X5MAC 3", "")]);
+    near(&session.run(places), &[0, 0, 0, 0, 11_000, 0, 0]);
+    assert_answers(&mut session, &[("GMAC 3", "")]);
+    near(&session.run(places), &[5500, 0, 0, 0, 11_000, 0, 0]);
+    assert_answers(&mut session, &[("MAC 3", "")]);
+    near(&session.run(places), &[5500, 0, 0, 4400, 11_000, 0, 0]);
+    session.run("RESET");
+    assert_answers(&mut session, &[("MAC 3", "ERR 4")]);
 }

@@ -4,11 +4,10 @@ use god::Memory;
 use god::memory::Stored;
 use tater_fw::Board;
 
-use super::Session;
-use super::tables::{Row, exercise};
+use super::{Exchange, Session, assert_answers};
 
 /// Lines and answers, one after another in one session.
-pub const COMMANDS: &[Row] = &[
+pub const COMMANDS: &[Exchange] = &[
     ("FGET DS", "1400 1400 1400 800"),
     ("SFSET DS 100", ""),
     ("FGET DS", "1400 1400 1400 100"),
@@ -40,7 +39,7 @@ pub const COMMANDS: &[Row] = &[
     ("PDEF LFT", "ERR 1024"),
     ("1FLIST", "ERR 4096"),
     ("1PGET LFT", "ERR 4096"),
-    // What may be wrong with a name or a value.
+    // Errors in names and values.
     ("FSET", "ERR 64"),
     ("FGET", "ERR 64"),
     ("PSET", "ERR 64"),
@@ -60,7 +59,7 @@ pub const COMMANDS: &[Row] = &[
     ("PSET SN 1", "ERR 256"),
     ("PSET BAUD 95", "ERR 128"),
     ("XFSET DS 1", "ERR 2"),
-    // Of several pairs of which one is wrong, none is set.
+    // One invalid pair: none is set.
     ("1FSET DP 1 FROB 2", "ERR 64"),
     ("1FSET DP 1 CT 40000", "ERR 128"),
     ("PSET LFDPD 1 BAUD 97", "ERR 128"),
@@ -72,12 +71,12 @@ pub const COMMANDS: &[Row] = &[
 ];
 
 #[test]
-fn commands() {
-    exercise(&mut Session::new(), COMMANDS);
+fn parameter_commands_have_their_answers() {
+    assert_answers(&mut Session::new(), COMMANDS);
 }
 
-/// What can be set, as manual 5.3 has it: defaults of link, spread and tip, least and greatest value. 1 is the least of the
-/// coefficients (DESIGN 6).
+/// Writable motor parameters of manual 5.3: defaults of link, spread and tip, minimum and maximum. The coefficients' minimum is 1
+/// (decision 0001).
 pub const SET: &[(&str, [i64; 3], i64, i64)] = &[
     ("BS", [0, 0, 0], 0, 1),
     ("DP", [8500, 1575, 8500], -32_767, 32_767),
@@ -103,21 +102,21 @@ pub const SET: &[(&str, [i64; 3], i64, i64)] = &[
     ("MPE", [200, 200, 200], -32_767, 32_767),
     ("OT", [0, 0, 0], -32_767, 32_767),
     ("TSTOP", [300, 400, 300], 0, 65_535),
-    // Later hands': PROTOCOL 3.
+    // Parameters of later hands, which clients set on every hand (decision 0001).
     ("LCT", [0, 0, 0], 0, 0),
     ("LFBP", [0, 0, 0], 0, 0),
     ("LFAIN", [0, 0, 0], 0, 0),
 ];
 
-/// What can only be read, and what it is on a hand that has done nothing yet.
+/// Read-only motor parameters, and their values on a new hand.
 pub const READ_ONLY: &[(&str, i64)] =
     &[("BD", 0), ("BP", 0), ("OD", 0), ("P", 0), ("S", 4), ("SG", 128), ("SAMPLE", 31)];
 
-/// The hand's, as manual 5.4 has them: default, least and greatest value.
+/// Writable parameters of the hand (manual 5.4): default, minimum and maximum.
 pub const SET_HAND: &[(&str, i64, i64, i64)] =
     &[("BAUD", 96, 6, 384), ("LFT", 0, 0, 1), ("OTEMP", -551, -551, 1250), ("LFDPD", 0, 0, 1)];
 
-/// The hand's that can only be read.
+/// Read-only parameters of the hand, and their values on a new hand.
 pub const READ_ONLY_HAND: &[(&str, i64)] = &[("TEMP", 350), ("PTEMP", 350), ("UPSECS", 0), ("SN", 0)];
 
 fn seven(of: [i64; 3]) -> String {
@@ -125,86 +124,83 @@ fn seven(of: [i64; 3]) -> String {
     format!("{link} {link} {link} {spread} {tip} {tip} {tip}")
 }
 
-/// A value set is the value read, to the end of the range and no farther; what is set on one motor is on no other.
+/// Each value of the range can be set and read back, none beyond it, and other motors keep theirs.
 #[test]
-fn each_motor_parameter_is_set_and_read() {
+fn each_motor_parameter_can_be_set_and_read() {
     let mut session = Session::new();
     for &(name, defaults, min, max) in SET {
-        assert_eq!(session.line(&format!("X1234567FGET {name}")), seven(defaults), "{name}");
+        assert_eq!(session.run(&format!("X1234567FGET {name}")), seven(defaults), "{name}");
         for value in [max, min] {
-            assert_eq!(session.line(&format!("X246FSET {name} {value}")), "", "{name} {value}");
-            assert_eq!(
-                session.line(&format!("X246FGET {name}")),
-                [value; 3].map(|v| v.to_string()).join(" ")
-            );
+            assert_eq!(session.run(&format!("X246FSET {name} {value}")), "", "{name} {value}");
+            assert_eq!(session.run(&format!("X246FGET {name}")), [value; 3].map(|v| v.to_string()).join(" "));
         }
         for beyond in [min - 1, max + 1] {
-            assert_eq!(session.line(&format!("X246FSET {name} {beyond}")), "ERR 128", "{name} {beyond}");
+            assert_eq!(session.run(&format!("X246FSET {name} {beyond}")), "ERR 128", "{name} {beyond}");
         }
         let [link, spread, tip] = defaults;
         let expected = format!("{link} {min} {link} {min} {tip} {min} {tip}");
-        assert_eq!(session.line(&format!("X1234567FGET {name}")), expected, "{name} {spread}");
-        // For the rows to come: HSG and MSG are one, and EN selects.
-        assert_eq!(session.line(&format!("X26FSET {name} {link}")), "");
-        assert_eq!(session.line(&format!("X4FSET {name} {spread}")), "");
-        assert_eq!(session.line(&format!("X6FSET {name} {tip}")), "");
+        assert_eq!(session.run(&format!("X1234567FGET {name}")), expected, "{name} {spread}");
+        // Restore the defaults: HSG and MSG are one property, and EN selects motors.
+        assert_eq!(session.run(&format!("X26FSET {name} {link}")), "");
+        assert_eq!(session.run(&format!("X4FSET {name} {spread}")), "");
+        assert_eq!(session.run(&format!("X6FSET {name} {tip}")), "");
     }
     for (name, value) in READ_ONLY {
-        assert_eq!(session.line(&format!("X1234567FGET {name}")), [value.to_string().as_str(); 7].join(" "));
-        assert_eq!(session.line(&format!("X1FSET {name} {value}")), "ERR 256", "{name}");
+        assert_eq!(session.run(&format!("X1234567FGET {name}")), [value.to_string().as_str(); 7].join(" "));
+        assert_eq!(session.run(&format!("X1FSET {name} {value}")), "ERR 256", "{name}");
     }
 }
 
 #[test]
-fn each_parameter_of_the_hand_is_set_and_read() {
+fn each_hand_parameter_can_be_set_and_read() {
     let mut session = Session::new();
     for (name, default, min, max) in SET_HAND {
-        assert_eq!(session.line(&format!("PGET {name}")), default.to_string(), "{name}");
+        assert_eq!(session.run(&format!("PGET {name}")), default.to_string(), "{name}");
         for value in [min, max] {
-            assert_eq!(session.line(&format!("PSET {name} {value}")), "", "{name} {value}");
-            assert_eq!(session.line(&format!("PGET {name}")), value.to_string());
+            assert_eq!(session.run(&format!("PSET {name} {value}")), "", "{name} {value}");
+            assert_eq!(session.run(&format!("PGET {name}")), value.to_string());
         }
         for beyond in [min - 1, max + 1] {
-            assert_eq!(session.line(&format!("PSET {name} {beyond}")), "ERR 128", "{name} {beyond}");
+            assert_eq!(session.run(&format!("PSET {name} {beyond}")), "ERR 128", "{name} {beyond}");
         }
     }
     for (name, value) in READ_ONLY_HAND {
-        assert_eq!(session.line(&format!("PGET {name}")), value.to_string(), "{name}");
-        assert_eq!(session.line(&format!("PSET {name} {value}")), "ERR 256", "{name}");
+        assert_eq!(session.run(&format!("PGET {name}")), value.to_string(), "{name}");
+        assert_eq!(session.run(&format!("PSET {name} {value}")), "ERR 256", "{name}");
     }
     for baud in ["6", "12", "24", "48", "96", "192", "384"] {
-        assert_eq!(session.line(&format!("PSET BAUD {baud}")), "");
+        assert_eq!(session.run(&format!("PSET BAUD {baud}")), "");
     }
 }
 
 /// Without X a finger is one axis: set on both motors, read from the link.
 #[test]
-fn a_finger_is_one_axis() {
+fn finger_is_one_axis() {
     let rows = [
         ("2FSET DP 1000 ACCEL 20 LFVC 3", ""),
         ("X26FGET DP ACCEL LFVC", "1000 1000 20 20 3 3"),
         ("X15FGET DP ACCEL LFVC", "8500 8500 40 30 8 8"),
         ("X6FSET DP 2000", ""),
         ("2FGET DP", "1000"),
-        // EN selects, where there is no prefix; a finger goes by its link's.
+        // Without a prefix EN selects; the link's EN decides for a finger.
         ("X3FSET EN 0", ""),
         ("X5FSET EN 0", ""),
         ("FGET DS", "1400 1400 800"),
         ("3FGET EN", "0"),
     ];
-    exercise(&mut Session::new(), &rows);
+    assert_answers(&mut Session::new(), &rows);
 }
 
-/// GOD keeps a position as it was set as long as the board has its rounding (DESIGN 6): 55 counts a hall count.
+/// GOD keeps a position as it was set while the board holds its rounding (decision 0027): a hall count is 55 GCL counts.
 #[test]
-fn the_board_has_the_nearest_hall_count() {
+fn board_stores_the_nearest_hall_count() {
     let rows = [
         ("X1FSET CT 10000", ""),
         ("1 G CT", "1 CT=182"),
         // Rounded the same.
         ("X1FSET CT 10010", ""),
         ("X1FGET CT", "10010"),
-        // Somebody else sets it.
+        // Another host sets it.
         ("1 S CT 100", ""),
         ("X1FGET CT", "5500"),
         ("1 S CT 182", ""),
@@ -215,13 +211,12 @@ fn the_board_has_the_nearest_hall_count() {
         ("X1FSET OT -28", ""),
         ("1 G OT", "1 OT=-1"),
     ];
-    exercise(&mut Session::new(), &rows);
+    assert_answers(&mut Session::new(), &rows);
 }
 
-/// What is stored outlives the power, here by RESET; FSAVE and FLOAD are of the parameters' properties and no others, FDEF is of
-/// what is, and not of what is stored.
+/// FSAVE and FLOAD store and restore the parameters' properties and no others. FDEF changes the current values, not the stored ones.
 #[test]
-fn what_is_saved_outlives_the_power() {
+fn saved_parameters_survive_reset() {
     let mut session = Session::new();
     let rows = [
         ("1 S KP 77", "ERR 1"),
@@ -240,10 +235,10 @@ fn what_is_saved_outlives_the_power() {
         ("123FGET CT LFVC TSTOP", "10010 18200 18200 5 8 8 900 300 300"),
         ("123G KP", "1 KP=77\n2 KP=77\n3 KP=77"),
     ];
-    exercise(&mut session, &rows[1..]);
-    session.line("RESET");
-    exercise(&mut session, &[("123FGET CT LFVC TSTOP", "10010 18200 18200 5 8 8 900 300 300")]);
-    exercise(&mut session, &[("1 G KP", "1 KP=60"), ("X5FGET CT", "10010")]);
+    assert_answers(&mut session, &rows[1..]);
+    session.run("RESET");
+    assert_answers(&mut session, &[("123FGET CT LFVC TSTOP", "10010 18200 18200 5 8 8 900 300 300")]);
+    assert_answers(&mut session, &[("1 G KP", "1 KP=60"), ("X5FGET CT", "10010")]);
     let stored = session.hand.memory().changed().expect("GOD's part");
     let of = |motor: usize| stored.parameters.motors[motor - 1].as_set;
     assert_eq!((of(1), of(5)), (of(5), of(1)));
@@ -251,9 +246,9 @@ fn what_is_saved_outlives_the_power() {
 }
 
 #[test]
-fn a_board_that_does_not_answer_is_told() {
+fn parameters_of_a_missing_board_are_err_1() {
     let mut session = Session::new();
-    session.line("WAKE");
+    session.run("WAKE");
     session.hand.bus_mut().cut(1, true);
     let rows = [
         ("2FGET DS", "ERR 1"),
@@ -265,51 +260,51 @@ fn a_board_that_does_not_answer_is_told() {
         ("2FDEF", "ERR 1"),
         ("2FLISTV", "ERR 1"),
     ];
-    exercise(&mut session, &rows);
-    // While it is spoken to.
+    assert_answers(&mut session, &rows);
+    // A board that disappears during the command.
     session.hand.push_rx(b"3FDEF\r");
     session.wait_us(2_000);
     session.hand.bus_mut().cut(2, true);
-    assert_eq!(session.until_prompt(), "3FDEF\r\n\rERR 1\r\n\r=> ");
+    assert_eq!(session.read_to_prompt(), "3FDEF\r\n\rERR 1\r\n\r=> ");
 }
 
-/// PTEMP is the highest TEMP ever, UPSECS the seconds with power on, ever; both outlive it.
+/// PTEMP is the highest TEMP and UPSECS the power-on time in the hand's life.
 #[test]
-fn temperature_and_time() {
+fn peak_temperature_and_uptime_survive_reset() {
     let mut session = Session::new();
     session.hand.io().set_temperature(425);
     session.wait_us(1000);
     session.hand.io().set_temperature(-30);
-    exercise(&mut session, &[("PGET TEMP PTEMP", "-30 425")]);
+    assert_answers(&mut session, &[("PGET TEMP PTEMP", "-30 425")]);
     let peak = session.hand.memory().changed().expect("at once");
     assert_eq!(peak.peak_temperature, 425);
-    let seconds = |session: &mut Session| session.line("PGET UPSECS").parse::<u64>().expect("a number");
-    // No later than the prompt's end, which took a millisecond to come.
+    let seconds = |session: &mut Session| session.run("PGET UPSECS").parse::<u64>().expect("a number");
+    // The prompt takes a millisecond, so wait until an absolute time.
     let until = |session: &mut Session, us: u64| session.wait_us(us - session.hand.now_us());
     until(&mut session, 100_500_000);
     assert_eq!(seconds(&mut session), 100);
-    session.line("RESET");
+    session.run("RESET");
     until(&mut session, 130_900_000);
-    // Less than a second of it is lost with RESET.
+    // RESET loses less than a second.
     assert!((129..=130).contains(&seconds(&mut session)));
-    let stored = session.hand.memory().changed().expect("every minute, and with RESET");
+    let stored = session.hand.memory().changed().expect("stored every minute, and by RESET");
     assert_eq!((stored.peak_temperature, stored.up_seconds), (425, 100));
-    let mut next = Session::with(Memory::new(Stored { up_seconds: u32::MAX, serial: 77, ..stored }));
-    exercise(&mut next, &[("PGET UPSECS PTEMP SN", "4294967295 425 77")]);
+    let mut next = Session::with_memory(Memory::new(Stored { up_seconds: u32::MAX, serial: 77, ..stored }));
+    assert_answers(&mut next, &[("PGET UPSECS PTEMP SN", "4294967295 425 77")]);
     next.wait_us(1_000_000);
-    assert_eq!(seconds(&mut next), 0, "136 years, and from the beginning");
+    assert_eq!(seconds(&mut next), 0, "it wraps after 136 years");
 }
 
-/// What a finger comes to is what its link and its tip come to.
+/// S of a finger combines its link's and its tip's.
 #[test]
-fn s_of_a_finger_is_its_tip_s_too() {
+fn status_of_a_finger_includes_its_tip() {
     let mut session = Session::new();
-    exercise(
+    assert_answers(
         &mut session,
         &[
             ("FGET S", "4 4 4 4"),
             ("HI", ""),
-            // No place is near enough.
+            // A negative MPE, which no position meets.
             ("X5FSET MPE -1", ""),
             ("1M 3000", "ERR 16"),
             ("FGET S", "16 0 0 0"),
@@ -318,76 +313,76 @@ fn s_of_a_finger_is_its_tip_s_too() {
     );
 }
 
-/// Times that a page of an STM32F103's flash can be erased (its data sheet, endurance).
+/// Erase cycles of a page of an STM32F103's flash (data sheet, endurance).
 const ENDURANCE: u32 = 10_000;
 
-/// The manual allows 5,000 FSAVEs in a hand's life (5.2.2): ten times what is done here. Nothing has to be counted.
+/// The manual allows 5,000 FSAVEs in a hand's life (5.2.2), ten times as many as here. The flash endures them, so GOD does not count them.
 #[test]
-fn the_flash_outlives_the_manual_s_fsaves() {
+fn flash_endures_5000_fsaves() {
     let mut session = Session::new();
-    session.line("WAKE");
+    session.run("WAKE");
     for save in 0..500 {
         let counts = 1000 + 55 * (save % 2);
-        exercise(&mut session, &[(&*format!("FSET DS {counts} DP {counts}"), ""), ("FSAVE", "")]);
+        assert_answers(&mut session, &[(&*format!("FSET DS {counts} DP {counts}"), ""), ("FSAVE", "")]);
     }
     let worst =
         session.hand.bus().stations().flat_map(|node| node.board().sim_flash().erases().to_vec()).max();
     let worst = 10 * worst.expect("there are pages");
     println!(
-        "figure: 5,000 FSAVEs of the whole hand: {worst} erases of the page that has most, of {ENDURANCE}"
+        "figure: 5,000 FSAVEs of the whole hand: the most erased page has {worst} erases of {ENDURANCE}"
     );
     assert!((1..=ENDURANCE).contains(&worst), "{worst}");
 }
 
-/// With a position that was saved, and then a flash of motor 4 that takes nothing any more.
-pub const WORN: &[Row] = &[
+/// Lines with a saved position and a worn flash of motor 4.
+pub const WORN: &[Exchange] = &[
     ("FSET DS 220", ""),
     ("GFSAVE", ""),
     ("SFSAVE", "ERR 512"),
     ("FSAVE", "ERR 512"),
     ("SAVE", "ERR 512"),
-    // Its board cannot make the saved position untrue.
+    // Its board cannot invalidate the saved position.
     ("SC", "ERR 512"),
     ("SFGET S", "512"),
 ];
 
 #[test]
-fn a_flash_that_takes_nothing_is_told() {
+fn worn_flash_is_err_512() {
     let mut session = Session::new();
-    exercise(&mut session, &[("SHI", ""), ("FSET DS 110", ""), ("FSAVE", ""), ("SAVE", "")]);
+    assert_answers(&mut session, &[("SHI", ""), ("FSET DS 110", ""), ("FSAVE", ""), ("SAVE", "")]);
     let worn = |session: &mut Session, worn| {
         let node = session.hand.bus_mut().station_mut(3).expect("motor 4");
         node.board_mut().flash().set_worn(worn);
     };
     worn(&mut session, true);
-    exercise(&mut session, WORN);
-    // A board tries a page again only after a start.
+    assert_answers(&mut session, WORN);
+    // A board retries a failed page only after a restart.
     worn(&mut session, false);
     session.hand.push_rx(b"RESET\r");
-    session.until_prompt();
-    exercise(&mut session, &[("FSAVE", ""), ("SHI", ""), ("SC", "")]);
+    session.read_to_prompt();
+    assert_answers(&mut session, &[("FSAVE", ""), ("SHI", ""), ("SC", "")]);
 }
 
-/// RealTime counts a change of position from what the host has heard last, by FGET P or by RealTime itself (manual 6.2.3).
+/// RealTime reports changes from the position that the host received last, by FGET P or by RealTime itself (manual 6.2.3).
 #[test]
-fn fget_p_tells_the_host_where_realtime_begins() {
+fn fget_p_sets_the_base_of_position_changes() {
     let mut session = Session::new();
-    exercise(&mut session, &[("HI", ""), ("1M 5500", ""), ("1FSET LFV 0 LFS 0 LFAP 0 LFDPC 50", "")]);
-    // A block of feedback: the change of position alone.
+    assert_answers(&mut session, &[("HI", ""), ("1M 5500", ""), ("1FSET LFV 0 LFS 0 LFAP 0 LFDPC 50", "")]);
+    // A feedback block with only the change of position.
     let change = |session: &mut Session| {
         session.hand.push_rx(b"1LOOP\r");
         session.wait_us(1_000_000);
         session.hand.take_tx();
         session.hand.push_rx(b"A");
         session.wait_us(100_000);
-        let said = session.hand.take_tx();
+        let received = session.hand.take_tx();
         session.hand.push_rx(b"\x03");
-        session.until_prompt();
-        said
+        session.read_to_prompt();
+        received
     };
-    exercise(&mut session, &[("1FGET P", "5500"), ("1M 8250", "")]);
+    assert_answers(&mut session, &[("1FGET P", "5500"), ("1M 8250", "")]);
     assert_eq!(change(&mut session), [b'*', 55], "8250 - 5500, in fifties");
-    assert_eq!(change(&mut session), [b'*', 0], "and it has told that");
-    exercise(&mut session, &[("1M 2750", ""), ("1FGET P", "2750")]);
+    assert_eq!(change(&mut session), [b'*', 0], "reported once");
+    assert_answers(&mut session, &[("1M 2750", ""), ("1FGET P", "2750")]);
     assert_eq!(change(&mut session), [b'*', 0]);
 }

@@ -1,4 +1,4 @@
-//! What a hand keeps without power.
+//! The state of a hand that survives without power.
 
 use god::Memory;
 use god::memory::Stored;
@@ -9,7 +9,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::{Body, Destination, Message, Node, Property};
 
-/// Long enough for a board to wake, to store, to move to its stop, us.
+/// Time in which a board wakes, stores, or moves to its stop, us.
 const WHILE_US: u64 = 4_000_000;
 
 fn wait(hand: &mut Hand) {
@@ -25,20 +25,20 @@ fn to() -> Destination {
     Destination::Node(Node::new(4).expect("the spread"))
 }
 
-/// What board 4 says of a property.
+/// Board 4's answer to GET of a property.
 fn get(hand: &mut Hand, property: Property) -> i64 {
     hand.bus_mut().tap(true);
     send(hand, Some(Message::get(to(), property)));
     hand.run_until(hand.now_us() + 10_000);
     let frames = std::iter::from_fn(|| hand.bus_mut().tapped());
-    let said =
+    let received =
         frames.filter_map(|stamped| Message::parse(&stamped.frame)).find_map(|message| match message.body {
             Body::Set { property: number, value } if Property::of(number) == Some(property) => {
                 Some(property.read(value))
             }
             _ => None,
         });
-    said.unwrap_or_else(|| panic!("no answer for {property:?}"))
+    received.unwrap_or_else(|| panic!("no answer for {property:?}"))
 }
 
 /// A hand whose spread has a stored KP and has moved.
@@ -56,7 +56,7 @@ fn used() -> Hand {
 }
 
 #[test]
-fn what_boards_have_stored_and_where_motors_stand_survives() {
+fn state_restores_flash_and_positions() {
     let hand = used();
     let state = hand.state();
     assert!((state.boards[3].counts - 100.0).abs() < 2.0, "it has moved: {}", state.boards[3].counts);
@@ -74,32 +74,32 @@ fn what_boards_have_stored_and_where_motors_stand_survives() {
 }
 
 #[test]
-fn a_revision_grows_with_what_is_new() {
+fn revision_grows_with_new_state_only() {
     let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
     wait(&mut hand);
     let before = hand.revision();
     wait(&mut hand);
-    assert_eq!(hand.revision(), before, "asleep, it keeps what it has");
+    assert_eq!(hand.revision(), before, "asleep: nothing new");
     let mut hand = used();
     let before = hand.revision();
     send(&mut hand, Message::set(to(), Property::KP, 99));
     send(&mut hand, Message::set(to(), Property::SAVE, -1));
     wait(&mut hand);
     assert!(hand.revision() > before);
-    // A motor that moves has come nowhere yet.
+    // A moving motor has no new position yet.
     let before = hand.revision();
     send(&mut hand, Message::set(to(), Property::M, 20));
     hand.run_until(hand.now_us() + 100_000);
     assert_eq!(hand.revision(), before);
     wait(&mut hand);
     let moved = hand.revision();
-    assert!(moved > before, "it stands elsewhere");
+    assert!(moved > before, "a new position");
     wait(&mut hand);
-    assert_eq!(hand.revision(), moved, "and stays there");
+    assert_eq!(hand.revision(), moved, "no further change");
 }
 
 #[test]
-fn damage_is_seen_wherever_it_is() {
+fn damaged_state_is_rejected() {
     let state = Hand::new(Model::Averaged, 1, Memory::new(Stored { serial: 7, ..Stored::default() })).state();
     let bytes = state.to_bytes();
     assert_eq!(State::from_bytes(&bytes).expect("as written").god.serial, 7);
@@ -119,9 +119,9 @@ fn damage_is_seen_wherever_it_is() {
     assert!(State::from_bytes(&longer).is_err());
 }
 
-/// Any body with its right length and sum: no panic, and no state that is not what it says.
+/// A body with the right length and checksum but invalid values is rejected, without a panic.
 #[test]
-fn a_body_that_means_nothing_is_refused() {
+fn invalid_body_with_valid_checksum_is_rejected() {
     let good = Hand::new(Model::Averaged, 1, Memory::default()).state().to_bytes();
     let body = &good[26..good.len() - 4];
     let sealed = |body: &[u8]| {
@@ -137,7 +137,7 @@ fn a_body_that_means_nothing_is_refused() {
     let with = |at: usize, value: &[u8]| {
         let mut body = body.to_vec();
         body[at..at + value.len()].copy_from_slice(value);
-        State::from_bytes(&sealed(&body)).expect_err("means nothing").expected
+        State::from_bytes(&sealed(&body)).expect_err("invalid").expected
     };
     assert_eq!(with(0, &f64::NAN.to_le_bytes()), "a position");
     assert_eq!(with(8, &u16::MAX.to_le_bytes()), "pages 0 to 127");

@@ -1,25 +1,15 @@
-//! Every command and every parameter has a row in the tables of the tests.
+//! The tests cover every command, parameter and status code.
 
 use god::command;
+use god::grammar::{self, Statement};
 use god::parameter::{HAND, MOTOR};
 use god::status;
-use god::grammar::{self, Statement};
 
 use super::movement::ends;
-use super::{Session, administration, lower, sequences, settings};
+use super::{Exchange, Session, administration, assert_answers, sequences, settings, walk_through_grammar};
 
-/// A line, and what it answers.
-pub type Row = (&'static str, &'static str);
-
-/// Types lines, one after another, and looks at their answers.
-pub fn exercise(session: &mut Session, rows: &[(&str, &str)]) {
-    for (line, answer) in rows {
-        assert_eq!(session.line(line), *answer, "{line}");
-    }
-}
-
-/// A line for each movement command that goes well; where its motors go, and what else may become of it, is in movement/.
-const MOVEMENT: &[Row] = &[
+/// Each movement command once. The tests in movement/ check where the motors go, and the errors.
+const MOVEMENT: &[Exchange] = &[
     ("C", "ERR 4"),
     ("HI", ""),
     ("M 5000", ""),
@@ -37,7 +27,7 @@ const MOVEMENT: &[Row] = &[
     ("T", ""),
     ("1M x", "ERR 128"),
     ("1T 1", "ERR 1024"),
-    // No place is near enough, and no hand cold enough.
+    // A negative MPE, which no position meets; then an OTEMP below the hand's temperature.
     ("SFSET MPE -1", ""),
     ("SM 1000", "ERR 16"),
     ("SFDEF", ""),
@@ -45,8 +35,8 @@ const MOVEMENT: &[Row] = &[
     ("SM 2000", "ERR 8192"),
 ];
 
-/// Lines that go on until the host says more; that; and what comes of both.
-const GOING_ON: &[(&str, &[u8], &str)] = &[
+/// Lines that run until further input; that input; and the answer.
+const OPEN_ENDED: &[(&str, &[u8], &str)] = &[
     ("LOOP", b"\x03", "*"),
     ("13LOOP", b"a\x03", "**"),
     ("X5LOOP", b"x", "*\nERR 2048"),
@@ -54,31 +44,37 @@ const GOING_ON: &[(&str, &[u8], &str)] = &[
 ];
 
 #[test]
-fn movement() {
-    exercise(&mut Session::new(), MOVEMENT);
+fn movement_commands_have_their_answers() {
+    assert_answers(&mut Session::new(), MOVEMENT);
 }
 
 #[test]
-fn going_on() {
+fn open_ended_commands_have_their_answers() {
     let mut session = Session::new();
-    session.line("HI");
-    for (line, more, answer) in GOING_ON {
-        assert_eq!(session.line_and(line, more), *answer, "{line}");
+    session.run("HI");
+    for (line, input, answer) in OPEN_ENDED {
+        assert_eq!(session.run_with_input(line, input), *answer, "{line}");
     }
 }
 
-/// Every row that types a line.
-fn rows() -> Vec<Row> {
-    let going_on: Vec<Row> = GOING_ON.iter().map(|(line, _, answer)| (*line, *answer)).collect();
-    let whole = [MOVEMENT, settings::COMMANDS, sequences::COMMANDS, administration::COMMANDS, lower::LINES];
+/// Every tested line.
+fn exchanges() -> Vec<Exchange> {
+    let going_on: Vec<Exchange> = OPEN_ENDED.iter().map(|(line, _, answer)| (*line, *answer)).collect();
+    let whole = [
+        MOVEMENT,
+        settings::COMMANDS,
+        sequences::COMMANDS,
+        administration::COMMANDS,
+        walk_through_grammar::LINES,
+    ];
     let broken = [settings::WORN, ends::LOW_BUS];
     [whole.concat(), broken.concat(), going_on].concat()
 }
 
 #[test]
-fn no_command_is_without_a_row() {
-    let rows = rows();
-    let used: Vec<_> = rows
+fn every_command_is_tested() {
+    let exchanges = exchanges();
+    let used: Vec<_> = exchanges
         .iter()
         .filter_map(|(line, _)| match grammar::parse(line) {
             Ok(Statement::Command { command, .. }) => Some(command),
@@ -90,35 +86,38 @@ fn no_command_is_without_a_row() {
     }
 }
 
-/// Of the lower grammar, in a line that goes well.
+/// Each word occurs in a line that is answered without an error.
 #[test]
-fn no_word_of_the_lower_grammar_is_without_a_row() {
+fn every_word_of_the_walk_through_is_tested() {
     let words = grammar::WALK_THROUGH.into_iter().chain(["S", "G", "M", "AP", "REPLY"]);
-    let good = |(line, answer): &Row, word: &str| {
+    let uses = |(line, answer): &Exchange, word: &str| {
         matches!(grammar::parse(line), Ok(Statement::WalkThrough(_)))
             && line.split_ascii_whitespace().any(|found| found == word)
             && !answer.contains("ERR")
     };
     for word in words {
-        assert!(lower::LINES.iter().any(|row| good(row, word)), "no test uses {word}");
+        assert!(
+            walk_through_grammar::LINES.iter().any(|exchange| uses(exchange, word)),
+            "no test uses {word}"
+        );
     }
 }
 
-/// Table 4.
+/// Manual, table 4.
 #[test]
-fn no_status_code_is_without_a_row() {
-    let told = |answer: &str| {
+fn every_status_code_is_tested() {
+    let status_in = |answer: &str| {
         let codes = answer.lines().filter_map(|line| line.strip_prefix("ERR ")?.parse().ok());
         codes.fold(status::Status::OK, |sum, code| sum | status::Status::of(code))
     };
-    let all = rows().iter().fold(status::Status::OK, |sum, (_, answer)| sum | told(answer));
+    let all = exchanges().iter().fold(status::Status::OK, |sum, (_, answer)| sum | status_in(answer));
     for row in status::ROWS {
-        assert!(all.has(row.status), "no test is told {}", row.status.code());
+        assert!(all.has(row.status), "no test expects ERR {}", row.status.code());
     }
 }
 
 #[test]
-fn no_parameter_is_without_a_row() {
+fn every_parameter_is_tested() {
     let motor = settings::SET.iter().map(|row| row.0).chain(settings::READ_ONLY.iter().map(|row| row.0));
     let motor: Vec<_> = motor.collect();
     assert!(MOTOR.iter().all(|row| motor.contains(&row.name)), "{motor:?}");

@@ -1,4 +1,4 @@
-//! The walk-through (manual 3), steps 7 to 17, entered word for word at the host's console (`hil_sim::grasper`).
+//! The walk-through (manual 3), steps 7 to 17, typed verbatim at the host's console (`hil_sim::grasper`).
 
 use hil_sim::grasper::Console;
 use hil_sim::hand::Hand;
@@ -6,10 +6,10 @@ use hil_sim::hand::scene::Scene;
 use hil_sim::plant::Model;
 
 use super::movement::assert_near;
-use super::{MOST_US, Session, golden};
+use super::{COMMAND_US, Session, golden};
 
-/// Its steps, there is no ninth; what is entered; where the motors are then, hall counts. A tip goes along with a third of its link's
-/// angle (27 and 88 hall counts of 100 and 331); 331 is CT's default.
+/// Its steps (the manual has no step 9), the entries, and the positions after them, hall counts. A tip follows its link by a third of the
+/// angle (27 and 88 hall counts for 100 and 331); 331 is CT's default.
 const STEPS: &[(u8, &[&str], [i32; 7])] = &[
     (7, &["WAKE"], [0; 7]),
     (8, &["123 G TEMP"], [0; 7]),
@@ -27,21 +27,21 @@ const STEPS: &[(u8, &[&str], [i32; 7])] = &[
 fn power_cycle(session: &Session) -> Session {
     let mut hand = Hand::restore(Model::Averaged, 1, &session.hand.state()).expect("within its stops");
     hand.set_scene(Scene::default());
-    Session::of(hand)
+    Session::from_hand(hand)
 }
 
 /// A person at the console.
 struct Person<'a> {
     session: &'a mut Session,
     console: Console,
-    /// What is on the screen.
+    /// The screen's text.
     screen: String,
 }
 
 impl Person<'_> {
-    /// Until it is the person's turn.
-    fn waits(&mut self) {
-        let end_us = self.session.hand.now_us() + MOST_US;
+    /// Waits for the next question of the console.
+    fn wait(&mut self) {
+        let end_us = self.session.hand.now_us() + COMMAND_US;
         loop {
             if let Some(line) = self.console.next_line() {
                 self.session.hand.push_rx(line.as_bytes());
@@ -50,29 +50,31 @@ impl Person<'_> {
                 self.screen.push_str(question);
                 return;
             }
-            assert!(self.session.hand.now_us() < end_us, "it never ends: {}", self.screen);
+            assert!(self.session.hand.now_us() < end_us, "no question: {}", self.screen);
             self.session.wait_us(1000);
-            for line in self.session.hand.take_tx().into_iter().filter_map(|byte| self.console.push_byte(byte)) {
+            for line in
+                self.session.hand.take_tx().into_iter().filter_map(|byte| self.console.push_byte(byte))
+            {
                 self.screen.push_str(&format!("{line}\n"));
             }
         }
     }
 
-    fn enters(&mut self, entry: &str) {
+    fn enter(&mut self, entry: &str) {
         self.screen.push_str(&format!("{entry}\n"));
         for line in self.console.enter(entry).expect("the manual's") {
             self.screen.push_str(&format!("-> {line}\n"));
         }
-        self.waits();
+        self.wait();
     }
 }
 
-/// All steps, and where they bring the motors. Returns what is on the screen.
+/// Runs all steps and checks the positions. Returns the screen's text.
 fn walk(session: &mut Session) -> String {
     let mut person = Person { session, console: Console::default(), screen: String::new() };
-    person.waits();
+    person.wait();
     for (step, entries, places) in STEPS {
-        entries.iter().for_each(|entry| person.enters(entry));
+        entries.iter().for_each(|entry| person.enter(entry));
         assert_near(person.session, *places, &format!("step {step}"));
     }
     assert!(!person.console.had_error(), "{}", person.screen);
@@ -80,25 +82,25 @@ fn walk(session: &mut Session) -> String {
 }
 
 #[test]
-fn a_hand_that_was_put_away_with_save_walks_through_and_knows_where_it_is_ever_after() {
+fn walk_through_after_save_keeps_trusted_positions() {
     let mut session = Session::new();
     for line in ["HI", "SAVE"] {
-        assert_eq!(session.line(line), "");
+        assert_eq!(session.run(line), "");
     }
     let mut session = power_cycle(&session);
     golden::verbatim("walk-through", &walk(&mut session));
     let mut session = power_cycle(&session);
-    assert_eq!(session.line("X1234567FGET S"), "0 0 0 0 0 0 0", "ready");
-    assert_eq!(session.line("HOME"), "", "and moved by GCL without HI");
+    assert_eq!(session.run("X1234567FGET S"), "0 0 0 0 0 0 0", "ready");
+    assert_eq!(session.run("HOME"), "", "and moved by GCL without HI");
     assert_near(&session, [0; 7], "HOME");
 }
 
-/// It moves from where it woke up; what it saves then is no place that it trusts.
+/// Positions count from where the hand woke up, and SAVE does not make them trusted.
 #[test]
-fn a_hand_that_was_never_homed_walks_through_and_does_not_know_where_it_is() {
+fn walk_through_without_homing_keeps_positions_untrusted() {
     let mut session = Session::new();
     walk(&mut session);
     let mut session = power_cycle(&session);
-    assert_eq!(session.line("X1234567FGET S"), "4 4 4 4 4 4 4");
-    assert_eq!(session.line("HOME"), "ERR 4");
+    assert_eq!(session.run("X1234567FGET S"), "4 4 4 4 4 4 4");
+    assert_eq!(session.run("HOME"), "ERR 4");
 }

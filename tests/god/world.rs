@@ -1,4 +1,4 @@
-//! Grasps: a hand in a scene.
+//! Grasps: a hand with objects between its fingers.
 
 use god::Memory;
 use hil_sim::grasp;
@@ -22,11 +22,11 @@ fn ball() -> Scene {
     grasp::parse("ball.toml", BALL).expect("a scene")
 }
 
-/// The numbers that a line is answered with.
+/// Types a line. Returns the numbers of its answer.
 fn ask(typist: &mut Typist, line: &str) -> Vec<i32> {
-    let said = typist.run_line(line).expect("it prompts");
-    assert_eq!(said.status, 0, "{said:?}");
-    said.answer.split_whitespace().map(|word| word.parse().expect("a number")).collect()
+    let received = typist.run_line(line).expect("it prompts");
+    assert_eq!(received.status, 0, "{received:?}");
+    received.answer.split_whitespace().map(|word| word.parse().expect("a number")).collect()
 }
 
 /// Gaps between each finger's link and tip and the ball, mm.
@@ -38,7 +38,7 @@ fn gaps(typist: &Typist) -> Vec<[f64; 2]> {
 }
 
 #[test]
-fn links_stop_at_the_ball_and_lock_and_tips_envelop_it() {
+fn grasp_links_lock_at_the_ball_and_tips_envelop_it() {
     let mut typist = in_scene(ball());
     assert!(gaps(&typist).iter().flatten().all(|&gap| gap > 10.0), "open");
     ask(&mut typist, "GC");
@@ -66,7 +66,7 @@ fn links_stop_at_the_ball_and_lock_and_tips_envelop_it() {
 }
 
 #[test]
-fn with_x_links_and_tips_know_nothing_of_each_other() {
+fn grasp_with_x_moves_links_and_tips_independently() {
     let mut typist = in_scene(ball());
     ask(&mut typist, "X123567C");
     assert_eq!(ask(&mut typist, "GFGET BD"), [0; 3], "no breakaway");
@@ -77,8 +77,8 @@ fn with_x_links_and_tips_know_nothing_of_each_other() {
 }
 
 #[test]
-fn fingers_meet_each_other_where_the_spread_brings_them_together() {
-    // Closed over the palm, fingers 1 and 2 come to finger 3 from its sides.
+fn spread_closing_on_closed_fingers_stops_where_they_meet() {
+    // With the fingers closed over the palm, fingers 1 and 2 meet finger 3 at its sides.
     let mut typist = in_scene(Scene::default());
     ask(&mut typist, "GC");
     ask(&mut typist, "SC");

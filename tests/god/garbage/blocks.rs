@@ -1,4 +1,4 @@
-//! Sessions of RealTime: some by the manual, whose every answer is measured; the others with anything.
+//! RealTime sessions: polite ones, whose every answer is checked, and random ones.
 
 use rand::RngExt;
 
@@ -9,28 +9,28 @@ use super::lines::one;
 const AXES: [(&str, usize); 8] =
     [("", 4), ("G", 3), ("S", 1), ("12", 2), ("X1234567", 7), ("XGS", 7), ("X5", 1), ("X35", 2)];
 
-/// How long a block's answer may take, ms: a clumsy client's patience (PROTOCOL 3).
+/// Longest answer to a block, ms: clients wait 100 ms (decision 0026).
 const BLOCK_MS: usize = 100;
 
-/// What the parameters say of the blocks.
+/// The blocks' sizes, by the parameters.
 struct Shape {
     axes: usize,
     /// Data bytes of a control block.
     control: usize,
-    /// All of a feedback block.
+    /// Bytes of a feedback block.
     feedback: usize,
 }
 
 /// LOOP with any flags, some blocks, and ^C.
 pub fn session(client: &mut Client) {
     let (prefix, axes) = *one(&mut client.rng, &AXES);
-    let shape = flags(client, axes);
+    let shape = set_flags(client, axes);
     let polite = client.rng.random_ratio(2, 3);
-    client.says(format!("{prefix}LOOP").as_bytes(), 1);
-    client.ms();
-    client.says(b"\r", 1);
+    client.send(format!("{prefix}LOOP").as_bytes(), 1);
+    client.step();
+    client.send(b"\r", 1);
     if polite {
-        begins(client);
+        read_first_star(client);
     }
     let mut block = Vec::new();
     for _ in 0..client.rng.random_range(0..100) {
@@ -38,17 +38,17 @@ pub fn session(client: &mut Client) {
             block = (0..shape.control).map(|_| client.rng.random()).collect();
         }
         if polite {
-            by_the_manual(client, &shape, &block);
+            polite_block(client, &shape, &block);
         } else {
-            anyhow(client, &block);
+            any_block(client, &block);
         }
     }
-    client.aborts();
+    client.abort();
 }
 
-/// Sets all that shapes a block.
-fn flags(client: &mut Client, axes: usize) -> Shape {
-    let mut flag = |most: usize| client.rng.random_range(0..=most);
+/// Sets every parameter that shapes a block, at random.
+fn set_flags(client: &mut Client, axes: usize) -> Shape {
+    let mut flag = |max: usize| client.rng.random_range(0..=max);
     let [lcv, lcpg, lfv, lfs, lfdp, lft, lfdpd] = [(); 7].map(|()| flag(1));
     let (lfap, lcvc, lfvc, lfdpc) = (flag(2), 1 + flag(254), 1 + flag(254), 1 + flag(254));
     for line in [
@@ -56,20 +56,20 @@ fn flags(client: &mut Client, axes: usize) -> Shape {
         format!("X1234567FSET LFV {lfv} LFVC {lfvc} LFS {lfs} LFAP {lfap} LFDP {lfdp} LFDPC {lfdpc}"),
         format!("PSET LFT {lft} LFDPD {lfdpd}"),
     ] {
-        client.line(&line);
+        client.run(&line);
     }
     let each = lfv + lfs + [0, 4, 2][lfap] + lfdp;
     Shape { axes, control: axes * (lcv + lcpg), feedback: 1 + axes * each + 2 * lft }
 }
 
-/// The first `*`, or why not: a hand that is hot, or whose motors have faults that come back.
-fn begins(client: &mut Client) {
-    let said = client.reads(1, 2_000);
-    assert_eq!(said, b"*", "{:?}", said.escape_ascii().to_string());
+/// Reads the first `*`.
+fn read_first_star(client: &mut Client) {
+    let received = client.read(1, 2_000);
+    assert_eq!(received, b"*", "{:?}", received.escape_ascii().to_string());
 }
 
-/// A block, and its answer.
-fn by_the_manual(client: &mut Client, shape: &Shape, data: &[u8]) {
+/// Sends a block by the manual, and checks its answer.
+fn polite_block(client: &mut Client, shape: &Shape, data: &[u8]) {
     let header = *one(&mut client.rng, b"CCCCCcAa");
     client.hand.push_rx(&[header]);
     if matches!(header, b'C' | b'c') {
@@ -78,36 +78,36 @@ fn by_the_manual(client: &mut Client, shape: &Shape, data: &[u8]) {
     }
     client.figure.bytes += 1;
     client.figure.blocks += 1;
-    let most = if matches!(header, b'C' | b'A') { shape.feedback } else { 1 };
-    let said = client.reads(most, BLOCK_MS);
-    let text = said.escape_ascii().to_string();
+    let len = if matches!(header, b'C' | b'A') { shape.feedback } else { 1 };
+    let received = client.read(len, BLOCK_MS);
+    let text = received.escape_ascii().to_string();
     assert!(
-        said.len() == most && said[0] == b'*',
-        "{}: {} axes, {most} bytes: {text}",
+        received.len() == len && received[0] == b'*',
+        "{}: {} axes, {len} bytes: {text}",
         header as char,
         shape.axes
     );
 }
 
-/// Anything like a block, or not.
-fn anyhow(client: &mut Client, data: &[u8]) {
+/// Sends a block that may have a wrong header or length.
+fn any_block(client: &mut Client, data: &[u8]) {
     client.figure.blocks += 1;
     let header =
         if client.rng.random_ratio(1, 30) { client.rng.random() } else { *one(&mut client.rng, b"CCCCcAa") };
-    client.says(&[header], 1_000);
-    // Sometimes too few, or too many.
+    client.send(&[header], 1_000);
+    // Sometimes too few bytes.
     let cut =
         if client.rng.random_ratio(1, 20) { client.rng.random_range(0..=data.len()) } else { data.len() };
-    client.says(&data[..cut], 1_000);
+    client.send(&data[..cut], 1_000);
     match client.rng.random_range(0..60) {
-        0 => client.waits(700),
-        1 => client.is_deaf(700),
-        2 => client.says(&[3], 1_000),
+        0 => client.wait(700),
+        1 => client.wait_unread(700),
+        2 => client.send(&[3], 1_000),
         3 => {
             client.hand.hang_up();
             client.figure.hang_ups += 1;
         }
-        4..30 => _ = client.ms(),
+        4..30 => _ = client.step(),
         _ => {}
     }
 }

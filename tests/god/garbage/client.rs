@@ -1,4 +1,4 @@
-//! A host that says anything to a whole hand, and looks at it all the while.
+//! A host that sends anything to a simulated hand and checks it each millisecond.
 
 use god::Memory;
 use god::io::ABORT;
@@ -8,57 +8,56 @@ use hil_sim::plant::Model;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use super::watch::{Most, Watch};
+use super::watch::{Peaks, Watch};
 
 const BALL: &str = include_str!("../../../hil-sim/grasps/ball.toml");
 
-/// The largest control block, all seven motors with velocity and gain: so many bytes after LOOP's header are data, ^C too.
+/// Data bytes of the largest control block, velocity and gain of seven motors. ^C is data among them.
 const BLOCK: usize = 14;
 
-/// How long the prompt may take after ^C, us: GOD ends the motion, and gives MV, BT and KPV back, each with three questions of 60 ms to boards
-/// that do not answer any more; and the ^C of a whole block go before it, a millisecond each, and 20 ms in which a host is heard out that has
-/// said no header.
+/// Longest time from ^C to the prompt, us: GOD stops the motion and restores MV, BT and KPV, each with three questions of 60 ms to boards
+/// that no longer answer. A block's worth of ^C, a millisecond each, and the 20 ms drain after a bad header come before.
 const PROMPT_US: u64 = 600_000;
 
-/// What GOD may keep for a host that does not read.
+/// Size of GOD's output queue.
 pub const UNREAD: usize = 1024;
 
-/// Longest that a line may take to its end, ms of simulated time: HI or a slow motion.
+/// Timeout of a line, ms of simulated time; HI and slow motions take longest.
 const LINE_MS: usize = 120_000;
 
-/// What was done, and what came of it.
+/// Totals of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
-    /// Bytes said to GOD.
+    /// Bytes sent to GOD.
     pub bytes: u64,
     /// RealTime blocks among them.
     pub blocks: u64,
     pub hang_ups: u64,
-    /// Prompts that were said.
+    /// Prompts received.
     prompts: u64,
     simulated_us: u64,
-    most: Most,
+    peaks: Peaks,
 }
 
 impl Figure {
-    pub fn and(mut self, other: Self) -> Self {
+    pub fn merge(mut self, other: Self) -> Self {
         self.bytes += other.bytes;
         self.blocks += other.blocks;
         self.hang_ups += other.hang_ups;
         self.prompts += other.prompts;
         self.simulated_us += other.simulated_us;
-        self.most = self.most.and(other.most);
+        self.peaks = self.peaks.merge(other.peaks);
         self
     }
 }
 
 impl std::fmt::Display for Figure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { bytes, blocks, hang_ups, prompts, simulated_us, most } = self;
+        let Self { bytes, blocks, hang_ups, prompts, simulated_us, peaks } = self;
         let seconds = simulated_us / 1_000_000;
         write!(
             f,
-            "{bytes} bytes, {prompts} prompts, {blocks} blocks, {hang_ups} hang-ups in {seconds} s of simulated time; {most}"
+            "{bytes} bytes, {prompts} prompts, {blocks} blocks, {hang_ups} hang-ups in {seconds} s of simulated time; {peaks}"
         )
     }
 }
@@ -69,12 +68,12 @@ pub struct Client {
     pub rng: Pcg64Mcg,
     pub figure: Figure,
     watch: Watch,
-    /// The end of what was said.
+    /// The last bytes that GOD wrote.
     tail: Vec<u8>,
 }
 
 impl Client {
-    /// Of a hand that has just prompted; with an odd seed there is a ball between its fingers, and they meet each other.
+    /// A hand at its first prompt. With an odd seed there is a ball between its fingers, and they can touch each other.
     pub fn new(seed: u128) -> Self {
         let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
         if seed % 2 == 1 {
@@ -87,74 +86,74 @@ impl Client {
             watch: Watch::new(),
             tail: Vec::new(),
         };
-        client.until_prompt(1_000);
+        client.read_to_prompt(1_000);
         client
     }
 
     // --- time -------------------------------------------------------------------------------------------
 
-    /// A millisecond in which the host reads nothing.
-    pub fn deaf_ms(&mut self) {
+    /// Runs for a millisecond without reading.
+    pub fn step_unread(&mut self) {
         let next_us = (self.hand.now_us() / 1000 + 1) * 1000;
         self.hand.run_until(next_us);
-        self.watch.look(&self.hand);
+        self.watch.check(&self.hand);
     }
 
-    /// A millisecond; what was said in it.
-    pub fn ms(&mut self) -> Vec<u8> {
-        self.deaf_ms();
-        let said = self.hand.take_tx();
-        assert!(said.len() <= UNREAD, "{} bytes waited", said.len());
-        self.figure.prompts += said.windows(2).filter(|pair| pair == b"=>").count() as u64;
-        self.tail.extend(&said);
+    /// Runs for a millisecond. Returns the bytes read.
+    pub fn step(&mut self) -> Vec<u8> {
+        self.step_unread();
+        let received = self.hand.take_tx();
+        assert!(received.len() <= UNREAD, "{} bytes waited", received.len());
+        self.figure.prompts += received.windows(2).filter(|pair| pair == b"=>").count() as u64;
+        self.tail.extend(&received);
         self.tail.drain(..self.tail.len().saturating_sub(16));
-        said
+        received
     }
 
-    /// Reads so many bytes, or as many as have come by then.
-    pub fn reads(&mut self, count: usize, most_ms: usize) -> Vec<u8> {
-        let mut said = Vec::new();
-        for _ in 0..most_ms {
-            said.extend(self.ms());
-            if said.len() >= count {
+    /// Reads `count` bytes, or fewer at the timeout.
+    pub fn read(&mut self, count: usize, max_ms: usize) -> Vec<u8> {
+        let mut received = Vec::new();
+        for _ in 0..max_ms {
+            received.extend(self.step());
+            if received.len() >= count {
                 break;
             }
         }
-        said
+        received
     }
 
-    /// Some time, at most so long.
-    pub fn waits(&mut self, most_ms: u32) {
-        for _ in 0..self.rng.random_range(0..=most_ms) {
-            self.ms();
+    /// Waits for a random time.
+    pub fn wait(&mut self, max_ms: u32) {
+        for _ in 0..self.rng.random_range(0..=max_ms) {
+            self.step();
         }
     }
 
-    /// Some time, at most so long, in which it reads nothing.
-    pub fn is_deaf(&mut self, most_ms: u32) {
-        for _ in 0..self.rng.random_range(0..=most_ms) {
-            self.deaf_ms();
+    /// Waits for a random time without reading.
+    pub fn wait_unread(&mut self, max_ms: u32) {
+        for _ in 0..self.rng.random_range(0..=max_ms) {
+            self.step_unread();
         }
     }
 
-    /// Until the prompt is there, or so long.
-    pub fn waits_for_prompt(&mut self, most_ms: usize) {
-        for _ in 0..most_ms {
+    /// Waits for the prompt, or for the timeout.
+    pub fn wait_for_prompt(&mut self, max_ms: usize) {
+        for _ in 0..max_ms {
             if self.tail.ends_with(b"\n\r=> ") {
                 return;
             }
-            self.ms();
+            self.step();
         }
     }
 
-    // --- what the host does -----------------------------------------------------------------------------
+    // --- input ------------------------------------------------------------------------------------------
 
-    /// Says bytes as fast as GOD takes them. One that is kept waiting says ^C with a probability of 1 in `patience_ms` a millisecond, which
-    /// in text makes what waits void.
-    pub fn says(&mut self, bytes: &[u8], patience_ms: u32) {
+    /// Sends bytes as fast as GOD takes them. While it waits for room it sends ^C with a probability of 1 in `patience_ms` each millisecond,
+    /// which drops the type-ahead.
+    pub fn send(&mut self, bytes: &[u8], patience_ms: u32) {
         for &byte in bytes {
             while self.hand.io().rx_room() == 0 && (byte != ABORT || self.hand.io().is_raw()) {
-                self.ms();
+                self.step();
                 if self.rng.random_ratio(1, patience_ms) && !self.hand.io().is_raw() {
                     self.hand.push_rx(&[ABORT]);
                 }
@@ -162,14 +161,14 @@ impl Client {
             self.hand.push_rx(&[byte]);
         }
         self.figure.bytes += bytes.len() as u64;
-        // GOD has no room for more before it has been polled.
+        // GOD frees room only when it is polled.
         if self.hand.io().rx_room() == 0 {
-            self.ms();
+            self.step();
         }
     }
 
-    /// Whether it is to hang up now, once in so many times; what it said before is in mid-line, or a block.
-    pub fn may_hang_up(&mut self, times: u32) -> bool {
+    /// Hangs up once in `times` calls, perhaps in mid-line or in a block. Returns whether it did.
+    pub fn maybe_hang_up(&mut self, times: u32) -> bool {
         let hangs_up = self.rng.random_ratio(1, times);
         if hangs_up {
             self.hand.hang_up();
@@ -178,47 +177,47 @@ impl Client {
         hangs_up
     }
 
-    /// Types a line and waits for the prompt; what was said.
-    pub fn line(&mut self, line: &str) -> String {
+    /// Types a line and waits for the prompt. Returns all output.
+    pub fn run(&mut self, line: &str) -> String {
         self.hand.push_rx(line.as_bytes());
         self.hand.push_rx(b"\r");
         self.figure.bytes += line.len() as u64 + 1;
-        self.until_prompt(LINE_MS)
+        self.read_to_prompt(LINE_MS)
     }
 
-    fn until_prompt(&mut self, most_ms: usize) -> String {
-        let mut said = Vec::new();
-        for _ in 0..most_ms {
-            said.extend(self.ms());
-            if said.ends_with(b"\n\r=> ") {
-                return said.into_iter().map(char::from).collect();
+    fn read_to_prompt(&mut self, max_ms: usize) -> String {
+        let mut received = Vec::new();
+        for _ in 0..max_ms {
+            received.extend(self.step());
+            if received.ends_with(b"\n\r=> ") {
+                return received.into_iter().map(char::from).collect();
             }
         }
-        panic!("no prompt within {most_ms} ms, but {:?}", said.escape_ascii().to_string());
+        panic!("no prompt within {max_ms} ms, but {:?}", received.escape_ascii().to_string());
     }
 
-    /// ^C, as often as RealTime may take it for data, gives the prompt back.
-    pub fn aborts(&mut self) {
-        let begun_us = self.hand.now_us();
+    /// Sends ^C, as often as RealTime may take it for data, and waits for the prompt.
+    pub fn abort(&mut self) {
+        let start_us = self.hand.now_us();
         self.tail.clear();
         for _ in 0..=BLOCK {
             self.hand.push_rx(&[ABORT]);
-            self.ms();
+            self.step();
         }
         while !self.tail.ends_with(b"\n\r=> ") {
             let tail = self.tail.escape_ascii().to_string();
             assert!(
-                self.hand.now_us() < begun_us + PROMPT_US,
+                self.hand.now_us() < start_us + PROMPT_US,
                 "no prompt within {PROMPT_US} us, but {tail:?}"
             );
-            self.ms();
+            self.step();
         }
-        self.watch.most.prompt_us = self.watch.most.prompt_us.max(self.hand.now_us() - begun_us);
+        self.watch.peaks.prompt_us = self.watch.peaks.prompt_us.max(self.hand.now_us() - start_us);
     }
 
-    /// All parameters, all properties of the boards are what they were at first, and motors know where they are.
-    pub fn homes(&mut self) {
-        self.aborts();
+    /// Restores the defaults of all parameters and properties, and homes the motors.
+    pub fn restore_and_home(&mut self) {
+        self.abort();
         for line in [
             "REC",
             "PDEF",
@@ -229,26 +228,26 @@ impl Client {
             "X1234567FDEF",
             "HI",
         ] {
-            self.line(line);
+            self.run(line);
         }
     }
 
-    /// The prompt comes back, the hand can be switched off, and with its defaults it does what it always did.
-    pub fn ends(mut self) -> Figure {
-        self.aborts();
-        self.line("X1234567T");
-        (0..1_000).for_each(|_| _ = self.ms());
+    /// Checks that ^C brings the prompt back, that T stops every motor, and that the hand moves normally with its defaults.
+    pub fn finish(mut self) -> Figure {
+        self.abort();
+        self.run("X1234567T");
+        (0..1_000).for_each(|_| _ = self.step());
         for (motor, node) in self.hand.bus().stations().enumerate() {
             let speed = node.board().rig().truth().counts_per_s;
             assert!(speed == 0.0 && node.board().driven_since_us().is_none(), "motor {}: {speed}", motor + 1);
         }
-        self.homes();
+        self.restore_and_home();
         for line in ["FGET EN", "HI", "C", "O"] {
             let answer = if line == "FGET EN" { "\r\n\r1 1 1 1" } else { "" };
-            assert_eq!(self.line(line), format!("{line}{answer}\r\n\r=> "));
+            assert_eq!(self.run(line), format!("{line}{answer}\r\n\r=> "));
         }
         self.figure.simulated_us = self.hand.now_us();
-        self.figure.most = self.watch.most;
+        self.figure.peaks = self.watch.peaks;
         self.figure
     }
 }

@@ -1,4 +1,4 @@
-//! Words and lines of the language, at random.
+//! Random words and lines of the language.
 
 use god::command::{self, GclCommand};
 use god::parameter::{HAND, MOTOR};
@@ -7,12 +7,12 @@ use rand::seq::IndexedRandom;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::Property;
 
-/// One of a list.
+/// Picks one element.
 pub fn one<'a, T>(rng: &mut Pcg64Mcg, of: &'a [T]) -> &'a T {
     of.choose(rng).expect("there is one")
 }
 
-/// A number: small ones, those of the tables' ranges and beyond, and none at all.
+/// A number: small, in or beyond the tables' ranges, or not a number at all.
 pub fn number(rng: &mut Pcg64Mcg) -> String {
     match rng.random_range(0..10) {
         0..4 => rng.random_range(-2..=25).to_string(),
@@ -33,10 +33,10 @@ fn name(rng: &mut Pcg64Mcg) -> &'static str {
     }
 }
 
-/// Motors before a command; most select some.
+/// A motor prefix; most select a motor.
 pub fn prefix(rng: &mut Pcg64Mcg) -> String {
-    let digits = |rng: &mut Pcg64Mcg, most: u8| -> String {
-        (1..=most).filter(|_| rng.random()).map(|digit| char::from(b'0' + digit)).collect()
+    let digits = |rng: &mut Pcg64Mcg, max: u8| -> String {
+        (1..=max).filter(|_| rng.random()).map(|digit| char::from(b'0' + digit)).collect()
     };
     match rng.random_range(0..10) {
         0..3 => String::new(),
@@ -47,7 +47,7 @@ pub fn prefix(rng: &mut Pcg64Mcg) -> String {
     }
 }
 
-/// A value for a parameter or property: in its range, at its edges, beyond.
+/// A value in the range of a parameter or property, at its ends, or beyond.
 fn value(rng: &mut Pcg64Mcg, min: i64, max: i64) -> String {
     match rng.random_range(0..10) {
         0..6 => rng.random_range(min..=max).to_string(),
@@ -71,8 +71,8 @@ fn many(rng: &mut Pcg64Mcg, one: fn(&mut Pcg64Mcg) -> String) -> String {
     (0..rng.random_range(1..=3)).map(|_| one(rng)).collect()
 }
 
-/// A line of the lower grammar.
-fn lower(rng: &mut Pcg64Mcg) -> String {
+/// A line of the walk-through grammar (manual 3).
+fn board_line(rng: &mut Pcg64Mcg) -> String {
     let nodes: String =
         (0..=7).filter(|_| rng.random_ratio(1, 4)).map(|node| char::from(b'0' + node)).collect();
     let property = *one(rng, Property::ALL);
@@ -80,25 +80,25 @@ fn lower(rng: &mut Pcg64Mcg) -> String {
     match rng.random_range(0..12) {
         0 => one(rng, &["WAKE", "SAVE", "0 S REPLY 1", "0 G REPLY"]).to_string(),
         1..4 => format!("{nodes} G {}", row.name),
-        // Those that move.
+        // Properties that move a motor.
         4 => format!("{nodes} S M {}", rng.random_range(0..=5)),
         5 => format!("{nodes} S E {}", rng.random_range(-400..=400)),
         6 => format!("{nodes} S CMD {}", rng.random_range(0..=22)),
         7 => format!("{nodes} S V {}", rng.random_range(-1000..=1000)),
         8 => format!("{nodes} S T {}", rng.random_range(-990..=990)),
-        // Those that shape a motion, everywhere.
+        // Properties that shape a motion, on every board.
         9 => format!("1234567 S {} {}", one(rng, &["MT", "MV", "KPV", "KP"]), rng.random_range(0..=1000)),
         _ => format!("{nodes} S {} {}", row.name, value(rng, row.min, row.max)),
     }
 }
 
-/// A command with arguments that it may have, or any.
+/// A command, mostly with valid arguments, or a line of the walk-through grammar.
 pub fn command(rng: &mut Pcg64Mcg) -> String {
     if rng.random_ratio(1, 4) {
-        return lower(rng);
+        return board_line(rng);
     }
     let row = one(rng, command::ROWS);
-    let small = |rng: &mut Pcg64Mcg, most: i64| rng.random_range(-1..=most).to_string();
+    let small = |rng: &mut Pcg64Mcg, max: i64| rng.random_range(-1..=max).to_string();
     let arguments = match row.command {
         _ if rng.random_ratio(1, 20) => number(rng),
         GclCommand::Fset => many(rng, parameter),
@@ -111,7 +111,9 @@ pub fn command(rng: &mut Pcg64Mcg) -> String {
         GclCommand::Help => one(rng, command::ROWS).name.to_owned(),
         GclCommand::Mdeg => small(rng, 150),
         GclCommand::Mper => small(rng, 100),
-        GclCommand::M | GclCommand::Wm | GclCommand::Ic | GclCommand::Io if rng.random() => small(rng, 20_000),
+        GclCommand::M | GclCommand::Wm | GclCommand::Ic | GclCommand::Io if rng.random() => {
+            small(rng, 20_000)
+        }
         GclCommand::Ptm if rng.random() => small(rng, 3_000),
         _ => String::new(),
     };
@@ -120,7 +122,7 @@ pub fn command(rng: &mut Pcg64Mcg) -> String {
     if rng.random() { line } else { line.to_ascii_lowercase() }
 }
 
-/// A word of the tables, or what stands between words.
+/// A word of the tables, a separator or a random character.
 pub fn word(rng: &mut Pcg64Mcg) -> String {
     match rng.random_range(0..20) {
         0..4 => one(rng, command::ROWS).name.to_owned(),

@@ -1,18 +1,17 @@
-//! What must hold of the hand at every millisecond, whatever its host says.
+//! Invariants of the hand, checked each millisecond whatever the host sends.
 //!
-//! GOD clamps no goal to a joint's range: a motor that meets its stop stalls there (manual 5.5). The limits that nothing a host says may
-//! lift are the boards' (servo-core's guard) and the joints' (the plant's stops):
+//! GOD does not clamp goals to a joint's range: a motor that meets its stop stalls there (manual 5.5). The limits that no host can lift
+//! are the boards' (servo-core's guard) and the joints' (the plant's stops):
 //!
-//! * a joint stays between its stops, and dents them no deeper than a rotor at its highest speed does;
-//! * no rotor turns faster than 97 % of the bus can turn it, unless it is the spread's and other fingers push it; and no set-point goes
-//!   faster than MV with MCV or MOV has allowed since its motion began;
-//! * the duty is 97 % at most; the torque MT at most, but where a rotor is so fast that the duty bound alone brakes harder (`LimitCause::Duty`);
-//!   the phase current stays below the driver's trip, and the winding below its class;
-//! * an idle motor, and one whose board is in its monitor, is not driven; no page is erased while one is; no watchdog bites;
-//! * of all faults two may come of what a host says: HostLost, because the lower grammar can leave a motor in mode 2 or 4, or a host
-//!   that never reads holds RealTime up; and OverTemperature, because it can set a board's OTEMP.
-//!
-//! And memory: GOD has no heap, and neither its queues nor its adapter's lose or grow.
+//! * A joint stays between its stops, and dents them no deeper than a rotor at its highest speed does.
+//! * No rotor turns faster than 97 % of the bus voltage can turn it, except the spread while other fingers push it. No set-point moves
+//!   faster than MV with MCV or MOV has allowed since the motion began.
+//! * The duty is at most 97 %. The torque is at most MT, except where the duty limit alone brakes a fast rotor harder
+//!   (`LimitCause::Duty`). The phase current stays below the driver's trip, and the winding below its class.
+//! * An idle motor is not driven, nor one whose board is in its monitor. No page is erased while a motor is driven. No watchdog resets.
+//! * A host can cause two faults: HostLost, because the walk-through grammar can leave a motor in mode 2 or 4 and a host that never reads blocks
+//!   RealTime; and OverTemperature, because it can set a board's OTEMP.
+//! * GOD's queues and its transmit mailboxes neither lose nor grow.
 
 use hil_sim::MotorKind;
 use hil_sim::hand::Hand;
@@ -23,8 +22,8 @@ use servo_core::guard::fault::{Fault, LimitCause};
 use servo_core::mode::Mode;
 use std::collections::BTreeSet;
 
-/// Frames of GOD's that may wait for the bus in its adapter.
-pub const WAITING: usize = 32;
+/// Transmit mailboxes of GOD's CAN controller.
+pub const WAITING: usize = 3;
 
 /// The largest duty, 97 % of the bus, in 1/32768.
 const DUTY: u16 = 31_680;
@@ -32,9 +31,9 @@ const DUTY: u16 = 31_680;
 /// Winding temperature at which the boards' model allows no torque, 130 C, and 5 K for its error.
 const WINDING_C: f64 = 135.0;
 
-/// What has been seen at most.
+/// Largest values seen.
 #[derive(Clone, Debug, Default)]
-pub struct Most {
+pub struct Peaks {
     /// Beyond the last whole count of a joint's range, counts.
     pub beyond: f64,
     /// Counts/s.
@@ -45,16 +44,16 @@ pub struct Most {
     pub current: f64,
     /// C.
     pub winding: f64,
-    /// Frames that waited in GOD's adapter.
+    /// Frames in GOD's transmit mailboxes.
     pub waiting: usize,
-    /// How long the prompt has taken after ^C, us.
+    /// Time from ^C to the prompt, us.
     pub prompt_us: u64,
-    /// Faults that boards have had.
+    /// Faults of boards.
     pub faults: BTreeSet<&'static str>,
 }
 
-impl Most {
-    pub fn and(mut self, other: Self) -> Self {
+impl Peaks {
+    pub fn merge(mut self, other: Self) -> Self {
         self.beyond = self.beyond.max(other.beyond);
         self.speed = self.speed.max(other.speed);
         self.torque = self.torque.max(other.torque);
@@ -67,7 +66,7 @@ impl Most {
     }
 }
 
-impl std::fmt::Display for Most {
+impl std::fmt::Display for Peaks {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { beyond, speed, torque, current, winding, waiting, prompt_us, faults } = self;
         let prompt_ms = prompt_us / 1000;
@@ -82,20 +81,21 @@ impl std::fmt::Display for Most {
 /// A motor's limits.
 struct Joint {
     range: [f64; 2],
-    /// How far beyond its range it can be at rest, pressed by the peak torque, counts.
+    /// Furthest position beyond the range at rest under peak torque, counts.
     pressed: f64,
-    /// And how much further for each count/s of its speed, s.
+    /// Additional distance for each count/s of speed, s.
     per_speed: f64,
     no_load: f64,
-    /// Its highest speed yet, and whether it is beyond `no_load` because something pushes it.
+    /// Highest speed so far.
     peak: f64,
+    /// Something pushes the rotor beyond `no_load`.
     pushed: bool,
     trip_a: f64,
-    /// MT at the last looks: a tick that plans goes on with the torque of the one before.
+    /// MT at the last three checks: a tick that plans a move still applies the torque of the tick before.
     mt: [u16; 3],
-    /// Whether it was idle at the last look: a tick turns the bridge off.
+    /// Whether it was idle at the last check: the bridge turns off at the next tick.
     was_idle: bool,
-    /// The highest of MV with MCV and MOV since mode 5 began.
+    /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s.
     fastest: u16,
 }
 
@@ -107,7 +107,7 @@ impl Joint {
         let peak_torque = 1024.0 / 1575.0;
         Self {
             range: [plant.min_count, plant.max_count],
-            // The stop begins half a count beyond the range, and gives by T/k; a rotor goes v * sqrt(J/k) into one without a damper.
+            // The stop begins half a count beyond the range and yields by T/k; without a damper a rotor would enter it by v * sqrt(J/k).
             pressed: 0.5 + peak_torque / spring / RAD_PER_COUNT,
             per_speed: (plant.j_kg_m2 / spring).sqrt(),
             no_load,
@@ -121,10 +121,10 @@ impl Joint {
     }
 }
 
-/// Looks, and remembers.
+/// Checks the hand and keeps the largest values.
 pub struct Watch {
     joints: [Joint; 7],
-    pub most: Most,
+    pub peaks: Peaks,
 }
 
 impl Watch {
@@ -134,14 +134,14 @@ impl Watch {
             3 => MotorKind::Spread,
             _ => MotorKind::Tip,
         };
-        Self { joints: std::array::from_fn(|motor| Joint::new(kind(motor))), most: Most::default() }
+        Self { joints: std::array::from_fn(|motor| Joint::new(kind(motor))), peaks: Peaks::default() }
     }
 
-    /// To be called after each millisecond.
-    pub fn look(&mut self, hand: &Hand) {
+    /// Checks the hand; call it after each millisecond.
+    pub fn check(&mut self, hand: &Hand) {
         for (motor, (joint, node)) in self.joints.iter_mut().zip(hand.bus().stations()).enumerate() {
             let at = format_args!("motor {} at {} us", motor + 1, hand.now_us()).to_string();
-            look_at_plant(joint, node, &mut self.most, &at);
+            check_plant(joint, node, &mut self.peaks, &at);
             match node.sample() {
                 None => assert_eq!(node.board().driven_since_us(), None, "{at}: driven without a program"),
                 Some(sample) => {
@@ -151,18 +151,18 @@ impl Watch {
                     let fastest = config.mv.min(config.mcv.max(config.mov));
                     let moves = sample.status.mode == Mode::Trapezoidal;
                     joint.fastest = if moves { joint.fastest.max(fastest) } else { 0 };
-                    look_at_servo(joint, &sample, &mut self.most, &at);
+                    check_servo(joint, &sample, &mut self.peaks, &at);
                 }
             }
         }
-        self.most.waiting = self.most.waiting.max(hand.bus().waiting());
+        self.peaks.waiting = self.peaks.waiting.max(hand.bus().waiting());
         assert!(hand.bus().waiting() <= WAITING, "{} frames wait", hand.bus().waiting());
         assert_eq!(hand.io().lost(), 0, "bytes or frames lost by GOD");
     }
 }
 
-/// The rotor, its winding and its flash.
-fn look_at_plant(joint: &mut Joint, node: &Node, most: &mut Most, at: &str) {
+/// Checks rotor, winding and flash.
+fn check_plant(joint: &mut Joint, node: &Node, peaks: &mut Peaks, at: &str) {
     let truth = node.board().rig().truth();
     let [min, max] = joint.range;
     let beyond = (min - truth.counts).max(truth.counts - max);
@@ -176,14 +176,14 @@ fn look_at_plant(joint: &mut Joint, node: &Node, most: &mut Most, at: &str) {
     let flash = node.board().sim_flash();
     assert!(!flash.is_dead() && flash.erased_while_driven() == 0, "{at}: {flash:?}");
     assert_eq!(node.watchdog_resets(), 0, "{at}");
-    most.beyond = most.beyond.max(beyond);
-    most.speed = most.speed.max(speed);
-    most.current = most.current.max(truth.peak_phase_a);
-    most.winding = most.winding.max(truth.winding_c);
+    peaks.beyond = peaks.beyond.max(beyond);
+    peaks.speed = peaks.speed.max(speed);
+    peaks.current = peaks.current.max(truth.peak_phase_a);
+    peaks.winding = peaks.winding.max(truth.winding_c);
 }
 
-/// What the servo applies, and what it is at.
-fn look_at_servo(joint: &mut Joint, sample: &Sample, most: &mut Most, at: &str) {
+/// Checks duty, torque, set-point and fault.
+fn check_servo(joint: &mut Joint, sample: &Sample, peaks: &mut Peaks, at: &str) {
     let status = &sample.status;
     assert!(status.duty.0.to_bits().unsigned_abs() <= DUTY, "{at}: {status:?}");
     let torque = status.torque.0.saturating_abs();
@@ -202,8 +202,8 @@ fn look_at_servo(joint: &mut Joint, sample: &Sample, most: &mut Most, at: &str) 
         joint.fastest
     );
     if let Some(fault) = status.fault {
-        most.faults.insert(fault_word(fault));
+        peaks.faults.insert(fault_word(fault));
         assert!(matches!(fault, Fault::HostLost | Fault::OverTemperature), "{at}: {fault:?}");
     }
-    most.torque = most.torque.max(torque);
+    peaks.torque = peaks.torque.max(torque);
 }

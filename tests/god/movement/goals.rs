@@ -1,20 +1,20 @@
-//! Where each command takes whom, and when.
+//! Goals and timing of each command.
 
 use servo_core::mode::Mode;
 use tater_wire::Property;
 
-use super::{assert_near, config, counts, initialized, line_until, set, status};
+use super::{assert_near, config, counts, initialized, run_until, set, telemetry};
 
-/// Hall counts are GCL counts / 55; a tip goes along with 39/147 of its link's counts, or against with 39/49 of them.
+/// A hall count is 55 GCL counts. A tip follows its link by 39/147 of the counts, or turns against it by 39/49.
 #[test]
-fn each_command_takes_each_motor_to_its_place() {
+fn each_command_reaches_its_goals() {
     let mut session = initialized();
     for (line, expected) in [
         ("GM 10000", [182, 182, 182, 0, 48, 48, 48]),
         // DP: 8500, 1575.
         ("M", [155, 155, 155, 29, 41, 41, 41]),
         ("HOME", [0; 7]),
-        // 90 degrees of a link are 220.5 counts; of a tip, exactly named, 175.5.
+        // 90 degrees of a link are 220.5 counts; of a tip named with X 175.5.
         ("1MDEG 90", [221, 0, 0, 0, 59, 0, 0]),
         ("X5MDEG 90", [221, 0, 0, 0, 176, 0, 0]),
         ("X5MDEG -20", [221, 0, 0, 0, -39, 0, 0]),
@@ -34,38 +34,38 @@ fn each_command_takes_each_motor_to_its_place() {
         ("1IO 2750", [75, 125, 25, 15, 21, 34, 7]),
         ("IO", [50, 100, 0, 0, 14, 27, 0]),
         ("X6IC 5500", [50, 100, 0, 0, 14, 127, 0]),
-        // A tip that was elsewhere keeps its lead in a relative move, and is put right by an absolute one.
+        // A relative move keeps the offset between tip and link; an absolute one removes it.
         ("2IC 1100", [50, 120, 0, 0, 14, 132, 0]),
         ("2M 5500", [50, 100, 0, 0, 14, 27, 0]),
         ("GHOME", [0; 7]),
     ] {
-        assert_eq!(session.line(line), "", "{line}");
+        assert_eq!(session.run(line), "", "{line}");
         assert_near(&session, expected, line);
     }
 }
 
 #[test]
-fn a_wiper_s_tips_keep_their_direction() {
+fn wm_tips_keep_their_direction() {
     let mut session = initialized();
-    assert_eq!(session.line("X56MDEG 60"), "");
+    assert_eq!(session.run("X56MDEG 60"), "");
     for (line, expected) in [
-        // 5500 counts of a link are 100; a tip goes back by 100 · 39/49 = 80 of its 117.
+        // 5500 counts of a link are 100; the tip turns back by 100 · 39/49 = 80 of its 117.
         ("12WM 5500", [100, 100, 0, 0, 37, 37, 0]),
         ("1WM 2750", [50, 100, 0, 0, 77, 37, 0]),
-        // Exactly the named ones: without its tip a link is alone, a tip without its link stands still.
+        // Only the named motors: a link moves alone, a tip without its link not at all.
         ("X2WM 2750", [50, 50, 0, 0, 77, 37, 0]),
         ("X16WM 0", [0, 50, 0, 0, 77, 37, 0]),
         ("X15WM 2750", [50, 50, 0, 0, 37, 37, 0]),
-        // DP; the spread has no part in it.
+        // DP; the spread does not move.
         ("WM", [155, 155, 155, 0, -46, -46, -123]),
     ] {
-        assert_eq!(session.line(line), "", "{line}");
+        assert_eq!(session.run(line), "", "{line}");
         assert_near(&session, expected, line);
     }
 }
 
 #[test]
-fn parallel_tips_go_opposite_ways_while_the_spread_is_open() {
+fn ptm_with_open_spread_moves_tips_in_opposite_directions() {
     let mut session = initialized();
     for (line, expected) in [
         ("X567PTM 5500", [0, 0, 0, 0, -100, -100, 100]),
@@ -73,19 +73,19 @@ fn parallel_tips_go_opposite_ways_while_the_spread_is_open() {
         ("SM 4500", [0, 0, 0, 82, 0, 0, 0]),
         ("X56PTM 2750", [0, 0, 0, 82, -50, -50, 0]),
         ("X56PTM -2750", [0, 0, 0, 82, 0, 0, 0]),
-        // From half of its range on it is closed.
+        // From half of its range on the spread counts as closed.
         ("SM 4600", [0, 0, 0, 84, 0, 0, 0]),
         // DS: 1400.
         ("PTM", [0, 0, 0, 84, 25, 25, 25]),
         ("X7PTM -1375", [0, 0, 0, 84, 25, 25, 0]),
     ] {
-        assert_eq!(session.line(line), "", "{line}");
+        assert_eq!(session.run(line), "", "{line}");
         assert_near(&session, expected, line);
     }
 }
 
 #[test]
-fn torque_controlled_motions_go_to_the_stops() {
+fn tc_and_to_reach_the_stops() {
     let mut session = initialized();
     for (line, expected) in [
         ("STC", [0, 0, 0, 166, 0, 0, 0]),
@@ -93,59 +93,59 @@ fn torque_controlled_motions_go_to_the_stops() {
         ("X1TO", [-25, 0, 0, 166, 350, 0, 0]),
         ("TO", [-25, -25, -25, 0, -158, -158, -158]),
     ] {
-        assert_eq!(session.line(line), "", "{line}");
+        assert_eq!(session.run(line), "", "{line}");
         assert_near(&session, expected, line);
     }
 }
 
-/// A tip goes along by a third of its link's joint angle, 13 hall counts to 49, as far as velocities that friction holds back alike can do
-/// it: at a link's count of 150 it is somewhere between 20 and 70. With X it goes by itself, as fast as the link.
+/// A tip follows a third of its link's joint angle, 13 hall counts to 49, by velocity alone: when the link is at 150 the tip is between
+/// 20 and 70. With X it moves by itself, as fast as the link.
 #[test]
-fn torque_controlled_tips_go_along_with_their_links() {
+fn tc_tips_move_along_with_their_links() {
     for (line, along) in [("GTC", true), ("X123567TC", false)] {
         let mut session = initialized();
-        line_until(&mut session, line, |session| counts(session)[0] >= 150);
+        run_until(&mut session, line, |session| counts(session)[0] >= 150);
         let tip = counts(&session)[4];
         assert_eq!((20..=70).contains(&tip), along, "{line}: {tip}");
-        session.until_prompt();
+        session.read_to_prompt();
         assert_near(
             &session,
             [338, 338, 338, 0, 350, 350, 350],
-            "what has stopped the link lets its tip go on",
+            "the tip continues when its link has stopped",
         );
         for motor in 1..=7 {
-            assert_eq!(config(&mut session, motor).mcv, 1000, "{line}: MCV of {motor} is given back");
+            assert_eq!(config(&mut session, motor).mcv, 1000, "{line}: MCV of {motor} is restored");
         }
     }
 }
 
-/// When the motors of a command end, ms.
+/// Time at which each motor of a command ends, ms.
 fn ends_of(line: &str) -> [u64; 7] {
     let mut session = initialized();
     let mut ends = [0; 7];
-    line_until(&mut session, line, |session| {
+    run_until(&mut session, line, |session| {
         let mut moving = false;
         for motor in 1..=7 {
-            if status(session, motor).mode == Mode::Trapezoidal {
+            if telemetry(session, motor).mode == Mode::Trapezoidal {
                 ends[usize::from(motor) - 1] = session.hand.now_us() / 1000;
                 moving = true;
             }
         }
         ends != [0; 7] && !moving
     });
-    session.until_prompt();
+    session.read_to_prompt();
     for motor in 1..=7 {
-        assert_eq!(config(&mut session, motor).mv, 1000, "{line}: MV of {motor} is given back");
+        assert_eq!(config(&mut session, motor).mv, 1000, "{line}: MV of {motor} is restored");
     }
     ends
 }
 
-/// MV is whole counts/s: of a tip that cruises at 100 that is 1 %, or 10 ms of a second's way, and the position comes to rest within TSTOP's
-/// granularity of a few counts, 20 ms more.
+/// Longest time between the ends of link and tip, ms: MV is in whole counts/s, 1 % of a tip's 100 counts/s or 10 ms of a second's move, and
+/// the last counts before rest differ by 20 ms.
 const TOGETHER_MS: u64 = 30;
 
 #[test]
-fn link_and_tip_arrive_together() {
+fn move_link_and_tip_arrive_together() {
     for line in ["GM 18000", "GM 3000", "2WM 8000", "1IC 7000"] {
         let ends = ends_of(line);
         for finger in (0..3).filter(|&finger| ends[finger] != 0) {
@@ -153,15 +153,15 @@ fn link_and_tip_arrive_together() {
             assert!(apart <= TOGETHER_MS, "{line}: finger {finger} {apart} ms apart: {ends:?}");
         }
     }
-    // Without a finger each takes its own time: 331 and 88 counts do not take the same.
+    // With X each motor takes its own time.
     let ends = ends_of("X15M 15000");
     assert!(ends[0].abs_diff(ends[4]) > TOGETHER_MS, "{ends:?}");
 }
 
 #[test]
-fn without_a_prefix_those_with_en_move() {
+fn no_prefix_selects_motors_with_en() {
     let mut session = initialized();
-    // A finger goes by its link; its tip's EN is nothing to it.
+    // The link's EN decides for a finger; its tip's EN does not matter.
     for (motor, en) in [(2, 0), (4, 0), (5, 0)] {
         set(&mut session, motor, Property::EN, en);
     }
@@ -170,12 +170,12 @@ fn without_a_prefix_those_with_en_move() {
         ("2M 2750", [50, 50, 50, 0, 13, 13, 13]),
         ("HOME", [0, 50, 0, 0, 0, 13, 0]),
     ] {
-        assert_eq!(session.line(line), "", "{line}");
+        assert_eq!(session.run(line), "", "{line}");
         assert_near(&session, expected, line);
     }
     set(&mut session, 1, Property::EN, 0);
     set(&mut session, 3, Property::EN, 0);
     let before = counts(&session);
-    assert_eq!(session.line("M 2750"), "ERR 2", "nobody");
+    assert_eq!(session.run("M 2750"), "ERR 2", "no motor is enabled");
     assert_eq!(counts(&session), before);
 }

@@ -1,17 +1,17 @@
-//! What is refused, and that nothing moves then.
+//! Refused commands move nothing.
 
 use god::Memory;
 use god::memory::Stored;
 
-use super::{Session, assert_near, counts, initialized, status};
+use super::{Session, assert_near, counts, initialized, telemetry};
 use servo_core::mode::Mode;
 
 #[test]
-fn words_that_are_wrong() {
+fn invalid_lines_are_refused_and_move_nothing() {
     let mut session = initialized();
     let before = counts(&session);
     for (line, answer) in [
-        // Nobody: X alone, a number that is no motor, fingers or spread where only the others can.
+        // No motor: X alone, a digit that selects nothing, WM of a spread or tip, PTM of a link or spread.
         ("XM 1000", "ERR 2"),
         ("XHI", "ERR 2"),
         ("XT", "ERR 2"),
@@ -33,12 +33,12 @@ fn words_that_are_wrong() {
         ("PTM 20001", "ERR 128"),
         ("M 1.5", "ERR 128"),
         ("M FAR", "ERR 128"),
-        // 243 degrees of a link are 32744 counts, 244 are more than any position.
+        // 243 degrees of a link are 32744 counts; 244 exceed the largest position.
         ("1MDEG 244", "ERR 128"),
         ("X5MDEG -306", "ERR 128"),
         ("1MPER 181", "ERR 128"),
         ("1MDEG 9223372036854775807", "ERR 128"),
-        // More than they take.
+        // Too many arguments.
         ("M 1 2", "ERR 1024"),
         ("MDEG 1 2", "ERR 1024"),
         ("C 1", "ERR 1024"),
@@ -49,78 +49,78 @@ fn words_that_are_wrong() {
         ("TO 1", "ERR 1024"),
         ("T 1", "ERR 1024"),
     ] {
-        assert_eq!(session.line(line), answer, "{line}");
+        assert_eq!(session.run(line), answer, "{line}");
         assert_eq!(counts(&session), before, "{line}");
     }
 }
 
 #[test]
-fn what_is_not_initialized_does_not_move_but_is_switched_off() {
+fn uninitialized_motor_does_not_move_but_t_switches_it_off() {
     let mut session = Session::new();
     for line in ["C", "O", "M 1000", "1HOME", "SIC", "GWM", "X5PTM", "TC", "STO", "LOOP", "T"] {
-        assert_eq!(session.line(line), "ERR 4", "{line}");
+        assert_eq!(session.run(line), "ERR 4", "{line}");
     }
     assert_eq!(counts(&session), [0; 7]);
     // One finger.
-    assert_eq!(session.line("2HI"), "");
-    assert_eq!(session.line("2M 5500"), "");
+    assert_eq!(session.run("2HI"), "");
+    assert_eq!(session.run("2M 5500"), "");
     assert_near(&session, [0, 100, 0, 0, 0, 27, 0], "finger 2");
     let before = counts(&session);
-    assert_eq!(session.line("12M 1000"), "ERR 4", "one that is not, and none moves");
-    assert_eq!(session.line("X6PTM 1000"), "ERR 4", "which way, only the spread knows");
+    assert_eq!(session.run("12M 1000"), "ERR 4", "motor 1 is not initialized, so none moves");
+    assert_eq!(session.run("X6PTM 1000"), "ERR 4", "the spread's position decides the direction");
     assert_eq!(counts(&session), before);
-    assert_eq!(session.line("2T"), "");
-    assert_eq!(session.line("T"), "ERR 4");
+    assert_eq!(session.run("2T"), "");
+    assert_eq!(session.run("T"), "ERR 4");
 }
 
 #[test]
-fn a_hand_hotter_than_otemp_does_not_move() {
+fn hand_hotter_than_otemp_does_not_move() {
     let mut stored = Stored::default();
     stored.parameters.hand.otemp = 450;
-    let mut session = Session::with(Memory::new(stored));
+    let mut session = Session::with_memory(Memory::new(stored));
     session.hand.io().set_temperature(450);
-    assert_eq!(session.line("HI"), "", "as hot as that is not hotter");
-    assert_eq!(session.line("STC"), "");
-    assert_eq!(status(&mut session, 4).mode, Mode::Velocity, "it presses");
+    assert_eq!(session.run("HI"), "", "the limit itself is allowed");
+    assert_eq!(session.run("STC"), "");
+    assert_eq!(telemetry(&mut session, 4).mode, Mode::Velocity, "it presses");
     session.hand.io().set_temperature(451);
     let before = counts(&session);
     for line in ["HI", "M 1000", "C", "TC", "GPTM 100", "12WM", "LOOP", "T"] {
-        assert_eq!(session.line(line), "ERR 8192", "{line}");
+        assert_eq!(session.run(line), "ERR 8192", "{line}");
     }
     assert_eq!(counts(&session), before);
-    assert_eq!(status(&mut session, 4).mode, Mode::Idle, "T has switched it off all the same");
-    // -551: any temperature.
+    assert_eq!(telemetry(&mut session, 4).mode, Mode::Idle, "T switches it off nevertheless");
+    // OTEMP -551 allows any temperature.
     let mut session = initialized();
     session.hand.io().set_temperature(1250);
-    assert_eq!(session.line("1M 1000"), "");
-    // The manual's example is 6 °C: no hand in use is that cold.
+    assert_eq!(session.run("1M 1000"), "");
+    // The manual's example is 6 °C, below any hand in use.
     let mut session = initialized();
-    assert_eq!(session.line("PSET OTEMP 60"), "");
-    assert_eq!(session.line("1M 1000"), "ERR 8192");
+    assert_eq!(session.run("PSET OTEMP 60"), "");
+    assert_eq!(session.run("1M 1000"), "ERR 8192");
 }
 
 #[test]
-fn a_board_that_does_not_answer() {
+fn missing_board_is_err_1() {
     let mut session = initialized();
     session.hand.bus_mut().cut(1, true);
     let before = counts(&session);
     for line in ["M 5500", "2M 5500", "12M 5500", "X2C", "TC", "LOOP", "HI"] {
-        assert_eq!(session.line(line), "ERR 1", "{line}");
+        assert_eq!(session.run(line), "ERR 1", "{line}");
         assert_eq!(counts(&session), before, "{line}");
     }
-    // Without it they go; and T reaches those that it reaches.
-    assert_eq!(session.line("13M 5500"), "");
+    // The others move without it, and T reaches every board that answers.
+    assert_eq!(session.run("13M 5500"), "");
     assert_near(&session, [100, 0, 100, 0, 27, 0, 27], "fingers 1 and 3");
-    assert_eq!(session.line("STC"), "");
-    assert_eq!(session.line("T"), "ERR 1");
-    assert_eq!(status(&mut session, 4).mode, Mode::Idle);
-    // The link of a finger answers, its tip does not.
+    assert_eq!(session.run("STC"), "");
+    assert_eq!(session.run("T"), "ERR 1");
+    assert_eq!(telemetry(&mut session, 4).mode, Mode::Idle);
+    // A finger whose link answers and whose tip does not.
     session.hand.bus_mut().cut(1, false);
     session.hand.bus_mut().cut(4, true);
-    assert_eq!(session.line("1M 0"), "ERR 1");
-    assert_eq!(session.line("X1M 0"), "");
-    // Both: a board that is away, and a motor that is not initialized.
+    assert_eq!(session.run("1M 0"), "ERR 1");
+    assert_eq!(session.run("X1M 0"), "");
+    // A missing board and a motor that is not initialized add up.
     super::node(&mut session, 3).power_off();
     super::node(&mut session, 3).power_on();
-    assert_eq!(session.line("GM 0"), "ERR 5");
+    assert_eq!(session.run("GM 0"), "ERR 5");
 }

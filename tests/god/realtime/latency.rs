@@ -1,4 +1,4 @@
-//! From the host's bytes to the motors' torque, seven motors at once on one bus, and what that bus carries.
+//! Latency from the host's bytes to the torque of seven motors, and the bus load.
 
 use hil_sim::MotorKind;
 use hil_sim::hand::Hand;
@@ -8,40 +8,40 @@ use servo_core::units::Duty;
 use super::super::Session;
 use super::{ALL, BLOCK_US, FEEDBACK, Host, control};
 
-/// How finely it is measured, us.
-const LOOK_US: u64 = 10;
+/// Resolution of the measurement, us.
+const RESOLUTION_US: u64 = 10;
 
-/// Blocks that are measured; each begins at another time between two ticks of the boards (1000 us), which 53 does not divide.
+/// Measured blocks. Each begins at another phase of the boards' ticks (1000 us), because 53 does not divide 1000.
 const PHASES: u64 = 60;
 const PHASE_US: u64 = 53;
 
-/// Before the last motor's velocity are the three GET of the feedback (52 bits, 10 stuffed ones at most, 3 between two frames), one answer that
-/// has begun, and seven gains and velocities (76, 16, 3); then 50 us of the board, and its next tick.
+/// Longest time to the last motor's torque, us: three GET frames (52 bits, at most 10 stuff bits, intermission 3), one answer on the wire, seven
+/// gains and velocities (76, 16, 3), 50 us of the board and its next tick.
 const BOUND_US: u64 = 3 * 65 + 15 * 95 + 50 + 1_000;
 
-/// What each bridge does; 0 is off, or both phases alike.
+/// Duty of each bridge; 0 is off, or both phases alike.
 fn duties(hand: &Hand) -> Vec<Duty> {
     let duty =
         |node: &hil_sim::node::Node| node.application().and_then(|application| application.drive().duty);
     hand.bus().stations().map(|node| duty(node).unwrap_or_default()).collect()
 }
 
-/// When a motor's duty changed, and for how long the bus had been in use by then, us.
+/// Time to the change of a motor's duty, and bus time used by then, us.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Change {
     after_us: u64,
     busy_us: u64,
 }
 
-/// Waits until each motor's duty has changed once, from now on.
-fn changes(session: &mut Session, line: &mut Serial, most_us: u64) -> [Change; 7] {
+/// Waits until each motor's duty has changed once.
+fn changes(session: &mut Session, line: &mut Serial, max_us: u64) -> [Change; 7] {
     let now = |session: &Session| (session.hand.now_us(), session.hand.bus().stats().busy_us);
     let ((begin_us, begin_busy_us), before) = (now(session), duties(&session.hand));
-    let (mut changes, mut heard) = ([None; 7], Vec::new());
+    let (mut changes, mut received) = ([None; 7], Vec::new());
     while changes.contains(&None) {
         let (now_us, busy_us) = now(session);
-        assert!(now_us <= begin_us + most_us, "no torque within {most_us} us: {changes:?}");
-        line.run_until(&mut session.hand, now_us + LOOK_US, &mut heard, 1024);
+        assert!(now_us <= begin_us + max_us, "no torque within {max_us} us: {changes:?}");
+        line.run_until(&mut session.hand, now_us + RESOLUTION_US, &mut received, 1024);
         for ((change, now), before) in changes.iter_mut().zip(duties(&session.hand)).zip(&before) {
             if change.is_none() && now != *before {
                 let after_us = session.hand.now_us() - begin_us;
@@ -52,12 +52,12 @@ fn changes(session: &mut Session, line: &mut Serial, most_us: u64) -> [Change; 7
     changes.map(Option::unwrap_or_default)
 }
 
-/// The longer of each two.
-fn longest(worst: &mut [u64; 7], changes: &[Change; 7]) {
+/// Keeps the longer time of each motor.
+fn keep_longest(worst: &mut [u64; 7], changes: &[Change; 7]) {
     worst.iter_mut().zip(changes).for_each(|(worst, change)| *worst = change.after_us.max(*worst));
 }
 
-/// Feeds back at rest until no motor has had any duty for ten blocks.
+/// Sends blocks with velocity 0 until no motor has had any duty for ten blocks.
 fn rest(host: &mut Host, gain: u8) {
     let (mut still, end) = (0, host.session.hand.now_us() + 10_000_000);
     while still < 10 {
@@ -68,9 +68,9 @@ fn rest(host: &mut Host, gain: u8) {
     }
 }
 
-/// The longest times of motors 1 to 7 from the first byte of a control block that changes all velocities and gains, us.
+/// Longest time of each motor from the first byte of a control block that changes all velocities and gains, us.
 fn worst(session: Session, paced: bool) -> [u64; 7] {
-    let mut host = Host::of(session, ALL);
+    let mut host = Host::from_session(session, ALL);
     let mut worst = [0; 7];
     for phase in 0..PHASES {
         rest(&mut host, 16);
@@ -78,7 +78,7 @@ fn worst(session: Session, paced: bool) -> [u64; 7] {
         let velocity = if phase % 2 == 0 { 20 } else { -20 };
         let mut line = Serial::new(paced);
         line.put(&control(velocity, 17), &host.session.hand);
-        longest(&mut worst, &changes(&mut host.session, &mut line, BLOCK_US));
+        keep_longest(&mut worst, &changes(&mut host.session, &mut line, BLOCK_US));
         // The rest of the feedback.
         host.session.wait_us(20_000);
         host.session.hand.take_tx();
@@ -87,7 +87,7 @@ fn worst(session: Session, paced: bool) -> [u64; 7] {
 }
 
 #[test]
-fn a_blocks_velocities_become_torque_within_its_frames_and_a_tick() {
+fn block_to_torque_takes_its_frames_and_a_tick() {
     let worst = worst(Session::new(), false);
     println!(
         "figure: RealTime, last byte of a control block of seven motors to each one's torque: at worst {worst:?} us"
@@ -96,9 +96,9 @@ fn a_blocks_velocities_become_torque_within_its_frames_and_a_tick() {
 }
 
 #[test]
-fn at_38400_baud_the_blocks_own_bytes_come_on_top() {
+fn block_to_torque_at_38400_baud_adds_its_own_bytes() {
     let mut session = Session::new();
-    assert_eq!(session.line("PSET BAUD 384"), "");
+    assert_eq!(session.run("PSET BAUD 384"), "");
     let worst = worst(session, true);
     println!(
         "figure: RealTime at 38400 baud, first byte of a control block of seven motors to each one's torque: at worst {worst:?} us"
@@ -110,16 +110,16 @@ fn at_38400_baud_the_blocks_own_bytes_come_on_top() {
 }
 
 #[test]
-fn a_supervisory_move_waits_for_nothing_but_the_bus_and_leaves_most_of_that_to_others() {
+fn move_to_torque_takes_its_frames_and_a_tick() {
     let (mut worst, mut load_percent) = ([0; 7], 0.0_f64);
     let mut session = Session::new();
-    assert_eq!(session.line("HI"), "");
+    assert_eq!(session.run("HI"), "");
     // The spread's brake has to release first.
     let brake_us = 1_000 * u64::from(hil_sim::defaults(MotorKind::Spread).brake_ms);
-    // All bridges are off when it comes: what holds changes its duty all the time.
-    assert_eq!(session.line("FSET HOLD 0"), "");
+    // Without HOLD all bridges are off before the move; holding would change the duty all the time.
+    assert_eq!(session.run("FSET HOLD 0"), "");
     for phase in 0..20 {
-        assert_eq!(session.line("M 0"), "");
+        assert_eq!(session.run("M 0"), "");
         session.wait_us(phase * PHASE_US % 1_000);
         assert!(duties(&session.hand).iter().all(|&duty| duty == Duty::ZERO));
         session.hand.push_rx(b"M 9000");
@@ -127,13 +127,13 @@ fn a_supervisory_move_waits_for_nothing_but_the_bus_and_leaves_most_of_that_to_o
         let (begin_us, before_us) = (session.hand.now_us(), session.hand.bus().stats().busy_us);
         session.hand.push_rx(b"\r");
         let changes = changes(&mut session, &mut Serial::new(false), 200_000);
-        longest(&mut worst, &changes);
+        keep_longest(&mut worst, &changes);
         for (motor, Change { after_us, busy_us }) in changes.into_iter().enumerate() {
             // Its last frame, 50 us of the board, and its next tick.
             let bound_us = busy_us + 95 + 50 + 1_000 + if motor == 3 { brake_us } else { 0 };
-            assert!(after_us <= bound_us, "motor {}: {after_us} us, the bus in use for {busy_us}", motor + 1);
+            assert!(after_us <= bound_us, "motor {}: {after_us} us, {busy_us} us of bus time", motor + 1);
         }
-        session.until_prompt();
+        session.read_to_prompt();
         let busy_us = session.hand.bus().stats().busy_us - before_us;
         load_percent = load_percent.max(100.0 * busy_us as f64 / (session.hand.now_us() - begin_us) as f64);
     }

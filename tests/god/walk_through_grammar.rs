@@ -1,14 +1,13 @@
-//! The walk-through's grammar (manual 3; PROTOCOL 3).
+//! The walk-through grammar (manual 3; decision 0029).
 
 use servo_core::mode::Mode;
 use tater_wire::{Message, Node, Property};
 
-use super::Session;
-use super::tables::{Row, exercise};
+use super::{Exchange, Session, assert_answers};
 
 /// Lines and answers, one after another in one session.
-pub const LINES: &[Row] = &[
-    // Who sleeps has a version and a state, and no temperature.
+pub const LINES: &[Exchange] = &[
+    // A sleeping board answers STAT, but not TEMP.
     ("1 G STAT", "1 STAT=0"),
     ("1 G TEMP", "ERR 1"),
     ("4 S M 5", "ERR 1"),
@@ -48,39 +47,39 @@ pub const LINES: &[Row] = &[
 ];
 
 #[test]
-fn lines() {
-    exercise(&mut Session::new(), LINES);
+fn walk_through_lines_have_their_answers() {
+    assert_answers(&mut Session::new(), LINES);
 }
 
-/// What is said until the next prompt that nobody asked for.
-fn unasked(session: &mut Session) -> String {
-    session.until_prompt().replace("\r\n\r", "\n")
+/// Unsolicited text up to the next prompt.
+fn unsolicited(session: &mut Session) -> String {
+    session.read_to_prompt().replace("\r\n\r", "\n")
 }
 
-/// Manual 3, step 11: the spread tells that it has ended its move and holds.
+/// Manual 3, step 11: the spread reports that it has ended its move and holds.
 #[test]
-fn an_end_of_a_motion_is_told_when_nothing_is_typed() {
+fn end_of_motion_is_reported_between_lines() {
     let mut session = Session::new();
-    exercise(&mut session, &[("WAKE", ""), ("4 S E 82", ""), ("4 S M 5", "")]);
-    assert_eq!(unasked(&mut session), "\n4 MODE=3\n=> ");
-    assert_eq!(session.line("4 G P"), "4 P=82");
-    // Not into a line.
-    exercise(&mut session, &[("4 S E 40", ""), ("1 S E 20", ""), ("14 SM5", "")]);
+    assert_answers(&mut session, &[("WAKE", ""), ("4 S E 82", ""), ("4 S M 5", "")]);
+    assert_eq!(unsolicited(&mut session), "\n4 MODE=3\n=> ");
+    assert_eq!(session.run("4 G P"), "4 P=82");
+    // A report does not interrupt a line.
+    assert_answers(&mut session, &[("4 S E 40", ""), ("1 S E 20", ""), ("14 SM5", "")]);
     session.hand.push_rx(b"4 G");
     session.wait_us(3_000_000);
     session.hand.push_rx(b" M\r");
     // Links do not hold.
-    assert_eq!(unasked(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
-    // Each once, and only those that this grammar has sent.
+    assert_eq!(unsolicited(&mut session), "4 G M\n4 MODE=3\n=> \n1 MODE=0\n=> \n4 MODE=3\n=> ");
+    // Only motions that this grammar started are reported, each once.
     let node = Node::new(4).expect("the spread");
     session.hand.io().push_frame(&Message::reply(node, Property::MODE, 3).expect("it fits").frame());
     session.wait_us(10_000);
     assert_eq!(session.hand.take_tx(), b"");
 }
 
-/// OTEMP is for this grammar, too; what ends a motion is not refused.
+/// OTEMP applies to this grammar too. Orders that end a motion are not refused.
 #[test]
-fn a_hot_hand_does_not_move() {
+fn hot_hand_refuses_moves_of_the_walk_through() {
     let mut session = Session::new();
     session.hand.io().set_temperature(450);
     let rows = [
@@ -95,64 +94,64 @@ fn a_hot_hand_does_not_move() {
         ("PSET OTEMP 450", ""),
         ("4 S M 5", ""),
     ];
-    exercise(&mut session, &rows);
-    assert_eq!(unasked(&mut session), "\n4 MODE=3\n=> ");
+    assert_answers(&mut session, &rows);
+    assert_eq!(unsolicited(&mut session), "\n4 MODE=3\n=> ");
 }
 
 #[test]
-fn packets_are_the_boards_frames() {
+fn reply_1_answers_with_the_boards_frames() {
     let mut session = Session::new();
-    exercise(
+    assert_answers(
         &mut session,
         &[("WAKE", ""), ("0 S REPLY 1", ""), ("0 G REPLY", "0 REPLY=1"), ("4 S E 82", "")],
     );
     session.hand.push_rx(b"14 G TEMP\r");
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     for _ in 0..100 {
         session.wait_us(1000);
-        heard.extend(session.hand.take_tx());
+        received.extend(session.hand.take_tx());
     }
     // 0x406 | node << 5: to group 6. TEMP is 9; 350 is 0x15E.
     let expected = b"14 G TEMP\x04\x26\x04\x89\0\x5E\x01\x04\x86\x04\x89\0\x5E\x01\r\n\r=> ";
-    assert_eq!(heard, expected);
-    heard.clear();
+    assert_eq!(received, expected);
+    received.clear();
     session.hand.push_rx(b"4 S M 5\r");
     for _ in 0..2000 {
         session.wait_us(1000);
-        heard.extend(session.hand.take_tx());
+        received.extend(session.hand.take_tx());
     }
-    assert_eq!(heard, b"4 S M 5\r\n\r=> \x04\x86\x04\x88\0\x03\0\r\n\r=> ", "MODE is 8");
+    assert_eq!(received, b"4 S M 5\r\n\r=> \x04\x86\x04\x88\0\x03\0\r\n\r=> ", "MODE is 8");
     session.hand.push_rx(b"0 S REPLY 0\r");
-    session.until_prompt();
-    exercise(&mut session, &[("4 G TEMP", "4 TEMP=350")]);
+    session.read_to_prompt();
+    assert_answers(&mut session, &[("4 G TEMP", "4 TEMP=350")]);
 }
 
-/// Manual 3, step 17, with the spread holding: positions are known after the power has been off.
+/// Manual 3, step 17, with the spread holding: positions are still known after a power cycle.
 #[test]
-fn save_ends_what_holds_and_saves_positions_and_parameters() {
+fn save_ends_holding_and_stores_positions_and_parameters() {
     let mut session = Session::new();
-    exercise(&mut session, &[("WAKE", ""), ("1234567 S CMD 13", "")]);
+    assert_answers(&mut session, &[("WAKE", ""), ("1234567 S CMD 13", "")]);
     session.wait_us(10_000_000);
     session.hand.take_tx();
-    exercise(&mut session, &[("4 S E 82", ""), ("4 S M 5", "")]);
-    unasked(&mut session);
-    exercise(
+    assert_answers(&mut session, &[("4 S E 82", ""), ("4 S M 5", "")]);
+    unsolicited(&mut session);
+    assert_answers(
         &mut session,
         &[("1 S KP 61", ""), ("X1FSET CT 10010", ""), ("4 G M", "4 MODE=3"), ("SAVE", "")],
     );
-    assert_eq!(session.line("4 G M"), "4 MODE=0");
+    assert_eq!(session.run("4 G M"), "4 MODE=0");
     for node in 0..7 {
         let node = session.hand.bus_mut().station_mut(node).expect("seven");
         node.power_off();
         node.power_on();
     }
     session.wait_us(100_000);
-    exercise(
+    assert_answers(
         &mut session,
         &[("WAKE", ""), ("4 G P", "4 P=82"), ("1 G KP", "1 KP=61"), ("X1FGET CT", "10010")],
     );
     session.hand.bus_mut().cut(2, true);
-    exercise(&mut session, &[("SAVE", "ERR 1"), ("WAKE", "ERR 1")]);
+    assert_answers(&mut session, &[("SAVE", "ERR 1"), ("WAKE", "ERR 1")]);
 }
 
 fn mode(session: &Session, motor: usize) -> Mode {
@@ -160,46 +159,46 @@ fn mode(session: &Session, motor: usize) -> Mode {
     node.application().expect("it is awake").status().mode
 }
 
-/// The spread, which holds, and a link, which does not, on their way.
-const ON_THEIR_WAY: &[Row] = &[("WAKE", ""), ("4 S E 150", ""), ("1 S E 300", ""), ("14 S M 5", "")];
+/// Lines that start a move of the spread, which holds, and of a link, which does not.
+const START_MOVES: &[Exchange] = &[("WAKE", ""), ("4 S E 150", ""), ("1 S E 300", ""), ("14 S M 5", "")];
 
-/// Manual 5.5, case 3; and a host that is gone is no longer there to end it.
+/// Manual 5.5, case 3. A host that has disconnected cannot end the motion, so the disconnect does.
 #[test]
-fn control_c_and_the_loss_of_the_host_end_what_moves() {
+fn control_c_and_disconnect_end_motions_of_the_walk_through() {
     let ends: [fn(&mut Session); 3] = [
         |session| session.hand.push_rx(b"\x03"),
         |session| session.hand.hang_up(),
         |session| {
-            session.begin("WAIT 3000");
+            session.start("WAIT 3000");
             session.hand.push_rx(b"\x03");
         },
     ];
     for (number, end) in ends.into_iter().enumerate() {
         let mut session = Session::new();
-        exercise(&mut session, ON_THEIR_WAY);
+        assert_answers(&mut session, START_MOVES);
         session.wait_us(100_000);
         assert_eq!(mode(&session, 4), Mode::Trapezoidal);
         end(&mut session);
-        assert_eq!(session.until_prompt(), "\r\n\rERR 16384\r\n\r=> ", "{number}");
+        assert_eq!(session.read_to_prompt(), "\r\n\rERR 16384\r\n\r=> ", "{number}");
         session.wait_us(100_000);
         assert_eq!((mode(&session, 4), mode(&session, 1)), (Mode::Pid, Mode::Idle), "{number}");
-        assert_eq!(session.hand.take_tx(), b"", "and nothing more is told: {number}");
+        assert_eq!(session.hand.take_tx(), b"", "no further report: {number}");
         session.hand.push_rx(b"\x03");
-        assert_eq!(session.until_prompt(), "\r\n\r=> ", "nothing moves");
-        assert_eq!(mode(&session, 4), Mode::Pid, "what holds goes on");
+        assert_eq!(session.read_to_prompt(), "\r\n\r=> ", "nothing moves");
+        assert_eq!(mode(&session, 4), Mode::Pid, "a holding motor keeps holding");
     }
 }
 
-/// Clients read to the first prompt.
+/// Clients read to the first prompt, so a later report would confuse them.
 #[test]
-fn a_command_that_takes_a_motor_over_tells_its_end() {
+fn command_that_takes_over_a_motor_suppresses_its_end_report() {
     for line in ["4M 1000", "4T", "4LOOP"] {
         let mut session = Session::new();
-        exercise(&mut session, &[("HI", ""), ("4 S E 150", ""), ("4 S M 5", "")]);
-        let answer = if line == "4LOOP" { session.line_and(line, b"\x03") } else { session.line(line) };
+        assert_answers(&mut session, &[("HI", ""), ("4 S E 150", ""), ("4 S M 5", "")]);
+        let answer = if line == "4LOOP" { session.run_with_input(line, b"\x03") } else { session.run(line) };
         assert_eq!(answer, if line == "4LOOP" { "*" } else { "" });
         session.wait_us(3_000_000);
-        // Nor a fault, later.
+        // A later fault is not reported either.
         session.hand.bus_mut().station_mut(3).expect("the spread").rig_mut().set_bus(10.0);
         session.wait_us(100_000);
         assert_eq!(session.hand.take_tx(), b"", "{line}");
@@ -207,18 +206,18 @@ fn a_command_that_takes_a_motor_over_tells_its_end() {
 }
 
 #[test]
-fn an_order_in_place_of_a_motion_is_told_once_it_has_ended_itself() {
+fn order_replacing_a_motion_reports_only_its_own_end() {
     let mut session = Session::new();
-    exercise(&mut session, &[("WAKE", ""), ("4 S E 150", ""), ("4 S M 5", ""), ("WAIT 60", "")]);
-    exercise(&mut session, &[("4 S CMD 13", "")]);
-    assert_eq!(unasked(&mut session), "\n4 MODE=3\n=> ");
+    assert_answers(&mut session, &[("WAKE", ""), ("4 S E 150", ""), ("4 S M 5", ""), ("WAIT 60", "")]);
+    assert_answers(&mut session, &[("4 S CMD 13", "")]);
+    assert_eq!(unsolicited(&mut session), "\n4 MODE=3\n=> ");
     let node = session.hand.bus().stations().nth(3).expect("the spread");
     assert!(node.application().expect("it is awake").status().homed);
 }
 
-/// What GOD keeps company is what TC has left pressing, and not what the host has given something else to do.
+/// GOD sends keep-alives only to motors that TC left pressing, not to those that the host has since given another order.
 #[test]
-fn who_is_steered_after_a_grip_stops_without_its_host() {
+fn grip_replaced_by_an_order_gets_no_keepalives() {
     let cases: [&[&str]; 8] = [
         &["1 S MODE 0", "1 S V -100", "1 S MODE 4"],
         &["1 S MODE 0"],
@@ -231,11 +230,11 @@ fn who_is_steered_after_a_grip_stops_without_its_host() {
     ];
     for lines in cases {
         let mut session = Session::new();
-        exercise(&mut session, &[("HI", ""), ("1FSET HOLD 1", ""), ("X1TC", "")]);
+        assert_answers(&mut session, &[("HI", ""), ("1FSET HOLD 1", ""), ("X1TC", "")]);
         for line in lines {
-            exercise(&mut session, &[(line, "")]);
+            assert_answers(&mut session, &[(line, "")]);
         }
-        exercise(&mut session, &[("WAIT 3000", "")]);
+        assert_answers(&mut session, &[("WAIT 3000", "")]);
         let node = session.hand.bus().stations().next().expect("a link");
         let steered = node.application().is_some_and(|tater| tater.status().mode == Mode::Velocity);
         assert!(!steered, "{lines:?}");
@@ -246,23 +245,25 @@ fn who_is_steered_after_a_grip_stops_without_its_host() {
     }
 }
 
-/// What ends no motion leaves a grip as it is.
 #[test]
-fn a_grip_goes_on_while_its_board_is_asked_and_set() {
+fn grip_survives_questions_and_settings() {
     let mut session = Session::new();
-    exercise(&mut session, &[("HI", ""), ("1FSET HOLD 1", ""), ("X1TC", "")]);
-    exercise(&mut session, &[("1 S KP 61", ""), ("1 S STAT 2", ""), ("1 S CMD 1", ""), ("WAIT 3000", "")]);
-    assert_eq!(session.line("1 G MODE"), "1 MODE=4");
+    assert_answers(&mut session, &[("HI", ""), ("1FSET HOLD 1", ""), ("X1TC", "")]);
+    assert_answers(
+        &mut session,
+        &[("1 S KP 61", ""), ("1 S STAT 2", ""), ("1 S CMD 1", ""), ("WAIT 3000", "")],
+    );
+    assert_eq!(session.run("1 G MODE"), "1 MODE=4");
 }
 
 #[test]
-fn only_who_says_so_is_awake() {
+fn wake_needs_stat_2() {
     let mut session = Session::new();
-    exercise(&mut session, &[("WAKE", "")]);
+    assert_answers(&mut session, &[("WAKE", "")]);
     session.hand.bus_mut().cut(1, true);
     session.hand.push_rx(b"WAKE\r");
     session.wait_us(1000);
     let node = Node::new(2).expect("a board");
     session.hand.io().push_frame(&Message::reply(node, Property::STAT, 1).expect("it fits").frame());
-    assert!(session.until_prompt().contains("ERR 1\r"));
+    assert!(session.read_to_prompt().contains("ERR 1\r"));
 }
