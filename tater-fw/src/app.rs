@@ -59,6 +59,7 @@ mod app {
     #[task(binds = TIM4, priority = 5, shared = [tater])]
     fn hall(mut cx: hall::Context) {
         cx.shared.tater.lock(|tater| {
+            tater.board_mut().sample_halls();
             let at = tater.board_mut().edge();
             tater.hall(at);
         });
@@ -78,6 +79,7 @@ mod app {
     fn tick(mut cx: tick::Context) {
         cx.local.ticker.seen();
         let reports = cx.shared.tater.lock(|tater| {
+            tater.board_mut().sample_halls();
             let now = tater.board_mut().now();
             tater.tick(now)
         });

@@ -1,4 +1,4 @@
-//! The application of a motor board. On a host it prints the properties that it has on the bus, or names a board.
+//! The application of a motor board.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![forbid(unsafe_code)]
@@ -9,9 +9,8 @@ mod app;
 mod log;
 
 #[cfg(not(target_os = "none"))]
-mod host;
-
-#[cfg(not(target_os = "none"))]
-fn main() -> host::ExitCode {
-    host::run()
+fn main() -> Result<(), &'static str> {
+    Err(
+        "this program runs on a motor board: see `cargo xtask image` and `cargo xtask flash`; hil-sim simulates a board",
+    )
 }

@@ -10,17 +10,18 @@
 mod check;
 mod copy;
 mod download;
-mod identity;
+mod locked;
 #[cfg(test)]
 mod tests;
 
 use crate::board::{Board, Flash};
+use crate::identity::{self, Identifying};
 use crate::storage::{Progress, Store};
 use check::Check;
 use copy::Copy;
 use download::{Download, Step};
 use heapless::Deque;
-use identity::Identity;
+use locked::Locked;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::Micros;
 use tater_wire::download::{START, START_NUMBERED};
@@ -37,8 +38,6 @@ const GROUPS: [&Rules; 3] = [Property::GRPA.rules(), Property::GRPB.rules(), Pro
 
 /// Numbers of properties.
 const VERS: u8 = Property::VERS.id();
-/// See [`VERS`].
-const ID: u8 = Property::ID.id();
 /// See [`VERS`].
 const ERROR: u8 = Property::ERROR.id();
 /// See [`VERS`].
@@ -105,7 +104,7 @@ pub struct Monitor<B: Board> {
     store: Store,
     node: Node,
     groups: [Option<Group>; GROUPS.len()],
-    identity: Identity,
+    locked: Locked,
     phase: Phase,
     wish: Option<Wish>,
     /// A SAVE is on its way into the flash. Only then is the store let work: its tidying up takes the board off the bus.
@@ -123,14 +122,10 @@ impl<B: Board> Monitor<B> {
         board.bridge(Bridge::Off);
         board.brake(false);
         let store = Store::open(board.flash());
-        let straps = board.straps();
-        let identity = Identity::new(&store, straps, board.serial_number());
-        let id = identity.get(ID).and_then(|(_, id)| u8::try_from(id).ok());
-        let node = id.and_then(Node::new).unwrap_or(straps);
-        let groups = GROUPS.map(|rules| {
-            let number = store.get_by(rules).or_else(|| rules.default_for(node))?;
-            Group::new(u8::try_from(number).ok()?).filter(|group| group.is_for_boards())
-        });
+        let own = Identifying::all(&board, &store);
+        let node = identity::node(&own);
+        let groups =
+            GROUPS.map(|rules| identity::group(store.get_by(rules).or_else(|| rules.default_for(node))?));
         board.set_filters(node, groups);
         let error = board.reset_cause();
         let phase = match Check::new(board.flash(), STAGING) {
@@ -142,7 +137,7 @@ impl<B: Board> Monitor<B> {
             store,
             node,
             groups,
-            identity,
+            locked: Locked::new(own),
             phase,
             wish: None,
             saving: false,
@@ -173,10 +168,10 @@ impl<B: Board> Monitor<B> {
         }
         match Message::parse(frame).map(|message| message.body) {
             Some(Body::Get(property)) => self.answer(id.from, property),
-            Some(Body::Torques(_)) => self.identity.lock.interrupt(),
+            Some(Body::Torques(_)) => self.locked.lock.interrupt(),
             Some(Body::Set { property, value }) => {
                 if property != LOCK {
-                    self.identity.lock.interrupt();
+                    self.locked.lock.interrupt();
                 }
                 let value = match value {
                     Value::Short(bits) => i64::from(bits.cast_signed()),
@@ -199,7 +194,7 @@ impl<B: Board> Monitor<B> {
             VERS => Some((Property::VERS.rules(), VERSION)),
             ERROR => Some((Property::ERROR.rules(), self.error.map_or(0, |error| i64::from(error.code())))),
             STAT => Some((Property::STAT.rules(), 0)),
-            _ => self.identity.get(number),
+            _ => self.locked.get(number),
         };
         if let Some((rules, value)) = answer
             && let Some(message) = Message::answer(self.node, asker, rules, value)
@@ -210,18 +205,18 @@ impl<B: Board> Monitor<B> {
 
     fn set(&mut self, property: u8, value: i64, now: Micros) {
         match property {
-            LOCK => self.identity.lock.key(value),
+            LOCK => self.locked.lock.key(value),
             SAVE => {
-                self.identity.save(&mut self.store, value);
+                self.locked.save(&mut self.store, value);
                 self.saving = true;
             }
-            LOAD => self.identity.load(&self.store, value),
+            LOAD => self.locked.load(&self.store, value),
             STAT => match value {
                 0 => self.order(None, now),
                 2 => self.order(Some(Wish::Start), now),
                 _ => {}
             },
-            id => self.identity.set(id, value),
+            id => self.locked.set(id, value),
         }
     }
 

@@ -17,6 +17,7 @@ use self::kept::{Kept, kept};
 use crate::board::{Board, FlashError};
 use crate::codes::{self, end_code, fault_code, mode_code};
 use crate::events::{BoardEvent, Entry, Events};
+use crate::identity::{self, Identifying};
 use crate::lock::Lock;
 use crate::motion::{self, motion};
 use crate::set_error::SetError;
@@ -30,7 +31,8 @@ use servo_core::units::{CountsPerSec, Micros, Torque};
 use servo_core::{Command, Config, Drive, EndReason, Event, Refusal, Sense, Servo, Telemetry};
 use tater_wire::property::{Access, Rules, Stored};
 use tater_wire::{
-    Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, MotorKind, Node, Property, Torques, Value,
+    Body, Cmd, Destination, FaultCode, Frame, Group, Identifier, Message, MotorKind, Node, Property, Torques,
+    Value,
 };
 
 /// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries. An answer that
@@ -130,8 +132,7 @@ impl<B: Board> Tater<B> {
         let store = Store::open(board.flash());
         board.bridge(Bridge::Off);
         board.brake(false);
-        let id = store.get(Property::ID);
-        let node = id.and_then(|id| Node::new(u8::try_from(id).ok()?)).unwrap_or_else(|| board.straps());
+        let node = identity::node(&Identifying::all(&board, &store));
         let code = board.halls() & 7;
         let stored = store.trusted_position();
         let trusted = stored.filter(|&(_, at)| at == code).map(|(position, _)| position);
@@ -347,7 +348,7 @@ impl<B: Board> Tater<B> {
     /// GRPA, GRPB and GRPC, as far as boards may listen to them.
     fn groups(&self) -> [Option<Group>; 3] {
         let Kept { grpa, grpb, grpc, .. } = self.kept;
-        [grpa, grpb, grpc].map(|number| Group::new(number).filter(|group| group.is_for_boards()))
+        [grpa, grpb, grpc].map(|number| identity::group(number.into()))
     }
 
     /// Tells the CAN controller what concerns this board: to be called whenever the groups have changed.
@@ -603,20 +604,15 @@ impl<B: Board> Tater<B> {
                     }
                 });
                 self.save_one(Property::P);
-                for property in [Property::ROLE, Property::SN, Property::ID] {
-                    if self.must_be_stored(property) {
-                        self.save_one(property);
+                for mut own in Identifying::all(&self.board, &self.store) {
+                    own.value = self.read(own.rules.property).unwrap_or(own.default);
+                    if own.is_saved(&self.store) {
+                        self.save_one(own.rules.property);
                     }
                 }
             }
         }
         Ok(())
-    }
-
-    /// Whether a property is another than without storage, or is stored already: what straps and chip say goes on being
-    /// theirs to say.
-    fn must_be_stored(&self, property: Property) -> bool {
-        self.store.get(property).is_some() || self.read(property) != self.unstored(property.rules())
     }
 
     fn save_one(&mut self, property: Property) {
@@ -732,10 +728,11 @@ impl<B: Board> Tater<B> {
     /// The value where nothing is stored, always in range; `None` for the ID of a board without straps.
     fn unstored(&self, rules: &Rules) -> Option<i64> {
         match rules.property {
-            Property::ID => {
-                Some(i64::from(self.board.straps().number())).filter(|&number| rules.admits(number))
+            Property::ID | Property::SN => {
+                let own = Identifying::all(&self.board, &self.store);
+                let own = own.iter().find(|own| own.rules.property == rules.property);
+                own.map(|own| own.default).filter(|&value| rules.admits(value))
             }
-            Property::SN => Some(i64::from(self.board.serial_number())),
             _ => rules.default_for(self.node),
         }
     }

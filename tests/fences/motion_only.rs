@@ -7,9 +7,6 @@ use super::{Source, Violation, check_fence, check_workspace, files};
 /// The crates that run on the board.
 const BOARD: [&str; 3] = ["servo-core", "tater-wire", "tater-fw"];
 
-/// What the program is on a host: a board has none of it, by the `cfg` in main.rs.
-const HOST: &str = "tater-fw/src/host.rs";
-
 fn is_on_board(source: &Source) -> bool {
     BOARD.iter().any(|package| source.is_in(package))
 }
@@ -37,9 +34,6 @@ fn float(source: &Source) -> Vec<Violation> {
 
 /// Neither std nor a heap; in servo-core not in tests either.
 fn freestanding(source: &Source) -> Vec<Violation> {
-    if source.path == HOST {
-        return Vec::new();
-    }
     if source.is_in("servo-core") { scan(source, named_std) } else { scan_board(source, named_std) }
 }
 
@@ -199,7 +193,7 @@ fn second_servo(source: &Source) -> Vec<Violation> {
 
 /// The tables' texts are for people: a board that names a row carries all of them, 13 KiB.
 fn texts(source: &Source) -> Vec<Violation> {
-    if !source.is_in("tater-fw/src") || source.path == HOST {
+    if !source.is_in("tater-fw/src") {
         return Vec::new();
     }
     scan_board(source, |tokens, at| {
@@ -350,7 +344,6 @@ fn the_std_fence_can_fail() {
     let tested = "#[cfg(test)] mod t { use std::vec::Vec; }";
     check_fence(freestanding, "servo-core/src/a.rs", &[tested], &[]);
     check_fence(freestanding, "tater-fw/src/a.rs", &["use std::vec::Vec;"], &[tested]);
-    check_fence(freestanding, HOST, &[], &["use std::vec::Vec;"]);
 }
 
 #[test]

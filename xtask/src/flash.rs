@@ -111,7 +111,7 @@ fn named(args: &FlashArgs, node: u8) -> Result<Option<PathBuf>, Failure> {
 
 /// The storage in a file with this ID, written by the firmware's own journal.
 fn rename(storage: &Path, node: u8) -> Result<Vec<u8>, Failure> {
-    let mut journal = program(&format!("cargo run --quiet --package tater-fw --bin tater -- name {node}"));
+    let mut journal = program(&format!("cargo run --quiet --package hil-sim --bin storage-id -- {node}"));
     let line = typed(&journal);
     let file = File::open(storage).map_err(|error| files::unreadable(storage, &error))?;
     let output = journal.stdin(Stdio::from(file)).stderr(Stdio::inherit()).output();

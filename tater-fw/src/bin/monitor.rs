@@ -1,5 +1,4 @@
-//! The monitor of a motor board: entered at reset, it polls the bus and never moves the motor. On a host it prints what lies
-//! where in the flash.
+//! The monitor of a motor board: entered at reset, it polls the bus and never moves the motor.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![forbid(unsafe_code)]
@@ -26,11 +25,8 @@ fn main() -> ! {
 }
 
 #[cfg(not(target_os = "none"))]
-fn main() {
-    use tater_wire::memory::{APPLICATION, MONITOR, STAGING, STORAGE};
-    for (name, area) in
-        [("monitor", MONITOR), ("application", APPLICATION), ("staging", STAGING), ("storage", STORAGE)]
-    {
-        println!("{:#010x}..{:#010x} {:>3} KiB  {name}", area.start, area.end(), area.len / 1024);
-    }
+fn main() -> Result<(), &'static str> {
+    Err(
+        "this program runs on a motor board: see `cargo xtask image` and `cargo xtask flash`; hil-sim simulates a board",
+    )
 }

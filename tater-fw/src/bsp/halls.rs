@@ -12,7 +12,7 @@ const DELAY_TICKS: u32 = 3;
 /// The lines and their timer.
 pub struct Halls {
     tim: TIM4,
-    /// The lines at [`Self::look`].
+    /// The lines at [`Self::sample`].
     first: u8,
 }
 
@@ -37,16 +37,15 @@ impl Halls {
         tim.sr().write(|w| w.uif().clear_bit());
         tim.dier().write(|w| w.cc1ie().enabled());
         tim.cr1().modify(|_, w| w.cen().enabled());
-        Self { tim, first: Self::sample() }
+        Self { tim, first: Self::port() }
     }
 
-    /// Looks at the lines for the first time: at least [`SAMPLE_GAP`] before [`Self::code`], which is filled with what has to
-    /// be done anyway.
-    pub fn look(&mut self) {
-        self.first = Self::sample();
+    /// Takes the first sample, at least [`SAMPLE_GAP`] before [`Self::code`].
+    pub fn sample(&mut self) {
+        self.first = Self::port();
     }
 
-    /// The lines at [`Self::look`].
+    /// The lines at [`Self::sample`].
     pub const fn first(&self) -> u8 {
         self.first
     }
@@ -54,17 +53,17 @@ impl Halls {
     /// The lines now: PB6 is bit 0. The port is not behind the timer's filter, so two samples must agree, or a third decides
     /// for each line: a spike shorter than the time between them changes nothing.
     pub fn code(&self) -> u8 {
-        let (a, b) = (self.first, Self::sample());
-        if a == b { a } else { a & b | (a | b) & Self::sample_later() }
+        let (a, b) = (self.first, Self::port());
+        if a == b { a } else { a & b | (a | b) & Self::port_later() }
     }
 
     #[cold]
-    fn sample_later() -> u8 {
+    fn port_later() -> u8 {
         cortex_m::asm::delay(SAMPLE_GAP / DELAY_TICKS);
-        Self::sample()
+        Self::port()
     }
 
-    fn sample() -> u8 {
+    fn port() -> u8 {
         // SAFETY: reads the port's input register, which nobody writes.
         let port = unsafe { &*GPIOB::ptr() }.idr().read().bits();
         (port >> 6 & 7).to_le_bytes()[0]

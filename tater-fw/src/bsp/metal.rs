@@ -29,11 +29,9 @@ pub trait Motor {
     fn bridge(&mut self, bridge: Bridge);
     /// See [`Board::brake`].
     fn brake(&mut self, released: bool);
-    /// Samples the hall lines, some time before [`Self::halls`].
-    fn look(&mut self);
     /// See [`Board::halls`].
     fn halls(&self) -> u8;
-    /// See [`Board::raw_halls`]: what [`Self::look`] has seen.
+    /// See [`Board::raw_halls`].
     fn raw_halls(&self) -> u8;
     /// See [`Board::analog`].
     fn analog(&self) -> Analog;
@@ -46,8 +44,6 @@ impl Motor for Held {
     fn bridge(&mut self, _: Bridge) {}
 
     fn brake(&mut self, _: bool) {}
-
-    fn look(&mut self) {}
 
     fn halls(&self) -> u8 {
         0
@@ -80,10 +76,6 @@ impl Motor for Armed {
     fn brake(&mut self, released: bool) {
         // A pin of this chip cannot fail.
         let _: Result<(), Infallible> = OutputPin::set_state(&mut self.brake, released.into());
-    }
-
-    fn look(&mut self) {
-        self.halls.look();
     }
 
     fn halls(&self) -> u8 {
@@ -250,6 +242,13 @@ impl Metal<Armed> {
         (metal, ticker)
     }
 
+    /// Takes the first of the two samples of the hall lines that [`Board::halls`] compares. At least
+    /// [`SAMPLE_GAP`](timing::hall::SAMPLE_GAP) must pass in between: reading the time, or the ADC, fills it.
+    #[inline(always)]
+    pub fn sample_halls(&mut self) {
+        self.motor.halls.sample();
+    }
+
     /// When the edge of a hall line was that interrupts; the interrupt is done with.
     #[inline(always)]
     pub fn edge(&mut self) -> Micros {
@@ -266,11 +265,8 @@ impl Metal<Armed> {
 }
 
 impl<M: Motor> Metal<M> {
-    /// The time, in us since the program's start. To be called every 65 ms at least.
-    ///
-    /// Whoever asks for it may want the hall lines next: it has looked at them.
+    /// The time, in us since the program's start. Must be called at least every 65 ms.
     pub fn now(&mut self) -> Micros {
-        self.motor.look();
         self.clock.now()
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
+use tater_wire::memory::APPLICATION;
 
 use super::crates;
 use super::stack::{Deepest, Worst};
@@ -14,9 +15,10 @@ pub struct Limits {
     pub ram: u32,
 }
 
-/// Of 52 and 16 KiB of flash and 12 KiB for variables: leaves room to grow.
+/// The application may fill its area of the flash. The monitor keeps 2 of its 16 KiB free, because it is never written in the
+/// field: a new version must fit. Variables may take 8 of their 12 KiB.
 pub const LIMITS: [Limits; 2] = [
-    Limits { program: "tater", flash: 40 * 1024, ram: 8 * 1024 },
+    Limits { program: "tater", flash: APPLICATION.len, ram: 8 * 1024 },
     Limits { program: "monitor", flash: 14 * 1024, ram: 8 * 1024 },
 ];
 

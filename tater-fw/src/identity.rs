@@ -1,0 +1,59 @@
+//! What identifies a board: ROLE, SN and ID, and the groups that it listens to. Monitor and application read them here.
+//!
+//! The stored value counts; where none is stored, straps give ID and the chip gives SN.
+
+use crate::board::Board;
+use crate::storage::Store;
+use tater_wire::property::{Default, Rules};
+use tater_wire::{Group, Node, Property};
+
+/// One of the properties that identify a board. A SET of it takes LOCK's sequence.
+#[derive(Debug)]
+pub struct Identifying {
+    /// ROLE, SN or ID.
+    pub rules: &'static Rules,
+    /// The present value.
+    pub value: i64,
+    /// The value if none is stored. The ID of a board without straps is 0, which is out of its range.
+    pub default: i64,
+}
+
+impl Identifying {
+    /// ROLE, SN and ID of a board, as stored, or by default.
+    pub fn all<B: Board>(board: &B, store: &Store) -> [Self; 3] {
+        let role = match Property::ROLE.rules().default {
+            Default::Same(role) => i64::from(role),
+            _ => 0,
+        };
+        let defaults = [
+            (Property::ROLE.rules(), role),
+            (Property::SN.rules(), i64::from(board.serial_number())),
+            (Property::ID.rules(), i64::from(board.straps().number())),
+        ];
+        defaults.map(|(rules, default)| {
+            let mut own = Self { rules, value: default, default };
+            own.restore(store);
+            own
+        })
+    }
+
+    /// Takes the stored value, or the default.
+    pub fn restore(&mut self, store: &Store) {
+        self.value = store.get_by(self.rules).unwrap_or(self.default);
+    }
+
+    /// Whether a SAVE of all stores the value. One that nobody has set stays the straps' or the chip's.
+    pub fn is_saved(&self, store: &Store) -> bool {
+        self.value != self.default || store.get_by(self.rules).is_some()
+    }
+}
+
+/// The node of a board with this identity; [`Node::HOST`] if it has neither an ID nor straps.
+pub fn node([_, _, id]: &[Identifying; 3]) -> Node {
+    u8::try_from(id.value).ok().and_then(Node::new).unwrap_or(Node::HOST)
+}
+
+/// The group of a value of GRPA, GRPB or GRPC; `None` if boards may not listen to it.
+pub fn group(number: i64) -> Option<Group> {
+    Group::new(u8::try_from(number).ok()?).filter(|group| group.is_for_boards())
+}
