@@ -3,7 +3,7 @@
 use hil_sim::board::SimBoard;
 use hil_sim::metrics::{Metrics, Value, find};
 use hil_sim::node::Node;
-use hil_sim::over_can::{Job, OverCan, POLL_MS, BoardResult, gap, judge, parked};
+use hil_sim::over_can::{BoardResult, Job, OverCan, POLL_MS, gap, judge, parked};
 use hil_sim::scenario::{Case, SHIPPED, Scenario};
 use hil_sim::{Model, Options, node_of, rig, run};
 use tater_wire::Node as Id;
@@ -16,7 +16,13 @@ pub(super) fn native(scenario: &Scenario, case: &Case, poll_ms: u32) -> BoardRes
 }
 
 /// The same with other noise, and with the tick at another phase of the host's millisecond.
-pub(super) fn native_at(scenario: &Scenario, case: &Case, poll_ms: u32, seed: u64, phase_us: u64) -> BoardResult {
+pub(super) fn native_at(
+    scenario: &Scenario,
+    case: &Case,
+    poll_ms: u32,
+    seed: u64,
+    phase_us: u64,
+) -> BoardResult {
     let node = Id::new(node_of(case.motor)).expect("a node");
     let options = Options { seed, ..OPTIONS };
     let at_first = parked(scenario, case, &options).expect("the scenario's reader has checked it");

@@ -32,11 +32,7 @@ fn gate(chip: &Chip, (port, pin): (usize, usize), timer: Gate, armed: bool) -> R
     let held = |level: bool| if level { Switch::On } else { Switch::Off };
     let name = || format!("gate at P{}{pin}", ['A', 'B', 'C', 'D', 'E'][port]);
     let open = || {
-        if armed {
-            Err(format!("{}: not driven while the bridge is on", name()))
-        } else {
-            Ok(Switch::Off)
-        }
+        if armed { Err(format!("{}: not driven while the bridge is on", name())) } else { Ok(Switch::Off) }
     };
     match (chip.gpio.mode(port, pin), timer) {
         (Mode::AlternatePushPull, Gate::Open) | (Mode::Analog | Mode::Floating, _) => open(),

@@ -14,7 +14,7 @@ use board_emu::image::Programs;
 use board_emu::rtt::Probe;
 use board_emu::session::{self, Nodes};
 use clap::Parser;
-use hil_sim::over_can::{OverCan, POLL_MS, Progress, Observer, gap, judge};
+use hil_sim::over_can::{Observer, OverCan, POLL_MS, Progress, gap, judge};
 use hil_sim::scenario::Scenario;
 use hil_sim::{Model, Options};
 

@@ -1,6 +1,6 @@
 //! Runs a scenario on emulated boards: assigns nodes, boots them from erased flash, and collects the verdict.
 
-use hil_sim::over_can::{Job, OverCan, BoardResult, case_of, parked};
+use hil_sim::over_can::{BoardResult, Job, OverCan, case_of, parked};
 use hil_sim::plant::PlantParams;
 use hil_sim::scenario::{Case, Initial, Scenario};
 use hil_sim::{Options, node_of, properties, rig};

@@ -268,7 +268,7 @@ impl Walk<'_, '_> {
             Stack::Set if listed(&STACK_RESET, &self.function.name) => 0,
             Stack::Set => {
                 return Err(
-                    "found a stack pointer set to an unknown value; give the reason in STACK_RESET".into(),
+                    "found a stack pointer set to an unknown value; give the reason in STACK_RESET".into()
                 );
             }
         };
@@ -359,9 +359,7 @@ impl Walk<'_, '_> {
             }
             Flow::JumpRegister => return Err(UNKNOWN_JUMP.into()),
             Flow::Exception => {
-                return Err(
-                    "found SVC, expected none: the level of its handler is unknown".into()
-                );
+                return Err("found SVC, expected none: the level of its handler is unknown".into());
             }
             Flow::Unknown => return Err("found an instruction that a Cortex-M3 lacks".into()),
         }
