@@ -6,6 +6,7 @@ macro_rules! table {
         /// A value of property CMD.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u8)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Cmd {
             $(#[doc = $meaning] $cmd = $number,)*
         }

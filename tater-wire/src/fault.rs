@@ -9,6 +9,7 @@ macro_rules! table {
         /// A value of ERROR other than 0.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u8)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum FaultCode {
             $(#[doc = $cause] $name = $code,)*
         }

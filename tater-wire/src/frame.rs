@@ -1,8 +1,11 @@
-//! The bytes on the bus: an 11-bit identifier and up to eight data bytes. Remote and extended frames are not spoken.
+//! A classic CAN data frame: an 11-bit identifier and up to eight data bytes. The protocol has no remote frames and no
+//! extended identifiers.
 
-use crate::id::Identifier;
+use crate::id::{Destination, Identifier, Node};
 
 /// A classic CAN data frame.
+///
+/// Implements [`embedded_can::Frame`], so that any driver with that trait can send and receive it.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
     id: u16,
@@ -12,10 +15,10 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// From the host to itself, without data: means nothing to anybody.
+    /// From the host to itself, without data: a placeholder with no meaning.
     pub const EMPTY: Self = Self { id: 0, len: 0, bytes: [0; 8] };
 
-    /// `None` for more than eight bytes.
+    /// A frame with this data; `None` for more than eight bytes.
     #[must_use]
     pub fn new(id: Identifier, data: &[u8]) -> Option<Self> {
         let mut bytes = [0; 8];
@@ -23,13 +26,13 @@ impl Frame {
         Some(Self { id: id.raw(), len: u8::try_from(data.len()).ok()?, bytes })
     }
 
-    /// From what a CAN controller gives; `None` for an identifier above 0x7FF or more than eight bytes.
+    /// From a CAN controller's registers; `None` for an identifier above 0x7FF or more than eight bytes.
     #[must_use]
     pub fn from_raw(id: u16, data: &[u8]) -> Option<Self> {
         Self::new(Identifier::from_raw(id)?, data)
     }
 
-    /// The identifier's 11 bits, which are also the frame's priority: the lowest wins.
+    /// The 11 bits of the identifier, which are also the frame's priority: the lowest wins the arbitration.
     #[must_use]
     pub const fn raw_id(&self) -> u16 {
         self.id
@@ -39,10 +42,8 @@ impl Frame {
     #[must_use]
     pub fn id(&self) -> Identifier {
         // 11 bits by construction.
-        Identifier::from_raw(self.id & 0x7FF).unwrap_or(Identifier {
-            from: crate::Node::HOST,
-            to: crate::Destination::Node(crate::Node::HOST),
-        })
+        Identifier::from_raw(self.id & 0x7FF)
+            .unwrap_or(Identifier { from: Node::HOST, to: Destination::Node(Node::HOST) })
     }
 
     /// The data, 0 to 8 bytes.
@@ -52,13 +53,86 @@ impl Frame {
     }
 }
 
+impl embedded_can::Frame for Frame {
+    /// `None` for an extended identifier or more than eight bytes.
+    fn new(id: impl Into<embedded_can::Id>, data: &[u8]) -> Option<Self> {
+        match id.into() {
+            embedded_can::Id::Standard(id) => Self::from_raw(id.as_raw(), data),
+            embedded_can::Id::Extended(_) => None,
+        }
+    }
+
+    /// Always `None`: the protocol has no remote frames.
+    fn new_remote(_: impl Into<embedded_can::Id>, _: usize) -> Option<Self> {
+        None
+    }
+
+    fn is_extended(&self) -> bool {
+        false
+    }
+
+    fn is_remote_frame(&self) -> bool {
+        false
+    }
+
+    fn id(&self) -> embedded_can::Id {
+        // 11 bits by construction.
+        embedded_can::StandardId::new(self.id & 0x7FF).unwrap_or(embedded_can::StandardId::ZERO).into()
+    }
+
+    fn dlc(&self) -> usize {
+        self.data().len()
+    }
+
+    fn data(&self) -> &[u8] {
+        Self::data(self)
+    }
+}
+
 impl core::fmt::Debug for Frame {
-    /// As CAN tools write it: `406#80020000`.
+    /// As candump writes it: `406#80020000`.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{:03X}#", self.id)?;
         for byte in self.data() {
             write!(f, "{byte:02X}")?;
         }
         Ok(())
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Frame {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{=u16:03X}#{=[u8]:02x}", self.id, self.data());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Frame;
+    use embedded_can::{ExtendedId, Frame as _, Id, StandardId};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// A frame of any length comes back from what a driver reads of it by the trait.
+        #[test]
+        fn embedded_can_frame_round_trips(id in 0..=0x7FF_u16, data in prop::collection::vec(any::<u8>(), 0..=8)) {
+            let id = StandardId::new(id).expect("11 bits");
+            let frame = <Frame as embedded_can::Frame>::new(id, &data).expect("up to eight bytes");
+            let read = (embedded_can::Frame::id(&frame), frame.dlc(), embedded_can::Frame::data(&frame));
+            prop_assert_eq!(read, (Id::Standard(id), data.len(), &data[..]));
+            prop_assert!(frame.is_standard() && frame.is_data_frame());
+            prop_assert_eq!(<Frame as embedded_can::Frame>::new(read.0, read.2), Some(frame));
+            prop_assert_eq!(Frame::from_raw(frame.raw_id(), frame.data()), Some(frame));
+        }
+    }
+
+    #[test]
+    fn extended_remote_and_long_frames_are_refused() {
+        let standard = StandardId::new(0x123).expect("11 bits");
+        assert_eq!(<Frame as embedded_can::Frame>::new(ExtendedId::new(0x123).expect("29 bits"), &[1]), None);
+        assert_eq!(<Frame as embedded_can::Frame>::new(standard, &[0; 9]), None);
+        assert_eq!(Frame::new_remote(standard, 0), None);
+        assert_eq!(Frame::from_raw(0x800, &[]), None);
     }
 }

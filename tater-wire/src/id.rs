@@ -25,6 +25,7 @@ impl Node {
 
 /// A group of the bus, 0..=31.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Group(u8);
 
 impl Group {
@@ -63,6 +64,7 @@ impl Group {
 
 /// Whom a frame is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Destination {
     /// One node.
     Node(Node),
@@ -72,6 +74,7 @@ pub enum Destination {
 
 /// An 11-bit CAN identifier, taken apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Identifier {
     /// The sender.
     pub from: Node,

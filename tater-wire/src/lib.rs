@@ -1,15 +1,36 @@
-//! The words on the hand's bus, as Barrett's published host software speaks them, and nothing that acts on them.
+//! The protocol of the hand's CAN bus, as Barrett's published host software speaks it: parsing and emitting, no behavior.
 //!
-//! `no_std`, no heap, no clock: the motor boards, the board that speaks to the host, the simulator and the chores
-//! all read and write the same bytes with this crate.
+//! `no_std`, without heap or clock. The motor boards, GOD, the simulator and the host tools share this crate, so each fact
+//! of the protocol is stated once. Parsing never panics, whatever the bytes, and `Message::parse` inverts `Message::frame`.
+//! `docs/wire.md` in the repository describes the same protocol for a host.
 //!
-//! Where to look: who speaks to whom is in [`id`], bytes on the wire in [`frame`], what they mean in [`message`],
-//! every property in [`property`], the numbers of CMD in [`command`], what ERROR says in [`fault`]; downloads are
-//! [`tek`] (the file), [`download`] (its way over the bus), [`image`] (the header that the monitor checks) and
-//! [`memory`] (what lies where in flash).
+//! | module | subject |
+//! |---|---|
+//! | [`id`], [`frame`] | nodes, groups and the 11-bit identifier; the bytes of a frame |
+//! | [`message`], [`value`] | what a frame means: GET, SET, replies, packed torques |
+//! | [`property`], [`command`], [`mode`], [`end`], [`fault`] | the tables: every property, and the values of CMD, MODE, END and ERROR |
+//! | [`tek`], [`download`] | a firmware file, and how it is sent to a board |
+//! | [`image`], [`memory`] | the header that the monitor checks; flash and RAM |
+//!
+//! # Example
+//! A host starts a move of motor 4, and reads the position in the reply.
+//! ```
+//! use tater_wire::{Body, Destination, Frame, Message, Node, Property};
+//!
+//! let motor = Node::new(4).expect("1 to 7");
+//! let move_to = Message::set(Destination::Node(motor), Property::M, 200).expect("it fits 32 bits").frame();
+//! assert_eq!((move_to.raw_id(), move_to.data()), (0x004, &[0x80 | 58, 0, 200, 0, 0, 0][..]));
+//!
+//! // GET P: the reply has 22 bits, most significant byte first, and goes to group 3.
+//! let get = Message::get(Destination::Node(motor), Property::P).frame();
+//! assert_eq!(get.data(), [48]);
+//! let reply = Frame::from_raw(0x483, &[0x80, 0x00, 0xC8]).expect("11 bits and 3 bytes");
+//! let message = Message::parse(&reply).expect("a position");
+//! assert_eq!((message.from, message.body), (motor, Body::Position(200)));
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
-// What comes from the bus is never trusted: no panic, no index out of bounds; a test may.
+// Input from the bus is not trusted: no panic, no index out of bounds, except in tests.
 #![cfg_attr(
     not(test),
     deny(

@@ -22,6 +22,7 @@ pub const SLOTS: usize = 4;
 
 /// A frame's meaning, and between whom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Message {
     /// The sender.
     pub from: Node,
@@ -33,6 +34,7 @@ pub struct Message {
 
 /// What is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Body {
     /// Asks for a property, 0..=127; in a download the same frame carries a character.
     Get(u8),
@@ -58,6 +60,7 @@ pub enum Body {
 
 /// One to four packed torques, ±8191 (14 bits; −8192 reads back too).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Torques {
     len: u8,
     torques: [i16; SLOTS],

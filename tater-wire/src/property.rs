@@ -53,6 +53,7 @@ pub enum Default {
 /// Which joint a motor drives; it decides the defaults. By node: 1 to 3 are links, 4 is the spread, 5 to 7 are tips,
 /// and a node beyond the hand's seven has a link's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum MotorKind {
     /// Inner joint of a finger.
     Link,

@@ -2,6 +2,7 @@
 
 /// A value as it is on the wire, with its width. What the bits mean is the property's: [`Property::read`](crate::Property::read).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Value {
     /// Two bytes: a frame of DLC 4.
     Short(u16),

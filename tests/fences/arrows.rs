@@ -23,8 +23,9 @@ const ARROWS: [Arrows; 9] = [
     Arrows {
         package: "tater-wire",
         ours: &[],
-        // heapless: bounded buffers without a heap. defmt: as above. crc, proptest: tests.
-        others: Some(&["defmt", "heapless", "crc (dev)", "proptest (dev)"]),
+        // embedded-can: its Frame trait, so that any CAN driver takes our frames. heapless: bounded buffers without a heap.
+        // defmt: as above. crc, proptest: tests.
+        others: Some(&["defmt", "embedded-can", "heapless", "crc (dev)", "proptest (dev)"]),
     },
     Arrows {
         package: "tater-fw",
