@@ -1,4 +1,4 @@
-//! Hall decoder and estimator against recordings and against made motions whose velocity is known.
+//! Hall decoder and estimator against recordings, and against generated motions of known velocity.
 
 use hil_sim::replay;
 use proptest::prelude::*;
@@ -7,15 +7,15 @@ use servo_core::sense::velocity::Estimator;
 use servo_core::units::Micros;
 use std::path::Path;
 
-/// What an estimate is worth against a recording.
+/// The quality of an estimate against a recording.
 struct Score {
     velocity_mse: f64,
     position_mse: f64,
     bias_pct: f64,
 }
 
-/// Truth from falling edges alone: they are sharp, rising ones are late. Between two of them the speed is taken
-/// as even.
+/// Truth from falling edges alone: they are sharp, rising ones are late. Between two of them constant speed
+/// is assumed.
 fn truth(codes: &[u8], rate: f64) -> (Vec<f64>, Vec<f64>) {
     const PLACE: [i32; 8] = [0, 0, 2, 1, 4, 5, 3, 0];
     let place = |code: u8| PLACE[usize::from(code)];
@@ -76,11 +76,11 @@ fn score(codes: &[u8], estimate: &[(f64, f64)], rate: f64) -> Score {
     }
 }
 
-/// Recordings of motors replayed as of 90 counts a revolution, where they are beside the project. Upper bounds are
-/// the project's aims; a quarter of them is suspicious, because edges are known to 1/30 ms only, which is 2 % of
-/// the way between two falling ones at 1500 counts/s.
+/// Recordings of motors, replayed with 90 counts a revolution, if they are installed beside the project.
+/// Upper bounds are the project's aims. A result below a quarter of them is suspicious: edges are known to
+/// 1/30 ms only, which is 2 % of the interval of two falling edges at 1500 counts/s.
 #[test]
-fn recordings() {
+fn recordings_score_within_the_aims() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures");
     if !folder.exists() {
         println!("skipped: no recordings at {}", folder.display());
@@ -110,8 +110,9 @@ fn recordings() {
             "{name}: velocity {:.1}, position {:.4}, bias {:.3} %",
             s.velocity_mse, s.position_mse, s.bias_pct
         );
-        // The servo's own, smooth reading, with the same estimator: it leaves out the ripple that uneven marks make of
-        // an even speed, which this truth has, and still beats the best public estimator known.
+        // The servo's own, smooth reading, with the same estimator: it leaves out the ripple that uneven
+        // marks would add to a constant speed, which this truth contains, and still beats the best known
+        // public estimator.
         let own = score(&codes, &replay::readings::<180>(&codes, 30_000, Estimator::at), 30_000.0);
         println!(
             "  the servo's own reading: velocity {:.1}, position {:.4}",
@@ -124,7 +125,7 @@ fn recordings() {
     }
 }
 
-/// A small generator of its own, so that a seed means the same for ever (xorshift64*).
+/// A small generator of its own, so that a seed always means the same (xorshift64*).
 struct Dice(u64);
 
 impl Dice {
@@ -140,7 +141,7 @@ impl Dice {
     }
 }
 
-/// One motor with 18 counts a revolution: placement of its edges, and how late its lines rise.
+/// One motor with 18 counts a revolution: placement of its edges, and delay of its rising lines.
 struct Motor {
     offsets: [f64; 18],
     rise_us: u32,
@@ -162,7 +163,7 @@ impl Motor {
         (near - 1..=near + 1).rev().find(|&k| position >= boundary(k)).unwrap_or(near - 1)
     }
 
-    /// The lines: falling at once, rising late.
+    /// The lines: falling at once, rising with a delay.
     fn lines(&mut self, position: f64, now: u32) -> u8 {
         let field = Wiring::STANDARD.code(self.cell(position).rem_euclid(6) as u8);
         let mut code = 0;
@@ -176,8 +177,8 @@ impl Motor {
     }
 }
 
-/// What a made run was worth: summed square velocity errors of the estimator and of the plain interval velocity,
-/// the largest error of the estimator, and the ticks summed over.
+/// Quality of a generated run: summed square velocity errors of the estimator and of the plain interval
+/// velocity, the largest error of the estimator, and the number of ticks.
 #[derive(Default)]
 struct Run {
     ours: f64,
@@ -187,7 +188,7 @@ struct Run {
 }
 
 /// 12 s of moves back and forth with accelerations from `accelerations`, cruising at 50..1000 counts/s, with
-/// dwells; `glitches` is the share of edges before which a wrong code shows for 4 µs.
+/// dwells; `glitches` is the fraction of edges that follow a wrong code of 4 µs.
 fn run(seed: u64, accelerations: (f64, f64), glitches: f64) -> Run {
     let mut dice = Dice(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
     let mut motor = Motor::new(&mut dice);
@@ -197,7 +198,7 @@ fn run(seed: u64, accelerations: (f64, f64), glitches: f64) -> Run {
     let mut halls = HallDecoder::new(Wiring::STANDARD, first, start);
     let mut estimator = Estimator::<18>::new(start);
     let mut seen = first;
-    // Plain: one count over the last interval, less when the next is overdue, none after turning.
+    // Plain: one count over the last interval, less when the next edge is overdue, zero after a reversal.
     let (mut edge_at, mut edge_sign, mut plain) = (0_u32, 0_i8, 0.0_f64);
     let (mut r, mut until) = (Run::default(), 200_000_u32);
     for now in (10..12_000_000_u32).step_by(10) {
@@ -222,7 +223,7 @@ fn run(seed: u64, accelerations: (f64, f64), glitches: f64) -> Run {
                 let at = Micros(now + after);
                 let Some(HallEvent::Step(edge)) = halls.sample(code, at) else { continue };
                 estimator.edge(&edge);
-                // A fair rival is not fooled by what no rotor does.
+                // A fair rival ignores impossible codes too.
                 if edge.bounce || at.0 - edge_at < 100 {
                     continue;
                 }
@@ -265,10 +266,10 @@ fn total(accelerations: (f64, f64), glitches: f64) -> (f64, f64, f64) {
     (rms(|r| r.ours), rms(|r| r.plain), runs.iter().map(|r| r.worst).fold(0.0, f64::max))
 }
 
-/// 18 counts a revolution, ±10° placement, 0..300 µs rise delay, reversals, 1 % glitches: the rms velocity error
-/// against that of one count over the last interval.
+/// 18 counts a revolution, ±10° placement, 0..300 µs rise delay, reversals, 1 % glitches: the rms velocity
+/// error against that of one count over the last interval.
 #[test]
-fn made_motions() {
+fn generated_motions_beat_the_interval_velocity() {
     for (name, accelerations) in
         [("gentle", (300.0, 1500.0)), ("brisk", (3000.0, 8000.0)), ("hard", (20_000.0, 70_000.0))]
     {
@@ -277,17 +278,17 @@ fn made_motions() {
             println!(
                 "{name}, glitches {glitches}: ours {ours:.1}, plain {plain:.1}, worst {worst:.0} counts/s"
             );
-            // ±10° placement alone makes an interval wrong by 14 % rms (√2 · (1/6)/√3); with what is learned,
-            // twice as good is the least to expect, also where lag rather than placement is the error. Twenty
-            // times as good would need to know of a start or a turn before its first edge.
+            // ±10° placement alone gives an interval an error of 14 % rms (√2 · (1/6)/√3). With learned
+            // placement, half the error is the least to expect, also where lag rather than placement
+            // dominates. A twentieth would require knowing a start or a reversal before its first edge.
             assert!(ours < plain / 2.0 && ours > plain / 20.0, "{name}, {glitches}: {ours} against {plain}");
-            // The hardest acceleration for 10 ms, which is how long a start from rest and its first edges take.
+            // The hardest acceleration for 10 ms, the duration of a start from rest and its first edges.
             assert!(worst < 700.0, "{name}, {glitches}: {worst} counts/s");
         }
     }
 }
 
-/// Velocity at 30 kHz of 30 s of made moves: the lines, and the rotor's velocity.
+/// Velocity at 30 kHz of 30 s of generated moves: from the lines, and of the rotor.
 fn recording(seed: u64, accelerations: (f64, f64)) -> (Vec<u8>, Vec<f64>) {
     let mut dice = Dice(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
     let mut motor = Motor::new(&mut dice);
@@ -306,11 +307,12 @@ fn recording(seed: u64, accelerations: (f64, f64)) -> (Vec<u8>, Vec<f64>) {
     (0..900_000).map(sample).unzip()
 }
 
-/// Whether the marks are out of place (as here) or the rotor ripples over even marks (as the truth from falling
-/// edges reads the same lines), the replay is wrong by half of the ripple: it adds at most a quarter of the
-/// ripple's power to the error of the servo's estimate if that is right, and takes more than half off if not.
+/// Either the marks are misplaced (as here), or the rotor ripples over even marks (as the truth from falling
+/// edges reads the same lines). The replay takes half of the ripple for each: it adds at most a quarter of
+/// the ripple's power to the error of the servo's estimate if that is right, and removes more than half of it
+/// if not.
 #[test]
-fn undecided_is_half_wrong_at_most() {
+fn undecided_reading_is_at_most_half_wrong() {
     for (seed, accelerations) in [(1, (300.0, 1500.0)), (2, (300.0, 1500.0)), (3, (3000.0, 8000.0))] {
         let (codes, rotor) = recording(seed, accelerations);
         let (_, marks) = truth(&codes, 30_000.0);
@@ -338,10 +340,10 @@ fn undecided_is_half_wrong_at_most() {
 }
 
 proptest! {
-    /// Any lines at any times: no panic, a position in the cell of the count, a velocity that the time since the
-    /// last step allows.
+    /// Any lines at any times: no panic, a position in the cell of the count, a velocity that the time since
+    /// the last step allows.
     #[test]
-    fn any_lines_at_any_times(samples in prop::collection::vec((0..8_u8, 1..20_000_u32), 0..400), begin: u32) {
+    fn any_lines_keep_position_and_velocity_plausible(samples in prop::collection::vec((0..8_u8, 1..20_000_u32), 0..400), begin: u32) {
         let mut halls = HallDecoder::new(Wiring::STANDARD, 2, 0);
         let mut estimator = Estimator::<18>::new(0);
         let mut now = begin;
@@ -353,7 +355,7 @@ proptest! {
             for later in [0, 300, 5000, 400_000] {
                 let (p, v) = estimator.clone().at(Micros(now.wrapping_add(later)));
                 prop_assert!((p.0.to_num::<f64>() - f64::from(halls.count())).abs() <= 0.5);
-                // At most 1⅓ counts (placement) in what has passed, 100 µs at least.
+                // At most 1⅓ counts (placement) in the elapsed time, of 100 µs at least.
                 let passed = f64::from(later.max(100)) * 1e-6;
                 prop_assert!(v.0.to_num::<f64>().abs() <= 1.4 / (passed - 400e-6).max(100e-6), "{v:?} after {later}");
                 if later >= 300_000 {

@@ -1,5 +1,5 @@
-//! The servo in closed loop with the plant: what must hold over hundreds of plants that differ by ±30 % in
-//! inertia, friction, Ke and R, on buses of 20 to 28 V, with halls misplaced by up to ±10° electrical.
+//! The servo in closed loop with the plant: guarantees over hundreds of plants that differ by ±30 % in
+//! inertia, friction, Ke and R, on supplies of 20 to 28 V, with halls misplaced by up to ±10° electrical.
 
 use hil_sim::plant::RAD_PER_COUNT;
 use hil_sim::scenario::Scenario;
@@ -8,7 +8,7 @@ use servo_core::EndReason;
 use tater_wire::MotorKind;
 use tater_wire::Property;
 
-/// The spread of the plants (the issue's ±30 %) and of the hall placement (ordinary for hand-placed sensors).
+/// Scatter of the plants (±30 %) and of the hall placement (usual for sensors placed by hand).
 const SCATTER: f64 = 0.3;
 const HALL_DEG: f64 = 10.0;
 
@@ -35,7 +35,7 @@ fn distribution(mut values: Vec<f64>) -> (f64, f64, f64) {
 }
 
 #[test]
-fn the_spread_does_not_overshoot_on_300_plants() {
+fn spread_does_not_overshoot_on_300_plants() {
     let scenario = scattered(shipped("spread-full-travel"));
     let metrics: Vec<_> = (0..300).map(|seed| on_seed(&scenario, seed).metrics).collect();
     for (seed, m) in metrics.iter().enumerate() {
@@ -48,12 +48,12 @@ fn the_spread_does_not_overshoot_on_300_plants() {
         "300 spreads (median, 95 %, maximum): overshoot {overshoot:.2?} counts, error 200 ms after the end {error:.2?} counts, arrival {arrival:.0?} ms"
     );
     assert!(overshoot.2 <= 3.0, "overshoot {overshoot:?}");
-    // A misplaced hall alone is worth ±1/6 count; a plant that never overshoots at all would mean that the
-    // scatter does not reach the plant.
+    // A misplaced hall alone causes ±1/6 count. If no plant overshot at all, the scatter would not reach the
+    // plant.
     assert!(overshoot.2 > 0.0 && error.2 > 0.3, "suspiciously good: {overshoot:?} {error:?}");
 }
 
-/// A move of one kind of motor, its stops out of the way.
+/// A move of one kind of motor, with its stops moved away.
 fn healthy(motor: &str, low: i64, high: i64, from: i64, to: i64) -> Scenario {
     let text = format!(
         "name = \"healthy\"\nabout = \"\"\nmotor = \"{motor}\"\nduration_ms = 2600\n\
@@ -66,12 +66,12 @@ fn healthy(motor: &str, low: i64, high: i64, from: i64, to: i64) -> Scenario {
 }
 
 #[test]
-fn no_false_end_in_1000_healthy_moves() {
+fn healthy_moves_end_without_false_stall_breakaway_or_fault() {
     let mut worst = Vec::new();
     for seed in 0..1000u64 {
         let (motor, low, high) =
             [("link", -25i64, 338), ("spread", 0, 166), ("tip", -158, 350)][seed as usize % 3];
-        // Any start, any length from 2 counts to the whole range, either way.
+        // Any start, any length from 2 counts to the whole range, in either direction.
         let share = |prime: u64, parts: u64| (seed * prime % parts) as i64 * (high - low) / parts as i64;
         let from = low + share(7919, 64);
         let length = 2.max(share(104_729, 61));
@@ -91,8 +91,9 @@ fn no_false_end_in_1000_healthy_moves() {
 }
 
 #[test]
-fn no_false_end_near_the_speed_limit() {
-    // At 20 V and with Ke 30 % high a link cannot reach 750 counts/s: the profile waits, and must not be run into.
+fn moves_near_the_speed_limit_have_no_false_end() {
+    // At 20 V and with Ke 30 % high a link cannot reach 750 counts/s: the profile must wait, without a false
+    // end.
     for name in ["link-fast", "tip-fast"] {
         let scenario = scattered(shipped(name));
         let metrics: Vec<_> = (0..150).map(|seed| on_seed(&scenario, seed).metrics).collect();
@@ -106,7 +107,7 @@ fn no_false_end_near_the_speed_limit() {
 }
 
 #[test]
-fn every_healthy_joint_finds_its_stop() {
+fn homing_finds_the_stop_on_every_plant() {
     for name in ["homing-link", "homing-spread", "homing-tip"] {
         let scenario = scattered(shipped(name));
         for seed in 0..100 {
@@ -117,8 +118,8 @@ fn every_healthy_joint_finds_its_stop() {
 }
 
 #[test]
-fn a_link_that_turns_round_meets_no_object() {
-    // Opening at full speed, then told to close: braking takes longer than a breakaway's 10 ms.
+fn reversing_link_does_not_break_away() {
+    // Opening at full speed, then ordered to close: braking takes longer than a breakaway's 10 ms.
     let text = "name = \"turn\"\nabout = \"\"\nmotor = \"link\"\nduration_ms = 2500\n\
                 initial = { position_counts = 330 }\n[[at]]\nms = 20\ntorque_open = true\n\
                 [[at]]\nms = 220\nmove = 300\n";
@@ -128,7 +129,7 @@ fn a_link_that_turns_round_meets_no_object() {
 }
 
 #[test]
-fn every_step_of_a_disturbance_is_held_to_a_count() {
+fn disturbance_steps_are_held_within_a_count() {
     let scenario = shipped("spread-hold-disturbance");
     let options = Options { seed: 1, model: Model::Averaged, trace: false };
     let mut board = hil_sim::board(&scenario, &scenario.cases[0], &options).expect("valid");
@@ -150,7 +151,7 @@ fn every_step_of_a_disturbance_is_held_to_a_count() {
 }
 
 #[test]
-fn a_longer_tstop_heats_the_motor_as_the_manual_warns() {
+fn longer_tstop_heats_the_motor_as_the_manual_warns() {
     let peak = |tstop: u16| {
         let mut scenario = shipped("stall-on-object");
         scenario.set(&format!("TSTOP={tstop}")).expect("in range");
@@ -159,13 +160,13 @@ fn a_longer_tstop_heats_the_motor_as_the_manual_warns() {
     };
     let (default, long) = (peak(300), peak(4000));
     println!("a stall at MT 750 heats the winding to {default:.1} °C at TSTOP 300, to {long:.1} °C at 4000");
-    // 128 W into 10 J/K: 3.9 °C in 0.3 s, about 45 °C in 4 s less what flows off.
+    // 128 W into 10 J/K: 3.9 °C in 0.3 s, about 45 °C in 4 s minus the heat that flows off.
     assert!(default - 25.0 > 2.0 && default - 25.0 < 6.0, "{default}");
     assert!(long - 25.0 > 8.0 * (default - 25.0), "{long}");
 }
 
 #[test]
-fn no_false_stall_when_it_crawls_or_hardly_accelerates() {
+fn crawling_or_slow_acceleration_has_no_false_stall() {
     let crawl = scattered(shipped("slow-crawl"));
     let text = "name = \"accel-1\"\nabout = \"\"\nmotor = \"link\"\nduration_ms = 9000\nset = { ACCEL = 1 }\n\
                 [[at]]\nms = 20\nmove = 15\n";
@@ -179,7 +180,7 @@ fn no_false_stall_when_it_crawls_or_hardly_accelerates() {
 }
 
 #[test]
-fn a_real_stall_is_found_on_every_plant() {
+fn real_stall_fires_tstop_after_the_last_count_on_every_plant() {
     let scenario = scattered(shipped("stall-on-object"));
     for seed in 0..100 {
         let metrics = on_seed(&scenario, seed).metrics;
@@ -190,7 +191,7 @@ fn a_real_stall_is_found_on_every_plant() {
 }
 
 #[test]
-fn both_inverter_models_move_the_motor_alike() {
+fn both_inverter_models_move_the_motor_equally() {
     for name in ["spread-full-travel", "link-fast", "tip-fast"] {
         let scenario = shipped(name);
         let [averaged, switched] = [Model::Averaged, Model::Switched].map(|model| {
@@ -207,12 +208,13 @@ fn both_inverter_models_move_the_motor_alike() {
         );
         assert!((averaged.0 - switched.0).abs() <= 1.0);
         assert!((averaged.1 / switched.1 - 1.0).abs() <= 0.02);
-        // The torque is the servo's answer to both; it differs by what dithers at standstill.
+        // The torque is the servo's response in both; it differs by dithering at standstill.
         assert!((averaged.2 / switched.2 - 1.0).abs() <= 0.05);
     }
 }
 
-/// Steps a board to the end of a scenario and gives (end tick of the mean position's last change, residual, turnover).
+/// Steps a board to the end of a scenario; returns (end tick of the last change of the mean position,
+/// residual, turnover).
 fn stepped(scenario: &Scenario, model: Model, max_step_us: u64) -> (Option<u32>, f64, f64) {
     let options = Options { seed: 1, model, trace: false };
     let mut board = hil_sim::board(scenario, &scenario.cases[0], &options).expect("valid");
@@ -234,7 +236,7 @@ fn stepped(scenario: &Scenario, model: Model, max_step_us: u64) -> (Option<u32>,
 }
 
 #[test]
-fn halving_the_step_changes_nothing_and_energy_is_conserved() {
+fn halved_step_gives_the_same_result_and_conserves_energy() {
     let scenario = shipped("spread-full-travel");
     for (model, step) in [(Model::Averaged, 50), (Model::Switched, 50)] {
         let whole = stepped(&scenario, model, step);
@@ -266,7 +268,7 @@ fn same_seed_same_bytes() {
 }
 
 #[test]
-fn defaults_are_the_manuals() {
+fn defaults_match_the_manual() {
     // Property table: rows that differ by motor, and one that does not.
     let table = [
         (MotorKind::Link, 40, false, 300, -200, 25),

@@ -1,22 +1,22 @@
-//! The promises of the profile against a continuous-time oracle in f64: lands exactly, within the limits at
-//! every tick, in the shortest time, for plain moves and for new plans in mid-move.
+//! The guarantees of the profile against a continuous-time oracle in f64: it lands exactly, within the limits
+//! at every tick, in the shortest time, for plain moves and for new plans during a move.
 //!
-//! Cases are drawn log-uniformly over the whole range of the properties. Of the million, those that take over
-//! `SHORT` are drawn again, since stepping through an hour a million times would only test patience; fewer
-//! cases, and the extremes, go to the full length.
+//! Cases are drawn log-uniformly over the whole range of the properties. Of the million, cases longer than
+//! `SHORT` are drawn again, since stepping through an hour a million times adds nothing; fewer cases, and the
+//! extremes, run to the full length.
 
 use fixed::types::I22F10;
 use servo_core::motion::profile::{MoveLimits, Profile, SetPoint};
 use servo_core::units::{Counts, CountsPerSec};
 
-/// Resolution of the emitted values, in counts and counts/s. A difference of two rounded values is off by at
-/// most one step.
+/// Resolution of the emitted values, in counts and counts/s. A difference of two rounded values has an error
+/// of at most one step.
 const POSITION_STEP: f64 = 1.0 / 1024.0;
 const VELOCITY_STEP: f64 = 1.0 / 65536.0;
-/// What the f64 oracle itself may be wrong by, in ticks: a distance of 2^23 counts has an error of 2^-29, which
-/// at ACCEL 1 takes 2·√(2^-29·2^20) = 0.09 ticks.
+/// Error of the f64 oracle itself, in ticks: a distance of 2^23 counts has an error of 2^-29, which at ACCEL
+/// 1 takes 2·√(2^-29·2^20) = 0.09 ticks.
 const ORACLE_ERROR: f64 = 0.1;
-/// The longest optimum of the million cases, and of the few hundred that reach down to ACCEL 1, in ms.
+/// The longest optimum of the million cases, and of the few hundred that include ACCEL 1, in ms.
 const SHORT: f64 = 1500.0;
 const LONG: f64 = 300_000.0;
 
@@ -89,14 +89,14 @@ fn optimum(distance: f64, velocity: f64, limits: MoveLimits) -> f64 {
     up.min(down)
 }
 
-/// The time of the motion whose last approach is upwards; infinite if the end is too near for one.
+/// The duration of the motion whose last approach is upwards; infinite if the end is too near for one.
 fn approach(distance: f64, velocity: f64, a: f64, cruise: f64) -> f64 {
     if distance < velocity * velocity.abs() / (2.0 * a) {
         return f64::INFINITY;
     }
     let peak = cruise.min((a * distance + velocity * velocity / 2.0).max(0.0).sqrt());
     let ramps = (peak - velocity).abs() / a + peak / a;
-    // Signed: while slowing from above the cruise velocity as well as while turning round.
+    // Signed: for slowing from above the cruise velocity and for reversing.
     let ramped = (peak - velocity).abs() / a * (peak + velocity) / 2.0 + peak * peak / (2.0 * a);
     if distance > ramped { ramps + (distance - ramped) / peak } else { ramps }
 }
@@ -106,13 +106,13 @@ fn remaining(profile: &Profile, end: Counts, limits: MoveLimits) -> f64 {
     optimum(counts(end) - position.to_num::<f64>(), velocity.to_num(), limits)
 }
 
-/// Checks what must hold from one tick to the next; returns what does not.
+/// Checks the limits from one tick to the next; returns a violation.
 fn tick_fault(before: SetPoint, after: SetPoint, limits: MoveLimits) -> Option<&'static str> {
     let a = acceleration(limits);
     let cruise = |direction: f64| per_tick(if direction > 0.0 { limits.closing } else { limits.opening });
     let (u, v) = (per_tick(before.velocity), per_tick(after.velocity));
     let moved = counts(after.position.wrapping_sub(before.position));
-    // Above the cruise velocity only after a new plan, and then slowing with all of the acceleration.
+    // Above the cruise velocity only after a new plan, and then slowing with the full acceleration.
     let fastest = cruise(v).max(u.abs() - a);
     let step = VELOCITY_STEP / 1000.0;
     if (v - u).abs() > a + step {
@@ -124,7 +124,7 @@ fn tick_fault(before: SetPoint, after: SetPoint, limits: MoveLimits) -> Option<&
     if moved.abs() > u.abs().max(cruise(moved)) + POSITION_STEP {
         return Some("position moves faster than the velocity limit");
     }
-    // With |acceleration| ≤ a the mean velocity of a tick is at most a/4 off that of its ends.
+    // With |acceleration| ≤ a the mean velocity of a tick differs by at most a/4 from that of its ends.
     if (moved - (u + v) / 2.0).abs() > a / 4.0 + POSITION_STEP {
         return Some("position is not the integral of the velocity");
     }
@@ -140,16 +140,16 @@ fn plain_fault(before: SetPoint, after: SetPoint, (start, end): (Counts, Counts)
     (!(start.min(end)..=start.max(end)).contains(&after.position)).then_some("crosses the end")
 }
 
-/// A stretch of a profile with one plan.
+/// A part of a profile with one plan.
 struct Stretch {
     limits: MoveLimits,
     end: Counts,
-    /// Where it started, if it started from rest.
+    /// Its start, if it started from rest.
     plain_from: Option<Counts>,
 }
 
 impl Stretch {
-    /// Steps `ticks` times or to the end, with all checks of a tick; returns the ticks taken.
+    /// Steps `ticks` times or to the end, with all checks of a tick; returns the number of ticks.
     fn run(&self, profile: &mut Profile, ticks: u32) -> u32 {
         let was = *profile;
         let mut before = was.current();
@@ -168,7 +168,7 @@ impl Stretch {
         ticks
     }
 
-    /// Runs to the end and checks it; `None`, and nothing done, if that takes over `most` ticks.
+    /// Runs to the end and checks it; `None`, and nothing done, if that takes more than `most` ticks.
     fn finish(&self, profile: &mut Profile, most: f64) -> Option<()> {
         let was = *profile;
         let optimum = remaining(profile, self.end, self.limits);
@@ -206,7 +206,7 @@ fn plain_move(random: &mut Random, most: f64) -> Option<()> {
     plain(start, random.end(start), limits, most)
 }
 
-/// A move with one to three new plans on the way: a new end (or the same), new limits (or the same).
+/// A move with one to three new plans during it: a new end (or the same), new limits (or the same).
 fn replanned_move(random: &mut Random, most: f64) -> Option<()> {
     let (start, mut limits) = (random.position(), random.limits());
     let mut end = random.end(start);
@@ -240,25 +240,25 @@ fn draw(seed: u64, cases: u32, most: f64, case: fn(&mut Random, f64) -> Option<(
 }
 
 #[test]
-fn half_a_million_plain_moves_keep_every_promise() {
+fn half_a_million_plain_moves_keep_every_guarantee() {
     draw(0x5eed, 500_000, SHORT, plain_move);
 }
 
 #[test]
-fn half_a_million_replanned_moves_keep_every_promise() {
+fn half_a_million_replanned_moves_keep_every_guarantee() {
     draw(0xfeed, 500_000, SHORT, replanned_move);
 }
 
 #[test]
-fn longer_moves_keep_every_promise() {
+fn longer_moves_keep_every_guarantee() {
     draw(0xbeef, 300, LONG, plain_move);
     draw(0xcafe, 300, LONG, replanned_move);
 }
 
 #[test]
-fn longest_moves() {
-    // The longest there is (68 minutes), the same with the longest ramps, the longest triangle; one of each
-    // in between.
+fn longest_moves_keep_every_guarantee() {
+    // The longest (68 minutes), the same with the longest ramps, the longest triangle; one of each in
+    // between.
     for (accel, cruise) in [(65535, 16), (1, 16), (1, 4080), (8, 4080), (13, 1000)] {
         let cruise = CountsPerSec::from_int(cruise);
         let limits = MoveLimits { accel, closing: cruise, opening: cruise };
@@ -268,9 +268,9 @@ fn longest_moves() {
     }
 }
 
-/// DESIGN 4.1: 2·√(166/858.3) = 0.880 s, the manual's spread speed.
+/// Decision 0002: 2·√(166/858.3) = 0.880 s, the manual's spread time.
 #[test]
-fn spread_takes_what_the_manual_says() {
+fn spread_takes_the_manuals_time() {
     let cruise = CountsPerSec::from_int(1000);
     let limits = MoveLimits { accel: 30, closing: cruise, opening: cruise };
     let mut profile = Profile::at_rest(Counts::ZERO);
