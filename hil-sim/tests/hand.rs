@@ -181,11 +181,11 @@ fn bad_console_entries_are_reported() {
         (Some(1), "=> FROB\nERR 32\n=> VERS\n600\n=> \n".to_owned(), String::new())
     );
     for (entries, words) in [
-        ("VERS\nM\n12x\n100\n", ["standard input:3: these are no motors", "\"12x\""]),
-        ("M\n123\nfar\n", ["standard input:3: this is no position", "\"far\""]),
+        ("VERS\nM\n12x\n100\n", ["standard input:3: invalid motors", "\"12x\""]),
+        ("M\n123\nfar\n", ["standard input:3: invalid position", "\"far\""]),
         ("1LOOP\n", ["standard input:1: ", "programs"]),
-        ("M\n123\n", ["standard input: it ends in the middle", "Position"]),
-        ("\u{e9}\n", ["standard input:1: this is no line for the hand", "\u{e9}"]),
+        ("M\n123\n", ["standard input: ends in the middle", "Position"]),
+        ("\u{e9}\n", ["standard input:1: the hand does not take this line", "\u{e9}"]),
     ] {
         let (code, screen, error) = speaks(entries);
         assert_eq!(code, Some(2), "{screen}{error}");
