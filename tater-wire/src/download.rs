@@ -1,30 +1,31 @@
-//! How the characters of a `.tek` file travel to a monitor. Barrett's hosts send one a frame, as they are. Our own
-//! extension sends eight, and numbers the frames: ASCII leaves bit 7 of every byte free, and eight such bits are a
-//! number of 0..=255. A frame that comes late, twice or after one that was lost is known by it.
+//! The transport of a `.tek` file's characters to a monitor. Barrett's hosts send one per frame. Our
+//! extension sends eight and numbers the frames: ASCII leaves bit 7 of every byte free, and eight such bits
+//! are a number of 0..=255. The number reveals a late, duplicate or missing frame.
 //!
-//! A numbered frame always has eight bytes, so it is no GET, SET or request; zeros fill the last one up.
+//! A numbered frame always has eight bytes, so it is no GET, SET or request; zeros pad the last one.
 
 mod host;
 
 pub use host::{Characters, DownloadError, Downloader, Next};
 
-/// SET VERS to this starts a download of one character a frame.
+/// SET VERS to this value starts a download with one character per frame.
 pub const START: u16 = 0x00AA;
 
-/// SET VERS to this starts a download of numbered frames. A board that ignores it is asked again with [`START`].
+/// SET VERS to this value starts a download with numbered frames. For a board that ignores it, [`START`]
+/// follows.
 pub const START_NUMBERED: u16 = 0x01AA;
 
 /// Characters in a numbered frame.
 pub const CHARACTERS: usize = 8;
 
-/// Characters before a numbered frame, of those that the first frames can carry: 24 bits on the wire.
+/// Greatest character offset of a numbered frame: 24 bits on the wire.
 #[must_use]
 pub const fn before(frame: u32) -> u32 {
     frame.wrapping_mul(CHARACTERS as u32)
 }
 
-/// The data of a numbered frame: frame `n` of a file has its characters `8n` to `8n + 7`, and says `n` modulo 256.
-/// Characters beyond the eighth are dropped, missing ones are 0.
+/// The data of a numbered frame: frame `n` of a file contains its characters `8n` to `8n + 7` and the number
+/// `n` modulo 256. Characters beyond the eighth are dropped, missing ones are 0.
 #[must_use]
 pub fn pack(number: u8, characters: &[u8]) -> [u8; CHARACTERS] {
     let mut data = [0; CHARACTERS];
@@ -35,7 +36,7 @@ pub fn pack(number: u8, characters: &[u8]) -> [u8; CHARACTERS] {
     data
 }
 
-/// Number and characters of a numbered frame; `None` if the data is none.
+/// Number and characters of a numbered frame; `None` for other data.
 #[must_use]
 pub fn unpack(data: &[u8]) -> Option<(u8, [u8; CHARACTERS])> {
     let mut characters = *<&[u8; CHARACTERS]>::try_from(data).ok()?;
@@ -52,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_number_comes_back_with_the_characters() {
+    fn numbered_frame_round_trips_number_and_characters() {
         for number in 0..=255 {
             assert_eq!(unpack(&pack(number, b"%09AZ_az")), Some((number, *b"%09AZ_az")));
             assert_eq!(unpack(&pack(number, b"8F")), Some((number, *b"8F\0\0\0\0\0\0")));

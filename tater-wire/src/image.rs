@@ -1,12 +1,12 @@
-//! The application's image and how the monitor knows that it is whole: a header in four words of the vector table that
-//! a Cortex-M leaves reserved, so that any linked application has room for it.
+//! The application's image, and the header by which the monitor verifies it: four words of the vector table that a
+//! Cortex-M leaves reserved, so that any linked application has room for it (decision 0017).
 //!
 //! | offset | word |
 //! |---|---|
 //! | 0 | initial stack pointer: in RAM |
 //! | 4 | reset vector: inside the image, odd (Thumb) |
 //! | 0x1C | [`MAGIC`] |
-//! | 0x20 | bytes of the image, this header's included; a multiple of 4 |
+//! | 0x20 | bytes of the image, including this header; a multiple of 4 |
 //! | 0x24 | CRC-32 (ISO-HDLC, that of zip and Ethernet) of the image with this word as 0xFFFFFFFF |
 //! | 0x28 | the application's VERS |
 
@@ -15,13 +15,13 @@ use crate::memory::{APPLICATION, RAM};
 /// "TatR", little-endian.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"TatR");
 
-/// Bytes from the start of the image to the end of the header; an image is at least that long.
+/// Bytes from the start of the image to the end of the header; the minimum length of an image.
 pub const HEADER_END: u32 = 0x2C;
 
 /// [`HEADER_END`] as the length of an array.
 pub const HEADER_BYTES: usize = HEADER_END as usize;
 
-/// Where the words of the header are.
+/// Offsets of the header's words.
 pub const MAGIC_AT: u32 = 0x1C;
 /// See [`MAGIC_AT`].
 pub const LEN_AT: u32 = 0x20;
@@ -30,17 +30,16 @@ pub const CRC_AT: u32 = 0x24;
 /// See [`MAGIC_AT`].
 pub const VERSION_AT: u32 = 0x28;
 
-/// CRC-32 (ISO-HDLC) of bytes as they come by, for whoever checks images and records.
+/// CRC-32 (ISO-HDLC) of a sequence of bytes, for images and records (decision 0040).
 ///
-/// Four bits at a time: its table has 64 bytes. The `crc` crate's has 1 KiB, which is much of the monitor's 14; without
-/// one the crate goes bit by bit, several times as slowly.
+/// Four bits at a time, with a table of 64 bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct Crc32(u32);
 
-/// The generator, the bit of the highest power lowest and left out.
+/// The generator, with its highest power in the lowest bit and left out.
 const POLYNOMIAL: u32 = 0xEDB8_8320;
 
-/// What four bits that leave the register do to the rest of it.
+/// Effect of four bits leaving the register on the rest of it.
 #[rustfmt::skip]
 const NIBBLES: [u32; 16] = [
     left(0), left(1), left(2), left(3), left(4), left(5), left(6), left(7),
@@ -66,21 +65,21 @@ impl Default for Crc32 {
 impl Crc32 {
     /// The next bytes.
     pub fn update(&mut self, bytes: &[u8]) {
-        // Four bits always have their word.
+        // Four bits always index the table.
         let shift = |crc: u32| crc >> 4 ^ NIBBLES.get((crc & 15) as usize).copied().unwrap_or(0);
         for &byte in bytes {
             self.0 = shift(shift(self.0 ^ u32::from(byte)));
         }
     }
 
-    /// The CRC-32 of all that came by.
+    /// The CRC-32 of all bytes so far.
     #[must_use]
     pub const fn finish(self) -> u32 {
         !self.0
     }
 }
 
-/// What an image says of itself.
+/// The content of an image's header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Bytes of the image.
@@ -91,7 +90,7 @@ pub struct Header {
     pub version: u32,
 }
 
-/// Why a text of bytes is no image.
+/// Reason why bytes are no image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageError {
     /// Shorter than a header, longer than the application's area, or not a multiple of 4 bytes.
@@ -109,11 +108,11 @@ pub enum ImageError {
         /// The word.
         found: u32,
     },
-    /// No header: it has not been sealed.
+    /// No header: the image is not sealed.
     Unsealed,
-    /// To be sealed, but the reserved vectors are in use.
+    /// Cannot be sealed: the reserved vectors are in use.
     Reserved,
-    /// The CRC-32 does not agree.
+    /// The CRC-32 does not match.
     Crc {
         /// Computed.
         found: u32,
@@ -149,7 +148,7 @@ impl core::fmt::Display for ImageError {
 
 impl core::error::Error for ImageError {}
 
-/// The CRC-32 of an image, as its bytes come by from the first on.
+/// The CRC-32 of an image, from its bytes in order.
 #[derive(Debug, Default)]
 pub struct Summer {
     crc: Crc32,
@@ -166,7 +165,7 @@ impl Summer {
         }
     }
 
-    /// The CRC-32 of all that came by.
+    /// The CRC-32 of all bytes so far.
     #[must_use]
     pub fn finish(self) -> u32 {
         self.crc.finish()
@@ -174,10 +173,10 @@ impl Summer {
 }
 
 impl Header {
-    /// The header of an image from its first [`HEADER_END`] bytes, with the vectors checked; the CRC is not.
+    /// The header of an image from its first [`HEADER_END`] bytes, with the vectors checked, but not the CRC.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The defect of the image.
     pub fn read(start: &[u8]) -> Result<Self, ImageError> {
         let word = |at: u32| {
             let bytes = usize::try_from(at).ok().and_then(|at| start.get(at..)).and_then(<[u8]>::first_chunk);
@@ -194,7 +193,7 @@ impl Header {
     /// The header of a whole image, checked.
     ///
     /// # Errors
-    /// What is wrong with the image. Bytes after the header's length are an error too.
+    /// The defect of the image. Bytes after the header's length are an error too.
     pub fn verify(image: &[u8]) -> Result<Self, ImageError> {
         let header = Self::read(image)?;
         let found = u32::try_from(image.len()).unwrap_or(u32::MAX);
@@ -206,7 +205,7 @@ impl Header {
     }
 }
 
-/// Length, stack pointer and reset vector.
+/// Checks length, stack pointer and reset vector.
 fn check(len: u32, stack: u32, reset: u32) -> Result<(), ImageError> {
     if !(HEADER_END..=APPLICATION.len).contains(&len) || !len.is_multiple_of(4) {
         return Err(ImageError::Length { found: len });
@@ -230,7 +229,7 @@ fn sum(image: &[u8]) -> u32 {
 /// Writes the header into a linked image. Its length must be a multiple of 4 already.
 ///
 /// # Errors
-/// The vectors are not those of an application, or the reserved ones are in use by something that is no header.
+/// The vectors are not those of an application, or the reserved ones contain something other than a header.
 pub fn seal(image: &mut [u8], version: u32) -> Result<Header, ImageError> {
     let len = u32::try_from(image.len()).unwrap_or(u32::MAX);
     let word = |image: &[u8], at: u32| {

@@ -1,6 +1,7 @@
-//! What lies where in the 128 KiB of flash of an STM32F103CB, for the firmware, the monitor and the chores alike.
+//! Layout of the 128 KiB of flash and 20 KiB of RAM of an STM32F103CB. The linker scripts are generated from
+//! it.
 //!
-//! The application is copied from staging when a download is whole, so both have the same size.
+//! The monitor copies the application from staging, so both have the same size.
 
 /// A part of the flash: whole pages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,7 +12,7 @@ pub struct Area {
     pub len: u32,
 }
 
-/// Bytes that are erased together (STM32F103, medium density).
+/// Bytes of an erase page (STM32F103, medium density).
 pub const PAGE: u32 = 1024;
 
 /// Half-words in a page, as the length of an array.
@@ -26,7 +27,7 @@ pub const MONITOR: Area = Area { start: FLASH.start, len: 16 * 1024 };
 /// The application, with its image header in its vector table.
 pub const APPLICATION: Area = Area { start: MONITOR.end(), len: 52 * 1024 };
 
-/// Where a download is gathered.
+/// Staging: gathers a download until it is verified.
 pub const STAGING: Area = Area { start: APPLICATION.end(), len: APPLICATION.len };
 
 /// Properties and counters.
@@ -34,14 +35,15 @@ pub const STORAGE: Area = Area { start: STAGING.end(), len: 8 * 1024 };
 
 /// All of the RAM.
 pub const RAM: Area = Area { start: 0x2000_0000, len: 20 * 1024 };
-/// The stack, which grows down: at the bottom, so that one that overflows is a fault and overwrites nothing.
+/// The stack, growing down. It is at the bottom, so that an overflow is a fault and overwrites nothing
+/// (decision 0024).
 pub const STACK: Area = Area { start: RAM.start, len: 8 * 1024 };
 /// Variables.
 pub const STATICS: Area = Area { start: STACK.end(), len: RAM.len - STACK.len - KEPT.len };
-/// What survives a reset: why there was one. No program starts by clearing it.
+/// Survives a reset: the reason for it. No program clears it at its start.
 pub const KEPT: Area = Area { start: RAM.end() - 16, len: 16 };
 
-// Each area begins where the one before it ends: none overlaps another, and nothing is left over.
+// Each area begins where the one before it ends: no overlap, no gap.
 const _: () = assert!(MONITOR.start == FLASH.start && APPLICATION.start == MONITOR.end());
 const _: () = assert!(STAGING.start == APPLICATION.end() && STORAGE.start == STAGING.end());
 const _: () = assert!(STORAGE.end() == FLASH.end(), "the areas fill the flash");
@@ -58,20 +60,20 @@ impl Area {
         self.start + self.len
     }
 
-    /// Whether `len` bytes from `address` lie inside.
+    /// Whether `len` bytes from `address` are inside.
     #[must_use]
     pub const fn holds(self, address: u64, len: u64) -> bool {
         let (start, end) = (self.start as u64, self.end() as u64);
         address >= start && address <= end && len <= end - address
     }
 
-    /// Its pages.
+    /// Number of pages.
     #[must_use]
     pub const fn pages(self) -> u32 {
         self.len / PAGE
     }
 
-    /// The first address of a page of it.
+    /// First address of a page.
     #[must_use]
     pub const fn page(self, index: u32) -> u32 {
         self.start + index * PAGE

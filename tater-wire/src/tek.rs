@@ -1,19 +1,20 @@
-//! Extended Tektronix hex, the format of `.tek` files: records as a monitor receives them, character by character
-//! without `%` and line ends ([`Decoder`]), whole files ([`Reader`]), and what we write ([`Encoder`]).
+//! Extended Tektronix hex, the format of `.tek` files: records as a monitor receives them, character by
+//! character without `%` and line ends ([`Decoder`]), whole files ([`Reader`]), and our output ([`Encoder`]).
 //!
-//! A record is `%LLTCC...`: LL counts the characters after `%`, T is 6 for data, 3 for symbols and 8 for the end,
-//! CC is the sum, modulo 256, of the [`value`]s of all characters after `%` but its own. Addresses and the entry are
-//! one digit for the number of digits (0 means 16), then the digits. All digits are hexadecimal, upper case.
+//! A record is `%LLTCC...`: LL counts the characters after `%`, T is 6 for data, 3 for symbols and 8 for the
+//! termination, CC is the sum, modulo 256, of the [`value`]s of all characters after `%` except CC. Addresses
+//! and the entry are one digit for the number of digits (0 means 16), then the digits. All digits are
+//! hexadecimal, upper case.
 //!
-//! What is written, and what [`Dialect::Ti`] takes, is the profile of the files that hosts have downloaded for years:
+//! The encoder writes, and [`Dialect::Ti`] accepts, the profile that hosts have downloaded for years:
 //! addresses of 8 digits, at most 32 bytes a record, no symbols, lines of 79 characters that end with CR LF.
-//! [`Dialect::Gnu`] is all else that GNU objcopy and srecord write.
+//! [`Dialect::Gnu`] adds what GNU objcopy and srecord write.
 //!
-//! GNU objcopy (seen with binutils 2.40) differs in three ways. It sees data only inside a section, which is a type 3
-//! record, so it says that a file of ours "has no sections"; with that record added by hand it reads the rest. It
-//! writes whole aligned blocks of 32 bytes, zeros beyond a section's end included, and leaves out those that are all
-//! zeros; so a file of its is whole only with its sections, which [`Reader::section`] gives. And it writes the low 32
-//! bits of an address.
+//! GNU objcopy (tested: binutils 2.40) differs in three ways. It sees data only inside a section, which is a
+//! type 3 record, so it reports that our file "has no sections"; with that record added by hand it reads the
+//! rest. It writes whole aligned blocks of 32 bytes, including zeros beyond a section's end, and leaves out
+//! blocks of zeros; so its file is complete only with its sections, which [`Reader::section`] returns. And it
+//! writes the low 32 bits of an address.
 
 mod decode;
 mod encode;
@@ -25,7 +26,7 @@ pub use encode::{DATA_BYTES, Encoder, Line, end};
 pub use error::{TekError, TekErrorKind};
 pub use file::{Dialect, MAX_LINE, Reader};
 
-/// What a character adds to a checksum; `None` if it cannot be in a record.
+/// A character's contribution to a checksum; `None` if it cannot be in a record.
 #[must_use]
 pub const fn value(character: u8) -> Option<u8> {
     match character {
@@ -40,7 +41,7 @@ pub const fn value(character: u8) -> Option<u8> {
     }
 }
 
-/// A hexadecimal digit's value; lower case is none.
+/// Value of a hexadecimal digit; lower case is not one.
 const fn digit(character: u8) -> Option<u8> {
     match value(character) {
         Some(value) if value < 16 => Some(value),

@@ -1,8 +1,7 @@
 //! The host's side of a download, without I/O and clock: frames in, frames out, time passed in.
 //!
-//! The board is sent into its monitor, asked to take numbered frames, and asked again for single characters if it does not
-//! know them; it is given what it asks for, in its own time; then it is woken. The file is sent as it is: whether it can
-//! be downloaded at all is to be judged before.
+//! It resets the board into its monitor, starts numbered frames, or single characters if the board does not
+//! know them, answers the board's requests, and wakes it. The file is sent as it is: verify it before.
 
 use core::fmt;
 
@@ -11,66 +10,67 @@ use heapless::Deque;
 use super::{CHARACTERS, START, START_NUMBERED, pack};
 use crate::{Body, Destination, FaultCode, Frame, Group, Identifier, Message, Node, Property};
 
-/// How often a board is asked what it is about, µs: it may be busy for the 40 ms of a page.
+/// Interval of asking a board for its state, µs: it may be busy for the 40 ms of a page.
 const POLL_US: u64 = 100_000;
 
-/// For a board to be in its monitor, µs: it may be off the bus for 1 s, and again that long.
+/// Timeout for the board to reach its monitor, µs: it may be off the bus for 1 s; twice that.
 const RESET_US: u64 = 2_000_000;
 
-/// For the first request, µs: a copy that is owed comes first, and takes 52 pages of 40 ms and 26,624 half-words of 52 us.
+/// Timeout for the first request, µs: an owed copy comes first, with 52 pages of 40 ms and 26,624 half-words
+/// of 52 µs.
 const BEGIN_US: u64 = 5_000_000;
 
-/// Silence after which a board that has all characters, or should ask for more, is asked for its ERROR, µs: monitors
-/// repeat a request after 200 ms.
+/// Silence after which ERROR is read from a board that has all characters or should request more, µs:
+/// monitors repeat a request after 200 ms.
 const QUIET_US: u64 = 600_000;
 
-/// Silence after which the board is gone, µs: monitors give up after 10 s.
+/// Silence after which the board counts as gone, µs: monitors give up after 10 s.
 const GONE_US: u64 = 12_000_000;
 
-/// For the copy, the last check and the start, µs: what is said for [`BEGIN_US`], the check, 1 s off the bus; twice.
+/// Timeout for copy, last check and start, µs: the copy of [`BEGIN_US`], the check, 1 s off the bus; twice.
 const WAKE_US: u64 = 12_000_000;
 
-/// What is to be done next.
+/// The next action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// Send this.
+    /// Send this frame.
     Send(Frame),
     /// Wait for a frame, at most until this time, µs.
     Wait(u64),
     /// The new application runs.
     Done,
-    /// It does not.
+    /// The download failed.
     Failed(DownloadError),
 }
 
-/// Why a download failed; the old application is still there, unless ERROR says otherwise.
+/// Reason of a failed download; the old application is still valid, unless ERROR says otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DownloadError {
-    /// Nobody has answered.
+    /// No board has answered.
     NoBoard {
-        /// Of this number.
+        /// Its node.
         node: Node,
     },
-    /// It answers, but does not go into its monitor.
+    /// The board answers, but does not enter its monitor.
     NotReset {
-        /// What it says for STAT.
+        /// Its STAT.
         stat: i64,
     },
-    /// It is in its monitor, but asks for nothing.
+    /// It is in its monitor, but requests nothing.
     NoRequest,
-    /// It has stopped asking.
+    /// It has stopped requesting.
     Gone {
         /// Characters sent.
         sent: u32,
-        /// Of so many.
+        /// Total characters.
         len: u32,
     },
-    /// It says why, in ERROR.
+    /// It reports an ERROR.
     Refused {
         /// ERROR.
         error: i64,
     },
-    /// All is sent and nothing is wrong, but the application does not start.
+    /// Everything is sent and ERROR is 0, but the application does not start.
     NotStarted,
 }
 
@@ -110,7 +110,7 @@ impl fmt::Display for DownloadError {
 
 impl core::error::Error for DownloadError {}
 
-/// The characters of a file that are sent: of each line those after the first (`%`) up to the first one below '0'.
+/// The characters of a file to send: of each line those after the first (`%`) up to the first one below '0'.
 #[derive(Clone, Debug)]
 pub struct Characters<'a> {
     file: &'a [u8],
@@ -122,12 +122,12 @@ enum Place {
     /// Before the first character of a line.
     Start,
     Inside,
-    /// After the last character that is sent.
+    /// After the last character to send.
     Behind,
 }
 
 impl<'a> Characters<'a> {
-    /// Of this file.
+    /// Characters of this file.
     #[must_use]
     pub const fn new(file: &'a [u8]) -> Self {
         Self { file, place: Place::Start }
@@ -153,13 +153,13 @@ impl Iterator for Characters<'_> {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// On its way into the monitor; what it has said for STAT.
+    /// On its way into the monitor; its last STAT.
     Reset(Option<i64>),
-    /// Asked to take the file.
+    /// Ordered to take the file.
     Begin,
-    /// Asks for the file.
+    /// Requests the file.
     Send,
-    /// Has the file, and is woken.
+    /// Has the file, and is being woken.
     Wake,
     End(Result<(), DownloadError>),
 }
@@ -170,23 +170,23 @@ pub struct Downloader<'a> {
     node: Node,
     file: &'a [u8],
     rest: Characters<'a>,
-    /// Characters of the file, and sent of them.
+    /// Characters of the file, and how many of them have been sent.
     len: u32,
     sent: u32,
-    /// Eight characters a frame.
+    /// Eight characters per frame.
     numbered: bool,
-    /// Frames that the board waits for.
+    /// Number of frames that the board waits for.
     granted: u8,
     phase: Phase,
-    /// When the phase has failed.
+    /// Deadline of the phase.
     deadline_us: u64,
-    /// When the board is asked again.
+    /// Time of the next repeat of a question.
     poll_us: u64,
     out: Deque<Frame, 4>,
 }
 
 impl<'a> Downloader<'a> {
-    /// Begins to download a file to a board.
+    /// Starts a download of a file to a board.
     #[must_use]
     pub fn new(node: Node, file: &'a [u8], now_us: u64) -> Self {
         let mut this = Self {
@@ -206,19 +206,19 @@ impl<'a> Downloader<'a> {
         this
     }
 
-    /// Characters sent, and of how many. After a repetition it may be less than before.
+    /// Characters sent, and the total. After a repetition it may be less than before.
     #[must_use]
     pub const fn progress(&self) -> (u32, u32) {
         (self.sent, self.len)
     }
 
-    /// Whether the file has been sent and the board is at work on its own: ^C changes nothing any more.
+    /// Whether the file has been sent and the board works on its own: ^C no longer changes anything.
     #[must_use]
     pub const fn is_sent(&self) -> bool {
         matches!(self.phase, Phase::Wake | Phase::End(Ok(())))
     }
 
-    /// What to do at `now_us`: to be called after every frame, and when the wait is over.
+    /// The action at `now_us`: call it after every frame, and when the wait is over.
     pub fn next(&mut self, now_us: u64) -> Next {
         if now_us >= self.deadline_us {
             self.late(now_us);
@@ -237,7 +237,7 @@ impl<'a> Downloader<'a> {
         }
     }
 
-    /// A frame from the bus, any frame.
+    /// Takes any frame from the bus.
     pub fn receive(&mut self, frame: &Frame, now_us: u64) {
         let Some(Message { from, to, body }) = Message::parse(frame) else { return };
         if from != self.node {
@@ -258,7 +258,7 @@ impl<'a> Downloader<'a> {
         }
     }
 
-    /// The board asks for so many frames, from a character on.
+    /// The board requests so many frames, from a character on.
     fn asked(&mut self, numbered: bool, frames: u8, from: u32, now_us: u64) {
         if !matches!(self.phase, Phase::Begin | Phase::Send) {
             return;
@@ -266,7 +266,7 @@ impl<'a> Downloader<'a> {
         self.phase = Phase::Send;
         (self.numbered, self.granted) = (numbered, frames);
         if from != self.sent {
-            // Something was lost on the way. Those who ask know from where: back to there.
+            // Something was lost on the way. A board with numbered frames says from where: go back to there.
             self.rest = Characters::new(self.file);
             let skipped = self.rest.by_ref().take(usize::try_from(from).unwrap_or(usize::MAX)).count();
             self.sent = u32::try_from(skipped).unwrap_or(u32::MAX);
@@ -274,7 +274,7 @@ impl<'a> Downloader<'a> {
         self.heard(now_us);
     }
 
-    /// The board is there, and asks.
+    /// The board is ready, and requests.
     const fn heard(&mut self, now_us: u64) {
         self.deadline_us = now_us.saturating_add(GONE_US);
         self.poll_us = now_us.saturating_add(QUIET_US);
@@ -305,7 +305,7 @@ impl<'a> Downloader<'a> {
         Frame::new(id, if self.numbered { &packed } else { characters.get(..1)? })
     }
 
-    /// The board says what it is about.
+    /// The board reports its state.
     fn stat(&mut self, stat: i64, now_us: u64) {
         match (self.phase, stat) {
             (Phase::Reset(_), 0) => self.begin(START_NUMBERED, now_us),
@@ -340,11 +340,11 @@ impl<'a> Downloader<'a> {
         self.set(Property::VERS, i64::from(style));
     }
 
-    /// Asks the board what it is about.
+    /// Asks the board for its state.
     fn poll(&mut self) {
         match self.phase {
             Phase::Reset(_) => self.get(Property::STAT),
-            // A monitor that takes single characters would take this for one, as long as it waits for any.
+            // A monitor that waits for single characters would take this frame for one.
             Phase::Send if self.numbered || self.sent == self.len => self.get(Property::ERROR),
             Phase::Wake => {
                 self.get(Property::STAT);
@@ -354,7 +354,7 @@ impl<'a> Downloader<'a> {
         }
     }
 
-    /// The phase took too long.
+    /// The phase has timed out.
     fn late(&mut self, now_us: u64) {
         let error = match self.phase {
             Phase::Reset(None) => DownloadError::NoBoard { node: self.node },
@@ -379,7 +379,7 @@ impl<'a> Downloader<'a> {
     }
 
     fn say(&mut self, message: Message) {
-        // Two at most wait at a time; what finds no room is said again at the next poll.
+        // At most two are queued at a time; one that finds no room is repeated at the next poll.
         let _ = self.out.push_back(message.frame());
     }
 }

@@ -1,8 +1,8 @@
 use super::*;
 use std::{format, string::ToString, vec::Vec};
 
-/// An application of `len` bytes with a good stack pointer, a reset vector to the first byte after the header, and
-/// zeros in the reserved vectors.
+/// An application of `len` bytes with a valid stack pointer, a reset vector to the first byte after the
+/// header, and zeros in the reserved vectors.
 fn linked(len: usize) -> Vec<u8> {
     let mut image: Vec<u8> = (0..len).map(|i| (i % 251) as u8).collect();
     put(&mut image, 0, RAM.end());
@@ -24,7 +24,7 @@ fn sealed(len: usize) -> Vec<u8> {
 }
 
 #[test]
-fn a_sealed_image_verifies_and_only_its_header_has_changed() {
+fn sealed_image_verifies_and_differs_only_in_its_header() {
     for len in [48, 52, 4096, APPLICATION.len as usize] {
         let mut image = linked(len);
         let header = seal(&mut image, 0x1234_5678).expect("it can be sealed");
@@ -37,14 +37,14 @@ fn a_sealed_image_verifies_and_only_its_header_has_changed() {
     }
 }
 
-/// The CRC is that of any other program: the check value of ISO-HDLC is in its definition.
+/// The CRC is the standard one: the check value of ISO-HDLC is part of its definition.
 #[test]
-fn the_crc_is_that_of_zip() {
+fn crc_matches_zip() {
     let mut summer = Summer::default();
     summer.update(b"123456789");
     assert_eq!(summer.finish(), 0xCBF4_3926);
 
-    // Of a whole image: with its own word as erased flash, in whatever pieces it comes.
+    // Of a whole image: with its own word as erased flash, in pieces of any size.
     let mut image = sealed(512);
     let header = Header::verify(&image).expect("it is sealed");
     for piece in [1, 3, 37, 512] {
@@ -57,7 +57,7 @@ fn the_crc_is_that_of_zip() {
 }
 
 #[test]
-fn every_changed_bit_is_noticed() {
+fn every_changed_bit_is_detected() {
     let image = sealed(256);
     for bit in 0..image.len() * 8 {
         let mut changed = image.clone();
@@ -80,10 +80,10 @@ fn sealing_again_replaces_the_header_and_nothing_else() {
 }
 
 #[test]
-fn lengths_that_are_none() {
+fn invalid_lengths_are_refused() {
     let most = APPLICATION.len as usize;
     for len in [0, 3, 4, 0x1F, 0x20, 0x2B, 45, 46, 47, most + 1, most + 4] {
-        // What is too short for vectors has none.
+        // Bytes too short for vectors.
         let mut image = linked(len.max(48));
         image.truncate(len);
         let found = len as u32;
@@ -98,7 +98,7 @@ fn lengths_that_are_none() {
         put(&mut image, LEN_AT, found);
         assert_eq!(Header::read(&image), Err(ImageError::Length { found }));
     }
-    // Longer or shorter than the header says.
+    // Longer or shorter than the header's length.
     let image = sealed(100);
     assert_eq!(Header::verify(&image[..96]), Err(ImageError::Length { found: 96 }));
     let longer = [&image[..], &[0xFF; 4]].concat();
@@ -106,7 +106,7 @@ fn lengths_that_are_none() {
 }
 
 #[test]
-fn stack_pointers_that_are_none() {
+fn invalid_stack_pointers_are_refused() {
     for (found, good) in [
         (RAM.end(), true),
         (RAM.start + 4, true),
@@ -127,7 +127,7 @@ fn stack_pointers_that_are_none() {
 }
 
 #[test]
-fn reset_vectors_that_are_none() {
+fn invalid_reset_vectors_are_refused() {
     let start = APPLICATION.start;
     for (found, good) in [
         (start + HEADER_END + 1, true),
@@ -149,15 +149,15 @@ fn reset_vectors_that_are_none() {
 }
 
 #[test]
-fn an_image_without_a_header_is_unsealed() {
+fn image_without_a_header_is_unsealed() {
     assert_eq!(Header::verify(&linked(100)), Err(ImageError::Unsealed));
     assert_eq!(Header::verify(&[0xFF; 100]), Err(ImageError::Unsealed));
-    // Vectors are not looked at before the magic: erased flash is unsealed, whatever its stack pointer.
+    // The magic is checked before the vectors: erased flash is unsealed, whatever its stack pointer.
     assert_eq!(Header::read(&[0; HEADER_END as usize]), Err(ImageError::Unsealed));
 }
 
 #[test]
-fn vectors_in_use_are_left_alone() {
+fn reserved_vectors_in_use_are_not_overwritten() {
     for at in [MAGIC_AT, LEN_AT, CRC_AT, VERSION_AT] {
         let mut image = linked(100);
         put(&mut image, at, 0x0800_4101);
@@ -168,7 +168,7 @@ fn vectors_in_use_are_left_alone() {
 }
 
 #[test]
-fn a_wrong_crc_gives_both() {
+fn wrong_crc_error_has_both_values() {
     let mut image = sealed(100);
     let expected = Header::verify(&image).expect("it is sealed").crc;
     image[99] ^= 0x80;
@@ -183,7 +183,7 @@ fn a_wrong_crc_gives_both() {
 }
 
 #[test]
-fn errors_say_what_was_found() {
+fn error_texts_have_the_value_found() {
     let rows = [
         (ImageError::Length { found: 45 }, "45 bytes"),
         (ImageError::Stack { found: 0x1234 }, "0x00001234"),

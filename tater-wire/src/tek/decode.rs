@@ -1,10 +1,10 @@
-//! Records from characters.
+//! Decodes records from characters.
 
 use heapless::Vec;
 
 use super::{TekError, TekErrorKind, digit, value};
 
-/// Most data bytes in one record: 255 characters less the shortest head, in pairs.
+/// Most data bytes in one record: 255 characters minus the shortest head, in pairs.
 pub const MAX_DATA: usize = 124;
 
 /// Characters of LL, T and CC.
@@ -16,37 +16,37 @@ const HEAD_AND_ADDRESS: u8 = HEAD + 2;
 /// A record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Record<'a> {
-    /// Type 6: bytes from an address on; none of them is past the last 64-bit address.
+    /// Type 6: bytes from an address on; none of them is beyond the last 64-bit address.
     Data {
-        /// Of the first byte.
+        /// Address of the first byte.
         address: u64,
         /// The bytes.
         bytes: &'a [u8],
     },
     /// Type 3: symbols, which are skipped.
     Symbols,
-    /// Type 8: the end, with the entry address.
+    /// Type 8: the termination, with the entry address.
     End {
-        /// Where execution starts.
+        /// The entry address.
         entry: u64,
     },
 }
 
-/// Takes the characters of records as a monitor receives them: without `%`, line ends or anything else between the
-/// records, which it tells apart by their length field.
+/// Decodes records from the characters that a monitor receives: without `%`, line ends or anything else
+/// between the records, which it separates by their length field.
 #[derive(Clone, Debug, Default)]
 pub struct Decoder {
-    /// Records that are whole.
+    /// Complete records.
     records: u32,
     ended: bool,
     failed: Option<TekError>,
-    /// Characters of the present record that came; 0 between records.
+    /// Received characters of the present record; 0 between records.
     came: u8,
     /// LL, T and CC of the present record.
     len: u8,
     kind: u8,
     checksum: u8,
-    /// Sum of what came, but for CC.
+    /// Sum of the received characters, except CC.
     sum: u8,
     /// Digits of the address.
     digits: u8,
@@ -57,11 +57,10 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// The next character; the last one of a record gives the record.
+    /// Takes the next character; the last one of a record returns the record.
     ///
     /// # Errors
-    /// What is wrong with the record that this character belongs to. That error stays: it answers every further
-    /// character.
+    /// The defect of this character's record. The error persists: it is returned for every further character.
     pub fn push(&mut self, character: u8) -> Result<Option<Record<'_>>, TekError> {
         if let Some(error) = self.failed {
             return Err(error);
@@ -80,7 +79,7 @@ impl Decoder {
         Ok(self.last())
     }
 
-    /// The record that has just become whole, if one has.
+    /// The record that is complete now, if any.
     pub(super) fn last(&self) -> Option<Record<'_>> {
         if self.came > 0 || self.records == 0 {
             return None;
@@ -92,7 +91,7 @@ impl Decoder {
         })
     }
 
-    /// Takes a character, or says in which column what is wrong.
+    /// Takes a character, or returns the column and the defect.
     fn take(&mut self, found: u8) -> Result<(), (u32, TekErrorKind)> {
         let at = self.came;
         // `%` is column 1, and not sent.
@@ -105,7 +104,8 @@ impl Decoder {
         }
         let value = match value(found) {
             Some(value) => value,
-            // In names GNU writes what has no value (`*ABS*`) and counts it 0. In a head it is no digit, either.
+            // GNU writes characters without a value in names (`*ABS*`) and counts them as 0. In a head such a
+            // character is no digit, either.
             None if self.kind == b'3' && found.is_ascii_graphic() => 0,
             None => return Err((here, TekErrorKind::Character { found })),
         };
@@ -148,7 +148,7 @@ impl Decoder {
         if found < expected { Err((2, TekErrorKind::Short { found, expected })) } else { Ok(()) }
     }
 
-    /// The number of address digits, and whether it agrees with the record's length.
+    /// The number of address digits, and whether it fits the record's length.
     fn count(&mut self, count: u8) -> Result<(), TekErrorKind> {
         self.digits = if count == 0 { 16 } else { count };
         let room = self.len.saturating_sub(HEAD + 1);
@@ -170,20 +170,20 @@ impl Decoder {
             None => self.address = self.address << 4 | u64::from(digit),
             Some(place) if place % 2 == 0 => self.high = digit << 4,
             Some(_) => {
-                // 124 bytes fit, and the length field has no room for more.
+                // 124 bytes fit, and the length field allows no more.
                 let _ = self.bytes.push(self.high | digit);
             }
         }
     }
 
-    /// All characters came.
+    /// The record is complete.
     fn end(&mut self) -> Result<(), (u32, TekErrorKind)> {
         if self.sum != self.checksum {
             return Err((5, TekErrorKind::Checksum { found: self.sum, expected: self.checksum }));
         }
         // At most 124.
         let len = u8::try_from(self.bytes.len()).unwrap_or(u8::MAX);
-        // Less than the number of bytes, so that the last byte may lie at the last address.
+        // Minus one, so that the last byte may be at the last address.
         if self.address.checked_add(u64::from(len.saturating_sub(1))).is_none() {
             return Err((8, TekErrorKind::Wrap { address: self.address, len }));
         }

@@ -1,16 +1,16 @@
-//! What we write: [`super::Dialect::Ti`], line by line.
+//! Encodes [`super::Dialect::Ti`], line by line.
 
 use heapless::Vec;
 
 use super::value;
 
-/// Most data bytes in a record that we write.
+/// Most data bytes in an encoded record.
 pub const DATA_BYTES: usize = 32;
 
 /// Characters of a full line: `%`, LL, T, CC, 8, the address, the data, CR LF.
 const LINE: usize = 1 + 2 + 1 + 2 + 1 + 8 + 2 * DATA_BYTES + 2;
 
-/// A line with its end.
+/// A line with CR LF.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Line(Vec<u8, LINE>);
 
@@ -18,12 +18,12 @@ impl Line {
     /// `bytes` has at most [`DATA_BYTES`].
     fn new(kind: u8, address: u32, bytes: &[u8]) -> Self {
         let mut line = Self::default();
-        // Room for them: at most 32.
+        // They fit: at most 32.
         let len = u8::try_from(2 * bytes.len()).unwrap_or(u8::MAX).saturating_add(14);
         line.put(b'%');
         line.put_byte(len);
         line.put(kind);
-        // The checksum's own characters count 0.
+        // The checksum's own characters count as 0.
         line.put_byte(0);
         line.put(b'8');
         for byte in address.to_be_bytes().iter().chain(bytes) {
@@ -40,7 +40,7 @@ impl Line {
     }
 
     fn put(&mut self, character: u8) {
-        // LINE is what a full record takes.
+        // LINE is the length of a full record.
         let _ = self.0.push(character);
     }
 
@@ -69,7 +69,7 @@ pub struct Encoder<'a> {
 }
 
 impl<'a> Encoder<'a> {
-    /// `None` if the bytes go past the last 32-bit address.
+    /// `None` if the bytes extend beyond the last 32-bit address.
     #[must_use]
     pub fn new(address: u32, bytes: &'a [u8]) -> Option<Self> {
         let room = u64::from(u32::MAX) - u64::from(address) + 1;
@@ -88,7 +88,7 @@ impl Iterator for Encoder<'_> {
         }
         let line = Line::new(b'6', self.address, now);
         self.bytes = rest;
-        // At most 32; it wraps after the last record of the last address only, and is not used then.
+        // At most 32. It wraps only after the last record at the last address, and is not used then.
         self.address = self.address.wrapping_add(u32::try_from(now.len()).unwrap_or(0));
         Some(line)
     }

@@ -1,23 +1,23 @@
-//! What can be wrong with a record or a file, and where.
+//! Defects of a record or a file, with their position.
 
 use core::fmt;
 
 use super::DATA_BYTES;
 
-/// What is wrong, and where.
+/// A defect and its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TekError {
-    /// Which record, from 1.
+    /// Number of the record, from 1.
     pub record: u32,
-    /// Which line of the file, from 1; a stream has none: the record's number.
+    /// Line of the file, from 1; in a stream the record's number.
     pub line: u32,
-    /// Which character of the line, from 1; `%` is character 1, in a stream too, where it is not sent.
+    /// Character of the line, from 1; `%` is character 1, also in a stream, where it is not sent.
     pub column: u32,
-    /// What was wrong.
+    /// The defect.
     pub kind: TekErrorKind,
 }
 
-/// What can be wrong with a record, or with a file.
+/// A defect of a record or of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TekErrorKind {
     /// Not a hexadecimal digit.
@@ -25,57 +25,57 @@ pub enum TekErrorKind {
         /// The character.
         found: u8,
     },
-    /// Not a character that a record may hold.
+    /// A character that no record may contain.
     Character {
         /// The character.
         found: u8,
     },
     /// The length field is less than the shortest record of its type.
     Short {
-        /// What the field says.
+        /// The field's value.
         found: u8,
-        /// The least.
+        /// The minimum.
         expected: u8,
     },
-    /// No type that there is.
+    /// Unknown record type.
     Type {
         /// The character.
         found: u8,
     },
     /// More address digits than the record has room for.
     Digits {
-        /// What the record says.
+        /// The record's number of digits.
         found: u8,
-        /// What there is room for.
+        /// The available room.
         expected: u8,
     },
     /// An odd number of data digits.
     Odd {
-        /// How many.
+        /// Number of digits.
         found: u8,
     },
-    /// Data past the last address.
+    /// Data beyond the last address.
     Wrap {
-        /// Of the first byte.
+        /// Address of the first byte.
         address: u64,
-        /// How many bytes.
+        /// Number of bytes.
         len: u8,
     },
-    /// A termination record that goes on after its entry address.
+    /// A termination record with characters after its entry address.
     Tail {
         /// Characters after `%`.
         found: u8,
-        /// What its address needs.
+        /// Length required by its address.
         expected: u8,
     },
-    /// The checksum is not that of the characters.
+    /// The checksum does not match.
     Checksum {
         /// Computed.
         found: u8,
         /// In the record.
         expected: u8,
     },
-    /// Something after the termination record.
+    /// Characters after the termination record.
     AfterEnd {
         /// The character.
         found: u8,
@@ -89,29 +89,29 @@ pub enum TekErrorKind {
     Line {
         /// Characters after `%`.
         found: u8,
-        /// What the length field says, or the least where there is none.
+        /// The length field, or the minimum if there is none.
         expected: u8,
     },
-    /// A line with more characters than may be.
+    /// A line with too many characters.
     Long {
-        /// The most.
+        /// The maximum.
         expected: u16,
     },
     /// The file ends without a termination record.
     NoEnd,
-    /// [`super::Dialect::Ti`] only: a line that does not end with CR LF.
+    /// [`super::Dialect::Ti`] only: a line without CR LF at its end.
     LineEnd {
         /// A line feed, or nothing.
         found: Option<u8>,
     },
     /// [`super::Dialect::Ti`] only: not 8 address digits.
     AddressWidth {
-        /// How many.
+        /// Number of digits.
         found: u8,
     },
     /// [`super::Dialect::Ti`] only: not 1 to 32 data bytes in a record.
     DataBytes {
-        /// How many.
+        /// Number of bytes.
         found: u8,
     },
     /// [`super::Dialect::Ti`] only: a symbol record.
@@ -119,7 +119,7 @@ pub enum TekErrorKind {
 }
 
 impl TekErrorKind {
-    /// Whether a file with this is one that others may read: whole, but not in the profile of
+    /// Whether other readers accept a file with this deviation: it is complete, but not in the profile of
     /// [`super::Dialect::Ti`].
     #[must_use]
     pub const fn is_dialect(self) -> bool {
@@ -201,7 +201,7 @@ impl fmt::Display for TekErrorKind {
     }
 }
 
-/// A character as a person can read it.
+/// A character in printable form.
 struct Shown(u8);
 
 impl fmt::Display for Shown {

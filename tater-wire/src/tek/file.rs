@@ -1,4 +1,4 @@
-//! Whole files: lines, their ends, and which dialect they keep.
+//! Whole files: lines, line ends, and dialects.
 
 use core::ops::Range;
 
@@ -6,36 +6,36 @@ use heapless::Vec;
 
 use super::{DATA_BYTES, Decoder, Record, TekError, TekErrorKind, digit};
 
-/// Most characters of a line that hosts download, without its end: they read no more of one.
+/// Most characters of a line in a download, without its end: hosts read no more.
 pub const MAX_LINE: u16 = 98;
 
-/// `%` and what the length field can say.
+/// `%` and the largest length field.
 const LONGEST: u16 = 256;
 
 /// Characters of the shortest record.
 const SHORTEST: u8 = 5;
 
-/// Which files are taken.
+/// The accepted files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
-    /// What can be downloaded: types 6 and 8, 8 address digits, 1 to 32 bytes a record, CR LF.
+    /// Files that can be downloaded: types 6 and 8, 8 address digits, 1 to 32 bytes a record, CR LF.
     Ti,
-    /// What GNU objcopy and srecord write as well: symbols, 1 to 16 address digits, up to 124 bytes a record, LF, a
-    /// last line without an end.
+    /// Also files of GNU objcopy and srecord: symbols, 1 to 16 address digits, up to 124 bytes a record, LF,
+    /// a last line without an end.
     Gnu,
 }
 
-/// Takes a file byte by byte and gives its records, one a line.
+/// Reads a file byte by byte and returns its records, one per line.
 #[derive(Clone, Debug)]
 pub struct Reader {
     dialect: Dialect,
     decoder: Decoder,
-    /// Records that have been given.
+    /// Number of records returned.
     records: u32,
     line: Vec<u8, { LONGEST as usize }>,
-    /// A CR came after the line.
+    /// A CR was received after the line.
     cr: bool,
-    /// The line's record has been given.
+    /// The line's record has been returned.
     closed: bool,
     ended: bool,
     failed: Option<TekError>,
@@ -57,10 +57,10 @@ impl Reader {
         }
     }
 
-    /// The next byte of the file; the end of a line gives its record.
+    /// Takes the next byte of the file; the end of a line returns its record.
     ///
     /// # Errors
-    /// What is wrong with the file up to this byte. That error stays: it answers every further byte.
+    /// The defect of the file up to this byte. The error persists: it is returned for every further byte.
     pub fn push(&mut self, byte: u8) -> Result<Option<Record<'_>>, TekError> {
         if let Some(error) = self.failed {
             return Err(error);
@@ -80,10 +80,10 @@ impl Reader {
         Ok(self.decoder.last())
     }
 
-    /// The file ends here. Gives the last line's record if that line has no end.
+    /// Ends the file. Returns the last line's record if that line has no end.
     ///
     /// # Errors
-    /// What is wrong with that line, or that there is no termination record.
+    /// The defect of that line, or a missing termination record.
     pub fn finish(&mut self) -> Result<Option<Record<'_>>, TekError> {
         if let Some(error) = self.failed {
             return Err(error);
@@ -99,8 +99,9 @@ impl Reader {
         Ok(if open { self.decoder.last() } else { None })
     }
 
-    /// The addresses of the section that the record just given defines, if it is a symbol record of GNU's kind: its
-    /// bytes are 0 where no data record says otherwise, and data outside of all sections are padding.
+    /// The address range of the section defined by the record just returned, if it is a symbol record of
+    /// GNU's kind: its bytes are 0 where no data record has a value, and data outside of all sections are
+    /// padding.
     #[must_use]
     pub fn section(&self) -> Option<Range<u64>> {
         if !self.closed || self.line.get(3) != Some(&b'3') {
@@ -113,7 +114,7 @@ impl Reader {
         (range.start <= range.end).then_some(range)
     }
 
-    /// Takes a byte into the line, or says in which column what is wrong.
+    /// Adds a byte to the line, or returns the column and the defect.
     fn gather(&mut self, found: u8) -> Result<(), (u32, TekErrorKind)> {
         let here = self.after_line();
         if self.ended {
@@ -129,7 +130,8 @@ impl Reader {
                 self.cr = true;
                 return Ok(());
             }
-            // What else may not be in a record is the decoder's to say, once the line is as long as its field says.
+            // Other invalid characters are reported by the decoder, once the line is as long as its length
+            // field.
             _ if !found.is_ascii_graphic() => return Err((here, TekErrorKind::Character { found })),
             _ => {}
         }
@@ -140,7 +142,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Decodes a whole line; `deviation` is what is unusual about its end.
+    /// Decodes a whole line; `deviation` is the deviation of its end.
     fn close(&mut self, deviation: Option<TekErrorKind>) -> Result<(), TekError> {
         self.closed = true;
         if let Err((column, kind)) = self.fits() {
@@ -161,7 +163,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Whether the line is as long as its length field says. A field that is wrong by itself is left to the decoder.
+    /// Whether the line is as long as its length field. An invalid field is left to the decoder.
     fn fits(&self) -> Result<(), (u32, TekErrorKind)> {
         // At most 255.
         let found = u8::try_from(self.line.len().saturating_sub(1)).unwrap_or(u8::MAX);
@@ -178,7 +180,7 @@ impl Reader {
         Err((column, TekErrorKind::Line { found, expected }))
     }
 
-    /// How the record just decoded is not as TI writes it.
+    /// The deviation of the decoded record from TI's profile.
     fn deviates(&self) -> Option<(u32, TekErrorKind)> {
         let bytes = match self.decoder.last()? {
             Record::Symbols => return Some((4, TekErrorKind::Symbols)),

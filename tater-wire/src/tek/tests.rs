@@ -1,17 +1,17 @@
-//! Files: what the encoder writes, what the reader takes in each dialect.
+//! Files: the encoder's output, and the reader's input in each dialect.
 
 use super::{Decoder, Dialect, Encoder, Reader, Record, TekError, TekErrorKind, end, value};
 use proptest::prelude::*;
 use std::{collections::BTreeMap, format, string::String, vec::Vec};
 
-/// `LLTCC...` of a type and what follows the checksum.
+/// `LLTCC...` of a type and the text after the checksum.
 pub(super) fn record(kind: char, rest: &str) -> String {
     let len = rest.len() + 5;
     let sum: u32 = format!("{len:02X}{kind}{rest}").bytes().map(|c| u32::from(value(c).unwrap())).sum();
     format!("{len:02X}{kind}{:02X}{rest}", sum % 256)
 }
 
-/// A byte an address, and the entry.
+/// A byte for each address, and the entry.
 type Image = (BTreeMap<u64, u8>, Option<u64>);
 
 fn take(image: &mut Image, record: Option<Record<'_>>) {
@@ -31,7 +31,7 @@ fn read(file: &[u8], dialect: Dialect) -> Result<Image, TekError> {
     Ok(image)
 }
 
-/// What a monitor receives of a file from hosts: of each line what follows its first character, up to a character
+/// The characters that a monitor receives of a file: of each line those after the first, up to a character
 /// below '0'.
 fn streamed(file: &[u8]) -> Result<Image, TekError> {
     let (mut decoder, mut image) = (Decoder::default(), Image::default());
@@ -43,12 +43,12 @@ fn streamed(file: &[u8]) -> Result<Image, TekError> {
     Ok(image)
 }
 
-/// Pieces with gaps before them.
+/// Pieces, each with a gap before it.
 fn pieces() -> impl Strategy<Value = Vec<(u32, Vec<u8>)>> {
     prop::collection::vec((0..100_u32, prop::collection::vec(any::<u8>(), 1..200)), 0..8)
 }
 
-/// The file of some pieces from `base` on, and the image that it stands for.
+/// The file of some pieces from `base` on, and its image.
 fn encode(base: u32, pieces: &[(u32, Vec<u8>)], entry: u32) -> (Vec<u8>, Image) {
     let (mut file, mut bytes, mut address) = (Vec::new(), BTreeMap::new(), base);
     for (gap, piece) in pieces {
@@ -65,7 +65,7 @@ fn encode(base: u32, pieces: &[(u32, Vec<u8>)], entry: u32) -> (Vec<u8>, Image) 
 
 proptest! {
     #[test]
-    fn images_with_gaps_come_back(base in 0..0xFFFF_0000_u32, pieces in pieces(), entry in any::<u32>()) {
+    fn images_with_gaps_survive_encode_and_read(base in 0..0xFFFF_0000_u32, pieces in pieces(), entry in any::<u32>()) {
         let (file, image) = encode(base, &pieces, entry);
         prop_assert_eq!(read(&file, Dialect::Ti), Ok(image.clone()));
         prop_assert_eq!(read(&file, Dialect::Gnu), Ok(image.clone()));
@@ -74,7 +74,7 @@ proptest! {
 
     /// Hosts stop at a character below '0' and read no more than 98 characters.
     #[test]
-    fn hosts_can_download_what_is_written(base in 0..0xFFFF_0000_u32, pieces in pieces()) {
+    fn encoded_files_are_downloadable_by_hosts(base in 0..0xFFFF_0000_u32, pieces in pieces()) {
         let (file, _) = encode(base, &pieces, base);
         for line in file.split_inclusive(|&c| c == b'\n') {
             let text = line.strip_suffix(b"\r\n").and_then(|line| line.strip_prefix(b"%")).unwrap();
@@ -83,7 +83,7 @@ proptest! {
     }
 
     #[test]
-    fn no_bytes_panic(noise in prop::collection::vec(any::<u8>(), 0..400), at in 0..200_usize) {
+    fn any_bytes_do_not_panic(noise in prop::collection::vec(any::<u8>(), 0..400), at in 0..200_usize) {
         let pieces: [(u32, Vec<u8>); 1] = [(0, Vec::from([1; 80]))];
         let (mut file, _) = encode(0, &pieces, 0);
         file.splice(at..at, noise);
@@ -92,9 +92,9 @@ proptest! {
         }
     }
 
-    /// A file cut anywhere is noticed in each dialect; the last line's end may be missing in one.
+    /// A truncated file is detected in each dialect; in one the last line's end may be missing.
     #[test]
-    fn a_cut_file_is_noticed(pieces in pieces(), part in 0..1000_usize) {
+    fn truncated_file_is_detected(pieces in pieces(), part in 0..1000_usize) {
         let (mut file, _) = encode(0, &pieces, 0);
         file.truncate(file.len() * part / 1000);
         prop_assert!(read(&file, Dialect::Ti).is_err());
@@ -104,7 +104,7 @@ proptest! {
 }
 
 #[test]
-fn lines_are_as_published() {
+fn encoded_lines_match_the_published_example() {
     // The example of the format's usual description.
     let line = Encoder::new(0x1000_0000, &[0x20; 6]).unwrap().next().unwrap();
     assert_eq!(line.as_bytes(), b"%1A626810000000202020202020\r\n");
@@ -114,21 +114,21 @@ fn lines_are_as_published() {
 }
 
 #[test]
-fn the_last_address_can_be_written_and_none_after_it() {
+fn last_address_is_encoded_and_none_after_it() {
     let last = u32::MAX - 32;
     assert_eq!(Encoder::new(last, &[0; 33]).unwrap().count(), 2);
     assert!(Encoder::new(last, &[0; 34]).is_none());
     assert_eq!(Encoder::new(u32::MAX, &[]).unwrap().count(), 0);
 }
 
-/// What GNU objcopy 2.40 wrote for 39 bytes: LF, a section, padding.
+/// Output of GNU objcopy 2.40 for 39 bytes: LF, a section, padding.
 const GNU: &str = "%4D6787800400068656C6C6F20776F726C64203031323334353637383920616263646566676869\n\
                    %4D6A2780040206A6B6C6D6E6F7000000000000000000000000000000000000000000000000000\n\
                    %1C3215.data17800400078004027\n\
                    %0781010\n";
 
 #[test]
-fn a_file_of_gnu_objcopy_is_read_with_its_section() {
+fn gnu_objcopy_file_is_read_with_its_section() {
     let mut reader = Reader::new(Dialect::Gnu);
     let (mut image, mut sections) = (Image::default(), Vec::new());
     for byte in GNU.bytes() {
@@ -148,7 +148,7 @@ fn a_file_of_gnu_objcopy_is_read_with_its_section() {
 fn symbol_records_without_a_section_are_skipped() {
     let mut reader = Reader::new(Dialect::Gnu);
     let mut records = 0;
-    // Of GNU objcopy 2.40 too.
+    // From GNU objcopy 2.40 too.
     for byte in "%1F3EF5.data40_binary_a_bin_st10\n%203335*ABS*20_binary_a_bin_si227\n%0530".bytes() {
         if let Some(record) = reader.push(byte).unwrap() {
             records += 1;
@@ -160,7 +160,7 @@ fn symbol_records_without_a_section_are_skipped() {
 }
 
 #[test]
-fn the_strict_dialect_names_what_the_other_takes() {
+fn strict_dialect_reports_what_the_other_accepts() {
     use TekErrorKind::*;
     let (end, none) = (format!("%{}", record('8', "800000000")), String::new());
     let crlf = format!("{end}\r\n");
@@ -186,9 +186,9 @@ fn the_strict_dialect_names_what_the_other_takes() {
     assert_eq!(read(crlf.as_bytes(), Dialect::Ti).map(|_| ()), Ok(()));
 }
 
-/// The other mistakes, in both dialects. What a record itself can be is in the decoder's tests.
+/// The other defects, in both dialects. Defects inside a record are in the decoder's tests.
 #[test]
-fn what_is_wrong_with_a_line_is_named() {
+fn bad_line_is_reported_with_its_position() {
     use TekErrorKind::*;
     let rows = [
         ("", 1, 1, NoEnd),
@@ -220,7 +220,7 @@ fn what_is_wrong_with_a_line_is_named() {
 }
 
 #[test]
-fn an_error_stays() {
+fn error_persists() {
     let mut reader = Reader::new(Dialect::Gnu);
     let error = reader.push(b'x').unwrap_err();
     assert_eq!(reader.push(b'%'), Err(error));
@@ -228,7 +228,7 @@ fn an_error_stays() {
 }
 
 #[test]
-fn an_error_says_where_and_what() {
+fn error_text_has_position_and_defect() {
     let error = read(b"%0781010\n%0781010\n", Dialect::Gnu).unwrap_err();
     let words = "found '%' after the termination record, expected the end of the file";
     assert_eq!(format!("{error}"), format!("record 2, line 2, column 1: {words}"));

@@ -6,15 +6,15 @@ use crate::Value;
 use crate::download::unpack;
 
 const FILE: &[u8] = b"%0A6ABCDEFG\r\n%098xyz.notsent\r\n\r\n%12";
-/// What of it is sent.
+/// The characters to send.
 const SENT: &str = "0A6ABCDEFG098xyz12";
 
-/// A board as far as a download sees it: its time, and what it does with a frame.
+/// A board as a download sees it: its time, and its reaction to a frame.
 struct Toy {
     node: Node,
     /// STAT, or no board at all.
     stat: Option<i64>,
-    /// Which starts it obeys.
+    /// The start values that it obeys.
     styles: &'static [u16],
     error: i64,
     numbered: bool,
@@ -82,7 +82,7 @@ impl Toy {
         self.request()
     }
 
-    /// A frame from the host, and what it answers.
+    /// Takes a frame from the host, and answers.
     fn hear(&mut self, frame: &Frame) -> Option<Frame> {
         self.heard.push(*frame);
         let stat = self.stat?;
@@ -93,7 +93,7 @@ impl Toy {
             Body::Get(id) if id == Property::STAT.id() => Some(self.reply(Property::STAT, stat)),
             Body::Get(id) if id == Property::ERROR.id() => Some(self.reply(Property::ERROR, self.error)),
             Body::Set { property, value: Value::Short(value) } if property == Property::STAT.id() => {
-                // One that is stuck in 1 stays there.
+                // A board that is stuck in STAT 1 stays there.
                 self.stat = Some(if stat == 1 { 1 } else { i64::from(value) });
                 None
             }
@@ -106,8 +106,8 @@ impl Toy {
         }
     }
 
-    /// A whole download, in steps of time that the host asks for; frames take 100 us, and a board that waits repeats its
-    /// request after 200 ms.
+    /// A whole download, in the time steps that the host requests; frames take 100 µs, and a waiting board
+    /// repeats its request after 200 ms.
     fn download(&mut self) -> (Result<(), DownloadError>, u64) {
         let mut host = Downloader::new(self.node, FILE, 0);
         let (mut now, mut repeat) = (0, u64::MAX);
@@ -141,17 +141,17 @@ impl Toy {
 }
 
 #[test]
-fn the_characters_of_a_file_are_those_that_barretts_hosts_send() {
+fn sent_characters_match_barretts_hosts() {
     let sent = |file: &'static [u8]| Characters::new(file).map(char::from).collect::<String>();
     assert_eq!(sent(FILE), SENT);
-    // The first of a line is skipped whatever it is, the first below '0' ends it, '%' and '.' too.
+    // The first character of a line is skipped whatever it is; the first below '0' ends it, '%' and '.' too.
     assert_eq!(sent(b"ABC\nD E\n%%X\n\n%Z"), "BCZ");
     assert_eq!(sent(b""), "");
     assert_eq!(sent(b"\n\n%\n"), "");
 }
 
 #[test]
-fn a_board_that_numbers_gets_eight_characters_a_frame_and_is_woken() {
+fn numbering_board_gets_eight_characters_a_frame_and_is_woken() {
     let mut toy = Toy::new(&[START_NUMBERED, START]);
     let (end, now) = toy.download();
     assert_eq!(end, Ok(()));
@@ -162,7 +162,7 @@ fn a_board_that_numbers_gets_eight_characters_a_frame_and_is_woken() {
 }
 
 #[test]
-fn a_board_that_does_not_number_is_asked_again_and_gets_a_character_a_frame() {
+fn other_board_gets_a_character_a_frame() {
     let mut toy = Toy::new(&[START]);
     let (end, now) = toy.download();
     assert_eq!((end, toy.got.as_str()), (Ok(()), SENT));
@@ -179,7 +179,7 @@ fn lost_frames_are_sent_again() {
 }
 
 #[test]
-fn what_fails_is_told_with_what_to_do() {
+fn failure_text_has_a_next_step() {
     let failed = |mut toy: Toy| {
         let error = toy.download().0.expect_err("it cannot succeed");
         assert!(error.to_string().contains("next: "), "{error}");
@@ -201,13 +201,13 @@ fn what_fails_is_told_with_what_to_do() {
 }
 
 #[test]
-fn frames_of_others_and_late_ones_change_nothing() {
+fn late_frames_and_frames_of_others_change_nothing() {
     let toy = Toy::new(&[START_NUMBERED]);
     let mut host = Downloader::new(toy.node, FILE, 0);
     let other = Node::new(5).expect("a node");
     for frame in [
         Message::reply(other, Property::STAT, 0).expect("fits").frame(),
-        // No request before the start, and no answer that was not asked for.
+        // No request before the start, and no unrequested answer.
         Message { from: toy.node, to: Destination::Node(Node::HOST), body: Body::Get(0) }.frame(),
         Message { from: toy.node, to: Destination::Node(other), body: Body::More { frames: 9, received: 0 } }
             .frame(),

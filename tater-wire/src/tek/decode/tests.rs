@@ -4,7 +4,7 @@ use crate::tek::{TekError, TekErrorKind};
 use proptest::prelude::*;
 use std::{format, string::String, vec::Vec};
 
-/// What the last character of a text gives.
+/// The result of the last character of a text.
 fn last(text: &str) -> Result<Option<(u64, Vec<u8>)>, TekError> {
     let mut decoder = Decoder::default();
     let mut given = None;
@@ -24,15 +24,15 @@ fn last(text: &str) -> Result<Option<(u64, Vec<u8>)>, TekError> {
     Ok(given)
 }
 
-/// Column and kind of the error that a text gives.
+/// Column and kind of the error in a text.
 fn wrong(text: &str) -> (u32, TekErrorKind) {
     let error = last(text).expect_err("the text is wrong");
     (error.column, error.kind)
 }
 
 #[test]
-fn records_that_others_wrote() {
-    // The example of the format's usual description, and the termination that GNU objcopy writes.
+fn records_of_other_programs_are_read() {
+    // The example in the usual description of the format, and the termination that GNU objcopy writes.
     assert_eq!(last("1A626810000000202020202020"), Ok(Some((0x1000_0000, [0x20; 6].to_vec()))));
     assert_eq!(last("0781010"), Ok(Some((0, [].to_vec()))));
 }
@@ -61,7 +61,7 @@ fn the_longest_and_the_shortest_records_are_read() {
 }
 
 #[test]
-fn each_mistake_is_named_in_its_place() {
+fn each_defect_is_reported_with_its_position() {
     use TekErrorKind::*;
     let rows = [
         (String::from("G"), (2, Digit { found: b'G' })),
@@ -92,7 +92,7 @@ fn each_mistake_is_named_in_its_place() {
 }
 
 #[test]
-fn an_error_stays_and_so_does_the_end() {
+fn error_and_termination_persist() {
     let mut decoder = Decoder::default();
     let mut push = |text: &str| text.bytes().map(|c| decoder.push(c).map(|_| ())).last().unwrap();
     assert_eq!(push(&record('6', "81000000000")), Ok(()));
@@ -108,7 +108,7 @@ fn an_error_stays_and_so_does_the_end() {
     assert_eq!((error.record, error.column), (2, 2));
 }
 
-/// Bytes of which most may stand in a record.
+/// Bytes that mostly may be in a record.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     let byte = prop_oneof![4 => prop::sample::select(b"0123456789ABCDEF368".to_vec()), 1 => any::<u8>()];
     prop::collection::vec(byte, 0..600)
@@ -116,7 +116,7 @@ fn noise() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #[test]
-    fn no_bytes_panic_and_nothing_false_comes_out(bytes in noise()) {
+    fn any_bytes_neither_panic_nor_give_false_records(bytes in noise()) {
         let mut decoder = Decoder::default();
         let mut from = 0;
         for (i, &byte) in bytes.iter().enumerate() {
@@ -136,7 +136,7 @@ proptest! {
     }
 
     #[test]
-    fn a_data_record_comes_back(
+    fn encoded_data_record_decodes_to_the_same(
         address in any::<u32>(),
         data in prop::collection::vec(any::<u8>(), 0..=120),
     ) {
@@ -146,10 +146,10 @@ proptest! {
     }
 }
 
-/// A wrong digit changes the sum by 1 to 15, so none is overlooked; in LL or the number of address digits it is an
-/// error of another kind, or the record does not end where it should.
+/// A wrong digit changes the sum by 1 to 15, so each is detected. In LL or in the number of address digits it
+/// is an error of another kind, or the record does not end where it should.
 #[test]
-fn one_wrong_digit_is_always_noticed() {
+fn one_wrong_digit_is_always_detected() {
     const RIGHT: &[u8; 26] = b"1A626810000000202020202020";
     for at in 0..RIGHT.len() {
         for &digit in b"0123456789ABCDEF" {
