@@ -233,7 +233,7 @@ impl Board {
         self.meter.begin(&mut self.machine);
     }
 
-    /// The figures since [`Self::measure`].
+    /// The figures since [`Self::begin_figures`].
     #[must_use]
     pub fn figures(&self) -> Figures {
         self.meter.figures(&self.machine)

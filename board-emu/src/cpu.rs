@@ -272,7 +272,7 @@ impl Cpu {
     }
 
     /// Sets the interrupt lines (a bit each) and the NMI. Must be called whenever the chip was
-    /// [`Chip::touched`].
+    /// `Chip::touched`.
     pub fn set_lines(&mut self, interrupts: u64, nmi: bool) {
         let before = self.sys.nvic.pending;
         self.sys.nvic.set_lines(interrupts, nmi);

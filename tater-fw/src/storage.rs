@@ -122,7 +122,7 @@ const UPSECS: u8 = Property::UPSECS.id();
 const OD: u8 = Property::OD.id();
 const PTEMP: u8 = Property::PTEMP.id();
 
-/// A record on its way into the flash. What is in it up to its CRC is in [`Store::words`].
+/// A record on its way into the flash. What is in it up to its CRC is in `Store::words`.
 #[derive(Debug)]
 pub struct Writing {
     /// Half-words of it that are in, and its length, with the CRC.
