@@ -2,7 +2,7 @@
 //!
 //! Every wait ends: a question is asked up to [`TRIES`] times with [`ANSWER_US`] each, and once only while the bus is down.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Property};
 
@@ -162,13 +162,15 @@ struct Board {
 pub struct Boards<'a> {
     io: &'a Io,
     boards: RefCell<[Board; COUNT]>,
+    /// When [`Boards::ask_ahead`] asked last, µs.
+    asked_us: Cell<u64>,
 }
 
 impl<'a> Boards<'a> {
     /// Boards of which nothing is known.
     #[must_use]
     pub fn new(io: &'a Io) -> Self {
-        Self { io, boards: RefCell::default() }
+        Self { io, boards: RefCell::default(), asked_us: Cell::new(0) }
     }
 
     /// Asks for a property and waits. Boards that do not answer in time have no value.
@@ -213,6 +215,7 @@ impl<'a> Boards<'a> {
     pub async fn ask_ahead(&self, motors: Motors, wanted: Ahead<bool>) {
         self.drain();
         self.boards.borrow_mut().iter_mut().for_each(|board| board.ahead = Ahead::default());
+        self.asked_us.set(self.io.now_us());
         if motors == Motors::ALL {
             for property in wanted.properties() {
                 self.send(Message::get(Destination::Group(Group::TATERS), property)).await;
@@ -226,10 +229,12 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// What a board has answered since [`Self::ask_ahead`]. If that is incomplete in time, it is asked once more; then `None`.
+    /// What a board has answered since [`Self::ask_ahead`]. If that is incomplete in time, the board is asked once more, unless the bus is down;
+    /// then `None`.
     pub async fn answer_of(&self, motor: Motor, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
+        // All boards have been answering since then.
+        let mut deadline = self.asked_us.get().saturating_add(ANSWER_US);
         for is_first in [true, false] {
-            let deadline = self.io.after_us(ANSWER_US);
             loop {
                 let found =
                     self.boards.borrow().get(motor.index()).and_then(|board| board.ahead.complete(wanted));
@@ -239,11 +244,16 @@ impl<'a> Boards<'a> {
                 let Some(frame) = self.io.receive(deadline).await else { break };
                 self.note(&frame);
             }
-            if is_first {
-                for property in wanted.properties() {
-                    self.ask(Motors::only(motor), property).await;
-                }
+            if !is_first || self.io.is_bus_down() {
+                break;
             }
+            for property in wanted.properties() {
+                self.ask(Motors::only(motor), property).await;
+            }
+            deadline = self.io.after_us(ANSWER_US);
+        }
+        for property in wanted.properties() {
+            self.io.record(EventKind::NoAnswer { motor, property });
         }
         None
     }

@@ -17,6 +17,7 @@ pub const CAPACITY: usize = 128;
 
 /// One event and its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Event {
     /// Time since GOD's start, µs.
     pub at_us: u64,
@@ -26,6 +27,7 @@ pub struct Event {
 
 /// What happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EventKind {
     /// GOD started, or started anew after RESET.
     Started,

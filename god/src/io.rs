@@ -41,6 +41,7 @@ pub const NEVER: u64 = u64::MAX;
 
 /// The bus takes no frames: no other station acknowledges, or the bus is shorted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BusDown;
 
 /// A frame that waits for the bus.

@@ -73,6 +73,8 @@ pub mod session;
 mod settings;
 pub mod shell;
 pub mod status;
+#[cfg(test)]
+mod testing;
 pub mod units;
 mod walk_through;
 

@@ -387,3 +387,65 @@ impl Motion<'_, '_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::motors::Motor;
+    use crate::testing::type_line;
+    use std::format;
+    use tater_wire::{FaultCode, ModeCode, Property};
+
+    /// A board at position 0 that knows it, with END 0, that ERROR and that mode.
+    fn board(property: Property, error: i64, mode: ModeCode) -> i64 {
+        match property {
+            Property::HALLH => 1 << 30,
+            Property::ERROR => error,
+            Property::MODE => mode.into(),
+            Property::MPE => 4,
+            _ => 0,
+        }
+    }
+
+    #[test]
+    fn refused_motor_ends_its_share_within_100_ms() {
+        for (line, fault, status) in [
+            ("X1TC", None, 8),
+            ("X1TC", Some(FaultCode::UnderVoltage), 8),
+            ("X1TC", Some(FaultCode::OverTemperature), 8192),
+            ("X1TC", Some(FaultCode::Storage), 512),
+            ("X1C", None, 8),
+            ("X1M 5500", None, 16),
+            ("X1M 5500", Some(FaultCode::OverTemperature), 8208),
+            ("X1HI", None, 4),
+            ("X1HI", Some(FaultCode::OverTemperature), 8196),
+        ] {
+            let error = fault.map_or(0, i64::from);
+            let (answer, us) =
+                type_line(line, |_: Motor, property, _| Some(board(property, error, ModeCode::Idle)));
+            assert_eq!(answer, format!("\r\n\rERR {status}\r\n\r=> "), "{line} {fault:?}");
+            assert!(us <= 100_000, "{line} {fault:?}: {us} us");
+        }
+    }
+
+    #[test]
+    fn motor_whose_mode_is_changed_without_end_ends_its_share_within_100_ms() {
+        const CHANGED_US: u64 = 1_000_000;
+        let (answer, us) = type_line("X1M 5500", |_: Motor, property, now_us| {
+            let mode = if now_us < CHANGED_US { ModeCode::Trapezoidal } else { ModeCode::Idle };
+            Some(board(property, 0, mode))
+        });
+        assert_eq!(answer, "\r\n\rERR 16\r\n\r=> ");
+        assert!((CHANGED_US..=CHANGED_US + 100_000).contains(&us), "{us} us");
+    }
+
+    #[test]
+    fn board_that_falls_silent_under_way_ends_its_share_within_430_ms() {
+        const SILENT_US: u64 = 1_000_000;
+        let (answer, us) = type_line("X12M 5500", |motor: Motor, property, now_us| {
+            let mode = if now_us < SILENT_US { ModeCode::Trapezoidal } else { ModeCode::Idle };
+            (motor.number() == 2 || now_us < SILENT_US).then(|| board(property, 0, mode))
+        });
+        assert_eq!(answer, "\r\n\rERR 17\r\n\r=> ");
+        assert!((SILENT_US..=SILENT_US + 430_000).contains(&us), "{us} us");
+    }
+}

@@ -8,6 +8,7 @@ pub const COUNT: usize = 7;
 
 /// One of the seven motors, 1 to 7.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Motor(u8);
 
 impl Motor {
@@ -66,6 +67,7 @@ impl Motor {
 
 /// A set of motors, in the order of their numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Motors(u8);
 
 impl Motors {

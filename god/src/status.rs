@@ -19,6 +19,7 @@ macro_rules! table {
 
 /// A sum of status codes; 0 is success.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Status(u16);
 
 /// A code's row.

@@ -45,8 +45,8 @@ const ARROWS: [Arrows; 9] = [
             "stm32f1xx-hal",
         ]),
     },
-    // heapless: bounded buffers without a heap. proptest: tests.
-    Arrows { package: "god", ours: &["tater-wire"], others: Some(&["heapless", "proptest (dev)"]) },
+    // heapless: bounded buffers without a heap. defmt: as above. proptest: tests.
+    Arrows { package: "god", ours: &["tater-wire"], others: Some(&["defmt", "heapless", "proptest (dev)"]) },
     Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw", "god"], others: None },
     // The program comes in as bytes: of ours only the world around it.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },

@@ -176,37 +176,16 @@ async fn list_values(god: &God<'_>, selection: Selection, all: bool) -> Status {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::memory::Memory;
-    use crate::{Io, io};
-    use std::pin::pin;
-    use std::string::String;
-    use tater_wire::{Body, Destination, Message};
-
-    /// GOD's answer to a line while seven boards are awake that obey nothing and answer 42 to every question.
-    fn answer(line: &str) -> String {
-        let (io, memory) = (Io::default(), Memory::default());
-        let mut god = pin!(crate::run(&io, &memory));
-        let mut said = String::new();
-        line.bytes().chain([b'\r']).for_each(|byte| io.push_rx(byte));
-        for ms in 0..1000 {
-            io::poll(god.as_mut(), &io, ms * 1000);
-            while let Some(frame) = io.pop_frame() {
-                let message = Message::parse(&frame).expect("GOD's");
-                let (Destination::Node(node), Body::Get(id)) = (message.to, message.body) else { continue };
-                let property = Property::of(id).expect("GOD's");
-                let value = if property == Property::STAT { 2 } else { 42 };
-                io.push_frame(&Message::reply(node, property, value).expect("it fits").frame());
-            }
-            said.extend(core::iter::from_fn(|| io.pop_tx()).map(char::from));
-        }
-        said.rsplit_once(line).expect("the echo").1.into()
-    }
+    use crate::testing::type_line;
 
     #[test]
     fn fset_that_a_board_does_not_take_is_err_128() {
-        assert_eq!(answer("1FSET TSTOP 43"), "\r\n\rERR 128\r\n\r=> ");
-        assert_eq!(answer("1FSET TSTOP 42"), "\r\n\r=> ");
-        assert_eq!(answer("1FGET TSTOP"), "\r\n\r42\r\n\r=> ");
+        for (line, answer) in [
+            ("1FSET TSTOP 43", "\r\n\rERR 128\r\n\r=> "),
+            ("1FSET TSTOP 42", "\r\n\r=> "),
+            ("1FGET TSTOP", "\r\n\r42\r\n\r=> "),
+        ] {
+            assert_eq!(type_line(line, |_, _, _| Some(42)).0, answer);
+        }
     }
 }
