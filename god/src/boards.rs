@@ -1,6 +1,6 @@
 //! The link to the motor boards: questions with their answers, orders, and what boards report unasked.
 //!
-//! Every wait ends: a question is asked up to [`TRIES`] times with [`ANSWER_US`] each, and once only while the bus is down.
+//! Every wait ends: a question is asked up to three times with 60 ms each, and once only while the bus is down.
 
 use core::cell::{Cell, RefCell};
 

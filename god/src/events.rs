@@ -1,4 +1,4 @@
-//! The event log: what GOD did and saw last, for its owner to print when something goes wrong.
+//! The event log: GOD's last actions and observations, for its owner to print when something fails.
 //!
 //! A ring of fixed size; the newest event replaces the oldest. Recording an event copies a few words and formats nothing, so it costs
 //! the same on the metal as in simulation. RealTime's velocities and gains are not recorded: at 250 blocks a second they would push
@@ -21,11 +21,11 @@ pub const CAPACITY: usize = 128;
 pub struct Event {
     /// Time since GOD's start, µs.
     pub at_us: u64,
-    /// What happened.
+    /// The event.
     pub kind: EventKind,
 }
 
-/// What happened.
+/// The kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EventKind {

@@ -20,7 +20,7 @@ pub enum Statement<'a> {
     Command {
         /// The command.
         command: GclCommand,
-        /// Which motors.
+        /// Its motor prefix.
         prefix: Prefix,
         /// The text after it.
         arguments: Arguments<'a>,
@@ -57,10 +57,10 @@ impl<'a> Arguments<'a> {
         self.none().map(|()| number)
     }
 
-    /// Checks that there is no further argument.
+    /// Checks that no argument is left.
     ///
     /// # Errors
-    /// [`Status::TOO_MANY_ARGUMENTS`]: there is one.
+    /// [`Status::TOO_MANY_ARGUMENTS`]: one is.
     pub fn none(mut self) -> Result<(), Status> {
         if self.next().is_none() { Ok(()) } else { Err(Status::TOO_MANY_ARGUMENTS) }
     }

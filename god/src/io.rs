@@ -32,8 +32,8 @@ const FRAMES: usize = 32;
 /// Longest text that is written at once.
 pub const TEXT: usize = 128;
 
-/// How long the bus may take no frame before it counts as down, µs. A full queue drains within 5 ms on a bus that nobody else uses; 40 ms
-/// leave room for a board that sends without pause.
+/// How long the bus may take no frame before it counts as down, µs. A full queue drains within 5 ms on an otherwise idle bus; 40 ms leave
+/// room for a board that sends without pause.
 pub const SEND_US: u64 = 40_000;
 
 /// No deadline.
@@ -65,7 +65,7 @@ pub struct Io {
     cancel: Cell<bool>,
     /// The bus took no frames, and nothing came in since.
     is_bus_down: Cell<bool>,
-    /// ^C arrived, and nobody has handled it yet.
+    /// ^C arrived and is not handled yet.
     aborted: Cell<bool>,
     /// In RealTime every byte is data, including ^C.
     raw: Cell<bool>,
@@ -75,7 +75,7 @@ pub struct Io {
     line_end: Cell<Option<u8>>,
     /// See [`Io::baud`].
     baud: Cell<u16>,
-    /// Of this board, 0.1 °C.
+    /// Temperature of this board, 0.1 °C.
     temperature: Cell<i16>,
     /// Bytes or frames lost because a queue was full.
     lost: Cell<u32>,
@@ -108,7 +108,7 @@ impl Io {
         }
     }
 
-    /// How many more bytes of the host fit.
+    /// Number of further bytes of the host that fit.
     #[must_use]
     pub fn rx_room(&self) -> usize {
         RX.saturating_sub(self.rx.borrow().len())
@@ -170,7 +170,7 @@ impl Io {
         self.lost.get()
     }
 
-    /// What GOD did and saw last.
+    /// The event log.
     #[must_use]
     pub const fn events(&self) -> &EventLog {
         &self.events
@@ -268,7 +268,7 @@ impl Io {
 
     /// Queues a frame for the bus, as soon as there is room.
     ///
-    /// While the bus is down the frame is queued all the same, behind others of the last [`SEND_US`], and sent should the bus come back.
+    /// While the bus is down the frame is queued as well, and is sent if the bus comes back within [`SEND_US`].
     ///
     /// # Errors
     /// The bus took no frame for [`SEND_US`]: all that were queued are dropped. Or that happened before, and nothing came in since.
@@ -360,7 +360,6 @@ impl Io {
     /// Writes a text of up to [`TEXT`] bytes; a longer one is cut off there.
     pub(crate) async fn print(&self, text: fmt::Arguments<'_>) {
         let mut buffer = String::<TEXT>::new();
-        // What does not fit is cut off.
         let _ = buffer.write_fmt(text);
         self.write(buffer.as_bytes()).await;
     }

@@ -15,7 +15,7 @@ const LF: u8 = b'\n';
 const BACKSPACE: u8 = 8;
 const DELETE: u8 = 0x7F;
 
-/// What a host has typed.
+/// Input of the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
     /// A line without its end.

@@ -1,4 +1,4 @@
-//! What survives a power-off in GOD: its own parameters, macros, sequences and statistics.
+//! GOD's memory, which survives a power-off: its own parameters, macros, sequences and statistics.
 
 pub mod bytes;
 
@@ -21,7 +21,7 @@ pub const SEQUENCE: usize = 150;
 /// The parameters of a motor that GOD keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OfMotor {
-    /// By [`Kept`].
+    /// Values in the order of [`Kept`].
     pub kept: [u8; KEPT],
     /// Positions and distances as they were set, GCL counts; by the place in [`Source::Counts`].
     pub as_set: [i32; COUNTS],
@@ -90,7 +90,7 @@ impl Default for OfHand {
 /// Parameters of all motors and of the hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameters {
-    /// By the motor's place.
+    /// In the order of the motors.
     pub motors: [OfMotor; COUNT],
     /// The hand's.
     pub hand: OfHand,
@@ -110,7 +110,7 @@ impl Default for Parameters {
 /// A motor's positions in GCL counts, all seven.
 pub type Positions = [i32; COUNT];
 
-/// What survives a power-off.
+/// All that survives a power-off.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stored {
     /// As FSAVE and PSAVE left them.
@@ -147,7 +147,7 @@ impl Memory {
         self.stored.borrow().clone()
     }
 
-    /// What to store, if it has changed since the last call.
+    /// A copy to store, if it has changed since the last call.
     pub fn changed(&self) -> Option<Stored> {
         self.changed.replace(false).then(|| self.stored.borrow().clone())
     }

@@ -7,7 +7,7 @@
 //! A motor ends its share of the command, with a status, when
 //! * its board refused the order: with the first answers, some ms after it;
 //! * its board left the motion without an END, or the report was lost: within two polls, 100 ms;
-//! * its board is silent: after [`LOST_US`]. It is told to stop at each poll, and twice before the host learns of it.
+//! * its board is silent: after [`LOST_US`]. It gets the order to stop at each poll, and twice before the host learns of it.
 //!
 //! A board ends a motion without a hall count after TSTOP (never with TSTOP 0). ^C drops the command at any time.
 
@@ -16,7 +16,7 @@ use tater_wire::{Cmd, EndCode, FaultCode, ModeCode, Property};
 use crate::boards::{Answers, REPORTS, Reported};
 use crate::events::EventKind;
 use crate::god::God;
-use crate::motors::{Motor, Motors};
+use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
 use crate::{order, pace, query, units};
 
@@ -26,13 +26,13 @@ const POLL_US: u64 = 50_000;
 /// A polled board that is silent for this long counts as absent, µs: four polls.
 const LOST_US: u64 = 200_000;
 
-/// What a finger does when its link meets an object and breaks away (manual 5.1.2): the link is locked there, its tip may go on. With BS of
-/// the link both stop in any case.
+/// Reaction of a finger when its link meets an object and breaks away (manual 5.1.2). The link is locked there in any case; with BS of the
+/// link its tip stops as well.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Breakaway {
-    /// There is none: BT is 0 for the motion. With X "breakaways become irrelevant", and a link that meets something stalls.
+    /// Breakaway is off: BT is 0 for the motion. With X "breakaways become irrelevant", and a link that meets something stalls.
     Off,
-    /// The tip goes on to its goal.
+    /// The tip continues to its goal.
     TipGoesOn,
     /// The tip goes to this position instead, GCL counts: C, to envelop the object.
     TipGoesTo(Answers),
@@ -40,34 +40,34 @@ pub(crate) enum Breakaway {
     TipStops,
 }
 
-/// What a command asks of the boards.
+/// The motion that a command asks for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plan {
     /// The motors that move.
     pub motors: Motors,
-    /// Where they are, GCL counts; those that move until they stall have neither this nor a goal.
+    /// Their positions, GCL counts; motors that move until they stall have neither this nor a goal.
     pub from: Answers,
-    /// Where they go, GCL counts.
+    /// Their goals, GCL counts.
     pub goals: Answers,
     /// Motors that get this number of CMD instead of M with their goal.
     pub order: Option<(Motors, Cmd)>,
     /// Whether a motor that does not reach its goal is an error.
     pub is_judged: bool,
-    /// What a breakaway does.
+    /// Reaction to a breakaway.
     pub breakaway: Breakaway,
     /// Motors that arrive together; those of a finger, if they move until they stall, only move together.
     pub together: [Motors; 3],
 }
 
 impl Plan {
-    /// By a number of CMD, without a goal.
+    /// A motion by a number of CMD, without a goal.
     pub fn by_command(motors: Motors, cmd: Cmd, together: [Motors; 3]) -> Self {
         let (from, goals) = (Answers::default(), Answers::default());
         let order = Some((motors, cmd));
         Self { motors, from, goals, order, is_judged: false, breakaway: Breakaway::TipGoesOn, together }
     }
 
-    /// To positions.
+    /// A motion to positions.
     pub fn to(goals: Answers, from: Answers) -> Self {
         let (motors, breakaway) = (goals.motors(), Breakaway::TipGoesOn);
         Self { motors, from, goals, order: None, is_judged: true, breakaway, together: [Motors::NONE; 3] }
@@ -84,7 +84,7 @@ impl Plan {
     fn runs_in(&self, motor: Motor, mode: i64) -> bool {
         let mode = ModeCode::of(mode);
         match self.cmd(motor) {
-            // To its stop by velocity, and back by position.
+            // Velocity to its stop, then position back to zero.
             Some(Cmd::Hi) => matches!(mode, Some(ModeCode::Velocity | ModeCode::Trapezoidal)),
             Some(Cmd::Tc | Cmd::To) => mode == Some(ModeCode::Velocity),
             _ => mode == Some(ModeCode::Trapezoidal),
@@ -96,10 +96,9 @@ impl Plan {
 pub(crate) async fn run(god: &God<'_>, plan: &Plan) -> Status {
     let status = match Motion::prepare(god, plan).await {
         Ok(mut motion) => {
-            motion.start(plan.motors, &plan.goals).await;
-            motion.unstarted = motion.ended.union(motion.dropped);
-            motion.follow().await;
-            let status = motion.judge().await;
+            let unstarted = motion.start(plan.motors, &plan.goals).await;
+            motion.follow(unstarted).await;
+            let status = motion.judge(unstarted).await;
             motion.stop_silent().await;
             status
         }
@@ -107,6 +106,31 @@ pub(crate) async fn run(god: &God<'_>, plan: &Plan) -> Status {
     };
     order::restore_properties(god, Motors::NONE).await;
     status
+}
+
+/// A motor's share of a motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Share {
+    /// Not part of it.
+    #[default]
+    None,
+    /// Its board has the order.
+    Moving {
+        /// The board answered a mode that is not one of this motion: with END 0 after that, it has dropped out.
+        left: bool,
+    },
+    /// Its board stated why it ended.
+    Ended(EndCode),
+    /// Its board did not begin the motion, or left it, without an END: a latched fault, IVEL 0, another host.
+    Dropped,
+    /// Its board stopped answering; the motor may still move.
+    Silent,
+}
+
+impl Share {
+    const fn is_moving(self) -> bool {
+        matches!(self, Self::Moving { .. })
+    }
 }
 
 /// A motion under way.
@@ -117,22 +141,37 @@ struct Motion<'a, 'g> {
     holding: Motors,
     /// Links with BS: their tips stop with them.
     tips_stop: Motors,
-    /// Motors whose motion has not ended.
-    moving: Motors,
-    /// Of them, those whose END is known and not acted on yet.
-    ended: Motors,
-    /// Those whose mode is not one of this motion: if END is 0 after that, they have dropped out.
-    left: Motors,
-    /// Those whose boards did not begin the motion, or left it, without an END: a latched fault, IVEL 0, another host.
-    dropped: Motors,
-    /// Those whose boards stopped answering: nobody knows whether they move.
-    silent: Motors,
-    /// Those that had ended or dropped out before they could begin.
-    unstarted: Motors,
-    /// END of each motor that has one.
-    ends: Answers,
+    shares: [Share; COUNT],
     /// When the last order was sent, µs.
     started_us: u64,
+}
+
+impl Motion<'_, '_> {
+    fn share(&self, motor: Motor) -> Share {
+        self.shares.get(motor.index()).copied().unwrap_or_default()
+    }
+
+    fn set_share(&mut self, motor: Motor, share: Share) {
+        if let Some(place) = self.shares.get_mut(motor.index()) {
+            *place = share;
+        }
+    }
+
+    fn filter(&self, is: impl Fn(Share) -> bool) -> Motors {
+        self.plan.motors.iter().filter(|&motor| is(self.share(motor))).collect()
+    }
+
+    fn moving(&self) -> Motors {
+        self.filter(Share::is_moving)
+    }
+
+    fn silent(&self) -> Motors {
+        self.filter(|share| share == Share::Silent)
+    }
+
+    fn ended_by(&self, code: EndCode) -> Motors {
+        self.filter(|share| share == Share::Ended(code))
+    }
 }
 
 // --- prepare --------------------------------------------------------------------------------------------
@@ -158,39 +197,26 @@ impl<'a, 'g> Motion<'a, 'g> {
             }
             _ => pace::arrive_together(god, &plan.together, &plan.from, &plan.goals).await?,
         }
-        Ok(Self {
-            god,
-            plan,
-            holding,
-            tips_stop,
-            moving: Motors::NONE,
-            ended: Motors::NONE,
-            left: Motors::NONE,
-            dropped: Motors::NONE,
-            silent: Motors::NONE,
-            unstarted: Motors::NONE,
-            ends: Answers::default(),
-            started_us: 0,
-        })
+        Ok(Self { god, plan, holding, tips_stop, shares: [Share::None; COUNT], started_us: 0 })
     }
 }
 
 // --- start ----------------------------------------------------------------------------------------------
 
 impl Motion<'_, '_> {
-    /// Sets motors going.
+    /// Sets motors going. Returns those that have ended or dropped out at once.
     ///
     /// A board that takes an order while its motor moves reports the end of that former motion first, which must not count as the end of
     /// this one. So each board is asked for E after its order: it sends everything in order, so what arrives before this answer may belong
-    /// to the former motion, and all that arrives after it belongs to this one.
+    /// to the former motion, and everything after it belongs to this one.
     ///
     /// A board that refused the order has END 0 and a mode that is not the motion's. MODE is asked before END: a motion that ends between
     /// the two has its END.
-    async fn start(&mut self, motors: Motors, goals: &Answers) {
+    async fn start(&mut self, motors: Motors, goals: &Answers) -> Motors {
         let boards = &self.god.boards;
-        self.moving = self.moving.union(motors);
         self.god.session.begin_motion(motors, self.holding);
         for motor in motors.iter() {
+            self.set_share(motor, Share::Moving { left: false });
             let alone = Motors::only(motor);
             match (self.plan.cmd(motor), goals.get(motor)) {
                 (Some(cmd), _) => boards.set(alone, Property::CMD, cmd.into()).await,
@@ -202,117 +228,111 @@ impl Motion<'_, '_> {
         motors.iter().for_each(|motor| _ = boards.take_reported(motor));
         let modes = boards.get(ordered, Property::MODE).await;
         let ends = boards.get(ordered, Property::END).await;
-        self.silent = self.silent.union(motors.difference(ends.motors()));
+        motors.difference(ends.motors()).iter().for_each(|motor| self.set_share(motor, Share::Silent));
         for motor in ends.motors().iter() {
             self.note(motor, Reported { mode: modes.get(motor), end: None });
             self.note(motor, Reported { mode: None, end: ends.get(motor) });
         }
         self.started_us = self.god.io.now_us();
+        ends.motors().difference(self.moving())
     }
 }
 
 // --- follow ---------------------------------------------------------------------------------------------
 
 impl Motion<'_, '_> {
-    /// Waits until every motor's motion has ended, and acts on each end.
-    async fn follow(&mut self) {
+    /// Waits until no motor moves any more, and acts on each end; `over` are those that have ended or dropped out already.
+    async fn follow(&mut self, mut over: Motors) {
         let (io, boards) = (self.god.io, &self.god.boards);
         let mut poll_us = io.after_us(POLL_US);
         loop {
-            if io.now_us() >= poll_us {
-                boards.ask(self.moving, Property::MODE).await;
-                boards.ask(self.moving, Property::END).await;
-                self.find_silent();
-                // One that has only lost some frames stops.
-                order::stop(self.god, self.silent, self.holding).await;
-                poll_us = io.after_us(POLL_US);
+            let moving = self.moving();
+            moving.iter().for_each(|motor| self.note(motor, boards.take_reported(motor)));
+            over = over.union(moving.difference(self.moving()));
+            while !over.is_empty() {
+                over = self.act_on_ends(over).await;
             }
-            for motor in self.moving.iter() {
-                self.note(motor, boards.take_reported(motor));
-            }
-            self.act_on_ends().await;
-            if self.moving.is_empty() {
+            if self.moving().is_empty() {
                 return;
             }
             boards.wait_for_report(poll_us).await;
+            if io.now_us() >= poll_us {
+                boards.ask(self.moving(), Property::MODE).await;
+                boards.ask(self.moving(), Property::END).await;
+                self.find_silent();
+                // One that has only lost some frames stops.
+                order::stop(self.god, self.silent(), self.holding).await;
+                poll_us = io.after_us(POLL_US);
+            }
         }
     }
 
-    /// Notes what a board says of mode and end.
+    /// Notes the mode and end of a moving motor's board.
     fn note(&mut self, motor: Motor, reported: Reported) {
-        match reported.end {
-            None => {}
-            Some(0) if self.left.has(motor) => {
-                self.dropped = self.dropped.with(motor);
+        let Share::Moving { left } = self.share(motor) else { return };
+        let share = match (reported.end, reported.mode) {
+            (Some(0), _) if left => {
                 self.god.io.record(EventKind::Refused { motor });
+                Share::Dropped
             }
-            Some(0) => {}
-            Some(end) => {
-                self.ends.set(motor, end);
-                self.ended = self.ended.with(motor);
-            }
-        }
-        match reported.mode {
-            None => {}
-            Some(mode) if self.plan.runs_in(motor, mode) => self.left = self.left.without(motor),
-            Some(_) => self.left = self.left.with(motor),
-        }
+            // A value that the table lacks is no success.
+            (Some(end), _) if end != 0 => Share::Ended(EndCode::of(end).unwrap_or(EndCode::Fault)),
+            (_, Some(mode)) => Share::Moving { left: !self.plan.runs_in(motor, mode) },
+            (_, None) => return,
+        };
+        self.set_share(motor, share);
     }
 
     fn find_silent(&mut self) {
-        let (now_us, boards) = (self.god.io.now_us(), &self.god.boards);
-        for motor in self.moving.iter() {
-            if now_us >= boards.heard_us(motor).max(self.started_us).saturating_add(LOST_US) {
-                self.silent = self.silent.with(motor);
+        for motor in self.moving().iter() {
+            let heard_us = self.god.boards.heard_us(motor).max(self.started_us);
+            if self.god.io.now_us() >= heard_us.saturating_add(LOST_US) {
+                self.set_share(motor, Share::Silent);
             }
         }
     }
 
-    /// Removes motors whose motion has ended, with the consequences for others. Silent ones stay the session's: ^C stops them too.
-    async fn act_on_ends(&mut self) {
-        let ended = self.moving.intersection(self.ended);
-        let over = ended.union(self.moving.intersection(self.dropped)).difference(self.silent);
-        self.ended = Motors::NONE;
-        self.moving = self.moving.difference(over).difference(self.silent);
+    /// Acts on motors that have ended or dropped out, with the consequences for others. Returns those that start again for it and end at once.
+    /// Silent ones stay the session's: ^C stops them too.
+    async fn act_on_ends(&mut self, over: Motors) -> Motors {
         self.god.session.end_motion(over);
         if let Some((ordered, Cmd::Tc | Cmd::To)) = self.plan.order {
-            let stalled = ended.intersection(ordered).intersection(self.ended_by(EndCode::Stalled));
+            let stalled = over.intersection(ordered).intersection(self.ended_by(EndCode::Stalled));
             // At once: the last motor may end long after them.
             self.god.session.press(stalled.intersection(self.holding));
-            // An object that stops a link lets its tip go on, as in a breakaway.
-            order::restore_speed(self.god, stalled.tips().intersection(self.moving)).await;
+            // The tip of a link that an object has stopped continues alone, as in a breakaway.
+            order::restore_speed(self.god, stalled.tips().intersection(self.moving())).await;
         }
-        for link in ended.intersection(self.ended_by(EndCode::Breakaway)).iter() {
+        let mut again = Motors::NONE;
+        for link in over.intersection(self.ended_by(EndCode::Breakaway)).iter() {
             if let Some(tip) = link.tip().filter(|&tip| self.plan.motors.has(tip)) {
-                self.act_on_breakaway(link, Motors::only(tip)).await;
+                again = again.union(self.act_on_breakaway(link, Motors::only(tip)).await);
             }
         }
+        again
     }
 
-    async fn act_on_breakaway(&mut self, link: Motor, tip: Motors) {
+    async fn act_on_breakaway(&mut self, link: Motor, tip: Motors) -> Motors {
         match &self.plan.breakaway {
             Breakaway::TipGoesTo(goals) if !self.tips_stop.has(link) => {
                 // A tip that has ended elsewhere than at its goal, by strain for instance, has ended.
-                let arrived = self.ended_by(EndCode::Arrived);
-                let goes_on = tip.intersection(self.moving.union(arrived)).difference(self.silent);
-                order::restore_speed(self.god, goes_on).await;
-                self.start(goes_on, goals).await;
+                let continuing = tip.intersection(self.moving().union(self.ended_by(EndCode::Arrived)));
+                order::restore_speed(self.god, continuing).await;
+                return self.start(continuing, goals).await;
             }
             Breakaway::TipGoesOn | Breakaway::Off if !self.tips_stop.has(link) => {}
-            _ => order::stop(self.god, tip.intersection(self.moving), self.holding).await,
+            _ => order::stop(self.god, tip.intersection(self.moving()), self.holding).await,
         }
+        Motors::NONE
     }
 
-    fn ended_by(&self, code: EndCode) -> Motors {
-        self.ends.filter(|end| EndCode::of(end) == Some(code))
-    }
-
-    /// Silent boards are told to stop once more before the host learns of them, and again after some time.
+    /// Orders silent boards to stop once more before the host learns of them, and again after some time.
     async fn stop_silent(&self) {
-        if !self.silent.is_empty() {
-            order::stop(self.god, self.silent, self.holding).await;
-            self.god.boards.get(self.silent, Property::MODE).await;
-            order::stop(self.god, self.silent, self.holding).await;
+        let silent = self.silent();
+        if !silent.is_empty() {
+            order::stop(self.god, silent, self.holding).await;
+            self.god.boards.get(silent, Property::MODE).await;
+            order::stop(self.god, silent, self.holding).await;
         }
         self.god.session.take_moving();
     }
@@ -321,17 +341,17 @@ impl Motion<'_, '_> {
 // --- judge ----------------------------------------------------------------------------------------------
 
 impl Motion<'_, '_> {
-    /// The status of each motor, into S, and their sum.
-    async fn judge(&self) -> Status {
+    /// The status of each motor, into S, and their sum; `unstarted` had ended or dropped out before they could begin.
+    async fn judge(&self, unstarted: Motors) -> Status {
         let (god, plan) = (self.god, self.plan);
-        let answering = plan.motors.difference(self.silent);
+        let answering = plan.motors.difference(self.silent());
         let judged = if plan.is_judged { answering.intersection(plan.goals.motors()) } else { Motors::NONE };
         let positions = query::known_positions(god, judged).await;
         let tolerances = query::known_counts(god, judged, Property::MPE).await;
         let errors = god.boards.get(answering, Property::ERROR).await;
         let mut lost = query::uninitialized(god, answering).await;
         match plan.order {
-            Some((motors, Cmd::Hi)) => lost = lost.union(motors.intersection(self.unstarted)),
+            Some((motors, Cmd::Hi)) => lost = lost.union(motors.intersection(unstarted)),
             Some((motors, Cmd::Tc | Cmd::To)) => {
                 let modes = god.boards.get(motors.intersection(answering), Property::MODE).await;
                 let pressing = modes.filter(|mode| ModeCode::of(mode) == Some(ModeCode::Velocity));
@@ -348,8 +368,10 @@ impl Motion<'_, '_> {
             let answered_all = !judged.has(motor) || (distance.is_some() && tolerance.is_some());
             let status = match errors.get(motor) {
                 Some(error) if answered_all => {
-                    let is_far = judged.has(motor) && distance > tolerance;
-                    self.judge_motor(motor, error, is_far, judged.has(motor), lost.has(motor))
+                    let share = self.share(motor);
+                    let is_stopped = matches!(share, Share::Dropped | Share::Ended(EndCode::Fault));
+                    let is_reached = !judged.has(motor) || !(is_stopped || distance > tolerance);
+                    judge_motor(share, error, is_reached, lost.has(motor))
                 }
                 _ => Status::NO_BOARD,
             };
@@ -358,33 +380,31 @@ impl Motion<'_, '_> {
         }
         sum
     }
+}
 
-    /// A motor's status by ERROR; faults of former motions were cleared before this one.
-    fn judge_motor(&self, motor: Motor, error: i64, is_far: bool, is_judged: bool, is_lost: bool) -> Status {
-        let has_dropped = self.dropped.has(motor);
-        let end = self.ends.get(motor).and_then(EndCode::of);
-        let fault = FaultCode::of(error);
-        let has_failed = end == Some(EndCode::Fault) || has_dropped;
-        let mut status = Status::OK;
-        if is_judged && (has_failed || is_far) {
-            status |= Status::NOT_REACHED;
-        }
-        if fault == Some(FaultCode::OverTemperature) {
-            status |= Status::OVER_TEMPERATURE;
-        }
-        if is_lost {
-            status |= Status::NOT_INITIALIZED;
-        }
-        if !status.is_ok() {
-            return status;
-        }
-        match fault {
-            // Its flash cannot forget a stored position, so its board does not let it move.
-            Some(FaultCode::Storage) if has_dropped || end == Some(EndCode::Aborted) => Status::NOT_STORED,
-            Some(FaultCode::Storage) => Status::OK,
-            None if error == 0 && !has_dropped => Status::OK,
-            _ => Status::FAULT,
-        }
+/// A motor's status by its share and ERROR; faults of former motions were cleared before this one.
+fn judge_motor(share: Share, error: i64, is_reached: bool, is_lost: bool) -> Status {
+    let fault = FaultCode::of(error);
+    let mut status = Status::OK;
+    if !is_reached {
+        status |= Status::NOT_REACHED;
+    }
+    if fault == Some(FaultCode::OverTemperature) {
+        status |= Status::OVER_TEMPERATURE;
+    }
+    if is_lost {
+        status |= Status::NOT_INITIALIZED;
+    }
+    if !status.is_ok() {
+        return status;
+    }
+    match (fault, share) {
+        // Its flash cannot forget a stored position, so its board does not let it move.
+        (Some(FaultCode::Storage), Share::Dropped | Share::Ended(EndCode::Aborted)) => Status::NOT_STORED,
+        (Some(FaultCode::Storage), _) => Status::OK,
+        (None, Share::Dropped) => Status::FAULT,
+        (None, _) if error == 0 => Status::OK,
+        _ => Status::FAULT,
     }
 }
 

@@ -1,4 +1,4 @@
-//! What commands order the boards to do: make motors ready, override properties and restore them, stop, set parameters.
+//! Orders to the boards: make motors ready, override properties and restore them, stop, set parameters.
 
 use core::convert::Infallible;
 
@@ -30,7 +30,7 @@ pub(crate) async fn make_ready(god: &God<'_>, motors: Motors, initialized: bool)
     let faults = god.boards.get(motors, Property::ERROR).await;
     let storage = i64::from(FaultCode::Storage);
     god.boards.set(faults.filter(|code| code != 0 && code != storage), Property::STAT, 2).await;
-    // What a board did not confirm after the last motion.
+    // Boards that did not confirm this after the last motion.
     restore_properties(god, Motors::NONE).await;
     god.session.cease_pressing(motors);
     Ok(())
@@ -91,7 +91,7 @@ pub(crate) async fn restore_properties(god: &God<'_>, silent: Motors) {
     }
 }
 
-/// Restores the velocities of motors that go on alone; [`restore_properties`] follows at the end.
+/// Restores the velocities of motors that continue alone; [`restore_properties`] follows at the end.
 pub(crate) async fn restore_speed(god: &God<'_>, motors: Motors) {
     for property in [Property::MV, Property::MCV, Property::MOV] {
         let own = god.session.overridden(property).get();
@@ -120,7 +120,7 @@ pub(crate) async fn set_parameter(god: &God<'_>, spec: &ParameterSpec, values: &
             set_kept(god, values, |of, value| of.set(kept, value));
             Status::OK
         }
-        // There is one value, and it is in range.
+        // Its only value is in range, so it is set already.
         Source::Fixed(_) => Status::OK,
         Source::Measured(_) | Source::Status => Status::READ_ONLY,
     }

@@ -5,7 +5,7 @@
 
 use tater_wire::{MotorKind, Property};
 
-/// Where the manual lists a parameter.
+/// The manual's section of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Category {
     /// 5.3.1.
@@ -46,7 +46,7 @@ pub const KEPT: usize = 9;
 /// Farthest position and longest distance of the language, GCL counts (manual 5.3).
 const MAX_COUNTS: i64 = 32_767;
 
-/// Where the value of a motor's parameter is, and its range and defaults.
+/// The place of a motor parameter's value, with its range and defaults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// A property of its board, in the same unit, with its range and defaults.
@@ -65,7 +65,7 @@ pub enum Source {
     Measured(Property),
     /// GOD's.
     Kept {
-        /// Which.
+        /// The parameter.
         kept: Kept,
         /// Smallest value.
         min: u8,
@@ -92,7 +92,7 @@ pub struct ParameterSpec {
     pub category: Category,
     /// Whether it can be set.
     pub writable: bool,
-    /// Where the value is.
+    /// The place of its value.
     pub source: Source,
     /// Help text.
     pub help: &'static str,

@@ -1,4 +1,4 @@
-//! What commands ask the boards: which motors are selected, whether they can move, values and positions in the language's units.
+//! Questions to the boards: which motors are selected, whether they can move, values and positions in the language's units.
 
 use tater_wire::Property;
 
@@ -93,7 +93,7 @@ pub(crate) async fn property(god: &God<'_>, motors: Motors, property: Property) 
     complete(god, motors, god.boards.get(motors, property).await)
 }
 
-/// Where each of those motors is, GCL counts.
+/// The position of each of those motors, GCL counts.
 ///
 /// # Errors
 /// [`Status::NO_BOARD`]: one does not answer.

@@ -36,20 +36,20 @@ pub const SILENCE_US: u64 = 250_000;
 /// Interval of keep-alives to each board, µs: it idles with ERROR 7 after 500 ms without a frame (decision 0013).
 const KEEPALIVE_US: u64 = 200_000;
 
-/// Host silence after which it has sent all that it was sending before it could see an error, µs: a byte takes 16.7 ms at 600 baud, 1 ms
+/// Host silence after which it has sent everything that it began before it could see an error, µs: a byte takes 16.7 ms at 600 baud, 1 ms
 /// at 9600, and a USB adapter holds bytes back for 16 ms. The error is reported well within the 100 ms that clients wait for a block's `*`.
 const QUIET_US: u64 = 20_000;
 
 /// Maximum drain time after an error, µs; a block's data are drained to their end in any case.
 const DISCARD_US: u64 = 1_000_000;
 
-/// How long a board may take until it drives in mode 4, µs: the spread's brake releases in 30 ms.
+/// Time that a board may take until it drives in mode 4, µs: the spread's brake releases in 30 ms.
 const DRIVE_US: u64 = 40_000;
 
 /// Greatest velocity that a board takes, hall counts/s.
 const MAX_VELOCITY: i64 = Property::V.rules().max();
 
-/// What ends RealTime.
+/// The end of RealTime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     /// ^C instead of a header: the prompt without an error.

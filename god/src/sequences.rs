@@ -102,8 +102,8 @@ fn begin(god: &God<'_>, number: i64) -> Status {
     Status::OK
 }
 
-/// Records a line that can be played, while recording. Where there is no room for it, recording ends, and a line of text says so: there is no
-/// status code for it.
+/// Records a line that can be played, while recording. Where there is no room for it, recording ends with a line of text, because no
+/// status code means that.
 pub(crate) async fn record(god: &God<'_>, line: &str) {
     let Some(number) = god.session.recording() else { return };
     match grammar::parse(line) {

@@ -1,4 +1,5 @@
-//! State that outlives a command: what each motor is doing for the host, what boards are to get back, and what the host was told.
+//! State that outlives a command: the activity of each motor, the boards' own values of overridden properties, results, and the positions
+//! that the host knows.
 
 use core::cell::Cell;
 
@@ -8,10 +9,10 @@ use crate::boards::Answers;
 use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
 
-/// What a motor is doing for the host.
+/// The activity of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Activity {
-    /// Nothing that GOD has to end or to report.
+    /// GOD has nothing to stop or to report.
     #[default]
     Idle,
     /// A command moves it; ^C stops it.
@@ -21,7 +22,7 @@ enum Activity {
     },
     /// TC or TO has left it pressing in mode 4, because of HOLD: its board needs a keep-alive.
     Pressing,
-    /// The walk-through's grammar has sent it: its end is reported to the host.
+    /// A line of the walk-through's grammar moves it: its end is reported to the host.
     Watched,
 }
 
@@ -54,7 +55,7 @@ pub struct Session {
     packets: Cell<bool>,
 }
 
-/// What each motor is doing.
+/// Activities.
 impl Session {
     /// These motors begin a motion.
     pub(crate) fn begin_motion(&self, motors: Motors, holding: Motors) {
@@ -129,7 +130,7 @@ impl Session {
     }
 }
 
-/// What boards are to get back, and what the host was told.
+/// Overridden properties, results, positions and modes of the session.
 impl Session {
     /// The boards' own values of a property of [`OVERRIDABLE`] where it is overridden.
     pub(crate) fn overridden(&self, property: Property) -> &Cell<Answers> {

@@ -19,7 +19,7 @@ use crate::motors::{Motors, Prefix};
 use crate::status::Status;
 use crate::{administration, movement, order, realtime, sequences, settings, walk_through};
 
-/// What a line has come to.
+/// The outcome of a line.
 enum Outcome {
     /// The line is done: print its status and the prompt.
     Done(Status),
@@ -122,7 +122,7 @@ async fn dispatch(god: &God<'_>, statement: Statement<'_>) -> Outcome {
         (GclCommand::Loop, _) => realtime::execute(god, prefix, arguments).await,
         (GclCommand::Reset, _) => match arguments.none() {
             Ok(()) => {
-                // As after power-on, the boards wait in their monitors.
+                // Back into their monitors, as after power-on.
                 god.boards.set(Motors::ALL, Property::STAT, 0).await;
                 return Outcome::Reset;
             }

@@ -27,7 +27,7 @@ pub struct Status(u16);
 pub struct StatusSpec {
     /// A power of 2.
     pub status: Status,
-    /// What it means.
+    /// Its meaning, as ERR prints it.
     pub meaning: &'static str,
 }
 

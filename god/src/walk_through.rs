@@ -1,7 +1,7 @@
 //! The walk-through's grammar (manual 3, decision 0029): `<nodes> S <property> <value>`, `<nodes> G <property>`, WAKE, SAVE.
 //!
 //! White space is optional. Properties are the boards' own, in hall counts, by the names of their table; M means MODE, and AP P, as in the
-//! manual. A SET goes to the boards as it is and is not verified, except that an order (MODE, M, CMD) that a sleeping board does not obey is
+//! manual. A SET goes to the boards unchanged and is not verified, but an order (MODE, M, CMD) that a sleeping board does not obey is
 //! ERR 1; a GET prints a line for each board, `1 TEMP=350`. A motor that this grammar has set going reports its end: `4 MODE=3`, between two
 //! lines of the host, while nothing is typed. ^C stops it.
 //!
@@ -19,19 +19,17 @@ use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
 use crate::{order, query};
 
-/// How long to wait for a motor without power before its position is read again, µs: a board counts it as standing after 200 ms without a
-/// hall count.
+/// Wait between two readings of a position, µs: a board counts its motor as standing after 200 ms without a hall count (decision 0012).
 const STANDSTILL_US: u64 = 300_000;
 
-/// How often to wait for that: the spread, free, comes to rest within a second.
+/// Most such waits. Without power the spread comes to rest within a second.
 const STANDSTILL_TRIES: usize = 10;
 
-/// What a line asks for.
+/// A parsed line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Order {
+enum Request {
     Set(Motors, Property, i64),
     Get(Motors, Property),
-    /// GOD's.
     SetReply(i64),
     GetReply,
 }
@@ -45,14 +43,14 @@ pub(crate) async fn execute(god: &God<'_>, line: &str) -> Status {
     }
     match parse(line) {
         Err(status) => status,
-        Ok(Order::Set(motors, property, value)) => set(god, motors, property, value).await,
-        Ok(Order::Get(motors, property)) => get(god, motors, property).await,
-        Ok(Order::SetReply(mode @ 0..=1)) => {
+        Ok(Request::Set(motors, property, value)) => set(god, motors, property, value).await,
+        Ok(Request::Get(motors, property)) => get(god, motors, property).await,
+        Ok(Request::SetReply(mode @ 0..=1)) => {
             god.session.set_packets(mode == 1);
             Status::OK
         }
-        Ok(Order::SetReply(_)) => Status::INVALID_VALUE,
-        Ok(Order::GetReply) => {
+        Ok(Request::SetReply(_)) => Status::INVALID_VALUE,
+        Ok(Request::GetReply) => {
             god.print_line(format_args!("0 REPLY={}", u8::from(god.session.packets()))).await;
             Status::OK
         }
@@ -61,7 +59,7 @@ pub(crate) async fn execute(god: &God<'_>, line: &str) -> Status {
 
 // --- grammar --------------------------------------------------------------------------------------------
 
-fn parse(line: &str) -> Result<Order, Status> {
+fn parse(line: &str) -> Result<Request, Status> {
     let end = line.find(|c: char| !c.is_ascii_digit() && !c.is_ascii_whitespace());
     let (nodes, rest) = line.split_at_checked(end.unwrap_or(line.len())).unwrap_or((line, ""));
     let (is_set, rest) = match (rest.strip_prefix('S'), rest.strip_prefix('G')) {
@@ -79,18 +77,18 @@ fn parse(line: &str) -> Result<Order, Status> {
         }
     }
     match (is_god, is_set) {
-        // What GOD has, no board has.
+        // GOD and the boards have no property in common.
         (true, _) if !motors.is_empty() => Err(Status::UNKNOWN_PARAMETER),
         (true, true) => {
             let (_, value) = value(rest, |name| (name == "REPLY").then_some(()))?;
-            Ok(Order::SetReply(value))
+            Ok(Request::SetReply(value))
         }
-        (true, false) if rest == "REPLY" => Ok(Order::GetReply),
+        (true, false) if rest == "REPLY" => Ok(Request::GetReply),
         (true, false) => Err(Status::UNKNOWN_PARAMETER),
-        (false, true) => value(rest, named).map(|(property, value)| Order::Set(motors, property, value)),
+        (false, true) => value(rest, named).map(|(property, value)| Request::Set(motors, property, value)),
         (false, false) if rest.contains(|c: char| c.is_ascii_whitespace()) => Err(Status::TOO_MANY_ARGUMENTS),
         (false, false) => {
-            named(rest).map(|property| Order::Get(motors, property)).ok_or(Status::UNKNOWN_PARAMETER)
+            named(rest).map(|property| Request::Get(motors, property)).ok_or(Status::UNKNOWN_PARAMETER)
         }
     }
 }
@@ -194,7 +192,7 @@ async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
     if motors.difference(values.motors()).is_empty() { Status::OK } else { Status::NO_BOARD }
 }
 
-/// Prints a value as REPLY says.
+/// Prints a value: a line, or a packet with REPLY 1.
 async fn reply(god: &God<'_>, motor: Motor, property: Property, value: i64) {
     if !god.session.packets() {
         return god.print_line(format_args!("{} {}={value}", motor.number(), property.row().name)).await;

@@ -1,4 +1,4 @@
-//! The byte format of what GOD stores.
+//! The byte format of GOD's memory.
 //!
 //! All numbers little-endian, one after the other:
 //!
@@ -10,7 +10,7 @@
 //! | 20 × (1 + 7 × 4) | of each macro whether there is one, and positions |
 //! | 6 × (1 + 150) | of each sequence its length, and its text with zeros after it |
 //! | 4, 2, 4 | SN, PTEMP, UPSECS |
-//! | 4 | CRC-32 (ISO-HDLC) of all that |
+//! | 4 | CRC-32 (ISO-HDLC) of the bytes before it |
 
 use heapless::String;
 use tater_wire::image::Crc32;
@@ -112,7 +112,7 @@ impl Stored {
     /// Parses bytes of [`Stored::to_bytes`].
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// The first defect found.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Damaged> {
         let length = Damaged::Length { found: bytes.len() };
         let whole: &[u8; LEN] = bytes.try_into().map_err(|_| length)?;

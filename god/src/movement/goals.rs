@@ -1,4 +1,4 @@
-//! Where a command that goes to positions takes each motor, GCL counts.
+//! The goals of each motor for commands that go to positions, GCL counts.
 //!
 //! Without X a finger's tip moves along with its link ([`units::of_tip_along`]): an absolute command puts it where it belongs to the link's
 //! goal, an incremental one moves it by its share of the link's way. A finger that has broken away (BD) and closes further is no unit any
@@ -22,7 +22,7 @@ use crate::units;
 /// Farthest position of the language, GCL counts (manual 5.3).
 const MAX_POSITION: i64 = 32_767;
 
-/// From half of its range on the spread counts as closed, GCL counts (manual table 1: 0 to 9130): fingers 1 and 2 are nearer to beside
+/// The spread counts as closed from half of its range on, GCL counts (manual table 1: 0 to 9130): fingers 1 and 2 are nearer to beside
 /// finger 3 than to opposite it.
 const SPREAD_CLOSED: i64 = 9130 / 2;
 

@@ -77,7 +77,7 @@ impl Layout {
         self.motors.iter().flatten().map(|of| usize::from(of.velocity) + usize::from(of.gain)).sum()
     }
 
-    /// What some board has to be asked for.
+    /// The properties that some board has to be asked for.
     pub fn asks(&self) -> Ahead<bool> {
         let each = self.motors.iter().flatten().map(OfMotor::asks);
         each.fold(Ahead::default(), |all, of| Ahead {
@@ -89,7 +89,7 @@ impl Layout {
 }
 
 impl OfMotor {
-    /// What its board has to be asked for.
+    /// The properties that its board has to be asked for.
     pub fn asks(&self) -> Ahead<bool> {
         Ahead {
             position: self.feeds_position != 0 || self.feeds_change,
@@ -102,7 +102,7 @@ impl OfMotor {
 /// A motor's feedback.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Feedback {
-    /// As the host gets them.
+    /// The bytes for the host.
     pub bytes: Vec<u8, MAX_FEEDBACK>,
     /// The position that the host knows after it, GCL counts.
     pub reported: i32,

@@ -15,7 +15,7 @@ pub(super) struct Rule {
 /// Finds the row of a name.
 pub(super) type Named<R> = fn(&str) -> Option<&'static R>;
 
-/// The pairs of name and value in a line, by the row that `named` finds; after them an error, if one is wrong.
+/// The pairs of name and value in a line, by the row that `named` finds; the first invalid pair gives an error.
 pub(super) fn pairs<R: 'static>(
     mut arguments: Arguments<'_>,
     named: Named<R>,
@@ -56,7 +56,7 @@ fn pair<R>(
 /// The parameters that a line names.
 ///
 /// # Errors
-/// [`Status::UNKNOWN_PARAMETER`]: a name is unknown, or there is none.
+/// [`Status::UNKNOWN_PARAMETER`]: a name is unknown, or missing.
 pub(super) fn names<R: 'static>(
     mut arguments: Arguments<'_>,
     named: Named<R>,
