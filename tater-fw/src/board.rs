@@ -1,6 +1,7 @@
 //! The hardware of a motor board, as small as it can be: what the metal implements with registers in a few lines each,
 //! and the simulator with its plant. Nothing here decides anything.
 
+use embedded_storage::nor_flash::{NorFlashError, NorFlashErrorKind};
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
 use tater_wire::{FaultCode, Frame, Group, Node};
@@ -87,6 +88,15 @@ pub enum FlashError {
     Address,
     /// The power failed, or the hardware gave up.
     Failed,
+}
+
+impl NorFlashError for FlashError {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::Address => NorFlashErrorKind::OutOfBounds,
+            Self::Verify | Self::NotErased | Self::Failed => NorFlashErrorKind::Other,
+        }
+    }
 }
 
 /// Flash as in an STM32F103: erased by pages of 1 KiB to ones, programmed by half-words, each once; only 0 may be

@@ -3,6 +3,7 @@
 //! It decides nothing: a function of it reads or writes registers as it is told. The numbers ([`pins`], [`timing`],
 //! [`scale`]) are compiled on a host too, where they are tested; the rest has registers. All of the project's `unsafe` is here.
 
+pub mod digital;
 pub mod pins;
 pub mod scale;
 pub mod timing;

@@ -76,7 +76,7 @@ impl Events {
     /// The oldest entry that has not been taken yet. It stays in [`Self::iter`].
     pub fn take_next(&mut self) -> Option<Entry> {
         let next = self.entries.len().checked_sub(self.unread)?;
-        let entry = self.entries.iter().nth(next).copied()?;
+        let entry = *self.entries.get(next)?;
         self.unread = self.unread.saturating_sub(1);
         Some(entry)
     }

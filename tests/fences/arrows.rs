@@ -31,7 +31,7 @@ const ARROWS: [Arrows; 9] = [
         package: "tater-fw",
         ours: &["servo-core", "tater-wire"],
         // The same. Only on the metal: bxcan, cortex-m(-rt), stm32f1xx-hal: registers. cortex-m-rtic: interrupts.
-        // embedded-hal: pins. defmt(-rtt): logs. To build: tater-wire, for the memory map in the linker scripts.
+        // embedded-hal: pins. embedded-storage: traits for NOR flash. defmt(-rtt): logs. To build: tater-wire, for the memory map in the linker scripts.
         others: Some(&[
             "bxcan",
             "cortex-m",
@@ -40,6 +40,7 @@ const ARROWS: [Arrows; 9] = [
             "defmt",
             "defmt-rtt",
             "embedded-hal",
+            "embedded-storage",
             "heapless",
             "proptest (dev)",
             "stm32f1xx-hal",

@@ -1,21 +1,25 @@
 //! Flash driver: half-words and pages, read back (PM0075, the flash programming manual, 2.3.3 and 2.3.4).
 //!
-//! The code that waits here is itself fetched from the flash, so it stands still until the operation is done: 70 us a
-//! half-word and 40 ms a page at most (DS5319 5.3.9).
+//! The registers are behind embedded-storage's NOR traits; the board's [`Flash`] is one write or one page of them.
+//! It reads directly, because [`ReadNorFlash::read`] needs `&mut self` and the journal iterates over its records.
+//!
+//! The code that waits here is itself fetched from the flash, so it stands still until the operation is done: at most 70 µs
+//! for a half-word and 40 ms for a page (DS5319 5.3.9).
 
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use stm32f1xx_hal::pac::FLASH;
-use tater_wire::memory::{FLASH as AREA, PAGE};
+use tater_wire::memory::{FLASH as AREA, PAGE, PAGE_WORDS};
 
 use super::address::pointer;
 use crate::board::{Flash, FlashError};
 
-/// What unlocks CR, one after the other.
+/// CR's unlock sequence.
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
-/// Reads of SR after which an operation has failed: they would take longer than any, if it did not hold them up.
-const PATIENCE: u32 = 1 << 20;
+/// Polls of SR before an operation counts as failed: far longer than any operation takes.
+const MAX_POLLS: u32 = 1 << 20;
 
-/// The flash, of which a program may write what lies behind its own code.
+/// The flash. A program may write only what lies behind its own code.
 pub struct Metal {
     flash: FLASH,
     /// The first address that may be written.
@@ -23,7 +27,7 @@ pub struct Metal {
 }
 
 impl Metal {
-    /// The flash, locked, to be written from `first` on.
+    /// The flash, locked; writable from `first` on.
     pub fn new(first: u32) -> Self {
         // SAFETY: the HAL has taken the peripheral for the wait states, and does nothing else with it.
         let flash = unsafe { FLASH::steal() };
@@ -34,9 +38,9 @@ impl Metal {
         AREA.holds(address.into(), len.into()) && address >= self.first
     }
 
-    /// Waits for an operation that was started, and puts CR back.
+    /// Waits for the operation to end and locks CR.
     fn finish(&mut self) -> Result<(), FlashError> {
-        let done = (0..PATIENCE).any(|_| self.flash.sr().read().bsy().bit_is_clear());
+        let done = (0..MAX_POLLS).any(|_| self.flash.sr().read().bsy().bit_is_clear());
         let status = self.flash.sr().read();
         self.flash.sr().write(|w| w.eop().set_bit().pgerr().set_bit().wrprterr().set_bit());
         self.flash.cr().write(|w| w.lock().set_bit());
@@ -47,25 +51,15 @@ impl Metal {
         if status.pgerr().bit_is_set() { Err(FlashError::NotErased) } else { Ok(()) }
     }
 
-    /// Opens CR. What is written there next must clear LOCK, which a register's reset value has set.
+    /// Unlocks CR. The next write to CR must clear LOCK, which is set in the register's reset value.
     fn unlock(&mut self) {
         for key in KEYS {
-            // SAFETY: the keys are what KEYR takes.
+            // SAFETY: KEYR takes these two keys.
             self.flash.keyr().write(|w| unsafe { w.bits(key) });
         }
     }
-}
 
-impl Flash for Metal {
-    fn half_word(&self, address: u32) -> u16 {
-        if !AREA.holds(address.into(), 2) || !address.is_multiple_of(2) {
-            return u16::MAX;
-        }
-        // SAFETY: an even address inside the flash, which any program may read; volatile, because it is written below.
-        unsafe { core::ptr::read_volatile(pointer(address)) }
-    }
-
-    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+    fn program_half_word(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
         if !self.may_write(address, 2) || !address.is_multiple_of(2) {
             return Err(FlashError::Address);
         }
@@ -77,7 +71,7 @@ impl Flash for Metal {
         if self.half_word(address) == value { Ok(()) } else { Err(FlashError::Verify) }
     }
 
-    fn erase(&mut self, page: u32) -> Result<(), FlashError> {
+    fn erase_page(&mut self, page: u32) -> Result<(), FlashError> {
         if !self.may_write(page, PAGE) || !page.is_multiple_of(PAGE) {
             return Err(FlashError::Address);
         }
@@ -92,5 +86,72 @@ impl Flash for Metal {
         self.finish()?;
         let erased = (page..page + PAGE).step_by(2).all(|address| self.half_word(address) == u16::MAX);
         if erased { Ok(()) } else { Err(FlashError::Verify) }
+    }
+}
+
+impl ErrorType for Metal {
+    type Error = FlashError;
+}
+
+/// Offsets count from the start of the flash.
+impl ReadNorFlash for Metal {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        let address = AREA.start.wrapping_add(offset);
+        if !AREA.holds(address.into(), u64::try_from(bytes.len()).unwrap_or(u64::MAX)) {
+            return Err(FlashError::Address);
+        }
+        for (address, byte) in (address..).zip(bytes) {
+            // SAFETY: inside the flash, which any program may read; volatile, because it is written above.
+            *byte = unsafe { core::ptr::read_volatile(pointer(address)) };
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        usize::try_from(AREA.len).unwrap_or(0)
+    }
+}
+
+/// Programs half-words and erases pages, each read back, up to the first that fails.
+impl NorFlash for Metal {
+    const WRITE_SIZE: usize = 2;
+    const ERASE_SIZE: usize = 2 * PAGE_WORDS;
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        let (pairs, rest) = bytes.as_chunks();
+        if !rest.is_empty() {
+            return Err(FlashError::Address);
+        }
+        let addresses = (AREA.start.wrapping_add(offset)..).step_by(Self::WRITE_SIZE);
+        let mut half_words = addresses.zip(pairs);
+        half_words.try_for_each(|(address, pair)| self.program_half_word(address, u16::from_le_bytes(*pair)))
+    }
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        let (from, to) = (AREA.start.wrapping_add(from), AREA.start.wrapping_add(to));
+        (from..to).step_by(Self::ERASE_SIZE).try_for_each(|page| self.erase_page(page))
+    }
+}
+
+impl Flash for Metal {
+    // Inlined into each of its callers it takes 380 bytes more of the monitor.
+    #[inline(never)]
+    fn half_word(&self, address: u32) -> u16 {
+        if !AREA.holds(address.into(), 2) || !address.is_multiple_of(2) {
+            return u16::MAX;
+        }
+        // SAFETY: an even address inside the flash, which any program may read; volatile, because it is written above.
+        unsafe { core::ptr::read_volatile(pointer(address)) }
+    }
+
+    fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
+        self.write(address.wrapping_sub(AREA.start), &value.to_le_bytes())
+    }
+
+    fn erase(&mut self, page: u32) -> Result<(), FlashError> {
+        let offset = page.wrapping_sub(AREA.start);
+        NorFlash::erase(self, offset, offset.wrapping_add(PAGE))
     }
 }

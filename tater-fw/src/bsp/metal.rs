@@ -2,7 +2,7 @@
 
 use core::convert::Infallible;
 
-use embedded_hal::digital::{InputPin, OutputPin};
+use embedded_hal::digital::InputPin;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::Micros;
 use stm32f1xx_hal::can::Can as CanPins;
@@ -20,7 +20,7 @@ use super::halls::Halls;
 use super::pins::{self, BusPins, MotorPins};
 use super::pwm::Guarded;
 use super::watchdog::Watchdog;
-use super::{clocks, flash, stop, timing};
+use super::{clocks, digital, flash, stop, timing};
 use crate::board::{Analog, Board};
 
 /// What drives and senses the motor, or does not.
@@ -74,8 +74,7 @@ impl Motor for Armed {
     }
 
     fn brake(&mut self, released: bool) {
-        // A pin of this chip cannot fail.
-        let _: Result<(), Infallible> = OutputPin::set_state(&mut self.brake, released.into());
+        digital::set_brake(&mut self.brake, released);
     }
 
     fn halls(&self) -> u8 {
@@ -178,7 +177,7 @@ macro_rules! metal {
         let clock = Clock::new($chip.TIM2, &mut $rcc);
         cortex_m::asm::delay(timing::straps::SETTLE);
         Metal {
-            straps: node(straps),
+            straps: digital::node(straps),
             motor: $motor,
             can,
             flash: $flash,
@@ -269,14 +268,6 @@ impl<M: Motor> Metal<M> {
     pub fn now(&mut self) -> Micros {
         self.clock.now()
     }
-}
-
-/// The node that three straps say, lowest bit first: to ground is 1. None is node 0.
-fn node(straps: [&mut dyn InputPin<Error = Infallible>; 3]) -> Node {
-    let bit = |strap: &mut dyn InputPin<Error = Infallible>| u8::from(strap.is_low() == Ok(true));
-    let [a, b, c] = straps.map(bit);
-    // Below 8.
-    Node::new(a | b << 1 | c << 2).unwrap_or(Node::HOST)
 }
 
 /// Where the chip has its number of 96 bits (RM0008 30.2).
