@@ -1,4 +1,4 @@
-//! What a SET of CMD does, by number: Barrett's numbers.
+//! The actions of a SET of CMD, with Barrett's numbers.
 
 /// `Cmd = number, "NAME", "meaning";`
 macro_rules! table {
@@ -11,7 +11,7 @@ macro_rules! table {
             $(#[doc = $meaning] $cmd = $number,)*
         }
 
-        /// Every command, by rising number.
+        /// Every command, by ascending number.
         pub const ROWS: &[CmdSpec] =
             &[$(CmdSpec { number: $number, cmd: Cmd::$cmd, name: $name, meaning: $meaning },)*];
 
@@ -19,7 +19,7 @@ macro_rules! table {
             /// The command of a value of CMD; `None` if there is none.
             #[must_use]
             pub const fn of(number: i64) -> Option<Self> {
-                // Not by the rows: a board has no room for their texts.
+                // Without the rows: a board has no room for their texts.
                 match number {
                     $($number => Some(Self::$cmd),)*
                     _ => None,
@@ -34,11 +34,11 @@ macro_rules! table {
 pub struct CmdSpec {
     /// Value of CMD.
     pub number: u8,
-    /// Which.
+    /// The command.
     pub cmd: Cmd,
     /// Its name, as in the manual.
     pub name: &'static str,
-    /// What it does.
+    /// Its action.
     pub meaning: &'static str,
 }
 
@@ -79,7 +79,7 @@ mod tests {
     use crate::Property;
 
     #[test]
-    fn numbers_rise_and_fit_the_property() {
+    fn command_numbers_ascend_and_fit_the_property() {
         for pair in ROWS.windows(2) {
             assert!(pair[0].number < pair[1].number);
         }

@@ -1,5 +1,5 @@
-//! What property ERROR can say: a row a fault, with its cause and what to do next. A recoverable fault keeps STAT 2,
-//! idles the motor (bridge off, brake engaged) and refuses motion until SET STAT 2 clears it.
+//! The values of ERROR: one row for each fault, with its cause and the next step. A recoverable fault keeps
+//! STAT 2, idles the motor (bridge off, brake engaged) and refuses motion until SET STAT 2 clears it.
 
 use crate::property::Property;
 
@@ -14,7 +14,7 @@ macro_rules! table {
             $(#[doc = $cause] $name = $code,)*
         }
 
-        /// Every fault, by rising code.
+        /// Every fault, by ascending code.
         pub const ROWS: &[FaultSpec] = &[$(*FaultCode::$name.row(),)*];
 
         impl FaultCode {
@@ -41,15 +41,15 @@ macro_rules! table {
 /// A fault's row.
 #[derive(Clone, Copy, Debug)]
 pub struct FaultSpec {
-    /// Which.
+    /// The fault.
     pub code: FaultCode,
     /// Its name.
     pub name: &'static str,
-    /// The property that governs it or shows it, if any.
+    /// The property that controls or shows it, if any.
     pub property: Option<Property>,
-    /// What happened.
+    /// The cause.
     pub cause: &'static str,
-    /// What a person should do.
+    /// The user's next step.
     pub next: &'static str,
 }
 
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_rise_from_one_and_every_row_says_what_to_do() {
+    fn fault_codes_ascend_and_every_row_has_a_next_step() {
         for pair in ROWS.windows(2) {
             assert!(pair[0].code.code() < pair[1].code.code());
         }

@@ -90,7 +90,7 @@ impl embedded_can::Frame for Frame {
 }
 
 impl core::fmt::Debug for Frame {
-    /// As candump writes it: `406#80020000`.
+    /// In candump's notation: `406#80020000`.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{:03X}#", self.id)?;
         for byte in self.data() {
@@ -114,7 +114,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// A frame of any length comes back from what a driver reads of it by the trait.
+        /// A frame of any length round-trips through a driver with the trait.
         #[test]
         fn embedded_can_frame_round_trips(id in 0..=0x7FF_u16, data in prop::collection::vec(any::<u8>(), 0..=8)) {
             let id = StandardId::new(id).expect("11 bits");

@@ -1,5 +1,6 @@
-//! Who speaks to whom: an 11-bit CAN identifier is `G FFFFF TTTTT`, a group flag, the sender's node and the
-//! destination's node or group. The lower identifier wins the bus, so the host (node 0) goes before the boards.
+//! Sender and destination: an 11-bit CAN identifier is `G FFFFF TTTTT`, a group flag, the sender's node and
+//! the destination's node or group. The lower identifier wins the bus, so the host (node 0) goes before the
+//! boards.
 
 /// A node of the bus, 0..=31: 0 is the host (or GOD in its place), Taters are 1 to 7.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -54,25 +55,25 @@ impl Group {
         self.0
     }
 
-    /// Whether boards may listen to it. What goes to the host's groups is said by boards, and never an order: a reply
-    /// looks like a SET.
+    /// Whether boards may receive it. Groups 3 and 6 carry replies to the host, which are never orders
+    /// although they look like a SET (decision 0015).
     #[must_use]
     pub const fn is_for_boards(self) -> bool {
         !matches!(self, Self::POSITIONS | Self::REPLIES)
     }
 }
 
-/// Whom a frame is for.
+/// The destination of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Destination {
     /// One node.
     Node(Node),
-    /// All nodes that listen to the group.
+    /// All nodes that receive the group.
     Group(Group),
 }
 
-/// An 11-bit CAN identifier, taken apart.
+/// A decoded 11-bit CAN identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Identifier {
@@ -115,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_2048_identifiers_come_back() {
+    fn all_2048_identifiers_round_trip() {
         for raw in 0..0x800 {
             assert_eq!(Identifier::from_raw(raw).map(Identifier::raw), Some(raw));
         }
@@ -123,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn replies_are_where_hosts_look_for_them() {
+    fn reply_identifiers_match_published_hosts() {
         let node = Node::new(3).expect("3 is a node");
         let reply = |group| Identifier { from: node, to: Destination::Group(group) }.raw();
         assert_eq!(reply(Group::REPLIES), 0x406 | 3 << 5);

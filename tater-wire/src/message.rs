@@ -14,13 +14,14 @@ use crate::value::Value;
 /// Bit 7 of the first byte: a value follows.
 const SET: u8 = 0x80;
 
-/// Number of VALUE: what a GET by another board is answered as. It is no property of a Tater: it was the raw memory's.
+/// Number of VALUE, in the answer to a GET by another board. It is no property of a Tater; Barrett's boards
+/// access raw memory with it.
 pub const VALUE: u8 = 7;
 
 /// Torque slots in a packed frame.
 pub const SLOTS: usize = 4;
 
-/// A frame's meaning, and between whom.
+/// The meaning of a frame, with sender and destination.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Message {
@@ -28,19 +29,19 @@ pub struct Message {
     pub from: Node,
     /// The destination.
     pub to: Destination,
-    /// What is said.
+    /// The content.
     pub body: Body,
 }
 
-/// What is said.
+/// The content of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Body {
-    /// Asks for a property, 0..=127; in a download the same frame carries a character.
+    /// Requests a property, 0..=127; in a download the same frame carries a character.
     Get(u8),
-    /// Sets a property, or answers a GET (to group 6, or to the node that asked).
+    /// Sets a property, or answers a GET (to group 6, or to the node that sent it).
     Set {
-        /// Number of the property, 0..=127; there need not be one of that number.
+        /// Number of the property, 0..=127, known or not.
         property: u8,
         /// Its value.
         value: Value,
@@ -49,16 +50,16 @@ pub enum Body {
     Position(i32),
     /// Torques for the slots of group 1 or 2.
     Torques(Torques),
-    /// Extension: a monitor asks the host for the next characters of a download.
+    /// Extension: a monitor requests the next characters of a download.
     More {
-        /// How many frames of up to eight characters the host may send now.
+        /// Number of frames of up to eight characters that the host may send now.
         frames: u8,
-        /// Characters received so far (24 bits): where to go on from.
+        /// Characters received so far (24 bits): the offset to continue from.
         received: u32,
     },
 }
 
-/// One to four packed torques, ±8191 (14 bits; −8192 reads back too).
+/// One to four packed torques, ±8191 (14 bits; −8192 parses too).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Torques {
@@ -67,7 +68,7 @@ pub struct Torques {
 }
 
 impl Torques {
-    /// `None` unless there are one to four; values beyond ±8191 saturate, as hosts do it.
+    /// `None` unless there are one to four; values beyond ±8191 saturate, as in hosts.
     #[must_use]
     pub fn new(torques: &[i16]) -> Option<Self> {
         let mut all = [0; SLOTS];
@@ -85,7 +86,7 @@ impl Torques {
         self.torques.get(..usize::from(self.len))?.get(index).copied()
     }
 
-    /// From the bytes after the first: as many slots as have all 14 bits.
+    /// Parses the bytes after the first: as many slots as have all 14 bits.
     fn parse(bytes: &[u8]) -> Option<Self> {
         let mut bits = 0u64;
         for byte in bytes.iter().chain(core::iter::repeat(&0)).take(7) {
@@ -95,7 +96,7 @@ impl Torques {
         let mut torques = [0; SLOTS];
         for (slot, torque) in torques.iter_mut().enumerate().rev() {
             if slot < len {
-                // 14 bits to the top of 16, and back with the sign.
+                // Move 14 bits to the top of 16, and back with the sign.
                 *torque = (((bits & 0x3FFF) << 2) as u16).cast_signed() >> 2;
             }
             bits >>= 14;
@@ -103,7 +104,7 @@ impl Torques {
         u8::try_from(len).ok().filter(|&len| len > 0).map(|len| Self { len, torques })
     }
 
-    /// The frame's bytes, and how many of them.
+    /// The frame's bytes, and their number.
     fn bytes(&self) -> ([u8; 8], usize) {
         let mut bits = 0u64;
         for torque in self.torques {
@@ -117,7 +118,7 @@ impl Torques {
 }
 
 impl Message {
-    /// What a frame means; `None` if it means nothing, and then nobody answers it.
+    /// Parses a frame; `None` if it is not valid, and then nobody answers it.
     #[must_use]
     pub fn parse(frame: &Frame) -> Option<Self> {
         let Identifier { from, to } = frame.id();
@@ -145,8 +146,8 @@ impl Message {
         Some(Self { from, to, body })
     }
 
-    /// The frame that says this. A property number's bit 7 is dropped, a position wraps at 22 bits, `received` at
-    /// 24.
+    /// The frame of this message. A property number's bit 7 is dropped, a position wraps at 22 bits,
+    /// `received` at 24.
     #[must_use]
     pub fn frame(&self) -> Frame {
         let id = Identifier { from: self.from, to: self.to };
@@ -175,7 +176,7 @@ impl Message {
                 ([0, frames, a, b, c, 0, 0, 0], 5)
             }
         };
-        // `len` is at most 8 by the arms above, so a frame there is.
+        // `len` is at most 8 by the arms above, so the frame exists.
         Frame::new(id, bytes.get(..len).unwrap_or(&[])).unwrap_or(Frame::EMPTY)
     }
 
@@ -210,8 +211,8 @@ impl Message {
         Some(Self { from, to, body: Body::Set { property, value } })
     }
 
-    /// A board's answer to the host: positions to group 3, all else to group 6. `None` if the value does not fit
-    /// 32 bits.
+    /// A board's answer to the host: positions to group 3, everything else to group 6. `None` if the value
+    /// does not fit 32 bits.
     #[must_use]
     pub fn reply(from: Node, property: Property, value: i64) -> Option<Self> {
         Self::answer(from, Node::HOST, property.rules(), value)

@@ -1,7 +1,7 @@
-//! Every property of a Tater, once: number, name, width, access, storage, unit, range, defaults, meaning. What
-//! hosts write, what is stored, what is documented and what is refused all comes from the row.
+//! Every property of a Tater, once: number, name, width, access, storage, unit, range, defaults, meaning.
+//! Range checks, storage, refusals and documents all come from the row.
 //!
-//! Numbers below 109 are Barrett's, for motor firmware from 175 on, but for 116; the others are this project's.
+//! Numbers below 109 are Barrett's, for motor firmware from 175 on; 109 and up are this project's.
 
 mod table;
 
@@ -24,18 +24,18 @@ pub enum Access {
     Locked,
 }
 
-/// Whether a value outlives the power.
+/// Whether a value is nonvolatile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stored {
     /// No.
     No,
-    /// When SAVE says so.
+    /// By SAVE.
     Yes,
     /// By itself, as it changes.
     Always,
 }
 
-/// A value before anybody sets one.
+/// The default of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Default {
     /// Measured, or write-only.
@@ -50,8 +50,8 @@ pub enum Default {
     Slot,
 }
 
-/// Which joint a motor drives; it decides the defaults. By node: 1 to 3 are links, 4 is the spread, 5 to 7 are tips,
-/// and a node beyond the hand's seven has a link's.
+/// The kind of joint that a motor drives; it decides the defaults. By node: 1 to 3 are links, 4 is the
+/// spread, 5 to 7 are tips, and a node beyond the hand's seven has a link's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum MotorKind {
@@ -75,12 +75,12 @@ impl MotorKind {
     }
 }
 
-/// A property's row: what a person reads of it, and by [`Deref`] its [`Rules`].
+/// A property's row: the texts for people, and by [`Deref`] its [`Rules`].
 #[derive(Clone, Copy, Debug)]
 pub struct PropertySpec {
     /// Its name, as in the manual.
     pub name: &'static str,
-    /// What a board goes by.
+    /// The part that a board enforces.
     pub rules: &'static Rules,
     /// Unit, or "-".
     pub unit: &'static str,
@@ -88,7 +88,7 @@ pub struct PropertySpec {
     pub min: i64,
     /// Largest value.
     pub max: i64,
-    /// What it means.
+    /// Its meaning.
     pub meaning: &'static str,
 }
 
@@ -100,20 +100,20 @@ impl Deref for PropertySpec {
     }
 }
 
-/// What of a property's row a board goes by: apart from the texts, which are more than a board has room for, and small.
-/// A program that only names some properties as constants has room for theirs alone: [`Property::rules`] of a variable, and
-/// [`Property::of`], bring those of all.
+/// The part of a property's row that a board enforces: without the texts, for which a board has no room. A
+/// program that names properties only as constants links only their rules: [`Property::rules`] of a variable,
+/// and [`Property::of`], link those of all.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
-    /// Which.
+    /// The property.
     pub property: Property,
     /// Width on the wire, 16 or 32 bits.
     pub bits: u8,
     /// What a host may do with it.
     pub access: Access,
-    /// Whether it outlives the power.
+    /// Whether it is nonvolatile.
     pub stored: Stored,
-    /// Before anybody sets it.
+    /// The default.
     pub default: Default,
     min: i32,
     max: u32,
@@ -170,8 +170,8 @@ impl Rules {
         }
     }
 
-    /// A value as it goes on the wire: in the property's width, or 32 bits if it does not fit signed 16; `None` if
-    /// it does not fit 32.
+    /// A value on the wire: in the property's width, or 32 bits if it does not fit signed 16; `None` if it
+    /// does not fit 32.
     #[must_use]
     pub fn write(&self, value: i64) -> Option<Value> {
         match i16::try_from(value) {
@@ -183,7 +183,7 @@ impl Rules {
         }
     }
 
-    /// Whether its numbers have no sign on the wire.
+    /// Whether its values are unsigned on the wire.
     #[must_use]
     const fn unsigned(&self) -> bool {
         self.min >= 0 && self.max > if self.bits == 16 { i16::MAX as u32 } else { i32::MAX as u32 }
@@ -191,13 +191,13 @@ impl Rules {
 }
 
 impl Property {
-    /// The property of a name, in any case.
+    /// The property of a name, case-insensitive.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         ROWS.iter().find(|row| row.name.eq_ignore_ascii_case(name)).map(|row| row.property)
     }
 
-    /// What a value on the wire means for this property: with its sign, unless its row has none.
+    /// The property's value from the wire: signed, unless its row is unsigned.
     #[must_use]
     pub fn read(self, value: Value) -> i64 {
         let unsigned = self.rules().unsigned();
@@ -209,16 +209,16 @@ impl Property {
         }
     }
 
-    /// A value as it goes on the wire: see [`Rules::write`].
+    /// A value on the wire: see [`Rules::write`].
     #[must_use]
     pub fn write(self, value: i64) -> Option<Value> {
         self.rules().write(value)
     }
 
-    /// Whether SAVE stores the property of a number; `false` if there is none.
+    /// Whether SAVE stores the property of a number; `false` if it does not exist.
     #[must_use]
     pub fn is_stored(id: u8) -> bool {
-        // A bit a number: less than all specs.
+        // One bit per number, which is smaller than all rules.
         const STORED: &[u8; 16] = &{
             let (mut bits, mut rest) = (0_u128, Property::ALL);
             while let [property, others @ ..] = rest {

@@ -1,6 +1,6 @@
-//! A property's value as it is on the wire: bits and a width. What the bits mean is the property's.
+//! A property's value on the wire: bits and a width. Their meaning depends on the property.
 
-/// A value as it is on the wire, with its width. What the bits mean is the property's: [`Property::read`](crate::Property::read).
+/// A value on the wire, with its width. [`Property::read`](crate::Property::read) interprets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Value {

@@ -11,7 +11,7 @@ fn of_host(to: Destination, body: Body) -> Vec<u8> {
 }
 
 #[test]
-fn bytes_are_those_of_the_published_hosts() {
+fn frame_bytes_match_published_hosts() {
     let four = Destination::Node(node(4));
     assert_eq!(of_host(four, Body::Get(5)), [5]);
     let set = |property, value| Message::set(four, property, value).expect("fits").frame().data().to_vec();
@@ -41,14 +41,14 @@ fn torques_are_packed_without_gaps() {
         data[0] = 0xAA;
         let frame = Frame::from_raw(0x401, &data[..dlc]).expect("a frame");
         let found = Message::parse(&frame).map(|message| message.body);
-        // Bits of a slot that is not whole are none's.
+        // Bits of an incomplete slot belong to none.
         let whole = Torques::new(&[-1; SLOTS][..slots]).map(Body::Torques);
         assert_eq!(found, whole, "DLC {dlc}");
     }
 }
 
 #[test]
-fn what_means_nothing_is_nothing() {
+fn invalid_frames_do_not_parse() {
     for (id, data) in [
         (4u16, &[][..]),
         (4, &[0x85]),             // a SET without a value
@@ -65,7 +65,7 @@ fn what_means_nothing_is_nothing() {
     }
 }
 
-/// Every body that the wire can say, and where.
+/// Every valid body, with its destinations.
 fn message() -> impl Strategy<Value = Message> {
     let node = || (0u8..32).prop_map(node);
     let anywhere = prop_oneof![
@@ -110,13 +110,13 @@ fn message() -> impl Strategy<Value = Message> {
 
 proptest! {
     #[test]
-    fn parse_of_emit_is_identity(message in message()) {
+    fn parse_of_frame_is_identity(message in message()) {
         let frame = message.frame();
         prop_assert_eq!(Message::parse(&frame), Some(message), "{:?}", frame);
     }
 
     #[test]
-    fn no_frame_panics_and_what_is_understood_is_said_again_alike(
+    fn any_frame_that_parses_emits_the_same_bytes(
         id in 0u16..0x800, data in prop::collection::vec(any::<u8>(), 0..=8)
     ) {
         let frame = Frame::from_raw(id, &data).expect("a frame");

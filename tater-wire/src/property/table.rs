@@ -1,5 +1,5 @@
-//! The rows. To add one: a free number (a used one never comes back), and a line here; documents, range, storage
-//! and defaults follow. Then the board's side of it, in tater-fw.
+//! The rows. To add one: a free number (never one that was used before) and a line here; documents, range,
+//! storage and defaults follow. Then add the board's part in tater-fw.
 
 use super::{Access, Default, PropertySpec, Rules, Stored};
 
@@ -7,7 +7,7 @@ use super::{Access, Default, PropertySpec, Rules, Stored};
 macro_rules! table {
     ($($name:ident = $id:literal, $bits:literal, $access:ident, $stored:ident, $unit:literal,
         $min:literal..=$max:literal, $default:ident $(($($value:literal),*))?, $meaning:literal;)*) => {
-        /// A property of a Tater, by its name in the manual. What it means is its row's `meaning`.
+        /// A property of a Tater, by its name in the manual. Its row's `meaning` explains it.
         #[allow(clippy::upper_case_acronyms, reason = "the manual's names")]
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -16,11 +16,11 @@ macro_rules! table {
             $(#[doc = $meaning] $name = $id,)*
         }
 
-        /// Every property, by rising number.
+        /// Every property, by ascending number.
         pub const ROWS: &[PropertySpec] = &[$(*Property::$name.row(),)*];
 
         impl Property {
-            /// Every one of them, by rising number.
+            /// All rows, by ascending number.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
             /// The number on the wire.
@@ -38,7 +38,7 @@ macro_rules! table {
                 }
             }
 
-            /// What a board goes by.
+            /// The part of the row that a board enforces.
             #[must_use]
             pub const fn rules(self) -> &'static Rules {
                 match self {
@@ -56,7 +56,7 @@ macro_rules! table {
                 }
             }
 
-            /// The row, texts and all: not for firmware, where all of them are linked for one.
+            /// The whole row with its texts: not for firmware, which would link all of them.
             #[must_use]
             pub const fn row(self) -> &'static PropertySpec {
                 match self {
@@ -100,7 +100,7 @@ table! {
     LOCK = 13, 16, WriteOnly, No, "-", 0..=32767, None,
         "18384, 23, 3145, 1024, 1 in this order unlock the next SET of a locked property, once";
     B = 16, 16, ReadOnly, No, "-", 0..=1, Same(0),
-        "brake output: 1 energised, the spread is free";
+        "brake output: 1 energized, the spread is free";
     ANA0 = 18, 16, ReadOnly, No, "ADC", 0..=4095, None,
         "raw analog input 0: strain gauge";
     ANA1 = 19, 16, ReadOnly, No, "ADC", 0..=4095, None,
@@ -193,9 +193,9 @@ table! {
         "after a move: 1 holds the position, 0 idles";
     TSTOP = 78, 16, ReadWrite, Yes, "ms", 0..=65535, Kinds(300, 400, 300),
         "no count for this long while driven is a stall; 0 never";
-    // At KP 100 the loop oscillates at 20 Hz by 8 counts/s, because velocity from 18 counts a revolution is late; at 60 by 3.
-    // KI 800 lets ACCEL 1 overcome 0.05 N·m of static friction within TSTOP. Gains and BT are tuned in simulation over ±30 %
-    // plants; the manual has none.
+    // At KP 100 the loop oscillates at 20 Hz by 8 counts/s, because the velocity from 18 counts a revolution
+    // is late; at 60 by 3. KI 800 lets ACCEL 1 overcome 0.05 N·m of static friction within TSTOP. Gains and
+    // BT are tuned in simulation over plants of ±30 %; the manual has none.
     KP = 79, 16, ReadWrite, Yes, "1/1024 peak per count", 0..=32767, Same(60),
         "position gain";
     KD = 80, 16, ReadWrite, Yes, "1/256 of 1/1024 peak per count/s", 0..=32767, Same(256),
@@ -207,7 +207,7 @@ table! {
     JIDX = 85, 16, ReadWrite, Yes, "-", 1..=7, Node,
         "joint index";
     IPNM = 86, 16, ReadOnly, No, "1/N.m", 1575..=1575, Same(1575),
-        "torque units per newton metre at the motor";
+        "torque units per newton meter at the motor";
     HALLS = 87, 16, ReadOnly, No, "bits", 0..=7, None,
         "present hall code";
     HALLH = 88, 32, ReadOnly, No, "bits", 0..=2147483647, None,

@@ -1,7 +1,7 @@
 use super::*;
 
 #[test]
-fn numbers_and_names_are_unique_and_rise() {
+fn property_numbers_and_names_are_unique_and_ascend() {
     for pair in ROWS.windows(2) {
         assert!(pair[0].property.id() < pair[1].property.id(), "{} {}", pair[0].name, pair[1].name);
     }
@@ -19,7 +19,7 @@ fn defaults_are_in_range_on_every_board() {
         assert!(row.min <= row.max && [16, 32].contains(&row.bits), "{}", row.name);
         for number in 0..32 {
             let node = Node::new(number).expect("a node");
-            // Straps may say 0, which no board may be called; it then keeps silent.
+            // Straps may give 0, which no board may have; such a board is silent.
             if number == 0 && row.default == Default::Node {
                 continue;
             }
@@ -30,7 +30,7 @@ fn defaults_are_in_range_on_every_board() {
 }
 
 #[test]
-fn what_is_stored_can_be_set_and_has_a_default() {
+fn stored_properties_can_be_set_and_have_a_default() {
     for row in ROWS {
         if row.stored != Stored::No {
             assert!(matches!(row.access, Access::ReadWrite | Access::Locked), "{}", row.name);
@@ -40,7 +40,7 @@ fn what_is_stored_can_be_set_and_has_a_default() {
 }
 
 #[test]
-fn values_come_back_from_the_wire_in_their_width() {
+fn values_round_trip_in_their_width() {
     for row in ROWS {
         let middle = row.min.midpoint(row.max);
         for value in [row.min, row.min + 1, -1, 0, 1, middle, row.max - 1, row.max] {
@@ -54,7 +54,7 @@ fn values_come_back_from_the_wire_in_their_width() {
 }
 
 #[test]
-fn an_unsigned_property_takes_a_short_65535_and_others_a_minus_one() {
+fn short_ffff_is_65535_for_unsigned_properties_and_minus_one_for_others() {
     assert_eq!(Property::TSTOP.read(Value::Short(0xFFFF)), 65535);
     assert_eq!(Property::ACCEL.read(Value::Short(0xFFFF)), 65535);
     assert_eq!(Property::OD.read(Value::Short(0xFFFF)), 65535);
