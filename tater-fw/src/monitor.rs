@@ -1,11 +1,11 @@
-//! The monitor: what runs after a reset. It never moves the motor: the bridge is off and the brake engaged.
+//! The monitor: the program after a reset. It never moves the motor: the bridge is off and the brake engaged.
 //!
-//! It answers for the few properties that tell a board, takes downloads into staging, copies them over the
-//! application, and starts the application when it is whole. What goes over the bus is in `docs/download.md`.
+//! It answers for the few properties that identify a board, takes downloads into staging, copies them over
+//! the application, and starts the application if it is whole. `docs/download.md` describes the protocol.
 //!
-//! A valid image in staging is a copy that is owed: it is made before anything else, after a power failure too, and
-//! only when the application has been verified is staging made invalid. So from the first good download on there is a
-//! valid image at any instant, the old one or the new.
+//! A valid image in staging is a copy that is owed: it is made before anything else, also after a power
+//! failure, and staging becomes invalid only when the application has been verified. So from the first good
+//! download on there is a valid image at any instant, the old one or the new.
 
 mod check;
 mod copy;
@@ -30,10 +30,10 @@ use tater_wire::memory::{APPLICATION, STAGING};
 use tater_wire::property::Rules;
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
 
-/// What the monitor says for VERS.
+/// VERS of the monitor.
 const VERSION: i64 = Property::VERS.rules().max();
 
-/// The groups that are heard beside group 0.
+/// The groups that are received beside group 0.
 const GROUPS: [&Rules; 3] = [Property::GRPA.rules(), Property::GRPB.rules(), Property::GRPC.rules()];
 
 /// Numbers of properties.
@@ -50,26 +50,26 @@ const SAVE: u8 = 9;
 /// See [`LOCK`].
 const LOAD: u8 = 10;
 
-/// Frames that wait for the CAN controller: a GET of each property, and a request.
+/// Frames queued for the CAN controller: a GET of each property, and a request.
 const OUTBOX: usize = 8;
 
-/// What comes next.
+/// Result of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// The monitor goes on.
+    /// The monitor continues.
     Stay,
-    /// There is a verified application, and it has been asked for: jump to it.
+    /// There is a verified application, and a host ordered its start: jump to it.
     Start,
 }
 
-/// What a host has asked for, to be obeyed when nothing is owed.
+/// A host's order, executed when no copy is owed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wish {
     Start,
     Download { numbered: bool },
 }
 
-/// What a check is for.
+/// The purpose of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Then {
     /// Staging, where a copy may be owed.
@@ -82,18 +82,18 @@ enum Then {
     Start,
 }
 
-/// What the monitor is about.
+/// The monitor's activity.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "there is no heap to put the download on")]
 enum Phase {
-    /// Nothing: it answers, and stores what is to be stored, also before a download that is waiting.
+    /// Idle: it answers, and stores pending values, also before a download that is waiting.
     Idle,
     Check(Check, Then),
     Download(Download),
     Copy(Copy),
     /// Makes staging invalid.
     Forget,
-    /// Leaves, as soon as all is stored.
+    /// Leaves the monitor as soon as everything is stored.
     Start,
 }
 
@@ -107,11 +107,11 @@ pub struct Monitor<B: Board> {
     locked: Locked,
     phase: Phase,
     wish: Option<Wish>,
-    /// A SAVE is on its way into the flash. Only then is the store let work: its tidying up takes the board off the bus.
+    /// A SAVE is being stored. Only then does the store work: its housekeeping takes the board off the bus.
     saving: bool,
-    /// The copy that is owed has failed.
+    /// The owed copy has failed.
     copy_failed: bool,
-    /// At first why the board was reset, unless somebody wanted it to be.
+    /// Initially the reason for the reset, unless it was ordered.
     error: Option<FaultCode>,
     outbox: Deque<Frame, OUTBOX>,
 }
@@ -147,10 +147,10 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    /// A frame from the bus, any frame: those for other nodes are skipped.
+    /// Takes any frame from the bus; frames for other nodes are skipped.
     pub fn receive(&mut self, frame: &Frame, now: Micros) {
         let id = frame.id();
-        // Node 0 is the host: a board that nobody has named hears groups only, and keeps silent.
+        // Node 0 is the host: a board without a node receives groups only, and sends nothing.
         let mine = self.node != Node::HOST && id.to == Destination::Node(self.node);
         let host = id.from == Node::HOST;
         if mine
@@ -177,7 +177,8 @@ impl<B: Board> Monitor<B> {
                     Value::Short(bits) => i64::from(bits.cast_signed()),
                     Value::Long(bits) => i64::from(bits.cast_signed()),
                 };
-                // Two boards that ask for characters at once would get each other's: only one by its own number.
+                // Two boards that requested characters at once would get each other's: accept only the own
+                // node.
                 if property == VERS && mine && host {
                     self.set_vers(value, now);
                 } else {
@@ -227,13 +228,13 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    /// A new wish replaces the last, and ends a download. What is owed comes first.
+    /// A new order replaces the last, and ends a download. An owed copy comes first.
     fn order(&mut self, wish: Option<Wish>, now: Micros) {
         if wish.is_some() {
             self.error = None;
         }
         if wish == Some(Wish::Start) && matches!(self.phase, Phase::Start | Phase::Check(_, Then::Start)) {
-            // It is being obeyed. A host that asks again and again must not make it begin again.
+            // It is being executed. A host that repeats its order must not restart it.
             return;
         }
         self.wish = wish;
@@ -249,17 +250,17 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    /// Nothing is owed: the wish's turn.
+    /// No copy is owed: execute the order.
     fn obey(&mut self, now: Micros) {
         self.phase = match self.wish.take() {
             None => Phase::Idle,
-            // First what is to be stored: a download takes minutes, in which the store does not work.
+            // First store pending values: during a download, which takes minutes, the store does not work.
             Some(wish @ Wish::Download { .. }) if self.saving => {
                 self.wish = Some(wish);
                 Phase::Idle
             }
             Some(Wish::Download { numbered }) => {
-                // Of the copy that this download is to make good, perhaps.
+                // Perhaps of the copy that this download is to repair.
                 self.error = None;
                 self.copy_failed = false;
                 Phase::Download(Download::new(numbered, now))
@@ -274,7 +275,8 @@ impl<B: Board> Monitor<B> {
         };
     }
 
-    /// ERROR says why. The application is not started after that until somebody who may have read it asks again.
+    /// Sets ERROR. After it the application starts only when a host orders it again, which may have read
+    /// ERROR.
     fn fail(&mut self, error: FaultCode) {
         self.error = Some(error);
         if self.wish == Some(Wish::Start) {
@@ -282,7 +284,7 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    /// What is due: at most one flash operation, a request, a time-out. To be called over and over.
+    /// One step: at most one flash operation, a request, a timeout. Call it repeatedly.
     pub fn step(&mut self, now: Micros) -> Next {
         self.board.feed_watchdog();
         match &mut self.phase {
@@ -331,7 +333,7 @@ impl<B: Board> Monitor<B> {
     fn checked(&mut self, then: Then, good: bool, len: u32, now: Micros) {
         match (then, good) {
             (Then::Copy | Then::Received, true) => self.phase = Phase::Copy(Copy::new(len)),
-            // What a download that was cut short has left.
+            // Remains of an interrupted download.
             (Then::Copy, false) => self.obey(now),
             (Then::Received, false) => self.refuse(FaultCode::BadImage),
             (Then::Copied, true) => self.phase = Phase::Forget,
@@ -344,14 +346,14 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    /// The download is of no use.
+    /// The download is unusable.
     fn refuse(&mut self, error: FaultCode) {
         self.fail(error);
         self.phase = Phase::Forget;
     }
 
-    /// The copy did not succeed. It stays owed: the next SET STAT 2 or reset makes it again. A download goes over it, and
-    /// over the only good image; so only when the copy has failed twice.
+    /// The copy failed. It stays owed: the next SET STAT 2 or reset repeats it. A download overwrites
+    /// staging, the only good image, only after two failures.
     fn give_up(&mut self, now: Micros) {
         self.fail(FaultCode::FlashWrite);
         let again = !core::mem::replace(&mut self.copy_failed, true) && self.wish.is_some();
@@ -361,7 +363,7 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    /// Makes staging invalid: 0 may be written over anything.
+    /// Makes staging invalid: 0 may be programmed over any value.
     fn forget(&mut self, now: Micros) {
         let flash = self.board.flash();
         let magic = [STAGING.start + MAGIC_AT, STAGING.start + MAGIC_AT + 2];
@@ -373,7 +375,7 @@ impl<B: Board> Monitor<B> {
         self.obey(now);
     }
 
-    /// One flash operation for the store, if one is due; whether there is nothing more to do.
+    /// One flash operation for the store, if one is due; returns whether there is nothing more to do.
     fn keep(&mut self) -> bool {
         if self.saving {
             self.saving = match self.store.step(self.board.flash(), true) {
@@ -390,12 +392,13 @@ impl<B: Board> Monitor<B> {
 
     fn send(&mut self, message: Message) {
         if self.node != Node::HOST {
-            // A full outbox: nobody acknowledges on the bus, and hosts ask again as requests do.
+            // A full outbox: nobody acknowledges on the bus, and hosts repeat their GETs as the board repeats
+            // its requests.
             let _ = self.outbox.push_back(message.frame());
         }
     }
 
-    /// Hands waiting frames to the CAN controller.
+    /// Passes queued frames to the CAN controller.
     fn flush(&mut self) {
         while let Some(frame) = self.outbox.front() {
             if !self.board.transmit(frame) {
@@ -411,19 +414,19 @@ impl<B: Board> Monitor<B> {
         self.node
     }
 
-    /// What property ERROR says.
+    /// The value of ERROR.
     #[must_use]
     pub const fn error(&self) -> Option<FaultCode> {
         self.error
     }
 
-    /// Whether there is nothing to do but to answer: no check, download, copy or SAVE.
+    /// Whether only answers are left to do: no check, download, copy or SAVE.
     #[must_use]
     pub const fn is_idle(&self) -> bool {
         matches!(self.phase, Phase::Idle) && !self.saving
     }
 
-    /// Whether the next step sums a slice of an image.
+    /// Whether the next step checks a slice of an image.
     #[must_use]
     pub const fn is_checking(&self) -> bool {
         matches!(self.phase, Phase::Check(..))

@@ -1,13 +1,13 @@
-//! Whether an area of the flash holds a whole image, found out in slices, so that the bus is answered meanwhile.
+//! Checks an area of the flash for a whole image, in slices, so that the bus is answered meanwhile.
 
 use crate::board::Flash;
 use tater_wire::image::{HEADER_BYTES, Header, Summer};
 use tater_wire::memory::Area;
 
-/// Bytes summed in a step: 0.15 ms at 72 MHz and some 42 cycles a byte, a third of the time an answer may take.
+/// Bytes per step: 0.15 ms at 72 MHz and some 42 cycles a byte, a third of the time that an answer may take.
 const SLICE: u32 = 256;
 
-/// The sum over an image so far.
+/// A check in progress.
 pub(super) struct Check {
     area: Area,
     header: Header,
@@ -22,7 +22,7 @@ impl core::fmt::Debug for Check {
 }
 
 impl Check {
-    /// `None` if the area does not even have a header with sensible vectors.
+    /// `None` if the area has no header with valid vectors.
     pub(super) fn new<F: Flash>(flash: &F, area: Area) -> Option<Self> {
         let mut start = [0; HEADER_BYTES];
         for (address, pair) in (area.start..).step_by(2).zip(start.chunks_exact_mut(2)) {
@@ -31,16 +31,16 @@ impl Check {
         Some(Self { area, header: Header::read(&start).ok()?, at: 0, summer: Summer::default() })
     }
 
-    /// Bytes of the image, as its header says.
+    /// Length of the image, from its header.
     pub(super) const fn len(&self) -> u32 {
         self.header.len
     }
 
-    /// The next slice; at the end, whether the CRC-32 is that of the header.
+    /// Checks the next slice; at the end, returns whether the CRC-32 matches the header.
     pub(super) fn step<F: Flash>(&mut self, flash: &F) -> Option<bool> {
         let end = self.header.len.min(self.at.saturating_add(SLICE));
         while self.at < end {
-            // Both fit: an area lies in the flash, and a header's length in its area.
+            // Both fit: an area is in the flash, and a header's length in its area.
             let address = self.area.start.wrapping_add(self.at);
             self.summer.update(&flash.half_word(address).to_le_bytes());
             self.at = self.at.saturating_add(2);

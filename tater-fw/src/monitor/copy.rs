@@ -1,25 +1,25 @@
-//! From staging to the application, page by page. Nothing is remembered of how far it came: after a power failure the
-//! whole copy is made again, because a page in which the power failed may read well today and not tomorrow.
+//! Copies staging to the application, page by page. Progress is not stored: after a power failure the whole
+//! copy is repeated, because a page in which the power failed may read correctly today and not tomorrow.
 
 use crate::board::{Flash, FlashError};
 use tater_wire::memory::{APPLICATION, PAGE, STAGING};
 
-/// A copy so far.
+/// A copy in progress.
 #[derive(Debug)]
 pub(super) struct Copy {
     len: u32,
     at: u32,
-    /// The page that `at` is in has been erased.
+    /// The page of `at` has been erased.
     erased: bool,
 }
 
 impl Copy {
-    /// Of `len` bytes, a multiple of 4 and at most the application's area.
+    /// Copies `len` bytes, a multiple of 4 and at most the application's area.
     pub(super) const fn new(len: u32) -> Self {
         Self { len, at: 0, erased: false }
     }
 
-    /// At most one flash operation; whether all is copied.
+    /// At most one flash operation; returns whether everything is copied.
     pub(super) fn step<F: Flash>(&mut self, flash: &mut F) -> Result<bool, FlashError> {
         if self.at >= self.len {
             return Ok(true);

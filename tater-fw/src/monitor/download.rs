@@ -1,8 +1,9 @@
-//! A download: asks for characters, takes them, frames and checks the records, and writes what they say to staging.
+//! A download: requests and receives characters, frames and checks the records, and writes their data to
+//! staging.
 //!
-//! The processor stalls while a page is erased, and the CAN controller holds three frames meanwhile; so a page is
-//! erased only when no frame that was asked for is still to come. Programming a half-word takes less than a frame
-//! does, and may go on while frames come.
+//! The processor stalls while a page is erased, and the CAN controller buffers three frames meanwhile. So a
+//! page is erased only when no requested frame is still to come. Programming a half-word takes less than a
+//! frame, and may go on while frames arrive.
 
 use crate::board::Flash;
 use heapless::{Deque, Vec};
@@ -12,71 +13,73 @@ use tater_wire::memory::{APPLICATION, PAGE, STAGING};
 use tater_wire::tek::{Decoder, MAX_DATA, Record, TekErrorKind};
 use tater_wire::{Body, FaultCode, Property};
 
-/// A request that nobody has answered for so long is made again. A character by the slowest route (GOD, serial,
+/// A request is repeated after this time without an answer. A character by the slowest route (GOD, serial,
 /// device server) takes up to 100 ms; twice that, so that a repeat is rare: it makes an old host send twice.
 pub(super) const REPEAT: Micros = Micros(200_000);
 
-/// Without a character for so long the host is gone.
+/// Timeout without a character: the host has gone.
 pub(super) const TIMEOUT: Micros = Micros(10_000_000);
 
-/// Frames granted by one request to a host that numbers them: 128 characters, so that the request costs 1/20 of what
-/// it brings.
+/// Frames granted by one request to a host that numbers them: 128 characters, so that the request costs 1/20
+/// of its answer.
 pub(super) const GRANT: u8 = 16;
 const _: () = assert!(GRANT == 16, "GRANTED says the same");
 
-/// Characters kept until their records are worked off: a grant, and another that is asked for while the first is
-/// worked off. An old host whose frames went missing for 10 s owes 50 at most.
+/// Characters buffered until their records are processed: a grant, and another that is requested while the
+/// first is processed. An old host whose frames were lost for 10 s owes 50 at most.
 const RING: usize = 2 * GRANTED;
 
 /// Characters in a grant.
 const GRANTED: usize = 16 * CHARACTERS;
 
-/// What a step of a download came to.
+/// Result of a step of a download.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Step {
-    /// It goes on.
+    /// It continues.
     Working,
-    /// This is to be sent to the host.
+    /// Send this to the host.
     Ask(Body),
-    /// The termination record has come, and all before it is in staging: so many bytes, gaps and all.
+    /// The termination record has arrived, and all data before it are in staging: the number of bytes,
+    /// including gaps.
     Whole(u32),
 }
 
-/// A download so far.
+/// A download in progress.
 #[derive(Debug)]
 pub(super) struct Download {
     /// The host numbers its frames.
     numbered: bool,
-    /// Frames taken.
+    /// Frames received.
     frames: u32,
-    /// Frames asked for and still to come, as far as known.
+    /// Frames requested and still to come, as far as known.
     awaited: u8,
-    /// A frame has come since the last request.
+    /// A frame has arrived since the last request.
     answered: bool,
-    /// When the last request was made or the last frame taken, and when the last frame.
+    /// Time of the last request or received frame, and of the last frame.
     last: Micros,
     heard: Micros,
     ring: Deque<u8, RING>,
     decoder: Decoder,
     ended: bool,
-    /// Bytes of the last record that are still to be written, last first, and the offset in staging of the next.
+    /// Bytes of the last record still to be written, in reverse, and the offset in staging of the next.
     bytes: Vec<u8, MAX_DATA>,
     at: u32,
-    /// A half-word that is not whole yet, and its offset.
+    /// An incomplete half-word, and its offset.
     half: Option<(u32, u16)>,
     /// Pages erased, from the first on.
     erased: u32,
 }
 
-/// The time since then; none if then is after now: a frame's time may be taken by an interrupt that comes after the
-/// time of the step was read.
+/// The time since then; 0 if then is after now: an interrupt that stamps a frame may come after the step has
+/// read the time.
 const fn since(then: Micros, now: Micros) -> Micros {
     let since = now.wrapping_since(then);
     if since.0 < 1 << 31 { since } else { Micros(0) }
 }
 
 impl Download {
-    /// Begins; the first step erases the first page of staging, which holds the header of what is there.
+    /// Starts a download; the first step erases the first page of staging, which holds the header of the old
+    /// content.
     pub(super) fn new(numbered: bool, now: Micros) -> Self {
         Self {
             numbered,
@@ -95,15 +98,15 @@ impl Download {
         }
     }
 
-    /// The data of a frame from the host to this board; whether it belongs to the download. Frames out of turn and
-    /// characters without room are dropped.
+    /// Takes the data of a frame from the host to this board; returns whether it belongs to the download.
+    /// Frames out of turn and characters without room are dropped.
     pub(super) fn take(&mut self, data: &[u8], now: Micros) -> bool {
         if self.numbered {
             let Some((number, characters)) = unpack(data) else { return false };
             let expected = self.frames.to_le_bytes().first() == Some(&number);
             if expected && self.ring.len() <= RING - CHARACTERS {
                 for character in characters.into_iter().take_while(|&character| character != 0) {
-                    // There is room: see above.
+                    // There is room: see the granted frames above.
                     let _ = self.ring.push_back(character);
                 }
                 self.taken(now);
@@ -111,7 +114,7 @@ impl Download {
             return true;
         }
         let [character @ b'0'..=0x7F] = *data else { return false };
-        // If it is lost, the record's checksum or length will not agree.
+        // If it is lost, the record's checksum or length will not match.
         let _ = self.ring.push_back(character);
         self.taken(now);
         true
@@ -142,7 +145,7 @@ impl Download {
         if quiet && !self.ended && self.ring.len() <= self.fill() {
             return Ok(Step::Ask(self.ask(now)));
         }
-        // After the termination the rest of a grant is waited for: nothing may follow.
+        // After the termination wait for the rest of a grant: nothing may follow.
         if self.write(flash)? || !self.ended || !quiet {
             return Ok(Step::Working);
         }
@@ -155,7 +158,7 @@ impl Download {
         self.at.wrapping_add(u32::try_from(self.bytes.len()).unwrap_or(0))
     }
 
-    /// How full the ring may be for the next request.
+    /// Fill level of the ring up to which the next request may be sent.
     const fn fill(&self) -> usize {
         if self.numbered { RING - GRANTED } else { 0 }
     }
@@ -168,8 +171,9 @@ impl Download {
             // A file has at most 24 bits of characters: 52 KiB are some 130,000.
             return Body::More { frames: GRANT, received: before(self.frames) };
         }
-        // Every request makes an old host send one more, sooner or later. A silence after an answer means that the
-        // requests before it went astray; one without an answer, that the host is slow and still owes an answer to each.
+        // Every request makes an old host send one more, sooner or later. A silence after an answer means
+        // that the requests before it were lost. A silence without an answer means that the host is slow and
+        // still owes an answer to each.
         self.awaited = if self.answered { 1 } else { self.awaited.saturating_add(1) };
         self.answered = false;
         Body::Get(Property::VERS.id())
@@ -194,7 +198,7 @@ impl Download {
                         return Err(FaultCode::Overlap);
                     }
                     self.at = offset;
-                    // Of the same capacity as a record's.
+                    // Same capacity as a record's.
                     let _ = self.bytes.extend_from_slice(bytes);
                     self.bytes.reverse();
                 }
@@ -207,7 +211,7 @@ impl Download {
         Ok(())
     }
 
-    /// Programs the next half-word; whether there was one.
+    /// Programs the next half-word; returns whether there was one.
     fn write<F: Flash>(&mut self, flash: &mut F) -> Result<bool, FaultCode> {
         while let Some(&byte) = self.bytes.last() {
             let even = self.at & !1;
@@ -225,8 +229,8 @@ impl Download {
                 break;
             }
         }
-        // A half-word stays open while its second byte may still come. If it never does the image's length is odd, and
-        // the image no good.
+        // A half-word stays open while its second byte may still come. If it never comes, the image's length
+        // is odd and the image invalid.
         if self.bytes.is_empty() && self.half.is_some_and(|(at, _)| at == self.at.wrapping_sub(1)) {
             return Ok(false);
         }

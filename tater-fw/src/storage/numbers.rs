@@ -1,6 +1,6 @@
 //! A set of property numbers.
 
-/// Numbers 0 to 127, which are all that the wire has. In words of 32 bits: shifts of a `u128` are long on a Cortex-M3.
+/// Numbers 0 to 127, the range of the wire. In words of 32 bits: shifts of a `u128` are long on a Cortex-M3.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Numbers([u32; 4]);
 
@@ -8,7 +8,7 @@ impl Numbers {
     /// The empty set.
     pub const NONE: Self = Self([0; 4]);
 
-    /// With a number, one up to 127.
+    /// With one number, up to 127.
     pub const fn with(self, number: u8) -> Self {
         let ([a, b, c, d], bit) = (self.0, 1 << (number % 32));
         Self(match number / 32 {
@@ -19,53 +19,53 @@ impl Numbers {
         })
     }
 
-    /// What is in both.
+    /// Intersection.
     pub const fn both(self, other: Self) -> Self {
         let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
         Self([a & e, b & f, c & g, d & h])
     }
 
-    /// What is not in another.
+    /// Difference.
     pub const fn without(self, other: Self) -> Self {
         let [a, b, c, d] = other.0;
         self.both(Self([!a, !b, !c, !d]))
     }
 
-    /// How many.
+    /// Number of elements.
     pub fn len(self) -> usize {
         self.0.iter().fold(0, |len, word| len + usize::try_from(word.count_ones()).unwrap_or(0))
     }
 
-    /// Adds all of another.
+    /// Adds all numbers of another set.
     pub fn extend(&mut self, other: Self) {
         self.0.iter_mut().zip(other.0).for_each(|(word, other)| *word |= other);
     }
 
-    /// Adds a number; none beyond 127.
+    /// Adds a number; ignores numbers above 127.
     pub fn insert(&mut self, number: u8) {
         if let Some(word) = self.0.get_mut(usize::from(number / 32)) {
             *word |= 1 << (number % 32);
         }
     }
 
-    /// Takes a number away.
+    /// Removes a number.
     pub fn remove(&mut self, number: u8) {
         if let Some(word) = self.0.get_mut(usize::from(number / 32)) {
             *word &= !(1 << (number % 32));
         }
     }
 
-    /// Whether it has a number.
+    /// Whether it contains a number.
     pub fn contains(&self, number: u8) -> bool {
         self.0.get(usize::from(number / 32)).is_some_and(|word| word >> (number % 32) & 1 != 0)
     }
 
-    /// Whether it has none.
+    /// Whether it is empty.
     pub fn is_empty(&self) -> bool {
         self.0.iter().all(|&word| word == 0)
     }
 
-    /// All that it has, rising.
+    /// Its numbers, ascending.
     pub fn iter(self) -> impl Iterator<Item = u8> {
         let [mut word, b, c, d] = self.0;
         let (mut first, mut others) = (0, [b, c, d].into_iter());
@@ -88,7 +88,7 @@ mod tests {
     use std::vec::Vec;
 
     #[test]
-    fn it_has_what_was_inserted_and_nothing_else() {
+    fn set_contains_exactly_the_inserted_numbers() {
         let mut numbers = Numbers::default();
         assert!(numbers.is_empty());
         for number in [127, 0, 31, 32, 64, 95, 128, 255] {

@@ -1,9 +1,9 @@
-//! Which page is written, which is erased ahead, which is left alone.
+//! Selects the pages to write, to erase ahead, and to leave alone.
 //!
-//! The pages are a ring: each is filled, then the next that is ready. The current one has the newest state, the one
-//! before it stays as it is, in case the current one is ever damaged; all others are erased ahead, as soon as the
-//! bridge is off. A page is *ready* once its first half-word is [`READY`], which is programmed after the erase and
-//! so says that the erase was not cut short, which blank half-words alone do not say.
+//! The pages are a ring: each is filled, then the next that is ready. The current one has the newest state.
+//! The one before it is kept, in case the current one is ever damaged. All others are erased ahead, as soon
+//! as the bridge is off. A page is *ready* once its first half-word is [`READY`], which is programmed after
+//! the erase and so proves that the erase was complete; blank half-words alone do not.
 
 use crate::board::{Flash, FlashError};
 pub use tater_wire::memory::PAGE_WORDS;
@@ -13,10 +13,10 @@ use tater_wire::memory::STORAGE;
 const PAGES: u8 = 8;
 const _: () = assert!(STORAGE.pages() == 8 && PAGES == 8, "a bit a page");
 
-/// Where records begin: after the mark that the page is ready.
+/// Start of the records: after the mark that the page is ready.
 pub const FIRST: usize = 1;
 
-/// The first half-word of a page that is erased, or was before it was written. Cut short, it is not this.
+/// The first half-word of a page after its erase. A cut erase or cut programming does not leave it.
 const READY: u16 = 0x5AC3;
 
 /// A page of the ring.
@@ -24,7 +24,7 @@ const READY: u16 = 0x5AC3;
 pub struct Page(u8);
 
 impl Page {
-    /// All of them, each once, the one after `last` first.
+    /// All of them, each once, starting after `last`.
     fn all_after(last: Option<Self>) -> impl Iterator<Item = Self> {
         let first = last.map_or(0, |page| page.0 + 1);
         (first..first + PAGES).map(|index| Self(index % PAGES))
@@ -35,10 +35,10 @@ impl Page {
     }
 
     /// The address of a half-word of it.
-    // Short, but so often needed that copies of it make 130 bytes of the monitor's flash.
+    // Not inlined: it is needed so often that copies would take 130 bytes of the monitor's flash.
     #[inline(never)]
     pub fn address(self, at: usize) -> u32 {
-        // Below PAGE_WORDS = 512, whatever it comes from.
+        // Below PAGE_WORDS = 512 for every caller.
         let at = u16::try_from(at % PAGE_WORDS).unwrap_or(0);
         STORAGE.page(self.0.into()) + 2 * u32::from(at)
     }
@@ -56,17 +56,18 @@ impl Page {
 /// The ring.
 #[derive(Debug)]
 pub struct Pages {
-    /// Has the newest state.
+    /// The page with the newest state.
     current: Option<Page>,
-    /// Where the current one goes on; its end if nothing may be added.
+    /// Write position in the current page; its end if nothing may be added.
     tail: usize,
-    /// Had it before.
+    /// The page with the state before that.
     previous: Option<Page>,
     /// Ready to be written.
     ready: u8,
-    /// Failed since the start: neither erased nor written again, so that a broken flash is not worn out by trying.
+    /// Failed since the start: neither erased nor written again, so that retries do not wear out a broken
+    /// flash.
     bad: u8,
-    /// Erased, but not yet marked so.
+    /// Erased, but not yet marked as ready.
     blank: Option<Page>,
 }
 
@@ -75,7 +76,7 @@ impl Pages {
     pub const NONE: Self =
         Self { current: None, tail: PAGE_WORDS, previous: None, ready: 0, bad: 0, blank: None };
 
-    /// Looks at all of them. `sequence` says how new a page's state is, `None` if it has none.
+    /// Reads all of them. `sequence` returns the sequence number of a page's state, `None` if it has none.
     pub fn survey<F: Flash>(&mut self, flash: &F, sequence: impl Fn(Page) -> Option<u32>) {
         let mut newest = [None, None];
         for page in Page::all_after(None) {
@@ -97,19 +98,19 @@ impl Pages {
         self.current
     }
 
-    /// The page that had it before.
+    /// The page with the state before that.
     pub const fn previous(&self) -> Option<Page> {
         self.previous
     }
 
-    /// What has been read of the current page ends here. It goes on here if the rest is blank; if not, that is what a
-    /// cut has left, and nothing must follow it.
+    /// The readable content of the current page ends here. Writing continues here if the rest is blank;
+    /// otherwise the rest was left by a power cut, and nothing may follow it.
     pub fn ends_at<F: Flash>(&mut self, flash: &F, at: usize) {
         let blank = self.current.is_some_and(|page| page.is_blank(flash, at));
         self.tail = if blank { at } else { PAGE_WORDS };
     }
 
-    /// Where the current page has room for so many half-words.
+    /// A position in the current page with room for so many half-words.
     pub fn room(&self, len: usize) -> Option<(Page, usize)> {
         let page = self.current?;
         (self.tail + len <= PAGE_WORDS).then_some((page, self.tail))
@@ -120,19 +121,19 @@ impl Pages {
         self.tail += len;
     }
 
-    /// Whether there is a page to go on in when the current one is full.
+    /// Whether there is a ready page for when the current one is full.
     pub const fn has_ready(&self) -> bool {
         self.ready != 0
     }
 
-    /// Takes the next ready page, to write a complete record into it.
+    /// Takes the next ready page, for a complete record.
     pub fn take_ready(&mut self) -> Option<Page> {
         let page = Page::all_after(self.current).find(|page| self.ready & page.bit() != 0)?;
         self.ready &= !page.bit();
         Some(page)
     }
 
-    /// A page that was taken has a complete record, which ends here: it is the current one.
+    /// The page that was taken has a complete record, which ends here: it becomes the current page.
     pub const fn turn(&mut self, page: Page, tail: usize) {
         self.previous = self.current;
         self.current = Some(page);
@@ -144,7 +145,7 @@ impl Pages {
         self.tail = PAGE_WORDS;
     }
 
-    /// A page did not take what was written.
+    /// A write to a page failed.
     pub fn fail(&mut self, page: Page) {
         self.bad |= page.bit();
         if self.current == Some(page) {
@@ -152,7 +153,7 @@ impl Pages {
         }
     }
 
-    /// The next page to erase: not one that has state, is ready, or has failed.
+    /// The next page to erase: one without state that is neither ready nor failed.
     pub fn stale(&self) -> Option<Page> {
         let free = |page: &Page| {
             (self.ready | self.bad) & page.bit() == 0
@@ -161,13 +162,13 @@ impl Pages {
         Page::all_after(self.current).find(free)
     }
 
-    /// The page to erase when something must be written and none is ready: if all else has failed, the one before the
-    /// current one.
+    /// The page to erase when something must be written and none is ready: if everything else has failed, the
+    /// one before the current one.
     pub fn last_resort(&self) -> Option<Page> {
         self.stale().or_else(|| self.previous.filter(|page| self.bad & page.bit() == 0))
     }
 
-    /// Erases a page: one flash operation. [`Self::mark`] is the next.
+    /// Erases a page: one flash operation. [`Self::mark`] follows.
     pub fn erase<F: Flash>(&mut self, flash: &mut F, page: Page) -> Result<(), FlashError> {
         self.previous = self.previous.filter(|previous| *previous != page);
         flash.erase(page.address(0)).inspect_err(|_| self.fail(page))?;
@@ -175,7 +176,7 @@ impl Pages {
         Ok(())
     }
 
-    /// Marks a page that has been erased as ready, one flash operation; `false` if there is none.
+    /// Marks an erased page as ready, one flash operation; `false` if there is none.
     pub fn mark<F: Flash>(&mut self, flash: &mut F) -> Result<bool, FlashError> {
         let Some(page) = self.blank.take() else { return Ok(false) };
         flash.program(page.address(0), READY).inspect_err(|_| self.fail(page))?;

@@ -18,31 +18,31 @@ use crate::board::Flash;
 use heapless::Vec;
 use tater_wire::image::Crc32;
 
-/// The version of the layout. A record of another version is not read, and its page is erased in its turn; so there is
-/// to be no other (module text of `storage`).
+/// The version of the layout. A record of another version is not read, and its page is erased in its turn; so
+/// there must be no other version (see `storage`).
 const VERSION: u16 = 1;
 
-/// Half-words before the entries, and the CRC's.
+/// Half-words before the entries, and of the CRC.
 const HEAD: usize = 4;
 pub const TAIL: usize = 2;
 
-/// Most properties that are stored: 43 now, and room for those of other versions.
+/// Maximum number of stored properties: 43 now, and room for those of other versions.
 pub const STORED: usize = 48;
 
-/// Entries of a record at most: the stored properties and three counters.
+/// Maximum entries of a record: the stored properties and three counters.
 pub const ENTRIES: usize = STORED + 3;
 
-/// Half-words of a record before its CRC at most: every entry has at most three.
+/// Maximum half-words of a record before its CRC: every entry has at most three.
 pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES;
 
-/// What a record says of itself.
+/// The head of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Head {
     /// Sequence number.
     pub sequence: u32,
-    /// Holds all values: what it does not name is not stored. The others only name what changed.
+    /// Contains all values: a property without an entry is not stored. Other records name only changes.
     pub complete: bool,
-    /// The hall code at the position in this record, which may be trusted while the mark says so.
+    /// The hall code at the position in this record, which may be trusted while the mark is intact.
     pub trusted: Option<u8>,
 }
 
@@ -67,11 +67,11 @@ pub fn encode(
 ) {
     let [low, high] = halves(head.sequence);
     words.clear();
-    // There is room for all: ENTRIES.
+    // They fit: ENTRIES.
     let mut push = |word| {
         let _ = words.push(word);
     };
-    // The length takes the first one's place.
+    // The length goes into the first one.
     [0, head.info(), low, high].into_iter().for_each(&mut push);
     for (id, value) in entries.take(ENTRIES) {
         let [low, high] = halves(value.unwrap_or(0).cast_unsigned());
@@ -92,7 +92,7 @@ pub fn encode(
 /// A whole record in the flash.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
-    /// What it says of itself.
+    /// Its head.
     pub head: Head,
     page: Page,
     at: usize,
@@ -100,7 +100,7 @@ pub struct Found {
 }
 
 impl Found {
-    /// The record at a half-word of a page; `None` if there is none, or it is not whole.
+    /// The record at a half-word of a page; `None` if there is none, or it is incomplete.
     pub fn read<F: Flash>(flash: &F, page: Page, at: usize) -> Option<Self> {
         let Word::Record(len) = Word::decode(page.read(flash, at))? else { return None };
         let len = usize::from(len);
@@ -130,7 +130,7 @@ impl Found {
     pub fn entries<F: Flash>(&self, flash: &F) -> impl Iterator<Item = (u8, Option<i32>)> {
         let (page, end) = (self.page, self.at + self.len - TAIL);
         let mut at = self.at + HEAD;
-        // Every round is at least a half-word further.
+        // Every iteration advances by at least a half-word.
         core::iter::from_fn(move || {
             while at < end {
                 let [id, count] = page.read(flash, at).to_le_bytes();

@@ -5,23 +5,23 @@ use super::numbers::Numbers;
 /// All numbers on the wire.
 const NUMBERS: usize = 128;
 
-/// Each in the place of its number: what is looked up or taken costs the same few instructions for each, because a SAVE
-/// of all does it for each while hall edges wait.
+/// Indexed by number: a lookup takes the same few instructions for each, because a SAVE of all does it for
+/// each while hall edges wait.
 #[derive(Debug)]
 pub struct Values {
     values: [i32; NUMBERS],
-    /// Those that have one.
+    /// The numbers that have a value.
     numbers: Numbers,
     len: usize,
 }
 
 impl Values {
-    /// None.
+    /// No values.
     pub const fn new() -> Self {
         Self { values: [0; NUMBERS], numbers: Numbers::NONE, len: 0 }
     }
 
-    /// Forgets all.
+    /// Removes all.
     pub const fn clear(&mut self) {
         self.numbers = Numbers::NONE;
         self.len = 0;
@@ -32,7 +32,7 @@ impl Values {
         self.values.get(usize::from(number)).filter(|_| self.numbers.contains(number)).copied()
     }
 
-    /// Takes a value; none beyond 127.
+    /// Sets a value; ignores numbers above 127.
     pub fn insert(&mut self, number: u8, value: i32) {
         if let Some(place) = self.values.get_mut(usize::from(number)) {
             *place = value;
@@ -41,13 +41,13 @@ impl Values {
         }
     }
 
-    /// Forgets a value.
+    /// Removes a value.
     pub fn remove(&mut self, number: u8) {
         self.len -= usize::from(self.numbers.contains(number));
         self.numbers.remove(number);
     }
 
-    /// Forgets the values of all these; those that had one.
+    /// Removes the values of all these; returns those that had one.
     pub fn forget(&mut self, numbers: Numbers) -> Numbers {
         let forgotten = self.numbers.both(numbers);
         self.numbers = self.numbers.without(numbers);
@@ -60,7 +60,7 @@ impl Values {
         self.numbers
     }
 
-    /// How many.
+    /// Number of values.
     pub const fn len(&self) -> usize {
         self.len
     }

@@ -1,9 +1,10 @@
-//! Half-words that show when their programming was cut short.
+//! Half-words that reveal cut programming.
 //!
-//! A cut leaves zeros missing. So each word counts its own zeros (a Berger code): data that lost zeros count fewer, and
-//! a count that lost zeros says more, and the two never agree again. Neither an erased half-word nor 0 is a word.
+//! A cut leaves zeros missing. So each word counts its own zeros (a Berger code): data that lost zeros have
+//! fewer, a count that lost zeros is larger, and the two never match again. Neither an erased half-word nor 0
+//! is a valid word.
 
-/// Bits of data: two say what it is, ten how much.
+/// Bits of data: two for the kind, ten for the amount.
 const DATA_BITS: u16 = 12;
 
 /// Bits of the amount.
@@ -12,7 +13,7 @@ const AMOUNT_BITS: u16 = 10;
 /// The largest amount.
 pub const MOST: u16 = (1 << AMOUNT_BITS) - 1;
 
-/// The first half-word of whatever stands in a page.
+/// Starts any content of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
     /// UPSECS grew by so many seconds.
@@ -21,12 +22,12 @@ pub enum Word {
     Travel(u16),
     /// PTEMP rose by so many tenths of a degree.
     Heat(u16),
-    /// A record of so many half-words begins with this one.
+    /// Starts a record of so many half-words.
     Record(u16),
 }
 
 impl Word {
-    /// As it is programmed. Amounts are at most [`MOST`].
+    /// Encodes the word. Amounts are at most [`MOST`].
     pub const fn encode(self) -> u16 {
         let (kind, amount) = match self {
             Self::Time(amount) => (0, amount),
@@ -38,7 +39,7 @@ impl Word {
         zeros(data) << DATA_BITS | data
     }
 
-    /// `None` for one that was not programmed, or not to the end.
+    /// Decodes the word; `None` if it was not programmed completely.
     pub const fn decode(word: u16) -> Option<Self> {
         let data = word & ((1 << DATA_BITS) - 1);
         if zeros(data) != word >> DATA_BITS {
@@ -70,13 +71,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_word_is_read_back_and_no_cut_makes_another_of_it() {
+    fn word_round_trips_and_no_cut_makes_another() {
         for make in [Word::Time, Word::Travel, Word::Heat, Word::Record] {
             for amount in 0..=MOST {
                 let word = make(amount);
                 let code = word.encode();
                 assert_eq!(Word::decode(code), Some(word));
-                // Every code with more ones than this one: all that a cut can leave.
+                // Every code with more ones than this one: all possible results of a cut.
                 let missing = !code;
                 let mut ones = missing;
                 while ones != 0 {
