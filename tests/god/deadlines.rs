@@ -1,5 +1,7 @@
 //! Longest times from a command to its prompt, and motors whose boards refuse an order.
 
+use god::command::{self, GclCommand};
+
 use super::Session;
 use super::movement::assert_near;
 
@@ -40,14 +42,12 @@ const fn triangle_ms(counts: u64, accel: u64) -> u64 {
 /// Longest time of a command, us: TSTOP (ms) for each stage, since each can stall, the travel of each stage, and GOD's own time. TSTOP 0
 /// has no bound: such a motor never ends by a stall.
 pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
-    let name = line
-        .split(' ')
-        .next()
-        .unwrap_or_default()
-        .trim_start_matches(['X', '1', '2', '3', '4', '5', '6', '7']);
-    let (stages, travel_ms) = match name {
+    let word = line.split(' ').next().unwrap_or_default();
+    // The longest end of the word that is a command: the rest is its prefix.
+    let command = (0..word.len()).find_map(|start| command::named(&word[start..])).expect("a command");
+    let (stages, travel_ms) = match command {
         // Links to their stops and IOFF 25 back, then tips to theirs and 350 back; the spread is faster.
-        "HI" => (
+        GclCommand::Hi => (
             2,
             LINK * 1000 / (HOMING - DROOP)
                 + triangle_ms(25, 40)
@@ -55,9 +55,9 @@ pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
                 + triangle_ms(350, 30),
         ),
         // A tip whose link breaks away continues to its own goal.
-        "C" => (2, 2 * MOVE_MS),
-        "TC" | "TO" => (1, TIP * 1000 / (TIP_ALONG - DROOP)),
-        "T" => (0, 0),
+        GclCommand::C => (2, 2 * MOVE_MS),
+        GclCommand::Tc | GclCommand::To => (1, TIP * 1000 / (TIP_ALONG - DROOP)),
+        GclCommand::T => (0, 0),
         _ => (1, MOVE_MS),
     };
     // HI stalls for 250 ms at least (decision 0009).
