@@ -1,4 +1,4 @@
-//! The image that `cargo xtask image` has made, executed: faults at the pins, wedged tasks, budgets.
+//! Runs the image of `cargo xtask image` on emulated boards: faults at the pins, wedged tasks, budgets.
 
 pub mod bench;
 mod budgets;

@@ -1,7 +1,7 @@
-//! The arrows and invariants of ARCHITECTURE.md, as far as a reader of source text can check them.
+//! Fences: the dependencies and invariants of ARCHITECTURE.md that can be checked by reading source text.
 //!
-//! Each fence is a function from a source text to its violations. It runs over every file of the workspace
-//! here, and over a small offending text beside its definition, which shows that it can fail.
+//! Each fence is a function from a source text to its violations. It runs over every file of the workspace,
+//! and over offending texts beside its definition, which show that it can fail.
 
 mod arrows;
 mod circles;
@@ -16,7 +16,7 @@ mod world;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// One breach of a fence, as `file:line: what, and what to do`.
+/// A violation, printed as `file:line: problem, remedy`.
 #[derive(Debug)]
 struct Violation {
     file: String,
@@ -30,7 +30,7 @@ impl fmt::Display for Violation {
     }
 }
 
-/// A source file: its path from the root of the workspace, with `/` between the parts, and its text.
+/// A source file: path from the workspace's root with `/` between its parts, and text.
 struct Source {
     path: String,
     text: String,
@@ -45,19 +45,19 @@ impl Source {
         Violation { file: self.path.clone(), line, text: text.into() }
     }
 
-    /// Whether the file is one of a crate's modules or lies below one of its folders.
+    /// Whether the file is in this folder or below it.
     fn is_in(&self, folder: &str) -> bool {
         self.path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))
     }
 }
 
-/// The root of the workspace. Read when the test runs, so that a built binary can judge another checkout.
+/// The workspace's root. Read at run time, so that a built binary can check another checkout.
 fn root() -> PathBuf {
     let manifest = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_else(|_| env!("CARGO_MANIFEST_DIR").into());
     Path::new(&manifest).parent().expect("tests/ lies in the workspace").to_path_buf()
 }
 
-/// All files named `name` or ending in `.name`, outside `target` and hidden folders.
+/// All files named `name` or `*.name`, outside `target` and hidden folders.
 fn files(name: &str) -> Vec<Source> {
     let (root, suffix) = (root(), format!(".{name}"));
     let (mut found, mut folders) = (Vec::new(), vec![root.clone()]);
@@ -91,8 +91,8 @@ fn check_workspace(fence: fn(&Source) -> Vec<Violation>) {
     assert_none(&files("rs").iter().flat_map(fence).collect::<Vec<_>>());
 }
 
-/// Shows that a fence can fail: it must find exactly one violation in each offending text, and none in the
-/// clean ones.
+/// Shows that a fence can fail: it must find exactly one violation in each offending text, and none in a
+/// clean one.
 fn check_fence(fence: fn(&Source) -> Vec<Violation>, path: &str, offending: &[&str], clean: &[&str]) {
     for text in offending {
         let found = fence(&Source::new(path, text));

@@ -13,10 +13,10 @@ use tater_wire::{Destination, Message, Node as Id, Property};
 
 use crate::protocol::hosts::answer;
 
-/// The spread's board: the one with a brake.
+/// The spread's node: the board with a brake.
 pub const NODE: u8 = 4;
 
-/// Where an image lies.
+/// Folder of an image.
 pub fn folder(profile: &str) -> PathBuf {
     let root =
         Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package is a folder of the workspace");
@@ -24,7 +24,8 @@ pub fn folder(profile: &str) -> PathBuf {
     root.join(target).join("image").join(profile)
 }
 
-/// The production image, or a line that says that there is none: continuous integration has made it, and takes no such line.
+/// The production image. Without one, prints that the test is skipped, which continuous integration does not
+/// accept.
 pub fn production() -> Option<Programs> {
     let programs = Programs::load(&folder("production")).ok();
     if programs.is_none() {
@@ -37,7 +38,7 @@ pub fn id(number: u8) -> Id {
     Id::new(number).expect("a node")
 }
 
-/// A board whose power is off, with both programs in its flash.
+/// A board without power, with both programs in its flash.
 pub fn flashed(programs: &Programs, node: u8) -> Board {
     let rig = SimBoard::standard(id(node), Model::Averaged, 1).rig().clone();
     let mut board = Board::new(rig, id(node), programs, 1);
@@ -52,12 +53,12 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// A board that runs its application, its storage prepared.
+    /// A board that runs its application, with prepared storage.
     pub fn awake(programs: &Programs) -> Self {
         Self::with(flashed(programs, NODE))
     }
 
-    /// A board whose power comes on.
+    /// Switches a board on.
     pub fn powered(mut board: Board) -> Self {
         board.power_on();
         let node = board.node().number();
@@ -66,17 +67,17 @@ impl Bench {
         Self { bus, node }
     }
 
-    /// The same as [`Self::awake`] of another board.
+    /// As [`Self::awake`] for another board.
     pub fn with(board: Board) -> Self {
         let mut bench = Self::powered(board);
         bench.answering();
         bench.wake();
-        // Eight pages are erased on the first day.
+        // The first start erases eight pages.
         bench.wait_ms(1000);
         bench
     }
 
-    /// The spread's board, its monitor running.
+    /// The spread's board in its monitor.
     pub fn in_monitor(programs: &Programs) -> Self {
         let mut bench = Self::powered(flashed(programs, NODE));
         bench.answering();
@@ -88,7 +89,7 @@ impl Bench {
         assert_eq!(self.get(Property::STAT), Some(0), "the monitor answers: {:?}", self.board().problem());
     }
 
-    /// From the monitor to the application.
+    /// Leaves the monitor for the application.
     pub fn wake(&mut self) {
         self.set(Property::STAT, 2);
         self.wait_ms(100);
@@ -113,7 +114,7 @@ impl Bench {
         self.bus.send(message.frame()).expect("plugged");
     }
 
-    /// Asks, and waits for no answer.
+    /// Sends a request without waiting for the answer.
     pub fn ask(&mut self, property: Property) {
         self.bus.send(Message::get(Destination::Node(id(self.node)), property).frame()).expect("plugged");
     }
@@ -134,7 +135,7 @@ impl Bench {
         self.wait_us(1000 * ms);
     }
 
-    /// Sends the motor on a long way, and waits until it is under way.
+    /// Starts a long move and waits until the motor turns.
     pub fn moving(programs: &Programs) -> Self {
         let mut bench = Self::awake(programs);
         bench.set(Property::M, 160);
@@ -147,12 +148,12 @@ impl Bench {
         self.board().bridge() != Bridge::Off
     }
 
-    /// Whether the bridge is off and the brake told to hold.
+    /// Whether the bridge is off and the brake engaged.
     pub fn is_safe(&self) -> bool {
         !self.is_driven() && !self.board().brake_released()
     }
 
-    /// Waits until the board is safe; how long that took, us, in steps of 10.
+    /// Waits until the board is safe; returns the time in us, in steps of 10.
     pub fn safe_after_us(&mut self, most_us: u64) -> Option<u64> {
         let begin = self.board().now_us();
         while !self.is_safe() {
@@ -164,7 +165,7 @@ impl Bench {
         Some(self.board().now_us() - begin)
     }
 
-    /// How often the chip was reset since it was made.
+    /// Resets of the chip since it was made.
     pub fn resets(&self) -> usize {
         self.board().machine().resets.len()
     }

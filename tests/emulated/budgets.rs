@@ -1,5 +1,5 @@
-//! What the image takes of the processor: instructions of the tick and of a hall edge in every mode, against the budget and
-//! against what they were (`budgets.json`).
+//! Processor use of the image: instructions of a tick and of a hall edge in every mode, compared with the
+//! budget and the committed figures (`budgets.json`).
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -12,38 +12,39 @@ use tater_wire::{Cmd, Property};
 
 use super::bench::{Bench, NODE, flashed, production};
 
-/// Instructions of a control tick (DESIGN: 500 in the mean, 900 at worst), of a hall edge until the bridge is written.
+/// Instructions of a control tick (500 on average, 900 at most), and of a hall edge until the bridge is
+/// written (decision 0004).
 const TICK_MEAN: f64 = 500.0;
 const TICK_MAX: u64 = 900;
 const HALL_MAX: u64 = 250;
-/// Share of the processor at full speed.
+/// Largest share of the processor at full speed.
 const LOAD_PCT: f64 = 25.0;
-/// What is full speed: a tip's range, 350 counts, leaves room for no more at the greatest ACCEL, counts/s.
+/// Full speed in counts/s: the range of a tip, 350 counts, allows no more at the greatest ACCEL.
 const FAST: f64 = 900.0;
-/// The load's window: no longer than the top speed lasts.
+/// Measuring time of the load: no longer than the top speed lasts.
 const WINDOW_MS: u64 = 50;
-/// Share of the stack that must never have been touched: as much as one more exception frame of every priority, 6 of 104 bytes
-/// (frame and registers), and as much again.
+/// Part of the stack that must stay untouched: one more exception frame for each of 6 priorities, 104 bytes
+/// each with registers, and as much again.
 const STACK_SPARE: u32 = 2 * 6 * 104;
-/// By how much a figure may differ from the golden: the seeds of noise and RAM move it by less.
+/// Tolerance against the committed figure: more than the effect of the seeds of noise and RAM.
 const TOLERANCE: f64 = 0.03;
 
-/// Shorter than that a case says nothing about the mean: 100 ticks.
+/// Fewer ticks give no useful mean: 100.
 const LEAST_MS: u64 = 100;
 
-/// A mode in which the motor is driven, and how it gets there. A host's order lasts so many ms.
+/// A way to drive the motor.
 struct Case {
     name: &'static str,
     node: u8,
-    /// Before anything is measured.
+    /// Before the measurement.
     start: &'static [(Property, i64, u64)],
-    /// Measured as long as the bridge is on: what comes after an arrival would flatter the mean.
+    /// Measured while the bridge is on: the time after an arrival would lower the mean.
     orders: &'static [(Property, i64, u64)],
-    /// What the host asks for, and each how many ms.
+    /// The host's requests, with the time of each in ms.
     asks: (&'static [Property], u64),
 }
 
-/// A host that looks now and then.
+/// A host that polls rarely.
 const SELDOM: (&[Property], u64) = (&[Property::MODE], 100);
 /// A host that follows the motor.
 const EACH_MS: (&[Property], u64) = (&[Property::P, Property::MODE, Property::T], 1);
@@ -111,7 +112,7 @@ const CASES: [Case; 9] = [
     },
 ];
 
-/// The figures at the last ms in which the bridge was on, or, in idle, off; and how many ms there were.
+/// Figures at the last ms with the bridge on (idle: off), and the number of ms.
 fn figures(programs: &Programs, case: &Case) -> (Figures, u64) {
     let mut bench = Bench::with(flashed(programs, case.node));
     for &(property, value, ms) in case.start {
@@ -143,7 +144,7 @@ fn golden() -> PathBuf {
 }
 
 #[test]
-fn ticks_and_edges_take_what_they_took_and_no_more_than_they_may() {
+fn ticks_and_edges_match_golden_and_budget() {
     let Some(programs) = production() else { return };
     let mut found = serde_json::Map::new();
     let mut bad = String::new();
@@ -187,7 +188,7 @@ fn ticks_and_edges_take_what_they_took_and_no_more_than_they_may() {
 }
 
 #[test]
-fn at_full_speed_the_processor_is_mostly_idle_and_the_stack_mostly_untouched() {
+fn full_speed_leaves_processor_and_stack_mostly_free() {
     let Some(programs) = production() else { return };
     // A tip's motor is the fastest; its joint has 350 counts.
     let mut bench = Bench::powered(flashed(&programs, 5));
@@ -210,7 +211,7 @@ fn at_full_speed_the_processor_is_mostly_idle_and_the_stack_mostly_untouched() {
             fastest = fastest.max(bench.board().rig().truth().counts_per_s);
         }
         let spent = bench.board().machine().cpu.counts.instructions - counts;
-        // 1.5 cycles an instruction, of 72000 a ms.
+        // 1.5 cycles an instruction, 72000 cycles a ms.
         load = load.max(spent as f64 * 1.5 / (72_000.0 * WINDOW_MS as f64) * 100.0);
     }
     bench.set(Property::STAT, 0);

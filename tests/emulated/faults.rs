@@ -1,4 +1,4 @@
-//! Faults at the pins of a board whose motor turns: the bridge off, the brake engaged, the reason told.
+//! Faults at the pins of a board with a turning motor: bridge off, brake engaged, cause reported.
 
 use board_emu::bridge;
 use board_emu::chip::Reset;
@@ -6,17 +6,17 @@ use tater_wire::{FaultCode, Property};
 
 use super::bench::{Bench, production};
 
-/// What ERROR says for a fault.
+/// Value of ERROR for a fault.
 fn code(fault: FaultCode) -> Option<i64> {
     Some(i64::from(fault.code()))
 }
 
-/// A move of the spread takes 880 ms: a stuck line must be noticed well before the rotor has made one of its 9 turns more,
-/// 18 counts, at 50 counts/s and faster.
+/// A stuck line must be detected within 18 counts, one of the rotor's 9 turns, at 50 counts/s and faster; a
+/// move of the spread takes 880 ms.
 const STUCK_US: u64 = 400_000;
 
 #[test]
-fn a_hall_line_that_sticks_or_is_open_ends_the_motion() {
+fn stuck_or_open_hall_line_ends_the_motion() {
     let Some(programs) = production() else { return };
     for (line, level) in (0..3).flat_map(|line| [(line, false), (line, true)]) {
         let mut bench = Bench::moving(&programs);
@@ -31,17 +31,17 @@ fn a_hall_line_that_sticks_or_is_open_ends_the_motion() {
 }
 
 #[test]
-fn spikes_on_a_hall_line_that_are_shorter_than_the_filter_change_nothing() {
+fn spikes_shorter_than_the_filter_have_no_effect() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::moving(&programs);
     for i in 0..4000 {
-        // Each line in turn, either way, 8 us of 200: the filter takes 14.
+        // Each line in turn, high and low, 8 us of 200; the filter needs 14.
         let now = bench.board().rig().halls() >> (i % 3) & 1 == 1;
         bench.board_mut().stick_hall(i % 3, Some(!now));
         bench.wait_us(8);
         bench.board_mut().stick_hall(i % 3, None);
         bench.wait_us(192);
-        // Five spikes are a tick: each 32 ms they move on, until each tick of 32 in a row has met one, wherever ticks are.
+        // Five spikes are a tick; each 32 ms they shift, so that every phase of the tick is hit.
         if i % 160 == 0 {
             bench.wait_us(8);
         }
@@ -53,7 +53,7 @@ fn spikes_on_a_hall_line_that_are_shorter_than_the_filter_change_nothing() {
 }
 
 #[test]
-fn glitches_that_pass_the_filter_lose_no_count_or_end_the_motion() {
+fn glitches_lose_no_count_or_end_the_motion() {
     let Some(programs) = production() else { return };
     for line in 0..3 {
         let mut bench = Bench::moving(&programs);
@@ -80,7 +80,7 @@ fn glitches_that_pass_the_filter_lose_no_count_or_end_the_motion() {
 }
 
 #[test]
-fn a_board_whose_cable_is_cut_stops_by_itself() {
+fn cut_bus_cable_stops_the_board() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::awake(&programs);
     bench.set(Property::MODE, 4);
@@ -88,14 +88,15 @@ fn a_board_whose_cable_is_cut_stops_by_itself() {
     bench.wait_ms(200);
     assert!(bench.is_driven(), "mode 4 drives");
     bench.bus.cut(0, true);
-    let after_us = bench.safe_after_us(700_000).expect("500 ms without a frame (PROTOCOL: mode 2 and 4)");
+    let after_us =
+        bench.safe_after_us(700_000).expect("500 ms without a frame in modes 2 and 4 (decision 0013)");
     bench.bus.cut(0, false);
     assert_eq!(bench.get(Property::ERROR), code(FaultCode::HostLost));
     println!("figure: cable cut in mode 4: bridge off after {:.1} ms", after_us as f64 / 1000.0);
 }
 
 #[test]
-fn without_its_crystal_a_board_is_off_at_once_and_says_so_when_it_has_it_again() {
+fn crystal_failure_switches_off_and_is_reported_later() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::moving(&programs);
     let before = bench.resets();
@@ -106,7 +107,7 @@ fn without_its_crystal_a_board_is_off_at_once_and_says_so_when_it_has_it_again()
         chip.touched = true;
     }
     let after_us = bench.safe_after_us(1000).expect("the clock security system trips the break");
-    // It cannot start without: the watchdog resets it again and again, the pins as reset leaves them.
+    // It cannot start: the watchdog resets it again and again, with pins in reset state.
     for _ in 0..200 {
         bench.wait_ms(10);
         assert!(bench.is_safe());
@@ -129,10 +130,10 @@ fn without_its_crystal_a_board_is_off_at_once_and_says_so_when_it_has_it_again()
 }
 
 #[test]
-fn a_brown_out_leaves_the_bridge_off_and_is_no_fault() {
+fn brown_out_leaves_the_bridge_off_without_a_fault() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::moving(&programs);
-    // Whether P is trusted afterwards no property says: trust.rs looks at that. A sag below the threshold that RAM survives, and a loss of the supply.
+    // A sag below the threshold that RAM survives, and a loss of the supply. (trust.rs tests the trust in P.)
     for lost in [false, true] {
         if lost {
             bench.board_mut().power_off();
@@ -152,10 +153,10 @@ fn a_brown_out_leaves_the_bridge_off_and_is_no_fault() {
 }
 
 #[test]
-fn the_break_input_switches_the_bridge_off_without_an_instruction() {
+fn break_input_switches_off_without_an_instruction() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::moving(&programs);
-    // At 50 instants of the PWM period.
+    // At 50 phases of the PWM period.
     for _ in 0..50 {
         let mut board = bench.board().duplicate();
         let before = board.machine().cpu.counts.instructions;
@@ -166,7 +167,7 @@ fn the_break_input_switches_the_bridge_off_without_an_instruction() {
         assert_eq!(board.machine().cpu.counts.instructions, before, "no instruction");
         bench.wait_us(51);
     }
-    // And it stays off though the comparator lets go after 20 us, until the host has cleared the fault.
+    // It stays off after the comparator releases, 20 us later, until the host has cleared the fault.
     bench.board_mut().machine_mut().chip_mut().set_pin((1, 12), Some(false));
     bench.wait_us(20);
     bench.board_mut().machine_mut().chip_mut().set_pin((1, 12), None);

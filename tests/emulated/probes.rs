@@ -1,4 +1,4 @@
-//! What a person with a probe sees of the image: its logs, and its instructions by GDB's remote protocol.
+//! The image under a debug probe: its logs, and GDB's remote protocol.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -10,7 +10,7 @@ use board_emu::rtt::Probe;
 use super::bench::{Bench, NODE, flashed, folder, production};
 use tater_wire::Property;
 
-/// The release image, which logs.
+/// The release image, which has logs.
 fn release() -> Option<Programs> {
     let programs = Programs::load(&folder("release")).ok();
     if programs.is_none() {
@@ -20,14 +20,14 @@ fn release() -> Option<Programs> {
 }
 
 #[test]
-fn the_release_image_logs_and_the_production_image_says_that_it_does_not() {
+fn release_image_logs_and_production_image_has_none() {
     let Some(programs) = release() else { return };
     let mut probe = Probe::new(&folder("release").join("tater.elf")).expect("it logs");
     let mut bench = Bench::with(flashed(&programs, NODE));
     let mut said = |bench: &mut Bench| probe.read(bench.board_mut().machine_mut().chip_mut());
     assert_eq!(said(&mut bench), ["info node 4 awake, position trusted: false"]);
     assert_eq!(said(&mut bench), Vec::<String>::new(), "once");
-    // Nobody may set VERS in the application.
+    // VERS is read-only in the application.
     bench.set(Property::VERS, 1);
     bench.wait_ms(5);
     let lines = said(&mut bench);
@@ -38,7 +38,7 @@ fn the_release_image_logs_and_the_production_image_says_that_it_does_not() {
     }
 }
 
-/// As much of a GDB as is needed.
+/// A minimal GDB.
 struct Gdb(TcpStream);
 
 impl Gdb {
@@ -53,7 +53,7 @@ impl Gdb {
         byte[0]
     }
 
-    /// The next packet's text, acknowledged; run lengths are spread.
+    /// Text of the next packet, acknowledged, with run lengths expanded.
     fn packet(&mut self) -> String {
         while self.byte() != b'$' {}
         let mut text = String::new();
@@ -78,21 +78,21 @@ impl Gdb {
         self.packet()
     }
 
-    /// Word `index` of what `g` says.
+    /// Word `index` of the reply to `g`.
     fn register(&mut self, index: usize) -> u32 {
         let words = self.ask("g");
         u32::from_str_radix(&words[8 * index..8 * index + 8], 16).expect("hexadecimal").swap_bytes()
     }
 }
 
-/// Where the program counter is in `g`.
+/// Index of the program counter in `g`.
 const PC: usize = 15;
 
 #[test]
-fn a_gdb_stops_at_the_tick_reads_steps_and_lets_the_motor_go_on() {
+fn gdb_stops_at_the_tick_steps_and_continues() {
     let Some(programs) = production() else { return };
     let names = std::rc::Rc::clone(&programs.names);
-    // Its vector is the tick's: TIM3 is exception 45 (RM0008 table 63).
+    // The tick's vector: TIM3 is exception 45 (RM0008 table 63).
     let vector = 4 * 45;
     let word = u32::from_le_bytes(programs.application[vector..vector + 4].try_into().expect("four bytes"));
     let tick = word & !1;
@@ -122,7 +122,7 @@ fn a_gdb_stops_at_the_tick_reads_steps_and_lets_the_motor_go_on() {
     let mut server = Server::accept(&listener, bench.board_mut()).expect("a client");
     bench.board_mut().set_runner(Box::new(move |board, until| server.run(board, until)));
     bench.wait_ms(50);
-    // A client that still waits has waited in vain.
+    // The client must not wait forever.
     bench.board_mut().set_runner(Box::new(|board, until| {
         board.run(until, &[]);
     }));

@@ -1,4 +1,4 @@
-//! The shipped scenarios on the image, over CAN alone, and their motors beside those of native boards.
+//! The shipped scenarios on the image, over CAN, with rotors compared to those of native boards.
 
 use board_emu::session::{Nodes, Session, buses, run};
 use hil_sim::over_can::compare::{Difference, Path};
@@ -12,18 +12,18 @@ use board_emu::image::Programs;
 
 const OPTIONS: Options = Options { seed: 1, model: Model::Averaged, trace: false };
 
-/// How far a rotor may be from the native board's at the same time, counts, and the duration of a move, ms: the issue's.
+/// Largest distance from the native rotor at the same time, counts, and difference of a move's duration, ms.
 const APART_COUNTS: f64 = 1.0;
 const APART_MS: f64 = 2.0;
 
-/// Seeds of noise, and places of the tick in the host's millisecond, us: as many native boards that are all as good as each other.
+/// Seeds of noise and phases of the tick in the host's millisecond, us: native boards that are equally valid.
 const NATIVES: [(u64, u64); 6] = [(1, 0), (2, 150), (3, 300), (4, 450), (5, 600), (6, 800)];
 
-/// Scenarios in which native boards are further from each other than that: a rotor that crawls by sticking and slipping, and one that
-/// coasts before anybody drives. There the limit is how far they are.
+/// Scenarios in which native boards differ by more: a rotor in stick-slip, and one that coasts before it is
+/// driven. Their own spread is the limit there.
 const CHANCE: [&str; 2] = ["slow-crawl", "coast-low-ke"];
 
-/// How far an emulated run is from the nearest native one, and native ones are from each other at most.
+/// Distance of an emulated run from the nearest native one, and spread of the native ones.
 fn apart(scenario: &Scenario, case: &Case, emulated: &Path) -> (Difference, Difference) {
     let natives: Vec<Path> = NATIVES
         .into_iter()
@@ -48,12 +48,12 @@ fn session(scenario: &Scenario, nodes: Nodes, programs: &Programs, download: boo
 }
 
 #[test]
-fn every_shipped_scenario_passes_on_the_image_and_moves_as_natively() {
+fn shipped_scenarios_pass_on_the_image_and_match_native_boards() {
     let Some(programs) = production() else { return };
     let mut wrong = Vec::new();
     for shipped in SHIPPED {
         let scenario = Scenario::find(shipped.name).expect("shipped");
-        // The first board gets its program over the bus, from erased flash.
+        // The first board downloads its program over the bus, from erased flash.
         let first = shipped.name == SHIPPED[0].name;
         let session = session(&scenario, Nodes::Count(1), &programs, first);
         let (outcome, _) = judge(&scenario, &session.ran, &OPTIONS, POLL_MS);
@@ -82,7 +82,7 @@ fn every_shipped_scenario_passes_on_the_image_and_moves_as_natively() {
 }
 
 #[test]
-fn boards_are_chosen_by_number_or_by_range_with_the_scenarios_motors_first() {
+fn boards_are_selected_by_count_or_range() {
     let of = |name: &str, nodes: &str| {
         let scenario = Scenario::find(name).expect("shipped");
         buses(&scenario, nodes.parse().expect("nodes"))
@@ -101,7 +101,7 @@ fn boards_are_chosen_by_number_or_by_range_with_the_scenarios_motors_first() {
 }
 
 #[test]
-fn three_boards_on_one_bus_home_at_once() {
+fn three_boards_home_on_one_bus() {
     let Some(programs) = production() else { return };
     let scenario = Scenario::find("homing").expect("shipped");
     let session = session(&scenario, Nodes::Count(3), &programs, false);

@@ -1,4 +1,4 @@
-//! Instructions that are not what was flashed: a task that hangs, an instruction that is none.
+//! Modified instructions: a task that hangs, an undefined instruction.
 
 use board_emu::chip::Reset;
 use board_emu::time::US;
@@ -27,7 +27,7 @@ fn patch(bench: &mut Bench, address: u32, code: u16) {
     bench.board_mut().machine_mut().chip_mut().flash.load(address & !1, &code.to_le_bytes());
 }
 
-/// Where the handler of an exception begins; of 0 where the program waits.
+/// Start of an exception's handler; for 0, the place where the program waits.
 fn handler(bench: &mut Bench, exception: u32) -> u32 {
     if exception == 0 {
         let idle = (0..10_000).any(|_| {
@@ -44,7 +44,7 @@ fn handler(bench: &mut Bench, exception: u32) -> u32 {
 }
 
 #[test]
-fn the_watchdog_resets_a_board_with_a_wedged_task() {
+fn watchdog_resets_a_board_with_a_wedged_task() {
     let Some(programs) = production() else { return };
     for (name, exception) in TASKS {
         let mut bench = Bench::moving(&programs);
@@ -52,7 +52,7 @@ fn the_watchdog_resets_a_board_with_a_wedged_task() {
         let resets = bench.resets();
         let begin = bench.board().machine().now();
         patch(&mut bench, address, WEDGE);
-        // Something for the tasks that only the bus calls.
+        // Triggers the tasks that only the bus calls.
         bench.set(Property::M, 20);
         bench.ask(Property::MODE);
         while bench.resets() == resets {
@@ -68,11 +68,12 @@ fn the_watchdog_resets_a_board_with_a_wedged_task() {
     }
 }
 
-/// Within it every task runs: two periods of the slowest, SysTick's 10 ms, and of an edge at 50 counts/s, 20 ms.
+/// Time in which every task runs: two periods of the slowest, SysTick's 10 ms; for an edge at 50 counts/s, 20
+/// ms.
 const REACHED_US: u64 = 41_000;
 
 #[test]
-fn an_instruction_that_is_none_ends_with_the_bridge_off_and_the_reason() {
+fn undefined_instruction_switches_off_and_keeps_the_reason() {
     let Some(programs) = production() else { return };
     for (name, exception) in TASKS.into_iter().filter(|&(_, exception)| exception != 0) {
         let mut bench = Bench::moving(&programs);
@@ -95,11 +96,11 @@ fn an_instruction_that_is_none_ends_with_the_bridge_off_and_the_reason() {
 }
 
 #[test]
-fn the_monitor_too_ends_at_an_instruction_that_is_none_with_the_reason() {
+fn undefined_instruction_in_the_monitor_keeps_the_reason() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::in_monitor(&programs);
     let resets = bench.resets();
-    // It never sleeps: the next instruction is one of its own.
+    // The monitor never sleeps: use its next instruction.
     let address = bench.board().machine().cpu.pc();
     let was = half_word(&bench, address);
     patch(&mut bench, address, UNDEFINED);

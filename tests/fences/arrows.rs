@@ -1,14 +1,14 @@
-//! Who may depend on whom, development dependencies included.
+//! Allowed dependencies of each crate, including development dependencies.
 
 use toml::{Table, Value};
 
 use super::{Source, Violation, assert_none, files};
 
-/// What a crate may import of ours, and of others where the list is closed.
+/// Dependencies that a crate may have.
 struct Arrows {
     package: &'static str,
     ours: &'static [&'static str],
-    /// `None`: any. A closed list gives a reason for each.
+    /// External crates, each with a reason; `None`: any.
     others: Option<&'static [&'static str]>,
 }
 
@@ -49,7 +49,7 @@ const ARROWS: [Arrows; 9] = [
     // heapless: bounded buffers without a heap. defmt: as above. proptest: tests.
     Arrows { package: "god", ours: &["tater-wire"], others: Some(&["defmt", "heapless", "proptest (dev)"]) },
     Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw", "god"], others: None },
-    // The program comes in as bytes: of ours only the world around it.
+    // board-emu gets the program as bytes: of ours it needs only the simulated world.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
     Arrows {
         package: "system-tests",
@@ -61,8 +61,8 @@ const ARROWS: [Arrows; 9] = [
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim"],
         others: None,
     },
-    // The chores start first, on a machine that has nothing yet: few dependencies, and the rest by `cargo run`.
-    // tater-wire: images and downloads. indicatif: progress. object, rustc-demangle: ELF. socketcan: CAN interfaces of Linux.
+    // xtask is compiled first on a new machine: few dependencies, the rest by `cargo run`. tater-wire: images
+    // and downloads. indicatif: progress. object, rustc-demangle: ELF. socketcan: CAN interfaces of Linux.
     Arrows {
         package: "xtask",
         ours: &["tater-wire"],
@@ -70,8 +70,8 @@ const ARROWS: [Arrows; 9] = [
     },
 ];
 
-/// The names in every dependency table of a manifest, target-specific ones included; `(dev)` or `(build)` after
-/// those that are not linked into the crate.
+/// Names in every dependency table of a manifest, target-specific ones included, marked `(dev)` or `(build)`
+/// if they are not linked into the crate.
 fn dependencies(manifest: &Table) -> Vec<String> {
     let mut tables = vec![manifest];
     if let Some(targets) = manifest.get("target").and_then(Value::as_table) {
@@ -122,14 +122,14 @@ fn arrows(source: &Source) -> Vec<Violation> {
 }
 
 #[test]
-fn every_crate_keeps_its_arrows() {
+fn crates_have_only_allowed_dependencies() {
     assert_none(
         &files("toml").iter().filter(|f| f.path.ends_with("Cargo.toml")).flat_map(arrows).collect::<Vec<_>>(),
     );
 }
 
 #[test]
-fn the_arrow_fence_can_fail() {
+fn dependency_fence_finds_each_violation() {
     let core = "[package]\nname = \"servo-core\"\n";
     super::check_fence(
         arrows,

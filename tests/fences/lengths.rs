@@ -1,4 +1,4 @@
-//! A function fits a screen, and a name says what a thing is. A file is as long as its one subject.
+//! Functions fit a screen, and names are specific. A file is as long as its one subject.
 
 use super::tokens::{item_end, scan, tokens};
 use super::{Source, Violation, check_fence, check_workspace};
@@ -34,12 +34,12 @@ fn functions_fit_a_screen() {
 }
 
 #[test]
-fn names_say_something() {
+fn names_are_specific() {
     check_workspace(names);
 }
 
 #[test]
-fn the_length_fences_can_fail() {
+fn length_fence_finds_each_violation() {
     let function = |lines: usize| format!("fn f(a: [u8; 3]) {{{}}}", "\n".repeat(lines - 1));
     let inside_a_macro = format!("proptest! {{ {} }}", function(71));
     check_fence(
@@ -51,13 +51,13 @@ fn the_length_fences_can_fail() {
 }
 
 #[test]
-fn the_name_fence_can_fail() {
+fn name_fence_finds_each_violation() {
     check_fence(names, "a/src/b.rs", &["struct MotorManager;"], &["struct Motor; // not a Manager"]);
     check_fence(names, "a/src/utils.rs", &[""], &[]);
 }
 
 #[test]
-fn the_lexer_reports_what_it_cannot_read() {
+fn lexer_reports_invalid_source() {
     assert!(tokens(&Source::new("a.rs", "fn f( {")).is_err());
     check_fence(function_length, "a.rs", &["fn f( {"], &[]);
 }

@@ -1,15 +1,15 @@
-//! What has registers: where it may be named, that its `unsafe` is explained, and that it decides nothing.
+//! Code for the hardware: where registers may be used, that `unsafe` is explained, and that it makes no
+//! decisions.
 
 use super::tokens::{Token, closing, item_end, reads, scan};
 use super::{Source, Violation, assert_none, check_fence, check_workspace, files};
 
-/// The board's folder, and its root module.
+/// Whether the file belongs to `bsp`.
 fn is_bsp(source: &Source) -> bool {
     source.path == "tater-fw/src/bsp.rs" || source.is_in("tater-fw/src/bsp")
 }
 
-/// The line on which the statement or item before the one of `tokens[at]` ends, or the block around it begins. Brackets
-/// that are closed are stepped over; out of those that are open, the walk goes on outside.
+/// The last line of the previous statement or item, or of the start of the enclosing block.
 fn end_of_previous(tokens: &[Token], at: usize) -> usize {
     let mut depth = 0_usize;
     for token in tokens[..at].iter().rev() {
@@ -23,8 +23,8 @@ fn end_of_previous(tokens: &[Token], at: usize) -> usize {
     0
 }
 
-/// `unsafe` is the board's alone; and between the statement or item that it is part of and the one before stands a comment
-/// with `SAFETY:` or a section `# Safety`. An attribute (`#[unsafe(..)]`) is part of its item.
+/// `unsafe` is allowed only in `bsp`, with a `SAFETY:` comment or `# Safety` section directly above its
+/// statement or item. An attribute (`#[unsafe(..)]`) is part of its item.
 fn unexplained(source: &Source) -> Vec<Violation> {
     let lines: Vec<&str> = source.text.lines().map(str::trim_start).collect();
     scan(source, |tokens, at| {
@@ -44,7 +44,7 @@ fn unexplained(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// In tater-fw every module but the board's forbids `unsafe`.
+/// Every module of tater-fw except `bsp` forbids `unsafe`.
 fn unforbidden(source: &Source) -> Vec<Violation> {
     if source.path != "tater-fw/src/lib.rs" {
         return Vec::new();
@@ -59,23 +59,23 @@ fn unforbidden(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// Registers are named by the board and by the two programs that start on it.
+/// Register crates may be used only by `bsp` and the two programs.
 fn registers(source: &Source) -> Vec<Violation> {
     const CRATES: [&str; 6] = ["stm32f1xx_hal", "bxcan", "cortex_m", "cortex_m_rt", "rtic", "embedded_hal"];
     let is_app = source.path == "tater-fw/src/app.rs";
     let may = is_bsp(source) || is_app || source.path == "tater-fw/src/bin/monitor.rs";
     scan(source, |tokens, at| {
         let token = &tokens[at];
-        // RTIC is the application's alone.
+        // Only the application uses RTIC.
         let allowed = if token.text == "rtic" { is_app } else { may };
         (!token.is_literal && !allowed && CRATES.contains(&token.text.as_str()))
             .then(|| format!("{}: a register; what needs one goes through trait Board", token.text))
     })
 }
 
-/// The board decides nothing: a method that it must have is shorter than this.
+/// A method of `Board` or `Motor` makes no decision: it is shorter than this.
 const METHOD_LINES: usize = 10;
-/// And none of its other functions is longer: setting up a peripheral, register by register, is the longest.
+/// Other functions are not longer than this, the longest register set-up of a peripheral.
 const HELPER_LINES: usize = 40;
 
 fn long_method(source: &Source) -> Vec<Violation> {
@@ -101,16 +101,15 @@ fn long_method(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// What is called on the locked Tater between two tokens. What the board does there (`board_mut()`) decides nothing: see
-/// [`long_method`]. What does not change it (a getter for the log) is idle's alone.
+/// Methods called on the locked Tater between two tokens, except `board_mut()`: see [`long_method`].
 fn calls(tokens: &[Token], from: usize, to: usize) -> Vec<&str> {
     let called = |i: &usize| reads(tokens, *i, &["tater", "."]) && tokens[i + 3].text == "(";
     let names = (from..to).filter(|i| (*i == 0 || tokens[i - 1].text != ".") && called(i));
     names.map(|i| tokens[i + 2].text.as_str()).filter(|name| *name != "board_mut").collect()
 }
 
-/// The calls into `Tater` that a task may make, one each. Two have a second: a frame that has not come is the slow task's
-/// question, answered by a flush in an arm of its own; and idle takes what there is to log.
+/// The calls of each task into `Tater`: one, except that `receive` may flush when no frame arrived, and idle
+/// also takes an event to log.
 fn may_call(name: &str) -> &'static [&'static str] {
     match name {
         "hall" => &["hall"],
@@ -124,8 +123,8 @@ fn may_call(name: &str) -> &'static [&'static str] {
     }
 }
 
-/// A task of the application is one call into [`Tater`](tater_fw::Tater): it locks once, calls what is its own, and has no
-/// loop (idle is one).
+/// A task of the application locks once, makes its call into [`Tater`](tater_fw::Tater), and has no loop
+/// (except idle).
 fn tasks(source: &Source) -> Vec<Violation> {
     if source.path != "tater-fw/src/app.rs" {
         return Vec::new();
@@ -152,7 +151,7 @@ fn tasks(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// The board loops only while it waits for the hardware: nothing is done in the loop, and the watchdog ends it.
+/// Loops in `bsp` only wait for the hardware; the watchdog bounds them.
 fn busy(source: &Source) -> Vec<Violation> {
     if !is_bsp(source) {
         return Vec::new();
@@ -169,9 +168,9 @@ fn busy(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// A file of the board that waits for the hardware, in a loop or by an iterator over a number of looks, is in the page's
-/// table of waiting loops. (`page`: its text.)
-fn untold(source: &Source, page: &str) -> Vec<Violation> {
+/// A file of `bsp` that waits for the hardware, in a loop or by an iterator with a count, is listed in
+/// docs/board.md (text `page`).
+fn unlisted_wait(source: &Source, page: &str) -> Vec<Violation> {
     let file = source.path.rsplit('/').next().unwrap_or_default();
     let row = format!("| `{file}`");
     let told = page
@@ -192,17 +191,17 @@ fn untold(source: &Source, page: &str) -> Vec<Violation> {
 }
 
 #[test]
-fn the_page_tells_of_every_wait() {
+fn page_lists_every_waiting_loop() {
     let page = &files("md").into_iter().find(|page| page.path == "docs/board.md").expect("the page").text;
     let sources = files("rs");
-    assert_none(&sources.iter().flat_map(|source| untold(source, page)).collect::<Vec<_>>());
-    let waiting = sources.iter().filter(|source| !untold(source, "").is_empty()).count();
+    assert_none(&sources.iter().flat_map(|source| unlisted_wait(source, page)).collect::<Vec<_>>());
+    let waiting = sources.iter().filter(|source| !unlisted_wait(source, "").is_empty()).count();
     assert!(waiting >= 4, "{waiting} files wait: does the fence see them?");
 }
 
 #[test]
-fn the_telling_fence_can_fail() {
-    let found = |path: &str, text: &str, page: &str| untold(&Source::new(path, text), page).len();
+fn waiting_page_fence_finds_each_violation() {
+    let found = |path: &str, text: &str, page: &str| unlisted_wait(&Source::new(path, text), page).len();
     let (table, other) =
         ("Loops that wait for hardware\n| `a.rs` | b |", "| `a.rs` | b |\nLoops that wait for hardware");
     let waits = ["fn f() { while a() {} }", "fn f() { (0..N).any(|_| a()) }"];
@@ -215,7 +214,7 @@ fn the_telling_fence_can_fail() {
 }
 
 #[test]
-fn unsafe_is_the_board_s_and_explained() {
+fn unsafe_is_in_bsp_and_explained() {
     check_workspace(unexplained);
     let uses = |source: &Source| source.text.matches("unsafe {").count();
     let found: usize = files("rs").iter().filter(|source| is_bsp(source)).map(uses).sum();
@@ -223,32 +222,32 @@ fn unsafe_is_the_board_s_and_explained() {
 }
 
 #[test]
-fn every_module_but_the_board_s_forbids_unsafe() {
+fn modules_outside_bsp_forbid_unsafe() {
     check_workspace(unforbidden);
 }
 
 #[test]
-fn registers_are_named_by_board_and_programs() {
+fn register_crates_are_used_in_bsp_and_programs() {
     check_workspace(registers);
 }
 
 #[test]
-fn the_board_s_methods_are_short() {
+fn methods_in_bsp_are_short() {
     check_workspace(long_method);
 }
 
 #[test]
-fn a_task_is_one_call() {
+fn task_is_one_call() {
     check_workspace(tasks);
 }
 
 #[test]
-fn the_board_only_waits() {
+fn loops_in_bsp_only_wait() {
     check_workspace(busy);
 }
 
 #[test]
-fn the_unsafe_fence_can_fail() {
+fn unsafe_fence_finds_each_violation() {
     let explained = [
         "// SAFETY: a\nunsafe { b() }",
         "let a = 1;\n// SAFETY: b\nlet c: [u8; 3] =\n    d(|w| unsafe { e([1; 2]) });",
@@ -276,7 +275,7 @@ fn the_unsafe_fence_can_fail() {
 }
 
 #[test]
-fn the_forbid_fence_can_fail() {
+fn forbid_fence_finds_each_violation() {
     check_fence(
         unforbidden,
         "tater-fw/src/lib.rs",
@@ -291,7 +290,7 @@ fn the_forbid_fence_can_fail() {
 }
 
 #[test]
-fn the_register_fence_can_fail() {
+fn register_fence_finds_each_violation() {
     let names = ["use cortex_m::asm;", "fn f() { bxcan::g() }", "use embedded_hal as e;"];
     check_fence(registers, "tater-fw/src/tater.rs", &names, &["// bxcan\nconst A: &str = \"bxcan\";"]);
     check_fence(registers, "tater-fw/src/main.rs", &["#[cortex_m_rt::entry] fn main() {}"], &[]);
@@ -300,7 +299,7 @@ fn the_register_fence_can_fail() {
 }
 
 #[test]
-fn the_method_fence_can_fail() {
+fn method_fence_finds_each_violation() {
     let method = |lines: usize| format!("fn a(&self) {{{}}}", "\n".repeat(lines - 1));
     let of = |head: &str, lines: usize| format!("{head} {{ fn b() {{}} {} }}", method(lines));
     let (board, motor) = ("impl<M: Motor> Board for Metal<M>", "impl Motor for Armed");
@@ -314,7 +313,7 @@ fn the_method_fence_can_fail() {
 }
 
 #[test]
-fn the_task_fence_can_fail() {
+fn task_fence_finds_each_violation() {
     let locked = |head: &str, body: &str| format!("{head}(c: C) {{ c.tater.lock(|tater| {{ {body} }}); }}");
     let (slow, hall) = ("#[task(binds = A)] fn housekeeping", "#[task(binds = A)] fn hall");
     check_fence(
@@ -340,7 +339,7 @@ fn the_task_fence_can_fail() {
 }
 
 #[test]
-fn the_waiting_fence_can_fail() {
+fn busy_loop_fence_finds_each_violation() {
     check_fence(
         busy,
         "tater-fw/src/bsp/a.rs",

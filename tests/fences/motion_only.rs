@@ -1,10 +1,10 @@
-//! What the crates of the board must not know: std, floats, a heap, casts, panics, a simulator; and that one file
+//! Restrictions on the crates of the board: no std, float, heap, cast, panic or simulator; and one file
 //! orders the tick.
 
 use super::tokens::{Token, item_end, reads, scan, scan_tokens, tokens, without_tests};
 use super::{Source, Violation, check_fence, check_workspace, files};
 
-/// The crates that run on the board.
+/// Crates that run on the board.
 const BOARD: [&str; 3] = ["servo-core", "tater-wire", "tater-fw"];
 
 fn is_on_board(source: &Source) -> bool {
@@ -19,7 +19,7 @@ fn is_float_literal(token: &Token) -> bool {
     is_number && is_decimal && digits.contains(['.', 'e', 'E', 'f'])
 }
 
-/// No float, in tests neither: what the tests compute must be what the microcontroller computes.
+/// No float, not even in tests: they must compute what the microcontroller computes.
 fn float(source: &Source) -> Vec<Violation> {
     if !is_on_board(source) {
         return Vec::new();
@@ -32,32 +32,32 @@ fn float(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// Neither std nor a heap; in servo-core not in tests either.
+/// Neither std nor a heap; in servo-core not even in tests.
 fn freestanding(source: &Source) -> Vec<Violation> {
     if source.is_in("servo-core") { scan(source, named_std) } else { scan_board(source, named_std) }
 }
 
 fn named_std(tokens: &[Token], at: usize) -> Option<String> {
     let name = &tokens[at].text;
-    // `core::alloc::` is another module: the name must begin its path.
+    // `core::alloc::` is another module: `alloc` must begin the path.
     let continues = at >= 3
         && reads(tokens, at - 2, &[":", ":"])
         && tokens[at - 3].text.ends_with(|c: char| c.is_alphanumeric() || c == '_');
     let is_path = reads(tokens, at + 1, &[":", ":"]) && !continues;
     let is_extern = at > 0 && tokens[at - 1].text == "crate";
     let is_import = at > 0 && tokens[at - 1].text == "use";
-    // The tests' own `extern crate std` stands behind `cfg(test)`, which `without_tests` leaves out.
+    // `extern crate std` of tests is behind `cfg(test)`, which `without_tests` removes.
     (["std", "alloc"].contains(&name.as_str()) && (is_path || is_extern || is_import))
         .then(|| format!("{name}: what runs on the board stands on `core` alone"))
 }
 
-/// `as` truncates silently: raw conversions have two homes.
+/// `as` truncates silently: only two files use it.
 fn cast(source: &Source) -> Vec<Violation> {
     let homes = ["servo-core/src/units.rs", "servo-core/src/num.rs"];
     if homes.contains(&source.path.as_str()) {
         return Vec::new();
     }
-    // The wire packs and unpacks bits: that is its purpose.
+    // tater-wire packs and unpacks bits: it may cast.
     if source.is_in("servo-core") {
         scan(source, wrong_cast)
     } else if source.is_in("tater-fw") {
@@ -83,7 +83,7 @@ fn wrong_cast(tokens: &[Token], at: usize) -> Option<String> {
         .then(|| format!("as {}: put a named conversion into units.rs or num.rs", to.text))
 }
 
-/// Tests `wrong` at every token of the board's code, tests left out.
+/// Tests `wrong` at every token of the board's code, without tests.
 fn scan_board(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>) -> Vec<Violation> {
     let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
     if !is_on_board(source) || !source.path.contains("/src/") || is_test_file {
@@ -95,7 +95,7 @@ fn scan_board(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>
     }
 }
 
-/// No panic path outside tests. (Indexing and overflow are clippy's: see the lints in lib.rs.)
+/// No panic outside tests. (Indexing and overflow are clippy's: see the lints in lib.rs.)
 fn panic_path(source: &Source) -> Vec<Violation> {
     const METHODS: [&str; 4] = ["unwrap", "expect", "unwrap_err", "expect_err"];
     const MACROS: [&str; 8] = [
@@ -120,8 +120,8 @@ fn panic_path(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// `fixed`'s `lit` parses its string wherever it stands: outside a constant that is at every tick, and some
-/// hundred instructions each time.
+/// `lit` of `fixed` parses its string at run time unless it is in a constant: some hundred instructions at
+/// every tick.
 fn literal(source: &Source) -> Vec<Violation> {
     // Neither `const fn` nor a generic `<const N: usize>` is a constant.
     let is_constant = |tokens: &[Token], at: usize| {
@@ -136,7 +136,7 @@ fn literal(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// Firmware and simulation run the same code: no feature tells them apart.
+/// Firmware and simulation run the same code: no feature distinguishes them.
 fn simulation_feature(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
         let names_sim = tokens.get(at + 2).is_some_and(|value| value.text.contains("sim"));
@@ -145,7 +145,7 @@ fn simulation_feature(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// Only `servo.rs` composes loops: any other module that names two of them orders a tick of its own.
+/// Only `servo.rs` composes loops: another module that uses two of them would order a tick of its own.
 fn tick_order(source: &Source) -> Vec<Violation> {
     const LOOPS: [&str; 3] = ["pid", "profile", "velocity_loop"];
     let is_servo = source.path == "servo-core/src/servo.rs" || source.is_in("servo-core/src/servo");
@@ -167,9 +167,9 @@ fn tick_order(source: &Source) -> Vec<Violation> {
     }
 }
 
-/// Every path to the bridge ends in `guard/limits`: a duty is made there.
+/// Every duty is made in `guard/limits`.
 fn bridge(source: &Source) -> Vec<Violation> {
-    // units.rs defines it; the commutator only moves its sign into the legs.
+    // units.rs defines it; the commutator only distributes its sign to the legs.
     let homes = ["guard/limits.rs", "units.rs", "sense/commutation.rs"];
     if homes.iter().any(|home| source.path == format!("servo-core/src/{home}")) {
         return Vec::new();
@@ -180,7 +180,7 @@ fn bridge(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// Firmware and simulation run the same `Tater`: nothing around it holds a servo of its own.
+/// Firmware and simulation run the same `Tater`: simulator and tests hold no `Servo`.
 fn second_servo(source: &Source) -> Vec<Violation> {
     if !source.is_in("hil-sim/src") && !source.is_in("tests") {
         return Vec::new();
@@ -191,7 +191,7 @@ fn second_servo(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// The tables' texts are for people: a board that names a row carries all of them, 13 KiB.
+/// A board that uses a row of the tables would link all their texts, 13 KiB.
 fn texts(source: &Source) -> Vec<Violation> {
     if !source.is_in("tater-fw/src") {
         return Vec::new();
@@ -203,9 +203,9 @@ fn texts(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// No loop whose end nobody has counted; `for` goes over something that ends.
+/// No unbounded loop in the control path; `for` is bounded by its range.
 fn unbounded(source: &Source) -> Vec<Violation> {
-    // Storage and monitor run beside it, a step at a time.
+    // Storage and monitor run outside it, in steps.
     let is_control_path = source.is_in("servo-core/src") || source.path.starts_with("tater-fw/src/tater");
     if !is_control_path {
         return Vec::new();
@@ -217,13 +217,13 @@ fn unbounded(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// What a crate root must promise.
-fn promises(source: &Source) -> Vec<Violation> {
+/// Attributes that a crate root must have.
+fn attributes(source: &Source) -> Vec<Violation> {
     let wanted: &[&[&str]] = match source.path.as_str() {
         "servo-core/src/lib.rs" | "tater-wire/src/lib.rs" => {
             &[&["no_std"], &["forbid", "(", "unsafe_code", ")"]]
         }
-        // Its modules forbid it, but for the one with the registers.
+        // Its modules forbid `unsafe`, except `bsp`.
         "tater-fw/src/lib.rs" => &[&["no_std"], &["deny", "(", "unsafe_code", ")"]],
         "hil-sim/src/lib.rs"
         | "hil-sim/src/main.rs"
@@ -248,32 +248,32 @@ fn promises(source: &Source) -> Vec<Violation> {
 }
 
 #[test]
-fn the_board_has_no_float() {
+fn board_code_has_no_float() {
     check_workspace(float);
 }
 
 #[test]
-fn the_board_stands_on_core_alone() {
+fn board_code_uses_core_alone() {
     check_workspace(freestanding);
 }
 
 #[test]
-fn casts_have_two_homes() {
+fn casts_are_in_two_files() {
     check_workspace(cast);
 }
 
 #[test]
-fn the_control_path_does_not_panic() {
+fn control_path_has_no_panic() {
     check_workspace(panic_path);
 }
 
 #[test]
-fn literals_are_parsed_by_the_compiler() {
+fn literals_are_in_constants() {
     check_workspace(literal);
 }
 
 #[test]
-fn nothing_tells_simulation_from_metal() {
+fn no_feature_distinguishes_simulation() {
     check_workspace(simulation_feature);
 }
 
@@ -283,17 +283,17 @@ fn one_file_orders_the_tick() {
 }
 
 #[test]
-fn duties_are_made_by_the_limits() {
+fn duties_are_made_in_limits() {
     check_workspace(bridge);
 }
 
 #[test]
-fn nothing_beside_tater_holds_a_servo() {
+fn only_tater_holds_a_servo() {
     check_workspace(second_servo);
 }
 
 #[test]
-fn the_board_carries_no_texts() {
+fn board_code_links_no_texts() {
     check_workspace(texts);
 }
 
@@ -303,8 +303,8 @@ fn loops_are_bounded() {
 }
 
 #[test]
-fn crate_roots_make_their_promises() {
-    check_workspace(promises);
+fn crate_roots_have_their_attributes() {
+    check_workspace(attributes);
     let roots = [
         "servo-core/src/lib.rs",
         "tater-wire/src/lib.rs",
@@ -318,7 +318,7 @@ fn crate_roots_make_their_promises() {
 }
 
 #[test]
-fn the_float_fence_can_fail() {
+fn float_fence_finds_each_violation() {
     check_fence(
         float,
         "servo-core/src/a/tests.rs",
@@ -334,7 +334,7 @@ fn the_float_fence_can_fail() {
 }
 
 #[test]
-fn the_std_fence_can_fail() {
+fn std_fence_finds_each_violation() {
     check_fence(
         freestanding,
         "servo-core/src/a.rs",
@@ -347,7 +347,7 @@ fn the_std_fence_can_fail() {
 }
 
 #[test]
-fn the_cast_fence_can_fail() {
+fn cast_fence_finds_each_violation() {
     check_fence(
         cast,
         "servo-core/src/a.rs",
@@ -364,7 +364,7 @@ fn the_cast_fence_can_fail() {
 }
 
 #[test]
-fn the_panic_fence_can_fail() {
+fn panic_fence_finds_each_violation() {
     check_fence(
         panic_path,
         "servo-core/src/a.rs",
@@ -385,7 +385,7 @@ fn the_panic_fence_can_fail() {
 }
 
 #[test]
-fn the_literal_fence_can_fail() {
+fn literal_fence_finds_each_violation() {
     check_fence(
         literal,
         "servo-core/src/a.rs",
@@ -406,7 +406,7 @@ fn the_literal_fence_can_fail() {
 }
 
 #[test]
-fn the_feature_fence_can_fail() {
+fn feature_fence_finds_each_violation() {
     check_fence(
         simulation_feature,
         "servo-core/src/a.rs",
@@ -416,7 +416,7 @@ fn the_feature_fence_can_fail() {
 }
 
 #[test]
-fn the_tick_order_fence_can_fail() {
+fn tick_order_fence_finds_each_violation() {
     let two = "use crate::motion::{pid::Pid, profile::Profile};";
     check_fence(tick_order, "servo-core/src/mode.rs", &[two], &["pub mod pid; pub mod profile;"]);
     check_fence(tick_order, "hil-sim/src/a.rs", &[two], &["use servo_core::motion::pid::Pid;"]);
@@ -424,14 +424,14 @@ fn the_tick_order_fence_can_fail() {
 }
 
 #[test]
-fn the_bridge_fence_can_fail() {
+fn duty_fence_finds_each_violation() {
     let made = ["fn f() -> Duty { Duty(a) }", "fn f() -> Duty { Duty::from_bits(1) }"];
     check_fence(bridge, "servo-core/src/servo.rs", &made, &["fn f(a: Duty) -> bool { a == Duty::ZERO }"]);
     check_fence(bridge, "servo-core/src/guard/limits.rs", &[], &made);
 }
 
 #[test]
-fn the_second_servo_fence_can_fail() {
+fn second_servo_fence_finds_each_violation() {
     check_fence(
         second_servo,
         "hil-sim/src/a.rs",
@@ -443,14 +443,14 @@ fn the_second_servo_fence_can_fail() {
 }
 
 #[test]
-fn the_texts_fence_can_fail() {
+fn texts_fence_finds_each_violation() {
     let bad = ["fn f(p: Property) { p.row(); }", "use tater_wire::property::ROWS;"];
     check_fence(texts, "tater-fw/src/a.rs", &bad, &["fn f(p: Property) { p.rules(); }"]);
     check_fence(texts, "hil-sim/src/a.rs", &[], &bad);
 }
 
 #[test]
-fn the_loop_fence_can_fail() {
+fn loop_fence_finds_each_violation() {
     check_fence(
         unbounded,
         "servo-core/src/a.rs",
@@ -465,11 +465,11 @@ fn the_loop_fence_can_fail() {
 }
 
 #[test]
-fn the_promise_fence_can_fail() {
+fn attribute_fence_finds_each_violation() {
     let one = ["#![no_std]", "#![forbid(unsafe_code)]", "#![no_std]\n// #![forbid(unsafe_code)]"];
-    check_fence(promises, "servo-core/src/lib.rs", &one, &["#![no_std]\n#![forbid(unsafe_code)]"]);
+    check_fence(attributes, "servo-core/src/lib.rs", &one, &["#![no_std]\n#![forbid(unsafe_code)]"]);
     check_fence(
-        promises,
+        attributes,
         "hil-sim/src/main.rs",
         &["fn main() {}"],
         &["#![forbid(unsafe_code)]\nfn main() {}"],

@@ -1,18 +1,17 @@
-//! Source text as a flat run of Rust tokens. Macro bodies are read like any code; comments and the insides of
-//! strings are not code.
+//! Source text as a flat sequence of Rust tokens, including macro bodies, without comments.
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 use super::{Source, Violation};
 
-/// A token as it is written, and its line. Groups appear as their opening and closing brackets.
+/// A token with its line. Groups appear as their brackets.
 pub struct Token {
     pub text: String,
     pub line: usize,
     pub is_literal: bool,
 }
 
-/// The tokens of a file; a violation if Rust could not read it.
+/// The tokens of a file, or a violation if it is not Rust.
 pub fn tokens(source: &Source) -> Result<Vec<Token>, Violation> {
     let stream: TokenStream =
         source.text.parse().map_err(|error| source.violation(1, format!("not Rust: {error}")))?;
@@ -50,7 +49,7 @@ pub fn reads(tokens: &[Token], at: usize, pattern: &[&str]) -> bool {
     pattern.iter().enumerate().all(|(i, want)| tokens.get(at + i).is_some_and(|token| token.text == *want))
 }
 
-/// The index of the bracket that closes the one at `open`.
+/// Index of the bracket that closes the one at `open`.
 pub fn closing(tokens: &[Token], open: usize) -> usize {
     let mut depth = 0_usize;
     for (i, token) in tokens.iter().enumerate().skip(open) {
@@ -66,7 +65,7 @@ pub fn closing(tokens: &[Token], open: usize) -> usize {
     tokens.len()
 }
 
-/// The index of the last token of the item that begins at `at`: its closing brace or its semicolon.
+/// Index of the last token of the item at `at`: its closing brace or semicolon.
 pub fn item_end(tokens: &[Token], at: usize) -> usize {
     let mut i = at;
     while let Some(token) = tokens.get(i) {
@@ -80,7 +79,7 @@ pub fn item_end(tokens: &[Token], at: usize) -> usize {
     tokens.len()
 }
 
-/// The tokens without the items under `#[cfg(test)]`.
+/// The tokens without items under `#[cfg(test)]`.
 pub fn without_tests(tokens: Vec<Token>) -> Vec<Token> {
     let mut skip = vec![false; tokens.len()];
     for at in 0..tokens.len() {
@@ -92,7 +91,7 @@ pub fn without_tests(tokens: Vec<Token>) -> Vec<Token> {
     tokens.into_iter().zip(skip).filter(|(_, skip)| !skip).map(|(token, _)| token).collect()
 }
 
-/// Tests `wrong` at every token: a message where something stands that must not.
+/// Applies `wrong` to every token; it returns a message at a violation.
 pub fn scan(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>) -> Vec<Violation> {
     match tokens(source) {
         Ok(tokens) => scan_tokens(source, &tokens, wrong),
@@ -100,7 +99,7 @@ pub fn scan(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>) 
     }
 }
 
-/// As [`scan`], on tokens already read.
+/// As [`scan`], for given tokens.
 pub fn scan_tokens(
     source: &Source,
     tokens: &[Token],
@@ -120,7 +119,7 @@ fn comments_and_strings_are_not_code() {
 }
 
 #[test]
-fn test_items_are_left_out_and_what_follows_them_is_not() {
+fn test_items_are_removed_and_later_items_kept() {
     let text = "#[cfg(test)] #[allow(x)] mod t { fn a() {} } fn b() {} #[cfg(test)] mod tests; fn c() {}";
     let source = Source::new("a.rs", text);
     let left: String = without_tests(tokens(&source).unwrap()).into_iter().map(|t| t.text).collect();

@@ -1,16 +1,16 @@
-//! Tests and simulations that repeat: no clock, no sleep, a simulator whose floors are apart; and no work left out silently.
+//! Reproducible tests and simulations: no clock, no sleep, floors of the simulator, no work skipped silently.
 
 use super::tokens::{Token, closing, reads, scan, scan_tokens, tokens, without_tests};
 use super::{Source, Violation, check_fence, check_workspace, files};
 
-/// Nothing waits: a test that sleeps is slow, and fails when the machine is busy.
+/// No sleep: it makes tests slow, and fail on a busy machine.
 fn waiting(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
         reads(tokens, at, &["sleep", "("]).then(|| "sleep: time is passed in, never waited for".into())
     })
 }
 
-/// Time is passed in, never read; only programs may say how long something took.
+/// Time is passed in; only programs may measure their own time.
 fn clock(source: &Source) -> Vec<Violation> {
     let programs = ["hil-sim/src/main.rs", "board-emu/src/main.rs"];
     if programs.contains(&source.path.as_str()) || source.is_in("hil-sim/examples") || source.is_in("xtask") {
@@ -90,7 +90,7 @@ fn blocks(tokens: &[Token], at: usize) -> usize {
     (0..at).filter(|open| tokens[*open].text == "mod").filter(around).count()
 }
 
-/// A test that does not run, or code that is not there.
+/// Ignored tests and missing code.
 fn unfinished(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
         let name = tokens[at].text.as_str();
@@ -105,7 +105,7 @@ fn unfinished(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// A lint switched off without a reason.
+/// A silenced lint without a reason.
 fn reasonless(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
         let open = at + 1 + usize::from(reads(tokens, at + 1, &["!"]));
@@ -148,7 +148,7 @@ fn every_silenced_lint_has_a_reason() {
 }
 
 #[test]
-fn the_sleep_fence_can_fail() {
+fn sleep_fence_finds_each_violation() {
     check_fence(
         waiting,
         "tests/a.rs",
@@ -158,7 +158,7 @@ fn the_sleep_fence_can_fail() {
 }
 
 #[test]
-fn the_clock_fence_can_fail() {
+fn clock_fence_finds_each_violation() {
     let now = "fn f() { std::time::Instant::now(); }";
     check_fence(
         clock,
@@ -213,7 +213,7 @@ fn floor_fence_finds_each_breach() {
 }
 
 #[test]
-fn the_unfinished_fence_can_fail() {
+fn unfinished_fence_finds_each_violation() {
     check_fence(
         unfinished,
         "tests/a.rs",
@@ -229,7 +229,7 @@ fn the_unfinished_fence_can_fail() {
 }
 
 #[test]
-fn the_reason_fence_can_fail() {
+fn reason_fence_finds_each_violation() {
     check_fence(
         reasonless,
         "a/src/b.rs",

@@ -161,14 +161,14 @@ mod tests {
         for property in &PROPERTIES {
             let (min, max) = property.range();
             for value in [min, max] {
-                let mut config = crate::defaults(MotorKind::Spread);
+                let mut config = tater_fw::motion::defaults(MotorKind::Spread);
                 property.set(&mut config, value).expect(property.name);
                 assert_eq!(property.get(&config), value, "{}", property.name);
             }
             for value in [min - 1, max + 1] {
-                let mut config = crate::defaults(MotorKind::Spread);
+                let mut config = tater_fw::motion::defaults(MotorKind::Spread);
                 assert!(property.set(&mut config, value).is_err(), "{} = {value}", property.name);
-                assert_eq!(config, crate::defaults(MotorKind::Spread));
+                assert_eq!(config, tater_fw::motion::defaults(MotorKind::Spread));
             }
         }
     }
@@ -187,13 +187,13 @@ mod tests {
     #[test]
     fn property_sets_its_own_field_only() {
         for property in &PROPERTIES {
-            let mut config = crate::defaults(MotorKind::Link);
+            let mut config = tater_fw::motion::defaults(MotorKind::Link);
             let (min, max) = property.range();
             let value = if property.get(&config) == max { min } else { max };
             property.set(&mut config, value).expect(property.name);
             let changed: Vec<&str> = PROPERTIES
                 .iter()
-                .filter(|row| row.get(&config) != row.get(&crate::defaults(MotorKind::Link)))
+                .filter(|row| row.get(&config) != row.get(&tater_fw::motion::defaults(MotorKind::Link)))
                 .map(|row| row.name)
                 .collect();
             assert_eq!(changed, [property.name]);
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn unknown_name_lists_known_names() {
-        let mut config = crate::defaults(MotorKind::Link);
+        let mut config = tater_fw::motion::defaults(MotorKind::Link);
         let error = set(&mut config, "KQ", 1).expect_err("no KQ");
         assert!(error.to_string().contains("KQ") && error.to_string().contains("KPV"), "{error}");
     }

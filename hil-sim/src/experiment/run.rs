@@ -122,7 +122,7 @@ pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node
     let count = rig.truth().counts.round() as i32;
     let mut node = Node::awake(SimBoard::new(rig, straps));
     set(&mut node, Property::P, i64::from(count)).map_err(|e| refused("position_counts", count.into(), e))?;
-    let defaults = crate::defaults(case.motor);
+    let defaults = tater_fw::motion::defaults(case.motor);
     for property in &PROPERTIES {
         let value = property.get(&case.config);
         if value != property.get(&defaults) {

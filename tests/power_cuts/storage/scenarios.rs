@@ -1,21 +1,12 @@
 //! Activities of a board at the time of a power cut.
 
-use super::{Counters, Property, SimFlash, Store, run, stored};
+use super::script::{Act, run, stored};
+use hil_sim::rig::flash::SimFlash;
 use rand::RngExt;
 use tater_fw::Flash;
+use tater_fw::storage::{Counters, Store};
+use tater_wire::Property;
 use tater_wire::memory::STORAGE;
-
-/// A call of a store, or several of its steps.
-#[derive(Clone, Copy, Debug)]
-pub enum Act {
-    Set(Property, i64),
-    Forget(Property),
-    SavePosition(i32, u8),
-    Distrust,
-    Count(Counters),
-    ResetCounters(Counters),
-    Steps { most: usize, bridge_on: bool },
-}
 
 /// Steps until everything is stored.
 const FINISH: Act = Act::Steps { most: 3000, bridge_on: false };

@@ -106,7 +106,7 @@ fn motor(page: &mut String, scenario: &Scenario, case: &Case, run: &MotorRun) {
 
 /// Every property; bold if it differs from the motor's default.
 fn properties(page: &mut String, case: &Case) {
-    let defaults = crate::defaults(case.motor);
+    let defaults = tater_fw::motion::defaults(case.motor);
     for property in &PROPERTIES {
         let (value, default) = (property.get(&case.config), property.get(&defaults));
         let class = if value == default { "" } else { " class=\"changed\"" };

@@ -98,7 +98,7 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     let parsed: file::File = toml::from_str(source.text).map_err(|e| source.reader_error(&e))?;
     let mut cases = Vec::new();
     for motor in &parsed.motor.0 {
-        let mut config = crate::defaults(*motor);
+        let mut config = tater_fw::motion::defaults(*motor);
         for (property, value) in settings(source, &parsed.set)? {
             // Already checked: the ranges do not depend on the motor.
             let _ = property.set(&mut config, value);
@@ -225,7 +225,7 @@ fn settings(source: Source<'_>, set: &file::Settings) -> Result<Vec<(&'static Pr
             return fail(problem, "each property once".to_owned(), "remove one of the two");
         }
         let value = *value.get_ref();
-        let mut scratch = crate::defaults(MotorKind::Link);
+        let mut scratch = tater_fw::motion::defaults(MotorKind::Link);
         if let Err(e) = property.set(&mut scratch, value) {
             let problem = format!("{} = {value} is out of range", property.name);
             return fail(problem, e.expected(), "choose a value in the range");
