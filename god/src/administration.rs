@@ -59,7 +59,7 @@ async fn list(god: &God<'_>, advanced: bool) -> Status {
 
 /// Prints a command's name, arguments and purpose.
 async fn help(god: &God<'_>, name: &str) -> Status {
-    let Some(row) = command::named(name).and_then(GclCommand::row) else { return Status::UNKNOWN_COMMAND };
+    let Some(row) = command::find(name).and_then(GclCommand::row) else { return Status::UNKNOWN_COMMAND };
     let space = if row.arguments.is_empty() { "" } else { " " };
     god.print_line(format_args!("{}{space}{}: {}", row.name, row.arguments, row.help)).await;
     Status::OK

@@ -11,17 +11,17 @@ use crate::io::Io;
 use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
 
-/// How long an answer may take, µs: half a millisecond, and 40 ms where the board erases a page (docs/wire.md).
+/// Time limit of an answer, µs: it takes half a millisecond, and 40 ms while the board erases a page (docs/wire.md).
 const ANSWER_US: u64 = 60_000;
 
-/// How often a question is asked before its board counts as absent.
+/// Attempts of a question before its board counts as absent.
 const TRIES: usize = 3;
 
-/// How long a board may be off the bus after it is woken (docs/wire.md), and the interval of asking meanwhile, µs.
+/// Time limit of waking a board, which may be off the bus for a second (docs/wire.md), and the poll interval meanwhile, µs.
 const WAKE_US: u64 = 1_500_000;
 const WAKE_POLL_US: u64 = 20_000;
 
-/// How long a board needs after a SAVE to write it, µs: two pages to erase, 40 ms each, and a record.
+/// Time that a board needs to write a SAVE, µs: it erases up to two pages, 40 ms each, and writes a record.
 const STORE_US: u64 = 100_000;
 
 /// LFLAGS: report ends of motions and breakaways.
@@ -94,21 +94,21 @@ impl Answers {
     }
 }
 
-/// What a board has said of its mode and its motion's end since [`Boards::take_reported`], asked or not.
+/// MODE and END of a board as it answered or reported them since [`Boards::take_reported`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reported {
     /// MODE.
     pub mode: Option<i64>,
-    /// Why the motion ended (END); 0 while it goes on.
+    /// END: 0 during a motion.
     pub end: Option<i64>,
 }
 
-/// One thing for each property that is requested ahead of its use.
+/// One item for each property that is requested ahead of its use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ahead<T> {
     /// P.
     pub position: T,
-    /// VEL: V is what a board in mode 4 is told.
+    /// VEL, the velocity that there is: V is the commanded one in mode 4.
     pub velocity: T,
     /// SG.
     pub strain: T,
@@ -145,7 +145,7 @@ impl Ahead<Option<i64>> {
     }
 }
 
-/// What is known of one board.
+/// State of one board.
 #[derive(Clone, Copy, Debug, Default)]
 struct Board {
     reported: Reported,
@@ -154,7 +154,7 @@ struct Board {
     /// Answers to [`Boards::ask_ahead`].
     ahead: Ahead<Option<i64>>,
     /// When the last frame of this board came in, µs.
-    heard_us: u64,
+    received_us: u64,
 }
 
 /// The boards on the bus.
@@ -167,7 +167,7 @@ pub struct Boards<'a> {
 }
 
 impl<'a> Boards<'a> {
-    /// Boards of which nothing is known.
+    /// The boards of a bus.
     #[must_use]
     pub fn new(io: &'a Io) -> Self {
         Self { io, boards: RefCell::default(), asked_us: Cell::new(0) }
@@ -229,7 +229,7 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// What a board has answered since [`Self::ask_ahead`]. If that is incomplete in time, the board is asked once more, unless the bus is down;
+    /// A board's answers since [`Self::ask_ahead`]. If that is incomplete in time, the board is asked once more, unless the bus is down;
     /// then `None`.
     pub async fn answer_of(&self, motor: Motor, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
         // All boards have been answering since then.
@@ -313,7 +313,7 @@ impl<'a> Boards<'a> {
         awake
     }
 
-    /// What a motor's board has said of MODE and END since the last call.
+    /// Returns MODE and END as a motor's board stated them since the last call.
     pub fn take_reported(&self, motor: Motor) -> Reported {
         self.drain();
         let mut boards = self.boards.borrow_mut();
@@ -321,8 +321,8 @@ impl<'a> Boards<'a> {
     }
 
     /// When the last frame of a motor's board came in, µs.
-    pub(crate) fn heard_us(&self, motor: Motor) -> u64 {
-        self.boards.borrow().get(motor.index()).map_or(0, |board| board.heard_us)
+    pub(crate) fn received_us(&self, motor: Motor) -> u64 {
+        self.boards.borrow().get(motor.index()).map_or(0, |board| board.received_us)
     }
 
     /// Waits for a frame until a deadline, and notes what it reports.
@@ -360,11 +360,11 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// Logs faults, changes of mode and ends, and when the board was heard.
+    /// Logs faults, changes of mode and ends, and notes the time.
     fn log_answer(&self, motor: Motor, property: Property, value: i64) {
         let mut boards = self.boards.borrow_mut();
         let Some(board) = boards.get_mut(motor.index()) else { return };
-        board.heard_us = self.io.now_us();
+        board.received_us = self.io.now_us();
         match property {
             Property::ERROR if value != 0 => self.io.record(EventKind::Fault { motor, code: value }),
             Property::END if value != 0 => self.io.record(EventKind::Ended { motor, end: value }),

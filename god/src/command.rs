@@ -1,6 +1,6 @@
 //! The table of commands (manual 5.2): name, arguments, category, help. Parser, help and dispatch use it.
 
-/// Where the manual lists a command (5.2.1 to 5.2.6).
+/// The manual's section of a command (5.2.1 to 5.2.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Category {
     /// 5.2.1.
@@ -103,7 +103,7 @@ table! {
 
 /// The command of that name, in upper case.
 #[must_use]
-pub fn named(name: &str) -> Option<GclCommand> {
+pub fn find(name: &str) -> Option<GclCommand> {
     ROWS.iter().find(|row| row.name == name).map(|row| row.command)
 }
 
@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn names_are_unique_and_none_begins_with_a_prefix() {
         for (i, row) in ROWS.iter().enumerate() {
-            assert_eq!(named(row.name), Some(row.command), "{}", row.name);
+            assert_eq!(find(row.name), Some(row.command), "{}", row.name);
             assert!(ROWS[..i].iter().all(|other| other.name != row.name));
             assert_eq!(row.command.row().map(|row| row.name), Some(row.name));
             // Or a line could be read in two ways.

@@ -14,7 +14,7 @@ pub const WALK_THROUGH: [&str; 2] = ["WAKE", "SAVE"];
 /// A parsed line.
 #[derive(Clone, Debug)]
 pub enum Statement<'a> {
-    /// Nothing but white space.
+    /// White space only.
     Empty,
     /// A command of the Grasper Control Language.
     Command {
@@ -40,7 +40,7 @@ impl<'a> Arguments<'a> {
         Self(text)
     }
 
-    /// The next argument as a whole number; `None` if there is none.
+    /// The next argument as an integer; `None` at the end.
     ///
     /// # Errors
     /// [`Status::INVALID_VALUE`]: not a number.
@@ -101,7 +101,7 @@ pub fn parse(line: &str) -> Result<Statement<'_>, Status> {
         .iter()
         .find_map(|&naming| Some((naming, rest.strip_prefix(naming)?)))
         .unwrap_or((name, arguments));
-    let Some(command) = command::named(name) else {
+    let Some(command) = command::find(name) else {
         // `4SE82` is no command, but the walk-through's grammar without its spaces; `WAKE` and `SAVE` are its words.
         return if line == "X" {
             Err(Status::NO_MOTOR)

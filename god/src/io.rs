@@ -1,7 +1,7 @@
 //! GOD's ports: bytes to and from the host, frames to and from the bus, the time; and what its future waits for.
 //!
 //! The owner pushes in what arrived, polls the future once ([`poll`]) and takes out what is to leave. Every queue is bounded, and so is
-//! every wait for the bus: [`Io::send`] gives up after [`SEND_US`]. Output to a host that never reads waits for the host, until ^C or a
+//! every wait for the bus: sending gives up after [`SEND_US`]. Output to a host that never reads waits for the host, until ^C or a
 //! hang-up ends the wait.
 
 use core::cell::{Cell, RefCell};
@@ -32,7 +32,7 @@ const FRAMES: usize = 32;
 /// Longest text that is written at once.
 pub const TEXT: usize = 128;
 
-/// How long the bus may take no frame before it counts as down, µs. A full queue drains within 5 ms on an otherwise idle bus; 40 ms leave
+/// Time without room for a frame after which the bus counts as down, µs. A full queue drains within 5 ms on an otherwise idle bus; 40 ms leave
 /// room for a board that sends without pause.
 pub const SEND_US: u64 = 40_000;
 
@@ -271,7 +271,7 @@ impl Io {
     /// While the bus is down the frame is queued as well, and is sent if the bus comes back within [`SEND_US`].
     ///
     /// # Errors
-    /// The bus took no frame for [`SEND_US`]: all that were queued are dropped. Or that happened before, and nothing came in since.
+    /// The bus took no frame for [`SEND_US`]: the queue is dropped. Or that happened before, and nothing came in since.
     pub(crate) async fn send(&self, frame: Frame) -> Result<(), BusDown> {
         let queued = self.wait_until(self.after_us(SEND_US), || {
             if self.is_stuck() { Some(false) } else { self.try_queue(frame).then_some(true) }

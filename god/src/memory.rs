@@ -20,14 +20,14 @@ pub const SEQUENCE: usize = 150;
 
 /// The parameters of a motor that GOD keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct OfMotor {
+pub struct MotorParameters {
     /// Values in the order of [`Kept`].
     pub kept: [u8; KEPT],
     /// Positions and distances as they were set, GCL counts; by the place in [`Source::Counts`].
     pub as_set: [i32; COUNTS],
 }
 
-impl OfMotor {
+impl MotorParameters {
     /// A motor's defaults.
     #[must_use]
     pub fn defaults(motor: Motor) -> Self {
@@ -64,7 +64,7 @@ impl OfMotor {
 
 /// The hand's own parameters that can be set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct OfHand {
+pub struct HandParameters {
     /// BAUD: baud rate / 100.
     pub baud: u16,
     /// LFT.
@@ -75,7 +75,7 @@ pub struct OfHand {
     pub lfdpd: bool,
 }
 
-impl Default for OfHand {
+impl Default for HandParameters {
     fn default() -> Self {
         let of = |parameter| HAND.iter().find(|row| row.parameter == parameter).map_or(0, |row| row.default);
         Self {
@@ -91,29 +91,29 @@ impl Default for OfHand {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameters {
     /// In the order of the motors.
-    pub motors: [OfMotor; COUNT],
+    pub motors: [MotorParameters; COUNT],
     /// The hand's.
-    pub hand: OfHand,
+    pub hand: HandParameters,
 }
 
 impl Default for Parameters {
     fn default() -> Self {
-        let of = |place: u8| Motor::new(place + 1).map(OfMotor::defaults);
-        let mut motors = [OfMotor { kept: [0; KEPT], as_set: [0; COUNTS] }; COUNT];
+        let of = |place: u8| Motor::new(place + 1).map(MotorParameters::defaults);
+        let mut motors = [MotorParameters { kept: [0; KEPT], as_set: [0; COUNTS] }; COUNT];
         for (place, to) in (0..).zip(&mut motors) {
             *to = of(place).unwrap_or(*to);
         }
-        Self { motors, hand: OfHand::default() }
+        Self { motors, hand: HandParameters::default() }
     }
 }
 
 /// A motor's positions in GCL counts, all seven.
 pub type Positions = [i32; COUNT];
 
-/// All that survives a power-off.
+/// The content of the memory.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stored {
-    /// As FSAVE and PSAVE left them.
+    /// Parameters as FSAVE and PSAVE stored them.
     pub parameters: Parameters,
     /// MACSET's.
     pub macros: [Option<Positions>; MACROS],

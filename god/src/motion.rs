@@ -220,7 +220,7 @@ impl Motion<'_, '_> {
             let alone = Motors::only(motor);
             match (self.plan.cmd(motor), goals.get(motor)) {
                 (Some(cmd), _) => boards.set(alone, Property::CMD, cmd.into()).await,
-                (None, Some(goal)) => boards.set(alone, Property::M, units::halls(goal)).await,
+                (None, Some(goal)) => boards.set(alone, Property::M, units::halls_from_gcl(goal)).await,
                 (None, None) => {}
             }
         }
@@ -285,8 +285,8 @@ impl Motion<'_, '_> {
 
     fn find_silent(&mut self) {
         for motor in self.moving().iter() {
-            let heard_us = self.god.boards.heard_us(motor).max(self.started_us);
-            if self.god.io.now_us() >= heard_us.saturating_add(LOST_US) {
+            let received_us = self.god.boards.received_us(motor).max(self.started_us);
+            if self.god.io.now_us() >= received_us.saturating_add(LOST_US) {
                 self.set_share(motor, Share::Silent);
             }
         }

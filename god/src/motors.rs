@@ -136,7 +136,7 @@ impl Motors {
         self.0.count_ones() as usize
     }
 
-    /// As bits: bit 0 is motor 1.
+    /// Its bits: bit 0 is motor 1.
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0

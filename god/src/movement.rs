@@ -3,8 +3,8 @@
 //! * **Motors**: without a prefix those with EN; a finger goes by its link's EN, and its tip moves with it. With X exactly the named ones.
 //!   None: ERR 2. WM is for fingers and PTM for tips; other selected motors stand still.
 //! * **Refusals**, where nothing moves: a number that is missing or out of range (128), one too many (1024), a hand hotter than OTEMP (8192), a
-//!   board that does not answer (1), a motor whose position is not known (4; HI finds it). T switches off the motors that it reaches all the
-//!   same.
+//!   board that does not answer (1), a motor whose position is not known (4; HI finds it). T switches off the motors that it reaches
+//!   nevertheless.
 //! * **Faults** that boards keep from former motions are cleared by the next command that moves their motor: its user has seen what
 //!   stopped the last one. A fault that persists ends the motion at once.
 //! * **Results**: each motor goes on to its own end, then the sum of their codes is reported; parameter S has each motor's own. 16 is for
@@ -150,7 +150,7 @@ async fn initialize(god: &God<'_>, motors: Motors) -> Status {
 }
 
 /// T: switches off every motor first, and then checks whether it may: a hand that is too hot, a motor that is not initialized and a board
-/// that does not answer are reported all the same.
+/// that does not answer are reported afterwards.
 async fn terminate(god: &God<'_>, motors: Motors) -> Status {
     god.session.cease_pressing(motors);
     god.session.unwatch(motors);

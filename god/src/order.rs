@@ -7,7 +7,7 @@ use tater_wire::{FaultCode, ModeCode, Property};
 use crate::boards::{Answers, REPORTS};
 use crate::god::God;
 use crate::io::NEVER;
-use crate::memory::OfMotor;
+use crate::memory::MotorParameters;
 use crate::motors::Motors;
 use crate::parameter::{ParameterSpec, Source};
 use crate::query;
@@ -50,13 +50,13 @@ pub(crate) async fn abort_motion(god: &God<'_>) {
     restore_properties(god, Motors::NONE).await;
 }
 
-/// Keeps boards alive whose motors press on, for as long as it is polled.
+/// Sends keep-alives to boards whose motors press on. Never ends.
 pub(crate) async fn send_keepalives(god: &God<'_>) -> Infallible {
     loop {
         let pressing = || Some(god.session.pressing()).filter(|motors| !motors.is_empty());
         god.io.wait_until(NEVER, pressing).await;
         god.io.sleep_until(god.io.after_us(KEEPALIVE_US)).await;
-        // The value that they have: it changes nothing, and is not answered.
+        // They have this value already: it changes nothing, and is not answered.
         god.boards.set(god.session.pressing(), Property::LFLAGS, REPORTS).await;
     }
 }
@@ -140,7 +140,7 @@ async fn set_verified(god: &God<'_>, property: Property, values: &Answers) -> St
     status
 }
 
-fn set_kept(god: &God<'_>, values: &Answers, set: impl Fn(&mut OfMotor, i64)) {
+fn set_kept(god: &God<'_>, values: &Answers, set: impl Fn(&mut MotorParameters, i64)) {
     let mut parameters = god.parameters.borrow_mut();
     for motor in values.motors().iter() {
         if let (Some(of), Some(value)) = (parameters.motors.get_mut(motor.index()), values.get(motor)) {

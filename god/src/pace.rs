@@ -21,7 +21,7 @@ use crate::{order, query, units};
 
 /// A move, as the board plans it.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct Travel {
     /// Hall counts, 0 or more.
     distance: i64,
     /// ACCEL.
@@ -33,7 +33,7 @@ struct Way {
 /// Least value of MV, hall counts/s.
 const MIN_VELOCITY: i64 = Property::MV.rules().min();
 
-impl Way {
+impl Travel {
     /// Its duration, µs; `None` with ACCEL 0, which never moves.
     fn duration_us(self) -> Option<i64> {
         let Self { distance, accel, velocity } = self;
@@ -85,19 +85,19 @@ pub(crate) async fn arrive_together(
     let cruise = query::property(god, motors, Property::MV).await?;
     let closing = query::property(god, motors, Property::MCV).await?;
     let opening = query::property(god, motors, Property::MOV).await?;
-    let way = |motor: Motor| {
-        let distance = units::halls(goals.get(motor)?) - units::halls(from.get(motor)?);
+    let travel = |motor: Motor| {
+        let distance = units::halls_from_gcl(goals.get(motor)?) - units::halls_from_gcl(from.get(motor)?);
         let limit = if distance > 0 { &closing } else { &opening };
         let velocity = cruise.get(motor)?.min(limit.get(motor)?);
-        Some(Way { distance: distance.abs(), accel: accel.get(motor)?, velocity })
+        Some(Travel { distance: distance.abs(), accel: accel.get(motor)?, velocity })
     };
     let mut slower = Answers::default();
     for group in groups {
-        let longest = group.iter().filter_map(|motor| way(motor)?.duration_us()).max().unwrap_or(0);
+        let longest = group.iter().filter_map(|motor| travel(motor)?.duration_us()).max().unwrap_or(0);
         for motor in group.iter() {
-            let Some(way) = way(motor).filter(|way| way.distance > 0) else { continue };
-            let velocity = way.velocity_within(longest);
-            if velocity < way.velocity {
+            let Some(travel) = travel(motor).filter(|travel| travel.distance > 0) else { continue };
+            let velocity = travel.velocity_within(longest);
+            if velocity < travel.velocity {
                 slower.set(motor, velocity);
             }
         }
@@ -120,7 +120,7 @@ pub(crate) async fn move_along(god: &God<'_>, fingers: &[Motors], closing: bool)
     let mut slower = Answers::default();
     for tip in motors.intersection(Motors::TIPS).iter() {
         let of_link = tip.link().and_then(|link| limits.get(link));
-        let velocity = of_link.map(|velocity| units::of_tip_along(velocity).max(MIN_VELOCITY));
+        let velocity = of_link.map(|velocity| units::tip_travel_along(velocity).max(MIN_VELOCITY));
         if let Some(velocity) = velocity.filter(|&velocity| limits.get(tip).is_some_and(|own| velocity < own))
         {
             slower.set(tip, velocity);
@@ -137,28 +137,28 @@ mod tests {
     #[test]
     fn duration_equals_the_manual_and_the_formula() {
         // 166 counts of the spread at ACCEL 30: 0.88 s (manual 1.3.1, decision 0002).
-        let spread = Way { distance: 166, accel: 30, velocity: 1000 };
+        let spread = Travel { distance: 166, accel: 30, velocity: 1000 };
         assert_eq!(spread.duration_us().map(|us| us / 1000), Some(879));
         // Long enough to cruise: 1000 counts at 100/s and 100/858.3 s of ramps.
-        let long = Way { distance: 1000, accel: 30, velocity: 100 };
+        let long = Travel { distance: 1000, accel: 30, velocity: 100 };
         assert_eq!(long.duration_us().map(|us| us / 1000), Some(10_116));
-        assert_eq!(Way { distance: 0, ..spread }.duration_us(), Some(0));
-        assert_eq!(Way { accel: 0, ..spread }.duration_us(), None);
-        assert_eq!(Way { distance: i64::MAX, ..spread }.duration_us(), None, "and no overflow");
+        assert_eq!(Travel { distance: 0, ..spread }.duration_us(), Some(0));
+        assert_eq!(Travel { accel: 0, ..spread }.duration_us(), None);
+        assert_eq!(Travel { distance: i64::MAX, ..spread }.duration_us(), None, "and no overflow");
     }
 
     #[test]
     fn velocity_within_is_the_slowest_that_is_in_time() {
         for distance in [1, 10, 88, 350, 65_534] {
             for accel in [1, 20, 30, 60, 65_535] {
-                let way = Way { distance, accel, velocity: 1000 };
-                let own = way.duration_us().expect("it moves");
-                assert_eq!(way.velocity_within(own - 1), 1000, "it cannot be faster");
+                let travel = Travel { distance, accel, velocity: 1000 };
+                let own = travel.duration_us().expect("it moves");
+                assert_eq!(travel.velocity_within(own - 1), 1000, "it cannot be faster");
                 for duration in [own, own + own / 10, 2 * own, 100 * own] {
-                    let velocity = way.velocity_within(duration);
-                    let at = |velocity| Way { velocity, ..way }.duration_us().expect("it moves");
-                    assert!(at(velocity) <= duration, "{way:?} {duration}");
-                    assert!(velocity == MIN_VELOCITY || at(velocity - 1) > duration, "{way:?} {duration}");
+                    let velocity = travel.velocity_within(duration);
+                    let at = |velocity| Travel { velocity, ..travel }.duration_us().expect("it moves");
+                    assert!(at(velocity) <= duration, "{travel:?} {duration}");
+                    assert!(velocity == MIN_VELOCITY || at(velocity - 1) > duration, "{travel:?} {duration}");
                 }
             }
         }

@@ -308,7 +308,7 @@ mod tests {
                 let Counts { property, .. } = row.source else { continue };
                 assert_eq!(
                     property.rules().default_for(motor.node()),
-                    Some(units::halls(row.default_for(motor.kind()))),
+                    Some(units::halls_from_gcl(row.default_for(motor.kind()))),
                     "{} of {motor:?}",
                     row.name
                 );

@@ -4,7 +4,7 @@ use tater_wire::Property;
 
 use crate::boards::Answers;
 use crate::god::God;
-use crate::memory::OfMotor;
+use crate::memory::MotorParameters;
 use crate::motors::{Motor, Motors, Prefix, Selection};
 use crate::parameter::{MOTOR, ParameterSpec, Source};
 use crate::status::Status;
@@ -103,7 +103,7 @@ pub(crate) async fn positions(god: &God<'_>, motors: Motors) -> Result<Answers, 
 
 /// The same of those that answer.
 pub(crate) async fn known_positions(god: &God<'_>, motors: Motors) -> Answers {
-    god.boards.get(motors, Property::P).await.map(|_, halls| units::gcl(halls))
+    god.boards.get(motors, Property::P).await.map(|_, halls| units::gcl_from_halls(halls))
 }
 
 /// A parameter in counts of each of those motors, as FGET prints it, by its property.
@@ -135,22 +135,22 @@ pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motor
     match spec.source {
         Source::Board(property) => god.boards.get(motors, property).await,
         Source::Measured(property) => {
-            god.boards.get(motors, property).await.map(|_, halls| units::gcl(halls))
+            god.boards.get(motors, property).await.map(|_, halls| units::gcl_from_halls(halls))
         }
         Source::Counts { property, place, .. } => {
             let on_board = god.boards.get(motors, property).await;
             let as_set = |motor: Motor| {
-                let as_set = of_motor(god, motor)?.as_set.get(usize::from(place)).copied()?;
+                let as_set = motor_parameters(god, motor)?.as_set.get(usize::from(place)).copied()?;
                 Some(i64::from(as_set))
             };
             on_board.map(|motor, halls| {
                 // Unless the board's value was set by somebody else.
                 let same = as_set(motor).filter(|&as_set| counts_on_board(property, as_set) == halls);
-                same.unwrap_or(units::gcl(halls))
+                same.unwrap_or(units::gcl_from_halls(halls))
             })
         }
         Source::Kept { kept, .. } => {
-            Answers::from_fn(motors, |motor| of_motor(god, motor).map(|of| of.value(kept).into()))
+            Answers::from_fn(motors, |motor| motor_parameters(god, motor).map(|of| of.value(kept).into()))
         }
         Source::Status => status(god, motors).await,
         Source::Fixed(value) => Answers::uniform(motors, value),
@@ -173,9 +173,9 @@ pub(crate) async fn status(god: &God<'_>, motors: Motors) -> Answers {
 #[must_use]
 pub(crate) fn counts_on_board(property: Property, gcl: i64) -> i64 {
     let rules = property.rules();
-    units::halls(gcl).max(rules.min()).min(rules.max())
+    units::halls_from_gcl(gcl).max(rules.min()).min(rules.max())
 }
 
-fn of_motor(god: &God<'_>, motor: Motor) -> Option<OfMotor> {
+fn motor_parameters(god: &God<'_>, motor: Motor) -> Option<MotorParameters> {
     god.parameters.borrow().motors.get(motor.index()).copied()
 }

@@ -235,14 +235,14 @@ impl<'a, 'b> Loop<'a, 'b> {
     async fn read_control(&self) -> Option<()> {
         let (mut velocities, mut gains) = (Answers::default(), Answers::default());
         for motor in self.selection.axes.iter() {
-            let Some(of) = self.layout.of_motor(motor) else { continue };
+            let Some(of) = self.layout.of_axis(motor) else { continue };
             if of.velocity {
                 let byte = self.read_byte().await?.cast_signed();
                 let velocity =
                     (i64::from(byte) * i64::from(of.velocity_coefficient)).clamp(-MAX_VELOCITY, MAX_VELOCITY);
                 velocities.set(motor, velocity);
                 if let Some(tip) = self.follower(motor) {
-                    velocities.set(tip, units::of_tip_along(velocity));
+                    velocities.set(tip, units::tip_travel_along(velocity));
                 }
             }
             if of.gain {
@@ -303,7 +303,7 @@ impl<'a, 'b> Loop<'a, 'b> {
         self.god.boards.ask_ahead(self.selection.axes, self.layout.asks()).await;
         self.write(b"*").await;
         for motor in self.selection.axes.iter() {
-            let Some(of) = self.layout.of_motor(motor) else { continue };
+            let Some(of) = self.layout.of_axis(motor) else { continue };
             let found = self.god.boards.answer_of(motor, of.asks()).await;
             if found.is_none() {
                 self.silent.set(self.silent.get().with(motor));

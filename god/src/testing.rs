@@ -12,7 +12,7 @@ use crate::{Io, io};
 /// Longest time that a test waits for a prompt, µs.
 const MAX_US: u64 = 10_000_000;
 
-/// Types a line at a hand whose boards are awake, obey nothing, and answer a question as `board` says; `None` is no answer. Its time, µs, runs
+/// Types a line at a hand whose boards are awake, obey nothing, and answer a question with the result of `board`; `None` is no answer. Its time, µs, runs
 /// from the line's end. Returns the text after the echo, and when the prompt was complete.
 pub(crate) fn type_line(line: &str, board: impl Fn(Motor, Property, u64) -> Option<i64>) -> (String, u64) {
     let (io, memory) = (Io::default(), Memory::default());

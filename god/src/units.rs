@@ -7,13 +7,13 @@ pub const GCL_PER_HALL: i64 = 55;
 
 /// GCL counts of a position in hall counts.
 #[must_use]
-pub const fn gcl(halls: i64) -> i64 {
+pub const fn gcl_from_halls(halls: i64) -> i64 {
     halls.saturating_mul(GCL_PER_HALL)
 }
 
 /// The hall count nearest to a GCL count, rounding halves up.
 #[must_use]
-pub const fn halls(gcl: i64) -> i64 {
+pub const fn halls_from_gcl(gcl: i64) -> i64 {
     // Half of it is 27.5, and GCL counts are integers.
     gcl.saturating_add(GCL_PER_HALL / 2).div_euclid(GCL_PER_HALL)
 }
@@ -34,26 +34,26 @@ const fn gcl_per_100_revolutions(kind: MotorKind) -> i64 {
 
 /// GCL counts of a joint angle in degrees, rounding halves up: 90 degrees of a link are 12128.
 #[must_use]
-pub const fn of_degrees(kind: MotorKind, degrees: i64) -> i64 {
+pub const fn gcl_from_degrees(kind: MotorKind, degrees: i64) -> i64 {
     rounded(degrees.saturating_mul(gcl_per_100_revolutions(kind)), 36_000)
 }
 
 /// GCL counts of a percentage of a close target, rounding halves up.
 #[must_use]
-pub const fn of_percent(percent: i64, close_target: i64) -> i64 {
+pub const fn gcl_from_percent(percent: i64, close_target: i64) -> i64 {
     rounded(percent.saturating_mul(close_target), 100)
 }
 
-/// The way of a tip that moves along with its link, in the unit of `link`: a third of the link's joint angle. The manual simulates a
+/// The travel of a tip that moves along with its link, in the unit of `link`: a third of the link's joint angle. The manual simulates a
 /// BarrettHand without stating this share; that hand's gears, 375:1 and 125:1, make a third (decision 0030).
 #[must_use]
-pub const fn of_tip_along(link: i64) -> i64 {
+pub const fn tip_travel_along(link: i64) -> i64 {
     rounded(link.saturating_mul(ratio_hundredths(MotorKind::Tip)), 3 * ratio_hundredths(MotorKind::Link))
 }
 
-/// The way of a tip that keeps its direction while its link moves, in the unit of `link`: the same joint angle the other way.
+/// The travel of a tip that keeps its direction while its link moves, in the unit of `link`: the same joint angle the other way.
 #[must_use]
-pub const fn of_tip_against(link: i64) -> i64 {
+pub const fn tip_travel_against(link: i64) -> i64 {
     rounded(link.saturating_mul(-ratio_hundredths(MotorKind::Tip)), ratio_hundredths(MotorKind::Link))
 }
 
@@ -67,36 +67,36 @@ mod tests {
 
     #[test]
     fn degrees_convert_as_in_the_manual() {
-        assert_eq!(of_degrees(MotorKind::Link, 90), 12128, "1.3.2's example");
-        assert_eq!(of_degrees(MotorKind::Link, -90), -12127, "halves go up");
-        assert_eq!(of_degrees(MotorKind::Tip, 180), 19305);
-        assert_eq!(of_degrees(MotorKind::Spread, 180), 9049);
-        assert_eq!(of_percent(50, 18_200), 9100);
-        assert_eq!(of_percent(-10, 9300), -930);
+        assert_eq!(gcl_from_degrees(MotorKind::Link, 90), 12128, "1.3.2's example");
+        assert_eq!(gcl_from_degrees(MotorKind::Link, -90), -12127, "halves go up");
+        assert_eq!(gcl_from_degrees(MotorKind::Tip, 180), 19305);
+        assert_eq!(gcl_from_degrees(MotorKind::Spread, 180), 9049);
+        assert_eq!(gcl_from_percent(50, 18_200), 9100);
+        assert_eq!(gcl_from_percent(-10, 9300), -930);
     }
 
     #[test]
     fn tip_follows_a_third_of_the_links_angle_and_opposes_all_of_it() {
         for degrees in -10..=130 {
-            let link = of_degrees(MotorKind::Link, 3 * degrees);
+            let link = gcl_from_degrees(MotorKind::Link, 3 * degrees);
             let (along, against) =
-                (of_degrees(MotorKind::Tip, degrees), of_degrees(MotorKind::Tip, -3 * degrees));
-            assert!((of_tip_along(link) - along).abs() <= 1, "{degrees}");
-            assert!((of_tip_against(link) - against).abs() <= 1, "{degrees}");
+                (gcl_from_degrees(MotorKind::Tip, degrees), gcl_from_degrees(MotorKind::Tip, -3 * degrees));
+            assert!((tip_travel_along(link) - along).abs() <= 1, "{degrees}");
+            assert!((tip_travel_against(link) - against).abs() <= 1, "{degrees}");
         }
         // 18200 · 39 / 147 and 12000 · 39 / 49.
-        assert_eq!((of_tip_along(18_200), of_tip_against(12_000)), (4829, -9551));
+        assert_eq!((tip_travel_along(18_200), tip_travel_against(12_000)), (4829, -9551));
     }
 
     #[test]
-    fn halls_rounds_to_the_nearest_count() {
+    fn halls_from_gcl_rounds_to_the_nearest_count() {
         for halls in -200..=400 {
             for off in -27..=27 {
-                assert_eq!(super::halls(gcl(halls) + off), halls);
+                assert_eq!(halls_from_gcl(gcl_from_halls(halls) + off), halls);
             }
         }
         // The language's defaults: DP 8500, 1575; CT 18200, 9300; DS 1400, 800; MPE 200.
-        let halls = [8500, 1575, 18_200, 9300, 1400, 800, 200].map(super::halls);
+        let halls = [8500, 1575, 18_200, 9300, 1400, 800, 200].map(halls_from_gcl);
         assert_eq!(halls, [155, 29, 331, 169, 25, 15, 4]);
     }
 }

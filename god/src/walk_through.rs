@@ -1,7 +1,7 @@
 //! The walk-through's grammar (manual 3, decision 0029): `<nodes> S <property> <value>`, `<nodes> G <property>`, WAKE, SAVE.
 //!
-//! White space is optional. Properties are the boards' own, in hall counts, by the names of their table; M means MODE, and AP P, as in the
-//! manual. A SET goes to the boards unchanged and is not verified, but an order (MODE, M, CMD) that a sleeping board does not obey is
+//! White space is optional. Properties are the boards' own, in hall counts, by the names of their table; M means MODE, and AP means P, as in
+//! the manual. A SET goes to the boards unchanged and is not verified, but an order (MODE, M, CMD) that a sleeping board does not obey is
 //! ERR 1; a GET prints a line for each board, `1 TEMP=350`. A motor that this grammar has set going reports its end: `4 MODE=3`, between two
 //! lines of the host, while nothing is typed. ^C stops it.
 //!
@@ -22,7 +22,7 @@ use crate::{order, query};
 /// Wait between two readings of a position, µs: a board counts its motor as standing after 200 ms without a hall count (decision 0012).
 const STANDSTILL_US: u64 = 300_000;
 
-/// Most such waits. Without power the spread comes to rest within a second.
+/// Most such waits: without power the spread stops within a second.
 const STANDSTILL_TRIES: usize = 10;
 
 /// A parsed line.
@@ -136,7 +136,7 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
         god.session.watch(motors);
     }
     if changes_motion(property, value) {
-        // From here on the host moves them, and has to keep their boards alive.
+        // The host moves them now, and has to keep their boards alive.
         god.session.cease_pressing(motors);
     }
     god.boards.set(motors, property, value).await;

@@ -44,7 +44,7 @@ const fn triangle_ms(counts: u64, accel: u64) -> u64 {
 pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
     let word = line.split(' ').next().unwrap_or_default();
     // The longest end of the word that is a command: the rest is its prefix.
-    let command = (0..word.len()).find_map(|start| command::named(&word[start..])).expect("a command");
+    let command = (0..word.len()).find_map(|start| command::find(&word[start..])).expect("a command");
     let (stages, travel_ms) = match command {
         // Links to their stops and IOFF 25 back, then tips to theirs and 350 back; the spread is faster.
         GclCommand::Hi => (

@@ -15,7 +15,7 @@
 use heapless::String;
 use tater_wire::image::Crc32;
 
-use super::{MACROS, OfHand, OfMotor, Positions, SEQUENCE, SEQUENCES, Stored};
+use super::{HandParameters, MACROS, MotorParameters, Positions, SEQUENCE, SEQUENCES, Stored};
 use crate::motors::COUNT;
 use crate::parameter::{self, BAUDS, COUNTS, HAND, HandParameter, KEPT, Source};
 
@@ -87,7 +87,7 @@ impl Stored {
             to.put(&motor.kept);
             motor.as_set.iter().for_each(|counts| to.put(&counts.to_le_bytes()));
         }
-        let OfHand { baud, lft, otemp, lfdpd } = self.parameters.hand;
+        let HandParameters { baud, lft, otemp, lfdpd } = self.parameters.hand;
         to.put(&baud.to_le_bytes());
         to.put(&[lft.into()]);
         to.put(&otemp.to_le_bytes());
@@ -186,13 +186,13 @@ impl Reader<'_> {
         }
     }
 
-    fn motor(&mut self) -> Result<OfMotor, Damaged> {
+    fn motor(&mut self) -> Result<MotorParameters, Damaged> {
         let kept = self.take()?;
         let mut as_set = [0; COUNTS];
         for counts in &mut as_set {
             *counts = i32::from_le_bytes(self.take()?);
         }
-        let motor = OfMotor { kept, as_set };
+        let motor = MotorParameters { kept, as_set };
         for row in parameter::MOTOR {
             let value = match row.source {
                 Source::Kept { kept, .. } => motor.value(kept).into(),
@@ -208,8 +208,8 @@ impl Reader<'_> {
         Ok(motor)
     }
 
-    fn hand(&mut self) -> Result<OfHand, Damaged> {
-        let hand = OfHand {
+    fn hand(&mut self) -> Result<HandParameters, Damaged> {
+        let hand = HandParameters {
             baud: u16::from_le_bytes(self.take()?),
             lft: self.flag("LFT")?,
             otemp: i16::from_le_bytes(self.take()?),
@@ -250,10 +250,10 @@ mod tests {
     use proptest::prelude::*;
     use std::vec::Vec;
 
-    fn of_motor() -> impl Strategy<Value = OfMotor> {
+    fn motor_parameters() -> impl Strategy<Value = MotorParameters> {
         let rows: Vec<_> = parameter::MOTOR.iter().map(|row| row.min()..=row.max()).collect();
         rows.prop_map(|values| {
-            let mut of = OfMotor { kept: [0; KEPT], as_set: [0; COUNTS] };
+            let mut of = MotorParameters { kept: [0; KEPT], as_set: [0; COUNTS] };
             for (row, value) in parameter::MOTOR.iter().zip(values) {
                 match row.source {
                     Source::Kept { kept, .. } => of.set(kept, value),
@@ -266,7 +266,7 @@ mod tests {
     }
 
     fn stored() -> impl Strategy<Value = Stored> {
-        let motors = proptest::collection::vec(of_motor(), COUNT);
+        let motors = proptest::collection::vec(motor_parameters(), COUNT);
         let hand = (0..BAUDS.len(), any::<bool>(), -551..=1250_i16, any::<bool>());
         let macros = proptest::collection::vec(any::<Option<Positions>>(), MACROS);
         let sequences = proptest::collection::vec("[ -~\r]{0,150}", SEQUENCES);
@@ -275,7 +275,7 @@ mod tests {
                 let mut stored = Stored::default();
                 stored.parameters.motors = motors.try_into().unwrap();
                 let baud = BAUDS[baud].try_into().unwrap();
-                stored.parameters.hand = OfHand { baud, lft, otemp, lfdpd };
+                stored.parameters.hand = HandParameters { baud, lft, otemp, lfdpd };
                 stored.macros = macros.try_into().unwrap();
                 for (to, text) in stored.sequences.iter_mut().zip(&sequences) {
                     *to = String::try_from(text.as_str()).unwrap();

@@ -1,7 +1,7 @@
 //! The goals of each motor for commands that go to positions, GCL counts.
 //!
-//! Without X a finger's tip moves along with its link ([`units::of_tip_along`]): an absolute command puts it where it belongs to the link's
-//! goal, an incremental one moves it by its share of the link's way. A finger that has broken away (BD) and closes further is no unit any
+//! Without X a finger's tip moves along with its link ([`units::tip_travel_along`]): an absolute command puts it where it belongs to the link's
+//! goal, an incremental one moves it by its share of the link's travel. A finger that has broken away (BD) and closes further is no unit any
 //! more: its tip keeps its lead, and C takes it to its own CT, because closing it to the link's share would release what the hand holds.
 //! Opening makes it a unit again.
 //!
@@ -52,7 +52,9 @@ pub(super) async fn plan(
     let mut breakaway = if selection.exclusive { Breakaway::Off } else { Breakaway::TipGoesOn };
     if is_wiper {
         for tip in tips.iter() {
-            put_tip(&mut goals, tip, &from, |way| units::of_tip_against(way.link_way()) + way.tip_from);
+            put_tip(&mut goals, tip, &from, |travel| {
+                units::tip_travel_against(travel.link_travel()) + travel.tip_from
+            });
         }
         if !selection.exclusive {
             breakaway = Breakaway::TipStops;
@@ -67,7 +69,7 @@ pub(super) async fn plan(
         };
         for tip in tips.iter() {
             let broken = tip.link().is_some_and(|link| broken.has(link));
-            put_tip(&mut goals, tip, &from, |way| along(command, way, broken, close.get(tip)));
+            put_tip(&mut goals, tip, &from, |travel| along(command, travel, broken, close.get(tip)));
         }
         if command == GclCommand::C {
             breakaway = Breakaway::TipGoesTo(close);
@@ -131,8 +133,8 @@ async fn axis_goals(
             (GclCommand::Home, _) => Some(0),
             (GclCommand::Io, _) => Some(from.get(motor)? - number?),
             (GclCommand::Ic, _) => Some(from.get(motor)? + number?),
-            (GclCommand::Mdeg, Some(degrees)) => Some(units::of_degrees(motor.kind(), degrees)),
-            (GclCommand::Mper, Some(percent)) => Some(units::of_percent(percent, set.get(motor)?)),
+            (GclCommand::Mdeg, Some(degrees)) => Some(units::gcl_from_degrees(motor.kind(), degrees)),
+            (GclCommand::Mper, Some(percent)) => Some(units::gcl_from_percent(percent, set.get(motor)?)),
             _ => number,
         }
     };
@@ -147,38 +149,38 @@ async fn axis_goals(
     Ok(goals)
 }
 
-/// The way of a finger's link, and where its tip starts, GCL counts.
+/// The travel of a finger's link, and where its tip starts, GCL counts.
 #[derive(Clone, Copy)]
-struct Way {
+struct Travel {
     link_from: i64,
     link_goal: i64,
     tip_from: i64,
 }
 
-impl Way {
-    const fn link_way(self) -> i64 {
+impl Travel {
+    const fn link_travel(self) -> i64 {
         self.link_goal - self.link_from
     }
 }
 
 /// Sets the goal of a tip.
-fn put_tip(goals: &mut Answers, tip: Motor, from: &Answers, goal: impl Fn(Way) -> i64) {
-    let way = tip.link().and_then(|link| {
-        Some(Way { link_from: from.get(link)?, link_goal: goals.get(link)?, tip_from: from.get(tip)? })
+fn put_tip(goals: &mut Answers, tip: Motor, from: &Answers, goal: impl Fn(Travel) -> i64) {
+    let travel = tip.link().and_then(|link| {
+        Some(Travel { link_from: from.get(link)?, link_goal: goals.get(link)?, tip_from: from.get(tip)? })
     });
-    if let Some(way) = way {
-        goals.set(tip, goal(way));
+    if let Some(travel) = travel {
+        goals.set(tip, goal(travel));
     }
 }
 
 /// The goal of a tip that moves along with its link; `close` is its own CT if the command is C.
-fn along(command: GclCommand, way: Way, broken: bool, close: Option<i64>) -> i64 {
-    let relative = way.tip_from + units::of_tip_along(way.link_way());
+fn along(command: GclCommand, travel: Travel, broken: bool, close: Option<i64>) -> i64 {
+    let relative = travel.tip_from + units::tip_travel_along(travel.link_travel());
     match close {
         Some(close) if broken => close,
         _ if matches!(command, GclCommand::Io | GclCommand::Ic) => relative,
-        None if broken && way.link_way() > 0 => relative,
-        _ => units::of_tip_along(way.link_goal),
+        None if broken && travel.link_travel() > 0 => relative,
+        _ => units::tip_travel_along(travel.link_goal),
     }
 }
 

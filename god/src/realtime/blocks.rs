@@ -14,7 +14,7 @@ pub(super) const MAX_FEEDBACK: usize = 7;
 
 /// A motor's part of the blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct OfMotor {
+pub(super) struct MotorLayout {
     /// LCV.
     pub velocity: bool,
     /// LCVC.
@@ -38,7 +38,7 @@ pub(super) struct OfMotor {
 /// The layout of the blocks, which cannot change during RealTime.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    motors: [Option<OfMotor>; COUNT],
+    motors: [Option<MotorLayout>; COUNT],
     /// LFT.
     pub temperature: bool,
     /// LFDPD.
@@ -52,7 +52,7 @@ impl Layout {
         for motor in axes.iter() {
             let places = (motors.get_mut(motor.index()), parameters.motors.get(motor.index()));
             let (Some(place), Some(of)) = places else { continue };
-            *place = Some(OfMotor {
+            *place = Some(MotorLayout {
                 velocity: of.value(Kept::Lcv) != 0,
                 velocity_coefficient: of.value(Kept::Lcvc),
                 gain: of.value(Kept::Lcpg) != 0,
@@ -68,7 +68,7 @@ impl Layout {
     }
 
     /// A motor's part; `None` if it has none.
-    pub fn of_motor(&self, motor: Motor) -> Option<OfMotor> {
+    pub fn of_axis(&self, motor: Motor) -> Option<MotorLayout> {
         self.motors.get(motor.index()).copied().flatten()
     }
 
@@ -79,7 +79,7 @@ impl Layout {
 
     /// The properties that some board has to be asked for.
     pub fn asks(&self) -> Ahead<bool> {
-        let each = self.motors.iter().flatten().map(OfMotor::asks);
+        let each = self.motors.iter().flatten().map(MotorLayout::asks);
         each.fold(Ahead::default(), |all, of| Ahead {
             position: all.position || of.position,
             velocity: all.velocity || of.velocity,
@@ -88,7 +88,7 @@ impl Layout {
     }
 }
 
-impl OfMotor {
+impl MotorLayout {
     /// The properties that its board has to be asked for.
     pub fn asks(&self) -> Ahead<bool> {
         Ahead {
@@ -110,13 +110,13 @@ pub(super) struct Feedback {
 
 impl Feedback {
     /// The feedback of a board's answers, hall counts; `reported` is the position that the host knew before, GCL counts.
-    pub fn of(of: &OfMotor, found: Ahead<i64>, reported: i32, discards: bool) -> Self {
+    pub fn of(of: &MotorLayout, found: Ahead<i64>, reported: i32, discards: bool) -> Self {
         let mut bytes = Vec::new();
         let mut put = |piece: &[u8]| {
             // MAX_FEEDBACK is the sum of all pieces.
             let _ = bytes.extend_from_slice(piece);
         };
-        let position = i32::try_from(units::gcl(found.position)).unwrap_or(i32::MAX);
+        let position = i32::try_from(units::gcl_from_halls(found.position)).unwrap_or(i32::MAX);
         if of.feeds_velocity {
             put(&clipped(found.velocity / i64::from(of.feedback_coefficient)).to_be_bytes());
         }
@@ -159,7 +159,7 @@ mod tests {
     use proptest::prelude::*;
     use std::vec;
 
-    const EMPTY: OfMotor = OfMotor {
+    const EMPTY: MotorLayout = MotorLayout {
         velocity: false,
         velocity_coefficient: 8,
         gain: false,
@@ -175,13 +175,13 @@ mod tests {
         Ahead { position, velocity: -100, strain: 77 }
     }
 
-    fn bytes(of: OfMotor, found: Ahead<i64>) -> vec::Vec<u8> {
+    fn bytes(of: MotorLayout, found: Ahead<i64>) -> vec::Vec<u8> {
         Feedback::of(&of, found, 0, false).bytes.to_vec()
     }
 
     #[test]
     fn feedback_is_big_endian_in_the_manuals_order() {
-        let all = OfMotor {
+        let all = MotorLayout {
             feeds_velocity: true,
             feeds_strain: true,
             feeds_position: 1,
@@ -191,9 +191,9 @@ mod tests {
         };
         // -100 / 8 = -12; 331 · 55 = 18205 = 0x471D; 18205 / 100 = 182, more than a byte.
         assert_eq!(bytes(all, at(331)), [0xF4, 77, 0, 0, 0x47, 0x1D, 127]);
-        let short = OfMotor { feeds_position: 2, ..EMPTY };
+        let short = MotorLayout { feeds_position: 2, ..EMPTY };
         assert_eq!(bytes(short, at(-25)), (-1375_i16).to_be_bytes());
-        let long = OfMotor { feeds_position: 1, ..EMPTY };
+        let long = MotorLayout { feeds_position: 1, ..EMPTY };
         assert_eq!(bytes(long, at(-158)), (-8690_i32).to_be_bytes());
         assert_eq!(bytes(EMPTY, at(5)), []);
     }
@@ -201,7 +201,7 @@ mod tests {
     /// Manual 6.2.3: LFDPC 2, reported 1500, and 2000 at once. A hall count is 55 GCL counts, so from 1500 on: 36 counts are 1980.
     #[test]
     fn change_beyond_a_byte_is_sent_later_or_discarded() {
-        let of = OfMotor { feeds_change: true, change_coefficient: 2, ..EMPTY };
+        let of = MotorLayout { feeds_change: true, change_coefficient: 2, ..EMPTY };
         let sent = |reported, discards| {
             let feedback = Feedback::of(&of, at(36), reported, discards);
             (feedback.bytes[0].cast_signed(), feedback.reported)
@@ -218,7 +218,7 @@ mod tests {
         fn sum_of_changes_arrives_at_the_position(
             from in -32_767i32..=32_767, to in -595i64..=595, coefficient in 1u8..=255,
         ) {
-            let of = OfMotor { feeds_change: true, change_coefficient: coefficient, ..EMPTY };
+            let of = MotorLayout { feeds_change: true, change_coefficient: coefficient, ..EMPTY };
             let (mut host, mut reported) = (from, from);
             for _ in 0..600 {
                 let feedback = Feedback::of(&of, at(to), reported, false);
@@ -226,7 +226,7 @@ mod tests {
                 reported = feedback.reported;
                 prop_assert_eq!(host, reported);
             }
-            let left = i64::from(host) - units::gcl(to);
+            let left = i64::from(host) - units::gcl_from_halls(to);
             prop_assert!(left.abs() < i64::from(coefficient), "{} left", left);
         }
     }

@@ -5,7 +5,7 @@ use core::convert::Infallible;
 use super::arguments::{Rule, describe, is_listed, names, pairs};
 use crate::god::{God, LINE_END};
 use crate::grammar::Arguments;
-use crate::memory::OfHand;
+use crate::memory::HandParameters;
 use crate::parameter::{self, BAUDS, HAND, HandParameter, HandParameterSpec};
 use crate::status::Status;
 
@@ -39,7 +39,7 @@ fn value(god: &God<'_>, parameter: HandParameter) -> i64 {
 }
 
 /// Sets a parameter to a value in its range.
-fn put(hand: &mut OfHand, parameter: HandParameter, value: i64) {
+fn put(hand: &mut HandParameters, parameter: HandParameter, value: i64) {
     match parameter {
         HandParameter::Baud => hand.baud = value.try_into().unwrap_or(hand.baud),
         HandParameter::Lft => hand.lft = value != 0,
@@ -94,7 +94,7 @@ pub(super) fn save(god: &God<'_>) -> Status {
 }
 
 pub(super) fn reset_to_defaults(god: &God<'_>) -> Status {
-    let hand = OfHand::default();
+    let hand = HandParameters::default();
     god.io.set_baud(hand.baud);
     god.parameters.borrow_mut().hand = hand;
     Status::OK
@@ -133,7 +133,7 @@ pub(crate) fn update_statistics(god: &God<'_>) {
     });
 }
 
-/// Stores UPSECS each minute, and PTEMP as it rises, for as long as it is polled.
+/// Stores UPSECS each minute, and PTEMP as it rises. Never ends.
 pub(crate) async fn maintain_statistics(god: &God<'_>) -> Infallible {
     loop {
         let due_us = god.counted_us.get().saturating_add(STORE_US);

@@ -10,7 +10,7 @@ use crate::boards::Answers;
 use crate::command::GclCommand;
 use crate::god::{God, LINE_END};
 use crate::grammar::Arguments;
-use crate::memory::OfMotor;
+use crate::memory::MotorParameters;
 use crate::motors::{Motors, Prefix, Selection};
 use crate::parameter::{self, MOTOR, ParameterSpec, Source};
 use crate::status::Status;
@@ -135,7 +135,7 @@ async fn load(god: &God<'_>, motors: Motors) -> Status {
     status
 }
 
-fn copy(from: &[OfMotor], to: &mut [OfMotor], motors: Motors) {
+fn copy(from: &[MotorParameters], to: &mut [MotorParameters], motors: Motors) {
     for motor in motors.iter() {
         if let (Some(from), Some(to)) = (from.get(motor.index()), to.get_mut(motor.index())) {
             *to = *from;

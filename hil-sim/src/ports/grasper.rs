@@ -153,7 +153,7 @@ impl Console {
 
     /// Moves motors, and the tips of links among them, to their goals in hall counts. Returns the lines for it.
     fn move_to(&mut self, motors: Motors, goal: impl Fn(Motor) -> i64) -> Vec<String> {
-        let along = |link: Motor| Some((link.tip()?, units::of_tip_along(goal(link))));
+        let along = |link: Motor| Some((link.tip()?, units::tip_travel_along(goal(link))));
         // A tip named itself comes later and keeps its own goal.
         let goals = motors.iter().filter_map(along).chain(motors.iter().map(|motor| (motor, goal(motor))));
         let goals: BTreeMap<Motor, i64> = goals.collect();
@@ -225,7 +225,7 @@ impl Console {
 
 /// The default of a motor's parameter, hall counts.
 fn default(name: &str, motor: Motor) -> i64 {
-    units::halls(parameter::motor(name).map_or(0, |row| row.default_for(motor.kind())))
+    units::halls_from_gcl(parameter::motor(name).map_or(0, |row| row.default_for(motor.kind())))
 }
 
 /// Parses `123`.
