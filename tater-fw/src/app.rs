@@ -1,8 +1,7 @@
-//! The application's interrupts and their priorities: a hall edge before a break of the bridge before the control tick before
-//! the bus before what is slow; the flash in between. Each is one call into [`Tater`].
+//! The application's interrupts by priority: hall edge, bridge break, control tick, bus, housekeeping; idle writes the flash.
+//! Each is one call into [`Tater`].
 //!
-//! One resource has them all: who calls into it keeps the others waiting for so long. Why that is short enough is in
-//! `docs/board.md`.
+//! All share one resource, so each call delays the others. `docs/board.md` gives the latencies.
 
 #[rtic::app(device = stm32f1xx_hal::pac, peripherals = true)]
 mod app {
@@ -43,8 +42,8 @@ mod app {
         (Shared { tater }, Local { ticker }, init::Monotonics())
     }
 
-    /// The board, made where it stays. RTIC lets interrupts in while what `init` has on the stack is still there, and `init` with
-    /// two boards in the making under the deepest of each interrupt is more than the stack (`cargo xtask size`): so not inlined.
+    /// Builds the board in place. Not inlined: RTIC enables interrupts while the frame of `init` is still on the stack, and two
+    /// boards under construction plus the deepest interrupts would overflow it (`cargo xtask size`).
     #[inline(never)]
     fn board(
         chip: Peripherals,
@@ -55,7 +54,7 @@ mod app {
         (place.write(Tater::asleep(metal, now)), ticker)
     }
 
-    /// An edge of a hall line.
+    /// A hall line changed.
     #[task(binds = TIM4, priority = 5, shared = [tater])]
     fn hall(mut cx: hall::Context) {
         cx.shared.tater.lock(|tater| {
@@ -65,7 +64,7 @@ mod app {
         });
     }
 
-    /// The break input has switched the bridge off.
+    /// The break input switched the bridge off.
     #[task(binds = TIM1_BRK, priority = 4, shared = [tater])]
     fn bridge_fault(mut cx: bridge_fault::Context) {
         cx.shared.tater.lock(|tater| {
@@ -74,7 +73,7 @@ mod app {
         });
     }
 
-    /// The control tick. What it has to report goes out behind it.
+    /// The control tick. Its reports are sent by `receive`, right after it.
     #[task(binds = TIM3, priority = 3, local = [ticker], shared = [tater])]
     fn tick(mut cx: tick::Context) {
         cx.local.ticker.seen();
@@ -88,8 +87,8 @@ mod app {
         }
     }
 
-    /// A frame has come: one a call, the interrupt stays until there is none. Also asked for without one: by the tick, to report,
-    /// and by the slow task, to see that the bus is served.
+    /// A frame arrived. One frame per call: the interrupt stays pending until the FIFO is empty. The tick pends it to send reports,
+    /// housekeeping to check that the bus is served.
     #[task(binds = USB_LP_CAN_RX0, priority = 2, shared = [tater])]
     fn receive(mut cx: receive::Context) {
         cx.shared.tater.lock(|tater| {
@@ -102,7 +101,7 @@ mod app {
         });
     }
 
-    /// A frame has gone: there is room for the next.
+    /// A mailbox is free.
     #[task(binds = USB_HP_CAN_TX, priority = 2, shared = [tater])]
     fn sent(mut cx: sent::Context) {
         cx.shared.tater.lock(|tater| {
@@ -121,7 +120,7 @@ mod app {
         });
     }
 
-    /// What is to be stored, one flash operation at a time.
+    /// Stores pending values, one flash operation per lock, and logs events.
     #[idle(shared = [tater])]
     fn idle(mut cx: idle::Context) -> ! {
         loop {

@@ -1,6 +1,6 @@
-//! Ties properties to the fields of a struct, once: reading, writing and listing them come from the same line.
+//! Binds properties to the fields of a struct: one line each gives reading, writing and listing.
 
-/// A field as a property's value.
+/// A field that holds a property's value.
 pub trait Raw: Copy {
     /// The value.
     fn value(self) -> i64;
@@ -58,9 +58,8 @@ macro_rules! bind {
             $(tell(tater_wire::Property::$property, $crate::bind::Raw::value(from.$field));)*
         }
 
-        /// Takes a value of each property, or leaves it as it is; one that the field cannot hold too. Ranges are not looked
-        /// at.
-        // Inlined it is twice as much of the flash.
+        /// Sets each property for which `value` is `Some` and fits the field. Does not check ranges.
+        // Inlined, it takes twice the flash.
         #[inline(never)]
         pub fn fill(to: &mut $struct, mut value: impl FnMut(tater_wire::Property) -> Option<i32>) {
             $(if let Some(value) = value(tater_wire::Property::$property)

@@ -1,12 +1,12 @@
-//! The hardware of a motor board, as small as it can be: what the metal implements with registers in a few lines each,
-//! and the simulator with its plant. Nothing here decides anything.
+//! The hardware of a motor board, as small as it can be. The metal implements it with a few lines of registers, the simulator
+//! with its plant.
 
 use embedded_storage::nor_flash::{NorFlashError, NorFlashErrorKind};
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
 use tater_wire::{FaultCode, Frame, Group, Node};
 
-/// Analog readings, as converted last.
+/// The latest analog readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Analog {
     /// Bus voltage.
@@ -34,13 +34,13 @@ pub trait Board {
     /// Sets the three legs of the bridge.
     fn bridge(&mut self, bridge: Bridge);
 
-    /// Energises the brake's coil, which frees the spread, or not. Boards without a brake ignore it.
+    /// Energizes the brake's coil, which frees the spread, or releases it. Boards without a brake ignore it.
     fn brake(&mut self, released: bool);
 
-    /// The hall lines now, bits 2..0.
+    /// The debounced hall lines, bits 2..0.
     fn halls(&self) -> u8;
 
-    /// The hall lines now or just before, which may show a spike: enough to see that nothing has changed.
+    /// A single recent sample of the hall lines, which may be a spike: enough to see that nothing changed.
     fn raw_halls(&self) -> u8 {
         self.halls()
     }
@@ -48,12 +48,11 @@ pub trait Board {
     /// The analog readings.
     fn analog(&self) -> Analog;
 
-    /// Hands a frame to the CAN controller; `false`, and nothing done, if it has no room now.
+    /// Queues a frame in the CAN controller; `false` if it has no free mailbox.
     fn transmit(&mut self, frame: &Frame) -> bool;
 
-    /// Which frames the CAN controller lets through besides those to group 0: those to the node, unless it is
-    /// [`Node::HOST`] (nobody has named the board), and those to these groups. A hint to hardware filters: the program
-    /// checks each frame itself.
+    /// Sets the CAN filters: frames to group 0, to these groups, and to the node, unless it is [`Node::HOST`] (a board without a
+    /// number). A hint: the program checks each frame itself.
     fn set_filters(&mut self, node: Node, groups: [Option<Group>; 3]);
 
     /// The flash.
@@ -62,31 +61,30 @@ pub trait Board {
     /// Feeds the watchdog.
     fn feed_watchdog(&mut self);
 
-    /// Resets the board into the monitor: on the metal this does not return.
+    /// Resets the board into the monitor; does not return on the metal.
     fn reset(&mut self);
 
-    /// Why the board was reset, if nobody asked for it: watchdog, panic, hard fault, crystal. `None` after power-up, the
-    /// reset line or an ordered reset.
+    /// The cause of an unexpected reset: watchdog, panic, hard fault, crystal. `None` after power-up, NRST or an ordered reset.
     fn reset_cause(&self) -> Option<FaultCode>;
 
-    /// The node that the straps say; node 0 where they say none.
+    /// The node set by the straps; node 0 without straps.
     fn straps(&self) -> Node;
 
-    /// A number of this chip's own, 0..=32767, from its unique id: what SN says until one is stored.
+    /// A number derived from the chip's unique ID, 0..=32767: the value of SN until one is stored.
     fn serial_number(&self) -> u16;
 }
 
-/// Why the flash did not do as told.
+/// Why a flash operation failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FlashError {
-    /// What was read back is not what was written.
+    /// Read-back differs from what was written.
     Verify,
-    /// A half-word to program was neither erased nor was it to become 0.
+    /// The half-word was neither erased nor programmed to 0.
     NotErased,
-    /// The address is odd, no page's start, or outside the flash.
+    /// The address is odd, not the start of a page, or outside the flash.
     Address,
-    /// The power failed, or the hardware gave up.
+    /// The power failed, or the hardware reported an error.
     Failed,
 }
 
@@ -99,11 +97,11 @@ impl NorFlashError for FlashError {
     }
 }
 
-/// Flash as in an STM32F103: erased by pages of 1 KiB to ones, programmed by half-words, each once; only 0 may be
-/// written over anything. While it works, nothing is fetched from it: 52 us a half-word, 20 to 40 ms a page, so pages are
-/// erased only with the bridge off.
+/// Flash like an STM32F103's: pages of 1 KiB are erased to ones, half-words are programmed once each; only 0 may overwrite
+/// anything. The processor stalls meanwhile, 52 µs for a half-word and 20 to 40 ms for a page, so pages are erased only with
+/// the bridge off.
 ///
-/// When the power fails in the middle, a half-word may have any of its zeros missing, and a page any content.
+/// If the power fails during an operation, a half-word may lack any of its zeros, and a page may hold anything.
 pub trait Flash {
     /// The half-word at an even address; all ones outside the flash.
     fn half_word(&self, address: u32) -> u16;
@@ -111,12 +109,12 @@ pub trait Flash {
     /// Programs a half-word and reads it back.
     ///
     /// # Errors
-    /// Why it did not.
+    /// The operation failed.
     fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError>;
 
     /// Erases the page that starts at an address, and reads it back.
     ///
     /// # Errors
-    /// Why it did not.
+    /// The operation failed.
     fn erase(&mut self, page: u32) -> Result<(), FlashError>;
 }

@@ -1,6 +1,6 @@
-//! The motor board: an STM32F103CB, what hangs on it, and when things happen (`docs/board.md`).
+//! The motor board: an STM32F103CB, its pins, peripherals and timing (`docs/board.md`).
 //!
-//! It decides nothing: a function of it reads or writes registers as it is told. The numbers ([`pins`], [`timing`],
+//! It decides nothing: each function only reads or writes registers. The numbers ([`pins`], [`timing`],
 //! [`scale`]) are compiled on a host too, where they are tested; the rest has registers. All of the project's `unsafe` is here.
 
 pub mod digital;

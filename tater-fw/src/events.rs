@@ -1,6 +1,6 @@
-//! The last things that happened on a board, with their times: what a probe logs and a simulator prints when a run fails.
+//! A ring of a board's last events with their times: a probe logs them, a simulator prints them when a run fails.
 //!
-//! Entries are plain values: whoever reads them makes the text. The 1 kHz tick records nothing; an entry is made when
+//! Entries are plain values without text. The 1 kHz tick records nothing; an entry is made when
 //! a frame is handled, when the servo's reports are handled, or when the flash fails.
 
 use heapless::Deque;
@@ -21,16 +21,16 @@ pub const CAPACITY: usize = 32;
 pub enum BoardEvent {
     /// A SET was obeyed. Those of T and V, which hosts stream, and of LOCK are not recorded.
     Order {
-        /// What was set.
+        /// The property that was set.
         property: Property,
-        /// To what.
+        /// Its new value.
         value: i32,
     },
     /// A frame changed nothing. Not recorded if the entry before says the same.
     Refused {
         /// Number of the property in the frame; `None` if it has none.
         property: Option<u8>,
-        /// Why.
+        /// The reason.
         error: SetError,
     },
     /// The servo's mode changed to this.
@@ -45,9 +45,9 @@ pub enum BoardEvent {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Entry {
-    /// When: the control tick or the frame that made it, µs since the program's start.
+    /// The time of the control tick or frame that caused it, µs since the program's start.
     pub at: Micros,
-    /// What.
+    /// The event.
     pub event: BoardEvent,
 }
 
@@ -68,7 +68,6 @@ impl Events {
         if self.entries.is_full() {
             self.entries.pop_front();
         }
-        // There is room now.
         let _ = self.entries.push_back(Entry { at, event });
         self.unread = self.entries.len().min(self.unread.saturating_add(1));
     }

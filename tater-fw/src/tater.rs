@@ -9,11 +9,11 @@
 //! | ten times a second | [`Tater::housekeeping`]: temperatures, counters, watchdog |
 //! | else | [`Tater::store`]: one flash operation, if one is due |
 
-mod kept;
+mod settings;
 #[cfg(test)]
 mod tests;
 
-use self::kept::{Kept, kept};
+use self::settings::{Settings, settings};
 use crate::board::{Board, FlashError};
 use crate::codes::{self, end_code, fault_code, mode_code};
 use crate::events::{BoardEvent, Entry, Events};
@@ -35,21 +35,21 @@ use tater_wire::{
     Value,
 };
 
-/// Frames that wait for the CAN controller: answers to a host that asks faster than the bus carries. An answer that
-/// finds no room is not given: [`SetError::Busy`], and counted in [`Tater::unsent`].
+/// Frames waiting for the CAN controller, if a host asks faster than the bus carries. An answer that finds no room is dropped:
+/// [`SetError::Busy`], and counted in [`Tater::unsent`].
 const OUTBOX: usize = 16;
 
 /// Servo reports handled in one call.
 const REPORTS: usize = 8;
 
-/// Ticks of 1 ms without a frame after which a host that steers (modes 2 and 4) is lost: hosts poll at 10 Hz and faster.
+/// In modes 2 and 4 the host counts as lost after this many ms without a frame (decision 0013).
 const HOST_TIMEOUT_MS: u16 = 500;
 
-/// Ticks of 1 ms, without power and without a change of the halls, after which the rotor stands. One that turns slower than
-/// this tells of, 5 counts/s, makes no two counts while a page is erased (40 ms): none is lost.
+/// The rotor counts as standing still after this many ms without power and without a hall change (decision 0012). A slower
+/// rotor, below 5 counts/s, makes no two counts during a page erase (40 ms), so none is lost.
 const STANDSTILL_MS: u8 = 200;
 
-/// Flash operations that a reset waits for, so that a SAVE just before it is kept: a page holds 512 half-words.
+/// Most flash operations before a reset, so that a SAVE just before it is not lost: a page holds 512 half-words.
 const LAST_OPERATIONS: usize = 1024;
 
 /// LFLAGS bit: ends of motions are reported.
@@ -60,7 +60,7 @@ const REPORT_BREAKAWAYS: u8 = 2;
 
 /// Counts per motor revolution.
 const REV: i32 = 18;
-const _: () = assert!(REV == 18 && COUNTS_PER_REV == 18, "the estimator's");
+const _: () = assert!(REV == 18 && COUNTS_PER_REV == 18, "the estimator has the same");
 
 /// STAT of a board that is awake. A SET of it clears ERROR.
 const READY: i64 = 2;
@@ -81,53 +81,53 @@ pub struct Tater<B: Board> {
     node: Node,
     servo: Servo,
     commutator: Commutator,
-    /// The lines after an edge that the last tick has seen and left to the interrupt, which has not come since.
+    /// A hall code that the last tick saw and left to the edge interrupt, which has not run since.
     pending_code: Option<u8>,
-    /// HALLH: three bits a code, the newest lowest.
+    /// HALLH: three bits per code, the newest in the lowest.
     hall_history: u32,
     drive: Drive,
-    kept: Kept,
+    settings: Settings,
     lock: Lock,
     store: Store,
-    /// The decoder's count at which the stored position is true, while its mark is unconsumed.
+    /// The decoder's count at which the stored position holds, while its mark is not consumed.
     trusted_at: Option<i32>,
-    /// The flash has failed, and STAT 2 has not cleared it. Whether to try again is the store's to know.
+    /// The flash has failed, and STAT 2 has not cleared the error. The store decides whether to retry.
     storage_error: bool,
     breakaway_position: i32,
     outbox: Deque<Frame, OUTBOX>,
     unsent: u32,
-    /// Why an order to move was refused, until the next motion: END says it.
+    /// END of a motion that was refused, until the next motion.
     refused_end: Option<EndReason>,
     events: Events,
     /// The mode that [`Self::events`] has recorded last.
     recorded_mode: Mode,
     /// The time of the last tick or frame.
     now: Micros,
-    /// Ticks for which the host may stay silent: from [`HOST_TIMEOUT_MS`] at a frame to this board or its groups down to 0.
+    /// Ticks until the host counts as lost; [`HOST_TIMEOUT_MS`] after each frame to this board or its groups.
     host_timeout_ms: u16,
-    /// Ticks in idle since a hall line changed last; from [`STANDSTILL_MS`] on it may be more.
+    /// Ticks in idle since the last hall change; saturates at or above [`STANDSTILL_MS`].
     standstill_ms: u8,
-    /// Whether the tick, whoever handles the bus, and who has nothing else to do have run since the watchdog was fed last.
+    /// Set when tick, bus and storage were served; cleared when the watchdog is fed.
     tick_ran: bool,
     bus_served: bool,
     storage_served: bool,
-    /// Of the last [`Self::housekeeping`], and time since then that is no whole second.
+    /// The time of the last [`Self::housekeeping`], and the fraction of a second not counted in UPSECS yet.
     housekeeping_at: Micros,
     second_us: u32,
-    /// Counts travelled that are no whole thousand.
-    travelled: u32,
+    /// Counts traveled that are not a whole thousand yet.
+    traveled: u32,
 }
 
 impl<B: Board> Tater<B> {
-    /// After the monitor has started it: awake, STAT 2, in idle, with what is stored. The node is the stored ID, or the
-    /// straps'; a board that has neither obeys groups, so that it can be given an ID, says nothing and does not move.
+    /// A board that is awake (STAT 2) and idle, with its stored properties. The node is the stored ID, or the straps'; a board with
+    /// neither obeys groups, so that it can be given an ID, answers nothing and does not move (decision 0015).
     pub fn new(board: B, now: Micros) -> Self {
         let mut tater = Self::asleep(board, now);
         tater.wake();
         tater
     }
 
-    /// The first half of [`Self::new`], for a board that has no stack for both at a time; [`Self::wake`] must follow.
+    /// The first half of [`Self::new`], for a board without stack for both at once; [`Self::wake`] must follow.
     pub fn asleep(mut board: B, now: Micros) -> Self {
         let store = Store::open(board.flash());
         board.bridge(Bridge::Off);
@@ -143,7 +143,7 @@ impl<B: Board> Tater<B> {
             pending_code: None,
             hall_history: u32::from(code),
             drive: OFF,
-            kept: Kept::default(),
+            settings: Settings::default(),
             lock: Lock::default(),
             trusted_at: stored.map(|_| count),
             storage_error: false,
@@ -161,22 +161,22 @@ impl<B: Board> Tater<B> {
             storage_served: false,
             housekeeping_at: now,
             second_us: 0,
-            travelled: 0,
+            traveled: 0,
             board,
             node,
             store,
         }
     }
 
-    /// Takes what is stored.
+    /// Loads the stored properties.
     pub fn wake(&mut self) {
         match self.store.trusted_position() {
             Some((_, at)) if u32::from(at) == self.hall_history => self.servo.trust_position(),
-            // The lines say that the rotor is elsewhere: the mark is false for good.
+            // The halls show another place: the mark never holds again.
             _ => self.distrust(),
         }
         self.load_all(true);
-        // E is 0 until it is set, wherever the motor stands; in range, so it is taken.
+        // E is 0 until it is set, wherever the motor stands. 0 is in range.
         let _ = self.servo.command(Command::End(0));
     }
 
@@ -187,14 +187,14 @@ impl<B: Board> Tater<B> {
         if self.commutator.is_settled(code) {
             return;
         }
-        // First of all, before anything is counted: the legs are wrong. A glitch leaves them as they are.
+        // The legs are wrong until this is done; counting comes after (decision 0021). A glitch leaves them.
         if let Some(bridge) = self.commutator.ahead(code, now) {
             self.board.bridge(bridge);
         }
         self.halls_changed(code, now);
     }
 
-    /// The lines have changed, or wait for time to pass. The bridge is the caller's to set.
+    /// Decodes a hall code. The caller sets the bridge.
     #[inline(never)]
     fn halls_changed(&mut self, code: u8, now: Micros) {
         self.pending_code = None;
@@ -204,7 +204,7 @@ impl<B: Board> Tater<B> {
         }
         if let Some(event) = self.commutator.sample(code, now) {
             if let HallEvent::Step(edge) = event {
-                self.travelled = self.travelled.saturating_add(u32::from(edge.steps));
+                self.traveled = self.traveled.saturating_add(u32::from(edge.steps));
                 self.servo.edge(&edge);
             } else {
                 self.servo.hall(&event);
@@ -212,9 +212,9 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// A tick has seen the lines elsewhere, or waits for time to pass. An edge that the filter of the interrupt has yet to let
-    /// through is left to it, which comes as soon as this tick is over; one that was there at a tick before is not on its way. Lines
-    /// that are elsewhere again at each tick are spikes that keep time with it.
+    /// A tick found a hall code that is not settled. The first time it is left to the edge interrupt, whose filter may not have
+    /// passed it yet; if the same code is there at the next tick, the tick takes it. A different code at each tick is a spike in
+    /// step with the tick.
     #[inline(never)]
     fn resolve_halls(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
@@ -227,16 +227,14 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// The break input has tripped, and the hardware has switched the bridge off: no hall edge may switch it on again
-    /// before the next tick has told the servo.
+    /// The break input switched the bridge off in hardware. No hall edge may switch it on again before the servo's next tick.
     pub fn bridge_fault(&mut self) {
         self.servo.bridge_fault();
         self.commutator.set(None);
         self.board.bridge(Bridge::Off);
     }
 
-    /// The control tick, 1 ms after the last. Returns whether the servo has something to report: then [`Self::flush`] is to
-    /// follow, as soon as nothing more urgent waits.
+    /// The control tick, every 1 ms. Returns `true` if the servo has a report: then call [`Self::flush`] soon.
     pub fn tick(&mut self, now: Micros) -> bool {
         self.tick_ran = true;
         self.now = now;
@@ -278,10 +276,10 @@ impl<B: Board> Tater<B> {
         self.servo.has_event()
     }
 
-    /// A frame from the bus, any frame: those for other nodes are skipped.
+    /// Handles any frame from the bus; frames to other nodes are ignored.
     ///
     /// # Errors
-    /// Why it changed nothing and is not answered.
+    /// The frame changed nothing and is not answered.
     pub fn receive(&mut self, frame: &Frame, now: Micros) -> Result<(), SetError> {
         self.bus_served = true;
         let Identifier { from, to } = frame.id();
@@ -290,7 +288,7 @@ impl<B: Board> Tater<B> {
         }
         self.host_timeout_ms = HOST_TIMEOUT_MS;
         if self.servo.has_event() {
-            // The frame may ask for what the last tick has to report.
+            // The frame may ask for the state that these reports change.
             self.drain_events();
         }
         self.now = now;
@@ -333,11 +331,11 @@ impl<B: Board> Tater<B> {
     fn set_torques(&mut self, torques: Torques) -> Result<(), SetError> {
         self.lock.interrupt();
         let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
-        let torque = torques.slot(self.kept.pidx).ok_or(SetError::Range(Property::T))?;
+        let torque = torques.slot(self.settings.pidx).ok_or(SetError::Range(Property::T))?;
         self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most))))
     }
 
-    /// Whether a frame concerns this board.
+    /// Whether a frame to this destination is for this board.
     fn is_addressed(&self, to: Destination) -> bool {
         match to {
             Destination::Node(node) => node == self.node && node != Node::HOST,
@@ -345,13 +343,13 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// GRPA, GRPB and GRPC, as far as boards may listen to them.
+    /// GRPA, GRPB and GRPC, without groups that boards may not listen to.
     fn groups(&self) -> [Option<Group>; 3] {
-        let Kept { grpa, grpb, grpc, .. } = self.kept;
+        let Settings { grpa, grpb, grpc, .. } = self.settings;
         [grpa, grpb, grpc].map(|number| identity::group(number.into()))
     }
 
-    /// Tells the CAN controller what concerns this board: to be called whenever the groups have changed.
+    /// Sets the CAN filters; must be called after each change of the groups.
     fn update_filters(&mut self) {
         let groups = self.groups();
         self.board.set_filters(self.node, groups);
@@ -380,14 +378,14 @@ impl<B: Board> Tater<B> {
     fn read(&self, property: Property) -> Option<i64> {
         match property {
             motion!() => motion::get(self.servo.config(), property),
-            // As set; the ID of a board that has none is 0.
-            kept!() => kept::get(&self.kept, property),
-            // Looks at the inputs: not for each of a SAVE of all.
+            // The ID of a board without one is 0.
+            settings!() => settings::get(&self.settings, property),
+            // Kept apart because it reads inputs, which a SAVE of all need not do for each property.
             _ => self.observe(property),
         }
     }
 
-    /// [`Self::read`] of what is not as a SET has left it.
+    /// [`Self::read`] of measured and computed properties.
     fn observe(&self, property: Property) -> Option<i64> {
         use Property as P;
         let status = self.servo.telemetry();
@@ -410,19 +408,19 @@ impl<B: Board> Tater<B> {
             P::T => i64::from(self.servo.torque().0),
             P::V if status.mode == Mode::Velocity => i64::from(status.setpoint_velocity.round()),
             P::V | P::VEL => i64::from(status.velocity.round()),
-            // 22 bits go out, whatever a SET may say.
+            // Sent in 22 bits, beyond the range of a SET.
             P::P => return Some(i64::from(status.position.round())),
             P::E => i64::from(self.servo.end()),
             P::UPSECS => i64::from(counters.upsecs),
             P::OD => i64::from(counters.odometer),
             P::MECH => i64::from(self.commutator.count().rem_euclid(REV)),
             P::HALLS => i64::from(self.board.halls() & 7),
-            // Ten codes are 30 bits; the next one tells GOD whether HI is needed.
+            // Ten codes are 30 bits; bit 30 tells GOD whether HI is needed.
             P::HALLH => i64::from(self.hall_history | u32::from(status.homed) << 30),
             P::BD => i64::from(status.breakaway.is_some()),
             P::BP => i64::from(self.breakaway_position),
             P::END => self.refused_end.or(status.end).map_or(0, |reason| end_code(reason).into()),
-            P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | kept!() => return None,
+            P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | settings!() => return None,
         };
         let rules = property.rules();
         Some(value.max(rules.min()).min(rules.max()))
@@ -431,7 +429,7 @@ impl<B: Board> Tater<B> {
     /// Sets a property that may be set.
     ///
     /// # Errors
-    /// Why not; nothing has changed then.
+    /// Nothing has changed.
     fn write(&mut self, property: Property, value: i64) -> Result<(), SetError> {
         use Property as P;
         let out_of_range = SetError::Range(property);
@@ -439,7 +437,7 @@ impl<B: Board> Tater<B> {
             return Err(out_of_range);
         }
         match property {
-            motion!() | kept!() | P::P | P::PTEMP | P::UPSECS | P::OD => self.set_stored(property, value),
+            motion!() | settings!() | P::P | P::PTEMP | P::UPSECS | P::OD => self.set_stored(property, value),
             P::STAT if value == READY => {
                 self.storage_error = false;
                 self.command(Command::ClearFault)
@@ -460,7 +458,7 @@ impl<B: Board> Tater<B> {
             P::SAVE => self.save(value),
             P::LOAD => self.load(value),
             P::DEF => self.restore_default(value),
-            // `set` has turned the key, also for numbers out of range.
+            // `set` has handled it, also for numbers out of range.
             P::LOCK => Ok(()),
             P::STAT => Err(out_of_range),
             P::VERS
@@ -495,7 +493,7 @@ impl<B: Board> Tater<B> {
                 }
                 self.command(Command::Configure(config))
             }
-            kept!() if kept::set(&mut self.kept, property, value) => {
+            settings!() if settings::set(&mut self.settings, property, value) => {
                 if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
                     self.update_filters();
                 }
@@ -510,7 +508,7 @@ impl<B: Board> Tater<B> {
     }
 
     fn command(&mut self, command: Command) -> Result<(), SetError> {
-        // Nobody could tell it alone to stop.
+        // Nobody could stop this board alone.
         if self.node == Node::HOST && command.moves() {
             return Err(SetError::Unnamed);
         }
@@ -523,8 +521,8 @@ impl<B: Board> Tater<B> {
         result.map_err(SetError::Servo)
     }
 
-    /// An order to move was refused: END says so at once, because a host that waits for the motion's end would wait for ever.
-    /// A motion under way has an end of its own.
+    /// Sets END for a motion that was refused, or a host that waits for its end would wait forever (decision 0036). A motion under
+    /// way keeps its own END.
     fn end_refused(&mut self, refusal: Refusal) {
         let Telemetry { mode, end, .. } = self.servo.telemetry();
         if matches!(mode, Mode::Velocity | Mode::Trapezoidal) && end.is_none() {
@@ -550,7 +548,7 @@ impl<B: Board> Tater<B> {
     // --- CMD ---------------------------------------------------------------------------------------------------
 
     /// # Errors
-    /// Why not; nothing has changed then.
+    /// Nothing has changed.
     fn run_cmd(&mut self, number: i64) -> Result<(), SetError> {
         match Cmd::of(number).ok_or(SetError::Range(Property::CMD))? {
             Cmd::Load => self.load(ALL),
@@ -561,23 +559,23 @@ impl<B: Board> Tater<B> {
             }
             Cmd::Def => self.restore_default(ALL),
             Cmd::Home => self.command(Command::Move(0)),
-            // A fresh start: BD is of the time before it (manual 5.3.2 names only O).
+            // HI clears an old BD too (manual 5.3.2 names only O).
             Cmd::Hi => self.command(Command::Home).and_then(|()| self.command(Command::ClearBreakaway)),
-            Cmd::Ic => self.step_by(i32::from(self.kept.ds)),
-            Cmd::Io => self.step_by(-i32::from(self.kept.ds)),
+            Cmd::Ic => self.step_by(i32::from(self.settings.ds)),
+            Cmd::Io => self.step_by(-i32::from(self.settings.ds)),
             Cmd::Tc => self.command(Command::TorqueControlled { closing: true }),
             Cmd::To => self.command(Command::TorqueControlled { closing: false }),
-            Cmd::C => self.command(Command::Move(self.kept.ct)),
-            Cmd::M => self.command(Command::Move(self.kept.dp)),
-            Cmd::O => {
-                self.command(Command::Move(self.kept.ot)).and_then(|()| self.command(Command::ClearBreakaway))
-            }
+            Cmd::C => self.command(Command::Move(self.settings.ct)),
+            Cmd::M => self.command(Command::Move(self.settings.dp)),
+            Cmd::O => self
+                .command(Command::Move(self.settings.ot))
+                .and_then(|()| self.command(Command::ClearBreakaway)),
             Cmd::T => self.command(Command::Terminate),
         }
     }
 
-    /// IC and IO: so many counts from where the motor is (manual 5.2: "closes the motor the given number of counts"),
-    /// during a move too.
+    /// IC and IO: moves relative to the present position, also during a move (manual 5.2: "closes the motor the given number of
+    /// counts").
     fn step_by(&mut self, counts: i32) -> Result<(), SetError> {
         let end = self.servo.telemetry().position.round().saturating_add(counts);
         if !Property::E.rules().admits(end.into()) {
@@ -597,7 +595,7 @@ impl<B: Board> Tater<B> {
             Some(property) => self.save_one(property),
             None => {
                 motion::each(self.servo.config(), |property, value| self.store.set(property, value));
-                kept::each(&self.kept, |property, value| {
+                settings::each(&self.settings, |property, value| {
                     let rules = property.rules();
                     if rules.access != Access::Locked {
                         self.store.set_by(rules, value);
@@ -631,7 +629,7 @@ impl<B: Board> Tater<B> {
         self.store.set(property, value);
     }
 
-    /// Whether the position is that of a homed motor that stands: only then can it be trusted at the next start (manual 7,
+    /// Whether the motor is homed and stands still: only then is a stored position trusted at the next start (manual 7,
     /// saveParameters: in idle).
     fn position_is_known(&self) -> bool {
         self.servo.telemetry().homed && self.stands_still()
@@ -645,12 +643,12 @@ impl<B: Board> Tater<B> {
         match stored_property(Property::LOAD, id)? {
             Some(property) => {
                 self.unlock(property)?;
-                // What is always stored is as it is stored.
+                // A property that is always stored has no other value.
                 if property.rules().stored == Stored::Always { Ok(()) } else { self.load_one(property) }
             }
             None => {
                 self.load_all(false);
-                // Nothing has moved since it was stored, so this only undoes a renaming.
+                // Nothing has moved since it was stored, so this only undoes a SET of P.
                 match self.store.trusted_position() {
                     Some((position, _)) if self.servo.telemetry().mode == Mode::Idle => {
                         self.command(Command::Position(position))
@@ -661,8 +659,7 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// DEF: the default, and no stored value any more. DEF of all leaves the locked ones and what the present position
-    /// is called.
+    /// DEF: restores the default and forgets the stored value. DEF of all leaves locked properties and the present position.
     ///
     /// # Errors
     /// As those of LOAD.
@@ -690,20 +687,20 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// At the start, and LOAD of all but the position: stored or default, of locked ones too or not.
+    /// Loads stored values or defaults of all properties but the position; `locked`: locked ones too.
     #[inline(never)]
     fn load_all(&mut self, locked: bool) {
         let mut config = motion::unconfigured(MotorKind::of(self.node));
         // Defaults are in range, and `stored` gives nothing else.
         motion::fill(&mut config, |property| stored_width(self.stored(property.rules())));
         let _ = self.servo.command(Command::Configure(config));
-        let mut kept = self.kept;
-        kept::fill(&mut kept, |property| {
+        let mut settings = self.settings;
+        settings::fill(&mut settings, |property| {
             let rules = property.rules();
             let wanted = rules.stored == Stored::Yes && (locked || rules.access != Access::Locked);
             if wanted { stored_width(self.stored(rules)) } else { None }
         });
-        self.kept = kept;
+        self.settings = settings;
         self.update_filters();
     }
 
@@ -714,7 +711,7 @@ impl<B: Board> Tater<B> {
         }
         self.set_stored(property, value)?;
         if property == Property::P && self.trusted_at.is_none() {
-            // So it is called now, wherever it is.
+            // The name of this place is new, so it may be wrong.
             self.servo.doubt_position();
         }
         Ok(())
@@ -746,7 +743,7 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// P has another meaning elsewhere.
+    /// P means something else in other modes.
     fn in_idle(&self) -> Result<(), SetError> {
         match self.servo.telemetry().mode {
             Mode::Idle => Ok(()),
@@ -754,8 +751,8 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Consumes the stored position's mark. If the flash does not take it, the motor must not move: the next start
-    /// would trust a position that is not true any more.
+    /// Consumes the mark of the stored position. If the flash fails, the motor must not move: the next start would trust a wrong
+    /// position (decision 0010).
     fn distrust(&mut self) {
         if self.trusted_at.is_none() {
             return;
@@ -772,12 +769,12 @@ impl<B: Board> Tater<B> {
 
     // --- answers and reports -----------------------------------------------------------------------------------
 
-    /// Tells a node a value: the host by a reply, another board by a SET of VALUE.
+    /// Sends a value to a node: to the host as a reply, to another board as a SET of VALUE.
     fn answer(&mut self, to: Node, property: Property, value: i64) -> Result<(), SetError> {
         if self.node == Node::HOST {
             return Ok(());
         }
-        // Every value that is read fits 32 bits.
+        // Every readable value fits 32 bits.
         let message =
             Message::answer(self.node, to, property.rules(), value).ok_or(SetError::Range(property))?;
         self.outbox.push_back(message.frame()).map_err(|_| {
@@ -786,8 +783,8 @@ impl<B: Board> Tater<B> {
         })
     }
 
-    /// The bus is being served: tells what there is to report, and hands waiting frames to the CAN controller. To be called
-    /// whenever it has room again, whenever [`Self::tick`] asks for it, and at least ten times a second.
+    /// Sends reports and waiting frames. Must be called when the CAN controller has room again, when [`Self::tick`] returns `true`,
+    /// and at least ten times a second.
     pub fn flush(&mut self) {
         self.bus_served = true;
         self.drain_events();
@@ -803,7 +800,7 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Frames that were to be sent and found no room in the outbox.
+    /// Frames dropped because the outbox was full.
     #[must_use]
     pub const fn unsent(&self) -> u32 {
         self.unsent
@@ -824,7 +821,7 @@ impl<B: Board> Tater<B> {
 
     /// Sends a report to the host, if LFLAGS asks for it, and records it. One that finds no room is counted as unsent.
     fn handle_event(&mut self, event: Event) {
-        let flags = self.kept.lflags;
+        let flags = self.settings.lflags;
         match event {
             Event::Ended { reason, mode } if flags & REPORT_ENDS != 0 => {
                 let _ = self.answer(Node::HOST, Property::MODE, mode_code(mode).into());
@@ -857,8 +854,8 @@ impl<B: Board> Tater<B> {
 
     // --- housekeeping, flash and reset -------------------------------------------------------------------------
 
-    /// Ten times a second: temperatures, counters, watchdog. The watchdog is fed only if the tick, the bus ([`Self::receive`] or
-    /// [`Self::flush`]) and the storage ([`Self::store`]) have been served since the last time.
+    /// Updates counters and temperature ten times a second. Feeds the watchdog only if the tick, the bus ([`Self::receive`] or
+    /// [`Self::flush`]) and the storage ([`Self::store`]) ran since the last call.
     pub fn housekeeping(&mut self, now: Micros) {
         let us = now.wrapping_since(self.housekeeping_at).0.saturating_add(self.second_us);
         self.housekeeping_at = now;
@@ -866,10 +863,10 @@ impl<B: Board> Tater<B> {
         let board_temp = self.board.analog().board_temp.0;
         let mut counters = self.store.counters();
         counters.upsecs = counters.upsecs.saturating_add(us / 1_000_000);
-        counters.odometer = counters.odometer.saturating_add(self.travelled / 1000);
-        // `count` lets none go back.
+        counters.odometer = counters.odometer.saturating_add(self.traveled / 1000);
+        // `count` keeps the maximum.
         counters.ptemp = board_temp;
-        self.travelled %= 1000;
+        self.traveled %= 1000;
         self.store.count(counters);
         if self.tick_ran && self.bus_served && self.storage_served {
             self.tick_ran = false;
@@ -879,14 +876,13 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Whether the rotor stands: without power for so long that it has stopped coasting, and no motion has been asked for.
+    /// Whether the rotor stands still: it was without power for long enough to stop coasting, and no motion is ordered.
     fn stands_still(&self) -> bool {
         self.standstill_ms >= STANDSTILL_MS && self.servo.telemetry().mode == Mode::Idle
     }
 
-    /// One flash operation, if one is due: to be called when there is nothing else to do. Pages are erased only while the
-    /// rotor stands, because nobody sees the halls meanwhile; the bridge stays off, because only [`Self::tick`] switches it
-    /// on.
+    /// Performs one flash operation, if one is due; called when idle. Pages are erased only while the rotor stands still, because
+    /// hall edges are lost meanwhile. The bridge stays off: only [`Self::tick`] switches it on.
     pub fn store(&mut self) -> Progress {
         let stands = self.stands_still();
         self.storage_served = true;
@@ -909,8 +905,7 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Into the monitor: bridge off first; what is to be stored is stored, and so are the
-    /// counters.
+    /// Resets into the monitor: switches the bridge off, then stores pending values and counters.
     fn reset(&mut self) {
         let _ = self.servo.command(Command::Terminate);
         self.drive = OFF;
@@ -920,17 +915,17 @@ impl<B: Board> Tater<B> {
         if !self.stands_still() {
             self.distrust();
         }
-        // All that they have come to, not only what is due.
+        // Also the amounts that are not due yet.
         self.store.reset_counters(self.store.counters());
-        // From now on nobody follows the halls: there is nothing to lose by erasing pages while it coasts.
+        // Halls are not followed any more, so pages may be erased while the rotor coasts.
         for _ in 0..LAST_OPERATIONS {
-            // Eight pages and more may be due: longer than the watchdog waits.
+            // Eight page erases take longer than the watchdog's timeout.
             self.board.feed_watchdog();
             if matches!(self.step_store(true), Progress::Done | Progress::Waiting) {
                 break;
             }
         }
-        // The last that is heard of it: the move that this has ended, if anybody wants to know.
+        // Report the motion that this ended, if LFLAGS asks for it.
         self.drain_events();
         self.transmit();
         self.outbox.clear();
@@ -939,13 +934,13 @@ impl<B: Board> Tater<B> {
 
     // --- for logs and simulations ------------------------------------------------------------------------------
 
-    /// The node that it is on the bus, until the next start.
+    /// The node on the bus; a new ID counts from the next start.
     #[must_use]
     pub const fn node(&self) -> Node {
         self.node
     }
 
-    /// What the servo says: for logs and simulations.
+    /// The servo's telemetry: for logs and simulations.
     #[must_use]
     pub fn status(&self) -> Telemetry {
         self.servo.telemetry()
@@ -963,7 +958,7 @@ impl<B: Board> Tater<B> {
         self.commutator.count()
     }
 
-    /// What is driven: for logs and simulations.
+    /// The present drive: for logs and simulations.
     #[must_use]
     pub const fn drive(&self) -> Drive {
         self.drive
@@ -996,7 +991,7 @@ fn narrow<T: TryFrom<i64>>(value: i64) -> Result<T, SetError> {
     T::try_from(value).map_err(|_| SetError::Servo(Refusal::Range))
 }
 
-/// The property that SAVE, LOAD or DEF names, one that is stored; `None` for all.
+/// The stored property that a SAVE, LOAD or DEF names; `None` for all.
 fn stored_property(by: Property, id: i64) -> Result<Option<Property>, SetError> {
     if id == ALL {
         return Ok(None);

@@ -40,7 +40,7 @@ impl Adc {
         Self(adc)
     }
 
-    /// What was converted last; the caller knows of the bridge. Inlined: the tick needs only half of it.
+    /// The latest conversions. Inlined, because the tick needs only half of them.
     #[inline(always)]
     pub fn read(&self, bridge_fault: bool) -> Analog {
         let adc = &self.0;

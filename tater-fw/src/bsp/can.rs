@@ -14,14 +14,14 @@ use super::timing;
 /// The controller, on its way onto the bus or on it.
 pub struct Can(bxcan::Can<Pins<CAN, PullUp>>);
 
-/// Bits of an identifier that say whom it is for.
+/// The bits of an identifier that hold the destination.
 const DESTINATION: u16 = 0x41F;
 
 /// An identifier in a 16-bit filter is above the bits for remote and extended frames, and three of an extended identifier
 /// (RM0008 24.7.4).
 const FILTER_SHIFT: u16 = 5;
 
-/// What a filter looks at: the destination, and that it is a data frame with 11 bits.
+/// A filter compares the destination, and that the frame is a data frame with an 11-bit identifier.
 const FILTER_MASK: u16 = DESTINATION << FILTER_SHIFT | 0b11 << 3;
 
 /// Filter register that lets through what is for one destination: the mask above the identifier.
@@ -37,14 +37,14 @@ fn registers() -> &'static can::RegisterBlock {
 }
 
 impl Can {
-    /// A controller that is asked to join the bus, and does so when it has seen it idle: nobody waits. It comes back by
-    /// itself after a bus-off, and sends frames in the order in which it got them.
+    /// A controller that joins the bus once it has seen it idle; nothing waits for that. It recovers from bus-off by itself and
+    /// sends frames in the order of their requests.
     pub fn new(pins: Pins<CAN, PullUp>) -> Self {
         let can =
             bxcan::Can::builder(pins).set_bit_timing(timing::can::REGISTER).set_automatic_retransmit(true);
         registers().mcr().modify(|_, w| w.abom().set_bit().txfp().set_bit());
         let mut can = can.leave_disabled();
-        // Asks for normal mode. "Would block" says that the bus has not been seen idle yet.
+        // Requests normal mode. "Would block" means that the bus has not been idle yet.
         let _ = can.enable_non_blocking();
         Self(can)
     }
@@ -73,18 +73,18 @@ impl Can {
         can.fmr().modify(|_, w| w.finit().clear_bit());
     }
 
-    /// Interrupts for a frame that has come and for one that has gone.
+    /// Enables the interrupts for a received frame and for a free mailbox.
     pub fn interrupt(&mut self) {
         self.0.enable_interrupt(Interrupt::Fifo0MessagePending);
         self.0.enable_interrupt(Interrupt::TransmitMailboxEmpty);
     }
 
-    /// The transmit interrupt has been seen.
+    /// Clears the transmit interrupt.
     pub fn sent(&mut self) {
         registers().tsr().write(|w| w.rqcp0().set_bit().rqcp1().set_bit().rqcp2().set_bit());
     }
 
-    /// Waits until what was handed over has gone: some 1 ms at most, in which three frames win the bus if anybody is on it.
+    /// Waits up to about 1 ms for the mailboxes to empty: long enough for three frames to win arbitration on a live bus.
     pub fn drain(&self) {
         let gone = || {
             let status = registers().tsr().read();
@@ -93,8 +93,7 @@ impl Can {
         let _ = (0..timing::can::DRAIN).any(|_| gone());
     }
 
-    /// The oldest frame that has come. The three places of the FIFO filled up, a newer frame takes the third's place (RM0008
-    /// 24.7.3: RFLM is 0).
+    /// The oldest received frame. When the FIFO's three places are full, a new frame replaces the third (RM0008 24.7.3: RFLM is 0).
     pub fn receive(&mut self) -> Option<Frame> {
         let can = registers();
         if can.rf0r().read().fmp().bits() == 0 {

@@ -1,5 +1,5 @@
 //! The hall lines: TIM4 as a hall-sensor interface (RM0008 15.3.15). Any edge of the three lines, filtered, captures the
-//! counter, restarts it, and interrupts; so the counter says how long ago the last edge was.
+//! counter, restarts it, and interrupts, so the counter is the time since the last edge.
 
 use stm32f1xx_hal::pac::{GPIOB, TIM4};
 use stm32f1xx_hal::rcc::{Enable, Rcc};
@@ -69,8 +69,8 @@ impl Halls {
         (port >> 6 & 7).to_le_bytes()[0]
     }
 
-    /// How long ago the edge was that interrupts, in us; the interrupt is done with. The counter has not come round: nothing
-    /// holds the interrupt up for 65 ms, a page erase neither.
+    /// Time since the edge that interrupted, in µs; clears the interrupt. The counter has not wrapped: nothing delays the interrupt
+    /// by 65 ms, not even a page erase.
     pub fn age(&mut self) -> u16 {
         // First the flags: an edge from here on interrupts again.
         self.tim.sr().write(|w| w.cc1if().clear().cc1of().clear());

@@ -23,7 +23,7 @@ use super::watchdog::Watchdog;
 use super::{clocks, digital, flash, stop, timing};
 use crate::board::{Analog, Board};
 
-/// What drives and senses the motor, or does not.
+/// The motor's outputs and sensors, or their absence.
 pub trait Motor {
     /// See [`Board::bridge`].
     fn bridge(&mut self, bridge: Bridge);
@@ -109,7 +109,7 @@ impl Clock {
         Self { tim, now: Micros(0) }
     }
 
-    /// Right as long as it is called once in 65.5 ms at least.
+    /// Must be called at least every 65.5 ms.
     fn now(&mut self) -> Micros {
         let [low, high, ..] = self.now.0.to_le_bytes();
         let since = self.tim.cnt().read().cnt().bits().wrapping_sub(u16::from_le_bytes([low, high]));
@@ -124,7 +124,7 @@ impl Clock {
 #[cfg(feature = "log")]
 static LOGGED_AT: core::sync::atomic::AtomicU32 = core::sync::atomic::AtomicU32::new(0);
 
-/// When a log line is said, in us, to the last tick.
+/// The time of a log line, in µs: that of the last tick.
 #[cfg(feature = "log")]
 pub fn logged_at() -> u32 {
     LOGGED_AT.load(core::sync::atomic::Ordering::Relaxed)
@@ -145,7 +145,7 @@ impl Ticker {
         Self(tim)
     }
 
-    /// The interrupt is done with.
+    /// Clears the interrupt.
     pub fn seen(&mut self) {
         self.0.sr().write(|w| w.uif().clear());
     }
@@ -153,7 +153,7 @@ impl Ticker {
 
 /// The board.
 pub struct Metal<M: Motor> {
-    /// What drives and senses the motor.
+    /// The motor's outputs and sensors.
     pub motor: M,
     /// The bus.
     pub can: Can,
@@ -165,13 +165,13 @@ pub struct Metal<M: Motor> {
     debug: DBGMCU,
 }
 
-/// What both programs set up in the same way, from the chip's peripherals.
+/// The set-up that both programs share.
 macro_rules! metal {
     ($chip:ident, $rcc:ident, $flash:ident, $cause:ident, $bus:ident, $watchdog:ident, $motor:expr) => {{
         let BusPins { can_rx, can_tx, mut strap_1, mut strap_2, mut strap_4 } = $bus;
         let straps: [&mut dyn InputPin<Error = Infallible>; 3] = [&mut strap_1, &mut strap_2, &mut strap_4];
         let can = CanPins::new($chip.CAN, $chip.USB, (can_tx, can_rx), &mut $rcc);
-        // What the other program has left in it.
+        // Clears the other program's state.
         CAN::reset(&mut $rcc);
         let can = Can::new(can);
         let clock = Clock::new($chip.TIM2, &mut $rcc);
@@ -192,18 +192,18 @@ macro_rules! metal {
 impl Metal<Held> {
     /// The monitor's board, after a reset.
     pub fn monitor(chip: pac::Peripherals) -> Self {
-        // First of all: what waits below is waited for by the watchdog.
+        // First, so that the watchdog ends every wait below.
         let watchdog = Watchdog::new(chip.IWDG);
         let mut parts = chip.FLASH.constrain();
         let mut rcc = clocks::start(chip.RCC, &mut parts);
-        // With the crystal running: while it does not, each start ends by the watchdog, and the first cause stands.
+        // Only once the crystal runs: until then each start ends by the watchdog, and the first cause must survive.
         let cause = stop::reset_cause(&rcc);
         let bus = pins::bus(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
         let flash = flash::Metal::new(APPLICATION.start);
         metal!(chip, rcc, flash, cause, bus, watchdog, Held)
     }
 
-    /// Leaves for the application, which sets up all that it uses.
+    /// Jumps to the application, which sets up everything it uses.
     pub fn start(self) -> ! {
         // The application resets the controller.
         self.can.drain();
@@ -222,7 +222,7 @@ impl Metal<Armed> {
         let watchdog = Watchdog::new(chip.IWDG);
         let mut parts = chip.FLASH.constrain();
         let mut rcc = clocks::start(chip.RCC, &mut parts);
-        // Before its pins: they carry what it says as soon as they are its own.
+        // Before its pins, which follow TIM1 as soon as they are switched to it.
         let bridge = Guarded::new(chip.TIM1, &mut rcc);
         let (bus, motor) = pins::all(chip.GPIOA.split(&mut rcc), chip.GPIOB.split(&mut rcc));
         let MotorPins { brake, .. } = motor;
@@ -234,7 +234,7 @@ impl Metal<Armed> {
         };
         let ticker = Ticker::new(chip.TIM3, &mut rcc);
         let flash = flash::Metal::new(STORAGE.start);
-        // The monitor has told why there was a reset.
+        // The monitor has reported the cause.
         let cause = None;
         let mut metal = metal!(chip, rcc, flash, cause, bus, watchdog, armed);
         metal.can.interrupt();
@@ -248,16 +248,16 @@ impl Metal<Armed> {
         self.motor.halls.sample();
     }
 
-    /// When the edge of a hall line was that interrupts; the interrupt is done with.
+    /// The time of the hall edge that interrupted; clears the interrupt.
     #[inline(always)]
     pub fn edge(&mut self) -> Micros {
         let before = self.clock.now;
         let since = self.now().wrapping_since(before).0;
-        // Not before what was done last: two counters may differ by one.
+        // Not before the last call: two counters may differ by one.
         before.wrapping_add(Micros(since.saturating_sub(self.motor.halls.age().into())))
     }
 
-    /// The interrupt of the break input is done with.
+    /// Clears the break interrupt.
     pub fn broken(&mut self) {
         self.motor.bridge.seen();
     }
@@ -270,7 +270,7 @@ impl<M: Motor> Metal<M> {
     }
 }
 
-/// Where the chip has its number of 96 bits (RM0008 30.2).
+/// Address of the chip's 96-bit unique ID (RM0008 30.2).
 const UNIQUE_ID: u32 = 0x1FFF_F7E8;
 
 impl<M: Motor> Board for Metal<M> {
@@ -311,8 +311,8 @@ impl<M: Motor> Board for Metal<M> {
     }
 
     fn feed_watchdog(&mut self) {
-        // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4). Said over and
-        // over: without a probe attached the chip does not take it (errata).
+        // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4). Set at each
+        // feed, because the chip takes it only while a probe is attached (errata).
         self.debug.cr().modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit());
         self.watchdog.feed();
     }

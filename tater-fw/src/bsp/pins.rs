@@ -1,17 +1,17 @@
-//! What is on which pin: a row a pin. The programs set the pins up from the rows, and `docs/board.md` shows them.
+//! The pin table. The programs set the pins up from its rows, and `docs/board.md` shows them.
 
 /// A pin's row.
 #[derive(Clone, Copy, Debug)]
 pub struct Pin {
-    /// What it is for.
+    /// Name.
     pub name: &'static str,
     /// Port and number, as in the data sheet.
     pub pin: &'static str,
-    /// How it is set.
+    /// Configuration.
     pub mode: &'static str,
     /// The peripheral's name for it.
     pub signal: &'static str,
-    /// What it does, and what holds it while no program runs.
+    /// Function, and level while no program runs.
     pub what: &'static str,
 }
 
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_pin_and_no_name_twice() {
+    fn pins_and_names_are_unique() {
         let pins: std::vec::Vec<&Pin> = BUS.iter().chain(MOTOR).collect();
         assert!(pins.len() > 20);
         for (i, pin) in pins.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The bridge: TIM1, three complementary pairs at 20 kHz, centred, with dead time and a break input (RM0008 14).
+//! The bridge: TIM1, three complementary pairs at 20 kHz, center-aligned, with dead time and a break input (RM0008 14).
 //!
 //! The break input switches all six gates off without code, and they stay off until the program has asked for the bridge
 //! to be off.
@@ -37,8 +37,8 @@ impl Guarded {
             w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit();
             w.cc1ne().set_bit().cc2ne().set_bit().cc3ne().set_bit()
         });
-        // What is off is driven low, with the outputs enabled and without. Break at a low level, and no return by itself.
-        // From here to the next reset nobody can change dead time, break, idle levels and polarities (LOCK 2).
+        // Outputs that are off are driven low, with MOE and without. Break is active low and needs a restart by software.
+        // LOCK 2 freezes dead time, break, idle levels and polarities until the next reset.
         tim.bdtr().write(|w| {
             w.dtg().set(DEAD_TIME);
             w.ossi().idle_level().ossr().idle_level();
@@ -62,24 +62,24 @@ impl Guarded {
     #[inline(always)]
     fn on(&mut self, legs: u32, share: u16) {
         if self.legs == legs {
-            self.give(share);
+            self.set_duty(share);
         } else {
-            self.turn(legs, share);
+            self.set_legs(legs, share);
         }
     }
 
     /// The duty.
     #[inline(always)]
-    fn give(&mut self, share: u16) {
+    fn set_duty(&mut self, share: u16) {
         // SAFETY: the address of CCR1, CCR2 or CCR3, which are this timer's, and it is ours.
         unsafe { pointer::<u32>(self.share).write_volatile(share.into()) };
     }
 
-    /// Sets the legs of an image, in an order that has no wrong vector on the way: first the high sides off that are to be off,
-    /// then who is driven at all, then the duty. The timer keeps the dead time. Off, unless just one leg is [`PWM`].
+    /// Sets the legs in an order without a wrong vector in between: high sides off, then the enabled outputs, then the duty
+    /// (decision 0020). The timer adds the dead time. Off, unless exactly one leg is [`PWM`].
     // Leg by leg, because an edge waits: arrays cost three times as many instructions here.
     #[inline(never)]
-    fn turn(&mut self, legs: u32, share: u16) {
+    fn set_legs(&mut self, legs: u32, share: u16) {
         let tim = &self.tim;
         let is = |kind: u32, leg: u32| legs & 0xFF << leg == kind << leg;
         let (a, b, c) = (is(PWM, A), is(PWM, B), is(PWM, C));
@@ -104,7 +104,7 @@ impl Guarded {
             _ => return self.off(),
         };
         self.legs = legs;
-        self.give(share);
+        self.set_duty(share);
         if self.tim.bdtr().read().moe().is_disabled_idle() {
             self.enable();
         }
@@ -125,8 +125,8 @@ impl Guarded {
         }
     }
 
-    /// All gates off, at once. Forgets a break, so that the bridge may be switched on again; an input that is still low says
-    /// so again at once, but interrupts only a bridge that is on.
+    /// Switches all gates off and clears a break, so that the bridge may be switched on again. An input that is still low sets the
+    /// flag again at once, but interrupts only while the bridge is on.
     fn off(&mut self) {
         self.tim.bdtr().modify(|_, w| w.moe().disabled_idle());
         self.tim.dier().write(|w| w.bie().disabled());
@@ -134,12 +134,12 @@ impl Guarded {
         self.legs = NONE;
     }
 
-    /// Whether the break input has switched the bridge off since it was last asked to be off.
+    /// Whether the break input switched the bridge off since the last [`Self::off`].
     pub fn broken(&self) -> bool {
         self.tim.sr().read().bif().bit_is_set()
     }
 
-    /// The break interrupt has been seen; the flag stays, because it guards the bridge.
+    /// Disables the break interrupt; the flag stays, because it keeps the bridge off.
     pub fn seen(&mut self) {
         self.tim.dier().write(|w| w.bie().disabled());
     }
@@ -148,13 +148,13 @@ impl Guarded {
 /// TIM1's CCR1; CCR2 and CCR3 follow it (RM0008 14.4.21).
 const CCR1: u32 = 0x4001_2C34;
 
-/// Where a leg's byte is in an image.
+/// The position of a leg's byte in an image.
 const A: u32 = 0;
 /// See [`A`].
 const B: u32 = 8;
 /// See [`A`].
 const C: u32 = 16;
-/// What a leg's byte says: those of [`Leg`].
+/// The values of a leg's byte, one for each [`Leg`].
 const PWM: u32 = 0;
 /// See [`PWM`].
 const LOW: u32 = 1;

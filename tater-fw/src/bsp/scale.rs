@@ -1,4 +1,4 @@
-//! What the converter's 12 bits mean: the analog front end of the board, chosen because the manual gives none.
+//! The scale of the 12-bit ADC codes: the board's analog front end, chosen by this project because the manual gives none.
 //!
 //! | input | front end |
 //! |---|---|

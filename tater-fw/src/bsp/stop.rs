@@ -1,5 +1,5 @@
-//! The end of a program that cannot go on: the bridge off first, the brake engaged, the reason into RAM that survives the
-//! reset, and the reset. The monitor tells the reason (ERROR).
+//! Fatal errors: bridge off first, brake engaged, reason into RAM that survives the reset, then reset. The monitor reports the
+//! reason (ERROR).
 
 use core::arch::naked_asm;
 
@@ -27,7 +27,7 @@ fn kept() -> *mut Words {
     pointer(KEPT.start)
 }
 
-/// Ends the program for a reason; `at` is an address or a line, for whoever looks with a probe.
+/// Ends the program. `at` is an address or a source line, to be read with a probe.
 pub fn stop(reason: FaultCode, at: u32) -> ! {
     // A task may not switch the bridge on again.
     cortex_m::interrupt::disable();
@@ -41,8 +41,7 @@ pub fn stop(reason: FaultCode, at: u32) -> ! {
     cortex_m::peripheral::SCB::sys_reset()
 }
 
-/// Why the board was reset, if nobody asked for it: what [`stop`] has left, or the watchdog. Asked once a start: it is
-/// forgotten then.
+/// The cause of an unexpected reset: the reason stored by [`stop`], or the watchdog. Clears it, so call it once per start.
 pub fn reset_cause(rcc: &RCC) -> Option<FaultCode> {
     // SAFETY: as in `stop`; interrupts are not on yet.
     let [code, complement, _] = unsafe { kept().read_volatile() };
@@ -50,7 +49,7 @@ pub fn reset_cause(rcc: &RCC) -> Option<FaultCode> {
     unsafe { kept().write_volatile([0; 3]) };
     let flags = rcc.csr().read();
     rcc.csr().modify(|_, w| w.rmvf().set_bit());
-    // A word that has its complement beside it was written by `stop`.
+    // Only `stop` writes a word and its complement.
     let told = [FaultCode::Panic, FaultCode::HardFault, FaultCode::Clock]
         .into_iter()
         .find(|reason| u32::from(reason.code()) == code && code == !complement);

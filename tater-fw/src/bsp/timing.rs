@@ -5,7 +5,7 @@
 
 /// The crystal.
 pub const CRYSTAL_HZ: u32 = 8_000_000;
-/// What the PLL makes of it (RM0008 7.2.3).
+/// The PLL's factor (RM0008 7.2.3).
 pub const PLL_FACTOR: u32 = 9;
 /// Core, AHB, and APB2 with TIM1: at most 72 MHz (DS5319 5.3.1).
 pub const CORE_HZ: u32 = CRYSTAL_HZ * PLL_FACTOR;
@@ -20,7 +20,7 @@ pub const WATCHDOG_HZ: u32 = 40_000;
 
 const _: () = assert!(CORE_HZ <= 72_000_000 && APB1_HZ <= 36_000_000 && ADC_HZ <= 14_000_000);
 
-/// The lower 16 bits, which must be all; each use has the check beside it.
+/// The lower 16 bits. Each use asserts that the value fits.
 const fn register(value: u32) -> u16 {
     let [low, high, ..] = value.to_le_bytes();
     u16::from_le_bytes([low, high])
@@ -30,7 +30,7 @@ const fn register(value: u32) -> u16 {
 pub mod pwm {
     use super::{ADC_HZ, CORE_HZ, adc, register};
 
-    /// Above hearing; 3600 steps of the core clock a period.
+    /// Above the audible range; 3600 core clocks per period.
     pub const HZ: u32 = 20_000;
     /// ARR: the counter goes up to it and down again in a period. Also the compare value of 100 %.
     pub const TOP: u16 = register(CORE_HZ / HZ / 2);
@@ -68,7 +68,7 @@ pub mod hall {
         _ => NONE,
     };
     const DIVISION: u32 = 4;
-    /// What the filter counts.
+    /// The filter's clock.
     pub const FILTER_HZ: u32 = TIMER_HZ / DIVISION;
     /// ICF: of every 32nd of those a sample, and an edge is one after 8 alike (RM0008 15.4.7).
     pub const FILTER: u8 = match (EVERY, SAMPLES) {
@@ -89,7 +89,7 @@ pub mod hall {
     const EVERY: u32 = 32;
     const SAMPLES: u32 = 8;
     const NONE: u8 = 16;
-    /// By so much an edge is late, and what is shorter is none.
+    /// The filter's delay; shorter pulses are ignored.
     pub const FILTER_NS: u32 = EVERY * SAMPLES * 1000 / (FILTER_HZ / 1_000_000);
 
     const _: () = assert!(CLOCK_DIVISION < NONE && FILTER < NONE, "no such filter");
@@ -177,16 +177,16 @@ pub mod can {
     pub const HZ: u32 = 1_000_000;
     /// Clocks a quantum.
     pub const PRESCALER: u32 = 2;
-    /// Quanta before the sample point, without the first, which synchronises.
+    /// Quanta before the sample point, without the synchronization quantum.
     pub const SEGMENT_1: u32 = 14;
     /// Quanta after the sample point.
     pub const SEGMENT_2: u32 = 3;
     /// Quanta by which an edge may move it.
     pub const JUMP: u32 = 2;
-    /// Where a bit is sampled, in 1/1000 of it. 75 % to 87.5 % suit a bus of a few metres at this rate.
+    /// The sample point in 1/1000 of a bit. 75 % to 87.5 % suit a bus of a few meters at this rate.
     pub const SAMPLE_POINT: u32 = (1 + SEGMENT_1) * 1000 / QUANTA;
-    /// How often the mailboxes are looked at, at some 10 ticks of the core clock each, until what is in them has gone: 1 ms, in
-    /// which three frames win the bus if anybody is on it.
+    /// Polls of the mailboxes, about 10 core clocks each, before the wait for them to empty ends: 1 ms, long enough for three frames
+    /// to win arbitration on a live bus.
     pub const DRAIN: u32 = super::CORE_HZ / 1000 / 10;
     /// BTR.
     pub const REGISTER: u32 =
@@ -202,7 +202,7 @@ pub mod can {
 pub mod watchdog {
     use super::WATCHDOG_HZ;
 
-    /// Without a feed for so long, nominally, the board is reset: the slow task has missed five turns.
+    /// Without a feed for so long, nominally, the board is reset: housekeeping has missed five turns.
     pub const MS: u32 = 500;
     /// PR = 3: the oscillator by 32.
     pub const PRESCALER_CODE: u8 = 3;
@@ -211,6 +211,6 @@ pub mod watchdog {
     pub const RELOAD: u16 = super::register(WATCHDOG_HZ / DIVIDER * MS / 1000 - 1);
 
     const _: () = assert!(WATCHDOG_HZ / DIVIDER * MS / 1000 <= 1 << 12);
-    // With the fastest oscillator, 60 kHz, three slow tasks still fit.
+    // With the fastest oscillator, 60 kHz, three housekeeping periods still fit.
     const _: () = assert!(WATCHDOG_HZ / DIVIDER * MS / 1000 * DIVIDER / 60 >= 300);
 }

@@ -15,7 +15,7 @@ const FEED: u16 = 0xAAAA;
 pub struct Watchdog(IWDG);
 
 impl Watchdog {
-    /// Starts it, or goes on with one that runs.
+    /// Starts the watchdog, or takes over a running one.
     pub fn new(iwdg: IWDG) -> Self {
         let key = |key| {
             // SAFETY: the three keys are all that KR takes; none touches memory.

@@ -1,10 +1,10 @@
-//! Properties that are neither measured nor the servo's: the board keeps them as they are set.
+//! Properties that are neither measured nor part of the servo's configuration: the board stores what was set.
 
 use crate::bind::bind;
 
-/// Their values. What each means, its unit and its range are its row's in the property table.
+/// Their values; meaning, unit and range are in the property table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Kept {
+pub struct Settings {
     role: u16,
     sn: u16,
     id: u8,
@@ -39,7 +39,7 @@ pub struct Kept {
     lcvc: u8,
 }
 
-bind! { kept for Kept:
+bind! { settings for Settings:
     ROLE = role,
     SN = sn,
     ID = id,
@@ -76,11 +76,13 @@ mod tests {
         for property in PROPERTIES {
             let row = property.row();
             for value in [row.min, row.max] {
-                let mut kept = Kept::default();
-                assert!(set(&mut kept, property, value), "{property:?} {value}");
-                assert_eq!(get(&kept, property), Some(value), "{property:?}");
-                let changed: Vec<Property> =
-                    PROPERTIES.into_iter().filter(|&p| get(&kept, p) != get(&Kept::default(), p)).collect();
+                let mut settings = Settings::default();
+                assert!(set(&mut settings, property, value), "{property:?} {value}");
+                assert_eq!(get(&settings, property), Some(value), "{property:?}");
+                let changed: Vec<Property> = PROPERTIES
+                    .into_iter()
+                    .filter(|&p| get(&settings, p) != get(&Settings::default(), p))
+                    .collect();
                 assert!(changed.iter().all(|&p| p == property), "{property:?} changes {changed:?}");
             }
         }
@@ -88,6 +90,6 @@ mod tests {
 
     #[test]
     fn all_at_once_are_as_each_alone() {
-        fills_and_tells_each(Kept::default());
+        fills_and_tells_each(Settings::default());
     }
 }
