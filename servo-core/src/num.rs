@@ -1,31 +1,30 @@
-//! The Q-formats of the control laws and the few operations that `fixed` does not give.
+//! The Q-formats of the control laws and the operations that `fixed` lacks.
 //!
-//! A 32-bit format multiplies in one `SMULL` on the Cortex-M3; a 64-bit one in a library call. So loops run in
-//! [`Law`] and only the profile, which must land exactly, keeps wider state.
+//! On a Cortex-M3 a 32-bit format multiplies in one `SMULL`, a 64-bit format in a library call. The loops therefore use
+//! [`Law`]; only the profile, which must land exactly, has a wider state.
 
 use core::num::NonZeroU32;
 use fixed::types::{I16F16, I32F32};
 
-/// The number of a control law: errors, velocities, gains times errors, torque units. Saturating in every law.
+/// Number of a control law: errors, velocities, gains, torques.
 pub type Law = I16F16;
 
-/// Control ticks a second (DESIGN 4.3).
+/// Control ticks a second (decision 0004).
 pub const TICK_HZ: u32 = 1000;
 
-/// A gain from its property: `raw / 2^fraction_bits`; `fraction_bits` ≤ 16.
+/// A gain from its property, `raw / 2^fraction_bits` with `fraction_bits` ≤ 16; saturates below 32,768.
 #[must_use]
 pub const fn gain(raw: u16, fraction_bits: u32) -> Law {
-    // raw < 2^15 by the property's range, so the shift cannot overflow for fraction_bits ≥ 1.
     Law::from_bits((raw as i32).saturating_mul(1 << (16 - fraction_bits)))
 }
 
-/// The state of the profile: counts, counts a tick or counts a tick², ±2^31 with 2^-32 resolution.
+/// State of the profile: counts, counts a tick or counts a tick².
 pub type Wide = I32F32;
 
 /// `a · b` for two magnitudes with 32 fractional bits, rounded down; the product must be below 2^32.
 #[must_use]
 pub const fn mul_q32(a: u64, b: u64) -> u64 {
-    // By words: what of the highest does not fit is zero by the bound.
+    // By 32-bit words; the upper half of a1·b1 is zero since the product is below 2^32.
     let (a1, a0, b1, b0) = (a >> 32, a & 0xFFFF_FFFF, b >> 32, b & 0xFFFF_FFFF);
     let high = ((a1 * b1) << 32) + a1 * b0 + a0 * b1;
     high + ((a0 * b0) >> 32)
@@ -39,7 +38,7 @@ pub const fn square_q51(x: u64) -> u64 {
     high + ((x0 * x0) >> 13)
 }
 
-/// `n / d`, rounded down. The library's division of 64 bits knows nothing of `UDIV`'s 32: this one takes a third.
+/// `n / d`, rounded down, with the 32-bit `UDIV`: a third of the time of the library's 64-bit division.
 #[must_use]
 pub fn divide(n: u64, d: NonZeroU32) -> u64 {
     let high = (n >> 32) as u32;
@@ -57,14 +56,14 @@ fn divide_below(high: u32, low: u32, d: NonZeroU32) -> u32 {
     (upper << 16) | lower
 }
 
-/// One digit of a long division, and the remainder before it: of `rest · 2^16 + next` by `d`, where `rest` < `d` and `d` has
-/// its highest bit set. The digit that the upper half of `d` lets one guess is at most two too large (Knuth, TAOCP 4.3.1 D).
+/// One digit of a long division, and the remainder before it: `rest · 2^16 + next` by `d`, where `rest` < `d` and `d` has its
+/// highest bit set. The digit estimated from the upper half of `d` is at most two too large (Knuth, TAOCP 4.3.1 D).
 fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
-    // The highest bit once more, so that the compiler sees no 0.
+    // Setting the highest bit again shows the compiler that the divisor is not 0.
     let mut guess = rest / (d >> 16 | 0x8000);
     let remainder = (((rest as u64) << 16) | next as u64).wrapping_sub(guess as u64 * d as u64);
     let mut low = remainder as u32;
-    // Of a guess too large the remainder is negative, and twice d makes it good.
+    // If the guess is too large the remainder is negative; adding d at most twice corrects it.
     let mut negative = remainder >> 32 != 0;
     for _ in 0..2 {
         if negative {
@@ -78,10 +77,10 @@ fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
 }
 
 /// `n / d` with 32 fractional bits, where both have the same number of fractional bits, 2^6 ≤ d < 2^35 and the ratio is below
-/// 2^31; saturates there. Wrong by less than 2^5 / d.
+/// 2^31; saturates there. The error is below 2^5 / d.
 #[must_use]
 pub fn ratio_q32(n: u64, d: u64) -> u64 {
-    // As many bits of d as fit in 32, rounded up, for whole ones that are not too many.
+    // The highest 32 bits of d, rounded up so that the quotient is not too large.
     let high = (d >> 32) as u32;
     let shift = if high == 0 { 0 } else { 33 - high.leading_zeros() };
     let rounded = (d >> shift) + u64::from(shift != 0);
@@ -95,7 +94,7 @@ pub fn ratio_q32(n: u64, d: u64) -> u64 {
         }
         whole = divide_below(high, dividend as u32, divisor);
         rest = n - whole as u64 * d;
-        // A rounded divisor leaves a few.
+        // The rounded divisor makes the quotient up to 3 too small.
         for _ in 0..3 {
             if rest >= d {
                 whole = whole.saturating_add(1);
@@ -126,12 +125,12 @@ const fn isqrt(x: u64) -> u32 {
     }
     let shift = x.leading_zeros() & !1;
     let x = x << shift;
-    // Of the upper word, in [2^30, 2^32): a straight line is 5 % wrong at most, Newton squares that twice.
+    // Root of the upper word, in [2^30, 2^32): a straight line is within 5 %, and two Newton steps square that error twice.
     let upper = (x >> 32) as u32;
     let line = (upper >> 17) + (upper >> 19) + 24_000;
     let once = (line + upper / line) / 2;
     let twice = (once + upper / once) / 2;
-    // Newton's is not below the root, and 2^16 at most.
+    // Newton's result is not below the root, and at most 2^16.
     let half = if twice > 0xFFFF || twice.saturating_mul(twice) > upper { twice - 1 } else { twice };
     // The lower half is (x − half² · 2^32) / (2 · half · 2^16), or one less (Zimmermann's square root).
     let rest = upper - half * half;
@@ -148,8 +147,7 @@ pub const fn next_tick(time: u64) -> (u32, u64) {
     (((time >> 32) as u32).saturating_add(1), (1 << 32) - (time & 0xFFFF_FFFF))
 }
 
-/// `a · b / 2^shift`, rounded down, saturated to 32 bits: one `SMULL`, a shift, and one compare that tells whether
-/// the upper word is only the sign. `shift` < 64.
+/// `a · b / 2^shift`, rounded down and saturated to 32 bits. `shift` < 64.
 #[must_use]
 pub const fn mul_shift(a: i32, b: i32, shift: u32) -> i32 {
     saturating_i32((a as i64 * b as i64) >> shift)
@@ -166,8 +164,8 @@ const fn saturating_i32(x: i64) -> i32 {
     }
 }
 
-/// The product of two numbers of a control law, saturated and rounded down. `fixed`'s own multiplies in 128 bits
-/// on a 32-bit machine to know whether it must saturate: 28 instructions on the Cortex-M3; this takes 6.
+/// The product of two control-law numbers, saturated and rounded down. `fixed` multiplies in 128 bits to saturate: 28
+/// instructions on the Cortex-M3, where this takes 6.
 #[must_use]
 pub const fn product(a: Law, b: Law) -> Law {
     Law::from_bits(mul_shift(a.to_bits(), b.to_bits(), 16))
@@ -179,46 +177,45 @@ pub const fn mul_upper(a: i32, b: i32) -> i32 {
     ((a as i64 * b as i64) >> 32) as i32
 }
 
-/// `a · b / 2^shift`, rounded down, where the caller knows that it fits; else the low 32 bits. `shift` < 64.
+/// `a · b / 2^shift`, rounded down; the caller guarantees that it fits. `shift` < 64.
 #[must_use]
 pub const fn mul_low(a: i32, b: i32, shift: u32) -> i32 {
     ((a as i64 * b as i64) >> shift) as i32
 }
 
-/// The same of unsigned numbers.
+/// [`mul_low`] of unsigned numbers.
 #[must_use]
 pub const fn mul_low_unsigned(a: u32, b: u32, shift: u32) -> u32 {
     ((a as u64 * b as u64) >> shift) as u32
 }
 
-/// The product of two numbers of a control law, rounded down, and bounded: see `clamp_q13`.
+/// The product of two control-law numbers, rounded down and clamped as by `clamp_q13`.
 #[must_use]
 pub fn mul_clamped(a: Law, b: Law) -> Law {
     clamp_q13(a.to_bits() as i64 * b.to_bits() as i64)
 }
 
-/// `n / d` with 32 fractional bits, rounded up, or one more: for products of which the upper word is taken. `n` < `d` - 1.
+/// `n / d` with 32 fractional bits, rounded up or one more, so that an upper word of a product with it is exact. `n` < `d` − 1.
 #[must_use]
 pub const fn share_q32(n: u32, d: u32) -> u32 {
     (((n as u64) << 32) / d as u64 + 1) as u32
 }
 
-/// `a · b + c · d`, rounded down once and bounded (see `clamp_q13`), of which `a` and `c` are not negative: then the sum of the
-/// whole products is below 2^63.
+/// `a · b + c · d`, rounded down once and clamped as by `clamp_q13`. `a` and `c` are not negative, so the sum is below 2^63.
 #[must_use]
 pub fn sum_of_products((a, b): (Law, Law), (c, d): (Law, Law)) -> Law {
     let (ab, cd) = (a.to_bits() as i64 * b.to_bits() as i64, c.to_bits() as i64 * d.to_bits() as i64);
     clamp_q13(ab + cd)
 }
 
-/// A product of two laws as a law: exact within ±8192; beyond that it has its sign and is at least 8191 either way, which is
-/// enough of any torque, and leaves room to add. Only the upper word is bounded: one `SSAT`, where saturating takes eight.
+/// A product of two control-law numbers as one: exact within ±8192, clamped to at least 8191 beyond. That exceeds every torque
+/// and leaves room to add. Clamping the upper word alone is one `SSAT`; saturating takes eight instructions.
 fn clamp_q13(product: i64) -> Law {
     let high = ((product >> 32) as i32).clamp(-(1 << 13), (1 << 13) - 1);
     Law::from_bits((high << 16) | (product as u32 >> 16) as i32)
 }
 
-/// `a · b` as the nearest whole number, halves up: below 2^30, so nothing saturates, and the upper word of an `SMLAL`.
+/// `a · b` as the nearest whole number, halves up; within ±2^30.
 #[must_use]
 pub const fn round_product(a: Law, b: Law) -> i32 {
     ((a.to_bits() as i64 * b.to_bits() as i64 + (1 << 31)) >> 32) as i32
@@ -230,7 +227,7 @@ pub const fn saturating_signed(x: u32) -> i32 {
     if x > i32::MAX as u32 { i32::MAX } else { x as i32 }
 }
 
-/// The low 16 bits' range of a signed number, saturated.
+/// A signed number saturated to 16 bits.
 #[must_use]
 pub const fn saturating_i16(x: i32) -> i16 {
     if x > i16::MAX as i32 {
@@ -270,20 +267,20 @@ mod tests {
         }
 
         #[test]
-        fn a_quotient_is_rounded_down(n: u64, d: u32, shift in (0..64_u32, 0..32_u32)) {
+        fn quotient_is_rounded_down(n: u64, d: u32, shift in (0..64_u32, 0..32_u32)) {
             let (n, d) = (n >> shift.0, NonZeroU32::new(d >> shift.1).unwrap_or(NonZeroU32::MIN));
             prop_assert_eq!(divide(n, d), n / u64::from(d.get()));
         }
 
-        /// Where a digit is guessed too large twice: many ones and zeros in a row.
+        /// Long runs of ones and zeros make the digit estimate too large twice.
         #[test]
-        fn a_quotient_of_runs_is_rounded_down(n in runs(), d in runs()) {
+        fn quotient_of_bit_runs_is_rounded_down(n in runs(), d in runs()) {
             let d = NonZeroU32::new(u32::try_from(d >> 32).unwrap()).unwrap_or(NonZeroU32::MIN);
             prop_assert_eq!(divide(n, d), n / u64::from(d.get()));
         }
 
         #[test]
-        fn products_and_their_sums_round_once_and_are_enough(
+        fn products_and_sums_round_once_and_clamp(
             a in 0..=i32::MAX, b: i32, c in 0..=i32::MAX, d: i32, shift in (0..32_u32, 0..32_u32),
         ) {
             let (a, c) = (a >> shift.0, c >> shift.1);
@@ -303,14 +300,14 @@ mod tests {
         }
 
         #[test]
-        fn a_rounded_product_is_the_nearest(a: i32, b: i32) {
+        fn rounded_product_is_the_nearest(a: i32, b: i32) {
             let exact = i128::from(a) * i128::from(b);
             let error = (i128::from(round_product(Law::from_bits(a), Law::from_bits(b))) << 32) - exact;
             prop_assert!(error.abs() <= 1 << 31, "{error}");
         }
 
         #[test]
-        fn a_ratio_is_right_to_thirty_two_units_of_n(
+        fn ratio_is_within_32_units_of_n(
             n in runs(), d in runs(), shift in (7..64_u32, 29..58_u32),
         ) {
             let (n, d) = (n >> shift.0, (d >> shift.1).max(64));
@@ -320,7 +317,7 @@ mod tests {
         }
 
         #[test]
-        fn a_root_is_rounded_down_to_26_bits(x in any::<u64>(), shift in 0..64_u32) {
+        fn root_is_rounded_down_to_26_bits(x in any::<u64>(), shift in 0..64_u32) {
             let x = (x >> shift).max(1);
             let root = u128::from(isqrt_q52(x) >> 6);
             prop_assert_eq!(isqrt_q52(x) & 63, 0);
@@ -328,7 +325,7 @@ mod tests {
         }
 
         #[test]
-        fn the_next_tick_is_later_by_at_most_one(time in 0..u64::from(u32::MAX) << 32) {
+        fn next_tick_is_at_most_one_later(time in 0..u64::from(u32::MAX) << 32) {
             let (tick, wait) = next_tick(time);
             prop_assert!((1..=ONE).contains(&wait));
             prop_assert_eq!(u64::from(tick) << 32, time + wait);

@@ -84,17 +84,6 @@ impl PositionLoop {
         // The profile stays below 2^13 counts/s and the estimate below 2^14.4.
         (error, self.setpoint.velocity.0 - velocity.0)
     }
-
-    fn torque(
-        &mut self,
-        pid: &Pid,
-        position: Counts,
-        velocity: CountsPerSec,
-        range: (Torque, Torque),
-    ) -> Torque {
-        let (error, velocity_error) = self.errors(position, velocity);
-        pid.step(&mut self.pid, error, velocity_error, range)
-    }
 }
 
 /// A motion that has been asked for and not started yet.
@@ -126,11 +115,6 @@ impl Goal {
             Self::Velocity | Self::TorqueControlled { .. } | Self::SeekStop => Mode::Velocity,
             Self::Move { .. } | Self::LeaveStop => Mode::Trapezoidal,
         }
-    }
-
-    /// Whether the motion follows a profile, which takes most of a tick to plan.
-    const fn plans(self) -> bool {
-        matches!(self, Self::Move { .. } | Self::LeaveStop)
     }
 }
 
@@ -584,9 +568,9 @@ impl Servo {
             self.faults.raise(Condition::HOST_LOST);
         }
         let counted = self.observe(sense);
-        let due = self.due_goal();
-        // A tick that plans leaves out the thermal judgement, which must not be missed twice in a row.
-        self.planned = due.is_some_and(Goal::plans);
+        let due = self.is_due();
+        // A tick that plans leaves out the thermal judgment, which must not be missed twice in a row.
+        self.planned = due && self.motion.mode() == Mode::Trapezoidal;
         if self.planned {
             self.thermal.add(self.applied.torque);
         } else if self.thermal.step(self.applied.torque, sense.motor_temp, self.tuning.config.otemp) {
@@ -595,18 +579,20 @@ impl Servo {
         if let Some(fault) = self.faults.check(sense.bus) {
             self.fail(fault);
         }
-        if let Some(goal) = due {
-            if matches!(self.motion, Motion::Starting { .. }) && self.start(goal) {
-                // The profile sets out in the next tick; until then the bridge stays as it was.
-                return self.unchanged_drive();
+        match self.motion {
+            Motion::Idle => return IDLE,
+            Motion::Starting { goal, brake_ms } => {
+                if !due {
+                    self.motion = Motion::Starting { goal, brake_ms: brake_ms.saturating_add(1) };
+                    self.applied = AppliedTorque::OFF;
+                    return Drive { duty: None, brake_released: true };
+                }
+                if self.start(goal) {
+                    // The profile sets out in the next tick; until then the bridge stays as it was.
+                    return self.unchanged_drive();
+                }
             }
-        } else if let Motion::Starting { brake_ms, .. } = &mut self.motion {
-            *brake_ms = brake_ms.saturating_add(1);
-            self.applied = AppliedTorque::OFF;
-            return Drive { duty: None, brake_released: true };
-        }
-        if matches!(self.motion, Motion::Idle) {
-            return IDLE;
+            _ => {}
         }
         if self.check_end(counted, sense.strain) {
             match self.motion {
@@ -644,81 +630,95 @@ impl Servo {
         Drive { duty: if off { None } else { Some(self.applied.duty) }, brake_released: true }
     }
 
-    /// The goal that starts in this tick: one whose brake has released. A goal that plans does not start right after a
-    /// tick that planned: a host that starts a move every millisecond would keep the last torque on without limits.
-    fn due_goal(&self) -> Option<Goal> {
+    /// Whether a motion starts in this tick: its brake has released. One that plans does not start right after a tick that
+    /// planned: a host that starts a move every millisecond would keep the last torque on without limits.
+    fn is_due(&self) -> bool {
         match self.motion {
             Motion::Starting { goal, brake_ms } => {
-                let again = self.planned && goal.plans();
-                (brake_ms >= self.tuning.config.brake_ms && !again).then_some(goal)
+                let again = self.planned && goal.mode() == Mode::Trapezoidal;
+                brake_ms >= self.tuning.config.brake_ms && !again
             }
-            _ => None,
+            _ => false,
         }
     }
 
     /// Starts a motion. Returns whether it has a profile to follow, which begins in the next tick.
     #[inline(never)]
     fn start(&mut self, goal: Goal) -> bool {
-        self.stall.restart();
         let position = self.position;
-        self.motion = match goal {
-            Goal::Torque(torque) => Motion::Torque(torque),
+        // Each arm assigns, so that a profile is written in place.
+        match goal {
+            Goal::Torque(torque) => self.motion = Motion::Torque(torque),
             Goal::Position { at, pid } => {
-                Motion::Position(PositionLoop::at_rest(at.map_or(position, Counts::from_int), pid))
+                let position = at.map_or(position, Counts::from_int);
+                self.motion = Motion::Position(PositionLoop::at_rest(position, pid));
             }
-            Goal::Velocity => Motion::Velocity,
-            Goal::TorqueControlled { closing } => Motion::TorqueControlled { closing },
-            Goal::Move { pid } => Motion::Move {
-                control: PositionLoop::at_rest(position, pid),
-                profile: Profile::at_rest(position),
-                breakaway: Breakaway::default(),
-            },
-            Goal::SeekStop => Motion::SeekStop,
-            Goal::LeaveStop => Motion::LeaveStop {
-                control: PositionLoop::at_rest(position, PidState::default()),
-                profile: Profile::at_rest(position),
-            },
-        };
-        self.plan();
-        self.motion.position_loop().is_some_and(|control| !control.setpoint.done)
+            Goal::Velocity => self.motion = Motion::Velocity,
+            Goal::TorqueControlled { closing } => self.motion = Motion::TorqueControlled { closing },
+            Goal::SeekStop => self.motion = Motion::SeekStop,
+            Goal::Move { pid } => {
+                self.motion = Motion::Move {
+                    control: PositionLoop::at_rest(position, pid),
+                    profile: Profile::at_rest(position),
+                    breakaway: Breakaway::default(),
+                };
+            }
+            Goal::LeaveStop => {
+                self.motion = Motion::LeaveStop {
+                    control: PositionLoop::at_rest(position, PidState::default()),
+                    profile: Profile::at_rest(position),
+                };
+            }
+        }
+        self.plan()
     }
 
-    /// Plans the profile from the present set-point to the end of the motion, if it has one.
-    fn plan(&mut self) {
+    /// Restarts the stall time, and plans the profile of the motion, if it has one, from the present set-point. Returns whether
+    /// there is a profile to follow.
+    fn plan(&mut self) -> bool {
+        self.stall.restart();
         let (control, profile, end) = match &mut self.motion {
             Motion::Move { control, profile, .. } => (control, profile, self.end),
             Motion::LeaveStop { control, profile } => (control, profile, self.tuning.config.ioff),
-            _ => return,
+            _ => return false,
         };
         profile.plan(Counts::from_int(end), &self.tuning.ramps);
         control.setpoint = profile.current();
-        self.stall.restart();
+        !control.setpoint.done
     }
 
     /// The torque that the motion's control law asks for, with the damping it lacks.
     fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
-        let (position, velocity) = (self.position, self.velocity);
-        let pid = &self.tuning.pid;
-        let (torque, missing) = match &mut self.motion {
+        let (torque, missing) = match self.motion {
             Motion::Idle | Motion::Starting { .. } => (Torque::ZERO, Law::ZERO),
-            Motion::Torque(wanted) => (*wanted, MIN_DAMPING),
+            Motion::Torque(wanted) => (wanted, MIN_DAMPING),
             Motion::Velocity
             | Motion::TorqueControlled { .. }
             | Motion::Pressing { .. }
             | Motion::SeekStop => {
                 (self.velocity_torque(envelope.most()), self.tuning.velocity_loop.missing_damping())
             }
-            Motion::Position(control) => {
-                (control.torque(pid, position, velocity, envelope.range()), pid.missing_damping())
-            }
-            Motion::Move { control, profile, .. } | Motion::LeaveStop { control, profile } => {
-                if !control.must_wait(position) {
-                    control.setpoint = profile.step();
-                }
-                (control.torque(pid, position, velocity, envelope.range()), pid.missing_damping())
+            Motion::Position(_) | Motion::Move { .. } | Motion::LeaveStop { .. } => {
+                (self.position_torque(envelope.range()), self.tuning.pid.missing_damping())
             }
         };
-        damped(torque, velocity, missing)
+        damped(torque, self.velocity, missing)
+    }
+
+    /// Torque of modes 3 and 5, whose profile advances by a tick unless the rotor lags too far behind it.
+    fn position_torque(&mut self, range: (Torque, Torque)) -> Torque {
+        let control = match &mut self.motion {
+            Motion::Position(control) => control,
+            Motion::Move { control, profile, .. } | Motion::LeaveStop { control, profile } => {
+                if !control.must_wait(self.position) {
+                    control.setpoint = profile.step();
+                }
+                control
+            }
+            _ => return Torque::ZERO,
+        };
+        let (error, velocity_error) = control.errors(self.position, self.velocity);
+        self.tuning.pid.step(&mut control.pid, error, velocity_error, range)
     }
 
     /// Torque of mode 4. Pressing applies all of MT while the rotor is slower than half its approach speed; if the
@@ -765,7 +765,7 @@ impl Servo {
         let stalled = self.stall.step(counted, driven, tstop);
         let reason = match &self.motion {
             Motion::Move { .. } => self.move_end(strain),
-            Motion::LeaveStop { control, .. } => self.arrival(control, self.tuning.config.ioff),
+            Motion::LeaveStop { control, .. } => self.arrival(control.setpoint.done, self.tuning.config.ioff),
             Motion::TorqueControlled { .. } if self.tuning.strain.excludes(strain) => Some(EndReason::Strain),
             Motion::Pressing { .. } => return false,
             Motion::Idle
@@ -795,12 +795,11 @@ impl Servo {
             self.report(Event::Breakaway { position, stop_tip: bs });
             return Some(EndReason::Breakaway);
         }
-        let control = *control;
-        self.arrival(&control, self.end)
+        let done = control.setpoint.done;
+        self.arrival(done, self.end)
     }
 
-    fn arrival(&self, control: &PositionLoop, end: i32) -> Option<EndReason> {
-        let done = control.setpoint.done;
+    fn arrival(&self, done: bool, end: i32) -> Option<EndReason> {
         (done && arrived(done, end, self.position.round(), self.tuning.config.mpe))
             .then_some(EndReason::Arrived)
     }

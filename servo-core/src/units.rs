@@ -1,7 +1,5 @@
-//! Physical quantities as newtypes, each with its one scale. Every conversion between a raw integer and a
-//! quantity is here; every overflow is named `saturating` or `wrapping`.
-//!
-//! Scales (DESIGN 4.1): positions in hall counts, 18 a motor revolution, positive in the closing direction.
+//! Physical quantities as newtypes, each with one scale (decision 0002). Every conversion between a raw integer and a quantity
+//! is here. Positions are in hall counts, 18 a motor revolution, positive in the closing direction.
 
 use crate::num::{Wide, mul_upper};
 use core::num::NonZeroU64;
@@ -25,7 +23,7 @@ impl Counts {
         Self(I22F10::from_bits(counts << 10))
     }
 
-    /// The whole count whose cell (half a count to either side) holds this position: what P reads.
+    /// The nearest whole count, which property P reads.
     #[must_use]
     pub const fn round(self) -> i32 {
         self.0.to_bits().wrapping_add(512) >> 10
@@ -55,7 +53,7 @@ impl Counts {
         self.0.to_bits().unsigned_abs() < distance.0.to_bits().unsigned_abs()
     }
 
-    /// The distance as a control error in ±32767 counts with 1/65536 resolution; saturates, which is one `SSAT`.
+    /// The distance as a control error, saturated to ±32767 counts.
     #[must_use]
     pub fn saturating_error(self) -> I16F16 {
         I16F16::from_bits(self.0.to_bits().clamp(i32::MIN >> 6, i32::MAX >> 6) << 6)
@@ -94,7 +92,7 @@ impl CountsPerSec {
         Self(self.0.saturating_neg())
     }
 
-    /// The nearest whole number of counts per second (halves up): what V reads.
+    /// The nearest whole number of counts per second, halves up, which property V reads.
     #[must_use]
     pub const fn round(self) -> i16 {
         ((self.0.to_bits().saturating_add(1 << 15)) >> 16) as i16
@@ -112,7 +110,7 @@ impl CountsPerSec {
     /// A velocity in counts a tick of 1 ms, nearest but for a quarter of 1/65536 count/s; wraps outside ±8 counts a tick.
     #[must_use]
     pub const fn from_wide_per_tick(velocity: Wide) -> Self {
-        // × 1000 >> 16 with one `SMULL`: four bits less of 2^-32, and 1000·2^20 for the upper word. Half a unit is 33 before.
+        // × 1000 >> 16 as the upper word of one `SMULL`: 28 fractional bits times 1000·2^20. Half an output unit is 33 here.
         let sixteenths = ((velocity.to_bits() + 33) >> 4) as i32;
         Self(I16F16::from_bits(mul_upper(sixteenths, 1000 << 20)))
     }
@@ -225,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_profile_s_numbers_round_to_the_nearest_step() {
+    fn profile_quantities_round_to_the_nearest_step() {
         let half = Wide::from_bits(1 << 21);
         assert_eq!(Counts::from_wide(half).0.to_bits(), 1);
         assert_eq!(Counts::from_wide(half - Wide::DELTA), Counts::ZERO);

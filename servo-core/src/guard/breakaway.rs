@@ -1,43 +1,38 @@
-//! BT, BD, BP, BS: when a closing link has met an object (manual 5.1.2, DESIGN 5).
+//! BT, BD, BP, BS: when a closing link has met an object (manual 5.1.2, decision 0008).
 //!
-//! Link and tip have motors of their own, so the BarrettHand's clutch is simulated: the link breaks away when
-//! it carries more load than BT *and* falls behind its set-point. Torque alone would also fire at the start of
-//! a move, where friction lets go and the rotor catches up within milliseconds.
+//! Link and tip have motors of their own, so the clutch of the BarrettHand is simulated: the link breaks away when it
+//! carries more load than BT and falls behind its set-point. Torque alone would also trigger at the start of a move, where
+//! static friction breaks loose and the rotor catches up within milliseconds.
 
 use crate::units::{CountsPerSec, Torque};
 
-/// How long the load must last. A start from standstill against 0.06 N·m of static friction is over within
-/// 5 ms; TSTOP, the next guard, is 300 ms.
-const LASTING_MS: u8 = 10;
+/// Least duration of the load. A start against 0.06 N·m of static friction is over within 5 ms; TSTOP, the next guard, is
+/// 300 ms.
+const LOAD_MS: u8 = 10;
 
-/// The detector.
+/// The breakaway detector.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Breakaway {
     loaded_ms: u8,
 }
 
 impl Breakaway {
-    /// Forgets what it has seen: at the start of a motion.
-    pub fn restart(&mut self) {
-        self.loaded_ms = 0;
-    }
-
-    /// One tick of 1 ms: the torque applied, the wanted and the measured velocity, and BT in torque units
-    /// (0 = never). Only closing motions break away.
+    /// One tick of 1 ms: the applied torque, the velocity set-point, the measured velocity, and BT in torque units (0 =
+    /// never). Only closing motions break away.
     ///
     /// Returns whether the link has broken away.
     #[must_use]
-    pub fn step(&mut self, applied: Torque, wanted: CountsPerSec, measured: CountsPerSec, bt: u16) -> bool {
-        let closing = wanted > CountsPerSec::ZERO;
-        // A rotor still turning the other way is being braked, not loaded.
-        let behind = measured >= CountsPerSec::ZERO && measured.0 < wanted.0 >> 2;
+    pub fn step(&mut self, applied: Torque, setpoint: CountsPerSec, measured: CountsPerSec, bt: u16) -> bool {
+        let closing = setpoint > CountsPerSec::ZERO;
+        // A rotor that still turns the other way is being braked, not loaded.
+        let behind = measured >= CountsPerSec::ZERO && measured.0 < setpoint.0 >> 2;
         let loaded = i32::from(applied.0) >= i32::from(bt);
         if bt != 0 && closing && behind && loaded {
             self.loaded_ms = self.loaded_ms.saturating_add(1);
         } else {
             self.loaded_ms = 0;
         }
-        self.loaded_ms >= LASTING_MS
+        self.loaded_ms >= LOAD_MS
     }
 }
 
@@ -58,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_lasting_load_that_slows_a_closing_link() {
+    fn breaks_away_after_10_ms_of_load_on_a_slowed_closing_link() {
         assert_eq!(ticks_until(400, 500, 20, 300), Some(10));
         assert_eq!(ticks_until(299, 500, 20, 300), None, "below BT");
         assert_eq!(ticks_until(400, 500, 450, 300), None, "keeps up: accelerating");
@@ -68,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_load_is_forgotten() {
+    fn load_of_9_ms_does_not_break_away() {
         let mut breakaway = Breakaway::default();
         let (fast, slow) = (CountsPerSec::from_int(500), CountsPerSec::ZERO);
         for tick in 0..1000 {

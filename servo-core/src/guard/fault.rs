@@ -1,22 +1,21 @@
-//! What must never go on, and what merely bounds: two enums, each naming the property that governs it.
+//! Faults, which end a motion, and limits, which reduce its torque. Each names the property that governs it.
 
 use crate::units::MilliVolts;
 
-/// Bus voltage above which the bridge and its capacitors are in danger: 24 V + 1/3 (motors that are braked
-/// pump the bus up).
+/// Bus voltage above which the bridge and its capacitors are at risk: 24 V + 1/3. Braked motors raise the bus voltage.
 const OVER: MilliVolts = MilliVolts(32_000);
 
 /// Bus voltage below which the gate drivers lose their supply.
 const UNDER: MilliVolts = MilliVolts(16_000);
 
-/// Ticks that a wrong bus voltage must last: a motor's start dips a long cable for milliseconds.
+/// Consecutive ticks of bad bus voltage that are a fault: a motor's start dips a long cable for milliseconds.
 const BUS_MS: u8 = 10;
 
 /// A condition that ends motion at once: bridge off, brake engaged, until `Command::ClearFault`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
-    /// The hall lines lie too often or one of them is stuck (property HALLS).
+    /// Too many invalid hall transitions, or a stuck line (property HALLS).
     Halls,
     /// Phase current above what a working motor can draw (property IMOTOR).
     OverCurrent,
@@ -28,11 +27,11 @@ pub enum Fault {
     UnderVoltage,
     /// The gate driver or the over-current comparator switched the bridge off.
     Bridge,
-    /// The host fell silent in a mode in which it steers (property MODE, 2 and 4).
+    /// No frame from the host in mode 2 or 4, where the host closes the loop.
     HostLost,
 }
 
-/// A bound that the torque or the duty ran into; the motion goes on.
+/// A limit that reduced the torque or the duty; the motion continues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LimitCause {
@@ -46,33 +45,33 @@ pub enum LimitCause {
     Current,
 }
 
-/// Something that is wrong at once, but for the bus voltage: said where it is seen.
+/// A fault condition, raised where it is detected. The bus voltage is checked by [`Faults::check`] itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Condition(u8);
 
 impl Condition {
-    /// The driver's break input has switched the bridge off.
+    /// The break input switched the bridge off.
     pub const BRIDGE: Self = Self(1 << 0);
-    /// The phase current is that of a short.
+    /// The phase current of a short circuit.
     pub const SHORT: Self = Self(1 << 1);
-    /// The hall decoder has given up on the lines. Stays so until it is cleared.
+    /// The hall decoder gave up on the lines. Stays raised until it is cleared.
     pub const HALLS: Self = Self(1 << 2);
     /// The motor is at its temperature limit.
     pub const HOT: Self = Self(1 << 3);
-    /// The host is needed, and silent.
+    /// The host is needed and silent.
     pub const HOST_LOST: Self = Self(1 << 4);
 }
 
-/// Beside the bits of [`Condition`]: the bus voltage was wrong at the last check.
+/// Beside the bits of [`Condition`]: bad bus voltage at the last check.
 const BUS: u8 = 1 << 7;
 
-/// Watches for faults and keeps the first until it is cleared.
+/// Latches the first fault until it is cleared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {
     latched: Option<Fault>,
-    /// What has been said since the last check, a bit each: nothing as a rule, so that a tick has but this to look at.
-    said: u8,
-    /// How long the bus voltage has been wrong on one side.
+    /// Conditions raised since the last check, a bit each: one comparison for a tick without any.
+    raised: u8,
+    /// Consecutive ticks of bad bus voltage on the side `bus_high`.
     bus_ms: u8,
     bus_high: bool,
 }
@@ -84,32 +83,32 @@ impl Faults {
         self.latched
     }
 
-    /// Something is wrong: to be said before each [`Self::check`] at which it is.
-    pub const fn raise(&mut self, wrong: Condition) {
-        self.said |= wrong.0;
+    /// Raises a condition for the next [`Self::check`]. A condition that persists is raised again before each.
+    pub const fn raise(&mut self, condition: Condition) {
+        self.raised |= condition.0;
     }
 
-    /// Forgets the latched fault; one that persists comes back at the next check, before anything is driven: how long the
-    /// bus voltage has been wrong is not forgotten, and hall lines that are wrong are reported at each tick.
+    /// Clears the latched fault. A condition that persists latches again at the next check, before anything is driven: the
+    /// time of a bad bus voltage is kept, and the decoder reports bad hall lines at each tick.
     pub const fn clear(&mut self) {
         self.latched = None;
-        self.said &= !Condition::HALLS.0;
+        self.raised &= !Condition::HALLS.0;
     }
 
-    /// One tick of 1 ms: the bus voltage, and what else has been said.
+    /// One tick of 1 ms with the bus voltage and the conditions raised since the last.
     ///
     /// Returns a fault when it latches, once.
     #[inline]
     pub fn check(&mut self, bus: MilliVolts) -> Option<Fault> {
-        let bus_right = (UNDER.0..=OVER.0).contains(&bus.0);
-        if bus_right && self.said == 0 { None } else { self.judge(bus) }
+        let bus_good = (UNDER.0..=OVER.0).contains(&bus.0);
+        if bus_good && self.raised == 0 { None } else { self.judge(bus) }
     }
 
-    /// The rest of [`Self::check`], where something is wrong.
+    /// [`Self::check`] when there is something to judge.
     #[inline(never)]
     fn judge(&mut self, bus: MilliVolts) -> Option<Fault> {
-        let said = self.said;
-        let wrong = |what: Condition| said & what.0 != 0;
+        let raised = self.raised;
+        let raised = |condition: Condition| raised & condition.0 != 0;
         let high = bus > OVER;
         if !high && bus >= UNDER {
             self.bus_ms = 0;
@@ -119,24 +118,24 @@ impl Faults {
             self.bus_high = high;
             self.bus_ms = 1;
         }
-        self.said &= Condition::HALLS.0;
+        self.raised &= Condition::HALLS.0;
         if self.bus_ms != 0 {
-            self.said |= BUS;
+            self.raised |= BUS;
         }
         if self.latched.is_some() {
             return None;
         }
-        self.latched = if wrong(Condition::BRIDGE) {
+        self.latched = if raised(Condition::BRIDGE) {
             Some(Fault::Bridge)
-        } else if wrong(Condition::SHORT) {
+        } else if raised(Condition::SHORT) {
             Some(Fault::OverCurrent)
-        } else if wrong(Condition::HALLS) {
+        } else if raised(Condition::HALLS) {
             Some(Fault::Halls)
         } else if self.bus_ms >= BUS_MS {
             Some(if high { Fault::OverVoltage } else { Fault::UnderVoltage })
-        } else if wrong(Condition::HOT) {
+        } else if raised(Condition::HOT) {
             Some(Fault::OverTemperature)
-        } else if wrong(Condition::HOST_LOST) {
+        } else if raised(Condition::HOST_LOST) {
             Some(Fault::HostLost)
         } else {
             None

@@ -1,61 +1,61 @@
-//! The last word on torque and duty: every path to the bridge ends in [`TorqueEnvelope::bound`].
+//! Torque and duty limits. Every path to the bridge ends in [`TorqueEnvelope::bound`].
 //!
-//! Torque is bounded by MT (IHIT while homing), by temperature and by the phase current; then it becomes a
-//! voltage, and the voltage a duty bounded by what the bootstrap drivers can do.
+//! Torque is limited by MT (IHIT while HI seeks the stop), by temperature and by phase current. It then becomes a voltage,
+//! and the voltage a duty that the bootstrap drivers can deliver (decision 0005).
 
 use crate::guard::fault::LimitCause;
 use crate::motion::torque::emf;
 use crate::num::{mul_low_unsigned, saturating_i16, share_q32};
 use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
 
-/// The largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers charge
-/// their bootstrap capacitors in the rest, and MT's maximum of 990 is this duty at 24 V; at 20 V it gives 825.
+/// Largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers recharge their bootstrap
+/// capacitors in the rest. At 24 V this is also MT's maximum; at 20 V it gives T = 825.
 const MAX_DUTY: u32 = 990;
 
 /// Phase current above which torque is cut back, mA: 10 % over the motor's 9.98 A at peak torque.
 const PEAK_MA: i32 = 11_000;
 
-/// Phase current that only a short or a wrong motor draws, mA: 24 V across 2.405 Ω − 30 % is 14.3 A.
+/// Phase current that only a short circuit or another motor draws, mA: 24 V across 2.405 Ω − 30 % is 14.3 A.
 const SHORT_MA: i32 = 15_000;
 
-/// The least duty at which the current is looked at, in 1/32768.
+/// Least duty at which the current is judged, in 1/32768.
 const LEAST_DUTY: i32 = 1 << 11;
 
-/// Bus current that is the peak's at no duty from `LEAST_DUTY` on, mA: the peak's at that is 687.
+/// Bus current below that of `PEAK_MA` at every duty from `LEAST_DUTY` on, mA: at `LEAST_DUTY` the peak draws 687.
 const LITTLE_MA: i32 = 640;
 const _: () = assert!(LITTLE_MA << 15 <= LEAST_DUTY * PEAK_MA);
 
-/// Consecutive ticks above `SHORT_MA` that are a fault; the comparator on the bridge acts within microseconds.
+/// Consecutive ticks above `SHORT_MA` that are a fault. The comparator on the bridge acts within microseconds.
 const SHORT_MS: u8 = 5;
 
-/// How fast the current limit comes back, torque units a ms: full torque within 100 ms.
+/// Recovery of the current limit, torque units a ms: full torque within 100 ms.
 const RECOVERY: i16 = 10;
 
-/// No cut: above any torque limit.
+/// No current limit: above every torque limit.
 const NO_CUT: i16 = 1024;
 
-/// What the limits made of a wanted torque.
+/// A commanded torque after the limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AppliedTorque {
-    /// For the bridge.
+    /// Duty for the bridge.
     pub duty: Duty,
-    /// The torque that this duty gives, after every clamp: what T reads.
+    /// Torque that this duty gives.
     pub torque: Torque,
-    /// The limit that acted last, if any.
+    /// The limit that reduced it, if any.
     pub limit: Option<LimitCause>,
 }
 
 impl AppliedTorque {
-    /// Nothing driven.
+    /// Bridge off.
     pub const OFF: Self = Self { duty: Duty::ZERO, torque: Torque::ZERO, limit: None };
 }
 
 /// The state of the current limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TorqueLimiter {
-    /// What the current leaves of `NO_CUT`, 0..=1024.
+    /// Torque that the phase current allows, 0..=`NO_CUT`.
     left: i16,
-    /// Ticks in a row with the current of a short; then `left` is less than `NO_CUT`.
+    /// Consecutive ticks with the current of a short circuit; `left` is then below `NO_CUT`.
     short_ms: u8,
 }
 
@@ -66,19 +66,17 @@ impl Default for TorqueLimiter {
 }
 
 impl TorqueLimiter {
-    /// Looks at the bus current that flowed at the duty applied since the last tick. A six-step bridge draws
-    /// duty × phase current, so the guard divides where it is over the peak; below 1/16 duty the quotient is noise and
-    /// is left alone.
+    /// Judges the bus current that flowed at the duty applied since the last tick. A six-step bridge draws duty × phase
+    /// current. Below 1/16 duty the quotient is noise and is ignored.
     ///
-    /// Returns whether the phase current has been that of a short for several ticks: a fault.
+    /// Returns whether the phase current has been that of a short circuit for several ticks: a fault.
     #[inline]
     pub fn watch_current(&mut self, bus: MilliAmps, applied: Duty) -> bool {
-        // So little is below the peak at any duty that is looked at; as a rule there is no more to ask.
         if (-LITTLE_MA..=LITTLE_MA).contains(&i32::from(bus.0)) {
             return self.recover();
         }
         let duty = i32::from(applied.0.to_bits()).abs();
-        // ≤ 2^30, and the peak times the duty ≤ 11,000 × 2^15 < 2^29.
+        // At most 2^30; the peak times the duty is below 2^29.
         let current = i32::from(bus.0).abs() << 15;
         if duty >= LEAST_DUTY && current > duty * PEAK_MA {
             return self.cut_back(current / duty);
@@ -97,15 +95,15 @@ impl TorqueLimiter {
 
     #[inline(never)]
     fn cut_back(&mut self, phase: i32) -> bool {
-        // 1 A over the peak is about 100 torque units; a quarter of it a tick settles in a few ticks.
+        // 1 A over the peak is about 100 torque units; removing a quarter of it a tick settles in a few ticks.
         let cut = i16::try_from(phase.saturating_sub(PEAK_MA) / 40).unwrap_or(NO_CUT);
         self.left = self.left.saturating_sub(cut).max(0);
         self.short_ms = if phase > SHORT_MA { self.short_ms.saturating_add(1) } else { 0 };
         self.short_ms >= SHORT_MS
     }
 
-    /// What bounds this tick: the least of MT (or IHIT), temperature and current, and what the bus leaves at this
-    /// velocity.
+    /// The torque limits of this tick: the least of MT (or IHIT), temperature and current, within what the bus voltage leaves
+    /// at this velocity.
     #[must_use]
     #[inline]
     pub fn envelope(
@@ -117,7 +115,7 @@ impl TorqueLimiter {
     ) -> TorqueEnvelope {
         let Torque(most) = mt.min(thermal).min(Torque(self.left));
         let most = i32::from(most);
-        // 0..=2703 and ±31,772: nothing below comes near 2^31.
+        // 0..=2703 and ±31,772.
         let volts = volts(bus);
         let emf = emf(velocity);
         let within = |torque: i32| torque.max(-most).min(most);
@@ -127,23 +125,23 @@ impl TorqueLimiter {
     }
 }
 
-/// The largest voltage across the motor that a bus has, in torque units: `bus` · `MAX_DUTY` / 24,000, rounded down. A product
-/// whose upper word is the result: 800ths are all that there is between whole numbers, and its error is less than 1/65536.
+/// Largest voltage across the motor, in torque units: `bus` · `MAX_DUTY` / 24,000, rounded down. The product's error is below
+/// 1/65536, and fractions are multiples of 1/800, so the rounding is exact.
 fn volts(bus: MilliVolts) -> i32 {
     const SHARE: u32 = share_q32(MAX_DUTY, 24_000);
     mul_low_unsigned(bus.0.into(), SHARE, 32).cast_signed()
 }
 
-/// The bounds of one tick, in torque units (a voltage of 24 V is 1024).
+/// Torque and voltage limits of one tick, in torque units (24 V is 1024).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TorqueEnvelope {
     /// The torque limit in force.
     most: i32,
-    /// Two of the three it is the least of; the third is the current's.
+    /// Two of the three limits that `most` is the least of; the third is the current's.
     mt: Torque,
     thermal: Torque,
-    /// The torques that can be had: within ±`most`, less what the duty limit leaves. At speed the EMF takes from
-    /// one side and gives to the other.
+    /// Range of torques within ±`most` that the duty limit allows. At speed the EMF narrows it on one side and widens it on
+    /// the other.
     low: i32,
     high: i32,
     /// The largest voltage across the motor.
@@ -159,13 +157,13 @@ impl TorqueEnvelope {
         Torque(saturating_i16(self.most))
     }
 
-    /// The torques that can be had, lowest and highest.
+    /// Lowest and highest torque available.
     #[must_use]
     pub const fn range(&self) -> (Torque, Torque) {
         (Torque(saturating_i16(self.low)), Torque(saturating_i16(self.high)))
     }
 
-    /// Which limit is in force: of equal ones the first in this order.
+    /// The limit in force; of equal ones the first in this order.
     fn governing(&self) -> LimitCause {
         if self.most == i32::from(self.mt.0) {
             LimitCause::Torque
@@ -176,26 +174,25 @@ impl TorqueEnvelope {
         }
     }
 
-    /// Bounds a torque and turns it into a duty.
+    /// Limits a torque and converts it to a duty.
     #[must_use]
     #[inline]
     pub fn bound(&self, wanted: Torque) -> AppliedTorque {
         let mut torque = i32::from(wanted.0);
         let mut limit = None;
-        // Between them the voltage is in its bound as well: there is nothing between them where `most` is not the
-        // outer bound of both.
+        // Inside the range the voltage is within its limit too.
         if torque >= self.high || torque <= self.low {
             torque = torque.max(self.low).min(self.high);
             limit = Some(if torque.abs() == self.most { self.governing() } else { LimitCause::Duty });
             let volts = torque + self.emf;
             if volts.abs() > self.volts {
-                // Turned faster than the bus could turn it: even braking at the torque limit asks for too much.
+                // Faster than the bus could drive it: even braking at the torque limit needs too much voltage.
                 torque = volts.max(-self.volts).min(self.volts) - self.emf;
                 limit = Some(LimitCause::Duty);
             }
         }
-        // 23.4375 mV a unit, and volts ≤ 2703 (65.5 V) × 23.4375 × 32768 would pass 2^31: a quarter of it does
-        // not. The quarter is rounded up so that the duty does not pass its bound; a dead bus must not divide by zero.
+        // A unit is 23.4375 mV, and 2703 × 23.4375 × 32768 would pass 2^31; a quarter of it does not. The quarter is rounded up
+        // so that the duty stays within its limit.
         let volts = torque + self.emf;
         let quarter = (i32::from(self.bus.0).max(1_000) + 3) / 4;
         let bits = volts * 192_000 / quarter;
@@ -231,8 +228,8 @@ mod tests {
     }
 
     #[test]
-    fn a_low_bus_gives_less_and_says_so() {
-        // DESIGN 4.1: at 20 V no more than 825 can be had.
+    fn low_bus_voltage_reduces_torque_and_reports_the_duty_limit() {
+        // 990 · 20/24.
         let bounded = bound(990, 0, MilliVolts(20_000));
         assert_eq!((bounded.torque, bounded.limit), (Torque(825), Some(LimitCause::Duty)));
     }
@@ -245,20 +242,20 @@ mod tests {
     }
 
     #[test]
-    fn what_can_be_had_at_speed_is_not_the_same_both_ways() {
+    fn torque_range_at_speed_is_asymmetric() {
         assert_eq!(envelope(990, 700, BUS).range(), (Torque(-990), Torque(311)));
         assert_eq!(envelope(750, 0, BUS).range(), (Torque(-750), Torque(750)));
         // Faster than the bus can drive it: only braking is left.
         let (low, high) = envelope(750, 1100, BUS).range();
         assert!(low == Torque(-750) && high < Torque::ZERO, "{low:?} {high:?}");
-        // So fast that the duty bound brakes harder than MT; it is said.
+        // So fast that the duty limit brakes harder than MT.
         let bounded = bound(0, 2500, BUS);
         assert_eq!((bounded.duty, bounded.limit), (Duty::from_bits(31_680), Some(LimitCause::Duty)));
         assert_eq!(bounded.torque, Torque(990 - 2424));
     }
 
     #[test]
-    fn the_least_limit_governs() {
+    fn least_limit_governs() {
         let mut limits = TorqueLimiter::default();
         let governing = |limits: &TorqueLimiter, thermal: i16| {
             let envelope = limits.envelope(Torque(750), Torque(thermal), CountsPerSec::ZERO, BUS);
@@ -279,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_is_a_fault_after_five_ticks() {
+    fn short_circuit_is_a_fault_after_five_ticks() {
         let mut limits = TorqueLimiter::default();
         for tick in 1..=5 {
             assert_eq!(limits.watch_current(MilliAmps(8_000), Duty::from_bits(1 << 14)), tick >= 5);
@@ -287,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn the_current_of_a_short_is_counted_in_a_row_alone() {
+    fn short_circuit_current_counts_only_in_consecutive_ticks() {
         let mut limits = TorqueLimiter::default();
         for between in [MilliAmps(0), MilliAmps(1_000)] {
             for _ in 0..4 {
@@ -298,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn every_bus_has_its_share_of_voltage() {
+    fn voltage_limit_is_exact_for_every_bus_voltage() {
         for bus in 0..=u16::MAX {
             assert_eq!(volts(MilliVolts(bus)).unsigned_abs(), u32::from(bus) * MAX_DUTY / 24_000, "{bus}");
         }

@@ -1,4 +1,4 @@
-//! What may bound, end or forbid motion. A *limit* bounds and the motion goes on; a *fault* ends it.
+//! Guards that limit, end or forbid motion. A *limit* reduces torque while the motion continues; a *fault* ends it.
 pub mod arrival;
 pub mod breakaway;
 pub mod fault;

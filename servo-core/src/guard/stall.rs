@@ -1,28 +1,28 @@
 //! TSTOP: a driven motor without a hall count for that long has stalled (manual 5.5 case 1).
 
-/// How much of the time between the last count and the set-point being a whole count ahead belongs to the
-/// stall: a rotor that ran into something stopped at its last count, and at 100 counts/s or more the set-point
-/// is ahead within 10 ms. A set-point that creeps gets no more than this.
+/// Largest part of the time between the last count and the set-point being a whole count ahead that belongs to the stall. A
+/// rotor that hits an obstacle stopped at its last count, and at 100 counts/s or more the set-point is ahead within 10 ms.
+/// A set-point that creeps gets no more than this.
 const LEAD_MS: u16 = 10;
 
 /// The stall timer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
-    /// Time driven without a count, and all of `LEAD_MS` that can belong to it.
+    /// Time driven without a count, plus `LEAD_MS`.
     still_ms: u32,
-    /// How much of that does not yet; none before the first count.
+    /// Part of `LEAD_MS` that has not passed yet; 0 before the first count.
     lead_ms: u16,
 }
 
 impl Stall {
-    /// Starts from nought: at the start of a move, a brake release, a re-plan.
+    /// Restarts the stall time: when a motion starts or is planned again.
     pub fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// One tick of 1 ms. `counted`: the hall count moved since the last tick. `driven`: the motor is driven
-    /// away from rest; the timer stands still while it is not, because a set-point that creeps (ACCEL 1 needs
-    /// 1.4 s for its first count) is no obstacle. `tstop` in ms, 0 = never.
+    /// One tick of 1 ms. `counted`: the hall count changed since the last tick. `driven`: the motor is driven away from rest;
+    /// the timer pauses while it is not, because a set-point that creeps (ACCEL 1 needs 1.4 s for its first count) is no
+    /// obstacle. `tstop` in ms, 0 = never.
     ///
     /// Returns whether the motor has stalled.
     #[must_use]
@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_from_the_last_count_to_being_driven_counts_up_to_ten_ms() {
+    fn time_from_last_count_to_driven_counts_up_to_ten_ms() {
         for (undriven, left) in [(0, 300), (4, 296), (10, 290), (500, 290)] {
             let mut stall = Stall::default();
             assert!(!stall.step(true, true, 300));
@@ -63,7 +63,7 @@ mod tests {
             }
             assert_eq!((1..).find(|_| stall.step(false, true, 300)), Some(left));
         }
-        // Before the first count nothing has run into anything.
+        // Before the first count there is no obstacle.
         let mut stall = Stall::default();
         for _ in 0..500 {
             assert!(!stall.step(false, false, 300));
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_rest_and_restarts_hold_it_off() {
+    fn counts_rest_and_restarts_prevent_a_stall() {
         let mut stall = Stall::default();
         for tick in 0..1000 {
             assert!(!stall.step(tick % 3 == 0, true, 3), "a count every 3 ms");

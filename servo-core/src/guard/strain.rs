@@ -1,9 +1,9 @@
 //! HSG and LSG: the strain outside which a move ends (manual 5.3.1).
 
-/// From this value on, HSG and LSG are disabled (manual: "a value of 255 or 256 disables").
+/// Least value that disables HSG and LSG (manual 5.3.1: "a value of 255 or 256 disables").
 pub const DISABLED: u16 = 255;
 
-/// The strains that do not end a move.
+/// Range of strain that does not end a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
     low: u8,
@@ -14,7 +14,6 @@ impl Window {
     /// From properties HSG and LSG.
     #[must_use]
     pub fn new(hsg: u16, lsg: u16) -> Self {
-        // 255 is above no strain and below none.
         let low = if lsg < DISABLED { u8::try_from(lsg).unwrap_or(0) } else { 0 };
         Self { low, high: u8::try_from(hsg).unwrap_or(u8::MAX) }
     }
@@ -31,7 +30,7 @@ mod tests {
     use super::Window;
 
     #[test]
-    fn between_lsg_and_hsg_and_never_when_disabled() {
+    fn strain_outside_lsg_to_hsg_is_excluded_unless_disabled() {
         let rows = [
             (200, 199, 256, true),
             (199, 199, 256, false),

@@ -1,61 +1,62 @@
-//! OTEMP: torque derates as the motor warms, by the thermistor and by a model of the winding that the
-//! thermistor cannot see in time.
+//! OTEMP: reduces torque as the motor warms, by the thermistor and by a model of the winding (decision 0014).
 //!
-//! The thermistor sits on the housing: OTEMP acts on it. Between winding and housing lies 1.5 K/W, so holding
-//! at MT 750 (128 W of copper loss) would put the winding 190 °C above the housing within a minute, long before
-//! the thermistor follows. The winding's rise over the thermistor is therefore modelled from the torque.
+//! The thermistor sits on the housing. Between winding and housing are 1.5 K/W, so holding at MT 750 (128 W of copper loss)
+//! would put the winding 190 °C above the housing within a minute, long before the thermistor follows. The winding's rise
+//! over the thermistor is therefore modeled from the torque T: with τ = 15 s,
+//!
+//! ```text
+//! d(rise)/dt = ((T/1024)² · 239.5 W · 1.5 K/W − rise) / τ
+//! ```
 
 use crate::num::{saturating_i16, saturating_signed};
 use crate::units::{DeciCelsius, Torque};
 
-/// A thermistor that reads this or less has a broken wire, which reads -50 °C; no hand works in such cold.
+/// A reading this low or lower is a broken wire, which reads −50 °C.
 const OPEN: DeciCelsius = DeciCelsius(-400);
 
 /// OTEMP value that disables the limit (manual 5.4.1).
 pub const DISABLED: i16 = -551;
 
-/// Torque derates linearly to nothing over this band below OTEMP, 0.1 °C (property table).
+/// Band below OTEMP over which torque decreases linearly to zero, 0.1 °C.
 const OTEMP_BAND: i32 = 80;
 
-/// Winding temperature at which the model allows no torque, 0.1 °C: insulation class B, 130 °C, the lowest
-/// class in use for servo motors (the manual names none).
+/// Winding temperature at which the model allows no torque, 0.1 °C: insulation class B, 130 °C, the lowest class in use for
+/// servo motors (the manual names none).
 const WINDING_MAX: i32 = 1300;
 
-/// Band below `WINDING_MAX` over which torque derates, 0.1 °C; wide against the model's error.
+/// Band below `WINDING_MAX` over which torque decreases, 0.1 °C; wide compared to the model's error.
 const WINDING_BAND: i32 = 200;
 
-/// Steady rise of the winding over the housing is torque² / this, in 0.1 °C per torque unit²:
-/// (T/1024)² × 239.5 W × 1.5 K/W × 10.
+/// Steady rise is T² / this in 0.1 °C: 1024² / (239.5 W · 1.5 K/W · 10).
 const RISE_DIVISOR: u32 = 292;
 
-/// Ticks of 1 ms that are judged as one: long against a tick's few instructions, short against 15 s of winding and the
-/// minutes of the housing.
+/// Ticks of 1 ms between two judgments: far below the 15 s of the winding and the minutes of the housing.
 pub const TICKS: u8 = 16;
 
-/// Time constant of winding against housing: 10 J/K × 1.5 K/W = 15 s is this many half steps of `TICKS`.
+/// Twice τ in steps of `TICKS`: 10 J/K × 1.5 K/W = 15 s.
 const RISE_HALF_STEPS: i32 = 1_875;
 
-/// |T| ≤ 1024 after the duty clamp at 24 V; a higher bus gives more, but no motor stands it: the squares counted end here.
-const MOST_SQUARED: u32 = 2047 * 2047;
+/// Largest T² that the model counts. |T| ≤ 1024 at 24 V; a higher bus gives more, which no motor survives anyway.
+const MAX_SQUARED: u32 = 2047 * 2047;
 
-/// The torque limit at no derating: the largest MT.
+/// Torque limit of a cool motor: the largest MT.
 const FULL: i16 = 990;
 
 /// The thermal state of the winding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Thermal {
-    /// Rise of the winding over the thermistor, 0.1 °C in 1/65536; 0 to 14,350 × 65536, of which twice fits.
+    /// Rise of the winding over the thermistor in 2^-16 · 0.1 °C; at most 14,350, of which twice fits.
     rise: i32,
-    /// Sum of torque²/256 over the ticks since the last judgement: of 16 squares below 2^30 it fits.
+    /// Sum of T²/256 since the last judgment; 16 squares fit.
     squares: u32,
-    /// Ticks to the next judgement, 0 to `TICKS` - 1; with [`LOOK`], the thermistor is looked at before that.
+    /// Ticks to the next judgment, 0 to `TICKS` − 1; with [`LOOK`], the thermistor is read before that.
     due: u8,
-    /// The last look: the torque that is left, and whether it is too hot to go on.
+    /// Torque limit and over-temperature at the last reading.
     most: i16,
     over: bool,
 }
 
-/// In `due`: the last look at the thermistor does not hold any more.
+/// In `due`: the last reading of the thermistor is outdated.
 const LOOK: u8 = 0x80;
 
 impl Default for Thermal {
@@ -65,12 +66,11 @@ impl Default for Thermal {
 }
 
 impl Thermal {
-    /// One tick of 1 ms with the torque applied since the last. The first, and each of `TICKS`, judges.
+    /// One tick of 1 ms with the torque applied since the last. The first tick, and every `TICKS`-th, judges.
     ///
-    /// Returns whether it has just been found too hot to go on: see [`Self::over`].
+    /// Returns whether this tick found the motor too hot: see [`Self::over`].
     pub fn step(&mut self, applied: Torque, thermistor: DeciCelsius, otemp: i16) -> bool {
         self.warm_by(applied);
-        // Neither judgment nor look is due.
         if (1..TICKS).contains(&self.due) {
             self.due -= 1;
             return false;
@@ -78,7 +78,8 @@ impl Thermal {
         self.judge(thermistor, otemp)
     }
 
-    /// The same for a tick that has no time to judge: the next step does, if it was due. Never two in succession.
+    /// As [`Self::step`] for a tick that has no time to judge; a judgment that is due waits for the next step. Never call it
+    /// twice in a row.
     pub fn add(&mut self, applied: Torque) {
         self.warm_by(applied);
         if self.due & !LOOK != 0 {
@@ -91,21 +92,19 @@ impl Thermal {
         self.squares += (torque * torque).cast_unsigned() >> 8;
     }
 
-    /// Has the next step look at the thermistor: a new OTEMP, or a fault that was cleared. The winding's rise keeps
-    /// its own time.
+    /// Makes the next step read the thermistor: after a new OTEMP or a cleared fault. The model's steps keep their time.
     pub const fn look_next(&mut self) {
         self.due |= LOOK;
         self.over = false;
     }
 
-    /// The torque limit that the motor's temperature leaves, 0..=990.
+    /// Torque limit by temperature, 0..=990.
     #[must_use]
     pub const fn most(&self) -> Torque {
         Torque(self.most)
     }
 
-    /// Whether the thermistor is at the limit, where torque is cut; or reads so cold that its wire must be broken, and
-    /// nobody knows how hot the motor is.
+    /// Whether the thermistor is at OTEMP, or reads like a broken wire, which hides the motor's temperature.
     #[must_use]
     pub const fn over(&self) -> bool {
         self.over
@@ -125,10 +124,10 @@ impl Thermal {
         self.over
     }
 
-    /// The winding's rise after `TICKS` more.
+    /// One step of the model: `TICKS` ms.
     fn warm(&mut self) {
-        // The mean of 16 squares is their sum / 16, and each is 256 times what is summed.
-        let squared = (self.squares << 4).min(MOST_SQUARED);
+        // Mean of 16 squares, each of which was divided by 256.
+        let squared = (self.squares << 4).min(MAX_SQUARED);
         self.squares = 0;
         self.due = TICKS - 1;
         let steady = saturating_signed((squared / RISE_DIVISOR) << 16);
@@ -136,7 +135,7 @@ impl Thermal {
         self.rise = self.rise.saturating_add(step).max(0);
     }
 
-    /// The modelled winding temperature at this thermistor reading.
+    /// Modeled winding temperature at this thermistor reading.
     #[must_use]
     pub fn winding(&self, thermistor: DeciCelsius) -> DeciCelsius {
         let rise = i16::try_from(self.rise >> 16).unwrap_or(i16::MAX);
@@ -144,7 +143,7 @@ impl Thermal {
     }
 }
 
-/// What `temp` leaves of `FULL`: all below the band, nothing at `max`, linear between.
+/// `FULL` below the band, 0 at `max`, linear in between.
 fn derate(temp: i32, max: i32, band: i32) -> i16 {
     let left = max.saturating_sub(temp).clamp(0, band).saturating_mul(i32::from(FULL)) / band;
     // 0..=990.
@@ -165,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn derates_over_the_eight_degrees_below_otemp() {
+    fn torque_decreases_over_eight_degrees_below_otemp() {
         let rows = [(610, 990), (620, 990), (660, 495), (690, 123), (700, 0), (900, 0)];
         for (temp, most) in rows {
             assert_eq!(at(temp, 700).most(), Torque(most), "at {temp}");
@@ -176,14 +175,14 @@ mod tests {
     }
 
     #[test]
-    fn what_becomes_hot_is_seen_within_sixteen_ticks() {
+    fn over_temperature_is_found_within_sixteen_ticks() {
         let mut thermal = at(400, 700);
         let seen = (1..100).find(|_| thermal.step(Torque::ZERO, DeciCelsius(700), 700));
         assert_eq!(seen, Some(usize::from(TICKS)));
     }
 
     #[test]
-    fn looking_often_does_not_cool_the_winding() {
+    fn frequent_readings_do_not_cool_the_winding_model() {
         let rise = |often: bool| {
             let mut thermal = Thermal::default();
             for _ in 0..120_000 {
@@ -200,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_due_in_a_tick_without_time_is_judged_in_the_next() {
+    fn judgment_due_in_a_planning_tick_happens_in_the_next() {
         let mut thermal = at(400, 700);
         for _ in 0..TICKS {
             thermal.add(Torque::ZERO);
@@ -209,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_limit_is_looked_at_in_the_next_step() {
+    fn new_limit_applies_in_the_next_step() {
         let mut thermal = at(600, 700);
         thermal.look_next();
         assert!(thermal.step(Torque::ZERO, DeciCelsius(600), 600));
@@ -218,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn no_torque_overflows() {
+    fn extreme_torque_does_not_overflow() {
         for torque in [i16::MIN, i16::MAX] {
             let mut thermal = Thermal::default();
             for _ in 0..20_000 {
@@ -229,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stall_at_peak_torque_warms_the_winding_as_the_copper_loss_says() {
+    fn stall_at_peak_torque_warms_the_winding_by_its_copper_loss() {
         let mut thermal = Thermal::default();
         for _ in 0..300 {
             thermal.step(Torque(1024), WARM, 700);
@@ -240,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn pressing_for_ever_settles_below_the_winding_limit() {
+    fn endless_pressing_settles_below_the_winding_limit() {
         let mut thermal = Thermal::default();
         let mut torque = Torque(990);
         for _ in 0..120_000 {

@@ -1,4 +1,4 @@
-//! How a set-point moves and how the error becomes torque, and torque a duty.
+//! The set-point's motion, and the control laws from error to torque to voltage.
 pub mod pid;
 pub mod profile;
 pub mod torque;

@@ -1,8 +1,12 @@
-//! The position PID of modes 3 and 5.
+//! The position PID of modes 3 and 5. Each tick of T = 1 ms, with e in counts and ė = set-point velocity − measured velocity
+//! in counts/s,
 //!
-//! Torque = KP·e + ∫KI·e + KD·(set-point velocity − measured velocity). In a move the set-point's velocity is
-//! the profile's, so the motor does not lag behind a moving set-point; in a hold it is zero, so the derivative
-//! acts on the measurement alone and a commanded step gives no kick (DESIGN 4.3).
+//! ```text
+//! torque = KP·e + I + KD/256·ė        I = I + KI·T·e, limited to the available torque
+//! ```
+//!
+//! in torque units. In a move the set-point has the profile's velocity, so the motor does not lag behind it. In a hold that
+//! is zero, so the derivative acts on the measurement alone and a step of P gives no kick (decision 0006).
 
 use crate::motion::torque::missing;
 use crate::num::{Law, TICK_HZ, gain, mul_clamped, sum_of_products};
@@ -20,7 +24,7 @@ pub struct PidConfig {
 }
 
 impl PidConfig {
-    /// The gains in the scale of a tick. Every value of the properties' ranges is allowed; products saturate.
+    /// The coefficients of a tick. Gains saturate at 32,767.
     #[must_use]
     pub fn build(self) -> Pid {
         // The largest KI of 32767 is 32.767 a tick; the truncation of the smallest (1) is 0.8 %.
@@ -39,18 +43,18 @@ pub struct Pid {
     missing: Law,
 }
 
-/// What the law remembers: the integral, in torque units.
+/// The integral I, in torque units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PidState {
     integral: Law,
 }
 
 impl Pid {
-    /// One tick: `error` in counts, `velocity_error` in counts/s, torque from `low` to `high`: what the limits
-    /// and the bus voltage leave at the present speed, which is not the same both ways.
+    /// One tick with `error` in counts and `velocity_error` in counts/s; returns a torque in `low..=high`, the range that the
+    /// limits and the bus voltage leave at the present speed.
     ///
-    /// The integral stands still while the output is at the end of that range in the error's direction
-    /// (anti-windup), and never leaves the range by itself.
+    /// Anti-windup: the integral pauses while the output is at the end of that range in the error's direction, and stays
+    /// within the range.
     #[must_use]
     pub fn step(
         &self,
@@ -62,7 +66,7 @@ impl Pid {
         let direct = self.direct(error, velocity_error);
         let (low, high) = (low.to_fixed(), high.to_fixed());
         let increment = mul_clamped(self.ki, error);
-        // The range is an envelope's, within ±1024, and the integral is inside it; products are within ±8192: no sum wraps.
+        // Range and integral are within ±1024, products within ±8192: no sum overflows.
         let unbounded = direct + state.integral;
         let winding_up =
             (unbounded > high && increment > Law::ZERO) || (unbounded < low && increment < Law::ZERO);
@@ -72,17 +76,16 @@ impl Pid {
         Torque::from_fixed((direct + state.integral).max(low).min(high))
     }
 
-    /// The state from which the next step gives `torque`, so that taking over from another law, or moving the
-    /// set-point to the measured position, gives no bump. The integral stays within ±`limit`.
+    /// The state from which the next step gives `torque`: a bumpless transfer. The integral stays within ±`limit`.
     #[must_use]
     pub fn bumpless(&self, torque: Torque, error: Law, velocity_error: Law, limit: Torque) -> PidState {
         let limit = limit.to_fixed();
         let integral = torque.to_fixed().saturating_sub(self.direct(error, velocity_error));
-        // `clamp` would ask whether the bounds are in order.
+        // Unlike `clamp`, this has no panic.
         PidState { integral: integral.max(limit.saturating_neg()).min(limit) }
     }
 
-    /// What the law lacks in damping: see [`missing`].
+    /// Damping that the law lacks: see [`missing`].
     #[must_use]
     pub const fn missing_damping(&self) -> Law {
         self.missing
@@ -107,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn each_gain_has_its_scale() {
+    fn gains_have_their_scale() {
         let mut state = PidState::default();
         assert_eq!(law(60, 0, 0).step(&mut state, Law::ONE, Law::ZERO, RANGE), Torque(60));
         assert_eq!(law(0, 0, 128).step(&mut state, Law::ZERO, Law::from_num(100), RANGE), Torque(50));
@@ -121,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_saturation_leaves_no_windup() {
+    fn long_saturation_leaves_no_windup() {
         let law = law(60, 3000, 0);
         let mut state = PidState::default();
         for _ in 0..10_000 {
@@ -133,7 +136,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn never_beyond_the_limits(
+        fn torque_and_integral_stay_in_range(
             gains: (u16, u16, u16), errors in prop::collection::vec((any::<i32>(), any::<i32>()), 1..50),
             low in -990i16..=990, room in 0i16..=990,
         ) {
@@ -148,7 +151,7 @@ mod tests {
         }
 
         #[test]
-        fn taking_over_gives_no_bump(
+        fn bumpless_state_gives_no_bump(
             torque in -750i16..=750, error in -3i32..=3, rate in -200i32..=200,
         ) {
             let law = law(60, 300, 192);

@@ -1,24 +1,32 @@
-//! The moving set-point of mode 5: a trapezoid (or triangle) of velocity from any state to rest at an end
-//! position, in the shortest time that the acceleration and cruise velocity limits allow.
+//! The moving set-point of mode 5: a trapezoid or triangle of velocity from any state to rest at an end position, in the
+//! shortest time that the acceleration and the cruise velocities allow.
 //!
-//! Decides where the set-point is at each 1 ms tick. Leaves out whether the motor follows: the caller does not
-//! call [`Profile::step`] while the motor lags, which freezes the profile, and goes on later without a step.
+//! The module computes the set-point at each 1 ms tick. Whether the motor follows is the caller's concern: it does not call
+//! [`Profile::step`] while the motor lags, which freezes the profile, and continues later without a step.
 //!
-//! How: the time-optimal motion is computed in *continuous* time and sampled at the ticks, so its limits hold
-//! at and between ticks and it ends at the first tick not before the optimum. It has three segments: constant
-//! acceleration from the present velocity to a peak (through zero, if the set-point first has to turn round;
-//! downwards, if it is faster than the new cruise velocity), cruise at the peak, constant braking to rest. A
-//! segment begins between two ticks; at the first tick after that its state is computed, and between [`Profile::step`] only
-//! adds. A plan is made inside a tick: all that depends on the limits alone is in
-//! [`MoveLimits::build`], and what is left is at most a square root and three divisions, none of them a library's.
+//! # Design
 //!
-//! Exactness: the tick is the unit of time and state has 32 fractional bits, so a = ACCEL²/2²⁰ and a/2 are
-//! whole numbers of units: steps inside a segment are exact, however long. Rounding happens only where a
-//! segment begins: velocity by one unit (2⁻³²) or 2⁻²⁹ of the acceleration, position by 2⁻²⁶ counts. Braking
-//! is computed back from the end, so the set-point lands on it exactly; there the unit of velocity moves the
-//! position by half a unit for each tick of braking: 10⁻⁶ counts at ACCEL 30, never more than the 1/1024 that is
-//! emitted. The cruise velocity is rounded down to one unit, which makes a move longer by at most 2⁻²⁶ of its
-//! duration: 0.06 ticks in the longest, 65,534 counts at 16 counts/s.
+//! The time-optimal motion is computed in continuous time and sampled at the ticks, so its limits hold at and between
+//! ticks, and it ends at the first tick not before the optimum. It has three segments: constant acceleration from the
+//! present velocity to a peak (through zero if the set-point must turn round; downwards if it is faster than the new
+//! cruise velocity), cruise at the peak, constant braking to rest. A segment begins between two ticks; its state is
+//! computed at the first tick after that, and between those ticks [`Profile::step`] only adds:
+//!
+//! ```text
+//! p = p + v + a/2        v = v + a        a = ±(ACCEL/1024)², in counts and ticks
+//! ```
+//!
+//! A plan is made within a tick. [`MoveLimits::build`] computes what depends on the limits alone; a plan needs one square
+//! root and three divisions at most.
+//!
+//! # Exactness
+//!
+//! The state has 32 fractional bits, so a = ACCEL²/2²⁰ and a/2 are whole numbers of units and steps inside a segment are
+//! exact, however long. Rounding happens only where a segment begins: velocity by one unit (2⁻³²) or 2⁻²⁹ of the
+//! acceleration, position by 2⁻²⁶ counts. Braking is computed back from the end, so the set-point lands on it exactly. The
+//! unit of velocity moves the position by half a unit for each tick of braking: 10⁻⁶ counts at ACCEL 30, never more than
+//! the 1/1024 of the output. The cruise velocity is rounded down by one unit, which lengthens a move by at most 2⁻²⁶ of its
+//! duration: 0.06 ticks for 65,534 counts at 16 counts/s.
 
 use crate::num::{Wide, divide, isqrt_q52, mul_q32, next_tick, ratio_q32, square_q51};
 use crate::units::{Counts, CountsPerSec};
@@ -27,11 +35,11 @@ use core::num::NonZeroU32;
 #[cfg(test)]
 mod tests;
 
-/// What bounds a move.
+/// Acceleration and cruise velocities of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MoveLimits {
-    /// Property ACCEL: √acceleration in 1/1024 √counts/ms, that is a = (ACCEL/1024)² counts/ms². 0 never moves;
-    /// in mid-move 0 leaves the old ACCEL in force, since with none there would be no stopping.
+    /// Property ACCEL: a = (ACCEL/1024)² counts/ms². With 0 a set-point at rest stays there; a moving one keeps its old ACCEL,
+    /// without which it could not stop.
     pub accel: u16,
     /// Cruise velocity towards higher counts, min(MV, MCV): 16..=4080 counts/s; clamped to that.
     pub closing: CountsPerSec,
@@ -40,7 +48,7 @@ pub struct MoveLimits {
 }
 
 impl MoveLimits {
-    /// What a plan needs of them.
+    /// Precomputes what every plan needs.
     #[must_use]
     pub fn build(self) -> CruiseRamps {
         let velocity = |speed: CountsPerSec| speed.clamp(SLOWEST, FASTEST).to_wide_per_tick().get();
@@ -52,7 +60,7 @@ impl MoveLimits {
 const SLOWEST: CountsPerSec = CountsPerSec::from_int(16);
 const FASTEST: CountsPerSec = CountsPerSec::from_int(4080);
 
-/// [`MoveLimits`] in counts and ticks, with what takes long to compute.
+/// [`MoveLimits`] in counts and ticks, with the ramp from rest to each cruise velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CruiseRamps {
     accel: u16,
@@ -73,8 +81,7 @@ impl CruiseRamps {
 /// The set-point at one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SetPoint {
-    /// Position, rounded to the nearest 1/1024 count. It wraps at ±2²¹ counts as every [`Counts`] does: a
-    /// set-point at 4080 counts/s that is told ACCEL 1 needs 8.7 million counts to stop, and takes them.
+    /// Position, rounded to the nearest 1/1024 count. It wraps at ±2²¹ counts as every [`Counts`] does.
     pub position: Counts,
     /// Velocity, rounded to the nearest 1/65536 count/s.
     pub velocity: CountsPerSec,
@@ -93,25 +100,23 @@ impl SetPoint {
 /// The set-point generator of one motor.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
-    /// The present sample. Units: counts and ticks.
+    /// The present sample, in counts and ticks.
     position: Wide,
     velocity: Wide,
     acceleration: Wide,
-    /// Where the plan ends.
+    /// End of the plan.
     end: Wide,
-    /// A segment is under way; else the set-point is at rest.
-    moving: bool,
     /// ACCEL in force.
     accel: u16,
     /// Ticks since the plan, and when the next segment begins.
     tick: u32,
     due: u32,
-    /// First ticks of braking and of rest; that of rest is known when braking begins. Of segments that begin at the same tick
+    /// First ticks of braking and of rest; the latter is computed when braking begins. Of segments that begin at the same tick
     /// the last holds.
     brake_tick: u32,
     rest_tick: u32,
-    /// What the segments ahead are computed from.
-    course: Course,
+    /// Parameters of the segments; `None` at rest.
+    course: Option<Course>,
 }
 
 impl Profile {
@@ -124,13 +129,12 @@ impl Profile {
             velocity: Wide::ZERO,
             acceleration: Wide::ZERO,
             end: position,
-            moving: false,
             accel: 0,
             tick: 0,
             due: 0,
             brake_tick: 0,
             rest_tick: 0,
-            course: Course::NONE,
+            course: None,
         }
     }
 
@@ -144,7 +148,7 @@ impl Profile {
         self.position = self.end;
         self.velocity = Wide::ZERO;
         self.acceleration = Wide::ZERO;
-        self.moving = false;
+        self.course = None;
     }
 
     /// The set-point as the last [`step`](Self::step) left it.
@@ -153,7 +157,7 @@ impl Profile {
         SetPoint {
             position: Counts::from_wide(self.position),
             velocity: CountsPerSec::from_wide_per_tick(self.velocity),
-            done: !self.moving && self.position == self.end,
+            done: self.course.is_none() && self.position == self.end,
         }
     }
 
@@ -167,7 +171,7 @@ impl Profile {
     /// Advances one tick, 1 ms. At the end, or with ACCEL 0, the set-point stays.
     #[inline]
     pub fn step(&mut self) -> SetPoint {
-        if self.moving {
+        if self.course.is_some() {
             self.tick += 1;
             if self.tick == self.due {
                 self.begin();
@@ -177,7 +181,6 @@ impl Profile {
                 let position = self.position + mean;
                 let velocity = self.velocity + self.acceleration;
                 (self.position, self.velocity) = (position, velocity);
-                // What moves is not done: only a segment that begins may be rest.
                 return SetPoint {
                     position: Counts::from_wide(position),
                     velocity: CountsPerSec::from_wide_per_tick(velocity),
@@ -188,19 +191,19 @@ impl Profile {
         self.current()
     }
 
-    /// The segment that begins at this tick.
+    /// Begins the segment due at this tick.
     #[inline(never)]
     fn begin(&mut self) {
+        let Some(course) = &self.course else { return };
         if self.tick == self.brake_tick {
             self.begin_braking();
         } else if self.tick == self.rest_tick {
             self.rest();
         } else {
-            let course = &self.course;
             let peak = course.peak.velocity;
             let (_, cruised) = next_tick(course.cruise_begins);
-            let way = course.to_cruise + mul_q32(peak, cruised).cast_signed();
-            self.position = course.from + course.directed(way);
+            let distance = course.to_cruise + mul_q32(peak, cruised).cast_signed();
+            self.position = course.from + course.directed(distance);
             self.velocity = course.directed(peak.cast_signed());
             self.acceleration = Wide::ZERO;
             self.due = self.brake_tick;
@@ -208,58 +211,56 @@ impl Profile {
     }
 
     fn begin_braking(&mut self) {
-        let Course { peak, .. } = self.course;
-        let (Some(slope), (_, braked)) = (Slope::new(self.accel), next_tick(self.course.braking_begins))
-        else {
+        let (Some(course), Some(slope)) = (&self.course, Slope::new(self.accel)) else {
             return self.rest();
         };
-        // Both zero if the set-point comes to rest before this tick.
-        let left = peak.velocity.saturating_sub(slope.change(braked));
-        let time = peak.time.saturating_sub(braked);
+        let (_, braked) = next_tick(course.braking_begins);
+        // Both are zero if the set-point stops before this tick.
+        let left = course.peak.velocity.saturating_sub(slope.change(braked));
+        let time = course.peak.time.saturating_sub(braked);
         if time == 0 {
             return self.rest();
         }
-        let directed = |magnitude: u64| self.course.directed(magnitude.cast_signed());
+        let directed = |magnitude: u64| course.directed(magnitude.cast_signed());
         self.position = self.end - directed(mul_q32(left, time) >> 1);
         self.velocity = directed(left);
         self.acceleration = -directed(slope.acceleration());
-        // The tick at the time, or the first after it.
+        // The tick at that time, or the first after it.
         self.rest_tick = self.tick.saturating_add(next_tick(time - 1).0);
         self.due = self.rest_tick;
     }
 
-    /// Sets out for `end` within `bounds`, from the present set-point and its velocity, without a step in
-    /// either. If the set-point can no longer stop before `end`, it overshoots and comes back.
+    /// Plans from the present set-point and its velocity to `end`, without a step in either. A set-point that can no longer stop
+    /// before `end` overshoots and returns.
     #[inline(never)]
-    pub fn plan(&mut self, end: Counts, bounds: &CruiseRamps) {
-        if bounds.accel == 0 && self.velocity != Wide::ZERO {
-            let old = CruiseRamps::new(self.accel, bounds.closing.velocity, bounds.opening.velocity);
-            self.set_out(end, &old);
+    pub fn plan(&mut self, end: Counts, ramps: &CruiseRamps) {
+        if ramps.accel == 0 && self.velocity != Wide::ZERO {
+            let old = CruiseRamps::new(self.accel, ramps.closing.velocity, ramps.opening.velocity);
+            self.plan_with(end, &old);
         } else {
-            self.set_out(end, bounds);
+            self.plan_with(end, ramps);
         }
     }
 
     #[inline]
-    fn set_out(&mut self, end: Counts, bounds: &CruiseRamps) {
-        self.accel = bounds.accel;
+    fn plan_with(&mut self, end: Counts, ramps: &CruiseRamps) {
+        self.accel = ramps.accel;
         self.end = end.to_wide();
         self.tick = 0;
         self.acceleration = Wide::ZERO;
-        self.moving = false;
+        self.course = None;
         let distance = self.end - self.position;
-        let Some(slope) = Slope::new(bounds.accel) else { return };
+        let Some(slope) = Slope::new(ramps.accel) else { return };
         if self.velocity == Wide::ZERO && distance == Wide::ZERO {
             return;
         }
 
-        self.course = Course::new(slope, self.position, distance.to_bits(), self.velocity.to_bits(), bounds);
+        let course = Course::new(slope, self.position, distance.to_bits(), self.velocity.to_bits(), ramps);
         let acceleration = slope.acceleration().cast_signed();
-        let slowing = self.course.slowing;
-        self.acceleration = self.course.directed(if slowing { -acceleration } else { acceleration });
-        self.moving = true;
-        self.due = next_tick(self.course.cruise_begins).0;
-        self.brake_tick = next_tick(self.course.braking_begins).0;
+        self.acceleration = course.directed(if course.slowing { -acceleration } else { acceleration });
+        self.due = next_tick(course.cruise_begins).0;
+        self.brake_tick = next_tick(course.braking_begins).0;
+        self.course = Some(course);
         self.rest_tick = 0;
     }
 }
@@ -306,15 +307,15 @@ impl Slope {
 /// bits in counts and ticks.
 #[derive(Clone, Copy, Debug)]
 struct Course {
-    /// Where it begins.
+    /// Start position.
     from: Wide,
-    /// The approach is in truth downwards.
+    /// The approach is downwards.
     mirrored: bool,
-    /// The first segment slows from above the cruise velocity.
+    /// The first segment decelerates from above the cruise velocity.
     slowing: bool,
     /// Highest velocity of the approach.
     peak: Ramp,
-    /// Distance until `peak` is reached; negative if most of that is turning round.
+    /// Distance to the start of cruise; negative if most of it is turning round.
     to_cruise: i64,
     /// When `peak` is reached.
     cruise_begins: u64,
@@ -323,31 +324,21 @@ struct Course {
 }
 
 impl Course {
-    const NONE: Self = Self {
-        from: Wide::ZERO,
-        mirrored: false,
-        slowing: false,
-        peak: Ramp { velocity: 0, time: 0, distance: 0 },
-        to_cruise: 0,
-        cruise_begins: 0,
-        braking_begins: 0,
-    };
-
     #[inline]
-    fn new(slope: Slope, from: Wide, distance: i64, velocity: i64, bounds: &CruiseRamps) -> Self {
+    fn new(slope: Slope, from: Wide, distance: i64, velocity: i64, ramps: &CruiseRamps) -> Self {
         let (stop_time, stopping) = if velocity == 0 {
             (0, 0)
         } else {
             let stop = slope.ramp(velocity.unsigned_abs());
             (stop.time, stop.distance.cast_signed())
         };
-        // What would be left to go after stopping at once decides the direction of the approach.
+        // The distance left after stopping at once decides the direction of the approach.
         let left = distance - if velocity < 0 { -stopping } else { stopping };
         let mirrored = left < 0 || (left == 0 && velocity < 0);
         let (distance, velocity, cruise) = if mirrored {
-            (-distance, -velocity, &bounds.opening)
+            (-distance, -velocity, &ramps.opening)
         } else {
-            (distance, velocity, &bounds.closing)
+            (distance, velocity, &ramps.closing)
         };
 
         let to_peak = distance + stopping;
@@ -372,10 +363,9 @@ impl Course {
     }
 }
 
-/// The tip of the triangle, √(a·distance + v²/2), below a cruise velocity; rounded
-/// down to 2⁻²⁶ (what rounding leaves over is cruised). A tip δ too low costs δ²/(a·tip) ticks, at most
-/// 2⁻²⁶/2⁻²⁰ = 1/64. It is at least 2⁻²⁶, so that cruise time exists; that overruns by 2⁻⁵²/2⁻²⁰ counts at
-/// most, one unit.
+/// Peak velocity of a triangle below the cruise velocity, √(a·distance + v²/2), rounded down to 2⁻²⁶; the rounding error is
+/// cruised. A peak δ too low costs δ²/(a·peak) ticks, at most 2⁻²⁶/2⁻²⁰ = 1/64. It is at least 2⁻²⁶, so that the cruise
+/// time exists, which overruns the end by at most one unit.
 fn triangle_peak_velocity(slope: Slope, distance: i64, velocity: i64) -> u64 {
     // With 52 fractional bits: a·d is ACCEL²·d, v²/2 is v²·2⁵¹. Their sum is below 4.08², and so each is within ±4.08².
     let squared = i64::from(slope.accel_squared.get()) * distance;

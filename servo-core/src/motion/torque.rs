@@ -1,6 +1,6 @@
-//! Torque → voltage, without a current sensor in the loop: the resistive drop that the torque's current needs,
-//! plus the motor's EMF at its speed (DESIGN 4.3). Voltages are counted in torque units: 1024 is 24 V, the
-//! bus at which full duty at standstill is the motor's peak torque.
+//! Torque to voltage without a current sensor in the loop: the resistive drop of the torque's current plus the motor's EMF at
+//! its speed (decision 0005). Voltages are in torque units: 1024 is 24 V, the bus at which full duty at standstill gives
+//! the motor's peak torque.
 
 use crate::num::{Law, round_product, saturating_i16};
 use crate::units::{CountsPerSec, Torque};
@@ -9,26 +9,23 @@ use crate::units::{CountsPerSec, Torque};
 /// per count/s, and a torque unit is 24 V / 1024 = 23.44 mV.
 pub const EMF_PER_SPEED: Law = Law::lit("0.9696");
 
-/// The least damping, in torque units per count/s, that a law must give before the EMF may be compensated in
-/// full. A motor whose Ke is 30 % low gets 0.3 × 0.97 = 0.29 too much; 3/8 leaves a margin, and so T = 0 never
-/// accelerates it (DESIGN 4.3).
+/// Least damping of a law before the EMF may be compensated in full, in torque units per count/s. A motor whose Ke is 30 % low
+/// gets 0.3 × 0.97 = 0.29 too much; with 3/8, T = 0 never accelerates it (decision 0005).
 pub const MIN_DAMPING: Law = Law::lit("0.375");
 
-/// What a law that damps by `damping` torque units per count/s lacks to [`MIN_DAMPING`]; 0 if it damps enough.
+/// Damping to add to a law that damps by `damping` torque units per count/s to reach [`MIN_DAMPING`]; 0 if it damps enough.
 #[must_use]
 pub fn missing(damping: Law) -> Law {
     MIN_DAMPING.saturating_sub(damping).max(Law::ZERO)
 }
 
-/// A law's torque with what it lacks in damping: a torque against the motion. It is part of the torque, before every
-/// limit, so that plugging at speed stays inside the torque limit.
+/// A law's torque with the missing damping added, before every limit, so that plugging at speed stays inside the torque limit.
 #[must_use]
 #[inline]
 pub fn damped(torque: Torque, velocity: CountsPerSec, missing: Law) -> Torque {
     if missing == Law::ZERO {
         return torque;
     }
-    // Below 2^16 in magnitude, both.
     Torque(saturating_i16(i32::from(torque.0) - round_product(missing, velocity.0)))
 }
 
@@ -50,13 +47,13 @@ mod tests {
 
     #[test]
     fn no_load_speed_is_full_voltage() {
-        // 24 V / 22.72 mV = 1056 counts/s (DESIGN 4.2).
+        // 24 V / 22.72 mV = 1056 counts/s (decision 0003).
         assert_eq!(emf(CountsPerSec::from_int(1056)), 1024);
         assert_eq!(emf(CountsPerSec::from_int(-1056)), -1024);
     }
 
     #[test]
-    fn no_torque_brakes_a_weak_motor_at_any_speed_and_gain() {
+    fn zero_torque_brakes_a_low_ke_motor_at_any_speed_and_gain() {
         for sixteenths in 0..16 {
             let damping: Law = Law::from_num(sixteenths) >> 4;
             for speed in [-1500, -300, -20, 20, 300, 1500] {

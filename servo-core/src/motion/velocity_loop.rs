@@ -12,7 +12,7 @@ pub struct VelocityLoop {
 }
 
 impl VelocityLoop {
-    /// From property KPV, in 1/16 torque unit per count/s. Every value is allowed.
+    /// With property KPV, in 1/16 torque unit per count/s.
     #[must_use]
     pub fn new(kpv: u16) -> Self {
         let gain = gain(kpv, 4);
@@ -28,7 +28,7 @@ impl VelocityLoop {
         Torque(saturating_i16(torque))
     }
 
-    /// What the law lacks in damping: see [`missing`].
+    /// Damping that the law lacks: see [`missing`].
     #[must_use]
     pub const fn missing_damping(&self) -> Law {
         self.missing
@@ -49,7 +49,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn never_beyond_the_limit(kpv in 0u16..=255, wanted: i32, measured: i32, limit in 0i16..=990) {
+        fn torque_stays_within_the_limit(kpv in 0u16..=255, wanted: i32, measured: i32, limit in 0i16..=990) {
             let (wanted, measured) = (CountsPerSec(Law::from_bits(wanted)), CountsPerSec(Law::from_bits(measured)));
             let torque = VelocityLoop::new(kpv).step(wanted, measured, Torque(limit));
             prop_assert!(torque.saturating_abs() <= Torque(limit));

@@ -1,4 +1,4 @@
-//! Sector and torque sign → which leg of the bridge is driven high, low or left floating.
+//! Sector and sign of the torque to the state of each leg of the bridge.
 
 use crate::sense::hall::{HallDecoder, HallEvent, Wiring};
 use crate::units::{Duty, Micros};
@@ -6,7 +6,7 @@ use crate::units::{Duty, Micros};
 #[cfg(test)]
 mod tests;
 
-/// What one leg of the bridge does.
+/// State of one leg of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Leg {
     /// Complementary PWM: the high side for the duty, the low side for the rest (less dead time).
@@ -17,7 +17,7 @@ pub enum Leg {
     Float,
 }
 
-/// What the whole bridge does.
+/// State of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bridge {
     /// All switches off: the motor coasts.
@@ -31,9 +31,9 @@ pub enum Bridge {
     },
 }
 
-/// Legs for positive torque in sectors 0..5: A+B−, A+C−, B+C−, B+A−, C+A−, C+B− (DESIGN 4.2). Sector k spans
-/// [30° + 60°·k, 90° + 60°·k) electrical, where just these two EMFs are at their opposite flat tops.
-/// The first three again, so that the opposite sector is three rows on.
+/// Legs for positive torque in sectors 0..5: A+B−, A+C−, B+C−, B+A−, C+A−, C+B− (decision 0003). In sector k, which spans
+/// [30° + 60°·k, 90° + 60°·k) electrical, these two EMFs are at opposite flat tops. The first three rows are repeated, so
+/// that the opposite sector is three rows further.
 const POSITIVE: [[Leg; 3]; 9] = [
     [Leg::Pwm, Leg::Low, Leg::Float],
     [Leg::Pwm, Leg::Float, Leg::Low],
@@ -46,9 +46,9 @@ const POSITIVE: [[Leg; 3]; 9] = [
     [Leg::Float, Leg::Pwm, Leg::Low],
 ];
 
-/// The bridge for a signed duty in a sector (0..=5): positive closes, negative swaps the two driven legs, which
-/// is the vector of the opposite sector. A duty of zero short-circuits the two phases. `Off` without a duty, or
-/// outside the table.
+/// The bridge for a signed duty in a sector (0..=5). A positive duty closes; a negative one swaps the two driven legs, which is
+/// the vector of the opposite sector. A duty of zero short-circuits the two phases. `Off` without a duty or outside the
+/// table.
 #[must_use]
 pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
     let (Some(sector), Some(duty)) = (sector, duty) else { return Bridge::Off };
@@ -62,8 +62,7 @@ pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
     }
 }
 
-/// What the hall interrupt owns: the decoder and the duty of the last control tick, so that a new sector has
-/// its vector at once.
+/// State of the hall interrupt: the decoder and the duty of the last control tick, so that a new sector is commutated at once.
 #[derive(Clone, Copy, Debug)]
 pub struct Commutator {
     halls: HallDecoder,
@@ -77,9 +76,8 @@ impl Commutator {
         Self { halls: HallDecoder::new(wiring, code, count), duty: None }
     }
 
-    /// What the bridge must do with `code` on the lines, if that moves the rotor on: the same as [`Self::bridge`] after
-    /// [`Self::sample`], but at once, while an edge waits. `None` if that sample leaves the rotor where it is, or is the first
-    /// legal one.
+    /// The bridge for `code` if a sample of it moves the rotor on: [`Self::bridge`] after [`Self::sample`], without the time of
+    /// a sample. `None` if it does not, or if it is the first valid code.
     #[must_use]
     pub fn ahead(&self, code: u8, at: Micros) -> Option<Bridge> {
         self.halls.ahead(code, at).map(|sector| bridge(Some(sector), self.duty))
@@ -92,7 +90,7 @@ impl Commutator {
         self.halls.is_settled(code)
     }
 
-    /// Whether only another code could change anything: no time is waited for.
+    /// Whether only another code would change anything.
     #[inline]
     #[must_use]
     pub const fn is_quiet(&self) -> bool {
@@ -109,7 +107,7 @@ impl Commutator {
         self.duty = duty;
     }
 
-    /// What the bridge must do now; it follows the trusted sector, so a glitch does not reach the motor.
+    /// The present bridge. It follows the trusted sector, so a glitch does not reach the motor.
     #[must_use]
     pub fn bridge(&self) -> Bridge {
         bridge(self.halls.sector(), self.duty)

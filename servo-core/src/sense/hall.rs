@@ -1,52 +1,53 @@
-//! Hall code → sector, direction and count, and every way in which the lines can lie.
+//! Hall code to sector, direction and count, and every kind of invalid transition.
 //!
-//! The decoder keeps a *trusted* sector, whose count it answers for. A sample next to it is a step, taken at
-//! once: the rotor must be commutated now. A sample two or three sectors away is held as *pending*: it is
-//! taken only when the lines still say so [`CONFIRM`] later (at another edge, or when the control tick samples
-//! again), and forgotten as soon as a sample is next to the trusted sector. Codes 0 and 7 are never followed.
+//! # Design
 //!
-//! What is recovered (and proven exhaustively in the tests): one or two wrong codes of any kind within
-//! [`CONFIRM`], also where they hide an edge or a turn, and one wrong code of any length at standstill. Up to two
-//! lost edges are made good by the next sample that stays.
+//! The decoder keeps a *trusted* sector, to which its count belongs. A sample of a neighboring sector is a step, taken at
+//! once, because the rotor must be commutated now. A sample two or three sectors away is *pending*: it is taken only if the
+//! lines still show it [`CONFIRM`] later (at another edge, or when the control tick samples again), and dropped as soon as
+//! a sample is next to the trusted sector. Codes 0 and 7 are never followed.
 //!
-//! What is not: three or more edges lost in a row are an electrical revolution in doubt, six are invisible; a
-//! burst of four wrong codes that happen to be a walk through neighbours is followed; and a dead line loses
-//! counts until it is named, within three electrical revolutions. A wrong code next to the trusted one cannot be
-//! told from the rotor rocking on the boundary until it goes back: if that takes less than [`BOUNCE`], the step
-//! back says so.
+//! Recovered, as the tests show exhaustively: one or two wrong codes of any kind within [`CONFIRM`], also where they hide an
+//! edge or a reversal, and one wrong code of any length at standstill. The next stable sample restores up to two lost edges.
+//!
+//! # Limits
+//!
+//! Three lost edges in a row are ambiguous by an electrical revolution, and six are invisible. A burst of four wrong codes
+//! that happen to walk through neighbors is followed. A dead line loses counts until it is detected, within three
+//! electrical revolutions. A wrong code next to the trusted one looks like a rotor that rocks on the boundary until it
+//! returns; if that takes less than [`BOUNCE`], the step back is marked.
 
 use crate::units::Micros;
 
 #[cfg(test)]
 mod tests;
 
-/// How long a jump must stay before the count follows it. Longer than any interference of the bridge (edges
-/// every 25 µs ring for 1–2 µs), shorter than the shortest cell: 600 µs at 1100 counts/s with edges 10°
-/// electrical out of place.
+/// Confirmation time of a jump. Longer than the bridge's interference (edges every 25 µs ring for 1–2 µs), shorter than the
+/// shortest cell: 600 µs at 1100 counts/s with edges displaced by 10° electrical.
 pub const CONFIRM: Micros = Micros(200);
 
-/// A step taken back within this is no rotor's doing: at 70,000 counts/s², four times what the motor's peak
-/// torque gives, 100 µs is 0.0007 counts, far under any sensor's hysteresis.
+/// A step back within this time is a glitch: at 70,000 counts/s², four times what peak torque gives, a rotor moves 0.0007
+/// counts in 100 µs, far less than any sensor's hysteresis.
 pub const BOUNCE: Micros = Micros(100);
 
 /// Illegal codes for this long (two control ticks) are a broken cable or supply, not a glitch.
 pub const ILLEGAL: Micros = Micros(2000);
 
-/// A glitch adds [`GLITCH`] to the score, a step takes 1 off, [`FAULT`] is a fault. A dead line gives two
-/// glitches and at most four steps an electrical revolution: 3 × (2 × 16 − 4) = 84 ≥ 80 in three of them.
-/// Glitches at 1 % of the edges add 0.16 an edge, so five must meet within 20 edges: once in 10^7 edges.
+/// A glitch adds [`GLITCH`] to the score, a step subtracts 1, and [`FAULT`] is a fault. A dead line gives two glitches and at
+/// most four steps an electrical revolution: 3 × (2 × 16 − 4) = 84 ≥ 80 in three of them. Glitches at 1 % of the edges add
+/// 0.16 an edge, so a fault needs five within 20 edges: once in 10^7 edges.
 const GLITCH: u8 = 16;
 /// See [`GLITCH`].
 const FAULT: u8 = 80;
-/// While the rotor stands ([`STANDING`] without a step), time takes 1 off the score every so often: a motor that
-/// holds would keep its glitches for ever. One is forgotten in 0.26 s.
+/// At standstill ([`STANDING`] without a step), the score decreases by 1 in this time, or a motor that holds would keep its
+/// glitches for ever. A glitch expires in 0.26 s.
 const LEAK: Micros = Micros(16_000);
-/// Bit by bit the codes with two lines high: 3, 5 and 6.
+/// Bit set of the codes with two lines high: 3, 5 and 6.
 const TWO_HIGH: u8 = 0b0110_1000;
 /// Three times the slowest step at 10 counts/s.
 const STANDING: Micros = Micros(300_000);
 
-/// Which way the rotor turns.
+/// Direction of rotation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Direction {
@@ -73,52 +74,52 @@ impl Direction {
 pub struct HallEdge {
     /// Hall count after the step.
     pub count: i32,
-    /// How many counts the step spans: 1, or more where edges were lost and the way was clear.
+    /// Counts that the step spans: more than 1 if edges were lost and the direction was clear.
     pub steps: u8,
     /// Direction of the step.
     pub direction: Direction,
-    /// When the line changed; a confirmed jump is dated back to its last change.
+    /// Time of the line's change; a confirmed jump has the time of its last change.
     pub at: Micros,
     /// Whether the line that changed rose. Open-collector sensors fall sharply and rise late.
     pub rising: bool,
-    /// The step takes the last one back within [`BOUNCE`]: that one was a glitch.
+    /// The step reverses the last one within [`BOUNCE`]: that one was a glitch.
     pub bounce: bool,
 }
 
-/// A sample that cannot be the rotor's doing, named; the count does not follow it.
+/// An invalid sample; the count does not follow it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Glitch {
     /// Code 0 or 7: no rotor position gives it.
     Illegal,
-    /// A code two or three sectors away: an edge was lost, or the sample is wrong.
+    /// A code two or three sectors away: an edge was lost, or the sample is invalid.
     Jump,
 }
 
-/// Lines that lie so often that the count is not to be trusted any more.
+/// So many invalid samples that the count cannot be trusted any more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum HallFault {
-    /// Code 0 or 7 for [`ILLEGAL`]: cable or supply.
+    /// Code 0 or 7 for [`ILLEGAL`]: broken cable or supply.
     Illegal,
-    /// Bit of the line that did not change while the others made glitches.
+    /// The line of this bit did not change while there were glitches.
     Stuck(u8),
     /// Repeated glitches on more than one line.
     Noisy,
 }
 
-/// What one sample of the lines meant.
+/// The meaning of one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HallEvent {
     /// The count moved.
     Step(HallEdge),
     /// A glitch was seen.
     Glitch(Glitch),
-    /// Glitches have become a fault; reported again for as long as they go on.
+    /// Glitches became a fault; reported again while they continue.
     Fault(HallFault),
 }
 
-/// How the three lines are wired: which code stands in which sector.
+/// Wiring of the three lines: the code of each sector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wiring {
     sectors: [Option<u8>; 8],
@@ -126,14 +127,14 @@ pub struct Wiring {
 }
 
 impl Wiring {
-    /// Codes of sectors 0..5 of the hand's motors (DESIGN 4.2).
+    /// Codes of sectors 0..5 of the hand's motors (decision 0003).
     pub const STANDARD: Self = Self {
         sectors: [None, Some(4), Some(0), Some(5), Some(2), Some(3), Some(1), None],
         codes: [2, 6, 4, 5, 1, 3],
     };
 
-    /// The codes of sectors 0 to 5; `None` unless they are 1 to 6, each once, and neighbours (the last and the
-    /// first too) differ in one line, as those of three sensors 120° apart do.
+    /// Wiring with these codes of sectors 0 to 5. `None` unless each of 1 to 6 occurs once and neighbors, the last and the
+    /// first included, differ in one line, as those of three sensors 120° apart do.
     #[must_use]
     pub fn new(codes: [u8; 6]) -> Option<Self> {
         let mut sectors = [None; 8];
@@ -164,8 +165,8 @@ impl Wiring {
     }
 }
 
-/// The shortest way from one sector to another: −2..=3 steps.
-const fn way(from: u8, to: u8) -> i8 {
+/// Shortest distance from one sector to another: −2..=3 steps.
+const fn distance(from: u8, to: u8) -> i8 {
     let d = to.wrapping_sub(from).cast_signed();
     if d > 3 {
         d - 6
@@ -176,15 +177,15 @@ const fn way(from: u8, to: u8) -> i8 {
     }
 }
 
-/// A place two or more sectors from the trusted one, where the rotor may be.
+/// A sector two or three from the trusted one, where the rotor may be.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
     sector: u8,
-    /// The way there in steps.
+    /// Steps to it.
     delta: i8,
-    /// Three steps either way, and nothing seen that tells which.
+    /// It is three steps away, in an unknown direction.
     either: bool,
-    /// When the lines went there.
+    /// Time of the lines' change to it.
     at: Micros,
 }
 
@@ -196,7 +197,7 @@ pub struct HallDecoder {
     /// Trusted sector; `None` until the first legal code.
     sector: Option<u8>,
     count: i32,
-    /// Of the last step, and when it was.
+    /// Direction and time of the last step.
     direction: Direction,
     at: Option<Micros>,
     /// The last step was a jump, or came within [`CONFIRM`] of the one before: it may have been a glitch.
@@ -204,17 +205,16 @@ pub struct HallDecoder {
     pending: Option<Pending>,
     illegal_since: Option<Micros>,
     score: u8,
-    /// The lines are where the trusted sector says, and there is nothing to forget: until they change, nothing happens.
+    /// The lines show the trusted sector and no state waits for time to pass.
     quiet: bool,
-    /// When time last took from the score.
+    /// When the score last decreased by time.
     leaked: Micros,
-    /// Lines that changed since the score left 0; the change that sticks a line does not count.
+    /// Lines that changed since the score left 0.
     toggled: u8,
 }
 
 impl HallDecoder {
-    /// A decoder whose lines read `code` at hall count `count`. If the code is illegal, `count` belongs to the
-    /// first legal one.
+    /// A decoder whose lines read `code` at hall count `count`. If the code is invalid, `count` belongs to the first valid one.
     #[must_use]
     pub fn new(wiring: Wiring, code: u8, count: i32) -> Self {
         Self {
@@ -240,22 +240,21 @@ impl HallDecoder {
         self.count
     }
 
-    /// The sector 0..=5 that the count stands for; `None` until the lines have been legal once.
+    /// The sector 0..=5 of the count; `None` until the lines have been valid once.
     #[must_use]
     pub const fn sector(&self) -> Option<u8> {
         self.sector
     }
 
-    /// The sector that a sample of `code` leads to, if it moves the count: that of a neighbour at once, of another when a jump
-    /// has been confirmed.
+    /// The sector that a sample of `code` would move the count to: a neighbor at once, another after its confirmation.
     #[must_use]
     pub fn ahead(&self, code: u8, at: Micros) -> Option<u8> {
         let sector = self.wiring.sector(code)?;
-        let follows = match way(self.sector?, sector) {
+        let follows = match distance(self.sector?, sector) {
             -1 | 1 => true,
             0 => false,
             _ => self.pending.is_some_and(|p| {
-                at.wrapping_since(p.at).0 >= CONFIRM.0 && (-1..=1).contains(&way(p.sector, sector))
+                at.wrapping_since(p.at).0 >= CONFIRM.0 && (-1..=1).contains(&distance(p.sector, sector))
             }),
         };
         follows.then_some(sector)
@@ -270,9 +269,9 @@ impl HallDecoder {
             if code == self.code {
                 return None;
             }
-            // The rotor's next step, as a rule: there is nothing else to see to.
+            // The common case: the rotor's next step.
             if let (Some(sector), Some(trusted)) = (self.wiring.sector(code), self.sector)
-                && let delta @ (-1 | 1) = way(trusted, sector)
+                && let delta @ (-1 | 1) = distance(trusted, sector)
             {
                 self.code = code;
                 return Some(self.step(sector, delta, at));
@@ -290,7 +289,7 @@ impl HallDecoder {
         self.quiet && code & 7 == self.code
     }
 
-    /// Whether the lines were last where the trusted sector says, with nothing to forget.
+    /// Whether the lines last showed the trusted sector and no state waits for time to pass.
     #[inline]
     #[must_use]
     pub const fn is_quiet(&self) -> bool {
@@ -313,7 +312,7 @@ impl HallDecoder {
             self.sector = Some(sector);
             return None;
         };
-        match way(trusted, sector) {
+        match distance(trusted, sector) {
             0 => {
                 self.pending = None;
                 None
@@ -323,12 +322,12 @@ impl HallDecoder {
         }
     }
 
-    /// Code 0 or 7: hold.
+    /// Code 0 or 7.
     fn illegal(&mut self, at: Micros) -> Option<HallEvent> {
         self.pending = None;
         match self.illegal_since {
             Some(since) if at.wrapping_since(since).0 >= ILLEGAL.0 => {
-                // Just as long ago at each sample from now on, or it would be forgotten when the clock wraps.
+                // Keeps the time in reach of the wrapping clock.
                 self.illegal_since = Some(at.wrapping_since(ILLEGAL));
                 Some(HallEvent::Fault(HallFault::Illegal))
             }
@@ -340,14 +339,14 @@ impl HallDecoder {
         }
     }
 
-    /// Two or three sectors away: follow if the lines have said so for long enough.
+    /// Two or three sectors away: follows when confirmed.
     fn jump(&mut self, sector: u8, delta: i8, at: Micros) -> Option<HallEvent> {
         if let Some(p) = self.pending
             && at.wrapping_since(p.at).0 >= CONFIRM.0
         {
-            match way(p.sector, sector) {
+            match distance(p.sector, sector) {
                 0 => return Some(self.step(sector, p.delta, p.at)),
-                // The rotor goes on from there: that also tells which way three sectors were.
+                // The rotor moved on from there, which also gives the direction of three sectors.
                 on @ (-1 | 1) => {
                     let delta = if p.either { on * 4 } else { p.delta + on };
                     return Some(self.step(sector, delta, at));
@@ -358,14 +357,14 @@ impl HallDecoder {
             return None;
         }
         let either = delta == 3;
-        let delta = if either { self.likely_way() * 3 } else { delta };
+        let delta = if either { self.likely_direction() * 3 } else { delta };
         self.pending = Some(Pending { sector, delta, either, at });
         Some(self.glitch(Glitch::Jump))
     }
 
-    /// Three sectors away by which way: on as before, but after a doubtful step back whence it came, so that a
-    /// wrong code of any length is undone.
-    const fn likely_way(&self) -> i8 {
+    /// Direction of a jump by three sectors: as before, but reversed after a doubtful step, so that a wrong code of any length is
+    /// undone.
+    const fn likely_direction(&self) -> i8 {
         if self.doubtful { -self.direction.sign() } else { self.direction.sign() }
     }
 
@@ -382,12 +381,12 @@ impl HallDecoder {
         self.doubtful = steps > 1 || since < CONFIRM.0;
         self.pending = None;
         self.score = self.score.saturating_sub(1);
-        // Neighbours differ in one line, so they have one and two lines high by turns.
+        // Neighbors differ in one line, so they alternately have one and two lines high.
         let rising = TWO_HIGH >> self.code & 1 != 0;
         HallEvent::Step(HallEdge { count: self.count, steps, direction, at, rising, bounce })
     }
 
-    /// Names a glitch, or the fault that it completes.
+    /// Counts a glitch; returns it, or the fault that it completes.
     fn glitch(&mut self, glitch: Glitch) -> HallEvent {
         self.score = self.score.saturating_add(GLITCH);
         if self.score < FAULT {

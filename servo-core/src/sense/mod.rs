@@ -1,4 +1,4 @@
-//! What the three hall lines say: sector and count, which phases to drive, position and velocity in between.
+//! Hall lines to sector and count, to the phases to drive, and to position and velocity between edges.
 pub mod commutation;
 pub mod hall;
 pub mod velocity;

@@ -160,7 +160,7 @@ fn commands() -> [(Command, &'static str); 17] {
 }
 
 #[test]
-fn every_mode_takes_or_refuses_every_command() {
+fn every_mode_accepts_or_refuses_every_command() {
     use Mode::{Idle, Pid, Torque as Tq, Trapezoidal as Trap, Velocity as Vel};
     for mode in Mode::ALL {
         for (command, name) in commands() {
@@ -201,7 +201,7 @@ fn positions_that_would_wrap_are_refused_and_change_nothing() {
 }
 
 #[test]
-fn the_brake_lets_go_before_the_bridge_drives_and_grips_in_idle() {
+fn brake_releases_before_the_bridge_drives_and_engages_in_idle() {
     let mut bench = Bench::new(Joint::Spread);
     assert_eq!(bench.tick(), Drive { duty: None, brake_released: false });
     bench.servo.command(Command::Move(50)).unwrap();
@@ -218,7 +218,7 @@ fn the_brake_lets_go_before_the_bridge_drives_and_grips_in_idle() {
 }
 
 #[test]
-fn a_plan_takes_a_tick_in_which_the_last_torque_stays() {
+fn planning_tick_keeps_the_last_torque() {
     let mut link = Bench::new(Joint::Link);
     link.servo.command(Command::Mode(Mode::Torque)).unwrap();
     link.servo.command(Command::Torque(Torque(200))).unwrap();
@@ -232,7 +232,7 @@ fn a_plan_takes_a_tick_in_which_the_last_torque_stays() {
 }
 
 #[test]
-fn a_move_arrives_and_hold_decides_what_follows() {
+fn move_arrives_then_holds_or_idles_by_hold() {
     for (kind, after) in [(Joint::Spread, Mode::Pid), (Joint::Link, Mode::Idle)] {
         let mut bench = Bench::new(kind);
         bench.servo.command(Command::Move(60)).unwrap();
@@ -243,7 +243,7 @@ fn a_move_arrives_and_hold_decides_what_follows() {
 }
 
 #[test]
-fn a_blocked_move_stalls_after_tstop() {
+fn blocked_move_stalls_after_tstop() {
     // A tip: a link would break away first.
     let mut bench = Bench::new(Joint::Tip);
     bench.servo.command(Command::Move(60)).unwrap();
@@ -257,7 +257,7 @@ fn a_blocked_move_stalls_after_tstop() {
 }
 
 #[test]
-fn the_profile_waits_for_a_rotor_that_lags_and_resumes_without_a_step() {
+fn profile_waits_for_a_lagging_rotor_and_resumes_without_a_step() {
     let mut bench = Bench::new(Joint::Tip);
     bench.servo.command(Command::Move(60)).unwrap();
     for _ in 0..250 {
@@ -283,7 +283,7 @@ fn the_profile_waits_for_a_rotor_that_lags_and_resumes_without_a_step() {
 }
 
 #[test]
-fn a_move_without_acceleration_ends_as_a_stall() {
+fn move_with_accel_0_ends_as_a_stall() {
     let mut bench = Bench::new(Joint::Tip);
     let config = Config { accel: 0, ..*bench.servo.config() };
     bench.servo.command(Command::Configure(config)).unwrap();
@@ -292,7 +292,7 @@ fn a_move_without_acceleration_ends_as_a_stall() {
 }
 
 #[test]
-fn torque_control_with_hold_presses_on() {
+fn torque_control_with_hold_keeps_pressing() {
     let mut bench = Bench::new(Joint::Spread);
     bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
     for _ in 0..2000 {
@@ -306,7 +306,7 @@ fn torque_control_with_hold_presses_on() {
 }
 
 #[test]
-fn torque_control_ends_by_stall_whatever_the_gain_and_presses_with_mt() {
+fn torque_control_stalls_at_any_gain_and_presses_with_mt() {
     let mut bench = Bench::new(Joint::Spread);
     // 16 counts/s at the least gain: the loop alone asks for one unit of torque.
     let config = Config { mov: 16, kpv: 1, mt: 600, ..*bench.servo.config() };
@@ -321,7 +321,7 @@ fn torque_control_ends_by_stall_whatever_the_gain_and_presses_with_mt() {
 }
 
 #[test]
-fn a_position_written_right_after_mode_3_is_obeyed() {
+fn position_written_before_mode_3_starts_is_its_setpoint() {
     for kind in [Joint::Link, Joint::Spread] {
         let mut bench = Bench::new(kind);
         bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
@@ -336,7 +336,7 @@ fn a_position_written_right_after_mode_3_is_obeyed() {
 }
 
 #[test]
-fn a_move_that_is_cut_short_says_so() {
+fn interrupted_move_reports_end_3() {
     let cuts = [
         (Command::Mode(Mode::Idle), Mode::Idle),
         (Command::Terminate, Mode::Idle),
@@ -387,7 +387,7 @@ fn properties_that_do_not_shape_the_move_do_not_restart_its_stall_time() {
 }
 
 #[test]
-fn a_new_torque_has_all_of_tstop() {
+fn new_torque_restarts_the_stall_time() {
     let mut bench = Bench::in_mode(Mode::Torque);
     for round in 0..20 {
         for (torque, ms) in [(100, 390), (0, 100)] {
@@ -401,7 +401,7 @@ fn a_new_torque_has_all_of_tstop() {
 }
 
 #[test]
-fn an_end_at_speed_starts_its_hold_afresh() {
+fn hold_after_abort_at_speed_starts_with_an_empty_integral() {
     let mut bench = Bench::new(Joint::Spread);
     bench.servo.command(Command::Move(160)).unwrap();
     bench.follow(400);
@@ -413,7 +413,7 @@ fn an_end_at_speed_starts_its_hold_afresh() {
 }
 
 #[test]
-fn a_hall_fault_takes_the_zero_away() {
+fn hall_fault_clears_homed() {
     let mut bench = Bench::new(Joint::Link);
     bench.servo.homed = true;
     bench.servo.hall(&HallEvent::Fault(HallFault::Noisy));
@@ -423,7 +423,7 @@ fn a_hall_fault_takes_the_zero_away() {
 }
 
 #[test]
-fn strain_ends_a_move_and_not_a_hold() {
+fn strain_ends_a_move_but_not_a_hold() {
     let mut bench = Bench::new(Joint::Spread);
     let config = Config { hsg: 150, ..*bench.servo.config() };
     bench.servo.command(Command::Configure(config)).unwrap();
@@ -436,7 +436,7 @@ fn strain_ends_a_move_and_not_a_hold() {
 }
 
 #[test]
-fn a_fault_idles_refuses_motion_and_can_be_cleared() {
+fn fault_idles_refuses_motion_and_can_be_cleared() {
     type Break = fn(&mut Bench);
     let rows: [(Break, Fault, usize); 5] = [
         (|bench| bench.servo.bridge_fault(), Fault::Bridge, 1),
@@ -468,7 +468,7 @@ fn a_fault_idles_refuses_motion_and_can_be_cleared() {
 }
 
 #[test]
-fn a_replan_keeps_the_torque() {
+fn replan_keeps_setpoint_and_velocity() {
     let mut bench = Bench::new(Joint::Spread);
     bench.servo.command(Command::Move(160)).unwrap();
     bench.follow(300);

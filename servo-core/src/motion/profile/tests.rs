@@ -1,4 +1,4 @@
-//! What only the full resolution shows; the promises in seconds and counts are in the system tests.
+//! Properties at full resolution; those in seconds and counts are in the system tests.
 
 use super::*;
 use proptest::prelude::*;
@@ -69,7 +69,7 @@ proptest! {
 
     /// Nothing depends on the direction.
     #[test]
-    fn the_mirrored_move_is_the_mirror_image(
+    fn mirrored_move_is_the_mirror_image(
         distance in -2000..2000_i32, ticks in 0..400_u32, end in -2000..2000_i32, limits in any_limits(),
     ) {
         let limits = MoveLimits { opening: limits.closing, ..limits };
@@ -104,7 +104,7 @@ proptest! {
 }
 
 #[test]
-fn a_cruise_velocity_out_of_range_is_clamped() {
+fn cruise_velocity_out_of_range_is_clamped() {
     for (asked, used) in [(0, 16), (-100, 16), (15, 16), (16, 16), (4080, 4080), (4081, 4080), (32767, 4080)]
     {
         let profile = moving(0, 1000, limits(65535, asked), 100);
@@ -113,14 +113,14 @@ fn a_cruise_velocity_out_of_range_is_clamped() {
 }
 
 #[test]
-fn each_direction_has_its_own_cruise_velocity() {
+fn directions_have_separate_cruise_velocities() {
     let limits = MoveLimits { opening: CountsPerSec::from_int(300), ..limits(1000, 200) };
     assert_eq!(moving(0, 1000, limits, 100).current().velocity, CountsPerSec::from_int(200));
     assert_eq!(moving(0, -1000, limits, 100).current().velocity, CountsPerSec::from_int(-300));
 }
 
 #[test]
-fn a_move_to_where_it_is_has_ended() {
+fn move_to_the_present_position_is_done() {
     let mut profile = moving(5, 5, limits(30, 1000), 0);
     assert!(profile.current().done);
     assert_eq!(profile.step(), profile.current());
@@ -148,7 +148,7 @@ fn accel_zero_at_rest_forgets_the_accel_of_the_last_move() {
 /// ACCEL 32 is 2^-10 counts/ms²: 1024 ticks and 512 counts to 1 count/ms, 976 ticks of cruise, braking from
 /// tick 2000 to 3024, all without rounding. A new plan in it finds exactly its stopping distance to go.
 #[test]
-fn the_same_plan_while_braking_changes_nothing() {
+fn repeated_plan_while_braking_changes_nothing() {
     for end in [2000, -2000] {
         let mut again = moving(0, end, limits(32, 1000), 2500);
         let mut once = again;
@@ -172,7 +172,7 @@ fn accel_zero_in_mid_move_keeps_the_old_accel() {
 /// 8000 ticks at 4.08 counts a tick, then ACCEL 1 and so 4.08²·2^19 = 8,727,507.8 counts to stop, and back
 /// again: beyond what `Counts` holds.
 #[test]
-fn the_longest_overshoot_comes_back_exactly() {
+fn longest_overshoot_returns_exactly() {
     let mut profile = moving(0, 32767, limits(65535, 4080), 8000);
     profile.plan(Counts::from_int(32767), &limits(1, 4080).build());
     // 4.08·2^20 = 4,278,190 ticks to stop, and a triangle of √2 times that to come back.
@@ -190,7 +190,7 @@ fn the_longest_overshoot_comes_back_exactly() {
 
 /// ACCEL 65535 is 4096 counts/ms²: full speed within the first tick, and the same at the end.
 #[test]
-fn the_highest_accel_is_a_step_of_velocity() {
+fn highest_accel_is_a_velocity_step() {
     let mut profile = moving(0, 10, limits(65535, 4000), 0);
     let velocities = [0; 3].map(|_| profile.step().velocity);
     assert_eq!(velocities, [4000, 4000, 0].map(CountsPerSec::from_int));

@@ -28,7 +28,7 @@ fn legs(sector: u8, duty: i16) -> [Leg; 3] {
 }
 
 #[test]
-fn each_sectors_vector_is_the_best_of_the_six_for_either_sign() {
+fn vector_of_each_sector_is_the_best_of_six_for_either_sign() {
     for sector in 0..6_u8 {
         for degrees in 30 + 60 * i32::from(sector)..90 + 60 * i32::from(sector) {
             for (duty, sign) in [(1000, 1), (-1000, -1), (i16::MIN, -1)] {
@@ -54,7 +54,7 @@ fn adjacent_sectors_give_adjacent_vectors() {
 }
 
 #[test]
-fn the_vector_follows_the_trusted_sector_at_once_and_no_glitch() {
+fn vector_follows_the_trusted_sector_and_ignores_glitches() {
     let wiring = Wiring::STANDARD;
     let mut c = Commutator::new(wiring, wiring.code(0), 7);
     assert_eq!(c.bridge(), Bridge::Off);
@@ -73,7 +73,7 @@ fn the_vector_follows_the_trusted_sector_at_once_and_no_glitch() {
 }
 
 #[test]
-fn no_sector_no_drive() {
+fn bridge_is_off_without_a_sector() {
     let mut c = Commutator::new(Wiring::STANDARD, 7, 0);
     c.set(Some(Duty::ZERO));
     assert_eq!(c.bridge(), Bridge::Off);

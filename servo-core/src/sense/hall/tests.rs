@@ -19,7 +19,7 @@ fn code_at(count: i32) -> u8 {
 }
 
 /// Goes on truthfully from `from` for `cells` cells at 1000 counts/s, the control tick at 300 µs in each.
-fn go_on(d: &mut HallDecoder, now: &mut u32, from: i32, sign: i32, cells: i32) {
+fn turn(d: &mut HallDecoder, now: &mut u32, from: i32, sign: i32, cells: i32) {
     for k in 0..cells {
         let code = code_at(from + k * sign);
         d.sample(code, Micros(*now));
@@ -29,7 +29,7 @@ fn go_on(d: &mut HallDecoder, now: &mut u32, from: i32, sign: i32, cells: i32) {
 }
 
 #[test]
-fn the_standard_table_is_the_designs_and_other_tables_are_judged() {
+fn wiring_accepts_the_standard_table_and_rejects_invalid_ones() {
     assert_eq!(Wiring::new([2, 6, 4, 5, 1, 3]), Some(Wiring::STANDARD));
     assert!(Wiring::new([1, 3, 2, 6, 4, 5]).is_some());
     for bad in
@@ -44,7 +44,7 @@ fn the_standard_table_is_the_designs_and_other_tables_are_judged() {
 }
 
 #[test]
-fn an_edge_tells_count_direction_time_and_slope() {
+fn edge_has_count_direction_time_and_slope() {
     // STANDARD upwards: 2 → 6 rises, 6 → 4 falls.
     let mut d = HallDecoder::new(W, 2, 0);
     let edge = |count, direction, at, rising| {
@@ -62,7 +62,7 @@ fn an_edge_tells_count_direction_time_and_slope() {
 /// each of the 64 transitions) for less than `CONFIRM`; with `a` the true code it is one wrong sample. Then
 /// they tell the truth again: where the rotor was, one cell on (the glitch hid an edge), or one back (it turned).
 #[test]
-fn no_glitch_of_any_two_codes_leaves_a_count_error() {
+fn glitch_of_any_two_codes_leaves_no_count_error() {
     let mut pairs = 0;
     for start in 0..6 {
         for sign in [-1, 1] {
@@ -75,7 +75,7 @@ fn no_glitch_of_any_two_codes_leaves_a_count_error() {
                 let from = start + moved * sign;
                 // On in the direction of the truth: a turned rotor goes on turning back.
                 let sign = if moved < 0 { -sign } else { sign };
-                go_on(&mut d, &mut now, from, sign, 5);
+                turn(&mut d, &mut now, from, sign, 5);
                 assert_eq!(d.count(), from + 4 * sign, "cell {start} {sign:+}: {a}, {b}, moved {moved}");
                 pairs += 1;
             }
@@ -87,7 +87,7 @@ fn no_glitch_of_any_two_codes_leaves_a_count_error() {
 /// One wrong code that stays for longer than any confirmation, at standstill, is named at least once on its
 /// way there or back if it is not next to the truth, and is undone.
 #[test]
-fn one_wrong_code_of_any_length_is_undone() {
+fn single_wrong_code_of_any_length_is_undone() {
     for start in 0..6 {
         for (sign, code, length) in
             (0..8).flat_map(|c| [(-1, c, 50), (1, c, 50), (-1, c, 5000), (1, c, 5000)])
@@ -116,7 +116,7 @@ fn one_wrong_code_of_any_length_is_undone() {
 
 /// Lost edges: one or two in a row are made good as soon as a later sample stays; the jump is named.
 #[test]
-fn lost_edges_are_made_good() {
+fn lost_edges_are_recovered() {
     for start in 0..6 {
         for (sign, lost, steps) in [(-1, 1, 2), (1, 1, 2), (-1, 2, 3), (1, 2, 3)] {
             let (mut d, now) = running(start, sign);
@@ -145,7 +145,7 @@ fn lost_edges_are_made_good() {
 }
 
 #[test]
-fn a_jump_too_short_is_not_confirmed() {
+fn short_jump_is_not_confirmed() {
     let (mut d, now) = running(2, 1);
     assert_eq!(d.sample(code_at(4), Micros(now + 400)), Some(HallEvent::Glitch(Glitch::Jump)));
     assert_eq!(d.sample(code_at(4), Micros(now + 400 + CONFIRM.0 - 1)), None);
@@ -157,7 +157,7 @@ fn a_jump_too_short_is_not_confirmed() {
 /// A line stuck at either level, either way round, from 10 to 1000 counts/s and wherever the ticks fall, is
 /// named within three electrical revolutions.
 #[test]
-fn a_stuck_line_is_named_within_three_electrical_revolutions() {
+fn stuck_line_is_detected_within_three_electrical_revolutions() {
     for (line, high) in (0..3).flat_map(|line| [(line, false), (line, true)]) {
         for (sign, cell_us, phase) in
             [(1, 1000, 0), (-1, 1000, 700), (1, 1333, 100), (-1, 20_000, 500), (1, 100_000, 0)]
@@ -213,7 +213,7 @@ fn isolated_glitches_never_fault_and_dense_ones_do() {
 }
 
 #[test]
-fn glitches_far_apart_at_standstill_are_no_fault() {
+fn rare_glitches_at_standstill_are_no_fault() {
     let (mut d, mut now) = running(0, 1);
     let (code, count) = (d.code, d.count());
     for glitch in 0..1000 {
@@ -231,7 +231,7 @@ fn glitches_far_apart_at_standstill_are_no_fault() {
 }
 
 #[test]
-fn a_broken_cable_is_named_at_standstill() {
+fn broken_cable_is_detected_at_standstill() {
     let (mut d, now) = running(0, 1);
     assert_eq!(d.sample(7, Micros(now + 100)), Some(HallEvent::Glitch(Glitch::Illegal)));
     assert_eq!(d.sample(7, Micros(now + 1000)), None);

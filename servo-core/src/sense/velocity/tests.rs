@@ -92,19 +92,19 @@ fn velocity_falls_when_the_next_edge_is_overdue_and_is_zero_at_standstill() {
         assert_eq!(p.round(), count, "stays in its cell");
         before = v.max(1);
     }
-    assert_eq!(velocity(&mut e, last + STILL.0), 0);
+    assert_eq!(velocity(&mut e, last + STANDSTILL.0), 0);
 }
 
 #[test]
-fn a_standstill_longer_than_the_clock_is_not_forgotten() {
+fn standstill_outlasts_the_wrap_of_the_clock() {
     let (mut e, mut count) = (Estimator::<18>::new(0), 0);
     feed(&mut e, &mut count, 1, (0..40).map(|k| k * 2000));
     let last = 39 * 2000_u32;
-    let (rest, _) = e.at(Micros(last + STILL.0));
+    let (rest, _) = e.at(Micros(last + STANDSTILL.0));
     assert_eq!(rest.round(), count);
     // 71.6 min in steps of 10 s, and on past the wrap.
     for later in (0..u64::from(u32::MAX) + 400_000).step_by(10_000_000) {
-        let now = last.wrapping_add(STILL.0).wrapping_add(u32::try_from(later & 0xFFFF_FFFF).unwrap());
+        let now = last.wrapping_add(STANDSTILL.0).wrapping_add(u32::try_from(later & 0xFFFF_FFFF).unwrap());
         assert_eq!(e.at(Micros(now)), (rest, CountsPerSec::ZERO), "{later}");
     }
     assert_eq!(e.at(Micros(last + 2000)), (rest, CountsPerSec::ZERO));
@@ -113,7 +113,7 @@ fn a_standstill_longer_than_the_clock_is_not_forgotten() {
 }
 
 #[test]
-fn a_gap_of_more_than_2_pow_31_us_is_a_standstill() {
+fn gap_of_more_than_2_pow_31_us_is_a_standstill() {
     // 36 minutes and 71 minutes without a tick in between.
     for gap in [2_160_000_000, 4_260_000_000] {
         let (mut e, mut count) = (Estimator::<18>::new(0), 0);
@@ -166,7 +166,7 @@ fn undecided_is_half_way_between_even_speed_and_even_marks() {
 }
 
 #[test]
-fn a_turn_passes_through_zero_and_a_bounce_is_forgotten() {
+fn reversal_passes_through_zero_and_bounce_is_undone() {
     let (mut e, mut count) = (Estimator::<18>::new(0), 0);
     let times = (0..40).map(|k| k * 2000);
     feed(&mut e, &mut count, 1, times);
@@ -218,7 +218,7 @@ fn lag_at_constant_acceleration() {
 proptest::proptest! {
     /// Any edges: no panic (overflow checks are on), the position in its cell.
     #[test]
-    fn any_edges(edges in proptest::collection::vec((-4..=4_i32, 0..2_000_000_u32, 0..4_u8), 0..200), start: i32) {
+    fn any_edges_keep_the_position_in_its_cell(edges in proptest::collection::vec((-4..=4_i32, 0..2_000_000_u32, 0..4_u8), 0..200), start: i32) {
         let (mut e, mut count, mut now) = (Estimator::<18>::new(start), start, 0_u32);
         let mut bounced = false;
         for (step, dt, bits) in edges.into_iter().filter(|(step, ..)| *step != 0) {
@@ -246,7 +246,7 @@ proptest::proptest! {
 proptest! {
     /// The bounds that the products rely on hold whatever the edges say, and what comes out is inside the cell.
     #[test]
-    fn no_edges_leave_the_bounds(
+    fn any_edges_keep_state_and_output_in_bounds(
         edges in prop::collection::vec(
             (prop_oneof![0..200_u32, 0..3000_u32, any::<u32>()], prop_oneof![Just(1), 1..=40_u8], 0..16_u8), 1..300,
         ),
@@ -259,10 +259,10 @@ proptest! {
             count = count.wrapping_add(i32::from(direction.sign()) * i32::from(steps));
             let (rising, bounce) = (flags & 1 == 1, flags & 15 == 2);
             e.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce });
-            let m = e.motion;
+            let m = e.state;
             prop_assert!((0..=SPEED_MAX).contains(&m.velocity) && m.acceleration.abs() <= ACCEL_MAX);
-            prop_assert!(m.bias.abs() <= LOST && (0..=LOST).contains(&m.noise) && (0..=DELAY_MAX << 8).contains(&e.delay));
-            prop_assert!(m.place.abs() <= ONE / 2 && m.position.abs() <= 3 * LOST, "{m:?}");
+            prop_assert!(m.bias.abs() <= RESTART_RESIDUAL && (0..=RESTART_RESIDUAL).contains(&m.noise) && (0..=MAX_DELAY_US << 8).contains(&e.delay));
+            prop_assert!(m.place.abs() <= ONE / 2 && m.position.abs() <= 3 * RESTART_RESIDUAL, "{m:?}");
             for later in [0, 999, 40_000, 300_000] {
                 let (position, velocity) = e.clone().at(Micros(now.wrapping_add(later)));
                 let out = position.wrapping_sub(Counts::from_int(count)).0.to_bits();

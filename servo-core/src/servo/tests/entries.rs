@@ -1,4 +1,4 @@
-//! A host that starts motions faster than they can be carried out: nothing that guards the motor waits for it.
+//! A host that starts motions faster than they can run must not disable the guards.
 
 use super::*;
 
@@ -11,7 +11,7 @@ fn pushing() -> Bench {
     bench
 }
 
-/// A tick after MODE 3 and M; whether they were taken.
+/// A tick after MODE 3 and M, and whether these were accepted.
 fn restarted(bench: &mut Bench) -> (bool, Drive) {
     let taken = bench.servo.command(Command::Mode(Mode::Pid)).is_ok()
         && bench.servo.command(Command::Move(50)).is_ok();
@@ -19,7 +19,7 @@ fn restarted(bench: &mut Bench) -> (bool, Drive) {
 }
 
 #[test]
-fn a_plan_each_tick_does_not_hide_the_temperature() {
+fn plan_in_every_tick_does_not_hide_over_temperature() {
     let mut bench = pushing();
     bench.motor_temp = DeciCelsius(900);
     let most = usize::from(crate::guard::thermal::TICKS) + 1;
@@ -31,7 +31,7 @@ fn a_plan_each_tick_does_not_hide_the_temperature() {
 }
 
 #[test]
-fn a_plan_each_tick_drives_on_for_one_tick_only() {
+fn plan_in_every_tick_keeps_the_old_torque_for_one_tick() {
     let mut bench = pushing();
     let (taken, drive) = restarted(&mut bench);
     assert!(taken && drive.duty.is_some(), "the first drives as before");
@@ -47,7 +47,7 @@ fn a_plan_each_tick_drives_on_for_one_tick_only() {
 }
 
 #[test]
-fn a_fault_that_was_cleared_is_looked_for_before_it_is_found_again() {
+fn cleared_fault_is_measured_again_before_it_latches() {
     let mut bench = pushing();
     bench.motor_temp = DeciCelsius(900);
     for _ in 0..crate::guard::thermal::TICKS {
@@ -62,7 +62,7 @@ fn a_fault_that_was_cleared_is_looked_for_before_it_is_found_again() {
 }
 
 #[test]
-fn a_hold_waits_for_the_brake_too() {
+fn hold_waits_for_the_brake() {
     let mut bench = Bench::new(Joint::Spread);
     bench.servo.command(Command::Move(50)).unwrap();
     for _ in 0..10 {

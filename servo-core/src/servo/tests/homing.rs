@@ -1,9 +1,9 @@
-//! HI: the stop, the way back from it, zero.
+//! HI: seeking the stop, leaving it, zero.
 
 use super::*;
 
 #[test]
-fn homing_zeroes_at_the_stop_and_again_after_ioff() {
+fn homing_zeroes_at_ioff_from_the_stop() {
     let mut bench = Bench::new(Joint::Link);
     bench.servo.command(Command::End(77)).unwrap();
     bench.servo.command(Command::Home).unwrap();
@@ -52,7 +52,7 @@ fn homing_never_stalls_before_hosts_can_see_mode_4() {
     assert!((250..=253).contains(&left_at.unwrap()), "{left_at:?}");
 }
 
-/// HI from standstill, with a rotor that does not move; where it has led after a second.
+/// Telemetry one second after HI with a rotor that does not move.
 fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config) -> Config) -> Telemetry {
     let mut bench = Bench::new(Joint::Tip);
     let config = config(*bench.servo.config());
@@ -68,9 +68,9 @@ fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config)
     bench.servo.telemetry()
 }
 
-/// What does not turn has met its stop only if it was pushed with all that HI may: with less it may be friction.
+/// A rotor that stands still under less than the homing torque may be stuck by friction.
 #[test]
-fn a_stall_is_the_stop_only_under_the_whole_torque() {
+fn stall_is_the_stop_only_at_full_homing_torque() {
     let same = |config| config;
     let leaves =
         |status: Telemetry| (status.mode, status.end, status.homed) == (Mode::Trapezoidal, None, false);
@@ -83,14 +83,14 @@ fn a_stall_is_the_stop_only_under_the_whole_torque() {
         let status = pressed(|c| Config { kpv, ..c }, same);
         assert!(stays(status) && !status.homed, "KPV {kpv}: {status:?}");
     }
-    // Taken away meanwhile.
+    // Reduced while HI runs.
     assert!(stays(pressed(same, |c| Config { ivel: 0, ..c })));
     assert!(stays(pressed(same, |c| Config { ihit: 0, ..c })));
     assert!(stays(pressed(same, |c| Config { mt: 20, ..c })));
 }
 
 #[test]
-fn a_motor_too_warm_to_press_does_not_find_its_stop() {
+fn derated_motor_does_not_find_its_stop() {
     // Of 990 over 8 °C, half a degree below OTEMP leaves 61, and two degrees 247.
     for (motor_temp, found) in [(695, Mode::Idle), (680, Mode::Trapezoidal)] {
         let mut bench = Bench::new(Joint::Tip);
@@ -104,16 +104,16 @@ fn a_motor_too_warm_to_press_does_not_find_its_stop() {
 }
 
 #[test]
-fn homing_needs_a_velocity_and_more_torque_than_friction() {
-    let lame: [fn(Config) -> Config; 4] = [
+fn homing_without_velocity_or_torque_above_friction_is_refused() {
+    let unable: [fn(Config) -> Config; 4] = [
         |c| Config { ivel: 0, ..c },
         |c| Config { ihit: 0, ..c },
         |c| Config { mt: 0, ..c },
         |c| Config { ihit: 62, ..c },
     ];
-    for lame in lame {
+    for change in unable {
         let mut bench = Bench::new(Joint::Tip);
-        let config = lame(*bench.servo.config());
+        let config = change(*bench.servo.config());
         bench.servo.trust_position();
         bench.servo.command(Command::Configure(config)).unwrap();
         assert_eq!(bench.servo.command(Command::Home), Err(Refusal::Homing), "{config:?}");

@@ -1,9 +1,9 @@
-//! What concerns the host: that it is there, what it reads back, and a position that it has stored.
+//! The host's silence, its readings, and a stored position.
 
 use super::*;
 
 #[test]
-fn a_lost_host_ends_what_it_steers_and_nothing_else() {
+fn lost_host_is_a_fault_in_modes_2_and_4_only() {
     for mode in Mode::ALL {
         let mut bench = Bench::in_mode(mode);
         bench.host_lost = true;
@@ -22,7 +22,7 @@ fn a_lost_host_ends_what_it_steers_and_nothing_else() {
 }
 
 #[test]
-fn torque_reads_as_commanded_until_a_limit_takes_of_it() {
+fn torque_reads_as_commanded_unless_a_limit_reduces_it() {
     let mut bench = Bench::in_mode(Mode::Torque);
     bench.servo.command(Command::Torque(Torque(300))).unwrap();
     bench.tick();
@@ -43,7 +43,7 @@ fn torque_reads_as_commanded_until_a_limit_takes_of_it() {
 }
 
 #[test]
-fn a_stored_position_can_be_trusted_and_e_reads_back() {
+fn stored_position_can_be_trusted_and_e_reads_back() {
     let mut servo = Servo::new(Joint::Tip.config(), -120);
     assert!(!servo.telemetry().homed);
     servo.trust_position();
