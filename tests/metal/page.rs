@@ -122,7 +122,7 @@ fn phrases() -> Vec<String> {
         format!("= {} MHz APB1: bxCAN; × 2 = {} MHz: TIM2", mega(timing::APB1_HZ), mega(timing::TIMER_HZ)),
         format!("= {} MHz ADC", mega(timing::ADC_HZ)),
         format!("{} kHz RC", timing::WATCHDOG_HZ / 1000),
-        format!("pairs at {} kHz, centred: the counter goes to {}", pwm::HZ / 1000, pwm::TOP),
+        format!("pairs at {} kHz, centered: the counter goes to {}", pwm::HZ / 1000, pwm::TOP),
         format!("the dead time is {} ns, {} ticks", pwm::DEAD_TIME_NS, pwm::DEAD_TIME),
         format!("up and down | {} µs |", 1_000_000 / pwm::HZ),
         format!("compare value {}: on the way down, {:.2} µs before", pwm::CONVERT, ticks(pwm::CONVERT)),
