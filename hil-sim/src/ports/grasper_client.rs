@@ -28,7 +28,6 @@ pub struct GrasperArgs {
 enum Event {
     /// An entry; `None` at the end of the input.
     Entry(Result<Option<Entry>, BadInput>),
-    /// Bytes from the hand.
     Received(Vec<u8>),
     /// The connection ended, and why.
     Gone(String),
@@ -85,7 +84,6 @@ struct Session {
     console: Console,
     /// The question printed and not yet answered.
     asked: Option<&'static str>,
-    /// The hand's last line.
     last: String,
 }
 

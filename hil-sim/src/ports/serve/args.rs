@@ -35,7 +35,6 @@ pub struct BusArgs {
 pub enum Place<'a> {
     /// A TCP client at this address.
     Slcan(&'a str),
-    /// A CAN interface.
     Can(&'a str),
 }
 

@@ -42,7 +42,6 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
     Server { bus, events, sender, host, unparsed: Vec::new(), clients: 0, pace: Pace::default() }.run(clock)
 }
 
-/// Node 0.
 enum Host {
     None,
     Slcan(Client),
@@ -57,7 +56,6 @@ struct Server<S> {
     host: Host,
     /// Bytes received while the adapter's queue was full.
     unparsed: Vec<u8>,
-    /// Number of clients so far.
     clients: u64,
     pace: Pace,
 }

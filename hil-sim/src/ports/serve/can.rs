@@ -19,7 +19,6 @@ mod linux {
     use super::super::event::{Event, bad};
     use crate::ports::output::warn;
 
-    /// An open interface.
     pub struct CanPort {
         socket: Arc<CanSocket>,
         warned: bool,

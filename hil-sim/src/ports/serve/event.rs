@@ -21,13 +21,11 @@ pub const EVENTS: usize = 16;
 
 /// A thread's report.
 pub enum Event {
-    /// A client has connected.
     Client(NewClient),
     /// Bytes of the client with this number.
     Bytes(u64, Vec<u8>),
     /// The client with this number has disconnected.
     Gone(u64),
-    /// A frame from the CAN interface.
     Frame(Frame),
     /// The CAN interface has failed.
     Lost(String),
@@ -36,17 +34,12 @@ pub enum Event {
 /// The protocol of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
-    /// Grasper Control Language.
     Gcl,
-    /// SLCAN.
     Slcan,
 }
 
-/// A new client, not accepted yet.
 pub struct NewClient {
-    /// Its connection.
     pub stream: TcpStream,
-    /// Its address.
     pub peer: String,
     /// The protocol of the port that it connected to.
     pub protocol: Protocol,

@@ -136,14 +136,12 @@ fn open_hand(args: &HandArgs) -> Result<(Hand, Option<StateFile>), BadInput> {
     Ok((hand, Some(state_file)))
 }
 
-/// GOD's host.
 enum Host {
     None,
     Tcp(Link),
     Terminal,
 }
 
-/// The pseudo-terminal, which outlives its hosts.
 struct Terminal {
     link: Link,
     new_link: Box<dyn Fn(u64, SyncSender<Event>) -> Link>,
@@ -161,7 +159,6 @@ struct Server {
     events: Receiver<Event>,
     /// For the threads of future links.
     sender: SyncSender<Event>,
-    /// Number of links so far.
     links: u64,
     /// `None`: as fast as possible.
     pace: Option<Pace>,
@@ -209,7 +206,6 @@ impl Server {
         }
     }
 
-    /// The host's link.
     fn link(&mut self) -> Option<&mut Link> {
         match &mut self.host {
             Host::None => None,

@@ -16,7 +16,6 @@ pub const CHUNK: usize = 1024;
 /// Chunks queued for writing.
 const MAX_CHUNKS: usize = 16;
 
-/// A byte stream.
 pub trait Port: Send + Sync + 'static {
     /// Blocks until bytes arrive; 0 at the end.
     ///
@@ -50,11 +49,8 @@ impl Port for TcpStream {
     }
 }
 
-/// An open byte stream.
 pub struct Link {
-    /// Its number in events.
     pub number: u64,
-    /// The peer's address.
     pub peer: String,
     port: Arc<dyn Port>,
     out: SyncSender<Vec<u8>>,

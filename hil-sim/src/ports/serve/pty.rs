@@ -21,7 +21,6 @@ mod unix {
     use super::super::event::bad;
     use super::super::link::Port;
 
-    /// Poll interval for hosts that open the terminal.
     const POLL: Duration = Duration::from_millis(20);
 
     /// The controlling side of the terminal.

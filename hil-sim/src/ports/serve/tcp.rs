@@ -107,7 +107,6 @@ pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> io::
 
 /// A client that speaks SLCAN.
 pub struct Client {
-    /// Its connection.
     pub link: Link,
     codec: Slcan,
     out: Vec<u8>,
