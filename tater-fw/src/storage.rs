@@ -1,42 +1,42 @@
-//! What outlives the power: the stored copies of properties, the counters, and whether the position may be trusted.
+//! Non-volatile state: the stored copies of properties, the counters, and whether the position may be trusted.
 //!
-//! Everything stands in one journal over the eight pages of [`STORAGE`](tater_wire::memory::STORAGE). A page begins
-//! with a complete record of all values (`record.rs`); behind it come records of what changed, and single half-words
+//! All of it is in one journal over the eight pages of [`STORAGE`](tater_wire::memory::STORAGE) (decision 0018). A page begins
+//! with a complete record of all values (`record.rs`); after it come records of changes, and single half-words
 //! by which the counters grew (`word.rs`). When a page is full, the next one that is ready gets a complete record, and
 //! pages with older state are erased while the bridge is off (`pages.rs`). [`Store::open`] takes the complete record
-//! with the highest sequence number and what follows it in its page, up to the first thing that is not whole; nothing
-//! is ever written behind such a thing.
+//! with the highest sequence number and what follows it in its page, up to the first incomplete item; nothing
+//! is ever written after an incomplete item.
 //!
-//! # What survives a power cut at any instant
+//! # Guarantees for a power cut at any instant
 //!
 //! * Properties: a record counts once its CRC-32 is in. What was set before a [`Store::step`] began a record is there
 //!   together or not at all, and what was stored before stays until then.
 //! * Counters never go backwards. At most [`LOSS`] is lost if [`Store::count`] is called ten times a second, `step` at
 //!   least once a millisecond, and the bridge has not been on for longer than the pages last (below).
-//! * Trust in the position is gone for good once [`Store::distrust`] has returned `Ok`. A cut within it leaves the
+//! * Trust in the position ends once [`Store::distrust`] has returned `Ok`. A cut within it leaves the
 //!   position trusted or not, the same at every start.
 //!
 //! # Programs of several versions
 //!
-//! The monitor is never downloaded, so a board's monitor reads and writes this layout for ever, and it must find ID,
-//! ROLE and SN, and lose nothing when it stores them. **So the layout is frozen**: version 1 is the only one. What is
+//! The monitor is never downloaded, so it reads and writes this layout forever. It must find ID, ROLE and SN, and lose nothing
+//! when it stores them. **So the layout is frozen**: version 1 is the only one. What is
 //! new gets a property number of its own, with a value of up to 32 bits; a program keeps the numbers that it does not
 //! know, and their values, as long as all stored together are at most 48 (up to 127: the wire has no others). Should a new layout be needed all the same,
 //! it gets pages of its own, and ID, ROLE and SN stay here.
 //!
-//! # What it relies on
+//! # Assumption
 //!
-//! All this holds if a half-word whose programming was cut short reads the same ever after.
+//! A half-word whose programming was interrupted reads the same from then on.
 //!
-//! # How long it takes
+//! # Duration
 //!
 //! A half-word takes 53 us, and a call of `step` programs one at most. It takes less than 100 us, because hall edges
-//! wait for it: so what makes a record programs nothing, and the CRC is made as the record is written. A record of one property has 8 half-words,
+//! wait for it: the step that builds a record programs nothing, and the CRC is computed while the record is written. A record of one property has 8 half-words,
 //! 0.42 ms; of all 43 that are stored up to 94, 5.0 ms; a complete one, at the beginning of a page, up to 102, 5.4 ms.
-//! What is stored already is not stored again. An erase takes 20 to 40 ms; it comes after a SAVE, not before, and only
+//! A value that is already stored is not written again. An erase takes 20 to 40 ms; it comes after a SAVE, not before, and only
 //! with the bridge off.
 //!
-//! # How long it lasts
+//! # Endurance
 //!
 //! A page is good for 10,000 erases (STM32F103 data sheet), the ring for 80,000 pages; all wear alike. Behind the
 //! longest complete record a page has room for 408 half-words.
@@ -81,7 +81,7 @@ const OPEN: Numbers = {
     open
 };
 
-/// Counters that are kept by themselves.
+/// Counters that are stored without a SAVE.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// UPSECS: seconds with power on.
@@ -92,7 +92,7 @@ pub struct Counters {
     pub ptemp: i16,
 }
 
-/// By how much a counter is ahead of the flash when the flash is told. This and what comes in 0.2 s, which are the next
+/// A counter is written when it is ahead of the flash by this much. This and what comes in 0.2 s, which are the next
 /// call of [`Store::count`] and a complete record and an erase before it is its turn, stay within [`LOSS`].
 const STEP: Counters = Counters { upsecs: 58, odometer: 6, ptemp: 1 };
 
@@ -103,10 +103,10 @@ const SPARING: Counters = Counters { upsecs: 960, odometer: 120, ptemp: 10 };
 /// yet), 1.0 °C. In 0.2 s a motor makes at most 816 counts (V), and a board's temperature rises by less than 0.9 °C.
 pub const LOSS: Counters = Counters { upsecs: 60, odometer: 7, ptemp: 10 };
 
-/// What one step of storing came to.
+/// The result of one step of storing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// All is stored.
+    /// Everything is stored.
     Done,
     /// There is more to do: call again.
     More,
@@ -125,10 +125,10 @@ const PTEMP: u8 = Property::PTEMP.id();
 /// A record on its way into the flash. What is in it up to its CRC is in `Store::words`.
 #[derive(Debug)]
 pub struct Writing {
-    /// Half-words of it that are in, and its length, with the CRC.
+    /// Half-words written, and the length with the CRC.
     done: usize,
     len: usize,
-    /// Of those that are in.
+    /// CRC of the half-words written.
     crc: Crc32,
     head: Head,
     page: Page,
@@ -155,23 +155,23 @@ impl Writing {
 /// The stored copies in RAM, and where the flash is.
 #[derive(Debug)]
 pub struct Store {
-    /// Those of other versions too.
+    /// Stored values, including numbers of other versions.
     values: Values,
-    /// Properties and counters that have been set since the flash was told.
+    /// Properties and counters that differ from the flash.
     changed: Numbers,
     counters: Counters,
-    /// As the flash has them.
-    kept: Counters,
+    /// The counters in the flash.
+    stored_counters: Counters,
     /// The hall code at P, if that may be trusted.
     trusted: Option<u8>,
-    /// The mark in the flash that says so, or might be read so.
+    /// Address of the mark in the flash that grants this trust, or might be read so.
     live: Option<u32>,
-    /// One that what follows it in the journal makes void: to be made 0, lest it be believed should that be damaged.
+    /// Address of a mark that a later record overrides. It is programmed to 0, in case that record is ever damaged.
     obsolete: Option<u32>,
     pages: Pages,
     sequence: u32,
     writing: Option<Writing>,
-    /// The record on its way.
+    /// The record that is being written, up to its CRC.
     words: Vec<u16, MOST_WORDS>,
 }
 
@@ -184,7 +184,7 @@ impl Store {
             values: Values::new(),
             changed: Numbers::NONE,
             counters: Counters::default(),
-            kept: Counters::default(),
+            stored_counters: Counters::default(),
             trusted: None,
             live: None,
             obsolete: None,
@@ -203,14 +203,14 @@ impl Store {
         let complete = |page| Found::read(flash, page, FIRST).filter(|record| record.head.complete);
         self.pages.survey(flash, |page| complete(page).map(|record| record.head.sequence));
         if let Some(page) = self.pages.previous() {
-            // Only for its mark, which a cut may have left: the complete record in the next page is of all else.
+            // Only for its mark, which a power cut may have left: the next page's complete record holds everything else.
             self.replay(flash, page);
         }
         if let Some(page) = self.pages.current() {
             let end = self.replay(flash, page);
             self.pages.ends_at(flash, end);
         }
-        self.kept = self.counters;
+        self.stored_counters = self.counters;
     }
 
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
@@ -219,21 +219,21 @@ impl Store {
         self.get_by(property.rules())
     }
 
-    /// [`Self::get`] for a program that has no room for all specs.
+    /// [`Self::get`] for a program without room for the whole table.
     #[must_use]
     pub fn get_by(&self, rules: &Rules) -> Option<i64> {
         let value = self.values.get(rules.property.id()).map(i64::from);
         value.filter(|&value| rules.admits(value))
     }
 
-    /// Stores a value, as soon as [`Self::step`] gets to it. Storing P says nothing about whether it may be trusted.
+    /// Queues a value to be stored by [`Self::step`]. A P stored this way is not trusted.
     ///
     /// Does nothing for a property that SAVE does not store, or a value beyond its range.
     pub fn set(&mut self, property: Property, value: i64) {
         self.set_by(property.rules(), value);
     }
 
-    /// [`Self::set`] for a program that has no room for all specs.
+    /// [`Self::set`] for a program without room for the whole table.
     pub fn set_by(&mut self, rules: &Rules, value: i64) {
         if let Ok(value) = i32::try_from(value)
             && rules.stored == Stored::Yes
@@ -288,7 +288,7 @@ impl Store {
         }
     }
 
-    /// A number that this version does not store gives way.
+    /// Drops a number that this version does not store.
     #[cold]
     #[inline(never)]
     fn make_room(&mut self, id: u8) {
@@ -313,7 +313,7 @@ impl Store {
     pub fn distrust<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
         self.trusted = None;
         if let Some(mark) = self.obsolete.take() {
-            // Not believed as long as what follows it can be read; so it may fail.
+            // A later record overrides it, so this may fail.
             let _ = flash.program(mark, 0);
         }
         if let Some(writing) = &mut self.writing
@@ -321,7 +321,7 @@ impl Store {
         {
             match flash.program(mark, 0) {
                 Ok(()) => writing.live = false,
-                // Then it must never be whole.
+                // Then the record must never be completed.
                 Err(_) => self.abandon(),
             }
         }
@@ -338,7 +338,7 @@ impl Store {
         self.counters
     }
 
-    /// The counters have come to this; stored when it is due. To be called ten times a second. None goes back by it.
+    /// Raises the counters to these values; lower values are ignored. Must be called ten times a second.
     pub fn count(&mut self, counters: Counters) {
         let now = &mut self.counters;
         now.upsecs = now.upsecs.max(counters.upsecs);
@@ -346,24 +346,23 @@ impl Store {
         now.ptemp = now.ptemp.max(counters.ptemp);
     }
 
-    /// Sets the counters, back too: what a SET after the sequence of LOCK does.
+    /// Sets the counters, also to lower values: a SET after LOCK's sequence.
     pub fn reset_counters(&mut self, counters: Counters) {
         self.counters = counters;
         COUNTERS.into_iter().for_each(|id| self.changed.insert(id));
     }
 
-    /// One flash operation, if one is due: a half-word programmed, or a page erased if it may be, which is only with the
-    /// bridge off.
+    /// Performs one flash operation, if one is due: programs a half-word, or erases a page if `may_erase` (bridge off).
     pub fn step<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Progress {
         self.advance(flash, may_erase).unwrap_or_else(Progress::Failed)
     }
 
     // --- the journal: replay and append -------------------------------------------------------------------------
 
-    /// Takes what stands in a page; where it ends.
+    /// Replays a page; returns where its contents end.
     fn replay<F: Flash>(&mut self, flash: &F, page: Page) -> usize {
         let mut at = FIRST;
-        // Everything is at least a half-word long.
+        // Every item is at least a half-word long.
         while at < PAGE_WORDS {
             let Some(word) = Word::decode(page.read(flash, at)) else { break };
             if let Word::Record(_) = word {
@@ -380,7 +379,7 @@ impl Store {
         at
     }
 
-    /// Takes a record.
+    /// Replays a record.
     fn take<F: Flash>(&mut self, flash: &F, found: &Found) {
         self.sequence = found.head.sequence;
         if found.head.complete {
@@ -400,9 +399,9 @@ impl Store {
         }
         if has_position {
             let mark = found.mark().map_or(0, |mark| flash.half_word(mark));
-            // Partly programmed is distrusted, and the rest of it is still to be done.
+            // A partly programmed mark is distrusted and must still be completed.
             self.trusted = found.head.trusted.filter(|_| mark == u16::MAX);
-            // A cut has come before it was made 0.
+            // A power cut came before it was programmed to 0.
             self.obsolete = self.live.take().or(self.obsolete);
             self.live = found.mark().filter(|_| mark != 0);
         }
@@ -421,7 +420,7 @@ impl Store {
             let Some((page, at)) = self.pages.room(1) else { return self.begin(flash, may_erase) };
             flash.program(page.address(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
             self.pages.add(1);
-            self.kept = grown(self.kept, word);
+            self.stored_counters = grown(self.stored_counters, word);
         } else if may_erase && let Some(page) = self.pages.stale() {
             self.pages.erase(flash, page)?;
         } else {
@@ -430,24 +429,23 @@ impl Store {
         Ok(Progress::More)
     }
 
-    /// What the counters have grown by, if it is enough to be told.
+    /// The largest due counter growth, if any.
     fn due(&self) -> Option<Word> {
-        let (now, kept) = (self.counters, self.kept);
+        let (now, stored) = (self.counters, self.stored_counters);
         let step = if self.pages.has_ready() { STEP } else { SPARING };
-        let rise = i32::from(now.ptemp) - i32::from(kept.ptemp);
+        let rise = i32::from(now.ptemp) - i32::from(stored.ptemp);
         let enough = |ahead: u32, step: u32| {
             (ahead >= step).then(|| u16::try_from(ahead).map_or(MOST, |ahead| ahead.min(MOST)))
         };
-        enough(now.upsecs.saturating_sub(kept.upsecs), step.upsecs)
+        enough(now.upsecs.saturating_sub(stored.upsecs), step.upsecs)
             .map(Word::Time)
-            .or_else(|| enough(now.odometer.saturating_sub(kept.odometer), step.odometer).map(Word::Travel))
+            .or_else(|| enough(now.odometer.saturating_sub(stored.odometer), step.odometer).map(Word::Travel))
             .or_else(|| {
                 enough(u32::try_from(rise).unwrap_or(0), step.ptemp.unsigned_abs().into()).map(Word::Heat)
             })
     }
 
-    /// Makes a record, which the next steps write: of what has changed behind the others if there is room, else of everything
-    /// in the next page.
+    /// Builds a record for the next steps to write: of the changes, if the page has room, else of everything, in the next page.
     fn begin<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Result<Progress, FlashError> {
         let complete = self.pages.room(1).is_none();
         let head = self.record(complete);
@@ -455,7 +453,7 @@ impl Store {
         let (page, at) = if let Some(place) = self.pages.room(len) {
             place
         } else if !complete {
-            // The next step makes a complete one: hall edges wait for a step.
+            // The next step builds a complete one: hall edges wait for a step.
             self.pages.close();
             return Ok(Progress::More);
         } else if let Some(page) = self.pages.take_ready() {
@@ -473,7 +471,7 @@ impl Store {
         Ok(Progress::More)
     }
 
-    /// Makes the next record: of all there is, or of what has changed.
+    /// Builds the next record: of everything, or of the changes.
     fn record(&mut self, complete: bool) -> Head {
         let trusted = self.trusted.filter(|_| complete || self.changed.contains(P));
         let head = Head { sequence: self.sequence.wrapping_add(1), complete, trusted };
@@ -495,7 +493,7 @@ impl Store {
         head
     }
 
-    /// Programs a record's next half-word, and counts it as stored with the last one.
+    /// Programs a record's next half-word; with the last one the record counts as stored.
     fn proceed<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
         let Some(writing) = &mut self.writing else { return Ok(()) };
         let [low, high] = halves(writing.crc.finish());
@@ -524,7 +522,7 @@ impl Store {
         }
         self.sequence = head.sequence;
         if head.complete || writing.changed.contains(UPSECS) {
-            self.kept = writing.counters;
+            self.stored_counters = writing.counters;
         }
         if head.complete || writing.changed.contains(P) {
             self.obsolete = self.live.take();
@@ -534,9 +532,8 @@ impl Store {
         Ok(())
     }
 
-    /// Gives up the record on its way, and its page: what is in it comes with the next, elsewhere. Should it be
-    /// readable after all, its mark must not be believed, and what follows must be newer: so its number is used up, and
-    /// nothing more goes into the page that was current.
+    /// Abandons the record that is being written, and its page; the next record repeats it elsewhere. In case it is readable after
+    /// all, its mark is queued to become 0, its sequence number is used up, and nothing more goes into the current page.
     fn abandon(&mut self) {
         if let Some(writing) = &self.writing {
             self.obsolete = writing.mark();
