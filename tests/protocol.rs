@@ -10,3 +10,4 @@ mod locked;
 mod properties;
 mod table;
 mod tek;
+mod wire;

@@ -16,38 +16,17 @@
 //! blocks of zeros; so its file is complete only with its sections, which [`Reader::section`] returns. And it
 //! writes the low 32 bits of an address.
 
+mod character;
 mod decode;
 mod encode;
 mod error;
 mod file;
 
+pub use character::value;
 pub use decode::{Decoder, MAX_DATA, Record};
 pub use encode::{DATA_BYTES, Encoder, Line, end};
 pub use error::{TekError, TekErrorKind};
 pub use file::{Dialect, MAX_LINE, Reader};
-
-/// A character's contribution to a checksum; `None` if it cannot be in a record.
-#[must_use]
-pub const fn value(character: u8) -> Option<u8> {
-    match character {
-        b'0'..=b'9' => Some(character - b'0'),
-        b'A'..=b'Z' => Some(character - b'A' + 10),
-        b'$' => Some(36),
-        b'%' => Some(37),
-        b'.' => Some(38),
-        b'_' => Some(39),
-        b'a'..=b'z' => Some(character - b'a' + 40),
-        _ => None,
-    }
-}
-
-/// Value of a hexadecimal digit; lower case is not one.
-const fn digit(character: u8) -> Option<u8> {
-    match value(character) {
-        Some(value) if value < 16 => Some(value),
-        _ => None,
-    }
-}
 
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,11 @@
-//! The property table against the design's own list, where that lies beside the checkout.
+//! The property table against an independent list, where that lies beside the checkout.
 
 use std::path::Path;
 
 use tater_wire::property::{Access, ROWS, Stored};
 use tater_wire::{Node, Property};
 
-/// Where the design's list is, from this package.
+/// The list, relative to this package.
 const LIST: &str = "../../shared/data/properties.csv";
 
 /// What the list lacks: in mode 4 V is the velocity commanded, and RealTime feeds back the one that there is (manual 5.3.3).
@@ -25,7 +25,7 @@ fn fields(line: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_table_is_the_design_s() {
+fn property_table_equals_the_independent_list() {
     let Ok(list) = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(LIST)) else {
         println!("skipped: no properties.csv in ../shared beside the checkout");
         return;
@@ -35,7 +35,7 @@ fn the_table_is_the_design_s() {
     for row in ROWS.iter().filter(|row| !ADDED.contains(&row.property)) {
         let id = row.property.id().to_string();
         let line =
-            lines.iter().find(|line| line[0] == id).unwrap_or_else(|| panic!("{} is not there", row.name));
+            lines.iter().find(|line| line[0] == id).unwrap_or_else(|| panic!("{} is missing", row.name));
         let access = match row.access {
             Access::ReadOnly => "ro",
             Access::ReadWrite => "rw",

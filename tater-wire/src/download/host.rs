@@ -7,7 +7,7 @@ use core::fmt;
 
 use heapless::Deque;
 
-use super::{CHARACTERS, START, START_NUMBERED, pack};
+use super::numbered::{CHARACTERS, START, START_NUMBERED, pack};
 use crate::{Body, Destination, FaultCode, Frame, Group, Identifier, Message, Node, Property};
 
 /// Interval of asking a board for its state, µs: it may be busy for the 40 ms of a page.

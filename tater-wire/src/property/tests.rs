@@ -1,4 +1,5 @@
 use super::*;
+use crate::{Node, Value};
 
 #[test]
 fn property_numbers_and_names_are_unique_and_ascend() {

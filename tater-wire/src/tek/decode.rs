@@ -2,7 +2,8 @@
 
 use heapless::Vec;
 
-use super::{TekError, TekErrorKind, digit, value};
+use super::character::{digit, value};
+use super::error::{TekError, TekErrorKind};
 
 /// Most data bytes in one record: 255 characters minus the shortest head, in pairs.
 pub const MAX_DATA: usize = 124;

@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::value;
+use super::character::value;
 
 /// Most data bytes in an encoded record.
 pub const DATA_BYTES: usize = 32;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::DATA_BYTES;
+use super::encode::DATA_BYTES;
 
 /// A defect and its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,7 +4,10 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use super::{DATA_BYTES, Decoder, Record, TekError, TekErrorKind, digit};
+use super::character::digit;
+use super::decode::{Decoder, Record};
+use super::encode::DATA_BYTES;
+use super::error::{TekError, TekErrorKind};
 
 /// Most characters of a line in a download, without its end: hosts read no more.
 pub const MAX_LINE: u16 = 98;
