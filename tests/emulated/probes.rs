@@ -33,7 +33,10 @@ fn release_image_logs_and_production_image_has_none() {
     bench.wait_ms(5);
     let lines = said(&mut bench);
     // The event ring of the board, entry by entry.
-    assert!(lines.len() == 1 && lines[0].contains("Refused { property: Some(0), error: Access(VERS) }"), "{lines:?}");
+    assert!(
+        lines.len() == 1 && lines[0].contains("Refused { property: Some(0), error: Access(VERS) }"),
+        "{lines:?}"
+    );
     if folder("production").join("tater.elf").exists() {
         let error = Probe::new(&folder("production").join("tater.elf")).err().expect("it is silent");
         assert!(error.contains("--profile release"), "{error}");
