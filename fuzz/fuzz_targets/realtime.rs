@@ -11,7 +11,6 @@ struct Shape {
     feedback: usize,
 }
 
-/// Sets the flags, and enters RealTime.
 fn begin(god: &mut God, flags: u16) -> Shape {
     let bit = |bit: u16| usize::from(flags >> bit & 1);
     let [lcv, lcpg, lfv, lfs, lfdp, lft, lfdpd] = [bit(0), bit(1), bit(2), bit(3), bit(4), bit(5), bit(6)];

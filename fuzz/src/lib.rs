@@ -12,10 +12,8 @@ use tater_wire::{Body, Destination, Message, Node, Property};
 /// ^C.
 const ABORT: u8 = 3;
 
-/// GOD's line end.
 pub const LINE_END: &str = "\r\n\r";
 
-/// GOD's prompt.
 pub const PROMPT: &str = "\r\n\r=> ";
 
 /// The largest control block: this many bytes after its header are data, including ^C.
@@ -25,7 +23,6 @@ const BLOCK: usize = 14;
 /// the host's bytes for 20 ms.
 const PROMPT_US: u64 = 100_000;
 
-/// GOD with simulated boards.
 pub struct God {
     io: Rc<Io>,
     future: Pin<Box<dyn Future<Output = std::convert::Infallible>>>,
@@ -36,14 +33,11 @@ pub struct God {
     known: bool,
     /// The last V set, by node.
     velocities: [i64; 7],
-    /// All output to the host.
     pub said: Vec<u8>,
-    /// Whether RealTime has started once.
     was_raw: bool,
 }
 
 impl God {
-    /// A GOD at its first prompt.
     pub fn new(word: u32, known: bool) -> Self {
         let (io, memory) = (Rc::new(Io::default()), Rc::new(Memory::default()));
         let ports = Rc::clone(&io);
@@ -62,7 +56,6 @@ impl God {
         self.run_for(1_000);
     }
 
-    /// Types text.
     pub fn types(&mut self, text: &str) {
         text.bytes().for_each(|byte| self.send(byte));
     }
@@ -77,19 +70,16 @@ impl God {
         assert!(!self.io.is_raw());
     }
 
-    /// Whether it is in RealTime.
     #[must_use]
     pub fn is_raw(&self) -> bool {
         self.io.is_raw()
     }
 
-    /// Whether every motor has been ordered to stop.
     #[must_use]
     pub fn stands(&self) -> bool {
         self.velocities == [0; 7]
     }
 
-    /// All output, readable.
     #[must_use]
     pub fn told(&self) -> String {
         self.said.escape_ascii().to_string()
@@ -115,7 +105,6 @@ impl God {
         }
     }
 
-    /// Lets time pass.
     pub fn run_for(&mut self, us: u64) {
         let until_us = self.now_us + us;
         loop {

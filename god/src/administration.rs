@@ -7,7 +7,6 @@ use crate::god::{God, Text, VERSION};
 use crate::grammar::Arguments;
 use crate::status::{self, Status};
 
-/// The categories of commands, in the manual's order.
 const CATEGORIES: [(Category, &str); 6] = [
     (Category::Movement, "Movement"),
     (Category::MotorParameters, "Motor parameters"),
@@ -41,7 +40,6 @@ pub(crate) async fn execute(god: &God<'_>, command: GclCommand, mut arguments: A
     }
 }
 
-/// Prints the names of commands, a line for each category.
 async fn list(god: &God<'_>, advanced: bool) -> Status {
     for (category, title) in CATEGORIES {
         if category == Category::Advanced && !advanced {
@@ -57,7 +55,6 @@ async fn list(god: &God<'_>, advanced: bool) -> Status {
     Status::OK
 }
 
-/// Prints a command's name, arguments and purpose.
 async fn help(god: &God<'_>, name: &str) -> Status {
     let Some(row) = command::find(name).and_then(GclCommand::row) else { return Status::UNKNOWN_COMMAND };
     let space = if row.arguments.is_empty() { "" } else { " " };

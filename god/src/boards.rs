@@ -14,7 +14,6 @@ use crate::status::Status;
 /// Time limit of an answer, µs: it takes half a millisecond, and 40 ms while the board erases a page (docs/wire.md).
 const ANSWER_US: u64 = 60_000;
 
-/// Attempts of a question before its board counts as absent.
 const TRIES: usize = 3;
 
 /// Time limit of waking a board, which may be off the bus for a second (docs/wire.md), and the poll interval meanwhile, µs.
@@ -145,15 +144,12 @@ impl Ahead<Option<i64>> {
     }
 }
 
-/// State of one board.
 #[derive(Clone, Copy, Debug, Default)]
 struct Board {
     reported: Reported,
-    /// The mode that was logged last.
     logged_mode: Option<i64>,
     /// Answers to [`Boards::ask_ahead`].
     ahead: Ahead<Option<i64>>,
-    /// When the last frame of this board came in, µs.
     received_us: u64,
 }
 
@@ -162,7 +158,6 @@ struct Board {
 pub struct Boards<'a> {
     io: &'a Io,
     boards: RefCell<[Board; COUNT]>,
-    /// When [`Boards::ask_ahead`] asked last, µs.
     asked_us: Cell<u64>,
 }
 
@@ -320,7 +315,6 @@ impl<'a> Boards<'a> {
         boards.get_mut(motor.index()).map(|board| core::mem::take(&mut board.reported)).unwrap_or_default()
     }
 
-    /// When the last frame of a motor's board came in, µs.
     pub(crate) fn received_us(&self, motor: Motor) -> u64 {
         self.boards.borrow().get(motor.index()).map_or(0, |board| board.received_us)
     }
@@ -333,7 +327,6 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// Notes all frames that came in.
     pub(crate) fn drain(&self) {
         while let Some(frame) = self.io.try_receive() {
             self.note(&frame);
@@ -360,7 +353,6 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// Logs faults, changes of mode and ends, and notes the time.
     fn log_answer(&self, motor: Motor, property: Property, value: i64) {
         let mut boards = self.boards.borrow_mut();
         let Some(board) = boards.get_mut(motor.index()) else { return };

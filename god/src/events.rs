@@ -93,7 +93,6 @@ pub struct EventLog {
 }
 
 impl EventLog {
-    /// Adds an event; the oldest one makes room.
     pub(crate) fn record(&self, at_us: u64, kind: EventKind) {
         self.ring.borrow_mut().write(Event { at_us, kind });
     }

@@ -22,7 +22,6 @@ pub const BANNER: &str = "GOD of a BarrettWraptor, as BarrettHand Firmware";
 /// The version of GOD's software: that of the boards it is made for.
 pub const VERSION: u16 = 600;
 
-/// A line of an answer being assembled.
 pub(crate) type Text = String<TEXT>;
 
 /// State shared by all commands.
@@ -49,12 +48,10 @@ impl<'a> God<'a> {
         }
     }
 
-    /// Prints a line of an answer.
     pub(crate) async fn print_line(&self, text: fmt::Arguments<'_>) {
         self.io.print(format_args!("{LINE_END}{text}")).await;
     }
 
-    /// Prints the prompt.
     pub(crate) async fn prompt(&self) {
         self.print_line(format_args!("{PROMPT}")).await;
     }

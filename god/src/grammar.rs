@@ -96,7 +96,6 @@ pub fn parse(line: &str) -> Result<Statement<'_>, Status> {
     let (prefix, rest) = line.split_at_checked(prefix_len(line)).unwrap_or((line, ""));
     let rest = rest.trim_ascii_start();
     let (name, arguments) = split(rest, |c| c.is_ascii_alphabetic() || c == '?');
-    // After these, a name may follow without white space.
     let (name, arguments) = NAMING
         .iter()
         .find_map(|&naming| Some((naming, rest.strip_prefix(naming)?)))
@@ -115,7 +114,7 @@ pub fn parse(line: &str) -> Result<Statement<'_>, Status> {
     Ok(Statement::Command { command, prefix, arguments: Arguments::of(arguments) })
 }
 
-/// The commands whose arguments are names.
+/// The commands whose arguments are names. A name may follow one of these without white space.
 const NAMING: [&str; 5] = ["?", "FSET", "FGET", "PSET", "PGET"];
 
 /// Length of a line's motor prefix: digits, X, G and S, and white space before digits; S or G after white space belongs to the walk-through's

@@ -44,7 +44,6 @@ pub const NEVER: u64 = u64::MAX;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BusDown;
 
-/// A frame that waits for the bus.
 #[derive(Clone, Copy, Debug)]
 struct Queued {
     frame: Frame,
@@ -61,7 +60,6 @@ pub struct Io {
     tx: RefCell<Deque<u8, TX>>,
     rx_frames: RefCell<Deque<Frame, FRAMES>>,
     tx_frames: RefCell<Deque<Queued, FRAMES>>,
-    /// See [`Io::take_cancel`].
     cancel: Cell<bool>,
     /// The bus took no frames, and nothing came in since.
     is_bus_down: Cell<bool>,
@@ -69,15 +67,12 @@ pub struct Io {
     aborted: Cell<bool>,
     /// In RealTime every byte is data, including ^C.
     raw: Cell<bool>,
-    /// The byte that arrived last.
     last_rx: Cell<Option<u8>>,
     /// CR or LF, if that was the last byte of the text.
     line_end: Cell<Option<u8>>,
-    /// See [`Io::baud`].
     baud: Cell<u16>,
     /// Temperature of this board, 0.1 °C.
     temperature: Cell<i16>,
-    /// Bytes or frames lost because a queue was full.
     lost: Cell<u32>,
     events: EventLog,
 }
@@ -186,17 +181,14 @@ impl Io {
         self.now_us.get()
     }
 
-    /// The time so many µs from now.
     pub(crate) const fn after_us(&self, us: u64) -> u64 {
         self.now_us.get().saturating_add(us)
     }
 
-    /// The temperature of this board, 0.1 °C.
     pub(crate) const fn temperature(&self) -> i16 {
         self.temperature.get()
     }
 
-    /// Adds an event to the log.
     pub(crate) fn record(&self, kind: EventKind) {
         self.events.record(self.now_us(), kind);
     }
@@ -220,7 +212,6 @@ impl Io {
         .await
     }
 
-    /// Waits until a time.
     pub(crate) async fn sleep_until(&self, deadline_us: u64) {
         self.wait_until::<()>(deadline_us, || None).await;
     }
@@ -230,7 +221,6 @@ impl Io {
         self.wait_until(deadline_us, || self.try_read()).await
     }
 
-    /// The next received byte, if any.
     pub(crate) fn try_read(&self) -> Option<u8> {
         self.rx.borrow_mut().pop_front()
     }
@@ -240,7 +230,6 @@ impl Io {
         self.is_aborted() || !self.rx.borrow().is_empty()
     }
 
-    /// The byte that arrived last, read or not.
     pub(crate) const fn last_rx(&self) -> Option<u8> {
         self.last_rx.get()
     }
@@ -256,12 +245,10 @@ impl Io {
         is_second
     }
 
-    /// Receives the next frame; `None` at the deadline.
     pub(crate) async fn receive(&self, deadline_us: u64) -> Option<Frame> {
         self.wait_until(deadline_us, || self.try_receive()).await
     }
 
-    /// The next received frame, if any.
     pub(crate) fn try_receive(&self) -> Option<Frame> {
         self.rx_frames.borrow_mut().pop_front()
     }
@@ -283,7 +270,6 @@ impl Io {
         if self.is_bus_down.get() { Err(BusDown) } else { Ok(()) }
     }
 
-    /// Whether the bus has been taking no frames.
     pub(crate) const fn is_bus_down(&self) -> bool {
         self.is_bus_down.get()
     }
@@ -311,7 +297,6 @@ impl Io {
         self.drop_frames();
     }
 
-    /// Since when the oldest queued frame waits, µs.
     fn oldest_us(&self) -> Option<u64> {
         self.tx_frames.borrow().front().map(|queued| queued.since_us)
     }
@@ -364,12 +349,10 @@ impl Io {
         self.write(buffer.as_bytes()).await;
     }
 
-    /// Whether ^C arrived since the last call.
     pub(crate) fn take_abort(&self) -> bool {
         self.aborted.replace(false)
     }
 
-    /// Whether ^C arrived and is not handled yet.
     pub(crate) const fn is_aborted(&self) -> bool {
         self.aborted.get()
     }
@@ -380,7 +363,6 @@ impl Io {
         self.aborted.set(true);
     }
 
-    /// Sets the serial line's baud rate / 100.
     pub(crate) fn set_baud(&self, baud: u16) {
         self.baud.set(baud);
     }
@@ -395,7 +377,6 @@ impl Io {
         }
     }
 
-    /// Begins raw mode: every byte is data.
     pub(crate) fn enter_raw(&self) {
         self.raw.set(true);
     }
@@ -415,7 +396,6 @@ pub(crate) async fn unless_aborted<T>(io: &Io, work: impl Future<Output = T>) ->
     .await
 }
 
-/// Runs two futures at once, to the end of both.
 pub(crate) async fn join<A, B>(one: impl Future<Output = A>, other: impl Future<Output = B>) -> (A, B) {
     let (mut one, mut other) = (core::pin::pin!(one), core::pin::pin!(other));
     let (mut first, mut second) = (None, None);

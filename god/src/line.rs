@@ -26,7 +26,6 @@ pub enum Input {
     Abort,
 }
 
-/// Reads a line.
 pub(crate) async fn read(io: &Io) -> Input {
     let mut line = String::new();
     let mut too_long = false;

@@ -152,12 +152,10 @@ impl Memory {
         self.changed.replace(false).then(|| self.stored.borrow().clone())
     }
 
-    /// Reads it.
     pub(crate) fn read<T>(&self, read: impl FnOnce(&Stored) -> T) -> T {
         read(&self.stored.borrow())
     }
 
-    /// Changes it, to be stored.
     pub(crate) fn update<T>(&self, update: impl FnOnce(&mut Stored) -> T) -> T {
         self.changed.set(true);
         update(&mut self.stored.borrow_mut())

@@ -32,7 +32,6 @@ const LOST_US: u64 = 200_000;
 pub(crate) enum Breakaway {
     /// Breakaway is off: BT is 0 for the motion. With X "breakaways become irrelevant", and a link that meets something stalls.
     Off,
-    /// The tip continues to its goal.
     TipGoesOn,
     /// The tip goes to this position instead, GCL counts: C, to envelop the object.
     TipGoesTo(Answers),
@@ -40,34 +39,29 @@ pub(crate) enum Breakaway {
     TipStops,
 }
 
-/// The motion that a command asks for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plan {
-    /// The motors that move.
     pub motors: Motors,
     /// Their positions, GCL counts; motors that move until they stall have neither this nor a goal.
     pub from: Answers,
-    /// Their goals, GCL counts.
+    /// GCL counts.
     pub goals: Answers,
     /// Motors that get this number of CMD instead of M with their goal.
     pub order: Option<(Motors, Cmd)>,
     /// Whether a motor that does not reach its goal is an error.
     pub is_judged: bool,
-    /// Reaction to a breakaway.
     pub breakaway: Breakaway,
     /// Motors that arrive together; those of a finger, if they move until they stall, only move together.
     pub together: [Motors; 3],
 }
 
 impl Plan {
-    /// A motion by a number of CMD, without a goal.
     pub fn by_command(motors: Motors, cmd: Cmd, together: [Motors; 3]) -> Self {
         let (from, goals) = (Answers::default(), Answers::default());
         let order = Some((motors, cmd));
         Self { motors, from, goals, order, is_judged: false, breakaway: Breakaway::TipGoesOn, together }
     }
 
-    /// A motion to positions.
     pub fn to(goals: Answers, from: Answers) -> Self {
         let (motors, breakaway) = (goals.motors(), Breakaway::TipGoesOn);
         Self { motors, from, goals, order: None, is_judged: true, breakaway, together: [Motors::NONE; 3] }
@@ -80,7 +74,6 @@ impl Plan {
         }
     }
 
-    /// Whether a motor is in this motion while its board is in that mode.
     fn runs_in(&self, motor: Motor, mode: i64) -> bool {
         let mode = ModeCode::of(mode);
         match self.cmd(motor) {
@@ -108,18 +101,14 @@ pub(crate) async fn run(god: &God<'_>, plan: &Plan) -> Status {
     status
 }
 
-/// A motor's share of a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Share {
-    /// Not part of it.
     #[default]
     None,
-    /// Its board has the order.
     Moving {
         /// The board answered a mode that is not one of this motion: with END 0 after that, it has dropped out.
         left: bool,
     },
-    /// Its board stated why it ended.
     Ended(EndCode),
     /// Its board did not begin the motion, or left it, without an END: a latched fault, IVEL 0, another host.
     Dropped,
@@ -133,16 +122,13 @@ impl Share {
     }
 }
 
-/// A motion under way.
 struct Motion<'a, 'g> {
     god: &'a God<'g>,
     plan: &'a Plan,
-    /// Motors with HOLD.
     holding: Motors,
     /// Links with BS: their tips stop with them.
     tips_stop: Motors,
     shares: [Share; COUNT],
-    /// When the last order was sent, µs.
     started_us: u64,
 }
 
@@ -174,10 +160,7 @@ impl Motion<'_, '_> {
     }
 }
 
-// --- prepare --------------------------------------------------------------------------------------------
-
 impl<'a, 'g> Motion<'a, 'g> {
-    /// Configures the boards for the motion, and reads what it needs of them.
     async fn prepare(god: &'a God<'g>, plan: &'a Plan) -> Result<Self, Status> {
         let motors = plan.motors;
         god.boards.set(motors, Property::LFLAGS, REPORTS).await;
@@ -200,8 +183,6 @@ impl<'a, 'g> Motion<'a, 'g> {
         Ok(Self { god, plan, holding, tips_stop, shares: [Share::None; COUNT], started_us: 0 })
     }
 }
-
-// --- start ----------------------------------------------------------------------------------------------
 
 impl Motion<'_, '_> {
     /// Sets motors going. Returns those that have ended or dropped out at once.
@@ -238,8 +219,6 @@ impl Motion<'_, '_> {
     }
 }
 
-// --- follow ---------------------------------------------------------------------------------------------
-
 impl Motion<'_, '_> {
     /// Waits until no motor moves any more, and acts on each end; `over` are those that have ended or dropped out already.
     async fn follow(&mut self, mut over: Motors) {
@@ -267,7 +246,6 @@ impl Motion<'_, '_> {
         }
     }
 
-    /// Notes the mode and end of a moving motor's board.
     fn note(&mut self, motor: Motor, reported: Reported) {
         let Share::Moving { left } = self.share(motor) else { return };
         let share = match (reported.end, reported.mode) {
@@ -326,7 +304,6 @@ impl Motion<'_, '_> {
         Motors::NONE
     }
 
-    /// Orders silent boards to stop once more before the host learns of them, and again after some time.
     async fn stop_silent(&self) {
         let silent = self.silent();
         if !silent.is_empty() {
@@ -337,8 +314,6 @@ impl Motion<'_, '_> {
         self.god.session.take_moving();
     }
 }
-
-// --- judge ----------------------------------------------------------------------------------------------
 
 impl Motion<'_, '_> {
     /// The status of each motor, into S, and their sum; `unstarted` had ended or dropped out before they could begin.

@@ -35,7 +35,6 @@ use crate::{order, query};
 /// Greatest distance or position of an argument, GCL counts (manual 5.2.1).
 const MAX_COUNTS: i64 = 20_000;
 
-/// Runs a movement command.
 pub(crate) async fn execute(
     god: &God<'_>,
     command: GclCommand,
@@ -124,7 +123,6 @@ fn argument(command: GclCommand, arguments: Arguments<'_>) -> Result<Option<i64>
     if number.is_none_or(|number| range.contains(&number)) { Ok(number) } else { Err(Status::INVALID_VALUE) }
 }
 
-/// The motors of a selection that a command moves.
 fn movers(command: GclCommand, selection: Selection) -> Motors {
     let motors = selection.motors();
     match command {
@@ -138,7 +136,6 @@ fn movers(command: GclCommand, selection: Selection) -> Motors {
     }
 }
 
-/// HI, in two stages.
 async fn initialize(god: &God<'_>, motors: Motors) -> Status {
     let mut sum = Status::OK;
     for stage in [motors.intersection(Motors::LINKS), motors.difference(Motors::LINKS)] {

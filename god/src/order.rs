@@ -18,8 +18,6 @@ use crate::status::Status;
 /// (decision 0013).
 const KEEPALIVE_US: u64 = 200_000;
 
-// --- motions --------------------------------------------------------------------------------------------
-
 /// Makes motors ready to move, all of them or none: awake, and without faults of former motions. A failed flash stays known; it stops no
 /// motor.
 ///
@@ -50,7 +48,6 @@ pub(crate) async fn abort_motion(god: &God<'_>) {
     restore_properties(god, Motors::NONE).await;
 }
 
-/// Sends keep-alives to boards whose motors press on. Never ends.
 pub(crate) async fn send_keepalives(god: &God<'_>) -> Infallible {
     loop {
         let pressing = || Some(god.session.pressing()).filter(|motors| !motors.is_empty());
@@ -60,8 +57,6 @@ pub(crate) async fn send_keepalives(god: &God<'_>) -> Infallible {
         god.boards.set(god.session.pressing(), Property::LFLAGS, REPORTS).await;
     }
 }
-
-// --- properties for the time of a motion ----------------------------------------------------------------
 
 /// Overrides a property of [`OVERRIDABLE`] until [`restore_properties`] sets it to `own` again.
 pub(crate) async fn override_property(god: &God<'_>, property: Property, values: &Answers, own: &Answers) {
@@ -98,8 +93,6 @@ pub(crate) async fn restore_speed(god: &God<'_>, motors: Motors) {
         god.boards.set_each(property, &Answers::from_fn(motors, |motor| own.get(motor))).await;
     }
 }
-
-// --- parameters -----------------------------------------------------------------------------------------
 
 /// Sets a parameter. A SET to a board is verified by a GET. Returns [`Status::NO_BOARD`] and [`Status::INVALID_VALUE`], where a board has
 /// another value.

@@ -19,18 +19,15 @@ use crate::motors::{Motor, Motors};
 use crate::status::Status;
 use crate::{order, query, units};
 
-/// A move, as the board plans it.
 #[derive(Clone, Copy, Debug)]
 struct Travel {
     /// Hall counts, 0 or more.
     distance: i64,
-    /// ACCEL.
     accel: i64,
     /// Cruise velocity, hall counts/s.
     velocity: i64,
 }
 
-/// Least value of MV, hall counts/s.
 const MIN_VELOCITY: i64 = Property::MV.rules().min();
 
 impl Travel {

@@ -300,7 +300,6 @@ mod tests {
         assert_eq!(counts, [0, 1, 2, 3, 4]);
     }
 
-    /// A factory-new board has the rounding of the language's defaults.
     #[test]
     fn defaults_in_counts_round_to_the_boards_defaults() {
         for motor in Motors::ALL.iter() {

@@ -16,8 +16,6 @@ const POSITION_KNOWN: i64 = 1 << 30;
 /// OTEMP of a hand without a limit, 0.1 °C (manual 5.4.1).
 const NO_LIMIT: i16 = -551;
 
-// --- motors ---------------------------------------------------------------------------------------------
-
 /// The motors of a prefix. Without one those with EN, for which all boards are woken. A board that does not answer counts as enabled, so
 /// that a hand with a dead board reports it.
 ///
@@ -44,9 +42,6 @@ pub(crate) async fn awake_selection(god: &God<'_>, prefix: Prefix) -> Result<Sel
     if silent.is_empty() { Ok(selection) } else { Err(Status::NO_BOARD) }
 }
 
-// --- readiness ------------------------------------------------------------------------------------------
-
-/// Whether the hand is hotter than OTEMP.
 pub(crate) fn is_too_hot(god: &God<'_>) -> bool {
     let limit = god.parameters.borrow().hand.otemp;
     limit != NO_LIMIT && god.io.temperature() > limit
@@ -82,8 +77,6 @@ pub(crate) async fn check_ready(god: &God<'_>, motors: Motors, initialized: bool
 pub(crate) async fn uninitialized(god: &God<'_>, motors: Motors) -> Motors {
     god.boards.get(motors, Property::HALLH).await.filter(|bits| bits & POSITION_KNOWN == 0)
 }
-
-// --- values ---------------------------------------------------------------------------------------------
 
 /// A property of each of those motors, in the board's unit.
 ///

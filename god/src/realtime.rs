@@ -46,10 +46,8 @@ const DISCARD_US: u64 = 1_000_000;
 /// Time that a board may take until it drives in mode 4, µs: the spread's brake releases in 30 ms.
 const DRIVE_US: u64 = 40_000;
 
-/// Greatest velocity that a board takes, hall counts/s.
 const MAX_VELOCITY: i64 = Property::V.rules().max();
 
-/// The end of RealTime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     /// ^C instead of a header: the prompt without an error.
@@ -58,7 +56,6 @@ enum End {
     Error(Status, usize),
 }
 
-/// Runs LOOP.
 pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<'_>) -> Status {
     if let Err(status) = arguments.none() {
         return status;
@@ -103,22 +100,16 @@ async fn discard_input(io: &Io, data: usize) {
     }
 }
 
-/// RealTime control of some motors.
 struct Loop<'a, 'b> {
     god: &'a God<'b>,
     selection: Selection,
     layout: Layout,
-    /// The gains that the boards had before.
     own_gains: Answers,
-    /// The gains that the boards have.
     gains: Cell<Answers>,
-    /// The velocities that the boards were sent last.
     velocities: Cell<Answers>,
     /// Motors that have stalled: the next control block drives them again.
     stalled: Cell<Motors>,
-    /// Motors whose boards have stopped answering.
     silent: Cell<Motors>,
-    /// When all boards were last sent a frame, µs.
     sent_us: Cell<u64>,
 }
 
@@ -151,7 +142,6 @@ impl<'a, 'b> Loop<'a, 'b> {
         self.check(self.selection.motors()).await
     }
 
-    /// Runs one block after another.
     async fn run(&self) -> End {
         loop {
             let Some(header) = self.read_byte().await else { continue };
@@ -184,7 +174,6 @@ impl<'a, 'b> Loop<'a, 'b> {
         }
     }
 
-    /// Stops the motors and restores their boards.
     async fn end(&self) {
         // Velocities that have not left yet are void.
         self.god.io.drop_frames();
@@ -219,13 +208,11 @@ impl<'a, 'b> Loop<'a, 'b> {
         self.velocities.get().filter(|velocity| velocity != 0).is_empty()
     }
 
-    /// Stops all motors.
     async fn stop(&self) {
         self.velocities.set(Answers::uniform(self.selection.motors(), 0));
         self.send_velocities().await;
     }
 
-    /// Sends each board its velocity.
     async fn send_velocities(&self) {
         self.god.boards.set_each(Property::V, &self.velocities.get()).await;
         self.sent_us.set(self.god.io.now_us());
@@ -253,7 +240,6 @@ impl<'a, 'b> Loop<'a, 'b> {
                 }
             }
         }
-        // Only gains that changed are sent.
         let had = self.gains.get();
         let changed = gains.different_from(&had);
         self.gains.set(had.overridden_by(&gains));
@@ -293,7 +279,6 @@ impl<'a, 'b> Loop<'a, 'b> {
         }
     }
 
-    /// The tip that follows a link.
     fn follower(&self, motor: Motor) -> Option<Motor> {
         motor.tip().filter(|_| !self.selection.exclusive)
     }

@@ -19,7 +19,6 @@ use crate::status::Status;
 /// Ends a recorded command, as it ended the line.
 pub(crate) const END: char = '\r';
 
-/// Runs a command of this category.
 pub(crate) async fn execute(
     god: &God<'_>,
     command: GclCommand,
@@ -49,8 +48,6 @@ fn place(number: i64, count: usize) -> Result<usize, Status> {
     usize::try_from(number).ok().filter(|&place| place < count).ok_or(Status::INVALID_VALUE)
 }
 
-// --- macros ---------------------------------------------------------------------------------------------
-
 /// Stores the present positions as macro `number`; all motors must know theirs.
 async fn set_macro(god: &God<'_>, number: i64) -> Status {
     let Ok(place) = place(number, MACROS) else { return Status::INVALID_VALUE };
@@ -77,7 +74,6 @@ async fn set_macro(god: &God<'_>, number: i64) -> Status {
     Status::OK
 }
 
-/// Moves motors to the positions of a macro.
 async fn play_macro(god: &God<'_>, prefix: Prefix, number: i64) -> Status {
     let positions = place(number, MACROS)
         .ok()
@@ -85,8 +81,6 @@ async fn play_macro(god: &God<'_>, prefix: Prefix, number: i64) -> Status {
     let Some(positions) = positions else { return Status::INVALID_VALUE };
     movement::to_positions(god, prefix, &positions).await
 }
-
-// --- sequences ------------------------------------------------------------------------------------------
 
 /// Empties sequence `number` and begins to record commands in it.
 fn begin(god: &God<'_>, number: i64) -> Status {

@@ -9,7 +9,6 @@ use crate::boards::Answers;
 use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
 
-/// The activity of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Activity {
     /// GOD has nothing to stop or to report.
@@ -26,12 +25,10 @@ enum Activity {
     Watched,
 }
 
-/// Motors that ^C or the end of RealTime stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Stopping {
-    /// Those.
     pub motors: Motors,
-    /// Those of them that hold their position.
+    /// Those of `motors` that hold their position.
     pub holding: Motors,
 }
 
@@ -49,20 +46,16 @@ pub struct Session {
     results: Cell<[Status; COUNT]>,
     /// The position of each motor that the host knows, GCL counts: FGET P or RealTime stated it (manual 6.2.3).
     reported: Cell<[i32; COUNT]>,
-    /// The sequence that commands are recorded in.
     recording: Cell<Option<u8>>,
     /// REPLY of the walk-through's grammar: answers are packets.
     packets: Cell<bool>,
 }
 
-/// Activities.
 impl Session {
-    /// These motors begin a motion.
     pub(crate) fn begin_motion(&self, motors: Motors, holding: Motors) {
         self.change(motors, |motor, _| Activity::Moving { holds: holding.has(motor) });
     }
 
-    /// The motion of these motors has ended.
     pub(crate) fn end_motion(&self, motors: Motors) {
         self.change(motors, |_, activity| match activity {
             Activity::Moving { .. } => Activity::Idle,
@@ -78,12 +71,10 @@ impl Session {
         Stopping { motors, holding }
     }
 
-    /// These motors press on.
     pub(crate) fn press(&self, motors: Motors) {
         self.change(motors, |_, _| Activity::Pressing);
     }
 
-    /// These motors no longer press: they get something else to do.
     pub(crate) fn cease_pressing(&self, motors: Motors) {
         self.change(motors, |_, activity| match activity {
             Activity::Pressing => Activity::Idle,
@@ -91,17 +82,14 @@ impl Session {
         });
     }
 
-    /// The motors that press on.
     pub(crate) fn pressing(&self) -> Motors {
         self.filter(|activity| activity == Activity::Pressing)
     }
 
-    /// The end of these motors' motion is to be reported to the host.
     pub(crate) fn watch(&self, motors: Motors) {
         self.change(motors, |_, _| Activity::Watched);
     }
 
-    /// The end of these motors' motion is not to be reported any more.
     pub(crate) fn unwatch(&self, motors: Motors) {
         self.change(motors, |_, activity| match activity {
             Activity::Watched => Activity::Idle,
@@ -109,7 +97,6 @@ impl Session {
         });
     }
 
-    /// The motors whose end of motion is to be reported.
     pub(crate) fn watched(&self) -> Motors {
         self.filter(|activity| activity == Activity::Watched)
     }
@@ -130,51 +117,41 @@ impl Session {
     }
 }
 
-/// Overridden properties, results, positions and modes of the session.
 impl Session {
-    /// The boards' own values of a property of [`OVERRIDABLE`] where it is overridden.
     pub(crate) fn overridden(&self, property: Property) -> &Cell<Answers> {
         let [first, ..] = &self.overridden;
         let place = OVERRIDABLE.iter().position(|&overridable| overridable == property);
         place.and_then(|place| self.overridden.get(place)).unwrap_or(first)
     }
 
-    /// Sets the result of a motor's last motion.
     pub(crate) fn set_result(&self, motor: Motor, status: Status) {
         set(&self.results, motor, status);
     }
 
-    /// The result of a motor's last motion.
     pub(crate) fn result(&self, motor: Motor) -> Status {
         get(&self.results, motor)
     }
 
-    /// Sets the position of a motor that the host knows, GCL counts.
     pub(crate) fn set_reported(&self, motor: Motor, position: i32) {
         set(&self.reported, motor, position);
     }
 
-    /// The position of a motor that the host knows, GCL counts.
     pub(crate) fn reported(&self, motor: Motor) -> i32 {
         get(&self.reported, motor)
     }
 
-    /// Begins to record commands in a sequence, or ends it.
     pub(crate) fn set_recording(&self, sequence: Option<u8>) {
         self.recording.set(sequence);
     }
 
-    /// The sequence that commands are recorded in.
     pub(crate) const fn recording(&self) -> Option<u8> {
         self.recording.get()
     }
 
-    /// Sets REPLY: whether answers of the walk-through's grammar are packets.
     pub(crate) fn set_packets(&self, packets: bool) {
         self.packets.set(packets);
     }
 
-    /// REPLY.
     pub(crate) const fn packets(&self) -> bool {
         self.packets.get()
     }

@@ -13,7 +13,6 @@ use crate::grammar::Arguments;
 use crate::motors::Prefix;
 use crate::status::Status;
 
-/// Runs a command on parameters.
 pub(crate) async fn execute(
     god: &God<'_>,
     command: GclCommand,

@@ -19,9 +19,7 @@ use crate::motors::{Motors, Prefix};
 use crate::status::Status;
 use crate::{administration, movement, order, realtime, sequences, settings, walk_through};
 
-/// The outcome of a line.
 enum Outcome {
-    /// The line is done: print its status and the prompt.
     Done(Status),
     /// RESET: start anew.
     Reset,
@@ -70,7 +68,6 @@ async fn serve(god: &God<'_>) {
     }
 }
 
-/// Runs a line to its end or to ^C.
 async fn run_line(god: &God<'_>, line: &str) -> Outcome {
     if let Some(outcome) = unless_aborted(god.io, run_commands(god, line)).await {
         return outcome;

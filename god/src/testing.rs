@@ -9,7 +9,6 @@ use crate::memory::Memory;
 use crate::motors::Motor;
 use crate::{Io, io};
 
-/// Longest time that a test waits for a prompt, µs.
 const MAX_US: u64 = 10_000_000;
 
 /// Types a line at a hand whose boards are awake, obey nothing, and answer a question with the result of `board`; `None` is no answer. Its time, µs, runs

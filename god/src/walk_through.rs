@@ -25,7 +25,6 @@ const STANDSTILL_US: u64 = 300_000;
 /// Most such waits: without power the spread stops within a second.
 const STANDSTILL_TRIES: usize = 10;
 
-/// A parsed line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Request {
     Set(Motors, Property, i64),
@@ -34,7 +33,6 @@ enum Request {
     GetReply,
 }
 
-/// Runs a line of this grammar.
 pub(crate) async fn execute(god: &God<'_>, line: &str) -> Status {
     match line {
         "WAKE" => return wake(god).await,
@@ -56,8 +54,6 @@ pub(crate) async fn execute(god: &God<'_>, line: &str) -> Status {
         }
     }
 }
-
-// --- grammar --------------------------------------------------------------------------------------------
 
 fn parse(line: &str) -> Result<Request, Status> {
     let end = line.find(|c: char| !c.is_ascii_digit() && !c.is_ascii_whitespace());
@@ -116,8 +112,6 @@ fn named(name: &str) -> Option<Property> {
     }
 }
 
-// --- lines ----------------------------------------------------------------------------------------------
-
 async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> Status {
     let rules = property.rules();
     if rules.access == Access::ReadOnly {
@@ -160,7 +154,6 @@ fn begins_motion(property: Property, value: i64) -> bool {
     }
 }
 
-/// Whether a SET may start, change or end a motion.
 fn changes_motion(property: Property, value: i64) -> bool {
     match property {
         Property::MODE | Property::M | Property::V | Property::T => true,
@@ -192,7 +185,6 @@ async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
     if motors.difference(values.motors()).is_empty() { Status::OK } else { Status::NO_BOARD }
 }
 
-/// Prints a value: a line, or a packet with REPLY 1.
 async fn reply(god: &God<'_>, motor: Motor, property: Property, value: i64) {
     if !god.session.packets() {
         return god.print_line(format_args!("{} {}={value}", motor.number(), property.row().name)).await;
@@ -233,8 +225,6 @@ async fn save(god: &God<'_>) -> Status {
     let answered = if stat.motors() == Motors::ALL { Status::OK } else { Status::NO_BOARD };
     answered | god.boards.save(awake, core::iter::once(-1)).await
 }
-
-// --- ends of motions ------------------------------------------------------------------------------------
 
 /// Reports motions of this grammar that have ended, each followed by a prompt, until the host sends something.
 pub(crate) async fn report_ends(god: &God<'_>) {

@@ -177,7 +177,6 @@ impl Reader<'_> {
         Ok(*first)
     }
 
-    /// A byte that is 0 or 1.
     fn flag(&mut self, of: &'static str) -> Result<bool, Damaged> {
         match self.take()? {
             [0] => Ok(false),

@@ -100,7 +100,6 @@ pub(super) async fn stored(
     })
 }
 
-/// The fingers of tips, whose link and tip arrive together.
 pub(super) fn fingers(tips: Motors) -> [Motors; 3] {
     let mut fingers = [Motors::NONE; 3];
     for (finger, tip) in fingers.iter_mut().zip(tips.iter()) {
@@ -149,7 +148,6 @@ async fn axis_goals(
     Ok(goals)
 }
 
-/// The travel of a finger's link, and where its tip starts, GCL counts.
 #[derive(Clone, Copy)]
 struct Travel {
     link_from: i64,
@@ -163,7 +161,6 @@ impl Travel {
     }
 }
 
-/// Sets the goal of a tip.
 fn put_tip(goals: &mut Answers, tip: Motor, from: &Answers, goal: impl Fn(Travel) -> i64) {
     let travel = tip.link().and_then(|link| {
         Some(Travel { link_from: from.get(link)?, link_goal: goals.get(link)?, tip_from: from.get(tip)? })

@@ -12,7 +12,6 @@ use crate::units;
 /// Most bytes of a motor's feedback: velocity 1, strain 1, position 4, change of position 1.
 pub(super) const MAX_FEEDBACK: usize = 7;
 
-/// A motor's part of the blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MotorLayout {
     /// LCV.
@@ -46,7 +45,6 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The layout by the parameters of these axes.
     pub fn of(parameters: &Parameters, axes: Motors) -> Self {
         let mut motors = [None; COUNT];
         for motor in axes.iter() {
@@ -67,12 +65,10 @@ impl Layout {
         Self { motors, temperature: parameters.hand.lft, discards: parameters.hand.lfdpd }
     }
 
-    /// A motor's part; `None` if it has none.
     pub fn of_axis(&self, motor: Motor) -> Option<MotorLayout> {
         self.motors.get(motor.index()).copied().flatten()
     }
 
-    /// Number of data bytes of a control block.
     pub fn control_bytes(&self) -> usize {
         self.motors.iter().flatten().map(|of| usize::from(of.velocity) + usize::from(of.gain)).sum()
     }
@@ -89,7 +85,6 @@ impl Layout {
 }
 
 impl MotorLayout {
-    /// The properties that its board has to be asked for.
     pub fn asks(&self) -> Ahead<bool> {
         Ahead {
             position: self.feeds_position != 0 || self.feeds_change,
@@ -99,10 +94,8 @@ impl MotorLayout {
     }
 }
 
-/// A motor's feedback.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Feedback {
-    /// The bytes for the host.
     pub bytes: Vec<u8, MAX_FEEDBACK>,
     /// The position that the host knows after it, GCL counts.
     pub reported: i32,
@@ -148,7 +141,6 @@ impl Feedback {
     }
 }
 
-/// The nearest value of a signed byte.
 fn clipped(value: i64) -> i8 {
     i8::try_from(value).unwrap_or(if value < 0 { i8::MIN } else { i8::MAX })
 }

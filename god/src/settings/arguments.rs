@@ -5,14 +5,12 @@ use crate::grammar::Arguments;
 use crate::parameter::Category;
 use crate::status::Status;
 
-/// Access and range of a parameter.
 pub(super) struct Rule {
     pub writable: bool,
     pub min: i64,
     pub max: i64,
 }
 
-/// Finds the row of a name.
 pub(super) type Named<R> = fn(&str) -> Option<&'static R>;
 
 /// The pairs of name and value in a line, by the row that `named` finds; the first invalid pair gives an error.
@@ -41,7 +39,6 @@ fn pair<R>(
     rule: fn(&R) -> Rule,
 ) -> Result<(&'static R, i64), Status> {
     if value.is_none() && !is_first {
-        // A pair and something more.
         return Err(Status::TOO_MANY_ARGUMENTS);
     }
     let row = named(name).ok_or(Status::UNKNOWN_PARAMETER)?;
@@ -68,7 +65,6 @@ pub(super) fn names<R: 'static>(
     Ok(core::iter::from_fn(move || named(arguments.next()?)))
 }
 
-/// Whether a list shows a parameter; those for `all` show the advanced ones as well.
 pub(super) const fn is_listed(category: Category, all: bool) -> bool {
     match category {
         Category::Later => false,

@@ -18,9 +18,6 @@ const fn rule(row: &HandParameterSpec) -> Rule {
     Rule { writable: row.writable, min: row.min, max: row.max }
 }
 
-// --- one parameter --------------------------------------------------------------------------------------
-
-/// The value of a parameter.
 fn value(god: &God<'_>, parameter: HandParameter) -> i64 {
     let hand = god.parameters.borrow().hand;
     match parameter {
@@ -38,7 +35,6 @@ fn value(god: &God<'_>, parameter: HandParameter) -> i64 {
     }
 }
 
-/// Sets a parameter to a value in its range.
 fn put(hand: &mut HandParameters, parameter: HandParameter, value: i64) {
     match parameter {
         HandParameter::Baud => hand.baud = value.try_into().unwrap_or(hand.baud),
@@ -48,8 +44,6 @@ fn put(hand: &mut HandParameters, parameter: HandParameter, value: i64) {
         HandParameter::Temp | HandParameter::Ptemp | HandParameter::Upsecs | HandParameter::Sn => {}
     }
 }
-
-// --- the commands ---------------------------------------------------------------------------------------
 
 pub(super) fn set(god: &God<'_>, arguments: Arguments<'_>) -> Status {
     let mut hand = god.parameters.borrow().hand;
@@ -114,9 +108,6 @@ pub(super) async fn list_values(god: &God<'_>, all: bool) -> Status {
     Status::OK
 }
 
-// --- PTEMP and UPSECS -----------------------------------------------------------------------------------
-
-/// Whole seconds since UPSECS was updated.
 fn uncounted_seconds(god: &God<'_>) -> u32 {
     let us = god.io.now_us().saturating_sub(god.counted_us.get());
     u32::try_from(us / SECOND_US).unwrap_or(u32::MAX)

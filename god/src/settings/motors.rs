@@ -16,7 +16,6 @@ use crate::parameter::{self, MOTOR, ParameterSpec, Source};
 use crate::status::Status;
 use crate::{order, query};
 
-/// Runs a command that takes a prefix.
 pub(super) async fn execute(
     god: &God<'_>,
     command: GclCommand,
