@@ -48,7 +48,6 @@ pub fn bench(json: bool) -> Outcome {
     Ok(())
 }
 
-/// The median of some runs.
 fn median(run: impl Fn() -> Result<f64, String>) -> Result<Value, String> {
     let mut speeds = (0..RUNS).map(|_| run()).collect::<Result<Vec<_>, _>>()?;
     speeds.sort_by(f64::total_cmp);
@@ -61,12 +60,10 @@ fn motor_speed(model: &str) -> Result<f64, String> {
     Ok(said("sim_s")? / said("wall_s")?)
 }
 
-/// The same for a whole hand.
 fn hand_speed() -> Result<f64, String> {
     simulator(&format!("gcl --script {HAND_SCRIPT} --json"))?("realtime_x")
 }
 
-/// The simulator's JSON output for a command line.
 fn simulator(line: &str) -> Result<impl Fn(&str) -> Result<f64, String> + use<>, String> {
     let line = format!("cargo run --quiet --release --package hil-sim -- {line}");
     let text = output(program(&line))?;

@@ -55,7 +55,6 @@ pub fn ci() -> Outcome {
     Ok(())
 }
 
-/// A table of the steps, the slowest first.
 fn times(took: &[(&str, Duration)], total: Duration) -> String {
     let mut took = took.to_vec();
     took.sort_by_key(|(_, time)| std::cmp::Reverse(*time));
@@ -88,7 +87,6 @@ fn build_thumb() -> Outcome {
 /// Fewest distinct flash contents after a power cut.
 const CUT_STATES: u64 = 100_000;
 
-/// Runs all tests and doctests; prints their figures and what they skipped.
 fn tests() -> Outcome {
     let text = output(program("cargo test --workspace -- --nocapture"))?;
     let marked =
@@ -125,7 +123,6 @@ const OF_IMAGE: [(&str, &str); 7] = [
     ("power cuts of the image, storage", "power_cuts::image::storage::"),
 ];
 
-/// The number before "distinct".
 fn distinct_states(figure: &str) -> Option<u64> {
     let (before, _) = figure.split_once(" distinct")?;
     before.rsplit(' ').next()?.parse().ok()
@@ -137,7 +134,6 @@ fn documentation() -> Outcome {
     run(doc)
 }
 
-/// Runs every shipped scenario; the main one with both inverter models.
 fn scenarios() -> Outcome {
     let names = shipped()?;
     let listed = output(simulator("list"))?;
@@ -155,7 +151,6 @@ fn simulator(line: &str) -> Command {
     program(&format!("cargo run --quiet --package hil-sim -- {line}"))
 }
 
-/// Sorted names of the scenario files.
 fn shipped() -> Result<Vec<String>, String> {
     let folder = root().join("hil-sim/scenarios");
     let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

@@ -10,21 +10,16 @@ use crate::program::{program, root, target};
 use crate::setup::{self, THUMB};
 use crate::{Failure, files, flash};
 
-/// A program or component.
 struct Tool {
     name: &'static str,
-    /// Purpose.
     purpose: &'static str,
     /// Whether `cargo xtask image` needs it.
     image: bool,
     /// Version or place, if it is installed.
     found: Option<String>,
-    /// How to install it.
     get: String,
 }
 
-/// Prints the list.
-///
 /// # Errors
 /// Something is missing that `cargo xtask image` needs.
 pub fn doctor(json: bool) -> Result<(), Failure> {
@@ -45,7 +40,6 @@ pub fn doctor(json: bool) -> Result<(), Failure> {
     Err(Failure::Judged(format!("`cargo xtask image` needs what is missing: {}", missing.join(", "))))
 }
 
-/// Names of missing components that images need.
 fn missing(tools: &[Tool]) -> Vec<&'static str> {
     tools.iter().filter(|tool| tool.image && tool.found.is_none()).map(|tool| tool.name).collect()
 }
@@ -123,7 +117,6 @@ fn compiler() -> Tool {
     }
 }
 
-/// The compiler's version in rust-toolchain.toml.
 fn channel(settings: &str) -> Option<&str> {
     settings.lines().find_map(|line| line.strip_prefix("channel = \"")?.strip_suffix('"'))
 }

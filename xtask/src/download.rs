@@ -34,14 +34,11 @@ pub struct DownloadArgs {
 }
 
 impl DownloadArgs {
-    /// Arguments for a download by SLCAN.
     pub fn new(file: PathBuf, node: u8, slcan: &str) -> Self {
         Self { file, node, slcan: Some(slcan.to_owned()), can: None }
     }
 }
 
-/// Downloads a file.
-///
 /// # Errors
 /// The file or adapter cannot be used, or the board rejected the download.
 pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
@@ -69,7 +66,6 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Passes frames between downloader and adapter until the download ends.
 fn run(node: Node, file: &[u8], adapter: &mut dyn Adapter) -> Result<(), Failure> {
     let begun = Instant::now();
     let now = || u64::try_from(begun.elapsed().as_micros()).unwrap_or(u64::MAX);

@@ -34,8 +34,6 @@ pub struct EmuArgs {
     profile: Option<Profile>,
 }
 
-/// Builds the image and runs it.
-///
 /// # Errors
 /// A missed expectation (1); bad input, a failed build, or a board that stops (2). The details have been
 /// printed.

@@ -6,15 +6,12 @@ use std::path::{Path, PathBuf};
 
 use crate::Failure;
 
-/// Reads a file.
-///
 /// # Errors
 /// The file cannot be read.
 pub fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     fs::read(path).map_err(|error| unreadable(path, &error))
 }
 
-/// Error for a file that cannot be read.
 pub fn unreadable(path: &Path, error: &io::Error) -> Failure {
     let place = path.display();
     Failure::Unusable(format!(
@@ -68,7 +65,6 @@ impl Part {
         if path.is_dir() {
             return Err(ErrorKind::IsADirectory.into());
         }
-        // Follow a symbolic link.
         let target = if path.is_symlink() { fs::canonicalize(path)? } else { path.to_owned() };
         let name = target.file_name().ok_or(ErrorKind::InvalidInput)?.to_string_lossy().into_owned();
         let part = target.with_file_name(format!(".{name}.{}.part", std::process::id()));

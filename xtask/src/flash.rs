@@ -12,7 +12,6 @@ use crate::image::{self, Profile};
 use crate::program::{program, run, succeeds, target, typed};
 use crate::{Failure, files};
 
-/// Name of the chip in probe-rs.
 const CHIP: &str = "STM32F103CB";
 
 /// How to install probe-rs, from <https://probe.rs>, with its Debian packages.
@@ -32,8 +31,6 @@ pub struct FlashArgs {
     profile: Profile,
 }
 
-/// Builds the images and flashes them.
-///
 /// # Errors
 /// probe-rs is missing, the images cannot be built, or flashing failed.
 pub fn flash(args: &FlashArgs) -> Result<(), Failure> {

@@ -52,7 +52,6 @@ pub fn check() -> Outcome {
     Ok(())
 }
 
-/// A subcommand of cargo-fuzz, with its own target folder.
 fn fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
     let mut command = Command::new(fuzzer);
     command.current_dir(root()).arg("fuzz").arg(arguments[0]);
@@ -74,7 +73,6 @@ fn fuzzer() -> Option<PathBuf> {
     Some(fuzzer)
 }
 
-/// Sorted names of the targets.
 fn targets() -> Result<Vec<String>, String> {
     let folder = root().join("fuzz/fuzz_targets");
     let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;

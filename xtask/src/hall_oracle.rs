@@ -58,7 +58,6 @@ fn judge(bounds: &Bounds, shared: &Path, oracle: &Path, out: &Path) -> Outcome {
     Ok(())
 }
 
-/// The score as text; an error if it misses a bound.
 fn within(bounds: &Bounds, score: &Value) -> Result<String, String> {
     let number = |key: &str| score[key].as_f64().ok_or_else(|| format!("the oracle gives no {key}: {score}"));
     let (velocity, position) = (number("velocity_mse")?, number("position_mse")?);

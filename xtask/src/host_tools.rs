@@ -13,7 +13,6 @@ use crate::{Outcome, download, python, tek};
 /// failure is this project's.
 const PACKAGES: [&str; 2] = ["python-can==4.6.1", "pyserial==3.5"];
 
-/// Size of the downloaded application in bytes: a few pages of flash.
 const IMAGE: usize = 4096;
 
 /// A hand with an object to grasp, its bus open to an observer, on a pseudo-terminal where the system has
@@ -65,7 +64,6 @@ pub fn check() -> Outcome {
     Ok(())
 }
 
-/// A served bus or hand; stopped when dropped.
 struct Served {
     process: Child,
     line: String,
@@ -101,7 +99,6 @@ impl Served {
         Ok(served)
     }
 
-    /// Address of an endpoint.
     fn place(&self, kind: &str) -> Result<&str, String> {
         let door = self.doors.iter().find(|door| door.0 == kind).map(|door| door.1.as_str());
         door.ok_or_else(|| {

@@ -34,22 +34,16 @@ pub struct ImageArgs {
     json: bool,
 }
 
-/// The images of a profile.
 pub struct Images {
     /// The sealed application, an ELF file.
     pub tater: PathBuf,
-    /// The monitor, an ELF file.
     pub monitor: PathBuf,
-    /// Size of the application in flash, bytes.
     pub tater_bytes: u32,
-    /// Size of the monitor in flash, bytes.
     pub monitor_bytes: u32,
     /// Contents of image.json.
     about: Value,
 }
 
-/// Runs `image`.
-///
 /// # Errors
 /// The images cannot be built or written.
 pub fn image(args: &ImageArgs) -> Result<(), Failure> {
@@ -72,7 +66,6 @@ pub fn image(args: &ImageArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Default folder of the images.
 pub fn folder(profile: Profile) -> PathBuf {
     target().join("image").join(profile.name())
 }
@@ -110,7 +103,6 @@ fn build_into(profile: Profile, folder: &Path) -> Result<Images, Failure> {
     })
 }
 
-/// Contents of all files.
 struct Built {
     tater: tek::Sealed,
     monitor: Vec<u8>,
@@ -155,7 +147,6 @@ fn make(checkout: &Path, build: &Path, profile: Profile) -> Result<Built, Failur
     Ok(Built { tater, monitor, monitor_flat, monitor_bytes })
 }
 
-/// VERS, as in the application's answer and header.
 fn version() -> u16 {
     // VERS has a single value, of 16 bits.
     u16::try_from(Property::VERS.row().max).unwrap_or(u16::MAX)

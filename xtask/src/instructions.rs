@@ -9,14 +9,11 @@ use crate::{Outcome, python};
 /// From PyPI.
 const PACKAGES: [&str; 1] = ["unicorn==2.1.4"];
 
-/// Fewest instructions to compare.
 const LEAST: &str = "200000";
 
 /// Fixed, so that a failure can be repeated.
 const SEED: &str = "20261122";
 
-/// Generates the instructions and compares the results.
-///
 /// # Errors
 /// The first instructions that differ, with both states; or the missing tool.
 pub fn check() -> Outcome {

@@ -3,7 +3,6 @@
 use crate::Outcome;
 use crate::program::{output, program, run, succeeds};
 
-/// Target triple of the microcontroller.
 pub const THUMB: &str = "thumbv7m-none-eabi";
 
 /// Installs rustfmt, clippy and the microcontroller's core library if missing.

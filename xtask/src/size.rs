@@ -31,7 +31,6 @@ const APP: &str = "tater-fw/src/app.rs";
 /// interrupts; the margin covers changes until the next check and a debugger's frames.
 const STACK_MARGIN: f64 = 25.0;
 
-/// Number of largest symbols to print.
 const LARGEST: usize = 12;
 
 /// Arguments of `size`.
@@ -51,8 +50,6 @@ pub struct SizeArgs {
     bless: bool,
 }
 
-/// Runs `size`.
-///
 /// # Errors
 /// The images cannot be built or read, or a check fails.
 pub fn size(args: &SizeArgs) -> Result<(), Failure> {
@@ -75,7 +72,6 @@ pub fn size(args: &SizeArgs) -> Result<(), Failure> {
     if args.check { fail(&faults, failure) } else { Ok(()) }
 }
 
-/// Builds and measures both programs.
 fn measure(profile: Profile) -> Result<Vec<Figures>, Failure> {
     let app = root().join(APP);
     let source = String::from_utf8_lossy(&files::read(&app)?).into_owned();
@@ -102,7 +98,6 @@ pub fn check() -> Outcome {
     Ok(fail(&faults, failure)?)
 }
 
-/// Measures a program.
 fn figures(name: &'static str, program: &Program, tasks: &[Task]) -> Figures {
     let handlers: Vec<String> = tasks.iter().map(|task| task.binds.clone()).collect();
     let mut figures = Figures::new(name, stack::worst(program, tasks));
@@ -134,7 +129,6 @@ fn figures(name: &'static str, program: &Program, tasks: &[Task]) -> Figures {
     figures
 }
 
-/// All figures as one JSON object.
 fn object(profile: Profile, all: &[Figures], faults: &[String]) -> Value {
     let programs: serde_json::Map<String, Value> =
         all.iter().map(|figures| (figures.name.into(), figures.object())).collect();

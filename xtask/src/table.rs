@@ -30,7 +30,6 @@ fn stale(what: &str) -> String {
     format!("{PAGE}: {what}\n  run `cargo xtask table`, and commit the page")
 }
 
-/// The first line that differs.
 fn difference(found: &str, expected: &str) -> Option<String> {
     if found == expected {
         return None;
@@ -122,7 +121,6 @@ fn property_row(row: &PropertySpec) -> [String; 9] {
     ]
 }
 
-/// A Markdown table.
 fn rows<const N: usize>(head: &[&str; N], rows: impl Iterator<Item = [String; N]>) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let mut text = line(&head.map(String::from)) + &line(&head.map(|_| "---".into()));

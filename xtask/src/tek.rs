@@ -66,8 +66,6 @@ fn address(text: &str) -> Result<u32, String> {
     number.map_err(|error| format!("{error}; expected an address up to 0xFFFFFFFF, such as 0x08004000"))
 }
 
-/// Runs a subcommand.
-///
 /// # Errors
 /// The error in its files.
 pub fn tek(chore: &Chore) -> Result<(), Failure> {
@@ -103,7 +101,6 @@ fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) 
     Ok(())
 }
 
-/// Encodes bytes as records.
 fn text(memory: &Memory, entry: u32) -> Result<Vec<u8>, String> {
     let mut text = Vec::new();
     for (address, bytes) in memory.pieces() {
@@ -140,12 +137,9 @@ pub struct Sealed {
     pub bytes: Vec<u8>,
     /// The same as a `.tek` file.
     pub text: Vec<u8>,
-    /// The image header.
     pub header: Header,
 }
 
-/// Seals a linked application.
-///
 /// # Errors
 /// Not an application, or it cannot be sealed.
 pub fn seal_linked(mut elf: Vec<u8>, version: u16) -> Result<Sealed, String> {

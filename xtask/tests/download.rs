@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread;
 
-/// A temporary file of this test.
 fn path(name: &str) -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
 }
@@ -18,7 +17,6 @@ fn xtask(args: &[&str]) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// A `.tek` file of a small image, sealed or not.
 fn tek(name: &str, sealed: bool) -> String {
     let (bytes, file) = (path(&format!("{name}.bin")), path(&format!("{name}.tek")));
     let mut image = vec![0; 512];
@@ -62,7 +60,6 @@ fn good(command: &str) -> &'static [u8] {
     }
 }
 
-/// The same, with another answer to one command.
 fn but(odd: &'static str, said: &'static [u8]) -> String {
     adapter(move |command| if command == odd { said } else { good(command) })
 }

@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use tater_wire::Frame;
 
-/// A connection to the bus.
 pub trait Adapter {
     /// Sends a frame; it may get lost.
     fn send(&mut self, frame: &Frame) -> Result<(), String>;

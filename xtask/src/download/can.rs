@@ -3,8 +3,6 @@
 use super::adapter::Adapter;
 use crate::Failure;
 
-/// Opens the interface.
-///
 /// # Errors
 /// No interface of that name.
 #[cfg(target_os = "linux")]

@@ -19,7 +19,6 @@ const LONGEST: usize = 200;
 /// This many rejected frames in a row are an error, not a full queue: as many as a board requests at once.
 const REFUSED: u32 = 16;
 
-/// An SLCAN adapter.
 pub struct Slcan {
     stream: TcpStream,
     address: String,
@@ -31,7 +30,6 @@ pub struct Slcan {
     refused: u32,
 }
 
-/// An answer of the adapter.
 enum Heard {
     /// A line: a frame, or a result.
     Line(Vec<u8>),
@@ -77,7 +75,6 @@ impl Slcan {
         Ok(())
     }
 
-    /// Sends a command and waits for an answer that is `wanted`.
     fn ask(&mut self, text: &[u8], wanted: impl Fn(&Heard) -> bool) -> Result<Heard, String> {
         self.write(text)?;
         let begun = Instant::now();

@@ -15,7 +15,6 @@ use crate::Failure;
 use crate::program::{output, program, run};
 use crate::setup::THUMB;
 
-/// The two linked programs.
 pub struct Linked {
     pub tater: PathBuf,
     pub monitor: PathBuf,

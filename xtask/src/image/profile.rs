@@ -12,7 +12,6 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// Name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Release => "release",

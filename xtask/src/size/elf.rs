@@ -10,7 +10,6 @@ use tater_wire::memory::RAM;
 
 use crate::{Failure, files};
 
-/// A section with memory.
 #[derive(Debug)]
 pub struct Section {
     pub name: String,
@@ -36,7 +35,6 @@ impl Section {
     }
 }
 
-/// A symbol with an address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Symbol {
     pub name: String,
@@ -47,7 +45,6 @@ pub struct Symbol {
     pub function: bool,
 }
 
-/// A program.
 #[derive(Debug)]
 pub struct Program {
     pub sections: Vec<Section>,
@@ -58,8 +55,6 @@ pub struct Program {
 }
 
 impl Program {
-    /// Reads a linked program.
-    ///
     /// # Errors
     /// Not a readable 32-bit ELF file, or without symbols.
     pub fn read(path: &Path) -> Result<Self, Failure> {
@@ -117,7 +112,6 @@ impl Program {
         Ok(Self { sections, symbols, code })
     }
 
-    /// The section that contains an address.
     pub fn section(&self, address: u32) -> Option<&Section> {
         self.sections.iter().find(|section| (section.start..section.end()).contains(&address))
     }
@@ -129,12 +123,10 @@ impl Program {
             .unwrap_or_default()
     }
 
-    /// The word at an address.
     pub fn word(&self, address: u32) -> Option<u32> {
         Some(u32::from_le_bytes(self.bytes(address).get(..4)?.try_into().ok()?))
     }
 
-    /// Whether an address holds code.
     pub fn is_code(&self, address: u32) -> bool {
         self.section(address).is_some_and(|section| section.code)
             && self.code.range(..=address).next_back().is_some_and(|(_, &code)| code)
@@ -145,7 +137,6 @@ impl Program {
         self.code.range(address..).find(|&(_, &code)| code).map(|(&start, _)| start)
     }
 
-    /// Symbols at an address.
     pub fn names(&self, address: u32) -> impl Iterator<Item = &Symbol> {
         let first = self.symbols.partition_point(|symbol| symbol.start < address);
         self.symbols[first..].iter().take_while(move |symbol| symbol.start == address)

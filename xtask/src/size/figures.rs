@@ -22,7 +22,6 @@ pub const LIMITS: [Limits; 2] = [
     Limits { program: "monitor", flash: 14 * 1024, ram: 8 * 1024 },
 ];
 
-/// Figures of one program.
 pub struct Figures {
     pub name: &'static str,
     /// Sections: name, bytes, in flash, in RAM.
@@ -40,7 +39,6 @@ pub struct Figures {
     pub stack: Result<Worst, String>,
 }
 
-/// A linked symbol that is forbidden.
 pub struct Forbidden {
     pub name: String,
     pub family: &'static str,

@@ -3,7 +3,6 @@
 
 use super::elf::plain;
 
-/// A family of routines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
     Panic,
@@ -12,7 +11,6 @@ pub enum Family {
 }
 
 impl Family {
-    /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Panic => "panic",
@@ -76,7 +74,6 @@ const FLOATS: [&str; 18] = [
 const HEAPS: [&str; 9] =
     ["malloc", "calloc", "realloc", "free", "memalign", "aligned_alloc", "posix_memalign", "_sbrk", "sbrk"];
 
-/// The family of a forbidden symbol.
 pub fn family(symbol: &str) -> Option<Family> {
     let name = plain(symbol);
     if ALLOWED.iter().any(|&(allowed, _)| allowed == name) {

@@ -6,10 +6,8 @@ use super::Figures;
 use crate::program::root;
 use crate::{Failure, files};
 
-/// File of the production figures.
 const GOLDEN: &str = "xtask/size.json";
 
-/// Text in that file.
 const ABOUT: &str = "Figures of the production images, in bytes. Written by `cargo xtask size --bless`, compared exactly by \
                      `cargo xtask size --check`: compiler and dependencies are pinned and the build is reproducible, so that only a \
                      change of ours can change them, and its reviewer sees here what it costs.";
@@ -44,8 +42,6 @@ fn committed(all: &[Figures]) -> Value {
     Value::Object(object)
 }
 
-/// Writes the figures.
-///
 /// # Errors
 /// The stack of a program is unknown, or the file cannot be written.
 pub fn bless(all: &[Figures]) -> Result<(), Failure> {
@@ -53,7 +49,6 @@ pub fn bless(all: &[Figures]) -> Result<(), Failure> {
     files::replace(&root().join(GOLDEN), figures.as_bytes()).map_err(Failure::Unusable)
 }
 
-/// The file.
 fn blessed(all: &[Figures]) -> Result<String, String> {
     for Figures { name, stack, .. } in all {
         if let Err(error) = stack {

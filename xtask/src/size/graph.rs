@@ -30,7 +30,6 @@ pub struct Function {
     assembled: bool,
 }
 
-/// Target of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Callee {
     At(u32),
@@ -48,7 +47,6 @@ pub struct Call {
     pub masked: bool,
 }
 
-/// Abstract state before an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct State {
     depth: i32,
@@ -74,7 +72,6 @@ pub struct Ways {
     reached: BTreeSet<u32>,
 }
 
-/// The functions of a program.
 pub struct Graph<'p> {
     program: &'p Program,
     functions: Vec<Function>,
@@ -83,20 +80,17 @@ pub struct Graph<'p> {
 }
 
 impl<'p> Graph<'p> {
-    /// Finds the functions.
     pub fn new(program: &'p Program) -> Self {
         let mut graph = Self { program, functions: functions(program), taken: BTreeSet::new() };
         graph.taken = graph.taken();
         graph
     }
 
-    /// The function that contains an address.
     pub fn function(&self, address: u32) -> Option<&Function> {
         let next = self.functions.partition_point(|function| function.start <= address);
         self.functions[..next].last().filter(|function| address < function.end)
     }
 
-    /// A name for an address in a function.
     pub fn name(&self, address: u32) -> String {
         let exact =
             self.program.names(address).find(|symbol| symbol.function).map(|symbol| plain(&symbol.name));
@@ -105,7 +99,6 @@ impl<'p> Graph<'p> {
             .unwrap_or_else(|| format!("{address:#010x}"))
     }
 
-    /// All functions.
     pub fn functions(&self) -> &[Function] {
         &self.functions
     }
@@ -229,7 +222,6 @@ fn functions(program: &Program) -> Vec<Function> {
     functions
 }
 
-/// A function being followed.
 struct Walk<'g, 'p> {
     graph: &'g Graph<'p>,
     function: &'g Function,
@@ -310,7 +302,6 @@ impl Walk<'_, '_> {
         Ok(Some(both))
     }
 
-    /// Adds the successors of an instruction.
     fn follow(
         &mut self,
         at: u32,
@@ -431,7 +422,6 @@ impl Walk<'_, '_> {
     }
 }
 
-/// Whether a table names a function.
 fn listed(table: &[(&str, &str)], name: &str) -> bool {
     table.iter().any(|&(listed, _)| listed == name)
 }

@@ -1,9 +1,7 @@
 //! Interrupt priorities of the application, from its source.
 
-/// A task of the application.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Task {
-    /// Its interrupt, by name.
     pub binds: String,
     /// Higher preempts lower.
     pub priority: u32,

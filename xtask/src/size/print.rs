@@ -8,7 +8,6 @@ use super::stack::Worst;
 use super::{Figures, LIMITS};
 use crate::image::Profile;
 
-/// All programs, one after the other.
 pub fn page(profile: Profile, all: &[Figures]) -> String {
     let mut page = format!("profile {}; limits are those of production\n", profile.name());
     for figures in all {

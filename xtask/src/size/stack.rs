@@ -13,7 +13,6 @@ use super::levels::Task;
 /// which revision r1p1 needs only with STKALIGN.
 pub const EXCEPTION_FRAME: u32 = 36;
 
-/// Exceptions of the vector table, with names.
 const RESET: u32 = 1;
 const NMI: u32 = 2;
 const HARD_FAULT: u32 = 3;
@@ -27,7 +26,6 @@ pub struct Deepest {
     pub path: Vec<Frame>,
 }
 
-/// A function on a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frame {
     pub function: String,
@@ -35,7 +33,6 @@ pub struct Frame {
     pub bytes: u32,
 }
 
-/// A level of nesting.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Level {
     /// `main`, `priority 3`, `NMI` ...
@@ -46,13 +43,11 @@ pub struct Level {
 }
 
 impl Level {
-    /// All bytes of the level.
     pub const fn bytes(&self) -> u32 {
         self.deepest.bytes + self.pushed
     }
 }
 
-/// Worst case of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Worst {
     /// From the lowest priority up.
@@ -79,7 +74,6 @@ impl Worst {
         STACK.len.cast_signed() - self.bytes().cast_signed()
     }
 
-    /// Free part in percent.
     pub fn margin_percent(&self) -> f64 {
         100.0 * f64::from(self.margin()) / f64::from(STACK.len)
     }
@@ -93,12 +87,10 @@ struct Known {
     opens: bool,
 }
 
-/// The analysis of a program, with its results so far.
 struct Analysis<'p> {
     graph: Rc<Graph<'p>>,
     known: BTreeMap<(u32, bool), Rc<Known>>,
     ways: Vec<(u32, Rc<Ways>)>,
-    /// Functions under analysis.
     active: Vec<u32>,
 }
 
@@ -167,7 +159,6 @@ fn level(program: &Program, number: u32, at: u32, tasks: &[Task]) -> Result<(u32
 }
 
 impl Analysis<'_> {
-    /// Whether a callee may enable interrupts.
     fn opens(&mut self, callee: Callee) -> Result<bool, String> {
         let mut opens = false;
         for at in self.targets(callee) {
@@ -231,7 +222,6 @@ impl Analysis<'_> {
     }
 }
 
-/// Replaces the deepest path if the one through a callee is deeper.
 fn deepen(deepest: &mut Deepest, frame: &Frame, callee: &Deepest) {
     let bytes = frame.bytes + callee.bytes;
     if bytes > deepest.bytes {

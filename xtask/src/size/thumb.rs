@@ -3,11 +3,8 @@
 //!
 //! Why board-emu's decoder is not used: decision 0041.
 
-/// Number of the stack pointer.
 const SP: u16 = 13;
-/// Number of the link register.
 const LR: u16 = 14;
-/// Number of the program counter.
 const PC: u16 = 15;
 
 /// Control flow after the instruction.
@@ -63,7 +60,6 @@ pub struct Half {
     pub value: u16,
 }
 
-/// An instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instruction {
     /// Length in bytes.

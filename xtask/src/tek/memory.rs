@@ -46,12 +46,10 @@ impl Memory {
         self.pieces.iter().map(|(&start, bytes)| (start, bytes.as_slice()))
     }
 
-    /// Number of bytes.
     pub fn len(&self) -> usize {
         self.pieces.values().map(Vec::len).sum()
     }
 
-    /// First and last address.
     pub fn range(&self) -> Option<RangeInclusive<u64>> {
         let (&first, _) = self.pieces.first_key_value()?;
         let (&start, bytes) = self.pieces.last_key_value()?;

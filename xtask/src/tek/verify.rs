@@ -11,7 +11,6 @@ use super::memory::Memory;
 use super::records::{extent, open, records};
 use crate::{Failure, files};
 
-/// Advice for wrong addresses.
 const REBUILD: &str = "build the image for the application's addresses and encode it again";
 
 /// Prints a summary of the file; an unsealed image is not an error.
@@ -45,7 +44,6 @@ pub fn sealed(path: &Path, file: &[u8]) -> Result<Header, Failure> {
     })
 }
 
-/// Contents of a file.
 struct Verified {
     records: u32,
     extent: String,

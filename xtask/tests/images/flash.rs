@@ -20,7 +20,6 @@ impl Bench {
         );
     }
 
-    /// Exit code and output.
     fn flash(&self, arguments: &[&str]) -> (Option<i32>, String) {
         let mut command = self.chore(&["flash"]);
         command.args(arguments);

@@ -23,7 +23,6 @@ fn crc(bytes: &[u8]) -> String {
     format!("{:#010x}", crc.finish())
 }
 
-/// Output of a program in the project's folder.
 fn says(line: &str) -> String {
     let words: Vec<&str> = line.split(' ').collect();
     let mut command = Command::new(words[0]);

@@ -2,7 +2,6 @@
 
 use super::{Scratch, application, record, tek};
 
-/// A damaged file, and the place of the damage.
 struct Row {
     name: &'static str,
     file: Vec<u8>,
@@ -152,7 +151,6 @@ fn noise() -> Vec<Row> {
     ]
 }
 
-/// Errors in the head of a record.
 fn heads() -> Vec<Row> {
     let checksum = |n| with(n, |line| format!("{}00{}", &line[..4], &line[6..]));
     vec![
@@ -186,7 +184,6 @@ fn heads() -> Vec<Row> {
     ]
 }
 
-/// Errors in a record's digits.
 fn digits() -> Vec<Row> {
     vec![
         row(

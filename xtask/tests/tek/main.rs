@@ -12,7 +12,6 @@ use std::process::Command;
 /// The application's address as an argument of `--base`.
 const BASE: &str = "0x08004000";
 
-/// A temporary folder of a test.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -46,7 +45,6 @@ impl Scratch {
         self.get(name)
     }
 
-    /// Names of the files in the folder.
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.0).expect("our own folder can be read");
         let names = entries.map(|entry| entry.expect("our own folder can be read").file_name());
@@ -56,7 +54,6 @@ impl Scratch {
     }
 }
 
-/// Output of a run.
 struct Said {
     code: Option<i32>,
     out: String,
