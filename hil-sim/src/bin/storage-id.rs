@@ -1,6 +1,6 @@
 //! Gives a copy of a board's storage another ID: `storage-id NODE < storage > storage`. `cargo xtask flash --node` runs it.
 //!
-//! The firmware's own journal stores the ID, in a simulated flash, so that everything else that is stored stays.
+//! The firmware's own journal stores the ID in a simulated flash, so that all other records stay.
 
 use std::io::{self, Read, Write};
 use std::process::ExitCode;
@@ -12,7 +12,7 @@ use tater_wire::{Node, Property};
 
 const USAGE: &str = "usage: storage-id NODE < storage > storage, where NODE is 1 to 7";
 
-/// Most flash operations for one record: a first start erases 8 pages, and a record has at most 102 half-words.
+/// Limit of flash operations for one record: a first start erases 8 pages, and a record has at most 102 half-words.
 const MAX_STEPS: u32 = 3000;
 
 fn main() -> ExitCode {
@@ -39,7 +39,6 @@ fn run() -> Result<(), String> {
     out.write_all(&bytes).and_then(|()| out.flush()).map_err(|error| format!("standard output: {error}"))
 }
 
-/// The storage with this ID added by the board's own journal.
 fn with_id(bytes: &[u8], node: Node) -> Result<Vec<u8>, String> {
     let (start, len) = ((STORAGE.start - FLASH.start) as usize, STORAGE.len as usize);
     if bytes.len() != len {

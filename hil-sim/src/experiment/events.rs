@@ -74,7 +74,6 @@ fn board_text(event: &BoardEvent) -> String {
     }
 }
 
-/// An event of the servo in words.
 pub(crate) fn motor_text(event: &servo_core::Event) -> String {
     use servo_core::Event;
     match event {

@@ -25,10 +25,9 @@ use crate::world::hand::scene::{Capsule, Geometry, Scene, SceneObject};
 /// Default stiffness, N/m; chosen: the full torque of a link, about 150 N at its tip, dents it by 0.8 mm.
 const STIFFNESS_N_M: f64 = 2e5;
 
-/// Size limit of a file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 16;
 
-/// Most objects.
+/// Maximum number of objects.
 const OBJECTS: usize = 16;
 
 #[derive(Deserialize)]

@@ -34,7 +34,6 @@ pub(crate) struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// An error in the line of `span`, which is shown as found.
     pub(crate) fn error(
         self,
         span: std::ops::Range<usize>,
@@ -56,7 +55,6 @@ impl Source<'_> {
         }
     }
 
-    /// Rewrites an error of the TOML parser.
     pub(crate) fn reader_error(self, error: &toml::de::Error) -> BadInput {
         let span = error.span().unwrap_or(0..0);
         let message = error.message().trim();
@@ -101,7 +99,6 @@ impl Source<'_> {
         error
     }
 
-    /// The key in the line at a byte offset, if any.
     fn key_at(self, offset: usize) -> Option<String> {
         let before = self.text.get(..offset)?;
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
@@ -111,7 +108,6 @@ impl Source<'_> {
     }
 }
 
-/// A type's name for people.
 fn plain_type(expected: &str) -> String {
     match expected {
         "u8" | "u16" | "u32" | "u64" => "a whole number, 0 or more".to_owned(),
@@ -130,9 +126,8 @@ pub(crate) fn suggestion(key: &str, expected: &str) -> String {
     }
 }
 
-/// The most similar name, if one is similar.
 pub(crate) fn closest<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    // 0.8 by Jaro-Winkler: a typing error or another unit, not another word.
+    // A Jaro-Winkler similarity of 0.8 admits typos and other units, not other words.
     names
         .map(|name| (strsim::jaro_winkler(&found.to_lowercase(), &name.to_lowercase()), name))
         .filter(|(likeness, _)| *likeness > 0.8)
@@ -140,7 +135,6 @@ pub(crate) fn closest<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> 
         .map(|(_, name)| name)
 }
 
-/// At most 80 characters, control characters replaced.
 pub(crate) fn shorten(found: &str) -> String {
     clipped(found, 80)
 }

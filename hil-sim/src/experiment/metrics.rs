@@ -61,7 +61,7 @@ pub struct Metrics {
     pub velocity_counts_s: f64,
     /// Largest speed of the run, counts/s.
     pub peak_speed_counts_s: f64,
-    /// |P as read − true position| at the end of the run: up to half a count plus the halls' placement error while no count has been lost.
+    /// |P as read − true position| at the end of the run: up to half a count plus the halls' placement error if no count was lost.
     pub count_error_counts: f64,
     /// BP of the last breakaway.
     pub breakaway_counts: Option<f64>,
@@ -227,10 +227,8 @@ const MODE_WORDS: &[&str] = &[
     mode_word(Mode::Trapezoidal),
 ];
 
-/// Text for no end and for no fault.
 const NONE: &str = "none";
 
-/// Separator between several faults.
 const AND: &str = ", ";
 
 /// One metric by name.
@@ -239,9 +237,9 @@ pub struct Metric {
     pub name: &'static str,
     /// Explanation for the report.
     pub about: &'static str,
-    /// Reads it.
+    /// Reads the value.
     pub get: fn(&Metrics) -> Value,
-    /// The texts that it can be; none if it is a number.
+    /// Possible texts; empty for a number.
     pub words: &'static [&'static str],
 }
 

@@ -218,7 +218,6 @@ impl<S: ObservedBoard> OverCan<S> {
         self.rest("first start", PREPARE_US)
     }
 
-    /// Returns an error if a board has stopped for good.
     fn check(&self) -> Result<(), String> {
         let problem =
             |(node, station): (&Id, &S)| Some(format!("node {}: {}", node.number(), station.problem()?));

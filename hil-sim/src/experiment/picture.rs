@@ -89,7 +89,6 @@ pub fn svg(scene: &Scene, before: &Pose, pose: &Pose, title: &str) -> String {
     svg
 }
 
-/// The fingers' positions and distances from the objects.
 fn captions(scene: &Scene, pose: &Pose) -> Vec<String> {
     let caption = |(finger, parts): (usize, &[Capsule; 2])| {
         let mut text =

@@ -1,6 +1,5 @@
-//! The servo's properties by name, for `[set]` in a scenario and `--set` on the command line. Name, range and
-//! meaning come from the wire's table; the firmware ([`tater_fw::motion`]) maps each property to its field of
-//! [`Config`].
+//! The servo's properties by name, for `set` in a scenario and `--set` on the command line. Name, range and meaning come from
+//! the wire's table; the firmware ([`tater_fw::motion`]) maps each property to its field of [`Config`].
 
 use servo_core::Config;
 use tater_fw::motion;

@@ -15,7 +15,6 @@ use crate::experiment::input::BadInput;
 /// Codes of sectors 0..5 of the recorded motors: the hand's wiring, counted from another sector.
 const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
 
-/// First byte of a sample.
 const SYNC: u8 = 0x5A;
 
 /// Largest capture read, compressed or not: 64 MiB are 12 minutes at 30 kHz, and need 1 GB during the replay.
@@ -107,7 +106,6 @@ fn estimator_for(counts_per_rev: u32) -> Result<Estimate, BadInput> {
 /// Position and velocity at each sample of recorded codes.
 type Estimate = fn(&[u8], u32) -> Vec<(f64, f64)>;
 
-/// The file, decompressed if it begins like gzip.
 fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, BadInput> {
     let fail = |problem: &str, found: String, next: &str| BadInput {
         place: path.display().to_string(),
@@ -137,16 +135,14 @@ fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, BadInput> {
         .ok_or_else(|| fail("too large once unpacked", format!("more than {most} bytes"), shorter))
 }
 
-/// The whole content, or `None` if it is longer than `most` bytes.
 fn at_most(from: impl Read, most: u64) -> std::io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     let read = from.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     Ok((read as u64 <= most).then_some(bytes))
 }
 
-/// The samples of a capture; `None` if it is none. From the first five in a row that begin with their sync
-/// byte, every third byte begins a sample, sync byte or not, so that a line of the estimate is a sample of
-/// the recording for any other reader as well.
+/// The samples of a capture; `None` if it is not one. After the first five in a row with a sync byte, every third byte
+/// begins a sample, with or without its sync byte, so that line n of the estimate is sample n for every reader.
 #[must_use]
 pub fn samples(raw: &[u8]) -> Option<Samples> {
     let aligned = |at: usize| (0..5).all(|k| raw.get(at + 3 * k) == Some(&SYNC));
@@ -202,7 +198,6 @@ pub fn readings<const N: usize>(
 mod tests {
     use super::*;
 
-    /// A capture of `samples` codes that turns by one cell in twenty samples.
     fn capture(samples: usize) -> Vec<u8> {
         (0..samples).flat_map(|i| [0x5A, CODES[i / 20 % 6], 0]).collect()
     }

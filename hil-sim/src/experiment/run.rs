@@ -91,7 +91,6 @@ pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, ParamError
     Ok(Outcome { scenario: scenario.name.clone(), options: *options, metrics, expectations, runs })
 }
 
-/// A failed verdict for refused commands, unless the scenario expects refusals.
 pub(crate) fn unexpected_refusals(scenario: &Scenario, metrics: &Metrics) -> Option<Verdict> {
     let expected = scenario.expectations.iter().any(|e| e.metric.name == "refusals");
     (!expected && metrics.refusals > 0).then(|| Verdict {
@@ -215,7 +214,6 @@ fn observe(node: &Node) -> Sample {
     node.sample().expect("no scenario sends a board back into its monitor")
 }
 
-/// Applies a timed action.
 fn apply(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log: &mut Vec<(u32, String)>) {
     let command = match action {
         Action::Command(command) => command,
@@ -241,7 +239,6 @@ fn apply(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log
     }
 }
 
-/// Sends a command the way a host does, as properties.
 fn send_command(command: &Command, node: &mut Node) -> Result<(), SetError> {
     let cmd = |cmd: Cmd| (Property::CMD, i64::from(cmd.number()));
     let status = observe(node).status;

@@ -7,14 +7,13 @@ use tater_wire::MotorKind;
 
 use crate::world::node::Sample;
 
-/// Most rows of a trace; longer runs keep every n-th tick.
+/// Row limit; longer runs keep every n-th tick.
 const MAX_ROWS: u32 = 20_000;
 
 /// A column of the trace.
 pub struct Column {
     /// Name in the CSV; ends in the unit.
     pub name: &'static str,
-    /// Decimals in the CSV: enough for the quantity's resolution.
     decimals: usize,
     get: fn(&Sample) -> f64,
 }

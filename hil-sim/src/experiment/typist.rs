@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use crate::world::hand::Hand;
 
-/// End of an answer: GOD's prompt at the start of a line.
 const PROMPT: &str = "\n\r=> ";
 
 /// Poll interval, us; the resolution of a line's duration.
@@ -31,7 +30,6 @@ pub struct Reply {
     pub ms: f64,
 }
 
-/// The argument of a WAIT, us; 0 for any other line.
 fn wait_us(line: &str) -> u64 {
     let number = line.trim_start().get(..4).filter(|word| word.eq_ignore_ascii_case("WAIT"));
     let ms = number.and_then(|_| line.trim_start().get(4..)?.trim().parse().ok());
@@ -62,9 +60,7 @@ impl std::error::Error for NoPrompt {}
 /// A hand and its typing host.
 pub struct Typist {
     hand: Hand,
-    /// Output since the last prompt.
     output: Vec<u8>,
-    /// Unsolicited output that has not been returned yet.
     unsolicited: Vec<String>,
 }
 
@@ -72,7 +68,7 @@ impl Typist {
     /// Takes a hand at power-up; returns its output up to the first prompt.
     ///
     /// # Errors
-    /// It never prompted.
+    /// GOD did not prompt.
     pub fn new(hand: Hand) -> Result<(Self, String), NoPrompt> {
         let mut typist = Self { hand, output: Vec::new(), unsolicited: Vec::new() };
         let banner = typist.wait_for_prompt("")?;
@@ -117,7 +113,6 @@ impl Typist {
         std::mem::take(&mut self.unsolicited)
     }
 
-    /// Removes the output up to the next prompt, if there is one.
     fn next_output(&mut self) -> Option<String> {
         let at = self.output.windows(PROMPT.len()).position(|text| text == PROMPT.as_bytes())?;
         let output = text(&self.output[..at]);
@@ -125,7 +120,6 @@ impl Typist {
         Some(output)
     }
 
-    /// Types a byte once there is room for it.
     fn type_byte(&mut self, byte: u8) {
         if self.hand.io().rx_room() == 0 {
             // GOD reads again once its echo has room.
@@ -164,7 +158,6 @@ impl Typist {
     }
 }
 
-/// Output without its first and last line ends; lines end in LF.
 fn answer(output: &str) -> String {
     output.trim().replace('\r', "")
 }

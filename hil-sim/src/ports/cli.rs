@@ -173,7 +173,6 @@ fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     Ok(outcome.passed())
 }
 
-/// A progress indicator for runs that take seconds; on a terminal only.
 fn spinner(scenario: &Scenario) -> Option<indicatif::ProgressBar> {
     let total_ms = u64::from(scenario.duration_ms) * scenario.cases.len() as u64;
     // At 100 times real time (the switched model) this is a second.

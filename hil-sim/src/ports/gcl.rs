@@ -40,7 +40,6 @@ pub struct GclArgs {
     seed: u64,
 }
 
-/// The session, for programs.
 #[derive(Serialize)]
 struct Json {
     lines: Vec<Reply>,
@@ -97,7 +96,6 @@ pub fn gcl(args: &GclArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn
     Ok(ok)
 }
 
-/// Types all lines and prints the replies, unless they are for JSON.
 fn run_lines(args: &GclArgs, lines: &mut Lines, typist: &mut Typist) -> Result<Vec<Reply>, BadInput> {
     let mut replies = Vec::new();
     loop {
@@ -133,7 +131,6 @@ fn warn_events(events: &[Event]) {
     }
 }
 
-/// Title of the picture.
 fn title(args: &GclArgs) -> String {
     let name = |path: &Option<PathBuf>, or: &str| {
         path.as_deref()
@@ -147,12 +144,10 @@ fn title(args: &GclArgs) -> String {
     )
 }
 
-/// Unsolicited output as on a terminal: each after a prompt.
 fn after_prompts(unsolicited: &[String]) -> String {
     unsolicited.iter().map(|text| format!("=> \n{text}\n")).collect()
 }
 
-/// A line and its answer as on a terminal.
 fn transcript(reply: &Reply, echo: bool) -> String {
     let mut text = after_prompts(&reply.unsolicited);
     if echo {

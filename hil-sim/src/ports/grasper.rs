@@ -24,7 +24,6 @@ const PROMPT: &str = "=> ";
 /// Longest line of the hand kept whole: several times its longest line.
 const MAX_LINE: usize = 1024;
 
-/// The question that the next entry answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Question {
     Command,
@@ -32,7 +31,6 @@ enum Question {
     Position(Motors),
 }
 
-/// The commands of this program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OwnCommand {
     Move,
@@ -44,7 +42,6 @@ enum OwnCommand {
 #[derive(Debug)]
 pub struct Console {
     question: Question,
-    /// Lines to be sent to the hand.
     lines: VecDeque<String>,
     /// The line sent, until the hand prompts.
     awaiting: Option<String>,
@@ -52,7 +49,6 @@ pub struct Console {
     echoed: bool,
     /// The hand's present line so far.
     input: String,
-    /// Motors that have not reported the end of their motion.
     moving: Motors,
     had_error: bool,
 }
@@ -151,7 +147,7 @@ impl Console {
         Ok(())
     }
 
-    /// Moves motors, and the tips of links among them, to their goals in hall counts. Returns the lines for it.
+    /// Goals are in hall counts. The tip of a link moves along with it.
     fn move_to(&mut self, motors: Motors, goal: impl Fn(Motor) -> i64) -> Vec<String> {
         let along = |link: Motor| Some((link.tip()?, units::tip_travel_along(goal(link))));
         // A tip named itself comes later and keeps its own goal.
@@ -200,7 +196,6 @@ impl Console {
         (self.input.len() >= MAX_LINE).then(|| self.line()).flatten()
     }
 
-    /// Handles the end of a line of the hand.
     fn line(&mut self) -> Option<String> {
         let line = std::mem::take(&mut self.input);
         if let Some(echo) = line.strip_prefix(PROMPT) {
@@ -223,7 +218,7 @@ impl Console {
     }
 }
 
-/// The default of a motor's parameter, hall counts.
+/// Hall counts.
 fn default(name: &str, motor: Motor) -> i64 {
     units::halls_from_gcl(parameter::motor(name).map_or(0, |row| row.default_for(motor.kind())))
 }
@@ -259,7 +254,6 @@ fn bad(problem: &str, found: &str, expected: String) -> BadInput {
 mod tests {
     use super::*;
 
-    /// A console whose hand has prompted.
     fn console() -> Console {
         let mut console = Console::default();
         assert_eq!(console.next_line().as_deref(), Some("\r"));
@@ -267,7 +261,6 @@ mod tests {
         console
     }
 
-    /// Feeds the hand's output; returns the lines displayed.
     fn feed(console: &mut Console, text: &str) -> Vec<String> {
         text.bytes().filter_map(|byte| console.push_byte(byte)).collect()
     }

@@ -13,7 +13,7 @@ use crate::ports::grasper::Console;
 use crate::ports::lines::Lines;
 use crate::ports::output::{print, warn};
 
-/// Time limit for the hand's silence: a motor may press for TSTOP, up to 65 s, before it counts as stalled.
+/// Timeout without output from the hand: a motor may push for TSTOP, up to 65 s, before it counts as stalled.
 const SILENCE_LIMIT: Duration = Duration::from_secs(120);
 
 /// The arguments of `hil-sim grasper`.
@@ -24,12 +24,10 @@ pub struct GrasperArgs {
     connect: String,
 }
 
-/// Reports of the reading threads.
 enum Event {
     /// An entry; `None` at the end of the input.
     Entry(Result<Option<Entry>, BadInput>),
     Received(Vec<u8>),
-    /// The connection ended, and why.
     Gone(String),
 }
 
@@ -79,7 +77,6 @@ pub fn grasper(args: &GrasperArgs) -> Result<bool, Box<dyn Error>> {
 
 struct Session {
     hand: TcpStream,
-    /// Requests the next entry.
     next: SyncSender<()>,
     console: Console,
     /// The question printed and not yet answered.
@@ -88,7 +85,6 @@ struct Session {
 }
 
 impl Session {
-    /// Sends what is due to the hand; then asks the person.
     fn advance(&mut self) -> Result<(), BadInput> {
         while let Some(line) = self.console.next_line() {
             // A lost connection is reported by the reading thread.
@@ -131,7 +127,6 @@ impl Session {
         Ok(())
     }
 
-    /// Handles the end of the input.
     fn finish(&self) -> Result<bool, Box<dyn Error>> {
         print("\n")?;
         if !self.console.is_incomplete() {
@@ -147,7 +142,6 @@ impl Session {
     }
 }
 
-/// Connects; a thread reports what arrives.
 fn connect(address: &str, events: SyncSender<Event>) -> io::Result<TcpStream> {
     let hand = TcpStream::connect(address)?;
     hand.set_nodelay(true)?;

@@ -9,7 +9,6 @@ use crate::experiment::input::BadInput;
 /// Longest line read, bytes: more than ten times what the hand takes, so that the hand answers an over-long line.
 const MAX_LINE: usize = 4096;
 
-/// A source of lines.
 pub struct Lines {
     from: Box<dyn BufRead>,
     name: String,
@@ -19,10 +18,6 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Opens a script, or standard input.
-    ///
-    /// # Errors
-    /// It cannot be read.
     pub fn open(script: Option<&Path>) -> Result<Self, BadInput> {
         let Some(path) = script else {
             let are_typed = stdin().is_terminal();
@@ -40,7 +35,6 @@ impl Lines {
         Ok(Self { from: Box::new(BufReader::new(from)), name, are_typed: false, number: 0 })
     }
 
-    /// Source and number of the last line, for errors.
     pub fn place(&self) -> String {
         format!("{}:{}", self.name, self.number)
     }

@@ -54,7 +54,6 @@ pub fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
     moved
 }
 
-/// `.NAME.PID.part` beside the file.
 fn part_of(target: &Path) -> io::Result<PathBuf> {
     let name = target
         .file_name()

@@ -1,7 +1,7 @@
 //! Serves the bus and the hand in real time, for programs that expect hardware.
 //!
 //! Simulated time follows the clock that is passed in and never waits for a client; on a slow machine it falls behind with a
-//! warning. Nothing here decides what happens on the bus or in the hand.
+//! warning.
 
 mod args;
 mod bus;

@@ -1,17 +1,16 @@
 //! Lawicel SLCAN, the text protocol of serial CAN adapters (CAN232/CANUSB manuals, Lawicel AB), from the adapter's side and
 //! without I/O: bytes in, frames and answers out. CR acknowledges a command, BEL refuses it.
 //!
-//! The simulated bus runs at 1 Mbit/s and carries data frames with 11-bit identifiers, so other bit rates (S0 to S7, other
-//! `s` registers), extended and remote frames (T, R, r) and acceptance masks that would hide something (m) are refused
-//! with BEL and change nothing: a tool that tries other rates first, or ignores the answer, is served at 1 Mbit/s. Frames
-//! come by themselves, as after X1; there is nothing to poll.
+//! The simulated bus runs at 1 Mbit/s and carries data frames with 11-bit identifiers. Other bit rates (S0 to S7, other `s`
+//! registers), extended and remote frames (T, R, r) and acceptance masks that would hide a frame (m) get BEL and change nothing:
+//! a tool that tries other rates first, or ignores the answer, is served at 1 Mbit/s. Frames are forwarded unasked, as after X1;
+//! there is no polling.
 
 use tater_wire::Frame;
 
 use crate::world::bus::Stamped;
 
-/// Characters kept of a line: one more than the longest command that is taken, a `t` with eight bytes, so that a longer
-/// line is refused like any other that is no command.
+/// One more than the longest command, a `t` with eight bytes, so that a longer line is refused.
 const MAX_LINE: usize = 1 + 3 + 1 + 16 + 1;
 
 const CR: u8 = b'\r';
@@ -20,14 +19,11 @@ const BEL: u8 = 7;
 /// Time stamps wrap after a minute (CAN232 manual: 0 to 0xEA5F ms).
 const STAMP_MS: u64 = 60_000;
 
-/// Whether the channel is open.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Channel {
     #[default]
     Closed,
-    /// Sends and receives.
     Open,
-    /// Only receives.
     Listening,
 }
 
@@ -37,7 +33,6 @@ pub struct Slcan {
     line: Vec<u8>,
     channel: Channel,
     stamps: bool,
-    /// The adapter never sends.
     is_listener: bool,
 }
 

@@ -1,7 +1,7 @@
 //! The file with what a hand keeps without power: read at the start, rewritten after changes.
 //!
-//! Updates are atomic: a reader finds the whole old or the whole new state whenever the program or the machine was stopped. The new
-//! state is written to `FILE.part`, synced and renamed. `FILE.lock` keeps other programs out while this one runs.
+//! Updates are atomic: the new state is written to `FILE.part`, synced and renamed. `FILE.lock` keeps other programs out while
+//! this one runs.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind, Read, Write};
@@ -17,10 +17,8 @@ const MAX_BYTES: u64 = 1 << 20;
 /// A state is written after this simulated time without changes, us: boards store one after another, 40 ms per erase.
 const QUIET_US: u64 = 200_000;
 
-/// A state is written at the latest after this simulated time, us.
 const MAX_DELAY_US: u64 = 2_000_000;
 
-/// A state file locked by this program.
 pub struct StateFile {
     path: PathBuf,
     /// Holds the lock while open.
@@ -75,9 +73,6 @@ impl StateFile {
     }
 
     /// Writes the state if it changed: at once if `now`, otherwise once changes pause.
-    ///
-    /// # Errors
-    /// As [`Self::write`].
     pub fn save_changes(&mut self, hand: &mut Hand, now: bool) -> Result<(), BadInput> {
         let (revision, now_us) = (hand.revision(), hand.now_us());
         if revision == self.written {

@@ -6,8 +6,7 @@ use servo_core::{Command, EndReason, Event};
 use super::Metrics;
 use crate::world::node::Sample;
 
-/// Delay from the end of a move to the measurement of its final error, ms (manual defaults settle well
-/// within).
+/// Delay from a move's end to the measurement of its final error, ms; the manual's defaults settle well within.
 const SETTLE_MS: u32 = 200;
 
 /// Goal of a move, in the plant's counts.
@@ -16,11 +15,9 @@ struct Target {
     end: f64,
     /// Direction of travel, +1 or −1.
     direction: f64,
-    /// Farthest position past the end.
     overshoot: f64,
 }
 
-/// The last move and its own figures.
 #[derive(Clone, Copy, Debug, Default)]
 struct Move {
     /// Its first driven tick, if it had one.
@@ -33,7 +30,6 @@ struct Move {
     ticks: u32,
 }
 
-/// How a move ended.
 #[derive(Clone, Copy, Debug)]
 struct End {
     reason: EndReason,
@@ -110,7 +106,6 @@ impl Meter {
         self.last_move = Some(Move { target, ..Move::default() });
     }
 
-    /// Direction from the rotor to E.
     fn target(&self, last: &Sample) -> Target {
         let end = f64::from(self.end) + self.origin;
         let direction = if end >= last.truth.counts { 1.0 } else { -1.0 };

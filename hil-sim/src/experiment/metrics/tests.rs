@@ -9,7 +9,6 @@ use crate::world::plant::Ledger;
 use crate::world::rig::Truth;
 use tater_fw::Analog;
 
-/// A tick at `ms` with the rotor at `counts`, seen exactly by the servo.
 fn at(ms: u32, mode: Mode, counts: f64) -> Sample {
     let seen = Counts(fixed_counts(counts));
     Sample {
@@ -62,12 +61,10 @@ fn fixed_counts(counts: f64) -> fixed::types::I22F10 {
     fixed::types::I22F10::from_num(counts)
 }
 
-/// A meter of a run that starts in idle at 0.
 fn begun() -> Meter {
     Meter::new(&at(0, Mode::Idle, 0.0))
 }
 
-/// The metrics so far, after a tick.
 fn so_far(meter: &Meter) -> Metrics {
     meter.clone().finish(&at(0, Mode::Idle, 0.0))
 }
@@ -237,7 +234,6 @@ fn tracking_uses_true_rotor_and_positioned_moves_only() {
     meter.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
     for (ms, lag) in [(1, 3.0), (2, -4.0)] {
         let mut sample = at(ms, Mode::Trapezoidal, 5.0);
-        // The servo believes that it is on its set-point; the rotor is not.
         sample.truth.counts = 5.0 - lag;
         tick(&mut meter, &sample);
     }
@@ -266,7 +262,6 @@ fn lost_count_is_an_error_and_renamed_position_is_not() {
     lost.truth.counts = 21.0;
     assert_eq!(begun().finish(&lost).count_error_counts, 1.0);
 
-    // P := 3 at the true count 20.
     let mut meter = begun();
     meter.command(&Command::Position(3), true, &at(0, Mode::Idle, 20.0), 3.0);
     assert_eq!(meter.zero_counts(), 17.0);

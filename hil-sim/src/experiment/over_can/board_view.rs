@@ -19,20 +19,15 @@ use crate::world::node::Sample;
 /// Time from a command's SET until its immediate reports have arrived, us: the SET (110), the board (50) and two reports (190).
 const DONE_US: u64 = 400;
 
-/// A request to a board.
+/// A command is verified by reading `echo` afterwards.
 pub(super) enum Ask {
-    /// Read a property.
     Get(Property),
-    /// Set a property.
     Set(Property, i64),
-    /// Send a command, then read `echo` to see whether the board obeyed.
     Command { command: Command, property: Property, value: i64, echo: (Property, Option<i64>) },
 }
 
-/// A command in progress.
 struct PendingCommand {
     command: Command,
-    /// The state before the command.
     before: Sample,
     echo: (Property, Option<i64>),
     /// The answer for the echo's property.
@@ -51,7 +46,6 @@ struct KnownState {
     error: i64,
 }
 
-/// The host's view of a board.
 pub(super) struct BoardView {
     job: Job,
     begin_us: u64,
@@ -62,7 +56,6 @@ pub(super) struct BoardView {
     known: KnownState,
     /// Until this time T may be the commanded value, before limits, us.
     torque_due_us: u64,
-    /// HI is running.
     homing: bool,
     /// HI has ended, and its new position has not been read.
     zero_due: bool,
@@ -70,7 +63,6 @@ pub(super) struct BoardView {
     meter: Meter,
     /// The rig's state at the last whole millisecond.
     last: Sample,
-    /// Whether the meter has processed `last`.
     metered: bool,
     log: Vec<(u32, String)>,
     path: Path,
@@ -78,7 +70,6 @@ pub(super) struct BoardView {
 }
 
 impl BoardView {
-    /// An idle board at the start of a run.
     pub(super) fn new(job: Job, station: &impl ObservedBoard, begin_us: u64) -> Self {
         let position = job.rig.truth().counts.round() as i32;
         let known = KnownState { mode: Mode::Idle, position, torque: 0, held: None, homed: false, error: 0 };
@@ -103,17 +94,14 @@ impl BoardView {
         }
     }
 
-    /// The mode by the last answer.
     pub(super) const fn mode(&self) -> Mode {
         self.known.mode
     }
 
-    /// Whether a move ends in a hold.
     pub(super) const fn holds(&self) -> bool {
         self.job.case.config.hold
     }
 
-    /// Queues a request.
     pub(super) fn ask(&mut self, ask: Ask) {
         self.asks.push_back(ask);
     }
@@ -176,7 +164,6 @@ impl BoardView {
         waits.or_else(|| self.pending.as_ref().map(|pending| pending.due_us))
     }
 
-    /// Evaluates a completed command.
     fn finish_command(&mut self, pending: &PendingCommand) {
         let PendingCommand { command, before, echo, read, .. } = pending;
         let read = read.flatten();
@@ -199,7 +186,6 @@ impl BoardView {
         }
     }
 
-    /// Handles a frame that the host received.
     pub(super) fn receive(&mut self, frame: &Frame, at_us: u64) {
         let Some((from, property, value)) = answer(frame) else { return };
         if from != self.job.node {
@@ -268,7 +254,6 @@ impl BoardView {
         self.events.push(event);
     }
 
-    /// Passes the last millisecond to the meter, unless it has had it, with the events since.
     fn meter_now(&mut self, sample: Sample) {
         if self.metered {
             for event in std::mem::take(&mut self.events) {
@@ -289,13 +274,11 @@ impl BoardView {
         self.path.follow(station.rig().truth(), station.driven_since_us());
     }
 
-    /// Ends the run.
     pub(super) fn close(&mut self, ms: u32) {
         self.last.ms = ms;
         self.meter_now(refreshed(&self.last, &self.known));
     }
 
-    /// The result.
     pub(super) fn finish(self) -> BoardResult {
         let mut metrics = self.meter.finish(&refreshed(&self.last, &self.known));
         metrics.tracking_rms_counts = None;
@@ -306,7 +289,6 @@ impl BoardView {
     }
 }
 
-/// The rig's present state combined with the known state of the servo.
 fn observe(ms: u32, begin_us: u64, station: &impl ObservedBoard, known: &KnownState) -> Sample {
     let (rig, position) = (station.rig(), Counts::from_int(known.position));
     let status = Telemetry {
@@ -336,7 +318,6 @@ fn observe(ms: u32, begin_us: u64, station: &impl ObservedBoard, known: &KnownSt
     }
 }
 
-/// A sample updated with the answers since.
 fn refreshed(sample: &Sample, known: &KnownState) -> Sample {
     let mut sample = *sample;
     let status = &mut sample.status;

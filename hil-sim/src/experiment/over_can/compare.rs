@@ -11,7 +11,6 @@ use crate::world::rig::Truth;
 pub struct Path {
     /// Time in us and position in counts.
     points: Vec<(u64, f64)>,
-    /// When the bridge first was on, us.
     driven_us: Option<u64>,
     moves: Vec<Moved>,
 }
@@ -87,7 +86,6 @@ impl Path {
         Some(from + (to - from) * (us - t0) as f64 / (t1 - t0) as f64)
     }
 
-    /// Durations of the moves that drove and ended, us.
     fn took_us(&self) -> Vec<u64> {
         self.moves.iter().filter_map(|m| Some(m.ended_us?.saturating_sub(m.driven_us?))).collect()
     }

@@ -7,7 +7,6 @@ use super::{ObservedBoard, OverCan};
 /// Time limit of an answer, us: a board that erases a page (40 ms) answers after it.
 pub(super) const ANSWER_US: u64 = 100_000;
 
-/// Attempts before a board counts as silent.
 const TRIES: u32 = 5;
 
 /// Poll interval of long operations, us.
@@ -107,7 +106,6 @@ impl<S: ObservedBoard> OverCan<S> {
     }
 }
 
-/// The property and value in a board's answer or report.
 pub(super) fn answer(frame: &Frame) -> Option<(Id, Property, i64)> {
     let message = Message::parse(frame)?;
     match message.body {

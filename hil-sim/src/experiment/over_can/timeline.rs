@@ -54,7 +54,6 @@ impl<S: ObservedBoard> OverCan<S> {
     }
 }
 
-/// Plays a scenario's timeline to all boards.
 fn play<S: ObservedBoard>(
     host: &mut OverCan<S>,
     scenario: &Scenario,
@@ -99,7 +98,6 @@ fn play<S: ObservedBoard>(
 /// Time for four answers of each of seven boards, us.
 const LAST_US: u64 = 10_000;
 
-/// Sends and receives until `until_us`.
 fn exchange<S: ObservedBoard>(
     host: &mut OverCan<S>,
     boards: &mut [BoardView],
@@ -120,7 +118,6 @@ fn exchange<S: ObservedBoard>(
     }
 }
 
-/// Applies a timed action to one board.
 fn apply<S: ObservedBoard>(action: &Action, host: &mut OverCan<S>, board: &mut BoardView, index: usize) {
     match action {
         Action::Command(command) => {

@@ -16,17 +16,13 @@ const BOTTOM: f64 = 24.0;
 const LINE: f64 = 14.0;
 const LETTER: f64 = 6.4;
 
-/// A curve.
 pub(super) struct Series {
-    /// Name in the legend.
     pub(super) name: &'static str,
     /// CSS class: `c1` to `c4`, `goal` for a set-point.
     pub(super) class: &'static str,
-    /// One value for each time.
     pub(super) values: Vec<f64>,
 }
 
-/// A vertical line at a time.
 #[derive(Clone)]
 pub(super) struct Mark {
     pub(super) ms: f64,
@@ -35,7 +31,6 @@ pub(super) struct Mark {
     pub(super) label: String,
 }
 
-/// A chart over time.
 pub(super) struct Chart<'a> {
     pub(super) title: &'static str,
     pub(super) unit: &'static str,
@@ -48,11 +43,9 @@ pub(super) struct Chart<'a> {
     pub(super) times: &'a [f64],
     pub(super) series: Vec<Series>,
     pub(super) marks: &'a [Mark],
-    /// Whether to label the marks.
     pub(super) labeled: bool,
 }
 
-/// An axis: data range and drawing range.
 struct Axis {
     min: f64,
     max: f64,
@@ -78,7 +71,6 @@ impl Axis {
 }
 
 impl Chart<'_> {
-    /// The chart as an `<svg>` element.
     pub(super) fn svg(&self) -> String {
         let height = self.height;
         let mut svg = format!(
@@ -108,7 +100,6 @@ impl Chart<'_> {
         svg
     }
 
-    /// Smallest and largest value with a margin.
     fn range(&self) -> (f64, f64) {
         if !self.lanes.is_empty() {
             return (0.0, self.lanes.len() as f64);
@@ -212,7 +203,6 @@ impl Chart<'_> {
     }
 }
 
-/// Position of a mark's label: line above the plot, and side of the mark.
 struct Label {
     line: usize,
     leftwards: bool,
@@ -268,7 +258,6 @@ fn path(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
     path
 }
 
-/// Text with HTML markup escaped.
 pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -10,7 +10,6 @@ use crate::experiment::run::{MotorRun, Outcome};
 use crate::experiment::scenario::{Case, Scenario, motor_name};
 use crate::experiment::trace::Trace;
 
-/// The metrics shown large.
 const HEADLINES: [(&str, &str, &str); 8] = [
     ("end_ms", "end of move", "ms"),
     ("overshoot_counts", "overshoot", "counts"),
@@ -104,7 +103,6 @@ fn motor(page: &mut String, scenario: &Scenario, case: &Case, run: &MotorRun) {
     page.push_str("</table></section>\n</div>\n");
 }
 
-/// Every property; bold if it differs from the motor's default.
 fn properties(page: &mut String, case: &Case) {
     let defaults = tater_fw::motion::defaults(case.motor);
     for property in &PROPERTIES {
@@ -118,7 +116,6 @@ fn properties(page: &mut String, case: &Case) {
     }
 }
 
-/// Commands and ends as vertical lines.
 fn marks(scenario: &Scenario, run: &MotorRun) -> Vec<Mark> {
     let mut marks: Vec<Mark> = scenario
         .timeline
@@ -140,7 +137,7 @@ fn marks(scenario: &Scenario, run: &MotorRun) -> Vec<Mark> {
 /// A chart's title, unit, height, minimum span of its y axis, and curves (name, class, column).
 type Row = (&'static str, &'static str, f64, f64, &'static [(&'static str, &'static str, &'static str)]);
 
-/// The charts, from the top. Positions are in the plant's counts, so that HI causes no jump in the curves.
+/// Top to bottom. Positions are in the plant's counts, so that HI causes no jump in the curves.
 const CHARTS: [Row; 6] = [
     (
         "Position",
@@ -214,7 +211,6 @@ fn charts(trace: &Trace, times: &[f64], marks: &[Mark]) -> Vec<String> {
     charts
 }
 
-/// A column of the trace, or a value derived from several; NaN if there is nothing to draw.
 fn curve(trace: &Trace, name: &str) -> Vec<f64> {
     match name {
         "setpoint_counts" => {
@@ -232,12 +228,10 @@ fn curve(trace: &Trace, name: &str) -> Vec<f64> {
     }
 }
 
-/// A position of the servo in the plant's counts.
 fn in_plant(trace: &Trace, name: &str) -> Vec<f64> {
     trace.column(name).iter().zip(trace.column("zero_counts")).map(|(counts, zero)| counts + zero).collect()
 }
 
-/// The three hall lines as logic levels, one lane each.
 fn halls(trace: &Trace, times: &[f64], marks: &[Mark]) -> String {
     let codes = trace.column("halls_code");
     let lane = |name, class, bit: u8| {
@@ -266,7 +260,6 @@ fn capital(word: &str) -> String {
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A figure rounded to the digits that matter.
 fn short(value: &Value) -> String {
     match value {
         Value::Number(value) if value.abs() < 10.0 && *value != value.trunc() => format!("{value:.2}"),

@@ -12,7 +12,6 @@ use toml::Spanned;
 
 use crate::world::rig::{Object, RigParams};
 
-/// The whole file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
@@ -40,10 +39,8 @@ pub(super) struct File {
 
 /// Plant overrides by name; the plant knows the names.
 pub(super) type Numbers = BTreeMap<Spanned<String>, Spanned<Number>>;
-/// Properties by name.
 pub(super) type Settings = BTreeMap<Spanned<String>, Spanned<i64>>;
 
-/// State of the plant at the start.
 #[derive(Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Initial {
@@ -88,7 +85,6 @@ pub(super) struct At {
     pub(super) bus_v: Option<Volts>,
 }
 
-/// One expectation of the result.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Expect {
@@ -99,17 +95,14 @@ pub(super) struct Expect {
     pub(super) tolerance: Option<Tolerance>,
 }
 
-/// The expected value of a metric.
 pub(super) enum Wanted {
     Number(f64),
     Text(String),
 }
 
-/// A finite number.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Number(pub(super) f64);
 
-/// A tolerance.
 #[derive(Clone, Copy)]
 pub(super) struct Tolerance(pub(super) f64);
 
@@ -117,38 +110,29 @@ pub(super) struct Tolerance(pub(super) f64);
 #[derive(Clone, Copy)]
 pub(super) struct NewtonMeters(pub(super) f64);
 
-/// A supply voltage.
 #[derive(Clone, Copy)]
 pub(super) struct Volts(pub(super) f64);
 
-/// A relative scatter, 0 to 0.5.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Spread(pub(super) f64);
 
-/// A scatter of the halls' placement in degrees electrical.
 #[derive(Clone, Copy, Default)]
 pub(super) struct HallScatter(pub(super) f64);
 
-/// A run's length in ms.
 #[derive(Clone, Copy)]
 pub(super) struct Duration(pub(super) u32);
 
-/// A hall count in the range of the position properties.
 pub(super) struct Position(pub(super) i32);
 
-/// A torque in the range of property T.
 pub(super) struct TorqueUnits(pub(super) i16);
 
-/// A velocity in the range of property V.
 pub(super) struct VelocityUnits(pub(super) i16);
 
 /// `true`, the only value of a command without a parameter.
 pub(super) struct Yes;
 
-/// A mode by name.
 pub(super) struct ModeName(pub(super) Mode);
 
-/// One kind of motor or several.
 pub(super) struct Motors(pub(super) Vec<MotorKind>);
 
 /// Implements `Deserialize` for a number in a range, described for the error.
@@ -179,7 +163,6 @@ macro_rules! number {
     };
 }
 
-/// Implements `Deserialize` for a whole number in a range, described for the error.
 macro_rules! integer {
     ($name:ident, $min:expr, $max:expr, $words:literal) => {
         impl<'de> Deserialize<'de> for $name {
@@ -267,7 +250,6 @@ impl<'de> Deserialize<'de> for Wanted {
     }
 }
 
-/// Parses a kind of motor.
 fn motor<E: Error>(name: &str) -> Result<MotorKind, E> {
     match name {
         "link" => Ok(MotorKind::Link),

@@ -93,7 +93,6 @@ impl Scenario {
     }
 }
 
-/// The whole file.
 fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     let parsed: file::File = toml::from_str(source.text).map_err(|e| source.reader_error(&e))?;
     let mut cases = Vec::new();
@@ -147,7 +146,6 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
     })
 }
 
-/// A value that passes the plant's own check.
 fn checked<T: Clone>(
     source: Source<'_>,
     value: &Spanned<T>,
@@ -165,7 +163,6 @@ fn checked<T: Clone>(
     }
 }
 
-/// Checks an object against the rig.
 fn check_object(object: &Object, plant: &PlantParams) -> Result<(), ParamError> {
     // A stop is always a valid start.
     let start = Initial { position_counts: plant.min_count, ..Initial::default() }.start(plant);
@@ -173,7 +170,6 @@ fn check_object(object: &Object, plant: &PlantParams) -> Result<(), ParamError> 
     Rig::new(plant.clone(), rig, &[*object], Model::Averaged, start, 0).map(|_| ())
 }
 
-/// The nominal plant of a motor with the file's overrides.
 fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Result<PlantParams, BadInput> {
     let nominal = PlantParams::for_motor(motor);
     let Ok(mut table) = toml::Table::try_from(&nominal) else { return Ok(nominal) };
@@ -209,7 +205,6 @@ fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Res
     Ok(plant)
 }
 
-/// Properties by name, without duplicates, in range.
 fn settings(source: Source<'_>, set: &file::Settings) -> Result<Vec<(&'static Property, i64)>, BadInput> {
     let mut rows: Vec<(&'static Property, i64)> = Vec::new();
     for (name, value) in set {
@@ -235,7 +230,6 @@ fn settings(source: Source<'_>, set: &file::Settings) -> Result<Vec<(&'static Pr
     Ok(rows)
 }
 
-/// Parses an `[[at]]` table: a time and exactly one action.
 fn timed(source: Source<'_>, at: &Spanned<file::At>, duration_ms: u32) -> Result<Timed, BadInput> {
     let file::At { ms, .. } = *at.get_ref();
     let fail = |problem: &str, found: String, expected: String, next: &str| {
@@ -263,7 +257,6 @@ fn timed(source: Source<'_>, at: &Spanned<file::At>, duration_ms: u32) -> Result
     }
 }
 
-/// All actions in an `[[at]]` table.
 fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
     let set = at.set.as_ref().map(|set| settings(source, set)).transpose()?;
     let commands = [
@@ -289,7 +282,6 @@ fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
     Ok(commands.chain(others.into_iter().flatten()).collect())
 }
 
-/// One `[[expect]]` table.
 fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Expectation, BadInput> {
     let file::Expect { metric: name, min, max, equals, tolerance } = expect.get_ref();
     let short = input::shorten(name);
@@ -333,7 +325,6 @@ fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Exp
     Ok(Expectation { metric, want })
 }
 
-/// The next step for an unknown word.
 fn did_you_mean(word: &str, known: &[&str]) -> String {
     match input::closest(word, known.iter().copied()) {
         Some(like) => format!("did you mean {like}?"),

@@ -31,16 +31,12 @@ pub struct BusArgs {
     seed: u64,
 }
 
-/// The host's connection.
 pub enum Place<'a> {
-    /// A TCP client at this address.
     Slcan(&'a str),
     Can(&'a str),
 }
 
 impl BusArgs {
-    /// The host's connection.
-    ///
     /// # Errors
     /// No boards, or not exactly one host.
     pub fn host(&self) -> Result<Place<'_>, BadInput> {
@@ -61,9 +57,6 @@ impl BusArgs {
     }
 
     /// The boards with their default plants, at power-up.
-    ///
-    /// # Errors
-    /// An invalid list.
     pub fn boards(&self) -> Result<Vec<Node>, BadInput> {
         let mut ids = Vec::new();
         for (option, list) in [("--node", &self.node), ("--nodes", &self.nodes)] {

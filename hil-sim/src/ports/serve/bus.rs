@@ -135,7 +135,6 @@ impl<S: Station> Server<S> {
         self.bus.unplug_host();
     }
 
-    /// Converts bytes to frames while the queue has room.
     fn feed(&mut self) {
         let Host::Slcan(client) = &mut self.host else { return };
         let mut taken = 0;
@@ -155,7 +154,6 @@ impl<S: Station> Server<S> {
         }
     }
 
-    /// Sends frames from the bus to the host.
     fn send_frames(&mut self) {
         while let Some(stamped) = self.bus.receive() {
             match &mut self.host {

@@ -64,7 +64,6 @@ mod linux {
             });
         }
 
-        /// Sends a frame from the boards.
         pub fn send(&mut self, frame: &Frame) {
             let Some(frame) = to_interface(frame) else { return };
             if let Err(error) = self.socket.write_frame(&frame)
@@ -129,8 +128,6 @@ mod none {
     pub enum CanPort {}
 
     impl CanPort {
-        /// # Errors
-        /// Always.
         pub fn open(interface: &str) -> Result<Self, BadInput> {
             Err(bad(
                 format!("--can {interface}"),
@@ -140,12 +137,10 @@ mod none {
             ))
         }
 
-        /// Unreachable.
         pub fn watch(&self, _: SyncSender<Event>) {
             match *self {}
         }
 
-        /// Unreachable.
         pub fn send(&mut self, _: &Frame) {
             match *self {}
         }

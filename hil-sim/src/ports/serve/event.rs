@@ -19,19 +19,16 @@ pub const SLICE_US: u64 = 2_000;
 /// Events queued before the threads that read sockets block.
 pub const EVENTS: usize = 16;
 
-/// A thread's report.
 pub enum Event {
     Client(NewClient),
     /// Bytes of the client with this number.
     Bytes(u64, Vec<u8>),
-    /// The client with this number has disconnected.
     Gone(u64),
     Frame(Frame),
     /// The CAN interface has failed.
     Lost(String),
 }
 
-/// The protocol of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     Gcl,
@@ -41,7 +38,6 @@ pub enum Protocol {
 pub struct NewClient {
     pub stream: TcpStream,
     pub peer: String,
-    /// The protocol of the port that it connected to.
     pub protocol: Protocol,
 }
 

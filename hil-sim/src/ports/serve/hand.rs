@@ -28,14 +28,13 @@ use super::tcp::{self, Client};
 use crate::ports::output::{print, warn};
 use crate::ports::state_file::StateFile;
 
-/// Default address.
 const ADDRESS: &str = "127.0.0.1:11001";
 
 /// Type-ahead limit, bytes, besides the last chunk. Within it a ^C or a disconnect takes effect at once; bytes beyond it stay in the
 /// socket.
 const MAX_TYPE_AHEAD: usize = 1 << 16;
 
-/// Most tools that watch the bus at once.
+/// Maximum number of tools that watch the bus.
 const WATCHERS: usize = 4;
 
 /// The arguments of `hil-sim hand`.
@@ -119,7 +118,6 @@ pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
     server.run(clock)
 }
 
-/// The hand, new or restored, and its state file.
 fn open_hand(args: &HandArgs) -> Result<(Hand, Option<StateFile>), BadInput> {
     let new = || Hand::new(Model::Averaged, args.seed, Memory::default());
     let Some(path) = &args.state else { return Ok((new(), None)) };
@@ -151,7 +149,6 @@ struct Server {
     hand: Hand,
     state_file: Option<StateFile>,
     serial: Serial,
-    /// GOD's output that has not been sent to the host.
     output: Vec<u8>,
     host: Host,
     terminal: Option<Terminal>,
@@ -162,7 +159,6 @@ struct Server {
     links: u64,
     /// `None`: as fast as possible.
     pace: Option<Pace>,
-    /// A failure to write the state has been reported.
     warned: bool,
 }
 
@@ -214,7 +210,6 @@ impl Server {
         }
     }
 
-    /// Sends GOD's output to the host and reads on if there is room.
     fn send_output(&mut self) {
         let mut output = std::mem::take(&mut self.output);
         let has_room = self.serial.waiting() < MAX_TYPE_AHEAD;
@@ -231,7 +226,6 @@ impl Server {
         self.output = output;
     }
 
-    /// Sends frames from the bus to the tools that watch it.
     fn send_frames(&mut self) {
         while let Some(stamped) = self.hand.bus_mut().tapped() {
             self.watchers.iter_mut().for_each(|watcher| watcher.frame(&stamped));

@@ -10,23 +10,16 @@ use std::thread;
 
 use super::event::Event;
 
-/// Most bytes per read, and most bytes of a link waiting to be used.
+/// Size limit of a read and of a link's unprocessed input, bytes.
 pub const CHUNK: usize = 1024;
 
-/// Chunks queued for writing.
 const MAX_CHUNKS: usize = 16;
 
 pub trait Port: Send + Sync + 'static {
     /// Blocks until bytes arrive; 0 at the end.
-    ///
-    /// # Errors
-    /// The stream has failed.
     fn read(&self, bytes: &mut [u8]) -> io::Result<usize>;
 
     /// Blocks until all bytes are written.
-    ///
-    /// # Errors
-    /// The stream has failed.
     fn write(&self, bytes: &[u8]) -> io::Result<()>;
 
     /// Closes the stream: blocked readers and writers return, and unread bytes are lost.
@@ -88,7 +81,6 @@ impl Link {
         Self { number, peer, port, out, more, is_closed, is_paused: false }
     }
 
-    /// Notes that a chunk has arrived.
     pub const fn chunk_received(&mut self) {
         self.is_paused = true;
     }

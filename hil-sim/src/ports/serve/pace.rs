@@ -3,7 +3,6 @@
 /// Lag beyond which simulated time no longer catches up, µs: longer than a scheduler's ordinary pauses.
 const SLACK_US: u64 = 100_000;
 
-/// The offset between real and simulated time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
     /// Lag given up so far, µs.

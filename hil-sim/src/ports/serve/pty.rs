@@ -23,19 +23,14 @@ mod unix {
 
     const POLL: Duration = Duration::from_millis(20);
 
-    /// The controlling side of the terminal.
     struct Pty {
         file: File,
         /// Path of the hosts' side.
         path: String,
-        /// Whether a host has it open.
         is_open: AtomicBool,
     }
 
     /// Creates a pseudo-terminal; returns it with its path.
-    ///
-    /// # Errors
-    /// The system provides none.
     pub fn open() -> Result<(Arc<dyn Port>, String), BadInput> {
         let failed = |error: Errno| {
             let next = "use --listen";
@@ -88,9 +83,6 @@ mod unix {
 }
 
 /// Not supported on this system.
-///
-/// # Errors
-/// Always.
 #[cfg(not(unix))]
 pub fn open() -> Result<(std::sync::Arc<dyn super::link::Port>, String), crate::experiment::input::BadInput> {
     Err(super::event::bad("--pty".to_owned(), "not Unix", "a system with pseudo-terminals", "use --listen"))

@@ -19,7 +19,7 @@ use crate::ports::output::warn;
 /// Time for a refused client to read the reason and close.
 const REFUSAL_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// Most chunks of its input discarded meanwhile.
+/// Chunks of its input discarded at most.
 const REFUSAL_READS: usize = 16;
 
 /// Delay before accepting again after an error: without free file descriptors, accept fails at once until one is closed.
@@ -105,7 +105,6 @@ pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> io::
     Ok(Link::new(number, client.peer, Arc::new(client.stream), events))
 }
 
-/// A client that speaks SLCAN.
 pub struct Client {
     pub link: Link,
     codec: Slcan,
@@ -113,17 +112,14 @@ pub struct Client {
 }
 
 impl Client {
-    /// A new client, with `codec` as its adapter.
     pub const fn new(link: Link, codec: Slcan) -> Self {
         Self { link, codec, out: Vec::new() }
     }
 
-    /// Handles a byte from the client; returns a frame it completes.
     pub fn push(&mut self, byte: u8) -> Option<Frame> {
         self.codec.push(byte, &mut self.out)
     }
 
-    /// Queues a frame for the client.
     pub fn frame(&mut self, stamped: &Stamped) {
         self.codec.frame(stamped, &mut self.out);
     }

@@ -1,7 +1,6 @@
 use super::*;
 use proptest::prelude::*;
 
-/// Feeds bytes; returns the answers and the frames sent.
 fn exchange(slcan: &mut Slcan, text: &[u8]) -> (Vec<u8>, Vec<Frame>) {
     let mut out = Vec::new();
     let frames = text.iter().filter_map(|&byte| slcan.push(byte, &mut out)).collect();
@@ -138,7 +137,7 @@ proptest! {
         prop_assert_eq!(out.iter().filter(|&&byte| byte == CR || byte == BEL).count(), lines);
         prop_assert!(frames.len() <= lines);
         prop_assert!(slcan.line.len() <= MAX_LINE);
-        // Whatever came before, after the next CR it understands again.
+        // After the next CR it accepts commands again.
         exchange(&mut slcan, b"\rC\r");
         prop_assert_eq!(exchange(&mut slcan, b"O\r").0, b"\r".to_vec());
     }
