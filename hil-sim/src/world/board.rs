@@ -13,7 +13,6 @@ use crate::world::rig::{Object, Rig, RigParams};
 /// Transmit mailboxes of the CAN controller (bxCAN).
 const MAILBOXES: usize = 3;
 
-/// Receive filters after a reset: only group 0 passes.
 const GROUP_0_ONLY: (Node, [Option<Group>; 3]) = (Node::HOST, [None; 3]);
 
 /// One board's hardware and its plant.
@@ -166,8 +165,7 @@ impl SimBoard {
         }
     }
 
-    /// Applies a reset or a loss of power to the pins and the CAN controller: bridge off, brake engaged, mailboxes empty, filters
-    /// closed. [`Board::reset_cause`] returns `cause` from then on.
+    /// Resets the pins and the CAN controller, as on a reset or a loss of power. [`Board::reset_cause`] returns `cause`.
     pub fn reset_pins(&mut self, cause: Option<FaultCode>) {
         self.bridge(Bridge::Off);
         self.brake_released = false;

@@ -1,12 +1,11 @@
 //! A CAN bus in simulated time: arbitration, delivery, and the bit times each frame takes.
 //!
-//! Classic CAN at 1 Mbit/s, so that a bit is a microsecond. The lowest identifier wins; frames have their exact length with
-//! stuffing; a corrupted frame costs an error frame and is sent again; a controller's receive FIFO holds three frames and
-//! drops what arrives while it is full. Not modeled: error counters (a station never goes bus-off), remote and extended
-//! frames, and retransmissions without an acknowledgment: a lone station waits until another one is on the bus.
+//! Classic CAN at 1 Mbit/s, so a bit is a microsecond. The lowest identifier wins. Frame lengths include stuffing. A corrupted
+//! frame costs an error frame and is sent again. A receive FIFO holds three frames and drops what arrives while it is full.
+//! Not modeled: error counters (a station never goes bus-off), remote and extended frames, and retransmissions without an
+//! acknowledgment: a lone station waits until another one is on the bus.
 //!
-//! The simulation is event-driven: between two events no station can affect another. Events are processed in a fixed order,
-//! so the same calls give the same bus traffic, to the microsecond.
+//! Event-driven and deterministic: the same calls give the same traffic, to the microsecond.
 
 mod host;
 mod length;
@@ -59,11 +58,9 @@ pub struct Bus<S> {
     /// End of the last intermission.
     free_us: u64,
     stats: Stats,
-    /// Frames since the tap was opened that have not been read.
     tap: Option<VecDeque<Stamped>>,
 }
 
-/// A station and its receive side.
 struct Slot<S> {
     station: S,
     cut: bool,
@@ -72,7 +69,6 @@ struct Slot<S> {
     taken_us: u64,
 }
 
-/// The frame on the wire.
 struct Flight {
     frame: Frame,
     /// The sending station; `None`: the host.
@@ -87,8 +83,8 @@ impl<S: Station> Slot<S> {
         !self.cut && self.station.is_on_bus()
     }
 
-    /// When the software reads the next frame from the FIFO. Frames that arrived while the processor was stalled are read all
-    /// at once, in the last microsecond of the stall: their interrupt precedes the program's next step, which may stall again.
+    /// When the software reads the next frame from the FIFO. Frames that arrive during a stall are all read in its last
+    /// microsecond: their interrupt precedes the program's next step, which may stall again.
     fn delivery_us(&self) -> Option<u64> {
         let latency_us = self.station.latency_us();
         let ready_us = self.fifo.front()?.at_us + latency_us;
@@ -117,7 +113,7 @@ impl<S: Station> Bus<S> {
     /// Connects a host; `name` identifies it in errors.
     ///
     /// # Errors
-    /// A host is connected already: host and GOD are both node 0, and the bus carries only one of them.
+    /// A host is connected already: both would be node 0.
     pub fn plug_host(&mut self, name: &str, adapter: Adapter) -> Result<(), TwoHosts> {
         if let Some(host) = &self.host {
             return Err(TwoHosts { present: host.name.clone(), refused: name.to_owned() });
@@ -231,7 +227,6 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// Advances to the next event, or to `until_us` if that is earlier.
     fn step(&mut self, until_us: u64) {
         let next_us = self.next_us().clamp(self.now_us + 1, until_us.max(self.now_us + 1));
         for slot in &mut self.slots {
@@ -241,7 +236,6 @@ impl<S: Station> Bus<S> {
         self.settle();
     }
 
-    /// Time of the next event, as far as known now.
     fn next_us(&self) -> u64 {
         let wire_us = match &self.flight {
             Some(flight) => flight.end_us,
@@ -276,8 +270,7 @@ impl<S: Station> Bus<S> {
         }
     }
 
-    /// The winner of arbitration: the lowest pending identifier. Identifiers contain the sender's node, so two stations share one
-    /// only by mistake; then the first station wins.
+    /// Arbitration. Two stations share an identifier only by mistake; then the first one wins.
     fn winner(&self) -> Option<(Option<usize>, Frame)> {
         let host = self.host.as_ref().and_then(|host| host.pending(self.now_us)).map(|frame| (None, frame));
         let connected = self.slots.iter().enumerate().filter(|(_, slot)| slot.is_connected());

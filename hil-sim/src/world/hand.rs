@@ -21,19 +21,16 @@ use crate::world::plant::{Model, ParamError};
 use scene::{Pose, Scene};
 use state::{Kept, State};
 
-/// GOD's name as the host of the bus.
 const GOD: &str = "GOD";
 
 /// Temperature of GOD's board, 0.1 °C: the lower end of normal use (manual 2).
 const TEMPERATURE: i16 = 350;
 
-/// A motor below this speed counts as standing, hall counts/s.
 const STANDSTILL_COUNTS_PER_S: f64 = 1.0;
 
-/// Interval at which the motors' contacts are computed, us.
+/// Interval at which contacts are computed, us.
 const SCENE_US: u64 = 1_000;
 
-/// The identifier of a node.
 fn id(number: u8) -> Id {
     Id::new(number).expect("1 to 7 are nodes")
 }
@@ -52,7 +49,7 @@ pub struct Hand {
     god: Pin<Box<dyn Future<Output = Infallible>>>,
     /// Next time at which GOD may act by itself, us.
     next_us: u64,
-    /// Number of changes to keep that were found outside the boards' flashes.
+    /// Changes outside the boards' flashes; see [`Self::revision`].
     changes: u64,
     /// The motors' positions at the last change.
     stood: Pose,
@@ -116,7 +113,6 @@ impl Hand {
         pose
     }
 
-    /// Gives the motors their contacts.
     fn update_contacts(&mut self) {
         let now_us = self.bus.now_us();
         let pose = self.pose();
@@ -183,7 +179,6 @@ impl Hand {
         }
     }
 
-    /// Time of the scene's next evaluation.
     fn scene_us(&self) -> u64 {
         self.scene.as_ref().map_or(u64::MAX, |(_, next_us, _)| *next_us)
     }

@@ -18,7 +18,6 @@ use crate::world::rig::{Rig, Truth};
 pub use factory::placeholder_application;
 use factory::provisioned;
 
-/// Period of the control tick, µs.
 const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
 
 /// The watchdog's period, µs: it is fed ten times a second, and a page takes 40 ms to erase.
@@ -30,21 +29,17 @@ const SLOW_TICKS: u64 = 100;
 /// Time from reset to the program's first instruction, µs; chosen: crystal and clocks take at most 2 ms by the data sheet.
 const BOOT_US: u64 = 5_000;
 
-/// Monitor steps without a flash operation between two events at most: they take microseconds.
+/// Limit on consecutive monitor steps without a flash operation: each takes microseconds.
 const STEPS: usize = 8;
 
 /// Time the monitor needs for one slice of an image's checksum, µs: 256 bytes at about 42 cycles each, at 72 MHz.
 const CHECK_US: u64 = 150;
 
-/// The running program.
 #[allow(clippy::large_enum_variant, reason = "one a node, and it hardly ever moves")]
 #[derive(Debug)]
 enum Program {
-    /// Powered off.
     Off(SimBoard),
-    /// After a reset.
     Monitor(Monitor<SimBoard>),
-    /// After STAT 2.
     Application(Tater<SimBoard>),
 }
 
@@ -58,9 +53,7 @@ pub struct Node {
     ticks: u64,
     /// End of a flash stall or of the boot.
     busy_until_us: u64,
-    /// End of the boot.
     boots_until_us: u64,
-    /// A hall line changed during a stall.
     missed_edge: bool,
     resets: u32,
     /// The board's feed counter and when it last changed.
@@ -148,8 +141,6 @@ impl Node {
         }
     }
 
-    // --- power and reset ----------------------------------------------------------------------------------
-
     /// The power fails: bridge off, brake engaged, RAM lost. The rotor coasts.
     pub fn power_off(&mut self) {
         let mut board = self.take_board();
@@ -162,7 +153,6 @@ impl Node {
         self.reset(None);
     }
 
-    /// Starts the monitor; `cause` is the fault that caused the reset, if any.
     fn reset(&mut self, cause: Option<FaultCode>) {
         let mut board = self.take_board();
         board.reset_pins(cause);
@@ -192,8 +182,6 @@ impl Node {
             Program::Application(tater) => tater.into_board(),
         }
     }
-
-    // --- time -------------------------------------------------------------------------------------------------
 
     /// Advances by one millisecond.
     pub fn step(&mut self) {
@@ -242,7 +230,6 @@ impl Node {
         self.after();
     }
 
-    /// The control tick, and every hundredth the housekeeping task.
     fn tick(&mut self) {
         self.ticks += 1;
         let now = micros(self.now_us);
@@ -257,7 +244,6 @@ impl Node {
         self.after();
     }
 
-    /// The watchdog: resets a board whose program has stopped feeding it.
     fn watch(&mut self) {
         let feeds = self.board().feeds();
         if feeds != self.fed.0 || matches!(self.program, Some(Program::Off(_))) {
@@ -320,8 +306,6 @@ impl Node {
         }
     }
 
-    // --- the bus ----------------------------------------------------------------------------------------------
-
     /// A frame arrives now, and passes the receive filters first.
     ///
     /// # Errors
@@ -358,8 +342,6 @@ impl Node {
         }
         self.idle();
     }
-
-    // --- observation -----------------------------------------------------------------------------------------
 
     /// The hardware.
     #[must_use]

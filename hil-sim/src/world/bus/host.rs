@@ -56,7 +56,7 @@ impl fmt::Display for NoHost {
 
 impl std::error::Error for NoHost {}
 
-/// A connected host. Its adapter sends in order and never loses a received frame.
+/// The adapter sends in order and never loses a received frame.
 pub(super) struct Host {
     pub(super) name: String,
     adapter: Adapter,
@@ -77,12 +77,10 @@ impl Host {
         self.out.len()
     }
 
-    /// Discards the queued frames except the one on the wire.
     pub(super) fn abort_pending(&mut self, on_wire: bool) {
         self.out.truncate(usize::from(on_wire));
     }
 
-    /// The frame at the head of the adapter's queue, if it may be sent now.
     pub(super) fn pending(&self, now_us: u64) -> Option<Frame> {
         self.out.front().filter(|out| out.at_us <= now_us).map(|out| out.frame)
     }
@@ -99,7 +97,6 @@ impl Host {
         self.inbox.pop_front_if(|stamped| stamped.at_us <= now_us)
     }
 
-    /// The next time after `now_us` at which a frame passes the adapter.
     pub(super) fn next_us(&self, now_us: u64) -> u64 {
         let fronts = [self.out.front(), self.inbox.front()];
         fronts.into_iter().flatten().map(|s| s.at_us).filter(|&at| at > now_us).min().unwrap_or(u64::MAX)

@@ -30,19 +30,16 @@ pub fn bits(frame: &Frame) -> u64 {
     head.count + UNSTUFFED
 }
 
-/// The CRC and the number of bits sent so far.
 #[derive(Default)]
 struct Bits {
     /// Includes stuff bits.
     count: u64,
     last: bool,
-    /// Length of the present run of equal bits.
     run: u8,
     crc: u16,
 }
 
 impl Bits {
-    /// The lowest `len` bits of a value, most significant first.
     fn push(&mut self, value: u16, len: u32) {
         for shift in (0..len).rev() {
             let bit = value >> shift & 1 == 1;
@@ -67,8 +64,7 @@ mod tests {
         Frame::from_raw(id, data).expect("a classic frame")
     }
 
-    /// An independent implementation: the frame as a string of bits, the CRC by long division, stuffing by searching for runs
-    /// of five.
+    /// Independent implementation: a string of bits, the CRC by long division, stuffing by a search for runs of five.
     fn by_text(frame: &Frame) -> u64 {
         let mut text = format!("0{:011b}000{:04b}", frame.raw_id(), frame.data().len());
         frame.data().iter().for_each(|byte| text.push_str(&format!("{byte:08b}")));
@@ -117,8 +113,8 @@ mod tests {
         let shortest = (0..0x800).map(|id| bits(&frame(id, &alternating))).min();
         assert_eq!(shortest, Some(44 + 64), "some identifiers need no stuffing at all");
         assert_eq!(44 + 64 + INTERMISSION, 111, "the field's figure for eight bytes, intermission included");
-        // 98 bits are stuffed: at most one in the first 5, then one in every 4, which would be 24. The reserved bits and the
-        // length keep frames from getting there.
+        // 98 bits are stuffed: at most one in the first 5, then one in every 4: 24. The reserved bits and the length keep
+        // frames below that.
         let mut longest = 0;
         for id in 0..0x800 {
             for fill in [0x00, 0xFF, 0x0F, 0xF0, 0x1E, 0x3C, 0x78, 0x87, 0xC3, 0xE1] {

@@ -16,15 +16,14 @@ pub enum Fate {
     },
 }
 
-/// A cable. It may depend only on what it has seen, so that runs repeat.
+/// A cable. Its decisions may depend only on earlier calls, so that runs repeat.
 pub trait Medium {
     /// The fate of a frame of `bits` bits that starts now.
     fn fate(&mut self, _frame: &Frame, _bits: u64, _now_us: u64) -> Fate {
         Fate::Delivered
     }
 
-    /// Whether a receiver gets a frame that was sent without errors; if not, it has acknowledged the frame and its software
-    /// has lost it. `station` is `None` for the host.
+    /// Whether a receiver's software gets a frame that its controller acknowledged. `station` is `None` for the host.
     fn delivers(&mut self, _frame: &Frame, _station: Option<usize>) -> bool {
         true
     }
@@ -45,8 +44,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// `drop`: probability that a receiver loses a frame; `corrupt`: that a frame is corrupted at a random bit and
-    /// retransmitted. Both are clamped to 0..=1; NaN counts as 0.
+    /// Probabilities that a receiver loses a frame and that a frame is corrupted; clamped to 0..=1, NaN counts as 0.
     #[must_use]
     pub fn new(seed: u64, drop: f64, corrupt: f64) -> Self {
         let probability = |p: f64| if p.is_nan() { 0.0 } else { p.clamp(0.0, 1.0) };

@@ -6,29 +6,23 @@ use tater_wire::Frame;
 /// at 1.5 cycles and 72 MHz: 25) and a hall edge (5) run first, and the handling takes about 15.
 pub const BOARD_US: u64 = 50;
 
-/// A board on the bus with its transmit mailboxes; the bus models the receive FIFO.
-///
-/// The bus advances all stations to each bus event and to each [`Station::next_us`]; in between, stations are independent.
+/// A board on the bus with its transmit mailboxes; the bus models the receive FIFO. The bus advances all stations to each
+/// bus event and to each [`Station::next_us`].
 pub trait Station {
     /// The station's present time, µs since power-up of the bus.
     fn now_us(&self) -> u64;
 
-    /// Advances up to and including `until_us`, and never beyond it.
-    ///
-    /// A long operation (a flash erase) may start inside: its result may be visible at once, if [`Station::busy_until_us`]
-    /// returns until when the processor is stalled.
+    /// Advances to exactly `until_us`. The result of a flash erase that starts inside may be visible at once if
+    /// [`Station::busy_until_us`] returns the end of the stall.
     fn advance(&mut self, until_us: u64);
 
-    /// The next time after [`Station::now_us`] at which the station may send without a request: its next tick or step.
-    /// `u64::MAX` if it only answers.
+    /// The next time at which the station may send without a request; `u64::MAX` if it only answers.
     fn next_us(&self) -> u64;
 
-    /// End of the processor's stall; at or before [`Station::now_us`] if it runs. Frames that arrive meanwhile stay in the
-    /// receive FIFO until the last microsecond.
+    /// End of the processor's stall; at or before [`Station::now_us`] if it runs.
     fn busy_until_us(&self) -> u64;
 
-    /// Time from the end of a frame until its answer is ready, µs, unless the processor is stalled. 0 for a station that models
-    /// its own receive FIFO: it gets a frame when the frame ends.
+    /// Time from the end of a frame until its answer is ready, µs; 0 for a station that models its own receive FIFO.
     fn latency_us(&self) -> u64 {
         BOARD_US
     }
@@ -50,7 +44,6 @@ pub trait Station {
     /// first, and of equal ones that of the lowest mailbox. A stalled station keeps sending.
     fn pending(&self) -> &[Frame];
 
-    /// One of [`Station::pending`] was sent and acknowledged; its mailbox is free. Ignored if the frame is gone (the station was
-    /// reset meanwhile).
+    /// One of [`Station::pending`] was acknowledged. Ignored if the frame is gone (the station was reset meanwhile).
     fn sent(&mut self, frame: &Frame);
 }

@@ -1,14 +1,12 @@
 use super::*;
 use tater_wire::{Body, Destination, Message, Node, Property};
 
-/// A station that answers every GET with the value of its request and transmits scheduled frames at its
-/// ticks.
+/// Answers every GET with the value of its request; transmits the frames of `plan`, which is in order of time.
 #[derive(Clone, Default)]
 struct Toy {
     node: u8,
     now_us: u64,
     busy_until_us: u64,
-    /// Frames to transmit unasked, with their times, in order of time.
     plan: VecDeque<(u64, Frame)>,
     mailboxes: Vec<Frame>,
     heard: Heard,
@@ -75,7 +73,6 @@ fn ids(toy: &Toy) -> Vec<u16> {
     toy.heard.iter().map(|(_, frame)| frame.raw_id()).collect()
 }
 
-/// Every frame that a host receives up to a time.
 fn received(bus: &mut Bus<Toy>, until_us: u64) -> Vec<(u64, u16)> {
     std::iter::from_fn(|| bus.wait(until_us)).map(|s| (s.at_us, s.frame.raw_id())).collect()
 }
@@ -88,7 +85,7 @@ fn request_and_answer_take_their_bit_times_and_the_board_delay() {
     let answer = bus.wait(10_000).expect("an answer");
     let reply = frame(0x406 | 4 << 5, &[0x85, 0, 5, 0]);
     assert_eq!(answer.frame, reply);
-    // The intermission ends long before the board's 20 µs.
+    // The intermission ends within `BOARD_US`.
     assert_eq!(answer.at_us, bits(&get) + BOARD_US + bits(&reply));
     bus.run_until(20_000);
     let stats = bus.stats();
@@ -104,8 +101,6 @@ fn lowest_identifier_wins_and_host_keeps_its_order_back_to_back() {
     // Begins at 0 and keeps the bus busy while all the rest becomes pending.
     let first = frame(0x7F0, &[0; 8]);
     bus.station_mut(0).expect("there").mailboxes = vec![first];
-    // One station with three mailboxes, not in order of identifier, and two that want to transmit at the same
-    // time.
     let plan = |ids: &[u16]| ids.iter().map(|&id| (10, frame(id, &[1]))).collect::<VecDeque<_>>();
     bus.station_mut(1).expect("there").plan = plan(&[0x300, 0x100, 0x200]);
     bus.station_mut(2).expect("there").plan = plan(&[0x180]);
@@ -145,14 +140,12 @@ fn stalled_station_keeps_three_frames_and_still_transmits() {
     }
     assert_eq!(received(&mut bus, 50_000).iter().map(|(_, id)| *id).collect::<Vec<_>>(), [0x426]);
     let heard = &bus.stations().next().expect("there").heard;
-    // The first three, when it runs again.
     let times: Vec<(u64, u16)> = heard.iter().map(|(at, frame)| (*at, frame.raw_id())).collect();
     assert_eq!(times, [(39_999, 1 << 5), (39_999, 2 << 5), (39_999, 3 << 5)]);
     assert_eq!(bus.stats().overruns, 2);
     assert_eq!(bus.stations().nth(1).expect("there").heard.len(), 6, "the other one hears all");
 }
 
-/// Corrupts the first `left` frames at a bit.
 struct Breaks {
     left: u32,
     at_bit: u64,
@@ -215,7 +208,7 @@ fn abort_pending_drops_all_but_the_frame_on_the_wire() {
         bus.stations().flat_map(|toy| toy.heard.clone()).map(|(_, frame)| frame).collect::<Vec<_>>()
     };
     assert_eq!(heard(&bus), frames[..1]);
-    // Without a listener nothing begins, and nothing is left when the cable is mended.
+    // Without a receiver no frame starts.
     bus.cut(0, true);
     frames.iter().for_each(|&frame| bus.send(frame).expect("plugged"));
     bus.run_until(10_000);
@@ -272,10 +265,8 @@ fn adapter_adds_its_delays() {
     assert_eq!(bus.now_us(), answer.at_us);
 }
 
-/// Received frames of a station, with their times.
 type Heard = Vec<(u64, Frame)>;
 
-/// A busy, noisy second: every event, as a value.
 fn noisy(seed: u64) -> (Stats, Vec<(u64, u16)>, Vec<Heard>) {
     let mut bus = bus(1..=7);
     bus.set_medium(Noise::new(seed, 0.05, 0.1));

@@ -1,10 +1,8 @@
 //! The hand's mechanics: the position of the fingers and objects, and the contact forces at each motor.
 //!
-//! Links, tips and objects are capsules: all points within a radius of a segment; a sphere's segment is a point. Objects are
-//! fixed to the palm, and fingers may touch each other. Two capsules press on each other with a spring along the shortest
-//! line between their segments, which acts on a motor through its lever arm and gear as a [`Contact`] at its shaft. Contacts
-//! are linearized at the rotors' positions once a millisecond: at a finger's highest speed, 4 rad/s, it moves half a
-//! millimeter meanwhile.
+//! Links, tips and objects are capsules; objects are fixed to the palm. Two capsules press on each other with a spring along
+//! the shortest line between their segments, which acts on a motor through its lever arm and gear as a [`Contact`]. Contacts
+//! are linearized once a millisecond: at its highest speed, 4 rad/s, a finger moves half a millimeter meanwhile.
 //!
 //! Frame: x from the palm's center to finger 3, z out of the palm. With spread 0 fingers 1 and 2 stand opposite finger 3; they
 //! rotate about their own axes to its side, finger 1 through negative y and finger 2 through positive y.
@@ -18,7 +16,6 @@ const FINGERS: usize = 3;
 /// Motors in the order of their nodes: three links, the spread, three tips.
 const MOTORS: usize = 7;
 
-/// Index of the spread.
 const SPREAD: usize = 3;
 
 /// Capsules farther apart than this cannot touch within the next millisecond, m.
@@ -36,7 +33,7 @@ pub type Pose = [f64; MOTORS];
 /// A point, m.
 pub type Point = [f64; 3];
 
-/// All points within `radius_m` of a segment.
+/// All points within `radius_m` of a segment; a sphere if its ends are equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capsule {
     /// The segment's ends.
@@ -100,7 +97,6 @@ pub struct Scene {
     pub objects: Vec<SceneObject>,
 }
 
-/// The kind of the motor at an index.
 const fn kind(motor: usize) -> MotorKind {
     match motor {
         0..SPREAD => MotorKind::Link,
@@ -109,7 +105,6 @@ const fn kind(motor: usize) -> MotorKind {
     }
 }
 
-/// Indices of a finger's link and tip motor.
 const fn motors(finger: usize) -> [usize; 2] {
     [finger, finger + SPREAD + 1]
 }
@@ -177,7 +172,6 @@ impl Scene {
         contacts
     }
 
-    /// Adds the contacts of a pair to each motor that moves it.
     fn touch(&self, touch: &Touch<'_>, pose: &Pose, gears: &Gears, contacts: &mut [Vec<Contact>; MOTORS]) {
         if touch.gap > NEAR_M {
             return;
@@ -195,7 +189,7 @@ impl Scene {
                 continue;
             }
             let plant = PlantParams::for_motor(kind(motor));
-            // The rotor moves the joint by 1/ratio, and the force comes back through the same.
+            // The rotor moves the joint by 1/ratio, and the force returns through the same ratio.
             let lever = lever / plant.gear_ratio;
             let stiffness = lever * lever * touch.object.map_or(FINGER_N_M, |object| object.stiffness_n_m);
             contacts[motor].push(Contact {
@@ -215,7 +209,6 @@ impl Scene {
     }
 }
 
-/// A pair of capsules close enough to touch.
 struct Touch<'a> {
     /// Finger and part (0 link, 1 tip); both entries are the same if the other side is an object.
     parts: [(usize, usize); 2],
@@ -242,14 +235,13 @@ fn at(segment: &[Point; 2], share: f64) -> Point {
     std::array::from_fn(|i| segment[0][i] + share * (segment[1][i] - segment[0][i]))
 }
 
-/// The fraction of a segment at which it is nearest to a point.
 fn nearest(segment: &[Point; 2], point: Point) -> f64 {
     let along = minus(segment[1], segment[0]);
     let square = dot(along, along);
     if square > 0.0 { (dot(minus(point, segment[0]), along) / square).clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// The shortest distance between two segments: between interior points, or at an end of one.
+/// The minimum is between interior points or at an end of one segment.
 fn distance(a: &[Point; 2], b: &[Point; 2]) -> f64 {
     let (u, v, w) = (minus(a[1], a[0]), minus(b[1], b[0]), minus(a[0], b[0]));
     let (uu, uv, vv, uw, vw) = (dot(u, u), dot(u, v), dot(v, v), dot(u, w), dot(v, w));

@@ -53,8 +53,7 @@ impl Serial {
         hand.hang_up();
     }
 
-    /// Advances the hand and its line to `until_us`. Bytes that reach the host are appended to `received`, at most `room`: GOD waits
-    /// with the rest.
+    /// Advances hand and line to `until_us`. At most `room` received bytes are appended to `heard`; GOD waits with the rest.
     pub fn run_until(&mut self, hand: &mut Hand, until_us: u64, heard: &mut Vec<u8>, room: usize) {
         let room = heard.len() + room;
         loop {
@@ -81,7 +80,6 @@ impl Serial {
         if self.paced { BITS * 10_000 / u64::from(hand.io().baud().max(1)) } else { 0 }
     }
 
-    /// Moves the bytes that are due now.
     fn exchange(&mut self, hand: &mut Hand, heard: &mut Vec<u8>, room: usize) {
         let (now_us, byte_us) = (hand.now_us(), self.byte_us(hand));
         while let Some(&byte) = self.to_god.front() {
@@ -114,10 +112,8 @@ mod tests {
     use crate::world::plant::Model;
     use god::Memory;
 
-    /// Polling step, µs.
     const FINE_US: u64 = 10;
 
-    /// Arrival time of each of `answer` bytes after sending `bytes`, µs.
     fn times_us(line: &mut Serial, hand: &mut Hand, bytes: &[u8], answer: usize) -> Vec<u64> {
         let begin_us = hand.now_us();
         let (mut heard, mut times) = (Vec::new(), Vec::new());
@@ -132,7 +128,6 @@ mod tests {
         times
     }
 
-    /// A hand at its prompt.
     fn hand() -> Hand {
         let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
         hand.run_until(1_000);
@@ -140,7 +135,6 @@ mod tests {
         hand
     }
 
-    /// The answer to FROB after its echo.
     const ANSWER: &[u8] = b"\r\n\rERR 32\r\n\r=> ";
 
     #[test]

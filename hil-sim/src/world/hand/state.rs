@@ -112,7 +112,6 @@ fn sum(bytes: &[u8]) -> u32 {
     crc.sum()
 }
 
-/// Bytes with a read offset.
 struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,

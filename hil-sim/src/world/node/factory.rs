@@ -22,7 +22,7 @@ pub fn placeholder_application() -> Vec<u8> {
 /// Upper bound on the flash operations that prepare the storage: 8 erases and a few half-words.
 const MAX_OPERATIONS: usize = 1000;
 
-/// Programs the application and prepares the storage, which takes a third of a second of page erases, once.
+/// Skips the third of a second of page erases that preparing the storage takes.
 pub(super) fn provisioned(mut board: SimBoard) -> SimBoard {
     let flash = board.flash();
     flash.load(APPLICATION.start, &placeholder_application());

@@ -24,8 +24,7 @@ fn get(bus: &mut Bus<Node>, node: u8, property: Property) {
     bus.send(Message::get(to(node), property).frame()).expect("plugged");
 }
 
-/// A wake, a move and its polls, advanced in slices of so many µs; every frame that the host receives, with
-/// its time.
+/// All frames that the host receives during a wake and a move.
 fn heard(slice_us: u64) -> Vec<Stamped> {
     let mut bus = bus(&[4, 5]);
     let mut heard = Vec::new();
@@ -55,9 +54,8 @@ fn time_slices_do_not_change_the_result() {
     for slice_us in [7, 130, 333] {
         let sliced = heard(slice_us);
         assert_eq!(sliced.len(), whole.len(), "in slices of {slice_us} us");
-        // The plant's steps end at the end of a slice, so an edge may round to the next microsecond, and a
-        // poll at that time may read the count before it. With 148 polls and 90 edges in 900,000 µs that is
-        // one in 70 runs.
+        // A plant step ends with its slice, so an edge may round to the next microsecond and a poll at that time may
+        // read the previous count: with 148 polls and 90 edges in 900,000 µs, in one of 70 runs.
         let apart: Vec<_> = sliced.iter().zip(&whole).filter(|(a, b)| a != b).collect();
         assert!(apart.len() <= 1, "in slices of {slice_us} us: {apart:?}");
         for (a, b) in apart {
@@ -113,7 +111,7 @@ fn unfed_watchdog_resets_the_board() {
     let mut node = Node::awake(SimBoard::standard(tater_wire::Node::new(4).expect("4"), Model::Averaged, 1));
     node.advance(3_000_000);
     assert_eq!(node.watchdog_resets(), 0, "it is fed");
-    // A flash that stalls forever is a program that feeds no watchdog.
+    // A program that its flash stalls forever feeds no watchdog.
     node.busy_until_us = u64::MAX;
     node.advance(4_000_000);
     assert_eq!(node.watchdog_resets(), 1);
@@ -153,7 +151,6 @@ fn filters_drop_frames_for_other_boards() {
     assert_eq!(heard(&node), [0], "until a program has said what it listens to");
 }
 
-/// The value of ERROR.
 fn error(node: &mut Node) -> Option<i64> {
     node.receive(&Message::get(to(4), Property::ERROR).frame()).expect("heard");
     let frame = *node.mailboxes().first()?;

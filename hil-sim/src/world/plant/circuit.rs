@@ -41,7 +41,6 @@ pub struct PairFlow {
     drop_j: f64,
     /// Integral of i², A²s.
     square: f64,
-    /// Largest current, A.
     peak_a: f64,
 }
 
@@ -74,7 +73,6 @@ pub struct Winding {
     per_pair_r: f64,
 }
 
-/// The way one terminal conducts.
 #[derive(Clone, Copy)]
 struct Hold {
     v: f64,
@@ -86,7 +84,6 @@ struct Hold {
 
 const NO_HOLD: Hold = Hold { v: 0.0, bus_share: 0.0, diode: 0.0 };
 
-/// One topology: the terminals that conduct.
 struct Topology {
     holds: [Hold; 3],
     on: [bool; 3],
@@ -186,8 +183,7 @@ impl Winding {
         true
     }
 
-    /// The terminals that conduct: closed switches, diodes with current, and diodes that the voltage of an
-    /// open terminal would push beyond the rails.
+    /// Conducting terminals: closed switches, diodes with current, and diodes biased beyond the rails.
     #[inline]
     fn topology(&self, i: &[f64; 3], held: &[Terminal; 3], e: [f64; 3]) -> Topology {
         let mut t = Topology { holds: [NO_HOLD; 3], on: [false; 3], count: 0, sum: 0.0 };
@@ -242,7 +238,7 @@ impl Winding {
         }
     }
 
-    /// Two terminals, one current. Returns the time at which a diode stopped conducting, if one did.
+    /// Two conducting terminals. Returns the time at which a diode stopped conducting, if one did.
     #[inline]
     fn pair(
         &self,
@@ -282,7 +278,7 @@ impl Winding {
         stopped
     }
 
-    /// Three terminals. Returns the time at which the first diode stopped conducting, if one did.
+    /// Three conducting terminals. Returns the time at which the first diode stopped conducting, if one did.
     fn star(
         &self,
         t: &Topology,
@@ -337,7 +333,6 @@ impl Winding {
     }
 }
 
-/// Whether a diode would carry this current backwards.
 fn wrong_way(hold: Hold, i: f64) -> bool {
     hold.diode != 0.0 && i * hold.diode <= 0.0
 }

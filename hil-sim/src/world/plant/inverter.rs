@@ -30,7 +30,6 @@ struct Segment {
     pwm: Terminal,
 }
 
-/// The role of each leg while one of them is pulse-width modulated.
 #[derive(Clone, Copy, Debug)]
 struct Roles {
     pwm: usize,
@@ -40,7 +39,6 @@ struct Roles {
     six_step: bool,
 }
 
-/// State of the terminals while the PWM leg is in one state.
 fn terminals(legs: &[Leg; 3], pwm: Terminal) -> [Terminal; 3] {
     legs.map(|leg| match leg {
         Leg::Pwm => pwm,
@@ -66,9 +64,7 @@ pub struct Inverter {
     duty: f64,
     winding: Winding,
     dead_s: f64,
-    /// Dead time as a fraction of the period.
     dead_share: f64,
-    /// Half of the peak-to-peak current ripple, A.
     swing: f64,
     /// Current change of two phases per volt within a dead time, A/V.
     dead_a_v: f64,
@@ -138,8 +134,7 @@ impl Inverter {
         }
     }
 
-    /// The segments of a period. Either gate of the PWM leg turns on a dead time after the other has turned
-    /// off.
+    /// Either gate of the PWM leg turns on a dead time after the other has turned off.
     fn build_segments(&mut self) {
         let low = Terminal::Held { v: 0.0, bus_share: 0.0 };
         let high = Terminal::Held { v: self.winding.bus_v, bus_share: 1.0 };
@@ -216,7 +211,7 @@ impl Inverter {
         self.mean_decay.1
     }
 
-    /// Advances through the parts of `segments` within `begin..end`, seconds into the PWM period.
+    /// Advances from `begin` to `end`, seconds into the PWM period.
     fn run(
         &self,
         roles: Roles,

@@ -59,7 +59,7 @@ pub struct Joint {
     contacts: Vec<Contact>,
 }
 
-/// Load torque, linear about a position: constant, stiffness and damping.
+/// Load torque, linear about a position.
 struct Load {
     spring: f64,
     stiffness: f64,
@@ -146,8 +146,7 @@ impl Joint {
         let mut work = Work::default();
         let mut left = dt;
         let before = shaft.omega;
-        // A step is cut where the shaft enters or leaves a contact and where it comes to rest: a few times at
-        // most.
+        // A step is cut at contact changes and at standstill: a few times at most.
         for _ in 0..16 {
             if left <= 1e-12 {
                 break;
@@ -168,8 +167,7 @@ impl Joint {
         work
     }
 
-    /// One segment of at most `dt` without a change of contacts; ends early if the shaft comes to rest.
-    /// Returns the time spent.
+    /// Advances by at most `dt`, up to standstill, without a change of contacts. Returns the time spent.
     fn smooth(
         &self,
         shaft: &mut Shaft,
@@ -207,8 +205,8 @@ impl Joint {
         let mut mean = mean_over(dt);
         let mut end = 2.0 * mean - omega;
         if end * dir <= 0.0 && omega != 0.0 {
-            // Rest within the segment: find the dt at which the mean is half the initial velocity, by
-            // fixed-point iteration, since the spring's part is small.
+            // Time to standstill, where the mean is half the initial velocity. The spring's part is small, so
+            // fixed-point iteration converges.
             span *= omega / (omega - end);
             for _ in 0..3 {
                 let brakes = omega * (0.5 * damp + 0.25 * span * stiff) - push;

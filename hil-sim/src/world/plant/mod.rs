@@ -81,7 +81,6 @@ pub struct State {
     pub bus_charge: f64,
     /// Torque of the motor, mean over the last step, N·m.
     pub torque: f64,
-    /// Largest phase current since [`Plant::take_peak`], A.
     peak_a: f64,
     ledger: Ledger,
     heat: Heat,
@@ -173,8 +172,7 @@ impl Plant {
         (self.state.t_us, self.state.heat_at_us) = (us, us);
     }
 
-    /// Limits the step, 1..=[`PlantParams::longest_step_us`], to show that results do not depend on it. The
-    /// switched model never steps over the end of a PWM period.
+    /// Limits the step to 1..=[`PlantParams::longest_step_us`] µs.
     pub fn set_max_step_us(&mut self, us: u64) {
         self.max_step_us = us.clamp(1, self.params.longest_step_us());
     }

@@ -94,13 +94,11 @@ pub struct PlantParams {
     pub stop_damping_n_m_s: f64,
     /// Heat capacity of the winding. 10 J/K: 26 g of copper; a full stall heats it by 24 K/s.
     pub winding_j_k: f64,
-    /// Thermal resistance from winding to housing. 1.5 K/W: with 10 J/K a time constant of 15 s, usual at
-    /// this size.
+    /// Thermal resistance from winding to housing. 1.5 K/W: 15 s with 10 J/K, usual at this size.
     pub winding_housing_k_w: f64,
     /// Heat capacity of the housing. 60 J/K: 130 g of steel.
     pub housing_j_k: f64,
-    /// Thermal resistance from housing to ambient. 6 K/W: with 60 J/K six minutes; 7.5 W keep it at the 70 °C
-    /// limit.
+    /// Thermal resistance from housing to ambient. 6 K/W: 6 min with 60 J/K; 7.5 W hold the 70 °C limit.
     pub housing_ambient_k_w: f64,
     /// Ambient temperature.
     pub ambient_c: f64,
@@ -226,10 +224,9 @@ impl PlantParams {
         self.ke_v_s / (1e-3 * self.l_mh * self.j_kg_m2).sqrt()
     }
 
-    /// The longest step that couples winding and shaft well enough, µs, 10 to 100 in a valid plant. The EMF
-    /// of a step is a prediction. Its error grows with the resonance in radians, with the step as a fraction
-    /// of the motor's time constant and of an impact on a stop, and with the counts that the EMF's ramps move
-    /// within the step.
+    /// The longest step that couples winding and shaft well enough, µs, 10 to 100 in a valid plant. The EMF of a
+    /// step is a prediction: its error grows with the resonance, with the step as a fraction of the motor's time
+    /// constant and of an impact on a stop, and with the counts that the EMF's ramps move within the step.
     #[must_use]
     pub fn longest_step_us(&self) -> u64 {
         let resonance = 100.0 * (1000.0 / self.resonance_rad_s()).powf(1.5);

@@ -11,14 +11,12 @@ const PROGRAM_US: u64 = 53;
 /// Erasing a page, µs (STM32F103 data sheet: 20 to 40 ms).
 const ERASE_US: u64 = 40_000;
 
-/// Bytes in a page.
 const PAGE_BYTES: usize = PAGE as usize;
 
 /// An STM32F103CB's flash.
 #[derive(Clone, Debug)]
 pub struct SimFlash {
     bytes: Vec<u8>,
-    /// Operations so far.
     operations: u64,
     /// The operation interrupted by a power failure, and the seed of what it leaves behind.
     cut: Option<(u64, u64)>,
@@ -53,8 +51,7 @@ impl SimFlash {
         self.operations
     }
 
-    /// Lets the power fail during operation `operation` (counted from 0); `seed` determines the bits that remain. Every
-    /// operation fails from then on until [`Self::power_up`].
+    /// Cuts the power during operation `operation` (from 0) until [`Self::power_up`]; `seed` determines the bits that remain.
     pub const fn cut_at(&mut self, operation: u64, seed: u64) {
         self.cut = Some((operation, seed));
     }
@@ -127,7 +124,7 @@ impl SimFlash {
         }
     }
 
-    /// Counts an operation of `us`; `Ok(Some)` with a source of random bits if the power fails during it.
+    /// Returns a source of random bits if the power fails during the operation.
     fn begin(&mut self, us: u64) -> Result<Option<Pcg64Mcg>, FlashError> {
         if self.dead || self.worn {
             return Err(FlashError::Failed);

@@ -9,13 +9,10 @@ const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
 #[derive(Clone, Debug)]
 pub struct Halls {
     params: RigParams,
-    /// Sector of count 0.
     zero_sector: u8,
-    /// The cell between two boundaries that the rotor is in.
     cell: i64,
-    /// The sensors' outputs.
     sensed: u8,
-    /// When each rising line arrives, µs.
+    /// End of each line's rise delay, µs.
     rising: [Option<u64>; 3],
     /// Index of the first glitch that has not ended.
     glitch: usize,
@@ -63,13 +60,11 @@ impl Halls {
         (self.boundary(self.cell - 1), self.boundary(self.cell))
     }
 
-    /// The boundary above cell `k`.
     fn boundary(&self, k: i64) -> f64 {
         let error = self.params.hall_error_deg.get(self.sector(k)).copied().unwrap_or(0.0);
         k as f64 + 0.5 + error / 60.0
     }
 
-    /// Moves one cell towards the rotor; returns whether it moved.
     fn follow(&mut self, counts: f64) -> bool {
         let (low, high) = self.bounds();
         if counts >= high {
@@ -130,7 +125,6 @@ impl Halls {
         self.lines != before
     }
 
-    /// The sensors' outputs with glitches and faults applied.
     fn faulty(&self, now: u64) -> u8 {
         let glitch = self.params.glitches.get(self.glitch).filter(|g| g.at_us <= now);
         let mut lines = glitch.map_or(self.sensed, |g| g.code);

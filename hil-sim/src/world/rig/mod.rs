@@ -73,8 +73,7 @@ pub struct Truth {
     pub peak_phase_a: f64,
     /// Charge drawn from the bus since the start, C.
     pub bus_charge_c: f64,
-    /// Torque of stops, objects and disturbance on the joint's side of the gear, referred to the motor through a lossless gear,
-    /// N·m; positive closes.
+    /// Torque of contacts and disturbance, referred to the motor through a lossless gear, N·m; positive closes.
     pub load_n_m: f64,
     /// Winding temperature, °C.
     pub winding_c: f64,
@@ -100,21 +99,15 @@ pub struct Rig {
     halls: Halls,
     rng: Pcg64Mcg,
     brake_engaged: bool,
-    /// When the brake completes its present command, µs.
     brake_moves_at: Option<u64>,
     tripped: bool,
-    /// Whether the board, not the rig, switches the bridge off on over-current (see [`Rig::tripped`]).
     guarded_outside: bool,
     thermistor_c: f64,
-    /// Forced thermistor reading, °C.
     thermistor_fault_c: Option<f64>,
-    /// Whether the brake is jammed: engaged regardless of its command.
     brake_jammed: bool,
     /// Time and bus charge at the last reading.
     last_read: (u64, f64),
-    /// Largest phase current between the last two readings, A.
     peak_phase_a: f64,
-    /// When a hall line last changed, µs.
     last_edge_us: u64,
 }
 
@@ -235,8 +228,7 @@ impl Rig {
         self.brake_jammed = jammed;
     }
 
-    /// Lets the board handle over-current: the comparator then only reports ([`Self::tripped`]), and [`Self::advance`] returns when it
-    /// trips, so that a board with a break input can switch the bridge off.
+    /// Makes the board handle over-current: [`Self::advance`] returns on a trip instead of switching the bridge off.
     pub const fn guard_outside(&mut self) {
         self.guarded_outside = true;
     }
@@ -253,8 +245,7 @@ impl Rig {
         self.plant.params().dead_time_us * 1000.0
     }
 
-    /// Advances with the bridge and the brake command held until `until_us` or the next hall edge, whichever is first; returns the
-    /// edge. The rotor is then within 1 µs of it.
+    /// Advances with bridge and brake held to `until_us` or to the next hall edge (within 1 µs), and returns the edge.
     pub fn advance(&mut self, bridge: Bridge, brake_released: bool, until_us: u64) -> Option<HallChange> {
         if bridge == Bridge::Off {
             self.tripped = false;
@@ -353,7 +344,6 @@ impl Rig {
         }
     }
 
-    /// Quantizes a value with a 12-bit converter over `min..=max`.
     fn adc(&mut self, value: f64, min: f64, max: f64) -> f64 {
         let step = (max - min) / 4095.0;
         let code = ((value - min) / step + self.noise()).round().clamp(0.0, 4095.0);

@@ -1,8 +1,5 @@
-//! Geometry against hand-computed positions, and contacts against the geometry.
-
 use super::*;
 
-/// Spread 0, links upright, tips straight: 90° minus the angles at 0, in counts.
 fn upright() -> (Scene, Pose) {
     let scene = Scene {
         geometry: Geometry { tip_at_zero: 0.0, link_at_zero: 0.0, ..Geometry::default() },
@@ -55,7 +52,6 @@ fn segment_distance_covers_interior_and_ends() {
     }
 }
 
-/// An upright link of 70 mm and a ball that touches its end from the inside: lever 70 mm.
 #[test]
 fn contact_force_acts_through_lever_and_gear() {
     let (mut scene, pose) = upright();
