@@ -9,7 +9,6 @@ use hil_sim::bus::{Adapter, Bus};
 use hil_sim::node::Node;
 use tater_wire::{Destination, Message, Node as Id, Property};
 
-/// Simulated time of each, s.
 const SECONDS: u64 = 20;
 
 fn nodes(awake: bool) -> Bus<Node> {

@@ -4,7 +4,6 @@
 use hil_sim::scenario::Scenario;
 use hil_sim::{Model, Options, report, run};
 
-/// The text between two marks.
 fn between<'a>(text: &'a str, start: &str, end: &str) -> Option<&'a str> {
     let from = text.find(start)? + start.len();
     Some(&text[from..from + text[from..].find(end)?])

@@ -1,6 +1,5 @@
-//! A program whose instructions are counted: the same control ticks of one move, replayed as often as
-//! requested. `cargo xtask bench` runs it under valgrind with one replay and with two; the difference is the
-//! servo's ticks.
+//! The control ticks of one move, replayed as often as requested. `cargo xtask bench` counts instructions under valgrind
+//! with one replay and with two; the difference is the servo's ticks.
 
 use std::hint::black_box;
 
@@ -9,7 +8,6 @@ use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
 use servo_core::units::{Counts, DeciCelsius, Micros, MilliAmps, MilliVolts};
 use servo_core::{Command, Config, Drive, Sense, Servo};
 
-/// Recorded inputs of a tick.
 struct Tick {
     now: Micros,
     halls: Vec<HallEvent>,
@@ -39,8 +37,7 @@ fn run(servo: &mut Servo, tick: &Tick) -> Drive {
     })
 }
 
-/// The times, in the millisecond before `now`, at which a rotor moving upwards from one position to another
-/// enters each cell.
+/// Cells that a rotor enters while moving upwards, and when, in the millisecond before `now`.
 fn crossings(from: Counts, to: Counts, now: Micros) -> impl Iterator<Item = (i32, Micros)> {
     let (from_bits, to_bits) = (i64::from(from.0.to_bits()), i64::from(to.0.to_bits()));
     (from.round() + 1..=to.round()).map(move |count| {
@@ -52,7 +49,6 @@ fn crossings(from: Counts, to: Counts, now: Micros) -> impl Iterator<Item = (i32
     })
 }
 
-/// The code in the cell `count`.
 fn code(count: i32) -> u8 {
     Wiring::STANDARD.code(u8::try_from(count.rem_euclid(6)).expect("0 to 5"))
 }

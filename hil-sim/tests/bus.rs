@@ -13,10 +13,8 @@ const CROWD: usize = 20;
 #[cfg(unix)]
 const FILES: usize = 8;
 
-/// Deadline for a test that would otherwise hang.
 const HANGS: Duration = Duration::from_secs(30);
 
-/// A served bus; the process ends with the test.
 struct Served {
     process: Child,
     address: String,
@@ -50,7 +48,6 @@ fn connect(served: &Served) -> TcpStream {
     stream
 }
 
-/// Reads until the received bytes end with this text.
 fn read_to(stream: &mut TcpStream, end: &str) -> String {
     let mut text = String::new();
     let mut byte = [0];
@@ -139,7 +136,7 @@ fn unusable_arguments_name_a_next_step_and_exit_with_2() {
     }
 }
 
-/// Out of file descriptors, accepting fails at once, again and again, until a client has left.
+/// Without free descriptors, accept fails immediately and repeatedly until a client leaves.
 #[cfg(unix)]
 #[test]
 fn exhausted_descriptors_are_reported_once_and_recover() {
@@ -160,7 +157,7 @@ fn exhausted_descriptors_are_reported_once_and_recover() {
     };
     assert!(warning.starts_with("warning: a client cannot be accepted"), "{warning}");
     drop(crowd);
-    // After the crowd, in order of arrival.
+    // Accepted after the crowd.
     let mut late = connect(&served);
     let mut text = String::new();
     late.read_to_string(&mut text).expect("closed in order");

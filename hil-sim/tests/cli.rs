@@ -15,7 +15,6 @@ fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).expect("text")
 }
 
-/// An empty folder for one test.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&folder);
@@ -23,7 +22,6 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// A scenario of 20 ms with one given expectation.
 fn scenario(folder: &Path, expect: &str) -> String {
     let path = folder.join("x.toml");
     let head = "name = \"x\"\nabout = \"y\"\nmotor = \"link\"\nduration_ms = 20\n";
@@ -152,7 +150,7 @@ fn hall_capture_gives_one_line_per_sample() {
     // Two revolutions of 6 codes at 100 samples each: 300 counts/s at 30 kHz.
     let codes = [1u8, 3, 2, 6, 4, 5].repeat(2).into_iter().flat_map(|code| [code; 100]);
     let mut capture: Vec<u8> = codes.flat_map(|code| [0x5a, code, 0]).collect();
-    // Recordings end anywhere: a sample that is cut off does not count.
+    // A sample that is cut off does not count.
     capture.push(0x5a);
     std::fs::write(path("x.dat"), &capture).expect("a file for the test");
     let replay = |capture: &str, csv: &str, rev: &str| {
@@ -177,7 +175,6 @@ fn hall_capture_gives_one_line_per_sample() {
     assert!(stderr(&output).contains("1 of 1200 samples do not begin with 0x5A"), "{}", stderr(&output));
     assert_eq!(std::fs::read_to_string(path("dirty.csv")).expect("text"), csv);
 
-    // A sparse file, which needs no disk space.
     let large = std::fs::File::create(path("large.dat")).expect("a file for the test");
     large.set_len((64 << 20) + 1).expect("a file for the test");
     std::fs::write(path("text.dat"), "no capture").expect("a file for the test");
@@ -203,7 +200,6 @@ fn hall_capture_gives_one_line_per_sample() {
     assert!(!folder.join("y.csv").exists(), "no file for bad input");
 }
 
-/// A run writes its own two files only, whatever exists already.
 #[cfg(unix)]
 #[test]
 fn output_touches_only_the_named_file() {
@@ -224,7 +220,6 @@ fn output_touches_only_the_named_file() {
         ("mine", 5)
     );
 
-    // Links stay links, also a dangling one.
     std::fs::create_dir(path("far")).expect("a folder");
     std::fs::write(path("far/old.csv"), "old").expect("a file for the test");
     for (link, to) in [("old-link.csv", "far/old.csv"), ("new-link.csv", "far/new.csv")] {
@@ -235,24 +230,22 @@ fn output_touches_only_the_named_file() {
         assert_eq!(lines(to), 5, "{link}");
     }
 
-    // A pipe stays a pipe, and its reader gets the lines.
     assert!(Command::new("mkfifo").arg(path("fifo")).status().expect("mkfifo").success());
     let reader = std::thread::spawn({
         let fifo = path("fifo");
         move || std::fs::read_to_string(fifo).expect("text")
     });
     assert_eq!(replay(&path("fifo")).status.code(), Some(0));
-    // Check before waiting for the reader, who would wait forever on a pipe that no longer exists.
+    // Check before waiting for the reader, which would wait forever on a pipe that no longer exists.
     assert!(std::fs::metadata(path("fifo")).expect("it is there").file_type().is_fifo());
     assert_eq!(reader.join().expect("read").lines().count(), 5);
     assert_eq!(replay("/dev/stdout").stdout.iter().filter(|byte| **byte == b'\n').count(), 5);
 
-    // Onto a folder: refused, and nothing is left behind.
     std::fs::create_dir(path("folder.csv")).expect("a folder");
     assert_eq!(replay(&path("folder.csv")).status.code(), Some(2));
     let full = replay("/dev/full");
     assert_eq!(full.status.code(), Some(2), "{}", stderr(&full));
-    // A file size limit of zero acts as a full disk: the old file is intact.
+    // A file size limit of zero acts as a full disk.
     let none = "trap '' XFSZ; ulimit -f 0; exec \"$0\" replay-halls \"$1\" --counts-per-rev 18 --csv \"$2\"";
     let args = [none, env!("CARGO_BIN_EXE_hil-sim"), &path("x.dat"), &path("x.csv")];
     let no_room = Command::new("sh").arg("-c").args(args).output().expect("a shell");
@@ -289,7 +282,7 @@ fn full_disk_fails_and_closed_pipe_succeeds() {
     }
 }
 
-/// Every command line of `hil-sim` in the documents ends well. Those that serve, or connect to one that does, have tests of their own.
+/// Command lines that serve, or connect to a server, have tests of their own.
 #[test]
 fn documented_command_lines_end_well() {
     let documents = [

@@ -3,7 +3,6 @@
 use std::io::Write;
 use std::process::{Command, Output, Stdio};
 
-/// Runs `hil-sim` with `input` as its standard input.
 fn hil_sim(args: &[&str], input: &str) -> Output {
     let mut child = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
         .args(args)

@@ -13,19 +13,16 @@ use std::time::Duration;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// Deadline for a test that would otherwise hang.
 const HANGS: Duration = Duration::from_secs(60);
 
-/// Deadline for a test that would otherwise hang on a terminal, which has no timeout: longer than any of them
-/// takes.
+/// Deadline for tests on a terminal, which has no timeout.
 const ENDS: Duration = Duration::from_secs(300);
 
-/// A served hand; the process ends with the test, or when the test hangs.
 struct Served {
     process: Arc<Mutex<Child>>,
     /// Dropping it stops the watchdog thread.
     _alive: Sender<()>,
-    /// The addresses it printed: what for, and where.
+    /// Purpose and address of each endpoint.
     doors: Vec<(String, String)>,
 }
 
@@ -87,7 +84,7 @@ impl Served {
     }
 }
 
-/// Reads until the received bytes end with this text; `Err` if the other side closes before.
+/// `Err` if the other side closes first.
 fn read_to(from: &mut impl Read, end: &str) -> Result<String, String> {
     let mut text = String::new();
     let mut byte = [0];
@@ -103,7 +100,6 @@ fn read_to(from: &mut impl Read, end: &str) -> Result<String, String> {
     Ok(text)
 }
 
-/// Types a line; returns the output up to the prompt.
 fn ask(host: &mut (impl Read + Write), line: &str) -> String {
     host.write_all(format!("{line}\r").as_bytes()).expect("written");
     read_to(host, "=> ").expect("a prompt")
@@ -111,7 +107,6 @@ fn ask(host: &mut (impl Read + Write), line: &str) -> String {
 
 const TCP: [&str; 2] = ["--listen", "127.0.0.1:0"];
 
-/// An empty folder for one test.
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&folder);
@@ -132,7 +127,6 @@ fn host_that_leaves_in_mid_line_leaves_nothing_behind() {
     assert_eq!(ask(&mut next, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
 }
 
-/// Enters lines at the console of the walk-through; returns exit code, output and errors.
 fn grasper(address: &str, entries: &str) -> (Option<i32>, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
     command.args(["grasper", "--connect", address]).stdin(Stdio::piped());
@@ -144,8 +138,7 @@ fn grasper(address: &str, entries: &str) -> (Option<i32>, String, String) {
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
-/// As in docs/hosts.md. Ends of moves may arrive in another order than there: the hand's time advances while
-/// its host waits.
+/// As in docs/hosts.md, except for the order in which moves end: the hand's time advances while its host waits.
 #[test]
 fn walk_through_runs_as_printed() {
     let expected = include_str!("../../tests/god/golden/walk-through.txt");
@@ -208,7 +201,6 @@ fn bad_console_entries_are_reported() {
 /// More than the 256 bytes that GOD queues, and less than what is read ahead.
 const AHEAD: usize = 10_000;
 
-/// ^C and a disconnect are seen behind type-ahead, and end a motion that would take 8 s.
 #[test]
 fn type_ahead_does_not_mask_control_c_or_disconnect() {
     let served = Served::new(&TCP, 1);
@@ -252,8 +244,7 @@ fn second_host_is_refused_with_the_address_of_the_first() {
     assert_eq!(ask(&mut host, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
 }
 
-/// GOD's answers fill the host's queue; then the hand accepts no more bytes, and the host's writes block. The
-/// bytes wait in the kernel, not in the hand.
+/// Unread bytes wait in the kernel, not in the hand.
 #[test]
 fn host_that_never_reads_fills_its_queue_and_blocks_nobody() {
     let served = Served::new(&[&TCP[..], &["--slcan", "127.0.0.1:0"]].concat(), 2);
@@ -306,14 +297,14 @@ fn pseudo_terminal_is_a_raw_serial_port_for_one_host_at_a_time() {
         let text = read_to(&mut port, "time\r\n\r").expect("an answer");
         assert!(text.contains("busy: 127.0.0.1:"), "{text:?}");
         drop((port, host));
-        // The next round's terminal has to become the host.
+        // The next round's terminal must become the host.
         drop(served.host());
         let mut port = open();
         while !ask_or_busy(&mut port).ends_with("=> ") {}
     }
 }
 
-/// A terminal holds a few KiB that nobody has read, and the hand some more: the next host must not read them.
+/// A terminal buffers a few KiB, and the hand some more.
 #[cfg(unix)]
 #[test]
 fn unread_output_of_a_terminal_host_is_discarded() {
@@ -322,7 +313,6 @@ fn unread_output_of_a_terminal_host_is_discarded() {
     for _ in 0..3 {
         let mut deaf = open();
         while !ask_or_busy(&mut deaf).ends_with("=> ") {}
-        // 24 bytes of answer to each 5.
         deaf.write_all(&b"frob\r".repeat(2_000)).expect("written");
         read_to(&mut deaf, "ERR 32").expect("it has begun");
         drop(deaf);
@@ -335,7 +325,6 @@ fn unread_output_of_a_terminal_host_is_discarded() {
     }
 }
 
-/// Sends a line to a terminal; returns its prompt, or that the hand is busy.
 #[cfg(unix)]
 fn ask_or_busy(port: &mut File) -> String {
     port.write_all(b"\r").expect("written");
@@ -375,10 +364,9 @@ fn invalid_state_file_is_refused_and_unchanged() {
     drop(served);
 }
 
-/// Number of times that a saving hand is killed.
 const KILLS: u32 = 100;
 
-/// Number of values saved between a start and a kill.
+/// Values saved between a start and a kill.
 const SAVES: u32 = 3;
 
 /// A multiple of a hall count's 55, plus a remainder: GOD shows the remainder only while the board's value is
@@ -387,7 +375,7 @@ fn value(number: u32) -> String {
     (55 * number + 7).to_string()
 }
 
-/// The number of the value that all seven motors have.
+/// The `number` of the [`value`] that all seven motors have.
 fn saved(host: &mut TcpStream) -> u32 {
     let said = ask(host, "X1234567FGET DP");
     let answer = said.lines().nth(1).unwrap_or_default().trim();
@@ -398,8 +386,7 @@ fn saved(host: &mut TcpStream) -> u32 {
     counts / 55
 }
 
-/// Killed at any moment, a hand has everything that it saved before a prompt that its host has seen, or
-/// everything that it was to save since.
+/// A hand killed at any moment keeps every save whose prompt its host has read.
 #[test]
 fn killed_hand_keeps_old_or_new_state() {
     let path = folder("killed").join("hand.state").to_string_lossy().into_owned();
@@ -423,7 +410,7 @@ fn killed_hand_keeps_old_or_new_state() {
         host.write_all(lines.concat().as_bytes()).expect("written");
         let mut bytes = vec![0; rng.random_range(0..=heard - 2 * (2 * SAVES as usize))];
         host.read_exact(&mut bytes).expect("answers");
-        // And some way into the command after it.
+        // The kill falls within a later command.
         (0..rng.random_range(0..2000)).for_each(|_| thread::yield_now());
         drop(served);
         let prompts = String::from_utf8_lossy(&bytes).matches("=> ").count() as u32;
