@@ -45,7 +45,6 @@ impl Source {
         Violation { file: self.path.clone(), line, text: text.into() }
     }
 
-    /// Whether the file is in this folder or below it.
     fn is_in(&self, folder: &str) -> bool {
         self.path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))
     }
@@ -86,13 +85,11 @@ fn assert_none(violations: &[Violation]) {
     assert!(lines.is_empty(), "{} violations:\n{}", lines.len(), lines.join("\n"));
 }
 
-/// Runs a fence over every Rust file of the workspace.
 fn check_workspace(fence: fn(&Source) -> Vec<Violation>) {
     assert_none(&files("rs").iter().flat_map(fence).collect::<Vec<_>>());
 }
 
-/// Shows that a fence can fail: it must find exactly one violation in each offending text, and none in a
-/// clean one.
+/// Asserts that a fence finds exactly one violation in each offending text, and none in a clean one.
 fn check_fence(fence: fn(&Source) -> Vec<Violation>, path: &str, offending: &[&str], clean: &[&str]) {
     for text in offending {
         let found = fence(&Source::new(path, text));

@@ -26,14 +26,11 @@ use hil_sim::node::Node;
 use hil_sim::plant::Model;
 use tater_wire::Node as Id;
 
-/// A simulated hand and its host.
 pub struct Session {
     pub hand: Hand,
-    /// Everything that GOD has written.
     pub transcript: String,
 }
 
-/// A line and its answer.
 type Exchange = (&'static str, &'static str);
 
 /// Timeout of a command in simulated time, us.
@@ -43,17 +40,14 @@ const COMMAND_US: u64 = 120_000_000;
 const START_US: u64 = 500_000;
 
 impl Session {
-    /// A hand after power-up, at its first prompt.
     pub fn new() -> Self {
         Self::with_memory(Memory::default())
     }
 
-    /// The same with the contents of GOD's memory.
     pub fn with_memory(memory: Memory) -> Self {
         Self::from_hand(Hand::new(Model::Averaged, 1, memory))
     }
 
-    /// The same with boards made by a test, by their number.
     pub fn with_boards(board: impl Fn(u8, Id) -> SimBoard) -> Self {
         let boards = (1..=7).map(|number| Node::new(board(number, Id::new(number).expect("a node"))));
         Self::from_hand(Hand::with(boards.collect(), Memory::default()))
@@ -71,7 +65,7 @@ impl Session {
         answer(line, &self.read_to_prompt())
     }
 
-    /// The same with a timeout. Returns the answer and the time from the end of the line to the prompt, us.
+    /// As [`Self::run`], with a timeout. Returns the answer and the time from the end of the line to the prompt, us.
     ///
     /// # Errors
     /// No prompt in time: the text so far and the state of the motors.
@@ -90,25 +84,23 @@ impl Session {
         text
     }
 
-    /// The same; then sends `input` and waits for the prompt. Returns the answer.
+    /// As [`Self::start`]; then sends `input` and waits for the prompt. Returns the answer.
     pub fn run_with_input(&mut self, line: &str, input: &[u8]) -> String {
         let text = self.start(line);
         self.hand.push_rx(input);
         answer(line, &(text + &self.read_to_prompt()))
     }
 
-    /// Types a line, and its CR.
     pub fn type_line(&mut self, line: &str) {
         self.hand.push_rx(line.as_bytes());
         self.hand.push_rx(b"\r");
     }
 
-    /// Waits for the prompt. Returns the text up to its end.
     pub fn read_to_prompt(&mut self) -> String {
         self.try_read_to_prompt(COMMAND_US).unwrap_or_else(|hang| panic!("{hang}")).0
     }
 
-    /// The same with a timeout. Returns the time as well, us.
+    /// As [`Self::read_to_prompt`], with a timeout. Returns the time as well, us.
     ///
     /// # Errors
     /// No prompt in time: the text so far and the state of the motors.
@@ -130,7 +122,6 @@ impl Session {
         Ok((text, self.hand.now_us() - start_us))
     }
 
-    /// Mode, end and fault of each motor, for messages.
     pub fn motors(&self) -> String {
         let motor = |node: &Node| {
             node.application().map_or("asleep".to_owned(), |tater| {
@@ -142,19 +133,16 @@ impl Session {
         format!("motors: {}", motors.join(", "))
     }
 
-    /// Lets simulated time pass.
     pub fn wait_us(&mut self, us: u64) {
         self.hand.run_until(self.hand.now_us() + us);
     }
 }
 
-/// The text between the echo of a line and the prompt, without line ends at its edges.
 fn answer(line: &str, text: &str) -> String {
     let text = text.strip_prefix(line).unwrap_or_else(|| panic!("no echo of {line:?} in {text:?}"));
     text.strip_suffix("=> ").expect("it ends with the prompt").trim().replace("\r\n\r", "\n")
 }
 
-/// Types lines, one after another, and checks their answers.
 fn assert_answers(session: &mut Session, exchanges: &[(&str, &str)]) {
     for (line, answer) in exchanges {
         assert_eq!(session.run(line), *answer, "{line}");

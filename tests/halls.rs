@@ -7,15 +7,13 @@ use servo_core::sense::velocity::Estimator;
 use servo_core::units::Micros;
 use std::path::Path;
 
-/// The quality of an estimate against a recording.
 struct Score {
     velocity_mse: f64,
     position_mse: f64,
     bias_pct: f64,
 }
 
-/// Truth from falling edges alone: they are sharp, rising ones are late. Between two of them constant speed
-/// is assumed.
+/// Truth from falling edges alone, at constant speed between two of them: rising edges are late.
 fn truth(codes: &[u8], rate: f64) -> (Vec<f64>, Vec<f64>) {
     const PLACE: [i32; 8] = [0, 0, 2, 1, 4, 5, 3, 0];
     let place = |code: u8| PLACE[usize::from(code)];
@@ -110,9 +108,7 @@ fn recordings_score_within_the_aims() {
             "{name}: velocity {:.1}, position {:.4}, bias {:.3} %",
             s.velocity_mse, s.position_mse, s.bias_pct
         );
-        // The servo's own, smooth reading, with the same estimator: it leaves out the ripple that uneven
-        // marks would add to a constant speed, which this truth contains, and still beats the best known
-        // public estimator.
+        // The servo's own, smooth reading. It leaves out the ripple that uneven marks add to a constant speed, which this truth contains.
         let own = score(&codes, &replay::readings::<180>(&codes, 30_000, Estimator::at), 30_000.0);
         println!(
             "  the servo's own reading: velocity {:.1}, position {:.4}",
@@ -125,7 +121,7 @@ fn recordings_score_within_the_aims() {
     }
 }
 
-/// A small generator of its own, so that a seed always means the same (xorshift64*).
+/// xorshift64*: a seed gives the same motion with any version of `rand`.
 struct Dice(u64);
 
 impl Dice {
@@ -156,7 +152,6 @@ impl Motor {
         Self { offsets, rise_us: dice.range(0.0, 300.0) as u32, high_since: [Some(0); 3] }
     }
 
-    /// The cell of a true position.
     fn cell(&self, position: f64) -> i32 {
         let near = (position + 0.5).floor() as i32;
         let boundary = |k: i32| f64::from(k) - 0.5 + self.offsets[k.rem_euclid(18) as usize];
@@ -223,7 +218,7 @@ fn run(seed: u64, accelerations: (f64, f64), glitches: f64) -> Run {
                 let at = Micros(now + after);
                 let Some(HallEvent::Step(edge)) = halls.sample(code, at) else { continue };
                 estimator.edge(&edge);
-                // A fair rival ignores impossible codes too.
+                // The plain estimator ignores impossible codes too.
                 if edge.bounce || at.0 - edge_at < 100 {
                     continue;
                 }
@@ -266,8 +261,6 @@ fn total(accelerations: (f64, f64), glitches: f64) -> (f64, f64, f64) {
     (rms(|r| r.ours), rms(|r| r.plain), runs.iter().map(|r| r.worst).fold(0.0, f64::max))
 }
 
-/// 18 counts a revolution, ±10° placement, 0..300 µs rise delay, reversals, 1 % glitches: the rms velocity
-/// error against that of one count over the last interval.
 #[test]
 fn generated_motions_beat_the_interval_velocity() {
     for (name, accelerations) in
@@ -340,8 +333,6 @@ fn undecided_reading_is_at_most_half_wrong() {
 }
 
 proptest! {
-    /// Any lines at any times: no panic, a position in the cell of the count, a velocity that the time since
-    /// the last step allows.
     #[test]
     fn any_lines_keep_position_and_velocity_plausible(samples in prop::collection::vec((0..8_u8, 1..20_000_u32), 0..400), begin: u32) {
         let mut halls = HallDecoder::new(Wiring::STANDARD, 2, 0);

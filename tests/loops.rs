@@ -48,8 +48,7 @@ fn spread_does_not_overshoot_on_300_plants() {
         "300 spreads (median, 95 %, maximum): overshoot {overshoot:.2?} counts, error 200 ms after the end {error:.2?} counts, arrival {arrival:.0?} ms"
     );
     assert!(overshoot.2 <= 3.0, "overshoot {overshoot:?}");
-    // A misplaced hall alone causes ±1/6 count. If no plant overshot at all, the scatter would not reach the
-    // plant.
+    // A misplaced hall alone causes ±1/6 count. No overshoot at all would mean that the scatter missed the plant.
     assert!(overshoot.2 > 0.0 && error.2 > 0.3, "suspiciously good: {overshoot:?} {error:?}");
 }
 
@@ -71,7 +70,6 @@ fn healthy_moves_end_without_false_stall_breakaway_or_fault() {
     for seed in 0..1000u64 {
         let (motor, low, high) =
             [("link", -25i64, 338), ("spread", 0, 166), ("tip", -158, 350)][seed as usize % 3];
-        // Any start, any length from 2 counts to the whole range, in either direction.
         let share = |prime: u64, parts: u64| (seed * prime % parts) as i64 * (high - low) / parts as i64;
         let from = low + share(7919, 64);
         let length = 2.max(share(104_729, 61));
@@ -92,8 +90,7 @@ fn healthy_moves_end_without_false_stall_breakaway_or_fault() {
 
 #[test]
 fn moves_near_the_speed_limit_have_no_false_end() {
-    // At 20 V and with Ke 30 % high a link cannot reach 750 counts/s: the profile must wait, without a false
-    // end.
+    // At 20 V and with Ke 30 % high a link cannot reach 750 counts/s. The profile must wait, without a false end.
     for name in ["link-fast", "tip-fast"] {
         let scenario = scattered(shipped(name));
         let metrics: Vec<_> = (0..150).map(|seed| on_seed(&scenario, seed).metrics).collect();
@@ -269,7 +266,6 @@ fn same_seed_same_bytes() {
 
 #[test]
 fn defaults_match_the_manual() {
-    // Property table: rows that differ by motor, and one that does not.
     let table = [
         (MotorKind::Link, 40, false, 300, -200, 25),
         (MotorKind::Spread, 30, true, 400, -200, 0),

@@ -1,12 +1,10 @@
-//! The motor board's numbers: scales of the front end and values of the registers against floating point; and
-//! `docs/board.md`.
+//! The motor board's scales and register values against floating point, and `docs/board.md`.
 
 mod front_end;
 mod page;
 
 use tater_fw::bsp::{scale, timing};
 
-/// Every code of the ADC.
 const CODES: std::ops::Range<u16> = 0..4096;
 
 /// The input's voltage: a code is 1/4096 of VDDA.
@@ -38,7 +36,7 @@ fn current_matches_amplifier() {
 fn temperature_matches_thermistor() {
     let mut judged = 0;
     for code in CODES {
-        // To ground, under 10 k: R over 10 k is code over the rest. B equation with 10 k at 25 °C, B 3950 K.
+        // The thermistor is below a 10 k pull-up: R/10 k = code/(4096 - code). B equation with 10 k at 25 °C, B 3950 K.
         let ratio = f64::from(code) / f64::from(4096 - code);
         let celsius = 1.0 / (1.0 / 298.15 + ratio.ln() / 3950.0) - 273.15;
         let said = f64::from(scale::temperature(code).0) / 10.0;

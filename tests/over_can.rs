@@ -10,12 +10,11 @@ use tater_wire::Node as Id;
 
 const OPTIONS: Options = Options { seed: 1, model: Model::Averaged, trace: false };
 
-/// Runs one motor of a scenario on the native board that has it.
 pub(super) fn native(scenario: &Scenario, case: &Case, poll_ms: u32) -> BoardResult {
     native_at(scenario, case, poll_ms, 1, 0)
 }
 
-/// The same with other noise, and with the tick at another phase of the host's millisecond.
+/// As [`native`], with another noise seed and another phase of the tick in the host's millisecond.
 pub(super) fn native_at(
     scenario: &Scenario,
     case: &Case,
@@ -39,8 +38,7 @@ fn shipped() -> impl Iterator<Item = Scenario> {
     SHIPPED.iter().map(|shipped| Scenario::find(shipped.name).expect("shipped"))
 }
 
-/// Allowed difference of a figure from `direct`, a run that reads the servo's state, and why. The converter's
-/// noise has the same distribution in both, but other values at each tick.
+/// Allowed difference of a figure from `direct`, a run that reads the servo's state. The ADC noise has other values at each tick.
 fn tolerance(name: &str, direct: f64) -> Option<f64> {
     match name {
         // A tick; or the effect of a thermistor's noise on a fault after half a minute.
@@ -62,10 +60,8 @@ fn tolerance(name: &str, direct: f64) -> Option<f64> {
     }
 }
 
-/// The figures of two runs that differ by more than allowed.
 fn differences(direct: &Metrics, over_can: &Metrics) -> Vec<String> {
-    // At rest after the end of a move, the duration is up to the noise; the time of a stall is an
-    // expectation.
+    // After the end of a move its duration depends on the noise; the time of a stall is an expectation.
     let compared = |name: &str| name != "end_after_last_count_ms";
     let differs = |metric: &hil_sim::metrics::Metric| {
         let (a, b) = ((metric.get)(direct), (metric.get)(over_can));
@@ -94,8 +90,7 @@ fn shipped_scenarios_over_can_match_direct_runs() {
                 let (name, value, want) = (&verdict.name, &verdict.value, &verdict.want);
                 wrong.push(format!("{}: {name} = {value}, want {want} {:?}", scenario.name, ran.run.log));
             }
-            // In mode 2, T reads the command, 0, and not the torque against the EMF. The effect of a glitch
-            // on the torque of its tick depends on its time within the tick.
+            // In mode 2, T reads the command, 0. A glitch's effect on the torque depends on its time within the tick.
             let told = |difference: &String| {
                 !["coast-low-ke", "hall-glitch"].contains(&&*scenario.name)
                     || !difference.contains("peak_torque")

@@ -1,7 +1,6 @@
 //! The plant and the rig against the figures of decision 0003, against each other, and against physics.
 //!
-//! Commutation is open loop: the hall code selects the legs by the table of decision 0003, so nothing here
-//! depends on the servo.
+//! Commutation is open loop, by the table of decision 0003, so nothing here depends on the servo.
 
 use fixed::types::I1F15;
 use hil_sim::plant::{Heat, Model, PlantParams, Start, trapezoid};
@@ -42,7 +41,6 @@ fn at(count: f64, counts_per_s: f64) -> Start {
     Start { count, counts_per_s, heat: Heat { winding_c: 25.0, housing_c: 25.0 } }
 }
 
-/// The spread's plant with its stops out of the way.
 fn free() -> PlantParams {
     PlantParams { min_count: -1e5, max_count: 1e5, ..PlantParams::for_motor(MotorKind::Spread) }
 }
@@ -72,7 +70,6 @@ fn coast(rig: &mut Rig, ms: u64) -> Truth {
     rig.truth()
 }
 
-/// Means over a window, on which two models must agree.
 #[derive(Debug)]
 struct Means {
     counts_per_s: f64,
@@ -173,7 +170,6 @@ fn models_agree_on_pulses_of_the_floating_leg() {
 
 #[test]
 fn models_agree_in_transients() {
-    // Plugging, braking by short circuit, and coasting, from 800 counts/s.
     for (duty, bridge_on) in [(-0.3, true), (0.0, true), (0.2, true), (0.0, false)] {
         let [averaged, switched] = MODELS.map(|model| {
             let mut rig = rig(PlantParams { brake_n_m: 0.0, ..free() }, model, at(0.0, 800.0));
@@ -186,7 +182,6 @@ fn models_agree_in_transients() {
     }
 }
 
-/// A run with every effect in it: drive, plugging, stop, object, load, coast.
 fn eventful(kind: MotorKind, model: Model, step_us: u64) -> Rig {
     let object =
         Object { from_count: 100.0, stiffness_n_m_rad: 0.05, damping_n_m_s: 1e-3, side: Side::Closing };
@@ -309,8 +304,7 @@ fn motor_stalls_at_a_stop_and_can_leave_it() {
         let mut rig = rig(plant, Model::Averaged, at(end - 5.5, 700.0));
         let held = run(&mut rig, 0.73, 300);
         assert_eq!(held.counts_per_s, 0.0, "{kind:?}");
-        // Half a newton meter compresses it by 0.07 counts; a worm keeps part of the compression of the
-        // impact.
+        // 0.5 N·m compresses it by 0.07 counts; a worm keeps part of the impact's compression.
         assert!((0.0..0.3).contains(&(held.counts - end)), "{kind:?} {}", held.counts - end);
         assert!(held.load_n_m < -0.1);
         let left = run(&mut rig, -0.73, 100);
@@ -340,7 +334,6 @@ fn object_never_pulls() {
         while rig.advance(Bridge::Off, true, tick * 100).is_some() {}
         assert!(rig.truth().load_n_m <= 0.0, "{:?}", rig.truth());
     }
-    // It was compressed and has released the rotor.
     assert!(rig.truth().ledger.damper_j > 0.1 && rig.truth().counts_per_s < -10.0, "{:?}", rig.truth());
 }
 
@@ -392,8 +385,6 @@ fn any_kind() -> impl Strategy<Value = MotorKind> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// For any input the plant stays finite, within its stops and above ambient, and its energy balance
-    /// closes.
     #[test]
     fn plant_stays_physical(
         kind in any_kind(),
@@ -405,9 +396,7 @@ proptest! {
         let plant = PlantParams::for_motor(kind).scattered(seed, 0.3);
         let (low, high) = (plant.min_count - 0.5, plant.max_count + 0.5);
         let start = at(low + share * (high - low), 0.0);
-        // Deepest compression: all of 0.9 N·m and the kinetic energy into a 20 N·m/rad spring. Full speed
-        // (below 2300 counts/s even at 28 V and 30 % low Ke) would compress it by 800 rad/s · √(2.6e-5/20) =
-        // 0.91 rad.
+        // Deepest compression: 0.9 N·m into 20 N·m/rad, and full speed: 800 rad/s · √(2.6e-5/20) = 0.91 rad (28 V, Ke 30 % low).
         let dent = 2.7;
         let mut rig = rig(plant, model, start);
         for (duty, load, on, ms) in plan {
@@ -418,17 +407,15 @@ proptest! {
             prop_assert!(t.winding_c >= 25.0 && t.housing_c >= 25.0, "{t:?}");
             prop_assert!(t.phase_a.iter().sum::<f64>().abs() < 1e-9, "{t:?}");
             let l = t.ledger;
-            // The averaged dead time charges its diodes with the mean current, whose sign may differ from the
-            // ripple's.
+            // The averaged dead time uses the mean current's sign, which may differ from the ripple's.
             prop_assert!(l.copper_j >= 0.0 && l.diode_j >= -1e-5 && l.friction_j >= 0.0 && l.damper_j >= 0.0, "{l:?}");
             prop_assert!(l.residual_j().abs() < 0.005 * l.turnover_j() + 1e-3, "{} {l:?}", l.residual_j());
         }
     }
 
-    /// Any plant at any load that brakes and any duty at which it turns (slower, the models may stick at
-    /// different torque ripples). Of 14,000 such points the worst differed by 0.4 % in velocity and 0.7 % in
-    /// rms current. Left out: loads that cancel friction. There the current is a few hundredths of an ampere,
-    /// the velocity is the mean voltage, and the dead time's effect on it differed by 8 counts/s.
+    /// Of 14,000 such points the worst differed by 0.4 % in velocity and 0.7 % in rms current. At lower duties the
+    /// models may stick at different torque ripples. Loads that cancel friction are left out: at a few hundredths of
+    /// an ampere the dead time's effect on the velocity differed by 8 counts/s.
     #[test]
     fn models_agree_anywhere(seed in any::<u64>(), duty in 0.1..1.0_f64, load in -0.3..0.0_f64, l_mh in 0.5..2.0_f64) {
         let [averaged, switched] = MODELS.map(|model| {
@@ -443,7 +430,6 @@ proptest! {
         close("bus current", averaged.bus_a, switched.bus_a, 0.02);
     }
 
-    /// No load on the joint drives a worm's motor, nor a braked spread.
     #[test]
     fn worm_and_brake_hold_any_load(kind in any_kind(), load in -1.9..1.9_f64, count in 1.0..160.0_f64) {
         let mut rig = rig(PlantParams::for_motor(kind), Model::Averaged, at(count, 0.0));
@@ -453,8 +439,6 @@ proptest! {
         prop_assert!((rig.truth().counts - count).abs() < 1e-9);
     }
 
-    /// With the bridge off and no load, energy only leaves; with the EMF below the bus none returns to the
-    /// bus.
     #[test]
     fn unpowered_plant_only_loses_energy(kind in any_kind(), model in any_model(), count in 0.0..160.0_f64, speed in -1000.0..1000.0_f64) {
         let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::for_motor(kind) };

@@ -1,5 +1,4 @@
-//! Power cuts at every flash operation: what is stored and what is downloaded is afterwards old or new, never
-//! neither.
+//! Power cuts at every flash operation: what is stored and what is downloaded is afterwards old or new.
 
 mod image;
 mod monitor;

@@ -1,16 +1,14 @@
 //! The guarantees of the profile against a continuous-time oracle in f64: it lands exactly, within the limits
 //! at every tick, in the shortest time, for plain moves and for new plans during a move.
 //!
-//! Cases are drawn log-uniformly over the whole range of the properties. Of the million, cases longer than
-//! `SHORT` are drawn again, since stepping through an hour a million times adds nothing; fewer cases, and the
-//! extremes, run to the full length.
+//! Cases are drawn log-uniformly over the whole range of the properties. Of the million none is longer than
+//! `SHORT`; fewer cases run to `LONG`, and the extremes to their end.
 
 use fixed::types::I22F10;
 use servo_core::motion::profile::{MoveLimits, Profile, SetPoint};
 use servo_core::units::{Counts, CountsPerSec};
 
-/// Resolution of the emitted values, in counts and counts/s. A difference of two rounded values has an error
-/// of at most one step.
+/// Resolution of the emitted values, counts and counts/s; a difference of two has an error of one step.
 const POSITION_STEP: f64 = 1.0 / 1024.0;
 const VELOCITY_STEP: f64 = 1.0 / 65536.0;
 /// Error of the f64 oracle itself, in ticks: a distance of 2^23 counts has an error of 2^-29, which at ACCEL
@@ -31,7 +29,6 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Uniform in 0..1.
     fn uniform(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -40,7 +37,6 @@ impl Random {
         self.next().is_multiple_of(n)
     }
 
-    /// Log-uniform in `low..high`.
     fn log(&mut self, low: f64, high: f64) -> f64 {
         low * (high / low).powf(self.uniform())
     }
@@ -54,7 +50,6 @@ impl Random {
         MoveLimits { accel, closing: self.cruise(), opening: self.cruise() }
     }
 
-    /// Any position with a fraction, ±32767.
     fn position(&mut self) -> Counts {
         Counts(I22F10::from_bits((self.next() % (65534 * 1024)) as i32 - 32767 * 1024))
     }
@@ -80,8 +75,7 @@ fn acceleration(limits: MoveLimits) -> f64 {
     (f64::from(limits.accel) / 1024.0).powi(2)
 }
 
-/// The shortest time, in ms, from `velocity` at `distance` before the end to rest on it: the better of the
-/// approaches from either side.
+/// Shortest time, ms, from `velocity` at `distance` before the end to rest on it, by the better approach.
 fn optimum(distance: f64, velocity: f64, limits: MoveLimits) -> f64 {
     let a = acceleration(limits);
     let up = approach(distance, velocity, a, per_tick(limits.closing));
@@ -106,7 +100,6 @@ fn remaining(profile: &Profile, end: Counts, limits: MoveLimits) -> f64 {
     optimum(counts(end) - position.to_num::<f64>(), velocity.to_num(), limits)
 }
 
-/// Checks the limits from one tick to the next; returns a violation.
 fn tick_fault(before: SetPoint, after: SetPoint, limits: MoveLimits) -> Option<&'static str> {
     let a = acceleration(limits);
     let cruise = |direction: f64| per_tick(if direction > 0.0 { limits.closing } else { limits.opening });
@@ -140,7 +133,6 @@ fn plain_fault(before: SetPoint, after: SetPoint, (start, end): (Counts, Counts)
     (!(start.min(end)..=start.max(end)).contains(&after.position)).then_some("crosses the end")
 }
 
-/// A part of a profile with one plan.
 struct Stretch {
     limits: MoveLimits,
     end: Counts,
@@ -149,7 +141,6 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// Steps `ticks` times or to the end, with all checks of a tick; returns the number of ticks.
     fn run(&self, profile: &mut Profile, ticks: u32) -> u32 {
         let was = *profile;
         let mut before = was.current();
@@ -206,7 +197,6 @@ fn plain_move(random: &mut Random, most: f64) -> Option<()> {
     plain(start, random.end(start), limits, most)
 }
 
-/// A move with one to three new plans during it: a new end (or the same), new limits (or the same).
 fn replanned_move(random: &mut Random, most: f64) -> Option<()> {
     let (start, mut limits) = (random.position(), random.limits());
     let mut end = random.end(start);
@@ -257,8 +247,7 @@ fn longer_moves_keep_every_guarantee() {
 
 #[test]
 fn longest_moves_keep_every_guarantee() {
-    // The longest (68 minutes), the same with the longest ramps, the longest triangle; one of each in
-    // between.
+    // The longest (68 minutes), the same with the longest ramps, the longest triangle; and two in between.
     for (accel, cruise) in [(65535, 16), (1, 16), (1, 4080), (8, 4080), (13, 1000)] {
         let cruise = CountsPerSec::from_int(cruise);
         let limits = MoveLimits { accel, closing: cruise, opening: cruise };

@@ -14,7 +14,6 @@ fn outcome(name: &str, options: &Options) -> Outcome {
     run(&shipped(name), options).unwrap_or_else(|bad| panic!("{name}: {bad}"))
 }
 
-/// The expectations that shipped scenarios fail.
 fn unmet(model: Model) -> Vec<String> {
     let mut unmet = Vec::new();
     for scenario in SHIPPED {
@@ -112,8 +111,7 @@ metric = "arrival_ms"
 min = 1
 "#;
 
-/// A line of `GOOD`, its replacement, the line that the message must name, and texts that it must contain:
-/// the field, what was found, what was expected or what to do.
+/// A line of `GOOD`, its replacement, the line that the message must name, and texts that it must contain.
 const BAD: &[(&str, &str, &str, [&str; 3])] = &[
     ("about = \"y\"", "about = \"y\"\nspeed = 3", "x.toml:3", ["speed", "unknown field", "duration_ms"]),
     (
@@ -270,7 +268,6 @@ fn refusal(text: &str) -> BadInput {
     }
 }
 
-/// The project's style of errors: where, what, found, expected, next step, none of them empty.
 fn assert_style(bad: &BadInput, place: &str, words: &[&str]) {
     let message = bad.to_string();
     assert_eq!(bad.place, place, "{message}");
@@ -360,7 +357,6 @@ fn properties_from_the_command_line_are_checked_like_those_of_a_file() {
     }
 }
 
-/// Runs 3 s of a motor with these commands.
 fn timed(motor: &str, commands: &[(u32, &str)]) -> hil_sim::metrics::Metrics {
     let at: String = commands.iter().map(|(ms, what)| format!("[[at]]\nms = {ms}\n{what}\n")).collect();
     let text = format!("name = \"x\"\nabout = \"y\"\nmotor = \"{motor}\"\nduration_ms = 3000\n{at}");
@@ -368,7 +364,6 @@ fn timed(motor: &str, commands: &[(u32, &str)]) -> hil_sim::metrics::Metrics {
     run(&scenario, &NOMINAL).unwrap_or_else(|bad| panic!("{bad}")).metrics
 }
 
-/// The same move takes the same time, whatever preceded it.
 #[test]
 fn move_time_starts_at_its_first_driven_tick() {
     let from_rest = |end| timed("link", &[(0, &format!("move = {end}"))]).end_ms.expect("an end");

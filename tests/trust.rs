@@ -18,14 +18,12 @@ const SEEDS: u64 = 8;
 /// Half a count of the cell in which HI ended, and half of the rotor's present cell.
 const MOST_COUNTS: f64 = 1.0;
 
-/// Torque that turns the spread with its brake engaged, N·m at the motor: one and a half times the brake's
-/// holding torque.
+/// Torque that turns the spread against its brake, N·m at the motor: 1.5 times the holding torque.
 const PUSH_N_M: f64 = 3.0;
 
 /// Saves before the session: two pages of storage are nearly full, so that one must be erased during it.
 const SAVES_BEFORE: i64 = 114;
 
-/// The end of a session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ending {
     /// The move arrives, the rotor stands, SAVE, STAT 0.
@@ -78,7 +76,6 @@ impl Session {
         }
     }
 
-    /// Until the motor is idle, or without power.
     fn finish(&mut self) {
         for _ in 0..3_000 {
             self.wait(1);
@@ -124,8 +121,8 @@ impl Session {
         self.wait(50);
     }
 
-    /// Power off until the rotor stands, and on again: returns whether the position is reported as known, and
-    /// its error against continuous counting.
+    /// Cuts the power until the rotor stands. Returns whether the board then reports its position as known, and its
+    /// error against continuous counting.
     fn restart(&mut self) -> (bool, f64) {
         self.node.rig_mut().set_disturbance(0.0);
         self.node.power_off();
@@ -142,8 +139,7 @@ impl Session {
     }
 }
 
-/// Plays a session, with the power failing in one of its flash operations or not at all; returns the number
-/// of operations begun.
+/// Plays a session, with a power cut in one flash operation or none; returns the number of operations begun.
 fn session(board: SimBoard, ending: Ending, cut: Option<u64>, seed: u64) -> (Session, u64) {
     let to = Destination::Node(board.straps());
     let mut node = Node::awake(board);

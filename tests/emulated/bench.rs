@@ -16,7 +16,6 @@ use crate::protocol::hosts::answer;
 /// The spread's node: the board with a brake.
 pub const NODE: u8 = 4;
 
-/// Folder of an image.
 pub fn folder(profile: &str) -> PathBuf {
     let root =
         Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package is a folder of the workspace");
@@ -24,8 +23,7 @@ pub fn folder(profile: &str) -> PathBuf {
     root.join(target).join("image").join(profile)
 }
 
-/// The production image. Without one, prints that the test is skipped, which continuous integration does not
-/// accept.
+/// Prints `skipped` without an image, which continuous integration does not accept.
 pub fn production() -> Option<Programs> {
     let programs = Programs::load(&folder("production")).ok();
     if programs.is_none() {
@@ -38,7 +36,6 @@ pub fn id(number: u8) -> Id {
     Id::new(number).expect("a node")
 }
 
-/// A board without power, with both programs in its flash.
 pub fn flashed(programs: &Programs, node: u8) -> Board {
     let rig = SimBoard::standard(id(node), Model::Averaged, 1).rig().clone();
     let mut board = Board::new(rig, id(node), programs, 1);
@@ -46,19 +43,16 @@ pub fn flashed(programs: &Programs, node: u8) -> Board {
     board
 }
 
-/// A board and its host.
 pub struct Bench {
     pub bus: Bus<Board>,
     node: u8,
 }
 
 impl Bench {
-    /// A board that runs its application, with prepared storage.
     pub fn awake(programs: &Programs) -> Self {
         Self::with(flashed(programs, NODE))
     }
 
-    /// Switches a board on.
     pub fn powered(mut board: Board) -> Self {
         board.power_on();
         let node = board.node().number();
@@ -67,7 +61,6 @@ impl Bench {
         Self { bus, node }
     }
 
-    /// As [`Self::awake`] for another board.
     pub fn with(board: Board) -> Self {
         let mut bench = Self::powered(board);
         bench.answering();
@@ -77,7 +70,6 @@ impl Bench {
         bench
     }
 
-    /// The spread's board in its monitor.
     pub fn in_monitor(programs: &Programs) -> Self {
         let mut bench = Self::powered(flashed(programs, NODE));
         bench.answering();
@@ -89,7 +81,6 @@ impl Bench {
         assert_eq!(self.get(Property::STAT), Some(0), "the monitor answers: {:?}", self.board().problem());
     }
 
-    /// Leaves the monitor for the application.
     pub fn wake(&mut self) {
         self.set(Property::STAT, 2);
         self.wait_ms(100);
@@ -135,7 +126,6 @@ impl Bench {
         self.wait_us(1000 * ms);
     }
 
-    /// Starts a long move and waits until the motor turns.
     pub fn moving(programs: &Programs) -> Self {
         let mut bench = Self::awake(programs);
         bench.set(Property::M, 160);
@@ -148,7 +138,6 @@ impl Bench {
         self.board().bridge() != Bridge::Off
     }
 
-    /// Whether the bridge is off and the brake engaged.
     pub fn is_safe(&self) -> bool {
         !self.is_driven() && !self.board().brake_released()
     }
@@ -165,7 +154,6 @@ impl Bench {
         Some(self.board().now_us() - begin)
     }
 
-    /// Resets of the chip since it was made.
     pub fn resets(&self) -> usize {
         self.board().machine().resets.len()
     }

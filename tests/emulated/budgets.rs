@@ -1,5 +1,4 @@
-//! Processor use of the image: instructions of a tick and of a hall edge in every mode, compared with the
-//! budget and the committed figures (`budgets.json`).
+//! Instructions of a tick and of a hall edge in every mode, against the budget and the committed `budgets.json`.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -12,31 +11,26 @@ use tater_wire::{Cmd, Property};
 
 use super::bench::{Bench, NODE, flashed, production};
 
-/// Instructions of a control tick (500 on average, 900 at most), and of a hall edge until the bridge is
-/// written (decision 0004).
+/// Instructions of a control tick, and of a hall edge until the bridge is written (decision 0004).
 const TICK_MEAN: f64 = 500.0;
 const TICK_MAX: u64 = 900;
 const HALL_MAX: u64 = 250;
-/// Largest share of the processor at full speed.
 const LOAD_PCT: f64 = 25.0;
 /// Full speed in counts/s: the range of a tip, 350 counts, allows no more at the greatest ACCEL.
 const FAST: f64 = 900.0;
 /// Measuring time of the load: no longer than the top speed lasts.
 const WINDOW_MS: u64 = 50;
-/// Part of the stack that must stay untouched: one more exception frame for each of 6 priorities, 104 bytes
-/// each with registers, and as much again.
+/// Stack that must stay untouched: an exception frame for each of 6 priorities, 104 bytes with registers, twice.
 const STACK_SPARE: u32 = 2 * 6 * 104;
 /// Tolerance against the committed figure: more than the effect of the seeds of noise and RAM.
 const TOLERANCE: f64 = 0.03;
 
-/// Fewer ticks give no useful mean: 100.
+/// Fewer ticks give no useful mean.
 const LEAST_MS: u64 = 100;
 
-/// A way to drive the motor.
 struct Case {
     name: &'static str,
     node: u8,
-    /// Before the measurement.
     start: &'static [(Property, i64, u64)],
     /// Measured while the bridge is on: the time after an arrival would lower the mean.
     orders: &'static [(Property, i64, u64)],
@@ -44,9 +38,7 @@ struct Case {
     asks: (&'static [Property], u64),
 }
 
-/// A host that polls rarely.
 const SELDOM: (&[Property], u64) = (&[Property::MODE], 100);
-/// A host that follows the motor.
 const EACH_MS: (&[Property], u64) = (&[Property::P, Property::MODE, Property::T], 1);
 
 /// Moves that are replanned on the way, in both directions; none arrives.

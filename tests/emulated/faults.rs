@@ -6,13 +6,11 @@ use tater_wire::{FaultCode, Property};
 
 use super::bench::{Bench, production};
 
-/// Value of ERROR for a fault.
 fn code(fault: FaultCode) -> Option<i64> {
     Some(i64::from(fault.code()))
 }
 
-/// A stuck line must be detected within 18 counts, one of the rotor's 9 turns, at 50 counts/s and faster; a
-/// move of the spread takes 880 ms.
+/// A stuck line must be detected within 18 counts, one of the rotor's 9 turns, at 50 counts/s.
 const STUCK_US: u64 = 400_000;
 
 #[test]
@@ -133,7 +131,7 @@ fn crystal_failure_switches_off_and_is_reported_later() {
 fn brown_out_leaves_the_bridge_off_without_a_fault() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::moving(&programs);
-    // A sag below the threshold that RAM survives, and a loss of the supply. (trust.rs tests the trust in P.)
+    // A sag below the threshold that RAM survives, and a loss of the supply.
     for lost in [false, true] {
         if lost {
             bench.board_mut().power_off();
@@ -156,7 +154,6 @@ fn brown_out_leaves_the_bridge_off_without_a_fault() {
 fn break_input_switches_off_without_an_instruction() {
     let Some(programs) = production() else { return };
     let mut bench = Bench::moving(&programs);
-    // At 50 phases of the PWM period.
     for _ in 0..50 {
         let mut board = bench.board().duplicate();
         let before = board.machine().cpu.counts.instructions;

@@ -10,7 +10,7 @@ use board_emu::rtt::Probe;
 use super::bench::{Bench, NODE, flashed, folder, production};
 use tater_wire::Property;
 
-/// The release image, which has logs.
+/// Only the release image has logs.
 fn release() -> Option<Programs> {
     let programs = Programs::load(&folder("release")).ok();
     if programs.is_none() {
@@ -32,7 +32,6 @@ fn release_image_logs_and_production_image_has_none() {
     bench.set(Property::VERS, 1);
     bench.wait_ms(5);
     let lines = said(&mut bench);
-    // The event ring of the board, entry by entry.
     assert!(
         lines.len() == 1 && lines[0].contains("Refused { property: Some(0), error: Access(VERS) }"),
         "{lines:?}"
@@ -43,7 +42,6 @@ fn release_image_logs_and_production_image_has_none() {
     }
 }
 
-/// A minimal GDB.
 struct Gdb(TcpStream);
 
 impl Gdb {
@@ -83,14 +81,12 @@ impl Gdb {
         self.packet()
     }
 
-    /// Word `index` of the reply to `g`.
     fn register(&mut self, index: usize) -> u32 {
         let words = self.ask("g");
         u32::from_str_radix(&words[8 * index..8 * index + 8], 16).expect("hexadecimal").swap_bytes()
     }
 }
 
-/// Index of the program counter in `g`.
 const PC: usize = 15;
 
 #[test]

@@ -19,8 +19,7 @@ const APART_MS: f64 = 2.0;
 /// Seeds of noise and phases of the tick in the host's millisecond, us: native boards that are equally valid.
 const NATIVES: [(u64, u64); 6] = [(1, 0), (2, 150), (3, 300), (4, 450), (5, 600), (6, 800)];
 
-/// Scenarios in which native boards differ by more: a rotor in stick-slip, and one that coasts before it is
-/// driven. Their own spread is the limit there.
+/// Stick-slip, and a rotor that coasts before it is driven: native boards differ by more. Their spread is the limit.
 const CHANCE: [&str; 2] = ["slow-crawl", "coast-low-ke"];
 
 /// Distance of an emulated run from the nearest native one, and spread of the native ones.

@@ -12,7 +12,7 @@ const WEDGE: u16 = 0xE7FE;
 /// `udf #0`
 const UNDEFINED: u16 = 0xDE00;
 
-/// Exception numbers of the application's tasks.
+/// Exception numbers.
 const TASKS: [(&str, u32); 6] = [
     ("hall", 16 + 30),
     ("tick", 16 + 29),
@@ -22,7 +22,6 @@ const TASKS: [(&str, u32); 6] = [
     ("idle", 0),
 ];
 
-/// Overwrites the instruction at an address.
 fn patch(bench: &mut Bench, address: u32, code: u16) {
     bench.board_mut().machine_mut().chip_mut().flash.load(address & !1, &code.to_le_bytes());
 }
@@ -68,8 +67,7 @@ fn watchdog_resets_a_board_with_a_wedged_task() {
     }
 }
 
-/// Time in which every task runs: two periods of the slowest, SysTick's 10 ms; for an edge at 50 counts/s, 20
-/// ms.
+/// Two periods of the slowest task, SysTick's 10 ms, or an edge at 50 counts/s: 20 ms.
 const REACHED_US: u64 = 41_000;
 
 #[test]
@@ -111,7 +109,6 @@ fn undefined_instruction_in_the_monitor_keeps_the_reason() {
     assert_eq!(bench.get(Property::ERROR), Some(i64::from(FaultCode::HardFault.code())));
 }
 
-/// The instruction at an address.
 fn half_word(bench: &Bench, address: u32) -> u16 {
     let at = (address - FLASH.start) as usize;
     let chip = bench.board().machine().chip();

@@ -4,7 +4,6 @@ use toml::{Table, Value};
 
 use super::{Source, Violation, assert_none, files};
 
-/// Dependencies that a crate may have.
 struct Arrows {
     package: &'static str,
     ours: &'static [&'static str],
@@ -70,8 +69,7 @@ const ARROWS: [Arrows; 9] = [
     },
 ];
 
-/// Names in every dependency table of a manifest, target-specific ones included, marked `(dev)` or `(build)`
-/// if they are not linked into the crate.
+/// Names in every dependency table of a manifest, marked `(dev)` or `(build)` if not linked into the crate.
 fn dependencies(manifest: &Table) -> Vec<String> {
     let mut tables = vec![manifest];
     if let Some(targets) = manifest.get("target").and_then(Value::as_table) {

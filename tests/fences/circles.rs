@@ -15,13 +15,11 @@ use toml::Table;
 use super::modules::{Named, Target};
 use super::{Source, Violation, assert_none, files};
 
-/// Where a file names something of another, as it is written there.
 struct Edge {
     line: usize,
     written: String,
 }
 
-/// The edges between files, by their indices.
 type Edges = BTreeMap<usize, BTreeMap<usize, Edge>>;
 
 fn edges(target: &Target<'_>) -> Edges {
@@ -36,7 +34,7 @@ fn edges(target: &Target<'_>) -> Edges {
             let glob = import.name == "*";
             let to = match target.resolve(index, &import.path.segments) {
                 Some(Named::Item { file }) => file,
-                // A module's name alone is no use of it: the paths that begin with it are.
+                // A module's name alone is not a use of it; the paths that begin with it are.
                 Some(Named::Module(other)) if glob => target.modules[other].file,
                 _ => continue,
             };
@@ -134,7 +132,6 @@ fn circles(sources: &[Source], root: usize) -> Vec<Violation> {
     violations
 }
 
-/// The root files of a package's targets.
 fn roots(sources: &[Source], manifest: &Source) -> Vec<usize> {
     let Ok(table) = manifest.text.parse::<Table>() else { return Vec::new() };
     let folder = manifest.path.trim_end_matches("Cargo.toml");
@@ -155,7 +152,6 @@ fn roots(sources: &[Source], manifest: &Source) -> Vec<usize> {
     (0..sources.len()).filter(|i| is_target(&sources[*i])).collect()
 }
 
-/// The name of a manifest's package; the workspace has none.
 fn package(manifest: &Source) -> Option<String> {
     let table = manifest.text.parse::<Table>().ok()?;
     Some(table.get("package")?.get("name")?.as_str()?.to_string())
@@ -181,7 +177,6 @@ fn no_crate_imports_in_circles() {
     assert_none(&violations);
 }
 
-/// The violations of a crate made of these files; its root is the first.
 fn of(files: &[(&str, &str)]) -> Vec<Violation> {
     let sources: Vec<Source> = files.iter().map(|(path, text)| Source::new(path, text)).collect();
     circles(&sources, 0)
@@ -209,7 +204,6 @@ fn circle_fence_finds_each_circle() {
             ("src/b.rs", "use crate::c::*; struct B;"),
             ("src/c.rs", "fn f(a: crate::a::A) {}"),
         ],
-        // A parent and its child.
         &[
             ("src/lib.rs", "mod a;"),
             ("src/a.rs", "mod b; use b::B; struct A;"),
@@ -277,7 +271,6 @@ fn circle_fence_admits_one_way_imports() {
             ("src/a/c.rs", "struct C;"),
             ("src/b.rs", "use crate::a; fn g() { a::f() }"),
         ],
-        // Tests.
         &[
             ("src/lib.rs", "mod a; mod b;"),
             ("src/a.rs", "use crate::b::B; struct A; #[cfg(test)] mod tests;"),

@@ -5,10 +5,8 @@ use std::path::Path;
 
 use super::{Source, Violation, assert_none, check_fence, files, root};
 
-/// Endings of files that a document may name between backticks by the end of their path.
 const NAMED: [&str; 4] = [".rs", ".toml", ".py", ".txt"];
 
-/// A path without `.` and `..`, with `/` between its parts.
 fn normal(path: &str) -> String {
     let mut parts: Vec<&str> = Vec::new();
     for part in path.split('/') {
@@ -129,10 +127,9 @@ fn decisions(source: &Source, numbers: &BTreeSet<String>) -> Vec<Violation> {
     found
 }
 
-/// Pages that were never part of the repository, so that no reader can look them up.
+/// Pages outside the repository, which no reader can look up.
 const OUTSIDE: [&str; 3] = ["DESIGN", "PROTOCOL", "MANUAL-NOTES"];
 
-/// No file cites a page from outside of the repository.
 fn outside_pages(source: &Source) -> Vec<Violation> {
     let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     let cites = |line: &str| line.split(|c| !is_part(c)).any(|word| OUTSIDE.contains(&word));
@@ -144,7 +141,6 @@ fn outside_pages(source: &Source) -> Vec<Violation> {
         .collect()
 }
 
-/// A record has its title, date and three sections, in this order.
 fn record(page: &Source) -> Vec<Violation> {
     let wanted = ["# ", "Date: 20", "## Context", "## Decision", "## Consequences"];
     let mut lines = page.text.lines();
@@ -155,7 +151,6 @@ fn record(page: &Source) -> Vec<Violation> {
         .collect()
 }
 
-/// Records of decisions, without their index.
 fn records() -> Vec<Source> {
     let pages = files("md").into_iter();
     pages.filter(|page| page.is_in("docs/decisions") && !page.path.ends_with("README.md")).collect()

@@ -1,10 +1,8 @@
-//! Code for the hardware: where registers may be used, that `unsafe` is explained, and that it makes no
-//! decisions.
+//! Code for the hardware: where registers may be used, explained `unsafe`, and no decisions.
 
 use super::tokens::{Token, closing, item_end, reads, scan};
 use super::{Source, Violation, assert_none, check_fence, check_workspace, files};
 
-/// Whether the file belongs to `bsp`.
 fn is_bsp(source: &Source) -> bool {
     source.path == "tater-fw/src/bsp.rs" || source.is_in("tater-fw/src/bsp")
 }
@@ -23,8 +21,7 @@ fn end_of_previous(tokens: &[Token], at: usize) -> usize {
     0
 }
 
-/// `unsafe` is allowed only in `bsp`, with a `SAFETY:` comment or `# Safety` section directly above its
-/// statement or item. An attribute (`#[unsafe(..)]`) is part of its item.
+/// `unsafe` is allowed only in `bsp`, with a `SAFETY:` comment or `# Safety` section directly above its statement or item.
 fn unexplained(source: &Source) -> Vec<Violation> {
     let lines: Vec<&str> = source.text.lines().map(str::trim_start).collect();
     scan(source, |tokens, at| {
@@ -66,7 +63,6 @@ fn registers(source: &Source) -> Vec<Violation> {
     let may = is_bsp(source) || is_app || source.path == "tater-fw/src/bin/monitor.rs";
     scan(source, |tokens, at| {
         let token = &tokens[at];
-        // Only the application uses RTIC.
         let allowed = if token.text == "rtic" { is_app } else { may };
         (!token.is_literal && !allowed && CRATES.contains(&token.text.as_str()))
             .then(|| format!("{}: a register; what needs one goes through trait Board", token.text))
@@ -108,8 +104,7 @@ fn calls(tokens: &[Token], from: usize, to: usize) -> Vec<&str> {
     names.map(|i| tokens[i + 2].text.as_str()).filter(|name| *name != "board_mut").collect()
 }
 
-/// The calls of each task into `Tater`: one, except that `receive` may flush when no frame arrived, and idle
-/// also takes an event to log.
+/// The one call of each task into `Tater`; `receive` may also flush, and idle takes an event to log.
 fn may_call(name: &str) -> &'static [&'static str] {
     match name {
         "hall" => &["hall"],
@@ -123,8 +118,7 @@ fn may_call(name: &str) -> &'static [&'static str] {
     }
 }
 
-/// A task of the application locks once, makes its call into [`Tater`](tater_fw::Tater), and has no loop
-/// (except idle).
+/// A task locks once, makes its call into [`Tater`](tater_fw::Tater), and has no loop (except idle).
 fn tasks(source: &Source) -> Vec<Violation> {
     if source.path != "tater-fw/src/app.rs" {
         return Vec::new();
@@ -168,8 +162,7 @@ fn busy(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// A file of `bsp` that waits for the hardware, in a loop or by an iterator with a count, is listed in
-/// docs/board.md (text `page`).
+/// A file of `bsp` that waits, in a loop or by a counted iterator, is listed in docs/board.md (text `page`).
 fn unlisted_wait(source: &Source, page: &str) -> Vec<Violation> {
     let file = source.path.rsplit('/').next().unwrap_or_default();
     let row = format!("| `{file}`");

@@ -1,5 +1,4 @@
-//! The modules of one target (a library, a program, an example) with the names that each defines and imports, read from
-//! tokens, and paths resolved to the file that defines what they name.
+//! The modules of one target with the names that each defines and imports, and paths resolved to the file that defines them.
 //!
 //! Limits: names made by a macro's expansion are known only if the macro's arguments spell them (`struct Name`); a path
 //! whose end is unknown counts for the last module on it.
@@ -16,7 +15,6 @@ pub struct Path {
     pub line: usize,
 }
 
-/// One name of a `use`.
 pub struct Import {
     /// What the name is here; `*` for all names of a module.
     pub name: String,
@@ -26,19 +24,16 @@ pub struct Import {
 
 /// A module: a file, or a block `mod name { .. }` in one.
 pub struct Module {
-    /// Index of its file.
     pub file: usize,
     parent: usize,
     children: HashMap<String, usize>,
     items: HashSet<String>,
     pub imports: Vec<Import>,
-    /// The qualified paths of its code.
     pub paths: Vec<Path>,
     /// Every name in its code that neither `::` nor `.` precedes.
     pub names: HashSet<String>,
 }
 
-/// What a path names.
 #[derive(Clone, Copy)]
 pub enum Named {
     /// Something that the file defines.
@@ -55,7 +50,7 @@ pub struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Reads the modules below `root`, an index into `sources`. A file that is not Rust or not there has none.
+    /// `root` is an index into `sources`. A missing file, or one that is not Rust, has no modules.
     pub fn read(sources: &'a [Source], root: usize) -> Self {
         let mut target = Self { sources, modules: Vec::new() };
         let path = &sources[root].path;
@@ -181,7 +176,6 @@ impl<'a> Target<'a> {
         Some(Named::Module(at))
     }
 
-    /// What a name means in a module.
     fn lookup(&self, module: usize, name: &str, depth: usize) -> Option<Named> {
         let here = &self.modules[module];
         if let Some(child) = here.children.get(name) {
@@ -208,7 +202,6 @@ impl<'a> Target<'a> {
         })
     }
 
-    /// Whether `module` is `above` or lies below it.
     pub fn is_below(&self, module: usize, above: usize) -> bool {
         let mut at = module;
         while at != above && at != 0 {
@@ -268,12 +261,10 @@ fn defined(tokens: &[Token]) -> HashSet<String> {
     names
 }
 
-/// The semicolon of the `use` at `at`.
 fn item_end_of_use(tokens: &[Token], at: usize) -> usize {
     (at..tokens.len()).find(|i| tokens[*i].text == ";").unwrap_or(tokens.len())
 }
 
-/// Reads a `use` tree without its keyword and semicolon.
 fn read_use(tokens: &[Token], prefix: &mut Vec<String>, is_public: bool, imports: &mut Vec<Import>) {
     let before = prefix.len();
     let mut at = 0;

@@ -1,10 +1,8 @@
-//! Restrictions on the crates of the board: no std, float, heap, cast, panic or simulator; and one file
-//! orders the tick.
+//! Restrictions on the crates of the board: no std, float, heap, cast, panic or simulator; one file orders the tick.
 
 use super::tokens::{Token, item_end, reads, scan, scan_tokens, tokens, without_tests};
 use super::{Source, Violation, check_fence, check_workspace, files};
 
-/// Crates that run on the board.
 const BOARD: [&str; 3] = ["servo-core", "tater-wire", "tater-fw"];
 
 fn is_on_board(source: &Source) -> bool {
@@ -83,7 +81,7 @@ fn wrong_cast(tokens: &[Token], at: usize) -> Option<String> {
         .then(|| format!("as {}: put a named conversion into units.rs or num.rs", to.text))
 }
 
-/// Tests `wrong` at every token of the board's code, without tests.
+/// Skips tests.
 fn scan_board(source: &Source, wrong: impl Fn(&[Token], usize) -> Option<String>) -> Vec<Violation> {
     let is_test_file = source.path.ends_with("/tests.rs") || source.path.contains("/tests/");
     if !is_on_board(source) || !source.path.contains("/src/") || is_test_file {
@@ -120,8 +118,7 @@ fn panic_path(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// `lit` of `fixed` parses its string at run time unless it is in a constant: some hundred instructions at
-/// every tick.
+/// `lit` of `fixed` parses its string at run time outside constants: some hundred instructions at every tick.
 fn literal(source: &Source) -> Vec<Violation> {
     // Neither `const fn` nor a generic `<const N: usize>` is a constant.
     let is_constant = |tokens: &[Token], at: usize| {
@@ -217,7 +214,6 @@ fn unbounded(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// Attributes that a crate root must have.
 fn attributes(source: &Source) -> Vec<Violation> {
     let wanted: &[&[&str]] = match source.path.as_str() {
         "servo-core/src/lib.rs" | "tater-wire/src/lib.rs" => {

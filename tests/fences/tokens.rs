@@ -11,7 +11,6 @@ pub struct Token {
     pub is_literal: bool,
 }
 
-/// The tokens of a file, or a violation if it is not Rust.
 pub fn tokens(source: &Source) -> Result<Vec<Token>, Violation> {
     let stream: TokenStream =
         source.text.parse().map_err(|error| source.violation(1, format!("not Rust: {error}")))?;
@@ -44,12 +43,10 @@ fn flatten(stream: TokenStream, flat: &mut Vec<Token>) {
     }
 }
 
-/// Whether the tokens at `at` read `pattern`.
 pub fn reads(tokens: &[Token], at: usize, pattern: &[&str]) -> bool {
     pattern.iter().enumerate().all(|(i, want)| tokens.get(at + i).is_some_and(|token| token.text == *want))
 }
 
-/// Index of the bracket that closes the one at `open`.
 pub fn closing(tokens: &[Token], open: usize) -> usize {
     let mut depth = 0_usize;
     for (i, token) in tokens.iter().enumerate().skip(open) {
@@ -79,7 +76,6 @@ pub fn item_end(tokens: &[Token], at: usize) -> usize {
     tokens.len()
 }
 
-/// The tokens without items under `#[cfg(test)]`.
 pub fn without_tests(tokens: Vec<Token>) -> Vec<Token> {
     let mut skip = vec![false; tokens.len()];
     for at in 0..tokens.len() {

@@ -3,7 +3,7 @@
 use super::tokens::{Token, closing, reads, scan, scan_tokens, tokens, without_tests};
 use super::{Source, Violation, check_fence, check_workspace, files};
 
-/// No sleep: it makes tests slow, and fail on a busy machine.
+/// Sleeping makes tests slow, and fail on a busy machine.
 fn waiting(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
         reads(tokens, at, &["sleep", "("]).then(|| "sleep: time is passed in, never waited for".into())
@@ -30,7 +30,6 @@ const FLOORS: [(&str, &[&str], &[&str]); 3] = [
     ("ports", &[], &[]),
 ];
 
-/// Crates and macros that reach a terminal, a socket or the command line.
 const TERMINALS: [&str; 8] =
     ["clap", "eprint", "eprintln", "indicatif", "print", "println", "rustix", "socketcan"];
 
@@ -84,13 +83,11 @@ fn floors(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// How many `mod name { .. }` there are around a token.
 fn blocks(tokens: &[Token], at: usize) -> usize {
     let around = |open: &usize| reads(tokens, open + 2, &["{"]) && closing(tokens, open + 2) > at;
     (0..at).filter(|open| tokens[*open].text == "mod").filter(around).count()
 }
 
-/// Ignored tests and missing code.
 fn unfinished(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
         let name = tokens[at].text.as_str();
@@ -105,7 +102,6 @@ fn unfinished(source: &Source) -> Vec<Violation> {
     })
 }
 
-/// A silenced lint without a reason.
 fn reasonless(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
         let open = at + 1 + usize::from(reads(tokens, at + 1, &["!"]));

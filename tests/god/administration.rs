@@ -50,7 +50,6 @@ fn help_covers_and_lists_every_command() {
     }
 }
 
-/// After RESET the boards are in their monitors, and GOD has lost what was not stored.
 #[test]
 fn reset_restarts_hand_and_boards() {
     let mut session = Session::new();

@@ -4,16 +4,13 @@ use super::Session;
 use super::movement::{counts, run_until};
 use tater_wire::{Body, Message, Node, Property};
 
-/// Longest time from the end of a line to its prompt with ERR 1, us: GOD takes the bus for dead after 40 ms, waits 60 ms for each question after
-/// that, and SAVE and FLISTV ask up to seven.
+/// Longest time to the prompt with ERR 1, us: 40 ms until GOD takes the bus for dead, and up to seven questions of 60 ms (SAVE, FLISTV).
 const DOWN_US: u64 = 500_000;
 
-/// Cuts the cable of every board, or mends it.
 fn cut(session: &mut Session, cut: bool) {
     (0..7).for_each(|board| session.hand.bus_mut().cut(board, cut));
 }
 
-/// A hand after HI whose bus is dead.
 fn dead() -> Session {
     let mut session = Session::new();
     assert_eq!(session.run("HI"), "");
@@ -24,8 +21,7 @@ fn dead() -> Session {
 /// Time from the prompt to the bus's return, us: longer than the 40 ms for which GOD keeps a frame.
 const STAYS_DEAD_US: u64 = 100_000;
 
-/// Mends the bus after the prompt and asserts that no stale order leaves. At most three frames may: the controller's mailboxes, which can
-/// hold the end of a stop or of a question.
+/// Asserts that no stale order leaves. At most three frames may: the controller's mailboxes.
 fn assert_nothing_stale(session: &mut Session, what: &str) {
     session.wait_us(STAYS_DEAD_US);
     session.hand.bus_mut().tap(true);
@@ -37,7 +33,6 @@ fn assert_nothing_stale(session: &mut Session, what: &str) {
     assert!(sent.len() <= 3 && !sent.iter().any(moves), "{what}: {sent:?}");
 }
 
-/// Whether an order can start a motor.
 fn moves(message: &Message) -> bool {
     let Body::Set { property, value } = message.body else { return !matches!(message.body, Body::Get(_)) };
     let property = Property::of(property).expect("a property");
@@ -101,12 +96,10 @@ fn bus_down_in_mid_motion_is_err_1() {
     }
 }
 
-/// Seven motors at velocity 20 with gain 32.
 fn block(header: u8) -> Vec<u8> {
     [&[header][..], &[20, 32].repeat(7)].concat()
 }
 
-/// A hand in LOOP whose bus is dead after some blocks.
 fn dead_in_loop() -> Session {
     let mut session = Session::new();
     assert_eq!(session.run("HI"), "");

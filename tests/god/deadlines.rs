@@ -23,15 +23,13 @@ const TIP: u64 = 508;
 /// 0002). No range is long enough to reach MV. A link takes 976 ms and the spread 880 ms.
 const MOVE_MS: u64 = triangle_ms(TIP, 30);
 
-/// The constant: GOD's own time, ms, under any fault. Five questions in a row to a silent board take three times 60 ms each. 100 ms are for
-/// the spread's brake (30 ms), waking boards (26 ms) and questions that are answered (under 1 ms each).
+/// GOD's own time, ms: five questions to a silent board, three times 60 ms each, and 100 ms for brake (30 ms), waking (26 ms) and answers.
 const OWN_MS: u64 = 5 * 3 * 60 + 100;
 
 /// Longest time in which a motor that refuses an order or has a fault ends its share of a command, us.
 pub const SHARE_US: u64 = 100_000;
 
-/// Longest time from ^C or a disconnect to the prompt, us: GOD stops the motors and restores up to three properties, each with three
-/// questions of 60 ms to a silent board.
+/// Longest time from ^C or a disconnect to the prompt, us: up to three properties, each with three questions of 60 ms to a silent board.
 pub const ABORT_US: u64 = 600_000;
 
 /// 2·√(distance/acceleration), rounded up.
@@ -39,8 +37,7 @@ const fn triangle_ms(counts: u64, accel: u64) -> u64 {
     2 * (counts * 1024 * 1024).isqrt() / accel + 1
 }
 
-/// Longest time of a command, us: TSTOP (ms) for each stage, since each can stall, the travel of each stage, and GOD's own time. TSTOP 0
-/// has no bound: such a motor never ends by a stall.
+/// Longest time of a command, us: TSTOP (ms) and travel of each stage, and GOD's own time. TSTOP 0 has no bound.
 pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
     let word = line.split(' ').next().unwrap_or_default();
     // The longest end of the word that is a command: the rest is its prefix.
@@ -71,12 +68,11 @@ type Refused = (&'static [&'static str], &'static str, &'static str, Option<u64>
 
 /// Orders that a board refuses, and two that it accepts.
 const REFUSED: &[Refused] = &[
-    // The motor is at 25 °C. OverTemperature, and so not initialized; the others are.
+    // At 25 °C: OverTemperature, so not initialized.
     (&["WAKE", "1 S OTEMP 250"], "HI", "ERR 8196", None),
     (&["WAKE", "1 S OTEMP 250"], "X1HI", "ERR 8196", Some(SHARE_US)),
     (&["HI", "1 S IVEL 0"], "HI", "ERR 4", None),
     (&["HI", "1 S IVEL 0"], "X1HI", "ERR 4", Some(SHARE_US)),
-    // C ends both modes, and moves.
     (&["HI", "4 S MODE 2"], "SC", "", None),
     (&["HI", "4 S MODE 0"], "SC", "", None),
     (&["HI", "4 S OTEMP 250"], "SC", "ERR 8192", Some(SHARE_US)),

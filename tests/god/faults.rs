@@ -15,7 +15,6 @@ use super::Session;
 use super::deadlines::{ABORT_US, SHARE_US, command_us};
 use super::movement::{TOLERANCE, counts};
 
-/// A fault of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     /// All hall lines are open.
@@ -29,11 +28,9 @@ enum Fault {
     OpenThermistor,
     /// 90 °C; OTEMP is 70 °C.
     HotMotor,
-    /// The board is off the bus.
     NoBoard,
     /// The brake does not release; only the spread has one.
     JammedBrake,
-    /// The flash takes nothing.
     WornFlash,
 }
 
@@ -55,7 +52,6 @@ const FAULTS: [Fault; 10] = [
 /// Faults that a board detects at rest. It then refuses every order to move.
 const REFUSING: [Fault; 5] = [HallCable, LowSupply, HighSupply, OpenThermistor, HotMotor];
 
-/// A link, the spread and a tip.
 const MOTORS: [u8; 3] = [1, 4, 5];
 
 impl Fault {
@@ -77,7 +73,6 @@ impl Fault {
     }
 }
 
-/// When the fault appears.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Moment {
     PowerUp,
@@ -105,7 +100,6 @@ fn saved() -> &'static State {
     })
 }
 
-/// A single fault and a command.
 #[derive(Clone, Debug)]
 struct Case {
     fault: Fault,
@@ -116,12 +110,10 @@ struct Case {
     tstop_ms: Option<u64>,
 }
 
-/// Result of a case.
 #[derive(Debug)]
 struct Outcome {
     /// The number after ERR, or 0.
     status: u16,
-    /// Time from the end of the line to the prompt, us.
     took_us: u64,
     /// Time from the fault to the prompt, if the fault was later, us.
     after_fault_us: u64,
@@ -141,7 +133,6 @@ impl Case {
         host_us + command_us(&self.line, self.tstop_ms.unwrap_or(400))
     }
 
-    /// The hand at the prompt before the command.
     fn session(&self) -> Session {
         let mut hand = Hand::restore(Model::Averaged, 1, saved()).expect("within its stops");
         if self.moment == Moment::PowerUp {
@@ -160,7 +151,6 @@ impl Case {
         session
     }
 
-    /// Runs the command to its prompt.
     fn run(&self) -> Result<Outcome, String> {
         let mut session = self.session();
         let start_us = session.hand.now_us();
@@ -205,7 +195,6 @@ impl Case {
     }
 }
 
-/// Runs each fault with each motion command, for the whole hand and for the motor alone.
 fn run_each_command(moment: Moment) {
     let mut wrong = Vec::new();
     let mut slowest: BTreeMap<&str, (u64, String)> = BTreeMap::new();
@@ -288,7 +277,6 @@ fn refused_motor_ends_within_100_ms_with_a_status() {
     assert!(wrong.is_empty(), "{}:\n{}", wrong.len(), wrong.join("\n"));
 }
 
-/// Fingers 1 and 3 reach their goals with status 0 when motor 2 or its tip fails.
 #[test]
 fn refused_motor_leaves_the_others_their_goals() {
     for fault in REFUSING {
@@ -328,12 +316,10 @@ fn refused_motor_leaves_the_others_initialized() {
     }
 }
 
-/// Cases of a property: 96, or GOD_FAULT_CASES.
 fn cases() -> u32 {
     std::env::var("GOD_FAULT_CASES").map_or(96, |cases| cases.parse().expect("GOD_FAULT_CASES is a number"))
 }
 
-/// Runs a property with a fixed seed.
 fn check<S: Strategy>(seed: u64, of: S, property: impl Fn(S::Value) -> Result<(), TestCaseError>) {
     let config = Config {
         cases: cases(),

@@ -1,8 +1,7 @@
 //! Garbage in: whatever a host sends, nothing panics, no motor leaves its limits, no queue grows, and ^C brings the prompt back.
 //!
-//! 10^7 bytes in all, in five distributions that reach ever deeper: random bytes; characters that often form short commands; words of the
-//! language; lines that are commands; RealTime blocks. In between the host sends ^C, disconnects in mid-line, or stops reading for a
-//! while. Seeds are fixed, so a failure repeats. watch.rs has the invariants that are checked each millisecond.
+//! 10^7 bytes in all, in five distributions that reach ever deeper. In between the host sends ^C, disconnects in mid-line, or stops reading.
+//! Seeds are fixed, so a failure repeats. watch.rs has the invariants that are checked each millisecond.
 
 mod blocks;
 mod client;
@@ -12,15 +11,12 @@ mod watch;
 use client::{Client, Figure};
 use rand::RngExt;
 
-/// Random bytes.
 const ANY: u64 = 6_000_000;
 /// Characters of the language's commands, digits and line ends.
 const CHARACTERS: u64 = 2_000_000;
-/// Words of the tables.
 const WORDS: u64 = 1_200_000;
 /// Commands, one line each.
 const COMMANDS: u64 = 60_000;
-/// RealTime blocks and the lines before them.
 const BLOCKS: u64 = 740_000;
 
 const _: () = assert!(ANY + CHARACTERS + WORDS + COMMANDS + BLOCKS >= 10_000_000, "10^7 bytes");
@@ -31,17 +27,14 @@ const CHUNK: usize = 256;
 /// Hands that share a distribution, one after another: a motor that has pressed on its stop for minutes is too hot to move.
 const HANDS: u64 = 4;
 
-/// Sends each hand its share of `bytes`, a call of `send` at a time.
 fn run(what: &str, bytes: u64, seed: u128, mut send: impl FnMut(&mut Client)) {
     let mut figure = Figure::default();
     for hand in 0..HANDS {
         let seed = seed + u128::from(hand);
-        // Shown when the test fails.
         println!("{what}: seed {seed:#x}");
         let mut client = Client::new(seed);
         let mut homed = 0;
         while client.figure.bytes < bytes.div_ceil(HANDS) {
-            // From time to time the defaults are restored and the motors homed, so that they can move.
             if client.figure.bytes >= homed {
                 client.restore_and_home();
                 homed = client.figure.bytes + bytes / HANDS / 8;
@@ -108,7 +101,7 @@ fn random_blocks_break_nothing() {
     run("any blocks", BLOCKS, 0xB10C, blocks::session);
 }
 
-/// Unread output fills GOD's output queue; then GOD stops reading input. No line is lost.
+/// GOD stops reading input when its output queue is full.
 #[test]
 fn host_that_never_reads_loses_nothing() {
     let mut client = Client::new(2);
@@ -127,7 +120,7 @@ fn host_that_never_reads_loses_nothing() {
     client.finish();
 }
 
-/// In RealTime as well; GOD waits for the host to read, and the motors stop because their boards get no frames.
+/// The motors stop because their boards get no frames while GOD waits for the host to read.
 #[test]
 fn loop_host_never_reads_motors_stop() {
     let mut client = Client::new(3);
@@ -155,7 +148,7 @@ fn god_fits_64_kib_of_ram() {
     let (io, memory) = (god::Io::default(), god::Memory::default());
     let sizes = [size_of_val(&god::run(&io, &memory)), size_of_val(&io), size_of_val(&memory)];
     println!("figure: GOD's future, ports and memory: {sizes:?} bytes");
-    // The manual does not name GOD's processor. 64 KiB is the RAM of an STM32F103xE, a larger member of the motor boards' family.
+    // The RAM of an STM32F103xE, a larger member of the motor boards' family. The manual does not name GOD's processor.
     assert!(sizes.iter().sum::<usize>() <= 64 * 1024, "{sizes:?}");
 }
 

@@ -1,5 +1,4 @@
-//! Transcripts of the manual's examples as the host sees them: `golden/*.txt`. Text after a prompt is typed; an empty prompt waits for the
-//! next one. BLESS_GOD=1 rewrites them.
+//! Transcripts of the manual's examples: `golden/*.txt`. An empty prompt waits for the next one. BLESS_GOD=1 rewrites them.
 //!
 //! After LOOP's `*` a line is a control block, its data in hexadecimal, and the next line is the hand's answer; `^C` ends LOOP.
 
@@ -9,7 +8,6 @@ use super::Session;
 
 const PROMPT: &str = "=> ";
 
-/// The line that ends RealTime.
 const ABORT: &str = "^C";
 
 /// Time between two control blocks, us; the hand answers in a few milliseconds.
@@ -104,7 +102,6 @@ fn read(name: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Compares text with a transcript.
 pub fn verbatim(name: &str, found: &str) {
     if std::env::var_os("BLESS_GOD").is_some() {
         std::fs::write(path(name), found).expect("it can be written");
@@ -113,18 +110,15 @@ pub fn verbatim(name: &str, found: &str) {
     }
 }
 
-/// Lines typed in a transcript.
 fn typed(transcript: &str) -> Vec<&str> {
     let lines = transcript.lines().filter_map(|line| line.strip_prefix(PROMPT));
     lines.map(|line| line.strip_suffix('*').unwrap_or(line)).collect()
 }
 
-/// Types the lines of a transcript. Returns the new transcript.
 fn played(expected: &str) -> String {
     let mut session = Session::new();
     session.hand.io().set_temperature(TEMPERATURE);
     let mut prompts = typed(expected);
-    // The last prompt stays empty.
     assert_eq!(prompts.pop(), Some(""), "a transcript ends with a prompt");
     let mut lines = expected.lines();
     for typed in prompts {

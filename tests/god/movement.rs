@@ -17,11 +17,9 @@ use tater_wire::{Destination, Message, Property};
 
 use super::Session;
 
-/// Tolerance of a true rotor position, hall counts: a stop stands on the boundary of two counts (1), and friction holds a rotor off its
-/// goal (1).
+/// Hall counts: a stop stands on the boundary of two counts (1), and friction holds a rotor off its goal (1).
 pub(super) const TOLERANCE: i32 = 2;
 
-/// Timeout of a condition, ms.
 const CONDITION_MS: usize = 5_000;
 
 /// True positions, hall counts, rounded.
@@ -33,14 +31,12 @@ pub(super) fn counts(session: &Session) -> [i32; 7] {
     counts
 }
 
-/// Asserts the true positions, hall counts.
 pub(super) fn assert_near(session: &Session, expected: [i32; 7], why: &str) {
     let found = counts(session);
     let near = found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= TOLERANCE);
     assert!(near, "{why}: {found:?}, not {expected:?}");
 }
 
-/// A hand after HI.
 fn initialized() -> Session {
     let mut session = Session::new();
     assert_eq!(session.run("HI"), "");
@@ -64,7 +60,7 @@ fn node(session: &mut Session, motor: u8) -> &mut Node {
     session.hand.bus_mut().station_mut(usize::from(motor) - 1).expect("1 to 7")
 }
 
-/// Sets a property of an awake board without the bus.
+/// Does not use the bus; the board must be awake.
 pub(super) fn set(session: &mut Session, motor: u8, property: Property, value: i64) {
     let to = Destination::Node(tater_wire::Node::new(motor).expect("a node"));
     let frame = Message::set(to, property, value).expect("it fits").frame();
@@ -79,14 +75,13 @@ pub(super) fn config(session: &mut Session, motor: u8) -> Config {
     *node(session, motor).application().expect("it is awake").config()
 }
 
-/// Types a line, and waits until `happened` returns `true`. The command is still running.
+/// Returns when `happened` returns `true`; the command is still running.
 pub(super) fn run_until(session: &mut Session, line: &str, happened: impl FnMut(&mut Session) -> bool) {
     session.hand.push_rx(line.as_bytes());
     session.hand.push_rx(b"\r");
     wait_until(session, line, happened);
 }
 
-/// Waits until `happened` returns `true`; it is called each millisecond.
 fn wait_until(session: &mut Session, what: &str, mut happened: impl FnMut(&mut Session) -> bool) {
     for _ in 0..CONDITION_MS {
         if happened(session) {
@@ -97,7 +92,6 @@ fn wait_until(session: &mut Session, what: &str, mut happened: impl FnMut(&mut S
     panic!("{what}: it did not happen within {CONDITION_MS} ms: {:?}", counts(session));
 }
 
-/// Types ^C. Returns the text up to the prompt.
 fn abort(session: &mut Session) -> String {
     session.hand.take_tx();
     session.hand.push_rx(b"\x03");

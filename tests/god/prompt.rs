@@ -28,7 +28,7 @@ fn line_ends_with_cr_or_lf_or_both() {
     for (ends, prompts) in
         [("\r", 1), ("\n", 1), ("\r\n", 1), ("\n\r", 1), ("\r\r", 2), ("\n\n", 2), ("\r\n\r\n", 2)]
     {
-        // The end of the line before does not combine with this one's.
+        // The CR or LF of the line before does not combine with this line's end.
         session.hand.push_rx(b"frob");
         session.hand.push_rx(ends.as_bytes());
         session.wait_us(10_000);

@@ -6,7 +6,6 @@ mod latency;
 
 use super::Session;
 
-/// A host in RealTime.
 struct Host {
     session: Session,
 }
@@ -20,13 +19,11 @@ impl Host {
         Self::from_session(Session::new(), prefix)
     }
 
-    /// The same with a session.
     fn from_session(mut session: Session, prefix: &str) -> Self {
         assert_eq!(session.run(&format!("{prefix}HI")), "");
         Self::enter(session, prefix)
     }
 
-    /// The same without HI.
     fn enter(mut session: Session, prefix: &str) -> Self {
         let line = format!("{prefix}LOOP");
         session.hand.push_rx(line.as_bytes());
@@ -37,7 +34,6 @@ impl Host {
         host
     }
 
-    /// Reads `count` bytes.
     fn read(&mut self, count: usize) -> Vec<u8> {
         let end = self.session.hand.now_us() + BLOCK_US + 2_000_000 * u64::from(count == 1);
         let mut received = self.session.hand.take_tx();
@@ -50,7 +46,6 @@ impl Host {
         received
     }
 
-    /// Sends a block. Returns its answer of `answer` bytes.
     fn block(&mut self, block: &[u8], answer: usize) -> Vec<u8> {
         self.session.hand.push_rx(block);
         self.read(answer)
@@ -63,13 +58,11 @@ impl Host {
     }
 }
 
-/// Prefix of all seven motors.
 const ALL: &str = "X1234567";
-/// A control block of seven motors that asks for feedback.
 fn control(velocity: i8, gain: u8) -> Vec<u8> {
     std::iter::once(b'C').chain([velocity.cast_unsigned(), gain].repeat(7)).collect()
 }
-/// Bytes of its answer: velocity, strain, four of position and the change of each motor.
+/// Bytes of its answer: header, then velocity, strain, four of position and the change for each motor.
 const FEEDBACK: usize = 1 + 7 * 7;
 
 #[test]
@@ -82,8 +75,7 @@ fn blocks_move_motors_and_feed_back_positions() {
         host.session.wait_us(5_000);
     }
     let truth = host.truth();
-    // 25 x LCVC 8 = 200 counts/s; a tip moves at 13/49 of it. Friction of 63 torque units makes the proportional loop droop by
-    // 32 counts/s at a gain of 2.
+    // 25 x LCVC 8 = 200 counts/s; a tip moves at 13/49 of it. Friction droop: 63 torque units at a gain of 2, 32 counts/s.
     for (motor, &(speed, _)) in truth.iter().enumerate() {
         let wanted = if motor < 4 { 200.0 } else { 53.0 };
         assert!((wanted - 45.0..wanted).contains(&speed), "motor {}: {speed}", motor + 1);
@@ -105,7 +97,6 @@ fn blocks_move_motors_and_feed_back_positions() {
 fn feedback_is_the_measured_velocity() {
     let mut host = Host::new("X4");
     for _ in 0..20 {
-        // Without a gain there is no torque, and the motor stands.
         let answer = host.block(&[b'C', 100, 0], 8);
         assert_eq!(answer[1], 0, "{answer:?}");
         host.session.wait_us(5_000);
@@ -202,7 +193,6 @@ fn seven_motors_with_all_feedback_reach_250_blocks_per_second() {
     let mut latency_us = 0;
     for i in 0..blocks {
         let before = host.session.hand.now_us();
-        // The gain changes with each block as well.
         let (velocity, gain) = ((i % 16) as i8, 16 + (i % 2) as u8);
         host.block(&control(velocity, gain), FEEDBACK);
         latency_us = latency_us.max(host.session.hand.now_us() - before);
@@ -217,7 +207,6 @@ fn seven_motors_with_all_feedback_reach_250_blocks_per_second() {
     assert!(rate >= RATE_HZ, "{rate}");
 }
 
-/// A byte of a serial line at 38400 baud: start, eight bits, stop.
 const BYTE_NS: u64 = 10 * 1_000_000_000 / 38_400;
 
 #[test]

@@ -2,7 +2,6 @@
 
 use super::{Exchange, Session, assert_answers};
 
-/// Lines and answers, one after another in one session.
 pub const COMMANDS: &[Exchange] = &[
     ("MACSET 0", "ERR 4"),
     ("HI", ""),
@@ -113,7 +112,6 @@ fn sequence_holds_150_characters() {
     assert_eq!(recorded(&session, 3).len(), 150, "to the last character");
 }
 
-/// WAIT takes exactly its time, in a sequence as well. ^C and errors end a sequence.
 #[test]
 fn wait_is_exact_and_abort_or_error_ends_a_sequence() {
     let mut session = Session::new();
@@ -157,7 +155,6 @@ fn macros_and_sequences_survive_reset() {
     assert_answers(&mut session, &[("MACSET 7", "ERR 1")]);
 }
 
-/// Each motor returns to its position at MACSET, tips included; with X only those named.
 #[test]
 fn macro_stores_the_position_of_every_motor() {
     let mut session = Session::new();

@@ -6,7 +6,6 @@ use tater_fw::Board;
 
 use super::{Exchange, Session, assert_answers};
 
-/// Lines and answers, one after another in one session.
 pub const COMMANDS: &[Exchange] = &[
     ("FGET DS", "1400 1400 1400 800"),
     ("SFSET DS 100", ""),
@@ -39,7 +38,6 @@ pub const COMMANDS: &[Exchange] = &[
     ("PDEF LFT", "ERR 1024"),
     ("1FLIST", "ERR 4096"),
     ("1PGET LFT", "ERR 4096"),
-    // Errors in names and values.
     ("FSET", "ERR 64"),
     ("FGET", "ERR 64"),
     ("PSET", "ERR 64"),
@@ -65,7 +63,6 @@ pub const COMMANDS: &[Exchange] = &[
     ("PSET LFDPD 1 BAUD 97", "ERR 128"),
     ("1FGET DP CT", "8500 18200"),
     ("PGET LFDPD BAUD", "0 96"),
-    // Any case, any space, the same name twice.
     ("  12 fset  dp 7   dp  8 ", ""),
     ("12fget  dp   ct", "8 8 18200 18200"),
 ];
@@ -75,8 +72,7 @@ fn parameter_commands_have_their_answers() {
     assert_answers(&mut Session::new(), COMMANDS);
 }
 
-/// Writable motor parameters of manual 5.3: defaults of link, spread and tip, minimum and maximum. The coefficients' minimum is 1
-/// (decision 0001).
+/// Manual 5.3: defaults of link, spread and tip, minimum and maximum. The coefficients' minimum is 1 (decision 0001).
 pub const SET: &[(&str, [i64; 3], i64, i64)] = &[
     ("BS", [0, 0, 0], 0, 1),
     ("DP", [8500, 1575, 8500], -32_767, 32_767),
@@ -108,7 +104,6 @@ pub const SET: &[(&str, [i64; 3], i64, i64)] = &[
     ("LFAIN", [0, 0, 0], 0, 0),
 ];
 
-/// Read-only motor parameters, and their values on a new hand.
 pub const READ_ONLY: &[(&str, i64)] =
     &[("BD", 0), ("BP", 0), ("OD", 0), ("P", 0), ("S", 4), ("SG", 128), ("SAMPLE", 31)];
 
@@ -116,7 +111,6 @@ pub const READ_ONLY: &[(&str, i64)] =
 pub const SET_HAND: &[(&str, i64, i64, i64)] =
     &[("BAUD", 96, 6, 384), ("LFT", 0, 0, 1), ("OTEMP", -551, -551, 1250), ("LFDPD", 0, 0, 1)];
 
-/// Read-only parameters of the hand, and their values on a new hand.
 pub const READ_ONLY_HAND: &[(&str, i64)] = &[("TEMP", 350), ("PTEMP", 350), ("UPSECS", 0), ("SN", 0)];
 
 fn seven(of: [i64; 3]) -> String {
@@ -124,7 +118,6 @@ fn seven(of: [i64; 3]) -> String {
     format!("{link} {link} {link} {spread} {tip} {tip} {tip}")
 }
 
-/// Each value of the range can be set and read back, none beyond it, and other motors keep theirs.
 #[test]
 fn each_motor_parameter_can_be_set_and_read() {
     let mut session = Session::new();
@@ -197,10 +190,8 @@ fn board_stores_the_nearest_hall_count() {
     let rows = [
         ("X1FSET CT 10000", ""),
         ("1 G CT", "1 CT=182"),
-        // Rounded the same.
         ("X1FSET CT 10010", ""),
         ("X1FGET CT", "10010"),
-        // Another host sets it.
         ("1 S CT 100", ""),
         ("X1FGET CT", "5500"),
         ("1 S CT 182", ""),
@@ -261,7 +252,6 @@ fn parameters_of_a_missing_board_are_err_1() {
         ("2FLISTV", "ERR 1"),
     ];
     assert_answers(&mut session, &rows);
-    // A board that disappears during the command.
     session.hand.push_rx(b"3FDEF\r");
     session.wait_us(2_000);
     session.hand.bus_mut().cut(2, true);
@@ -295,7 +285,6 @@ fn peak_temperature_and_uptime_survive_reset() {
     assert_eq!(seconds(&mut next), 0, "it wraps after 136 years");
 }
 
-/// S of a finger combines its link's and its tip's.
 #[test]
 fn status_of_a_finger_includes_its_tip() {
     let mut session = Session::new();
@@ -316,7 +305,7 @@ fn status_of_a_finger_includes_its_tip() {
 /// Erase cycles of a page of an STM32F103's flash (data sheet, endurance).
 const ENDURANCE: u32 = 10_000;
 
-/// The manual allows 5,000 FSAVEs in a hand's life (5.2.2), ten times as many as here. The flash endures them, so GOD does not count them.
+/// The manual allows 5,000 FSAVEs in a hand's life (5.2.2). The flash endures them, so GOD does not count them.
 #[test]
 fn flash_endures_5000_fsaves() {
     let mut session = Session::new();
@@ -334,7 +323,6 @@ fn flash_endures_5000_fsaves() {
     assert!((1..=ENDURANCE).contains(&worst), "{worst}");
 }
 
-/// Lines with a saved position and a worn flash of motor 4.
 pub const WORN: &[Exchange] = &[
     ("FSET DS 220", ""),
     ("GFSAVE", ""),
@@ -368,7 +356,6 @@ fn worn_flash_is_err_512() {
 fn fget_p_sets_the_base_of_position_changes() {
     let mut session = Session::new();
     assert_answers(&mut session, &[("HI", ""), ("1M 5500", ""), ("1FSET LFV 0 LFS 0 LFAP 0 LFDPC 50", "")]);
-    // A feedback block with only the change of position.
     let change = |session: &mut Session| {
         session.hand.push_rx(b"1LOOP\r");
         session.wait_us(1_000_000);

@@ -25,7 +25,6 @@ fn to() -> Destination {
     Destination::Node(Node::new(4).expect("the spread"))
 }
 
-/// Board 4's answer to GET of a property.
 fn get(hand: &mut Hand, property: Property) -> i64 {
     hand.bus_mut().tap(true);
     send(hand, Some(Message::get(to(), property)));
@@ -41,7 +40,6 @@ fn get(hand: &mut Hand, property: Property) -> i64 {
     received.unwrap_or_else(|| panic!("no answer for {property:?}"))
 }
 
-/// A hand whose spread has a stored KP and has moved.
 fn used() -> Hand {
     let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
     wait(&mut hand);
@@ -119,7 +117,6 @@ fn damaged_state_is_rejected() {
     assert!(State::from_bytes(&longer).is_err());
 }
 
-/// A body with the right length and checksum but invalid values is rejected, without a panic.
 #[test]
 fn invalid_body_with_valid_checksum_is_rejected() {
     let good = Hand::new(Model::Averaged, 1, Memory::default()).state().to_bytes();

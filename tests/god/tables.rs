@@ -57,7 +57,6 @@ fn open_ended_commands_have_their_answers() {
     }
 }
 
-/// Every tested line.
 fn exchanges() -> Vec<Exchange> {
     let going_on: Vec<Exchange> = OPEN_ENDED.iter().map(|(line, _, answer)| (*line, *answer)).collect();
     let whole = [
@@ -86,7 +85,6 @@ fn every_command_is_tested() {
     }
 }
 
-/// Each word occurs in a line that is answered without an error.
 #[test]
 fn every_word_of_the_walk_through_is_tested() {
     let words = grammar::WALK_THROUGH.into_iter().chain(["S", "G", "M", "AP", "REPLY"]);

@@ -8,8 +8,7 @@ use hil_sim::plant::Model;
 use super::movement::assert_near;
 use super::{COMMAND_US, Session, golden};
 
-/// Its steps (the manual has no step 9), the entries, and the positions after them, hall counts. A tip follows its link by a third of the
-/// angle (27 and 88 hall counts for 100 and 331); 331 is CT's default.
+/// Steps (there is no step 9), entries, and the positions after them, hall counts. Tips follow: 27 and 88 for 100 and 331; 331 is CT's default.
 const STEPS: &[(u8, &[&str], [i32; 7])] = &[
     (7, &["WAKE"], [0; 7]),
     (8, &["123 G TEMP"], [0; 7]),
@@ -30,16 +29,13 @@ fn power_cycle(session: &Session) -> Session {
     Session::from_hand(hand)
 }
 
-/// A person at the console.
 struct Person<'a> {
     session: &'a mut Session,
     console: Console,
-    /// The screen's text.
     screen: String,
 }
 
 impl Person<'_> {
-    /// Waits for the next question of the console.
     fn wait(&mut self) {
         let end_us = self.session.hand.now_us() + COMMAND_US;
         loop {
@@ -69,7 +65,6 @@ impl Person<'_> {
     }
 }
 
-/// Runs all steps and checks the positions. Returns the screen's text.
 fn walk(session: &mut Session) -> String {
     let mut person = Person { session, console: Console::default(), screen: String::new() };
     person.wait();
@@ -95,7 +90,6 @@ fn walk_through_after_save_keeps_trusted_positions() {
     assert_near(&session, [0; 7], "HOME");
 }
 
-/// Positions count from where the hand woke up, and SAVE does not make them trusted.
 #[test]
 fn walk_through_without_homing_keeps_positions_untrusted() {
     let mut session = Session::new();

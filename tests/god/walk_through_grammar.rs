@@ -5,7 +5,6 @@ use tater_wire::{Message, Node, Property};
 
 use super::{Exchange, Session, assert_answers};
 
-/// Lines and answers, one after another in one session.
 pub const LINES: &[Exchange] = &[
     // A sleeping board answers STAT, but not TEMP.
     ("1 G STAT", "1 STAT=0"),
@@ -51,7 +50,6 @@ fn walk_through_lines_have_their_answers() {
     assert_answers(&mut Session::new(), LINES);
 }
 
-/// Unsolicited text up to the next prompt.
 fn unsolicited(session: &mut Session) -> String {
     session.read_to_prompt().replace("\r\n\r", "\n")
 }
@@ -63,7 +61,6 @@ fn end_of_motion_is_reported_between_lines() {
     assert_answers(&mut session, &[("WAKE", ""), ("4 S E 82", ""), ("4 S M 5", "")]);
     assert_eq!(unsolicited(&mut session), "\n4 MODE=3\n=> ");
     assert_eq!(session.run("4 G P"), "4 P=82");
-    // A report does not interrupt a line.
     assert_answers(&mut session, &[("4 S E 40", ""), ("1 S E 20", ""), ("14 SM5", "")]);
     session.hand.push_rx(b"4 G");
     session.wait_us(3_000_000);
@@ -159,7 +156,6 @@ fn mode(session: &Session, motor: usize) -> Mode {
     node.application().expect("it is awake").status().mode
 }
 
-/// Lines that start a move of the spread, which holds, and of a link, which does not.
 const START_MOVES: &[Exchange] = &[("WAKE", ""), ("4 S E 150", ""), ("1 S E 300", ""), ("14 S M 5", "")];
 
 /// Manual 5.5, case 3. A host that has disconnected cannot end the motion, so the disconnect does.
@@ -198,7 +194,6 @@ fn command_that_takes_over_a_motor_suppresses_its_end_report() {
         let answer = if line == "4LOOP" { session.run_with_input(line, b"\x03") } else { session.run(line) };
         assert_eq!(answer, if line == "4LOOP" { "*" } else { "" });
         session.wait_us(3_000_000);
-        // A later fault is not reported either.
         session.hand.bus_mut().station_mut(3).expect("the spread").rig_mut().set_bus(10.0);
         session.wait_us(100_000);
         assert_eq!(session.hand.take_tx(), b"", "{line}");
@@ -215,7 +210,6 @@ fn order_replacing_a_motion_reports_only_its_own_end() {
     assert!(node.application().expect("it is awake").status().homed);
 }
 
-/// GOD sends keep-alives only to motors that TC left pressing, not to those that the host has since given another order.
 #[test]
 fn grip_replaced_by_an_order_gets_no_keepalives() {
     let cases: [&[&str]; 8] = [

@@ -9,7 +9,6 @@ use hil_sim::typist::Typist;
 
 const BALL: &str = include_str!("../../hil-sim/grasps/ball.toml");
 
-/// A homed hand in a scene.
 fn in_scene(scene: Scene) -> Typist {
     let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
     hand.set_scene(scene);
@@ -22,7 +21,6 @@ fn ball() -> Scene {
     grasp::parse("ball.toml", BALL).expect("a scene")
 }
 
-/// Types a line. Returns the numbers of its answer.
 fn ask(typist: &mut Typist, line: &str) -> Vec<i32> {
     let received = typist.run_line(line).expect("it prompts");
     assert_eq!(received.status, 0, "{received:?}");

@@ -1,5 +1,4 @@
-//! The emulated board's front end and the firmware's reading of it; each is written from `docs/board.md` on
-//! its own.
+//! The emulated board's front end against the firmware's reading of it.
 
 use board_emu::analog::FrontEnd;
 use hil_sim::Model;
@@ -16,13 +15,11 @@ fn firmware_reads_the_values_at_the_motor() {
         rig.set_bus(volts);
         let inputs = FrontEnd::new().sample(&mut rig.clone());
         let said = rig.analog();
-        // The rig has quantized once, and the front end does so again: a code and half of noise and rounding,
-        // 9 mV and 10 mA each.
+        // Rig and front end each quantize: 1.5 codes of noise and rounding, 9 mV and 10 mA each.
         assert!(scale::bus(inputs[1]).0.abs_diff((volts * 1000.0) as u16) <= 18, "{volts} V: {}", inputs[1]);
         assert!(scale::current(inputs[5]).0.abs() <= 20, "{}", inputs[5]);
         assert_eq!(scale::strain(inputs[2]), said.strain);
-        // The rig's thermistor has steps of 0.05 degrees; the firmware's piecewise linear table is within
-        // 0.3.
+        // The rig's thermistor has steps of 0.05 degrees; the firmware's table is within 0.3.
         assert!(scale::temperature(inputs[3]).0.abs_diff(said.motor_temp.0) <= 4, "{}", inputs[3]);
         assert!(scale::temperature(inputs[4]).0.abs_diff(said.board_temp.0) <= 4, "{}", inputs[4]);
     }

@@ -22,7 +22,6 @@ fn read(path: &str) -> String {
     fs::read_to_string(file(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// The rows of the generated table of that name.
 fn made(name: &str) -> String {
     let mut table = String::new();
     let mut row = |cells: &[&str]| writeln!(table, "| {} |", cells.join(" | ")).expect("a string takes all");
@@ -58,7 +57,6 @@ fn made(name: &str) -> String {
     table
 }
 
-/// The page with tables generated from the code.
 fn remade(page: &str) -> String {
     let mut whole = page.to_string();
     for name in ["pins", "memory"] {
@@ -70,7 +68,6 @@ fn remade(page: &str) -> String {
     whole
 }
 
-/// The first line that differs, found and expected.
 fn difference(found: &str, expected: &str) -> Option<String> {
     let mut pairs = found.lines().zip(expected.lines()).enumerate();
     let differs = pairs.find(|(_, (found, expected))| found != expected);
@@ -149,7 +146,6 @@ fn phrases() -> Vec<String> {
     phrases
 }
 
-/// The phrases that a page lacks, ignoring its line breaks.
 fn missing(page: &str) -> Vec<String> {
     let text = page.split_whitespace().collect::<Vec<_>>().join(" ");
     phrases().into_iter().filter(|phrase| !text.contains(phrase.as_str())).collect()
@@ -197,8 +193,7 @@ fn interrupts_match_the_application() {
     assert_eq!(shown.len(), tasks.len(), "{PAGE} has a row that is no task: {shown:#?}");
 }
 
-/// Errors in the lock times of a page's table of tasks: each must be a number of microseconds, and further
-/// ones must say their case (`15; 100 for SAVE`).
+/// Errors in the lock times of a page's table of tasks. A further time must name its case (`15; 100 for SAVE`).
 fn wrong_locks(page: &str) -> Vec<String> {
     let mut wrong = Vec::new();
     let rows = page.lines().skip_while(|line| !line.ends_with("| lock, µs |")).skip(2);

@@ -6,8 +6,7 @@ use hil_sim::rig::{Rig, RigParams};
 use proptest::prelude::*;
 use tater_wire::MotorKind;
 
-/// Runs a plant through drive, plugging, coasting and its stops; returns the worst residual as a fraction of
-/// the energy turned over, and the highest speed, counts/s.
+/// Returns the worst residual as a fraction of the energy turned over, and the highest speed, counts/s.
 fn worst(plant: &PlantParams, model: Model, duties: &[f64]) -> (f64, f64) {
     let start = at(0.5 * (plant.min_count + plant.max_count), 0.0);
     let mut rig = Rig::new(plant.clone(), RigParams::default(), &[], model, start, 1).unwrap();
@@ -32,13 +31,11 @@ fn worst(plant: &PlantParams, model: Model, duties: &[f64]) -> (f64, f64) {
     (worst, fastest)
 }
 
-/// A number uniform in its logarithm: the ranges span decades.
 fn decades(low: f64, high: f64) -> impl Strategy<Value = f64> {
     (low.log10()..=high.log10()).prop_map(|exponent| 10_f64.powf(exponent))
 }
 
 prop_compose! {
-    /// Any accepted plant, from the whole of each range that electrics, mechanics and heat depend on.
     fn any_accepted()(
         kind in any_kind(),
         (r_ohm, l_mh, ke_v_s, j_kg_m2) in (decades(0.1, 100.0), decades(0.05, 20.0), decades(1e-3, 1.0), decades(2e-6, 1e-2)),
@@ -68,8 +65,7 @@ proptest! {
     ) {
         let (leak, fastest) = worst(&plant, model, &[1.0, -0.5, 0.3]);
         prop_assert!(leak <= 0.005, "{leak} leaks from {plant:?}");
-        // Four times the largest no-load speed: weakly damped resonances swing beyond no-load. Plants that
-        // diverged reached 1e5 and more.
+        // Weakly damped resonances swing beyond no-load speed. Plants that diverged reached 1e5 and more.
         prop_assert!(fastest <= 12_000.0, "{fastest} counts/s of {plant:?}");
     }
 }

@@ -7,7 +7,6 @@ use proptest::prelude::*;
 use servo_core::sense::commutation::Bridge;
 use tater_wire::MotorKind;
 
-/// Turns at constant speed once the bridge is off.
 fn no_brake() -> PlantParams {
     PlantParams { brake_n_m: 0.0, ..frictionless() }
 }
@@ -30,7 +29,6 @@ fn hall_edges_come_within_a_microsecond() {
     }
 }
 
-/// The hall changes of a rotor turning at a constant speed.
 fn turning(params: RigParams, counts_per_s: f64, ms: u64) -> Vec<HallChange> {
     let mut rig = Rig::new(no_brake(), params, &[], Model::Averaged, at(0.0, counts_per_s), 1).unwrap();
     std::iter::from_fn(|| rig.advance(Bridge::Off, true, ms * 1000)).collect()
@@ -133,8 +131,7 @@ fn analog_readings_match_the_plant() {
     rig.analog();
     let truth = run(&mut rig, 0.5, 1);
     let seen = rig.analog();
-    // Locked: bus current is phase current times the duty minus the dead time's 0.5 of 50 µs; strain is 4 per
-    // N·m behind 49:1.
+    // Locked: bus current is phase current times the duty less the dead time, 0.5 of 50 µs; strain is 4 per N·m behind 49:1.
     let phase = truth.phase_a.iter().fold(0.0_f64, |most, i| most.max(i.abs()));
     close("bus mA", f64::from(seen.current.0), 490.0 * phase, 0.01);
     close("bus mV", f64::from(seen.bus.0), 24_000.0, 0.001);
@@ -172,7 +169,6 @@ fn peak_current_is_the_largest_between_readings() {
     }
 }
 
-/// Advances by 50 ms at a duty, checking that every call advances the time; returns the number of calls.
 #[track_caller]
 fn progresses(rig: &mut Rig, duty: Option<f64>) -> u32 {
     let until = rig.now_us() + 50_000;
@@ -192,8 +188,7 @@ fn progresses(rig: &mut Rig, duty: Option<f64>) -> u32 {
 
 #[test]
 fn start_on_a_boundary_advances() {
-    // The boundary's own position with each placement error; rounding in radians may put the rotor on either
-    // side.
+    // Rounding in radians may put the rotor on either side of the boundary.
     for model in MODELS {
         for error in [-25.0, -6.0, 0.0, 0.1, 6.0, 25.0] {
             let params = RigParams { hall_error_deg: [error; 6], ..RigParams::default() };
@@ -230,7 +225,6 @@ fn halves() -> impl Strategy<Value = f64> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// For any start position and any sensors, every call advances the time.
     #[test]
     fn advance_always_progresses(
         count in halves(),

@@ -1,8 +1,7 @@
 //! The production image on an emulated board: power cuts in flash operations that its own instructions start.
 //!
-//! A story runs once, and the flash's log is kept. As natively (`monitor.rs`), the flash after a cut is the
-//! flash before the operation, with the operation half done; a sample of cuts is really made and must leave
-//! the same bytes. Each board then boots from the remains, with random RAM.
+//! A story runs once, with a log of the flash's operations. As in `monitor.rs`, the flash after a cut is the flash before
+//! the operation, with the operation half done. Each board boots from it, with random RAM.
 
 mod download;
 mod storage;
@@ -18,14 +17,12 @@ use super::monitor::rig::Operation;
 use super::storage::State;
 use crate::emulated::bench::{Bench, NODE, flashed};
 
-/// Flash contents with a log of operations.
 struct Story {
     initial: Vec<u8>,
     log: Vec<Operation>,
 }
 
 impl Story {
-    /// The history of a board that started with `initial` in its flash, from its chip's log.
     fn of(initial: Vec<u8>, bench: &Bench) -> Self {
         let chip = bench.board().machine().chip();
         let log = chip.flash.log().iter().map(|operation| match *operation {
@@ -38,7 +35,7 @@ impl Story {
         story
     }
 
-    /// The flash after a real cut: the same story again on a board whose power fails in an operation.
+    /// Checks the computed flash against a real cut: the same story on a board whose power fails in an operation.
     fn really_cut(&self, programs: &Programs, operation: usize, seed: u64, act: fn(&mut Bench)) {
         let mut board = flashed(programs, NODE);
         board.machine_mut().chip_mut().flash.load(FLASH.start, &self.initial);
@@ -51,7 +48,6 @@ impl Story {
         assert!(same, "operation {operation}: a real cut leaves something else");
     }
 
-    /// The flash before an operation.
     fn before(&self, operation: usize) -> SimFlash {
         let mut flash = SimFlash::default();
         flash.load(FLASH.start, &self.initial);
@@ -61,7 +57,6 @@ impl Story {
         flash
     }
 
-    /// The flash after a cut in an operation.
     fn cut(&self, operation: usize, seed: u64) -> SimFlash {
         let mut flash = self.before(operation);
         flash.cut_at(operation as u64, seed);
@@ -71,36 +66,30 @@ impl Story {
     }
 }
 
-/// The image's bytes on a board without power.
 fn initial(programs: &Programs) -> Vec<u8> {
     flashed(programs, NODE).machine().chip().flash.bytes.clone()
 }
 
-/// A board with these bytes in its flash, just powered.
 fn start(programs: &Programs, bytes: &[u8]) -> Bench {
     let mut board = flashed(programs, NODE);
     board.machine_mut().chip_mut().flash.load(FLASH.start, bytes);
     Bench::powered(board)
 }
 
-/// Whether the planned power cut has happened.
 fn is_cut(bench: &Bench) -> bool {
     bench.board().machine().chip().flash.is_cut()
 }
 
-/// The contents of a board's flash.
 fn flash_of(bench: &Bench) -> SimFlash {
     let mut flash = SimFlash::default();
     flash.load(FLASH.start, &bench.board().machine().chip().flash.bytes);
     flash
 }
 
-/// The flash after a store has opened it.
 fn state_of(flash: &SimFlash) -> State {
     State::of(&Store::open(flash))
 }
 
-/// The monitor of a board whose power is back: it answers, without ERROR.
 fn monitor(bench: &mut Bench) {
     // The crystal runs after 2 ms, the bus after 3.
     bench.wait_ms(4);
@@ -116,8 +105,7 @@ fn wake(bench: &mut Bench) {
     assert_eq!(bench.get(Property::ERROR), Some(0));
 }
 
-/// Waits up to a time in ms until a property has a value. Meanwhile the board may be busy for 40 ms and not
-/// answer.
+/// A board may be busy for 40 ms and not answer meanwhile.
 fn wait_for(bench: &mut Bench, property: Property, value: i64, most_ms: u64) {
     let end = bench.bus.now_us() + 1000 * most_ms;
     while bench.get(property) != Some(value) {

@@ -1,9 +1,7 @@
-//! The monitor.
+//! Power cuts in the monitor.
 //!
-//! A download with everything that follows runs once, and its flash operations are recorded. Up to an
-//! operation the monitor cannot know that the power will fail in it. So the flash after a cut is the flash
-//! before the operation, with the operation half done, and every cut can be tried without repeating the
-//! download. A sample of cuts is really made and must give the same.
+//! A download runs once, with a log of its flash operations. Until an operation fails the monitor behaves the same, so
+//! the flash after a cut is the flash before the operation, with the operation half done. A sample of real cuts checks this.
 
 mod downloads;
 mod noise;
@@ -46,7 +44,6 @@ impl Trial {
         rig.download(&mut (self.host)(lines(&self.new).concat().as_bytes())).is_some()
     }
 
-    /// Every operation of a download, a copy and the rest.
     fn operations(&self) -> Vec<Operation> {
         let mut rig = Rig::boot(self.before());
         assert!(self.download(&mut rig));
@@ -72,7 +69,6 @@ impl Trial {
         }
     }
 
-    /// A download that is really cut leaves the same as the replay does.
     fn check_replay(&self, operation: u64, replayed: &SimFlash) {
         let mut flash = self.before();
         flash.cut_at(operation, 0);
@@ -82,7 +78,6 @@ impl Trial {
         assert!(rig.flash().bytes() == replayed.bytes(), "operation {operation}");
     }
 
-    /// Power returns after a cut, and fails again in one of the operations of the monitor's recovery.
     fn cut_again(&mut self, mut flash: SimFlash, operations: usize, seed: u64) {
         if operations == 0 {
             return;
@@ -96,8 +91,7 @@ impl Trial {
         self.recover(rig.into_flash().sim);
     }
 
-    /// Power is back: old or new application, responsive, downloadable. Returns the number of operations of
-    /// the recovery.
+    /// Expects the old or the new application, and a monitor that takes a download. Returns the recovery's operations.
     fn recover(&mut self, mut flash: SimFlash) -> usize {
         self.tried += 1;
         self.states.insert(hash(flash.bytes()));
@@ -130,7 +124,7 @@ impl Trial {
     }
 }
 
-/// Fowler-Noll-Vo over words of 8 bytes: it distinguishes states; nobody attacks them.
+/// Fowler-Noll-Vo over words of 8 bytes: it only has to distinguish states.
 fn hash(bytes: &[u8]) -> u64 {
     bytes.chunks_exact(8).fold(0xCBF2_9CE4_8422_2325, |hash, word| {
         let word = word.try_into().map_or(0, u64::from_le_bytes);
@@ -158,6 +152,5 @@ fn cut_download_leaves_old_or_new_application() {
 
 #[test]
 fn cut_download_without_application_leaves_none_or_new() {
-    // As above.
     assert!(try_all("no application", Trial::new(None, Host::barrett)) >= 25_000);
 }

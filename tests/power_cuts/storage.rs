@@ -1,5 +1,4 @@
-//! A motor board's storage. After any cut every property has its old or its new value, values set together
-//! are present together, counters lose at most the stated amount, and the store can be written again.
+//! Storage after any cut: each property old or new, values set together both present, counters within their bound, writable.
 
 mod endurance;
 mod scenarios;
@@ -16,18 +15,15 @@ use tater_fw::storage::{Counters, LOSS, Progress, Store};
 use tater_wire::Property;
 use tater_wire::memory::{FLASH, STORAGE};
 
-/// The storage's bytes.
 fn bytes(flash: &SimFlash) -> &[u8] {
     let start = (STORAGE.start - FLASH.start) as usize;
     &flash.bytes()[start..start + STORAGE.len as usize]
 }
 
-/// Makes cuts at every operation of scenarios.
 #[derive(Default)]
 struct Cuts {
     /// Distinct contents right after a cut, hashed.
     states: HashSet<u64>,
-    /// Cuts made.
     cuts: usize,
 }
 
@@ -41,7 +37,6 @@ impl Cuts {
         self.cuts += 1;
     }
 
-    /// The write attempted after a cut: two values together.
     fn recovery(state: &State) -> [Act; 3] {
         let other = |property| 1 - state.values.get(&property).copied().unwrap_or(0).clamp(0, 1);
         [
@@ -51,7 +46,7 @@ impl Cuts {
         ]
     }
 
-    /// Power is back, without a second cut: the store is written again. Returns the number of operations.
+    /// Writes the store again. Returns the number of operations.
     fn recover(flash: &SimFlash, state: &State) -> u64 {
         let mut flash = flash.clone();
         let before = flash.operations();
@@ -67,8 +62,7 @@ impl Cuts {
         flash.operations() - before
     }
 
-    /// All cuts of a scenario: `seeds` of each, and after the first `twice` of them a second cut at every
-    /// operation of the recovery.
+    /// `seeds` cuts of each operation; after the first `twice` a second cut at every operation of the recovery.
     fn enumerate(&mut self, scenario: &Scenario, seeds: u64, twice: u64) {
         let Scenario { name, flash: initial, script } = scenario;
         let first = State::of(&Store::open(initial));
@@ -103,7 +97,6 @@ impl Cuts {
         }
     }
 
-    /// A second cut, at every operation of the recovery.
     fn cut_again(&mut self, flash: &SimFlash, state: &State, operations: u64, seed: u64) {
         for operation in 0..operations {
             let mut again = flash.clone();

@@ -30,7 +30,6 @@ fn image(len: usize) -> Vec<u8> {
     image
 }
 
-/// A `.tek` file of an application.
 pub(crate) fn file(image: &[u8]) -> Vec<u8> {
     let lines = Encoder::new(APPLICATION.start, image).expect("addresses fit");
     let mut file: Vec<u8> = lines.flat_map(|line| line.as_bytes().to_vec()).collect();
@@ -38,13 +37,11 @@ pub(crate) fn file(image: &[u8]) -> Vec<u8> {
     file
 }
 
-/// A board on a bus with a host.
 pub(super) struct Bench {
     bus: Bus<Node>,
 }
 
 impl Bench {
-    /// A board that runs its application.
     pub(super) fn new() -> Self {
         let node = Node::awake(SimBoard::standard(id(), Model::Averaged, 1));
         let mut bus = Bus::new(vec![node]);
@@ -70,7 +67,6 @@ impl Bench {
         std::iter::from_fn(|| self.bus.wait(deadline)).find_map(|s| answer(&s.frame, NODE, property))
     }
 
-    /// The contents of the application's area.
     pub(super) fn application(&self, len: usize) -> &[u8] {
         let flash = self.bus.stations().next().expect("the board").board().sim_flash().bytes();
         let start = (APPLICATION.start - FLASH.start) as usize;
@@ -96,7 +92,6 @@ impl Bench {
         Some(())
     }
 
-    /// Wakes the board and waits until it is awake; returns the time in µs.
     pub(super) fn wake(&mut self) -> u64 {
         let begin = self.bus.now_us();
         self.wait(1_000_000);
@@ -109,7 +104,6 @@ impl Bench {
         self.bus.now_us() - begin
     }
 
-    /// Our downloader.
     pub(super) fn ours(&mut self, file: &[u8]) -> Result<(), DownloadError> {
         let mut host = Downloader::new(id(), file, self.bus.now_us());
         loop {
@@ -131,7 +125,6 @@ impl Bench {
     }
 }
 
-/// 48 KiB, a realistic application.
 const BYTES: usize = 48 * 1024;
 
 #[test]

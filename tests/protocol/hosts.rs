@@ -12,7 +12,6 @@ use tater_wire::{Body, Destination, Frame, Group, Message, Node as Id, Property,
 /// Hosts poll with a timeout of 1 ms; an answer takes at most 0.5 ms plus the frames before it.
 const POLL_US: u64 = 1_000;
 
-/// A host on the bus.
 pub(super) struct Host {
     pub(super) bus: Bus<Node>,
 }
@@ -26,7 +25,6 @@ fn to(number: u8) -> Destination {
 }
 
 impl Host {
-    /// Seven boards, just powered.
     pub(super) fn at_power_up(nodes: impl IntoIterator<Item = u8>) -> Self {
         let node = |n| Node::new(SimBoard::standard(id(n), Model::Averaged, u64::from(n)));
         Self::on_bus(nodes.into_iter().map(node).collect())
@@ -40,7 +38,6 @@ impl Host {
         host
     }
 
-    /// The same, awake.
     pub(super) fn awake(nodes: impl IntoIterator<Item = u8>) -> Self {
         let mut host = Self::at_power_up(nodes);
         host.set(Destination::Group(Group::ALL), Property::STAT, 2);
@@ -65,12 +62,10 @@ impl Host {
         self.bus.station_mut(index).expect("a board")
     }
 
-    /// Discards received frames.
     pub(super) fn clear(&mut self) {
         while self.bus.receive().is_some() {}
     }
 
-    /// Sends a GET, and waits 1 ms for the answer of that node.
     pub(super) fn get(&mut self, node: u8, property: Property) -> Option<i64> {
         self.clear();
         let deadline = self.bus.now_us() + POLL_US;
@@ -97,7 +92,6 @@ impl Host {
     }
 }
 
-/// The value in a node's answer about a property.
 pub(crate) fn answer(frame: &Frame, node: u8, property: Property) -> Option<i64> {
     let message = Message::parse(frame)?;
     if message.from != id(node) {
@@ -292,7 +286,6 @@ fn fault_keeps_stat_2_and_sets_error() {
     host.poll(4, Property::MODE, 3, 10, 3_000);
 }
 
-/// The unasked frames of node 1 in the 3 s after M.
 fn told_after_move(host: &mut Host, flags: i64, counts: i64) -> Vec<(Property, i64)> {
     host.set(to(1), Property::LFLAGS, flags);
     host.set(to(1), Property::M, counts);

@@ -9,10 +9,8 @@ use tater_wire::memory::{APPLICATION, Area, MONITOR};
 use super::download::Bench;
 use crate::emulated::bench::folder;
 
-/// Shows that the file's bytes arrive, that the monitor accepts their header, and that it starts an
-/// application. Does not show that these bytes run: the simulated board starts the firmware that this test is
-/// linked with, and VERS matches the header because both come from one row of the workspace's manifest. The
-/// emulated board runs the image itself.
+/// Does not show that the image's bytes run: the simulated board starts the firmware that this test is linked with.
+/// The emulated board runs the image itself.
 #[test]
 fn production_image_downloads_by_barretts_downloader_and_by_ours() {
     // Continuous integration has built the image, so the note is not acceptable there.
@@ -42,11 +40,10 @@ fn production_image_downloads_by_barretts_downloader_and_by_ours() {
     }
 }
 
-/// The stores that a HardFault must do before anything else: instruction, address and value. TIM1_BDTR 0
-/// (RM0008 14.4.18: MOE off), then port B's BRR with bit 5 (RM0008 9.2.6: the brake's pin low).
+/// A HardFault's first stores: instruction, address, value. TIM1_BDTR 0 (RM0008 14.4.18: MOE off), then port B's BRR, bit 5
+/// (RM0008 9.2.6: the brake's pin low).
 const STORES: [(u32, u32, u32); 2] = [(3, 0x4001_2C00 + 0x44, 0), (6, 0x4001_0C00 + 0x14, 1 << 5)];
 
-/// The half-word at an address of an image.
 fn half_word(image: &[u8], area: Area, address: u32) -> Option<u16> {
     let at = usize::try_from(address.checked_sub(area.start)?).ok()?;
     Some(u16::from_le_bytes([*image.get(at)?, *image.get(at + 1)?]))
@@ -57,8 +54,7 @@ fn word(image: &[u8], area: Area, address: u32) -> Option<u32> {
     Some(u32::from(high) << 16 | u32::from(low))
 }
 
-/// Executes the first six instructions of an image's HardFault: address from the literal pool, value, store,
-/// twice. Any other instruction, a register that is not set, or a vector without its Thumb bit is an error.
+/// Executes the first six instructions of an image's HardFault: address from the literal pool, value, store; twice.
 fn hard_fault(image: &[u8], area: Area) -> Result<Vec<(u32, u32, u32)>, String> {
     let vector = word(image, area, area.start + 0xC).ok_or("no vector")?;
     let entry = vector.checked_sub(1).filter(|entry| entry % 2 == 0).ok_or("not Thumb code")?;
@@ -95,7 +91,6 @@ fn hard_fault_of_the_images_switches_the_bridge_off_first() {
             return;
         };
         assert_eq!(hard_fault(&image, area), Ok(STORES.to_vec()), "{name}");
-        // A change of any other bit of the vector or of those instructions is found.
         let vector = word(&image, area, area.start + 0xC).expect("judged above");
         let entry = (vector - 1 - area.start) as usize;
         for (at, bit) in (0xC..0x10).chain(entry..entry + 12).flat_map(|at| (0..8).map(move |bit| (at, bit)))

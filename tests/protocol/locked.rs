@@ -8,7 +8,6 @@ use tater_wire::{Body, Destination, Frame, Group, Property, Torques, Value};
 
 use super::board::Bench;
 
-/// The whole content of the flash.
 fn flash(bench: &mut Bench) -> Vec<u16> {
     let flash = &bench.board().flash;
     (FLASH.start..FLASH.end()).step_by(2).map(|address| flash.half_word(address)).collect()
@@ -43,7 +42,6 @@ fn only_table_properties_answer_and_only_storage_writes_flash() {
             for message in bench.said() {
                 let &[asked] = frame.data() else { panic!("{frame:?} is answered by {message:?}") };
                 let property = Property::of(asked).expect("only properties are answered");
-                // A value in the property's range, and nothing else.
                 let value = match message.body {
                     Body::Set { value, .. } => property.read(value),
                     Body::Position(counts) => i64::from(counts),
@@ -88,17 +86,13 @@ fn number_without_a_row_has_no_effect() {
 
 const KEYS: [i64; 5] = [18384, 23, 3145, 1024, 1];
 
-/// A host's attempt.
 #[derive(Clone, Copy, Debug)]
 enum Try {
-    /// The next key of the lock.
     NextKey,
     /// The key after the last one sent, whatever came between.
     Onward,
     Key(i64),
-    /// A SET of a locked property, chosen by number.
     Locked(usize, i64),
-    /// DEF of one property.
     Default(usize),
     Unlocked(i64),
     /// A SET of a property that cannot be set, or of no property.
@@ -122,7 +116,6 @@ fn attempt() -> impl Strategy<Value = Try> {
     ]
 }
 
-/// The key after this key; the first after anything else.
 fn next_key(last: i64) -> i64 {
     let at = KEYS.iter().position(|&key| key == last).map_or(0, |at| at + 1);
     KEYS[at % KEYS.len()]
@@ -147,14 +140,13 @@ impl Model {
         }
     }
 
-    /// A SET of anything except LOCK and locked properties.
     fn other(&mut self) {
         if !self.is_open() {
             self.keys.clear();
         }
     }
 
-    /// A SET of a locked property; returns whether the lock was open. It is closed now.
+    /// Closes the lock; returns whether it was open.
     fn locked(&mut self) -> bool {
         let open = self.is_open();
         self.keys.clear();

@@ -1,23 +1,19 @@
-//! Every property of the table on each of the seven nodes, by frames alone: number, width, sign, range,
-//! access, defaults, groups. A refused frame changes nothing and is not answered.
+//! Every property on each of the seven nodes, by frames alone. A refused frame changes nothing and is not answered.
 
 use tater_wire::property::{Access, PropertySpec, ROWS, Stored};
 use tater_wire::{Body, Destination, Group, Node, Property, Value};
 
 use super::board::{Bench, SERIAL};
 
-/// The values that GET reads of every property.
 fn all(bench: &mut Bench) -> Vec<Option<i64>> {
     ROWS.iter().map(|row| bench.get(row.property)).collect()
 }
 
-/// One board for each node.
 fn nodes() -> impl Iterator<Item = (u8, Bench)> {
     (1..=7).map(|number| (number, Bench::new(number)))
 }
 
-/// The encodings of a value: in two bytes, if it fits, and in four. A property that is never negative and
-/// needs all bits is unsigned on the wire.
+/// Encodings of a value in two bytes and in four. A property that is never negative and needs all bits is unsigned.
 fn widths(row: &PropertySpec, value: i64) -> Vec<Value> {
     let signed_max = if row.bits == 16 { i64::from(i16::MAX) } else { i64::from(i32::MAX) };
     let (short, long) = if row.min >= 0 && row.max > signed_max {
@@ -28,7 +24,6 @@ fn widths(row: &PropertySpec, value: i64) -> Vec<Value> {
     short.map(Value::Short).into_iter().chain(long.map(Value::Long)).collect()
 }
 
-/// SET, in this width, of a property that may be locked; asserts that nothing is answered.
 fn set(bench: &mut Bench, row: &PropertySpec, value: Value) -> bool {
     if row.access == Access::Locked {
         bench.unlock();
@@ -39,7 +34,6 @@ fn set(bench: &mut Bench, row: &PropertySpec, value: Value) -> bool {
     taken
 }
 
-/// Whether a property holds any value of its range as set, whatever the board is doing.
 fn holds(row: &PropertySpec) -> bool {
     let steers = matches!(row.property, Property::STAT | Property::MODE | Property::T | Property::V);
     matches!(row.access, Access::ReadWrite | Access::Locked) && !steers
@@ -50,7 +44,6 @@ fn property_reads_its_default_in_its_width() {
     for (number, mut bench) in nodes() {
         let node = Node::new(number).expect("a node");
         for row in ROWS {
-            // `get` checks number, width, sender and group of the answer.
             let found = bench.get(row.property);
             let default = match row.property {
                 // In the monitor it would be 0.
@@ -180,7 +173,7 @@ fn sixteen_bit_values_have_the_sign_of_their_row() {
         // `get` expects six bytes for what does not fit a signed short.
         assert_eq!(bench.get(property), Some(meant), "{property:?}");
     }
-    // −1 in four bytes is no 65535, and 65535 in four bytes no −1.
+    // In four bytes −1 and 65535 are different values.
     assert!(!set(&mut bench, Property::MPE.row(), Value::Long(0xFFFF_FFFF)));
     assert!(!set(&mut bench, Property::X0.row(), Value::Long(0xFFFF)));
 }
@@ -217,7 +210,7 @@ fn set_to_a_group_reaches_its_members() {
                 bench.say(Destination::Group(group), 0, body).expect("obeyed or skipped");
                 let expected = if members.contains(&number) { Some(value) } else { before };
                 assert_eq!(bench.get(row.property), expected, "{} of node {number} by {group:?}", row.name);
-                // Back, so that it stays a member.
+                // Restored, so that the node stays a member.
                 bench.set(row.property, before.expect("can be read")).expect("in range");
                 assert_eq!(bench.said(), []);
             }

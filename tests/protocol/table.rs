@@ -5,13 +5,11 @@ use std::path::Path;
 use tater_wire::property::{Access, ROWS, Stored};
 use tater_wire::{Node, Property};
 
-/// The list, relative to this package.
 const LIST: &str = "../../shared/data/properties.csv";
 
 /// What the list lacks: in mode 4 V is the velocity commanded, and RealTime feeds back the one that there is (manual 5.3.3).
 const ADDED: [Property; 1] = [Property::VEL];
 
-/// The fields of a line; a field in quotes may hold commas.
 fn fields(line: &str) -> Vec<String> {
     let (mut fields, mut quoted) = (vec![String::new()], false);
     for character in line.chars() {

@@ -1,12 +1,10 @@
-//! A sealed image through a `.tek` file, from a host to a monitor. Damaged files are tested with the program
-//! that people use: `xtask/tests/tek/damaged.rs`.
+//! A sealed image through a `.tek` file, from a host to a monitor. Damaged files: `xtask/tests/tek/damaged.rs`.
 
 use proptest::prelude::*;
 use tater_wire::image::{Header, seal};
 use tater_wire::memory::{APPLICATION, RAM};
 use tater_wire::tek::{Decoder, Encoder, Record, TekError, end};
 
-/// A sealed application with these bytes after its vectors.
 fn sealed(code: &[u8]) -> Vec<u8> {
     let mut image = vec![0; 0x2C];
     image[..4].copy_from_slice(&RAM.end().to_le_bytes());
@@ -58,8 +56,6 @@ proptest! {
     }
 }
 
-/// Any one character of a download that is lost, or changed to another that hosts send, is detected by the
-/// records.
 #[test]
 fn one_wrong_character_ends_the_download() {
     let characters = sent(&file(&sealed(&(0..60).collect::<Vec<u8>>())));
@@ -77,8 +73,7 @@ fn one_wrong_character_ends_the_download() {
     }
 }
 
-/// A checksum cannot detect two exchanged characters: the image's CRC-32 can. (In the last record they change
-/// the entry address, which no monitor uses: the reset vector is in the image.)
+/// A record's checksum cannot detect two exchanged characters; the image's CRC-32 can.
 #[test]
 fn exchanged_characters_never_become_another_application() {
     // A record has 78 characters.

@@ -5,23 +5,18 @@ use rand::RngExt;
 use super::client::Client;
 use super::lines::one;
 
-/// Prefixes and how many axes they have.
 const AXES: [(&str, usize); 8] =
     [("", 4), ("G", 3), ("S", 1), ("12", 2), ("X1234567", 7), ("XGS", 7), ("X5", 1), ("X35", 2)];
 
 /// Longest answer to a block, ms: clients wait 100 ms (decision 0026).
 const BLOCK_MS: usize = 100;
 
-/// The blocks' sizes, by the parameters.
 struct Shape {
     axes: usize,
-    /// Data bytes of a control block.
     control: usize,
-    /// Bytes of a feedback block.
     feedback: usize,
 }
 
-/// LOOP with any flags, some blocks, and ^C.
 pub fn session(client: &mut Client) {
     let (prefix, axes) = *one(&mut client.rng, &AXES);
     let shape = set_flags(client, axes);
@@ -46,7 +41,6 @@ pub fn session(client: &mut Client) {
     client.abort();
 }
 
-/// Sets every parameter that shapes a block, at random.
 fn set_flags(client: &mut Client, axes: usize) -> Shape {
     let mut flag = |max: usize| client.rng.random_range(0..=max);
     let [lcv, lcpg, lfv, lfs, lfdp, lft, lfdpd] = [(); 7].map(|()| flag(1));
@@ -62,13 +56,11 @@ fn set_flags(client: &mut Client, axes: usize) -> Shape {
     Shape { axes, control: axes * (lcv + lcpg), feedback: 1 + axes * each + 2 * lft }
 }
 
-/// Reads the first `*`.
 fn read_first_star(client: &mut Client) {
     let received = client.read(1, 2_000);
     assert_eq!(received, b"*", "{:?}", received.escape_ascii().to_string());
 }
 
-/// Sends a block by the manual, and checks its answer.
 fn polite_block(client: &mut Client, shape: &Shape, data: &[u8]) {
     let header = *one(&mut client.rng, b"CCCCCcAa");
     client.hand.push_rx(&[header]);
@@ -89,13 +81,11 @@ fn polite_block(client: &mut Client, shape: &Shape, data: &[u8]) {
     );
 }
 
-/// Sends a block that may have a wrong header or length.
 fn any_block(client: &mut Client, data: &[u8]) {
     client.figure.blocks += 1;
     let header =
         if client.rng.random_ratio(1, 30) { client.rng.random() } else { *one(&mut client.rng, b"CCCCcAa") };
     client.send(&[header], 1_000);
-    // Sometimes too few bytes.
     let cut =
         if client.rng.random_ratio(1, 20) { client.rng.random_range(0..=data.len()) } else { data.len() };
     client.send(&data[..cut], 1_000);

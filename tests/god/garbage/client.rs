@@ -15,25 +15,21 @@ const BALL: &str = include_str!("../../../hil-sim/grasps/ball.toml");
 /// Data bytes of the largest control block, velocity and gain of seven motors. ^C is data among them.
 const BLOCK: usize = 14;
 
-/// Longest time from ^C to the prompt, us: GOD stops the motion and restores MV, BT and KPV, each with three questions of 60 ms to boards
-/// that no longer answer. A block's worth of ^C, a millisecond each, and the 20 ms drain after a bad header come before.
+/// Longest time from ^C to the prompt, us: restoring MV, BT and KPV, with three questions of 60 ms each to silent boards. A block's worth of
+/// ^C, a millisecond each, and the 20 ms drain after a bad header come before.
 const PROMPT_US: u64 = 600_000;
 
-/// Size of GOD's output queue.
 pub const UNREAD: usize = 1024;
 
 /// Timeout of a line, ms of simulated time; HI and slow motions take longest.
 const LINE_MS: usize = 120_000;
 
-/// Totals of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
-    /// Bytes sent to GOD.
     pub bytes: u64,
     /// RealTime blocks among them.
     pub blocks: u64,
     pub hang_ups: u64,
-    /// Prompts received.
     prompts: u64,
     simulated_us: u64,
     peaks: Peaks,
@@ -62,13 +58,11 @@ impl std::fmt::Display for Figure {
     }
 }
 
-/// The host and its hand.
 pub struct Client {
     pub hand: Hand,
     pub rng: Pcg64Mcg,
     pub figure: Figure,
     watch: Watch,
-    /// The last bytes that GOD wrote.
     tail: Vec<u8>,
 }
 
@@ -90,16 +84,12 @@ impl Client {
         client
     }
 
-    // --- time -------------------------------------------------------------------------------------------
-
-    /// Runs for a millisecond without reading.
     pub fn step_unread(&mut self) {
         let next_us = (self.hand.now_us() / 1000 + 1) * 1000;
         self.hand.run_until(next_us);
         self.watch.check(&self.hand);
     }
 
-    /// Runs for a millisecond. Returns the bytes read.
     pub fn step(&mut self) -> Vec<u8> {
         self.step_unread();
         let received = self.hand.take_tx();
@@ -110,7 +100,6 @@ impl Client {
         received
     }
 
-    /// Reads `count` bytes, or fewer at the timeout.
     pub fn read(&mut self, count: usize, max_ms: usize) -> Vec<u8> {
         let mut received = Vec::new();
         for _ in 0..max_ms {
@@ -122,21 +111,18 @@ impl Client {
         received
     }
 
-    /// Waits for a random time.
     pub fn wait(&mut self, max_ms: u32) {
         for _ in 0..self.rng.random_range(0..=max_ms) {
             self.step();
         }
     }
 
-    /// Waits for a random time without reading.
     pub fn wait_unread(&mut self, max_ms: u32) {
         for _ in 0..self.rng.random_range(0..=max_ms) {
             self.step_unread();
         }
     }
 
-    /// Waits for the prompt, or for the timeout.
     pub fn wait_for_prompt(&mut self, max_ms: usize) {
         for _ in 0..max_ms {
             if self.tail.ends_with(b"\n\r=> ") {
@@ -146,10 +132,8 @@ impl Client {
         }
     }
 
-    // --- input ------------------------------------------------------------------------------------------
-
-    /// Sends bytes as fast as GOD takes them. While it waits for room it sends ^C with a probability of 1 in `patience_ms` each millisecond,
-    /// which drops the type-ahead.
+    /// Sends bytes as fast as GOD takes them. While it waits for room it sends ^C with probability
+    /// 1/`patience_ms` each millisecond, which drops the type-ahead.
     pub fn send(&mut self, bytes: &[u8], patience_ms: u32) {
         for &byte in bytes {
             while self.hand.io().rx_room() == 0 && (byte != ABORT || self.hand.io().is_raw()) {
@@ -167,7 +151,7 @@ impl Client {
         }
     }
 
-    /// Hangs up once in `times` calls, perhaps in mid-line or in a block. Returns whether it did.
+    /// Hangs up once in `times` calls. Returns whether it did.
     pub fn maybe_hang_up(&mut self, times: u32) -> bool {
         let hangs_up = self.rng.random_ratio(1, times);
         if hangs_up {
@@ -177,7 +161,6 @@ impl Client {
         hangs_up
     }
 
-    /// Types a line and waits for the prompt. Returns all output.
     pub fn run(&mut self, line: &str) -> String {
         self.hand.push_rx(line.as_bytes());
         self.hand.push_rx(b"\r");
@@ -215,7 +198,6 @@ impl Client {
         self.watch.peaks.prompt_us = self.watch.peaks.prompt_us.max(self.hand.now_us() - start_us);
     }
 
-    /// Restores the defaults of all parameters and properties, and homes the motors.
     pub fn restore_and_home(&mut self) {
         self.abort();
         for line in [

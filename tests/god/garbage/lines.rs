@@ -7,12 +7,10 @@ use rand::seq::IndexedRandom;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::Property;
 
-/// Picks one element.
 pub fn one<'a, T>(rng: &mut Pcg64Mcg, of: &'a [T]) -> &'a T {
     of.choose(rng).expect("there is one")
 }
 
-/// A number: small, in or beyond the tables' ranges, or not a number at all.
 pub fn number(rng: &mut Pcg64Mcg) -> String {
     match rng.random_range(0..10) {
         0..4 => rng.random_range(-2..=25).to_string(),
@@ -33,7 +31,6 @@ fn name(rng: &mut Pcg64Mcg) -> &'static str {
     }
 }
 
-/// A motor prefix; most select a motor.
 pub fn prefix(rng: &mut Pcg64Mcg) -> String {
     let digits = |rng: &mut Pcg64Mcg, max: u8| -> String {
         (1..=max).filter(|_| rng.random()).map(|digit| char::from(b'0' + digit)).collect()
@@ -47,7 +44,6 @@ pub fn prefix(rng: &mut Pcg64Mcg) -> String {
     }
 }
 
-/// A value in the range of a parameter or property, at its ends, or beyond.
 fn value(rng: &mut Pcg64Mcg, min: i64, max: i64) -> String {
     match rng.random_range(0..10) {
         0..6 => rng.random_range(min..=max).to_string(),
@@ -71,7 +67,6 @@ fn many(rng: &mut Pcg64Mcg, one: fn(&mut Pcg64Mcg) -> String) -> String {
     (0..rng.random_range(1..=3)).map(|_| one(rng)).collect()
 }
 
-/// A line of the walk-through grammar (manual 3).
 fn board_line(rng: &mut Pcg64Mcg) -> String {
     let nodes: String =
         (0..=7).filter(|_| rng.random_ratio(1, 4)).map(|node| char::from(b'0' + node)).collect();
@@ -122,7 +117,6 @@ pub fn command(rng: &mut Pcg64Mcg) -> String {
     if rng.random() { line } else { line.to_ascii_lowercase() }
 }
 
-/// A word of the tables, a separator or a random character.
 pub fn word(rng: &mut Pcg64Mcg) -> String {
     match rng.random_range(0..20) {
         0..4 => one(rng, command::ROWS).name.to_owned(),

@@ -1,7 +1,6 @@
 //! Invariants of the hand, checked each millisecond whatever the host sends.
 //!
-//! GOD does not clamp goals to a joint's range: a motor that meets its stop stalls there (manual 5.5). The limits that no host can lift
-//! are the boards' (servo-core's guard) and the joints' (the plant's stops):
+//! GOD does not clamp goals to a joint's range (manual 5.5). The limits come from the boards (servo-core's guard) and the plant's stops:
 //!
 //! * A joint stays between its stops, and dents them no deeper than a rotor at its highest speed does.
 //! * No rotor turns faster than 97 % of the bus voltage can turn it, except the spread while other fingers push it. No set-point moves
@@ -31,7 +30,6 @@ const DUTY: u16 = 31_680;
 /// Winding temperature at which the boards' model allows no torque, 130 C, and 5 K for its error.
 const WINDING_C: f64 = 135.0;
 
-/// Largest values seen.
 #[derive(Clone, Debug, Default)]
 pub struct Peaks {
     /// Beyond the last whole count of a joint's range, counts.
@@ -44,11 +42,8 @@ pub struct Peaks {
     pub current: f64,
     /// C.
     pub winding: f64,
-    /// Frames in GOD's transmit mailboxes.
     pub waiting: usize,
-    /// Time from ^C to the prompt, us.
     pub prompt_us: u64,
-    /// Faults of boards.
     pub faults: BTreeSet<&'static str>,
 }
 
@@ -78,7 +73,6 @@ impl std::fmt::Display for Peaks {
     }
 }
 
-/// A motor's limits.
 struct Joint {
     range: [f64; 2],
     /// Furthest position beyond the range at rest under peak torque, counts.
@@ -86,9 +80,7 @@ struct Joint {
     /// Additional distance for each count/s of speed, s.
     per_speed: f64,
     no_load: f64,
-    /// Highest speed so far.
     peak: f64,
-    /// Something pushes the rotor beyond `no_load`.
     pushed: bool,
     trip_a: f64,
     /// MT at the last three checks: a tick that plans a move still applies the torque of the tick before.
@@ -121,7 +113,6 @@ impl Joint {
     }
 }
 
-/// Checks the hand and keeps the largest values.
 pub struct Watch {
     joints: [Joint; 7],
     pub peaks: Peaks,
@@ -137,7 +128,6 @@ impl Watch {
         Self { joints: std::array::from_fn(|motor| Joint::new(kind(motor))), peaks: Peaks::default() }
     }
 
-    /// Checks the hand; call it after each millisecond.
     pub fn check(&mut self, hand: &Hand) {
         for (motor, (joint, node)) in self.joints.iter_mut().zip(hand.bus().stations()).enumerate() {
             let at = format_args!("motor {} at {} us", motor + 1, hand.now_us()).to_string();
@@ -161,7 +151,6 @@ impl Watch {
     }
 }
 
-/// Checks rotor, winding and flash.
 fn check_plant(joint: &mut Joint, node: &Node, peaks: &mut Peaks, at: &str) {
     let truth = node.board().rig().truth();
     let [min, max] = joint.range;
@@ -182,7 +171,6 @@ fn check_plant(joint: &mut Joint, node: &Node, peaks: &mut Peaks, at: &str) {
     peaks.winding = peaks.winding.max(truth.winding_c);
 }
 
-/// Checks duty, torque, set-point and fault.
 fn check_servo(joint: &mut Joint, sample: &Sample, peaks: &mut Peaks, at: &str) {
     let status = &sample.status;
     assert!(status.duty.0.to_bits().unsigned_abs() <= DUTY, "{at}: {status:?}");

@@ -8,8 +8,7 @@ use super::{Session, TOLERANCE, assert_near, config, counts, set, telemetry, wit
 /// Position of the object in the way of link 1, hall counts.
 const OBJECT: i32 = 150;
 
-/// How far the link dents the object before its board detects the breakaway, hall counts: BT 400 is 0.25 N·m, or 1.5 counts (scenario
-/// breakaway-link).
+/// Dent before the board detects the breakaway, hall counts: BT 400 is 0.25 N·m, or 1.5 counts (scenario breakaway-link).
 const INTO: i32 = 8;
 
 fn finger() -> Session {
@@ -38,7 +37,6 @@ fn breakaway_tip_closes_on_and_finger_opens_again() {
         assert_eq!(telemetry(&mut session, 1).mode, Mode::Idle, "locked");
         assert_eq!(config(&mut session, 5).mv, 1000);
     }
-    // Closing further does not release the object.
     assert_eq!(session.run("1IC 550"), "ERR 16");
     assert!(counts(&session)[4] >= 331, "{:?}", counts(&session));
     assert_eq!(session.run("1M 18000"), "ERR 16");
@@ -103,7 +101,6 @@ fn breakaway_in_m_is_err_16_and_tip_reaches_its_goal() {
     let found = counts(&session);
     assert!(has_met(found[0]) && (found[4] - 53).abs() <= TOLERANCE, "{found:?}");
     assert!(telemetry(&mut session, 1).breakaway.is_some());
-    // HI clears it as well.
     assert_eq!(session.run("1HI"), "");
     assert_eq!(telemetry(&mut session, 1).breakaway, None);
 }

@@ -28,7 +28,6 @@ fn control_c_holds_or_idles_each_motor_by_hold() {
         // At some 600 counts/s a rotor without power coasts about 20 counts.
         assert!((0..40).contains(&(at[place] - from[place])), "{motor}: {from:?} {at:?}");
     }
-    // The next command works.
     assert_eq!(session.run("O"), "");
     assert_near(&session, [0; 7], "O");
 }
@@ -61,7 +60,6 @@ fn tc_with_hold_presses_after_the_prompt() {
     }
     assert_eq!(session.run("1M 1000"), "", "others can move meanwhile");
     assert_eq!(telemetry(&mut session, 4).mode, Mode::Velocity);
-    // Frequent input does not disturb it.
     for _ in 0..20 {
         assert_eq!(session.run(""), "");
         session.wait_us(100_000);
@@ -74,7 +72,6 @@ fn tc_with_hold_presses_after_the_prompt() {
     assert_eq!(session.hand.bus().stats().frames, frames, "no keep-alives are left");
 }
 
-/// Prepares TC: motor 1 presses at once, motor 2 closes for 5 s more.
 fn prepare_grip_beside_slow_motor(session: &mut Session) {
     for line in ["X12FSET HOLD 1", "X1M 18000", "X2FSET MCV 60"] {
         assert_eq!(session.run(line), "", "{line}");
@@ -186,7 +183,6 @@ fn faults_are_reported_once_and_cleared_by_the_next_command() {
     node(&mut session, 2).rig_mut().set_bus(24.0);
     assert_eq!(session.run("GM 0"), "", "the supply is back");
     assert_near(&session, [0; 7], "GM 0");
-    // A motor at its temperature limit.
     set(&mut session, 3, Property::OTEMP, 200);
     assert_eq!(session.run("GM 5500"), "ERR 8208");
     assert_eq!(session.run("3C"), "ERR 8192");

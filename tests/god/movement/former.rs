@@ -4,7 +4,6 @@ use servo_core::mode::Mode;
 
 use super::{Session, abort, assert_near, counts, initialized, run_until, telemetry};
 
-/// A hand after HI and these lines.
 fn moving(lines: &[&str]) -> Session {
     let mut session = initialized();
     for line in lines {
@@ -13,7 +12,6 @@ fn moving(lines: &[&str]) -> Session {
     session
 }
 
-/// Lines that move the spread to 150 at 60 counts/s.
 const SLOW_SPREAD: &[&str] = &["4FSET MCV 60", "4 S E 150", "4 S M 5", "WAIT 300"];
 
 #[test]

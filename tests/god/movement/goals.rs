@@ -98,8 +98,7 @@ fn tc_and_to_reach_the_stops() {
     }
 }
 
-/// A tip follows a third of its link's joint angle, 13 hall counts to 49, by velocity alone: when the link is at 150 the tip is between
-/// 20 and 70. With X it moves by itself, as fast as the link.
+/// A tip follows by velocity alone, 13 hall counts to its link's 49: at link position 150 it is between 20 and 70.
 #[test]
 fn tc_tips_move_along_with_their_links() {
     for (line, along) in [("GTC", true), ("X123567TC", false)] {
@@ -119,7 +118,6 @@ fn tc_tips_move_along_with_their_links() {
     }
 }
 
-/// Time at which each motor of a command ends, ms.
 fn ends_of(line: &str) -> [u64; 7] {
     let mut session = initialized();
     let mut ends = [0; 7];
@@ -140,8 +138,7 @@ fn ends_of(line: &str) -> [u64; 7] {
     ends
 }
 
-/// Longest time between the ends of link and tip, ms: MV is in whole counts/s, 1 % of a tip's 100 counts/s or 10 ms of a second's move, and
-/// the last counts before rest differ by 20 ms.
+/// Longest time between the ends of link and tip, ms: MV in whole counts/s gives 10 ms, the last counts before rest 20 ms.
 const TOGETHER_MS: u64 = 30;
 
 #[test]
@@ -153,7 +150,6 @@ fn move_link_and_tip_arrive_together() {
             assert!(apart <= TOGETHER_MS, "{line}: finger {finger} {apart} ms apart: {ends:?}");
         }
     }
-    // With X each motor takes its own time.
     let ends = ends_of("X15M 15000");
     assert!(ends[0].abs_diff(ends[4]) > TOGETHER_MS, "{ends:?}");
 }

@@ -59,7 +59,6 @@ fn hi_with_one_failing_motor_is_err_4_and_homes_the_others() {
     assert_near(&session, [0; 7], "the others");
     assert_eq!(session.run("13HI"), "ERR 4");
     assert_eq!(session.run("3SHI"), "");
-    // A low supply latches a fault.
     super::node(&mut session, 3).rig_mut().set_bus(10.0);
     assert_eq!(session.run("3SHI"), "ERR 4");
     super::node(&mut session, 3).rig_mut().set_bus(24.0);

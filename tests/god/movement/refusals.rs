@@ -20,7 +20,6 @@ fn invalid_lines_are_refused_and_move_nothing() {
         ("X5WM 1000", "ERR 2"),
         ("SPTM 1000", "ERR 2"),
         ("X124PTM 1000", "ERR 2"),
-        // Numbers.
         ("M 20001", "ERR 128"),
         ("M -1", "ERR 128"),
         ("IO -1", "ERR 128"),
@@ -38,7 +37,6 @@ fn invalid_lines_are_refused_and_move_nothing() {
         ("X5MDEG -306", "ERR 128"),
         ("1MPER 181", "ERR 128"),
         ("1MDEG 9223372036854775807", "ERR 128"),
-        // Too many arguments.
         ("M 1 2", "ERR 1024"),
         ("MDEG 1 2", "ERR 1024"),
         ("C 1", "ERR 1024"),
@@ -61,7 +59,6 @@ fn uninitialized_motor_does_not_move_but_t_switches_it_off() {
         assert_eq!(session.run(line), "ERR 4", "{line}");
     }
     assert_eq!(counts(&session), [0; 7]);
-    // One finger.
     assert_eq!(session.run("2HI"), "");
     assert_eq!(session.run("2M 5500"), "");
     assert_near(&session, [0, 100, 0, 0, 0, 27, 0], "finger 2");
@@ -108,13 +105,11 @@ fn missing_board_is_err_1() {
         assert_eq!(session.run(line), "ERR 1", "{line}");
         assert_eq!(counts(&session), before, "{line}");
     }
-    // The others move without it, and T reaches every board that answers.
     assert_eq!(session.run("13M 5500"), "");
     assert_near(&session, [100, 0, 100, 0, 27, 0, 27], "fingers 1 and 3");
     assert_eq!(session.run("STC"), "");
     assert_eq!(session.run("T"), "ERR 1");
     assert_eq!(telemetry(&mut session, 4).mode, Mode::Idle);
-    // A finger whose link answers and whose tip does not.
     session.hand.bus_mut().cut(1, false);
     session.hand.bus_mut().cut(4, true);
     assert_eq!(session.run("1M 0"), "ERR 1");

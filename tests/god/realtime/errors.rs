@@ -10,20 +10,18 @@ use super::super::movement::{config, set, telemetry};
 use super::{BLOCK_US, Host};
 use crate::god::Session;
 
-/// A byte of a serial line at 9600 baud, us.
+/// A byte at 9600 baud.
 const BYTE_US: u64 = 1_042;
 
 /// Longest drain of a host that never pauses, us: a second, and the boards' frames.
 const DRAIN_US: u64 = 1_000_000 + 50_000;
 
-/// Returns the text of the next `us`.
 fn read_for(session: &mut Session, us: u64) -> String {
     session.wait_us(us);
     String::from_utf8(session.hand.take_tx()).expect("text")
 }
 
 impl Host {
-    /// Sends bytes at 9600 baud.
     fn send_slowly(&mut self, bytes: &[u8]) {
         for byte in bytes {
             self.session.hand.push_rx(&[*byte]);
@@ -115,10 +113,8 @@ fn board_that_refuses_loop_is_an_error_instead_of_the_first_star() {
     assert_eq!(session.run("VERS"), "600", "lines again");
 }
 
-/// Time at which a hall line of motor 4 breaks, us.
 const BREAKS_US: u64 = 30_000_000;
 
-/// A hand whose hall line will break.
 fn with_breaking_line() -> Session {
     Session::with_boards(|number, node| {
         let stuck = (number == 4).then_some(StuckLine { line: 0, high: true, from_us: BREAKS_US });

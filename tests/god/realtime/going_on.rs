@@ -7,7 +7,6 @@ use super::super::movement::telemetry;
 use super::{ALL, BLOCK_US, FEEDBACK, Host};
 use crate::god::Session;
 
-/// RealTime with finger 1 and blocks without a velocity.
 fn without_velocity() -> Host {
     let mut session = Session::new();
     assert_eq!(session.run("HI"), "");
@@ -68,16 +67,13 @@ fn loop_stalled_motor_restarts_with_the_next_control_block() {
 #[test]
 fn incomplete_block_is_dropped() {
     let mut host = Host::new(ALL);
-    // The host may pause in a block.
     assert_eq!(host.block(b"C\x00\x20\x00\x20\x00", FEEDBACK)[0], b'*');
     host.session.wait_us(240_000);
     host.session.hand.push_rx(b"\x20\x00\x20\x00\x20\x00\x20\x00\x20");
     assert_eq!(host.block(b"a", 1), b"*");
-    // A longer pause ends the block.
     host.session.hand.push_rx(b"c\x14\x20\x14");
     host.session.wait_us(400_000);
     assert_eq!(host.session.hand.take_tx(), b"", "no star for an incomplete block");
-    // The next byte is a header.
     assert_eq!(host.block(b"A", FEEDBACK)[0], b'*');
     host.session.hand.push_rx(b"C");
     host.session.wait_us(400_000);

@@ -8,15 +8,14 @@ use servo_core::units::Duty;
 use super::super::Session;
 use super::{ALL, BLOCK_US, FEEDBACK, Host, control};
 
-/// Resolution of the measurement, us.
 const RESOLUTION_US: u64 = 10;
 
 /// Measured blocks. Each begins at another phase of the boards' ticks (1000 us), because 53 does not divide 1000.
 const PHASES: u64 = 60;
 const PHASE_US: u64 = 53;
 
-/// Longest time to the last motor's torque, us: three GET frames (52 bits, at most 10 stuff bits, intermission 3), one answer on the wire, seven
-/// gains and velocities (76, 16, 3), 50 us of the board and its next tick.
+/// Three GET frames (52 bits, at most 10 stuff bits, intermission 3), one answer on the wire, seven gains and velocities (76, 16, 3), 50 us of
+/// the board and its next tick.
 const BOUND_US: u64 = 3 * 65 + 15 * 95 + 50 + 1_000;
 
 /// Duty of each bridge; 0 is off, or both phases alike.
@@ -26,14 +25,12 @@ fn duties(hand: &Hand) -> Vec<Duty> {
     hand.bus().stations().map(|node| duty(node).unwrap_or_default()).collect()
 }
 
-/// Time to the change of a motor's duty, and bus time used by then, us.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Change {
     after_us: u64,
     busy_us: u64,
 }
 
-/// Waits until each motor's duty has changed once.
 fn changes(session: &mut Session, line: &mut Serial, max_us: u64) -> [Change; 7] {
     let now = |session: &Session| (session.hand.now_us(), session.hand.bus().stats().busy_us);
     let ((begin_us, begin_busy_us), before) = (now(session), duties(&session.hand));
@@ -52,12 +49,10 @@ fn changes(session: &mut Session, line: &mut Serial, max_us: u64) -> [Change; 7]
     changes.map(Option::unwrap_or_default)
 }
 
-/// Keeps the longer time of each motor.
 fn keep_longest(worst: &mut [u64; 7], changes: &[Change; 7]) {
     worst.iter_mut().zip(changes).for_each(|(worst, change)| *worst = change.after_us.max(*worst));
 }
 
-/// Sends blocks with velocity 0 until no motor has had any duty for ten blocks.
 fn rest(host: &mut Host, gain: u8) {
     let (mut still, end) = (0, host.session.hand.now_us() + 10_000_000);
     while still < 10 {
@@ -79,7 +74,6 @@ fn worst(session: Session, paced: bool) -> [u64; 7] {
         let mut line = Serial::new(paced);
         line.put(&control(velocity, 17), &host.session.hand);
         keep_longest(&mut worst, &changes(&mut host.session, &mut line, BLOCK_US));
-        // The rest of the feedback.
         host.session.wait_us(20_000);
         host.session.hand.take_tx();
     }

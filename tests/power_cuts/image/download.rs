@@ -35,7 +35,6 @@ fn download(bench: &mut Bench, image: &[u8]) {
     }
 }
 
-/// A download of the newer application to a board that was just powered.
 fn act(bench: &mut Bench) {
     let programs = production().expect("the test has it");
     download(bench, &newer(&programs));
@@ -44,8 +43,7 @@ fn act(bench: &mut Bench) {
 /// One half-word in so many of a phase is cut.
 const EACH: usize = 600;
 
-/// The cuts: some erases and half-words of staging and of the copy, including the first and the last, and
-/// every operation at the end of a download.
+/// Some erases and half-words of staging and of the copy, and every operation at the end of a download.
 fn cuts(story: &Story) -> Vec<usize> {
     let mut seen = [0; 2];
     let chosen = |(i, operation): (usize, &Operation)| {
@@ -83,7 +81,6 @@ fn cut_download_of_the_image_leaves_old_or_new_application() {
     };
     let copied = story.log.iter().position(of(APPLICATION)).expect("a copy");
     let cuts = cuts(&story);
-    // Erase, half-word, and the erase and a half-word of the copy.
     for operation in [cuts[3], cuts[20], copied, copied + 100] {
         story.really_cut(&programs, operation, 7, act);
     }
@@ -97,7 +94,6 @@ fn cut_download_of_the_image_leaves_old_or_new_application() {
         assert!(is_new || area(&flash, APPLICATION, old.len()) == old, "operation {operation}: neither");
         assert!(is_new || operation < copied, "operation {operation}: the copy was owed");
         found[usize::from(is_new)] += 1;
-        // A few in each phase.
         if i % 30 == 7 {
             download(&mut bench, &new);
             assert!(area(&flash_of(&bench), APPLICATION, new.len()) == new, "downloadable");

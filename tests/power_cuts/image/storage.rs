@@ -1,5 +1,4 @@
-//! Cuts in what the application stores: the first preparation of the pages, SAVE of one and of all, DEF, an
-//! ordered reset.
+//! Cuts in what the application stores: first preparation, SAVE of one and of all, DEF, an ordered reset.
 
 use board_emu::image::Programs;
 use rand::RngExt;
@@ -20,7 +19,6 @@ fn unprepared(programs: &Programs) -> Vec<u8> {
     bytes
 }
 
-/// Properties that are checked over the bus.
 const LOOKED_AT: [Property; 4] = [Property::MT, Property::X1, Property::X2, Property::X6];
 
 /// One operation in so many is cut,
@@ -29,8 +27,7 @@ const EACH: usize = 2;
 /// and the last ones of an act more often.
 const LAST: usize = 4;
 
-/// Waits until nothing more is stored: 400 ms without an operation. Before an erase the rotor must have stood
-/// for 200 ms.
+/// Waits for 400 ms without an operation; before an erase the rotor must have stood for 200 ms.
 fn quiet(bench: &mut Bench) {
     loop {
         let before = operations(bench);
@@ -52,7 +49,6 @@ fn save(bench: &mut Bench, values: &[(Property, i64)], id: i64) {
     bench.set(Property::SAVE, id);
 }
 
-/// The acts, in order.
 const ACTS: [fn(&mut Bench); 9] = [
     |bench| {
         bench.wait_ms(4);
@@ -66,7 +62,6 @@ const ACTS: [fn(&mut Bench); 9] = [
     },
     |bench| bench.set(Property::DEF, Property::X1.id().into()),
     |bench| save(bench, &[(Property::X1, 1), (Property::X2, 2)], Property::X2.id().into()),
-    // Moves, and stores its odometer before the reset.
     |bench| {
         bench.set(Property::M, 100);
         bench.wait_ms(900);
@@ -81,7 +76,6 @@ const ACTS: [fn(&mut Bench); 9] = [
     |bench| bench.set(Property::DEF, -1),
 ];
 
-/// All acts, or as many as the power lasts for.
 fn act(bench: &mut Bench) {
     for act in ACTS {
         act(bench);
@@ -92,7 +86,6 @@ fn act(bench: &mut Bench) {
     }
 }
 
-/// All acts, and the number of operations after each.
 fn run(bench: &mut Bench) -> Vec<usize> {
     let done = |act: &fn(&mut Bench)| {
         act(bench);
@@ -102,8 +95,7 @@ fn run(bench: &mut Bench) -> Vec<usize> {
     ACTS.iter().map(done).collect()
 }
 
-/// Whether a store with these values may be the result of a cut between two states: all values of one of
-/// them, the position trusted only if it was, and counters within their allowed loss and never ahead.
+/// A cut leaves all values of one state, the position trusted only if it was, and counters within their allowed loss.
 fn is_between(found: &State, old: &State, new: &State) -> bool {
     let (counters, least, most) = (found.counters, old.counters, new.counters);
     [old, new].iter().any(|state| found.values == state.values)
@@ -113,7 +105,6 @@ fn is_between(found: &State, old: &State, new: &State) -> bool {
         && (least.ptemp.min(0)..=most.ptemp).contains(&counters.ptemp)
 }
 
-/// Power is back: the monitor and the application answer, read back what is stored, and store again.
 fn recover(programs: &Programs, bytes: &[u8], found: &State, defaults: &[Option<i64>]) {
     let mut bench = start(programs, bytes);
     monitor(&mut bench);

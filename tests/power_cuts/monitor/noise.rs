@@ -21,8 +21,7 @@ impl Random {
         std::array::from_fn(|_| self.below(end) as u8)
     }
 
-    /// About equal parts of anything, of frames that the monitor receives, and of frames with a meaning for
-    /// it.
+    /// In equal parts: anything, frames that the monitor receives, and frames with a meaning for it.
     fn frame(&mut self) -> Frame {
         let node = u16::from(NODE.number());
         let id = match self.below(8) {
@@ -53,7 +52,6 @@ impl Random {
     }
 }
 
-/// The identity that the flash stores.
 fn identity(rig: &Rig) -> [Option<i64>; 3] {
     let store = Store::open(rig.flash());
     [Property::ROLE, Property::SN, Property::ID].map(|property| store.get(property))

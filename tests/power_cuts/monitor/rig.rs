@@ -11,7 +11,6 @@ use tater_wire::image::{HEADER_END, Header, seal};
 use tater_wire::memory::{APPLICATION, Area, FLASH, RAM};
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property};
 
-/// One flash operation.
 #[derive(Clone, Copy, Debug)]
 pub enum Operation {
     Program(u32, u16),
@@ -27,7 +26,6 @@ impl Operation {
     }
 }
 
-/// Simulated flash that logs its operations.
 pub struct Logged {
     pub sim: SimFlash,
     pub log: Vec<Operation>,
@@ -104,22 +102,18 @@ fn frame_us(frame: &Frame) -> u64 {
     47 + 8 * frame.data().len() as u64
 }
 
-/// Cost of a download.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Figures {
     pub requests: usize,
     pub frames: usize,
-    /// Time of bus occupation, µs.
     pub bus_us: u64,
     /// From SET VERS to the end of the copy, µs.
     pub took_us: u64,
 }
 
-/// A monitor and its bus.
 pub struct Rig {
     pub monitor: Monitor<Bed>,
     now: u64,
-    /// Frames on their way to the board, with arrival times.
     coming: VecDeque<(u64, Frame)>,
     bus_free: u64,
     figures: Figures,
@@ -144,12 +138,10 @@ impl Rig {
         self.monitor.into_board().flash
     }
 
-    /// Lets time pass without frames.
     pub fn pass(&mut self, us: u64) {
         self.now += us;
     }
 
-    /// Puts a frame on the bus.
     pub fn say(&mut self, frame: Frame) {
         self.bus_free = self.bus_free.max(self.now) + frame_us(&frame);
         self.figures.bus_us += frame_us(&frame);
@@ -161,8 +153,7 @@ impl Rig {
         self.say(message.frame());
     }
 
-    /// A step of the monitor. Frames that arrive while the flash stalls it wait in the controller, which
-    /// keeps three.
+    /// Frames that arrive while the flash stalls the processor wait in the controller, which keeps three.
     pub fn step(&mut self) -> (Next, Vec<Frame>) {
         let next = self.monitor.step(Micros(self.now as u32));
         self.now += LOOP_US + self.monitor.board_mut().flash.sim.take_busy_us();
@@ -183,7 +174,7 @@ impl Rig {
         (next, sent)
     }
 
-    /// Steps until all frames are received and processed; returns whether the application is to start.
+    /// Returns whether the application is to start.
     pub fn settle(&mut self) -> Next {
         for _ in 0..100_000 {
             let (next, _) = self.step();
@@ -210,7 +201,7 @@ impl Rig {
         None
     }
 
-    /// A download to its end, successful or not; `None` if the power failed in it.
+    /// Returns `None` if the power failed in it.
     pub fn download(&mut self, host: &mut Host) -> Option<Figures> {
         self.figures = Figures::default();
         let begun = self.now;
@@ -233,12 +224,11 @@ impl Rig {
         Some(std::mem::take(&mut self.figures))
     }
 
-    /// Steps on, whatever happens, until the power fails; returns whether it does.
     pub fn run_into_cut(&mut self) -> bool {
         for _ in 0..20_000 {
             self.step();
             if self.flash().is_dead() {
-                // It does not know, and continues for a while.
+                // The processor runs on for a while after the power has failed.
                 (0..10).for_each(|_| drop(self.step()));
                 return true;
             }
@@ -251,17 +241,14 @@ impl Rig {
     }
 }
 
-/// A host with a file.
 pub struct Host {
     numbered: bool,
-    /// The characters to send, in order.
     characters: Vec<u8>,
     sent: usize,
 }
 
 impl Host {
-    /// Barrett's downloader (docs/download.md): lines of at most 98 characters; of each line the characters
-    /// after the first, up to one below '0'; one character for any frame that it sees; never back.
+    /// Barrett's downloader (docs/download.md): 98 characters of a line at most, one character for any frame.
     pub fn barrett(file: &[u8]) -> Self {
         let mut characters = Vec::new();
         for line in file.split_inclusive(|&c| c == b'\n').flat_map(|line| line.chunks(98)) {
@@ -298,19 +285,16 @@ impl Host {
     }
 }
 
-/// The contents of an area.
 pub fn area(flash: &SimFlash, area: Area, len: usize) -> &[u8] {
     &flash.bytes()[(area.start - FLASH.start) as usize..][..len]
 }
 
-/// Version and length of the application, if there is a whole one.
 pub fn application(flash: &SimFlash) -> Option<Header> {
     let all = area(flash, APPLICATION, APPLICATION.len as usize);
     let header = Header::read(all).ok()?;
     Header::verify(&all[..header.len as usize]).ok()
 }
 
-/// An image of `len` random bytes that verifies.
 pub fn image(len: usize, version: u32) -> Vec<u8> {
     let mut state = version;
     let mut image: Vec<u8> = std::iter::repeat_with(|| {
@@ -327,7 +311,6 @@ pub fn image(len: usize, version: u32) -> Vec<u8> {
     image
 }
 
-/// Flash with an application.
 pub fn flash_with(image: &[u8]) -> SimFlash {
     let mut flash = SimFlash::default();
     flash.load(APPLICATION.start, image);
@@ -342,14 +325,11 @@ pub fn line(body: &str) -> String {
     format!("%{text}\r\n")
 }
 
-/// A line of data.
 pub fn data(address: u32, bytes: &[u8]) -> String {
     let hex: String = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
     line(&format!("6008{address:08X}{hex}"))
 }
 
-/// The lines of a `.tek` file with this image at the application's address, 32 bytes each, and the
-/// termination.
 pub fn lines(image: &[u8]) -> Vec<String> {
     let data = (APPLICATION.start..).step_by(32).zip(image.chunks(32)).map(|(at, bytes)| data(at, bytes));
     data.chain([line(&format!("8008{:08X}", APPLICATION.start))]).collect()

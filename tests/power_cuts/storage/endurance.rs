@@ -47,27 +47,23 @@ fn amounts(counters: Counters) -> Amounts {
     [counters.upsecs.into(), counters.odometer.into(), counters.ptemp.into()]
 }
 
-/// The lead of `of` over `left`.
 fn loss(of: Counters, left: Counters) -> Amounts {
     let (of, left) = (amounts(of), amounts(left));
     std::array::from_fn(|i| of[i] - left[i])
 }
 
-/// Totals of all cycles so far.
 #[derive(Default)]
 struct Life {
     /// Lower bound of the flash's counters: their values after the last cut, or those stored exactly since.
     kept: Counters,
     /// Seconds and thousands of counts in all cycles, as if none had been lost.
     counted: [i64; 2],
-    /// Cycles that ended before everything was stored.
     cuts: i64,
     /// The largest loss in a cycle, in seconds, counts and 0.1 °C.
     worst: Amounts,
 }
 
-/// From a power-up until the power fails, in the middle of an operation or between two; or, in one case of
-/// eight, until everything is stored exactly.
+/// Runs until the power fails, in an operation or between two; or, in one case of eight, until everything is stored.
 fn cycle(flash: &mut SimFlash, rng: &mut Pcg64Mcg, life: &mut Life) {
     let mut store = Store::open(flash);
     let start = store.counters();
@@ -76,8 +72,7 @@ fn cycle(flash: &mut SimFlash, rng: &mut Pcg64Mcg, life: &mut Life) {
     if rng.random() {
         flash.cut_at(flash.operations() + rng.random_range(0..80), rng.random());
     }
-    // Up to five minutes, standing or as fast as a motor turns (1,057 counts/s). One day in forty is the
-    // hottest so far, and warms by up to 0.5 °C in a tenth of a second.
+    // Up to five minutes, standing or at full speed (1,057 counts/s). One day in forty is the hottest so far.
     let speed = [0, 500, 1057][rng.random_range(0..3)];
     let (mut temperature, hottest) =
         (start.ptemp - 20, start.ptemp + [5, -5][usize::from(rng.random_range(0..40) > 0)]);
@@ -88,7 +83,6 @@ fn cycle(flash: &mut SimFlash, rng: &mut Pcg64Mcg, life: &mut Life) {
         if rng.random_range(0..200) == 0 {
             store.set(Property::X0, rng.random_range(-9..9));
         }
-        // A step a millisecond.
         step(&mut store, flash, 100, false);
         if flash.is_dead() {
             break;
@@ -140,8 +134,7 @@ fn counters_survive_ten_thousand_power_cycles() {
     assert!(worst[0] <= stated[0] && worst[1] < stated[1] && worst[2] <= stated[2]);
     // The bound is tight: the worst case comes near it.
     assert!(worst[0] >= 57 && worst[1] >= 6000 && worst[2] >= 1, "{worst:?}");
-    // Cuts come at any time, so on average each costs half of the 58 s and of the 6 thousand counts between
-    // updates of the flash, and a tenth more for chance. A cycle that stored everything loses nothing.
+    // On average a cut costs half of the 58 s and of the 6 thousand counts between updates of the flash; 10 % for chance.
     assert!(10 * lost[0] <= 11 * cuts * 29 && 10 * lost[1] <= 11 * cuts * 3, "{lost:?} in {cuts} cuts");
 }
 

@@ -8,20 +8,16 @@ use tater_fw::storage::{Counters, Store};
 use tater_wire::Property;
 use tater_wire::memory::STORAGE;
 
-/// Steps until everything is stored.
 const FINISH: Act = Act::Steps { most: 3000, bridge_on: false };
 
-/// The same while the motor is driven.
 const DRIVEN: Act = Act::Steps { most: 3000, bridge_on: true };
 
-/// A flash and a script of its activities.
 pub struct Scenario {
     pub name: &'static str,
     pub flash: SimFlash,
     pub script: Vec<Act>,
 }
 
-/// A flash after a script.
 fn after(mut flash: SimFlash, script: &[Act]) -> SimFlash {
     run(script, &mut Store::open(&flash), &mut flash);
     flash
@@ -34,7 +30,6 @@ pub fn used() -> SimFlash {
     after(SimFlash::default(), &script)
 }
 
-/// The same, with its current page full except for some half-words.
 fn nearly_full(left: usize) -> SimFlash {
     let (mut flash, mut value) = (used(), 0);
     let last = STORAGE.page(1) - 2 * (left as u32 + 8);
@@ -45,7 +40,6 @@ fn nearly_full(left: usize) -> SimFlash {
     flash
 }
 
-/// Every bit at random.
 fn noise() -> SimFlash {
     let mut rng = rand_pcg::Pcg64Mcg::new(7);
     let mut flash = SimFlash::default();
@@ -60,12 +54,10 @@ fn counted(seconds: u32) -> Counters {
     Counters { upsecs: seconds, odometer: seconds / 3, ptemp }
 }
 
-/// Properties saved one by one.
 fn one_by_one(values: fn(Property) -> i64, how_many: usize, store: Act) -> Vec<Act> {
     stored().take(how_many).flat_map(|property| [Act::Set(property, values(property)), store]).collect()
 }
 
-/// Properties saved together.
 fn together(values: fn(Property) -> i64) -> Vec<Act> {
     stored().map(|property| Act::Set(property, values(property))).chain([FINISH]).collect()
 }
@@ -102,7 +94,6 @@ fn trust() -> Vec<Act> {
     script
 }
 
-/// Sets while records are being written.
 fn interleaved() -> Vec<Act> {
     let step = |most| Act::Steps { most, bridge_on: false };
     let mut script = Vec::new();

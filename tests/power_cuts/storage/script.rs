@@ -8,12 +8,10 @@ use tater_fw::storage::{Counters, LOSS, Progress, Store};
 use tater_wire::Property;
 use tater_wire::property::{ROWS, Stored};
 
-/// The properties that SAVE stores.
 pub fn stored() -> impl Iterator<Item = Property> {
     ROWS.iter().filter(|row| row.stored == Stored::Yes).map(|row| row.property)
 }
 
-/// A call of a store, or several of its steps.
 #[derive(Clone, Copy, Debug)]
 pub enum Act {
     Set(Property, i64),
@@ -25,7 +23,6 @@ pub enum Act {
     Steps { most: usize, bridge_on: bool },
 }
 
-/// The values that a store reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
     pub values: BTreeMap<Property, i64>,
@@ -58,8 +55,7 @@ impl State {
         self
     }
 
-    /// Whether a store with the values `self` may be the result of an interrupted write of `told`, ignoring
-    /// trust.
+    /// Whether an interrupted write of `told` may leave the values `self`, ignoring trust.
     pub fn is_left_of(&self, told: &Self) -> bool {
         let within = |left: i64, told: i64, loss: i64| (told - loss..=told).contains(&left);
         let (left, counters) = (self.counters, told.counters);
@@ -90,7 +86,6 @@ impl MayBe {
     }
 }
 
-/// Steps until everything is stored, the power fails, or an erase is needed but not allowed.
 pub fn step(store: &mut Store, flash: &mut SimFlash, most: usize, bridge_on: bool) -> Progress {
     flash.set_bridge_on(bridge_on);
     for _ in 0..most {
@@ -103,7 +98,6 @@ pub fn step(store: &mut Store, flash: &mut SimFlash, most: usize, bridge_on: boo
     Progress::More
 }
 
-/// Runs a script until its end or until the power fails.
 pub fn run(script: &[Act], store: &mut Store, flash: &mut SimFlash) -> MayBe {
     let (mut done, mut consumed) = (0, 0);
     for (i, act) in script.iter().enumerate() {
