@@ -20,7 +20,7 @@ pub fn model_name(model: Model) -> &'static str {
     }
 }
 
-/// The JSON object of a run. A missing value is null; nothing is ever NaN.
+/// A missing value is null; nothing is ever NaN.
 #[derive(Serialize)]
 struct Json<'a> {
     scenario: &'a str,

@@ -127,7 +127,6 @@ fn list() -> String {
     text
 }
 
-/// Returns whether all expectations were met.
 fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     let mut scenario = Scenario::find(&args.scenario)?;
     for assignment in &args.set {

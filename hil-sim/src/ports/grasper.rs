@@ -150,7 +150,7 @@ impl Console {
     /// Goals are in hall counts. The tip of a link moves along with it.
     fn move_to(&mut self, motors: Motors, goal: impl Fn(Motor) -> i64) -> Vec<String> {
         let along = |link: Motor| Some((link.tip()?, units::tip_travel_along(goal(link))));
-        // A tip named itself comes later and keeps its own goal.
+        // A tip that is named comes later in the chain, so that its own goal replaces its link's.
         let goals = motors.iter().filter_map(along).chain(motors.iter().map(|motor| (motor, goal(motor))));
         let goals: BTreeMap<Motor, i64> = goals.collect();
         let mut nodes: Vec<(i64, String)> = Vec::new();
@@ -295,7 +295,6 @@ mod tests {
             (&[" 4 S E 82 ", "4 s mode 5"], &["4 S E 82", "4 s mode 5"]),
             (&["M", "123", "100"], &["123 S E 100", "567 S E 27", "123567 S M 5"]),
             (&["m", "3 1", " -20 "], &["13 S E -20", "57 S E -5", "1357 S M 5"]),
-            // A tip named itself keeps its own goal.
             (&["M", "16", "100"], &["16 S E 100", "5 S E 27", "156 S M 5"]),
             (&["M", "15", "100"], &["15 S E 100", "15 S M 5"]),
             // 18200 and 9300 counts are 331 and 169 hall counts; the tip moves a third of its link's angle.

@@ -40,9 +40,6 @@ impl Lines {
     }
 
     /// The next line without its line end; `None` at the end of the input. Skips lines that start with #.
-    ///
-    /// # Errors
-    /// The line cannot be read, is too long, or is not UTF-8.
     pub fn next_line(&mut self) -> Result<Option<String>, BadInput> {
         loop {
             self.number += 1;

@@ -7,9 +7,6 @@ use std::path::{Path, PathBuf};
 use crate::experiment::input::BadInput;
 
 /// Prints to standard output; a closed pipe is not an error.
-///
-/// # Errors
-/// Any other error, such as a full disk.
 pub fn print(text: &str) -> Result<(), BadInput> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

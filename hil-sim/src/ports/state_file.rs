@@ -56,8 +56,6 @@ impl StateFile {
         Ok((state_file, Some(state)))
     }
 
-    /// Writes the hand's state.
-    ///
     /// # Errors
     /// The file cannot be written; the old one is unchanged.
     pub fn write(&mut self, hand: &mut Hand) -> Result<(), BadInput> {

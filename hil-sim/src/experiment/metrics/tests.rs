@@ -199,7 +199,6 @@ fn goal_belongs_to_its_move_only() {
     }
     let done = so_far(&meter);
     assert_eq!((done.overshoot_counts, done.final_error_counts), (Some(1.0), Some(0.25)));
-    // E for the next move, while nothing moves.
     meter.command(&Command::End(-30), true, &at(202, Mode::Idle, 10.25), 10.0);
     assert_eq!(so_far(&meter), done);
     // Mode 4 has no goal to overshoot, and mode 5 uses the E written before.

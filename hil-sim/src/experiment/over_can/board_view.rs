@@ -158,7 +158,6 @@ impl BoardView {
         self.waiting = Some((property, now_us + ANSWER_US));
     }
 
-    /// The next time at which [`Self::pump`] has something to do.
     pub(super) fn due_us(&self) -> Option<u64> {
         let waits = self.waiting.map(|(_, until)| until);
         waits.or_else(|| self.pending.as_ref().map(|pending| pending.due_us))

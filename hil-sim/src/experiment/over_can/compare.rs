@@ -15,7 +15,6 @@ pub struct Path {
     moves: Vec<Moved>,
 }
 
-/// A motion that ends by itself.
 #[derive(Clone, Copy, Debug)]
 struct Moved {
     told_us: u64,

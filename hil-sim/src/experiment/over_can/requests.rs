@@ -56,8 +56,6 @@ impl<S: ObservedBoard> OverCan<S> {
         })
     }
 
-    /// Polls a property until it has a value.
-    ///
     /// # Errors
     /// Timeout, or a board that has stopped for good.
     pub(super) fn until(

@@ -229,8 +229,7 @@ fn place(marks: &[Mark], x: &Axis) -> Vec<Label> {
     labels
 }
 
-/// A curve's path, interrupted where a value is not finite. Of several values in one pixel the smallest and
-/// the largest are kept, in order.
+/// Interrupted where a value is not finite. Of several values in one pixel it keeps the smallest and the largest, in order.
 fn path(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
     let points: Vec<(f64, f64)> = times.iter().copied().zip(values.iter().copied()).collect();
     // Two points per bucket; a short curve has one value per bucket.

@@ -269,8 +269,7 @@ fn short(value: &Value) -> String {
     }
 }
 
-/// The colors (blue, vermilion, green) are distinct for color-blind readers; the page is dark if the reader's
-/// system is.
+/// Blue, vermilion and green are distinct for color-blind readers. The page is dark if the reader's system is.
 const STYLE: &str = "
 :root { color-scheme: light dark; --bg:#fbfbfa; --ink:#1c2128; --soft:#667080; --line:#e3e5e8; --frame:#9aa3ad;
   --card:#fff; --c1:#0b62c4; --c2:#d9480f; --c3:#1a7f4b; --good:#1a7f4b; --bad:#c92a2a; --goal:#8a929c; }

@@ -8,7 +8,6 @@ use tater_wire::Node as Id;
 
 use super::event::bad;
 
-/// The hand has seven motors.
 const NODES: std::ops::RangeInclusive<u8> = 1..=7;
 
 /// The arguments of `hil-sim bus`.

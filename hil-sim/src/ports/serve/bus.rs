@@ -17,8 +17,6 @@ use crate::world::bus::{Adapter, Bus, Station};
 /// Frames queued in the adapter; further ones stay in the host's socket.
 const QUEUE: usize = 64;
 
-/// Serves boards until the clock ends.
-///
 /// # Errors
 /// The address is in use, or there is no such interface.
 pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
@@ -51,7 +49,6 @@ enum Host {
 struct Server<S> {
     bus: Bus<S>,
     events: Receiver<Event>,
-    /// For the threads of future clients.
     sender: SyncSender<Event>,
     host: Host,
     /// Bytes received while the adapter's queue was full.

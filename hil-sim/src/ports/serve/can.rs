@@ -124,7 +124,6 @@ mod none {
 
     use super::super::event::{Event, bad};
 
-    /// Does not exist on this system.
     pub enum CanPort {}
 
     impl CanPort {

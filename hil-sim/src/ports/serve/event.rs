@@ -25,7 +25,6 @@ pub enum Event {
     Bytes(u64, Vec<u8>),
     Gone(u64),
     Frame(Frame),
-    /// The CAN interface has failed.
     Lost(String),
 }
 

@@ -75,8 +75,6 @@ enum Speed {
     Max,
 }
 
-/// Serves a hand until the clock ends.
-///
 /// # Errors
 /// An address is in use, or the state is damaged.
 pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
@@ -154,7 +152,6 @@ struct Server {
     terminal: Option<Terminal>,
     watchers: Vec<Client>,
     events: Receiver<Event>,
-    /// For the threads of future links.
     sender: SyncSender<Event>,
     links: u64,
     /// `None`: as fast as possible.

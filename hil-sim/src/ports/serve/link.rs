@@ -19,7 +19,6 @@ pub trait Port: Send + Sync + 'static {
     /// Blocks until bytes arrive; 0 at the end.
     fn read(&self, bytes: &mut [u8]) -> io::Result<usize>;
 
-    /// Blocks until all bytes are written.
     fn write(&self, bytes: &[u8]) -> io::Result<()>;
 
     /// Closes the stream: blocked readers and writers return, and unread bytes are lost.
@@ -109,7 +108,6 @@ impl Link {
         }
     }
 
-    /// Closes the stream and ends both threads.
     pub fn close(self) {
         self.is_closed.store(true, Ordering::SeqCst);
         self.port.close();

@@ -82,7 +82,6 @@ mod unix {
     }
 }
 
-/// Not supported on this system.
 #[cfg(not(unix))]
 pub fn open() -> Result<(std::sync::Arc<dyn super::link::Port>, String), crate::experiment::input::BadInput> {
     Err(super::event::bad("--pty".to_owned(), "not Unix", "a system with pseudo-terminals", "use --listen"))

@@ -95,10 +95,7 @@ pub fn refuse(mut client: NewClient, why: &str) {
     });
 }
 
-/// Accepts a client; its bytes arrive as events with its number.
-///
-/// # Errors
-/// The client has disconnected.
+/// The client's bytes arrive as events with its number. Fails if the client has disconnected.
 pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> io::Result<Link> {
     // Answers are short and wanted at once.
     client.stream.set_nodelay(true)?;

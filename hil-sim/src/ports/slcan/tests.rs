@@ -47,7 +47,6 @@ fn other_bit_rates_are_refused() {
     let mut slcan = Slcan::default();
     // 1 Mbit/s with a sample point of 75 %, then 500 kbit/s, then two that are no registers.
     assert_eq!(answer(&mut slcan, "s0014\rs001C\rs14\rs00140\r"), "\r\x07\x07\x07");
-    // The channel opens in spite of a refused rate.
     assert_eq!(answer(&mut slcan, "S4\rO\r"), "\x07\r");
     assert_eq!(answer(&mut slcan, "S8\r"), "\x07", "not while the channel is open");
 }
