@@ -54,7 +54,6 @@ mod app {
         (place.write(Tater::asleep(metal, now)), ticker)
     }
 
-    /// A hall line changed.
     #[task(binds = TIM4, priority = 5, shared = [tater])]
     fn hall(mut cx: hall::Context) {
         cx.shared.tater.lock(|tater| {
@@ -64,7 +63,6 @@ mod app {
         });
     }
 
-    /// The break input switched the bridge off.
     #[task(binds = TIM1_BRK, priority = 4, shared = [tater])]
     fn bridge_fault(mut cx: bridge_fault::Context) {
         cx.shared.tater.lock(|tater| {
@@ -101,7 +99,6 @@ mod app {
         });
     }
 
-    /// A mailbox is free.
     #[task(binds = USB_HP_CAN_TX, priority = 2, shared = [tater])]
     fn sent(mut cx: sent::Context) {
         cx.shared.tater.lock(|tater| {
@@ -110,7 +107,6 @@ mod app {
         });
     }
 
-    /// Ten times a second.
     #[task(binds = SysTick, priority = 1, shared = [tater])]
     fn housekeeping(mut cx: housekeeping::Context) {
         rtic::pend(stm32f1xx_hal::pac::Interrupt::USB_LP_CAN_RX0);
@@ -120,7 +116,7 @@ mod app {
         });
     }
 
-    /// Stores pending values, one flash operation per lock, and logs events.
+    /// One flash operation per lock.
     #[idle(shared = [tater])]
     fn idle(mut cx: idle::Context) -> ! {
         loop {

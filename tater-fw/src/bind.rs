@@ -1,10 +1,8 @@
 //! Binds properties to the fields of a struct: one line each gives reading, writing and listing.
 
-/// A field that holds a property's value.
 pub trait Raw: Copy {
-    /// The value.
     fn value(self) -> i64;
-    /// The field of a value; `None` if it does not fit the field.
+    /// `None` if the value does not fit the field.
     fn of(value: i64) -> Option<Self>;
 }
 
@@ -69,7 +67,6 @@ macro_rules! bind {
             })*
         }
 
-        /// That [`fill`] and [`each`] do to all what [`set`] and [`get`] do to one.
         #[cfg(test)]
         fn fills_and_tells_each(mut all: $struct) {
             fill(&mut all, |property| i32::try_from(property.row().max).ok());
@@ -81,8 +78,7 @@ macro_rules! bind {
             assert_eq!(all, before, "what does not fit is not taken");
         }
 
-        /// Sets a property; `false`, and nothing changed, if it is not here, or the field cannot hold the value. The caller has
-        /// checked the range.
+        /// `false`, and nothing changed, if the property is not here or its field cannot hold the value. Does not check ranges.
         #[must_use]
         pub fn set(to: &mut $struct, property: tater_wire::Property, value: i64) -> bool {
             match property {

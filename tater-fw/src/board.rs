@@ -1,5 +1,4 @@
-//! The hardware of a motor board, as small as it can be. The metal implements it with a few lines of registers, the simulator
-//! with its plant.
+//! The hardware of a motor board: registers on the metal, the plant in the simulator.
 
 use embedded_storage::nor_flash::{NorFlashError, NorFlashErrorKind};
 use servo_core::sense::commutation::Bridge;

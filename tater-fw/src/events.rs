@@ -1,7 +1,6 @@
 //! A ring of a board's last events with their times: a probe logs them, a simulator prints them when a run fails.
 //!
-//! Entries are plain values without text. The 1 kHz tick records nothing; an entry is made when
-//! a frame is handled, when the servo's reports are handled, or when the flash fails.
+//! Entries are plain values without text. The 1 kHz tick records nothing.
 
 use heapless::Deque;
 use servo_core::Event;

@@ -12,14 +12,12 @@ use tater_wire::{Group, Node, Property};
 pub struct Identifying {
     /// ROLE, SN or ID.
     pub rules: &'static Rules,
-    /// The present value.
     pub value: i64,
     /// The value if none is stored. The ID of a board without straps is 0, which is out of its range.
     pub default: i64,
 }
 
 impl Identifying {
-    /// ROLE, SN and ID of a board, as stored, or by default.
     pub fn all<B: Board>(board: &B, store: &Store) -> [Self; 3] {
         let role = match Property::ROLE.rules().default {
             Default::Same(role) => i64::from(role),
@@ -37,7 +35,6 @@ impl Identifying {
         })
     }
 
-    /// Takes the stored value, or the default.
     pub fn restore(&mut self, store: &Store) {
         self.value = store.get_by(self.rules).unwrap_or(self.default);
     }
@@ -48,12 +45,12 @@ impl Identifying {
     }
 }
 
-/// The node of a board with this identity; [`Node::HOST`] if it has neither an ID nor straps.
+/// [`Node::HOST`] for a board with neither an ID nor straps.
 pub fn node([_, _, id]: &[Identifying; 3]) -> Node {
     u8::try_from(id.value).ok().and_then(Node::new).unwrap_or(Node::HOST)
 }
 
-/// The group of a value of GRPA, GRPB or GRPC; `None` if boards may not listen to it.
+/// `None` if boards may not listen to the group.
 pub fn group(number: i64) -> Option<Group> {
     Group::new(u8::try_from(number).ok()?).filter(|group| group.is_for_boards())
 }

@@ -3,7 +3,6 @@
 /// The sequence (property table).
 const KEYS: [i64; 5] = [18384, 23, 3145, 1024, 1];
 
-/// Progress through the sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lock {
     /// Correct numbers in a row; open when all five are.
@@ -11,8 +10,7 @@ pub struct Lock {
 }
 
 impl Lock {
-    /// A SET of LOCK. A wrong number restarts the sequence, and counts if it is the first number of it; so does any number once
-    /// the lock is open.
+    /// A wrong number restarts the sequence, and counts if it is its first number; so does any number once the lock is open.
     pub fn key(&mut self, value: i64) {
         self.right = match KEYS.get(self.right) {
             Some(&key) if key == value => self.right.saturating_add(1),

@@ -9,7 +9,6 @@ use defmt_rtt as _;
 #[cfg(feature = "log")]
 defmt::timestamp!("{=u32:us}", tater_fw::bsp::metal::logged_at());
 
-/// The program has started.
 pub fn started(node: Node, homed: bool) {
     #[cfg(feature = "log")]
     defmt::info!("{} awake, position trusted: {=bool}", node, homed);
@@ -17,7 +16,6 @@ pub fn started(node: Node, homed: bool) {
     let _ = (node, homed);
 }
 
-/// A new entry of the event ring.
 pub fn event(entry: Entry) {
     #[cfg(feature = "log")]
     defmt::info!("{}", entry);

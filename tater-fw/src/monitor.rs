@@ -3,9 +3,9 @@
 //! It answers for the few properties that identify a board, takes downloads into staging, copies them over
 //! the application, and starts the application if it is whole. `docs/download.md` describes the protocol.
 //!
-//! A valid image in staging is a copy that is owed: it is made before anything else, also after a power
-//! failure, and staging becomes invalid only when the application has been verified. So from the first good
-//! download on there is a valid image at any instant, the old one or the new.
+//! A valid image in staging is a copy that is owed: it is made before anything else, also after a power failure. Staging
+//! becomes invalid only when the application has been verified. So from the first good download on there is always a valid
+//! image.
 
 mod check;
 mod copy;
@@ -36,18 +36,13 @@ const VERSION: i64 = Property::VERS.rules().max();
 /// The groups that are received beside group 0.
 const GROUPS: [&Rules; 3] = [Property::GRPA.rules(), Property::GRPB.rules(), Property::GRPC.rules()];
 
-/// Numbers of properties.
 const VERS: u8 = Property::VERS.id();
-/// See [`VERS`].
 const ERROR: u8 = Property::ERROR.id();
-/// See [`VERS`].
 const STAT: u8 = Property::STAT.id();
 
 /// Properties that have other numbers in the monitor than in the application (Barrett's table of the RESET state).
 const LOCK: u8 = 8;
-/// See [`LOCK`].
 const SAVE: u8 = 9;
-/// See [`LOCK`].
 const LOAD: u8 = 10;
 
 /// Frames queued for the CAN controller: a GET of each property, and a request.
@@ -82,7 +77,6 @@ enum Then {
     Start,
 }
 
-/// The monitor's activity.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "there is no heap to put the download on")]
 enum Phase {
@@ -91,7 +85,6 @@ enum Phase {
     Check(Check, Then),
     Download(Download),
     Copy(Copy),
-    /// Makes staging invalid.
     Forget,
     /// Leaves the monitor as soon as everything is stored.
     Start,
@@ -107,9 +100,8 @@ pub struct Monitor<B: Board> {
     locked: Locked,
     phase: Phase,
     wish: Option<Wish>,
-    /// A SAVE is being stored. Only then does the store work: its housekeeping takes the board off the bus.
+    /// A SAVE is being stored. Only then does the store work: its operations take the board off the bus.
     saving: bool,
-    /// The owed copy has failed.
     copy_failed: bool,
     /// Initially the reason for the reset, unless it was ordered.
     error: Option<FaultCode>,
@@ -177,8 +169,7 @@ impl<B: Board> Monitor<B> {
                     Value::Short(bits) => i64::from(bits.cast_signed()),
                     Value::Long(bits) => i64::from(bits.cast_signed()),
                 };
-                // Two boards that requested characters at once would get each other's: accept only the own
-                // node.
+                // Two boards that requested characters at once would get each other's.
                 if property == VERS && mine && host {
                     self.set_vers(value, now);
                 } else {
@@ -234,7 +225,7 @@ impl<B: Board> Monitor<B> {
             self.error = None;
         }
         if wish == Some(Wish::Start) && matches!(self.phase, Phase::Start | Phase::Check(_, Then::Start)) {
-            // It is being executed. A host that repeats its order must not restart it.
+            // A host that repeats its order must not restart it.
             return;
         }
         self.wish = wish;
@@ -250,7 +241,7 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    /// No copy is owed: execute the order.
+    /// Executes the order; no copy may be owed.
     fn obey(&mut self, now: Micros) {
         self.phase = match self.wish.take() {
             None => Phase::Idle,
@@ -275,8 +266,7 @@ impl<B: Board> Monitor<B> {
         };
     }
 
-    /// Sets ERROR. After it the application starts only when a host orders it again, which may have read
-    /// ERROR.
+    /// Sets ERROR and cancels a start: a host must order it again, and may have read ERROR by then.
     fn fail(&mut self, error: FaultCode) {
         self.error = Some(error);
         if self.wish == Some(Wish::Start) {
@@ -346,14 +336,13 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    /// The download is unusable.
     fn refuse(&mut self, error: FaultCode) {
         self.fail(error);
         self.phase = Phase::Forget;
     }
 
-    /// The copy failed. It stays owed: the next SET STAT 2 or reset repeats it. A download overwrites
-    /// staging, the only good image, only after two failures.
+    /// The copy stays owed: the next SET STAT 2 or reset repeats it. A download overwrites staging, the only good image, only
+    /// after two failures.
     fn give_up(&mut self, now: Micros) {
         self.fail(FaultCode::FlashWrite);
         let again = !core::mem::replace(&mut self.copy_failed, true) && self.wish.is_some();
@@ -392,13 +381,11 @@ impl<B: Board> Monitor<B> {
 
     fn send(&mut self, message: Message) {
         if self.node != Node::HOST {
-            // A full outbox: nobody acknowledges on the bus, and hosts repeat their GETs as the board repeats
-            // its requests.
+            // Full only if nobody acknowledges; hosts repeat their GETs, and the board its requests.
             let _ = self.outbox.push_back(message.frame());
         }
     }
 
-    /// Passes queued frames to the CAN controller.
     fn flush(&mut self) {
         while let Some(frame) = self.outbox.front() {
             if !self.board.transmit(frame) {

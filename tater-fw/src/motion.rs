@@ -1,5 +1,4 @@
-//! The properties that shape a motion, each with its field of the servo's configuration. Range, unit, default and meaning
-//! are in the property's row, in tater-wire.
+//! Binds the properties that shape a motion to the servo's configuration. Their rows are in tater-wire.
 
 use crate::bind::bind;
 use servo_core::Config;
@@ -28,8 +27,7 @@ bind! { motion for Config:
     OTEMP = otemp,
 }
 
-/// A motor that cannot move until it is configured, but knows its brake: the spread's is a power-off brake, of which
-/// this size releases in 10 to 30 ms.
+/// Cannot move until it is configured, but knows its brake: the spread's power-off brake releases in 10 to 30 ms.
 #[must_use]
 pub(crate) fn unconfigured(motor: MotorKind) -> Config {
     let brake_ms = match motor {

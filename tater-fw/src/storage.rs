@@ -1,11 +1,10 @@
 //! Non-volatile state: the stored copies of properties, the counters, and whether the position may be trusted.
 //!
 //! All of it is in one journal over the eight pages of [`STORAGE`](tater_wire::memory::STORAGE) (decision 0018). A page begins
-//! with a complete record of all values (`record.rs`); after it come records of changes, and single half-words
-//! by which the counters grew (`word.rs`). When a page is full, the next one that is ready gets a complete record, and
-//! pages with older state are erased while the bridge is off (`pages.rs`). [`Store::open`] takes the complete record
-//! with the highest sequence number and what follows it in its page, up to the first incomplete item; nothing
-//! is ever written after an incomplete item.
+//! with a complete record of all values (`record.rs`); records of changes, and single half-words by which the counters grew
+//! (`word.rs`), follow. When a page is full, the next ready one gets a complete record; pages with older state are erased while
+//! the bridge is off (`pages.rs`). [`Store::open`] takes the complete record with the highest sequence number and what follows
+//! it in its page, up to the first incomplete item. Nothing is ever written after an incomplete item.
 //!
 //! # Guarantees for a power cut at any instant
 //!
@@ -18,11 +17,10 @@
 //!
 //! # Programs of several versions
 //!
-//! The monitor is never downloaded, so it reads and writes this layout forever. It must find ID, ROLE and SN, and lose nothing
-//! when it stores them. **So the layout is frozen**: version 1 is the only one. What is
-//! new gets a property number of its own, with a value of up to 32 bits; a program keeps the numbers that it does not
-//! know, and their values, as long as all stored together are at most 48 (up to 127: the wire has no others). Should a new layout be needed all the same,
-//! it gets pages of its own, and ID, ROLE and SN stay here.
+//! The monitor is never downloaded, so it reads and writes this layout forever: it must find ID, ROLE and SN, and lose nothing
+//! when it stores them. **So the layout is frozen**: version 1 is the only one. A new value gets a property number of its own,
+//! and up to 32 bits. A program keeps the numbers that it does not know while all stored together are at most 48 (up to 127:
+//! the wire has no others). A new layout would get pages of its own; ID, ROLE and SN stay here.
 //!
 //! # Assumption
 //!
@@ -30,11 +28,10 @@
 //!
 //! # Duration
 //!
-//! A half-word takes 53 us, and a call of `step` programs one at most. It takes less than 100 us, because hall edges
-//! wait for it: the step that builds a record programs nothing, and the CRC is computed while the record is written. A record of one property has 8 half-words,
-//! 0.42 ms; of all 43 that are stored up to 94, 5.0 ms; a complete one, at the beginning of a page, up to 102, 5.4 ms.
-//! A value that is already stored is not written again. An erase takes 20 to 40 ms; it comes after a SAVE, not before, and only
-//! with the bridge off.
+//! A half-word takes 53 us, and a call of `step` programs one at most. It takes less than 100 us, because hall edges wait for
+//! it: the step that builds a record programs nothing, and the CRC is computed while the record is written. A record of one
+//! property has 8 half-words, 0.42 ms; of all 43 that are stored up to 94, 5.0 ms; a complete one up to 102, 5.4 ms. An erase
+//! takes 20 to 40 ms; it comes after a SAVE, not before, and only with the bridge off.
 //!
 //! # Endurance
 //!
@@ -112,8 +109,8 @@ pub enum Progress {
     More,
     /// There is more to do, but a page must be erased first, and the bridge is on.
     Waiting,
-    /// The flash did not take it. What was stored is still there; the next step tries another page. When each page has
-    /// failed once, nothing more is tried until the next start.
+    /// The flash failed. What was stored is still there; the next step tries another page. When each page has failed once,
+    /// nothing more is tried until the next start.
     Failed(FlashError),
 }
 
@@ -122,18 +119,16 @@ const UPSECS: u8 = Property::UPSECS.id();
 const OD: u8 = Property::OD.id();
 const PTEMP: u8 = Property::PTEMP.id();
 
-/// A record on its way into the flash. What is in it up to its CRC is in `Store::words`.
+/// A record that is being written. Its half-words before the CRC are in `Store::words`.
 #[derive(Debug)]
 pub struct Writing {
     /// Half-words written, and the length with the CRC.
     done: usize,
     len: usize,
-    /// CRC of the half-words written.
     crc: Crc32,
     head: Head,
     page: Page,
     at: usize,
-    /// The properties in it.
     changed: Numbers,
     counters: Counters,
     /// Nothing has moved since it was begun.
@@ -141,7 +136,7 @@ pub struct Writing {
 }
 
 impl Writing {
-    /// The half-word after it, and after its mark.
+    /// The half-word after it and its mark.
     fn end(&self) -> usize {
         self.at + self.len + usize::from(self.head.trusted.is_some())
     }
@@ -160,7 +155,6 @@ pub struct Store {
     /// Properties and counters that differ from the flash.
     changed: Numbers,
     counters: Counters,
-    /// The counters in the flash.
     stored_counters: Counters,
     /// The hall code at P, if that may be trusted.
     trusted: Option<u8>,
@@ -171,13 +165,11 @@ pub struct Store {
     pages: Pages,
     sequence: u32,
     writing: Option<Writing>,
-    /// The record that is being written, up to its CRC.
     words: Vec<u16, MOST_WORDS>,
 }
 
 impl Store {
-    /// Reads the newest whole state, none if there is none; writes nothing. Reads each page twice at most, whatever is
-    /// in it.
+    /// Reads the newest whole state, if any; writes nothing. Reads each page twice at most, whatever is in it.
     #[must_use]
     pub fn open<F: Flash>(flash: &F) -> Self {
         let mut store = Self {
@@ -226,9 +218,8 @@ impl Store {
         value.filter(|&value| rules.admits(value))
     }
 
-    /// Queues a value to be stored by [`Self::step`]. A P stored this way is not trusted.
-    ///
-    /// Does nothing for a property that SAVE does not store, or a value beyond its range.
+    /// Queues a value to be stored by [`Self::step`]; ignores a property that SAVE does not store, or a value beyond its range.
+    /// A P stored this way is not trusted.
     pub fn set(&mut self, property: Property, value: i64) {
         self.set_by(property.rules(), value);
     }
@@ -255,8 +246,7 @@ impl Store {
         self.trusted = None;
     }
 
-    /// Stores the position with the hall code at it; to be trusted until [`Self::distrust`]. Does nothing for a position
-    /// beyond the range of P.
+    /// Stores the position with its hall code, trusted until [`Self::distrust`]; ignores a position beyond the range of P.
     pub fn save_position(&mut self, position: i32, halls: u8) {
         if Property::P.rules().admits(position.into()) {
             self.change(Property::P, Some(position), Some(halls & 7));
@@ -276,7 +266,6 @@ impl Store {
         }
     }
 
-    /// Takes a value, or its absence, into RAM.
     fn put(&mut self, id: u8, value: Option<i32>) {
         let Some(value) = value else {
             self.values.remove(id);
@@ -303,13 +292,12 @@ impl Store {
         self.trusted.map(|code| (position, code))
     }
 
-    /// Consumes the trust, at once: before the first drive, or at the first count. Costs one half-word the first time,
-    /// two if a cut has left an older mark, up to three while a trusted position is on its way into the flash, and
-    /// nothing from then on.
+    /// Consumes the trust at once: before the first drive, or at the first count. Costs up to three half-words the first time,
+    /// and nothing from then on.
     ///
     /// # Errors
-    /// The flash did not take it, and the position would be trusted after a reset. Do not drive; call again after the
-    /// next steps, which store the position without trust elsewhere.
+    /// The flash failed, and the position would be trusted after a reset. Do not drive; call again after the next steps, which
+    /// store the position without trust elsewhere.
     pub fn distrust<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
         self.trusted = None;
         if let Some(mark) = self.obsolete.take() {
@@ -321,7 +309,7 @@ impl Store {
         {
             match flash.program(mark, 0) {
                 Ok(()) => writing.live = false,
-                // Then the record must never be completed.
+                // The mark would still be valid: the record must not be completed.
                 Err(_) => self.abandon(),
             }
         }
@@ -357,8 +345,6 @@ impl Store {
         self.advance(flash, may_erase).unwrap_or_else(Progress::Failed)
     }
 
-    // --- the journal: replay and append -------------------------------------------------------------------------
-
     /// Replays a page; returns where its contents end.
     fn replay<F: Flash>(&mut self, flash: &F, page: Page) -> usize {
         let mut at = FIRST;
@@ -379,7 +365,6 @@ impl Store {
         at
     }
 
-    /// Replays a record.
     fn take<F: Flash>(&mut self, flash: &F, found: &Found) {
         self.sequence = found.head.sequence;
         if found.head.complete {
@@ -407,7 +392,6 @@ impl Store {
         }
     }
 
-    /// At most one flash operation.
     fn advance<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Result<Progress, FlashError> {
         if self.writing.is_some() {
             self.proceed(flash)?;
@@ -429,7 +413,6 @@ impl Store {
         Ok(Progress::More)
     }
 
-    /// The largest due counter growth, if any.
     fn due(&self) -> Option<Word> {
         let (now, stored) = (self.counters, self.stored_counters);
         let step = if self.pages.has_ready() { STEP } else { SPARING };
@@ -471,7 +454,6 @@ impl Store {
         Ok(Progress::More)
     }
 
-    /// Builds the next record: of everything, or of the changes.
     fn record(&mut self, complete: bool) -> Head {
         let trusted = self.trusted.filter(|_| complete || self.changed.contains(P));
         let head = Head { sequence: self.sequence.wrapping_add(1), complete, trusted };
@@ -493,7 +475,7 @@ impl Store {
         head
     }
 
-    /// Programs a record's next half-word; with the last one the record counts as stored.
+    /// Programs the next half-word; with the last one the record counts as stored.
     fn proceed<F: Flash>(&mut self, flash: &mut F) -> Result<(), FlashError> {
         let Some(writing) = &mut self.writing else { return Ok(()) };
         let [low, high] = halves(writing.crc.finish());
@@ -532,8 +514,8 @@ impl Store {
         Ok(())
     }
 
-    /// Abandons the record that is being written, and its page; the next record repeats it elsewhere. In case it is readable after
-    /// all, its mark is queued to become 0, its sequence number is used up, and nothing more goes into the current page.
+    /// Abandons the record that is being written, and its page; the next record repeats it elsewhere. In case it is readable,
+    /// its mark is queued to become 0, its sequence number is used up, and nothing more goes into the current page.
     fn abandon(&mut self) {
         if let Some(writing) = &self.writing {
             self.obsolete = writing.mark();
@@ -546,10 +528,8 @@ impl Store {
     }
 }
 
-/// The counters' property numbers.
 const COUNTERS: [u8; 3] = [Property::UPSECS.id(), Property::OD.id(), Property::PTEMP.id()];
 
-/// The counters after one of them grew.
 fn grown(mut counters: Counters, word: Word) -> Counters {
     match word {
         Word::Time(amount) => counters.upsecs = counters.upsecs.saturating_add(amount.into()),

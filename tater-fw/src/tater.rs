@@ -35,8 +35,7 @@ use tater_wire::{
     Value,
 };
 
-/// Frames waiting for the CAN controller, if a host asks faster than the bus carries. An answer that finds no room is dropped:
-/// [`SetError::Busy`], and counted in [`Tater::unsent`].
+/// Frames waiting for a CAN mailbox. When full, an answer is dropped ([`SetError::Busy`]) and counted in [`Tater::unsent`].
 const OUTBOX: usize = 16;
 
 /// Servo reports handled in one call.
@@ -45,17 +44,16 @@ const REPORTS: usize = 8;
 /// In modes 2 and 4 the host counts as lost after this many ms without a frame (decision 0013).
 const HOST_TIMEOUT_MS: u16 = 500;
 
-/// The rotor counts as standing still after this many ms without power and without a hall change (decision 0012). A slower
-/// rotor, below 5 counts/s, makes no two counts during a page erase (40 ms), so none is lost.
+/// The rotor counts as standing still after this many ms without power and hall change (decision 0012). Below 5 counts/s it
+/// makes no two counts during a page erase (40 ms), so none is lost.
 const STANDSTILL_MS: u8 = 200;
 
 /// Most flash operations before a reset, so that a SAVE just before it is not lost: a page holds 512 half-words.
 const LAST_OPERATIONS: usize = 1024;
 
-/// LFLAGS bit: ends of motions are reported.
+/// LFLAGS bits.
 const REPORT_ENDS: u8 = 1;
 
-/// LFLAGS bit: breakaways are reported.
 const REPORT_BREAKAWAYS: u8 = 2;
 
 /// Counts per motor revolution.
@@ -71,7 +69,6 @@ const MONITOR: i64 = 0;
 /// The value of SAVE, LOAD and DEF that stands for all properties.
 const ALL: i64 = -1;
 
-/// Bridge off, brake engaged.
 const OFF: Drive = Drive { duty: None, brake_released: false };
 
 /// A motor board's application.
@@ -99,19 +96,17 @@ pub struct Tater<B: Board> {
     /// END of a motion that was refused, until the next motion.
     refused_end: Option<EndReason>,
     events: Events,
-    /// The mode that [`Self::events`] has recorded last.
     recorded_mode: Mode,
     /// The time of the last tick or frame.
     now: Micros,
-    /// Ticks until the host counts as lost; [`HOST_TIMEOUT_MS`] after each frame to this board or its groups.
+    /// Ticks until the host counts as lost; reloaded by each frame to this board or its groups.
     host_timeout_ms: u16,
     /// Ticks in idle since the last hall change; saturates at or above [`STANDSTILL_MS`].
     standstill_ms: u8,
-    /// Set when tick, bus and storage were served; cleared when the watchdog is fed.
+    /// Set when served; cleared when the watchdog is fed.
     tick_ran: bool,
     bus_served: bool,
     storage_served: bool,
-    /// The time of the last [`Self::housekeeping`], and the fraction of a second not counted in UPSECS yet.
     housekeeping_at: Micros,
     second_us: u32,
     /// Counts traveled that are not a whole thousand yet.
@@ -119,8 +114,8 @@ pub struct Tater<B: Board> {
 }
 
 impl<B: Board> Tater<B> {
-    /// A board that is awake (STAT 2) and idle, with its stored properties. The node is the stored ID, or the straps'; a board with
-    /// neither obeys groups, so that it can be given an ID, answers nothing and does not move (decision 0015).
+    /// A board that is awake (STAT 2) and idle, with its stored properties. Without a stored ID or straps it obeys groups, so
+    /// that it can be given an ID, answers nothing and does not move (decision 0015).
     pub fn new(board: B, now: Micros) -> Self {
         let mut tater = Self::asleep(board, now);
         tater.wake();
@@ -172,7 +167,7 @@ impl<B: Board> Tater<B> {
     pub fn wake(&mut self) {
         match self.store.trusted_position() {
             Some((_, at)) if u32::from(at) == self.hall_history => self.servo.trust_position(),
-            // The halls show another place: the mark never holds again.
+            // The halls show another position: the mark is void.
             _ => self.distrust(),
         }
         self.load_all(true);
@@ -194,7 +189,7 @@ impl<B: Board> Tater<B> {
         self.halls_changed(code, now);
     }
 
-    /// Decodes a hall code. The caller sets the bridge.
+    /// The caller sets the bridge.
     #[inline(never)]
     fn halls_changed(&mut self, code: u8, now: Micros) {
         self.pending_code = None;
@@ -212,9 +207,8 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// A tick found a hall code that is not settled. The first time it is left to the edge interrupt, whose filter may not have
-    /// passed it yet; if the same code is there at the next tick, the tick takes it. A different code at each tick is a spike in
-    /// step with the tick.
+    /// Leaves an unsettled hall code to the edge interrupt, whose filter may not have passed it yet, unless the last tick saw
+    /// the same code. A different code at each tick is a spike in step with the tick.
     #[inline(never)]
     fn resolve_halls(&mut self, now: Micros) {
         let code = self.board.halls() & 7;
@@ -327,7 +321,6 @@ impl<B: Board> Tater<B> {
         Ok(())
     }
 
-    /// Torques for several boards in one frame: PIDX says which is this board's.
     fn set_torques(&mut self, torques: Torques) -> Result<(), SetError> {
         self.lock.interrupt();
         let most = i16::try_from(self.servo.config().mt).unwrap_or(i16::MAX);
@@ -335,7 +328,6 @@ impl<B: Board> Tater<B> {
         self.command(Command::Torque(Torque(torque).clamp_abs(Torque(most))))
     }
 
-    /// Whether a frame to this destination is for this board.
     fn is_addressed(&self, to: Destination) -> bool {
         match to {
             Destination::Node(node) => node == self.node && node != Node::HOST,
@@ -343,13 +335,12 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// GRPA, GRPB and GRPC, without groups that boards may not listen to.
     fn groups(&self) -> [Option<Group>; 3] {
         let Settings { grpa, grpb, grpc, .. } = self.settings;
         [grpa, grpb, grpc].map(|number| identity::group(number.into()))
     }
 
-    /// Sets the CAN filters; must be called after each change of the groups.
+    /// Must be called after each change of the groups.
     fn update_filters(&mut self) {
         let groups = self.groups();
         self.board.set_filters(self.node, groups);
@@ -385,7 +376,6 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// [`Self::read`] of measured and computed properties.
     fn observe(&self, property: Property) -> Option<i64> {
         use Property as P;
         let status = self.servo.telemetry();
@@ -426,10 +416,7 @@ impl<B: Board> Tater<B> {
         Some(value.max(rules.min()).min(rules.max()))
     }
 
-    /// Sets a property that may be set.
-    ///
-    /// # Errors
-    /// Nothing has changed.
+    /// Changes nothing on error.
     fn write(&mut self, property: Property, value: i64) -> Result<(), SetError> {
         use Property as P;
         let out_of_range = SetError::Range(property);
@@ -477,11 +464,8 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Sets a property that flash keeps, to a value in its range: checked by [`Self::write`], or when it was read from flash.
-    /// LOAD and DEF do not go through `write`, which calls them: the recursion would have no bound on its stack.
-    ///
-    /// # Errors
-    /// As those of [`Self::write`].
+    /// Takes a value in the property's range. LOAD and DEF call this, not [`Self::write`], which calls them: the recursion
+    /// would have no bound on its stack.
     fn set_stored(&mut self, property: Property, value: i64) -> Result<(), SetError> {
         use Property as P;
         let out_of_range = SetError::Range(property);
@@ -508,7 +492,7 @@ impl<B: Board> Tater<B> {
     }
 
     fn command(&mut self, command: Command) -> Result<(), SetError> {
-        // Nobody could stop this board alone.
+        // A board without a node cannot be stopped on its own.
         if self.node == Node::HOST && command.moves() {
             return Err(SetError::Unnamed);
         }
@@ -521,8 +505,7 @@ impl<B: Board> Tater<B> {
         result.map_err(SetError::Servo)
     }
 
-    /// Sets END for a motion that was refused, or a host that waits for its end would wait forever (decision 0036). A motion under
-    /// way keeps its own END.
+    /// Sets END for a refused motion, or its host would wait forever (decision 0036). A motion under way keeps its own END.
     fn end_refused(&mut self, refusal: Refusal) {
         let Telemetry { mode, end, .. } = self.servo.telemetry();
         if matches!(mode, Mode::Velocity | Mode::Trapezoidal) && end.is_none() {
@@ -538,17 +521,12 @@ impl<B: Board> Tater<B> {
         Ok(())
     }
 
-    /// The latched fault. A fault of the servo goes before one of the flash, which does not stop the motor; STAT 2 clears
-    /// both.
+    /// A fault of the servo goes before one of the flash, which does not stop the motor.
     fn error(&self) -> Option<FaultCode> {
         let storage = self.storage_error.then_some(FaultCode::Storage);
         self.servo.telemetry().fault.map(fault_code).or(storage)
     }
 
-    // --- CMD ---------------------------------------------------------------------------------------------------
-
-    /// # Errors
-    /// Nothing has changed.
     fn run_cmd(&mut self, number: i64) -> Result<(), SetError> {
         match Cmd::of(number).ok_or(SetError::Range(Property::CMD))? {
             Cmd::Load => self.load(ALL),
@@ -574,8 +552,7 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// IC and IO: moves relative to the present position, also during a move (manual 5.2: "closes the motor the given number of
-    /// counts").
+    /// IC and IO: relative to the present position, also during a move (manual 5.2).
     fn step_by(&mut self, counts: i32) -> Result<(), SetError> {
         let end = self.servo.telemetry().position.round().saturating_add(counts);
         if !Property::E.rules().admits(end.into()) {
@@ -587,9 +564,6 @@ impl<B: Board> Tater<B> {
     // --- SAVE, LOAD and DEF ------------------------------------------------------------------------------------
 
     /// SAVE: takes effect in RAM now; [`Tater::store`] puts it into flash.
-    ///
-    /// # Errors
-    /// Not a property, or not one that is stored.
     fn save(&mut self, id: i64) -> Result<(), SetError> {
         match stored_property(Property::SAVE, id)? {
             Some(property) => self.save_one(property),
@@ -624,21 +598,16 @@ impl<B: Board> Tater<B> {
             self.trusted_at = Some(self.commutator.count());
             return;
         }
-        // It takes nothing that is out of range, which is not worth keeping (a position far outside any joint, the ID of a
-        // board that has none), and nothing that is always stored, which needs no saving.
+        // Ignores values out of range (an unset ID, a position outside any joint) and properties that are always stored.
         self.store.set(property, value);
     }
 
-    /// Whether the motor is homed and stands still: only then is a stored position trusted at the next start (manual 7,
-    /// saveParameters: in idle).
+    /// A stored position is trusted at the next start only if the motor is homed and stands still (manual 7, saveParameters).
     fn position_is_known(&self) -> bool {
         self.servo.telemetry().homed && self.stands_still()
     }
 
-    /// LOAD: the stored value, or the default where there is none.
-    ///
-    /// # Errors
-    /// Not a property, not one that is stored, locked, or the position while not in idle.
+    /// LOAD: the stored value, or the default where there is none. The position only in idle.
     fn load(&mut self, id: i64) -> Result<(), SetError> {
         match stored_property(Property::LOAD, id)? {
             Some(property) => {
@@ -660,9 +629,6 @@ impl<B: Board> Tater<B> {
     }
 
     /// DEF: restores the default and forgets the stored value. DEF of all leaves locked properties and the present position.
-    ///
-    /// # Errors
-    /// As those of LOAD.
     fn restore_default(&mut self, id: i64) -> Result<(), SetError> {
         match stored_property(Property::DEF, id)? {
             Some(property) => {
@@ -711,13 +677,12 @@ impl<B: Board> Tater<B> {
         }
         self.set_stored(property, value)?;
         if property == Property::P && self.trusted_at.is_none() {
-            // The name of this place is new, so it may be wrong.
+            // Nothing has confirmed the loaded position.
             self.servo.doubt_position();
         }
         Ok(())
     }
 
-    /// The stored value, or the default if none in range is stored.
     fn stored(&self, rules: &Rules) -> Option<i64> {
         self.store.get_by(rules).or_else(|| self.unstored(rules))
     }
@@ -734,8 +699,7 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// # Errors
-    /// The property is locked, and LOCK has not been opened for this one SET.
+    /// An open LOCK admits one SET of a locked property.
     fn unlock(&mut self, property: Property) -> Result<(), SetError> {
         match property.rules().access {
             Access::Locked if !self.lock.take() => Err(SetError::Access(property)),
@@ -751,8 +715,8 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Consumes the mark of the stored position. If the flash fails, the motor must not move: the next start would trust a wrong
-    /// position (decision 0010).
+    /// Consumes the mark of the stored position. If the flash fails, the motor must not move, or the next start would trust a
+    /// wrong position (decision 0010).
     fn distrust(&mut self) {
         if self.trusted_at.is_none() {
             return;
@@ -806,7 +770,6 @@ impl<B: Board> Tater<B> {
         self.unsent
     }
 
-    /// Handles the servo's reports, oldest first.
     fn drain_events(&mut self) {
         for _ in 0..REPORTS {
             let Some(event) = self.servo.event() else { break };
@@ -819,7 +782,7 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Sends a report to the host, if LFLAGS asks for it, and records it. One that finds no room is counted as unsent.
+    /// A report that finds no room in the outbox counts as unsent.
     fn handle_event(&mut self, event: Event) {
         let flags = self.settings.lflags;
         match event {
@@ -876,13 +839,13 @@ impl<B: Board> Tater<B> {
         }
     }
 
-    /// Whether the rotor stands still: it was without power for long enough to stop coasting, and no motion is ordered.
+    /// Without power for long enough to stop coasting, and no motion is ordered.
     fn stands_still(&self) -> bool {
         self.standstill_ms >= STANDSTILL_MS && self.servo.telemetry().mode == Mode::Idle
     }
 
-    /// Performs one flash operation, if one is due; called when idle. Pages are erased only while the rotor stands still, because
-    /// hall edges are lost meanwhile. The bridge stays off: only [`Self::tick`] switches it on.
+    /// Performs one flash operation, if one is due. Pages are erased only while the rotor stands still, because hall edges are
+    /// lost meanwhile. The bridge stays off: only [`Self::tick`] switches it on.
     pub fn store(&mut self) -> Progress {
         let stands = self.stands_still();
         self.storage_served = true;
@@ -931,8 +894,6 @@ impl<B: Board> Tater<B> {
         self.outbox.clear();
         self.board.reset();
     }
-
-    // --- for logs and simulations ------------------------------------------------------------------------------
 
     /// The node on the bus; a new ID counts from the next start.
     #[must_use]
@@ -986,12 +947,11 @@ const fn starts_motion(command: &Command) -> bool {
     command.moves() && !matches!(command, Command::Torque(_))
 }
 
-/// A value that its row's range has bounded, in the servo's width.
 fn narrow<T: TryFrom<i64>>(value: i64) -> Result<T, SetError> {
     T::try_from(value).map_err(|_| SetError::Servo(Refusal::Range))
 }
 
-/// The stored property that a SAVE, LOAD or DEF names; `None` for all.
+/// `None` for all.
 fn stored_property(by: Property, id: i64) -> Result<Option<Property>, SetError> {
     if id == ALL {
         return Ok(None);
@@ -1000,7 +960,6 @@ fn stored_property(by: Property, id: i64) -> Result<Option<Property>, SetError> 
     if property.rules().stored == Stored::No { Err(SetError::Access(property)) } else { Ok(Some(property)) }
 }
 
-/// A value in the width of the storage.
 fn stored_width(value: Option<i64>) -> Option<i32> {
     value.and_then(|value| i32::try_from(value).ok())
 }

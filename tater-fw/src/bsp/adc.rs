@@ -8,7 +8,6 @@ use super::scale;
 use super::timing::adc::{SAMPLE_CODE, WAKE_UP};
 use crate::board::Analog;
 
-/// The converter.
 pub struct Adc(ADC1);
 
 impl Adc {

@@ -30,7 +30,7 @@ fn to(destination: Destination) -> u32 {
     u32::from(FILTER_MASK) << 16 | u32::from(id << FILTER_SHIFT)
 }
 
-/// The registers, for what bxcan has no word for.
+/// Registers that bxcan has no interface to.
 fn registers() -> &'static can::RegisterBlock {
     // SAFETY: the controller belongs to the one `Can` there is; whoever calls this has it, and accesses are volatile.
     unsafe { &*CAN::ptr() }

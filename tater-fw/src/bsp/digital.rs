@@ -28,7 +28,6 @@ mod tests {
     use super::*;
     use embedded_hal::digital::ErrorType;
 
-    /// A pin and its level.
     struct Pin(bool);
 
     impl ErrorType for Pin {

@@ -22,7 +22,6 @@ const MAX_POLLS: u32 = 1 << 20;
 /// The flash. A program may write only what lies behind its own code.
 pub struct Metal {
     flash: FLASH,
-    /// The first address that may be written.
     first: u32,
 }
 

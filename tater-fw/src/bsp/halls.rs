@@ -9,15 +9,12 @@ use super::timing::hall::{CLOCK_DIVISION, FILTER, PRESCALER, SAMPLE_GAP};
 /// A turn of `delay`, a subtraction and a branch that is taken, is three ticks of a Cortex-M3 or more.
 const DELAY_TICKS: u32 = 3;
 
-/// The lines and their timer.
 pub struct Halls {
     tim: TIM4,
-    /// The lines at [`Self::sample`].
     first: u8,
 }
 
 impl Halls {
-    /// Lines that interrupt at each edge.
     pub fn new(tim: TIM4, rcc: &mut Rcc) -> Self {
         TIM4::enable(rcc);
         tim.psc().write(|w| w.psc().set(PRESCALER));
@@ -45,7 +42,6 @@ impl Halls {
         self.first = Self::port();
     }
 
-    /// The lines at [`Self::sample`].
     pub const fn first(&self) -> u8 {
         self.first
     }

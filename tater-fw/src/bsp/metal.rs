@@ -120,7 +120,6 @@ impl Clock {
     }
 }
 
-/// The time that was read last, for logs.
 #[cfg(feature = "log")]
 static LOGGED_AT: core::sync::atomic::AtomicU32 = core::sync::atomic::AtomicU32::new(0);
 
@@ -165,7 +164,6 @@ pub struct Metal<M: Motor> {
     debug: DBGMCU,
 }
 
-/// The set-up that both programs share.
 macro_rules! metal {
     ($chip:ident, $rcc:ident, $flash:ident, $cause:ident, $bus:ident, $watchdog:ident, $motor:expr) => {{
         let BusPins { can_rx, can_tx, mut strap_1, mut strap_2, mut strap_4 } = $bus;
@@ -205,7 +203,7 @@ impl Metal<Held> {
 
     /// Jumps to the application, which sets up everything it uses.
     pub fn start(self) -> ! {
-        // The application resets the controller.
+        // The application resets the controller, in the middle of a frame too.
         self.can.drain();
         // SAFETY: the monitor has verified the application: its vector table begins there, with a stack in RAM and a reset
         // vector inside. No interrupt is enabled, so none meets the new table too early.

@@ -11,7 +11,6 @@ use stm32f1xx_hal::rcc::{Enable, Rcc};
 use super::address::pointer;
 use super::timing::pwm::{CONVERT, DEAD_TIME, TOP};
 
-/// The bridge, which the break input guards.
 pub struct Guarded {
     tim: TIM1,
     /// The [`image`] that compare values and CCER are for; [`NONE`] when the bridge is off.
@@ -49,7 +48,6 @@ impl Guarded {
         Self { tim, legs: NONE, share: CCR1 }
     }
 
-    /// Sets the legs.
     #[inline(always)]
     pub fn set(&mut self, bridge: Bridge) {
         match bridge {
@@ -68,7 +66,6 @@ impl Guarded {
         }
     }
 
-    /// The duty.
     #[inline(always)]
     fn set_duty(&mut self, share: u16) {
         // SAFETY: the address of CCR1, CCR2 or CCR3, which are this timer's, and it is ours.
@@ -150,20 +147,14 @@ const CCR1: u32 = 0x4001_2C34;
 
 /// The position of a leg's byte in an image.
 const A: u32 = 0;
-/// See [`A`].
 const B: u32 = 8;
-/// See [`A`].
 const C: u32 = 16;
 /// The values of a leg's byte, one for each [`Leg`].
 const PWM: u32 = 0;
-/// See [`PWM`].
 const LOW: u32 = 1;
-/// See [`PWM`].
 const FLOAT: u32 = 2;
-/// No legs' image.
 const NONE: u32 = u32::MAX;
 
-/// Three legs in a word.
 #[inline(always)]
 fn image([a, b, c]: [Leg; 3]) -> u32 {
     let byte = |leg| match leg {

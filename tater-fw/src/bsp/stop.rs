@@ -14,7 +14,6 @@ use super::address::pointer;
 const BDTR: u32 = 0x4001_2C44;
 /// Port B's BRR: pin 5 low engages the brake.
 const BRR: u32 = 0x4001_0C14;
-/// See [`BRR`].
 const BRAKE: u32 = 1 << 5;
 
 /// Words of [`KEPT`]: the reason, its complement (RAM is anything after power-up), and where it happened.
@@ -22,7 +21,6 @@ type Words = [u32; 3];
 
 const _: () = assert!(12 <= KEPT.len && KEPT.start.is_multiple_of(4));
 
-/// The kept words, as memory.
 fn kept() -> *mut Words {
     pointer(KEPT.start)
 }
@@ -63,8 +61,7 @@ const ROOM: u32 = 256;
 
 const _: () = assert!(STACK.len > ROOM + FRAME);
 
-/// A hard fault: whatever the stack pointer is, no word is pushed before the bridge is off and the brake engaged. Then the
-/// stack is begun anew, because it may be what has failed.
+/// Whatever the stack pointer is, no word is pushed before the bridge is off and the brake engaged.
 ///
 /// # Safety
 /// Entered by the hardware: cortex-m-rt 0.7.7 has the vector point here, with no trampoline between.
@@ -79,8 +76,8 @@ unsafe extern "C" fn hard_fault() -> ! {
         "ldr r1, ={brr}",
         "movs r2, #{brake}",
         "str r2, [r1]",
-        // The exception frame, where the hardware has put it: both programs have this one stack. One that is whole, with
-        // room below it, stays as it is; else there is none to read, and the stack is begun anew.
+        // An exception frame that is whole, with room below it, stays as it is. Otherwise the stack itself may have failed:
+        // there is no frame to read, and the stack is begun anew. Both programs have this one stack.
         "mrs r0, msp",
         "ldr r1, =_stack_end + {room}",
         "cmp r0, r1",
@@ -103,7 +100,6 @@ unsafe extern "C" fn hard_fault() -> ! {
     )
 }
 
-/// The rest of a hard fault.
 extern "C" fn faulted(frame: *const ExceptionFrame) -> ! {
     // SAFETY: null, or eight words of the stack, where the hardware has put them, aligned to words.
     let at = unsafe { frame.as_ref() }.map_or(0, ExceptionFrame::pc);

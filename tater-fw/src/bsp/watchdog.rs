@@ -6,12 +6,9 @@ use super::timing::watchdog::{PRESCALER_CODE, RELOAD};
 
 /// Lets PR and RLR be written.
 const UNLOCK: u16 = 0x5555;
-/// Starts the count-down.
 const START: u16 = 0xCCCC;
-/// Reloads it.
 const FEED: u16 = 0xAAAA;
 
-/// The watchdog, running.
 pub struct Watchdog(IWDG);
 
 impl Watchdog {
@@ -33,7 +30,6 @@ impl Watchdog {
         Self(iwdg)
     }
 
-    /// Another 500 ms.
     pub fn feed(&mut self) {
         // SAFETY: see above.
         self.0.kr().write(|w| unsafe { w.key().bits(FEED) });

@@ -7,7 +7,6 @@ use tater_wire::memory::Area;
 /// Bytes per step: 0.15 ms at 72 MHz and some 42 cycles a byte, a third of the time that an answer may take.
 const SLICE: u32 = 256;
 
-/// A check in progress.
 pub(super) struct Check {
     area: Area,
     header: Header,
@@ -31,12 +30,11 @@ impl Check {
         Some(Self { area, header: Header::read(&start).ok()?, at: 0, summer: Summer::default() })
     }
 
-    /// Length of the image, from its header.
     pub(super) const fn len(&self) -> u32 {
         self.header.len
     }
 
-    /// Checks the next slice; at the end, returns whether the CRC-32 matches the header.
+    /// At the end, returns whether the CRC-32 matches the header.
     pub(super) fn step<F: Flash>(&mut self, flash: &F) -> Option<bool> {
         let end = self.header.len.min(self.at.saturating_add(SLICE));
         while self.at < end {

@@ -4,17 +4,15 @@
 use crate::board::{Flash, FlashError};
 use tater_wire::memory::{APPLICATION, PAGE, STAGING};
 
-/// A copy in progress.
 #[derive(Debug)]
 pub(super) struct Copy {
     len: u32,
     at: u32,
-    /// The page of `at` has been erased.
     erased: bool,
 }
 
 impl Copy {
-    /// Copies `len` bytes, a multiple of 4 and at most the application's area.
+    /// `len` is a multiple of 4 and at most the application's area.
     pub(super) const fn new(len: u32) -> Self {
         Self { len, at: 0, erased: false }
     }

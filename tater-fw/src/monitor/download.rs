@@ -1,9 +1,7 @@
-//! A download: requests and receives characters, frames and checks the records, and writes their data to
-//! staging.
+//! A download: requests characters, checks the records, and writes their data to staging.
 //!
-//! The processor stalls while a page is erased, and the CAN controller buffers three frames meanwhile. So a
-//! page is erased only when no requested frame is still to come. Programming a half-word takes less than a
-//! frame, and may go on while frames arrive.
+//! The processor stalls while a page is erased, and the CAN controller buffers three frames meanwhile. So a page is erased only
+//! when no requested frame is still to come. Programming a half-word takes less than a frame, so frames may arrive meanwhile.
 
 use crate::board::Flash;
 use heapless::{Deque, Vec};
@@ -17,11 +15,10 @@ use tater_wire::{Body, FaultCode, Property};
 /// device server) takes up to 100 ms; twice that, so that a repeat is rare: it makes an old host send twice.
 pub(super) const REPEAT: Micros = Micros(200_000);
 
-/// Timeout without a character: the host has gone.
+/// Timeout without a character.
 pub(super) const TIMEOUT: Micros = Micros(10_000_000);
 
-/// Frames granted by one request to a host that numbers them: 128 characters, so that the request costs 1/20
-/// of its answer.
+/// Frames granted by one request to a host that numbers them: 128 characters, so that a request costs 1/20 of its answer.
 pub(super) const GRANT: u8 = 16;
 const _: () = assert!(GRANT == 16, "GRANTED says the same");
 
@@ -29,29 +26,21 @@ const _: () = assert!(GRANT == 16, "GRANTED says the same");
 /// first is processed. An old host whose frames were lost for 10 s owes 50 at most.
 const RING: usize = 2 * GRANTED;
 
-/// Characters in a grant.
 const GRANTED: usize = 16 * CHARACTERS;
 
-/// Result of a step of a download.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Step {
-    /// It continues.
     Working,
-    /// Send this to the host.
     Ask(Body),
-    /// The termination record has arrived, and all data before it are in staging: the number of bytes,
-    /// including gaps.
+    /// The termination record has arrived, and staging holds this many bytes, including gaps.
     Whole(u32),
 }
 
-/// A download in progress.
 #[derive(Debug)]
 pub(super) struct Download {
-    /// The host numbers its frames.
     numbered: bool,
-    /// Frames received.
     frames: u32,
-    /// Frames requested and still to come, as far as known.
+    /// Frames requested that have not arrived, as far as known.
     awaited: u8,
     /// A frame has arrived since the last request.
     answered: bool,
@@ -66,20 +55,17 @@ pub(super) struct Download {
     at: u32,
     /// An incomplete half-word, and its offset.
     half: Option<(u32, u16)>,
-    /// Pages erased, from the first on.
     erased: u32,
 }
 
-/// The time since then; 0 if then is after now: an interrupt that stamps a frame may come after the step has
-/// read the time.
+/// 0 if `then` is after `now`: an interrupt may stamp a frame after the step has read the time.
 const fn since(then: Micros, now: Micros) -> Micros {
     let since = now.wrapping_since(then);
     if since.0 < 1 << 31 { since } else { Micros(0) }
 }
 
 impl Download {
-    /// Starts a download; the first step erases the first page of staging, which holds the header of the old
-    /// content.
+    /// The first step erases the first page of staging, which holds the header of the old content.
     pub(super) fn new(numbered: bool, now: Micros) -> Self {
         Self {
             numbered,
@@ -98,8 +84,7 @@ impl Download {
         }
     }
 
-    /// Takes the data of a frame from the host to this board; returns whether it belongs to the download.
-    /// Frames out of turn and characters without room are dropped.
+    /// Returns whether a frame belongs to the download. Frames out of turn and characters without room are dropped.
     pub(super) fn take(&mut self, data: &[u8], now: Micros) -> bool {
         if self.numbered {
             let Some((number, characters)) = unpack(data) else { return false };
@@ -128,7 +113,6 @@ impl Download {
         self.heard = now;
     }
 
-    /// At most one flash operation.
     pub(super) fn step<F: Flash>(&mut self, flash: &mut F, now: Micros) -> Result<Step, FaultCode> {
         if since(self.heard, now).0 >= TIMEOUT.0 {
             return Err(FaultCode::DownloadTimeout);
@@ -152,7 +136,6 @@ impl Download {
         Ok(Step::Whole(self.at))
     }
 
-    /// End of the last record, as an offset.
     fn end(&self) -> u32 {
         // At most 124 bytes, inside the application.
         self.at.wrapping_add(u32::try_from(self.bytes.len()).unwrap_or(0))
@@ -163,7 +146,6 @@ impl Download {
         if self.numbered { RING - GRANTED } else { 0 }
     }
 
-    /// The next request.
     const fn ask(&mut self, now: Micros) -> Body {
         self.last = now;
         if self.numbered {
@@ -179,7 +161,7 @@ impl Download {
         Body::Get(Property::VERS.id())
     }
 
-    /// Takes characters up to the end of the next record, if the one before is written.
+    /// Decodes the next record, if the one before is written.
     fn decode(&mut self) -> Result<(), FaultCode> {
         while self.bytes.is_empty()
             && let Some(character) = self.ring.pop_front()
@@ -211,7 +193,7 @@ impl Download {
         Ok(())
     }
 
-    /// Programs the next half-word; returns whether there was one.
+    /// Programs the next half-word; `false` if there is none.
     fn write<F: Flash>(&mut self, flash: &mut F) -> Result<bool, FaultCode> {
         while let Some(&byte) = self.bytes.last() {
             let even = self.at & !1;

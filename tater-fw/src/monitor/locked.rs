@@ -5,11 +5,10 @@ use crate::lock::Lock;
 use crate::storage::Store;
 use tater_wire::property::Rules;
 
-/// ROLE, SN and ID, and the lock before them.
 #[derive(Debug)]
 pub(super) struct Locked {
     own: [Identifying; 3],
-    /// To be told of every SET that the board receives.
+    /// Must see every SET that the board receives.
     pub(super) lock: Lock,
 }
 
@@ -22,12 +21,11 @@ impl Locked {
         self.own.iter_mut().find(|own| own.rules.property.id() == id)
     }
 
-    /// One of the three properties and its value; `None` for another number.
     pub(super) fn get(&self, id: u8) -> Option<(&'static Rules, i64)> {
         self.own.iter().find(|own| own.rules.property.id() == id).map(|own| (own.rules, own.value))
     }
 
-    /// [`Self::find`], if the lock is open; locks again if the property is one of the three.
+    /// Consumes an open lock if the property is one of the three.
     fn unlock(&mut self, id: u8) -> Option<&mut Identifying> {
         self.find(id)?;
         if self.lock.take() { self.find(id) } else { None }
@@ -53,8 +51,7 @@ impl Locked {
         }
     }
 
-    /// SET of LOAD: the stored value, or the default, of the property of this number, if unlocked. −1 leaves locked properties
-    /// alone, as in the application, and the monitor has no others.
+    /// SET of LOAD: the stored value, or the default, if unlocked. −1 leaves locked properties alone, and there are no others.
     pub(super) fn load(&mut self, store: &Store, number: i64) {
         if let Ok(id) = u8::try_from(number)
             && let Some(own) = self.unlock(id)

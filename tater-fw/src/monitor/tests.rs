@@ -13,11 +13,9 @@ use tater_wire::Identifier;
 use tater_wire::image::{HEADER_END, Header, seal};
 use tater_wire::memory::{FLASH, PAGE, RAM};
 
-/// Flash in RAM with the rules of the real one.
 #[derive(Debug)]
 struct Chip {
     bytes: Vec<u8>,
-    /// Start of each page erased, in order.
     erased: Vec<u32>,
     /// From now on every half-word except 0 fails.
     worn: bool,
@@ -65,12 +63,10 @@ impl Flash for Chip {
 struct Bed {
     chip: Chip,
     sent: Vec<Frame>,
-    /// Frames that the CAN controller accepts before it is full.
     room: usize,
     straps: u8,
     bridge: Bridge,
     brake: bool,
-    /// The filters of the CAN controller.
     listens: Option<(Node, [Option<Group>; 3])>,
     cause: Option<FaultCode>,
 }
@@ -116,7 +112,6 @@ impl Board for Bed {
     }
 }
 
-/// A monitor and its host.
 struct Bench {
     monitor: Monitor<Bed>,
     now: u32,
@@ -162,7 +157,6 @@ impl Bench {
         assert_eq!(self.say(id, &[0x80 | property, 0, a, b, c, d]), [], "a SET is not answered");
     }
 
-    /// The value of a property of the board at `node`, read by the host.
     fn get(&mut self, node: u16, property: u8) -> Option<u16> {
         match self.say(node, &[property])[..] {
             [] => None,
@@ -191,7 +185,6 @@ impl Bench {
     }
 }
 
-/// An image of `len` bytes that verifies.
 fn image(len: usize, version: u32) -> Vec<u8> {
     let mut image: Vec<u8> = (0..len).map(|i| (i * 7 + version as usize) as u8).collect();
     image[..4].copy_from_slice(&RAM.end().to_le_bytes());
@@ -201,7 +194,6 @@ fn image(len: usize, version: u32) -> Vec<u8> {
     image
 }
 
-/// A data record, as the monitor receives it.
 fn data(address: u32, bytes: &[u8]) -> Vec<u8> {
     let mut body = std::format!("6008{address:08X}");
     for byte in bytes {

@@ -5,10 +5,9 @@
 pub struct Numbers([u32; 4]);
 
 impl Numbers {
-    /// The empty set.
     pub const NONE: Self = Self([0; 4]);
 
-    /// With one number, up to 127.
+    /// Numbers up to 127.
     pub const fn with(self, number: u8) -> Self {
         let ([a, b, c, d], bit) = (self.0, 1 << (number % 32));
         Self(match number / 32 {
@@ -25,47 +24,41 @@ impl Numbers {
         Self([a & e, b & f, c & g, d & h])
     }
 
-    /// Difference.
     pub const fn without(self, other: Self) -> Self {
         let [a, b, c, d] = other.0;
         self.both(Self([!a, !b, !c, !d]))
     }
 
-    /// Number of elements.
     pub fn len(self) -> usize {
         self.0.iter().fold(0, |len, word| len + usize::try_from(word.count_ones()).unwrap_or(0))
     }
 
-    /// Adds all numbers of another set.
     pub fn extend(&mut self, other: Self) {
         self.0.iter_mut().zip(other.0).for_each(|(word, other)| *word |= other);
     }
 
-    /// Adds a number; ignores numbers above 127.
+    /// Ignores numbers above 127.
     pub fn insert(&mut self, number: u8) {
         if let Some(word) = self.0.get_mut(usize::from(number / 32)) {
             *word |= 1 << (number % 32);
         }
     }
 
-    /// Removes a number.
     pub fn remove(&mut self, number: u8) {
         if let Some(word) = self.0.get_mut(usize::from(number / 32)) {
             *word &= !(1 << (number % 32));
         }
     }
 
-    /// Whether it contains a number.
     pub fn contains(&self, number: u8) -> bool {
         self.0.get(usize::from(number / 32)).is_some_and(|word| word >> (number % 32) & 1 != 0)
     }
 
-    /// Whether it is empty.
     pub fn is_empty(&self) -> bool {
         self.0.iter().all(|&word| word == 0)
     }
 
-    /// Its numbers, ascending.
+    /// In ascending order.
     pub fn iter(self) -> impl Iterator<Item = u8> {
         let [mut word, b, c, d] = self.0;
         let (mut first, mut others) = (0, [b, c, d].into_iter());

@@ -19,12 +19,10 @@ pub const FIRST: usize = 1;
 /// The first half-word of a page after its erase. A cut erase or cut programming does not leave it.
 const READY: u16 = 0x5AC3;
 
-/// A page of the ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Page(u8);
 
 impl Page {
-    /// All of them, each once, starting after `last`.
     fn all_after(last: Option<Self>) -> impl Iterator<Item = Self> {
         let first = last.map_or(0, |page| page.0 + 1);
         (first..first + PAGES).map(|index| Self(index % PAGES))
@@ -34,7 +32,6 @@ impl Page {
         1 << self.0
     }
 
-    /// The address of a half-word of it.
     // Not inlined: it is needed so often that copies would take 130 bytes of the monitor's flash.
     #[inline(never)]
     pub fn address(self, at: usize) -> u32 {
@@ -43,7 +40,6 @@ impl Page {
         STORAGE.page(self.0.into()) + 2 * u32::from(at)
     }
 
-    /// A half-word of it.
     pub fn read<F: Flash>(self, flash: &F, at: usize) -> u16 {
         flash.half_word(self.address(at))
     }
@@ -53,30 +49,24 @@ impl Page {
     }
 }
 
-/// The ring.
 #[derive(Debug)]
 pub struct Pages {
-    /// The page with the newest state.
     current: Option<Page>,
     /// Write position in the current page; its end if nothing may be added.
     tail: usize,
-    /// The page with the state before that.
     previous: Option<Page>,
-    /// Ready to be written.
     ready: u8,
-    /// Failed since the start: neither erased nor written again, so that retries do not wear out a broken
-    /// flash.
+    /// Failed since the start: not erased or written again, so that retries do not wear out a broken flash.
     bad: u8,
     /// Erased, but not yet marked as ready.
     blank: Option<Page>,
 }
 
 impl Pages {
-    /// Before the [survey](Self::survey).
     pub const NONE: Self =
         Self { current: None, tail: PAGE_WORDS, previous: None, ready: 0, bad: 0, blank: None };
 
-    /// Reads all of them. `sequence` returns the sequence number of a page's state, `None` if it has none.
+    /// `sequence` returns the sequence number of a page's state, `None` if it has none.
     pub fn survey<F: Flash>(&mut self, flash: &F, sequence: impl Fn(Page) -> Option<u32>) {
         let mut newest = [None, None];
         for page in Page::all_after(None) {
@@ -93,59 +83,50 @@ impl Pages {
         }
     }
 
-    /// The page with the newest state.
     pub const fn current(&self) -> Option<Page> {
         self.current
     }
 
-    /// The page with the state before that.
     pub const fn previous(&self) -> Option<Page> {
         self.previous
     }
 
-    /// The readable content of the current page ends here. Writing continues here if the rest is blank;
-    /// otherwise the rest was left by a power cut, and nothing may follow it.
+    /// Writing continues here if the rest is blank; otherwise a power cut left the rest, and nothing may follow it.
     pub fn ends_at<F: Flash>(&mut self, flash: &F, at: usize) {
         let blank = self.current.is_some_and(|page| page.is_blank(flash, at));
         self.tail = if blank { at } else { PAGE_WORDS };
     }
 
-    /// A position in the current page with room for so many half-words.
     pub fn room(&self, len: usize) -> Option<(Page, usize)> {
         let page = self.current?;
         (self.tail + len <= PAGE_WORDS).then_some((page, self.tail))
     }
 
-    /// So many half-words have been added to the current page.
     pub const fn add(&mut self, len: usize) {
         self.tail += len;
     }
 
-    /// Whether there is a ready page for when the current one is full.
     pub const fn has_ready(&self) -> bool {
         self.ready != 0
     }
 
-    /// Takes the next ready page, for a complete record.
     pub fn take_ready(&mut self) -> Option<Page> {
         let page = Page::all_after(self.current).find(|page| self.ready & page.bit() != 0)?;
         self.ready &= !page.bit();
         Some(page)
     }
 
-    /// The page that was taken has a complete record, which ends here: it becomes the current page.
+    /// The page taken has a complete record, which ends at `tail`: it becomes the current page.
     pub const fn turn(&mut self, page: Page, tail: usize) {
         self.previous = self.current;
         self.current = Some(page);
         self.tail = tail;
     }
 
-    /// Nothing more goes into the current page.
     pub const fn close(&mut self) {
         self.tail = PAGE_WORDS;
     }
 
-    /// A write to a page failed.
     pub fn fail(&mut self, page: Page) {
         self.bad |= page.bit();
         if self.current == Some(page) {
@@ -153,7 +134,7 @@ impl Pages {
         }
     }
 
-    /// The next page to erase: one without state that is neither ready nor failed.
+    /// Next page to erase: one without state that is neither ready nor failed.
     pub fn stale(&self) -> Option<Page> {
         let free = |page: &Page| {
             (self.ready | self.bad) & page.bit() == 0
@@ -162,8 +143,7 @@ impl Pages {
         Page::all_after(self.current).find(free)
     }
 
-    /// The page to erase when something must be written and none is ready: if everything else has failed, the
-    /// one before the current one.
+    /// The page to erase when none is ready: if everything else has failed, the one before the current one.
     pub fn last_resort(&self) -> Option<Page> {
         self.stale().or_else(|| self.previous.filter(|page| self.bad & page.bit() == 0))
     }

@@ -18,8 +18,7 @@ use crate::board::Flash;
 use heapless::Vec;
 use tater_wire::image::Crc32;
 
-/// The version of the layout. A record of another version is not read, and its page is erased in its turn; so
-/// there must be no other version (see `storage`).
+/// A record of another version is not read, and its page is erased: there must be no other version (see `storage`).
 const VERSION: u16 = 1;
 
 /// Half-words before the entries, and of the CRC.
@@ -35,10 +34,8 @@ pub const ENTRIES: usize = STORED + 3;
 /// Maximum half-words of a record before its CRC: every entry has at most three.
 pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES;
 
-/// The head of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Head {
-    /// Sequence number.
     pub sequence: u32,
     /// Contains all values: a property without an entry is not stored. Other records name only changes.
     pub complete: bool,
@@ -92,7 +89,6 @@ pub fn encode(
 /// A whole record in the flash.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
-    /// Its head.
     pub head: Head,
     page: Page,
     at: usize,
@@ -100,7 +96,7 @@ pub struct Found {
 }
 
 impl Found {
-    /// The record at a half-word of a page; `None` if there is none, or it is incomplete.
+    /// `None` if there is no record, or it is incomplete.
     pub fn read<F: Flash>(flash: &F, page: Page, at: usize) -> Option<Self> {
         let Word::Record(len) = Word::decode(page.read(flash, at))? else { return None };
         let len = usize::from(len);
@@ -116,17 +112,15 @@ impl Found {
         (found.end() <= PAGE_WORDS).then_some(found)
     }
 
-    /// The half-word after it.
     pub fn end(&self) -> usize {
         self.at + self.len + usize::from(self.head.trusted.is_some())
     }
 
-    /// The address of its mark.
     pub fn mark(&self) -> Option<u32> {
         self.head.trusted.map(|_| self.page.address(self.at + self.len))
     }
 
-    /// Its entries: property numbers, and values, or `None` for forgotten ones.
+    /// Property numbers with their values, `None` for forgotten ones.
     pub fn entries<F: Flash>(&self, flash: &F) -> impl Iterator<Item = (u8, Option<i32>)> {
         let (page, end) = (self.page, self.at + self.len - TAIL);
         let mut at = self.at + HEAD;

@@ -81,7 +81,6 @@ fn finish(store: &mut Store, flash: &mut Ram) -> usize {
     panic!("no end of it");
 }
 
-/// A store in an erased flash, with the pages prepared.
 fn fresh() -> (Store, Ram) {
     let mut flash = Ram::default();
     let mut store = Store::open(&flash);
@@ -89,14 +88,12 @@ fn fresh() -> (Store, Ram) {
     (store, flash)
 }
 
-/// A whole record.
 fn encode(head: &Head, entries: &mut dyn Iterator<Item = (u8, Option<i32>)>) -> Vec<u16> {
     let mut words = heapless::Vec::new();
     record::encode(&mut words, head, entries);
     with_crc(words.to_vec())
 }
 
-/// A record's half-words, and their CRC.
 fn with_crc(mut words: Vec<u16>) -> Vec<u16> {
     let mut digest = tater_wire::image::Crc32::default();
     words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
@@ -104,7 +101,6 @@ fn with_crc(mut words: Vec<u16>) -> Vec<u16> {
     words
 }
 
-/// The properties that SAVE stores.
 fn stored() -> Vec<Property> {
     ROWS.iter().filter(|row| row.stored == Stored::Yes).map(|row| row.property).collect()
 }
@@ -192,7 +188,6 @@ fn sets_before_a_record_are_stored_together() {
     for _ in 0..11 {
         store.step(&mut flash, false);
         seen.push(both(&flash));
-        // The record has been made by now.
         store.set(Property::X1, 3);
     }
     // A record of two is 10 half-words; it counts with the last.
@@ -224,7 +219,6 @@ fn erase_waits_while_the_bridge_is_on() {
     assert_eq!(store.step(&mut flash, false), Progress::Waiting);
     assert_eq!((flash.programmed, flash.erased), (0, 0));
     finish(&mut store, &mut flash);
-    // From now on the prepared pages take many records without an erase.
     let erased = flash.erased;
     let mut records = 0;
     'full: for value in 2..5000 {
@@ -308,7 +302,6 @@ fn foreign_contents_are_ignored() {
         finish(&mut store, &mut flash);
         assert_eq!(Store::open(&flash).get(Property::MT), Some(1));
     }
-    // Another version of the layout.
     let head = Head { sequence: 7, complete: true, trusted: None };
     let mut words = encode(&head, &mut core::iter::once((Property::MT.id(), Some(5))));
     words[1] ^= 3 << 12;
@@ -331,7 +324,6 @@ fn trust_lasts_until_it_is_consumed() {
     assert_eq!(trusted(&flash), None);
     finish(&mut store, &mut flash);
     assert_eq!((trusted(&flash), Store::open(&flash).get(Property::P)), (Some((-40, 5)), Some(-40)));
-    // It survives other records, including the change to another page.
     for value in 0..100 {
         store.set(Property::X0, value);
         finish(&mut store, &mut flash);

@@ -10,29 +10,25 @@ const NUMBERS: usize = 128;
 #[derive(Debug)]
 pub struct Values {
     values: [i32; NUMBERS],
-    /// The numbers that have a value.
     numbers: Numbers,
     len: usize,
 }
 
 impl Values {
-    /// No values.
     pub const fn new() -> Self {
         Self { values: [0; NUMBERS], numbers: Numbers::NONE, len: 0 }
     }
 
-    /// Removes all.
     pub const fn clear(&mut self) {
         self.numbers = Numbers::NONE;
         self.len = 0;
     }
 
-    /// The value of a number.
     pub fn get(&self, number: u8) -> Option<i32> {
         self.values.get(usize::from(number)).filter(|_| self.numbers.contains(number)).copied()
     }
 
-    /// Sets a value; ignores numbers above 127.
+    /// Ignores numbers above 127.
     pub fn insert(&mut self, number: u8, value: i32) {
         if let Some(place) = self.values.get_mut(usize::from(number)) {
             *place = value;
@@ -41,13 +37,12 @@ impl Values {
         }
     }
 
-    /// Removes a value.
     pub fn remove(&mut self, number: u8) {
         self.len -= usize::from(self.numbers.contains(number));
         self.numbers.remove(number);
     }
 
-    /// Removes the values of all these; returns those that had one.
+    /// Returns those that had a value.
     pub fn forget(&mut self, numbers: Numbers) -> Numbers {
         let forgotten = self.numbers.both(numbers);
         self.numbers = self.numbers.without(numbers);
@@ -55,12 +50,10 @@ impl Values {
         forgotten
     }
 
-    /// The numbers that have a value.
     pub const fn numbers(&self) -> Numbers {
         self.numbers
     }
 
-    /// Number of values.
     pub const fn len(&self) -> usize {
         self.len
     }

@@ -7,10 +7,8 @@
 /// Bits of data: two for the kind, ten for the amount.
 const DATA_BITS: u16 = 12;
 
-/// Bits of the amount.
 const AMOUNT_BITS: u16 = 10;
 
-/// The largest amount.
 pub const MOST: u16 = (1 << AMOUNT_BITS) - 1;
 
 /// Starts any content of a page.
@@ -27,7 +25,7 @@ pub enum Word {
 }
 
 impl Word {
-    /// Encodes the word. Amounts are at most [`MOST`].
+    /// Amounts are at most [`MOST`].
     pub const fn encode(self) -> u16 {
         let (kind, amount) = match self {
             Self::Time(amount) => (0, amount),
@@ -39,7 +37,7 @@ impl Word {
         zeros(data) << DATA_BITS | data
     }
 
-    /// Decodes the word; `None` if it was not programmed completely.
+    /// `None` if it was not programmed completely.
     pub const fn decode(word: u16) -> Option<Self> {
         let data = word & ((1 << DATA_BITS) - 1);
         if zeros(data) != word >> DATA_BITS {
@@ -55,7 +53,6 @@ impl Word {
     }
 }
 
-/// Zeros among the data bits: 0 to 12.
 const fn zeros(data: u16) -> u16 {
     let mut zeros = 0;
     let mut bit = 0;

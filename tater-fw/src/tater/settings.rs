@@ -2,17 +2,15 @@
 
 use crate::bind::bind;
 
-/// Their values; meaning, unit and range are in the property table.
+/// Meaning, unit and range are in the property table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Settings {
     role: u16,
     sn: u16,
     id: u8,
-    /// Groups that are listened to, besides 0.
+    /// Groups received besides 0.
     pub grpa: u8,
-    /// See `grpa`.
     pub grpb: u8,
-    /// See `grpa`.
     pub grpc: u8,
     x0: i16,
     x1: i16,
@@ -22,19 +20,13 @@ pub struct Settings {
     x5: i16,
     x6: i16,
     x7: i16,
-    /// Where CMD M goes.
     pub dp: i32,
-    /// Where CMD O goes.
     pub ot: i32,
-    /// Where CMD C goes.
     pub ct: i32,
-    /// How far CMD IC and IO go.
     pub ds: i16,
-    /// Which of packed torques is this board's.
     pub pidx: u8,
     jidx: u8,
     en: bool,
-    /// What is reported unasked.
     pub lflags: u8,
     lcvc: u8,
 }

@@ -20,8 +20,7 @@ fn requests(bench: &mut Bench, us: u32) -> Vec<Frame> {
     sent
 }
 
-/// As Barrett's host does it: one character for each request. Ends with the text, or when the monitor is
-/// idle.
+/// As Barrett's host does it: one character for each request.
 fn send_singly(bench: &mut Bench, text: &[u8]) {
     let mut text = text.iter();
     while !bench.monitor.is_idle() {
@@ -187,8 +186,7 @@ fn paused_host_sends_what_it_owes_before_the_next_erase() {
         owed += requests(&mut bench, 1000).len();
         let erased = bench.board().chip.erased.len() > erased;
         assert!(!erased || owed == 0 || sent == text.len(), "erased at {sent}, {owed} owed");
-        // Once in 50 characters, so at every page, the host is busy for 8 s; the board repeats its request
-        // and gets an answer to each.
+        // Once in 50 characters the host is busy for 8 s; the board repeats its request and gets an answer to each.
         if sent % 50 == 5 && owed < 40 {
             continue;
         }
@@ -219,8 +217,7 @@ fn lost_request_costs_one_repeat() {
         }
     }
     assert_eq!((bench.get(3, 4), sent), (Some(0), text.len()));
-    // Each hundredth was lost: one repeat, and one more because the board cannot know that no answer will
-    // come.
+    // Each hundredth was lost: one repeat, and one more because the board cannot know that no answer will come.
     assert!(asked * 97 / 100 < text.len() && asked > text.len(), "{asked} for {}", text.len());
     let took = bench.now.wrapping_sub(begun);
     // Two timeouts for each, and below two steps for a character, a half-word each and the copy.
@@ -344,7 +341,6 @@ fn owed_copy_is_retried_before_a_download_erases_staging() {
         bench.board().chip.load(STAGING.start, &owed);
         bench.board().chip.worn = true;
         let mut bench = bench.reset();
-        // The request to start arrives during the copy.
         while !matches!(bench.monitor.phase, Phase::Copy(_)) {
             requests(&mut bench, 100);
         }

@@ -106,7 +106,6 @@ fn locked_property_changes_once_after_the_sequence() {
             bench.set(3, property, value);
             assert_eq!(bench.get(3, property), before, "number {upset} was wrong");
         }
-        // A wrong first value does no harm.
         for number in [18384, 23].into_iter().chain(UNLOCK) {
             bench.set(3, LOCK, number);
         }

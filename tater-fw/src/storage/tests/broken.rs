@@ -2,7 +2,6 @@
 
 use super::*;
 
-/// Steps until everything is stored; returns the number of flash failures.
 fn finish_failing(store: &mut Store, flash: &mut Ram) -> usize {
     let mut failed = 0;
     for _ in 0..3000 {
@@ -91,7 +90,6 @@ fn broken_flash_is_not_worn_out_by_retries() {
     }
     assert!(flash.programmed - programmed <= 8 && flash.erased - erased <= 8, "once a page");
     assert_eq!(Store::open(&flash).get(Property::X0), Some(1), "what was stored is still there");
-    // A new start tries once more.
     flash.broken = good.broken;
     let mut store = Store::open(&flash);
     store.set(Property::X0, 3);

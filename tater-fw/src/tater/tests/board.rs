@@ -1,5 +1,4 @@
-//! A fake motor board with settable sensors and a record of its outputs; and a bench that runs a [`Tater`] on
-//! it and exchanges frames with it.
+//! A fake motor board, and a bench that runs a [`Tater`] on it and exchanges frames with it.
 
 use servo_core::Drive;
 use servo_core::mode::Mode;
@@ -15,7 +14,6 @@ use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Prop
 /// Hall codes of sectors 0 to 5 (decision 0003).
 const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
 
-/// A chip's unique number.
 pub const SERIAL: u16 = 12_345;
 
 /// Flash that fails on request, and counts violations.
@@ -23,7 +21,6 @@ pub const SERIAL: u16 = 12_345;
 pub struct FakeFlash {
     words: Vec<u16>,
     pub broken: bool,
-    /// Half-words programmed and pages erased.
     pub operations: u32,
     pub erases: u32,
     pub erased_while_driven: u32,
@@ -64,25 +61,20 @@ impl Flash for FakeFlash {
     }
 }
 
-/// The board.
 #[derive(Debug)]
 pub struct FakeBoard {
     pub flash: FakeFlash,
     pub halls: u8,
     pub analog: Analog,
     pub straps: Node,
-    /// The filters of the CAN controller, as set each time.
     pub listened: Vec<(Node, [Option<Group>; 3])>,
     pub bridge: Bridge,
     pub brake_released: bool,
-    /// Frames handed to the CAN controller.
     pub sent: Vec<Frame>,
-    /// Number of frames that the controller still accepts.
     pub room: usize,
     pub feeds: u32,
     /// Resets, each with whether the bridge was on and the brake released.
     pub resets: Vec<(bool, bool)>,
-    /// Frames sent before the last reset.
     pub sent_at_reset: usize,
     /// Flash operations done before the bridge was switched on first.
     pub operations_at_drive: Option<u32>,
@@ -123,12 +115,10 @@ impl FakeBoard {
         }
     }
 
-    /// The sensor readings, to change them.
     pub const fn analog_mut(&mut self) -> &mut Analog {
         &mut self.analog
     }
 
-    /// Turns the rotor to a count.
     pub fn turn_to(&mut self, count: i32) {
         self.halls = CODES[count.rem_euclid(6) as usize];
     }
@@ -196,12 +186,10 @@ impl Board for FakeBoard {
     }
 }
 
-/// A Tater, its clock and its rotor.
 #[derive(Debug)]
 pub struct Bench {
     pub tater: Tater<FakeBoard>,
     pub now: Micros,
-    /// The true position of the rotor.
     pub count: i32,
 }
 
@@ -210,7 +198,6 @@ impl Bench {
         Self::on(FakeBoard::new(straps), 0)
     }
 
-    /// On a board with its rotor at a count.
     pub fn on(mut board: FakeBoard, count: i32) -> Self {
         board.turn_to(count);
         // The clock wraps during the test.
@@ -244,7 +231,6 @@ impl Bench {
         self.tater.tick(self.now)
     }
 
-    /// The time of the last tick.
     pub const fn now(&self) -> Micros {
         self.now
     }
@@ -286,7 +272,6 @@ impl Bench {
         panic!("storing does not end");
     }
 
-    /// Power off and on again.
     pub fn restart(self) -> Self {
         let Self { tater, count, .. } = self;
         let mut board = tater.into_board();
@@ -304,7 +289,6 @@ impl Bench {
         self.send(&Message { from, to, body }.frame())
     }
 
-    /// A frame from the host to the board's own node.
     pub fn own(&self) -> Destination {
         Destination::Node(self.tater.node())
     }
@@ -320,8 +304,7 @@ impl Bench {
         sent.iter().map(|frame| Message::parse(frame).expect("boards speak plainly")).collect()
     }
 
-    /// The answer to a GET by the host, or `None`. Asserts at most one answer, from this node, to the right
-    /// group.
+    /// Asserts at most one answer, from this node, to the right group.
     pub fn get(&mut self, property: Property) -> Option<i64> {
         self.said();
         let answered = self.say(self.own(), 0, Body::Get(property.id()));
@@ -344,7 +327,6 @@ impl Bench {
         })
     }
 
-    /// Opens the lock.
     pub fn unlock(&mut self) {
         for key in [18384, 23, 3145, 1024, 1] {
             self.set(Property::LOCK, key).expect("keys are taken");

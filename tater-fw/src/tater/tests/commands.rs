@@ -108,7 +108,6 @@ fn groups_reach_their_members_and_reply_groups_nobody() {
         // A reply of another board is no order, even to a board that has joined the host's groups.
         assert_eq!(bench.said().len(), usize::from(number == 9), "group {number}");
     }
-    // It has left group 1.
     bench.say(group(1), 0, Body::Get(Property::STAT.id())).expect("skipped");
     assert!(bench.said().is_empty());
 }
@@ -140,7 +139,6 @@ fn get_by_another_board_is_answered_by_set_of_value() {
     assert_eq!(ask(&mut bench, own, Property::MT), value(Value::Short(750)));
     assert_eq!(ask(&mut bench, group(4), Property::CT), value(Value::Long(331)));
     assert_eq!(ask(&mut bench, own, Property::P), value(Value::Long(0xFFFF_FFFE)));
-    // A board does not accept VALUE.
     let to_value = Body::Set { property: 7, value: Value::Short(1) };
     assert_eq!(bench.say(own, 5, to_value), Err(SetError::Unknown));
 }
@@ -157,7 +155,6 @@ fn packed_torque_is_taken_from_the_own_slot_in_mode_2() {
         assert_eq!(bench.say(group(to), 0, packed), Ok(()));
         bench.ticks(40);
         assert_eq!(bench.get(Property::T), torques.slot(slot).map(i64::from), "node {straps}");
-        // The other group's torques are not for this board.
         bench.say(group(3 - to), 0, Body::Torques(Torques::new(&[500; 4]).expect("four"))).expect("skipped");
         bench.tick();
         assert_eq!(bench.get(Property::T), torques.slot(slot).map(i64::from), "node {straps}");
@@ -179,7 +176,6 @@ fn packed_torque_saturates_at_mt_and_pidx_can_be_set() {
         bench.say(group(1), 0, Body::Torques(Torques::new(&[7, 7, torque]).expect("three"))).expect("taken");
         bench.tick();
         assert_eq!(bench.tater.servo.torque(), Torque(taken));
-        // Refused, not saturated.
         assert_eq!(bench.set(Property::T, 991), Err(SetError::Range(Property::T)));
         assert_eq!(bench.tater.servo.torque(), Torque(taken));
     }

@@ -178,7 +178,6 @@ fn break_input_keeps_the_bridge_off_and_raises_a_fault_at_the_next_tick() {
         bench.tater.hall(now);
         assert_eq!(bench.board().bridge, Bridge::Off, "edge {count}");
     }
-    // A fault that a host clears before the tick has not been seen yet.
     bench.set(Property::STAT, 2).expect("clears");
     assert_eq!(bench.tick_to(0).duty, None);
     assert_eq!((bench.get(Property::ERROR), bench.tater.status().mode), (Some(6), Mode::Idle));
@@ -216,7 +215,6 @@ fn frame_to_the_board_or_its_groups_feeds_the_host_watchdog() {
         bench.set(Property::MODE, 2).expect("mode 2");
         for _ in 0..4 {
             bench.ticks(400);
-            // Meaningless, but a frame all the same.
             let _ = bench.say(to, 0, Body::More { frames: 1, received: 0 });
         }
         assert_eq!(bench.tater.status().fault.is_none(), is_life, "{to:?}");

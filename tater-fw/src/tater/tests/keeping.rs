@@ -176,7 +176,6 @@ fn saved_position_is_trusted_after_the_next_start() {
         let mut bench = bench.restart();
         assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(7), true), "node {straps}");
         assert_eq!((bench.get(Property::MECH), bench.get(Property::E)), (Some(7), Some(0)));
-        // And after the next one, as long as nothing moves.
         bench.ticks(100);
         assert!(bench.restart().tater.status().homed);
     }
@@ -189,7 +188,6 @@ fn count_drive_or_other_halls_end_the_trust() {
         assert_eq!((bench.get(Property::P), bench.tater.status().homed), (Some(0), false));
         bench.board().flash.operations
     };
-    // In the same session as the SAVE.
     let mut at_once = Bench::new(1);
     at_once.home();
     set(&mut at_once, Property::SAVE, -1);
@@ -316,7 +314,6 @@ fn nothing_is_erased_while_it_drives() {
     assert_eq!(bench.restart().get(Property::X2), Some(599));
 }
 
-/// A second of ticks with housekeeping.
 fn second(bench: &mut Bench) {
     for _ in 0..10 {
         bench.ticks(100);
@@ -352,7 +349,6 @@ fn counters_grow_and_are_set_only_when_unlocked() {
         bench.unlock();
         set(&mut bench, property, value);
         assert_eq!(bench.get(property), Some(value));
-        // LOAD has nothing to load, DEF resets.
         bench.unlock();
         set(&mut bench, Property::LOAD, id(property));
         assert_eq!(bench.get(property), Some(value));
@@ -465,12 +461,10 @@ fn position_loaded_after_a_move_is_unknown() {
         bench.settle();
         assert!(!bench.restart().tater.status().homed);
     }
-    // Still trusted: the same position.
     let mut bench = saved(1);
     bench.ticks(300);
     set(&mut bench, Property::LOAD, id(Property::P));
     assert!(bench.tater.status().homed);
-    // The host's own statement.
     set(&mut bench, Property::P, 9);
     assert!(bench.tater.status().homed);
 }
@@ -479,7 +473,6 @@ fn position_loaded_after_a_move_is_unknown() {
 fn reset_stores_the_counters() {
     let mut bench = Bench::new(1);
     second(&mut bench);
-    // A change of the board's temperature.
     bench.settle();
     for _ in 0..8 {
         second(&mut bench);

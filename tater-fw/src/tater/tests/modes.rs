@@ -149,7 +149,6 @@ fn hallh_bit_30_is_set_while_the_position_is_known() {
     let known = |bench: &mut Bench| bench.get(Property::HALLH).map(|bits| bits >> 30);
     let mut bench = Bench::new(1);
     assert_eq!(known(&mut bench), Some(0), "after power-up");
-    // A full history does not reach this bit.
     bench.tick_to(12);
     assert_eq!(known(&mut bench), Some(0));
     bench.home();

@@ -10,7 +10,6 @@ use servo_core::{EndReason, Event};
 use std::vec::Vec;
 use tater_wire::{Body, Property};
 
-/// Properties and values sent to the host.
 fn said(bench: &mut Bench) -> Vec<(Property, i64)> {
     let words = bench.said().into_iter().map(|message| match message.body {
         Body::Set { property, value } => {
@@ -40,7 +39,6 @@ fn reports_are_sent_only_if_lflags_is_set() {
 
 #[test]
 fn tick_signals_a_report_and_no_frame_overtakes_it() {
-    // A link that meets an object, as above.
     let blocked = |flags| {
         let mut bench = Bench::new(2);
         bench.set(Property::LFLAGS, flags).expect("in range");
@@ -73,7 +71,6 @@ fn reported_mode_is_the_one_after_the_end() {
     assert_eq!(said(&mut bench), [(Property::MODE, 0), (Property::END, 3)], "in the same call");
 }
 
-/// All that the board has recorded since the last call.
 fn recorded(bench: &mut Bench) -> Vec<BoardEvent> {
     std::iter::from_fn(|| bench.tater.next_event()).map(|entry| entry.event).collect()
 }
@@ -122,7 +119,6 @@ fn event_ring_has_the_tick_of_a_fault_and_no_streamed_torque() {
     assert!(entries.iter().any(|entry| entry.event == fault && entry.at == at), "{at:?} {entries:?}");
 }
 
-/// END and MODE as a host reads them, and what was reported before unasked.
 fn end_and_mode(bench: &mut Bench) -> (Option<i64>, Option<i64>, Vec<(Property, i64)>) {
     let reports = said(bench);
     (bench.get(Property::END), bench.get(Property::MODE), reports)
@@ -142,7 +138,6 @@ fn motion_refused_for_a_fault_sets_end_6_at_once() {
         let reports = [(Property::MODE, 0), (Property::END, 6)].to_vec();
         assert_eq!(end_and_mode(&mut bench), (Some(6), Some(0), reports), "{property:?} {value}");
         assert_eq!(bench.get(Property::ERROR), Some(6));
-        // The next motion that is accepted has an end of its own.
         bench.set(Property::STAT, 2).expect("clears it");
         assert_eq!(bench.get(Property::END), Some(6));
         bench.set(Property::M, 400).expect("moves");

@@ -25,7 +25,6 @@ fn moving() -> Bench {
     bench
 }
 
-/// Saves until a page must be erased, which is not allowed yet.
 fn fill(bench: &mut Bench) {
     for round in 1..=60 {
         for property in [Property::X0, Property::X1, Property::X2, Property::X3, Property::X4, Property::X5] {
@@ -50,7 +49,6 @@ fn page_erase_waits_for_200_ms_of_standstill() {
         fill(&mut bench);
         stop(&mut bench);
         let before = bench.board().flash.erases;
-        // Coasts, slower and slower.
         for wait in (0..198).chain([198; 3]) {
             let count = bench.count;
             bench.tick_to(count + 1);

@@ -81,7 +81,6 @@ fn apply(bench: &mut Bench, step: Step) {
     }
 }
 
-/// Checked after every step.
 fn check(bench: &mut Bench) {
     for property in motion::PROPERTIES {
         let value = motion::get(bench.tater.servo.config(), property);
@@ -101,7 +100,6 @@ fn check(bench: &mut Bench) {
     }
 }
 
-/// Every readable value is in its row's range.
 fn check_all_reads(bench: &mut Bench) {
     bench.board().room = usize::MAX;
     bench.tater.flush();
