@@ -17,7 +17,6 @@ const LOW_PASS: f64 = 1000.0;
 /// Thermistors: B in K, and 25 degrees Celsius in K, where they equal their pull-up.
 const B: f64 = 3950.0;
 const T0: f64 = 298.15;
-/// Channels of the converter.
 const CURRENT: usize = 5;
 const VOLTAGE: usize = 1;
 const STRAIN: usize = 2;
@@ -70,7 +69,6 @@ impl FrontEnd {
     }
 }
 
-/// Code for a voltage.
 fn code(volts: f64) -> u16 {
     (volts / VDDA * CODES).round().clamp(0.0, CODES - 1.0) as u16
 }

@@ -32,7 +32,7 @@ const BUS_US: u64 = 10;
 /// The same while it sleeps: only a hall edge could wake it, which requests no frame but a fault report.
 const ASLEEP_US: u64 = 250;
 
-/// Pins as (port, number): straps (1, 2, 4), break input, brake, hall lines.
+/// Pins as (port, number); the straps weigh 1, 2 and 4.
 const STRAPS: [(usize, usize); 3] = [(1, 0), (1, 1), (1, 10)];
 const BREAK: (usize, usize) = (1, 12);
 const BRAKE: (usize, usize) = (1, 5);
@@ -41,11 +41,9 @@ const HALLS: [(usize, usize); 3] = [(1, 6), (1, 7), (1, 8)];
 /// Runs a board up to a time in place of [`Board::run`]: a debugger.
 pub type Runner = Box<dyn FnMut(&mut Board, Time)>;
 
-/// Requests of a debugger.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DebugRequests {
     pub breakpoints: Vec<u32>,
-    /// Stop after one instruction.
     pub step: bool,
 }
 
@@ -59,21 +57,17 @@ pub struct Board {
     brake_released: bool,
     /// The over-current comparator pulls the break input low.
     tripped: bool,
-    /// Last sample of the converter's inputs, us.
     sampled_us: u64,
     /// Time of the bus, us.
     now_us: u64,
-    /// Frames that the controller offers to the bus.
     pending: Vec<Frame>,
     /// Seed of the RAM contents after the next power-up.
     seed: u64,
-    /// Stuck hall lines: levels that override the sensors.
+    /// Levels that override the hall sensors: stuck lines.
     hall_lines: [Option<bool>; 3],
     meter: Meter,
-    /// Replaces [`Board::run`] on the bus.
     runner: Option<Runner>,
     pub(crate) debug: DebugRequests,
-    /// The problem that ended the run, if any.
     problem: Option<Stop>,
 }
 
@@ -244,8 +238,7 @@ impl Board {
         while self.machine.now() < until && self.problem.is_none() {
             let to = if self.machine.is_waiting() {
                 let to = self.machine.next_event().min(until).min(self.next_sample());
-                // The motor may stop at an edge of a hall line before that, from which on the chip sees the
-                // line.
+                // The motor may stop earlier, at a hall edge.
                 self.follow(to).unwrap_or(to)
             } else {
                 until.min(self.machine.now() + SLICE).min(self.next_sample().max(self.machine.now() + 1))
@@ -301,7 +294,6 @@ impl Board {
         }
     }
 
-    /// Samples the converter's inputs.
     fn sample(&mut self) {
         let inputs = self.front_end.sample(&mut self.rig);
         self.machine.chip_mut().set_analog(inputs);
@@ -322,7 +314,6 @@ impl Board {
         self.meter.halls(at, pins, &self.machine.cpu.counts);
     }
 
-    /// Applies the gates and the brake's pin.
     fn pins_changed(&mut self) {
         let bridge = {
             let chip = self.machine.chip();
@@ -344,7 +335,6 @@ impl Board {
         }
     }
 
-    /// Collects the frames that the controller offers.
     fn mail(&mut self) {
         self.pending.clear();
         self.pending.extend_from_slice(self.machine.chip().can.pending());
@@ -352,7 +342,7 @@ impl Board {
     }
 }
 
-/// Whether the brake's pin is high; a resistor pulls it down.
+/// A resistor pulls the pin down.
 fn brake(chip: &Chip) -> bool {
     chip.gpio.output(BRAKE.0, BRAKE.1) == Some(true)
 }

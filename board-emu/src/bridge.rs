@@ -8,7 +8,7 @@ use crate::chip::Chip;
 use crate::chip::gpio::Mode;
 use crate::chip::tim1::{Gate, Gates};
 
-/// Pins of the high sides A, B, C and of the low sides, as (port, number); port A is 0.
+/// Pins of legs A, B, C as (port, number); port A is 0.
 const HIGH: [(usize, usize); 3] = [(0, 8), (0, 9), (0, 10)];
 const LOW: [(usize, usize); 3] = [(1, 13), (1, 14), (1, 15)];
 const NAMES: [&str; 3] = ["A", "B", "C"];
@@ -18,7 +18,6 @@ const SWITCH_OFF: u64 = SWITCH_OFF_NS * 72 / 1000;
 /// PWM period of the motor model: 50 us at 72 MHz.
 const PERIOD: u64 = 3600;
 
-/// A gate as its driver sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Switch {
     Off,
@@ -27,7 +26,7 @@ enum Switch {
     Pwm(u64, u64),
 }
 
-/// The effect of a pin on its gate. An error names the output that should drive it.
+/// An error names the output that should drive the gate.
 fn gate(chip: &Chip, (port, pin): (usize, usize), timer: Gate, armed: bool) -> Result<Switch, String> {
     let held = |level: bool| if level { Switch::On } else { Switch::Off };
     let name = || format!("gate at P{}{pin}", ['A', 'B', 'C', 'D', 'E'][port]);
@@ -54,7 +53,6 @@ fn gap((from, on): (u64, u64), next: u64, period: u64) -> u64 {
     (next + 2 * period - from - on) % period
 }
 
-/// The state of a leg; `compare` is the value of its channel.
 fn leg(gates: &Gates, high: Switch, low: Switch, compare: u32) -> Result<(Leg, u32), String> {
     match (high, low) {
         (Switch::Off, Switch::Off) => Ok((Leg::Float, 0)),

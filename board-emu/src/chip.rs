@@ -292,8 +292,7 @@ impl Chip {
         Ok(word)
     }
 
-    /// Propagates signals between peripherals and from pins. Called by [`Self::pins_changed`] after outside
-    /// changes.
+    /// Propagates signals between peripherals and from pins.
     fn wire(&mut self) {
         let now = self.now;
         self.reset_peripherals();

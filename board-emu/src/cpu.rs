@@ -121,7 +121,6 @@ impl Cpu {
         Ok(())
     }
 
-    /// Fetches and executes.
     fn instruction(&mut self) -> Result<(), Trap> {
         let pc = self.registers.pc();
         let code = self.fetch(pc)?;
@@ -170,7 +169,7 @@ impl Cpu {
         Ok(())
     }
 
-    /// Executes an operation; returns whether it has written PC.
+    /// Returns whether the operation has written PC.
     fn execute(&mut self, op: Op, next: u32) -> Result<bool, Trap> {
         match op {
             Op::Transfer(transfer) => {
@@ -202,9 +201,8 @@ impl Cpu {
         Ok(false)
     }
 
-    /// Executes a branch; returns whether it was taken.
+    /// Returns whether the branch was taken.
     fn jump(&mut self, op: Op, next: u32) -> Result<bool, Trap> {
-        // Address of the instruction plus 4.
         let pc = self.registers.pc();
         match op {
             Op::Branch { offset, link } => {

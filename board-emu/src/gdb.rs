@@ -177,7 +177,7 @@ impl SwBreakpoint for Board {
 pub struct Server {
     /// `None` after a disconnect.
     stub: Option<GdbStubStateMachine<'static, Board, TcpStream>>,
-    /// The end of the board has been reported.
+    /// GDB knows that the board has stopped for good.
     told: bool,
 }
 
@@ -197,7 +197,7 @@ impl Server {
     /// The connection fails.
     pub fn accept(listener: &TcpListener, board: &mut Board) -> Result<Self, String> {
         let (stream, _) = listener.accept().map_err(|error| format!("--gdb: {error}"))?;
-        // Each small packet is waited for: do not delay it.
+        // GDB waits for each small packet.
         stream.set_nodelay(true).map_err(|error| format!("--gdb: {error}"))?;
         let stub =
             GdbStub::new(stream).run_state_machine(board).map_err(|error| format!("--gdb: {error}"))?;
@@ -241,7 +241,6 @@ impl Server {
         board.run(until, &[]);
     }
 
-    /// Runs one instruction or a slice; returns why the board stopped, if it did.
     fn go_on(&mut self, board: &mut Board, until: Time) -> Option<SingleThreadStopReason<u32>> {
         let breakpoints = board.debug.breakpoints.clone();
         let reason = if board.debug.step {
@@ -257,7 +256,7 @@ impl Server {
     }
 }
 
-/// Runs until one instruction is executed; returns `false` if the core sleeps until `until`.
+/// Returns `false` if the core sleeps until `until`.
 fn step(board: &mut Board, until: Time) -> bool {
     let before = board.machine().cpu.counts.instructions;
     while board.machine().now() < until && board.problem().is_none() {
@@ -272,7 +271,6 @@ fn step(board: &mut Board, until: Time) -> bool {
     false
 }
 
-/// The stub, unless the connection failed.
 fn keep<E, C>(
     next: Result<GdbStubStateMachine<'static, Board, TcpStream>, GdbStubError<E, C>>,
 ) -> Option<GdbStubStateMachine<'static, Board, TcpStream>> {

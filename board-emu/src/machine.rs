@@ -14,7 +14,6 @@ pub struct Machine {
     pub cpu: Cpu,
     /// Functions of the programs.
     pub names: Rc<Names>,
-    /// Supply is up.
     powered: bool,
     /// Time of the next event, unless the program touches a peripheral before.
     next: Time,
@@ -183,7 +182,6 @@ impl Machine {
         self.cpu.chip.touched || self.cpu.chip.now >= self.next
     }
 
-    /// Handles all due events and finds the next.
     fn settle(&mut self) {
         let chip = &mut self.cpu.chip;
         let now = chip.now;

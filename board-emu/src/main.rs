@@ -87,19 +87,16 @@ fn emulate(args: &Args) -> Result<bool, String> {
     let told = print::Told { outcome: &outcome, session: &session, gaps: &gaps, wall_s, known: &known };
     let text = if args.json { told.json() } else { told.text() };
     match std::io::stdout().lock().write_all(text.as_bytes()) {
-        // A closed pipe is no error.
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(format!("standard output: {error}")),
         _ => Ok(outcome.passed()),
     }
 }
 
-/// A probe for each board, if logs are requested.
 fn probes(elf: Option<&Path>, host: &OverCan<Board>) -> Result<Vec<Probe>, String> {
     let elf = elf.into_iter();
     elf.flat_map(|elf| host.bus().stations().map(move |_| Probe::new(elf))).collect()
 }
 
-/// Waits for a GDB for the first board.
 fn debug(listener: &TcpListener, host: &mut OverCan<Board>) -> Result<(), String> {
     let address = listener.local_addr().map_err(|error| format!("--gdb: {error}"))?;
     let symbols = "target/image/PROFILE/tater.elf";
@@ -110,7 +107,6 @@ fn debug(listener: &TcpListener, host: &mut OverCan<Board>) -> Result<(), String
     Ok(())
 }
 
-/// Prints logs, and progress if standard error is a terminal.
 fn observer(begun: Instant, mut probes: Vec<Probe>) -> Observer<Board> {
     let mut told_s = 0;
     Box::new(move |bus, Progress { what, done, of }| {

@@ -19,7 +19,7 @@ const HALL: u32 = 16 + 30;
 /// serves another one.
 const FILTER: Time = 12 * US;
 
-/// A request without an answer for this long has none.
+/// A request that is unanswered for this long is dropped.
 const NO_ANSWER: Time = 100_000 * US;
 
 /// Cycles an instruction, and cycles a second: the model of a chip with wait states.
@@ -31,7 +31,6 @@ const CYCLES_A_SECOND: f64 = 72e6;
 pub struct Meter {
     /// Start of the measurement, and the instructions before it.
     since: (Time, u64),
-    /// The present hall code.
     code: u8,
     /// The oldest edge that is not served.
     edge: Option<Edge>,
@@ -48,7 +47,6 @@ pub struct Meter {
 #[derive(Clone, Copy, Debug)]
 struct Edge {
     at: Time,
-    /// The code before the edge.
     from: u8,
     /// The bridge has been written for it; its handler may write again.
     served: bool,
@@ -198,10 +196,8 @@ mod tests {
     use super::*;
     use crate::cpu::counts::Run;
 
-    /// End of the handler of an edge, us after the edge.
     const AFTER_US: u64 = 16;
 
-    /// A meter with the bridge on and hall code 1.
     fn driven() -> (Meter, Counts) {
         let (mut meter, counts) = (Meter::default(), Counts::default());
         meter.halls(0, 1, &counts);
@@ -209,7 +205,6 @@ mod tests {
         (meter, counts)
     }
 
-    /// Runs the hall handler from `at_us`; it may write to the bridge after 2 us.
     fn handle(meter: &mut Meter, counts: &mut Counts, at_us: u64, writes: bool) {
         counts.running.push(Run { exception: HALL, instructions: 100, since: at_us * US });
         if writes {
@@ -256,7 +251,6 @@ mod tests {
         handle(&mut meter, &mut counts, 3014, true);
         handle(&mut meter, &mut counts, 3500, true);
         assert_eq!(latency_us(&meter), AFTER_US);
-        // With the bridge off no edge waits.
         meter.halls(5000 * US, 6, &counts);
         meter.bridge(5001 * US, false);
         meter.halls(6000 * US, 4, &counts);

@@ -5,17 +5,13 @@ use hil_sim::metrics::{METRICS, Value};
 use hil_sim::{Outcome, report};
 use serde_json::{Map, Value as Json, json};
 
-/// An outcome to print.
 pub struct Told<'a> {
-    /// The verdict.
     pub outcome: &'a Outcome,
-    /// Scenario and boards.
     pub session: &'a Session,
     /// Expectations that were not judged, with reasons.
     pub gaps: &'a [(&'static str, &'static str)],
     /// Wall-clock time of the whole session, s.
     pub wall_s: f64,
-    /// Whether a metric exists.
     pub known: &'a dyn Fn(&str) -> bool,
 }
 
@@ -37,7 +33,6 @@ impl Told<'_> {
         format!("{}\n", Json::Object(object))
     }
 
-    /// Text for a terminal.
     pub fn text(&self) -> String {
         let ran = &self.session.ran;
         let nodes: Vec<_> = ran.iter().map(|ran| ran.node.number().to_string()).collect();

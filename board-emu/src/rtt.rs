@@ -11,7 +11,6 @@ use object::{Object, ObjectSymbol};
 
 use crate::chip::{Chip, Size};
 
-/// Mark of an initialized block.
 const MARK: &[u8] = b"SEGGER RTT";
 
 /// Offset of up channel 0, and of its words.

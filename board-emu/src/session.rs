@@ -12,7 +12,6 @@ use crate::board::Board;
 use crate::image::Programs;
 use crate::meter::Figures;
 
-/// Nodes of the hand.
 const HAND: std::ops::RangeInclusive<u8> = 1..=7;
 
 /// Which boards take part.

@@ -4,7 +4,7 @@
 
 use crate::case::{Case, Random};
 
-/// Generates an instruction; `it`: inside an IT block.
+/// `it`: inside an IT block.
 pub fn any(random: &mut Random, case: &mut Case, it: bool) {
     match random.below(14) {
         0..=3 => narrow(random, case, it),
@@ -70,7 +70,6 @@ const OPERATIONS: [(u32, bool); 10] = [
     (14, false),
 ];
 
-/// Operation, S, Rn and Rd of data processing.
 fn operands(random: &mut Random) -> u32 {
     let (op, tests) = *random.choose(&OPERATIONS);
     let (mut rd, mut rn, mut s) = (random.register(), random.register(), random.bits(1));

@@ -4,10 +4,9 @@
 pub const SLOT: u32 = 32;
 /// Memory window of loads and stores, which use its middle half.
 pub const WINDOW: u32 = 0x2000_1000;
-/// Size of the window in bytes.
 pub const WINDOW_LEN: usize = 256;
 
-/// Random numbers (SplitMix64).
+/// SplitMix64.
 pub struct Random(u64);
 
 impl Random {
@@ -56,7 +55,6 @@ impl Random {
     }
 }
 
-/// A case to execute.
 pub struct Case {
     pub registers: [u32; 17],
     pub window: Vec<u8>,
@@ -76,7 +74,6 @@ impl Case {
         self.code.extend([(code >> 16) as u16, code as u16]);
     }
 
-    /// Sets a word of the window.
     pub fn set_word(&mut self, address: u32, value: u32) {
         let at = (address - WINDOW) as usize;
         self.window[at..at + 4].copy_from_slice(&value.to_le_bytes());

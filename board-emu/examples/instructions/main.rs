@@ -46,7 +46,7 @@ fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     std::fs::rename(part, path)
 }
 
-/// Generates and executes a batch; returns the number of instructions.
+/// Returns the number of instructions.
 fn batch(random: &mut Random, out: &mut Vec<u8>) -> Result<usize, String> {
     let mut chip = Chip::new(1, [0; 3]);
     let cases: Vec<Case> = (0..CASES).map(|i| make::make(random, FIRST + i as u32 * SLOT)).collect();

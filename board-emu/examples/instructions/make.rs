@@ -7,7 +7,6 @@ use crate::{alu, memory};
 const FLAGS: u32 = 0xF800_0000;
 const THUMB: u32 = 1 << 24;
 
-/// Generates a case for an address.
 pub fn make(random: &mut Random, address: u32) -> Case {
     let mut registers = [0; 17];
     registers.fill_with(|| random.value());

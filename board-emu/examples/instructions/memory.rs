@@ -2,7 +2,7 @@
 
 use crate::case::{Case, Random, WINDOW, WINDOW_LEN, target};
 
-/// Generates an instruction; `inside`: in an IT block and not last, where it must not branch (A4.1.3).
+/// `inside`: in an IT block and not last, where it must not branch (A4.1.3).
 pub fn any(random: &mut Random, case: &mut Case, inside: bool) {
     match random.below(10) {
         0 | 1 => narrow(random, case),
@@ -17,7 +17,6 @@ pub fn any(random: &mut Random, case: &mut Case, inside: bool) {
     }
 }
 
-/// An address in the middle of the window.
 fn place(random: &mut Random, align: u32) -> u32 {
     let quarter = WINDOW_LEN as u32 / 4;
     (WINDOW + quarter + random.below(2 * quarter - 8)) / align * align

@@ -8,7 +8,6 @@ fn rig() -> Rig {
     SimBoard::standard(Node::new(1).unwrap(), Model::Averaged, 1).rig().clone()
 }
 
-/// Input codes at this current, from rest, after `dt` seconds.
 fn current(front_end: &mut FrontEnd, milliamps: i16, dt: f64) -> u16 {
     let mut seen = rig().analog();
     seen.current.0 = milliamps;
@@ -37,11 +36,9 @@ fn current_passes_a_low_pass_of_1_khz() {
     assert_eq!(current(&mut FrontEnd::new(), 12_500, 100.0 * tau), 2048 + 1280);
     assert_eq!(current(&mut FrontEnd::new(), -12_500, 100.0 * tau), 2048 - 1280);
     assert_eq!(current(&mut FrontEnd::new(), 12_500, tau), 2048 + 809);
-    // The same in two halves.
     let mut front_end = FrontEnd::new();
     current(&mut front_end, 12_500, tau / 2.0);
     assert_eq!(current(&mut front_end, 12_500, tau / 2.0), 2048 + 809);
-    // Limited to the converter's range.
     assert_eq!(current(&mut FrontEnd::new(), 30_000, 1.0), 4095);
 }
 
@@ -63,7 +60,6 @@ fn largest_phase_current_is_kept_until_read() {
     front_end.sample(&mut rig);
     let peak = rig.truth().peak_phase_a;
     assert!(peak > 0.5, "{peak} A");
-    // The next reading is smaller.
     while rig.now_us() < 2_000 {
         rig.advance(Bridge::Off, false, 2_000);
     }

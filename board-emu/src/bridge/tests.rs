@@ -20,7 +20,7 @@ const MOE: u32 = 1 << 15;
 /// CCxE and CCxNE of channels 1 to 3.
 const ALL: u32 = 0x0555;
 
-/// At the blocks themselves, without their clocks.
+/// Bypasses the clock enables.
 fn write(chip: &mut Chip, address: u32, value: u32) {
     let now = chip.now;
     match address.checked_sub(TIM1) {

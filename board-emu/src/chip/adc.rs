@@ -34,14 +34,13 @@ const RESET_CYCLES: Time = 2;
 const CALIBRATION_CYCLES: Time = 83;
 /// Time from ADON to the first conversion (DS5319 5.3.18, tSTAB).
 const WAKE_UP: Time = US;
-/// Ticks a cycle at 14 MHz, rounded up.
+/// Ticks per cycle at 14 MHz, rounded up.
 const FASTEST: Time = crate::time::HZ.div_ceil(14_000_000);
 /// Sampling time in half cycles, by code of SMPR (RM0008 11.12.4).
 const SAMPLING: [Time; 8] = [3, 15, 27, 57, 83, 111, 143, 479];
 /// Conversion time after the sampling, in half cycles (RM0008 11.6).
 const CONVERSION: Time = 25;
 
-/// A conversion in progress.
 #[derive(Clone, Copy, Debug)]
 struct Running {
     since: Time,
@@ -64,13 +63,11 @@ pub struct Adc {
     sr: u32,
     cr1: u32,
     cr2: u32,
-    /// SMPR1 and SMPR2.
     smpr: [u32; 2],
     sqr3: u32,
     jsqr: u32,
     jdr: [u16; 4],
     dr: u16,
-    /// Time of ADON.
     on_since: Time,
     /// End of RSTCAL and CAL.
     resets_until: Time,
@@ -114,7 +111,7 @@ impl Adc {
         self.inputs = inputs;
     }
 
-    /// Sets the ticks a cycle of its clock, also for a conversion in progress.
+    /// Sets the ticks per cycle of its clock, also for a conversion in progress.
     pub fn set_cycle(&mut self, cycle: Time, now: Time) {
         if cycle != self.cycle {
             self.catch_up(now);
@@ -156,7 +153,6 @@ impl Adc {
         (self.sqr3 & 0x1F) as usize
     }
 
-    /// Ticks of a channel's sampling time.
     fn sampling(&self, channel: usize) -> Time {
         let code =
             if channel < 10 { self.smpr[1] >> (3 * channel) } else { self.smpr[0] >> (3 * (channel - 10)) };
@@ -168,7 +164,6 @@ impl Adc {
         self.sampling(channel) + CONVERSION * self.cycle / 2
     }
 
-    /// Advances to `now`.
     fn catch_up(&mut self, now: Time) {
         while let Some((index, running)) = self.injected {
             let (running, done) = self.run(running, self.injected_channel(index), now);
@@ -326,7 +321,6 @@ impl Peripheral for Adc {
                 }
             }
             0x38 => return self.write_jsqr(value),
-            // Data are read-only.
             0x3C..=0x4C => {}
             _ => return Err(format!("no register {offset:#x} of the ADC, or the analog watchdog's")),
         }

@@ -9,7 +9,6 @@ const SWJ_CFG: u32 = 7 << 24;
 /// The registers.
 #[derive(Clone, Debug, Default)]
 pub struct Afio {
-    /// EXTICR1 to EXTICR4.
     exticr: [u32; 4],
 }
 

@@ -24,7 +24,7 @@ use tater_wire::Frame;
 const BIT: Time = US;
 /// Recessive bits before a node may join (RM0008 24.4.2).
 const IDLE: Time = 11 * BIT;
-/// Those that are left at the end of a frame: its delimiter and end of frame were 8 of them.
+/// Recessive bits still missing at the end of a frame: its delimiter and end of frame are 8 of the 11.
 const INTERMISSION: Time = 3 * BIT;
 
 /// Bits of MCR (RM0008 24.9.2).
@@ -43,7 +43,6 @@ mod mcr {
     pub const AT_RESET: u32 = DBF | SLEEP;
 }
 
-/// Bits of MSR.
 mod msr {
     pub const INAK: u32 = 1;
     pub const SLAK: u32 = 1 << 1;
@@ -63,7 +62,6 @@ mod ier {
     pub const ALL: u32 = 0x0003_8F7F;
 }
 
-/// Bits of BTR.
 mod btr {
     pub const MODES: u32 = 3 << 30;
     pub const TIMING: u32 = 0x037F_03FF;
@@ -100,7 +98,7 @@ pub struct Can {
     mailboxes: Mailboxes,
     fifos: [Fifo; 2],
     filters: Filters,
-    /// Ticks a cycle of APB1.
+    /// Ticks per cycle of APB1.
     cycle: Time,
     /// Cache for [`Self::pending`].
     offered: Vec<Frame>,
@@ -130,7 +128,7 @@ impl Can {
         *self = Self { cycle: self.cycle, ..Self::default() };
     }
 
-    /// Sets the ticks a cycle of its clock, APB1. Joining the bus checks the bit timing against it.
+    /// Sets the ticks per cycle of its clock, APB1. Joining the bus checks the bit timing against it.
     pub const fn set_cycle(&mut self, ticks: Time) {
         self.cycle = ticks;
     }
@@ -244,7 +242,6 @@ impl Can {
         pairs.into_iter().any(|(enable, flag)| self.ier & enable != 0 && self.flags & flag != 0)
     }
 
-    /// Updates [`Self::pending`].
     fn offer(&mut self) {
         self.offered.clear();
         if self.is_on_bus() {

@@ -19,7 +19,7 @@ pub enum Direction {
 /// A counter.
 #[derive(Clone, Debug)]
 pub struct Counter {
-    /// Ticks a clock of the timer.
+    /// Ticks per clock of the timer.
     cycle: Time,
     /// Time of the present count; unused while it is stopped.
     since: Time,
@@ -62,13 +62,13 @@ impl Default for Counter {
 }
 
 impl Counter {
-    /// Ticks a count.
+    /// Ticks per count.
     #[must_use]
     pub fn step(&self) -> Time {
         self.cycle * self.clocks()
     }
 
-    /// Clocks of the timer a count.
+    /// Timer clocks per count.
     #[must_use]
     pub fn clocks(&self) -> Time {
         Time::from(self.divider) + 1
@@ -83,7 +83,7 @@ impl Counter {
         }
     }
 
-    /// Ticks a clock of the timer.
+    /// Ticks per clock of the timer.
     #[must_use]
     pub const fn cycle(&self) -> Time {
         self.cycle
@@ -97,7 +97,7 @@ impl Counter {
         self.running = on;
     }
 
-    /// Counts until the next turn: at least 1.
+    /// At least 1.
     fn to_turn(&self) -> u32 {
         match (self.direction, self.down) {
             // From beyond ARR it counts to the end of its 16 bits.
@@ -189,7 +189,6 @@ mod tests {
         counter
     }
 
-    /// Counts at consecutive clocks, and the turns.
     fn counts(counter: &mut Counter, clocks: u64) -> (Vec<u32>, Vec<u64>) {
         let mut turns = Vec::new();
         let mut seen = Vec::new();

@@ -28,7 +28,6 @@ mod acr {
     pub const LATENCY: u32 = 7;
     pub const PRFTBE: u32 = 1 << 4;
     pub const PRFTBS: u32 = 1 << 5;
-    /// After a reset.
     pub const RESET: u32 = PRFTBE;
 }
 
@@ -49,7 +48,6 @@ mod cr {
     pub const LOCK: u32 = 1 << 7;
 }
 
-/// State of CR's lock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Lock {
     /// Number of correct keys so far.
@@ -69,10 +67,8 @@ pub enum Operation {
     EraseAll,
 }
 
-/// An operation that has begun.
 #[derive(Clone, Debug)]
 struct Begun {
-    /// Number of the operation since the flash was made.
     number: u64,
     /// Offset and former contents.
     at: usize,
@@ -84,7 +80,6 @@ struct Begun {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cut {
     None,
-    /// Number of the operation that it hits.
     At(u64),
     /// It has happened: operations have no effect.
     Dead,
@@ -240,7 +235,6 @@ impl Flash {
         Ok(())
     }
 
-    /// Begins the last logged operation.
     fn begin(&mut self, at: usize, new: &[u8], until: Time) {
         let number = self.operations() - 1;
         let erase = !matches!(self.log.last(), Some(Operation::Program(..)));
@@ -324,7 +318,6 @@ impl Peripheral for Flash {
             0x0C => self.sr,
             0x10 if busy && self.last.as_ref().is_some_and(|last| last.erase) => self.cr | cr::STRT,
             0x10 => self.cr,
-            // Write-only.
             0x14 => 0,
             _ => {
                 return Err(format!(

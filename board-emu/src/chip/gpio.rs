@@ -22,7 +22,6 @@ pub enum Mode {
     AlternateOpenDrain,
 }
 
-/// Registers of a port.
 #[derive(Clone, Copy, Debug)]
 struct Port {
     /// CRL and CRH: four bits a pin.

@@ -8,9 +8,7 @@ use crate::time::{HZ, NEVER, Time};
 
 /// Keys of KR: unlock PR and RLR; reload; start (RM0008 19.4.1).
 const UNLOCK: u32 = 0x5555;
-/// See [`UNLOCK`].
 const RELOAD: u32 = 0xAAAA;
-/// See [`UNLOCK`].
 const START: u32 = 0xCCCC;
 
 /// First count, and reset value of RLR.
@@ -25,9 +23,7 @@ const NOMINAL_HZ: u32 = 40_000;
 /// A register that takes effect in the other clock domain some time after its write.
 #[derive(Clone, Copy, Debug)]
 struct Late {
-    /// In effect.
     present: u32,
-    /// Written.
     next: u32,
     /// When the written value takes effect; [`NEVER`] if it has, or while the oscillator is off.
     at: Time,
@@ -54,7 +50,6 @@ pub struct Iwdg {
     unlocked: bool,
     prescaler: Late,
     reload: Late,
-    /// Count, and its time.
     count: u32,
     since: Time,
 }
@@ -85,12 +80,11 @@ impl Iwdg {
         self.hz = hz;
     }
 
-    /// Oscillator cycles in ticks.
     fn cycles(&self, count: u64) -> Time {
         count * HZ / u64::from(self.hz)
     }
 
-    /// Cycles a count: 4 to 256 (RM0008 19.4.2).
+    /// Cycles per count: 4 to 256 (RM0008 19.4.2).
     fn divider(&self) -> u64 {
         4 << self.prescaler.present.min(6)
     }
@@ -100,7 +94,6 @@ impl Iwdg {
         self.since + self.cycles((u64::from(self.count) + 1) * self.divider())
     }
 
-    /// Makes values take effect that are due by `now`.
     fn settle(&mut self, now: Time) {
         if self.reload.at <= now {
             self.reload = Late::new(self.reload.next);
@@ -114,7 +107,6 @@ impl Iwdg {
         }
     }
 
-    /// When a register written now takes effect.
     fn update_at(&self, now: Time) -> Time {
         if self.running { now + self.cycles(UPDATE) } else { NEVER }
     }
@@ -133,7 +125,6 @@ impl Iwdg {
         }
     }
 
-    /// Writes PR or RLR, unlocked by a key.
     fn write_late(&mut self, name: &str, value: u32, now: Time) -> RegisterResult<()> {
         let at = self.update_at(now);
         let unlocked = self.unlocked;
@@ -156,7 +147,6 @@ impl Peripheral for Iwdg {
     fn read(&mut self, offset: u32, now: Time) -> RegisterResult<u32> {
         self.settle(now);
         match offset {
-            // Write-only.
             0x0 => Ok(0),
             0x4 if !self.prescaler.is_waiting() => Ok(self.prescaler.present),
             0x8 if !self.reload.is_waiting() => Ok(self.reload.present),

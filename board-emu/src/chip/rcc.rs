@@ -67,7 +67,6 @@ mod csr {
 /// Clocks and reset.
 #[derive(Clone, Debug)]
 pub struct Rcc {
-    /// Whether the crystal works.
     crystal: bool,
     /// CR as written, without the ready bits.
     cr: u32,
@@ -78,20 +77,16 @@ pub struct Rcc {
     lsi_ready: Time,
     /// CFGR without SWS.
     cfgr: u32,
-    /// Source of the system clock.
     source: Source,
-    /// The clock security system has detected a failure of the crystal.
     clock_failed: bool,
     apb2rstr: u32,
     apb1rstr: u32,
     ahbenr: u32,
     apb2enr: u32,
     apb1enr: u32,
-    /// Reset flags of CSR.
     flags: u32,
     /// Blocks to be reset.
     resets: Vec<u32>,
-    /// All cycles that follow from the above.
     tree: Tree,
 }
 
@@ -166,25 +161,25 @@ impl Rcc {
         self.tree.core
     }
 
-    /// Ticks a cycle of TIM1's clock: APB2's, twice as fast if that is divided (RM0008 7.2, figure 8).
+    /// Ticks per cycle of TIM1's clock: APB2's, twice as fast if that is divided (RM0008 7.2, figure 8).
     #[must_use]
     pub const fn timer1_cycle(&self) -> Time {
         self.tree.timer1
     }
 
-    /// Ticks a cycle of TIM2's, TIM3's and TIM4's clock: APB1's, twice as fast if that is divided.
+    /// Ticks per cycle of TIM2's, TIM3's and TIM4's clock: APB1's, twice as fast if that is divided.
     #[must_use]
     pub const fn timer_cycle(&self) -> Time {
         self.tree.timer
     }
 
-    /// Ticks a cycle of the converter; it checks the limit of 14 MHz itself.
+    /// Ticks per cycle of the converter; it checks the limit of 14 MHz itself.
     #[must_use]
     pub const fn adc_cycle(&self) -> Time {
         self.tree.adc
     }
 
-    /// Ticks a cycle of bxCAN's clock: APB1's.
+    /// Ticks per cycle of bxCAN's clock: APB1's.
     #[must_use]
     pub const fn can_cycle(&self) -> Time {
         self.tree.apb1
@@ -254,7 +249,6 @@ impl Rcc {
                 self.switch_to(Source::Hsi);
             }
         } else if self.hse_ready > now {
-            // It never becomes ready.
             self.hse_ready = NEVER;
             self.start_pll(now);
         }
@@ -267,7 +261,6 @@ impl Rcc {
         self.pll_ready = if on { input.max(now) + PLL_LOCK } else { NEVER };
     }
 
-    /// When a source is ready.
     const fn ready(&self, source: Source) -> Time {
         match source {
             Source::Hsi => self.hsi_ready,
@@ -276,7 +269,6 @@ impl Rcc {
         }
     }
 
-    /// The source that SW selects.
     const fn wanted(&self) -> Source {
         Source::from_bits(self.cfgr & cfgr::SW)
     }

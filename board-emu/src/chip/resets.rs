@@ -7,7 +7,6 @@ use super::{afio, tim1, timer};
 const PORT: [(u32, u32); 3] = [(0x00, 0x4444_4444), (0x04, 0x4444_4444), (0x0C, 0)];
 
 impl Chip {
-    /// Resets the peripherals that APB1RSTR and APB2RSTR select.
     pub(super) fn reset_peripherals(&mut self) {
         while let Some(base) = self.rcc.take_peripheral_reset() {
             self.reset_peripheral(base);

@@ -47,7 +47,6 @@ fn bit_band_write_is_a_read_modify_write() {
     assert_eq!(register(&mut chip, 0x4000_0410, None), 1);
     register(&mut chip, bit(0x4000_0410, 0), Some(0));
     assert_eq!(register(&mut chip, 0x4000_0410, None), 0);
-    // A bit of CR1 starts it.
     register(&mut chip, bit(0x4000_0400, 0), Some(1));
     // Two clocks of 8 MHz, the clock after a reset.
     chip.now += 2 * chip.rcc.timer_cycle();

@@ -29,10 +29,9 @@ const MOE: u32 = 1 << 15;
 const IDLE: u32 = 0x3F00;
 /// CCER's polarities: channels 1 to 4, and complements of 1 to 3.
 const POLARITIES: u32 = 0x2AAA;
-/// Stops searched ahead; then again.
+/// Stops searched at a time.
 const AHEAD: usize = 64;
 
-/// Compare unit of a channel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Compare {
     /// OCxM.
@@ -74,7 +73,7 @@ pub struct Tim1 {
 }
 
 impl Tim1 {
-    /// Ticks a clock of the timer from `now` on.
+    /// Ticks per clock of the timer from `now` on.
     pub fn set_cycle(&mut self, cycle: Time, now: Time) {
         if cycle != self.counter.cycle() {
             self.catch_up(now);
@@ -141,7 +140,6 @@ impl Tim1 {
         self.sr |= BIF;
     }
 
-    /// Advances to `now`, from stop to stop.
     fn catch_up(&mut self, now: Time) {
         loop {
             let at = self.next_stop();
@@ -157,7 +155,6 @@ impl Tim1 {
         self.counter.next_stop(&self.channels.map(|channel| channel.value))
     }
 
-    /// Advances to the next stop at `at`, with its events.
     fn stop(&mut self, at: Time) {
         let going_down = self.counter.down;
         let turned = self.counter.advance(at);
@@ -184,7 +181,6 @@ impl Tim1 {
         self.follow(at);
     }
 
-    /// An update event, unless UDIS.
     fn update(&mut self, flag: bool, at: Time) {
         if self.cr1 & 1 << 1 != 0 {
             return;
@@ -236,7 +232,6 @@ impl Tim1 {
         }
     }
 
-    /// Searches the next visible event.
     fn plan(&mut self) {
         let mut ahead = Self { trigger: None, gates_changed: false, ..self.clone() };
         let before = ahead.sr & ahead.dier;

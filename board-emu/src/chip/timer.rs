@@ -73,7 +73,7 @@ impl Filter {
 }
 
 impl Timer {
-    /// Ticks a clock of the timer from `now` on.
+    /// Ticks per clock of the timer from `now` on.
     pub fn set_cycle(&mut self, cycle: Time, now: Time) {
         if cycle != self.counter.cycle() {
             self.catch_up(now);
@@ -121,7 +121,6 @@ impl Timer {
         }
     }
 
-    /// Advances to `now`.
     fn catch_up(&mut self, now: Time) {
         loop {
             let turn = self.counter.next_stop(&[]);
@@ -142,7 +141,6 @@ impl Timer {
         self.counter.advance(now);
     }
 
-    /// Overflow: an update, unless UDIS.
     fn turned(&mut self) {
         if self.cr1 & 1 << 1 == 0 {
             self.counter.update();

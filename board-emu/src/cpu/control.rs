@@ -8,10 +8,8 @@ const NON_BASE_THREAD: u32 = 1;
 const UNALIGN_TRP: u32 = 1 << 3;
 const DIV_0_TRP: u32 = 1 << 4;
 const STKALIGN: u32 = 1 << 9;
-/// All of CCR.
 pub const CCR_BITS: u32 = 0x31B;
 
-/// The registers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Control {
     /// SCR.
@@ -49,7 +47,6 @@ impl Control {
         self.config & NON_BASE_THREAD != 0
     }
 
-    /// SCR.SLEEPONEXIT.
     pub const fn sleeps_on_exit(&self) -> bool {
         self.sleep & SLEEP_ON_EXIT != 0
     }

@@ -53,7 +53,6 @@ impl Default for Counts {
 }
 
 impl Counts {
-    /// Counts an instruction for the innermost handler.
     pub(super) fn instruction(&mut self) {
         self.add(1);
     }
@@ -67,7 +66,6 @@ impl Counts {
         }
     }
 
-    /// Starts a handler.
     pub(super) fn enter(&mut self, exception: u32, now: Time) {
         self.running.push(Run { exception, instructions: 0, since: now });
         self.add(ENTRY);
@@ -86,7 +84,6 @@ impl Counts {
         }
     }
 
-    /// A reset ends all handlers.
     pub(super) fn reset(&mut self) {
         self.running.clear();
     }

@@ -11,25 +11,20 @@ use super::decode_wide::wide;
 use super::frequent::frequent;
 use super::op::{Decoding, Op, Place};
 
-/// The executor of an instruction.
+/// Who executes an instruction: `armagnac` or this emulator.
 #[derive(Clone)]
 pub enum By {
-    /// `armagnac`.
     Engine(Rc<dyn Instruction>),
-    /// This emulator.
     Us(Op),
 }
 
-/// A decoded instruction in the cache.
 #[derive(Clone)]
 pub struct Decoded {
     /// Its bits; a narrow one in the lower 16.
     pub code: u32,
-    /// The place that it was decoded for.
     pub place: Place,
     /// Its own condition, which may differ from that of an IT block.
     pub condition: Option<Condition>,
-    /// Its executor.
     pub by: By,
 }
 
@@ -38,7 +33,6 @@ pub const fn is_wide(first: u32) -> bool {
     first >> 11 & 0x1F >= 0b11101
 }
 
-/// Half-words of the flash.
 const SLOTS: usize = tater_wire::memory::FLASH.len as usize / 2;
 
 /// Decoder with a cache of the flash's instructions.
@@ -50,13 +44,12 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder with an empty cache.
     pub fn new() -> Self {
         let engine = Rc::new(BasicInstructionDecoder::new(ArmVersion::V7M));
         Self { engine, kept: vec![None; SLOTS] }
     }
 
-    /// Decodes the instruction with these bits at an address; `None` if it is undefined.
+    /// `None` if the instruction is undefined.
     pub fn decode(&mut self, address: u32, code: u32, place: Place) -> Option<&Decoded> {
         // The flash appears at two addresses with equal lower bits; the compared code rules out mistakes.
         let slot = (address >> 1) as usize % SLOTS;

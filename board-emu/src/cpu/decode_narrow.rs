@@ -4,7 +4,6 @@ use super::op::{Decoding, Move, Multiple, Offset, Op, Place, Shift, Special, Tra
 use super::registers::Reg;
 use crate::chip::Size;
 
-/// Decodes an instruction of 16 bits.
 pub fn narrow(code: u32, place: Place) -> Decoding {
     let (low, middle) = (Reg::new(code & 7), Reg::new(code >> 3 & 7));
     let flags = place == Place::Outside;

@@ -6,7 +6,6 @@ use super::op::{
 use super::registers::Reg;
 use crate::chip::Size;
 
-/// Decodes an instruction of 32 bits.
 pub fn wide(code: u32) -> Decoding {
     match code >> 25 & 15 {
         0b0100 if code >> 22 & 1 == 0 => multiple(code),

@@ -12,7 +12,6 @@ use super::registers::Reg;
 use super::state::{Cpu, Sleep};
 use crate::stop::Problem;
 
-/// Size of a stack frame.
 const FRAME: u32 = 0x20;
 
 /// Registers in a frame, before xPSR.
@@ -28,7 +27,6 @@ const VECTOR: u32 = 1 << 1;
 const FORCED: u32 = 1 << 30;
 
 impl Cpu {
-    /// Takes the due exception, if any.
     pub(super) fn take_due(&mut self) -> Result<(), Problem> {
         match self.sys.nvic.due(self.sys.masks) {
             Some(exception) => self.enter(exception),
@@ -213,7 +211,6 @@ impl Cpu {
         self.enter(taken)
     }
 
-    /// Takes SVC.
     pub(super) fn supervisor_call(&mut self) -> Result<(), Problem> {
         let lockup = || Problem::Lockup { what: "SVC within a HardFault, an NMI or FAULTMASK".to_owned() };
         let taken = self.escalated(SV_CALL).ok_or_else(lockup)?;
@@ -231,7 +228,6 @@ impl Cpu {
         self.sys.nvic.pend(1 << taken);
     }
 
-    /// Handles an exception whose vector cannot be read.
     fn no_vector(&mut self, exception: u32) -> Result<(), Problem> {
         if exception <= HARD_FAULT {
             return Err(Problem::Lockup {

@@ -6,30 +6,21 @@
 use super::nvic::number::{BUS_FAULT, HARD_FAULT, MEM_MANAGE, USAGE_FAULT};
 use crate::stop::Problem;
 
-/// Cause of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// Undefined instruction.
     Undefined,
     /// Not in Thumb state.
     State,
     /// Invalid exception return.
     Return,
-    /// Coprocessor instruction.
     Coprocessor,
-    /// Unaligned access.
     Unaligned,
-    /// Trapped division by 0.
     DivideByZero,
     /// Bus error of a load or store at this address.
     Bus(u32),
-    /// Bus error of an instruction fetch.
     Fetch,
-    /// Fetch from execute-never memory.
     ExecuteNever,
-    /// Bus error while stacking.
     Stacking,
-    /// Bus error while unstacking.
     Unstacking,
     /// BKPT without debugger.
     Breakpoint,
@@ -38,7 +29,6 @@ pub enum Fault {
 /// Why an instruction did not complete normally.
 #[derive(Clone, Debug)]
 pub enum Trap {
-    /// A fault of the program.
     Fault(Fault),
     /// SVC has completed and requests its exception.
     SupervisorCall,

@@ -5,7 +5,6 @@
 use super::op::{Data, Extend, Op, Operation, Place, Second, Shift};
 use super::registers::Reg;
 
-/// The operation of these bits, if it is one of them.
 pub fn frequent(code: u32, place: Place) -> Option<Op> {
     if code >> 16 == 0 { narrow(code, place == Place::Outside) } else { wide(code) }
 }

@@ -15,7 +15,6 @@ const PRIVATE: u32 = 0xE000_0000;
 const PRIVATE_END: u32 = 0xE010_0000;
 
 impl Cpu {
-    /// Loads from an aligned address.
     fn load_aligned(&mut self, address: u32, size: Size, privileged: bool) -> Result<u32, Trap> {
         if (PRIVATE..PRIVATE_END).contains(&address) {
             return if privileged { self.read_private(address, size) } else { Err(bus(address)) };
@@ -34,7 +33,6 @@ impl Cpu {
         chip.read(address, size).map_err(|refusal| refused(address, None, refusal))
     }
 
-    /// Stores to an aligned address.
     fn store_aligned(&mut self, address: u32, size: Size, value: u32, privileged: bool) -> Result<(), Trap> {
         if (PRIVATE..PRIVATE_END).contains(&address) {
             return if privileged { self.write_private(address, size, value) } else { Err(bus(address)) };

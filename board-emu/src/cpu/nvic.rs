@@ -63,7 +63,6 @@ pub struct Nvic {
     pub active: u128,
     /// Enabled.
     pub enabled: u128,
-    /// Interrupt lines.
     levels: u128,
     priority: [u8; EXCEPTIONS],
     /// AIRCR.PRIGROUP: priority bits up to this one are sub-priority.

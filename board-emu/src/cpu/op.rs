@@ -7,85 +7,60 @@ use crate::chip::Size;
 /// frequent one.
 #[derive(Clone, Copy)]
 pub enum Op {
-    /// Load or store of one register.
     Transfer(Transfer),
-    /// LDRD, STRD.
     Pair(Pair),
-    /// LDM, STM, PUSH, POP.
     Multiple(Multiple),
-    /// LDREX, STREX and their narrow forms.
     Exclusive(Exclusive),
     /// TBB, TBH.
     Table {
-        /// Start of the table.
         base: Reg,
-        /// Index into it.
         index: Reg,
-        /// Size of an entry.
         size: Size,
     },
     /// BX, BLX.
     Exchange {
-        /// Target.
         target: Reg,
-        /// BLX.
         link: bool,
     },
     /// MOV to PC (`add` is false), ADD to PC: branches without exchange (ARMv7-M A2.3.1).
     ToPc {
-        /// Source.
         source: Reg,
-        /// ADD.
         add: bool,
     },
-    /// Data processing.
     Data(Data),
-    /// A shift by itself.
     Move(Move),
-    /// SDIV, UDIV.
     Divide(Divide),
     /// MOVT.
     MoveTop(Reg, u16),
-    /// SXTH, SXTB, UXTH, UXTB.
     Extend(Extend),
     /// B, BL.
     Branch {
         /// Relative to PC as read.
         offset: u32,
-        /// BL.
         link: bool,
     },
     /// CBZ, CBNZ.
     CompareBranch {
-        /// Compared with 0.
         rn: Reg,
-        /// CBZ.
         zero: bool,
-        /// Relative to PC as read.
         offset: u32,
     },
     /// IT, with the new state.
     IfThen(u8),
-    /// Special registers, sleep and exceptions.
     Special(Special),
 }
 
 /// Place of an instruction relative to IT blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// In none.
     Outside,
     /// Inside one, not last.
     Inside,
-    /// Last of one.
     Last,
 }
 
-/// Result of decoding.
 pub enum Decoding {
-    /// An operation executed here.
     Op(Op),
-    /// Undefined on a Cortex-M3.
     Undefined,
     /// One that `armagnac` decodes.
     Engine,
@@ -94,13 +69,9 @@ pub enum Decoding {
 /// Shift types (ARMv7-M A7.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shift {
-    /// Logical left.
     Lsl,
-    /// Logical right.
     Lsr,
-    /// Arithmetic right.
     Asr,
-    /// Rotate right.
     Ror,
     /// Rotate right by one through carry.
     Rrx,
@@ -143,32 +114,23 @@ impl Shift {
     }
 }
 
-/// Data-processing operations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// Also TST.
     And,
-    /// Bit clear.
     Bic,
-    /// Inclusive or.
     Orr,
-    /// Move.
     Mov,
-    /// Or not.
     Orn,
-    /// Move not.
     Mvn,
     /// Also TEQ.
     Eor,
     /// Also CMN.
     Add,
-    /// Add with carry.
     Adc,
-    /// Subtract with carry.
     Sbc,
     /// Also CMP.
     Sub,
-    /// Reverse subtract.
     Rsb,
 }
 
@@ -179,10 +141,8 @@ impl Operation {
     }
 }
 
-/// Second operand.
 #[derive(Clone, Copy, Debug)]
 pub enum Second {
-    /// A register shifted by a constant.
     Shifted(Reg, Shift, u32),
     /// A constant, with the carry that it sets, if any.
     Number(u32, Option<bool>),
@@ -191,20 +151,16 @@ pub enum Second {
 /// Data processing (ARMv7-M A5.2.1, A5.2.2, A5.3.1, A5.3.11).
 #[derive(Clone, Copy, Debug)]
 pub struct Data {
-    /// Operation.
     pub op: Operation,
     /// Destination; `None` for a test.
     pub rd: Option<Reg>,
-    /// First operand.
     pub rn: Reg,
-    /// Second operand.
     pub second: Second,
-    /// Whether flags are set.
     pub flags: bool,
 }
 
 impl Data {
-    /// Decodes the operation; `None` if undefined.
+    /// `None` if undefined.
     pub const fn operation(op: u32, rn: u32) -> Option<Operation> {
         Some(match op & 15 {
             0 => Operation::And,
@@ -227,45 +183,35 @@ impl Data {
 /// A shift instruction.
 #[derive(Clone, Copy, Debug)]
 pub struct Move {
-    /// Destination.
     pub rd: Reg,
-    /// Operand.
     pub rm: Reg,
-    /// Type.
     pub shift: Shift,
     /// By the lowest byte of a register, or by a constant.
     pub by: Result<Reg, u32>,
-    /// Whether flags are set.
     pub flags: bool,
 }
 
 /// SDIV, UDIV.
 #[derive(Clone, Copy, Debug)]
 pub struct Divide {
-    /// Quotient.
     pub rd: Reg,
     /// Dividend.
     pub rn: Reg,
     /// Divisor.
     pub rm: Reg,
-    /// SDIV.
     pub signed: bool,
 }
 
 /// SXTH, SXTB, UXTH, UXTB, without rotation.
 #[derive(Clone, Copy, Debug)]
 pub struct Extend {
-    /// Destination.
     pub rd: Reg,
-    /// Operand.
     pub rm: Reg,
     /// Byte, otherwise half-word.
     pub byte: bool,
-    /// Zero extension.
     pub unsigned: bool,
 }
 
-/// Offset from a base.
 #[derive(Clone, Copy, Debug)]
 pub enum Offset {
     /// Constant, in two's complement.
@@ -277,17 +223,12 @@ pub enum Offset {
 /// Load or store of one register.
 #[derive(Clone, Copy, Debug)]
 pub struct Transfer {
-    /// Load, otherwise store.
     pub load: bool,
-    /// Size of the access.
     pub size: Size,
-    /// Sign extension of a load.
     pub signed: bool,
-    /// Data register.
     pub rt: Reg,
     /// Base; PC is aligned first.
     pub rn: Reg,
-    /// Offset.
     pub offset: Offset,
     /// The access uses base plus offset.
     pub index: bool,
@@ -308,32 +249,23 @@ impl Transfer {
 /// LDRD, STRD.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// Load, otherwise store.
     pub load: bool,
-    /// Data register at the address.
     pub rt: Reg,
     /// Data register at the next word.
     pub second: Reg,
     /// Base; PC is aligned first.
     pub rn: Reg,
-    /// Offset.
     pub offset: u32,
-    /// The access uses base plus offset.
     pub index: bool,
-    /// Write-back of base plus offset.
     pub wback: bool,
 }
 
 /// LDM, STM, PUSH, POP.
 #[derive(Clone, Copy, Debug)]
 pub struct Multiple {
-    /// Load, otherwise store.
     pub load: bool,
-    /// Base.
     pub rn: Reg,
-    /// Registers, a bit each.
     pub list: u16,
-    /// Write-back.
     pub wback: bool,
     /// The words are below the base.
     pub down: bool,
@@ -342,17 +274,12 @@ pub struct Multiple {
 /// LDREX, STREX and their narrow forms.
 #[derive(Clone, Copy, Debug)]
 pub struct Exclusive {
-    /// Load, otherwise store.
     pub load: bool,
-    /// Size of the access.
     pub size: Size,
-    /// Data register.
     pub rt: Reg,
-    /// Base.
     pub rn: Reg,
     /// Result of a store: 0 success, 1 failure.
     pub rd: Reg,
-    /// Offset.
     pub offset: u32,
 }
 
@@ -361,49 +288,35 @@ pub struct Exclusive {
 pub enum Special {
     /// NOP, barriers, and hints without effect.
     Nothing,
-    /// WFI.
     WaitForInterrupt,
-    /// WFE.
     WaitForEvent,
-    /// SEV.
     SendEvent,
-    /// CLREX.
     ClearExclusive,
     /// CPS.
     ChangeState {
-        /// CPSID.
         disable: bool,
-        /// Flag i.
         primask: bool,
-        /// Flag f.
         faultmask: bool,
     },
     /// MRS.
     Read {
         /// SYSm.
         special: u32,
-        /// Destination.
         rd: Reg,
     },
     /// MSR.
     Write {
-        /// SYSm.
         special: u32,
-        /// Source.
         source: Reg,
         /// Mask; bit 1 writes the flags.
         mask: u32,
     },
-    /// SVC.
     SupervisorCall,
-    /// BKPT.
     Breakpoint,
-    /// Any coprocessor instruction.
     Coprocessor,
 }
 
 impl Special {
-    /// Decodes a hint.
     pub const fn hint(number: u32) -> Self {
         match number {
             2 => Self::WaitForEvent,

@@ -2,16 +2,12 @@
 
 use armagnac::registers::{ControlRegister, CoreRegisters, ProgramStatusRegister};
 
-/// One of R0 to R15.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reg(u8);
 
 impl Reg {
-    /// The stack pointer in use.
     pub const SP: Self = Self(13);
-    /// The link register.
     pub const LR: Self = Self(14);
-    /// The program counter.
     pub const PC: Self = Self(15);
 
     /// By the lowest four bits of `index`.
@@ -19,20 +15,16 @@ impl Reg {
         Self((index & 15) as u8)
     }
 
-    /// Whether it is the program counter.
     pub const fn is_pc(self) -> bool {
         self.0 == Self::PC.0
     }
 }
 
-/// Core registers.
 #[derive(Clone, Debug)]
 pub struct Registers {
     /// R0 to R15, with the stack pointer in use.
     all: [u32; 16],
-    /// The other stack pointer.
     other_sp: u32,
-    /// Flags, IT state, exception number.
     pub psr: ProgramStatusRegister,
     control: ControlRegister,
 }
@@ -44,31 +36,27 @@ impl Registers {
         Self { all: [0; 16], other_sp: 0, psr, control }
     }
 
-    /// Reads a register.
     #[inline]
     pub const fn get(&self, reg: Reg) -> u32 {
         self.all[(reg.0 & 15) as usize]
     }
 
-    /// Writes a register. The two lowest bits of a stack pointer are 0 (ARMv7-M B1.4.1).
+    /// The two lowest bits of a stack pointer are 0 (ARMv7-M B1.4.1).
     #[inline]
     pub fn set(&mut self, reg: Reg, value: u32) {
         self.all[usize::from(reg.0 & 15)] = if reg == Reg::SP { value & !3 } else { value };
     }
 
-    /// The program counter.
     #[inline]
     pub const fn pc(&self) -> u32 {
         self.get(Reg::PC)
     }
 
-    /// Sets the program counter.
     #[inline]
     pub fn set_pc(&mut self, value: u32) {
         self.set(Reg::PC, value);
     }
 
-    /// CONTROL.
     pub const fn control(&self) -> &ControlRegister {
         &self.control
     }
@@ -86,13 +74,11 @@ impl Registers {
         }
     }
 
-    /// The main stack pointer.
     #[inline]
     pub fn msp(&self) -> u32 {
         if self.control.spsel() { self.other_sp } else { self.get(Reg::SP) }
     }
 
-    /// The process stack pointer.
     pub fn psp(&self) -> u32 {
         if self.control.spsel() { self.get(Reg::SP) } else { self.other_sp }
     }
@@ -114,7 +100,6 @@ impl Registers {
             CoreRegisters { r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp, lr, pc, psr, ..*to };
     }
 
-    /// Copies the registers back from the engine.
     pub fn copy_from(&mut self, from: &CoreRegisters) {
         let CoreRegisters { r0, r1, r2, r3, r4, r5, r6, r7, r8, r9, r10, r11, r12, msp, lr, pc, psr, .. } =
             *from;

@@ -1,7 +1,6 @@
 //! The private peripheral bus: system control space and a few debug registers (PM0056 4, ARMv7-M B3.2).
 //!
-//! Access to any other register ends the run. SysTick is in [`super::systick`], interrupts in
-//! [`super::nvic`].
+//! Access to any other register ends the run.
 
 use super::control::{CCR_BITS, SEV_ON_PEND, SLEEP_ON_EXIT};
 use super::fault::Trap;
@@ -35,7 +34,6 @@ const fn is_narrow(address: u32) -> bool {
 }
 
 impl Cpu {
-    /// Reads a register of the private peripheral bus.
     pub(super) fn read_private(&mut self, address: u32, size: Size) -> Result<u32, Trap> {
         if size != Size::Word && !is_narrow(address) {
             return Err(not_modeled(address, None, "a register of the core, narrower than a word"));
@@ -49,7 +47,6 @@ impl Cpu {
         })
     }
 
-    /// Writes a register of the private peripheral bus.
     pub(super) fn write_private(&mut self, address: u32, size: Size, value: u32) -> Result<(), Trap> {
         self.chip.touched = true;
         if is_narrow(address) {
@@ -235,7 +232,7 @@ impl Cpu {
         };
     }
 
-    /// Starts or stops DWT_CYCCNT. Its count uses the core's clock at the time of reading.
+    /// DWT_CYCCNT uses the core's clock at the time of reading.
     fn count_cycles(&mut self, on: bool) {
         let value = self.cycle_count();
         self.sys.control.counting = on;

@@ -13,10 +13,8 @@ use super::systick::SysTick;
 use crate::chip::Chip;
 use crate::time::Time;
 
-/// Sleep state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sleep {
-    /// Awake.
     No,
     /// WFI.
     Interrupt,

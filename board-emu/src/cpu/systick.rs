@@ -12,7 +12,6 @@ const COUNTFLAG: u32 = 1 << 16;
 /// CALIB: 1 ms at 9 MHz (PM0056 4.5.4).
 const CALIBRATION: u32 = 9000;
 
-/// The system timer.
 #[derive(Clone, Debug)]
 pub struct SysTick {
     control: u32,
@@ -20,13 +19,12 @@ pub struct SysTick {
     /// Count at `since`.
     value: u32,
     since: Time,
-    /// Ticks a cycle of the core.
+    /// Ticks per cycle of the core.
     cycle: Time,
     counted: bool,
 }
 
 impl SysTick {
-    /// As after a reset.
     #[must_use]
     pub const fn new(now: Time, cycle: Time) -> Self {
         Self { control: 0, reload: 0, value: 0, since: now, cycle, counted: false }
@@ -36,7 +34,7 @@ impl SysTick {
         if self.control & CLKSOURCE == 0 { 8 * self.cycle } else { self.cycle }
     }
 
-    /// Counts until the next 0; `None` if reload and value are 0.
+    /// `None` if reload and value are 0.
     fn to_zero(&self) -> Option<Time> {
         match (self.value, self.reload) {
             (0, 0) => None,
@@ -73,7 +71,6 @@ impl SysTick {
         true
     }
 
-    /// Time of the next interrupt.
     #[must_use]
     pub fn next_event(&self) -> Time {
         if self.control & (ENABLE | TICKINT) != ENABLE | TICKINT {
@@ -82,7 +79,7 @@ impl SysTick {
         self.to_zero().map_or(NEVER, |counts| self.since + counts * self.unit())
     }
 
-    /// Reads CSR, RVR, CVR or CALIB by number; must be advanced to the present.
+    /// CSR, RVR, CVR or CALIB by number; must be advanced to the present.
     pub fn read(&mut self, register: u32) -> u32 {
         match register {
             0 => self.control | if std::mem::take(&mut self.counted) { COUNTFLAG } else { 0 },
@@ -92,7 +89,6 @@ impl SysTick {
         }
     }
 
-    /// Writes one of them.
     pub fn write(&mut self, register: u32, value: u32, now: Time) {
         match register {
             0 => {

@@ -7,9 +7,7 @@ mod system;
 use super::*;
 use crate::chip::{Chip, Size};
 
-/// Top of the main stack.
 const TOP: u32 = 0x2000_2000;
-/// Start of the program.
 const MAIN: u32 = 0x0800_0200;
 /// ISER0, ISPR0, ICPR0, IABR0, IPR0.
 const ENABLE: u32 = 0xE000_E100;
@@ -21,7 +19,6 @@ const CFSR: u32 = 0xE000_ED28;
 const HFSR: u32 = 0xE000_ED2C;
 const BFAR: u32 = 0xE000_ED38;
 
-// Instructions.
 const NOP: u16 = 0xBF00;
 /// A branch to itself.
 const STAY: u16 = 0xE7FE;
@@ -35,7 +32,6 @@ const fn trace(digit: u16) -> [u16; 2] {
     [0x012D, 0x3500 | digit] // LSLS r5, r5, #4; ADDS r5, #digit
 }
 
-/// A handler that appends a digit to the trace.
 fn handler(digit: u16) -> Vec<u16> {
     [trace(digit).as_slice(), &[BX_LR]].concat()
 }
@@ -79,7 +75,6 @@ impl Bench {
         self.cpu.read_private(address, Size::Word).unwrap()
     }
 
-    /// Enables an interrupt with a priority.
     fn interrupt(&mut self, position: u32, priority: u8) {
         self.cpu.write_private(PRIORITY + position, Size::Byte, u32::from(priority)).unwrap();
         self.poke(ENABLE + 4 * (position / 32), 1 << (position % 32));

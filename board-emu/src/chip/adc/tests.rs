@@ -12,7 +12,6 @@ const DR: u32 = 0x4C;
 /// A cycle at 12 MHz, ticks; a conversion of 28.5 + 12.5 cycles.
 const CYCLE: Time = 12;
 const CONVERSION_41: Time = 41 * CYCLE;
-/// When the set-up below is over.
 const READY: Time = 10 * US;
 
 /// Inputs 5, 1, 2, 3 injected by TIM1, input 4 over and over, 28.5 cycles each.

@@ -12,7 +12,6 @@ const EPVIE: u32 = 1 << 9;
 const BOFIE: u32 = 1 << 10;
 const LECIE: u32 = 1 << 11;
 
-/// Limit of the error warning.
 const WARNING: u16 = 96;
 /// Above this: error passive.
 const PASSIVE: u16 = 127;
@@ -23,7 +22,6 @@ const OFF: u16 = 255;
 const STUFF: u32 = 1;
 const ACKNOWLEDGE: u32 = 3;
 
-/// Error counters and the last error.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Errors {
     transmit: u16,
@@ -36,18 +34,15 @@ impl Errors {
         self.transmit > OFF
     }
 
-    /// Counts a corrupted frame of its own. Returns the enable bits of the requested interrupts.
     pub(super) fn transmit(&mut self) -> u32 {
         self.count(STUFF, |errors| errors.transmit += 8)
     }
 
-    /// Counts a corrupted frame that it received; as above.
     pub(super) fn receive(&mut self) -> u32 {
         // 8 bits; values above 127 mean no more than 128.
         self.count(STUFF, |errors| errors.receive = (errors.receive + 1).min(OFF))
     }
 
-    /// Counts a missing acknowledge; as above.
     pub(super) fn unacknowledged(&mut self) -> u32 {
         self.count(ACKNOWLEDGE, |errors| {
             if errors.transmit <= PASSIVE {
@@ -56,6 +51,7 @@ impl Errors {
         })
     }
 
+    /// Returns the enable bits of the requested interrupts.
     fn count(&mut self, code: u32, change: impl Fn(&mut Self)) -> u32 {
         let before = self.status();
         change(self);
@@ -66,13 +62,11 @@ impl Errors {
         flags.into_iter().filter(|(flag, _)| risen & flag != 0).map(|(_, enable)| enable).sum::<u32>() | LECIE
     }
 
-    /// Counts a sent frame.
     pub(super) const fn sent(&mut self) {
         self.transmit = self.transmit.saturating_sub(1);
         self.last = 0;
     }
 
-    /// Counts a received frame.
     pub(super) const fn received(&mut self) {
         // Error passive recovers to between 119 and 127.
         self.receive = if self.receive > PASSIVE { PASSIVE } else { self.receive.saturating_sub(1) };

@@ -2,7 +2,6 @@
 
 use tater_wire::Frame;
 
-/// Frames that it holds.
 const DEPTH: usize = 3;
 
 /// Bits of RFxR (RM0008 24.9.2).
@@ -13,7 +12,6 @@ const RFOM: u32 = 1 << 5;
 /// A received frame: RIxR, RDTxR, RDLxR, RDHxR.
 type Place = [u32; 4];
 
-/// A receive FIFO.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fifo {
     places: Vec<Place>,

@@ -6,15 +6,12 @@ use tater_wire::Frame;
 
 /// Banks of a medium-density chip.
 const BANKS: usize = 14;
-/// All banks, a bit each.
 const ALL: u32 = (1 << BANKS) - 1;
 
 /// FMR: initialization. The other bits are reserved and keep their reset value.
 const FINIT: u32 = 1;
-/// See [`FINIT`].
 const FMR: u32 = 0x2A1C_0E00;
 
-/// The filter banks.
 #[derive(Clone, Debug)]
 pub(super) struct Filters {
     initialization: bool,
@@ -36,10 +33,6 @@ impl Default for Filters {
 type Rank = (bool, bool, Reverse<usize>);
 
 impl Filters {
-    /// Reads a register.
-    ///
-    /// # Errors
-    /// No register at that offset.
     pub(super) fn read(&self, offset: u32) -> RegisterResult<u32> {
         Ok(match offset {
             0x00 => FMR | u32::from(self.initialization),
@@ -55,11 +48,8 @@ impl Filters {
         })
     }
 
-    /// Writes a register. Fields that are write-protected outside initialization, or while their bank is
-    /// active, keep their value.
-    ///
-    /// # Errors
-    /// No register at that offset.
+    /// Fields that are write-protected outside initialization, or while their bank is active, keep their
+    /// value.
     pub(super) fn write(&mut self, offset: u32, value: u32) -> RegisterResult<()> {
         let open = self.initialization;
         match offset {
@@ -80,7 +70,7 @@ impl Filters {
         Ok(())
     }
 
-    /// FIFO and filter number for a frame; `None` if no filter accepts it.
+    /// FIFO and filter number.
     pub(super) fn pass(&self, frame: &Frame) -> Option<(usize, u32)> {
         if self.initialization {
             return None;
@@ -109,12 +99,10 @@ impl Filters {
     }
 }
 
-/// Bank and register at an offset.
 const fn place(offset: u32) -> (usize, usize) {
     ((offset as usize - 0x40) / 8, offset as usize / 4 % 2)
 }
 
-/// Filters in a bank.
 const fn filters(lists: bool, wide: bool) -> u32 {
     match (lists, wide) {
         (false, true) => 1,

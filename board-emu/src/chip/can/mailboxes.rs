@@ -3,7 +3,6 @@
 use super::super::RegisterResult;
 use tater_wire::Frame;
 
-/// Mailboxes.
 const COUNT: usize = 3;
 
 /// Bits of TSR for mailbox 0; those of the next are 8 bits higher (RM0008 24.9.2).
@@ -17,7 +16,6 @@ const TXRQ: u32 = 1;
 const RTR: u32 = 1 << 1;
 const IDE: u32 = 1 << 2;
 
-/// A mailbox with its last result.
 #[derive(Clone, Debug, Default)]
 struct Mailbox {
     /// TIxR without TXRQ, TDTxR, TDLxR, TDHxR.
@@ -29,7 +27,6 @@ struct Mailbox {
 }
 
 impl Mailbox {
-    /// The frame in the registers.
     fn frame(&self) -> RegisterResult<Frame> {
         let [id, control, low, high] = self.registers;
         if id & (RTR | IDE) != 0 {
@@ -43,11 +40,9 @@ impl Mailbox {
     }
 }
 
-/// The transmit mailboxes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mailboxes {
     boxes: [Mailbox; COUNT],
-    /// Number of requests so far.
     requests: u64,
 }
 
@@ -74,7 +69,7 @@ impl Mailboxes {
         to.extend(order.iter().filter_map(|&i| Some(self.boxes[i].waiting?.0)));
     }
 
-    /// Removes a sent frame; returns whether it was present.
+    /// Returns whether a mailbox held the frame.
     pub(super) fn sent(&mut self, frame: &Frame) -> bool {
         // Equal frames are indistinguishable.
         let hit = |mailbox: &&mut Mailbox| mailbox.waiting.is_some_and(|(waiting, _)| waiting == *frame);
@@ -88,7 +83,7 @@ impl Mailboxes {
         true
     }
 
-    /// Handles a failed transmission: the request stays unless NART forbids repetition.
+    /// The request stays unless NART forbids repetition.
     pub(super) fn failed(&mut self, by_request: bool, once: bool) {
         let Some(&first) = self.order(by_request).first() else { return };
         let mailbox = &mut self.boxes[first];
@@ -136,7 +131,6 @@ impl Mailboxes {
         }
     }
 
-    /// Reads a register of a mailbox.
     pub(super) fn read(&self, offset: u32) -> u32 {
         let (mailbox, register) = place(offset);
         let mailbox = &self.boxes[mailbox];
@@ -144,10 +138,7 @@ impl Mailboxes {
         mailbox.registers[register] | requested
     }
 
-    /// Writes a register of an empty mailbox.
-    ///
-    /// # Errors
-    /// A frame that this bus cannot carry.
+    /// Fails for a frame that this bus cannot carry.
     pub(super) fn write(&mut self, offset: u32, value: u32) -> RegisterResult<()> {
         let (mailbox, register) = place(offset);
         let mailbox = &mut self.boxes[mailbox];
@@ -164,7 +155,6 @@ impl Mailboxes {
     }
 }
 
-/// Mailbox and register at an offset.
 const fn place(offset: u32) -> (usize, usize) {
     (offset as usize / 16, offset as usize / 4 % 4)
 }

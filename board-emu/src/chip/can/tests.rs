@@ -17,7 +17,6 @@ const FA1R: u32 = 0x21C;
 /// 36 MHz by 2, 18 quanta a bit: 1 + 14 + 3; jump width 2.
 const TIMING: u32 = 1 << 24 | 2 << 20 | 13 << 16 | 1;
 
-/// When [`on_bus`] has joined.
 const JOINED: Time = IDLE;
 
 fn read(can: &mut Can, offset: u32, now: Time) -> u32 {
@@ -47,7 +46,6 @@ fn frame(id: u16, data: &[u8]) -> Frame {
     Frame::from_raw(id, data).expect("11 bits, 8 bytes")
 }
 
-/// Puts a frame into a mailbox.
 fn request(can: &mut Can, mailbox: u32, id: u32, now: Time) {
     let at = 0x180 + 16 * mailbox;
     write(can, at + 4, 2, now);
@@ -56,7 +54,6 @@ fn request(can: &mut Can, mailbox: u32, id: u32, now: Time) {
     write(can, at, id << 21 | 1, now);
 }
 
-/// Identifiers of the offered frames.
 fn offered(can: &Can) -> Vec<u16> {
     can.pending().iter().map(Frame::raw_id).collect()
 }

@@ -6,7 +6,6 @@ const SR: u32 = 0x0C;
 const CR: u32 = 0x10;
 const AR: u32 = 0x14;
 
-/// An offset in page 40.
 const AT: u32 = 40 * PAGE + 8;
 
 fn unlock(flash: &mut Flash, now: Time) {
@@ -30,7 +29,6 @@ fn program(flash: &mut Flash, offset: u32, value: u32, now: Time) -> Result<(), 
     flash.program(offset, Size::Half, value, now)
 }
 
-/// Erases the page of [`AT`].
 fn erase(flash: &mut Flash, now: Time) {
     flash.write(AR, FLASH.start + AT, now).expect("written");
     flash.write(CR, cr::PER, now).expect("unlocked");

@@ -25,7 +25,6 @@ fn running(prescaler: u32, reload: u32) -> (Iwdg, Time) {
     (iwdg, 5 * CYCLE)
 }
 
-/// Time of expiry.
 fn expiry(iwdg: &mut Iwdg) -> Time {
     loop {
         let next = iwdg.next_event();

@@ -20,7 +20,6 @@ fn write(rcc: &mut Rcc, offset: u32, value: u32, now: Time) {
     rcc.write(offset, value, now).expect("modeled");
 }
 
-/// At 72 MHz from the crystal; with the time.
 fn at_72_mhz() -> (Rcc, Time) {
     let mut rcc = Rcc::default();
     write(&mut rcc, CR, CR_RESET | cr::HSEON, 0);

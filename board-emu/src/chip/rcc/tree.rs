@@ -9,16 +9,13 @@ const OSCILLATOR_HZ: u64 = 8_000_000;
 /// Source of the system clock (CFGR.SW).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
-    /// The RC oscillator.
     Hsi,
-    /// The crystal.
     Hse,
-    /// The PLL.
     Pll,
 }
 
 impl Source {
-    /// By SW; writes reject the reserved value.
+    /// Writes reject the reserved value.
     pub(super) const fn from_bits(bits: u32) -> Self {
         match bits {
             0 => Self::Hsi,
@@ -27,7 +24,6 @@ impl Source {
         }
     }
 
-    /// As SWS.
     pub(super) const fn bits(self) -> u32 {
         match self {
             Self::Hsi => 0,
@@ -112,7 +108,6 @@ impl Tree {
     }
 }
 
-/// Enable bit of a peripheral, by its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Switch {
     Ahb(u32),
@@ -157,7 +152,6 @@ pub(super) fn switch(address: u32) -> Option<Switch> {
     SWITCHES.get(found).map(|&(_, switch)| switch)
 }
 
-/// The blocks of the bits of a reset register.
 pub(super) fn blocks(bits: u32, bus: fn(u32) -> Switch) -> impl Iterator<Item = u32> {
     let reset =
         move |&&(_, switch): &&(u32, Switch)| (0..32).any(|bit| bits >> bit & 1 == 1 && bus(bit) == switch);

@@ -44,7 +44,6 @@ struct Active {
 }
 
 impl Active {
-    /// The level at a pin.
     fn gate(self, period: Time, inverted: bool) -> Gate {
         match (self.clocks, inverted) {
             (0, _) => Gate::Held(inverted),
@@ -108,7 +107,6 @@ impl Tim1 {
         if channel.mode == 6 { below } else { below.complement(period) }
     }
 
-    /// The two outputs of a channel.
     fn pair(&self, index: usize) -> (Gate, Gate) {
         let bits = self.ccer >> (4 * index);
         let (enabled, inverted) = (bits & 1 != 0, bits & 2 != 0);

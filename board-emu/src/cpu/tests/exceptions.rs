@@ -2,7 +2,6 @@
 
 use super::*;
 
-/// A handler that appends a digit, waits, and appends another.
 fn slow(first: u16, last: u16) -> Vec<u16> {
     [trace(first).as_slice(), &[NOP; 4], &trace(last), &[BX_LR]].concat()
 }

@@ -7,7 +7,6 @@ const CSR: u32 = 0xE000_E010;
 const RVR: u32 = 0xE000_E014;
 const CVR: u32 = 0xE000_E018;
 
-/// Ticks between SysTick interrupts, with the core asleep.
 fn period(control: u32, reload: u32) -> Time {
     let mut b = Bench::new(&[WFI, 0xE7FD], &[(15, handler(1))]); // and back to WFI
     b.poke(RVR, reload);

@@ -5,7 +5,7 @@ use super::*;
 const NOW: Time = 1000 * BIT;
 const RFOM: u32 = 1 << 5;
 
-/// A controller with these filter registers and values (RM0008 24.9.4), set during initialization.
+/// Filter registers: RM0008 24.9.4.
 fn filtered(registers: &[(u32, u32)]) -> Can {
     let mut can = on_bus(0);
     write(&mut can, FMR, 1, NOW);
@@ -16,7 +16,6 @@ fn filtered(registers: &[(u32, u32)]) -> Can {
     can
 }
 
-/// FIFO and filter number of a received frame.
 fn filter(can: &mut Can, id: u16) -> Option<(u32, u32)> {
     can.receive(&frame(id, &[]), NOW);
     (0..2).find_map(|fifo| {
