@@ -6,8 +6,7 @@ use crate::mode::Mode;
 use crate::sense::hall::Glitch;
 use crate::units::{Counts, CountsPerSec, DeciCelsius, Duty, Micros, MilliAmps, MilliVolts, Torque};
 
-/// The sensor readings of one control tick. Hall edges arrive through [`Servo::hall`](crate::Servo::hall) and a trip of
-/// the gate driver through [`Servo::bridge_fault`](crate::Servo::bridge_fault), when they happen.
+/// The sensor readings of one control tick; hall edges and trips of the gate driver arrive when they happen.
 #[derive(Clone, Copy, Debug)]
 pub struct Sense {
     /// Time of this tick.
@@ -71,8 +70,7 @@ pub enum Command {
 const MAX_POSITION: u32 = 1 << 20;
 
 impl Command {
-    /// Whether the position of a command can be reached without wrapping: within ±2^20 counts. Every other value is
-    /// acceptable; the limits bound what comes of it.
+    /// Whether the position of a command is within ±2^20 counts.
     #[must_use]
     pub const fn is_representable(&self) -> bool {
         match self {
@@ -95,8 +93,7 @@ impl Command {
     /// Whether the command means something in a mode.
     ///
     /// V and E are accepted in every mode, because hosts write them before the mode that uses them. T is reset when
-    /// mode 2 starts, so it is refused elsewhere. P is a set-point in mode 3 and renames the position in idle; renaming
-    /// it under a running motion would move the goal.
+    /// mode 2 starts. Renaming the position under a running motion would move the goal.
     #[must_use]
     pub const fn allowed_in(&self, mode: Mode) -> bool {
         match self {

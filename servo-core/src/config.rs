@@ -82,12 +82,10 @@ impl Default for Config {
     }
 }
 
-/// A speed property as a velocity; saturates at 32,767 counts/s.
 pub(crate) fn speed(counts_per_sec: u16) -> CountsPerSec {
     CountsPerSec::from_int(i16::try_from(counts_per_sec).unwrap_or(i16::MAX))
 }
 
-/// A torque property as a torque; saturates at 32,767.
 pub(crate) fn torque(units: u16) -> Torque {
     Torque(i16::try_from(units).unwrap_or(i16::MAX))
 }

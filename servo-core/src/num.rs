@@ -63,7 +63,7 @@ fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
     let mut guess = rest / (d >> 16 | 0x8000);
     let remainder = (((rest as u64) << 16) | next as u64).wrapping_sub(guess as u64 * d as u64);
     let mut low = remainder as u32;
-    // If the guess is too large the remainder is negative; adding d at most twice corrects it.
+    // Adding d at most twice corrects a negative remainder.
     let mut negative = remainder >> 32 != 0;
     for _ in 0..2 {
         if negative {
@@ -118,7 +118,6 @@ pub const fn isqrt_q52(x: u64) -> u64 {
     if root == 0 { 64 } else { root }
 }
 
-/// `√x`, rounded down.
 const fn isqrt(x: u64) -> u32 {
     if x == 0 {
         return 0;
@@ -246,7 +245,6 @@ mod tests {
 
     const ONE: u64 = 1 << 32;
 
-    /// Numbers of a few long runs of ones and zeros, and any others.
     fn runs() -> impl Strategy<Value = u64> {
         let run = (0..64_u32, any::<bool>());
         let some = prop::collection::vec(run, 1..4);
@@ -341,7 +339,6 @@ mod tests {
         assert_eq!(product(Law::MIN, Law::MIN), Law::MAX);
         assert_eq!(product(Law::DELTA, Law::DELTA), Law::ZERO);
         assert_eq!(product(-Law::DELTA, Law::DELTA), -Law::DELTA);
-        // The edge of the upper word: 2^31 − 1 fits, 2^31 does not.
         assert_eq!(mul_shift(i32::MAX, 2, 1), i32::MAX);
         assert_eq!(mul_shift(1 << 30, 4, 1), i32::MAX);
         assert_eq!(mul_shift(-(1 << 30), 4, 1), i32::MIN);

@@ -47,10 +47,8 @@ const FRICTION: Torque = Torque(63);
 /// Events that wait to be fetched; the oldest is dropped when a host never asks.
 const EVENTS: usize = 8;
 
-/// Bridge off, brake engaged.
 const IDLE: Drive = Drive { duty: None, brake_released: false };
 
-/// The state of a position loop.
 #[derive(Clone, Copy, Debug)]
 struct PositionLoop {
     setpoint: SetPoint,
@@ -62,13 +60,11 @@ impl PositionLoop {
         Self { setpoint: SetPoint::at_rest(position), pid }
     }
 
-    /// Distance from the position to the set-point.
     fn lag(&self, position: Counts) -> Counts {
         self.setpoint.position.wrapping_sub(position)
     }
 
-    /// Whether the rotor is so far behind a moving set-point that the profile must wait. A rotor ahead of the set-point
-    /// is not waited for: the set-point catches up with it.
+    /// The profile does not wait for a rotor ahead of the set-point: the set-point catches up with it.
     fn must_wait(&self, position: Counts) -> bool {
         let lag = self.lag(position);
         let lag = if self.setpoint.velocity < CountsPerSec::ZERO { lag.wrapping_neg() } else { lag };
@@ -86,7 +82,7 @@ impl PositionLoop {
     }
 }
 
-/// A motion that has been asked for and not started yet.
+/// A requested motion that has not started.
 #[derive(Clone, Copy, Debug)]
 enum Goal {
     Torque(Torque),
@@ -118,7 +114,6 @@ impl Goal {
     }
 }
 
-/// What the motor is doing.
 #[derive(Clone, Copy, Debug)]
 enum Motion {
     /// Bridge off, brake engaged.
@@ -157,7 +152,7 @@ impl Motion {
         }
     }
 
-    /// Whether the motion ends by itself and a host waits for that: a move to E, TC, TO or HI.
+    /// Whether the motion ends by itself and a host waits for that.
     const fn is_awaited(&self) -> bool {
         match self {
             Self::Starting { goal, .. } => match goal {
@@ -173,12 +168,10 @@ impl Motion {
         }
     }
 
-    /// Whether the host closes the loop, so that its silence is a fault: modes 2 and 4.
     const fn needs_host(&self) -> bool {
         matches!(self.mode(), Mode::Torque | Mode::Velocity)
     }
 
-    /// The position loop, if one runs.
     const fn position_loop(&self) -> Option<&PositionLoop> {
         match self {
             Self::Position(control) | Self::Move { control, .. } | Self::LeaveStop { control, .. } => {
@@ -195,7 +188,6 @@ impl Motion {
     }
 }
 
-/// The configuration and everything computed from it.
 #[derive(Debug)]
 struct Tuning {
     config: Config,
@@ -203,7 +195,6 @@ struct Tuning {
     velocity_loop: VelocityLoop,
     strain: Window,
     ramps: CruiseRamps,
-    /// The torque limit, and that of HI towards the stop.
     most: Torque,
     homing_most: Torque,
 }
@@ -223,7 +214,6 @@ impl Tuning {
         }
     }
 
-    /// Velocity set-point of TC and TO.
     fn press_speed(&self, closing: bool) -> CountsPerSec {
         if closing { config::speed(self.config.mcv) } else { config::speed(self.config.mov).saturating_neg() }
     }
@@ -254,7 +244,6 @@ pub struct Servo {
     applied: AppliedTorque,
     ended: Option<EndReason>,
     homed: bool,
-    /// Where a link broke away, until cleared.
     broke_away: Option<i32>,
     events: Deque<Event, EVENTS>,
 }
@@ -421,7 +410,6 @@ impl Servo {
         Ok(())
     }
 
-    /// Whether a command is acceptable now.
     fn check(&self, command: &Command) -> Result<(), Refusal> {
         if let Some(fault) = self.faults.latched()
             && command.moves()
@@ -453,8 +441,7 @@ impl Servo {
         }
     }
 
-    /// The integrator that the next position loop starts with. Between hold and move the load stays carried; from any
-    /// other motion the integrator starts empty.
+    /// Between hold and move the load stays carried; from any other motion the integrator starts empty.
     fn carried_pid(&self) -> PidState {
         match &self.motion {
             Motion::Position(control) | Motion::Move { control, .. } | Motion::LeaveStop { control, .. } => {
@@ -465,7 +452,7 @@ impl Servo {
         }
     }
 
-    /// Idle at once, regardless of HOLD. A host that waits for a motion is told that it was aborted.
+    /// Idles at once, regardless of HOLD; if a host awaits the motion, reports it as aborted.
     fn terminate(&mut self) {
         let awaited = self.motion.is_awaited();
         self.idle();
@@ -475,7 +462,7 @@ impl Servo {
         }
     }
 
-    /// Another motion in place of the present one. A host that waits for that is told that it was aborted.
+    /// Replaces the present motion; if a host awaits it, reports it as aborted.
     fn replace(&mut self, goal: Goal) {
         if self.motion.is_awaited() {
             self.report(Event::Ended { reason: EndReason::Aborted, mode: goal.mode() });
@@ -493,7 +480,6 @@ impl Servo {
         self.motion = Motion::Starting { goal, brake_ms };
     }
 
-    /// P: renames the present position in idle, is the set-point in mode 3.
     fn set_position(&mut self, position: i32) {
         match &mut self.motion {
             Motion::Starting { goal: Goal::Position { at, .. }, .. } => *at = Some(position),
@@ -511,7 +497,7 @@ impl Servo {
         }
     }
 
-    /// T. Leaving zero starts the stall time.
+    /// Leaving zero starts the stall time.
     fn set_torque(&mut self, torque: Torque) {
         match &mut self.motion {
             Motion::Torque(wanted) | Motion::Starting { goal: Goal::Torque(wanted), .. } => {
@@ -525,7 +511,7 @@ impl Servo {
         }
     }
 
-    /// E. Writing the same E again does not re-plan.
+    /// Writing the same E again does not re-plan.
     fn set_end(&mut self, end: i32) {
         let changed = end != self.end;
         self.end = end;
@@ -534,7 +520,7 @@ impl Servo {
         }
     }
 
-    /// V. Takes over from TC and TO; does not disturb HI.
+    /// V takes over from TC and TO; it does not disturb HI.
     fn set_velocity(&mut self, velocity: CountsPerSec) {
         self.velocity_wanted = velocity;
         match &mut self.motion {
@@ -588,7 +574,7 @@ impl Servo {
                     return Drive { duty: None, brake_released: true };
                 }
                 if self.start(goal) {
-                    // The profile sets out in the next tick; until then the bridge stays as it was.
+                    // The profile starts in the next tick; until then the bridge keeps its state.
                     return self.unchanged_drive();
                 }
             }
@@ -597,7 +583,6 @@ impl Servo {
         if self.check_end(counted, sense.strain) {
             match self.motion {
                 Motion::Idle => return IDLE,
-                // HI leaves the stop in the next tick; until then the bridge stays as it was.
                 Motion::Starting { .. } => return self.drive(),
                 _ => {}
             }
@@ -624,7 +609,7 @@ impl Servo {
         Drive { duty: Some(self.applied.duty), brake_released: true }
     }
 
-    /// The drive of the motion before this one; bridge off if there was none.
+    /// The drive of the previous motion; bridge off if there was none.
     fn unchanged_drive(&self) -> Drive {
         let off = self.applied == AppliedTorque::OFF;
         Drive { duty: if off { None } else { Some(self.applied.duty) }, brake_released: true }
@@ -673,8 +658,7 @@ impl Servo {
         self.plan()
     }
 
-    /// Restarts the stall time, and plans the profile of the motion, if it has one, from the present set-point. Returns whether
-    /// there is a profile to follow.
+    /// Restarts the stall time and plans from the present set-point. Returns whether there is a profile to follow.
     fn plan(&mut self) -> bool {
         self.stall.restart();
         let (control, profile, end) = match &mut self.motion {
@@ -687,7 +671,7 @@ impl Servo {
         !control.setpoint.done
     }
 
-    /// The torque that the motion's control law asks for, with the damping it lacks.
+    /// Includes the damping that the control law lacks.
     fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
         let (torque, missing) = match self.motion {
             Motion::Idle | Motion::Starting { .. } => (Torque::ZERO, Law::ZERO),
@@ -705,7 +689,7 @@ impl Servo {
         damped(torque, self.velocity, missing)
     }
 
-    /// Torque of modes 3 and 5, whose profile advances by a tick unless the rotor lags too far behind it.
+    /// Modes 3 and 5. The profile advances by a tick unless the rotor lags too far.
     fn position_torque(&mut self, range: (Torque, Torque)) -> Torque {
         let control = match &mut self.motion {
             Motion::Position(control) => control,
@@ -721,8 +705,8 @@ impl Servo {
         self.tuning.pid.step(&mut control.pid, error, velocity_error, range)
     }
 
-    /// Torque of mode 4. Pressing applies all of MT while the rotor is slower than half its approach speed; if the
-    /// object gives way, the velocity loop takes over.
+    /// Mode 4. Pressing applies all of MT while the rotor is slower than half its approach speed; if the object gives way,
+    /// the velocity loop takes over.
     fn velocity_torque(&self, most: Torque) -> Torque {
         let goal = self.velocity_goal();
         let half = goal.0 >> 1;
@@ -733,7 +717,6 @@ impl Servo {
         }
     }
 
-    /// Velocity set-point of the present motion.
     fn velocity_goal(&self) -> CountsPerSec {
         match self.motion {
             Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. } => self.velocity_wanted,
@@ -868,8 +851,8 @@ impl Servo {
         self.report(Event::Ended { reason, mode: self.motion.mode() });
     }
 
-    /// Position control at the present position. After an arrival the integrator keeps the torque of this moment, so
-    /// that a load stays carried. Any other end may come at speed or under full torque, and starts with an empty one.
+    /// Holds the present position. After an arrival the integrator keeps the present torque, so that a load stays carried.
+    /// Any other end may come at speed or under full torque, so the integrator starts empty.
     fn hold(&mut self, reason: EndReason) {
         let pid = if reason == EndReason::Arrived {
             self.tuning.pid.bumpless(self.applied.torque, Law::ZERO, Law::ZERO, self.tuning.most)
@@ -877,7 +860,7 @@ impl Servo {
             PidState::default()
         };
         self.motion = match self.motion {
-            // The brake gets the rest of its release time first.
+            // The brake keeps the rest of its release time.
             Motion::Starting { brake_ms, .. } if brake_ms < self.tuning.config.brake_ms => {
                 Motion::Starting { goal: Goal::Position { at: None, pid }, brake_ms }
             }
@@ -897,7 +880,6 @@ impl Servo {
         if self.events.is_full() {
             self.events.pop_front();
         }
-        // Cannot fail: there is room now.
         let _ = self.events.push_back(event);
     }
 }

@@ -5,11 +5,9 @@ use crate::num::{Wide, mul_upper};
 use core::num::NonZeroU64;
 use fixed::types::{I1F15, I16F16, I22F10};
 
-/// A position or a distance in hall counts, with 1/1024 count resolution.
-///
-/// 22 integer bits are what the 22-bit position frame of the wire carries: ±2,097,151 counts, 33 minutes at
-/// full speed in one direction. A position wraps there (as a counter does); a difference of two positions is
-/// right across the wrap.
+/// A position or a distance in hall counts, with 1/1024 count resolution. The 22 integer bits are those of the wire's
+/// position frame: ±2,097,151 counts, 33 minutes at full speed. A position wraps there; a difference is right across the
+/// wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Counts(pub I22F10);
 
@@ -182,8 +180,7 @@ impl Duty {
     }
 }
 
-/// A time-stamp or a duration in microseconds. Time-stamps wrap after 71.6 minutes; differences are right
-/// across the wrap.
+/// A time-stamp or a duration in microseconds. Time-stamps wrap after 71.6 minutes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Micros(pub u32);

@@ -1,7 +1,6 @@
 //! MPE: when a move counts as arrived (manual 5.5 case 2, decision 0007).
 
-/// Whether a move has arrived: the profile is complete, so the set-point rests at `end`, and the position is within `mpe`
-/// counts of it. Passing through the window while the profile still moves is no arrival.
+/// Whether the profile is complete, so that the set-point rests at `end`, and the position is within `mpe` counts of it.
 #[must_use]
 pub fn arrived(profile_done: bool, end: i32, position: i32, mpe: u16) -> bool {
     profile_done && end.abs_diff(position) <= u32::from(mpe)

@@ -17,10 +17,8 @@ pub struct Breakaway {
 }
 
 impl Breakaway {
-    /// One tick of 1 ms: the applied torque, the velocity set-point, the measured velocity, and BT in torque units (0 =
-    /// never). Only closing motions break away.
-    ///
-    /// Returns whether the link has broken away.
+    /// One tick of 1 ms; returns whether the link has broken away. Only closing motions break away. `bt` in torque units, 0
+    /// = never.
     #[must_use]
     pub fn step(&mut self, applied: Torque, setpoint: CountsPerSec, measured: CountsPerSec, bt: u16) -> bool {
         let closing = setpoint > CountsPerSec::ZERO;

@@ -95,16 +95,13 @@ impl Faults {
         self.raised &= !Condition::HALLS.0;
     }
 
-    /// One tick of 1 ms with the bus voltage and the conditions raised since the last.
-    ///
-    /// Returns a fault when it latches, once.
+    /// One tick of 1 ms. Returns a fault once, when it latches.
     #[inline]
     pub fn check(&mut self, bus: MilliVolts) -> Option<Fault> {
         let bus_good = (UNDER.0..=OVER.0).contains(&bus.0);
         if bus_good && self.raised == 0 { None } else { self.judge(bus) }
     }
 
-    /// [`Self::check`] when there is something to judge.
     #[inline(never)]
     fn judge(&mut self, bus: MilliVolts) -> Option<Fault> {
         let raised = self.raised;

@@ -66,10 +66,8 @@ impl Default for TorqueLimiter {
 }
 
 impl TorqueLimiter {
-    /// Judges the bus current that flowed at the duty applied since the last tick. A six-step bridge draws duty × phase
-    /// current. Below 1/16 duty the quotient is noise and is ignored.
-    ///
-    /// Returns whether the phase current has been that of a short circuit for several ticks: a fault.
+    /// Checks the bus current at the duty applied since the last tick (duty × phase current); below 1/16 duty the quotient
+    /// is noise. Returns whether the phase current has been that of a short circuit for several ticks: a fault.
     #[inline]
     pub fn watch_current(&mut self, bus: MilliAmps, applied: Duty) -> bool {
         if (-LITTLE_MA..=LITTLE_MA).contains(&i32::from(bus.0)) {
@@ -102,8 +100,7 @@ impl TorqueLimiter {
         self.short_ms >= SHORT_MS
     }
 
-    /// The torque limits of this tick: the least of MT (or IHIT), temperature and current, within what the bus voltage leaves
-    /// at this velocity.
+    /// The torque limits of this tick, within what the bus voltage leaves at this velocity.
     #[must_use]
     #[inline]
     pub fn envelope(
@@ -135,7 +132,6 @@ fn volts(bus: MilliVolts) -> i32 {
 /// Torque and voltage limits of one tick, in torque units (24 V is 1024).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TorqueEnvelope {
-    /// The torque limit in force.
     most: i32,
     /// Two of the three limits that `most` is the least of; the third is the current's.
     mt: Torque,
@@ -144,7 +140,6 @@ pub struct TorqueEnvelope {
     /// the other.
     low: i32,
     high: i32,
-    /// The largest voltage across the motor.
     volts: i32,
     emf: i32,
     bus: MilliVolts,
@@ -163,7 +158,7 @@ impl TorqueEnvelope {
         (Torque(saturating_i16(self.low)), Torque(saturating_i16(self.high)))
     }
 
-    /// The limit in force; of equal ones the first in this order.
+    /// Of equal limits the first in this order.
     fn governing(&self) -> LimitCause {
         if self.most == i32::from(self.mt.0) {
             LimitCause::Torque

@@ -20,11 +20,9 @@ impl Stall {
         *self = Self::default();
     }
 
-    /// One tick of 1 ms. `counted`: the hall count changed since the last tick. `driven`: the motor is driven away from rest;
-    /// the timer pauses while it is not, because a set-point that creeps (ACCEL 1 needs 1.4 s for its first count) is no
-    /// obstacle. `tstop` in ms, 0 = never.
-    ///
-    /// Returns whether the motor has stalled.
+    /// One tick of 1 ms. `counted`: the hall count changed since the last tick. `driven`: the motor is driven away from
+    /// rest; otherwise the timer pauses, because a set-point that creeps (ACCEL 1 needs 1.4 s for its first count) is no
+    /// obstacle. `tstop` in ms, 0 = never. Returns whether the motor has stalled.
     #[must_use]
     #[inline]
     pub fn step(&mut self, counted: bool, driven: bool, tstop: u16) -> bool {

@@ -66,9 +66,8 @@ impl Default for Thermal {
 }
 
 impl Thermal {
-    /// One tick of 1 ms with the torque applied since the last. The first tick, and every `TICKS`-th, judges.
-    ///
-    /// Returns whether this tick found the motor too hot: see [`Self::over`].
+    /// One tick of 1 ms with the torque applied since the last; the first and every `TICKS`-th judge. Returns whether this
+    /// one found the motor too hot: see [`Self::over`].
     pub fn step(&mut self, applied: Torque, thermistor: DeciCelsius, otemp: i16) -> bool {
         self.warm_by(applied);
         if (1..TICKS).contains(&self.due) {
@@ -124,7 +123,7 @@ impl Thermal {
         self.over
     }
 
-    /// One step of the model: `TICKS` ms.
+    /// One step of `TICKS` ms.
     fn warm(&mut self) {
         // Mean of 16 squares, each of which was divided by 256.
         let squared = (self.squares << 4).min(MAX_SQUARED);
@@ -143,7 +142,6 @@ impl Thermal {
     }
 }
 
-/// `FULL` below the band, 0 at `max`, linear in between.
 fn derate(temp: i32, max: i32, band: i32) -> i16 {
     let left = max.saturating_sub(temp).clamp(0, band).saturating_mul(i32::from(FULL)) / band;
     // 0..=990.
@@ -156,7 +154,6 @@ mod tests {
 
     const WARM: DeciCelsius = DeciCelsius(400);
 
-    /// After the first tick at a temperature, 0.1 °C.
     fn at(temp: i16, otemp: i16) -> Thermal {
         let mut thermal = Thermal::default();
         assert_eq!(thermal.step(Torque::ZERO, DeciCelsius(temp), otemp), thermal.over());

@@ -50,11 +50,9 @@ pub struct PidState {
 }
 
 impl Pid {
-    /// One tick with `error` in counts and `velocity_error` in counts/s; returns a torque in `low..=high`, the range that the
-    /// limits and the bus voltage leave at the present speed.
-    ///
-    /// Anti-windup: the integral pauses while the output is at the end of that range in the error's direction, and stays
-    /// within the range.
+    /// One tick with `error` in counts and `velocity_error` in counts/s; returns a torque in `low..=high`, which the limits
+    /// and the bus voltage leave at the present speed. Anti-windup: the integral stays within that range and pauses while
+    /// the output is at its end in the error's direction.
     #[must_use]
     pub fn step(
         &self,
@@ -130,7 +128,6 @@ mod tests {
         for _ in 0..10_000 {
             assert_eq!(law.step(&mut state, Law::from_num(100), Law::ZERO, RANGE), LIMIT);
         }
-        // The proportional part alone was at the limit, so nothing was integrated and the way back is free.
         assert!(law.step(&mut state, Law::from_num(-1), Law::ZERO, RANGE) < Torque::ZERO);
     }
 

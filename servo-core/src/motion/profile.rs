@@ -104,9 +104,7 @@ pub struct Profile {
     position: Wide,
     velocity: Wide,
     acceleration: Wide,
-    /// End of the plan.
     end: Wide,
-    /// ACCEL in force.
     accel: u16,
     /// Ticks since the plan, and when the next segment begins.
     tick: u32,
@@ -115,7 +113,7 @@ pub struct Profile {
     /// the last holds.
     brake_tick: u32,
     rest_tick: u32,
-    /// Parameters of the segments; `None` at rest.
+    /// `None` at rest.
     course: Option<Course>,
 }
 
@@ -191,7 +189,6 @@ impl Profile {
         self.current()
     }
 
-    /// Begins the segment due at this tick.
     #[inline(never)]
     fn begin(&mut self) {
         let Some(course) = &self.course else { return };
@@ -225,7 +222,6 @@ impl Profile {
         self.position = self.end - directed(mul_q32(left, time) >> 1);
         self.velocity = directed(left);
         self.acceleration = -directed(slope.acceleration());
-        // The tick at that time, or the first after it.
         self.rest_tick = self.tick.saturating_add(next_tick(time - 1).0);
         self.due = self.rest_tick;
     }
@@ -307,19 +303,14 @@ impl Slope {
 /// bits in counts and ticks.
 #[derive(Clone, Copy, Debug)]
 struct Course {
-    /// Start position.
     from: Wide,
-    /// The approach is downwards.
     mirrored: bool,
     /// The first segment decelerates from above the cruise velocity.
     slowing: bool,
-    /// Highest velocity of the approach.
     peak: Ramp,
     /// Distance to the start of cruise; negative if most of it is turning round.
     to_cruise: i64,
-    /// When `peak` is reached.
     cruise_begins: u64,
-    /// When braking begins.
     braking_begins: u64,
 }
 

@@ -58,7 +58,6 @@ mod tests {
             let damping: Law = Law::from_num(sixteenths) >> 4;
             for speed in [-1500, -300, -20, 20, 300, 1500] {
                 let velocity = CountsPerSec::from_int(speed);
-                // A velocity law towards standstill, with what drag adds to it.
                 let law = Torque::from_fixed(product(damping, velocity.0)).saturating_neg();
                 let applied = i32::from(damped(law, velocity, missing(damping)).0) + emf(velocity);
                 let current = Law::from_num(applied).saturating_sub(product(WEAK_EMF, velocity.0));

@@ -46,9 +46,8 @@ const POSITIVE: [[Leg; 3]; 9] = [
     [Leg::Float, Leg::Pwm, Leg::Low],
 ];
 
-/// The bridge for a signed duty in a sector (0..=5). A positive duty closes; a negative one swaps the two driven legs, which is
-/// the vector of the opposite sector. A duty of zero short-circuits the two phases. `Off` without a duty or outside the
-/// table.
+/// The bridge for a signed duty in a sector (0..=5), otherwise `Off`. A negative duty, which opens, swaps the two driven
+/// legs, as in the opposite sector. A duty of zero short-circuits the two phases.
 #[must_use]
 pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
     let (Some(sector), Some(duty)) = (sector, duty) else { return Bridge::Off };

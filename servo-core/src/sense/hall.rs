@@ -7,8 +7,8 @@
 //! lines still show it [`CONFIRM`] later (at another edge, or when the control tick samples again), and dropped as soon as
 //! a sample is next to the trusted sector. Codes 0 and 7 are never followed.
 //!
-//! Recovered, as the tests show exhaustively: one or two wrong codes of any kind within [`CONFIRM`], also where they hide an
-//! edge or a reversal, and one wrong code of any length at standstill. The next stable sample restores up to two lost edges.
+//! Recovered (tested exhaustively): one or two wrong codes of any kind within [`CONFIRM`], also where they hide an edge or a
+//! reversal, and one wrong code of any length at standstill. The next stable sample restores up to two lost edges.
 //!
 //! # Limits
 //!
@@ -37,7 +37,6 @@ pub const ILLEGAL: Micros = Micros(2000);
 /// most four steps an electrical revolution: 3 × (2 × 16 − 4) = 84 ≥ 80 in three of them. Glitches at 1 % of the edges add
 /// 0.16 an edge, so a fault needs five within 20 edges: once in 10^7 edges.
 const GLITCH: u8 = 16;
-/// See [`GLITCH`].
 const FAULT: u8 = 80;
 /// At standstill ([`STANDING`] without a step), the score decreases by 1 in this time, or a motor that holds would keep its
 /// glitches for ever. A glitch expires in 0.26 s.
@@ -177,15 +176,12 @@ const fn distance(from: u8, to: u8) -> i8 {
     }
 }
 
-/// A sector two or three from the trusted one, where the rotor may be.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
     sector: u8,
-    /// Steps to it.
     delta: i8,
     /// It is three steps away, in an unknown direction.
     either: bool,
-    /// Time of the lines' change to it.
     at: Micros,
 }
 
@@ -197,7 +193,6 @@ pub struct HallDecoder {
     /// Trusted sector; `None` until the first legal code.
     sector: Option<u8>,
     count: i32,
-    /// Direction and time of the last step.
     direction: Direction,
     at: Option<Micros>,
     /// The last step was a jump, or came within [`CONFIRM`] of the one before: it may have been a glitch.
@@ -207,7 +202,6 @@ pub struct HallDecoder {
     score: u8,
     /// The lines show the trusted sector and no state waits for time to pass.
     quiet: bool,
-    /// When the score last decreased by time.
     leaked: Micros,
     /// Lines that changed since the score left 0.
     toggled: u8,
@@ -260,8 +254,8 @@ impl HallDecoder {
         follows.then_some(sector)
     }
 
-    /// One sample of the lines (bits 2..0): at each of their changes, and at each control tick, so that a jump
-    /// with no edge after it is confirmed too.
+    /// One sample of the lines (bits 2..0), at each change and at each control tick, which confirms a jump without an edge
+    /// after it.
     #[inline]
     pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
         let code = code & 7;
@@ -269,7 +263,6 @@ impl HallDecoder {
             if code == self.code {
                 return None;
             }
-            // The common case: the rotor's next step.
             if let (Some(sector), Some(trusted)) = (self.wiring.sector(code), self.sector)
                 && let delta @ (-1 | 1) = distance(trusted, sector)
             {
@@ -322,7 +315,6 @@ impl HallDecoder {
         }
     }
 
-    /// Code 0 or 7.
     fn illegal(&mut self, at: Micros) -> Option<HallEvent> {
         self.pending = None;
         match self.illegal_since {
@@ -339,7 +331,6 @@ impl HallDecoder {
         }
     }
 
-    /// Two or three sectors away: follows when confirmed.
     fn jump(&mut self, sector: u8, delta: i8, at: Micros) -> Option<HallEvent> {
         if let Some(p) = self.pending
             && at.wrapping_since(p.at).0 >= CONFIRM.0

@@ -74,7 +74,7 @@ const CELL_END: i32 = ONE - 64;
 const NOISE_FLOOR: i32 = 1966;
 /// A larger residual than this, 0.3 counts, is no placement error (±10° electrical is 0.17 counts) and not learned.
 const MAX_LEARNED_RESIDUAL: i32 = 19_661;
-/// A larger residual than this, 16 counts, means that edges were missed for long: the filter restarts.
+/// A larger residual than this, 16 counts, restarts the filter: edges were missed for long.
 const RESTART_RESIDUAL: i32 = 16 * ONE;
 /// Steps beyond this are clamped; far more than a restart needs.
 const MAX_STEPS: i32 = 1 << 13;
@@ -116,41 +116,35 @@ const GROWING: [(i32, i32); 20] = [
     (12_762, 1035),
 ];
 
-/// Filter state, updated at each edge. Positions count forward, in the rotor's direction, from the nominal place of the
-/// boundary last crossed, so velocity is never negative.
+/// Positions count forward, in the rotor's direction, from the nominal place of the boundary last crossed, so velocity is
+/// never negative.
 #[derive(Clone, Copy, Debug)]
 struct FilterState {
     /// Time of the last edge, less the learned delay.
     at: Micros,
     /// Number of the boundary last crossed, which is nominally at number − ½ counts.
     boundary: i32,
-    /// Index of that boundary's offset.
     index: usize,
     /// Where that boundary is: its offset.
     place: i32,
-    /// Where the next boundary is.
     next: i32,
-    /// Distance between the two; at least 1/8 count.
+    /// From `place` to `next`; at least 1/8 count.
     gap: u32,
     /// Last position within the cell that is before the next boundary.
     last: i32,
     /// Standing for [`STANDSTILL`] or longer; `at` then stays that far in the past.
     standing: bool,
-    /// Filtered position p.
     position: i32,
-    /// v, 0..=`SPEED_MAX`.
+    /// 0..=`SPEED_MAX`.
     velocity: i32,
-    /// a, within ±`ACCEL_MAX`.
+    /// Within ±`ACCEL_MAX`.
     acceleration: i32,
-    /// b.
     bias: i32,
-    /// n.
     noise: i32,
     /// +1 closing, −1 opening, 0 before the first edge.
     sign: i8,
     /// Edges since the motion began, up to the length of `GROWING`.
     edges: u8,
-    /// Whether the line rose at the boundary.
     rising: bool,
 }
 
@@ -248,7 +242,7 @@ impl<const N: usize> Estimator<N> {
             ..*m
         };
         if sign != m.sign {
-            // The rotor turned round, so it stood in between.
+            // The rotor reversed, so it stood in between.
             self.state = FilterState { edges: 1, velocity: 0, acceleration: 0, bias: 0, ..here };
             return;
         }
@@ -269,7 +263,6 @@ impl<const N: usize> Estimator<N> {
         }
     }
 
-    /// Learns the offset of an edge and the delay of rising edges from a residual.
     #[inline]
     fn learn(&mut self, index: usize, residual: i32, rising: bool, dt: u32) {
         let sign = self.state.sign;
@@ -284,13 +277,11 @@ impl<const N: usize> Estimator<N> {
         self.delay = (self.delay + lag).clamp(0, MAX_DELAY_US << 8);
     }
 
-    /// Index of a boundary's offset.
     fn index(boundary: i32) -> usize {
         let n = i32::try_from(N).ok().filter(|n| *n > 0);
         n.and_then(|n| usize::try_from(boundary.rem_euclid(n)).ok()).unwrap_or(0)
     }
 
-    /// Index of the next boundary in the direction of `sign`.
     const fn neighbor(index: usize, sign: i8) -> usize {
         match (sign > 0, index) {
             (true, last) if last + 1 == N => 0,
@@ -367,13 +358,11 @@ impl<const N: usize> Estimator<N> {
         (position, velocity)
     }
 
-    /// As [`at`](Self::at), for a rotor of which nothing is known: the mean of two readings of a pattern that repeats with
-    /// the rotor.
+    /// As [`at`](Self::at), for an unknown rotor: the mean of two explanations of a pattern that repeats with the rotor.
     ///
-    /// Edges alone cannot tell misplaced sensors from a rotor that cogs. In the first case the speed is as even as `at`
-    /// says. In the second the falling edges, which are sharp, are evenly spaced, and the speed ripples as their learned
-    /// offsets say. The mean is wrong by half of that ripple at most. Use it for recordings; in a control loop half of a
-    /// ripple that the rotor may not have would become torque.
+    /// Edges alone cannot tell misplaced sensors, with which `at` is right, from a rotor that cogs, with which the sharp
+    /// falling edges are evenly spaced. The mean is wrong by half of the learned ripple at most. Use it for recordings, not
+    /// in a control loop, where a ripple that the rotor does not have becomes torque.
     #[must_use]
     pub fn undecided(&mut self, now: Micros) -> (Counts, CountsPerSec) {
         let (position, velocity) = self.rotor(now);
@@ -388,7 +377,6 @@ impl<const N: usize> Estimator<N> {
         let fall = m.boundary.wrapping_sub(back * sign);
         let next = fall.wrapping_add(2 * sign);
         let place = self.offset(Self::index(fall), m.sign);
-        // Half the distance between two falling edges.
         let half = ONE.saturating_add(self.offset(Self::index(next), m.sign).saturating_sub(place) / 2);
         let marks = saturating_signed(u32::MAX / half.max(ONE / 2).unsigned_abs());
         let from_mark = position.saturating_add(back.saturating_mul(ONE));
@@ -406,7 +394,6 @@ const fn since(earlier: Micros, later: Micros) -> u32 {
     if elapsed > u32::MAX - REORDERED.unsigned_abs() { 0 } else { elapsed }
 }
 
-/// A distance as seen in the direction of `sign`.
 const fn forward(distance: i32, sign: i8) -> i32 {
     if sign < 0 { -distance } else { distance }
 }
@@ -474,7 +461,6 @@ impl FilterState {
         self.acceleration = if (self.bias < 0) == (acceleration < 0) {
             acceleration
         } else {
-            // The acceleration has ended.
             let share = ((maneuver * 205) >> 8).min(256);
             let share = ((share * share * 45_875) >> 16).cast_signed();
             acceleration - mul_low(acceleration, share, 16)

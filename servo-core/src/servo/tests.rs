@@ -1,4 +1,4 @@
-//! The mode table, walked whole; entry, end and fault actions on an ideal motor that follows at once.
+//! The whole mode table; entry, end and fault actions on an ideal motor.
 
 use super::*;
 use crate::guard::fault::Fault;
@@ -10,7 +10,6 @@ mod entries;
 mod homing;
 mod host;
 
-/// The kinds of motor that differ in what the servo does.
 #[derive(Clone, Copy, Debug)]
 enum Joint {
     /// No brake; opens towards its stop; breaks away.
@@ -54,7 +53,6 @@ impl Joint {
     }
 }
 
-/// A bench without a motor: hall steps are whatever the test says.
 struct Bench {
     servo: Servo,
     now: Micros,
@@ -111,7 +109,7 @@ impl Bench {
         self.tick_to(self.count)
     }
 
-    /// Ticks with a rotor that is always where the set-point is, until something ends.
+    /// Ticks with a rotor that follows the set-point exactly, until a motion ends.
     fn follow(&mut self, most: usize) -> Option<EndReason> {
         for _ in 0..most {
             let wanted = self.servo.telemetry().setpoint.round() + self.servo.zero;
@@ -177,7 +175,6 @@ fn every_mode_accepts_or_refuses_every_command() {
                 Command::Move(_) => Trap,
                 Command::TorqueControlled { .. } | Command::Home => Vel,
                 Command::Terminate => Idle,
-                // The spread's HOLD is 1.
                 Command::Abort if mode != Idle => Pid,
                 _ => mode,
             };
@@ -205,7 +202,6 @@ fn brake_releases_before_the_bridge_drives_and_engages_in_idle() {
     let mut bench = Bench::new(Joint::Spread);
     assert_eq!(bench.tick(), Drive { duty: None, brake_released: false });
     bench.servo.command(Command::Move(50)).unwrap();
-    // And one tick for the plan.
     for tick in 0..31 {
         assert_eq!(bench.tick(), Drive { duty: None, brake_released: true }, "tick {tick}");
     }
@@ -356,7 +352,6 @@ fn interrupted_move_reports_end_3() {
     assert_eq!(bench.servo.event(), None, "a hold is no move");
 }
 
-/// Ticks until a blocked move of a tip ends, while `change` is written every 50 ms.
 fn stall_time_while_writing(change: fn(Config, u16) -> Config) -> usize {
     let mut bench = Bench::new(Joint::Tip);
     bench.servo.command(Command::Move(60)).unwrap();
@@ -381,7 +376,6 @@ fn properties_that_do_not_shape_the_move_do_not_restart_its_stall_time() {
     ];
     for change in unrelated {
         let stalled_at = stall_time_while_writing(change);
-        // ACCEL 30 needs 48 ms to its first count, then TSTOP 300 runs.
         assert!((347..=350).contains(&stalled_at), "{stalled_at}");
     }
 }
@@ -408,7 +402,6 @@ fn hold_after_abort_at_speed_starts_with_an_empty_integral() {
     assert!(bench.servo.telemetry().velocity > CountsPerSec::from_int(200));
     bench.servo.command(Command::Abort).unwrap();
     bench.tick();
-    // Only the derivative acts, against the motion.
     assert!(bench.servo.telemetry().torque < Torque(-100), "{:?}", bench.servo.telemetry().torque);
 }
 
@@ -480,7 +473,6 @@ fn replan_keeps_setpoint_and_velocity() {
     assert_eq!(bench.servo.telemetry().position.round(), 60);
 }
 
-/// Any values of the fields, also beyond the ranges of their properties.
 fn any_config() -> impl Strategy<Value = Config> {
     let words = prop::collection::vec(prop_oneof![any::<u16>(), 0..1000_u16], 19);
     (words, any::<i32>(), any::<(bool, bool)>()).prop_map(|(words, ioff, (hold, bs))| Config {
@@ -509,8 +501,6 @@ fn any_config() -> impl Strategy<Value = Config> {
 }
 
 proptest! {
-    /// Any commands, configurations and sensor readings: no overflow, torque within MT, duty within its bound, and idle
-    /// drives nothing.
     #[test]
     fn any_input_keeps_torque_and_duty_within_their_limits(
         steps in prop::collection::vec(
@@ -543,7 +533,7 @@ proptest! {
             prop_assert!(duty.unsigned_abs() <= 31_680);
             let telemetry = bench.servo.telemetry();
             let most = bench.servo.config().mt.min(990);
-            // A motion that has just been replaced still drives with the torque of the old MT for one tick.
+            // A replaced motion drives with the torque of the old MT for one more tick.
             let just_configured = matches!(command, Command::Configure(_));
             prop_assert!(just_configured || telemetry.limit == Some(crate::guard::fault::LimitCause::Duty)
                 || telemetry.torque.0.unsigned_abs() <= most);

@@ -1,4 +1,4 @@
-//! Properties at full resolution; those in seconds and counts are in the system tests.
+//! Full resolution; the system tests check seconds and counts.
 
 use super::*;
 use proptest::prelude::*;
@@ -16,13 +16,12 @@ fn moving(start: i32, end: i32, limits: MoveLimits, ticks: u32) -> Profile {
     profile
 }
 
-/// Steps to the end and gives the ticks that took; `None` if they are more than `most`.
 fn land(profile: &mut Profile, most: u32) -> Option<u32> {
     (1..=most).find(|_| profile.step().done)
 }
 
 fn any_limits() -> impl Strategy<Value = MoveLimits> {
-    // Equal shares of every number of bits.
+    // Uniform over the number of bits.
     (0..16_u32, 1..=u16::MAX, 16..=4080_i16, 16..=4080_i16).prop_map(|(shift, accel, closing, opening)| {
         MoveLimits {
             accel: (accel >> shift).max(1),
@@ -39,7 +38,7 @@ fn any_counts() -> impl Strategy<Value = Counts> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
 
-    /// But for the rounding where a segment begins (see the module), also when the plan changes in mid-move.
+    /// Except for the rounding where a segment begins (see the module), also after a new plan in mid-move.
     #[test]
     fn limits_hold_to_the_last_bits(
         distance in -2000..2000_i32,
@@ -67,7 +66,6 @@ proptest! {
         }
     }
 
-    /// Nothing depends on the direction.
     #[test]
     fn mirrored_move_is_the_mirror_image(
         distance in -2000..2000_i32, ticks in 0..400_u32, end in -2000..2000_i32, limits in any_limits(),
@@ -85,7 +83,6 @@ proptest! {
         }
     }
 
-    /// No input, in range or not, overflows (overflow checks are on) or breaks the cruise limit.
     #[test]
     fn any_input_is_taken(
         start in any_counts(),
@@ -145,8 +142,8 @@ fn accel_zero_at_rest_forgets_the_accel_of_the_last_move() {
     assert!(!profile.current().done);
 }
 
-/// ACCEL 32 is 2^-10 counts/ms²: 1024 ticks and 512 counts to 1 count/ms, 976 ticks of cruise, braking from
-/// tick 2000 to 3024, all without rounding. A new plan in it finds exactly its stopping distance to go.
+/// ACCEL 32 is 2^-10 counts/ms²: 1024 ticks and 512 counts to 1 count/ms, 976 ticks of cruise, braking from tick 2000 to
+/// 3024, all without rounding.
 #[test]
 fn repeated_plan_while_braking_changes_nothing() {
     for end in [2000, -2000] {
@@ -169,8 +166,8 @@ fn accel_zero_in_mid_move_keeps_the_old_accel() {
     assert!(zero.current().done);
 }
 
-/// 8000 ticks at 4.08 counts a tick, then ACCEL 1 and so 4.08²·2^19 = 8,727,507.8 counts to stop, and back
-/// again: beyond what `Counts` holds.
+/// 8000 ticks at 4.08 counts a tick, then ACCEL 1: 4.08²·2^19 = 8,727,507.8 counts to stop, beyond what `Counts` holds,
+/// and back again.
 #[test]
 fn longest_overshoot_returns_exactly() {
     let mut profile = moving(0, 32767, limits(65535, 4080), 8000);

@@ -1,7 +1,7 @@
 use super::*;
 use fixed::types::I1F15;
 
-/// EMF of phase A at an electrical angle in degrees, flat top 30: rises through zero at 0°, flat 30°..150°.
+/// EMF of phase A at an electrical angle in degrees: flat top 30, from 30° to 150°.
 fn emf(degrees: i32) -> i32 {
     let x = (degrees + 90).rem_euclid(360) - 90;
     x.min(180 - x).clamp(-30, 30)
@@ -48,7 +48,6 @@ fn adjacent_sectors_give_adjacent_vectors() {
         let changed = a.iter().zip(b).filter(|(a, b)| **a != *b).count();
         assert_eq!(changed, 2, "one leg keeps its current: {a:?} → {b:?}");
         assert_eq!(a.iter().filter(|l| **l == Leg::Float).count(), 1);
-        // The opposite sign is the opposite sector.
         assert_eq!(legs(sector, -1), legs((sector + 3) % 6, 1));
     }
 }
@@ -83,8 +82,6 @@ fn bridge_is_off_without_a_sector() {
 }
 
 proptest::proptest! {
-    /// Whatever the lines have said: what is told ahead of a sample is what holds after it, and it is told whenever the count
-    /// moves.
     #[test]
     fn ahead_is_the_bridge_after_the_sample(
         samples in proptest::collection::vec((0..8_u8, 0..5000_u32, -1..=1_i16), 0..200),

@@ -2,7 +2,7 @@ use super::*;
 
 const W: Wiring = Wiring::STANDARD;
 
-/// A decoder on a rotor that has come to cell `count` (sector `count` mod 6) by four steps, 1 ms apiece.
+/// Arrives at cell `count` by four steps, 1 ms apart.
 fn running(count: i32, sign: i32) -> (HallDecoder, u32) {
     let mut d = HallDecoder::new(W, code_at(count - 4 * sign), count - 4 * sign);
     let mut now = 0_u32;
@@ -18,7 +18,7 @@ fn code_at(count: i32) -> u8 {
     W.code(u8::try_from(count.rem_euclid(6)).unwrap())
 }
 
-/// Goes on truthfully from `from` for `cells` cells at 1000 counts/s, the control tick at 300 µs in each.
+/// Valid codes of `cells` cells from `from` on at 1000 counts/s, each with a control tick after 300 µs.
 fn turn(d: &mut HallDecoder, now: &mut u32, from: i32, sign: i32, cells: i32) {
     for k in 0..cells {
         let code = code_at(from + k * sign);
@@ -58,9 +58,8 @@ fn edge_has_count_direction_time_and_slope() {
     assert_eq!(d.sample(2, Micros(2900)), None);
 }
 
-/// The promise, exhaustively: in each sector, turning either way, the lines show any pair of codes `a`, `b` (so
-/// each of the 64 transitions) for less than `CONFIRM`; with `a` the true code it is one wrong sample. Then
-/// they tell the truth again: where the rotor was, one cell on (the glitch hid an edge), or one back (it turned).
+/// In each sector and direction, any pair of codes `a`, `b` for less than `CONFIRM`. Then the codes are valid again: where
+/// the rotor was, one cell on (the glitch hid an edge), or one cell back (it reversed).
 #[test]
 fn glitch_of_any_two_codes_leaves_no_count_error() {
     let mut pairs = 0;
@@ -73,7 +72,6 @@ fn glitch_of_any_two_codes_leaves_no_count_error() {
                 d.sample(b, Micros(now + 60));
                 now += 120;
                 let from = start + moved * sign;
-                // On in the direction of the truth: a turned rotor goes on turning back.
                 let sign = if moved < 0 { -sign } else { sign };
                 turn(&mut d, &mut now, from, sign, 5);
                 assert_eq!(d.count(), from + 4 * sign, "cell {start} {sign:+}: {a}, {b}, moved {moved}");
@@ -84,8 +82,7 @@ fn glitch_of_any_two_codes_leaves_no_count_error() {
     assert_eq!(pairs, 6 * 2 * 64 * 3);
 }
 
-/// One wrong code that stays for longer than any confirmation, at standstill, is named at least once on its
-/// way there or back if it is not next to the truth, and is undone.
+/// At standstill. A wrong code of a sector that is not a neighbor must be reported as a glitch at least once.
 #[test]
 fn single_wrong_code_of_any_length_is_undone() {
     for start in 0..6 {
@@ -114,7 +111,6 @@ fn single_wrong_code_of_any_length_is_undone() {
     }
 }
 
-/// Lost edges: one or two in a row are made good as soon as a later sample stays; the jump is named.
 #[test]
 fn lost_edges_are_recovered() {
     for start in 0..6 {
@@ -124,13 +120,13 @@ fn lost_edges_are_recovered() {
             let jump = d.sample(code_at(seen), Micros(now + 3000));
             assert_eq!(jump, Some(HallEvent::Glitch(Glitch::Jump)));
             assert_eq!(d.count(), start, "held");
-            // At standstill the tick confirms it; the edge is dated when the line changed.
+            // At standstill the tick confirms it, with the time of the line's change.
             let mut still = d;
             let Some(HallEvent::Step(edge)) = still.sample(code_at(seen), Micros(now + 3500)) else {
                 panic!("not confirmed")
             };
             assert_eq!((edge.count, edge.steps, edge.at), (seen, steps, Micros(now + 3000)));
-            // Turning, the next edge does, and tells the way whatever it was before.
+            // At speed the next edge confirms it and gives the direction.
             for turn in [sign, if lost == 2 { -sign } else { sign }] {
                 let mut d = d;
                 let on = start + (lost + 1) * turn + turn;
@@ -154,8 +150,7 @@ fn short_jump_is_not_confirmed() {
     assert_eq!(d.count(), 4);
 }
 
-/// A line stuck at either level, either way round, from 10 to 1000 counts/s and wherever the ticks fall, is
-/// named within three electrical revolutions.
+/// From 10 to 1000 counts/s, with ticks at any phase.
 #[test]
 fn stuck_line_is_detected_within_three_electrical_revolutions() {
     for (line, high) in (0..3).flat_map(|line| [(line, false), (line, true)]) {
@@ -189,8 +184,7 @@ fn stuck_line_is_detected_within_three_electrical_revolutions() {
     }
 }
 
-/// One wrong sample at every hundredth edge, each of the eight codes in turn, for 100,000 edges: never a fault,
-/// never a count lost. Ten times as many are a fault.
+/// 1 % of the edges with a glitch, of each of the eight codes in turn, must not fault in 100,000 edges.
 #[test]
 fn isolated_glitches_never_fault_and_dense_ones_do() {
     for (every, faults_expected) in [(100, false), (3, true)] {
@@ -204,7 +198,6 @@ fn isolated_glitches_never_fault_and_dense_ones_do() {
                 if let Some(HallEvent::Fault(_)) = d.sample(code, Micros(now.wrapping_add(after))) {
                     faults += 1;
                 }
-                // At the edge itself a jump may still wait for the tick.
                 assert!(after != 500 || d.count() == count, "cell {count}");
             }
         }
@@ -217,7 +210,6 @@ fn rare_glitches_at_standstill_are_no_fault() {
     let (mut d, mut now) = running(0, 1);
     let (code, count) = (d.code, d.count());
     for glitch in 0..1000 {
-        // A glitch of 5 µs every half second, a control tick every millisecond.
         for ms in 0..500 {
             now = now.wrapping_add(1000);
             let wrong = (ms == 250).then_some(if glitch % 2 == 0 { 0 } else { 7 });
@@ -237,7 +229,7 @@ fn broken_cable_is_detected_at_standstill() {
     assert_eq!(d.sample(7, Micros(now + 1000)), None);
     assert_eq!(d.sample(7, Micros(now + 2000)), None);
     assert_eq!(d.sample(7, Micros(now + 2100)), Some(HallEvent::Fault(HallFault::Illegal)));
-    // For as long as it lasts, also where the clock has wrapped since.
+    // The fault repeats while the code lasts, also after the clock wraps.
     for later in [2101, 3000, 5000, u32::MAX / 2, u32::MAX, 100, 200] {
         let at = Micros(now.wrapping_add(later));
         assert_eq!(d.sample(7, at), Some(HallEvent::Fault(HallFault::Illegal)), "{later}");
@@ -261,7 +253,6 @@ fn count_and_clock_wrap() {
 }
 
 proptest::proptest! {
-    /// Any codes at any times: no panic, and the sector always explains the count modulo 6.
     #[test]
     fn count_is_congruent_to_the_trusted_sector(samples in proptest::collection::vec((0..8_u8, 0..5000_u32), 0..200)) {
         let mut d = HallDecoder::new(W, 2, 0);

@@ -2,7 +2,7 @@ use super::*;
 use crate::sense::hall::Direction;
 use proptest::prelude::*;
 
-/// Steps of a count at the given times, closing unless `sign` is −1; edges alternate between falling and rising.
+/// Edges at the given times, alternately falling and rising.
 fn feed<const N: usize>(
     e: &mut Estimator<N>,
     count: &mut i32,
@@ -29,12 +29,12 @@ fn even_speed_is_exact_across_the_wrap_of_the_clock() {
         let times = (0..100).map(|k| begin.wrapping_add(k * 2000));
         feed(&mut e, &mut count, sign, times);
         let last = begin.wrapping_add(99 * 2000);
-        // A time before the last edge is taken as the edge's, not as an hour later.
+        // A time before the last edge is not an hour after it.
         assert!((velocity(&mut e, last.wrapping_sub(100)) - 500 * sign).abs() <= 1);
         for later in [0, 500, 1000, 1900] {
             let (p, v) = e.at(Micros(last.wrapping_add(later)));
             assert!((i32::from(v.round()) - 500 * sign).abs() <= 1, "{v:?}");
-            // From the boundary just crossed on at 500 counts/s, in 1/1024 count.
+            // 1/1024 count, from the boundary just crossed, at 500 counts/s.
             let want = (count * 1024) - sign * 512 + sign * i32::try_from(later).unwrap() * 512 / 1000;
             assert!((p.0.to_bits() - want).abs() <= 8, "{p:?} after {later}: {want}");
         }
@@ -43,8 +43,8 @@ fn even_speed_is_exact_across_the_wrap_of_the_clock() {
 
 #[test]
 fn placement_and_rise_delay_are_learned() {
-    // Boundaries out by up to ±0.16 count (rising and falling ones by the same mean: that difference tells from a
-    // delay only slowly), rising edges 150 µs late, at 400, 700 and 250 counts/s in turn.
+    // Boundaries displaced by up to ±0.16 count, rising edges 150 µs late, at 400, 700 and 250 counts/s in turn. Rising and
+    // falling ones have the same mean: the filter separates a difference from a delay only slowly.
     const PLACE: [i32; 18] = [40, -80, 30, 10, -60, 90, -160, 30, 70, -20, 110, -90, -50, 60, 0, -30, 20, 30];
     let (mut e, mut count) = (Estimator::<18>::new(0), 0_i32);
     let mut begin = 0_u32;
@@ -66,8 +66,8 @@ fn placement_and_rise_delay_are_learned() {
         begin = begin.wrapping_add((90 * us_a_count).unsigned_abs());
     }
     assert!(worst <= 10, "1 % where the raw intervals are wrong by up to 28 %, but {worst} per mille");
-    // In 2^-16 count. What all edges share is a shift of position, which steps of speed leave behind; between
-    // edges a quarter of ±0.16 may be left.
+    // 2^-16 count. The mean of all edges is a shift of position, which changes of speed leave behind; a quarter of ±0.16
+    // may remain in each edge.
     let wrong = || e.offsets.iter().zip(PLACE).map(|(o, p)| i32::from(*o) - p * ONE / 1000);
     let shared = wrong().sum::<i32>() / 18;
     assert!(shared.abs() < ONE / 10, "{shared}");
@@ -102,7 +102,6 @@ fn standstill_outlasts_the_wrap_of_the_clock() {
     let last = 39 * 2000_u32;
     let (rest, _) = e.at(Micros(last + STANDSTILL.0));
     assert_eq!(rest.round(), count);
-    // 71.6 min in steps of 10 s, and on past the wrap.
     for later in (0..u64::from(u32::MAX) + 400_000).step_by(10_000_000) {
         let now = last.wrapping_add(STANDSTILL.0).wrapping_add(u32::try_from(later & 0xFFFF_FFFF).unwrap());
         assert_eq!(e.at(Micros(now)), (rest, CountsPerSec::ZERO), "{later}");
@@ -114,7 +113,6 @@ fn standstill_outlasts_the_wrap_of_the_clock() {
 
 #[test]
 fn gap_of_more_than_2_pow_31_us_is_a_standstill() {
-    // 36 minutes and 71 minutes without a tick in between.
     for gap in [2_160_000_000, 4_260_000_000] {
         let (mut e, mut count) = (Estimator::<18>::new(0), 0);
         feed(&mut e, &mut count, 1, (0..40).map(|k| k * 2000));
@@ -128,8 +126,8 @@ fn gap_of_more_than_2_pow_31_us_is_a_standstill() {
 
 #[test]
 fn undecided_is_half_way_between_even_speed_and_even_marks() {
-    // 500 counts/s; the falling boundaries 0, 2, 4 of six seem out by 0, +0.1 and −0.1 counts, so the ways between
-    // them are 2.1, 1.8 and 2.1 counts. If the marks are even it is the speed that is 476, 556 and 476.
+    // 500 counts/s; the falling boundaries 0, 2, 4 of six appear displaced by 0, +0.1 and −0.1 counts: distances of
+    // 2.1, 1.8 and 2.1 counts. If the marks are even, the speed is 476, 556 and 476.
     for sign in [1, -1] {
         let (mut e, mut count) = (Estimator::<18>::new(0), 0_i32);
         for k in 0..9000_i32 {
@@ -157,7 +155,7 @@ fn undecided_is_half_way_between_even_speed_and_even_marks() {
             let (p, v) = e.undecided(Micros(at));
             let v = i32::from(v.round());
             assert!((v - want * sign).abs() <= 6, "{v} from boundary {boundary}: {want}");
-            // Half way between the mark and where it seems to be, but not before the mark, in 2^-10 count.
+            // Halfway between the mark and its apparent position, but not before the mark; 2^-10 count.
             let half = if place * sign > 0 { place * sign * 1024 / 4000 } else { 0 };
             let mark = boundary * 1024 - 512;
             assert!(((p.0.to_bits() - mark) * sign - half).abs() <= 15, "{p:?} at {boundary}");
@@ -171,7 +169,6 @@ fn reversal_passes_through_zero_and_bounce_is_undone() {
     let times = (0..40).map(|k| k * 2000);
     feed(&mut e, &mut count, 1, times);
     let steady = e.at(Micros(79_000));
-    // A wrong neighbour and back within 40 µs.
     let mut hit = e.clone();
     let edge = |count, direction, at, bounce| HallEdge {
         count,
@@ -184,7 +181,6 @@ fn reversal_passes_through_zero_and_bounce_is_undone() {
     hit.edge(&edge(count + 1, Direction::Closing, 78_500, false));
     hit.edge(&edge(count, Direction::Opening, 78_540, true));
     assert_eq!(hit.at(Micros(79_000)), steady);
-    // A turn: over the same boundary.
     feed(&mut e, &mut count, -1, [90_000]);
     assert_eq!(velocity(&mut e, 90_000), 0);
     assert_eq!(e.at(Micros(90_000)).0.round(), count);
@@ -192,7 +188,7 @@ fn reversal_passes_through_zero_and_bounce_is_undone() {
     assert!((velocity(&mut e, 94_000) + 250).abs() < 30);
 }
 
-/// From rest at constant acceleration, edges exact: how far velocity is off from the fourth edge on, as a time.
+/// From rest, with exact edges. The velocity error from the fourth edge on, as a lag in time.
 #[test]
 fn lag_at_constant_acceleration() {
     for (acceleration, most_us) in [(3433_u64, 4000), (20_000, 2000), (70_000, 1000)] {
@@ -216,7 +212,6 @@ fn lag_at_constant_acceleration() {
 }
 
 proptest::proptest! {
-    /// Any edges: no panic (overflow checks are on), the position in its cell.
     #[test]
     fn any_edges_keep_the_position_in_its_cell(edges in proptest::collection::vec((-4..=4_i32, 0..2_000_000_u32, 0..4_u8), 0..200), start: i32) {
         let (mut e, mut count, mut now) = (Estimator::<18>::new(start), start, 0_u32);
@@ -234,7 +229,7 @@ proptest::proptest! {
                 let (p, v) = e.at(Micros(now.wrapping_add(later)));
                 proptest::prop_assert!(p.wrapping_sub(Counts::from_int(count)).0.to_bits().abs() <= 512);
                 proptest::prop_assert!(later < 300_000 || v == CountsPerSec::ZERO);
-                // Two cells between two falling edges: the count is in one of them, unless a bounce said otherwise.
+                // Two cells lie between falling edges; the count is in one of them unless there was a bounce.
                 let (p, v) = e.undecided(Micros(now.wrapping_add(later)));
                 proptest::prop_assert!(bounced || p.wrapping_sub(Counts::from_int(count)).0.to_bits().abs() <= 1536);
                 proptest::prop_assert!(later < 300_000 || v == CountsPerSec::ZERO);
@@ -244,7 +239,6 @@ proptest::proptest! {
 }
 
 proptest! {
-    /// The bounds that the products rely on hold whatever the edges say, and what comes out is inside the cell.
     #[test]
     fn any_edges_keep_state_and_output_in_bounds(
         edges in prop::collection::vec(
@@ -267,7 +261,7 @@ proptest! {
                 let (position, velocity) = e.clone().at(Micros(now.wrapping_add(later)));
                 let out = position.wrapping_sub(Counts::from_int(count)).0.to_bits();
                 prop_assert!(bounce || (-512..512).contains(&out), "{out} {m:?}");
-                // 0 or forward, and at most a quarter above the bound by what it gains in 30 ms.
+                // Forward; the acceleration adds at most a quarter to the bound in 30 ms.
                 let forward = i64::from(velocity.0.to_bits()) * i64::from(m.sign);
                 prop_assert!((0..=i64::from(SPEED_MAX) * 5 / 4).contains(&forward), "{forward} {m:?}");
             }

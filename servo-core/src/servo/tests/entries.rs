@@ -2,7 +2,6 @@
 
 use super::*;
 
-/// A link that pushes with 700 of torque in mode 2: no brake.
 fn pushing() -> Bench {
     let mut bench = Bench::new(Joint::Link);
     bench.servo.command(Command::Mode(Mode::Torque)).unwrap();
@@ -11,7 +10,6 @@ fn pushing() -> Bench {
     bench
 }
 
-/// A tick after MODE 3 and M, and whether these were accepted.
 fn restarted(bench: &mut Bench) -> (bool, Drive) {
     let taken = bench.servo.command(Command::Mode(Mode::Pid)).is_ok()
         && bench.servo.command(Command::Move(50)).is_ok();
@@ -42,7 +40,6 @@ fn plan_in_every_tick_keeps_the_old_torque_for_one_tick() {
         assert_eq!(bench.servo.telemetry().torque, Torque::ZERO);
     }
     while bench.servo.event().is_some() {}
-    // It stops asking: the move goes.
     assert_eq!(bench.follow(2000), Some(EndReason::Arrived));
 }
 

@@ -52,7 +52,7 @@ fn homing_never_stalls_before_hosts_can_see_mode_4() {
     assert!((250..=253).contains(&left_at.unwrap()), "{left_at:?}");
 }
 
-/// Telemetry one second after HI with a rotor that does not move.
+/// Telemetry one second after HI with a blocked rotor.
 fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config) -> Config) -> Telemetry {
     let mut bench = Bench::new(Joint::Tip);
     let config = config(*bench.servo.config());
@@ -68,7 +68,6 @@ fn pressed(config: impl FnOnce(Config) -> Config, meanwhile: impl FnOnce(Config)
     bench.servo.telemetry()
 }
 
-/// A rotor that stands still under less than the homing torque may be stuck by friction.
 #[test]
 fn stall_is_the_stop_only_at_full_homing_torque() {
     let same = |config| config;
@@ -78,12 +77,11 @@ fn stall_is_the_stop_only_at_full_homing_torque() {
     assert!(leaves(pressed(same, same)));
     // 20 counts/s times 16 units per count/s are 320, of which IHIT lets 250 through.
     assert!(leaves(pressed(|c| Config { ivel: 20, kpv: 255, ..c }, same)));
-    // 200 counts/s times 1 unit are 200: IHIT is not reached, nor at a gain of 0.
+    // 200 counts/s times 1 unit are 200, below IHIT.
     for kpv in [0, 1, 16] {
         let status = pressed(|c| Config { kpv, ..c }, same);
         assert!(stays(status) && !status.homed, "KPV {kpv}: {status:?}");
     }
-    // Reduced while HI runs.
     assert!(stays(pressed(same, |c| Config { ivel: 0, ..c })));
     assert!(stays(pressed(same, |c| Config { ihit: 0, ..c })));
     assert!(stays(pressed(same, |c| Config { mt: 20, ..c })));

@@ -29,7 +29,6 @@ fn torque_reads_as_commanded_unless_a_limit_reduces_it() {
     assert_eq!(bench.servo.torque(), Torque(300));
     bench.servo.command(Command::Torque(Torque(-990))).unwrap();
     bench.tick();
-    // MT is 750.
     assert_eq!(bench.servo.torque(), Torque(-750));
     // The thermistor 4 °C below OTEMP: half of 990.
     bench.motor_temp = DeciCelsius(660);
