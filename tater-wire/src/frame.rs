@@ -3,9 +3,7 @@
 
 use crate::id::{Destination, Identifier, Node};
 
-/// A classic CAN data frame.
-///
-/// Implements [`embedded_can::Frame`], so that any driver with that trait can send and receive it.
+/// A classic CAN data frame, also as [`embedded_can::Frame`] for any driver with that trait.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
     id: u16,
@@ -41,7 +39,6 @@ impl Frame {
     /// The identifier.
     #[must_use]
     pub fn id(&self) -> Identifier {
-        // 11 bits by construction.
         Identifier::from_raw(self.id & 0x7FF)
             .unwrap_or(Identifier { from: Node::HOST, to: Destination::Node(Node::HOST) })
     }
@@ -54,7 +51,6 @@ impl Frame {
 }
 
 impl embedded_can::Frame for Frame {
-    /// `None` for an extended identifier or more than eight bytes.
     fn new(id: impl Into<embedded_can::Id>, data: &[u8]) -> Option<Self> {
         match id.into() {
             embedded_can::Id::Standard(id) => Self::from_raw(id.as_raw(), data),
@@ -114,7 +110,6 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// A frame of any length round-trips through a driver with the trait.
         #[test]
         fn embedded_can_frame_round_trips(id in 0..=0x7FF_u16, data in prop::collection::vec(any::<u8>(), 0..=8)) {
             let id = StandardId::new(id).expect("11 bits");

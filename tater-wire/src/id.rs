@@ -55,8 +55,7 @@ impl Group {
         self.0
     }
 
-    /// Whether boards may receive it. Groups 3 and 6 carry replies to the host, which are never orders
-    /// although they look like a SET (decision 0015).
+    /// Whether boards may receive it: not groups 3 and 6, whose replies look like a SET (decision 0015).
     #[must_use]
     pub const fn is_for_boards(self) -> bool {
         !matches!(self, Self::POSITIONS | Self::REPLIES)
@@ -93,7 +92,6 @@ impl Identifier {
         if raw > 0x7FF {
             return None;
         }
-        // Five bits each, by the masks.
         let low = (raw & 31) as u8;
         let from = Node((raw >> 5 & 31) as u8);
         let to = if raw & GROUP == 0 { Destination::Node(Node(low)) } else { Destination::Group(Group(low)) };

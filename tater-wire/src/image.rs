@@ -30,9 +30,7 @@ pub const CRC_AT: u32 = 0x24;
 /// See [`MAGIC_AT`].
 pub const VERSION_AT: u32 = 0x28;
 
-/// CRC-32 (ISO-HDLC) of a sequence of bytes, for images and records (decision 0040).
-///
-/// Four bits at a time, with a table of 64 bytes.
+/// CRC-32 (ISO-HDLC) of a sequence of bytes, four bits at a time (decision 0040).
 #[derive(Clone, Copy, Debug)]
 pub struct Crc32(u32);
 
@@ -205,7 +203,6 @@ impl Header {
     }
 }
 
-/// Checks length, stack pointer and reset vector.
 fn check(len: u32, stack: u32, reset: u32) -> Result<(), ImageError> {
     if !(HEADER_END..=APPLICATION.len).contains(&len) || !len.is_multiple_of(4) {
         return Err(ImageError::Length { found: len });

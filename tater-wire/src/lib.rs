@@ -1,7 +1,6 @@
 //! The protocol of the hand's CAN bus, as Barrett's published host software speaks it: parsing and emitting, no behavior.
 //!
-//! `no_std`, without heap or clock. The motor boards, GOD, the simulator and the host tools share this crate, so each fact
-//! of the protocol is stated once. Parsing never panics, whatever the bytes, and `Message::parse` inverts `Message::frame`.
+//! `no_std`, without heap or clock. Parsing never panics, whatever the bytes, and `Message::parse` inverts `Message::frame`.
 //! `docs/wire.md` in the repository describes the same protocol for a host.
 //!
 //! | module | subject |

@@ -1,5 +1,4 @@
-//! What a frame means. Parsing never panics and keeps all that the frame says: `Message::parse` of
-//! `Message::frame` is the same message.
+//! What a frame means. Parsing never panics, and `Message::parse` of `Message::frame` is the same message.
 //!
 //! Formats (Barrett's host software): GET `[id]`; SET and its reply `[0x80|id, 0, v0, v1(, v2, v3)]`, little-endian;
 //! a position to the host `[0x80 | bits 21..16, 15..8, 7..0]`; packed torques `[0x80|42, ...]`, 14 bits each, most
@@ -104,7 +103,6 @@ impl Torques {
         u8::try_from(len).ok().filter(|&len| len > 0).map(|len| Self { len, torques })
     }
 
-    /// The frame's bytes, and their number.
     fn bytes(&self) -> ([u8; 8], usize) {
         let mut bits = 0u64;
         for torque in self.torques {
@@ -146,8 +144,7 @@ impl Message {
         Some(Self { from, to, body })
     }
 
-    /// The frame of this message. A property number's bit 7 is dropped, a position wraps at 22 bits,
-    /// `received` at 24.
+    /// The frame of this message. Bits beyond a number's 7, a position's 22 and `received`'s 24 are dropped.
     #[must_use]
     pub fn frame(&self) -> Frame {
         let id = Identifier { from: self.from, to: self.to };

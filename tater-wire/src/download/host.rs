@@ -153,13 +153,11 @@ impl Iterator for Characters<'_> {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// On its way into the monitor; its last STAT.
+    /// The board's last STAT.
     Reset(Option<i64>),
-    /// Ordered to take the file.
     Begin,
-    /// Requests the file.
     Send,
-    /// Has the file, and is being woken.
+    /// The board has the file and is being woken.
     Wake,
     End(Result<(), DownloadError>),
 }
@@ -170,17 +168,13 @@ pub struct Downloader<'a> {
     node: Node,
     file: &'a [u8],
     rest: Characters<'a>,
-    /// Characters of the file, and how many of them have been sent.
     len: u32,
     sent: u32,
-    /// Eight characters per frame.
     numbered: bool,
     /// Number of frames that the board waits for.
     granted: u8,
     phase: Phase,
-    /// Deadline of the phase.
     deadline_us: u64,
-    /// Time of the next repeat of a question.
     poll_us: u64,
     out: Deque<Frame, 4>,
 }
@@ -258,7 +252,6 @@ impl<'a> Downloader<'a> {
         }
     }
 
-    /// The board requests so many frames, from a character on.
     fn asked(&mut self, numbered: bool, frames: u8, from: u32, now_us: u64) {
         if !matches!(self.phase, Phase::Begin | Phase::Send) {
             return;
@@ -266,7 +259,7 @@ impl<'a> Downloader<'a> {
         self.phase = Phase::Send;
         (self.numbered, self.granted) = (numbered, frames);
         if from != self.sent {
-            // Something was lost on the way. A board with numbered frames says from where: go back to there.
+            // Frames were lost. A board with numbered frames reports from where: continue there.
             self.rest = Characters::new(self.file);
             let skipped = self.rest.by_ref().take(usize::try_from(from).unwrap_or(usize::MAX)).count();
             self.sent = u32::try_from(skipped).unwrap_or(u32::MAX);
@@ -274,13 +267,11 @@ impl<'a> Downloader<'a> {
         self.heard(now_us);
     }
 
-    /// The board is ready, and requests.
     const fn heard(&mut self, now_us: u64) {
         self.deadline_us = now_us.saturating_add(GONE_US);
         self.poll_us = now_us.saturating_add(QUIET_US);
     }
 
-    /// The next frame of the file, if the board waits for one.
     fn granted(&mut self, now_us: u64) -> Option<Frame> {
         if self.phase != Phase::Send || self.granted == 0 {
             return None;
@@ -305,7 +296,6 @@ impl<'a> Downloader<'a> {
         Frame::new(id, if self.numbered { &packed } else { characters.get(..1)? })
     }
 
-    /// The board reports its state.
     fn stat(&mut self, stat: i64, now_us: u64) {
         match (self.phase, stat) {
             (Phase::Reset(_), 0) => self.begin(START_NUMBERED, now_us),
@@ -340,7 +330,6 @@ impl<'a> Downloader<'a> {
         self.set(Property::VERS, i64::from(style));
     }
 
-    /// Asks the board for its state.
     fn poll(&mut self) {
         match self.phase {
             Phase::Reset(_) => self.get(Property::STAT),
@@ -354,7 +343,6 @@ impl<'a> Downloader<'a> {
         }
     }
 
-    /// The phase has timed out.
     fn late(&mut self, now_us: u64) {
         let error = match self.phase {
             Phase::Reset(None) => DownloadError::NoBoard { node: self.node },
@@ -379,7 +367,7 @@ impl<'a> Downloader<'a> {
     }
 
     fn say(&mut self, message: Message) {
-        // At most two are queued at a time; one that finds no room is repeated at the next poll.
+        // At most two are queued; one that finds no room is repeated at the next poll.
         let _ = self.out.push_back(message.frame());
     }
 }

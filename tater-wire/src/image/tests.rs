@@ -1,8 +1,7 @@
 use super::*;
 use std::{format, string::ToString, vec::Vec};
 
-/// An application of `len` bytes with a valid stack pointer, a reset vector to the first byte after the
-/// header, and zeros in the reserved vectors.
+/// An application of `len` bytes with valid vectors and zeros in the reserved ones.
 fn linked(len: usize) -> Vec<u8> {
     let mut image: Vec<u8> = (0..len).map(|i| (i % 251) as u8).collect();
     put(&mut image, 0, RAM.end());
@@ -37,14 +36,14 @@ fn sealed_image_verifies_and_differs_only_in_its_header() {
     }
 }
 
-/// The CRC is the standard one: the check value of ISO-HDLC is part of its definition.
+/// The check value is part of the definition of ISO-HDLC.
 #[test]
 fn crc_matches_zip() {
     let mut summer = Summer::default();
     summer.update(b"123456789");
     assert_eq!(summer.finish(), 0xCBF4_3926);
 
-    // Of a whole image: with its own word as erased flash, in pieces of any size.
+    // The CRC word counts as erased flash, in pieces of any size.
     let mut image = sealed(512);
     let header = Header::verify(&image).expect("it is sealed");
     for piece in [1, 3, 37, 512] {
@@ -83,7 +82,6 @@ fn sealing_again_replaces_the_header_and_nothing_else() {
 fn invalid_lengths_are_refused() {
     let most = APPLICATION.len as usize;
     for len in [0, 3, 4, 0x1F, 0x20, 0x2B, 45, 46, 47, most + 1, most + 4] {
-        // Bytes too short for vectors.
         let mut image = linked(len.max(48));
         image.truncate(len);
         let found = len as u32;
@@ -98,7 +96,6 @@ fn invalid_lengths_are_refused() {
         put(&mut image, LEN_AT, found);
         assert_eq!(Header::read(&image), Err(ImageError::Length { found }));
     }
-    // Longer or shorter than the header's length.
     let image = sealed(100);
     assert_eq!(Header::verify(&image[..96]), Err(ImageError::Length { found: 96 }));
     let longer = [&image[..], &[0xFF; 4]].concat();

@@ -35,7 +35,6 @@ fn torques_are_packed_without_gaps() {
     assert_eq!(packed(&[0, 0, 0]).len(), 7);
     assert!(Torques::new(&[]).is_none() && Torques::new(&[0; 5]).is_none());
     assert_eq!(Torques::new(&[9000]).and_then(|t| t.slot(1)), Some(8191));
-    // Slots 1 to 4 need DLC 3, 5, 7, 8.
     for (dlc, slots) in [(2, 0), (3, 1), (4, 1), (5, 2), (6, 2), (7, 3), (8, 4)] {
         let mut data = [0xFF; 8];
         data[0] = 0xAA;
@@ -65,7 +64,6 @@ fn invalid_frames_do_not_parse() {
     }
 }
 
-/// Every valid body, with its destinations.
 fn message() -> impl Strategy<Value = Message> {
     let node = || (0u8..32).prop_map(node);
     let anywhere = prop_oneof![

@@ -94,9 +94,8 @@ impl Deref for PropertySpec {
     }
 }
 
-/// The part of a property's row that a board enforces: without the texts, for which a board has no room. A
-/// program that names properties only as constants links only their rules: [`Property::rules`] of a variable,
-/// and [`Property::of`], link those of all.
+/// The part of a property's row that a board enforces, without texts. A program that names properties only as constants
+/// links only their rules; [`Property::rules`] of a variable and [`Property::of`] link those of all.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
     /// The property.
@@ -164,8 +163,7 @@ impl Rules {
         }
     }
 
-    /// A value on the wire: in the property's width, or 32 bits if it does not fit signed 16; `None` if it
-    /// does not fit 32.
+    /// A value on the wire: in the property's width, or 32 bits if it does not fit signed 16; `None` beyond 32.
     #[must_use]
     pub fn write(&self, value: i64) -> Option<Value> {
         match i16::try_from(value) {

@@ -20,7 +20,7 @@ fn defaults_are_in_range_on_every_board() {
         assert!(row.min <= row.max && [16, 32].contains(&row.bits), "{}", row.name);
         for number in 0..32 {
             let node = Node::new(number).expect("a node");
-            // Straps may give 0, which no board may have; such a board is silent.
+            // Straps may give node 0, which is not valid; such a board is silent.
             if number == 0 && row.default == Default::Node {
                 continue;
             }

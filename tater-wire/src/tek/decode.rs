@@ -33,11 +33,9 @@ pub enum Record<'a> {
     },
 }
 
-/// Decodes records from the characters that a monitor receives: without `%`, line ends or anything else
-/// between the records, which it separates by their length field.
+/// Decodes records from the characters that a monitor receives: without `%` and line ends, separated by their length.
 #[derive(Clone, Debug, Default)]
 pub struct Decoder {
-    /// Complete records.
     records: u32,
     ended: bool,
     failed: Option<TekError>,
@@ -49,7 +47,6 @@ pub struct Decoder {
     checksum: u8,
     /// Sum of the received characters, except CC.
     sum: u8,
-    /// Digits of the address.
     digits: u8,
     address: u64,
     /// The first digit of a byte.
@@ -80,7 +77,6 @@ impl Decoder {
         Ok(self.last())
     }
 
-    /// The record that is complete now, if any.
     pub(super) fn last(&self) -> Option<Record<'_>> {
         if self.came > 0 || self.records == 0 {
             return None;
@@ -105,8 +101,7 @@ impl Decoder {
         }
         let value = match value(found) {
             Some(value) => value,
-            // GNU writes characters without a value in names (`*ABS*`) and counts them as 0. In a head such a
-            // character is no digit, either.
+            // GNU writes characters without a value in names (`*ABS*`) and counts them as 0.
             None if self.kind == b'3' && found.is_ascii_graphic() => 0,
             None => return Err((here, TekErrorKind::Character { found })),
         };
@@ -164,7 +159,6 @@ impl Decoder {
         }
     }
 
-    /// A digit of the address or of the data.
     fn digit(&mut self, at: u8, digit: u8) {
         let in_data = at.checked_sub(HEAD.saturating_add(1).saturating_add(self.digits));
         match in_data {
@@ -177,7 +171,6 @@ impl Decoder {
         }
     }
 
-    /// The record is complete.
     fn end(&mut self) -> Result<(), (u32, TekErrorKind)> {
         if self.sum != self.checksum {
             return Err((5, TekErrorKind::Checksum { found: self.sum, expected: self.checksum }));

@@ -7,7 +7,6 @@ use super::character::value;
 /// Most data bytes in an encoded record.
 pub const DATA_BYTES: usize = 32;
 
-/// Characters of a full line: `%`, LL, T, CC, 8, the address, the data, CR LF.
 const LINE: usize = 1 + 2 + 1 + 2 + 1 + 8 + 2 * DATA_BYTES + 2;
 
 /// A line with CR LF.
@@ -18,7 +17,6 @@ impl Line {
     /// `bytes` has at most [`DATA_BYTES`].
     fn new(kind: u8, address: u32, bytes: &[u8]) -> Self {
         let mut line = Self::default();
-        // They fit: at most 32.
         let len = u8::try_from(2 * bytes.len()).unwrap_or(u8::MAX).saturating_add(14);
         line.put(b'%');
         line.put_byte(len);
@@ -40,7 +38,6 @@ impl Line {
     }
 
     fn put(&mut self, character: u8) {
-        // LINE is the length of a full record.
         let _ = self.0.push(character);
     }
 

@@ -119,8 +119,7 @@ pub enum TekErrorKind {
 }
 
 impl TekErrorKind {
-    /// Whether other readers accept a file with this deviation: it is complete, but not in the profile of
-    /// [`super::Dialect::Ti`].
+    /// Whether the file is complete, but not in the profile of [`super::Dialect::Ti`].
     #[must_use]
     pub const fn is_dialect(self) -> bool {
         matches!(
@@ -201,7 +200,6 @@ impl fmt::Display for TekErrorKind {
     }
 }
 
-/// A character in printable form.
 struct Shown(u8);
 
 impl fmt::Display for Shown {

@@ -15,7 +15,6 @@ pub const MAX_LINE: u16 = 98;
 /// `%` and the largest length field.
 const LONGEST: u16 = 256;
 
-/// Characters of the shortest record.
 const SHORTEST: u8 = 5;
 
 /// The accepted files.
@@ -33,10 +32,8 @@ pub enum Dialect {
 pub struct Reader {
     dialect: Dialect,
     decoder: Decoder,
-    /// Number of records returned.
     records: u32,
     line: Vec<u8, { LONGEST as usize }>,
-    /// A CR was received after the line.
     cr: bool,
     /// The line's record has been returned.
     closed: bool,
@@ -102,9 +99,8 @@ impl Reader {
         Ok(if open { self.decoder.last() } else { None })
     }
 
-    /// The address range of the section defined by the record just returned, if it is a symbol record of
-    /// GNU's kind: its bytes are 0 where no data record has a value, and data outside of all sections are
-    /// padding.
+    /// The address range of the section that the record just returned defines, if it is a GNU symbol record. Its bytes are 0
+    /// where no data record has a value; data outside of all sections are padding.
     #[must_use]
     pub fn section(&self) -> Option<Range<u64>> {
         if !self.closed || self.line.get(3) != Some(&b'3') {
@@ -133,8 +129,7 @@ impl Reader {
                 self.cr = true;
                 return Ok(());
             }
-            // Other invalid characters are reported by the decoder, once the line is as long as its length
-            // field.
+            // Other invalid characters are left to the decoder, once the line is as long as its length field.
             _ if !found.is_ascii_graphic() => return Err((here, TekErrorKind::Character { found })),
             _ => {}
         }
@@ -145,7 +140,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Decodes a whole line; `deviation` is the deviation of its end.
+    /// `deviation` is that of the line's end.
     fn close(&mut self, deviation: Option<TekErrorKind>) -> Result<(), TekError> {
         self.closed = true;
         if let Err((column, kind)) = self.fits() {
@@ -183,7 +178,6 @@ impl Reader {
         Err((column, TekErrorKind::Line { found, expected }))
     }
 
-    /// The deviation of the decoded record from TI's profile.
     fn deviates(&self) -> Option<(u32, TekErrorKind)> {
         let bytes = match self.decoder.last()? {
             Record::Symbols => return Some((4, TekErrorKind::Symbols)),
@@ -200,7 +194,6 @@ impl Reader {
         Some((16, TekErrorKind::DataBytes { found: u8::try_from(found).unwrap_or(u8::MAX) }))
     }
 
-    /// The column after the last character.
     fn after_line(&self) -> u32 {
         u32::try_from(self.line.len()).unwrap_or(u32::MAX).saturating_add(1)
     }

@@ -31,8 +31,7 @@ fn read(file: &[u8], dialect: Dialect) -> Result<Image, TekError> {
     Ok(image)
 }
 
-/// The characters that a monitor receives of a file: of each line those after the first, up to a character
-/// below '0'.
+/// The monitor's view of a file: of each line the characters after the first, up to one below '0'.
 fn streamed(file: &[u8]) -> Result<Image, TekError> {
     let (mut decoder, mut image) = (Decoder::default(), Image::default());
     for line in file.split_inclusive(|&c| c == b'\n') {
@@ -43,12 +42,10 @@ fn streamed(file: &[u8]) -> Result<Image, TekError> {
     Ok(image)
 }
 
-/// Pieces, each with a gap before it.
 fn pieces() -> impl Strategy<Value = Vec<(u32, Vec<u8>)>> {
     prop::collection::vec((0..100_u32, prop::collection::vec(any::<u8>(), 1..200)), 0..8)
 }
 
-/// The file of some pieces from `base` on, and its image.
 fn encode(base: u32, pieces: &[(u32, Vec<u8>)], entry: u32) -> (Vec<u8>, Image) {
     let (mut file, mut bytes, mut address) = (Vec::new(), BTreeMap::new(), base);
     for (gap, piece) in pieces {
@@ -105,7 +102,6 @@ proptest! {
 
 #[test]
 fn encoded_lines_match_the_published_example() {
-    // The example of the format's usual description.
     let line = Encoder::new(0x1000_0000, &[0x20; 6]).unwrap().next().unwrap();
     assert_eq!(line.as_bytes(), b"%1A626810000000202020202020\r\n");
     let full = Encoder::new(0, &[0xFF; 33]).unwrap().next().unwrap();
@@ -148,7 +144,7 @@ fn gnu_objcopy_file_is_read_with_its_section() {
 fn symbol_records_without_a_section_are_skipped() {
     let mut reader = Reader::new(Dialect::Gnu);
     let mut records = 0;
-    // From GNU objcopy 2.40 too.
+    // Also from GNU objcopy 2.40.
     for byte in "%1F3EF5.data40_binary_a_bin_st10\n%203335*ABS*20_binary_a_bin_si227\n%0530".bytes() {
         if let Some(record) = reader.push(byte).unwrap() {
             records += 1;

@@ -6,23 +6,18 @@ use crate::Value;
 use crate::download::unpack;
 
 const FILE: &[u8] = b"%0A6ABCDEFG\r\n%098xyz.notsent\r\n\r\n%12";
-/// The characters to send.
 const SENT: &str = "0A6ABCDEFG098xyz12";
 
-/// A board as a download sees it: its time, and its reaction to a frame.
 struct Toy {
     node: Node,
     /// STAT, or no board at all.
     stat: Option<i64>,
-    /// The start values that it obeys.
     styles: &'static [u16],
     error: i64,
     numbered: bool,
     got: String,
     frames: u32,
-    /// Frames of the present grant still to come.
     due: u8,
-    /// The numbers of frames that are lost on the way, once each.
     lose: Vec<u32>,
     silent_after: usize,
     heard: Vec<Frame>,
@@ -82,7 +77,6 @@ impl Toy {
         self.request()
     }
 
-    /// Takes a frame from the host, and answers.
     fn hear(&mut self, frame: &Frame) -> Option<Frame> {
         self.heard.push(*frame);
         let stat = self.stat?;
@@ -93,7 +87,6 @@ impl Toy {
             Body::Get(id) if id == Property::STAT.id() => Some(self.reply(Property::STAT, stat)),
             Body::Get(id) if id == Property::ERROR.id() => Some(self.reply(Property::ERROR, self.error)),
             Body::Set { property, value: Value::Short(value) } if property == Property::STAT.id() => {
-                // A board that is stuck in STAT 1 stays there.
                 self.stat = Some(if stat == 1 { 1 } else { i64::from(value) });
                 None
             }
@@ -106,8 +99,7 @@ impl Toy {
         }
     }
 
-    /// A whole download, in the time steps that the host requests; frames take 100 µs, and a waiting board
-    /// repeats its request after 200 ms.
+    /// Frames take 100 µs, and a waiting board repeats its request after 200 ms.
     fn download(&mut self) -> (Result<(), DownloadError>, u64) {
         let mut host = Downloader::new(self.node, FILE, 0);
         let (mut now, mut repeat) = (0, u64::MAX);
@@ -144,7 +136,7 @@ impl Toy {
 fn sent_characters_match_barretts_hosts() {
     let sent = |file: &'static [u8]| Characters::new(file).map(char::from).collect::<String>();
     assert_eq!(sent(FILE), SENT);
-    // The first character of a line is skipped whatever it is; the first below '0' ends it, '%' and '.' too.
+    // The first character of a line is skipped; the first one below '0' ends it.
     assert_eq!(sent(b"ABC\nD E\n%%X\n\n%Z"), "BCZ");
     assert_eq!(sent(b""), "");
     assert_eq!(sent(b"\n\n%\n"), "");
@@ -157,7 +149,7 @@ fn numbering_board_gets_eight_characters_a_frame_and_is_woken() {
     assert_eq!(end, Ok(()));
     assert_eq!((toy.got.as_str(), toy.stat), (SENT, Some(2)));
     assert_eq!(toy.heard.iter().filter(|frame| frame.data().len() == 8).count(), 3);
-    // Its requests came at once: one wait for quiet, no other.
+    // One wait of `QUIET_US` at the end, no other.
     assert!((QUIET_US..2 * QUIET_US).contains(&now), "{now}");
 }
 

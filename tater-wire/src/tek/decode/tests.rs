@@ -4,7 +4,6 @@ use crate::tek::{TekError, TekErrorKind};
 use proptest::prelude::*;
 use std::{format, string::String, vec::Vec};
 
-/// The result of the last character of a text.
 fn last(text: &str) -> Result<Option<(u64, Vec<u8>)>, TekError> {
     let mut decoder = Decoder::default();
     let mut given = None;
@@ -24,7 +23,6 @@ fn last(text: &str) -> Result<Option<(u64, Vec<u8>)>, TekError> {
     Ok(given)
 }
 
-/// Column and kind of the error in a text.
 fn wrong(text: &str) -> (u32, TekErrorKind) {
     let error = last(text).expect_err("the text is wrong");
     (error.column, error.kind)
@@ -108,7 +106,6 @@ fn error_and_termination_persist() {
     assert_eq!((error.record, error.column), (2, 2));
 }
 
-/// Bytes that mostly may be in a record.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     let byte = prop_oneof![4 => prop::sample::select(b"0123456789ABCDEF368".to_vec()), 1 => any::<u8>()];
     prop::collection::vec(byte, 0..600)
@@ -146,8 +143,8 @@ proptest! {
     }
 }
 
-/// A wrong digit changes the sum by 1 to 15, so each is detected. In LL or in the number of address digits it
-/// is an error of another kind, or the record does not end where it should.
+/// A wrong digit changes the sum by 1 to 15. In LL or in the number of address digits it is an error of another kind, or the
+/// record ends elsewhere.
 #[test]
 fn one_wrong_digit_is_always_detected() {
     const RIGHT: &[u8; 26] = b"1A626810000000202020202020";
