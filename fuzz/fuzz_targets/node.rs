@@ -1,5 +1,4 @@
-//! Any frames to a board with its plant, in the monitor and awake: no panic, nothing driven beyond its
-//! limits.
+//! Any frames to a board with its plant, in the monitor and awake: no panic, no limit exceeded.
 #![no_main]
 
 use hil_sim::board::SimBoard;

@@ -224,8 +224,7 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// A board's answers since [`Self::ask_ahead`]. If that is incomplete in time, the board is asked once more, unless the bus is down;
-    /// then `None`.
+    /// A board's answers since [`Self::ask_ahead`]. Asks once more if they are late and the bus is up. `None` if some are still missing.
     pub async fn answer_of(&self, motor: Motor, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
         // All boards have been answering since then.
         let mut deadline = self.asked_us.get().saturating_add(ANSWER_US);
@@ -272,8 +271,8 @@ impl<'a> Boards<'a> {
         self.set_each(property, &Answers::uniform(motors, value)).await;
     }
 
-    /// SAVEs values of a property, one after another, and waits until boards have written them to their flash, so that the power may go
-    /// off after it. Returns [`Status::NO_BOARD`] and [`Status::NOT_STORED`] where they apply.
+    /// SAVEs values of a property, one after another, and waits until the boards have written them to flash. Returns the sum of
+    /// [`Status::NO_BOARD`] and [`Status::NOT_STORED`] where they apply.
     pub async fn save(&self, motors: Motors, values: impl Iterator<Item = i64>) -> Status {
         // An earlier failure of the flash is cleared first. While a board has a fault of another kind, ERROR does not show this one.
         let is_storage = |code| FaultCode::of(code) == Some(FaultCode::Storage);

@@ -1,8 +1,7 @@
 //! The event log: GOD's last actions and observations, for its owner to print when something fails.
 //!
-//! A ring of fixed size; the newest event replaces the oldest. Recording an event copies a few words and formats nothing, so it costs
-//! the same on the metal as in simulation. RealTime's velocities and gains are not recorded: at 250 blocks a second they would push
-//! everything else out within 20 ms.
+//! A ring of fixed size; the newest event replaces the oldest. Recording copies a few words and formats nothing. RealTime's velocities and
+//! gains are not recorded: at 250 blocks a second they would push everything else out within 20 ms.
 
 use core::cell::RefCell;
 

@@ -1,8 +1,7 @@
 //! GOD's ports: bytes to and from the host, frames to and from the bus, the time; and what its future waits for.
 //!
-//! The owner pushes in what arrived, polls the future once ([`poll`]) and takes out what is to leave. Every queue is bounded, and so is
-//! every wait for the bus: sending gives up after [`SEND_US`]. Output to a host that never reads waits for the host, until ^C or a
-//! hang-up ends the wait.
+//! The owner pushes received bytes and frames, polls the future once ([`poll`]) and pops what GOD sends. Every queue is bounded, and so is
+//! every wait for the bus: a send gives up after [`SEND_US`]. Output to a host that does not read waits until ^C or a hang-up.
 
 use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
@@ -79,8 +78,7 @@ pub struct Io {
 
 // --- the owner's side -----------------------------------------------------------------------------------
 
-/// Runs GOD as far as it gets at `now_us`. Returns when to poll it again at the latest if nothing arrives before; [`NEVER`] if it only
-/// waits for something to arrive.
+/// Runs GOD at `now_us` until it waits. Returns the time of the next poll if nothing arrives before; [`NEVER`] without a deadline.
 pub fn poll<F: Future + ?Sized>(god: Pin<&mut F>, io: &Io, now_us: u64) -> u64 {
     io.now_us.set(now_us);
     io.next_us.set(NEVER);
@@ -310,8 +308,7 @@ impl Io {
         self.tx_frames.borrow_mut().push_back(queued).is_ok()
     }
 
-    /// Writes bytes to the host, as soon as there is room for all of them; more than [`TEXT`] piece by piece. ^C and a hang-up discard what
-    /// waits, and so end the wait.
+    /// Writes bytes to the host once there is room for all of them; more than [`TEXT`] piece by piece. ^C and a hang-up discard the rest.
     pub(crate) async fn write(&self, bytes: &[u8]) {
         for piece in bytes.chunks(TEXT) {
             self.wait_until(NEVER, || {

@@ -26,8 +26,7 @@ const POLL_US: u64 = 50_000;
 /// A polled board that is silent for this long counts as absent, µs: four polls.
 const LOST_US: u64 = 200_000;
 
-/// Reaction of a finger when its link meets an object and breaks away (manual 5.1.2). The link is locked there in any case; with BS of the
-/// link its tip stops as well.
+/// Reaction of a finger whose link breaks away (manual 5.1.2). The link is always locked; with BS of the link its tip stops as well.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Breakaway {
     /// Breakaway is off: BT is 0 for the motion. With X "breakaways become irrelevant", and a link that meets something stalls.
@@ -42,7 +41,7 @@ pub(crate) enum Breakaway {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plan {
     pub motors: Motors,
-    /// Their positions, GCL counts; motors that move until they stall have neither this nor a goal.
+    /// Start positions, GCL counts; motors that move until they stall have neither this nor a goal.
     pub from: Answers,
     /// GCL counts.
     pub goals: Answers,
@@ -185,14 +184,12 @@ impl<'a, 'g> Motion<'a, 'g> {
 }
 
 impl Motion<'_, '_> {
-    /// Sets motors going. Returns those that have ended or dropped out at once.
+    /// Starts motors. Returns those that have ended or dropped out at once.
     ///
-    /// A board that takes an order while its motor moves reports the end of that former motion first, which must not count as the end of
-    /// this one. So each board is asked for E after its order: it sends everything in order, so what arrives before this answer may belong
-    /// to the former motion, and everything after it belongs to this one.
+    /// A board that gets an order while its motor moves reports the end of the former motion first. To tell the two apart, each board is
+    /// asked for E after its order: what arrives before this answer may belong to the former motion, what follows belongs to this one.
     ///
-    /// A board that refused the order has END 0 and a mode that is not the motion's. MODE is asked before END: a motion that ends between
-    /// the two has its END.
+    /// A board that refused the order has END 0 and another mode. MODE is asked before END: a motion that ends in between has its END.
     async fn start(&mut self, motors: Motors, goals: &Answers) -> Motors {
         let boards = &self.god.boards;
         self.god.session.begin_motion(motors, self.holding);
@@ -270,8 +267,8 @@ impl Motion<'_, '_> {
         }
     }
 
-    /// Acts on motors that have ended or dropped out, with the consequences for others. Returns those that start again for it and end at once.
-    /// Silent ones stay the session's: ^C stops them too.
+    /// Acts on motors that have ended or dropped out, and on those that depend on them. Returns motors that were restarted and ended at once.
+    /// Silent motors stay in the session, so that ^C stops them too.
     async fn act_on_ends(&mut self, over: Motors) -> Motors {
         self.god.session.end_motion(over);
         if let Some((ordered, Cmd::Tc | Cmd::To)) = self.plan.order {

@@ -146,8 +146,7 @@ async fn initialize(god: &God<'_>, motors: Motors) -> Status {
     sum
 }
 
-/// T: switches off every motor first, and then checks whether it may: a hand that is too hot, a motor that is not initialized and a board
-/// that does not answer are reported afterwards.
+/// T: switches off every motor first; a hot hand, a motor that is not initialized and a silent board are reported afterwards.
 async fn terminate(god: &God<'_>, motors: Motors) -> Status {
     god.session.cease_pressing(motors);
     god.session.unwatch(motors);

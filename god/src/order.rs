@@ -18,8 +18,7 @@ use crate::status::Status;
 /// (decision 0013).
 const KEEPALIVE_US: u64 = 200_000;
 
-/// Makes motors ready to move, all of them or none: awake, and without faults of former motions. A failed flash stays known; it stops no
-/// motor.
+/// Makes motors ready to move, all or none: awake, without faults of former motions. A storage fault stays: it stops no motor.
 ///
 /// # Errors
 /// As those of [`query::check_ready`].

@@ -8,8 +8,7 @@
 //! t = 2·√(d/a)    otherwise
 //! ```
 //!
-//! ACCEL is a parameter of the language and stays as it is, so on the way the shares of two motors differ a little: the slower one cruises
-//! longer.
+//! ACCEL is a parameter of the language and is not changed: on the way two motors differ a little, because the slower one cruises longer.
 
 use tater_wire::Property;
 

@@ -1,8 +1,8 @@
 //! RealTime control: LOOP, its blocks, and what they do (manual 6).
 //!
 //! The wire sets the pace: a feedback block begins as soon as its header is there, and each motor's data follow as soon as its board has
-//! answered, while the control data are still coming in. An error is reported in place of the next block's `*`, once the host's remaining
-//! bytes are discarded: they are no line.
+//! answered, while the control data are still coming in. An error is reported in place of the next block's `*`, after the host's remaining
+//! bytes have been discarded, so that they are not read as a line.
 //!
 //! The motors run in mode 4: the board's torque is gain × velocity error. Without X a finger is one unit: its link has the data, and its tip
 //! follows at a third of the link's joint velocity. Pressing on an object is no error: a motor that stalls is off (or holds its place, by HOLD)
@@ -85,8 +85,8 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
     status
 }
 
-/// Discards what a host sends that does not know yet that RealTime is over: so many data bytes, and whatever follows until it waits for an
-/// answer. A ^C aborts if it is the last byte and not one of the data.
+/// Discards what the host sends before it knows that RealTime is over: `data` bytes of a block, and what follows until it waits for an
+/// answer. ^C aborts if it is the last byte and not one of the data.
 async fn discard_input(io: &Io, data: usize) {
     let end_us = io.after_us(DISCARD_US);
     let (mut count, mut last) = (0_usize, None);
@@ -181,8 +181,7 @@ impl<'a, 'b> Loop<'a, 'b> {
         movement::end_realtime(self.god, self.silent.get()).await;
     }
 
-    /// The next byte of the host, with keep-alives to the boards while it waits; `None` after [`SILENCE_US`] without one: the motors are
-    /// stopped then.
+    /// Reads a byte and sends keep-alives meanwhile. After [`SILENCE_US`] without a byte it stops the motors and returns `None`.
     async fn read_byte(&self) -> Option<u8> {
         let silent_us = self.god.io.after_us(SILENCE_US);
         loop {
@@ -253,8 +252,7 @@ impl<'a, 'b> Loop<'a, 'b> {
         Some(())
     }
 
-    /// Writes bytes to the host. If it does not read for [`SILENCE_US`], the motors stop, and ^C ends RealTime though it is not read
-    /// as a header.
+    /// Writes bytes to the host. If it does not read for [`SILENCE_US`], the motors stop, and a ^C as the last byte ends RealTime.
     async fn write(&self, bytes: &[u8]) {
         let io = self.god.io;
         let silent_us = io.after_us(SILENCE_US);

@@ -1,9 +1,8 @@
 //! Macros and sequences (manual 5.2.4).
 //!
 //! While a sequence is recorded, its commands run as well, as they are typed. PLAY and REC are not recorded, nor is LOOP: a host that plays a
-//! sequence waits for its prompt, and its next bytes would be taken for control blocks (decision 0028). A command is stored as soon as it is
-//! recorded. A command that fails ends PLAY, and its status is PLAY's; so does ^C. An empty macro or sequence is no value of MAC or PLAY:
-//! ERR 128.
+//! sequence waits for its prompt, and its next bytes would be taken for control blocks (decision 0028). Each command is stored when it is
+//! recorded. A command that fails ends PLAY with its status; so does ^C. MAC and PLAY of an empty one are ERR 128.
 
 use heapless::String;
 

@@ -1,5 +1,4 @@
-//! State that outlives a command: the activity of each motor, the boards' own values of overridden properties, results, and the positions
-//! that the host knows.
+//! State that outlives a command: activities, the boards' own values of overridden properties, results, positions that the host knows.
 
 use core::cell::Cell;
 

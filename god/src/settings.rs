@@ -1,7 +1,6 @@
 //! Commands on parameters (manual 5.2.2, 5.2.3), and their lists.
 //!
-//! One line may have several names, or pairs of name and value, as clients send them. All of them are checked before any is
-//! set.
+//! A line may have several names, or pairs of name and value. All of them are checked before any is set.
 
 mod arguments;
 pub(crate) mod hand;

@@ -11,8 +11,8 @@ use crate::{Io, io};
 
 const MAX_US: u64 = 10_000_000;
 
-/// Types a line at a hand whose boards are awake, obey nothing, and answer a question with the result of `board`; `None` is no answer. Its time, µs, runs
-/// from the line's end. Returns the text after the echo, and when the prompt was complete.
+/// Types a line to a hand whose boards are awake, ignore orders and answer with `board` (its time is µs since the line's end;
+/// `None` is no answer). Returns the text after the echo, and the time of the prompt.
 pub(crate) fn type_line(line: &str, board: impl Fn(Motor, Property, u64) -> Option<i64>) -> (String, u64) {
     let (io, memory) = (Io::default(), Memory::default());
     let mut god = pin!(crate::run(&io, &memory));

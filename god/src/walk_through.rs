@@ -202,8 +202,8 @@ async fn wake(god: &God<'_>) -> Status {
     if god.boards.wake(Motors::ALL).await == Motors::ALL { Status::OK } else { Status::NO_BOARD }
 }
 
-/// SAVE makes the hand ready for power-off (manual 3, step 17): motors that move or hold lose their power, because only the position of a
-/// motor at rest can be trusted; then each board saves its position and all its parameters, and GOD its own.
+/// SAVE (manual 3, step 17): switches motors off, because only the position of a motor at rest can be trusted; then each board saves its
+/// position and parameters, and GOD its own.
 async fn save(god: &God<'_>) -> Status {
     let stat = god.boards.get(Motors::ALL, Property::STAT).await;
     // A board in its monitor has nothing to save.
@@ -238,8 +238,7 @@ pub(crate) async fn report_ends(god: &God<'_>) {
             .await
             .flatten();
         let Some((motor, mode)) = ended else { return };
-        // END 0: a later order has replaced that motion, and runs. Reports of the former one arrived before the prompt of that order, because
-        // its board has answered a question since.
+        // END 0: a later order has replaced that motion. Its reports arrived before the prompt of that order: the board has answered since.
         if god.boards.get(Motors::only(motor), Property::END).await.get(motor) == Some(0) {
             continue;
         }

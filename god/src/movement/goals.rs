@@ -1,9 +1,8 @@
 //! The goals of each motor for commands that go to positions, GCL counts.
 //!
 //! Without X a finger's tip moves along with its link ([`units::tip_travel_along`]): an absolute command puts it where it belongs to the link's
-//! goal, an incremental one moves it by its share of the link's travel. A finger that has broken away (BD) and closes further is no unit any
-//! more: its tip keeps its lead, and C takes it to its own CT, because closing it to the link's share would release what the hand holds.
-//! Opening makes it a unit again.
+//! goal, an incremental one moves it by its share of the link's travel. In a finger that has broken away (BD) and closes further, the tip
+//! keeps its lead, and C takes it to its own CT: closing it to the link's share would release the object. Opening couples the two again.
 //!
 //! Goals are not clamped to a joint's range: a motor that meets its stop stalls there (manual 5.5).
 
