@@ -14,8 +14,6 @@ const HAND_SCRIPT: &str = "xtask/bench-hand.gcl";
 /// Runs for each figure. The median, because a busy machine only makes a run slower.
 const RUNS: usize = 5;
 
-/// Measures and writes `bench.json` in the project's root.
-///
 /// # Errors
 /// A program fails, or prints unexpected output.
 pub fn bench(json: bool) -> Outcome {

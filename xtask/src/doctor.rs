@@ -1,5 +1,4 @@
-//! `cargo xtask doctor`: lists installed and missing programs, their purpose, and how to install them. It
-//! installs nothing.
+//! `cargo xtask doctor`: lists installed and missing programs, and how to install them. Installs nothing.
 
 use std::path::Path;
 use std::process::Stdio;

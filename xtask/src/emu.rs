@@ -35,8 +35,7 @@ pub struct EmuArgs {
 }
 
 /// # Errors
-/// A missed expectation (1); bad input, a failed build, or a board that stops (2). The details have been
-/// printed.
+/// A missed expectation (1); bad input, a failed build, or a board that stops (2). The details are printed.
 pub fn emu(args: &EmuArgs) -> Result<(), Failure> {
     let profile = args.profile.unwrap_or(if args.rtt { Profile::Release } else { Profile::Production });
     image::build(profile)?;

@@ -34,8 +34,7 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), String> {
     written.map_err(|error| unwritable(path, &error))
 }
 
-/// Replaces several files, in order, once all temporary files are on the disk and no folder is in the way of
-/// one.
+/// Replaces several files, in order, once all temporary files are on disk and no folder is in the way.
 ///
 /// # Errors
 /// As [`replace`].

@@ -41,8 +41,7 @@ pub fn flash(args: &FlashArgs) -> Result<(), Failure> {
         )));
     }
     let images = image::build(args.profile)?;
-    // Read the storage first: a running application writes its counters, and a new monitor prepares the
-    // pages.
+    // Read the storage first: a running application writes counters, a new monitor prepares the pages.
     let storage = args.node.map(|node| named(args, node)).transpose()?.flatten();
     for elf in [&images.monitor, &images.tater] {
         let mut download = probe(args, "download");

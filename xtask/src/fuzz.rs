@@ -1,5 +1,4 @@
-//! Runs every fuzz target for a while, if a nightly compiler is installed: libFuzzer needs its
-//! instrumentation.
+//! Runs every fuzz target for a while, if the nightly compiler that libFuzzer needs is installed.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -10,7 +9,6 @@ use crate::program::{in_parallel, output_of_both, program, root, run, succeeds, 
 /// Seconds for each target: most findings come in the first few.
 const SECONDS: u32 = 30;
 
-/// Version of cargo-fuzz to install.
 const VERSION: &str = "0.13.2";
 
 /// Runs every target of `fuzz/`, or prints why not.

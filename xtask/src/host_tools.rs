@@ -15,8 +15,7 @@ const PACKAGES: [&str; 2] = ["python-can==4.6.1", "pyserial==3.5"];
 
 const IMAGE: usize = 4096;
 
-/// A hand with an object to grasp, its bus open to an observer, on a pseudo-terminal where the system has
-/// them.
+/// A hand with an object to grasp, its bus open to an observer; on a pseudo-terminal if possible.
 const GRASP: &str = if cfg!(unix) {
     "hand --listen 127.0.0.1:0 --pty --slcan 127.0.0.1:0 --scenario hil-sim/grasps/ball.toml"
 } else {
@@ -31,8 +30,6 @@ const LEAST_TCP: &str = "80";
 const LEAST_SERIAL: &str = "35";
 const BAUD: &str = "38400";
 
-/// Downloads to a served board, then drives it and a hand from Python.
-///
 /// # Errors
 /// The failed check with a command to repeat it, or the missing tool.
 pub fn check() -> Outcome {

@@ -24,7 +24,6 @@ use figures::{Figures, Forbidden, LIMITS};
 use graph::Graph;
 use levels::Task;
 
-/// Source of the application's tasks and priorities.
 const APP: &str = "tater-fw/src/app.rs";
 
 /// Part of the stack that must stay free, in percent. The analysis assumes the worst coincidence of

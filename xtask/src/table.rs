@@ -10,8 +10,6 @@ use crate::{Outcome, files};
 
 const PAGE: &str = "docs/properties.md";
 
-/// Writes the page, or compares it.
-///
 /// # Errors
 /// The page cannot be written, or is not what the tables say.
 pub fn table(check: bool) -> Outcome {

@@ -151,7 +151,6 @@ pub fn seal_linked(mut elf: Vec<u8>, version: u16) -> Result<Sealed, String> {
     Ok(Sealed { elf, text: text(&memory, entry)?, bytes, header })
 }
 
-/// The image in one piece with its header.
 fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
     let (first, start) = (memory.range().map_or(0, |range| *range.start()), u64::from(APPLICATION.start));
     if first != start {

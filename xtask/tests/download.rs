@@ -29,8 +29,7 @@ fn tek(name: &str, sealed: bool) -> String {
     file
 }
 
-/// An adapter with these answers. Without an answer it hangs up, but keeps reading, so that its output is not
-/// lost.
+/// An adapter with these answers. Without one it hangs up, but keeps reading, so that no output is lost.
 fn adapter(mut answer: impl FnMut(&str) -> &'static [u8] + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("bound").to_string();

@@ -60,8 +60,7 @@ impl Slcan {
     }
 
     fn open(&mut self) -> Result<(), String> {
-        // Close an open channel; BEL if none was open. Frames received before are dropped. The version marks
-        // the end of these answers.
+        // Close the channel (BEL if none was open) and drop earlier frames: the version ends these answers.
         self.ask(b"\rC\rV\r", |heard| matches!(heard, Heard::Line(line) if line.starts_with(b"V")))?;
         for (command, what) in [("S8", "1 Mbit/s (S8)"), ("O", "to open its channel (O)")] {
             if let Heard::Refusal = self.ask(format!("{command}\r").as_bytes(), |_| true)? {

@@ -1,10 +1,8 @@
 //! Builds the two programs so that the same commit gives the same bytes in any folder, for any user.
 //!
-//! Possible differences are fixed: dependencies by the lock file, the compiler by rust-toolchain.toml, flags
-//! and profiles by this file and Cargo.toml (those of the environment are ignored with a message), and
-//! folders of checkout, build, registry and compiler by replacements in debug information and panic
-//! locations. `[profile]` tables in a user's cargo configuration, or vendored dependencies, can still make a
-//! difference.
+//! Fixed: dependencies (lock file), compiler (rust-toolchain.toml), flags and profiles (this file and Cargo.toml;
+//! those of the environment are ignored with a message), folders (replaced in debug information and panic
+//! locations). Not fixed: `[profile]` tables in a user's cargo configuration, and vendored dependencies.
 
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
@@ -29,8 +27,7 @@ const LEFT_OUT: [&str; 5] = [
     "CARGO_INCREMENTAL",
 ];
 
-/// Log levels of an application with log strings, in the syntax of DEFMT_LOG: that of the environment, or
-/// `info`.
+/// Log levels of an application with log strings: DEFMT_LOG of the environment, or `info`.
 pub fn log(profile: Profile) -> Option<String> {
     match profile {
         Profile::Production => None,
@@ -76,7 +73,6 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
     Ok(Linked { tater: folder.join("firmware/tater"), monitor: folder.join("firmware/monitor") })
 }
 
-/// Names of the variables that are set and ignored.
 fn left_out() -> Vec<String> {
     let names = std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value)));
     let changes = |name: &str| LEFT_OUT.contains(&name) || name.starts_with("CARGO_PROFILE_");

@@ -70,7 +70,6 @@ const FLOATS: [&str; 18] = [
     "__powi",
 ];
 
-/// A C heap.
 const HEAPS: [&str; 9] =
     ["malloc", "calloc", "realloc", "free", "memalign", "aligned_alloc", "posix_memalign", "_sbrk", "sbrk"];
 

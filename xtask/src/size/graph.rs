@@ -5,8 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use super::elf::{Program, plain};
 use super::thumb::{Flow, Instruction, Mask, Stack, decode};
 
-/// Instructions that load the stack pointer with a value that static analysis cannot know, with the reason
-/// why they are right.
+/// Instructions that load the stack pointer with a value that static analysis cannot know, and why that is right.
 const STACK_RESET: [(&str, &str); 2] = [
     ("HardFault", "begins the stack anew, because it may be what has failed, and never returns"),
     ("cortex_m::asm::bootload", "leaves the monitor for the application, which begins its own"),
@@ -68,7 +67,6 @@ pub struct Ways {
     pub deepest_open: i32,
     /// It may enable interrupts.
     pub opens: bool,
-    /// Addresses of the visited instructions.
     reached: BTreeSet<u32>,
 }
 
@@ -127,8 +125,7 @@ impl<'p> Graph<'p> {
         words.into_iter().filter(entry).map(|word| word & !1).collect()
     }
 
-    /// The shortest call chain to a function, by names, from one that nothing calls. The function itself is
-    /// the last.
+    /// The shortest call chain to a function, by names, from one that nothing calls; the function comes last.
     pub fn chain(&self, to: u32) -> Vec<String> {
         let mut callers: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
         for function in &self.functions {
@@ -253,8 +250,7 @@ impl Walk<'_, '_> {
             ..state
         };
         after.depth = match found.stack {
-            // Conditional: assume the deeper of both outcomes. A conditional return has already released its
-            // part.
+            // Conditional: assume the deeper outcome. A conditional return has already released its part.
             Stack::Grows(bytes) if optional => state.depth + bytes.max(0),
             Stack::Grows(bytes) => state.depth + bytes,
             Stack::Set if listed(&STACK_RESET, &self.function.name) => 0,
@@ -373,7 +369,6 @@ impl Walk<'_, '_> {
         self.last_call(at, Callee::At(to), after, opens)
     }
 
-    /// A tail call to another function.
     fn last_call(
         &mut self,
         at: u32,

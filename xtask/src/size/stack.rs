@@ -56,13 +56,11 @@ pub struct Worst {
     pub start: Deepest,
     /// Functions that calls by a register may reach.
     pub by_register: Vec<String>,
-    /// Unreached functions.
     pub unreached: Vec<String>,
 }
 
 impl Worst {
-    /// Bytes of all levels together, or of the start with the exceptions that can preempt it, if that is
-    /// more.
+    /// Bytes of all levels, or of the start with the exceptions that can preempt it if that is more.
     pub fn bytes(&self) -> u32 {
         let faults = self.levels.iter().filter(|level| matches!(level.name.as_str(), "HardFault" | "NMI"));
         let all: u32 = self.levels.iter().map(Level::bytes).sum();
@@ -94,8 +92,6 @@ struct Analysis<'p> {
     active: Vec<u32>,
 }
 
-/// Worst case of a program with these tasks.
-///
 /// # Errors
 /// Code that cannot be followed, a recursion, or an interrupt of unknown priority.
 pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
@@ -142,8 +138,7 @@ pub fn worst(program: &Program, tasks: &[Task]) -> Result<Worst, String> {
     })
 }
 
-/// Order and name of the level of a vector's handler. Unused interrupts come above the tasks: they stop the
-/// program.
+/// Order and name of a handler's level. Unused interrupts rank above the tasks: they stop the program.
 fn level(program: &Program, number: u32, at: u32, tasks: &[Task]) -> Result<(u32, String), String> {
     let names: Vec<&str> = program.names(at).map(|symbol| symbol.name.as_str()).collect();
     match (number, tasks.iter().find(|task| names.contains(&task.binds.as_str()))) {

@@ -7,7 +7,6 @@ const SP: u16 = 13;
 const LR: u16 = 14;
 const PC: u16 = 15;
 
-/// Control flow after the instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
     Next,
@@ -34,7 +33,6 @@ pub enum Flow {
     Unknown,
 }
 
-/// Effect on the stack pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stack {
     /// Bytes pushed; negative if popped.
@@ -70,7 +68,6 @@ pub struct Instruction {
     /// Number of conditional instructions that follow (IT).
     pub conditional: u32,
     pub half: Option<Half>,
-    /// No effect.
     pub nop: bool,
 }
 

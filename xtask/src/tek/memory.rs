@@ -71,8 +71,6 @@ impl Memory {
     }
 }
 
-/// Erased flash for a range.
-///
 /// # Errors
 /// The range is longer than [`MAX_SPAN`].
 pub fn blank(range: &RangeInclusive<u64>) -> Result<Vec<u8>, String> {

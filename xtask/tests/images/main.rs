@@ -25,7 +25,6 @@ fn elf(address: u32) -> Vec<u8> {
     file
 }
 
-/// A folder with the fake programs and their records.
 struct Bench(PathBuf);
 
 impl Bench {

@@ -9,7 +9,6 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// The application's address as an argument of `--base`.
 const BASE: &str = "0x08004000";
 
 struct Scratch(PathBuf);
@@ -37,7 +36,6 @@ impl Scratch {
         fs::read(self.0.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    /// The `.tek` file of some bytes.
     fn encoded(&self, name: &str, bytes: &[u8], arguments: &[&str]) -> Vec<u8> {
         let (input, output) = (self.put("in.bin", bytes), self.path(name));
         let said = tek(&[&["encode", &input, "--base", BASE, "-o", &output], arguments].concat());
