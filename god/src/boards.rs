@@ -133,7 +133,7 @@ impl Ahead<bool> {
 }
 
 impl Ahead<Option<i64>> {
-    /// The values, 0 where none is wanted; `None` while one is missing.
+    /// The values, with 0 for those that are not wanted; `None` while a wanted one is missing.
     fn complete(self, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
         let value = |wanted: bool, value: Option<i64>| if wanted { value } else { Some(0) };
         Some(Ahead {
@@ -226,7 +226,7 @@ impl<'a> Boards<'a> {
 
     /// A board's answers since [`Self::ask_ahead`]. Asks once more if they are late and the bus is up. `None` if some are still missing.
     pub async fn answer_of(&self, motor: Motor, wanted: Ahead<bool>) -> Option<Ahead<i64>> {
-        // All boards have been answering since then.
+        // All boards were asked at that time.
         let mut deadline = self.asked_us.get().saturating_add(ANSWER_US);
         for is_first in [true, false] {
             loop {

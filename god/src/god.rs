@@ -32,7 +32,7 @@ pub struct God<'a> {
     /// The parameters in use; those in the memory are what FLOAD and PLOAD restore.
     pub(crate) parameters: RefCell<Parameters>,
     pub(crate) session: Session,
-    /// Until when UPSECS has been counted, µs.
+    /// UPSECS includes the time up to this, µs.
     pub(crate) counted_us: Cell<u64>,
 }
 

@@ -223,7 +223,7 @@ impl Io {
         self.rx.borrow_mut().pop_front()
     }
 
-    /// Whether there is something unread of the host: a byte or ^C.
+    /// Whether a byte or ^C from the host is pending.
     pub(crate) fn has_input(&self) -> bool {
         self.is_aborted() || !self.rx.borrow().is_empty()
     }

@@ -236,7 +236,7 @@ impl Motion<'_, '_> {
                 boards.ask(self.moving(), Property::MODE).await;
                 boards.ask(self.moving(), Property::END).await;
                 self.find_silent();
-                // One that has only lost some frames stops.
+                // A board that only lost some frames obeys this.
                 order::stop(self.god, self.silent(), self.holding).await;
                 poll_us = io.after_us(POLL_US);
             }
@@ -290,7 +290,7 @@ impl Motion<'_, '_> {
     async fn act_on_breakaway(&mut self, link: Motor, tip: Motors) -> Motors {
         match &self.plan.breakaway {
             Breakaway::TipGoesTo(goals) if !self.tips_stop.has(link) => {
-                // A tip that has ended elsewhere than at its goal, by strain for instance, has ended.
+                // A tip that stopped short of its goal, by strain for instance, does not continue.
                 let continuing = tip.intersection(self.moving().union(self.ended_by(EndCode::Arrived)));
                 order::restore_speed(self.god, continuing).await;
                 return self.start(continuing, goals).await;
@@ -387,7 +387,7 @@ mod tests {
     use std::format;
     use tater_wire::{FaultCode, ModeCode, Property};
 
-    /// A board at position 0 that knows it, with END 0, that ERROR and that mode.
+    /// An initialized board at position 0, with END 0 and this ERROR and mode.
     fn board(property: Property, error: i64, mode: ModeCode) -> i64 {
         match property {
             Property::HALLH => 1 << 30,

@@ -107,8 +107,8 @@ pub(crate) async fn end_realtime(god: &God<'_>, silent: Motors) {
     order::restore_properties(god, silent).await;
 }
 
-/// The number after a command, within its range (manual 5.2.1): positions of M and WM and distances of IO and IC 0 to 20000, PTM's
-/// distance -20000 to 20000; degrees and percents have no range, but the positions that they amount to have ([`goals`]).
+/// The number after a command, within its range (manual 5.2.1): 0 to 20000 for M, WM, IO and IC, -20000 to 20000 for PTM. Degrees and
+/// percents have no range of their own, but the resulting positions have one ([`goals`]).
 ///
 /// # Errors
 /// [`Status::INVALID_VALUE`]: not a number, or out of range. [`Status::TOO_MANY_ARGUMENTS`].

@@ -52,7 +52,7 @@ pub(crate) async fn send_keepalives(god: &God<'_>) -> Infallible {
         let pressing = || Some(god.session.pressing()).filter(|motors| !motors.is_empty());
         god.io.wait_until(NEVER, pressing).await;
         god.io.sleep_until(god.io.after_us(KEEPALIVE_US)).await;
-        // They have this value already: it changes nothing, and is not answered.
+        // The boards have this value already, and do not answer.
         god.boards.set(god.session.pressing(), Property::LFLAGS, REPORTS).await;
     }
 }

@@ -137,7 +137,7 @@ pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motor
                 Some(i64::from(as_set))
             };
             on_board.map(|motor, halls| {
-                // Unless the board's value was set by somebody else.
+                // Another host may have changed the board's value.
                 let same = as_set(motor).filter(|&as_set| counts_on_board(property, as_set) == halls);
                 same.unwrap_or(units::gcl_from_halls(halls))
             })
@@ -154,7 +154,7 @@ pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motor
 pub(crate) async fn status(god: &God<'_>, motors: Motors) -> Answers {
     let lost = uninitialized(god, motors).await;
     Answers::from_fn(motors, |motor| {
-        // The last motion's answer to that is outdated.
+        // NOT_INITIALIZED of the last motion is outdated.
         let last = god.session.result(motor).code() & !Status::NOT_INITIALIZED.code();
         let now = if lost.has(motor) { Status::NOT_INITIALIZED } else { Status::OK };
         Some((Status::of(last) | now).code().into())

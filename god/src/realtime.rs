@@ -187,7 +187,7 @@ impl<'a, 'b> Loop<'a, 'b> {
         loop {
             let keepalive_us = self.sent_us.get().saturating_add(KEEPALIVE_US);
             if self.god.io.now_us() >= keepalive_us {
-                // The velocities that they have: it changes nothing.
+                // A keep-alive: repeats the present velocities.
                 self.send_velocities().await;
                 continue;
             }
@@ -301,7 +301,7 @@ impl<'a, 'b> Loop<'a, 'b> {
         }
     }
 
-    /// The status by what boards have reported since the last call, and by those that have not answered.
+    /// The status by the boards' reports since the last call and by missing answers.
     async fn faults(&self) -> Status {
         if self.god.io.is_bus_down() {
             self.silent.set(self.selection.motors());

@@ -15,7 +15,7 @@ use crate::movement;
 use crate::query;
 use crate::status::Status;
 
-/// Ends a recorded command, as it ended the line.
+/// Line end of a recorded command.
 pub(crate) const END: char = '\r';
 
 pub(crate) async fn execute(
@@ -133,7 +133,7 @@ pub(crate) fn played(god: &God<'_>, line: &str) -> Result<Option<String<SEQUENCE
     sequence.filter(|sequence| !sequence.is_empty()).map(Some).ok_or(Status::INVALID_VALUE)
 }
 
-/// Waits, for up to the 49 days that fit 32 bits.
+/// Waits for up to 2³² ms, 49 days.
 async fn wait(god: &God<'_>, milliseconds: i64) -> Status {
     let Ok(milliseconds) = u32::try_from(milliseconds) else { return Status::INVALID_VALUE };
     let us = u64::from(milliseconds).saturating_mul(1000);

@@ -124,7 +124,7 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
         if query::is_too_hot(god) {
             return Status::OVER_TEMPERATURE;
         }
-        // Another host may have woken the boards without setting LFLAGS. What they reported before is of no interest.
+        // Another host may have woken the boards without setting LFLAGS. Earlier reports are dropped.
         god.boards.set(motors, Property::LFLAGS, REPORTS).await;
         motors.iter().for_each(|motor| _ = god.boards.take_reported(motor));
         god.session.watch(motors);
@@ -137,7 +137,7 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
     if !is_order(property, value) {
         return Status::OK;
     }
-    // A board that sleeps obeys none of these, and does not answer this.
+    // A sleeping board neither obeys these orders nor answers this question.
     let answering = god.boards.get(motors, Property::HOLD).await.motors();
     if answering == motors { Status::OK } else { Status::NO_BOARD }
 }
@@ -164,7 +164,7 @@ fn changes_motion(property: Property, value: i64) -> bool {
     }
 }
 
-/// Whether a SET is an order that only a board obeys that is awake, and still is after it.
+/// Whether a SET is an order that only an awake board obeys, and that leaves it awake.
 fn is_order(property: Property, value: i64) -> bool {
     match property {
         Property::MODE | Property::M => true,
@@ -175,7 +175,6 @@ fn is_order(property: Property, value: i64) -> bool {
 
 async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
     if property.rules().access == Access::WriteOnly {
-        // It has no value.
         return Status::INVALID_VALUE;
     }
     let values = god.boards.get(motors, property).await;
@@ -257,7 +256,7 @@ fn ended(god: &God<'_>) -> Option<(Motor, i64)> {
     })
 }
 
-/// ^C, or the host has disconnected: stops what this grammar has set going, as HOLD demands (manual 5.5, case 3), and reports no end of it.
+/// ^C or a disconnect: stops the motions of this grammar, as HOLD demands (manual 5.5, case 3), and reports no end of them.
 /// Motors that hold or press go on. Returns [`Status::ABORTED`] if one was moving.
 pub(crate) async fn abort(god: &God<'_>) -> Status {
     let watched = god.session.watched();

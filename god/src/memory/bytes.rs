@@ -321,7 +321,6 @@ mod tests {
         }
     }
 
-    /// Offsets by the layout: one field a row.
     #[test]
     fn value_out_of_range_names_its_field() {
         let hand = 2 + COUNT * (KEPT + COUNTS * 4);

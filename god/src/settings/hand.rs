@@ -9,7 +9,7 @@ use crate::memory::HandParameters;
 use crate::parameter::{self, BAUDS, HAND, HandParameter, HandParameterSpec};
 use crate::status::Status;
 
-/// Interval of storing UPSECS, µs: up to so much of it is lost when the power fails.
+/// Interval of storing UPSECS, µs: a power failure loses up to this much.
 const STORE_US: u64 = 60_000_000;
 
 const SECOND_US: u64 = 1_000_000;
@@ -113,7 +113,6 @@ fn uncounted_seconds(god: &God<'_>) -> u32 {
     u32::try_from(us / SECOND_US).unwrap_or(u32::MAX)
 }
 
-/// Stores UPSECS and PTEMP.
 pub(crate) fn update_statistics(god: &God<'_>) {
     let seconds = uncounted_seconds(god);
     god.counted_us.set(god.counted_us.get().saturating_add(u64::from(seconds) * SECOND_US));
