@@ -308,7 +308,7 @@ impl Motion<'_, '_> {
             self.god.boards.get(silent, Property::MODE).await;
             order::stop(self.god, silent, self.holding).await;
         }
-        self.god.session.take_moving();
+        self.god.session.end_motion(Motors::ALL);
     }
 }
 

@@ -28,7 +28,6 @@ use crate::grammar::Arguments;
 use crate::memory::Positions;
 use crate::motion::{self, Plan};
 use crate::motors::{Motors, Prefix, Selection};
-use crate::session::Stopping;
 use crate::status::Status;
 use crate::{order, query};
 
@@ -102,8 +101,7 @@ pub(crate) async fn begin_realtime(god: &God<'_>, prefix: Prefix) -> Result<Sele
 
 /// Ends RealTime: its motors stop as HOLD demands, and get their own KPV back. `silent` ones are not waited for.
 pub(crate) async fn end_realtime(god: &God<'_>, silent: Motors) {
-    let Stopping { motors, holding } = god.session.take_moving();
-    order::stop(god, motors, holding).await;
+    order::stop_moving(god, silent).await;
     order::restore_properties(god, silent).await;
 }
 
@@ -148,10 +146,11 @@ async fn initialize(god: &God<'_>, motors: Motors) -> Status {
 
 /// T: switches off every motor first; a hot hand, a motor that is not initialized and a silent board are reported afterwards.
 async fn terminate(god: &God<'_>, motors: Motors) -> Status {
-    god.session.cease_pressing(motors);
-    god.session.unwatch(motors);
+    // ^C may drop the order before it leaves: it switches these off instead.
+    god.session.begin_motion(motors, Motors::NONE);
     god.boards.set(motors, Property::CMD, Cmd::T.into()).await;
     // A board that answers this has the order.
     god.boards.get(motors, Property::STAT).await;
+    god.session.end_motion(motors);
     query::check_ready(god, motors, true).await.err().unwrap_or_default()
 }

@@ -39,10 +39,19 @@ pub(crate) async fn stop(god: &God<'_>, motors: Motors, holding: Motors) {
     god.boards.set(motors.difference(holding), Property::MODE, ModeCode::Idle.into()).await;
 }
 
+/// Stops every moving motor. Asks the boards for MODE then: with their answers the orders have left, and no later ^C drops them with
+/// other queued frames. The motors stay the session's until then. Boards in `silent` are not asked.
+pub(crate) async fn stop_moving(god: &God<'_>, silent: Motors) -> Motors {
+    let Stopping { motors, holding } = god.session.moving();
+    stop(god, motors, holding).await;
+    god.boards.get(motors.difference(silent), Property::MODE).await;
+    god.session.end_motion(motors);
+    motors
+}
+
 /// ^C has dropped a command: stops every motor that it moved.
 pub(crate) async fn abort_motion(god: &God<'_>) {
-    let Stopping { motors, holding } = god.session.take_moving();
-    stop(god, motors, holding).await;
+    let motors = stop_moving(god, Motors::NONE).await;
     motors.iter().for_each(|motor| god.session.set_result(motor, Status::ABORTED));
     restore_properties(god, Motors::NONE).await;
 }

@@ -62,11 +62,10 @@ impl Session {
         });
     }
 
-    /// Ends every motion. Returns the motors that were moving.
-    pub(crate) fn take_moving(&self) -> Stopping {
+    /// The motors that a command moves.
+    pub(crate) fn moving(&self) -> Stopping {
         let motors = self.filter(|activity| matches!(activity, Activity::Moving { .. }));
         let holding = self.filter(|activity| activity == Activity::Moving { holds: true });
-        self.end_motion(motors);
         Stopping { motors, holding }
     }
 

@@ -46,10 +46,8 @@ async fn serve(god: &God<'_>) {
     loop {
         walk_through::report_ends(god).await;
         let outcome = match line::read(god.io).await {
-            Input::Abort => {
-                god.io.drop_frames();
-                Outcome::Done(walk_through::abort(god).await)
-            }
+            // Queued frames stay: the last stop orders may be among them. On a dead bus they expire.
+            Input::Abort => Outcome::Done(walk_through::abort(god).await),
             Input::TooLong => Outcome::Done(Status::TOO_MANY_ARGUMENTS),
             Input::Line(mut line) => {
                 line.make_ascii_uppercase();

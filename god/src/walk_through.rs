@@ -267,6 +267,8 @@ pub(crate) async fn abort(god: &God<'_>) -> Status {
     let moving = modes.filter(|mode| !at_rest(mode));
     let holding = god.boards.get(moving, Property::HOLD).await.filter(|hold| hold != 0);
     order::stop(god, moving.union(silent), holding).await;
+    // With their answers the orders have left: no later ^C drops them.
+    god.boards.get(moving, Property::MODE).await;
     moving.iter().for_each(|motor| god.session.set_result(motor, Status::ABORTED));
     if moving.is_empty() { Status::OK } else { Status::ABORTED }
 }

@@ -1,6 +1,8 @@
 //! Longest times from a command to its prompt, and motors whose boards refuse an order.
 
 use god::command::{self, GclCommand};
+use hil_sim::node::Node;
+use servo_core::mode::Mode;
 
 use super::Session;
 use super::movement::assert_near;
@@ -112,5 +114,82 @@ fn refused_homing_leaves_the_others_initialized() {
         session.run("HI");
         assert_eq!(session.run("X234567M 1000"), "", "{refusal}");
         assert_near(&session, [0, 18, 18, 18, 18, 18, 18], refusal);
+    }
+}
+
+/// Delays between a stop and the next ^C, us: the orders of the first stop take about 1 ms to leave.
+const REPEAT_US: [u64; 8] = [50, 100, 200, 300, 500, 800, 1500, 3000];
+
+fn assert_stopped(session: &mut Session, what: &str) {
+    session.try_read_to_prompt(500_000).expect("a prompt");
+    // A board in mode 4 without a host would give up by itself 500 ms after its last frame.
+    session.wait_us(100_000);
+    let mode = |node: &Node| node.application().map(|tater| tater.status().mode);
+    let stopped =
+        session.hand.bus().stations().all(|node| matches!(mode(node), Some(Mode::Idle | Mode::Pid)));
+    assert!(stopped, "{what}: {}", session.motors());
+}
+
+#[test]
+fn second_abort_keeps_the_stop_orders_of_the_first() {
+    for us in REPEAT_US {
+        let mut session = Session::new();
+        assert_eq!(session.run("HI"), "");
+        session.type_line("M 15000");
+        session.wait_us(300_000);
+        session.hand.push_rx(b"\x03");
+        session.wait_us(us);
+        session.hand.push_rx(b"\x03");
+        assert_stopped(&mut session, &format!("M, ^C again after {us} us"));
+    }
+}
+
+#[test]
+fn abort_of_the_next_line_keeps_the_stop_orders_of_the_last() {
+    for us in REPEAT_US {
+        let mut session = Session::new();
+        assert_eq!(session.run("HI"), "");
+        session.type_line("M 15000");
+        session.wait_us(300_000);
+        session.hand.push_rx(b"\x03");
+        session.wait_us(us);
+        session.hand.push_rx(b"FGET P\r");
+        session.wait_us(50);
+        session.hand.push_rx(b"\x03");
+        assert_stopped(&mut session, &format!("M, a line and ^C after {us} us"));
+    }
+}
+
+#[test]
+fn abort_after_a_disconnect_in_loop_keeps_its_stop_orders() {
+    for us in REPEAT_US {
+        let mut session = Session::new();
+        assert_eq!(session.run("HI"), "");
+        assert!(session.start("X1234567LOOP").ends_with('*'));
+        session.hand.push_rx(&[&b"c"[..], &[20, 32].repeat(7)].concat());
+        session.wait_us(100_000);
+        session.hand.hang_up();
+        session.wait_us(us);
+        session.hand.push_rx(b"\x03");
+        assert_stopped(&mut session, &format!("LOOP, disconnect, ^C after {us} us"));
+    }
+}
+
+/// ^C before T's orders leaves the motors pressing, ^C after them finds them off. None may press without GOD's keep-alives.
+#[test]
+fn abort_after_terminate_abandons_no_motor() {
+    for us in [50, 500, 1000, 2000, 3000, 3500, 4000, 4500, 5000, 6000] {
+        let mut session = Session::new();
+        assert_eq!(session.run("HI"), "");
+        assert_eq!(session.run("FSET HOLD 1"), "");
+        assert_eq!(session.run("TO"), "");
+        session.type_line("XGST");
+        session.wait_us(us);
+        session.hand.push_rx(b"\x03");
+        session.try_read_to_prompt(500_000).expect("a prompt");
+        session.wait_us(700_000);
+        let fault = |node: &Node| node.application().and_then(|tater| tater.status().fault);
+        let lost = session.hand.bus().stations().any(|node| fault(node).is_some());
+        assert!(!lost, "T, ^C after {us} us: {}", session.motors());
     }
 }
