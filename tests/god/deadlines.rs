@@ -130,15 +130,21 @@ fn assert_stopped(session: &mut Session, what: &str) {
     assert!(stopped, "{what}: {}", session.motors());
 }
 
+/// A hand `us` after a ^C in the middle of a move.
+fn aborted_move(us: u64) -> Session {
+    let mut session = Session::new();
+    assert_eq!(session.run("HI"), "");
+    session.type_line("M 15000");
+    session.wait_us(300_000);
+    session.hand.push_rx(b"\x03");
+    session.wait_us(us);
+    session
+}
+
 #[test]
 fn second_abort_keeps_the_stop_orders_of_the_first() {
     for us in REPEAT_US {
-        let mut session = Session::new();
-        assert_eq!(session.run("HI"), "");
-        session.type_line("M 15000");
-        session.wait_us(300_000);
-        session.hand.push_rx(b"\x03");
-        session.wait_us(us);
+        let mut session = aborted_move(us);
         session.hand.push_rx(b"\x03");
         assert_stopped(&mut session, &format!("M, ^C again after {us} us"));
     }
@@ -147,12 +153,7 @@ fn second_abort_keeps_the_stop_orders_of_the_first() {
 #[test]
 fn abort_of_the_next_line_keeps_the_stop_orders_of_the_last() {
     for us in REPEAT_US {
-        let mut session = Session::new();
-        assert_eq!(session.run("HI"), "");
-        session.type_line("M 15000");
-        session.wait_us(300_000);
-        session.hand.push_rx(b"\x03");
-        session.wait_us(us);
+        let mut session = aborted_move(us);
         session.hand.push_rx(b"FGET P\r");
         session.wait_us(50);
         session.hand.push_rx(b"\x03");
