@@ -48,7 +48,7 @@ table! {
     Reset = 2, "RESET", "resets into the monitor";
     Def = 3, "DEF", "resets all properties, and their stored values, to their defaults";
     Home = 7, "HOME", "moves to position 0";
-    Hi = 13, "HI", "finds the stop (IVEL, IHIT), leaves it by IOFF, and calls the place 0";
+    Hi = 13, "HI", "finds the stop (IVEL, IHIT), leaves it by 12 counts and returns to it, or else is jammed; goes IOFF away and calls that place 0";
     Ic = 14, "IC", "closes by DS";
     Io = 15, "IO", "opens by DS";
     Tc = 16, "TC", "closes at MCV with torque up to MT, until stalled";

@@ -72,12 +72,18 @@ table! {
     Bridge = 6, Some(Property::IMOTOR),
         "the gate driver or the over-current comparator switched the bridge off",
         "check the phase cable for a short; the board's bridge may be broken";
-    HostLost = 7, Some(Property::MODE),
-        "no frame to this board or its groups for 500 ms while in mode 2 or 4",
-        "check the CAN cable; a host in mode 2 or 4 must say something at least twice a second";
+    HostLost = 7, Some(Property::HOSTMS),
+        "no frame to this board or its groups for HOSTMS while in mode 2 or 4 set by a host; the next MODE or CMD clears it",
+        "check the CAN cable; a host in mode 2 or 4 must send something more often than HOSTMS, or set HOSTMS to 0";
     Storage = 8, Some(Property::SAVE),
         "the flash did not take what was written; the motor only stands still if it would make a stored position untrue",
         "SAVE again; if it comes back, the board's flash is worn out";
+    Wiring = 9, Some(Property::FIND),
+        "the motor ran against its own torque: phases or hall lines are connected in another order than WIRING says",
+        "correct the wiring, or let FIND learn it; a spread that was pushed more slowly than 5 counts/s gives this too";
+    Jammed = 10, Some(Property::IHIT),
+        "HI met no stop, or could not leave it by 12 counts and return to it within one",
+        "free the joint, its brake and the way to its stop, and run HI again; if it comes back, raise IHIT or check the motor";
     NoApplication = 16, Some(Property::STAT),
         "there is no whole application to start",
         "download a sealed .tek file";

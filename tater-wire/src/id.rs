@@ -2,7 +2,7 @@
 //! the destination's node or group. The lower identifier wins the bus, so the host (node 0) goes before the
 //! boards.
 
-/// A node of the bus, 0..=31: 0 is the host (or GOD in its place), Taters are 1 to 7.
+/// A node of the bus, 0..=31: 0 is the host (or GOD in its place), Taters are 1 to 7, or 11 to 17 beside an arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Node(u8);
@@ -40,6 +40,8 @@ impl Group {
     pub const POSITIONS: Self = Self(3);
     /// To all seven Taters.
     pub const TATERS: Self = Self(4);
+    /// To the boards of a hand on an arm (decision 0058); packed torques.
+    pub const HAND: Self = Self(5);
     /// To the host: every other reply.
     pub const REPLIES: Self = Self(6);
 

@@ -49,6 +49,7 @@ pub mod command;
 pub mod download;
 pub mod end;
 pub mod fault;
+pub mod find;
 pub mod frame;
 pub mod id;
 pub mod image;

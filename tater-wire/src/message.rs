@@ -2,11 +2,12 @@
 //!
 //! Formats (Barrett's host software): GET `[id]`; SET and its reply `[0x80|id, 0, v0, v1(, v2, v3)]`, little-endian;
 //! a position to the host `[0x80 | bits 21..16, 15..8, 7..0]`; packed torques `[0x80|42, ...]`, 14 bits each, most
-//! significant bit first. Our own: `[0, n, o0, o1, o2]` asks for more of a download, and a board whose first
+//! significant bit first, which to group 5 have the length that no SET has. Our own: `[0, n, o0, o1, o2]` asks for more of a download, and a board whose first
 //! request has that form takes up to eight characters a frame.
 
 use crate::frame::Frame;
 use crate::id::{Destination, Group, Identifier, Node};
+use crate::property::barrett::{BARRETTS, WIDE};
 use crate::property::{Property, Rules};
 use crate::value::Value;
 
@@ -47,7 +48,7 @@ pub enum Body {
     },
     /// A position to the host: 22 bits, −2^21..2^21 counts.
     Position(i32),
-    /// Torques for the slots of group 1 or 2.
+    /// Torques for the slots of group 1, 2 or 5.
     Torques(Torques),
     /// Extension: a monitor requests the next characters of a download.
     More {
@@ -127,7 +128,10 @@ impl Message {
                 Body::Position((bits << 10).cast_signed() >> 10)
             }
             [id, ref packed @ ..]
-                if id == SET | Property::T.id() && (to_group(Group::LOW) || to_group(Group::HIGH)) =>
+                if id == SET | Property::T.id()
+                    && (to_group(Group::LOW)
+                        || to_group(Group::HIGH)
+                        || to_group(Group::HAND) && !matches!(packed.len(), 3 | 5)) =>
             {
                 Body::Torques(Torques::parse(packed)?)
             }
@@ -194,18 +198,27 @@ impl Message {
     /// not fit 32 bits.
     #[must_use]
     pub fn answer(from: Node, to: Node, of: &Rules, value: i64) -> Option<Self> {
-        let host = to == Node::HOST;
-        if host && of.property == Property::P {
+        if to == Node::HOST && of.property == Property::P {
             let to = Destination::Group(Group::POSITIONS);
             return Some(Self { from, to, body: Body::Position(i32::try_from(value).ok()?) });
         }
-        let value = of.write(value)?;
-        let (to, property) = if host {
-            (Destination::Group(Group::REPLIES), of.property.id())
-        } else {
-            (Destination::Node(to), VALUE)
+        Some(Self::answer_number(from, to, of.property.id(), of.write(value)?))
+    }
+
+    /// A board's answer to a GET of a number of Barrett's table that no property here has: 0 in Barrett's width. `None` beyond that
+    /// table, where nobody answers.
+    #[must_use]
+    pub fn absent(from: Node, to: Node, number: u8) -> Option<Self> {
+        let value = if WIDE.contains(&number) { Value::Long(0) } else { Value::Short(0) };
+        (number < BARRETTS).then(|| Self::answer_number(from, to, number, value))
+    }
+
+    const fn answer_number(from: Node, to: Node, number: u8, value: Value) -> Self {
+        let (to, property) = match to {
+            Node::HOST => (Destination::Group(Group::REPLIES), number),
+            node => (Destination::Node(node), VALUE),
         };
-        Some(Self { from, to, body: Body::Set { property, value } })
+        Self { from, to, body: Body::Set { property, value } }
     }
 
     /// A board's answer to the host: positions to group 3, everything else to group 6. `None` if the value

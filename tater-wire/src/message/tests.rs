@@ -46,6 +46,22 @@ fn torques_are_packed_without_gaps() {
     }
 }
 
+/// pyHand sets T of group 5 in four bytes, libbarrett packs the torques of its four motors into eight.
+#[test]
+fn frame_of_t_to_the_hand_is_packed_unless_it_has_the_length_of_a_set() {
+    for (dlc, expected) in [
+        (3, Some(Body::Torques(Torques::new(&[0]).expect("one")))),
+        (4, Some(Body::Set { property: 42, value: Value::Short(0) })),
+        (5, Some(Body::Torques(Torques::new(&[0; 2]).expect("two")))),
+        (6, Some(Body::Set { property: 42, value: Value::Long(0) })),
+        (7, Some(Body::Torques(Torques::new(&[0; 3]).expect("three")))),
+        (8, Some(Body::Torques(Torques::new(&[0; 4]).expect("four")))),
+    ] {
+        let frame = Frame::from_raw(0x405, &[0xAA, 0, 0, 0, 0, 0, 0, 0][..dlc]).expect("a frame");
+        assert_eq!(Message::parse(&frame).map(|message| message.body), expected, "DLC {dlc}");
+    }
+}
+
 #[test]
 fn invalid_frames_do_not_parse() {
     for (id, data) in [
@@ -71,7 +87,8 @@ fn message() -> impl Strategy<Value = Message> {
         (0u8..32).prop_map(|n| Destination::Group(Group::new(n).expect("a group"))),
     ];
     let value = prop_oneof![any::<u16>().prop_map(Value::Short), any::<u32>().prop_map(Value::Long)];
-    let torque_group = prop_oneof![Just(Group::LOW), Just(Group::HIGH)].prop_map(Destination::Group);
+    let torque_group =
+        prop_oneof![Just(Group::LOW), Just(Group::HIGH), Just(Group::HAND)].prop_map(Destination::Group);
     let is_torques = |to, property| {
         property == 42 && [Destination::Group(Group::LOW), Destination::Group(Group::HIGH)].contains(&to)
     };

@@ -40,12 +40,24 @@ pub enum Default {
     Kinds(i16, i16, i16),
     /// The node's number.
     Node,
-    /// The node's slot in packed torques: 1 to 4 for nodes 1 to 4, 1 to 3 for nodes 5 to 7.
+    /// The motor's number in the hand, 1 to 7.
+    Motor,
+    /// The motor's slot in packed torques: 1 to 4 for motors 1 to 4, 1 to 3 for motors 5 to 7.
     Slot,
+    /// For nodes 1 to 4, for 5 to 7, and for a hand on an arm, where groups 1 to 4 are the arm's (nodes 11 to 17).
+    Groups(i16, i16, i16),
 }
 
-/// The kind of joint that a motor drives; it decides the defaults. By node: 1 to 3 are links, 4 is the
-/// spread, 5 to 7 are tips, and a node beyond the hand's seven has a link's.
+/// The number of a node's motor in the hand: nodes 1 to 7, and 11 to 17 of a hand on an arm (decision 0058).
+const fn motor(node: Node) -> u8 {
+    match node.number() {
+        number @ 11..=17 => number - 10,
+        number => number,
+    }
+}
+
+/// The kind of joint that a motor drives; it decides the defaults. By node: 1 to 3 and 11 to 13 are links, 4 and 14 the
+/// spread, 5 to 7 and 15 to 17 tips, and any other node has a link's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum MotorKind {
@@ -61,10 +73,31 @@ impl MotorKind {
     /// The kind of a node's motor.
     #[must_use]
     pub const fn of(node: Node) -> Self {
-        match node.number() {
+        match motor(node) {
             4 => Self::Spread,
             5..=7 => Self::Tip,
             _ => Self::Link,
+        }
+    }
+
+    /// The kind of a value of KIND.
+    #[must_use]
+    pub const fn from_code(code: i64) -> Option<Self> {
+        match code {
+            1 => Some(Self::Link),
+            2 => Some(Self::Spread),
+            3 => Some(Self::Tip),
+            _ => None,
+        }
+    }
+
+    /// The value of KIND.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Self::Link => 1,
+            Self::Spread => 2,
+            Self::Tip => 3,
         }
     }
 }
@@ -112,6 +145,9 @@ pub struct Rules {
     max: u32,
 }
 
+/// Values of OTEMP between "no limit" and 20 °C are refused: hosts of Barrett's boards write 60 and mean 60 °C.
+const OTEMP_GAP: (i64, i64) = (-550, 199);
+
 impl Rules {
     /// Smallest value.
     #[must_use]
@@ -128,7 +164,8 @@ impl Rules {
     /// Whether a value is in range.
     #[must_use]
     pub const fn admits(&self, value: i64) -> bool {
-        self.min() <= value && value <= self.max()
+        let is_gap = matches!(self.property, Property::OTEMP) && OTEMP_GAP.0 <= value && value <= OTEMP_GAP.1;
+        self.min() <= value && value <= self.max() && !is_gap
     }
 
     /// The default for a kind of motor; `None` if there is none, or if it depends on the node.
@@ -141,24 +178,35 @@ impl Rules {
                 MotorKind::Spread => spread,
                 MotorKind::Tip => tip,
             }),
-            Default::None | Default::Node | Default::Slot => None,
+            Default::None | Default::Node | Default::Motor | Default::Slot | Default::Groups(..) => None,
         }
     }
 
-    /// The default on a node's board; `None` if there is none.
+    /// The default on a node's board, whose motor is of the node's kind; `None` if there is none.
     #[must_use]
     pub fn default_for(&self, node: Node) -> Option<i64> {
-        let number = node.number();
+        self.default_on(node, MotorKind::of(node))
+    }
+
+    /// The default on a node's board with a motor of that kind; `None` if there is none.
+    #[must_use]
+    pub fn default_on(&self, node: Node, kind: MotorKind) -> Option<i64> {
+        // A board that is none of the hand's seven still has a slot and a joint.
         match self.default {
-            // A board beyond the hand's seven still has a slot and a joint.
-            Default::Node => Some(i64::from(number).max(self.min()).min(self.max())),
-            Default::Slot => Some(i64::from(match number {
+            Default::Node => Some(i64::from(node.number()).max(self.min()).min(self.max())),
+            Default::Motor => Some(i64::from(motor(node)).max(self.min()).min(self.max())),
+            Default::Slot => Some(i64::from(match motor(node) {
                 0 => 1,
-                1..=4 => number,
-                _ => (number - 5) % 4 + 1,
+                number @ 1..=4 => number,
+                number => (number - 5) % 4 + 1,
+            })),
+            Default::Groups(low, high, arm) => Some(i64::from(match node.number() {
+                5..=7 => high,
+                11..=17 => arm,
+                _ => low,
             })),
             Default::None | Default::Same(_) | Default::Kinds(..) => {
-                self.default_for_motor(MotorKind::of(node)).map(i64::from)
+                self.default_for_motor(kind).map(i64::from)
             }
         }
     }
@@ -275,7 +323,7 @@ table! {
     PTEMP = 10, 16, Locked, Always, "0.1 C", -550..=1250, Same(0),
         "highest TEMP ever; kept through power loss";
     OTEMP = 11, 16, ReadWrite, Yes, "0.1 C", -551..=1250, Same(700),
-        "the motor's temperature limit: torque derates over the 8 C below it and is cut at it; -551 disables";
+        "the motor's temperature limit: torque derates over the 8 C below it and is cut at it; -551 disables; -550 to 199 is refused";
     LOCK = 13, 16, WriteOnly, No, "-", 0..=32767, None,
         "18384, 23, 3145, 1024, 1 in this order unlock the next SET of a locked property, once";
     B = 16, 16, ReadOnly, No, "-", 0..=1, Same(0),
@@ -294,10 +342,10 @@ table! {
         "strain gauge";
     GRPA = 26, 16, ReadWrite, Yes, "-", 0..=31, Same(0),
         "first group listened to; group 0 is always heard";
-    GRPB = 27, 16, ReadWrite, Yes, "-", 0..=31, Kinds(1, 1, 2),
-        "second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7";
-    GRPC = 28, 16, ReadWrite, Yes, "-", 0..=31, Same(4),
-        "third group listened to";
+    GRPB = 27, 16, ReadWrite, Yes, "-", 0..=31, Groups(1, 2, 0),
+        "second group listened to: 1 for nodes 1 to 4, 2 for 5 to 7, none for 11 to 17";
+    GRPC = 28, 16, ReadWrite, Yes, "-", 0..=31, Groups(4, 4, 5),
+        "third group listened to: 4, or 5 for nodes 11 to 17";
     CMD = 29, 16, WriteOnly, No, "-", 0..=21, None,
         "does what the command table says";
     SAVE = 30, 16, WriteOnly, No, "id", -1..=127, None,
@@ -306,6 +354,8 @@ table! {
         "takes the stored value, or the default, of the property of this number; -1: of all";
     DEF = 32, 16, WriteOnly, No, "id", -1..=127, None,
         "resets the property of this number, and its stored value, to its default; -1: all";
+    FIND = 33, 16, ReadWrite, No, "-", 0..=31, None,
+        "SET: learns how the motor is wired, see the table of FIND; GET: what is known, or why it was refused";
     X0 = 34, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
         "the host's to use; means nothing to the board";
     X1 = 35, 16, ReadWrite, Yes, "-", -32768..=32767, Same(0),
@@ -327,7 +377,7 @@ table! {
     MT = 43, 16, ReadWrite, Yes, "1/1024 peak", 0..=990, Same(750),
         "torque limit";
     V = 44, 16, ReadWrite, No, "counts/s", -4080..=4080, Same(0),
-        "SET: velocity of mode 4; GET: in mode 4 the velocity commanded, else the measured one";
+        "SET: velocity of mode 4, until a motion ends (VSET shows it); GET: in mode 4 the velocity commanded, else the measured one";
     MV = 45, 16, ReadWrite, Yes, "counts/s", 16..=4080, Same(1000),
         "cruise velocity of trapezoidal moves, together with MCV and MOV";
     MCV = 46, 16, ReadWrite, Yes, "counts/s", 16..=4080, Same(1000),
@@ -383,7 +433,7 @@ table! {
         "integral gain";
     ACCEL = 82, 16, ReadWrite, Yes, "sqrt(counts)/ms/1024", 0..=65535, Kinds(40, 30, 30),
         "acceleration is (ACCEL/1024)^2 counts/ms^2; useful up to about 60; 0 cannot move";
-    JIDX = 85, 16, ReadWrite, Yes, "-", 1..=7, Node,
+    JIDX = 85, 16, ReadWrite, Yes, "-", 1..=7, Motor,
         "joint index";
     IPNM = 86, 16, ReadOnly, No, "1/N.m", 1575..=1575, Same(1575),
         "torque units per newton meter at the motor";
@@ -415,6 +465,14 @@ table! {
         "bit 0: report ends of moves unasked (MODE, then END); bit 1: report breakaways (BD)";
     VEL = 117, 16, ReadOnly, No, "counts/s", -32767..=32767, None,
         "the measured velocity in any mode: what RealTime feeds back, whose V is the command";
+    WIRING = 118, 16, Locked, Yes, "-", 0..=192, Same(0),
+        "0 unknown: the motor does not move; else 1 + 2 x the wiring's number, plus 1 if the direction of closing is known. 2 as shipped; FIND stores it";
+    HOSTMS = 119, 16, ReadWrite, Yes, "ms", 0..=65535, Same(2000),
+        "in mode 2 or 4 set by a host, no frame to this board or its groups for this long ends the motion with ERROR 7; 0 never";
+    KIND = 120, 16, Locked, Yes, "-", 1..=3, Kinds(1, 2, 3),
+        "kind of motor: 1 link, 2 spread, 3 tip; by the straps, or without straps by the node, until set; a new one counts from the next start on";
+    VSET = 121, 16, ReadOnly, No, "counts/s", -4080..=4080, Same(0),
+        "V as set: mode 4 runs at it, or will when it starts; 0 once any motion has ended";
 }
 
 impl Property {

@@ -64,3 +64,44 @@ fn short_ffff_is_65535_for_unsigned_properties_and_minus_one_for_others() {
     assert_eq!(Property::E.read(Value::Long(0xFFFF_FFFF)), -1);
     assert_eq!(Property::X0.write(1 << 33), None);
 }
+
+#[test]
+fn kind_and_hand_defaults_follow_the_nodes_of_a_hand_alone_and_on_an_arm() {
+    use MotorKind::{Link, Spread, Tip};
+    let kinds = [Link, Link, Link, Spread, Tip, Tip, Tip];
+    for (index, kind) in kinds.into_iter().enumerate() {
+        let number = u8::try_from(index + 1).expect("seven");
+        let slot = i64::from(if number > 4 { number - 4 } else { number });
+        for (node, grpb, grpc) in [(number, if number > 4 { 2 } else { 1 }, 4), (number + 10, 0, 5)] {
+            let node = Node::new(node).expect("a node");
+            assert_eq!(MotorKind::of(node), kind, "{node:?}");
+            let default = |property: Property| property.row().default_for(node);
+            assert_eq!(default(Property::GRPA), Some(0));
+            assert_eq!(default(Property::GRPB), Some(grpb), "{node:?}");
+            assert_eq!(default(Property::GRPC), Some(grpc), "{node:?}");
+            assert_eq!(default(Property::PIDX), Some(slot), "{node:?}");
+            assert_eq!(default(Property::JIDX), Some(number.into()), "{node:?}");
+            assert_eq!(default(Property::ID), Some(node.number().into()));
+            assert_eq!(default(Property::KIND), Some(kind.code().into()), "{node:?}");
+            for other in kinds {
+                let ct = Property::CT.row().default_on(node, other);
+                assert_eq!(ct, Property::CT.row().default_for_motor(other).map(i64::from));
+            }
+        }
+    }
+    for kind in kinds {
+        assert_eq!(MotorKind::from_code(kind.code().into()), Some(kind));
+    }
+    assert_eq!([0, 4, -1].map(MotorKind::from_code), [None; 3]);
+    for other in (8..=10).chain(18..=31) {
+        assert_eq!(MotorKind::of(Node::new(other).expect("a node")), Link, "{other}");
+    }
+}
+
+#[test]
+fn otemp_admits_no_limit_and_20_c_upwards() {
+    let admits = |value| Property::OTEMP.rules().admits(value);
+    let refused: std::vec::Vec<i64> = (-560..=1260).filter(|&value| !admits(value)).collect();
+    let expected = (-560..=-552).chain(-550..=199).chain(1251..=1260);
+    assert_eq!(refused, expected.collect::<std::vec::Vec<i64>>());
+}
