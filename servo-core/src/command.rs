@@ -1,6 +1,7 @@
 //! The servo's inputs and outputs: commands, sensor readings, drive, events and telemetry.
 
 use crate::config::Config;
+use crate::find::Trouble;
 use crate::guard::fault::{Fault, LimitCause};
 use crate::mode::Mode;
 use crate::sense::hall::Glitch;
@@ -60,6 +61,8 @@ pub enum Command {
     Terminate,
     /// Replaces the configuration, also during a motion; ACCEL, MV, MCV and MOV re-plan a move.
     Configure(Config),
+    /// FIND: learns how the motor is wired; a latched fault of the halls or the wiring does not forbid it.
+    Find,
     /// Clears a latched fault (STAT 2).
     ClearFault,
     /// Clears a breakaway (BD := 0; the O command).
@@ -83,6 +86,7 @@ impl Command {
             | Self::Mode(_)
             | Self::TorqueControlled { .. }
             | Self::Home
+            | Self::Find
             | Self::Abort
             | Self::Terminate
             | Self::ClearFault
@@ -98,6 +102,7 @@ impl Command {
     pub const fn allowed_in(&self, mode: Mode) -> bool {
         match self {
             Self::Torque(_) => matches!(mode, Mode::Torque),
+            Self::Find => matches!(mode, Mode::Idle),
             Self::Position(_) => matches!(mode, Mode::Idle | Mode::Pid),
             Self::Mode(_)
             | Self::Velocity(_)
@@ -118,7 +123,7 @@ impl Command {
     pub const fn moves(&self) -> bool {
         match self {
             Self::Mode(mode) => !matches!(mode, Mode::Idle),
-            Self::Torque(_) | Self::Move(_) | Self::TorqueControlled { .. } | Self::Home => true,
+            Self::Torque(_) | Self::Move(_) | Self::TorqueControlled { .. } | Self::Home | Self::Find => true,
             Self::Velocity(_)
             | Self::Position(_)
             | Self::End(_)
@@ -141,6 +146,8 @@ pub enum Refusal {
     Mode(Mode),
     /// The position is beyond ±2^20 counts.
     Range,
+    /// How the motor is wired, or which direction closes, is not known: FIND is needed.
+    Wiring,
     /// HI cannot find a stop with this configuration: IVEL is 0, or IHIT or MT is below the joint's friction.
     Homing,
 }
@@ -187,6 +194,8 @@ pub enum Event {
     Glitch(Glitch),
     /// HI is complete: zero is known.
     Homed,
+    /// FIND is complete: the wiring's number up to its mirror image, or why there is none.
+    Found(Result<u8, Trouble>),
 }
 
 /// The servo's readable state.

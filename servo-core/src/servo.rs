@@ -6,22 +6,24 @@
 
 use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 use crate::config::{self, Config};
-use crate::guard::arrival::arrived;
+use crate::find::{self, Find, Step};
+use crate::guard::arrival::{Arrival, arrived};
 use crate::guard::breakaway::Breakaway;
+use crate::guard::direction::{Direction, START, Verdict};
 use crate::guard::fault::{Condition, Fault, Faults};
 use crate::guard::limits::{AppliedTorque, TorqueEnvelope, TorqueLimiter};
 use crate::guard::stall::Stall;
 use crate::guard::strain::Window;
-use crate::guard::thermal::Thermal;
+use crate::guard::thermal::{HotMark, Start, Thermal};
 use crate::mode::Mode;
 use crate::motion::pid::{Pid, PidConfig, PidState};
 use crate::motion::profile::{CruiseRamps, MoveLimits, Profile, SetPoint};
 use crate::motion::torque::{MIN_DAMPING, damped};
 use crate::motion::velocity_loop::VelocityLoop;
-use crate::num::Law;
+use crate::num::{Law, TICK_HZ};
 use crate::sense::hall::{HallEdge, HallEvent};
 use crate::sense::velocity::Estimator;
-use crate::units::{Counts, CountsPerSec, Torque};
+use crate::units::{Counts, CountsPerSec, Micros, MilliAmps, MilliVolts, Torque};
 use heapless::Deque;
 
 #[cfg(test)]
@@ -37,8 +39,24 @@ const WAIT_LAG: Counts = Counts::from_int(6);
 /// From this lag on a position-controlled motor counts as driven, and the stall timer runs.
 const DRIVEN_LAG: Counts = Counts::from_int(1);
 
-/// Least stall time while HI seeks the stop: hosts poll slowly and must see mode 4 (decision 0009).
+/// Least stall time in HI: hosts poll slowly and must see mode 4 (decision 0009). TSTOP 0 would let a stage wait forever.
 const HOMING_TSTOP_MIN: u16 = 250;
+
+/// In HI the motor leaves the stop by this many counts to prove that it can turn, and returns to it: two thirds of a motor
+/// revolution, more than a held worm or a compressed stop springs back (decision 0048).
+const PROOF_WAY: i32 = 12;
+
+/// Largest distance between the two contacts of HI, in counts: the stop may lie on the boundary of two.
+const SAME_STOP: i32 = 1;
+
+/// Longest way that HI orders towards a stop: four times the widest joint, a tip with 508 counts.
+const SEEK_WAY: u32 = 2048;
+
+/// Longest way that HI orders from the stop or back to it. At IVEL the motor needs a tenth of it.
+const PROVE_WAY: u32 = 128;
+
+/// Speeds of IVEL beyond this count as this when HI measures the way it has ordered, in counts/s: a weak motor is slower.
+const SURE_SPEED: u16 = 100;
 
 /// A joint's friction, 0.04 N·m at 1575 units per N·m (decision 0003). A motor that stands still under more torque than
 /// this has met its stop; under less it may be stuck anywhere.
@@ -99,8 +117,10 @@ enum Goal {
     Move {
         pid: PidState,
     },
+    Find,
     SeekStop,
-    LeaveStop,
+    /// From the stop to zero, at IOFF.
+    Zero,
 }
 
 impl Goal {
@@ -109,9 +129,20 @@ impl Goal {
             Self::Torque(_) => Mode::Torque,
             Self::Position { .. } => Mode::Pid,
             Self::Velocity | Self::TorqueControlled { .. } | Self::SeekStop => Mode::Velocity,
-            Self::Move { .. } | Self::LeaveStop => Mode::Trapezoidal,
+            Self::Move { .. } | Self::Zero | Self::Find => Mode::Trapezoidal,
         }
     }
+}
+
+/// A stage of HI at IVEL.
+#[derive(Clone, Copy, Debug)]
+enum Homing {
+    /// Towards the stop, at IVEL.
+    Seek,
+    /// Away from the stop, which is position 0, to prove that the motor can turn. `closing`: the stop ends closing.
+    Leave { closing: bool },
+    /// Back to the stop.
+    Return { closing: bool },
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -131,11 +162,13 @@ enum Motion {
     /// After TC or TO stalled with HOLD: keeps pressing with MT and cannot stall again.
     Pressing { closing: bool },
     /// Mode 5: a move to E.
-    Move { control: PositionLoop, profile: Profile, breakaway: Breakaway },
-    /// HI, towards the stop.
-    SeekStop,
+    Move { control: PositionLoop, profile: Profile, breakaway: Breakaway, arrival: Arrival },
+    /// HI, until the second contact with the stop. `way`: what the stage has ordered, in counts/s · ms; it bounds its time.
+    Home { stage: Homing, way: u32 },
+    /// FIND.
+    Find(Find),
     /// HI, from the stop to zero.
-    LeaveStop { control: PositionLoop, profile: Profile },
+    Zero { control: PositionLoop, profile: Profile, arrival: Arrival },
 }
 
 impl Motion {
@@ -145,10 +178,10 @@ impl Motion {
             Self::Starting { goal, .. } => goal.mode(),
             Self::Torque(_) => Mode::Torque,
             Self::Position(_) => Mode::Pid,
-            Self::Velocity | Self::TorqueControlled { .. } | Self::Pressing { .. } | Self::SeekStop => {
+            Self::Velocity | Self::TorqueControlled { .. } | Self::Pressing { .. } | Self::Home { .. } => {
                 Mode::Velocity
             }
-            Self::Move { .. } | Self::LeaveStop { .. } => Mode::Trapezoidal,
+            Self::Move { .. } | Self::Zero { .. } | Self::Find(_) => Mode::Trapezoidal,
         }
     }
 
@@ -156,25 +189,35 @@ impl Motion {
     const fn is_awaited(&self) -> bool {
         match self {
             Self::Starting { goal, .. } => match goal {
-                Goal::TorqueControlled { .. } | Goal::Move { .. } | Goal::SeekStop | Goal::LeaveStop => true,
+                Goal::TorqueControlled { .. }
+                | Goal::Move { .. }
+                | Goal::SeekStop
+                | Goal::Zero
+                | Goal::Find => true,
                 Goal::Torque(_) | Goal::Position { .. } | Goal::Velocity => false,
             },
-            Self::TorqueControlled { .. } | Self::Move { .. } | Self::SeekStop | Self::LeaveStop { .. } => {
-                true
-            }
+            Self::TorqueControlled { .. }
+            | Self::Move { .. }
+            | Self::Home { .. }
+            | Self::Zero { .. }
+            | Self::Find(_) => true,
             Self::Idle | Self::Torque(_) | Self::Position(_) | Self::Velocity | Self::Pressing { .. } => {
                 false
             }
         }
     }
 
+    /// Whether the host closes the loop: mode 2 or 4 that it has set. HI, TC and TO are in mode 4 too, but end by themselves.
     const fn needs_host(&self) -> bool {
-        matches!(self.mode(), Mode::Torque | Mode::Velocity)
+        matches!(
+            self,
+            Self::Torque(_) | Self::Velocity | Self::Starting { goal: Goal::Torque(_) | Goal::Velocity, .. }
+        )
     }
 
     const fn position_loop(&self) -> Option<&PositionLoop> {
         match self {
-            Self::Position(control) | Self::Move { control, .. } | Self::LeaveStop { control, .. } => {
+            Self::Position(control) | Self::Move { control, .. } | Self::Zero { control, .. } => {
                 Some(control)
             }
             Self::Idle
@@ -183,9 +226,20 @@ impl Motion {
             | Self::Velocity
             | Self::TorqueControlled { .. }
             | Self::Pressing { .. }
-            | Self::SeekStop => None,
+            | Self::Find(_)
+            | Self::Home { .. } => None,
         }
     }
+}
+
+/// Whether a signed quantity closes (`true`) or opens; `None` at zero.
+const fn direction(value: i32) -> Option<bool> {
+    if value == 0 { None } else { Some(value > 0) }
+}
+
+/// A distance in counts, positive towards a stop that ends closing or opening.
+const fn towards(closing: bool, counts: i32) -> i32 {
+    if closing { counts } else { counts.wrapping_neg() }
 }
 
 #[derive(Debug)]
@@ -214,6 +268,16 @@ impl Tuning {
         }
     }
 
+    /// Limits the torque until the direction is known.
+    fn limit(&mut self, limit: Torque) {
+        self.most = config::torque(self.config.mt).min(limit);
+        self.homing_most = config::torque(self.config.ihit.min(self.config.mt)).min(limit);
+    }
+
+    fn can_home(&self) -> bool {
+        self.config.ivel != 0 && config::torque(self.config.ihit.min(self.config.mt)) >= FRICTION
+    }
+
     fn press_speed(&self, closing: bool) -> CountsPerSec {
         if closing { config::speed(self.config.mcv) } else { config::speed(self.config.mov).saturating_neg() }
     }
@@ -235,7 +299,8 @@ pub struct Servo {
     velocity: CountsPerSec,
     /// Property E.
     end: i32,
-    /// Property V.
+    /// Property V, for the present mode 4 or the next. The end of a motion clears it, so that no host starts at the
+    /// velocity of another (decision 0050).
     velocity_wanted: CountsPerSec,
     stall: Stall,
     thermal: Thermal,
@@ -244,6 +309,11 @@ pub struct Servo {
     applied: AppliedTorque,
     ended: Option<EndReason>,
     homed: bool,
+    /// Whether the wiring and the direction of closing are known. HI is refused before.
+    wired: bool,
+    direction: Direction,
+    /// The hall lines and the bus current of the last tick, for FIND.
+    lines: (u8, MilliAmps),
     broke_away: Option<i32>,
     events: Deque<Event, EVENTS>,
 }
@@ -252,8 +322,10 @@ impl Servo {
     /// A servo in idle, at rest in the cell `count` of the hall decoder; that cell is position `count`.
     #[must_use]
     pub fn new(config: Config, count: i32) -> Self {
+        let mut tuning = Tuning::new(config);
+        tuning.limit(START);
         Self {
-            tuning: Tuning::new(config),
+            tuning,
             motion: Motion::Idle,
             planned: false,
             estimator: Estimator::new(count),
@@ -270,6 +342,9 @@ impl Servo {
             applied: AppliedTorque::OFF,
             ended: None,
             homed: false,
+            wired: true,
+            direction: Direction::at_rest(count),
+            lines: (0, MilliAmps(0)),
             broke_away: None,
             events: Deque::new(),
         }
@@ -287,6 +362,46 @@ impl Servo {
         self.homed = false;
     }
 
+    /// Takes another wiring. `known`: also its direction of closing; without it HI is refused.
+    pub fn set_wired(&mut self, known: bool) {
+        self.wired = known;
+        self.direction = Direction::at_rest(self.count);
+        self.tuning.limit(START);
+    }
+
+    /// Marks the direction as seen to be right, as after the first counts: for tests of what comes later.
+    pub fn trust_direction(&mut self) {
+        self.direction = Direction::Right;
+        self.tuning.limit(Torque(i16::MAX));
+    }
+
+    /// The hall lines and the bus current, which FIND needs beside a tick's.
+    pub const fn look(&mut self, halls: u8, current: MilliAmps) {
+        self.lines = (halls, current);
+    }
+
+    /// The sector whose legs FIND holds; `None` while the bridge follows the rotor.
+    #[must_use]
+    pub fn held_sector(&self) -> Option<u8> {
+        if let Motion::Find(find) = &self.motion { Some(find.sector()) } else { None }
+    }
+
+    /// Whether FIND is under way.
+    #[must_use]
+    pub const fn is_finding(&self) -> bool {
+        matches!(self.motion, Motion::Find(_) | Motion::Starting { goal: Goal::Find, .. })
+    }
+
+    /// Sets what is known of the winding's heat, before the first tick.
+    pub const fn start_warm(&mut self, start: Start) {
+        self.thermal.start(start);
+    }
+
+    /// Reports whether the flash has the hot mark: see [`Thermal::set_marked`].
+    pub const fn set_hot_mark(&mut self, stored: bool) {
+        self.thermal.set_marked(stored);
+    }
+
     /// One step of the hall count. Called in the hall interrupt, so that a tick costs the same with and without edges.
     #[inline]
     pub fn edge(&mut self, edge: &HallEdge) {
@@ -298,6 +413,8 @@ impl Servo {
         match *event {
             HallEvent::Step(edge) => self.edge(&edge),
             HallEvent::Glitch(glitch) => self.report(Event::Glitch(glitch)),
+            // The decoder's wiring is the one that FIND is to replace.
+            HallEvent::Fault(_) if self.is_finding() => {}
             HallEvent::Fault(_) => {
                 // The count may have slipped by an electrical revolution.
                 self.homed = false;
@@ -309,6 +426,11 @@ impl Servo {
     /// The break input has switched the bridge off. Latches [`Fault::Bridge`] at the next tick.
     pub const fn bridge_fault(&mut self) {
         self.faults.raise(Condition::BRIDGE);
+    }
+
+    /// A host has ordered something: clears [`Fault::HostLost`].
+    pub const fn host_is_back(&mut self) {
+        self.faults.host_is_back();
     }
 
     // --- outputs besides the drive ---------------------------------------------------------------------------
@@ -343,6 +465,18 @@ impl Servo {
         }
     }
 
+    /// Whether the hot mark in the flash is as it should be.
+    #[must_use]
+    pub const fn hot_mark(&self) -> HotMark {
+        self.thermal.hot_mark(!matches!(self.motion, Motion::Idle))
+    }
+
+    /// The winding's rise over the thermistor, to be kept over a reset, 0.1 K; `None` before the first tick.
+    #[must_use]
+    pub fn rise(&self) -> Option<u16> {
+        self.thermal.rise()
+    }
+
     /// The present configuration.
     #[must_use]
     pub const fn config(&self) -> &Config {
@@ -353,6 +487,12 @@ impl Servo {
     #[must_use]
     pub const fn end(&self) -> i32 {
         self.end
+    }
+
+    /// Property V as it was set, if no motion has ended since: the velocity of mode 4, now or once it starts.
+    #[must_use]
+    pub const fn velocity_wanted(&self) -> CountsPerSec {
+        self.velocity_wanted
     }
 
     /// What property T reads: in mode 2 the commanded torque, unless a limit reduced it; elsewhere the torque applied.
@@ -376,6 +516,9 @@ impl Servo {
     /// Why the command was refused; nothing has changed then.
     pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
         self.check(&command)?;
+        if command.moves() || matches!(command, Command::Mode(_) | Command::Abort | Command::Terminate) {
+            self.faults.host_is_back();
+        }
         match command {
             Command::Mode(mode) => self.set_mode(mode),
             Command::Torque(torque) => self.set_torque(torque),
@@ -394,6 +537,11 @@ impl Servo {
                 self.homed = false;
                 self.replace(Goal::SeekStop);
             }
+            Command::Find => {
+                self.homed = false;
+                self.faults.clear();
+                self.begin(Goal::Find);
+            }
             Command::Abort => {
                 if !matches!(self.motion, Motion::Idle) {
                     self.finish(EndReason::Aborted);
@@ -411,10 +559,16 @@ impl Servo {
     }
 
     fn check(&self, command: &Command) -> Result<(), Refusal> {
-        if let Some(fault) = self.faults.latched()
+        if let Some(fault) = self.faults.forbidding()
             && command.moves()
         {
-            return Err(Refusal::Fault(fault));
+            let of_wires = matches!(fault, Fault::Halls | Fault::Wiring | Fault::Jammed);
+            if !(of_wires && matches!(command, Command::Find)) {
+                return Err(Refusal::Fault(fault));
+            }
+        }
+        if !self.wired && matches!(command, Command::Home) {
+            return Err(Refusal::Wiring);
         }
         let mode = self.motion.mode();
         if !command.allowed_in(mode) {
@@ -424,7 +578,7 @@ impl Servo {
             return Err(Refusal::Range);
         }
         // Without velocity or torque HI would take any place for the stop.
-        let can_home = self.tuning.config.ivel != 0 && self.tuning.homing_most >= FRICTION;
+        let can_home = self.tuning.can_home();
         if matches!(command, Command::Home) && !can_home { Err(Refusal::Homing) } else { Ok(()) }
     }
 
@@ -444,7 +598,7 @@ impl Servo {
     /// Between hold and move the load stays carried; from any other motion the integrator starts empty.
     fn carried_pid(&self) -> PidState {
         match &self.motion {
-            Motion::Position(control) | Motion::Move { control, .. } | Motion::LeaveStop { control, .. } => {
+            Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
                 control.pid
             }
             Motion::Starting { goal: Goal::Position { pid, .. } | Goal::Move { pid }, .. } => *pid,
@@ -467,6 +621,9 @@ impl Servo {
         if self.motion.is_awaited() {
             self.report(Event::Ended { reason: EndReason::Aborted, mode: goal.mode() });
         }
+        if matches!(self.motion, Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. }) {
+            self.velocity_wanted = CountsPerSec::ZERO;
+        }
         self.begin(goal);
     }
 
@@ -485,7 +642,6 @@ impl Servo {
             Motion::Starting { goal: Goal::Position { at, .. }, .. } => *at = Some(position),
             Motion::Position(control) => {
                 control.setpoint = SetPoint::at_rest(Counts::from_int(position));
-                self.stall.restart();
             }
             Motion::Idle => {
                 self.zero = self.count.wrapping_sub(position);
@@ -497,15 +653,9 @@ impl Servo {
         }
     }
 
-    /// Leaving zero starts the stall time.
     fn set_torque(&mut self, torque: Torque) {
         match &mut self.motion {
-            Motion::Torque(wanted) | Motion::Starting { goal: Goal::Torque(wanted), .. } => {
-                if *wanted == Torque::ZERO {
-                    self.stall.restart();
-                }
-                *wanted = torque;
-            }
+            Motion::Torque(wanted) | Motion::Starting { goal: Goal::Torque(wanted), .. } => *wanted = torque,
             // Refused by `Command::allowed_in`.
             _ => {}
         }
@@ -535,12 +685,14 @@ impl Servo {
         let shape = |c: &Config| (c.accel, c.mv, c.mcv, c.mov);
         let reshaped = match self.motion {
             Motion::Move { .. } => shape(&config) != shape(&old),
-            Motion::LeaveStop { .. } => (shape(&config), config.ioff) != (shape(&old), old.ioff),
+            Motion::Zero { .. } => (shape(&config), config.ioff) != (shape(&old), old.ioff),
             _ => false,
         };
         self.tuning = Tuning::new(config);
+        if !self.direction.is_right() {
+            self.tuning.limit(START);
+        }
         self.thermal.look_next();
-        // A property that does not shape the motion must not restart its stall time.
         if reshaped {
             self.plan();
         }
@@ -566,9 +718,14 @@ impl Servo {
             self.fail(fault);
         }
         match self.motion {
-            Motion::Idle => return IDLE,
+            Motion::Idle => {
+                self.stall.rest(self.tuning.config.tstop);
+                self.limiter.idle(sense.bus);
+                return IDLE;
+            }
             Motion::Starting { goal, brake_ms } => {
                 if !due {
+                    self.stall.rest(self.tstop());
                     self.motion = Motion::Starting { goal, brake_ms: brake_ms.saturating_add(1) };
                     self.applied = AppliedTorque::OFF;
                     return Drive { duty: None, brake_released: true };
@@ -577,10 +734,18 @@ impl Servo {
                     // The profile starts in the next tick; until then the bridge keeps its state.
                     return self.unchanged_drive();
                 }
+                if matches!(self.motion, Motion::Idle) {
+                    return IDLE;
+                }
             }
+            Motion::Find(_) => return self.find(sense.bus),
             _ => {}
         }
-        if self.check_end(counted, sense.strain) {
+        if !self.direction.is_right() && self.watch_direction() {
+            self.applied = AppliedTorque::OFF;
+            return Drive { duty: None, brake_released: true };
+        }
+        if self.check_end(counted, sense) {
             match self.motion {
                 Motion::Idle => return IDLE,
                 Motion::Starting { .. } => return self.drive(),
@@ -589,8 +754,47 @@ impl Servo {
         }
         let most = self.thermal.most();
         let envelope = self.limiter.envelope(self.torque_ceiling(), most, self.velocity, sense.bus);
-        self.applied = envelope.bound(self.law(&envelope));
+        self.applied = envelope.bound(self.law(&envelope), self.applied.torque);
         self.drive()
+    }
+
+    /// Returns whether the bridge must be open.
+    #[inline(never)]
+    fn watch_direction(&mut self) -> bool {
+        match self.direction.step(self.count, self.applied.torque) {
+            Verdict::Limit(limit) => self.tuning.limit(limit),
+            // Without a known direction of closing the motor may be right in itself and yet the mirror image.
+            Verdict::Right if self.wired => self.trust_direction(),
+            Verdict::Right => self.direction = Direction::at_rest(self.count),
+            Verdict::Open => return true,
+            Verdict::Wrong => {
+                self.faults.raise(Condition::WIRING);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// One tick of FIND.
+    #[inline(never)]
+    fn find(&mut self, bus: MilliVolts) -> Drive {
+        let Motion::Find(find) = &mut self.motion else { return IDLE };
+        match find.step(self.lines.0, self.lines.1) {
+            Step::Hold(_, torque) => {
+                let most = self.thermal.most();
+                let envelope = self.limiter.envelope(Torque(find::MOST), most, CountsPerSec::ZERO, bus);
+                self.applied = envelope.bound(torque, self.applied.torque);
+                self.drive()
+            }
+            Step::Done(result) => {
+                let reason = if result.is_ok() { EndReason::Arrived } else { EndReason::Aborted };
+                self.idle();
+                self.ended = Some(reason);
+                self.report(Event::Found(result));
+                self.report(Event::Ended { reason, mode: Mode::Idle });
+                IDLE
+            }
+        }
     }
 
     /// Halls → position and velocity. Returns whether the count changed.
@@ -621,7 +825,9 @@ impl Servo {
         match self.motion {
             Motion::Starting { goal, brake_ms } => {
                 let again = self.planned && goal.mode() == Mode::Trapezoidal;
-                brake_ms >= self.tuning.config.brake_ms && !again
+                // HI must press for a while to find a stop, also after a motion that has just stalled there.
+                let rests = matches!(goal, Goal::SeekStop) && self.stall.is_over_half(self.tstop());
+                brake_ms >= self.tuning.config.brake_ms && !again && !rests
             }
             _ => false,
         }
@@ -630,6 +836,10 @@ impl Servo {
     /// Starts a motion. Returns whether it has a profile to follow, which begins in the next tick.
     #[inline(never)]
     fn start(&mut self, goal: Goal) -> bool {
+        if !self.direction.is_right() && self.applied == AppliedTorque::OFF {
+            self.direction = Direction::at_rest(self.count);
+            self.tuning.limit(START);
+        }
         let position = self.position;
         // Each arm assigns, so that a profile is written in place.
         match goal {
@@ -638,34 +848,49 @@ impl Servo {
                 let position = at.map_or(position, Counts::from_int);
                 self.motion = Motion::Position(PositionLoop::at_rest(position, pid));
             }
-            Goal::Velocity => self.motion = Motion::Velocity,
+            Goal::Velocity => {
+                self.motion = Motion::Velocity;
+                // A hold's torque would hide that the motion must rest.
+                self.applied = AppliedTorque::OFF;
+            }
+            Goal::Find => self.motion = Motion::Find(Find::at(self.count)),
             Goal::TorqueControlled { closing } => self.motion = Motion::TorqueControlled { closing },
-            Goal::SeekStop => self.motion = Motion::SeekStop,
+            Goal::SeekStop => self.motion = Motion::Home { stage: Homing::Seek, way: 0 },
             Goal::Move { pid } => {
                 self.motion = Motion::Move {
                     control: PositionLoop::at_rest(position, pid),
                     profile: Profile::at_rest(position),
                     breakaway: Breakaway::default(),
+                    arrival: Arrival::default(),
                 };
             }
-            Goal::LeaveStop => {
-                self.motion = Motion::LeaveStop {
+            Goal::Zero => {
+                self.motion = Motion::Zero {
                     control: PositionLoop::at_rest(position, PidState::default()),
                     profile: Profile::at_rest(position),
+                    arrival: Arrival::default(),
                 };
             }
+        }
+        // Into the obstacle at which the last motion has just stalled, a move would push until its set-point is a count ahead.
+        let closing = self.end > position.round();
+        if matches!(goal, Goal::Move { .. }) && self.stall.is_over(closing, self.tuning.config.tstop) {
+            self.finish(EndReason::Stalled);
+            return false;
         }
         self.plan()
     }
 
-    /// Restarts the stall time and plans from the present set-point. Returns whether there is a profile to follow.
+    /// Plans from the present set-point. Returns whether there is a profile to follow.
     fn plan(&mut self) -> bool {
-        self.stall.restart();
-        let (control, profile, end) = match &mut self.motion {
-            Motion::Move { control, profile, .. } => (control, profile, self.end),
-            Motion::LeaveStop { control, profile } => (control, profile, self.tuning.config.ioff),
+        let (control, profile, arrival, end) = match &mut self.motion {
+            Motion::Move { control, profile, arrival, .. } => (control, profile, arrival, self.end),
+            Motion::Zero { control, profile, arrival } => {
+                (control, profile, arrival, self.tuning.config.ioff)
+            }
             _ => return false,
         };
+        *arrival = Arrival::default();
         profile.plan(Counts::from_int(end), &self.tuning.ramps);
         control.setpoint = profile.current();
         !control.setpoint.done
@@ -674,15 +899,15 @@ impl Servo {
     /// Includes the damping that the control law lacks.
     fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
         let (torque, missing) = match self.motion {
-            Motion::Idle | Motion::Starting { .. } => (Torque::ZERO, Law::ZERO),
+            Motion::Idle | Motion::Starting { .. } | Motion::Find(_) => (Torque::ZERO, Law::ZERO),
             Motion::Torque(wanted) => (wanted, MIN_DAMPING),
             Motion::Velocity
             | Motion::TorqueControlled { .. }
             | Motion::Pressing { .. }
-            | Motion::SeekStop => {
+            | Motion::Home { .. } => {
                 (self.velocity_torque(envelope.most()), self.tuning.velocity_loop.missing_damping())
             }
-            Motion::Position(_) | Motion::Move { .. } | Motion::LeaveStop { .. } => {
+            Motion::Position(_) | Motion::Move { .. } | Motion::Zero { .. } => {
                 (self.position_torque(envelope.range()), self.tuning.pid.missing_damping())
             }
         };
@@ -693,8 +918,11 @@ impl Servo {
     fn position_torque(&mut self, range: (Torque, Torque)) -> Torque {
         let control = match &mut self.motion {
             Motion::Position(control) => control,
-            Motion::Move { control, profile, .. } | Motion::LeaveStop { control, profile } => {
-                if !control.must_wait(self.position) {
+            Motion::Move { control, profile, arrival, .. } | Motion::Zero { control, profile, arrival } => {
+                if control.must_wait(self.position) {
+                    let left = profile.end().wrapping_sub(self.position).round();
+                    arrival.wait(left, self.tuning.config.tstop);
+                } else {
                     control.setpoint = profile.step();
                 }
                 control
@@ -713,8 +941,16 @@ impl Servo {
         match self.motion {
             Motion::Pressing { closing: true } if self.velocity.0 < half => most,
             Motion::Pressing { closing: false } if self.velocity.0 > half => most.saturating_neg(),
+            // RealTime enters mode 4 again right after a stall: rest first, so that it can press again at all.
+            Motion::Velocity if self.applied.torque == Torque::ZERO && self.must_rest(goal) => Torque::ZERO,
             _ => self.tuning.velocity_loop.step(goal, self.velocity, most),
         }
+    }
+
+    /// Whether the motor has stalled in this direction and not rested since.
+    fn must_rest(&self, goal: CountsPerSec) -> bool {
+        direction(goal.0.to_bits())
+            .is_some_and(|closing| self.stall.is_over(closing, self.tuning.config.tstop))
     }
 
     fn velocity_goal(&self) -> CountsPerSec {
@@ -725,49 +961,115 @@ impl Servo {
             | Motion::Starting { goal: Goal::TorqueControlled { closing }, .. } => {
                 self.tuning.press_speed(closing)
             }
-            Motion::SeekStop | Motion::Starting { goal: Goal::SeekStop, .. } => {
-                CountsPerSec::from_int(self.tuning.config.ivel)
-            }
-            Motion::Position(control) | Motion::Move { control, .. } | Motion::LeaveStop { control, .. } => {
+            Motion::Home { stage, .. } => self.homing_velocity(stage),
+            Motion::Starting { goal: Goal::SeekStop, .. } => self.homing_velocity(Homing::Seek),
+            Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
                 control.setpoint.velocity
             }
-            Motion::Idle | Motion::Starting { .. } | Motion::Torque(_) => CountsPerSec::ZERO,
+            Motion::Idle | Motion::Starting { .. } | Motion::Torque(_) | Motion::Find(_) => {
+                CountsPerSec::ZERO
+            }
         }
     }
 
+    /// Towards the stop once it is known: a new sign of IVEL does not turn HI round.
+    fn homing_velocity(&self, stage: Homing) -> CountsPerSec {
+        let velocity = CountsPerSec::from_int(self.tuning.config.ivel);
+        let closing = match stage {
+            Homing::Seek => return velocity,
+            Homing::Leave { closing } => !closing,
+            Homing::Return { closing } => closing,
+        };
+        let opens = velocity < CountsPerSec::ZERO;
+        if opens == closing { velocity.saturating_neg() } else { velocity }
+    }
+
     fn torque_ceiling(&self) -> Torque {
-        if matches!(self.motion, Motion::SeekStop) { self.tuning.homing_most } else { self.tuning.most }
+        if matches!(self.motion, Motion::Home { .. }) { self.tuning.homing_most } else { self.tuning.most }
     }
 
     // --- the end of a motion ---------------------------------------------------------------------------------
 
     /// Ends the motion if a condition for that is met. Returns whether it ended.
-    fn check_end(&mut self, counted: bool, strain: u8) -> bool {
-        let driven = !counted && self.is_driven();
-        let tstop = if driven { self.tstop() } else { 0 };
-        let stalled = self.stall.step(counted, driven, tstop);
+    fn check_end(&mut self, counted: bool, sense: &Sense) -> bool {
+        let stalled = if counted {
+            self.stall.count();
+            false
+        } else if let Some(closing) = self.drives() {
+            self.stall.drive(closing, self.tstop())
+        } else {
+            self.stall.rest(self.tstop());
+            false
+        };
         let reason = match &self.motion {
-            Motion::Move { .. } => self.move_end(strain),
-            Motion::LeaveStop { control, .. } => self.arrival(control.setpoint.done, self.tuning.config.ioff),
-            Motion::TorqueControlled { .. } if self.tuning.strain.excludes(strain) => Some(EndReason::Strain),
+            Motion::Move { .. } => self.move_end(sense),
+            Motion::Home { stage, way } => return self.step_homing(*stage, *way, stalled),
+            Motion::Zero { control, arrival, .. } if control.setpoint.done || arrival.is_given_up() => {
+                self.settle(sense.now)
+            }
+            Motion::Zero { .. } => None,
+            Motion::TorqueControlled { .. } if self.tuning.strain.excludes(sense.strain) => {
+                Some(EndReason::Strain)
+            }
             Motion::Pressing { .. } => return false,
             Motion::Idle
             | Motion::Starting { .. }
+            | Motion::Find(_)
             | Motion::Torque(_)
             | Motion::Position(_)
             | Motion::Velocity
-            | Motion::TorqueControlled { .. }
-            | Motion::SeekStop => None,
+            | Motion::TorqueControlled { .. } => None,
         };
         let Some(reason) = reason.or(stalled.then_some(EndReason::Stalled)) else { return false };
         self.finish(reason);
         true
     }
 
+    /// HI until the second contact (decision 0048). Returns whether its motion ended.
+    #[inline(never)]
+    fn step_homing(&mut self, stage: Homing, way: u32, stalled: bool) -> bool {
+        let way = way + u32::from(self.tuning.config.ivel.unsigned_abs().clamp(1, SURE_SPEED));
+        self.motion = Motion::Home { stage, way };
+        let is_over = |most: u32| way >= most * TICK_HZ;
+        let at = self.count.wrapping_sub(self.zero);
+        match stage {
+            Homing::Seek if stalled && self.presses() => {
+                self.zero = self.count;
+                self.position = self.position.wrapping_sub(Counts::from_int(self.position.round()));
+                self.enter(Homing::Leave { closing: self.applied.torque > Torque::ZERO });
+            }
+            Homing::Seek if stalled => {
+                self.finish(EndReason::Stalled);
+                return true;
+            }
+            Homing::Seek if is_over(SEEK_WAY) => self.faults.raise(Condition::JAMMED),
+            Homing::Leave { closing } if towards(!closing, at) >= PROOF_WAY => {
+                self.enter(Homing::Return { closing });
+            }
+            Homing::Return { .. } if stalled && self.presses() && at.abs() <= SAME_STOP => {
+                self.begin(Goal::Zero);
+                return true;
+            }
+            Homing::Leave { .. } | Homing::Return { .. } if stalled || is_over(PROVE_WAY) => {
+                self.faults.raise(Condition::JAMMED);
+            }
+            // The first contact was none.
+            Homing::Return { closing } if towards(closing, at) > SAME_STOP => {
+                self.faults.raise(Condition::JAMMED);
+            }
+            Homing::Seek | Homing::Leave { .. } | Homing::Return { .. } => {}
+        }
+        false
+    }
+
+    fn enter(&mut self, stage: Homing) {
+        self.motion = Motion::Home { stage, way: 0 };
+    }
+
     /// Why a move to E ends in this tick, other than by a stall.
-    fn move_end(&mut self, strain: u8) -> Option<EndReason> {
-        let Motion::Move { control, breakaway, .. } = &mut self.motion else { return None };
-        if self.tuning.strain.excludes(strain) {
+    fn move_end(&mut self, sense: &Sense) -> Option<EndReason> {
+        let Motion::Move { control, breakaway, arrival, .. } = &mut self.motion else { return None };
+        if self.tuning.strain.excludes(sense.strain) {
             return Some(EndReason::Strain);
         }
         let Config { bt, bs, .. } = self.tuning.config;
@@ -778,34 +1080,58 @@ impl Servo {
             self.report(Event::Breakaway { position, stop_tip: bs });
             return Some(EndReason::Breakaway);
         }
-        let done = control.setpoint.done;
-        self.arrival(done, self.end)
+        let settles = control.setpoint.done || arrival.is_given_up();
+        if settles { self.settle(sense.now) } else { None }
     }
 
-    fn arrival(&self, done: bool, end: i32) -> Option<EndReason> {
-        (done && arrived(done, end, self.position.round(), self.tuning.config.mpe))
-            .then_some(EndReason::Arrived)
+    /// Why a move ends whose set-point rests on its end, or has waited for too long.
+    #[inline(never)]
+    fn settle(&mut self, now: Micros) -> Option<EndReason> {
+        let Config { mpe, tstop, .. } = self.tuning.config;
+        let quiet = self.estimator.quiet(now);
+        let (Motion::Move { control, profile, arrival, .. } | Motion::Zero { control, profile, arrival }) =
+            &mut self.motion
+        else {
+            return None;
+        };
+        let left = profile.end().round().wrapping_sub(self.position.round());
+        if control.setpoint.done && arrived(left, mpe, self.velocity, self.applied.torque, quiet) {
+            return Some(EndReason::Arrived);
+        }
+        if control.setpoint.done {
+            arrival.wait(left, tstop);
+        }
+        arrival.is_given_up().then_some(EndReason::Stalled)
     }
 
-    /// Whether the motor is driven away from rest, so that a missing hall count is a stall.
-    fn is_driven(&self) -> bool {
+    /// The direction in which the motor is driven away from rest, `true` closing, so that a missing hall count is a stall.
+    fn drives(&self) -> Option<bool> {
         match &self.motion {
-            Motion::Idle | Motion::Starting { .. } => false,
-            Motion::Torque(wanted) => *wanted != Torque::ZERO,
+            Motion::Idle | Motion::Starting { .. } | Motion::Find(_) => None,
+            Motion::Torque(wanted) => direction(i32::from(wanted.0)),
             // These run until something stops them, however little torque a low gain asks for.
-            Motion::TorqueControlled { .. } | Motion::Pressing { .. } | Motion::SeekStop => true,
-            Motion::Velocity => self.applied.limit.is_some() && self.applied.torque != Torque::ZERO,
+            Motion::TorqueControlled { closing } | Motion::Pressing { closing } => Some(*closing),
+            Motion::Home { stage, .. } => Some(self.homing_velocity(*stage) > CountsPerSec::ZERO),
+            Motion::Velocity => self.applied.limit.and(direction(i32::from(self.applied.torque.0))),
             // ACCEL 0 cannot move: such a move ends as a stall instead of never.
-            Motion::Move { .. } | Motion::LeaveStop { .. } if self.tuning.config.accel == 0 => true,
-            Motion::Position(control) | Motion::Move { control, .. } | Motion::LeaveStop { control, .. } => {
-                !control.lag(self.position).is_within(DRIVEN_LAG)
+            Motion::Move { .. } if self.tuning.config.accel == 0 => Some(self.end > self.position.round()),
+            Motion::Zero { .. } if self.tuning.config.accel == 0 => Some(self.tuning.config.ioff > 0),
+            Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
+                let lag = control.lag(self.position);
+                (!lag.is_within(DRIVEN_LAG)).then_some(lag > Counts::ZERO)
             }
         }
     }
 
     fn tstop(&self) -> u16 {
         let tstop = self.tuning.config.tstop;
-        if matches!(self.motion, Motion::SeekStop) { tstop.max(HOMING_TSTOP_MIN) } else { tstop }
+        let homes = matches!(
+            self.motion,
+            Motion::Home { .. }
+                | Motion::Zero { .. }
+                | Motion::Starting { goal: Goal::SeekStop | Goal::Zero, .. }
+        );
+        if homes { tstop.max(HOMING_TSTOP_MIN) } else { tstop }
     }
 
     /// Whether the motor pushes as hard as a limit allows, and harder than friction: standing still, it has met its stop.
@@ -814,20 +1140,16 @@ impl Servo {
     }
 
     fn idle(&mut self) {
+        self.velocity_wanted = CountsPerSec::ZERO;
         self.motion = Motion::Idle;
         self.applied = AppliedTorque::OFF;
     }
 
-    /// Ends the motion: HI continues with its next stage, anything else as HOLD says.
+    /// Ends the motion as HOLD says.
     fn finish(&mut self, reason: EndReason) {
         let mut pressing = None;
         match (&self.motion, reason) {
-            (Motion::SeekStop, EndReason::Stalled) if self.presses() => {
-                self.zero = self.count;
-                self.position = self.position.wrapping_sub(Counts::from_int(self.position.round()));
-                return self.begin(Goal::LeaveStop);
-            }
-            (Motion::LeaveStop { .. }, EndReason::Arrived) => {
+            (Motion::Zero { .. }, EndReason::Arrived) => {
                 let offset = self.tuning.config.ioff;
                 self.zero = self.zero.wrapping_add(offset);
                 self.position = self.position.wrapping_sub(Counts::from_int(offset));
@@ -840,6 +1162,7 @@ impl Servo {
             _ => {}
         }
         // Every fault idles, and so does any end with HOLD 0 (manual 5.5).
+        self.velocity_wanted = CountsPerSec::ZERO;
         if reason == EndReason::Fault || !self.tuning.config.hold {
             self.idle();
         } else if let Some(pressing) = pressing {
@@ -866,7 +1189,6 @@ impl Servo {
             }
             _ => Motion::Position(PositionLoop::at_rest(self.position, pid)),
         };
-        self.stall.restart();
     }
 
     fn fail(&mut self, fault: Fault) {

@@ -1,21 +1,122 @@
-//! MPE: when a move counts as arrived (manual 5.5 case 2, decision 0007).
+//! MPE: when a move counts as arrived (manual 5.5 case 2), and when it gives up (decisions 0007 and 0049).
 
-/// Whether the profile is complete, so that the set-point rests at `end`, and the position is within `mpe` counts of it.
+use crate::units::{CountsPerSec, Micros, Torque};
+
+/// Largest measured velocity at an arrival, either way. The true one may be higher by what the estimator lags behind a change.
+const SLOW: CountsPerSec = CountsPerSec::from_int(25);
+
+/// Time without a hall edge before an arrival. A rotor that turns round within the window stands for an instant only, and at
+/// an edge of reversal the estimator knows no velocity. At ACCEL 30 the last edge is 34 ms before the end of the profile.
+const QUIET: Micros = Micros(24_000);
+
+/// The same while more torque than a joint's friction is applied, 63 units and 30 %: it may be about to break the rotor loose.
+/// 60 ms let 5 % of scattered links arrive above 23 counts/s, 24 ms above 68 (tests/arrival.rs measures it).
+const QUIET_PUSHED: Micros = Micros(60_000);
+const FRICTION: Torque = Torque(82);
+
+/// Beyond TSTOP, how long a move waits for a motor that gets no nearer to its end, in ms. Every lasting oscillation of a
+/// motor with the manual's gains is over within a tenth of that.
+const PATIENCE_MS: u32 = 2000;
+
+/// Whether the rotor is at rest within `mpe` counts of the end, `left` counts away. `torque` is applied; `quiet` is the time
+/// since the last edge.
 #[must_use]
-pub fn arrived(profile_done: bool, end: i32, position: i32, mpe: u16) -> bool {
-    profile_done && end.abs_diff(position) <= u32::from(mpe)
+pub fn arrived(left: i32, mpe: u16, velocity: CountsPerSec, torque: Torque, quiet: Micros) -> bool {
+    let least = if torque.saturating_abs() > FRICTION { QUIET_PUSHED } else { QUIET };
+    left.unsigned_abs() <= u32::from(mpe)
+        && quiet.0 >= least.0
+        && (SLOW.saturating_neg()..=SLOW).contains(&velocity)
+}
+
+/// How long a move has waited for its motor: with a set-point that rests on the end, or that stops for a rotor that lags. A
+/// rotor that hunts, or is shaken by its load, never stalls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arrival {
+    /// Least distance from the end so far, in counts.
+    nearest: u32,
+    /// Time waited without getting nearer.
+    late_ms: u32,
+    given_up: bool,
+}
+
+impl Default for Arrival {
+    fn default() -> Self {
+        Self { nearest: u32::MAX, late_ms: 0, given_up: false }
+    }
+}
+
+impl Arrival {
+    /// One tick of 1 ms in which the move waits, `left` counts from its end. `tstop` in ms; 0 waits forever.
+    pub fn wait(&mut self, left: i32, tstop: u16) {
+        if left.unsigned_abs() < self.nearest {
+            self.nearest = left.unsigned_abs();
+            self.late_ms = 0;
+        } else {
+            self.late_ms = self.late_ms.saturating_add(1);
+            self.given_up = tstop != 0 && self.late_ms >= u32::from(tstop) + PATIENCE_MS;
+        }
+    }
+
+    /// Whether the move has waited for longer than TSTOP and two seconds.
+    #[must_use]
+    pub const fn is_given_up(&self) -> bool {
+        self.given_up
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::arrived;
+    use super::*;
+
+    const STILL: Micros = Micros(300_000);
 
     #[test]
-    fn at_rest_and_inside_the_window() {
-        assert!(arrived(true, 100, 96, 4) && arrived(true, 100, 104, 4));
-        assert!(!arrived(true, 100, 95, 4) && !arrived(true, 100, 105, 4));
-        assert!(!arrived(false, 100, 100, 4), "the profile still moves");
-        assert!(arrived(true, 7, 7, 0));
-        assert!(!arrived(true, i32::MAX, i32::MIN, 0), "a wrapped difference is no arrival");
+    fn arrived_is_at_rest_and_inside_the_window() {
+        let rows = [
+            (4, 4, 0, 0, STILL, true),
+            (-4, 4, 25, 82, STILL, true),
+            (0, 0, -25, -82, QUIET, true),
+            (5, 4, 0, 0, STILL, false),
+            (-5, 4, 0, 0, STILL, false),
+            (0, 4, 26, 0, STILL, false),
+            (0, 4, -26, 0, STILL, false),
+            (0, 4, 0, 0, Micros(QUIET.0 - 1), false),
+            (0, 4, 0, 83, Micros(QUIET_PUSHED.0 - 1), false),
+            (0, 4, 0, -83, QUIET_PUSHED, true),
+            (i32::MIN, u16::MAX, 0, 0, STILL, false),
+        ];
+        for (left, mpe, velocity, torque, quiet, expected) in rows {
+            let found = arrived(left, mpe, CountsPerSec::from_int(velocity), Torque(torque), quiet);
+            assert_eq!(found, expected, "{left} of {mpe} counts at {velocity} counts/s, {torque}, {quiet:?}");
+        }
+    }
+
+    #[test]
+    fn move_that_gets_no_nearer_gives_up_after_tstop_and_two_seconds() {
+        for tstop in [1, 300, u16::MAX] {
+            let mut arrival = Arrival::default();
+            arrival.wait(9, tstop);
+            let ticks = (1..).find(|tick| {
+                arrival.wait(9 + tick % 7, tstop);
+                arrival.is_given_up()
+            });
+            assert_eq!(ticks, Some(i32::from(tstop) + 2000));
+        }
+    }
+
+    #[test]
+    fn move_that_gets_nearer_or_has_no_tstop_never_gives_up() {
+        let mut arrival = Arrival::default();
+        for left in (1..50).rev() {
+            for _ in 0..2299 {
+                arrival.wait(-left, 300);
+            }
+            assert!(!arrival.is_given_up());
+        }
+        let mut arrival = Arrival::default();
+        for _ in 0..100_000 {
+            arrival.wait(9, 0);
+        }
+        assert!(!arrival.is_given_up());
     }
 }

@@ -27,8 +27,13 @@ pub enum Fault {
     UnderVoltage,
     /// The gate driver or the over-current comparator switched the bridge off.
     Bridge,
-    /// No frame from the host in mode 2 or 4, where the host closes the loop.
+    /// No frame from the host in mode 2 or 4, where the host closes the loop. It ends the motion as the others do, but
+    /// forbids none: the next order clears it, and a fault of another kind replaces it.
     HostLost,
+    /// HI could not leave its stop and return to it (property IHIT).
+    Jammed,
+    /// The motor ran against its own torque (property FIND).
+    Wiring,
 }
 
 /// A limit that reduced the torque or the duty; the motion continues.
@@ -43,6 +48,8 @@ pub enum LimitCause {
     Thermal,
     /// Torque cut back because the phase current is above the motor's peak (property IMOTOR).
     Current,
+    /// Torque folded back, or raised slowly, because the supply cannot deliver more (property VBUS).
+    Supply,
 }
 
 /// A fault condition, raised where it is detected. The bus voltage is checked by [`Faults::check`] itself.
@@ -60,6 +67,10 @@ impl Condition {
     pub const HOT: Self = Self(1 << 3);
     /// The host is needed and silent.
     pub const HOST_LOST: Self = Self(1 << 4);
+    /// HI could not prove that the motor turns.
+    pub const JAMMED: Self = Self(1 << 5);
+    /// The motor ran against its own torque.
+    pub const WIRING: Self = Self(1 << 6);
 }
 
 /// Beside the bits of [`Condition`]: bad bus voltage at the last check.
@@ -86,6 +97,22 @@ impl Faults {
     /// Raises a condition for the next [`Self::check`]. A condition that persists is raised again before each.
     pub const fn raise(&mut self, condition: Condition) {
         self.raised |= condition.0;
+    }
+
+    /// The latched fault, if it forbids motion.
+    #[must_use]
+    pub const fn forbidding(&self) -> Option<Fault> {
+        match self.latched {
+            Some(Fault::HostLost) | None => None,
+            fault => fault,
+        }
+    }
+
+    /// A host has ordered something again.
+    pub const fn host_is_back(&mut self) {
+        if let Some(Fault::HostLost) = self.latched {
+            self.latched = None;
+        }
     }
 
     /// Clears the latched fault. A condition that persists latches again at the next check, before anything is driven: the
@@ -119,10 +146,10 @@ impl Faults {
         if self.bus_ms != 0 {
             self.raised |= BUS;
         }
-        if self.latched.is_some() {
+        if self.forbidding().is_some() {
             return None;
         }
-        self.latched = if raised(Condition::BRIDGE) {
+        let fault = if raised(Condition::BRIDGE) {
             Some(Fault::Bridge)
         } else if raised(Condition::SHORT) {
             Some(Fault::OverCurrent)
@@ -132,11 +159,18 @@ impl Faults {
             Some(if high { Fault::OverVoltage } else { Fault::UnderVoltage })
         } else if raised(Condition::HOT) {
             Some(Fault::OverTemperature)
+        } else if raised(Condition::WIRING) {
+            Some(Fault::Wiring)
         } else if raised(Condition::HOST_LOST) {
             Some(Fault::HostLost)
+        } else if raised(Condition::JAMMED) {
+            Some(Fault::Jammed)
         } else {
             None
         };
-        self.latched
+        if fault.is_some() {
+            self.latched = fault;
+        }
+        fault
     }
 }

@@ -1,9 +1,10 @@
 //! Torque and duty limits. Every path to the bridge ends in [`TorqueEnvelope::bound`].
 //!
-//! Torque is limited by MT (IHIT while HI seeks the stop), by temperature and by phase current. It then becomes a voltage,
-//! and the voltage a duty that the bootstrap drivers can deliver (decision 0005).
+//! Torque is limited by MT (IHIT while HI seeks the stop), by temperature, by phase current and by what the supply can take.
+//! It then becomes a voltage, and the voltage a duty that the bootstrap drivers can deliver (decision 0005).
 
 use crate::guard::fault::LimitCause;
+use crate::guard::supply::{self, Supply};
 use crate::motion::torque::emf;
 use crate::num::{mul_low_unsigned, saturating_i16, share_q32};
 use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
@@ -50,22 +51,28 @@ impl AppliedTorque {
     pub const OFF: Self = Self { duty: Duty::ZERO, torque: Torque::ZERO, limit: None };
 }
 
-/// The state of the current limit.
+/// The state of the limits of current and supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TorqueLimiter {
     /// Torque that the phase current allows, 0..=`NO_CUT`.
     left: i16,
     /// Consecutive ticks with the current of a short circuit; `left` is then below `NO_CUT`.
     short_ms: u8,
+    supply: Supply,
 }
 
 impl Default for TorqueLimiter {
     fn default() -> Self {
-        Self { left: NO_CUT, short_ms: 0 }
+        Self { left: NO_CUT, short_ms: 0, supply: Supply::default() }
     }
 }
 
 impl TorqueLimiter {
+    /// One tick in idle, which shows the supply without this motor.
+    pub fn idle(&mut self, bus: MilliVolts) {
+        self.supply.learn(bus);
+    }
+
     /// Checks the bus current at the duty applied since the last tick (duty × phase current); below 1/16 duty the quotient
     /// is noise. Returns whether the phase current has been that of a short circuit for several ticks: a fault.
     #[inline]
@@ -110,15 +117,21 @@ impl TorqueLimiter {
         velocity: CountsPerSec,
         bus: MilliVolts,
     ) -> TorqueEnvelope {
-        let Torque(most) = mt.min(thermal).min(Torque(self.left));
-        let most = i32::from(most);
-        // 0..=2703 and ±31,772.
-        let volts = volts(bus);
+        let current = Torque(self.left);
+        let mut most = mt.min(thermal).min(current);
+        let mut volts = volts(bus);
+        if let Some(folded) = self.supply.fold(bus) {
+            most = most.min(folded);
+            // A rotor that hits a stop at speed is estimated to run on for some ms: its EMF would be compensated.
+            volts = volts.min(i32::from(folded.0));
+        }
+        let most = i32::from(most.0);
+        // Voltages of 0..=2703 and ±31,772.
         let emf = emf(velocity);
         let within = |torque: i32| torque.max(-most).min(most);
         let high = within(volts - emf);
         let low = within(-volts - emf);
-        TorqueEnvelope { most, mt, thermal, low, high, volts, emf, bus }
+        TorqueEnvelope { most, mt, thermal, current, low, high, volts, emf, bus }
     }
 }
 
@@ -133,9 +146,10 @@ fn volts(bus: MilliVolts) -> i32 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TorqueEnvelope {
     most: i32,
-    /// Two of the three limits that `most` is the least of; the third is the current's.
+    /// Three of the four limits that `most` is the least of; the fourth is the supply's.
     mt: Torque,
     thermal: Torque,
+    current: Torque,
     /// Range of torques within ±`most` that the duty limit allows. At speed the EMF narrows it on one side and widens it on
     /// the other.
     low: i32,
@@ -164,15 +178,17 @@ impl TorqueEnvelope {
             LimitCause::Torque
         } else if self.most == i32::from(self.thermal.0) {
             LimitCause::Thermal
-        } else {
+        } else if self.most == i32::from(self.current.0) {
             LimitCause::Current
+        } else {
+            LimitCause::Supply
         }
     }
 
-    /// Limits a torque and converts it to a duty.
+    /// Limits a torque and converts it to a duty. `previous` is the torque of the last tick.
     #[must_use]
     #[inline]
-    pub fn bound(&self, wanted: Torque) -> AppliedTorque {
+    pub fn bound(&self, wanted: Torque, previous: Torque) -> AppliedTorque {
         let mut torque = i32::from(wanted.0);
         let mut limit = None;
         // Inside the range the voltage is within its limit too.
@@ -186,6 +202,12 @@ impl TorqueEnvelope {
                 limit = Some(LimitCause::Duty);
             }
         }
+        if !(-supply::FREE..=supply::FREE).contains(&torque) {
+            (torque, limit) = self.risen(torque, previous).unwrap_or((torque, limit));
+        }
+        if self.bus > supply::RETURN_FROM {
+            (torque, limit) = self.without_return(torque).unwrap_or((torque, limit));
+        }
         // A unit is 23.4375 mV, and 2703 × 23.4375 × 32768 would pass 2^31; a quarter of it does not. The quarter is rounded up
         // so that the duty stays within its limit.
         let volts = torque + self.emf;
@@ -193,6 +215,23 @@ impl TorqueEnvelope {
         let bits = volts * 192_000 / quarter;
         let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
         AppliedTorque { duty, torque, limit }
+    }
+
+    /// The torque and its limit if it would load the supply too suddenly.
+    #[inline(never)]
+    fn risen(&self, torque: i32, previous: Torque) -> Option<(i32, Option<LimitCause>)> {
+        let risen = supply::risen(torque, previous.0.into());
+        // Braking loads no supply, however hard; nor does the voltage that the EMF lacks.
+        let loads = (torque + self.emf).signum() == torque.signum();
+        (loads && risen != torque).then_some((risen, Some(LimitCause::Supply)))
+    }
+
+    /// The torque and its limit if it would raise the bus voltage further: more braking, at a lower duty.
+    #[inline(never)]
+    fn without_return(&self, torque: i32) -> Option<(i32, Option<LimitCause>)> {
+        let volts = torque + self.emf;
+        let allowed = supply::without_return(volts, torque, self.bus);
+        (allowed != volts).then_some((allowed - self.emf, Some(LimitCause::Duty)))
     }
 }
 
@@ -210,7 +249,7 @@ mod tests {
     }
 
     fn bound(torque: i16, speed: i16, bus: MilliVolts) -> AppliedTorque {
-        envelope(990, speed, bus).bound(Torque(torque))
+        envelope(990, speed, bus).bound(Torque(torque), Torque(torque))
     }
 
     #[test]
@@ -254,7 +293,7 @@ mod tests {
         let mut limits = TorqueLimiter::default();
         let governing = |limits: &TorqueLimiter, thermal: i16| {
             let envelope = limits.envelope(Torque(750), Torque(thermal), CountsPerSec::ZERO, BUS);
-            (envelope.most(), envelope.bound(Torque(900)).limit)
+            (envelope.most(), envelope.bound(Torque(900), Torque(900)).limit)
         };
         assert_eq!(governing(&limits, 990), (Torque(750), Some(LimitCause::Torque)));
         assert_eq!(governing(&limits, 300), (Torque(300), Some(LimitCause::Thermal)));
@@ -303,7 +342,8 @@ mod tests {
         ) {
             let velocity = CountsPerSec(Law::from_bits(velocity));
             let most = Torque(most);
-            let bounded = TorqueLimiter::default().envelope(most, FULL, velocity, MilliVolts(bus)).bound(Torque(torque));
+            let bounded = TorqueLimiter::default().envelope(most, FULL, velocity, MilliVolts(bus))
+                .bound(Torque(torque), Torque(torque));
             let duty = i32::from(bounded.duty.0.to_bits());
             prop_assert!(duty.unsigned_abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);
             // Nothing has wrapped: the duty is the voltage over the bus, and 250 mV of bus in the rounding of a quarter.

@@ -1,40 +1,68 @@
 //! TSTOP: a driven motor without a hall count for that long has stalled (manual 5.5 case 1).
+//!
+//! The time belongs to the motor, not to a motion: neither a write nor a new motion restarts it (decision 0049). Each direction
+//! has its own, so that a motion may leave a stop that the last one ran into. A count clears both, and so does a rest of
+//! TSTOP.
 
 /// Largest part of the time between the last count and the set-point being a whole count ahead that belongs to the stall. A
 /// rotor that hits an obstacle stopped at its last count, and at 100 counts/s or more the set-point is ahead within 10 ms.
 /// A set-point that creeps gets no more than this.
 const LEAD_MS: u16 = 10;
 
-/// The stall timer.
+/// The stall timer. A tick of 1 ms is one call of [`Stall::count`], [`Stall::drive`] or [`Stall::rest`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
     /// Time driven without a count, plus `LEAD_MS`.
-    still_ms: u32,
+    opening_ms: u32,
+    closing_ms: u32,
+    /// Time not driven since the last count or drive.
+    rest_ms: u32,
     /// Part of `LEAD_MS` that has not passed yet; 0 before the first count.
     lead_ms: u16,
 }
 
 impl Stall {
-    /// Restarts the stall time: when a motion starts or is planned again.
-    pub fn restart(&mut self) {
-        *self = Self::default();
+    /// A tick in which the hall count changed.
+    #[inline]
+    pub fn count(&mut self) {
+        let still_ms = LEAD_MS.into();
+        *self = Self { opening_ms: still_ms, closing_ms: still_ms, rest_ms: 0, lead_ms: LEAD_MS };
     }
 
-    /// One tick of 1 ms. `counted`: the hall count changed since the last tick. `driven`: the motor is driven away from
-    /// rest; otherwise the timer pauses, because a set-point that creeps (ACCEL 1 needs 1.4 s for its first count) is no
-    /// obstacle. `tstop` in ms, 0 = never. Returns whether the motor has stalled.
+    /// A tick in which the motor is driven away from rest, without a count. `tstop` in ms, 0 = never. Returns whether the
+    /// motor has stalled.
     #[must_use]
     #[inline]
-    pub fn step(&mut self, counted: bool, driven: bool, tstop: u16) -> bool {
-        if counted {
-            *self = Self { still_ms: LEAD_MS.into(), lead_ms: LEAD_MS };
-        } else if driven {
-            self.still_ms = self.still_ms.saturating_add(1);
-            return tstop != 0 && self.still_ms - u32::from(self.lead_ms) >= u32::from(tstop);
-        } else if let Some(lead_ms) = self.lead_ms.checked_sub(1) {
-            self.lead_ms = lead_ms;
+    pub fn drive(&mut self, closing: bool, tstop: u16) -> bool {
+        self.rest_ms = 0;
+        let still_ms = if closing { &mut self.closing_ms } else { &mut self.opening_ms };
+        *still_ms = still_ms.saturating_add(1);
+        self.is_over(closing, tstop)
+    }
+
+    /// A tick in which the motor is not driven away from rest: idle, waiting for its brake, or following a set-point that
+    /// creeps (ACCEL 1 needs 1.4 s for its first count), which is no obstacle. The timer pauses.
+    #[inline]
+    pub fn rest(&mut self, tstop: u16) {
+        self.lead_ms = self.lead_ms.saturating_sub(1);
+        self.rest_ms = self.rest_ms.saturating_add(1);
+        if self.rest_ms >= u32::from(tstop) {
+            self.opening_ms = self.opening_ms.min(LEAD_MS.into());
+            self.closing_ms = self.closing_ms.min(LEAD_MS.into());
         }
-        false
+    }
+
+    /// Whether the motor has been driven that way for `tstop` without a count.
+    #[must_use]
+    pub fn is_over(&self, closing: bool, tstop: u16) -> bool {
+        let still_ms = if closing { self.closing_ms } else { self.opening_ms };
+        tstop != 0 && still_ms >= u32::from(tstop) + u32::from(self.lead_ms)
+    }
+
+    /// Whether half of `tstop` is used up, either way.
+    #[must_use]
+    pub fn is_over_half(&self, tstop: u16) -> bool {
+        self.is_over(true, tstop / 2) || self.is_over(false, tstop / 2)
     }
 }
 
@@ -42,48 +70,75 @@ impl Stall {
 mod tests {
     use super::*;
 
+    /// Ticks of drive until the stall.
+    fn left(stall: &mut Stall, closing: bool, tstop: u16) -> Option<u32> {
+        (1..100_000).find(|_| stall.drive(closing, tstop))
+    }
+
+    fn rest(stall: &mut Stall, ms: u32, tstop: u16) {
+        for _ in 0..ms {
+            stall.rest(tstop);
+        }
+    }
+
     #[test]
     fn stalls_tstop_after_the_last_count() {
         let mut stall = Stall::default();
-        assert!(!stall.step(true, true, 3));
-        assert!(!stall.step(false, true, 3));
-        assert!(!stall.step(false, true, 3));
-        assert!(stall.step(false, true, 3));
+        stall.count();
+        assert_eq!(left(&mut stall, true, 3), Some(3));
     }
 
     #[test]
     fn time_from_last_count_to_driven_counts_up_to_ten_ms() {
-        for (undriven, left) in [(0, 300), (4, 296), (10, 290), (500, 290)] {
+        for (undriven, expected) in [(0, 300), (4, 296), (10, 290), (500, 290)] {
             let mut stall = Stall::default();
-            assert!(!stall.step(true, true, 300));
-            for _ in 0..undriven {
-                assert!(!stall.step(false, false, 300));
-            }
-            assert_eq!((1..).find(|_| stall.step(false, true, 300)), Some(left));
+            stall.count();
+            rest(&mut stall, undriven, 300);
+            assert_eq!(left(&mut stall, false, 300), Some(expected), "{undriven}");
         }
         // Before the first count there is no obstacle.
         let mut stall = Stall::default();
-        for _ in 0..500 {
-            assert!(!stall.step(false, false, 300));
-        }
-        assert_eq!((1..).find(|_| stall.step(false, true, 300)), Some(300));
+        rest(&mut stall, 500, 300);
+        assert_eq!(left(&mut stall, true, 300), Some(300));
     }
 
     #[test]
-    fn counts_rest_and_restarts_prevent_a_stall() {
+    fn counts_and_tstop_0_prevent_a_stall() {
         let mut stall = Stall::default();
         for tick in 0..1000 {
-            assert!(!stall.step(tick % 3 == 0, true, 3), "a count every 3 ms");
+            if tick % 3 == 0 {
+                stall.count();
+            } else {
+                assert!(!stall.drive(true, 3), "a count every 3 ms");
+            }
         }
-        for _ in 0..1000 {
-            assert!(!stall.step(false, false, 3), "not driven");
+        assert_eq!(left(&mut Stall::default(), true, 0), None, "TSTOP 0 never stalls");
+    }
+
+    #[test]
+    fn only_a_rest_of_tstop_or_a_count_clears_the_time() {
+        for (ms, expected) in [(0, 1), (1, 1), (299, 1), (300, 290), (9999, 290)] {
+            let mut stall = Stall::default();
+            stall.count();
+            assert_eq!(left(&mut stall, true, 300), Some(300));
+            rest(&mut stall, ms, 300);
+            assert_eq!(left(&mut stall, true, 300), Some(expected), "after {ms} ms");
         }
-        for _ in 0..1000 {
-            stall.restart();
-            assert!(!stall.step(false, true, 3), "restarted");
+        let mut stall = Stall::default();
+        assert_eq!(left(&mut stall, true, 300), Some(300));
+        stall.count();
+        assert_eq!(left(&mut stall, true, 300), Some(300));
+    }
+
+    #[test]
+    fn each_direction_stalls_once() {
+        let mut stall = Stall::default();
+        stall.count();
+        let mut driven = 0;
+        while !(stall.is_over(true, 300) && stall.is_over(false, 300)) {
+            let _ = stall.drive(driven / 100 % 2 == 0, 300);
+            driven += 1;
         }
-        for _ in 0..70_000 {
-            assert!(!stall.step(false, true, 0), "TSTOP 0 never stalls");
-        }
+        assert!(driven <= 700, "{driven}");
     }
 }

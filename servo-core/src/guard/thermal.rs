@@ -7,6 +7,10 @@
 //! ```text
 //! d(rise)/dt = ((T/1024)² · 239.5 W · 1.5 K/W − rise) / τ
 //! ```
+//!
+//! The model must not start colder than the winding is (decision 0051), so a start assumes one of [`Start`]. The flash keeps
+//! one bit beyond a loss of power, the hot mark. While it is missing, the winding may not pass 100 °C, so a start without the mark
+//! may assume 100 °C; with it 130 °C.
 
 use crate::num::{saturating_i16, saturating_signed};
 use crate::units::{DeciCelsius, Torque};
@@ -30,6 +34,26 @@ const WINDING_BAND: i32 = 200;
 /// Steady rise is T² / this in 0.1 °C: 1024² / (239.5 W · 1.5 K/W · 10).
 const RISE_DIVISOR: u32 = 292;
 
+/// The same while the flash has no hot mark: a start without a mark assumes this.
+const UNMARKED_MAX: i32 = 1000;
+
+/// Band below `UNMARKED_MAX`; narrow, because the mark is there before the winding gets into it.
+const UNMARKED_BAND: i32 = 20;
+
+/// The hot mark is wanted from here on, 0.1 °C: 3 K below the band are 125 ms of a full stall (24 K/s). A mark waits for a
+/// record that is being written, up to 104 half-words.
+const MARK_FROM: i16 = 950;
+
+/// The mark is removed below this, 0.1 °C: a winding needs 4.7 s or more to get here from 100 °C, which bounds the wear.
+const UNMARK_BELOW: i16 = 800;
+
+/// What an interrupted program may have heated the winding since it last stored its rise, 0.1 K: 24 K/s for 667 ms, the longest
+/// that the watchdog takes.
+pub const UNCOUNTED: u16 = 160;
+
+/// What is in `squares` at most, 0.1 K, and what rounding the rise down loses.
+const PENDING: i32 = 5;
+
 /// Ticks of 1 ms between two judgments: far below the 15 s of the winding and the minutes of the housing.
 pub const TICKS: u8 = 16;
 
@@ -51,17 +75,56 @@ pub struct Thermal {
     squares: u32,
     /// Ticks to the next judgment, 0 to `TICKS` − 1; with [`LOOK`], the thermistor is read before that.
     due: u8,
-    /// Torque limit and over-temperature at the last reading.
+    /// What the first judgment takes the rise from.
+    start: Option<Start>,
+    /// Whether the flash has the hot mark.
+    marked: bool,
+    /// Winding temperature, torque limit and over-temperature at the last reading.
+    winding: i16,
     most: i16,
     over: bool,
+}
+
+/// What is known of the winding when a program starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// The rise over the thermistor at an ordered reset, 0.1 K.
+    Reset(u16),
+    /// The rise that a program stored up to 0.1 s before it was interrupted.
+    Interrupted(u16),
+    /// Nothing, and the flash has the hot mark: it is as hot as it may get.
+    Marked,
+    /// Nothing, and the flash has no hot mark: it is as hot as it may get without one.
+    Unmarked,
+}
+
+/// What the flash has to be told about the winding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HotMark {
+    /// To be stored before the winding may get hotter.
+    Wanted,
+    /// To be removed.
+    Obsolete,
+    /// As it is.
+    Right,
 }
 
 /// In `due`: the last reading of the thermistor is outdated.
 const LOOK: u8 = 0x80;
 
 impl Default for Thermal {
+    /// A winding as warm as its housing, with the hot mark: [`Self::start`] follows on a board.
     fn default() -> Self {
-        Self { rise: 0, squares: 0, due: LOOK, most: FULL, over: false }
+        Self {
+            rise: 0,
+            squares: 0,
+            due: LOOK,
+            start: None,
+            marked: true,
+            winding: 0,
+            most: FULL,
+            over: false,
+        }
     }
 }
 
@@ -84,6 +147,39 @@ impl Thermal {
         if self.due & !LOOK != 0 {
             self.due -= 1;
         }
+    }
+
+    /// Sets what is known of the winding, before the first step.
+    pub const fn start(&mut self, start: Start) {
+        self.start = Some(start);
+    }
+
+    /// Reports whether the flash has the hot mark. It must be `false` before the mark is removed, and `true` only once it is there.
+    pub const fn set_marked(&mut self, marked: bool) {
+        if marked != self.marked {
+            self.marked = marked;
+            self.due |= LOOK;
+        }
+    }
+
+    /// Whether the hot mark is as it should be; `moving`: a motion is on or ordered.
+    #[must_use]
+    pub const fn hot_mark(&self, moving: bool) -> HotMark {
+        if self.start.is_some() {
+            HotMark::Right
+        } else if self.marked {
+            if self.winding < UNMARK_BELOW { HotMark::Obsolete } else { HotMark::Right }
+        } else if moving && self.winding >= MARK_FROM {
+            HotMark::Wanted
+        } else {
+            HotMark::Right
+        }
+    }
+
+    /// The rise to be kept over a reset, 0.1 K; `None` before the first judgment.
+    #[must_use]
+    pub fn rise(&self) -> Option<u16> {
+        if self.start.is_some() { None } else { u16::try_from((self.rise >> 16) + PENDING).ok() }
     }
 
     fn warm_by(&mut self, applied: Torque) {
@@ -111,12 +207,18 @@ impl Thermal {
 
     #[inline(never)]
     fn judge(&mut self, thermistor: DeciCelsius, otemp: i16) -> bool {
+        if let Some(start) = self.start.take() {
+            self.rise = i32::from(start.rise(thermistor)) << 16;
+        }
         match (self.due & !LOOK).checked_sub(1) {
             None => self.warm(),
             Some(left) => self.due = left,
         }
         let warm = i32::from(thermistor.0);
-        let by_winding = derate(warm.saturating_add(self.rise >> 16), WINDING_MAX, WINDING_BAND);
+        self.winding = self.winding(thermistor).0;
+        let (max, band) =
+            if self.marked { (WINDING_MAX, WINDING_BAND) } else { (UNMARKED_MAX, UNMARKED_BAND) };
+        let by_winding = derate(self.winding.into(), max, band);
         let by_otemp = if otemp == DISABLED { FULL } else { derate(warm, i32::from(otemp), OTEMP_BAND) };
         self.most = by_winding.min(by_otemp);
         self.over = otemp != DISABLED && (thermistor.0 >= otemp || thermistor <= OPEN);
@@ -139,6 +241,22 @@ impl Thermal {
     pub fn winding(&self, thermistor: DeciCelsius) -> DeciCelsius {
         let rise = i16::try_from(self.rise >> 16).unwrap_or(i16::MAX);
         DeciCelsius(thermistor.0.saturating_add(rise))
+    }
+}
+
+impl Start {
+    /// The rise at this reading of the thermistor, 0.1 K; with a winding at its limit there is no torque, so no more than that.
+    fn rise(self, thermistor: DeciCelsius) -> i16 {
+        let up_to = |winding: i32| saturating_i16(winding.saturating_sub(thermistor.0.into()).max(0));
+        let kept = |rise: u16| i16::try_from(rise).unwrap_or(i16::MAX);
+        match self {
+            Self::Reset(rise) => kept(rise),
+            Self::Interrupted(rise) => {
+                kept(rise.saturating_add(UNCOUNTED)).min(kept(rise).max(up_to(WINDING_MAX)))
+            }
+            Self::Marked => up_to(WINDING_MAX),
+            Self::Unmarked => up_to(UNMARKED_MAX),
+        }
     }
 }
 
@@ -233,6 +351,81 @@ mod tests {
         // 239.5 W for 0.3 s into 10 J/K is 7.2 °C, less what flows off.
         let rise = thermal.winding(WARM).0 - WARM.0;
         assert!((68..=72).contains(&rise), "{rise}");
+    }
+
+    #[test]
+    fn unmarked_winding_stays_below_what_a_start_without_mark_assumes() {
+        let mut thermal = Thermal::default();
+        thermal.set_marked(false);
+        let (mut torque, mut wanted_at) = (Torque(990), None);
+        for _ in 0..120_000 {
+            thermal.step(torque, WARM, DISABLED);
+            torque = thermal.most();
+            let winding = thermal.winding(WARM).0;
+            assert!(winding <= 1000, "{winding}");
+            if thermal.hot_mark(true) == HotMark::Wanted && wanted_at.is_none() {
+                wanted_at = Some((winding, torque));
+            }
+        }
+        let (winding, torque) = wanted_at.expect("the mark is wanted");
+        assert!(
+            winding < 960 && torque == Torque(FULL),
+            "wanted before the torque is reduced: {winding}, {torque:?}"
+        );
+        assert_eq!(thermal.hot_mark(false), HotMark::Right, "a motor that does not move cools down");
+        thermal.set_marked(true);
+        thermal.step(Torque::ZERO, WARM, DISABLED);
+        assert_eq!((thermal.most(), thermal.hot_mark(true)), (Torque(FULL), HotMark::Right));
+        for _ in 0..8_000 {
+            thermal.step(Torque::ZERO, WARM, DISABLED);
+        }
+        assert_eq!(thermal.hot_mark(true), HotMark::Obsolete);
+    }
+
+    #[test]
+    fn cold_start_delays_full_torque_as_decision_0051_says() {
+        let full_after_ms = |start, marked, thermistor| {
+            let mut thermal = Thermal::default();
+            thermal.start(start);
+            thermal.set_marked(marked);
+            (0..20_000).find(|_| {
+                thermal.step(Torque::ZERO, DeciCelsius(thermistor), DISABLED);
+                thermal.most() == Torque(FULL)
+            })
+        };
+        // 15 s · ln(105/85), and ln(60/40); a mark that is written at once, and one that is never written.
+        let marked = full_after_ms(Start::Marked, true, 250);
+        assert!(marked.is_some_and(|ms| (3_100..3_250).contains(&ms)), "{marked:?}");
+        let warm = full_after_ms(Start::Marked, true, 700);
+        assert!(warm.is_some_and(|ms| (6_000..6_200).contains(&ms)), "{warm:?}");
+        assert_eq!(full_after_ms(Start::Unmarked, true, 250), Some(0));
+        let waiting = full_after_ms(Start::Unmarked, false, 250);
+        assert!(waiting.is_some_and(|ms| (380..450).contains(&ms)), "{waiting:?}");
+    }
+
+    #[test]
+    fn start_assumes_the_hottest_winding_that_is_possible() {
+        let rows = [
+            (Start::Reset(300), 700),
+            (Start::Interrupted(300), 860),
+            (Start::Interrupted(850), 1300),
+            (Start::Interrupted(1000), 1400),
+            (Start::Marked, 1300),
+            (Start::Unmarked, 1000),
+        ];
+        for (start, winding) in rows {
+            let mut thermal = Thermal::default();
+            thermal.start(start);
+            assert_eq!((thermal.rise(), thermal.hot_mark(true)), (None, HotMark::Right));
+            thermal.step(Torque::ZERO, WARM, DISABLED);
+            // After a step of cooling, 0.1 K at most.
+            let rise = thermal.rise().expect("judged");
+            assert!((winding - 397..=winding - 395).contains(&rise), "{start:?}: {rise}");
+        }
+        let mut thermal = Thermal::default();
+        thermal.start(Start::Unmarked);
+        thermal.step(Torque::ZERO, DeciCelsius(1100), DISABLED);
+        assert_eq!(thermal.winding(DeciCelsius(1100)), DeciCelsius(1100), "never below the thermistor");
     }
 
     #[test]

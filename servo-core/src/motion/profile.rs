@@ -159,6 +159,12 @@ impl Profile {
         }
     }
 
+    /// Where the set-point will rest.
+    #[must_use]
+    pub const fn end(&self) -> Counts {
+        Counts::from_wide(self.end)
+    }
+
     /// Position in counts (not wrapped) and velocity in counts a tick to the full 2⁻³²: what a new plan starts
     /// from.
     #[must_use]

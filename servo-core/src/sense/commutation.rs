@@ -46,16 +46,31 @@ const POSITIVE: [[Leg; 3]; 9] = [
     [Leg::Float, Leg::Pwm, Leg::Low],
 ];
 
+/// The same with phases B and C interchanged: for a motor whose phases are in an odd order.
+const SWAPPED: [[Leg; 3]; 9] = {
+    const fn swapped([a, b, c]: [Leg; 3]) -> [Leg; 3] {
+        [a, c, b]
+    }
+    let [r0, r1, r2, r3, r4, r5, ..] = POSITIVE;
+    let [r0, r1, r2] = [swapped(r0), swapped(r1), swapped(r2)];
+    [r0, r1, r2, swapped(r3), swapped(r4), swapped(r5), r0, r1, r2]
+};
+
 /// The bridge for a signed duty in a sector (0..=5), otherwise `Off`. A negative duty, which opens, swaps the two driven
 /// legs, as in the opposite sector. A duty of zero short-circuits the two phases.
 #[must_use]
 pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
+    by(&POSITIVE, sector, duty)
+}
+
+#[inline]
+fn by(vectors: &[[Leg; 3]; 9], sector: Option<u8>, duty: Option<Duty>) -> Bridge {
     let (Some(sector), Some(duty)) = (sector, duty) else { return Bridge::Off };
     if sector >= 6 {
         return Bridge::Off;
     }
     let opposite = if duty < Duty::ZERO { 3 } else { 0 };
-    match POSITIVE.get(usize::from(sector) + opposite) {
+    match vectors.get(usize::from(sector) + opposite) {
         Some(&legs) => Bridge::On { legs, duty: Duty(duty.0.saturating_abs()) },
         None => Bridge::Off,
     }
@@ -65,21 +80,25 @@ pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
 #[derive(Clone, Copy, Debug)]
 pub struct Commutator {
     halls: HallDecoder,
+    vectors: &'static [[Leg; 3]; 9],
     duty: Option<Duty>,
+    /// The sector whose legs FIND holds, wherever the rotor is.
+    held: Option<u8>,
 }
 
 impl Commutator {
     /// A commutator with the bridge off, whose lines read `code` at hall count `count`.
     #[must_use]
     pub fn new(wiring: Wiring, code: u8, count: i32) -> Self {
-        Self { halls: HallDecoder::new(wiring, code, count), duty: None }
+        let vectors = if wiring.swaps_phases() { &SWAPPED } else { &POSITIVE };
+        Self { halls: HallDecoder::new(wiring, code, count), vectors, duty: None, held: None }
     }
 
     /// The bridge for `code` if a sample of it moves the rotor on: [`Self::bridge`] after [`Self::sample`], without the time of
     /// a sample. `None` if it does not, or if it is the first valid code.
     #[must_use]
     pub fn ahead(&self, code: u8, at: Micros) -> Option<Bridge> {
-        self.halls.ahead(code, at).map(|sector| bridge(Some(sector), self.duty))
+        self.halls.ahead(code, at).map(|sector| by(self.vectors, self.held.or(Some(sector)), self.duty))
     }
 
     /// Whether one more sample of `code` would change nothing.
@@ -106,10 +125,15 @@ impl Commutator {
         self.duty = duty;
     }
 
+    /// Holds the legs of a sector wherever the rotor is, as FIND needs it; `None` follows the rotor.
+    pub const fn hold(&mut self, sector: Option<u8>) {
+        self.held = sector;
+    }
+
     /// The present bridge. It follows the trusted sector, so a glitch does not reach the motor.
     #[must_use]
     pub fn bridge(&self) -> Bridge {
-        bridge(self.halls.sector(), self.duty)
+        by(self.vectors, self.held.or(self.halls.sector()), self.duty)
     }
 
     /// The hall count.

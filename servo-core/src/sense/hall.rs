@@ -17,6 +17,7 @@
 //! electrical revolutions. A wrong code next to the trusted one looks like a rotor that rocks on the boundary until it
 //! returns; if that takes less than [`BOUNCE`], the step back is marked.
 
+pub use crate::sense::wiring::Wiring;
 use crate::units::Micros;
 
 #[cfg(test)]
@@ -41,8 +42,6 @@ const FAULT: u8 = 80;
 /// At standstill ([`STANDING`] without a step), the score decreases by 1 in this time, or a motor that holds would keep its
 /// glitches for ever. A glitch expires in 0.26 s.
 const LEAK: Micros = Micros(16_000);
-/// Bit set of the codes with two lines high: 3, 5 and 6.
-const TWO_HIGH: u8 = 0b0110_1000;
 /// Three times the slowest step at 10 counts/s.
 const STANDING: Micros = Micros(300_000);
 
@@ -116,52 +115,6 @@ pub enum HallEvent {
     Glitch(Glitch),
     /// Glitches became a fault; reported again while they continue.
     Fault(HallFault),
-}
-
-/// Wiring of the three lines: the code of each sector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wiring {
-    sectors: [Option<u8>; 8],
-    codes: [u8; 6],
-}
-
-impl Wiring {
-    /// Codes of sectors 0..5 of the hand's motors (decision 0003).
-    pub const STANDARD: Self = Self {
-        sectors: [None, Some(4), Some(0), Some(5), Some(2), Some(3), Some(1), None],
-        codes: [2, 6, 4, 5, 1, 3],
-    };
-
-    /// Wiring with these codes of sectors 0 to 5. `None` unless each of 1 to 6 occurs once and neighbors, the last and the
-    /// first included, differ in one line, as those of three sensors 120° apart do.
-    #[must_use]
-    pub fn new(codes: [u8; 6]) -> Option<Self> {
-        let mut sectors = [None; 8];
-        let mut previous = codes[5];
-        for (code, sector) in codes.into_iter().zip(0..) {
-            if !(1..=6).contains(&code) || (code ^ previous).count_ones() != 1 {
-                return None;
-            }
-            let slot = sectors.get_mut(usize::from(code))?;
-            if slot.replace(sector).is_some() {
-                return None;
-            }
-            previous = code;
-        }
-        Some(Self { sectors, codes })
-    }
-
-    /// The sector 0..=5 of a code (bits above 2 are ignored); `None` for 0 and 7.
-    #[must_use]
-    pub fn sector(&self, code: u8) -> Option<u8> {
-        self.sectors.get(usize::from(code & 7)).copied().flatten()
-    }
-
-    /// The code in a sector; sectors repeat every six.
-    #[must_use]
-    pub fn code(&self, sector: u8) -> u8 {
-        self.codes.get(usize::from(sector % 6)).copied().unwrap_or(0)
-    }
 }
 
 /// Shortest distance from one sector to another: −2..=3 steps.
@@ -373,7 +326,7 @@ impl HallDecoder {
         self.pending = None;
         self.score = self.score.saturating_sub(1);
         // Neighbors differ in one line, so they alternately have one and two lines high.
-        let rising = TWO_HIGH >> self.code & 1 != 0;
+        let rising = self.wiring.two_high() >> self.code & 1 != 0;
         HallEvent::Step(HallEdge { count: self.count, steps, direction, at, rising, bounce })
     }
 

@@ -2,3 +2,4 @@
 pub mod commutation;
 pub mod hall;
 pub mod velocity;
+pub mod wiring;

@@ -198,6 +198,13 @@ impl<const N: usize> Estimator<N> {
         self.count
     }
 
+    /// Time since the last step, at most [`STANDSTILL`]; that before the first one.
+    #[must_use]
+    pub fn quiet(&self, now: Micros) -> Micros {
+        let stood = self.state.sign == 0;
+        if stood { STANDSTILL } else { Micros(since(self.state.at, now).min(STANDSTILL.0)) }
+    }
+
     /// Processes a step of the count.
     #[inline(never)]
     pub fn edge(&mut self, edge: &HallEdge) {

@@ -3,22 +3,74 @@
 use super::*;
 
 #[test]
-fn lost_host_is_a_fault_in_modes_2_and_4_only() {
-    for mode in Mode::ALL {
-        let mut bench = Bench::in_mode(mode);
-        bench.host_lost = true;
-        bench.tick();
-        let status = bench.servo.telemetry();
-        if matches!(mode, Mode::Torque | Mode::Velocity) {
-            assert_eq!((status.mode, status.fault), (Mode::Idle, Some(Fault::HostLost)));
-            assert_eq!(bench.servo.command(Command::Mode(mode)), Err(Refusal::Fault(Fault::HostLost)));
-            bench.host_lost = false;
-            bench.servo.command(Command::ClearFault).unwrap();
-            assert_eq!(bench.servo.command(Command::Mode(mode)), Ok(()));
-        } else {
-            assert_eq!((status.mode, status.fault), (mode, None));
+fn lost_host_ends_modes_2_and_4_of_a_host_only_and_forbids_nothing() {
+    let orders = [
+        (Command::Mode(Mode::Torque), true),
+        (Command::Mode(Mode::Velocity), true),
+        (Command::Mode(Mode::Pid), false),
+        (Command::Mode(Mode::Trapezoidal), false),
+        (Command::Move(100), false),
+        (Command::TorqueControlled { closing: true }, false),
+        (Command::TorqueControlled { closing: false }, false),
+        (Command::Home, false),
+    ];
+    for joint in [Joint::Link, Joint::Spread, Joint::Tip] {
+        for (order, needs_host) in orders {
+            // Also while the brake releases, and after V has taken over from TC.
+            for (ticks, takes_over) in [(0, false), (1, false), (40, false), (40, true)] {
+                let mut bench = Bench::new(joint);
+                bench.servo.command(Command::End(100)).unwrap();
+                bench.servo.command(order).unwrap();
+                for _ in 0..ticks {
+                    bench.tick();
+                }
+                let takes_over = takes_over && matches!(order, Command::TorqueControlled { .. });
+                if takes_over {
+                    bench.servo.command(Command::Velocity(CountsPerSec::from_int(50))).unwrap();
+                }
+                let before = bench.servo.telemetry().mode;
+                bench.host_lost = true;
+                bench.tick();
+                let status = bench.servo.telemetry();
+                let expected = if needs_host || takes_over {
+                    (Mode::Idle, Some(Fault::HostLost))
+                } else {
+                    (before, None)
+                };
+                assert_eq!((status.mode, status.fault), expected, "{order:?} after {ticks} ticks");
+                bench.host_lost = false;
+                assert_eq!(bench.servo.command(order), Ok(()), "{order:?}");
+                assert_eq!(bench.servo.telemetry().fault, None, "{order:?}");
+            }
         }
     }
+}
+
+#[test]
+fn lost_host_is_cleared_by_an_order_and_replaced_by_another_fault() {
+    let lost = || {
+        let mut bench = Bench::in_mode(Mode::Velocity);
+        bench.host_lost = true;
+        bench.tick();
+        bench.host_lost = false;
+        bench
+    };
+    for order in [Command::Mode(Mode::Idle), Command::Terminate, Command::Abort, Command::ClearFault] {
+        let mut bench = lost();
+        bench.servo.command(order).unwrap();
+        assert_eq!(bench.servo.telemetry().fault, None, "{order:?}");
+    }
+    for no_order in [Command::End(3), Command::Velocity(CountsPerSec::ZERO), Command::ClearBreakaway] {
+        let mut bench = lost();
+        bench.servo.command(no_order).unwrap();
+        assert_eq!(bench.servo.telemetry().fault, Some(Fault::HostLost), "{no_order:?}");
+    }
+    let mut bench = lost();
+    bench.servo.bridge_fault();
+    bench.tick();
+    assert_eq!(bench.servo.telemetry().fault, Some(Fault::Bridge));
+    let refused = Err(Refusal::Fault(Fault::Bridge));
+    assert_eq!(bench.servo.command(Command::Mode(Mode::Velocity)), refused);
 }
 
 #[test]
@@ -29,6 +81,10 @@ fn torque_reads_as_commanded_unless_a_limit_reduces_it() {
     assert_eq!(bench.servo.torque(), Torque(300));
     bench.servo.command(Command::Torque(Torque(-990))).unwrap();
     bench.tick();
+    assert_eq!(bench.servo.torque(), Torque(-512), "the supply is loaded by steps");
+    for _ in 0..8 {
+        bench.tick();
+    }
     assert_eq!(bench.servo.torque(), Torque(-750));
     // The thermistor 4 °C below OTEMP: half of 990.
     bench.motor_temp = DeciCelsius(660);

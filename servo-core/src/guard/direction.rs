@@ -1,0 +1,207 @@
+//! Whether the motor runs the way it is driven: little torque until that has been seen, and a fault if it does not.
+//!
+//! # Design
+//!
+//! A rotor at rest has no energy, so what its motor does to it is positive: torque times counts, summed up from rest, cannot
+//! become negative unless the wiring is wrong or something else turns the rotor. Counts against the torque while the sum is
+//! at zero are wrong ones; braking after an acceleration is none of them.
+//!
+//! After more than [`WRONG`] wrong counts the bridge opens until the rotor rests. One that its own motor turned the wrong way is
+//! slowed by friction and stops within a count: the wiring is wrong. One that is pushed goes on, by [`PUSHED`] counts or more: then
+//! the motion resumes from there (decision 0047).
+//!
+//! The direction is right once the rotor is [`RIGHT`] counts from rest in the direction of a positive sum: an electrical
+//! revolution. A wiring that is right in some sectors and wrong in others holds the rotor within three.
+
+use crate::units::Torque;
+
+/// Torque limit of a motion until the direction is known, enough to start: 63 is friction.
+pub const START: Torque = Torque(86);
+
+/// The limit of a motor that does not start: see [`crate::find::MOST`].
+const MOST: i16 = crate::find::MOST;
+
+/// Time without a count from which the limit rises, ms.
+const PATIENCE_MS: i16 = 50;
+
+/// Counts against the torque that are not a fault yet.
+const WRONG: u32 = 4;
+
+/// Further counts without a drive that only a push makes.
+const PUSHED: u32 = 2;
+
+/// Time without a count that ends the watch, ms: a push of 5 counts/s or more is recognized. The bridge stays open until then,
+/// because a rotor that was pushed still has the energy of the push.
+const WATCH_MS: u16 = 200;
+
+/// Counts from rest that prove the direction.
+const RIGHT: u32 = 6;
+
+/// Time without a count that is rest, ms.
+const REST_MS: i16 = 100;
+
+/// What follows from a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Go on with this torque limit.
+    Limit(Torque),
+    /// The bridge stays open.
+    Open,
+    /// The direction is right.
+    Right,
+    /// The motor runs against its own torque.
+    Wrong,
+}
+
+/// Counts and torque since the rotor was last at rest, until the direction is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// It has been seen to be right since the start.
+    Right,
+    /// Not seen yet.
+    Unseen {
+        /// Count at rest.
+        rest: i32,
+        /// Count at the last tick.
+        count: i32,
+        /// Torque times counts since then, not below 0.
+        work: i32,
+        /// Counts against the torque.
+        wrong: u32,
+        /// Time since the last count.
+        still_ms: i16,
+        /// The torque limit.
+        limit: i16,
+    },
+    /// The bridge is open since the rotor was at `count`.
+    Watching {
+        /// Where it opened.
+        count: i32,
+        /// The count at the last tick.
+        last: i32,
+        /// Time since the last count.
+        ms: u16,
+    },
+}
+
+impl Direction {
+    /// A rotor at rest.
+    #[must_use]
+    pub const fn at_rest(count: i32) -> Self {
+        Self::Unseen { rest: count, count, work: 0, wrong: 0, still_ms: 0, limit: START.0 }
+    }
+
+    /// Whether it has been seen to be right.
+    #[inline]
+    #[must_use]
+    pub const fn is_right(&self) -> bool {
+        matches!(self, Self::Right)
+    }
+
+    /// One tick of 1 ms: the hall count and the torque that was applied since the last one.
+    #[inline(never)]
+    pub fn step(&mut self, now: i32, torque: Torque) -> Verdict {
+        match self {
+            Self::Right => Verdict::Right,
+            Self::Watching { count, last, ms } => {
+                *ms = if now == *last { *ms + 1 } else { 0 };
+                *last = now;
+                if *ms < WATCH_MS {
+                    return Verdict::Open;
+                }
+                let pushed = now.wrapping_sub(*count).unsigned_abs() >= PUSHED;
+                *self = Self::at_rest(now);
+                if pushed { Verdict::Limit(START) } else { Verdict::Wrong }
+            }
+            Self::Unseen { rest, count, work, wrong, still_ms, limit } => {
+                let moved = now.wrapping_sub(*count);
+                *count = now;
+                if moved == 0 {
+                    *still_ms = still_ms.saturating_add(1);
+                    if *still_ms == REST_MS {
+                        (*rest, *work) = (now, 0);
+                    }
+                    if *still_ms > PATIENCE_MS {
+                        *limit = limit.saturating_add(1).min(MOST);
+                    }
+                    return Verdict::Limit(Torque(*limit));
+                }
+                *still_ms = 0;
+                let sum = work.saturating_add(moved.saturating_mul(torque.0.into()));
+                *work = sum.max(0);
+                if sum < 0 {
+                    *wrong += moved.unsigned_abs();
+                }
+                if *wrong > WRONG {
+                    *self = Self::Watching { count: now, last: now, ms: 0 };
+                    return Verdict::Open;
+                }
+                if *work > 0 && now.wrapping_sub(*rest).unsigned_abs() >= RIGHT {
+                    *self = Self::Right;
+                    return Verdict::Right;
+                }
+                Verdict::Limit(Torque(*limit))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(steps: &[(i32, i16)]) -> (Direction, Verdict) {
+        let (mut direction, mut count, mut last) = (Direction::at_rest(0), 0, Verdict::Open);
+        for &(moved, torque) in steps {
+            count += moved;
+            last = direction.step(count, Torque(torque));
+        }
+        (direction, last)
+    }
+
+    #[test]
+    fn six_counts_with_the_torque_are_right() {
+        assert_eq!(run(&[(1, 80); 5]).1, Verdict::Limit(START));
+        assert_eq!(run(&[(1, 80); 6]).1, Verdict::Right);
+        assert_eq!(run(&[(-1, -80); 6]).1, Verdict::Right);
+    }
+
+    #[test]
+    fn fifth_count_against_the_torque_opens_the_bridge_and_friction_makes_it_a_fault() {
+        assert_eq!(run(&[(-1, 80); 4]).1, Verdict::Limit(START));
+        let (mut direction, verdict) = run(&[(-1, 80); 5]);
+        assert_eq!(verdict, Verdict::Open);
+        for _ in 0..WATCH_MS {
+            assert_eq!(direction.step(-6, Torque::ZERO), Verdict::Open);
+        }
+        assert_eq!(direction.step(-6, Torque::ZERO), Verdict::Wrong);
+    }
+
+    #[test]
+    fn pushed_rotor_is_no_fault() {
+        let (mut direction, _) = run(&[(-1, 80); 5]);
+        for _ in 0..WATCH_MS {
+            assert_eq!(direction.step(-7, Torque::ZERO), Verdict::Open);
+        }
+        assert_eq!(direction.step(-7, Torque::ZERO), Verdict::Limit(START));
+    }
+
+    #[test]
+    fn braking_after_an_acceleration_is_right_and_rocking_proves_nothing() {
+        let mut braking = [(1, 80); 13];
+        braking[5..].fill((1, -10));
+        assert!(run(&braking).0.is_right());
+        assert_eq!(run([[(1, 80), (-1, -80)]; 20].as_flattened()).1, Verdict::Limit(START));
+    }
+
+    #[test]
+    fn limit_rises_while_the_rotor_stands() {
+        let (mut direction, mut most) = (Direction::at_rest(0), START);
+        for _ in 0..300 {
+            let Verdict::Limit(limit) = direction.step(0, Torque(86)) else { panic!("{direction:?}") };
+            assert!(limit >= most && limit <= Torque(MOST));
+            most = limit;
+        }
+        assert_eq!(most, Torque(MOST));
+    }
+}
