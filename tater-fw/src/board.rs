@@ -60,6 +60,15 @@ pub trait Board {
     /// Feeds the watchdog.
     fn feed_watchdog(&mut self);
 
+    /// Feeds the watchdog of the control tick: the board is reset 60 ms after the last call at the latest, once there was one.
+    fn feed_tick_watchdog(&mut self);
+
+    /// The word of the last [`Self::retain`] if only resets came since; anything after power-up.
+    fn retained(&self) -> u32;
+
+    /// Keeps a word over a reset.
+    fn retain(&mut self, word: u32);
+
     /// Resets the board into the monitor; does not return on the metal.
     fn reset(&mut self);
 

@@ -41,7 +41,7 @@ one_to_one! {
 one_to_one! {
     /// ERROR of a fault.
     fault_code, fault: Fault = FaultCode
-        { Halls, OverCurrent, OverTemperature, OverVoltage, UnderVoltage, Bridge, HostLost } else None
+        { Halls, OverCurrent, OverTemperature, OverVoltage, UnderVoltage, Bridge, HostLost, Jammed, Wiring } else None
 }
 
 #[cfg(test)]
@@ -61,7 +61,8 @@ mod tests {
     #[test]
     fn errors_of_the_servo_come_back_and_those_of_storage_and_monitor_are_none() {
         for row in tater_wire::fault::ROWS {
-            let is_servos = i64::from(row.code) < i64::from(FaultCode::Storage);
+            let of_monitor = i64::from(row.code) >= i64::from(FaultCode::NoApplication);
+            let is_servos = !of_monitor && row.code != FaultCode::Storage;
             assert_eq!(fault(row.code.into()).map(fault_code), is_servos.then_some(row.code), "{}", row.name);
         }
     }

@@ -1,11 +1,11 @@
-//! What identifies a board: ROLE, SN and ID, and the groups that it listens to. Monitor and application read them here.
+//! What identifies a board: ROLE, SN and ID, the kind of its motor, and the groups that it listens to. Monitor and application read them here.
 //!
-//! The stored value counts; where none is stored, straps give ID and the chip gives SN.
+//! The stored value counts; where none is stored, straps give ID and the kind of motor, and the chip gives SN.
 
 use crate::board::Board;
 use crate::storage::Store;
 use tater_wire::property::{Default, Rules};
-use tater_wire::{Group, Node, Property};
+use tater_wire::{Group, MotorKind, Node, Property};
 
 /// One of the properties that identify a board. A SET of it takes LOCK's sequence.
 #[derive(Debug)]
@@ -48,6 +48,20 @@ impl Identifying {
 /// [`Node::HOST`] for a board with neither an ID nor straps.
 pub fn node([_, _, id]: &[Identifying; 3]) -> Node {
     u8::try_from(id.value).ok().and_then(Node::new).unwrap_or(Node::HOST)
+}
+
+/// The kind of the board's motor if none is stored: straps tell it of a board whose ID is another (decision 0058).
+pub fn default_kind<B: Board>(board: &B, node: Node) -> MotorKind {
+    match board.straps() {
+        Node::HOST => MotorKind::of(node),
+        straps => MotorKind::of(straps),
+    }
+}
+
+/// The kind of the board's motor.
+pub fn kind<B: Board>(board: &B, store: &Store, node: Node) -> MotorKind {
+    let stored = store.get(Property::KIND).and_then(MotorKind::from_code);
+    stored.unwrap_or_else(|| default_kind(board, node))
 }
 
 /// `None` if boards may not listen to the group.

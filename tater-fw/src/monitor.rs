@@ -19,7 +19,7 @@ use crate::identity::{self, Identifying};
 use crate::storage::{Progress, Store};
 use check::Check;
 use copy::Copy;
-use download::{Download, Step};
+use download::{Download, Drain, DrainStep, Step};
 use heapless::Deque;
 use locked::Locked;
 use servo_core::sense::commutation::Bridge;
@@ -39,6 +39,10 @@ const GROUPS: [&Rules; 3] = [Property::GRPA.rules(), Property::GRPB.rules(), Pro
 const VERS: u8 = Property::VERS.id();
 const ERROR: u8 = Property::ERROR.id();
 const STAT: u8 = Property::STAT.id();
+
+/// Barrett's numbers for a look at memory. They read 0.
+const ADDR: u8 = 6;
+const VALUE: u8 = 7;
 
 /// Properties that have other numbers in the monitor than in the application (Barrett's table of the RESET state).
 const LOCK: u8 = 8;
@@ -62,6 +66,7 @@ pub enum Next {
 enum Wish {
     Start,
     Download { numbered: bool },
+    Reset,
 }
 
 /// The purpose of a check.
@@ -84,6 +89,8 @@ enum Phase {
     Idle,
     Check(Check, Then),
     Download(Download),
+    /// A download has been refused, and its host cannot know.
+    Drain(Drain),
     Copy(Copy),
     Forget,
     /// Leaves the monitor as soon as everything is stored.
@@ -145,12 +152,15 @@ impl<B: Board> Monitor<B> {
         // Node 0 is the host: a board without a node receives groups only, and sends nothing.
         let mine = self.node != Node::HOST && id.to == Destination::Node(self.node);
         let host = id.from == Node::HOST;
-        if mine
-            && host
-            && let Phase::Download(download) = &mut self.phase
-            && download.take(frame.data(), now)
-        {
-            return;
+        if mine && host {
+            let taken = match &mut self.phase {
+                Phase::Download(download) => download.take(frame.data(), now),
+                Phase::Drain(drain) => drain.take(frame.data(), now),
+                _ => false,
+            };
+            if taken {
+                return;
+            }
         }
         let heard = mine
             || matches!(id.to, Destination::Group(group)
@@ -188,9 +198,13 @@ impl<B: Board> Monitor<B> {
             STAT => Some((Property::STAT.rules(), 0)),
             _ => self.locked.get(number),
         };
-        if let Some((rules, value)) = answer
-            && let Some(message) = Message::answer(self.node, asker, rules, value)
-        {
+        let message = match answer {
+            Some((rules, value)) => Message::answer(self.node, asker, rules, value),
+            // LOCK, SAVE and LOAD are not answered: a host that takes the board for awake would take 0 for MODE, TEMP and PTEMP.
+            None if matches!(number, ADDR | VALUE) => Message::absent(self.node, asker, number),
+            None => None,
+        };
+        if let Some(message) = message {
             self.send(message);
         }
     }
@@ -204,8 +218,8 @@ impl<B: Board> Monitor<B> {
             }
             LOAD => self.locked.load(&self.store, value),
             STAT => match value {
-                0 => self.order(None, now),
-                2 => self.order(Some(Wish::Start), now),
+                0 => self.order(Wish::Reset, now),
+                2 => self.order(Wish::Start, now),
                 _ => {}
             },
             id => self.locked.set(id, value),
@@ -215,20 +229,18 @@ impl<B: Board> Monitor<B> {
     fn set_vers(&mut self, value: i64, now: Micros) {
         let numbered = value == i64::from(START_NUMBERED);
         if numbered || value == i64::from(START) {
-            self.order(Some(Wish::Download { numbered }), now);
+            self.order(Wish::Download { numbered }, now);
         }
     }
 
     /// A new order replaces the last, and ends a download. An owed copy comes first.
-    fn order(&mut self, wish: Option<Wish>, now: Micros) {
-        if wish.is_some() {
-            self.error = None;
-        }
-        if wish == Some(Wish::Start) && matches!(self.phase, Phase::Start | Phase::Check(_, Then::Start)) {
+    fn order(&mut self, wish: Wish, now: Micros) {
+        self.error = None;
+        if wish == Wish::Start && matches!(self.phase, Phase::Start | Phase::Check(_, Then::Start)) {
             // A host that repeats its order must not restart it.
             return;
         }
-        self.wish = wish;
+        self.wish = Some(wish);
         match self.phase {
             Phase::Idle | Phase::Start | Phase::Check(_, Then::Start) => {
                 match Check::new(self.board.flash(), STAGING) {
@@ -236,7 +248,7 @@ impl<B: Board> Monitor<B> {
                     None => self.obey(now),
                 }
             }
-            Phase::Download(_) => self.phase = Phase::Forget,
+            Phase::Download(_) | Phase::Drain(_) => self.phase = Phase::Forget,
             Phase::Check(..) | Phase::Copy(_) | Phase::Forget => {}
         }
     }
@@ -246,7 +258,7 @@ impl<B: Board> Monitor<B> {
         self.phase = match self.wish.take() {
             None => Phase::Idle,
             // First store pending values: during a download, which takes minutes, the store does not work.
-            Some(wish @ Wish::Download { .. }) if self.saving => {
+            Some(wish @ (Wish::Download { .. } | Wish::Reset)) if self.saving => {
                 self.wish = Some(wish);
                 Phase::Idle
             }
@@ -255,6 +267,10 @@ impl<B: Board> Monitor<B> {
                 self.error = None;
                 self.copy_failed = false;
                 Phase::Download(Download::new(numbered, now))
+            }
+            Some(Wish::Reset) => {
+                self.board.reset();
+                Phase::Idle
             }
             Some(Wish::Start) => match Check::new(self.board.flash(), APPLICATION) {
                 Some(check) => Phase::Check(check, Then::Start),
@@ -302,9 +318,17 @@ impl<B: Board> Monitor<B> {
                 }
                 Ok(Step::Whole(len)) => match Check::new(self.board.flash(), STAGING) {
                     Some(check) if check.len() == len => self.phase = Phase::Check(check, Then::Received),
-                    _ => self.refuse(FaultCode::BadImage),
+                    _ => self.refuse(FaultCode::BadImage, now),
                 },
-                Err(error) => self.refuse(error),
+                Err(error) => self.refuse(error, now),
+            },
+            Phase::Drain(drain) => match drain.step(now) {
+                DrainStep::Working => {}
+                DrainStep::Ask => {
+                    let body = Body::Get(VERS);
+                    self.send(Message { from: self.node, to: Destination::Node(Node::HOST), body });
+                }
+                DrainStep::Done => self.phase = Phase::Forget,
             },
             Phase::Copy(copy) => match copy.step(self.board.flash()) {
                 Ok(false) => {}
@@ -325,7 +349,7 @@ impl<B: Board> Monitor<B> {
             (Then::Copy | Then::Received, true) => self.phase = Phase::Copy(Copy::new(len)),
             // Remains of an interrupted download.
             (Then::Copy, false) => self.obey(now),
-            (Then::Received, false) => self.refuse(FaultCode::BadImage),
+            (Then::Received, false) => self.refuse(FaultCode::BadImage, now),
             (Then::Copied, true) => self.phase = Phase::Forget,
             (Then::Copied, false) => self.give_up(now),
             (Then::Start, true) => self.phase = Phase::Start,
@@ -336,9 +360,12 @@ impl<B: Board> Monitor<B> {
         }
     }
 
-    fn refuse(&mut self, error: FaultCode) {
+    fn refuse(&mut self, error: FaultCode, now: Micros) {
         self.fail(error);
-        self.phase = Phase::Forget;
+        self.phase = match &self.phase {
+            Phase::Download(download) if download.host_waits(error) => Phase::Drain(Drain::new(now)),
+            _ => Phase::Forget,
+        };
     }
 
     /// The copy stays owed: the next SET STAT 2 or reset repeats it. A download overwrites staging, the only good image, only

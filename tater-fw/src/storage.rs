@@ -1,4 +1,5 @@
-//! Non-volatile state: the stored copies of properties, the counters, and whether the position may be trusted.
+//! Non-volatile state: the stored copies of properties, the counters, whether the position may be trusted, and whether the
+//! winding may be hot.
 //!
 //! All of it is in one journal over the eight pages of [`STORAGE`](tater_wire::memory::STORAGE) (decision 0018). A page begins
 //! with a complete record of all values (`record.rs`); records of changes, and single half-words by which the counters grew
@@ -14,6 +15,7 @@
 //!   least once a millisecond, and the bridge has not been on for longer than the pages last (below).
 //! * Trust in the position ends once [`Store::distrust`] has returned `Ok`. A cut within it leaves the
 //!   position trusted or not, the same at every start.
+//! * The hot mark is there once [`Store::is_hot`] is true, and until [`Store::set_hot`] with `false`.
 //!
 //! # Programs of several versions
 //!
@@ -30,19 +32,23 @@
 //!
 //! A half-word takes 53 us, and a call of `step` programs one at most. It takes less than 100 us, because hall edges wait for
 //! it: the step that builds a record programs nothing, and the CRC is computed while the record is written. A record of one
-//! property has 8 half-words, 0.42 ms; of all 43 that are stored up to 94, 5.0 ms; a complete one up to 102, 5.4 ms. An erase
+//! property has 8 half-words, 0.42 ms; of all 46 that are stored up to 101, 5.4 ms; a complete one up to 111, 5.9 ms. An erase
 //! takes 20 to 40 ms; it comes after a SAVE, not before, and only with the bridge off.
 //!
 //! # Endurance
 //!
 //! A page is good for 10,000 erases (STM32F103 data sheet), the ring for 80,000 pages; all wear alike. Behind the
-//! longest complete record a page has room for 408 half-words.
+//! longest complete record a page has room for 399 half-words.
 //!
-//! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 43 x 8 = 344
+//! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 46 x 8 = 368
 //!   half-words, less than a page, so less than 5,000 / 8 = 625 erases a page. Saved by one command it is a quarter.
 //! * Ten years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,670 erases a page. Moving all the
 //!   time as fast as a finger can (500 counts/s) is 26 million more for OD, 9,700 erases a page together. PTEMP only
 //!   rises: 1,250 half-words in its life.
+//! * A SAVE stores the counters as well: up to three half-words, so an FSAVE of every property one by one has 506, and 5,000 of
+//!   them are 800 erases a page.
+//! * The hot mark is two half-words each time that the winding gets hot and cools down, at least 5.5 s: at most 31,000 a day, which the
+//!   ring endures for 2.8 years without a pause.
 //! * With the bridge on without a pause nothing is erased. Six pages are ready then. Five last at least 32 h, or 6 h
 //!   of moving all the time, or five FSAVEs one by one. On the last, counters go in coarser steps (16 min,
 //!   120,000 counts, 1 °C), for another four days, or 21 h of moving. Then it is [`Progress::Waiting`] until the
@@ -114,7 +120,13 @@ pub enum Progress {
     Failed(FlashError),
 }
 
+/// Any growth: for a SAVE.
+const LEAST: Counters = Counters { upsecs: 1, odometer: 1, ptemp: 1 };
+
 const P: u8 = Property::P.id();
+/// The hot mark in a complete record: the number of a property that is never stored, so that a program that does not know the mark
+/// keeps it.
+const HOT: u8 = Property::THERM.id();
 const UPSECS: u8 = Property::UPSECS.id();
 const OD: u8 = Property::OD.id();
 const PTEMP: u8 = Property::PTEMP.id();
@@ -131,6 +143,7 @@ pub struct Writing {
     at: usize,
     changed: Numbers,
     counters: Counters,
+    hot: bool,
     /// Nothing has moved since it was begun.
     pub live: bool,
 }
@@ -147,6 +160,15 @@ impl Writing {
     }
 }
 
+/// The hot mark in the flash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mark {
+    Hot,
+    Cool,
+    /// It may read either way: it is being removed, or could not be written.
+    Unsure,
+}
+
 /// The stored copies in RAM, and where the flash is.
 #[derive(Debug)]
 pub struct Store {
@@ -156,6 +178,11 @@ pub struct Store {
     changed: Numbers,
     counters: Counters,
     stored_counters: Counters,
+    /// The counters are stored by their least growth, once.
+    counters_due: bool,
+    /// The wanted hot mark, and the one in the flash.
+    hot: bool,
+    mark: Mark,
     /// The hall code at P, if that may be trusted.
     trusted: Option<u8>,
     /// Address of the mark in the flash that grants this trust, or might be read so.
@@ -177,6 +204,9 @@ impl Store {
             changed: Numbers::NONE,
             counters: Counters::default(),
             stored_counters: Counters::default(),
+            counters_due: false,
+            hot: false,
+            mark: Mark::Cool,
             trusted: None,
             live: None,
             obsolete: None,
@@ -203,6 +233,7 @@ impl Store {
             self.pages.ends_at(flash, end);
         }
         self.stored_counters = self.counters;
+        self.mark = if self.hot { Mark::Hot } else { Mark::Cool };
     }
 
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
@@ -340,6 +371,25 @@ impl Store {
         COUNTERS.into_iter().for_each(|id| self.changed.insert(id));
     }
 
+    /// Queues the counters to be stored, whatever they have grown by: up to three half-words.
+    pub const fn save_counters(&mut self) {
+        self.counters_due = true;
+    }
+
+    /// Queues the hot mark, one half-word; or its removal.
+    pub fn set_hot(&mut self, hot: bool) {
+        self.hot = hot;
+        if !hot && self.mark == Mark::Hot {
+            self.mark = Mark::Unsure;
+        }
+    }
+
+    /// Whether the flash has the hot mark, and keeps it over a loss of power.
+    #[must_use]
+    pub fn is_hot(&self) -> bool {
+        self.hot && self.mark == Mark::Hot
+    }
+
     /// Performs one flash operation, if one is due: programs a half-word, or erases a page if `may_erase` (bridge off).
     pub fn step<F: Flash>(&mut self, flash: &mut F, may_erase: bool) -> Progress {
         self.advance(flash, may_erase).unwrap_or_else(Progress::Failed)
@@ -359,6 +409,7 @@ impl Store {
                 at = found.end();
             } else {
                 self.counters = grown(self.counters, word);
+                self.hot = word.hot_mark().unwrap_or(self.hot);
                 at += 1;
             }
         }
@@ -370,6 +421,7 @@ impl Store {
         if found.head.complete {
             self.values.clear();
             self.counters = Counters::default();
+            self.hot = false;
         }
         let mut has_position = found.head.complete;
         for (id, value) in found.entries(flash) {
@@ -378,6 +430,7 @@ impl Store {
                 UPSECS => self.counters.upsecs = count.cast_unsigned(),
                 OD => self.counters.odometer = count.cast_unsigned(),
                 PTEMP => self.counters.ptemp = i16::try_from(count).unwrap_or(0),
+                HOT => self.hot = count != 0,
                 _ => self.put(id, value),
             }
             has_position |= id == P;
@@ -398,6 +451,12 @@ impl Store {
         } else if let Some(mark) = self.obsolete.take() {
             flash.program(mark, 0)?;
         } else if self.pages.mark(flash)? {
+        } else if let Some(word) = self.mark_due() {
+            let Some((page, at)) = self.pages.room(1) else { return self.begin(flash, may_erase) };
+            self.mark = Mark::Unsure;
+            flash.program(page.address(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
+            self.pages.add(1);
+            self.mark = if self.hot { Mark::Hot } else { Mark::Cool };
         } else if !self.changed.is_empty() {
             return self.begin(flash, may_erase);
         } else if let Some(word) = self.due() {
@@ -405,6 +464,8 @@ impl Store {
             flash.program(page.address(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
             self.pages.add(1);
             self.stored_counters = grown(self.stored_counters, word);
+        } else if self.counters_due {
+            self.counters_due = false;
         } else if may_erase && let Some(page) = self.pages.stale() {
             self.pages.erase(flash, page)?;
         } else {
@@ -413,9 +474,21 @@ impl Store {
         Ok(Progress::More)
     }
 
+    fn mark_due(&self) -> Option<Word> {
+        match (self.hot, self.mark) {
+            (true, Mark::Cool | Mark::Unsure) => Some(Word::HOT),
+            (false, Mark::Hot | Mark::Unsure) => Some(Word::COOL),
+            (true, Mark::Hot) | (false, Mark::Cool) => None,
+        }
+    }
+
     fn due(&self) -> Option<Word> {
         let (now, stored) = (self.counters, self.stored_counters);
-        let step = if self.pages.has_ready() { STEP } else { SPARING };
+        let step = match (self.counters_due, self.pages.has_ready()) {
+            (true, _) => LEAST,
+            (false, true) => STEP,
+            (false, false) => SPARING,
+        };
         let rise = i32::from(now.ptemp) - i32::from(stored.ptemp);
         let enough = |ahead: u32, step: u32| {
             (ahead >= step).then(|| u16::try_from(ahead).map_or(MOST, |ahead| ahead.min(MOST)))
@@ -448,9 +521,10 @@ impl Store {
             }
             return self.pages.erase(flash, page).map(|()| Progress::More);
         };
-        let (changed, counters) = (core::mem::take(&mut self.changed), self.counters);
+        let (changed, counters, hot) = (core::mem::take(&mut self.changed), self.counters, self.hot);
         let (len, crc) = (self.words.len() + TAIL, Crc32::default());
-        self.writing = Some(Writing { done: 0, len, crc, head, page, at, changed, counters, live: true });
+        self.writing =
+            Some(Writing { done: 0, len, crc, head, page, at, changed, counters, hot, live: true });
         Ok(Progress::More)
     }
 
@@ -462,6 +536,7 @@ impl Store {
                 UPSECS => Some(self.counters.upsecs.cast_signed()),
                 OD => Some(self.counters.odometer.cast_signed()),
                 PTEMP => Some(i32::from(self.counters.ptemp)),
+                HOT => Some(1),
                 _ => self.values.get(id),
             };
             (id, value)
@@ -470,6 +545,9 @@ impl Store {
         if complete {
             numbers = self.values.numbers();
             COUNTERS.into_iter().for_each(|id| numbers.insert(id));
+            if self.hot {
+                numbers.insert(HOT);
+            }
         }
         record::encode(&mut self.words, &head, &mut numbers.iter().map(entry));
         head
@@ -498,6 +576,7 @@ impl Store {
         }
         let (head, end) = (writing.head, writing.end());
         if head.complete {
+            self.mark = if writing.hot { Mark::Hot } else { Mark::Cool };
             self.pages.turn(writing.page, end);
         } else {
             self.pages.add(end - writing.at);

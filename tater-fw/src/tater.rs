@@ -9,10 +9,14 @@
 //! | ten times a second | [`Tater::housekeeping`]: temperatures, counters, watchdog |
 //! | else | [`Tater::store`]: one flash operation, if one is due |
 
+mod find;
+mod finding;
+pub mod heat;
 mod settings;
 #[cfg(test)]
 mod tests;
 
+use self::finding::Finding;
 use self::settings::{Settings, settings};
 use crate::board::{Board, FlashError};
 use crate::codes::{self, end_code, fault_code, mode_code};
@@ -23,6 +27,7 @@ use crate::motion::{self, motion};
 use crate::set_error::SetError;
 use crate::storage::{Counters, Progress, Store};
 use heapless::Deque;
+use servo_core::guard::thermal::Start;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation::{Bridge, Commutator};
 use servo_core::sense::hall::{HallEvent, Wiring};
@@ -40,9 +45,6 @@ const OUTBOX: usize = 16;
 
 /// Servo reports handled in one call.
 const REPORTS: usize = 8;
-
-/// In modes 2 and 4 the host counts as lost after this many ms without a frame (decision 0013).
-const HOST_TIMEOUT_MS: u16 = 500;
 
 /// The rotor counts as standing still after this many ms without power and hall change (decision 0012). Below 5 counts/s it
 /// makes no two counts during a page erase (40 ms), so none is lost.
@@ -71,11 +73,37 @@ const ALL: i64 = -1;
 
 const OFF: Drive = Drive { duty: None, brake_released: false };
 
+/// Ticks until the host counts as lost (decision 0013); reloaded by each frame to this board or its groups.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct HostTimer(u32);
+
+impl HostTimer {
+    /// The host counts as lost. 0 never counts.
+    const LOST: u32 = 1;
+
+    fn reloaded(hostms: u16) -> Self {
+        match hostms {
+            0 => Self(0),
+            ms => Self(u32::from(ms) + Self::LOST),
+        }
+    }
+
+    /// One tick of 1 ms. Returns whether the host counts as lost.
+    const fn tick(&mut self) -> bool {
+        let lost = self.0 == Self::LOST;
+        if self.0 > Self::LOST {
+            self.0 = self.0.wrapping_sub(1);
+        }
+        lost
+    }
+}
+
 /// A motor board's application.
 #[derive(Debug)]
 pub struct Tater<B: Board> {
     board: B,
     node: Node,
+    kind: MotorKind,
     servo: Servo,
     commutator: Commutator,
     /// A hall code that the last tick saw and left to the edge interrupt, which has not run since.
@@ -95,12 +123,12 @@ pub struct Tater<B: Board> {
     unsent: u32,
     /// END of a motion that was refused, until the next motion.
     refused_end: Option<EndReason>,
+    finding: Finding,
     events: Events,
     recorded_mode: Mode,
     /// The time of the last tick or frame.
     now: Micros,
-    /// Ticks until the host counts as lost; reloaded by each frame to this board or its groups.
-    host_timeout_ms: u16,
+    host_timer: HostTimer,
     /// Ticks in idle since the last hall change; saturates at or above [`STANDSTILL_MS`].
     standstill_ms: u8,
     /// Set when served; cleared when the watchdog is fed.
@@ -128,12 +156,13 @@ impl<B: Board> Tater<B> {
         board.bridge(Bridge::Off);
         board.brake(false);
         let node = identity::node(&Identifying::all(&board, &store));
+        let kind = identity::kind(&board, &store, node);
         let code = board.halls() & 7;
         let stored = store.trusted_position();
         let trusted = stored.filter(|&(_, at)| at == code).map(|(position, _)| position);
         let count = trusted.unwrap_or(0);
         Self {
-            servo: Servo::new(motion::unconfigured(MotorKind::of(node)), count),
+            servo: Servo::new(motion::unconfigured(kind), count),
             commutator: Commutator::new(Wiring::STANDARD, code, count),
             pending_code: None,
             hall_history: u32::from(code),
@@ -146,10 +175,11 @@ impl<B: Board> Tater<B> {
             outbox: Deque::new(),
             unsent: 0,
             refused_end: None,
+            finding: Finding::Nothing,
             events: Events::default(),
             recorded_mode: Mode::Idle,
             now,
-            host_timeout_ms: HOST_TIMEOUT_MS,
+            host_timer: HostTimer::default(),
             standstill_ms: 0,
             tick_ran: false,
             bus_served: false,
@@ -159,18 +189,21 @@ impl<B: Board> Tater<B> {
             traveled: 0,
             board,
             node,
+            kind,
             store,
         }
     }
 
     /// Loads the stored properties.
     pub fn wake(&mut self) {
+        self.start_warm();
         match self.store.trusted_position() {
             Some((_, at)) if u32::from(at) == self.hall_history => self.servo.trust_position(),
             // The halls show another position: the mark is void.
             _ => self.distrust(),
         }
         self.load_all(true);
+        self.rewire();
         // E is 0 until it is set, wherever the motor stands. 0 is in range.
         let _ = self.servo.command(Command::End(0));
     }
@@ -238,10 +271,7 @@ impl<B: Board> Tater<B> {
         } else {
             self.resolve_halls(now);
         }
-        let host_lost = self.host_timeout_ms == 0;
-        if !host_lost {
-            self.host_timeout_ms = self.host_timeout_ms.wrapping_sub(1);
-        }
+        let host_lost = self.host_timer.tick();
         if analog.bridge_fault {
             self.servo.bridge_fault();
         }
@@ -264,9 +294,14 @@ impl<B: Board> Tater<B> {
         }
         self.standstill_ms = if drive == OFF { self.standstill_ms.saturating_add(1) } else { 0 };
         self.drive = drive;
+        if self.finding == Finding::Learning {
+            self.follow_find();
+        }
         self.commutator.set(drive.duty);
         self.board.bridge(self.commutator.bridge());
         self.board.brake(drive.brake_released);
+        // Last: it proves that the whole tick ran.
+        self.board.feed_tick_watchdog();
         self.servo.has_event()
     }
 
@@ -280,7 +315,6 @@ impl<B: Board> Tater<B> {
         if !self.is_addressed(to) {
             return Ok(());
         }
-        self.host_timeout_ms = HOST_TIMEOUT_MS;
         if self.servo.has_event() {
             // The frame may ask for the state that these reports change.
             self.drain_events();
@@ -301,6 +335,8 @@ impl<B: Board> Tater<B> {
             };
             self.record(BoardEvent::Refused { property, error });
         }
+        // After the order, which may have set HOSTMS.
+        self.host_timer = HostTimer::reloaded(self.settings.hostms);
         self.drain_events();
         self.transmit();
         result
@@ -347,9 +383,14 @@ impl<B: Board> Tater<B> {
     }
 
     fn get(&mut self, id: u8, from: Node) -> Result<(), SetError> {
-        let property = Property::of(id).ok_or(SetError::Unknown)?;
-        let value = self.read(property).ok_or(SetError::Access(property))?;
-        self.answer(from, property, value)
+        match Property::of(id) {
+            // What can only be set reads 0.
+            Some(property) => self.answer(from, property, self.read(property).unwrap_or(0)),
+            None => {
+                let answer = Message::absent(self.node, from, id).ok_or(SetError::Unknown)?;
+                self.push(answer, SetError::Unknown)
+            }
+        }
     }
 
     fn set(&mut self, property: Property, value: i64) -> Result<(), SetError> {
@@ -398,6 +439,7 @@ impl<B: Board> Tater<B> {
             P::T => i64::from(self.servo.torque().0),
             P::V if status.mode == Mode::Velocity => i64::from(status.setpoint_velocity.round()),
             P::V | P::VEL => i64::from(status.velocity.round()),
+            P::VSET => i64::from(self.servo.velocity_wanted().round()),
             // Sent in 22 bits, beyond the range of a SET.
             P::P => return Some(i64::from(status.position.round())),
             P::E => i64::from(self.servo.end()),
@@ -409,6 +451,7 @@ impl<B: Board> Tater<B> {
             P::HALLH => i64::from(self.hall_history | u32::from(status.homed) << 30),
             P::BD => i64::from(status.breakaway.is_some()),
             P::BP => i64::from(self.breakaway_position),
+            P::FIND => self.found(),
             P::END => self.refused_end.or(status.end).map_or(0, |reason| end_code(reason).into()),
             P::LOCK | P::CMD | P::SAVE | P::LOAD | P::DEF | P::M | motion!() | settings!() => return None,
         };
@@ -442,6 +485,7 @@ impl<B: Board> Tater<B> {
             P::E => self.command(Command::End(narrow(value)?)),
             P::M => self.command(Command::Move(narrow(value)?)),
             P::CMD => self.run_cmd(value),
+            P::FIND => self.find(value),
             P::SAVE => self.save(value),
             P::LOAD => self.load(value),
             P::DEF => self.restore_default(value),
@@ -458,9 +502,17 @@ impl<B: Board> Tater<B> {
             | P::VBUS
             | P::IMOTOR
             | P::SG => Err(SetError::Access(property)),
-            P::MECH | P::CTS | P::IPNM | P::HALLS | P::HALLH | P::POLES | P::BD | P::BP | P::END | P::VEL => {
-                Err(SetError::Access(property))
-            }
+            P::MECH
+            | P::CTS
+            | P::IPNM
+            | P::HALLS
+            | P::HALLH
+            | P::POLES
+            | P::BD
+            | P::BP
+            | P::END
+            | P::VEL
+            | P::VSET => Err(SetError::Access(property)),
         }
     }
 
@@ -477,13 +529,14 @@ impl<B: Board> Tater<B> {
                 }
                 self.command(Command::Configure(config))
             }
+            settings!() if property == P::WIRING => self.set_wiring(value),
             settings!() if settings::set(&mut self.settings, property, value) => {
                 if matches!(property, P::GRPA | P::GRPB | P::GRPC) {
                     self.update_filters();
                 }
                 Ok(())
             }
-            P::P => self.command(Command::Position(narrow(value)?)),
+            P::P => self.set_position(narrow(value)?),
             P::PTEMP => self.reset_counters(Counters { ptemp: narrow(value)?, ..self.store.counters() }),
             P::UPSECS => self.reset_counters(Counters { upsecs: narrow(value)?, ..self.store.counters() }),
             P::OD => self.reset_counters(Counters { odometer: narrow(value)?, ..self.store.counters() }),
@@ -516,6 +569,14 @@ impl<B: Board> Tater<B> {
         self.handle_event(Event::Ended { reason, mode });
     }
 
+    /// In idle it renames the position, which a host in mode 3 whose motor a fault has idled does not mean.
+    fn set_position(&mut self, position: i32) -> Result<(), SetError> {
+        match self.error() {
+            Some(fault) if self.servo.telemetry().mode == Mode::Idle => Err(SetError::Fault(fault)),
+            _ => self.command(Command::Position(position)),
+        }
+    }
+
     fn reset_counters(&mut self, counters: Counters) -> Result<(), SetError> {
         self.store.reset_counters(counters);
         Ok(())
@@ -528,7 +589,9 @@ impl<B: Board> Tater<B> {
     }
 
     fn run_cmd(&mut self, number: i64) -> Result<(), SetError> {
-        match Cmd::of(number).ok_or(SetError::Range(Property::CMD))? {
+        let cmd = Cmd::of(number).ok_or(SetError::Range(Property::CMD))?;
+        self.servo.host_is_back();
+        match cmd {
             Cmd::Load => self.load(ALL),
             Cmd::Save => self.save(ALL),
             Cmd::Reset => {
@@ -565,7 +628,10 @@ impl<B: Board> Tater<B> {
 
     /// SAVE: takes effect in RAM now; [`Tater::store`] puts it into flash.
     fn save(&mut self, id: i64) -> Result<(), SetError> {
-        match stored_property(Property::SAVE, id)? {
+        let saved = stored_property(Property::SAVE, id)?;
+        self.update_counters(self.now);
+        self.store.save_counters();
+        match saved {
             Some(property) => self.save_one(property),
             None => {
                 motion::each(self.servo.config(), |property, value| self.store.set(property, value));
@@ -656,7 +722,7 @@ impl<B: Board> Tater<B> {
     /// Loads stored values or defaults of all properties but the position; `locked`: locked ones too.
     #[inline(never)]
     fn load_all(&mut self, locked: bool) {
-        let mut config = motion::unconfigured(MotorKind::of(self.node));
+        let mut config = motion::unconfigured(self.kind);
         // Defaults are in range, and `stored` gives nothing else.
         motion::fill(&mut config, |property| stored_width(self.stored(property.rules())));
         let _ = self.servo.command(Command::Configure(config));
@@ -695,7 +761,8 @@ impl<B: Board> Tater<B> {
                 let own = own.iter().find(|own| own.rules.property == rules.property);
                 own.map(|own| own.default).filter(|&value| rules.admits(value))
             }
-            _ => rules.default_for(self.node),
+            Property::KIND => Some(identity::default_kind(&self.board, self.node).code().into()),
+            _ => rules.default_on(self.node, self.kind),
         }
     }
 
@@ -735,15 +802,20 @@ impl<B: Board> Tater<B> {
 
     /// Sends a value to a node: to the host as a reply, to another board as a SET of VALUE.
     fn answer(&mut self, to: Node, property: Property, value: i64) -> Result<(), SetError> {
-        if self.node == Node::HOST {
-            return Ok(());
-        }
         // Every readable value fits 32 bits.
         let message =
             Message::answer(self.node, to, property.rules(), value).ok_or(SetError::Range(property))?;
+        self.push(message, SetError::Busy(property))
+    }
+
+    /// A board without a number sends nothing.
+    fn push(&mut self, message: Message, full: SetError) -> Result<(), SetError> {
+        if self.node == Node::HOST {
+            return Ok(());
+        }
         self.outbox.push_back(message.frame()).map_err(|_| {
             self.unsent = self.unsent.saturating_add(1);
-            SetError::Busy(property)
+            full
         })
     }
 
@@ -796,6 +868,7 @@ impl<B: Board> Tater<B> {
                     let _ = self.answer(Node::HOST, Property::BD, 1);
                 }
             }
+            Event::Found(found) => self.wiring_found(found),
             Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
         }
         self.record(BoardEvent::Motor(event));
@@ -820,6 +893,17 @@ impl<B: Board> Tater<B> {
     /// Updates counters and temperature ten times a second. Feeds the watchdog only if the tick, the bus ([`Self::receive`] or
     /// [`Self::flush`]) and the storage ([`Self::store`]) ran since the last call.
     pub fn housekeeping(&mut self, now: Micros) {
+        self.update_counters(now);
+        self.retain_rise(Start::Interrupted);
+        if self.tick_ran && self.bus_served && self.storage_served {
+            self.tick_ran = false;
+            self.bus_served = false;
+            self.storage_served = false;
+            self.board.feed_watchdog();
+        }
+    }
+
+    fn update_counters(&mut self, now: Micros) {
         let us = now.wrapping_since(self.housekeeping_at).0.saturating_add(self.second_us);
         self.housekeeping_at = now;
         self.second_us = us % 1_000_000;
@@ -831,12 +915,6 @@ impl<B: Board> Tater<B> {
         counters.ptemp = board_temp;
         self.traveled %= 1000;
         self.store.count(counters);
-        if self.tick_ran && self.bus_served && self.storage_served {
-            self.tick_ran = false;
-            self.bus_served = false;
-            self.storage_served = false;
-            self.board.feed_watchdog();
-        }
     }
 
     /// Without power for long enough to stop coasting, and no motion is ordered.
@@ -853,10 +931,16 @@ impl<B: Board> Tater<B> {
     }
 
     fn step_store(&mut self, may_erase: bool) -> Progress {
+        self.update_hot_mark();
+        if may_erase {
+            // No tick runs for the 40 ms of an erase.
+            self.board.feed_tick_watchdog();
+        }
         let progress = self.store.step(self.board.flash(), may_erase);
         if let Progress::Failed(error) = progress {
             self.flash_failed(error);
         }
+        self.update_hot_mark();
         progress
     }
 
@@ -878,8 +962,10 @@ impl<B: Board> Tater<B> {
         if !self.stands_still() {
             self.distrust();
         }
+        self.retain_rise(Start::Reset);
+        self.update_counters(self.now);
         // Also the amounts that are not due yet.
-        self.store.reset_counters(self.store.counters());
+        self.store.save_counters();
         // Halls are not followed any more, so pages may be erased while the rotor coasts.
         for _ in 0..LAST_OPERATIONS {
             // Eight page erases take longer than the watchdog's timeout.
@@ -899,6 +985,12 @@ impl<B: Board> Tater<B> {
     #[must_use]
     pub const fn node(&self) -> Node {
         self.node
+    }
+
+    /// The value of a property as GET answers it; `None` if it can only be set: for logs and simulations.
+    #[must_use]
+    pub fn property(&self, property: Property) -> Option<i64> {
+        self.read(property)
     }
 
     /// The servo's telemetry: for logs and simulations.
@@ -923,6 +1015,11 @@ impl<B: Board> Tater<B> {
     #[must_use]
     pub const fn drive(&self) -> Drive {
         self.drive
+    }
+
+    /// Marks the motor's direction as seen to be right: for simulations that begin after a motion.
+    pub fn trust_direction(&mut self) {
+        self.servo.trust_direction();
     }
 
     /// The hardware.

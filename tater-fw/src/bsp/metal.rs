@@ -19,7 +19,7 @@ use super::can::Can;
 use super::halls::Halls;
 use super::pins::{self, BusPins, MotorPins};
 use super::pwm::Guarded;
-use super::watchdog::Watchdog;
+use super::watchdog::{TickWatchdog, Watchdog};
 use super::{clocks, digital, flash, stop, timing};
 use crate::board::{Analog, Board};
 
@@ -35,6 +35,8 @@ pub trait Motor {
     fn raw_halls(&self) -> u8;
     /// See [`Board::analog`].
     fn analog(&self) -> Analog;
+    /// See [`Board::feed_tick_watchdog`].
+    fn feed_tick_watchdog(&mut self);
 }
 
 /// The monitor's: the pins stay as reset leaves them, so the bridge is off and the brake engaged, whatever is asked for.
@@ -56,6 +58,8 @@ impl Motor for Held {
     fn analog(&self) -> Analog {
         Analog::default()
     }
+
+    fn feed_tick_watchdog(&mut self) {}
 }
 
 /// The application's.
@@ -65,6 +69,7 @@ pub struct Armed {
     adc: Adc,
     /// Interrupts at each edge of the hall lines.
     pub halls: Halls,
+    tick_watchdog: TickWatchdog,
 }
 
 impl Motor for Armed {
@@ -88,6 +93,11 @@ impl Motor for Armed {
     #[inline(always)]
     fn analog(&self) -> Analog {
         self.adc.read(self.bridge.broken())
+    }
+
+    #[inline(always)]
+    fn feed_tick_watchdog(&mut self) {
+        self.tick_watchdog.feed();
     }
 }
 
@@ -229,6 +239,7 @@ impl Metal<Armed> {
             bridge,
             brake,
             halls: Halls::new(chip.TIM4, &mut rcc),
+            tick_watchdog: TickWatchdog::new(chip.WWDG, &mut rcc),
         };
         let ticker = Ticker::new(chip.TIM3, &mut rcc);
         let flash = flash::Metal::new(STORAGE.start);
@@ -309,10 +320,25 @@ impl<M: Motor> Board for Metal<M> {
     }
 
     fn feed_watchdog(&mut self) {
-        // Halted by a debug probe, the bridge is off as after a break, and the watchdog waits (RM0008 31.16.4). Set at each
+        // Halted by a debug probe, the bridge is off as after a break, and the watchdogs wait (RM0008 31.16.4). Set at each
         // feed, because the chip takes it only while a probe is attached (errata).
-        self.debug.cr().modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit());
+        self.debug
+            .cr()
+            .modify(|_, w| w.dbg_tim1_stop().set_bit().dbg_iwdg_stop().set_bit().dbg_wwdg_stop().set_bit());
         self.watchdog.feed();
+    }
+
+    #[inline(always)]
+    fn feed_tick_watchdog(&mut self) {
+        self.motor.feed_tick_watchdog();
+    }
+
+    fn retained(&self) -> u32 {
+        stop::retained()
+    }
+
+    fn retain(&mut self, word: u32) {
+        stop::retain(word);
     }
 
     fn reset(&mut self) {

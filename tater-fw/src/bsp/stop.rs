@@ -1,4 +1,4 @@
-//! Fatal errors: bridge off first, brake engaged, reason into RAM that survives the reset, then reset. The monitor reports the
+//! What survives a reset, and fatal errors: bridge off first, brake engaged, reason into RAM that survives the reset, then reset. The monitor reports the
 //! reason (ERROR).
 
 use core::arch::naked_asm;
@@ -19,7 +19,22 @@ const BRAKE: u32 = 1 << 5;
 /// Words of [`KEPT`]: the reason, its complement (RAM is anything after power-up), and where it happened.
 type Words = [u32; 3];
 
-const _: () = assert!(12 <= KEPT.len && KEPT.start.is_multiple_of(4));
+/// The word of KEPT behind them: see [`retain`].
+const RETAINED: u32 = KEPT.start + 12;
+
+const _: () = assert!(RETAINED + 4 <= KEPT.end() && KEPT.start.is_multiple_of(4));
+
+/// The word kept by [`retain`]; anything after power-up.
+pub fn retained() -> u32 {
+    // SAFETY: the linker places nothing in KEPT, and every word is a value.
+    unsafe { pointer::<u32>(RETAINED).read_volatile() }
+}
+
+/// Keeps a word over a reset.
+pub fn retain(word: u32) {
+    // SAFETY: the linker places nothing in KEPT; a fatal error writes other words of it.
+    unsafe { pointer::<u32>(RETAINED).write_volatile(word) }
+}
 
 fn kept() -> *mut Words {
     pointer(KEPT.start)
@@ -39,7 +54,7 @@ pub fn stop(reason: FaultCode, at: u32) -> ! {
     cortex_m::peripheral::SCB::sys_reset()
 }
 
-/// The cause of an unexpected reset: the reason stored by [`stop`], or the watchdog. Clears it, so call it once per start.
+/// The cause of an unexpected reset: the reason stored by [`stop`], or a watchdog. Clears it, so call it once per start.
 pub fn reset_cause(rcc: &RCC) -> Option<FaultCode> {
     // SAFETY: as in `stop`; interrupts are not on yet.
     let [code, complement, _] = unsafe { kept().read_volatile() };
@@ -51,7 +66,8 @@ pub fn reset_cause(rcc: &RCC) -> Option<FaultCode> {
     let told = [FaultCode::Panic, FaultCode::HardFault, FaultCode::Clock]
         .into_iter()
         .find(|reason| u32::from(reason.code()) == code && code == !complement);
-    told.or_else(|| flags.iwdgrstf().bit_is_set().then_some(FaultCode::Watchdog))
+    let bitten = flags.iwdgrstf().bit_is_set() || flags.wwdgrstf().bit_is_set();
+    told.or(bitten.then_some(FaultCode::Watchdog))
 }
 
 /// Bytes of an exception frame.

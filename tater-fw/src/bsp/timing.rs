@@ -214,3 +214,23 @@ pub mod watchdog {
     // With the fastest oscillator, 60 kHz, three housekeeping periods still fit.
     const _: () = assert!(WATCHDOG_HZ / DIVIDER * MS / 1000 * DIVIDER / 60 >= 300);
 }
+
+/// The watchdog of the control tick: the window watchdog (RM0008 20), without a window.
+pub mod tick_watchdog {
+    use super::APB1_HZ;
+
+    /// WDGTB: the counter's clock is APB1's by 4096 and by 8.
+    pub const PRESCALER_CODE: u8 = 3;
+    const DIVIDER: u32 = 4096 << PRESCALER_CODE;
+    /// T and W: the largest value. The chip is reset when the counter goes below 0x40.
+    pub const TOP: u8 = (COUNTS + 0x3F).to_le_bytes()[0];
+    const COUNTS: u32 = 0x40;
+    /// Without a tick for so long the board is reset, µs: 58,254, or up to a count of 910 less.
+    pub const US: u32 = COUNTS * (DIVIDER / 8) * 2 / (APB1_HZ / 4_000_000);
+    /// The longest erase of a page (DS5319 5.3.9).
+    pub const ERASE_US: u32 = 40_000;
+
+    const _: () =
+        assert!(US <= 59_000, "the bridge is off within 60 ms of what stops the tick, 1 ms after the last");
+    const _: () = assert!(US - 1_000 > ERASE_US + 10_000, "an erase and the tick after it fit");
+}

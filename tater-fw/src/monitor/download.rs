@@ -28,6 +28,12 @@ const RING: usize = 2 * GRANTED;
 
 const GRANTED: usize = 16 * CHARACTERS;
 
+/// A host that sends nothing for this long after a refusal has finished: five requests.
+pub(super) const FINISHED: Micros = Micros(1_000_000);
+
+/// Maximum drain time after a refusal. [`since`] counts up to 35 minutes.
+pub(super) const DRAIN: Micros = Micros(1_800_000_000);
+
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Step {
     Working,
@@ -64,7 +70,64 @@ const fn since(then: Micros, now: Micros) -> Micros {
     if since.0 < 1 << 31 { since } else { Micros(0) }
 }
 
+/// A character of an old host.
+const fn character(data: &[u8]) -> Option<u8> {
+    match *data {
+        [character @ b'0'..=0x7F] => Some(character),
+        _ => None,
+    }
+}
+
+/// The rest of a refused download from an old host, which sends its whole file, a character for each request, and waits for each
+/// request without a time limit (btutil): it is requested and dropped.
+#[derive(Debug)]
+pub(super) struct Drain {
+    begun: Micros,
+    heard: Micros,
+    /// Time of the last request that has not been answered.
+    asked: Option<Micros>,
+}
+
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum DrainStep {
+    Working,
+    Ask,
+    Done,
+}
+
+impl Drain {
+    pub(super) const fn new(now: Micros) -> Self {
+        Self { begun: now, heard: now, asked: None }
+    }
+
+    /// Returns whether a frame belongs to the download.
+    pub(super) const fn take(&mut self, data: &[u8], now: Micros) -> bool {
+        let taken = character(data).is_some();
+        if taken {
+            self.heard = now;
+            self.asked = None;
+        }
+        taken
+    }
+
+    pub(super) fn step(&mut self, now: Micros) -> DrainStep {
+        if since(self.heard, now).0 >= FINISHED.0 || since(self.begun, now).0 >= DRAIN.0 {
+            return DrainStep::Done;
+        }
+        if self.asked.is_some_and(|asked| since(asked, now).0 < REPEAT.0) {
+            return DrainStep::Working;
+        }
+        self.asked = Some(now);
+        DrainStep::Ask
+    }
+}
+
 impl Download {
+    /// Whether the host of a refused download waits for requests.
+    pub(super) fn host_waits(&self, error: FaultCode) -> bool {
+        !self.numbered && !self.ended && error != FaultCode::DownloadTimeout
+    }
+
     /// The first step erases the first page of staging, which holds the header of the old content.
     pub(super) fn new(numbered: bool, now: Micros) -> Self {
         Self {
@@ -98,7 +161,7 @@ impl Download {
             }
             return true;
         }
-        let [character @ b'0'..=0x7F] = *data else { return false };
+        let Some(character) = character(data) else { return false };
         // If it is lost, the record's checksum or length will not match.
         let _ = self.ring.push_back(character);
         self.taken(now);

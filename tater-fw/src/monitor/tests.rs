@@ -69,6 +69,7 @@ struct Bed {
     brake: bool,
     listens: Option<(Node, [Option<Group>; 3])>,
     cause: Option<FaultCode>,
+    resets: u32,
 }
 
 impl Board for Bed {
@@ -100,7 +101,14 @@ impl Board for Bed {
         &mut self.chip
     }
     fn feed_watchdog(&mut self) {}
-    fn reset(&mut self) {}
+    fn feed_tick_watchdog(&mut self) {}
+    fn retained(&self) -> u32 {
+        0
+    }
+    fn retain(&mut self, _: u32) {}
+    fn reset(&mut self) {
+        self.resets += 1;
+    }
     fn reset_cause(&self) -> Option<FaultCode> {
         self.cause
     }
@@ -129,6 +137,7 @@ impl Bench {
             brake: true,
             listens: None,
             cause: None,
+            resets: 0,
         })
     }
 

@@ -25,11 +25,11 @@ const VERSION: u16 = 1;
 const HEAD: usize = 4;
 pub const TAIL: usize = 2;
 
-/// Maximum number of stored properties: 43 now, and room for those of other versions.
+/// Maximum number of stored properties: 46 now, and room for those of other versions.
 pub const STORED: usize = 48;
 
-/// Maximum entries of a record: the stored properties and three counters.
-pub const ENTRIES: usize = STORED + 3;
+/// Maximum entries of a record: the stored properties, three counters and the hot mark.
+pub const ENTRIES: usize = STORED + 4;
 
 /// Maximum half-words of a record before its CRC: every entry has at most three.
 pub const MOST_WORDS: usize = HEAD + 3 * ENTRIES;

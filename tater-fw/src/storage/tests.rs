@@ -107,8 +107,8 @@ fn stored() -> Vec<Property> {
 
 #[test]
 fn all_stored_properties_fit() {
-    // 43: the number in the module's documentation, on which its arithmetic is based.
-    assert_eq!(stored().len(), 43);
+    // 46: the number in the module's documentation, on which its arithmetic is based.
+    assert_eq!(stored().len(), 46);
     assert!(stored().len() <= STORED);
     for property in stored() {
         let row = property.row();
@@ -162,17 +162,17 @@ fn save_takes_the_stated_half_words() {
         finish(store, flash);
         flash.programmed - before
     };
-    // The first record is a complete one: head 4, counters 3 x 2, properties 2 each, and ACCEL and TSTOP 1 more, CRC 2.
-    assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 4 + 3 * 2 + 43 * 2 + 2 + 2);
+    // The first record is a complete one: head 4, counters 3 x 2, properties 2 each, and ACCEL, TSTOP and HOSTMS 1 more, CRC 2.
+    assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 4 + 3 * 2 + 46 * 2 + 3 + 2);
     assert_eq!(save(|p| p.row().max, &mut store, &mut flash), 0, "nothing has changed");
-    assert_eq!(save(|p| p.row().max - 1, &mut store, &mut flash), 4 + 43 * 2 + 2 + 2);
+    assert_eq!(save(|p| p.row().max - 1, &mut store, &mut flash), 4 + 46 * 2 + 3 + 2);
     store.set(Property::X0, 5);
     assert_eq!(finish(&mut store, &mut flash), 1 + 8, "made, and written");
     // The longest complete one: counters that need 32 bits.
     store.reset_counters(Counters { upsecs: 1 << 31, odometer: 1 << 20, ptemp: 900 });
     finish(&mut store, &mut flash);
     store.record(true);
-    assert_eq!(store.words.len() + record::TAIL, 4 + 3 + 3 + 2 + 43 * 2 + 2 + 2);
+    assert_eq!(store.words.len() + record::TAIL, 4 + 3 + 3 + 2 + 46 * 2 + 3 + 2);
     assert_eq!(Store::open(&flash).counters(), store.counters());
 }
 
@@ -206,7 +206,7 @@ fn forget_all_keeps_locked_properties() {
     finish(&mut store, &mut flash);
     for store in [store, Store::open(&flash)] {
         let left: Vec<Property> = stored().into_iter().filter(|p| store.get(*p).is_some()).collect();
-        assert_eq!(left, [Property::ROLE, Property::SN, Property::ID]);
+        assert_eq!(left, [Property::ROLE, Property::SN, Property::ID, Property::WIRING, Property::KIND]);
     }
 }
 
@@ -466,4 +466,76 @@ fn record_out_of_sequence_ends_the_journal() {
         flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
         assert_eq!(Store::open(&flash).get(Property::MT), Some(if read { 6 } else { 5 }), "{sequence}");
     }
+}
+
+#[test]
+fn hot_mark_survives_a_cut_between_any_two_operations() {
+    let (mut store, mut flash) = fresh();
+    store.set_hot(true);
+    assert!(!store.is_hot(), "not in the flash yet");
+    let before = flash.programmed;
+    finish(&mut store, &mut flash);
+    // The first is a page's complete record, which has it too.
+    assert!(store.is_hot() && flash.programmed > before);
+    // Over more than the ring, one change at a time.
+    for round in 0..1500 {
+        store.set(Property::X5, round);
+        while store.step(&mut flash, true) == Progress::More {
+            assert!(Store::open(&flash).is_hot(), "round {round}");
+        }
+    }
+    assert!(flash.erased > 16, "{}", flash.erased);
+    store.set_hot(false);
+    assert!(!store.is_hot(), "from here on the flash may lose it");
+    let before = flash.programmed;
+    finish(&mut store, &mut flash);
+    assert_eq!(flash.programmed, before + 1, "one half-word");
+    assert!(!Store::open(&flash).is_hot());
+    store.set_hot(true);
+    finish(&mut store, &mut flash);
+    assert_eq!(flash.programmed, before + 2);
+    let open = Store::open(&flash);
+    assert!(open.is_hot() && open.counters() == store.counters(), "it counts nothing");
+}
+
+#[test]
+fn hot_mark_that_cannot_be_written_is_not_there() {
+    let (mut store, mut flash) = fresh();
+    flash.broken = (STORAGE.start..STORAGE.end()).step_by(2).collect();
+    store.set_hot(true);
+    for _ in 0..100 {
+        let _ = store.step(&mut flash, true);
+        assert!(!store.is_hot());
+    }
+}
+
+#[test]
+fn hot_mark_waits_for_a_page_while_the_bridge_is_on() {
+    let (mut store, mut flash) = fresh();
+    // Until nothing is ready.
+    for round in 0.. {
+        store.set(Property::X5, round);
+        let last = (0..200).map(|_| store.step(&mut flash, false)).find(|&step| step != Progress::More);
+        if last == Some(Progress::Waiting) {
+            break;
+        }
+    }
+    store.set_hot(true);
+    assert_eq!((store.step(&mut flash, false), store.is_hot()), (Progress::Waiting, false));
+    finish(&mut store, &mut flash);
+    assert!(store.is_hot() && Store::open(&flash).is_hot());
+}
+
+#[test]
+fn save_counters_stores_any_growth_in_a_half_word_each() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::X5, 1);
+    finish(&mut store, &mut flash);
+    let before = flash.programmed;
+    store.count(Counters { upsecs: 1, odometer: 1, ptemp: 1 });
+    finish(&mut store, &mut flash);
+    assert_eq!(flash.programmed, before + 1, "PTEMP; the others are not due");
+    store.save_counters();
+    finish(&mut store, &mut flash);
+    assert_eq!((flash.programmed, Store::open(&flash).counters()), (before + 3, store.counters()));
 }

@@ -25,6 +25,20 @@ pub enum Word {
 }
 
 impl Word {
+    /// The hot mark, and its removal: growths by nothing, so that a program that does not know them skips them.
+    pub const HOT: Self = Self::Heat(0);
+    /// See [`Self::HOT`].
+    pub const COOL: Self = Self::Travel(0);
+
+    /// The hot mark after this word; `None` if it says nothing about it.
+    pub const fn hot_mark(self) -> Option<bool> {
+        match self {
+            Self::HOT => Some(true),
+            Self::COOL => Some(false),
+            _ => None,
+        }
+    }
+
     /// Amounts are at most [`MOST`].
     pub const fn encode(self) -> u16 {
         let (kind, amount) = match self {

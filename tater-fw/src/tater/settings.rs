@@ -29,6 +29,9 @@ pub struct Settings {
     en: bool,
     pub lflags: u8,
     lcvc: u8,
+    pub wiring: u8,
+    pub hostms: u16,
+    kind: u8,
 }
 
 bind! { settings for Settings:
@@ -55,6 +58,9 @@ bind! { settings for Settings:
     EN = en,
     LFLAGS = lflags,
     LCVC = lcvc,
+    WIRING = wiring,
+    HOSTMS = hostms,
+    KIND = kind,
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::monitor::download::{GRANT, REPEAT, TIMEOUT};
+use crate::monitor::download::{DRAIN, FINISHED, GRANT, REPEAT, TIMEOUT};
 use proptest::prelude::*;
 use tater_wire::download::pack;
 
@@ -163,6 +163,68 @@ fn bad_file_raises_its_error_and_leaves_the_old_application() {
         assert_eq!(download(&mut bench, &good, !numbered), Some(0), "{what}: downloadable again");
         assert_eq!(application(&mut bench, new.len()), new, "{what}");
     }
+}
+
+/// btutil waits for a request of each character of its file, without a time limit and whatever ERROR reads.
+#[test]
+fn refused_download_of_an_old_host_is_requested_to_its_end() {
+    let new = image(2 * 1024, 2);
+    let good = characters(&new);
+    let start = APPLICATION.start;
+    let rest = |bad: Vec<u8>| [bad, good.clone()].concat();
+    let mut checksum = good.clone();
+    checksum[20] ^= 1;
+    let cases = [
+        (17, rest(b"X0".to_vec())),
+        (18, checksum),
+        (19, rest(data(start - 1, &[1, 2]))),
+        (20, rest([data(start + 8, &[1]), data(start, &[1])].concat())),
+        (21, good.clone()),
+    ];
+    for (error, text) in cases {
+        let (mut bench, old) = bench();
+        bench.board().chip.worn = error == 21;
+        bench.set(3, 0, 0xAA);
+        let (mut sent, mut last) = (0, bench.now);
+        while !bench.monitor.is_idle() {
+            // Slower than a request is repeated, now and then.
+            for _ in requests(&mut bench, if sent % 1000 == 7 { REPEAT.0 + 1 } else { 100 }) {
+                if let Some(&character) = text.get(sent) {
+                    bench.say(3, &[character]);
+                    (sent, last) = (sent + 1, bench.now);
+                }
+            }
+        }
+        assert_eq!(sent, text.len(), "ERROR {error}: the host would wait forever");
+        let silent = bench.now.wrapping_sub(last);
+        assert!((FINISHED.0..FINISHED.0 + 2 * REPEAT.0).contains(&silent), "ERROR {error}: {silent} us");
+        assert_eq!(bench.get(3, 4), Some(error));
+        assert_eq!(application(&mut bench, old.len()), old);
+        bench.board().chip.worn = false;
+        assert_eq!(download(&mut bench, &good, false), Some(0), "downloadable again");
+    }
+}
+
+#[test]
+fn refused_download_of_a_host_that_never_ends_is_dropped_after_half_an_hour() {
+    let (mut bench, _) = bench();
+    bench.set(3, 0, 0xAA);
+    let begun = bench.now;
+    while !bench.monitor.is_idle() {
+        for _ in requests(&mut bench, 500_000) {
+            bench.say(3, b"0");
+        }
+    }
+    let took = bench.now.wrapping_sub(begun);
+    assert!((DRAIN.0..DRAIN.0 + TIMEOUT.0).contains(&took), "{took}");
+    // A new order ends it at once.
+    bench.set(3, 0, 0xAA);
+    send_singly(&mut bench, b"X0");
+    assert!(matches!(bench.monitor.phase, Phase::Drain(_)));
+    bench.set(3, 0, 0xAA);
+    let new = image(1024, 3);
+    send_singly(&mut bench, &characters(&new));
+    assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(0)));
 }
 
 #[test]
@@ -375,6 +437,7 @@ fn get_is_answered_during_a_download_and_set_stat_ends_it() {
     assert_eq!((bench.get(3, 5), bench.get(3, 4)), (Some(0), Some(0)));
     bench.set(3, 5, 0);
     assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(0)), "ended, no fault");
+    assert_eq!(bench.board().resets, 1, "a reset, as in the application");
     bench.set(3, 0, 0xAA);
     send_singly(&mut bench, &text[..1000]);
     assert_eq!(download(&mut bench, &text, false), Some(0), "begun anew");

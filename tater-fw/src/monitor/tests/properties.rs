@@ -7,10 +7,10 @@ const SN: u8 = 2;
 const ID: u8 = 3;
 
 #[test]
-fn monitor_answers_six_properties_only() {
+fn monitor_answers_six_properties_and_0_for_memory() {
     let mut bench = Bench::strapped(3);
     let answers: Vec<_> = (0..0x80).filter_map(|id| Some((id, bench.get(3, id)?))).collect();
-    assert_eq!(answers, [(0, 600), (1, 2051), (2, 4711), (3, 3), (4, 0), (5, 0)]);
+    assert_eq!(answers, [(0, 600), (1, 2051), (2, 4711), (3, 3), (4, 0), (5, 0), (6, 0), (7, 0)]);
     assert_eq!((bench.board().bridge, bench.board().brake), (Bridge::Off, false));
 }
 
@@ -38,7 +38,7 @@ fn groups_and_node_come_from_storage_and_replies_are_ignored() {
     bench.settle();
     let mut bench = bench.reset();
     let heard: Vec<_> = (0..32).filter(|g| !bench.say(0x400 | g, &[5]).is_empty()).collect();
-    assert_eq!(heard, [0, 4, 9]);
+    assert_eq!(heard, [0, 5, 9]);
     assert_eq!((bench.get(12, 3), bench.say(3, &[3]).len()), (Some(12), 0));
 }
 
@@ -53,7 +53,7 @@ fn monitor_sets_the_can_filters() {
     bench.monitor.saving = true;
     bench.settle();
     let listens = bench.reset().board().listens;
-    assert_eq!(listens, Some((Node::new(12).expect("12"), [None, Group::new(9), Group::new(4)])));
+    assert_eq!(listens, Some((Node::new(12).expect("12"), [None, Group::new(9), Group::new(5)])));
     let listens = Bench::strapped(0).board().listens;
     assert_eq!(listens, Some((Node::HOST, groups([0, 1, 4]))), "nobody has named it");
 }
@@ -296,4 +296,23 @@ fn failed_save_raises_an_error() {
     bench.board().chip.worn = true;
     bench.set(3, SAVE, -1);
     assert_eq!((bench.settle(), bench.get(3, 4)), (Next::Stay, Some(8)));
+}
+
+#[test]
+fn stat_0_resets_so_that_a_new_id_takes_effect() {
+    let mut bench = Bench::strapped(3);
+    for key in [18384, 23, 3145, 1024, 1] {
+        bench.set(3, 8, key);
+    }
+    bench.set(3, 3, 14);
+    bench.set(3, 9, 3);
+    bench.set(3, 5, 0);
+    assert_eq!(bench.board().resets, 0, "first what is to be stored");
+    bench.settle();
+    assert_eq!(bench.board().resets, 1);
+    let mut bench = bench.reset();
+    assert_eq!((bench.get(3, 5), bench.get(14, 5), bench.get(14, 3)), (None, Some(0), Some(14)));
+    // GRPC of a node of an arm's hand.
+    let groups = [Group::new(0), Group::new(0), Group::new(5)];
+    assert_eq!(bench.board().listens, Node::new(14).map(|node| (node, groups)));
 }

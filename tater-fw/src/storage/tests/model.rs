@@ -22,6 +22,10 @@ fn act() -> impl Strategy<Value = Act> {
         let span = (row.max - row.min + 1) as usize;
         Act::Set(property, row.min + at.index(span) as i64)
     });
+    let value = value.prop_filter(
+        "in range",
+        |act| matches!(act, Act::Set(property, value) if property.rules().admits(*value)),
+    );
     prop_oneof![
         6 => value,
         2 => property().prop_map(Act::Forget),

@@ -6,7 +6,8 @@ use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, Micros, MilliAmps, MilliVolts};
 use std::vec::Vec;
 use tater_fw::SetError;
-use tater_fw::storage::Progress;
+use tater_fw::storage::{Progress, Store};
+use tater_fw::tater::heat::COLD;
 use tater_fw::{Analog, Board, Flash, FlashError, Tater};
 use tater_wire::memory::{FLASH, PAGE};
 use tater_wire::{Body, Destination, FaultCode, Frame, Group, Message, Node, Property, Value};
@@ -73,6 +74,9 @@ pub struct FakeBoard {
     pub sent: Vec<Frame>,
     pub room: usize,
     pub feeds: u32,
+    pub tick_feeds: u32,
+    /// Kept over a reset.
+    pub retained: u32,
     /// Resets, each with whether the bridge was on and the brake released.
     pub resets: Vec<(bool, bool)>,
     pub sent_at_reset: usize,
@@ -81,8 +85,18 @@ pub struct FakeBoard {
 }
 
 impl FakeBoard {
-    /// A healthy board with blank flash and its rotor at count 0.
+    /// A healthy board with the standard wiring stored, as it is shipped, and its rotor at count 0.
     pub fn new(straps: u8) -> Self {
+        let mut board = Self::unwired(straps);
+        let mut store = Store::open(&board.flash);
+        store.set(Property::WIRING, 2);
+        while store.step(&mut board.flash, true) != Progress::Done {}
+        (board.flash.operations, board.flash.erases) = (0, 0);
+        board
+    }
+
+    /// The same with blank flash.
+    pub fn unwired(straps: u8) -> Self {
         Self {
             flash: FakeFlash {
                 words: std::vec![u16::MAX; FLASH.len as usize / 2],
@@ -109,6 +123,8 @@ impl FakeBoard {
             sent: Vec::new(),
             room: usize::MAX,
             feeds: 0,
+            tick_feeds: 0,
+            retained: COLD,
             resets: Vec::new(),
             sent_at_reset: 0,
             operations_at_drive: None,
@@ -168,6 +184,18 @@ impl Board for FakeBoard {
         self.feeds += 1;
     }
 
+    fn feed_tick_watchdog(&mut self) {
+        self.tick_feeds += 1;
+    }
+
+    fn retained(&self) -> u32 {
+        self.retained
+    }
+
+    fn retain(&mut self, word: u32) {
+        self.retained = word;
+    }
+
     fn reset(&mut self) {
         self.sent_at_reset = self.sent.len();
         self.resets.push((self.bridge != Bridge::Off, self.brake_released));
@@ -202,7 +230,10 @@ impl Bench {
         board.turn_to(count);
         // The clock wraps during the test.
         let now = Micros(u32::MAX - 50_000);
-        Self { tater: Tater::new(board, now), now, count }
+        let mut tater = Tater::new(board, now);
+        // The rotor here follows no torque.
+        tater.trust_direction();
+        Self { tater, now, count }
     }
 
     pub fn board(&mut self) -> &mut FakeBoard {
@@ -333,12 +364,20 @@ impl Bench {
         }
     }
 
-    /// HI to its end, on a rotor that stands against its stop.
+    /// HI to its end, on a rotor that stands against its stop: in mode 4 it turns 200 counts/s away from it and back.
     pub fn home(&mut self) {
         self.set(Property::CMD, 13).expect("HI");
         self.tick();
-        while self.tater.status().mode == Mode::Velocity {
-            self.tick();
+        let stop = self.count;
+        let side = self.tater.status().setpoint_velocity.round().signum();
+        for ms in 0.. {
+            let status = self.tater.status();
+            if status.mode != Mode::Velocity {
+                break;
+            }
+            let step = if ms % 5 == 0 { status.setpoint_velocity.round().signum() } else { 0 };
+            let count = self.count + i32::from(step);
+            self.tick_to(if (count - stop) * i32::from(side) > 0 { stop } else { count });
         }
         self.follow(5_000);
         assert!(self.tater.status().homed, "{:?}", self.tater.status());

@@ -6,6 +6,7 @@ use servo_core::mode::Mode;
 use servo_core::units::Torque;
 use servo_core::{EndReason, Refusal};
 use std::vec::Vec;
+use tater_wire::property::Access;
 use tater_wire::{Body, Destination, Group, Node, Property, Torques, Value, command};
 
 fn group(number: u8) -> Destination {
@@ -222,15 +223,46 @@ fn meaningless_frames_change_nothing() {
     let own = bench.own();
     let bodies = [
         Body::More { frames: 3, received: 9 },
-        Body::Get(6),
-        Body::Get(7),
-        Body::Get(12),
+        Body::Get(109 + 4),
+        Body::Get(126),
+        Body::Get(127),
         Body::Set { property: 6, value: Value::Long(0x2000_0000) },
         Body::Set { property: 12, value: Value::Short(1) },
     ];
     let refused: Vec<_> = bodies.into_iter().map(|body| bench.say(own, 0, body)).collect();
     assert_eq!(refused, [Err(SetError::Unknown); 6]);
     assert!(bench.said().is_empty());
+}
+
+/// A host of Barrett's waits for each answer without a time limit (btutil: IKP, VALUE): every number of its table has one.
+#[test]
+fn get_of_every_number_of_barretts_table_is_answered() {
+    let wide =
+        |id: u8| Property::of(id).map_or([96, 98].contains(&id), |property| property.rules().bits == 32);
+    for straps in (1..=7).chain(11..=17) {
+        let mut bench = Bench::new(straps);
+        bench.tick();
+        for id in 0..=127 {
+            let own = bench.own();
+            let result = bench.say(own, 0, Body::Get(id));
+            let said = bench.said();
+            let known = Property::of(id);
+            if id >= 109 && known.is_none() {
+                assert_eq!((result, said.len()), (Err(SetError::Unknown), 0), "{id}");
+                continue;
+            }
+            assert_eq!((result, said.len()), (Ok(()), 1), "{id}");
+            if known == Some(Property::P) {
+                continue;
+            }
+            let Body::Set { property, value } = said[0].body else { panic!("{id}: {said:?}") };
+            let long = matches!(value, Value::Long(_));
+            assert!(property == id && (long == wide(id) || known.is_some()), "{id}: {value:?}");
+            if known.is_none_or(|known| known.rules().access == Access::WriteOnly) {
+                assert!(matches!(value, Value::Short(0) | Value::Long(0)), "{id}: {value:?}");
+            }
+        }
+    }
 }
 
 /// A board without a node number cannot be stopped over the bus either: it never moves, but receives.

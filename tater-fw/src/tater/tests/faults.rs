@@ -5,13 +5,42 @@ use super::board::Bench;
 use crate::SetError;
 use crate::codes::fault_code;
 use crate::storage::Progress;
-use crate::tater::HOST_TIMEOUT_MS;
 use servo_core::Refusal;
 use servo_core::guard::fault::Fault;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation::Bridge;
 use servo_core::units::{DeciCelsius, MilliAmps, MilliVolts};
 use tater_wire::{Body, Destination, FaultCode, Group, Node, Property, fault};
+
+/// HOSTMS of a board on which nothing has been set.
+const HOSTMS: usize = 2000;
+
+fn draw_too_much(bench: &mut Bench) {
+    bench.set(Property::MODE, 2).expect("mode 2");
+    bench.set(Property::T, 600).expect("mode 2");
+    bench.ticks(35);
+    for _ in 0..6 {
+        // 15.5 A in the phases, of which the supply carries the duty's share.
+        let duty = i32::from(bench.tater.status().duty.0.to_bits());
+        let bus = i16::try_from(15_500 * duty / 32_768).expect("below 15.5 A");
+        bench.board().analog.current = MilliAmps(bus);
+        bench.tick();
+    }
+}
+
+fn run_the_wrong_way(bench: &mut Bench) {
+    // Another wiring has not been seen to be right.
+    bench.unlock();
+    bench.set(Property::WIRING, 4).expect("in idle");
+    bench.set(Property::MODE, 2).expect("mode 2");
+    bench.set(Property::T, 60).expect("mode 2");
+    bench.ticks(40);
+    let count = bench.count;
+    for wrong in 1..=5 {
+        bench.tick_to(count - wrong);
+    }
+    bench.ticks(202);
+}
 
 /// Drives the board into a fault; `false` for faults of the monitor. The match is exhaustive: a new row needs
 /// its provocation.
@@ -21,18 +50,7 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
             bench.board().halls = 7;
             bench.ticks(4);
         }
-        FaultCode::OverCurrent => {
-            bench.set(Property::MODE, 2).expect("mode 2");
-            bench.set(Property::T, 600).expect("mode 2");
-            bench.ticks(35);
-            for _ in 0..6 {
-                // 15.5 A in the phases, of which the supply carries the duty's share.
-                let duty = i32::from(bench.tater.status().duty.0.to_bits());
-                let bus = i16::try_from(15_500 * duty / 32_768).expect("below 15.5 A");
-                bench.board().analog.current = MilliAmps(bus);
-                bench.tick();
-            }
-        }
+        FaultCode::OverCurrent => draw_too_much(bench),
         FaultCode::OverTemperature => {
             bench.board().analog.motor_temp = DeciCelsius(700);
             // The temperature is judged each 16 ms.
@@ -52,7 +70,16 @@ fn provoke(bench: &mut Bench, fault: FaultCode) -> bool {
         }
         FaultCode::HostLost => {
             bench.set(Property::MODE, 4).expect("mode 4");
-            bench.ticks(501);
+            bench.ticks(HOSTMS + 1);
+        }
+        FaultCode::Wiring => run_the_wrong_way(bench),
+        FaultCode::Jammed => {
+            // A rotor that never turns: it stalls at a stop, and when it is to leave it.
+            bench.set(Property::CMD, 13).expect("HI");
+            for _ in 0..20 {
+                bench.ticks(100);
+                let _ = bench.get(Property::MODE);
+            }
         }
         FaultCode::Storage => {
             bench.board().flash.broken = true;
@@ -98,7 +125,9 @@ fn every_application_fault_is_raised_named_and_cleared() {
         assert_eq!(bench.get(Property::ERROR), Some(i64::from(row.code.code())), "{}", row.name);
         assert_eq!(bench.get(Property::STAT), Some(2), "{}", row.name);
         assert_eq!((bench.tater.status().mode, bench.board().brake_released), (Mode::Idle, false));
-        let refused = bench.tater.status().fault.map(|fault| Err(SetError::Servo(Refusal::Fault(fault))));
+        // The next order clears a lost host.
+        let forbids = bench.tater.status().fault.filter(|&fault| fault != Fault::HostLost);
+        let refused = forbids.map(|fault| Err(SetError::Servo(Refusal::Fault(fault))));
         assert_eq!(bench.set(Property::M, 20), refused.unwrap_or(Ok(())), "{}", row.name);
         *bench.board().analog_mut() = healthy;
         let count = bench.count;
@@ -108,8 +137,8 @@ fn every_application_fault_is_raised_named_and_cleared() {
         assert_eq!(bench.get(Property::ERROR), Some(0), "{}", row.name);
         assert_eq!(bench.set(Property::M, 30), Ok(()), "{}", row.name);
     }
-    // The servo's seven, and the flash.
-    assert_eq!(provoked, 8);
+    // The servo's nine, and the flash.
+    assert_eq!(provoked, 10);
 }
 
 /// A host that clears a fault and continues without checking drives nothing while the cause persists.
@@ -187,21 +216,125 @@ fn break_input_keeps_the_bridge_off_and_raises_a_fault_at_the_next_tick() {
     assert_ne!(bench.board().bridge, Bridge::Off, "once");
 }
 
+/// Every order × motor kind: only modes 2 and 4 that a host has set need it. Pressing after TC counts as TC.
 #[test]
-fn host_is_lost_after_500_ms_of_silence_in_modes_2_and_4() {
-    for mode in [2, 3, 4, 5] {
-        // A spread that is stuck on its way.
-        let mut bench = Bench::new(4);
-        bench.set(Property::TSTOP, 0).expect("never");
-        bench.set(Property::E, 100).expect("in range");
-        bench.set(Property::MODE, mode).expect("a mode");
-        bench.ticks(usize::from(HOST_TIMEOUT_MS));
-        assert_eq!(bench.tater.status().fault, None, "mode {mode}");
-        bench.tick();
-        let lost = (mode == 2 || mode == 4).then_some(Fault::HostLost);
-        assert_eq!(bench.tater.status().fault, lost, "mode {mode}");
-        assert_eq!(bench.tater.drive().duty.is_none(), lost.is_some(), "mode {mode}");
+fn host_is_lost_after_hostms_in_modes_2_and_4_that_it_set() {
+    let modes = [2, 3, 4, 5].map(|mode| (Property::MODE, mode));
+    let cmds = tater_wire::command::ROWS.iter().map(|row| (Property::CMD, i64::from(row.number)));
+    let resets = i64::from(tater_wire::Cmd::Reset);
+    for (property, value) in modes.into_iter().chain(cmds).chain([(Property::M, 60)]) {
+        if (property, value) == (Property::CMD, resets) {
+            continue;
+        }
+        for straps in [1, 4, 5] {
+            // A motor that is stuck on its way and never stalls.
+            let mut bench = Bench::new(straps);
+            bench.set(Property::TSTOP, 0).expect("never");
+            bench.set(Property::E, 100).expect("in range");
+            bench.set(property, value).expect("an order");
+            bench.ticks(HOSTMS);
+            let lost = |bench: &Bench| bench.tater.status().fault == Some(Fault::HostLost);
+            assert!(!lost(&bench), "{property:?} {value} on {straps}");
+            bench.tick();
+            let needs = property == Property::MODE && (value == 2 || value == 4);
+            assert_eq!(lost(&bench), needs, "{property:?} {value} on {straps}");
+            bench.ticks(2 * HOSTMS);
+            assert_eq!(lost(&bench), needs, "{property:?} {value} on {straps}");
+            if needs {
+                assert_eq!(bench.tater.drive().duty, None);
+                assert_eq!(bench.get(Property::ERROR), Some(7));
+                assert_eq!(bench.set(property, value), Ok(()), "does not latch");
+                assert_eq!(bench.get(Property::ERROR), Some(0));
+                assert_eq!(bench.get(Property::MODE), Some(value));
+            }
+        }
     }
+}
+
+#[test]
+fn every_mode_and_cmd_clears_a_lost_host() {
+    let lost = |straps| {
+        let mut bench = Bench::new(straps);
+        bench.set(Property::MODE, 4).expect("mode 4");
+        bench.ticks(HOSTMS + 1);
+        assert_eq!(bench.get(Property::ERROR), Some(7));
+        bench
+    };
+    let modes = [0, 2, 3, 4, 5].map(|mode| (Property::MODE, mode));
+    let cmds = tater_wire::command::ROWS.iter().map(|row| (Property::CMD, i64::from(row.number)));
+    for (property, value) in modes.into_iter().chain(cmds).chain([(Property::M, 20), (Property::STAT, 2)]) {
+        for straps in [1, 4, 5] {
+            let mut bench = lost(straps);
+            bench.set(property, value).expect("nothing is latched");
+            assert_eq!(bench.get(Property::ERROR), Some(0), "{property:?} {value} on {straps}");
+        }
+    }
+    // Others do not, or a host would never read it.
+    for (property, value) in [(Property::E, 5), (Property::V, 20), (Property::TSTOP, 0), (Property::HOLD, 1)]
+    {
+        let mut bench = lost(1);
+        bench.set(property, value).expect("in range");
+        assert_eq!(bench.get(Property::ERROR), Some(7), "{property:?}");
+    }
+}
+
+#[test]
+fn hostms_sets_the_time_of_the_host_watchdog_is_stored_and_0_disables_it() {
+    for hostms in [1, 100, 2000, 2001, 65_535] {
+        let mut bench = Bench::new(1);
+        bench.set(Property::HOSTMS, hostms).expect("in range");
+        bench.set(Property::SAVE, Property::HOSTMS.id().into()).expect("stored");
+        bench.settle();
+        let mut bench = bench.restart();
+        bench.set(Property::MODE, 4).expect("mode 4");
+        bench.ticks(usize::try_from(hostms).expect("positive"));
+        assert_eq!(bench.tater.status().fault, None, "{hostms}");
+        bench.tick();
+        assert_eq!(bench.tater.status().fault, Some(Fault::HostLost), "{hostms}");
+    }
+    let mut bench = Bench::new(1);
+    bench.set(Property::MODE, 4).expect("mode 4");
+    bench.set(Property::HOSTMS, 0).expect("in range");
+    bench.ticks(200_000);
+    assert_eq!((bench.tater.status().mode, bench.tater.status().fault), (Mode::Velocity, None));
+}
+
+/// Every fault of the application × motor kind. After a fault libbarrett's mode 3 is refused, and its next P meant a goal.
+#[test]
+fn set_of_p_in_idle_is_refused_while_error_is_not_0() {
+    for row in fault::ROWS {
+        for straps in [1, 4, 5] {
+            let mut bench = Bench::new(straps);
+            let healthy = *bench.board().analog_mut();
+            bench.tick();
+            if !provoke(&mut bench, row.code) {
+                continue;
+            }
+            let position = bench.get(Property::P);
+            for value in [535, -1, 0] {
+                assert_eq!(bench.set(Property::P, value), Err(SetError::Fault(row.code)), "{}", row.name);
+                assert_eq!(bench.get(Property::P), position, "{} on {straps}", row.name);
+            }
+            assert_eq!(bench.set(Property::LOAD, Property::P.id().into()), Err(SetError::Fault(row.code)));
+            *bench.board().analog_mut() = healthy;
+            let count = bench.count;
+            bench.board().turn_to(count);
+            bench.set(Property::STAT, 2).expect("clears");
+            bench.tick();
+            bench.set(Property::P, 12).expect("renames");
+            assert_eq!(bench.get(Property::P), Some(12), "{}", row.name);
+        }
+    }
+}
+
+#[test]
+fn set_of_p_in_mode_3_is_a_goal_also_after_a_flash_fault() {
+    let mut bench = Bench::new(1);
+    provoke(&mut bench, FaultCode::Storage);
+    bench.set(Property::MODE, 3).expect("the flash does not stop the motor");
+    assert_eq!(bench.set(Property::P, 40), Ok(()));
+    bench.ticks(3);
+    assert_eq!(bench.tater.status().setpoint.round(), 40);
 }
 
 #[test]
@@ -214,7 +347,7 @@ fn frame_to_the_board_or_its_groups_feeds_the_host_watchdog() {
         let mut bench = Bench::new(1);
         bench.set(Property::MODE, 2).expect("mode 2");
         for _ in 0..4 {
-            bench.ticks(400);
+            bench.ticks(HOSTMS - 100);
             let _ = bench.say(to, 0, Body::More { frames: 1, received: 0 });
         }
         assert_eq!(bench.tater.status().fault.is_none(), is_life, "{to:?}");
@@ -231,6 +364,7 @@ fn servo_faults_have_distinct_rows() {
         Fault::UnderVoltage,
         Fault::Bridge,
         Fault::HostLost,
+        Fault::Jammed,
     ];
     for (i, one) in all.into_iter().enumerate() {
         assert_eq!(fault_code(one).row().code, fault_code(one));

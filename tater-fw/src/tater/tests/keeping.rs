@@ -5,7 +5,7 @@ use crate::SetError;
 use servo_core::Refusal;
 use servo_core::mode::Mode;
 use servo_core::units::{DeciCelsius, Micros};
-use tater_wire::{FaultCode, Group, Node, Property};
+use tater_wire::{Body, Destination, FaultCode, Group, MotorKind, Node, Property};
 
 fn id(property: Property) -> i64 {
     i64::from(property.id())
@@ -144,6 +144,57 @@ fn locked_properties_are_skipped_by_all_and_need_the_sequence() {
     assert_eq!(bench.set(Property::DEF, id(Property::SN)), Err(SetError::Access(Property::SN)), "once");
 }
 
+/// KIND, straps and node in every combination: the kind that is stored counts, then the straps', then the node's.
+#[test]
+fn kind_of_motor_is_stored_or_the_straps_or_the_nodes() {
+    let kinds = [None, Some(1), Some(2), Some(3)];
+    for straps in [0, 1, 4, 5] {
+        for node in (1..=7).chain(11..=17).chain([20]) {
+            for stored in kinds {
+                let mut bench = Bench::new(straps);
+                let all = Destination::Group(Group::ALL);
+                let mut order = |property: Property, value: i64| {
+                    let value = property.write(value).expect("fits");
+                    bench.say(all, 0, Body::Set { property: property.id(), value }).expect("taken");
+                };
+                for (property, value) in [(Property::ID, Some(i64::from(node))), (Property::KIND, stored)] {
+                    let Some(value) = value else { continue };
+                    for key in [18384, 23, 3145, 1024, 1] {
+                        order(Property::LOCK, key);
+                    }
+                    order(property, value);
+                    order(Property::SAVE, id(property));
+                }
+                bench.settle();
+                let mut bench = bench.restart();
+                let by = |number| i64::from(MotorKind::of(Node::new(number).expect("a node")).code());
+                let kind = stored.unwrap_or(if straps == 0 { by(node) } else { by(straps) });
+                let what = std::format!("straps {straps}, node {node}, KIND {stored:?}");
+                assert_eq!(bench.get(Property::KIND), Some(kind), "{what}");
+                let ct = [331, 169, 331][usize::try_from(kind - 1).expect("1 to 3")];
+                assert_eq!(bench.get(Property::CT), Some(ct), "{what}");
+                assert_eq!(bench.get(Property::HOLD), Some(i64::from(kind == 2)), "{what}");
+                assert_eq!(bench.tater.config().brake_ms, if kind == 2 { 30 } else { 0 }, "{what}");
+                let arm = (11..=17).contains(&node);
+                assert_eq!(bench.get(Property::GRPC), Some(if arm { 5 } else { 4 }), "{what}");
+                // DEF of all restores the kind's defaults and keeps KIND, which is locked; DEF of KIND forgets it.
+                set(&mut bench, Property::CT, 100);
+                set(&mut bench, Property::DEF, -1);
+                assert_eq!(
+                    (bench.get(Property::CT), bench.get(Property::KIND)),
+                    (Some(ct), Some(kind)),
+                    "{what}"
+                );
+                bench.unlock();
+                set(&mut bench, Property::DEF, id(Property::KIND));
+                let forgotten = if straps == 0 { by(node) } else { by(straps) };
+                assert_eq!(bench.get(Property::KIND), Some(forgotten), "{what}");
+                assert_eq!(bench.set(Property::KIND, 1), Err(SetError::Access(Property::KIND)), "locked");
+            }
+        }
+    }
+}
+
 #[test]
 fn new_id_takes_effect_at_the_next_start() {
     let mut bench = Bench::new(2);
@@ -154,8 +205,8 @@ fn new_id_takes_effect_at_the_next_start() {
     bench.settle();
     let mut bench = bench.restart();
     assert_eq!((bench.get(Property::ID), bench.tater.node().number()), (Some(4), 4));
-    // The spread's defaults.
-    assert_eq!((bench.get(Property::HOLD), bench.get(Property::PIDX)), (Some(1), Some(4)));
+    // The straps still tell the kind of motor, the node its slot.
+    assert_eq!((bench.get(Property::HOLD), bench.get(Property::PIDX)), (Some(0), Some(4)));
     bench.unlock();
     set(&mut bench, Property::DEF, id(Property::ID));
     assert_eq!(bench.get(Property::ID), Some(2), "the straps'");
@@ -482,9 +533,49 @@ fn reset_stores_the_counters() {
 }
 
 #[test]
+fn save_stores_the_counters_before_a_power_cut() {
+    for saved in [-1, id(Property::MT)] {
+        let mut bench = Bench::new(1);
+        for _ in 0..48 {
+            bench.tick_to(13);
+            bench.tick_to(-12);
+        }
+        for _ in 0..3 {
+            second(&mut bench);
+        }
+        bench.settle();
+        // Not due by themselves: a restart without a reset has lost them.
+        set(&mut bench, Property::SAVE, saved);
+        bench.settle();
+        let mut bench = bench.restart();
+        assert_eq!(
+            (bench.get(Property::UPSECS), bench.get(Property::OD)),
+            (Some(3), Some(2)),
+            "SAVE {saved}"
+        );
+    }
+}
+
+#[test]
+fn watchdog_of_the_tick_is_fed_by_each_tick_and_before_each_erase() {
+    let mut bench = Bench::new(1);
+    let feeds = bench.board().tick_feeds;
+    bench.ticks(5);
+    assert_eq!(bench.board().tick_feeds, feeds + 5);
+    bench.tater.housekeeping(bench.now);
+    assert_eq!(bench.board().tick_feeds, feeds + 5, "housekeeping does not stand for the tick");
+    set(&mut bench, Property::SAVE, -1);
+    let (feeds, operations) = (bench.board().tick_feeds, bench.board().flash.operations);
+    bench.set(Property::STAT, 0).expect("a reset is always obeyed");
+    let operations = bench.board().flash.operations - operations;
+    assert!(operations >= 8 && bench.board().tick_feeds - feeds >= operations, "{operations}");
+}
+
+#[test]
 fn watchdog_is_fed_for_each_flash_operation_before_a_reset() {
     let mut bench = Bench::new(1);
-    // A blank storage has eight pages to erase, of 40 ms each.
+    // A record of all that is stored.
+    set(&mut bench, Property::SAVE, -1);
     let (feeds, operations) = (bench.board().feeds, bench.board().flash.operations);
     bench.set(Property::STAT, 0).expect("a reset is always obeyed");
     let operations = bench.board().flash.operations - operations;

@@ -207,3 +207,25 @@ fn brake_reads_as_commanded() {
     bench.tick();
     assert_eq!(bench.get(Property::B), Some(1));
 }
+
+#[test]
+fn v_is_pending_until_a_motion_ends_and_no_host_inherits_it() {
+    for node in [1, 4, 5] {
+        let mut bench = Bench::new(node);
+        // 30 counts/s at KPV 32 are 60 units: no stall.
+        bench.set(Property::V, 30).expect("in range");
+        assert_eq!((bench.get(Property::VSET), bench.get(Property::V)), (Some(30), Some(0)), "pending");
+        bench.set(Property::MODE, 4).expect("mode 4");
+        bench.ticks(50);
+        assert_eq!((bench.get(Property::VSET), bench.get(Property::V)), (Some(30), Some(30)));
+        bench.ticks(2001);
+        assert_eq!(bench.get(Property::ERROR), Some(7), "the host is lost");
+        assert_eq!(bench.get(Property::VSET), Some(0));
+        bench.set(Property::STAT, 2).expect("clears");
+        bench.set(Property::MODE, 4).expect("another host");
+        for _ in 0..100 {
+            bench.tick();
+            assert_eq!(bench.tater.status().torque, servo_core::units::Torque::ZERO);
+        }
+    }
+}
