@@ -7,9 +7,10 @@
 use std::rc::Rc;
 
 use hil_sim::bus::Station;
+use hil_sim::node::shipped_storage;
 use hil_sim::over_can::ObservedBoard;
 use hil_sim::rig::{Bridge, Rig};
-use tater_wire::memory::MONITOR;
+use tater_wire::memory::{MONITOR, STORAGE};
 use tater_wire::{Frame, Node};
 
 use crate::analog::FrontEnd;
@@ -72,13 +73,14 @@ pub struct Board {
 }
 
 impl Board {
-    /// A board without power: the monitor in its flash, everything else erased. `straps` is its node number,
+    /// A board without power: the monitor and the stored wiring of a shipped board in its flash, everything else erased. `straps` is its node number,
     /// `seed` determines the first contents of its RAM.
     #[must_use]
     pub fn new(mut rig: Rig, straps: Node, programs: &Programs, seed: u64) -> Self {
         let number = u32::from(straps.number());
         let mut chip = Chip::new(seed, [0x0043_0025 + number, 0x3042_3132, 0x2039_3751]);
         chip.flash.load(MONITOR.start, &programs.monitor);
+        chip.flash.load(STORAGE.start, &shipped_storage());
         for (bit, (port, pin)) in STRAPS.into_iter().enumerate() {
             // A strap to ground is a 1.
             chip.gpio.driven[port][pin] = (number >> bit & 1 == 1).then_some(false);
@@ -364,12 +366,14 @@ impl Station for Board {
     }
 
     fn next_us(&self) -> u64 {
+        let exchange_us = self.rig.next_exchange_us();
         if self.problem.is_some() || !self.machine.is_powered() {
-            u64::MAX
+            exchange_us
         } else if self.machine.is_waiting() && !self.machine.chip().touched {
-            (self.machine.next_wake() / US + 1).clamp(self.now_us + 1, self.now_us + ASLEEP_US)
+            let wake_us = (self.machine.next_wake() / US + 1).clamp(self.now_us + 1, self.now_us + ASLEEP_US);
+            wake_us.min(exchange_us)
         } else {
-            self.now_us + BUS_US
+            exchange_us.min(self.now_us + BUS_US)
         }
     }
 

@@ -17,6 +17,7 @@ mod resets;
 pub mod tim1;
 pub mod timer;
 pub mod uid;
+pub mod wwdg;
 
 pub use peripheral::{AccessError, Peripheral, RegisterResult, Reset, Size};
 
@@ -53,8 +54,10 @@ pub struct Chip {
     pub adc: adc::Adc,
     /// The CAN controller.
     pub can: can::Can,
-    /// The watchdog.
+    /// The independent watchdog.
     pub iwdg: iwdg::Iwdg,
+    /// The window watchdog.
+    pub wwdg: wwdg::Wwdg,
     /// Unique device ID.
     pub uid: uid::Uid,
     /// Set by every access to a peripheral and every event: [`Self::next_event`] may have changed.
@@ -115,6 +118,7 @@ impl Chip {
             adc: adc::Adc::default(),
             can: can::Can::default(),
             iwdg: iwdg::Iwdg::default(),
+            wwdg: wwdg::Wwdg::default(),
             uid: uid::Uid(uid),
             touched: true,
         }
@@ -134,6 +138,7 @@ impl Chip {
         self.adc.reset();
         self.can.reset();
         self.iwdg.reset();
+        self.wwdg = wwdg::Wwdg::default();
         self.tim1.gates_changed = true;
         self.touched = true;
         self.wire();
@@ -163,8 +168,8 @@ impl Chip {
     /// Time of the next event that may interrupt.
     #[must_use]
     pub fn next_wake(&self) -> Time {
-        let all: [&dyn Peripheral; 7] =
-            [&self.flash, &self.rcc, &self.tim2, &self.tim3, &self.tim4, &self.can, &self.iwdg];
+        let all: [&dyn Peripheral; 8] =
+            [&self.flash, &self.rcc, &self.tim2, &self.tim3, &self.tim4, &self.can, &self.iwdg, &self.wwdg];
         all.into_iter().map(Peripheral::next_event).min().unwrap_or(NEVER)
     }
 
@@ -261,6 +266,7 @@ impl Chip {
             0x4000_0000 => &mut self.tim2,
             0x4000_0400 => &mut self.tim3,
             0x4000_0800 => &mut self.tim4,
+            0x4000_2C00 => &mut self.wwdg,
             0x4000_3000 => &mut self.iwdg,
             0x4000_6400 => &mut self.can,
             0x4001_0000 => &mut self.afio,
@@ -302,6 +308,7 @@ impl Chip {
         self.tim1.set_cycle(self.rcc.timer1_cycle(), now);
         self.adc.set_cycle(self.rcc.adc_cycle(), now);
         self.can.set_cycle(self.rcc.can_cycle());
+        self.wwdg.set_cycle(self.rcc.can_cycle());
         let halls = [(1, 6), (1, 7), (1, 8)].map(|(port, pin)| self.gpio.level(port, pin));
         self.tim4.set_inputs(halls, now);
         // A failed crystal trips the break as well (RM0008 7.2.7).
@@ -331,7 +338,7 @@ impl Chip {
     /// Time of the next event.
     #[must_use]
     pub fn next_event(&self) -> Time {
-        let all: [&dyn Peripheral; 9] = [
+        let all: [&dyn Peripheral; 10] = [
             &self.flash,
             &self.rcc,
             &self.tim1,
@@ -341,6 +348,7 @@ impl Chip {
             &self.adc,
             &self.can,
             &self.iwdg,
+            &self.wwdg,
         ];
         all.into_iter().map(Peripheral::next_event).min().unwrap_or(NEVER)
     }
@@ -348,7 +356,7 @@ impl Chip {
     /// Advances time to `now`, which is not past [`Self::next_event`].
     pub fn advance(&mut self, now: Time) {
         self.now = now;
-        let all: [&mut dyn Peripheral; 9] = [
+        let all: [&mut dyn Peripheral; 10] = [
             &mut self.flash,
             &mut self.rcc,
             &mut self.tim1,
@@ -358,6 +366,7 @@ impl Chip {
             &mut self.adc,
             &mut self.can,
             &mut self.iwdg,
+            &mut self.wwdg,
         ];
         for peripheral in all {
             if peripheral.next_event() <= now {

@@ -1,9 +1,27 @@
 //! The programs: bytes for the flash, and names of functions.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use object::read::elf::ElfFile32;
 use object::{Object, ObjectSymbol, SymbolKind};
+
+/// Longest file of an image, bytes: a program with debug information has a few MiB.
+const MAX_BYTES: u64 = 64 << 20;
+
+/// # Errors
+/// The file cannot be read, or has no end (a device).
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, String> {
+    let wrong = |what: String| format!("{}: cannot be read: {what}", path.display());
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes));
+    read.map_err(|error| wrong(error.to_string()))?;
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err(wrong(format!("found more than {} MiB, expected a file of an image", MAX_BYTES >> 20)));
+    }
+    Ok(bytes)
+}
 
 /// Functions by address.
 #[derive(Clone, Debug, Default)]
@@ -18,8 +36,7 @@ impl Names {
     /// # Errors
     /// The file is not a readable ELF file.
     pub fn add(&mut self, path: &Path) -> Result<(), String> {
-        let bytes =
-            std::fs::read(path).map_err(|error| format!("{}: cannot be read: {error}", path.display()))?;
+        let bytes = read(path)?;
         let elf: ElfFile32 = ElfFile32::parse(&*bytes)
             .map_err(|error| format!("{}: is no 32-bit ELF file: {error}", path.display()))?;
         for symbol in elf.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text) {
@@ -75,8 +92,7 @@ impl Programs {
         let read = |name: &str| {
             let path = folder.join(name);
             let next = "make it with: cargo xtask image --profile PROFILE";
-            std::fs::read(&path)
-                .map_err(|error| format!("{}: cannot be read: {error}\n  next: {next}", path.display()))
+            self::read(&path).map_err(|error| format!("{error}\n  next: {next}"))
         };
         let mut names = Names::default();
         names.add(&folder.join("monitor.elf"))?;
@@ -84,5 +100,18 @@ impl Programs {
         let tek = String::from_utf8(read("tater.tek")?).map_err(|error| format!("tater.tek: {error}"))?;
         let names = std::rc::Rc::new(names);
         Ok(Self { monitor: read("monitor.bin")?, application: read("tater.bin")?, tek, names })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without a limit it would fill the memory.
+    #[cfg(unix)]
+    #[test]
+    fn file_without_an_end_is_refused() {
+        let error = Names::default().add(Path::new("/dev/zero")).expect_err("it has no end");
+        assert!(error.starts_with("/dev/zero: cannot be read: found more than 64 MiB"), "{error}");
     }
 }

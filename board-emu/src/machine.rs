@@ -204,7 +204,9 @@ impl Machine {
         if self.cpu.take_reset_request() {
             Some(Reset::Software)
         } else {
-            self.cpu.chip.iwdg.expired.then_some(Reset::Watchdog)
+            let chip = &self.cpu.chip;
+            let by_window = chip.wwdg.expired.then_some(Reset::WindowWatchdog);
+            chip.iwdg.expired.then_some(Reset::Watchdog).or(by_window)
         }
     }
 }

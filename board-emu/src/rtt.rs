@@ -33,7 +33,7 @@ impl Probe {
     /// The file cannot be read, or its program has no logs.
     pub fn new(elf: &Path) -> Result<Self, String> {
         let wrong = |what: String| format!("{}: {what}", elf.display());
-        let bytes = std::fs::read(elf).map_err(|error| wrong(format!("cannot be read: {error}")))?;
+        let bytes = crate::image::read(elf)?;
         let silent = || wrong("the program does not log\n  next: give --profile release".to_owned());
         let table = Table::parse(&bytes).map_err(|error| wrong(format!("its defmt table: {error}")))?;
         let table = table.filter(|table| !table.is_empty()).ok_or_else(silent)?;

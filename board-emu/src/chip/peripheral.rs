@@ -73,4 +73,6 @@ pub enum Reset {
     Software,
     /// The independent watchdog.
     Watchdog,
+    /// The window watchdog.
+    WindowWatchdog,
 }

@@ -62,6 +62,7 @@ mod csr {
     pub const PORRSTF: u32 = 1 << 27;
     pub const SFTRSTF: u32 = 1 << 28;
     pub const IWDGRSTF: u32 = 1 << 29;
+    pub const WWDGRSTF: u32 = 1 << 30;
 }
 
 /// Clocks and reset.
@@ -126,6 +127,7 @@ impl Rcc {
                 Reset::Pin => 0,
                 Reset::Software => csr::SFTRSTF,
                 Reset::Watchdog => csr::IWDGRSTF,
+                Reset::WindowWatchdog => csr::WWDGRSTF,
             };
         self.flags = if cause == Reset::Power { flags } else { self.flags | flags };
         // Middle of the trimming; the RC oscillator runs (RM0008 7.3.1).
@@ -179,7 +181,7 @@ impl Rcc {
         self.tree.adc
     }
 
-    /// Ticks per cycle of bxCAN's clock: APB1's.
+    /// Ticks per cycle of the clock of bxCAN and of the window watchdog: APB1's.
     #[must_use]
     pub const fn can_cycle(&self) -> Time {
         self.tree.apb1

@@ -1,7 +1,7 @@
 //! Resets of single peripherals (RM0008 7.3.4, 7.3.5).
 
 use super::{Chip, Peripheral};
-use super::{afio, tim1, timer};
+use super::{afio, tim1, timer, wwdg};
 
 /// Reset state of a port (RM0008 9.2): all pins floating inputs, all outputs low.
 const PORT: [(u32, u32); 3] = [(0x00, 0x4444_4444), (0x04, 0x4444_4444), (0x0C, 0)];
@@ -18,6 +18,7 @@ impl Chip {
             0x4000_0000 => self.tim2 = timer::Timer::default(),
             0x4000_0400 => self.tim3 = timer::Timer::default(),
             0x4000_0800 => self.tim4 = timer::Timer::default(),
+            0x4000_2C00 => self.wwdg = wwdg::Wwdg::default(),
             0x4000_6400 => self.can.reset(),
             // The EXTI has no reset bit.
             0x4001_0000 => self.afio = afio::Afio::default(),
