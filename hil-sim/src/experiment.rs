@@ -7,6 +7,7 @@ pub mod grasp;
 pub mod input;
 pub mod metrics;
 pub mod over_can;
+pub mod packets;
 pub mod picture;
 pub mod properties;
 pub mod replay;

@@ -11,3 +11,4 @@ mod output;
 mod serve;
 pub mod slcan;
 mod state_file;
+mod thread;

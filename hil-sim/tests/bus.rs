@@ -114,12 +114,51 @@ fn second_host_is_refused_until_the_first_has_left() {
     ask(&mut third);
 }
 
+/// The end of one connection and the start of the next reach the server by two threads. Bytes that were sent before the end are still read.
+#[cfg(target_os = "linux")]
+#[test]
+fn immediate_reconnect_is_never_refused() {
+    const RECONNECTS: usize = 200;
+    let served = serve("4");
+    ask(&mut { opened(&served) });
+    for round in 0..RECONNECTS {
+        let mut stream = opened(&served);
+        match round % 3 {
+            0 => {}
+            // What was sent last counts: nothing of it is read when the connection ends.
+            1 => stream.write_all(&b"t0040\rV\r".repeat(500)).expect("written"),
+            _ => ask(&mut stream),
+        }
+    }
+    // SET STAT 2, just before the end, has been carried out: the board wakes.
+    let mut stream = opened(&served);
+    stream.write_all(b"t004485000200\r").expect("written");
+    drop(stream);
+    let mut stream = opened(&served);
+    let mut text = String::new();
+    while !text.contains("t486485000200\r") {
+        stream.write_all(b"t004105\rV\r").expect("written");
+        text = read_to(&mut stream, "V0100\r");
+    }
+}
+
+/// Connects and opens the channel at once.
+#[cfg(target_os = "linux")]
+fn opened(served: &Served) -> TcpStream {
+    let mut stream = connect(served);
+    stream.write_all(b"O\r").expect("written");
+    let mut byte = [0];
+    stream.read_exact(&mut byte).expect("an answer");
+    assert_eq!(byte, *b"\r", "the channel is open");
+    stream
+}
+
 #[test]
 fn unusable_arguments_name_a_next_step_and_exit_with_2() {
     let served = serve("4");
     for (args, said) in [
         (&["--node", "8", "--slcan", "127.0.0.1:0"][..], "--node 8"),
-        (&["--nodes", "5-1", "--slcan", "127.0.0.1:0"], "1-7 or 1,4,5"),
+        (&["--nodes", "5-1", "--slcan", "127.0.0.1:0"], "1-7 or 11,12,13,14"),
         (&["--node", "4"], "--slcan 127.0.0.1:0"),
         (&["--node", "4", "--slcan", "127.0.0.1:0", "--can", "vcan0"], "node 0"),
         (&["--node", "4", "--slcan", &served.address], &served.address),

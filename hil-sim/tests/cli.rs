@@ -135,6 +135,80 @@ fn out_writes_its_files_and_no_others() {
     assert_eq!(std::fs::read_dir(&empty).expect("the folder").count(), 0);
 }
 
+/// A limit on the size of files acts as a full disk, for root too: the trace fits, and the report does not.
+#[cfg(unix)]
+#[test]
+fn report_that_does_not_fit_leaves_trace_and_report_of_the_last_run() {
+    let folder = folder("no-room-for-the-report");
+    let (path, out) = (scenario(&folder, "min = 0"), folder.join("out"));
+    // Another seed has another noise in the trace.
+    let run = |limit: &str, seed: u8| {
+        let line = format!("trap '' XFSZ; {limit} exec \"$0\" run \"$1\" --out \"$2\" --seed {seed}");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &line, env!("CARGO_BIN_EXE_hil-sim"), &path]).arg(&out).output().expect("a shell")
+    };
+    let files =
+        || ["trace.csv", "report.html"].map(|name| std::fs::read(out.join(name)).expect("it is there"));
+    assert_eq!(run("", 1).status.code(), Some(0));
+    let before = files();
+    // In units of 512 bytes, or 1024 in some shells.
+    let units = before[0].len() / 512 + 1;
+    assert!(before[1].len() > 1024 * units, "the report is the longer one: {} bytes", before[1].len());
+    let full = run(&format!("ulimit -f {units};"), 2);
+    assert_eq!(full.status.code(), Some(2), "{}", stderr(&full));
+    assert!(stderr(&full).contains("report.html cannot be written"), "{}", stderr(&full));
+    assert!(files() == before);
+    assert_eq!(std::fs::read_dir(&out).expect("the folder").count(), 2, "no part is left");
+}
+
+/// Types lines at `hil-sim gcl`.
+fn gcl(args: &[&str], input: &[u8]) -> Output {
+    use std::io::Write;
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    command.arg("gcl").args(args).stdin(std::process::Stdio::piped());
+    command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+    let mut process = command.spawn().expect("the binary starts");
+    // It may end before it has read everything.
+    let _ = process.stdin.take().expect("piped").write_all(input);
+    process.wait_with_output().expect("it ends")
+}
+
+#[test]
+fn gcl_answers_each_command_of_a_line() {
+    for input in [&b"VERS\nFROB\nPGET LFT"[..], b"VERS\rFROB\rPGET LFT\r", b"VERS\r\nFROB\r\nPGET LFT\r\n"] {
+        let output = gcl(&["--json"], input);
+        let json: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("one JSON object");
+        let lines = json["lines"].as_array().expect("lines");
+        let said: Vec<(&str, &str)> = lines
+            .iter()
+            .map(|line| (line["line"].as_str().expect("text"), line["answer"].as_str().expect("text")))
+            .collect();
+        assert_eq!(said.len(), 3, "{said:?}");
+        assert_eq!(said[..2], [("VERS", "600"), ("FROB", "ERR 32")]);
+        assert_eq!(output.status.code(), Some(1));
+    }
+}
+
+#[test]
+fn gcl_refuses_bytes_that_the_hand_would_drop() {
+    for (input, found) in [
+        (&b"\xEF\xBB\xBFVERS\n"[..], "byte 0xEF in column 1, of a byte order mark"),
+        (b"VERS\0\n", "byte 0x00 in column 5"),
+        ("FS\u{e9}T\n".as_bytes(), "byte 0xC3 in column 3"),
+        (b"VERS\x1b[A\n", "byte 0x1B in column 5"),
+        (b"VERS\xFF\n", "bytes that are not UTF-8"),
+    ] {
+        let output = gcl(&[], input);
+        assert_eq!(output.status.code(), Some(2), "{}", stdout(&output));
+        let error = stderr(&output);
+        for word in ["error: standard input:1: ", found, "\n  expected: ", "\n  next: "] {
+            assert!(error.contains(word), "{error}");
+        }
+    }
+    // In a comment they do no harm; tab and backspace are keys.
+    assert_eq!(gcl(&[], "# \u{e9}\nVERSX\x08\n\tVERS\n".as_bytes()).status.code(), Some(0));
+}
+
 #[test]
 fn list_names_every_shipped_scenario() {
     let text = stdout(&hil_sim(&["list"]));

@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -41,8 +41,11 @@ fn end(process: &Mutex<Child>) {
 impl Served {
     fn new(args: &[&str], doors: usize) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
-        command.arg("hand").args(args).stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut process = command.spawn().expect("the binary starts");
+        Self::start(command.arg("hand").args(args).stderr(Stdio::null()), doors)
+    }
+
+    fn start(command: &mut Command, doors: usize) -> Self {
+        let mut process = command.stdout(Stdio::piped()).spawn().expect("the binary starts");
         let lines = BufReader::new(process.stdout.take().expect("piped")).lines();
         let door = |line: std::io::Result<String>| {
             let line = line.expect("text");
@@ -223,13 +226,176 @@ fn type_ahead_does_not_mask_control_c_or_disconnect() {
     assert!(position(&mut host) < 10_000);
     ask(&mut host, "X1HOME");
     host.write_all(move_on.as_bytes()).expect("written");
-    read_to(&mut host, "X1M 15000").expect("it is begun");
+    // The rest of the echo arrives unread: the client's system resets the connection. Without that it would be an end of input.
+    read_to(&mut host, "X1M 1500").expect("it is begun");
     drop(host);
     let mut next = served.host();
     // The prompt that ends the motion may reach it as well.
     next.write_all(b"frob\r").expect("written");
     read_to(&mut next, "ERR 32\r\n\r=> ").expect("a prompt");
     assert!(position(&mut next) < 10_000);
+}
+
+/// The text that a host reads up to the hand's end of the connection, after it has sent `lines` and closed its own side.
+fn half_closed(mut host: TcpStream, lines: &str) -> String {
+    host.write_all(lines.as_bytes()).expect("written");
+    host.shutdown(Shutdown::Write).expect("connected");
+    let mut text = String::new();
+    host.read_to_string(&mut text).unwrap_or_else(|error| panic!("{error} after {text:?}"));
+    text
+}
+
+/// As `printf 'HI\r...' | nc -N` does.
+#[test]
+fn half_closed_host_gets_all_answers() {
+    let served = Served::new(&[&TCP[..], &["--speed", "max"]].concat(), 1);
+    let text = half_closed(served.connect("gcl"), "HI\rX1FGET P\rfrob\rhalf a line");
+    assert!(
+        text.ends_with("HI\r\n\r=> X1FGET P\r\n\r0\r\n\r=> frob\r\n\rERR 32\r\n\r=> half a line"),
+        "{text:?}"
+    );
+    // Nothing of it is left for the next host, whose input the hand echoes and answers; an empty input ends at once.
+    assert_eq!(ask(&mut served.host(), "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+    half_closed(served.host(), "");
+    // The report that ends a motion of the walk-through's grammar comes after its prompt.
+    let text = half_closed(served.host(), "1 S E 100\r1 S M 5\r");
+    assert!(text.ends_with("1 S M 5\r\n\r=> \r\n\r1 MODE=0\r\n\r=> "), "{text:?}");
+    // MODE 3 never ends; a host that waits for that does not keep others out for ever.
+    let text = half_closed(served.host(), "1 S M 3\r");
+    assert!(text.ends_with("1 S M 3\r\n\r=> "), "{text:?}");
+    // The prompt that ends that motion may reach the next host as well.
+    let mut next = served.host();
+    next.write_all(b"frob\r").expect("written");
+    read_to(&mut next, "ERR 32\r\n\r=> ").expect("an answer");
+}
+
+/// The answer to a block is read; the motors stop, and the hand is free for the next host.
+#[test]
+fn end_of_input_ends_realtime() {
+    let served = Served::new(&[&TCP[..], &["--speed", "max"]].concat(), 1);
+    let mut host = served.host();
+    ask(&mut host, "HI");
+    host.write_all(b"1LOOP\r").expect("written");
+    read_to(&mut host, "*").expect("RealTime has begun");
+    let text = half_closed(host, "a");
+    assert_eq!(text, "*\r\n\rERR 16384\r\n\r=> ");
+    // Sent ahead as well.
+    let text = half_closed(served.host(), "1LOOP\ra");
+    assert!(text.ends_with("1LOOP**\r\n\rERR 16384\r\n\r=> "), "{text:?}");
+    assert_eq!(ask(&mut served.host(), "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+}
+
+/// The end of one connection and the start of the next reach the hand by two threads.
+#[cfg(target_os = "linux")]
+#[test]
+fn immediate_reconnect_is_never_refused() {
+    let served = Served::new(&TCP, 1);
+    for round in 0..200 {
+        let mut host = served.connect("gcl");
+        let line = if round % 2 == 0 { "frob" } else { "" };
+        host.write_all(format!("{line}\r").as_bytes()).expect("written");
+        let text = read_to(&mut host, "=> ").unwrap_or_else(|text| panic!("{round}: {text:?}"));
+        assert!(!text.contains("busy"), "{round}: {text:?}");
+        if round % 3 == 0 {
+            host.write_all(b"half a line").expect("written");
+        }
+    }
+}
+
+/// The half-closed host is still the host.
+#[test]
+fn half_closed_host_keeps_others_out_until_it_has_its_answers() {
+    let served = Served::new(&TCP, 1);
+    let mut first = served.host();
+    first.write_all(b"WAIT 5000\rfrob\r").expect("written");
+    first.shutdown(Shutdown::Write).expect("connected");
+    let mut text = String::new();
+    served.connect("gcl").read_to_string(&mut text).expect("closed in order");
+    assert!(
+        text.contains("busy: ") && text.contains(&first.local_addr().expect("connected").to_string()),
+        "{text:?}"
+    );
+    text.clear();
+    first.read_to_string(&mut text).expect("closed in order");
+    assert!(text.ends_with("WAIT 5000\r\n\r=> frob\r\n\rERR 32\r\n\r=> "), "{text:?}");
+}
+
+/// A host that resets the connection after its end of input is lost, and what it had running ends.
+#[test]
+fn reset_after_the_end_of_input_is_a_lost_host() {
+    let served = Served::new(&TCP, 1);
+    let mut host = served.host();
+    host.write_all(b"frob\rWAIT 4000000000\r").expect("written");
+    host.shutdown(Shutdown::Write).expect("connected");
+    read_to(&mut host, "fro").expect("the echo");
+    // The rest of the answer is unread.
+    while host.peek(&mut [0; 8]).expect("an answer") == 0 {}
+    drop(host);
+    // Otherwise the hand would be busy for 46 days.
+    assert_eq!(ask(&mut served.host(), "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+}
+
+/// Stack of each thread: so large that the limit on memory below admits a given number of them. A limit on processes
+/// (`prlimit --nproc`) has the same effect, but not for root, who runs the tests in some containers.
+#[cfg(target_os = "linux")]
+const STACK_KIB: usize = 1 << 20;
+
+/// A hand of which the system allows so many threads besides the first.
+#[cfg(target_os = "linux")]
+fn with_threads(count: usize, args: &[&str]) -> Command {
+    let limit = count * STACK_KIB + STACK_KIB / 2;
+    let line = format!("ulimit -v {limit}; exec \"$0\" hand \"$@\"");
+    let mut command = Command::new("sh");
+    command.env("RUST_MIN_STACK", (STACK_KIB * 1024).to_string());
+    command.args(["-c", &line, env!("CARGO_BIN_EXE_hil-sim")]).args(args);
+    command
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn refused_thread_is_reported_and_the_hand_goes_on() {
+    let pty = [&TCP[..], &["--pty"]].concat();
+    for (args, threads, option) in [(&TCP[..], 0, "--listen"), (&pty, 1, "--pty"), (&pty, 2, "--pty")] {
+        let output = with_threads(threads, args).output().expect("it starts");
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{threads}: {error}");
+        let words = [option, "a thread cannot be started", "expected: ", "next: "];
+        assert!(words.iter().all(|word| error.contains(word)), "{threads}: {error}");
+    }
+    // One listens; a host needs two more.
+    for threads in [1, 2] {
+        let served = Served::start(with_threads(threads, &TCP).stderr(Stdio::null()), 1);
+        for _ in 0..3 {
+            let text = read_to(&mut served.connect("gcl"), "never").expect_err("it is refused");
+            assert!(text.starts_with("\r\n\rbusy: a thread cannot be started"), "{text:?}");
+        }
+    }
+    let served = Served::start(with_threads(3, &TCP).stderr(Stdio::null()), 1);
+    for _ in 0..3 {
+        assert_eq!(ask(&mut served.host(), "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+    }
+}
+
+/// Whether a hand's first line on standard error is the warning.
+fn warns_of_listener(args: &[&str]) -> bool {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    let mut process =
+        command.args(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let mut said = String::new();
+    let mut out = BufReader::new(process.stdout.take().expect("piped"));
+    out.read_line(&mut said).expect("text");
+    process.kill().expect("it runs");
+    let output = process.wait_with_output().expect("it ends");
+    String::from_utf8_lossy(&output.stderr).contains("is beyond loopback")
+}
+
+#[test]
+fn listener_beyond_loopback_is_announced() {
+    for (address, beyond) in [("127.0.0.1:0", false), ("localhost:0", false), ("0.0.0.0:0", true)] {
+        for args in [&["hand", "--listen", address][..], &["bus", "--node", "4", "--slcan", address]] {
+            assert_eq!(warns_of_listener(args), beyond, "{args:?}");
+        }
+    }
 }
 
 #[test]
@@ -362,6 +528,69 @@ fn invalid_state_file_is_refused_and_unchanged() {
     assert_eq!(second.status.code(), Some(2), "{error}");
     assert!(error.contains("in use"), "{error}");
     drop(served);
+}
+
+/// Opening a pipe would wait for ever, and a lock beside a device is a file in /dev.
+#[cfg(unix)]
+#[test]
+fn state_that_is_no_file_is_refused_and_not_locked() {
+    let folder = folder("no-state-file");
+    let pipe = folder.join("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo").success());
+    fs::create_dir(folder.join("folder")).expect("ours");
+    for path in [&pipe, &folder.join("folder")] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+        let output = command.args(["hand", "--listen", "127.0.0.1:0", "--state"]).arg(path).output();
+        let output = output.expect("it starts");
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && error.contains("this is not a file"), "{error}");
+    }
+    assert_eq!(fs::read_dir(&folder).expect("ours").count(), 2, "no lock is left");
+}
+
+/// Nothing can be written while a folder has the name of the temporary file: this fails for root too, who may write in a folder that is
+/// read-only, and for no other file of the test.
+#[test]
+fn save_that_cannot_be_written_is_err_512_until_it_can() {
+    let folder = folder("no-room");
+    let path = folder.join("hand.state");
+    let args =
+        ["--listen", "127.0.0.1:0", "--speed", "max", "--state", &path.to_string_lossy()].map(str::to_owned);
+    let start = || Served::new(&args.each_ref().map(String::as_str), 1);
+    let served = start();
+    let mut host = served.host();
+    let before = fs::read(&path).expect("it was written at the start");
+    fs::create_dir(folder.join("hand.state.part")).expect("its name is free");
+    for line in ["PSET LFDPD 1 LFT 0", "FSET DP 1000", "HI"] {
+        // What saves nothing is no error.
+        assert_eq!(ask(&mut host, line), format!("{line}\r\n\r=> "));
+    }
+    for line in ["FSAVE", "PSAVE", "MACSET 3", "REC 2", "REC", "SAVE"] {
+        let error = if line == "REC" { "" } else { "ERR 512\r\n\r" };
+        assert_eq!(ask(&mut host, line), format!("{line}\r\n\r{error}=> "));
+    }
+    assert!(fs::read(&path).expect("it stays") == before);
+    fs::remove_dir(folder.join("hand.state.part")).expect("it stays, since it is not the hand's");
+    assert_eq!(ask(&mut host, "PSAVE"), "PSAVE\r\n\r=> ");
+    drop(served);
+    assert_eq!(ask(&mut start().host(), "PGET LFDPD LFT"), "PGET LFDPD LFT\r\n\r1 0\r\n\r=> ");
+}
+
+/// `/dev/full` takes the place of the temporary file.
+#[cfg(target_os = "linux")]
+#[test]
+fn write_on_a_full_disk_leaves_no_part() {
+    let folder = folder("full-disk");
+    let path = folder.join("hand.state");
+    let served = Served::new(&["--listen", "127.0.0.1:0", "--state", &path.to_string_lossy()], 1);
+    let mut host = served.host();
+    std::os::unix::fs::symlink("/dev/full", folder.join("hand.state.part")).expect("its name is free");
+    assert_eq!(ask(&mut host, "PSAVE"), "PSAVE\r\n\rERR 512\r\n\r=> ");
+    let entries = fs::read_dir(&folder).expect("a folder");
+    let mut names: Vec<_> = entries.map(|entry| entry.expect("an entry").file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["hand.state", "hand.state.lock"]);
+    assert_eq!(ask(&mut host, "PSAVE"), "PSAVE\r\n\r=> ");
 }
 
 const KILLS: u32 = 100;

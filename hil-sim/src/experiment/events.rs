@@ -83,6 +83,8 @@ pub(crate) fn motor_text(event: &servo_core::Event) -> String {
         Event::Fault(fault) => format!("fault: {}", fault_word(*fault)),
         Event::Glitch(glitch) => format!("glitch: {glitch:?}"),
         Event::Homed => "homed".to_owned(),
+        Event::Found(Ok(number)) => format!("found wiring {number}"),
+        Event::Found(Err(trouble)) => format!("found no wiring: {trouble:?}"),
     }
 }
 

@@ -10,7 +10,7 @@
 //!     to_mm = [0, 50, 70]        # optional: the other end of the axis; default: a sphere
 //!     radius_mm = 35
 //!     stiffness_n_m = 1e5        # optional
-//! "#).unwrap();
+//! "#, &[0.0; 7]).unwrap();        // the pose at the start: no object may overlap a finger
 //! assert_eq!(scene.objects.len(), 1);
 //! ```
 
@@ -20,7 +20,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::input::{BadInput, Source};
-use crate::world::hand::scene::{Capsule, Geometry, Scene, SceneObject};
+use crate::world::hand::scene::{Capsule, Geometry, Pose, Scene, SceneObject};
 
 /// Default stiffness, N/m; chosen: the full torque of a link, about 150 N at its tip, dents it by 0.8 mm.
 const STIFFNESS_N_M: f64 = 2e5;
@@ -63,11 +63,15 @@ struct Object {
 /// A field's name, value, minimum and maximum.
 type Row = (&'static str, f64, f64, f64);
 
-/// Reads the scene in a file.
+/// Force with which a finger may press on an object at the start, N: a link's full torque is 150 N at its tip. A hand whose
+/// power failed in a grasp starts so.
+const PRESS_N: f64 = 200.0;
+
+/// Reads the scene in a file, for a hand that starts at `pose`.
 ///
 /// # Errors
-/// The file cannot be read or is invalid.
-pub fn read(path: &Path) -> Result<Scene, BadInput> {
+/// The file cannot be read or is invalid, or a finger starts inside an object.
+pub fn read(path: &Path, pose: &Pose) -> Result<Scene, BadInput> {
     let bad = |found: String| BadInput {
         place: path.display().to_string(),
         problem: "cannot be read".to_owned(),
@@ -80,14 +84,14 @@ pub fn read(path: &Path) -> Result<Scene, BadInput> {
         return Err(bad(format!("no file of up to {MAX_FILE_BYTES} bytes")));
     }
     let text = std::fs::read_to_string(path).map_err(|error| bad(error.to_string()))?;
-    parse(&path.display().to_string(), &text)
+    parse(&path.display().to_string(), &text, pose)
 }
 
-/// Parses a scene; errors name it `file`.
+/// Parses a scene for a hand that starts at `pose`; errors name it `file`.
 ///
 /// # Errors
-/// An invalid key or value, with its line.
-pub fn parse(file: &str, text: &str) -> Result<Scene, BadInput> {
+/// An invalid key or value, or an object that a finger starts in, with its line.
+pub fn parse(file: &str, text: &str, pose: &Pose) -> Result<Scene, BadInput> {
     let source = Source { file, text };
     let parsed: File = toml::from_str(text).map_err(|error| source.reader_error(&error))?;
     let mut scene = Scene::default();
@@ -101,7 +105,33 @@ pub fn parse(file: &str, text: &str) -> Result<Scene, BadInput> {
     for object in &parsed.object {
         scene.objects.push(scene_object(source, object)?);
     }
+    clear(source, &scene, &parsed.object, pose)?;
     Ok(scene)
+}
+
+/// A finger that starts inside an object would be thrown out of it.
+fn clear(
+    source: Source<'_>,
+    scene: &Scene,
+    objects: &[Spanned<Object>],
+    pose: &Pose,
+) -> Result<(), BadInput> {
+    let Some((index, finger, part, depth_m)) = scene.overlap(pose) else { return Ok(()) };
+    let (object, stiffness) = (&objects[index], scene.objects[index].stiffness_n_m);
+    let (press_mm, fresh) = (1000.0 * PRESS_N / stiffness, *pose == Pose::default());
+    let depth_mm = 1000.0 * depth_m;
+    if !fresh && depth_mm <= press_mm {
+        return Ok(());
+    }
+    let problem = format!("[[object]] overlaps the {part} of finger {finger} where the hand starts");
+    let (expected, next) = if fresh {
+        ("an object clear of the open fingers".to_owned(), "move it away from the fingers or make it smaller")
+    } else {
+        let expected = format!("an object clear of the fingers, or pressed in by up to {press_mm:.1} mm");
+        (expected, "move it, or open the fingers first: start without this file, type HI, and leave")
+    };
+    let error = source.error(object.span(), problem, expected, next);
+    Err(BadInput { found: format!("{depth_mm:.1} mm inside"), ..error })
 }
 
 fn geometry(source: Source<'_>, hand: &Spanned<Hand>) -> Result<Geometry, BadInput> {
@@ -154,7 +184,8 @@ fn check(
     for &(name, found, min, max) in rows {
         if !(found >= min && found <= max) {
             let problem = format!("{table} {name} is out of range");
-            let error = source.error(span, problem, format!("{min} to {max}"), "correct it");
+            let error =
+                source.error(source.field(span, name), problem, format!("{min} to {max}"), "correct it");
             return Err(BadInput { found: format!("{name} = {found}"), ..error });
         }
     }
@@ -168,17 +199,47 @@ mod tests {
     #[test]
     fn invalid_scene_is_refused_with_its_line() {
         for (text, line, said) in [
-            ("[[object]]\nat_mm = [0, 0, 70]\nradius_mm = 0", "x.toml:1", "radius_mm = 0"),
-            ("\n[[object]]\nat_mm = [0, nan, 70]\nradius_mm = 3", "x.toml:2", "at_mm = NaN"),
+            ("[[object]]\nat_mm = [0, 0, 70]\nradius_mm = 0", "x.toml:3", "radius_mm = 0"),
+            ("\n[[object]]\nat_mm = [0, nan, 70]\nradius_mm = 3", "x.toml:3", "at_mm = NaN"),
             ("[[object]]\nat_mm = [0, 0]\nradius_mm = 3", "x.toml:2", "array of length 3"),
             ("[[object]]\nradius_mm = 3", "x.toml:1", "at_mm"),
-            ("[hand]\nlink_mm = 0", "x.toml:1", "link_mm = 0"),
+            ("[hand]\nlink_mm = 0", "x.toml:2", "link_mm = 0"),
             ("[[object]]\nat = 3", "x.toml:2", "at"),
-            ("[[object]]\nat_mm=[0,0,0]\nradius_mm=1\nstiffness_n_m=1e9", "x.toml:1", "1 to 1000000"),
+            ("[[object]]\nat_mm=[0,0,0]\nradius_mm=1\nstiffness_n_m=1e9", "x.toml:4", "1 to 1000000"),
+            // Of the second object, not of the first.
+            (
+                "[[object]]\nat_mm=[0,0,0]\nradius_mm=1\n[[object]]\nat_mm=[0,0,0]\nradius_mm=0",
+                "x.toml:6",
+                "0.1 to",
+            ),
+            // Without a line of its own: the table's.
+            ("object=[{at_mm=[0,0,0], radius_mm=0}]", "x.toml:1", "0.1 to"),
         ] {
-            let error = parse("x.toml", text).expect_err(text).to_string();
+            let error = parse("x.toml", text, &Pose::default()).expect_err(text).to_string();
             assert!(error.starts_with(line) && error.contains(said), "{text}\n{error}");
         }
-        assert_eq!(parse("x.toml", ""), Ok(Scene::default()));
+        assert_eq!(parse("x.toml", "", &Pose::default()), Ok(Scene::default()));
+    }
+
+    #[test]
+    fn object_that_overlaps_a_finger_at_the_start_is_refused_with_its_line() {
+        let text = "# two\n[[object]]\nat_mm = [0, 0, 26]\nradius_mm = 10\n\n[[object]]\nat_mm = [80, 0, 3]\nradius_mm = 20";
+        let error = parse("x.toml", text, &Pose::default()).expect_err("in finger 3's link").to_string();
+        assert!(error.starts_with("x.toml:6") && error.contains("link of finger 3"), "{error}");
+        assert!(error.contains("mm inside") && error.contains("move it away"), "{error}");
+    }
+
+    #[test]
+    fn stored_grasp_may_press_on_its_object_but_not_start_inside_it() {
+        let ball = |radius: f64| format!("[[object]]\nat_mm = [0, 0, 26]\nradius_mm = {radius}");
+        let scene = parse("x", &ball(34.0), &Pose::default()).expect("clear of open fingers");
+        let depth = |pose: &Pose| scene.overlap(pose).map_or(0.0, |found| 1000.0 * found.3);
+        let closed =
+            |count: i32| Pose::map([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0], |moves| moves * f64::from(count));
+        let pose = (0..338).map(closed).find(|pose| depth(pose) > 0.0).expect("a link meets the ball");
+        let radius = 34.0 - depth(&pose);
+        assert!(parse("x", &ball(radius + 0.9), &pose).is_ok(), "180 N at 2e5 N/m");
+        let error = parse("x", &ball(radius + 1.1), &pose).expect_err("220 N").to_string();
+        assert!(error.contains("open the fingers first"), "{error}");
     }
 }

@@ -55,6 +55,22 @@ impl Source<'_> {
         }
     }
 
+    /// The place of `field = ...` in the table that begins at `table`, or the table's.
+    pub(crate) fn field(self, table: std::ops::Range<usize>, field: &str) -> std::ops::Range<usize> {
+        let mut at = table.start.min(self.text.len());
+        for (number, line) in self.text[at..].split_inclusive('\n').enumerate() {
+            let is_header = line.trim_start().starts_with('[');
+            if is_header && number > 0 {
+                break;
+            }
+            if line.split_once('=').is_some_and(|(key, _)| !is_header && key.trim() == field) {
+                return at..at + line.len();
+            }
+            at += line.len();
+        }
+        table
+    }
+
     pub(crate) fn reader_error(self, error: &toml::de::Error) -> BadInput {
         let span = error.span().unwrap_or(0..0);
         let message = error.message().trim();

@@ -137,6 +137,8 @@ pub const fn fault_word(fault: Fault) -> &'static str {
         Fault::UnderVoltage => "under-voltage",
         Fault::Bridge => "bridge",
         Fault::HostLost => "host-lost",
+        Fault::Jammed => "jammed",
+        Fault::Wiring => "wiring",
     }
 }
 
@@ -217,6 +219,7 @@ const FAULT_WORDS: &[&str] = &[
     fault_word(Fault::UnderVoltage),
     fault_word(Fault::Bridge),
     fault_word(Fault::HostLost),
+    fault_word(Fault::Jammed),
 ];
 
 const MODE_WORDS: &[&str] = &[

@@ -120,6 +120,10 @@ pub fn board(scenario: &Scenario, case: &Case, options: &Options) -> Result<Node
     let straps = tater_wire::Node::new(node_of(case.motor)).unwrap_or(tater_wire::Node::HOST);
     let count = rig.truth().counts.round() as i32;
     let mut node = Node::awake(SimBoard::new(rig, straps));
+    // A scenario begins in the middle of use, unless it is about the wiring.
+    if scenario.rig.is_wired_as_standard() {
+        node.trust_direction();
+    }
     set(&mut node, Property::P, i64::from(count)).map_err(|e| refused("position_counts", count.into(), e))?;
     let defaults = tater_fw::motion::defaults(case.motor);
     for property in &PROPERTIES {
@@ -252,6 +256,7 @@ fn send_command(command: &Command, node: &mut Node) -> Result<(), SetError> {
         Command::TorqueControlled { closing: true } => cmd(Cmd::Tc),
         Command::TorqueControlled { closing: false } => cmd(Cmd::To),
         Command::Home => cmd(Cmd::Hi),
+        Command::Find => (Property::FIND, 1),
         Command::Terminate => cmd(Cmd::T),
         Command::ClearFault => (Property::STAT, 2),
         // A host that ends a move honors HOLD (manual 5.5 case 3).

@@ -161,6 +161,7 @@ impl std::fmt::Display for Action {
                 Command::TorqueControlled { closing: true } => f.write_str("TC"),
                 Command::TorqueControlled { closing: false } => f.write_str("TO"),
                 Command::Home => f.write_str("HI"),
+                Command::Find => f.write_str("FIND"),
                 Command::Abort => f.write_str("abort"),
                 Command::Terminate => f.write_str("terminate"),
                 Command::Configure(_) => f.write_str("configure"),

@@ -4,6 +4,7 @@ use god::god::LINE_END;
 use god::io::ABORT;
 use serde::Serialize;
 
+use super::packets;
 use crate::world::hand::Hand;
 
 const PROMPT: &str = "\n\r=> ";
@@ -114,7 +115,16 @@ impl Typist {
     }
 
     fn next_output(&mut self) -> Option<String> {
-        let at = self.output.windows(PROMPT.len()).position(|text| text == PROMPT.as_bytes())?;
+        let mut at = 0;
+        while !self.output[at..].starts_with(PROMPT.as_bytes()) {
+            at += match self.output.get(at) {
+                Some(&head) if packets::is_head(head) => packets::len(&self.output[at..])?,
+                _ => 1,
+            };
+            if at >= self.output.len() {
+                return None;
+            }
+        }
         let output = text(&self.output[..at]);
         self.output.drain(..at + PROMPT.len());
         Some(output)
@@ -138,7 +148,8 @@ impl Typist {
             self.hand.run_until(self.hand.now_us() + POLL_US);
             self.output.extend(self.hand.take_tx());
             while let Some(output) = self.next_output() {
-                // A report that a motion has ended starts on a new line, before the echo; ERR belongs to the typed line.
+                // A report that a motion has ended starts on a new line (a packet is shown on one), before the echo; ERR belongs to the
+                // typed line.
                 if !is_first && output.starts_with(LINE_END) && !output[LINE_END.len()..].starts_with("ERR") {
                     self.unsolicited.push(answer(&output));
                 } else {
@@ -162,7 +173,21 @@ fn answer(output: &str) -> String {
     output.trim().replace('\r', "")
 }
 
-/// Latin-1: any byte is a character.
-fn text(output: &[u8]) -> String {
-    output.iter().map(|&byte| char::from(byte)).collect()
+/// Latin-1: any byte of text is a character. Each packet is a line of hexadecimal digits.
+fn text(mut output: &[u8]) -> String {
+    let mut text = String::new();
+    while let Some((&byte, rest)) = output.split_first() {
+        match packets::len(output).filter(|_| packets::is_head(byte)) {
+            Some(len) => {
+                text += LINE_END;
+                text += &packets::text(&output[..len]);
+                output = &output[len..];
+            }
+            None => {
+                text.push(char::from(byte));
+                output = rest;
+            }
+        }
+    }
+    text
 }

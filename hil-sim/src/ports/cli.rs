@@ -3,14 +3,16 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use clap::{Parser, Subcommand, ValueEnum};
 
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
-use super::output::{print, replace_file, warn};
+use super::output::{print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
+use super::thread;
 use crate::experiment::events::{self, Event};
 use crate::experiment::input::BadInput;
 use crate::experiment::replay::{Replayed, replay};
@@ -19,6 +21,9 @@ use crate::experiment::run::{Options, Outcome, run as simulate};
 use crate::experiment::scenario::{SHIPPED, Scenario};
 use crate::experiment::trace::{Trace, write_csv};
 use crate::world::plant::Model;
+
+/// Period of the sign of life.
+const TICK: Duration = Duration::from_millis(100);
 
 /// Simulates the servo of a robot hand's motor board in closed loop with its motor.
 #[derive(Parser)]
@@ -147,9 +152,7 @@ fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
         next: "correct the scenario".to_owned(),
     })?;
     let wall_s = (clock() - begun).as_secs_f64();
-    if let Some(spinner) = spinner {
-        spinner.finish_and_clear();
-    }
+    drop(spinner);
     if let Some(dir) = &args.out {
         write_files(dir, &scenario, &outcome)?;
     }
@@ -172,16 +175,24 @@ fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     Ok(outcome.passed())
 }
 
-fn spinner(scenario: &Scenario) -> Option<indicatif::ProgressBar> {
+/// A sign of life on standard error; dropping it ends it.
+fn spinner(scenario: &Scenario) -> Option<Sender<()>> {
     let total_ms = u64::from(scenario.duration_ms) * scenario.cases.len() as u64;
     // At 100 times real time (the switched model) this is a second.
     if total_ms < 100_000 {
         return None;
     }
-    let spinner = indicatif::ProgressBar::new_spinner();
-    spinner.set_message(format!("simulating {} s", total_ms / 1000));
-    spinner.enable_steady_tick(Duration::from_millis(100));
-    Some(spinner)
+    let (alive, ended) = channel();
+    // A thread of ours: that of the progress bar would panic where the system refuses it.
+    let shown = thread::start(move || {
+        let spinner = indicatif::ProgressBar::new_spinner();
+        spinner.set_message(format!("simulating {} s", total_ms / 1000));
+        while ended.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
+            spinner.tick();
+        }
+        spinner.finish_and_clear();
+    });
+    shown.ok().map(|()| alive)
 }
 
 fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(), BadInput> {
@@ -195,11 +206,11 @@ fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(),
     std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
     let traces: Vec<Trace> = outcome.runs.iter().filter_map(|run| run.trace.clone()).collect();
     let mut csv = Vec::new();
-    let csv_path = dir.join("trace.csv");
+    let [csv_path, html_path] = ["trace.csv", "report.html"].map(|name| dir.join(name));
     write_csv(&mut csv, &traces).map_err(|e| failed(&csv_path, e))?;
-    replace_file(&csv_path, &csv).map_err(|e| failed(&csv_path, e))?;
-    let html_path = dir.join("report.html");
-    replace_file(&html_path, report::html(scenario, outcome).as_bytes()).map_err(|e| failed(&html_path, e))
+    let html = report::html(scenario, outcome);
+    replace_together(&[(&csv_path, &csv), (&html_path, html.as_bytes())])
+        .map_err(|(path, e)| failed(&path, e))
 }
 
 fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {

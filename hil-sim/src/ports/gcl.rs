@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use god::Memory;
+use god::io::ABORT;
 use serde::Serialize;
 
 use super::lines::Lines;
@@ -16,6 +17,9 @@ use crate::experiment::{grasp, picture};
 use crate::world::hand::Hand;
 use crate::world::hand::scene::Scene;
 use crate::world::plant::Model;
+
+/// Most lines with --json, whose object holds all replies: a day of typing, and under a gigabyte of the longest answers.
+const MAX_JSON_LINES: usize = 100_000;
 
 /// The arguments of `hil-sim gcl`.
 #[derive(clap::Args)]
@@ -61,14 +65,15 @@ pub fn gcl(args: &GclArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn
     let mut lines = Lines::open(args.script.as_deref())?;
     let start = clock();
     let mut hand = Hand::new(Model::Averaged, args.seed, Memory::default());
-    let scene = args.scenario.as_deref().map_or_else(|| Ok(Scene::default()), grasp::read)?;
+    let read = |path: &Path| grasp::read(path, &hand.pose());
+    let scene = args.scenario.as_deref().map_or_else(|| Ok(Scene::default()), read)?;
     hand.set_scene(scene.clone());
     let start_pose = hand.pose();
     let (mut typist, banner) = Typist::new(hand)?;
     if !args.json {
         print(&format!("{}\n", banner.trim().replace('\r', "")))?;
     }
-    let replies = run_lines(args, &mut lines, &mut typist)?;
+    let (replies, ok) = run_lines(args, &mut lines, &mut typist)?;
     let unsolicited = typist.unsolicited();
     let events = args.events.then(|| events::of_hand(typist.hand()));
     if !args.json {
@@ -85,7 +90,6 @@ pub fn gcl(args: &GclArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn
             next: "choose another path or free space".to_owned(),
         })?;
     }
-    let ok = replies.iter().all(|reply| reply.status == 0);
     if args.json {
         let simulated_s = typist.hand().now_us() as f64 * 1e-6;
         let wall_s = (clock() - start).as_secs_f64();
@@ -96,21 +100,55 @@ pub fn gcl(args: &GclArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn
     Ok(ok)
 }
 
-fn run_lines(args: &GclArgs, lines: &mut Lines, typist: &mut Typist) -> Result<Vec<Reply>, BadInput> {
-    let mut replies = Vec::new();
+/// The replies for --json, and whether no line ended in an error. Without --json the replies are printed and dropped: the input may
+/// have no end.
+fn run_lines(args: &GclArgs, lines: &mut Lines, typist: &mut Typist) -> Result<(Vec<Reply>, bool), BadInput> {
+    let (mut replies, mut ok) = (Vec::new(), true);
     loop {
         if !args.json && lines.are_typed {
             print("=> ")?;
         }
-        let Some(line) = lines.next_line()? else { return Ok(replies) };
+        let Some(line) = lines.next_line()? else { return Ok((replies, ok)) };
+        check(&line, || lines.place())?;
+        if args.json && replies.len() >= MAX_JSON_LINES {
+            return Err(too_many(lines.place()));
+        }
         let reply = typist.run_line(&line).map_err(|no_prompt| {
             warn_events(&events::of_hand(typist.hand()));
             timed_out(lines.place(), &no_prompt)
         })?;
-        if !args.json {
+        ok &= reply.status == 0;
+        if args.json {
+            replies.push(reply);
+        } else {
             print(&transcript(&reply, !lines.are_typed))?;
         }
-        replies.push(reply);
+    }
+}
+
+/// Refuses what the hand would drop without a word: bytes that are neither printable ASCII nor a key (^C, tab, backspace, delete).
+fn check(line: &str, place: impl Fn() -> String) -> Result<(), BadInput> {
+    let is_typed = |byte: u8| matches!(byte, b' '..=0x7F | ABORT | b'\t' | 8);
+    let Some(at) = line.bytes().position(|byte| !is_typed(byte)) else { return Ok(()) };
+    let byte = line.as_bytes()[at];
+    let mark = if line.starts_with('\u{FEFF}') { ", of a byte order mark" } else { "" };
+    Err(BadInput {
+        place: place(),
+        problem: "the hand does not take this line".to_owned(),
+        found: format!("byte 0x{byte:02X} in column {}{mark}", at + 1),
+        expected: "ASCII text, as a person types it".to_owned(),
+        next: "save the file as plain ASCII; packets and control blocks are for programs: hil-sim hand"
+            .to_owned(),
+    })
+}
+
+fn too_many(place: String) -> BadInput {
+    BadInput {
+        place,
+        problem: "too many lines for one JSON object".to_owned(),
+        found: format!("more than {MAX_JSON_LINES} lines"),
+        expected: "an input that ends".to_owned(),
+        next: "split the script, or omit --json".to_owned(),
     }
 }
 

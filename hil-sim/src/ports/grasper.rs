@@ -17,6 +17,7 @@ use god::{line, parameter, units};
 use tater_wire::Property;
 
 use crate::experiment::input::BadInput;
+use crate::experiment::packets;
 
 /// Prompt of the hand, and of this program.
 const PROMPT: &str = "=> ";
@@ -49,6 +50,8 @@ pub struct Console {
     echoed: bool,
     /// The hand's present line so far.
     input: String,
+    /// Its present packet so far (`0 S REPLY 1`).
+    packet: Vec<u8>,
     moving: Motors,
     had_error: bool,
 }
@@ -62,6 +65,7 @@ impl Default for Console {
             awaiting: None,
             echoed: false,
             input: String::new(),
+            packet: Vec::new(),
             moving: Motors::NONE,
             had_error: false,
         }
@@ -183,8 +187,11 @@ impl Console {
         Some(with_end)
     }
 
-    /// A byte from the hand. Returns each complete line for display.
+    /// A byte from the hand. Returns each complete line for display, and each packet as a line.
     pub fn push_byte(&mut self, byte: u8) -> Option<String> {
+        if !self.packet.is_empty() || packets::is_head(byte) {
+            return self.push_packet(byte);
+        }
         match byte {
             b'\r' => return None,
             b'\n' => return self.line(),
@@ -196,18 +203,43 @@ impl Console {
         (self.input.len() >= MAX_LINE).then(|| self.line()).flatten()
     }
 
-    fn line(&mut self) -> Option<String> {
-        let line = std::mem::take(&mut self.input);
-        if let Some(echo) = line.strip_prefix(PROMPT) {
-            // Nothing after the prompt: what follows is unsolicited.
-            self.echoed |= self.awaiting.as_deref() == Some(echo);
-            return None;
+    fn push_packet(&mut self, byte: u8) -> Option<String> {
+        if self.packet.is_empty() {
+            // The echo of the line that it answers ends where it begins.
+            self.end_prompt();
         }
+        self.packet.push(byte);
+        packets::len(&self.packet)?;
+        let packet = std::mem::take(&mut self.packet);
+        if let Some(meaning) = packets::meaning(&packet) {
+            self.note_end(&meaning);
+        }
+        Some(packets::text(&packet))
+    }
+
+    /// Ends a prompt, with the echo after it or nothing. Returns whether there was one.
+    fn end_prompt(&mut self) -> bool {
+        let Some(echo) = self.input.strip_prefix(PROMPT) else { return false };
+        // Nothing after the prompt: what follows is unsolicited.
+        self.echoed |= self.awaiting.as_deref() == Some(echo);
+        self.input.clear();
+        true
+    }
+
+    fn note_end(&mut self, line: &str) {
         if let Some((motor, _)) = line.split_once(" MODE=")
             && let Some(motor) = motors(motor)
         {
             self.moving = self.moving.difference(motor);
         }
+    }
+
+    fn line(&mut self) -> Option<String> {
+        if self.end_prompt() {
+            return None;
+        }
+        let line = std::mem::take(&mut self.input);
+        self.note_end(&line);
         if line.starts_with("ERR ") {
             self.had_error = true;
             self.moving = Motors::NONE;
@@ -262,7 +294,8 @@ mod tests {
     }
 
     fn feed(console: &mut Console, text: &str) -> Vec<String> {
-        text.bytes().filter_map(|byte| console.push_byte(byte)).collect()
+        let byte = |c: char| u8::try_from(c).expect("Latin-1");
+        text.chars().filter_map(|c| console.push_byte(byte(c))).collect()
     }
 
     /// The lines that entries become if the hand answers each correctly.
@@ -363,6 +396,24 @@ mod tests {
         assert_eq!(feed(&mut console, "\r\n\r4 MODE=3\r\n\r=> "), ["4 MODE=3"]);
         assert_eq!(console.question(), None, "no answer yet");
         assert_eq!(feed(&mut console, "1 G P\r\n\r1 P=0\r\n\r=> "), ["1 P=0"]);
+        assert_eq!(console.question(), Some(PROMPT));
+    }
+
+    /// `0 S REPLY 1`: reports are packets, and so are answers; any byte may be in them.
+    #[test]
+    fn packets_are_shown_and_end_waits() {
+        let mut console = console();
+        for entry in ["4 S M 5", "4 G M"] {
+            console.enter(entry).expect("good");
+        }
+        assert_eq!(console.next_line().as_deref(), Some("4 S M 5\r"));
+        feed(&mut console, "4 S M 5\r\n\r=> ");
+        assert_eq!(console.next_line(), None, "it moves");
+        let shown = feed(&mut console, "\x04\u{86}\x04\u{88}\0\x03\0\r\n\r=> ");
+        assert_eq!(shown, ["04 86 04 88 00 03 00 (4 MODE=3)"]);
+        assert_eq!(console.next_line().as_deref(), Some("4 G M\r"));
+        let shown = feed(&mut console, "4 G M\x04\u{86}\x04\u{88}\0\x0A\0\r\n\r=> ");
+        assert_eq!(shown, ["04 86 04 88 00 0A 00 (4 MODE=10)"]);
         assert_eq!(console.question(), Some(PROMPT));
     }
 

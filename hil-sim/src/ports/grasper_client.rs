@@ -4,7 +4,6 @@ use std::error::Error;
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread;
 use std::time::Duration;
 
 use crate::experiment::input::BadInput;
@@ -12,6 +11,7 @@ use crate::ports::grasper::Console;
 
 use crate::ports::lines::Lines;
 use crate::ports::output::{print, warn};
+use crate::ports::thread;
 
 /// Timeout without output from the hand: a motor may push for TSTOP, up to 65 s, before it counts as stalled.
 const SILENCE_LIMIT: Duration = Duration::from_secs(120);
@@ -52,7 +52,7 @@ pub fn grasper(args: &GrasperArgs) -> Result<bool, Box<dyn Error>> {
     let (sender, events) = sync_channel(1);
     let hand = connect(&args.connect, sender.clone()).map_err(|e| lost("there is no hand", e.to_string()))?;
     let (next, wanted) = sync_channel(1);
-    thread::spawn(move || read(&wanted, &sender));
+    thread::start(move || read(&wanted, &sender)).map_err(|e| lost("cannot be served", e.to_string()))?;
     let mut session = Session { hand, next, console: Console::default(), asked: None, last: String::new() };
     loop {
         session.advance()?;
@@ -146,7 +146,7 @@ fn connect(address: &str, events: SyncSender<Event>) -> io::Result<TcpStream> {
     let hand = TcpStream::connect(address)?;
     hand.set_nodelay(true)?;
     let mut from = hand.try_clone()?;
-    thread::spawn(move || {
+    thread::start(move || {
         let mut bytes = [0; 1024];
         loop {
             let event = match from.read(&mut bytes) {
@@ -159,7 +159,7 @@ fn connect(address: &str, events: SyncSender<Event>) -> io::Result<TcpStream> {
                 return;
             }
         }
-    });
+    })?;
     Ok(hand)
 }
 

@@ -1,10 +1,11 @@
 //! Input lines from a script or standard input.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, IsTerminal, Read, stdin};
+use std::io::{self, BufRead, BufReader, IsTerminal, stdin};
 use std::path::Path;
 
 use crate::experiment::input::BadInput;
+use god::io::ABORT;
 
 /// Longest line read, bytes: more than ten times what the hand takes, so that the hand answers an over-long line.
 const MAX_LINE: usize = 4096;
@@ -15,6 +16,8 @@ pub struct Lines {
     /// Whether a person types them at a terminal, which echoes them.
     pub are_typed: bool,
     number: usize,
+    /// The last byte read.
+    last: Option<u8>,
 }
 
 impl Lines {
@@ -22,7 +25,7 @@ impl Lines {
         let Some(path) = script else {
             let are_typed = stdin().is_terminal();
             let from = Box::new(BufReader::new(stdin()));
-            return Ok(Self { from, name: "standard input".to_owned(), are_typed, number: 0 });
+            return Ok(Self { from, name: "standard input".to_owned(), are_typed, number: 0, last: None });
         };
         let name = format!("--script {}", path.display());
         let from = File::open(path).map_err(|error| BadInput {
@@ -32,26 +35,27 @@ impl Lines {
             expected: "a text file with one command per line".to_owned(),
             next: "check the path, or omit --script and pass the lines on standard input".to_owned(),
         })?;
-        Ok(Self { from: Box::new(BufReader::new(from)), name, are_typed: false, number: 0 })
+        Ok(Self { from: Box::new(BufReader::new(from)), name, are_typed: false, number: 0, last: None })
     }
 
     pub fn place(&self) -> String {
         format!("{}:{}", self.name, self.number)
     }
 
-    /// The next line without its line end; `None` at the end of the input. Skips lines that start with #.
+    /// The next line without its line end, LF, CR or CR LF; `None` at the end of the input. ^C ends a line as well, and stays in it: what
+    /// follows is another command. Skips lines that start with #.
     pub fn next_line(&mut self) -> Result<Option<String>, BadInput> {
         loop {
             self.number += 1;
-            let mut line = Vec::new();
-            let read = (&mut self.from).take(MAX_LINE as u64 + 1).read_until(b'\n', &mut line);
-            let problem = match read {
-                Ok(0) => return Ok(None),
+            let problem = match self.read_line() {
+                Ok(None) => return Ok(None),
                 Err(error) => error.to_string(),
-                Ok(_) if line.len() > MAX_LINE => format!("more than {MAX_LINE} bytes without a line end"),
-                Ok(_) => match String::from_utf8(line) {
+                Ok(Some(line)) if line.len() > MAX_LINE => {
+                    format!("more than {MAX_LINE} bytes without a line end")
+                }
+                Ok(Some(line)) => match String::from_utf8(line) {
                     Ok(line) if line.starts_with('#') => continue,
-                    Ok(line) => return Ok(Some(line.trim_end_matches(['\r', '\n']).to_owned())),
+                    Ok(line) => return Ok(Some(line)),
                     Err(_) => "bytes that are not UTF-8".to_owned(),
                 },
             };
@@ -62,6 +66,72 @@ impl Lines {
                 expected: format!("lines of text of up to {MAX_LINE} bytes"),
                 next: "give a text file with one command per line".to_owned(),
             });
+        }
+    }
+
+    fn read_line(&mut self) -> io::Result<Option<Vec<u8>>> {
+        let mut line = Vec::new();
+        while line.len() <= MAX_LINE {
+            let Some(byte) = self.next_byte()? else {
+                return Ok(Some(line).filter(|line| !line.is_empty()));
+            };
+            // The LF of CR LF, and the line end after ^C, end no other line.
+            let (before, is_end) = (self.last.replace(byte), matches!(byte, b'\r' | b'\n'));
+            let is_second = is_end
+                && line.is_empty()
+                && matches!((before, byte), (Some(b'\r'), b'\n') | (Some(ABORT), _));
+            if is_second {
+                continue;
+            }
+            if is_end {
+                return Ok(Some(line));
+            }
+            line.push(byte);
+            if byte == ABORT {
+                return Ok(Some(line));
+            }
+        }
+        Ok(Some(line))
+    }
+
+    fn next_byte(&mut self) -> io::Result<Option<u8>> {
+        loop {
+            match self.from.fill_buf() {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+                Ok(bytes) => {
+                    let byte = bytes.first().copied();
+                    self.from.consume(usize::from(byte.is_some()));
+                    return Ok(byte);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(text: &'static [u8]) -> Vec<String> {
+        let name = String::new();
+        let mut lines = Lines { from: Box::new(text), name, are_typed: false, number: 0, last: None };
+        std::iter::from_fn(|| lines.next_line().expect("text")).collect()
+    }
+
+    #[test]
+    fn each_line_end_and_each_abort_ends_one_line() {
+        for (text, expected) in [
+            (&b"HI\nVERS\n"[..], &["HI", "VERS"][..]),
+            (b"HI\r\nVERS\r\n", &["HI", "VERS"]),
+            (b"HI\rVERS\rFGET P", &["HI", "VERS", "FGET P"]),
+            (b"HI\r\rVERS\n\n", &["HI", "", "VERS", ""]),
+            (b"1M 100\x03FGET P\n", &["1M 100\x03", "FGET P"]),
+            (b"1M 100\x03\r\nFGET P\n\x03\n", &["1M 100\x03", "FGET P", "\x03"]),
+            (b"# comment \xC3\xA9\rVERS\r", &["VERS"]),
+            (b"", &[]),
+        ] {
+            assert_eq!(lines(text), expected, "{:?}", String::from_utf8_lossy(text));
         }
     }
 }

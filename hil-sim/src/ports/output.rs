@@ -32,23 +32,82 @@ pub fn warn(line: &str) {
 /// # Errors
 /// Those of the file system; no temporary file is left behind.
 pub fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let (target, permissions) = match fs::metadata(path) {
-        // A regular file under /dev is a shell's redirection (/dev/stdout), which its owner keeps open.
-        Ok(meta) if meta.is_file() && !path.starts_with("/dev") => {
-            (fs::canonicalize(path)?, Some(meta.permissions()))
-        }
-        Err(e) if e.kind() == ErrorKind::NotFound && !path.is_symlink() => (path.to_owned(), None),
-        Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
-        _ => return fs::write(path, bytes),
-    };
-    let part = part_of(&target)?;
-    // `create_new`: never overwrite, nor remove below, somebody else's file.
-    let file = File::create_new(&part)?;
-    let moved = write_new(file, bytes, permissions).and_then(|()| fs::rename(&part, &target));
-    if moved.is_err() {
-        let _ = fs::remove_file(&part);
+    Part::write(path, bytes)?.map_or(Ok(()), Part::rename)
+}
+
+/// Replaces files that belong together, of which the last describes the others. An end at any moment (^C, a kill) leaves no old
+/// description with new files, nor the other way round: without all of them there is no description.
+///
+/// # Errors
+/// The file and the reason. No file is changed unless all of them fit on the disk.
+pub fn replace_together(files: &[(&Path, &[u8])]) -> Result<(), (PathBuf, io::Error)> {
+    let mut parts = Vec::new();
+    for (path, bytes) in files {
+        parts.extend(Part::write(path, bytes).map_err(|error| ((*path).to_owned(), error))?);
     }
-    moved
+    steps(parts).into_iter().try_for_each(Step::run)
+}
+
+enum Step {
+    Remove(PathBuf),
+    Rename(Part),
+}
+
+fn steps(parts: Vec<Part>) -> Vec<Step> {
+    let description = parts.last().map(|part| Step::Remove(part.target.clone()));
+    description.into_iter().chain(parts.into_iter().map(Step::Rename)).collect()
+}
+
+impl Step {
+    fn run(self) -> Result<(), (PathBuf, io::Error)> {
+        match self {
+            Self::Remove(path) => match fs::remove_file(&path) {
+                Err(error) if error.kind() != ErrorKind::NotFound => Err((path, error)),
+                _ => Ok(()),
+            },
+            Self::Rename(part) => {
+                let target = part.target.clone();
+                part.rename().map_err(|error| (target, error))
+            }
+        }
+    }
+}
+
+/// A temporary file with the bytes of another; removed unless it is renamed.
+struct Part {
+    part: PathBuf,
+    target: PathBuf,
+}
+
+impl Part {
+    /// `None` if the target is no file: the bytes have been written to it.
+    fn write(path: &Path, bytes: &[u8]) -> io::Result<Option<Self>> {
+        let (target, permissions) = match fs::metadata(path) {
+            // A regular file under /dev is a shell's redirection (/dev/stdout), which its owner keeps open.
+            Ok(meta) if meta.is_file() && !path.starts_with("/dev") => {
+                (fs::canonicalize(path)?, Some(meta.permissions()))
+            }
+            Err(e) if e.kind() == ErrorKind::NotFound && !path.is_symlink() => (path.to_owned(), None),
+            Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
+            _ => return fs::write(path, bytes).map(|()| None),
+        };
+        let part = part_of(&target)?;
+        // `create_new`: never overwrite, nor remove below, somebody else's file.
+        let file = File::create_new(&part)?;
+        let written = Self { part, target };
+        write_new(file, bytes, permissions).map(|()| Some(written))
+    }
+
+    fn rename(self) -> io::Result<()> {
+        fs::rename(&self.part, &self.target)
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // Already renamed if all went well.
+        let _ = fs::remove_file(&self.part);
+    }
 }
 
 fn part_of(target: &Path) -> io::Result<PathBuf> {
@@ -63,4 +122,38 @@ fn write_new(mut file: File, bytes: &[u8], permissions: Option<fs::Permissions>)
         file.set_permissions(permissions)?;
     }
     file.write_all(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The program may end after any step.
+    #[test]
+    fn description_is_never_left_with_files_of_another_run() {
+        let folder = std::env::temp_dir().join(format!("hil-sim-output-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).expect("the temporary folder can be written");
+        let [trace, report] = ["trace", "report"].map(|name| folder.join(name));
+        for done in 0..=3 {
+            for path in [&trace, &report] {
+                fs::write(path, "old").expect("ours");
+            }
+            let parts =
+                [&trace, &report].map(|path| Part::write(path, b"new").expect("ours").expect("a file"));
+            let steps = steps(parts.into());
+            assert_eq!(steps.len(), 3);
+            steps.into_iter().take(done).for_each(|step| step.run().expect("ours"));
+            let [trace, report] = [&trace, &report].map(|path| fs::read_to_string(path).ok());
+            let found = (trace.as_deref(), report.as_deref());
+            let expected = match done {
+                0 => (Some("old"), Some("old")),
+                1 => (Some("old"), None),
+                2 => (Some("new"), None),
+                _ => (Some("new"), Some("new")),
+            };
+            assert_eq!(found, expected, "after {done} steps");
+        }
+        fs::remove_dir_all(&folder).expect("ours");
+    }
 }

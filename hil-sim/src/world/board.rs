@@ -2,6 +2,7 @@
 //! It implements [`tater_fw::Board`] and makes no decisions.
 
 use servo_core::sense::commutation::Bridge;
+use tater_fw::tater::heat::COLD;
 use tater_fw::{Analog, Board};
 use tater_wire::MotorKind;
 use tater_wire::{Destination, FaultCode, Frame, Group, Node};
@@ -31,6 +32,8 @@ pub struct SimBoard {
     mailboxes: Vec<Frame>,
     resets: u32,
     feeds: u32,
+    tick_feeds: u32,
+    retained: u32,
 }
 
 impl SimBoard {
@@ -50,6 +53,8 @@ impl SimBoard {
             mailboxes: Vec::new(),
             resets: 0,
             feeds: 0,
+            tick_feeds: 0,
+            retained: COLD,
         }
     }
 
@@ -155,6 +160,17 @@ impl SimBoard {
         self.feeds
     }
 
+    /// How often the watchdog of the control tick was fed.
+    #[must_use]
+    pub const fn tick_feeds(&self) -> u32 {
+        self.tick_feeds
+    }
+
+    /// The RAM loses its contents: the word that a reset keeps becomes arbitrary.
+    pub fn forget(&mut self) {
+        self.retained = (self.rig.now_us() as u32).wrapping_mul(0x9E37_79B1);
+    }
+
     /// Whether the receive filters pass a frame.
     #[must_use]
     pub fn accepts(&self, frame: &Frame) -> bool {
@@ -217,6 +233,18 @@ impl Board for SimBoard {
 
     fn feed_watchdog(&mut self) {
         self.feeds += 1;
+    }
+
+    fn feed_tick_watchdog(&mut self) {
+        self.tick_feeds += 1;
+    }
+
+    fn retained(&self) -> u32 {
+        self.retained
+    }
+
+    fn retain(&mut self, word: u32) {
+        self.retained = word;
     }
 
     fn reset(&mut self) {

@@ -1,7 +1,8 @@
 //! A CAN bus in simulated time: arbitration, delivery, and the bit times each frame takes.
 //!
 //! Classic CAN at 1 Mbit/s, so a bit is a microsecond. The lowest identifier wins. Frame lengths include stuffing. A corrupted
-//! frame costs an error frame and is sent again. A receive FIFO holds three frames and drops what arrives while it is full.
+//! frame costs an error frame and is sent again. A receive FIFO holds three frames; while it is full, each frame that arrives
+//! replaces the newest.
 //! Not modeled: error counters (a station never goes bus-off), remote and extended frames, and retransmissions without an
 //! acknowledgment: a lone station waits until another one is on the bus.
 //!
@@ -25,7 +26,7 @@ use length::{ERROR_FRAME, INTERMISSION};
 pub use medium::{Clean, Fate, Medium, Noise};
 pub use station::{BOARD_US, Station};
 
-/// Frames in a controller's receive FIFO (bxCAN: three; locked when full, so the newest is lost).
+/// Frames in a controller's receive FIFO (bxCAN: three; with RFLM = 0 the newest is overwritten).
 pub const FIFO: usize = 3;
 
 /// Frames that a tap keeps until they are read: 0.1 s of a full bus.
@@ -42,7 +43,7 @@ pub struct Stats {
     pub errors: u64,
     /// Acknowledged frames by identifier.
     pub by_id: BTreeMap<u16, u64>,
-    /// Frames lost because a receive FIFO was full.
+    /// Frames lost because a receive FIFO was full: overwritten by newer ones.
     pub overruns: u64,
     /// Frames that a receiver acknowledged but lost (see [`Medium::delivers`]).
     pub lost: u64,
@@ -322,9 +323,11 @@ impl<S: Station> Bus<S> {
             } else if !slot.is_connected() {
             } else if !self.medium.delivers(&frame, Some(index)) {
                 self.stats.lost += 1;
-            } else if slot.fifo.len() >= FIFO {
-                self.stats.overruns += 1;
-            } else {
+            } else if slot.station.accepts(&frame) {
+                if slot.fifo.len() >= FIFO {
+                    self.stats.overruns += 1;
+                    slot.fifo.pop_back();
+                }
                 slot.fifo.push_back(Stamped { at_us: now_us, frame });
             }
         }

@@ -1,5 +1,6 @@
 //! A whole hand: GOD, the bus and seven boards with their motors, in simulated time.
 
+pub mod palm;
 pub mod scene;
 pub mod serial;
 pub mod state;
@@ -17,14 +18,15 @@ use tater_wire::memory::FLASH;
 use crate::world::board::SimBoard;
 use crate::world::bus::{Adapter, Bus};
 use crate::world::node::Node;
-use crate::world::plant::{Model, ParamError};
-use scene::{Pose, Scene};
+use crate::world::plant::{Contact, Model, ParamError, RAD_PER_COUNT, SharedSupply, Supply};
+use palm::Palm;
+use scene::{Pose, SPREAD, Scene};
 use state::{Kept, State};
 
 const GOD: &str = "GOD";
 
-/// Temperature of GOD's board, 0.1 °C: the lower end of normal use (manual 2).
-const TEMPERATURE: i16 = 350;
+/// The hand's supply, V (manual 1.4).
+const SUPPLY_V: f64 = 24.0;
 
 const STANDSTILL_COUNTS_PER_S: f64 = 1.0;
 
@@ -41,9 +43,47 @@ const MAILBOXES: usize = 3;
 /// Poll interval of GOD while its mailboxes are full, us: a frame is sent by then.
 const MAILBOX_POLL_US: u64 = 100;
 
+/// Keeps the contacts of the spread passive. They are made anew once a millisecond, each time linear about another pose. Between
+/// two of them the spread's springs may hold more energy at the same position, which would drive it from nothing. So new
+/// springs may hold what the old ones held, and besides what the other motors have pressed into theirs. Fingers need no
+/// such limit: their worms let no contact drive them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pushed {
+    /// Energy in each motor's contacts after the last update, J.
+    stored: Pose,
+    /// Work of the other motors that has not reached the spread, J.
+    credit_j: f64,
+}
+
+impl Pushed {
+    /// Moves the spread's new `contacts` away from it, if needed; `now` is the energy in each motor's old ones. Their stiffness
+    /// remains, so that the spread does not sink in.
+    fn limit(&mut self, now: &Pose, pose: &Pose, contacts: &mut [Contact]) {
+        let others = now.iter().zip(&self.stored).enumerate().filter(|(motor, _)| *motor != SPREAD);
+        self.credit_j += others.map(|(_, (now, then))| (now - then).max(0.0)).sum::<f64>();
+        if contacts.is_empty() {
+            // What the others pressed does not wait for the spread to come back.
+            self.credit_j = 0.0;
+            return;
+        }
+        let theta = pose[SPREAD] * RAD_PER_COUNT;
+        let wanted: f64 = contacts.iter().map(|contact| contact.stored_j(theta)).sum();
+        let allowed = now[SPREAD] + self.credit_j;
+        if wanted > allowed {
+            let share = (allowed / wanted).sqrt();
+            for contact in contacts.iter_mut().filter(|contact| contact.stored_j(theta) > 0.0) {
+                contact.from = theta - share * (theta - contact.from);
+            }
+        }
+        self.credit_j -= (wanted.min(allowed) - now[SPREAD]).max(0.0);
+    }
+}
+
 /// GOD and its boards. Bytes go in and come out; the caller advances time.
 pub struct Hand {
     bus: Bus<Node>,
+    supply: SharedSupply,
+    palm: Palm,
     io: Rc<Io>,
     memory: Rc<Memory>,
     god: Pin<Box<dyn Future<Output = Infallible>>>,
@@ -55,6 +95,7 @@ pub struct Hand {
     stood: Pose,
     /// The scene, the time of its next evaluation, us, and which motors touch something.
     scene: Option<(Scene, u64, [bool; 7])>,
+    pushed: Pushed,
 }
 
 impl Hand {
@@ -80,16 +121,34 @@ impl Hand {
         Ok(Self::with(boards, Memory::new(state.god.clone())))
     }
 
-    /// A hand at power-up with the given boards, nodes 1 to 7.
+    /// A hand at power-up with the given boards, nodes 1 to 7, which one supply feeds.
     #[must_use]
-    pub fn with(boards: Vec<Node>, memory: Memory) -> Self {
+    pub fn with(mut boards: Vec<Node>, memory: Memory) -> Self {
+        let count = u8::try_from(boards.len()).expect("seven boards");
+        let supply = SharedSupply::new(Supply::new(SUPPLY_V, count));
+        for board in &mut boards {
+            board.rig_mut().share(&supply);
+        }
         let mut bus = Bus::new(boards);
         bus.plug_host(GOD, Adapter::default()).expect("the bus is new");
         let (io, memory) = (Rc::new(Io::default()), Rc::new(memory));
-        io.set_temperature(TEMPERATURE);
+        let palm = Palm::default();
+        io.set_temperature(palm.tenths());
         let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
         let god = Box::pin(async move { god::run(&ports, &kept).await });
-        Self { bus, io, memory, god, next_us: 0, changes: 0, stood: Pose::default(), scene: None }
+        Self {
+            bus,
+            supply,
+            palm,
+            io,
+            memory,
+            god,
+            next_us: 0,
+            changes: 0,
+            stood: Pose::default(),
+            scene: None,
+            pushed: Pushed::default(),
+        }
     }
 
     /// Puts objects between the fingers. Without a scene each motor meets only its stops.
@@ -121,7 +180,16 @@ impl Hand {
             return;
         }
         *next_us = now_us + SCENE_US;
-        for (index, (contacts, touched)) in scene.contacts(&pose).iter().zip(touching).enumerate() {
+        let mut all = scene.contacts(&pose);
+        let stored = |bus: &Bus<Node>| {
+            let mut stored = Pose::default();
+            for (to, node) in stored.iter_mut().zip(bus.stations()) {
+                *to = node.board().rig().objects_j();
+            }
+            stored
+        };
+        self.pushed.limit(&stored(&self.bus), &pose, &mut all[SPREAD]);
+        for (index, (contacts, touched)) in all.iter().zip(touching).enumerate() {
             let touches = !contacts.is_empty();
             if (touches || *touched)
                 && let Some(node) = self.bus.station_mut(index)
@@ -130,6 +198,7 @@ impl Hand {
             }
             *touched = touches;
         }
+        self.pushed.stored = stored(&self.bus);
     }
 
     /// Bytes from the host.
@@ -153,6 +222,12 @@ impl Hand {
         Some(byte)
     }
 
+    /// ^C of the host, ahead of all bytes that GOD has not read.
+    pub fn interrupt(&mut self) {
+        self.io.interrupt();
+        self.next_us = self.bus.now_us();
+    }
+
     /// The host disconnects: GOD discards what was not read and aborts what is running.
     pub fn hang_up(&mut self) {
         self.io.hang_up();
@@ -166,17 +241,41 @@ impl Hand {
             if now >= self.scene_us() {
                 self.update_contacts();
             }
+            if now >= self.palm.next_us() {
+                self.update_temperature();
+            }
             if now >= self.next_us {
                 self.poll();
             }
             if now >= until_us {
                 return;
             }
-            if let Some(stamped) = self.bus.wait(self.next_us.min(self.scene_us()).clamp(now, until_us)) {
+            if let Some(stamped) = self.bus.wait(self.wakes_us().clamp(now, until_us)) {
                 self.io.push_frame(&stamped.frame);
                 self.next_us = self.bus.now_us();
             }
         }
+    }
+
+    /// The next time at which something but the bus is due.
+    fn wakes_us(&self) -> u64 {
+        self.next_us.min(self.scene_us()).min(self.palm.next_us())
+    }
+
+    fn update_temperature(&mut self) {
+        let tenths = self.palm.advance(self.bus.stations(), self.bus.now_us());
+        if tenths != self.io.temperature() {
+            self.io.set_temperature(tenths);
+            // GOD keeps the highest.
+            self.next_us = self.bus.now_us();
+        }
+    }
+
+    /// Forces the reading of GOD's temperature sensor, °C; `None`: it follows the heat of the hand.
+    pub fn fix_temperature(&mut self, celsius: Option<f64>) {
+        self.palm.fix(celsius);
+        self.io.set_temperature(self.palm.tenths());
+        self.next_us = self.bus.now_us();
     }
 
     fn scene_us(&self) -> u64 {
@@ -208,6 +307,12 @@ impl Hand {
             counts: node.board().rig().truth().counts,
         };
         State { boards: self.bus.stations().map(kept).collect(), god: self.memory.stored() }
+    }
+
+    /// GOD's owner has tried to write [`Self::state`]: see [`Memory::wants_write`].
+    pub fn state_written(&mut self, is_stored: bool) {
+        self.memory.written(is_stored);
+        self.next_us = self.bus.now_us();
     }
 
     /// A number that grows with every change to keep: values stored, and motors at rest at a new position.
@@ -244,6 +349,12 @@ impl Hand {
     /// The bus, to inject faults.
     pub fn bus_mut(&mut self) -> &mut Bus<Node> {
         &mut self.bus
+    }
+
+    /// The supply of the seven boards.
+    #[must_use]
+    pub fn supply(&self) -> Supply {
+        self.supply.read()
     }
 
     /// The present time, us.

@@ -15,8 +15,8 @@ use tater_wire::{FaultCode, Frame};
 use crate::world::board::SimBoard;
 use crate::world::bus::Station;
 use crate::world::rig::{Rig, Truth};
-pub use factory::placeholder_application;
 use factory::provisioned;
+pub use factory::{STANDARD_WIRING, placeholder_application, shipped_storage};
 
 const TICK_US: u64 = 1_000_000 / servo_core::num::TICK_HZ as u64;
 
@@ -104,12 +104,21 @@ impl Node {
     /// A new board at power-up, with an application in its flash: it waits in the monitor.
     #[must_use]
     pub fn new(board: SimBoard) -> Self {
-        Self::with_flash_kept(provisioned(board))
+        Self::with_flash_kept(provisioned(board, true))
+    }
+
+    /// A new board that has left the monitor already, and does not know how its motor is wired.
+    #[must_use]
+    pub fn unwired(board: SimBoard) -> Self {
+        let mut node = Self::off(provisioned(board, false));
+        node.start_application();
+        node
     }
 
     /// A board at power-up with its flash unchanged.
     #[must_use]
-    pub fn with_flash_kept(board: SimBoard) -> Self {
+    pub fn with_flash_kept(mut board: SimBoard) -> Self {
+        board.forget();
         let mut node = Self::off(board);
         node.power_on();
         node
@@ -118,7 +127,7 @@ impl Node {
     /// A new board that has left the monitor already (STAT 2).
     #[must_use]
     pub fn awake(board: SimBoard) -> Self {
-        let mut node = Self::off(provisioned(board));
+        let mut node = Self::off(provisioned(board, true));
         node.start_application();
         node
     }
@@ -145,6 +154,7 @@ impl Node {
     pub fn power_off(&mut self) {
         let mut board = self.take_board();
         board.reset_pins(None);
+        board.forget();
         self.program = Some(Program::Off(board));
     }
 
@@ -160,6 +170,19 @@ impl Node {
         self.resets = board.resets();
         self.program = Some(Program::Monitor(Monitor::new(board)));
         self.boot();
+    }
+
+    /// The program hangs, with the bridge as it is, until the watchdog bites after `us`.
+    pub fn hang(&mut self, us: u64) {
+        let until_us = self.now_us + us;
+        while self.now_us < until_us {
+            self.board_mut().run(until_us);
+            self.now_us = self.board().rig().now_us();
+        }
+        self.next_tick_us = (self.now_us / TICK_US + 1) * TICK_US;
+        self.fed.1 = self.now_us;
+        self.watchdog_resets += 1;
+        self.reset(Some(FaultCode::Watchdog));
     }
 
     fn start_application(&mut self) {
@@ -388,6 +411,13 @@ impl Node {
         }
     }
 
+    /// Makes the direction of the motor seen, as after a motion since waking.
+    pub fn trust_direction(&mut self) {
+        if let Some(Program::Application(tater)) = &mut self.program {
+            tater.trust_direction();
+        }
+    }
+
     /// The servo's next event, if the application runs. Drops what else the board has recorded since the last call.
     pub fn event(&mut self) -> Option<Event> {
         let Some(Program::Application(tater)) = &mut self.program else { return None };
@@ -435,7 +465,8 @@ impl Station for Node {
     }
 
     fn next_us(&self) -> u64 {
-        if self.is_busy() { self.busy_until_us } else { self.next_tick_us }
+        let own_us = if self.is_busy() { self.busy_until_us } else { self.next_tick_us };
+        own_us.min(self.board().rig().next_exchange_us())
     }
 
     fn busy_until_us(&self) -> u64 {
@@ -444,6 +475,10 @@ impl Station for Node {
 
     fn is_on_bus(&self) -> bool {
         self.now_us >= self.boots_until_us && !matches!(self.program, Some(Program::Off(_)))
+    }
+
+    fn accepts(&self, frame: &Frame) -> bool {
+        self.board().accepts(frame)
     }
 
     fn receive(&mut self, frame: &Frame) {

@@ -165,6 +165,7 @@ fn as_property(command: &Command, board: &BoardView) -> Option<(Property, i64, (
         Command::TorqueControlled { closing: true } => (cmd(Cmd::Tc), mode(Mode::Velocity)),
         Command::TorqueControlled { closing: false } => (cmd(Cmd::To), mode(Mode::Velocity)),
         Command::Home => (cmd(Cmd::Hi), mode(Mode::Velocity)),
+        Command::Find => ((Property::FIND, 1), (Property::FIND, None)),
         Command::Terminate => (cmd(Cmd::T), mode(Mode::Idle)),
         Command::ClearFault => ((Property::STAT, 2), (Property::ERROR, Some(0))),
         // A host that ends a move honors HOLD (manual 5.5 case 3).

@@ -12,7 +12,7 @@ use crate::experiment::input::{self, BadInput, Source};
 use crate::experiment::metrics;
 use crate::experiment::properties::{self, Property, PropertyError};
 use crate::world::plant::{Model, ParamError, PlantParams};
-use crate::world::rig::{Object, Rig, RigParams};
+use crate::world::rig::{Object, Rig, RigParams, Side};
 
 /// Size limit of a scenario file, bytes; the shipped ones have under 2 kB.
 const MAX_FILE_BYTES: u64 = 1 << 20;
@@ -128,6 +128,14 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
         if let Some(table) = &parsed.initial {
             checked(source, table, |_| initial.check(&case.plant))?;
         }
+        for object in &parsed.object {
+            let start = initial.start(&case.plant);
+            let placed = |object: &Object| {
+                let rig = RigParams::default();
+                Rig::new(case.plant.clone(), rig, &[*object], Model::Averaged, start, 0).map(|_| ())
+            };
+            checked(source, object, placed)?;
+        }
     }
     let expectations = parsed.expect.iter().map(|e| expectation(source, e)).collect::<Result<_, _>>()?;
     Ok(Scenario {
@@ -155,8 +163,12 @@ fn checked<T: Clone>(
         Ok(()) => Ok(value.get_ref().clone()),
         Err(e) => {
             let next = "correct it, or leave it out for the default";
-            let mut error =
-                source.error(value.span(), format!("{} is out of range", e.field), &e.expected, next);
+            let mut error = source.error(
+                source.field(value.span(), e.field),
+                format!("{} is out of range", e.field),
+                &e.expected,
+                next,
+            );
             error.found = format!("{} = {}", e.field, e.found);
             Err(error)
         }
@@ -164,10 +176,12 @@ fn checked<T: Clone>(
 }
 
 fn check_object(object: &Object, plant: &PlantParams) -> Result<(), ParamError> {
-    // A stop is always a valid start.
-    let start = Initial { position_counts: plant.min_count, ..Initial::default() }.start(plant);
+    // A start that is clear of any object; the scenario's own is checked later.
+    let plant = PlantParams { min_count: -1e6, max_count: 1e6, ..plant.clone() };
+    let at = if object.side == Side::Closing { plant.min_count } else { plant.max_count };
+    let start = Initial { position_counts: at, ..Initial::default() }.start(&plant);
     let rig = RigParams::default();
-    Rig::new(plant.clone(), rig, &[*object], Model::Averaged, start, 0).map(|_| ())
+    Rig::new(plant, rig, &[*object], Model::Averaged, start, 0).map(|_| ())
 }
 
 fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Result<PlantParams, BadInput> {
@@ -236,12 +250,11 @@ fn timed(source: Source<'_>, at: &Spanned<file::At>, duration_ms: u32) -> Result
         Err(BadInput { found, ..source.error(at.span(), problem, expected, next) })
     };
     if ms >= duration_ms {
-        return fail(
-            "[[at]] ms is not before the end of the run",
-            format!("ms = {ms}"),
-            format!("0 to {}", duration_ms.saturating_sub(1)),
-            "make duration_ms longer or the command earlier",
-        );
+        let problem = "[[at]] ms is not before the end of the run";
+        let expected = format!("0 to {}", duration_ms.saturating_sub(1));
+        let next = "make duration_ms longer or the command earlier";
+        let error = source.error(source.field(at.span(), "ms"), problem, expected, next);
+        return Err(BadInput { found: format!("ms = {ms}"), ..error });
     }
     let mut actions = actions(source, at.get_ref())?;
     match (actions.pop(), actions.len()) {

@@ -42,6 +42,7 @@ shipped! {
     "homing-link"
     "homing-spread"
     "homing-tip"
+    "homing-jammed"
     "coast-low-ke"
     "low-bus"
 }

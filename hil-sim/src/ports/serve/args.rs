@@ -8,15 +8,18 @@ use tater_wire::Node as Id;
 
 use super::event::bad;
 
-const NODES: std::ops::RangeInclusive<u8> = 1..=7;
+/// A hand alone, and a hand beside an arm.
+const fn is_node(id: &u8) -> bool {
+    matches!(id, 1..=7 | 11..=17)
+}
 
 /// The arguments of `hil-sim bus`.
 #[derive(clap::Args)]
 pub struct BusArgs {
-    /// A board on the bus: 1 to 3 links, 4 the spread, 5 to 7 tips.
+    /// A board on the bus: 1 to 3 links, 4 the spread, 5 to 7 tips; 11 to 17 the same of a hand beside an arm.
     #[arg(long, value_name = "N")]
     node: Option<String>,
-    /// Several boards, such as 1-7 or 1,4,5.
+    /// Several boards, such as 1-7 or 11,12,13,14.
     #[arg(long, value_name = "LIST")]
     nodes: Option<String>,
     /// Serve SLCAN over TCP here; port 0 picks a free one. The first line of output is `slcan HOST:PORT`.
@@ -64,7 +67,7 @@ impl BusArgs {
                     bad(
                         format!("{option} {list}"),
                         list,
-                        "nodes from 1 to 7, such as 4 or 1-7 or 1,4,5",
+                        "nodes from 1 to 7 or 11 to 17, such as 4 or 1-7 or 11,12,13,14",
                         "name the boards on the bus",
                     )
                 })?);
@@ -84,9 +87,9 @@ fn parse(list: &str) -> Option<Vec<u8>> {
     let mut ids = Vec::new();
     for part in list.split(',') {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
-        let number = |text: &str| text.trim().parse::<u8>().ok().filter(|id| NODES.contains(id));
+        let number = |text: &str| text.trim().parse::<u8>().ok().filter(is_node);
         let (first, last) = (number(first)?, number(last)?);
-        if first > last {
+        if first > last || !(first..=last).all(|id| is_node(&id)) {
             return None;
         }
         ids.extend(first..=last);
@@ -103,7 +106,10 @@ mod tests {
         assert_eq!(parse("4"), Some(vec![4]));
         assert_eq!(parse("1-7"), Some((1..=7).collect()));
         assert_eq!(parse("1, 4-5"), Some(vec![1, 4, 5]));
-        for list in ["", "0", "8", "5-4", "1-", "-", "a", "1,,2", "1-3-5", "256", "+"] {
+        assert_eq!(parse("11-14,17"), Some(vec![11, 12, 13, 14, 17]));
+        for list in
+            ["", "0", "8", "10", "18", "7-11", "1-17", "5-4", "1-", "-", "a", "1,,2", "1-3-5", "256", "+"]
+        {
             assert_eq!(parse(list), None, "{list}");
         }
     }

@@ -33,11 +33,21 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
             let port = CanPort::open(interface)?;
             bus.plug_host(interface, Adapter::default())?;
             print(&format!("can {interface}\n"))?;
-            port.watch(sender.clone());
+            port.watch(sender.clone())?;
             Host::Can(port)
         }
     };
-    Server { bus, events, sender, host, unparsed: Vec::new(), clients: 0, pace: Pace::default() }.run(clock)
+    Server {
+        bus,
+        events,
+        sender,
+        host,
+        waiting: None,
+        unparsed: Vec::new(),
+        clients: 0,
+        pace: Pace::default(),
+    }
+    .run(clock)
 }
 
 enum Host {
@@ -51,6 +61,8 @@ struct Server<S> {
     events: Receiver<Event>,
     sender: SyncSender<Event>,
     host: Host,
+    /// The next host, while the bytes of the last one, who has closed, are read.
+    waiting: Option<NewClient>,
     /// Bytes received while the adapter's queue was full.
     unparsed: Vec<u8>,
     clients: u64,
@@ -69,7 +81,8 @@ impl<S: Station> Server<S> {
             self.send_frames();
             self.feed();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
-            if self.bus.waiting() >= QUEUE {
+            // Frames stay in the interface. A client's bytes stay in its socket, and its end and the next client are noticed.
+            if matches!(self.host, Host::Can(_)) && self.bus.waiting() >= QUEUE {
                 thread::park_timeout(wait);
                 continue;
             }
@@ -92,9 +105,11 @@ impl<S: Station> Server<S> {
                 }
                 self.feed();
             }
-            Event::Gone(number) if self.is_client(number) => self.disconnect("has left"),
+            Event::InputEnded(number) | Event::Gone(number) if self.is_client(number) => {
+                self.disconnect("has left");
+            }
             // From a client that was disconnected.
-            Event::Bytes(..) | Event::Gone(_) => {}
+            Event::Bytes(..) | Event::InputEnded(_) | Event::Gone(_) => {}
             Event::Frame(frame) => self.bus.send(frame)?,
             Event::Lost(problem) => return Err(problem.into()),
         }
@@ -105,8 +120,16 @@ impl<S: Station> Server<S> {
         matches!(&self.host, Host::Slcan(client) if client.link.number == number)
     }
 
-    /// Makes a client the host, unless there is one.
+    /// Makes a client the host, unless there is one. After a host that has closed it waits: the end of one connection and the start of the
+    /// next come from two threads, in any order.
     fn connected(&mut self, client: NewClient) {
+        if self.waiting.is_none()
+            && let Host::Slcan(host) = &self.host
+            && host.link.has_closed()
+        {
+            self.waiting = Some(client);
+            return;
+        }
         if let Err(two) = self.bus.plug_host(&client.peer, Adapter::default()) {
             warn(&two.to_string());
             tcp::refuse(client, &two.to_string());
@@ -114,12 +137,11 @@ impl<S: Station> Server<S> {
         }
         self.clients += 1;
         match tcp::accept(client, self.clients, self.sender.clone()) {
-            Ok(link) => {
+            Some(link) => {
                 warn(&format!("{} is the host", link.peer));
                 self.host = Host::Slcan(Client::new(link, Slcan::default()));
             }
-            // The client disconnected before accept.
-            Err(_) => self.bus.unplug_host(),
+            None => self.bus.unplug_host(),
         }
     }
 
@@ -130,6 +152,9 @@ impl<S: Station> Server<S> {
         }
         self.unparsed.clear();
         self.bus.unplug_host();
+        if let Some(next) = self.waiting.take() {
+            self.connected(next);
+        }
     }
 
     fn feed(&mut self) {

@@ -10,14 +10,15 @@ mod linux {
     use std::io::ErrorKind;
     use std::sync::Arc;
     use std::sync::mpsc::SyncSender;
-    use std::thread;
 
     use crate::experiment::input::BadInput;
     use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Frame as _, Socket, StandardId};
     use tater_wire::Frame;
 
     use super::super::event::{Event, bad};
+    use super::super::tcp::no_thread;
     use crate::ports::output::warn;
+    use crate::ports::thread;
 
     pub struct CanPort {
         socket: Arc<CanSocket>,
@@ -43,9 +44,12 @@ mod linux {
         }
 
         /// Reports frames from the interface, in a thread that ends with the interface.
-        pub fn watch(&self, events: SyncSender<Event>) {
+        ///
+        /// # Errors
+        /// The thread cannot be started.
+        pub fn watch(&self, events: SyncSender<Event>) -> Result<(), BadInput> {
             let socket = Arc::clone(&self.socket);
-            thread::spawn(move || {
+            thread::start(move || {
                 loop {
                     let event = match socket.read_frame() {
                         Ok(frame) => match from_interface(&frame) {
@@ -61,7 +65,8 @@ mod linux {
                         return;
                     }
                 }
-            });
+            })
+            .map_err(|error| no_thread("--can", &error))
         }
 
         pub fn send(&mut self, frame: &Frame) {
@@ -136,7 +141,7 @@ mod none {
             ))
         }
 
-        pub fn watch(&self, _: SyncSender<Event>) {
+        pub fn watch(&self, _: SyncSender<Event>) -> Result<(), BadInput> {
             match *self {}
         }
 

@@ -23,6 +23,9 @@ pub enum Event {
     Client(NewClient),
     /// Bytes of the client with this number.
     Bytes(u64, Vec<u8>),
+    /// The client with this number sends nothing more, and may still read.
+    InputEnded(u64),
+    /// The client with this number neither sends nor reads.
     Gone(u64),
     Frame(Frame),
     Lost(String),

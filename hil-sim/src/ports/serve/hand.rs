@@ -3,10 +3,11 @@
 //!
 //! One host at a time: a client is the host from connecting (TCP) or its first byte (pseudo-terminal) until it disconnects; others
 //! get a busy message and, over TCP, are disconnected. GOD's output without a host is lost, as on a serial line, and a
-//! disconnect aborts what is running. CAN tools may watch the bus at any time.
+//! disconnect aborts what is running. A TCP host that only closes its own side (FIN) stays until it has its answers. CAN tools may watch the bus at any time.
 
 use std::error::Error;
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
@@ -26,7 +27,7 @@ use super::pace::Pace;
 use super::pty;
 use super::tcp::{self, Client};
 use crate::ports::output::{print, warn};
-use crate::ports::state_file::StateFile;
+use crate::ports::state_file::{StateFile, When};
 
 const ADDRESS: &str = "127.0.0.1:11001";
 
@@ -36,6 +37,13 @@ const MAX_TYPE_AHEAD: usize = 1 << 16;
 
 /// Maximum number of tools that watch the bus.
 const WATCHERS: usize = 4;
+
+/// Time for the feedback to the last control block of a host that has closed its side, µs: 21 questions to boards take half of it.
+const FEEDBACK_US: u64 = 20_000;
+
+/// Longest wait for the ends of motions that such a host has begun in the walk-through's grammar, µs: a motor that holds its position
+/// (MODE 3) never ends, and a stall takes TSTOP, up to 65 s.
+const REPORT_US: u64 = 70_000_000;
 
 /// The arguments of `hil-sim hand`.
 #[derive(clap::Args)]
@@ -78,8 +86,9 @@ enum Speed {
 /// # Errors
 /// An address is in use, or the state is damaged.
 pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
-    let scene = args.scenario.as_deref().map_or_else(|| Ok(Scene::default()), grasp::read)?;
     let (mut hand, state_file) = open_hand(args)?;
+    let read = |path: &Path| grasp::read(path, &hand.pose());
+    let scene = args.scenario.as_deref().map_or_else(|| Ok(Scene::default()), read)?;
     hand.set_scene(scene);
     let (sender, events) = sync_channel(EVENTS);
     let address = args.listen.as_deref().or((!args.pty).then_some(ADDRESS));
@@ -95,8 +104,9 @@ pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
     }
     let terminal = terminal.map(|(port, path)| {
         let new_link = move |number, events| Link::new(number, path.clone(), port.clone(), events);
-        Terminal { link: new_link(0, sender.clone()), new_link: Box::new(new_link) }
+        new_link(0, sender.clone()).map(|link| Terminal { link: Some(link), new_link: Box::new(new_link) })
     });
+    let terminal = terminal.transpose().map_err(|error| tcp::no_thread("--pty", &error))?;
     let serial = Serial::new(args.pace_baud);
     let pace = (args.speed == Speed::One).then(Pace::default);
     let server = Server {
@@ -105,6 +115,7 @@ pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
         serial,
         output: Vec::new(),
         host: Host::None,
+        waiting: None,
         terminal,
         watchers: Vec::new(),
         events,
@@ -112,6 +123,7 @@ pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
         links: 0,
         pace,
         warned: false,
+        warned_of_threads: false,
     };
     server.run(clock)
 }
@@ -129,18 +141,25 @@ fn open_hand(args: &HandArgs) -> Result<(Hand, Option<StateFile>), BadInput> {
     };
     // Write now, so that an unwritable file is an error now.
     state_file.write(&mut hand)?;
+    hand.memory().report_writes();
     Ok((hand, Some(state_file)))
 }
 
 enum Host {
     None,
     Tcp(Link),
+    /// A TCP host that sends nothing more: it leaves once it has the answers. `quiet_us`: since when there is nothing more to send.
+    Leaving {
+        link: Link,
+        quiet_us: u64,
+    },
     Terminal,
 }
 
 struct Terminal {
-    link: Link,
-    new_link: Box<dyn Fn(u64, SyncSender<Event>) -> Link>,
+    /// `None` after a host has left, until the threads for the next one can be started.
+    link: Option<Link>,
+    new_link: Box<dyn Fn(u64, SyncSender<Event>) -> io::Result<Link>>,
 }
 
 struct Server {
@@ -149,6 +168,8 @@ struct Server {
     serial: Serial,
     output: Vec<u8>,
     host: Host,
+    /// The next host, while the last one is about to leave.
+    waiting: Option<NewClient>,
     terminal: Option<Terminal>,
     watchers: Vec<Client>,
     events: Receiver<Event>,
@@ -157,6 +178,7 @@ struct Server {
     /// `None`: as fast as possible.
     pace: Option<Pace>,
     warned: bool,
+    warned_of_threads: bool,
 }
 
 impl Server {
@@ -178,6 +200,11 @@ impl Server {
             self.serial.run_until(&mut self.hand, target_us.min(slice_us), &mut self.output, room);
             self.save();
             self.send_output();
+            self.serve_leaving();
+            if let Some(client) = self.waiting.take() {
+                self.host_connected(client);
+            }
+            self.reopen_terminal();
             self.send_frames();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
             match self.events.recv_timeout(wait) {
@@ -189,21 +216,33 @@ impl Server {
         Ok(())
     }
 
-    /// Writes the state before the host sees a prompt (`> `): a prompt promises that values are stored.
+    /// Writes the state before the host sees a prompt (`> `), which promises that values are stored, and for a command that waits for it.
     fn save(&mut self) {
         let Some(state_file) = &mut self.state_file else { return };
-        if let Err(error) = state_file.save_changes(&mut self.hand, self.output.contains(&b'>'))
-            && !std::mem::replace(&mut self.warned, true)
-        {
-            warn(&format!("warning: {error}\n  Trying again later."));
+        let is_wanted = self.hand.memory().wants_write();
+        let when = match (is_wanted, self.output.contains(&b'>')) {
+            (true, _) => When::Now,
+            (false, true) => When::Prompt,
+            (false, false) => When::Pause,
+        };
+        let saved = state_file.save_changes(&mut self.hand, when);
+        if is_wanted {
+            self.hand.state_written(saved.is_ok());
+        }
+        match saved {
+            Ok(is_saved) => self.warned &= !is_saved,
+            Err(error) if !std::mem::replace(&mut self.warned, true) => {
+                warn(&format!("warning: {error}\n  Trying again later."));
+            }
+            Err(_) => {}
         }
     }
 
     fn link(&mut self) -> Option<&mut Link> {
         match &mut self.host {
             Host::None => None,
-            Host::Tcp(link) => Some(link),
-            Host::Terminal => self.terminal.as_mut().map(|terminal| &mut terminal.link),
+            Host::Tcp(link) | Host::Leaving { link, .. } => Some(link),
+            Host::Terminal => self.terminal.as_mut().and_then(|terminal| terminal.link.as_mut()),
         }
     }
 
@@ -242,6 +281,7 @@ impl Server {
             Event::Client(client) if client.protocol == Protocol::Gcl => self.host_connected(client),
             Event::Client(client) => self.watcher_connected(client),
             Event::Bytes(number, bytes) => self.received(number, &bytes),
+            Event::InputEnded(number) => self.input_ended(number),
             Event::Gone(number) => self.disconnected(number),
             Event::Frame(_) => {}
             Event::Lost(problem) => return Err(problem.into()),
@@ -249,7 +289,23 @@ impl Server {
         Ok(())
     }
 
+    /// Whether the host has closed and has its answers: the end of its connection and the start of the next come from two threads, in any
+    /// order.
+    fn is_host_about_to_leave(&self) -> bool {
+        let is_idle =
+            self.serial.is_empty() && self.hand.io().is_drained() && self.hand.io().waits_for_line();
+        match &self.host {
+            Host::Tcp(link) => link.has_closed(),
+            Host::Leaving { .. } => is_idle && !self.hand.io().has_reports_due(),
+            Host::None | Host::Terminal => false,
+        }
+    }
+
     fn host_connected(&mut self, client: NewClient) {
+        if self.waiting.is_none() && self.is_host_about_to_leave() {
+            self.waiting = Some(client);
+            return;
+        }
         if let Some(link) = self.link() {
             let why = format!("{} speaks with the hand, and one host does at a time", link.peer);
             warn(&format!("{} refused: {why}", client.peer));
@@ -257,8 +313,7 @@ impl Server {
             return;
         }
         self.links += 1;
-        // Ignore clients that disconnected before accept.
-        if let Ok(link) = tcp::accept(client, self.links, self.sender.clone()) {
+        if let Some(link) = tcp::accept(client, self.links, self.sender.clone()) {
             warn(&format!("{} is the host", link.peer));
             self.host = Host::Tcp(link);
         }
@@ -270,7 +325,7 @@ impl Server {
             return;
         }
         self.links += 1;
-        if let Ok(link) = tcp::accept(client, self.links, self.sender.clone()) {
+        if let Some(link) = tcp::accept(client, self.links, self.sender.clone()) {
             warn(&format!("{} watches the bus", link.peer));
             if self.watchers.is_empty() {
                 self.hand.bus_mut().tap(true);
@@ -288,20 +343,23 @@ impl Server {
             return;
         }
         let is_free = matches!(self.host, Host::None);
-        if let Some(terminal) = self.terminal.as_mut().filter(|terminal| terminal.link.number == number) {
-            terminal.link.chunk_received();
-            if is_free {
-                warn(&format!("{} is the host", terminal.link.peer));
-                self.host = Host::Terminal;
-            } else if let Host::Tcp(host) = &self.host {
-                let why = format!(
-                    "\r\n\rbusy: {} speaks with the hand, and one host does at a time\r\n\r",
-                    host.peer
-                );
+        let host = match &self.host {
+            Host::Tcp(link) | Host::Leaving { link, .. } => Some(link.peer.clone()),
+            Host::None | Host::Terminal => None,
+        };
+        if let Some(link) = self.terminal_link(number) {
+            link.chunk_received();
+            if let Some(host) = host {
+                let why =
+                    format!("\r\n\rbusy: {host} speaks with the hand, and one host does at a time\r\n\r");
                 // A host that does not read misses this.
-                terminal.link.send(&mut why.into_bytes());
-                terminal.link.read_next();
+                link.send(&mut why.into_bytes());
+                link.read_next();
                 return;
+            }
+            if is_free {
+                warn(&format!("{} is the host", link.peer));
+                self.host = Host::Terminal;
             }
         } else if let Host::Tcp(link) = &mut self.host
             && link.number == number
@@ -311,29 +369,86 @@ impl Server {
             // From a link that was closed.
             return;
         }
-        self.serial.put(bytes, &self.hand);
+        self.serial.put(bytes, &mut self.hand);
+    }
+
+    fn terminal_link(&mut self, number: u64) -> Option<&mut Link> {
+        self.terminal.as_mut()?.link.as_mut().filter(|link| link.number == number)
+    }
+
+    /// A TCP host gets the answers to what it has sent (decision 0031). A watching tool has left.
+    fn input_ended(&mut self, number: u64) {
+        self.disconnect_watcher(number);
+        let quiet_us = self.hand.now_us();
+        self.host = match std::mem::replace(&mut self.host, Host::None) {
+            Host::Tcp(link) if link.number == number => Host::Leaving { link, quiet_us },
+            host => host,
+        };
+    }
+
+    /// Lets a host that sends nothing more go once it has its answers. RealTime ends without its host.
+    fn serve_leaving(&mut self) {
+        let now_us = self.hand.now_us();
+        let has_answers = self.serial.is_empty() && self.output.is_empty() && self.hand.io().is_drained();
+        let Host::Leaving { link, quiet_us } = &mut self.host else { return };
+        if !has_answers || !link.is_flushed() {
+            *quiet_us = now_us;
+            return;
+        }
+        let (number, waited_us) = (link.number, now_us - *quiet_us);
+        let io = self.hand.io();
+        if io.is_raw() && waited_us >= FEEDBACK_US {
+            *quiet_us = now_us;
+            self.serial.hang_up(&mut self.hand);
+        } else if io.waits_for_line() && (!io.has_reports_due() || waited_us >= REPORT_US) {
+            self.disconnected(number);
+        }
+    }
+
+    /// The terminal of a host that has left serves the next one.
+    fn reopen_terminal(&mut self) {
+        let Some(terminal) = self.terminal.as_mut().filter(|terminal| terminal.link.is_none()) else {
+            return;
+        };
+        self.links += 1;
+        match (terminal.new_link)(self.links, self.sender.clone()) {
+            Ok(link) => terminal.link = Some(link),
+            Err(error) => {
+                if !std::mem::replace(&mut self.warned_of_threads, true) {
+                    warn(&format!("warning: --pty: {error}; trying again"));
+                }
+            }
+        }
+    }
+
+    fn disconnect_watcher(&mut self, number: u64) {
+        self.watchers.retain(|watcher| watcher.link.number != number);
     }
 
     fn disconnected(&mut self, number: u64) {
-        self.watchers.retain(|watcher| watcher.link.number != number);
-        let was_host = match (&self.host, &mut self.terminal) {
-            (Host::Tcp(link), _) if link.number == number => true,
-            (host, Some(terminal)) if terminal.link.number == number => {
-                let was_host = matches!(host, Host::Terminal);
-                self.links += 1;
-                let next = (terminal.new_link)(self.links, self.sender.clone());
-                std::mem::replace(&mut terminal.link, next).close();
-                was_host
-            }
-            _ => false,
+        self.disconnect_watcher(number);
+        let mut was_host = match &self.host {
+            Host::Tcp(link) | Host::Leaving { link, .. } => link.number == number,
+            Host::None | Host::Terminal => false,
         };
+        if let Some(terminal) = &mut self.terminal
+            && let Some(link) = terminal.link.take_if(|link| link.number == number)
+        {
+            was_host = matches!(self.host, Host::Terminal);
+            link.close();
+        }
         if was_host {
-            if let Host::Tcp(link) = std::mem::replace(&mut self.host, Host::None) {
+            if let Host::Tcp(link) | Host::Leaving { link, .. } =
+                std::mem::replace(&mut self.host, Host::None)
+            {
                 warn(&format!("{} has left", link.peer));
                 link.close();
             }
             self.output.clear();
             self.serial.hang_up(&mut self.hand);
+            // The prompt after an abort is not for the next host.
+            self.hand.run_until(self.hand.now_us());
+            self.hand.take_tx();
         }
     }
 }

@@ -9,7 +9,7 @@ mod unix {
     use std::io::{self, Read, Write};
     use std::sync::Arc;
     use std::sync::atomic::{AtomicBool, Ordering};
-    use std::thread;
+    use std::thread::park_timeout;
     use std::time::Duration;
 
     use crate::experiment::input::BadInput;
@@ -57,7 +57,7 @@ mod unix {
                         if self.is_open.swap(false, Ordering::Relaxed) {
                             return Ok(0);
                         }
-                        thread::park_timeout(POLL);
+                        park_timeout(POLL);
                     }
                     Ok(len) => {
                         self.is_open.store(true, Ordering::Relaxed);
@@ -66,6 +66,15 @@ mod unix {
                     Err(error) => return Err(error),
                 }
             }
+        }
+
+        fn has_closed(&self) -> bool {
+            false
+        }
+
+        /// A terminal has no half-closed state: a host that closes it is gone.
+        fn wait_for_loss(&self) -> bool {
+            true
         }
 
         fn write(&self, bytes: &[u8]) -> io::Result<()> {

@@ -4,7 +4,7 @@ use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
-use std::thread;
+use std::thread::park_timeout;
 use std::time::Duration;
 
 use crate::experiment::input::BadInput;
@@ -15,6 +15,7 @@ use tater_wire::Frame;
 use super::event::{Event, NewClient, Protocol, bad};
 use super::link::Link;
 use crate::ports::output::warn;
+use crate::ports::thread;
 
 /// Time for a refused client to read the reason and close.
 const REFUSAL_TIMEOUT: Duration = Duration::from_millis(100);
@@ -47,10 +48,16 @@ pub fn listen(
         )
     };
     let listener = TcpListener::bind(address).map_err(failed)?;
-    let address = listener.local_addr().map_err(failed)?.to_string();
+    let address = listener.local_addr().map_err(failed)?;
+    if !address.ip().is_loopback() {
+        warn(&format!(
+            "warning: {option} {address} is beyond loopback: any machine that reaches this one can connect, without a password"
+        ));
+    }
     // Ends with the program, or when the receiver is gone.
-    thread::spawn(move || accept_all(&listener, protocol, &events));
-    Ok(address)
+    thread::start(move || accept_all(&listener, protocol, &events))
+        .map_err(|error| no_thread(option, &error))?;
+    Ok(address.to_string())
 }
 
 fn accept_all(listener: &TcpListener, protocol: Protocol, events: &SyncSender<Event>) {
@@ -66,7 +73,7 @@ fn accept_all(listener: &TcpListener, protocol: Protocol, events: &SyncSender<Ev
                 if !std::mem::replace(&mut warned, true) {
                     warn(&format!("warning: a client cannot be accepted: {error}; trying again"));
                 }
-                thread::park_timeout(ACCEPT_RETRY);
+                park_timeout(ACCEPT_RETRY);
             }
         }
     }
@@ -83,11 +90,13 @@ pub fn refuse(mut client: NewClient, why: &str) {
         Protocol::Gcl => format!("\r\n\rbusy: {why}\r\n\r"),
         Protocol::Slcan => format!("error: {why}\r\x07"),
     };
-    // In a thread: closing with unread input would discard the text before the client reads it.
-    thread::spawn(move || {
-        let _ = client.stream.set_write_timeout(Some(REFUSAL_TIMEOUT));
-        let _ = client.stream.write_all(text.as_bytes());
-        let _ = client.stream.shutdown(Shutdown::Write);
+    // A new connection has room for it.
+    let _ = client.stream.set_nonblocking(true);
+    let _ = client.stream.write_all(text.as_bytes());
+    let _ = client.stream.set_nonblocking(false);
+    let _ = client.stream.shutdown(Shutdown::Write);
+    // In a thread: closing with unread input would discard the text before the client reads it. Without a thread it may be lost.
+    let _ = thread::start(move || {
         let _ = client.stream.set_read_timeout(Some(REFUSAL_TIMEOUT));
         // Bounded even for a client that keeps sending.
         let mut discarded = [0; 1 << 12];
@@ -95,11 +104,33 @@ pub fn refuse(mut client: NewClient, why: &str) {
     });
 }
 
-/// The client's bytes arrive as events with its number. Fails if the client has disconnected.
-pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> io::Result<Link> {
-    // Answers are short and wanted at once.
-    client.stream.set_nodelay(true)?;
-    Ok(Link::new(number, client.peer, Arc::new(client.stream), events))
+/// The client's bytes arrive as events with its number. `None` if the client has disconnected, or is refused because no thread
+/// can be started for it.
+pub fn accept(client: NewClient, number: u64, events: SyncSender<Event>) -> Option<Link> {
+    let NewClient { stream, peer, protocol } = client;
+    // Answers are short and wanted at once. An error means that the client has disconnected.
+    stream.set_nodelay(true).ok()?;
+    let refused = stream.try_clone();
+    match Link::new(number, peer.clone(), Arc::new(stream), events) {
+        Ok(link) => Some(link),
+        Err(error) => {
+            warn(&format!("{peer} refused: {error}"));
+            if let Ok(stream) = refused {
+                refuse(NewClient { stream, peer, protocol }, &error.to_string());
+            }
+            None
+        }
+    }
+}
+
+/// The error of an option whose thread cannot be started.
+pub fn no_thread(option: &str, error: &io::Error) -> BadInput {
+    bad(
+        option.to_owned(),
+        &error.to_string(),
+        "a thread for each endpoint, and two for each client",
+        "end other programs, or raise the limit",
+    )
 }
 
 pub struct Client {

@@ -32,6 +32,12 @@ pub trait Station {
         true
     }
 
+    /// Whether the receive filters pass a frame into the FIFO.
+    fn accepts(&self, frame: &Frame) -> bool {
+        let _ = frame;
+        true
+    }
+
     /// A frame from the receive FIFO at the station's present time; never one of its own.
     fn receive(&mut self, frame: &Frame);
 

@@ -16,7 +16,8 @@ const FINGERS: usize = 3;
 /// Motors in the order of their nodes: three links, the spread, three tips.
 const MOTORS: usize = 7;
 
-const SPREAD: usize = 3;
+/// The spread's index.
+pub const SPREAD: usize = 3;
 
 /// Capsules farther apart than this cannot touch within the next millisecond, m.
 const NEAR_M: f64 = 0.01;
@@ -144,6 +145,25 @@ impl Scene {
         let joint = along(base, link_m, up);
         let end = along(joint, tip_m, up + tip_at_zero + angle(tip));
         [[base, joint], [joint, end]].map(|ends| Capsule { ends, radius_m: finger_radius_m })
+    }
+
+    /// The deepest overlap of an object with a finger at a pose: the object's index, the finger (1 to 3), `link` or `tip`, and
+    /// the depth, m. `None` if all are clear.
+    #[must_use]
+    pub fn overlap(&self, pose: &Pose) -> Option<(usize, usize, &'static str, f64)> {
+        let fingers = self.fingers(pose);
+        let parts = |(finger, parts): (usize, &[Capsule; 2])| {
+            let parts = [(finger + 1, "link", parts[0]), (finger + 1, "tip", parts[1])];
+            parts.into_iter()
+        };
+        let parts: Vec<_> = fingers.iter().enumerate().flat_map(parts).collect();
+        let depths = self.objects.iter().enumerate().flat_map(|(index, object)| {
+            let depth = |&(finger, name, part): &(usize, &'static str, Capsule)| {
+                (index, finger, name, -gap(&part, &object.capsule))
+            };
+            parts.iter().map(depth).collect::<Vec<_>>()
+        });
+        depths.filter(|found| found.3 > 0.0).max_by(|a, b| a.3.total_cmp(&b.3))
     }
 
     /// The contacts of each motor at the rotors' positions.

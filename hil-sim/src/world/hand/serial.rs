@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 
+use god::framing::{self, Framing, Kind};
 use god::io::ABORT;
 
 use super::Hand;
@@ -17,6 +18,9 @@ const LOOK_US: u64 = 100;
 #[derive(Debug, Default)]
 pub struct Serial {
     paced: bool,
+    /// Of the bytes put on an unpaced line, to tell ^C from data of packets; and the time of the last one, µs.
+    framing: Framing,
+    put_us: u64,
     to_god: VecDeque<u8>,
     /// Arrival time of the byte on its way to GOD, µs.
     there_us: Option<u64>,
@@ -32,12 +36,20 @@ impl Serial {
     }
 
     /// Transmits bytes of the host. In text mode on an unpaced line ^C discards the bytes still waiting.
-    pub fn put(&mut self, bytes: &[u8], hand: &Hand) {
+    pub fn put(&mut self, bytes: &[u8], hand: &mut Hand) {
+        if hand.io().is_raw() || hand.now_us() - self.put_us >= framing::SILENCE_US && self.framing.is_open()
+        {
+            self.framing = Framing::default();
+        }
+        self.put_us = hand.now_us();
         for &byte in bytes {
-            if byte == ABORT && !hand.io().is_raw() && !self.paced {
+            let is_data = self.paced || hand.io().is_raw() || self.framing.accept(byte) != Kind::Text;
+            if byte == ABORT && !is_data {
                 self.to_god.clear();
+                hand.interrupt();
+            } else {
+                self.to_god.push_back(byte);
             }
-            self.to_god.push_back(byte);
         }
     }
 
@@ -45,6 +57,12 @@ impl Serial {
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.to_god.len()
+    }
+
+    /// Whether no byte is on the line, in either direction.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.to_god.is_empty() && self.back.is_none()
     }
 
     /// The host disconnects: bytes in transit are lost.
@@ -84,7 +102,8 @@ impl Serial {
         let (now_us, byte_us) = (hand.now_us(), self.byte_us(hand));
         while let Some(&byte) = self.to_god.front() {
             let there_us = *self.there_us.get_or_insert(now_us + byte_us);
-            let is_abort = byte == ABORT && !hand.io().is_raw();
+            // GOD always has room for ^C.
+            let is_abort = hand.io().is_abort(byte);
             if there_us > now_us || hand.io().rx_room() == 0 && !is_abort {
                 break;
             }

@@ -2,10 +2,12 @@
 
 use tater_fw::Board;
 use tater_fw::storage::{Progress, Store};
+use tater_wire::Property;
 use tater_wire::image::seal;
-use tater_wire::memory::{APPLICATION, RAM};
+use tater_wire::memory::{APPLICATION, FLASH, RAM, STORAGE};
 
 use crate::world::board::SimBoard;
+use crate::world::rig::flash::SimFlash;
 
 /// The smallest image that the monitor verifies and starts.
 #[must_use]
@@ -19,19 +21,39 @@ pub fn placeholder_application() -> Vec<u8> {
     image
 }
 
+/// The storage of a shipped board, for a board that is no [`SimBoard`].
+#[must_use]
+pub fn shipped_storage() -> Vec<u8> {
+    let mut flash = SimFlash::default();
+    prepare(&mut flash, true);
+    let start = (STORAGE.start - FLASH.start) as usize;
+    flash.bytes()[start..start + STORAGE.len as usize].to_vec()
+}
+
 /// Upper bound on the flash operations that prepare the storage: 8 erases and a few half-words.
 const MAX_OPERATIONS: usize = 1000;
 
-/// Skips the third of a second of page erases that preparing the storage takes.
-pub(super) fn provisioned(mut board: SimBoard) -> SimBoard {
+/// WIRING of a board with the standard wiring, whose direction of closing is known.
+pub const STANDARD_WIRING: i64 = 2;
+
+/// Skips the third of a second of page erases that preparing the storage takes. A board that is shipped has its wiring stored, as
+/// `cargo xtask flash` leaves it.
+pub(super) fn provisioned(mut board: SimBoard, shipped: bool) -> SimBoard {
     let flash = board.flash();
     flash.load(APPLICATION.start, &placeholder_application());
+    prepare(flash, shipped);
+    board
+}
+
+fn prepare(flash: &mut SimFlash, shipped: bool) {
     let mut store = Store::open(flash);
+    if shipped && store.get(Property::WIRING).is_none() {
+        store.set(Property::WIRING, STANDARD_WIRING);
+    }
     for _ in 0..MAX_OPERATIONS {
         if store.step(flash, true) == Progress::Done {
             break;
         }
     }
     flash.take_busy_us();
-    board
 }

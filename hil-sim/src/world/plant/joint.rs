@@ -21,6 +21,15 @@ pub struct Contact {
     pub damping: f64,
 }
 
+impl Contact {
+    /// Energy in the spring at a position in rad, J.
+    #[must_use]
+    pub fn stored_j(&self, theta: f64) -> f64 {
+        let depth = (self.side * (theta - self.from)).max(0.0);
+        0.5 * self.stiffness * depth * depth
+    }
+}
+
 /// The shaft's motion.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Shaft {
@@ -106,11 +115,13 @@ impl Joint {
     /// Energy stored in springs at a position, J.
     #[must_use]
     pub fn spring_j(&self, theta: f64) -> f64 {
-        let energy = |c: &Contact| {
-            let depth = (c.side * (theta - c.from)).max(0.0);
-            0.5 * c.stiffness * depth * depth
-        };
-        self.contacts.iter().map(energy).sum()
+        self.contacts.iter().map(|c| c.stored_j(theta)).sum()
+    }
+
+    /// The part of it in objects.
+    #[must_use]
+    pub fn objects_j(&self, theta: f64) -> f64 {
+        self.contacts[STOPS..].iter().map(|c| c.stored_j(theta)).sum()
     }
 
     /// Kinetic energy, J.

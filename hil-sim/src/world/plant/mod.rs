@@ -6,11 +6,13 @@ pub mod circuit;
 pub mod inverter;
 pub mod joint;
 pub mod params;
+pub mod supply;
 pub mod thermal;
 
 pub use inverter::Model;
 pub use joint::Contact;
 pub use params::{ParamError, PlantParams, RAD_PER_COUNT};
+pub use supply::{SharedSupply, Supply};
 pub use thermal::Heat;
 
 use circuit::{Flow, Winding};
@@ -224,6 +226,12 @@ impl Plant {
     /// cannot drive the motor.
     pub fn set_disturbance(&mut self, n_m: f64) {
         self.disturbance = n_m;
+    }
+
+    /// Energy stored in the objects in the joint's way, J.
+    #[must_use]
+    pub fn objects_j(&self) -> f64 {
+        self.joint.objects_j(self.state.shaft.theta)
     }
 
     /// Replaces the objects in the joint's way. The change of spring energy is booked on the disturbance.

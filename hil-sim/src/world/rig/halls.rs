@@ -125,9 +125,25 @@ impl Halls {
         self.lines != before
     }
 
+    /// The sensors on their lines.
+    fn wired(&self) -> u8 {
+        let mut lines = 0;
+        for (line, (&sensor, &inverted)) in self.params.halls.iter().zip(&self.params.inverted).enumerate() {
+            let high = self.sensed >> sensor & 1 != 0;
+            lines |= u8::from(high != inverted) << line;
+        }
+        if let Some([a, b]) = self.params.shorted {
+            let both = 1 << a | 1 << b;
+            if lines & both != both {
+                lines &= !both;
+            }
+        }
+        lines
+    }
+
     fn faulty(&self, now: u64) -> u8 {
         let glitch = self.params.glitches.get(self.glitch).filter(|g| g.at_us <= now);
-        let mut lines = glitch.map_or(self.sensed, |g| g.code);
+        let mut lines = glitch.map_or_else(|| self.wired(), |g| g.code);
         if let Some(stuck) = self.params.stuck
             && now >= stuck.from_us
         {

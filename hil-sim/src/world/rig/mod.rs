@@ -6,7 +6,10 @@ pub mod params;
 
 pub use params::{HallGlitch, RigParams, StuckLine};
 
-use crate::world::plant::{Contact, Ledger, Model, ParamError, Plant, PlantParams, RAD_PER_COUNT, Start};
+use crate::world::plant::supply::Feed;
+use crate::world::plant::{
+    Contact, Ledger, Model, ParamError, Plant, PlantParams, RAD_PER_COUNT, SharedSupply, Start, Supply,
+};
 use halls::Halls;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -95,6 +98,9 @@ const BOARD_SHARE: f64 = 0.25;
 #[derive(Clone, Debug)]
 pub struct Rig {
     plant: Plant,
+    feed: Feed,
+    /// Bus charge up to which the supply has been told, C.
+    fed_c: f64,
     params: RigParams,
     halls: Halls,
     rng: Pcg64Mcg,
@@ -132,9 +138,15 @@ impl Rig {
                 ("stiffness_n_m_rad", o.stiffness_n_m_rad, 0.0, 1000.0),
                 ("damping_n_m_s", o.damping_n_m_s, 0.0, 10.0),
             ])?;
+            let side = if o.side == Side::Closing { 1.0 } else { -1.0 };
+            if side * (start.count - o.from_count) > 0.0 {
+                let which = if side > 0.0 { "at or above" } else { "at or below" };
+                let expected = format!("{which} the rotor's start at {}, which is inside it", start.count);
+                return Err(ParamError { field: "from_count", found: o.from_count, expected });
+            }
             contacts.push(Contact {
                 from: o.from_count * RAD_PER_COUNT,
-                side: if o.side == Side::Closing { 1.0 } else { -1.0 },
+                side,
                 stiffness: o.stiffness_n_m_rad,
                 damping: o.damping_n_m_s,
             });
@@ -144,6 +156,8 @@ impl Rig {
             // The plant's own value, rounded by its radians, so that the first step starts within the bounds.
             halls: Halls::new(rig.clone(), plant.params().zero_sector, plant.counts()),
             params: rig,
+            feed: Feed::Own(Supply::new(plant.params().bus_v, 1)),
+            fed_c: 0.0,
             plant,
             rng: Pcg64Mcg::new(u128::from(seed) << 64 | 0xadc),
             brake_engaged: true,
@@ -163,6 +177,9 @@ impl Rig {
     #[must_use]
     pub fn starting_at(mut self, us: u64) -> Self {
         self.plant.start_at(us);
+        if let Feed::Own(supply) = &mut self.feed {
+            supply.start_at(us);
+        }
         for glitch in &mut self.params.glitches {
             glitch.at_us += us;
         }
@@ -208,9 +225,63 @@ impl Rig {
         self.plant.set_objects(objects);
     }
 
-    /// Changes the supply voltage.
+    /// Energy stored in the objects in the joint's way, J.
+    #[must_use]
+    pub fn objects_j(&self) -> f64 {
+        self.plant.objects_j()
+    }
+
+    /// Feeds this board alone from another supply at `v`; its capacitor takes the voltage at once.
     pub fn set_bus(&mut self, v: f64) {
+        let mut supply = Supply::new(v.max(0.0), 1);
+        supply.start_at(self.now_us());
+        self.feed = Feed::Own(supply);
         self.plant.set_bus(v);
+    }
+
+    /// Feeds the board from a supply that others share. From then on the caller advances all of them to the same times, none
+    /// beyond [`Self::next_exchange_us`].
+    pub fn share(&mut self, supply: &SharedSupply) {
+        self.feed = Feed::Shared(supply.clone());
+    }
+
+    /// The supply that feeds the board.
+    #[must_use]
+    pub fn supply(&self) -> Supply {
+        match &self.feed {
+            Feed::Own(supply) => supply.clone(),
+            Feed::Shared(supply) => supply.read(),
+        }
+    }
+
+    /// The end of the interval in which a shared supply's voltage holds, µs; `u64::MAX` for a supply of its own.
+    #[must_use]
+    pub fn next_exchange_us(&self) -> u64 {
+        match &self.feed {
+            Feed::Own(_) => u64::MAX,
+            Feed::Shared(supply) => supply.interval(self.now_us()).1,
+        }
+    }
+
+    /// Tells the supply what the last step drew.
+    fn draw(&mut self) {
+        let drawn = self.plant.state().bus_charge - self.fed_c;
+        self.fed_c = self.plant.state().bus_charge;
+        let volts = match &mut self.feed {
+            Feed::Own(supply) => {
+                supply.draw(drawn);
+                supply.advance(self.plant.state().t_us);
+                supply.volts()
+            }
+            Feed::Shared(supply) => return supply.draw(drawn),
+        };
+        self.follow_bus(volts);
+    }
+
+    fn follow_bus(&mut self, volts: f64) {
+        if volts != self.plant.params().bus_v {
+            self.plant.set_bus(volts);
+        }
     }
 
     /// Breaks hall lines 0 to 2, each at a level: an open cable reads high through its pull-up. `None`: the line follows its sensor.
@@ -221,6 +292,19 @@ impl Rig {
     /// Forces the thermistor reading, °C: an open wire reads -50, a short 155. `None`: it follows the motor's housing.
     pub const fn override_thermistor(&mut self, celsius: Option<f64>) {
         self.thermistor_fault_c = celsius;
+    }
+
+    /// Rewires the motor: the phase on each leg, the sensor on each hall line, and which lines are inverted. It must stand, and the
+    /// board must start afterwards.
+    ///
+    /// # Errors
+    /// An order that is none.
+    pub fn rewire(&mut self, phases: [u8; 3], halls: [u8; 3], inverted: [bool; 3]) -> Result<(), ParamError> {
+        let params = RigParams { phases, halls, inverted, ..self.params.clone() };
+        params.validate()?;
+        self.halls = Halls::new(params.clone(), self.plant.params().zero_sector, self.plant.counts());
+        self.params = params;
+        Ok(())
     }
 
     /// Jams the brake: it engages and does not release until it is freed.
@@ -251,6 +335,7 @@ impl Rig {
             self.tripped = false;
         }
         self.command_brake(brake_released && !self.brake_jammed);
+        let bridge = self.at_motor(bridge);
         while self.now_us() < until_us {
             let mut tripped_now = false;
             let now = self.now_us();
@@ -258,9 +343,15 @@ impl Rig {
                 self.brake_engaged = !self.brake_engaged;
                 self.brake_moves_at = None;
             }
-            let event = self.halls.next_event(now).min(self.brake_moves_at.unwrap_or(u64::MAX));
+            let mut event = self.halls.next_event(now).min(self.brake_moves_at.unwrap_or(u64::MAX));
+            if let Feed::Shared(supply) = &self.feed {
+                let (volts, until_us) = supply.interval(now);
+                event = event.min(until_us);
+                self.follow_bus(volts);
+            }
             let bridge = if self.tripped && !self.guarded_outside { Bridge::Off } else { bridge };
             self.step(bridge, self.plant.step_to(until_us.min(event)));
+            self.draw();
             let trip = self.plant.params().trip_a;
             if self.plant.state().current.iter().any(|i| i.abs() > trip) {
                 tripped_now = !self.tripped;
@@ -284,6 +375,18 @@ impl Rig {
             let delay_us = self.plant.params().brake_delay_ms * 1000.0;
             self.brake_moves_at = Some(self.now_us() + delay_us as u64);
         }
+    }
+
+    /// The bridge as the motor's phases see it.
+    fn at_motor(&self, bridge: Bridge) -> Bridge {
+        let Bridge::On { legs, duty } = bridge else { return Bridge::Off };
+        let mut phases = [Leg::Float; 3];
+        for ((&phase, leg), open) in self.params.phases.iter().zip(legs).zip(self.params.open) {
+            if !open {
+                phases[usize::from(phase)] = leg;
+            }
+        }
+        Bridge::On { legs: phases, duty }
     }
 
     /// Steps to `to_us`, or to the first whole microsecond beyond a hall boundary.

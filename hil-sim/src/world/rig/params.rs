@@ -39,6 +39,16 @@ pub struct RigParams {
     pub glitches: Vec<HallGlitch>,
     /// A stuck line.
     pub stuck: Option<StuckLine>,
+    /// The motor's phase (0..=2) on each leg of the bridge.
+    pub phases: [u8; 3],
+    /// The sensor (0..=2) on each hall line.
+    pub halls: [u8; 3],
+    /// Hall lines whose level is inverted.
+    pub inverted: [bool; 3],
+    /// Legs of the bridge without a motor.
+    pub open: [bool; 3],
+    /// Two hall lines shorted together: either one low pulls both low.
+    pub shorted: Option<[u8; 2]>,
     /// Noise of each ADC reading, uniform ± this many LSB.
     pub adc_noise_lsb: f64,
     /// Lag of the thermistor behind the housing, s.
@@ -56,6 +66,11 @@ impl Default for RigParams {
             rise_delay_us: 0,
             glitches: Vec::new(),
             stuck: None,
+            phases: [0, 1, 2],
+            halls: [0, 1, 2],
+            inverted: [false; 3],
+            open: [false; 3],
+            shorted: None,
             adc_noise_lsb: 0.5,
             // Chosen: a bead glued to the housing.
             thermistor_lag_s: 2.0,
@@ -67,6 +82,13 @@ impl Default for RigParams {
 }
 
 impl RigParams {
+    /// Whether phases and hall lines are connected as the standard has it.
+    #[must_use]
+    pub fn is_wired_as_standard(&self) -> bool {
+        let Self { phases, halls, inverted, .. } = Self::default();
+        (self.phases, self.halls, self.inverted) == (phases, halls, inverted)
+    }
+
     /// Checks every field.
     ///
     /// # Errors
@@ -86,6 +108,18 @@ impl RigParams {
         }
         if let Some(stuck) = self.stuck {
             check(&[("stuck.line", f64::from(stuck.line), 0.0, 2.0)])?;
+        }
+        for (field, order) in [("phases", self.phases), ("halls", self.halls)] {
+            for (at, &wire) in order.iter().enumerate() {
+                let again = order[..at].contains(&wire);
+                if wire > 2 || again {
+                    let expected = "each of 0, 1 and 2 once".to_owned();
+                    return Err(ParamError { field, found: f64::from(wire), expected });
+                }
+            }
+        }
+        for line in self.shorted.into_iter().flatten() {
+            check(&[("shorted", f64::from(line), 0.0, 2.0)])?;
         }
         check(&[
             ("rise_delay_us", self.rise_delay_us as f64, 0.0, 10_000.0),
