@@ -12,7 +12,7 @@ use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
 
 /// Time limit of an answer, µs: it takes half a millisecond, and 40 ms while the board erases a page (docs/wire.md).
-const ANSWER_US: u64 = 60_000;
+pub(crate) const ANSWER_US: u64 = 60_000;
 
 const TRIES: usize = 3;
 
@@ -150,6 +150,8 @@ struct Board {
     logged_mode: Option<i64>,
     /// Answers to [`Boards::ask_ahead`].
     ahead: Ahead<Option<i64>>,
+    /// The last answers of all.
+    latest: Ahead<Option<i64>>,
     received_us: u64,
 }
 
@@ -314,6 +316,12 @@ impl<'a> Boards<'a> {
         boards.get_mut(motor.index()).map(|board| core::mem::take(&mut board.reported)).unwrap_or_default()
     }
 
+    /// The last answers for what [`Self::ask_ahead`] asks for, however old.
+    pub(crate) fn latest(&self, motor: Motor) -> Ahead<Option<i64>> {
+        self.drain();
+        self.boards.borrow().get(motor.index()).map(|board| board.latest).unwrap_or_default()
+    }
+
     pub(crate) fn received_us(&self, motor: Motor) -> u64 {
         self.boards.borrow().get(motor.index()).map_or(0, |board| board.received_us)
     }
@@ -337,13 +345,16 @@ impl<'a> Boards<'a> {
         let _ = self.io.send(message.frame()).await;
     }
 
-    fn note(&self, frame: &Frame) {
+    pub(crate) fn note(&self, frame: &Frame) {
         let Some((motor, property, value)) = parse_report(frame) else { return };
         self.log_answer(motor, property, value);
         let mut boards = self.boards.borrow_mut();
         let Some(board) = boards.get_mut(motor.index()) else { return };
         if let Some(ahead) = board.ahead.get_mut(property) {
             *ahead = Some(value);
+        }
+        if let Some(latest) = board.latest.get_mut(property) {
+            *latest = Some(value);
         }
         match property {
             Property::MODE => board.reported.mode = Some(value),

@@ -87,8 +87,8 @@ table! {
     Plistv = "PLISTV", GlobalParameters, false, "", "lists the hand's parameters with their values";
     Mac = "MAC", Sequences, true, "<macro 0..19>", "moves to the positions of a macro";
     Macset = "MACSET", Sequences, false, "<macro 0..19>", "stores the present positions as a macro";
-    Rec = "REC", Sequences, false, "[sequence 0..5]", "begins to record commands; without a number, ends it";
-    Play = "PLAY", Sequences, false, "<sequence 0..5>", "does the recorded commands";
+    Rec = "REC", Sequences, false, "[sequence 0..5]", "begins to record commands; without a number ends that, or records sequence 0";
+    Play = "PLAY", Sequences, false, "[sequence 0..5]", "does the recorded commands, of sequence 0 without a number";
     Wait = "WAIT", Sequences, false, "<milliseconds>", "does nothing for so long";
     Help = "?", Administration, false, "[command]", "lists the commands, or tells what one does";
     Reset = "RESET", Administration, false, "", "starts the hand's software anew";

@@ -1,15 +1,16 @@
-//! Parses a line: `[X]<motorPrefixes><command> [<arguments>]` (manual 5.1.1). Case is free, and so is white space where a line can be read in
-//! one way only. Two names, or two numbers, need it between them.
+//! Parses a line: `[X]<motorPrefixes><command> [<arguments>]` (manual 5.1.1), or one of the lower grammar ([`lower`], manual 3). Case is
+//! free, and white space is optional; only two names, or two numbers, need it between them.
 //!
-//! The walk-through's grammar, `<nodes> S <property> <value>` and `<nodes> G <property>` (manual 3), takes precedence where white space
-//! separates its numbers from its letter: `4 S M 5` sets a mode, `4SM 5` and `SM 5` move the spread.
+//! A line that both grammars can read (decision 0054; the table is in docs/hand.md) is one of the lower grammar if white
+//! space precedes its property, where the higher grammar has none: `1 S M 5` sets the mode of motor 1, `1SM5` and `1SM 5` move finger 1 and
+//! the spread. A motor named twice is no prefix of the higher grammar, so `4SM5` is `4 S M 5`.
+
+pub mod lower;
 
 use crate::command::{self, GclCommand};
 use crate::motors::Prefix;
 use crate::status::Status;
-
-/// Lines of the walk-through's grammar that name no node.
-pub const WALK_THROUGH: [&str; 2] = ["WAKE", "SAVE"];
+use lower::{Reading, Request};
 
 /// A parsed line.
 #[derive(Clone, Debug)]
@@ -25,8 +26,8 @@ pub enum Statement<'a> {
         /// The text after it.
         arguments: Arguments<'a>,
     },
-    /// A line of the walk-through's grammar.
-    WalkThrough(&'a str),
+    /// A line of the lower grammar.
+    Lower(Request),
 }
 
 /// The arguments of a command: names and numbers, one after another.
@@ -84,15 +85,25 @@ impl<'a> Iterator for Arguments<'a> {
 /// Parses a line in upper case.
 ///
 /// # Errors
-/// [`Status::UNKNOWN_COMMAND`], or [`Status::NO_MOTOR`]: the prefix names a motor that does not exist.
+/// [`Status::UNKNOWN_COMMAND`]; [`Status::NO_MOTOR`]: the prefix names a motor that does not exist, or one twice. Of a line of the lower
+/// grammar: what is wrong with it.
 pub fn parse(line: &str) -> Result<Statement<'_>, Status> {
     let line = line.trim_ascii();
     if line.is_empty() {
         return Ok(Statement::Empty);
     }
-    if is_walk_through(line) {
-        return Ok(Statement::WalkThrough(line));
+    let higher = parse_command(line);
+    match lower::read(line) {
+        Reading::Line { request, spaced } if spaced || !higher.as_ref().is_ok_and(is_complete) => {
+            request.map(Statement::Lower)
+        }
+        // `123 G FROB` is no command, but looks like one of the lower grammar.
+        Reading::Other(status) if matches!(higher, Err(Status::UNKNOWN_COMMAND)) => Err(status),
+        Reading::Line { .. } | Reading::Other(_) => higher,
     }
+}
+
+fn parse_command(line: &str) -> Result<Statement<'_>, Status> {
     let (prefix, rest) = line.split_at_checked(prefix_len(line)).unwrap_or((line, ""));
     let rest = rest.trim_ascii_start();
     let (name, arguments) = split(rest, |c| c.is_ascii_alphabetic() || c == '?');
@@ -101,46 +112,34 @@ pub fn parse(line: &str) -> Result<Statement<'_>, Status> {
         .find_map(|&naming| Some((naming, rest.strip_prefix(naming)?)))
         .unwrap_or((name, arguments));
     let Some(command) = command::find(name) else {
-        // `4SE82` is no command, but the walk-through's grammar without its spaces; `WAKE` and `SAVE` are its words.
-        return if line == "X" {
-            Err(Status::NO_MOTOR)
-        } else if prefix.starts_with(|c: char| c.is_ascii_digit()) || WALK_THROUGH.contains(&line) {
-            Ok(Statement::WalkThrough(line))
-        } else {
-            Err(Status::UNKNOWN_COMMAND)
-        };
+        return Err(if line == "X" { Status::NO_MOTOR } else { Status::UNKNOWN_COMMAND });
     };
     let prefix = Prefix::parse(prefix.as_bytes()).ok_or(Status::NO_MOTOR)?;
     Ok(Statement::Command { command, prefix, arguments: Arguments::of(arguments) })
 }
 
+/// Whether a command has a prefix only where it takes one, and as many arguments as it takes, numbers where it takes numbers.
+fn is_complete(statement: &Statement<'_>) -> bool {
+    let Statement::Command { command, prefix, arguments } = statement else { return true };
+    let Some(row) = command.row().filter(|row| row.prefix || *prefix == Prefix::default()) else {
+        return false;
+    };
+    match row.arguments.as_bytes() {
+        [] => arguments.clone().none().is_ok(),
+        _ if NAMING.contains(&row.name) => true,
+        [b'[', ..] => arguments.clone().only_number().is_ok(),
+        _ => matches!(arguments.clone().only_number(), Ok(Some(_))),
+    }
+}
+
 /// The commands whose arguments are names. A name may follow one of these without white space.
 const NAMING: [&str; 5] = ["?", "FSET", "FGET", "PSET", "PGET"];
 
-/// Length of a line's motor prefix: digits, X, G and S, and white space before digits; S or G after white space belongs to the walk-through's
-/// grammar.
+/// Length of a line's motor prefix: digits, X, G and S, and white space between them.
 fn prefix_len(line: &str) -> usize {
-    let mut len = 0;
-    for (at, byte) in line.bytes().enumerate() {
-        match byte {
-            b'0'..=b'9' => len = at + 1,
-            b'X' | b'G' | b'S' if len == at => len = at + 1,
-            _ if byte.is_ascii_whitespace() => {}
-            _ => break,
-        }
-    }
-    len
-}
-
-/// Whether a line begins as the walk-through's grammar does: numbers, white space, S or G, and more.
-fn is_walk_through(line: &str) -> bool {
-    let (nodes, rest) = split(line, |c| c.is_ascii_digit());
-    let words = rest.trim_ascii_start();
-    !nodes.is_empty()
-        && words.len() < rest.len()
-        && words
-            .strip_prefix(['S', 'G'])
-            .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_whitespace()))
+    let is_prefix = |byte: u8| matches!(byte, b'0'..=b'9' | b'X' | b'G' | b'S');
+    let end = line.bytes().position(|byte| !is_prefix(byte) && !byte.is_ascii_whitespace());
+    end.unwrap_or(line.len())
 }
 
 /// Splits off the longest start whose characters are all `wanted`.
@@ -158,7 +157,7 @@ mod tests {
     fn parsed(line: &str) -> String {
         match parse(line) {
             Ok(Statement::Empty) => "-".into(),
-            Ok(Statement::WalkThrough(line)) => format!("walk-through {line}"),
+            Ok(Statement::Lower(request)) => format!("{request:?}"),
             Ok(Statement::Command { command, prefix, arguments }) => {
                 let exclusive = if prefix.exclusive { "X" } else { "" };
                 let words: std::vec::Vec<_> = arguments.collect();
@@ -195,21 +194,29 @@ mod tests {
             ("PGETTEMP", "0 Pget [\"TEMP\"]"),
             ("X 1 5 FGET P", "X10001 Fget [\"P\"]"),
             ("S 1HOME", "1001 Home []"),
-            ("S G HOME", "ERR 32"),
-            ("14 SM5", "walk-through 14 SM5"),
-            ("1 2 S E 82", "walk-through 1 2 S E 82"),
+            ("S G HOME", "1111 Home []"),
+            ("X 5 G C", "ERR 2"),
+            ("14 SM5", "Set(Motors(9), MODE, 5)"),
+            ("1 2 S E 82", "Set(Motors(3), E, 82)"),
             ("M -5", "0 M [\"-5\"]"),
             ("M-5", "0 M [\"-5\"]"),
             ("M x5", "0 M [\"x\", \"5\"]"),
-            ("4 S E 82", "walk-through 4 S E 82"),
-            ("4 S M 5", "walk-through 4 S M 5"),
-            ("4SM 5", "1000 M [\"5\"]"),
-            ("4SE82", "walk-through 4SE82"),
-            ("123 G TEMP", "walk-through 123 G TEMP"),
-            ("123GTEMP", "walk-through 123GTEMP"),
-            ("1GM", "111 M []"),
-            ("WAKE", "walk-through WAKE"),
-            ("SAVE", "walk-through SAVE"),
+            ("4 S E 82", "Set(Motors(8), E, 82)"),
+            ("4 S M 5", "Set(Motors(8), MODE, 5)"),
+            ("4SM 5", "Set(Motors(8), MODE, 5)"),
+            ("4SM5", "Set(Motors(8), MODE, 5)"),
+            ("12SM 5", "1011 M [\"5\"]"),
+            ("11C", "ERR 2"),
+            ("S4C", "ERR 2"),
+            ("4SE82", "Set(Motors(8), E, 82)"),
+            ("123 G TEMP", "Get(Motors(7), TEMP)"),
+            ("123GTEMP", "Get(Motors(7), TEMP)"),
+            ("123 G FROB", "ERR 64"),
+            ("1SX012", "Set(Motors(1), X0, 12)"),
+            ("1S STATUS2", "Set(Motors(1), STAT, 2)"),
+            ("1GM", "Get(Motors(1), MODE)"),
+            ("WAKE", "Wake"),
+            ("SAVE", "Save"),
             ("5C", "ERR 2"),
             ("1XC", "ERR 2"),
             ("FROB", "ERR 32"),

@@ -15,9 +15,10 @@ use heapless::String;
 use tater_wire::Frame;
 
 use crate::events::{EventKind, EventLog};
+use crate::framing::{self, Framing, Kind};
 
 /// ^C: aborts the running command.
-pub const ABORT: u8 = 3;
+pub const ABORT: u8 = framing::ABORT;
 
 /// Received bytes that can wait while a command runs: a pasted line or two. Later ones are lost, as on any serial line.
 const RX: usize = 256;
@@ -43,10 +44,35 @@ pub const NEVER: u64 = u64::MAX;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BusDown;
 
+/// Input of the host, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rx {
+    /// A byte of a line; in RealTime any byte.
+    Text(u8),
+    /// The first byte of a packet.
+    Head(u8),
+    /// Another byte of it.
+    Data(u8),
+    /// In place of the rest of a packet.
+    Broken,
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Queued {
     frame: Frame,
     since_us: u64,
+}
+
+/// Whether GOD waits for a line of the host.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Prompting {
+    /// It runs a command.
+    #[default]
+    No,
+    /// It waits for a line, and will report the ends of motions meanwhile.
+    WithReportsDue,
+    /// It waits for a line and has nothing left to send.
+    Idle,
 }
 
 /// The ports.
@@ -55,7 +81,12 @@ pub struct Io {
     now_us: Cell<u64>,
     /// The earliest deadline that something waits for.
     next_us: Cell<u64>,
-    rx: RefCell<Deque<u8, RX>>,
+    rx: RefCell<Deque<Rx, RX>>,
+    framing: Cell<Framing>,
+    /// Bytes came since the last poll.
+    received: Cell<bool>,
+    /// Time of the poll after the last byte.
+    received_us: Cell<u64>,
     tx: RefCell<Deque<u8, TX>>,
     rx_frames: RefCell<Deque<Frame, FRAMES>>,
     tx_frames: RefCell<Deque<Queued, FRAMES>>,
@@ -64,8 +95,12 @@ pub struct Io {
     is_bus_down: Cell<bool>,
     /// ^C arrived and is not handled yet.
     aborted: Cell<bool>,
+    /// The host disconnected, and what it set is not reset yet.
+    hung_up: Cell<bool>,
     /// In RealTime every byte is data, including ^C.
     raw: Cell<bool>,
+    /// What GOD waits for, if it waits for a line.
+    prompting: Cell<Prompting>,
     last_rx: Cell<Option<u8>>,
     /// CR or LF, if that was the last byte of the text.
     line_end: Cell<Option<u8>>,
@@ -82,6 +117,8 @@ pub struct Io {
 pub fn poll<F: Future + ?Sized>(god: Pin<&mut F>, io: &Io, now_us: u64) -> u64 {
     io.now_us.set(now_us);
     io.next_us.set(NEVER);
+    io.prompting.set(Prompting::No);
+    io.end_broken_packet();
     // GOD never ends, so there is no result to look at.
     let _ = god.poll(&mut Context::from_waker(Waker::noop()));
     io.drop_stale_frames();
@@ -92,13 +129,40 @@ impl Io {
     /// Takes a byte from the host.
     pub fn push_rx(&self, byte: u8) {
         self.last_rx.set(Some(byte));
-        if byte == ABORT && !self.raw.get() {
+        self.received.set(true);
+        if self.raw.get() { self.queue_rx(Rx::Text(byte)) } else { self.accept(byte) }
+    }
+
+    fn accept(&self, byte: u8) {
+        let mut framing = self.framing.get();
+        let kind = framing.accept(byte);
+        self.framing.set(framing);
+        match kind {
             // Type-ahead is void.
-            self.rx.borrow_mut().clear();
-            self.abort();
-        } else if self.rx.borrow_mut().push_back(byte).is_err() {
-            self.lost.set(self.lost.get().saturating_add(1));
+            Kind::Text if byte == ABORT => self.interrupt(),
+            Kind::Text => self.queue_rx(Rx::Text(byte)),
+            Kind::Head => self.queue_rx(Rx::Head(byte)),
+            Kind::Data => self.queue_rx(Rx::Data(byte)),
+            Kind::Discarded => {}
         }
+    }
+
+    fn queue_rx(&self, rx: Rx) {
+        if self.rx.borrow_mut().push_back(rx).is_err() {
+            self.lost.set(self.lost.get().saturating_add(1));
+            if let Rx::Head(_) | Rx::Data(_) = rx {
+                let mut framing = self.framing.get();
+                framing.discard();
+                self.framing.set(framing);
+            }
+        }
+    }
+
+    /// ^C, ahead of all bytes that wait: those are void.
+    pub fn interrupt(&self) {
+        self.rx.borrow_mut().clear();
+        self.framing.set(Framing::default());
+        self.abort();
     }
 
     /// Number of further bytes of the host that fit.
@@ -140,15 +204,39 @@ impl Io {
 
     /// The host disconnected, and a new one may come: drops what is unread in both directions and aborts the running command.
     pub fn hang_up(&self) {
-        self.rx.borrow_mut().clear();
         self.tx.borrow_mut().clear();
-        self.abort();
+        self.hung_up.set(true);
+        self.interrupt();
+    }
+
+    /// Whether this byte would be ^C now, for which there is always room: not in RealTime, nor in a packet.
+    #[must_use]
+    pub fn is_abort(&self, byte: u8) -> bool {
+        byte == ABORT && !self.raw.get() && !self.framing.get().is_open()
     }
 
     /// Whether every byte is data now, including ^C.
     #[must_use]
     pub const fn is_raw(&self) -> bool {
         self.raw.get()
+    }
+
+    /// Whether GOD has read everything that arrived, and everything that it sent has been taken.
+    #[must_use]
+    pub fn is_drained(&self) -> bool {
+        !self.has_input() && self.tx.borrow().is_empty()
+    }
+
+    /// Whether GOD waits for a line, having answered all that it has read.
+    #[must_use]
+    pub fn waits_for_line(&self) -> bool {
+        self.prompting.get() != Prompting::No
+    }
+
+    /// Whether GOD will report ends of motions to the host that waits for them (walk-through's grammar).
+    #[must_use]
+    pub fn has_reports_due(&self) -> bool {
+        self.prompting.get() == Prompting::WithReportsDue
     }
 
     /// Baud rate of the serial line to the host / 100 (parameter BAUD). An owner with a line follows it.
@@ -183,7 +271,9 @@ impl Io {
         self.now_us.get().saturating_add(us)
     }
 
-    pub(crate) const fn temperature(&self) -> i16 {
+    /// Temperature of GOD's board, 0.1 °C.
+    #[must_use]
+    pub const fn temperature(&self) -> i16 {
         self.temperature.get()
     }
 
@@ -220,12 +310,49 @@ impl Io {
     }
 
     pub(crate) fn try_read(&self) -> Option<u8> {
+        loop {
+            match self.try_read_rx()? {
+                Rx::Text(byte) | Rx::Head(byte) | Rx::Data(byte) => return Some(byte),
+                Rx::Broken => {}
+            }
+        }
+    }
+
+    pub(crate) fn try_read_rx(&self) -> Option<Rx> {
         self.rx.borrow_mut().pop_front()
+    }
+
+    /// Ends a packet whose rest has not come for [`framing::SILENCE_US`]. While GOD has no room, its owner cannot pass on what has come.
+    /// Of bytes that are discarded, ^C as the last one is obeyed.
+    fn end_broken_packet(&self) {
+        let received = self.received.take() || self.rx_room() == 0;
+        if received {
+            self.received_us.set(self.now_us());
+        }
+        let framing = self.framing.get();
+        if !framing.is_open() || self.raw.get() {
+            return;
+        }
+        let due_us = self.received_us.get().saturating_add(framing::SILENCE_US);
+        if self.now_us() < due_us {
+            self.next_us.set(self.next_us.get().min(due_us));
+        } else if framing.is_discarding() && self.last_rx() == Some(ABORT) {
+            self.interrupt();
+        } else {
+            self.framing.set(Framing::default());
+            self.queue_rx(Rx::Broken);
+        }
     }
 
     /// Whether a byte or ^C from the host is pending.
     pub(crate) fn has_input(&self) -> bool {
         self.is_aborted() || !self.rx.borrow().is_empty()
+    }
+
+    /// GOD waits for a line: the end of a condition of [`Io::wait_until`] that found nothing.
+    pub(crate) fn wait_for_line<T>(&self, has_reports_due: bool) -> Option<T> {
+        self.prompting.set(if has_reports_due { Prompting::WithReportsDue } else { Prompting::Idle });
+        None
     }
 
     pub(crate) const fn last_rx(&self) -> Option<u8> {
@@ -346,6 +473,11 @@ impl Io {
         self.write(buffer.as_bytes()).await;
     }
 
+    /// Whether the host has disconnected since the last call.
+    pub(crate) fn take_hang_up(&self) -> bool {
+        self.hung_up.replace(false)
+    }
+
     pub(crate) fn take_abort(&self) -> bool {
         self.aborted.replace(false)
     }
@@ -364,13 +496,17 @@ impl Io {
         self.baud.set(baud);
     }
 
-    /// Ends raw mode: bytes that arrived as data and are unread are text now, and a ^C among them voids those before it.
+    /// Ends raw mode: bytes that arrived as data and are unread are lines and packets now, and a ^C among them voids those before it.
     pub(crate) fn leave_raw(&self) {
-        self.raw.set(false);
-        let mut rx = self.rx.borrow_mut();
-        if let Some(last) = rx.iter().rposition(|&byte| byte == ABORT) {
-            (0..=last).for_each(|_| _ = rx.pop_front());
-            self.abort();
+        if !self.raw.replace(false) {
+            return;
+        }
+        self.framing.set(Framing::default());
+        let unread = core::mem::take(&mut *self.rx.borrow_mut());
+        for rx in &unread {
+            if let Rx::Text(byte) | Rx::Head(byte) | Rx::Data(byte) = *rx {
+                self.accept(byte);
+            }
         }
     }
 

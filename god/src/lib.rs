@@ -31,7 +31,7 @@
 //! | queries and orders | `query`: what boards are asked; `order`: what they are told |
 //! | context | [`god`](mod@god): ports, memory, boards, parameters, session |
 //! | link and state | [`boards`]: questions, answers, reports; [`session`]: what outlives a command; [`memory`]: what outlives the power |
-//! | ports | [`io`]: bytes, frames, time; [`events`]: the log; [`line`](mod@line): lines of the host |
+//! | ports | [`io`]: bytes, frames, time; [`framing`]: where packets begin and end; [`events`]: the log; [`line`](mod@line): lines of the host |
 //! | tables | [`grammar`], [`command`], [`parameter`], [`status`], [`motors`], [`units`] |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -55,6 +55,7 @@ mod administration;
 pub mod boards;
 pub mod command;
 pub mod events;
+pub mod framing;
 pub mod god;
 pub mod grammar;
 pub mod io;
@@ -65,6 +66,7 @@ pub mod motors;
 mod movement;
 mod order;
 mod pace;
+mod packets;
 pub mod parameter;
 mod query;
 mod realtime;

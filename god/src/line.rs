@@ -1,11 +1,12 @@
-//! Assembles lines from the host's bytes: echo, backspace, line ends (manual 5.1.1, decision 0025).
+//! Assembles lines and packets from the host's bytes: echo, backspace, line ends (manual 5.1.1, decision 0025).
 //!
 //! Every character but CR and LF is echoed in its own case: clients compare the echo with what they sent. LF ends a line as well, because a
 //! person's `nc` sends it; CR LF and LF CR end one line.
 
 use heapless::String;
 
-use crate::io::{Io, NEVER};
+use crate::framing::Packet;
+use crate::io::{Io, NEVER, Rx};
 
 /// Longest line: the length of a sequence (manual 5.2.4) and a few more.
 pub const LENGTH: usize = 160;
@@ -24,31 +25,73 @@ pub enum Input {
     TooLong,
     /// ^C.
     Abort,
+    /// A whole packet.
+    Packet(Packet),
+    /// A packet that broke off, or whose length is wrong.
+    BrokenPacket,
 }
 
 pub(crate) async fn read(io: &Io) -> Input {
     let mut line = String::new();
     let mut too_long = false;
     loop {
-        let byte =
-            io.wait_until(NEVER, || if io.take_abort() { Some(None) } else { io.try_read().map(Some) }).await;
-        let is_second = io.is_second_line_end(byte.flatten().filter(|&byte| matches!(byte, CR | LF)));
-        match byte.flatten() {
+        let byte = match read_rx(io).await {
             None => return Input::Abort,
-            Some(CR | LF) if is_second => {}
-            Some(CR | LF) if too_long => return Input::TooLong,
-            Some(CR | LF) => return Input::Line(line),
-            Some(BACKSPACE | DELETE) => {
-                if line.pop().is_some() {
-                    io.write(b"\x08 \x08").await;
+            Some(Rx::Text(byte)) => byte,
+            Some(Rx::Head(head)) => {
+                io.is_second_line_end(None);
+                match read_packet(io, head).await {
+                    Some(input) => return input,
+                    None => continue,
                 }
             }
+            // Its head is gone: only after bytes were lost.
+            Some(Rx::Data(_)) => continue,
+            Some(Rx::Broken) => return Input::BrokenPacket,
+        };
+        let is_second = io.is_second_line_end(Some(byte).filter(|&byte| matches!(byte, CR | LF)));
+        match byte {
+            CR | LF if is_second => {}
+            CR | LF if too_long => return Input::TooLong,
+            CR | LF => return Input::Line(line),
+            BACKSPACE | DELETE if line.pop().is_none() => {}
+            BACKSPACE | DELETE => io.write(b"\x08 \x08").await,
             // Printable characters and white space; other bytes are ignored.
-            Some(byte @ (b' '..=b'~' | b'\t')) => {
+            byte @ (b' '..=b'~' | b'\t') => {
                 too_long |= line.push(char::from(byte)).is_err();
                 io.write(&[byte]).await;
             }
-            Some(_) => {}
+            _ => {}
         }
+    }
+}
+
+/// Reads the next input; `None` is ^C.
+async fn read_rx(io: &Io) -> Option<Rx> {
+    let read = io.wait_until(NEVER, || {
+        let found = if io.take_abort() { Some(None) } else { io.try_read_rx().map(Some) };
+        found.or_else(|| io.wait_for_line(false))
+    });
+    read.await.flatten()
+}
+
+/// Reads the rest of a packet, which comes or breaks off (`Io::end_broken_packet`). `None`: a head alone, which a serial line's break looks
+/// like; it is ignored.
+async fn read_packet(io: &Io, head: u8) -> Option<Input> {
+    let mut packet = Packet::new();
+    let mut byte = head;
+    loop {
+        // The framing admits no longer one.
+        let _ = packet.push(byte);
+        if packet.get(2).is_some_and(|&len| packet.len() == 3 + usize::from(len)) {
+            return Some(Input::Packet(packet));
+        }
+        byte = match read_rx(io).await {
+            None => return Some(Input::Abort),
+            Some(Rx::Data(byte)) => byte,
+            Some(Rx::Broken) if packet.len() == 1 => return None,
+            // A head or text: only after bytes were lost.
+            Some(_) => return Some(Input::BrokenPacket),
+        };
     }
 }

@@ -6,8 +6,10 @@ use core::cell::{Cell, RefCell};
 
 use heapless::String;
 
+use crate::io::Io;
 use crate::motors::{COUNT, Motor};
 use crate::parameter::{self, COUNTS, HAND, HandParameter, KEPT, Kept, Source};
+use crate::status::Status;
 
 /// Number of macros (manual 5.2.4).
 pub const MACROS: usize = 20;
@@ -73,6 +75,8 @@ pub struct HandParameters {
     pub otemp: i16,
     /// LFDPD.
     pub lfdpd: bool,
+    /// COMPAT is 262.
+    pub compat_262: bool,
 }
 
 impl Default for HandParameters {
@@ -83,6 +87,7 @@ impl Default for HandParameters {
             lft: of(HandParameter::Lft) != 0,
             otemp: of(HandParameter::Otemp).try_into().unwrap_or(-551),
             lfdpd: of(HandParameter::Lfdpd) != 0,
+            compat_262: of(HandParameter::Compat) != 0,
         }
     }
 }
@@ -119,7 +124,7 @@ pub struct Stored {
     pub macros: [Option<Positions>; MACROS],
     /// REC's: lines, each with its CR.
     pub sequences: [String<SEQUENCE>; SEQUENCES],
-    /// SN.
+    /// SN; 0: not set yet.
     pub serial: u32,
     /// PTEMP, 0.1 °C.
     pub peak_temperature: i16,
@@ -127,18 +132,57 @@ pub struct Stored {
     pub up_seconds: u32,
 }
 
+/// Longest wait for the owner to write, µs: a flash erases the pages for all of it in a fraction of this.
+const WRITE_US: u64 = 1_000_000;
+
+/// How a save becomes permanent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Write {
+    /// By itself: no owner reports.
+    #[default]
+    Unreported,
+    /// The owner has nothing to write for a command.
+    Idle,
+    /// A command waits for [`Memory::written`].
+    Wanted,
+    /// The owner has answered it: whether it is stored.
+    Done(bool),
+}
+
 /// GOD's memory. The owner asks for changes and writes them where they survive.
 #[derive(Debug, Default)]
 pub struct Memory {
     stored: RefCell<Stored>,
     changed: Cell<bool>,
+    /// A command has saved something since the last commit.
+    uncommitted: Cell<bool>,
+    write: Cell<Write>,
 }
 
 impl Memory {
     /// A memory with what has survived.
     #[must_use]
     pub fn new(stored: Stored) -> Self {
-        Self { stored: RefCell::new(stored), changed: Cell::new(false) }
+        Self { stored: RefCell::new(stored), ..Self::default() }
+    }
+
+    /// From now on a command that saves waits until the owner has written it, and ends with [`Status::NOT_STORED`] if that fails: see
+    /// [`Memory::wants_write`] and [`Memory::written`].
+    pub fn report_writes(&self) {
+        self.write.set(Write::Idle);
+    }
+
+    /// Whether a command waits until everything is written.
+    #[must_use]
+    pub fn wants_write(&self) -> bool {
+        self.write.get() == Write::Wanted
+    }
+
+    /// The owner has tried to write everything.
+    pub fn written(&self, is_stored: bool) {
+        if self.wants_write() {
+            self.write.set(Write::Done(is_stored));
+        }
     }
 
     /// All of it.
@@ -156,8 +200,78 @@ impl Memory {
         read(&self.stored.borrow())
     }
 
+    /// Saves something for a command; see [`Memory::commit`].
     pub(crate) fn update<T>(&self, update: impl FnOnce(&mut Stored) -> T) -> T {
+        self.uncommitted.set(true);
+        self.note(update)
+    }
+
+    /// Stores something that no command waits for.
+    pub(crate) fn note<T>(&self, update: impl FnOnce(&mut Stored) -> T) -> T {
         self.changed.set(true);
         update(&mut self.stored.borrow_mut())
+    }
+
+    /// Waits until the owner has written what commands have saved.
+    pub(crate) async fn commit(&self, io: &Io) -> Status {
+        if !self.uncommitted.replace(false) || self.write.get() == Write::Unreported {
+            return Status::OK;
+        }
+        self.write.set(Write::Wanted);
+        let done = io.wait_until(io.after_us(WRITE_US), || match self.write.get() {
+            Write::Done(is_stored) => Some(is_stored),
+            _ => None,
+        });
+        let is_stored = done.await == Some(true);
+        self.write.set(Write::Idle);
+        if is_stored { Status::OK } else { Status::NOT_STORED }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::pin::pin;
+    use std::string::String;
+
+    use crate::io;
+
+    /// Types a line to a hand whose owner writes after 5 ms with this result, or never. Returns the answer and its time, ms.
+    fn type_line(line: &str, result: Option<bool>) -> (String, u64) {
+        let (io, memory) = (Io::default(), Memory::default());
+        memory.report_writes();
+        let mut god = pin!(crate::run(&io, &memory));
+        let (mut text, mut wanted) = (String::new(), 0);
+        line.bytes().chain([b'\r']).for_each(|byte| io.push_rx(byte));
+        for ms in 0..10_000 {
+            io::poll(god.as_mut(), &io, ms * 1000);
+            wanted += u64::from(memory.wants_write());
+            if let Some(is_stored) = result.filter(|_| wanted == 5) {
+                assert!(memory.changed().is_some(), "there is something to write");
+                memory.written(is_stored);
+                wanted += 1;
+            }
+            text.extend(core::iter::from_fn(|| io.pop_tx()).map(char::from));
+            if let Some((_, answer)) = text.rsplit_once(line)
+                && answer.ends_with("=> ")
+            {
+                return (answer.into(), ms);
+            }
+        }
+        panic!("no prompt: {text:?}");
+    }
+
+    #[test]
+    fn save_ends_with_the_result_of_the_write() {
+        for line in ["PSAVE", "REC 1"] {
+            assert_eq!(type_line(line, Some(true)), ("\r\n\r=> ".into(), 5), "{line}");
+            assert_eq!(type_line(line, Some(false)), ("\r\n\rERR 512\r\n\r=> ".into(), 5), "{line}");
+            assert_eq!(type_line(line, None), ("\r\n\rERR 512\r\n\r=> ".into(), WRITE_US / 1000), "{line}");
+        }
+    }
+
+    #[test]
+    fn command_that_saves_nothing_does_not_wait() {
+        assert_eq!(type_line("PSET LFT 0", None), ("\r\n\r=> ".into(), 0));
     }
 }

@@ -367,6 +367,10 @@ fn judge_motor(share: Share, error: i64, is_reached: bool, is_lost: bool) -> Sta
     if is_lost {
         status |= Status::NOT_INITIALIZED;
     }
+    // HI alone raises it: the motor is not only lost, something must be freed.
+    if fault == Some(FaultCode::Jammed) {
+        status |= Status::FAULT;
+    }
     if !status.is_ok() {
         return status;
     }
@@ -410,6 +414,7 @@ mod tests {
             ("X1M 5500", Some(FaultCode::OverTemperature), 8208),
             ("X1HI", None, 4),
             ("X1HI", Some(FaultCode::OverTemperature), 8196),
+            ("X1HI", Some(FaultCode::Jammed), 12),
         ] {
             let error = fault.map_or(0, i64::from);
             let (answer, us) =

@@ -148,6 +148,12 @@ impl Motors {
         Self((self.0 & Self::LINKS.0) << 4)
     }
 
+    /// The links of the tips in it.
+    #[must_use]
+    pub const fn links(self) -> Self {
+        Self((self.0 & Self::TIPS.0) >> 4)
+    }
+
     /// Its motors by ascending number.
     pub fn iter(self) -> impl Iterator<Item = Motor> {
         (1..=7).map(Motor).filter(move |&motor| self.has(motor))
@@ -178,19 +184,21 @@ pub struct Selection {
     pub exclusive: bool,
     /// The motors with a value of their own: without X a finger has one, its link's. With X exactly the named motors.
     pub axes: Motors,
+    /// The tips that move with their links, and have no value of their own.
+    pub followers: Motors,
 }
 
 impl Selection {
-    /// The motors that move: without X each finger's tip moves with its link.
+    /// The motors that move.
     #[must_use]
     pub const fn motors(self) -> Motors {
-        if self.exclusive { self.axes } else { self.axes.union(self.axes.tips()) }
+        self.axes.union(self.followers)
     }
 }
 
 impl Prefix {
     /// Parses a prefix in upper case, with white space between its characters: X first, then digits, G and S. `None` for X elsewhere, 5 to 7
-    /// without X, and any other character.
+    /// without X, a motor named twice, and any other character.
     #[must_use]
     pub fn parse(text: &[u8]) -> Option<Self> {
         let (exclusive, names) = match text {
@@ -199,7 +207,7 @@ impl Prefix {
         };
         let mut named = Motors::NONE;
         for name in names.iter().filter(|name| !name.is_ascii_whitespace()) {
-            named = named.union(match name {
+            let more = match name {
                 b'1'..=b'7' => {
                     let motor =
                         Motor::new(name - b'0').filter(|motor| exclusive || motor.link().is_none())?;
@@ -210,21 +218,29 @@ impl Prefix {
                 b'G' if exclusive => Motors::LINKS.union(Motors::TIPS),
                 b'G' => Motors::LINKS,
                 _ => return None,
-            });
+            };
+            if !named.intersection(more).is_empty() {
+                return None;
+            }
+            named = named.union(more);
         }
         Some(Self { exclusive, named, given: named != Motors::NONE })
     }
 
-    /// The motors that it selects, if `enabled` are those with EN. X without a motor selects none.
+    /// The motors that it selects, if `enabled` are those with EN. X without a motor selects none. A finger of which only the link or only the
+    /// tip is enabled is no finger: that motor moves alone.
     #[must_use]
     pub fn select(self, enabled: Motors) -> Selection {
-        let axes = match (self.given, self.exclusive) {
-            (true, _) => self.named,
-            (false, true) => Motors::NONE,
-            // A finger goes by its link's EN.
-            (false, false) => enabled.intersection(Motors::LINKS.union(Motors::SPREAD)),
+        let (axes, followers) = match (self.given, self.exclusive) {
+            (true, true) => (self.named, Motors::NONE),
+            (true, false) => (self.named, self.named.tips()),
+            (false, true) => (Motors::NONE, Motors::NONE),
+            (false, false) => {
+                let followers = enabled.intersection(enabled.tips());
+                (enabled.difference(followers), followers)
+            }
         };
-        Selection { exclusive: self.exclusive, axes }
+        Selection { exclusive: self.exclusive, axes, followers }
     }
 }
 
@@ -262,10 +278,18 @@ mod tests {
     }
 
     #[test]
-    fn finger_moves_with_its_tip_and_is_enabled_by_its_link() {
+    fn finger_moves_as_one_only_if_link_and_tip_are_enabled() {
         let prefix = |text: &str| Prefix::parse(text.as_bytes()).expect("a prefix");
         let enabled = Motors::ALL.without(Motor(2)).without(Motor(7));
-        assert_eq!(prefix("").select(enabled).motors().bits(), 0b101_1101);
+        let Selection { axes, followers, .. } = prefix("").select(enabled);
+        assert_eq!((axes.bits(), followers.bits()), (0b010_1101, 0b001_0000));
+        for bits in 0..128 {
+            let selection = prefix("").select(Motors(bits));
+            assert_eq!(selection.motors(), Motors(bits), "exactly the enabled ones");
+            for tip in selection.followers.iter() {
+                assert!(tip.link().is_some_and(|link| selection.axes.has(link)), "{bits:b}");
+            }
+        }
         assert_eq!(
             prefix("2").select(enabled).motors().bits(),
             0b10_0010,

@@ -1,6 +1,7 @@
 //! Movement commands but LOOP (manual 5.2.1): which motors they move, and what their end is reported as (5.5).
 //!
-//! * **Motors**: without a prefix those with EN; a finger goes by its link's EN, and its tip moves with it. With X exactly the named ones.
+//! * **Motors**: without a prefix those with EN; a finger of which only one motor has it is no finger, and that motor moves alone. With X
+//!   exactly the named ones.
 //!   None: ERR 2. WM is for fingers and PTM for tips; other selected motors stand still.
 //! * **Refusals**, where nothing moves: a number that is missing or out of range (128), one too many (1024), a hand hotter than OTEMP (8192), a
 //!   board that does not answer (1), a motor whose position is not known (4; HI finds it). T switches off the motors that it reaches
@@ -63,8 +64,7 @@ async fn run(
         GclCommand::Hi => initialize(god, motors).await,
         GclCommand::Tc | GclCommand::To => {
             let cmd = if command == GclCommand::Tc { Cmd::Tc } else { Cmd::To };
-            let tips = if selection.exclusive { Motors::NONE } else { motors.intersection(Motors::TIPS) };
-            motion::run(god, &Plan::by_command(motors, cmd, goals::fingers(tips))).await
+            motion::run(god, &Plan::by_command(motors, cmd, goals::fingers(selection.followers))).await
         }
         _ => {
             let plan = goals::plan(god, command, argument, selection, motors).await?;
@@ -136,6 +136,8 @@ fn movers(command: GclCommand, selection: Selection) -> Motors {
 
 async fn initialize(god: &God<'_>, motors: Motors) -> Status {
     let mut sum = Status::OK;
+    // The others wait for seconds: one that is driven in mode 2 or 4 would lose its host.
+    order::stop_driven(god, motors.difference(Motors::LINKS)).await;
     for stage in [motors.intersection(Motors::LINKS), motors.difference(Motors::LINKS)] {
         if !stage.is_empty() {
             sum |= motion::run(god, &Plan::by_command(stage, Cmd::Hi, [Motors::NONE; 3])).await;

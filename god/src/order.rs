@@ -2,7 +2,7 @@
 
 use core::convert::Infallible;
 
-use tater_wire::{FaultCode, ModeCode, Property};
+use tater_wire::{Cmd, FaultCode, ModeCode, Property};
 
 use crate::boards::{Answers, REPORTS};
 use crate::god::God;
@@ -14,8 +14,8 @@ use crate::query;
 use crate::session::{OVERRIDABLE, Stopping};
 use crate::status::Status;
 
-/// Interval of keep-alives to boards whose motors press, µs: after 500 ms of silence a board takes its host for lost and lets go
-/// (decision 0013).
+/// Interval of keep-alives to boards whose motors press, µs. V may have taken over from TC or TO: then a board lets go after HOSTMS
+/// of silence (decision 0013).
 const KEEPALIVE_US: u64 = 200_000;
 
 /// Makes motors ready to move, all or none: awake, without faults of former motions. A storage fault stays: it stops no motor.
@@ -37,6 +37,15 @@ pub(crate) async fn make_ready(god: &God<'_>, motors: Motors, initialized: bool)
 pub(crate) async fn stop(god: &God<'_>, motors: Motors, holding: Motors) {
     god.boards.set(motors.intersection(holding), Property::MODE, ModeCode::Pid.into()).await;
     god.boards.set(motors.difference(holding), Property::MODE, ModeCode::Idle.into()).await;
+}
+
+/// Stops motors that are driven, as HOLD demands; those that hold go on. Returns which were driven.
+pub(crate) async fn stop_driven(god: &God<'_>, motors: Motors) -> Motors {
+    let modes = god.boards.get(motors, Property::MODE).await;
+    let driven = modes.filter(|mode| !matches!(ModeCode::of(mode), Some(ModeCode::Idle | ModeCode::Pid)));
+    let holding = god.boards.get(driven, Property::HOLD).await.filter(|hold| hold != 0);
+    stop(god, driven, holding).await;
+    driven
 }
 
 /// Stops every moving motor. Asks the boards for MODE then: with their answers the orders have left, and no later ^C drops them with
@@ -147,5 +156,27 @@ fn set_kept(god: &God<'_>, values: &Answers, set: impl Fn(&mut MotorParameters, 
         if let (Some(of), Some(value)) = (parameters.motors.get_mut(motor.index()), values.get(motor)) {
             set(of, value);
         }
+    }
+}
+
+/// Whether a SET of the host may start a motion, which a hot hand refuses.
+pub(crate) fn begins_motion(property: Property, value: i64) -> bool {
+    match property {
+        Property::MODE => value != 0,
+        Property::M => true,
+        Property::CMD => {
+            !matches!(Cmd::of(value), Some(Cmd::T | Cmd::Load | Cmd::Save | Cmd::Def | Cmd::Reset))
+        }
+        _ => false,
+    }
+}
+
+pub(crate) fn changes_motion(property: Property, value: i64) -> bool {
+    match property {
+        Property::MODE | Property::M | Property::V | Property::T => true,
+        // 2 clears faults and ends no motion.
+        Property::STAT => value != 2,
+        Property::CMD => !matches!(Cmd::of(value), Some(Cmd::Load | Cmd::Save | Cmd::Def)),
+        _ => false,
     }
 }

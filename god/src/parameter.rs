@@ -3,6 +3,7 @@
 //! Range and defaults of a parameter that is a board's property come from the property's row in `tater_wire`. Only what the language states in
 //! its own units is stated here: positions and distances in GCL counts, RealTime's formats, and the hand's parameters.
 
+use crate::units::gcl_from_thousands;
 use tater_wire::{MotorKind, Property};
 
 /// The manual's section of a parameter.
@@ -38,10 +39,11 @@ pub enum Kept {
     Lfap,
     Lfdp,
     Lfdpc,
+    Lct,
 }
 
 /// Number of parameters in [`Kept`].
-pub const KEPT: usize = 9;
+pub const KEPT: usize = 10;
 
 /// Farthest position and longest distance of the language, GCL counts (manual 5.3).
 const MAX_COUNTS: i64 = 32_767;
@@ -61,7 +63,7 @@ pub enum Source {
         /// The language's defaults of link, spread and tip, GCL counts (manual 5.3): the boards' are their rounding.
         defaults: [i64; 3],
     },
-    /// A position that the board measures, in hall counts.
+    /// A position that the board measures, in hall counts; or OD, in thousands of them.
     Measured(Property),
     /// GOD's.
     Kept {
@@ -104,6 +106,7 @@ impl ParameterSpec {
     pub const fn min(&self) -> i64 {
         match self.source {
             Source::Board(property) => property.rules().min(),
+            Source::Measured(Property::OD) => 0,
             Source::Counts { .. } | Source::Measured(_) => -MAX_COUNTS,
             Source::Kept { min, .. } => min as i64,
             Source::Status => 0,
@@ -116,11 +119,22 @@ impl ParameterSpec {
     pub const fn max(&self) -> i64 {
         match self.source {
             Source::Board(property) => property.rules().max(),
+            Source::Measured(Property::OD) => gcl_from_thousands(Property::OD.rules().max()),
             Source::Counts { .. } | Source::Measured(_) => MAX_COUNTS,
             Source::Kept { max, .. } => max as i64,
             // All status codes at once.
             Source::Status => 32_767,
             Source::Fixed(value) => value,
+        }
+    }
+
+    /// Smallest and largest value with COMPAT 262, where that hand's hosts set others: LCVC 0, and LCT.
+    #[must_use]
+    pub const fn limits(&self, compat_262: bool) -> (i64, i64) {
+        match self.source {
+            Source::Kept { kept: Kept::Lcvc, .. } if compat_262 => (0, self.max()),
+            Source::Kept { kept: Kept::Lct, .. } if !compat_262 => (0, 0),
+            _ => (self.min(), self.max()),
         }
     }
 
@@ -171,7 +185,7 @@ motor! {
     "MSG", Movement, RW, Board(Property::HSG), "the same as HSG";
     "BD", Status, RO, Board(Property::BD), "whether the finger has broken away";
     "BP", Status, RO, Measured(Property::BP), "where the finger broke away last, counts";
-    "OD", Status, RO, Board(Property::OD), "how far the motor has turned, 1000 hall counts";
+    "OD", Status, RO, Measured(Property::OD), "how far the motor has turned, counts, in steps of 55000";
     "P", Status, RO, Measured(Property::P), "position, counts";
     "S", Status, RO, Source::Status, "0: ready; otherwise a sum of status codes";
     "SG", Status, RO, Board(Property::SG), "strain";
@@ -192,7 +206,7 @@ motor! {
     "OT", Advanced, RW, Counts { property: Property::OT, place: 4, defaults: [0, 0, 0] }, "where O goes, counts";
     "SAMPLE", Advanced, RO, Fixed(31), "sample time of the motor's controller";
     "TSTOP", Advanced, RW, Board(Property::TSTOP), "how long a motor may be stopped before its motion ends, ms; 0: for ever";
-    "LCT", Later, RW, Fixed(0), "0: control blocks have no torque";
+    "LCT", Later, RW, Source::Kept { kept: Kept::Lct, min: 0, max: 1, default: 0 }, "1: control blocks have the spread's torque, with COMPAT 262";
     "LFBP", Later, RW, Fixed(0), "0: feedback blocks have no breakaway position";
     "LFAIN", Later, RW, Fixed(0), "0: feedback blocks have no analog input";
 }
@@ -209,6 +223,7 @@ pub enum HandParameter {
     Upsecs,
     Sn,
     Lfdpd,
+    Compat,
 }
 
 /// A row of a parameter of the hand.
@@ -231,6 +246,9 @@ pub struct HandParameterSpec {
     /// Help text.
     pub help: &'static str,
 }
+
+/// The values of COMPAT: RealTime by the manual's table 5, or as hosts of the BH8-262 expect it (decision 0056).
+pub const COMPATS: [i64; 2] = [0, 262];
 
 /// The values of BAUD: baud rate / 100.
 pub const BAUDS: [i64; 7] = [6, 12, 24, 48, 96, 192, 384];
@@ -259,8 +277,9 @@ hand! {
     "TEMP", GlobalStatus, Temp, RO, -550..=1250, 0, "temperature of this board, 0.1 C";
     "PTEMP", GlobalStatus, Ptemp, RO, 0..=1250, 0, "its highest ever, 0.1 C";
     "UPSECS", GlobalStatus, Upsecs, RO, 0..=4_294_967_295, 0, "how long the hand has been on in its life, s";
-    "SN", GlobalStatus, Sn, RO, 0..=4_294_967_295, 0, "serial number of the hand";
+    "SN", GlobalStatus, Sn, RW, 1..=4_294_967_295, 0, "serial number of the hand, which can be set once";
     "LFDPD", Advanced, Lfdpd, RW, 0..=1, 0, "1: a change of position that does not fit its byte is forgotten, not sent later";
+    "COMPAT", Advanced, Compat, RW, 0..=262, 0, "262: RealTime as hosts of the BH8-262 expect it; 0: as the manual has it";
 }
 
 /// The motor parameter of that name, in upper case.
@@ -290,7 +309,8 @@ mod tests {
                 assert!(!row.writable || (row.min()..=row.max()).contains(&default), "{}", row.name);
             }
         }
-        for row in HAND {
+        // SN has none.
+        for row in HAND.iter().filter(|row| row.parameter != HandParameter::Sn) {
             assert!(!row.writable || (row.min..=row.max).contains(&row.default), "{}", row.name);
         }
         let counts: std::vec::Vec<u8> = MOTOR

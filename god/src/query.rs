@@ -127,6 +127,11 @@ fn complete(god: &God<'_>, motors: Motors, answers: Answers) -> Result<Answers, 
 pub(crate) async fn parameter(god: &God<'_>, spec: &ParameterSpec, motors: Motors) -> Answers {
     match spec.source {
         Source::Board(property) => god.boards.get(motors, property).await,
+        Source::Measured(Property::OD) => god
+            .boards
+            .get(motors, Property::OD)
+            .await
+            .map(|_, thousands| units::gcl_from_thousands(thousands)),
         Source::Measured(property) => {
             god.boards.get(motors, property).await.map(|_, halls| units::gcl_from_halls(halls))
         }

@@ -2,7 +2,7 @@
 //!
 //! While a sequence is recorded, its commands run as well, as they are typed. PLAY and REC are not recorded, nor is LOOP: a host that plays a
 //! sequence waits for its prompt, and its next bytes would be taken for control blocks (decision 0028). Each command is stored when it is
-//! recorded. A command that fails ends PLAY with its status; so does ^C. MAC and PLAY of an empty one are ERR 128.
+//! recorded. A recording ends with its host. A command that fails ends PLAY with its status; so does ^C. MAC and PLAY of an empty one are ERR 128.
 
 use heapless::String;
 
@@ -29,10 +29,11 @@ pub(crate) async fn execute(
         Err(status) => return status,
     };
     match (command, number) {
-        (GclCommand::Rec, None) => {
+        (GclCommand::Rec, None) if god.session.recording().is_some() => {
             god.session.set_recording(None);
             Status::OK
         }
+        (GclCommand::Rec, None) => begin(god, 0),
         (_, None) => Status::INVALID_VALUE,
         (GclCommand::Rec, Some(number)) => begin(god, number),
         (GclCommand::Mac, Some(number)) => play_macro(god, prefix, number).await,
@@ -102,7 +103,7 @@ pub(crate) async fn record(god: &God<'_>, line: &str) {
     match grammar::parse(line) {
         Ok(Statement::Command { command: GclCommand::Rec | GclCommand::Loop, .. } | Statement::Empty)
         | Err(_) => return,
-        Ok(Statement::Command { .. } | Statement::WalkThrough(_)) => {}
+        Ok(Statement::Command { .. } | Statement::Lower(_)) => {}
     }
     let line = line.trim_ascii();
     let fits = god.memory.update(|stored| {
@@ -127,7 +128,7 @@ pub(crate) fn played(god: &God<'_>, line: &str) -> Result<Option<String<SEQUENCE
     if prefix != Prefix::default() {
         return Err(Status::NO_PREFIX);
     }
-    let number = arguments.only_number()?.ok_or(Status::INVALID_VALUE)?;
+    let number = arguments.only_number()?.unwrap_or(0);
     let place = place(number, SEQUENCES)?;
     let sequence = god.memory.read(|stored| stored.sequences.get(place).cloned());
     sequence.filter(|sequence| !sequence.is_empty()).map(Some).ok_or(Status::INVALID_VALUE)

@@ -22,6 +22,8 @@ enum Activity {
     Pressing,
     /// A line of the walk-through's grammar moves it: its end is reported to the host.
     Watched,
+    /// A packet of the host moves it; ^C stops it.
+    Steered,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,6 +50,10 @@ pub struct Session {
     recording: Cell<Option<u8>>,
     /// REPLY of the walk-through's grammar: answers are packets.
     packets: Cell<bool>,
+    /// The host has sent packets: what boards send to it is passed on.
+    passes: Cell<bool>,
+    /// Answers to the host's packets that are missing, and until when to wait for them, µs.
+    awaited: Cell<(u8, u64)>,
 }
 
 impl Session {
@@ -93,6 +99,22 @@ impl Session {
             Activity::Watched => Activity::Idle,
             other => other,
         });
+    }
+
+    pub(crate) fn steer(&self, motors: Motors) {
+        self.change(motors, |_, _| Activity::Steered);
+    }
+
+    pub(crate) fn steered(&self) -> Motors {
+        self.filter(|activity| activity == Activity::Steered)
+    }
+
+    /// The motors that the host moves itself, by lines of the walk-through's grammar or by packets; none is from now on.
+    pub(crate) fn take_host_moved(&self) -> Motors {
+        let is = |activity| matches!(activity, Activity::Watched | Activity::Steered);
+        let motors = self.filter(is);
+        self.change(motors, |_, _| Activity::Idle);
+        motors
     }
 
     pub(crate) fn watched(&self) -> Motors {
@@ -152,6 +174,41 @@ impl Session {
 
     pub(crate) const fn packets(&self) -> bool {
         self.packets.get()
+    }
+
+    /// The host has sent a packet that so many boards answer until a time.
+    pub(crate) fn passes_packet(&self, answers: u8, until_us: u64) {
+        self.passes.set(true);
+        if answers > 0 {
+            let (missing, _) = self.awaited.get();
+            self.awaited.set((missing.saturating_add(answers), until_us));
+        }
+    }
+
+    pub(crate) const fn passes(&self) -> bool {
+        self.passes.get()
+    }
+
+    pub(crate) const fn awaited(&self) -> (u8, u64) {
+        self.awaited.get()
+    }
+
+    /// The missing answers do not come.
+    pub(crate) fn give_up_answers(&self) {
+        self.awaited.set((0, 0));
+    }
+
+    pub(crate) fn answered(&self) {
+        let (missing, until) = self.awaited.get();
+        self.awaited.set((missing.saturating_sub(1), until));
+    }
+
+    /// The host has disconnected: the next one begins with text, and finds no recording.
+    pub(crate) fn forget_host(&self) {
+        self.recording.set(None);
+        self.packets.set(false);
+        self.passes.set(false);
+        self.give_up_answers();
     }
 }
 

@@ -17,7 +17,7 @@ use crate::line::{self, Input};
 use crate::memory::Memory;
 use crate::motors::{Motors, Prefix};
 use crate::status::Status;
-use crate::{administration, movement, order, realtime, sequences, settings, walk_through};
+use crate::{administration, movement, order, packets, realtime, sequences, settings, walk_through};
 
 enum Outcome {
     Done(Status),
@@ -44,10 +44,19 @@ pub async fn run(io: &Io, memory: &Memory) -> Infallible {
 /// Reads lines and runs them, until RESET.
 async fn serve(god: &God<'_>) {
     loop {
+        if god.io.take_hang_up() {
+            god.session.forget_host();
+        }
         walk_through::report_ends(god).await;
         let outcome = match line::read(god.io).await {
             // Queued frames stay: the last stop orders may be among them. On a dead bus they expire.
             Input::Abort => Outcome::Done(walk_through::abort(god).await),
+            Input::Packet(packet) => match packets::place(god, &packet).await {
+                // A host sends hundreds in a second, and waits for none.
+                Status::OK => continue,
+                refusal => Outcome::Done(refusal),
+            },
+            Input::BrokenPacket => Outcome::Done(Status::INVALID_VALUE),
             Input::TooLong => Outcome::Done(Status::TOO_MANY_ARGUMENTS),
             Input::Line(mut line) => {
                 line.make_ascii_uppercase();
@@ -67,7 +76,14 @@ async fn serve(god: &God<'_>) {
 }
 
 async fn run_line(god: &God<'_>, line: &str) -> Outcome {
-    if let Some(outcome) = unless_aborted(god.io, run_commands(god, line)).await {
+    let committed = async {
+        packets::settle(god).await;
+        match run_commands(god, line).await {
+            Outcome::Done(status) => Outcome::Done(status | god.memory.commit(god.io).await),
+            Outcome::Reset => Outcome::Reset,
+        }
+    };
+    if let Some(outcome) = unless_aborted(god.io, committed).await {
         return outcome;
     }
     god.io.take_abort();
@@ -106,7 +122,7 @@ async fn run_commands(god: &God<'_>, line: &str) -> Outcome {
 async fn dispatch(god: &God<'_>, statement: Statement<'_>) -> Outcome {
     let (command, prefix, arguments) = match statement {
         Statement::Empty => return Outcome::Done(Status::OK),
-        Statement::WalkThrough(line) => return Outcome::Done(walk_through::execute(god, line).await),
+        Statement::Lower(request) => return Outcome::Done(walk_through::execute(god, request).await),
         Statement::Command { command, prefix, arguments } => (command, prefix, arguments),
     };
     let Some(spec) = command.row() else { return Outcome::Done(Status::UNKNOWN_COMMAND) };

@@ -41,7 +41,7 @@ table! {
     UNKNOWN_PARAMETER = 64, "there is no such parameter";
     INVALID_VALUE = 128, "a value is missing, no number or out of range";
     READ_ONLY = 256, "the parameter can only be read";
-    NOT_STORED = 512, "a board's flash has not taken what was to be saved";
+    NOT_STORED = 512, "the flash of a board, or of the hand, has not taken what was to be saved";
     TOO_MANY_ARGUMENTS = 1024, "the command takes fewer arguments";
     BAD_HEADER = 2048, "no header of a RealTime control block";
     NO_PREFIX = 4096, "the command takes no motor prefix";

@@ -11,6 +11,12 @@ pub const fn gcl_from_halls(halls: i64) -> i64 {
     halls.saturating_mul(GCL_PER_HALL)
 }
 
+/// GCL counts of a distance in thousands of hall counts.
+#[must_use]
+pub const fn gcl_from_thousands(thousands: i64) -> i64 {
+    gcl_from_halls(thousands.saturating_mul(1000))
+}
+
 /// The hall count nearest to a GCL count, rounding halves up.
 #[must_use]
 pub const fn halls_from_gcl(gcl: i64) -> i64 {

@@ -1,23 +1,23 @@
-//! The walk-through's grammar (manual 3, decision 0029): `<nodes> S <property> <value>`, `<nodes> G <property>`, WAKE, SAVE.
+//! Executes the lower grammar ([`lower`](crate::grammar::lower), decision 0029).
 //!
-//! White space is optional. Properties are the boards' own, in hall counts, by the names of their table; M means MODE, and AP means P, as in
-//! the manual. A SET goes to the boards unchanged and is not verified, but an order (MODE, M, CMD) that a sleeping board does not obey is
-//! ERR 1; a GET prints a line for each board, `1 TEMP=350`. A motor that this grammar has set going reports its end: `4 MODE=3`, between two
-//! lines of the host, while nothing is typed. ^C stops it.
+//! A SET goes to the boards unchanged and is not verified, but a board that sleeps or does not answer is
+//! ERR 1 (SET STAT wakes one); a GET prints a line for each board, `1 TEMP=350`. A motor that this grammar has set going reports its end:
+//! `4 MODE=3`, between two lines of the host, while nothing is typed. ^C stops it.
 //!
 //! Node 0 is GOD. It has one property, REPLY, 0 after the start: with `0 S REPLY 1` answers and ends of motions are packets instead of lines
 //! (manual 1.4): the board's frame, as two bytes of identifier, the high one first, one of its length, and its data. Echo, errors and prompts
 //! stay text.
 
 use tater_wire::property::Access;
-use tater_wire::{Cmd, Message, ModeCode, Property};
+use tater_wire::{Cmd, Frame, ModeCode, Property};
 
 use crate::boards::{REPORTS, Reported};
 use crate::god::God;
+use crate::grammar::lower::Request;
 use crate::io::NEVER;
 use crate::motors::{COUNT, Motor, Motors};
 use crate::status::Status;
-use crate::{order, query};
+use crate::{order, packets, query};
 
 /// Wait between two readings of a position, µs: a board counts its motor as standing after 200 ms without a hall count (decision 0012).
 const STANDSTILL_US: u64 = 300_000;
@@ -25,90 +25,21 @@ const STANDSTILL_US: u64 = 300_000;
 /// Most such waits: without power the spread stops within a second.
 const STANDSTILL_TRIES: usize = 10;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Request {
-    Set(Motors, Property, i64),
-    Get(Motors, Property),
-    SetReply(i64),
-    GetReply,
-}
-
-pub(crate) async fn execute(god: &God<'_>, line: &str) -> Status {
-    match line {
-        "WAKE" => return wake(god).await,
-        "SAVE" => return save(god).await,
-        _ => {}
-    }
-    match parse(line) {
-        Err(status) => status,
-        Ok(Request::Set(motors, property, value)) => set(god, motors, property, value).await,
-        Ok(Request::Get(motors, property)) => get(god, motors, property).await,
-        Ok(Request::SetReply(mode @ 0..=1)) => {
+pub(crate) async fn execute(god: &God<'_>, request: Request) -> Status {
+    match request {
+        Request::Wake => wake(god).await,
+        Request::Save => save(god).await,
+        Request::Set(motors, property, value) => set(god, motors, property, value).await,
+        Request::Get(motors, property) => get(god, motors, property).await,
+        Request::SetReply(mode @ 0..=1) => {
             god.session.set_packets(mode == 1);
             Status::OK
         }
-        Ok(Request::SetReply(_)) => Status::INVALID_VALUE,
-        Ok(Request::GetReply) => {
+        Request::SetReply(_) => Status::INVALID_VALUE,
+        Request::GetReply => {
             god.print_line(format_args!("0 REPLY={}", u8::from(god.session.packets()))).await;
             Status::OK
         }
-    }
-}
-
-fn parse(line: &str) -> Result<Request, Status> {
-    let end = line.find(|c: char| !c.is_ascii_digit() && !c.is_ascii_whitespace());
-    let (nodes, rest) = line.split_at_checked(end.unwrap_or(line.len())).unwrap_or((line, ""));
-    let (is_set, rest) = match (rest.strip_prefix('S'), rest.strip_prefix('G')) {
-        (Some(rest), _) => (true, rest.trim_ascii()),
-        (_, Some(rest)) => (false, rest.trim_ascii()),
-        _ => return Err(Status::UNKNOWN_COMMAND),
-    };
-    let mut motors = Motors::NONE;
-    let mut is_god = false;
-    for node in nodes.bytes().filter(u8::is_ascii_digit) {
-        match Motor::new(node - b'0') {
-            Some(motor) => motors = motors.with(motor),
-            None if node == b'0' => is_god = true,
-            None => return Err(Status::NO_MOTOR),
-        }
-    }
-    match (is_god, is_set) {
-        // GOD and the boards have no property in common.
-        (true, _) if !motors.is_empty() => Err(Status::UNKNOWN_PARAMETER),
-        (true, true) => {
-            let (_, value) = value(rest, |name| (name == "REPLY").then_some(()))?;
-            Ok(Request::SetReply(value))
-        }
-        (true, false) if rest == "REPLY" => Ok(Request::GetReply),
-        (true, false) => Err(Status::UNKNOWN_PARAMETER),
-        (false, true) => value(rest, named).map(|(property, value)| Request::Set(motors, property, value)),
-        (false, false) if rest.contains(|c: char| c.is_ascii_whitespace()) => Err(Status::TOO_MANY_ARGUMENTS),
-        (false, false) => {
-            named(rest).map(|property| Request::Get(motors, property)).ok_or(Status::UNKNOWN_PARAMETER)
-        }
-    }
-}
-
-/// A property's name and a value. Without white space between them the name is the shortest that has all letters: `X012` sets X0 to 12.
-fn value<T>(text: &str, named: impl Fn(&str) -> Option<T>) -> Result<(T, i64), Status> {
-    let end = |is: fn(char) -> bool| text.find(is).unwrap_or(text.len());
-    let letters = end(|c| !c.is_ascii_alphabetic());
-    let (found, value) = [end(|c| c.is_ascii_whitespace()), letters, letters + 1]
-        .into_iter()
-        .filter_map(|end| text.split_at_checked(end))
-        .find_map(|(name, value)| named(name).map(|found| (found, value.trim_ascii())))
-        .ok_or(Status::UNKNOWN_PARAMETER)?;
-    if value.contains(|c: char| c.is_ascii_whitespace()) {
-        return Err(Status::TOO_MANY_ARGUMENTS);
-    }
-    value.parse().map(|value| (found, value)).map_err(|_| Status::INVALID_VALUE)
-}
-
-fn named(name: &str) -> Option<Property> {
-    match name {
-        "M" => Some(Property::MODE),
-        "AP" => Some(Property::P),
-        name => Property::named(name),
     }
 }
 
@@ -120,48 +51,31 @@ async fn set(god: &God<'_>, motors: Motors, property: Property, value: i64) -> S
     if !rules.admits(value) {
         return Status::INVALID_VALUE;
     }
-    if begins_motion(property, value) {
-        if query::is_too_hot(god) {
-            return Status::OVER_TEMPERATURE;
-        }
+    if order::begins_motion(property, value) && query::is_too_hot(god) {
+        return Status::OVER_TEMPERATURE;
+    }
+    let stat = god.boards.get(motors, Property::STAT).await;
+    // A sleeping board obeys none but STAT: the numbers of some others mean something else in its monitor.
+    let obeying = if property == Property::STAT { stat.motors() } else { stat.filter(|stat| stat != 0) };
+    let status = if obeying == motors { Status::OK } else { Status::NO_BOARD };
+    let motors = obeying;
+    if order::begins_motion(property, value) {
         // Another host may have woken the boards without setting LFLAGS. Earlier reports are dropped.
         god.boards.set(motors, Property::LFLAGS, REPORTS).await;
         motors.iter().for_each(|motor| _ = god.boards.take_reported(motor));
         god.session.watch(motors);
     }
-    if changes_motion(property, value) {
+    if order::changes_motion(property, value) {
         // The host moves them now, and has to keep their boards alive.
         god.session.cease_pressing(motors);
     }
     god.boards.set(motors, property, value).await;
     if !is_order(property, value) {
-        return Status::OK;
+        return status;
     }
-    // A sleeping board neither obeys these orders nor answers this question.
+    // A board that answers this has the order.
     let answering = god.boards.get(motors, Property::HOLD).await.motors();
-    if answering == motors { Status::OK } else { Status::NO_BOARD }
-}
-
-/// Whether a SET may start a motion, which a hot hand refuses.
-fn begins_motion(property: Property, value: i64) -> bool {
-    match property {
-        Property::MODE => value != 0,
-        Property::M => true,
-        Property::CMD => {
-            !matches!(Cmd::of(value), Some(Cmd::T | Cmd::Load | Cmd::Save | Cmd::Def | Cmd::Reset))
-        }
-        _ => false,
-    }
-}
-
-fn changes_motion(property: Property, value: i64) -> bool {
-    match property {
-        Property::MODE | Property::M | Property::V | Property::T => true,
-        // 2 clears faults and ends no motion.
-        Property::STAT => value != 2,
-        Property::CMD => !matches!(Cmd::of(value), Some(Cmd::Load | Cmd::Save | Cmd::Def)),
-        _ => false,
-    }
+    status | if answering == motors { Status::OK } else { Status::NO_BOARD }
 }
 
 /// Whether a SET is an order that only an awake board obeys, and that leaves it awake.
@@ -179,22 +93,9 @@ async fn get(god: &God<'_>, motors: Motors, property: Property) -> Status {
     }
     let values = god.boards.get(motors, property).await;
     for motor in values.motors().iter() {
-        reply(god, motor, property, values.get(motor).unwrap_or(0)).await;
+        packets::reply(god, motor, property, values.get(motor).unwrap_or(0)).await;
     }
     if motors.difference(values.motors()).is_empty() { Status::OK } else { Status::NO_BOARD }
-}
-
-async fn reply(god: &God<'_>, motor: Motor, property: Property, value: i64) {
-    if !god.session.packets() {
-        return god.print_line(format_args!("{} {}={value}", motor.number(), property.row().name)).await;
-    }
-    if let Some(message) = Message::reply(motor.node(), property, value) {
-        let frame = message.frame();
-        let [high, low] = frame.raw_id().to_be_bytes();
-        let len = u8::try_from(frame.data().len()).unwrap_or(0);
-        god.io.write(&[high, low, len]).await;
-        god.io.write(frame.data()).await;
-    }
 }
 
 async fn wake(god: &God<'_>) -> Status {
@@ -228,23 +129,45 @@ async fn save(god: &God<'_>) -> Status {
 /// Reports motions of this grammar that have ended, each followed by a prompt, until the host sends something.
 pub(crate) async fn report_ends(god: &God<'_>) {
     loop {
-        let ended = god
-            .io
-            .wait_until(NEVER, || match ended(god) {
-                Some(ended) => Some(Some(ended)),
-                None => god.io.has_input().then_some(None),
-            })
-            .await
-            .flatten();
-        let Some((motor, mode)) = ended else { return };
+        let (missing, until_us) = god.session.awaited();
+        let deadline_us = if missing == 0 { NEVER } else { until_us };
+        let event = god.io.wait_until(deadline_us, || {
+            let passed = packets::next(god).map(Event::Passed);
+            let ended = || ended(god).map(|(motor, mode)| Event::Ended(motor, mode));
+            let event = passed.or_else(ended).or_else(|| god.io.has_input().then_some(Event::Input));
+            event.or_else(|| god.io.wait_for_line(missing > 0 || !god.session.watched().is_empty()))
+        });
+        let (motor, mode) = match event.await {
+            Some(Event::Input) => return,
+            Some(Event::Passed(frame)) => {
+                packets::pass(god, &frame).await;
+                continue;
+            }
+            Some(Event::Ended(motor, mode)) => (motor, mode),
+            None => {
+                god.session.give_up_answers();
+                continue;
+            }
+        };
+        // The question below would take answers to the host's packets for its own.
+        packets::settle(god).await;
         // END 0: a later order has replaced that motion. Its reports arrived before the prompt of that order: the board has answered since.
         if god.boards.get(Motors::only(motor), Property::END).await.get(motor) == Some(0) {
             continue;
         }
         god.session.unwatch(Motors::only(motor));
-        reply(god, motor, Property::MODE, mode).await;
+        packets::reply(god, motor, Property::MODE, mode).await;
         god.prompt().await;
     }
+}
+
+enum Event {
+    /// The host has sent something.
+    Input,
+    /// A board has sent this to the host.
+    Passed(Frame),
+    /// A motion has ended in this mode.
+    Ended(Motor, i64),
 }
 
 /// A motor whose motion has ended, and its mode now.
@@ -256,11 +179,10 @@ fn ended(god: &God<'_>) -> Option<(Motor, i64)> {
     })
 }
 
-/// ^C or a disconnect: stops the motions of this grammar, as HOLD demands (manual 5.5, case 3), and reports no end of them.
+/// ^C or a disconnect: stops the motions of this grammar and of packets, as HOLD demands (manual 5.5, case 3), and reports no end of them.
 /// Motors that hold or press go on. Returns [`Status::ABORTED`] if one was moving.
 pub(crate) async fn abort(god: &God<'_>) -> Status {
-    let watched = god.session.watched();
-    god.session.unwatch(watched);
+    let watched = god.session.take_host_moved();
     let modes = god.boards.get(watched, Property::MODE).await;
     let silent = watched.difference(modes.motors());
     let at_rest = |mode| matches!(ModeCode::of(mode), Some(ModeCode::Idle | ModeCode::Pid));

@@ -5,12 +5,14 @@
 //! | bytes | content |
 //! |---|---|
 //! | 2 | [`VERSION`] |
-//! | 7 × (9 + 5 × 4) | of each motor the parameters of [`Kept`](crate::parameter::Kept), then the counts as they were set |
-//! | 2, 1, 2, 1 | BAUD, LFT, OTEMP, LFDPD |
+//! | 7 × (10 + 5 × 4) | of each motor the parameters of [`Kept`](crate::parameter::Kept), then the counts as they were set |
+//! | 2, 1, 2, 1, 1 | BAUD, LFT, OTEMP, LFDPD, whether COMPAT is 262 |
 //! | 20 × (1 + 7 × 4) | of each macro whether there is one, and positions |
 //! | 6 × (1 + 150) | of each sequence its length, and its text with zeros after it |
 //! | 4, 2, 4 | SN, PTEMP, UPSECS |
 //! | 4 | CRC-32 (ISO-HDLC) of the bytes before it |
+//!
+//! Version 1 has no COMPAT, and no LCT at the end of each motor's parameters; both are 0 then.
 
 use heapless::String;
 use tater_wire::image::Crc32;
@@ -19,15 +21,18 @@ use super::{HandParameters, MACROS, MotorParameters, Positions, SEQUENCE, SEQUEN
 use crate::motors::COUNT;
 use crate::parameter::{self, BAUDS, COUNTS, HAND, HandParameter, KEPT, Source};
 
-/// Version of the layout: a hand does not read another version.
-pub const VERSION: u16 = 1;
+/// Version of the layout: a hand reads this one and 1.
+pub const VERSION: u16 = 2;
+
+/// LCT of seven motors and COMPAT.
+const NEW_IN_2: usize = COUNT + 1;
 
 const CRC: usize = 4;
 
 /// Length in bytes.
 pub const LEN: usize = 2
     + COUNT * (KEPT + COUNTS * 4)
-    + (2 + 1 + 2 + 1)
+    + (2 + 1 + 2 + 1 + 1)
     + MACROS * (1 + COUNT * 4)
     + SEQUENCES * (1 + SEQUENCE)
     + (4 + 2 + 4)
@@ -87,11 +92,11 @@ impl Stored {
             to.put(&motor.kept);
             motor.as_set.iter().for_each(|counts| to.put(&counts.to_le_bytes()));
         }
-        let HandParameters { baud, lft, otemp, lfdpd } = self.parameters.hand;
+        let HandParameters { baud, lft, otemp, lfdpd, compat_262 } = self.parameters.hand;
         to.put(&baud.to_le_bytes());
         to.put(&[lft.into()]);
         to.put(&otemp.to_le_bytes());
-        to.put(&[lfdpd.into()]);
+        to.put(&[lfdpd.into(), compat_262.into()]);
         for positions in &self.macros {
             to.put(&[positions.is_some().into()]);
             positions.unwrap_or_default().iter().for_each(|counts| to.put(&counts.to_le_bytes()));
@@ -115,12 +120,16 @@ impl Stored {
     /// The first defect found.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Damaged> {
         let length = Damaged::Length { found: bytes.len() };
-        let whole: &[u8; LEN] = bytes.try_into().map_err(|_| length)?;
-        let (content, sum) = whole.split_last_chunk::<CRC>().ok_or(length)?;
-        let mut from = Reader { left: content };
-        let found = u16::from_le_bytes(from.take()?);
-        if found != VERSION {
-            return Err(Damaged::Version { found });
+        let (content, sum) = bytes.split_last_chunk::<CRC>().ok_or(length)?;
+        let mut from = Reader { left: content, version: VERSION };
+        from.version = u16::from_le_bytes(from.take()?);
+        let expected = match from.version {
+            VERSION => LEN,
+            1 => LEN - NEW_IN_2,
+            found => return Err(Damaged::Version { found }),
+        };
+        if bytes.len() != expected {
+            return Err(length);
         }
         let (found, expected) = (crc(content), u32::from_le_bytes(*sum));
         if found != expected {
@@ -167,6 +176,7 @@ impl Writer {
 
 struct Reader<'a> {
     left: &'a [u8],
+    version: u16,
 }
 
 impl Reader<'_> {
@@ -186,7 +196,9 @@ impl Reader<'_> {
     }
 
     fn motor(&mut self) -> Result<MotorParameters, Damaged> {
-        let kept = self.take()?;
+        let [lcv, lcvc, lcpg, lfv, lfvc, lfs, lfap, lfdp, lfdpc] = self.take()?;
+        let [lct] = if self.version > 1 { self.take()? } else { [0] };
+        let kept = [lcv, lcvc, lcpg, lfv, lfvc, lfs, lfap, lfdp, lfdpc, lct];
         let mut as_set = [0; COUNTS];
         for counts in &mut as_set {
             *counts = i32::from_le_bytes(self.take()?);
@@ -200,7 +212,8 @@ impl Reader<'_> {
                 }
                 Source::Board(_) | Source::Measured(_) | Source::Status | Source::Fixed(_) => continue,
             };
-            if !(row.min()..=row.max()).contains(&value) {
+            let (min, max) = row.limits(true);
+            if !(min..=max).contains(&value) {
                 return Err(Damaged::Value { of: row.name });
             }
         }
@@ -213,6 +226,7 @@ impl Reader<'_> {
             lft: self.flag("LFT")?,
             otemp: i16::from_le_bytes(self.take()?),
             lfdpd: self.flag("LFDPD")?,
+            compat_262: self.version > 1 && self.flag("COMPAT")?,
         };
         let otemp = HAND.iter().find(|row| row.parameter == HandParameter::Otemp);
         if !BAUDS.contains(&hand.baud.into()) {
@@ -266,15 +280,15 @@ mod tests {
 
     fn stored() -> impl Strategy<Value = Stored> {
         let motors = proptest::collection::vec(motor_parameters(), COUNT);
-        let hand = (0..BAUDS.len(), any::<bool>(), -551..=1250_i16, any::<bool>());
+        let hand = (0..BAUDS.len(), any::<bool>(), -551..=1250_i16, any::<bool>(), any::<bool>());
         let macros = proptest::collection::vec(any::<Option<Positions>>(), MACROS);
         let sequences = proptest::collection::vec("[ -~\r]{0,150}", SEQUENCES);
         (motors, hand, macros, sequences, any::<(u32, i16, u32)>()).prop_map(
-            |(motors, (baud, lft, otemp, lfdpd), macros, sequences, (serial, peak, up))| {
+            |(motors, (baud, lft, otemp, lfdpd, compat_262), macros, sequences, (serial, peak, up))| {
                 let mut stored = Stored::default();
                 stored.parameters.motors = motors.try_into().unwrap();
                 let baud = BAUDS[baud].try_into().unwrap();
-                stored.parameters.hand = HandParameters { baud, lft, otemp, lfdpd };
+                stored.parameters.hand = HandParameters { baud, lft, otemp, lfdpd, compat_262 };
                 stored.macros = macros.try_into().unwrap();
                 for (to, text) in stored.sequences.iter_mut().zip(&sequences) {
                     *to = String::try_from(text.as_str()).unwrap();
@@ -324,17 +338,19 @@ mod tests {
     #[test]
     fn value_out_of_range_names_its_field() {
         let hand = 2 + COUNT * (KEPT + COUNTS * 4);
-        let macros = hand + 6;
+        let macros = hand + 7;
         let sequences = macros + MACROS * 29;
-        let rows: [(usize, &[u8], &str); 11] = [
-            (2 + 1, &[0], "LCVC"),
+        let rows: [(usize, &[u8], &str); 13] = [
+            (2, &[2], "LCV"),
             (2 + 6, &[3], "LFAP"),
-            (2 + 29 + 4, &[0], "LFVC"),
+            (2 + 30 + 4, &[0], "LFVC"),
+            (2 + 9, &[2], "LCT"),
             (2 + KEPT, &32_768_i32.to_le_bytes(), "DP"),
             (hand, &[97, 0], "BAUD"),
             (hand + 2, &[2], "LFT"),
             (hand + 3, &1251_i16.to_le_bytes(), "OTEMP"),
             (hand + 5, &[255], "LFDPD"),
+            (hand + 6, &[2], "COMPAT"),
             (macros + 29, &[2], "a macro"),
             (sequences, &[151], "a sequence"),
             (sequences, &[1, 0x80], "a sequence"),
@@ -353,10 +369,24 @@ mod tests {
             assert_eq!(Stored::from_bytes(&whole[..len]), Err(Damaged::Length { found: len }));
         }
         let mut other = whole;
-        other[0] = 2;
-        assert_eq!(Stored::from_bytes(&sealed(other)), Err(Damaged::Version { found: 2 }));
+        other[0] = 3;
+        assert_eq!(Stored::from_bytes(&sealed(other)), Err(Damaged::Version { found: 3 }));
         let mut other = whole;
         other[LEN - 1] ^= 1;
         assert!(matches!(Stored::from_bytes(&other), Err(Damaged::Crc { .. })));
+    }
+
+    #[test]
+    fn version_1_is_read_without_compat_and_lct() {
+        let mut stored = Stored { serial: 7, ..Stored::default() };
+        stored.parameters.hand.baud = 384;
+        let whole = stored.to_bytes();
+        let hand = 2 + COUNT * (KEPT + COUNTS * 4);
+        let is_old = |at: &usize| *at != hand + 6 && !(*at >= 2 && *at < hand && (at - 2) % 30 == KEPT - 1);
+        let mut old: Vec<u8> = (0..LEN - CRC).filter(is_old).map(|at| whole[at]).collect();
+        assert_eq!(old.len(), LEN - CRC - NEW_IN_2);
+        old[0] = 1;
+        old.extend(crc(&old).to_le_bytes());
+        assert_eq!(Stored::from_bytes(&old), Ok(stored));
     }
 }

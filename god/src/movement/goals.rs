@@ -47,7 +47,7 @@ pub(super) async fn plan(
     // WM with X: the named tips follow their links.
     let axes = if is_wiper { motors.intersection(Motors::LINKS) } else { selection.axes };
     let mut goals = axis_goals(god, command, argument, axes, &from).await?;
-    let tips = if is_wiper || !selection.exclusive { motors.intersection(axes.tips()) } else { Motors::NONE };
+    let tips = motors.intersection(if is_wiper { axes.tips() } else { selection.followers });
     let mut breakaway = if selection.exclusive { Breakaway::Off } else { Breakaway::TipGoesOn };
     if is_wiper {
         for tip in tips.iter() {
@@ -95,7 +95,7 @@ pub(super) async fn stored(
     Ok(if selection.exclusive {
         Plan { breakaway: Breakaway::Off, ..plan }
     } else {
-        Plan { together: fingers(selection.axes.tips()), ..plan }
+        Plan { together: fingers(selection.followers), ..plan }
     })
 }
 

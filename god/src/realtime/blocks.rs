@@ -20,6 +20,8 @@ pub(super) struct MotorLayout {
     pub velocity_coefficient: u8,
     /// LCPG.
     pub gain: bool,
+    /// LCT: the motor is driven by torque, in mode 2.
+    pub torque: bool,
     /// LFV.
     pub feeds_velocity: bool,
     /// LFVC, not 0.
@@ -34,18 +36,30 @@ pub(super) struct MotorLayout {
     pub change_coefficient: u8,
 }
 
+/// The format of the hand's temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Temperature {
+    /// LFT is 0.
+    None,
+    /// Two bytes, 0.1 °C.
+    Tenths,
+    /// One byte, signed, °C: COMPAT 262.
+    Degrees,
+}
+
 /// The layout of the blocks, which cannot change during RealTime.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     motors: [Option<MotorLayout>; COUNT],
     /// LFT.
-    pub temperature: bool,
+    pub temperature: Temperature,
     /// LFDPD.
     pub discards: bool,
 }
 
 impl Layout {
     pub fn of(parameters: &Parameters, axes: Motors) -> Self {
+        let compat_262 = parameters.hand.compat_262;
         let mut motors = [None; COUNT];
         for motor in axes.iter() {
             let places = (motors.get_mut(motor.index()), parameters.motors.get(motor.index()));
@@ -54,15 +68,24 @@ impl Layout {
                 velocity: of.value(Kept::Lcv) != 0,
                 velocity_coefficient: of.value(Kept::Lcvc),
                 gain: of.value(Kept::Lcpg) != 0,
+                torque: compat_262 && of.value(Kept::Lct) != 0,
                 feeds_velocity: of.value(Kept::Lfv) != 0,
                 feedback_coefficient: of.value(Kept::Lfvc).max(1),
                 feeds_strain: of.value(Kept::Lfs) != 0,
-                feeds_position: of.value(Kept::Lfap),
+                feeds_position: match of.value(Kept::Lfap) {
+                    1 if compat_262 => 2,
+                    lfap => lfap,
+                },
                 feeds_change: of.value(Kept::Lfdp) != 0,
                 change_coefficient: of.value(Kept::Lfdpc).max(1),
             });
         }
-        Self { motors, temperature: parameters.hand.lft, discards: parameters.hand.lfdpd }
+        let temperature = match (parameters.hand.lft, compat_262) {
+            (false, _) => Temperature::None,
+            (true, false) => Temperature::Tenths,
+            (true, true) => Temperature::Degrees,
+        };
+        Self { motors, temperature, discards: parameters.hand.lfdpd }
     }
 
     pub fn of_axis(&self, motor: Motor) -> Option<MotorLayout> {
@@ -70,7 +93,14 @@ impl Layout {
     }
 
     pub fn control_bytes(&self) -> usize {
-        self.motors.iter().flatten().map(|of| usize::from(of.velocity) + usize::from(of.gain)).sum()
+        let bytes =
+            |of: &MotorLayout| usize::from(of.velocity) + usize::from(of.gain) + 2 * usize::from(of.torque);
+        self.motors.iter().flatten().map(bytes).sum()
+    }
+
+    /// The motors that are driven by torque.
+    pub fn by_torque(&self) -> Motors {
+        Motors::ALL.iter().filter(|&motor| self.of_axis(motor).is_some_and(|of| of.torque)).collect()
     }
 
     /// The properties that some board has to be asked for.
@@ -81,6 +111,21 @@ impl Layout {
             velocity: all.velocity || of.velocity,
             strain: all.strain || of.strain,
         })
+    }
+}
+
+impl Temperature {
+    /// The bytes of a temperature of 0.1 °C.
+    pub fn bytes(self, tenths: i16) -> Vec<u8, 2> {
+        let mut bytes = Vec::new();
+        let _ = match self {
+            Self::None => Ok(()),
+            Self::Tenths => bytes.extend_from_slice(&tenths.to_be_bytes()),
+            Self::Degrees => {
+                bytes.extend_from_slice(&clipped((i64::from(tenths) + 5).div_euclid(10)).to_be_bytes())
+            }
+        };
+        bytes
     }
 }
 
@@ -155,6 +200,7 @@ mod tests {
         velocity: false,
         velocity_coefficient: 8,
         gain: false,
+        torque: false,
         feeds_velocity: false,
         feedback_coefficient: 8,
         feeds_strain: false,
@@ -188,6 +234,17 @@ mod tests {
         let long = MotorLayout { feeds_position: 1, ..EMPTY };
         assert_eq!(bytes(long, at(-158)), (-8690_i32).to_be_bytes());
         assert_eq!(bytes(EMPTY, at(5)), []);
+    }
+
+    #[test]
+    fn temperature_is_two_bytes_of_tenths_or_one_of_degrees() {
+        for (tenths, degrees) in
+            [(350, 35), (354, 35), (355, 36), (-4, 0), (-6, -1), (-550, -55), (1250, 125)]
+        {
+            assert_eq!(Temperature::Tenths.bytes(tenths).as_slice(), tenths.to_be_bytes());
+            assert_eq!(Temperature::Degrees.bytes(tenths).as_slice(), i8::to_be_bytes(degrees), "{tenths}");
+            assert!(Temperature::None.bytes(tenths).is_empty());
+        }
     }
 
     /// Manual 6.2.3: LFDPC 2, reported 1500, and 2000 at once. A hall count is 55 GCL counts, so from 1500 on: 36 counts are 1980.

@@ -6,7 +6,7 @@ use super::arguments::{Rule, describe, is_listed, names, pairs};
 use crate::god::{God, LINE_END};
 use crate::grammar::Arguments;
 use crate::memory::HandParameters;
-use crate::parameter::{self, BAUDS, HAND, HandParameter, HandParameterSpec};
+use crate::parameter::{self, BAUDS, COMPATS, HAND, HandParameter, HandParameterSpec};
 use crate::status::Status;
 
 /// Interval of storing UPSECS, µs: a power failure loses up to this much.
@@ -32,6 +32,22 @@ fn value(god: &God<'_>, parameter: HandParameter) -> i64 {
         }
         HandParameter::Sn => god.memory.read(|stored| stored.serial.into()),
         HandParameter::Lfdpd => hand.lfdpd.into(),
+        HandParameter::Compat => {
+            if hand.compat_262 {
+                262
+            } else {
+                0
+            }
+        }
+    }
+}
+
+/// Whether a value in a row's range is one of the parameter's.
+fn admits(parameter: HandParameter, value: i64) -> bool {
+    match parameter {
+        HandParameter::Baud => BAUDS.contains(&value),
+        HandParameter::Compat => COMPATS.contains(&value),
+        _ => true,
     }
 }
 
@@ -41,20 +57,29 @@ fn put(hand: &mut HandParameters, parameter: HandParameter, value: i64) {
         HandParameter::Lft => hand.lft = value != 0,
         HandParameter::Otemp => hand.otemp = value.try_into().unwrap_or(hand.otemp),
         HandParameter::Lfdpd => hand.lfdpd = value != 0,
+        HandParameter::Compat => hand.compat_262 = value != 0,
         HandParameter::Temp | HandParameter::Ptemp | HandParameter::Upsecs | HandParameter::Sn => {}
     }
 }
 
 pub(super) fn set(god: &God<'_>, arguments: Arguments<'_>) -> Status {
     let mut hand = god.parameters.borrow().hand;
+    let own_serial = god.memory.read(|stored| stored.serial);
+    let mut serial = own_serial;
     for pair in pairs(arguments, parameter::hand, rule) {
         match pair {
             Err(status) => return status,
-            Ok((row, value)) if row.parameter == HandParameter::Baud && !BAUDS.contains(&value) => {
-                return Status::INVALID_VALUE;
+            Ok((row, value)) if !admits(row.parameter, value) => return Status::INVALID_VALUE,
+            // Once in the hand's life, 0 being none: nothing resets it (manual 5.4.2).
+            Ok((row, _)) if row.parameter == HandParameter::Sn && serial != 0 => return Status::READ_ONLY,
+            Ok((row, value)) if row.parameter == HandParameter::Sn => {
+                serial = value.try_into().unwrap_or(serial);
             }
             Ok((row, value)) => put(&mut hand, row.parameter, value),
         }
+    }
+    if serial != own_serial {
+        god.memory.update(|stored| stored.serial = serial);
     }
     god.io.set_baud(hand.baud);
     god.parameters.borrow_mut().hand = hand;
@@ -116,7 +141,7 @@ fn uncounted_seconds(god: &God<'_>) -> u32 {
 pub(crate) fn update_statistics(god: &God<'_>) {
     let seconds = uncounted_seconds(god);
     god.counted_us.set(god.counted_us.get().saturating_add(u64::from(seconds) * SECOND_US));
-    god.memory.update(|stored| {
+    god.memory.note(|stored| {
         // It wraps after 136 years (manual 5.4.2).
         stored.up_seconds = stored.up_seconds.wrapping_add(seconds);
         stored.peak_temperature = stored.peak_temperature.max(god.io.temperature());

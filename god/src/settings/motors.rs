@@ -11,8 +11,8 @@ use crate::command::GclCommand;
 use crate::god::{God, LINE_END};
 use crate::grammar::Arguments;
 use crate::memory::MotorParameters;
-use crate::motors::{Motors, Prefix, Selection};
-use crate::parameter::{self, MOTOR, ParameterSpec, Source};
+use crate::motors::{Motor, Motors, Prefix, Selection};
+use crate::parameter::{self, Kept, MOTOR, ParameterSpec, Source};
 use crate::status::Status;
 use crate::{order, query};
 
@@ -22,6 +22,7 @@ pub(super) async fn execute(
     prefix: Prefix,
     arguments: Arguments<'_>,
 ) -> Status {
+    let rule = if god.parameters.borrow().hand.compat_262 { rule_262 } else { rule };
     // The line is checked before boards are woken for it.
     let checked = match command {
         GclCommand::Fset => {
@@ -39,7 +40,7 @@ pub(super) async fn execute(
     };
     let motors = selection.motors();
     match command {
-        GclCommand::Fset => set(god, arguments, motors).await,
+        GclCommand::Fset => set(god, pairs(arguments, parameter::motor, rule), motors).await,
         GclCommand::Fget => get(god, arguments, selection).await,
         GclCommand::Fload => load(god, motors).await,
         GclCommand::Fsave => save(god, motors).await,
@@ -51,12 +52,29 @@ pub(super) async fn execute(
 }
 
 fn rule(spec: &ParameterSpec) -> Rule {
-    Rule { writable: spec.writable, min: spec.min(), max: spec.max() }
+    let (min, max) = spec.limits(false);
+    Rule { writable: spec.writable, min, max }
 }
 
-async fn set(god: &God<'_>, arguments: Arguments<'_>, motors: Motors) -> Status {
+/// With COMPAT 262.
+fn rule_262(spec: &ParameterSpec) -> Rule {
+    let (min, max) = spec.limits(true);
+    Rule { writable: spec.writable, min, max }
+}
+
+type Pair = (&'static ParameterSpec, i64);
+
+async fn set(god: &God<'_>, pairs: impl Iterator<Item = Result<Pair, Status>>, motors: Motors) -> Status {
     let mut status = Status::OK;
-    for (spec, value) in pairs(arguments, parameter::motor, rule).flatten() {
+    for (spec, value) in pairs.flatten() {
+        // A finger is one axis, and has no torque of its own.
+        if matches!(spec.source, Source::Kept { kept: Kept::Lct, .. })
+            && value != 0
+            && motors != Motors::only(Motor::SPREAD)
+        {
+            status |= Status::INVALID_VALUE;
+            continue;
+        }
         status |= order::set_parameter(god, spec, &Answers::uniform(motors, value)).await;
     }
     status
@@ -81,7 +99,7 @@ async fn print(god: &God<'_>, spec: &ParameterSpec, selection: Selection, separa
     let mut values = query::parameter(god, spec, axes).await;
     if spec.source == Source::Status && !selection.exclusive {
         // A finger's status is that of its link and its tip.
-        let tips = query::status(god, axes.tips()).await;
+        let tips = query::status(god, selection.followers).await;
         values = values.map(|motor, status| status | motor.tip().and_then(|tip| tips.get(tip)).unwrap_or(0));
     }
     if !axes.difference(values.motors()).is_empty() {
@@ -176,6 +194,12 @@ async fn list_values(god: &God<'_>, selection: Selection, all: bool) -> Status {
 #[cfg(test)]
 mod tests {
     use crate::testing::type_line;
+
+    #[test]
+    fn od_reads_in_gcl_counts() {
+        // 3000 hall counts.
+        assert_eq!(type_line("1FGET OD", |_, _, _| Some(3)).0, "\r\n\r165000\r\n\r=> ");
+    }
 
     #[test]
     fn fset_that_a_board_does_not_take_is_err_128() {
