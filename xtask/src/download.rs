@@ -17,6 +17,9 @@ use tater_wire::download::{DownloadError, Downloader, Next};
 use crate::{Failure, files, tek};
 use adapter::Adapter;
 
+/// Longest time without a sign of life on the progress bar.
+const TICK: Duration = Duration::from_millis(200);
+
 /// Arguments of `download`.
 #[derive(clap::Args)]
 pub struct DownloadArgs {
@@ -75,7 +78,9 @@ fn run(node: Node, file: &[u8], adapter: &mut dyn Adapter) -> Result<(), Failure
         match host.next(now()) {
             Next::Send(frame) => adapter.send(&frame).map_err(Failure::Unusable)?,
             Next::Wait(until) => {
-                let wait = Duration::from_micros(until.saturating_sub(now()).max(1));
+                // Ticks show activity while the board is busy; a thread of the bar would panic where the system refuses it.
+                bar.tick();
+                let wait = Duration::from_micros(until.saturating_sub(now()).max(1)).min(TICK);
                 if let Some(frame) = adapter.receive(wait).map_err(Failure::Unusable)? {
                     host.receive(&frame, now());
                 }
@@ -100,8 +105,6 @@ fn bar(characters: u32) -> ProgressBar {
     }
     let bar = ProgressBar::new(characters.into());
     set_style(&bar, "{percent:>3} % [{bar:40}] {rate} characters/s, {eta} left");
-    // Shows activity while the board is busy.
-    bar.enable_steady_tick(Duration::from_millis(200));
     bar
 }
 

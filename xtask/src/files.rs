@@ -1,15 +1,30 @@
 //! Files that are replaced completely or not at all, and output for a reader that may close its end.
 
 use std::fs::{self, File};
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use crate::Failure;
 
+/// Longest file that is read, bytes: a linked program with debug information has a few MiB, and the text of the longest image 42.
+pub const MAX_BYTES: u64 = 64 * 1024 * 1024;
+
 /// # Errors
-/// The file cannot be read.
+/// The file cannot be read, or is longer than [`MAX_BYTES`], as `/dev/zero` is.
 pub fn read(path: &Path) -> Result<Vec<u8>, Failure> {
-    fs::read(path).map_err(|error| unreadable(path, &error))
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes))
+        .map_err(|error| unreadable(path, &error))?;
+    if bytes.len() as u64 > MAX_BYTES { Err(too_long(path)) } else { Ok(bytes) }
+}
+
+pub fn too_long(path: &Path) -> Failure {
+    Failure::Unusable(format!(
+        "{}: found more than {} MiB, expected a program or a .tek file\n  next: check the path: a device has no end",
+        path.display(),
+        MAX_BYTES / 1024 / 1024
+    ))
 }
 
 pub fn unreadable(path: &Path, error: &io::Error) -> Failure {
@@ -34,16 +49,42 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), String> {
     written.map_err(|error| unwritable(path, &error))
 }
 
-/// Replaces several files, in order, once all temporary files are on disk and no folder is in the way.
+/// Replaces files that belong together, of which the last describes the others, once all temporary files are on disk and no folder is in the
+/// way. An end at any moment (^C, a kill) leaves no description of other files: without all of them there is none.
 ///
 /// # Errors
 /// As [`replace`].
 pub fn replace_all(files: &[(PathBuf, &[u8])]) -> Result<(), String> {
     let mut parts = Vec::new();
     for (path, bytes) in files {
-        parts.push((path, Part::write(path, bytes).map_err(|error| unwritable(path, &error))?));
+        parts.push(Part::write(path, bytes).map_err(|error| unwritable(path, &error))?);
     }
-    parts.into_iter().try_for_each(|(path, part)| part.rename().map_err(|error| unwritable(path, &error)))
+    steps(parts).into_iter().try_for_each(Step::run)
+}
+
+enum Step {
+    Remove(PathBuf),
+    Rename(Part),
+}
+
+fn steps(parts: Vec<Part>) -> Vec<Step> {
+    let description = parts.last().map(|part| Step::Remove(part.target.clone()));
+    description.into_iter().chain(parts.into_iter().map(Step::Rename)).collect()
+}
+
+impl Step {
+    fn run(self) -> Result<(), String> {
+        match self {
+            Self::Remove(path) => match fs::remove_file(&path) {
+                Err(error) if error.kind() != ErrorKind::NotFound => Err(unwritable(&path, &error)),
+                _ => Ok(()),
+            },
+            Self::Rename(part) => {
+                let target = part.target.clone();
+                part.rename().map_err(|error| unwritable(&target, &error))
+            }
+        }
+    }
 }
 
 fn unwritable(path: &Path, error: &io::Error) -> String {
@@ -117,6 +158,25 @@ mod tests {
         replace_all(&[(a.clone(), b"new"), (b.clone(), b"new")]).expect("nothing is in the way");
         assert_eq!([a, b].map(|path| fs::read(path).expect("written")), [b"new"; 2]);
         assert_eq!(fs::read_dir(&folder).expect("ours").count(), 2);
+        fs::remove_dir_all(&folder).expect("ours");
+    }
+
+    #[test]
+    fn description_is_never_left_with_other_files() {
+        let folder = std::env::temp_dir().join(format!("tater-xtask-steps-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).expect("the temporary folder can be written");
+        let paths = ["a", "b", "json"].map(|name| folder.join(name));
+        for done in 0..=4 {
+            paths.iter().for_each(|path| fs::write(path, "old").expect("ours"));
+            let parts = paths.iter().map(|path| Part::write(path, b"new").expect("ours")).collect();
+            let steps: Vec<Step> = steps(parts);
+            assert_eq!(steps.len(), 4);
+            steps.into_iter().take(done).for_each(|step| step.run().expect("ours"));
+            let found = paths.each_ref().map(|path| fs::read_to_string(path).ok());
+            let is_one_build = found.iter().all(|content| *content == found[0]);
+            assert!(found[2].is_none() || is_one_build, "after {done} steps: {found:?}");
+        }
         fs::remove_dir_all(&folder).expect("ours");
     }
 }

@@ -1,5 +1,5 @@
 //! `cargo xtask flash`: writes monitor and application to a board through a debug probe, and optionally its
-//! node number. Drives the probe with probe-rs 0.29 or later.
+//! node number and the kind of its motor. Drives the probe with probe-rs 0.29 or later.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -24,11 +24,34 @@ pub struct FlashArgs {
     #[arg(long, value_name = "SELECTOR")]
     probe: Option<String>,
     /// Store the board's number (property ID), whatever its straps are; other stored properties stay
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=7))]
+    #[arg(long, value_parser = node)]
     node: Option<u8>,
+    /// Store the kind of its motor (property KIND), whatever its straps and its number are
+    #[arg(long, value_enum)]
+    kind: Option<Kind>,
+    /// The motor is not wired as shipped: store no wiring, so that FIND must learn it. Otherwise the standard wiring is stored, unless
+    /// the board has one
+    #[arg(long)]
+    rewired: bool,
     /// With log strings or without
     #[arg(long, value_enum, default_value = "production")]
     profile: Profile,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Kind {
+    Link = 1,
+    Spread = 2,
+    Tip = 3,
+}
+
+/// A hand's node: alone, or beside an arm.
+fn node(text: &str) -> Result<u8, String> {
+    let hand = |node: &u8| matches!(node, 1..=7 | 11..=17);
+    text.parse()
+        .ok()
+        .filter(hand)
+        .ok_or_else(|| "expected 1 to 7, or 11 to 17 for a hand beside an arm".into())
 }
 
 /// # Errors
@@ -42,7 +65,11 @@ pub fn flash(args: &FlashArgs) -> Result<(), Failure> {
     }
     let images = image::build(args.profile)?;
     // Read the storage first: a running application writes counters, a new monitor prepares the pages.
-    let storage = args.node.map(|node| named(args, node)).transpose()?.flatten();
+    let node = args.node.map(|node| format!("ID={node}"));
+    let kind = args.kind.map(|kind| format!("KIND={}", kind as u8));
+    let wiring = if args.rewired { "WIRING=0" } else { "WIRING?=2" };
+    let values: Vec<String> = node.into_iter().chain(kind).chain([wiring.to_owned()]).collect();
+    let storage = stored(args, &values)?;
     for elf in [&images.monitor, &images.tater] {
         let mut download = probe(args, "download");
         download.arg("--verify").arg(elf);
@@ -76,8 +103,8 @@ fn reach(command: Command) -> Result<(), Failure> {
     })
 }
 
-/// A file with the board's storage and this ID; `None` if the board has this ID already.
-fn named(args: &FlashArgs, node: u8) -> Result<Option<PathBuf>, Failure> {
+/// A file with the board's storage and these properties; `None` if the board has them already.
+fn stored(args: &FlashArgs, values: &[String]) -> Result<Option<PathBuf>, Failure> {
     let folder = target().join("flash");
     fs::create_dir_all(&folder)
         .map_err(|error| Failure::Unusable(format!("{}: {error}", folder.display())))?;
@@ -96,7 +123,7 @@ fn named(args: &FlashArgs, node: u8) -> Result<Option<PathBuf>, Failure> {
     crc.update(&found);
     let kept = folder.join(format!("storage-{:08x}.bin", crc.finish()));
     files::replace(&kept, &found).map_err(Failure::Unusable)?;
-    let bytes = rename(&before, node)?;
+    let bytes = with(&before, values)?;
     if bytes == found {
         return Ok(None);
     }
@@ -105,15 +132,16 @@ fn named(args: &FlashArgs, node: u8) -> Result<Option<PathBuf>, Failure> {
     Ok(Some(after))
 }
 
-/// The storage in a file with this ID, written by the firmware's own journal.
-fn rename(storage: &Path, node: u8) -> Result<Vec<u8>, Failure> {
-    let mut journal = program(&format!("cargo run --quiet --package hil-sim --bin storage-id -- {node}"));
+/// The storage in a file with these properties, written by the firmware's own journal.
+fn with(storage: &Path, values: &[String]) -> Result<Vec<u8>, Failure> {
+    let values = values.join(" ");
+    let mut journal = program(&format!("cargo run --quiet --package hil-sim --bin storage-id -- {values}"));
     let line = typed(&journal);
     let file = File::open(storage).map_err(|error| files::unreadable(storage, &error))?;
     let output = journal.stdin(Stdio::from(file)).stderr(Stdio::inherit()).output();
     let failed = |what: String| {
         Failure::Judged(format!(
-            "{}: the ID cannot be stored: {what}\n  repeat with: {line} < FILE",
+            "{}: {values} cannot be stored: {what}\n  repeat with: {line} < FILE",
             storage.display()
         ))
     };

@@ -79,20 +79,22 @@ pub fn output_of_both(mut command: Command) -> Result<String, String> {
     Err(format!("{}\n{}\n  repeat with: {line}", output.status, text.trim_end()))
 }
 
-/// Processes each item once, one on each processor at a time; returns the errors.
+/// Processes each item once, one on each processor at a time; returns the errors. Where the system refuses threads, fewer at a time.
 pub fn in_parallel<T: Sync>(work: &[T], each: impl Fn(&T) -> Result<(), String> + Sync) -> Vec<String> {
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
     let (next, errors) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    std::thread::scope(|scope| {
-        for _ in 0..workers {
-            scope.spawn(|| {
-                while let Some(piece) = work.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    if let Err(error) = each(piece) {
-                        errors.lock().unwrap_or_else(PoisonError::into_inner).push(error);
-                    }
-                }
-            });
+    let run = || {
+        while let Some(piece) = work.get(next.fetch_add(1, Ordering::Relaxed)) {
+            if let Err(error) = each(piece) {
+                errors.lock().unwrap_or_else(PoisonError::into_inner).push(error);
+            }
         }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..workers {
+            let _ = std::thread::Builder::new().spawn_scoped(scope, run);
+        }
+        run();
     });
     errors.into_inner().unwrap_or_else(PoisonError::into_inner)
 }

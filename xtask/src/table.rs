@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use tater_wire::property::{Access, Default, PropertySpec, Stored};
+use tater_wire::property::{Access, Default, PropertySpec, Stored, barrett};
 use tater_wire::{command, end, fault, mode, property};
 
 use crate::program::root;
@@ -52,12 +52,28 @@ fn page() -> String {
          # Properties, commands, modes, ends and faults of a Tater\n\n\
          ## Properties\n\n\
          Access: R GET, W SET, L SET once after LOCK's sequence. Stored: S by SAVE, A by itself. Bits: width of a \
-         reply. Three\ndefaults are those of links (nodes 1 to 3), spread (4) and tips (5 to 7). 1/1024 peak is a \
+         reply. Three\ndefaults are those of links (nodes 1 to 3 and 11 to 13), spread (4, 14) and tips (5 to 7, 15 to 17). 1/1024 peak is a \
          torque of 65 N·cm / 1024; a\ncount is a hall count, 18 a motor revolution.\n\n",
     );
     page += &rows(
         &["Id", "Name", "Bits", "Access", "Stored", "Unit", "Range", "Default", "Meaning"],
         property::ROWS.iter().map(property_row),
+    );
+    page += "\n## Hosts of Barrett's boards\n\n\
+             Barrett's hosts list names that a board here lacks, and wait for each answer. A GET of any number below 109 is \
+             answered: by 0\nwhere there is no property, or one that can only be set. It never shows memory. In the monitor this \
+             holds for ADDR and VALUE\nonly: other numbers below 11 have other meanings there, and no other number is answered.\n\n";
+    page += &rows(
+        &["Id", "Barrett's name", "Meaning"],
+        barrett::ABSENT.iter().map(|row| [row.id.to_string(), row.name.into(), row.meaning.into()]),
+    );
+    page += "\nThe same numbers with other units:\n\n";
+    page += &rows(
+        &["Name", "Unit here", "Unit in Barrett's boards"],
+        barrett::UNITS.iter().map(|(property, theirs)| {
+            let row = property.row();
+            [row.name.into(), row.unit.into(), (*theirs).into()]
+        }),
     );
     page += "\n## Commands\n\nValues of CMD.\n\n";
     page += &rows(
@@ -104,7 +120,9 @@ fn property_row(row: &PropertySpec) -> [String; 9] {
         Default::Same(value) => value.to_string(),
         Default::Kinds(link, spread, tip) => format!("{link}, {spread}, {tip}"),
         Default::Node => "the node".into(),
-        Default::Slot => "the node's slot".into(),
+        Default::Motor => "the motor".into(),
+        Default::Slot => "the motor's slot".into(),
+        Default::Groups(low, high, arm) => format!("{low} (nodes 1 to 4), {high} (5 to 7), {arm} (11 to 17)"),
     };
     [
         row.property.id().to_string(),
@@ -166,7 +184,7 @@ mod tests {
                 _ => {}
             }
         }
-        assert_eq!(tables, 5);
+        assert_eq!(tables, 7);
     }
 
     #[test]

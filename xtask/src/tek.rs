@@ -19,6 +19,9 @@ use memory::Memory;
 use records::{extent, open, records};
 pub use verify::sealed;
 
+/// Text of a dump that is printed at once, bytes.
+const PIECE: usize = 1 << 16;
+
 /// Subcommands for `.tek` files.
 #[derive(Subcommand)]
 pub enum Chore {
@@ -42,10 +45,13 @@ pub enum Chore {
         /// The .tek file
         file: PathBuf,
     },
-    /// Convert a .tek file to raw bytes, also one of GNU objcopy or srecord; gaps become 0xFF
+    /// Convert a .tek file to raw bytes, also one of GNU objcopy, srecord or a linker for DSPs; gaps become 0xFF
     Decode {
         /// The .tek file
         file: PathBuf,
+        /// Bytes at each address of the file: 2 or 4 for a DSP that addresses words
+        #[arg(long, value_name = "N", default_value = "1", value_parser = bytes_per_address)]
+        bytes_per_address: u64,
         /// The file to write
         #[arg(short, long)]
         output: PathBuf,
@@ -66,13 +72,18 @@ fn address(text: &str) -> Result<u32, String> {
     number.map_err(|error| format!("{error}; expected an address up to 0xFFFFFFFF, such as 0x08004000"))
 }
 
+fn bytes_per_address(text: &str) -> Result<u64, String> {
+    let number = text.parse().ok().filter(|number| matches!(number, 1 | 2 | 4));
+    number.ok_or_else(|| "expected 1 (bytes), 2 or 4 (words of a DSP)".to_owned())
+}
+
 /// # Errors
 /// The error in its files.
 pub fn tek(chore: &Chore) -> Result<(), Failure> {
     match chore {
         Chore::Encode { input, base, output, seal } => encode(input, *base, output, *seal),
         Chore::Verify { file } => verify::verify(file),
-        Chore::Decode { file, output } => decode(file, output),
+        Chore::Decode { file, output, bytes_per_address } => decode(file, output, *bytes_per_address),
         Chore::Dump { file } => dump(file),
     }
 }
@@ -168,16 +179,27 @@ fn seal(memory: &Memory, version: u16) -> Result<(Memory, Header), String> {
     Ok((sealed, header))
 }
 
-fn decode(file: &Path, output: &Path) -> Result<(), Failure> {
-    let (mut memory, mut sections, mut start) = (Memory::default(), Vec::new(), 0);
+/// `unit` is the number of bytes at an address of the file.
+fn decode(file: &Path, output: &Path, unit: u64) -> Result<(), Failure> {
+    let (mut memory, mut sections, mut start, mut end) = (Memory::default(), Vec::new(), None, None);
+    let in_bytes = |address: u64| {
+        let beyond = || (8, format!("found address {address:#010x}, expected none beyond 64 bits of bytes"));
+        address.checked_mul(unit).ok_or_else(beyond)
+    };
     records(file, open(file)?, Dialect::Gnu, |record, section| {
-        sections.extend(section.filter(|section| !section.is_empty()));
+        if let Some(section) = section.filter(|section| !section.is_empty()) {
+            sections.push(in_bytes(section.start)?..in_bytes(section.end)?);
+        }
         match record {
-            Record::Data { address, bytes } => memory.insert(address, bytes).map_err(|taken| {
-                (8, format!("found {taken:#010x} in two records, expected one\n  encode the image again"))
-            }),
+            Record::Data { address, bytes } => {
+                let (before, len) = (end.replace((address, bytes.len() as u64)), bytes.len() as u64);
+                let at = in_bytes(address)?;
+                let beyond = at.checked_add(len.saturating_sub(1)).is_none();
+                if beyond { Err(at) } else { memory.insert(at, bytes) }
+                    .map_err(|taken| (8, overlap(taken, address, before, unit)))
+            }
             Record::End { entry } => {
-                start = entry;
+                start = Some(entry);
                 Ok(())
             }
             Record::Symbols => Ok(()),
@@ -186,8 +208,26 @@ fn decode(file: &Path, output: &Path) -> Result<(), Failure> {
     let wrong = |error| Failure::Judged(format!("{}: {error}", file.display()));
     let (base, bytes) = assemble(&memory, &sections).map_err(wrong)?;
     files::replace(output, &bytes).map_err(Failure::Unusable)?;
-    eprintln!("{}: {} bytes, base {base:#010x}, entry {start:#010x}", output.display(), bytes.len());
+    let entry = start.map_or_else(|| "no entry".to_owned(), |start| format!("entry {start:#010x}"));
+    let words = if unit == 1 { String::new() } else { format!(", {unit} bytes at each address") };
+    eprintln!("{}: {} bytes, base {:#010x}, {entry}{words}", output.display(), bytes.len(), base / unit);
     Ok(())
+}
+
+/// The message for bytes at an address that has some, by the address of their record, and by address and number of bytes of the record
+/// before: in a file with addresses of words it ends where this one begins.
+fn overlap(taken: u64, address: u64, before: Option<(u64, u64)>, unit: u64) -> String {
+    let found = format!("found {:#010x} in two records, expected one", taken / unit);
+    let words = before.and_then(|(start, len)| {
+        let step = address.checked_sub(start).filter(|&step| step > 0 && len % step == 0)?;
+        Some(len / step).filter(|per_address| matches!(per_address, 2 | 4) && *per_address != unit)
+    });
+    match words {
+        Some(words) => format!(
+            "{found}\n  the file's addresses seem to be those of words: decode it with --bytes-per-address {words}"
+        ),
+        None => format!("{found}\n  encode the image again"),
+    }
 }
 
 /// Base address and contents. In GNU's files the sections determine them: bytes default to 0, and zeros
@@ -232,9 +272,14 @@ fn dump(file: &Path) -> Result<(), Failure> {
             (Record::End { entry }, _) => format!("termination {entry:#010x} is the entry"),
         };
         text += &format!("{line:6}  {what}\n");
-        Ok(())
+        // In pieces: a file from a pipe may be longer than the memory.
+        if text.len() < PIECE {
+            Ok(())
+        } else {
+            files::print(&std::mem::take(&mut text)).map_err(|error| (1, error))
+        }
     });
     // Print the records before an error too.
     files::print(&text)?;
-    judged
+    judged.map(|_| ())
 }

@@ -35,7 +35,7 @@ fn agree(folder: &Path) -> Result<(), Failure> {
     // Also checks line lengths and characters.
     tek::tek(&tek::Chore::Verify { file: file.clone() })?;
     tek::sealed(&file, &files::read(&file)?)?;
-    tek::tek(&tek::Chore::Decode { file: file.clone(), output: decoded.clone() })?;
+    tek::tek(&tek::Chore::Decode { file: file.clone(), output: decoded.clone(), bytes_per_address: 1 })?;
     let flat = files::read(&folder.join("tater.bin"))?;
     same(&file, &files::read(&decoded)?, &flat)?;
     // A temporary file; harmless if it stays.

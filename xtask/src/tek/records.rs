@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::ops::Range;
 use std::path::Path;
 
-use tater_wire::tek::{Dialect, Reader, Record, TekError};
+use tater_wire::tek::{Dialect, Reader, Record, TekError, TekErrorKind};
 
 use super::memory::Memory;
 use crate::{Failure, files};
@@ -15,7 +15,8 @@ pub fn open(path: &Path) -> Result<BufReader<File>, Failure> {
 }
 
 /// Passes each record of the file `path`, with the section that it defines, to `each`, which returns column
-/// and message of an error.
+/// and message of an error. Returns whether the file has a termination record: srec_cat writes none, which [`Dialect::Gnu`] accepts after
+/// whole lines, with a warning on standard error.
 ///
 /// # Errors
 /// The first error in the file.
@@ -24,7 +25,7 @@ pub fn records(
     mut file: impl BufRead,
     dialect: Dialect,
     mut each: impl FnMut(Record<'_>, Option<Range<u64>>) -> Result<(), (u32, String)>,
-) -> Result<(), Failure> {
+) -> Result<bool, Failure> {
     let place = path.display();
     let damaged = |TekError { record, line, column, kind }: TekError| {
         let next = if kind.is_dialect() {
@@ -35,6 +36,7 @@ pub fn records(
         Failure::Judged(format!("{place}:{line}:{column}: record {record}: {kind}\n  {next}"))
     };
     let (mut reader, mut line) = (Reader::new(dialect), 0);
+    let (mut total, mut last_byte) = (0_u64, 0);
     let mut judge = |record: Record<'_>, section| {
         line += 1;
         each(record, section).map_err(|(column, what)| {
@@ -44,6 +46,11 @@ pub fn records(
     loop {
         let bytes = file.fill_buf().map_err(|error| files::unreadable(path, &error))?;
         let len = bytes.len();
+        total += len as u64;
+        if total > files::MAX_BYTES {
+            return Err(files::too_long(path));
+        }
+        last_byte = bytes.last().copied().unwrap_or(last_byte);
         for &byte in bytes {
             match reader.push(byte).map_err(damaged)? {
                 None => {}
@@ -52,8 +59,19 @@ pub fn records(
             }
         }
         if len == 0 {
-            let last = reader.finish().map_err(damaged)?;
-            return last.map_or(Ok(()), |record| judge(record, None));
+            return match reader.finish() {
+                Ok(last) => last.map_or(Ok(()), |record| judge(record, None)).map(|()| true),
+                Err(TekError { kind: TekErrorKind::NoEnd, .. })
+                    if dialect == Dialect::Gnu && line > 0 && last_byte == b'\n' =>
+                {
+                    eprintln!(
+                        "warning: {place}: found no termination record, expected one after {line} records: srec_cat writes none, and a \
+                         file that is cut between two records has none; compare its length with the original"
+                    );
+                    Ok(false)
+                }
+                Err(error) => Err(damaged(error)),
+            };
         }
         file.consume(len);
     }

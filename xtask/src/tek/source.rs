@@ -6,7 +6,7 @@ use object::Endianness;
 use object::elf::{FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader};
 
-use super::memory::Memory;
+use super::memory::{MAX_SPAN, Memory};
 use crate::{Failure, files};
 
 /// Bytes and entry of a file: by the program headers of a linked application, or from `base` for raw bytes.
@@ -33,6 +33,12 @@ pub fn read(path: &Path, base: Option<u32>) -> Result<(Memory, u32), Failure> {
             "{place}: is no ELF file, so its address must be given: --base 0x08004000, for example"
         )));
     };
+    if data.len() as u64 > MAX_SPAN {
+        return Err(wrong(format!(
+            "found more than {} MiB, expected an image\n  next: check the path: a device has no end",
+            MAX_SPAN / 1024 / 1024
+        )));
+    }
     let mut memory = Memory::default();
     if data.is_empty() || memory.insert(base.into(), &data).is_err() {
         return Err(wrong("found no bytes, expected at least 1".into()));

@@ -54,8 +54,12 @@ fn monitor_is_flashed_first_and_reset_last() {
     assert_eq!(code, Some(0), "{said}");
     let chip = "--chip STM32F103CB --probe 0483:3748";
     let expected = [
+        format!("read {chip} --format binary --output target/flash/storage.bin b8 0x0801e000 8192"),
         format!("download {chip} --verify target/image/release/monitor.elf"),
         format!("download {chip} --verify target/image/release/tater.elf"),
+        format!(
+            "download {chip} --verify --binary-format bin --base-address 0x0801e000 target/flash/storage-named.bin"
+        ),
         format!("reset {chip}"),
     ];
     assert_eq!(bench.calls(), expected);
@@ -112,5 +116,5 @@ fn probe_failure_ends_flashing() {
     let (code, said) = bench.flash(&[]);
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("probe-rs list"), "{said}");
-    assert_eq!(bench.calls().len(), 2, "the version and the first download: {:?}", bench.calls());
+    assert_eq!(bench.calls().len(), 2, "the version and the storage: {:?}", bench.calls());
 }

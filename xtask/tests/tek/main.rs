@@ -2,6 +2,7 @@
 
 mod damaged;
 mod elf;
+mod foreign;
 mod objcopy;
 mod whole;
 
