@@ -3,6 +3,9 @@
 pub mod bench;
 mod budgets;
 mod faults;
+mod heat;
+mod motions;
 mod probes;
 mod scenarios;
+mod shared_bus;
 mod wedged;

@@ -1,13 +1,17 @@
 //! GOD with its boards, from the host's bytes to the motors.
 
 mod administration;
+mod asleep;
 mod bus_down;
 mod deadlines;
+mod enabled;
 mod faults;
 mod garbage;
 mod golden;
+mod heat;
 
 mod movement;
+mod packets;
 mod program;
 mod prompt;
 mod realtime;
@@ -15,6 +19,7 @@ mod sequences;
 mod settings;
 mod state;
 mod tables;
+mod two_grammars;
 mod walk_through;
 mod walk_through_grammar;
 mod world;

@@ -1,9 +1,13 @@
 //! System tests: one binary, a module a subject.
 
+mod arrival;
 mod emulated;
 mod fences;
 mod god;
 mod halls;
+mod heat;
+mod homing;
+mod host;
 mod loops;
 mod metal;
 mod over_can;
@@ -11,5 +15,8 @@ mod plant;
 mod power_cuts;
 mod profile;
 mod protocol;
+mod random_commands;
 mod scenarios;
+mod supply;
 mod trust;
+mod wiring;

@@ -142,3 +142,12 @@ fn watchdog_registers_read_back() {
     // With the fastest oscillator (DS5319 5.3.7) two consecutive slow tasks of 100 ms may miss their feed.
     assert!(seconds(60e3) > 0.3);
 }
+
+#[test]
+fn tick_watchdog_registers_read_back() {
+    use timing::tick_watchdog::{PRESCALER_CODE, TOP, US};
+    // RM0008 20.4: PCLK1 by 4096 and 2^WDGTB, T[5:0] + 1 counts.
+    let seconds = 4096.0 * f64::from(1_u32 << PRESCALER_CODE) * (f64::from(TOP & 0x3F) + 1.0) / 36e6;
+    near(seconds, f64::from(US) * 1e-6, 1e-6);
+    const { assert!(TOP & 0x40 != 0, "below 0x40 it resets at once") };
+}

@@ -11,16 +11,17 @@ use tater_wire::Node as Id;
 const OPTIONS: Options = Options { seed: 1, model: Model::Averaged, trace: false };
 
 pub(super) fn native(scenario: &Scenario, case: &Case, poll_ms: u32) -> BoardResult {
-    native_at(scenario, case, poll_ms, 1, 0)
+    native_at(scenario, case, poll_ms, (1, 0), true)
 }
 
-/// As [`native`], with another noise seed and another phase of the tick in the host's millisecond.
+/// As [`native`], with another noise seed, another phase of the tick in the host's millisecond, us, and where the direction of
+/// the motor has not been `seen` since the board woke.
 pub(super) fn native_at(
     scenario: &Scenario,
     case: &Case,
     poll_ms: u32,
-    seed: u64,
-    phase_us: u64,
+    (seed, phase_us): (u64, u64),
+    seen: bool,
 ) -> BoardResult {
     let node = Id::new(node_of(case.motor)).expect("a node");
     let options = Options { seed, ..OPTIONS };
@@ -30,6 +31,9 @@ pub(super) fn native_at(
     let mut host = OverCan::new(vec![(node, Node::new(SimBoard::new(at_first, node)))]);
     host.phase_us = phase_us;
     let up = host.power_on().and_then(|()| host.wake());
+    if seen && scenario.rig.is_wired_as_standard() {
+        host.bus_mut().station_mut(0).expect("one board").trust_direction();
+    }
     let ran = up.and_then(|()| host.run(scenario, vec![job], poll_ms));
     ran.unwrap_or_else(|trouble| panic!("{}: {trouble}", scenario.name)).remove(0)
 }
@@ -51,7 +55,8 @@ fn tolerance(name: &str, direct: f64) -> Option<f64> {
         "sim_s" | "ends" | "refusals" | "homed" | "breakaway_counts" => Some(0.0),
         // A crawl sticks and slips, and may rest within half of MPE 4.
         "overshoot_counts" | "final_error_counts" | "position_counts" => Some(2.0),
-        "peak_winding_c" => Some(0.1),
+        // A load that drives the spread pumps its capacitor up to 28 V; noise says in which tick braking goes into the winding.
+        "peak_winding_c" => Some((0.01 * direct).max(0.1)),
         // Peaks of a noisy signal.
         "peak_torque" | "peak_current_a" | "velocity_counts_s" | "peak_speed_counts_s" => {
             Some((0.03 * direct.abs()).max(1.0))

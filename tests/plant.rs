@@ -12,6 +12,7 @@ use tater_wire::MotorKind;
 
 mod accepted;
 mod board;
+mod contacts;
 
 const MODELS: [Model; 2] = [Model::Averaged, Model::Switched];
 

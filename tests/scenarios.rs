@@ -185,11 +185,11 @@ const BAD: &[(&str, &str, &str, [&str; 3])] = &[
     (
         "stiffness_n_m_rad = 1",
         "stiffness_n_m_rad = -1",
-        "x.toml:12",
+        "x.toml:15",
         ["stiffness_n_m_rad = -1", "0 to", "correct"],
     ),
     ("ms = 20", "ms = -20", "x.toml:19", ["ms", "-20", "whole number, 0 or more"]),
-    ("ms = 20", "ms = 500", "x.toml:18", ["found:    ms = 500", "0 to 499", "duration_ms longer"]),
+    ("ms = 20", "ms = 500", "x.toml:19", ["found:    ms = 500", "0 to 499", "duration_ms longer"]),
     ("move = 100", "go = 100", "x.toml:20", ["unknown field", "go", "`move`"]),
     ("move = 100", "", "x.toml:18", ["found:    0 commands", "torque_close", "one [[at]] for each"]),
     (

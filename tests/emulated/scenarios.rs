@@ -24,10 +24,8 @@ const CHANCE: [&str; 2] = ["slow-crawl", "coast-low-ke"];
 
 /// Distance of an emulated run from the nearest native one, and spread of the native ones.
 fn apart(scenario: &Scenario, case: &Case, emulated: &Path) -> (Difference, Difference) {
-    let natives: Vec<Path> = NATIVES
-        .into_iter()
-        .map(|(seed, phase_us)| native_at(scenario, case, POLL_MS, seed, phase_us).path)
-        .collect();
+    let natives: Vec<Path> =
+        NATIVES.into_iter().map(|native| native_at(scenario, case, POLL_MS, native, false).path).collect();
     let nearest = natives.iter().map(|native| emulated.difference(native));
     let nearest = nearest.min_by(|a, b| a.counts.total_cmp(&b.counts)).expect("several");
     let pairs = natives.iter().flat_map(|a| natives.iter().map(|b| a.difference(b)));

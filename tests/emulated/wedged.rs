@@ -67,6 +67,46 @@ fn watchdog_resets_a_board_with_a_wedged_task() {
     }
 }
 
+/// `cpsid i`
+const MASK: u16 = 0xB672;
+
+/// Longest time from what stops the tick until the bridge is off, us.
+const TICK_STOPPED_US: u64 = 60_000;
+
+#[test]
+fn bridge_is_off_within_sixty_ms_of_what_stops_the_tick() {
+    let Some(programs) = production() else { return };
+    let cases: [(&str, u32, &[u16]); 3] = [
+        ("the tick hangs", 16 + 29, &[WEDGE]),
+        ("the hall task, above the tick, hangs", 16 + 30, &[WEDGE]),
+        ("interrupts stay masked", 0, &[MASK, WEDGE]),
+    ];
+    for (name, exception, codes) in cases {
+        let mut bench = Bench::moving(&programs);
+        let address = handler(&mut bench, exception) & !1;
+        let resets = bench.resets();
+        for (at, &code) in (address..).step_by(2).zip(codes) {
+            patch(&mut bench, at, code);
+        }
+        let wedge = address + 2 * (codes.len() as u32 - 1);
+        let wedged = (0..REACHED_US / 10).any(|_| {
+            bench.wait_us(10);
+            bench.board().machine().cpu.pc() & !1 == wedge
+        });
+        assert!(wedged && bench.is_driven(), "{name}: not reached");
+        let after_us = bench.safe_after_us(2 * TICK_STOPPED_US).unwrap_or(u64::MAX);
+        println!("figure: {name}: bridge off after {after_us} us");
+        assert!(after_us <= TICK_STOPPED_US, "{name}: bridge off after {after_us} us");
+        bench.wait_ms(150);
+        let causes: Vec<_> =
+            bench.board().machine().resets[resets..].iter().map(|&(cause, _)| cause).collect();
+        assert_eq!(causes, [Reset::WindowWatchdog], "{name}");
+        assert!(bench.is_safe(), "{name}");
+        assert_eq!(bench.get(Property::STAT), Some(0), "{name}: in the monitor");
+        assert_eq!(bench.get(Property::ERROR), Some(i64::from(FaultCode::Watchdog.code())), "{name}");
+    }
+}
+
 /// Two periods of the slowest task, SysTick's 10 ms, or an edge at 50 counts/s: 20 ms.
 const REACHED_US: u64 = 41_000;
 

@@ -45,12 +45,13 @@ pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
     // The longest end of the word that is a command: the rest is its prefix.
     let command = (0..word.len()).find_map(|start| command::find(&word[start..])).expect("a command");
     let (stages, travel_ms) = match command {
-        // Links to their stops and IOFF 25 back, then tips to theirs and 350 back; the spread is faster.
+        // Links to their stops and IOFF 25 back, then tips to theirs and 350 back; the spread is faster. Each goes 12 counts
+        // from its stop and back to it, and stalls again.
         GclCommand::Hi => (
-            2,
-            LINK * 1000 / (HOMING - DROOP)
+            4,
+            (LINK + 24) * 1000 / (HOMING - DROOP)
                 + triangle_ms(25, 40)
-                + TIP * 1000 / (HOMING - DROOP)
+                + (TIP + 24) * 1000 / (HOMING - DROOP)
                 + triangle_ms(350, 30),
         ),
         // A tip whose link breaks away continues to its own goal.

@@ -89,7 +89,7 @@ const COMMANDS: [&str; 16] = [
 ];
 
 /// A hand with trusted positions in the middle of the ranges, and macro 3.
-fn saved() -> &'static State {
+pub fn saved() -> &'static State {
     static SAVED: OnceLock<State> = OnceLock::new();
     SAVED.get_or_init(|| {
         let mut session = Session::new();

@@ -6,6 +6,7 @@
 mod blocks;
 mod client;
 mod lines;
+mod programs;
 mod watch;
 
 use client::{Client, Figure};
@@ -132,6 +133,8 @@ fn loop_host_never_reads_motors_stop() {
         client.hand.push_rx(&block);
         client.step_unread();
     }
+    // A tip begins once its link has moved.
+    (0..100).for_each(|_| client.step_unread());
     let speeds = |client: &Client| -> Vec<f64> {
         client.hand.bus().stations().map(|node| node.board().rig().truth().counts_per_s.abs()).collect()
     };

@@ -87,6 +87,7 @@ transcripts! {
     sequences = "sequences";
     administration = "administration";
     realtime = "realtime";
+    two_grammars = "two-grammars";
 }
 
 fn folder() -> PathBuf {
@@ -117,7 +118,7 @@ fn typed(transcript: &str) -> Vec<&str> {
 
 fn played(expected: &str) -> String {
     let mut session = Session::new();
-    session.hand.io().set_temperature(TEMPERATURE);
+    session.hand.fix_temperature(Some(f64::from(TEMPERATURE) / 10.0));
     let mut prompts = typed(expected);
     assert_eq!(prompts.pop(), Some(""), "a transcript ends with a prompt");
     let mut lines = expected.lines();

@@ -44,7 +44,7 @@ fn initialized() -> Session {
 }
 
 /// A hand after HI, with a hard object in the closing direction of a motor.
-fn with_object(motor: u8, from_count: f64) -> Session {
+pub(super) fn with_object(motor: u8, from_count: f64) -> Session {
     // As in the scenario breakaway-link: full torque dents it by 3 counts.
     let object = Object { from_count, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.005, side: Side::Closing };
     let mut session = Session::with_boards(|number, node| {

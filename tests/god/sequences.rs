@@ -28,7 +28,6 @@ pub const COMMANDS: &[Exchange] = &[
     ("WAIT -1", "ERR 128"),
     ("WAIT 4294967296", "ERR 128"),
     ("WAIT 0", ""),
-    ("REC", ""),
     ("REC 5", ""),
     ("sfset ds 100", ""),
     ("  SFGET DS", "100"),
@@ -137,6 +136,47 @@ fn wait_is_exact_and_abort_or_error_ends_a_sequence() {
     session.hand.push_rx(b"\x03");
     assert_eq!(session.read_to_prompt(), "PLAY 4\r\n\rERR 16384\r\n\r=> ");
     assert_answers(&mut session, &[("VERS", "600")]);
+}
+
+/// REC and PLAY without a number mean sequence 0; REC ends a recording.
+#[test]
+fn rec_and_play_without_a_number_use_sequence_0() {
+    let mut session = Session::new();
+    let rows = [
+        ("PLAY", "ERR 128"),
+        ("REC", ""),
+        ("VERS", "600"),
+        ("REC", ""),
+        ("PGET LFT", "0"),
+        ("PLAY", "600"),
+        ("PLAY 0", "600"),
+        ("REC 3", ""),
+        ("PGET LFT", "0"),
+        // Ends the recording of sequence 3, and begins none.
+        ("REC", ""),
+        ("PGET TEMP", "350"),
+        ("PLAY", "600"),
+        ("PLAY 3", "0"),
+        // Records again, from the beginning.
+        ("REC", ""),
+        ("PLAY 0", "ERR 128"),
+        ("REC", ""),
+    ];
+    assert_answers(&mut session, &rows);
+}
+
+#[test]
+fn recording_ends_with_its_host() {
+    let mut session = Session::new();
+    assert_answers(&mut session, &[("REC 2", ""), ("VERS", "600"), ("0 S REPLY 1", "")]);
+    session.hand.hang_up();
+    session.read_to_prompt();
+    assert_answers(&mut session, &[("PGET LFT", "0"), ("0 G REPLY", "0 REPLY=0"), ("PLAY 2", "600")]);
+    // ^C ends no recording.
+    assert_answers(&mut session, &[("REC 2", "")]);
+    session.hand.push_rx(b"\x03");
+    session.read_to_prompt();
+    assert_answers(&mut session, &[("PGET LFT", "0"), ("REC", ""), ("PLAY 2", "0")]);
 }
 
 /// Both are stored at once.

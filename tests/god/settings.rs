@@ -54,7 +54,7 @@ pub const COMMANDS: &[Exchange] = &[
     ("FSET DS 100 DP 1 CT", "ERR 1024"),
     ("PSET LFT 1 0", "ERR 1024"),
     ("FSET P 1", "ERR 256"),
-    ("PSET SN 1", "ERR 256"),
+    ("PSET SN 0", "ERR 128"),
     ("PSET BAUD 95", "ERR 128"),
     ("XFSET DS 1", "ERR 2"),
     // One invalid pair: none is set.
@@ -108,10 +108,15 @@ pub const READ_ONLY: &[(&str, i64)] =
     &[("BD", 0), ("BP", 0), ("OD", 0), ("P", 0), ("S", 4), ("SG", 128), ("SAMPLE", 31)];
 
 /// Writable parameters of the hand (manual 5.4): default, minimum and maximum.
-pub const SET_HAND: &[(&str, i64, i64, i64)] =
-    &[("BAUD", 96, 6, 384), ("LFT", 0, 0, 1), ("OTEMP", -551, -551, 1250), ("LFDPD", 0, 0, 1)];
+pub const SET_HAND: &[(&str, i64, i64, i64)] = &[
+    ("BAUD", 96, 6, 384),
+    ("LFT", 0, 0, 1),
+    ("OTEMP", -551, -551, 1250),
+    ("LFDPD", 0, 0, 1),
+    ("COMPAT", 0, 0, 262),
+];
 
-pub const READ_ONLY_HAND: &[(&str, i64)] = &[("TEMP", 350), ("PTEMP", 350), ("UPSECS", 0), ("SN", 0)];
+pub const READ_ONLY_HAND: &[(&str, i64)] = &[("TEMP", 350), ("PTEMP", 350), ("UPSECS", 0)];
 
 fn seven(of: [i64; 3]) -> String {
     let [link, spread, tip] = of;
@@ -175,10 +180,10 @@ fn finger_is_one_axis() {
         ("X15FGET DP ACCEL LFVC", "8500 8500 40 30 8 8"),
         ("X6FSET DP 2000", ""),
         ("2FGET DP", "1000"),
-        // Without a prefix EN selects; the link's EN decides for a finger.
+        // Without a prefix EN selects: motors 1 and 7 are without their finger.
         ("X3FSET EN 0", ""),
         ("X5FSET EN 0", ""),
-        ("FGET DS", "1400 1400 800"),
+        ("FGET DS", "1400 1400 800 1400"),
         ("3FGET EN", "0"),
     ];
     assert_answers(&mut Session::new(), &rows);
@@ -262,9 +267,9 @@ fn parameters_of_a_missing_board_are_err_1() {
 #[test]
 fn peak_temperature_and_uptime_survive_reset() {
     let mut session = Session::new();
-    session.hand.io().set_temperature(425);
+    session.hand.fix_temperature(Some(42.5));
     session.wait_us(1000);
-    session.hand.io().set_temperature(-30);
+    session.hand.fix_temperature(Some(-3.0));
     assert_answers(&mut session, &[("PGET TEMP PTEMP", "-30 425")]);
     let peak = session.hand.memory().changed().expect("at once");
     assert_eq!(peak.peak_temperature, 425);
@@ -283,6 +288,34 @@ fn peak_temperature_and_uptime_survive_reset() {
     assert_answers(&mut next, &[("PGET UPSECS PTEMP SN", "4294967295 425 77")]);
     next.wait_us(1_000_000);
     assert_eq!(seconds(&mut next), 0, "it wraps after 136 years");
+}
+
+/// It is stored at once, and neither RESET, PDEF nor PLOAD changes it.
+#[test]
+fn serial_number_can_be_set_once() {
+    let mut session = Session::new();
+    let rows = [
+        ("PGET SN", "0"),
+        ("PSET SN 4294967296", "ERR 128"),
+        // Nothing is set of a line with an error.
+        ("PSET SN 7 LFT 2", "ERR 128"),
+        ("PSET SN 7 SN 8", "ERR 256"),
+        ("PGET SN", "0"),
+        ("PSET LFT 1 SN 4711", ""),
+        ("PGET SN", "4711"),
+        ("PSET SN 4711", "ERR 256"),
+        ("PSET LFT 0 SN 4712", "ERR 256"),
+        ("PGET SN LFT", "4711 1"),
+        ("PDEF", ""),
+        ("PLOAD", ""),
+        ("PGET SN", "4711"),
+    ];
+    assert_answers(&mut session, &rows);
+    session.run("RESET");
+    assert_answers(&mut session, &[("PGET SN", "4711"), ("PSET SN 1", "ERR 256")]);
+    let kept = session.hand.memory().stored();
+    let mut next = Session::with_memory(Memory::new(kept));
+    assert_answers(&mut next, &[("PGET SN", "4711"), ("PSET SN 1", "ERR 256")]);
 }
 
 #[test]

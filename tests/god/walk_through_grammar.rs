@@ -18,6 +18,9 @@ pub const LINES: &[Exchange] = &[
     ("4 G AP", "4 P=0"),
     ("4 G M", "4 MODE=0"),
     ("4 S M 0", ""),
+    ("4SM0", ""),
+    ("1 G STATUS", "1 STAT=2"),
+    ("1SSTATUS2", ""),
     ("7 S MT 550", ""),
     ("7 G MT", "7 MT=550"),
     ("567 S X0 12", ""),
@@ -78,7 +81,7 @@ fn end_of_motion_is_reported_between_lines() {
 #[test]
 fn hot_hand_refuses_moves_of_the_walk_through() {
     let mut session = Session::new();
-    session.hand.io().set_temperature(450);
+    session.hand.fix_temperature(Some(45.0));
     let rows = [
         ("WAKE", ""),
         ("PSET OTEMP 449", ""),
@@ -212,11 +215,11 @@ fn order_replacing_a_motion_reports_only_its_own_end() {
 
 #[test]
 fn grip_replaced_by_an_order_gets_no_keepalives() {
-    let cases: [&[&str]; 8] = [
+    // A refused order, such as T, leaves the grip, which needs no host (decision 0013).
+    let cases: [&[&str]; 7] = [
         &["1 S MODE 0", "1 S V -100", "1 S MODE 4"],
         &["1 S MODE 0"],
         &["1 S V -100"],
-        &["1 S T 10"],
         &["1 S CMD 18"],
         &["1 S CMD 21"],
         &["1 S STAT 0"],

@@ -18,7 +18,7 @@ fn in_scene(scene: Scene) -> Typist {
 }
 
 fn ball() -> Scene {
-    grasp::parse("ball.toml", BALL).expect("a scene")
+    grasp::parse("ball.toml", BALL, &[0.0; 7]).expect("a scene")
 }
 
 fn ask(typist: &mut Typist, line: &str) -> Vec<i32> {

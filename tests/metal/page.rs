@@ -103,7 +103,7 @@ fn changed_table_is_found() {
 
 /// Phrases that the page must contain, made from constants: a constant that changes makes another phrase.
 fn phrases() -> Vec<String> {
-    use timing::{adc, can, hall, pwm, tick, watchdog};
+    use timing::{adc, can, hall, pwm, tick, tick_watchdog, watchdog};
     let mega = |hz: u32| hz / 1_000_000;
     let us = |ns: u32| f64::from(ns) / 1e3;
     let ticks = |count: u16| f64::from(count) / f64::from(timing::CORE_HZ) * 1e6;
@@ -138,6 +138,8 @@ fn phrases() -> Vec<String> {
         ),
         format!("jump width {}", can::JUMP),
         format!("nothing can stop it: {} ms", watchdog::MS),
+        format!("by 64 counts, {:.1} ms", f64::from(tick_watchdog::US) / 1e3),
+        format!("may be an erase, {} ms", tick_watchdog::ERASE_US / 1000),
         format!("the {} kept bytes", KEPT.len),
     ];
     let told =

@@ -1,4 +1,4 @@
-//! Every property on each of the seven nodes, by frames alone. A refused frame changes nothing and is not answered.
+//! Every property on each of the seven nodes, alone and on an arm, by frames alone. A refused frame changes nothing and is not answered.
 
 use tater_wire::property::{Access, PropertySpec, ROWS, Stored};
 use tater_wire::{Body, Destination, Group, Node, Property, Value};
@@ -9,9 +9,19 @@ fn all(bench: &mut Bench) -> Vec<Option<i64>> {
     ROWS.iter().map(|row| bench.get(row.property)).collect()
 }
 
+/// A hand alone, and beside an arm.
 fn nodes() -> impl Iterator<Item = (u8, Bench)> {
-    (1..=7).map(|number| (number, Bench::new(number)))
+    (1..=7).chain(11..=17).map(|number| (number, Bench::new(number)))
 }
+
+/// The groups of both, and their members.
+const GROUPS: [(Group, &[u8]); 5] = [
+    (Group::ALL, &[1, 2, 3, 4, 5, 6, 7, 11, 12, 13, 14, 15, 16, 17]),
+    (Group::LOW, &[1, 2, 3, 4]),
+    (Group::HIGH, &[5, 6, 7]),
+    (Group::TATERS, &[1, 2, 3, 4, 5, 6, 7]),
+    (Group::HAND, &[11, 12, 13, 14, 15, 16, 17]),
+];
 
 /// Encodings of a value in two bytes and in four. A property that is never negative and needs all bits is unsigned.
 fn widths(row: &PropertySpec, value: i64) -> Vec<Value> {
@@ -35,7 +45,8 @@ fn set(bench: &mut Bench, row: &PropertySpec, value: Value) -> bool {
 }
 
 fn holds(row: &PropertySpec) -> bool {
-    let steers = matches!(row.property, Property::STAT | Property::MODE | Property::T | Property::V);
+    let steers =
+        matches!(row.property, Property::STAT | Property::MODE | Property::T | Property::V | Property::FIND);
     matches!(row.access, Access::ReadWrite | Access::Locked) && !steers
 }
 
@@ -48,11 +59,17 @@ fn property_reads_its_default_in_its_width() {
             let default = match row.property {
                 // In the monitor it would be 0.
                 Property::STAT => Some(2),
+                // Stored as the board is shipped.
+                Property::WIRING => Some(2),
                 // The chip's number, until one is stored.
                 Property::SN => Some(i64::from(SERIAL)),
                 _ => row.default_for(node),
             };
-            assert_eq!(found.is_some(), row.access != Access::WriteOnly, "{} of node {number}", row.name);
+            assert!(found.is_some(), "{} of node {number}: a host waits", row.name);
+            if row.access == Access::WriteOnly {
+                assert_eq!(found, Some(0), "{} of node {number}", row.name);
+                continue;
+            }
             if let (Some(found), Some(default)) = (found, default) {
                 assert_eq!(found, default, "{} of node {number}", row.name);
             }
@@ -180,9 +197,7 @@ fn sixteen_bit_values_have_the_sign_of_their_row() {
 
 #[test]
 fn get_to_a_group_is_answered_once_by_each_member() {
-    let members: [(Group, std::ops::RangeInclusive<u8>); 4] =
-        [(Group::ALL, 1..=7), (Group::LOW, 1..=4), (Group::HIGH, 5..=7), (Group::TATERS, 1..=7)];
-    for (group, expected) in members {
+    for (group, expected) in GROUPS {
         for property in [Property::STAT, Property::P] {
             let mut answers = Vec::new();
             for (_, mut bench) in nodes() {
@@ -190,16 +205,14 @@ fn get_to_a_group_is_answered_once_by_each_member() {
                 answers.append(&mut bench.board().sent);
             }
             let senders: Vec<u8> = answers.iter().map(|frame| frame.id().from.number()).collect();
-            assert_eq!(senders, expected.clone().collect::<Vec<u8>>(), "{property:?} of {group:?}");
+            assert_eq!(senders, expected, "{property:?} of {group:?}");
         }
     }
 }
 
 #[test]
 fn set_to_a_group_reaches_its_members() {
-    for (group, members) in
-        [(Group::ALL, 1..=7), (Group::LOW, 1..=4), (Group::HIGH, 5..=7), (Group::TATERS, 1..=7)]
-    {
+    for (group, members) in GROUPS {
         for (number, mut bench) in nodes() {
             for row in ROWS.iter().filter(|row| row.stored == Stored::Yes && row.access == Access::ReadWrite)
             {

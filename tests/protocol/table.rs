@@ -8,7 +8,8 @@ use tater_wire::{Node, Property};
 const LIST: &str = "../../shared/data/properties.csv";
 
 /// What the list lacks: in mode 4 V is the velocity commanded, and RealTime feeds back the one that there is (manual 5.3.3).
-const ADDED: [Property; 1] = [Property::VEL];
+const ADDED: [Property; 6] =
+    [Property::FIND, Property::VEL, Property::WIRING, Property::HOSTMS, Property::KIND, Property::VSET];
 
 fn fields(line: &str) -> Vec<String> {
     let (mut fields, mut quoted) = (vec![String::new()], false);

@@ -36,6 +36,10 @@ pub struct Figure {
 }
 
 impl Figure {
+    pub const fn peaks(&self) -> &Peaks {
+        &self.peaks
+    }
+
     pub fn merge(mut self, other: Self) -> Self {
         self.bytes += other.bytes;
         self.blocks += other.blocks;
@@ -71,7 +75,7 @@ impl Client {
     pub fn new(seed: u128) -> Self {
         let mut hand = Hand::new(Model::Averaged, 1, Memory::default());
         if seed % 2 == 1 {
-            hand.set_scene(grasp::parse("ball.toml", BALL).expect("a world"));
+            hand.set_scene(grasp::parse("ball.toml", BALL, &hand.pose()).expect("a world"));
         }
         let mut client = Self {
             hand,
@@ -121,6 +125,22 @@ impl Client {
         for _ in 0..self.rng.random_range(0..=max_ms) {
             self.step_unread();
         }
+    }
+
+    pub fn type_line(&mut self, line: &str) {
+        self.tail.clear();
+        self.hand.push_rx(line.as_bytes());
+        self.hand.push_rx(b"\r");
+        self.figure.bytes += line.len() as u64 + 1;
+    }
+
+    /// Whether a prompt was the last that GOD sent since [`Self::type_line`].
+    pub fn is_at_prompt(&self) -> bool {
+        self.tail.ends_with(b"\n\r=> ")
+    }
+
+    pub fn expect_any_fault(&mut self) {
+        self.watch.any_fault = true;
     }
 
     pub fn wait_for_prompt(&mut self, max_ms: usize) {
@@ -201,6 +221,8 @@ impl Client {
     pub fn restore_and_home(&mut self) {
         self.abort();
         for line in [
+            // It is ended, whether one was active or not.
+            "REC 5",
             "REC",
             "PDEF",
             "0 S REPLY 0",
@@ -214,8 +236,8 @@ impl Client {
         }
     }
 
-    /// Checks that ^C brings the prompt back, that T stops every motor, and that the hand moves normally with its defaults.
-    pub fn finish(mut self) -> Figure {
+    /// Checks that ^C brings the prompt back, and that T stops every motor.
+    fn stop(&mut self) {
         self.abort();
         self.run("X1234567T");
         (0..1_000).for_each(|_| _ = self.step());
@@ -223,11 +245,26 @@ impl Client {
             let speed = node.board().rig().truth().counts_per_s;
             assert!(speed == 0.0 && node.board().driven_since_us().is_none(), "motor {}: {speed}", motor + 1);
         }
+    }
+
+    /// As [`Self::stop`]; returns what was found.
+    pub fn stop_all(mut self) -> Figure {
+        self.stop();
+        self.into_figure()
+    }
+
+    /// As [`Self::stop`]; then checks that the hand moves normally with its defaults.
+    pub fn finish(mut self) -> Figure {
+        self.stop();
         self.restore_and_home();
         for line in ["FGET EN", "HI", "C", "O"] {
             let answer = if line == "FGET EN" { "\r\n\r1 1 1 1" } else { "" };
             assert_eq!(self.run(line), format!("{line}{answer}\r\n\r=> "));
         }
+        self.into_figure()
+    }
+
+    fn into_figure(mut self) -> Figure {
         self.figure.simulated_us = self.hand.now_us();
         self.figure.peaks = self.watch.peaks;
         self.figure

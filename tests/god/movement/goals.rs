@@ -157,20 +157,21 @@ fn move_link_and_tip_arrive_together() {
 #[test]
 fn no_prefix_selects_motors_with_en() {
     let mut session = initialized();
-    // The link's EN decides for a finger; its tip's EN does not matter.
+    // Motors 1 and 6 are without their finger: each goes to the position itself.
     for (motor, en) in [(2, 0), (4, 0), (5, 0)] {
         set(&mut session, motor, Property::EN, en);
     }
     for (line, expected) in [
-        ("M 2750", [50, 0, 50, 0, 13, 0, 13]),
-        ("2M 2750", [50, 50, 50, 0, 13, 13, 13]),
-        ("HOME", [0, 50, 0, 0, 0, 13, 0]),
+        ("M 2750", [50, 0, 50, 0, 0, 50, 13]),
+        ("2M 2750", [50, 50, 50, 0, 0, 13, 13]),
+        ("HOME", [0, 50, 0, 0, 0, 0, 0]),
     ] {
         assert_eq!(session.run(line), "", "{line}");
         assert_near(&session, expected, line);
     }
-    set(&mut session, 1, Property::EN, 0);
-    set(&mut session, 3, Property::EN, 0);
+    for motor in [1, 3, 6, 7] {
+        set(&mut session, motor, Property::EN, 0);
+    }
     let before = counts(&session);
     assert_eq!(session.run("M 2750"), "ERR 2", "no motor is enabled");
     assert_eq!(counts(&session), before);

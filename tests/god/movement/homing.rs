@@ -75,3 +75,20 @@ fn hi_aborted_initializes_no_motor() {
     assert_eq!(session.run("HI"), "");
     assert_eq!(session.run("GO"), "");
 }
+
+/// The spread waits for the links without a frame: in mode 2 it would lose its host after HOSTMS, and end with a fault.
+#[test]
+fn hi_stops_a_spread_that_is_driven_before_the_links_begin() {
+    for drive in [&["4 S T 40", "4 S MODE 2"][..], &["4 S V 20", "4 S MODE 4"]] {
+        let mut session = Session::new();
+        assert_eq!(session.run("HI"), "");
+        for line in drive {
+            assert_eq!(session.run(line), "", "{line}");
+        }
+        run_until(&mut session, "HI", |session| counts(session)[0] < -5);
+        let mode = telemetry(&mut session, 4).mode;
+        assert!(matches!(mode, Mode::Idle | Mode::Pid), "{drive:?}: {mode:?}");
+        assert_eq!(session.read_to_prompt(), "HI\r\n\r=> ", "{drive:?}");
+        assert_near(&session, [0; 7], "home");
+    }
+}

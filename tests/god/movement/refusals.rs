@@ -75,11 +75,11 @@ fn hand_hotter_than_otemp_does_not_move() {
     let mut stored = Stored::default();
     stored.parameters.hand.otemp = 450;
     let mut session = Session::with_memory(Memory::new(stored));
-    session.hand.io().set_temperature(450);
+    session.hand.fix_temperature(Some(45.0));
     assert_eq!(session.run("HI"), "", "the limit itself is allowed");
     assert_eq!(session.run("STC"), "");
     assert_eq!(telemetry(&mut session, 4).mode, Mode::Velocity, "it presses");
-    session.hand.io().set_temperature(451);
+    session.hand.fix_temperature(Some(45.1));
     let before = counts(&session);
     for line in ["HI", "M 1000", "C", "TC", "GPTM 100", "12WM", "LOOP", "T"] {
         assert_eq!(session.run(line), "ERR 8192", "{line}");
@@ -88,7 +88,7 @@ fn hand_hotter_than_otemp_does_not_move() {
     assert_eq!(telemetry(&mut session, 4).mode, Mode::Idle, "T switches it off nevertheless");
     // OTEMP -551 allows any temperature.
     let mut session = initialized();
-    session.hand.io().set_temperature(1250);
+    session.hand.fix_temperature(Some(125.0));
     assert_eq!(session.run("1M 1000"), "");
     // The manual's example is 6 °C, below any hand in use.
     let mut session = initialized();

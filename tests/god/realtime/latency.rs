@@ -72,7 +72,7 @@ fn worst(session: Session, paced: bool) -> [u64; 7] {
         host.session.wait_us(phase * PHASE_US % 1_000);
         let velocity = if phase % 2 == 0 { 20 } else { -20 };
         let mut line = Serial::new(paced);
-        line.put(&control(velocity, 17), &host.session.hand);
+        line.put(&control(velocity, 17), &mut host.session.hand);
         keep_longest(&mut worst, &changes(&mut host.session, &mut line, BLOCK_US));
         host.session.wait_us(20_000);
         host.session.hand.take_tx();

@@ -74,6 +74,11 @@ impl Board for Bed {
         &mut self.flash
     }
     fn feed_watchdog(&mut self) {}
+    fn feed_tick_watchdog(&mut self) {}
+    fn retained(&self) -> u32 {
+        0
+    }
+    fn retain(&mut self, _: u32) {}
     fn reset(&mut self) {}
     fn reset_cause(&self) -> Option<FaultCode> {
         None
@@ -157,14 +162,17 @@ impl Rig {
     pub fn step(&mut self) -> (Next, Vec<Frame>) {
         let next = self.monitor.step(Micros(self.now as u32));
         self.now += LOOP_US + self.monitor.board_mut().flash.sim.take_busy_us();
-        let mut kept = 0;
+        let mut kept: Vec<Frame> = Vec::new();
         while let Some((_, frame)) = self.coming.pop_front_if(|(at, _)| *at <= self.now) {
-            if kept < FIFO {
-                self.monitor.receive(&frame, Micros(self.now as u32));
-            } else {
+            // RFLM = 0: the newest is overwritten.
+            if kept.len() >= FIFO {
                 self.lost += 1;
+                kept.pop();
             }
-            kept += 1;
+            kept.push(frame);
+        }
+        for frame in kept {
+            self.monitor.receive(&frame, Micros(self.now as u32));
         }
         let sent = std::mem::take(&mut self.monitor.board_mut().sent);
         for frame in &sent {

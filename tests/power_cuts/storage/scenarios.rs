@@ -119,7 +119,7 @@ pub fn all() -> Vec<Scenario> {
         scenario("first save, random flash", noise(), vec![Act::Set(Property::MT, 500), FINISH]),
         scenario("all together", used(), [together(highest), together(middle)].concat()),
         scenario("all together, next page", nearly_full(60), together(highest)),
-        scenario("one by one", used(), one_by_one(highest, 43, FINISH)),
+        scenario("one by one", used(), one_by_one(highest, 44, FINISH)),
         scenario("one by one, next page", nearly_full(30), one_by_one(middle, 12, FINISH)),
         scenario(
             "one by one, bridge on",

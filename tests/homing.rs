@@ -1,0 +1,131 @@
+//! HI on simulated joints: a motor that cannot turn is never homed, and one that is homed knows where it stands.
+
+use hil_sim::node::Node;
+use hil_sim::plant::{Contact, RAD_PER_COUNT};
+use hil_sim::scenario::Scenario;
+use hil_sim::{Model, Options};
+use servo_core::guard::fault::Fault;
+use servo_core::mode::Mode;
+use tater_wire::Property;
+
+const OPTIONS: Options = Options { seed: 1, model: Model::Averaged, trace: false };
+
+/// Longest HI with IVEL 100 or more, ms: 2048 counts to the stop and twice 128 from it and back at 100 counts/s, and the way to
+/// zero (decision 0048).
+const HI_MS: u32 = 26_000;
+
+/// Zero of a homed motor against the true one, counts: the stop lies on the boundary of two (1), the rotor rests
+/// within MPE of zero, and what it reads there is a cell of one count (1).
+const ZERO_COUNTS: f64 = 2.0;
+
+/// A motor at `count` whose shaft has `friction` N·m.
+fn joint(motor: &str, count: i32, friction: f64, set: &str, seed: u64) -> Node {
+    let text = format!(
+        "name = \"joint\"\nabout = \"\"\nmotor = \"{motor}\"\nduration_ms = 1\nset = {{ {set} }}\n\
+         plant = {{ coulomb_n_m = {friction}, static_n_m = {friction} }}\n\
+         initial = {{ position_counts = {count} }}\n"
+    );
+    let scenario = Scenario::parse("joint", &text).expect("valid");
+    hil_sim::board(&scenario, &scenario.cases[0], &Options { seed, ..OPTIONS }).expect("valid")
+}
+
+/// Orders HI and steps until the motor is idle or holds; `each` sees every step. Returns the fault and whether it is homed.
+fn home(node: &mut Node, mut each: impl FnMut(&mut Node)) -> (Option<Fault>, bool) {
+    hil_sim::set(node, Property::CMD, 13).expect("HI");
+    for ms in 0..HI_MS {
+        if ms % 100 == 0 {
+            // Mode 4 ends without a host.
+            hil_sim::set(node, Property::DS, 0).expect("in range");
+        }
+        node.step();
+        each(node);
+        if node.sample().expect("awake").status.end.is_some() {
+            let status = node.sample().expect("awake").status;
+            assert!(matches!(status.mode, Mode::Idle | Mode::Pid), "{:?}", status.mode);
+            return (status.fault, status.homed);
+        }
+    }
+    panic!("HI has no end after {HI_MS} ms");
+}
+
+/// P as read less the true position.
+fn error_counts(node: &Node) -> f64 {
+    let sample = node.sample().expect("awake");
+    f64::from(sample.status.position.round()) - sample.truth.counts
+}
+
+#[test]
+fn spread_whose_brake_is_stuck_is_jammed_and_not_homed() {
+    let mut spread = joint("spread", 83, 1.0, "", 1);
+    assert_eq!(home(&mut spread, |_| ()), (Some(Fault::Jammed), false));
+    // The brake itself, which never releases.
+    let mut spread = joint("spread", 83, 0.03, "", 1);
+    spread.rig_mut().jam_brake(true);
+    assert_eq!(home(&mut spread, |_| ()), (Some(Fault::Jammed), false));
+    spread.rig_mut().jam_brake(false);
+    hil_sim::set(&mut spread, Property::STAT, 2).expect("clears the fault");
+    assert_eq!(home(&mut spread, |_| ()), (None, true));
+}
+
+#[test]
+fn homed_motors_know_where_they_are_at_any_friction_and_torque() {
+    let mut ends = [0; 3];
+    for (motor, low, high) in [("link", -25, 338), ("spread", 0, 166), ("tip", -158, 350)] {
+        for friction in [0.0, 0.03, 0.05, 0.08, 0.12, 0.15, 0.17, 0.2, 0.3, 0.5, 1.0] {
+            // KPV 24 presses with 300 at IVEL; 100 with all of IHIT 990.
+            for (ihit, kpv) in [(63, 24), (120, 24), (250, 24), (500, 100), (990, 24), (990, 100)] {
+                for count in [low, (low + high) / 2, high] {
+                    let set = format!("IHIT = {ihit}, KPV = {kpv}");
+                    let mut node = joint(motor, count, friction, &set, 1);
+                    let (fault, homed) = home(&mut node, |_| ());
+                    let case = format!("{motor} at {count}, {friction} N·m, {set}: {fault:?}");
+                    assert!(matches!(fault, None | Some(Fault::Jammed)), "{case}");
+                    if homed {
+                        let error = error_counts(&node);
+                        assert!(fault.is_none() && error.abs() <= ZERO_COUNTS, "{case}: {error}");
+                    }
+                    // IHIT 250 is 0.159 N·m.
+                    let sure = (ihit == 250 && friction <= 0.08) || (ihit == 500 && friction <= 0.15);
+                    let torque = 0.65 * f64::from(ihit) / 1024.0;
+                    assert!(if sure { homed } else { friction < torque || !homed }, "{case}: homed {homed}");
+                    ends[if homed { 0 } else { 1 + usize::from(fault.is_none()) }] += 1;
+                }
+            }
+        }
+    }
+    let [homed, jammed, stalled] = ends;
+    println!("figure: HI on 594 joints: {homed} homed, {jammed} jammed, {stalled} stalled below IHIT");
+}
+
+/// An object as hard as a stop, met in the direction of IVEL.
+fn object(count: f64, side: f64) -> Contact {
+    Contact { from: count * RAD_PER_COUNT, side, stiffness: 20.0, damping: 0.02 }
+}
+
+#[test]
+fn object_that_moves_between_two_contacts_is_no_stop() {
+    for (motor, side) in [("link", -1.0), ("spread", -1.0), ("tip", 1.0)] {
+        for shift in [-80.0, -6.0, -3.0, 0.0, 3.0, 6.0] {
+            let mut node = joint(motor, 100, 0.03, "", 1);
+            let at = 100.5 + side * 20.0;
+            node.rig_mut().set_objects(&[object(at, side)]);
+            let mut left = false;
+            let (fault, homed) = home(&mut node, |node| {
+                let truth = node.sample().expect("awake").truth;
+                // On its way from the object.
+                if !left && side * (truth.counts - at) < -8.0 && truth.counts_per_s * side < -100.0 {
+                    let reached = node.sample().expect("awake").status.position.round().abs() < 20;
+                    if reached {
+                        node.rig_mut().set_objects(&[object(at - side * shift, side)]);
+                        left = true;
+                    }
+                }
+            });
+            let expected = if shift == 0.0 { (None, true) } else { (Some(Fault::Jammed), false) };
+            assert!(left, "{motor}: leaves the object");
+            if shift != 0.0 || motor == "spread" {
+                assert_eq!((fault, homed), expected, "{motor}, by {shift} counts");
+            }
+        }
+    }
+}

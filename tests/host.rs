@@ -1,0 +1,9 @@
+//! What existing host programs do, rewritten from their behavior: over CAN against native and emulated boards, over serial through GOD.
+
+mod barrett_serial;
+mod btutil;
+mod can;
+mod libbarrett;
+mod libgripper;
+mod pyhand;
+mod serial;

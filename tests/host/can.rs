@@ -1,0 +1,141 @@
+//! A host on the bus that knows frames only, and boards of a hand beside an arm: nodes 11 to 14, in group 5.
+
+use board_emu::board::Board;
+use board_emu::image::Programs;
+use hil_sim::board::SimBoard;
+use hil_sim::bus::{Adapter, Bus, Stamped, Station};
+use hil_sim::node::{Node, shipped_storage};
+use hil_sim::plant::Model;
+use hil_sim::rig::flash::SimFlash;
+use tater_fw::storage::{Progress, Store};
+use tater_wire::memory::{FLASH, STORAGE};
+use tater_wire::{Frame, Node as Id, Property};
+
+use crate::emulated::bench::flashed;
+
+pub const FINGERS: [u16; 3] = [11, 12, 13];
+pub const SPREAD: u16 = 14;
+pub const HAND: [u16; 4] = [11, 12, 13, 14];
+
+/// Group 5, and all boards.
+pub const GROUP: u16 = 0x405;
+pub const ALL: u16 = 0x400;
+
+/// Barrett's 32-bit properties, as pyHand lists them.
+const WIDE: [u8; 12] = [48, 50, 52, 54, 56, 58, 66, 68, 74, 88, 96, 98];
+
+pub struct Host<S: Station> {
+    pub bus: Bus<S>,
+}
+
+fn id(number: u16) -> Id {
+    u8::try_from(number).ok().and_then(Id::new).expect("a node")
+}
+
+/// Native boards in their monitors.
+pub fn native(nodes: &[u16]) -> Host<Node> {
+    let node = |&n: &u16| Node::new(SimBoard::standard(id(n), Model::Averaged, u64::from(n)));
+    Host::new(nodes.iter().map(node).collect())
+}
+
+/// Emulated boards in their monitors. Straps have three bits, so the node is stored, as `cargo xtask flash --node` does it.
+pub fn emulated(programs: &Programs, nodes: &[u16]) -> Host<Board> {
+    let board = |&node: &u16| {
+        let straps = u8::try_from(node % 10).expect("1 to 7");
+        let mut board = flashed(programs, straps);
+        let mut flash = SimFlash::default();
+        flash.load(STORAGE.start, &shipped_storage());
+        let mut store = Store::open(&flash);
+        store.set(Property::ID, node.into());
+        while store.step(&mut flash, true) != Progress::Done {}
+        let storage = &flash.bytes()[(STORAGE.start - FLASH.start) as usize..][..STORAGE.len as usize];
+        board.machine_mut().chip_mut().flash.load(STORAGE.start, storage);
+        board.power_on();
+        board
+    };
+    Host::new(nodes.iter().map(board).collect())
+}
+
+impl<S: Station> Host<S> {
+    fn new(boards: Vec<S>) -> Self {
+        let mut bus = Bus::new(boards);
+        bus.plug_host("host", Adapter::default()).expect("the first host");
+        let mut host = Self { bus };
+        host.sleep_ms(200);
+        host
+    }
+
+    pub fn sleep_ms(&mut self, ms: u64) {
+        let until = self.bus.now_us() + 1_000 * ms;
+        self.bus.run_until(until);
+    }
+
+    pub fn send(&mut self, to: u16, data: &[u8]) {
+        self.bus.send(Frame::from_raw(to, data).expect("a frame")).expect("plugged");
+    }
+
+    pub fn set(&mut self, to: u16, property: u8, value: i32) {
+        let [a, b, c, d] = value.to_le_bytes();
+        if WIDE.contains(&property) {
+            self.send(to, &[0x80 | property, 0, a, b, c, d]);
+        } else {
+            self.send(to, &[0x80 | property, 0, a, b]);
+        }
+    }
+
+    /// The next frame, within so many ms.
+    pub fn read(&mut self, ms: u64) -> Option<Stamped> {
+        let deadline = self.bus.now_us() + 1_000 * ms;
+        self.bus.wait(deadline)
+    }
+
+    pub fn clear(&mut self) {
+        while self.bus.receive().is_some() {}
+    }
+
+    /// The value of a property, signed; `None` if no frame comes within so many ms. Any other frame than the answer is an error: these
+    /// hosts take the next frame for it.
+    pub fn get_within(&mut self, node: u16, property: u8, ms: u64) -> Option<i32> {
+        self.clear();
+        self.send(node, &[property]);
+        let frame = self.read(ms)?.frame;
+        let value = match *frame.data() {
+            [high, middle, low] if frame.raw_id() == 0x403 | node << 5 => {
+                // 22 bits, signed.
+                (i32::from_be_bytes([0, high, middle, low]) << 10) >> 10
+            }
+            [id, 0, a, b] if frame.raw_id() == 0x406 | node << 5 && id == 0x80 | property => {
+                i32::from(i16::from_le_bytes([a, b]))
+            }
+            [id, 0, a, b, c, d] if frame.raw_id() == 0x406 | node << 5 && id == 0x80 | property => {
+                i32::from_le_bytes([a, b, c, d])
+            }
+            _ => panic!("GET {property} of {node}: {frame:?}"),
+        };
+        Some(value)
+    }
+
+    pub fn get(&mut self, node: u16, property: u8) -> i32 {
+        self.get_within(node, property, 50).unwrap_or_else(|| panic!("GET {property} of {node}: no answer"))
+    }
+
+    pub fn get_all<const N: usize>(&mut self, nodes: [u16; N], property: u8) -> [i32; N] {
+        nodes.map(|node| self.get(node, property))
+    }
+
+    /// Asks the group once; the answers of its members by node.
+    pub fn get_group(&mut self, property: u8, members: &[u16]) -> Vec<i32> {
+        self.clear();
+        self.send(GROUP, &[property]);
+        let mut values = vec![None; members.len()];
+        for _ in members {
+            let frame = self.read(10).expect("an answer of each member").frame;
+            let &[id, 0, a, b] = frame.data() else { panic!("{frame:?}") };
+            assert_eq!((id, frame.raw_id() & 0x41F), (0x80 | property, 0x406), "{frame:?}");
+            let node = frame.raw_id() >> 5 & 31;
+            let place = members.iter().position(|&member| member == node).expect("a member");
+            values[place] = Some(i32::from(i16::from_le_bytes([a, b])));
+        }
+        values.into_iter().map(|value| value.expect("each once")).collect()
+    }
+}
