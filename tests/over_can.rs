@@ -11,17 +11,18 @@ use tater_wire::Node as Id;
 const OPTIONS: Options = Options { seed: 1, model: Model::Averaged, trace: false };
 
 pub(super) fn native(scenario: &Scenario, case: &Case, poll_ms: u32) -> BoardResult {
-    native_at(scenario, case, poll_ms, (1, 0), true)
+    native_at(scenario, case, poll_ms, (1, 0), false)
 }
 
-/// As [`native`], with another noise seed, another phase of the tick in the host's millisecond, us, and where the direction of
-/// the motor has not been `seen` since the board woke.
+/// As [`native`], with another noise seed, and another phase of the tick in the host's millisecond, us. `turned`: the board has
+/// seen its motor turn, as an emulated one has to; else it is told, as one without a bus, so that both know the rotor's place
+/// in its cell equally well.
 pub(super) fn native_at(
     scenario: &Scenario,
     case: &Case,
     poll_ms: u32,
     (seed, phase_us): (u64, u64),
-    seen: bool,
+    turned: bool,
 ) -> BoardResult {
     let node = Id::new(node_of(case.motor)).expect("a node");
     let options = Options { seed, ..OPTIONS };
@@ -30,8 +31,10 @@ pub(super) fn native_at(
     let job = Job { node, case: case.clone(), rig, judged: true };
     let mut host = OverCan::new(vec![(node, Node::new(SimBoard::new(at_first, node)))]);
     host.phase_us = phase_us;
-    let up = host.power_on().and_then(|()| host.wake());
-    if seen && scenario.rig.is_wired_as_standard() {
+    let mut up = host.power_on().and_then(|()| host.wake());
+    if turned && scenario.rig.is_wired_as_standard() {
+        up = up.and_then(|()| host.turn_once());
+    } else if scenario.rig.is_wired_as_standard() {
         host.bus_mut().station_mut(0).expect("one board").trust_direction();
     }
     let ran = up.and_then(|()| host.run(scenario, vec![job], poll_ms));

@@ -10,7 +10,7 @@ use hil_sim::bus::Station;
 use hil_sim::node::shipped_storage;
 use hil_sim::over_can::ObservedBoard;
 use hil_sim::rig::{Bridge, Rig};
-use tater_wire::memory::{MONITOR, STORAGE};
+use tater_wire::memory::{HEAT, MONITOR, RAM, STORAGE};
 use tater_wire::{Frame, Node};
 
 use crate::analog::FrontEnd;
@@ -440,6 +440,14 @@ impl ObservedBoard for Board {
 
     fn power_on(&mut self) {
         Self::power_on(self);
+    }
+
+    fn keep_heat(&mut self, word: u32) {
+        let at = (HEAT.start - RAM.start) as usize;
+        let bytes = self.machine.chip_mut().ram.get_mut(at..);
+        for (byte, kept) in bytes.into_iter().flatten().zip(word.to_le_bytes()) {
+            *byte = kept;
+        }
     }
 
     fn problem(&self) -> Option<String> {

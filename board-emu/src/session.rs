@@ -189,6 +189,9 @@ pub fn run(
         };
         let boards = jobs.iter().zip(rigs).map(board).collect();
         let mut host = bring_up(boards, programs, download && index == 0, attach)?;
+        if scenario.rig.is_wired_as_standard() {
+            host.turn_once()?;
+        }
         for place in 0..jobs.len() {
             if let Some(board) = host.bus_mut().station_mut(place) {
                 board.begin_figures();

@@ -42,6 +42,8 @@ pub const STACK: Area = Area { start: RAM.start, len: 8 * 1024 };
 pub const STATICS: Area = Area { start: STACK.end(), len: RAM.len - STACK.len - KEPT.len };
 /// Survives a reset: the reason for it. No program clears it at its start.
 pub const KEPT: Area = Area { start: RAM.end() - 16, len: 16 };
+/// The word of [`KEPT`] behind that reason: the application's model of the winding (decision 0051).
+pub const HEAT: Area = Area { start: KEPT.end() - 4, len: 4 };
 
 // Each area begins where the one before it ends: no overlap, no gap.
 const _: () = assert!(MONITOR.start == FLASH.start && APPLICATION.start == MONITOR.end());

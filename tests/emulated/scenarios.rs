@@ -25,7 +25,7 @@ const CHANCE: [&str; 2] = ["slow-crawl", "coast-low-ke"];
 /// Distance of an emulated run from the nearest native one, and spread of the native ones.
 fn apart(scenario: &Scenario, case: &Case, emulated: &Path) -> (Difference, Difference) {
     let natives: Vec<Path> =
-        NATIVES.into_iter().map(|native| native_at(scenario, case, POLL_MS, native, false).path).collect();
+        NATIVES.into_iter().map(|native| native_at(scenario, case, POLL_MS, native, true).path).collect();
     let nearest = natives.iter().map(|native| emulated.difference(native));
     let nearest = nearest.min_by(|a, b| a.counts.total_cmp(&b.counts)).expect("several");
     let pairs = natives.iter().flat_map(|a| natives.iter().map(|b| a.difference(b)));

@@ -10,6 +10,7 @@ mod download;
 mod requests;
 mod timeline;
 
+use tater_fw::tater::heat::COLD;
 use tater_wire::MotorKind;
 use tater_wire::{Destination, Message, Node as Id, Property};
 
@@ -43,6 +44,9 @@ pub trait ObservedBoard: Station {
     /// Powers the board's logic up.
     fn power_on(&mut self);
 
+    /// Writes the word of RAM that keeps the winding's heat over a reset.
+    fn keep_heat(&mut self, word: u32);
+
     /// Why the board has stopped for good, if it has: where, and the next step.
     fn problem(&self) -> Option<String> {
         None
@@ -68,6 +72,10 @@ impl ObservedBoard for Node {
 
     fn power_on(&mut self) {
         Self::power_on(self);
+    }
+
+    fn keep_heat(&mut self, word: u32) {
+        Self::keep_heat(self, word);
     }
 }
 
@@ -204,11 +212,17 @@ impl<S: ObservedBoard> OverCan<S> {
         Ok(())
     }
 
-    /// Sends STAT 2 to every board; waits until their applications run and have prepared their storage.
+    /// Sends STAT 2 to every board; waits until their applications run and have prepared their storage. Their motors have rested for
+    /// long: after a loss of power alone a board assumes that its winding has 100 °C (decision 0051).
     ///
     /// # Errors
     /// A board does not start, with its ERROR.
     pub fn wake(&mut self) -> Result<(), String> {
+        for index in 0..self.nodes.len() {
+            if let Some(station) = self.bus.station_mut(index) {
+                station.keep_heat(COLD);
+            }
+        }
         for node in self.nodes.clone() {
             self.set(node, Property::STAT, 2)?;
         }
@@ -216,6 +230,48 @@ impl<S: ObservedBoard> OverCan<S> {
             self.until(node, Property::STAT, 2, WAKE_US)?;
         }
         self.rest("first start", PREPARE_US)
+    }
+
+    /// Turns every motor by some counts and back, so that its board sees that the wiring is right: until then torque is limited
+    /// (decision 0047), and a scenario begins in the middle of use. The motors are then as before.
+    ///
+    /// # Errors
+    /// A motor does not turn, or a board has stopped for good.
+    pub fn turn_once(&mut self) -> Result<(), String> {
+        let rigs: Vec<Rig> = self.bus.stations().map(|station| station.rig().clone()).collect();
+        let mut starts = Vec::new();
+        for (node, rig) in self.nodes.clone().into_iter().zip(&rigs) {
+            let start = self.get(node, Property::P).unwrap_or(0);
+            let way = if rig.truth().counts < TURN as f64 { TURN } else { -TURN };
+            starts.push((node, start, start + way));
+            self.put(node, Property::MODE, 3)?;
+        }
+        self.rest("turning the motors", BRAKE_US)?;
+        for &(node, _, there) in &starts {
+            self.set(node, Property::P, there)?;
+        }
+        self.rest("turning the motors", TURN_US)?;
+        for &(node, start, _) in &starts {
+            self.set(node, Property::P, start)?;
+        }
+        self.rest("turning the motors", TURN_US)?;
+        for &(node, start, _) in &starts {
+            let found = self.get(node, Property::P);
+            if found.is_none_or(|found| found.abs_diff(start) > 1) {
+                return Err(format!(
+                    "node {}: P is {found:?} after a turn there and back, expected {start}\n  next: see decision 0047",
+                    node.number()
+                ));
+            }
+            self.put(node, Property::MODE, 0)?;
+        }
+        for (index, rig) in rigs.into_iter().enumerate() {
+            let now_us = self.bus.now_us();
+            if let Some(station) = self.bus.station_mut(index) {
+                *station.rig_mut() = rig.starting_at(now_us);
+            }
+        }
+        self.rest("turning the motors", SETTLE_US)
     }
 
     fn check(&self) -> Result<(), String> {
@@ -238,6 +294,16 @@ const WAKE_US: u64 = 10_000_000;
 
 /// Time for an application to prepare an erased storage, us: 8 pages of up to 40 ms, doubled.
 const PREPARE_US: u64 = 700_000;
+
+/// Counts that a motor turns before a scenario: an electrical revolution proves the direction.
+const TURN: i64 = 9;
+
+/// Times for a brake to release, and for the way there or back, us.
+const BRAKE_US: u64 = 100_000;
+const TURN_US: u64 = 400_000;
+
+/// Time in which a board follows a rotor that is put back by a count, us.
+const SETTLE_US: u64 = 300_000;
 
 /// Judges the results like [`crate::run()`]; returns the metrics not judged with their reasons.
 #[must_use]

@@ -172,6 +172,11 @@ impl Node {
         self.boot();
     }
 
+    /// Writes the word of RAM that a reset keeps.
+    pub fn keep_heat(&mut self, word: u32) {
+        self.board_mut().retain(word);
+    }
+
     /// The program hangs, with the bridge as it is, until the watchdog bites after `us`.
     pub fn hang(&mut self, us: u64) {
         let until_us = self.now_us + us;

@@ -6,7 +6,7 @@ use core::arch::naked_asm;
 use cortex_m_rt::{ExceptionFrame, exception};
 use stm32f1xx_hal::pac::{GPIOB, RCC, TIM1};
 use tater_wire::FaultCode;
-use tater_wire::memory::{KEPT, STACK};
+use tater_wire::memory::{HEAT, KEPT, STACK};
 
 use super::address::pointer;
 
@@ -19,21 +19,18 @@ const BRAKE: u32 = 1 << 5;
 /// Words of [`KEPT`]: the reason, its complement (RAM is anything after power-up), and where it happened.
 type Words = [u32; 3];
 
-/// The word of KEPT behind them: see [`retain`].
-const RETAINED: u32 = KEPT.start + 12;
-
-const _: () = assert!(RETAINED + 4 <= KEPT.end() && KEPT.start.is_multiple_of(4));
+const _: () = assert!(KEPT.start + 12 <= HEAT.start && KEPT.start.is_multiple_of(4));
 
 /// The word kept by [`retain`]; anything after power-up.
 pub fn retained() -> u32 {
     // SAFETY: the linker places nothing in KEPT, and every word is a value.
-    unsafe { pointer::<u32>(RETAINED).read_volatile() }
+    unsafe { pointer::<u32>(HEAT.start).read_volatile() }
 }
 
 /// Keeps a word over a reset.
 pub fn retain(word: u32) {
     // SAFETY: the linker places nothing in KEPT; a fatal error writes other words of it.
-    unsafe { pointer::<u32>(RETAINED).write_volatile(word) }
+    unsafe { pointer::<u32>(HEAT.start).write_volatile(word) }
 }
 
 fn kept() -> *mut Words {
