@@ -19,7 +19,7 @@ use crate::identity::{self, Identifying};
 use crate::storage::{Progress, Store};
 use check::Check;
 use copy::Copy;
-use download::{Download, Drain, DrainStep, Step};
+use download::{Download, Step};
 use heapless::Deque;
 use locked::Locked;
 use servo_core::sense::commutation::Bridge;
@@ -89,8 +89,6 @@ enum Phase {
     Idle,
     Check(Check, Then),
     Download(Download),
-    /// A download has been refused, and its host cannot know.
-    Drain(Drain),
     Copy(Copy),
     Forget,
     /// Leaves the monitor as soon as everything is stored.
@@ -152,15 +150,12 @@ impl<B: Board> Monitor<B> {
         // Node 0 is the host: a board without a node receives groups only, and sends nothing.
         let mine = self.node != Node::HOST && id.to == Destination::Node(self.node);
         let host = id.from == Node::HOST;
-        if mine && host {
-            let taken = match &mut self.phase {
-                Phase::Download(download) => download.take(frame.data(), now),
-                Phase::Drain(drain) => drain.take(frame.data(), now),
-                _ => false,
-            };
-            if taken {
-                return;
-            }
+        if mine
+            && host
+            && let Phase::Download(download) = &mut self.phase
+            && download.take(frame.data(), now)
+        {
+            return;
         }
         let heard = mine
             || matches!(id.to, Destination::Group(group)
@@ -191,6 +186,7 @@ impl<B: Board> Monitor<B> {
         self.flush();
     }
 
+    #[inline(never)]
     fn answer(&mut self, asker: Node, number: u8) {
         let answer = match number {
             VERS => Some((Property::VERS.rules(), VERSION)),
@@ -248,7 +244,7 @@ impl<B: Board> Monitor<B> {
                     None => self.obey(now),
                 }
             }
-            Phase::Download(_) | Phase::Drain(_) => self.phase = Phase::Forget,
+            Phase::Download(_) => self.phase = Phase::Forget,
             Phase::Check(..) | Phase::Copy(_) | Phase::Forget => {}
         }
     }
@@ -316,19 +312,12 @@ impl<B: Board> Monitor<B> {
                 Ok(Step::Ask(body)) => {
                     self.send(Message { from: self.node, to: Destination::Node(Node::HOST), body });
                 }
+                Ok(Step::Dropped) => self.phase = Phase::Forget,
                 Ok(Step::Whole(len)) => match Check::new(self.board.flash(), STAGING) {
                     Some(check) if check.len() == len => self.phase = Phase::Check(check, Then::Received),
                     _ => self.refuse(FaultCode::BadImage, now),
                 },
                 Err(error) => self.refuse(error, now),
-            },
-            Phase::Drain(drain) => match drain.step(now) {
-                DrainStep::Working => {}
-                DrainStep::Ask => {
-                    let body = Body::Get(VERS);
-                    self.send(Message { from: self.node, to: Destination::Node(Node::HOST), body });
-                }
-                DrainStep::Done => self.phase = Phase::Forget,
             },
             Phase::Copy(copy) => match copy.step(self.board.flash()) {
                 Ok(false) => {}
@@ -360,12 +349,15 @@ impl<B: Board> Monitor<B> {
         }
     }
 
+    #[inline(never)]
     fn refuse(&mut self, error: FaultCode, now: Micros) {
         self.fail(error);
-        self.phase = match &self.phase {
-            Phase::Download(download) if download.host_waits(error) => Phase::Drain(Drain::new(now)),
-            _ => Phase::Forget,
-        };
+        if let Phase::Download(download) = &mut self.phase
+            && download.refuse(error, now)
+        {
+            return;
+        }
+        self.phase = Phase::Forget;
     }
 
     /// The copy stays owed: the next SET STAT 2 or reset repeats it. A download overwrites staging, the only good image, only

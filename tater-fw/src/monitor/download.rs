@@ -38,6 +38,8 @@ pub(super) const DRAIN: Micros = Micros(1_800_000_000);
 pub(super) enum Step {
     Working,
     Ask(Body),
+    /// A refused download's host has finished.
+    Dropped,
     /// The termination record has arrived, and staging holds this many bytes, including gaps.
     Whole(u32),
 }
@@ -56,6 +58,8 @@ pub(super) struct Download {
     ring: Deque<u8, RING>,
     decoder: Decoder,
     ended: bool,
+    /// When it was refused.
+    refused: Option<Micros>,
     /// Bytes of the last record still to be written, in reverse, and the offset in staging of the next.
     bytes: Vec<u8, MAX_DATA>,
     at: u32,
@@ -70,61 +74,12 @@ const fn since(then: Micros, now: Micros) -> Micros {
     if since.0 < 1 << 31 { since } else { Micros(0) }
 }
 
-/// A character of an old host.
-const fn character(data: &[u8]) -> Option<u8> {
-    match *data {
-        [character @ b'0'..=0x7F] => Some(character),
-        _ => None,
-    }
-}
-
-/// The rest of a refused download from an old host, which sends its whole file, a character for each request, and waits for each
-/// request without a time limit (btutil): it is requested and dropped.
-#[derive(Debug)]
-pub(super) struct Drain {
-    begun: Micros,
-    heard: Micros,
-    /// Time of the last request that has not been answered.
-    asked: Option<Micros>,
-}
-
-#[derive(Debug, PartialEq, Eq)]
-pub(super) enum DrainStep {
-    Working,
-    Ask,
-    Done,
-}
-
-impl Drain {
-    pub(super) const fn new(now: Micros) -> Self {
-        Self { begun: now, heard: now, asked: None }
-    }
-
-    /// Returns whether a frame belongs to the download.
-    pub(super) const fn take(&mut self, data: &[u8], now: Micros) -> bool {
-        let taken = character(data).is_some();
-        if taken {
-            self.heard = now;
-            self.asked = None;
-        }
-        taken
-    }
-
-    pub(super) fn step(&mut self, now: Micros) -> DrainStep {
-        if since(self.heard, now).0 >= FINISHED.0 || since(self.begun, now).0 >= DRAIN.0 {
-            return DrainStep::Done;
-        }
-        if self.asked.is_some_and(|asked| since(asked, now).0 < REPEAT.0) {
-            return DrainStep::Working;
-        }
-        self.asked = Some(now);
-        DrainStep::Ask
-    }
-}
-
 impl Download {
-    /// Whether the host of a refused download waits for requests.
-    pub(super) fn host_waits(&self, error: FaultCode) -> bool {
+    /// A fault ends the download. Returns whether its host waits for requests: an old one sends its whole file, a character for each
+    /// request, without a time limit (btutil). Then the rest is requested and dropped.
+    pub(super) fn refuse(&mut self, error: FaultCode, now: Micros) -> bool {
+        self.refused = Some(now);
+        self.heard = now;
         !self.numbered && !self.ended && error != FaultCode::DownloadTimeout
     }
 
@@ -140,6 +95,7 @@ impl Download {
             ring: Deque::new(),
             decoder: Decoder::default(),
             ended: false,
+            refused: None,
             bytes: Vec::new(),
             at: 0,
             half: None,
@@ -161,9 +117,11 @@ impl Download {
             }
             return true;
         }
-        let Some(character) = character(data) else { return false };
-        // If it is lost, the record's checksum or length will not match.
-        let _ = self.ring.push_back(character);
+        let [character @ b'0'..=0x7F] = *data else { return false };
+        if self.refused.is_none() {
+            // If it is lost, the record's checksum or length will not match.
+            let _ = self.ring.push_back(character);
+        }
         self.taken(now);
         true
     }
@@ -176,12 +134,23 @@ impl Download {
         self.heard = now;
     }
 
+    #[inline(never)]
     pub(super) fn step<F: Flash>(&mut self, flash: &mut F, now: Micros) -> Result<Step, FaultCode> {
-        if since(self.heard, now).0 >= TIMEOUT.0 {
+        let silent = since(self.heard, now).0;
+        let quiet = self.awaited == 0 || since(self.last, now).0 >= REPEAT.0;
+        if let Some(refused) = self.refused {
+            return Ok(if silent >= FINISHED.0 || since(refused, now).0 >= DRAIN.0 {
+                Step::Dropped
+            } else if quiet {
+                Step::Ask(self.ask(now))
+            } else {
+                Step::Working
+            });
+        }
+        if silent >= TIMEOUT.0 {
             return Err(FaultCode::DownloadTimeout);
         }
         self.decode()?;
-        let quiet = self.awaited == 0 || since(self.last, now).0 >= REPEAT.0;
         if self.erased == 0 || self.erased.saturating_mul(PAGE) < self.end() {
             if quiet {
                 flash.erase(STAGING.page(self.erased)).map_err(|_| FaultCode::FlashWrite)?;

@@ -220,7 +220,7 @@ fn refused_download_of_a_host_that_never_ends_is_dropped_after_half_an_hour() {
     // A new order ends it at once.
     bench.set(3, 0, 0xAA);
     send_singly(&mut bench, b"X0");
-    assert!(matches!(bench.monitor.phase, Phase::Drain(_)));
+    assert!(matches!(bench.monitor.phase, Phase::Download(_)));
     bench.set(3, 0, 0xAA);
     let new = image(1024, 3);
     send_singly(&mut bench, &characters(&new));
