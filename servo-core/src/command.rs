@@ -1,7 +1,6 @@
 //! The servo's inputs and outputs: commands, sensor readings, drive, events and telemetry.
 
 use crate::config::Config;
-use crate::find::Trouble;
 use crate::guard::fault::{Fault, LimitCause};
 use crate::mode::Mode;
 use crate::sense::hall::Glitch;
@@ -61,7 +60,8 @@ pub enum Command {
     Terminate,
     /// Replaces the configuration, also during a motion; ACCEL, MV, MCV and MOV re-plan a move.
     Configure(Config),
-    /// FIND: learns how the motor is wired; a latched fault of the halls or the wiring does not forbid it.
+    /// FIND: takes field torques ([`crate::Servo::set_field`]) while the wiring is learned; a latched fault of the halls or the
+    /// wiring does not forbid it.
     Find,
     /// Clears a latched fault (STAT 2).
     ClearFault,
@@ -194,8 +194,6 @@ pub enum Event {
     Glitch(Glitch),
     /// HI is complete: zero is known.
     Homed,
-    /// FIND is complete: the wiring's number up to its mirror image, or why there is none.
-    Found(Result<u8, Trouble>),
 }
 
 /// The servo's readable state.

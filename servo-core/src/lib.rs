@@ -64,7 +64,6 @@
 
 pub mod command;
 pub mod config;
-pub mod find;
 pub mod guard;
 pub mod mode;
 pub mod motion;

@@ -6,10 +6,9 @@
 
 use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 use crate::config::{self, Config};
-use crate::find::{self, Find, Step};
 use crate::guard::arrival::{Arrival, arrived};
 use crate::guard::breakaway::Breakaway;
-use crate::guard::direction::{Direction, START, Verdict};
+use crate::guard::direction::{Direction, Verdict};
 use crate::guard::fault::{Condition, Fault, Faults};
 use crate::guard::limits::{AppliedTorque, TorqueEnvelope, TorqueLimiter};
 use crate::guard::stall::Stall;
@@ -23,7 +22,7 @@ use crate::motion::velocity_loop::VelocityLoop;
 use crate::num::{Law, TICK_HZ};
 use crate::sense::hall::{HallEdge, HallEvent};
 use crate::sense::velocity::Estimator;
-use crate::units::{Counts, CountsPerSec, Micros, MilliAmps, MilliVolts, Torque};
+use crate::units::{Counts, CountsPerSec, Micros, Torque};
 use heapless::Deque;
 
 #[cfg(test)]
@@ -163,10 +162,10 @@ enum Motion {
     Pressing { closing: bool },
     /// Mode 5: a move to E.
     Move { control: PositionLoop, profile: Profile, breakaway: Breakaway, arrival: Arrival },
+    /// FIND: the legs of one sector are held with this torque.
+    Field(Torque),
     /// HI, until the second contact with the stop. `way`: what the stage has ordered, in counts/s · ms; it bounds its time.
     Home { stage: Homing, way: u32 },
-    /// FIND.
-    Find(Find),
     /// HI, from the stop to zero.
     Zero { control: PositionLoop, profile: Profile, arrival: Arrival },
 }
@@ -181,7 +180,7 @@ impl Motion {
             Self::Velocity | Self::TorqueControlled { .. } | Self::Pressing { .. } | Self::Home { .. } => {
                 Mode::Velocity
             }
-            Self::Move { .. } | Self::Zero { .. } | Self::Find(_) => Mode::Trapezoidal,
+            Self::Move { .. } | Self::Zero { .. } | Self::Field(_) => Mode::Trapezoidal,
         }
     }
 
@@ -200,7 +199,7 @@ impl Motion {
             | Self::Move { .. }
             | Self::Home { .. }
             | Self::Zero { .. }
-            | Self::Find(_) => true,
+            | Self::Field(_) => true,
             Self::Idle | Self::Torque(_) | Self::Position(_) | Self::Velocity | Self::Pressing { .. } => {
                 false
             }
@@ -226,7 +225,7 @@ impl Motion {
             | Self::Velocity
             | Self::TorqueControlled { .. }
             | Self::Pressing { .. }
-            | Self::Find(_)
+            | Self::Field(_)
             | Self::Home { .. } => None,
         }
     }
@@ -254,7 +253,7 @@ struct Tuning {
 }
 
 impl Tuning {
-    fn new(config: Config) -> Self {
+    fn new(config: Config, limit: Torque) -> Self {
         let Config { mt, mv, mcv, mov, accel, kp, kd, ki, kpv, hsg, lsg, ihit, .. } = config;
         let (closing, opening) = (config::speed(mv.min(mcv)), config::speed(mv.min(mov)));
         Self {
@@ -263,8 +262,8 @@ impl Tuning {
             velocity_loop: VelocityLoop::new(kpv),
             strain: Window::new(hsg, lsg),
             ramps: MoveLimits { accel, closing, opening }.build(),
-            most: config::torque(mt),
-            homing_most: config::torque(ihit.min(mt)),
+            most: config::torque(mt).min(limit),
+            homing_most: config::torque(ihit.min(mt)).min(limit),
         }
     }
 
@@ -312,8 +311,6 @@ pub struct Servo {
     /// Whether the wiring and the direction of closing are known. HI is refused before.
     wired: bool,
     direction: Direction,
-    /// The hall lines and the bus current of the last tick, for FIND.
-    lines: (u8, MilliAmps),
     broke_away: Option<i32>,
     events: Deque<Event, EVENTS>,
 }
@@ -322,10 +319,9 @@ impl Servo {
     /// A servo in idle, at rest in the cell `count` of the hall decoder; that cell is position `count`.
     #[must_use]
     pub fn new(config: Config, count: i32) -> Self {
-        let mut tuning = Tuning::new(config);
-        tuning.limit(START);
+        let direction = Direction::at_rest(count);
         Self {
-            tuning,
+            tuning: Tuning::new(config, direction.limit()),
             motion: Motion::Idle,
             planned: false,
             estimator: Estimator::new(count),
@@ -343,8 +339,7 @@ impl Servo {
             ended: None,
             homed: false,
             wired: true,
-            direction: Direction::at_rest(count),
-            lines: (0, MilliAmps(0)),
+            direction,
             broke_away: None,
             events: Deque::new(),
         }
@@ -365,31 +360,46 @@ impl Servo {
     /// Takes another wiring. `known`: also its direction of closing; without it HI is refused.
     pub fn set_wired(&mut self, known: bool) {
         self.wired = known;
-        self.direction = Direction::at_rest(self.count);
-        self.tuning.limit(START);
+        self.set_direction(Direction::at_rest(self.count));
+    }
+
+    fn set_direction(&mut self, direction: Direction) {
+        self.direction = direction;
+        self.tuning.limit(direction.limit());
     }
 
     /// Marks the direction as seen to be right, as after the first counts: for tests of what comes later.
     pub fn trust_direction(&mut self) {
-        self.direction = Direction::Right;
-        self.tuning.limit(Torque(i16::MAX));
+        self.set_direction(Direction::Right);
     }
 
-    /// The hall lines and the bus current, which FIND needs beside a tick's.
-    pub const fn look(&mut self, halls: u8, current: MilliAmps) {
-        self.lines = (halls, current);
+    /// Sets the torque of FIND's field, from the next tick on, if its bridge is on; limits apply.
+    pub const fn set_field(&mut self, torque: Torque) {
+        if let Motion::Field(wanted) = &mut self.motion {
+            *wanted = torque;
+        }
     }
 
-    /// The sector whose legs FIND holds; `None` while the bridge follows the rotor.
+    /// Ends FIND; `found`: with a wiring.
+    pub fn end_field(&mut self, found: bool) {
+        if self.is_finding() {
+            let reason = if found { EndReason::Arrived } else { EndReason::Aborted };
+            self.idle();
+            self.ended = Some(reason);
+            self.report(Event::Ended { reason, mode: Mode::Idle });
+        }
+    }
+
+    /// Whether FIND's bridge is on.
     #[must_use]
-    pub fn held_sector(&self) -> Option<u8> {
-        if let Motion::Find(find) = &self.motion { Some(find.sector()) } else { None }
+    pub const fn has_field(&self) -> bool {
+        matches!(self.motion, Motion::Field(_))
     }
 
     /// Whether FIND is under way.
     #[must_use]
     pub const fn is_finding(&self) -> bool {
-        matches!(self.motion, Motion::Find(_) | Motion::Starting { goal: Goal::Find, .. })
+        matches!(self.motion, Motion::Field(_) | Motion::Starting { goal: Goal::Find, .. })
     }
 
     /// Sets what is known of the winding's heat, before the first tick.
@@ -514,6 +524,8 @@ impl Servo {
     ///
     /// # Errors
     /// Why the command was refused; nothing has changed then.
+    // Compiled with its caller, for size: it is not part of the tick.
+    #[inline]
     pub fn command(&mut self, command: Command) -> Result<(), Refusal> {
         self.check(&command)?;
         if command.moves() || matches!(command, Command::Mode(_) | Command::Abort | Command::Terminate) {
@@ -688,10 +700,7 @@ impl Servo {
             Motion::Zero { .. } => (shape(&config), config.ioff) != (shape(&old), old.ioff),
             _ => false,
         };
-        self.tuning = Tuning::new(config);
-        if !self.direction.is_right() {
-            self.tuning.limit(START);
-        }
+        self.tuning = Tuning::new(config, self.direction.limit());
         self.thermal.look_next();
         if reshaped {
             self.plan();
@@ -738,10 +747,11 @@ impl Servo {
                     return IDLE;
                 }
             }
-            Motion::Find(_) => return self.find(sense.bus),
+            // Counted by the wiring that is to be replaced.
+            Motion::Field(_) => self.velocity = CountsPerSec::ZERO,
             _ => {}
         }
-        if !self.direction.is_right() && self.watch_direction() {
+        if !self.direction.is_right() && self.watches(counted) && self.watch_direction() {
             self.applied = AppliedTorque::OFF;
             return Drive { duty: None, brake_released: true };
         }
@@ -758,6 +768,11 @@ impl Servo {
         self.drive()
     }
 
+    /// Whether this tick may change what is known of the direction.
+    fn watches(&self, counted: bool) -> bool {
+        !self.has_field() && (counted || !self.direction.is_settled())
+    }
+
     /// Returns whether the bridge must be open.
     #[inline(never)]
     fn watch_direction(&mut self) -> bool {
@@ -765,7 +780,7 @@ impl Servo {
             Verdict::Limit(limit) => self.tuning.limit(limit),
             // Without a known direction of closing the motor may be right in itself and yet the mirror image.
             Verdict::Right if self.wired => self.trust_direction(),
-            Verdict::Right => self.direction = Direction::at_rest(self.count),
+            Verdict::Right => self.set_direction(Direction::at_rest(self.count)),
             Verdict::Open => return true,
             Verdict::Wrong => {
                 self.faults.raise(Condition::WIRING);
@@ -773,28 +788,6 @@ impl Servo {
             }
         }
         false
-    }
-
-    /// One tick of FIND.
-    #[inline(never)]
-    fn find(&mut self, bus: MilliVolts) -> Drive {
-        let Motion::Find(find) = &mut self.motion else { return IDLE };
-        match find.step(self.lines.0, self.lines.1) {
-            Step::Hold(_, torque) => {
-                let most = self.thermal.most();
-                let envelope = self.limiter.envelope(Torque(find::MOST), most, CountsPerSec::ZERO, bus);
-                self.applied = envelope.bound(torque, self.applied.torque);
-                self.drive()
-            }
-            Step::Done(result) => {
-                let reason = if result.is_ok() { EndReason::Arrived } else { EndReason::Aborted };
-                self.idle();
-                self.ended = Some(reason);
-                self.report(Event::Found(result));
-                self.report(Event::Ended { reason, mode: Mode::Idle });
-                IDLE
-            }
-        }
     }
 
     /// Halls → position and velocity. Returns whether the count changed.
@@ -837,8 +830,7 @@ impl Servo {
     #[inline(never)]
     fn start(&mut self, goal: Goal) -> bool {
         if !self.direction.is_right() && self.applied == AppliedTorque::OFF {
-            self.direction = Direction::at_rest(self.count);
-            self.tuning.limit(START);
+            self.set_direction(Direction::at_rest(self.count));
         }
         let position = self.position;
         // Each arm assigns, so that a profile is written in place.
@@ -853,7 +845,10 @@ impl Servo {
                 // A hold's torque would hide that the motion must rest.
                 self.applied = AppliedTorque::OFF;
             }
-            Goal::Find => self.motion = Motion::Find(Find::at(self.count)),
+            Goal::Find => {
+                self.motion = Motion::Field(Torque::ZERO);
+                self.set_direction(Direction::standing(self.count));
+            }
             Goal::TorqueControlled { closing } => self.motion = Motion::TorqueControlled { closing },
             Goal::SeekStop => self.motion = Motion::Home { stage: Homing::Seek, way: 0 },
             Goal::Move { pid } => {
@@ -899,7 +894,8 @@ impl Servo {
     /// Includes the damping that the control law lacks.
     fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
         let (torque, missing) = match self.motion {
-            Motion::Idle | Motion::Starting { .. } | Motion::Find(_) => (Torque::ZERO, Law::ZERO),
+            Motion::Idle | Motion::Starting { .. } => (Torque::ZERO, Law::ZERO),
+            Motion::Field(wanted) => (wanted, Law::ZERO),
             Motion::Torque(wanted) => (wanted, MIN_DAMPING),
             Motion::Velocity
             | Motion::TorqueControlled { .. }
@@ -966,7 +962,7 @@ impl Servo {
             Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
                 control.setpoint.velocity
             }
-            Motion::Idle | Motion::Starting { .. } | Motion::Torque(_) | Motion::Find(_) => {
+            Motion::Idle | Motion::Starting { .. } | Motion::Torque(_) | Motion::Field(_) => {
                 CountsPerSec::ZERO
             }
         }
@@ -992,13 +988,16 @@ impl Servo {
 
     /// Ends the motion if a condition for that is met. Returns whether it ended.
     fn check_end(&mut self, counted: bool, sense: &Sense) -> bool {
+        // Nothing is starting here, and each comparison counts.
+        let homes = matches!(self.motion, Motion::Home { .. } | Motion::Zero { .. });
+        let tstop = if homes { self.tstop() } else { self.tuning.config.tstop };
         let stalled = if counted {
             self.stall.count();
             false
         } else if let Some(closing) = self.drives() {
-            self.stall.drive(closing, self.tstop())
+            self.stall.drive(closing, tstop)
         } else {
-            self.stall.rest(self.tstop());
+            self.stall.rest(tstop);
             false
         };
         let reason = match &self.motion {
@@ -1014,7 +1013,7 @@ impl Servo {
             Motion::Pressing { .. } => return false,
             Motion::Idle
             | Motion::Starting { .. }
-            | Motion::Find(_)
+            | Motion::Field(_)
             | Motion::Torque(_)
             | Motion::Position(_)
             | Motion::Velocity
@@ -1107,7 +1106,7 @@ impl Servo {
     /// The direction in which the motor is driven away from rest, `true` closing, so that a missing hall count is a stall.
     fn drives(&self) -> Option<bool> {
         match &self.motion {
-            Motion::Idle | Motion::Starting { .. } | Motion::Find(_) => None,
+            Motion::Idle | Motion::Starting { .. } | Motion::Field(_) => None,
             Motion::Torque(wanted) => direction(i32::from(wanted.0)),
             // These run until something stops them, however little torque a low gain asks for.
             Motion::TorqueControlled { closing } | Motion::Pressing { closing } => Some(*closing),

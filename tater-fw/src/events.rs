@@ -9,6 +9,7 @@ use servo_core::units::Micros;
 use tater_wire::Property;
 
 use crate::board::FlashError;
+use crate::find::Trouble;
 use crate::set_error::SetError;
 
 /// Entries kept; a new one drops the oldest.
@@ -36,6 +37,8 @@ pub enum BoardEvent {
     Mode(Mode),
     /// The servo's report: the end of a motion, a fault (a lost host is one), a breakaway, a hall glitch, homed.
     Motor(Event),
+    /// FIND is complete: the wiring's number up to its mirror image, or why there is none.
+    Found(Result<u8, Trouble>),
     /// The flash failed, which is ERROR 8 until SET STAT 2.
     Flash(FlashError),
 }

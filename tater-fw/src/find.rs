@@ -21,12 +21,13 @@
 //! The rotation reverses [`REACH`] cells from the start, and where the rotor does not follow: at a stop. What it learns is
 //! right up to the mirror image, which nothing on the board can see (decision 0046).
 
-use crate::sense::wiring::Wiring;
-use crate::units::{MilliAmps, Torque};
 use core::cmp::Ordering;
+use servo_core::guard::direction;
+use servo_core::sense::wiring::Wiring;
+use servo_core::units::{MilliAmps, Torque};
 
-/// Largest torque. Friction of 63 units, 30 % more of it, and 30 % less torque an ampere with 30 % more resistance need 152.
-pub const MOST: i16 = 172;
+/// Largest torque.
+const MOST: i16 = direction::MOST.0;
 
 /// Rise of the torque a ms, at first and after `FAST` rotations without a result: a rotor that slides while the torque rises fast
 /// passes the boundary that should hold it, and two neighbors score the same.
@@ -72,6 +73,10 @@ const STEPS: u8 = 100;
 /// Bus current at `MOST`, below which a phase is open: 250 mA are expected of the highest resistance, after dead time.
 const OPEN_MA: i16 = 60;
 
+/// Least torque that moves a resting rotor: friction of 63 units less 30 %, with 30 % more torque an ampere and 30 % less resistance,
+/// is 24. Below it the rotor still moves from the vector before.
+const STARTS: i16 = 24;
+
 /// Legs of the vectors 0 to 2 and again 3 to 5, a bit each.
 const LEGS: [u8; 3] = [0b011, 0b101, 0b110];
 
@@ -105,8 +110,8 @@ pub enum Trouble {
 pub enum Step {
     /// Hold the legs of this sector with this torque.
     Hold(u8, Torque),
-    /// The wiring's number, or why there is none.
-    Done(Result<u8, Trouble>),
+    /// The wiring up to its mirror image, or why there is none.
+    Done(Result<Wiring, Trouble>),
 }
 
 /// The cell in which the rotor is, and the lines (a bit each, 0 unknown) that change at its two boundaries.
@@ -155,16 +160,15 @@ impl Ring {
         true
     }
 
-    /// The wiring if cell 0 is sector 0 at `origin`, and sectors rise with the cells or fall.
-    fn wiring(mut self, origin: i32, sense: i32) -> Option<Wiring> {
-        let mut codes = [0; 6];
-        for _ in 0..6 {
-            let sector = (sense * (i32::from(self.cell) - origin)).rem_euclid(6);
-            *codes.get_mut(usize::try_from(sector).ok()?)? = self.code;
+    /// Whether a wiring has these codes, if cell 0 is sector 0 at `origin`, and sectors rise with the cells or fall.
+    fn is_of(mut self, wiring: &Wiring, origin: i8, sense: i8) -> bool {
+        (0..6).all(|_| {
+            let sector = (sense * (self.cell - origin)).rem_euclid(6);
+            let fits = wiring.sector(self.code) == u8::try_from(sector).ok();
             self.code ^= self.above;
             self.up();
-        }
-        Wiring::new(codes)
+            fits
+        })
     }
 }
 
@@ -256,7 +260,7 @@ impl Find {
 
     /// The sector whose legs are held.
     #[must_use]
-    pub fn sector(&self) -> u8 {
+    fn sector(&self) -> u8 {
         u8::try_from(self.vector.rem_euclid(6)).unwrap_or(0)
     }
 
@@ -299,7 +303,9 @@ impl Find {
             self.diagnosis = Some(DIAGNOSIS);
         }
         self.score(before);
-        self.fed |= self.legs();
+        if self.torque >= STARTS {
+            self.fed |= self.legs();
+        }
         self.changed = true;
         self.cap = (self.torque / 2 * MARGIN).clamp(RATE, MOST);
         self.torque = 0;
@@ -324,7 +330,7 @@ impl Find {
 
     /// The rotor has settled: learns from it and takes the next vector. Returns the end.
     #[inline(never)]
-    fn settle(&mut self, current: MilliAmps) -> Option<Result<u8, Trouble>> {
+    fn settle(&mut self, current: MilliAmps) -> Option<Result<Wiring, Trouble>> {
         if !self.changed && current.0.saturating_abs() >= OPEN_MA {
             self.fed |= self.legs();
         } else if !self.changed {
@@ -337,8 +343,8 @@ impl Find {
         if let Some(left) = &mut self.diagnosis {
             *left = left.saturating_sub(1);
         }
-        if let Some(number) = self.learned() {
-            return Some(Ok(number));
+        if let Some(wiring) = self.learned() {
+            return Some(Ok(wiring));
         }
         let silent = self.lines.changes == 0 && self.steps >= SILENT;
         if silent || self.starved >= SILENT / 2 || self.diagnosis == Some(0) || self.steps >= STEPS {
@@ -359,7 +365,7 @@ impl Find {
     }
 
     /// The wiring that leads the others.
-    fn learned(&self) -> Option<u8> {
+    fn learned(&self) -> Option<Wiring> {
         if self.lines.high & self.lines.low != 7 || self.diagnosis.is_some() {
             return None;
         }
@@ -375,7 +381,8 @@ impl Find {
             return None;
         }
         let sense = if number < 6 { 1 } else { -1 };
-        self.ring.wiring(number % 6, sense).map(|wiring| wiring.number())
+        let mut wirings = (0..Wiring::RELATIONS).filter_map(Wiring::from_number);
+        wirings.find(|wiring| self.ring.is_of(wiring, number % 6, sense))
     }
 
     /// The next vector, in the other rotation where this one has been followed, goes too far or is not followed.

@@ -37,6 +37,8 @@ pub mod codes;
 #[forbid(unsafe_code)]
 pub mod events;
 #[forbid(unsafe_code)]
+pub mod find;
+#[forbid(unsafe_code)]
 mod identity;
 #[forbid(unsafe_code)]
 mod lock;

@@ -160,15 +160,6 @@ impl Writing {
     }
 }
 
-/// The hot mark in the flash.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Mark {
-    Hot,
-    Cool,
-    /// It may read either way: it is being removed, or could not be written.
-    Unsure,
-}
-
 /// The stored copies in RAM, and where the flash is.
 #[derive(Debug)]
 pub struct Store {
@@ -180,9 +171,10 @@ pub struct Store {
     stored_counters: Counters,
     /// The counters are stored by their least growth, once.
     counters_due: bool,
-    /// The wanted hot mark, and the one in the flash.
+    /// The wanted hot mark, and the one in the flash; `None` if that may read either way: it is being removed, or could not be
+    /// written.
     hot: bool,
-    mark: Mark,
+    stored_hot: Option<bool>,
     /// The hall code at P, if that may be trusted.
     trusted: Option<u8>,
     /// Address of the mark in the flash that grants this trust, or might be read so.
@@ -206,7 +198,7 @@ impl Store {
             stored_counters: Counters::default(),
             counters_due: false,
             hot: false,
-            mark: Mark::Cool,
+            stored_hot: Some(false),
             trusted: None,
             live: None,
             obsolete: None,
@@ -233,7 +225,7 @@ impl Store {
             self.pages.ends_at(flash, end);
         }
         self.stored_counters = self.counters;
-        self.mark = if self.hot { Mark::Hot } else { Mark::Cool };
+        self.stored_hot = Some(self.hot);
     }
 
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
@@ -379,15 +371,15 @@ impl Store {
     /// Queues the hot mark, one half-word; or its removal.
     pub fn set_hot(&mut self, hot: bool) {
         self.hot = hot;
-        if !hot && self.mark == Mark::Hot {
-            self.mark = Mark::Unsure;
+        if !hot && self.stored_hot == Some(true) {
+            self.stored_hot = None;
         }
     }
 
     /// Whether the flash has the hot mark, and keeps it over a loss of power.
     #[must_use]
     pub fn is_hot(&self) -> bool {
-        self.hot && self.mark == Mark::Hot
+        self.hot && self.stored_hot == Some(true)
     }
 
     /// Performs one flash operation, if one is due: programs a half-word, or erases a page if `may_erase` (bridge off).
@@ -453,10 +445,10 @@ impl Store {
         } else if self.pages.mark(flash)? {
         } else if let Some(word) = self.mark_due() {
             let Some((page, at)) = self.pages.room(1) else { return self.begin(flash, may_erase) };
-            self.mark = Mark::Unsure;
+            self.stored_hot = None;
             flash.program(page.address(at), word.encode()).inspect_err(|_| self.pages.fail(page))?;
             self.pages.add(1);
-            self.mark = if self.hot { Mark::Hot } else { Mark::Cool };
+            self.stored_hot = Some(self.hot);
         } else if !self.changed.is_empty() {
             return self.begin(flash, may_erase);
         } else if let Some(word) = self.due() {
@@ -475,11 +467,8 @@ impl Store {
     }
 
     fn mark_due(&self) -> Option<Word> {
-        match (self.hot, self.mark) {
-            (true, Mark::Cool | Mark::Unsure) => Some(Word::HOT),
-            (false, Mark::Hot | Mark::Unsure) => Some(Word::COOL),
-            (true, Mark::Hot) | (false, Mark::Cool) => None,
-        }
+        let word = if self.hot { Word::HOT } else { Word::COOL };
+        (self.stored_hot != Some(self.hot)).then_some(word)
     }
 
     fn due(&self) -> Option<Word> {
@@ -576,7 +565,7 @@ impl Store {
         }
         let (head, end) = (writing.head, writing.end());
         if head.complete {
-            self.mark = if writing.hot { Mark::Hot } else { Mark::Cool };
+            self.stored_hot = Some(writing.hot);
             self.pages.turn(writing.page, end);
         } else {
             self.pages.add(end - writing.at);

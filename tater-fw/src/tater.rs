@@ -275,6 +275,9 @@ impl<B: Board> Tater<B> {
         if analog.bridge_fault {
             self.servo.bridge_fault();
         }
+        if matches!(self.finding, Finding::Learning(_)) {
+            self.step_find(analog.current);
+        }
         let mut drive = self.servo.tick(&Sense {
             now,
             bus: analog.bus,
@@ -294,9 +297,6 @@ impl<B: Board> Tater<B> {
         }
         self.standstill_ms = if drive == OFF { self.standstill_ms.saturating_add(1) } else { 0 };
         self.drive = drive;
-        if self.finding == Finding::Learning {
-            self.follow_find();
-        }
         self.commutator.set(drive.duty);
         self.board.bridge(self.commutator.bridge());
         self.board.brake(drive.brake_released);
@@ -868,7 +868,6 @@ impl<B: Board> Tater<B> {
                     let _ = self.answer(Node::HOST, Property::BD, 1);
                 }
             }
-            Event::Found(found) => self.wiring_found(found),
             Event::Ended { .. } | Event::Fault(_) | Event::Glitch(_) | Event::Homed => {}
         }
         self.record(BoardEvent::Motor(event));

@@ -70,6 +70,8 @@ fn board_text(event: &BoardEvent) -> String {
         }
         BoardEvent::Mode(mode) => format!("mode {}", mode_word(*mode)),
         BoardEvent::Motor(event) => motor_text(event),
+        BoardEvent::Found(Ok(number)) => format!("found wiring {number}"),
+        BoardEvent::Found(Err(trouble)) => format!("found no wiring: {trouble:?}"),
         BoardEvent::Flash(error) => format!("flash: {error:?}"),
     }
 }
@@ -83,8 +85,6 @@ pub(crate) fn motor_text(event: &servo_core::Event) -> String {
         Event::Fault(fault) => format!("fault: {}", fault_word(*fault)),
         Event::Glitch(glitch) => format!("glitch: {glitch:?}"),
         Event::Homed => "homed".to_owned(),
-        Event::Found(Ok(number)) => format!("found wiring {number}"),
-        Event::Found(Err(trouble)) => format!("found no wiring: {trouble:?}"),
     }
 }
 

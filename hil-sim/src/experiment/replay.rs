@@ -12,8 +12,8 @@ use std::path::Path;
 
 use crate::experiment::input::BadInput;
 
-/// Codes of sectors 0..5 of the recorded motors: the hand's wiring, counted from another sector.
-const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
+/// The wiring of the recorded motors: the hand's, whose codes are 2, 6, 4, 5, 1, 3, counted from two sectors before.
+const WIRING: u8 = 2;
 
 const SYNC: u8 = 0x5A;
 
@@ -170,7 +170,7 @@ pub fn readings<const N: usize>(
     rate_hz: u32,
     reading: fn(&mut Estimator<N>, Micros) -> (Counts, CountsPerSec),
 ) -> Vec<(f64, f64)> {
-    let Some(wiring) = Wiring::new(CODES) else { return Vec::new() };
+    let Some(wiring) = Wiring::from_number(WIRING) else { return Vec::new() };
     let first = codes.first().copied().unwrap_or(0);
     let mut halls = HallDecoder::new(wiring, first, 0);
     let mut estimator = Estimator::<N>::new(0);
@@ -197,6 +197,8 @@ pub fn readings<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const CODES: [u8; 6] = [1, 3, 2, 6, 4, 5];
 
     fn capture(samples: usize) -> Vec<u8> {
         (0..samples).flat_map(|i| [0x5A, CODES[i / 20 % 6], 0]).collect()

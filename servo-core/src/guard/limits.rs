@@ -130,7 +130,7 @@ impl TorqueLimiter {
         let emf = emf(velocity);
         let within = |torque: i32| torque.max(-most).min(most);
         let high = within(volts - emf);
-        let low = within(-volts - emf);
+        let low = within(-(volts + emf));
         TorqueEnvelope { most, mt, thermal, current, low, high, volts, emf, bus }
     }
 }
@@ -191,6 +191,27 @@ impl TorqueEnvelope {
     pub fn bound(&self, wanted: Torque, previous: Torque) -> AppliedTorque {
         let mut torque = i32::from(wanted.0);
         let mut limit = None;
+        let is_free = torque < self.high
+            && torque > self.low
+            && (-supply::FREE..=supply::FREE).contains(&torque)
+            && self.bus <= supply::RETURN_FROM;
+        if !is_free {
+            // A copy, so that the limits stay in registers otherwise.
+            (torque, limit) = { *self }.limited(torque, previous);
+        }
+        // A unit is 23.4375 mV, and 2703 × 23.4375 × 32768 would pass 2^31; a quarter of it does not. The quarter is rounded up
+        // so that the duty stays within its limit.
+        let volts = torque + self.emf;
+        let quarter = (i32::from(self.bus.0).max(1_000) + 3) / 4;
+        let bits = volts * 192_000 / quarter;
+        let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
+        AppliedTorque { duty, torque, limit }
+    }
+
+    /// The nearest torque within all limits, and what limits it.
+    #[inline(never)]
+    fn limited(self, mut torque: i32, previous: Torque) -> (i32, Option<LimitCause>) {
+        let mut limit = None;
         // Inside the range the voltage is within its limit too.
         if torque >= self.high || torque <= self.low {
             torque = torque.max(self.low).min(self.high);
@@ -208,17 +229,10 @@ impl TorqueEnvelope {
         if self.bus > supply::RETURN_FROM {
             (torque, limit) = self.without_return(torque).unwrap_or((torque, limit));
         }
-        // A unit is 23.4375 mV, and 2703 × 23.4375 × 32768 would pass 2^31; a quarter of it does not. The quarter is rounded up
-        // so that the duty stays within its limit.
-        let volts = torque + self.emf;
-        let quarter = (i32::from(self.bus.0).max(1_000) + 3) / 4;
-        let bits = volts * 192_000 / quarter;
-        let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
-        AppliedTorque { duty, torque, limit }
+        (torque, limit)
     }
 
     /// The torque and its limit if it would load the supply too suddenly.
-    #[inline(never)]
     fn risen(&self, torque: i32, previous: Torque) -> Option<(i32, Option<LimitCause>)> {
         let risen = supply::risen(torque, previous.0.into());
         // Braking loads no supply, however hard; nor does the voltage that the EMF lacks.
@@ -227,7 +241,6 @@ impl TorqueEnvelope {
     }
 
     /// The torque and its limit if it would raise the bus voltage further: more braking, at a lower duty.
-    #[inline(never)]
     fn without_return(&self, torque: i32) -> Option<(i32, Option<LimitCause>)> {
         let volts = torque + self.emf;
         let allowed = supply::without_return(volts, torque, self.bus);

@@ -9,6 +9,9 @@
 /// A set-point that creeps gets no more than this.
 const LEAD_MS: u16 = 10;
 
+/// A rest that has cleared the times: longer changes nothing.
+const RESTED: u32 = u32::MAX;
+
 /// The stall timer. A tick of 1 ms is one call of [`Stall::count`], [`Stall::drive`] or [`Stall::rest`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
@@ -44,9 +47,13 @@ impl Stall {
     /// creeps (ACCEL 1 needs 1.4 s for its first count), which is no obstacle. The timer pauses.
     #[inline]
     pub fn rest(&mut self, tstop: u16) {
+        if self.rest_ms == RESTED {
+            return;
+        }
         self.lead_ms = self.lead_ms.saturating_sub(1);
         self.rest_ms = self.rest_ms.saturating_add(1);
-        if self.rest_ms >= u32::from(tstop) {
+        if self.rest_ms >= u32::from(tstop) && self.lead_ms == 0 {
+            self.rest_ms = RESTED;
             self.opening_ms = self.opening_ms.min(LEAD_MS.into());
             self.closing_ms = self.closing_ms.min(LEAD_MS.into());
         }

@@ -294,6 +294,7 @@ impl Slope {
 
     /// Time is v·2²⁰/ACCEL² (v < 2³, so the shift stays below 2⁵⁵), rounded down; distance is half of its product with the
     /// velocity, below 2⁵⁷.
+    #[inline(never)]
     fn ramp(self, velocity: u64) -> Ramp {
         let time = divide(velocity << 20, self.accel_squared);
         Ramp { velocity, time, distance: mul_q32(velocity, time) >> 1 }

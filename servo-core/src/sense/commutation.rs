@@ -60,15 +60,12 @@ const SWAPPED: [[Leg; 3]; 9] = {
 /// legs, as in the opposite sector. A duty of zero short-circuits the two phases.
 #[must_use]
 pub fn bridge(sector: Option<u8>, duty: Option<Duty>) -> Bridge {
-    by(&POSITIVE, sector, duty)
+    by(&POSITIVE, sector.unwrap_or(NONE), duty)
 }
 
 #[inline]
-fn by(vectors: &[[Leg; 3]; 9], sector: Option<u8>, duty: Option<Duty>) -> Bridge {
-    let (Some(sector), Some(duty)) = (sector, duty) else { return Bridge::Off };
-    if sector >= 6 {
-        return Bridge::Off;
-    }
+fn by(vectors: &[[Leg; 3]; 9], sector: u8, duty: Option<Duty>) -> Bridge {
+    let Some(duty) = duty.filter(|_| sector < NONE) else { return Bridge::Off };
     let opposite = if duty < Duty::ZERO { 3 } else { 0 };
     match vectors.get(usize::from(sector) + opposite) {
         Some(&legs) => Bridge::On { legs, duty: Duty(duty.0.saturating_abs()) },
@@ -82,23 +79,31 @@ pub struct Commutator {
     halls: HallDecoder,
     vectors: &'static [[Leg; 3]; 9],
     duty: Option<Duty>,
-    /// The sector whose legs FIND holds, wherever the rotor is.
-    held: Option<u8>,
+    /// Whether FIND holds the legs of a sector wherever the rotor is.
+    held: bool,
+    /// The sector of the bridge: the rotor's trusted one or the held one; [`NONE`] before the first valid code.
+    sector: u8,
 }
+
+/// No sector: 0 to 5 are some.
+const NONE: u8 = 6;
 
 impl Commutator {
     /// A commutator with the bridge off, whose lines read `code` at hall count `count`.
     #[must_use]
+    #[inline(never)]
     pub fn new(wiring: Wiring, code: u8, count: i32) -> Self {
         let vectors = if wiring.swaps_phases() { &SWAPPED } else { &POSITIVE };
-        Self { halls: HallDecoder::new(wiring, code, count), vectors, duty: None, held: None }
+        let halls = HallDecoder::new(wiring, code, count);
+        Self { halls, vectors, duty: None, held: false, sector: halls.sector().unwrap_or(NONE) }
     }
 
     /// The bridge for `code` if a sample of it moves the rotor on: [`Self::bridge`] after [`Self::sample`], without the time of
     /// a sample. `None` if it does not, or if it is the first valid code.
     #[must_use]
     pub fn ahead(&self, code: u8, at: Micros) -> Option<Bridge> {
-        self.halls.ahead(code, at).map(|sector| by(self.vectors, self.held.or(Some(sector)), self.duty))
+        let sector = self.halls.ahead(code, at)?;
+        Some(by(self.vectors, if self.held { self.sector } else { sector }, self.duty))
     }
 
     /// Whether one more sample of `code` would change nothing.
@@ -117,7 +122,11 @@ impl Commutator {
 
     /// One sample of the lines: at each of their changes, and at each control tick before the servo's.
     pub fn sample(&mut self, code: u8, at: Micros) -> Option<HallEvent> {
-        self.halls.sample(code, at)
+        let event = self.halls.sample(code, at);
+        if !self.held {
+            self.follow();
+        }
+        event
     }
 
     /// The signed duty of the control tick; `None` switches the bridge off.
@@ -126,14 +135,22 @@ impl Commutator {
     }
 
     /// Holds the legs of a sector wherever the rotor is, as FIND needs it; `None` follows the rotor.
-    pub const fn hold(&mut self, sector: Option<u8>) {
-        self.held = sector;
+    pub fn hold(&mut self, sector: Option<u8>) {
+        self.held = sector.is_some();
+        match sector {
+            Some(sector) => self.sector = sector,
+            None => self.follow(),
+        }
+    }
+
+    fn follow(&mut self) {
+        self.sector = self.halls.sector().unwrap_or(NONE);
     }
 
     /// The present bridge. It follows the trusted sector, so a glitch does not reach the motor.
     #[must_use]
     pub fn bridge(&self) -> Bridge {
-        by(self.vectors, self.held.or(self.halls.sector()), self.duty)
+        by(self.vectors, self.sector, self.duty)
     }
 
     /// The hall count.

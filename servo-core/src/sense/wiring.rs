@@ -5,103 +5,79 @@
 //! has a mirror image, in which the same motor runs the other way and counts the other way: nothing on the board can tell
 //! the two apart (decision 0046).
 
-/// Lines that differ between opposite sectors: all.
-const ALL_LINES: u8 = 7;
-
-/// Codes of sectors 0..5 of the hand's motors (decision 0003).
+/// Codes of sectors 0..5 of the hand's motors (decision 0003). Those of odd sectors have two lines high.
 const STANDARD: [u8; 6] = [2, 6, 4, 5, 1, 3];
 
 /// Sectors of an electrical revolution.
 const SECTORS: u8 = 6;
 
+/// The sector of a code that does not occur.
+const NONE: u8 = 0xF;
+
 /// The wiring of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wiring {
-    sectors: [Option<u8>; 8],
-    codes: [u8; 6],
+    /// See [`Self::from_number`].
+    number: u8,
     /// Bit set of the codes that a rising line leads to.
     two_high: u8,
-    swapped: bool,
+    /// The sector of each code, in four bits each.
+    sectors: u32,
 }
 
 impl Wiring {
     /// Wirings that differ, mirror images included.
     pub const NUMBERS: u8 = 96;
 
-    /// The wiring that the hand's boards are shipped with.
-    pub const STANDARD: Self = Self {
-        sectors: [None, Some(4), Some(0), Some(5), Some(2), Some(3), Some(1), None],
-        codes: STANDARD,
-        two_high: 0b0110_1000,
-        swapped: false,
-    };
+    /// Wirings that differ but for the mirror image: the numbers below interchange no phases.
+    pub const RELATIONS: u8 = 48;
 
-    /// Wiring with these codes of sectors 0 to 5. `None` unless neighbors, the last and the first included, differ in one line
-    /// and opposite sectors in all three, as those of three sensors 120° apart do.
-    #[must_use]
-    pub fn new(codes: [u8; 6]) -> Option<Self> {
-        let mut sectors = [None; 8];
-        let [a, b, c, d, e, f] = codes;
-        let opposite = a ^ d == ALL_LINES && b ^ e == ALL_LINES && c ^ f == ALL_LINES;
-        let mut previous = f;
-        for (code, sector) in codes.into_iter().zip(0..) {
-            if (code ^ previous).count_ones() != 1 {
-                return None;
-            }
-            let slot = sectors.get_mut(usize::from(code))?;
-            if slot.replace(sector).is_some() {
-                return None;
-            }
-            previous = code;
-        }
-        // Of the two codes that do not occur, the one with at most one line high names the inverted line.
-        let inverted = [0, 1, 2, 4].into_iter().find(|code| !codes.contains(code))?;
-        let mut two_high = 0;
-        for code in codes {
-            if (code ^ inverted).count_ones() == 2 {
-                two_high |= 1 << code;
-            }
-        }
-        opposite.then_some(Self { sectors, codes, two_high, swapped: false })
-    }
+    /// The wiring that the hand's boards are shipped with.
+    pub const STANDARD: Self = Self { number: 0, two_high: 0b0110_1000, sectors: 0xF132_504F };
 
     /// The wiring of a number below [`Self::NUMBERS`]: the sector of the first standard code, plus 6 if the codes come in the
     /// reversed order, plus 12 for each way of inverting a line (none, line 0, 1, 2), plus 48 if phases B and C are interchanged.
     #[must_use]
+    #[inline(never)]
     pub fn from_number(number: u8) -> Option<Self> {
         if number >= Self::NUMBERS {
             return None;
         }
-        let (first, reversed, swapped) = (number % 6, !(number / 6).is_multiple_of(2), number >= 48);
+        let (first, reversed) = (number % SECTORS, number / SECTORS % 2 != 0);
         let inverted = (1 << (number / 12 % 4)) >> 1;
-        let mut codes = [0; 6];
-        for (code, sector) in STANDARD.into_iter().zip(0..) {
-            let step = if reversed { SECTORS - sector } else { sector };
-            *codes.get_mut(usize::from((first + step) % SECTORS))? = code ^ inverted;
+        let (mut two_high, mut sectors) = (0, u32::MAX);
+        let mut sector = first;
+        for (code, is_odd) in STANDARD.into_iter().zip([false, true].into_iter().cycle()) {
+            let code = code ^ inverted;
+            two_high |= u8::from(is_odd) << code;
+            sectors ^= u32::from(NONE ^ sector) << (4 * code);
+            sector = (if reversed { sector + SECTORS - 1 } else { sector + 1 }) % SECTORS;
         }
-        Some(Self { swapped, ..Self::new(codes)? })
+        Some(Self { number, two_high, sectors })
     }
 
     /// The number of [`Self::from_number`].
     #[must_use]
-    pub fn number(&self) -> u8 {
-        (0..Self::NUMBERS).find(|&number| Self::from_number(number).as_ref() == Some(self)).unwrap_or(0)
+    pub const fn number(&self) -> u8 {
+        self.number
     }
 
     /// The same relation of codes and bridge with the other sense of closing.
     #[must_use]
     pub fn mirrored(&self) -> Self {
-        let [a, b, c, d, e, f] = self.codes;
         // Interchanging B and C turns the legs of sector k into those of sector 1 - k, and closing is then the other direction: three
         // sectors further.
-        let mirror = Self::new([e, d, c, b, a, f]).unwrap_or(*self);
-        Self { swapped: !self.swapped, ..mirror }
+        let first = (2 * SECTORS - 2 - self.number % SECTORS) % SECTORS;
+        let rest = self.number - self.number % SECTORS;
+        // 48 more or less, and the reversed order or not: bits of the number's sixths, of which there are 16.
+        let sixths = (rest / SECTORS) ^ 0b1001;
+        Self::from_number(sixths * SECTORS + first).unwrap_or(*self)
     }
 
     /// Whether phases B and C are interchanged.
     #[must_use]
     pub const fn swaps_phases(&self) -> bool {
-        self.swapped
+        self.number >= Self::RELATIONS
     }
 
     /// Bit set of the codes that a rising line leads to: neighbors have alternately one and two lines high, apart from an
@@ -113,15 +89,17 @@ impl Wiring {
     }
 
     /// The sector 0..=5 of a code (bits above 2 are ignored); `None` for the two that do not occur.
+    #[inline]
     #[must_use]
     pub fn sector(&self, code: u8) -> Option<u8> {
-        self.sectors.get(usize::from(code & 7)).copied().flatten()
+        let [sector, ..] = (self.sectors >> (4 * (code & 7)) & u32::from(NONE)).to_le_bytes();
+        (sector != NONE).then_some(sector)
     }
 
     /// The code in a sector; sectors repeat every six.
     #[must_use]
     pub fn code(&self, sector: u8) -> u8 {
-        self.codes.get(usize::from(sector % SECTORS)).copied().unwrap_or(0)
+        (0..8).find(|&code| self.sector(code) == Some(sector % SECTORS)).unwrap_or(0)
     }
 }
 
@@ -140,19 +118,35 @@ mod tests {
             assert_eq!(all().filter(|other| *other == wiring).count(), 1, "{wiring:?}");
             assert_eq!(Wiring::from_number(wiring.number()), Some(wiring));
         }
-        assert_eq!(Wiring::STANDARD.number(), 0);
-        assert_eq!(Wiring::new(STANDARD), Some(Wiring::STANDARD));
+        assert_eq!(Wiring::from_number(0), Some(Wiring::STANDARD));
     }
 
+    /// Three sensors 120 degrees apart, in any order, with any of them inverted.
     #[test]
-    fn codes_of_all_48_relations_and_no_others_are_a_wiring() {
-        let digits = |number: u32| {
-            [0, 1, 2, 3, 4, 5].map(|place| u8::try_from(number / 8_u32.pow(place) % 8).unwrap())
-        };
-        let found = (0..8_u32.pow(6)).filter_map(|number| Wiring::new(digits(number)));
-        let consistent =
-            |wiring: &Wiring| (0..6).all(|sector| wiring.sector(wiring.code(sector)) == Some(sector));
-        assert_eq!(found.filter(consistent).count(), 48);
+    fn relations_are_all_48_in_which_neighbors_differ_in_one_line_and_opposites_in_three() {
+        for wiring in all() {
+            let codes: [u8; 6] = core::array::from_fn(|sector| wiring.code(u8::try_from(sector).unwrap()));
+            for (at, code) in codes.into_iter().enumerate() {
+                assert_eq!(wiring.sector(code), u8::try_from(at).ok());
+                assert_eq!((code ^ codes[(at + 1) % 6]).count_ones(), 1, "{codes:?}");
+                assert_eq!(code ^ codes[(at + 3) % 6], 7, "{codes:?}");
+            }
+            let valid = (0..8).filter(|&code| wiring.sector(code).is_some()).count();
+            assert_eq!(valid, 6, "{wiring:?}");
+            // A code leads to two_high by a line that rises, apart from an inverted one.
+            let inverted = (1 << (wiring.number() / 12 % 4)) >> 1;
+            for code in codes {
+                assert_eq!(wiring.two_high() >> code & 1 != 0, (code ^ inverted).count_ones() == 2);
+            }
+        }
+        let unswapped = || all().filter(|wiring| !wiring.swaps_phases());
+        assert_eq!(unswapped().count(), usize::from(Wiring::RELATIONS));
+        for a in unswapped() {
+            assert_eq!(
+                unswapped().filter(|b| (0..8).all(|code| a.sector(code) == b.sector(code))).count(),
+                1
+            );
+        }
     }
 
     #[test]

@@ -4,10 +4,12 @@ use super::Tater;
 use super::finding::Finding;
 use super::settings;
 use crate::board::Board;
+use crate::events::BoardEvent;
+use crate::find::{Find, Step, Trouble};
 use crate::set_error::SetError;
-use servo_core::find::Trouble;
 use servo_core::sense::commutation::Commutator;
 use servo_core::sense::wiring::Wiring;
+use servo_core::units::MilliAmps;
 use servo_core::{Command, Refusal};
 use tater_wire::Property;
 use tater_wire::find::{FindState, Order};
@@ -37,7 +39,7 @@ impl<B: Board> Tater<B> {
     /// SET WIRING, in idle only. Positions counted with another wiring mean nothing.
     pub(super) fn set_wiring(&mut self, value: i64) -> Result<(), SetError> {
         self.in_idle()?;
-        if settings::get(&self.settings, Property::WIRING) == Some(value) {
+        if i64::from(self.settings.wiring) == value {
             return Ok(());
         }
         if !settings::set(&mut self.settings, Property::WIRING, value) {
@@ -56,7 +58,7 @@ impl<B: Board> Tater<B> {
         match order {
             Order::Learn => {
                 self.command(Command::Find)?;
-                self.finding = Finding::Learning;
+                self.finding = Finding::Learning(Find::at(self.commutator.count()));
             }
             Order::Test | Order::TestBack => {
                 self.in_idle()?;
@@ -95,35 +97,41 @@ impl<B: Board> Tater<B> {
         self.rewire();
     }
 
-    /// The end of [`Order::Learn`].
-    pub(super) fn wiring_found(&mut self, found: Result<u8, Trouble>) {
-        match found {
-            Ok(number) => {
-                if let Some(wiring) = Wiring::from_number(number) {
-                    self.keep_wiring(wiring, false);
-                }
-            }
-            Err(trouble) => self.finding = Finding::Refused(trouble),
-        }
-    }
-
-    /// After each tick while FIND is under way: the lines for the next one, and the legs of this one.
+    /// Before each tick while FIND is under way: the torque and the legs of this tick.
     #[cold]
     #[inline(never)]
-    pub(super) fn follow_find(&mut self) {
-        let halls = self.board.halls() & 7;
-        let current = self.board.analog().current;
-        self.servo.look(halls, current);
-        self.commutator.hold(self.servo.held_sector());
-        if !self.servo.is_finding() && self.finding == Finding::Learning && !self.servo.has_event() {
+    pub(super) fn step_find(&mut self, current: MilliAmps) {
+        let Finding::Learning(find) = &mut self.finding else { return };
+        if !self.servo.is_finding() {
+            // It was replaced by another motion, or a fault ended it.
             self.finding = Finding::Nothing;
+            self.commutator.hold(None);
+            return;
         }
+        if !self.servo.has_field() {
+            return;
+        }
+        let found = match find.step(self.board.halls() & 7, current) {
+            Step::Hold(sector, torque) => {
+                self.commutator.hold(Some(sector));
+                self.servo.set_field(torque);
+                return;
+            }
+            Step::Done(found) => found,
+        };
+        self.commutator.hold(None);
+        self.servo.end_field(found.is_ok());
+        match found {
+            Ok(wiring) => self.keep_wiring(wiring, false),
+            Err(trouble) => self.finding = Finding::Refused(trouble),
+        }
+        self.record(BoardEvent::Found(found.map(|wiring| wiring.number())));
     }
 
     /// GET FIND.
     pub(super) fn found(&self) -> i64 {
         let state = match self.finding {
-            Finding::Learning => FindState::Learning,
+            Finding::Learning(_) => FindState::Learning,
             Finding::Refused(trouble) => return state_of(trouble),
             Finding::Testing { from } if self.commutator.count().wrapping_sub(from).abs() >= LEAST_WAY => {
                 FindState::Tested

@@ -1,12 +1,12 @@
 //! The state of FIND, which [`super::find`] executes.
 
-use servo_core::find::Trouble;
+use crate::find::{Find, Trouble};
 
 /// What FIND is doing, or why it failed last.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub enum Finding {
     Nothing,
-    Learning,
+    Learning(Find),
     Refused(Trouble),
     /// The test move began at this count.
     Testing {

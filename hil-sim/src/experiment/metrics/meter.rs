@@ -178,7 +178,6 @@ impl Meter {
             }
             Event::Fault(fault) => self.metrics.faults.push(fault),
             Event::Glitch(_) => self.metrics.glitches += 1,
-            Event::Found(_) => {}
             Event::Homed => {
                 self.homing = false;
                 self.follow_zero(sample);
