@@ -12,7 +12,7 @@ use tater_wire::{Cmd, Property};
 use super::bench::{Bench, NODE, flashed, production};
 
 /// Instructions of a control tick, and of a hall edge until the bridge is written (decision 0004).
-const TICK_MEAN: f64 = 500.0;
+const TICK_MEAN: f64 = 600.0;
 const TICK_MAX: u64 = 900;
 const HALL_MAX: u64 = 250;
 const LOAD_PCT: f64 = 25.0;

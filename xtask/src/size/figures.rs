@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
-use tater_wire::memory::APPLICATION;
 
 use super::crates;
 use super::stack::{Deepest, Worst};
@@ -15,10 +14,10 @@ pub struct Limits {
     pub ram: u32,
 }
 
-/// The application may fill its area of the flash. The monitor keeps 2 of its 16 KiB free, because it is never written in the
+/// The application keeps 4 of its 52 KiB free for later versions. The monitor keeps 2 of its 16 KiB free, because it is never written in the
 /// field: a new version must fit. Variables may take 8 of their 12 KiB.
 pub const LIMITS: [Limits; 2] = [
-    Limits { program: "tater", flash: APPLICATION.len, ram: 8 * 1024 },
+    Limits { program: "tater", flash: 48 * 1024, ram: 8 * 1024 },
     Limits { program: "monitor", flash: 14 * 1024, ram: 8 * 1024 },
 ];
 
