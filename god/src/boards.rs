@@ -152,6 +152,8 @@ struct Board {
     ahead: Ahead<Option<i64>>,
     /// The last answers of all.
     latest: Ahead<Option<i64>>,
+    /// Since when [`Boards::ask_latest`] has waited for an answer, µs.
+    asked_us: Ahead<Option<u64>>,
     received_us: u64,
 }
 
@@ -206,6 +208,28 @@ impl<'a> Boards<'a> {
         for motor in motors.iter() {
             self.send(Message::get(Destination::Node(motor.node()), property)).await;
         }
+    }
+
+    /// As [`Self::ask`], for [`Self::latest`]. A board that still owes an answer is not asked again: on a loaded bus the answers of those with
+    /// high numbers are late, and come together then.
+    pub async fn ask_latest(&self, motors: Motors, property: Property) {
+        self.drain();
+        for motor in motors.iter().filter(|&motor| self.is_to_be_asked(motor, property)) {
+            self.ask(Motors::only(motor), property).await;
+        }
+    }
+
+    /// Marks the question as asked, unless it has been for less than [`ANSWER_US`].
+    fn is_to_be_asked(&self, motor: Motor, property: Property) -> bool {
+        let now_us = self.io.now_us();
+        let mut boards = self.boards.borrow_mut();
+        let board = boards.get_mut(motor.index());
+        let Some(asked_us) = board.and_then(|board| board.asked_us.get_mut(property)) else { return true };
+        let is_owed = asked_us.is_some_and(|asked_us| now_us < asked_us.saturating_add(ANSWER_US));
+        if !is_owed {
+            *asked_us = Some(now_us);
+        }
+        !is_owed
     }
 
     /// Asks for what [`Self::answer_of`] is to wait for later. All seven boards are asked at once, by their group.
@@ -355,6 +379,9 @@ impl<'a> Boards<'a> {
         }
         if let Some(latest) = board.latest.get_mut(property) {
             *latest = Some(value);
+        }
+        if let Some(asked_us) = board.asked_us.get_mut(property) {
+            *asked_us = None;
         }
         match property {
             Property::MODE => board.reported.mode = Some(value),

@@ -349,8 +349,8 @@ impl<'a, 'b> Loop<'a, 'b> {
         self.velocities.set(self.velocities.get().overridden_by(&velocities));
         self.god.boards.set_each(Property::V, &changed).await;
         let tips = self.selection.followers;
-        self.god.boards.ask(tips.union(tips.links()), Property::P).await;
-        self.god.boards.ask(tips.links(), Property::VEL).await;
+        self.god.boards.ask_latest(tips.union(tips.links()), Property::P).await;
+        self.god.boards.ask_latest(tips.links(), Property::VEL).await;
     }
 
     /// Writes bytes to the host. If it does not read for [`SILENCE_US`], the motors stop, and a ^C as the last byte ends RealTime.

@@ -24,6 +24,9 @@ pub const UNREAD: usize = 1024;
 /// Timeout of a line, ms of simulated time; HI and slow motions take longest.
 const LINE_MS: usize = 120_000;
 
+/// Silence that ends a broken packet, and a millisecond.
+const SILENCE_MS: u32 = 21;
+
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
     pub bytes: u64,
@@ -199,8 +202,10 @@ impl Client {
         panic!("no prompt within {max_ms} ms, but {:?}", received.escape_ascii().to_string());
     }
 
-    /// Sends ^C, as often as RealTime may take it for data, and waits for the prompt.
+    /// Sends ^C, as often as RealTime may take it for data, and waits for the prompt. Before it a silence ends what a packet with a wrong
+    /// length has begun: in that a ^C is discarded (docs/wire.md).
     pub fn abort(&mut self) {
+        (0..SILENCE_MS).for_each(|_| _ = self.step());
         let start_us = self.hand.now_us();
         self.tail.clear();
         for _ in 0..=BLOCK {

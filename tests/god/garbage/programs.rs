@@ -133,7 +133,7 @@ fn run(seed: u128, is_plain: bool) -> Figure {
         let start_us = client.hand.now_us();
         lines.push(line.clone());
         client.type_line(&line);
-        if line.to_ascii_uppercase().contains("LOOP") {
+        if !is_plain && line.to_ascii_uppercase().contains("LOOP") {
             random_loop(&mut client, &mut cuts);
         }
         if wait(&mut client, &mut cuts, within_us) {
