@@ -210,7 +210,7 @@ impl<'a> Boards<'a> {
         }
     }
 
-    /// As [`Self::ask`], for [`Self::latest`]. A board that still owes an answer is not asked again: on a loaded bus the answers of those with
+    /// As [`Self::ask`], for what is read as the latest answer. A board that still owes an answer is not asked again: on a loaded bus the answers of those with
     /// high numbers are late, and come together then.
     pub async fn ask_latest(&self, motors: Motors, property: Property) {
         self.drain();

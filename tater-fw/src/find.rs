@@ -2,7 +2,7 @@
 //!
 //! # Design
 //!
-//! The legs of one sector after another are held, with a torque that rises until a hall line changes or [`MOST`] is reached.
+//! The legs of one sector after another are held, with a torque that rises until a hall line changes or `MOST` is reached.
 //! Legs of sector k pull the rotor to the boundary of sectors k + 1 and k + 2 (decision 0003). Each change of the code says
 //! which way a vector turned the rotor over a boundary, so it did work of that sign. Of the twelve wirings that fit the order
 //! of the codes, the one under which the field did most work is right:
@@ -18,7 +18,7 @@
 //! swing. Three lines change in turn (a, b, c, a ...), so two changes tell the order of all six codes, whatever the order of
 //! the lines and whichever is inverted. A line that changes out of turn is broken.
 //!
-//! The rotation reverses [`REACH`] cells from the start, and where the rotor does not follow: at a stop. What it learns is
+//! The rotation reverses `REACH` cells from the start, and where the rotor does not follow: at a stop. What it learns is
 //! right up to the mirror image, which nothing on the board can see (decision 0046).
 
 use core::cmp::Ordering;

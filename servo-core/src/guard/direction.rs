@@ -6,11 +6,11 @@
 //! become negative unless the wiring is wrong or something else turns the rotor. Counts against the torque while the sum is
 //! at zero are wrong ones; braking after an acceleration is none of them.
 //!
-//! After more than [`WRONG`] wrong counts the bridge opens until the rotor rests. One that its own motor turned the wrong way is
-//! slowed by friction and stops within a count: the wiring is wrong. One that is pushed goes on, by [`PUSHED`] counts or more: then
+//! After more than `WRONG` wrong counts the bridge opens until the rotor rests. One that its own motor turned the wrong way is
+//! slowed by friction and stops within a count: the wiring is wrong. One that is pushed goes on, by `PUSHED` counts or more: then
 //! the motion resumes from there (decision 0047).
 //!
-//! The direction is right once the rotor is [`RIGHT`] counts from rest in the direction of a positive sum: an electrical
+//! The direction is right once the rotor is `RIGHT` counts from rest in the direction of a positive sum: an electrical
 //! revolution. A wiring that is right in some sectors and wrong in others holds the rotor within three.
 
 use crate::units::Torque;

@@ -43,7 +43,7 @@ impl Wiring {
         if number >= Self::NUMBERS {
             return None;
         }
-        let (first, reversed) = (number % SECTORS, number / SECTORS % 2 != 0);
+        let (first, reversed) = (number % SECTORS, !(number / SECTORS).is_multiple_of(2));
         let inverted = (1 << (number / 12 % 4)) >> 1;
         let (mut two_high, mut sectors) = (0, u32::MAX);
         let mut sector = first;
