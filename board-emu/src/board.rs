@@ -7,6 +7,7 @@
 use std::rc::Rc;
 
 use hil_sim::bus::Station;
+use hil_sim::hand::Motorized;
 use hil_sim::node::shipped_storage;
 use hil_sim::over_can::ObservedBoard;
 use hil_sim::rig::{Bridge, Rig};
@@ -421,7 +422,7 @@ impl Station for Board {
     }
 }
 
-impl ObservedBoard for Board {
+impl Motorized for Board {
     fn rig(&self) -> &Rig {
         &self.rig
     }
@@ -429,7 +430,9 @@ impl ObservedBoard for Board {
     fn rig_mut(&mut self) -> &mut Rig {
         &mut self.rig
     }
+}
 
+impl ObservedBoard for Board {
     fn driven_since_us(&self) -> Option<u64> {
         self.meter.driven_since().map(|at| at / US)
     }

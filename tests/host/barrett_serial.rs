@@ -4,21 +4,23 @@
 //! two before `=> `.
 
 use god::Memory;
+use hil_sim::hand::Motorized;
 
-use super::serial::Port;
+use super::serial::{Port, emulated, native};
+use crate::emulated::bench::production;
 
 /// 15 s and 50 ms for each character.
 const READ_MS: u64 = 15_000;
 /// Of a RealTime block.
 const BLOCK_MS: u64 = 10_000;
 
-struct Host {
-    port: Port,
+struct Host<S> {
+    port: Port<S>,
 }
 
-impl Host {
-    fn new() -> Self {
-        Self { port: Port::open(Memory::default()) }
+impl<S: Motorized> Host<S> {
+    fn new(boards: Vec<S>) -> Self {
+        Self { port: Port::open(boards, Memory::default()) }
     }
 
     /// Sends a line and reads the answer in both ways, which must agree.
@@ -55,7 +57,7 @@ impl Host {
 
 #[test]
 fn barrett_host_finds_the_hand_and_resets_it() {
-    let mut host = Host::new();
+    let mut host = Host::new(native());
     host.port.write(b"\x03");
     assert_eq!(host.port.read_until(b"=> ", 1_500).as_deref(), Some(&b"\r\n\r=> "[..]));
     for baud in god::parameter::BAUDS {
@@ -72,7 +74,10 @@ fn barrett_host_finds_the_hand_and_resets_it() {
 
 #[test]
 fn barrett_host_moves_and_reads_parameters() {
-    let mut host = Host::new();
+    moves(Host::new(native()));
+}
+
+fn moves<S: Motorized>(mut host: Host<S>) {
     host.set_baud(384);
     for line in
         ["HI", "C", "O", "M 1000", "IC 500", "IO 500", "TC", "TO", "T", "HOME", "FDEF", "FSAVE", "FLOAD"]
@@ -100,7 +105,17 @@ fn barrett_host_moves_and_reads_parameters() {
 /// Velocity in; velocity, strain, position and temperature back, of all four.
 #[test]
 fn barrett_host_runs_realtime_with_compat_262() {
-    let mut host = Host::new();
+    runs_realtime(Host::new(native()));
+}
+
+#[test]
+fn barrett_host_moves_and_runs_realtime_on_emulated_boards() {
+    let Some(programs) = production() else { return };
+    moves(Host::new(emulated(&programs)));
+    runs_realtime(Host::new(emulated(&programs)));
+}
+
+fn runs_realtime<S: Motorized>(mut host: Host<S>) {
     host.set_baud(384);
     assert_eq!(host.command("PSET COMPAT 262 LFT 1"), Ok(String::new()));
     assert_eq!(host.command("HI"), Ok(String::new()));

@@ -5,8 +5,11 @@
 //! each motor, then one byte of temperature.
 
 use god::Memory;
+use hil_sim::hand::Motorized;
+use hil_sim::node::Node;
 
-use super::serial::Port;
+use super::serial::{Port, emulated, native};
+use crate::emulated::bench::production;
 
 const SUPERVISORY_MS: u64 = 15_000;
 const LOOP_MS: u64 = 500;
@@ -16,8 +19,8 @@ const STOP_MS: u64 = 1_500;
 /// Header, four positions, temperature.
 const FEEDBACK: usize = 1 + 4 * 2 + 1;
 
-struct Gripper {
-    port: Port,
+struct Gripper<S> {
+    port: Port<S>,
 }
 
 #[derive(Debug)]
@@ -28,17 +31,17 @@ struct Feedback {
     temperature: i8,
 }
 
-impl Gripper {
-    fn on(memory: Memory) -> Self {
-        Self { port: Port::open(memory) }
+impl<S: Motorized> Gripper<S> {
+    fn on(boards: Vec<S>, memory: Memory) -> Self {
+        Self { port: Port::open(boards, memory) }
     }
 
     /// A hand that has been set up for this program: COMPAT 262, kept by PSAVE over a power-off.
-    fn set_up() -> Self {
-        let mut gripper = Self::on(Memory::default());
+    fn set_up(boards: impl Fn() -> Vec<S>) -> Self {
+        let mut gripper = Self::on(boards(), Memory::default());
         gripper.supervisory("PSET COMPAT 262").expect("a parameter of the hand");
         gripper.supervisory("PSAVE").expect("it is kept");
-        Self::on(Memory::new(gripper.port.hand.memory().stored()))
+        Self::on(boards(), Memory::new(gripper.port.hand.memory().stored()))
     }
 
     /// Returns the text, or the number after ERR.
@@ -115,7 +118,16 @@ impl Gripper {
 
 #[test]
 fn libgripper_runs_with_compat_262() {
-    let mut gripper = Gripper::set_up();
+    runs(Gripper::set_up(native));
+}
+
+#[test]
+fn libgripper_runs_with_compat_262_on_emulated_boards() {
+    let Some(programs) = production() else { return };
+    runs(Gripper::set_up(|| emulated(&programs)));
+}
+
+fn runs<S: Motorized>(mut gripper: Gripper<S>) {
     gripper.initialize().expect("it is configured");
     assert!(gripper.is_initialized());
     gripper.start_realtime();
@@ -151,12 +163,12 @@ fn libgripper_runs_with_compat_262() {
 /// A host that stops sending, as libgripper does when its callback hangs: the torque ends like the velocities do.
 #[test]
 fn libgripper_is_silent_spread_stops() {
-    let mut gripper = Gripper::set_up();
+    let mut gripper = Gripper::set_up(native);
     gripper.initialize().expect("it is configured");
     gripper.start_realtime();
     (0..30).for_each(|_| _ = gripper.control(20, 300));
     gripper.port.wait_ms(600);
-    let truth = |gripper: &Gripper| -> Vec<f64> {
+    let truth = |gripper: &Gripper<Node>| -> Vec<f64> {
         gripper.port.hand.bus().stations().map(|node| node.board().rig().truth().counts_per_s).collect()
     };
     assert_eq!(truth(&gripper), [0.0; 7]);
@@ -169,7 +181,7 @@ fn libgripper_is_silent_spread_stops() {
 /// Without COMPAT 262 the manual's table 5 holds: LCVC 0 and LCT 1 are out of range, and the blocks are longer.
 #[test]
 fn libgripper_fails_without_compat_262() {
-    let mut gripper = Gripper::on(Memory::default());
+    let mut gripper = Gripper::on(native(), Memory::default());
     assert_eq!(gripper.initialize(), Err(128));
     for (line, result) in [
         ("SFSET LCT 0", Ok(String::new())),

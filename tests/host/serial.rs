@@ -1,23 +1,51 @@
 //! A program's serial port: bytes take their time at the program's baud rate, and every read has the program's timeout.
 
+use board_emu::board::Board;
+use board_emu::image::Programs;
 use god::Memory;
-use hil_sim::hand::Hand;
+use hil_sim::board::SimBoard;
 use hil_sim::hand::serial::Serial;
+use hil_sim::hand::{Hand, Motorized};
+use hil_sim::node::Node;
 use hil_sim::plant::Model;
+use tater_wire::Node as Id;
 
-pub(super) struct Port {
-    pub hand: Hand,
+use crate::emulated::bench::flashed;
+
+/// Native boards in their monitors, nodes 1 to 7.
+pub(super) fn native() -> Vec<Node> {
+    let node = |number| Id::new(number).expect("a node");
+    (1..=7)
+        .map(|number| Node::new(SimBoard::standard(node(number), Model::Averaged, 1 + u64::from(number))))
+        .collect()
+}
+
+/// The same, emulated.
+pub(super) fn emulated(programs: &Programs) -> Vec<Board> {
+    let board = |number| {
+        let mut board = flashed(programs, number);
+        board.power_on();
+        board
+    };
+    (1..=7).map(board).collect()
+}
+
+/// Time after which every monitor answers, us.
+const BOOT_US: u64 = 200_000;
+
+pub(super) struct Port<S> {
+    pub hand: Hand<S>,
     line: Serial,
     heard: Vec<u8>,
     /// The program's baud rate / 100.
     pub baud: u16,
 }
 
-impl Port {
-    /// A hand at power-up, and a program at 9600 baud.
-    pub fn open(memory: Memory) -> Self {
-        let mut hand = Hand::new(Model::Averaged, 1, memory);
-        hand.run_until(1_000);
+impl<S: Motorized> Port<S> {
+    /// A hand of these boards at power-up, and a program at 9600 baud.
+    pub fn open(boards: Vec<S>, memory: Memory) -> Self {
+        let mut hand = Hand::with(boards, memory);
+        hand.run_until(BOOT_US);
         hand.take_tx();
         let baud = hand.io().baud();
         Self { hand, line: Serial::new(true), heard: Vec::new(), baud }

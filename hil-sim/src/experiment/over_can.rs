@@ -17,7 +17,8 @@ use tater_wire::{Destination, Message, Node as Id, Property};
 use crate::experiment::metrics::{Metric, Metrics};
 use crate::experiment::run::{MotorRun, Options, Outcome, rig, unexpected_refusals};
 use crate::experiment::scenario::{Case, Scenario, Verdict, motor_name};
-use crate::world::bus::{Adapter, Bus, Station};
+use crate::world::bus::{Adapter, Bus};
+use crate::world::hand::Motorized;
 use crate::world::node::Node;
 use crate::world::plant::ParamError;
 use crate::world::rig::Rig;
@@ -28,13 +29,7 @@ use compare::Path;
 pub const POLL_MS: u32 = 1;
 
 /// A board on the bus with its rig.
-pub trait ObservedBoard: Station {
-    /// The motor and its sensors.
-    fn rig(&self) -> &Rig;
-
-    /// The motor and its sensors, to disturb or replace them.
-    fn rig_mut(&mut self) -> &mut Rig;
-
+pub trait ObservedBoard: Motorized {
     /// Time at which the bridge was switched on, us since power-up of the bus; `None` while it is off.
     fn driven_since_us(&self) -> Option<u64>;
 
@@ -54,14 +49,6 @@ pub trait ObservedBoard: Station {
 }
 
 impl ObservedBoard for Node {
-    fn rig(&self) -> &Rig {
-        self.board().rig()
-    }
-
-    fn rig_mut(&mut self) -> &mut Rig {
-        Self::rig_mut(self)
-    }
-
     fn driven_since_us(&self) -> Option<u64> {
         self.board().driven_since_us()
     }

@@ -16,9 +16,10 @@ use tater_wire::Node as Id;
 use tater_wire::memory::FLASH;
 
 use crate::world::board::SimBoard;
-use crate::world::bus::{Adapter, Bus};
+use crate::world::bus::{Adapter, Bus, Station};
 use crate::world::node::Node;
 use crate::world::plant::{Contact, Model, ParamError, RAD_PER_COUNT, SharedSupply, Supply};
+use crate::world::rig::Rig;
 use palm::Palm;
 use scene::{Pose, SPREAD, Scene};
 use state::{Kept, State};
@@ -79,9 +80,28 @@ impl Pushed {
     }
 }
 
-/// GOD and its boards. Bytes go in and come out; the caller advances time.
-pub struct Hand {
-    bus: Bus<Node>,
+/// A board with its motor.
+pub trait Motorized: Station {
+    /// The motor and its sensors.
+    fn rig(&self) -> &Rig;
+
+    /// The motor and its sensors, to disturb or replace them.
+    fn rig_mut(&mut self) -> &mut Rig;
+}
+
+impl Motorized for Node {
+    fn rig(&self) -> &Rig {
+        self.board().rig()
+    }
+
+    fn rig_mut(&mut self) -> &mut Rig {
+        Self::rig_mut(self)
+    }
+}
+
+/// GOD and its boards, native ones if nothing else is said. Bytes go in and come out; the caller advances time.
+pub struct Hand<S = Node> {
+    bus: Bus<S>,
     supply: SharedSupply,
     palm: Palm,
     io: Rc<Io>,
@@ -98,7 +118,7 @@ pub struct Hand {
     pushed: Pushed,
 }
 
-impl Hand {
+impl Hand<Node> {
     /// A hand at power-up: boards in their monitors, every motor at its default position.
     #[must_use]
     pub fn new(model: Model, seed: u64, memory: Memory) -> Self {
@@ -121,9 +141,34 @@ impl Hand {
         Ok(Self::with(boards, Memory::new(state.god.clone())))
     }
 
+    /// The state that would remain if the power failed now.
+    #[must_use]
+    pub fn state(&self) -> State {
+        let kept = |node: &Node| Kept {
+            flash: node.board().sim_flash().bytes().to_vec(),
+            counts: node.board().rig().truth().counts,
+        };
+        State { boards: self.bus.stations().map(kept).collect(), god: self.memory.stored() }
+    }
+
+    /// A number that grows with every change to keep: values stored, and motors at rest at a new position.
+    pub fn revision(&mut self) -> u64 {
+        self.changes += u64::from(self.memory.changed().is_some());
+        let motors = self.bus.stations().map(|node| node.board().rig().truth());
+        for (stood, now) in self.stood.iter_mut().zip(motors) {
+            if now.counts_per_s.abs() < STANDSTILL_COUNTS_PER_S && (now.counts - *stood).abs() >= 1.0 {
+                *stood = now.counts;
+                self.changes += 1;
+            }
+        }
+        self.changes + self.bus.stations().map(|node| node.board().sim_flash().operations()).sum::<u64>()
+    }
+}
+
+impl<S: Motorized> Hand<S> {
     /// A hand at power-up with the given boards, nodes 1 to 7, which one supply feeds.
     #[must_use]
-    pub fn with(mut boards: Vec<Node>, memory: Memory) -> Self {
+    pub fn with(mut boards: Vec<S>, memory: Memory) -> Self {
         let count = u8::try_from(boards.len()).expect("seven boards");
         let supply = SharedSupply::new(Supply::new(SUPPLY_V, count));
         for board in &mut boards {
@@ -167,7 +212,7 @@ impl Hand {
     pub fn pose(&self) -> Pose {
         let mut pose = Pose::default();
         for (to, node) in pose.iter_mut().zip(self.bus.stations()) {
-            *to = node.board().rig().truth().counts;
+            *to = node.rig().truth().counts;
         }
         pose
     }
@@ -181,10 +226,10 @@ impl Hand {
         }
         *next_us = now_us + SCENE_US;
         let mut all = scene.contacts(&pose);
-        let stored = |bus: &Bus<Node>| {
+        let stored = |bus: &Bus<S>| {
             let mut stored = Pose::default();
             for (to, node) in stored.iter_mut().zip(bus.stations()) {
-                *to = node.board().rig().objects_j();
+                *to = node.rig().objects_j();
             }
             stored
         };
@@ -263,7 +308,8 @@ impl Hand {
     }
 
     fn update_temperature(&mut self) {
-        let tenths = self.palm.advance(self.bus.stations(), self.bus.now_us());
+        let copper_j = self.bus.stations().map(|board| board.rig().truth().ledger.copper_j).sum();
+        let tenths = self.palm.advance(copper_j, self.bus.now_us());
         if tenths != self.io.temperature() {
             self.io.set_temperature(tenths);
             // GOD keeps the highest.
@@ -299,33 +345,10 @@ impl Hand {
         }
     }
 
-    /// The state that would remain if the power failed now.
-    #[must_use]
-    pub fn state(&self) -> State {
-        let kept = |node: &Node| Kept {
-            flash: node.board().sim_flash().bytes().to_vec(),
-            counts: node.board().rig().truth().counts,
-        };
-        State { boards: self.bus.stations().map(kept).collect(), god: self.memory.stored() }
-    }
-
     /// GOD's owner has tried to write [`Self::state`]: see [`Memory::wants_write`].
     pub fn state_written(&mut self, is_stored: bool) {
         self.memory.written(is_stored);
         self.next_us = self.bus.now_us();
-    }
-
-    /// A number that grows with every change to keep: values stored, and motors at rest at a new position.
-    pub fn revision(&mut self) -> u64 {
-        self.changes += u64::from(self.memory.changed().is_some());
-        let motors = self.bus.stations().map(|node| node.board().rig().truth());
-        for (stood, now) in self.stood.iter_mut().zip(motors) {
-            if now.counts_per_s.abs() < STANDSTILL_COUNTS_PER_S && (now.counts - *stood).abs() >= 1.0 {
-                *stood = now.counts;
-                self.changes += 1;
-            }
-        }
-        self.changes + self.bus.stations().map(|node| node.board().sim_flash().operations()).sum::<u64>()
     }
 
     /// GOD's ports.
@@ -342,12 +365,12 @@ impl Hand {
 
     /// The bus and its boards.
     #[must_use]
-    pub fn bus(&self) -> &Bus<Node> {
+    pub fn bus(&self) -> &Bus<S> {
         &self.bus
     }
 
     /// The bus, to inject faults.
-    pub fn bus_mut(&mut self) -> &mut Bus<Node> {
+    pub fn bus_mut(&mut self) -> &mut Bus<S> {
         &mut self.bus
     }
 

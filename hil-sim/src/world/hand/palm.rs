@@ -3,8 +3,6 @@
 //! C·dT/dt = P − (T − T_ambient)/R: P is the rest losses of the eight boards plus the copper losses of the seven motors, which all reach the
 //! air through the palm. The motors' own paths are in `plant::thermal`.
 
-use crate::world::node::Node;
-
 /// Thermal resistance from palm to air, K/W. Chosen: a palm of 0.1 m² in still air at 10 W/(m²·K).
 const PALM_AIR_K_W: f64 = 1.0;
 
@@ -43,9 +41,8 @@ impl Palm {
         self.at_us + INTERVAL_US
     }
 
-    /// Advances to a time. Returns the temperature, 0.1 °C.
-    pub fn advance<'a>(&mut self, boards: impl Iterator<Item = &'a Node>, now_us: u64) -> i16 {
-        let copper_j = boards.map(|node| node.board().rig().truth().ledger.copper_j).sum();
+    /// Advances to a time, with the copper losses of all motors up to it. Returns the temperature, 0.1 °C.
+    pub fn advance(&mut self, copper_j: f64, now_us: u64) -> i16 {
         let dt = now_us.saturating_sub(self.at_us) as f64 * 1e-6;
         let out_j = (self.celsius - AMBIENT_C) / PALM_AIR_K_W * dt;
         self.celsius += (BOARDS_W * dt + (copper_j - self.copper_j) - out_j) / PALM_J_K;

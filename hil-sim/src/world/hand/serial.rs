@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use god::framing::{self, Framing, Kind};
 use god::io::ABORT;
 
-use super::Hand;
+use super::{Hand, Motorized};
 
 /// Bits per byte: start, eight data bits, stop.
 const BITS: u64 = 10;
@@ -36,7 +36,7 @@ impl Serial {
     }
 
     /// Transmits bytes of the host. In text mode on an unpaced line ^C discards the bytes still waiting.
-    pub fn put(&mut self, bytes: &[u8], hand: &mut Hand) {
+    pub fn put<S: Motorized>(&mut self, bytes: &[u8], hand: &mut Hand<S>) {
         if hand.io().is_raw() || hand.now_us() - self.put_us >= framing::SILENCE_US && self.framing.is_open()
         {
             self.framing = Framing::default();
@@ -66,13 +66,19 @@ impl Serial {
     }
 
     /// The host disconnects: bytes in transit are lost.
-    pub fn hang_up(&mut self, hand: &mut Hand) {
+    pub fn hang_up<S: Motorized>(&mut self, hand: &mut Hand<S>) {
         *self = Self::new(self.paced);
         hand.hang_up();
     }
 
     /// Advances hand and line to `until_us`. At most `room` received bytes are appended to `heard`; GOD waits with the rest.
-    pub fn run_until(&mut self, hand: &mut Hand, until_us: u64, heard: &mut Vec<u8>, room: usize) {
+    pub fn run_until<S: Motorized>(
+        &mut self,
+        hand: &mut Hand<S>,
+        until_us: u64,
+        heard: &mut Vec<u8>,
+        room: usize,
+    ) {
         let room = heard.len() + room;
         loop {
             self.exchange(hand, heard, room);
@@ -94,11 +100,11 @@ impl Serial {
         }
     }
 
-    fn byte_us(&self, hand: &Hand) -> u64 {
+    fn byte_us<S: Motorized>(&self, hand: &Hand<S>) -> u64 {
         if self.paced { BITS * 10_000 / u64::from(hand.io().baud().max(1)) } else { 0 }
     }
 
-    fn exchange(&mut self, hand: &mut Hand, heard: &mut Vec<u8>, room: usize) {
+    fn exchange<S: Motorized>(&mut self, hand: &mut Hand<S>, heard: &mut Vec<u8>, room: usize) {
         let (now_us, byte_us) = (hand.now_us(), self.byte_us(hand));
         while let Some(&byte) = self.to_god.front() {
             let there_us = *self.there_us.get_or_insert(now_us + byte_us);
