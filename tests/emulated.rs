@@ -9,3 +9,4 @@ mod probes;
 mod scenarios;
 mod shared_bus;
 mod wedged;
+mod wiring;
