@@ -1094,10 +1094,11 @@ impl Servo {
             return None;
         };
         let left = profile.end().round().wrapping_sub(self.position.round());
-        if control.setpoint.done && arrived(left, mpe, self.velocity, self.applied.torque, quiet) {
-            return Some(EndReason::Arrived);
-        }
         if control.setpoint.done {
+            let quiet = Micros(quiet.0.min(arrival.settle(profile.ticks()).0));
+            if arrived(left, mpe, self.velocity, self.applied.torque, quiet) {
+                return Some(EndReason::Arrived);
+            }
             arrival.wait(left, tstop);
         }
         arrival.is_given_up().then_some(EndReason::Stalled)

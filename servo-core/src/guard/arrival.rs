@@ -19,7 +19,7 @@ const FRICTION: Torque = Torque(82);
 const PATIENCE_MS: u32 = 2000;
 
 /// Whether the rotor is at rest within `mpe` counts of the end, `left` counts away. `torque` is applied; `quiet` is the time
-/// since the last edge.
+/// since the last edge, or since the plan if that is later: a short move may end before its rotor has left its cell.
 #[must_use]
 pub fn arrived(left: i32, mpe: u16, velocity: CountsPerSec, torque: Torque, quiet: Micros) -> bool {
     let least = if torque.saturating_abs() > FRICTION { QUIET_PUSHED } else { QUIET };
@@ -36,16 +36,26 @@ pub struct Arrival {
     nearest: u32,
     /// Time waited without getting nearer.
     late_ms: u32,
+    /// Time since the profile's end.
+    settling_ms: u32,
     given_up: bool,
 }
 
 impl Default for Arrival {
     fn default() -> Self {
-        Self { nearest: u32::MAX, late_ms: 0, given_up: false }
+        Self { nearest: u32::MAX, late_ms: 0, settling_ms: 0, given_up: false }
     }
 }
 
 impl Arrival {
+    /// One tick of 1 ms after the end of a profile of so many `ticks`. Returns the time since the plan; that of a move to where the motor
+    /// is already does not count, because nothing drives it.
+    pub const fn settle(&mut self, ticks: u32) -> Micros {
+        self.settling_ms = self.settling_ms.saturating_add(1);
+        let ms = if ticks == 0 { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
+        Micros(ms.saturating_mul(1000))
+    }
+
     /// One tick of 1 ms in which the move waits, `left` counts from its end. `tstop` in ms; 0 waits forever.
     pub fn wait(&mut self, left: i32, tstop: u16) {
         if left.unsigned_abs() < self.nearest {
@@ -89,6 +99,14 @@ mod tests {
             let found = arrived(left, mpe, CountsPerSec::from_int(velocity), Torque(torque), quiet);
             assert_eq!(found, expected, "{left} of {mpe} counts at {velocity} counts/s, {torque}, {quiet:?}");
         }
+    }
+
+    #[test]
+    fn time_counts_from_the_plan() {
+        let mut arrival = Arrival::default();
+        assert_eq!([4, 4].map(|ticks| arrival.settle(ticks)), [Micros(5_000), Micros(6_000)]);
+        assert_eq!(arrival.settle(u32::MAX), Micros(u32::MAX), "no wrap");
+        assert_eq!(Arrival::default().settle(0), Micros(u32::MAX), "no way to go");
     }
 
     #[test]

@@ -236,7 +236,10 @@ impl TorqueEnvelope {
     fn risen(&self, torque: i32, previous: Torque) -> Option<(i32, Option<LimitCause>)> {
         let risen = supply::risen(torque, previous.0.into());
         // Braking loads no supply, however hard; nor does the voltage that the EMF lacks.
-        let loads = (torque + self.emf).signum() == torque.signum();
+        let sign = torque.signum();
+        let loads = (torque + self.emf).signum() == sign;
+        // Without voltage nothing is drawn: less torque would brake with more voltage than there may be.
+        let risen = if (risen + self.emf).signum() == sign { risen } else { -self.emf };
         (loads && risen != torque).then_some((risen, Some(LimitCause::Supply)))
     }
 
@@ -263,6 +266,14 @@ mod tests {
 
     fn bound(torque: i16, speed: i16, bus: MilliVolts) -> AppliedTorque {
         envelope(990, speed, bus).bound(Torque(torque), Torque(torque))
+    }
+
+    #[test]
+    fn slow_rise_of_plugging_torque_keeps_the_duty_limit() {
+        // The EMF is far beyond the bus; −990 needs −20 of its ±97, and −512 would need 458.
+        let plugging = envelope(990, 1000, MilliVolts(2_374)).bound(FULL.saturating_neg(), Torque::ZERO);
+        assert_eq!(plugging.duty, Duty::ZERO);
+        assert_eq!(plugging.limit, Some(LimitCause::Supply));
     }
 
     #[test]

@@ -159,6 +159,12 @@ impl Profile {
         }
     }
 
+    /// Ticks since the plan in which the set-point moved.
+    #[must_use]
+    pub const fn ticks(&self) -> u32 {
+        self.tick
+    }
+
     /// Where the set-point will rest.
     #[must_use]
     pub const fn end(&self) -> Counts {

@@ -94,6 +94,13 @@ fn trust() -> Vec<Act> {
     script
 }
 
+/// FIND's record of a wiring, and that of its mirror image with the direction confirmed; the position is not trusted any more.
+fn wiring() -> Vec<Act> {
+    let learned = Act::Set(Property::WIRING, 1 + 2 * 17);
+    let confirmed = Act::Set(Property::WIRING, 2 + 2 * 65);
+    vec![Act::SavePosition(7, 3), FINISH, learned, Act::Distrust, FINISH, confirmed, Act::Distrust, FINISH]
+}
+
 fn interleaved() -> Vec<Act> {
     let step = |most| Act::Steps { most, bridge_on: false };
     let mut script = Vec::new();
@@ -130,6 +137,8 @@ pub fn all() -> Vec<Scenario> {
         scenario("sets during records, next page", nearly_full(40), interleaved()),
         scenario("trust", used(), trust()),
         scenario("trust, next page", nearly_full(25), trust()),
+        scenario("wiring", used(), wiring()),
+        scenario("wiring, next page", nearly_full(20), wiring()),
         scenario("counters", used(), counting(5000..5900)),
         scenario("counters, next page", nearly_full(20), counting(5000..5900)),
         scenario(
