@@ -31,6 +31,8 @@ pub(crate) async fn execute(
     match (command, number) {
         (GclCommand::Rec, None) if god.session.recording().is_some() => {
             god.session.set_recording(None);
+            // It is stored already, unless a line could not be: then the prompt says whether it is now.
+            god.memory.update(|_| ());
             Status::OK
         }
         (GclCommand::Rec, None) => begin(god, 0),

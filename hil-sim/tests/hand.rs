@@ -584,8 +584,15 @@ fn write_on_a_full_disk_leaves_no_part() {
     let path = folder.join("hand.state");
     let served = Served::new(&["--listen", "127.0.0.1:0", "--state", &path.to_string_lossy()], 1);
     let mut host = served.host();
-    std::os::unix::fs::symlink("/dev/full", folder.join("hand.state.part")).expect("its name is free");
-    assert_eq!(ask(&mut host, "PSAVE"), "PSAVE\r\n\rERR 512\r\n\r=> ");
+    let fill = || {
+        std::os::unix::fs::symlink("/dev/full", folder.join("hand.state.part")).expect("its name is free");
+    };
+    // The end of a recording says whether it is stored, as its lines do.
+    for line in ["PSAVE", "REC 2", "PGET SN", "REC"] {
+        fill();
+        let said = ask(&mut host, line);
+        assert!(said.ends_with("ERR 512\r\n\r=> "), "{line}: {said:?}");
+    }
     let entries = fs::read_dir(&folder).expect("a folder");
     let mut names: Vec<_> = entries.map(|entry| entry.expect("an entry").file_name()).collect();
     names.sort();

@@ -125,8 +125,14 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
         Some(initial) => initial.get_ref().into(),
     };
     for case in &cases {
-        if let Some(table) = &parsed.initial {
-            checked(source, table, |_| initial.check(&case.plant))?;
+        match &parsed.initial {
+            Some(table) => _ = checked(source, table, |_| initial.check(&case.plant))?,
+            None => initial.check(&case.plant).map_err(|e| {
+                let problem = format!("[initial] {} is out of range without that table", e.field);
+                let mut error = source.error(0..0, problem, &e.expected, "give [initial] and this key in it");
+                error.found = format!("{} = {}", e.field, e.found);
+                error
+            })?,
         }
         for object in &parsed.object {
             let start = initial.start(&case.plant);

@@ -160,7 +160,7 @@ impl PlantParams {
             ("coulomb_n_m", self.coulomb_n_m, 0.0, 10.0),
             ("static_n_m", self.static_n_m, self.coulomb_n_m, 10.0),
             ("viscous_n_m_s", self.viscous_n_m_s, 0.0, 1e-2),
-            ("bus_v", self.bus_v, 0.0, 60.0),
+            ("bus_v", self.bus_v, 1.0, 60.0),
             ("diode_v", self.diode_v, 0.0, 2.0),
             ("dead_time_us", self.dead_time_us, 0.0, 5.0),
             ("trip_a", self.trip_a, 0.1, 1000.0),

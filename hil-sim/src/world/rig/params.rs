@@ -17,7 +17,7 @@ pub struct HallGlitch {
 
 /// A hall line stuck at a level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table with line, high and from_us")]
 pub struct StuckLine {
     /// Bit of the line in the code, 0..=2.
     pub line: u8,
