@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Simultaneous clients, more than a server with [`FILES`] can have.
 #[cfg(unix)]
@@ -135,8 +135,10 @@ fn immediate_reconnect_is_never_refused() {
     stream.write_all(b"t004485000200\r").expect("written");
     drop(stream);
     let mut stream = opened(&served);
+    let begin = Instant::now();
     let mut text = String::new();
     while !text.contains("t486485000200\r") {
+        assert!(begin.elapsed() < HANGS, "the board sleeps: {text:?}");
         stream.write_all(b"t004105\rV\r").expect("written");
         text = read_to(&mut stream, "V0100\r");
     }

@@ -17,6 +17,9 @@ use crate::world::bus::{Adapter, Bus, Station};
 /// Frames queued in the adapter; further ones stay in the host's socket.
 const QUEUE: usize = 64;
 
+/// Longest time for the last frames of a host that has closed, µs: on a dead bus they never leave.
+const LAST_FRAMES_US: u64 = 500_000;
+
 /// # Errors
 /// The address is in use, or there is no such interface.
 pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
@@ -43,6 +46,7 @@ pub fn bus(args: &BusArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
         sender,
         host,
         waiting: None,
+        leaves_us: None,
         unparsed: Vec::new(),
         clients: 0,
         pace: Pace::default(),
@@ -65,6 +69,8 @@ struct Server<S> {
     waiting: Option<NewClient>,
     /// Bytes received while the adapter's queue was full.
     unparsed: Vec<u8>,
+    /// Until when a host that has closed is kept, so that its last frames leave; µs.
+    leaves_us: Option<u64>,
     clients: u64,
     pace: Pace,
 }
@@ -80,6 +86,7 @@ impl<S: Station> Server<S> {
             self.bus.run_until(slice_us);
             self.send_frames();
             self.feed();
+            self.let_go();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
             // Frames stay in the interface. A client's bytes stay in its socket, and its end and the next client are noticed.
             if matches!(self.host, Host::Can(_)) && self.bus.waiting() >= QUEUE {
@@ -106,7 +113,8 @@ impl<S: Station> Server<S> {
                 self.feed();
             }
             Event::InputEnded(number) | Event::Gone(number) if self.is_client(number) => {
-                self.disconnect("has left");
+                self.leaves_us.get_or_insert(self.bus.now_us() + LAST_FRAMES_US);
+                self.let_go();
             }
             // From a client that was disconnected.
             Event::Bytes(..) | Event::InputEnded(_) | Event::Gone(_) => {}
@@ -145,7 +153,16 @@ impl<S: Station> Server<S> {
         }
     }
 
+    /// Disconnects a host that has closed, once its frames are on the wire: an adapter sends what it has taken.
+    fn let_go(&mut self) {
+        let is_empty = self.unparsed.is_empty() && self.bus.waiting() == 0;
+        if self.leaves_us.is_some_and(|until_us| is_empty || self.bus.now_us() >= until_us) {
+            self.disconnect("has left");
+        }
+    }
+
     fn disconnect(&mut self, why: &str) {
+        self.leaves_us = None;
         if let Host::Slcan(client) = std::mem::replace(&mut self.host, Host::None) {
             warn(&format!("{} {why}", client.link.peer));
             client.link.close();
@@ -184,8 +201,10 @@ impl<S: Station> Server<S> {
                 Host::None => {}
             }
         }
+        // What a host that has closed does not read, it does not miss.
         if let Host::Slcan(client) = &mut self.host
             && !client.flush()
+            && self.leaves_us.is_none()
         {
             self.disconnect("does not read; disconnected");
         }
