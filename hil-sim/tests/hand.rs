@@ -201,6 +201,43 @@ fn bad_console_entries_are_reported() {
     assert!(error.contains(&format!("--connect {free}: there is no hand")), "{error}");
 }
 
+/// A port that takes connections and says nothing.
+#[test]
+fn grasper_gives_up_a_silent_peer() {
+    let peer = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = peer.local_addr().expect("its address").to_string();
+    let (code, screen, error) = grasper(&address, "VERS\n");
+    assert_eq!((code, &*screen), (Some(2), ""), "{error}");
+    assert!(error.contains(&format!("--connect {address}: the hand is silent")), "{error}");
+    assert!(["found: ", "expected: ", "next: "].iter().all(|word| error.contains(word)), "{error}");
+}
+
+/// The hand is played by the test: the console is killed in the middle of a command.
+#[cfg(unix)]
+#[test]
+fn killed_grasper_sends_control_c() {
+    use std::os::unix::process::ExitStatusExt;
+    for signal in ["INT", "TERM", "HUP"] {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("its address").to_string();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+        command.args(["grasper", "--connect", &address]).stdin(Stdio::piped()).stdout(Stdio::null());
+        let mut console = command.spawn().expect("it starts");
+        console.stdin.as_mut().expect("piped").write_all(b"HI\n").expect("written");
+        let (mut hand, _) = listener.accept().expect("the console connects");
+        hand.set_read_timeout(Some(HANGS)).expect("a time-out");
+        hand.write_all(b"\r\n\r=> ").expect("written");
+        assert_eq!(read_to(&mut hand, "HI\r"), Ok("\rHI\r".to_owned()));
+        hand.write_all(b"HI").expect("written");
+        let id = console.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().expect("kill").success());
+        assert!(console.wait().expect("it ends").signal().is_some(), "{signal}");
+        assert_eq!(read_to(&mut hand, "\x03"), Ok("\x03".to_owned()), "{signal}");
+        hand.write_all(b"\r\n\rERR 16384\r\n\r=> ").expect("written");
+        assert_eq!(read_to(&mut hand, "never"), Err(String::new()), "{signal}");
+    }
+}
+
 /// More than the 256 bytes that GOD queues, and less than what is read ahead.
 const AHEAD: usize = 10_000;
 
