@@ -6,6 +6,7 @@ pub mod cli;
 mod gcl;
 pub mod grasper;
 mod grasper_client;
+mod guard;
 mod lines;
 mod output;
 mod serve;

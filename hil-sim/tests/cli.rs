@@ -356,6 +356,27 @@ fn full_disk_fails_and_closed_pipe_succeeds() {
     }
 }
 
+/// As `hil-sim gcl | head -1` does.
+#[test]
+fn gcl_without_a_reader_keeps_its_exit_code() {
+    use std::io::Write;
+    for (input, code) in [(&b"FROB\nVERS\n"[..], 1), (b"VERS\nFROB\n", 1), (b"VERS\n", 0)] {
+        for args in [&["gcl"][..], &["gcl", "--json"]] {
+            let (reader, stdout) = std::io::pipe().expect("a pipe");
+            drop(reader);
+            let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+            let mut process = command
+                .args(args)
+                .stdin(std::process::Stdio::piped())
+                .stdout(stdout)
+                .spawn()
+                .expect("it starts");
+            process.stdin.take().expect("piped").write_all(input).expect("it reads all");
+            assert_eq!(process.wait().expect("it ends").code(), Some(code), "{args:?}");
+        }
+    }
+}
+
 /// Command lines that serve, or connect to a server, have tests of their own.
 #[test]
 fn documented_command_lines_end_well() {

@@ -201,6 +201,43 @@ fn bad_console_entries_are_reported() {
     assert!(error.contains(&format!("--connect {free}: there is no hand")), "{error}");
 }
 
+/// A port that takes connections and says nothing.
+#[test]
+fn grasper_gives_up_a_silent_peer() {
+    let peer = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = peer.local_addr().expect("its address").to_string();
+    let (code, screen, error) = grasper(&address, "VERS\n");
+    assert_eq!((code, &*screen), (Some(2), ""), "{error}");
+    assert!(error.contains(&format!("--connect {address}: the hand is silent")), "{error}");
+    assert!(["found: ", "expected: ", "next: "].iter().all(|word| error.contains(word)), "{error}");
+}
+
+/// The hand is played by the test: the console is killed in the middle of a command.
+#[cfg(unix)]
+#[test]
+fn killed_grasper_sends_control_c() {
+    use std::os::unix::process::ExitStatusExt;
+    for signal in ["INT", "TERM", "HUP"] {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("its address").to_string();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+        command.args(["grasper", "--connect", &address]).stdin(Stdio::piped()).stdout(Stdio::null());
+        let mut console = command.spawn().expect("it starts");
+        console.stdin.as_mut().expect("piped").write_all(b"HI\n").expect("written");
+        let (mut hand, _) = listener.accept().expect("the console connects");
+        hand.set_read_timeout(Some(HANGS)).expect("a time-out");
+        hand.write_all(b"\r\n\r=> ").expect("written");
+        assert_eq!(read_to(&mut hand, "HI\r"), Ok("\rHI\r".to_owned()));
+        hand.write_all(b"HI").expect("written");
+        let id = console.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().expect("kill").success());
+        assert!(console.wait().expect("it ends").signal().is_some(), "{signal}");
+        assert_eq!(read_to(&mut hand, "\x03"), Ok("\x03".to_owned()), "{signal}");
+        hand.write_all(b"\r\n\rERR 16384\r\n\r=> ").expect("written");
+        assert_eq!(read_to(&mut hand, "never"), Err(String::new()), "{signal}");
+    }
+}
+
 /// More than the 256 bytes that GOD queues, and less than what is read ahead.
 const AHEAD: usize = 10_000;
 
@@ -230,9 +267,7 @@ fn type_ahead_does_not_mask_control_c_or_disconnect() {
     read_to(&mut host, "X1M 1500").expect("it is begun");
     drop(host);
     let mut next = served.host();
-    // The prompt that ends the motion may reach it as well.
-    next.write_all(b"frob\r").expect("written");
-    read_to(&mut next, "ERR 32\r\n\r=> ").expect("a prompt");
+    assert_eq!(ask(&mut next, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
     assert!(position(&mut next) < 10_000);
 }
 
@@ -263,10 +298,7 @@ fn half_closed_host_gets_all_answers() {
     // MODE 3 never ends; a host that waits for that does not keep others out for ever.
     let text = half_closed(served.host(), "1 S M 3\r");
     assert!(text.ends_with("1 S M 3\r\n\r=> "), "{text:?}");
-    // The prompt that ends that motion may reach the next host as well.
-    let mut next = served.host();
-    next.write_all(b"frob\r").expect("written");
-    read_to(&mut next, "ERR 32\r\n\r=> ").expect("an answer");
+    assert_eq!(ask(&mut served.host(), "frob"), "frob\r\n\rERR 32\r\n\r=> ");
 }
 
 /// The answer to a block is read; the motors stop, and the hand is free for the next host.
@@ -302,13 +334,14 @@ fn immediate_reconnect_is_never_refused() {
     }
 }
 
-/// The half-closed host is still the host.
+/// The half-closed host is still the host: the next one waits for its turn, and others are refused.
 #[test]
-fn half_closed_host_keeps_others_out_until_it_has_its_answers() {
+fn half_closed_host_gets_its_answers_while_another_waits() {
     let served = Served::new(&TCP, 1);
     let mut first = served.host();
-    first.write_all(b"WAIT 5000\rfrob\r").expect("written");
+    first.write_all(b"WAIT 500\rfrob\r").expect("written");
     first.shutdown(Shutdown::Write).expect("connected");
+    let mut second = served.connect("gcl");
     let mut text = String::new();
     served.connect("gcl").read_to_string(&mut text).expect("closed in order");
     assert!(
@@ -317,7 +350,44 @@ fn half_closed_host_keeps_others_out_until_it_has_its_answers() {
     );
     text.clear();
     first.read_to_string(&mut text).expect("closed in order");
-    assert!(text.ends_with("WAIT 5000\r\n\r=> frob\r\n\rERR 32\r\n\r=> "), "{text:?}");
+    assert!(text.ends_with("WAIT 500\r\n\r=> frob\r\n\rERR 32\r\n\r=> "), "{text:?}");
+    assert_eq!(ask(&mut second, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+}
+
+/// A command of 46 days. Otherwise nobody could type ^C.
+#[test]
+fn half_closed_host_does_not_lock_out_another() {
+    let served = Served::new(&TCP, 1);
+    for ahead in [0, 70_000] {
+        let mut first = served.host();
+        // The hand does not read all of a long type-ahead, nor the end of the input behind it.
+        first.write_all(format!("WAIT 4000000000\r{}", "x".repeat(ahead)).as_bytes()).expect("written");
+        first.shutdown(Shutdown::Write).expect("connected");
+        let mut second = served.host();
+        assert_eq!(ask(&mut second, "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+        let text = read_to(&mut first, "never").expect_err("it is closed");
+        assert_eq!(text, "WAIT 4000000000");
+    }
+}
+
+/// The abort takes some frames on the bus, and its ERR some time on the line.
+#[test]
+fn lost_hosts_command_answers_nothing_to_the_next() {
+    let served = Served::new(&[&TCP[..], &["--pace-baud"]].concat(), 1);
+    let mut host = served.host();
+    host.write_all(b"X1HI\r").expect("written");
+    // Perhaps after the banner, which the first host of a slow line reads.
+    read_to(&mut host, "X1HI\r\n\r=> ").expect("a prompt");
+    drop(host);
+    for _ in 0..5 {
+        let mut host = served.host();
+        host.write_all(b"X1LOOP\r").expect("written");
+        read_to(&mut host, "LOOP").expect("the echo");
+        // The * is unread: the connection is reset.
+        while host.peek(&mut [0; 8]).expect("an answer") == 0 {}
+        drop(host);
+        assert_eq!(ask(&mut served.host(), "frob"), "frob\r\n\rERR 32\r\n\r=> ");
+    }
 }
 
 /// A host that resets the connection after its end of input is lost, and what it had running ends.

@@ -9,6 +9,7 @@ use std::time::Duration;
 use crate::experiment::input::BadInput;
 use crate::ports::grasper::Console;
 
+use super::guard::{Guard, guard};
 use crate::ports::lines::Lines;
 use crate::ports::output::{print, warn};
 use crate::ports::thread;
@@ -16,12 +17,18 @@ use crate::ports::thread;
 /// Timeout without output from the hand: a motor may push for TSTOP, up to 65 s, before it counts as stalled.
 const SILENCE_LIMIT: Duration = Duration::from_secs(120);
 
+/// Timeout of the first prompt: a hand may wait 2 s for the answers of a host that has closed its side, and aborts within 0.5 s.
+const FIRST_LIMIT: Duration = Duration::from_secs(5);
+
 /// The arguments of `hil-sim grasper`.
 #[derive(clap::Args)]
 pub struct GrasperArgs {
     /// Address of the hand (`hil-sim hand --listen`).
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:11001")]
     connect: String,
+    /// Be the process that sends ^C after the end of the console.
+    #[arg(long, hide = true)]
+    guard: bool,
 }
 
 enum Event {
@@ -42,6 +49,10 @@ struct Entry {
 /// # Errors
 /// No hand, or it disconnects or times out; an invalid entry, unless a person can correct it.
 pub fn grasper(args: &GrasperArgs) -> Result<bool, Box<dyn Error>> {
+    if args.guard {
+        guard()?;
+        return Ok(true);
+    }
     let lost = |problem: &str, found: String| BadInput {
         place: format!("--connect {}", args.connect),
         problem: problem.to_owned(),
@@ -53,24 +64,29 @@ pub fn grasper(args: &GrasperArgs) -> Result<bool, Box<dyn Error>> {
     let hand = connect(&args.connect, sender.clone()).map_err(|e| lost("there is no hand", e.to_string()))?;
     let (next, wanted) = sync_channel(1);
     thread::start(move || read(&wanted, &sender)).map_err(|e| lost("cannot be served", e.to_string()))?;
+    let _guard = Guard::new(&hand).map_err(|e| lost("cannot be served", e.to_string()))?;
     let mut session = Session { hand, next, console: Console::default(), asked: None, last: String::new() };
+    let mut limit = FIRST_LIMIT;
     loop {
         session.advance()?;
         // A person may take any time.
         let event = match session.asked {
             Some(_) => events.recv().ok(),
-            None => events.recv_timeout(SILENCE_LIMIT).ok(),
+            None => events.recv_timeout(limit).ok(),
         };
         match event {
             Some(Event::Entry(entry)) => match entry? {
                 Some(entry) => session.enter(entry)?,
                 None => return session.finish(),
             },
-            Some(Event::Received(bytes)) => session.received(&bytes)?,
+            Some(Event::Received(bytes)) => {
+                limit = SILENCE_LIMIT;
+                session.received(&bytes)?;
+            }
             Some(Event::Gone(why)) => {
                 return Err(lost("the hand is gone", format!("{why}, after {:?}", session.last)).into());
             }
-            None => return Err(lost("the hand is silent", format!("nothing for {SILENCE_LIMIT:?}")).into()),
+            None => return Err(lost("the hand is silent", format!("nothing for {limit:?}")).into()),
         }
     }
 }

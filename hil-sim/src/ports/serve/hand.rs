@@ -3,12 +3,14 @@
 //!
 //! One host at a time: a client is the host from connecting (TCP) or its first byte (pseudo-terminal) until it disconnects; others
 //! get a busy message and, over TCP, are disconnected. GOD's output without a host is lost, as on a serial line, and a
-//! disconnect aborts what is running. A TCP host that only closes its own side (FIN) stays until it has its answers. CAN tools may watch the bus at any time.
+//! disconnect aborts what is running; the next host is served once that has ended. A TCP host that only closes its own side (FIN) stays until
+//! it has its answers, or another one has waited for [`GRACE_US`]. CAN tools may watch the bus at any time.
 
 use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
 use std::time::Duration;
 
 use crate::experiment::grasp;
@@ -44,6 +46,9 @@ const FEEDBACK_US: u64 = 20_000;
 /// Longest wait for the ends of motions that such a host has begun in the walk-through's grammar, µs: a motor that holds its position
 /// (MODE 3) never ends, and a stall takes TSTOP, up to 65 s.
 const REPORT_US: u64 = 70_000_000;
+
+/// Time that a host which has closed its side has for its answers while another one waits, µs: enough for a query and most motions.
+const GRACE_US: u64 = 2_000_000;
 
 /// The arguments of `hil-sim hand`.
 #[derive(clap::Args)]
@@ -154,6 +159,8 @@ enum Host {
         quiet_us: u64,
     },
     Terminal,
+    /// The host has left, and GOD still aborts what it had running: the output of that is not for the next host.
+    Left,
 }
 
 struct Terminal {
@@ -168,8 +175,8 @@ struct Server {
     serial: Serial,
     output: Vec<u8>,
     host: Host,
-    /// The next host, while the last one is about to leave.
-    waiting: Option<NewClient>,
+    /// The next host, while the last one is about to leave, and until when that may take, µs.
+    waiting: Option<(NewClient, u64)>,
     terminal: Option<Terminal>,
     watchers: Vec<Client>,
     events: Receiver<Event>,
@@ -201,12 +208,15 @@ impl Server {
             self.save();
             self.send_output();
             self.serve_leaving();
-            if let Some(client) = self.waiting.take() {
-                self.host_connected(client);
-            }
+            self.serve_waiting();
             self.reopen_terminal();
             self.send_frames();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
+            if matches!(self.host, Host::Left) {
+                // What the next host sends, and its connection, wait in the channel.
+                thread::park_timeout(wait);
+                continue;
+            }
             match self.events.recv_timeout(wait) {
                 Ok(event) => self.handle(event)?,
                 Err(RecvTimeoutError::Timeout) => {}
@@ -240,7 +250,7 @@ impl Server {
 
     fn link(&mut self) -> Option<&mut Link> {
         match &mut self.host {
-            Host::None => None,
+            Host::None | Host::Left => None,
             Host::Tcp(link) | Host::Leaving { link, .. } => Some(link),
             Host::Terminal => self.terminal.as_mut().and_then(|terminal| terminal.link.as_mut()),
         }
@@ -289,21 +299,35 @@ impl Server {
         Ok(())
     }
 
-    /// Whether the host has closed and has its answers: the end of its connection and the start of the next come from two threads, in any
+    /// Whether the host has closed its side, or has left: the end of its connection and the start of the next come from two threads, in any
     /// order.
     fn is_host_about_to_leave(&self) -> bool {
-        let is_idle =
-            self.serial.is_empty() && self.hand.io().is_drained() && self.hand.io().waits_for_line();
         match &self.host {
             Host::Tcp(link) => link.has_closed(),
-            Host::Leaving { .. } => is_idle && !self.hand.io().has_reports_due(),
+            Host::Leaving { .. } | Host::Left => true,
             Host::None | Host::Terminal => false,
+        }
+    }
+
+    /// Makes the waiting client the host once the last one is gone, which has [`GRACE_US`] for that.
+    fn serve_waiting(&mut self) {
+        let Some((_, until_us)) = &self.waiting else { return };
+        if self.hand.now_us() >= *until_us
+            && self.is_host_about_to_leave()
+            && let Some(number) = self.link().map(|link| link.number)
+        {
+            self.disconnected(number);
+        }
+        if !self.is_host_about_to_leave()
+            && let Some((client, _)) = self.waiting.take()
+        {
+            self.host_connected(client);
         }
     }
 
     fn host_connected(&mut self, client: NewClient) {
         if self.waiting.is_none() && self.is_host_about_to_leave() {
-            self.waiting = Some(client);
+            self.waiting = Some((client, self.hand.now_us() + GRACE_US));
             return;
         }
         if let Some(link) = self.link() {
@@ -345,7 +369,7 @@ impl Server {
         let is_free = matches!(self.host, Host::None);
         let host = match &self.host {
             Host::Tcp(link) | Host::Leaving { link, .. } => Some(link.peer.clone()),
-            Host::None | Host::Terminal => None,
+            Host::None | Host::Terminal | Host::Left => None,
         };
         if let Some(link) = self.terminal_link(number) {
             link.chunk_received();
@@ -386,10 +410,14 @@ impl Server {
         };
     }
 
-    /// Lets a host that sends nothing more go once it has its answers. RealTime ends without its host.
+    /// Lets a host that sends nothing more go once it has its answers. RealTime ends without its host. Once GOD waits for a line after a host
+    /// has left, another one can come.
     fn serve_leaving(&mut self) {
         let now_us = self.hand.now_us();
         let has_answers = self.serial.is_empty() && self.output.is_empty() && self.hand.io().is_drained();
+        if matches!(self.host, Host::Left) && has_answers && self.hand.io().waits_for_line() {
+            self.host = Host::None;
+        }
         let Host::Leaving { link, quiet_us } = &mut self.host else { return };
         if !has_answers || !link.is_flushed() {
             *quiet_us = now_us;
@@ -429,7 +457,7 @@ impl Server {
         self.disconnect_watcher(number);
         let mut was_host = match &self.host {
             Host::Tcp(link) | Host::Leaving { link, .. } => link.number == number,
-            Host::None | Host::Terminal => false,
+            Host::None | Host::Terminal | Host::Left => false,
         };
         if let Some(terminal) = &mut self.terminal
             && let Some(link) = terminal.link.take_if(|link| link.number == number)
@@ -439,16 +467,15 @@ impl Server {
         }
         if was_host {
             if let Host::Tcp(link) | Host::Leaving { link, .. } =
-                std::mem::replace(&mut self.host, Host::None)
+                std::mem::replace(&mut self.host, Host::Left)
             {
                 warn(&format!("{} has left", link.peer));
                 link.close();
             }
             self.output.clear();
             self.serial.hang_up(&mut self.hand);
-            // The prompt after an abort is not for the next host.
+            // From here on GOD does not wait for a line before it has handled the hang-up.
             self.hand.run_until(self.hand.now_us());
-            self.hand.take_tx();
         }
     }
 }
