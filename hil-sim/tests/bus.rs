@@ -151,7 +151,11 @@ fn opened(served: &Served) -> TcpStream {
     stream.write_all(b"O\r").expect("written");
     let mut byte = [0];
     stream.read_exact(&mut byte).expect("an answer");
-    assert_eq!(byte, *b"\r", "the channel is open");
+    if byte != *b"\r" {
+        let mut text = String::new();
+        let _ = stream.read_to_string(&mut text);
+        panic!("the channel is not open: {}{text}", byte[0].escape_ascii());
+    }
     stream
 }
 

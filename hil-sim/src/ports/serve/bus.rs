@@ -17,6 +17,9 @@ use crate::world::bus::{Adapter, Bus, Station};
 /// Frames queued in the adapter; further ones stay in the host's socket.
 const QUEUE: usize = 64;
 
+/// Longest time from the start of a connection to the report of the end of the one before it, µs.
+const ORDER_US: u64 = 50_000;
+
 /// Longest time for the last frames of a host that has closed, µs: on a dead bus they never leave.
 const LAST_FRAMES_US: u64 = 500_000;
 
@@ -65,8 +68,8 @@ struct Server<S> {
     events: Receiver<Event>,
     sender: SyncSender<Event>,
     host: Host,
-    /// The next host, while the bytes of the last one, who has closed, are read.
-    waiting: Option<NewClient>,
+    /// Who wants to be the host, and until when it is not known whether the present one leaves, µs.
+    waiting: Option<(NewClient, u64)>,
     /// Bytes received while the adapter's queue was full.
     unparsed: Vec<u8>,
     /// Until when a host that has closed is kept, so that its last frames leave; µs.
@@ -87,6 +90,7 @@ impl<S: Station> Server<S> {
             self.send_frames();
             self.feed();
             self.let_go();
+            self.refuse_waiting();
             let wait = if slice_us < target_us { Duration::ZERO } else { WAIT };
             // Frames stay in the interface. A client's bytes stay in its socket, and its end and the next client are noticed.
             if matches!(self.host, Host::Can(_)) && self.bus.waiting() >= QUEUE {
@@ -128,14 +132,11 @@ impl<S: Station> Server<S> {
         matches!(&self.host, Host::Slcan(client) if client.link.number == number)
     }
 
-    /// Makes a client the host, unless there is one. After a host that has closed it waits: the end of one connection and the start of the
-    /// next come from two threads, in any order.
+    /// Makes a client the host. Where there is one it waits: the end of one connection and the start of the next come from two threads, in
+    /// any order.
     fn connected(&mut self, client: NewClient) {
-        if self.waiting.is_none()
-            && let Host::Slcan(host) = &self.host
-            && host.link.has_closed()
-        {
-            self.waiting = Some(client);
+        if self.waiting.is_none() && matches!(self.host, Host::Slcan(_)) {
+            self.waiting = Some((client, self.bus.now_us() + ORDER_US));
             return;
         }
         if let Err(two) = self.bus.plug_host(&client.peer, Adapter::default()) {
@@ -150,6 +151,19 @@ impl<S: Station> Server<S> {
                 self.host = Host::Slcan(Client::new(link, Slcan::default()));
             }
             None => self.bus.unplug_host(),
+        }
+    }
+
+    /// Refuses the client that waits if the host stays.
+    fn refuse_waiting(&mut self) {
+        let stays = matches!(&self.host, Host::Slcan(host) if !host.link.has_closed());
+        let is_over = |&(_, until_us): &(NewClient, u64)| stays && self.bus.now_us() >= until_us;
+        if self.waiting.as_ref().is_some_and(is_over)
+            && let Some((client, _)) = self.waiting.take()
+            && let Err(two) = self.bus.plug_host(&client.peer, Adapter::default())
+        {
+            warn(&two.to_string());
+            tcp::refuse(client, &two.to_string());
         }
     }
 
@@ -169,7 +183,7 @@ impl<S: Station> Server<S> {
         }
         self.unparsed.clear();
         self.bus.unplug_host();
-        if let Some(next) = self.waiting.take() {
+        if let Some((next, _)) = self.waiting.take() {
             self.connected(next);
         }
     }
