@@ -981,7 +981,11 @@ impl Servo {
     }
 
     fn torque_ceiling(&self) -> Torque {
-        if matches!(self.motion, Motion::Home { .. }) { self.tuning.homing_most } else { self.tuning.most }
+        match self.motion {
+            // To leave a stop it has all of MT: a motion may have wedged the joint in it.
+            Motion::Home { stage: Homing::Seek | Homing::Return { .. }, .. } => self.tuning.homing_most,
+            _ => self.tuning.most,
+        }
     }
 
     // --- the end of a motion ---------------------------------------------------------------------------------
