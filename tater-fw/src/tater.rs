@@ -247,7 +247,7 @@ impl<B: Board> Tater<B> {
         let code = self.board.halls() & 7;
         if self.commutator.is_settled(code) {
             self.pending_code = None;
-        } else if self.commutator.is_quiet() && self.pending_code != Some(code) {
+        } else if !self.commutator.has_seen(code) && self.pending_code != Some(code) {
             self.pending_code = Some(code);
         } else {
             self.halls_changed(code, now);

@@ -113,11 +113,11 @@ impl Commutator {
         self.halls.is_settled(code)
     }
 
-    /// Whether only another code would change anything.
+    /// Whether this is the code that the lines last showed.
     #[inline]
     #[must_use]
-    pub const fn is_quiet(&self) -> bool {
-        self.halls.is_quiet()
+    pub const fn has_seen(&self, code: u8) -> bool {
+        self.halls.has_seen(code)
     }
 
     /// One sample of the lines: at each of their changes, and at each control tick before the servo's.

@@ -235,11 +235,11 @@ impl HallDecoder {
         self.quiet && code & 7 == self.code
     }
 
-    /// Whether the lines last showed the trusted sector and no state waits for time to pass.
+    /// Whether this is the code that the lines last showed.
     #[inline]
     #[must_use]
-    pub const fn is_quiet(&self) -> bool {
-        self.quiet
+    pub const fn has_seen(&self, code: u8) -> bool {
+        code & 7 == self.code
     }
 
     #[inline(never)]
