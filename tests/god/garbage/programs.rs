@@ -44,7 +44,13 @@ fn plain_line(client: &mut Client) -> (String, u64) {
         let Some(row) = command.row() else { continue };
         match (command, row.category) {
             (GclCommand::Loop | GclCommand::Play | GclCommand::Rec, _) => {}
-            (GclCommand::Wait, _) => return (line, WAIT_US + QUIET_US),
+            (GclCommand::Wait, _) => {
+                // A longer one would be the run.
+                let ms = line.split_whitespace().last().and_then(|word| word.parse().ok());
+                if ms.is_none_or(|ms: u64| ms <= WAIT_US / 1_000) {
+                    return (line, WAIT_US + QUIET_US);
+                }
+            }
             (GclCommand::Mac, _) | (_, Category::Movement) => {
                 return (line, command_us(row.name, 400) + WAKE_US);
             }
