@@ -10,7 +10,7 @@
 //! * An idle motor is not driven, nor one whose board is in its monitor. No page is erased while a motor is driven. No watchdog resets.
 //! * A host can cause three faults: HostLost, because the walk-through grammar can leave a motor in mode 2 or 4 and a host that never reads blocks
 //!   RealTime; OverTemperature, because it can set a board's OTEMP; and Jammed, because an object in the hand, or another finger, can stop a
-//!   motor that homes.
+//!   motor that homes, and an impact can wedge a joint whose board is then reset (decision 0047).
 //! * GOD's queues and its transmit mailboxes neither lose nor grow.
 
 use hil_sim::MotorKind;
