@@ -60,9 +60,9 @@ fn spread_whose_brake_is_stuck_is_jammed_and_not_homed() {
     assert_eq!(home(&mut spread, |_| ()), (Some(Fault::Jammed), false));
     // The brake itself, which never releases.
     let mut spread = joint("spread", 83, 0.03, "", 1);
-    spread.rig_mut().jam_brake(true);
+    spread.rig_mut().stick_brake(Some(true));
     assert_eq!(home(&mut spread, |_| ()), (Some(Fault::Jammed), false));
-    spread.rig_mut().jam_brake(false);
+    spread.rig_mut().stick_brake(None);
     hil_sim::set(&mut spread, Property::STAT, 2).expect("clears the fault");
     assert_eq!(home(&mut spread, |_| ()), (None, true));
 }

@@ -384,7 +384,7 @@ fn refusals_name_the_broken_wire() {
         let mut rig =
             Rig::new(PlantParams::for_motor(kind), params, &[], Model::Averaged, start, 0).expect("in range");
         rig.break_hall_lines(broken);
-        rig.jam_brake(jammed);
+        rig.stick_brake(jammed.then_some(true));
         let mut bench =
             Bench::new(Node::unwired(SimBoard::new(rig, Id::new(case.number()).expect("a node"))));
         bench.step();

@@ -400,6 +400,10 @@ impl Station for Board {
         chip.touched = true;
     }
 
+    fn counts_errors(&self) -> bool {
+        true
+    }
+
     fn error(&mut self, sending: bool) {
         let at = self.now_us * US;
         let chip = self.machine.chip_mut();
@@ -423,6 +427,10 @@ impl Station for Board {
 }
 
 impl Motorized for Board {
+    fn set_power(&mut self, on: bool) {
+        if on { self.power_on() } else { self.power_off() }
+    }
+
     fn rig(&self) -> &Rig {
         &self.rig
     }

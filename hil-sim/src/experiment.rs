@@ -14,5 +14,6 @@ pub mod replay;
 pub mod report;
 pub mod run;
 pub mod scenario;
+pub mod torture;
 pub mod trace;
 pub mod typist;

@@ -20,7 +20,8 @@ mod world;
 
 pub use experiment::run::{MotorRun, Options, Outcome, board, node_of, rig, run, set};
 pub use experiment::{
-    events, grasp, input, metrics, over_can, picture, properties, replay, report, scenario, trace, typist,
+    events, grasp, input, metrics, over_can, picture, properties, replay, report, scenario, torture, trace,
+    typist,
 };
 pub use ports::{cli, grasper, slcan};
 pub use tater_fw::motion::defaults;

@@ -1,70 +1,17 @@
 //! Longest times from a command to its prompt, and motors whose boards refuse an order.
 
-use god::command::{self, GclCommand};
 use hil_sim::node::Node;
+use hil_sim::torture::deadline::command_us;
 use servo_core::mode::Mode;
 
 use super::Session;
 use super::movement::assert_near;
-
-/// Speed of a tip in TC and TO, counts/s: it follows its link by velocity at 13/49 of MCV's and MOV's 1000.
-const TIP_ALONG: u64 = 265;
-
-/// Homing speed IVEL, counts/s.
-const HOMING: u64 = 200;
-
-/// Droop of the proportional velocity loop under friction, counts/s: 63 torque units (decision 0003) divided by KPV's gain of 2.
-const DROOP: u64 = 32;
-
-/// The joints' ranges, hall counts (manual table 1): link, spread, tip.
-const LINK: u64 = 363;
-const SPREAD: u64 = 166;
-const TIP: u64 = 508;
-
-/// Longest move, ms, a tip's over its whole range: 2·√(distance/acceleration) with an acceleration of (ACCEL/1024)² counts/ms² (decision
-/// 0002). No range is long enough to reach MV. A link takes 976 ms and the spread 880 ms.
-const MOVE_MS: u64 = triangle_ms(TIP, 30);
-
-/// GOD's own time, ms: five questions to a silent board, three times 60 ms each, and 100 ms for brake (30 ms), waking (26 ms) and answers.
-const OWN_MS: u64 = 5 * 3 * 60 + 100;
 
 /// Longest time in which a motor that refuses an order or has a fault ends its share of a command, us.
 pub const SHARE_US: u64 = 100_000;
 
 /// Longest time from ^C or a disconnect to the prompt, us: up to three properties, each with three questions of 60 ms to a silent board.
 pub const ABORT_US: u64 = 600_000;
-
-/// 2·√(distance/acceleration), rounded up.
-const fn triangle_ms(counts: u64, accel: u64) -> u64 {
-    2 * (counts * 1024 * 1024).isqrt() / accel + 1
-}
-
-/// Longest time of a command, us: TSTOP (ms) and travel of each stage, and GOD's own time. TSTOP 0 has no bound.
-pub fn command_us(line: &str, tstop_ms: u64) -> u64 {
-    let word = line.split(' ').next().unwrap_or_default();
-    // The longest end of the word that is a command: the rest is its prefix.
-    let command = (0..word.len()).find_map(|start| command::find(&word[start..])).expect("a command");
-    let (stages, travel_ms) = match command {
-        // Links to their stops and IOFF 25 back, then tips to theirs and 350 back; the spread is faster. Each goes 12 counts
-        // from its stop and back to it, and stalls again.
-        GclCommand::Hi => (
-            4,
-            (LINK + 24) * 1000 / (HOMING - DROOP)
-                + triangle_ms(25, 40)
-                + (TIP + 24) * 1000 / (HOMING - DROOP)
-                + triangle_ms(350, 30),
-        ),
-        // A tip whose link breaks away continues to its own goal.
-        GclCommand::C => (2, 2 * MOVE_MS),
-        GclCommand::Tc | GclCommand::To => (1, TIP * 1000 / (TIP_ALONG - DROOP)),
-        GclCommand::T => (0, 0),
-        _ => (1, MOVE_MS),
-    };
-    // HI stalls for 250 ms at least (decision 0009).
-    1000 * (stages * tstop_ms.max(250) + travel_ms + OWN_MS)
-}
-
-const _: () = assert!(MOVE_MS > triangle_ms(LINK, 40) && MOVE_MS > triangle_ms(SPREAD, 30));
 
 /// Lines before the command, the command, its answer, and its longest time, us, if that is not [`command_us`].
 type Refused = (&'static [&'static str], &'static str, &'static str, Option<u64>);
@@ -90,7 +37,7 @@ fn refused_order_ends_with_a_status() {
         for line in *before {
             session.run(line);
         }
-        let within_us = within_us.unwrap_or_else(|| command_us(line, 400));
+        let within_us = within_us.unwrap_or_else(|| command_us(line, 400).expect("a command"));
         match session.try_run(line, within_us) {
             Ok((answer, us)) if answer == *expected => {
                 println!(

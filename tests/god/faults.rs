@@ -67,7 +67,7 @@ impl Fault {
             OpenThermistor => node.rig_mut().override_thermistor(Some(-50.0)),
             HotMotor => node.rig_mut().override_thermistor(Some(90.0)),
             NoBoard => hand.bus_mut().cut(place, true),
-            JammedBrake => node.rig_mut().jam_brake(true),
+            JammedBrake => node.rig_mut().stick_brake(Some(true)),
             WornFlash => node.board_mut().flash().set_worn(true),
         }
     }

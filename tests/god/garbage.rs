@@ -5,11 +5,11 @@
 
 mod blocks;
 mod client;
-mod lines;
 mod programs;
 mod watch;
 
 use client::{Client, Figure};
+use hil_sim::torture::lines;
 use rand::RngExt;
 
 const ANY: u64 = 6_000_000;

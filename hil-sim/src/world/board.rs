@@ -117,6 +117,12 @@ impl SimBoard {
         &self.flash
     }
 
+    /// The bridge.
+    #[must_use]
+    pub const fn bridge_now(&self) -> Bridge {
+        self.bridge
+    }
+
     /// Time at which the bridge was switched on, µs; `None` while it is off.
     #[must_use]
     pub const fn driven_since_us(&self) -> Option<u64> {

@@ -2,9 +2,10 @@
 //!
 //! Classic CAN at 1 Mbit/s, so a bit is a microsecond. The lowest identifier wins. Frame lengths include stuffing. A corrupted
 //! frame costs an error frame and is sent again. A receive FIFO holds three frames; while it is full, each frame that arrives
-//! replaces the newest.
-//! Not modeled: error counters (a station never goes bus-off), remote and extended frames, and retransmissions without an
-//! acknowledgment: a lone station waits until another one is on the bus.
+//! replaces the newest. A station whose frames are corrupted again and again goes bus-off (ISO 11898-1: its transmit error counter
+//! rises by 8 with each and falls by 1 with each frame sent) and comes back after 128 times 11 bits.
+//! Not modeled: receive error counters, remote and extended frames, and retransmissions without an acknowledgment: a lone
+//! station waits until another one is on the bus.
 //!
 //! Event-driven and deterministic: the same calls give the same traffic, to the microsecond.
 
@@ -32,6 +33,12 @@ pub const FIFO: usize = 3;
 /// Frames that a tap keeps until they are read: 0.1 s of a full bus.
 const TAP: usize = 1024;
 
+/// A transmit error counter above this is bus-off (ISO 11898-1).
+const BUS_OFF: u16 = 255;
+
+/// Time that a station stays bus-off, us: 128 times 11 recessive bits. The controller comes back by itself (bxCAN's ABOM, docs/board.md).
+const RECOVERY_US: u64 = 128 * 11;
+
 /// Counters of the bus traffic.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
@@ -47,6 +54,10 @@ pub struct Stats {
     pub overruns: u64,
     /// Frames that a receiver acknowledged but lost (see [`Medium::delivers`]).
     pub lost: u64,
+    /// Frames received twice (see [`Fate::Duplicated`]).
+    pub duplicates: u64,
+    /// How often a station went bus-off.
+    pub bus_offs: u64,
 }
 
 /// A bus with its stations and at most one host.
@@ -60,6 +71,8 @@ pub struct Bus<S> {
     free_us: u64,
     stats: Stats,
     tap: Option<VecDeque<Stamped>>,
+    /// Frames of nodes that are no station: a second host, a babbling node.
+    strangers: VecDeque<Frame>,
 }
 
 struct Slot<S> {
@@ -68,20 +81,42 @@ struct Slot<S> {
     fifo: VecDeque<Stamped>,
     /// When the station's software read the last frame from the FIFO.
     taken_us: u64,
+    /// Before this time it sends nothing.
+    held_until_us: u64,
+    /// Transmit error counter, and the end of its last bus-off.
+    errors: u16,
+    off_until_us: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sender {
+    Host,
+    Station(usize),
+    Stranger,
 }
 
 struct Flight {
     frame: Frame,
-    /// The sending station; `None`: the host.
-    sender: Option<usize>,
+    sender: Sender,
     begin_us: u64,
     end_us: u64,
-    whole: bool,
+    fate: Fate,
 }
 
 impl<S: Station> Slot<S> {
-    fn is_connected(&self) -> bool {
-        !self.cut && self.station.is_on_bus()
+    fn is_connected(&self, now_us: u64) -> bool {
+        !self.cut && now_us >= self.off_until_us && self.station.is_on_bus()
+    }
+
+    /// Counts a frame that it could not send; returns whether it goes bus-off.
+    fn count_error(&mut self, now_us: u64) -> bool {
+        self.errors += 8;
+        let off = self.errors > BUS_OFF;
+        if off {
+            self.errors = 0;
+            self.off_until_us = now_us + RECOVERY_US;
+        }
+        off
     }
 
     /// When the software reads the next frame from the FIFO. Frames that arrive during a stall are all read in its last
@@ -98,7 +133,15 @@ impl<S: Station> Bus<S> {
     /// A bus at time 0 with a clean cable and no host.
     #[must_use]
     pub fn new(stations: Vec<S>) -> Self {
-        let slot = |station| Slot { station, cut: false, fifo: VecDeque::new(), taken_us: 0 };
+        let slot = |station| Slot {
+            station,
+            cut: false,
+            fifo: VecDeque::new(),
+            taken_us: 0,
+            held_until_us: 0,
+            errors: 0,
+            off_until_us: 0,
+        };
         Self {
             now_us: 0,
             slots: stations.into_iter().map(slot).collect(),
@@ -108,6 +151,7 @@ impl<S: Station> Bus<S> {
             free_us: 0,
             stats: Stats::default(),
             tap: None,
+            strangers: VecDeque::new(),
         }
     }
 
@@ -126,8 +170,12 @@ impl<S: Station> Bus<S> {
     /// Disconnects the host and discards what it has not sent or received.
     pub fn unplug_host(&mut self) {
         self.host = None;
-        if let Some(flight) = self.flight.as_mut().filter(|flight| flight.sender.is_none()) {
-            flight.whole = false;
+        self.break_frame_of(Sender::Host);
+    }
+
+    fn break_frame_of(&mut self, sender: Sender) {
+        if let Some(flight) = self.flight.as_mut().filter(|flight| flight.sender == sender) {
+            flight.fate = Fate::Corrupted { at_bit: 0 };
         }
     }
 
@@ -141,9 +189,43 @@ impl<S: Station> Bus<S> {
         if let Some(slot) = self.slots.get_mut(station) {
             slot.cut = cut;
         }
-        if let Some(flight) = self.flight.as_mut().filter(|flight| cut && flight.sender == Some(station)) {
-            flight.whole = false;
+        if cut {
+            self.break_frame_of(Sender::Station(station));
         }
+    }
+
+    /// Keeps a station from sending before `until_us`; what it receives is acknowledged as ever.
+    pub fn hold(&mut self, station: usize, until_us: u64) {
+        if let Some(slot) = self.slots.get_mut(station) {
+            slot.held_until_us = until_us;
+        }
+    }
+
+    /// Puts a station bus-off now, as after 32 corrupted frames.
+    pub fn put_bus_off(&mut self, station: usize) {
+        let now_us = self.now_us;
+        if let Some(slot) = self.slots.get_mut(station) {
+            slot.errors = BUS_OFF;
+            self.stats.bus_offs += u64::from(slot.count_error(now_us));
+            self.break_frame_of(Sender::Station(station));
+        }
+    }
+
+    /// Queues a frame of a node that is no station and receives nothing: a second host, a babbling node.
+    pub fn intrude(&mut self, frame: Frame) {
+        self.strangers.push_back(frame);
+    }
+
+    /// Frames of strangers that are not sent yet.
+    #[must_use]
+    pub fn strangers_waiting(&self) -> usize {
+        self.strangers.len()
+    }
+
+    /// Discards the frames of strangers.
+    pub fn silence_strangers(&mut self) {
+        self.strangers.clear();
+        self.break_frame_of(Sender::Stranger);
     }
 
     /// µs since power-up.
@@ -185,7 +267,7 @@ impl<S: Station> Bus<S> {
 
     /// Discards the host's queued frames. One that is on the wire is finished.
     pub fn abort_pending(&mut self) {
-        let on_wire = self.flight.as_ref().is_some_and(|flight| flight.sender.is_none());
+        let on_wire = self.flight.as_ref().is_some_and(|flight| flight.sender == Sender::Host);
         if let Some(host) = &mut self.host {
             host.abort_pending(on_wire);
         }
@@ -241,13 +323,19 @@ impl<S: Station> Bus<S> {
         let wire_us = match &self.flight {
             Some(flight) => flight.end_us,
             None if self.winner().is_some() => self.free_us,
-            None => u64::MAX,
+            None => self.freed_us(),
         };
         let host_us = self.host.as_ref().map_or(u64::MAX, |host| host.next_us(self.now_us));
         let slots_us = self.slots.iter().map(|slot| {
             slot.station.next_us().max(self.now_us + 1).min(slot.delivery_us().unwrap_or(u64::MAX))
         });
         slots_us.min().unwrap_or(u64::MAX).min(wire_us).min(host_us)
+    }
+
+    /// The next time at which a station that must not send now may; `u64::MAX` without one.
+    fn freed_us(&self) -> u64 {
+        let times = self.slots.iter().flat_map(|slot| [slot.held_until_us, slot.off_until_us]);
+        times.filter(|&at| at > self.now_us).min().unwrap_or(u64::MAX)
     }
 
     /// Processes what is due now: the end of a frame, deliveries, the start of a frame.
@@ -272,45 +360,60 @@ impl<S: Station> Bus<S> {
     }
 
     /// Arbitration. Two stations share an identifier only by mistake; then the first one wins.
-    fn winner(&self) -> Option<(Option<usize>, Frame)> {
-        let host = self.host.as_ref().and_then(|host| host.pending(self.now_us)).map(|frame| (None, frame));
-        let connected = self.slots.iter().enumerate().filter(|(_, slot)| slot.is_connected());
+    fn winner(&self) -> Option<(Sender, Frame)> {
+        let now_us = self.now_us;
+        let host =
+            self.host.as_ref().and_then(|host| host.pending(now_us)).map(|frame| (Sender::Host, frame));
+        let stranger = self.strangers.front().map(|frame| (Sender::Stranger, *frame));
+        let connected = self.slots.iter().enumerate().filter(|(_, slot)| slot.is_connected(now_us));
         // A frame needs a second node on the bus to be acknowledged.
-        if connected.clone().count() + usize::from(self.host.is_some()) < 2 {
+        let others = usize::from(self.host.is_some()) + usize::from(stranger.is_some());
+        if connected.clone().count() + others < 2 {
             return None;
         }
         let lowest = |(index, slot): (usize, &Slot<S>)| {
             let frame = slot.station.pending().iter().min_by_key(|frame| frame.raw_id())?;
-            Some((Some(index), *frame))
+            Some((Sender::Station(index), *frame))
         };
-        host.into_iter().chain(connected.filter_map(lowest)).min_by_key(|(_, frame)| frame.raw_id())
+        let free = connected.filter(|(_, slot)| slot.held_until_us <= now_us);
+        let all = host.into_iter().chain(free.filter_map(lowest)).chain(stranger);
+        all.min_by_key(|(_, frame)| frame.raw_id())
     }
 
     fn begin(&mut self) {
         let Some((sender, frame)) = self.winner() else { return };
         let bits = length::bits(&frame);
-        let (len, whole) = match self.medium.fate(&frame, bits, self.now_us) {
-            Fate::Delivered => (bits, true),
-            Fate::Corrupted { at_bit } => (at_bit.min(bits) + ERROR_FRAME, false),
+        let fate = self.medium.fate(&frame, bits, self.now_us);
+        let len = match fate {
+            Fate::Delivered => bits,
+            Fate::Duplicated => bits + ERROR_FRAME,
+            Fate::Corrupted { at_bit } => at_bit.min(bits) + ERROR_FRAME,
         };
         let end_us = self.now_us + len;
-        self.flight = Some(Flight { frame, sender, begin_us: self.now_us, end_us, whole });
+        self.flight = Some(Flight { frame, sender, begin_us: self.now_us, end_us, fate });
     }
 
     fn finish(&mut self, flight: &Flight) {
         self.free_us = flight.end_us + INTERMISSION;
         self.stats.busy_us += self.free_us - flight.begin_us;
-        if !flight.whole {
+        let now_us = self.now_us;
+        if let Fate::Corrupted { .. } = flight.fate {
             self.stats.errors += 1;
-            for (index, slot) in self.slots.iter_mut().enumerate().filter(|(_, slot)| slot.is_connected()) {
-                slot.station.error(flight.sender == Some(index));
+            for (index, slot) in self.slots.iter_mut().enumerate() {
+                if slot.is_connected(now_us) {
+                    let sends = flight.sender == Sender::Station(index);
+                    let counts = sends && !slot.station.counts_errors();
+                    self.stats.bus_offs += u64::from(counts && slot.count_error(now_us));
+                    slot.station.error(sends);
+                }
             }
             return;
         }
         let Flight { frame, sender, .. } = *flight;
+        let twice = flight.fate == Fate::Duplicated;
         self.stats.frames += 1;
+        self.stats.duplicates += u64::from(twice);
         *self.stats.by_id.entry(frame.raw_id()).or_default() += 1;
-        let now_us = self.now_us;
         if let Some(tap) = &mut self.tap {
             if tap.len() >= TAP {
                 tap.pop_front();
@@ -318,9 +421,12 @@ impl<S: Station> Bus<S> {
             tap.push_back(Stamped { at_us: now_us, frame });
         }
         for (index, slot) in self.slots.iter_mut().enumerate() {
-            if sender == Some(index) {
-                slot.station.sent(&frame);
-            } else if !slot.is_connected() {
+            if sender == Sender::Station(index) {
+                if !twice {
+                    slot.errors = slot.errors.saturating_sub(1);
+                    slot.station.sent(&frame);
+                }
+            } else if !slot.is_connected(now_us) {
             } else if !self.medium.delivers(&frame, Some(index)) {
                 self.stats.lost += 1;
             } else if slot.station.accepts(&frame) {
@@ -331,9 +437,14 @@ impl<S: Station> Bus<S> {
                 slot.fifo.push_back(Stamped { at_us: now_us, frame });
             }
         }
+        if sender == Sender::Stranger && !twice {
+            self.strangers.pop_front();
+        }
         let Some(host) = &mut self.host else { return };
-        if sender.is_none() {
-            host.sent();
+        if sender == Sender::Host {
+            if !twice {
+                host.sent();
+            }
         } else if self.medium.delivers(&frame, None) {
             host.hear(frame, now_us);
         } else {

@@ -34,6 +34,11 @@ const STANDSTILL_COUNTS_PER_S: f64 = 1.0;
 /// Interval at which contacts are computed, us.
 const SCENE_US: u64 = 1_000;
 
+fn started(io: &Rc<Io>, memory: &Rc<Memory>) -> Pin<Box<dyn Future<Output = Infallible>>> {
+    let (io, memory) = (Rc::clone(io), Rc::clone(memory));
+    Box::pin(async move { god::run(&io, &memory).await })
+}
+
 fn id(number: u8) -> Id {
     Id::new(number).expect("1 to 7 are nodes")
 }
@@ -87,6 +92,9 @@ pub trait Motorized: Station {
 
     /// The motor and its sensors, to disturb or replace them.
     fn rig_mut(&mut self) -> &mut Rig;
+
+    /// Switches the board's power. A board that has power already is reset.
+    fn set_power(&mut self, on: bool);
 }
 
 impl Motorized for Node {
@@ -97,6 +105,10 @@ impl Motorized for Node {
     fn rig_mut(&mut self) -> &mut Rig {
         Self::rig_mut(self)
     }
+
+    fn set_power(&mut self, on: bool) {
+        if on { self.power_on() } else { self.power_off() }
+    }
 }
 
 /// GOD and its boards, native ones if nothing else is said. Bytes go in and come out; the caller advances time.
@@ -106,7 +118,8 @@ pub struct Hand<S = Node> {
     palm: Palm,
     io: Rc<Io>,
     memory: Rc<Memory>,
-    god: Pin<Box<dyn Future<Output = Infallible>>>,
+    /// `None` without power.
+    god: Option<Pin<Box<dyn Future<Output = Infallible>>>>,
     /// Next time at which GOD may act by itself, us.
     next_us: u64,
     /// Changes outside the boards' flashes; see [`Self::revision`].
@@ -179,15 +192,13 @@ impl<S: Motorized> Hand<S> {
         let (io, memory) = (Rc::new(Io::default()), Rc::new(memory));
         let palm = Palm::default();
         io.set_temperature(palm.tenths());
-        let (ports, kept) = (Rc::clone(&io), Rc::clone(&memory));
-        let god = Box::pin(async move { god::run(&ports, &kept).await });
         Self {
             bus,
             supply,
             palm,
+            god: Some(started(&io, &memory)),
             io,
             memory,
-            god,
             next_us: 0,
             changes: 0,
             stood: Pose::default(),
@@ -295,7 +306,9 @@ impl<S: Motorized> Hand<S> {
             if now >= until_us {
                 return;
             }
-            if let Some(stamped) = self.bus.wait(self.wakes_us().clamp(now, until_us)) {
+            if let Some(stamped) = self.bus.wait(self.wakes_us().clamp(now, until_us))
+                && self.is_on()
+            {
                 self.io.push_frame(&stamped.frame);
                 self.next_us = self.bus.now_us();
             }
@@ -328,8 +341,38 @@ impl<S: Motorized> Hand<S> {
         self.scene.as_ref().map_or(u64::MAX, |(_, next_us, _)| *next_us)
     }
 
+    /// Switches the power of the whole hand. Without power GOD forgets what it has not stored, and takes no bytes.
+    pub fn set_power(&mut self, on: bool) {
+        for index in 0..self.bus.stations().count() {
+            if let Some(board) = self.bus.station_mut(index) {
+                board.set_power(on);
+            }
+        }
+        self.bus.abort_pending();
+        self.memory = Rc::new(Memory::new(self.memory.stored()));
+        self.io = Rc::new(Io::default());
+        self.io.set_temperature(self.palm.tenths());
+        self.god = on.then(|| started(&self.io, &self.memory));
+        self.next_us = self.bus.now_us();
+    }
+
+    /// Whether GOD has power.
+    #[must_use]
+    pub const fn is_on(&self) -> bool {
+        self.god.is_some()
+    }
+
+    /// Changes the source's voltage and current limit (see [`Supply::set_source`]).
+    pub fn set_source(&mut self, volts: f64, limit_a: f64) {
+        self.supply.set_source(volts, limit_a);
+    }
+
     fn poll(&mut self) {
-        self.next_us = god::io::poll(self.god.as_mut(), &self.io, self.bus.now_us());
+        let Some(god) = &mut self.god else {
+            self.next_us = u64::MAX;
+            return;
+        };
+        self.next_us = god::io::poll(god.as_mut(), &self.io, self.bus.now_us());
         if self.io.take_cancel() {
             self.bus.abort_pending();
         }

@@ -56,6 +56,12 @@ pub struct Node {
     boots_until_us: u64,
     missed_edge: bool,
     resets: u32,
+    /// Deviation of the board's clock, parts per million: positive runs fast.
+    drift_ppm: i32,
+    /// The time since which it deviates so, and the clock then, us.
+    drifts_from: (u64, u64),
+    /// Starts of the application since power was first applied.
+    starts: u32,
     /// The board's feed counter and when it last changed.
     fed: (u32, u64),
     watchdog_resets: u32,
@@ -143,6 +149,9 @@ impl Node {
             boots_until_us: now_us,
             missed_edge: false,
             resets: 0,
+            drift_ppm: 0,
+            drifts_from: (0, 0),
+            starts: 0,
             fed: (0, now_us),
             watchdog_resets: 0,
             count: 0,
@@ -184,15 +193,46 @@ impl Node {
             self.board_mut().run(until_us);
             self.now_us = self.board().rig().now_us();
         }
-        self.next_tick_us = (self.now_us / TICK_US + 1) * TICK_US;
+        self.next_tick_us = self.tick_after_now_us();
         self.fed.1 = self.now_us;
         self.watchdog_resets += 1;
         self.reset(Some(FaultCode::Watchdog));
     }
 
+    /// Makes the board's clock run fast (positive) or slow, parts per million; at most ±100,000.
+    pub fn set_drift_ppm(&mut self, ppm: i32) {
+        self.drifts_from = (self.now_us, self.local_us());
+        self.drift_ppm = ppm.clamp(-100_000, 100_000);
+        self.next_tick_us = self.tick_after_now_us();
+    }
+
+    /// The board's clock.
+    const fn local_us(&self) -> u64 {
+        let (from_us, local_us) = self.drifts_from;
+        let us = self.now_us - from_us;
+        // Three years keep this within 64 bits.
+        local_us + us.wrapping_add_signed(us as i64 * self.drift_ppm as i64 / 1_000_000)
+    }
+
+    /// A time stamp of the board's 32-bit timer.
+    const fn stamp(&self) -> Micros {
+        Micros(self.local_us() as u32)
+    }
+
+    /// The first control tick after now.
+    const fn tick_after_now_us(&self) -> u64 {
+        if self.drift_ppm == 0 {
+            return (self.now_us / TICK_US + 1) * TICK_US;
+        }
+        // A tick at a time from the last one: the phase of a drifting clock means nothing.
+        let tick_us = TICK_US as i64 * 1_000_000 / (1_000_000 + self.drift_ppm as i64);
+        self.now_us + tick_us as u64
+    }
+
     fn start_application(&mut self) {
         let board = self.take_board();
-        let tater = Tater::new(board, micros(self.now_us));
+        let tater = Tater::new(board, self.stamp());
+        self.starts += 1;
         self.count = tater.count();
         self.program = Some(Program::Application(tater));
     }
@@ -232,7 +272,7 @@ impl Node {
             // Act on events only, never at the end of a caller's slice: the slicing must not change the result.
             let ticks = self.now_us >= self.next_tick_us;
             if ticks {
-                self.next_tick_us = (self.now_us / TICK_US + 1) * TICK_US;
+                self.next_tick_us = self.tick_after_now_us();
                 self.tick();
             }
             if self.missed_edge && !self.is_busy() {
@@ -251,7 +291,7 @@ impl Node {
     /// The hall interrupt. It follows a tick at the same time, because the timer's filter delays the edge.
     fn edge(&mut self) {
         self.missed_edge = false;
-        let now = micros(self.now_us);
+        let now = self.stamp();
         if let Some(Program::Application(tater)) = &mut self.program {
             tater.hall(now);
         }
@@ -260,7 +300,7 @@ impl Node {
 
     fn tick(&mut self) {
         self.ticks += 1;
-        let now = micros(self.now_us);
+        let now = self.stamp();
         self.board_mut().convert();
         if let Some(Program::Application(tater)) = &mut self.program {
             tater.tick(now);
@@ -288,12 +328,14 @@ impl Node {
         if self.is_busy() {
             return;
         }
-        let now = micros(self.now_us);
+        let now = self.stamp();
         match &mut self.program {
             Some(Program::Application(tater)) => {
                 let progress = tater.store();
                 let flash = tater.board().sim_flash();
-                debug_assert!(!matches!(progress, Progress::Failed(_)) || flash.is_dead() || flash.is_worn());
+                let may_fail =
+                    flash.is_dead() || flash.is_worn() || flash.worn_pages() != 0 || flash.was_damaged();
+                debug_assert!(!matches!(progress, Progress::Failed(_)) || may_fail);
             }
             Some(Program::Monitor(monitor)) => {
                 for _ in 0..STEPS {
@@ -342,7 +384,7 @@ impl Node {
         if !self.board().accepts(frame) {
             return Ok(());
         }
-        let now = micros(self.now_us);
+        let now = self.stamp();
         let done = match &mut self.program {
             Some(Program::Application(tater)) => tater.receive(frame, now),
             Some(Program::Monitor(monitor)) => {
@@ -396,6 +438,18 @@ impl Node {
         self.board().straps()
     }
 
+    /// How often the application has started.
+    #[must_use]
+    pub const fn starts(&self) -> u32 {
+        self.starts
+    }
+
+    /// Whether the board has power.
+    #[must_use]
+    pub const fn is_on(&self) -> bool {
+        !matches!(self.program, Some(Program::Off(_)))
+    }
+
     /// How often the watchdog has reset the board.
     #[must_use]
     pub const fn watchdog_resets(&self) -> u32 {
@@ -421,6 +475,12 @@ impl Node {
         if let Some(Program::Application(tater)) = &mut self.program {
             tater.trust_direction();
         }
+    }
+
+    /// The board's next event that has not been taken, if the application runs.
+    pub fn board_event(&mut self) -> Option<BoardEvent> {
+        let Some(Program::Application(tater)) = &mut self.program else { return None };
+        Some(tater.next_event()?.event)
     }
 
     /// The servo's next event, if the application runs. Drops what else the board has recorded since the last call.
@@ -454,11 +514,6 @@ impl Node {
 
 #[cfg(test)]
 mod tests;
-
-/// A time stamp of the board's 32-bit timer.
-fn micros(us: u64) -> Micros {
-    Micros(us as u32)
-}
 
 impl Station for Node {
     fn now_us(&self) -> u64 {

@@ -13,8 +13,8 @@ use god::grammar::{self, Statement};
 use rand::RngExt;
 
 use super::client::{Client, Figure};
-use super::lines::{self, one};
-use crate::god::deadlines::command_us;
+use hil_sim::torture::deadline::command_us;
+use hil_sim::torture::lines::{self, one};
 
 const RUN_US: u64 = 30_000_000;
 
@@ -52,7 +52,7 @@ fn plain_line(client: &mut Client) -> (String, u64) {
                 }
             }
             (GclCommand::Mac, _) | (_, Category::Movement) => {
-                return (line, command_us(row.name, 400) + WAKE_US);
+                return (line, command_us(row.name, 400).expect("a command") + WAKE_US);
             }
             (GclCommand::Fget | GclCommand::Pget | GclCommand::Flistv | GclCommand::Macset, _)
             | (_, Category::Administration) => return (line, QUIET_US),

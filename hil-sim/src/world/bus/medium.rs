@@ -9,6 +9,9 @@ use tater_wire::Frame;
 pub enum Fate {
     /// All stations receive it.
     Delivered,
+    /// All stations receive it, but its sender sees an error in the last bit and sends it again: receivers get it twice (ISO 11898-1,
+    /// "double reception").
+    Duplicated,
     /// A bit error: an error frame follows, all stations discard the frame, and its sender retransmits it.
     Corrupted {
         /// Bits of the frame sent before the error, at most all of it.

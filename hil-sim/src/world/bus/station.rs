@@ -41,6 +41,11 @@ pub trait Station {
     /// A frame from the receive FIFO at the station's present time; never one of its own.
     fn receive(&mut self, frame: &Frame);
 
+    /// Whether the station models its own error counters, and so takes itself off the bus.
+    fn counts_errors(&self) -> bool {
+        false
+    }
+
     /// A frame that it was sending or receiving was corrupted.
     fn error(&mut self, sending: bool) {
         let _ = sending;

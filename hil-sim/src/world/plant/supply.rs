@@ -111,6 +111,11 @@ impl Supply {
         SupplyLedger { stored_j, ..self.ledger }
     }
 
+    /// Changes the source's voltage and current limit: a sag, another supply, a cable that breaks (0 A).
+    pub const fn set_source(&mut self, volts: f64, limit_a: f64) {
+        (self.source_v, self.limit_a) = (volts, limit_a);
+    }
+
     /// Takes a charge from the bus, C.
     pub fn draw(&mut self, charge: f64) {
         self.drawn_c += charge;
@@ -190,6 +195,11 @@ impl SharedSupply {
     /// See [`Supply::draw`].
     pub fn draw(&self, charge: f64) {
         self.lock().draw(charge);
+    }
+
+    /// See [`Supply::set_source`].
+    pub fn set_source(&self, volts: f64, limit_a: f64) {
+        self.lock().set_source(volts, limit_a);
     }
 }
 

@@ -1,5 +1,8 @@
 //! The microcontroller's flash, with power failures where a test wants them.
 
+use std::cell::Cell;
+use std::collections::BTreeMap;
+
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_fw::{Flash, FlashError};
@@ -22,6 +25,13 @@ pub struct SimFlash {
     cut: Option<(u64, u64)>,
     dead: bool,
     worn: bool,
+    /// Pages, by index, whose operations fail.
+    worn_pages: u128,
+    /// Bits that read either way since an erase was interrupted, by the index of their half-word; and the reads of such half-words so far.
+    marginal: BTreeMap<usize, u16>,
+    reads: Cell<u64>,
+    damaged: bool,
+    last_page: u32,
     busy_us: u64,
     erases: Vec<u32>,
     bridge_on: bool,
@@ -36,6 +46,11 @@ impl Default for SimFlash {
             cut: None,
             dead: false,
             worn: false,
+            worn_pages: 0,
+            marginal: BTreeMap::new(),
+            reads: Cell::new(0),
+            damaged: false,
+            last_page: 0,
             busy_us: 0,
             erases: vec![0; FLASH.pages() as usize],
             bridge_on: false,
@@ -71,6 +86,53 @@ impl SimFlash {
     #[must_use]
     pub const fn is_worn(&self) -> bool {
         self.worn
+    }
+
+    /// Sets which pages are worn out: bit n is page n of the flash.
+    pub const fn set_worn_pages(&mut self, pages: u128) {
+        self.worn_pages = pages;
+    }
+
+    /// Pages that are worn out, as [`Self::set_worn_pages`] takes them.
+    #[must_use]
+    pub const fn worn_pages(&self) -> u128 {
+        self.worn_pages
+    }
+
+    /// Flips a bit, as radiation or a leaking cell does; ignored beyond the flash.
+    pub fn flip(&mut self, address: u32, bit: u8) {
+        let at = address.wrapping_sub(FLASH.start) as usize;
+        if let Some(byte) = self.bytes.get_mut(at) {
+            *byte ^= 1 << (bit % 8);
+        }
+        self.damaged = true;
+    }
+
+    /// Whether bits have been flipped or weakened: from then on an operation may fail, because a half-word that should be erased is not.
+    #[must_use]
+    pub const fn was_damaged(&self) -> bool {
+        self.damaged
+    }
+
+    /// Makes bits of a half-word read either way until it is programmed or its page is erased.
+    pub fn weaken(&mut self, address: u32, bits: u16) {
+        let at = address.wrapping_sub(FLASH.start) as usize / 2;
+        if bits != 0 && at < self.bytes.len() / 2 {
+            *self.marginal.entry(at).or_default() |= bits;
+            self.damaged = true;
+        }
+    }
+
+    /// Address of the page that was programmed last; 0 before.
+    #[must_use]
+    pub const fn last_page(&self) -> u32 {
+        self.last_page
+    }
+
+    /// Half-words with bits that read either way.
+    #[must_use]
+    pub fn marginal(&self) -> usize {
+        self.marginal.len()
     }
 
     /// Restores the power and cancels a planned failure.
@@ -125,8 +187,8 @@ impl SimFlash {
     }
 
     /// Returns a source of random bits if the power fails during the operation.
-    fn begin(&mut self, us: u64) -> Result<Option<Pcg64Mcg>, FlashError> {
-        if self.dead || self.worn {
+    fn begin(&mut self, page: usize, us: u64) -> Result<Option<Pcg64Mcg>, FlashError> {
+        if self.dead || self.worn || self.worn_pages >> page & 1 == 1 {
             return Err(FlashError::Failed);
         }
         let cut = self.cut.filter(|&(at, _)| at == self.operations);
@@ -137,24 +199,42 @@ impl SimFlash {
     }
 }
 
+impl SimFlash {
+    /// Each read of a marginal bit gives a random level, the same in each run.
+    #[cold]
+    fn read_marginal(&self, at: usize, read: u16) -> u16 {
+        let Some(&bits) = self.marginal.get(&at) else { return read };
+        self.reads.set(self.reads.get() + 1);
+        read ^ (bits & (self.reads.get().wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 24) as u16)
+    }
+}
+
 impl Flash for SimFlash {
     fn half_word(&self, address: u32) -> u16 {
         let at = address.wrapping_sub(FLASH.start) as usize;
-        self.bytes.get(at..).and_then(<[u8]>::first_chunk).map_or(u16::MAX, |&pair| u16::from_le_bytes(pair))
+        let read = self
+            .bytes
+            .get(at..)
+            .and_then(<[u8]>::first_chunk)
+            .map_or(u16::MAX, |&pair| u16::from_le_bytes(pair));
+        if self.marginal.is_empty() { read } else { self.read_marginal(at / 2, read) }
     }
 
     fn program(&mut self, address: u32, value: u16) -> Result<(), FlashError> {
         if !address.is_multiple_of(2) || !FLASH.holds(u64::from(address), 2) {
             return Err(FlashError::Address);
         }
+        let at = (address - FLASH.start) as usize / 2;
         let present = self.half_word(address);
         if present != u16::MAX && value != 0 {
             return Err(FlashError::NotErased);
         }
-        let cut = self.begin(PROGRAM_US)?;
+        let cut = self.begin(at / (PAGE_BYTES / 2), PROGRAM_US)?;
         let kept = cut.map_or(0, |mut rng| rng.random::<u16>());
         // Some bits were not cleared.
         let written = present & (value | kept);
+        self.marginal.remove(&at);
+        self.last_page = address - address % PAGE;
         self.load(address, &written.to_le_bytes());
         if self.dead { Err(FlashError::Failed) } else { Ok(()) }
     }
@@ -165,7 +245,9 @@ impl Flash for SimFlash {
         }
         self.erased_while_driven += u32::from(self.bridge_on);
         let index = (page - FLASH.start) as usize / PAGE_BYTES;
-        let cut = self.begin(ERASE_US)?;
+        let cut = self.begin(index, ERASE_US)?;
+        let words = index * PAGE_BYTES / 2..(index + 1) * PAGE_BYTES / 2;
+        self.marginal.retain(|at, _| !words.contains(at));
         let bytes = &mut self.bytes[index * PAGE_BYTES..(index + 1) * PAGE_BYTES];
         match cut {
             None => {

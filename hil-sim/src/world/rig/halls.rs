@@ -1,6 +1,6 @@
 //! Three hall sensors on one board: where the boundaries are, and the levels of the lines over time.
 
-use super::params::RigParams;
+use super::params::{HallGlitch, RigParams};
 
 /// Code of each sector (decision 0003), bit 0 = line 0.
 const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
@@ -49,9 +49,23 @@ impl Halls {
         self.lines
     }
 
+    /// The count in which the sensors are: the rotor's, shifted by their placement.
+    #[must_use]
+    pub const fn cell(&self) -> i64 {
+        self.cell
+    }
+
     /// Breaks the wires of lines 0 to 2, each at a level, from the next [`Self::update`] on; `None`: the line follows its sensor again.
     pub fn break_lines(&mut self, levels: [Option<bool>; 3]) {
         self.broken = levels;
+    }
+
+    /// Adds a wrong code; ignored if it begins before the end of the last one.
+    pub fn add_glitch(&mut self, glitch: HallGlitch) {
+        let free_from = self.params.glitches.last().map_or(0, |last| last.at_us + last.duration_us);
+        if glitch.at_us >= free_from {
+            self.params.glitches.push(glitch);
+        }
     }
 
     /// The sensors' boundaries below and above the rotor, in counts.

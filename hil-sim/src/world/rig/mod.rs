@@ -88,6 +88,35 @@ pub struct Truth {
     pub ledger: Ledger,
 }
 
+/// An input of the ADC.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// Bus voltage.
+    Bus,
+    /// Bus current.
+    Current,
+    /// The motor's thermistor.
+    Thermistor,
+    /// The strain gauge.
+    Strain,
+}
+
+impl Input {
+    /// All inputs.
+    pub const ALL: [Self; 4] = [Self::Bus, Self::Current, Self::Thermistor, Self::Strain];
+}
+
+/// A fault of an input; the default is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InputFault {
+    /// Share of the range at which it is stuck: 0 and 1 are the rails.
+    pub stuck_at: Option<f64>,
+    /// Offset, as a share of the range: drift.
+    pub offset: f64,
+    /// Noise beyond the rig's own, uniform ± this many codes.
+    pub noise_lsb: f64,
+}
+
 /// Rise of the board above ambient by its own losses, °C; chosen: 1 W into 10 K/W.
 const BOARD_RISE_C: f64 = 10.0;
 
@@ -110,7 +139,11 @@ pub struct Rig {
     guarded_outside: bool,
     thermistor_c: f64,
     thermistor_fault_c: Option<f64>,
-    brake_jammed: bool,
+    /// Faults of the ADC's inputs, in the order of [`Input`].
+    inputs: [InputFault; 4],
+    brake_stuck: Option<bool>,
+    /// Friction that holds the joint, N·m at the motor.
+    jam_n_m: f64,
     /// Time and bus charge at the last reading.
     last_read: (u64, f64),
     peak_phase_a: f64,
@@ -166,7 +199,9 @@ impl Rig {
             guarded_outside: false,
             thermistor_c: start.heat.housing_c,
             thermistor_fault_c: None,
-            brake_jammed: false,
+            inputs: [InputFault::default(); 4],
+            brake_stuck: None,
+            jam_n_m: 0.0,
             last_read: (0, 0.0),
             peak_phase_a: 0.0,
             last_edge_us: 0,
@@ -208,6 +243,12 @@ impl Rig {
     #[must_use]
     pub fn halls(&self) -> u8 {
         self.halls.lines()
+    }
+
+    /// The true count of the sensors, whatever their lines show.
+    #[must_use]
+    pub const fn hall_cell(&self) -> i64 {
+        self.halls.cell()
     }
 
     /// See [`Plant::set_max_step_us`].
@@ -307,9 +348,41 @@ impl Rig {
         Ok(())
     }
 
-    /// Jams the brake: it engages and does not release until it is freed.
-    pub const fn jam_brake(&mut self, jammed: bool) {
-        self.brake_jammed = jammed;
+    /// Makes the brake stick, engaged (`Some(true)`) or released, whatever the board orders; `None`: it obeys.
+    pub const fn stick_brake(&mut self, engaged: Option<bool>) {
+        self.brake_stuck = engaged;
+    }
+
+    /// Jams the joint with a friction in N·m at the motor; 0 frees it.
+    pub const fn jam(&mut self, n_m: f64) {
+        self.jam_n_m = n_m;
+    }
+
+    /// Disturbs an input of the ADC, until it gets the default.
+    pub const fn disturb_input(&mut self, input: Input, fault: InputFault) {
+        self.inputs[input as usize] = fault;
+    }
+
+    /// Puts a wrong code on the hall lines for a time; ignored while another one is to come.
+    pub fn add_glitch(&mut self, glitch: HallGlitch) {
+        self.halls.add_glitch(glitch);
+    }
+
+    /// Trips the over-current comparator, as a short of the phase cable does; the bridge is off until the board has switched it off.
+    pub const fn trip(&mut self) {
+        self.tripped = true;
+    }
+
+    /// How the motor is connected, and its sensors.
+    #[must_use]
+    pub const fn params(&self) -> &RigParams {
+        &self.params
+    }
+
+    /// The plant's parameters, with the present supply voltage.
+    #[must_use]
+    pub fn plant(&self) -> &PlantParams {
+        self.plant.params()
     }
 
     /// Makes the board handle over-current: [`Self::advance`] returns on a trip instead of switching the bridge off.
@@ -334,7 +407,7 @@ impl Rig {
         if bridge == Bridge::Off {
             self.tripped = false;
         }
-        self.command_brake(brake_released && !self.brake_jammed);
+        self.command_brake(self.brake_stuck.map_or(brake_released, |engaged| !engaged));
         let bridge = self.at_motor(bridge);
         while self.now_us() < until_us {
             let mut tripped_now = false;
@@ -391,7 +464,7 @@ impl Rig {
 
     /// Steps to `to_us`, or to the first whole microsecond beyond a hall boundary.
     fn step(&mut self, bridge: Bridge, to_us: u64) {
-        let brake = if self.brake_engaged { self.plant.params().brake_n_m } else { 0.0 };
+        let brake = self.jam_n_m + if self.brake_engaged { self.plant.params().brake_n_m } else { 0.0 };
         let (low, high) = self.halls.bounds();
         let from = *self.plant.state();
         self.plant.step(bridge, brake, to_us);
@@ -431,10 +504,11 @@ impl Rig {
         let bus_v = self.plant.params().bus_v;
         let ambient_c = self.plant.params().ambient_c;
         let board_c = ambient_c + BOARD_RISE_C + BOARD_SHARE * (self.plant.heat().housing_c - ambient_c);
-        let bus = self.adc(bus_v, 0.0, 36.3);
-        let current = self.adc(current, -20.0, 20.0);
-        let thermistor = self.adc(self.thermistor_fault_c.unwrap_or(self.thermistor_c), -50.0, 155.0);
-        let strain = (strain + self.noise()).round().clamp(0.0, 255.0);
+        let bus = self.adc(Input::Bus, bus_v, 0.0, 36.3);
+        let current = self.adc(Input::Current, current, -20.0, 20.0);
+        let thermistor =
+            self.adc(Input::Thermistor, self.thermistor_fault_c.unwrap_or(self.thermistor_c), -50.0, 155.0);
+        let strain = self.adc(Input::Strain, strain, 0.0, 255.0).round();
         Analog {
             bus: MilliVolts((1000.0 * bus).round() as u16),
             current: MilliAmps((1000.0 * current).round() as i16),
@@ -447,14 +521,15 @@ impl Rig {
         }
     }
 
-    fn adc(&mut self, value: f64, min: f64, max: f64) -> f64 {
-        let step = (max - min) / 4095.0;
-        let code = ((value - min) / step + self.noise()).round().clamp(0.0, 4095.0);
+    fn adc(&mut self, input: Input, value: f64, min: f64, max: f64) -> f64 {
+        let InputFault { stuck_at, offset, noise_lsb } = self.inputs[input as usize];
+        // The strain gauge has eight bits.
+        let codes = if matches!(input, Input::Strain) { 255.0 } else { 4095.0 };
+        let step = (max - min) / codes;
+        let noise = (self.params.adc_noise_lsb + noise_lsb) * self.rng.random_range(-1.0..=1.0);
+        let true_code = (value - min) / step + offset * codes;
+        let code = (stuck_at.map_or(true_code, |share| share * codes) + noise).round().clamp(0.0, codes);
         min + code * step
-    }
-
-    fn noise(&mut self) -> f64 {
-        self.params.adc_noise_lsb * self.rng.random_range(-1.0..=1.0)
     }
 
     /// The true state.

@@ -7,11 +7,15 @@ use rand::seq::IndexedRandom;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::Property;
 
+/// One of several.
+///
+/// # Panics
+/// There is none.
 pub fn one<'a, T>(rng: &mut Pcg64Mcg, of: &'a [T]) -> &'a T {
     of.choose(rng).expect("there is one")
 }
 
-pub fn number(rng: &mut Pcg64Mcg) -> String {
+fn number(rng: &mut Pcg64Mcg) -> String {
     match rng.random_range(0..10) {
         0..4 => rng.random_range(-2..=25).to_string(),
         4..7 => rng.random_range(-20_001..=20_001).to_string(),
@@ -31,6 +35,7 @@ fn name(rng: &mut Pcg64Mcg) -> &'static str {
     }
 }
 
+/// A prefix of motors, mostly a valid one.
 pub fn prefix(rng: &mut Pcg64Mcg) -> String {
     let digits = |rng: &mut Pcg64Mcg, max: u8| -> String {
         (1..=max).filter(|_| rng.random()).map(|digit| char::from(b'0' + digit)).collect()
@@ -117,6 +122,7 @@ pub fn command(rng: &mut Pcg64Mcg) -> String {
     if rng.random() { line } else { line.to_ascii_lowercase() }
 }
 
+/// A word of the language, a number, a blank, a line end or any character.
 pub fn word(rng: &mut Pcg64Mcg) -> String {
     match rng.random_range(0..20) {
         0..4 => one(rng, command::ROWS).name.to_owned(),

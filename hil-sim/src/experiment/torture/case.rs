@@ -1,0 +1,209 @@
+//! What a seed stands for: a world, a program of hosts, and a schedule of faults.
+//!
+//! Everything is drawn before the run, so that parts can be left out without changing the others. Each seed draws its own rates: some
+//! programs are all motions and some all parameters, some worlds have no fault and some have a dozen (swarm testing).
+
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+use super::kinds::{FaultKind, Place, ROWS};
+use super::program::{Act, Program};
+use crate::world::plant::PlantParams;
+use crate::world::rig::RigParams;
+use tater_wire::{MotorKind, Node as Id};
+
+/// Motors of a hand.
+pub const MOTORS: usize = 7;
+
+/// Longest program, ms of simulated time.
+const LONGEST_MS: u64 = 12_000;
+
+/// A fault and its time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fault {
+    /// The kind.
+    pub kind: FaultKind,
+    /// The motor that it hits, from 0; 0 if it hits no motor.
+    pub motor: usize,
+    /// Begin and duration, ms.
+    pub from_ms: u64,
+    /// See `from_ms`.
+    pub for_ms: u64,
+    /// Determines everything else about it.
+    pub seed: u64,
+}
+
+/// A step of the host's program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// It does not begin before this time, ms.
+    pub at_ms: u64,
+    /// What the host does.
+    pub act: Act,
+}
+
+/// The world of a case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct World {
+    /// The motors.
+    pub plants: Vec<PlantParams>,
+    /// Their sensors.
+    pub rigs: Vec<RigParams>,
+    /// Positions at the start, hall counts.
+    pub starts: Vec<f64>,
+    /// Source voltage, V, and current limit, A.
+    pub source: (f64, f64),
+    /// The object in the hand, if any: the text of a file of `grasps`.
+    pub object: Option<&'static str>,
+}
+
+/// A seed's case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// The seed.
+    pub seed: u64,
+    /// The world.
+    pub world: World,
+    /// Whether the program leaves every parameter at its default: then each command has a time to end in.
+    pub is_plain: bool,
+    /// The program.
+    pub steps: Vec<Step>,
+    /// The faults, by time.
+    pub faults: Vec<Fault>,
+    /// When the program ends and all faults heal, ms.
+    pub stop_ms: u64,
+}
+
+/// Which parts of a seed's case are played; `None`: all.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Selection {
+    /// Steps, by number.
+    pub steps: Option<Vec<usize>>,
+    /// Faults, by number.
+    pub faults: Option<Vec<usize>>,
+    /// An earlier end, ms.
+    pub stop_ms: Option<u64>,
+}
+
+/// A generator for one purpose of a seed.
+pub(super) fn rng(seed: u64, purpose: u64) -> Pcg64Mcg {
+    Pcg64Mcg::new(
+        (u128::from(seed) << 64 | u128::from(purpose))
+            .wrapping_mul(0x9E37_79B9_7F4A_7C15_F39C_C060_5CED_C835)
+            | 1,
+    )
+}
+
+impl Case {
+    /// The case of a seed.
+    #[must_use]
+    pub fn draw(seed: u64) -> Self {
+        let mut rng = rng(seed, 1);
+        let world = World::draw(seed, &mut rng);
+        let stop_ms = rng.random_range(1_000..=LONGEST_MS);
+        let is_plain = rng.random_ratio(1, 3);
+        let steps = Program::draw(&mut rng, is_plain).steps(&mut rng, stop_ms);
+        let faults = faults(&mut rng, stop_ms);
+        Self { seed, world, is_plain, steps, faults, stop_ms }
+    }
+
+    /// The parts of this case that are selected.
+    #[must_use]
+    pub fn select(&self, selection: &Selection) -> Self {
+        let pick = |numbers: &Option<Vec<usize>>, len: usize| -> Vec<usize> {
+            numbers.clone().unwrap_or_else(|| (0..len).collect())
+        };
+        Self {
+            steps: pick(&selection.steps, self.steps.len())
+                .iter()
+                .filter_map(|&n| self.steps.get(n).cloned())
+                .collect(),
+            faults: pick(&selection.faults, self.faults.len())
+                .iter()
+                .filter_map(|&n| self.faults.get(n).cloned())
+                .collect(),
+            stop_ms: selection.stop_ms.unwrap_or(self.stop_ms).min(self.stop_ms),
+            ..self.clone()
+        }
+    }
+}
+
+impl World {
+    /// The nominal hand.
+    #[must_use]
+    pub fn nominal() -> Self {
+        let plants: Vec<PlantParams> = (1..=7).map(|number| PlantParams::for_motor(kind(number))).collect();
+        Self {
+            starts: vec![0.0; MOTORS],
+            rigs: vec![RigParams::default(); MOTORS],
+            plants,
+            source: (24.0, crate::world::plant::supply::LIMIT_A),
+            object: None,
+        }
+    }
+
+    fn draw(seed: u64, rng: &mut Pcg64Mcg) -> Self {
+        let mut world = Self::nominal();
+        if rng.random() {
+            world.source = (rng.random_range(20.0..=28.0), rng.random_range(15.0..=40.0));
+            for (motor, plant) in world.plants.iter_mut().enumerate() {
+                *plant = plant.scattered(seed.wrapping_mul(8).wrapping_add(motor as u64), 0.3);
+                plant.bus_v = world.source.0;
+            }
+        }
+        if rng.random() {
+            for rig in &mut world.rigs {
+                rig.hall_error_deg = std::array::from_fn(|_| rng.random_range(-10.0..=10.0));
+                rig.rise_delay_us = rng.random_range(0..=20);
+            }
+        }
+        match rng.random_range(0..8) {
+            0 | 1 => world.object = Some(include_str!("../../../grasps/ball.toml")),
+            2 => world.object = Some(include_str!("../../../grasps/bar.toml")),
+            3..6 => {
+                for (start, plant) in world.starts.iter_mut().zip(&world.plants) {
+                    *start = rng.random_range(plant.min_count..=plant.max_count).round();
+                }
+            }
+            _ => {}
+        }
+        world
+    }
+}
+
+/// The kind of motor of a node.
+#[must_use]
+pub fn kind(number: u8) -> MotorKind {
+    Id::new(number).map_or(MotorKind::Link, MotorKind::of)
+}
+
+fn faults(rng: &mut Pcg64Mcg, stop_ms: u64) -> Vec<Fault> {
+    // One seed in eight has none: then every command must succeed on its own.
+    let count = if rng.random_ratio(1, 8) { 0 } else { rng.random_range(1..=12) };
+    let kinds: Vec<FaultKind> =
+        (0..rng.random_range(1..=6)).map(|_| ROWS[rng.random_range(0..ROWS.len())].kind).collect();
+    let mut faults: Vec<Fault> = (0..count)
+        .map(|_| {
+            let kind = kinds[rng.random_range(0..kinds.len())];
+            Fault::draw(kind, rng, stop_ms)
+        })
+        .collect();
+    faults.sort_by_key(|fault| fault.from_ms);
+    faults
+}
+
+impl Fault {
+    /// A fault of a kind, within a program that ends at `stop_ms`.
+    #[must_use]
+    pub fn draw(kind: FaultKind, rng: &mut Pcg64Mcg, stop_ms: u64) -> Self {
+        let motor = match (kind, kind.row().place) {
+            // Only the spread has a brake.
+            (FaultKind::BrakeStuckOn | FaultKind::BrakeStuckOff, _) => 3,
+            (_, Place::Motor) => rng.random_range(0..MOTORS),
+            _ => 0,
+        };
+        let from_ms = rng.random_range(0..stop_ms);
+        let longest = if rng.random() { 200 } else { 1_500 };
+        Self { kind, motor, from_ms, for_ms: rng.random_range(1..=longest), seed: rng.random() }
+    }
+}

@@ -1,0 +1,225 @@
+//! How motions end.
+
+use servo_core::guard::fault::LimitCause;
+use servo_core::mode::Mode;
+use servo_core::{EndReason, Event};
+use tater_fw::events::BoardEvent;
+use tater_wire::Property;
+
+use super::{Joint, View};
+use crate::experiment::torture::kinds::{FaultKind, Kinds};
+
+/// HI stalls after this time at least (decision 0009), ms.
+const HOMING_TSTOP: u64 = 250;
+
+/// Ticks beyond TSTOP: the count that a set-point needs to be ahead (10), and the torque of HI that turns round slowly (decision 0053).
+const STALL_SLACK_MS: u64 = 40;
+
+/// A rotor that has stopped makes no count.
+const STILL: f64 = 1.0;
+
+/// Below this torque, N·m, a motor does not press: the friction of most plants.
+const PRESS_N_M: f64 = 0.06;
+
+/// Fastest rotor that may be called arrived, counts/s: the fastest of 32,400 moves had 77.7 (tests/arrival.rs).
+const ARRIVED_SPEED: f64 = 100.0;
+
+/// From E to the rotor beyond MPE, counts: half a cell at each end, and the placement of the halls.
+const CELL: f64 = 1.5;
+
+/// Time for what neither profile nor stall explains, ms: the brake, and an arrival that waits for TSTOP and 2 s.
+const OWN_MS: f64 = 4_000.0;
+
+/// How much longer than its profile a move may take that nothing hinders, and with a supply or a clock that is off.
+const LATE: f64 = 2.0;
+
+#[derive(Debug, Default)]
+pub struct Ending {
+    /// Ends since the last order that may begin a motion.
+    ends: u32,
+    /// The last end was followed by a hold.
+    holds: bool,
+    /// Ticks for which a stop has held the driven rotor, and TSTOP's largest value meanwhile.
+    held_ms: u64,
+    tstop: u64,
+    count: i64,
+    /// When the motion that is to end began, ms; and the longest time that it may take, ms, taken anew at each order.
+    begun_ms: Option<u64>,
+    within_ms: f64,
+    hindered: bool,
+}
+
+/// Orders that may begin or end a motion.
+fn may_begin(property: Property) -> bool {
+    matches!(
+        property,
+        Property::MODE
+            | Property::CMD
+            | Property::M
+            | Property::E
+            | Property::V
+            | Property::T
+            | Property::FIND
+            | Property::STAT
+            | Property::LOAD
+            | Property::DEF
+            | Property::WIRING
+    )
+}
+
+pub fn stall(joint: &mut Joint, view: &View) -> Option<String> {
+    let ending = &mut joint.ending;
+    let Some((tater, sample)) = view.application() else {
+        (ending.held_ms, ending.tstop) = (0, 0);
+        return None;
+    };
+    let (status, truth) = (&sample.status, &view.truth);
+    let tstop = u64::from(tater.config().tstop);
+    let plant = &joint.plant;
+    let n_m = truth.torque_n_m;
+    let presses = truth.counts < plant.min_count - 0.5 && n_m < -PRESS_N_M
+        || truth.counts > plant.max_count + 0.5 && n_m > PRESS_N_M;
+    // A hold, and TC after its stall, press on purpose; so does TSTOP 0. A velocity that a low gain asks for is no limit.
+    let to_end = match status.mode {
+        Mode::Torque | Mode::Trapezoidal => true,
+        Mode::Velocity => status.end.is_none() && status.limit == Some(LimitCause::Torque),
+        Mode::Idle | Mode::Pid => false,
+    };
+    let count = truth.counts.round() as i64;
+    let same = std::mem::replace(&mut ending.count, count) == count;
+    let held = view.driven() && presses && to_end && tstop > 0 && same;
+    if !held || truth.counts_per_s.abs() > STILL {
+        (ending.held_ms, ending.tstop) = (0, 0);
+        return None;
+    }
+    ending.held_ms += 1;
+    ending.tstop = ending.tstop.max(tstop).max(HOMING_TSTOP);
+    let drift_ms = ending.tstop / 40;
+    (ending.held_ms > ending.tstop + STALL_SLACK_MS + drift_ms).then(|| {
+        format!("pressed on its stop for {} ms with {:?}; TSTOP is {tstop}", ending.held_ms, status.mode)
+    })
+}
+
+pub fn once(joint: &mut Joint, view: &View) -> Option<String> {
+    let ending = &mut joint.ending;
+    if view.sample.is_none() {
+        (ending.ends, ending.holds) = (0, false);
+        return None;
+    }
+    let mut wrong = None;
+    for (at, event) in view.events.iter().enumerate() {
+        match event {
+            BoardEvent::Order { property, .. } if may_begin(*property) => {
+                (ending.ends, ending.holds) = (0, false)
+            }
+            BoardEvent::Motor(Event::Ended { reason, mode }) => {
+                // The order that replaces a motion, and the refusal of one, are recorded in the same tick as the end that they report.
+                let replaced = *reason == EndReason::Aborted
+                    && view.events.iter().any(
+                        |event| matches!(event, BoardEvent::Order { property, .. } if may_begin(*property)),
+                    );
+                let refused =
+                    view.events[at..].iter().any(|event| matches!(event, BoardEvent::Refused { .. }));
+                // A hold is a motion of its own, which a fault or a stall may end.
+                let held = std::mem::replace(&mut ending.holds, *mode != Mode::Idle);
+                if !replaced && !refused && !held {
+                    ending.ends += 1;
+                    if ending.ends > 1 {
+                        wrong = Some(format!("a second end, {reason:?}, of one motion"));
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    wrong
+}
+
+/// Longest time of a motion at this tick's state, ms.
+fn longest_ms(view: &View) -> Option<f64> {
+    let (tater, sample) = view.application()?;
+    let config = tater.config();
+    if config.tstop == 0 || config.accel == 0 {
+        return None;
+    }
+    let here: f64 = sample.status.position.0.to_num();
+    let end = tater.property(Property::E)? as f64;
+    let speed = f64::from(config.mv.min(config.mcv).min(config.mov)).max(16.0);
+    let accel = (f64::from(config.accel) / 1024.0).powi(2) * 1e6;
+    let distance = (end - here).abs();
+    let profile_ms = 1e3 * (distance / speed + 2.0 * speed.min((distance * accel).sqrt()) / accel);
+    Some(LATE * profile_ms + f64::from(config.tstop) + OWN_MS)
+}
+
+pub fn in_time(joint: &mut Joint, view: &View) -> Option<String> {
+    let ending = &mut joint.ending;
+    let status = view.sample.as_ref().map(|sample| sample.status);
+    let moves = status.is_some_and(|status| status.mode == Mode::Trapezoidal && status.end.is_none());
+    let is_homing = status.is_some_and(|status| !status.homed);
+    if !moves || is_homing {
+        (ending.begun_ms, ending.hindered) = (None, false);
+        return None;
+    }
+    let hinders = Kinds::of(&[
+        FaultKind::Push,
+        FaultKind::Jam,
+        FaultKind::BrakeStuckOn,
+        FaultKind::SupplySag,
+        FaultKind::AdcRail,
+        FaultKind::AdcNoise,
+        FaultKind::AdcDrift,
+    ]);
+    // Hindered, it may make one count each TSTOP: only the unhindered ones have a useful bound.
+    ending.hindered |= view.faults.meets(hinders) || view.truth.load_n_m != 0.0;
+    let ordered = view.events.iter().any(|event| matches!(event, BoardEvent::Order { .. }));
+    if ending.begun_ms.is_none() || ordered {
+        ending.begun_ms = Some(view.ms);
+        ending.within_ms = longest_ms(view).unwrap_or(f64::INFINITY);
+    }
+    let taken_ms = (view.ms - ending.begun_ms.unwrap_or(view.ms)) as f64;
+    (taken_ms > ending.within_ms && !ending.hindered)
+        .then(|| format!("a move has taken {taken_ms} ms, {:.0} are enough", ending.within_ms))
+}
+
+pub fn arrived(_: &mut Joint, view: &View) -> Option<String> {
+    let (tater, sample) = view.application()?;
+    let arrived = |event: &BoardEvent| {
+        matches!(event, BoardEvent::Motor(Event::Ended { reason: EndReason::Arrived, .. }))
+    };
+    if !view.events.iter().any(arrived) {
+        return None;
+    }
+    let speed = view.truth.counts_per_s.abs();
+    if speed > ARRIVED_SPEED {
+        return Some(format!("arrived at {speed:.0} counts/s"));
+    }
+    // An order in the same tick may have named another end, or another place.
+    let ordered = view.events.iter().any(|event| matches!(event, BoardEvent::Order { .. }));
+    let homed = view.events.iter().any(|event| matches!(event, BoardEvent::Motor(Event::Homed)));
+    let find = tater.property(Property::END).is_none_or(|end| end != 1);
+    if ordered || homed || find || !sample.status.homed {
+        return None;
+    }
+    let end = tater.property(Property::E)? as f64;
+    let off = (sample.estimated_counts() - end).abs();
+    let most = f64::from(tater.config().mpe) + CELL;
+    (off > most).then(|| format!("arrived {off:.1} counts from E {end}, MPE is {}", tater.config().mpe))
+}
+
+pub fn hold(_: &mut Joint, view: &View) -> Option<String> {
+    let (tater, _) = view.application()?;
+    let hold = tater.config().hold;
+    if view.events.iter().any(|event| matches!(event, BoardEvent::Order { .. } | BoardEvent::Refused { .. }))
+    {
+        // It may have changed HOLD, or ended or begun a motion itself.
+        return None;
+    }
+    view.events.iter().find_map(|event| {
+        let BoardEvent::Motor(Event::Ended { reason, mode }) = event else { return None };
+        let idles = !hold || *reason == EndReason::Fault;
+        // FIND idles always.
+        let good =
+            (*mode == Mode::Idle) == idles || *mode == Mode::Idle && !view.sample.as_ref()?.status.homed;
+        (!good).then(|| format!("HOLD is {hold}, but the mode after {reason:?} is {mode:?}"))
+    })
+}

@@ -1,0 +1,180 @@
+//! When a motor may be driven, and how hard.
+
+use servo_core::guard::fault::Fault;
+use servo_core::guard::thermal::DISABLED;
+use servo_core::mode::Mode;
+use servo_core::sense::commutation::Leg;
+
+use super::{Joint, LYING_SENSORS, View, is_by_duty, is_idle};
+use crate::experiment::torture::kinds::{FaultKind, Kinds};
+use crate::world::plant::RAD_PER_COUNT;
+use crate::world::rig::Bridge;
+
+/// Ticks over which a limit may have been higher: the thermistor is read every 16 ticks, a tick that plans a move still applies the
+/// torque of the tick before.
+const MEMORY: usize = 40;
+
+/// The largest duty, 990 of 1024, in 1/32768.
+const DUTY: u16 = 31_680;
+
+/// Winding temperature at which the boards' model allows no torque, 130 C, and 5 K for its error.
+const WINDING_C: f64 = 135.0;
+
+/// The same where a sensor lies: insulation class F. The thermistor is the model's only anchor.
+const WINDING_LYING_C: f64 = 155.0;
+
+/// Full torque, and the band of temperature below OTEMP in which it decreases, 0.1 C.
+const FULL: i32 = 990;
+const BAND: i32 = 80;
+
+/// Rounding of the derating, torque units: 0.1 C.
+const ROUNDING: i32 = 13;
+
+/// Over-current may pass the trip by what one microsecond adds: 36 V over 0.8 mH are 0.045 A.
+const TRIP_A: f64 = 0.5;
+
+/// Bus voltage that is a fault, V.
+const BUS_V: f64 = 32.0;
+
+#[derive(Debug)]
+pub struct Power {
+    /// It was so at the last tick: a command takes effect at the next.
+    was_idle: bool,
+    was_faulty: bool,
+    was_engaged: bool,
+    limits: [i32; MEMORY],
+    next: usize,
+    watchdog_resets: u32,
+    erased: u32,
+    /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s.
+    allowed: u16,
+}
+
+impl Default for Power {
+    fn default() -> Self {
+        Self {
+            was_idle: false,
+            was_faulty: false,
+            was_engaged: false,
+            limits: [0; MEMORY],
+            next: 0,
+            watchdog_resets: 0,
+            erased: 0,
+            allowed: 0,
+        }
+    }
+}
+
+pub fn legs(_: &mut Joint, view: &View) -> Option<String> {
+    let Bridge::On { legs, .. } = view.bridge else { return None };
+    let count = |wanted: Leg| legs.iter().filter(|leg| **leg == wanted).count();
+    let good = [Leg::Pwm, Leg::Low, Leg::Float].into_iter().all(|leg| count(leg) == 1);
+    (!good).then(|| format!("legs {legs:?}"))
+}
+
+pub fn idle(joint: &mut Joint, view: &View) -> Option<String> {
+    let idle = view.sample.as_ref().is_some_and(is_idle);
+    let was = std::mem::replace(&mut joint.power.was_idle, idle);
+    (idle && was && view.driven()).then(|| "idle, but the bridge is on".to_owned())
+}
+
+pub fn monitor(_: &mut Joint, view: &View) -> Option<String> {
+    let node = view.node?;
+    (node.application().is_none() && view.driven())
+        .then(|| "no application runs, but the bridge is on".to_owned())
+}
+
+pub fn fault(joint: &mut Joint, view: &View) -> Option<String> {
+    let fault = view.sample.as_ref().and_then(|sample| sample.status.fault);
+    // A lost host forbids no motion.
+    let forbids = fault.is_some_and(|fault| fault != Fault::HostLost);
+    let was = std::mem::replace(&mut joint.power.was_faulty, forbids);
+    (forbids && was && view.driven()).then(|| format!("{fault:?} is latched, but the bridge is on"))
+}
+
+pub fn brake(joint: &mut Joint, view: &View) -> Option<String> {
+    let engaged = joint.has_brake && !view.brake_released;
+    let was = std::mem::replace(&mut joint.power.was_engaged, engaged);
+    (engaged && was && view.driven()).then(|| "driven against its brake".to_owned())
+}
+
+pub fn torque(joint: &mut Joint, view: &View) -> Option<String> {
+    let Some((tater, sample)) = view.application() else {
+        joint.power.limits = [0; MEMORY];
+        return None;
+    };
+    let config = tater.config();
+    let left = i32::from(config.otemp) - i32::from(sample.analog.motor_temp.0);
+    let derated = if config.otemp == DISABLED { FULL } else { left.clamp(0, BAND) * FULL / BAND + ROUNDING };
+    let power = &mut joint.power;
+    power.limits[power.next] = i32::from(config.mt).min(derated);
+    power.next = (power.next + 1) % MEMORY;
+    let limit = power.limits.iter().copied().max().unwrap_or(0);
+    let torque = i32::from(sample.status.torque.0).abs();
+    (torque > limit && !is_by_duty(sample)).then(|| format!("torque {torque} beyond {limit}"))
+}
+
+pub fn duty(_: &mut Joint, view: &View) -> Option<String> {
+    let duty = view.sample.as_ref()?.status.duty.0.to_bits().unsigned_abs();
+    (duty > DUTY).then(|| format!("duty {duty}/32768"))
+}
+
+pub fn winding(_: &mut Joint, view: &View) -> Option<String> {
+    let lies = view.faults.meets(LYING_SENSORS.union(Kinds::of(&[FaultKind::ThermistorOpen])));
+    let most = if lies { WINDING_LYING_C } else { WINDING_C };
+    let found = view.truth.winding_c;
+    (found > most).then(|| format!("winding at {found:.1} C, allowed are {most}"))
+}
+
+pub fn current(joint: &mut Joint, view: &View) -> Option<String> {
+    let (found, trip) = (view.truth.peak_phase_a, joint.plant.trip_a);
+    (found > trip + TRIP_A).then(|| format!("{found:.1} A, the bridge trips at {trip}"))
+}
+
+pub fn bus(_: &mut Joint, view: &View) -> Option<String> {
+    let volts = view.volts;
+    (volts > BUS_V).then(|| format!("bus at {volts:.1} V"))
+}
+
+pub fn erase(joint: &mut Joint, view: &View) -> Option<String> {
+    let erased = view.node?.board().sim_flash().erased_while_driven();
+    let before = std::mem::replace(&mut joint.power.erased, erased);
+    (erased > before).then(|| "a page was erased with the bridge on".to_owned())
+}
+
+pub fn watchdog(joint: &mut Joint, view: &View) -> Option<String> {
+    let resets = view.node?.watchdog_resets();
+    let before = std::mem::replace(&mut joint.power.watchdog_resets, resets);
+    let expected = view.faults.meets(Kinds::of(&[FaultKind::BoardHang]));
+    (resets > before && !expected).then(|| "the watchdog has bitten".to_owned())
+}
+
+pub fn speed(joint: &mut Joint, view: &View) -> Option<String> {
+    let speed = view.truth.counts_per_s.abs();
+    joint.fastest = joint.fastest.max(speed);
+    let no_load = joint.no_load(view.volts.max(joint.plant.bus_v));
+    joint.pushed = view.truth.load_n_m * view.truth.counts_per_s > 0.0
+        || view.faults.meets(Kinds::of(&[FaultKind::Push]))
+        || joint.pushed && speed > no_load;
+    if speed > no_load && !joint.pushed {
+        return Some(format!("{speed:.0} counts/s, its voltage drives {no_load:.0}"));
+    }
+    let (tater, sample) = view.application()?;
+    let config = tater.config();
+    let moves = sample.status.mode == Mode::Trapezoidal;
+    let fastest = config.mv.min(config.mcv.max(config.mov));
+    joint.power.allowed = if moves { joint.power.allowed.max(fastest) } else { 0 };
+    let wanted: f64 = sample.status.setpoint_velocity.0.to_num();
+    let beyond = moves && wanted.abs() > f64::from(joint.power.allowed) + 1.0;
+    beyond.then(|| format!("set-point at {wanted:.0} counts/s, allowed are {}", joint.power.allowed))
+}
+
+pub fn stops(joint: &mut Joint, view: &View) -> Option<String> {
+    let plant = &joint.plant;
+    let beyond = (plant.min_count - view.truth.counts).max(view.truth.counts - plant.max_count);
+    // The stop begins half a count beyond the range and yields by T/k; without a damper a rotor would enter it by v * sqrt(J/k).
+    let peak_n_m = view.volts.max(plant.bus_v) / plant.r_ohm * plant.ke_v_s;
+    let pressed = 0.5 + peak_n_m / plant.stop_stiffness_n_m_rad / RAD_PER_COUNT;
+    let dent = (plant.j_kg_m2 / plant.stop_stiffness_n_m_rad).sqrt() * joint.fastest;
+    (beyond > pressed + dent).then(|| format!("{beyond:.2} counts beyond its range"))
+}

@@ -1,0 +1,143 @@
+//! Whether what a board believes of its rotor is true.
+
+use servo_core::mode::Mode;
+use tater_fw::events::BoardEvent;
+use tater_wire::Property;
+
+use super::{Joint, LYING_HALLS, View};
+
+/// Below this a rotor stands, counts/s: the count of a tick is that of its end.
+const SLOW: f64 = 100.0;
+
+/// Whole counts by which a known position may be off: the estimate is at the edge of its cell.
+const MOST: i64 = 1;
+
+/// Ticks for which a deviation must last: a glitch is resolved within them.
+const LASTS: u32 = 50;
+
+/// A third of a turn, and the cell in which the rotor started, counts.
+const THIRD: f64 = 6.0 + 1.0;
+
+#[derive(Debug, Default)]
+pub struct Trust {
+    starts: u32,
+    /// The reported position less the true one, whole counts, while the position is known.
+    offset: Option<i64>,
+    /// The same at the last SAVE, and when the program ended.
+    at_save: Option<i64>,
+    at_end: Option<i64>,
+    /// A start has trusted its position, and nothing has confirmed it.
+    restored: bool,
+    off_ms: u32,
+    /// Where the rotor was when this drive began, and the direction of its torque.
+    began: Option<(f64, bool)>,
+}
+
+impl Trust {
+    /// The host has named the position anew, or HI has.
+    fn renamed(&self, view: &View) -> bool {
+        view.events.iter().any(|event| match event {
+            BoardEvent::Order { property: Property::CMD, value } => matches!(value, 0 | 3),
+            BoardEvent::Order { property, .. } => {
+                matches!(property, Property::P | Property::DEF | Property::LOAD | Property::WIRING)
+            }
+            BoardEvent::Motor(servo_core::Event::Homed) => true,
+            _ => false,
+        })
+    }
+
+    /// The position less the truth; `None` while the rotor moves.
+    fn found(view: &View) -> Option<i64> {
+        let sample = view.sample.as_ref()?;
+        let still = view.truth.counts_per_s.abs() <= SLOW;
+        still.then(|| i64::from(sample.status.position.round()) - view.cell)
+    }
+
+    fn follow(&mut self, view: &View) {
+        let Some(sample) = &view.sample else {
+            self.at_end = self.offset.or(self.at_end);
+            self.offset = None;
+            return;
+        };
+        let starts = view.node.map_or(0, crate::world::node::Node::starts);
+        if starts != self.starts {
+            self.starts = starts;
+            self.restored = sample.status.homed;
+            self.offset = None;
+        }
+        if !sample.status.homed {
+            (self.offset, self.restored) = (None, false);
+            return;
+        }
+        if self.renamed(view) && !self.restored {
+            self.offset = Self::found(view);
+        }
+        if view
+            .events
+            .iter()
+            .any(|event| matches!(event, BoardEvent::Order { property: Property::SAVE | Property::CMD, .. }))
+        {
+            self.at_save = self.offset;
+        }
+    }
+}
+
+pub fn position(joint: &mut Joint, view: &View) -> Option<String> {
+    let trust = &mut joint.truth;
+    trust.follow(view);
+    if trust.restored || !view.sample.as_ref()?.status.homed {
+        trust.off_ms = 0;
+        return None;
+    }
+    let found = Trust::found(view)?;
+    let offset = *trust.offset.get_or_insert(found);
+    trust.off_ms = if (found - offset).abs() > MOST { trust.off_ms + 1 } else { 0 };
+    // Lines that lie while the rotor stands cannot be told from a rotor that moves by a count; they are found out with the next one.
+    let lasts = if view.faults.meets(LYING_HALLS) { 20 * LASTS } else { LASTS };
+    (trust.off_ms > lasts).then(|| {
+        let at = view.truth.counts;
+        format!("the position is known, but {} counts from the rotor at {at:.2}", found - offset)
+    })
+}
+
+pub fn trust(joint: &mut Joint, view: &View) -> Option<String> {
+    let trust = &mut joint.truth;
+    if !trust.restored || !view.sample.as_ref()?.status.homed {
+        return None;
+    }
+    let found = Trust::found(view)?;
+    let known: Vec<i64> = [trust.at_save, trust.at_end].into_iter().flatten().collect();
+    trust.restored = false;
+    trust.offset = Some(found);
+    let right = known.is_empty() || known.iter().any(|offset| (found - offset).abs() <= MOST);
+    (!right).then(|| format!("a start trusts a position that is {found} from the rotor; it was {known:?}"))
+}
+
+pub fn wrong_way(joint: &mut Joint, view: &View) -> Option<String> {
+    let trust = &mut joint.truth;
+    let sample = view.sample.as_ref()?;
+    let torque = sample.status.torque.0;
+    let (counts, speed) = (view.truth.counts, view.truth.counts_per_s);
+    if !view.driven() || torque == 0 || sample.status.mode == Mode::Idle || view.truth.load_n_m != 0.0 {
+        trust.began = None;
+        return None;
+    }
+    let closing = torque > 0;
+    let against = if closing { -speed } else { speed };
+    // Coasting against a torque that brakes it, a rotor slows down; only one that gets faster runs the wrong way. Its drive begins at rest.
+    match trust.began {
+        Some((from, was)) if was == closing => {
+            let way = if closing { from - counts } else { counts - from };
+            (way > THIRD && against > 0.0)
+                .then(|| format!("{way:.1} counts against torque {torque}, at {speed:.0} counts/s"))
+        }
+        _ if speed.abs() < 1.0 => {
+            trust.began = Some((counts, closing));
+            None
+        }
+        _ => {
+            trust.began = None;
+            None
+        }
+    }
+}

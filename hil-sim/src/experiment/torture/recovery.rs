@@ -1,0 +1,170 @@
+//! Liveness: once all faults have healed, what a user does by the tables of ERROR brings the hand back, in a stated time.
+
+use tater_wire::{FaultCode, Property};
+
+use super::case::MOTORS;
+use super::download;
+use super::fault::{Subject, node_of};
+use super::invariant::{HOMES, MOVES};
+use super::play::Session;
+use crate::world::node::Node;
+
+/// Longest time from the end of the faults until the hand has homed and moved, ms: attempts at HI, FIND for motors that have lost their wiring, C and O.
+pub const RECOVERY_MS: u64 = 120_000;
+
+/// Longest time of a command, ms.
+const LINE_MS: u64 = 25_000;
+
+/// Attempts at HI: the first may end in an error whose next step is another one.
+const ATTEMPTS: usize = 4;
+
+/// What a host sends first: it ends what may still run, and undoes what the program has set.
+const RESTORE: [&str; 8] =
+    ["REC 5", "REC", "PDEF", "0 S REPLY 0", "WAKE", "1234567 S STAT 2", "1234567 S DEF -1", "X1234567FDEF"];
+
+/// SET FIND: learn, test move and back, and what the observer says (docs/properties.md).
+const LEARN: u8 = 1;
+const TEST: u8 = 2;
+const TEST_BACK: u8 = 5;
+const CLOSED: u8 = 3;
+const OPENED: u8 = 4;
+
+/// GET FIND: wiring and direction are known.
+const KNOWN: i64 = 4;
+
+/// Recovers the hand, whose faults ended at `from_ms`.
+pub fn recover<S: Subject>(session: &mut Session<S>, from_ms: u64) {
+    // Boards that were powered up just now are booting.
+    while session.ms() < from_ms + 30 {
+        session.step();
+    }
+    session.abort();
+    for line in RESTORE {
+        run(session, line);
+    }
+    revive(session);
+    let mut answer = String::new();
+    for _ in 0..ATTEMPTS {
+        answer = run(session, "HI");
+        if !session.is_whole() || !is_error(&answer) {
+            break;
+        }
+        find_wiring(session);
+        revive(session);
+        // A motor that has stalled cools down; one that was hot needs longer than this, and says so.
+        run(session, "1234567 S STAT 2");
+        rest(session, 1_000);
+    }
+    if !session.is_whole() {
+        return;
+    }
+    if is_error(&answer) {
+        let errors = errors(session);
+        session.fail(HOMES, 0, format!("HI ends in {:?}; {errors}", text(&answer)));
+        return;
+    }
+    for line in ["C", "O"] {
+        let answer = run(session, line);
+        if is_error(&answer) && session.is_whole() && !is_blocked(session) {
+            let errors = errors(session);
+            session.fail(MOVES, 0, format!("{line} ends in {:?}; {errors}", text(&answer)));
+        }
+    }
+    let took_ms = session.ms() - from_ms;
+    if took_ms > RECOVERY_MS {
+        session.fail(MOVES, 0, format!("recovery took {took_ms} ms, allowed are {RECOVERY_MS}"));
+    }
+    if session.is_whole() {
+        session.outcome.recovered_ms = Some(took_ms);
+    }
+}
+
+/// An object, or another finger, may stop a finger before its goal.
+fn is_blocked<S: Subject>(session: &Session<S>) -> bool {
+    session.hand.scene().is_some()
+}
+
+fn run<S: Subject>(session: &mut Session<S>, line: &str) -> String {
+    if !session.is_whole() {
+        return String::new();
+    }
+    session.run_line(line, LINE_MS).unwrap_or_else(|| {
+        session.fail(HOMES, 0, format!("{line} has no prompt within {LINE_MS} ms"));
+        String::new()
+    })
+}
+
+fn rest<S: Subject>(session: &mut Session<S>, ms: u64) {
+    let end_ms = session.ms() + ms;
+    while session.ms() < end_ms && session.is_whole() {
+        session.step();
+    }
+}
+
+fn is_error(answer: &str) -> bool {
+    answer.contains("ERR ")
+}
+
+fn text(answer: &str) -> String {
+    answer.replace("\r\n\r", "|")
+}
+
+fn error_of(node: &Node) -> i64 {
+    node.application().and_then(|tater| tater.property(Property::ERROR)).unwrap_or(0)
+}
+
+fn errors<S: Subject>(session: &Session<S>) -> String {
+    let all = session.hand.bus().stations().filter_map(Subject::native).map(|node| {
+        node.application().map_or_else(
+            || "asleep".to_owned(),
+            |tater| {
+                let status = tater.status();
+                format!("{}/{:?}", error_of(node), status.end)
+            },
+        )
+    });
+    format!("ERROR/END: {}", all.collect::<Vec<_>>().join(" "))
+}
+
+/// FIND for boards that report another wiring: the next step of ERROR 9.
+fn find_wiring<S: Subject>(session: &mut Session<S>) {
+    for motor in 0..MOTORS {
+        let lost = session.hand.bus().stations().nth(motor).and_then(Subject::native).is_some_and(|node| {
+            let known = node.application().and_then(|tater| tater.property(Property::FIND));
+            error_of(node) == i64::from(FaultCode::Wiring.code()) || known.is_some_and(|known| known != KNOWN)
+        });
+        if lost {
+            find(session, motor, LEARN, 10_000);
+            // At a stop it cannot make the first test move.
+            let moved = find(session, motor, TEST, 1_000);
+            let closed =
+                if moved.abs() > 2.0 { moved > 0.0 } else { find(session, motor, TEST_BACK, 1_000) < 0.0 };
+            find(session, motor, if closed { CLOSED } else { OPENED }, 100);
+        }
+    }
+}
+
+/// One step of FIND; returns what an observer of the joint sees, counts.
+fn find<S: Subject>(session: &mut Session<S>, motor: usize, step: u8, ms: u64) -> f64 {
+    let before = session.hand.pose()[motor];
+    run(session, &format!("{} S FIND {step}", motor + 1));
+    rest(session, ms);
+    session.hand.pose()[motor] - before
+}
+
+/// Downloads an application to boards that have none: the next step of ERROR 16.
+fn revive<S: Subject>(session: &mut Session<S>) {
+    run(session, "WAKE");
+    for motor in 0..MOTORS {
+        let asleep = session
+            .hand
+            .bus()
+            .stations()
+            .nth(motor)
+            .and_then(Subject::native)
+            .is_some_and(|node| node.application().is_none());
+        if asleep && session.is_whole() {
+            download::run(session, node_of(motor));
+        }
+    }
+}
