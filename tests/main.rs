@@ -18,5 +18,6 @@ mod protocol;
 mod random_commands;
 mod scenarios;
 mod supply;
+mod torture;
 mod trust;
 mod wiring;

@@ -13,3 +13,4 @@ mod serve;
 pub mod slcan;
 mod state_file;
 mod thread;
+mod torture;

@@ -254,20 +254,23 @@ struct Tuning {
 
 impl Tuning {
     fn new(config: Config, limit: Torque) -> Self {
-        let Config { mt, mv, mcv, mov, accel, kp, kd, ki, kpv, hsg, lsg, ihit, .. } = config;
+        let Config { mv, mcv, mov, accel, kp, kd, ki, kpv, hsg, lsg, .. } = config;
         let (closing, opening) = (config::speed(mv.min(mcv)), config::speed(mv.min(mov)));
-        Self {
+        let mut tuning = Self {
             config,
             pid: PidConfig { kp, ki, kd }.build(),
             velocity_loop: VelocityLoop::new(kpv),
             strain: Window::new(hsg, lsg),
             ramps: MoveLimits { accel, closing, opening }.build(),
-            most: config::torque(mt).min(limit),
-            homing_most: config::torque(ihit.min(mt)).min(limit),
-        }
+            most: Torque::ZERO,
+            homing_most: Torque::ZERO,
+        };
+        tuning.limit(limit);
+        tuning
     }
 
     /// Limits the torque until the direction is known.
+    #[inline(never)]
     fn limit(&mut self, limit: Torque) {
         self.most = config::torque(self.config.mt).min(limit);
         self.homing_most = config::torque(self.config.ihit.min(self.config.mt)).min(limit);
@@ -930,13 +933,21 @@ impl Servo {
     }
 
     /// Mode 4. Pressing applies all of MT while the rotor is slower than half its approach speed; if the object gives way,
-    /// the velocity loop takes over.
+    /// the velocity loop takes over. HI applies all of IHIT, or of MT to leave its stop, before it takes a joint for stalled: one that is wedged
+    /// may need more than the loop asks for.
     fn velocity_torque(&self, most: Torque) -> Torque {
         let goal = self.velocity_goal();
         let half = goal.0 >> 1;
         match self.motion {
             Motion::Pressing { closing: true } if self.velocity.0 < half => most,
             Motion::Pressing { closing: false } if self.velocity.0 > half => most.saturating_neg(),
+            Motion::Home { .. } if self.stall.is_over_half(HOMING_TSTOP_MIN) => {
+                if half < Law::ZERO {
+                    most.saturating_neg()
+                } else {
+                    most
+                }
+            }
             // RealTime enters mode 4 again right after a stall: rest first, so that it can press again at all.
             Motion::Velocity if self.applied.torque == Torque::ZERO && self.must_rest(goal) => Torque::ZERO,
             _ => self.tuning.velocity_loop.step(goal, self.velocity, most),

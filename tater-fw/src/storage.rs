@@ -228,6 +228,13 @@ impl Store {
         self.stored_hot = Some(self.hot);
     }
 
+    /// Whether something that was stored is void: a page or its last record that cannot be read. A power cut leaves this as well, if it came in
+    /// the middle of a record.
+    #[must_use]
+    pub fn is_damaged<F: Flash>(&self, flash: &F) -> bool {
+        self.pages.has_void(flash, self.sequence)
+    }
+
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.
     #[must_use]
     pub fn get(&self, property: Property) -> Option<i64> {

@@ -204,6 +204,9 @@ impl<B: Board> Tater<B> {
         }
         self.load_all(true);
         self.rewire();
+        if self.store.is_damaged(self.board.flash()) {
+            self.flash_failed(FlashError::Failed);
+        }
         // E is 0 until it is set, wherever the motor stands. 0 is in range.
         let _ = self.servo.command(Command::End(0));
     }

@@ -76,8 +76,8 @@ table! {
         "no frame to this board or its groups for HOSTMS while in mode 2 or 4 set by a host; the next MODE or CMD clears it",
         "check the CAN cable; a host in mode 2 or 4 must send something more often than HOSTMS, or set HOSTMS to 0";
     Storage = 8, Some(Property::SAVE),
-        "the flash did not take what was written; the motor only stands still if it would make a stored position untrue",
-        "SAVE again; if it comes back, the board's flash is worn out";
+        "the flash did not take what was written, or a stored value cannot be read any more; the motor only stands still if it would make a stored position untrue",
+        "compare the stored values with what you saved, and SAVE again; if it comes back, the board's flash is worn out";
     Wiring = 9, Some(Property::FIND),
         "the motor ran against its own torque: phases or hall lines are connected in another order than WIRING says",
         "correct the wiring, or let FIND learn it; a spread that was pushed more slowly than 5 counts/s gives this too";

@@ -12,8 +12,9 @@ use proptest::test_runner::{Config, RngSeed, TestRunner};
 use tater_fw::Board;
 
 use super::Session;
-use super::deadlines::{ABORT_US, SHARE_US, command_us};
+use super::deadlines::{ABORT_US, SHARE_US};
 use super::movement::{TOLERANCE, counts};
+use hil_sim::torture::deadline::command_us;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
@@ -130,7 +131,7 @@ impl Case {
 
     fn bound_us(&self) -> u64 {
         let host_us = if self.line.ends_with("LOOP") { LOOP_US } else { 0 };
-        host_us + command_us(&self.line, self.tstop_ms.unwrap_or(400))
+        host_us + command_us(&self.line, self.tstop_ms.unwrap_or(400)).expect("a command")
     }
 
     fn session(&self) -> Session {
@@ -218,7 +219,7 @@ fn run_each_command(moment: Moment) {
         }
     }
     for (command, (us, what)) in slowest {
-        let most_ms = command_us(command, 400) / 1000;
+        let most_ms = command_us(command, 400).expect("a command") / 1000;
         println!(
             "figure: faults, {moment:?}: {command}: prompt after {} ms at most ({what}), bound {most_ms} ms",
             us / 1000

@@ -10,8 +10,8 @@ use board_emu::chip::flash as chip;
 use board_emu::image::Programs;
 use hil_sim::rig::flash::SimFlash;
 use tater_fw::storage::Store;
-use tater_wire::Property;
 use tater_wire::memory::FLASH;
+use tater_wire::{FaultCode, Property};
 
 use super::monitor::rig::Operation;
 use super::storage::State;
@@ -99,10 +99,13 @@ fn monitor(bench: &mut Bench) {
 
 /// From the monitor to the application; a copy may come first.
 fn wake(bench: &mut Bench) {
+    let flash = flash_of(bench);
+    // A record that was cut is reported (decision 0061).
+    let error = if Store::open(&flash).is_damaged(&flash) { FaultCode::Storage.into() } else { 0 };
     bench.set(Property::STAT, 2);
     bench.wait_ms(30);
     wait_for(bench, Property::STAT, 2, 10_000);
-    assert_eq!(bench.get(Property::ERROR), Some(0));
+    assert_eq!(bench.get(Property::ERROR), Some(error));
 }
 
 /// A board may be busy for 40 ms and not answer meanwhile.

@@ -15,7 +15,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 18] = [
+const STEPS: [Step; 19] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "licenses and sources", check: packages::licenses },
@@ -29,6 +29,7 @@ const STEPS: [Step; 18] = [
     Step { name: "tests", check: tests },
     Step { name: "property table", check: || table::table(true) },
     Step { name: "scenarios", check: scenarios },
+    Step { name: "torture", check: torture },
     Step { name: "hall captures", check: hall_oracle::check },
     Step { name: "host tools", check: host_tools::check },
     Step { name: "instructions", check: instructions::check },
@@ -145,6 +146,15 @@ fn scenarios() -> Outcome {
     let failures = in_parallel(&runs, |line| output(simulator(line)).map(|_| ()));
     println!("  {} of {} runs met their expectations", runs.len() - failures.len(), runs.len());
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+}
+
+/// Minutes of fresh seeds; the seeds that have failed before are among the tests.
+const TORTURE_MINUTES: u32 = 5;
+
+fn torture() -> Outcome {
+    // The line that replays a failure names its seed.
+    print!("{}", output(simulator(&format!("torture --minutes {TORTURE_MINUTES}")))?);
+    Ok(())
 }
 
 fn simulator(line: &str) -> Command {

@@ -46,12 +46,12 @@ pub fn of_hand(hand: &Hand) -> Vec<Event> {
 #[must_use]
 pub fn of_board(node: &Node) -> Vec<Event> {
     let source = format!("board {}", node.straps().number());
-    let now_us = node.now_us();
+    let (now_us, clock) = (node.now_us(), node.stamp());
     let entries = node.application().into_iter().flat_map(|tater| tater.events());
     let event = |entry: &tater_fw::events::Entry| {
-        // The board's time stamps have the low 32 bits.
-        let age_us = (now_us as u32).wrapping_sub(entry.at.0);
-        let ms = (now_us - u64::from(age_us)) as f64 / 1000.0;
+        // By the board's own clock, which may drift.
+        let age_us = clock.wrapping_since(entry.at).0;
+        let ms = now_us.saturating_sub(age_us.into()) as f64 / 1000.0;
         Event { ms, source: source.clone(), event: board_text(&entry.event) }
     };
     entries.map(event).collect()

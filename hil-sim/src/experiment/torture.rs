@@ -15,20 +15,44 @@ pub mod lines;
 pub mod play;
 pub mod program;
 pub mod recovery;
+pub mod report;
+pub mod session;
+mod shrink;
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use crate::experiment::events::{self, Event};
 pub use case::{Case, Selection};
 pub use invariant::INVARIANTS;
 pub use kinds::FaultKind;
-pub use play::{Outcome, Violation, native, play};
+pub use play::{native, play};
+pub use session::{Outcome, Violation};
+pub use shrink::{Shrunk, shrink};
 
-/// Plays a case on native boards.
+/// Plays a case on native boards. A panic of the firmware or of the simulator is a failure like others.
 #[must_use]
 pub fn run(case: &Case) -> Outcome {
-    match native(case) {
-        Ok(hand) => play(case, hand).0,
-        Err(error) => Outcome {
-            violation: Some(Violation { invariant: "case", ms: 0, node: 0, found: error.to_string() }),
-            ..Outcome::default()
-        },
-    }
+    run_with_events(case).0
+}
+
+/// [`run`], and the events that GOD and the boards still have in their rings at the end.
+#[must_use]
+pub fn run_with_events(case: &Case) -> (Outcome, Vec<Event>) {
+    let failed = |invariant, found| {
+        let violation = Some(Violation { invariant, ms: 0, node: 0, found });
+        (Outcome { violation, ..Outcome::default() }, Vec::new())
+    };
+    let hand = match native(case) {
+        Ok(hand) => hand,
+        Err(error) => return failed("case", error.to_string()),
+    };
+    let played = catch_unwind(AssertUnwindSafe(|| {
+        let (outcome, hand) = play(case, hand);
+        (outcome, events::of_hand(&hand))
+    }));
+    played.unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("a panic");
+        failed(invariant::NO_PANIC, text.to_owned())
+    })
 }

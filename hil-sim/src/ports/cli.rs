@@ -13,6 +13,7 @@ use super::grasper_client::{self, GrasperArgs};
 use super::output::{print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
 use super::thread;
+use super::torture::{self, TortureArgs};
 use crate::experiment::events::{self, Event};
 use crate::experiment::input::BadInput;
 use crate::experiment::replay::{Replayed, replay};
@@ -48,6 +49,8 @@ enum Task {
     /// The console of the manual's walk-through, for a hand served by `hil-sim hand`: reads standard input; M, C and O prompt for their
     /// arguments. Exit code 1 if a line ends in an error.
     Grasper(GrasperArgs),
+    /// Torture the whole hand with random programs and faults, and check its invariants. Exit code 1 if one fails.
+    Torture(TortureArgs),
     /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -111,6 +114,7 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Hand(args) => serve::hand(&args, &mut clock_us).map(|()| true),
         Task::Gcl(args) => gcl::gcl(&args, clock),
         Task::Grasper(args) => grasper_client::grasper(&args),
+        Task::Torture(args) => torture::torture(&args, clock),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {

@@ -215,7 +215,8 @@ impl Node {
     }
 
     /// A time stamp of the board's 32-bit timer.
-    const fn stamp(&self) -> Micros {
+    #[must_use]
+    pub const fn stamp(&self) -> Micros {
         Micros(self.local_us() as u32)
     }
 

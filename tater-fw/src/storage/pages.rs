@@ -5,6 +5,7 @@
 //! as the bridge is off. A page is *ready* once its first half-word is [`READY`], which is programmed after
 //! the erase and so proves that the erase was complete; blank half-words alone do not.
 
+use super::word::join;
 use crate::board::{Flash, FlashError};
 pub use tater_wire::memory::PAGE_WORDS;
 use tater_wire::memory::STORAGE;
@@ -95,6 +96,19 @@ impl Pages {
     pub fn ends_at<F: Flash>(&mut self, flash: &F, at: usize) {
         let blank = self.current.is_some_and(|page| page.is_blank(flash, at));
         self.tail = if blank { at } else { PAGE_WORDS };
+    }
+
+    /// Whether a page was begun after the state that could be read, whose last record is `sequence`; or the current page ends in something
+    /// that cannot be read: such a page is closed although its last half-word is blank.
+    pub fn has_void<F: Flash>(&self, flash: &F, sequence: u32) -> bool {
+        let closed = |page: Page| self.tail == PAGE_WORDS && page.read(flash, PAGE_WORDS - 1) == u16::MAX;
+        let newer = |page: Page| {
+            let word = |at| page.read(flash, at);
+            // One more wraps the number of a blank page to 0, which is not newer than anything.
+            let begun = join(word(FIRST + 2), word(FIRST + 3)).wrapping_add(1);
+            begun > sequence.wrapping_add(1) && word(0) == READY
+        };
+        self.current.is_some_and(closed) || (0..PAGES).map(Page).any(newer)
     }
 
     pub fn room(&self, len: usize) -> Option<(Page, usize)> {

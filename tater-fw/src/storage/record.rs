@@ -13,7 +13,7 @@
 //! kept, and one of a length that it does not know is skipped.
 
 use super::pages::{PAGE_WORDS, Page};
-use super::word::Word;
+use super::word::{Word, join};
 use crate::board::Flash;
 use heapless::Vec;
 use tater_wire::image::Crc32;
@@ -153,9 +153,4 @@ fn checksum(words: impl Iterator<Item = u16>) -> u32 {
 pub const fn halves(word: u32) -> [u16; 2] {
     let [a, b, c, d] = word.to_le_bytes();
     [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
-}
-
-const fn join(low: u16, high: u16) -> u32 {
-    let ([a, b], [c, d]) = (low.to_le_bytes(), high.to_le_bytes());
-    u32::from_le_bytes([a, b, c, d])
 }

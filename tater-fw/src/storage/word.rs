@@ -77,6 +77,11 @@ const fn zeros(data: u16) -> u16 {
     zeros
 }
 
+pub const fn join(low: u16, high: u16) -> u32 {
+    let ([a, b], [c, d]) = (low.to_le_bytes(), high.to_le_bytes());
+    u32::from_le_bytes([a, b, c, d])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
 use super::kinds::{FaultKind, Place, ROWS};
-use super::program::{Act, Program};
+use super::program::{Program, Step};
 use crate::world::plant::PlantParams;
 use crate::world::rig::RigParams;
 use tater_wire::{MotorKind, Node as Id};
@@ -31,15 +31,6 @@ pub struct Fault {
     pub for_ms: u64,
     /// Determines everything else about it.
     pub seed: u64,
-}
-
-/// A step of the host's program.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Step {
-    /// It does not begin before this time, ms.
-    pub at_ms: u64,
-    /// What the host does.
-    pub act: Act,
 }
 
 /// The world of a case.

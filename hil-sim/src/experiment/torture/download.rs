@@ -8,7 +8,7 @@ use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{Encoder, end};
 
 use super::fault::Subject;
-use super::play::Session;
+use super::session::Session;
 use crate::world::node::placeholder_application;
 
 /// Patience of the host, ms.
@@ -29,7 +29,7 @@ pub fn file() -> &'static [u8] {
 }
 
 /// Downloads to a board; gives up after a while, or when the program ends. Returns whether the board has the application.
-pub fn run<S: Subject>(session: &mut Session<S>, node: Id) -> bool {
+pub fn run<S: Subject>(session: &mut Session<'_, S>, node: Id) -> bool {
     session.hand.bus_mut().tap(true);
     let mut downloader = Downloader::new(node, file(), session.hand.now_us());
     let end_ms = session.ms() + MOST_MS;

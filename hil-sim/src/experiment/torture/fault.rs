@@ -184,7 +184,7 @@ impl Faults {
         kinds
     }
 
-    fn others<'a>(&'a self, kind: FaultKind, motor: usize) -> impl Iterator<Item = &'a Fault> {
+    fn others(&self, kind: FaultKind, motor: usize) -> impl Iterator<Item = &Fault> {
         self.active.iter().map(|active| &active.fault).filter(move |fault| {
             fault.kind == kind && (kind.row().place != Place::Motor || fault.motor == motor)
         })
@@ -226,12 +226,13 @@ impl Faults {
     fn continues<S: Subject>(&mut self, hand: &mut Hand<S>, active: &mut Active, ms: u64) {
         let rng = &mut active.rng;
         match active.fault.kind {
-            FaultKind::BusOff if ms % 4 == 0 => hand.bus_mut().put_bus_off(active.fault.motor),
+            FaultKind::BusOff if ms.is_multiple_of(4) => hand.bus_mut().put_bus_off(active.fault.motor),
             FaultKind::Babble => {
-                // Frames of 8 bytes to group 0, which all accept and none understands, ahead of every other.
+                // Frames of 8 bytes that none understands: from node 0 to node 0, ahead of every other, and to group 0, which all accept.
                 while hand.bus().strangers_waiting() < 8 {
+                    let id = if rng.random() { 0 } else { 0x400 };
                     hand.bus_mut()
-                        .intrude(Frame::from_raw(0, &rng.random::<[u8; 8]>()).unwrap_or(Frame::EMPTY));
+                        .intrude(Frame::from_raw(id, &rng.random::<[u8; 8]>()).unwrap_or(Frame::EMPTY));
                 }
             }
             FaultKind::SecondHost if rng.random_ratio(1, 20) => hand.bus_mut().intrude(program::frame(rng)),
@@ -343,11 +344,7 @@ fn raise_at_board<S: Subject>(board: &mut S, fault: &Fault, rng: &mut Pcg64Mcg, 
         FaultKind::Jam => board.rig_mut().jam(rng.random_range(0.7..5.0)),
         FaultKind::Push => board.rig_mut().set_disturbance(rng.random_range(-0.2..0.2)),
         FaultKind::PowerCut => board.set_power(false),
-        FaultKind::BoardReset => {
-            if is_on {
-                board.set_power(true);
-            }
-        }
+        FaultKind::BoardReset if is_on => board.set_power(true),
         FaultKind::ClockDrift => {
             with_native(board, |node| node.set_drift_ppm(rng.random_range(-20_000..=20_000)))
         }
@@ -461,12 +458,9 @@ fn heal_at_board<S: Subject>(board: &mut S, kind: FaultKind, is_on: bool) {
         FaultKind::BrakeStuckOn | FaultKind::BrakeStuckOff => board.rig_mut().stick_brake(None),
         FaultKind::Jam => board.rig_mut().jam(0.0),
         FaultKind::Push => board.rig_mut().set_disturbance(0.0),
-        FaultKind::PowerCut => {
-            if is_on {
-                board.set_power(true);
-            }
-        }
+        FaultKind::PowerCut if is_on => board.set_power(true),
         FaultKind::FlashCut => with_native(board, |node| {
+            node.board_mut().flash().cancel_cut();
             if is_on && !node.is_on() {
                 node.power_on();
             }

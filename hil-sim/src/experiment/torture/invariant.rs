@@ -5,19 +5,14 @@
 //! no board could hold it then; `excused_by` names them, and the comment of the check says why.
 
 mod ending;
+mod joint;
 mod keeping;
 mod power;
 mod truth;
 
-use servo_core::guard::fault::LimitCause;
-use servo_core::mode::Mode;
-use tater_fw::events::BoardEvent;
-use tater_wire::MotorKind;
-
 use super::kinds::{FaultKind, Kinds};
-use crate::world::node::{Node, Sample};
-use crate::world::plant::{PlantParams, RAD_PER_COUNT};
-use crate::world::rig::{Bridge, Truth};
+pub use joint::{AFTERMATH_MS, Joint, View};
+use joint::{LOADS, LYING_HALLS, LYING_SENSORS};
 
 /// An invariant.
 #[derive(Clone, Copy)]
@@ -39,59 +34,6 @@ enum Check {
     Motor(fn(&mut Joint, &View) -> Option<String>),
     /// Elsewhere: of the hand, by [`super::play`] and [`super::recovery`].
     Hand,
-}
-
-/// Time after a fault's end during which it still excuses, ms: a rotor comes to rest, a latched reading expires.
-pub const AFTERMATH_MS: u64 = 1_000;
-
-/// One motor at one tick.
-pub struct View<'a> {
-    /// Simulated time, ms.
-    pub ms: u64,
-    /// The plant.
-    pub truth: Truth,
-    /// The true count of the sensors.
-    pub cell: i64,
-    /// Bus voltage, V.
-    pub volts: f64,
-    /// The bridge.
-    pub bridge: Bridge,
-    /// Whether the brake is commanded to release.
-    pub brake_released: bool,
-    /// The board, if it is a native one.
-    pub node: Option<&'a Node>,
-    /// State of its application, if that runs.
-    pub sample: Option<Sample>,
-    /// What the board has recorded since the last tick.
-    pub events: &'a [BoardEvent],
-    /// Faults of this motor or of the hand that are active or ended within [`AFTERMATH_MS`].
-    pub faults: Kinds,
-    /// The faults that are active now.
-    pub active: Kinds,
-}
-
-impl View<'_> {
-    fn driven(&self) -> bool {
-        self.bridge != Bridge::Off
-    }
-
-    fn application(&self) -> Option<(&tater_fw::Tater<crate::world::board::SimBoard>, &Sample)> {
-        Some((self.node?.application()?, self.sample.as_ref()?))
-    }
-}
-
-/// What the checks of one motor remember.
-pub struct Joint {
-    plant: PlantParams,
-    has_brake: bool,
-    /// Highest speed so far, counts/s, which bounds how deep a stop is dented.
-    fastest: f64,
-    /// It is pushed from outside faster than its voltage could drive it.
-    pushed: bool,
-    power: power::Power,
-    ending: ending::Ending,
-    keeping: keeping::Keeping,
-    pub(super) truth: truth::Trust,
 }
 
 const fn row(
@@ -118,21 +60,12 @@ pub const QUEUES: &str = "queues";
 pub const ENERGY: &str = "energy";
 /// The image on the emulated processor neither stops nor drives both switches of a leg.
 pub const IMAGE: &str = "image-runs";
+/// Nothing panics.
+pub const NO_PANIC: &str = "no-panic";
 /// Liveness: the hand homes.
 pub const HOMES: &str = "homes-again";
 /// Liveness: the hand moves.
 pub const MOVES: &str = "moves-again";
-
-/// Sensors that lie about what the guards need.
-const LYING_SENSORS: Kinds = Kinds::of(&[FaultKind::AdcRail, FaultKind::AdcNoise, FaultKind::AdcDrift]);
-
-/// Hall lines that lie.
-const LYING_HALLS: Kinds =
-    Kinds::of(&[FaultKind::HallStuck, FaultKind::HallOpen, FaultKind::HallGlitch, FaultKind::HallSwap]);
-
-/// Loads from outside that stop or move a motor.
-const LOADS: Kinds =
-    Kinds::of(&[FaultKind::Push, FaultKind::Jam, FaultKind::BrakeStuckOn, FaultKind::BrakeStuckOff]);
 
 /// Every invariant.
 pub const INVARIANTS: &[Invariant] = &[
@@ -143,11 +76,11 @@ pub const INVARIANTS: &[Invariant] = &[
         Kinds::NONE,
         power::legs,
     ),
-    row("idle-undriven", "no drive in mode 0", "manual 6.1", Kinds::NONE, power::idle),
+    row("idle-undriven", "no drive in mode 0", "docs/properties.md, modes", Kinds::NONE, power::idle),
     row(
         "monitor-undriven",
         "no drive without an application",
-        "DESIGN, faults; docs/download.md",
+        "docs/download.md",
         Kinds::NONE,
         power::monitor,
     ),
@@ -161,18 +94,18 @@ pub const INVARIANTS: &[Invariant] = &[
     row(
         "brake-undriven",
         "no drive against a brake that is commanded to engage",
-        "manual 4.2; DESIGN, brake",
+        "docs/board.md, brake",
         Kinds::NONE,
         power::brake,
     ),
     row(
         "torque-within-mt",
-        "|T| is at most MT, derated near OTEMP",
-        "manual 5.4.1 (MT, OTEMP)",
+        "the torque is at most MT, derated near OTEMP",
+        "docs/properties.md, MT and OTEMP; decision 0014",
         Kinds::NONE,
         power::torque,
     ),
-    row("duty-limit", "duty is at most 97 %", "decision 0003", Kinds::NONE, power::duty),
+    row("duty-limit", "duty is at most 97 %", "decision 0005", Kinds::NONE, power::duty),
     row(
         "winding-temperature",
         "the winding stays below 135 C; with a lying sensor below 155 C",
@@ -183,7 +116,7 @@ pub const INVARIANTS: &[Invariant] = &[
     row(
         "phase-current",
         "the phase current stays below the trip of the bridge",
-        "decision 0003",
+        "docs/board.md, bridge",
         Kinds::NONE,
         power::current,
     ),
@@ -213,7 +146,7 @@ pub const INVARIANTS: &[Invariant] = &[
     row(
         "speed-limit",
         "no motor is faster than its voltage can drive it, no set-point faster than MV",
-        "manual 5.4.1 (MV, MCV, MOV)",
+        "manual 5.3.1 (MCV, MOV); docs/properties.md, MV",
         Kinds::NONE,
         power::speed,
     ),
@@ -227,14 +160,14 @@ pub const INVARIANTS: &[Invariant] = &[
     row(
         "stall-ends-force",
         "a motor that a stop holds is driven no longer than TSTOP and 40 ms at a time",
-        "manual 5.4.1 (TSTOP); decision 0049",
+        "manual 5.3.4 (TSTOP); decision 0049",
         LYING_HALLS,
         ending::stall,
     ),
     row(
         "ends-once",
         "a motion ends once, for one reason",
-        "manual 6.1 (END); DESIGN, end of a move",
+        "docs/properties.md, END; decision 0007",
         Kinds::NONE,
         ending::once,
     ),
@@ -249,7 +182,7 @@ pub const INVARIANTS: &[Invariant] = &[
     row(
         "arrived-is-true",
         "\"arrived\" means at rest within MPE",
-        "manual 5.4.1 (MPE); decision 0049",
+        "manual 5.3.4 (MPE); decision 0049",
         LYING_HALLS,
         ending::arrived,
     ),
@@ -277,7 +210,7 @@ pub const INVARIANTS: &[Invariant] = &[
     row(
         "refusal-changes-nothing",
         "a refused SET changes nothing",
-        "DESIGN, properties; decision 0036",
+        "decisions 0036 and 0037",
         Kinds::NONE,
         keeping::refusals,
     ),
@@ -316,6 +249,7 @@ pub const INVARIANTS: &[Invariant] = &[
     hand(ABORT, "^C brings the prompt within 0.6 s", "manual 5.1.2; decision 0035"),
     hand(ENERGY, "the simulated motors create no energy", "docs/simulator.md"),
     hand(IMAGE, "the flashed image neither stops nor drives both switches of a leg", "docs/emulation.md"),
+    hand(NO_PANIC, "no arithmetic overflows, no assertion fails", "invariant 8 of ARCHITECTURE.md"),
     hand(HOMES, "once the faults have healed, HI succeeds", "manual 5.2 (HI)"),
     hand(MOVES, "then C and O reach their goals", "manual 5.2 (C, O)"),
 ];
@@ -327,26 +261,6 @@ pub fn find(name: &str) -> Option<&'static Invariant> {
 }
 
 impl Joint {
-    /// A motor of a hand at power-up.
-    #[must_use]
-    pub fn new(kind: MotorKind, plant: &PlantParams) -> Self {
-        Self {
-            has_brake: kind == MotorKind::Spread,
-            plant: plant.clone(),
-            fastest: 0.0,
-            pushed: false,
-            power: power::Power::default(),
-            ending: ending::Ending::default(),
-            keeping: keeping::Keeping::default(),
-            truth: truth::Trust::default(),
-        }
-    }
-
-    /// Speed at which the EMF takes all of the voltage, counts/s.
-    fn no_load(&self, bus_v: f64) -> f64 {
-        bus_v / self.plant.ke_v_s / RAD_PER_COUNT
-    }
-
     /// Checks every invariant of the motor; returns the first that does not hold, and how.
     pub fn check(&mut self, view: &View) -> Option<(&'static Invariant, String)> {
         let mut broken = None;
@@ -362,13 +276,4 @@ impl Joint {
         }
         broken
     }
-}
-
-/// Whether the torque is the duty limit's, which may brake harder than MT.
-fn is_by_duty(sample: &Sample) -> bool {
-    sample.status.limit == Some(LimitCause::Duty)
-}
-
-fn is_idle(sample: &Sample) -> bool {
-    sample.status.mode == Mode::Idle
 }

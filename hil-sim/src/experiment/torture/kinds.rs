@@ -149,9 +149,9 @@ table! {
     HandPowerCut = "hand-power-cut", Hand, "the whole hand loses its power for up to 1 s",
         "GOD's banner; boards asleep as after power-cut", "HI";
     FlashCut = "flash-cut", Motor, "a board's power fails in the middle of a flash operation",
-        "as power-cut; what was not acknowledged keeps its last value", "WAKE and HI";
+        "as power-cut; ERROR 8 if a record was cut: what was not acknowledged keeps its last value", "WAKE, STAT 2, SAVE and HI";
     BitFlip = "flash-bit-flip", Motor, "bits of a board's stored values flip while it has no power",
-        "the record is void: what it held reads as stored before, or as the default", "SAVE";
+        "ERROR 8: what the record held reads as stored before, or as the default", "STAT 2, and SAVE; FIND if WIRING was lost";
     WornPage = "worn-page", Motor, "some pages of the storage fail every operation",
         "ERROR 8 if no other page takes the record", "STAT 2, and SAVE";
     MarginalErase = "marginal-erase", Motor, "an erase is interrupted, and bits of its page read either way",
@@ -165,7 +165,7 @@ table! {
     BridgeTrip = "bridge-trip", Motor, "the over-current comparator trips",
         "ERROR 6 within a tick", "STAT 2";
     HostSilent = "host-silent", Host, "the host neither reads nor sends for up to 1.5 s",
-        "GOD waits; LOOP's motors stop by ERROR 7 after HOSTMS", "the next order";
+        "GOD waits; it stops the motors of LOOP itself", "-";
     PartialLine = "partial-line", Host, "the host sends half a line, and the rest up to 1.5 s later",
         "nothing: GOD waits for the end of the line", "-";
     HangUp = "hang-up", Host, "the host disconnects in the middle of anything",
@@ -173,7 +173,7 @@ table! {
     SecondHost = "second-host", Host, "another host writes properties and orders motions on the bus",
         "ends of motions as the boards report them", "-";
     GodHot = "god-hot", Hand, "GOD's temperature sensor reads 20 to 120 C",
-        "TEMP and PTEMP of the hand", "-";
+        "ERR 8192 above the hand's OTEMP; TEMP and PTEMP", "-";
 }
 
 impl FaultKind {

@@ -7,7 +7,6 @@ use tater_wire::{Destination, Frame, Group, Identifier, Message, Node as Id, Pro
 use god::command::{Category, GclCommand};
 use god::grammar::{self, Statement};
 
-use super::case::Step;
 use super::lines::{self, one};
 
 /// Something that a host does.
@@ -46,6 +45,15 @@ pub enum Act {
         /// Whether it reads meanwhile.
         reads: bool,
     },
+}
+
+/// A step of the host's program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// It does not begin before this time, ms.
+    pub at_ms: u64,
+    /// What the host does.
+    pub act: Act,
 }
 
 /// Weights of the steps of one seed's program.

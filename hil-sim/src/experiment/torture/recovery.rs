@@ -6,7 +6,7 @@ use super::case::MOTORS;
 use super::download;
 use super::fault::{Subject, node_of};
 use super::invariant::{HOMES, MOVES};
-use super::play::Session;
+use super::session::Session;
 use crate::world::node::Node;
 
 /// Longest time from the end of the faults until the hand has homed and moved, ms: attempts at HI, FIND for motors that have lost their wiring, C and O.
@@ -32,8 +32,11 @@ const OPENED: u8 = 4;
 /// GET FIND: wiring and direction are known.
 const KNOWN: i64 = 4;
 
+/// IHIT that frees a wedged joint: nearly MT, of which the impact had no more.
+const FREEING: u16 = 700;
+
 /// Recovers the hand, whose faults ended at `from_ms`.
-pub fn recover<S: Subject>(session: &mut Session<S>, from_ms: u64) {
+pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
     // Boards that were powered up just now are booting.
     while session.ms() < from_ms + 30 {
         session.step();
@@ -50,6 +53,7 @@ pub fn recover<S: Subject>(session: &mut Session<S>, from_ms: u64) {
             break;
         }
         find_wiring(session);
+        free_jammed(session);
         revive(session);
         // A motor that has stalled cools down; one that was hot needs longer than this, and says so.
         run(session, "1234567 S STAT 2");
@@ -80,11 +84,11 @@ pub fn recover<S: Subject>(session: &mut Session<S>, from_ms: u64) {
 }
 
 /// An object, or another finger, may stop a finger before its goal.
-fn is_blocked<S: Subject>(session: &Session<S>) -> bool {
+fn is_blocked<S: Subject>(session: &Session<'_, S>) -> bool {
     session.hand.scene().is_some()
 }
 
-fn run<S: Subject>(session: &mut Session<S>, line: &str) -> String {
+fn run<S: Subject>(session: &mut Session<'_, S>, line: &str) -> String {
     if !session.is_whole() {
         return String::new();
     }
@@ -94,7 +98,7 @@ fn run<S: Subject>(session: &mut Session<S>, line: &str) -> String {
     })
 }
 
-fn rest<S: Subject>(session: &mut Session<S>, ms: u64) {
+fn rest<S: Subject>(session: &mut Session<'_, S>, ms: u64) {
     let end_ms = session.ms() + ms;
     while session.ms() < end_ms && session.is_whole() {
         session.step();
@@ -113,7 +117,7 @@ fn error_of(node: &Node) -> i64 {
     node.application().and_then(|tater| tater.property(Property::ERROR)).unwrap_or(0)
 }
 
-fn errors<S: Subject>(session: &Session<S>) -> String {
+fn errors<S: Subject>(session: &Session<'_, S>) -> String {
     let all = session.hand.bus().stations().filter_map(Subject::native).map(|node| {
         node.application().map_or_else(
             || "asleep".to_owned(),
@@ -127,7 +131,7 @@ fn errors<S: Subject>(session: &Session<S>) -> String {
 }
 
 /// FIND for boards that report another wiring: the next step of ERROR 9.
-fn find_wiring<S: Subject>(session: &mut Session<S>) {
+fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
     for motor in 0..MOTORS {
         let lost = session.hand.bus().stations().nth(motor).and_then(Subject::native).is_some_and(|node| {
             let known = node.application().and_then(|tater| tater.property(Property::FIND));
@@ -138,14 +142,24 @@ fn find_wiring<S: Subject>(session: &mut Session<S>) {
             // At a stop it cannot make the first test move.
             let moved = find(session, motor, TEST, 1_000);
             let closed =
-                if moved.abs() > 2.0 { moved > 0.0 } else { find(session, motor, TEST_BACK, 1_000) < 0.0 };
+                if moved.abs() > 3.5 { moved > 0.0 } else { find(session, motor, TEST_BACK, 1_000) < 0.0 };
             find(session, motor, if closed { CLOSED } else { OPENED }, 100);
         }
     }
 }
 
+/// More torque for motors that report a jam: the next step of ERROR 10. An impact at full speed wedges a worm in its stop.
+fn free_jammed<S: Subject>(session: &mut Session<'_, S>) {
+    for motor in 0..MOTORS {
+        let node = session.hand.bus().stations().nth(motor).and_then(Subject::native);
+        if node.is_some_and(|node| error_of(node) == i64::from(FaultCode::Jammed.code())) {
+            run(session, &format!("{} S IHIT {FREEING}", motor + 1));
+        }
+    }
+}
+
 /// One step of FIND; returns what an observer of the joint sees, counts.
-fn find<S: Subject>(session: &mut Session<S>, motor: usize, step: u8, ms: u64) -> f64 {
+fn find<S: Subject>(session: &mut Session<'_, S>, motor: usize, step: u8, ms: u64) -> f64 {
     let before = session.hand.pose()[motor];
     run(session, &format!("{} S FIND {step}", motor + 1));
     rest(session, ms);
@@ -153,7 +167,7 @@ fn find<S: Subject>(session: &mut Session<S>, motor: usize, step: u8, ms: u64) -
 }
 
 /// Downloads an application to boards that have none: the next step of ERROR 16.
-fn revive<S: Subject>(session: &mut Session<S>) {
+fn revive<S: Subject>(session: &mut Session<'_, S>) {
     run(session, "WAKE");
     for motor in 0..MOTORS {
         let asleep = session

@@ -1,7 +1,7 @@
 //! The microcontroller's flash, with power failures where a test wants them.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -16,6 +16,16 @@ const ERASE_US: u64 = 40_000;
 
 const PAGE_BYTES: usize = PAGE as usize;
 
+/// A count of reads, which change nothing else.
+#[derive(Debug, Default)]
+struct Reads(AtomicU64);
+
+impl Clone for Reads {
+    fn clone(&self) -> Self {
+        Self(AtomicU64::new(self.0.load(Ordering::Relaxed)))
+    }
+}
+
 /// An STM32F103CB's flash.
 #[derive(Clone, Debug)]
 pub struct SimFlash {
@@ -29,7 +39,7 @@ pub struct SimFlash {
     worn_pages: u128,
     /// Bits that read either way since an erase was interrupted, by the index of their half-word; and the reads of such half-words so far.
     marginal: BTreeMap<usize, u16>,
-    reads: Cell<u64>,
+    reads: Reads,
     damaged: bool,
     last_page: u32,
     busy_us: u64,
@@ -48,7 +58,7 @@ impl Default for SimFlash {
             worn: false,
             worn_pages: 0,
             marginal: BTreeMap::new(),
-            reads: Cell::new(0),
+            reads: Reads::default(),
             damaged: false,
             last_page: 0,
             busy_us: 0,
@@ -69,6 +79,11 @@ impl SimFlash {
     /// Cuts the power during operation `operation` (from 0) until [`Self::power_up`]; `seed` determines the bits that remain.
     pub const fn cut_at(&mut self, operation: u64, seed: u64) {
         self.cut = Some((operation, seed));
+    }
+
+    /// Cancels a planned failure.
+    pub const fn cancel_cut(&mut self) {
+        self.cut = None;
     }
 
     /// Whether the power has failed.
@@ -204,8 +219,8 @@ impl SimFlash {
     #[cold]
     fn read_marginal(&self, at: usize, read: u16) -> u16 {
         let Some(&bits) = self.marginal.get(&at) else { return read };
-        self.reads.set(self.reads.get() + 1);
-        read ^ (bits & (self.reads.get().wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 24) as u16)
+        let reads = self.reads.0.fetch_add(1, Ordering::Relaxed);
+        read ^ (bits & (reads.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 24) as u16)
     }
 }
 

@@ -6,7 +6,7 @@ use servo_core::{EndReason, Event};
 use tater_fw::events::BoardEvent;
 use tater_wire::Property;
 
-use super::{Joint, View};
+use super::joint::{Joint, View};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 
 /// HI stalls after this time at least (decision 0009), ms.
@@ -32,22 +32,6 @@ const OWN_MS: f64 = 4_000.0;
 
 /// How much longer than its profile a move may take that nothing hinders, and with a supply or a clock that is off.
 const LATE: f64 = 2.0;
-
-#[derive(Debug, Default)]
-pub struct Ending {
-    /// Ends since the last order that may begin a motion.
-    ends: u32,
-    /// The last end was followed by a hold.
-    holds: bool,
-    /// Ticks for which a stop has held the driven rotor, and TSTOP's largest value meanwhile.
-    held_ms: u64,
-    tstop: u64,
-    count: i64,
-    /// When the motion that is to end began, ms; and the longest time that it may take, ms, taken anew at each order.
-    begun_ms: Option<u64>,
-    within_ms: f64,
-    hindered: bool,
-}
 
 /// Orders that may begin or end a motion.
 fn may_begin(property: Property) -> bool {
@@ -85,8 +69,8 @@ pub fn stall(joint: &mut Joint, view: &View) -> Option<String> {
         Mode::Velocity => status.end.is_none() && status.limit == Some(LimitCause::Torque),
         Mode::Idle | Mode::Pid => false,
     };
-    let count = truth.counts.round() as i64;
-    let same = std::mem::replace(&mut ending.count, count) == count;
+    // The cell, which the halls may place in the dent of a stop.
+    let same = std::mem::replace(&mut ending.count, view.cell) == view.cell;
     let held = view.driven() && presses && to_end && tstop > 0 && same;
     if !held || truth.counts_per_s.abs() > STILL {
         (ending.held_ms, ending.tstop) = (0, 0);
@@ -181,7 +165,9 @@ pub fn in_time(joint: &mut Joint, view: &View) -> Option<String> {
         .then(|| format!("a move has taken {taken_ms} ms, {:.0} are enough", ending.within_ms))
 }
 
-pub fn arrived(_: &mut Joint, view: &View) -> Option<String> {
+pub fn arrived(joint: &mut Joint, view: &View) -> Option<String> {
+    // Of the tick before: with its bridge off a rotor may spring back from a stop at once.
+    let speed = std::mem::replace(&mut joint.ending.speed, view.truth.counts_per_s.abs());
     let (tater, sample) = view.application()?;
     let arrived = |event: &BoardEvent| {
         matches!(event, BoardEvent::Motor(Event::Ended { reason: EndReason::Arrived, .. }))
@@ -189,7 +175,6 @@ pub fn arrived(_: &mut Joint, view: &View) -> Option<String> {
     if !view.events.iter().any(arrived) {
         return None;
     }
-    let speed = view.truth.counts_per_s.abs();
     if speed > ARRIVED_SPEED {
         return Some(format!("arrived at {speed:.0} counts/s"));
     }

@@ -1,12 +1,10 @@
 //! What a board keeps: counters, saved properties, and everything while it refuses.
 
-use std::collections::BTreeMap;
-
 use tater_fw::events::BoardEvent;
 use tater_wire::property::{Access, ROWS, Stored};
 use tater_wire::{FaultCode, Property};
 
-use super::{Joint, View};
+use super::joint::{Joint, Keeping, Values, View};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 
 /// Time without a flash operation after which everything queued is stored, ms: housekeeping queues ten times a second.
@@ -15,24 +13,8 @@ const QUIET_MS: u64 = 150;
 /// Time from a start within which a loss must be reported, ms.
 const REPORT_MS: u64 = 100;
 
-type Values = BTreeMap<Property, i64>;
-
-#[derive(Debug, Default)]
-pub struct Keeping {
-    counters: [i64; 3],
-    starts: u32,
-    /// Values saved by SAVE and not yet in the flash; and those that are.
-    queued: Values,
-    stored: Values,
-    operations: u64,
-    quiet_ms: u64,
-    /// Values that a new start has not shown, and the time of that start.
-    missing: Option<(u64, Values)>,
-    /// Every settable value, as of the last order or start.
-    present: Option<Values>,
-    /// The flash was damaged since the last start: the next one may find older counters.
-    damaged: bool,
-}
+/// Time from a start until its counters are stored, ms: the first PTEMP is far beyond what a board warms within the 0.2 s of decision 0018.
+const COUNTED_MS: u64 = 500;
 
 /// Faults that take what the flash holds.
 const DAMAGE: Kinds = Kinds::of(&[FaultKind::BitFlip, FaultKind::WornPage, FaultKind::MarginalErase]);
@@ -49,10 +31,15 @@ pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
     let (tater, _) = view.application()?;
     let starts = view.node?.starts();
     let restarted = starts != keeping.starts;
-    if !restarted && view.ms % 50 != 0 && view.events.is_empty() {
+    if !restarted && !view.ms.is_multiple_of(50) && view.events.is_empty() {
         return None;
     }
     let now = COUNTERS.map(|counter| tater.property(counter).unwrap_or(0));
+    if restarted {
+        keeping.since_ms = view.ms;
+    } else if view.ms < keeping.since_ms + COUNTED_MS {
+        return None;
+    }
     let before = std::mem::replace(&mut keeping.counters, now);
     if view.events.iter().any(|event| sets(event, &COUNTERS) || sets(event, &[Property::DEF, Property::LOAD]))
     {
@@ -93,6 +80,7 @@ impl Keeping {
                 (Property::SAVE, _) | (Property::CMD, 1) => {
                     let saved = kept(tater).filter(|(property, _)| all || one == Some(*property));
                     self.queued.extend(saved);
+                    self.quiet_ms = 0;
                 }
                 // Forgetting too much only checks less.
                 (Property::DEF, _) | (Property::CMD, 3) => {

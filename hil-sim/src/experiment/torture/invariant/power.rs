@@ -5,14 +5,10 @@ use servo_core::guard::thermal::DISABLED;
 use servo_core::mode::Mode;
 use servo_core::sense::commutation::Leg;
 
-use super::{Joint, LYING_SENSORS, View, is_by_duty, is_idle};
+use super::joint::{Joint, LYING_SENSORS, MEMORY, View, is_by_duty, is_idle};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 use crate::world::plant::RAD_PER_COUNT;
 use crate::world::rig::Bridge;
-
-/// Ticks over which a limit may have been higher: the thermistor is read every 16 ticks, a tick that plans a move still applies the
-/// torque of the tick before.
-const MEMORY: usize = 40;
 
 /// The largest duty, 990 of 1024, in 1/32768.
 const DUTY: u16 = 31_680;
@@ -35,35 +31,6 @@ const TRIP_A: f64 = 0.5;
 
 /// Bus voltage that is a fault, V.
 const BUS_V: f64 = 32.0;
-
-#[derive(Debug)]
-pub struct Power {
-    /// It was so at the last tick: a command takes effect at the next.
-    was_idle: bool,
-    was_faulty: bool,
-    was_engaged: bool,
-    limits: [i32; MEMORY],
-    next: usize,
-    watchdog_resets: u32,
-    erased: u32,
-    /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s.
-    allowed: u16,
-}
-
-impl Default for Power {
-    fn default() -> Self {
-        Self {
-            was_idle: false,
-            was_faulty: false,
-            was_engaged: false,
-            limits: [0; MEMORY],
-            next: 0,
-            watchdog_resets: 0,
-            erased: 0,
-            allowed: 0,
-        }
-    }
-}
 
 pub fn legs(_: &mut Joint, view: &View) -> Option<String> {
     let Bridge::On { legs, .. } = view.bridge else { return None };

@@ -4,7 +4,7 @@ use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
 use tater_wire::Property;
 
-use super::{Joint, LYING_HALLS, View};
+use super::joint::{Joint, LYING_HALLS, Trust, View};
 
 /// Below this a rotor stands, counts/s: the count of a tick is that of its end.
 const SLOW: f64 = 100.0;
@@ -17,21 +17,6 @@ const LASTS: u32 = 50;
 
 /// A third of a turn, and the cell in which the rotor started, counts.
 const THIRD: f64 = 6.0 + 1.0;
-
-#[derive(Debug, Default)]
-pub struct Trust {
-    starts: u32,
-    /// The reported position less the true one, whole counts, while the position is known.
-    offset: Option<i64>,
-    /// The same at the last SAVE, and when the program ended.
-    at_save: Option<i64>,
-    at_end: Option<i64>,
-    /// A start has trusted its position, and nothing has confirmed it.
-    restored: bool,
-    off_ms: u32,
-    /// Where the rotor was when this drive began, and the direction of its torque.
-    began: Option<(f64, bool)>,
-}
 
 impl Trust {
     /// The host has named the position anew, or HI has.

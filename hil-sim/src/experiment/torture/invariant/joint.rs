@@ -1,0 +1,197 @@
+//! What the checks of one motor see and remember.
+
+use std::collections::BTreeMap;
+
+use servo_core::guard::fault::LimitCause;
+use servo_core::mode::Mode;
+use tater_fw::events::BoardEvent;
+use tater_wire::{MotorKind, Property};
+
+use crate::experiment::torture::kinds::{FaultKind, Kinds};
+use crate::world::node::{Node, Sample};
+use crate::world::plant::{PlantParams, RAD_PER_COUNT};
+use crate::world::rig::{Bridge, Truth};
+
+/// Time after a fault's end during which it still excuses, ms: a rotor comes to rest, a latched reading expires.
+pub const AFTERMATH_MS: u64 = 1_000;
+
+/// Ticks over which a limit may have been higher: the thermistor is read every 16 ticks, a tick that plans a move still applies the
+/// torque of the tick before.
+pub const MEMORY: usize = 40;
+
+/// Values of properties.
+pub type Values = BTreeMap<Property, i64>;
+
+/// Sensors that lie about what the guards need.
+pub const LYING_SENSORS: Kinds = Kinds::of(&[FaultKind::AdcRail, FaultKind::AdcNoise, FaultKind::AdcDrift]);
+
+/// Hall lines that lie.
+pub const LYING_HALLS: Kinds =
+    Kinds::of(&[FaultKind::HallStuck, FaultKind::HallOpen, FaultKind::HallGlitch, FaultKind::HallSwap]);
+
+/// Loads from outside that stop or move a motor.
+pub const LOADS: Kinds =
+    Kinds::of(&[FaultKind::Push, FaultKind::Jam, FaultKind::BrakeStuckOn, FaultKind::BrakeStuckOff]);
+
+/// One motor at one tick.
+pub struct View<'a> {
+    /// Simulated time, ms.
+    pub ms: u64,
+    /// The plant.
+    pub truth: Truth,
+    /// The true count of the sensors.
+    pub cell: i64,
+    /// Bus voltage, V.
+    pub volts: f64,
+    /// The bridge.
+    pub bridge: Bridge,
+    /// Whether the brake is commanded to release.
+    pub brake_released: bool,
+    /// The board, if it is a native one.
+    pub node: Option<&'a Node>,
+    /// State of its application, if that runs.
+    pub sample: Option<Sample>,
+    /// What the board has recorded since the last tick.
+    pub events: &'a [BoardEvent],
+    /// Faults of this motor or of the hand that are active or ended within [`AFTERMATH_MS`].
+    pub faults: Kinds,
+    /// The faults that are active now.
+    pub active: Kinds,
+}
+
+impl View<'_> {
+    /// Whether the bridge is on.
+    pub fn driven(&self) -> bool {
+        self.bridge != Bridge::Off
+    }
+
+    /// The application and its state, of a native board whose application runs.
+    pub fn application(&self) -> Option<(&tater_fw::Tater<crate::world::board::SimBoard>, &Sample)> {
+        Some((self.node?.application()?, self.sample.as_ref()?))
+    }
+}
+
+/// What the checks of one motor remember.
+pub struct Joint {
+    pub(super) plant: PlantParams,
+    pub(super) has_brake: bool,
+    /// Highest speed so far, counts/s, which bounds how deep a stop is dented.
+    pub(super) fastest: f64,
+    /// It is pushed from outside faster than its voltage could drive it.
+    pub(super) pushed: bool,
+    pub(super) power: Power,
+    pub(super) ending: Ending,
+    pub(super) keeping: Keeping,
+    pub(super) truth: Trust,
+}
+
+#[derive(Debug)]
+pub struct Power {
+    /// It was so at the last tick: a command takes effect at the next.
+    pub was_idle: bool,
+    pub was_faulty: bool,
+    pub was_engaged: bool,
+    pub limits: [i32; MEMORY],
+    pub next: usize,
+    pub watchdog_resets: u32,
+    pub erased: u32,
+    /// Highest limit by MV with MCV and MOV since mode 5 began, counts/s.
+    pub allowed: u16,
+}
+
+impl Default for Power {
+    fn default() -> Self {
+        Self {
+            was_idle: false,
+            was_faulty: false,
+            was_engaged: false,
+            limits: [0; MEMORY],
+            next: 0,
+            watchdog_resets: 0,
+            erased: 0,
+            allowed: 0,
+        }
+    }
+}
+
+#[derive(Debug, Default)]
+pub struct Ending {
+    /// Ends since the last order that may begin a motion.
+    pub ends: u32,
+    /// The last end was followed by a hold.
+    pub holds: bool,
+    /// Ticks for which a stop has held the driven rotor, and TSTOP's largest value meanwhile.
+    pub held_ms: u64,
+    pub tstop: u64,
+    pub count: i64,
+    pub speed: f64,
+    /// When the motion that is to end began, ms; and the longest time that it may take, ms, taken anew at each order.
+    pub begun_ms: Option<u64>,
+    pub within_ms: f64,
+    pub hindered: bool,
+}
+
+#[derive(Debug, Default)]
+pub struct Keeping {
+    pub counters: [i64; 3],
+    pub starts: u32,
+    /// The last start.
+    pub since_ms: u64,
+    /// Values saved by SAVE and not yet in the flash; and those that are.
+    pub queued: Values,
+    pub stored: Values,
+    pub operations: u64,
+    pub quiet_ms: u64,
+    /// Values that a new start has not shown, and the time of that start.
+    pub missing: Option<(u64, Values)>,
+    /// Every settable value, as of the last order or start.
+    pub present: Option<Values>,
+    /// The flash was damaged since the last start: the next one may find older counters.
+    pub damaged: bool,
+}
+
+#[derive(Debug, Default)]
+pub struct Trust {
+    pub starts: u32,
+    /// The reported position less the true one, whole counts, while the position is known.
+    pub offset: Option<i64>,
+    /// The same at the last SAVE, and when the program ended.
+    pub at_save: Option<i64>,
+    pub at_end: Option<i64>,
+    /// A start has trusted its position, and nothing has confirmed it.
+    pub restored: bool,
+    pub off_ms: u32,
+    /// Where the rotor was when this drive began, and the direction of its torque.
+    pub began: Option<(f64, bool)>,
+}
+
+impl Joint {
+    /// A motor of a hand at power-up.
+    #[must_use]
+    pub fn new(kind: MotorKind, plant: &PlantParams) -> Self {
+        Self {
+            has_brake: kind == MotorKind::Spread,
+            plant: plant.clone(),
+            fastest: 0.0,
+            pushed: false,
+            power: Power::default(),
+            ending: Ending::default(),
+            keeping: Keeping::default(),
+            truth: Trust::default(),
+        }
+    }
+
+    /// Speed at which the EMF takes all of the voltage, counts/s.
+    pub fn no_load(&self, bus_v: f64) -> f64 {
+        bus_v / self.plant.ke_v_s / RAD_PER_COUNT
+    }
+}
+
+/// Whether the torque is the duty limit's, which may brake harder than MT.
+pub fn is_by_duty(sample: &Sample) -> bool {
+    sample.status.limit == Some(LimitCause::Duty)
+}
+
+pub fn is_idle(sample: &Sample) -> bool {
+    sample.status.mode == Mode::Idle
+}

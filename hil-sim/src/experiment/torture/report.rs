@@ -1,0 +1,106 @@
+//! What is written about a run: the line that replays it, and the report of a replay.
+
+use std::fmt::Write;
+
+use super::case::{Case, Selection};
+use super::invariant::{self, INVARIANTS};
+use super::kinds::ROWS;
+use super::session::Outcome;
+use crate::experiment::events::Event;
+
+fn numbers(numbers: &[usize]) -> String {
+    if numbers.is_empty() {
+        return "none".to_owned();
+    }
+    numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(",")
+}
+
+/// The command that replays a selection of a seed's case.
+#[must_use]
+pub fn replay_line(seed: u64, selection: &Selection) -> String {
+    let mut line = format!("hil-sim torture --seed {seed}");
+    if let Some(steps) = &selection.steps {
+        let _ = write!(line, " --steps {}", numbers(steps));
+    }
+    if let Some(faults) = &selection.faults {
+        let _ = write!(line, " --faults {}", numbers(faults));
+    }
+    if let Some(stop_ms) = selection.stop_ms {
+        let _ = write!(line, " --stop-ms {stop_ms}");
+    }
+    line + " --replay"
+}
+
+/// The report of a replay: world, program, faults, failure, and the events of GOD and the boards.
+#[must_use]
+pub fn text(case: &Case, replay: &str, outcome: &Outcome, events: &[Event]) -> String {
+    let mut text = format!("{replay}\n\n");
+    let mut add = |line: String| {
+        text.push_str(&line);
+        text.push('\n');
+    };
+    match &outcome.violation {
+        Some(found) => {
+            add(format!("FAILED at {} ms: {}", found.ms, found.invariant));
+            add(format!("  motor {}: {}", found.node, found.found));
+            if let Some(invariant) = invariant::find(found.invariant) {
+                add(format!("  demanded: {} ({})", invariant.demands, invariant.source));
+            }
+        }
+        None => add(format!("held for {} ms; recovered after {:?} ms", outcome.ms, outcome.recovered_ms)),
+    }
+    let [winding_c, phase_a, bus_v] = outcome.peaks;
+    add(format!("  peaks: winding {winding_c:.1} C, phase {phase_a:.1} A, bus {bus_v:.1} V"));
+    let world = &case.world;
+    add(format!(
+        "\nworld: source {:.2} V, {:.1} A; starts {:?}",
+        world.source.0, world.source.1, world.starts
+    ));
+    if let Some(object) = world.object {
+        add(format!("  object: {}", object.lines().next().unwrap_or_default().trim_start_matches("# ")));
+    }
+    for (motor, (plant, rig)) in world.plants.iter().zip(&world.rigs).enumerate() {
+        add(format!(
+            "  motor {}: R {:.3} Ohm, Ke {:.4} V s, J {:.2e} kg m2, friction {:.4} N m, halls {:.1?} deg",
+            motor + 1,
+            plant.r_ohm,
+            plant.ke_v_s,
+            plant.j_kg_m2,
+            plant.coulomb_n_m,
+            rig.hall_error_deg
+        ));
+    }
+    add(format!("\nprogram, {}, up to {} ms:", if case.is_plain { "plain" } else { "wild" }, case.stop_ms));
+    for step in &case.steps {
+        add(format!("{:>12} ms  {:?}", step.at_ms, step.act));
+    }
+    add("\nfaults:".to_owned());
+    for fault in &case.faults {
+        let row = fault.kind.row();
+        add(format!(
+            "{:>12} ms  {} at motor {} for {} ms: {}",
+            fault.from_ms,
+            row.name,
+            fault.motor + 1,
+            fault.for_ms,
+            row.what
+        ));
+    }
+    add("\nevents of GOD and the boards, oldest first:".to_owned());
+    events.iter().for_each(|event| add(event.to_string()));
+    text
+}
+
+/// The tables of docs/torture.md: invariants and kinds of fault.
+#[must_use]
+pub fn tables() -> String {
+    let mut text = String::from("| Invariant | Demands | Source |\n| --- | --- | --- |\n");
+    for invariant in INVARIANTS {
+        let _ = writeln!(text, "| {} | {} | {} |", invariant.name, invariant.demands, invariant.source);
+    }
+    text.push_str("\n| Fault | Does | Reported by | Cleared by |\n| --- | --- | --- | --- |\n");
+    for row in ROWS {
+        let _ = writeln!(text, "| {} | {} | {} | {} |", row.name, row.what, row.report, row.clear);
+    }
+    text
+}

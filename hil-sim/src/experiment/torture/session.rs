@@ -1,0 +1,291 @@
+//! A hand under torture and its host: what hosts can do, each millisecond with its faults and checks.
+
+use std::hash::{DefaultHasher, Hasher};
+
+use god::io::ABORT;
+use tater_fw::events::BoardEvent;
+
+use super::case::{Case, MOTORS, kind};
+use super::fault::{Faults, Subject};
+use super::invariant::{ABORT as ABORTS, ENERGY, IMAGE, Joint, QUEUES, View};
+use super::kinds::Kinds;
+use crate::world::hand::Hand;
+use crate::world::node::Node;
+
+/// Longest time from ^C to the prompt, ms: up to three properties, each with three questions of 60 ms to a silent board.
+const ABORT_MS: u64 = 600;
+
+/// Silence that ends a broken packet, ms: in that a ^C is discarded (docs/wire.md).
+const SILENCE_MS: u64 = 21;
+
+/// Data bytes of the largest control block: ^C is data among them.
+const BLOCK: usize = 14;
+
+/// Transmit mailboxes of GOD's CAN controller.
+const MAILBOXES: usize = 3;
+
+/// An energy residual of this share of the turnover is the integration's error (docs/simulator.md).
+const ENERGY_SHARE: f64 = 0.02;
+
+/// A failure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Violation {
+    /// The invariant's name.
+    pub invariant: &'static str,
+    /// Simulated time, ms.
+    pub ms: u64,
+    /// The motor's node; 0 for the hand.
+    pub node: usize,
+    /// What was found.
+    pub found: String,
+}
+
+/// The result of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// The first failure.
+    pub violation: Option<Violation>,
+    /// Simulated time, ms.
+    pub ms: u64,
+    /// From the end of the faults until the hand had homed and moved, ms; `None` if the run ended before.
+    pub recovered_ms: Option<u64>,
+    /// Digest of everything that the host and the bus saw, and of the rotors.
+    pub digest: u64,
+    /// Commands that ended in a prompt.
+    pub prompts: u64,
+    /// Extremes: winding, °C; phase current, A; bus, V.
+    pub peaks: [f64; 3],
+    /// ERROR values that boards reported, a bit each.
+    pub errors: u64,
+}
+
+/// A hand under torture, and its host.
+pub struct Session<'a, S> {
+    /// The hand.
+    pub hand: Hand<S>,
+    pub(super) faults: Faults,
+    joints: Vec<Joint>,
+    pub(super) has_faults: bool,
+    pub(super) outcome: Outcome,
+    digest: DefaultHasher,
+    /// The last characters received.
+    pub(super) tail: Vec<u8>,
+    stop_ms: u64,
+    events: Vec<BoardEvent>,
+    look: &'a mut dyn FnMut(&Hand<S>),
+}
+
+impl<'a, S: Subject> Session<'a, S> {
+    /// A session with a hand that is new.
+    pub fn new(case: &Case, mut hand: Hand<S>, look: &'a mut dyn FnMut(&Hand<S>)) -> Self {
+        let faults = Faults::new(case, &mut hand);
+        let joints =
+            (0..MOTORS).map(|motor| Joint::new(kind(motor as u8 + 1), &case.world.plants[motor])).collect();
+        Self {
+            hand,
+            faults,
+            joints,
+            has_faults: !case.faults.is_empty(),
+            outcome: Outcome::default(),
+            digest: DefaultHasher::new(),
+            tail: Vec::new(),
+            stop_ms: case.stop_ms,
+            events: Vec::new(),
+            look,
+        }
+    }
+
+    /// Lets steps begin and go on after the program's end: for the recovery.
+    pub fn end_program(&mut self) {
+        self.stop_ms = u64::MAX;
+    }
+
+    /// The outcome, and the hand as the run left it.
+    pub fn finish(mut self) -> (Outcome, Hand<S>) {
+        self.outcome.ms = self.ms();
+        self.outcome.digest = self.digest.finish();
+        (self.outcome, self.hand)
+    }
+
+    /// Simulated time, ms.
+    pub fn ms(&self) -> u64 {
+        self.hand.now_us() / 1_000
+    }
+
+    /// Whether nothing has failed.
+    pub fn is_whole(&self) -> bool {
+        self.outcome.violation.is_none()
+    }
+
+    /// Whether the program goes on.
+    pub(super) fn goes_on(&self) -> bool {
+        self.is_whole() && self.ms() < self.stop_ms
+    }
+
+    /// Records a failure, if it is the first.
+    pub fn fail(&mut self, invariant: &'static str, node: usize, found: String) {
+        let ms = self.ms();
+        self.outcome.violation.get_or_insert(Violation { invariant, ms, node, found });
+    }
+
+    /// One millisecond, in which the host reads.
+    pub fn step(&mut self) {
+        self.step_unread();
+        if !self.faults.host_silent {
+            let received = self.hand.take_tx();
+            self.digest.write(&received);
+            self.outcome.prompts += received.windows(2).filter(|pair| pair == b"=>").count() as u64;
+            self.tail.extend(&received);
+            let extra = self.tail.len().saturating_sub(512);
+            self.tail.drain(..extra);
+        }
+    }
+
+    pub(super) fn step_unread(&mut self) {
+        let ms = self.ms();
+        self.faults.step(&mut self.hand, ms);
+        if std::mem::take(&mut self.faults.hangs_up) {
+            self.hand.hang_up();
+        }
+        self.hand.run_until(1_000 * (ms + 1));
+        (self.look)(&self.hand);
+        self.check();
+    }
+
+    fn check(&mut self) {
+        let ms = self.ms();
+        for motor in 0..MOTORS {
+            self.events.clear();
+            if let Some(node) = self.hand.bus_mut().station_mut(motor).and_then(Subject::native_mut) {
+                self.events.extend(std::iter::from_fn(|| node.board_event()));
+            }
+            let Some(board) = self.hand.bus().stations().nth(motor) else { continue };
+            let native = board.native();
+            let truth = board.rig().truth();
+            let view = View {
+                ms,
+                truth,
+                cell: board.rig().hall_cell(),
+                volts: board.rig().plant().bus_v,
+                bridge: board.bridge(),
+                brake_released: board.is_brake_released(),
+                node: native,
+                sample: native.and_then(Node::sample),
+                events: &self.events,
+                faults: self.faults.recent_at(motor),
+                active: self.faults.active_at(motor),
+            };
+            self.digest.write_u64(truth.counts.to_bits());
+            self.digest.write_u8(truth.brake_engaged.into());
+            let peaks = &mut self.outcome.peaks;
+            *peaks =
+                [peaks[0].max(truth.winding_c), peaks[1].max(truth.peak_phase_a), peaks[2].max(view.volts)];
+            if let Some(fault) = view.sample.as_ref().and_then(|sample| sample.status.fault) {
+                self.outcome.errors |= 1 << (tater_fw::codes::fault_code(fault).code() & 63);
+            }
+            let broken = self.joints[motor].check(&view);
+            let problem = board.problem();
+            if let Some((invariant, found)) = broken {
+                self.fail(invariant.name, motor + 1, found);
+            } else if let Some(problem) = problem {
+                self.fail(IMAGE, motor + 1, problem);
+            }
+        }
+        let waiting = self.hand.bus().waiting();
+        if waiting > MAILBOXES {
+            self.fail(QUEUES, 0, format!("{waiting} frames in GOD's mailboxes"));
+        }
+        self.digest.write_u64(self.hand.bus().stats().frames);
+    }
+
+    pub(super) fn check_energy(&mut self) {
+        for motor in 0..MOTORS {
+            let Some(ledger) = self.hand.bus().stations().nth(motor).map(|board| board.rig().truth().ledger)
+            else {
+                continue;
+            };
+            let (residual, turnover) = (ledger.residual_j(), ledger.turnover_j());
+            if residual.abs() > ENERGY_SHARE * turnover.max(1.0) {
+                self.fail(ENERGY, motor + 1, format!("{residual:.3} J of {turnover:.3} J"));
+            }
+        }
+    }
+
+    /// Sends bytes as fast as GOD takes them, while the program goes on.
+    pub(super) fn send(&mut self, bytes: &[u8]) {
+        for (at, &byte) in bytes.iter().enumerate() {
+            while (self.faults.host_silent || self.faults.holds_line && at > bytes.len() / 2)
+                && self.goes_on()
+            {
+                self.step();
+            }
+            let mut patience = 50;
+            while self.hand.io().rx_room() == 0
+                && (byte != ABORT || self.hand.io().is_raw())
+                && self.goes_on()
+            {
+                self.step();
+                patience -= 1;
+                if patience == 0 && !self.hand.io().is_raw() {
+                    self.hand.push_rx(&[ABORT]);
+                    patience = 50;
+                }
+            }
+            if self.hand.is_on() {
+                self.hand.push_rx(&[byte]);
+            }
+        }
+    }
+
+    pub(super) fn is_at_prompt(&self) -> bool {
+        self.tail.ends_with(b"\n\r=> ")
+    }
+
+    /// Reads until the prompt, at most so long. Returns whether it came.
+    pub(super) fn read_to_prompt(&mut self, most_ms: u64) -> bool {
+        let end_ms = self.ms() + most_ms;
+        while !self.is_at_prompt() && self.ms() < end_ms && self.is_whole() {
+            self.step();
+        }
+        self.is_at_prompt()
+    }
+
+    /// Types a line, and returns what comes up to the prompt, if that comes in time.
+    pub(super) fn run_line(&mut self, line: &str, most_ms: u64) -> Option<String> {
+        self.tail.clear();
+        self.send(line.as_bytes());
+        self.send(b"\r");
+        self.read_to_prompt(most_ms).then(|| String::from_utf8_lossy(&self.tail).into_owned())
+    }
+
+    /// Sends ^C, as often as RealTime may take it for data, and waits for the prompt.
+    pub(super) fn abort(&mut self) {
+        let end_ms = self.ms() + SILENCE_MS;
+        while self.ms() < end_ms || self.faults.host_silent && self.goes_on() {
+            self.step();
+        }
+        let began_ms = self.ms();
+        self.tail.clear();
+        for _ in 0..=BLOCK {
+            if self.hand.is_on() {
+                self.hand.push_rx(&[ABORT]);
+            }
+            self.step();
+        }
+        while !self.is_at_prompt() && self.is_whole() {
+            if !self.hand.is_on() || self.faults.host_silent || self.power_was_cut() {
+                return;
+            }
+            if self.ms() > began_ms + ABORT_MS {
+                let tail = self.tail.escape_ascii().to_string();
+                self.fail(ABORTS, 0, format!("no prompt within {ABORT_MS} ms of ^C, but {tail:?}"));
+            }
+            self.step();
+        }
+    }
+
+    /// Whether GOD has lost its power lately, and with it a ^C.
+    fn power_was_cut(&self) -> bool {
+        self.faults.recent_at(0).meets(Kinds::of(&[super::kinds::FaultKind::HandPowerCut]))
+    }
+}

@@ -1,0 +1,399 @@
+//! `hil-sim torture`: seeds on all cores, progress, results, and the line that replays a failure.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::hash::{BuildHasher, RandomState};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::output::{print, replace_file, warn};
+use crate::experiment::input::BadInput;
+use crate::experiment::torture::report::{replay_line, tables, text};
+use crate::experiment::torture::{Case, Outcome, Selection, Shrunk, Violation, run, run_with_events, shrink};
+
+/// Seeds of a run that says neither how many nor how long.
+const SEEDS: u64 = 100;
+
+/// Time for shrinking one failure, and failures that are shrunk.
+const SHRINK: Duration = Duration::from_secs(60);
+const SHRUNK: usize = 3;
+
+/// A failing seed is printed at once; more than these are only counted.
+const PRINTED: usize = 100;
+
+/// Boards of a hand.
+const BOARDS: f64 = 7.0;
+
+/// Real time since the program started.
+type Clock<'a> = &'a dyn Fn() -> Duration;
+
+/// The arguments of `hil-sim torture`.
+#[derive(clap::Args)]
+pub struct TortureArgs {
+    /// The first seed; default: a fresh one, which is printed.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Number of seeds; default: 1 with --seed, otherwise 100.
+    #[arg(long)]
+    seeds: Option<u64>,
+    /// Minutes after which no new seed begins, instead of a number of seeds.
+    #[arg(long, value_name = "MINUTES", conflicts_with = "seeds")]
+    minutes: Option<f64>,
+    /// Threads; default: one for each core.
+    #[arg(long)]
+    jobs: Option<usize>,
+    /// Print one JSON object and nothing else.
+    #[arg(long)]
+    json: bool,
+    /// Write a report of the seed: world, program, faults, failure and the events of all boards. Default: torture-SEED.txt.
+    #[arg(long, value_name = "FILE", num_args = 0..=1, requires = "seed")]
+    replay: Option<Option<PathBuf>>,
+    /// Only these steps of the seed's program: numbers with commas, or `none`.
+    #[arg(long, value_name = "NUMBERS", requires = "seed")]
+    steps: Option<String>,
+    /// Only these faults of the seed: numbers with commas, or `none`.
+    #[arg(long, value_name = "NUMBERS", requires = "seed")]
+    faults: Option<String>,
+    /// End the program earlier, ms.
+    #[arg(long, value_name = "MS", requires = "seed")]
+    stop_ms: Option<u64>,
+    /// Do not shrink failures.
+    #[arg(long)]
+    no_shrink: bool,
+    /// Print the tables of invariants and faults, and run nothing.
+    #[arg(long)]
+    list: bool,
+}
+
+#[derive(Serialize)]
+struct Failure {
+    seed: u64,
+    invariant: &'static str,
+    ms: u64,
+    motor: usize,
+    found: String,
+    /// Simulated seconds of the seeds before it that had ended, and this one: the time to catch it.
+    simulated_s: f64,
+    replay: String,
+    shrunk_steps: Option<usize>,
+    shrunk_faults: Option<usize>,
+}
+
+#[derive(Serialize)]
+struct Json {
+    first_seed: u64,
+    seeds: u64,
+    failed: u64,
+    recovered: u64,
+    hand_hours: f64,
+    board_hours: f64,
+    wall_s: f64,
+    hand_hours_per_core_hour: f64,
+    slowest_recovery_ms: u64,
+    prompts: u64,
+    peak_winding_c: f64,
+    peak_phase_a: f64,
+    peak_bus_v: f64,
+    /// How many seeds had a fault of each kind.
+    faults: BTreeMap<&'static str, u64>,
+    /// ERROR values that boards reported.
+    errors: Vec<u32>,
+    failures: Vec<Failure>,
+}
+
+/// What all seeds so far have given.
+#[derive(Default)]
+struct Sum {
+    seeds: u64,
+    failed: u64,
+    recovered: u64,
+    ms: u64,
+    slowest_ms: u64,
+    prompts: u64,
+    peaks: [f64; 3],
+    errors: u64,
+    faults: BTreeMap<&'static str, u64>,
+    failures: Vec<(Violation, Case, f64)>,
+}
+
+impl Sum {
+    fn add(&mut self, case: Case, outcome: Outcome) {
+        self.seeds += 1;
+        self.ms += outcome.ms;
+        self.recovered += u64::from(outcome.recovered_ms.is_some());
+        self.slowest_ms = self.slowest_ms.max(outcome.recovered_ms.unwrap_or(0));
+        self.prompts += outcome.prompts;
+        self.errors |= outcome.errors;
+        for (most, peak) in self.peaks.iter_mut().zip(outcome.peaks) {
+            *most = most.max(peak);
+        }
+        let kinds: std::collections::BTreeSet<&'static str> =
+            case.faults.iter().map(|fault| fault.kind.row().name).collect();
+        kinds.into_iter().for_each(|kind| *self.faults.entry(kind).or_default() += 1);
+        if let Some(violation) = outcome.violation {
+            self.failed += 1;
+            if self.failures.len() < PRINTED {
+                warn(&format!(
+                    "seed {}: {} at {} ms, motor {}: {}",
+                    case.seed, violation.invariant, violation.ms, violation.node, violation.found
+                ));
+                self.failures.push((violation, case, self.ms as f64 / 1000.0));
+            }
+        }
+    }
+}
+
+/// Runs the seeds. Returns whether every invariant held.
+///
+/// # Errors
+/// Bad numbers, or a report that cannot be written.
+pub fn torture(args: &TortureArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
+    if args.list {
+        print(&tables())?;
+        return Ok(true);
+    }
+    let selection = Selection {
+        steps: numbers("--steps", args.steps.as_deref())?,
+        faults: numbers("--faults", args.faults.as_deref())?,
+        stop_ms: args.stop_ms,
+    };
+    if let (Some(seed), Some(file)) = (args.seed, &args.replay) {
+        return replay(args, seed, &selection, file.clone());
+    }
+    let first = args.seed.unwrap_or_else(fresh_seed);
+    let seeds = match (args.seeds, args.minutes, args.seed) {
+        (Some(seeds), ..) => seeds,
+        (None, Some(_), _) => u64::MAX,
+        (None, None, Some(_)) => 1,
+        (None, None, None) => SEEDS,
+    };
+    if args.seed.is_none() {
+        warn(&format!("first seed: {first}"));
+    }
+    let jobs = args.jobs.unwrap_or_else(cores).max(1);
+    let begun = clock();
+    let sum = play_all(args, &selection, clock, first, seeds, jobs);
+    let wall_s = (clock() - begun).as_secs_f64();
+    let failures = failures(args, &selection, &sum, clock);
+    report(args, first, &sum, failures, wall_s, jobs)?;
+    Ok(sum.failed == 0)
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, Into::into)
+}
+
+fn fresh_seed() -> u64 {
+    // Keys of the system's randomness; a number short enough to type.
+    RandomState::new().hash_one(0) % 1_000_000 * 1_000_000
+}
+
+fn numbers(option: &str, text: Option<&str>) -> Result<Option<Vec<usize>>, BadInput> {
+    let Some(text) = text else { return Ok(None) };
+    if text == "none" {
+        return Ok(Some(Vec::new()));
+    }
+    let all: Result<Vec<usize>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    all.map(Some).map_err(|_| BadInput {
+        place: option.to_owned(),
+        problem: "is no list of numbers".to_owned(),
+        found: format!("{text:?}"),
+        expected: "numbers with commas, such as 0,3,7, or none".to_owned(),
+        next: "copy the line that the failing run printed".to_owned(),
+    })
+}
+
+fn play_all(
+    args: &TortureArgs,
+    selection: &Selection,
+    clock: Clock,
+    first: u64,
+    seeds: u64,
+    jobs: usize,
+) -> Sum {
+    let sum = Mutex::new(Sum::default());
+    let next = AtomicU64::new(0);
+    let over = AtomicU64::new(0);
+    let bar = (!args.json).then(|| match args.minutes {
+        Some(_) => indicatif::ProgressBar::new_spinner(),
+        None => indicatif::ProgressBar::new(seeds),
+    });
+    let end = args.minutes.map(|minutes| clock() + Duration::from_secs_f64(minutes.clamp(0.0, 1e6) * 60.0));
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            // The clock stays on this thread.
+            scope.spawn(|| {
+                loop {
+                    let at = next.fetch_add(1, Ordering::Relaxed);
+                    if at >= seeds || over.load(Ordering::Relaxed) != 0 {
+                        break;
+                    }
+                    let case = Case::draw(first.wrapping_add(at)).select(selection);
+                    let outcome = run(&case);
+                    sum.lock().unwrap_or_else(PoisonError::into_inner).add(case, outcome);
+                }
+                over.fetch_or(1, Ordering::Relaxed);
+            });
+        }
+        loop {
+            let (done, hours, failed) = {
+                let sum = sum.lock().unwrap_or_else(PoisonError::into_inner);
+                (sum.seeds, sum.ms as f64 / 3.6e6, sum.failed)
+            };
+            if let Some(bar) = &bar {
+                bar.set_position(done);
+                bar.set_message(format!("{done} seeds, {hours:.2} hand-hours, {failed} failed"));
+            }
+            if end.is_some_and(|end| clock() >= end) {
+                over.store(1, Ordering::Relaxed);
+            }
+            if over.load(Ordering::Relaxed) != 0 {
+                break;
+            }
+            std::thread::park_timeout(Duration::from_millis(100));
+        }
+    });
+    if let Some(bar) = bar {
+        bar.finish_and_clear();
+    }
+    sum.into_inner().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn failures(args: &TortureArgs, selection: &Selection, sum: &Sum, clock: Clock) -> Vec<Failure> {
+    let mut seen: Vec<&'static str> = Vec::new();
+    let mut all: Vec<&(Violation, Case, f64)> = sum.failures.iter().collect();
+    all.sort_by_key(|(_, case, _)| case.seed);
+    all.into_iter()
+        .map(|(violation, case, simulated_s)| {
+            let is_new = !seen.contains(&violation.invariant) && seen.len() < SHRUNK && !args.no_shrink;
+            let shrunk = is_new.then(|| {
+                seen.push(violation.invariant);
+                let end = clock() + SHRINK;
+                // The numbers of the whole case, so that the printed line replays it.
+                let whole = Case::draw(case.seed);
+                let narrowed = if *selection == Selection::default() { &whole } else { case };
+                shrink(narrowed, violation, &mut |case| run(case), &mut || clock() < end)
+            });
+            failure(violation, case.seed, *simulated_s, selection, shrunk)
+        })
+        .collect()
+}
+
+fn failure(
+    violation: &Violation,
+    seed: u64,
+    simulated_s: f64,
+    selection: &Selection,
+    shrunk: Option<Shrunk>,
+) -> Failure {
+    // A case that was narrowed by hand has other numbers.
+    let shrunk = shrunk.filter(|_| *selection == Selection::default());
+    let (violation, selection) = match &shrunk {
+        Some(shrunk) => (&shrunk.violation, &shrunk.selection),
+        None => (violation, selection),
+    };
+    let count = |numbers: &Option<Vec<usize>>| shrunk.as_ref().and(numbers.as_ref()).map(Vec::len);
+    Failure {
+        seed,
+        invariant: violation.invariant,
+        ms: violation.ms,
+        motor: violation.node,
+        found: violation.found.clone(),
+        simulated_s,
+        replay: replay_line(seed, selection),
+        shrunk_steps: count(&selection.steps),
+        shrunk_faults: count(&selection.faults),
+    }
+}
+
+fn report(
+    args: &TortureArgs,
+    first_seed: u64,
+    sum: &Sum,
+    failures: Vec<Failure>,
+    wall_s: f64,
+    jobs: usize,
+) -> Result<(), BadInput> {
+    let hand_hours = sum.ms as f64 / 3.6e6;
+    let core_hours = wall_s * jobs.min(cores()) as f64 / 3600.0;
+    let [peak_winding_c, peak_phase_a, peak_bus_v] = sum.peaks;
+    let json = Json {
+        first_seed,
+        seeds: sum.seeds,
+        failed: sum.failed,
+        recovered: sum.recovered,
+        hand_hours,
+        board_hours: BOARDS * hand_hours,
+        wall_s,
+        hand_hours_per_core_hour: hand_hours / core_hours.max(1e-9),
+        slowest_recovery_ms: sum.slowest_ms,
+        prompts: sum.prompts,
+        peak_winding_c,
+        peak_phase_a,
+        peak_bus_v,
+        faults: sum.faults.clone(),
+        errors: (0..64).filter(|code| sum.errors >> code & 1 == 1).collect(),
+        failures,
+    };
+    if args.json {
+        // Numbers and strings only: this cannot fail.
+        return print(&format!("{}\n", serde_json::to_string(&json).unwrap_or_default()));
+    }
+    let mut text = format!(
+        "{} seeds from {first_seed}: {} failed, {} recovered, the slowest in {:.1} s\n\
+         {:.2} board-hours in {wall_s:.0} s: {:.1} hand-hours per core-hour\n\
+         peaks: winding {peak_winding_c:.1} C, phase {peak_phase_a:.1} A, bus {peak_bus_v:.1} V; ERROR {:?}\n",
+        json.seeds,
+        json.failed,
+        json.recovered,
+        json.slowest_recovery_ms as f64 / 1000.0,
+        json.board_hours,
+        json.hand_hours_per_core_hour,
+        json.errors,
+    );
+    for failure in &json.failures {
+        let Failure { invariant, ms, motor, found, replay, .. } = failure;
+        text.push_str(&format!("{replay}  # {invariant} at {ms} ms, motor {motor}: {found}\n"));
+    }
+    print(&text)
+}
+
+fn replay(
+    args: &TortureArgs,
+    seed: u64,
+    selection: &Selection,
+    file: Option<PathBuf>,
+) -> Result<bool, Box<dyn Error>> {
+    let case = Case::draw(seed).select(selection);
+    let (outcome, events) = run_with_events(&case);
+    let path = file.unwrap_or_else(|| PathBuf::from(format!("torture-{seed}.txt")));
+    let line = replay_line(seed, selection);
+    replace_file(&path, text(&case, &line, &outcome, &events).as_bytes()).map_err(|e| BadInput {
+        place: format!("--replay {}", path.display()),
+        problem: "cannot be written".to_owned(),
+        found: e.to_string(),
+        expected: "a file in an existing folder".to_owned(),
+        next: "choose another path or free space".to_owned(),
+    })?;
+    let held = outcome.violation.is_none();
+    let found = outcome.violation.map_or_else(
+        || "every invariant held".to_owned(),
+        |violation| {
+            let Violation { invariant, ms, node, found } = violation;
+            format!("{invariant} at {ms} ms, motor {node}: {found}")
+        },
+    );
+    if args.json {
+        let json = serde_json::json!({
+            "seed": seed, "held": held, "found": found, "report": path.display().to_string(), "simulated_ms": outcome.ms,
+        });
+        print(&format!("{json}\n"))?;
+    } else {
+        print(&format!("{found}\n{}\n", path.display()))?;
+    }
+    Ok(held)
+}
