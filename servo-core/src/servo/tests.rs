@@ -54,8 +54,12 @@ impl Joint {
     }
 }
 
+/// Most ticks of one test, so that a motion without an end fails it.
+const MAX_TICKS: u32 = 1_000_000;
+
 struct Bench {
     servo: Servo,
+    ticks: u32,
     now: Micros,
     count: i32,
     strain: u8,
@@ -71,6 +75,7 @@ impl Bench {
         servo.trust_direction();
         Self {
             servo,
+            ticks: 0,
             now: Micros(u32::MAX - 50_000), // the clock wraps during the test
             count: 0,
             strain: 100,
@@ -97,6 +102,8 @@ impl Bench {
             };
             self.servo.edge(&edge);
         }
+        self.ticks += 1;
+        assert!(self.ticks < MAX_TICKS, "no end: {:?}", self.servo.telemetry());
         self.now = self.now.wrapping_add(Micros(1000));
         self.servo.tick(&Sense {
             now: self.now,

@@ -13,8 +13,7 @@ fn bench() -> (Bench, Vec<u8>) {
 
 /// The monitor's requests in this step, in frames; other frames are an error.
 fn requests(bench: &mut Bench, us: u32) -> Vec<Frame> {
-    bench.now = bench.now.wrapping_add(us);
-    assert_eq!(bench.monitor.step(Micros(bench.now)), Next::Stay);
+    assert_eq!(bench.step(us), Next::Stay);
     let sent = std::mem::take(&mut bench.board().sent);
     assert!(sent.iter().all(|frame| frame.raw_id() == 3 << 5 && frame.data()[0] == 0), "{sent:?}");
     sent
