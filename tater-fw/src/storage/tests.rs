@@ -280,14 +280,20 @@ fn numbers_of_another_version_are_kept_or_skipped() {
 #[test]
 fn unknown_numbers_give_way_to_known_ones() {
     let head = Head { sequence: 7, complete: true, trusted: None };
-    let others = (0..128).filter(|id| !Property::is_stored(*id) && !COUNTERS.contains(id));
+    let own = |id: &u8| Property::is_stored(*id) || COUNTERS.contains(id) || *id == HOT;
+    let others = (0..128).filter(|id| !own(id));
     let words = encode(&head, &mut others.take(STORED).map(|id| (id, Some(9))));
     let mut flash = Ram::default();
     flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
     let mut store = Store::open(&flash);
+    assert_eq!(store.values.len(), STORED, "as many as fit are all kept");
     stored().iter().for_each(|property| store.set(*property, property.row().min));
+    assert_eq!(store.values.len(), STORED, "each new one replaces another");
+    // The next record is a complete one, which has room for so many.
+    store.pages.close();
     finish(&mut store, &mut flash);
     let store = Store::open(&flash);
+    assert_eq!(store.values.len(), STORED);
     assert!(stored().iter().all(|property| store.get(*property) == Some(property.row().min)));
 }
 
