@@ -298,6 +298,46 @@ fn unknown_numbers_give_way_to_known_ones() {
 }
 
 #[test]
+fn page_is_continued_after_a_restart() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::X0, 1);
+    finish(&mut store, &mut flash);
+    for round in 2..20 {
+        let mut store = Store::open(&flash);
+        let before = flash.programmed;
+        store.set(Property::X0, round);
+        finish(&mut store, &mut flash);
+        // A complete record, in another page, has the counters as well.
+        assert_eq!(flash.programmed - before, 8, "round {round}");
+    }
+    assert_eq!(Store::open(&flash).get(Property::X0), Some(19));
+}
+
+#[test]
+fn page_before_the_current_one_survives_until_it_is_needed() {
+    let (mut store, mut flash) = fresh();
+    // Over the whole ring, so that pages have been erased ahead.
+    for round in 0..1000 {
+        store.set(Property::X0, round);
+        finish(&mut store, &mut flash);
+    }
+    assert!(flash.erased > 8, "{}", flash.erased);
+    let page = store.pages.current().unwrap();
+    let first = (0..1000).find(|_| {
+        let round = store.get(Property::X0).unwrap() + 1;
+        store.set(Property::X0, round);
+        finish(&mut store, &mut flash);
+        store.pages.current() != Some(page)
+    });
+    assert!(first.is_some(), "a new page");
+    let last = store.get(Property::X0).unwrap();
+    // The current page is damaged: what is lost is what it has.
+    let at = Ram::index(store.pages.current().unwrap().address(0));
+    flash.words[at..at + PAGE_WORDS].fill(0);
+    assert_eq!(Store::open(&flash).get(Property::X0), Some(last - 1));
+}
+
+#[test]
 fn foreign_contents_are_ignored() {
     for words in [std::vec![0; 4096], std::vec![u16::MAX; 4096], std::vec![0x5AC3; 4096]] {
         let mut flash = Ram { words, ..Ram::default() };
