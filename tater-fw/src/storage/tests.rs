@@ -313,6 +313,47 @@ fn page_is_continued_after_a_restart() {
     assert_eq!(Store::open(&flash).get(Property::X0), Some(19));
 }
 
+/// Computed by hand from the tables in `record.rs` and `word.rs`, and the CRC by another program: boards have it in their flash.
+#[test]
+fn layout_is_frozen() {
+    let head = Head { sequence: 0x1_2345, complete: true, trusted: Some(5) };
+    let entries = [(10, Some(-2)), (20, Some(0x1_2345)), (30, None)];
+    let begin = [0x8C0C, 0x101D, 0x2345, 1];
+    let entries_and_crc = [0x010A, 0xFFFE, 0x0214, 0x2345, 1, 0x001E, 0xC52B, 0x8AE6];
+    assert_eq!(encode(&head, &mut entries.into_iter()), [begin.as_slice(), &entries_and_crc].concat());
+    let words = [Word::Time(58), Word::Travel(6), Word::Heat(1), Word::HOT, Word::COOL];
+    assert_eq!(words.map(Word::encode), [0x803A, 0x9406, 0xA801, 0xB800, 0xB400]);
+}
+
+#[test]
+fn record_may_end_with_its_page() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::X0, 1);
+    finish(&mut store, &mut flash);
+    let (page, at) = store.pages.room(8).unwrap();
+    // Words that change nothing, up to the length of a record of one property.
+    let start = Ram::index(page.address(0));
+    flash.words[start + at..start + PAGE_WORDS - 8].fill(Word::COOL.encode());
+    let mut store = Store::open(&flash);
+    let before = flash.programmed;
+    store.set(Property::X0, 2);
+    finish(&mut store, &mut flash);
+    assert_eq!((flash.programmed - before, store.pages.current()), (8, Some(page)));
+    assert_eq!(Store::open(&flash).get(Property::X0), Some(2));
+}
+
+#[test]
+fn record_of_a_length_that_none_has_is_skipped() {
+    for len in (0..6).chain([511, 512, 1023]) {
+        let (mut store, mut flash) = fresh();
+        store.set(Property::X0, 1);
+        finish(&mut store, &mut flash);
+        let (page, at) = store.pages.room(1).unwrap();
+        flash.words[Ram::index(page.address(at))] = Word::Record(len).encode();
+        assert_eq!(Store::open(&flash).get(Property::X0), Some(1), "{len}");
+    }
+}
+
 #[test]
 fn page_before_the_current_one_survives_until_it_is_needed() {
     let (mut store, mut flash) = fresh();
