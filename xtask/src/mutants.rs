@@ -1,7 +1,8 @@
 //! `cargo xtask mutants`: cargo-mutants changes the code in one place, a *mutant*, and runs the unit tests of its crate. A mutant that
 //! no test notices *survives*: a test is missing, or the reason why none can exist is in `xtask/mutants.json`.
 //!
-//! Only the crate's own tests run, because the wider ones of `tests/` take minutes to link for each mutant.
+//! The crate's own tests run, the fast ones first. The wider ones of `tests/` take half a minute to link for each mutant, so only what
+//! survives in GOD, which is tested by transcripts, meets those.
 
 mod outcomes;
 mod sample;
@@ -26,6 +27,8 @@ struct Subject {
     goal: f64,
     /// Tests, by parts of their names, that run only on what survives the others.
     slow: &'static [&'static str],
+    /// A module of `tests/` that runs on what survives the crate's own tests; none where those suffice.
+    wider: Option<&'static str>,
 }
 
 const SUBJECTS: [Subject; 5] = [
@@ -39,6 +42,7 @@ const SUBJECTS: [Subject; 5] = [
             "stages_without_an_end_are_jammed",
             "motion::profile::tests",
         ],
+        wider: None,
     },
     Subject {
         name: "tater-wire",
@@ -46,6 +50,7 @@ const SUBJECTS: [Subject; 5] = [
         files: &["tater-wire/src/**"],
         goal: 92.0,
         slow: &[],
+        wider: None,
     },
     Subject {
         name: "storage",
@@ -53,6 +58,7 @@ const SUBJECTS: [Subject; 5] = [
         files: &["tater-fw/src/storage.rs", "tater-fw/src/storage/**"],
         goal: 92.0,
         slow: &SLOW_OF_BOARD,
+        wider: None,
     },
     Subject {
         name: "monitor",
@@ -60,8 +66,17 @@ const SUBJECTS: [Subject; 5] = [
         files: &["tater-fw/src/monitor.rs", "tater-fw/src/monitor/**"],
         goal: 92.0,
         slow: &SLOW_OF_BOARD,
+        wider: None,
     },
-    Subject { name: "god", package: "god", files: &["god/src/**"], goal: 85.0, slow: &[] },
+    // Its commands are tested by transcripts with simulated boards.
+    Subject {
+        name: "god",
+        package: "god",
+        files: &["god/src/**"],
+        goal: 85.0,
+        slow: &[],
+        wider: Some("god::"),
+    },
 ];
 
 /// Together they take ten times as long as the other tests of tater-fw.
@@ -118,6 +133,7 @@ pub fn mutants(args: &MutantsArgs) -> Result<(), Failure> {
     if failures.is_empty() { Ok(()) } else { Err(Failure::Judged(failures.join("\n"))) }
 }
 
+/// Time limits: the tests of a crate take 2 s at most, the rest is for a busy machine.
 fn judge(
     subject: &Subject,
     args: &MutantsArgs,
@@ -143,14 +159,15 @@ fn judge(
     }
     let folder = target().join("mutants").join(subject.name);
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    let pass = |extra: &[&str], skipped: &[&str]| {
-        let mut command = arguments(&["--profile", "mutants", "--cargo-arg=--lib", "--no-shuffle"]);
-        command.args(["--colors=never", "--output"]).arg(&folder).args(extra);
+    let pass = |tests: &[&str], filters: &[&str]| {
+        let mut command = arguments(&["--profile", "mutants", "--no-shuffle", "--colors=never"]);
+        command.args(["--minimum-test-timeout=10", "--timeout-multiplier=4", "--output"]).arg(&folder);
+        command.args(tests);
         if let Some(size) = args.sample.filter(|&size| size < listed.len()) {
             let names = sample::choose(listed.iter().map(|mutant| mutant.name.as_str()), size, args.seed);
             command.args(names.iter().flat_map(|name| ["--re".into(), sample::exactly(name)]));
         }
-        command.args(["--", "--"]).args(skipped.iter().flat_map(|name| ["--skip", name]));
+        command.args(["--", "--"]).args(filters);
         command.env("CARGO_TARGET_DIR", folder.join("build"));
         // The same random inputs for each mutant; which failing input is the smallest does not matter.
         command.envs([("PROPTEST_RNG_SEED", "1"), ("PROPTEST_MAX_SHRINK_ITERS", "0")]);
@@ -159,15 +176,18 @@ fn judge(
         let results = folder.join("mutants.out/outcomes.json");
         outcomes::tested(&String::from_utf8_lossy(&files::read(&results)?), &listed)
     };
-    let mut tested = pass(&TIMES, subject.slow)?;
-    if !subject.slow.is_empty() && tested.iter().any(|(_, tally)| tally.survived > 0) {
-        tested = outcomes::replaced(tested, pass(&[TIMES.as_slice(), &["--iterate"]].concat(), &[])?);
+    let skips: Vec<&str> = subject.slow.iter().flat_map(|name| ["--skip", name]).collect();
+    let mut tested = pass(&["--cargo-arg=--lib"], &skips)?;
+    let survive = |tested: &[(Mutant, Tally)]| tested.iter().any(|(_, tally)| tally.survived > 0);
+    if !skips.is_empty() && survive(&tested) {
+        tested = outcomes::replaced(tested, pass(&["--iterate", "--cargo-arg=--lib"], &[])?);
+    }
+    if let Some(module) = subject.wider.filter(|_| survive(&tested)) {
+        let tests = ["--iterate", "--test-package=system-tests", "--cargo-arg=--test=system"];
+        tested = outcomes::replaced(tested, pass(&tests, &[module])?);
     }
     report(subject, &tested, listed.len(), diff.is_some(), known)
 }
-
-/// Time limit of a mutant's tests: those of each crate take 2 s at most, the rest is for a busy machine.
-const TIMES: [&str; 2] = ["--minimum-test-timeout=10", "--timeout-multiplier=4"];
 
 /// Runs cargo-mutants; surviving mutants and tests without an end are results, not errors.
 fn execute(mut command: Command) -> Result<(), String> {

@@ -25,6 +25,21 @@ fn frame_bytes_match_published_hosts() {
 }
 
 #[test]
+fn number_that_only_barrett_has_is_answered_with_0_in_its_width() {
+    let answer = |to, number| {
+        Message::absent(node(3), to, number)
+            .map(|message| (message.frame().raw_id(), message.frame().data().to_vec()))
+    };
+    let wide = WIDE[0];
+    assert_eq!(answer(Node::HOST, wide), Some((0x466, [&[0x80 | wide, 0][..], &[0; 4]].concat())));
+    let short = (0..BARRETTS).find(|number| !WIDE.contains(number)).expect("most of them");
+    assert_eq!(answer(Node::HOST, short), Some((0x466, [0x80 | short, 0, 0, 0].to_vec())));
+    // Another node gets it as its VALUE.
+    assert_eq!(answer(node(5), short), Some((0x065, [0x80 | VALUE, 0, 0, 0].to_vec())));
+    assert_eq!(answer(Node::HOST, BARRETTS), None);
+}
+
+#[test]
 fn torques_are_packed_without_gaps() {
     let low = Destination::Group(Group::LOW);
     let packed = |torques: &[i16]| of_host(low, Body::Torques(Torques::new(torques).expect("one to four")));
