@@ -133,7 +133,6 @@ pub fn mutants(args: &MutantsArgs) -> Result<(), Failure> {
     if failures.is_empty() { Ok(()) } else { Err(Failure::Judged(failures.join("\n"))) }
 }
 
-/// Time limits: the tests of a crate take 2 s at most, the rest is for a busy machine.
 fn judge(
     subject: &Subject,
     args: &MutantsArgs,
@@ -157,10 +156,11 @@ fn judge(
         println!("{}: no mutants", subject.name);
         return Ok(());
     }
-    let folder = target().join("mutants").join(subject.name);
+    let folder = target().join("mutation").join(subject.name);
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let pass = |tests: &[&str], filters: &[&str]| {
         let mut command = arguments(&["--profile", "mutants", "--no-shuffle", "--colors=never"]);
+        // The tests of a crate take 2 s at most: the rest is for a busy machine.
         command.args(["--minimum-test-timeout=10", "--timeout-multiplier=4", "--output"]).arg(&folder);
         command.args(tests);
         if let Some(size) = args.sample.filter(|&size| size < listed.len()) {
@@ -249,8 +249,8 @@ fn diff(base: &str) -> Result<PathBuf, String> {
     let mut git = program("git diff --merge-base");
     git.arg(base);
     let text = output(git)?;
-    let path = target().join("mutants/changes.diff");
-    std::fs::create_dir_all(target().join("mutants"))
+    let path = target().join("mutation/changes.diff");
+    std::fs::create_dir_all(target().join("mutation"))
         .and_then(|()| std::fs::write(&path, text))
         .map_err(|error| format!("{}: {error}", path.display()))?;
     println!("changes since {base}");

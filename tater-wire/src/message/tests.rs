@@ -16,6 +16,8 @@ fn frame_bytes_match_published_hosts() {
     assert_eq!(of_host(four, Body::Get(5)), [5]);
     let set = |property, value| Message::set(four, property, value).expect("fits").frame().data().to_vec();
     assert_eq!(set(Property::MODE, 5), [0x88, 0, 5, 0]);
+    let high = Body::Set { property: 0x88, value: Value::Short(5) };
+    assert_eq!(of_host(four, high), [0x88, 0, 5, 0], "bit 7 says SET, whatever the number");
     assert_eq!(set(Property::E, -85), [0x80 | 52, 0, 0xAB, 0xFF, 0xFF, 0xFF]);
     assert_eq!(set(Property::TSTOP, 65535), [0x80 | 78, 0, 0xFF, 0xFF, 0, 0], "does not fit 16 bits signed");
     let reply = Message::reply(node(3), Property::P, -1).expect("fits").frame();
