@@ -158,13 +158,15 @@ fn judge(
     }
     let folder = target().join("mutation").join(subject.name);
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let size = args.sample.filter(|&size| size < listed.len());
+    let names = listed.iter().map(|mutant| mutant.name.as_str());
+    let sample = size.map(|size| sample::choose(names, size, args.seed));
     let pass = |tests: &[&str], filters: &[&str]| {
         let mut command = arguments(&["--profile", "mutants", "--no-shuffle", "--colors=never"]);
         // The tests of a crate take 2 s at most: the rest is for a busy machine.
         command.args(["--minimum-test-timeout=10", "--timeout-multiplier=4", "--output"]).arg(&folder);
         command.args(tests);
-        if let Some(size) = args.sample.filter(|&size| size < listed.len()) {
-            let names = sample::choose(listed.iter().map(|mutant| mutant.name.as_str()), size, args.seed);
+        if let Some(names) = &sample {
             command.args(names.iter().flat_map(|name| ["--re".into(), sample::exactly(name)]));
         }
         command.args(["--", "--"]).args(filters);
@@ -186,6 +188,8 @@ fn judge(
         let tests = ["--iterate", "--test-package=system-tests", "--cargo-arg=--test=system"];
         tested = outcomes::replaced(tested, pass(&tests, subject.wider)?);
     }
+    // cargo-mutants 27.1 applies no `--re` to deleted fields of structs.
+    tested.retain(|(mutant, _)| sample.as_ref().is_none_or(|names| names.contains(&mutant.name.as_str())));
     report(subject, &tested, listed.len(), diff.is_some(), known)
 }
 
