@@ -35,6 +35,10 @@ impl Mutant {
 /// # Errors
 /// Another format than expected.
 pub fn listed(text: &str) -> Result<Vec<Mutant>, String> {
+    // Printed for a diff that changes no code.
+    if text.trim().is_empty() {
+        return Ok(Vec::new());
+    }
     let value: Value = serde_json::from_str(text).map_err(|error| format!("list of mutants: {error}"))?;
     let read = |value: &Value| Mutant::new(value)?.with_diff(value["diff"].as_str()?);
     let mutants = value.as_array().and_then(|rows| rows.iter().map(read).collect());
@@ -123,6 +127,7 @@ mod tests {
         assert_eq!(mutant.name, "a/b.rs:3:5: replace A::f -> u32 with 0");
         assert_eq!(mutant.place, "a/b.rs: replace A::f -> u32 with 0");
         assert_eq!(mutant.code, "self.x");
+        assert_eq!(listed(" \n"), Ok(Vec::new()));
         assert!(listed("{}").is_err());
     }
 
