@@ -72,5 +72,8 @@ mod tests {
         }
         assert_eq!(ROWS.len() as i64, rules.max());
         assert_eq!(EndCode::of(7), None);
+        for row in ROWS {
+            assert_eq!(i64::from(row.code), i64::from(row.code.number()), "as a property's value");
+        }
     }
 }

@@ -124,6 +124,15 @@ mod tests {
     }
 
     #[test]
+    fn groups_are_for_boards_except_those_of_replies() {
+        for number in 0..32 {
+            let group = Group::new(number).expect("a group");
+            assert_eq!((group.number(), group.is_for_boards()), (number, number != 3 && number != 6));
+        }
+        assert_eq!(Group::new(32), None);
+    }
+
+    #[test]
     fn reply_identifiers_match_published_hosts() {
         let node = Node::new(3).expect("3 is a node");
         let reply = |group| Identifier { from: node, to: Destination::Group(group) }.raw();

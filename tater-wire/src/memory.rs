@@ -81,3 +81,26 @@ impl Area {
         self.start + index * PAGE
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn holds_is_true_for_what_is_inside_to_the_last_byte() {
+        let area = Area { start: 0x100, len: 0x40 };
+        for (address, len) in [(0x100, 0), (0x100, 0x40), (0x13F, 1), (0x120, 0x20), (0x140, 0)] {
+            assert!(area.holds(address, len), "{len} from {address:#x}");
+        }
+        for (address, len) in [(0xFF, 1), (0x100, 0x41), (0x13F, 2), (0x120, 0x21), (0x140, 1), (0x141, 0)] {
+            assert!(!area.holds(address, len), "{len} from {address:#x}");
+        }
+        assert!(!area.holds(0x1_0000_0100, 1) && !area.holds(0x100, u64::MAX), "beyond 32 bits");
+    }
+
+    #[test]
+    fn pages_follow_each_other_from_the_start() {
+        assert_eq!((PAGE_WORDS, APPLICATION.pages(), STORAGE.pages()), (512, 52, 8));
+        assert_eq!([0, 1, 7].map(|index| STORAGE.page(index)), [0x0801_E000, 0x0801_E400, 0x0801_FC00]);
+    }
+}

@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 
 use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
-use crate::{Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, packages, setup, size, table};
+use crate::{
+    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, packages, setup, size, table,
+};
 
 struct Step {
     name: &'static str,
@@ -34,6 +36,7 @@ const STEPS: [Step; 19] = [
     Step { name: "host tools", check: host_tools::check },
     Step { name: "instructions", check: instructions::check },
     Step { name: "emulation", check: emu::check },
+    Step { name: "miri", check: miri::check },
     Step { name: "fuzz targets", check: fuzz::check },
 ];
 

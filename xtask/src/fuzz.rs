@@ -1,7 +1,10 @@
 //! Runs every fuzz target for a while, if the nightly compiler that libFuzzer needs is installed.
+//!
+//! A target starts from its inputs in `fuzz/corpus`, which reach most of what earlier runs reached, and from a new seed each time.
 
 use std::path::PathBuf;
 use std::process::Command;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::Outcome;
 use crate::program::{in_parallel, output_of_both, program, root, run, succeeds, target};
@@ -11,11 +14,27 @@ const SECONDS: u32 = 30;
 
 const VERSION: &str = "0.13.2";
 
+/// Arguments of `fuzz`.
+#[derive(clap::Args)]
+pub struct FuzzArgs {
+    /// Repeat the run with this seed; a new one without it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    seed: Option<u32>,
+}
+
+/// Runs every target of `fuzz/` with a new seed, or prints why not.
+///
+/// # Errors
+/// As [`fuzz`].
+pub fn check() -> Outcome {
+    fuzz(&FuzzArgs { seed: None })
+}
+
 /// Runs every target of `fuzz/`, or prints why not.
 ///
 /// # Errors
 /// The input that breaks a target, with a command to repeat it; or an outdated lock file.
-pub fn check() -> Outcome {
+pub fn fuzz(args: &FuzzArgs) -> Outcome {
     // fuzz/ is its own workspace: changes of dependencies must update its lock file too.
     run(program("cargo update --quiet --workspace --locked --manifest-path fuzz/Cargo.toml")).map_err(
         |error| {
@@ -33,15 +52,20 @@ pub fn check() -> Outcome {
         println!("skipped: cargo-fuzz cannot be installed (cargo install cargo-fuzz --version {VERSION})");
         return Ok(());
     };
-    run(fuzz(&fuzzer, &["build"]))?;
+    run(cargo_fuzz(&fuzzer, &["build"]))?;
     let targets = targets()?;
+    let seed = args.seed.unwrap_or_else(new_seed);
+    println!("  seed {seed}");
     let failures = in_parallel(&targets, |name| {
-        let seconds = format!("-max_total_time={SECONDS}");
-        let options = [&seconds, "-seed=1", "-verbosity=0", "-print_funcs=0", "-print_final_stats=1"];
-        output_of_both(fuzz(&fuzzer, &[["run", name, "--"].as_slice(), &options].concat())).map(|text| {
-            let runs = text.lines().find_map(|line| line.strip_prefix("stat::number_of_executed_units:"));
-            println!("  {name}: {} runs", runs.unwrap_or("unknown").trim());
-        })
+        let corpus = scratch_corpus(name)?;
+        let options = [format!("-max_total_time={SECONDS}"), format!("-seed={seed}")];
+        let mut command = cargo_fuzz(&fuzzer, &["run", name]);
+        command.arg(corpus).arg("--").args(options);
+        command.args(["-verbosity=0", "-print_funcs=0", "-print_final_stats=1"]);
+        let text = output_of_both(command).map_err(|error| failure(name, seed, &error))?;
+        let runs = text.lines().find_map(|line| line.strip_prefix("stat::number_of_executed_units:"));
+        println!("  {name}: {} runs", runs.unwrap_or("unknown").trim());
+        Ok(())
     });
     if !failures.is_empty() {
         return Err(failures.join("\n"));
@@ -50,7 +74,42 @@ pub fn check() -> Outcome {
     Ok(())
 }
 
-fn fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
+/// Seconds since 1970: libFuzzer takes 32 bits, and 0 for a seed of its own.
+fn new_seed() -> u32 {
+    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(1, |time| time.as_secs());
+    u32::try_from(seconds % u64::from(u32::MAX)).unwrap_or(1).max(1)
+}
+
+/// A copy of the target's committed inputs, to which libFuzzer adds its own.
+fn scratch_corpus(name: &str) -> Result<PathBuf, String> {
+    let (from, to) = (root().join("fuzz/corpus").join(name), target().join("fuzz-corpus").join(name));
+    let copy = || {
+        // What an earlier run has added would change this one.
+        if to.exists() {
+            std::fs::remove_dir_all(&to)?;
+        }
+        std::fs::create_dir_all(&to)?;
+        for entry in std::fs::read_dir(&from)? {
+            let entry = entry?;
+            std::fs::copy(entry.path(), to.join(entry.file_name()))?;
+        }
+        Ok(())
+    };
+    let explained = |error: std::io::Error| {
+        format!(
+            "{}: its inputs cannot be copied to {}: {error}\n  next: a new target needs a corpus (CONTRIBUTING.md, Fuzzing)",
+            from.display(),
+            to.display()
+        )
+    };
+    copy().map_err(explained).map(|()| to)
+}
+
+fn failure(name: &str, seed: u32, error: &str) -> String {
+    format!("{name}, seed {seed}: {error}\n  the whole run again: cargo xtask fuzz --seed {seed}")
+}
+
+fn cargo_fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
     let mut command = Command::new(fuzzer);
     command.current_dir(root()).arg("fuzz").arg(arguments[0]);
     command.arg("--target-dir").arg(target().join("fuzz")).args(&arguments[1..]);
@@ -79,4 +138,29 @@ fn targets() -> Result<Vec<String>, String> {
         .collect();
     names.sort();
     if names.is_empty() { Err(format!("no targets in {}", folder.display())) } else { Ok(names) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failure_names_seed_and_command() {
+        let text = failure("gcl", 17, "exit status: 77");
+        assert!(text.starts_with("gcl, seed 17: exit status: 77"), "{text}");
+        assert!(text.ends_with("cargo xtask fuzz --seed 17"), "{text}");
+    }
+
+    #[test]
+    fn each_target_has_a_small_corpus() {
+        for name in targets().expect("there are targets") {
+            let folder = root().join("fuzz/corpus").join(&name);
+            let entries = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let sizes: Vec<u64> =
+                entries.map(|entry| entry.and_then(|entry| entry.metadata()).expect("ours").len()).collect();
+            // They are read in every run, and kept by git forever.
+            assert!((1..=64).contains(&sizes.len()), "{name}: {} files", sizes.len());
+            assert!(sizes.iter().sum::<u64>() <= 64 * 1024, "{name}: {sizes:?}");
+        }
+    }
 }

@@ -1,5 +1,5 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `emu`, `host-tools`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
@@ -17,6 +17,8 @@ mod hall_oracle;
 mod host_tools;
 mod image;
 mod instructions;
+mod miri;
+mod mutants;
 mod outcome;
 mod packages;
 mod program;
@@ -78,6 +80,12 @@ enum Chore {
     /// Test the simulated bus and hand with real host tools in real time: python-can and pyserial, installed
     /// below target/
     HostTools,
+    /// Run every fuzz target for 30 s from its committed inputs
+    Fuzz(fuzz::FuzzArgs),
+    /// Run unit tests under Miri, which finds undefined behavior, if it is installed
+    Miri,
+    /// Change the code in one place at a time, and list the changes that no unit test notices
+    Mutants(mutants::MutantsArgs),
 }
 
 fn main() -> ExitCode {
@@ -94,6 +102,9 @@ fn main() -> ExitCode {
         Chore::Download(args) => download::download(&args),
         Chore::Emu(args) => emu::emu(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),
+        Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),
+        Chore::Miri => miri::check().map_err(Failure::from),
+        Chore::Mutants(args) => mutants::mutants(&args),
     };
     let (message, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,

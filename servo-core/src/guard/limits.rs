@@ -334,6 +334,14 @@ mod tests {
     }
 
     #[test]
+    fn a_tick_above_the_peak_removes_a_quarter_of_the_excess() {
+        let mut limits = TorqueLimiter::default();
+        // Half duty, 6 A of bus: 12 A of phase, 1 A or 100 units of torque above the peak.
+        assert!(!limits.watch_current(MilliAmps(6_000), Duty::from_bits(1 << 14)));
+        assert_eq!(limits.left, NO_CUT - 25);
+    }
+
+    #[test]
     fn short_circuit_is_a_fault_after_five_ticks() {
         let mut limits = TorqueLimiter::default();
         for tick in 1..=5 {

@@ -54,8 +54,12 @@ impl Joint {
     }
 }
 
+/// Most ticks of one test, so that a motion without an end fails it.
+const MAX_TICKS: u32 = 20_000_000;
+
 struct Bench {
     servo: Servo,
+    ticks: u32,
     now: Micros,
     count: i32,
     strain: u8,
@@ -71,6 +75,7 @@ impl Bench {
         servo.trust_direction();
         Self {
             servo,
+            ticks: 0,
             now: Micros(u32::MAX - 50_000), // the clock wraps during the test
             count: 0,
             strain: 100,
@@ -97,6 +102,8 @@ impl Bench {
             };
             self.servo.edge(&edge);
         }
+        self.ticks += 1;
+        assert!(self.ticks < MAX_TICKS, "no end: {:?}", self.servo.telemetry());
         self.now = self.now.wrapping_add(Micros(1000));
         self.servo.tick(&Sense {
             now: self.now,
@@ -531,4 +538,40 @@ proptest! {
                 || telemetry.torque.0.unsigned_abs() <= most);
         }
     }
+}
+
+#[test]
+fn home_needs_a_known_direction_of_closing() {
+    let mut bench = Bench::new(Joint::Spread);
+    bench.servo.set_wired(false);
+    assert_eq!(bench.servo.command(Command::Home), Err(Refusal::Wiring));
+    bench.servo.set_wired(true);
+    assert_eq!(bench.servo.command(Command::Home), Ok(()));
+}
+
+/// Another wiring has to prove its direction, and drives with little torque until then.
+#[test]
+fn motor_that_runs_against_its_torque_is_stopped() {
+    let mut bench = Bench::new(Joint::Spread);
+    bench.servo.set_wired(true);
+    bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+    let driven = (0..500).any(|_| bench.tick().duty.is_some_and(|duty| duty.0 > 0));
+    assert!(driven, "after the brake's release");
+    assert!((1..=6).any(|count| bench.tick_to(-count).duty.is_none()), "within six counts");
+    // An open bridge shows whether something else pushed it: then it would move on.
+    let found = (0..1000).any(|_| {
+        let drive = bench.tick();
+        bench.servo.telemetry().fault == Some(Fault::Wiring) && drive.duty.is_none()
+    });
+    assert!(found, "{:?}", bench.servo.telemetry());
+}
+
+#[test]
+fn motor_that_runs_with_its_torque_is_not_stopped() {
+    let mut bench = Bench::new(Joint::Spread);
+    bench.servo.set_wired(true);
+    bench.servo.command(Command::TorqueControlled { closing: true }).unwrap();
+    assert!((0..500).any(|_| bench.tick().duty.is_some_and(|duty| duty.0 > 0)));
+    assert!((1..=60).all(|count| bench.tick_to(count).duty.is_some()));
+    assert_eq!(bench.servo.telemetry().fault, None);
 }

@@ -120,9 +120,13 @@ impl Board for Bed {
     }
 }
 
+/// Most steps of one test: the longest, where every second frame is lost, needs some 3,000,000.
+const MAX_STEPS: u32 = 8_000_000;
+
 struct Bench {
     monitor: Monitor<Bed>,
     now: u32,
+    steps: u32,
 }
 
 impl Bench {
@@ -143,7 +147,7 @@ impl Bench {
 
     fn boot(board: Bed) -> Self {
         // Near the wrap of the clock, so that every test passes it.
-        Self { monitor: Monitor::new(board), now: 0xFFFF_FF00 }
+        Self { monitor: Monitor::new(board), now: 0xFFFF_FF00, steps: 0 }
     }
 
     fn reset(self) -> Self {
@@ -152,6 +156,14 @@ impl Bench {
 
     fn board(&mut self) -> &mut Bed {
         self.monitor.board_mut()
+    }
+
+    /// One step, this much later. A monitor that never finishes fails the test instead of hanging it.
+    fn step(&mut self, us: u32) -> Next {
+        self.steps += 1;
+        assert!(self.steps < MAX_STEPS, "no end: {:?}", self.monitor.phase);
+        self.now = self.now.wrapping_add(us);
+        self.monitor.step(Micros(self.now))
     }
 
     /// Receives a frame with this raw identifier; returns the frames that the monitor sends at once.
@@ -181,16 +193,14 @@ impl Bench {
 
     /// Steps until there is nothing to do; returns whether the application is to start.
     fn settle(&mut self) -> Next {
-        for _ in 0..200_000 {
-            self.now = self.now.wrapping_add(53);
-            if self.monitor.step(Micros(self.now)) == Next::Start {
+        loop {
+            if self.step(53) == Next::Start {
                 return Next::Start;
             }
             if self.monitor.is_idle() {
                 return Next::Stay;
             }
         }
-        panic!("no rest: {:?}", self.monitor.phase);
     }
 }
 

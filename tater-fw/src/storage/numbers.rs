@@ -92,6 +92,10 @@ mod tests {
         numbers.remove(64);
         numbers.remove(200);
         assert_eq!((numbers.iter().collect::<Vec<_>>(), numbers.len()), (std::vec![0, 31, 32, 95, 127], 5));
+        for number in [1, 33, 65, 97] {
+            let once = Numbers::NONE.with(number);
+            assert_eq!((once.with(number), once.len()), (once, 1), "{number} twice");
+        }
         let mut other = Numbers::NONE.with(1).with(32).with(94).with(127);
         assert_eq!(numbers.both(other).iter().collect::<Vec<_>>(), [32, 127]);
         assert_eq!(numbers.without(other).iter().collect::<Vec<_>>(), [0, 31, 95]);

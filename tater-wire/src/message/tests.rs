@@ -16,12 +16,29 @@ fn frame_bytes_match_published_hosts() {
     assert_eq!(of_host(four, Body::Get(5)), [5]);
     let set = |property, value| Message::set(four, property, value).expect("fits").frame().data().to_vec();
     assert_eq!(set(Property::MODE, 5), [0x88, 0, 5, 0]);
+    let high = Body::Set { property: 0x88, value: Value::Short(5) };
+    assert_eq!(of_host(four, high), [0x88, 0, 5, 0], "bit 7 says SET, whatever the number");
     assert_eq!(set(Property::E, -85), [0x80 | 52, 0, 0xAB, 0xFF, 0xFF, 0xFF]);
     assert_eq!(set(Property::TSTOP, 65535), [0x80 | 78, 0, 0xFF, 0xFF, 0, 0], "does not fit 16 bits signed");
     let reply = Message::reply(node(3), Property::P, -1).expect("fits").frame();
     assert_eq!((reply.raw_id(), reply.data()), (0x463, &[0xBF, 0xFF, 0xFF][..]));
     let reply = Message::reply(node(3), Property::STAT, 2).expect("fits").frame();
     assert_eq!((reply.raw_id(), reply.data()), (0x466, &[0x85, 0, 2, 0][..]));
+}
+
+#[test]
+fn number_that_only_barrett_has_is_answered_with_0_in_its_width() {
+    let answer = |to, number| {
+        Message::absent(node(3), to, number)
+            .map(|message| (message.frame().raw_id(), message.frame().data().to_vec()))
+    };
+    let wide = WIDE[0];
+    assert_eq!(answer(Node::HOST, wide), Some((0x466, [&[0x80 | wide, 0][..], &[0; 4]].concat())));
+    let short = (0..BARRETTS).find(|number| !WIDE.contains(number)).expect("most of them");
+    assert_eq!(answer(Node::HOST, short), Some((0x466, [0x80 | short, 0, 0, 0].to_vec())));
+    // Another node gets it as its VALUE.
+    assert_eq!(answer(node(5), short), Some((0x065, [0x80 | VALUE, 0, 0, 0].to_vec())));
+    assert_eq!(answer(Node::HOST, BARRETTS), None);
 }
 
 #[test]

@@ -99,6 +99,14 @@ fn kind_and_hand_defaults_follow_the_nodes_of_a_hand_alone_and_on_an_arm() {
 }
 
 #[test]
+fn is_stored_agrees_with_the_table() {
+    for id in 0..=u8::MAX {
+        let stored = ROWS.iter().any(|row| row.property.id() == id && row.stored == Stored::Yes);
+        assert_eq!(Property::is_stored(id), stored, "{id}");
+    }
+}
+
+#[test]
 fn otemp_admits_no_limit_and_20_c_upwards() {
     let admits = |value| Property::OTEMP.rules().admits(value);
     let refused: std::vec::Vec<i64> = (-560..=1260).filter(|&value| !admits(value)).collect();

@@ -77,7 +77,10 @@ fn bridge_is_off_without_a_sector() {
     c.set(Some(Duty::ZERO));
     assert_eq!(c.bridge(), Bridge::Off);
     assert_eq!(bridge(Some(6), Some(Duty::ZERO)), Bridge::Off);
-    assert_eq!(c.sample(Wiring::STANDARD.code(2), Micros(0)), None);
+    let code = Wiring::STANDARD.code(2);
+    assert!(c.has_seen(7) && c.has_seen(15) && !c.has_seen(code), "three lines");
+    assert_eq!(c.sample(code, Micros(0)), None);
+    assert!(!c.has_seen(7) && c.has_seen(code));
     assert_eq!(c.bridge(), Bridge::On { legs: POSITIVE[2], duty: Duty::ZERO });
 }
 

@@ -90,7 +90,8 @@ impl FakeBoard {
         let mut board = Self::unwired(straps);
         let mut store = Store::open(&board.flash);
         store.set(Property::WIRING, 2);
-        while store.step(&mut board.flash, true) != Progress::Done {}
+        let stored = (0..100).any(|_| store.step(&mut board.flash, true) == Progress::Done);
+        assert!(stored, "one property is stored within 100 half-words");
         (board.flash.operations, board.flash.erases) = (0, 0);
         board
     }
@@ -370,7 +371,7 @@ impl Bench {
         self.tick();
         let stop = self.count;
         let side = self.tater.status().setpoint_velocity.round().signum();
-        for ms in 0.. {
+        for ms in 0..60_000 {
             let status = self.tater.status();
             if status.mode != Mode::Velocity {
                 break;

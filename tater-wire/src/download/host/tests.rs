@@ -103,9 +103,18 @@ impl Toy {
     fn download(&mut self) -> (Result<(), DownloadError>, u64) {
         let mut host = Downloader::new(self.node, FILE, 0);
         let (mut now, mut repeat) = (0, u64::MAX);
+        let all = SENT.len() as u32;
+        assert_eq!((host.progress(), host.is_sent()), ((0, all), false));
+        // No request, and must not be taken for one.
+        let to = Destination::Node(Node::HOST);
+        let other = Message { from: self.node, to, body: Body::Get(Property::STAT.id()) }.frame();
         loop {
+            host.receive(&other, now);
             let answer = match host.next(now) {
-                Next::Done => return (Ok(()), now),
+                Next::Done => {
+                    assert_eq!((host.progress(), host.is_sent()), ((all, all), true));
+                    return (Ok(()), now);
+                }
                 Next::Failed(error) => return (Err(error), now),
                 Next::Send(frame) => {
                     now += 100;

@@ -90,6 +90,18 @@ fn each_defect_is_reported_with_its_position() {
 }
 
 #[test]
+fn last_record_is_there_until_the_next_begins() {
+    let mut decoder = Decoder::default();
+    assert_eq!(decoder.last(), None);
+    for character in record('6', "81000000000").bytes() {
+        decoder.push(character).expect("a record");
+    }
+    assert!(matches!(decoder.last(), Some(Record::Data { address: 0x1000_0000, bytes: [0] })), "{decoder:?}");
+    decoder.push(b'0').expect("the first digit of a length");
+    assert_eq!(decoder.last(), None);
+}
+
+#[test]
 fn error_and_termination_persist() {
     let mut decoder = Decoder::default();
     let mut push = |text: &str| text.bytes().map(|c| decoder.push(c).map(|_| ())).last().unwrap();

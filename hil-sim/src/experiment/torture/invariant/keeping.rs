@@ -71,14 +71,19 @@ fn kept(
 impl Keeping {
     fn saved(&mut self, view: &View) {
         let Some((tater, _)) = view.application() else { return };
-        for event in view.events {
+        for (at, event) in view.events.iter().enumerate() {
             let BoardEvent::Order { property, value } = event else { continue };
             let id = u8::try_from(*value).ok();
             let one = id.and_then(Property::of).filter(|&property| is_kept(property));
             let all = *value == -1 || *property == Property::CMD;
             match (*property, *value) {
                 (Property::SAVE, _) | (Property::CMD, 1) => {
-                    let saved = kept(tater).filter(|(property, _)| all || one == Some(*property));
+                    // The values are those at the end of the tick: what was ordered after the SAVE is not what it saved.
+                    let later = &view.events[at..];
+                    let saved = kept(tater).filter(|(property, _)| {
+                        (all || one == Some(*property))
+                            && !later.iter().any(|event| sets(event, &[*property, Property::LOAD]))
+                    });
                     self.queued.extend(saved);
                     self.quiet_ms = 0;
                 }
