@@ -17,7 +17,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 19] = [
+const STEPS: [Step; 20] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "licenses and sources", check: packages::licenses },
