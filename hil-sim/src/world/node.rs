@@ -3,6 +3,8 @@
 
 mod factory;
 
+use std::collections::VecDeque;
+
 use servo_core::units::Micros;
 use servo_core::{Event, Telemetry};
 use tater_fw::SetError;
@@ -62,6 +64,8 @@ pub struct Node {
     drifts_from: (u64, u64),
     /// Starts of the application since power was first applied.
     starts: u32,
+    /// Events that the last application recorded and nobody has taken.
+    left: VecDeque<BoardEvent>,
     /// The board's feed counter and when it last changed.
     fed: (u32, u64),
     watchdog_resets: u32,
@@ -152,6 +156,7 @@ impl Node {
             drift_ppm: 0,
             drifts_from: (0, 0),
             starts: 0,
+            left: VecDeque::new(),
             fed: (0, now_us),
             watchdog_resets: 0,
             count: 0,
@@ -248,7 +253,11 @@ impl Node {
         match self.program.take().expect("a node has a program between two calls") {
             Program::Off(board) => board,
             Program::Monitor(monitor) => monitor.into_board(),
-            Program::Application(tater) => tater.into_board(),
+            Program::Application(mut tater) => {
+                self.left.clear();
+                self.left.extend(std::iter::from_fn(|| Some(tater.next_event()?.event)));
+                tater.into_board()
+            }
         }
     }
 
@@ -478,8 +487,11 @@ impl Node {
         }
     }
 
-    /// The board's next event that has not been taken, if the application runs.
+    /// The board's next event that has not been taken, also of an application that has just ended.
     pub fn board_event(&mut self) -> Option<BoardEvent> {
+        if let Some(event) = self.left.pop_front() {
+            return Some(event);
+        }
         let Some(Program::Application(tater)) = &mut self.program else { return None };
         Some(tater.next_event()?.event)
     }

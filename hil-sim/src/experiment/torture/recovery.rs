@@ -29,11 +29,14 @@ const TEST_BACK: u8 = 5;
 const CLOSED: u8 = 3;
 const OPENED: u8 = 4;
 
+/// What an observer sees of a test move, counts.
+const SEEN: f64 = 3.5;
+
 /// GET FIND: wiring and direction are known.
 const KNOWN: i64 = 4;
 
-/// IHIT that frees a wedged joint: nearly MT, of which the impact had no more.
-const FREEING: u16 = 700;
+/// MT and IHIT that free a wedged joint: their maximum.
+const FREEING: u16 = 990;
 
 /// Recovers the hand, whose faults ended at `from_ms`.
 pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
@@ -141,8 +144,13 @@ fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
             find(session, motor, LEARN, 10_000);
             // At a stop it cannot make the first test move.
             let moved = find(session, motor, TEST, 1_000);
-            let closed =
-                if moved.abs() > 3.5 { moved > 0.0 } else { find(session, motor, TEST_BACK, 1_000) < 0.0 };
+            let closed = if moved.abs() > SEEN {
+                moved > 0.0
+            } else {
+                // FIND wants an idle motor, and the spread holds after a move.
+                run(session, &format!("{} S MODE 0", motor + 1));
+                find(session, motor, TEST_BACK, 1_000) < 0.0
+            };
             find(session, motor, if closed { CLOSED } else { OPENED }, 100);
         }
     }
@@ -153,6 +161,7 @@ fn free_jammed<S: Subject>(session: &mut Session<'_, S>) {
     for motor in 0..MOTORS {
         let node = session.hand.bus().stations().nth(motor).and_then(Subject::native);
         if node.is_some_and(|node| error_of(node) == i64::from(FaultCode::Jammed.code())) {
+            run(session, &format!("{} S MT {FREEING}", motor + 1));
             run(session, &format!("{} S IHIT {FREEING}", motor + 1));
         }
     }

@@ -27,6 +27,12 @@ const MAILBOXES: usize = 3;
 /// An energy residual of this share of the turnover is the integration's error (docs/simulator.md).
 const ENERGY_SHARE: f64 = 0.02;
 
+/// A prompt; reports of boards may follow it.
+const PROMPTED: &[u8] = b"\n\r=> ";
+
+/// Time in which the prompts of further ^C come, ms.
+const LATE_MS: u64 = 30;
+
 /// A failure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Violation {
@@ -238,7 +244,7 @@ impl<'a, S: Subject> Session<'a, S> {
     }
 
     pub(super) fn is_at_prompt(&self) -> bool {
-        self.tail.ends_with(b"\n\r=> ")
+        self.tail.windows(PROMPTED.len()).any(|part| part == PROMPTED)
     }
 
     /// Reads until the prompt, at most so long. Returns whether it came.
@@ -280,6 +286,9 @@ impl<'a, S: Subject> Session<'a, S> {
                 let tail = self.tail.escape_ascii().to_string();
                 self.fail(ABORTS, 0, format!("no prompt within {ABORT_MS} ms of ^C, but {tail:?}"));
             }
+            self.step();
+        }
+        for _ in 0..LATE_MS {
             self.step();
         }
     }

@@ -55,6 +55,15 @@ pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
         .map(|at| format!("{} went from {} to {}", COUNTERS[at].row().name, before[at], now[at]))
 }
 
+/// DEF, as a property or a command. Forgetting too much only checks less.
+fn forgets(event: &BoardEvent) -> bool {
+    matches!(
+        event,
+        BoardEvent::Order { property: Property::DEF, .. }
+            | BoardEvent::Order { property: Property::CMD, value: 3 }
+    )
+}
+
 /// The properties that SAVE stores and that nothing but an order changes.
 fn is_kept(property: Property) -> bool {
     let row = property.row();
@@ -87,8 +96,7 @@ impl Keeping {
                     self.queued.extend(saved);
                     self.quiet_ms = 0;
                 }
-                // Forgetting too much only checks less.
-                (Property::DEF, _) | (Property::CMD, 3) => {
+                _ if forgets(event) => {
                     self.queued.clear();
                     self.stored.clear();
                 }
@@ -108,6 +116,9 @@ pub fn saves(joint: &mut Joint, view: &View) -> Option<String> {
         // What was on its way may be there or not.
         for property in std::mem::take(&mut keeping.queued).keys() {
             keeping.stored.remove(property);
+        }
+        if view.events.iter().any(forgets) {
+            keeping.stored.clear();
         }
         keeping.missing = None;
         keeping.quiet_ms = 0;
