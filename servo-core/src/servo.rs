@@ -941,12 +941,8 @@ impl Servo {
         match self.motion {
             Motion::Pressing { closing: true } if self.velocity.0 < half => most,
             Motion::Pressing { closing: false } if self.velocity.0 > half => most.saturating_neg(),
-            Motion::Home { .. } if self.stall.is_over_half(HOMING_TSTOP_MIN) => {
-                if half < Law::ZERO {
-                    most.saturating_neg()
-                } else {
-                    most
-                }
+            Motion::Home { .. } if half != Law::ZERO && self.stall.is_over_half(HOMING_TSTOP_MIN) => {
+                if half < Law::ZERO { most.saturating_neg() } else { most }
             }
             // RealTime enters mode 4 again right after a stall: rest first, so that it can press again at all.
             Motion::Velocity if self.applied.torque == Torque::ZERO && self.must_rest(goal) => Torque::ZERO,

@@ -71,7 +71,7 @@ pub const MOVES: &str = "moves-again";
 pub const INVARIANTS: &[Invariant] = &[
     row(
         "no-shoot-through",
-        "one leg is switched, one is low, one floats",
+        "one leg floats, and of the others at most one is switched",
         "docs/board.md, Bridge",
         Kinds::NONE,
         power::legs,

@@ -313,10 +313,11 @@ fn stall_is_the_stop_only_at_full_homing_torque() {
     assert!(leaves(pressed(same, same)));
     // 20 counts/s times 16 units per count/s are 320, of which IHIT lets 250 through.
     assert!(leaves(pressed(|c| Config { ivel: 20, kpv: 255, ..c }, same)));
-    // 200 counts/s times 1 unit are 200, below IHIT.
+    // 200 counts/s times 1 unit are 200, below IHIT: all of it is applied all the same (decision 0062).
     for kpv in [0, 1, 16] {
-        assert!(stays(pressed(|c| Config { kpv, ..c }, same)), "KPV {kpv}");
+        assert!(leaves(pressed(|c| Config { kpv, ..c }, same)), "KPV {kpv}");
     }
+    assert!(leaves(pressed(|c| Config { ihit: 700, ..c }, same)), "IHIT above KPV x IVEL");
     assert!(stays(pressed(same, |c| Config { ivel: 0, ..c })));
     assert!(stays(pressed(same, |c| Config { ihit: 0, ..c })));
     assert!(stays(pressed(same, |c| Config { mt: 20, ..c })));
