@@ -941,7 +941,9 @@ impl Servo {
         match self.motion {
             Motion::Pressing { closing: true } if self.velocity.0 < half => most,
             Motion::Pressing { closing: false } if self.velocity.0 > half => most.saturating_neg(),
-            Motion::Home { .. } if half != Law::ZERO && self.stall.is_over_half(HOMING_TSTOP_MIN) => {
+            Motion::Home { .. }
+                if half != Law::ZERO && self.stall.is_over(half > Law::ZERO, HOMING_TSTOP_MIN / 2) =>
+            {
                 if half < Law::ZERO { most.saturating_neg() } else { most }
             }
             // RealTime enters mode 4 again right after a stall: rest first, so that it can press again at all.
