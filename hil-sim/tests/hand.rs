@@ -97,6 +97,7 @@ fn read_to(from: &mut impl Read, end: &str) -> Result<String, String> {
             Ok(_) => return Err(text),
             // A client that is refused while it writes may be reset.
             Err(error) if error.kind() == std::io::ErrorKind::ConnectionReset => return Err(text),
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
             Err(error) => panic!("{error} after {text:?}"),
         }
     }
