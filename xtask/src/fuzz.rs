@@ -7,7 +7,7 @@ use std::process::Command;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::Outcome;
-use crate::program::{in_parallel, output_of_both, program, root, run, succeeds, target};
+use crate::program::{in_parallel, installed, output_of_both, program, root, run, succeeds, target};
 
 /// Seconds for each target: most findings come in the first few.
 const SECONDS: u32 = 30;
@@ -119,15 +119,7 @@ fn cargo_fuzz(fuzzer: &PathBuf, arguments: &[&str]) -> Command {
 
 /// Path of cargo-fuzz, installed below the target folder if it is missing.
 fn fuzzer() -> Option<PathBuf> {
-    let tools = target().join("tools");
-    let fuzzer = tools.join("bin/cargo-fuzz");
-    if !fuzzer.exists() {
-        let mut install =
-            program(&format!("cargo install cargo-fuzz --version {VERSION} --locked --quiet --root"));
-        install.arg(&tools);
-        run(install).ok()?;
-    }
-    Some(fuzzer)
+    installed("cargo-fuzz", VERSION).ok()
 }
 
 fn targets() -> Result<Vec<String>, String> {

@@ -11,7 +11,7 @@ mod survivors;
 use std::path::PathBuf;
 use std::process::Command;
 
-use crate::program::{in_parallel, output, program, root, run, target, typed};
+use crate::program::{in_parallel, installed, output, program, root, target, typed};
 use crate::{Failure, files};
 use outcomes::{Mutant, Tally};
 use survivors::Known;
@@ -263,13 +263,5 @@ fn diff(base: &str) -> Result<PathBuf, String> {
 
 /// Path of cargo-mutants, installed below the target folder if it is missing.
 fn tool() -> Result<PathBuf, String> {
-    let tools = target().join("tools");
-    let tool = tools.join("bin/cargo-mutants");
-    if !tool.exists() {
-        let mut install =
-            program(&format!("cargo install cargo-mutants --version {VERSION} --locked --quiet --root"));
-        install.arg(&tools);
-        run(install)?;
-    }
-    Ok(tool)
+    installed("cargo-mutants", VERSION)
 }

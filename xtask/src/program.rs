@@ -47,6 +47,22 @@ pub fn run(mut command: Command) -> Result<(), String> {
     }
 }
 
+/// Path of a cargo tool, installed below the target folder if it is missing.
+///
+/// # Errors
+/// The installation's.
+pub fn installed(tool: &str, version: &str) -> Result<PathBuf, String> {
+    let tools = target().join("tools");
+    let path = tools.join("bin").join(tool);
+    if !path.exists() {
+        let mut install =
+            program(&format!("cargo install {tool} --version {version} --locked --quiet --root"));
+        install.arg(&tools);
+        run(install)?;
+    }
+    Ok(path)
+}
+
 /// Runs a program and returns its standard output; standard error goes to the terminal.
 ///
 /// # Errors

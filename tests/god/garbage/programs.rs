@@ -9,12 +9,12 @@
 //! `GOD_PROGRAMS` is the number of programs; CI runs a sample.
 
 use god::command::{Category, GclCommand};
-use god::grammar::{self, Statement};
 use rand::RngExt;
 
 use super::client::{Client, Figure};
 use hil_sim::torture::deadline::command_us;
 use hil_sim::torture::lines::{self, one};
+use hil_sim::torture::program;
 
 const RUN_US: u64 = 30_000_000;
 
@@ -38,27 +38,16 @@ fn programs() -> u128 {
 
 /// A line that leaves the parameters alone, and its longest time, us.
 fn plain_line(client: &mut Client) -> (String, u64) {
-    loop {
-        let line = lines::command(&mut client.rng).to_ascii_uppercase();
-        let Ok(Statement::Command { command, .. }) = grammar::parse(&line) else { continue };
-        let Some(row) = command.row() else { continue };
-        match (command, row.category) {
-            (GclCommand::Loop | GclCommand::Play | GclCommand::Rec, _) => {}
-            (GclCommand::Wait, _) => {
-                // A longer one would be the run.
-                let ms = line.split_whitespace().last().and_then(|word| word.parse().ok());
-                if ms.is_none_or(|ms: u64| ms <= WAIT_US / 1_000) {
-                    return (line, WAIT_US + QUIET_US);
-                }
-            }
-            (GclCommand::Mac, _) | (_, Category::Movement) => {
-                return (line, command_us(row.name, 400).expect("a command") + WAKE_US);
-            }
-            (GclCommand::Fget | GclCommand::Pget | GclCommand::Flistv | GclCommand::Macset, _)
-            | (_, Category::Administration) => return (line, QUIET_US),
-            _ => {}
+    // A longer WAIT would be the run.
+    let (line, row) = program::plain_line(&mut client.rng, WAIT_US / 1_000);
+    let us = match (row.command, row.category) {
+        (GclCommand::Wait, _) => WAIT_US + QUIET_US,
+        (GclCommand::Mac, _) | (_, Category::Movement) => {
+            command_us(row.name, 400).expect("a command") + WAKE_US
         }
-    }
+        _ => QUIET_US,
+    };
+    (line, us)
 }
 
 /// Now and then a board is reset, or loses its power for a while.

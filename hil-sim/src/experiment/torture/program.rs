@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_wire::{Destination, Frame, Group, Identifier, Message, Node as Id, Property};
 
-use god::command::{Category, GclCommand};
+use god::command::{Category, CommandSpec, GclCommand};
 use god::grammar::{self, Statement};
 
 use super::lines::{self, one};
@@ -130,7 +130,7 @@ impl Program {
         }
         match chosen {
             0 => {
-                let text = if self.is_plain { plain_line(rng) } else { lines::command(rng) };
+                let text = if self.is_plain { plain_line(rng, WAIT_MS).0 } else { lines::command(rng) };
                 self.line(text, rng)
             }
             1 => {
@@ -250,8 +250,8 @@ pub fn frame(rng: &mut Pcg64Mcg) -> Frame {
     }
 }
 
-/// A line that leaves the parameters alone.
-fn plain_line(rng: &mut Pcg64Mcg) -> String {
+/// A line that leaves the parameters alone, and its command. WAIT's argument is at most `wait_ms`.
+pub fn plain_line(rng: &mut Pcg64Mcg, wait_ms: u64) -> (String, &'static CommandSpec) {
     loop {
         let line = lines::command(rng).to_ascii_uppercase();
         let Ok(Statement::Command { command, .. }) = grammar::parse(&line) else { continue };
@@ -260,13 +260,13 @@ fn plain_line(rng: &mut Pcg64Mcg) -> String {
             (GclCommand::Loop | GclCommand::Play | GclCommand::Rec, _) => {}
             (GclCommand::Wait, _) => {
                 let ms = line.split_whitespace().last().and_then(|word| word.parse().ok());
-                if ms.is_none_or(|ms: u64| ms <= WAIT_MS) {
-                    return line;
+                if ms.is_none_or(|ms: u64| ms <= wait_ms) {
+                    return (line, row);
                 }
             }
-            (GclCommand::Mac, _) | (_, Category::Movement | Category::Administration) => return line,
+            (GclCommand::Mac, _) | (_, Category::Movement | Category::Administration) => return (line, row),
             (GclCommand::Fget | GclCommand::Pget | GclCommand::Flistv | GclCommand::Macset, _) => {
-                return line;
+                return (line, row);
             }
             _ => {}
         }

@@ -116,6 +116,10 @@ fn text(answer: &str) -> String {
     answer.replace("\r\n\r", "|")
 }
 
+fn native<'a, S: Subject>(session: &'a Session<'_, S>, motor: usize) -> Option<&'a Node> {
+    session.hand.bus().stations().nth(motor).and_then(Subject::native)
+}
+
 fn error_of(node: &Node) -> i64 {
     node.application().and_then(|tater| tater.property(Property::ERROR)).unwrap_or(0)
 }
@@ -136,7 +140,7 @@ fn errors<S: Subject>(session: &Session<'_, S>) -> String {
 /// FIND for boards that report another wiring: the next step of ERROR 9.
 fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
     for motor in 0..MOTORS {
-        let lost = session.hand.bus().stations().nth(motor).and_then(Subject::native).is_some_and(|node| {
+        let lost = native(session, motor).is_some_and(|node| {
             let known = node.application().and_then(|tater| tater.property(Property::FIND));
             error_of(node) == i64::from(FaultCode::Wiring.code()) || known.is_some_and(|known| known != KNOWN)
         });
@@ -159,7 +163,7 @@ fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
 /// More torque for motors that report a jam: the next step of ERROR 10. An impact at full speed wedges a worm in its stop.
 fn free_jammed<S: Subject>(session: &mut Session<'_, S>) {
     for motor in 0..MOTORS {
-        let node = session.hand.bus().stations().nth(motor).and_then(Subject::native);
+        let node = native(session, motor);
         if node.is_some_and(|node| error_of(node) == i64::from(FaultCode::Jammed.code())) {
             run(session, &format!("{} S MT {FREEING}", motor + 1));
             run(session, &format!("{} S IHIT {FREEING}", motor + 1));
@@ -179,13 +183,7 @@ fn find<S: Subject>(session: &mut Session<'_, S>, motor: usize, step: u8, ms: u6
 fn revive<S: Subject>(session: &mut Session<'_, S>) {
     run(session, "WAKE");
     for motor in 0..MOTORS {
-        let asleep = session
-            .hand
-            .bus()
-            .stations()
-            .nth(motor)
-            .and_then(Subject::native)
-            .is_some_and(|node| node.application().is_none());
+        let asleep = native(session, motor).is_some_and(|node| node.application().is_none());
         if asleep && session.is_whole() {
             download::run(session, node_of(motor));
         }

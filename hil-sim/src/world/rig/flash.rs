@@ -144,12 +144,6 @@ impl SimFlash {
         self.last_page
     }
 
-    /// Half-words with bits that read either way.
-    #[must_use]
-    pub fn marginal(&self) -> usize {
-        self.marginal.len()
-    }
-
     /// Restores the power and cancels a planned failure.
     pub const fn power_up(&mut self) {
         self.dead = false;
@@ -212,9 +206,7 @@ impl SimFlash {
         self.dead = cut.is_some();
         Ok(cut.map(|(at, seed)| Pcg64Mcg::new(u128::from(seed) << 64 | u128::from(at))))
     }
-}
 
-impl SimFlash {
     /// Each read of a marginal bit gives a random level, the same in each run.
     #[cold]
     fn read_marginal(&self, at: usize, read: u16) -> u16 {
