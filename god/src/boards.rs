@@ -306,7 +306,7 @@ impl<'a> Boards<'a> {
         for value in values {
             self.set(motors, Property::SAVE, value).await;
         }
-        self.io.sleep_until(self.io.after_us(STORE_US)).await;
+        self.listen_until(self.io.after_us(STORE_US)).await;
         let errors = self.get(motors, Property::ERROR).await;
         let silent = motors.difference(errors.motors());
         let answered = if silent.is_empty() { Status::OK } else { Status::NO_BOARD };
@@ -324,7 +324,7 @@ impl<'a> Boards<'a> {
             let deadline = self.io.after_us(WAKE_US);
             let mut left = asleep;
             while !left.is_empty() && self.io.now_us() < deadline {
-                self.io.sleep_until(self.io.after_us(WAKE_POLL_US)).await;
+                self.listen_until(self.io.after_us(WAKE_POLL_US)).await;
                 left = left.difference(self.get(left, Property::STAT).await.filter(|stat| stat == 2));
             }
             self.set(asleep.difference(left), Property::LFLAGS, REPORTS).await;
@@ -355,6 +355,13 @@ impl<'a> Boards<'a> {
         if let Some(frame) = self.io.receive(deadline_us).await {
             self.note(&frame);
             self.drain();
+        }
+    }
+
+    /// Waits until then, and notes what the boards report meanwhile.
+    pub async fn listen_until(&self, deadline_us: u64) {
+        while let Some(frame) = self.io.receive(deadline_us).await {
+            self.note(&frame);
         }
     }
 

@@ -12,7 +12,7 @@ use core::task::{Context, Poll, Waker};
 
 use heapless::Deque;
 use heapless::String;
-use tater_wire::Frame;
+use tater_wire::{Destination, Frame, Node};
 
 use crate::events::{EventKind, EventLog};
 use crate::framing::{self, Framing, Kind};
@@ -107,7 +107,8 @@ pub struct Io {
     baud: Cell<u16>,
     /// Temperature of this board, 0.1 °C.
     temperature: Cell<i16>,
-    lost: Cell<u32>,
+    lost_bytes: Cell<u32>,
+    lost_frames: Cell<u32>,
     events: EventLog,
 }
 
@@ -149,7 +150,7 @@ impl Io {
 
     fn queue_rx(&self, rx: Rx) {
         if self.rx.borrow_mut().push_back(rx).is_err() {
-            self.lost.set(self.lost.get().saturating_add(1));
+            self.lost_bytes.set(self.lost_bytes.get().saturating_add(1));
             if let Rx::Head(_) | Rx::Data(_) = rx {
                 let mut framing = self.framing.get();
                 framing.discard();
@@ -171,13 +172,18 @@ impl Io {
         RX.saturating_sub(self.rx.borrow().len())
     }
 
-    /// Takes a frame from the bus.
+    /// Takes a frame from the bus. One that is not for a host only shows that the bus is up: another host's download must not take the
+    /// room of answers.
     pub fn push_frame(&self, frame: &Frame) {
         if self.is_bus_down.replace(false) {
             self.record(EventKind::BusUp);
         }
-        if self.rx_frames.borrow_mut().push_back(*frame).is_err() {
-            self.lost.set(self.lost.get().saturating_add(1));
+        let is_for_host = match frame.id().to {
+            Destination::Node(node) => node == Node::HOST,
+            Destination::Group(group) => !group.is_for_boards(),
+        };
+        if is_for_host && self.rx_frames.borrow_mut().push_back(*frame).is_err() {
+            self.lost_frames.set(self.lost_frames.get().saturating_add(1));
         }
     }
 
@@ -245,10 +251,16 @@ impl Io {
         self.baud.get()
     }
 
-    /// Number of bytes and frames that found no room.
+    /// Number of the host's bytes that found no room.
     #[must_use]
-    pub const fn lost(&self) -> u32 {
-        self.lost.get()
+    pub const fn lost_bytes(&self) -> u32 {
+        self.lost_bytes.get()
+    }
+
+    /// Number of frames for a host that found no room.
+    #[must_use]
+    pub const fn lost_frames(&self) -> u32 {
+        self.lost_frames.get()
     }
 
     /// The event log.
@@ -607,6 +619,20 @@ mod tests {
         assert_eq!(run(&io, io.send(frame())), Some((Err(BusDown), 0)));
         io.push_frame(&frame());
         assert_eq!(run(&io, io.send(frame())), Some((Ok(()), 0)));
+    }
+
+    #[test]
+    fn frames_for_boards_take_no_room_from_answers() {
+        let io = Io::default();
+        let answer = Message::reply(Node::new(1).expect("a node"), Property::P, 7).expect("it fits").frame();
+        for _ in 0..FRAMES {
+            io.push_frame(&frame());
+            io.push_frame(&answer);
+        }
+        assert_eq!((io.lost_frames(), io.lost_bytes()), (0, 0));
+        io.push_frame(&answer);
+        assert_eq!(io.lost_frames(), 1);
+        assert_eq!(io.try_receive(), Some(answer));
     }
 
     #[test]

@@ -90,18 +90,13 @@ pub(crate) fn next(god: &God<'_>) -> Option<Frame> {
 }
 
 fn is_for_host(god: &God<'_>, frame: &Frame) -> bool {
-    let id = frame.id();
-    let to_host = match id.to {
-        Destination::Node(node) => node == Node::HOST,
-        Destination::Group(group) => matches!(group, Group::POSITIONS | Group::REPLIES),
-    };
     // The ends of motions are reported to the host that has started them: GOD has asked for the others.
     let is_end = match parse_report(frame) {
         Some((motor, Property::MODE | Property::END, _)) => !god.session.steered().has(motor),
         _ => false,
     };
     let (missing, _) = god.session.awaited();
-    god.session.passes() && to_host && id.from != Node::HOST && (missing > 0 || !is_end)
+    god.session.passes() && frame.id().from != Node::HOST && (missing > 0 || !is_end)
 }
 
 /// Passes a board's frame on to the host. Without REPLY 1 a frame that has no text is dropped.

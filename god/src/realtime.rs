@@ -172,7 +172,7 @@ impl<'a, 'b> Loop<'a, 'b> {
 
     /// Waits until all boards drive their motors. Returns why some do not.
     async fn wait_for_drive(&self) -> Status {
-        self.god.io.sleep_until(self.god.io.after_us(DRIVE_US)).await;
+        self.god.boards.listen_until(self.god.io.after_us(DRIVE_US)).await;
         self.check(self.selection.motors()).await
     }
 

@@ -140,6 +140,6 @@ pub(crate) fn played(god: &God<'_>, line: &str) -> Result<Option<String<SEQUENCE
 async fn wait(god: &God<'_>, milliseconds: i64) -> Status {
     let Ok(milliseconds) = u32::try_from(milliseconds) else { return Status::INVALID_VALUE };
     let us = u64::from(milliseconds).saturating_mul(1000);
-    god.io.sleep_until(god.io.after_us(us)).await;
+    god.boards.listen_until(god.io.after_us(us)).await;
     Status::OK
 }

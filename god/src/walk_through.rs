@@ -114,7 +114,7 @@ async fn save(god: &God<'_>) -> Status {
     god.boards.set(busy, Property::MODE, ModeCode::Idle.into()).await;
     let mut before = god.boards.get(awake, Property::P).await;
     for _ in 0..STANDSTILL_TRIES {
-        god.io.sleep_until(god.io.after_us(STANDSTILL_US)).await;
+        god.boards.listen_until(god.io.after_us(STANDSTILL_US)).await;
         let now = god.boards.get(awake, Property::P).await;
         if core::mem::replace(&mut before, now) == now {
             break;

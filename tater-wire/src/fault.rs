@@ -83,7 +83,7 @@ table! {
         "correct the wiring, or let FIND learn it; a spread that was pushed more slowly than 5 counts/s gives this too";
     Jammed = 10, Some(Property::IHIT),
         "HI met no stop, or could not leave it by 12 counts and return to it within one",
-        "free the joint, its brake and the way to its stop, and run HI again; if it comes back, raise IHIT or check the motor";
+        "free the joint, its brake and the way to its stop, and run HI again; if it comes back, raise IHIT; if it still does, turn the motor by hand until it is loose, or check it";
     NoApplication = 16, Some(Property::STAT),
         "there is no whole application to start",
         "download a sealed .tek file";

@@ -103,6 +103,23 @@ fn brake_command_reversed_within_the_delay_has_no_effect() {
 }
 
 #[test]
+fn hand_on_the_shaft_turns_a_worm_that_a_load_on_the_joint_cannot() {
+    let mut rig = rig(PlantParams::for_motor(MotorKind::Link), Model::Averaged, at(80.0, 0.0));
+    rig.set_disturbance(0.3);
+    rig.advance(Bridge::Off, false, 50_000);
+    assert_eq!(rig.truth().counts, 80.0);
+    rig.set_disturbance(0.0);
+    rig.set_shaft_torque(0.3);
+    while rig.now_us() < 100_000 {
+        rig.advance(Bridge::Off, false, 100_000);
+    }
+    let ledger = rig.truth().ledger;
+    assert!(rig.truth().counts > 86.0, "{:?}", rig.truth());
+    assert!(ledger.residual_j().abs() < 1e-3 * ledger.turnover_j(), "{ledger:?}");
+    assert!(ledger.motor_j < 0.0, "the bridge is off: {ledger:?}");
+}
+
+#[test]
 fn thermistor_lags_behind_the_housing() {
     // Locked at 60 W for 20 s: the housing warms by 0.4 K/s in the end, and the thermistor lags by 2 s.
     let params = RigParams { adc_noise_lsb: 0.0, ..RigParams::default() };

@@ -94,6 +94,8 @@ struct Json {
     wall_s: f64,
     hand_hours_per_core_hour: f64,
     slowest_recovery_ms: u64,
+    /// Seeds whose recovery needed a hand on a joint.
+    turned_by_hand: u64,
     prompts: u64,
     peak_winding_c: f64,
     peak_phase_a: f64,
@@ -113,6 +115,7 @@ struct Sum {
     recovered: u64,
     ms: u64,
     slowest_ms: u64,
+    turned_by_hand: u64,
     prompts: u64,
     peaks: [f64; 3],
     errors: u64,
@@ -126,6 +129,7 @@ impl Sum {
         self.ms += outcome.ms;
         self.recovered += u64::from(outcome.recovered_ms.is_some());
         self.slowest_ms = self.slowest_ms.max(outcome.recovered_ms.unwrap_or(0));
+        self.turned_by_hand += u64::from(outcome.turned_by_hand > 0);
         self.prompts += outcome.prompts;
         self.errors |= outcome.errors;
         for (most, peak) in self.peaks.iter_mut().zip(outcome.peaks) {
@@ -331,6 +335,7 @@ fn report(
         wall_s,
         hand_hours_per_core_hour: hand_hours / core_hours.max(1e-9),
         slowest_recovery_ms: sum.slowest_ms,
+        turned_by_hand: sum.turned_by_hand,
         prompts: sum.prompts,
         peak_winding_c,
         peak_phase_a,
@@ -344,13 +349,14 @@ fn report(
         return print(&format!("{}\n", serde_json::to_string(&json).unwrap_or_default()));
     }
     let mut text = format!(
-        "{} seeds from {first_seed}: {} failed, {} recovered, the slowest in {:.1} s\n\
+        "{} seeds from {first_seed}: {} failed, {} recovered, the slowest in {:.1} s, {} with a hand on a joint\n\
          {:.2} board-hours in {wall_s:.0} s: {:.1} hand-hours per core-hour\n\
          peaks: winding {peak_winding_c:.1} C, phase {peak_phase_a:.1} A, bus {peak_bus_v:.1} V; ERROR {:?}\n",
         json.seeds,
         json.failed,
         json.recovered,
         json.slowest_recovery_ms as f64 / 1000.0,
+        json.turned_by_hand,
         json.board_hours,
         json.hand_hours_per_core_hour,
         json.errors,

@@ -154,7 +154,7 @@ impl Watch {
         }
         self.peaks.waiting = self.peaks.waiting.max(hand.bus().waiting());
         assert!(hand.bus().waiting() <= WAITING, "{} frames wait", hand.bus().waiting());
-        assert_eq!(hand.io().lost(), 0, "bytes or frames lost by GOD");
+        assert_eq!((hand.io().lost_bytes(), hand.io().lost_frames()), (0, 0), "bytes and frames lost by GOD");
     }
 }
 

@@ -302,7 +302,8 @@ fn with_board<S: Subject>(hand: &mut Hand<S>, motor: usize, act: impl FnOnce(&mu
     }
 }
 
-fn with_rig<S: Subject>(hand: &mut Hand<S>, motor: usize, act: impl FnOnce(&mut Rig)) {
+/// Does something to a motor's rig.
+pub fn with_rig<S: Subject>(hand: &mut Hand<S>, motor: usize, act: impl FnOnce(&mut Rig)) {
     with_board(hand, motor, |board| act(board.rig_mut()));
 }
 

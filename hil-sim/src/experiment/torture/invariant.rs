@@ -54,7 +54,7 @@ const fn hand(name: &'static str, demands: &'static str, source: &'static str) -
 pub const PROMPT: &str = "prompt";
 /// ^C brings the prompt.
 pub const ABORT: &str = "abort";
-/// GOD's mailboxes.
+/// GOD's mailboxes and queues.
 pub const QUEUES: &str = "queues";
 /// Energy balance of the simulated motors.
 pub const ENERGY: &str = "energy";
@@ -236,7 +236,11 @@ pub const INVARIANTS: &[Invariant] = &[
         LOADS,
         truth::wrong_way,
     ),
-    hand(QUEUES, "GOD queues at most three frames in its mailboxes", "decision 0035"),
+    hand(
+        QUEUES,
+        "GOD fills three mailboxes at most, loses no byte that it had room for and, during a command, no frame",
+        "decision 0035",
+    ),
     hand(
         PROMPT,
         "every command ends in a prompt within the time of its motions",

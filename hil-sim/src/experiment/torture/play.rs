@@ -106,8 +106,8 @@ impl<S: Subject> Session<'_, S> {
         match &step.act {
             Act::Line { text, patience_ms } => self.line(text, *patience_ms),
             Act::Loop { prefix, blocks } => self.realtime(prefix, blocks),
-            Act::Bytes(bytes) => self.send(bytes),
-            Act::Packet(frame) => self.send(&packet(frame)),
+            Act::Bytes(bytes) => _ = self.send(bytes),
+            Act::Packet(frame) => _ = self.send(&packet(frame)),
             Act::Raw(frames) => frames.iter().for_each(|frame| self.hand.bus_mut().intrude(*frame)),
             Act::Download(node) => _ = download::run(self, *node),
             Act::Abort => self.abort(),
@@ -123,8 +123,9 @@ impl<S: Subject> Session<'_, S> {
 
     fn line(&mut self, text: &str, patience_ms: Option<u64>) {
         self.tail.clear();
-        self.send(text.as_bytes());
-        self.send(b"\r");
+        if !self.send(format!("{text}\r").as_bytes()) {
+            return;
+        }
         let most_ms = patience_ms.unwrap_or_else(|| self.longest_ms(text));
         let end_ms = self.ms() + most_ms;
         while !self.is_at_prompt() && self.ms() < end_ms && self.is_whole() {

@@ -4,7 +4,7 @@ use tater_wire::{FaultCode, Property};
 
 use super::case::MOTORS;
 use super::download;
-use super::fault::{Subject, node_of};
+use super::fault::{Subject, node_of, with_rig};
 use super::invariant::{HOMES, MOVES};
 use super::session::Session;
 use crate::world::node::Node;
@@ -38,6 +38,11 @@ const KNOWN: i64 = 4;
 /// MT and IHIT that free a wedged joint: their maximum.
 const FREEING: u16 = 990;
 
+/// A hand that turns a motor: how hard at most, N m, how long, ms, and when it is loose, counts.
+const STRENGTH_N_M: f64 = 1.0;
+const TURN_MS: u64 = 2_000;
+const LOOSE: f64 = 6.0;
+
 /// Recovers the hand, whose faults ended at `from_ms`.
 pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
     // Boards that were powered up just now are booting.
@@ -50,13 +55,13 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
     }
     revive(session);
     let mut answer = String::new();
-    for _ in 0..ATTEMPTS {
+    for attempt in 0..ATTEMPTS {
         answer = run(session, "HI");
         if !session.is_whole() || !is_error(&answer) {
             break;
         }
         find_wiring(session);
-        free_jammed(session);
+        free_jammed(session, attempt > 0);
         revive(session);
         // A motor that has stalled cools down; one that was hot needs longer than this, and says so.
         run(session, "1234567 S STAT 2");
@@ -160,15 +165,37 @@ fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
     }
 }
 
-/// More torque for motors that report a jam: the next step of ERROR 10. An impact at full speed wedges a worm in its stop.
-fn free_jammed<S: Subject>(session: &mut Session<'_, S>) {
+/// The next steps of ERROR 10: more torque, and if it comes back, a hand on the joint. An impact at full speed wedges a worm in its stop; a
+/// board that was reset since then applies at most 250 units to it (decision 0047).
+fn free_jammed<S: Subject>(session: &mut Session<'_, S>, by_hand: bool) {
     for motor in 0..MOTORS {
         let node = native(session, motor);
         if node.is_some_and(|node| error_of(node) == i64::from(FaultCode::Jammed.code())) {
+            if by_hand {
+                turn_by_hand(session, motor);
+            }
             run(session, &format!("{} S MT {FREEING}", motor + 1));
             run(session, &format!("{} S IHIT {FREEING}", motor + 1));
         }
     }
+}
+
+/// Turns a motor away from its nearer stop, ever harder, until it has come loose.
+fn turn_by_hand<S: Subject>(session: &mut Session<'_, S>, motor: usize) {
+    session.outcome.turned_by_hand += 1;
+    let began = session.hand.pose()[motor];
+    let Some(board) = session.hand.bus().stations().nth(motor) else { return };
+    let plant = board.rig().plant();
+    let away = if 2.0 * began > plant.min_count + plant.max_count { -1.0 } else { 1.0 };
+    for ms in 0..TURN_MS {
+        if (session.hand.pose()[motor] - began).abs() > LOOSE || !session.is_whole() {
+            break;
+        }
+        let n_m = away * STRENGTH_N_M * ms as f64 / TURN_MS as f64;
+        with_rig(&mut session.hand, motor, |rig| rig.set_shaft_torque(n_m));
+        session.step();
+    }
+    with_rig(&mut session.hand, motor, |rig| rig.set_shaft_torque(0.0));
 }
 
 /// One step of FIND; returns what an observer of the joint sees, counts.

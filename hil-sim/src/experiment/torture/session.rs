@@ -8,7 +8,7 @@ use tater_fw::events::BoardEvent;
 use super::case::{Case, MOTORS, kind};
 use super::fault::{Faults, Subject};
 use super::invariant::{ABORT as ABORTS, ENERGY, IMAGE, Joint, QUEUES, View};
-use super::kinds::Kinds;
+use super::kinds::{FaultKind, Kinds};
 use crate::world::hand::Hand;
 use crate::world::node::Node;
 
@@ -55,6 +55,8 @@ pub struct Outcome {
     pub ms: u64,
     /// From the end of the faults until the hand had homed and moved, ms; `None` if the run ended before.
     pub recovered_ms: Option<u64>,
+    /// Joints that the recovery had to turn by hand.
+    pub turned_by_hand: u32,
     /// Digest of everything that the host and the bus saw, and of the rotors.
     pub digest: u64,
     /// Commands that ended in a prompt.
@@ -78,6 +80,10 @@ pub struct Session<'a, S> {
     pub(super) tail: Vec<u8>,
     stop_ms: u64,
     events: Vec<BoardEvent>,
+    /// Bytes and frames that GOD has lost.
+    lost: (u32, u32),
+    /// Since when the host has not read.
+    unread_ms: u64,
     look: &'a mut dyn FnMut(&Hand<S>),
 }
 
@@ -97,6 +103,8 @@ impl<'a, S: Subject> Session<'a, S> {
             tail: Vec::new(),
             stop_ms: case.stop_ms,
             events: Vec::new(),
+            lost: (0, 0),
+            unread_ms: 0,
             look,
         }
     }
@@ -138,6 +146,7 @@ impl<'a, S: Subject> Session<'a, S> {
     pub fn step(&mut self) {
         self.step_unread();
         if !self.faults.host_silent {
+            self.unread_ms = 0;
             let received = self.hand.take_tx();
             self.digest.write(&received);
             self.outcome.prompts += received.windows(2).filter(|pair| pair == b"=>").count() as u64;
@@ -154,6 +163,7 @@ impl<'a, S: Subject> Session<'a, S> {
             self.hand.hang_up();
         }
         self.hand.run_until(1_000 * (ms + 1));
+        self.unread_ms += 1;
         (self.look)(&self.hand);
         self.check();
     }
@@ -197,11 +207,26 @@ impl<'a, S: Subject> Session<'a, S> {
                 self.fail(IMAGE, motor + 1, problem);
             }
         }
+        self.check_queues();
+        self.digest.write_u64(self.hand.bus().stats().frames);
+    }
+
+    fn check_queues(&mut self) {
         let waiting = self.hand.bus().waiting();
         if waiting > MAILBOXES {
             self.fail(QUEUES, 0, format!("{waiting} frames in GOD's mailboxes"));
         }
-        self.digest.write_u64(self.hand.bus().stats().frames);
+        let io = self.hand.io();
+        let lost = (io.lost_bytes(), io.lost_frames());
+        let (bytes, frames) = (lost.0.saturating_sub(self.lost.0), lost.1.saturating_sub(self.lost.1));
+        self.lost = lost;
+        // In the middle of a line, or for a host that does not read, nobody waits for these frames; one that babbles sends too many.
+        let excused = io.waits_for_line()
+            || self.unread_ms > 1
+            || self.faults.recent_at(0).meets(Kinds::of(&[FaultKind::Babble]));
+        if bytes > 0 || frames > 0 && !excused {
+            self.fail(QUEUES, 0, format!("GOD lost {bytes} bytes and {frames} frames"));
+        }
     }
 
     pub(super) fn check_energy(&mut self) {
@@ -217,8 +242,8 @@ impl<'a, S: Subject> Session<'a, S> {
         }
     }
 
-    /// Sends bytes as fast as GOD takes them, while the program goes on.
-    pub(super) fn send(&mut self, bytes: &[u8]) {
+    /// Sends bytes as fast as GOD takes them, while the program goes on. Returns whether all were sent.
+    pub(super) fn send(&mut self, bytes: &[u8]) -> bool {
         for (at, &byte) in bytes.iter().enumerate() {
             while (self.faults.host_silent || self.faults.holds_line && at > bytes.len() / 2)
                 && self.goes_on()
@@ -237,10 +262,14 @@ impl<'a, S: Subject> Session<'a, S> {
                     patience = 50;
                 }
             }
+            if !self.goes_on() {
+                return false;
+            }
             if self.hand.is_on() {
                 self.hand.push_rx(&[byte]);
             }
         }
+        true
     }
 
     pub(super) fn is_at_prompt(&self) -> bool {
@@ -259,8 +288,7 @@ impl<'a, S: Subject> Session<'a, S> {
     /// Types a line, and returns what comes up to the prompt, if that comes in time.
     pub(super) fn run_line(&mut self, line: &str, most_ms: u64) -> Option<String> {
         self.tail.clear();
-        self.send(line.as_bytes());
-        self.send(b"\r");
+        self.send(format!("{line}\r").as_bytes());
         self.read_to_prompt(most_ms).then(|| String::from_utf8_lossy(&self.tail).into_owned())
     }
 
@@ -295,6 +323,6 @@ impl<'a, S: Subject> Session<'a, S> {
 
     /// Whether GOD has lost its power lately, and with it a ^C.
     fn power_was_cut(&self) -> bool {
-        self.faults.recent_at(0).meets(Kinds::of(&[super::kinds::FaultKind::HandPowerCut]))
+        self.faults.recent_at(0).meets(Kinds::of(&[FaultKind::HandPowerCut]))
     }
 }

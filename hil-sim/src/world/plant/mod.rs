@@ -33,7 +33,7 @@ const START_BEYOND_COUNTS: f64 = 2.0;
 pub struct Ledger {
     /// From the supply, minus what was fed back.
     pub supply_j: f64,
-    /// From the disturbance.
+    /// From the disturbance, and from a hand on the shaft.
     pub disturbance_j: f64,
     /// Heat in the winding.
     pub copper_j: f64,
@@ -111,6 +111,7 @@ pub struct Plant {
     inverter: Inverter,
     joint: Joint,
     disturbance: f64,
+    shaft_torque: f64,
     stored_at_start: f64,
     state: State,
 }
@@ -152,6 +153,7 @@ impl Plant {
             model,
             max_step_us: params.longest_step_us(),
             disturbance: 0.0,
+            shaft_torque: 0.0,
             stored_at_start,
             state: State {
                 t_us: 0,
@@ -228,6 +230,11 @@ impl Plant {
         self.disturbance = n_m;
     }
 
+    /// Torque on the motor's shaft from outside, N·m: a user who turns the motor by hand.
+    pub fn set_shaft_torque(&mut self, n_m: f64) {
+        self.shaft_torque = n_m;
+    }
+
     /// Energy stored in the objects in the joint's way, J.
     #[must_use]
     pub fn objects_j(&self) -> f64 {
@@ -281,14 +288,17 @@ impl Plant {
         self.inverter.advance(&mut s.current, e, phase, dt, &mut flow);
         let impulse = k * (shape[0] * flow.charge[0] + shape[1] * flow.charge[1] + shape[2] * flow.charge[2]);
         s.torque = impulse / dt;
-        let work = self.joint.advance(&mut s.shaft, s.torque, self.disturbance, brake, dt);
+        let before = s.shaft.theta;
+        let torque = s.torque + self.shaft_torque;
+        let work = self.joint.advance(&mut s.shaft, torque, self.disturbance, brake, dt);
+        let by_hand_j = self.shaft_torque * (s.shaft.theta - before);
         s.bus_charge += flow.bus_charge;
         s.peak_a = s.peak_a.max(flow.peak_a);
         s.ledger.supply_j += flow.bus_charge * self.params.bus_v;
         s.ledger.copper_j += flow.copper_j;
         s.ledger.diode_j += flow.drop_j;
-        s.ledger.motor_j += work.motor;
-        s.ledger.disturbance_j += work.disturbance;
+        s.ledger.motor_j += work.motor - by_hand_j;
+        s.ledger.disturbance_j += work.disturbance + by_hand_j;
         s.ledger.friction_j += work.friction;
         s.ledger.damper_j += work.damper;
         s.pending[0] += flow.copper_j;

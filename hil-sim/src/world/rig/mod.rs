@@ -261,6 +261,11 @@ impl Rig {
         self.plant.set_disturbance(n_m);
     }
 
+    /// See [`Plant::set_shaft_torque`].
+    pub fn set_shaft_torque(&mut self, n_m: f64) {
+        self.plant.set_shaft_torque(n_m);
+    }
+
     /// See [`Plant::set_objects`].
     pub fn set_objects(&mut self, objects: &[Contact]) {
         self.plant.set_objects(objects);
