@@ -311,6 +311,7 @@ mod tests {
             let (n, d) = (n >> shift.0, (d >> shift.1).max(64));
             let exact = (u128::from(n) << 32) / u128::from(d);
             let ratio = u128::from(ratio_q32(n, d));
+            prop_assert!(ratio <= exact || ratio == u128::from(u64::MAX), "{ratio} {exact}");
             prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 32, "{ratio} {exact}");
         }
 
@@ -354,5 +355,15 @@ mod tests {
             assert_eq!(isqrt_q52(x), x.isqrt() << 6, "{x:x}");
         }
         assert_eq!(next_tick(u64::MAX), (u32::MAX, 1));
+    }
+
+    #[test]
+    fn conversions_saturate_at_their_bounds_only() {
+        for x in [i32::MIN, -32_769, -32_768, -1, 0, 1, 32_766, 32_767, 32_768, i32::MAX] {
+            assert_eq!(i32::from(saturating_i16(x)), x.clamp(-32_768, 32_767));
+        }
+        for x in [0, 1, u32::MAX / 2, u32::MAX / 2 + 1, u32::MAX] {
+            assert_eq!(i64::from(saturating_signed(x)), i64::from(x).min(i32::MAX.into()));
+        }
     }
 }
