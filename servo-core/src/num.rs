@@ -315,6 +315,15 @@ mod tests {
             prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 32, "{ratio} {exact}");
         }
 
+        /// Large enough that the rounded divisor makes the quotient too small.
+        #[test]
+        fn ratio_of_large_numbers_is_within_32_units_of_n(n in 1_u64 << 62.., d in 1_u64 << 32..1 << 35) {
+            let exact = (u128::from(n) << 32) / u128::from(d);
+            let ratio = u128::from(ratio_q32(n, d));
+            prop_assert!(exact >> 63 != 0 || ratio <= exact, "{ratio} {exact}");
+            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 32, "{ratio} {exact}");
+        }
+
         #[test]
         fn root_is_rounded_down_to_26_bits(x in any::<u64>(), shift in 0..64_u32) {
             let x = (x >> shift).max(1);

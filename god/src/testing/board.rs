@@ -5,7 +5,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 
 use tater_wire::property::{Access, ROWS};
-use tater_wire::{Cmd, EndCode, ModeCode, Node, Property};
+use tater_wire::{Cmd, Destination, EndCode, Group, ModeCode, Node, Property};
 
 /// HALLH: the position is known.
 const POSITION_KNOWN: i64 = 1 << 30;
@@ -78,6 +78,15 @@ impl Board {
         board.put(Property::HALLH, POSITION_KNOWN);
         board.put(Property::TEMP, 350);
         board
+    }
+
+    pub fn receives(&self, to: Destination) -> bool {
+        let groups = [Property::GRPA, Property::GRPB, Property::GRPC].map(|property| self.value(property));
+        match to {
+            Destination::Node(node) => node == self.node,
+            Destination::Group(Group::ALL) => true,
+            Destination::Group(group) => group.is_for_boards() && groups.contains(&group.number().into()),
+        }
     }
 
     pub fn value(&self, property: Property) -> i64 {

@@ -7,7 +7,7 @@
 //! | `!` | something happens: see [`Stage::happen`]; `! after 300 ...` 300 ms after the next input |
 //! | `> ` | is typed, with Return; then time passes until GOD waits for another line, or for a block of RealTime |
 //! | `^C` | the same for this byte |
-//! | `% ` | bytes of the host: one character, then hexadecimal |
+//! | `% ` | bytes of the host: one character, then hexadecimal; `x150` repeats the last one |
 //! | `~ ` | this many ms pass |
 //!
 //! What follows each of these is GOD's: lines of text as they are, a prompt with the time since the input, ms, unless it is 0; data of RealTime and packets in
@@ -24,7 +24,7 @@ use std::string::String;
 use std::vec::Vec;
 use std::{env, format, fs};
 
-use tater_wire::{Body, Destination, Frame, Group, Message, Node, Property};
+use tater_wire::{Body, Destination, Frame, Message, Node, Property};
 
 use super::board::Board;
 use crate::events::EventKind;
@@ -181,10 +181,6 @@ impl Stage {
         let Some(message) = Message::parse(frame).filter(|message| message.from == Node::HOST) else {
             return self.order(format!("{:03x}", frame.raw_id()), format!(" {:02x?}", frame.data()));
         };
-        let reaches = |number: u8| match message.to {
-            Destination::Node(node) => node.number() == number,
-            Destination::Group(group) => group == Group::TATERS || group == Group::ALL,
-        };
         let to = match message.to {
             Destination::Node(node) => format!("{}", node.number()),
             Destination::Group(group) => format!("group {}", group.number()),
@@ -199,7 +195,7 @@ impl Stage {
             Body::Torques(torques) => self.order(to, format!(" {torques:?}")),
             _ => {}
         }
-        for board in self.boards.iter_mut().filter(|board| reaches(board.node.number())) {
+        for board in self.boards.iter_mut().filter(|board| board.receives(message.to)) {
             match message.body {
                 Body::Get(id) => {
                     let Some(property) = Property::of(id) else { continue };
@@ -362,11 +358,7 @@ impl Stage {
                 self.run_to_prompt();
             }
             "%" => {
-                let mut words = rest.split_whitespace();
-                let head = words.next().expect("a character");
-                let mut bytes =
-                    if head.len() == 1 { head.as_bytes().to_vec() } else { [hexadecimal(head)].into() };
-                bytes.extend(words.map(hexadecimal));
+                let bytes = bytes_of(rest);
                 self.input(&bytes);
                 self.settle();
                 self.flush();
@@ -379,6 +371,20 @@ impl Stage {
         }
         true
     }
+}
+
+fn bytes_of(text: &str) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (place, word) in text.split_whitespace().enumerate() {
+        match (word.as_bytes(), word.strip_prefix('x'), bytes.last()) {
+            (&[character], ..) if place == 0 => bytes.push(character),
+            (_, Some(count), Some(&last)) => {
+                bytes.extend(core::iter::repeat_n(last, count.parse::<usize>().expect("a number")));
+            }
+            _ => bytes.push(hexadecimal(word)),
+        }
+    }
+    bytes
 }
 
 fn hexadecimal(byte: &str) -> u8 {
