@@ -30,6 +30,8 @@ const fn home(stage: Homing) -> Motion {
     Motion::Home { stage, way: 0 }
 }
 
+type Change = fn(Config) -> Config;
+
 struct Row {
     motion: Motion,
     mode: Mode,
@@ -331,4 +333,267 @@ fn oldest_event_makes_room_for_the_ninth() {
         assert_eq!(bench.servo.event(), Some(Event::Breakaway { position, stop_tip: false }));
     }
     assert!(bench.servo.event().is_none() && !bench.servo.has_event());
+}
+
+fn with(motion: Motion) -> Bench {
+    let mut bench = Bench::new(Joint::Spread);
+    bench.servo.motion = motion;
+    bench
+}
+
+/// Ticks that the motor has been driven in one direction without a count.
+fn stalled_for(bench: &mut Bench, closing: bool, ms: usize) {
+    (0..ms).for_each(|_| _ = bench.servo.stall.drive(closing, 0));
+}
+
+#[test]
+fn pressing_applies_all_torque_below_half_its_speed() {
+    let most = Torque(400);
+    let delta = CountsPerSec(Law::DELTA);
+    for (closing, goal) in [(true, 1000), (false, -1000)] {
+        let half = CountsPerSec::from_int(goal / 2);
+        let slower = CountsPerSec(half.0 - delta.0 * i32::from(goal.signum()));
+        let mut bench = with(Motion::Pressing { closing });
+        bench.servo.tuning.velocity_loop = VelocityLoop::new(1);
+        let all = if closing { most } else { most.saturating_neg() };
+        for (velocity, presses) in [(slower, true), (half, false), (CountsPerSec::from_int(goal), false)] {
+            bench.servo.velocity = velocity;
+            let by_loop = bench.servo.tuning.velocity_loop.step(CountsPerSec::from_int(goal), velocity, most);
+            assert_ne!(by_loop, all);
+            let torque = bench.servo.velocity_torque(most);
+            assert_eq!(torque, if presses { all } else { by_loop }, "{closing} {velocity:?}");
+        }
+    }
+}
+
+#[test]
+fn homing_applies_all_torque_once_it_has_stood_for_125_ms() {
+    let most = Torque(400);
+    for (ivel, closing) in [(200, true), (-200, false), (1, true), (0, true), (0, false)] {
+        for (ms, all) in [(124, false), (125, true)] {
+            let mut bench = with(home(Homing::Seek));
+            bench.servo.tuning.config.ivel = ivel;
+            bench.servo.tuning.velocity_loop = VelocityLoop::new(1);
+            stalled_for(&mut bench, closing, ms);
+            let by_loop =
+                bench.servo.tuning.velocity_loop.step(CountsPerSec::from_int(ivel), CountsPerSec::ZERO, most);
+            let pushing = if closing { most } else { most.saturating_neg() };
+            let expected = if all && ivel != 0 { pushing } else { by_loop };
+            assert_eq!(bench.servo.velocity_torque(most), expected, "IVEL {ivel}, {ms} ms");
+            // The other way it has not stood.
+            bench.servo.tuning.config.ivel = -ivel;
+            assert_ne!(bench.servo.velocity_torque(most).saturating_abs(), most, "IVEL {}", -ivel);
+        }
+    }
+}
+
+#[test]
+fn velocity_mode_rests_after_a_stall_before_it_presses_again() {
+    let most = Torque(400);
+    // TSTOP of a spread is 400 ms.
+    for (ms, applied, wanted, rests) in [
+        (400, 0, 50, true),
+        (399, 0, 50, false),
+        (400, 1, 50, false),
+        (400, 0, -50, false),
+        (400, 0, 0, false),
+    ] {
+        let mut bench = with(Motion::Velocity);
+        stalled_for(&mut bench, true, ms);
+        bench.servo.velocity_wanted = CountsPerSec::from_int(wanted);
+        bench.servo.applied.torque = Torque(applied);
+        let torque = bench.servo.velocity_torque(most);
+        assert_eq!(torque == Torque::ZERO, rests || wanted == 0, "{ms} {applied} {wanted}: {torque:?}");
+        assert_eq!(bench.servo.must_rest(CountsPerSec::from_int(wanted)), ms == 400 && wanted > 0);
+    }
+}
+
+#[test]
+fn motion_keeps_the_load_of_a_hold_or_move_that_it_replaces() {
+    let pid =
+        Bench::new(Joint::Spread).servo.tuning.pid.bumpless(Torque(300), Law::ZERO, Law::ZERO, Torque(750));
+    let loaded = PositionLoop { pid, ..at(0) };
+
+    for (motion, carries) in [
+        (Motion::Position(loaded), true),
+        (to_end(loaded), true),
+        (to_zero(loaded), true),
+        (starting(Goal::Position { at: None, pid }), true),
+        (starting(Goal::Move { pid }), true),
+        (starting(Goal::Velocity), false),
+        (Motion::Velocity, false),
+        (Motion::Idle, false),
+    ] {
+        let carried = if carries { pid } else { PidState::default() };
+        assert_eq!(with(motion).servo.carried_pid(), carried, "{motion:?}");
+    }
+}
+
+#[test]
+fn new_goal_waits_for_the_brake_only_as_long_as_it_has_to() {
+    for (motion, ms) in [
+        (Motion::Idle, 0),
+        (Motion::Starting { goal: Goal::Velocity, brake_ms: 7 }, 7),
+        (Motion::Position(at(0)), 30),
+        (Motion::Velocity, 30),
+    ] {
+        let mut bench = with(motion);
+        bench.servo.begin(Goal::Velocity);
+        let begun = matches!(bench.servo.motion, Motion::Starting { goal: Goal::Velocity, brake_ms } if brake_ms == ms);
+        assert!(begun, "{:?}", bench.servo.motion);
+        // HOLD keeps the rest of that time.
+        bench.servo.hold(EndReason::Aborted);
+        let holds = match bench.servo.motion {
+            Motion::Starting { goal: Goal::Position { at: None, .. }, brake_ms } => brake_ms == ms && ms < 30,
+            Motion::Position(_) => ms == 30,
+            _ => false,
+        };
+        assert!(holds, "{:?}", bench.servo.motion);
+    }
+}
+
+#[test]
+fn motion_is_due_when_its_brake_is_free_and_the_last_tick_planned_nothing() {
+    let pid = PidState::default();
+    for (goal, plans) in [
+        (Goal::Move { pid }, true),
+        (Goal::Zero, true),
+        (Goal::Velocity, false),
+        (Goal::Position { at: None, pid }, false),
+    ] {
+        for planned in [false, true] {
+            for brake_ms in [29, 30] {
+                let mut bench = with(Motion::Starting { goal, brake_ms });
+                bench.servo.planned = planned;
+                assert_eq!(bench.servo.is_due(), brake_ms == 30 && !(plans && planned), "{goal:?}");
+            }
+        }
+    }
+    // HI begins once half of the stall time has passed at rest.
+    for (ms, due) in [(199, true), (200, false)] {
+        let mut bench = with(Motion::Starting { goal: Goal::SeekStop, brake_ms: 30 });
+        stalled_for(&mut bench, true, ms);
+        assert_eq!(bench.servo.is_due(), due, "{ms}");
+        bench.servo.motion = Motion::Starting { goal: Goal::Velocity, brake_ms: 30 };
+        assert!(bench.servo.is_due(), "{ms}");
+    }
+    assert!(!with(Motion::Velocity).servo.is_due());
+}
+
+#[test]
+fn drive_before_a_planned_motion_is_the_last_one() {
+    let mut bench = with(Motion::Velocity);
+    assert_eq!(bench.servo.unchanged_drive(), Drive { duty: None, brake_released: true });
+    bench.servo.applied = AppliedTorque { duty: Duty::from_bits(5), torque: Torque(1), limit: None };
+    let drive = Drive { duty: Some(Duty::from_bits(5)), brake_released: true };
+    assert_eq!((bench.servo.unchanged_drive(), bench.servo.drive()), (drive, drive));
+}
+
+#[test]
+fn move_stalls_at_once_only_towards_what_it_stalled_at() {
+    for (stalled_closing, end, stalls) in
+        [(true, 5, true), (true, -5, false), (true, 0, false), (false, -5, true), (false, 5, false)]
+    {
+        let mut bench = Bench::new(Joint::Tip);
+        stalled_for(&mut bench, stalled_closing, 300);
+        bench.servo.end = end;
+        bench.servo.start(Goal::Move { pid: PidState::default() });
+        let reason = bench.servo.telemetry().end;
+        assert_eq!(reason == Some(EndReason::Stalled), stalls, "{stalled_closing} {end}: {reason:?}");
+    }
+}
+
+#[test]
+fn velocity_takes_over_from_pressing_alone() {
+    for (motion, takes) in [
+        (Motion::TorqueControlled { closing: true }, true),
+        (Motion::Pressing { closing: true }, true),
+        (starting(Goal::TorqueControlled { closing: true }), true),
+        (home(Homing::Seek), false),
+        (starting(Goal::SeekStop), false),
+        (Motion::Idle, false),
+    ] {
+        let mut bench = with(motion);
+        bench.servo.set_velocity(CountsPerSec::from_int(9));
+        let is =
+            matches!(bench.servo.motion, Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. });
+        assert_eq!(is, takes, "{motion:?}");
+        assert_eq!(bench.servo.velocity_wanted(), CountsPerSec::from_int(9));
+    }
+}
+
+/// Ticks of the profile in progress; a new plan begins at 0.
+fn profile_ticks(bench: &Bench) -> u32 {
+    match &bench.servo.motion {
+        Motion::Move { profile, .. } | Motion::Zero { profile, .. } => profile.ticks(),
+        _ => u32::MAX,
+    }
+}
+
+#[test]
+fn only_what_shapes_a_motion_plans_it_anew() {
+    let changes: [(Change, bool, bool); 6] = [
+        (|config| Config { accel: 31, ..config }, true, true),
+        (|config| Config { mv: 900, ..config }, true, true),
+        (|config| Config { mcv: 900, ..config }, true, true),
+        (|config| Config { mov: 900, ..config }, true, true),
+        (|config| Config { ioff: 90, ..config }, false, true),
+        (|config| Config { kp: 61, ..config }, false, false),
+    ];
+    for (goal, is_zero) in [(Goal::Move { pid: PidState::default() }, false), (Goal::Zero, true)] {
+        for (change, of_move, of_zero) in changes {
+            let mut bench = Bench::new(Joint::Tip);
+            bench.servo.end = 100;
+            bench.servo.motion = starting(goal);
+            (0..30).for_each(|_| _ = bench.tick());
+            let ticks = profile_ticks(&bench);
+            assert!((20..40).contains(&ticks), "{ticks}");
+            bench.servo.command(Command::Configure(change(*bench.servo.config()))).unwrap();
+            let plans = if is_zero { of_zero } else { of_move };
+            assert_eq!(profile_ticks(&bench), if plans { 0 } else { ticks }, "{goal:?}");
+            let config = *bench.servo.config();
+            bench.servo.command(Command::Configure(config)).unwrap();
+            assert_eq!(profile_ticks(&bench), if plans { 0 } else { ticks }, "the same again");
+        }
+    }
+}
+
+#[test]
+fn direction_is_watched_until_it_settles_and_at_each_count() {
+    for (motion, settled, counted, watches) in [
+        (Motion::Velocity, false, false, true),
+        (Motion::Velocity, true, false, false),
+        (Motion::Velocity, true, true, true),
+        (Motion::Field(Torque(5)), false, true, false),
+    ] {
+        let mut bench = with(motion);
+        bench.servo.direction = crate::guard::direction::Direction::at_rest(0);
+        // A motor at rest that is not driven settles.
+        (0..1000).filter(|_| settled).for_each(|_| _ = bench.servo.direction.step(0, Torque(80)));
+        assert_eq!(bench.servo.direction.is_settled(), settled);
+        assert_eq!(bench.servo.watches(counted), watches, "{motion:?} {settled} {counted}");
+    }
+}
+
+#[test]
+fn hall_fault_counts_unless_find_looks_for_the_wiring() {
+    for (motion, counts) in
+        [(Motion::Velocity, true), (Motion::Field(Torque(5)), false), (starting(Goal::Find), false)]
+    {
+        let mut bench = with(motion);
+        bench.servo.trust_position();
+        bench.servo.hall(&HallEvent::Fault(HallFault::Noisy));
+        assert_eq!(bench.servo.telemetry().homed, !counts, "{motion:?}");
+        bench.tick();
+        assert_eq!(bench.servo.telemetry().fault.is_some(), counts, "{motion:?}");
+        bench.servo.trust_position();
+        bench.servo.doubt_position();
+        assert!(!bench.servo.telemetry().homed);
+    }
+}
+
+#[test]
+fn distance_towards_a_stop_has_its_sign() {
+    assert_eq!([towards(true, 5), towards(false, 5), towards(true, -3), towards(false, -3)], [5, -5, -3, 3]);
+    assert_eq!([-2, -1, 0, 1, 2].map(direction), [Some(false), Some(false), None, Some(true), Some(true)]);
 }
