@@ -34,6 +34,9 @@ use crate::{Io, io};
 /// Longest time to a prompt.
 const MAX_US: u64 = 100_000_000;
 
+/// Most bytes that are shown in full.
+const LONGEST: usize = 64;
+
 /// Most polls at one time.
 const MAX_POLLS: usize = 2000;
 
@@ -303,7 +306,13 @@ impl Stage {
         let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n' | 8);
         if self.io.is_raw() || !text.first().is_some_and(is_text) {
             let star = if text.first() == Some(&b'*') { "*" } else { "" };
-            let data: String = text[star.len()..].iter().map(|byte| format!(" {byte:02x}")).collect();
+            let shown = |bytes: &[u8]| bytes.iter().map(|byte| format!(" {byte:02x}")).collect::<String>();
+            let data = match &text[star.len()..] {
+                long @ [first @ .., _, _, _, _] if long.len() > LONGEST => {
+                    format!("{} ...{}, {} bytes", shown(&first[..8]), shown(&long[first.len()..]), text.len())
+                }
+                data => shown(data),
+            };
             let at = at.replace(' ', " @");
             self.record += &format!("{}{at}\n", format!("{star}{data}").trim_start());
             return;
