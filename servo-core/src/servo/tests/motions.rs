@@ -597,3 +597,24 @@ fn distance_towards_a_stop_has_its_sign() {
     assert_eq!([towards(true, 5), towards(false, 5), towards(true, -3), towards(false, -3)], [5, -5, -3, 3]);
     assert_eq!([-2, -1, 0, 1, 2].map(direction), [Some(false), Some(false), None, Some(true), Some(true)]);
 }
+
+#[test]
+fn strain_ends_torque_control_but_no_pressing() {
+    let mut bench = Bench::new(Joint::Tip);
+    let config = Config { hsg: 150, hold: true, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    for (motion, ends) in [
+        (Motion::TorqueControlled { closing: true }, true),
+        (Motion::Pressing { closing: true }, false),
+        (Motion::Velocity, false),
+    ] {
+        bench.servo.motion = motion;
+        bench.strain = 150;
+        bench.tick();
+        assert_eq!(bench.servo.event(), None, "{motion:?}");
+        bench.strain = 151;
+        bench.tick();
+        let ended = Event::Ended { reason: EndReason::Strain, mode: Mode::Pid };
+        assert_eq!(bench.servo.event(), ends.then_some(ended), "{motion:?}");
+    }
+}
