@@ -246,12 +246,9 @@ impl Stage {
                 self.record += &log;
             }
             ["counts"] => {
-                self.record += &format!(
-                    "  lost {}, baud {}, room {}\n",
-                    self.io.lost(),
-                    self.io.baud(),
-                    self.io.rx_room()
-                );
+                let due = if self.io.has_reports_due() { ", reports due" } else { "" };
+                let [lost, room] = [self.io.lost() as usize, self.io.rx_room()];
+                self.record += &format!("  lost {lost}, baud {}, room {room}{due}\n", self.io.baud());
             }
             ["frame", id, data @ ..] => {
                 let data: Vec<u8> = data.iter().map(|byte| hexadecimal(byte)).collect();
