@@ -304,24 +304,26 @@ mod tests {
             prop_assert!(error.abs() <= 1 << 31, "{error}");
         }
 
+        /// n and d lose up to four bits, 16 units of n each, and the last digit is rounded down: d/2^32, up to 8.
         #[test]
-        fn ratio_is_within_32_units_of_n(
+        fn ratio_is_within_40_units_of_n(
             n in runs(), d in runs(), shift in (7..64_u32, 29..58_u32),
         ) {
             let (n, d) = (n >> shift.0, (d >> shift.1).max(64));
             let exact = (u128::from(n) << 32) / u128::from(d);
             let ratio = u128::from(ratio_q32(n, d));
             prop_assert!(ratio <= exact || ratio == u128::from(u64::MAX), "{ratio} {exact}");
-            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 32, "{ratio} {exact}");
+            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 40, "{ratio} {exact}");
         }
 
         /// Large enough that the rounded divisor makes the quotient too small.
         #[test]
-        fn ratio_of_large_numbers_is_within_32_units_of_n(n in 1_u64 << 62.., d in 1_u64 << 32..1 << 35) {
+        fn ratio_of_large_numbers_is_within_40_units_of_n(n in 1_u64 << 62.., d in 1_u64 << 32..1 << 35) {
             let exact = (u128::from(n) << 32) / u128::from(d);
             let ratio = u128::from(ratio_q32(n, d));
             prop_assert!(exact >> 63 != 0 || ratio <= exact, "{ratio} {exact}");
-            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 32, "{ratio} {exact}");
+            let most = 2 * 16 + u128::from(d >> 32);
+            prop_assert!(exact >> 63 != 0 || ((exact - ratio) * u128::from(d)) >> 32 <= most, "{ratio} {exact}");
         }
 
         #[test]
