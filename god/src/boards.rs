@@ -427,3 +427,102 @@ pub fn parse_report(frame: &Frame) -> Option<(Motor, Property, i64)> {
         Body::Get(_) | Body::Torques(_) | Body::More { .. } => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io;
+    use core::pin::pin;
+    use std::vec::Vec;
+    use tater_wire::Node;
+
+    fn motor(number: u8) -> Motor {
+        Motor::new(number).expect("a motor")
+    }
+
+    fn report(number: u8, property: Property, value: i64) -> Frame {
+        let node = Node::new(number).expect("a node");
+        Message::reply(node, property, value).expect("it fits").frame()
+    }
+
+    /// Runs what does not wait, at a time. Returns the motors and properties that were asked for.
+    fn asked(io: &Io, now_us: u64, work: impl Future<Output = ()>) -> Vec<(u16, u8)> {
+        io::poll(pin!(work), io, now_us);
+        core::iter::from_fn(|| io.pop_frame()).map(|frame| (frame.raw_id(), frame.data()[0])).collect()
+    }
+
+    #[test]
+    fn answers_combine_motor_by_motor() {
+        let (links, tips) = (Motors::LINKS, Motors::TIPS);
+        let mut some = Answers::uniform(links, 5);
+        some.set(motor(2), 7);
+        assert_eq!((some.get(motor(1)), some.get(motor(2)), some.get(motor(4))), (Some(5), Some(7), None));
+        assert_eq!((some.motors(), some.filter(|value| value > 5)), (links, Motors::only(motor(2))));
+        let other = Answers::uniform(links.without(motor(3)).union(tips), 7);
+        let all = some.overridden_by(&other);
+        assert_eq!([1, 2, 3, 5].map(|number| all.get(motor(number))), [Some(7), Some(7), Some(5), Some(7)]);
+        assert_eq!(some.different_from(&other).motors(), links.without(motor(2)));
+        let mapped = some.map(|motor, value| value * i64::from(motor.number()));
+        assert_eq!([1, 2, 3, 4].map(|number| mapped.get(motor(number))), [Some(5), Some(14), Some(15), None]);
+    }
+
+    #[test]
+    fn owed_answer_is_asked_for_again_after_60_ms() {
+        let io = Io::default();
+        let boards = Boards::new(&io);
+        let one = Motors::only(motor(1));
+        let ask = |now_us, property| asked(&io, now_us, boards.ask_latest(one, property));
+        assert_eq!(ask(1000, Property::P), [(1, Property::P.id())]);
+        assert_eq!(ask(1000, Property::VEL), [(1, Property::VEL.id())]);
+        assert_eq!(ask(60_999, Property::P), []);
+        assert_eq!(ask(61_000, Property::P), [(1, Property::P.id())]);
+        io.push_frame(&report(1, Property::P, -5));
+        assert_eq!(ask(61_001, Property::VEL), [(1, Property::VEL.id())]);
+        assert_eq!(ask(61_002, Property::P), [(1, Property::P.id())], "it has answered");
+        assert_eq!(boards.latest(motor(1)), Ahead { position: Some(-5), velocity: None, strain: None });
+        // Of no other property an answer is owed.
+        assert_eq!(ask(61_003, Property::MODE), [(1, Property::MODE.id())]);
+        assert_eq!(ask(61_003, Property::MODE), [(1, Property::MODE.id())]);
+    }
+
+    #[test]
+    fn answers_ahead_are_complete_with_all_that_is_wanted() {
+        let wanted = |position, velocity, strain| Ahead { position, velocity, strain };
+        let found = Ahead { position: Some(1), velocity: Some(2), strain: None };
+        assert_eq!(found.complete(wanted(true, true, true)), None);
+        assert_eq!(
+            found.complete(wanted(true, false, false)),
+            Some(Ahead { position: 1, velocity: 0, strain: 0 })
+        );
+        assert_eq!(Ahead::default().complete(wanted(false, true, false)), None);
+        assert_eq!(Ahead::default().complete(wanted(true, false, false)), None);
+        assert_eq!(Ahead::default().complete(wanted(false, false, false)), Some(Ahead::default()));
+    }
+
+    #[test]
+    fn reports_are_taken_once_and_stamped() {
+        let io = Io::default();
+        let boards = Boards::new(&io);
+        io::poll(pin!(io.sleep_until(io::NEVER)), &io, 77);
+        for (property, value) in [(Property::MODE, 3), (Property::END, 1), (Property::SG, 9)] {
+            io.push_frame(&report(4, property, value));
+        }
+        assert_eq!((boards.received_us(motor(4)), boards.received_us(motor(3))), (0, 0));
+        assert_eq!(boards.take_reported(motor(4)), Reported { mode: Some(3), end: Some(1) });
+        assert_eq!(boards.take_reported(motor(4)), Reported::default());
+        assert_eq!((boards.received_us(motor(4)), boards.received_us(motor(3))), (77, 0));
+        assert_eq!(boards.latest(motor(4)).strain, Some(9));
+    }
+
+    #[test]
+    fn only_sets_and_positions_of_the_seven_are_reports() {
+        let of = |id, data: &[u8]| parse_report(&Frame::from_raw(id, data).expect("a frame"));
+        assert_eq!(of(0x486, &[0x88, 0, 3, 0]), Some((motor(4), Property::MODE, 3)));
+        assert_eq!(of(0x483, &[0xBF, 0xFF, 0xFE]), Some((motor(4), Property::P, -2)));
+        assert_eq!(of(0x406, &[0x88, 0, 3, 0]), None, "the host's");
+        assert_eq!(of(0x506, &[0x88, 0, 3, 0]), None, "node 8");
+        assert_eq!(of(0x486, &[0x08]), None, "a GET");
+        assert_eq!(of(0x486, &[0xFF, 0, 3, 0]), None, "no property");
+        assert_eq!(of(0x486, &[0x88, 0]), None, "no message");
+    }
+}

@@ -134,6 +134,7 @@ impl core::fmt::Display for EventKind {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::format;
     use std::vec::Vec;
 
     #[test]
@@ -144,5 +145,27 @@ mod tests {
         let mut times = Vec::new();
         log.for_each(|event| times.push(event.at_us));
         assert_eq!(times, (3..events).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn events_print_as_lines_of_a_log() {
+        let motor = Motor::SPREAD;
+        for (kind, text) in [
+            (EventKind::Started, "GOD started"),
+            (EventKind::Sent { motor, property: Property::MT, value: -5 }, "motor 4: SET MT -5"),
+            (EventKind::Refused { motor }, "motor 4: no motion (END is 0)"),
+            (EventKind::Fault { motor, code: 5 }, "motor 4: ERROR 5"),
+            (EventKind::Mode { motor, mode: 3 }, "motor 4: MODE 3"),
+            (EventKind::Ended { motor, end: 2 }, "motor 4: END 2"),
+            (EventKind::NoAnswer { motor, property: Property::P }, "motor 4: no answer to GET P"),
+            (EventKind::BusDown, "bus down: it takes no frames"),
+            (EventKind::BusUp, "bus up"),
+            (EventKind::Aborted, "aborted by ^C or hang-up"),
+            (EventKind::Failed { status: Status::NO_BOARD }, "command failed: ERR 1"),
+        ] {
+            assert_eq!(format!("{kind}"), text);
+            let event = Event { at_us: 12_000_345, kind };
+            assert_eq!(format!("{event}"), format!("  12.000345 s  {text}"));
+        }
     }
 }

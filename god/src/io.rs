@@ -677,4 +677,217 @@ mod tests {
         assert_eq!(run(&io, io.write(b"z")), Some(((), 0)));
         assert_eq!(io.pop_tx(), Some(b'z'));
     }
+
+    fn text(io: &Io) -> std::string::String {
+        core::iter::from_fn(|| io.pop_tx()).map(char::from).collect()
+    }
+
+    #[test]
+    fn byte_3_is_abort_outside_of_packets_and_raw_mode() {
+        let io = Io::default();
+        assert!(io.is_abort(ABORT) && !io.is_abort(b'C'));
+        io.push_rx(b'C');
+        assert!(io.is_abort(ABORT), "within a line");
+        io.push_rx(b'\r');
+        io.push_rx(0);
+        assert!(!io.is_abort(ABORT) && !io.is_abort(b'C'), "in a packet");
+        io.interrupt();
+        io.enter_raw();
+        assert!(io.is_raw() && !io.is_abort(ABORT) && !io.is_abort(b'C'));
+        io.leave_raw();
+        assert!(!io.is_raw() && io.is_abort(ABORT));
+    }
+
+    #[test]
+    fn io_is_drained_when_all_is_read_in_both_directions() {
+        let io = Io::default();
+        assert!(io.is_drained());
+        io.push_rx(b'C');
+        assert!(!io.is_drained(), "not read by GOD");
+        assert_eq!(run(&io, io.read(NEVER)), Some((Some(b'C'), 0)));
+        assert!(io.is_drained());
+        assert!(run(&io, io.write(b"y")).is_some());
+        assert!(!io.is_drained(), "not read by the host");
+        assert_eq!(text(&io), "y");
+        assert!(io.is_drained());
+        io.abort();
+        assert!(!io.is_drained(), "^C is not handled");
+    }
+
+    #[test]
+    fn bytes_and_frames_without_room_are_lost_and_counted() {
+        let io = Io::default();
+        for count in 0..RX {
+            assert_eq!((io.rx_room(), io.lost()), (RX - count, 0));
+            io.push_rx(b'x');
+        }
+        io.push_rx(b'y');
+        io.push_rx(b'y');
+        assert_eq!((io.rx_room(), io.lost()), (0, 2));
+        (0..FRAMES).for_each(|_| io.push_frame(&frame()));
+        assert_eq!(io.lost(), 2);
+        io.push_frame(&frame());
+        assert_eq!(io.lost(), 3);
+        assert_eq!(core::iter::from_fn(|| io.try_receive()).count(), FRAMES);
+    }
+
+    #[test]
+    fn lost_byte_of_a_packet_discards_the_rest_but_a_lost_byte_of_text_does_not() {
+        for (bytes, is_discarding) in
+            [(&b"x"[..], false), (b"\r", false), (b"\r\x00", true), (b"\r\x00\x01", true)]
+        {
+            let io = Io::default();
+            (1..RX).for_each(|_| io.push_rx(b'x'));
+            bytes.iter().for_each(|&byte| io.push_rx(byte));
+            io.push_rx(b'\x01');
+            assert_eq!(io.framing.get().is_discarding(), is_discarding, "{bytes:?}");
+        }
+    }
+
+    #[test]
+    fn full_queue_keeps_a_packet_open() {
+        let io = Io::default();
+        (2..RX).for_each(|_| io.push_rx(b'x'));
+        io.push_rx(b'\r');
+        io.push_rx(0);
+        assert_eq!(io.rx_room(), 0);
+        let mut god = pin!(io.wait_until::<()>(NEVER, || None));
+        for at_us in [0, 1000, 100_000] {
+            assert_eq!(
+                poll(god.as_mut(), &io, at_us),
+                at_us + framing::SILENCE_US,
+                "its owner holds the rest"
+            );
+        }
+        while io.try_read_rx() != Some(Rx::Head(0)) {}
+        assert_eq!(poll(god.as_mut(), &io, 100_001), 100_000 + framing::SILENCE_US);
+        assert_eq!(poll(god.as_mut(), &io, 119_999), 120_000);
+        assert!(io.framing.get().is_open());
+        assert_eq!(poll(god.as_mut(), &io, 120_000), NEVER);
+        assert_eq!((io.framing.get().is_open(), io.try_read_rx()), (false, Some(Rx::Broken)));
+    }
+
+    #[test]
+    fn texts_are_written_whole_and_in_order() {
+        let io = Io::default();
+        let long: std::vec::Vec<u8> = (0..3 * TEXT + 5).map(|i| b'a' + (i % 26) as u8).collect();
+        assert!(run(&io, io.write(&long)).is_some());
+        assert_eq!(text(&io).as_bytes(), long);
+        let room = |left: usize| {
+            let io = Io::default();
+            assert!((0..TX - left).all(|_| io.try_write(b"x")));
+            io
+        };
+        assert!(room(2).try_write(b"yz"));
+        let io = room(1);
+        assert!(!io.try_write(b"yz"));
+        assert_eq!(text(&io).len(), TX - 1, "nothing of it");
+        for (left, kept) in [(TEXT, TX - TEXT), (TEXT - 1, 0)] {
+            let io = room(left);
+            io.discard_full_output();
+            assert_eq!(text(&io).len(), kept, "room for {left}");
+        }
+        let io = Io::default();
+        assert!(run(&io, io.print(format_args!("{:>1$}{2}", 'x', TEXT, "cut off"))).is_some());
+        assert_eq!(text(&io).len(), TEXT);
+    }
+
+    #[test]
+    fn wait_ends_at_its_deadline_and_poll_returns_the_earliest() {
+        let io = Io::default();
+        io.now_us.set(500);
+        assert_eq!(io.after_us(300), 800);
+        assert_eq!(run(&io, io.wait_until::<()>(7500, || None)), Some((None, 7000)));
+        assert_eq!(run(&io, io.wait_until(0, || Some(5))), Some((Some(5), 0)), "ready wins");
+        let io = Io::default();
+        let mut god = pin!(join(io.sleep_until(30), join(io.sleep_until(20), io.sleep_until(40))));
+        for (now_us, next_us) in [(10, 20), (20, 30), (29, 30), (30, 40), (39, 40), (40, NEVER)] {
+            assert_eq!(poll(god.as_mut(), &io, now_us), next_us, "{now_us}");
+            if now_us == 40 {
+                return;
+            }
+        }
+    }
+
+    #[test]
+    fn poll_says_what_god_waits_for() {
+        let io = Io::default();
+        for (has_reports_due, expected) in [(false, (true, false)), (true, (true, true))] {
+            let mut god = pin!(io.wait_until::<()>(NEVER, || io.wait_for_line(has_reports_due)));
+            poll(god.as_mut(), &io, 0);
+            assert_eq!((io.waits_for_line(), io.has_reports_due()), expected);
+        }
+        poll(pin!(io.sleep_until(5)), &io, 0);
+        assert!(!io.waits_for_line() && !io.has_reports_due(), "it runs a command");
+    }
+
+    #[test]
+    fn second_half_of_a_line_end_is_none() {
+        let io = Io::default();
+        let ends: std::vec::Vec<bool> = [b'\r', b'\n', b'\r', b'\r', b'\n', b'\n', b'\r', b'x', b'\n']
+            .map(|byte| io.is_second_line_end(Some(byte).filter(|&byte| byte != b'x')))
+            .into();
+        assert_eq!(ends, [false, true, false, false, true, false, true, false, false]);
+    }
+
+    #[test]
+    fn hang_up_drops_output_and_is_taken_once() {
+        let io = Io::default();
+        assert!(!io.take_hang_up());
+        assert!(run(&io, io.write(b"y")).is_some());
+        io.push_rx(b'C');
+        io.hang_up();
+        assert_eq!((text(&io).as_str(), io.rx_room()), ("", RX));
+        assert!(io.take_hang_up() && !io.take_hang_up());
+        assert!(io.take_abort() && !io.take_abort());
+    }
+
+    #[test]
+    fn raw_bytes_that_are_unread_become_lines_and_packets() {
+        let io = Io::default();
+        io.enter_raw();
+        b"A\x03\r\x00\x01".iter().for_each(|&byte| io.push_rx(byte));
+        io.leave_raw();
+        assert!(io.take_abort(), "^C voids what precedes it");
+        let read: std::vec::Vec<Rx> = core::iter::from_fn(|| io.try_read_rx()).collect();
+        assert_eq!(read, [Rx::Text(b'\r'), Rx::Head(0), Rx::Data(1)]);
+        io.interrupt();
+        io.take_abort();
+        io.push_rx(b'A');
+        io.leave_raw();
+        assert_eq!(io.rx_room(), RX - 1, "it was not raw");
+    }
+
+    #[test]
+    fn abort_drops_work_even_by_itself_unless_it_is_done() {
+        let io = Io::default();
+        assert_eq!(run(&io, unless_aborted(&io, async { 5 })), Some((Some(5), 0)));
+        let aborting = async {
+            io.abort();
+            5
+        };
+        assert_eq!(run(&io, unless_aborted(&io, aborting)), Some((Some(5), 0)), "done");
+        assert_eq!(run(&io, unless_aborted(&io, async { 5 })), Some((None, 0)), "aborted before");
+        io.take_abort();
+        let waiting = async {
+            io.abort();
+            io.sleep_until(NEVER).await;
+        };
+        assert_eq!(run(&io, unless_aborted(&io, waiting)), Some((None, 0)));
+    }
+
+    #[test]
+    fn background_runs_as_long_as_the_work() {
+        let (io, count) = (Io::default(), Cell::new(0));
+        let background = async {
+            loop {
+                count.set(count.get() + 1);
+                io.sleep_until(io.after_us(2000)).await;
+            }
+        };
+        assert_eq!(run(&io, with_background(background, io.sleep_until(5000))), Some(((), 5000)));
+        assert_eq!(count.get(), 3, "at 0, 2 and 4 ms");
+        assert_eq!(run(&io, join(async { 1 }, io.sleep_until(9000))), Some(((1, ()), 4000)));
+        assert_eq!(run(&io, join(io.sleep_until(19_000), async { 2 })), Some((((), 2), 10_000)));
+    }
 }

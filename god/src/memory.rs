@@ -274,4 +274,35 @@ mod tests {
     fn command_that_saves_nothing_does_not_wait() {
         assert_eq!(type_line("PSET LFT 0", None), ("\r\n\r=> ".into(), 0));
     }
+
+    #[test]
+    fn owner_gets_each_change_once() {
+        let memory = Memory::new(Stored { serial: 7, ..Stored::default() });
+        assert_eq!((memory.stored().serial, memory.changed()), (7, None));
+        memory.note(|stored| stored.up_seconds = 9);
+        let expected = Stored { serial: 7, up_seconds: 9, ..Stored::default() };
+        assert_eq!((memory.changed(), memory.changed()), (Some(expected.clone()), None));
+        assert_eq!(memory.update(|stored| stored.up_seconds), 9);
+        assert_eq!((memory.changed(), memory.stored()), (Some(expected.clone()), expected));
+        memory.written(true);
+        assert!(!memory.wants_write());
+    }
+
+    #[test]
+    fn defaults_of_motors_are_those_of_the_table() {
+        let Parameters { motors, hand } = Parameters::default();
+        for motor in crate::Motors::ALL.iter() {
+            let of = motors[motor.index()];
+            assert_eq!(of, MotorParameters::defaults(motor));
+            assert_eq!((of.value(Kept::Lcv), of.value(Kept::Lcvc), of.value(Kept::Lct)), (1, 8, 0));
+        }
+        assert_eq!(
+            (motors[0].as_set, motors[3].as_set),
+            ([8500, 1400, 18_200, 200, 0], [1575, 800, 9300, 200, 0])
+        );
+        assert_eq!(
+            (hand.baud, hand.lft, hand.otemp, hand.lfdpd, hand.compat_262),
+            (96, false, -551, false, false)
+        );
+    }
 }

@@ -297,4 +297,33 @@ mod tests {
         );
         assert_eq!(prefix("X13").select(enabled).motors().bits(), 0b101);
     }
+
+    #[test]
+    fn motors_are_sets() {
+        let motor = |number| Motor::new(number).expect("a motor");
+        for number in 1..=7 {
+            let only = Motors::only(motor(number));
+            assert_eq!((only.bits(), only.len(), only.is_empty()), (1 << (number - 1), 1, false));
+            assert_eq!(only.with(motor(number)), only);
+            assert_eq!(
+                (only.without(motor(number)), Motors::NONE.without(motor(number))),
+                Default::default()
+            );
+            assert_eq!(motor(number).node().number(), number);
+            assert_eq!(motor(number).index(), usize::from(number) - 1);
+        }
+        assert_eq!((Motor::new(0), Motor::new(8), motor(4).tip(), motor(4).link()), (None, None, None, None));
+        assert_eq!((motor(3).tip(), motor(7).link()), (Some(motor(7)), Some(motor(3))));
+        assert_eq!((motor(5).tip(), motor(1).link()), (None, None));
+        let kinds = [1, 3, 4, 5, 7].map(|number| motor(number).kind());
+        assert_eq!(kinds, [1, 1, 2, 3, 3].map(|code| MotorKind::from_code(code).expect("a kind")));
+        let (low, some) = (Motors::LINKS.union(Motors::SPREAD), Motors(0b110_1010));
+        assert_eq!(low.union(some).bits(), 0b110_1111);
+        assert_eq!(low.intersection(some).bits(), 0b000_1010);
+        assert_eq!(low.difference(some).bits(), 0b000_0101);
+        assert_eq!((some.len(), Motors::ALL.len(), Motors::NONE.len()), (4, 7, 0));
+        assert_eq!((some.tips().bits(), some.links().bits()), (0b010_0000, 0b000_0110));
+        assert_eq!(some.iter().map(Motor::number).collect::<std::vec::Vec<_>>(), [2, 4, 6, 7]);
+        assert_eq!(some.iter().collect::<Motors>(), some);
+    }
 }

@@ -159,4 +159,15 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn travel_that_just_reaches_its_cruise_velocity_takes_twice_its_ramp() {
+        // ACCEL 1024 is 1 count/ms²: 1000 counts/s after 1 ms.
+        let travel = |distance| Travel { distance, accel: 1024, velocity: 1000 };
+        assert_eq!(travel(1).duration_us(), Some(2000));
+        assert_eq!(travel(2).duration_us(), Some(3000));
+        assert_eq!(Travel { velocity: 500, ..travel(1) }.duration_us(), Some(2500));
+        assert_eq!(Travel { accel: 2048, ..travel(1) }.duration_us(), Some(1250));
+        assert_eq!(Travel { velocity: 2000, ..travel(1) }.duration_us(), Some(2000), "a triangle");
+    }
 }

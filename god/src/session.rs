@@ -223,3 +223,92 @@ fn set<T: Copy>(all: &Cell<[T; COUNT]>, motor: Motor, value: T) {
 fn get<T: Copy + Default>(all: &Cell<[T; COUNT]>, motor: Motor) -> T {
     all.get().get(motor.index()).copied().unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Call = fn(&Session);
+
+    const LINK: Motors = Motors::LINKS;
+    const TIP: Motors = Motors::TIPS;
+    const NONE: Motors = Motors::NONE;
+
+    /// Moving, of these holding, pressing, watched, steered.
+    fn all(session: &Session) -> [Motors; 5] {
+        let Stopping { motors, holding } = session.moving();
+        [motors, holding, session.pressing(), session.watched(), session.steered()]
+    }
+
+    #[test]
+    fn each_activity_ends_by_its_own_call_alone() {
+        let begun: [(Call, [Motors; 5]); 5] = [
+            (|of| of.begin_motion(LINK, NONE), [LINK, NONE, NONE, NONE, NONE]),
+            (|of| of.begin_motion(LINK, Motors::ALL), [LINK, LINK, NONE, NONE, NONE]),
+            (|of| of.press(LINK), [NONE, NONE, LINK, NONE, NONE]),
+            (|of| of.watch(LINK), [NONE, NONE, NONE, LINK, NONE]),
+            (|of| of.steer(LINK), [NONE, NONE, NONE, NONE, LINK]),
+        ];
+        let ended: [(Call, &[usize]); 4] = [
+            (|of| of.end_motion(Motors::ALL), &[0, 1]),
+            (|of| of.cease_pressing(Motors::ALL), &[2]),
+            (|of| of.unwatch(Motors::ALL), &[3]),
+            (|of| _ = of.take_host_moved(), &[3, 4]),
+        ];
+        for (at, (begin, expected)) in begun.iter().enumerate() {
+            for (end, ends) in &ended {
+                let session = Session::default();
+                begin(&session);
+                assert_eq!(all(&session), *expected);
+                end(&session);
+                let left = if ends.contains(&at) { [NONE; 5] } else { *expected };
+                assert_eq!(all(&session), left, "{at}");
+            }
+        }
+        let session = Session::default();
+        session.begin_motion(Motors::ALL, LINK);
+        session.watch(Motors::SPREAD);
+        session.steer(Motors::only(Motor::SPREAD).union(TIP));
+        session.watch(Motors::SPREAD);
+        assert_eq!(all(&session), [LINK, LINK, NONE, Motors::SPREAD, TIP]);
+        assert_eq!(session.take_host_moved(), Motors::SPREAD.union(TIP));
+    }
+
+    #[test]
+    fn values_belong_to_one_motor_or_property() {
+        let session = Session::default();
+        let [first, last] = [1, 7].map(|number| Motor::new(number).expect("a motor"));
+        session.set_result(last, Status::FAULT);
+        session.set_reported(first, -5);
+        assert_eq!([first, last].map(|motor| session.result(motor)), [Status::OK, Status::FAULT]);
+        assert_eq!([first, last].map(|motor| session.reported(motor)), [-5, 0]);
+        for (value, property) in (1..).zip(OVERRIDABLE) {
+            session.overridden(property).set(Answers::uniform(Motors::ALL, value));
+        }
+        for (value, property) in (1..).zip(OVERRIDABLE) {
+            assert_eq!(session.overridden(property).get().get(last), Some(value), "{property:?}");
+        }
+    }
+
+    #[test]
+    fn host_that_disconnects_is_forgotten() {
+        let session = Session::default();
+        assert!(!session.packets() && !session.passes());
+        session.passes_packet(0, 5);
+        assert_eq!((session.passes(), session.awaited()), (true, (0, 0)));
+        session.passes_packet(2, 7);
+        session.passes_packet(1, 9);
+        session.passes_packet(0, 11);
+        assert_eq!(session.awaited(), (3, 9));
+        session.answered();
+        assert_eq!(session.awaited(), (2, 9));
+        session.set_packets(true);
+        session.set_recording(Some(3));
+        assert_eq!((session.packets(), session.recording()), (true, Some(3)));
+        session.forget_host();
+        assert_eq!((session.packets(), session.passes(), session.recording()), (false, false, None));
+        assert_eq!(session.awaited(), (0, 0));
+        session.answered();
+        assert_eq!(session.awaited(), (0, 0), "an answer that nobody awaits");
+    }
+}

@@ -1,4 +1,7 @@
-//! GOD with boards that a test scripts, for unit tests.
+//! GOD with boards that a test scripts, for unit tests: single lines here, transcripts of a whole hand in [`transcript`].
+
+mod board;
+mod transcript;
 
 use core::pin::pin;
 use std::string::String;

@@ -304,14 +304,26 @@ mod tests {
             prop_assert!(error.abs() <= 1 << 31, "{error}");
         }
 
+        /// n and d lose up to four bits, 16 units of n each, and the last digit is rounded down: d/2^32, up to 8.
         #[test]
-        fn ratio_is_within_32_units_of_n(
+        fn ratio_is_within_40_units_of_n(
             n in runs(), d in runs(), shift in (7..64_u32, 29..58_u32),
         ) {
             let (n, d) = (n >> shift.0, (d >> shift.1).max(64));
             let exact = (u128::from(n) << 32) / u128::from(d);
             let ratio = u128::from(ratio_q32(n, d));
-            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 32, "{ratio} {exact}");
+            prop_assert!(ratio <= exact || ratio == u128::from(u64::MAX), "{ratio} {exact}");
+            prop_assert!(exact >> 63 != 0 || (ratio.abs_diff(exact) * u128::from(d)) >> 32 < 40, "{ratio} {exact}");
+        }
+
+        /// Large enough that the rounded divisor makes the quotient too small.
+        #[test]
+        fn ratio_of_large_numbers_is_within_40_units_of_n(n in 1_u64 << 62.., d in 1_u64 << 32..1 << 35) {
+            let exact = (u128::from(n) << 32) / u128::from(d);
+            let ratio = u128::from(ratio_q32(n, d));
+            prop_assert!(exact >> 63 != 0 || ratio <= exact, "{ratio} {exact}");
+            let most = 2 * 16 + u128::from(d >> 32);
+            prop_assert!(exact >> 63 != 0 || ((exact - ratio) * u128::from(d)) >> 32 <= most, "{ratio} {exact}");
         }
 
         #[test]
@@ -354,5 +366,15 @@ mod tests {
             assert_eq!(isqrt_q52(x), x.isqrt() << 6, "{x:x}");
         }
         assert_eq!(next_tick(u64::MAX), (u32::MAX, 1));
+    }
+
+    #[test]
+    fn conversions_saturate_at_their_bounds_only() {
+        for x in [i32::MIN, -32_769, -32_768, -1, 0, 1, 32_766, 32_767, 32_768, i32::MAX] {
+            assert_eq!(i32::from(saturating_i16(x)), x.clamp(-32_768, 32_767));
+        }
+        for x in [0, 1, u32::MAX / 2, u32::MAX / 2 + 1, u32::MAX] {
+            assert_eq!(i64::from(saturating_signed(x)), i64::from(x).min(i32::MAX.into()));
+        }
     }
 }

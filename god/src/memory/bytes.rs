@@ -389,4 +389,38 @@ mod tests {
         old.extend(crc(&old).to_le_bytes());
         assert_eq!(Stored::from_bytes(&old), Ok(stored));
     }
+
+    #[test]
+    fn layout_is_the_tables() {
+        assert_eq!(LEN, 2 + 7 * 30 + 7 + 20 * 29 + 6 * 151 + 10 + 4);
+        let mut stored =
+            Stored { serial: 0x0102_0304, peak_temperature: -2, up_seconds: 5, ..Stored::default() };
+        stored.macros[1] = Some([1, 2, 3, 4, 5, 6, -7]);
+        stored.sequences[0] = String::try_from("C\r").unwrap();
+        let bytes = stored.to_bytes();
+        assert_eq!(bytes[..12], [2, 0, 1, 8, 1, 1, 8, 1, 1, 1, 1, 0]);
+        assert_eq!(bytes[12..20], [0x34, 0x21, 0, 0, 0x78, 5, 0, 0], "DP 8500, DS 1400");
+        assert_eq!(bytes[212..219], [96, 0, 0, 0xD9, 0xFD, 0, 0], "BAUD 96, LFT 0, OTEMP -551");
+        assert_eq!(bytes[219 + 29..][..9], [1, 1, 0, 0, 0, 2, 0, 0, 0]);
+        assert_eq!(bytes[219 + 580..][..5], [2, b'C', b'\r', 0, 0]);
+        assert_eq!(bytes[LEN - 14..LEN - 4], [4, 3, 2, 1, 0xFE, 0xFF, 5, 0, 0, 0]);
+    }
+
+    #[test]
+    fn damage_is_explained() {
+        for (damage, text) in [
+            (Damaged::Length { found: 3 }, std::format!("3 bytes, expected {LEN}")),
+            (
+                Damaged::Version { found: 7 },
+                "written as version 7, expected 2; delete it to begin with defaults".into(),
+            ),
+            (
+                Damaged::Crc { found: 1, expected: 2 },
+                "the CRC-32 is 0x00000001, but the bytes say 0x00000002".into(),
+            ),
+            (Damaged::Value { of: "LCV" }, "the value of LCV is out of range".into()),
+        ] {
+            assert_eq!(std::format!("{damage}"), text);
+        }
+    }
 }

@@ -244,4 +244,114 @@ mod tests {
         opening.link_stalled(Finger { link: 0, link_velocity: 0, tip: 0, wanted: -100 });
         assert_eq!(opening, Follower::new(0, 0), "at its open stop");
     }
+
+    const fn at(link: i64, link_velocity: i64, tip: i64, wanted: i64) -> Finger {
+        Finger { link, link_velocity, tip, wanted }
+    }
+
+    /// e = 13·link − 49·tip (+ lead), v = (13·v_link + 10·e + 30·∫e/1000)/49.
+    #[test]
+    fn step_is_the_law_of_the_head_of_this_file() {
+        let finger = at(49, 98, 10, 500);
+        for (step_us, integral_ms) in [(10_000, 10), (20_000, 20), (50_000, 50), (50_999, 50), (70_000, 50)] {
+            let mut follower = Follower::new(0, 0);
+            for count in 1..=3 {
+                let expected = (13 * 98 + 10 * 147 + 30 * 147 * integral_ms * count / 1000) / 49;
+                assert_eq!(follower.step(finger, step_us), expected, "{step_us} {count}");
+            }
+        }
+        // 3 counts of lead at the start stay: e is 3 counts less.
+        let mut leading = Follower::new(7, 5);
+        assert_eq!(leading.step(at(7, 0, 5, 100), STEP_US), 0);
+        assert_eq!(leading.step(at(7 + 49, 0, 5, 300), STEP_US), (10 * 637 + 30 * 6370 / 1000) / 49);
+        assert_eq!(leading.step(at(7, 0, 5 + 2, 100), STEP_US), (-10 * 98 + 30 * (6370 - 980) / 1000) / 49);
+    }
+
+    #[test]
+    fn standing_link_leaves_less_than_a_count() {
+        // 13 · 15 − 49 · 3 is 48; a count is 49.
+        for (finger, expected) in [
+            (at(15, 0, 3, 0), 0),
+            (at(-15, 0, -3, 0), 0),
+            (at(0, 0, -1, 0), (490 + 14) / 49),
+            (at(0, 0, 1, 0), -(490 + 14) / 49),
+            (at(15, 0, 3, 1), (480 + 14) / 49),
+        ] {
+            assert_eq!(Follower::new(0, 0).step(finger, STEP_US), expected, "{finger:?}");
+        }
+        let mut follower = Follower::new(0, 0);
+        follower.step(at(147, 0, 0, 1000), STEP_US);
+        follower.step(at(0, 0, 0, 0), STEP_US);
+        assert_eq!(follower.step(at(0, 0, 0, 1), STEP_US), 0, "the integral is empty");
+    }
+
+    #[test]
+    fn velocity_at_its_bound_does_not_wind_up() {
+        for (wanted, bound) in [(0, SETTLE), (-30, SETTLE), (99, SETTLE), (101, 101), (-250, 250)] {
+            let mut follower = Follower::new(0, 0);
+            for _ in 0..20 {
+                assert_eq!(follower.step(at(490, 0, 0, wanted), STEP_US), bound, "{wanted}");
+            }
+            assert_eq!(follower.integral, 0, "{wanted}");
+            assert_eq!(Follower::new(0, 0).step(at(-490, 0, 0, wanted), STEP_US), -bound, "{wanted}");
+        }
+    }
+
+    #[test]
+    fn blocked_tip_keeps_four_counts_of_lag_after_300_ms() {
+        // 13 counts, and 4.
+        for (link, kept) in [(49, 4 * 49), (-49, -4 * 49), (14, 13 * 14)] {
+            let mut follower = Follower::new(0, 0);
+            let finger = at(link, 0, 0, 1000);
+            for _ in 0..29 {
+                follower.step(finger, STEP_US);
+            }
+            assert_eq!(follower.error(finger), 13 * link, "290 ms");
+            follower.step(finger, STEP_US);
+            assert_eq!(follower.error(finger), kept, "300 ms");
+        }
+        let mut moving = Follower::new(0, 0);
+        for tip in 0..60 {
+            moving.step(at(490, 0, tip / 29, 1000), STEP_US);
+        }
+        assert_eq!(moving.error(at(490, 0, 0, 0)), 6370, "a count comes each 290 ms");
+    }
+
+    #[test]
+    fn tip_alone_goes_at_its_share_until_it_lags_or_the_link_moves() {
+        let stalled = at(100, 0, 20, 196);
+        let alone = || {
+            let mut follower = Follower::new(100, 20);
+            follower.link_stalled(stalled);
+            follower
+        };
+        // 13 · 196 counts/s for 10 ms are 25/49 counts.
+        let mut follower = alone();
+        assert_eq!(follower.step(stalled, STEP_US), (13 * 196 + 10 * 25 + 30 * 250 / 1000) / 49);
+        assert_eq!(follower.error(stalled), 25);
+        follower.step(stalled, STEP_US);
+        assert_eq!(follower.error(stalled), 50);
+        for _ in 0..27 {
+            follower.step(stalled, STEP_US);
+        }
+        assert_eq!(follower.error(stalled), 203, "no further than 196 and a step");
+        follower.link_stalled(at(100, 0, 20, 50));
+        assert_eq!(follower.error(stalled), 203, "it goes on");
+        for (finger, is_alone) in [
+            (at(101, 0, 20, 196), true),
+            (at(99, 0, 20, 196), true),
+            (at(102, 0, 20, 196), false),
+            (at(98, 0, 20, 196), false),
+            (at(100, 0, 20, 1), true),
+            (at(100, 0, 20, 0), false),
+            (at(100, 0, 20, -1), false),
+        ] {
+            let mut follower = alone();
+            follower.step(finger, STEP_US);
+            assert_eq!(follower.coupling != Coupling::Coupled, is_alone, "{finger:?}");
+        }
+        let mut standing = Follower::new(100, 20);
+        standing.link_stalled(at(100, 0, 20, 0));
+        assert_eq!(standing.coupling, Coupling::Coupled, "nothing is wanted of the link");
+    }
 }

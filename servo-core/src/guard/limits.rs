@@ -385,4 +385,47 @@ mod tests {
             prop_assert!(bounded.limit == Some(LimitCause::Duty) || bounded.torque.saturating_abs() <= most);
         }
     }
+
+    /// T + E is the voltage across the motor. Beyond 25 V on the bus, none that would return power to it.
+    #[test]
+    fn braking_that_would_raise_the_bus_further_takes_no_power_from_the_rotor() {
+        let high = MilliVolts(supply::RETURN_FROM.0 + 3000);
+        for speed in [300, -300] {
+            let turned = if speed > 0 { -1 } else { 1 };
+            let at = |bus| envelope(990, speed, bus).bound(Torque(turned * 100), Torque(turned * 100));
+            let (calm, raised) = (at(BUS), at(high));
+            assert_eq!((calm.torque, calm.limit), (Torque(turned * 100), None));
+            assert_eq!(raised.limit, Some(LimitCause::Duty), "{raised:?}");
+            // The voltage across the motor is what `supply` allows.
+            let emf = emf(CountsPerSec::from_int(speed));
+            let volts = supply::without_return(i32::from(turned) * 100 + emf, i32::from(turned) * 100, high);
+            assert_eq!(i32::from(raised.torque.0), volts - emf);
+            assert!(raised.torque.0.abs() > 100, "more braking: {raised:?}");
+            assert!(raised.duty.0.to_bits().abs() < calm.duty.0.to_bits().abs(), "at a lower duty");
+        }
+    }
+
+    /// Less torque than the rise allows would need a voltage of the other sign: then none is applied.
+    #[test]
+    fn torque_that_rises_slowly_keeps_the_sign_of_its_voltage() {
+        for (wanted, previous, speed) in
+            [(900, 0, 0), (900, 0, 200), (900, 0, -200), (900, 0, -900), (-900, 0, 900)]
+        {
+            for sign in [1, -1] {
+                let (wanted, speed) = (sign * wanted, sign * speed);
+                let envelope = envelope(990, speed, BUS);
+                let bounded = envelope.bound(Torque(wanted), Torque(previous));
+                let emf = emf(CountsPerSec::from_int(speed));
+                let risen =
+                    supply::risen(i32::from(wanted).clamp(envelope.low, envelope.high), previous.into());
+                let expected =
+                    if (risen + emf).signum() == i32::from(wanted.signum()) { risen } else { -emf };
+                assert_eq!(i32::from(bounded.torque.0), expected, "{wanted} at {speed}");
+                assert_eq!(bounded.limit, Some(LimitCause::Supply), "{wanted} at {speed}");
+            }
+        }
+        // Braking draws nothing, however suddenly.
+        let braking = envelope(990, 500, BUS).bound(Torque(-400), Torque::ZERO);
+        assert_eq!((braking.torque, braking.limit), (Torque(-400), None));
+    }
 }

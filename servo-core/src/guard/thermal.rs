@@ -444,4 +444,19 @@ mod tests {
         }
         assert!(thermal.winding(WARM).0 - WARM.0 <= 3, "cools down again");
     }
+
+    #[test]
+    fn new_hot_mark_is_looked_at_next_and_delays_no_judgment() {
+        for (before, marked) in [(false, true), (true, false), (true, true), (false, false)] {
+            let mut thermal = at(400, 700);
+            thermal.marked = before;
+            for _ in 0..5 {
+                thermal.add(Torque::ZERO);
+            }
+            let due = thermal.due;
+            thermal.set_marked(marked);
+            assert_eq!(thermal.marked, marked);
+            assert_eq!(thermal.due, if before == marked { due } else { due | LOOK });
+        }
+    }
 }

@@ -160,4 +160,25 @@ mod tests {
             prop_assert!(integral_was_clamped || (next.0 - torque).abs() <= 1, "{next:?} after {torque}");
         }
     }
+
+    /// At the end of its range exactly, the integral still takes a step; beyond it pauses, but for an error of the other sign.
+    #[test]
+    fn integral_pauses_beyond_the_end_of_the_range() {
+        let pid = law(60, 800, 0);
+        for (sign, end) in [(1, LIMIT), (-1, LIMIT.saturating_neg())] {
+            let error = Law::from_num(sign);
+            let (direct, increment) = (pid.direct(error, Law::ZERO), mul_clamped(pid.ki, error));
+            let delta = Law::DELTA * sign;
+            assert!(direct.abs() > increment.abs() && increment != Law::ZERO);
+            for (beyond, moves) in [(-delta, true), (Law::ZERO, true), (delta, false)] {
+                let from = end.to_fixed() - direct + beyond;
+                let mut state = PidState { integral: from };
+                assert_eq!(pid.step(&mut state, error, Law::ZERO, RANGE), end);
+                assert_eq!(state.integral, if moves { from + increment } else { from }, "{sign} {beyond}");
+            }
+            let mut state = PidState { integral: end.to_fixed() };
+            let _ = pid.step(&mut state, -error, Law::from_num(sign * 200), RANGE);
+            assert_eq!(state.integral, end.to_fixed() - increment, "back");
+        }
+    }
 }

@@ -9,6 +9,7 @@ use proptest::prelude::*;
 mod entries;
 mod homing;
 mod host;
+mod motions;
 mod stalls;
 
 #[derive(Clone, Copy, Debug)]

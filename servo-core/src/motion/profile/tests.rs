@@ -193,3 +193,19 @@ fn highest_accel_is_a_velocity_step() {
     assert_eq!(velocities, [4000, 4000, 0].map(CountsPerSec::from_int));
     assert!(profile.current().done, "10 counts at 4 counts/ms: 2.5 ms and 1 µs for each ramp");
 }
+
+#[test]
+fn set_point_is_done_only_at_its_end() {
+    let mut still = moving(5, 5, limits(30, 1000), 0);
+    assert!(still.current().done, "it is there already");
+    assert!(still.step().done && still.ticks() == 0);
+    let stuck = moving(5, 6, limits(0, 1000), 0);
+    assert!(!stuck.current().done, "ACCEL 0 never moves");
+    // On the way, where it happens to be.
+    let mut passing = moving(0, 100, limits(30, 1000), 100);
+    let here = passing.current().position;
+    passing.plan(here, &limits(30, 1000).build());
+    assert!(!passing.current().done, "it cannot stop there");
+    assert!(land(&mut passing, 1000).is_some_and(|ticks| ticks > 100), "it overshoots and returns");
+    assert_eq!(passing.current().position, here);
+}

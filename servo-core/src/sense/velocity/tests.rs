@@ -1,3 +1,5 @@
+mod reference;
+
 use super::*;
 use crate::sense::hall::Direction;
 use proptest::prelude::*;
@@ -186,6 +188,29 @@ fn reversal_passes_through_zero_and_bounce_is_undone() {
     assert_eq!(e.at(Micros(90_000)).0.round(), count);
     feed(&mut e, &mut count, -1, [94_000]);
     assert!((velocity(&mut e, 94_000) + 250).abs() < 30);
+}
+
+#[test]
+fn stamps_up_to_10_ms_out_of_order_are_simultaneous() {
+    for earlier in [0, 5000, u32::MAX] {
+        let since = |us: u32| since(Micros(earlier), Micros(earlier.wrapping_add(us)));
+        assert_eq!([0, 1, 300_000].map(since), [0, 1, 300_000]);
+        assert_eq!([1, 9999, 10_000].map(|us: u32| since(us.wrapping_neg())), [0; 3]);
+        assert_eq!(since(10_001_u32.wrapping_neg()), u32::MAX - 10_000);
+    }
+}
+
+#[test]
+fn quiet_is_the_time_since_the_last_step_up_to_standstill() {
+    let (mut e, mut count) = (Estimator::<18>::new(7), 7);
+    assert_eq!((e.quiet(Micros(5)), e.count()), (STANDSTILL, 7));
+    feed(&mut e, &mut count, 1, [1000, 3000]);
+    assert_eq!(e.count(), 9);
+    for (now, quiet) in
+        [(3000, 0), (2900, 0), (3001, 1), (302_999, 299_999), (303_000, 300_000), (1_000_000, 300_000)]
+    {
+        assert_eq!(e.quiet(Micros(now)), Micros(quiet), "{now}");
+    }
 }
 
 /// From rest, with exact edges. The velocity error from the fourth edge on, as a lag in time.

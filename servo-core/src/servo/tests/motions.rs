@@ -1,0 +1,620 @@
+//! What each motion means for mode, guards and limits, by tables over all motions.
+
+use super::*;
+use crate::guard::fault::LimitCause;
+
+fn at(position: i32) -> PositionLoop {
+    PositionLoop::at_rest(Counts::from_int(position), PidState::default())
+}
+
+fn moving(position: i32, velocity: i16) -> PositionLoop {
+    let velocity = CountsPerSec::from_int(velocity);
+    PositionLoop { setpoint: SetPoint { velocity, ..at(position).setpoint }, pid: PidState::default() }
+}
+
+fn to_end(control: PositionLoop) -> Motion {
+    let profile = Profile::at_rest(control.setpoint.position);
+    Motion::Move { control, profile, breakaway: Breakaway::default(), arrival: Arrival::default() }
+}
+
+fn to_zero(control: PositionLoop) -> Motion {
+    let profile = Profile::at_rest(control.setpoint.position);
+    Motion::Zero { control, profile, arrival: Arrival::default() }
+}
+
+const fn starting(goal: Goal) -> Motion {
+    Motion::Starting { goal, brake_ms: 0 }
+}
+
+const fn home(stage: Homing) -> Motion {
+    Motion::Home { stage, way: 0 }
+}
+
+type Change = fn(Config) -> Config;
+
+struct Row {
+    motion: Motion,
+    mode: Mode,
+    /// A host waits for its end.
+    awaited: bool,
+    /// A host closes its loop.
+    needs_host: bool,
+}
+
+fn rows() -> [Row; 21] {
+    let pid = PidState::default();
+    let of = |motion, mode, awaited, needs_host| Row { motion, mode, awaited, needs_host };
+    [
+        of(Motion::Idle, Mode::Idle, false, false),
+        of(starting(Goal::Torque(Torque(5))), Mode::Torque, false, true),
+        of(starting(Goal::Position { at: None, pid }), Mode::Pid, false, false),
+        of(starting(Goal::Velocity), Mode::Velocity, false, true),
+        of(starting(Goal::TorqueControlled { closing: true }), Mode::Velocity, true, false),
+        of(starting(Goal::Move { pid }), Mode::Trapezoidal, true, false),
+        of(starting(Goal::Find), Mode::Trapezoidal, true, false),
+        of(starting(Goal::SeekStop), Mode::Velocity, true, false),
+        of(starting(Goal::Zero), Mode::Trapezoidal, true, false),
+        of(Motion::Torque(Torque(5)), Mode::Torque, false, true),
+        of(Motion::Position(at(0)), Mode::Pid, false, false),
+        of(Motion::Velocity, Mode::Velocity, false, true),
+        of(Motion::TorqueControlled { closing: false }, Mode::Velocity, true, false),
+        of(Motion::Pressing { closing: true }, Mode::Velocity, false, false),
+        of(to_end(at(0)), Mode::Trapezoidal, true, false),
+        of(Motion::Field(Torque(5)), Mode::Trapezoidal, true, false),
+        of(home(Homing::Seek), Mode::Velocity, true, false),
+        of(home(Homing::Leave { closing: true }), Mode::Velocity, true, false),
+        of(home(Homing::Return { closing: true }), Mode::Velocity, true, false),
+        of(to_zero(at(0)), Mode::Trapezoidal, true, false),
+        of(to_zero(moving(0, 5)), Mode::Trapezoidal, true, false),
+    ]
+}
+
+#[test]
+fn motion_has_the_mode_and_the_host_that_it_needs() {
+    for Row { motion, mode, awaited, needs_host } in rows() {
+        assert_eq!(
+            (motion.mode(), motion.is_awaited(), motion.needs_host()),
+            (mode, awaited, needs_host),
+            "{motion:?}"
+        );
+        let has_loop = matches!(motion, Motion::Position(_) | Motion::Move { .. } | Motion::Zero { .. });
+        assert_eq!(motion.position_loop().is_some(), has_loop, "{motion:?}");
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.motion = motion;
+        let finding = matches!(motion, Motion::Field(_) | Motion::Starting { goal: Goal::Find, .. });
+        assert_eq!(bench.servo.is_finding(), finding, "{motion:?}");
+        assert_eq!(bench.servo.has_field(), matches!(motion, Motion::Field(_)), "{motion:?}");
+    }
+}
+
+/// TSTOP of HI is 250 ms at least, of everything else as it is set.
+#[test]
+fn stall_time_of_homing_has_a_floor() {
+    for Row { motion, .. } in rows() {
+        let homes = matches!(
+            motion,
+            Motion::Home { .. }
+                | Motion::Zero { .. }
+                | Motion::Starting { goal: Goal::SeekStop | Goal::Zero, .. }
+        );
+        for tstop in [0, 249, 251] {
+            let mut bench = Bench::new(Joint::Spread);
+            bench.servo.tuning.config.tstop = tstop;
+            bench.servo.motion = motion;
+            assert_eq!(bench.servo.tstop(), if homes { tstop.max(250) } else { tstop }, "{motion:?}");
+        }
+    }
+}
+
+/// The direction in which a missing count is a stall.
+#[test]
+fn motor_is_driven_where_its_motion_pushes() {
+    let driven = |motion, config: fn(Config) -> Config| {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.tuning.config = config(bench.servo.tuning.config);
+        bench.servo.motion = motion;
+        bench.servo.end = 7;
+        bench.servo.drives()
+    };
+    let same: fn(Config) -> Config = |config| config;
+    let opens: fn(Config) -> Config = |config| Config { ivel: 5, ..config };
+    let delta = Counts(fixed::types::I22F10::DELTA);
+    let short = PositionLoop::at_rest(Counts::from_int(1).wrapping_sub(delta), PidState::default());
+    for (motion, expected) in [
+        (Motion::Idle, None),
+        (starting(Goal::Velocity), None),
+        (Motion::Field(Torque(5)), None),
+        (Motion::Torque(Torque(5)), Some(true)),
+        (Motion::Torque(Torque(-5)), Some(false)),
+        (Motion::Torque(Torque(0)), None),
+        (Motion::TorqueControlled { closing: true }, Some(true)),
+        (Motion::Pressing { closing: false }, Some(false)),
+        (Motion::Velocity, None),
+        // A set-point a whole count ahead.
+        (Motion::Position(short), None),
+        (Motion::Position(at(1)), Some(true)),
+        (Motion::Position(at(2)), Some(true)),
+        (Motion::Position(at(-2)), Some(false)),
+        (to_end(at(2)), Some(true)),
+        (to_zero(at(-2)), Some(false)),
+        // IVEL of a spread is −200.
+        (home(Homing::Seek), Some(false)),
+        (home(Homing::Leave { closing: false }), Some(true)),
+        (home(Homing::Return { closing: false }), Some(false)),
+        (home(Homing::Leave { closing: true }), Some(false)),
+        (home(Homing::Return { closing: true }), Some(true)),
+    ] {
+        assert_eq!(driven(motion, same), expected, "{motion:?}");
+    }
+    assert_eq!(driven(home(Homing::Seek), opens), Some(true));
+    assert_eq!(driven(home(Homing::Leave { closing: true }), opens), Some(false));
+    // ACCEL 0 moves no set-point: by where the motion leads.
+    let stuck: fn(Config) -> Config = |config| Config { accel: 0, ioff: 3, ..config };
+    let stuck_back: fn(Config) -> Config = |config| Config { accel: 0, ioff: -3, ..config };
+    let stuck_here: fn(Config) -> Config = |config| Config { accel: 0, ioff: 0, ..config };
+    assert_eq!(driven(to_end(at(0)), stuck), Some(true), "E is 7");
+    assert_eq!(driven(to_zero(at(0)), stuck), Some(true));
+    assert_eq!(driven(to_zero(at(0)), stuck_back), Some(false));
+    assert_eq!(driven(to_zero(at(0)), stuck_here), Some(false));
+}
+
+/// The profile waits beyond six counts of lag, in the direction of its motion.
+#[test]
+fn set_point_waits_from_more_than_six_counts_of_lag() {
+    let delta = Counts(fixed::types::I22F10::DELTA);
+    let six = Counts::from_int(6);
+    for (control, lag, waits) in [
+        (moving(0, 5), six, false),
+        (moving(0, 5), six.wrapping_add(delta), true),
+        (moving(0, 5), six.wrapping_add(six).wrapping_neg(), false),
+        (at(0), six, false),
+        (at(0), six.wrapping_add(delta), true),
+        (moving(0, -5), six.wrapping_neg(), false),
+        (moving(0, -5), six.wrapping_add(delta).wrapping_neg(), true),
+        (moving(0, -5), six.wrapping_add(six), false),
+    ] {
+        assert_eq!(control.lag(lag.wrapping_neg()), lag);
+        assert_eq!(control.must_wait(lag.wrapping_neg()), waits, "{lag:?}");
+    }
+}
+
+/// In the cell of a resting set-point there is no position error.
+#[test]
+fn errors_are_those_of_set_point_and_rotor() {
+    let half = Counts(fixed::types::I22F10::ONE / 2);
+    let speed = CountsPerSec::from_int(30);
+    let (error, velocity_error) = at(3).errors(Counts::from_int(1), speed);
+    assert_eq!((error, velocity_error), (Law::from_num(2), Law::from_num(-30)));
+    let near = Counts::from_int(3).wrapping_sub(Counts(fixed::types::I22F10::ONE / 4));
+    assert_eq!(at(3).errors(near, CountsPerSec::ZERO).0, Law::ZERO, "in its cell");
+    assert_eq!(moving(3, 5).errors(near, CountsPerSec::ZERO), (Law::ONE / 4, Law::from_num(5)));
+    assert_eq!(
+        at(3).errors(Counts::from_int(2).wrapping_add(half.wrapping_neg()), speed).0,
+        Law::ONE * 3 / 2
+    );
+}
+
+/// Pressing: limited by something, and by more than friction.
+#[test]
+fn motor_presses_at_a_limit_with_more_than_friction() {
+    for (torque, limit, presses) in [
+        (63, Some(LimitCause::Torque), true),
+        (-63, Some(LimitCause::Current), true),
+        (62, Some(LimitCause::Torque), false),
+        (-62, Some(LimitCause::Torque), false),
+        (500, None, false),
+    ] {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.applied = AppliedTorque { torque: Torque(torque), limit, ..AppliedTorque::OFF };
+        assert_eq!(bench.servo.presses(), presses, "{torque} {limit:?}");
+    }
+}
+
+/// IHIT bounds the way to the stop; leaving it, MT does.
+#[test]
+fn homing_seeks_with_ihit_and_leaves_with_mt() {
+    for (motion, most) in [
+        (home(Homing::Seek), 250),
+        (home(Homing::Return { closing: true }), 250),
+        (home(Homing::Leave { closing: true }), 750),
+        (Motion::Velocity, 750),
+        (to_zero(at(0)), 750),
+    ] {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.motion = motion;
+        assert_eq!(bench.servo.torque_ceiling(), Torque(most), "{motion:?}");
+    }
+    for (ihit, mt, ivel, can) in [
+        (63, 63, 1, true),
+        (62, 750, 1, false),
+        (750, 62, 1, false),
+        (750, 750, 0, false),
+        (750, 750, -1, true),
+    ] {
+        let config = Config { ihit, mt, ivel, ..Joint::Spread.config() };
+        assert_eq!(Tuning::new(config, Torque(990)).can_home(), can, "{ihit} {mt} {ivel}");
+    }
+}
+
+#[test]
+fn velocity_goal_is_that_of_the_motion() {
+    for (motion, goal) in [
+        (Motion::Idle, 0),
+        (Motion::Torque(Torque(5)), 0),
+        (Motion::Field(Torque(5)), 0),
+        (Motion::Velocity, 33),
+        (starting(Goal::Velocity), 33),
+        (starting(Goal::Zero), 0),
+        (Motion::TorqueControlled { closing: true }, 900),
+        (Motion::Pressing { closing: false }, -800),
+        (starting(Goal::TorqueControlled { closing: false }), -800),
+        (home(Homing::Seek), -200),
+        (starting(Goal::SeekStop), -200),
+        (home(Homing::Leave { closing: false }), 200),
+        (Motion::Position(moving(0, 44)), 44),
+        (to_end(moving(0, -44)), -44),
+        (to_zero(moving(0, 44)), 44),
+    ] {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.tuning.config.mcv = 900;
+        bench.servo.tuning.config.mov = 800;
+        bench.servo.velocity_wanted = CountsPerSec::from_int(33);
+        bench.servo.motion = motion;
+        assert_eq!(bench.servo.velocity_goal(), CountsPerSec::from_int(goal), "{motion:?}");
+    }
+}
+
+/// T reads as commanded in mode 2 while no limit acts, else as applied.
+#[test]
+fn torque_reads_as_commanded_in_mode_2_unless_limited() {
+    for (motion, limit, torque) in [
+        (Motion::Torque(Torque(400)), None, 400),
+        (starting(Goal::Torque(Torque(400))), None, 400),
+        (Motion::Torque(Torque(400)), Some(LimitCause::Torque), 77),
+        (starting(Goal::Torque(Torque(400))), Some(LimitCause::Supply), 77),
+        (Motion::Velocity, None, 77),
+        (Motion::Idle, None, 77),
+    ] {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.motion = motion;
+        bench.servo.applied = AppliedTorque { torque: Torque(77), limit, ..AppliedTorque::OFF };
+        assert_eq!(bench.servo.torque(), Torque(torque), "{motion:?} {limit:?}");
+    }
+}
+
+/// Without a known direction of closing the motor may be right in itself and yet the mirror image.
+#[test]
+fn direction_is_trusted_only_with_a_known_wiring() {
+    for wired in [true, false] {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.set_wired(wired);
+        bench.servo.command(Command::Mode(Mode::Torque)).unwrap();
+        bench.servo.command(Command::Torque(Torque(300))).unwrap();
+        assert!((0..500).any(|_| bench.tick().duty.is_some_and(|duty| duty.0 > 0)), "the brake releases");
+        for count in 1..=30 {
+            bench.tick_to(count);
+            // Slowly: at speed its own voltage would brake it.
+            (0..20).for_each(|_| _ = bench.tick());
+        }
+        assert_eq!(bench.servo.direction.is_right(), wired);
+        assert_eq!(bench.servo.tuning.most == Torque(750), wired, "{:?}", bench.servo.tuning.most);
+        assert_eq!(bench.servo.telemetry().fault, None);
+    }
+}
+
+#[test]
+fn field_is_set_in_find_alone_and_its_end_is_reported_once() {
+    for (found, reason) in [(true, EndReason::Arrived), (false, EndReason::Aborted)] {
+        for motion in [Motion::Field(Torque(5)), starting(Goal::Find), Motion::Velocity] {
+            let mut bench = Bench::new(Joint::Spread);
+            bench.servo.motion = motion;
+            bench.servo.set_field(Torque(9));
+            let is_field = matches!(bench.servo.motion, Motion::Field(Torque(9)));
+            assert_eq!(is_field, matches!(motion, Motion::Field(_)), "{motion:?}");
+            bench.servo.end_field(found);
+            let ends = !matches!(motion, Motion::Velocity);
+            let expected = ends.then_some(Event::Ended { reason, mode: Mode::Idle });
+            assert_eq!((bench.servo.event(), bench.servo.event()), (expected, None), "{motion:?}");
+            assert_eq!(bench.servo.telemetry().end, ends.then_some(reason), "{motion:?}");
+            assert_eq!(bench.servo.telemetry().mode, if ends { Mode::Idle } else { Mode::Velocity });
+        }
+    }
+}
+
+#[test]
+fn oldest_event_makes_room_for_the_ninth() {
+    let mut bench = Bench::new(Joint::Spread);
+    assert!(!bench.servo.has_event());
+    for position in 0..9 {
+        bench.servo.report(Event::Breakaway { position, stop_tip: false });
+        assert!(bench.servo.has_event());
+    }
+    for position in 1..9 {
+        assert_eq!(bench.servo.event(), Some(Event::Breakaway { position, stop_tip: false }));
+    }
+    assert!(bench.servo.event().is_none() && !bench.servo.has_event());
+}
+
+fn with(motion: Motion) -> Bench {
+    let mut bench = Bench::new(Joint::Spread);
+    bench.servo.motion = motion;
+    bench
+}
+
+/// Ticks that the motor has been driven in one direction without a count.
+fn stalled_for(bench: &mut Bench, closing: bool, ms: usize) {
+    (0..ms).for_each(|_| _ = bench.servo.stall.drive(closing, 0));
+}
+
+#[test]
+fn pressing_applies_all_torque_below_half_its_speed() {
+    let most = Torque(400);
+    let delta = CountsPerSec(Law::DELTA);
+    for (closing, goal) in [(true, 1000), (false, -1000)] {
+        let half = CountsPerSec::from_int(goal / 2);
+        let slower = CountsPerSec(half.0 - delta.0 * i32::from(goal.signum()));
+        let mut bench = with(Motion::Pressing { closing });
+        bench.servo.tuning.velocity_loop = VelocityLoop::new(1);
+        let all = if closing { most } else { most.saturating_neg() };
+        for (velocity, presses) in [(slower, true), (half, false), (CountsPerSec::from_int(goal), false)] {
+            bench.servo.velocity = velocity;
+            let by_loop = bench.servo.tuning.velocity_loop.step(CountsPerSec::from_int(goal), velocity, most);
+            assert_ne!(by_loop, all);
+            let torque = bench.servo.velocity_torque(most);
+            assert_eq!(torque, if presses { all } else { by_loop }, "{closing} {velocity:?}");
+        }
+    }
+}
+
+#[test]
+fn homing_applies_all_torque_once_it_has_stood_for_125_ms() {
+    let most = Torque(400);
+    for (ivel, closing) in [(200, true), (-200, false), (1, true), (0, true), (0, false)] {
+        for (ms, all) in [(124, false), (125, true)] {
+            let mut bench = with(home(Homing::Seek));
+            bench.servo.tuning.config.ivel = ivel;
+            bench.servo.tuning.velocity_loop = VelocityLoop::new(1);
+            stalled_for(&mut bench, closing, ms);
+            let by_loop =
+                bench.servo.tuning.velocity_loop.step(CountsPerSec::from_int(ivel), CountsPerSec::ZERO, most);
+            let pushing = if closing { most } else { most.saturating_neg() };
+            let expected = if all && ivel != 0 { pushing } else { by_loop };
+            assert_eq!(bench.servo.velocity_torque(most), expected, "IVEL {ivel}, {ms} ms");
+            // The other way it has not stood.
+            bench.servo.tuning.config.ivel = -ivel;
+            assert_ne!(bench.servo.velocity_torque(most).saturating_abs(), most, "IVEL {}", -ivel);
+        }
+    }
+}
+
+#[test]
+fn velocity_mode_rests_after_a_stall_before_it_presses_again() {
+    let most = Torque(400);
+    // TSTOP of a spread is 400 ms.
+    for (ms, applied, wanted, rests) in [
+        (400, 0, 50, true),
+        (399, 0, 50, false),
+        (400, 1, 50, false),
+        (400, 0, -50, false),
+        (400, 0, 0, false),
+    ] {
+        let mut bench = with(Motion::Velocity);
+        stalled_for(&mut bench, true, ms);
+        bench.servo.velocity_wanted = CountsPerSec::from_int(wanted);
+        bench.servo.applied.torque = Torque(applied);
+        let torque = bench.servo.velocity_torque(most);
+        assert_eq!(torque == Torque::ZERO, rests || wanted == 0, "{ms} {applied} {wanted}: {torque:?}");
+        assert_eq!(bench.servo.must_rest(CountsPerSec::from_int(wanted)), ms == 400 && wanted > 0);
+    }
+}
+
+#[test]
+fn motion_keeps_the_load_of_a_hold_or_move_that_it_replaces() {
+    let pid =
+        Bench::new(Joint::Spread).servo.tuning.pid.bumpless(Torque(300), Law::ZERO, Law::ZERO, Torque(750));
+    let loaded = PositionLoop { pid, ..at(0) };
+
+    for (motion, carries) in [
+        (Motion::Position(loaded), true),
+        (to_end(loaded), true),
+        (to_zero(loaded), true),
+        (starting(Goal::Position { at: None, pid }), true),
+        (starting(Goal::Move { pid }), true),
+        (starting(Goal::Velocity), false),
+        (Motion::Velocity, false),
+        (Motion::Idle, false),
+    ] {
+        let carried = if carries { pid } else { PidState::default() };
+        assert_eq!(with(motion).servo.carried_pid(), carried, "{motion:?}");
+    }
+}
+
+#[test]
+fn new_goal_waits_for_the_brake_only_as_long_as_it_has_to() {
+    for (motion, ms) in [
+        (Motion::Idle, 0),
+        (Motion::Starting { goal: Goal::Velocity, brake_ms: 7 }, 7),
+        (Motion::Position(at(0)), 30),
+        (Motion::Velocity, 30),
+    ] {
+        let mut bench = with(motion);
+        bench.servo.begin(Goal::Velocity);
+        let begun = matches!(bench.servo.motion, Motion::Starting { goal: Goal::Velocity, brake_ms } if brake_ms == ms);
+        assert!(begun, "{:?}", bench.servo.motion);
+        // HOLD keeps the rest of that time.
+        bench.servo.hold(EndReason::Aborted);
+        let holds = match bench.servo.motion {
+            Motion::Starting { goal: Goal::Position { at: None, .. }, brake_ms } => brake_ms == ms && ms < 30,
+            Motion::Position(_) => ms == 30,
+            _ => false,
+        };
+        assert!(holds, "{:?}", bench.servo.motion);
+    }
+}
+
+#[test]
+fn motion_is_due_when_its_brake_is_free_and_the_last_tick_planned_nothing() {
+    let pid = PidState::default();
+    for (goal, plans) in [
+        (Goal::Move { pid }, true),
+        (Goal::Zero, true),
+        (Goal::Velocity, false),
+        (Goal::Position { at: None, pid }, false),
+    ] {
+        for planned in [false, true] {
+            for brake_ms in [29, 30] {
+                let mut bench = with(Motion::Starting { goal, brake_ms });
+                bench.servo.planned = planned;
+                assert_eq!(bench.servo.is_due(), brake_ms == 30 && !(plans && planned), "{goal:?}");
+            }
+        }
+    }
+    // HI begins once half of the stall time has passed at rest.
+    for (ms, due) in [(199, true), (200, false)] {
+        let mut bench = with(Motion::Starting { goal: Goal::SeekStop, brake_ms: 30 });
+        stalled_for(&mut bench, true, ms);
+        assert_eq!(bench.servo.is_due(), due, "{ms}");
+        bench.servo.motion = Motion::Starting { goal: Goal::Velocity, brake_ms: 30 };
+        assert!(bench.servo.is_due(), "{ms}");
+    }
+    assert!(!with(Motion::Velocity).servo.is_due());
+}
+
+#[test]
+fn drive_before_a_planned_motion_is_the_last_one() {
+    let mut bench = with(Motion::Velocity);
+    assert_eq!(bench.servo.unchanged_drive(), Drive { duty: None, brake_released: true });
+    bench.servo.applied = AppliedTorque { duty: Duty::from_bits(5), torque: Torque(1), limit: None };
+    let drive = Drive { duty: Some(Duty::from_bits(5)), brake_released: true };
+    assert_eq!((bench.servo.unchanged_drive(), bench.servo.drive()), (drive, drive));
+}
+
+#[test]
+fn move_stalls_at_once_only_towards_what_it_stalled_at() {
+    for (stalled_closing, end, stalls) in
+        [(true, 5, true), (true, -5, false), (true, 0, false), (false, -5, true), (false, 5, false)]
+    {
+        let mut bench = Bench::new(Joint::Tip);
+        stalled_for(&mut bench, stalled_closing, 300);
+        bench.servo.end = end;
+        bench.servo.start(Goal::Move { pid: PidState::default() });
+        let reason = bench.servo.telemetry().end;
+        assert_eq!(reason == Some(EndReason::Stalled), stalls, "{stalled_closing} {end}: {reason:?}");
+    }
+}
+
+#[test]
+fn velocity_takes_over_from_pressing_alone() {
+    for (motion, takes) in [
+        (Motion::TorqueControlled { closing: true }, true),
+        (Motion::Pressing { closing: true }, true),
+        (starting(Goal::TorqueControlled { closing: true }), true),
+        (home(Homing::Seek), false),
+        (starting(Goal::SeekStop), false),
+        (Motion::Idle, false),
+    ] {
+        let mut bench = with(motion);
+        bench.servo.set_velocity(CountsPerSec::from_int(9));
+        let is =
+            matches!(bench.servo.motion, Motion::Velocity | Motion::Starting { goal: Goal::Velocity, .. });
+        assert_eq!(is, takes, "{motion:?}");
+        assert_eq!(bench.servo.velocity_wanted(), CountsPerSec::from_int(9));
+    }
+}
+
+/// Ticks of the profile in progress; a new plan begins at 0.
+fn profile_ticks(bench: &Bench) -> u32 {
+    match &bench.servo.motion {
+        Motion::Move { profile, .. } | Motion::Zero { profile, .. } => profile.ticks(),
+        _ => u32::MAX,
+    }
+}
+
+#[test]
+fn only_what_shapes_a_motion_plans_it_anew() {
+    let changes: [(Change, bool, bool); 6] = [
+        (|config| Config { accel: 31, ..config }, true, true),
+        (|config| Config { mv: 900, ..config }, true, true),
+        (|config| Config { mcv: 900, ..config }, true, true),
+        (|config| Config { mov: 900, ..config }, true, true),
+        (|config| Config { ioff: 90, ..config }, false, true),
+        (|config| Config { kp: 61, ..config }, false, false),
+    ];
+    for (goal, is_zero) in [(Goal::Move { pid: PidState::default() }, false), (Goal::Zero, true)] {
+        for (change, of_move, of_zero) in changes {
+            let mut bench = Bench::new(Joint::Tip);
+            bench.servo.end = 100;
+            bench.servo.motion = starting(goal);
+            (0..30).for_each(|_| _ = bench.tick());
+            let ticks = profile_ticks(&bench);
+            assert!((20..40).contains(&ticks), "{ticks}");
+            bench.servo.command(Command::Configure(change(*bench.servo.config()))).unwrap();
+            let plans = if is_zero { of_zero } else { of_move };
+            assert_eq!(profile_ticks(&bench), if plans { 0 } else { ticks }, "{goal:?}");
+            let config = *bench.servo.config();
+            bench.servo.command(Command::Configure(config)).unwrap();
+            assert_eq!(profile_ticks(&bench), if plans { 0 } else { ticks }, "the same again");
+        }
+    }
+}
+
+#[test]
+fn direction_is_watched_until_it_settles_and_at_each_count() {
+    for (motion, settled, counted, watches) in [
+        (Motion::Velocity, false, false, true),
+        (Motion::Velocity, true, false, false),
+        (Motion::Velocity, true, true, true),
+        (Motion::Field(Torque(5)), false, true, false),
+    ] {
+        let mut bench = with(motion);
+        bench.servo.direction = crate::guard::direction::Direction::at_rest(0);
+        // A motor at rest that is not driven settles.
+        (0..1000).filter(|_| settled).for_each(|_| _ = bench.servo.direction.step(0, Torque(80)));
+        assert_eq!(bench.servo.direction.is_settled(), settled);
+        assert_eq!(bench.servo.watches(counted), watches, "{motion:?} {settled} {counted}");
+    }
+}
+
+#[test]
+fn hall_fault_counts_unless_find_looks_for_the_wiring() {
+    for (motion, counts) in
+        [(Motion::Velocity, true), (Motion::Field(Torque(5)), false), (starting(Goal::Find), false)]
+    {
+        let mut bench = with(motion);
+        bench.servo.trust_position();
+        bench.servo.hall(&HallEvent::Fault(HallFault::Noisy));
+        assert_eq!(bench.servo.telemetry().homed, !counts, "{motion:?}");
+        bench.tick();
+        assert_eq!(bench.servo.telemetry().fault.is_some(), counts, "{motion:?}");
+        bench.servo.trust_position();
+        bench.servo.doubt_position();
+        assert!(!bench.servo.telemetry().homed);
+    }
+}
+
+#[test]
+fn distance_towards_a_stop_has_its_sign() {
+    assert_eq!([towards(true, 5), towards(false, 5), towards(true, -3), towards(false, -3)], [5, -5, -3, 3]);
+    assert_eq!([-2, -1, 0, 1, 2].map(direction), [Some(false), Some(false), None, Some(true), Some(true)]);
+}
+
+#[test]
+fn strain_ends_torque_control_but_no_pressing() {
+    let mut bench = Bench::new(Joint::Tip);
+    let config = Config { hsg: 150, hold: true, ..*bench.servo.config() };
+    bench.servo.command(Command::Configure(config)).unwrap();
+    for (motion, ends) in [
+        (Motion::TorqueControlled { closing: true }, true),
+        (Motion::Pressing { closing: true }, false),
+        (Motion::Velocity, false),
+    ] {
+        bench.servo.motion = motion;
+        bench.strain = 150;
+        bench.tick();
+        assert_eq!(bench.servo.event(), None, "{motion:?}");
+        bench.strain = 151;
+        bench.tick();
+        let ended = Event::Ended { reason: EndReason::Strain, mode: Mode::Pid };
+        assert_eq!(bench.servo.event(), ends.then_some(ended), "{motion:?}");
+    }
+}
