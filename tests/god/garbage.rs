@@ -121,7 +121,7 @@ fn host_that_never_reads_loses_nothing() {
     client.finish();
 }
 
-/// The motors stop because their boards get no frames while GOD waits for the host to read.
+/// GOD stops the motors while it waits for the host to read; their boards would stop them by HOSTMS, after 2 s.
 #[test]
 fn loop_host_never_reads_motors_stop() {
     let mut client = Client::new(3);
@@ -139,8 +139,8 @@ fn loop_host_never_reads_motors_stop() {
         client.hand.bus().stations().map(|node| node.board().rig().truth().counts_per_s.abs()).collect()
     };
     assert!(speeds(&client).iter().all(|&speed| speed > 10.0), "{:?}", speeds(&client));
-    // The board's host timeout of 500 ms, and 100 ms for the rotor to stop.
-    (0..600).for_each(|_| client.step_unread());
+    // GOD's 250 ms (docs/hand.md, Deadlines), and 100 ms for the rotors to stop.
+    (0..350).for_each(|_| client.step_unread());
     assert_eq!(speeds(&client), [0.0; 7]);
     client.finish();
 }

@@ -286,7 +286,10 @@ mod tests {
         }
         assert_eq!(at(900, DISABLED).most(), Torque(990));
         assert!(at(700, 700).over() && !at(699, 700).over() && at(-400, 700).over());
-        assert!(!at(1250, DISABLED).over());
+        assert!(
+            !at(1250, DISABLED).over() && !at(-500, DISABLED).over(),
+            "the check of the wire ends as well"
+        );
     }
 
     #[test]

@@ -323,7 +323,7 @@ table! {
     PTEMP = 10, 16, Locked, Always, "0.1 C", -550..=1250, Same(0),
         "highest TEMP ever; kept through power loss";
     OTEMP = 11, 16, ReadWrite, Yes, "0.1 C", -551..=1250, Same(700),
-        "the motor's temperature limit: torque derates over the 8 C below it and is cut at it; -551 disables; -550 to 199 is refused";
+        "the motor's temperature limit: torque derates over the 8 C below it and is cut at it; -551 disables it and the check for a broken thermistor wire (decision 0014); -550 to 199 is refused";
     LOCK = 13, 16, WriteOnly, No, "-", 0..=32767, None,
         "18384, 23, 3145, 1024, 1 in this order unlock the next SET of a locked property, once";
     B = 16, 16, ReadOnly, No, "-", 0..=1, Same(0),
