@@ -25,10 +25,18 @@ pub struct Defect {
 /// How a defect is planted.
 #[derive(Debug, PartialEq)]
 pub enum Plant {
-    /// `from`, which occurs once in the file, becomes `to`.
-    Text { file: String, from: String, to: String },
+    /// One replacement, or several where the code guards twice.
+    Texts(Vec<Edit>),
     /// No native hand can show it: which test does.
     Elsewhere(String),
+}
+
+/// `from`, which occurs once in the file, becomes `to`.
+#[derive(Debug, PartialEq)]
+pub struct Edit {
+    pub file: String,
+    pub from: String,
+    pub to: String,
 }
 
 /// # Errors
@@ -51,29 +59,31 @@ fn parse(text: &str) -> Result<Vec<Defect>, String> {
 }
 
 fn entry(row: &Value, number: usize) -> Result<Defect, String> {
-    let optional = |name: &str| row[name].as_str().filter(|text| !text.is_empty()).map(String::from);
-    let field = |name: &str| optional(name).ok_or_else(|| format!("entry {number}: \"{name}\" is missing"));
+    let optional = |row: &Value, name: &str| row[name].as_str().map(String::from);
+    let field = |row: &Value, name: &str| {
+        let text = optional(row, name).filter(|text| !text.is_empty() || name == "to");
+        text.ok_or_else(|| format!("entry {number}: \"{name}\" is missing"))
+    };
+    let edit = |row: &Value| {
+        Ok(Edit { file: field(row, "file")?, from: field(row, "from")?, to: field(row, "to")? })
+    };
     let invariants: Option<Vec<String>> = row["invariants"]
         .as_array()
         .filter(|names| !names.is_empty())
         .and_then(|names| names.iter().map(|name| name.as_str().map(String::from)).collect());
-    let plant = match optional("elsewhere") {
+    let plant = match optional(row, "elsewhere") {
         Some(test) => Plant::Elsewhere(test),
-        None => Plant::Text {
-            file: field("file")?,
-            from: field("from")?,
-            to: row["to"]
-                .as_str()
-                .map(String::from)
-                .ok_or_else(|| format!("entry {number}: \"to\" is missing"))?,
-        },
+        None => {
+            let others = row["also"].as_array().into_iter().flatten();
+            Plant::Texts(std::iter::once(row).chain(others).map(edit).collect::<Result<_, String>>()?)
+        }
     };
     Ok(Defect {
-        name: field("name")?,
+        name: field(row, "name")?,
         invariants: invariants.ok_or_else(|| format!("entry {number}: \"invariants\" is missing"))?,
         plant,
-        what: field("what")?,
-        missed: optional("missed"),
+        what: field(row, "what")?,
+        missed: optional(row, "missed"),
     })
 }
 
@@ -110,12 +120,15 @@ mod tests {
     #[test]
     fn each_defect_can_be_planted() {
         for defect in committed() {
-            let Plant::Text { file, from, to } = &defect.plant else { continue };
-            let text = std::fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
-            assert_eq!(text.matches(from.as_str()).count(), 1, "{}: {file}: {from}", defect.name);
-            assert_ne!(from, to, "{}", defect.name);
-            // A check that is broken itself would show nothing.
-            assert!(!file.contains("/experiment/"), "{}: {file}", defect.name);
+            let Plant::Texts(edits) = &defect.plant else { continue };
+            for Edit { file, from, to } in edits {
+                let text =
+                    std::fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
+                assert_eq!(text.matches(from.as_str()).count(), 1, "{}: {file}: {from}", defect.name);
+                assert_ne!(from, to, "{}", defect.name);
+                // A check that is broken itself would show nothing.
+                assert!(!file.contains("/experiment/"), "{}: {file}", defect.name);
+            }
         }
     }
 

@@ -1,7 +1,9 @@
 //! A copy of the project's files below the target folder, in which a defect is planted and built.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::list::Edit;
 use crate::program::{output, output_of_both, program, root};
 
 pub struct Tree {
@@ -42,26 +44,32 @@ impl Tree {
             .map_err(|error| format!("{}: {error}\n  next: free space, or delete the folder", to.display()))
     }
 
-    /// Calls `then` with `from` in `file` replaced by `to`, and undoes that.
+    /// Calls `then` with the edits made, and undoes them.
     ///
     /// # Errors
-    /// `from` does not occur exactly once; the error of `then`.
-    pub fn with<T>(
-        &self,
-        file: &str,
-        from: &str,
-        to: &str,
-        then: impl FnOnce() -> Result<T, String>,
-    ) -> Result<T, String> {
-        let path = root().join(file);
-        let text = std::fs::read_to_string(&path).map_err(|error| format!("{file}: {error}"))?;
-        let count = text.matches(from).count();
-        if count != 1 {
-            return Err(format!("{file}: found {count} times, expected once: {from}"));
+    /// A `from` does not occur exactly once; the error of `then`.
+    pub fn with<T>(&self, edits: &[Edit], then: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+        let mut texts = BTreeMap::new();
+        for Edit { file, from, to } in edits {
+            let text = match texts.remove(file) {
+                Some(text) => text,
+                None => {
+                    let path = root().join(file);
+                    std::fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?
+                }
+            };
+            let count = text.matches(from.as_str()).count();
+            if count != 1 {
+                return Err(format!("{file}: found {count} times, expected once: {from}"));
+            }
+            texts.insert(file, text.replace(from, to));
         }
-        self.write(file, text.replace(from, to).as_bytes())?;
+        texts.iter().try_for_each(|(file, text)| self.write(file, text.as_bytes()))?;
         let result = then();
-        self.write(file, text.as_bytes())?;
+        for file in texts.keys() {
+            let text = std::fs::read(root().join(file)).map_err(|error| format!("{file}: {error}"))?;
+            self.write(file, &text)?;
+        }
         result
     }
 

@@ -25,8 +25,9 @@ pub struct Found {
     caught: Option<(u64, String)>,
     /// Seeds before it that broke other invariants.
     others: BTreeMap<String, u32>,
-    /// Seeds that were played, and their time, s.
+    /// Seeds that were played, their simulated time and their real time, s.
     seeds: u64,
+    simulated_s: f64,
     seconds: f64,
     ended: bool,
 }
@@ -48,13 +49,13 @@ impl Found {
         self.others.iter().map(|(name, count)| format!("{name} {count}")).collect::<Vec<_>>().join(", ")
     }
 
-    /// The cells of the table: invariant, seeds, seconds, others.
+    /// The cells of the table: invariant, seeds, simulated and real seconds, others.
     pub fn cells(&self) -> String {
         let (by, seeds) = match &self.caught {
             Some((seed, invariant)) => (invariant.as_str(), seed + 1),
             None => ("**not caught**", self.seeds),
         };
-        format!("{by} | {seeds} | {:.1} | {}", self.seconds, self.others())
+        format!("{by} | {seeds} | {:.0} | {:.1} | {}", self.simulated_s, self.seconds, self.others())
     }
 
     fn parse(text: &str, expected: &[String]) -> Result<Self, String> {
@@ -71,8 +72,9 @@ impl Found {
             }
         }
         let seeds = value["seeds"].as_u64().ok_or("results: expected seeds")?;
-        let seconds = value["wall_s"].as_f64().ok_or("results: expected wall_s")?;
-        Ok(Self { caught, others, seeds, seconds, ended: true })
+        let number = |name: &str| value[name].as_f64().ok_or_else(|| format!("results: expected {name}"));
+        let (simulated_s, seconds) = (3600.0 * number("hand_hours")?, number("wall_s")?);
+        Ok(Self { caught, others, seeds, simulated_s, seconds, ended: true })
     }
 }
 
@@ -98,7 +100,14 @@ impl Trial<'_> {
             .map_err(|error| explained(error.to_string()))?;
         if !ended {
             let seconds = begun.elapsed().as_secs_f64();
-            return Ok(Found { caught: None, others: BTreeMap::new(), seeds: 0, seconds, ended });
+            return Ok(Found {
+                caught: None,
+                others: BTreeMap::new(),
+                seeds: 0,
+                simulated_s: 0.0,
+                seconds,
+                ended,
+            });
         }
         let text = std::fs::read_to_string(&results).map_err(|error| explained(error.to_string()))?;
         Found::parse(&text, expected).map_err(explained)
@@ -136,7 +145,8 @@ mod tests {
     use super::*;
 
     fn found(failures: &str) -> Found {
-        let text = format!(r#"{{ "seeds": 40, "wall_s": 7.25, "failures": [{failures}] }}"#);
+        let text =
+            format!(r#"{{ "seeds": 40, "hand_hours": 0.5, "wall_s": 7.25, "failures": [{failures}] }}"#);
         Found::parse(&text, &["prompt".to_owned(), "abort".to_owned()]).expect("complete")
     }
 
@@ -149,7 +159,7 @@ mod tests {
         let rows = [failure(3, "energy"), failure(12, "abort"), failure(5, "energy"), failure(9, "prompt")];
         let found = found(&rows.join(","));
         assert_eq!(found.seed(), Some(9));
-        assert_eq!(found.cells(), "prompt | 10 | 7.2 | energy 2");
+        assert_eq!(found.cells(), "prompt | 10 | 1800 | 7.2 | energy 2");
     }
 
     #[test]
@@ -158,7 +168,7 @@ mod tests {
         assert_eq!(found.seed(), None);
         assert_eq!(
             (found.cells().as_str(), found.why().as_str()),
-            ("**not caught** | 40 | 7.2 | energy 1", ", but by energy 1")
+            ("**not caught** | 40 | 1800 | 7.2 | energy 1", ", but by energy 1")
         );
         assert!(Found::parse("{}", &[]).is_err());
     }
