@@ -1013,6 +1013,12 @@ impl<B: Board> Tater<B> {
         self.commutator.count()
     }
 
+    /// Whether the flash has the hot mark: for simulations.
+    #[must_use]
+    pub fn is_marked_hot(&self) -> bool {
+        self.store.is_hot()
+    }
+
     /// The present drive: for logs and simulations.
     #[must_use]
     pub const fn drive(&self) -> Drive {

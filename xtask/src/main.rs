@@ -1,11 +1,12 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
 
 mod bench;
 mod ci;
+mod defects;
 mod demo;
 mod doctor;
 mod download;
@@ -86,6 +87,8 @@ enum Chore {
     Miri,
     /// Change the code in one place at a time, and list the changes that no unit test notices
     Mutants(mutants::MutantsArgs),
+    /// Plant one defect at a time, and check that the torture chamber finds it
+    Defects(defects::DefectsArgs),
 }
 
 fn main() -> ExitCode {
@@ -105,6 +108,7 @@ fn main() -> ExitCode {
         Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),
         Chore::Miri => miri::check().map_err(Failure::from),
         Chore::Mutants(args) => mutants::mutants(&args),
+        Chore::Defects(args) => defects::defects(&args),
     };
     let (message, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,

@@ -8,12 +8,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use clap::builder::PossibleValuesParser;
 use serde::Serialize;
 
 use super::output::{print, replace_file, warn};
 use crate::experiment::input::BadInput;
 use crate::experiment::torture::report::{replay_line, tables, text};
-use crate::experiment::torture::{Case, Outcome, Selection, Shrunk, Violation, run, run_with_events, shrink};
+use crate::experiment::torture::{
+    Case, INVARIANTS, Outcome, Selection, Shrunk, Violation, run, run_with_events, shrink,
+};
 
 /// Seeds of a run that says neither how many nor how long.
 const SEEDS: u64 = 100;
@@ -64,6 +67,9 @@ pub struct TortureArgs {
     /// Do not shrink failures.
     #[arg(long)]
     no_shrink: bool,
+    /// Begin no new seed once one has broken one of these invariants: names with commas.
+    #[arg(long, value_name = "INVARIANTS", value_delimiter = ',', value_parser = invariants(), hide_possible_values = true)]
+    until: Vec<String>,
     /// Print the tables of invariants and faults, and run nothing.
     #[arg(long)]
     list: bool,
@@ -124,7 +130,8 @@ struct Sum {
 }
 
 impl Sum {
-    fn add(&mut self, case: Case, outcome: Outcome) {
+    /// Adds a seed. Returns whether it broke an invariant of `until`.
+    fn add(&mut self, case: Case, outcome: Outcome, until: &[String]) -> bool {
         self.seeds += 1;
         self.ms += outcome.ms;
         self.recovered += u64::from(outcome.recovered_ms.is_some());
@@ -138,16 +145,17 @@ impl Sum {
         let kinds: std::collections::BTreeSet<&'static str> =
             case.faults.iter().map(|fault| fault.kind.row().name).collect();
         kinds.into_iter().for_each(|kind| *self.faults.entry(kind).or_default() += 1);
-        if let Some(violation) = outcome.violation {
-            self.failed += 1;
-            if self.failures.len() < PRINTED {
-                warn(&format!(
-                    "seed {}: {} at {} ms, motor {}: {}",
-                    case.seed, violation.invariant, violation.ms, violation.node, violation.found
-                ));
-                self.failures.push((violation, case, self.ms as f64 / 1000.0));
-            }
+        let Some(violation) = outcome.violation else { return false };
+        self.failed += 1;
+        let ends = until.iter().any(|name| name == violation.invariant);
+        if self.failures.len() < PRINTED || ends {
+            warn(&format!(
+                "seed {}: {} at {} ms, motor {}: {}",
+                case.seed, violation.invariant, violation.ms, violation.node, violation.found
+            ));
+            self.failures.push((violation, case, self.ms as f64 / 1000.0));
         }
+        ends
     }
 }
 
@@ -185,6 +193,10 @@ pub fn torture(args: &TortureArgs, clock: Clock) -> Result<bool, Box<dyn Error>>
     let failures = failures(args, &selection, &sum, clock);
     report(args, first, &sum, failures, wall_s, jobs)?;
     Ok(sum.failed == 0)
+}
+
+fn invariants() -> PossibleValuesParser {
+    PossibleValuesParser::new(INVARIANTS.iter().map(|invariant| invariant.name))
 }
 
 fn cores() -> usize {
@@ -238,7 +250,9 @@ fn play_all(
                     }
                     let case = Case::draw(first.wrapping_add(at)).select(selection);
                     let outcome = run(&case);
-                    sum.lock().unwrap_or_else(PoisonError::into_inner).add(case, outcome);
+                    if sum.lock().unwrap_or_else(PoisonError::into_inner).add(case, outcome, &args.until) {
+                        break;
+                    }
                 }
                 over.fetch_or(1, Ordering::Relaxed);
             });

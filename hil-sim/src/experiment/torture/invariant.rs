@@ -108,14 +108,14 @@ pub const INVARIANTS: &[Invariant] = &[
     row("duty-limit", "duty is at most 97 %", "decision 0005", Kinds::NONE, power::duty),
     row(
         "winding-temperature",
-        "the winding stays below 135 C; with a lying sensor below 155 C",
-        "decision 0014",
+        "the winding stays below 135 C, without the hot mark below 110 C; with a lying sensor below 155 C",
+        "decisions 0014 and 0051",
         Kinds::NONE,
         power::winding,
     ),
     row(
         "phase-current",
-        "the phase current stays below the trip of the bridge",
+        "the phase current stays below that of full torque at standstill and an impact; with lying sensors below the trip",
         "docs/board.md, bridge",
         Kinds::NONE,
         power::current,

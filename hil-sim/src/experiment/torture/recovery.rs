@@ -1,5 +1,6 @@
 //! Liveness: once all faults have healed, what a user does by the tables of ERROR brings the hand back, in a stated time.
 
+use servo_core::EndReason;
 use tater_wire::{FaultCode, Property};
 
 use super::case::MOTORS;
@@ -77,7 +78,7 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
     }
     for line in ["C", "O"] {
         let answer = run(session, line);
-        if is_error(&answer) && session.is_whole() && !is_blocked(session) {
+        if (is_error(&answer) || !has_arrived(session)) && session.is_whole() && !is_blocked(session) {
             let errors = errors(session);
             session.fail(MOVES, 0, format!("{line} ends in {:?}; {errors}", text(&answer)));
         }
@@ -89,6 +90,12 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
     if session.is_whole() {
         session.outcome.recovered_ms = Some(took_ms);
     }
+}
+
+/// Whether each motor's last motion has arrived: O gives no error for one that stalls.
+fn has_arrived<S: Subject>(session: &Session<'_, S>) -> bool {
+    let mut nodes = session.hand.bus().stations().filter_map(Subject::native);
+    nodes.all(|node| node.application().is_some_and(|tater| tater.status().end == Some(EndReason::Arrived)))
 }
 
 /// An object, or another finger, may stop a finger before its goal.
