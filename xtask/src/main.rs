@@ -1,5 +1,5 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `soak`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
@@ -25,6 +25,7 @@ mod program;
 mod python;
 mod setup;
 mod size;
+mod soak;
 mod table;
 mod tek;
 
@@ -86,6 +87,12 @@ enum Chore {
     Miri,
     /// Change the code in one place at a time, and list the changes that no unit test notices
     Mutants(mutants::MutantsArgs),
+    /// Let clients come and go at a simulated hand, whose memory, threads and files must not grow
+    Soak {
+        /// Simulated hours
+        #[arg(long, default_value_t = 10.0)]
+        hours: f64,
+    },
 }
 
 fn main() -> ExitCode {
@@ -105,6 +112,7 @@ fn main() -> ExitCode {
         Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),
         Chore::Miri => miri::check().map_err(Failure::from),
         Chore::Mutants(args) => mutants::mutants(&args),
+        Chore::Soak { hours } => soak::soak(hours).map_err(Failure::from),
     };
     let (message, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,
