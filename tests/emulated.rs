@@ -8,5 +8,6 @@ mod motions;
 mod probes;
 mod scenarios;
 mod shared_bus;
+mod torture;
 mod wedged;
 mod wiring;

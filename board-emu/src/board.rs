@@ -11,6 +11,7 @@ use hil_sim::hand::Motorized;
 use hil_sim::node::shipped_storage;
 use hil_sim::over_can::ObservedBoard;
 use hil_sim::rig::{Bridge, Rig};
+use hil_sim::torture::fault::Subject;
 use tater_wire::memory::{HEAT, MONITOR, RAM, STORAGE};
 use tater_wire::{Frame, Node};
 
@@ -116,6 +117,8 @@ impl Board {
     pub fn power_on(&mut self) {
         self.seed = self.seed.wrapping_mul(0x5851_F42D_4C95_7F2D).wrapping_add(1);
         self.machine.chip_mut().forget(self.seed);
+        // The rotor, or the order of the lines, may have changed meanwhile.
+        self.halls_changed();
         self.reset(Reset::Power);
     }
 
@@ -428,7 +431,12 @@ impl Station for Board {
 
 impl Motorized for Board {
     fn set_power(&mut self, on: bool) {
-        if on { self.power_on() } else { self.power_off() }
+        match (on, self.machine.is_powered()) {
+            (true, false) => self.power_on(),
+            // RAM survives, and with it the winding's heat.
+            (true, true) => self.reset(Reset::Pin),
+            (false, _) => self.power_off(),
+        }
     }
 
     fn rig(&self) -> &Rig {
@@ -437,6 +445,28 @@ impl Motorized for Board {
 
     fn rig_mut(&mut self) -> &mut Rig {
         &mut self.rig
+    }
+}
+
+impl Subject for Board {
+    fn native(&self) -> Option<&hil_sim::node::Node> {
+        None
+    }
+
+    fn native_mut(&mut self) -> Option<&mut hil_sim::node::Node> {
+        None
+    }
+
+    fn bridge(&self) -> Bridge {
+        self.bridge
+    }
+
+    fn is_brake_released(&self) -> bool {
+        self.brake_released
+    }
+
+    fn problem(&self) -> Option<String> {
+        self.problem.as_ref().map(Stop::to_string)
     }
 }
 

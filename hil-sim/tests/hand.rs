@@ -1,5 +1,10 @@
 //! `hil-sim hand` with its hosts: TCP, a pseudo-terminal, SLCAN.
 
+// It reads /proc.
+#[cfg(target_os = "linux")]
+#[path = "hand/soak.rs"]
+mod soak;
+
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -45,6 +50,10 @@ impl Served {
     }
 
     fn start(command: &mut Command, doors: usize) -> Self {
+        Self::start_for(command, doors, ENDS)
+    }
+
+    fn start_for(command: &mut Command, doors: usize, ends: Duration) -> Self {
         let mut process = command.stdout(Stdio::piped()).spawn().expect("the binary starts");
         let lines = BufReader::new(process.stdout.take().expect("piped")).lines();
         let door = |line: std::io::Result<String>| {
@@ -56,12 +65,17 @@ impl Served {
         let (_alive, over) = channel::<()>();
         let watched = Arc::clone(&process);
         thread::spawn(move || {
-            if over.recv_timeout(ENDS) == Err(RecvTimeoutError::Timeout) {
+            if over.recv_timeout(ends) == Err(RecvTimeoutError::Timeout) {
                 end(&watched);
             }
         });
         let doors = lines.take(doors).map(door).collect();
         Self { process, _alive, doors }
+    }
+
+    #[cfg(target_os = "linux")]
+    fn id(&self) -> u32 {
+        self.process.lock().unwrap_or_else(PoisonError::into_inner).id()
     }
 
     fn place(&self, kind: &str) -> &str {
@@ -213,15 +227,41 @@ fn grasper_gives_up_a_silent_peer() {
     assert!(["found: ", "expected: ", "next: "].iter().all(|word| error.contains(word)), "{error}");
 }
 
+/// Whether this process ignores a signal, and with it every program that it starts. `false` where the system does not tell.
+#[cfg(unix)]
+fn ignores(number: u32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.map_or(0, |mask| u64::from_str_radix(mask.trim(), 16).expect("hexadecimal"));
+    mask >> (number - 1) & 1 == 1
+}
+
+/// The simulator, with a signal's default action, which `nohup` or the background of a script takes away. GNU's `env` restores it.
+#[cfg(unix)]
+fn killable(signal: &str, number: u32) -> Command {
+    if !ignores(number) {
+        return Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    }
+    let restore = format!("--default-signal={signal}");
+    let restores = Command::new("env").args([&restore, "true"]).status().is_ok_and(|status| status.success());
+    assert!(
+        restores,
+        "SIG{signal} is ignored here, and `env {restore}` does not restore it\n  next: run the tests without nohup, in the foreground"
+    );
+    let mut command = Command::new("env");
+    command.args([&restore, env!("CARGO_BIN_EXE_hil-sim")]);
+    command
+}
+
 /// The hand is played by the test: the console is killed in the middle of a command.
 #[cfg(unix)]
 #[test]
 fn killed_grasper_sends_control_c() {
     use std::os::unix::process::ExitStatusExt;
-    for signal in ["INT", "TERM", "HUP"] {
+    for (signal, number) in [("INT", 2), ("TERM", 15), ("HUP", 1)] {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("its address").to_string();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+        let mut command = killable(signal, number);
         command.args(["grasper", "--connect", &address]).stdin(Stdio::piped()).stdout(Stdio::null());
         let mut console = command.spawn().expect("it starts");
         console.stdin.as_mut().expect("piped").write_all(b"HI\n").expect("written");
@@ -232,8 +272,9 @@ fn killed_grasper_sends_control_c() {
         hand.write_all(b"HI").expect("written");
         let id = console.id().to_string();
         assert!(Command::new("kill").args(["-s", signal, &id]).status().expect("kill").success());
-        assert!(console.wait().expect("it ends").signal().is_some(), "{signal}");
+        // Reading has a time-out, waiting has none.
         assert_eq!(read_to(&mut hand, "\x03"), Ok("\x03".to_owned()), "{signal}");
+        assert!(console.wait().expect("it ends").signal().is_some(), "{signal}");
         hand.write_all(b"\r\n\rERR 16384\r\n\r=> ").expect("written");
         assert_eq!(read_to(&mut hand, "never"), Err(String::new()), "{signal}");
     }

@@ -117,11 +117,12 @@ fn tests() -> Outcome {
 }
 
 /// Figures of tests that are skipped without the image of the step "image", with those tests.
-const OF_IMAGE: [(&str, &str); 7] = [
+const OF_IMAGE: [(&str, &str); 8] = [
     ("edge to bridge", "emulated::budgets::"),
     ("hall line 2 low: bridge off after", "emulated::faults::"),
     ("task idle wedged: reset after", "emulated::wedged::"),
     ("from a native board", "emulated::scenarios::"),
+    ("emulated torture: seed", "emulated::torture::"),
     ("bytes of production image onto a board", "protocol::image::"),
     ("power cuts of the image, download", "power_cuts::image::download::"),
     ("power cuts of the image, storage", "power_cuts::image::storage::"),

@@ -1,5 +1,5 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`, `soak`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
@@ -26,6 +26,7 @@ mod program;
 mod python;
 mod setup;
 mod size;
+mod soak;
 mod table;
 mod tek;
 
@@ -89,6 +90,12 @@ enum Chore {
     Mutants(mutants::MutantsArgs),
     /// Plant one defect at a time, and check that the torture chamber finds it
     Defects(defects::DefectsArgs),
+    /// Let clients come and go at a simulated hand, whose memory, threads and files must not grow
+    Soak {
+        /// Simulated hours
+        #[arg(long, default_value_t = 10.0)]
+        hours: f64,
+    },
 }
 
 fn main() -> ExitCode {
@@ -109,6 +116,7 @@ fn main() -> ExitCode {
         Chore::Miri => miri::check().map_err(Failure::from),
         Chore::Mutants(args) => mutants::mutants(&args),
         Chore::Defects(args) => defects::defects(&args),
+        Chore::Soak { hours } => soak::soak(hours).map_err(Failure::from),
     };
     let (message, code) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,

@@ -247,7 +247,7 @@ impl Stage {
             }
             ["counts"] => {
                 let due = if self.io.has_reports_due() { ", reports due" } else { "" };
-                let [lost, room] = [self.io.lost() as usize, self.io.rx_room()];
+                let (lost, room) = (self.io.lost_bytes(), self.io.rx_room());
                 self.record += &format!("  lost {lost}, baud {}, room {room}{due}\n", self.io.baud());
             }
             ["frame", id, data @ ..] => {

@@ -30,13 +30,25 @@ pub struct Invariant {
 
 #[derive(Clone, Copy)]
 enum Check {
-    /// Of one motor, at each tick.
+    /// Of one motor, at each tick, by what is seen from outside its board: it holds for emulated boards as well.
     Motor(fn(&mut Joint, &View) -> Option<String>),
+    /// Of one motor, at each tick, by the state of its program, which only native boards show.
+    Program(fn(&mut Joint, &View) -> Option<String>),
     /// Elsewhere: of the hand, by [`super::play`] and [`super::recovery`].
     Hand,
 }
 
 const fn row(
+    name: &'static str,
+    demands: &'static str,
+    source: &'static str,
+    excused_by: Kinds,
+    check: fn(&mut Joint, &View) -> Option<String>,
+) -> Invariant {
+    Invariant { name, demands, source, excused_by, check: Check::Program(check) }
+}
+
+const fn outside(
     name: &'static str,
     demands: &'static str,
     source: &'static str,
@@ -69,7 +81,7 @@ pub const MOVES: &str = "moves-again";
 
 /// Every invariant.
 pub const INVARIANTS: &[Invariant] = &[
-    row(
+    outside(
         "no-shoot-through",
         "one leg floats, and of the others at most one is switched",
         "docs/board.md, Bridge",
@@ -91,7 +103,7 @@ pub const INVARIANTS: &[Invariant] = &[
         Kinds::NONE,
         power::fault,
     ),
-    row(
+    outside(
         "brake-undriven",
         "no drive against a brake that is commanded to engage",
         "docs/board.md, brake",
@@ -106,14 +118,14 @@ pub const INVARIANTS: &[Invariant] = &[
         power::torque,
     ),
     row("duty-limit", "duty is at most 97 %", "decision 0005", Kinds::NONE, power::duty),
-    row(
+    outside(
         "winding-temperature",
         "the winding stays below 135 C, without the hot mark below 110 C; with a lying sensor below 155 C",
         "decisions 0014 and 0051",
         Kinds::NONE,
         power::winding,
     ),
-    row(
+    outside(
         "phase-current",
         "the phase current stays below that of full torque at standstill and an impact; with lying sensors below the trip",
         "docs/board.md, bridge",
@@ -121,7 +133,7 @@ pub const INVARIANTS: &[Invariant] = &[
         power::current,
     ),
     // A board that does not see the bus voltage cannot keep it from rising; nor can it with a source that is above it.
-    row(
+    outside(
         "bus-voltage",
         "motors do not raise the bus above 32 V",
         "decision 0053",
@@ -143,14 +155,14 @@ pub const INVARIANTS: &[Invariant] = &[
         power::watchdog,
     ),
     // Pushed by another finger or by hand, a rotor may be faster than its voltage drives it; the check knows that itself.
-    row(
+    outside(
         "speed-limit",
         "no motor is faster than its voltage can drive it, no set-point faster than MV",
         "manual 5.3.1 (MCV, MOV); docs/properties.md, MV",
         Kinds::NONE,
         power::speed,
     ),
-    row(
+    outside(
         "within-stops",
         "a stop is dented no deeper than peak torque and speed can",
         "manual table 1",
@@ -260,12 +272,24 @@ pub fn find(name: &str) -> Option<&'static Invariant> {
     INVARIANTS.iter().find(|invariant| invariant.name == name)
 }
 
+impl Invariant {
+    /// Whether it is checked on emulated boards as well, whose program is not seen.
+    #[must_use]
+    pub const fn is_seen_from_outside(&self) -> bool {
+        !matches!(self.check, Check::Program(_))
+    }
+}
+
 impl Joint {
     /// Checks every invariant of the motor; returns the first that does not hold, and how.
     pub fn check(&mut self, view: &View) -> Option<(&'static Invariant, String)> {
         let mut broken = None;
         for invariant in INVARIANTS {
-            let Check::Motor(check) = invariant.check else { continue };
+            let check = match invariant.check {
+                Check::Program(check) if view.node.is_some() => check,
+                Check::Motor(check) => check,
+                Check::Program(_) | Check::Hand => continue,
+            };
             let found = check(self, view);
             if let Some(found) = found
                 && !view.faults.meets(invariant.excused_by)

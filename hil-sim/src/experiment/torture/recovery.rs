@@ -132,31 +132,40 @@ fn native<'a, S: Subject>(session: &'a Session<'_, S>, motor: usize) -> Option<&
     session.hand.bus().stations().nth(motor).and_then(Subject::native)
 }
 
-fn error_of(node: &Node) -> i64 {
-    node.application().and_then(|tater| tater.property(Property::ERROR)).unwrap_or(0)
+/// A property of a board whose application runs. A host asks an emulated board for it.
+fn property<S: Subject>(session: &mut Session<'_, S>, motor: usize, property: Property) -> Option<i64> {
+    if let Some(node) = native(session, motor) {
+        return node.application()?.property(property);
+    }
+    let answer = run(session, &format!("{} G {}", motor + 1, property.row().name));
+    let (_, value) = answer.split_once('=')?;
+    value.split_whitespace().next()?.parse().ok()
 }
 
-fn errors<S: Subject>(session: &Session<'_, S>) -> String {
-    let all = session.hand.bus().stations().filter_map(Subject::native).map(|node| {
-        node.application().map_or_else(
-            || "asleep".to_owned(),
-            |tater| {
-                let status = tater.status();
-                format!("{}/{:?}", error_of(node), status.end)
-            },
-        )
-    });
-    format!("ERROR/END: {}", all.collect::<Vec<_>>().join(" "))
+fn error_of<S: Subject>(session: &mut Session<'_, S>, motor: usize) -> i64 {
+    property(session, motor, Property::ERROR).unwrap_or(0)
+}
+
+fn errors<S: Subject>(session: &mut Session<'_, S>) -> String {
+    let mut all = Vec::new();
+    for motor in 0..MOTORS {
+        let error = property(session, motor, Property::ERROR);
+        let end = property(session, motor, Property::END);
+        all.push(match (error, end) {
+            (Some(error), Some(end)) => format!("{error}/{end}"),
+            _ => "asleep".to_owned(),
+        });
+    }
+    format!("ERROR/END: {}", all.join(" "))
 }
 
 /// FIND for boards that report another wiring: the next step of ERROR 9.
 fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
     for motor in 0..MOTORS {
-        let lost = native(session, motor).is_some_and(|node| {
-            let known = node.application().and_then(|tater| tater.property(Property::FIND));
-            error_of(node) == i64::from(FaultCode::Wiring.code()) || known.is_some_and(|known| known != KNOWN)
-        });
-        if lost {
+        let known = property(session, motor, Property::FIND);
+        let is_lost = known.is_some_and(|known| known != KNOWN)
+            || error_of(session, motor) == i64::from(FaultCode::Wiring.code());
+        if is_lost {
             find(session, motor, LEARN, 10_000);
             // At a stop it cannot make the first test move.
             let moved = find(session, motor, TEST, 1_000);
@@ -176,8 +185,7 @@ fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
 /// board that was reset since then applies at most 250 units to it (decision 0047).
 fn free_jammed<S: Subject>(session: &mut Session<'_, S>, by_hand: bool) {
     for motor in 0..MOTORS {
-        let node = native(session, motor);
-        if node.is_some_and(|node| error_of(node) == i64::from(FaultCode::Jammed.code())) {
+        if error_of(session, motor) == i64::from(FaultCode::Jammed.code()) {
             if by_hand {
                 turn_by_hand(session, motor);
             }
@@ -213,7 +221,7 @@ fn find<S: Subject>(session: &mut Session<'_, S>, motor: usize, step: u8, ms: u6
     session.hand.pose()[motor] - before
 }
 
-/// Downloads an application to boards that have none: the next step of ERROR 16.
+/// Downloads an application to boards that have none: the next step of ERROR 16. No fault of an emulated board takes its application.
 fn revive<S: Subject>(session: &mut Session<'_, S>) {
     run(session, "WAKE");
     for motor in 0..MOTORS {

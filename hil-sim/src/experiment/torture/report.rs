@@ -98,6 +98,9 @@ pub fn tables() -> String {
     for invariant in INVARIANTS {
         let _ = writeln!(text, "| {} | {} | {} |", invariant.name, invariant.demands, invariant.source);
     }
+    let outside = INVARIANTS.iter().filter(|invariant| invariant.is_seen_from_outside());
+    let names: Vec<&str> = outside.map(|invariant| invariant.name).collect();
+    let _ = writeln!(text, "\nChecked on flashed images as well: {}.", names.join(", "));
     text.push_str("\n| Fault | Does | Reported by | Cleared by |\n| --- | --- | --- | --- |\n");
     for row in ROWS {
         let _ = writeln!(text, "| {} | {} | {} | {} |", row.name, row.what, row.report, row.clear);

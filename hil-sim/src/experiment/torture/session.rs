@@ -65,6 +65,8 @@ pub struct Outcome {
     pub peaks: [f64; 3],
     /// ERROR values that boards reported, a bit each.
     pub errors: u64,
+    /// Status codes (ERR) that the host read while the program ran, added up as GOD adds them.
+    pub statuses: u64,
 }
 
 /// A hand under torture, and its host.
@@ -78,6 +80,8 @@ pub struct Session<'a, S> {
     digest: DefaultHasher,
     /// The last characters received.
     pub(super) tail: Vec<u8>,
+    /// The line that is being received.
+    line: Vec<u8>,
     stop_ms: u64,
     events: Vec<BoardEvent>,
     /// Bytes and frames that GOD has lost.
@@ -101,6 +105,7 @@ impl<'a, S: Subject> Session<'a, S> {
             outcome: Outcome::default(),
             digest: DefaultHasher::new(),
             tail: Vec::new(),
+            line: Vec::new(),
             stop_ms: case.stop_ms,
             events: Vec::new(),
             lost: (0, 0),
@@ -150,9 +155,25 @@ impl<'a, S: Subject> Session<'a, S> {
             let received = self.hand.take_tx();
             self.digest.write(&received);
             self.outcome.prompts += received.windows(2).filter(|pair| pair == b"=>").count() as u64;
+            self.note_statuses(&received);
             self.tail.extend(&received);
             let extra = self.tail.len().saturating_sub(512);
             self.tail.drain(..extra);
+        }
+    }
+
+    fn note_statuses(&mut self, received: &[u8]) {
+        if !self.goes_on() {
+            return;
+        }
+        for &byte in received {
+            if !matches!(byte, b'\r' | b'\n') {
+                self.line.push(byte);
+                continue;
+            }
+            let line = std::mem::take(&mut self.line);
+            let number = line.strip_prefix(b"ERR ").and_then(|digits| std::str::from_utf8(digits).ok());
+            self.outcome.statuses |= number.and_then(|number| number.parse().ok()).unwrap_or(0);
         }
     }
 
