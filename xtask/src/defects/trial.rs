@@ -123,7 +123,7 @@ fn ends(mut child: Child, deadline: Duration) -> std::io::Result<bool> {
             child.wait()?;
             return Ok(false);
         }
-        std::thread::sleep(Duration::from_millis(50));
+        std::thread::park_timeout(Duration::from_millis(50));
     }
     Ok(true)
 }

@@ -298,7 +298,7 @@ impl Run {
         let mut e = self.e.clone();
         for us in [STANDSTILL.0, 7_000_000, 4_200_000_000] {
             let now = old.at.0.wrapping_add(us);
-            assert_eq!(e.at(Micros(now)).0.0.to_bits(), position);
+            assert_eq!((e.at(Micros(now)).0).0.to_bits(), position);
             let m = e.state;
             assert_eq!((m.velocity, m.acceleration, m.bias, m.standing), (0, 0, 0, true));
             assert_eq!((m.edges, m.at.0), (1, now.wrapping_sub(STANDSTILL.0)));
