@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -96,9 +96,12 @@ impl Trial<'_> {
         let begun = Instant::now();
         let ended = command
             .spawn()
-            .and_then(|child| ends(child, deadline))
+            .and_then(|child| end(child, deadline))
             .map_err(|error| explained(error.to_string()))?;
-        if !ended {
+        if let Some(status) = ended.filter(|status| !matches!(status.code(), Some(0 | 1))) {
+            return Err(explained(status.to_string()));
+        }
+        if ended.is_none() {
             let seconds = begun.elapsed().as_secs_f64();
             return Ok(Found {
                 caught: None,
@@ -106,7 +109,7 @@ impl Trial<'_> {
                 seeds: 0,
                 simulated_s: 0.0,
                 seconds,
-                ended,
+                ended: false,
             });
         }
         let text = std::fs::read_to_string(&results).map_err(|error| explained(error.to_string()))?;
@@ -114,18 +117,20 @@ impl Trial<'_> {
     }
 }
 
-/// Waits for a program, and kills it at its deadline.
-fn ends(mut child: Child, deadline: Duration) -> std::io::Result<bool> {
-    let end = Instant::now() + deadline;
-    while child.try_wait()?.is_none() {
-        if Instant::now() >= end {
+/// Waits for a program, and kills it at its deadline. Returns how it ended by itself.
+fn end(mut child: Child, deadline: Duration) -> std::io::Result<Option<ExitStatus>> {
+    let until = Instant::now() + deadline;
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Some(status));
+        }
+        if Instant::now() >= until {
             child.kill()?;
             child.wait()?;
-            return Ok(false);
+            return Ok(None);
         }
         std::thread::park_timeout(Duration::from_millis(50));
     }
-    Ok(true)
 }
 
 /// Whether every invariant holds in a seed.
@@ -176,7 +181,7 @@ mod tests {
     #[test]
     fn program_without_an_end_is_killed() {
         let child = |seconds: &str| Command::new("sleep").arg(seconds).spawn().expect("there is sleep");
-        assert!(!ends(child("60"), Duration::from_millis(1)).expect("killed"));
-        assert!(ends(child("0"), Duration::from_secs(60)).expect("ended"));
+        assert_eq!(end(child("60"), Duration::from_millis(1)).expect("killed"), None);
+        assert!(end(child("0"), Duration::from_secs(60)).expect("ended").is_some_and(|it| it.success()));
     }
 }
