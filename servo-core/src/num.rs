@@ -77,7 +77,7 @@ fn digit(rest: u32, next: u32, d: u32) -> (u32, u32) {
 }
 
 /// `n / d` with 32 fractional bits, where both have the same number of fractional bits, 2^6 ≤ d < 2^35 and the ratio is below
-/// 2^31; saturates there. The error is below 2^5 / d.
+/// 2^31; saturates there. The error is below 40 / d.
 #[must_use]
 pub fn ratio_q32(n: u64, d: u64) -> u64 {
     // The highest 32 bits of d, rounded up so that the quotient is not too large.

@@ -43,19 +43,9 @@ const fn row(
     demands: &'static str,
     source: &'static str,
     excused_by: Kinds,
-    check: fn(&mut Joint, &View) -> Option<String>,
+    check: Check,
 ) -> Invariant {
-    Invariant { name, demands, source, excused_by, check: Check::Program(check) }
-}
-
-const fn outside(
-    name: &'static str,
-    demands: &'static str,
-    source: &'static str,
-    excused_by: Kinds,
-    check: fn(&mut Joint, &View) -> Option<String>,
-) -> Invariant {
-    Invariant { name, demands, source, excused_by, check: Check::Motor(check) }
+    Invariant { name, demands, source, excused_by, check }
 }
 
 const fn hand(name: &'static str, demands: &'static str, source: &'static str) -> Invariant {
@@ -81,114 +71,120 @@ pub const MOVES: &str = "moves-again";
 
 /// Every invariant.
 pub const INVARIANTS: &[Invariant] = &[
-    outside(
+    row(
         "no-shoot-through",
         "one leg floats, and of the others at most one is switched",
         "docs/board.md, Bridge",
         Kinds::NONE,
-        power::legs,
+        Check::Motor(power::legs),
     ),
-    row("idle-undriven", "no drive in mode 0", "docs/properties.md, modes", Kinds::NONE, power::idle),
+    row(
+        "idle-undriven",
+        "no drive in mode 0",
+        "docs/properties.md, modes",
+        Kinds::NONE,
+        Check::Program(power::idle),
+    ),
     row(
         "monitor-undriven",
         "no drive without an application",
         "docs/download.md",
         Kinds::NONE,
-        power::monitor,
+        Check::Program(power::monitor),
     ),
     row(
         "fault-undriven",
         "no drive with a latched fault",
         "manual 7; docs/properties.md, faults",
         Kinds::NONE,
-        power::fault,
+        Check::Program(power::fault),
     ),
-    outside(
+    row(
         "brake-undriven",
         "no drive against a brake that is commanded to engage",
         "docs/board.md, brake",
         Kinds::NONE,
-        power::brake,
+        Check::Motor(power::brake),
     ),
     row(
         "torque-within-mt",
         "the torque is at most MT, derated near OTEMP",
         "docs/properties.md, MT and OTEMP; decision 0014",
         Kinds::NONE,
-        power::torque,
+        Check::Program(power::torque),
     ),
-    row("duty-limit", "duty is at most 97 %", "decision 0005", Kinds::NONE, power::duty),
-    outside(
+    row("duty-limit", "duty is at most 97 %", "decision 0005", Kinds::NONE, Check::Program(power::duty)),
+    row(
         "winding-temperature",
         "the winding stays below 135 C, without the hot mark below 110 C; with a lying sensor below 155 C",
         "decisions 0014 and 0051",
         Kinds::NONE,
-        power::winding,
+        Check::Motor(power::winding),
     ),
-    outside(
+    row(
         "phase-current",
         "the phase current stays below that of full torque at standstill and an impact; with lying sensors below the trip",
         "docs/board.md, bridge",
         Kinds::NONE,
-        power::current,
+        Check::Motor(power::current),
     ),
     // A board that does not see the bus voltage cannot keep it from rising; nor can it with a source that is above it.
-    outside(
+    row(
         "bus-voltage",
         "motors do not raise the bus above 32 V",
         "decision 0053",
         LYING_SENSORS.union(Kinds::of(&[FaultKind::OverVoltage])),
-        power::bus,
+        Check::Motor(power::bus),
     ),
     row(
         "no-erase-while-driven",
         "no page is erased while the bridge is on",
         "decision 0012",
         Kinds::NONE,
-        power::erase,
+        Check::Program(power::erase),
     ),
     row(
         "no-watchdog-reset",
         "no watchdog bites a program that was not hung",
         "decision 0052",
         Kinds::NONE,
-        power::watchdog,
+        Check::Program(power::watchdog),
     ),
     // Pushed by another finger or by hand, a rotor may be faster than its voltage drives it; the check knows that itself.
-    outside(
+    row(
         "speed-limit",
         "no motor is faster than its voltage can drive it, no set-point faster than MV",
         "manual 5.3.1 (MCV, MOV); docs/properties.md, MV",
         Kinds::NONE,
-        power::speed,
+        Check::Motor(power::speed),
     ),
-    outside(
+    row(
         "within-stops",
         "a stop is dented no deeper than peak torque and speed can",
         "manual table 1",
         LOADS,
-        power::stops,
+        Check::Motor(power::stops),
     ),
     row(
         "stall-ends-force",
         "a motor that a stop holds is driven no longer than TSTOP and 40 ms at a time",
         "manual 5.3.4 (TSTOP); decision 0049",
         LYING_HALLS,
-        ending::stall,
+        Check::Program(ending::stall),
     ),
     row(
         "ends-once",
         "a motion ends once, for one reason",
         "docs/properties.md, END; decision 0007",
         Kinds::NONE,
-        ending::once,
+        Check::Program(ending::once),
     ),
     row(
         "ends-in-time",
         "a motion ends within the time of its profile and its stalls",
         "decision 0049",
         LYING_HALLS,
-        ending::in_time,
+        Check::Program(ending::in_time),
     ),
     // Halls that lie misplace the rotor until they are found out.
     row(
@@ -196,49 +192,49 @@ pub const INVARIANTS: &[Invariant] = &[
         "\"arrived\" means at rest within MPE",
         "manual 5.3.4 (MPE); decision 0049",
         LYING_HALLS,
-        ending::arrived,
+        Check::Program(ending::arrived),
     ),
     row(
         "hold-as-ordered",
         "after a motion HOLD 1 holds, HOLD 0 idles",
         "manual 5.5",
         Kinds::NONE,
-        ending::hold,
+        Check::Program(ending::hold),
     ),
     row(
         "counters-grow",
         "UPSECS, OD and PTEMP never decrease",
         "manual 5.4.2; decision 0018",
         Kinds::NONE,
-        keeping::counters,
+        Check::Program(keeping::counters),
     ),
     row(
         "saves-survive",
         "an acknowledged SAVE survives, or ERROR 8 reports its loss",
         "manual 7 (saveParameters); decision 0018",
         Kinds::NONE,
-        keeping::saves,
+        Check::Program(keeping::saves),
     ),
     row(
         "refusal-changes-nothing",
         "a refused SET changes nothing",
         "decisions 0036 and 0037",
         Kinds::NONE,
-        keeping::refusals,
+        Check::Program(keeping::refusals),
     ),
     row(
         "position-is-true",
         "a position that is known is within a count of the rotor",
         "manual 7; decision 0010",
         Kinds::NONE,
-        truth::position,
+        Check::Program(truth::position),
     ),
     row(
         "trust-is-true",
         "a position that a start trusts is that of the last run",
         "decision 0010",
         Kinds::NONE,
-        truth::trust,
+        Check::Program(truth::trust),
     ),
     // Loads move a motor the wrong way as well.
     row(
@@ -246,7 +242,7 @@ pub const INVARIANTS: &[Invariant] = &[
         "no motor runs more than a third of a turn against its own torque",
         "decision 0047",
         LOADS,
-        truth::wrong_way,
+        Check::Program(truth::wrong_way),
     ),
     hand(
         QUEUES,

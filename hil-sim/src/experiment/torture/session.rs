@@ -86,7 +86,7 @@ pub struct Session<'a, S> {
     events: Vec<BoardEvent>,
     /// Bytes and frames that GOD has lost.
     lost: (u32, u32),
-    /// Since when the host has not read.
+    /// Time since the host has read, ms.
     unread_ms: u64,
     look: &'a mut dyn FnMut(&Hand<S>),
 }
