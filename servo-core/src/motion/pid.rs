@@ -52,7 +52,7 @@ pub struct PidState {
 impl Pid {
     /// One tick with `error` in counts and `velocity_error` in counts/s; returns a torque in `low..=high`, which the limits
     /// and the bus voltage leave at the present speed. Anti-windup: the integral stays within that range and pauses while
-    /// the output is at its end in the error's direction.
+    /// the output is beyond its end in the error's direction.
     #[must_use]
     pub fn step(
         &self,
