@@ -93,6 +93,8 @@ async fn run_line(god: &God<'_>, line: &str) -> Outcome {
     god.io.discard_full_output();
     order::abort_motion(god).await;
     walk_through::abort(god).await;
+    // What boards still answer to this command is not for the host.
+    packets::drop_late_answers(god).await;
     Outcome::Done(Status::ABORTED)
 }
 

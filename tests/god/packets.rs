@@ -170,6 +170,19 @@ fn answers_precede_the_next_command() {
     assert!(session.try_run("PGET LFT", 62_000).is_ok());
 }
 
+/// What boards still answer to a command that ^C has ended is no news for the host: nothing follows the prompt.
+#[test]
+fn answers_to_an_aborted_command_are_not_passed_on() {
+    let mut session = awake(&[]);
+    assert_eq!(session.exchange_text(&get(node(4), Property::P), SILENCE_US), "|4 P=0");
+    for after_us in (0..8_000).step_by(20) {
+        session.hand.push_rx(b"FGET P\r");
+        session.wait_us(after_us);
+        let text = session.exchange_text(b"\x03", 100_000);
+        assert!(text.ends_with("|=> "), "{after_us} us: {text}");
+    }
+}
+
 #[test]
 fn packet_passes_during_a_motion_of_the_walk_through() {
     let mut session = awake(&[("4 S E 150", ""), ("4 S M 5", "")]);
