@@ -522,8 +522,13 @@ impl Io {
         }
     }
 
+    /// Every byte is data from now on. A ^C behind bytes that are discarded is obeyed now: no silence ends them any more.
     pub(crate) fn enter_raw(&self) {
         self.raw.set(true);
+        let framing = self.framing.replace(Framing::default());
+        if framing.is_discarding() && self.last_rx() == Some(ABORT) {
+            self.interrupt();
+        }
     }
 }
 
@@ -851,6 +856,18 @@ mod tests {
         io.push_rx(b'A');
         io.leave_raw();
         assert_eq!(io.rx_room(), RX - 1, "it was not raw");
+    }
+
+    #[test]
+    fn raw_mode_obeys_a_control_c_that_ends_discarded_bytes() {
+        for (bytes, is_abort) in
+            [(&b"\x00\x01\x09\x03"[..], true), (b"\x00\x01\x09\x03A", false), (b"\x00\x03", false)]
+        {
+            let io = Io::default();
+            bytes.iter().for_each(|&byte| io.push_rx(byte));
+            io.enter_raw();
+            assert_eq!(io.take_abort(), is_abort, "{bytes:?}");
+        }
     }
 
     #[test]

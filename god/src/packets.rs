@@ -126,10 +126,12 @@ pub(crate) async fn settle(god: &God<'_>) {
     }
 }
 
-/// Waits for the answers to GOD's own questions after ^C, so that none is passed on as an answer to the host.
+/// After ^C: waits for the answers to what was asked before it, and drops them, so that nothing but the prompt follows. Those to GOD's own
+/// questions would look like news for the host.
 pub(crate) async fn drop_late_answers(god: &God<'_>) {
     if god.session.passes() {
         god.boards.listen_until(god.io.after_us(LATE_US)).await;
+        god.session.give_up_answers();
     }
 }
 

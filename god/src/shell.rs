@@ -50,7 +50,11 @@ async fn serve(god: &God<'_>) {
         walk_through::report_ends(god).await;
         let outcome = match line::read(god.io).await {
             // Queued frames stay: the last stop orders may be among them. On a dead bus they expire.
-            Input::Abort => Outcome::Done(walk_through::abort(god).await),
+            Input::Abort => {
+                let status = walk_through::abort(god).await;
+                packets::drop_late_answers(god).await;
+                Outcome::Done(status)
+            }
             Input::Packet(packet) => match packets::place(god, &packet).await {
                 // A host sends hundreds in a second, and waits for none.
                 Status::OK => continue,
@@ -93,7 +97,6 @@ async fn run_line(god: &God<'_>, line: &str) -> Outcome {
     god.io.discard_full_output();
     order::abort_motion(god).await;
     walk_through::abort(god).await;
-    // What boards still answer to this command is not for the host.
     packets::drop_late_answers(god).await;
     Outcome::Done(Status::ABORTED)
 }
