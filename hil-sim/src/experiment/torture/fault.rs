@@ -418,7 +418,7 @@ fn damage(node: &mut Node, kind: FaultKind, rng: &mut Pcg64Mcg) {
         _ => {
             // As an erase leaves a page that was cut short, which is never the one in use: some bits are set, some read either way.
             let page = STORAGE.start + PAGE * rng.random_range(0..STORAGE.len / PAGE);
-            if flash.last_page() == page {
+            if flash.page_in_use() == page {
                 return;
             }
             for word in 0..PAGE / 2 {

@@ -41,7 +41,7 @@ pub struct SimFlash {
     marginal: BTreeMap<usize, u16>,
     reads: Reads,
     damaged: bool,
-    last_page: u32,
+    page_in_use: u32,
     busy_us: u64,
     erases: Vec<u32>,
     bridge_on: bool,
@@ -60,7 +60,7 @@ impl Default for SimFlash {
             marginal: BTreeMap::new(),
             reads: Reads::default(),
             damaged: false,
-            last_page: 0,
+            page_in_use: 0,
             busy_us: 0,
             erases: vec![0; FLASH.pages() as usize],
             bridge_on: false,
@@ -138,10 +138,11 @@ impl SimFlash {
         }
     }
 
-    /// Address of the page that was programmed last; 0 before.
+    /// Address of the page that holds the newest record, in which something was written last; 0 before. The first half-word only marks an
+    /// erased page as ready, and a half-word of 0 voids something older.
     #[must_use]
-    pub const fn last_page(&self) -> u32 {
-        self.last_page
+    pub const fn page_in_use(&self) -> u32 {
+        self.page_in_use
     }
 
     /// Restores the power and cancels a planned failure.
@@ -241,7 +242,9 @@ impl Flash for SimFlash {
         // Some bits were not cleared.
         let written = present & (value | kept);
         self.marginal.remove(&at);
-        self.last_page = address - address % PAGE;
+        if !address.is_multiple_of(PAGE) && value != 0 {
+            self.page_in_use = address - address % PAGE;
+        }
         self.load(address, &written.to_le_bytes());
         if self.dead { Err(FlashError::Failed) } else { Ok(()) }
     }

@@ -2,7 +2,7 @@
 
 use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
-use tater_wire::Property;
+use tater_wire::{Cmd, Property};
 
 use super::joint::{Joint, LYING_HALLS, Trust, View};
 
@@ -18,19 +18,28 @@ const LASTS: u32 = 50;
 /// A third of a turn, and the cell in which the rotor started, counts.
 const THIRD: f64 = 6.0 + 1.0;
 
-impl Trust {
-    /// The host has named the position anew, or HI has.
-    fn renamed(&self, view: &View) -> bool {
-        view.events.iter().any(|event| match event {
-            BoardEvent::Order { property: Property::CMD, value } => matches!(value, 0 | 3),
-            BoardEvent::Order { property, .. } => {
-                matches!(property, Property::P | Property::DEF | Property::LOAD | Property::WIRING)
-            }
-            BoardEvent::Motor(servo_core::Event::Homed) => true,
-            _ => false,
-        })
+/// The host has named the position anew, or HI has.
+fn renames(event: &BoardEvent) -> bool {
+    match event {
+        BoardEvent::Order { property: Property::CMD, value } => matches!(value, 0 | 3),
+        BoardEvent::Order { property, .. } => {
+            matches!(property, Property::P | Property::DEF | Property::LOAD | Property::WIRING)
+        }
+        BoardEvent::Motor(servo_core::Event::Homed) => true,
+        _ => false,
     }
+}
 
+/// SAVE of P or of everything: what stores a position that the next start may trust.
+fn saves_position(event: &BoardEvent) -> bool {
+    match event {
+        BoardEvent::Order { property: Property::SAVE, value } => *value == -1 || *value == Property::P as i32,
+        BoardEvent::Order { property: Property::CMD, value } => Cmd::of(i64::from(*value)) == Some(Cmd::Save),
+        _ => false,
+    }
+}
+
+impl Trust {
     /// The position less the truth; `None` while the rotor moves.
     fn found(view: &View) -> Option<i64> {
         let sample = view.sample.as_ref()?;
@@ -54,15 +63,13 @@ impl Trust {
             (self.offset, self.restored) = (None, false);
             return;
         }
-        if self.renamed(view) && !self.restored {
+        let before = self.offset;
+        let renamed = view.events.iter().rposition(renames);
+        if renamed.is_some() && !self.restored {
             self.offset = Self::found(view);
         }
-        if view
-            .events
-            .iter()
-            .any(|event| matches!(event, BoardEvent::Order { property: Property::SAVE | Property::CMD, .. }))
-        {
-            self.at_save = self.offset;
+        if let Some(saved) = view.events.iter().rposition(saves_position) {
+            self.at_save = if renamed > Some(saved) { before } else { self.offset };
         }
     }
 }
