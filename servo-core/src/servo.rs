@@ -6,7 +6,7 @@
 
 use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 use crate::config::{self, Config};
-use crate::guard::arrival::{Arrival, arrived};
+use crate::guard::arrival::{Arrival, Quiet, arrived};
 use crate::guard::breakaway::Breakaway;
 use crate::guard::direction::{Direction, Verdict};
 use crate::guard::fault::{Condition, Fault, Faults};
@@ -1108,7 +1108,9 @@ impl Servo {
         };
         let left = profile.end().round().wrapping_sub(self.position.round());
         if control.setpoint.done {
-            let quiet = Micros(quiet.0.min(arrival.settle(profile.ticks()).0));
+            let (planned, settled) = arrival.settle(profile.ticks());
+            let quiet =
+                Quiet { free: Micros(quiet.0.min(planned.0)), pushed: Micros(quiet.0.min(settled.0)) };
             if arrived(left, mpe, self.velocity, self.applied.torque, quiet) {
                 return Some(EndReason::Arrived);
             }
@@ -1131,6 +1133,11 @@ impl Servo {
             Motion::Zero { .. } if self.tuning.config.accel == 0 => Some(self.tuning.config.ioff > 0),
             Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
                 let lag = control.lag(self.position);
+                let torque = direction(i32::from(self.applied.torque.0));
+                // A high KD may press a rotor on a stop that its set-point has not reached yet.
+                if self.presses() && torque == direction(control.setpoint.velocity.round().into()) {
+                    return torque;
+                }
                 (!lag.is_within(DRIVEN_LAG)).then_some(lag > Counts::ZERO)
             }
         }

@@ -18,14 +18,21 @@ const FRICTION: Torque = Torque(82);
 /// motor with the manual's gains is over within a tenth of that.
 const PATIENCE_MS: u32 = 2000;
 
-/// Whether the rotor is at rest within `mpe` counts of the end, `left` counts away. `torque` is applied; `quiet` is the time
-/// since the last edge, or since the plan if that is later: a short move may end before its rotor has left its cell.
+/// Times without a hall edge, of which an arrival needs one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quiet {
+    /// Since the last edge, or since the plan if that is later: a short move may end before its rotor has left its cell.
+    pub free: Micros,
+    /// Since the last edge, or since the end of the profile if that is later: until then it may have been pushed the other way.
+    pub pushed: Micros,
+}
+
+/// Whether the rotor is at rest within `mpe` counts of the end, `left` counts away. `torque` is applied.
 #[must_use]
-pub fn arrived(left: i32, mpe: u16, velocity: CountsPerSec, torque: Torque, quiet: Micros) -> bool {
-    let least = if torque.saturating_abs() > FRICTION { QUIET_PUSHED } else { QUIET };
-    left.unsigned_abs() <= u32::from(mpe)
-        && quiet.0 >= least.0
-        && (SLOW.saturating_neg()..=SLOW).contains(&velocity)
+pub fn arrived(left: i32, mpe: u16, velocity: CountsPerSec, torque: Torque, quiet: Quiet) -> bool {
+    let is_pushed = torque.saturating_abs() > FRICTION;
+    let is_quiet = if is_pushed { quiet.pushed.0 >= QUIET_PUSHED.0 } else { quiet.free.0 >= QUIET.0 };
+    left.unsigned_abs() <= u32::from(mpe) && is_quiet && (SLOW.saturating_neg()..=SLOW).contains(&velocity)
 }
 
 /// How long a move has waited for its motor: with a set-point that rests on the end, or that stops for a rotor that lags. A
@@ -48,12 +55,12 @@ impl Default for Arrival {
 }
 
 impl Arrival {
-    /// One tick of 1 ms after the end of a profile of so many `ticks`. Returns the time since the plan; that of a move to where the motor
-    /// is already does not count, because nothing drives it.
-    pub const fn settle(&mut self, ticks: u32) -> Micros {
+    /// One tick of 1 ms after the end of a profile of so many `ticks`. Returns the time since the plan, and since the profile's end. That
+    /// of a move to where the motor is already does not count as planned, because nothing drives it.
+    pub const fn settle(&mut self, ticks: u32) -> (Micros, Micros) {
         self.settling_ms = self.settling_ms.saturating_add(1);
-        let ms = if ticks == 0 { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
-        Micros(ms.saturating_mul(1000))
+        let planned_ms = if ticks == 0 { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
+        (Micros(planned_ms.saturating_mul(1000)), Micros(self.settling_ms.saturating_mul(1000)))
     }
 
     /// One tick of 1 ms in which the move waits, `left` counts from its end. `tstop` in ms; 0 waits forever.
@@ -78,21 +85,23 @@ impl Arrival {
 mod tests {
     use super::*;
 
-    const STILL: Micros = Micros(300_000);
+    const STILL: Quiet = Quiet { free: Micros(300_000), pushed: Micros(300_000) };
 
     #[test]
     fn arrived_is_at_rest_and_inside_the_window() {
+        let free = |us| Quiet { free: Micros(us), pushed: Micros(0) };
+        let pushed = |us| Quiet { free: STILL.free, pushed: Micros(us) };
         let rows = [
             (4, 4, 0, 0, STILL, true),
             (-4, 4, 25, 82, STILL, true),
-            (0, 0, -25, -82, QUIET, true),
+            (0, 0, -25, -82, free(QUIET.0), true),
             (5, 4, 0, 0, STILL, false),
             (-5, 4, 0, 0, STILL, false),
             (0, 4, 26, 0, STILL, false),
             (0, 4, -26, 0, STILL, false),
-            (0, 4, 0, 0, Micros(QUIET.0 - 1), false),
-            (0, 4, 0, 83, Micros(QUIET_PUSHED.0 - 1), false),
-            (0, 4, 0, -83, QUIET_PUSHED, true),
+            (0, 4, 0, 0, free(QUIET.0 - 1), false),
+            (0, 4, 0, 83, pushed(QUIET_PUSHED.0 - 1), false),
+            (0, 4, 0, -83, pushed(QUIET_PUSHED.0), true),
             (i32::MIN, u16::MAX, 0, 0, STILL, false),
         ];
         for (left, mpe, velocity, torque, quiet, expected) in rows {
@@ -102,11 +111,12 @@ mod tests {
     }
 
     #[test]
-    fn time_counts_from_the_plan() {
+    fn times_count_from_the_plan_and_from_its_end() {
         let mut arrival = Arrival::default();
-        assert_eq!([4, 4].map(|ticks| arrival.settle(ticks)), [Micros(5_000), Micros(6_000)]);
-        assert_eq!(arrival.settle(u32::MAX), Micros(u32::MAX), "no wrap");
-        assert_eq!(Arrival::default().settle(0), Micros(u32::MAX), "no way to go");
+        assert_eq!(arrival.settle(4), (Micros(5_000), Micros(1_000)));
+        assert_eq!(arrival.settle(4), (Micros(6_000), Micros(2_000)));
+        assert_eq!(arrival.settle(u32::MAX), (Micros(u32::MAX), Micros(3_000)), "no wrap");
+        assert_eq!(Arrival::default().settle(0), (Micros(u32::MAX), Micros(1_000)), "no way to go");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::elf::{Program, plain};
-use super::thumb::{Flow, Instruction, Mask, Stack, decode};
+use super::thumb::{Flow, Instruction, Mask, PC, Stack, decode};
 
 /// Instructions that load the stack pointer with a value that static analysis cannot know, and why that is right.
 const STACK_RESET: [(&str, &str); 2] = [
@@ -324,8 +324,10 @@ impl Walk<'_, '_> {
                     open.push(next);
                 }
             }
-            Flow::Table { wide } => {
-                let targets = self.table(at + found.len, wide)?;
+            Flow::Table { wide, register } => {
+                let from = at + found.len;
+                let table = if register == PC { Some(from) } else { self.address_in(register, at) };
+                let targets = self.table(from, table.ok_or(UNKNOWN_JUMP)?, wide)?;
                 open.extend(targets.into_iter().map(|to| (to, after)));
             }
             Flow::Return if optional => open.push(next),
@@ -381,9 +383,18 @@ impl Walk<'_, '_> {
         Ok(())
     }
 
-    /// Targets of TBB or TBH: offsets in half-words from the table, which ends where code begins. The byte
-    /// that pads an odd table is an offset of 0: the table itself.
-    fn table(&self, table: u32, wide: bool) -> Result<BTreeSet<u32>, String> {
+    /// The address that the last ADR before an instruction gave to a register. Another way may give it another one: [`Graph::missed`] would find
+    /// that.
+    fn address_in(&self, register: u16, before: u32) -> Option<u32> {
+        let given = self.graph.instructions(self.function).take_while(|&(at, _)| at < before);
+        let given =
+            given.filter_map(|(_, found)| found.address.filter(|address| address.register == register));
+        given.last().map(|address| address.value)
+    }
+
+    /// Targets of TBB or TBH: offsets in half-words from the next instruction in a table, which ends where code begins. The byte that pads an
+    /// odd table is an offset of 0.
+    fn table(&self, from: u32, table: u32, wide: bool) -> Result<BTreeSet<u32>, String> {
         let end = self.graph.program.next_code(table).unwrap_or(self.function.end).min(self.function.end);
         let len = usize::try_from(end.saturating_sub(table)).unwrap_or(0);
         let bytes = self.graph.program.bytes(table).get(..len).unwrap_or_default();
@@ -395,7 +406,9 @@ impl Walk<'_, '_> {
         let targets: BTreeSet<u32> = distances
             .iter()
             .filter(|&&distance| distance > 0)
-            .map(|&distance| table + 2 * u32::from(distance))
+            .map(|&distance| from + 2 * u32::from(distance))
+            // Constants may follow the table in the same data. Where one of them points at code, more ways are followed than there are.
+            .filter(|&to| to < self.function.end && self.graph.program.is_code(to))
             .collect();
         if targets.is_empty() {
             return Err("found a table jump without a table".into());

@@ -5,7 +5,7 @@
 
 const SP: u16 = 13;
 const LR: u16 = 14;
-const PC: u16 = 15;
+pub const PC: u16 = 15;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
@@ -20,9 +20,10 @@ pub enum Flow {
     /// MOV to PC: to one of the jumps that follow.
     JumpAmong,
     JumpRegister,
-    /// By a following table of bytes or half-words.
+    /// By a table of bytes or half-words, which follows if its register is PC.
     Table {
         wide: bool,
+        register: u16,
     },
     Return,
     /// Permanently undefined: a fault.
@@ -58,6 +59,13 @@ pub struct Half {
     pub value: u16,
 }
 
+/// An address for a register: ADR.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Address {
+    pub register: u16,
+    pub value: u32,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instruction {
     /// Length in bytes.
@@ -68,6 +76,7 @@ pub struct Instruction {
     /// Number of conditional instructions that follow (IT).
     pub conditional: u32,
     pub half: Option<Half>,
+    pub address: Option<Address>,
     pub nop: bool,
 }
 
@@ -80,6 +89,7 @@ impl Instruction {
             mask: Mask::Same,
             conditional: 0,
             half: None,
+            address: None,
             nop: false,
         }
     }
@@ -128,6 +138,11 @@ const fn target(at: u32, offset: u32, count: u32) -> u32 {
     at.wrapping_add(4).wrapping_add_signed(offset)
 }
 
+/// What ADR adds to.
+const fn aligned(at: u32) -> u32 {
+    at.wrapping_add(4) & !3
+}
+
 /// 16 bits (A5.2).
 fn narrow(at: u32, half: u16) -> Instruction {
     let plain = Instruction::new(2);
@@ -143,6 +158,10 @@ fn narrow(at: u32, half: u16) -> Instruction {
         0x4700..=0x477F if bits(half, 3, 4) == LR => plain.flow(Flow::Return),
         0x4700..=0x477F => plain.flow(Flow::LastCallRegister),
         0x4780..=0x47FF => plain.flow(Flow::CallRegister),
+        0xA000..=0xA7FF => {
+            let value = aligned(at).wrapping_add(4 * u32::from(bits(half, 0, 8)));
+            Instruction { address: Some(Address { register: bits(half, 8, 3), value }), ..plain }
+        }
         0xB000..=0xB07F => plain.shrinks(4 * u32::from(bits(half, 0, 7))),
         0xB080..=0xB0FF => plain.grows(4 * u32::from(bits(half, 0, 7))),
         0xB400..=0xB5FF => plain.grows(4 * bits(half, 0, 9).count_ones()),
@@ -180,7 +199,7 @@ fn wide(at: u32, first: u16, second: u16) -> Instruction {
         0b111_0100 => dual(first, second),
         0b111_0101 if rd == SP => plain.sets_stack(),
         _ if bits(first, 11, 5) == 0b11110 && bits(second, 15, 1) == 1 => branch(at, first, second),
-        _ if bits(first, 11, 5) == 0b11110 => immediate(first, second),
+        _ if bits(first, 11, 5) == 0b11110 => immediate(at, first, second),
         0b111_1100 => single(first, second),
         // Data processing by registers.
         0b111_1101 if rd == SP && rn != PC => plain.sets_stack(),
@@ -220,7 +239,7 @@ fn branch(at: u32, first: u16, second: u16) -> Instruction {
 }
 
 /// Data processing with an immediate (A5.3.1, A5.3.3).
-fn immediate(first: u16, second: u16) -> Instruction {
+fn immediate(at: u32, first: u16, second: u16) -> Instruction {
     let plain = Instruction::new(4);
     let (rn, rd) = (bits(first, 0, 4), bits(second, 8, 4));
     let imm12 = bits(first, 10, 1) << 11 | bits(second, 12, 3) << 8 | bits(second, 0, 8);
@@ -229,6 +248,11 @@ fn immediate(first: u16, second: u16) -> Instruction {
     if is_plain && (op == 0b00100 || op == 0b01100) {
         let half = Half { register: rd, upper: op == 0b01100, value: rn << 12 | imm12 };
         return Instruction { half: Some(half), ..plain };
+    }
+    if is_plain && rn == PC && (op == 0b00000 || op == 0b01010) {
+        let offset = u32::from(imm12);
+        let value = if op == 0 { aligned(at).wrapping_add(offset) } else { aligned(at).wrapping_sub(offset) };
+        return Instruction { address: Some(Address { register: rd, value }), ..plain };
     }
     match (is_plain, op >> 1) {
         _ if rd != SP => plain,
@@ -274,9 +298,7 @@ fn multiple(first: u16, second: u16) -> Instruction {
 fn dual(first: u16, second: u16) -> Instruction {
     let plain = Instruction::new(4);
     if first >> 4 == 0xE8D0 >> 4 && second >> 5 == 0xF000 >> 5 {
-        let by_table = bits(first, 0, 4) == PC;
-        let wide = bits(second, 4, 1) == 1;
-        return plain.flow(if by_table { Flow::Table { wide } } else { Flow::JumpRegister });
+        return plain.flow(Flow::Table { wide: bits(second, 4, 1) == 1, register: bits(first, 0, 4) });
     }
     if bits(first, 5, 1) == 0 || bits(first, 0, 4) != SP {
         return plain;

@@ -100,6 +100,10 @@ fn jump_tables_lead_to_all_targets() {
     assert_eq!(bytes.unwrap().deepest, 4);
     let halves = ways(&[0xE8DF, 0xF010, 0x0002, 0x0003, 0x4770, 0xB410, 0xE7FE], TEXT + 4..TEXT + 8);
     assert_eq!(halves.unwrap().deepest, 4);
+    // adr r2, the table; tbb [r2, r0]; a constant; 3, 3; a constant; push {r4}; b .
+    let elsewhere =
+        ways(&[0xA201, 0xE8D2, 0xF000, 0x4000, 0x0303, 0x65FF, 0xB410, 0xE7FE], TEXT + 6..TEXT + 12);
+    assert_eq!(elsewhere.unwrap().deepest, 4);
     // mov pc, r0; nop; b.w over the next; b.w to push {r4}; b .
     let jumps = ways(&[0x4687, 0xBF00, 0xF000, 0xB804, 0xF000, 0xB800, 0xB410, 0xE7FE, 0xE7FE], NONE);
     assert_eq!(jumps.unwrap().deepest, 4);
@@ -118,6 +122,7 @@ fn unknown_jump_is_an_error_with_its_address() {
         (&[0xBF00], "found data, expected an instruction"),
         (&[0xB410, 0xE7FD], "found a loop that pushes without end"),
         (&[0xE8DF, 0xF000], "found a table jump without"),
+        (&[0xE8D2, 0xF000], "found a jump by a register"),
     ] {
         let error = ways(halves, NONE).unwrap_err();
         assert!(error.starts_with("f at 0x0800413") && error.contains(what), "{halves:x?}: {error}");

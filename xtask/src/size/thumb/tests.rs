@@ -70,16 +70,16 @@ fn register_targets_are_classified() {
         (&[0xE891, 0x8001], Flow::JumpRegister), // ldm.w r1, {r0, pc}
         (&[0x4788], Flow::CallRegister),         // blx r1
         (&[0x47D0], Flow::CallRegister),         // blx r10
-        (&[0xE8DF, 0xF006], Flow::Table { wide: false }),
-        (&[0xE8DF, 0xF016], Flow::Table { wide: true }),
-        (&[0xE8D1, 0xF006], Flow::JumpRegister), // tbb [r1, r6]
-        (&[0xDEFE], Flow::Trap),                 // udf #254
-        (&[0xF7F0, 0xA000], Flow::Trap),         // udf.w #0
-        (&[0xF004, 0xE800], Flow::Unknown),      // blx of an address
-        (&[0xDF00], Flow::Exception),            // svc #0
-        (&[0xDFFF], Flow::Exception),            // svc #255
-        (&[0xF8DD, 0xB064], Flow::Next),         // ldr.w r11, [sp, #0x64]
-        (&[0xF89D, 0xF010], Flow::Next),         // pld [sp, #16]
+        (&[0xE8DF, 0xF006], Flow::Table { wide: false, register: 15 }),
+        (&[0xE8DF, 0xF016], Flow::Table { wide: true, register: 15 }),
+        (&[0xE8D1, 0xF006], Flow::Table { wide: false, register: 1 }), // tbb [r1, r6]
+        (&[0xDEFE], Flow::Trap),                                       // udf #254
+        (&[0xF7F0, 0xA000], Flow::Trap),                               // udf.w #0
+        (&[0xF004, 0xE800], Flow::Unknown),                            // blx of an address
+        (&[0xDF00], Flow::Exception),                                  // svc #0
+        (&[0xDFFF], Flow::Exception),                                  // svc #255
+        (&[0xF8DD, 0xB064], Flow::Next),                               // ldr.w r11, [sp, #0x64]
+        (&[0xF89D, 0xF010], Flow::Next),                               // pld [sp, #16]
     ] {
         assert_eq!(flow(halves), expected, "{halves:x?}");
     }
@@ -169,4 +169,19 @@ fn masks_conditions_and_half_constants_are_decoded() {
     assert_eq!(of(&[0xF64D, 0x6183]).half, half(1, false, 0xDE83));
     assert_eq!(of(&[0xF2CE, 0x0000]).half, half(0, true, 0xE000));
     assert!(of(&[0xBF00]).nop && !of(&[0xBF30]).nop);
+}
+
+#[test]
+fn adr_names_its_register_and_address() {
+    for (halves, register, value) in [
+        (&[0xA202][..], 2, 0x0800_4138 + 8),        // adr r2, 8
+        (&[0xF20F, 0x0210], 2, 0x0800_4138 + 0x10), // adr.w r2, 16
+        (&[0xF2AF, 0x0904], 9, 0x0800_4138 - 4),    // adr.w r9, -4
+    ] {
+        let bytes: Vec<u8> = halves.iter().flat_map(|half: &u16| half.to_le_bytes()).collect();
+        for at in [0x0800_4134, 0x0800_4136] {
+            let found = decode(at, &bytes).and_then(|found| found.address);
+            assert_eq!(found, Some(Address { register, value }), "{halves:x?}");
+        }
+    }
 }
