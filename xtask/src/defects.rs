@@ -17,7 +17,7 @@ use list::{Defect, Plant};
 use tree::Tree;
 use trial::{Found, Trial};
 
-/// Half of the seeds that CI plays and that hold (`xtask/src/ci.rs`): on a quiet core a defect that nothing finds takes a minute.
+/// On a quiet core a defect that nothing finds takes a minute.
 const SEEDS: u32 = 300;
 
 /// Time for one seed on a busy core, on average: 0.2 s on a quiet one, and four times as long where boards do not answer.

@@ -184,6 +184,14 @@ impl Faults {
         kinds
     }
 
+    /// Those of any motor.
+    pub fn recent(&self) -> Kinds {
+        let ended = self.ended.iter().map(|&(kind, ..)| kind);
+        let mut kinds = Kinds::NONE;
+        self.active.iter().map(|active| active.fault.kind).chain(ended).for_each(|kind| kinds.insert(kind));
+        kinds
+    }
+
     fn others(&self, kind: FaultKind, motor: usize) -> impl Iterator<Item = &Fault> {
         self.active.iter().map(|active| &active.fault).filter(move |fault| {
             fault.kind == kind && (kind.row().place != Place::Motor || fault.motor == motor)

@@ -137,6 +137,18 @@ pub const INVARIANTS: &[Invariant] = &[
         Check::Motor(power::bus),
     ),
     row(
+        "load-keeps-the-bus",
+        "motors do not pull a whole source below 16 V: their torque folds back before",
+        "docs/properties.md, ERROR 5; decision 0053",
+        LYING_SENSORS.union(Kinds::of(&[
+            FaultKind::SupplySag,
+            FaultKind::PowerCut,
+            FaultKind::HandPowerCut,
+            FaultKind::FlashCut,
+        ])),
+        Check::Program(power::load),
+    ),
+    row(
         "no-erase-while-driven",
         "no page is erased while the bridge is on",
         "decision 0012",
@@ -224,7 +236,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "position-is-true",
-        "a position that is known is within a count of the rotor",
+        "a position that is known is within a count of the rotor, and the zero of HI is IOFF from a stop",
         "manual 7; decision 0010",
         Kinds::NONE,
         Check::Program(truth::position),
@@ -254,7 +266,11 @@ pub const INVARIANTS: &[Invariant] = &[
         "every command ends in a prompt within the time of its motions",
         "manual 5.1; decision 0035",
     ),
-    hand(ABORT, "^C brings the prompt within 0.6 s", "manual 5.1.2; decision 0035"),
+    hand(
+        ABORT,
+        "^C brings the prompt within 0.6 s, and the motors of the host's commands to rest",
+        "manual 5.1.2; decision 0035",
+    ),
     hand(ENERGY, "the simulated motors create no energy", "docs/simulator.md"),
     hand(IMAGE, "the flashed image neither stops nor drives both switches of a leg", "docs/emulation.md"),
     hand(NO_PANIC, "no arithmetic overflows, no assertion fails", "invariant 8 of ARCHITECTURE.md"),

@@ -3,6 +3,7 @@
 use std::hash::{DefaultHasher, Hasher};
 
 use god::io::ABORT;
+use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
 
 use super::case::{Case, MOTORS, kind};
@@ -32,6 +33,19 @@ const PROMPTED: &[u8] = b"\n\r=> ";
 
 /// Time in which the prompts of further ^C come, ms.
 const LATE_MS: u64 = 30;
+
+/// Faults with which an order may not arrive.
+const UNHEARD: Kinds = Kinds::of(&[
+    FaultKind::FrameLost,
+    FaultKind::FrameCorrupted,
+    FaultKind::FrameDelayed,
+    FaultKind::BusOff,
+    FaultKind::Babble,
+    FaultKind::NoAck,
+    FaultKind::CableCut,
+    FaultKind::HandPowerCut,
+    FaultKind::BoardHang,
+]);
 
 /// A failure.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,6 +88,8 @@ pub struct Session<'a, S> {
     /// The hand.
     pub hand: Hand<S>,
     pub(super) faults: Faults,
+    /// All orders are the host's commands.
+    is_plain: bool,
     joints: Vec<Joint>,
     pub(super) has_faults: bool,
     pub(super) outcome: Outcome,
@@ -101,6 +117,7 @@ impl<'a, S: Subject> Session<'a, S> {
             hand,
             faults,
             joints,
+            is_plain: case.is_plain && !case.faults.iter().any(|fault| fault.kind == FaultKind::SecondHost),
             has_faults: !case.faults.is_empty(),
             outcome: Outcome::default(),
             digest: DefaultHasher::new(),
@@ -211,6 +228,7 @@ impl<'a, S: Subject> Session<'a, S> {
                 events: &self.events,
                 faults: self.faults.recent_at(motor),
                 active: self.faults.active_at(motor),
+                elsewhere: self.faults.recent(),
             };
             self.digest.write_u64(truth.counts.to_bits());
             self.digest.write_u8(truth.brake_engaged.into());
@@ -339,6 +357,26 @@ impl<'a, S: Subject> Session<'a, S> {
         }
         for _ in 0..LATE_MS {
             self.step();
+        }
+        if self.is_plain && self.is_whole() {
+            self.check_stopped();
+        }
+    }
+
+    /// Whether a motor moves on after ^C. One that holds or presses goes on (manual 5.5), and an order may be lost with its frame.
+    fn check_stopped(&mut self) {
+        for motor in 0..self.joints.len() {
+            if self.faults.recent_at(motor).meets(UNHEARD) {
+                continue;
+            }
+            let board = self.hand.bus().stations().nth(motor);
+            let Some(sample) = board.and_then(|board| board.native()).and_then(Node::sample) else {
+                continue;
+            };
+            let (mode, end) = (sample.status.mode, sample.status.end);
+            if mode == Mode::Trapezoidal || mode == Mode::Velocity && end.is_none() {
+                self.fail(ABORTS, motor + 1, format!("mode {mode:?} goes on {LATE_MS} ms after ^C"));
+            }
         }
     }
 

@@ -57,6 +57,8 @@ pub struct View<'a> {
     pub faults: Kinds,
     /// The faults that are active now.
     pub active: Kinds,
+    /// Faults of any motor that are active or ended within [`AFTERMATH_MS`].
+    pub elsewhere: Kinds,
 }
 
 impl View<'_> {
@@ -89,6 +91,7 @@ pub struct Joint {
 pub struct Power {
     /// It was so at the last tick: a command takes effect at the next.
     pub was_idle: bool,
+    pub was_low: bool,
     pub was_faulty: bool,
     pub was_engaged: bool,
     pub limits: [i32; MEMORY],
@@ -103,6 +106,7 @@ impl Default for Power {
     fn default() -> Self {
         Self {
             was_idle: false,
+            was_low: false,
             was_faulty: false,
             was_engaged: false,
             limits: [0; MEMORY],
@@ -148,6 +152,11 @@ pub struct Keeping {
     pub present: Option<Values>,
     /// The flash was damaged since the last start: the next one may find older counters.
     pub damaged: bool,
+    /// STAT 0 has ended a program since the last start; and a fault has.
+    pub slept: bool,
+    pub cut: bool,
+    /// ERROR at the last tick.
+    pub error: i64,
 }
 
 #[derive(Debug, Default)]
@@ -161,6 +170,8 @@ pub struct Trust {
     /// A start has trusted its position, and nothing has confirmed it.
     pub restored: bool,
     pub off_ms: u32,
+    /// Loads or lying halls have met the motor: it may have homed at another place than its stop.
+    pub hindered: bool,
     /// Where the rotor was when this drive began, and the direction of its torque.
     pub began: Option<(f64, bool)>,
 }

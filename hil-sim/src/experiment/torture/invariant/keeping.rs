@@ -1,5 +1,6 @@
 //! What a board keeps: counters, saved properties, and everything while it refuses.
 
+use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
 use tater_wire::property::{Access, ROWS, Stored};
 use tater_wire::{FaultCode, Property};
@@ -19,6 +20,16 @@ const COUNTED_MS: u64 = 500;
 /// Faults that take what the flash holds.
 const DAMAGE: Kinds = Kinds::of(&[FaultKind::BitFlip, FaultKind::WornPage, FaultKind::MarginalErase]);
 
+/// Faults that end a program without its doing.
+const CUTS: Kinds = Kinds::of(&[
+    FaultKind::PowerCut,
+    FaultKind::HandPowerCut,
+    FaultKind::FlashCut,
+    FaultKind::BoardReset,
+    FaultKind::BoardHang,
+    FaultKind::HallSwap,
+]);
+
 const COUNTERS: [Property; 3] = [Property::UPSECS, Property::OD, Property::PTEMP];
 
 fn sets(event: &BoardEvent, properties: &[Property]) -> bool {
@@ -28,6 +39,11 @@ fn sets(event: &BoardEvent, properties: &[Property]) -> bool {
 pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
     let keeping = &mut joint.keeping;
     keeping.damaged |= view.active.meets(DAMAGE);
+    keeping.cut |= view.active.meets(CUTS);
+    keeping.slept |= view
+        .events
+        .iter()
+        .any(|event| matches!(event, BoardEvent::Order { property: Property::STAT, value: 0 }));
     let (tater, _) = view.application()?;
     let starts = view.node?.starts();
     let restarted = starts != keeping.starts;
@@ -45,8 +61,9 @@ pub fn counters(joint: &mut Joint, view: &View) -> Option<String> {
     {
         return None;
     }
-    // A start takes what was stored: at most 60 s, 7 thousand counts and 1.0 C are lost (decision 0018).
-    let loss = if restarted { [60, 7, 10] } else { [0; 3] };
+    // A start takes what was stored: at most 60 s, 7 thousand counts and 1.0 C are lost (decision 0018), and nothing by STAT 0.
+    let was_ordered = std::mem::take(&mut keeping.slept) && !std::mem::take(&mut keeping.cut);
+    let loss = if restarted && !was_ordered { [60, 7, 10] } else { [0; 3] };
     if restarted && std::mem::take(&mut keeping.damaged) {
         return None;
     }
@@ -175,7 +192,18 @@ pub fn refusals(joint: &mut Joint, view: &View) -> Option<String> {
         keeping.present = None;
         return None;
     }
-    let ordered = view.events.iter().any(|event| matches!(event, BoardEvent::Order { .. }));
+    let (tater, _) = view.application()?;
+    let error = std::mem::replace(&mut keeping.error, tater.property(Property::ERROR)?);
+    let mut orders = view.events.iter().filter(|event| matches!(event, BoardEvent::Order { .. }));
+    let ordered = orders.clone().next().is_some();
+    // One order alone: another may have cleared the fault before.
+    if let (Some(BoardEvent::Order { property: Property::P, value }), None) = (orders.next(), orders.next())
+        && error != 0
+        && keeping.error == error
+        && view.sample.as_ref()?.status.mode == Mode::Idle
+    {
+        return Some(format!("SET P {value} was obeyed with ERROR {error}"));
+    }
     let refused = view.events.iter().any(|event| matches!(event, BoardEvent::Refused { .. }));
     // The ring holds 32 events: a burst may have pushed an order out.
     if keeping.present.is_none() || ordered || view.events.len() > 16 {

@@ -48,6 +48,16 @@ pub fn legs(_: &mut Joint, view: &View) -> Option<String> {
     (!good).then(|| format!("legs {legs:?}"))
 }
 
+pub fn load(joint: &mut Joint, view: &View) -> Option<String> {
+    let low = view.sample.as_ref().is_some_and(|sample| sample.status.fault == Some(Fault::UnderVoltage));
+    let was = std::mem::replace(&mut joint.power.was_low, low);
+    // A board that hangs does not fold back.
+    if view.elsewhere.meets(Kinds::of(&[FaultKind::BoardHang])) {
+        return None;
+    }
+    (low && !was).then(|| format!("ERROR 5 although the source is whole; the bus is at {:.1} V", view.volts))
+}
+
 pub fn idle(joint: &mut Joint, view: &View) -> Option<String> {
     let idle = view.sample.as_ref().is_some_and(is_idle);
     let was = std::mem::replace(&mut joint.power.was_idle, idle);

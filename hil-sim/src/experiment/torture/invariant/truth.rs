@@ -5,6 +5,8 @@ use tater_fw::events::BoardEvent;
 use tater_wire::{Cmd, Property};
 
 use super::joint::{Joint, LYING_HALLS, Trust, View};
+use crate::experiment::torture::kinds::{FaultKind, Kinds};
+use crate::world::plant::PlantParams;
 
 /// Below this a rotor stands, counts/s: the count of a tick is that of its end.
 const SLOW: f64 = 100.0;
@@ -14,6 +16,9 @@ const MOST: i64 = 1;
 
 /// Ticks for which a deviation must last: a glitch is resolved within them.
 const LASTS: u32 = 50;
+
+/// From IOFF to the zero of HI, counts: half a cell at each end, the dent of the stop, and the placement of the halls.
+const MISPLACED: f64 = 3.0;
 
 /// A third of a turn, and the cell in which the rotor started, counts.
 const THIRD: f64 = 6.0 + 1.0;
@@ -74,9 +79,29 @@ impl Trust {
     }
 }
 
+/// Whether HI has named as zero what is IOFF from neither stop, and how.
+fn misplaced(plant: &PlantParams, view: &View) -> Option<String> {
+    let homed = view.events.iter().any(|event| matches!(event, BoardEvent::Motor(servo_core::Event::Homed)));
+    if !homed || view.events.iter().any(|event| matches!(event, BoardEvent::Order { .. })) {
+        return None;
+    }
+    let (tater, sample) = view.application()?;
+    let zero = view.truth.counts - sample.estimated_counts();
+    let from = |stop: f64| (zero - stop - f64::from(tater.config().ioff)).abs();
+    let off = from(plant.min_count).min(from(plant.max_count));
+    (off > MISPLACED).then(|| format!("HI names a place as zero that is {off:.1} counts from IOFF of a stop"))
+}
+
 pub fn position(joint: &mut Joint, view: &View) -> Option<String> {
     let trust = &mut joint.truth;
     trust.follow(view);
+    // A jam is found out: HI leaves the place where it has stopped, and returns to it.
+    trust.hindered |= view.faults.meets(LYING_HALLS.union(Kinds::of(&[FaultKind::Push])));
+    if !trust.hindered
+        && let Some(found) = misplaced(&joint.plant, view)
+    {
+        return Some(found);
+    }
     if trust.restored || !view.sample.as_ref()?.status.homed {
         trust.off_ms = 0;
         return None;
