@@ -6,7 +6,7 @@ use god::io::ABORT;
 use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
 
-use super::case::{Case, MOTORS, kind};
+use super::case::{Case, MOTORS};
 use super::fault::{Faults, Subject};
 use super::invariant::{ABORT as ABORTS, ENERGY, IMAGE, Joint, QUEUES, View};
 use super::kinds::{FaultKind, Kinds};
@@ -111,8 +111,7 @@ impl<'a, S: Subject> Session<'a, S> {
     /// A session with a hand that is new.
     pub fn new(case: &Case, mut hand: Hand<S>, look: &'a mut dyn FnMut(&Hand<S>)) -> Self {
         let faults = Faults::new(case, &mut hand);
-        let joints =
-            (0..MOTORS).map(|motor| Joint::new(kind(motor as u8 + 1), &case.world.plants[motor])).collect();
+        let joints = (0..MOTORS).map(|motor| Joint::new(&case.world, motor)).collect();
         Self {
             hand,
             faults,

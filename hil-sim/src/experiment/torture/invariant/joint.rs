@@ -7,6 +7,7 @@ use servo_core::mode::Mode;
 use tater_fw::events::BoardEvent;
 use tater_wire::{MotorKind, Property};
 
+use crate::experiment::torture::case::{World, kind};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 use crate::world::node::{Node, Sample};
 use crate::world::plant::{PlantParams, RAD_PER_COUNT};
@@ -18,6 +19,9 @@ pub const AFTERMATH_MS: u64 = 1_000;
 /// Ticks over which a limit may have been higher: the thermistor is read every 16 ticks, a tick that plans a move still applies the
 /// torque of the tick before.
 pub const MEMORY: usize = 40;
+
+/// Current of the source that the boards are made for, A (decision 0053): seven motors draw 22 A without fold-back.
+const SOURCE_A: f64 = 30.0;
 
 /// Values of properties.
 pub type Values = BTreeMap<Property, i64>;
@@ -77,6 +81,8 @@ impl View<'_> {
 pub struct Joint {
     pub(super) plant: PlantParams,
     pub(super) has_brake: bool,
+    /// The source carries what the boards are made for.
+    pub(super) has_strong_source: bool,
     /// Highest speed so far, counts/s, which bounds how deep a stop is dented.
     pub(super) fastest: f64,
     /// It is pushed from outside faster than its voltage could drive it.
@@ -177,18 +183,23 @@ pub struct Trust {
 }
 
 impl Joint {
-    /// A motor of a hand at power-up.
+    /// Motor 0 to 6 of a hand at power-up.
+    ///
+    /// # Panics
+    /// The world has no such motor.
     #[must_use]
-    pub fn new(kind: MotorKind, plant: &PlantParams) -> Self {
+    pub fn new(world: &World, motor: usize) -> Self {
         Self {
-            has_brake: kind == MotorKind::Spread,
-            plant: plant.clone(),
+            has_brake: kind(motor as u8 + 1) == MotorKind::Spread,
+            has_strong_source: world.source.1 >= SOURCE_A,
+            plant: world.plants[motor].clone(),
             fastest: 0.0,
             pushed: false,
             power: Power::default(),
             ending: Ending::default(),
             keeping: Keeping::default(),
-            truth: Trust::default(),
+            // HI cannot tell an object that it presses on from a stop.
+            truth: Trust { hindered: world.object.is_some(), ..Trust::default() },
         }
     }
 
