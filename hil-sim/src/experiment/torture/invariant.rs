@@ -138,7 +138,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "load-keeps-the-bus",
-        "motors do not pull a source of 30 A below 16 V: their torque folds back before",
+        "motors do not pull a source of 500 W below 16 V: their torque folds back before",
         "docs/properties.md, ERROR 5; decision 0053",
         LYING_SENSORS.union(Kinds::of(&[
             FaultKind::SupplySag,

@@ -20,8 +20,9 @@ pub const AFTERMATH_MS: u64 = 1_000;
 /// torque of the tick before.
 pub const MEMORY: usize = 40;
 
-/// Current of the source that the boards are made for, A (decision 0053): seven motors draw 22 A without fold-back.
-const SOURCE_A: f64 = 30.0;
+/// Power of a source that seven motors at the torque that is free cannot exhaust, W: they take 370 W, 520 W if each had the least resistance
+/// (decision 0053).
+const SOURCE_W: f64 = 500.0;
 
 /// Values of properties.
 pub type Values = BTreeMap<Property, i64>;
@@ -81,7 +82,7 @@ impl View<'_> {
 pub struct Joint {
     pub(super) plant: PlantParams,
     pub(super) has_brake: bool,
-    /// The source carries what the boards are made for.
+    /// The source has the power that the boards may take without fold-back.
     pub(super) has_strong_source: bool,
     /// Highest speed so far, counts/s, which bounds how deep a stop is dented.
     pub(super) fastest: f64,
@@ -191,7 +192,7 @@ impl Joint {
     pub fn new(world: &World, motor: usize) -> Self {
         Self {
             has_brake: kind(motor as u8 + 1) == MotorKind::Spread,
-            has_strong_source: world.source.1 >= SOURCE_A,
+            has_strong_source: world.source.0 * world.source.1 >= SOURCE_W,
             plant: world.plants[motor].clone(),
             fastest: 0.0,
             pushed: false,
