@@ -166,13 +166,14 @@ fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
         let is_lost = known.is_some_and(|known| known != KNOWN)
             || error_of(session, motor) == i64::from(FaultCode::Wiring.code());
         if is_lost {
+            // FIND wants an idle motor, and the spread holds after a stall, and after a move.
+            run(session, &format!("{} S MODE 0", motor + 1));
             find(session, motor, LEARN, 10_000);
             // At a stop it cannot make the first test move.
             let moved = find(session, motor, TEST, 1_000);
             let closed = if moved.abs() > SEEN {
                 moved > 0.0
             } else {
-                // FIND wants an idle motor, and the spread holds after a move.
                 run(session, &format!("{} S MODE 0", motor + 1));
                 find(session, motor, TEST_BACK, 1_000) < 0.0
             };
