@@ -24,6 +24,7 @@ const KEEPALIVE_US: u64 = 200_000;
 /// As those of [`query::check_ready`].
 pub(crate) async fn make_ready(god: &God<'_>, motors: Motors, initialized: bool) -> Result<(), Status> {
     query::check_ready(god, motors, initialized).await?;
+    leave_velocity_mode(god, motors.difference(god.session.pressing())).await;
     let faults = god.boards.get(motors, Property::ERROR).await;
     let storage = i64::from(FaultCode::Storage);
     god.boards.set(faults.filter(|code| code != 0 && code != storage), Property::STAT, 2).await;
@@ -31,6 +32,15 @@ pub(crate) async fn make_ready(god: &God<'_>, motors: Motors, initialized: bool)
     restore_properties(god, Motors::NONE).await;
     god.session.cease_pressing(motors);
     Ok(())
+}
+
+/// Ends mode 4 of another host. It would never end by itself, and a motion under way keeps its END, so the board could not report that it
+/// refuses an order (decision 0036).
+async fn leave_velocity_mode(god: &God<'_>, motors: Motors) {
+    let moving = god.boards.get(motors, Property::END).await.filter(|end| end == 0);
+    let mode = god.boards.get(moving, Property::MODE).await;
+    let velocity = mode.filter(|mode| ModeCode::of(mode) == Some(ModeCode::Velocity));
+    god.boards.set(velocity, Property::MODE, ModeCode::Idle.into()).await;
 }
 
 /// Stops motors as HOLD demands: in mode 3 where they are, or without power (manual 5.5).
