@@ -39,10 +39,12 @@
 //! assert_eq!(scenario.timeline.len(), 2);
 //! ```
 
+mod figures;
 mod file;
 mod read;
 mod shipped;
 
+pub use figures::{FIGURES, Figure};
 pub use shipped::{SHIPPED, Shipped};
 
 use servo_core::{Command, Config};
