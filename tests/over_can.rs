@@ -28,7 +28,7 @@ pub(super) fn native_at(
     let options = Options { seed, ..OPTIONS };
     let at_first = parked(scenario, case, &options).expect("the scenario's reader has checked it");
     let rig = rig(scenario, case, &options).expect("the same");
-    let job = Job { node, case: case.clone(), rig, judged: true };
+    let job = Job { node, case: case.clone(), rig, judged: true, windows: scenario.windows() };
     let mut host = OverCan::new(vec![(node, Node::new(SimBoard::new(at_first, node)))]);
     host.phase_us = phase_us;
     let mut up = host.power_on().and_then(|()| host.wake());
@@ -49,7 +49,11 @@ fn shipped() -> impl Iterator<Item = Scenario> {
 fn tolerance(name: &str, direct: f64) -> Option<f64> {
     match name {
         // A tick; or the effect of a thermistor's noise on a fault after half a minute.
-        "end_ms" | "arrival_ms" => Some((0.005 * direct).max(1.0)),
+        "end_ms" | "arrival_ms" | "rise_ms" => Some((0.005 * direct).max(1.0)),
+        // A rotor that settles slowly passes the bound of a count with any noise.
+        "settling_ms" => Some((0.05 * direct).max(5.0)),
+        "iae" | "itae" | "heat_j" => Some((0.03 * direct).max(0.05)),
+        "speed_at_end_counts_s" => Some((0.1 * direct).max(10.0)),
         // P is a whole number: half a count, and the rotor moves while it is read.
         "hold_error_counts" | "peak_hold_error_counts" => Some(0.75),
         // HI's zero is derived from P: up to a count.

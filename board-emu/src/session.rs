@@ -109,7 +109,7 @@ fn part(scenario: &Scenario, node: u8, options: &Options) -> Result<(Job, hil_si
     };
     let at_first = parked(&scenario, &case, options).map_err(wrong)?;
     let rig = rig(&scenario, &case, options).map_err(wrong)?;
-    Ok((Job { node: id(node), case, rig, judged }, at_first))
+    Ok((Job { node: id(node), case, rig, judged, windows: scenario.windows() }, at_first))
 }
 
 fn bystander(scenario: &Scenario, node: u8) -> Case {

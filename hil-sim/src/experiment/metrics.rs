@@ -6,7 +6,7 @@
 
 mod meter;
 
-pub use meter::Meter;
+pub use meter::{Meter, Meters, Window};
 
 use servo_core::EndReason;
 use servo_core::guard::fault::Fault;
@@ -29,6 +29,24 @@ pub struct Metrics {
     pub final_error_counts: Option<f64>,
     /// Root mean square distance from the set-point during the move (mode 5).
     pub tracking_rms_counts: Option<f64>,
+    /// From the move's first driven tick until the rotor stays within a count of E; none if it does not.
+    pub settling_ms: Option<f64>,
+    /// From a tenth to nine tenths of the way to E.
+    pub rise_ms: Option<f64>,
+    /// Integral of the distance from E since the move's first driven tick, counts·s.
+    pub iae: Option<f64>,
+    /// The same, weighted with the time since then, counts·s².
+    pub itae: Option<f64>,
+    /// Speed a tick before the end of the last move.
+    pub speed_at_end_counts_s: Option<f64>,
+    /// Root mean square of the velocity about its mean, while the velocity set-point is constant.
+    pub ripple_counts_s: Option<f64>,
+    /// Mean velocity in that time.
+    pub mean_velocity_counts_s: Option<f64>,
+    /// Root mean square change of the torque from tick to tick while driven, 1/1024 of peak.
+    pub chatter: Option<f64>,
+    /// Heat in the winding.
+    pub heat_j: f64,
     /// Largest applied torque, 1/1024 of peak.
     pub peak_torque: f64,
     /// Largest phase current at any instant, including the ripple of the switching.
@@ -87,6 +105,15 @@ impl Metrics {
             overshoot_counts: most(self.overshoot_counts, other.overshoot_counts),
             final_error_counts: most(self.final_error_counts, other.final_error_counts),
             tracking_rms_counts: most(self.tracking_rms_counts, other.tracking_rms_counts),
+            settling_ms: most(self.settling_ms, other.settling_ms),
+            rise_ms: most(self.rise_ms, other.rise_ms),
+            iae: most(self.iae, other.iae),
+            itae: most(self.itae, other.itae),
+            speed_at_end_counts_s: most(self.speed_at_end_counts_s, other.speed_at_end_counts_s),
+            ripple_counts_s: most(self.ripple_counts_s, other.ripple_counts_s),
+            mean_velocity_counts_s: most(self.mean_velocity_counts_s, other.mean_velocity_counts_s),
+            chatter: most(self.chatter, other.chatter),
+            heat_j: self.heat_j.max(other.heat_j),
             peak_torque: self.peak_torque.max(other.peak_torque),
             peak_current_a: self.peak_current_a.max(other.peak_current_a),
             peak_winding_c: self.peak_winding_c.max(other.peak_winding_c),
@@ -236,7 +263,7 @@ const AND: &str = ", ";
 
 /// One metric by name.
 pub struct Metric {
-    /// Name as in an expectation, with the unit at its end.
+    /// Name as in an expectation; its end is the unit, except for integrals and torques.
     pub name: &'static str,
     /// Explanation for the report.
     pub about: &'static str,
@@ -281,7 +308,7 @@ impl Metric {
 }
 
 /// Every metric that an expectation can name.
-pub const METRICS: [Metric; 24] = [
+pub const METRICS: [Metric; 33] = [
     metric!(
         end_reason,
         "why the last move ended",
@@ -292,6 +319,15 @@ pub const METRICS: [Metric; 24] = [
     metric!(overshoot_counts, "true rotor past the end position"),
     metric!(final_error_counts, "distance from the end position 200 ms after the end"),
     metric!(tracking_rms_counts, "RMS distance from the set-point during the move"),
+    metric!(settling_ms, "until the rotor stays within a count of the end position"),
+    metric!(rise_ms, "from a tenth to nine tenths of the way"),
+    metric!(iae, "integral of the distance from the end position, counts s"),
+    metric!(itae, "the same, weighted with time, counts s^2"),
+    metric!(speed_at_end_counts_s, "true speed a tick before the end of the move"),
+    metric!(ripple_counts_s, "RMS of the true velocity about its mean at a constant velocity set-point"),
+    metric!(mean_velocity_counts_s, "mean of the true velocity at a constant velocity set-point"),
+    metric!(chatter, "RMS change of the torque per tick, 1/1024 of peak"),
+    metric!(heat_j, "heat in the winding"),
     metric!(peak_torque, "largest applied torque, 1/1024 of peak"),
     metric!(peak_current_a, "largest phase current at any instant"),
     metric!(peak_winding_c, "highest winding temperature"),

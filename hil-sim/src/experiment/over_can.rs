@@ -14,7 +14,7 @@ use tater_fw::tater::heat::COLD;
 use tater_wire::MotorKind;
 use tater_wire::{Destination, Message, Node as Id, Property};
 
-use crate::experiment::metrics::{Metric, Metrics};
+use crate::experiment::metrics::{Metric, Metrics, Window};
 use crate::experiment::run::{MotorRun, Options, Outcome, rig, unexpected_refusals};
 use crate::experiment::scenario::{Case, Scenario, Verdict, motor_name};
 use crate::world::bus::{Adapter, Bus};
@@ -70,7 +70,10 @@ impl ObservedBoard for Node {
 #[must_use]
 pub fn gap(metric: &Metric, poll_ms: u32) -> Option<&'static str> {
     match metric.name {
-        "tracking_rms_counts" => Some("the set-point of a move is no property"),
+        "tracking_rms_counts" | "ripple_counts_s" | "mean_velocity_counts_s" => {
+            Some("the set-point of a move is no property")
+        }
+        "chatter" => Some("T is not read each tick"),
         "glitches" => Some("no property counts glitches, and only a log of level debug tells them"),
         "peak_torque" | "hold_error_counts" | "peak_hold_error_counts" if poll_ms == 0 => {
             Some("T and P are not polled")
@@ -102,6 +105,8 @@ pub struct Job {
     pub rig: Rig,
     /// Whether the scenario's expectations apply to it.
     pub judged: bool,
+    /// The windows of those.
+    pub windows: Vec<Window>,
 }
 
 /// The result of one board.
@@ -304,7 +309,7 @@ pub fn judge(
     let mut expectations = Vec::new();
     for ran in &judged {
         let known = scenario.expectations.iter().filter(|e| gap(e.metric, poll_ms).is_none());
-        let mut verdicts: Vec<Verdict> = known.map(|e| e.judge(&ran.run.metrics)).collect();
+        let mut verdicts: Vec<Verdict> = known.map(|e| e.judge(ran.run.within(e.window))).collect();
         verdicts.extend(unexpected_refusals(scenario, &ran.run.metrics));
         verdicts.extend(unanswered(ran));
         if judged.len() > 1 {

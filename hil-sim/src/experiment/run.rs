@@ -9,7 +9,7 @@ use tater_fw::codes::mode_code;
 use tater_wire::{Cmd, Destination, Message, ModeCode, MotorKind, Property};
 
 use crate::experiment::events::{self, motor_text, of_board};
-use crate::experiment::metrics::{Meter, Metrics, Value};
+use crate::experiment::metrics::{Meters, Metrics, Value, Window};
 use crate::experiment::properties::PROPERTIES;
 use crate::experiment::scenario::{Action, Case, Scenario, Verdict, motor_name};
 use crate::experiment::trace::Trace;
@@ -51,12 +51,22 @@ pub struct MotorRun {
     pub motor: MotorKind,
     /// Its metrics.
     pub metrics: Metrics,
+    /// Those of the windows of expectations.
+    pub windows: Vec<(Window, Metrics)>,
     /// Its trace, if requested.
     pub trace: Option<Trace>,
     /// The servo's reports and refusals, with their time in ms.
     pub log: Vec<(u32, String)>,
     /// The board's event log at the end of the run; empty for runs over CAN.
     pub events: Vec<events::Event>,
+}
+
+impl MotorRun {
+    /// The metrics of a window of an expectation; of the whole run if there is none such.
+    #[must_use]
+    pub fn within(&self, window: Window) -> &Metrics {
+        self.windows.iter().find(|(of, _)| *of == window).map_or(&self.metrics, |(_, metrics)| metrics)
+    }
 }
 
 impl Outcome {
@@ -77,7 +87,7 @@ pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, ParamError
     for case in &scenario.cases {
         let run = run_case(scenario, case, options)?;
         let mut verdicts: Vec<Verdict> =
-            scenario.expectations.iter().map(|e| e.judge(&run.metrics)).collect();
+            scenario.expectations.iter().map(|e| e.judge(run.within(e.window))).collect();
         verdicts.extend(unexpected_refusals(scenario, &run.metrics));
         if scenario.cases.len() > 1 {
             for verdict in &mut verdicts {
@@ -184,13 +194,13 @@ fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<Motor
     let mut trace = options.trace.then(|| Trace::new(case.motor, scenario.duration_ms));
     let mut timeline = scenario.timeline.iter().peekable();
     let mut last = observe(&node);
-    let mut meter = Meter::new(&last);
+    let mut meters = Meters::new(&last, &scenario.windows());
     if let Some(trace) = &mut trace {
         trace.record(&last);
     }
     for ms in 0..scenario.duration_ms {
         while let Some(timed) = timeline.next_if(|timed| timed.ms <= ms) {
-            apply(&timed.action, &mut node, &mut meter, &last, &mut log);
+            apply(&timed.action, &mut node, &mut meters, &last, &mut log);
             last = observe(&node);
         }
         if ms.is_multiple_of(POLL_MS) {
@@ -205,20 +215,21 @@ fn run_case(scenario: &Scenario, case: &Case, options: &Options) -> Result<Motor
         last = observe(&node);
         let ms = last.ms;
         let events = std::iter::from_fn(|| node.event()).inspect(|event| log.push((ms, motor_text(event))));
-        meter.tick(&last, events);
-        last.zero_counts = meter.zero_counts();
+        meters.tick(&last, events);
+        last.zero_counts = meters.zero_counts();
         if let Some(trace) = &mut trace {
             trace.record(&last);
         }
     }
-    Ok(MotorRun { motor: case.motor, metrics: meter.finish(&last), trace, log, events: of_board(&node) })
+    let (metrics, windows) = meters.finish(&last);
+    Ok(MotorRun { motor: case.motor, metrics, windows, trace, log, events: of_board(&node) })
 }
 
 fn observe(node: &Node) -> Sample {
     node.sample().expect("no scenario sends a board back into its monitor")
 }
 
-fn apply(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log: &mut Vec<(u32, String)>) {
+fn apply(action: &Action, node: &mut Node, meters: &mut Meters, last: &Sample, log: &mut Vec<(u32, String)>) {
     let command = match action {
         Action::Command(command) => command,
         Action::Set(rows) => {
@@ -235,9 +246,9 @@ fn apply(action: &Action, node: &mut Node, meter: &mut Meter, last: &Sample, log
     // Events of the motion that the command ended come before those of its own.
     while let Some(event) = node.event() {
         log.push((last.ms, motor_text(&event)));
-        meter.event(&event, last);
+        meters.event(&event, last);
     }
-    meter.command(command, answer.is_ok(), last, observe(node).estimated_counts());
+    meters.command(command, answer.is_ok(), last, observe(node).estimated_counts());
     if let Err(refusal) = answer {
         log.push((last.ms, format!("refused {action}: {refusal:?}")));
     }

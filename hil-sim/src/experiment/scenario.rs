@@ -34,20 +34,23 @@
 //!     [[expect]]                       # a metric: min, max or both; or equals, with a tolerance or without
 //!     metric = "position_counts"
 //!     min = 150
+//!     from_ms = 500                    # measured in this window only; to_ms ends it
 //! "#).unwrap();
 //! assert_eq!(scenario.timeline.len(), 2);
 //! ```
 
+mod figures;
 mod file;
 mod read;
 mod shipped;
 
+pub use figures::{FIGURES, Figure};
 pub use shipped::{SHIPPED, Shipped};
 
 use servo_core::{Command, Config};
 use tater_wire::MotorKind;
 
-use crate::experiment::metrics::{self, Metric, Metrics, Value};
+use crate::experiment::metrics::{self, Metric, Metrics, Value, Window};
 use crate::experiment::properties::Property;
 use crate::world::plant::{Heat, Model, ParamError, PlantParams, Start};
 use crate::world::rig::{Object, Rig, RigParams};
@@ -79,6 +82,20 @@ pub struct Scenario {
     pub timeline: Vec<Timed>,
     /// Expected results.
     pub expectations: Vec<Expectation>,
+}
+
+impl Scenario {
+    /// The windows of its expectations, each once, without that of the whole run.
+    #[must_use]
+    pub fn windows(&self) -> Vec<Window> {
+        let mut windows = Vec::new();
+        for window in self.expectations.iter().map(|expectation| expectation.window) {
+            if window != Window::ALL && !windows.contains(&window) {
+                windows.push(window);
+            }
+        }
+        windows
+    }
 }
 
 /// One motor of a scenario with its plant and its properties.
@@ -186,6 +203,8 @@ pub struct Expectation {
     pub metric: &'static Metric,
     /// The expected value.
     pub want: Want,
+    /// The part of the run in which it is measured.
+    pub window: Window,
 }
 
 /// The expected value of a metric.
@@ -211,7 +230,17 @@ pub struct Verdict {
 }
 
 impl Expectation {
-    /// Judges a run. A missing value fails a numeric expectation.
+    /// The metric, with the window if it is not the whole run.
+    fn name(&self) -> String {
+        let name = self.metric.name;
+        match self.window {
+            Window::ALL => name.to_owned(),
+            Window { from_ms, to_ms: u32::MAX } => format!("{name} from {from_ms} ms"),
+            Window { from_ms, to_ms } => format!("{name}, {from_ms} to {to_ms} ms"),
+        }
+    }
+
+    /// Judges the metrics of a run within the window. A missing value fails a numeric expectation.
     #[must_use]
     pub fn judge(&self, metrics: &Metrics) -> Verdict {
         let value = (self.metric.get)(metrics);
@@ -220,7 +249,7 @@ impl Expectation {
             (Want::Word(word), Value::Text(text)) => word == text,
             _ => false,
         };
-        Verdict { name: self.metric.name.to_owned(), ok, value, want: self.want.to_string() }
+        Verdict { name: self.name(), ok, value, want: self.want.to_string() }
     }
 }
 

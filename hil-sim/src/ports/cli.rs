@@ -7,6 +7,7 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use tater_wire::MotorKind;
 
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
@@ -19,7 +20,7 @@ use crate::experiment::input::BadInput;
 use crate::experiment::replay::{Replayed, replay};
 use crate::experiment::report;
 use crate::experiment::run::{Options, Outcome, run as simulate};
-use crate::experiment::scenario::{SHIPPED, Scenario};
+use crate::experiment::scenario::{FIGURES, SHIPPED, Scenario};
 use crate::experiment::trace::{Trace, write_csv};
 use crate::world::plant::Model;
 
@@ -38,8 +39,8 @@ struct Args {
 enum Task {
     /// Run a scenario and check its expectations. Exit code 1 if one fails, 2 for bad input.
     Run(RunArgs),
-    /// List the shipped scenarios.
-    List,
+    /// List the shipped scenarios, or the figures that `run` can override.
+    List(ListArgs),
     /// Serve boards on a CAN bus in real time, for CAN tools. Stop with ^C.
     Bus(BusArgs),
     /// Serve a whole hand in real time, for its hosts. Stop with ^C.
@@ -71,12 +72,28 @@ struct ReplayArgs {
 }
 
 #[derive(clap::Args)]
+struct ListArgs {
+    /// Name each figure of the plant, its sensors and its supply, with unit and source.
+    #[arg(long)]
+    plant: bool,
+}
+
+#[derive(clap::Args)]
 struct RunArgs {
     /// A shipped scenario (see `hil-sim list`) or a TOML file.
     scenario: String,
     /// Set a property of the servo, such as KP=120; repeatable.
     #[arg(long, value_name = "PROPERTY=VALUE")]
     set: Vec<String>,
+    /// Set a figure of the motor or its joint, such as inertia=1.3x or coulomb_n_m=0.02 (see `list --plant`); repeatable.
+    #[arg(long, value_name = "NAME=VALUE")]
+    plant: Vec<String>,
+    /// Set a figure of the board's sensors, such as hall_offset_deg=7; repeatable.
+    #[arg(long, value_name = "NAME=VALUE")]
+    rig: Vec<String>,
+    /// Set the supply, such as volts=22.
+    #[arg(long, value_name = "NAME=VALUE")]
+    supply: Vec<String>,
     /// Write trace.csv and report.html into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -109,7 +126,9 @@ pub fn run(clock: Clock) -> ExitCode {
     let mut clock_us = || u64::try_from(clock().as_micros()).ok();
     let done = match Args::parse().command {
         Task::Run(args) => run_scenario(&args, clock),
-        Task::List => print(&list()).map(|()| true).map_err(Into::into),
+        Task::List(args) => {
+            print(&if args.plant { figures() } else { list() }).map(|()| true).map_err(Into::into)
+        }
         Task::Bus(args) => serve::bus(&args, &mut clock_us).map(|()| true),
         Task::Hand(args) => serve::hand(&args, &mut clock_us).map(|()| true),
         Task::Gcl(args) => gcl::gcl(&args, clock),
@@ -136,10 +155,35 @@ fn list() -> String {
     text
 }
 
+/// The figures: option, name, word, value of each kind of motor, unit and source.
+fn figures() -> String {
+    let kinds = [MotorKind::Link, MotorKind::Spread, MotorKind::Tip];
+    let mut text = String::new();
+    for figure in &FIGURES {
+        let mut values: Vec<String> = kinds.map(|kind| figure.nominal(kind).to_string()).into();
+        values.dedup();
+        let (name, value) = (format!("--{} {}", figure.option, figure.name), values.join(", "));
+        let word = if figure.word == figure.name { String::new() } else { format!(" (or {})", figure.word) };
+        text.push_str(&format!(
+            "{:<44} {value} {}: {}\n",
+            format!("{name}{word}"),
+            figure.unit,
+            figure.source
+        ));
+    }
+    text.push_str("\nThree values are those of a link, the spread and a tip. NAME=1.3x multiplies.\n");
+    text
+}
+
 fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     let mut scenario = Scenario::find(&args.scenario)?;
     for assignment in &args.set {
         scenario.set(assignment)?;
+    }
+    for (option, assignments) in [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)] {
+        for assignment in assignments {
+            scenario.override_figure(option, assignment)?;
+        }
     }
     let model = match args.model {
         ModelName::Averaged => Model::Averaged,

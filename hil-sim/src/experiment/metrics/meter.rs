@@ -6,16 +6,33 @@ use servo_core::{Command, EndReason, Event};
 use super::Metrics;
 use crate::world::node::Sample;
 
+/// A set-point counts as constant after this time, ms: a velocity loop with the manual's gains has followed it by then.
+const CONSTANT_MS: u32 = 100;
+
+/// Distance from E that counts as settled, counts.
+const SETTLED: f64 = 1.0;
+
+/// A tick, s.
+const TICK_S: f64 = 0.001;
+
 /// Delay from a move's end to the measurement of its final error, ms; the manual's defaults settle well within.
 const SETTLE_MS: u32 = 200;
 
 /// Goal of a move, in the plant's counts.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Target {
     end: f64,
     /// Direction of travel, +1 or −1.
     direction: f64,
     overshoot: f64,
+    /// Where the rotor was when E was given.
+    from: f64,
+    /// The first ticks at which a tenth and nine tenths of the way were behind the rotor.
+    tenths_ms: [Option<u32>; 2],
+    /// The last tick farther than [`SETTLED`] from E.
+    unsettled_ms: Option<u32>,
+    iae: f64,
+    itae: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,8 +43,29 @@ struct Move {
     /// For a move to E.
     target: Option<Target>,
     final_error: Option<f64>,
-    squares: f64,
-    ticks: u32,
+    /// Distances from the set-point.
+    lag: Sums,
+}
+
+impl Target {
+    fn follow(&mut self, sample: &Sample, since_ms: Option<u32>) {
+        let off = sample.truth.counts - self.end;
+        self.overshoot = self.overshoot.max(off * self.direction);
+        let Some(since_ms) = since_ms else { return };
+        let seconds = f64::from(sample.ms - since_ms) * TICK_S;
+        self.iae += off.abs() * TICK_S;
+        self.itae += seconds * off.abs() * TICK_S;
+        if off.abs() > SETTLED {
+            self.unsettled_ms = Some(sample.ms);
+        }
+        let way = (self.end - self.from).abs();
+        let gone = way - off.abs() * if off * self.direction > 0.0 { -1.0 } else { 1.0 };
+        for (place, share) in [0.1, 0.9].into_iter().enumerate() {
+            if gone >= share * way {
+                self.tenths_ms[place].get_or_insert(sample.ms);
+            }
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +73,86 @@ struct End {
     reason: EndReason,
     ms: u32,
     after_last_count_ms: f64,
+    /// Speed a tick before: with its bridge off, a rotor may spring back from a stop at once.
+    speed: f64,
+}
+
+/// The part of a run that is measured, ms, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// First tick.
+    pub from_ms: u32,
+    /// Last tick.
+    pub to_ms: u32,
+}
+
+impl Window {
+    /// A whole run.
+    pub const ALL: Self = Self { from_ms: 0, to_ms: u32::MAX };
+
+    const fn has(&self, ms: u32) -> bool {
+        self.from_ms <= ms && ms <= self.to_ms
+    }
+}
+
+/// Sums of a quantity, for its mean and its variance.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    ticks: f64,
+    sum: f64,
+    squares: f64,
+}
+
+impl Sums {
+    fn add(&mut self, value: f64) {
+        self.ticks += 1.0;
+        self.sum += value;
+        self.squares += value * value;
+    }
+
+    /// Sum of the squared distances from the mean.
+    fn spread(&self) -> f64 {
+        if self.ticks > 0.0 { (self.squares - self.sum * self.sum / self.ticks).max(0.0) } else { 0.0 }
+    }
+
+    fn mean(&self) -> Option<f64> {
+        (self.ticks > 0.0).then(|| self.sum / self.ticks)
+    }
+
+    fn rms(&self) -> Option<f64> {
+        (self.ticks > 0.0).then(|| (self.squares / self.ticks).sqrt())
+    }
+}
+
+/// True velocities while the velocity set-point is constant.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ripple {
+    set_point: f64,
+    constant_ms: u32,
+    /// Of the present set-point, and of all: their ticks, and the squares from the mean of each.
+    present: Sums,
+    all: Sums,
+    spread: f64,
+}
+
+impl Ripple {
+    fn tick(&mut self, sample: &Sample, is_measured: bool) {
+        let set_point = sample.status.setpoint_velocity.0.to_num::<f64>();
+        if set_point != self.set_point || !sample.driven {
+            self.spread += std::mem::take(&mut self.present).spread();
+            (self.set_point, self.constant_ms) = (set_point, 0);
+        }
+        self.constant_ms = self.constant_ms.saturating_add(1);
+        if is_measured && set_point != 0.0 && self.constant_ms > CONSTANT_MS {
+            self.present.add(sample.truth.counts_per_s);
+            self.all.add(sample.truth.counts_per_s);
+        }
+    }
+
+    fn rms(&self) -> Option<f64> {
+        let spread = self.spread + self.present.spread();
+        (self.all.ticks > 0.0).then(|| (spread / self.all.ticks).sqrt())
+    }
 }
 
 /// Observes a run, one tick at a time.
@@ -49,6 +167,16 @@ pub struct Meter {
     homing: bool,
     last_mode: Mode,
     last_move: Option<Move>,
+    window: Window,
+    /// The last tick of the window.
+    last: Sample,
+    /// Speed and torque a tick ago; the torque while driven.
+    last_speed: f64,
+    last_torque: Option<f64>,
+    ripple: Ripple,
+    steps: Sums,
+    /// Heat in the winding when the window began, J.
+    heat_from_j: Option<f64>,
 }
 
 impl Meter {
@@ -63,7 +191,21 @@ impl Meter {
             homing: false,
             last_mode: start.status.mode,
             last_move: None,
+            window: Window::ALL,
+            last: *start,
+            last_speed: 0.0,
+            last_torque: None,
+            ripple: Ripple::default(),
+            steps: Sums::default(),
+            heat_from_j: None,
         }
+    }
+
+    /// Measures only that part of the run; moves are followed from their beginning.
+    #[must_use]
+    pub const fn within(mut self, window: Window) -> Self {
+        self.window = window;
+        self
     }
 
     /// Records a command given in the state `last`; `accepted` if the servo accepted it. The servo's report
@@ -109,7 +251,7 @@ impl Meter {
     fn target(&self, last: &Sample) -> Target {
         let end = f64::from(self.end) + self.origin;
         let direction = if end >= last.truth.counts { 1.0 } else { -1.0 };
-        Target { end, direction, overshoot: 0.0 }
+        Target { end, direction, from: last.truth.counts, ..Target::default() }
     }
 
     /// Only a new E changes the goal; writing the present E again does nothing, wherever the rotor is.
@@ -139,13 +281,30 @@ impl Meter {
             self.event(&event, sample);
         }
         self.follow_move(sample);
+        self.measure(sample);
+        self.last_speed = sample.truth.counts_per_s.abs();
+        self.last_torque = sample.driven.then(|| f64::from(sample.status.torque.0));
+    }
+
+    fn measure(&mut self, sample: &Sample) {
+        let is_measured = self.window.has(sample.ms);
+        self.ripple.tick(sample, is_measured);
+        if !is_measured {
+            return;
+        }
+        self.last = *sample;
+        self.heat_from_j.get_or_insert(sample.truth.ledger.copper_j);
+        let torque = f64::from(sample.status.torque.0);
+        if let (true, Some(before)) = (sample.driven, self.last_torque) {
+            self.steps.add(torque - before);
+        }
         let m = &mut self.metrics;
-        m.peak_torque = m.peak_torque.max(f64::from(sample.status.torque.0).abs());
+        m.peak_torque = m.peak_torque.max(torque.abs());
         m.peak_current_a = m.peak_current_a.max(sample.truth.peak_phase_a);
         m.peak_winding_c = m.peak_winding_c.max(sample.truth.winding_c);
         m.peak_speed_counts_s = m.peak_speed_counts_s.max(sample.truth.counts_per_s.abs());
         m.hold_error_counts = None;
-        if mode == Mode::Pid && sample.driven {
+        if sample.status.mode == Mode::Pid && sample.driven {
             let held = sample.setpoint_counts() + self.origin;
             let error = (sample.truth.counts - held).abs();
             m.hold_error_counts = Some(error);
@@ -154,17 +313,15 @@ impl Meter {
     }
 
     fn follow_move(&mut self, sample: &Sample) {
+        let is_measured = self.window.has(sample.ms);
         let Some(present) = &mut self.last_move else { return };
-        if present.end.is_none() && sample.status.mode == Mode::Trapezoidal && sample.driven {
-            let error = sample.truth.counts - sample.setpoint_counts() - self.origin;
-            present.squares += error * error;
-            present.ticks += 1;
+        if is_measured && present.end.is_none() && sample.status.mode == Mode::Trapezoidal && sample.driven {
+            present.lag.add(sample.truth.counts - sample.setpoint_counts() - self.origin);
         }
-        if let Some(target) = &mut present.target {
-            let off = sample.truth.counts - target.end;
-            target.overshoot = target.overshoot.max(off * target.direction);
+        if let (Some(target), true) = (&mut present.target, is_measured) {
+            target.follow(sample, present.since_ms);
             if present.end.is_some_and(|end| sample.ms == end.ms + SETTLE_MS) {
-                present.final_error = Some(off.abs());
+                present.final_error = Some((sample.truth.counts - target.end).abs());
             }
         }
     }
@@ -191,7 +348,7 @@ impl Meter {
         let Some(present) = self.last_move.as_mut().filter(|present| present.end.is_none()) else { return };
         self.metrics.ends += 1;
         let after_last_count_ms = f64::from(sample.ms) - sample.last_count_us as f64 / 1000.0;
-        present.end = Some(End { reason, ms: sample.ms, after_last_count_ms });
+        present.end = Some(End { reason, ms: sample.ms, after_last_count_ms, speed: self.last_speed });
         // A move can end by itself only after the brake has released, possibly in its first tick, which then
         // no longer drives.
         if !matches!(reason, EndReason::Aborted | EndReason::Fault) {
@@ -210,16 +367,41 @@ impl Meter {
         self.origin
     }
 
-    /// The metrics of the run that ended with `last`.
+    /// The metrics of the run that ended with `last`, or of its window.
     #[must_use]
-    pub fn finish(self, last: &Sample) -> Metrics {
+    pub fn finish(mut self, last: &Sample) -> Metrics {
+        if self.window.has(last.ms) {
+            self.last = *last;
+        }
         let of = self.last_move.unwrap_or_default();
+        let last = &self.last;
+        let since = |ms: u32| of.since_ms.map(|since_ms| f64::from(ms.saturating_sub(since_ms)));
+        let settled = |target: &Target| {
+            let is_there = (last.truth.counts - target.end).abs() <= SETTLED;
+            since(target.unsettled_ms.map_or(of.since_ms?, |ms| ms + 1)).filter(|_| is_there)
+        };
+        let rise = |target: &Target| match target.tenths_ms {
+            [Some(first), Some(last)] => Some(f64::from(last - first)),
+            _ => None,
+        };
+        let integral = |of_target: fn(&Target) -> f64| {
+            of.target.as_ref().filter(|_| of.since_ms.is_some()).map(of_target)
+        };
         Metrics {
             end_reason: of.end.map(|end| end.reason),
-            end_ms: of.end.zip(of.since_ms).map(|(end, since_ms)| f64::from(end.ms.saturating_sub(since_ms))),
+            end_ms: of.end.and_then(|end| since(end.ms)),
             overshoot_counts: of.target.map(|target| target.overshoot),
             final_error_counts: of.final_error,
-            tracking_rms_counts: (of.ticks > 0).then(|| (of.squares / f64::from(of.ticks)).sqrt()),
+            tracking_rms_counts: of.lag.rms(),
+            settling_ms: of.target.as_ref().and_then(settled),
+            rise_ms: of.target.as_ref().and_then(rise),
+            iae: integral(|target| target.iae),
+            itae: integral(|target| target.itae),
+            speed_at_end_counts_s: of.end.map(|end| end.speed),
+            ripple_counts_s: self.ripple.rms(),
+            mean_velocity_counts_s: self.ripple.all.mean(),
+            chatter: self.steps.rms(),
+            heat_j: last.truth.ledger.copper_j - self.heat_from_j.unwrap_or(last.truth.ledger.copper_j),
             end_after_last_count_ms: of.end.map(|end| end.after_last_count_ms),
             sim_s: f64::from(last.ms) / 1000.0,
             homed: last.status.homed,
@@ -230,5 +412,55 @@ impl Meter {
                 .abs(),
             ..self.metrics
         }
+    }
+}
+
+/// A meter of the whole run, and one for each window of it.
+#[derive(Clone, Debug)]
+pub struct Meters {
+    whole: Meter,
+    windows: Vec<Meter>,
+}
+
+impl Meters {
+    /// Meters of the run that starts with `start`.
+    #[must_use]
+    pub fn new(start: &Sample, windows: &[Window]) -> Self {
+        let whole = Meter::new(start);
+        let windows = windows.iter().map(|&window| whole.clone().within(window)).collect();
+        Self { whole, windows }
+    }
+
+    fn each(&mut self, act: impl FnMut(&mut Meter)) {
+        std::iter::once(&mut self.whole).chain(&mut self.windows).for_each(act);
+    }
+
+    /// As [`Meter::command`].
+    pub fn command(&mut self, command: &Command, accepted: bool, last: &Sample, position_after: f64) {
+        self.each(|meter| meter.command(command, accepted, last, position_after));
+    }
+
+    /// As [`Meter::tick`].
+    pub fn tick(&mut self, sample: &Sample, events: impl Iterator<Item = Event>) {
+        let events: Vec<Event> = events.collect();
+        self.each(|meter| meter.tick(sample, events.iter().copied()));
+    }
+
+    /// As [`Meter::event`].
+    pub fn event(&mut self, event: &Event, sample: &Sample) {
+        self.each(|meter| meter.event(event, sample));
+    }
+
+    /// As [`Meter::zero_counts`].
+    #[must_use]
+    pub fn zero_counts(&self) -> f64 {
+        self.whole.zero_counts()
+    }
+
+    /// The metrics of the run that ended with `last`, and those of its windows.
+    #[must_use]
+    pub fn finish(self, last: &Sample) -> (Metrics, Vec<(Window, Metrics)>) {
+        let windows = self.windows.into_iter().map(|meter| (meter.window, meter.finish(last))).collect();
+        (self.whole.finish(last), windows)
     }
 }

@@ -332,3 +332,98 @@ fn every_text_value_can_be_expected() {
         assert!(!find(name).expect("a metric").can_be(text), "{name} = {text}");
     }
 }
+
+fn close_to(found: Option<f64>, expected: f64) {
+    let found = found.expect("a value");
+    assert!((found - expected).abs() < 1e-9, "found {found}, expected {expected}");
+}
+
+/// Ten counts in ten ticks, then at rest.
+#[test]
+fn step_has_settling_rise_and_integrals() {
+    let mut meter = begun();
+    meter.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
+    (1..=20).for_each(|ms| tick(&mut meter, &at(ms, Mode::Trapezoidal, f64::from(ms.min(10)))));
+    let metrics = meter.finish(&at(20, Mode::Trapezoidal, 10.0));
+    assert_eq!((metrics.settling_ms, metrics.rise_ms), (Some(8.0), Some(8.0)));
+    close_to(metrics.iae, 0.045);
+    close_to(metrics.itae, 120e-6);
+}
+
+#[test]
+fn rotor_beyond_a_count_has_not_settled() {
+    let mut meter = begun();
+    meter.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
+    (1..=20).for_each(|ms| tick(&mut meter, &at(ms, Mode::Trapezoidal, 10.0 + f64::from(ms % 2) * 1.5)));
+    let metrics = meter.clone().finish(&at(20, Mode::Trapezoidal, 10.0));
+    assert_eq!(metrics.settling_ms, Some(19.0), "the last tick is inside");
+    assert_eq!(meter.finish(&at(20, Mode::Trapezoidal, 11.5)).settling_ms, None);
+}
+
+fn turning(ms: u32, set_point: i16, velocity: f64) -> Sample {
+    let mut sample = at(ms, Mode::Velocity, 0.0);
+    sample.status.setpoint_velocity = CountsPerSec::from_int(set_point);
+    sample.truth.counts_per_s = velocity;
+    sample
+}
+
+#[test]
+fn ripple_is_about_the_mean_of_each_constant_set_point() {
+    let mut meter = begun();
+    let mut ms = 0;
+    for (set_point, mean, ripple) in [(50, 48.0, 3.0), (100, 97.0, 1.0), (0, 0.0, 9.0)] {
+        // The first hundred ticks of a set-point do not count.
+        for tick_of in 0..300 {
+            ms += 1;
+            let early = if tick_of < 100 { 1000.0 } else { 0.0 };
+            let sign = if tick_of % 2 == 0 { 1.0 } else { -1.0 };
+            tick(&mut meter, &turning(ms, set_point, mean + sign * ripple + early));
+        }
+    }
+    let metrics = so_far(&meter);
+    close_to(metrics.ripple_counts_s, f64::sqrt((9.0 + 1.0) / 2.0));
+    close_to(metrics.mean_velocity_counts_s, (48.0 + 97.0) / 2.0);
+    assert_eq!(so_far(&begun()).ripple_counts_s, None);
+}
+
+#[test]
+fn chatter_is_the_change_of_torque_while_driven() {
+    let mut meter = begun();
+    for ms in 1..=11 {
+        let mut sample = at(ms, Mode::Pid, 0.0);
+        sample.status.torque = Torque(if ms % 2 == 0 { 10 } else { 0 });
+        tick(&mut meter, &sample);
+    }
+    close_to(so_far(&meter).chatter, 10.0);
+    assert_eq!(so_far(&begun()).chatter, None);
+}
+
+#[test]
+fn speed_at_the_end_is_that_of_the_tick_before() {
+    let mut meter = begun();
+    meter.command(&Command::Move(2), true, &at(0, Mode::Idle, 0.0), 0.0);
+    for (ms, speed) in [(1, 500.0), (2, -7.0)] {
+        let mut sample = at(ms, Mode::Trapezoidal, 1.0);
+        sample.truth.counts_per_s = speed;
+        tick(&mut meter, &sample);
+    }
+    ended(&mut meter, &at(3, Mode::Idle, 2.0), EndReason::Arrived);
+    assert_eq!(so_far(&meter).speed_at_end_counts_s, Some(7.0));
+}
+
+#[test]
+fn window_measures_its_ticks_only() {
+    let window = Window { from_ms: 3, to_ms: 4 };
+    let mut meters = Meters::new(&at(0, Mode::Idle, 0.0), &[window]);
+    meters.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
+    for ms in 1..=9 {
+        let mut sample = at(ms, Mode::Trapezoidal, f64::from(ms));
+        sample.truth.ledger.copper_j = f64::from(ms);
+        meters.tick(&sample, std::iter::empty());
+    }
+    let (whole, windows) = meters.finish(&at(9, Mode::Trapezoidal, 9.0));
+    let (of, within) = &windows[0];
+    assert_eq!((*of, within.position_counts, within.heat_j), (window, 4.0, 1.0));
+    close_to(within.iae, 0.013);
+    assert_eq!((whole.position_counts, whole.iae.is_some()), (9.0, true));
+}

@@ -12,7 +12,7 @@ use super::compare::Path;
 use super::requests::{ANSWER_US, answer};
 use super::{BoardResult, Job, ObservedBoard, OverCan};
 use crate::experiment::events::motor_text;
-use crate::experiment::metrics::Meter;
+use crate::experiment::metrics::Meters;
 use crate::experiment::run::MotorRun;
 use crate::world::node::Sample;
 
@@ -60,7 +60,7 @@ pub(super) struct BoardView {
     /// HI has ended, and its new position has not been read.
     zero_due: bool,
     events: Vec<Event>,
-    meter: Meter,
+    meters: Meters,
     /// The rig's state at the last whole millisecond.
     last: Sample,
     metered: bool,
@@ -75,7 +75,7 @@ impl BoardView {
         let known = KnownState { mode: Mode::Idle, position, torque: 0, held: None, homed: false, error: 0 };
         let last = observe(0, begin_us, station, &known);
         Self {
-            meter: Meter::new(&last),
+            meters: Meters::new(&last, &job.windows),
             job,
             begin_us,
             asks: VecDeque::new(),
@@ -173,7 +173,7 @@ impl BoardView {
         }
         // The motion that the command ended comes before the one it started.
         self.meter_now(*before);
-        self.meter.command(command, obeyed, before, f64::from(self.known.position));
+        self.meters.command(command, obeyed, before, f64::from(self.known.position));
         if obeyed {
             match *command {
                 Command::Home => (self.homing, self.known.homed) = (true, false),
@@ -256,10 +256,10 @@ impl BoardView {
     fn meter_now(&mut self, sample: Sample) {
         if self.metered {
             for event in std::mem::take(&mut self.events) {
-                self.meter.event(&event, &sample);
+                self.meters.event(&event, &sample);
             }
         } else {
-            self.meter.tick(&sample, std::mem::take(&mut self.events).into_iter());
+            self.meters.tick(&sample, std::mem::take(&mut self.events).into_iter());
             self.metered = true;
         }
     }
@@ -279,10 +279,9 @@ impl BoardView {
     }
 
     pub(super) fn finish(self) -> BoardResult {
-        let mut metrics = self.meter.finish(&refreshed(&self.last, &self.known));
-        metrics.tracking_rms_counts = None;
-        let run =
-            MotorRun { motor: self.job.case.motor, metrics, trace: None, log: self.log, events: Vec::new() };
+        let (metrics, windows) = self.meters.finish(&refreshed(&self.last, &self.known));
+        let (motor, log) = (self.job.case.motor, self.log);
+        let run = MotorRun { motor, metrics, windows, trace: None, log, events: Vec::new() };
         let (node, judged) = (self.job.node, self.job.judged);
         BoardResult { node, run, path: self.path, unanswered: self.unanswered, judged }
     }

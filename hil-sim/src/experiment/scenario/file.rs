@@ -93,6 +93,8 @@ pub(super) struct Expect {
     pub(super) max: Option<Number>,
     pub(super) equals: Option<Wanted>,
     pub(super) tolerance: Option<Tolerance>,
+    pub(super) from_ms: Option<u32>,
+    pub(super) to_ms: Option<u32>,
 }
 
 pub(super) enum Wanted {

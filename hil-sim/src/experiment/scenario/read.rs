@@ -9,7 +9,7 @@ use toml::Spanned;
 
 use super::{Action, Case, Expectation, Initial, SHIPPED, Scenario, Timed, Want, file};
 use crate::experiment::input::{self, BadInput, Source};
-use crate::experiment::metrics;
+use crate::experiment::metrics::{self, Window};
 use crate::experiment::properties::{self, Property, PropertyError};
 use crate::world::plant::{Model, ParamError, PlantParams};
 use crate::world::rig::{Object, Rig, RigParams, Side};
@@ -143,7 +143,8 @@ fn scenario(source: Source<'_>) -> Result<Scenario, BadInput> {
             checked(source, object, placed)?;
         }
     }
-    let expectations = parsed.expect.iter().map(|e| expectation(source, e)).collect::<Result<_, _>>()?;
+    let expectations =
+        parsed.expect.iter().map(|e| expectation(source, e, duration_ms)).collect::<Result<_, _>>()?;
     Ok(Scenario {
         name: parsed.name,
         about: parsed.about,
@@ -301,8 +302,12 @@ fn actions(source: Source<'_>, at: &file::At) -> Result<Vec<Action>, BadInput> {
     Ok(commands.chain(others.into_iter().flatten()).collect())
 }
 
-fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Expectation, BadInput> {
-    let file::Expect { metric: name, min, max, equals, tolerance } = expect.get_ref();
+fn expectation(
+    source: Source<'_>,
+    expect: &Spanned<file::Expect>,
+    duration_ms: u32,
+) -> Result<Expectation, BadInput> {
+    let file::Expect { metric: name, min, max, equals, tolerance, from_ms, to_ms } = expect.get_ref();
     let short = input::shorten(name);
     let fail = |problem: &str, found: String, expected: &str, next: &str| {
         let problem = format!("[[expect]] {short} {problem}");
@@ -341,7 +346,14 @@ fn expectation(source: Source<'_>, expect: &Spanned<file::Expect>) -> Result<Exp
     if matches!(want, Want::Within(min, max) if min > max) {
         return fail("has its min above its max", named, "min at most max", "exchange them");
     }
-    Ok(Expectation { metric, want })
+    let window =
+        Window { from_ms: from_ms.unwrap_or(Window::ALL.from_ms), to_ms: to_ms.unwrap_or(Window::ALL.to_ms) };
+    if window.from_ms > window.to_ms || window.from_ms > duration_ms {
+        let found = format!("from_ms = {}, to_ms = {}", window.from_ms, window.to_ms.min(duration_ms));
+        let expected = format!("from_ms at most to_ms, within the {duration_ms} ms of the run");
+        return fail("has an empty window", found, &expected, "move its ends");
+    }
+    Ok(Expectation { metric, want, window })
 }
 
 fn did_you_mean(word: &str, known: &[&str]) -> String {

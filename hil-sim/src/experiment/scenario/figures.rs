@@ -1,0 +1,284 @@
+//! Figures of the simulated motor, its sensors and its supply, which `--plant`, `--rig` and `--supply` override.
+
+use tater_wire::MotorKind;
+
+use super::{Case, Scenario};
+use crate::experiment::input::{self, BadInput};
+use crate::world::plant::{ParamError, PlantParams};
+use crate::world::rig::RigParams;
+
+/// A figure that a run may override.
+#[derive(Debug)]
+pub struct Figure {
+    /// The option without its dashes: `plant`, `rig` or `supply`.
+    pub option: &'static str,
+    /// Its name, as in a scenario file; it ends in the unit.
+    pub name: &'static str,
+    /// A plain word for it, which an override may use as well.
+    pub word: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Where its default comes from.
+    pub source: &'static str,
+    place: Place,
+}
+
+#[derive(Debug)]
+enum Place {
+    Plant(fn(&mut PlantParams) -> &mut f64),
+    Rig(fn(&RigParams) -> f64, fn(&mut RigParams, f64)),
+}
+
+macro_rules! plant {
+    ($name:ident, $word:literal, $unit:literal, $source:literal) => {
+        figure!("plant", stringify!($name), $word, $unit, $source, Place::Plant(|plant| &mut plant.$name))
+    };
+}
+
+macro_rules! rig {
+    ($name:ident, $word:literal, $unit:literal, $source:literal) => {
+        figure!(
+            "rig",
+            stringify!($name),
+            $word,
+            $unit,
+            $source,
+            Place::Rig(|rig| rig.$name, |rig, value| rig.$name = value)
+        )
+    };
+}
+
+macro_rules! figure {
+    ($option:literal, $name:expr, $word:literal, $unit:literal, $source:literal, $place:expr) => {
+        Figure { option: $option, name: $name, word: $word, unit: $unit, source: $source, place: $place }
+    };
+}
+
+/// Every figure.
+pub const FIGURES: [Figure; 32] = [
+    plant!(r_ohm, "resistance", "Ohm", "24 V squared over 239.5 W (decision 0003), line to line at 25 C"),
+    plant!(r_per_k, "copper", "1/K", "copper"),
+    plant!(
+        l_mh,
+        "inductance",
+        "mH",
+        "chosen: 0.33 ms with the resistance, usual for a slotted motor of this size"
+    ),
+    plant!(ke_v_s, "emf", "V s/rad", "decision 0003; also the torque constant, N m/A"),
+    plant!(
+        j_kg_m2,
+        "inertia",
+        "kg m2",
+        "chosen: a steel rotor of 30 mm diameter and length, and the joint behind its gear"
+    ),
+    plant!(coulomb_n_m, "friction", "N m", "chosen: decision 0003 limits it to 0.04"),
+    plant!(
+        static_n_m,
+        "stiction",
+        "N m",
+        "chosen: a third above the friction in motion, as in greased gears"
+    ),
+    plant!(viscous_n_m_s, "viscous", "N m s/rad", "chosen: an eighth of the friction at no-load speed"),
+    plant!(diode_v, "diode", "V", "silicon at a few amperes"),
+    plant!(dead_time_us, "dead_time", "us", "the board's timer (docs/board.md)"),
+    plant!(trip_a, "trip", "A", "the gate driver's break input: above the 20 A of plugging at full speed"),
+    plant!(gear_ratio, "gear", "1", "manual, table 1: motor turns per joint turn"),
+    plant!(worm_lead_deg, "worm_lead", "deg", "chosen: a single-start worm; 0 is none"),
+    plant!(
+        worm_friction,
+        "worm_mu",
+        "1",
+        "chosen: just above tan 5 deg, so that a finger cannot be driven backwards (manual 2)"
+    ),
+    plant!(brake_n_m, "brake", "N m", "three times the motor's peak; 0 is none"),
+    plant!(brake_delay_ms, "brake_delay", "ms", "a small power-off brake"),
+    plant!(min_count, "lowest", "counts", "manual, table 1: the open stop is half a count below"),
+    plant!(max_count, "highest", "counts", "manual, table 1: the closed stop is half a count above"),
+    plant!(
+        stop_stiffness_n_m_rad,
+        "stop_stiffness",
+        "N m/rad",
+        "chosen: full torque dents a stop by a tenth of a count"
+    ),
+    plant!(stop_damping_n_m_s, "stop_damping", "N m s/rad", "chosen: half of critical"),
+    plant!(winding_j_k, "winding_heat", "J/K", "26 g of copper"),
+    plant!(
+        winding_housing_k_w,
+        "winding_housing",
+        "K/W",
+        "chosen: 15 s with the winding's heat, usual at this size"
+    ),
+    plant!(housing_j_k, "housing_heat", "J/K", "130 g of steel"),
+    plant!(housing_ambient_k_w, "housing_ambient", "K/W", "chosen: 6 min with the housing's heat"),
+    plant!(ambient_c, "ambient", "C", "a room"),
+    figure!(
+        "rig",
+        "hall_offset_deg",
+        "hall_offset",
+        "deg electrical",
+        "none: common part of the six errors of the hall sensors' placement",
+        Place::Rig(
+            |rig| rig.hall_error_deg.iter().sum::<f64>() / 6.0,
+            |rig, value| {
+                let change = value - rig.hall_error_deg.iter().sum::<f64>() / 6.0;
+                rig.hall_error_deg.iter_mut().for_each(|error| *error += change);
+            }
+        )
+    ),
+    figure!(
+        "rig",
+        "rise_delay_us",
+        "rise_delay",
+        "us",
+        "none: an open collector with a weak pull-up rises late",
+        Place::Rig(|rig| rig.rise_delay_us as f64, |rig, value| rig.rise_delay_us = value.round() as u64)
+    ),
+    rig!(adc_noise_lsb, "adc_noise", "LSB", "half a step of the converter"),
+    rig!(thermistor_lag_s, "thermistor_lag", "s", "chosen: a bead glued to the housing"),
+    rig!(strain_zero, "strain_zero", "1/255", "the middle of the range"),
+    rig!(strain_per_n_m, "strain_gain", "1/255 per N m", "chosen: a link at full torque uses half the range"),
+    figure!("supply", "volts", "volts", "V", "manual: 24 V", Place::Plant(|plant| &mut plant.bus_v)),
+];
+
+impl Figure {
+    /// Its value for a motor with default sensors.
+    #[must_use]
+    pub fn nominal(&self, kind: MotorKind) -> f64 {
+        match self.place {
+            Place::Plant(field) => *field(&mut PlantParams::for_motor(kind)),
+            Place::Rig(get, _) => get(&RigParams::default()),
+        }
+    }
+
+    fn is_called(&self, name: &str) -> bool {
+        self.name.eq_ignore_ascii_case(name) || self.word.eq_ignore_ascii_case(name)
+    }
+}
+
+impl Scenario {
+    /// Overrides a figure: `NAME=VALUE`, or `NAME=1.3x` for a multiple of what the scenario says.
+    ///
+    /// # Errors
+    /// Another form, an unknown figure, a value out of range, or a supply that the scenario scatters.
+    pub fn override_figure(&mut self, option: &str, assignment: &str) -> Result<(), BadInput> {
+        let bad = |problem: String, found: &str, expected: String, next: String| BadInput {
+            place: format!("--{option} {}", input::shorten(assignment)),
+            problem,
+            found: input::shorten(found),
+            expected,
+            next,
+        };
+        let form =
+            || format!("give --{option} NAME=VALUE or NAME=1.3x; `hil-sim list --plant` names the figures");
+        let Some((name, text)) = assignment.split_once('=') else {
+            return Err(bad("no = in it".to_owned(), assignment, "NAME=VALUE".to_owned(), form()));
+        };
+        let (name, text) = (name.trim(), text.trim());
+        let of_option = || FIGURES.iter().filter(|figure| figure.option == option);
+        let Some(figure) = of_option().find(|figure| figure.is_called(name)) else {
+            let names: Vec<&str> = of_option().flat_map(|figure| [figure.name, figure.word]).collect();
+            let next = input::closest(name, names.into_iter()).map(|like| format!("did you mean {like}?"));
+            let known: Vec<&str> = of_option().map(|figure| figure.name).collect();
+            let problem = "no figure has this name".to_owned();
+            return Err(bad(problem, name, known.join(", "), next.unwrap_or_else(form)));
+        };
+        let (digits, is_factor) =
+            text.strip_suffix(['x', 'X']).map_or((text, false), |digits| (digits, true));
+        let number = digits.trim().parse::<f64>().ok().filter(|number| number.is_finite());
+        let Some(number) = number else {
+            let expected = "a number, or a number and x".to_owned();
+            return Err(bad("the value is no number".to_owned(), text, expected, form()));
+        };
+        if option == "supply" && self.scatter > 0.0 {
+            let problem = "this scenario draws the supply's voltage with each seed".to_owned();
+            let next = "take a scenario without scatter".to_owned();
+            return Err(bad(problem, assignment, "a scenario without scatter".to_owned(), next));
+        }
+        let value = |before: f64| if is_factor { before * number } else { number };
+        let mut rig = self.rig.clone();
+        let mut cases = self.cases.clone();
+        match figure.place {
+            Place::Plant(field) => {
+                for Case { plant, .. } in &mut cases {
+                    let field = field(plant);
+                    *field = value(*field);
+                }
+            }
+            Place::Rig(get, set) => {
+                let new = value(get(&rig));
+                set(&mut rig, new);
+            }
+        }
+        let checked = cases
+            .iter()
+            .try_for_each(|case| case.plant.validate().and_then(|()| self.initial.check(&case.plant)));
+        checked.and_then(|()| rig.validate()).map_err(|e: ParamError| {
+            let found = format!("{} is {}", e.field, e.found);
+            bad("out of range".to_owned(), &found, e.expected, "give a value in this range".to_owned())
+        })?;
+        (self.rig, self.cases) = (rig, cases);
+        self.arguments.push_str(&format!(" --{option} {}={text}", figure.name));
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scenario() -> Scenario {
+        Scenario::find("link-fast").expect("shipped")
+    }
+
+    #[test]
+    fn figures_are_set_by_name_by_word_and_by_factor() {
+        let mut scenario = scenario();
+        let before = scenario.cases[0].plant.clone();
+        for (option, assignment) in [
+            ("plant", "inertia=1.3x"),
+            ("plant", "coulomb_n_m = 0.02"),
+            ("rig", "hall_offset_deg=7"),
+            ("supply", "volts=22"),
+        ] {
+            scenario.override_figure(option, assignment).unwrap_or_else(|bad| panic!("{bad}"));
+        }
+        let plant = &scenario.cases[0].plant;
+        assert_eq!((plant.j_kg_m2, plant.coulomb_n_m, plant.bus_v), (1.3 * before.j_kg_m2, 0.02, 22.0));
+        assert_eq!(scenario.rig.hall_error_deg, [7.0; 6]);
+        assert_eq!(
+            scenario.arguments,
+            "link-fast --plant j_kg_m2=1.3x --plant coulomb_n_m=0.02 --rig hall_offset_deg=7 --supply volts=22"
+        );
+    }
+
+    #[test]
+    fn bad_overrides_name_the_option_and_a_next_step() {
+        for (option, assignment, what, next) in [
+            ("plant", "inertia", "no = in it", "NAME=1.3x"),
+            ("plant", "inertai=2", "no figure has this name", "did you mean inertia?"),
+            ("rig", "inertia=2", "no figure has this name", "hil-sim list --plant"),
+            ("plant", "inertia=much", "no number", "NAME=1.3x"),
+            ("plant", "inertia=nan", "no number", "NAME=1.3x"),
+            ("plant", "inertia=1e9x", "out of range", "in this range"),
+            ("supply", "volts=99", "out of range", "in this range"),
+            ("rig", "hall_offset_deg=30", "out of range", "in this range"),
+        ] {
+            let mut scenario = scenario();
+            let text = scenario.override_figure(option, assignment).unwrap_err().to_string();
+            assert!(text.contains(what) && text.contains(next), "{assignment}: {text}");
+            assert!(text.contains(&format!("--{option} {assignment}")), "{text}");
+        }
+    }
+
+    #[test]
+    fn every_number_of_the_plant_is_a_figure() {
+        let table = toml::Table::try_from(PlantParams::for_motor(MotorKind::Link)).expect("a table");
+        let named = |name: &str| FIGURES.iter().any(|figure| figure.name == name);
+        // The supply's figure, and no number but a choice.
+        let missing: Vec<_> = table
+            .keys()
+            .filter(|key| !named(key) && !["bus_v", "zero_sector"].contains(&key.as_str()))
+            .collect();
+        assert_eq!(missing, Vec::<&String>::new());
+    }
+}
