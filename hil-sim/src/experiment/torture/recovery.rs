@@ -33,8 +33,10 @@ const OPENED: u8 = 4;
 /// What an observer sees of a test move, counts.
 const SEEN: f64 = 3.5;
 
-/// GET FIND: wiring and direction are known.
+/// GET FIND: wiring and direction are known; the rotor does not turn; hall codes that contradict each other.
 const KNOWN: i64 = 4;
+const BLOCKED: i64 = 8;
+const CONTRADICTION: i64 = 10;
 
 /// MT and IHIT that free a wedged joint: their maximum.
 const FREEING: u16 = 990;
@@ -169,6 +171,14 @@ fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
             // FIND wants an idle motor, and the spread holds after a stall, and after a move.
             run(session, &format!("{} S MODE 0", motor + 1));
             find(session, motor, LEARN, 10_000);
+            match property(session, motor, Property::FIND) {
+                Some(BLOCKED) => {
+                    turn_by_hand(session, motor);
+                    find(session, motor, LEARN, 10_000);
+                }
+                Some(CONTRADICTION) => _ = find(session, motor, LEARN, 10_000),
+                _ => {}
+            }
             // At a stop it cannot make the first test move.
             let moved = find(session, motor, TEST, 1_000);
             let closed = if moved.abs() > SEEN {
