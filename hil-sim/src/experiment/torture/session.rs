@@ -34,8 +34,8 @@ const PROMPTED: &[u8] = b"\n\r=> ";
 /// Time in which the prompts of further ^C come, ms.
 const LATE_MS: u64 = 30;
 
-/// Faults with which an order may not arrive.
-const UNHEARD: Kinds = Kinds::of(&[
+/// Faults with which orders come from another host or may not arrive: a motor then ends its motion by itself, which may take seconds.
+const UNHEARD: [FaultKind; 10] = [
     FaultKind::FrameLost,
     FaultKind::FrameCorrupted,
     FaultKind::FrameDelayed,
@@ -45,7 +45,8 @@ const UNHEARD: Kinds = Kinds::of(&[
     FaultKind::CableCut,
     FaultKind::HandPowerCut,
     FaultKind::BoardHang,
-]);
+    FaultKind::SecondHost,
+];
 
 /// A failure.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,8 +89,8 @@ pub struct Session<'a, S> {
     /// The hand.
     pub hand: Hand<S>,
     pub(super) faults: Faults,
-    /// All orders are the host's commands.
-    is_plain: bool,
+    /// All orders are the host's commands, and boards receive them.
+    is_heard: bool,
     joints: Vec<Joint>,
     pub(super) has_faults: bool,
     pub(super) outcome: Outcome,
@@ -116,7 +117,7 @@ impl<'a, S: Subject> Session<'a, S> {
             hand,
             faults,
             joints,
-            is_plain: case.is_plain && !case.faults.iter().any(|fault| fault.kind == FaultKind::SecondHost),
+            is_heard: case.is_plain && !case.faults.iter().any(|fault| UNHEARD.contains(&fault.kind)),
             has_faults: !case.faults.is_empty(),
             outcome: Outcome::default(),
             digest: DefaultHasher::new(),
@@ -357,17 +358,14 @@ impl<'a, S: Subject> Session<'a, S> {
         for _ in 0..LATE_MS {
             self.step();
         }
-        if self.is_plain && self.is_whole() {
+        if self.is_heard && self.is_whole() {
             self.check_stopped();
         }
     }
 
-    /// Whether a motor moves on after ^C. One that holds or presses goes on (manual 5.5), and an order may be lost with its frame.
+    /// Whether a motor moves on after ^C. One that holds or presses goes on (manual 5.5).
     fn check_stopped(&mut self) {
         for motor in 0..self.joints.len() {
-            if self.faults.recent_at(motor).meets(UNHEARD) {
-                continue;
-            }
             let board = self.hand.bus().stations().nth(motor);
             let Some(sample) = board.and_then(|board| board.native()).and_then(Node::sample) else {
                 continue;
