@@ -166,10 +166,11 @@ impl Io {
         self.abort();
     }
 
-    /// Number of further bytes of the host that fit.
+    /// Number of further bytes of the host that fit. Those that are discarded always do.
     #[must_use]
     pub fn rx_room(&self) -> usize {
-        RX.saturating_sub(self.rx.borrow().len())
+        let is_discarding = !self.raw.get() && self.framing.get().is_discarding();
+        if is_discarding { RX } else { RX.saturating_sub(self.rx.borrow().len()) }
     }
 
     /// Takes a frame from the bus. One that is not for a host only shows that the bus is up: another host's download must not take the
@@ -856,6 +857,19 @@ mod tests {
         io.push_rx(b'A');
         io.leave_raw();
         assert_eq!(io.rx_room(), RX - 1, "it was not raw");
+    }
+
+    #[test]
+    fn control_c_behind_discarded_bytes_is_obeyed_although_the_queue_is_full() {
+        let io = Io::default();
+        (0..RX - 2).for_each(|_| io.push_rx(b'\r'));
+        b"\x00\x01\x09\x03".iter().for_each(|&byte| io.push_rx(byte));
+        assert_eq!(io.rx_room(), RX, "what is discarded takes no room");
+        let mut god = core::pin::pin!(io.sleep_until(NEVER));
+        for now_us in [1_000, 1_000 + framing::SILENCE_US] {
+            poll(god.as_mut(), &io, now_us);
+        }
+        assert!(io.take_abort());
     }
 
     #[test]
