@@ -215,7 +215,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "counters-grow",
-        "UPSECS, OD and PTEMP never decrease",
+        "UPSECS, OD and PTEMP never decrease, nor does STAT 0 lose any",
         "manual 5.4.2; decision 0018",
         Kinds::NONE,
         Check::Program(keeping::counters),
@@ -229,7 +229,7 @@ pub const INVARIANTS: &[Invariant] = &[
     ),
     row(
         "refusal-changes-nothing",
-        "a refused SET changes nothing",
+        "a refused SET changes nothing, and SET P is refused with a latched ERROR",
         "decisions 0036 and 0037",
         Kinds::NONE,
         Check::Program(keeping::refusals),

@@ -228,7 +228,7 @@ impl<'a, S: Subject> Session<'a, S> {
                 events: &self.events,
                 faults: self.faults.recent_at(motor),
                 active: self.faults.active_at(motor),
-                elsewhere: self.faults.recent(),
+                anywhere: self.faults.recent(),
             };
             self.digest.write_u64(truth.counts.to_bits());
             self.digest.write_u8(truth.brake_engaged.into());

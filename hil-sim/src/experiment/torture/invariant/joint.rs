@@ -63,7 +63,7 @@ pub struct View<'a> {
     /// The faults that are active now.
     pub active: Kinds,
     /// Faults of any motor that are active or ended within [`AFTERMATH_MS`].
-    pub elsewhere: Kinds,
+    pub anywhere: Kinds,
 }
 
 impl View<'_> {

@@ -52,7 +52,7 @@ pub fn load(joint: &mut Joint, view: &View) -> Option<String> {
     let low = view.sample.as_ref().is_some_and(|sample| sample.status.fault == Some(Fault::UnderVoltage));
     let was = std::mem::replace(&mut joint.power.was_low, low);
     // A board that hangs does not fold back.
-    if !joint.has_strong_source || view.elsewhere.meets(Kinds::of(&[FaultKind::BoardHang])) {
+    if !joint.has_strong_source || view.anywhere.meets(Kinds::of(&[FaultKind::BoardHang])) {
         return None;
     }
     (low && !was).then(|| format!("ERROR 5 although the source is whole; the bus is at {:.1} V", view.volts))
