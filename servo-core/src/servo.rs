@@ -6,7 +6,7 @@
 
 use crate::command::{Command, Drive, EndReason, Event, Refusal, Sense, Telemetry};
 use crate::config::{self, Config};
-use crate::guard::arrival::{Arrival, Quiet, arrived};
+use crate::guard::arrival::{Arrival, arrived};
 use crate::guard::breakaway::Breakaway;
 use crate::guard::direction::{Direction, Verdict};
 use crate::guard::fault::{Condition, Fault, Faults};
@@ -859,14 +859,14 @@ impl Servo {
                     control: PositionLoop::at_rest(position, pid),
                     profile: Profile::at_rest(position),
                     breakaway: Breakaway::default(),
-                    arrival: Arrival::default(),
+                    arrival: Arrival::of(false),
                 };
             }
             Goal::Zero => {
                 self.motion = Motion::Zero {
                     control: PositionLoop::at_rest(position, PidState::default()),
                     profile: Profile::at_rest(position),
-                    arrival: Arrival::default(),
+                    arrival: Arrival::of(false),
                 };
             }
         }
@@ -888,8 +888,8 @@ impl Servo {
             }
             _ => return false,
         };
-        *arrival = Arrival::default();
         profile.plan(Counts::from_int(end), &self.tuning.ramps);
+        *arrival = Arrival::of(self.applied.torque != Torque::ZERO);
         control.setpoint = profile.current();
         !control.setpoint.done
     }
@@ -1108,10 +1108,8 @@ impl Servo {
         };
         let left = profile.end().round().wrapping_sub(self.position.round());
         if control.setpoint.done {
-            let (planned, settled) = arrival.settle(profile.ticks());
-            let quiet =
-                Quiet { free: Micros(quiet.0.min(planned.0)), pushed: Micros(quiet.0.min(settled.0)) };
-            if arrived(left, mpe, self.velocity, self.applied.torque, quiet) {
+            if arrived(left, mpe, self.velocity, self.applied.torque, arrival.settle(quiet, profile.ticks()))
+            {
                 return Some(EndReason::Arrived);
             }
             arrival.wait(left, tstop);

@@ -46,21 +46,24 @@ pub struct Arrival {
     /// Time since the profile's end.
     settling_ms: u32,
     given_up: bool,
-}
-
-impl Default for Arrival {
-    fn default() -> Self {
-        Self { nearest: u32::MAX, late_ms: 0, settling_ms: 0, given_up: false }
-    }
+    driven: bool,
 }
 
 impl Arrival {
-    /// One tick of 1 ms after the end of a profile of so many `ticks`. Returns the time since the plan, and since the profile's end. That
-    /// of a move to where the motor is already does not count as planned, because nothing drives it.
-    pub const fn settle(&mut self, ticks: u32) -> (Micros, Micros) {
+    /// Of a move of a motor that was `driven` when it was planned.
+    #[must_use]
+    pub const fn of(driven: bool) -> Self {
+        Self { nearest: u32::MAX, late_ms: 0, settling_ms: 0, given_up: false, driven }
+    }
+
+    /// One tick of 1 ms after the end of a profile of so many `ticks`, `quiet` after the last edge. Nothing has driven a motor that was off
+    /// and is where it is to go: its time without an edge counts from before the plan.
+    pub fn settle(&mut self, quiet: Micros, ticks: u32) -> Quiet {
         self.settling_ms = self.settling_ms.saturating_add(1);
-        let planned_ms = if ticks == 0 { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
-        (Micros(planned_ms.saturating_mul(1000)), Micros(self.settling_ms.saturating_mul(1000)))
+        let was_still = ticks == 0 && !self.driven;
+        let planned_ms = if was_still { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
+        let within = |ms: u32| Micros(quiet.0.min(ms.saturating_mul(1000)));
+        Quiet { free: within(planned_ms), pushed: within(self.settling_ms) }
     }
 
     /// One tick of 1 ms in which the move waits, `left` counts from its end. `tstop` in ms; 0 waits forever.
@@ -112,17 +115,21 @@ mod tests {
 
     #[test]
     fn times_count_from_the_plan_and_from_its_end() {
-        let mut arrival = Arrival::default();
-        assert_eq!(arrival.settle(4), (Micros(5_000), Micros(1_000)));
-        assert_eq!(arrival.settle(4), (Micros(6_000), Micros(2_000)));
-        assert_eq!(arrival.settle(u32::MAX), (Micros(u32::MAX), Micros(3_000)), "no wrap");
-        assert_eq!(Arrival::default().settle(0), (Micros(u32::MAX), Micros(1_000)), "no way to go");
+        let us = |free, pushed| Quiet { free: Micros(free), pushed: Micros(pushed) };
+        let still = STILL.free;
+        let mut arrival = Arrival::of(false);
+        assert_eq!(arrival.settle(still, 4), us(5_000, 1_000));
+        assert_eq!(arrival.settle(still, 4), us(6_000, 2_000));
+        assert_eq!(arrival.settle(Micros(1_500), 4), us(1_500, 1_500), "an edge later than both");
+        assert_eq!(arrival.settle(still, u32::MAX), us(300_000, 4_000), "no wrap");
+        assert_eq!(Arrival::of(false).settle(still, 0), us(300_000, 1_000), "no way, and nothing drove it");
+        assert_eq!(Arrival::of(true).settle(still, 0), us(1_000, 1_000), "something may have driven it away");
     }
 
     #[test]
     fn move_that_gets_no_nearer_gives_up_after_tstop_and_two_seconds() {
         for tstop in [1, 300, u16::MAX] {
-            let mut arrival = Arrival::default();
+            let mut arrival = Arrival::of(false);
             arrival.wait(9, tstop);
             let ticks = (1..).find(|tick| {
                 arrival.wait(9 + tick % 7, tstop);
@@ -134,14 +141,14 @@ mod tests {
 
     #[test]
     fn move_that_gets_nearer_or_has_no_tstop_never_gives_up() {
-        let mut arrival = Arrival::default();
+        let mut arrival = Arrival::of(false);
         for left in (1..50).rev() {
             for _ in 0..2299 {
                 arrival.wait(-left, 300);
             }
             assert!(!arrival.is_given_up());
         }
-        let mut arrival = Arrival::default();
+        let mut arrival = Arrival::of(false);
         for _ in 0..100_000 {
             arrival.wait(9, 0);
         }

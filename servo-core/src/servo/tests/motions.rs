@@ -1,6 +1,7 @@
 //! What each motion means for mode, guards and limits, by tables over all motions.
 
 use super::*;
+use crate::guard::direction;
 use crate::guard::fault::LimitCause;
 
 fn at(position: i32) -> PositionLoop {
@@ -14,12 +15,12 @@ fn moving(position: i32, velocity: i16) -> PositionLoop {
 
 fn to_end(control: PositionLoop) -> Motion {
     let profile = Profile::at_rest(control.setpoint.position);
-    Motion::Move { control, profile, breakaway: Breakaway::default(), arrival: Arrival::default() }
+    Motion::Move { control, profile, breakaway: Breakaway::default(), arrival: Arrival::of(false) }
 }
 
 fn to_zero(control: PositionLoop) -> Motion {
     let profile = Profile::at_rest(control.setpoint.position);
-    Motion::Zero { control, profile, arrival: Arrival::default() }
+    Motion::Zero { control, profile, arrival: Arrival::of(false) }
 }
 
 const fn starting(goal: Goal) -> Motion {
@@ -617,4 +618,63 @@ fn strain_ends_torque_control_but_no_pressing() {
         let ended = Event::Ended { reason: EndReason::Strain, mode: Mode::Pid };
         assert_eq!(bench.servo.event(), ends.then_some(ended), "{motion:?}");
     }
+}
+
+#[test]
+fn position_set_in_idle_renames_the_count() {
+    let mut bench = Bench::new(Joint::Link);
+    bench.tick_to(7);
+    bench.servo.command(Command::Position(-100)).unwrap();
+    assert_eq!(bench.servo.telemetry().position.round(), -100);
+    bench.tick_to(9);
+    assert_eq!(bench.servo.telemetry().position.round(), -98);
+}
+
+#[test]
+fn untrusted_direction_is_watched_from_where_a_motor_starts_that_was_off() {
+    let mut bench = Bench::new(Joint::Link);
+    bench.servo.set_direction(direction::Direction::at_rest(0));
+    bench.servo.applied = AppliedTorque::OFF;
+    bench.tick_to(20);
+    bench.servo.start(Goal::Velocity);
+    assert_eq!(bench.servo.direction, direction::Direction::at_rest(20));
+    // What drives it already goes on being judged.
+    bench.servo.applied.torque = Torque(80);
+    bench.servo.count = 30;
+    bench.servo.start(Goal::Velocity);
+    assert_eq!(bench.servo.direction, direction::Direction::at_rest(20));
+}
+
+#[test]
+fn link_that_is_held_back_with_bt_for_10_ms_breaks_away() {
+    for (bt, breaks) in [(400, true), (0, false)] {
+        let mut bench = Bench::new(Joint::Link);
+        let config = Config { bt, ..Joint::Link.config() };
+        bench.servo.command(Command::Configure(config)).unwrap();
+        bench.servo.command(Command::Move(300)).unwrap();
+        let end = (0..500).find_map(|_| {
+            bench.tick();
+            core::iter::from_fn(|| bench.servo.event()).find_map(|event| match event {
+                Event::Ended { reason, .. } => Some(reason),
+                _ => None,
+            })
+        });
+        assert_eq!(end, Some(if breaks { EndReason::Breakaway } else { EndReason::Stalled }), "BT {bt}");
+    }
+}
+
+#[test]
+fn winding_begins_as_hot_as_the_start_says_and_its_mark_is_judged() {
+    let mut bench = Bench::new(Joint::Link);
+    bench.servo.start_warm(Start::Reset(400));
+    assert_eq!(
+        (bench.servo.rise(), bench.servo.hot_mark()),
+        (None, HotMark::Right),
+        "nothing is known before a tick"
+    );
+    (0..40).for_each(|_| _ = bench.tick());
+    let rise = bench.servo.rise().expect("judged");
+    assert!((390..=410).contains(&rise), "{rise}");
+    bench.servo.set_hot_mark(true);
+    assert_eq!(bench.servo.hot_mark(), HotMark::Obsolete, "70 C");
 }
