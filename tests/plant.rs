@@ -13,6 +13,7 @@ use tater_wire::MotorKind;
 mod accepted;
 mod board;
 mod contacts;
+mod effects;
 
 const MODELS: [Model; 2] = [Model::Averaged, Model::Switched];
 

@@ -35,17 +35,24 @@ fn decades(low: f64, high: f64) -> impl Strategy<Value = f64> {
     (low.log10()..=high.log10()).prop_map(|exponent| 10_f64.powf(exponent))
 }
 
+fn none_or(low: f64, high: f64) -> impl Strategy<Value = f64> {
+    prop_oneof![Just(0.0), decades(low, high)]
+}
+
 prop_compose! {
     fn any_accepted()(
         kind in any_kind(),
         (r_ohm, l_mh, ke_v_s, j_kg_m2) in (decades(0.1, 100.0), decades(0.05, 20.0), decades(1e-3, 1.0), decades(2e-6, 1e-2)),
         (coulomb_n_m, static_share, viscous_n_m_s) in (decades(1e-4, 1.0), 1.0..2.0_f64, decades(1e-7, 1e-2)),
+        (stribeck_counts_s, cogging_n_m) in (none_or(0.1, 1000.0), none_or(1e-4, 0.2)),
+        (backlash_counts, gear_rad_n_m) in (none_or(1e-3, 20.0), none_or(1e-4, 10.0)),
         (bus_v, diode_v, dead_time_us) in (5.0..60.0_f64, 0.0..2.0_f64, 0.0..5.0_f64),
         (stop_stiffness_n_m_rad, stop_damping_n_m_s) in (decades(0.1, 1000.0), decades(1e-4, 10.0)),
         (winding_j_k, winding_housing_k_w, housing_j_k) in (decades(0.1, 100.0), decades(0.1, 10.0), decades(0.1, 100.0)),
     ) -> PlantParams {
         PlantParams {
             r_ohm, l_mh, ke_v_s, j_kg_m2, coulomb_n_m, static_n_m: coulomb_n_m * static_share, viscous_n_m_s,
+            stribeck_counts_s, cogging_n_m, backlash_counts, gear_rad_n_m,
             bus_v, diode_v, dead_time_us, stop_stiffness_n_m_rad, stop_damping_n_m_s, winding_j_k,
             winding_housing_k_w, housing_j_k,
             // No trip current: the largest currents are the hardest.

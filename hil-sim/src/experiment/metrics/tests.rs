@@ -427,3 +427,11 @@ fn window_measures_its_ticks_only() {
     close_to(within.iae, 0.013);
     assert_eq!((whole.position_counts, whole.iae.is_some()), (9.0, true));
 }
+
+#[test]
+fn each_metric_is_defined_in_the_document() {
+    let page = include_str!("../../../../docs/metrics.md");
+    for metric in &METRICS {
+        assert!(page.contains(&format!("`{}`", metric.name)), "docs/metrics.md lacks {}", metric.name);
+    }
+}

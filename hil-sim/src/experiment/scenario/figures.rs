@@ -55,7 +55,7 @@ macro_rules! figure {
 }
 
 /// Every figure.
-pub const FIGURES: [Figure; 32] = [
+pub const FIGURES: [Figure; 38] = [
     plant!(r_ohm, "resistance", "Ohm", "24 V squared over 239.5 W (decision 0003), line to line at 25 C"),
     plant!(r_per_k, "copper", "1/K", "copper"),
     plant!(
@@ -78,11 +78,25 @@ pub const FIGURES: [Figure; 32] = [
         "N m",
         "chosen: a third above the friction in motion, as in greased gears"
     ),
+    plant!(
+        stribeck_counts_s,
+        "stribeck",
+        "counts/s",
+        "none: speed at which stiction has fallen to the friction in motion but for 1/e"
+    ),
+    plant!(cogging_n_m, "cogging", "N m", "none: amplitude, once a count"),
     plant!(viscous_n_m_s, "viscous", "N m s/rad", "chosen: an eighth of the friction at no-load speed"),
     plant!(diode_v, "diode", "V", "silicon at a few amperes"),
     plant!(dead_time_us, "dead_time", "us", "the board's timer (docs/board.md)"),
     plant!(trip_a, "trip", "A", "the gate driver's break input: above the 20 A of plugging at full speed"),
     plant!(gear_ratio, "gear", "1", "manual, table 1: motor turns per joint turn"),
+    plant!(backlash_counts, "backlash", "counts", "none: free play of the gear at the motor"),
+    plant!(
+        gear_rad_n_m,
+        "compliance",
+        "rad/(N m)",
+        "none: twist of the gear under torque, both at the motor"
+    ),
     plant!(worm_lead_deg, "worm_lead", "deg", "chosen: a single-start worm; 0 is none"),
     plant!(
         worm_friction,
@@ -131,7 +145,23 @@ pub const FIGURES: [Figure; 32] = [
         "rise_delay",
         "us",
         "none: an open collector with a weak pull-up rises late",
-        Place::Rig(|rig| rig.rise_delay_us as f64, |rig, value| rig.rise_delay_us = value.round() as u64)
+        // A negative one becomes one that is out of range.
+        Place::Rig(
+            |rig| rig.rise_delay_us as f64,
+            |rig, value| rig.rise_delay_us = if value < 0.0 { u64::MAX } else { value.round() as u64 }
+        )
+    ),
+    rig!(
+        hall_hysteresis_deg,
+        "hysteresis",
+        "deg electrical",
+        "none: between the edges of a boundary in either direction"
+    ),
+    rig!(
+        hall_jitter_deg,
+        "jitter",
+        "deg electrical",
+        "none: rms of the place of each edge, at most 3.5 times that"
     ),
     rig!(adc_noise_lsb, "adc_noise", "LSB", "half a step of the converter"),
     rig!(thermistor_lag_s, "thermistor_lag", "s", "chosen: a bead glued to the housing"),
@@ -213,8 +243,16 @@ impl Scenario {
             .iter()
             .try_for_each(|case| case.plant.validate().and_then(|()| self.initial.check(&case.plant)));
         checked.and_then(|()| rig.validate()).map_err(|e: ParamError| {
-            let found = format!("{} is {}", e.field, e.found);
-            bad("out of range".to_owned(), &found, e.expected, "give a value in this range".to_owned())
+            let own = e.field == figure.name;
+            let found =
+                if own { text.to_owned() } else { format!("{} is {}, with {assignment}", e.field, e.found) };
+            let expected = format!("{} of {}", e.field, e.expected);
+            let next = if own {
+                "give a value in this range".to_owned()
+            } else {
+                format!("give a value that leaves {} in this range, or override that first", e.field)
+            };
+            bad("out of range".to_owned(), &found, expected, next)
         })?;
         (self.rig, self.cases) = (rig, cases);
         self.arguments.push_str(&format!(" --{option} {}={text}", figure.name));
@@ -262,6 +300,8 @@ mod tests {
             ("plant", "inertia=1e9x", "out of range", "in this range"),
             ("supply", "volts=99", "out of range", "in this range"),
             ("rig", "hall_offset_deg=30", "out of range", "in this range"),
+            ("rig", "rise_delay=-1", "out of range", "in this range"),
+            ("plant", "friction=2x", "static_n_m is 0.04, with friction=2x", "or override that first"),
         ] {
             let mut scenario = scenario();
             let text = scenario.override_figure(option, assignment).unwrap_err().to_string();

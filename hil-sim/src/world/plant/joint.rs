@@ -1,12 +1,19 @@
-//! The shaft and every torque on it except the motor's: friction, worm, brake, stops and objects.
+//! The shaft and every torque on it except the motor's current's: friction, cogging, worm, brake, stops and objects.
+//!
+//! Behind the gear is the joint, without inertia: its own is a hundredth of the rotor's. Backlash and the gear's compliance separate the two,
+//! so contacts and the load act on the joint, which rests on the flank to which they push it.
 //!
 //! Implicit midpoint: with forces linear in position and velocity it is stable at any stiffness and closes
-//! the energy balance to rounding. Standstill is an exact state, entered at the instant of zero velocity.
+//! the energy balance to rounding. Cogging is linear about the middle of each step. Standstill is an exact state, entered at the instant
+//! of zero velocity.
 
 use super::params::{PlantParams, RAD_PER_COUNT};
 
 /// A joint's own contacts, before those of objects.
 const STOPS: usize = 2;
+
+/// Cogging periods per turn of the motor: the least common multiple of 9 slots and 6 poles, the usual pair; once a count.
+const COGGING_PER_TURN: f64 = 18.0;
 
 /// A spring and damper that resists motion beyond a position.
 #[derive(Clone, Copy, Debug)]
@@ -62,17 +69,38 @@ pub struct Joint {
     j: f64,
     coulomb: f64,
     stiction: f64,
+    /// 1 / the speed at which the friction beyond Coulomb's has fallen to 1/e, s/rad; infinite where it falls at once.
+    per_stribeck: f64,
     viscous: f64,
+    cogging: f64,
     /// Friction torque per load torque when driving against the load and when moving with it.
     worm: [f64; 2],
+    /// Rotor and joint move freely against each other by so much, rad.
+    backlash: f64,
+    /// rad/(N·m).
+    compliance: f64,
     contacts: Vec<Contact>,
+    /// Torque of a load on the joint, N·m at the motor.
+    disturbance: f64,
 }
 
-/// Load torque, linear about a position.
+/// Torque that the gear transmits to the rotor, linear about a position.
 struct Load {
-    spring: f64,
+    torque: f64,
     stiffness: f64,
     damping: f64,
+}
+
+/// The joint behind the gear.
+struct Behind {
+    /// Its position, rad at the motor.
+    theta: f64,
+    /// Torque of contacts and load on it.
+    torque: f64,
+    /// Stiffness of the contacts that it presses.
+    stiffness: f64,
+    /// In the gap between the flanks it does not follow the rotor.
+    is_free: bool,
 }
 
 impl Joint {
@@ -100,9 +128,14 @@ impl Joint {
             j: p.j_kg_m2,
             coulomb: p.coulomb_n_m,
             stiction: p.static_n_m,
+            per_stribeck: 1.0 / (p.stribeck_counts_s * RAD_PER_COUNT),
             viscous: p.viscous_n_m_s,
+            cogging: p.cogging_n_m,
             worm,
+            backlash: p.backlash_counts * RAD_PER_COUNT,
+            compliance: p.gear_rad_n_m,
             contacts,
+            disturbance: 0.0,
         }
     }
 
@@ -112,16 +145,90 @@ impl Joint {
         self.contacts.extend_from_slice(objects);
     }
 
-    /// Energy stored in springs at a position, J.
+    /// Changes the load on the joint, N·m at the motor. Returns the work of the load on a joint that changes the flank, and what of it the
+    /// impact takes, J.
+    pub fn set_disturbance(&mut self, theta: f64, n_m: f64) -> (f64, f64) {
+        let (before, stored) = (self.behind(theta).theta, self.spring_j(theta));
+        self.disturbance = n_m;
+        let work = n_m * (self.behind(theta).theta - before);
+        (work, work - (self.spring_j(theta) - stored))
+    }
+
+    /// Torque of contacts and load on a joint at a position, and the stiffness of the contacts that it presses.
+    fn torque_at(&self, joint: f64) -> (f64, f64) {
+        let mut sum = (self.disturbance, 0.0);
+        for c in &self.contacts {
+            if c.side * (joint - c.from) > 0.0 {
+                sum.0 -= c.stiffness * (joint - c.from);
+                sum.1 += c.stiffness;
+            }
+        }
+        sum
+    }
+
+    /// Where a joint rests that neither flank touches: its contacts have pushed it back to where they balance the load.
+    fn rest(&self, rotor: f64) -> f64 {
+        let mut joint = rotor;
+        for _ in 0..=self.contacts.len() {
+            let (torque, stiffness) = self.torque_at(joint);
+            if torque == 0.0 || stiffness == 0.0 {
+                break;
+            }
+            joint += torque / stiffness;
+        }
+        joint
+    }
+
+    /// The joint behind a rotor's position.
+    fn behind(&self, rotor: f64) -> Behind {
+        let half = 0.5 * self.backlash;
+        let at = |theta: f64| {
+            let (torque, stiffness) = self.torque_at(theta);
+            Behind { theta, torque, stiffness, is_free: false }
+        };
+        let closing = at(rotor - half);
+        let mut behind = if closing.torque < 0.0 {
+            closing
+        } else {
+            let opening = at(rotor + half);
+            if opening.torque > 0.0 {
+                opening
+            } else {
+                return Behind { theta: self.rest(rotor), torque: 0.0, stiffness: 0.0, is_free: true };
+            }
+        };
+        if self.compliance > 0.0 {
+            let flank = behind.theta;
+            // Each pass loses contacts that the yielding gear does not reach.
+            for _ in 0..=self.contacts.len() {
+                let now = self.torque_at(behind.theta);
+                let at_flank = now.0 + now.1 * (behind.theta - flank);
+                let torque = at_flank / (1.0 + self.compliance * now.1);
+                let next = flank + self.compliance * torque;
+                let settled = (next - behind.theta).abs() < 1e-12;
+                behind = Behind { theta: next, torque, stiffness: now.1, is_free: false };
+                if settled {
+                    break;
+                }
+            }
+        }
+        behind
+    }
+
+    /// Energy stored in springs and in the magnets at a position, J.
     #[must_use]
     pub fn spring_j(&self, theta: f64) -> f64 {
-        self.contacts.iter().map(|c| c.stored_j(theta)).sum()
+        let magnets = self.cogging / COGGING_PER_TURN * (1.0 - (COGGING_PER_TURN * theta).cos());
+        let joint = self.behind(theta);
+        let gear = 0.5 * self.compliance * joint.torque * joint.torque;
+        self.contacts.iter().map(|c| c.stored_j(joint.theta)).sum::<f64>() + gear + magnets
     }
 
     /// The part of it in objects.
     #[must_use]
     pub fn objects_j(&self, theta: f64) -> f64 {
-        self.contacts[STOPS..].iter().map(|c| c.stored_j(theta)).sum()
+        let joint = self.behind(theta).theta;
+        self.contacts[STOPS..].iter().map(|c| c.stored_j(joint)).sum()
     }
 
     /// Kinetic energy, J.
@@ -130,20 +237,54 @@ impl Joint {
         0.5 * self.j * shaft.omega * shaft.omega
     }
 
-    /// The contacts that act on the shaft in the middle of the coming `dt`.
+    /// The load on the shaft about the middle of the coming `dt`.
     fn load(&self, shaft: &Shaft, dt: f64) -> Load {
         let mid = shaft.theta + 0.5 * dt * shaft.omega;
-        let mut load = Load { spring: 0.0, stiffness: 0.0, damping: 0.0 };
-        for c in &self.contacts {
-            if c.side * (mid - c.from) > 0.0 {
-                load.spring -= c.stiffness * (shaft.theta - c.from);
-                load.stiffness += c.stiffness;
-                if c.side * shaft.omega > 0.0 {
-                    load.damping += c.damping;
-                }
-            }
+        let joint = self.behind(mid);
+        if joint.is_free {
+            return Load { torque: 0.0, stiffness: 0.0, damping: 0.0 };
         }
-        load
+        // How far the joint follows the rotor.
+        let follow = 1.0 / (1.0 + self.compliance * joint.stiffness);
+        let stiffness = follow * joint.stiffness;
+        let pressed = |c: &&Contact| c.side * (joint.theta - c.from) > 0.0 && c.side * shaft.omega > 0.0;
+        let damping: f64 = self.contacts.iter().filter(pressed).map(|c| c.damping).sum();
+        Load {
+            torque: joint.torque + stiffness * (mid - shaft.theta),
+            stiffness,
+            damping: follow * follow * damping,
+        }
+    }
+
+    /// Where the rotor is when the joint meets a contact.
+    fn meets(&self, c: &Contact) -> f64 {
+        if self.backlash == 0.0 && self.compliance == 0.0 {
+            return c.from;
+        }
+        let torque = self.torque_at(c.from).0;
+        let flank = if torque == 0.0 { c.side } else { -torque.signum() };
+        c.from + 0.5 * flank * self.backlash - self.compliance * torque
+    }
+
+    /// Torque of the magnets at a position, linear about the position `mid`, and its stiffness. A rotor rests in the middle of a count.
+    fn cogging(&self, theta: f64, mid: f64) -> (f64, f64) {
+        if self.cogging == 0.0 {
+            return (0.0, 0.0);
+        }
+        let (sin, cos) = (COGGING_PER_TURN * mid).sin_cos();
+        let stiffness = COGGING_PER_TURN * self.cogging * cos;
+        (-self.cogging * sin - stiffness * (theta - mid), stiffness)
+    }
+
+    /// Friction of a moving shaft without its viscous part, N·m (Stribeck).
+    fn sliding(&self, omega: f64) -> f64 {
+        let speed = omega * self.per_stribeck;
+        // Beyond three times the Stribeck speed a ten-thousandth is left.
+        if speed.abs() < 3.0 {
+            self.coulomb + (self.stiction - self.coulomb) * (-speed * speed).exp()
+        } else {
+            self.coulomb
+        }
     }
 
     /// The fraction of the load torque that acts on a shaft moving in direction `dir`.
@@ -151,9 +292,9 @@ impl Joint {
         if load * dir < 0.0 { 1.0 + self.worm[0] } else { 1.0 - self.worm[1] }
     }
 
-    /// Advances the shaft by `dt` seconds under the motor's `torque` and the disturbance, N·m; `brake` is the
-    /// brake's friction torque.
-    pub fn advance(&self, shaft: &mut Shaft, torque: f64, disturbance: f64, brake: f64, dt: f64) -> Work {
+    /// Advances the shaft by `dt` seconds under the motor's `torque` and the load, N·m; `brake` is the brake's
+    /// friction torque.
+    pub fn advance(&self, shaft: &mut Shaft, torque: f64, brake: f64, dt: f64) -> Work {
         let mut work = Work::default();
         let mut left = dt;
         let before = shaft.omega;
@@ -165,37 +306,33 @@ impl Joint {
             let mut span = left;
             if shaft.omega != 0.0 {
                 for c in &self.contacts {
-                    let to_go = (c.from - shaft.theta) / shaft.omega;
+                    let to_go = (self.meets(c) - shaft.theta) / shaft.omega;
                     // Within a nanosecond counts as reached.
                     if to_go > 1e-9 && to_go < span {
                         span = to_go;
                     }
                 }
             }
-            left -= self.smooth(shaft, torque, disturbance, brake, span, &mut work);
+            left -= self.smooth(shaft, torque, brake, span, &mut work);
         }
         shaft.acceleration = (shaft.omega - before) / dt;
         work
     }
 
     /// Advances by at most `dt`, up to standstill, without a change of contacts. Returns the time spent.
-    fn smooth(
-        &self,
-        shaft: &mut Shaft,
-        torque: f64,
-        disturbance: f64,
-        brake: f64,
-        dt: f64,
-        work: &mut Work,
-    ) -> f64 {
+    fn smooth(&self, shaft: &mut Shaft, torque: f64, brake: f64, dt: f64, work: &mut Work) -> f64 {
         let load = self.load(shaft, dt);
-        let static_load = load.spring + disturbance;
+        let half = 0.5 * dt;
+        let mid = shaft.theta + half * (shaft.omega + 0.5 * half * shaft.acceleration);
+        let (cogging, magnets) = self.cogging(shaft.theta, mid);
+        let driving = torque + cogging;
+        let static_load = load.torque;
         shaft.load = static_load - load.damping * shaft.omega;
         let dir = if shaft.omega != 0.0 {
             shaft.omega.signum()
         } else {
             let limit = self.stiction + brake;
-            let pulls = |dir: f64| dir * (torque + self.worm_factor(static_load, dir) * static_load) > limit;
+            let pulls = |dir: f64| dir * (driving + self.worm_factor(static_load, dir) * static_load) > limit;
             if pulls(1.0) {
                 1.0
             } else if pulls(-1.0) {
@@ -206,9 +343,10 @@ impl Joint {
         };
         let m = self.worm_factor(shaft.load, dir);
         // J·dω/dt = push − damp·ω̄ − m·stiffness·(ω̄·dt/2), with ω̄ the mean velocity over the segment.
-        let push = torque + m * static_load - dir * (self.coulomb + brake);
+        let sliding = self.sliding(shaft.omega + half * shaft.acceleration);
+        let push = driving + m * static_load - dir * (sliding + brake);
         let damp = self.viscous + m * load.damping;
-        let stiff = m * load.stiffness;
+        let stiff = m * load.stiffness + magnets;
         let omega = shaft.omega;
         let mean_over =
             |dt: f64| (self.j * omega + 0.5 * dt * push) / (self.j + 0.5 * dt * (damp + 0.5 * dt * stiff));
@@ -231,9 +369,12 @@ impl Joint {
         let moved = mean * span;
         let bare = static_load - 0.5 * load.stiffness * moved - load.damping * mean;
         work.motor += torque * moved;
-        work.disturbance += disturbance * moved;
         work.damper += load.damping * mean * moved;
-        work.friction += (dir * (self.coulomb + brake) + self.viscous * mean + (1.0 - m) * bare) * moved;
+        work.friction += (dir * (sliding + brake) + self.viscous * mean + (1.0 - m) * bare) * moved;
+        if self.disturbance != 0.0 {
+            let from = self.behind(shaft.theta).theta;
+            work.disturbance += self.disturbance * (self.behind(shaft.theta + moved).theta - from);
+        }
         shaft.theta += moved;
         shaft.omega = end;
         span

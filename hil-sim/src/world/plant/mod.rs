@@ -110,7 +110,6 @@ pub struct Plant {
     max_step_us: u64,
     inverter: Inverter,
     joint: Joint,
-    disturbance: f64,
     shaft_torque: f64,
     stored_at_start: f64,
     state: State,
@@ -152,7 +151,6 @@ impl Plant {
             joint,
             model,
             max_step_us: params.longest_step_us(),
-            disturbance: 0.0,
             shaft_torque: 0.0,
             stored_at_start,
             state: State {
@@ -227,7 +225,9 @@ impl Plant {
     /// Torque of a load on the joint, referred to the motor through a gear without losses; through a worm it
     /// cannot drive the motor.
     pub fn set_disturbance(&mut self, n_m: f64) {
-        self.disturbance = n_m;
+        let (work_j, lost_j) = self.joint.set_disturbance(self.state.shaft.theta, n_m);
+        self.state.ledger.disturbance_j += work_j;
+        self.state.ledger.damper_j += lost_j;
     }
 
     /// Torque on the motor's shaft from outside, N·m: a user who turns the motor by hand.
@@ -290,7 +290,7 @@ impl Plant {
         s.torque = impulse / dt;
         let before = s.shaft.theta;
         let torque = s.torque + self.shaft_torque;
-        let work = self.joint.advance(&mut s.shaft, torque, self.disturbance, brake, dt);
+        let work = self.joint.advance(&mut s.shaft, torque, brake, dt);
         let by_hand_j = self.shaft_torque * (s.shaft.theta - before);
         s.bus_charge += flow.bus_charge;
         s.peak_a = s.peak_a.max(flow.peak_a);

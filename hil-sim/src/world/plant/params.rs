@@ -61,6 +61,12 @@ pub struct PlantParams {
     pub coulomb_n_m: f64,
     /// Breakaway friction from rest. Chosen 0.04 N·m: a third above Coulomb, as in greased gears.
     pub static_n_m: f64,
+    /// Speed at which the friction beyond Coulomb's has fallen to 1/e (Stribeck); 0: at once.
+    #[serde(default)]
+    pub stribeck_counts_s: f64,
+    /// Amplitude of the cogging torque, once a count.
+    #[serde(default)]
+    pub cogging_n_m: f64,
     /// Viscous friction. Chosen 1e-5 N·m·s/rad: 3.7 mN·m at no-load speed, under an eighth of Coulomb.
     pub viscous_n_m_s: f64,
     /// Supply voltage. 24 V.
@@ -73,6 +79,12 @@ pub struct PlantParams {
     pub trip_a: f64,
     /// Motor turns per joint turn.
     pub gear_ratio: f64,
+    /// Free play of the gear, counts of the motor.
+    #[serde(default)]
+    pub backlash_counts: f64,
+    /// Twist of the gear under torque, rad/(N·m) at the motor.
+    #[serde(default)]
+    pub gear_rad_n_m: f64,
     /// Lead angle of the worm; 0 = no worm. 5° chosen: a single-start worm of 49:1 or 39:1.
     pub worm_lead_deg: f64,
     /// Friction coefficient of the worm's mesh. Chosen 0.09: just above tan 5° = 0.0875, so that the fingers
@@ -121,12 +133,16 @@ impl PlantParams {
             j_kg_m2: 2e-5,
             coulomb_n_m: 0.03,
             static_n_m: 0.04,
+            stribeck_counts_s: 0.0,
+            cogging_n_m: 0.0,
             viscous_n_m_s: 1e-5,
             bus_v: 24.0,
             diode_v: 0.8,
             dead_time_us: 0.5,
             trip_a: 25.0,
             gear_ratio,
+            backlash_counts: 0.0,
+            gear_rad_n_m: 0.0,
             worm_lead_deg: if worm { 5.0 } else { 0.0 },
             worm_friction: 0.09,
             brake_n_m,
@@ -151,7 +167,7 @@ impl PlantParams {
     pub fn validate(&self) -> Result<(), ParamError> {
         // The ranges keep the exact solutions well-conditioned. Heat: 0.1 J/K · 0.1 K/W are 10 ms against
         // steps of 1 ms.
-        let rows: [(&'static str, f64, f64, f64); 28] = [
+        let rows: [(&'static str, f64, f64, f64); 32] = [
             ("r_ohm", self.r_ohm, 0.1, 100.0),
             ("r_per_k", self.r_per_k, 0.0, 0.01),
             ("l_mh", self.l_mh, 0.05, 20.0),
@@ -159,12 +175,17 @@ impl PlantParams {
             ("j_kg_m2", self.j_kg_m2, 2e-6, 1e-2),
             ("coulomb_n_m", self.coulomb_n_m, 0.0, 10.0),
             ("static_n_m", self.static_n_m, self.coulomb_n_m, 10.0),
+            ("stribeck_counts_s", self.stribeck_counts_s, 0.0, 1000.0),
+            // The least inertia follows a tenth of it within steps of 10 us.
+            ("cogging_n_m", self.cogging_n_m, 0.0, 0.2),
             ("viscous_n_m_s", self.viscous_n_m_s, 0.0, 1e-2),
             ("bus_v", self.bus_v, 1.0, 60.0),
             ("diode_v", self.diode_v, 0.0, 2.0),
             ("dead_time_us", self.dead_time_us, 0.0, 5.0),
             ("trip_a", self.trip_a, 0.1, 1000.0),
             ("gear_ratio", self.gear_ratio, 1.0, 1000.0),
+            ("backlash_counts", self.backlash_counts, 0.0, 20.0),
+            ("gear_rad_n_m", self.gear_rad_n_m, 0.0, 10.0),
             ("worm_lead_deg", self.worm_lead_deg, 0.0, 45.0),
             ("worm_friction", self.worm_friction, 0.0, 0.5),
             ("brake_n_m", self.brake_n_m, 0.0, 100.0),

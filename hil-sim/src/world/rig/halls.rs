@@ -1,6 +1,15 @@
 //! Three hall sensors on one board: where the boundaries are, and the levels of the lines over time.
 
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
 use super::params::{HallGlitch, RigParams};
+
+/// Counts per electrical degree.
+const COUNTS_PER_DEG: f64 = 1.0 / 60.0;
+
+/// Draws of which a nearly normal one is the sum; it lies within 3.5 of its deviations.
+const DRAWS: usize = 4;
 
 /// Code of each sector (decision 0003), bit 0 = line 0.
 const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
@@ -11,6 +20,9 @@ pub struct Halls {
     params: RigParams,
     zero_sector: u8,
     cell: i64,
+    /// Where the rotor leaves the cell downwards and upwards, counts: a boundary may be elsewhere in either direction, and at each passing.
+    bounds: (f64, f64),
+    rng: Pcg64Mcg,
     sensed: u8,
     /// End of each line's rise delay, µs.
     rising: [Option<u64>; 3],
@@ -23,24 +35,34 @@ pub struct Halls {
 }
 
 impl Halls {
-    /// Sensors settled at a rotor position, counts.
+    /// Sensors settled at a rotor position, counts; `seed` is that of the edges' jitter.
     #[must_use]
-    pub fn new(params: RigParams, zero_sector: u8, counts: f64) -> Self {
+    pub fn new(params: RigParams, zero_sector: u8, counts: f64, seed: u64) -> Self {
         let mut halls = Self {
             params,
             zero_sector,
             cell: counts.round() as i64,
+            bounds: (0.0, 0.0),
+            rng: Pcg64Mcg::new(u128::from(seed) << 64 | 0x4a11),
             sensed: 0,
             rising: [None; 3],
             glitch: 0,
             broken: [None; 3],
             lines: 0,
         };
+        let half = 0.5 * halls.params.hall_hysteresis_deg * COUNTS_PER_DEG;
+        halls.bounds = (halls.boundary(halls.cell - 1) - half, halls.boundary(halls.cell) + half);
         // Errors are less than half a cell, so the nearest cell is off by one at most.
         while halls.follow(counts) {}
         halls.sensed = halls.code();
         halls.lines = halls.faulty(0);
         halls
+    }
+
+    /// The same rotor's sensors with other parameters, settled at a position.
+    #[must_use]
+    pub fn anew(&self, params: RigParams, counts: f64) -> Self {
+        Self { rng: self.rng.clone(), ..Self::new(params, self.zero_sector, counts, 0) }
     }
 
     /// The lines as the board sees them.
@@ -68,27 +90,42 @@ impl Halls {
         }
     }
 
-    /// The sensors' boundaries below and above the rotor, in counts.
+    /// Where the sensors change below and above the rotor, in counts.
     #[must_use]
-    pub fn bounds(&self) -> (f64, f64) {
-        (self.boundary(self.cell - 1), self.boundary(self.cell))
+    pub const fn bounds(&self) -> (f64, f64) {
+        self.bounds
     }
 
     fn boundary(&self, k: i64) -> f64 {
         let error = self.params.hall_error_deg.get(self.sector(k)).copied().unwrap_or(0.0);
-        k as f64 + 0.5 + error / 60.0
+        k as f64 + 0.5 + error * COUNTS_PER_DEG
     }
 
+    /// Follows the rotor by a cell. Back over the boundary that it has just passed it needs the hysteresis; the place of the one ahead is new.
     fn follow(&mut self, counts: f64) -> bool {
-        let (low, high) = self.bounds();
+        let (low, high) = self.bounds;
+        let gap = self.params.hall_hysteresis_deg * COUNTS_PER_DEG;
         if counts >= high {
             self.cell += 1;
+            self.bounds = (high - gap, self.boundary(self.cell) + 0.5 * gap + self.jitter());
         } else if counts < low {
             self.cell -= 1;
+            self.bounds = (self.boundary(self.cell - 1) - 0.5 * gap + self.jitter(), low + gap);
         } else {
             return false;
         }
         true
+    }
+
+    /// Counts.
+    fn jitter(&mut self) -> f64 {
+        let rms = self.params.hall_jitter_deg * COUNTS_PER_DEG;
+        if rms == 0.0 {
+            return 0.0;
+        }
+        let sum: f64 = (0..DRAWS).map(|_| self.rng.random_range(-1.0..=1.0)).sum();
+        // A draw of -1 to 1 has the variance 1/3.
+        rms * sum * (3.0 / DRAWS as f64).sqrt()
     }
 
     /// The next time after `now` at which the lines change while the rotor stands still.

@@ -151,7 +151,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// A rig at its start, brake engaged; `seed` is that of the ADC noise.
+    /// A rig at its start, brake engaged; `seed` is that of the ADC's noise and of the hall edges' jitter.
     ///
     /// # Errors
     /// A parameter out of range.
@@ -187,7 +187,7 @@ impl Rig {
         let plant = Plant::new(plant, &contacts, model, start)?;
         Ok(Self {
             // The plant's own value, rounded by its radians, so that the first step starts within the bounds.
-            halls: Halls::new(rig.clone(), plant.params().zero_sector, plant.counts()),
+            halls: Halls::new(rig.clone(), plant.params().zero_sector, plant.counts(), seed),
             params: rig,
             feed: Feed::Own(Supply::new(plant.params().bus_v, 1)),
             fed_c: 0.0,
@@ -221,7 +221,7 @@ impl Rig {
         if let Some(stuck) = &mut self.params.stuck {
             stuck.from_us += us;
         }
-        self.halls = Halls::new(self.params.clone(), self.plant.params().zero_sector, self.plant.counts());
+        self.halls = self.halls.anew(self.params.clone(), self.plant.counts());
         self.last_read.0 = us;
         self.last_edge_us = us;
         self
@@ -348,7 +348,7 @@ impl Rig {
     pub fn rewire(&mut self, phases: [u8; 3], halls: [u8; 3], inverted: [bool; 3]) -> Result<(), ParamError> {
         let params = RigParams { phases, halls, inverted, ..self.params.clone() };
         params.validate()?;
-        self.halls = Halls::new(params.clone(), self.plant.params().zero_sector, self.plant.counts());
+        self.halls = self.halls.anew(params.clone(), self.plant.counts());
         self.params = params;
         Ok(())
     }

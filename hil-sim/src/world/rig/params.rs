@@ -33,6 +33,10 @@ pub struct StuckLine {
 pub struct RigParams {
     /// Error of the upper boundary of sector k (90° + 60°·k), degrees electrical, ±25; positive = at a higher count.
     pub hall_error_deg: [f64; 6],
+    /// Distance between the edges of a boundary in either direction, degrees electrical, 0 to 9.
+    pub hall_hysteresis_deg: f64,
+    /// RMS of the place of each edge, degrees electrical, 0 to 1.
+    pub hall_jitter_deg: f64,
     /// Delay of a rising hall line, µs; falling edges are immediate (open collector with a pull-up).
     pub rise_delay_us: u64,
     /// Wrong codes, in order of time, not overlapping.
@@ -63,6 +67,8 @@ impl Default for RigParams {
     fn default() -> Self {
         Self {
             hall_error_deg: [0.0; 6],
+            hall_hysteresis_deg: 0.0,
+            hall_jitter_deg: 0.0,
             rise_delay_us: 0,
             glitches: Vec::new(),
             stuck: None,
@@ -97,6 +103,11 @@ impl RigParams {
         for &error in &self.hall_error_deg {
             check(&[("hall_error_deg", error, -25.0, 25.0)])?;
         }
+        // With errors of 25 degrees a count is 10 degrees wide at least.
+        check(&[
+            ("hall_hysteresis_deg", self.hall_hysteresis_deg, 0.0, 9.0),
+            ("hall_jitter_deg", self.hall_jitter_deg, 0.0, 1.0),
+        ])?;
         let mut free_from = 0;
         for g in &self.glitches {
             check(&[
