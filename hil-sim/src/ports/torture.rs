@@ -9,6 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use clap::builder::PossibleValuesParser;
+use clap::value_parser;
 use serde::Serialize;
 
 use super::output::{print, replace_file, warn};
@@ -28,6 +29,12 @@ const SHRUNK: usize = 3;
 /// A failing seed is printed at once; more than these are only counted.
 const PRINTED: usize = 100;
 
+/// Threads that begin at once: far more than any machine has cores.
+const MOST_JOBS: u64 = 256;
+
+/// A week.
+const MOST_MINUTES: f64 = 10_080.0;
+
 /// Boards of a hand.
 const BOARDS: f64 = 7.0;
 
@@ -41,19 +48,22 @@ pub struct TortureArgs {
     #[arg(long)]
     seed: Option<u64>,
     /// Number of seeds; default: 1 with --seed, otherwise 100.
-    #[arg(long)]
+    #[arg(long, value_parser = value_parser!(u64).range(1..))]
     seeds: Option<u64>,
     /// Minutes after which no new seed begins, instead of a number of seeds.
-    #[arg(long, value_name = "MINUTES", conflicts_with = "seeds")]
+    #[arg(long, value_name = "MINUTES", conflicts_with = "seeds", value_parser = minutes)]
     minutes: Option<f64>,
-    /// Threads; default: one for each core.
-    #[arg(long)]
-    jobs: Option<usize>,
+    /// Threads, at most one a seed; default: one for each core.
+    #[arg(long, value_parser = value_parser!(u64).range(1..=MOST_JOBS))]
+    jobs: Option<u64>,
     /// Print one JSON object and nothing else.
     #[arg(long)]
     json: bool,
     /// Write a report of the seed: world, program, faults, failure and the events of all boards. Default: torture-SEED.txt.
-    #[arg(long, value_name = "FILE", num_args = 0..=1, requires = "seed")]
+    #[arg(
+        long, value_name = "FILE", num_args = 0..=1, requires = "seed",
+        conflicts_with_all = ["seeds", "minutes", "jobs", "no_shrink", "until"]
+    )]
     replay: Option<Option<PathBuf>>,
     /// Only these steps of the seed's program: numbers with commas, or `none`.
     #[arg(long, value_name = "NUMBERS", requires = "seed")]
@@ -71,7 +81,7 @@ pub struct TortureArgs {
     #[arg(long, value_name = "INVARIANTS", value_delimiter = ',', value_parser = invariants(), hide_possible_values = true)]
     until: Vec<String>,
     /// Print the tables of invariants and faults, and run nothing.
-    #[arg(long)]
+    #[arg(long, exclusive = true)]
     list: bool,
 }
 
@@ -173,6 +183,10 @@ pub fn torture(args: &TortureArgs, clock: Clock) -> Result<bool, Box<dyn Error>>
         faults: numbers("--faults", args.faults.as_deref())?,
         stop_ms: args.stop_ms,
     };
+    if let Some(seed) = args.seed {
+        let alone = args.seeds.is_none_or(|seeds| seeds == 1) && args.minutes.is_none();
+        are_of(seed, alone, &selection)?;
+    }
     if let (Some(seed), Some(file)) = (args.seed, &args.replay) {
         return replay(args, seed, &selection, file.clone());
     }
@@ -186,7 +200,7 @@ pub fn torture(args: &TortureArgs, clock: Clock) -> Result<bool, Box<dyn Error>>
     if args.seed.is_none() {
         warn(&format!("first seed: {first}"));
     }
-    let jobs = args.jobs.unwrap_or_else(cores).max(1);
+    let jobs = args.jobs.unwrap_or_else(|| cores() as u64).min(seeds) as usize;
     let begun = clock();
     let sum = play_all(args, &selection, clock, first, seeds, jobs);
     let wall_s = (clock() - begun).as_secs_f64();
@@ -223,6 +237,44 @@ fn numbers(option: &str, text: Option<&str>) -> Result<Option<Vec<usize>>, BadIn
     })
 }
 
+/// Steps and faults are numbers of one seed's own, of which `none` are left or some.
+fn are_of(seed: u64, alone: bool, selection: &Selection) -> Result<(), BadInput> {
+    let case = Case::draw(seed);
+    let parts =
+        [("--steps", &selection.steps, case.steps.len()), ("--faults", &selection.faults, case.faults.len())];
+    for (option, chosen, len) in parts {
+        let Some(chosen) = chosen.as_ref().filter(|chosen| !chosen.is_empty()) else { continue };
+        let bad = |problem: &str, found: String, expected: String| BadInput {
+            place: option.to_owned(),
+            problem: problem.to_owned(),
+            found,
+            expected,
+            next: "copy the line that the failing run printed".to_owned(),
+        };
+        if !alone {
+            let found = "several seeds".to_owned();
+            return Err(bad("has numbers of one seed", found, "--seed alone, or none".to_owned()));
+        }
+        if let Some(number) = chosen.iter().find(|&&number| number >= len) {
+            let expected = match len {
+                0 => format!("none: seed {seed} has none"),
+                len => format!("0 to {} of seed {seed}", len - 1),
+            };
+            return Err(bad("the seed has no such number", number.to_string(), expected));
+        }
+        if !chosen.is_sorted_by(|a, b| a < b) {
+            let found = chosen.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
+            return Err(bad("is not in order", found, "rising numbers, each once".to_owned()));
+        }
+    }
+    Ok(())
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes = text.parse().ok().filter(|minutes: &f64| *minutes > 0.0 && *minutes <= MOST_MINUTES);
+    minutes.ok_or_else(|| format!("expected minutes above 0 and up to {MOST_MINUTES}, such as 5 or 0.5"))
+}
+
 fn play_all(
     args: &TortureArgs,
     selection: &Selection,
@@ -238,7 +290,7 @@ fn play_all(
         Some(_) => indicatif::ProgressBar::new_spinner(),
         None => indicatif::ProgressBar::new(seeds),
     });
-    let end = args.minutes.map(|minutes| clock() + Duration::from_secs_f64(minutes.clamp(0.0, 1e6) * 60.0));
+    let end = args.minutes.map(|minutes| clock() + Duration::from_secs_f64(minutes * 60.0));
     std::thread::scope(|scope| {
         for _ in 0..jobs {
             // The clock stays on this thread.
@@ -391,8 +443,7 @@ fn replay(
     let case = Case::draw(seed).select(selection);
     let (outcome, events) = run_with_events(&case);
     let path = file.unwrap_or_else(|| PathBuf::from(format!("torture-{seed}.txt")));
-    let line = replay_line(seed, selection);
-    replace_file(&path, text(&case, &line, &outcome, &events).as_bytes()).map_err(|e| BadInput {
+    replace_file(&path, text(&case, selection, &outcome, &events).as_bytes()).map_err(|e| BadInput {
         place: format!("--replay {}", path.display()),
         problem: "cannot be written".to_owned(),
         found: e.to_string(),
@@ -416,4 +467,40 @@ fn replay(
         print(&format!("{found}\n{}\n", path.display()))?;
     }
     Ok(held)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn minutes_are_above_zero_and_finite() {
+        assert_eq!(minutes("0.5"), Ok(0.5));
+        for text in ["0", "-1", "NaN", "inf", "1e9", "five", ""] {
+            assert!(minutes(text).is_err_and(|error| error.contains("such as 5")), "{text}");
+        }
+    }
+
+    #[test]
+    fn chosen_steps_and_faults_are_those_of_one_seed() {
+        let case = Case::draw(863);
+        let last = case.steps.len() - 1;
+        let chosen = |steps: &[usize], faults: &[usize]| Selection {
+            steps: Some(steps.to_vec()),
+            faults: Some(faults.to_vec()),
+            stop_ms: None,
+        };
+        assert!(are_of(863, true, &chosen(&[0, last], &[])).is_ok());
+        assert!(are_of(863, false, &chosen(&[], &[])).is_ok(), "none, of each seed");
+        for (alone, selection, word) in [
+            (true, chosen(&[last + 1], &[]), "no such number"),
+            (true, chosen(&[], &[case.faults.len()]), "no such number"),
+            (true, chosen(&[1, 0], &[]), "not in order"),
+            (true, chosen(&[1, 1], &[]), "not in order"),
+            (false, chosen(&[0], &[]), "one seed"),
+        ] {
+            let error = are_of(863, alone, &selection).expect_err("refused").to_string();
+            assert!(error.contains(word) && error.contains("next:"), "{error}");
+        }
+    }
 }

@@ -212,6 +212,13 @@ impl<S: Motorized> Hand<S> {
         self.scene = Some((scene, self.bus.now_us(), [true; 7]));
     }
 
+    /// Takes the objects out of the hand; the fingers still meet each other.
+    pub fn take_objects(&mut self) {
+        if let Some((scene, ..)) = &mut self.scene {
+            scene.objects.clear();
+        }
+    }
+
     /// The scene, if there is one.
     #[must_use]
     pub fn scene(&self) -> Option<&Scene> {

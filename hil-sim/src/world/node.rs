@@ -71,6 +71,7 @@ pub struct Node {
     watchdog_resets: u32,
     count: i32,
     last_count_us: u64,
+    heard_us: u64,
 }
 
 /// The state of a board after a tick, as seen from outside.
@@ -161,6 +162,7 @@ impl Node {
             watchdog_resets: 0,
             count: 0,
             last_count_us: now_us,
+            heard_us: now_us,
         }
     }
 
@@ -394,6 +396,7 @@ impl Node {
         if !self.board().accepts(frame) {
             return Ok(());
         }
+        self.heard_us = self.now_us;
         let now = self.stamp();
         let done = match &mut self.program {
             Some(Program::Application(tater)) => tater.receive(frame, now),
@@ -406,6 +409,12 @@ impl Node {
         self.after();
         self.idle();
         done
+    }
+
+    /// When the last frame passed the receive filters, simulated time in µs.
+    #[must_use]
+    pub const fn heard_us(&self) -> u64 {
+        self.heard_us
     }
 
     /// Frames in the transmit mailboxes.

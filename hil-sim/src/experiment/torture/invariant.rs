@@ -185,6 +185,20 @@ pub const INVARIANTS: &[Invariant] = &[
         Check::Program(ending::stall),
     ),
     row(
+        "host-watched",
+        "no motor is driven in mode 2 or 4 that has heard no frame for longer than HOSTMS",
+        "docs/properties.md, HOSTMS; decision 0013",
+        Kinds::NONE,
+        Check::Program(ending::host),
+    ),
+    row(
+        "v-ends-with-its-motion",
+        "V is 0 when a motion has ended",
+        "docs/properties.md, VSET",
+        Kinds::NONE,
+        Check::Program(ending::velocity),
+    ),
+    row(
         "ends-once",
         "a motion ends once, for one reason",
         "docs/properties.md, END; decision 0007",

@@ -19,9 +19,11 @@ const LINE_MS: u64 = 25_000;
 /// Attempts at HI: the first may end in an error whose next step is another one.
 const ATTEMPTS: usize = 4;
 
-/// What a host sends first: it ends what may still run, and undoes what the program has set.
-const RESTORE: [&str; 8] =
-    ["REC 5", "REC", "PDEF", "0 S REPLY 0", "WAKE", "1234567 S STAT 2", "1234567 S DEF -1", "X1234567FDEF"];
+/// What a host sends first: it ends what may still run, and undoes what the program has set in GOD.
+const QUIET: [&str; 4] = ["REC 5", "REC", "PDEF", "0 S REPLY 0"];
+
+/// And in the boards, once all are awake: an order to several ends at the first that does not answer.
+const RESTORE: [&str; 3] = ["1234567 S STAT 2", "1234567 S DEF -1", "X1234567FDEF"];
 
 /// SET FIND: learn, test move and back, and what the observer says (docs/properties.md).
 const LEARN: u8 = 1;
@@ -53,18 +55,26 @@ pub fn recover<S: Subject>(session: &mut Session<'_, S>, from_ms: u64) {
         session.step();
     }
     session.abort();
-    for line in RESTORE {
+    for line in QUIET {
         run(session, line);
     }
     revive(session);
+    for line in RESTORE {
+        run(session, line);
+    }
     let mut answer = String::new();
     for attempt in 0..ATTEMPTS {
         answer = run(session, "HI");
         if !session.is_whole() || !is_error(&answer) {
             break;
         }
+        let by_hand = attempt > 0;
+        if by_hand {
+            // A finger may be caught on the far side of what it held, and nothing in the simulated hand gives way.
+            session.hand.take_objects();
+        }
         find_wiring(session);
-        free_jammed(session, attempt > 0);
+        free_jammed(session, by_hand);
         revive(session);
         // A motor that has stalled cools down; one that was hot needs longer than this, and says so.
         run(session, "1234567 S STAT 2");

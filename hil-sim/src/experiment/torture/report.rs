@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::case::{Case, Selection};
 use super::invariant::{self, INVARIANTS};
-use super::kinds::ROWS;
+use super::kinds::{Place, ROWS, Row};
 use super::session::Outcome;
 use crate::experiment::events::Event;
 
@@ -31,10 +31,11 @@ pub fn replay_line(seed: u64, selection: &Selection) -> String {
     line + " --replay"
 }
 
-/// The report of a replay: world, program, faults, failure, and the events of GOD and the boards.
+/// The report of the replay of a `selection` of a seed's `case`: world, program, faults, failure, and the events of GOD and the boards. Steps
+/// and faults have the seed's own numbers, as `--steps` and `--faults` take them.
 #[must_use]
-pub fn text(case: &Case, replay: &str, outcome: &Outcome, events: &[Event]) -> String {
-    let mut text = format!("{replay}\n\n");
+pub fn text(case: &Case, selection: &Selection, outcome: &Outcome, events: &[Event]) -> String {
+    let mut text = format!("{}\n\n", replay_line(case.seed, selection));
     let mut add = |line: String| {
         text.push_str(&line);
         text.push('\n');
@@ -47,7 +48,11 @@ pub fn text(case: &Case, replay: &str, outcome: &Outcome, events: &[Event]) -> S
                 add(format!("  demanded: {} ({})", invariant.demands, invariant.source));
             }
         }
-        None => add(format!("held for {} ms; recovered after {:?} ms", outcome.ms, outcome.recovered_ms)),
+        None => {
+            let recovered =
+                outcome.recovered_ms.map_or_else(String::new, |ms| format!("; recovered after {ms} ms"));
+            add(format!("held for {} ms{recovered}", outcome.ms));
+        }
     }
     let [winding_c, phase_a, bus_v] = outcome.peaks;
     add(format!("  peaks: winding {winding_c:.1} C, phase {phase_a:.1} A, bus {bus_v:.1} V"));
@@ -71,20 +76,18 @@ pub fn text(case: &Case, replay: &str, outcome: &Outcome, events: &[Event]) -> S
         ));
     }
     add(format!("\nprogram, {}, up to {} ms:", if case.is_plain { "plain" } else { "wild" }, case.stop_ms));
-    for step in &case.steps {
-        add(format!("{:>12} ms  {:?}", step.at_ms, step.act));
+    let own = |chosen: &Option<Vec<usize>>, len: usize| {
+        chosen.clone().unwrap_or_else(|| (0..len).collect()).into_iter()
+    };
+    for (number, step) in own(&selection.steps, case.steps.len()).zip(&case.steps) {
+        add(format!("{number:>4} {:>8} ms  {:?}", step.at_ms, step.act));
     }
     add("\nfaults:".to_owned());
-    for fault in &case.faults {
-        let row = fault.kind.row();
-        add(format!(
-            "{:>12} ms  {} at motor {} for {} ms: {}",
-            fault.from_ms,
-            row.name,
-            fault.motor + 1,
-            fault.for_ms,
-            row.what
-        ));
+    for (number, fault) in own(&selection.faults, case.faults.len()).zip(&case.faults) {
+        let Row { name, place, what, .. } = fault.kind.row();
+        let place =
+            if *place == Place::Motor { format!(" at motor {}", fault.motor + 1) } else { String::new() };
+        add(format!("{number:>4} {:>8} ms  {name}{place} for {} ms: {what}", fault.from_ms, fault.for_ms));
     }
     add("\nevents of GOD and the boards, oldest first:".to_owned());
     events.iter().for_each(|event| add(event.to_string()));

@@ -6,7 +6,7 @@ use servo_core::{EndReason, Event};
 use tater_fw::events::BoardEvent;
 use tater_wire::Property;
 
-use super::joint::{Joint, View};
+use super::joint::{Ending, Joint, View};
 use crate::experiment::torture::kinds::{FaultKind, Kinds};
 
 /// HI stalls after this time at least (decision 0009), ms.
@@ -82,6 +82,38 @@ pub fn stall(joint: &mut Joint, view: &View) -> Option<String> {
     (ending.held_ms > ending.tstop + STALL_SLACK_MS + drift_ms).then(|| {
         format!("pressed on its stop for {} ms with {:?}; TSTOP is {tstop}", ending.held_ms, status.mode)
     })
+}
+
+pub fn host(joint: &mut Joint, view: &View) -> Option<String> {
+    let (node, (tater, sample)) = (view.node?, view.application()?);
+    for event in view.events {
+        let Ending { own, asked, .. } = &mut joint.ending;
+        match event {
+            // The mode that HI has already is no order to end it.
+            BoardEvent::Order { property: Property::MODE, .. } => *asked = true,
+            BoardEvent::Order { property: Property::CMD | Property::FIND, .. } => {
+                (*own, *asked) = (true, false)
+            }
+            BoardEvent::Mode(_) if *asked => (*own, *asked) = (false, false),
+            _ => {}
+        }
+    }
+    let watched = matches!(sample.status.mode, Mode::Torque | Mode::Velocity) && !joint.ending.own;
+    let limit_ms = u64::try_from(tater.property(Property::HOSTMS)?).ok().filter(|&ms| ms > 0)?;
+    let silent_ms = (1_000 * view.ms).saturating_sub(node.heard_us()) / 1_000;
+    // Two ticks, and a clock that is off.
+    (watched && view.driven() && silent_ms > limit_ms + limit_ms / 40 + 2)
+        .then(|| format!("driven in {:?} {silent_ms} ms after the last frame", sample.status.mode))
+}
+
+pub fn velocity(_: &mut Joint, view: &View) -> Option<String> {
+    let ended = view.events.iter().any(|event| matches!(event, BoardEvent::Motor(Event::Ended { .. })));
+    // A frame since then may have set it anew.
+    if !ended || view.node?.heard_us() + 1_500 > 1_000 * view.ms {
+        return None;
+    }
+    let set = view.application()?.0.property(Property::VSET)?;
+    (set != 0).then(|| format!("a motion has ended, and V is {set}"))
 }
 
 pub fn once(joint: &mut Joint, view: &View) -> Option<String> {

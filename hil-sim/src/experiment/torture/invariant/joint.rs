@@ -140,6 +140,10 @@ pub struct Ending {
     pub begun_ms: Option<u64>,
     pub within_ms: f64,
     pub hindered: bool,
+    /// The last order began a procedure of the board's own, which needs no host.
+    pub own: bool,
+    /// MODE was set, and the mode has not changed yet.
+    pub asked: bool,
 }
 
 #[derive(Debug, Default)]

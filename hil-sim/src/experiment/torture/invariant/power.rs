@@ -126,7 +126,9 @@ pub fn current(joint: &mut Joint, view: &View) -> Option<String> {
 
 pub fn bus(_: &mut Joint, view: &View) -> Option<String> {
     let volts = view.volts;
-    (volts > BUS_V).then(|| format!("bus at {volts:.1} V"))
+    // A motor of the hand that is pushed beyond its no-load speed charges the bus through the diodes of a bridge that is off.
+    let generates = view.anywhere.meets(Kinds::of(&[FaultKind::Push]));
+    (volts > BUS_V && !generates).then(|| format!("bus at {volts:.1} V"))
 }
 
 pub fn erase(joint: &mut Joint, view: &View) -> Option<String> {
