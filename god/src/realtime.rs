@@ -42,7 +42,7 @@ const KEEPALIVE_US: u64 = 200_000;
 /// at 9600, and a USB adapter holds bytes back for 16 ms. The error is reported well within the 100 ms that clients wait for a block's `*`.
 const QUIET_US: u64 = 20_000;
 
-/// Maximum drain time after an error, µs; a block's data are drained to their end in any case.
+/// Longest time of discarding after an error, µs: at least 50 bytes, more than any block has.
 const DISCARD_US: u64 = 1_000_000;
 
 /// Time that a board may take until it drives in mode 4, µs: the spread's brake releases in 30 ms.
@@ -97,7 +97,7 @@ pub(crate) async fn execute(god: &God<'_>, prefix: Prefix, arguments: Arguments<
 async fn discard_input(io: &Io, data: usize) {
     let end_us = io.after_us(DISCARD_US);
     let (mut count, mut last) = (0_usize, None);
-    while count < data || io.now_us() < end_us {
+    while io.now_us() < end_us {
         let Some(byte) = io.read(io.after_us(QUIET_US)).await else { break };
         last = Some(byte).filter(|_| count >= data);
         count = count.saturating_add(1);

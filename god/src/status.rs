@@ -102,5 +102,6 @@ mod tests {
         assert!(ROWS.windows(2).all(|pair| pair[0].status.code() < pair[1].status.code()));
         let all = ROWS.iter().fold(Status::OK, |sum, row| sum | row.status);
         assert_eq!(all.code(), 32767);
+        assert_eq!(all | Status::NO_BOARD, all, "a union");
     }
 }
