@@ -5,6 +5,8 @@ mod page;
 
 pub use page::html;
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use crate::experiment::metrics::{METRICS, Value, end_word, fault_word};
@@ -27,18 +29,11 @@ struct Json<'a> {
     seed: u64,
     model: &'static str,
     end_reason: Option<&'static str>,
-    end_ms: Option<f64>,
-    arrival_ms: Option<f64>,
-    overshoot_counts: Option<f64>,
-    final_error_counts: Option<f64>,
-    tracking_rms_counts: Option<f64>,
-    peak_torque: Option<f64>,
-    peak_current_a: Option<f64>,
-    peak_winding_c: Option<f64>,
-    hold_error_counts: Option<f64>,
     faults: Vec<&'static str>,
-    sim_s: Option<f64>,
     wall_s: Option<f64>,
+    /// All others by name.
+    #[serde(flatten)]
+    metrics: BTreeMap<&'static str, serde_json::Value>,
     expectations: Vec<JsonVerdict<'a>>,
 }
 
@@ -58,11 +53,7 @@ pub fn json(outcome: &Outcome, wall_s: f64) -> String {
     let expectations = outcome.expectations.iter().map(|verdict| JsonVerdict {
         name: &verdict.name,
         ok: verdict.ok,
-        value: match &verdict.value {
-            Value::Number(value) => (*value).into(),
-            Value::Text(text) => text.as_str().into(),
-            Value::Absent => serde_json::Value::Null,
-        },
+        value: json_value(&verdict.value),
         want: &verdict.want,
     });
     let object = Json {
@@ -70,22 +61,25 @@ pub fn json(outcome: &Outcome, wall_s: f64) -> String {
         seed: outcome.options.seed,
         model: model_name(outcome.options.model),
         end_reason: m.end_reason.map(end_word),
-        end_ms: m.end_ms,
-        arrival_ms: m.arrival_ms(),
-        overshoot_counts: m.overshoot_counts,
-        final_error_counts: m.final_error_counts,
-        tracking_rms_counts: m.tracking_rms_counts,
-        peak_torque: Some(m.peak_torque),
-        peak_current_a: Some(m.peak_current_a),
-        peak_winding_c: Some(m.peak_winding_c),
-        hold_error_counts: m.hold_error_counts,
         faults: m.faults.iter().map(|fault| fault_word(*fault)).collect(),
-        sim_s: Some(m.sim_s),
         wall_s: Some(wall_s),
+        metrics: METRICS
+            .iter()
+            .filter(|metric| !["end_reason", "faults"].contains(&metric.name))
+            .map(|metric| (metric.name, json_value(&(metric.get)(m))))
+            .collect(),
         expectations: expectations.collect(),
     };
     // The object has string keys and finite values only, so serialization cannot fail.
     serde_json::to_string(&object).unwrap_or_default()
+}
+
+fn json_value(value: &Value) -> serde_json::Value {
+    match value {
+        Value::Number(value) => (*value).into(),
+        Value::Text(text) => text.as_str().into(),
+        Value::Absent => serde_json::Value::Null,
+    }
 }
 
 /// Metrics and expectations for a terminal.
