@@ -220,6 +220,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn torque_is_bounded_either_way() {
+        let bounded = |torque| Torque(torque).clamp_abs(Torque(100));
+        assert_eq!([-101, -100, 0, 7, 100, 101].map(bounded), [-100, -100, 0, 7, 100, 100].map(Torque));
+    }
+
+    #[test]
     fn profile_quantities_round_to_the_nearest_step() {
         let half = Wide::from_bits(1 << 21);
         assert_eq!(Counts::from_wide(half).0.to_bits(), 1);

@@ -86,7 +86,7 @@ mod tests {
         for row in ROWS {
             assert!(Property::CMD.row().admits(i64::from(row.number)), "{}", row.name);
             assert_eq!(Cmd::of(i64::from(row.number)), Some(row.cmd));
-            assert_eq!(row.cmd.number(), row.number);
+            assert_eq!((row.cmd.number(), i64::from(row.cmd)), (row.number, i64::from(row.number)));
         }
         assert_eq!(Cmd::of(4), None);
         assert_eq!(Cmd::of(-1), None);

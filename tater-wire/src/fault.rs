@@ -155,6 +155,7 @@ mod tests {
             assert!(row.code.code() > 0 && !row.cause.is_empty() && !row.next.is_empty(), "{}", row.name);
             assert_eq!(row.code.row().name, row.name);
             assert_eq!(FaultCode::of(i64::from(row.code.code())), Some(row.code));
+            assert_eq!(i64::from(row.code), i64::from(row.code.code()));
         }
         assert_eq!(FaultCode::of(0), None);
     }

@@ -99,6 +99,12 @@ mod tests {
     }
 
     #[test]
+    fn ram_is_that_of_the_data_sheet_and_its_end_is_kept() {
+        assert_eq!((RAM.end(), STACK.end()), (0x2000_5000, 0x2000_2000));
+        assert_eq!((KEPT.start, HEAT.start), (0x2000_4FF0, 0x2000_4FFC));
+    }
+
+    #[test]
     fn pages_follow_each_other_from_the_start() {
         assert_eq!((PAGE_WORDS, APPLICATION.pages(), STORAGE.pages()), (512, 52, 8));
         assert_eq!([0, 1, 7].map(|index| STORAGE.page(index)), [0x0801_E000, 0x0801_E400, 0x0801_FC00]);

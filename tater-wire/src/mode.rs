@@ -70,6 +70,7 @@ mod tests {
         for number in -1..=6 {
             let listed = ROWS.iter().find(|row| i64::from(row.code.number()) == number).map(|row| row.code);
             assert_eq!(ModeCode::of(number), listed, "{number}");
+            assert!(listed.is_none_or(|code| i64::from(code) == number), "{number}");
         }
         assert_eq!(ModeCode::of(1), None);
     }

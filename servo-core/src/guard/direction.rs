@@ -235,6 +235,11 @@ mod tests {
     }
 
     #[test]
+    fn rotor_that_is_turned_without_torque_proves_nothing() {
+        assert_eq!(run(&[(1, 0); 20]).1, Verdict::Limit(START));
+    }
+
+    #[test]
     fn limit_rises_while_the_rotor_stands() {
         let (mut direction, mut most) = (Direction::at_rest(0), START);
         for _ in 0..SETTLED_MS {

@@ -449,6 +449,26 @@ mod tests {
     }
 
     #[test]
+    fn hot_mark_is_wanted_by_a_hot_winding_that_moves_and_obsolete_for_a_cool_one() {
+        use HotMark::{Obsolete, Right, Wanted};
+        let mut thermal = at(400, DISABLED);
+        for (winding, unmarked, marked) in [
+            (UNMARK_BELOW - 1, Right, Obsolete),
+            (UNMARK_BELOW, Right, Right),
+            (MARK_FROM - 1, Right, Right),
+            (MARK_FROM, Wanted, Right),
+        ] {
+            thermal.winding = winding;
+            for (mark, expected) in [(false, unmarked), (true, marked)] {
+                thermal.marked = mark;
+                assert_eq!(thermal.hot_mark(true), expected, "{winding}, marked: {mark}");
+                let rests = if expected == Wanted { Right } else { expected };
+                assert_eq!(thermal.hot_mark(false), rests, "{winding} at rest, marked: {mark}");
+            }
+        }
+    }
+
+    #[test]
     fn new_hot_mark_is_looked_at_next_and_delays_no_judgment() {
         for (before, marked) in [(false, true), (true, false), (true, true), (false, false)] {
             let mut thermal = at(400, 700);

@@ -339,7 +339,99 @@ fn record_may_end_with_its_page() {
     store.set(Property::X0, 2);
     finish(&mut store, &mut flash);
     assert_eq!((flash.programmed - before, store.pages.current()), (8, Some(page)));
-    assert_eq!(Store::open(&flash).get(Property::X0), Some(2));
+    let store = Store::open(&flash);
+    assert_eq!((store.get(Property::X0), store.is_damaged(&flash)), (Some(2), false));
+}
+
+#[test]
+fn trusted_record_needs_room_for_its_mark_as_well() {
+    for (room, same_page) in [(9, true), (8, false)] {
+        let (mut store, mut flash) = fresh();
+        store.set(Property::P, 1);
+        finish(&mut store, &mut flash);
+        let (page, at) = store.pages.room(1).unwrap();
+        let start = Ram::index(page.address(0));
+        flash.words[start + at..start + PAGE_WORDS - room].fill(Word::COOL.encode());
+        let mut store = Store::open(&flash);
+        // Head, number and value of P, CRC, mark.
+        store.save_position(-40, 5);
+        finish(&mut store, &mut flash);
+        assert_eq!(store.pages.current() == Some(page), same_page, "room for {room}");
+        assert_eq!(Store::open(&flash).trusted_position(), Some((-40, 5)));
+    }
+}
+
+/// ERROR 8 at a start: something that was stored cannot be read.
+#[test]
+fn records_and_pages_that_cannot_be_read_are_damage() {
+    let is_damaged = |flash: &Ram| Store::open(flash).is_damaged(flash);
+    assert!(!is_damaged(&Ram::default()), "a new chip");
+    let (mut store, mut flash) = fresh();
+    let mut round = 0;
+    while store.pages.previous().is_none() {
+        round += 1;
+        store.set(Property::X0, round);
+        finish(&mut store, &mut flash);
+    }
+    assert!(!is_damaged(&flash));
+    let (page, at) = store.pages.room(1).unwrap();
+    let start = Ram::index(page.address(0));
+    store.set(Property::X0, round + 1);
+    finish(&mut store, &mut flash);
+    assert!(!is_damaged(&flash));
+
+    let mut last = flash.clone();
+    last.words[start + at + 5] = 0;
+    assert!(is_damaged(&last), "the last record of the page");
+
+    let mut newest = flash;
+    newest.words[start + FIRST + 4] = 0;
+    assert_eq!(Store::open(&newest).get(Property::X0), Some(round - 1), "the page before");
+    assert!(is_damaged(&newest), "a page that was begun later");
+    newest.words[start] = 0;
+    assert!(!is_damaged(&newest), "a page that is being erased");
+}
+
+#[test]
+fn entry_that_exceeds_its_record_is_left_out() {
+    let head = Head { sequence: 7, complete: true, trusted: None };
+    let mut words = encode(&head, &mut core::iter::once((Property::X0.id(), Some(5))));
+    // The entry's value would be half of the CRC.
+    words.truncate(5);
+    words[0] = Word::Record(7).encode();
+    let words = with_crc(words);
+    let mut flash = Ram::default();
+    flash.words[0] = 0x5AC3;
+    flash.words[FIRST..FIRST + words.len()].copy_from_slice(&words);
+    assert_eq!(Store::open(&flash).get(Property::X0), None);
+}
+
+#[test]
+fn counters_are_stored_sparingly_while_no_page_is_ready() {
+    let (mut store, mut flash) = fresh();
+    let mut round = 0;
+    while store.pages.has_ready() {
+        round += 1;
+        store.set(Property::X0, round);
+        while store.step(&mut flash, false) == Progress::More {}
+    }
+    let before = flash.programmed;
+    let grown = Counters { upsecs: STEP.upsecs, ..store.counters() };
+    store.count(grown);
+    assert_eq!((store.step(&mut flash, false), flash.programmed), (Progress::Done, before));
+    store.count(Counters { upsecs: SPARING.upsecs, ..grown });
+    while store.step(&mut flash, false) == Progress::More {}
+    assert_eq!(flash.programmed, before + 1);
+}
+
+#[test]
+fn forgotten_values_are_not_counted() {
+    let mut values = Values::new();
+    (1..5).for_each(|number| values.insert(number, 0));
+    let mut numbers = Numbers::default();
+    (3..9).for_each(|number| numbers.insert(number));
+    values.forget(numbers);
+    assert_eq!(values.len(), 2);
 }
 
 #[test]
@@ -583,9 +675,18 @@ fn hot_mark_survives_a_cut_between_any_two_operations() {
     finish(&mut store, &mut flash);
     assert_eq!(flash.programmed, before + 1, "one half-word");
     assert!(!Store::open(&flash).is_hot());
+    for _ in 0..2 {
+        store.set_hot(false);
+        finish(&mut store, &mut flash);
+        assert_eq!(flash.programmed, before + 1, "it says so already");
+    }
+    for _ in 0..2 {
+        store.set_hot(true);
+        finish(&mut store, &mut flash);
+        assert_eq!(flash.programmed, before + 2);
+    }
     store.set_hot(true);
-    finish(&mut store, &mut flash);
-    assert_eq!(flash.programmed, before + 2);
+    assert!(store.is_hot(), "still in the flash");
     let open = Store::open(&flash);
     assert!(open.is_hot() && open.counters() == store.counters(), "it counts nothing");
 }

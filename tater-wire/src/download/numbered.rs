@@ -50,6 +50,7 @@ mod tests {
             assert_eq!(unpack(&pack(number, b"%09AZ_az")), Some((number, *b"%09AZ_az")));
             assert_eq!(unpack(&pack(number, b"8F")), Some((number, *b"8F\0\0\0\0\0\0")));
         }
+        assert_eq!((before(0), before(3)), (0, 24));
         assert_eq!(pack(0x81, b"0123456789"), [0xB0, b'1', b'2', b'3', b'4', b'5', b'6', 0xB7]);
     }
 

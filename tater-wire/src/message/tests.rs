@@ -42,6 +42,17 @@ fn number_that_only_barrett_has_is_answered_with_0_in_its_width() {
 }
 
 #[test]
+fn value_without_the_bit_of_set_is_no_message() {
+    let parsed = |data: &[u8]| Frame::from_raw(0x004, data).and_then(|frame| Message::parse(&frame));
+    for len in [4, 6] {
+        let mut data = [0x85, 0, 2, 0, 0, 0];
+        assert!(parsed(&data[..len]).is_some(), "SET with {len} bytes");
+        data[0] = 0x05;
+        assert_eq!(parsed(&data[..len]), None, "GET with {len} bytes");
+    }
+}
+
+#[test]
 fn torques_are_packed_without_gaps() {
     let low = Destination::Group(Group::LOW);
     let packed = |torques: &[i16]| of_host(low, Body::Torques(Torques::new(torques).expect("one to four")));

@@ -129,7 +129,9 @@ fn gnu_objcopy_file_is_read_with_its_section() {
     let (mut image, mut sections) = (Image::default(), Vec::new());
     for byte in GNU.bytes() {
         take(&mut image, reader.push(byte).unwrap());
-        sections.extend(reader.section());
+        let section = reader.section();
+        assert!(section.is_none() || byte == b'\n', "before the end of its record");
+        sections.extend(section);
     }
     assert_eq!(reader.finish(), Ok(None));
     assert_eq!(image.1, Some(0));
@@ -207,6 +209,7 @@ fn bad_line_is_reported_with_its_position() {
         for dialect in [Dialect::Ti, Dialect::Gnu] {
             let error = TekError { record: line, line, column, kind };
             assert_eq!(read(text.as_bytes(), dialect), Err(error), "{text:?}");
+            assert!(!kind.is_dialect(), "{kind}");
         }
     }
     for (dialect, expected) in [(Dialect::Ti, 98), (Dialect::Gnu, 256)] {

@@ -72,6 +72,20 @@ fn vector_follows_the_trusted_sector_and_ignores_glitches() {
 }
 
 #[test]
+fn held_sector_stays_wherever_the_rotor_is() {
+    let wiring = Wiring::STANDARD;
+    let mut c = Commutator::new(wiring, wiring.code(0), 7);
+    let duty = Duty(I1F15::from_bits(1234));
+    c.set(Some(duty));
+    c.hold(Some(4));
+    assert_eq!(c.bridge(), bridge(Some(4), Some(duty)));
+    _ = c.sample(wiring.code(1), Micros(10_000));
+    assert_eq!(c.bridge(), bridge(Some(4), Some(duty)));
+    c.hold(None);
+    assert_eq!(c.bridge(), bridge(Some(1), Some(duty)));
+}
+
+#[test]
 fn bridge_is_off_without_a_sector() {
     let mut c = Commutator::new(Wiring::STANDARD, 7, 0);
     c.set(Some(Duty::ZERO));

@@ -200,6 +200,15 @@ fn isolated_glitches_never_fault_and_dense_ones_do() {
 }
 
 #[test]
+fn fifth_glitch_in_a_row_is_a_fault() {
+    let (mut d, _) = running(0, 1);
+    d.score = 0;
+    let events: [HallEvent; 6] = core::array::from_fn(|_| d.glitch(Glitch::Illegal));
+    let faults = events.map(|event| matches!(event, HallEvent::Fault(_)));
+    assert_eq!(faults, [false, false, false, false, true, false]);
+}
+
+#[test]
 fn rare_glitches_at_standstill_are_no_fault() {
     let (mut d, mut now) = running(0, 1);
     let (code, count) = (d.code, d.count());

@@ -151,6 +151,20 @@ fn second_contact_more_than_a_count_from_the_first_is_jammed() {
     }
 }
 
+/// Not only once it stalls there: the joint may be free to go on.
+#[test]
+fn rotor_that_passes_its_first_contact_is_jammed_at_once() {
+    for kind in KINDS {
+        let (mut bench, _) = at_stage(kind, STAGES[3]);
+        let free = Rotor { low: -1000, high: 1000 };
+        let first = bench.count;
+        assert!(free.until_end(&mut bench, HI_MS).is_some());
+        assert!(jammed(&bench), "{kind:?}");
+        // Back over the 12 counts, and beyond the first contact by the two that are too many.
+        assert!((12..=16).contains(&(bench.count - first).abs()), "{kind:?}: {} counts", bench.count - first);
+    }
+}
+
 #[test]
 fn stages_without_an_end_are_jammed_in_bounded_time() {
     for kind in KINDS {

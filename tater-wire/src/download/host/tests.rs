@@ -105,11 +105,17 @@ impl Toy {
         let (mut now, mut repeat) = (0, u64::MAX);
         let all = SENT.len() as u32;
         assert_eq!((host.progress(), host.is_sent()), ((0, all), false));
-        // No request, and must not be taken for one.
-        let to = Destination::Node(Node::HOST);
-        let other = Message { from: self.node, to, body: Body::Get(Property::STAT.id()) }.frame();
+        // Neither a request nor an answer to this host.
+        let of_board = |to, body| Message { from: self.node, to: Destination::Node(to), body }.frame();
+        let third = Node::new(5).expect("a node");
+        let others = [
+            of_board(Node::HOST, Body::Get(Property::STAT.id())),
+            of_board(third, Body::Get(0)),
+            of_board(third, Body::More { frames: 9, received: 0 }),
+            of_board(third, Body::Set { property: Property::ERROR.id(), value: Value::Short(18) }),
+        ];
         loop {
-            host.receive(&other, now);
+            others.iter().for_each(|other| host.receive(other, now));
             let answer = match host.next(now) {
                 Next::Done => {
                     assert_eq!((host.progress(), host.is_sent()), ((all, all), true));
@@ -177,6 +183,14 @@ fn lost_frames_are_sent_again() {
         toy.lose = [lost].into();
         assert_eq!((toy.download().0, toy.got.as_str()), (Ok(()), SENT), "frame {lost}");
     }
+}
+
+#[test]
+fn board_of_single_characters_is_asked_nothing_that_it_could_take_for_one() {
+    let mut toy = Toy { silent_after: 5, ..Toy::new(&[START]) };
+    assert_eq!(toy.download().0, Err(DownloadError::Gone { sent: 5, len: 18 }));
+    let question = Message::get(Destination::Node(toy.node), Property::ERROR).frame();
+    assert!(!toy.heard.contains(&question));
 }
 
 #[test]
