@@ -175,6 +175,8 @@ pub struct Trust {
     pub starts: u32,
     /// The reported position less the true one, whole counts, while the position is known.
     pub offset: Option<i64>,
+    /// It was found while the lines lied, which may show a neighbor of the true cell.
+    pub blind: bool,
     /// The same at the last SAVE, and when the program ended.
     pub at_save: Option<i64>,
     pub at_end: Option<i64>,

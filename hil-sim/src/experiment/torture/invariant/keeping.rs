@@ -81,6 +81,18 @@ fn forgets(event: &BoardEvent) -> bool {
     )
 }
 
+/// DEF, and a SAVE of the property whose value is not known because the program has ended since.
+fn saves_or_forgets(event: &BoardEvent, property: Property) -> bool {
+    forgets(event)
+        || match event {
+            BoardEvent::Order { property: Property::SAVE, value } => {
+                *value == -1 || u8::try_from(*value).ok().and_then(Property::of) == Some(property)
+            }
+            BoardEvent::Order { property: Property::CMD, value } => *value == 1,
+            _ => false,
+        }
+}
+
 /// The properties that SAVE stores and that nothing but an order changes.
 fn is_kept(property: Property) -> bool {
     let row = property.row();
@@ -134,9 +146,9 @@ pub fn saves(joint: &mut Joint, view: &View) -> Option<String> {
         for property in std::mem::take(&mut keeping.queued).keys() {
             keeping.stored.remove(property);
         }
-        if view.events.iter().any(forgets) {
-            keeping.stored.clear();
-        }
+        keeping
+            .stored
+            .retain(|property, _| !view.events.iter().any(|event| saves_or_forgets(event, *property)));
         keeping.missing = None;
         keeping.quiet_ms = 0;
         return None;

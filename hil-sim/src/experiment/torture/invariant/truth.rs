@@ -72,6 +72,7 @@ impl Trust {
         let renamed = view.events.iter().rposition(renames);
         if renamed.is_some() && !self.restored {
             self.offset = Self::found(view);
+            self.blind = view.active.meets(LYING_HALLS);
         }
         if let Some(saved) = view.events.iter().rposition(saves_position) {
             self.at_save = if renamed > Some(saved) { before } else { self.offset };
@@ -107,8 +108,11 @@ pub fn position(joint: &mut Joint, view: &View) -> Option<String> {
         return None;
     }
     let found = Trust::found(view)?;
+    if trust.offset.is_none() {
+        trust.blind = view.active.meets(LYING_HALLS);
+    }
     let offset = *trust.offset.get_or_insert(found);
-    trust.off_ms = if (found - offset).abs() > MOST { trust.off_ms + 1 } else { 0 };
+    trust.off_ms = if (found - offset).abs() > MOST + i64::from(trust.blind) { trust.off_ms + 1 } else { 0 };
     // Lines that lie while the rotor stands cannot be told from a rotor that moves by a count; they are found out with the next one.
     let lasts = if view.faults.meets(LYING_HALLS) { 20 * LASTS } else { LASTS };
     (trust.off_ms > lasts).then(|| {
