@@ -112,6 +112,15 @@ pub struct Faults {
     pub hangs_up: bool,
 }
 
+fn kinds(places: impl Iterator<Item = (FaultKind, usize)>) -> Kinds {
+    places.map(|(kind, _)| kind).collect()
+}
+
+/// Whether a fault meets a motor: it is there, or of the whole hand.
+fn meets(motor: usize) -> impl Fn(&(FaultKind, usize)) -> bool {
+    move |&(kind, place)| kind.row().place != Place::Motor || place == motor
+}
+
 impl Faults {
     /// The faults of a case, for its hand.
     pub fn new<S: Subject>(case: &Case, hand: &mut Hand<S>) -> Self {
@@ -164,38 +173,32 @@ impl Faults {
 
     /// The kinds that are active at a motor.
     pub fn active_at(&self, motor: usize) -> Kinds {
-        let mut kinds = Kinds::NONE;
-        for Active { fault, .. } in &self.active {
-            if fault.kind.row().place != Place::Motor || fault.motor == motor {
-                kinds.insert(fault.kind);
-            }
-        }
-        kinds
+        kinds(self.places().filter(meets(motor)))
     }
 
     /// Those, and those that ended within [`AFTERMATH_MS`].
     pub fn recent_at(&self, motor: usize) -> Kinds {
-        let mut kinds = self.active_at(motor);
-        for &(kind, place, _) in &self.ended {
-            if kind.row().place != Place::Motor || place == motor {
-                kinds.insert(kind);
-            }
-        }
-        kinds
+        kinds(self.recent_places().filter(meets(motor)))
     }
 
     /// Those of any motor.
     pub fn recent(&self) -> Kinds {
-        let ended = self.ended.iter().map(|&(kind, ..)| kind);
-        let mut kinds = Kinds::NONE;
-        self.active.iter().map(|active| active.fault.kind).chain(ended).for_each(|kind| kinds.insert(kind));
-        kinds
+        kinds(self.recent_places())
+    }
+
+    /// Kind and motor of each active fault.
+    fn places(&self) -> impl Iterator<Item = (FaultKind, usize)> {
+        self.active.iter().map(|active| (active.fault.kind, active.fault.motor))
+    }
+
+    fn recent_places(&self) -> impl Iterator<Item = (FaultKind, usize)> {
+        self.places().chain(self.ended.iter().map(|&(kind, motor, _)| (kind, motor)))
     }
 
     fn others(&self, kind: FaultKind, motor: usize) -> impl Iterator<Item = &Fault> {
-        self.active.iter().map(|active| &active.fault).filter(move |fault| {
-            fault.kind == kind && (kind.row().place != Place::Motor || fault.motor == motor)
-        })
+        let meets = meets(motor);
+        let active = self.active.iter().map(|active| &active.fault);
+        active.filter(move |fault| fault.kind == kind && meets(&(kind, fault.motor)))
     }
 
     fn raise<S: Subject>(&mut self, hand: &mut Hand<S>, active: &mut Active) {

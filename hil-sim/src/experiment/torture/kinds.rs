@@ -45,6 +45,14 @@ impl Kinds {
     }
 }
 
+impl FromIterator<FaultKind> for Kinds {
+    fn from_iter<I: IntoIterator<Item = FaultKind>>(kinds: I) -> Self {
+        let mut all = Self::NONE;
+        kinds.into_iter().for_each(|kind| all.insert(kind));
+        all
+    }
+}
+
 /// The part of the hand that a fault of a kind hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]

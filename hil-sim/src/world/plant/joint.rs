@@ -92,6 +92,7 @@ struct Load {
 }
 
 /// The joint behind the gear.
+#[derive(Clone, Copy)]
 struct Behind {
     /// Its position, rad at the motor.
     theta: f64,
@@ -154,6 +155,11 @@ impl Joint {
         (work, work - (self.spring_j(theta) - stored))
     }
 
+    /// Whether the joint follows the rotor exactly.
+    fn is_rigid(&self) -> bool {
+        self.backlash == 0.0 && self.compliance == 0.0
+    }
+
     /// Torque of contacts and load on a joint at a position, and the stiffness of the contacts that it presses.
     fn torque_at(&self, joint: f64) -> (f64, f64) {
         let mut sum = (self.disturbance, 0.0);
@@ -190,7 +196,7 @@ impl Joint {
         let mut behind = if closing.torque < 0.0 {
             closing
         } else {
-            let opening = at(rotor + half);
+            let opening = if half > 0.0 { at(rotor + half) } else { closing };
             if opening.torque > 0.0 {
                 opening
             } else {
@@ -258,7 +264,7 @@ impl Joint {
 
     /// Where the rotor is when the joint meets a contact.
     fn meets(&self, c: &Contact) -> f64 {
-        if self.backlash == 0.0 && self.compliance == 0.0 {
+        if self.is_rigid() {
             return c.from;
         }
         let torque = self.torque_at(c.from).0;
@@ -372,8 +378,12 @@ impl Joint {
         work.damper += load.damping * mean * moved;
         work.friction += (dir * (sliding + brake) + self.viscous * mean + (1.0 - m) * bare) * moved;
         if self.disturbance != 0.0 {
-            let from = self.behind(shaft.theta).theta;
-            work.disturbance += self.disturbance * (self.behind(shaft.theta + moved).theta - from);
+            let followed = if self.is_rigid() {
+                moved
+            } else {
+                self.behind(shaft.theta + moved).theta - self.behind(shaft.theta).theta
+            };
+            work.disturbance += self.disturbance * followed;
         }
         shaft.theta += moved;
         shaft.omega = end;

@@ -76,6 +76,12 @@ pub fn stall(joint: &mut Joint, view: &View) -> Option<String> {
         (ending.held_ms, ending.tstop) = (0, 0);
         return None;
     }
+    // Where the set-point is not ahead TSTOP's time waits (decision 0049): it creeps at first, and has turned back if E was changed, while the
+    // integrator still presses.
+    let ahead = (sample.setpoint_counts() - sample.estimated_counts()) * n_m.signum();
+    if status.mode == Mode::Trapezoidal && ahead < 1.0 {
+        return None;
+    }
     ending.held_ms += 1;
     ending.tstop = ending.tstop.max(tstop).max(HOMING_TSTOP);
     let drift_ms = ending.tstop / 40;
