@@ -30,6 +30,9 @@ const TRIES: u32 = 4;
 /// The test move, there and back.
 const TEST_WAY: f64 = 13.0;
 
+/// WIRING of [`servo_core::sense::wiring::Wiring::STANDARD`]; 0 is unknown.
+const STANDARD_WIRING: i64 = 1;
+
 /// HI: full travel at IVEL twice, and the way out.
 const HI_MS: u32 = 12_000;
 
@@ -338,6 +341,29 @@ fn unwired_board_refuses_hi_learns_its_wiring_and_homes() {
         failures.len()
     );
     assert!(failures.is_empty(), "{}:\n{}", failures.len(), failures[..failures.len().min(12)].join("\n"));
+}
+
+/// A wiring that is off by a sector turns the motor as well, but has dead places. Friction of a scattered plant with misplaced halls
+/// holds the rotor where two wirings score nearly the same: one of 300 plants was learned wrong with a lead of 4.
+#[test]
+fn learned_wiring_is_the_right_sector() {
+    let (mut wrong, mut unfinished) = (Vec::new(), 0);
+    for seed in 1..=1_500 {
+        let kind = [MotorKind::Link, MotorKind::Spread, MotorKind::Tip][seed as usize % 3];
+        let case = Case { kind, phases: [0, 1, 2], halls: [0, 1, 2], inverted: [false; 3], seed };
+        let mut bench = Bench::new(Node::unwired(case.board(middle(kind) + (seed % 97) as f64 / 3.0)));
+        if bench.learn().is_err() {
+            unfinished += 1;
+            continue;
+        }
+        let wiring = bench.node.application().expect("runs").property(Property::WIRING);
+        if wiring != Some(STANDARD_WIRING) {
+            wrong.push((seed, wiring));
+        }
+    }
+    assert!(wrong.is_empty(), "{} of 1500: {wrong:?}", wrong.len());
+    // FIND says that it is unclear, and a host repeats it: 1 in 400, measured over 30,000 plants.
+    assert!(unfinished <= 15, "{unfinished} of 1500 do not end");
 }
 
 /// A spread that someone pushes against its torque, right after waking: 0.16 N·m against at most 0.10 of motor and friction.

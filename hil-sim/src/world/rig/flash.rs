@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use tater_fw::{Flash, FlashError};
-use tater_wire::memory::{FLASH, PAGE};
+use tater_wire::memory::{FLASH, PAGE, STORAGE};
 
 /// Programming a half-word, µs (STM32F103 data sheet: 40 to 70, typically 52.5).
 const PROGRAM_US: u64 = 53;
@@ -138,8 +138,8 @@ impl SimFlash {
         }
     }
 
-    /// Address of the page that holds the newest record, in which something was written last; 0 before. The first half-word only marks an
-    /// erased page as ready, and a half-word of 0 voids something older.
+    /// Address of the page of the storage that holds the newest record, in which something was written last; 0 before. The first half-word
+    /// only marks an erased page as ready, and a half-word of 0 voids something older.
     #[must_use]
     pub const fn page_in_use(&self) -> u32 {
         self.page_in_use
@@ -242,7 +242,7 @@ impl Flash for SimFlash {
         // Some bits were not cleared.
         let written = present & (value | kept);
         self.marginal.remove(&at);
-        if !address.is_multiple_of(PAGE) && value != 0 {
+        if STORAGE.holds(address.into(), 2) && !address.is_multiple_of(PAGE) && value != 0 {
             self.page_in_use = address - address % PAGE;
         }
         self.load(address, &written.to_le_bytes());
@@ -316,6 +316,16 @@ mod tests {
             assert_eq!(flash.program(AT + 4, 1), Ok(()));
         }
         assert!(seen.len() > 50, "{}", seen.len());
+    }
+
+    #[test]
+    fn page_in_use_is_of_the_storage() {
+        let mut flash = SimFlash::default();
+        let page = STORAGE.page(3);
+        for (address, value) in [(page + 2, 1), (STORAGE.page(4), 1), (STORAGE.page(5) + 2, 0), (AT + 2, 1)] {
+            assert_eq!(flash.program(address, value), Ok(()));
+            assert_eq!(flash.page_in_use(), page, "{address:x} {value}");
+        }
     }
 
     #[test]
