@@ -119,6 +119,7 @@ fn parse_command(line: &str) -> Result<Statement<'_>, Status> {
 }
 
 /// Whether a command has a prefix only where it takes one, and as many arguments as it takes, numbers where it takes numbers.
+/// The commands that take names are never asked: no property of the lower grammar has the name of one.
 fn is_complete(statement: &Statement<'_>) -> bool {
     let Statement::Command { command, prefix, arguments } = statement else { return true };
     let Some(row) = command.row().filter(|row| row.prefix || *prefix == Prefix::default()) else {
@@ -126,7 +127,6 @@ fn is_complete(statement: &Statement<'_>) -> bool {
     };
     match row.arguments.as_bytes() {
         [] => arguments.clone().none().is_ok(),
-        _ if NAMING.contains(&row.name) => true,
         [b'[', ..] => arguments.clone().only_number().is_ok(),
         _ => matches!(arguments.clone().only_number(), Ok(Some(_))),
     }

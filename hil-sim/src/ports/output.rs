@@ -84,6 +84,13 @@ impl Part {
     fn write(path: &Path, bytes: &[u8]) -> io::Result<Option<Self>> {
         let (target, permissions) = match fs::metadata(path) {
             // A regular file under /dev is a shell's redirection (/dev/stdout), which its owner keeps open.
+            // Renaming would replace it all the same.
+            Ok(meta) if meta.is_file() && meta.permissions().readonly() => {
+                return Err(io::Error::new(
+                    ErrorKind::PermissionDenied,
+                    "the file is read-only; choose another path",
+                ));
+            }
             Ok(meta) if meta.is_file() && !path.starts_with("/dev") => {
                 (fs::canonicalize(path)?, Some(meta.permissions()))
             }
@@ -127,6 +134,19 @@ fn write_new(mut file: File, bytes: &[u8], permissions: Option<fs::Permissions>)
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn read_only_file_is_kept() {
+        let path = std::env::temp_dir().join(format!("hil-sim-read-only-{}", std::process::id()));
+        fs::write(&path, "old").expect("the temporary folder can be written");
+        let mut permissions = fs::metadata(&path).expect("ours").permissions();
+        permissions.set_readonly(true);
+        fs::set_permissions(&path, permissions).expect("ours");
+        let error = Part::write(&path, b"new").map(|_| ()).expect_err("refused");
+        assert_eq!(error.kind(), ErrorKind::PermissionDenied);
+        assert_eq!(fs::read_to_string(&path).expect("ours"), "old");
+        fs::remove_file(&path).expect("ours");
+    }
 
     /// The program may end after any step.
     #[test]
