@@ -81,11 +81,15 @@ impl PositionLoop {
         self.setpoint.position.wrapping_sub(position)
     }
 
-    /// The profile does not wait for a rotor ahead of the set-point: the set-point catches up with it.
-    fn must_wait(&self, position: Counts) -> bool {
-        let lag = self.lag(position);
-        let lag = if self.setpoint.velocity < CountsPerSec::ZERO { lag.wrapping_neg() } else { lag };
-        lag > WAIT_LAG
+    /// The profile does not wait for a rotor that is nearer to its end than the set-point: the set-point catches up with it, or returns
+    /// from an obstacle.
+    fn must_wait(&self, end: Counts, position: Counts) -> bool {
+        let (lag, left) = (self.lag(position), end.wrapping_sub(self.setpoint.position));
+        if left > Counts::ZERO {
+            lag > WAIT_LAG
+        } else {
+            left < Counts::ZERO && lag.wrapping_neg() > WAIT_LAG
+        }
     }
 
     /// Position and velocity error. In the cell of a resting set-point the position error is zero: the halls resolve no
@@ -918,7 +922,7 @@ impl Servo {
         let control = match &mut self.motion {
             Motion::Position(control) => control,
             Motion::Move { control, profile, arrival, .. } | Motion::Zero { control, profile, arrival } => {
-                if control.must_wait(self.position) {
+                if control.must_wait(profile.end(), self.position) {
                     let left = profile.end().wrapping_sub(self.position).round();
                     arrival.wait(left, self.tuning.config.tstop);
                 } else {

@@ -159,23 +159,45 @@ fn motor_is_driven_where_its_motion_pushes() {
     assert_eq!(driven(to_zero(at(0)), stuck_here), Some(false));
 }
 
-/// The profile waits beyond six counts of lag, in the direction of its motion.
+/// The profile waits beyond six counts of lag towards its end.
 #[test]
 fn set_point_waits_from_more_than_six_counts_of_lag() {
     let delta = Counts(fixed::types::I22F10::DELTA);
     let six = Counts::from_int(6);
-    for (control, lag, waits) in [
-        (moving(0, 5), six, false),
-        (moving(0, 5), six.wrapping_add(delta), true),
-        (moving(0, 5), six.wrapping_add(six).wrapping_neg(), false),
-        (at(0), six, false),
-        (at(0), six.wrapping_add(delta), true),
-        (moving(0, -5), six.wrapping_neg(), false),
-        (moving(0, -5), six.wrapping_add(delta).wrapping_neg(), true),
-        (moving(0, -5), six.wrapping_add(six), false),
+    let beyond = six.wrapping_add(delta);
+    for (control, end, lag, waits) in [
+        (moving(0, 5), 1, six, false),
+        (moving(0, 5), 1, beyond, true),
+        (moving(0, 5), 1, beyond.wrapping_neg(), false),
+        (moving(0, -5), -1, six.wrapping_neg(), false),
+        (moving(0, -5), -1, beyond.wrapping_neg(), true),
+        (moving(0, -5), -1, beyond, false),
+        // On its way back from an obstacle, and at rest.
+        (moving(0, 5), -1, beyond, false),
+        (moving(0, -5), 1, beyond.wrapping_neg(), false),
+        (at(0), 0, beyond, false),
+        (at(0), 0, beyond.wrapping_neg(), false),
+        (at(0), 1, beyond, true),
+        (at(0), -1, beyond.wrapping_neg(), true),
     ] {
         assert_eq!(control.lag(lag.wrapping_neg()), lag);
-        assert_eq!(control.must_wait(lag.wrapping_neg()), waits, "{lag:?}");
+        assert_eq!(control.must_wait(Counts::from_int(end), lag.wrapping_neg()), waits, "{lag:?}");
+    }
+}
+
+/// A set-point that waits at an obstacle does not have to get past it first.
+#[test]
+fn new_end_leads_away_from_an_obstacle() {
+    for (blocked, end) in [(100, -20), (-100, 20)] {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.tuning.config.tstop = 0;
+        bench.servo.command(Command::Move(blocked)).unwrap();
+        (0..2000).for_each(|_| _ = bench.tick());
+        let ahead = |bench: &Bench| bench.servo.telemetry().setpoint.round() * blocked.signum();
+        assert!((6..=8).contains(&ahead(&bench)), "{}", ahead(&bench));
+        bench.servo.command(Command::End(end)).unwrap();
+        (0..2000).for_each(|_| _ = bench.tick());
+        assert!((-8..=-6).contains(&ahead(&bench)), "{}", ahead(&bench));
     }
 }
 
