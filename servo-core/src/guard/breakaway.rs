@@ -54,6 +54,8 @@ mod tests {
     fn breaks_away_after_10_ms_of_load_on_a_slowed_closing_link() {
         assert_eq!(ticks_until(400, 500, 20, 300), Some(10));
         assert_eq!(ticks_until(299, 500, 20, 300), None, "below BT");
+        assert_eq!(ticks_until(400, 500, 124, 300), Some(10), "less than a quarter");
+        assert_eq!(ticks_until(400, 500, 125, 300), None, "a quarter");
         assert_eq!(ticks_until(400, 500, 450, 300), None, "keeps up: accelerating");
         assert_eq!(ticks_until(400, -500, -20, 300), None, "opening");
         assert_eq!(ticks_until(400, 500, -600, 300), None, "turns round from opening");

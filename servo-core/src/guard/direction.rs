@@ -242,9 +242,11 @@ mod tests {
     #[test]
     fn limit_rises_while_the_rotor_stands() {
         let (mut direction, mut most) = (Direction::at_rest(0), START);
-        for _ in 0..SETTLED_MS {
+        for ms in 1..=SETTLED_MS {
             let Verdict::Limit(limit) = direction.step(0, Torque(86)) else { panic!("{direction:?}") };
-            assert!(limit >= most && limit <= Torque(WEDGED));
+            let slow = (START.0 + (ms - PATIENCE_MS).max(0)).min(MOST.0);
+            let fast = WEDGED_RATE * (ms - PATIENCE_MS - (MOST.0 - START.0)).max(0);
+            assert_eq!(limit, Torque((slow + fast).min(WEDGED)), "after {ms} ms");
             most = limit;
         }
         assert_eq!(most, Torque(WEDGED));

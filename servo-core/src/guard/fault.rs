@@ -174,3 +174,37 @@ impl Faults {
         fault
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BUS_GOOD: MilliVolts = MilliVolts(24_000);
+
+    #[test]
+    fn each_condition_is_a_fault_of_its_own() {
+        for (condition, fault) in [
+            (Condition::BRIDGE, Fault::Bridge),
+            (Condition::SHORT, Fault::OverCurrent),
+            (Condition::HALLS, Fault::Halls),
+            (Condition::HOT, Fault::OverTemperature),
+            (Condition::HOST_LOST, Fault::HostLost),
+            (Condition::JAMMED, Fault::Jammed),
+            (Condition::WIRING, Fault::Wiring),
+        ] {
+            let mut faults = Faults::default();
+            faults.raise(condition);
+            assert_eq!((faults.check(BUS_GOOD), faults.latched()), (Some(fault), Some(fault)));
+        }
+    }
+
+    #[test]
+    fn bad_bus_voltage_counts_only_in_consecutive_ticks() {
+        let mut faults = Faults::default();
+        for tick in 0..100 {
+            let bus = if tick % BUS_MS == 0 { BUS_GOOD } else { MilliVolts(UNDER.0 - 1) };
+            assert_eq!(faults.check(bus), None, "{tick}");
+        }
+        assert_eq!(faults.check(MilliVolts(UNDER.0 - 1)), Some(Fault::UnderVoltage));
+    }
+}

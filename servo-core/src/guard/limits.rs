@@ -341,6 +341,18 @@ mod tests {
         assert_eq!(limits.left, NO_CUT - 25);
     }
 
+    /// However long: nor does what is below the peak raise the limit for later.
+    #[test]
+    fn current_below_the_peak_or_of_little_duty_cuts_nothing() {
+        for (current, duty) in [(1_000, 1 << 14), (-1_000, 1 << 14), (1_000, (1 << 11) - 1)] {
+            let mut limits = TorqueLimiter::default();
+            for _ in 0..100 {
+                assert!(!limits.watch_current(MilliAmps(current), Duty::from_bits(duty)));
+                assert_eq!(limits, TorqueLimiter::default(), "{current} mA at {duty}");
+            }
+        }
+    }
+
     #[test]
     fn short_circuit_is_a_fault_after_five_ticks() {
         let mut limits = TorqueLimiter::default();

@@ -95,6 +95,10 @@ fn bridge_is_off_without_a_sector() {
     assert!(c.has_seen(7) && c.has_seen(15) && !c.has_seen(code), "three lines");
     assert_eq!(c.sample(code, Micros(0)), None);
     assert!(!c.has_seen(7) && c.has_seen(code));
+    assert!((1..9).any(|ms| {
+        _ = c.sample(code, Micros(ms * 1000));
+        c.is_settled(code)
+    }));
     assert_eq!(c.bridge(), Bridge::On { legs: POSITIVE[2], duty: Duty::ZERO });
 }
 

@@ -371,3 +371,22 @@ fn homing_without_velocity_or_torque_above_friction_is_refused() {
         assert_eq!(bench.servo.command(Command::Home), Ok(()));
     }
 }
+
+/// Between the second contact and the way to zero the bridge keeps its state for a tick.
+#[test]
+fn torque_goes_on_until_the_way_to_zero_begins() {
+    let (mut bench, rotor) = at_stage(Joint::Tip, STAGES[3]);
+    let is_starting = |bench: &Bench| matches!(bench.servo.motion, Motion::Starting { goal: Goal::Zero, .. });
+    let mut before = None;
+    for _ in 0..HI_MS {
+        rotor.tick(&mut bench);
+        if is_starting(&bench) {
+            break;
+        }
+        before = Some(bench.servo.telemetry());
+    }
+    assert!(is_starting(&bench));
+    let (before, now) = (before.expect("a tick before"), bench.servo.telemetry());
+    assert_eq!((now.torque, now.duty), (before.torque, before.duty));
+    assert!(now.torque.saturating_abs() > FRICTION, "{:?}", now.torque);
+}

@@ -66,6 +66,9 @@ fn lost_host_is_cleared_by_an_order_and_replaced_by_another_fault() {
         assert_eq!(bench.servo.telemetry().fault, Some(Fault::HostLost), "{no_order:?}");
     }
     let mut bench = lost();
+    bench.servo.host_is_back();
+    assert_eq!(bench.servo.telemetry().fault, None, "an order that the servo does not see");
+    let mut bench = lost();
     bench.servo.bridge_fault();
     bench.tick();
     assert_eq!(bench.servo.telemetry().fault, Some(Fault::Bridge));

@@ -201,6 +201,58 @@ fn new_end_leads_away_from_an_obstacle() {
     }
 }
 
+/// Writing the same E again does not re-plan.
+#[test]
+fn same_end_goes_on_with_its_profile() {
+    let mut bench = Bench::new(Joint::Spread);
+    bench.servo.command(Command::Move(100)).unwrap();
+    bench.follow(200);
+    let ticks = |bench: &Bench| match &bench.servo.motion {
+        Motion::Move { profile, .. } => profile.ticks(),
+        _ => 0,
+    };
+    let before = ticks(&bench);
+    bench.servo.command(Command::End(100)).unwrap();
+    assert!(before > 0 && ticks(&bench) == before, "{before}");
+    bench.servo.command(Command::End(99)).unwrap();
+    assert_eq!(ticks(&bench), 0);
+}
+
+/// A hold that drives may just have been pushed away from its end, whatever its rotor does at this instant.
+#[test]
+fn move_without_a_way_ends_at_once_unless_the_motor_is_driven() {
+    for (torque, most, least) in [(0, 5, 0), (20, 40, 20)] {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.command(Command::Mode(Mode::Pid)).unwrap();
+        (0..400).for_each(|_| _ = bench.tick());
+        bench.servo.applied.torque = Torque(torque);
+        bench.servo.motion = Motion::Starting {
+            goal: Goal::Move { pid: PidState::default() },
+            brake_ms: bench.servo.tuning.config.brake_ms,
+        };
+        let ended = (0..200).find(|_| {
+            bench.tick();
+            bench.servo.telemetry().end.is_some()
+        });
+        assert!(ended.is_some_and(|ms| (least..=most).contains(&ms)), "{torque}: {ended:?}");
+    }
+}
+
+/// Only an arrival leaves a load that is still to be carried.
+#[test]
+fn hold_after_an_arrival_alone_keeps_the_torque() {
+    for reason in [EndReason::Arrived, EndReason::Stalled, EndReason::Strain, EndReason::Breakaway] {
+        let mut bench = Bench::new(Joint::Spread);
+        bench.servo.motion = to_end(at(0));
+        bench.servo.applied.torque = Torque(100);
+        bench.servo.hold(reason);
+        let Motion::Position(mut control) = bench.servo.motion else { panic!("{:?}", bench.servo.motion) };
+        let range = (Torque(-750), Torque(750));
+        let torque = bench.servo.tuning.pid.step(&mut control.pid, Law::ZERO, Law::ZERO, range);
+        assert_eq!(torque, Torque(if reason == EndReason::Arrived { 100 } else { 0 }), "{reason:?}");
+    }
+}
+
 /// In the cell of a resting set-point there is no position error.
 #[test]
 fn errors_are_those_of_set_point_and_rotor() {
