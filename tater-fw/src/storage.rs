@@ -232,7 +232,8 @@ impl Store {
     /// the middle of a record.
     #[must_use]
     pub fn is_damaged<F: Flash>(&self, flash: &F) -> bool {
-        self.pages.has_void(flash, self.sequence)
+        let complete = |page| Found::read(flash, page, FIRST).is_some_and(|record| record.head.complete);
+        self.pages.has_void(flash, self.sequence, complete)
     }
 
     /// The stored value of a property; `None` if none has been stored, or one beyond this version's range.

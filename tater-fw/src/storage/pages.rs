@@ -99,14 +99,19 @@ impl Pages {
     }
 
     /// Whether a page was begun after the state that could be read, whose last record is `sequence`; or the current page ends in something
-    /// that cannot be read: such a page is closed although its last half-word is blank.
-    pub fn has_void<F: Flash>(&self, flash: &F, sequence: u32) -> bool {
+    /// that cannot be read: such a page is closed although its last half-word is blank. `has_state`: whether a page has a complete record.
+    pub fn has_void<F: Flash>(&self, flash: &F, sequence: u32, has_state: impl Fn(Page) -> bool) -> bool {
+        let next = Page::all_after(self.current).next().filter(|_| self.current.is_some());
         let closed = |page: Page| self.tail == PAGE_WORDS && page.read(flash, PAGE_WORDS - 1) == u16::MAX;
         let newer = |page: Page| {
             let word = |at| page.read(flash, at);
             // One more wraps the number of a blank page to 0, which is not newer than anything.
             let begun = join(word(FIRST + 2), word(FIRST + 3)).wrapping_add(1);
-            begun > sequence.wrapping_add(1) && word(0) == READY
+            // The number itself may be wrong. The next page is older and whole, ready, or begun.
+            let follows = next == Some(page) && self.ready & page.bit() == 0;
+            let is_newer = begun > sequence.wrapping_add(1) || follows && !has_state(page);
+            // Without any state there is nothing to be erased either.
+            next.is_none() && !page.is_blank(flash, FIRST) || word(0) == READY && is_newer
         };
         self.current.is_some_and(closed) || (0..PAGES).map(Page).any(newer)
     }

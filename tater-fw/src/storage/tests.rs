@@ -388,8 +388,24 @@ fn records_and_pages_that_cannot_be_read_are_damage() {
     newest.words[start + FIRST + 4] = 0;
     assert_eq!(Store::open(&newest).get(Property::X0), Some(round - 1), "the page before");
     assert!(is_damaged(&newest), "a page that was begun later");
+    newest.words[start + FIRST + 2] = 0;
+    assert!(is_damaged(&newest), "its number is wrong as well");
     newest.words[start] = 0;
     assert!(!is_damaged(&newest), "a page that is being erased");
+}
+
+#[test]
+fn first_page_without_its_number_is_damage() {
+    let (mut store, mut flash) = fresh();
+    store.set(Property::X0, 1);
+    finish(&mut store, &mut flash);
+    let start = Ram::index(store.pages.current().unwrap().address(0));
+    flash.words[start + FIRST + 2] = 0;
+    for first in [0x5AC3, 0] {
+        flash.words[start] = first;
+        let store = Store::open(&flash);
+        assert_eq!((store.get(Property::X0), store.is_damaged(&flash)), (None, true));
+    }
 }
 
 #[test]
