@@ -422,6 +422,9 @@ impl Servo {
     /// One step of the hall count. Called in the hall interrupt, so that a tick costs the same with and without edges.
     #[inline]
     pub fn edge(&mut self, edge: &HallEdge) {
+        if edge.uncertain {
+            self.homed = false;
+        }
         self.estimator.edge(edge);
     }
 

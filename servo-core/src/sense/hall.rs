@@ -14,7 +14,7 @@
 //!
 //! Three lost edges in a row are ambiguous by an electrical revolution, and six are invisible. A burst of four wrong codes
 //! that happen to walk through neighbors is followed. A dead line loses counts until it is detected, within three
-//! electrical revolutions. A wrong code next to the trusted one looks like a rotor that rocks on the boundary until it
+//! electrical revolutions. A jump at the end of a disturbance that was longer than [`CONFIRM`] is marked as uncertain. A wrong code next to the trusted one looks like a rotor that rocks on the boundary until it
 //! returns; if that takes less than [`BOUNCE`], the step back is marked.
 
 pub use crate::sense::wiring::Wiring;
@@ -82,6 +82,8 @@ pub struct HallEdge {
     pub rising: bool,
     /// The step reverses the last one within [`BOUNCE`]: that one was a glitch.
     pub bounce: bool,
+    /// It jumps at the end of a disturbance that was longer than [`CONFIRM`]: the count may be off by an electrical revolution.
+    pub uncertain: bool,
 }
 
 /// An invalid sample; the count does not follow it.
@@ -136,6 +138,8 @@ struct Pending {
     /// It is three steps away, in an unknown direction.
     either: bool,
     at: Micros,
+    /// Another glitch was before it, for longer than [`CONFIRM`].
+    late: bool,
 }
 
 /// Decodes the lines of one motor. Runs in the hall interrupt.
@@ -153,6 +157,8 @@ pub struct HallDecoder {
     pending: Option<Pending>,
     illegal_since: Option<Micros>,
     score: u8,
+    /// Time of the last glitch, if the score is not 0.
+    glitched: Micros,
     /// The lines show the trusted sector and no state waits for time to pass.
     quiet: bool,
     leaked: Micros,
@@ -175,6 +181,7 @@ impl HallDecoder {
             pending: None,
             illegal_since: None,
             score: 0,
+            glitched: Micros(0),
             quiet: false,
             leaked: Micros(0),
             toggled: 0,
@@ -220,7 +227,7 @@ impl HallDecoder {
                 && let delta @ (-1 | 1) = distance(trusted, sector)
             {
                 self.code = code;
-                return Some(self.step(sector, delta, at));
+                return Some(self.step(sector, delta, at, false));
             }
         }
         let event = self.judge(code, at);
@@ -263,7 +270,7 @@ impl HallDecoder {
                 self.pending = None;
                 None
             }
-            delta @ (-1 | 1) => Some(self.step(sector, delta, at)),
+            delta @ (-1 | 1) => Some(self.step(sector, delta, at, false)),
             delta => self.jump(sector, delta, at),
         }
     }
@@ -279,7 +286,7 @@ impl HallDecoder {
             Some(_) => None,
             None => {
                 self.illegal_since = Some(at);
-                Some(self.glitch(Glitch::Illegal))
+                Some(self.glitch(Glitch::Illegal, at))
             }
         }
     }
@@ -289,11 +296,11 @@ impl HallDecoder {
             && at.wrapping_since(p.at).0 >= CONFIRM.0
         {
             match distance(p.sector, sector) {
-                0 => return Some(self.step(sector, p.delta, p.at)),
+                0 => return Some(self.step(sector, p.delta, p.at, p.late)),
                 // The rotor moved on from there, which also gives the direction of three sectors.
                 on @ (-1 | 1) => {
                     let delta = if p.either { on * 4 } else { p.delta + on };
-                    return Some(self.step(sector, delta, at));
+                    return Some(self.step(sector, delta, at, p.late));
                 }
                 _ => {}
             }
@@ -302,8 +309,10 @@ impl HallDecoder {
         }
         let either = delta == 3;
         let delta = if either { self.likely_direction() * 3 } else { delta };
-        self.pending = Some(Pending { sector, delta, either, at });
-        Some(self.glitch(Glitch::Jump))
+        let disturbed = at.wrapping_since(self.glitched).0;
+        let late = self.score != 0 && (CONFIRM.0..ILLEGAL.0).contains(&disturbed);
+        self.pending = Some(Pending { sector, delta, either, at, late });
+        Some(self.glitch(Glitch::Jump, at))
     }
 
     /// Direction of a jump by three sectors: as before, but reversed after a doubtful step, so that a wrong code of any length is
@@ -313,7 +322,7 @@ impl HallDecoder {
     }
 
     #[inline]
-    fn step(&mut self, sector: u8, delta: i8, at: Micros) -> HallEvent {
+    fn step(&mut self, sector: u8, delta: i8, at: Micros, uncertain: bool) -> HallEvent {
         let direction = if delta > 0 { Direction::Closing } else { Direction::Opening };
         let steps = delta.unsigned_abs();
         let since = self.at.map_or(u32::MAX, |last| at.wrapping_since(last).0);
@@ -327,11 +336,12 @@ impl HallDecoder {
         self.score = self.score.saturating_sub(1);
         // Neighbors differ in one line, so they alternately have one and two lines high.
         let rising = self.wiring.two_high() >> self.code & 1 != 0;
-        HallEvent::Step(HallEdge { count: self.count, steps, direction, at, rising, bounce })
+        HallEvent::Step(HallEdge { count: self.count, steps, direction, at, rising, bounce, uncertain })
     }
 
     /// Counts a glitch; returns it, or the fault that it completes.
-    fn glitch(&mut self, glitch: Glitch) -> HallEvent {
+    fn glitch(&mut self, glitch: Glitch, at: Micros) -> HallEvent {
+        self.glitched = at;
         self.score = self.score.saturating_add(GLITCH);
         if self.score < FAULT {
             return HallEvent::Glitch(glitch);

@@ -100,6 +100,7 @@ impl Bench {
                 at: self.now,
                 rising: self.count & 1 == 0,
                 bounce: false,
+                uncertain: false,
             };
             self.servo.edge(&edge);
         }

@@ -28,6 +28,9 @@ const WAKE_MS: u64 = 2_700;
 /// or a slow clock makes a motion last longer.
 const FAULTS_MS: u64 = 15_000;
 
+/// The longest default of TSTOP.
+const TSTOP_MS: u64 = 400;
+
 /// The hand of a case, its boards native.
 ///
 /// # Errors
@@ -128,7 +131,7 @@ impl<S: Subject> Session<'_, S> {
         }
         let most_ms = patience_ms.unwrap_or_else(|| self.longest_ms(text));
         let end_ms = self.ms() + most_ms;
-        while !self.is_at_prompt() && self.ms() < end_ms && self.is_whole() {
+        while !self.is_at_prompt() && self.ms() < end_ms + self.stalls_ms() && self.is_whole() {
             // A plain command is waited for beyond the end of the program.
             if patience_ms.is_some() && !self.goes_on() || !self.hand.is_on() {
                 return;
@@ -136,7 +139,8 @@ impl<S: Subject> Session<'_, S> {
             self.step();
         }
         if !self.is_at_prompt() && self.is_whole() {
-            if patience_ms.is_none() && !self.faults.host_silent && self.hand.is_on() {
+            let ends = self.stalls_ms() < u64::MAX / 2;
+            if patience_ms.is_none() && ends && !self.faults.host_silent && self.hand.is_on() {
                 self.fail(PROMPT, 0, format!("no prompt within {most_ms} ms of {text:?}"));
             } else {
                 self.abort();
@@ -148,6 +152,17 @@ impl<S: Subject> Session<'_, S> {
         let moving_ms = command_us(&text.to_ascii_uppercase(), 400).unwrap_or(0) / 1_000;
         let faults_ms = if self.has_faults { moving_ms + FAULTS_MS } else { 0 };
         moving_ms + QUIET_MS + WAKE_MS + faults_ms
+    }
+
+    /// By how much another host has lengthened the stalls of a motion with its TSTOP: HI has three, and one to spare. TSTOP 0 is for ever.
+    fn stalls_ms(&self) -> u64 {
+        let tstop = |board: &S| Some(board.native()?.application()?.config().tstop);
+        let of = |board| match tstop(board) {
+            Some(0) => u64::MAX / 2,
+            Some(ms) => 4 * u64::from(ms).saturating_sub(TSTOP_MS),
+            None => 0,
+        };
+        self.hand.bus().stations().map(of).max().unwrap_or(0)
     }
 
     fn realtime(&mut self, prefix: &str, blocks: &[(Vec<u8>, u64)]) {

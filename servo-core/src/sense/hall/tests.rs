@@ -43,7 +43,15 @@ fn edge_has_count_direction_time_and_slope() {
     let mut d = HallDecoder::new(W, 2, 0);
     let edge = |count, direction, at, rising| {
         let at = Micros(at);
-        Some(HallEvent::Step(HallEdge { count, steps: 1, direction, at, rising, bounce: false }))
+        Some(HallEvent::Step(HallEdge {
+            count,
+            steps: 1,
+            direction,
+            at,
+            rising,
+            bounce: false,
+            uncertain: false,
+        }))
     };
     assert_eq!(d.sample(6, Micros(500)), edge(1, Direction::Closing, 500, true));
     assert_eq!(d.sample(4, Micros(1500)), edge(2, Direction::Closing, 1500, false));
@@ -203,7 +211,7 @@ fn isolated_glitches_never_fault_and_dense_ones_do() {
 fn fifth_glitch_in_a_row_is_a_fault() {
     let (mut d, _) = running(0, 1);
     d.score = 0;
-    let events: [HallEvent; 6] = core::array::from_fn(|_| d.glitch(Glitch::Illegal));
+    let events: [HallEvent; 6] = core::array::from_fn(|_| d.glitch(Glitch::Illegal, Micros(0)));
     let faults = events.map(|event| matches!(event, HallEvent::Fault(_)));
     assert_eq!(faults, [false, false, false, false, true, false]);
 }
@@ -244,6 +252,26 @@ fn broken_cable_is_detected_at_standstill() {
     assert_eq!(unplugged.sample(0, Micros(2000)), Some(HallEvent::Fault(HallFault::Illegal)));
     assert_eq!(unplugged.sample(2, Micros(2100)), None);
     assert_eq!((unplugged.sector(), unplugged.count()), (Some(0), 5));
+}
+
+/// Three cells of a rotor at 1000 counts/s are lost while a line lies, and the way is guessed.
+#[test]
+fn jump_after_a_long_disturbance_is_uncertain() {
+    for (long, uncertain) in [(100, false), (199, false), (200, true), (1999, true), (2000, false)] {
+        let (mut d, now) = running(0, 1);
+        d.sample(7, Micros(now + 400));
+        d.sample(code_at(2), Micros(now + 400 + long));
+        let Some(HallEvent::Step(edge)) = d.sample(code_at(2), Micros(now + 600 + long)) else {
+            panic!("no step")
+        };
+        assert_eq!((edge.count, edge.steps, edge.uncertain), (2, 2, uncertain), "{long}");
+    }
+    let (mut d, now) = running(0, 1);
+    d.sample(code_at(2), Micros(now + 400));
+    let Some(HallEvent::Step(edge)) = d.sample(code_at(3), Micros(now + 600)) else { panic!("no step") };
+    assert_eq!((edge.count, edge.steps, edge.uncertain), (3, 3, false), "no other glitch");
+    let Some(HallEvent::Step(edge)) = d.sample(code_at(4), Micros(now + 1600)) else { panic!("no step") };
+    assert!(!edge.uncertain, "a neighbor");
 }
 
 #[test]

@@ -16,7 +16,15 @@ fn feed<const N: usize>(
         *count += sign;
         let boundary = if sign > 0 { *count } else { *count + 1 };
         let rising = (boundary & 1 == 1) == (sign > 0);
-        e.edge(&HallEdge { count: *count, steps: 1, direction, at: Micros(at), rising, bounce: false });
+        e.edge(&HallEdge {
+            count: *count,
+            steps: 1,
+            direction,
+            at: Micros(at),
+            rising,
+            bounce: false,
+            uncertain: false,
+        });
     }
 }
 
@@ -179,6 +187,7 @@ fn reversal_passes_through_zero_and_bounce_is_undone() {
         at: Micros(at),
         rising: true,
         bounce,
+        uncertain: false,
     };
     hit.edge(&edge(count + 1, Direction::Closing, 78_500, false));
     hit.edge(&edge(count, Direction::Opening, 78_540, true));
@@ -248,7 +257,7 @@ proptest::proptest! {
             let steps = u8::try_from(step.unsigned_abs()).unwrap();
             let (rising, bounce) = (bits & 1 == 1, bits == 2);
             bounced |= bounce;
-            e.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce });
+            e.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce, uncertain: false });
             for later in [0, 1000, 299_999, 300_000] {
                 let mut e = e.clone();
                 let (p, v) = e.at(Micros(now.wrapping_add(later)));
@@ -277,7 +286,7 @@ proptest! {
             let direction = if flags & 12 == 0 { Direction::Opening } else { Direction::Closing };
             count = count.wrapping_add(i32::from(direction.sign()) * i32::from(steps));
             let (rising, bounce) = (flags & 1 == 1, flags & 15 == 2);
-            e.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce });
+            e.edge(&HallEdge { count, steps, direction, at: Micros(now), rising, bounce, uncertain: false });
             let m = e.state;
             prop_assert!((0..=SPEED_MAX).contains(&m.velocity) && m.acceleration.abs() <= ACCEL_MAX);
             prop_assert!(m.bias.abs() <= RESTART_RESIDUAL && (0..=RESTART_RESIDUAL).contains(&m.noise) && (0..=MAX_DELAY_US << 8).contains(&e.delay));

@@ -111,3 +111,16 @@ fn stored_position_can_be_trusted_and_e_reads_back() {
     servo.command(Command::End(-7)).unwrap();
     assert_eq!(servo.end(), -7);
 }
+
+#[test]
+fn position_is_unknown_after_an_uncertain_step() {
+    for uncertain in [false, true] {
+        let mut servo = Servo::new(Joint::Tip.config(), 0);
+        servo.trust_position();
+        let direction = Direction::Closing;
+        let step =
+            HallEdge { count: 2, steps: 2, direction, at: Micros(9), rising: true, bounce: false, uncertain };
+        servo.hall(&HallEvent::Step(step));
+        assert_eq!(servo.telemetry().homed, !uncertain);
+    }
+}

@@ -143,6 +143,7 @@ impl Run {
             at: Micros(self.now),
             rising,
             bounce: false,
+            uncertain: false,
         });
         self.compare(&before, boundary, sign, rising, steps.abs());
     }
