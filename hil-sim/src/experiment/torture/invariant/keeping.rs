@@ -116,13 +116,17 @@ impl Keeping {
             let all = *value == -1 || *property == Property::CMD;
             match (*property, *value) {
                 (Property::SAVE, _) | (Property::CMD, 1) => {
-                    // The values are those at the end of the tick: what was ordered after the SAVE is not what it saved.
+                    // The values are those at the end of the tick. What was ordered after the SAVE is not what it saved: then no
+                    // value of that property is known to be stored, nor is an earlier one.
                     let later = &view.events[at..];
-                    let saved = kept(tater).filter(|(property, _)| {
-                        (all || one == Some(*property))
-                            && !later.iter().any(|event| sets(event, &[*property, Property::LOAD]))
-                    });
-                    self.queued.extend(saved);
+                    for (property, value) in kept(tater).filter(|(property, _)| all || one == Some(*property)) {
+                        if later.iter().any(|event| sets(event, &[property, Property::LOAD])) {
+                            self.queued.remove(&property);
+                            self.stored.remove(&property);
+                        } else {
+                            self.queued.insert(property, value);
+                        }
+                    }
                     self.quiet_ms = 0;
                 }
                 _ if forgets(event) => {
