@@ -119,7 +119,8 @@ impl Keeping {
                     // The values are those at the end of the tick. What was ordered after the SAVE is not what it saved: then no
                     // value of that property is known to be stored, nor is an earlier one.
                     let later = &view.events[at..];
-                    for (property, value) in kept(tater).filter(|(property, _)| all || one == Some(*property)) {
+                    for (property, value) in kept(tater).filter(|(property, _)| all || one == Some(*property))
+                    {
                         if later.iter().any(|event| sets(event, &[property, Property::LOAD])) {
                             self.queued.remove(&property);
                             self.stored.remove(&property);
