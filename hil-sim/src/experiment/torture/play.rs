@@ -154,12 +154,13 @@ impl<S: Subject> Session<'_, S> {
         moving_ms + QUIET_MS + WAKE_MS + faults_ms
     }
 
-    /// By how much another host has lengthened the stalls of a motion with its TSTOP: HI has three, and one to spare. TSTOP 0 is for ever.
+    /// By how much another host has lengthened the stalls of a motion with its TSTOP: HI has three of the links and then three of the
+    /// tips, and two to spare. TSTOP 0 is for ever.
     fn stalls_ms(&self) -> u64 {
         let tstop = |board: &S| Some(board.native()?.application()?.config().tstop);
         let of = |board| match tstop(board) {
             Some(0) => u64::MAX / 2,
-            Some(ms) => 4 * u64::from(ms).saturating_sub(TSTOP_MS),
+            Some(ms) => 8 * u64::from(ms).saturating_sub(TSTOP_MS),
             None => 0,
         };
         self.hand.bus().stations().map(of).max().unwrap_or(0)
