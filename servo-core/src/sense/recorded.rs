@@ -62,12 +62,22 @@ use crate::units::{Counts, CountsPerSec, Micros};
 use fixed::types::{I16F16, I22F10};
 use heapless::Vec;
 use marks::{Interval, Pattern, difference, factor};
-use real::{HALF, ONE, Real, ZERO, exp_neg, larger, ratio, real, root, seconds, truncated, whole, within};
+use real::{HALF, ONE, Real, ZERO, exp_neg, larger, ratio, root, seconds, truncated, whole, within};
+
+pub use tuning::Tuning;
+
+/// A [`Real`] from its decimal text, parsed when it is compiled.
+macro_rules! real {
+    ($text:literal) => {
+        const { fixed::Saturating(fixed::types::I32F32::lit($text)) }
+    };
+}
 
 pub mod marks;
 pub mod real;
 #[cfg(test)]
 mod tests;
+pub mod tuning;
 
 /// Standstill timeout: no edge for this long. A shaft of 2 counts/s has an edge in half of it.
 pub const STANDSTILL: Micros = Micros(1_000_000);
@@ -81,74 +91,27 @@ const LAP_INTERVAL_MAX: u32 = 250_000;
 /// Stamps out of order by up to this, µs, are simultaneous: the delay of rising edges reorders them by up to 400 µs.
 const REORDERED: u32 = 10_000;
 /// Least time between two edges, in seconds.
-const INTERVAL_MIN: Real = real("0.00001");
+const INTERVAL_MIN: Real = real!("0.00001");
 /// Largest |v|: fifteen times the hand's motor.
-const SPEED_MAX: Real = real("16384");
+const SPEED_MAX: Real = real!("16384");
 /// Largest number of counts in a step; farther is as unknown.
 const STEP_MAX: i32 = 64;
 /// 1/3, for the three other models and the integral of t².
-const THIRD: Real = real("0.3333333333");
+const THIRD: Real = real!("0.3333333333");
 /// Weight of each model at first.
-const QUARTER: Real = real("0.25");
+const QUARTER: Real = real!("0.25");
 /// Variance of the position at the first edge, counts².
-const FIRST_VARIANCE: Real = real("0.001");
+const FIRST_VARIANCE: Real = real!("0.001");
 /// Farthest reading between two falling marks from the cell below the first, counts.
-const RULER: Real = real("2.5");
+const RULER: Real = real!("2.5");
 /// Least weight of a model, so that it can return.
-const WEIGHT_MIN: Real = real("0.0001");
+const WEIGHT_MIN: Real = real!("0.0001");
 /// Models of less weight are left out of a reading.
-const WEIGHT_READ: Real = real("0.001");
+const WEIGHT_READ: Real = real!("0.001");
 /// Uncertainty of a stamp, in seconds.
-const STAMP: Real = real("0.000005");
+const STAMP: Real = real!("0.000005");
 /// Least speed that cogging is related to, counts/s.
-const COGGING_SPEED_MIN: Real = real("20");
-
-/// Constants of the estimator. Other settings than the default serve to show how much depends on them.
-#[derive(Clone, Copy, Debug)]
-pub struct Tuning {
-    /// q of the four models, (counts/s²)²·s.
-    pub accelerations: [Real; 4],
-    /// r of the four models, counts.
-    pub deviations: [Real; 4],
-    /// Probability that a model stays itself at an edge.
-    pub stay: Real,
-    /// Time after which stopped and running are as likely, seconds.
-    pub run: Real,
-    /// Deviation of the velocity at the first edge, counts/s; half of it is the mean.
-    pub first_speed: Real,
-    /// Variance of a cell's width before it is learned, counts².
-    pub width_variance: Real,
-    /// Variance of a cell's cogging before it is learned, (counts/s)^4.
-    pub cogging_variance: Real,
-    /// Growth of that variance with each visit.
-    pub cogging_growth: Real,
-    /// k, by which residuals of a lap count as noise.
-    pub residual_factor: Real,
-    /// R, the memory of residuals in edges.
-    pub residual_memory: Real,
-    /// The memory of scores in edges.
-    pub score_memory: Real,
-    /// A pattern is used if it scores better than a shorter one or none by this factor.
-    pub better: Real,
-}
-
-impl Tuning {
-    /// The one setting of all figures in `docs/estimation.md`.
-    pub const DEFAULT: Self = Self {
-        accelerations: [real("1700"), real("40000"), real("1700"), real("2000000")],
-        deviations: [real("0.0125"), real("0.0125"), real("0.2"), real("0.2")],
-        stay: real("0.995"),
-        run: real("0.5"),
-        first_speed: real("56"),
-        width_variance: real("0.0324"),
-        cogging_variance: real("90000"),
-        cogging_growth: real("4200"),
-        residual_factor: real("8"),
-        residual_memory: real("300"),
-        score_memory: real("90"),
-        better: real("0.87"),
-    };
-}
+const COGGING_SPEED_MIN: Real = real!("20");
 
 /// One Kalman filter, with its weight.
 #[derive(Clone, Copy, Debug, PartialEq)]

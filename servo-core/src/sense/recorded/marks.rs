@@ -32,31 +32,31 @@
 //!
 //! [`Real`] throughout: widths in counts, c in (counts/s)², d in ms, so that the variance of d has digits.
 
-use super::Tuning;
-use super::real::{HALF, ONE, Real, ZERO, larger, ratio, real, root, whole, within};
+use super::real::{HALF, ONE, Real, ZERO, larger, ratio, root, whole, within};
+use super::tuning::Tuning;
 
 /// Largest learned width error of a cell, in counts.
-const WIDTH_MAX: Real = real("0.7");
+const WIDTH_MAX: Real = real!("0.7");
 /// Largest delay of rising edges, in ms.
-const DELAY_MAX: Real = real("0.4");
+const DELAY_MAX: Real = real!("0.4");
 /// Largest |c|: that of a rotor that cogs from 300 counts/s to a halt.
-const COGGING_MAX: Real = real("100000");
+const COGGING_MAX: Real = real!("100000");
 /// Least and largest f².
-const FACTOR: (Real, Real) = (real("0.2"), real("4"));
+const FACTOR: (Real, Real) = (real!("0.2"), real!("4"));
 /// Largest e² that counts in r: that of a placement error of a quarter count.
-const RESIDUAL_MAX: Real = real("0.06");
+const RESIDUAL_MAX: Real = real!("0.06");
 /// Largest variance of c.
-const COGGING_VARIANCE_MAX: Real = real("10000000");
+const COGGING_VARIANCE_MAX: Real = real!("10000000");
 /// r before anything is learned.
-const RESIDUAL_FIRST: Real = real("0.01");
+const RESIDUAL_FIRST: Real = real!("0.01");
 /// ms in a second.
-const MS: Real = real("1000");
+const MS: Real = real!("1000");
 /// Least r: a stamp's resolution, 1/1000 count.
-const RESIDUAL_MIN: Real = real("0.000001");
+const RESIDUAL_MIN: Real = real!("0.000001");
 /// Variance of the delay before anything is learned, (1 µs)²: a delay must show.
-const DELAY_VARIANCE: Real = real("0.000001");
+const DELAY_VARIANCE: Real = real!("0.000001");
 /// Growth of the delay's variance with each visit, (2.2 µs)².
-const DELAY_GROWTH: Real = real("0.000005");
+const DELAY_GROWTH: Real = real!("0.000005");
 
 /// An interval between two edges.
 #[derive(Clone, Copy, Debug)]

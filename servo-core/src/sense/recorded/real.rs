@@ -6,35 +6,30 @@ use fixed::types::I32F32;
 /// A saturating number with 32 fractional bits: ±2^31 in steps of 2.3·10^-10.
 pub type Real = fixed::Saturating<I32F32>;
 
-/// A constant from its decimal text.
-pub const fn real(text: &str) -> Real {
-    fixed::Saturating(I32F32::lit(text))
-}
-
 /// 0.
 pub const ZERO: Real = fixed::Saturating(I32F32::ZERO);
 /// 1.
 pub const ONE: Real = fixed::Saturating(I32F32::ONE);
 /// 1/2.
-pub const HALF: Real = real("0.5");
+pub const HALF: Real = real!("0.5");
 
 /// Coefficients of 2^−g, from the fifth power to the second.
 const SERIES: [Real; 4] =
-    [real("-0.0013333558"), real("0.0096181291"), real("-0.0555041087"), real("0.2402265070")];
+    [real!("-0.0013333558"), real!("0.0096181291"), real!("-0.0555041087"), real!("0.2402265070")];
 /// log2 e, ln 2, √½, and 1/√2π, the density at 0.
-const LOG2_E: Real = real("1.4426950409");
-const LN_2: Real = real("0.6931471806");
-const ROOT_HALF: Real = real("0.7071067812");
-const DENSITY_0: Real = real("0.3989422804");
+const LOG2_E: Real = real!("1.4426950409");
+const LN_2: Real = real!("0.6931471806");
+const ROOT_HALF: Real = real!("0.7071067812");
+const DENSITY_0: Real = real!("0.3989422804");
 /// p of the distribution's t = 1/(1 + p·z).
-const SLOPE: Real = real("0.2316419");
+const SLOPE: Real = real!("0.2316419");
 /// Coefficients of the distribution, from the fifth power to the first.
 const TERMS: [Real; 5] = [
-    real("1.330274429"),
-    real("-1.821255978"),
-    real("1.781477937"),
-    real("-0.356563782"),
-    real("0.319381530"),
+    real!("1.330274429"),
+    real!("-1.821255978"),
+    real!("1.781477937"),
+    real!("-0.356563782"),
+    real!("0.319381530"),
 ];
 
 /// `n / d`, saturated; the largest number if `d` is 0.
@@ -100,8 +95,8 @@ pub fn distribution(z: Real, density: Real) -> Real {
 /// Probability of −`below` < z < `above`, and the mean of z if that holds. Beyond five standard deviations on the wrong
 /// side, the probability is at least 2^-30 and the mean is that of the tail: b − 1/|b| at the bound b.
 pub fn truncated(below: Real, above: Real) -> (Real, Real) {
-    const FAR: Real = real("5");
-    const LEAST: Real = real("0.000000001");
+    const FAR: Real = real!("5");
+    const LEAST: Real = real!("0.000000001");
     for (bound, sign) in [(above, ONE), (below, -ONE)] {
         if bound.0 < -FAR.0 {
             return (LEAST, sign * (bound + ratio(ONE, bound)));
@@ -144,32 +139,32 @@ mod tests {
             near(distribution(z, density(z)), below, "0.000002");
             near(ONE - distribution(-z, density(z)), below, "0.000002");
         }
-        assert_eq!(exp_neg(real("23")), ZERO);
+        assert_eq!(exp_neg(real!("23")), ZERO);
     }
 
     #[test]
     fn truncated_mean_is_that_of_the_interval() {
-        let (all, none) = truncated(real("9"), real("9"));
+        let (all, none) = truncated(real!("9"), real!("9"));
         assert_eq!((all, none), (ONE, ZERO));
         // Half of the distribution: mean −√(2/π).
-        let (half, mean) = truncated(real("9"), ZERO);
+        let (half, mean) = truncated(real!("9"), ZERO);
         near(half, "0.5", "0.000002");
         near(mean, "-0.7978846", "0.00001");
-        let (half, mean) = truncated(ZERO, real("9"));
+        let (half, mean) = truncated(ZERO, real!("9"));
         near(half, "0.5", "0.000002");
         near(mean, "0.7978846", "0.00001");
         // A short interval is evenly filled.
-        near(truncated(real("0.1"), real("0.1")).1, "0", "0.0001");
+        near(truncated(real!("0.1"), real!("0.1")).1, "0", "0.0001");
         // The tail at −6: mean −6.1584.
-        near(truncated(real("20"), real("-6")).1, "-6.1584", "0.01");
-        near(truncated(real("-6"), real("20")).1, "6.1584", "0.01");
+        near(truncated(real!("20"), real!("-6")).1, "-6.1584", "0.01");
+        near(truncated(real!("-6"), real!("20")).1, "6.1584", "0.01");
     }
 
     #[test]
     fn quotients_by_zero_and_roots_of_negatives_have_values() {
         assert_eq!(ratio(ONE, ZERO).0, I32F32::MAX);
         assert_eq!(ratio(-ONE, ZERO).0, I32F32::MAX);
-        assert_eq!((root(-ONE), root(real("9"))), (ZERO, real("3")));
+        assert_eq!((root(-ONE), root(real!("9"))), (ZERO, real!("3")));
         assert_eq!((seconds(Micros(1_000_000)), seconds(Micros(0))), (ONE, ZERO));
         assert_eq!((larger(ONE, HALF), within(ONE, ZERO, HALF), within(-ONE, ZERO, HALF)), (ONE, HALF, ZERO));
     }

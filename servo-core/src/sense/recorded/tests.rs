@@ -31,15 +31,15 @@ fn millionths(x: Real) -> i64 {
 #[test]
 fn model_predicts_and_updates_by_its_equations() {
     let model = Model {
-        position: real("0.25"),
-        velocity: real("10"),
-        position_variance: real("0.01"),
-        covariance: real("0.02"),
-        velocity_variance: real("4"),
+        position: real!("0.25"),
+        velocity: real!("10"),
+        position_variance: real!("0.01"),
+        covariance: real!("0.02"),
+        velocity_variance: real!("4"),
         weight: ONE,
     };
     // t = 0.1 s, q = 30, f = 0.5: way 0.05 s.
-    let after = model.predict(real("0.1"), real("30"), HALF);
+    let after = model.predict(real!("0.1"), real!("30"), HALF);
     assert_eq!(millionths(after.position), 750_000);
     assert_eq!(after.velocity, model.velocity);
     // 0.01 + 2·0.05·0.02 + 0.05²·4 + 30·0.05²·0.1/3
@@ -48,7 +48,7 @@ fn model_predicts_and_updates_by_its_equations() {
     assert_eq!(millionths(after.covariance), 295_000);
     assert_eq!(millionths(after.velocity_variance), 7_000_000);
     // S = 0.01 + 0.3² = 0.1, y = 0.5: K = [0.1, 0.2].
-    let (after, far, variance) = model.update(real("0.75"), real("0.3"));
+    let (after, far, variance) = model.update(real!("0.75"), real!("0.3"));
     assert_eq!((millionths(variance), millionths(far)), (100_000, 1_250_000));
     assert_eq!((millionths(after.position), millionths(after.velocity)), (300_000, 10_100_000));
     assert_eq!(millionths(after.position_variance), 9000);
@@ -68,7 +68,7 @@ fn mixing_keeps_mean_and_variance_of_all_models() {
     };
     let (before, after) = (moments(&shaft.motion.models), moments(&shaft.mixed()));
     for (before, after) in before.into_iter().zip(after) {
-        assert!(before.0.abs_diff(after.0) < real("0.0001").0, "{before} became {after}");
+        assert!(before.0.abs_diff(after.0) < real!("0.0001").0, "{before} became {after}");
     }
 }
 
@@ -125,7 +125,7 @@ fn lap_placement_and_rise_delay_are_learned() {
     let pattern = shaft.pattern().unwrap();
     for (boundary, place) in (0..).zip(PLACE) {
         let wrong = pattern.place(boundary) - whole(place) / whole(1000);
-        assert!(wrong.0.abs() < real("0.03").0, "{boundary}: {}", pattern.place(boundary));
+        assert!(wrong.0.abs() < real!("0.03").0, "{boundary}: {}", pattern.place(boundary));
     }
     // Part of it is taken for displaced marks, which the three speeds separate slowly.
     assert!((30..=200).contains(&shaft.delay().0), "150 µs, but {:?}", shaft.delay());
@@ -153,7 +153,7 @@ fn cogging_is_told_from_placement_by_its_speeds() {
         let found: i32 = pattern.cogging(cell).0.to_num();
         // Two speeds leave part of it in the widths.
         assert!((found - want).abs() < 500, "{cell}: {found}, not {want}");
-        assert!(pattern.place(cell).0.abs() < real("0.06").0, "{cell}: {}", pattern.place(cell));
+        assert!(pattern.place(cell).0.abs() < real!("0.06").0, "{cell}: {}", pattern.place(cell));
     }
 }
 
