@@ -573,6 +573,8 @@ impl Rotor {
     }
 }
 
+type HardRun = fn(&Hard, usize, u64) -> [f64; 3];
+
 /// Mean square errors of 12 s of a hard motion: velocity of the estimator and of the interval, position.
 fn hard_run<const N: usize>(hard: &Hard, counts: usize, seed: u64) -> [f64; 3] {
     let mut dice = Dice(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
@@ -622,7 +624,7 @@ fn hard_run<const N: usize>(hard: &Hard, counts: usize, seed: u64) -> [f64; 3] {
 #[test]
 fn hard_motions_stay_within_their_bounds() {
     for hard in &HARD {
-        let runs: [fn(&Hard, usize, u64) -> [f64; 3]; 2] = [hard_run::<18>, hard_run::<180>];
+        let runs: [HardRun; 2] = [hard_run::<18>, hard_run::<180>];
         for ((run, counts), (velocity, position)) in runs.into_iter().zip([18, 90]).zip(hard.bounds) {
             let errors: Vec<[f64; 3]> = (1..=4).map(|seed| run(hard, counts, seed)).collect();
             let rms = |i: usize| mean(errors.iter().map(|e| e[i])).sqrt();
