@@ -59,12 +59,33 @@ fn model_predicts_and_updates_by_its_equations() {
 #[test]
 fn mixing_keeps_mean_and_variance_of_all_models() {
     let mut shaft = RecordedShaft::<18>::new(0);
-    feed(&mut shaft, &mut 0, 1, (0..9).map(|k| k * 4000 + k % 2 * 400));
+    for (model, k) in shaft.motion.models.iter_mut().zip(1..) {
+        let k = whole(k);
+        *model = Model {
+            position: k * real!("0.3"),
+            velocity: k * k * whole(7),
+            position_variance: k * real!("0.01"),
+            covariance: k * real!("0.02"),
+            velocity_variance: k * whole(9),
+            weight: k * real!("0.1"),
+        };
+    }
+    // The first two moments of all models together.
     let moments = |models: &[Model; 4]| {
-        let mut mean = NO_MODEL;
-        models.iter().for_each(|model| mean.add_mean(model.weight, model));
-        models.iter().for_each(|model| mean.add_variance(model.weight, model));
-        [mean.position, mean.velocity, mean.position_variance, mean.covariance, mean.velocity_variance]
+        models.iter().fold([ZERO; 5], |sums, model| {
+            let (x, v) = (model.position, model.velocity);
+            let squares =
+                [model.position_variance + x * x, model.covariance + x * v, model.velocity_variance + v * v];
+            let [first, second, third, fourth, fifth] = sums;
+            let w = model.weight;
+            [
+                first + w * x,
+                second + w * v,
+                third + w * squares[0],
+                fourth + w * squares[1],
+                fifth + w * squares[2],
+            ]
+        })
     };
     let (before, after) = (moments(&shaft.motion.models), moments(&shaft.mixed()));
     for (before, after) in before.into_iter().zip(after) {
