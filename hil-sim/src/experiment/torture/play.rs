@@ -31,6 +31,9 @@ const FAULTS_MS: u64 = 15_000;
 /// The longest default of TSTOP.
 const TSTOP_MS: u64 = 400;
 
+/// The default of IVEL either way, counts/s.
+const IVEL: u16 = 200;
+
 /// The hand of a case, its boards native.
 ///
 /// # Errors
@@ -154,14 +157,17 @@ impl<S: Subject> Session<'_, S> {
         moving_ms + QUIET_MS + WAKE_MS + faults_ms
     }
 
-    /// By how much another host has lengthened the stalls of a motion with its TSTOP: HI has three of the links and then three of the
-    /// tips, and two to spare. TSTOP 0 is for ever.
+    /// By how much another host has lengthened the motions of a plain program, which changes no parameter itself. With a longer TSTOP HI has
+    /// three stalls of the links and then three of the tips, and two to spare. TSTOP 0 is for ever, and so is, to this check, a lower IVEL.
     fn stalls_ms(&self) -> u64 {
-        let tstop = |board: &S| Some(board.native()?.application()?.config().tstop);
-        let of = |board| match tstop(board) {
-            Some(0) => u64::MAX / 2,
-            Some(ms) => 8 * u64::from(ms).saturating_sub(TSTOP_MS),
-            None => 0,
+        let of = |board: &S| {
+            let Some(application) = board.native().and_then(Node::application) else { return 0 };
+            let config = application.config();
+            if config.tstop == 0 || config.ivel.unsigned_abs() < IVEL {
+                u64::MAX / 2
+            } else {
+                8 * u64::from(config.tstop).saturating_sub(TSTOP_MS)
+            }
         };
         self.hand.bus().stations().map(of).max().unwrap_or(0)
     }
