@@ -110,6 +110,46 @@ const fn saturating_u32(x: u64) -> u32 {
     if x >> 32 != 0 { u32::MAX } else { x as u32 }
 }
 
+/// `v² / d`, within 2^-15 of it and rounded up where not exact; saturates at 2^32 − 1. `d` is not 0.
+#[must_use]
+pub const fn ratio_of_square(v: u32, d: u64) -> u32 {
+    let square = v as u64 * v as u64;
+    if square == 0 {
+        return 0;
+    }
+    let (zeros, divisor_zeros) = (square.leading_zeros(), (d | 1).leading_zeros());
+    let divisor = (((d | 1) << divisor_zeros) >> 48) as u32;
+    // 2^32 by 2^16.
+    let quotient = ((square << zeros) >> 32) as u32 / divisor;
+    // 32 bits of `square` above 2^(32 − zeros), 16 bits of `d` above 2^(48 − zeros).
+    let shift = divisor_zeros as i32 - zeros as i32 - 16;
+    if shift < 0 {
+        let down = (-shift) as u32;
+        if down > 31 { 0 } else { quotient >> down }
+    } else if shift > 14 {
+        u32::MAX
+    } else {
+        quotient << shift
+    }
+}
+
+/// The low word of a number that the caller knows to fit, or that is to wrap.
+#[must_use]
+pub const fn low_word(x: i64) -> i32 {
+    x as i32
+}
+
+/// Half octaves of a time above 1 ms in µs, to the nearest; 0 below. `us` < 2^29.
+#[must_use]
+pub const fn half_octaves(us: u32) -> usize {
+    // Times 2^(1/4) and rounded down is to the nearest.
+    let us = us + us / 8 + us / 16;
+    let zeros = (us | 1).leading_zeros();
+    let half = (us << zeros) >= 0xB504_F334;
+    let octaves = 2 * (31 - zeros) + half as u32;
+    octaves.saturating_sub(20) as usize
+}
+
 /// `√x` for 52 fractional bits: 32 fractional bits, of which the last six are zero, rounded down to 2^-26 but
 /// not to zero.
 #[must_use]

@@ -14,6 +14,21 @@ const QUIET: Micros = Micros(24_000);
 const QUIET_PUSHED: Micros = Micros(60_000);
 const FRICTION: Torque = Torque(82);
 
+/// Observed velocity at an arrival in the very cell of the end; up to [`SLOWER`] if no edge has come for [`QUIET_CELL`]. It must last for
+/// four ticks; for five if the last edge is that long ago at their beginning, since then it is the model's word alone: a rotor that is
+/// faster is stopped by its friction meanwhile (4270 counts/s²).
+const STILL: CountsPerSec = CountsPerSec::from_int(6);
+const SLOWER: CountsPerSec = CountsPerSec::from_int(20);
+const QUIET_CELL: Micros = Micros(12_000);
+const STILL_MS: u8 = 4;
+const STILL_SLOW_MS: u8 = 5;
+
+/// Time within two cells that is no motion any more, ms.
+const HUNTING_MS: u16 = 250;
+
+/// Time since the end of the profile within which the servo brings the rotor into the end's own cell: an arrival elsewhere waits for it.
+const SETTLING_MS: u32 = 60;
+
 /// Beyond TSTOP, how long a move waits for a motor that gets no nearer to its end, in ms. Every lasting oscillation of a
 /// motor with the manual's gains is over within a tenth of that.
 const PATIENCE_MS: u32 = 2000;
@@ -45,6 +60,12 @@ pub struct Arrival {
     late_ms: u32,
     /// Time since the profile's end.
     settling_ms: u32,
+    /// Ticks at rest in the cell of the end.
+    still_ms: u8,
+    needed_ms: u8,
+    /// Least and largest distance from the end, counts, within which the rotor has stayed for `hunting_ms`.
+    cells: (i32, i32),
+    hunting_ms: u16,
     given_up: bool,
     driven: bool,
 }
@@ -53,7 +74,17 @@ impl Arrival {
     /// Of a move of a motor that was `driven` when it was planned.
     #[must_use]
     pub const fn of(driven: bool) -> Self {
-        Self { nearest: u32::MAX, late_ms: 0, settling_ms: 0, given_up: false, driven }
+        Self {
+            nearest: u32::MAX,
+            late_ms: 0,
+            settling_ms: 0,
+            still_ms: 0,
+            needed_ms: 0,
+            cells: (0, 0),
+            hunting_ms: 0,
+            given_up: false,
+            driven,
+        }
     }
 
     /// One tick of 1 ms after the end of a profile of so many `ticks`, `quiet` after the last edge. Nothing has driven a motor that was off
@@ -64,6 +95,40 @@ impl Arrival {
         let planned_ms = if was_still { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
         let within = |ms: u32| Micros(quiet.0.min(ms.saturating_mul(1000)));
         Quiet { free: within(planned_ms), pushed: within(self.settling_ms) }
+    }
+
+    /// One tick of 1 ms after the end of a profile, `left` counts from it and `quiet` after the last edge. Whether the rotor rests in the
+    /// cell of the end.
+    pub fn rests(&mut self, left: i32, velocity: CountsPerSec, quiet: Micros) -> bool {
+        let within = |most: CountsPerSec| (most.saturating_neg()..=most).contains(&velocity);
+        let still = left == 0 && (within(STILL) || within(SLOWER) && quiet.0 >= QUIET_CELL.0);
+        if !still {
+            self.still_ms = 0;
+            return false;
+        }
+        if self.still_ms == 0 {
+            self.needed_ms = if quiet.0 < QUIET_CELL.0 { STILL_MS } else { STILL_SLOW_MS };
+        }
+        self.still_ms = self.still_ms.saturating_add(1);
+        self.still_ms >= self.needed_ms
+    }
+
+    /// One tick of 1 ms after the end of a profile, `left` counts from it. Whether the rotor has stayed within two neighboring cells for so
+    /// long that it is at their boundary: one that rests on its stop there is never quiet.
+    pub fn hunts(&mut self, left: i32) -> bool {
+        let (low, high) = (self.cells.0.min(left), self.cells.1.max(left));
+        if high.saturating_sub(low) > 1 {
+            (self.cells, self.hunting_ms) = ((left, left), 0);
+        } else {
+            (self.cells, self.hunting_ms) = ((low, high), self.hunting_ms.saturating_add(1));
+        }
+        self.hunting_ms >= HUNTING_MS
+    }
+
+    /// Whether the servo has had its time to bring the rotor into the cell of the end.
+    #[must_use]
+    pub const fn has_settled(&self) -> bool {
+        self.settling_ms >= SETTLING_MS
     }
 
     /// One tick of 1 ms in which the move waits, `left` counts from its end. `tstop` in ms; 0 waits forever.

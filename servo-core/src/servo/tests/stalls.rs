@@ -59,7 +59,7 @@ fn writes() -> [Write; 16] {
         ("MT, KP, KI, KD, KPV, MPE", |servo, n| {
             configure(servo, |c| {
                 let bit = u16::from(odd(n));
-                (c.mt, c.kp, c.ki, c.kd, c.kpv, c.mpe) = (750 - bit, 60 + bit, 800, 256, 32 + bit, 4 + bit);
+                (c.mt, c.kp, c.ki, c.kd, c.kpv, c.mpe) = (750 - bit, 120 + bit, 800 * bit, 640, 32 + bit, 4 + bit);
             });
         }),
         ("the same motion", |servo, n| {
@@ -266,11 +266,9 @@ fn end_of_a_motion_clears_v() {
                     bench.tick();
                 }
                 let status = bench.servo.telemetry();
-                assert_eq!(
-                    (status.setpoint_velocity, status.torque),
-                    (CountsPerSec::ZERO, Torque::ZERO),
-                    "{name}"
-                );
+                assert_eq!(status.setpoint_velocity, CountsPerSec::ZERO, "{name}");
+                // What mode 4 may carry of a load at most; 80 counts/s would take 160 units.
+                assert!(status.torque.saturating_abs() <= Torque(40), "{kind:?} {name}: {:?}", status.torque);
             }
         }
     }
