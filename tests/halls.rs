@@ -1,9 +1,10 @@
-//! Hall decoder and estimator against recordings, and against generated motions of known velocity.
+//! Hall decoder and the estimator of recorded shafts against recordings, and against generated motions of known velocity.
 
 use hil_sim::replay;
 use proptest::prelude::*;
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
-use servo_core::sense::velocity::Estimator;
+use servo_core::sense::recorded::real::Real;
+use servo_core::sense::recorded::{RecordedShaft, Tuning};
 use servo_core::units::Micros;
 use std::path::Path;
 
@@ -74,21 +75,35 @@ fn score(codes: &[u8], estimate: &[(f64, f64)], rate: f64) -> Score {
     }
 }
 
-/// Recordings of motors, replayed with 90 counts a revolution, if they are installed beside the project.
-/// Upper bounds are the project's aims. A result below a quarter of them is suspicious: edges are known to
-/// 1/30 ms only, which is 2 % of the interval of two falling edges at 1500 counts/s.
+/// What is asserted of a recording.
+struct Bound {
+    name: &'static str,
+    /// Read on even marks, as the labels are: velocity and position.
+    labels: (f64, f64),
+    /// The rotor's reading.
+    rotor: (f64, f64),
+}
+
+/// Measured, and 5 %; the aim where that is less (64, 207, 268 and 139 for velocity on even marks).
+const BOUNDS: [Bound; 4] = [
+    Bound { name: "20250616-back-and-forth", labels: (64.0, 0.040), rotor: (67.7, 0.042) },
+    Bound { name: "20250616-speed-cycle", labels: (148.0, 0.052), rotor: (339.0, 0.052) },
+    Bound { name: "20260618-spindle-hw", labels: (197.0, 0.0020), rotor: (576.0, 0.0023) },
+    Bound { name: "20250615-new-slow", labels: (139.0, 0.092), rotor: (161.0, 0.101) },
+];
+
+/// Recordings of motors, replayed with 90 counts a revolution, if they are installed beside the project. A result
+/// below half of a bound is suspicious: edges are known to 1/30 ms only, which is 2 % of the interval of two falling edges
+/// at 1500 counts/s.
 #[test]
-fn recordings_score_within_the_aims() {
+fn recordings_score_within_their_bounds() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures");
     if !folder.exists() {
         println!("skipped: no recordings at {}", folder.display());
         return;
     }
-    for (name, velocity, position, public) in [
-        ("20250616-back-and-forth", 84.0, 0.395, 98.7),
-        ("20250616-speed-cycle", 294.0, 0.177, 345.0),
-        ("20260618-spindle-hw", 506.0, 0.062, 596.0),
-    ] {
+    for (bound, (name, codes, _)) in BOUNDS.iter().zip(recordings()) {
+        assert_eq!(bound.name, name, "a recording is missing");
         let path = folder.join(format!("{name}.dat.gz"));
         let mut lines = Vec::new();
         let replayed = replay::replay(&path, 90, 30_000, &mut lines).unwrap_or_else(|e| panic!("{e}"));
@@ -99,25 +114,144 @@ fn recordings_score_within_the_aims() {
             .map(|(p, v)| (p.parse().expect("position"), v.parse().expect("velocity")))
             .collect();
         assert_eq!((estimate.len(), replayed.bad), (replayed.samples, 0));
+        let labels = score(&codes, &estimate, 30_000.0);
+        let rotor = replay::readings(&codes, 30_000, RecordedShaft::<180>::new(0), RecordedShaft::at);
+        let rotor = score(&codes, &rotor, 30_000.0);
+        for (reading, s) in [("on even marks", &labels), ("the rotor", &rotor)] {
+            println!(
+                "{name}, {reading}: velocity {:.1}, position {:.4}, bias {:.3} %",
+                s.velocity_mse, s.position_mse, s.bias_pct
+            );
+        }
+        for (s, (velocity, position)) in [(&labels, bound.labels), (&rotor, bound.rotor)] {
+            assert!(
+                s.velocity_mse < velocity && s.velocity_mse > velocity / 2.0,
+                "{name}: {}",
+                s.velocity_mse
+            );
+            assert!(s.position_mse < position && s.position_mse > 0.001, "{name}: {}", s.position_mse);
+            // The rotor's reading leaves out the ripple of uneven marks, 0.04 % more in the worst tenth of a second.
+            assert!(s.bias_pct <= 0.35, "{name}: {} %", s.bias_pct);
+        }
+        assert!(labels.bias_pct <= 0.3, "{name}: {} %", labels.bias_pct);
+    }
+}
+
+/// Codes and true velocity of each recording, if they are installed.
+fn recordings() -> Vec<(&'static str, Vec<u8>, Vec<f64>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures");
+    let load = |bound: &Bound| {
+        let file = std::fs::File::open(folder.join(format!("{}.dat.gz", bound.name))).ok()?;
         let mut raw = Vec::new();
-        let file = std::fs::File::open(&path).expect("recording");
-        std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(file), &mut raw).expect("gzip");
-        let codes = replay::samples(&raw).expect("capture").codes;
-        let s = score(&codes, &estimate, 30_000.0);
+        std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(file), &mut raw).ok()?;
+        let codes = replay::samples(&raw)?.codes;
+        let (_, velocity) = truth(&codes, 30_000.0);
+        Some((bound.name, codes, velocity))
+    };
+    BOUNDS.iter().filter_map(load).collect()
+}
+
+/// Mean square velocity error on even marks, at each tenth sample.
+fn tenth_score(codes: &[u8], truth: &[f64], tuning: Tuning) -> f64 {
+    let mut halls = HallDecoder::new(Wiring::from_number(2).expect("wiring 2"), codes[0], 0);
+    let mut shaft = RecordedShaft::<180>::with_tuning(0, tuning);
+    let (mut last, mut errors) = (codes[0], [Vec::new(), Vec::new()]);
+    for ((i, &code), truth) in (0_u32..).zip(codes).zip(truth) {
+        let now = Micros((u64::from(i) * 100 / 3) as u32);
+        if code != last || i % 30 == 0 {
+            if let Some(HallEvent::Step(edge)) = halls.sample(code, now) {
+                shaft.edge(&edge);
+            }
+            last = code;
+        }
+        if i % 10 == 0 {
+            let v = shaft.on_even_marks(now).1.0.to_num::<f64>();
+            // The wiring's direction is unknown.
+            errors[0].push((v - truth).powi(2));
+            errors[1].push((v + truth).powi(2));
+        }
+    }
+    let [same, other] = errors.map(|e| mean(e.into_iter()));
+    same.min(other)
+}
+
+fn real(text: &str) -> Real {
+    text.parse().expect("a number")
+}
+
+/// Multiplies constants of the estimator.
+type Knob = fn(&mut Tuning, Real);
+
+const KNOBS: [Knob; 13] = [
+    |t, by| (t.accelerations[0], t.accelerations[2]) = (t.accelerations[0] * by, t.accelerations[2] * by),
+    |t, by| t.accelerations[1] *= by,
+    |t, by| t.accelerations[3] *= by,
+    |t, by| (t.deviations[0], t.deviations[1]) = (t.deviations[0] * by, t.deviations[1] * by),
+    |t, by| (t.deviations[2], t.deviations[3]) = (t.deviations[2] * by, t.deviations[3] * by),
+    |t, by| t.stay = real("1") - (real("1") - t.stay) * by,
+    |t, by| t.run *= by,
+    |t, by| t.first_speed *= by,
+    |t, by| t.width_variance *= by,
+    |t, by| (t.cogging_variance, t.cogging_growth) = (t.cogging_variance * by, t.cogging_growth * by),
+    |t, by| t.residual_factor *= by,
+    |t, by| t.residual_memory *= by,
+    |t, by| t.score_memory *= by,
+];
+
+/// Guards against tuning to recordings: leaves each out in turn, chooses the constants from the others by coordinate
+/// descent from powers of ten, and scores the one left out. Takes minutes, so only on request.
+#[test]
+fn leave_one_out() {
+    if std::env::var_os("LEAVE_ONE_OUT").is_none() {
         println!(
-            "{name}: velocity {:.1}, position {:.4}, bias {:.3} %",
-            s.velocity_mse, s.position_mse, s.bias_pct
+            "skipped: set LEAVE_ONE_OUT=1 to choose constants from three recordings and score the fourth"
         );
-        // The servo's own, smooth reading. It leaves out the ripple that uneven marks add to a constant speed, which this truth contains.
-        let own = score(&codes, &replay::readings::<180>(&codes, 30_000, Estimator::at), 30_000.0);
-        println!(
-            "  the servo's own reading: velocity {:.1}, position {:.4}",
-            own.velocity_mse, own.position_mse
-        );
-        assert!(own.velocity_mse < public && own.position_mse < position, "{name}: {}", own.velocity_mse);
-        assert!(s.velocity_mse < velocity && s.velocity_mse > velocity / 4.0, "{name}: {}", s.velocity_mse);
-        assert!(s.position_mse < position && s.position_mse > 0.001, "{name}: {}", s.position_mse);
-        assert!(s.bias_pct <= 0.3, "{name}: {} %", s.bias_pct);
+        return;
+    }
+    let start = Tuning {
+        accelerations: ["1000", "100000", "1000", "1000000"].map(real),
+        deviations: ["0.01", "0.01", "0.1", "0.1"].map(real),
+        stay: real("0.99"),
+        run: real("1"),
+        first_speed: real("100"),
+        width_variance: real("0.01"),
+        cogging_variance: real("100000"),
+        cogging_growth: real("1000"),
+        residual_factor: real("10"),
+        residual_memory: real("100"),
+        score_memory: real("100"),
+        better: real("0.9"),
+    };
+    let recordings = recordings();
+    for left in &recordings {
+        let others = || recordings.iter().filter(|other| other.0 != left.0);
+        let cost = |t: Tuning| others().map(|(_, c, v)| tenth_score(c, v, t).ln()).sum::<f64>();
+        let (mut best, mut least) = (start, cost(start));
+        for step in ["4", "2", "1.5"].map(real) {
+            for (knob, by) in KNOBS.iter().flat_map(|knob| [(knob, step), (knob, real("1") / step)]) {
+                let mut tuning = best;
+                knob(&mut tuning, by);
+                let cost = cost(tuning);
+                if cost < least {
+                    (best, least) = (tuning, cost);
+                }
+            }
+        }
+        let scored = |t| {
+            let rows = replay::readings(
+                &left.1,
+                30_000,
+                RecordedShaft::<180>::with_tuning(0, t),
+                RecordedShaft::on_even_marks,
+            );
+            let s = score(&left.1, &rows, 30_000.0);
+            format!(
+                "velocity {:.1}, position {:.4}, bias {:.2} %",
+                s.velocity_mse, s.position_mse, s.bias_pct
+            )
+        };
+        println!("{}: start {}; chosen from the others {}", left.0, scored(start), scored(best));
+        println!("  {best:?}");
     }
 }
 
@@ -137,24 +271,25 @@ impl Dice {
     }
 }
 
-/// One motor with 18 counts a revolution: placement of its edges, and delay of its rising lines.
+/// One motor: placement of its edges in a revolution, and delay of its rising lines.
 struct Motor {
-    offsets: [f64; 18],
+    offsets: Vec<f64>,
     rise_us: u32,
     high_since: [Option<u32>; 3],
 }
 
 impl Motor {
-    fn new(dice: &mut Dice) -> Self {
-        let mut offsets = [0.0; 18];
-        // ±10° electrical, six edges in 360°.
-        offsets.fill_with(|| dice.range(-1.0 / 6.0, 1.0 / 6.0));
+    /// `counts` a revolution, edges displaced by up to ± `degrees` electrical, rising lines late by up to 300 µs.
+    fn new(dice: &mut Dice, counts: usize, degrees: f64) -> Self {
+        // Six edges in 360°.
+        let offsets = (0..counts).map(|_| dice.range(-degrees / 60.0, degrees / 60.0)).collect();
         Self { offsets, rise_us: dice.range(0.0, 300.0) as u32, high_since: [Some(0); 3] }
     }
 
     fn cell(&self, position: f64) -> i32 {
         let near = (position + 0.5).floor() as i32;
-        let boundary = |k: i32| f64::from(k) - 0.5 + self.offsets[k.rem_euclid(18) as usize];
+        let boundary =
+            |k: i32| f64::from(k) - 0.5 + self.offsets[k.rem_euclid(self.offsets.len() as i32) as usize];
         (near - 1..=near + 1).rev().find(|&k| position >= boundary(k)).unwrap_or(near - 1)
     }
 
@@ -186,12 +321,12 @@ struct Run {
 /// dwells; `glitches` is the fraction of edges that follow a wrong code of 4 µs.
 fn run(seed: u64, accelerations: (f64, f64), glitches: f64) -> Run {
     let mut dice = Dice(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
-    let mut motor = Motor::new(&mut dice);
+    let mut motor = Motor::new(&mut dice, 18, 10.0);
     let (mut position, mut velocity, mut target, mut acceleration) = (0.0_f64, 0.0_f64, 0.0_f64, 1000.0);
     let first = motor.lines(position, 0);
     let start = motor.cell(position);
     let mut halls = HallDecoder::new(Wiring::STANDARD, first, start);
-    let mut estimator = Estimator::<18>::new(start);
+    let mut estimator = RecordedShaft::<18>::new(start);
     let mut seen = first;
     // Plain: one count over the last interval, less when the next edge is overdue, zero after a reversal.
     let (mut edge_at, mut edge_sign, mut plain) = (0_u32, 0_i8, 0.0_f64);
@@ -284,7 +419,7 @@ fn generated_motions_beat_the_interval_velocity() {
 /// Velocity at 30 kHz of 30 s of generated moves: from the lines, and of the rotor.
 fn recording(seed: u64, accelerations: (f64, f64)) -> (Vec<u8>, Vec<f64>) {
     let mut dice = Dice(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
-    let mut motor = Motor::new(&mut dice);
+    let mut motor = Motor::new(&mut dice, 18, 10.0);
     let (mut position, mut velocity, mut target, mut acceleration, mut until) =
         (0.0, 0.0_f64, 0.0, 1000.0, 0);
     let sample = |i: u32| {
@@ -301,34 +436,207 @@ fn recording(seed: u64, accelerations: (f64, f64)) -> (Vec<u8>, Vec<f64>) {
 }
 
 /// Either the marks are misplaced (as here), or the rotor ripples over even marks (as the truth from falling
-/// edges reads the same lines). The replay takes half of the ripple for each: it adds at most a quarter of
-/// the ripple's power to the error of the servo's estimate if that is right, and removes more than half of it
-/// if not.
+/// edges reads the same lines). The reading on even marks is right in the second case and wrong by the whole ripple in
+/// the first; the rotor's reading is the other way around. So neither is better, and only one may enter a control loop.
 #[test]
-fn undecided_reading_is_at_most_half_wrong() {
+fn each_reading_is_right_for_its_own_truth() {
     for (seed, accelerations) in [(1, (300.0, 1500.0)), (2, (300.0, 1500.0)), (3, (3000.0, 8000.0))] {
         let (codes, rotor) = recording(seed, accelerations);
         let (_, marks) = truth(&codes, 30_000.0);
-        let undecided: Vec<f64> =
-            replay::estimate::<18>(&codes, 30_000).into_iter().map(|(_, v)| v).collect();
-        let mut halls = HallDecoder::new(Wiring::STANDARD, codes[0], 0);
-        let mut estimator = Estimator::<18>::new(0);
-        let servo = (0_u32..).zip(&codes).map(|(i, &code)| {
-            let now = Micros(i * 100 / 3);
-            if let Some(HallEvent::Step(edge)) = halls.sample(code, now) {
-                estimator.edge(&edge);
-            }
-            estimator.at(now).1.0.to_num::<f64>()
-        });
-        let servo: Vec<f64> = servo.collect();
+        let read = |reading| -> Vec<f64> {
+            let rows = replay::readings(&codes, 30_000, RecordedShaft::<18>::new(0), reading);
+            rows.into_iter().map(|(_, v)| v).collect()
+        };
+        let (smooth, even) = (read(RecordedShaft::at), read(RecordedShaft::on_even_marks));
         let mse = |a: &[f64], b: &[f64]| mean(a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
         let ripple = mse(&rotor, &marks);
-        let (smooth, half) = (mse(&servo, &rotor), mse(&undecided, &rotor));
-        println!("ripple {ripple:.0}; rotor smooth: servo {smooth:.0}, undecided {half:.0}");
-        assert!(half < smooth + ripple / 4.0, "{half} against {smooth}, ripple {ripple}");
-        let (smooth, half) = (mse(&servo, &marks), mse(&undecided, &marks));
-        println!("  marks even: servo {smooth:.0}, undecided {half:.0}");
-        assert!(half < smooth - ripple / 2.0, "{half} against {smooth}, ripple {ripple}");
+        let (right, wrong) = (mse(&smooth, &rotor), mse(&even, &rotor));
+        println!("ripple {ripple:.0}; rotor smooth: the rotor {right:.0}, on even marks {wrong:.0}");
+        assert!(right < ripple / 5.0 && wrong > ripple / 2.0, "{right}, {wrong}, ripple {ripple}");
+        let (wrong, right) = (mse(&smooth, &marks), mse(&even, &marks));
+        println!("  marks even: the rotor {wrong:.0}, on even marks {right:.0}");
+        assert!(right < ripple / 5.0 && wrong > ripple / 2.0, "{right}, {wrong}, ripple {ripple}");
+    }
+}
+
+/// A motion that is hard to follow.
+struct Hard {
+    name: &'static str,
+    /// Fastest target, counts/s.
+    speed: f64,
+    /// Counts/s².
+    accelerations: (f64, f64),
+    /// Probabilities that the next target is 0, and that it is in the other direction.
+    stop: f64,
+    reverse: f64,
+    /// Seconds until the next target.
+    dwell: (f64, f64),
+    /// Surplus of v² at the peak of a cog, (counts/s)².
+    cogging: f64,
+    /// Bounds for 18 and 90 counts a revolution: rms errors of velocity, counts/s, and position, counts. Measured, and 5 %.
+    bounds: [(f64, f64); 2],
+}
+
+const HARD: [Hard; 6] = [
+    Hard {
+        name: "hand",
+        speed: 30.0,
+        accelerations: (20.0, 300.0),
+        stop: 0.25,
+        reverse: 0.5,
+        dwell: (0.1, 1.0),
+        cogging: 0.0,
+        bounds: [(5.1, 0.262), (5.28, 0.266)],
+    },
+    Hard {
+        name: "hand over cogs",
+        speed: 30.0,
+        accelerations: (20.0, 300.0),
+        stop: 0.25,
+        reverse: 0.5,
+        dwell: (0.1, 1.0),
+        cogging: 130.0,
+        bounds: [(6.1, 0.286), (5.95, 0.287)],
+    },
+    Hard {
+        name: "brisk hand",
+        speed: 200.0,
+        accelerations: (200.0, 3000.0),
+        stop: 0.2,
+        reverse: 0.5,
+        dwell: (0.1, 1.0),
+        cogging: 0.0,
+        bounds: [(9.38, 0.184), (12.7, 0.27)],
+    },
+    Hard {
+        name: "slow over cogs",
+        speed: 100.0,
+        accelerations: (50.0, 300.0),
+        stop: 0.0,
+        reverse: 0.0,
+        dwell: (1.0, 4.0),
+        cogging: 640.0,
+        bounds: [(5.94, 0.13), (6.68, 0.219)],
+    },
+    Hard {
+        name: "spindle",
+        speed: 1000.0,
+        accelerations: (300.0, 1500.0),
+        stop: 0.1,
+        reverse: 0.1,
+        dwell: (0.5, 2.0),
+        cogging: 640.0,
+        bounds: [(7.11, 0.087), (9.11, 0.191)],
+    },
+    Hard {
+        name: "full torque",
+        speed: 1000.0,
+        accelerations: (20_000.0, 70_000.0),
+        stop: 0.2,
+        reverse: 0.5,
+        dwell: (0.1, 0.5),
+        cogging: 0.0,
+        bounds: [(37.8, 0.185), (38.7, 0.214)],
+    },
+];
+
+/// A rotor on its way to targets, with cogs.
+struct Rotor {
+    dice: Dice,
+    position: f64,
+    velocity: f64,
+    target: f64,
+    acceleration: f64,
+    until: f64,
+}
+
+impl Rotor {
+    /// Moves on by 25 µs, with so many counts in a cog.
+    fn step(&mut self, hard: &Hard, now: f64, cog: f64) {
+        const DT: f64 = 25e-6;
+        if now >= self.until {
+            self.until = now + self.dice.range(hard.dwell.0, hard.dwell.1);
+            self.acceleration = self.dice.range(hard.accelerations.0, hard.accelerations.1);
+            let sign = if (self.target < 0.0) == (self.dice.unit() < hard.reverse) { 1.0 } else { -1.0 };
+            let stops = self.dice.unit() < hard.stop;
+            self.target = if stops { 0.0 } else { sign * self.dice.range(hard.speed / 10.0, hard.speed) };
+        }
+        let most = self.acceleration * DT;
+        self.velocity += (self.target - self.velocity).clamp(-most, most);
+        if hard.cogging > 0.0 && (self.target != 0.0 || self.velocity.abs() > 2.0) {
+            // The potential c/2·sin(2πx/cog) accelerates by its slope; the drive pulls back to the target within 0.1 s.
+            let turn = std::f64::consts::TAU / cog;
+            self.velocity += hard.cogging * turn * (turn * self.position).cos() * DT;
+            self.velocity += (self.target - self.velocity) * DT / 0.1;
+        }
+        self.position += self.velocity * DT;
+    }
+}
+
+type HardRun = fn(&Hard, usize, u64) -> [f64; 3];
+
+/// Mean square errors of 12 s of a hard motion: velocity of the estimator and of the interval, position.
+fn hard_run<const N: usize>(hard: &Hard, counts: usize, seed: u64) -> [f64; 3] {
+    let mut dice = Dice(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+    let mut motor = Motor::new(&mut dice, counts, 15.0);
+    let cog = if counts == 18 { 3.0 } else { 3.75 };
+    let mut rotor = Rotor { dice, position: 0.0, velocity: 0.0, target: 0.0, acceleration: 0.0, until: 0.2 };
+    let mut seen = motor.lines(0.0, 0);
+    let start = motor.cell(0.0);
+    let mut halls = HallDecoder::new(Wiring::STANDARD, seen, start);
+    let mut shaft = RecordedShaft::<N>::new(start);
+    let (mut edge_at, mut edge_sign, mut plain) = (0_u32, 0_i8, 0.0_f64);
+    let (mut sums, mut ticks) = ([0.0; 3], 0.0);
+    for now in (25..12_000_000_u32).step_by(25) {
+        rotor.step(hard, f64::from(now) * 1e-6, cog);
+        let code = motor.lines(rotor.position, now);
+        let tick = now % 1000 == 0;
+        if (code != seen || tick)
+            && let Some(HallEvent::Step(edge)) = halls.sample(code, Micros(now))
+        {
+            shaft.edge(&edge);
+            if !edge.bounce {
+                let sign = edge.direction.sign();
+                let dt = f64::from((now - edge_at).max(25)) * 1e-6;
+                plain = if sign == edge_sign { f64::from(sign) / dt } else { 0.0 };
+                (edge_at, edge_sign) = (now, sign);
+            }
+        }
+        seen = code;
+        if tick {
+            let (p, v) = shaft.at(Micros(now));
+            let bound = 1.0 / (f64::from((now - edge_at).max(1)) * 1e-6);
+            let errors = [
+                v.0.to_num::<f64>() - rotor.velocity,
+                plain.clamp(-bound, bound) - rotor.velocity,
+                p.0.to_num::<f64>() - rotor.position,
+            ];
+            for (sum, error) in sums.iter_mut().zip(errors) {
+                *sum += error * error;
+            }
+            ticks += 1.0;
+        }
+    }
+    sums.map(|sum| sum / ticks)
+}
+
+/// Placement ±15° electrical and rise delay 0–300 µs in each run; both lap lengths; nothing learned beforehand.
+#[test]
+fn hard_motions_stay_within_their_bounds() {
+    for hard in &HARD {
+        let runs: [HardRun; 2] = [hard_run::<18>, hard_run::<180>];
+        for ((run, counts), (velocity, position)) in runs.into_iter().zip([18, 90]).zip(hard.bounds) {
+            let errors: Vec<[f64; 3]> = (1..=4).map(|seed| run(hard, counts, seed)).collect();
+            let rms = |i: usize| mean(errors.iter().map(|e| e[i])).sqrt();
+            let (ours, plain, place) = (rms(0), rms(1), rms(2));
+            println!(
+                "{}, {counts}: {ours:.2} counts/s, interval {plain:.2} ({:.3}), position {place:.3}",
+                hard.name,
+                ours / plain
+            );
+            assert!(ours < velocity && ours > velocity / 2.0, "{}: {ours} counts/s", hard.name);
+            assert!(place < position && place > position / 2.0, "{}: {place} counts", hard.name);
+        }
     }
 }
 
@@ -336,20 +644,21 @@ proptest! {
     #[test]
     fn any_lines_keep_position_and_velocity_plausible(samples in prop::collection::vec((0..8_u8, 1..20_000_u32), 0..400), begin: u32) {
         let mut halls = HallDecoder::new(Wiring::STANDARD, 2, 0);
-        let mut estimator = Estimator::<18>::new(0);
+        let mut estimator = RecordedShaft::<18>::new(0);
         let mut now = begin;
         for (code, dt) in samples {
             now = now.wrapping_add(dt);
             if let Some(HallEvent::Step(edge)) = halls.sample(code, Micros(now)) {
                 estimator.edge(&edge);
             }
-            for later in [0, 300, 5000, 400_000] {
+            for later in [0, 300, 5000, 400_000, 1_000_000] {
                 let (p, v) = estimator.clone().at(Micros(now.wrapping_add(later)));
                 prop_assert!((p.0.to_num::<f64>() - f64::from(halls.count())).abs() <= 0.5);
-                // At most 1⅓ counts (placement) in the elapsed time, of 100 µs at least.
-                let passed = f64::from(later.max(100)) * 1e-6;
-                prop_assert!(v.0.to_num::<f64>().abs() <= 1.4 / (passed - 400e-6).max(100e-6), "{v:?} after {later}");
-                if later >= 300_000 {
+                // The mean of a truncated normal velocity exceeds the bound of a constant one, 1⅓ counts in the elapsed
+                // time, by its deviation at most; 200 µs apart is as near as the decoder lets edges follow.
+                let passed = f64::from(later.max(200)) * 1e-6;
+                prop_assert!(v.0.to_num::<f64>().abs() <= 4.0 / passed, "{v:?} after {later}");
+                if later >= 1_000_000 {
                     prop_assert_eq!(v.0.to_num::<f64>(), 0.0);
                 }
             }

@@ -1,10 +1,10 @@
-//! Runs recorded hall lines through the servo's decoder and estimator.
+//! Runs recorded hall lines through the servo's decoder and the estimator of recorded shafts.
 //!
 //! A capture is a sequence of three-byte samples: 0x5A, then the hall code (bits 2..0 of a little-endian
 //! word). It may begin in the middle of a sample, and may be gzipped.
 
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
-use servo_core::sense::velocity::Estimator;
+use servo_core::sense::recorded::RecordedShaft;
 use servo_core::units::{Counts, CountsPerSec, Micros};
 use std::fs::File;
 use std::io::{Read, Write};
@@ -40,7 +40,7 @@ pub struct Samples {
 
 /// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture.
 ///
-/// With 90 counts a revolution, 180 edge places are learned: a recording's motor is often not the one its
+/// With 90 counts a revolution, laps of up to 180 counts are tried: a recording's motor is often not the one its
 /// user assumes, and 180 fits every motor with 1, 2, 3, 5, 6, 10, 15 or 30 pole pairs.
 ///
 /// # Errors
@@ -155,25 +155,24 @@ pub fn samples(raw: &[u8]) -> Option<Samples> {
     Some(Samples { codes, bad: frames.iter().filter(|[sync, ..]| *sync != SYNC).count() })
 }
 
-/// Position and velocity at each sample. Only the edges of the recorded rotor are known, so the readings are
-/// [`undecided`](Estimator::undecided).
+/// Position and velocity at each sample, read [`on even marks`](RecordedShaft::on_even_marks), as the labels of recordings are.
 #[must_use]
 pub fn estimate<const N: usize>(codes: &[u8], rate_hz: u32) -> Vec<(f64, f64)> {
-    readings::<N>(codes, rate_hz, Estimator::undecided)
+    readings(codes, rate_hz, RecordedShaft::<N>::new(0), RecordedShaft::on_even_marks)
 }
 
-/// One of the estimator's readings at each sample; [`Estimator::at`] is the servo's. Changes of the lines
+/// One of the estimator's readings at each sample; [`RecordedShaft::at`] is the rotor's. Changes of the lines
 /// call the decoder as the interrupt does, and so does a tick each millisecond.
 #[must_use]
 pub fn readings<const N: usize>(
     codes: &[u8],
     rate_hz: u32,
-    reading: fn(&mut Estimator<N>, Micros) -> (Counts, CountsPerSec),
+    mut shaft: RecordedShaft<N>,
+    reading: fn(&mut RecordedShaft<N>, Micros) -> (Counts, CountsPerSec),
 ) -> Vec<(f64, f64)> {
     let Some(wiring) = Wiring::from_number(WIRING) else { return Vec::new() };
     let first = codes.first().copied().unwrap_or(0);
     let mut halls = HallDecoder::new(wiring, first, 0);
-    let mut estimator = Estimator::<N>::new(0);
     let mut last = first;
     let mut tick = 0_u64;
     let mut rows = Vec::with_capacity(codes.len());
@@ -184,11 +183,11 @@ pub fn readings<const N: usize>(
         tick = us / 1000;
         if code != last || ticked {
             if let Some(HallEvent::Step(edge)) = halls.sample(code, now) {
-                estimator.edge(&edge);
+                shaft.edge(&edge);
             }
             last = code;
         }
-        let (position, velocity) = reading(&mut estimator, now);
+        let (position, velocity) = reading(&mut shaft, now);
         rows.push((position.0.to_num::<f64>(), velocity.0.to_num::<f64>()));
     }
     rows

@@ -2,5 +2,5 @@
 pub mod commutation;
 pub mod hall;
 pub mod observer;
-pub mod velocity;
+pub mod recorded;
 pub mod wiring;
