@@ -790,7 +790,6 @@ impl Servo {
                 control.setpoint.done
             }
             Motion::Torque(_) => true,
-            Motion::Velocity => self.velocity_wanted == CountsPerSec::ZERO,
             _ => false,
         }
     }
@@ -951,8 +950,16 @@ impl Servo {
             }
         }
         // Into the obstacle at which the last motion has just stalled, a move would push until its set-point is a count ahead.
-        let closing = self.end > position.round();
-        if matches!(goal, Goal::Move { .. }) && self.stall.is_over(closing, self.tuning.config.tstop) {
+        let end = match goal {
+            Goal::Move { .. } => Some(self.end),
+            Goal::Position { at, .. } => at,
+            _ => None,
+        };
+        let here = self.position.round();
+        if end.is_some_and(|end| {
+            (end != here || matches!(goal, Goal::Move { .. }))
+                && self.stall.is_over(end > here, self.tuning.config.tstop)
+        }) {
             self.finish(EndReason::Stalled);
         } else {
             self.plan();
@@ -1255,6 +1262,8 @@ impl Servo {
             let quiet = arrival.settle(quiet, ticks);
             let settled = ticks == 0 || arrival.has_settled();
             let rests = rests || arrival.hunts(left) && left.unsigned_abs() <= u32::from(mpe);
+            // What had nothing to do shows nothing of what may have driven it.
+            let rests = rests && ticks > 0;
             if rests || settled && arrived(left, mpe, self.velocity, self.applied.torque, quiet) {
                 return Some(EndReason::Arrived);
             }
@@ -1277,9 +1286,19 @@ impl Servo {
             Motion::Zero { .. } if self.tuning.config.accel == 0 => Some(self.tuning.config.ioff > 0),
             Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
                 let lag = control.lag(self.position);
+                // Its set-point has only begun to move towards an obstacle that has just stalled the motor.
+                let ahead = control.profile.end().wrapping_sub(self.position);
+                let closing = ahead > Counts::ZERO;
+                if ahead.round() != 0 && self.stall.is_over(closing, self.tstop()) {
+                    return Some(closing);
+                }
                 let torque = direction(i32::from(self.applied.torque.0));
                 // A high KD may press a rotor on a stop that its set-point has not reached yet.
                 if self.presses() && torque == direction(control.setpoint.velocity.round().into()) {
+                    return torque;
+                }
+                let elsewhere = control.setpoint.done && lag.round() != 0;
+                if elsewhere && self.applied.torque.saturating_abs() >= FRICTION {
                     return torque;
                 }
                 (!lag.is_within(DRIVEN_LAG)).then_some(lag > Counts::ZERO)
@@ -1338,9 +1357,13 @@ impl Servo {
         self.report(Event::Ended { reason, mode: self.motion.mode() });
     }
 
-    /// Holds the present position, after an arrival the end of the motion. The observed load stays carried.
+    /// Holds the present position. After an arrival the observed load stays carried.
     fn hold(&mut self, reason: EndReason) {
         let arrived = reason == EndReason::Arrived;
+        if !arrived {
+            // It was pushing, against an obstacle maybe.
+            self.observer.forget_load();
+        }
         self.motion = match self.motion {
             // The brake keeps the rest of its release time.
             Motion::Starting { brake_ms, .. } if brake_ms < self.tuning.config.brake_ms => {

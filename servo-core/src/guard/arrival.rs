@@ -20,6 +20,9 @@ const FRICTION: Torque = Torque(82);
 const STILL: CountsPerSec = CountsPerSec::from_int(6);
 const SLOWER: CountsPerSec = CountsPerSec::from_int(20);
 const QUIET_CELL: Micros = Micros(12_000);
+/// Least time since the last edge: a rotor that has just come into the cell is as fast as it is, whatever the model says. With the four ticks
+/// it is 10 ms, in which one of 100 counts/s passes the cell.
+const QUIET_LEAST: Micros = Micros(6_000);
 const STILL_MS: u8 = 4;
 const STILL_SLOW_MS: u8 = 5;
 
@@ -101,7 +104,8 @@ impl Arrival {
     /// cell of the end.
     pub fn rests(&mut self, left: i32, velocity: CountsPerSec, quiet: Micros) -> bool {
         let within = |most: CountsPerSec| (most.saturating_neg()..=most).contains(&velocity);
-        let still = left == 0 && (within(STILL) || within(SLOWER) && quiet.0 >= QUIET_CELL.0);
+        let still = left == 0
+            && (within(STILL) && quiet.0 >= QUIET_LEAST.0 || within(SLOWER) && quiet.0 >= QUIET_CELL.0);
         if !still {
             self.still_ms = 0;
             return false;

@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn nominal_motor_gets_its_torque_below_150_counts_per_second() {
-        for torque in [22, 100, 750] {
+        for torque in [25, 100, 750] {
             for speed in [-150, -20, 20, 150_i16] {
                 let velocity = CountsPerSec::from_int(speed);
                 let full = emf(K, velocity);

@@ -79,7 +79,7 @@ const STANDING_US: i32 = 50_000;
 /// Longest interval of a correction without an edge, µs.
 const OVERDUE_US: i32 = 25_000;
 /// What a missing or unexpected edge adds to the load each tick while the rotor should rest, torque units.
-const REST_PULL: i32 = 8 * ONE;
+const REST_PULL: i32 = 16 * ONE;
 /// θ never falls below these: 0.3, and 0.2 in a maneuver.
 const KEEP_LEAST: i32 = 19_661;
 const KEEP_LEAST_MANEUVER: i32 = 13_107;
@@ -159,16 +159,17 @@ impl Motor {
     /// From the properties MKA, MKE, MFC, MFS and MTE.
     #[must_use]
     pub fn new(config: &Config) -> Self {
-        let (gain, emf) = (i32::from(config.mka), i32::from(config.mke));
+        // What a field can hold beyond the properties' ranges is cut: the products of a tick fit 32 bits.
+        let (gain, emf) = (i32::from(config.mka.min(5_000)), i32::from(config.mke.min(5_000)));
         // 2^28 / 16 / 1000 = 16,777.2; below 2^31 for every gain up to 65,535.
         let step = mul_shift(gain, 16_777, 0) + gain / 5;
         let rate = mul_shift(gain, emf, 12).max(1);
         Self {
             step,
             emf: emf << 4,
-            friction: i32::from(config.mfc) << 16,
-            stiction: i32::from(config.mfs.max(config.mfc)) << 16,
-            lag: (i32::from(config.mte) << 16) / TICK_US,
+            friction: i32::from(config.mfc.min(400)) << 16,
+            stiction: i32::from(config.mfs.max(config.mfc).min(400)) << 16,
+            lag: (i32::from(config.mte.min(1_000)) << 16) / TICK_US,
             rate,
             relative_rate: (rate.unsigned_abs() << 8) / TABLE_RATE.unsigned_abs() << 8,
         }

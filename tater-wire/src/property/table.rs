@@ -476,7 +476,7 @@ table! {
     // 0.03 and 0.04 N·m, 0.8 mH / 2.4 Ω.
     MKA = 122, 16, ReadWrite, Yes, "1/16 count/s2 per 1/1024 peak", 160..=5000, Same(1454),
         "motor model: acceleration of motor and joint by torque";
-    MKE = 123, 16, ReadWrite, Yes, "1/4096 of 1/1024 peak per count/s", 400..=16000, Same(3971),
+    MKE = 123, 16, ReadWrite, Yes, "1/4096 of 1/1024 peak per count/s", 400..=5000, Same(3971),
         "motor model: EMF; a torque unit is 1/1024 of 24 V";
     MFC = 124, 16, ReadWrite, Yes, "1/1024 peak", 0..=400, Same(47),
         "motor model: friction in motion";
