@@ -1297,7 +1297,8 @@ impl Servo {
                 if self.presses() && torque == direction(control.setpoint.velocity.round().into()) {
                     return torque;
                 }
-                let elsewhere = control.setpoint.done && lag.round() != 0;
+                let elsewhere =
+                    control.setpoint.done && control.setpoint.position.round() != self.position.round();
                 if elsewhere && self.applied.torque.saturating_abs() >= FRICTION {
                     return torque;
                 }

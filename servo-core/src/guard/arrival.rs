@@ -195,6 +195,64 @@ mod tests {
         assert_eq!(Arrival::of(true).settle(still, 0), us(1_000, 1_000), "something may have driven it away");
     }
 
+    /// First tick in which it rests.
+    fn rests_after(left: i32, velocity: i16, quiet: Micros) -> Option<u8> {
+        let mut arrival = Arrival::of(false);
+        (1..50).find(|_| arrival.rests(left, CountsPerSec::from_int(velocity), quiet))
+    }
+
+    #[test]
+    fn rotor_rests_in_the_cell_of_the_end_after_four_slow_ticks_or_five_quiet_ones() {
+        let (least, cell) = (QUIET_LEAST, QUIET_CELL);
+        let early = |quiet: Micros| Micros(quiet.0 - 1);
+        for (left, velocity, quiet, ticks) in [
+            (0, 6, least, Some(4)),
+            (0, -6, early(cell), Some(4)),
+            (0, 0, early(least), None),
+            (0, 7, early(cell), None),
+            (0, 20, cell, Some(5)),
+            (0, -20, cell, Some(5)),
+            (0, 0, cell, Some(5)),
+            (0, 21, cell, None),
+            (0, -21, cell, None),
+            (1, 0, cell, None),
+            (-1, 0, cell, None),
+        ] {
+            assert_eq!(rests_after(left, velocity, quiet), ticks, "{left} {velocity} {quiet:?}");
+        }
+    }
+
+    #[test]
+    fn rest_begins_anew_when_the_rotor_moves() {
+        let mut arrival = Arrival::of(false);
+        for velocity in [0, 0, 0, 7, 0, 0, 0] {
+            assert!(!arrival.rests(0, CountsPerSec::from_int(velocity), QUIET_LEAST));
+        }
+        assert!(arrival.rests(0, CountsPerSec::ZERO, QUIET_LEAST));
+    }
+
+    #[test]
+    fn rotor_hunts_that_stays_within_two_cells_for_250_ms() {
+        for (span, hunts) in [(0, true), (1, true), (2, false)] {
+            let mut arrival = Arrival::of(false);
+            let ticks = (1..1000).find(|tick| arrival.hunts(-3 + span * (tick / 20 % 2)));
+            // The first tick only shows where it is.
+            assert_eq!(ticks.is_some_and(|ticks| (250..=251).contains(&ticks)), hunts, "{span}: {ticks:?}");
+            assert_eq!(ticks.is_some(), hunts, "{span}: {ticks:?}");
+        }
+    }
+
+    #[test]
+    fn servo_has_60_ms_to_settle() {
+        let mut arrival = Arrival::of(false);
+        for _ in 0..59 {
+            arrival.settle(Micros(0), 5);
+        }
+        assert!(!arrival.has_settled());
+        arrival.settle(Micros(0), 5);
+        assert!(arrival.has_settled());
+    }
+
     #[test]
     fn move_that_gets_no_nearer_gives_up_after_tstop_and_two_seconds() {
         for tstop in [1, 300, u16::MAX] {

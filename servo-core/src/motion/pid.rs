@@ -115,7 +115,6 @@ impl Pid {
     }
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;

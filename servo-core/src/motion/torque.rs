@@ -53,7 +53,6 @@ pub fn sure_emf(emf: i32, nominal: i32, torque: Torque) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::str::FromStr;
 
     const K: Law = Law::lit("0.9696");
 

@@ -545,7 +545,7 @@ impl Observer {
         m.quiet_us = -into;
         let most = if first { FIRST_RESIDUAL } else { MOST_RESIDUAL };
         // Beyond an edge a tick the corrections share what one would do.
-        let residual_share = if since < TICK_US { mul_low(residual, since * 4194, 22) } else { residual };
+        let residual_share = if since < TICK_US && !first { mul_low(residual, since * 4194, 22) } else { residual };
         self.correct(residual_share.clamp(-most, most), interval, keep, false);
         let m = &mut self.state;
         if first && self.resting {
@@ -573,8 +573,9 @@ impl Observer {
     }
 
     fn learn(&mut self, boundary: usize, residual: i32) {
-        // 0.15 · r in 2^-16, and a sixth of it.
-        let (change, share) = (mul_low(residual, 9830, 20), mul_low(residual, 1638, 20));
+        // A sixth of 0.15 · r in 2^-16, and six times that, so that the mean stays 0.
+        let share = mul_low(residual, 1638, 20);
+        let change = 6 * share;
         for (at, offset) in self.offsets.iter_mut().enumerate() {
             let old = i32::from(*offset) + share - if at == boundary { change } else { 0 };
             *offset = saturating_i16(old.clamp(-MOST_OFFSET, MOST_OFFSET));

@@ -176,7 +176,10 @@ fn set_point_reports_the_change_of_its_velocity() {
     let mut braking = moving(0, -100, limits(32, 1000), 500);
     let before = braking.current();
     let after = braking.step(&ramps, Reach::FREE);
-    assert!(after.change > Law::ZERO && (after.change - (after.velocity.0 - before.velocity.0)).abs() <= Law::DELTA);
+    assert!(
+        after.change > Law::ZERO
+            && (after.change - (after.velocity.0 - before.velocity.0)).abs() <= Law::DELTA
+    );
 }
 
 #[test]

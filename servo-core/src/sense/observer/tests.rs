@@ -4,8 +4,6 @@ use super::*;
 use crate::sense::hall::Direction;
 use proptest::prelude::*;
 
-extern crate std;
-
 /// One count/s.
 const SPEED: i32 = 1 << 16;
 
@@ -41,7 +39,7 @@ impl Rig {
         Self {
             observer,
             now: Micros(u32::MAX - 20_000),
-            rotor: i64::from(count) * 1_000_000 << 20,
+            rotor: (i64::from(count) * 1_000_000) << 20,
             offsets: [0; 6],
         }
     }
@@ -133,18 +131,16 @@ fn tables_hold_the_equations_of_the_correction() {
         // t and tₘ in µs · 2^50.
         let t = half_octave(1000 * one, at);
         let memory = (t * 3).min(60_000 * one).max(8000 * one);
-        let exact = exp_neg(t / (memory >> 30) << 20) >> 34;
+        let exact = exp_neg((t / (memory >> 30)) << 20) >> 34;
         assert!((exact - i128::from(*keep)).abs() <= 1, "{at}: {exact} {keep}");
     }
     for (at, (rate, pull, slowness)) in SLOPES.iter().enumerate() {
         let y = half_octave(one * 885 / 10_000, at);
         let e = one - exp_neg(y);
         let w = y - e;
-        for (exact, found) in [
-            ((e << 12) / w, *rate),
-            ((one << 12) / w, *pull),
-            ((y << 16) / (one + y), *slowness),
-        ] {
+        for (exact, found) in
+            [((e << 12) / w, *rate), ((one << 12) / w, *pull), ((y << 16) / (one + y), *slowness)]
+        {
             // Half a unit, and 0.5 % for the three digits of 0.0885.
             let error = (exact - i128::from(found)).abs();
             assert!(error <= 1 + exact / 200, "{at}: {exact} {found}");
@@ -157,7 +153,10 @@ fn rotor_at_rest_stays_up_to_its_static_friction() {
     for sign in [1, -1] {
         let mut rig = Rig::new(&config(), 5);
         rig.still(200, volts(sign * 63));
-        assert_eq!((rig.observer.velocity(), rig.observer.position()), (CountsPerSec::ZERO, Counts::from_int(5)));
+        assert_eq!(
+            (rig.observer.velocity(), rig.observer.position()),
+            (CountsPerSec::ZERO, Counts::from_int(5))
+        );
         // What breaks it loose: MFS − MFC and 2 units.
         assert_eq!(rig.observer.kick(), Law::from_num(18));
         rig.still(2, volts(sign * 64));
@@ -259,7 +258,7 @@ fn corrected(velocity: i32, quiet_us: i32, ahead: i32, push: Push) -> (Observer,
 /// The gains of the module for an interval and θ, from the tables: of position in 2^-16, of velocity in 2^-16 counts/s for a count, of δ
 /// in 2^-16 torque units for a count.
 fn gains(motor: &Motor, interval: i32, keep: i32) -> [i128; 3] {
-    let scaled = u64::from(interval.unsigned_abs()) * u64::from(motor.relative_rate) >> 16;
+    let scaled = (u64::from(interval.unsigned_abs()) * u64::from(motor.relative_rate)) >> 16;
     let (rate, pull, slowness) = SLOPES[half_octaves(u32::try_from(scaled).unwrap())];
     let [keep, rate, pull, slowness] = [keep, rate, pull, slowness].map(i128::from);
     let one: i128 = 1 << 16;
@@ -267,14 +266,14 @@ fn gains(motor: &Motor, interval: i32, keep: i32) -> [i128; 3] {
     let per_second = i128::from(motor.rate);
     let position = one - ((keep * keep * keep) >> 32);
     // 1 + θ/(2(1+y)), where 1/(1+y) = 1 − y/(1+y); 2^-12 · 2^-4 of e/w and 1/τ.
-    let velocity = gone * gone * (2 * one + ((keep * (one - slowness)) >> 16)) * rate * per_second >> 49;
+    let velocity = (gone * gone * (2 * one + ((keep * (one - slowness)) >> 16)) * rate * per_second) >> 49;
     // h + (1 − h)·y/(1+y) with h = (1 − θ)/2.
     let lean = (gone >> 1) + (((one - (gone >> 1)) * slowness) >> 16);
     let delta = (((gone * gone * lean) >> 32) * pull * per_second * i128::from(motor.emf)) >> 32;
     [position, velocity, delta]
 }
 
-fn assert_close(found: i32, exact: i128, what: &str) {
+fn assert_close(found: i32, exact: i128, what: impl core::fmt::Display) {
     // The coarsest factor is that of a load after 150 ms, 93 of its unit.
     assert!((i128::from(found) - exact).abs() <= 2 + exact.abs() / 80, "{what}: {found} instead of {exact}");
 }
@@ -282,21 +281,31 @@ fn assert_close(found: i32, exact: i128, what: &str) {
 /// At rest otherwise, so that δ is a load: with n = 0 and v small it takes 40²/(40² + (v/4)²) of it.
 #[test]
 fn edge_corrects_by_the_gains_of_its_interval() {
-    for (quiet_us, velocity, least) in [(20_000, 60, true), (50_000, 20, true), (5000, 200, false), (150_000, 7, true)] {
+    for (quiet_us, velocity) in [(20_000, 60), (50_000, 20), (5000, 200), (150_000, 7)] {
         for ahead in [COUNT / 10, -COUNT / 10, COUNT / 3, -COUNT / 3] {
             // The voltage that keeps this velocity.
             let push = volts(47 + velocity * 3971 / 4096);
             let (observer, changes) = corrected(velocity * SPEED, quiet_us, ahead, push);
             let keep = keep(quiet_us).max(KEEP_LEAST);
-            assert_eq!(keep == KEEP_LEAST, quiet_us > 60_000, "{least}");
             let [position, speed, delta] = gains(&Motor::new(&config()), quiet_us, keep);
             let residual = -i128::from(ahead);
-            let what = |of: &str| std::format!("{of} after {quiet_us} us by {ahead}");
-            assert_close(changes[0], residual * position >> 16, &what("position"));
-            assert_close(changes[1], residual * speed >> 20, &what("velocity"));
+            assert_close(
+                changes[0],
+                (residual * position) >> 16,
+                format_args!("position after {quiet_us} us by {ahead}"),
+            );
+            assert_close(
+                changes[1],
+                (residual * speed) >> 20,
+                format_args!("velocity after {quiet_us} us by {ahead}"),
+            );
             let by_speed = i128::from(velocity * velocity / 16);
-            let delta = (residual * delta >> 20).clamp(-(250 << 16), 250 << 16);
-            assert_close(changes[2], delta * 1600 / (1600 + by_speed), &what("load"));
+            let delta = ((residual * delta) >> 20).clamp(-(250 << 16), 250 << 16);
+            assert_close(
+                changes[2],
+                delta * 1600 / (1600 + by_speed),
+                format_args!("load after {quiet_us} us by {ahead}"),
+            );
             // Too late an edge: slower, held back by a load.
             assert!(changes.iter().all(|change| change.signum() == -ahead.signum()), "{changes:?}");
             assert_eq!(observer.count(), 1);
@@ -320,7 +329,10 @@ fn early_edges_in_acceleration_raise_the_gain() {
     let (observer, [_, _, load]) = corrected(20 * SPEED, 20_000, -COUNT / 10, volts(500));
     let net = 500 - 47 - 19;
     assert_close(observer.state.gain_change, i128::from(load) * net * 36 / 160_000, "gain");
-    assert!(observer.state.gain_change > 0 && observer.sure_gain() == Observer::new(Motor::new(&config()), 0).sure_gain());
+    assert!(
+        observer.state.gain_change > 0
+            && observer.sure_gain() == Observer::new(Motor::new(&config()), 0).sure_gain()
+    );
     let (weaker, _) = corrected(20 * SPEED, 20_000, COUNT / 10, volts(500));
     assert!(weaker.sure_gain() < observer.sure_gain() && weaker.inertia() > observer.inertia());
 }
@@ -414,9 +426,16 @@ fn missing_edge_at_rest_turns_the_load_by_16_units_a_tick() {
 /// 1.3 counts since the last edge; twice that from 11 to 150 ms, and after a rest.
 #[test]
 fn velocity_is_bounded_by_the_time_of_its_missing_edge() {
-    for (quiet_ms, moving_ms, most) in
-        [(5, 9, 260), (10, 300, 130), (11, 300, 236), (100, 100, 26), (149, 200, 16), (150, 150, 8), (200, 200, 6), (300, 5, 520)]
-    {
+    for (quiet_ms, moving_ms, most) in [
+        (5, 9, 260),
+        (10, 300, 130),
+        (11, 300, 236),
+        (100, 100, 26),
+        (149, 200, 16),
+        (150, 150, 8),
+        (200, 200, 6),
+        (300, 5, 520),
+    ] {
         for sign in [1, -1] {
             for push in [resting(0), volts(0)] {
                 let mut rig = Rig::new(&config(), 0);
@@ -436,7 +455,8 @@ fn velocity_is_bounded_by_the_time_of_its_missing_edge() {
 #[test]
 fn sure_velocity_is_that_of_the_time_since_the_last_edge() {
     for (quiet_ms, most) in [(0, 1300), (1, 1300), (10, 130), (50, 26), (51, 0), (300, 0)] {
-        for (velocity, expected) in [(4000, most), (-4000, -most), (20, 20.min(most)), (-20, -(20.min(most)))] {
+        for (velocity, expected) in [(4000, most), (-4000, -most), (20, 20.min(most)), (-20, -(20.min(most)))]
+        {
             let mut rig = Rig::new(&config(), 0);
             rig.observer.state.quiet_us = quiet_ms * 1000;
             rig.observer.state.velocity = velocity * SPEED;
@@ -491,8 +511,8 @@ fn opening_is_the_mirror_image_of_closing() {
             one.run(1, steady(drive), volts(drive));
             other.run(1, -steady(drive), volts(-drive));
             let (v, w) = (one.observer.velocity().0, other.observer.velocity().0);
-            // A residual is rounded down to 2^-16 counts, at 2 ms 0.03 counts/s an edge; 0.1 % of the fastest.
-            if (v+w).abs() > Law::lit("0.05") { std::println!("MD {drive} {v} {w} {}", v+w); }
+            // A residual is rounded down to 2^-16 counts, at 2 ms 0.03 counts/s an edge, which the model damps within a few.
+            assert!((v + w).abs() < Law::ONE / 8 + (v.abs() >> 10), "{v} {w} at {drive}");
             assert_eq!(one.observer.count(), -other.observer.count());
         }
     }
@@ -580,7 +600,9 @@ fn another_motor_forgets_what_was_learned_of_the_last() {
 #[test]
 fn open_bridge_clears_the_load_and_a_closed_one_again() {
     let mut rig = Rig::new(&config(), 0);
-    for (push, kept) in [(volts(0), false), (resting(10), true), (Push::Off, false), (Push::Off, true), (volts(0), false)] {
+    for (push, kept) in
+        [(volts(0), false), (resting(10), true), (Push::Off, false), (Push::Off, true), (volts(0), false)]
+    {
         rig.observer.state.load = 10 * ONE;
         rig.still(1, push);
         let expected = if kept { Law::from_num(10) } else { Law::ZERO };
@@ -625,7 +647,14 @@ enum Input {
 }
 
 fn any_input() -> impl Strategy<Value = Input> {
-    let edges = (any::<i32>(), -3..=3_i32, any::<u8>(), any::<bool>(), prop_oneof![0..3000_u32, any::<u32>()], 0..8_u8);
+    let edges = (
+        any::<i32>(),
+        -3..=3_i32,
+        any::<u8>(),
+        any::<bool>(),
+        prop_oneof![0..3000_u32, any::<u32>()],
+        0..8_u8,
+    );
     prop_oneof![
         (any_push(), prop_oneof![1..5_u32, 1..400_u32]).prop_map(|(push, ms)| Input::Ticks(push, ms)),
         edges.prop_map(|(far, near, steps, closing, at, kind)| {
@@ -652,7 +681,8 @@ fn assert_bounded(observer: &Observer) {
     assert!(m.emf_change.abs() <= 29_491, "{}", m.emf_change);
     assert!((-32_768..=58_982).contains(&m.gain_change), "{}", m.gain_change);
     assert!((0..=300_000).contains(&observer.quiet().0));
-    let _ = (observer.position(), observer.exact_position(), observer.coming_velocity(), observer.sure_gain());
+    let _ =
+        (observer.position(), observer.exact_position(), observer.coming_velocity(), observer.sure_gain());
 }
 
 proptest! {
