@@ -1,11 +1,11 @@
-//! The guarantees of the profile against a continuous-time oracle in f64: it lands exactly, within the limits
-//! at every tick, in the shortest time, for plain moves and for new plans during a move.
+//! The guarantees of the profile against a continuous-time oracle in f64, without a motor's limits: it lands exactly, within the limits
+//! at every tick, at most four ticks later than the shortest time, for plain moves and for new ends and limits during a move.
 //!
 //! Cases are drawn log-uniformly over the whole range of the properties. Of the million none is longer than
 //! `SHORT`; fewer cases run to `LONG`, and the extremes to their end.
 
 use fixed::types::I22F10;
-use servo_core::motion::profile::{MoveLimits, Profile, SetPoint};
+use servo_core::motion::profile::{MoveLimits, Profile, Reach, SetPoint};
 use servo_core::units::{Counts, CountsPerSec};
 
 /// Resolution of the emitted values, counts and counts/s; a difference of two has an error of one step.
@@ -14,6 +14,10 @@ const VELOCITY_STEP: f64 = 1.0 / 65536.0;
 /// Error of the f64 oracle itself, in ticks: a distance of 2^23 counts has an error of 2^-29, which at ACCEL
 /// 1 takes 2·√(2^-29·2^20) = 0.09 ticks.
 const ORACLE_ERROR: f64 = 0.1;
+/// What choosing each tick costs, in ticks: one where cruise begins, one where braking begins, and its last steps are a quarter of the acceleration.
+const LATE: f64 = 4.0;
+/// What landing takes off: it ends in the tick in which the velocity would become 0.
+const EARLY: f64 = 2.0;
 /// The longest optimum of the million cases, and of the few hundred that include ACCEL 1, in ms.
 const SHORT: f64 = 1500.0;
 const LONG: f64 = 300_000.0;
@@ -70,9 +74,9 @@ fn per_tick(velocity: CountsPerSec) -> f64 {
     velocity.0.to_num::<f64>() / 1000.0
 }
 
-/// In counts/ms².
+/// In counts/ms², at most a quarter.
 fn acceleration(limits: MoveLimits) -> f64 {
-    (f64::from(limits.accel) / 1024.0).powi(2)
+    (f64::from(limits.accel) / 1024.0).powi(2).min(0.25)
 }
 
 /// Shortest time, ms, from `velocity` at `distance` before the end to rest on it, by the better approach.
@@ -96,8 +100,8 @@ fn approach(distance: f64, velocity: f64, a: f64, cruise: f64) -> f64 {
 }
 
 fn remaining(profile: &Profile, end: Counts, limits: MoveLimits) -> f64 {
-    let (position, velocity) = profile.exact();
-    optimum(counts(end) - position.to_num::<f64>(), velocity.to_num(), limits)
+    let now = profile.current();
+    optimum(counts(end.wrapping_sub(now.position)), per_tick(now.velocity), limits)
 }
 
 fn tick_fault(before: SetPoint, after: SetPoint, limits: MoveLimits) -> Option<&'static str> {
@@ -106,19 +110,22 @@ fn tick_fault(before: SetPoint, after: SetPoint, limits: MoveLimits) -> Option<&
     let (u, v) = (per_tick(before.velocity), per_tick(after.velocity));
     let moved = counts(after.position.wrapping_sub(before.position));
     // Above the cruise velocity only after a new plan, and then slowing with the full acceleration.
-    let fastest = cruise(v).max(u.abs() - a);
+    let fastest = cruise(v).max(u.abs() - a * (1.0 - (-10_f64).exp2()));
     let step = VELOCITY_STEP / 1000.0;
-    if (v - u).abs() > a + step {
+    // The deceleration that ends at the end is rounded to 2^-10 of it.
+    if (v - u).abs() > a * (1.0 + (-10_f64).exp2()) + step + (-26_f64).exp2() {
         return Some("velocity changes faster than the acceleration limit");
     }
-    if v.abs() > fastest + step {
+    if v.abs() > fastest + 2.0 * step {
         return Some("velocity above the cruise limit");
     }
     if moved.abs() > u.abs().max(cruise(moved)) + POSITION_STEP {
         return Some("position moves faster than the velocity limit");
     }
     // With |acceleration| ≤ a the mean velocity of a tick differs by at most a/4 from that of its ends.
-    if (moved - (u + v) / 2.0).abs() > a / 4.0 + POSITION_STEP {
+    // It may have been at rest before the last tick ends.
+    let bend = if after.done { a / 2.0 } else { a / 4.0 };
+    if (moved - (u + v) / 2.0).abs() > bend + POSITION_STEP {
         return Some("position is not the integral of the velocity");
     }
     None
@@ -148,7 +155,7 @@ impl Stretch {
             if before.done {
                 return tick;
             }
-            let after = profile.step();
+            let after = profile.step(&self.limits.build(), Reach::FREE);
             let fault = tick_fault(before, after, self.limits)
                 .or_else(|| plain_fault(before, after, (self.plain_from?, self.end)));
             if let Some(fault) = fault {
@@ -166,29 +173,29 @@ impl Stretch {
         if optimum > most {
             return None;
         }
-        // The first tick not before the optimum; the cruise velocity is rounded down by up to 2^-26.
-        let latest = optimum * (1.0 + (-26_f64).exp2()) + 1.0 + ORACLE_ERROR;
+        // The cruise velocity is rounded to 2^-26 counts a tick, 2^-20 of the least. The last half of 1/1024 count is not waited for, and
+        // the oracle knows the place of a moving set-point within one.
+        let places = if self.plain_from.is_some() { 1.0 } else { 4.0 };
+        let place = places * (POSITION_STEP / acceleration(self.limits)).sqrt();
+        let slack = optimum * (-19_f64).exp2() + place + ORACLE_ERROR;
+        let (earliest, latest) = (optimum - slack - EARLY, optimum + slack + LATE);
         let ticks = f64::from(self.run(profile, latest as u32 + 1));
         let case = || format!("{was:?}, {:?}", self.limits);
-        for last in [profile.current(), profile.step()] {
+        for last in [profile.current(), profile.step(&self.limits.build(), Reach::FREE)] {
             assert!(
                 last.done && last.position == self.end && last.velocity == CountsPerSec::ZERO,
                 "not at rest on the end after {ticks} ticks, optimum {optimum}: {last:?} in {}",
                 case()
             );
         }
-        assert!(
-            ticks >= optimum - ORACLE_ERROR && ticks <= latest,
-            "took {ticks} ticks, optimum {optimum}, in {}",
-            case()
-        );
+        assert!(ticks >= earliest && ticks <= latest, "took {ticks} ticks, optimum {optimum}, in {}", case());
         Some(())
     }
 }
 
 fn plain(start: Counts, end: Counts, limits: MoveLimits, most: f64) -> Option<()> {
     let mut profile = Profile::at_rest(start);
-    profile.plan(end, &limits.build());
+    profile.set_end(end);
     Stretch { limits, end, plain_from: Some(start) }.finish(&mut profile, most)
 }
 
@@ -201,22 +208,25 @@ fn replanned_move(random: &mut Random, most: f64) -> Option<()> {
     let (start, mut limits) = (random.position(), random.limits());
     let mut end = random.end(start);
     let mut profile = Profile::at_rest(start);
-    profile.plan(end, &limits.build());
+    profile.set_end(end);
     for _ in 0..=random.next() % 3 {
         let share = random.uniform() * remaining(&profile, end, limits).min(most);
         Stretch { limits, end, plain_from: None }.run(&mut profile, share as u32);
-        let before = (profile.exact(), profile.current());
+        let before = profile.current();
         if !random.one_in(3) {
-            end = random.end(before.1.position);
+            end = random.end(before.position);
         }
         if !random.one_in(3) {
             let new = random.limits();
             limits = MoveLimits { accel: if random.one_in(2) { new.accel } else { limits.accel }, ..new };
         }
-        profile.plan(end, &limits.build());
-        let after = (profile.exact(), profile.current());
-        assert_eq!(before.0, after.0, "a new plan steps the set-point");
-        assert_eq!((before.1.position, before.1.velocity), (after.1.position, after.1.velocity));
+        profile.set_end(end);
+        let after = profile.current();
+        assert_eq!(
+            (before.position, before.velocity),
+            (after.position, after.velocity),
+            "a new end steps the set-point"
+        );
     }
     Stretch { limits, end, plain_from: None }.finish(&mut profile, most)
 }
@@ -263,7 +273,7 @@ fn spread_takes_the_manuals_time() {
     let cruise = CountsPerSec::from_int(1000);
     let limits = MoveLimits { accel: 30, closing: cruise, opening: cruise };
     let mut profile = Profile::at_rest(Counts::ZERO);
-    profile.plan(Counts::from_int(166), &limits.build());
+    profile.set_end(Counts::from_int(166));
     let ticks = Stretch { limits, end: Counts::from_int(166), plain_from: Some(Counts::ZERO) };
     // 2·√166·1024/30 = 879.56 ms.
     assert_eq!(ticks.run(&mut profile, 1000), 880);

@@ -49,6 +49,16 @@ pub struct Config {
     pub ihit: u16,
     /// OTEMP: motor temperature limit in 0.1 °C; −551 disables it.
     pub otemp: i16,
+    /// MKA: acceleration of the motor and its joint a torque unit, in 1/16 count/s².
+    pub mka: u16,
+    /// MKE: EMF in 1/4096 torque unit per count/s.
+    pub mke: u16,
+    /// MFC: Coulomb friction in torque units.
+    pub mfc: u16,
+    /// MFS: friction at rest in torque units; at least MFC.
+    pub mfs: u16,
+    /// MTE: electrical time constant L/R in µs, up to 1000.
+    pub mte: u16,
     /// Release time of the brake in ms; 0 for a motor without one. A fact of the joint, not a property.
     pub brake_ms: u16,
 }
@@ -77,6 +87,11 @@ impl Default for Config {
             ioff: 0,
             ihit: 0,
             otemp: -551,
+            mka: 0,
+            mke: 0,
+            mfc: 0,
+            mfs: 0,
+            mte: 0,
             brake_ms: 0,
         }
     }

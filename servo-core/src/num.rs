@@ -110,6 +110,46 @@ const fn saturating_u32(x: u64) -> u32 {
     if x >> 32 != 0 { u32::MAX } else { x as u32 }
 }
 
+/// `v² / d`, within 2^-15 of it and rounded up where not exact; saturates at 2^32 − 1. `d` is not 0.
+#[must_use]
+pub const fn ratio_of_square(v: u32, d: u64) -> u32 {
+    let square = v as u64 * v as u64;
+    if square == 0 {
+        return 0;
+    }
+    let (zeros, divisor_zeros) = (square.leading_zeros(), (d + (d == 0) as u64).leading_zeros());
+    let divisor = (((d + (d == 0) as u64) << divisor_zeros) >> 48) as u32;
+    // 2^32 by 2^16.
+    let quotient = ((square << zeros) >> 32) as u32 / divisor;
+    // 32 bits of `square` above 2^(32 − zeros), 16 bits of `d` above 2^(48 − zeros).
+    let shift = divisor_zeros as i32 - zeros as i32 - 16;
+    if shift < 0 {
+        let down = (-shift) as u32;
+        if down > 31 { 0 } else { quotient >> down }
+    } else if shift > 14 {
+        u32::MAX
+    } else {
+        quotient << shift
+    }
+}
+
+/// The low word of a number that the caller knows to fit, or that is to wrap.
+#[must_use]
+pub const fn low_word(x: i64) -> i32 {
+    x as i32
+}
+
+/// Half octaves of a time above 1 ms in µs, to the nearest; 0 below. `us` < 2^29.
+#[must_use]
+pub const fn half_octaves(us: u32) -> usize {
+    // Times 2^(1/4) and rounded down is to the nearest.
+    let us = us + us / 8 + us / 16;
+    let zeros = (us | 1).leading_zeros();
+    let half = (us << zeros) >= 0xB504_F334;
+    let octaves = 2 * (31 - zeros) + half as u32;
+    octaves.saturating_sub(20) as usize
+}
+
 /// `√x` for 52 fractional bits: 32 fractional bits, of which the last six are zero, rounded down to 2^-26 but
 /// not to zero.
 #[must_use]
@@ -334,6 +374,40 @@ mod tests {
             prop_assert!(root * root <= u128::from(x) && (root + 1) * (root + 1) > u128::from(x));
         }
 
+        /// The divisor is rounded down to 16 bits, 2^-15 of it, and so is the quotient.
+        #[test]
+        fn ratio_of_square_is_within_2_15ths(
+            v: u32, d in 1..=u64::MAX, shift in (0..32_u32, 0..64_u32),
+        ) {
+            let (v, d) = (v >> shift.0, (d >> shift.1).max(1));
+            let exact = u128::from(v) * u128::from(v) / u128::from(d);
+            let ratio = u128::from(ratio_of_square(v, d));
+            if exact >> 32 != 0 {
+                prop_assert!(ratio >= (1 << 32) - (1 << 17), "{ratio} {exact}");
+            } else {
+                let error = 1 + (exact >> 15) + 1;
+                prop_assert!(ratio.abs_diff(exact) <= error || ratio == u128::from(u32::MAX), "{ratio} {exact}");
+            }
+        }
+
+        /// us ≥ 1024·2^(i/2 − 1/4) in the fourth power; 19/16 is 2^(1/4) less 0.14 %, and two quotients are rounded down.
+        #[test]
+        fn half_octaves_are_the_nearest(us in 1..1_u32 << 29, shift in 0..29_u32) {
+            let us = (us >> shift).max(1);
+            let fourth = 2 * u128::from(us).pow(4);
+            let at_least = |octaves: usize, percent: u128| fourth * percent >= (100 << 40) << (2 * octaves);
+            let octaves = half_octaves(us);
+            prop_assert!(octaves == 0 || at_least(octaves, 102), "{us}: {octaves}");
+            prop_assert!(!at_least(octaves + 1, 98), "{us}: {octaves}");
+        }
+
+        #[test]
+        fn low_word_wraps(x: i64) {
+            let low = i64::from(low_word(x));
+            prop_assert_eq!((i128::from(x) - i128::from(low)) % (1 << 32), 0);
+            prop_assert_eq!(i64::from(low_word(low)), low);
+        }
+
         #[test]
         fn next_tick_is_at_most_one_later(time in 0..u64::from(u32::MAX) << 32) {
             let (tick, wait) = next_tick(time);
@@ -366,6 +440,21 @@ mod tests {
             assert_eq!(isqrt_q52(x), x.isqrt() << 6, "{x:x}");
         }
         assert_eq!(next_tick(u64::MAX), (u32::MAX, 1));
+    }
+
+    #[test]
+    fn ratio_of_square_has_its_bounds() {
+        for (v, d, ratio) in [
+            (0, 1, 0),
+            (1, 1, 1),
+            (1 << 20, 1 << 20, 1 << 20),
+            (1 << 20, 1 << 41, 0),
+            (1 << 16, 1, u32::MAX),
+            (u32::MAX, 1, u32::MAX),
+            (1 << 31, 1 << 33, 1 << 29),
+        ] {
+            assert_eq!(ratio_of_square(v, d), ratio, "{v} {d}");
+        }
     }
 
     #[test]

@@ -13,16 +13,17 @@ use crate::guard::fault::{Condition, Fault, Faults};
 use crate::guard::limits::{AppliedTorque, TorqueEnvelope, TorqueLimiter};
 use crate::guard::stall::Stall;
 use crate::guard::strain::Window;
+use crate::guard::supply::RETURN_FROM;
 use crate::guard::thermal::{HotMark, Start, Thermal};
 use crate::mode::Mode;
-use crate::motion::pid::{Pid, PidConfig, PidState};
-use crate::motion::profile::{CruiseRamps, MoveLimits, Profile, SetPoint};
-use crate::motion::torque::{MIN_DAMPING, damped};
+use crate::motion::pid::{Errors, Pid, PidConfig, PidState, Stage};
+use crate::motion::profile::{MoveLimits, Profile, Ramps, Reach, SetPoint};
+use crate::motion::torque::{damped, emf, sure_emf};
 use crate::motion::velocity_loop::VelocityLoop;
-use crate::num::{Law, TICK_HZ};
+use crate::num::{Law, TICK_HZ, mul_low, product};
 use crate::sense::hall::{HallEdge, HallEvent};
-use crate::sense::velocity::Estimator;
-use crate::units::{Counts, CountsPerSec, Micros, Torque};
+use crate::sense::observer::{Motor, Observer, Push};
+use crate::units::{Counts, CountsPerSec, Torque};
 use heapless::Deque;
 
 #[cfg(test)]
@@ -66,15 +67,53 @@ const EVENTS: usize = 8;
 
 const IDLE: Drive = Drive { duty: None, brake_released: false };
 
+/// Ramps of mode 3: 15,000 counts/s², a quarter of what the motor can do.
+const STEP_RAMPS: MoveLimits =
+    MoveLimits { accel: 125, closing: CountsPerSec::from_int(4080), opening: CountsPerSec::from_int(4080) };
+
+/// Torque that the profile leaves to the feedback, torque units, and the share of the deceleration of full torque that it plans with,
+/// 0.38 in 2^-16: the last count before the end is not seen before the next edge.
+const RESERVE: i32 = 20;
+const BRAKING: i32 = 24_903;
+
+/// Least accelerations of a set-point, 2^-26 counts a tick² (500 counts/s²): one that waits for a weak motor shows that it lags.
+const LEAST_REACH: i32 = 33_554;
+
+/// How long a motor stays shorted once it is, ms: a return to the profile in between returns as much as it has saved.
+const SHORTED_MS: u8 = 4;
+
+/// Braking beyond what the law asks for that is the supply's, torque units.
+const FORCED: i32 = 64;
+
+/// Velocity below which the set-point of a motor without torque to spare still speeds up, counts/s.
+const STARTING: CountsPerSec = CountsPerSec::from_int(50);
+
 #[derive(Clone, Copy, Debug)]
 struct PositionLoop {
     setpoint: SetPoint,
+    profile: Profile,
     pid: PidState,
+    /// The bus takes no more returned current: the motor brakes with its terminals shorted for so long, and does not speed up again.
+    shorted: bool,
+    shorted_ms: u8,
 }
 
 impl PositionLoop {
     const fn at_rest(position: Counts, pid: PidState) -> Self {
-        Self { setpoint: SetPoint::at_rest(position), pid }
+        Self {
+            setpoint: SetPoint::at_rest(position),
+            profile: Profile::at_rest(position),
+            pid,
+            shorted: false,
+            shorted_ms: 0,
+        }
+    }
+
+    /// Takes another end; the set-point goes on from where it is.
+    fn set_end(&mut self, end: Counts) {
+        (self.shorted, self.shorted_ms) = (false, 0);
+        self.profile.set_end(end);
+        self.setpoint = self.profile.current();
     }
 
     fn lag(&self, position: Counts) -> Counts {
@@ -83,23 +122,13 @@ impl PositionLoop {
 
     /// The profile does not wait for a rotor that is nearer to its end than the set-point: the set-point catches up with it, or returns
     /// from an obstacle.
-    fn must_wait(&self, end: Counts, position: Counts) -> bool {
-        let (lag, left) = (self.lag(position), end.wrapping_sub(self.setpoint.position));
+    fn must_wait(&self, position: Counts) -> bool {
+        let (lag, left) = (self.lag(position), self.profile.end().wrapping_sub(self.setpoint.position));
         if left > Counts::ZERO {
             lag > WAIT_LAG
         } else {
             left < Counts::ZERO && lag.wrapping_neg() > WAIT_LAG
         }
-    }
-
-    /// Position and velocity error. In the cell of a resting set-point the position error is zero: the halls resolve no
-    /// more, and an integrator fed with half a count would hunt.
-    fn errors(&self, position: Counts, velocity: CountsPerSec) -> (Law, Law) {
-        let resting = self.setpoint.velocity == CountsPerSec::ZERO;
-        let same_cell = self.setpoint.position.round() == position.round();
-        let error = if resting && same_cell { Law::ZERO } else { self.lag(position).saturating_error() };
-        // The profile stays below 2^13 counts/s and the estimate below 2^14.4.
-        (error, self.setpoint.velocity.0 - velocity.0)
     }
 }
 
@@ -165,13 +194,13 @@ enum Motion {
     /// After TC or TO stalled with HOLD: keeps pressing with MT and cannot stall again.
     Pressing { closing: bool },
     /// Mode 5: a move to E.
-    Move { control: PositionLoop, profile: Profile, breakaway: Breakaway, arrival: Arrival },
+    Move { control: PositionLoop, breakaway: Breakaway, arrival: Arrival },
     /// FIND: the legs of one sector are held with this torque.
     Field(Torque),
     /// HI, until the second contact with the stop. `way`: what the stage has ordered, in counts/s · ms; it bounds its time.
     Home { stage: Homing, way: u32 },
     /// HI, from the stop to zero.
-    Zero { control: PositionLoop, profile: Profile, arrival: Arrival },
+    Zero { control: PositionLoop, arrival: Arrival },
 }
 
 impl Motion {
@@ -235,6 +264,27 @@ impl Motion {
     }
 }
 
+/// What a motor can do with the torque that the limits, the bus and its load leave.
+fn reach(observer: &Observer, control: &PositionLoop, envelope: &TorqueEnvelope) -> Reach {
+    let velocity = control.setpoint.velocity;
+    let closes = control.profile.closes();
+    let (back, load) = (emf(observer.emf(), velocity), i32::from(Torque::from_fixed(observer.load()).0));
+    let (back, load) = if closes { (back, load) } else { (-back, -load) };
+    // Torques are below 4096 and the gain below 2^15.
+    let (gain, friction) = (observer.sure_gain(), observer.friction().to_bits() >> 16);
+    let up = envelope.forward(back) - friction + load.min(0) - RESERVE;
+    let down = envelope.most_units() + friction - load.max(0) - RESERVE;
+    let starting = velocity.0.to_bits().abs() < STARTING.0.to_bits();
+    let up = if starting {
+        (up * gain).max(LEAST_REACH)
+    } else if control.shorted {
+        0
+    } else {
+        (up * gain).max(0)
+    };
+    Reach { up, down: mul_low(down * gain, BRAKING, 16).max(LEAST_REACH) }
+}
+
 /// Whether a signed quantity closes (`true`) or opens; `None` at zero.
 const fn direction(value: i32) -> Option<bool> {
     if value == 0 { None } else { Some(value > 0) }
@@ -251,7 +301,8 @@ struct Tuning {
     pid: Pid,
     velocity_loop: VelocityLoop,
     strain: Window,
-    ramps: CruiseRamps,
+    ramps: Ramps,
+    step_ramps: Ramps,
     most: Torque,
     homing_most: Torque,
 }
@@ -266,6 +317,7 @@ impl Tuning {
             velocity_loop: VelocityLoop::new(kpv),
             strain: Window::new(hsg, lsg),
             ramps: MoveLimits { accel, closing, opening }.build(),
+            step_ramps: STEP_RAMPS.build(),
             most: Torque::ZERO,
             homing_most: Torque::ZERO,
         };
@@ -294,9 +346,7 @@ impl Tuning {
 pub struct Servo {
     tuning: Tuning,
     motion: Motion,
-    /// Whether the last tick planned a profile; the next tick does not plan another.
-    planned: bool,
-    estimator: Estimator<COUNTS_PER_REV>,
+    observer: Observer,
     /// Hall count at the last tick.
     count: i32,
     /// Hall count that is position 0.
@@ -313,6 +363,8 @@ pub struct Servo {
     limiter: TorqueLimiter,
     faults: Faults,
     applied: AppliedTorque,
+    /// The last tick braked harder than the law wanted.
+    forced: bool,
     ended: Option<EndReason>,
     homed: bool,
     /// Whether the wiring and the direction of closing are known. HI is refused before.
@@ -330,8 +382,7 @@ impl Servo {
         Self {
             tuning: Tuning::new(config, direction.limit()),
             motion: Motion::Idle,
-            planned: false,
-            estimator: Estimator::new(count),
+            observer: Observer::new(Motor::new(&config), count),
             count,
             zero: 0,
             position: Counts::from_int(count),
@@ -343,6 +394,7 @@ impl Servo {
             limiter: TorqueLimiter::default(),
             faults: Faults::default(),
             applied: AppliedTorque::OFF,
+            forced: false,
             ended: None,
             homed: false,
             wired: true,
@@ -425,7 +477,7 @@ impl Servo {
         if edge.uncertain {
             self.homed = false;
         }
-        self.estimator.edge(edge);
+        self.observer.edge(edge);
     }
 
     /// One event of the hall decoder, when it happens.
@@ -663,7 +715,7 @@ impl Servo {
         match &mut self.motion {
             Motion::Starting { goal: Goal::Position { at, .. }, .. } => *at = Some(position),
             Motion::Position(control) => {
-                control.setpoint = SetPoint::at_rest(Counts::from_int(position));
+                control.set_end(Counts::from_int(position));
             }
             Motion::Idle => {
                 self.zero = self.count.wrapping_sub(position);
@@ -711,6 +763,7 @@ impl Servo {
             _ => false,
         };
         self.tuning = Tuning::new(config, self.direction.limit());
+        self.observer.set_motor(Motor::new(&config));
         self.thermal.look_next();
         if reshaped {
             self.plan();
@@ -721,16 +774,33 @@ impl Servo {
 
     /// One control tick, 1 ms after the last: sense, guard, law, limits, in this order.
     pub fn tick(&mut self, sense: &Sense) -> Drive {
+        let drive = self.control(sense);
+        let is_field = matches!(self.motion, Motion::Field(_));
+        self.observer.predict(match drive.duty {
+            Some(_) if !is_field => Push::Volts { volts: self.applied.volts, resting: self.is_resting() },
+            _ => Push::Off,
+        });
+        drive
+    }
+
+    /// Whether an edge shows a load rather than a motion that was ordered.
+    fn is_resting(&self) -> bool {
+        match &self.motion {
+            Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
+                control.setpoint.done
+            }
+            Motion::Torque(_) => true,
+            _ => false,
+        }
+    }
+
+    fn control(&mut self, sense: &Sense) -> Drive {
         if sense.host_lost && self.motion.needs_host() {
             self.faults.raise(Condition::HOST_LOST);
         }
         let counted = self.observe(sense);
         let due = self.is_due();
-        // A tick that plans leaves out the thermal judgment, which must not be missed twice in a row.
-        self.planned = due && self.motion.mode() == Mode::Trapezoidal;
-        if self.planned {
-            self.thermal.add(self.applied.torque);
-        } else if self.thermal.step(self.applied.torque, sense.motor_temp, self.tuning.config.otemp) {
+        if self.thermal.step(self.applied.torque, sense.motor_temp, self.tuning.config.otemp) {
             self.faults.raise(Condition::HOT);
         }
         if let Some(fault) = self.faults.check(sense.bus) {
@@ -749,10 +819,7 @@ impl Servo {
                     self.applied = AppliedTorque::OFF;
                     return Drive { duty: None, brake_released: true };
                 }
-                if self.start(goal) {
-                    // The profile starts in the next tick; until then the bridge keeps its state.
-                    return self.unchanged_drive();
-                }
+                self.start(goal);
                 if matches!(self.motion, Motion::Idle) {
                     return IDLE;
                 }
@@ -773,9 +840,18 @@ impl Servo {
             }
         }
         let most = self.thermal.most();
-        let envelope = self.limiter.envelope(self.torque_ceiling(), most, self.velocity, sense.bus);
-        self.applied = envelope.bound(self.law(&envelope), self.applied.torque);
+        let envelope = self.limiter.envelope(self.torque_ceiling(), most, self.emf(), sense.bus);
+        let wanted = self.law(&envelope);
+        self.applied = envelope.bound(wanted, self.applied.torque);
+        self.forced = sense.bus > RETURN_FROM && self.is_forced(wanted);
         self.drive()
+    }
+
+    /// Whether the bus takes no more returned current, so that the motor brakes harder than the law wants.
+    fn is_forced(&self, wanted: Torque) -> bool {
+        let torque = i32::from(self.applied.torque.0);
+        let more = if torque > 0 { torque - i32::from(wanted.0) } else { i32::from(wanted.0) - torque };
+        more >= FORCED && direction(-torque) == direction(self.velocity.0.to_bits())
     }
 
     /// Whether this tick may change what is known of the direction.
@@ -802,13 +878,13 @@ impl Servo {
 
     /// Halls → position and velocity. Returns whether the count changed.
     fn observe(&mut self, sense: &Sense) -> bool {
-        let (position, velocity) = self.estimator.at(sense.now);
-        self.position = position.wrapping_sub(Counts::from_int(self.zero));
-        self.velocity = velocity;
+        self.observer.tick(sense.now);
+        self.position = self.observer.position().wrapping_sub(Counts::from_int(self.zero));
+        self.velocity = self.observer.velocity();
         if self.limiter.watch_current(sense.current, self.applied.duty) {
             self.faults.raise(Condition::SHORT);
         }
-        let before = core::mem::replace(&mut self.count, self.estimator.count());
+        let before = core::mem::replace(&mut self.count, self.observer.count());
         self.count != before
     }
 
@@ -816,39 +892,37 @@ impl Servo {
         Drive { duty: Some(self.applied.duty), brake_released: true }
     }
 
-    /// The drive of the previous motion; bridge off if there was none.
-    fn unchanged_drive(&self) -> Drive {
-        let off = self.applied == AppliedTorque::OFF;
-        Drive { duty: if off { None } else { Some(self.applied.duty) }, brake_released: true }
-    }
-
-    /// Whether a motion starts in this tick: its brake has released. One that plans does not start right after a tick that
-    /// planned: a host that starts a move every millisecond would keep the last torque on without limits.
+    /// Whether a motion starts in this tick: its brake has released.
     fn is_due(&self) -> bool {
         match self.motion {
             Motion::Starting { goal, brake_ms } => {
-                let again = self.planned && goal.mode() == Mode::Trapezoidal;
                 // HI must press for a while to find a stop, also after a motion that has just stalled there.
                 let rests = matches!(goal, Goal::SeekStop) && self.stall.is_over_half(self.tstop());
-                brake_ms >= self.tuning.config.brake_ms && !again && !rests
+                brake_ms >= self.tuning.config.brake_ms && !rests
             }
             _ => false,
         }
     }
 
-    /// Starts a motion. Returns whether it has a profile to follow, which begins in the next tick.
+    /// Starts a motion.
     #[inline(never)]
-    fn start(&mut self, goal: Goal) -> bool {
+    fn start(&mut self, goal: Goal) {
         if !self.direction.is_right() && self.applied == AppliedTorque::OFF {
             self.set_direction(Direction::at_rest(self.count));
         }
-        let position = self.position;
-        // Each arm assigns, so that a profile is written in place.
+        let position = self.exact_position();
+        // What a hold has taken for a load may be friction.
+        if goal.mode() != Mode::Trapezoidal && goal.mode() != Mode::Pid {
+            self.observer.forget_load();
+        }
         match goal {
             Goal::Torque(torque) => self.motion = Motion::Torque(torque),
             Goal::Position { at, pid } => {
-                let position = at.map_or(position, Counts::from_int);
-                self.motion = Motion::Position(PositionLoop::at_rest(position, pid));
+                let mut control = PositionLoop::at_rest(at.map_or(self.position, |_| position), pid);
+                if let Some(at) = at {
+                    control.set_end(Counts::from_int(at));
+                }
+                self.motion = Motion::Position(control);
             }
             Goal::Velocity => {
                 self.motion = Motion::Velocity;
@@ -864,7 +938,6 @@ impl Servo {
             Goal::Move { pid } => {
                 self.motion = Motion::Move {
                     control: PositionLoop::at_rest(position, pid),
-                    profile: Profile::at_rest(position),
                     breakaway: Breakaway::default(),
                     arrival: Arrival::of(false),
                 };
@@ -872,71 +945,138 @@ impl Servo {
             Goal::Zero => {
                 self.motion = Motion::Zero {
                     control: PositionLoop::at_rest(position, PidState::default()),
-                    profile: Profile::at_rest(position),
                     arrival: Arrival::of(false),
                 };
             }
         }
         // Into the obstacle at which the last motion has just stalled, a move would push until its set-point is a count ahead.
-        let closing = self.end > position.round();
-        if matches!(goal, Goal::Move { .. }) && self.stall.is_over(closing, self.tuning.config.tstop) {
+        let end = match goal {
+            Goal::Move { .. } => Some(self.end),
+            Goal::Position { at, .. } => at,
+            _ => None,
+        };
+        let here = self.position.round();
+        if end.is_some_and(|end| {
+            (end != here || matches!(goal, Goal::Move { .. }))
+                && self.stall.is_over(end > here, self.tuning.config.tstop)
+        }) {
             self.finish(EndReason::Stalled);
-            return false;
+        } else {
+            self.plan();
         }
-        self.plan()
     }
 
-    /// Plans from the present set-point. Returns whether there is a profile to follow.
-    fn plan(&mut self) -> bool {
-        let (control, profile, arrival, end) = match &mut self.motion {
-            Motion::Move { control, profile, arrival, .. } => (control, profile, arrival, self.end),
-            Motion::Zero { control, profile, arrival } => {
-                (control, profile, arrival, self.tuning.config.ioff)
-            }
-            _ => return false,
+    /// Heads for the end from the present set-point.
+    fn plan(&mut self) {
+        let (control, arrival, end) = match &mut self.motion {
+            Motion::Move { control, arrival, .. } => (control, arrival, self.end),
+            Motion::Zero { control, arrival } => (control, arrival, self.tuning.config.ioff),
+            _ => return,
         };
-        profile.plan(Counts::from_int(end), &self.tuning.ramps);
+        control.set_end(Counts::from_int(end));
         *arrival = Arrival::of(self.applied.torque != Torque::ZERO);
-        control.setpoint = profile.current();
-        !control.setpoint.done
+    }
+
+    /// Position of the rotor as the law needs it: a misplaced sensor may say another cell.
+    fn exact_position(&self) -> Counts {
+        self.observer.exact_position().wrapping_sub(Counts::from_int(self.zero))
+    }
+
+    /// The EMF that is compensated, in torque units.
+    fn emf(&self) -> i32 {
+        match self.motion {
+            Motion::Torque(wanted) => {
+                let velocity = self.observer.coming_velocity();
+                let nominal = emf(self.observer.nominal_emf(), velocity);
+                sure_emf(emf(self.observer.emf(), velocity), nominal, wanted)
+            }
+            // Until the direction is known, no EMF adds to the limit of the torque: the model of a wrongly wired motor runs on alone.
+            _ if !self.direction.is_right() => {
+                let torque = i32::from(self.applied.torque.0);
+                let emf = emf(self.observer.emf(), self.observer.sure_velocity());
+                if (emf < 0) == (torque < 0) { 0 } else { emf }
+            }
+            // A rotor that stands is not faster because its motor pushes: the limit holds for what it feels.
+            _ if self.applied.limit.is_some() => emf(self.observer.emf(), self.observer.sure_velocity()),
+            _ => emf(self.observer.emf(), self.velocity),
+        }
     }
 
     /// Includes the damping that the control law lacks.
     fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
-        let (torque, missing) = match self.motion {
-            Motion::Idle | Motion::Starting { .. } => (Torque::ZERO, Law::ZERO),
-            Motion::Field(wanted) => (wanted, Law::ZERO),
-            Motion::Torque(wanted) => (wanted, MIN_DAMPING),
+        match self.motion {
+            Motion::Idle | Motion::Starting { .. } => Torque::ZERO,
+            Motion::Field(wanted) | Motion::Torque(wanted) => wanted,
             Motion::Velocity
             | Motion::TorqueControlled { .. }
             | Motion::Pressing { .. }
             | Motion::Home { .. } => {
-                (self.velocity_torque(envelope.most()), self.tuning.velocity_loop.missing_damping())
+                let torque = self.velocity_torque(envelope.most());
+                // Damps what is faster than wanted, or turns the other way.
+                let (wanted, velocity) = (self.velocity_goal().0, self.velocity.0);
+                let ordered = velocity.max(wanted.min(Law::ZERO)).min(wanted.max(Law::ZERO));
+                let beyond = CountsPerSec(velocity.saturating_sub(ordered));
+                damped(torque, beyond, self.tuning.velocity_loop.missing_damping())
             }
-            Motion::Position(_) | Motion::Move { .. } | Motion::Zero { .. } => {
-                (self.position_torque(envelope.range()), self.tuning.pid.missing_damping())
-            }
-        };
-        damped(torque, self.velocity, missing)
+            Motion::Position(_) | Motion::Move { .. } | Motion::Zero { .. } => self.position_torque(envelope),
+        }
     }
 
     /// Modes 3 and 5. The profile advances by a tick unless the rotor lags too far.
-    fn position_torque(&mut self, range: (Torque, Torque)) -> Torque {
-        let control = match &mut self.motion {
-            Motion::Position(control) => control,
-            Motion::Move { control, profile, arrival, .. } | Motion::Zero { control, profile, arrival } => {
-                if control.must_wait(profile.end(), self.position) {
-                    let left = profile.end().wrapping_sub(self.position).round();
-                    arrival.wait(left, self.tuning.config.tstop);
-                } else {
-                    control.setpoint = profile.step();
-                }
-                control
+    fn position_torque(&mut self, envelope: &TorqueEnvelope) -> Torque {
+        let position = self.exact_position();
+        let (control, arrival, ramps) = match &mut self.motion {
+            Motion::Position(control) => (control, None, &self.tuning.step_ramps),
+            Motion::Move { control, arrival, .. } | Motion::Zero { control, arrival } => {
+                (control, Some(arrival), &self.tuning.ramps)
             }
             _ => return Torque::ZERO,
         };
-        let (error, velocity_error) = control.errors(self.position, self.velocity);
-        self.tuning.pid.step(&mut control.pid, error, velocity_error, range)
+        control.setpoint.change = Law::ZERO;
+        if self.forced {
+            (control.shorted, control.shorted_ms) = (true, SHORTED_MS);
+        }
+        if control.shorted_ms > 0 {
+            // Each return to the set-point would send the braking current through the bridge into the bus.
+            control.shorted_ms -= 1;
+            control.setpoint = control.profile.follow(position, self.velocity);
+            return envelope.short();
+        }
+        if control.must_wait(position) {
+            if let Some(arrival) = arrival {
+                arrival.wait(control.profile.end().wrapping_sub(position).round(), self.tuning.config.tstop);
+            }
+        } else if !control.setpoint.done {
+            control.setpoint = control.profile.step(ramps, reach(&self.observer, control, envelope));
+        }
+        let setpoint = &control.setpoint;
+        let error = setpoint.position.wrapping_sub(position).saturating_error();
+        let goal = setpoint.velocity.0;
+        let stage = if !setpoint.done {
+            Stage::Move
+        } else if setpoint.position.round() == self.position.round() {
+            Stage::Cell
+        } else {
+            Stage::Rest
+        };
+        let friction = self.observer.friction() + self.observer.kick();
+        let friction = match stage {
+            Stage::Move if goal != Law::ZERO => {
+                product(friction, Law::from_bits(goal.to_bits() >> 1).max(-Law::ONE).min(Law::ONE))
+            }
+            Stage::Cell => Law::ZERO,
+            Stage::Move | Stage::Rest if error < Law::ZERO => -friction,
+            Stage::Move | Stage::Rest => friction,
+        };
+        let feed = product(setpoint.change, self.observer.inertia()) + friction - self.observer.load();
+        let errors = Errors {
+            stage,
+            position: error,
+            velocity: goal - self.velocity.0,
+            emf: self.observer.emf(),
+            feed,
+        };
+        self.tuning.pid.step(&mut control.pid, &errors, envelope.bounds())
     }
 
     /// Mode 4. Pressing applies all of MT while the rotor is slower than half its approach speed; if the object gives way,
@@ -955,7 +1095,10 @@ impl Servo {
             }
             // RealTime enters mode 4 again right after a stall: rest first, so that it can press again at all.
             Motion::Velocity if self.applied.torque == Torque::ZERO && self.must_rest(goal) => Torque::ZERO,
-            _ => self.tuning.velocity_loop.step(goal, self.velocity, most),
+            _ => {
+                let friction = self.observer.friction() + self.observer.kick();
+                self.tuning.velocity_loop.step(goal, self.velocity, (friction, self.observer.load()), most)
+            }
         }
     }
 
@@ -1023,8 +1166,8 @@ impl Servo {
         let reason = match &self.motion {
             Motion::Move { .. } => self.move_end(sense),
             Motion::Home { stage, way } => return self.step_homing(*stage, *way, stalled),
-            Motion::Zero { control, arrival, .. } if control.setpoint.done || arrival.is_given_up() => {
-                self.settle(sense.now)
+            Motion::Zero { control, arrival } if control.setpoint.done || arrival.is_given_up() => {
+                self.settle()
             }
             Motion::Zero { .. } => None,
             Motion::TorqueControlled { .. } if self.tuning.strain.excludes(sense.strain) => {
@@ -1100,23 +1243,28 @@ impl Servo {
             return Some(EndReason::Breakaway);
         }
         let settles = control.setpoint.done || arrival.is_given_up();
-        if settles { self.settle(sense.now) } else { None }
+        if settles { self.settle() } else { None }
     }
 
     /// Why a move ends whose set-point rests on its end, or has waited for too long.
     #[inline(never)]
-    fn settle(&mut self, now: Micros) -> Option<EndReason> {
+    fn settle(&mut self) -> Option<EndReason> {
         let Config { mpe, tstop, .. } = self.tuning.config;
-        let quiet = self.estimator.quiet(now);
-        let (Motion::Move { control, profile, arrival, .. } | Motion::Zero { control, profile, arrival }) =
-            &mut self.motion
+        let quiet = self.observer.quiet();
+        let (Motion::Move { control, arrival, .. } | Motion::Zero { control, arrival }) = &mut self.motion
         else {
             return None;
         };
-        let left = profile.end().round().wrapping_sub(self.position.round());
+        let left = control.profile.end().round().wrapping_sub(self.position.round());
         if control.setpoint.done {
-            if arrived(left, mpe, self.velocity, self.applied.torque, arrival.settle(quiet, profile.ticks()))
-            {
+            let rests = arrival.rests(left, self.velocity, quiet);
+            let ticks = control.profile.ticks();
+            let quiet = arrival.settle(quiet, ticks);
+            let settled = ticks == 0 || arrival.has_settled();
+            let rests = rests || arrival.hunts(left) && left.unsigned_abs() <= u32::from(mpe);
+            // What had nothing to do shows nothing of what may have driven it.
+            let rests = rests && ticks > 0;
+            if rests || settled && arrived(left, mpe, self.velocity, self.applied.torque, quiet) {
                 return Some(EndReason::Arrived);
             }
             arrival.wait(left, tstop);
@@ -1138,9 +1286,20 @@ impl Servo {
             Motion::Zero { .. } if self.tuning.config.accel == 0 => Some(self.tuning.config.ioff > 0),
             Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
                 let lag = control.lag(self.position);
+                // Its set-point has only begun to move towards an obstacle that has just stalled the motor.
+                let ahead = control.profile.end().wrapping_sub(self.position);
+                let closing = ahead > Counts::ZERO;
+                if ahead.round() != 0 && self.stall.is_over(closing, self.tstop()) {
+                    return Some(closing);
+                }
                 let torque = direction(i32::from(self.applied.torque.0));
                 // A high KD may press a rotor on a stop that its set-point has not reached yet.
                 if self.presses() && torque == direction(control.setpoint.velocity.round().into()) {
+                    return torque;
+                }
+                let elsewhere =
+                    control.setpoint.done && control.setpoint.position.round() != self.position.round();
+                if elsewhere && self.applied.torque.saturating_abs() >= FRICTION {
                     return torque;
                 }
                 (!lag.is_within(DRIVEN_LAG)).then_some(lag > Counts::ZERO)
@@ -1199,20 +1358,22 @@ impl Servo {
         self.report(Event::Ended { reason, mode: self.motion.mode() });
     }
 
-    /// Holds the present position. After an arrival the integrator keeps the present torque, so that a load stays carried.
-    /// Any other end may come at speed or under full torque, so the integrator starts empty.
+    /// Holds the present position. After an arrival the observed load stays carried.
     fn hold(&mut self, reason: EndReason) {
-        let pid = if reason == EndReason::Arrived {
-            self.tuning.pid.bumpless(self.applied.torque, Law::ZERO, Law::ZERO, self.tuning.most)
-        } else {
-            PidState::default()
-        };
+        let arrived = reason == EndReason::Arrived;
+        if !arrived {
+            // It was pushing, against an obstacle maybe.
+            self.observer.forget_load();
+        }
         self.motion = match self.motion {
             // The brake keeps the rest of its release time.
             Motion::Starting { brake_ms, .. } if brake_ms < self.tuning.config.brake_ms => {
-                Motion::Starting { goal: Goal::Position { at: None, pid }, brake_ms }
+                Motion::Starting { goal: Goal::Position { at: None, pid: PidState::default() }, brake_ms }
             }
-            _ => Motion::Position(PositionLoop::at_rest(self.position, pid)),
+            Motion::Move { control, .. } if arrived => {
+                Motion::Position(PositionLoop::at_rest(self.position, control.pid))
+            }
+            _ => Motion::Position(PositionLoop::at_rest(self.position, PidState::default())),
         };
     }
 

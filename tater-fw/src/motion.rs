@@ -25,6 +25,11 @@ bind! { motion for Config:
     IOFF = ioff,
     IHIT = ihit,
     OTEMP = otemp,
+    MKA = mka,
+    MKE = mke,
+    MFC = mfc,
+    MFS = mfs,
+    MTE = mte,
 }
 
 /// Cannot move until it is configured, but knows its brake: the spread's power-off brake releases in 10 to 30 ms.

@@ -234,7 +234,7 @@ fn saved_parameters_survive_reset() {
     assert_answers(&mut session, &rows[1..]);
     session.run("RESET");
     assert_answers(&mut session, &[("123FGET CT LFVC TSTOP", "10010 18200 18200 5 8 8 900 300 300")]);
-    assert_answers(&mut session, &[("1 G KP", "1 KP=60"), ("X5FGET CT", "10010")]);
+    assert_answers(&mut session, &[("1 G KP", "1 KP=120"), ("X5FGET CT", "10010")]);
     let stored = session.hand.memory().changed().expect("GOD's part");
     let of = |motor: usize| stored.parameters.motors[motor - 1].as_set;
     assert_eq!((of(1), of(5)), (of(5), of(1)));

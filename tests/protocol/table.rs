@@ -8,8 +8,20 @@ use tater_wire::{Node, Property};
 const LIST: &str = "../../shared/data/properties.csv";
 
 /// What the list lacks: in mode 4 V is the velocity commanded, and RealTime feeds back the one that there is (manual 5.3.3).
-const ADDED: [Property; 6] =
-    [Property::FIND, Property::VEL, Property::WIRING, Property::HOSTMS, Property::KIND, Property::VSET];
+/// The motor's model is decision 0064's.
+const ADDED: [Property; 11] = [
+    Property::FIND,
+    Property::VEL,
+    Property::WIRING,
+    Property::HOSTMS,
+    Property::KIND,
+    Property::VSET,
+    Property::MKA,
+    Property::MKE,
+    Property::MFC,
+    Property::MFS,
+    Property::MTE,
+];
 
 fn fields(line: &str) -> Vec<String> {
     let (mut fields, mut quoted) = (vec![String::new()], false);

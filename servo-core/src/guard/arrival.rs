@@ -14,6 +14,24 @@ const QUIET: Micros = Micros(24_000);
 const QUIET_PUSHED: Micros = Micros(60_000);
 const FRICTION: Torque = Torque(82);
 
+/// Observed velocity at an arrival in the very cell of the end; up to [`SLOWER`] if no edge has come for [`QUIET_CELL`]. It must last for
+/// four ticks; for five if the last edge is that long ago at their beginning, since then it is the model's word alone: a rotor that is
+/// faster is stopped by its friction meanwhile (4270 counts/s²).
+const STILL: CountsPerSec = CountsPerSec::from_int(6);
+const SLOWER: CountsPerSec = CountsPerSec::from_int(20);
+const QUIET_CELL: Micros = Micros(12_000);
+/// Least time since the last edge: a rotor that has just come into the cell is as fast as it is, whatever the model says. With the four ticks
+/// it is 10 ms, in which one of 100 counts/s passes the cell.
+const QUIET_LEAST: Micros = Micros(6_000);
+const STILL_MS: u8 = 4;
+const STILL_SLOW_MS: u8 = 5;
+
+/// Time within two cells that is no motion any more, ms.
+const HUNTING_MS: u16 = 250;
+
+/// Time since the end of the profile within which the servo brings the rotor into the end's own cell: an arrival elsewhere waits for it.
+const SETTLING_MS: u32 = 60;
+
 /// Beyond TSTOP, how long a move waits for a motor that gets no nearer to its end, in ms. Every lasting oscillation of a
 /// motor with the manual's gains is over within a tenth of that.
 const PATIENCE_MS: u32 = 2000;
@@ -45,6 +63,12 @@ pub struct Arrival {
     late_ms: u32,
     /// Time since the profile's end.
     settling_ms: u32,
+    /// Ticks at rest in the cell of the end.
+    still_ms: u8,
+    needed_ms: u8,
+    /// Least and largest distance from the end, counts, within which the rotor has stayed for `hunting_ms`.
+    cells: (i32, i32),
+    hunting_ms: u16,
     given_up: bool,
     driven: bool,
 }
@@ -53,7 +77,17 @@ impl Arrival {
     /// Of a move of a motor that was `driven` when it was planned.
     #[must_use]
     pub const fn of(driven: bool) -> Self {
-        Self { nearest: u32::MAX, late_ms: 0, settling_ms: 0, given_up: false, driven }
+        Self {
+            nearest: u32::MAX,
+            late_ms: 0,
+            settling_ms: 0,
+            still_ms: 0,
+            needed_ms: 0,
+            cells: (0, 0),
+            hunting_ms: 0,
+            given_up: false,
+            driven,
+        }
     }
 
     /// One tick of 1 ms after the end of a profile of so many `ticks`, `quiet` after the last edge. Nothing has driven a motor that was off
@@ -64,6 +98,41 @@ impl Arrival {
         let planned_ms = if was_still { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
         let within = |ms: u32| Micros(quiet.0.min(ms.saturating_mul(1000)));
         Quiet { free: within(planned_ms), pushed: within(self.settling_ms) }
+    }
+
+    /// One tick of 1 ms after the end of a profile, `left` counts from it and `quiet` after the last edge. Whether the rotor rests in the
+    /// cell of the end.
+    pub fn rests(&mut self, left: i32, velocity: CountsPerSec, quiet: Micros) -> bool {
+        let within = |most: CountsPerSec| (most.saturating_neg()..=most).contains(&velocity);
+        let still = left == 0
+            && (within(STILL) && quiet.0 >= QUIET_LEAST.0 || within(SLOWER) && quiet.0 >= QUIET_CELL.0);
+        if !still {
+            self.still_ms = 0;
+            return false;
+        }
+        if self.still_ms == 0 {
+            self.needed_ms = if quiet.0 < QUIET_CELL.0 { STILL_MS } else { STILL_SLOW_MS };
+        }
+        self.still_ms = self.still_ms.saturating_add(1);
+        self.still_ms >= self.needed_ms
+    }
+
+    /// One tick of 1 ms after the end of a profile, `left` counts from it. Whether the rotor has stayed within two neighboring cells for so
+    /// long that it is at their boundary: one that rests on its stop there is never quiet.
+    pub fn hunts(&mut self, left: i32) -> bool {
+        let (low, high) = (self.cells.0.min(left), self.cells.1.max(left));
+        if high.saturating_sub(low) > 1 {
+            (self.cells, self.hunting_ms) = ((left, left), 0);
+        } else {
+            (self.cells, self.hunting_ms) = ((low, high), self.hunting_ms.saturating_add(1));
+        }
+        self.hunting_ms >= HUNTING_MS
+    }
+
+    /// Whether the servo has had its time to bring the rotor into the cell of the end.
+    #[must_use]
+    pub const fn has_settled(&self) -> bool {
+        self.settling_ms >= SETTLING_MS
     }
 
     /// One tick of 1 ms in which the move waits, `left` counts from its end. `tstop` in ms; 0 waits forever.
@@ -124,6 +193,64 @@ mod tests {
         assert_eq!(arrival.settle(still, u32::MAX), us(300_000, 4_000), "no wrap");
         assert_eq!(Arrival::of(false).settle(still, 0), us(300_000, 1_000), "no way, and nothing drove it");
         assert_eq!(Arrival::of(true).settle(still, 0), us(1_000, 1_000), "something may have driven it away");
+    }
+
+    /// First tick in which it rests.
+    fn rests_after(left: i32, velocity: i16, quiet: Micros) -> Option<u8> {
+        let mut arrival = Arrival::of(false);
+        (1..50).find(|_| arrival.rests(left, CountsPerSec::from_int(velocity), quiet))
+    }
+
+    #[test]
+    fn rotor_rests_in_the_cell_of_the_end_after_four_slow_ticks_or_five_quiet_ones() {
+        let (least, cell) = (QUIET_LEAST, QUIET_CELL);
+        let early = |quiet: Micros| Micros(quiet.0 - 1);
+        for (left, velocity, quiet, ticks) in [
+            (0, 6, least, Some(4)),
+            (0, -6, early(cell), Some(4)),
+            (0, 0, early(least), None),
+            (0, 7, early(cell), None),
+            (0, 20, cell, Some(5)),
+            (0, -20, cell, Some(5)),
+            (0, 0, cell, Some(5)),
+            (0, 21, cell, None),
+            (0, -21, cell, None),
+            (1, 0, cell, None),
+            (-1, 0, cell, None),
+        ] {
+            assert_eq!(rests_after(left, velocity, quiet), ticks, "{left} {velocity} {quiet:?}");
+        }
+    }
+
+    #[test]
+    fn rest_begins_anew_when_the_rotor_moves() {
+        let mut arrival = Arrival::of(false);
+        for velocity in [0, 0, 0, 7, 0, 0, 0] {
+            assert!(!arrival.rests(0, CountsPerSec::from_int(velocity), QUIET_LEAST));
+        }
+        assert!(arrival.rests(0, CountsPerSec::ZERO, QUIET_LEAST));
+    }
+
+    #[test]
+    fn rotor_hunts_that_stays_within_two_cells_for_250_ms() {
+        for (span, hunts) in [(0, true), (1, true), (2, false)] {
+            let mut arrival = Arrival::of(false);
+            let ticks = (1..1000).find(|tick| arrival.hunts(-3 + span * (tick / 20 % 2)));
+            // The first tick only shows where it is.
+            assert_eq!(ticks.is_some_and(|ticks| (250..=251).contains(&ticks)), hunts, "{span}: {ticks:?}");
+            assert_eq!(ticks.is_some(), hunts, "{span}: {ticks:?}");
+        }
+    }
+
+    #[test]
+    fn servo_has_60_ms_to_settle() {
+        let mut arrival = Arrival::of(false);
+        for _ in 0..59 {
+            arrival.settle(Micros(0), 5);
+        }
+        assert!(!arrival.has_settled());
+        arrival.settle(Micros(0), 5);
+        assert!(arrival.has_settled());
     }
 
     #[test]

@@ -16,15 +16,18 @@
 use crate::units::Torque;
 
 /// Torque limit of a motion until the direction is known, enough to start: 63 is friction.
-pub const START: Torque = Torque(86);
+pub const START: Torque = Torque(80);
 
-/// The limit of a motor that has started, and of FIND. Friction of 63 units, 30 % more of it, and 30 % less torque an ampere with
-/// 30 % more resistance need 152.
-pub const MOST: Torque = Torque(172);
+/// The limit of a motor that stands, and of FIND. Friction of 63 units, 30 % more of it, and 30 % less torque an ampere with
+/// 30 % more resistance need 152. The bridge's dead time took 11 of 172 before it was compensated.
+pub const MOST: Torque = Torque(160);
+
+/// The limit of a motor that has come loose: friction in motion is a quarter less than at rest, so the worst motor needs 115.
+const LOOSE: i16 = 125;
 
 /// The limit of a motor that does not start: before it slept an impact may have wedged its joint in a stop. Of 3240 wrong wirings and
 /// plants none runs more than 5.8 counts the wrong way then; with 320 it would be 7.8 (tests/wiring.rs).
-const WEDGED: i16 = 250;
+const WEDGED: i16 = 238;
 
 /// Rise of the limit above [`MOST`], units a ms: within TSTOP to what a wedged joint needs.
 const WEDGED_RATE: i16 = 4;
@@ -165,8 +168,7 @@ impl Direction {
                     return Verdict::Limit(Torque(*limit));
                 }
                 *still_ms = 0;
-                // It has come loose.
-                *limit = (*limit).min(MOST.0);
+                *limit = (*limit).min(LOOSE);
                 let sum = work.saturating_add(moved.saturating_mul(torque.0.into()));
                 *work = sum.max(0);
                 if sum < 0 {
@@ -251,6 +253,6 @@ mod tests {
         }
         assert_eq!(most, Torque(WEDGED));
         assert!(direction.is_settled());
-        assert_eq!(direction.step(1, Torque(700)), Verdict::Limit(MOST), "it has come loose");
+        assert_eq!(direction.step(1, Torque(700)), Verdict::Limit(Torque(LOOSE)), "it has come loose");
     }
 }

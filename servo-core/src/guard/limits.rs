@@ -5,9 +5,8 @@
 
 use crate::guard::fault::LimitCause;
 use crate::guard::supply::{self, Supply};
-use crate::motion::torque::emf;
-use crate::num::{mul_low_unsigned, saturating_i16, share_q32};
-use crate::units::{CountsPerSec, Duty, MilliAmps, MilliVolts, Torque};
+use crate::num::{Law, mul_low_unsigned, saturating_i16, share_q32};
+use crate::units::{Duty, MilliAmps, MilliVolts, Torque};
 
 /// Largest voltage across the motor in 1/1024 of the bus: 990/1024 = 96.7 %. The high-side drivers recharge their bootstrap
 /// capacitors in the rest. At 24 V this is also MT's maximum; at 20 V it gives T = 825.
@@ -40,6 +39,8 @@ const NO_CUT: i16 = 1024;
 pub struct AppliedTorque {
     /// Duty for the bridge.
     pub duty: Duty,
+    /// Voltage across the driven phases, torque units.
+    pub volts: i32,
     /// Torque that this duty gives.
     pub torque: Torque,
     /// The limit that reduced it, if any.
@@ -48,7 +49,7 @@ pub struct AppliedTorque {
 
 impl AppliedTorque {
     /// Bridge off.
-    pub const OFF: Self = Self { duty: Duty::ZERO, torque: Torque::ZERO, limit: None };
+    pub const OFF: Self = Self { duty: Duty::ZERO, volts: 0, torque: Torque::ZERO, limit: None };
 }
 
 /// The state of the limits of current and supply.
@@ -107,16 +108,10 @@ impl TorqueLimiter {
         self.short_ms >= SHORT_MS
     }
 
-    /// The torque limits of this tick, within what the bus voltage leaves at this velocity.
+    /// The torque limits of this tick, within what the bus voltage leaves of an EMF in torque units.
     #[must_use]
     #[inline]
-    pub fn envelope(
-        &self,
-        mt: Torque,
-        thermal: Torque,
-        velocity: CountsPerSec,
-        bus: MilliVolts,
-    ) -> TorqueEnvelope {
+    pub fn envelope(&self, mt: Torque, thermal: Torque, emf: i32, bus: MilliVolts) -> TorqueEnvelope {
         let current = Torque(self.left);
         let mut most = mt.min(thermal).min(current);
         let mut volts = volts(bus);
@@ -126,8 +121,8 @@ impl TorqueLimiter {
             volts = volts.min(i32::from(folded.0));
         }
         let most = i32::from(most.0);
-        // Voltages of 0..=2703 and ±31,772.
-        let emf = emf(velocity);
+        // Voltages of 0..=2703 and ±32,767.
+        let emf = emf.clamp(-32_767, 32_767);
         let within = |torque: i32| torque.max(-most).min(most);
         let high = within(volts - emf);
         let low = within(-(volts + emf));
@@ -140,6 +135,32 @@ impl TorqueLimiter {
 fn volts(bus: MilliVolts) -> i32 {
     const SHARE: u32 = share_q32(MAX_DUTY, 24_000);
     mul_low_unsigned(bus.0.into(), SHARE, 32).cast_signed()
+}
+
+/// [`MAX_DUTY`] in 1/32768.
+const MOST_DUTY: i32 = 31_680;
+
+/// The duty that the bridge's dead time takes, 1/32768, with the sign of the current: for 0.5 µs of each 50 µs the current flows
+/// through a diode of 0.8 V instead of a switch, in both legs. Where the ripple of the current passes zero it takes nothing:
+///
+/// ```text
+/// i_ripple = |U|·(1 − |duty|)·50 µs/(4·2·L)·R     0.075 of |U|, torque units; L = 0.4 mH and R = 1.2 Ω a phase
+/// ```
+///
+/// `quarter` is a quarter of the bus voltage in mV.
+fn dead_time(volts: i32, torque: i32, duty: i32, quarter: i32) -> i32 {
+    // |volts| < 2^12 where the duty is within its limit, so the product is below 2^27.
+    if torque == 0 {
+        return 0;
+    }
+    let ripple = (volts.abs().min(4095) * (32_768 - duty.abs().min(32_768))) >> 15;
+    let ripple = (ripple * 77) >> 10;
+    // From none to all within ±1.5 units, in 2^-8.
+    let share = ((torque.abs() - ripple) * 83 + 128).clamp(0, 256);
+    // 1 % of the bus and two diodes.
+    let whole = 328 + 131_072 / quarter;
+    let lost = (whole * share) >> 8;
+    if torque < 0 { -lost } else { lost }
 }
 
 /// Torque and voltage limits of one tick, in torque units (24 V is 1024).
@@ -166,10 +187,35 @@ impl TorqueEnvelope {
         Torque(saturating_i16(self.most))
     }
 
+    /// [`Self::range`] for the arithmetic of a law.
+    #[must_use]
+    pub const fn bounds(&self) -> (Law, Law) {
+        // Within ±`most`.
+        (Law::from_bits(self.low << 16), Law::from_bits(self.high << 16))
+    }
+
     /// Lowest and highest torque available.
     #[must_use]
     pub const fn range(&self) -> (Torque, Torque) {
         (Torque(saturating_i16(self.low)), Torque(saturating_i16(self.high)))
+    }
+
+    /// Torque that is left to drive a rotor whose EMF in its direction is `emf`; negative if the bus cannot drive it so fast. Above −2^11.
+    #[must_use]
+    pub fn forward(&self, emf: i32) -> i32 {
+        self.most.min(self.volts - emf).max(-2047)
+    }
+
+    /// [`Self::most`] as a number.
+    #[must_use]
+    pub const fn most_units(&self) -> i32 {
+        self.most
+    }
+
+    /// Torque of a motor with its terminals shorted.
+    #[must_use]
+    pub const fn short(&self) -> Torque {
+        Torque(saturating_i16(-self.emf))
     }
 
     /// Of equal limits the first in this order.
@@ -204,8 +250,10 @@ impl TorqueEnvelope {
         let volts = torque + self.emf;
         let quarter = (i32::from(self.bus.0).max(1_000) + 3) / 4;
         let bits = volts * 192_000 / quarter;
+        let most = MOST_DUTY.max(bits.abs());
+        let bits = (bits + dead_time(volts, torque, bits, quarter)).clamp(-most, most);
         let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
-        AppliedTorque { duty, torque, limit }
+        AppliedTorque { duty, volts, torque, limit }
     }
 
     /// The nearest torque within all limits, and what limits it.
@@ -254,14 +302,24 @@ impl TorqueEnvelope {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::num::Law;
+    use crate::motion::torque::emf as emf_at;
+    use crate::units::CountsPerSec;
     use proptest::prelude::*;
 
     const BUS: MilliVolts = MilliVolts(24_000);
     const FULL: Torque = Torque(990);
 
+    const K: Law = Law::lit("0.9696");
+
+    /// Dead time at 24 V: 1 % of the bus and 1.6 V of diodes, 0.01·(1 + 1.6/24)·32768, with each term rounded.
+    const LOST: i16 = 328 + 21;
+
+    fn emf(velocity: CountsPerSec) -> i32 {
+        emf_at(K, velocity)
+    }
+
     fn envelope(mt: i16, speed: i16, bus: MilliVolts) -> TorqueEnvelope {
-        TorqueLimiter::default().envelope(Torque(mt), FULL, CountsPerSec::from_int(speed), bus)
+        TorqueLimiter::default().envelope(Torque(mt), FULL, emf(CountsPerSec::from_int(speed)), bus)
     }
 
     fn bound(torque: i16, speed: i16, bus: MilliVolts) -> AppliedTorque {
@@ -272,17 +330,64 @@ mod tests {
     fn slow_rise_of_plugging_torque_keeps_the_duty_limit() {
         // The EMF is far beyond the bus; −990 needs −20 of its ±97, and −512 would need 458.
         let plugging = envelope(990, 1000, MilliVolts(2_374)).bound(FULL.saturating_neg(), Torque::ZERO);
-        assert_eq!(plugging.duty, Duty::ZERO);
+        // No voltage, and the dead time of a current that flows: 1 % of 2.374 V and of 1.6 V.
+        assert_eq!((plugging.volts, plugging.duty), (0, Duty::from_bits(-(328 + 220))));
         assert_eq!(plugging.limit, Some(LimitCause::Supply));
     }
 
     #[test]
-    fn torque_at_standstill_is_duty() {
+    fn torque_at_standstill_is_duty_and_dead_time() {
         assert_eq!(
             bound(512, 0, BUS),
-            AppliedTorque { duty: Duty::from_bits(1 << 14), torque: Torque(512), limit: None }
+            AppliedTorque {
+                duty: Duty::from_bits((1 << 14) + LOST),
+                volts: 512,
+                torque: Torque(512),
+                limit: None
+            }
         );
-        assert_eq!(bound(-512, 0, BUS).duty, Duty::from_bits(-(1 << 14)));
+        assert_eq!(bound(-512, 0, BUS).duty, Duty::from_bits(-(1 << 14) - LOST));
+    }
+
+    /// 400 units of EMF at duty 400/1024 have a ripple of 0.075·400·(1 − 0.39) = 18 units.
+    #[test]
+    fn dead_time_takes_nothing_where_the_ripple_of_the_current_passes_zero() {
+        let envelope = TorqueLimiter::default().envelope(FULL, FULL, 400, BUS);
+        let lost = |torque: i16| {
+            let bounded = envelope.bound(Torque(torque), Torque(torque));
+            assert_eq!(bounded.volts, 400 + i32::from(torque));
+            i32::from(bounded.duty.0.to_bits()) - bounded.volts * 32
+        };
+        for torque in [-14, -1, 0, 1, 14] {
+            assert_eq!(lost(torque), 0, "{torque}");
+        }
+        for torque in [22, 100, -22, -100] {
+            assert_eq!(lost(torque), i32::from(LOST * torque.signum()), "{torque}");
+        }
+        assert!((15..22).all(|torque| lost(torque) <= lost(torque + 1)), "gradually");
+    }
+
+    #[test]
+    fn dead_time_at_no_torque_and_no_speed_takes_nothing() {
+        assert_eq!(bound(0, 0, BUS).duty, Duty::ZERO);
+    }
+
+    #[test]
+    fn dead_time_is_the_mirror_image_in_the_other_direction() {
+        for torque in 0..=300 {
+            for speed in [-300, -20, 0, 20, 300] {
+                let (one, other) = (bound(torque, speed, BUS), bound(-torque, -speed, BUS));
+                let sum = one.duty.0.to_bits() + other.duty.0.to_bits();
+                // Shifts round down.
+                assert!(sum.abs() <= 1, "{torque} at {speed}: {one:?} {other:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn dead_time_takes_no_duty_beyond_the_limit() {
+        assert_eq!(bound(990, 0, BUS).duty, Duty::from_bits(31_680));
+        assert_eq!(bound(-990, 0, BUS).duty, Duty::from_bits(-31_680));
     }
 
     #[test]
@@ -308,7 +413,7 @@ mod tests {
         assert!(low == Torque(-750) && high < Torque::ZERO, "{low:?} {high:?}");
         // So fast that the duty limit brakes harder than MT.
         let bounded = bound(0, 2500, BUS);
-        assert_eq!((bounded.duty, bounded.limit), (Duty::from_bits(31_680), Some(LimitCause::Duty)));
+        assert_eq!((bounded.duty, bounded.limit), (Duty::from_bits(31_680 - LOST), Some(LimitCause::Duty)));
         assert_eq!(bounded.torque, Torque(990 - 2424));
     }
 
@@ -316,7 +421,7 @@ mod tests {
     fn least_limit_governs() {
         let mut limits = TorqueLimiter::default();
         let governing = |limits: &TorqueLimiter, thermal: i16| {
-            let envelope = limits.envelope(Torque(750), Torque(thermal), CountsPerSec::ZERO, BUS);
+            let envelope = limits.envelope(Torque(750), Torque(thermal), 0, BUS);
             (envelope.most(), envelope.bound(Torque(900), Torque(900)).limit)
         };
         assert_eq!(governing(&limits, 990), (Torque(750), Some(LimitCause::Torque)));
@@ -386,14 +491,19 @@ mod tests {
         ) {
             let velocity = CountsPerSec(Law::from_bits(velocity));
             let most = Torque(most);
-            let bounded = TorqueLimiter::default().envelope(most, FULL, velocity, MilliVolts(bus))
+            let bounded = TorqueLimiter::default().envelope(most, FULL, emf(velocity), MilliVolts(bus))
                 .bound(Torque(torque), Torque(torque));
             let duty = i32::from(bounded.duty.0.to_bits());
             prop_assert!(duty.unsigned_abs() <= (1 << 15) * MAX_DUTY / 1024, "{}", duty);
-            // Nothing has wrapped: the duty is the voltage over the bus, and 250 mV of bus in the rounding of a quarter.
+            // Nothing has wrapped: the duty is the voltage over the bus, and 250 mV of bus in the rounding of a quarter; and up to the dead
+            // time in the torque's direction, 1 % of the bus and of 1.6 V.
             let volts = i64::from(bounded.torque.0) + i64::from(emf(velocity));
+            prop_assert_eq!(i64::from(bounded.volts), volts);
             let exact = volts * 24 * 32_000 / i64::from(bus.max(1_000));
-            prop_assert!((i64::from(duty) - exact).abs() <= 1 + exact.abs() / 250, "{} {}", duty, exact);
+            let lost = 328 + 524_288 / i64::from(bus.max(1_000)) + 1;
+            let more = (i64::from(duty) - exact) * if bounded.torque < Torque::ZERO { -1 } else { 1 };
+            let rounding = 1 + exact.abs() / 250;
+            prop_assert!((-rounding..=lost + rounding).contains(&more), "{} {}", duty, exact);
             prop_assert!(bounded.limit == Some(LimitCause::Duty) || bounded.torque.saturating_abs() <= most);
         }
     }

@@ -1,15 +1,17 @@
-//! The position PID of modes 3 and 5. Each tick of T = 1 ms, with e in counts and ė = set-point velocity − measured velocity
-//! in counts/s,
+//! The position law of modes 3 and 5. Each tick of T = 1 ms, with the set-point at xₛ, vₛ with the acceleration aₛ, the position error
+//! e = xₛ − x̂ in counts and the velocity error ė = vₛ − v̂ in counts/s,
 //!
 //! ```text
-//! torque = KP·e + I + KD/256·ė        I = I + KI·T·e, limited to the available torque
+//! torque = KP·e + I + (KD/256 + K)·ė + aₛ/B + (F + s)·sgn − d        I = I + KI·T·e, limited to the available torque
 //! ```
 //!
-//! in torque units. In a move the set-point has the profile's velocity, so the motor does not lag behind it. In a hold that
-//! is zero, so the derivative acts on the measurement alone and a step of P gives no kick (decision 0006).
+//! in torque units. aₛ/B accelerates the rotor as the profile does, F is the friction in the direction of the set-point (at its end in
+//! that of e), s what breaks a resting rotor loose, and d the observed load, which the law carries instead of an integral: KI is 0 by
+//! default. K compensates the EMF at the set-point's velocity instead of the observed one. A set-point at rest ([`Stage::Rest`]) has 1.6
+//! of KP and 1.2 of KD; in its cell ([`Stage::Cell`]) the halls resolve no more, so only −d and twice KD are left while the rotor is slower
+//! than 10 counts/s.
 
-use crate::motion::torque::missing;
-use crate::num::{Law, TICK_HZ, gain, mul_clamped, sum_of_products};
+use crate::num::{Law, TICK_HZ, gain, mul_clamped, product, sum_of_products};
 use crate::units::Torque;
 
 /// The gains as the host sets them: properties KP, KI, KD.
@@ -29,8 +31,10 @@ impl PidConfig {
     pub fn build(self) -> Pid {
         // The largest KI of 32767 is 32.767 a tick; the truncation of the smallest (1) is 0.8 %.
         let ki = gain(self.ki, 0).checked_div_int(TICK_HZ.cast_signed()).unwrap_or(Law::ZERO);
-        let kd = gain(self.kd, 8);
-        Pid { kp: gain(self.kp, 0), ki, kd, missing: missing(kd) }
+        // KD is below 128, so twice it and an EMF fit.
+        let (kp, kd) = (gain(self.kp, 0), gain(self.kd, 8));
+        let more = |gain: Law, share| gain.saturating_add(product(gain, share));
+        Pid { kp, ki, kd, resting: (more(kp, RESTING_KP), more(kd, RESTING_KD)), twice_kd: kd + kd }
     }
 }
 
@@ -40,7 +44,9 @@ pub struct Pid {
     kp: Law,
     ki: Law,
     kd: Law,
-    missing: Law,
+    /// KP and KD while the set-point rests.
+    resting: (Law, Law),
+    twice_kd: Law,
 }
 
 /// The integral I, in torque units.
@@ -49,22 +55,56 @@ pub struct PidState {
     integral: Law,
 }
 
+/// What the set-point does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// It moves.
+    Move,
+    /// It rests, and the rotor is in another cell.
+    Rest,
+    /// It rests in the rotor's cell.
+    Cell,
+}
+
+/// The inputs of a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Errors {
+    /// What the set-point does.
+    pub stage: Stage,
+    /// e in counts.
+    pub position: Law,
+    /// ė in counts/s.
+    pub velocity: Law,
+    /// K in torque units per count/s.
+    pub emf: Law,
+    /// The other terms, in torque units.
+    pub feed: Law,
+}
+
+/// More KP and KD while the set-point rests.
+const RESTING_KP: Law = Law::lit("0.6");
+const RESTING_KD: Law = Law::lit("0.2");
+
+/// Velocity from which the position error counts in the cell too, counts/s.
+const SOFT: Law = Law::lit("10");
+
 impl Pid {
-    /// One tick with `error` in counts and `velocity_error` in counts/s; returns a torque in `low..=high`, which the limits
-    /// and the bus voltage leave at the present speed. Anti-windup: the integral stays within that range and pauses while
-    /// the output is beyond its end in the error's direction.
+    /// One tick; returns a torque in `low..=high`, which the limits and the bus voltage leave at the present speed. Anti-windup: the
+    /// integral stays within that range and pauses while the output is beyond its end in the error's direction.
     #[must_use]
-    pub fn step(
-        &self,
-        state: &mut PidState,
-        error: Law,
-        velocity_error: Law,
-        (low, high): (Torque, Torque),
-    ) -> Torque {
-        let direct = self.direct(error, velocity_error);
-        let (low, high) = (low.to_fixed(), high.to_fixed());
-        let increment = mul_clamped(self.ki, error);
-        // Range and integral are within ±1024, products within ±8192: no sum overflows.
+    pub fn step(&self, state: &mut PidState, errors: &Errors, (low, high): (Law, Law)) -> Torque {
+        let Errors { stage, position, velocity, emf, feed } = *errors;
+        let (kp, kd) = match stage {
+            Stage::Move => (self.kp, self.kd),
+            Stage::Rest => self.resting,
+            Stage::Cell => (if velocity.saturating_abs() <= SOFT { Law::ZERO } else { self.kp }, self.twice_kd),
+        };
+        // Products and feed are within ±8192: no sum overflows.
+        let direct = sum_of_products((kp, position), (kd + emf, velocity)) + feed;
+        if self.ki == Law::ZERO {
+            return Torque::from_fixed(direct.max(low).min(high));
+        }
+        let increment = if stage == Stage::Cell { Law::ZERO } else { mul_clamped(self.ki, position) };
         let unbounded = direct + state.integral;
         let winding_up =
             (unbounded > high && increment > Law::ZERO) || (unbounded < low && increment < Law::ZERO);
@@ -72,26 +112,6 @@ impl Pid {
             state.integral = (state.integral + increment).max(low).min(high);
         }
         Torque::from_fixed((direct + state.integral).max(low).min(high))
-    }
-
-    /// The state from which the next step gives `torque`: a bumpless transfer. The integral stays within ±`limit`.
-    #[must_use]
-    pub fn bumpless(&self, torque: Torque, error: Law, velocity_error: Law, limit: Torque) -> PidState {
-        let limit = limit.to_fixed();
-        let integral = torque.to_fixed().saturating_sub(self.direct(error, velocity_error));
-        // Unlike `clamp`, this has no panic.
-        PidState { integral: integral.max(limit.saturating_neg()).min(limit) }
-    }
-
-    /// Damping that the law lacks: see [`missing`].
-    #[must_use]
-    pub const fn missing_damping(&self) -> Law {
-        self.missing
-    }
-
-    fn direct(&self, error: Law, velocity_error: Law) -> Law {
-        // Gains are not negative.
-        sum_of_products((self.kp, error), (self.kd, velocity_error))
     }
 }
 
@@ -101,24 +121,79 @@ mod tests {
     use proptest::prelude::*;
 
     const LIMIT: Torque = Torque(750);
-    const RANGE: (Torque, Torque) = (Torque(-750), LIMIT);
+    const RANGE: (Law, Law) = (Torque(-750).to_fixed(), LIMIT.to_fixed());
 
     fn law(kp: u16, ki: u16, kd: u16) -> Pid {
         PidConfig { kp, ki, kd }.build()
     }
 
+    /// Of a set-point that moves, without EMF and other terms.
+    fn errors(position: Law, velocity: Law) -> Errors {
+        Errors { stage: Stage::Move, position, velocity, emf: Law::ZERO, feed: Law::ZERO }
+    }
+
+    fn whole(position: i32, velocity: i32) -> Errors {
+        errors(Law::from_num(position), Law::from_num(velocity))
+    }
+
+    fn once(law: Pid, errors: &Errors) -> Torque {
+        law.step(&mut PidState::default(), errors, RANGE)
+    }
+
     #[test]
     fn gains_have_their_scale() {
         let mut state = PidState::default();
-        assert_eq!(law(60, 0, 0).step(&mut state, Law::ONE, Law::ZERO, RANGE), Torque(60));
-        assert_eq!(law(0, 0, 128).step(&mut state, Law::ZERO, Law::from_num(100), RANGE), Torque(50));
+        assert_eq!(law(60, 0, 0).step(&mut state, &whole(1, 0), RANGE), Torque(60));
+        assert_eq!(law(0, 0, 128).step(&mut state, &whole(0, 100), RANGE), Torque(50));
         let integral = law(0, 300, 0);
         let mut torque = Torque::ZERO;
         for _ in 0..1000 {
-            torque = integral.step(&mut state, Law::ONE, Law::ZERO, RANGE);
+            torque = integral.step(&mut state, &whole(1, 0), RANGE);
         }
         // One count for one second, less the truncation of KI to a tick.
         assert!((299..=300).contains(&torque.0), "{torque:?}");
+    }
+
+    #[test]
+    fn emf_and_feed_are_added() {
+        let emf = Law::lit("0.9695");
+        for (stage, damping) in [(Stage::Move, 250), (Stage::Rest, 300), (Stage::Cell, 500)] {
+            let errors = Errors { stage, emf, feed: Law::from_num(-40), ..whole(0, 100) };
+            // KD 640 is 2.5 a count/s.
+            assert_eq!(once(law(0, 0, 640), &errors), Torque(damping + 97 - 40), "{stage:?}");
+        }
+        assert_eq!(once(law(0, 0, 0), &Errors { feed: Law::from_num(800), ..whole(0, 0) }), LIMIT);
+    }
+
+    #[test]
+    fn resting_set_point_has_more_kp_and_kd() {
+        let law = law(100, 0, 640);
+        for (stage, position, velocity) in [(Stage::Move, 100, 250), (Stage::Rest, 160, 300)] {
+            assert_eq!(once(law, &Errors { stage, ..whole(1, 0) }), Torque(position), "{stage:?}");
+            assert_eq!(once(law, &Errors { stage, ..whole(0, -100) }), Torque(-velocity), "{stage:?}");
+        }
+    }
+
+    #[test]
+    fn rotor_in_the_cell_of_the_end_gets_no_kp_below_10_counts_per_second() {
+        let law = law(100, 0, 640);
+        let at = |velocity| once(law, &Errors { stage: Stage::Cell, ..errors(Law::ONE, velocity) });
+        let soft = Law::from_num(10);
+        assert_eq!([Law::ZERO, soft, -soft].map(at), [Torque(0), Torque(50), Torque(-50)]);
+        assert_eq!([soft + Law::DELTA, -soft - Law::DELTA].map(at), [Torque(150), Torque(50)]);
+    }
+
+    /// An error of a quarter of a count integrates outside its cell alone.
+    #[test]
+    fn integral_stays_in_the_cell_of_the_end() {
+        let law = law(0, 4000, 0);
+        for (stage, integrated) in [(Stage::Move, 1), (Stage::Rest, 1), (Stage::Cell, 0)] {
+            // At 20 counts/s the error counts in the cell too.
+            let errors = Errors { stage, ..errors(Law::ONE / 4, Law::from_num(20)) };
+            let mut state = PidState { integral: Law::from_num(7) };
+            assert_eq!(law.step(&mut state, &errors, RANGE), Torque(7 + integrated), "{stage:?}");
+            assert_eq!(state.integral, Law::from_num(7) + law.ki / 4 * i32::from(integrated), "{stage:?}");
+        }
     }
 
     #[test]
@@ -126,38 +201,58 @@ mod tests {
         let law = law(60, 3000, 0);
         let mut state = PidState::default();
         for _ in 0..10_000 {
-            assert_eq!(law.step(&mut state, Law::from_num(100), Law::ZERO, RANGE), LIMIT);
+            assert_eq!(law.step(&mut state, &whole(100, 0), RANGE), LIMIT);
         }
-        assert!(law.step(&mut state, Law::from_num(-1), Law::ZERO, RANGE) < Torque::ZERO);
+        assert!(law.step(&mut state, &whole(-1, 0), RANGE) < Torque::ZERO);
+    }
+
+    #[test]
+    fn largest_gains_saturate() {
+        let law = law(u16::MAX, u16::MAX, u16::MAX);
+        for stage in [Stage::Move, Stage::Rest, Stage::Cell] {
+            let errors = Errors { stage, emf: Law::from_num(2), ..errors(Law::MAX, Law::MAX) };
+            assert_eq!(once(law, &errors), LIMIT, "{stage:?}");
+        }
+    }
+
+    fn any_stage() -> impl Strategy<Value = Stage> {
+        prop_oneof![Just(Stage::Move), Just(Stage::Rest), Just(Stage::Cell)]
     }
 
     proptest! {
         #[test]
         fn torque_and_integral_stay_in_range(
-            gains: (u16, u16, u16), errors in prop::collection::vec((any::<i32>(), any::<i32>()), 1..50),
+            gains: (u16, u16, u16),
+            errors in prop::collection::vec(
+                (any_stage(), any::<i32>(), any::<i32>(), 0..0x2_0000_i32, -8191_i32..=8191), 1..50,
+            ),
             low in -990i16..=990, room in 0i16..=990,
         ) {
             let law = law(gains.0 >> 1, gains.1 >> 1, gains.2 >> 1);
             let mut state = PidState::default();
             let (low, high) = (Torque(low), Torque(low + room));
-            for (error, rate) in errors {
-                let torque = law.step(&mut state, Law::from_bits(error), Law::from_bits(rate), (low, high));
+            let range = (low.to_fixed(), high.to_fixed());
+            for (stage, position, velocity, emf, feed) in errors {
+                let [position, velocity, emf] = [position, velocity, emf].map(Law::from_bits);
+                let errors = Errors { stage, position, velocity, emf, feed: Law::from_num(feed) };
+                let torque = law.step(&mut state, &errors, range);
                 prop_assert!(low <= torque && torque <= high);
-                prop_assert!(low.to_fixed() <= state.integral.max(low.to_fixed()) && state.integral <= high.to_fixed().max(Law::ZERO));
+                // Before its first step it is 0.
+                let zero = Law::ZERO;
+                prop_assert!((range.0.min(zero)..=range.1.max(zero)).contains(&state.integral));
             }
         }
 
         #[test]
-        fn bumpless_state_gives_no_bump(
-            torque in -750i16..=750, error in -3i32..=3, rate in -200i32..=200,
+        fn opposite_errors_give_the_opposite_torque(
+            stage in any_stage(), position in -20_000_000..20_000_000_i32, velocity in -20_000_000..20_000_000_i32, feed in -500..500_i32,
         ) {
-            let law = law(60, 300, 192);
-            let (error, rate) = (Law::from_num(error), Law::from_num(rate));
-            let mut state = law.bumpless(Torque(torque), error, rate, LIMIT);
-            let integral_was_clamped = state.integral.saturating_abs() == LIMIT.to_fixed();
-            let next = law.step(&mut state, error, rate, RANGE);
-            // One tick of integral action at 3 counts is 0.9 units.
-            prop_assert!(integral_was_clamped || (next.0 - torque).abs() <= 1, "{next:?} after {torque}");
+            let [position, velocity] = [position, velocity].map(Law::from_bits);
+            let one = Errors { stage, position, velocity, emf: Law::ONE, feed: Law::from_num(feed) };
+            let other = Errors { position: -position, velocity: -velocity, feed: -one.feed, ..one };
+            let law = law(120, 0, 640);
+            // Products round down.
+            prop_assert!((once(law, &one).0 + once(law, &other).0).abs() <= 1);
         }
     }
 
@@ -167,17 +262,17 @@ mod tests {
         let pid = law(60, 800, 0);
         for (sign, end) in [(1, LIMIT), (-1, LIMIT.saturating_neg())] {
             let error = Law::from_num(sign);
-            let (direct, increment) = (pid.direct(error, Law::ZERO), mul_clamped(pid.ki, error));
+            let (direct, increment) = (Law::from_num(60 * sign), mul_clamped(pid.ki, error));
             let delta = Law::DELTA * sign;
             assert!(direct.abs() > increment.abs() && increment != Law::ZERO);
             for (beyond, moves) in [(-delta, true), (Law::ZERO, true), (delta, false)] {
                 let from = end.to_fixed() - direct + beyond;
                 let mut state = PidState { integral: from };
-                assert_eq!(pid.step(&mut state, error, Law::ZERO, RANGE), end);
+                assert_eq!(pid.step(&mut state, &whole(sign, 0), RANGE), end);
                 assert_eq!(state.integral, if moves { from + increment } else { from }, "{sign} {beyond}");
             }
             let mut state = PidState { integral: end.to_fixed() };
-            let _ = pid.step(&mut state, -error, Law::from_num(sign * 200), RANGE);
+            let _ = pid.step(&mut state, &whole(-sign, sign * 200), RANGE);
             assert_eq!(state.integral, end.to_fixed() - increment, "back");
         }
     }

@@ -1,44 +1,51 @@
-//! The moving set-point of mode 5: a trapezoid or triangle of velocity from any state to rest at an end position, in the
-//! shortest time that the acceleration and the cruise velocities allow.
-//!
-//! The module computes the set-point at each 1 ms tick. Whether the motor follows is the caller's concern: it does not call
-//! [`Profile::step`] while the motor lags, which freezes the profile, and continues later without a step.
+//! The moving set-point of modes 3 and 5: from any state to rest at an end position, as fast as ACCEL, the cruise velocities and the
+//! motor allow.
 //!
 //! # Design
 //!
-//! The time-optimal motion is computed in continuous time and sampled at the ticks, so its limits hold at and between
-//! ticks, and it ends at the first tick not before the optimum. It has three segments: constant acceleration from the
-//! present velocity to a peak (through zero if the set-point must turn round; downwards if it is faster than the new
-//! cruise velocity), cruise at the peak, constant braking to rest. A segment begins between two ticks; its state is
-//! computed at the first tick after that, and between those ticks [`Profile::step`] only adds:
+//! Each tick chooses the velocity v' at its end. With p the way left to the end, v the velocity towards it and a₊, a₋ the
+//! accelerations that are possible now ([`Reach`]), all in counts and ticks:
 //!
 //! ```text
-//! p = p + v + a/2        v = v + a        a = ±(ACCEL/1024)², in counts and ticks
+//! v' = min(v + a₊, cruise)     if the rest of the way is enough to stop: v'² ≤ 2·a₋·(p − (v + v')/2)
+//!    = v + a₊/2, v + a₊/4, v   else the first of these for which it is
+//!    = v − v²/2p               else: the constant deceleration that ends at rest on the end, at most a₋ unless the end has moved
+//! p' = p − (v + v')/2
 //! ```
 //!
-//! A plan is made within a tick. [`MoveLimits::build`] computes what depends on the limits alone; a plan needs one square
-//! root and three divisions at most.
+//! A set-point that moves away from its end or is faster than its cruise velocity slows down by a₋. One that can no longer stop before
+//! its end passes it and returns.
 //!
-//! # Exactness
+//! # Trade-offs
 //!
-//! The state has 32 fractional bits, so a = ACCEL²/2²⁰ and a/2 are whole numbers of units and steps inside a segment are
-//! exact, however long. Rounding happens only where a segment begins: velocity by one unit (2⁻³²) or 2⁻²⁹ of the
-//! acceleration, position by 2⁻²⁶ counts. Braking is computed back from the end, so the set-point lands on it exactly. The
-//! unit of velocity moves the position by half a unit for each tick of braking: 10⁻⁶ counts at ACCEL 30, never more than
-//! the 1/1024 of the output. The cruise velocity is rounded down by one unit, which lengthens a move by at most 2⁻²⁶ of its
-//! duration: 0.06 ticks for 65,534 counts at 16 counts/s.
+//! A plan of the whole motion would end exactly at the optimum, but a motor's acceleration falls with its speed and its load, which are
+//! learned on the way. Choosing each tick costs two ticks at most (`tests/profile.rs`), no time for a plan, and new limits need none.
+//!
+//! # Formats
+//!
+//! Velocities and accelerations in 2^-26 counts and ticks of 1 ms, the way in 2^-27 counts, so that the sum of two velocities is exact.
 
-use crate::num::{Wide, divide, isqrt_q52, mul_q32, next_tick, ratio_q32, square_q51};
+use crate::num::{Law, mul_low, ratio_of_square};
 use crate::units::{Counts, CountsPerSec};
-use core::num::NonZeroU32;
+use fixed::types::I22F10;
 
 #[cfg(test)]
 mod tests;
 
+/// Largest acceleration, a quarter of a count a tick²: 250,000 counts/s², four times what the motor can do.
+const MOST: i32 = 1 << 24;
+
+/// Half of 1/1024 count, 2^-27.
+const RESOLUTION: i64 = 1 << 16;
+
+/// Range of the properties MV, MCV and MOV.
+const SLOWEST: CountsPerSec = CountsPerSec::from_int(16);
+const FASTEST: CountsPerSec = CountsPerSec::from_int(4080);
+
 /// Acceleration and cruise velocities of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MoveLimits {
-    /// Property ACCEL: a = (ACCEL/1024)² counts/ms². With 0 a set-point at rest stays there; a moving one keeps its old ACCEL,
+    /// Property ACCEL: a = (ACCEL/1024)² counts/ms². With 0 a set-point at rest stays there; a moving one keeps its last acceleration,
     /// without which it could not stop.
     pub accel: u16,
     /// Cruise velocity towards higher counts, min(MV, MCV): 16..=4080 counts/s; clamped to that.
@@ -48,34 +55,44 @@ pub struct MoveLimits {
 }
 
 impl MoveLimits {
-    /// Precomputes what every plan needs.
+    /// In counts and ticks.
     #[must_use]
-    pub fn build(self) -> CruiseRamps {
-        let velocity = |speed: CountsPerSec| speed.clamp(SLOWEST, FASTEST).to_wide_per_tick().get();
-        CruiseRamps::new(self.accel, velocity(self.closing), velocity(self.opening))
+    pub fn build(self) -> Ramps {
+        let accel = i32::from(self.accel.min(512));
+        let velocity = |speed: CountsPerSec| per_tick(speed.clamp(SLOWEST, FASTEST));
+        Ramps {
+            accel: (accel * accel * 64).min(MOST),
+            closing: velocity(self.closing),
+            opening: velocity(self.opening),
+        }
     }
 }
 
-/// Range of the properties MV, MCV and MOV.
-const SLOWEST: CountsPerSec = CountsPerSec::from_int(16);
-const FASTEST: CountsPerSec = CountsPerSec::from_int(4080);
+/// 2^-16 counts/s in 2^-26 counts a tick: 2^10/1000.
+const fn per_tick(velocity: CountsPerSec) -> i32 {
+    mul_low(velocity.0.to_bits(), 1_099_511_628, 30)
+}
 
-/// [`MoveLimits`] in counts and ticks, with the ramp from rest to each cruise velocity.
+/// [`MoveLimits`] in counts and ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CruiseRamps {
-    accel: u16,
-    closing: Ramp,
-    opening: Ramp,
+pub struct Ramps {
+    accel: i32,
+    closing: i32,
+    opening: i32,
 }
 
-impl CruiseRamps {
-    fn new(accel: u16, closing: u64, opening: u64) -> Self {
-        let ramp = |velocity| match Slope::new(accel) {
-            Some(slope) => slope.ramp(velocity),
-            None => Ramp { velocity, time: 0, distance: 0 },
-        };
-        Self { accel, closing: ramp(closing), opening: ramp(opening) }
-    }
+/// Accelerations that the motor can do now, magnitudes in 2^-26 counts a tick².
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reach {
+    /// Away from rest.
+    pub up: i32,
+    /// Towards rest.
+    pub down: i32,
+}
+
+impl Reach {
+    /// Of a motor without limits.
+    pub const FREE: Self = Self { up: MOST, down: MOST };
 }
 
 /// The set-point at one tick.
@@ -83,8 +100,10 @@ impl CruiseRamps {
 pub struct SetPoint {
     /// Position, rounded to the nearest 1/1024 count. It wraps at ±2²¹ counts as every [`Counts`] does.
     pub position: Counts,
-    /// Velocity, rounded to the nearest 1/65536 count/s.
+    /// Velocity, rounded to 1/65536 count/s.
     pub velocity: CountsPerSec,
+    /// Change of the velocity in this tick, counts/s.
+    pub change: Law,
     /// At rest exactly on the end position.
     pub done: bool,
 }
@@ -93,286 +112,157 @@ impl SetPoint {
     /// At rest at `position`, which is also its end.
     #[must_use]
     pub const fn at_rest(position: Counts) -> Self {
-        Self { position, velocity: CountsPerSec::ZERO, done: true }
+        Self { position, velocity: CountsPerSec::ZERO, change: Law::ZERO, done: true }
     }
 }
 
 /// The set-point generator of one motor.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Profile {
-    /// The present sample, in counts and ticks.
-    position: Wide,
-    velocity: Wide,
-    acceleration: Wide,
-    end: Wide,
-    accel: u16,
-    /// Ticks since the plan, and when the next segment begins.
-    tick: u32,
-    due: u32,
-    /// First ticks of braking and of rest; the latter is computed when braking begins. Of segments that begin at the same tick
-    /// the last holds.
-    brake_tick: u32,
-    rest_tick: u32,
-    /// `None` at rest.
-    course: Option<Course>,
+    end: Counts,
+    /// Way to the end, signed, 2^-27 counts.
+    left: i64,
+    velocity: i32,
+    /// The last acceleration limit other than 0.
+    accel: i32,
+    /// Ticks since the end was set, in which the set-point moved.
+    ticks: u32,
 }
 
 impl Profile {
     /// A set-point at rest at `position`, which is also its end.
     #[must_use]
     pub const fn at_rest(position: Counts) -> Self {
-        let position = position.to_wide();
-        Self {
-            position,
-            velocity: Wide::ZERO,
-            acceleration: Wide::ZERO,
-            end: position,
-            accel: 0,
-            tick: 0,
-            due: 0,
-            brake_tick: 0,
-            rest_tick: 0,
-            course: None,
-        }
+        Self { end: position, left: 0, velocity: 0, accel: 0, ticks: 0 }
     }
 
-    /// Puts the set-point to rest at `position`, which becomes its end.
-    pub fn rest_at(&mut self, position: Counts) {
-        self.end = position.to_wide();
-        self.rest();
-    }
-
-    fn rest(&mut self) {
-        self.position = self.end;
-        self.velocity = Wide::ZERO;
-        self.acceleration = Wide::ZERO;
-        self.course = None;
+    /// Takes another end, without a step of the set-point or its velocity.
+    pub fn set_end(&mut self, end: Counts) {
+        let moved = end.wrapping_sub(self.end);
+        self.left += i64::from(moved.0.to_bits()) << 17;
+        self.end = end;
+        self.ticks = 0;
     }
 
     /// The set-point as the last [`step`](Self::step) left it.
     #[must_use]
     pub fn current(&self) -> SetPoint {
+        self.set_point(self.velocity)
+    }
+
+    /// Takes the rotor's position and velocity for the set-point's, if that has not arrived.
+    pub fn follow(&mut self, position: Counts, velocity: CountsPerSec) -> SetPoint {
+        if self.left != 0 || self.velocity != 0 {
+            self.left = i64::from(self.end.wrapping_sub(position).0.to_bits()) << 17;
+            self.velocity = per_tick(velocity);
+        }
+        self.current()
+    }
+
+    fn set_point(&self, before: i32) -> SetPoint {
+        // Within ±2^22 counts of 2^-10, as every difference of positions. 1000/2^10 from 2^-26 a tick to 2^-16 a second.
+        let left = Counts(I22F10::from_bits(crate::num::low_word((self.left + (1 << 16)) >> 17)));
+        let law = |velocity: i32| Law::from_bits(mul_low(velocity, 1000, 10));
         SetPoint {
-            position: Counts::from_wide(self.position),
-            velocity: CountsPerSec::from_wide_per_tick(self.velocity),
-            done: self.course.is_none() && self.position == self.end,
+            position: self.end.wrapping_sub(left),
+            velocity: CountsPerSec(law(self.velocity)),
+            change: law(self.velocity - before),
+            done: self.left == 0 && self.velocity == 0,
         }
     }
 
-    /// Ticks since the plan in which the set-point moved.
+    /// Whether the end lies towards higher counts.
+    #[must_use]
+    pub const fn closes(&self) -> bool {
+        self.left >= 0
+    }
+
+    /// Ticks since the end was set in which the set-point moved.
     #[must_use]
     pub const fn ticks(&self) -> u32 {
-        self.tick
+        self.ticks
     }
 
     /// Where the set-point will rest.
     #[must_use]
     pub const fn end(&self) -> Counts {
-        Counts::from_wide(self.end)
-    }
-
-    /// Position in counts (not wrapped) and velocity in counts a tick to the full 2⁻³²: what a new plan starts
-    /// from.
-    #[must_use]
-    pub const fn exact(&self) -> (Wide, Wide) {
-        (self.position, self.velocity)
+        self.end
     }
 
     /// Advances one tick, 1 ms. At the end, or with ACCEL 0, the set-point stays.
     #[inline]
-    pub fn step(&mut self) -> SetPoint {
-        if self.course.is_some() {
-            self.tick += 1;
-            if self.tick == self.due {
-                self.begin();
-            } else {
-                // Exact: a is a multiple of 2⁻²⁰, so a/2 is one of 2⁻³².
-                let mean = self.velocity + (self.acceleration >> 1);
-                let position = self.position + mean;
-                let velocity = self.velocity + self.acceleration;
-                (self.position, self.velocity) = (position, velocity);
-                return SetPoint {
-                    position: Counts::from_wide(position),
-                    velocity: CountsPerSec::from_wide_per_tick(velocity),
-                    done: false,
-                };
-            }
+    pub fn step(&mut self, ramps: &Ramps, reach: Reach) -> SetPoint {
+        let before = self.velocity;
+        if ramps.accel != 0 {
+            self.accel = ramps.accel;
+        } else if before == 0 {
+            return self.current();
         }
-        self.current()
+        if self.left != 0 || before != 0 {
+            self.advance(ramps, reach);
+            self.ticks = self.ticks.saturating_add(1);
+        }
+        self.set_point(before)
     }
 
-    #[inline(never)]
-    fn begin(&mut self) {
-        let Some(course) = &self.course else { return };
-        if self.tick == self.brake_tick {
-            self.begin_braking();
-        } else if self.tick == self.rest_tick {
-            self.rest();
+    fn advance(&mut self, ramps: &Ramps, reach: Reach) {
+        let opens = self.left < 0 || (self.left == 0 && self.velocity < 0);
+        let (way, v, cruise) = if opens {
+            (-self.left, -self.velocity, ramps.opening)
         } else {
-            let peak = course.peak.velocity;
-            let (_, cruised) = next_tick(course.cruise_begins);
-            let distance = course.to_cruise + mul_q32(peak, cruised).cast_signed();
-            self.position = course.from + course.directed(distance);
-            self.velocity = course.directed(peak.cast_signed());
-            self.acceleration = Wide::ZERO;
-            self.due = self.brake_tick;
-        }
-    }
-
-    fn begin_braking(&mut self) {
-        let (Some(course), Some(slope)) = (&self.course, Slope::new(self.accel)) else {
-            return self.rest();
+            (self.left, self.velocity, ramps.closing)
         };
-        let (_, braked) = next_tick(course.braking_begins);
-        // Both are zero if the set-point stops before this tick.
-        let left = course.peak.velocity.saturating_sub(slope.change(braked));
-        let time = course.peak.time.saturating_sub(braked);
-        if time == 0 {
-            return self.rest();
-        }
-        let directed = |magnitude: u64| course.directed(magnitude.cast_signed());
-        self.position = self.end - directed(mul_q32(left, time) >> 1);
-        self.velocity = directed(left);
-        self.acceleration = -directed(slope.acceleration());
-        self.rest_tick = self.tick.saturating_add(next_tick(time - 1).0);
-        self.due = self.rest_tick;
-    }
-
-    /// Plans from the present set-point and its velocity to `end`, without a step in either. A set-point that can no longer stop
-    /// before `end` overshoots and returns.
-    #[inline(never)]
-    pub fn plan(&mut self, end: Counts, ramps: &CruiseRamps) {
-        if ramps.accel == 0 && self.velocity != Wide::ZERO {
-            let old = CruiseRamps::new(self.accel, ramps.closing.velocity, ramps.opening.velocity);
-            self.plan_with(end, &old);
+        let (up, down) = (reach.up.min(self.accel), reach.down.min(self.accel).max(1));
+        let next = if v < 0 {
+            (v + down).min(up.min(cruise))
+        } else if v > cruise {
+            (v - down).max(cruise)
         } else {
-            self.plan_with(end, ramps);
-        }
-    }
-
-    #[inline]
-    fn plan_with(&mut self, end: Counts, ramps: &CruiseRamps) {
-        self.accel = ramps.accel;
-        self.end = end.to_wide();
-        self.tick = 0;
-        self.acceleration = Wide::ZERO;
-        self.course = None;
-        let distance = self.end - self.position;
-        let Some(slope) = Slope::new(ramps.accel) else { return };
-        if self.velocity == Wide::ZERO && distance == Wide::ZERO {
+            (v + up).min(cruise)
+        };
+        let next = if can_stop(way, v, next, down) {
+            next
+        } else if v < 0 {
+            next.min(0)
+        } else {
+            nearest(way, v, next, down, (down + down / 8).min(self.accel + 1).max(down))
+        };
+        let rest = way - i64::from(v) - i64::from(next);
+        let ends = next <= 0 && v >= 0 && way <= i64::from(v) + i64::from(down);
+        if ends || way.abs() <= RESOLUTION && (0..=down).contains(&v) {
+            // A velocity of less than a tick's braking ends here, and so does a way that the output does not show.
+            (self.left, self.velocity) = (0, 0);
             return;
         }
-
-        let course = Course::new(slope, self.position, distance.to_bits(), self.velocity.to_bits(), ramps);
-        let acceleration = slope.acceleration().cast_signed();
-        self.acceleration = course.directed(if course.slowing { -acceleration } else { acceleration });
-        self.due = next_tick(course.cruise_begins).0;
-        self.brake_tick = next_tick(course.braking_begins).0;
-        self.course = Some(course);
-        self.rest_tick = 0;
+        (self.left, self.velocity) = if opens { (-rest, -next) } else { (rest, next) };
     }
 }
 
-/// A velocity, and the time and the distance between rest and it: magnitudes with 32 fractional bits in counts and ticks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Ramp {
-    velocity: u64,
-    time: u64,
-    distance: u64,
+/// Whether a set-point that changes from `v` to `next` can then stop within the way that is left.
+fn can_stop(way: i64, v: i32, next: i32, down: i32) -> bool {
+    let rest = way - i64::from(v) - i64::from(next);
+    // Rounded up.
+    let slower = i64::from(next.max(0) >> 6) + i64::from(next > 0);
+    // 2^-52 / 2^12; a way of 2^22 counts has 37 bits here, and `down` 24.
+    rest >= 0 && slower * slower <= (rest >> 12) * i64::from(down)
 }
 
-/// The constant acceleration a = ACCEL²/2²⁰ counts a tick². Arguments and results are magnitudes with 32
-/// fractional bits in counts and ticks; velocities are below 2³ counts a tick.
-#[derive(Clone, Copy)]
-struct Slope {
-    accel_squared: NonZeroU32,
-}
-
-impl Slope {
-    fn new(accel: u16) -> Option<Self> {
-        let accel = u32::from(accel);
-        NonZeroU32::new(accel * accel).map(|accel_squared| Self { accel_squared })
+/// The highest velocity up to `next` with which the set-point still ends at rest on its end; beyond help it slows down by `most`: an eighth more
+/// than `down`, which may have become less on the way, within ACCEL.
+#[inline(never)]
+fn nearest(way: i64, v: i32, next: i32, down: i32, most: i32) -> i32 {
+    let rise = (next - v).max(0);
+    // The last of the way in two ticks: one to this velocity, one to rest.
+    let last = crate::num::low_word(((way - i64::from(v)) >> 1).clamp(0, i64::from(i32::MAX))) - v;
+    for share in [rise >> 1, rise >> 2, last.clamp(0, rise >> 2), 0] {
+        if v + share > 0 && can_stop(way, v, v + share, down) {
+            return v + share;
+        }
     }
-
-    fn acceleration(self) -> u64 {
-        u64::from(self.accel_squared.get()) << 12
+    if v == 0 {
+        return 1;
     }
-
-    /// Time is v·2²⁰/ACCEL² (v < 2³, so the shift stays below 2⁵⁵), rounded down; distance is half of its product with the
-    /// velocity, below 2⁵⁷.
-    #[inline(never)]
-    fn ramp(self, velocity: u64) -> Ramp {
-        let time = divide(velocity << 20, self.accel_squared);
-        Ramp { velocity, time, distance: mul_q32(velocity, time) >> 1 }
-    }
-
-    /// Velocity change in a time up to one tick; ACCEL² < 2³² keeps the product below 2⁶⁴. Rounded down.
-    fn change(self, time: u64) -> u64 {
-        (u64::from(self.accel_squared.get()) * time) >> 20
-    }
-}
-
-/// A continuous-time motion to rest, mirrored if need be so that its last approach is upwards. 32 fractional
-/// bits in counts and ticks.
-#[derive(Clone, Copy, Debug)]
-struct Course {
-    from: Wide,
-    mirrored: bool,
-    /// The first segment decelerates from above the cruise velocity.
-    slowing: bool,
-    peak: Ramp,
-    /// Distance to the start of cruise; negative if most of it is turning round.
-    to_cruise: i64,
-    cruise_begins: u64,
-    braking_begins: u64,
-}
-
-impl Course {
-    #[inline]
-    fn new(slope: Slope, from: Wide, distance: i64, velocity: i64, ramps: &CruiseRamps) -> Self {
-        let (stop_time, stopping) = if velocity == 0 {
-            (0, 0)
-        } else {
-            let stop = slope.ramp(velocity.unsigned_abs());
-            (stop.time, stop.distance.cast_signed())
-        };
-        // The distance left after stopping at once decides the direction of the approach.
-        let left = distance - if velocity < 0 { -stopping } else { stopping };
-        let mirrored = left < 0 || (left == 0 && velocity < 0);
-        let (distance, velocity, cruise) = if mirrored {
-            (-distance, -velocity, &ramps.opening)
-        } else {
-            (distance, velocity, &ramps.closing)
-        };
-
-        let to_peak = distance + stopping;
-        let peak = if to_peak >= 2 * cruise.distance.cast_signed() {
-            *cruise
-        } else {
-            slope.ramp(triangle_peak_velocity(slope, distance, velocity))
-        };
-        let slowing = peak.velocity.cast_signed() < velocity;
-        let braking = peak.distance.cast_signed();
-        // (peak² − v²)/2a, and a is negative when slowing.
-        let gain = braking - stopping;
-        let to_cruise = if slowing { -gain } else { gain };
-        let cruising = (distance - to_cruise - braking).max(0);
-        let cruise_begins = if velocity < 0 { peak.time + stop_time } else { peak.time.abs_diff(stop_time) };
-        let braking_begins = cruise_begins.saturating_add(ratio_q32(cruising.cast_unsigned(), peak.velocity));
-        Self { from, mirrored, slowing, peak, to_cruise, cruise_begins, braking_begins }
-    }
-
-    const fn directed(&self, value: i64) -> Wide {
-        Wide::from_bits(if self.mirrored { -value } else { value })
-    }
-}
-
-/// Peak velocity of a triangle below the cruise velocity, √(a·distance + v²/2), rounded down to 2⁻²⁶; the rounding error is
-/// cruised. A peak δ too low costs δ²/(a·peak) ticks, at most 2⁻²⁶/2⁻²⁰ = 1/64. It is at least 2⁻²⁶, so that the cruise
-/// time exists, which overruns the end by at most one unit.
-fn triangle_peak_velocity(slope: Slope, distance: i64, velocity: i64) -> u64 {
-    // With 52 fractional bits: a·d is ACCEL²·d, v²/2 is v²·2⁵¹. Their sum is below 4.08², and so each is within ±4.08².
-    let squared = i64::from(slope.accel_squared.get()) * distance;
-    let squared = squared + square_q51(velocity.unsigned_abs()).cast_signed();
-    isqrt_q52(squared.max(1).cast_unsigned())
+    // v²/2p: 2^-52 over 2^-27, and half, in 2^-26. An end that came nearer cannot be reached so.
+    let needed = ratio_of_square(v.unsigned_abs(), way.unsigned_abs().max(1));
+    v - needed.min(most.unsigned_abs()).max(1).cast_signed()
 }

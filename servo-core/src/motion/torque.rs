@@ -2,16 +2,15 @@
 //! its speed (decision 0005). Voltages are in torque units: 1024 is 24 V, the bus at which full duty at standstill gives
 //! the motor's peak torque.
 
-use crate::num::{Law, round_product, saturating_i16};
+use crate::num::{Law, mul_low, round_product, saturating_i16};
 use crate::units::{CountsPerSec, Torque};
 
-/// EMF in torque units per count/s: 0.0651 V·s/rad (manual: 65 N·cm at 9.98 A) × 2π/18 rad/count is 22.72 mV
-/// per count/s, and a torque unit is 24 V / 1024 = 23.44 mV.
-pub const EMF_PER_SPEED: Law = Law::lit("0.9696");
+/// Damping that a law needs at least before the EMF may be compensated in full, in torque units per count/s: the EMF that was learned may
+/// be 45 % too high, and a motor's own 30 % lower than its property says, together 0.75 of 0.97.
+pub const MIN_DAMPING: Law = Law::lit("0.75");
 
-/// Least damping of a law before the EMF may be compensated in full, in torque units per count/s. A motor whose Ke is 30 % low
-/// gets 0.3 × 0.97 = 0.29 too much; with 3/8, T = 0 never accelerates it (decision 0005).
-pub const MIN_DAMPING: Law = Law::lit("0.375");
+/// Share of the EMF that is compensated at T = 0, 66 % in 2^-16: every motor has 70 %, and the velocity may be read 5 % too high.
+const SURE_EMF: i32 = 43_254;
 
 /// Damping to add to a law that damps by `damping` torque units per count/s to reach [`MIN_DAMPING`]; 0 if it damps enough.
 #[must_use]
@@ -30,39 +29,94 @@ pub fn damped(torque: Torque, velocity: CountsPerSec, missing: Law) -> Torque {
 }
 
 /// The motor's EMF at a velocity, in torque units: torque + EMF is the voltage across the driven phases, and
-/// voltage − EMF the torque that it gives. Within ±31,772.
+/// voltage − EMF the torque that it gives. `per_speed` is K in torque units per count/s, below 2.
 #[must_use]
 #[inline]
-pub fn emf(velocity: CountsPerSec) -> i32 {
-    round_product(EMF_PER_SPEED, velocity.0)
+pub fn emf(per_speed: Law, velocity: CountsPerSec) -> i32 {
+    round_product(per_speed, velocity.0)
+}
+
+/// The part of `emf` that mode 2 compensates for a torque: a motor whose EMF is 30 % below `nominal` must not accelerate at T = 0,
+/// whatever has been learned. Beyond two thirds, which are sure, it compensates twice the torque while that accelerates the motor, or as much
+/// as the torque while that brakes it (decision 0064).
+#[must_use]
+pub fn sure_emf(emf: i32, nominal: i32, torque: Torque) -> i32 {
+    let torque = i32::from(torque.0);
+    let sure = mul_low(nominal, SURE_EMF, 16);
+    if emf >= 0 {
+        emf.min(sure + if torque > 0 { 2 * torque } else { -torque })
+    } else {
+        emf.max(sure + if torque < 0 { 2 * torque } else { -torque })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::num::product;
 
-    /// EMF of a motor whose Ke is 30 % low.
-    const WEAK_EMF: Law = Law::lit("0.6787");
+    const K: Law = Law::lit("0.9696");
 
     #[test]
     fn no_load_speed_is_full_voltage() {
         // 24 V / 22.72 mV = 1056 counts/s (decision 0003).
-        assert_eq!(emf(CountsPerSec::from_int(1056)), 1024);
-        assert_eq!(emf(CountsPerSec::from_int(-1056)), -1024);
+        assert_eq!(emf(K, CountsPerSec::from_int(1056)), 1024);
+        assert_eq!(emf(K, CountsPerSec::from_int(-1056)), -1024);
+    }
+
+    /// EMF 30 % low, and the most that can be learned.
+    #[test]
+    fn zero_torque_never_accelerates_a_low_ke_motor() {
+        for learned in ["0.5333", "0.9696", "1.4196"] {
+            for speed in [-4080, -1500, -300, -20, -1, 1, 20, 300, 1500, 4080] {
+                let velocity = CountsPerSec::from_int(speed);
+                let used = emf(Law::from_str(learned).expect("a number"), velocity);
+                let applied = sure_emf(used, emf(K, velocity), Torque::ZERO);
+                let own = emf(Law::lit("0.6787"), velocity);
+                assert!(
+                    (applied - own) * i32::from(speed.signum()) <= 1,
+                    "{applied} of {own} at {speed}, {learned}"
+                );
+            }
+        }
     }
 
     #[test]
-    fn zero_torque_brakes_a_low_ke_motor_at_any_speed_and_gain() {
-        for sixteenths in 0..16 {
-            let damping: Law = Law::from_num(sixteenths) >> 4;
-            for speed in [-1500, -300, -20, 20, 300, 1500] {
+    fn braking_torque_never_accelerates_and_driving_torque_at_most_trebles() {
+        for torque in [20, 100, 400_i16] {
+            for speed in [-900, -150, 150, 900_i16] {
                 let velocity = CountsPerSec::from_int(speed);
-                let law = Torque::from_fixed(product(damping, velocity.0)).saturating_neg();
-                let applied = i32::from(damped(law, velocity, missing(damping)).0) + emf(velocity);
-                let current = Law::from_num(applied).saturating_sub(product(WEAK_EMF, velocity.0));
-                assert!(current.signum() == -velocity.0.signum(), "{current} at {speed}, gain {damping}");
+                let used = emf(Law::lit("1.4196"), velocity);
+                let own = emf(Law::lit("0.6787"), velocity);
+                let forward = i32::from(speed.signum());
+                let of = |torque: i32| {
+                    let torque = torque * forward;
+                    (torque + sure_emf(used, emf(K, velocity), Torque(saturating_i16(torque))) - own)
+                        * forward
+                };
+                assert!(of(-i32::from(torque)) <= 1, "{torque} at {speed}");
+                assert!(of(torque.into()) <= 3 * i32::from(torque) + 1, "{torque} at {speed}");
             }
         }
+    }
+
+    #[test]
+    fn nominal_motor_gets_its_torque_below_150_counts_per_second() {
+        for torque in [25, 100, 750] {
+            for speed in [-150, -20, 20, 150_i16] {
+                let velocity = CountsPerSec::from_int(speed);
+                let full = emf(K, velocity);
+                let towards = Torque(torque * speed.signum());
+                assert_eq!(sure_emf(full, full, towards), full, "{torque} at {speed}");
+            }
+        }
+    }
+
+    #[test]
+    fn law_without_enough_damping_gets_what_it_lacks() {
+        assert_eq!(missing(Law::ONE), Law::ZERO);
+        assert_eq!(missing(Law::ZERO), MIN_DAMPING);
+        let velocity = CountsPerSec::from_int(100);
+        assert_eq!(damped(Torque(10), velocity, MIN_DAMPING), Torque(-65));
+        assert_eq!(damped(Torque(10), velocity, Law::ZERO), Torque(10));
     }
 }

@@ -38,9 +38,9 @@ impl Joint {
             mpe: 4,
             hold,
             tstop,
-            kp: 60,
-            kd: 256,
-            ki: 800,
+            kp: 120,
+            kd: 640,
+            ki: 0,
             kpv: 32,
             hsg: 256,
             lsg: 256,
@@ -50,6 +50,11 @@ impl Joint {
             ioff,
             ihit: 250,
             otemp: 700,
+            mka: 1454,
+            mke: 3971,
+            mfc: 47,
+            mfs: 63,
+            mte: 333,
             brake_ms,
         }
     }
@@ -214,7 +219,7 @@ fn brake_releases_before_the_bridge_drives_and_engages_in_idle() {
     let mut bench = Bench::new(Joint::Spread);
     assert_eq!(bench.tick(), Drive { duty: None, brake_released: false });
     bench.servo.command(Command::Move(50)).unwrap();
-    for tick in 0..31 {
+    for tick in 0..30 {
         assert_eq!(bench.tick(), Drive { duty: None, brake_released: true }, "tick {tick}");
     }
     assert!(bench.tick().duty.is_some());
@@ -225,18 +230,17 @@ fn brake_releases_before_the_bridge_drives_and_engages_in_idle() {
     assert!(link.tick().duty.is_some(), "a motor without a brake drives at once");
 }
 
+/// Nothing is planned, so no tick goes by without a law.
 #[test]
-fn planning_tick_keeps_the_last_torque() {
+fn move_moves_its_set_point_in_its_first_tick() {
     let mut link = Bench::new(Joint::Link);
     link.servo.command(Command::Mode(Mode::Torque)).unwrap();
     link.servo.command(Command::Torque(Torque(200))).unwrap();
     let pushing = link.tick();
     assert!(pushing.duty.is_some_and(|duty| duty > Duty::ZERO));
     link.servo.command(Command::Move(-50)).unwrap();
-    assert_eq!(link.tick(), pushing);
-    let setpoint = link.servo.telemetry().setpoint;
     assert_ne!(link.tick(), pushing);
-    assert!(link.servo.telemetry().setpoint < setpoint);
+    assert!(link.servo.telemetry().setpoint_velocity < CountsPerSec::ZERO);
 }
 
 #[test]
@@ -250,6 +254,9 @@ fn move_arrives_then_holds_or_idles_by_hold() {
     }
 }
 
+/// The observer lets a blocked rotor lean on the far side of its cell. ACCEL 30 needs 59 ms to a count beyond that, then TSTOP 300 runs.
+const STALL_OF_ACCEL_30: core::ops::RangeInclusive<usize> = 358..=361;
+
 #[test]
 fn blocked_move_stalls_after_tstop() {
     // A tip: a link would break away first.
@@ -259,8 +266,7 @@ fn blocked_move_stalls_after_tstop() {
         bench.tick();
         matches!(bench.servo.event(), Some(Event::Ended { reason: EndReason::Stalled, mode: Mode::Idle }))
     });
-    // ACCEL 30 needs 48 ms to its first count, then TSTOP 300 runs.
-    assert!((347..=350).contains(&stalled_at.unwrap()), "{stalled_at:?}");
+    assert!(STALL_OF_ACCEL_30.contains(&stalled_at.unwrap()), "{stalled_at:?}");
     assert!(bench.servo.telemetry().torque == Torque::ZERO && bench.tick().duty.is_none());
 }
 
@@ -340,9 +346,14 @@ fn position_written_before_mode_3_starts_is_its_setpoint() {
         for _ in 0..40 {
             bench.tick();
         }
+        let torque = bench.servo.telemetry().torque;
+        assert!(torque > Torque(100), "{kind:?}: {torque:?}");
+        // It waits for a rotor that lags. For one that follows it needs two ramps of √(10/15,000) s = 26 ms.
+        for _ in 0..60 {
+            bench.tick_to(bench.servo.telemetry().setpoint.round());
+        }
         let status = bench.servo.telemetry();
-        assert_eq!(status.setpoint, Counts::from_int(10), "{kind:?}");
-        assert!(status.torque > Torque(100), "{kind:?}: {:?}", status.torque);
+        assert_eq!((status.setpoint, status.position.round()), (Counts::from_int(10), 10), "{kind:?}");
     }
 }
 
@@ -391,7 +402,7 @@ fn properties_that_do_not_shape_the_move_do_not_restart_its_stall_time() {
     ];
     for change in unrelated {
         let stalled_at = stall_time_while_writing(change);
-        assert!((347..=350).contains(&stalled_at), "{stalled_at}");
+        assert!(STALL_OF_ACCEL_30.contains(&stalled_at), "{stalled_at}");
     }
 }
 
@@ -475,7 +486,7 @@ fn replan_keeps_setpoint_and_velocity() {
 }
 
 fn any_config() -> impl Strategy<Value = Config> {
-    let words = prop::collection::vec(prop_oneof![any::<u16>(), 0..1000_u16], 19);
+    let words = prop::collection::vec(prop_oneof![any::<u16>(), 0..1000_u16], 23);
     (words, any::<i32>(), any::<(bool, bool)>()).prop_map(|(words, ioff, (hold, bs))| Config {
         mt: words[0],
         mv: words[1],
@@ -498,6 +509,11 @@ fn any_config() -> impl Strategy<Value = Config> {
         ihit: words[15],
         otemp: words[16].cast_signed(),
         brake_ms: words[17] % 64,
+        mka: words[18],
+        mke: words[19],
+        mfc: words[20],
+        mfs: words[21],
+        mte: words[22],
     })
 }
 

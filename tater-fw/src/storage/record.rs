@@ -25,8 +25,8 @@ const VERSION: u16 = 1;
 const HEAD: usize = 4;
 pub const TAIL: usize = 2;
 
-/// Maximum number of stored properties: 46 now, and room for those of other versions.
-pub const STORED: usize = 48;
+/// Maximum number of stored properties: 51 now, and room for those of other versions.
+pub const STORED: usize = 54;
 
 /// Maximum entries of a record: the stored properties, three counters and the hot mark.
 pub const ENTRIES: usize = STORED + 4;

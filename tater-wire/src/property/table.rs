@@ -422,15 +422,14 @@ table! {
         "after a move: 1 holds the position, 0 idles";
     TSTOP = 78, 16, ReadWrite, Yes, "ms", 0..=65535, Kinds(300, 400, 300),
         "no count for this long while driven is a stall; 0 never";
-    // At KP 100 the loop oscillates at 20 Hz by 8 counts/s, because the velocity from 18 counts a revolution
-    // is late; at 60 by 3. KI 800 lets ACCEL 1 overcome 0.05 N·m of static friction within TSTOP. Gains and
-    // BT are tuned in simulation over plants of ±30 %; the manual has none.
-    KP = 79, 16, ReadWrite, Yes, "1/1024 peak per count", 0..=32767, Same(60),
+    // Gains and BT are tuned in simulation over plants of ±30 %; the manual has none. KP 200 lets a slow motor oscillate by
+    // 15 counts/s. The observed load takes the place of an integral.
+    KP = 79, 16, ReadWrite, Yes, "1/1024 peak per count", 0..=32767, Same(120),
         "position gain";
-    KD = 80, 16, ReadWrite, Yes, "1/256 of 1/1024 peak per count/s", 0..=32767, Same(256),
-        "derivative gain";
-    KI = 81, 16, ReadWrite, Yes, "1/1024 peak per count s", 0..=32767, Same(800),
-        "integral gain";
+    KD = 80, 16, ReadWrite, Yes, "1/256 of 1/1024 peak per count/s", 0..=32767, Same(640),
+        "derivative gain, beyond the EMF's own damping";
+    KI = 81, 16, ReadWrite, Yes, "1/1024 peak per count s", 0..=32767, Same(0),
+        "integral gain; loads are carried without it";
     ACCEL = 82, 16, ReadWrite, Yes, "sqrt(counts)/ms/1024", 0..=65535, Kinds(40, 30, 30),
         "acceleration is (ACCEL/1024)^2 counts/ms^2; useful up to about 60; 0 cannot move";
     JIDX = 85, 16, ReadWrite, Yes, "-", 1..=7, Motor,
@@ -473,6 +472,18 @@ table! {
         "kind of motor: 1 link, 2 spread, 3 tip; by the straps, or without straps by the node, until set; a new one counts from the next start on";
     VSET = 121, 16, ReadOnly, No, "counts/s", -4080..=4080, Same(0),
         "V as set: mode 4 runs at it, or will when it starts; 0 once any motion has ended";
+    // The motor of decision 0003 with 2e-5 kg·m²: 0.6496 N·m/1024 / 2e-5 kg·m² / 0.3491 rad = 90.9 counts/s², 0.0651 V·s/rad,
+    // 0.03 and 0.04 N·m, 0.8 mH / 2.4 Ω.
+    MKA = 122, 16, ReadWrite, Yes, "1/16 count/s2 per 1/1024 peak", 160..=5000, Same(1454),
+        "motor model: acceleration of motor and joint by torque";
+    MKE = 123, 16, ReadWrite, Yes, "1/4096 of 1/1024 peak per count/s", 400..=5000, Same(3971),
+        "motor model: EMF; a torque unit is 1/1024 of 24 V";
+    MFC = 124, 16, ReadWrite, Yes, "1/1024 peak", 0..=400, Same(47),
+        "motor model: friction in motion";
+    MFS = 125, 16, ReadWrite, Yes, "1/1024 peak", 0..=400, Same(63),
+        "motor model: friction at rest; at least MFC counts";
+    MTE = 126, 16, ReadWrite, Yes, "us", 0..=1000, Same(333),
+        "motor model: electrical time constant";
 }
 
 impl Property {

@@ -9,7 +9,7 @@ const BLOCK_US: u64 = 10_000;
 
 /// Greatest distance of a tip from its share of its link's travel, counts. At 1000 counts/s the tip has to reach 265 counts/s first, which
 /// takes it 4.9; at 80 it is 2.9.
-const LAG: f64 = 5.0;
+const LAG: f64 = 6.0;
 
 /// The same at rest.
 const AT_REST: f64 = 2.0;

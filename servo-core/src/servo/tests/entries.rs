@@ -17,7 +17,7 @@ fn restarted(bench: &mut Bench) -> (bool, Drive) {
 }
 
 #[test]
-fn plan_in_every_tick_does_not_hide_over_temperature() {
+fn restart_in_every_tick_does_not_hide_over_temperature() {
     let mut bench = pushing();
     bench.motor_temp = DeciCelsius(900);
     let most = usize::from(crate::guard::thermal::TICKS) + 1;
@@ -28,16 +28,16 @@ fn plan_in_every_tick_does_not_hide_over_temperature() {
     assert!(hot.is_some_and(|ticks| ticks <= most), "{hot:?}");
 }
 
+/// Each motion begins at rest: it gets no more than the friction, 65 units, and the first tick of ACCEL 40, 1.53 counts/s at 91 counts/s²
+/// a unit, 17 units.
 #[test]
-fn plan_in_every_tick_keeps_the_old_torque_for_one_tick() {
+fn restart_in_every_tick_drops_the_old_torque() {
     let mut bench = pushing();
-    let (taken, drive) = restarted(&mut bench);
-    assert!(taken && drive.duty.is_some(), "the first drives as before");
     for tick in 0..100 {
         let (taken, drive) = restarted(&mut bench);
-        assert!(taken);
-        assert_eq!(drive, Drive { duty: None, brake_released: true }, "tick {tick}");
-        assert_eq!(bench.servo.telemetry().torque, Torque::ZERO);
+        assert!(taken && drive.duty.is_some());
+        let torque = bench.servo.telemetry().torque;
+        assert!(torque <= Torque(82), "tick {tick}: {torque:?}");
     }
     while bench.servo.event().is_some() {}
     assert_eq!(bench.follow(2000), Some(EndReason::Arrived));

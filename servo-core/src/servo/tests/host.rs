@@ -85,7 +85,7 @@ fn torque_reads_as_commanded_unless_a_limit_reduces_it() {
     bench.servo.command(Command::Torque(Torque(-990))).unwrap();
     bench.tick();
     assert_eq!(bench.servo.torque(), Torque(-512), "the supply is loaded by steps");
-    for _ in 0..8 {
+    for _ in 0..20 {
         bench.tick();
     }
     assert_eq!(bench.servo.torque(), Torque(-750));

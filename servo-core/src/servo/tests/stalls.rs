@@ -25,7 +25,8 @@ fn driven(bench: &mut Bench, ms: usize, mut write: impl FnMut(&mut Servo, usize)
 /// Most time driven without a count, ms: TSTOP and the lead in either direction, and what a set-point within a count of the
 /// rotor drives, which is no stall.
 fn most_ms(kind: Joint) -> u32 {
-    2 * (u32::from(kind.config().tstop) + 10)
+    // Mode 3 takes √(2·1.5/15,000) s to a count beyond the far side of its cell.
+    2 * (u32::from(kind.config().tstop) + 10 + 14)
 }
 
 /// What a host may toggle: with an even number one value, with an odd one another.
@@ -59,7 +60,8 @@ fn writes() -> [Write; 16] {
         ("MT, KP, KI, KD, KPV, MPE", |servo, n| {
             configure(servo, |c| {
                 let bit = u16::from(odd(n));
-                (c.mt, c.kp, c.ki, c.kd, c.kpv, c.mpe) = (750 - bit, 60 + bit, 800, 256, 32 + bit, 4 + bit);
+                (c.mt, c.kp, c.ki, c.kd, c.kpv, c.mpe) =
+                    (750 - bit, 120 + bit, 800 * bit, 640, 32 + bit, 4 + bit);
             });
         }),
         ("the same motion", |servo, n| {
@@ -266,11 +268,9 @@ fn end_of_a_motion_clears_v() {
                     bench.tick();
                 }
                 let status = bench.servo.telemetry();
-                assert_eq!(
-                    (status.setpoint_velocity, status.torque),
-                    (CountsPerSec::ZERO, Torque::ZERO),
-                    "{name}"
-                );
+                assert_eq!(status.setpoint_velocity, CountsPerSec::ZERO, "{name}");
+                // What mode 4 may carry of a load at most; 80 counts/s would take 160 units.
+                assert!(status.torque.saturating_abs() <= Torque(40), "{kind:?} {name}: {:?}", status.torque);
             }
         }
     }

@@ -1,0 +1,657 @@
+//! Position, velocity and load of the rotor between hall edges, from a model of the motor that knows the applied voltage.
+//!
+//! # Design
+//!
+//! Eighteen edges a revolution say little about the velocity of a slow rotor, but the voltage is known at each tick and the motor's
+//! own EMF damps every error of the velocity within τ = 1/(B·K), 11 ms. So the model runs once a tick, and an edge corrects it. All
+//! voltages and torques are in torque units (1024 is 24 V across the driven pair). With x in counts, v in counts/s, u the voltage
+//! that drives the current, F the Coulomb friction and T = 1 ms:
+//!
+//! ```text
+//! u = U + λ·(U₋₁ − U)                           λ = (L/R)/T: the current lags the voltage
+//! a = B·(1+β)·(u + d − F·sgn v − (K+κ)·v)       B: acceleration a torque unit, K: EMF a count/s
+//! v = v + a·T/(1 + B·(1+β)·K·T/2)               x = x + (v₋₁ + v)·T/2
+//! ```
+//!
+//! At v = 0 the rotor sticks while |u + d| is within the static friction. Learned are the load d, which adds to the voltage, the
+//! deviation κ of the EMF and the deviation β of the gain.
+//!
+//! # Correction
+//!
+//! An edge at the boundary z at a time within the tick gives r = z − x there. A wrong place after an interval t means that velocity
+//! and load were wrong in it; with y = t/τ, e = 1 − e^−y, w = y − e and the memory θ = max(e^(−t/tₘ), 0.3), tₘ = 60 ms · min(1, t/20 ms)
+//! and at least 8 ms:
+//!
+//! ```text
+//! x = x + (1 − θ³)·r
+//! v = v + (1 − θ)²·(1 + θ/(2(1+y)))·(e/w)/τ·r
+//! δ = (1 − θ)²·(h + (1 − h)·y/(1+y))·(K/w)/τ·r         h = (1 − θ)/2; |δ| ≤ 250
+//! ```
+//!
+//! θ is 0 at the first edge after a rest, with t = 10 ms. Residuals beyond half a count that keep their sign square θ. What δ says
+//! is shared between the three explanations, with n the net torque:
+//!
+//! ```text
+//! q = δ/(40² + (v/4)² + (0.6·n)²)       d = d + 40²·q       κ = κ − v·q/16       β = β + 0.36·n·q
+//! ```
+//!
+//! No edge yet is information as well: beyond the next boundary by 0.15 counts x is set back there, with t at most 25 ms and half of
+//! the other corrections. Boundaries are learned in steady motion: the six of an electrical revolution, each by 0.15·r; their mean
+//! stays 0.
+//!
+//! # Trade-offs
+//!
+//! Gains are looked up for half octaves of t: a Kalman filter's covariances did no better in trials, and diverged with misplaced
+//! sensors. A load and a wrong friction are one thing to the model. A torque that repeats with each count (cogging) is invisible.
+//!
+//! # Formats
+//!
+//! x in 2^-20 counts from the center of the cell; v in 2^-16 counts/s; voltages, torques and deviations in 2^-16; times in µs; gains
+//! of a tick in 2^-28.
+
+use crate::config::Config;
+use crate::num::{Law, half_octaves, mul_low, mul_low_unsigned, mul_shift, mul_upper, saturating_i16};
+use crate::sense::hall::HallEdge;
+use crate::units::{Counts, CountsPerSec, Micros};
+use fixed::types::{I16F16, I22F10};
+
+#[cfg(test)]
+mod tests;
+
+/// One count.
+const COUNT: i32 = 1 << 20;
+/// 1.0 as a share or a deviation, and one torque unit.
+const ONE: i32 = 1 << 16;
+/// Boundaries of an electrical revolution.
+const BOUNDARIES: usize = 6;
+/// Tick, µs.
+const TICK_US: i32 = 1000;
+/// Longest time that is told apart, µs.
+const LONGEST_US: i32 = 300_000;
+/// Shortest interval of a correction, µs.
+const SHORTEST_US: i32 = 2000;
+/// How far beyond a boundary the rotor may be before its missing edge counts, 0.15 counts: ±10° electrical of misplacement.
+const BEYOND: i32 = COUNT * 3 / 20;
+/// Intervals of a rotor at 9 to 120 counts/s.
+const SLOW_US: (i32, i32) = (11_000, 150_000);
+/// Time without an edge from which nothing is sure of a velocity, µs.
+const STANDING_US: i32 = 50_000;
+/// Longest interval of a correction without an edge, µs.
+const OVERDUE_US: i32 = 25_000;
+/// What a missing or unexpected edge adds to the load each tick while the rotor should rest, torque units.
+const REST_PULL: i32 = 16 * ONE;
+/// θ never falls below these: 0.3, and 0.2 in a maneuver.
+const KEEP_LEAST: i32 = 19_661;
+const KEEP_LEAST_MANEUVER: i32 = 13_107;
+/// A rotor that has been beyond a boundary for so long, by the model alone, has been held by its friction, ms.
+const PINNED_MS: i32 = 6;
+/// A residual beyond half a count, again in the same direction within 40 ms, is a maneuver.
+const LARGE: i32 = COUNT / 2;
+const MANEUVER_US: i32 = 40_000;
+/// Interval of the first edge after a rest, µs.
+const FIRST_US: i32 = 10_000;
+/// Largest residual of the first edge that corrects the velocity: a longer way took longer than [`FIRST_US`].
+const FIRST_RESIDUAL: i32 = COUNT / 2;
+/// Largest residual that corrects the velocity, 2 counts: more is a lost edge.
+const MOST_RESIDUAL: i32 = 2 * COUNT;
+/// Largest residual from which a boundary is learned, 0.4 counts, and the largest offset.
+const LEARNED_RESIDUAL: i32 = COUNT * 2 / 5;
+const MOST_OFFSET: i32 = ONE * 2 / 5;
+/// Largest δ and largest load, torque units.
+const MOST_DELTA: i32 = 250 * ONE;
+const MOST_LOAD: i32 = 900 * ONE;
+/// Bounds of κ, 0.45, and β.
+const MOST_EMF_CHANGE: i32 = 29_491;
+const GAIN_CHANGE: (i32, i32) = (-32_768, 58_982);
+/// Velocity from which a motor that should rest learns its EMF, counts/s: MT limits the torque by it.
+const RUNAWAY: i32 = 300;
+/// Largest velocity, 16,384 counts/s: fifteen times the motor's no-load speed.
+const SPEED_MAX: i32 = (1 << 30) - 1;
+/// Half a tick of the sum of two velocities in counts: 2^20 · 0.5 ms / 2^16 as a share of 2^32.
+const MEAN_STEP: i32 = 34_359_738;
+/// 1/τ of the motor for which the tables below are as long as t: 88.1/s in 2^-4.
+const TABLE_RATE: i32 = 1409;
+
+/// e^(−t/tₘ) in 2^-16 for t = 1 ms · 2^(i/2).
+const KEEP: [u16; 17] = [
+    57_835, 54_917, 51_039, 46_959, 46_959, 46_959, 46_959, 46_959, 46_959, 44_947, 38_446, 30_826, 22_554,
+    14_499, 7762, 3208, 919,
+];
+
+/// e/w and 1/w in 2^-12 and y/(1+y) in 2^-16 for y = 0.0885 · 2^(i/2).
+const SLOPES: [(i32, i32, i32); 17] = [
+    (91_224, 1_077_119, 5328),
+    (64_119, 545_063, 7290),
+    (44_959, 277_162, 9855),
+    (31_419, 141_888, 13_120),
+    (21_856, 73_313, 17_134),
+    (15_109, 38_363, 21_863),
+    (10_359, 20_418, 27_165),
+    (7028, 11_111, 32_788),
+    (4710, 6219, 38_409),
+    (3115, 3601, 43_708),
+    (2039, 2166, 48_433),
+    (1330, 1355, 52_442),
+    (875, 878, 55_701),
+    (584, 584, 58_262),
+    (397, 397, 60_220),
+    (273, 273, 61_685),
+    (189, 189, 62_765),
+];
+
+/// The motor as its properties describe it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Motor {
+    /// B·T in 2^-28 counts/s a torque unit.
+    step: i32,
+    /// K, F and the static friction in 2^-16 torque units (a count/s).
+    emf: i32,
+    friction: i32,
+    stiction: i32,
+    /// λ in 2^-16.
+    lag: i32,
+    /// 1/τ = B·K in 2^-4 Hz, and relative to the tables' in 2^-16.
+    rate: i32,
+    relative_rate: u32,
+}
+
+impl Motor {
+    /// From the properties MKA, MKE, MFC, MFS and MTE.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        // What a field can hold beyond the properties' ranges is cut: the products of a tick fit 32 bits.
+        let (gain, emf) = (i32::from(config.mka.min(5_000)), i32::from(config.mke.min(5_000)));
+        // 2^28 / 16 / 1000 = 16,777.2; below 2^31 for every gain up to 65,535.
+        let step = mul_shift(gain, 16_777, 0) + gain / 5;
+        let rate = mul_shift(gain, emf, 12).max(1);
+        Self {
+            step,
+            emf: emf << 4,
+            friction: i32::from(config.mfc.min(400)) << 16,
+            stiction: i32::from(config.mfs.max(config.mfc).min(400)) << 16,
+            lag: (i32::from(config.mte.min(1_000)) << 16) / TICK_US,
+            rate,
+            relative_rate: (rate.unsigned_abs() << 8) / TABLE_RATE.unsigned_abs() << 8,
+        }
+    }
+}
+
+/// What the motor has shown beyond its properties, and the rotor's state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct State {
+    count: i32,
+    /// Number of the boundary above the cell within the electrical revolution.
+    index: usize,
+    /// At the last tick, and at the next one.
+    from: i32,
+    to: i32,
+    velocity: i32,
+    load: i32,
+    emf_change: i32,
+    gain_change: i32,
+    /// Sticks at rest.
+    stuck: bool,
+    /// Time from the last edge, and from when it last stuck, to the last tick: below [`LONGEST_US`].
+    quiet_us: i32,
+    moving_us: i32,
+    /// The last interval between edges.
+    interval_us: i32,
+    /// Sign of the last residual if that was large, or 0.
+    large: i32,
+    /// The last edge was the first after a rest.
+    fresh: bool,
+    /// Ticks for which the rotor should have been beyond a boundary while it was to rest, with the sign of that direction.
+    pinned: i32,
+}
+
+/// What the servo does to the rotor in a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Push {
+    /// Bridge off, or a field that does not follow the rotor.
+    Off,
+    /// This voltage, in torque units.
+    Volts {
+        /// The voltage.
+        volts: i32,
+        /// The rotor is to rest where it is, or its torque is commanded: an edge shows a load.
+        resting: bool,
+    },
+}
+
+/// Observes one motor.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    motor: Motor,
+    state: State,
+    /// Before the last edge, restored if that was a glitch.
+    previous: State,
+    /// Time of the last tick.
+    at: Micros,
+    /// Gain of a tick, B(1+β)T/(1 + ½B(1+β)KT), in 2^-28, and 1/(B(1+β)T) in 2^-16.
+    step: i32,
+    inertia: i32,
+    /// B(1+min(β, 0))T² in 2^-26 counts a torque unit.
+    sure_gain: i32,
+    /// Voltage of the last tick, and the one that drove the current in it.
+    volts: i32,
+    mean_volts: i32,
+    driven: bool,
+    resting: bool,
+    /// Change of the velocity in the last tick.
+    change: i32,
+    /// Offsets of the boundaries, 2^-16 counts.
+    offsets: [i16; BOUNDARIES],
+    /// Boundaries of the cell, from its center.
+    low: i32,
+    high: i32,
+}
+
+impl Observer {
+    /// At rest in the middle of cell `count`, with nothing learned.
+    #[must_use]
+    pub fn new(motor: Motor, count: i32) -> Self {
+        let state = State {
+            count,
+            index: index(count),
+            from: 0,
+            to: 0,
+            velocity: 0,
+            load: 0,
+            emf_change: 0,
+            gain_change: 0,
+            stuck: true,
+            quiet_us: LONGEST_US,
+            moving_us: LONGEST_US,
+            interval_us: LONGEST_US,
+            large: 0,
+            fresh: false,
+            pinned: 0,
+        };
+        let mut observer = Self {
+            motor,
+            state,
+            previous: state,
+            at: Micros(0),
+            step: 0,
+            inertia: 0,
+            sure_gain: 0,
+            volts: 0,
+            mean_volts: 0,
+            driven: false,
+            resting: false,
+            change: 0,
+            offsets: [0; BOUNDARIES],
+            low: -COUNT / 2,
+            high: COUNT / 2,
+        };
+        observer.rescale();
+        observer
+    }
+
+    /// Takes another description of the motor; a changed one forgets what was learned beyond the old.
+    pub fn set_motor(&mut self, motor: Motor) {
+        if motor != self.motor {
+            self.motor = motor;
+            (self.state.emf_change, self.state.gain_change) = (0, 0);
+            self.rescale();
+        }
+    }
+
+    /// The count after the last edge.
+    #[must_use]
+    pub const fn count(&self) -> i32 {
+        self.state.count
+    }
+
+    /// Position at the last tick, within the cell of the count.
+    #[must_use]
+    pub fn position(&self) -> Counts {
+        self.counts(self.state.to.clamp(64 - COUNT / 2, COUNT / 2 - 1024))
+    }
+
+    /// Position at the last tick; a misplaced sensor may say another cell.
+    #[must_use]
+    pub const fn exact_position(&self) -> Counts {
+        self.counts(self.state.to)
+    }
+
+    const fn counts(&self, from_center: i32) -> Counts {
+        Counts::from_int(self.state.count).wrapping_add(Counts(I22F10::from_bits(from_center >> 10)))
+    }
+
+    /// Velocity in the middle of the coming tick, if the torque stays, and as much later as the current lags: what the EMF of a tick is.
+    #[must_use]
+    pub fn coming_velocity(&self) -> CountsPerSec {
+        // 5/8 + 13/64 of the last change.
+        let ahead = mul_low(self.change, 53, 6);
+        CountsPerSec(I16F16::from_bits(self.state.velocity.saturating_add(ahead)))
+    }
+
+    /// Velocity at the last tick.
+    #[must_use]
+    pub const fn velocity(&self) -> CountsPerSec {
+        CountsPerSec(I16F16::from_bits(self.state.velocity))
+    }
+
+    /// Velocity that is sure: the rotor has moved by 1.3 counts at most since the last edge; after 50 ms it is taken to stand.
+    #[must_use]
+    pub fn sure_velocity(&self) -> CountsPerSec {
+        if self.state.quiet_us > STANDING_US {
+            return CountsPerSec::ZERO;
+        }
+        let most = (1_300_000_u32 / self.state.quiet_us.max(TICK_US).unsigned_abs()).cast_signed() << 16;
+        CountsPerSec(I16F16::from_bits(self.state.velocity.max(-most).min(most)))
+    }
+
+    /// Forgets the load.
+    pub const fn forget_load(&mut self) {
+        self.state.load = 0;
+    }
+
+    /// d: torque that something else applies to the rotor, torque units, ±900.
+    #[must_use]
+    pub const fn load(&self) -> Law {
+        Law::from_bits(self.state.load)
+    }
+
+    /// K + κ: EMF in torque units per count/s.
+    #[must_use]
+    pub const fn emf(&self) -> Law {
+        Law::from_bits(self.motor.emf + self.state.emf_change)
+    }
+
+    /// K without what was learned.
+    #[must_use]
+    pub const fn nominal_emf(&self) -> Law {
+        Law::from_bits(self.motor.emf)
+    }
+
+    /// 1/(B(1+β)): torque units that change the velocity by a count/s in a tick.
+    #[must_use]
+    pub const fn inertia(&self) -> Law {
+        Law::from_bits(self.inertia)
+    }
+
+    /// F: Coulomb friction in torque units.
+    #[must_use]
+    pub const fn friction(&self) -> Law {
+        Law::from_bits(self.motor.friction)
+    }
+
+    /// Torque beyond F that breaks a rotor loose; 0 while it moves.
+    #[must_use]
+    pub fn kick(&self) -> Law {
+        let more = self.motor.stiction - self.motor.friction + 2 * ONE;
+        Law::from_bits(if self.state.stuck { more } else { 0 })
+    }
+
+    /// Acceleration that a torque unit gives for sure, in 2^-26 counts a tick².
+    #[must_use]
+    pub const fn sure_gain(&self) -> i32 {
+        self.sure_gain
+    }
+
+    /// Time since the last edge, up to 0.3 s.
+    #[must_use]
+    pub fn quiet(&self) -> Micros {
+        Micros(self.state.quiet_us.max(0).unsigned_abs())
+    }
+
+    /// Begins a tick at `now`: what was predicted for it has come, unless an edge is missing.
+    #[inline]
+    pub fn tick(&mut self, now: Micros) {
+        self.at = now;
+        let m = &mut self.state;
+        m.quiet_us = (m.quiet_us + TICK_US).min(LONGEST_US);
+        m.moving_us = (m.moving_us + TICK_US).min(LONGEST_US);
+        let (low, high) = (self.low - BEYOND, self.high + BEYOND);
+        let to = m.to;
+        if to > high {
+            self.overdue(high - to);
+        } else if to < low {
+            self.overdue(low - to);
+        } else {
+            m.pinned = 0;
+        }
+    }
+
+    #[inline(never)]
+    fn overdue(&mut self, over: i32) {
+        let before = self.state.velocity;
+        let waited = self.state.quiet_us.min(self.state.moving_us).max(SHORTEST_US);
+        let keep = keep(waited).max(KEEP_LEAST);
+        self.state.to += over;
+        self.correct(over, waited.min(OVERDUE_US), keep, true);
+        let m = &mut self.state;
+        if (before ^ m.velocity) < 0 {
+            m.velocity = 0;
+        }
+        if self.resting {
+            let sign = -over.signum();
+            m.pinned = if m.pinned.signum() == sign { (m.pinned + sign).clamp(-99, 99) } else { sign };
+            m.load = (m.load + if over > 0 { REST_PULL } else { -REST_PULL }).clamp(-MOST_LOAD, MOST_LOAD);
+        }
+        // An obstacle stops a rotor whatever its voltage: it has moved 1.3 counts at most since the last edge. One that began at rest is twice
+        // as fast as its mean, and a slow one with misplaced sensors is left to the gains. µs and 2^-16 counts/s in 32 bits.
+        let most = (1_300_000_u32 / waited.unsigned_abs()).cast_signed() << 16;
+        let is_slow = (SLOW_US.0..SLOW_US.1).contains(&waited);
+        let most = if is_slow || m.moving_us < m.quiet_us { 2 * most } else { most };
+        m.velocity = m.velocity.max(-most).min(most);
+    }
+
+    /// Ends a tick: predicts the next one.
+    #[inline]
+    pub fn predict(&mut self, push: Push) {
+        let m = &mut self.state;
+        let back = mul_low(self.motor.emf + m.emf_change, m.velocity, 16);
+        let driven = matches!(push, Push::Volts { .. });
+        if driven != self.driven {
+            self.driven = driven;
+            m.load = 0;
+        }
+        (self.volts, self.mean_volts, self.resting) = match push {
+            Push::Off => (back, back, false),
+            Push::Volts { volts, resting } => {
+                let volts = volts << 16;
+                (volts, volts + mul_low(self.volts - volts, self.motor.lag, 16), resting)
+            }
+        };
+        let drive = self.mean_volts + m.load;
+        m.from = m.to;
+        let sign = if m.velocity == 0 {
+            let holds = if m.stuck { self.motor.stiction } else { self.motor.friction };
+            if drive.abs() <= holds {
+                m.stuck = true;
+                m.moving_us = 0;
+                self.change = 0;
+                return;
+            }
+            drive
+        } else {
+            m.velocity
+        };
+        m.stuck = false;
+        let friction = if sign < 0 { -self.motor.friction } else { self.motor.friction };
+        // The step is below 0.4 (MKA), so the change is below 2^30 and the sum fits. This clamp is one `SSAT`.
+        let change = mul_low(self.step, drive - friction - back, 28);
+        self.change = change;
+        let velocity = (m.velocity + change).clamp(-SPEED_MAX - 1, SPEED_MAX);
+        if m.velocity != 0 && (velocity == 0 || (velocity ^ m.velocity) < 0) {
+            // It stops within the tick, after the share v/change of it.
+            let share = ((m.velocity.unsigned_abs() >> 8) << 8) / (change.unsigned_abs() >> 8).max(1);
+            m.to += mul_low(mul_upper(m.velocity, MEAN_STEP), share.min(256).cast_signed(), 8);
+            m.velocity = 0;
+            m.stuck = drive.abs() <= self.motor.stiction;
+        } else {
+            m.to += mul_upper(m.velocity + velocity, MEAN_STEP);
+            m.velocity = velocity;
+        }
+    }
+
+    /// Processes a step of the count.
+    #[inline(never)]
+    pub fn edge(&mut self, edge: &HallEdge) {
+        if edge.bounce {
+            let shift = edge.count.wrapping_sub(self.state.count);
+            let from = self.state.from - shift.clamp(-8, 8) * COUNT;
+            self.state = State { from, ..self.previous };
+            self.enter(edge.count);
+            return;
+        }
+        self.previous = self.state;
+        let sign = i32::from(edge.direction.sign());
+        let shift = sign * i32::from(edge.steps.min(8)) * COUNT;
+        self.enter(edge.count);
+        let m = &mut self.state;
+        m.from -= shift;
+        m.to -= shift;
+        let place = if sign > 0 { self.low } else { self.high };
+        let boundary = if sign > 0 { below(m.index) } else { m.index };
+        let into = edge.at.wrapping_since(self.at).0.cast_signed().clamp(-TICK_US, 2 * TICK_US);
+        // A tick as 2^22: 4194 a µs.
+        let there = m.from + mul_low(m.to - m.from, into.clamp(0, TICK_US) * 4194, 22);
+        let since = (m.quiet_us.min(m.moving_us) + into).max(0);
+        // A rotor that torque has broken loose at last came from somewhere in its cell, not from the boundary.
+        let loose = m.pinned * sign >= PINNED_MS;
+        let residual = if loose { sign * FIRST_RESIDUAL } else { place - there };
+        if loose {
+            m.velocity = 0;
+            m.from += place - there - residual;
+            m.to += place - there - residual;
+        }
+        let first = m.velocity == 0;
+        if m.velocity.signum() == -sign {
+            m.velocity = 0;
+        }
+        let large = if residual.abs() > LARGE { residual.signum() } else { 0 };
+        let maneuver = large != 0 && large == m.large && since < MANEUVER_US;
+        m.large = large;
+        let (interval, keep) = if first {
+            (FIRST_US, 0)
+        } else {
+            let interval = since.max(SHORTEST_US);
+            let keep = keep(interval);
+            let short = if m.fresh { KEEP_LEAST } else { mul_low(keep, keep, 16).max(KEEP_LEAST_MANEUVER) };
+            (interval, if maneuver || m.fresh { short } else { keep.max(KEEP_LEAST) })
+        };
+        m.fresh = first;
+        m.pinned = 0;
+        let moved = mul_low(residual, ONE - mul_low(mul_low(keep, keep, 16), keep, 16), 16);
+        let moved = if residual.abs() > COUNT { residual } else { moved };
+        m.from += moved;
+        m.to += moved;
+        let steady = 5 * (since - m.interval_us).abs() < 2 * m.interval_us;
+        m.interval_us = since;
+        m.quiet_us = -into;
+        let most = if first { FIRST_RESIDUAL } else { MOST_RESIDUAL };
+        // Beyond an edge a tick the corrections share what one would do.
+        let residual_share = if since < TICK_US && !first { mul_low(residual, since * 4194, 22) } else { residual };
+        self.correct(residual_share.clamp(-most, most), interval, keep, false);
+        let m = &mut self.state;
+        if first && self.resting {
+            m.load = (m.load + self.motor.stiction * sign).clamp(-MOST_LOAD, MOST_LOAD);
+        }
+        if m.velocity.signum() != sign {
+            m.velocity = sign * ONE;
+        }
+        m.stuck = false;
+        if steady && edge.steps == 1 && residual.abs() < LEARNED_RESIDUAL {
+            self.learn(boundary, residual);
+        }
+    }
+
+    fn enter(&mut self, count: i32) {
+        self.state.count = count;
+        self.state.index = index(count);
+        self.bound();
+    }
+
+    fn bound(&mut self) {
+        let offset = |at: usize| self.offsets.get(at).map_or(0, |offset| i32::from(*offset) << 4);
+        self.low = offset(below(self.state.index)) - COUNT / 2;
+        self.high = offset(self.state.index) + COUNT / 2;
+    }
+
+    fn learn(&mut self, boundary: usize, residual: i32) {
+        // A sixth of 0.15 · r in 2^-16, and six times that, so that the mean stays 0.
+        let share = mul_low(residual, 1638, 20);
+        let change = 6 * share;
+        for (at, offset) in self.offsets.iter_mut().enumerate() {
+            let old = i32::from(*offset) + share - if at == boundary { change } else { 0 };
+            *offset = saturating_i16(old.clamp(-MOST_OFFSET, MOST_OFFSET));
+        }
+        self.bound();
+    }
+
+    /// Corrects velocity, load, EMF and gain by a residual after an interval; `overdue`: by half.
+    fn correct(&mut self, residual: i32, interval: i32, keep: i32, overdue: bool) {
+        let scaled = mul_low_unsigned(interval.unsigned_abs(), self.motor.relative_rate, 16);
+        let (rate, pull, slowness) = entry(&SLOPES, half_octaves(scaled));
+        let gone = ONE - keep;
+        let weight = mul_low(gone, gone, 16) >> u32::from(overdue);
+        let more = ONE + (mul_low(keep, ONE - slowness, 16) >> 1);
+        let half = gone >> 1;
+        let lean = half + mul_low(ONE - half, slowness, 16);
+        let m = &mut self.state;
+        // 2^20 · 2^16 / 2^20; rates in 2^-12 · 2^-4.
+        let faster = mul_low(residual, mul_low(weight, more, 16), 20);
+        let change = mul_shift(faster, mul_shift(rate, self.motor.rate, 8), 8);
+        let net = self.mean_volts + m.load
+            - mul_low(self.motor.emf + m.emf_change, m.velocity, 16)
+            - m.velocity.signum() * self.motor.friction;
+        let stronger = mul_low(residual, mul_low(weight, lean, 16), 20);
+        let slope = mul_shift(mul_low(pull, self.motor.rate, 12), self.motor.emf, 16);
+        let delta = mul_shift(stronger, slope, 4).clamp(-MOST_DELTA, MOST_DELTA);
+        let speed = (m.velocity >> 16).clamp(-4080, 4080);
+        let net = (net >> 16).clamp(-900, 900);
+        m.velocity = m.velocity.saturating_add(change).clamp(-SPEED_MAX, SPEED_MAX);
+        // A motor at rest shows no more than a load, unless that is running away with it.
+        let (by_speed, by_torque) = if self.resting && speed.abs() < RUNAWAY {
+            (0, 0)
+        } else {
+            ((speed * speed) >> 4, (net * net * 23) >> 6)
+        };
+        let sum = by_speed + by_torque + 1600;
+        // |δ| < 2^24 in 2^-16, so q is in 2^-22.
+        let share = (delta << 6) / sum;
+        m.load = (m.load + mul_shift(share, 1600, 6)).clamp(-MOST_LOAD, MOST_LOAD);
+        if by_speed * 50 > sum || by_torque * 50 > sum {
+            let emf = mul_shift(share, speed, 10);
+            m.emf_change = (m.emf_change - emf).clamp(-MOST_EMF_CHANGE, MOST_EMF_CHANGE);
+            let gain = mul_shift(share, net * 23, 12);
+            m.gain_change = (m.gain_change + gain).clamp(GAIN_CHANGE.0, GAIN_CHANGE.1);
+            self.rescale();
+        }
+    }
+
+    /// Gains that follow from β.
+    fn rescale(&mut self) {
+        let gain = mul_shift(self.motor.step, ONE + self.state.gain_change, 16);
+        // x = B(1+β)KT/2 in 2^-16; 1/(1 + x) = 1 − x + x² within 0.1 % for x up to 0.1.
+        let x = mul_shift(gain, self.motor.emf, 29).min(ONE / 2);
+        self.step = mul_shift(gain, ONE - x + mul_low(x, x, 16), 16);
+        let sure = mul_low(self.motor.step, ONE + self.state.gain_change.min(0), 16);
+        // 2^-28 counts/s a tick is 2^-28/1000 counts a tick²: 2^26/2^28/1000 of 2^32.
+        self.sure_gain = mul_upper(sure, 1_073_742);
+        // 2^44 / 2^28.
+        let inertia = (1_u32 << 31) / (gain.unsigned_abs() >> 13).max(1);
+        self.inertia = inertia.min(u32::from(u16::MAX) << 10).cast_signed();
+    }
+}
+
+/// Number of a count's upper boundary within the electrical revolution.
+fn index(count: i32) -> usize {
+    usize::try_from(count.rem_euclid(6)).unwrap_or(0)
+}
+
+const fn below(index: usize) -> usize {
+    if index == 0 { BOUNDARIES - 1 } else { index - 1 }
+}
+
+fn keep(interval: i32) -> i32 {
+    KEEP.get(half_octaves(interval.unsigned_abs())).or(KEEP.last()).map_or(0, |keep| i32::from(*keep))
+}
+
+fn entry<T: Copy + Default, const N: usize>(table: &[T; N], at: usize) -> T {
+    table.get(at).or(table.last()).copied().unwrap_or_default()
+}
