@@ -449,25 +449,3 @@ fn refusals_name_the_broken_wire() {
     assert_eq!(refused(good(), [Some(true); 3], false, link), state(FindState::Silent));
     assert_eq!(refused(good(), [None; 3], true, MotorKind::Spread), state(FindState::Blocked));
 }
-
-#[test]
-fn zz_debug() {
-    let case = Case { kind: MotorKind::Tip, phases: [1, 2, 0], halls: [0, 1, 2], inverted: [false; 3], seed: 16 };
-    for hi in [false, true] {
-    let mut bench = Bench::new(Node::awake(case.board(middle(case.kind))));
-    println!("== hi {hi}");
-    if hi { bench.set(Property::CMD, 13); } else { bench.set(Property::P, 120); bench.set(Property::M, 150); }
-    let mut last = 1e9;
-    for ms in 0..3000 { bench.step(); let s = bench.status(); let c = bench.counts();
-        if (c - last).abs() > 0.05 || ms % 100 == 0 { last = c; println!("{ms} c {c:.2} v {:.0} pos {:.2} vh {} sp {:.2} T {} d {:?} {:?}", bench.node.board().rig().truth().counts_per_s, s.position.0, s.velocity.0, s.setpoint.0, s.torque.0, s.duty.0, s.fault); }
-        if s.fault.is_some() { break; } }
-    }
-    let case = Case { kind: MotorKind::Spread, phases: [2, 0, 1], halls: [0, 2, 1], inverted: [false; 3], seed: 20 };
-    let mut bench = Bench::new(Node::unwired(case.board(83.2)));
-    let mut rep = 0; println!("== find {:?}", bench.learn_and_confirm(&mut rep));
-    bench.set(Property::CMD, 13);
-    let mut last = 1e9;
-    for ms in 0..9000 { bench.step(); let s = bench.status(); let c = bench.counts();
-        if (c - last).abs() > 5.0 || ms % 100 == 0 || (c<14.0 && (c-last).abs()>0.5) { last = c; println!("{ms} c {c:.2} v {:.0} pos {:.2} vh {} sp {:.2} T {} lim {:?} {:?} {:?}", bench.node.board().rig().truth().counts_per_s, s.position.0, s.velocity.0, s.setpoint.0, s.torque.0, s.limit, s.mode, s.end); }
-        if s.end.is_some() { break; } }
-}
