@@ -68,9 +68,7 @@ fn tolerance(name: &str, direct: f64) -> Option<f64> {
         // A motor over CAN has turned once before: what it has learned and where in its cell it begins differ, so does its first kick.
         "peak_torque" => Some((0.16 * direct.abs()).max(1.0)),
         "peak_speed_counts_s" => Some((0.2 * direct.abs()).max(1.0)),
-        "peak_current_a" | "velocity_counts_s" => {
-            Some((0.03 * direct.abs()).max(1.0))
-        }
+        "peak_current_a" | "velocity_counts_s" => Some((0.03 * direct.abs()).max(1.0)),
         _ => None,
     }
 }

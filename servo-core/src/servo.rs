@@ -1154,8 +1154,7 @@ impl Servo {
         // Nothing is starting here, and each comparison counts.
         let homes = matches!(self.motion, Motion::Home { .. } | Motion::Zero { .. });
         let tstop = if homes { self.tstop() } else { self.tuning.config.tstop };
-        let stalled = if counted {
-            self.stall.count();
+        let stalled = if counted && self.stall.count(self.count) {
             false
         } else if let Some(closing) = self.drives() {
             self.stall.drive(closing, tstop)

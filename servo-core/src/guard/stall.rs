@@ -2,7 +2,7 @@
 //!
 //! The time belongs to the motor, not to a motion: neither a write nor a new motion restarts it (decision 0049). Each direction
 //! has its own, so that a motion may leave a stop that the last one ran into. A count clears both, and so does a rest of
-//! TSTOP.
+//! TSTOP. A rotor that goes to and fro between the same two cells does not move: it rests on the boundary of an obstacle.
 
 /// Largest part of the time between the last count and the set-point being a whole count ahead that belongs to the stall. A
 /// rotor that hits an obstacle stopped at its last count, and at 100 counts/s or more the set-point is ahead within 10 ms.
@@ -12,7 +12,8 @@ const LEAD_MS: u16 = 10;
 /// A rest that has cleared the times: longer changes nothing.
 const RESTED: u32 = u32::MAX;
 
-/// The stall timer. A tick of 1 ms is one call of [`Stall::count`], [`Stall::drive`] or [`Stall::rest`].
+/// The stall timer. A tick of 1 ms is one call of [`Stall::drive`] or [`Stall::rest`], or one of
+/// [`Stall::count`] that returns `true`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
     /// Time driven without a count, plus `LEAD_MS`.
@@ -22,14 +23,27 @@ pub struct Stall {
     rest_ms: u32,
     /// Part of `LEAD_MS` that has not passed yet; 0 before the first count.
     lead_ms: u16,
+    /// The last count, and the one before it.
+    at: i32,
+    before: i32,
+    /// The last count was that of two before.
+    returned: bool,
 }
 
 impl Stall {
-    /// A tick in which the hall count changed.
+    /// A tick in which the hall count changed to `at`. Returns whether the rotor has moved; otherwise the tick is one without a count.
     #[inline]
-    pub fn count(&mut self) {
-        let still_ms = LEAD_MS.into();
-        *self = Self { opening_ms: still_ms, closing_ms: still_ms, rest_ms: 0, lead_ms: LEAD_MS };
+    pub fn count(&mut self, at: i32) -> bool {
+        let returned = at == self.before;
+        // A reversal returns once.
+        let moved = !(returned && self.returned);
+        (self.before, self.at, self.returned) = (self.at, at, returned);
+        if moved {
+            self.opening_ms = LEAD_MS.into();
+            self.closing_ms = LEAD_MS.into();
+            (self.rest_ms, self.lead_ms) = (0, LEAD_MS);
+        }
+        moved
     }
 
     /// A tick in which the motor is driven away from rest, without a count. `tstop` in ms, 0 = never. Returns whether the
@@ -82,6 +96,11 @@ mod tests {
         (1..100_000).find(|_| stall.drive(closing, tstop))
     }
 
+    /// The next count of a rotor that closes.
+    fn count(stall: &mut Stall) {
+        assert!(stall.count(stall.at + 1));
+    }
+
     fn rest(stall: &mut Stall, ms: u32, tstop: u16) {
         for _ in 0..ms {
             stall.rest(tstop);
@@ -91,7 +110,7 @@ mod tests {
     #[test]
     fn stalls_tstop_after_the_last_count() {
         let mut stall = Stall::default();
-        stall.count();
+        count(&mut stall);
         assert_eq!(left(&mut stall, true, 3), Some(3));
     }
 
@@ -99,7 +118,7 @@ mod tests {
     fn time_from_last_count_to_driven_counts_up_to_ten_ms() {
         for (undriven, expected) in [(0, 300), (4, 296), (10, 290), (500, 290)] {
             let mut stall = Stall::default();
-            stall.count();
+            count(&mut stall);
             rest(&mut stall, undriven, 300);
             assert_eq!(left(&mut stall, false, 300), Some(expected), "{undriven}");
         }
@@ -114,7 +133,7 @@ mod tests {
         let mut stall = Stall::default();
         for tick in 0..1000 {
             if tick % 3 == 0 {
-                stall.count();
+                count(&mut stall);
             } else {
                 assert!(!stall.drive(true, 3), "a count every 3 ms");
             }
@@ -126,26 +145,44 @@ mod tests {
     fn only_a_rest_of_tstop_or_a_count_clears_the_time() {
         for (ms, expected) in [(0, 1), (1, 1), (299, 1), (300, 290), (9999, 290)] {
             let mut stall = Stall::default();
-            stall.count();
+            count(&mut stall);
             assert_eq!(left(&mut stall, true, 300), Some(300));
             rest(&mut stall, ms, 300);
             assert_eq!(left(&mut stall, true, 300), Some(expected), "after {ms} ms");
         }
         let mut stall = Stall::default();
         assert_eq!(left(&mut stall, true, 300), Some(300));
-        stall.count();
+        count(&mut stall);
         assert_eq!(left(&mut stall, true, 300), Some(300));
     }
 
     #[test]
     fn each_direction_stalls_once() {
         let mut stall = Stall::default();
-        stall.count();
+        count(&mut stall);
         let mut driven = 0;
         while !(stall.is_over(true, 300) && stall.is_over(false, 300)) {
             let _ = stall.drive(driven / 100 % 2 == 0, 300);
             driven += 1;
         }
         assert!(driven <= 700, "{driven}");
+    }
+
+    #[test]
+    fn rotor_between_two_cells_does_not_move() {
+        let mut stall = Stall::default();
+        // There, and back once: a reversal.
+        assert_eq!(
+            [7, 8, 7, 8, 7, 8, 7].map(|at| stall.count(at)),
+            [true, true, true, false, false, false, false]
+        );
+        assert_eq!([6, 7, 6, 5].map(|at| stall.count(at)), [true, true, false, true]);
+        // The time goes on.
+        let mut stall = Stall::default();
+        let ended = (1..).find(|ms| {
+            let moved = ms % 20 == 0 && stall.count(ms / 20 % 2);
+            !moved && stall.drive(true, 300)
+        });
+        assert!(ended.is_some_and(|ms| (290..=360).contains(&ms)), "{ended:?}");
     }
 }

@@ -97,7 +97,9 @@ impl Pid {
         let (kp, kd) = match stage {
             Stage::Move => (self.kp, self.kd),
             Stage::Rest => self.resting,
-            Stage::Cell => (if velocity.saturating_abs() <= SOFT { Law::ZERO } else { self.kp }, self.twice_kd),
+            Stage::Cell => {
+                (if velocity.saturating_abs() <= SOFT { Law::ZERO } else { self.kp }, self.twice_kd)
+            }
         };
         // Products and feed are within ±8192: no sum overflows.
         let direct = sum_of_products((kp, position), (kd + emf, velocity)) + feed;

@@ -35,6 +35,8 @@
 //! q = δ/(40² + (v/4)² + (0.6·n)²)       d = d + 40²·q       κ = κ − v·q/16       β = β + 0.36·n·q
 //! ```
 //!
+//! κ and β are bounded; what they cannot take at a bound is taken by d.
+//!
 //! No edge yet is information as well: beyond the next boundary by 0.15 counts x is set back there, with t at most 25 ms and half of
 //! the other corrections. Boundaries are learned in steady motion: the six of an electrical revolution, each by 0.15·r; their mean
 //! stays 0.
@@ -545,7 +547,8 @@ impl Observer {
         m.quiet_us = -into;
         let most = if first { FIRST_RESIDUAL } else { MOST_RESIDUAL };
         // Beyond an edge a tick the corrections share what one would do.
-        let residual_share = if since < TICK_US && !first { mul_low(residual, since * 4194, 22) } else { residual };
+        let residual_share =
+            if since < TICK_US && !first { mul_low(residual, since * 4194, 22) } else { residual };
         self.correct(residual_share.clamp(-most, most), interval, keep, false);
         let m = &mut self.state;
         if first && self.resting {
@@ -614,14 +617,18 @@ impl Observer {
         let sum = by_speed + by_torque + 1600;
         // |δ| < 2^24 in 2^-16, so q is in 2^-22.
         let share = (delta << 6) / sum;
-        m.load = (m.load + mul_shift(share, 1600, 6)).clamp(-MOST_LOAD, MOST_LOAD);
+        let mut load = mul_shift(share, 1600, 6);
         if by_speed * 50 > sum || by_torque * 50 > sum {
-            let emf = mul_shift(share, speed, 10);
-            m.emf_change = (m.emf_change - emf).clamp(-MOST_EMF_CHANGE, MOST_EMF_CHANGE);
-            let gain = mul_shift(share, net * 23, 12);
-            m.gain_change = (m.gain_change + gain).clamp(GAIN_CHANGE.0, GAIN_CHANGE.1);
+            let emf = m.emf_change - mul_shift(share, speed, 10);
+            let gain = m.gain_change + mul_shift(share, net * 23, 12);
+            m.emf_change = emf.clamp(-MOST_EMF_CHANGE, MOST_EMF_CHANGE);
+            m.gain_change = gain.clamp(GAIN_CHANGE.0, GAIN_CHANGE.1);
+            // Each at most δ.
+            load += (m.emf_change - emf) * speed + (gain - m.gain_change) * net;
             self.rescale();
         }
+        let m = &mut self.state;
+        m.load = (m.load + load).clamp(-MOST_LOAD, MOST_LOAD);
     }
 
     /// Gains that follow from β.

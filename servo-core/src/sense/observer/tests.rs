@@ -506,7 +506,7 @@ fn bounce_restores_the_state_before_its_edge() {
 #[test]
 fn opening_is_the_mirror_image_of_closing() {
     let (mut one, mut other) = (Rig::new(&config(), 0), Rig::new(&config(), 0));
-    for drive in [150, 300, 200, 900, 100] {
+    for drive in [150, 300, 200, 400, 250, 100] {
         for _ in 0..400 {
             one.run(1, steady(drive), volts(drive));
             other.run(1, -steady(drive), volts(-drive));
@@ -712,4 +712,24 @@ proptest! {
             }
         }
     }
+}
+
+/// A stop that has pushed back hard is gone at once: the gain alone would take it, up to its bound.
+#[test]
+fn load_takes_what_gain_and_emf_cannot() {
+    let load_after = |gain, emf| {
+        let mut observer = Observer::new(Motor::new(&config()), 0);
+        observer.mean_volts = -241 << 16;
+        observer.state = State {
+            velocity: -100 * SPEED,
+            load: -700 << 16,
+            gain_change: gain,
+            emf_change: emf,
+            ..observer.state
+        };
+        observer.correct(COUNT / 2, 10_000, KEEP_LEAST, false);
+        (observer.state.load >> 16) + 700
+    };
+    let (free, bound) = (load_after(0, 0), load_after(GAIN_CHANGE.0, 0));
+    assert!(free < 5 && bound > 30, "{free} {bound}");
 }
