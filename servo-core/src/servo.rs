@@ -896,8 +896,14 @@ impl Servo {
     fn is_due(&self) -> bool {
         match self.motion {
             Motion::Starting { goal, brake_ms } => {
-                // HI must press for a while to find a stop, also after a motion that has just stalled there.
-                let rests = matches!(goal, Goal::SeekStop) && self.stall.is_over_half(self.tstop());
+                // HI must press for a while to find a stop, also after a motion that has just stalled there; and a zero in the stop is reached
+                // by a rotor that has just pressed.
+                let presses = match goal {
+                    Goal::SeekStop => true,
+                    Goal::Zero => self.tuning.config.ioff == 0,
+                    _ => false,
+                };
+                let rests = presses && self.stall.is_over_half(self.tstop());
                 brake_ms >= self.tuning.config.brake_ms && !rests
             }
             _ => false,
@@ -1256,7 +1262,7 @@ impl Servo {
         };
         let left = control.profile.end().round().wrapping_sub(self.position.round());
         if control.setpoint.done {
-            let rests = arrival.rests(left, self.velocity, quiet);
+            let rests = arrival.rests(left, self.velocity, self.applied.torque, quiet);
             let ticks = control.profile.ticks();
             let quiet = arrival.settle(quiet, ticks);
             let settled = ticks == 0 || arrival.has_settled();
