@@ -1053,7 +1053,11 @@ impl Servo {
                 arrival.wait(control.profile.end().wrapping_sub(position).round(), self.tuning.config.tstop);
             }
         } else if !control.setpoint.done {
+            let closes = control.setpoint.velocity > CountsPerSec::ZERO;
             control.setpoint = control.profile.step(ramps, reach(&self.observer, control, envelope));
+            if control.setpoint.done {
+                self.observer.end_motion(closes);
+            }
         }
         let setpoint = &control.setpoint;
         let error = setpoint.position.wrapping_sub(position).saturating_error();

@@ -345,6 +345,14 @@ impl Observer {
         CountsPerSec(I16F16::from_bits(self.state.velocity.max(-most).min(most)))
     }
 
+    /// A motion in this direction has ended: of a load along it, forgets what may have been friction that the motor does not have, F at most.
+    /// A resting rotor is held by as much.
+    pub fn end_motion(&mut self, closing: bool) {
+        let friction = self.motor.friction;
+        let (low, high) = if closing { (0, friction) } else { (-friction, 0) };
+        self.state.load -= self.state.load.clamp(low, high);
+    }
+
     /// Forgets the load.
     pub const fn forget_load(&mut self) {
         self.state.load = 0;

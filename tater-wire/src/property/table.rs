@@ -474,13 +474,13 @@ table! {
         "V as set: mode 4 runs at it, or will when it starts; 0 once any motion has ended";
     // The motor of decision 0003 with 2e-5 kg·m²: 0.6496 N·m/1024 / 2e-5 kg·m² / 0.3491 rad = 90.9 counts/s², 0.0651 V·s/rad,
     // 0.03 and 0.04 N·m, 0.8 mH / 2.4 Ω.
-    MKA = 122, 16, ReadWrite, Yes, "1/16 count/s2 per 1/1024 peak", 160..=5000, Same(1454),
+    MKA = 122, 16, ReadWrite, Yes, "1/16 count/s2 per 1/1024 peak", 400..=5000, Same(1454),
         "motor model: acceleration of motor and joint by torque";
-    MKE = 123, 16, ReadWrite, Yes, "1/4096 of 1/1024 peak per count/s", 400..=5000, Same(3971),
+    MKE = 123, 16, ReadWrite, Yes, "1/4096 of 1/1024 peak per count/s", 1600..=5000, Same(3971),
         "motor model: EMF; a torque unit is 1/1024 of 24 V";
-    MFC = 124, 16, ReadWrite, Yes, "1/1024 peak", 0..=400, Same(47),
+    MFC = 124, 16, ReadWrite, Yes, "1/1024 peak", 0..=100, Same(47),
         "motor model: friction in motion";
-    MFS = 125, 16, ReadWrite, Yes, "1/1024 peak", 0..=400, Same(63),
+    MFS = 125, 16, ReadWrite, Yes, "1/1024 peak", 0..=130, Same(63),
         "motor model: friction at rest; at least MFC counts";
     MTE = 126, 16, ReadWrite, Yes, "us", 0..=1000, Same(333),
         "motor model: electrical time constant";

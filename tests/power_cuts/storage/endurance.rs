@@ -154,7 +154,7 @@ fn five_thousand_saves_of_each_property_wear_no_page_out() {
     println!(
         "figure: 5,000 FSAVEs, of each property one by one: {most} erases of the most erased page, {least} of the least"
     );
-    assert!(most <= 625, "more than the module says: {most}");
+    assert!(most <= 640, "more than the module says: {most}");
     assert!(most - least <= 1, "not spread: {least} to {most}");
 }
 
@@ -178,8 +178,8 @@ fn years(years: u64, counts_per_s: u64, stride: usize) -> (u32, u32) {
 #[test]
 fn ten_years_of_counting_wear_no_page_out() {
     let standing = years(10, 0, 29);
-    // As the module states: 315.6 million s / 58 s / 408 half-words / 8 pages.
-    assert!((1600..=1700).contains(&standing.0), "{standing:?}");
+    // As the module states: 315.6 million s / 58 s / 394 half-words / 8 pages.
+    assert!((1650..=1750).contains(&standing.0), "{standing:?}");
     // A year of continuous movement at a finger's top speed stands for ten years of use.
     let moving = years(1, 500, 2);
     println!(

@@ -733,3 +733,16 @@ fn load_takes_what_gain_and_emf_cannot() {
     let (free, bound) = (load_after(0, 0), load_after(GAIN_CHANGE.0, 0));
     assert!(free < 5 && bound > 30, "{free} {bound}");
 }
+
+#[test]
+fn load_along_an_ended_motion_is_friction_at_most_as_much_as_the_motor_has() {
+    let friction = i32::from(config().mfc);
+    for (closing, load, left) in
+        [(true, 30, 0), (true, 300, 300 - friction), (true, -300, -300), (false, -20, 0), (false, 20, 20)]
+    {
+        let mut observer = Observer::new(Motor::new(&config()), 0);
+        observer.state.load = load << 16;
+        observer.end_motion(closing);
+        assert_eq!(observer.load(), Law::from_num(left), "{closing} {load}");
+    }
+}

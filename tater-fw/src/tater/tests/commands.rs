@@ -224,7 +224,7 @@ fn meaningless_frames_change_nothing() {
     let bodies = [
         Body::More { frames: 3, received: 9 },
         Body::Get(109 + 4),
-        Body::Get(126),
+        Body::Set { property: 127, value: Value::Short(1) },
         Body::Get(127),
         Body::Set { property: 6, value: Value::Long(0x2000_0000) },
         Body::Set { property: 12, value: Value::Short(1) },

@@ -69,9 +69,9 @@ fn save_load_and_def_of_all_by_property_and_by_command() {
         act(&mut bench, Property::LOAD, 0);
         assert_eq!(read(&mut bench), [Some(61), Some(9), Some(65_535)]);
         act(&mut bench, Property::DEF, 3);
-        assert_eq!(read(&mut bench), [Some(60), Some(0), Some(300)]);
+        assert_eq!(read(&mut bench), [Some(120), Some(0), Some(300)]);
         bench.settle();
-        assert_eq!(read(&mut bench.restart()), [Some(60), Some(0), Some(300)]);
+        assert_eq!(read(&mut bench.restart()), [Some(120), Some(0), Some(300)]);
     }
 }
 

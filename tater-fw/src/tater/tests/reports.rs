@@ -190,7 +190,7 @@ fn answers_wait_for_room_in_order() {
     // Room for three; then for all.
     bench.board().room = 3;
     bench.tater.flush();
-    assert_eq!(said(&mut bench), [(Property::MT, 750), (Property::KP, 60), (Property::X0, 0)]);
+    assert_eq!(said(&mut bench), [(Property::MT, 750), (Property::KP, 120), (Property::X0, 0)]);
     bench.board().room = usize::MAX;
     bench.tater.flush();
     let rest: Vec<Property> = said(&mut bench).into_iter().map(|(property, _)| property).collect();
