@@ -179,6 +179,12 @@ impl Stretch {
         let place = places * (POSITION_STEP / acceleration(self.limits)).sqrt();
         let slack = optimum * (-19_f64).exp2() + place + ORACLE_ERROR;
         let (earliest, latest) = (optimum - slack - EARLY, optimum + slack + LATE);
+        // A set-point that would pass its end by less than a tick of braking ends there.
+        let before = profile.current();
+        let (v, a) = (f64::from(before.velocity.0) / 1000.0, acceleration(self.limits));
+        let left = f64::from(self.end.wrapping_sub(before.position).0) * v.signum();
+        let beyond = v * v / (2.0 * a) - left;
+        let earliest = if left >= 0.0 && (0.0..=a / 2.0).contains(&beyond) { 0.0 } else { earliest };
         let ticks = f64::from(self.run(profile, latest as u32 + 1));
         let case = || format!("{was:?}, {:?}", self.limits);
         for last in [profile.current(), profile.step(&self.limits.build(), Reach::FREE)] {

@@ -991,8 +991,9 @@ impl Servo {
     /// The EMF that is compensated, in torque units.
     fn emf(&self) -> i32 {
         match self.motion {
+            // The model of a rotor at an obstacle runs on.
             Motion::Torque(wanted) => {
-                let velocity = self.observer.coming_velocity();
+                let velocity = self.observer.sure_coming_velocity();
                 let nominal = emf(self.observer.nominal_emf(), velocity);
                 sure_emf(emf(self.observer.emf(), velocity), nominal, wanted)
             }
@@ -1002,7 +1003,8 @@ impl Servo {
                 let emf = emf(self.observer.emf(), self.observer.sure_velocity());
                 if (emf < 0) == (torque < 0) { 0 } else { emf }
             }
-            // A rotor that stands is not faster because its motor pushes: the limit holds for what it feels.
+            // A rotor that stands is not faster because its motor pushes: MT and IHIT hold for what it feels.
+            Motion::Home { .. } => emf(self.observer.emf(), self.observer.sure_velocity()),
             _ if self.applied.limit.is_some() => emf(self.observer.emf(), self.observer.sure_velocity()),
             _ => emf(self.observer.emf(), self.velocity),
         }

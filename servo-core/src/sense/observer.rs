@@ -323,7 +323,7 @@ impl Observer {
 
     /// Velocity in the middle of the coming tick, if the torque stays, and as much later as the current lags: what the EMF of a tick is.
     #[must_use]
-    pub fn coming_velocity(&self) -> CountsPerSec {
+    fn coming_velocity(&self) -> CountsPerSec {
         // 5/8 + 13/64 of the last change.
         let ahead = mul_low(self.change, 53, 6);
         CountsPerSec(I16F16::from_bits(self.state.velocity.saturating_add(ahead)))
@@ -338,11 +338,21 @@ impl Observer {
     /// Velocity that is sure: the rotor has moved by 1.3 counts at most since the last edge; after 50 ms it is taken to stand.
     #[must_use]
     pub fn sure_velocity(&self) -> CountsPerSec {
+        self.sure(self.velocity())
+    }
+
+    /// [`Self::coming_velocity`] within the same bound.
+    #[must_use]
+    pub fn sure_coming_velocity(&self) -> CountsPerSec {
+        self.sure(self.coming_velocity())
+    }
+
+    fn sure(&self, velocity: CountsPerSec) -> CountsPerSec {
         if self.state.quiet_us > STANDING_US {
             return CountsPerSec::ZERO;
         }
         let most = (1_300_000_u32 / self.state.quiet_us.max(TICK_US).unsigned_abs()).cast_signed() << 16;
-        CountsPerSec(I16F16::from_bits(self.state.velocity.max(-most).min(most)))
+        CountsPerSec(I16F16::from_bits(velocity.0.to_bits().max(-most).min(most)))
     }
 
     /// A motion in this direction has ended: of a load along it, forgets what may have been friction that the motor does not have, F at most.

@@ -111,8 +111,8 @@ fn breakaway_in_wm_stops_the_tip() {
     assert_eq!(session.run("X5MDEG 90"), "");
     assert_eq!(session.run("1WM 16500"), "ERR 16");
     let found = counts(&session);
-    // 176 minus the link's travel of 150..158 · 39/49, and a few counts to stop.
-    assert!(has_met(found[0]) && (40..60).contains(&found[4]), "{found:?}");
+    // 176 minus the link's travel of 150..158 · 39/49, and what the tip takes to stop.
+    assert!(has_met(found[0]) && (30..60).contains(&found[4]), "{found:?}");
 }
 
 #[test]
