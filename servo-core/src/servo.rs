@@ -1253,6 +1253,7 @@ impl Servo {
             self.report(Event::Breakaway { position, stop_tip: bs });
             return Some(EndReason::Breakaway);
         }
+        arrival.push(self.applied.torque);
         let settles = control.setpoint.done || arrival.is_given_up();
         if settles { self.settle() } else { None }
     }
@@ -1268,14 +1269,14 @@ impl Servo {
         };
         let left = control.profile.end().round().wrapping_sub(self.position.round());
         if control.setpoint.done {
-            let rests = arrival.rests(left, self.velocity, self.applied.torque, quiet);
+            let rests = arrival.rests(left, self.velocity, quiet);
             let ticks = control.profile.ticks();
             let quiet = arrival.settle(quiet, ticks);
             let settled = ticks == 0 || arrival.has_settled();
             let rests = rests || arrival.hunts(left) && left.unsigned_abs() <= u32::from(mpe);
             // What had nothing to do shows nothing of what may have driven it.
             let rests = rests && ticks > 0;
-            if rests || settled && arrived(left, mpe, self.velocity, self.applied.torque, quiet) {
+            if rests || settled && arrived(left, mpe, self.velocity, quiet) {
                 return Some(EndReason::Arrived);
             }
             arrival.wait(left, tstop);
