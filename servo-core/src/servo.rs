@@ -1036,6 +1036,7 @@ impl Servo {
         let (control, arrival, ramps) = match &mut self.motion {
             Motion::Position(control) => (control, None, &self.tuning.step_ramps),
             Motion::Move { control, arrival, .. } | Motion::Zero { control, arrival } => {
+                arrival.push(self.applied.torque);
                 (control, Some(arrival), &self.tuning.ramps)
             }
             _ => return Torque::ZERO,
@@ -1253,7 +1254,6 @@ impl Servo {
             self.report(Event::Breakaway { position, stop_tip: bs });
             return Some(EndReason::Breakaway);
         }
-        arrival.push(self.applied.torque);
         let settles = control.setpoint.done || arrival.is_given_up();
         if settles { self.settle() } else { None }
     }
