@@ -74,6 +74,9 @@ fn per_tick(velocity: CountsPerSec) -> f64 {
     velocity.0.to_num::<f64>() / 1000.0
 }
 
+/// Ticks to return from a place half a tick of braking beyond the end: 2·√(a/2 / a), and to stop.
+const RETURN: f64 = 4.0;
+
 /// In counts/ms², at most a quarter.
 fn acceleration(limits: MoveLimits) -> f64 {
     (f64::from(limits.accel) / 1024.0).powi(2).min(0.25)
@@ -179,12 +182,15 @@ impl Stretch {
         let place = places * (POSITION_STEP / acceleration(self.limits)).sqrt();
         let slack = optimum * (-19_f64).exp2() + place + ORACLE_ERROR;
         let (earliest, latest) = (optimum - slack - EARLY, optimum + slack + LATE);
-        // A set-point that would pass its end by less than a tick of braking ends there.
+        // A set-point that would pass its end by less than a tick of braking ends there, or returns.
         let before = profile.current();
         let (v, a) = (f64::from(before.velocity.0) / 1000.0, acceleration(self.limits));
         let left = f64::from(self.end.wrapping_sub(before.position).0) * v.signum();
         let beyond = v * v / (2.0 * a) - left;
-        let earliest = if left >= 0.0 && (0.0..=a / 2.0).contains(&beyond) { 0.0 } else { earliest };
+        let passes = left >= 0.0 && (0.0..=a / 2.0).contains(&beyond);
+        let (earliest, latest) = if passes { (0.0, latest + RETURN) } else { (earliest, latest) };
+        // A way of less than two ticks at full acceleration takes up to five: one to each velocity and one to rest.
+        let latest = if optimum < 2.0 { latest.max(5.0) } else { latest };
         let ticks = f64::from(self.run(profile, latest as u32 + 1));
         let case = || format!("{was:?}, {:?}", self.limits);
         for last in [profile.current(), profile.step(&self.limits.build(), Reach::FREE)] {

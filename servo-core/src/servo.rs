@@ -991,6 +991,8 @@ impl Servo {
     /// The EMF that is compensated, in torque units.
     fn emf(&self) -> i32 {
         match self.motion {
+            // A field that does not follow the rotor, counted by a wiring that is to be replaced.
+            Motion::Field(_) => 0,
             // The model of a rotor at an obstacle runs on.
             Motion::Torque(wanted) => {
                 let velocity = self.observer.sure_coming_velocity();

@@ -42,8 +42,8 @@
 //!
 //! * **5,000 FSAVEs are guaranteed**, of every property, each changed and saved by a command of its own: 51 x 8 = 408
 //!   half-words, a page and a twentieth, 640 erases a page. Saved by one command it is a quarter.
-//! * Ten years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,730 erases a page. Moving all the
-//!   time as fast as a finger can (500 counts/s) is 26 million more for OD, 9,950 erases a page together. PTEMP only
+//! * 9.9 years without a pause: UPSECS is 5.4 million half-words, one each 58 s, 1,730 erases a page. Moving all the
+//!   time as fast as a finger can (500 counts/s) is 26 million more for OD, 10,000 erases a page together. PTEMP only
 //!   rises: 1,250 half-words in its life.
 //! * A SAVE stores the counters as well: up to three half-words, so an FSAVE of every property one by one has 561, and 5,000 of
 //!   them are 900 erases a page.
