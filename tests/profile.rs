@@ -182,12 +182,14 @@ impl Stretch {
         let place = places * (POSITION_STEP / acceleration(self.limits)).sqrt();
         let slack = optimum * (-19_f64).exp2() + place + ORACLE_ERROR;
         let (earliest, latest) = (optimum - slack - EARLY, optimum + slack + LATE);
-        // A set-point that would pass its end by less than a tick of braking ends there, or returns.
+        // A set-point that would pass its end by less than a tick of braking ends there, or returns. So does one that is stopped by a
+        // deceleration half of the velocity's last bit greater, 0.8 % at ACCEL 1.
         let before = profile.current();
         let (v, a) = (f64::from(before.velocity.0) / 1000.0, acceleration(self.limits));
         let left = f64::from(self.end.wrapping_sub(before.position).0) * v.signum();
-        let beyond = v * v / (2.0 * a) - left;
-        let passes = left >= 0.0 && (0.0..=a / 2.0).contains(&beyond);
+        let braking = v * v / (2.0 * a);
+        let most_beyond = a / 2.0 + braking * (-27_f64).exp2() / a;
+        let passes = left >= 0.0 && (0.0..=most_beyond).contains(&(braking - left));
         let (earliest, latest) = if passes { (0.0, latest + RETURN) } else { (earliest, latest) };
         // A way of less than two ticks at full acceleration takes up to five: one to each velocity and one to rest.
         let latest = if optimum < 2.0 { latest.max(5.0) } else { latest };
