@@ -45,7 +45,7 @@ const PATIENCE_MS: u32 = 2000;
 pub struct Quiet {
     /// Since the last edge, or since the plan if that is later: a short move may end before its rotor has left its cell.
     pub free: Micros,
-    /// Since the last edge, or since the end of the profile if that is later: until then it may have been pushed the other way.
+    /// Since the last edge, the end of the profile or the first such torque, whichever is latest: a torque that grows has yet to move it.
     pub pushed: Micros,
     /// More torque than a joint's friction has been applied just now.
     pub is_pushed: bool,
@@ -68,8 +68,9 @@ pub struct Arrival {
     late_ms: u32,
     /// Time since the profile's end.
     settling_ms: u32,
-    /// Time for which the rotor counts as pushed.
+    /// Time for which the rotor still counts as pushed, and since when it has.
     pushed_ms: u8,
+    pushing_ms: u32,
     /// Ticks at rest in the cell of the end.
     still_ms: u8,
     needed_ms: u8,
@@ -89,6 +90,7 @@ impl Arrival {
             late_ms: 0,
             settling_ms: 0,
             pushed_ms: 0,
+            pushing_ms: 0,
             still_ms: 0,
             needed_ms: 0,
             cells: (0, 0),
@@ -103,6 +105,7 @@ impl Arrival {
     pub fn push(&mut self, torque: Torque) {
         let is_pushed = torque.saturating_abs() > FRICTION;
         self.pushed_ms = if is_pushed { PUSHED_MS } else { self.pushed_ms.saturating_sub(1) };
+        self.pushing_ms = if self.pushed_ms > 0 { self.pushing_ms.saturating_add(1) } else { 0 };
     }
 
     /// One tick of 1 ms after the end of a profile of so many `ticks`, `quiet` after the last edge. Nothing has driven a motor that was off
@@ -112,7 +115,8 @@ impl Arrival {
         let was_still = ticks == 0 && !self.driven;
         let planned_ms = if was_still { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
         let within = |ms: u32| Micros(quiet.0.min(ms.saturating_mul(1000)));
-        Quiet { free: within(planned_ms), pushed: within(self.settling_ms), is_pushed: self.pushed_ms > 0 }
+        let pushed = within(self.settling_ms.min(self.pushing_ms));
+        Quiet { free: within(planned_ms), pushed, is_pushed: self.pushed_ms > 0 }
     }
 
     /// One tick of 1 ms after the end of a profile, `left` counts from it and `quiet` after the last edge.
@@ -200,15 +204,31 @@ mod tests {
 
     #[test]
     fn times_count_from_the_plan_and_from_its_end() {
-        let us = |free, pushed| Quiet { free: Micros(free), pushed: Micros(pushed), is_pushed: false };
+        let free = |arrival: &mut Arrival, quiet, ticks| arrival.settle(quiet, ticks).free.0;
         let still = STILL.free;
         let mut arrival = Arrival::of(false);
-        assert_eq!(arrival.settle(still, 4), us(5_000, 1_000));
-        assert_eq!(arrival.settle(still, 4), us(6_000, 2_000));
-        assert_eq!(arrival.settle(Micros(1_500), 4), us(1_500, 1_500), "an edge later than both");
-        assert_eq!(arrival.settle(still, u32::MAX), us(300_000, 4_000), "no wrap");
-        assert_eq!(Arrival::of(false).settle(still, 0), us(300_000, 1_000), "no way, and nothing drove it");
-        assert_eq!(Arrival::of(true).settle(still, 0), us(1_000, 1_000), "something may have driven it away");
+        assert_eq!(free(&mut arrival, still, 4), 5_000);
+        assert_eq!(free(&mut arrival, still, 4), 6_000);
+        assert_eq!(free(&mut arrival, Micros(1_500), 4), 1_500, "an edge later than both");
+        assert_eq!(free(&mut arrival, still, u32::MAX), 300_000, "no wrap");
+        assert_eq!(free(&mut Arrival::of(false), still, 0), 300_000, "no way, and nothing drove it");
+        assert_eq!(free(&mut Arrival::of(true), still, 0), 1_000, "something may have driven it away");
+    }
+
+    #[test]
+    fn time_of_a_pushed_rotor_counts_from_the_latest_of_edge_end_and_push() {
+        let mut arrival = Arrival::of(false);
+        let mut pushed = |torque, edge_us| {
+            arrival.push(Torque(torque));
+            arrival.settle(Micros(edge_us), 4).pushed.0
+        };
+        assert_eq!([83, 83].map(|torque| pushed(torque, 300_000)), [1_000, 2_000], "from the end of the profile");
+        assert_eq!(pushed(83, 500), 500, "from an edge");
+        for tick in 4..4 + u32::from(PUSHED_MS) - 1 {
+            assert_eq!(pushed(0, 300_000), 1_000 * tick);
+        }
+        assert_eq!(pushed(0, 300_000), 0);
+        assert_eq!([83, -83].map(|torque| pushed(torque, 300_000)), [1_000, 2_000], "from a later push");
     }
 
     /// First tick in which it rests.
