@@ -18,6 +18,7 @@ mod protocol;
 mod random_commands;
 mod scenarios;
 mod supply;
+mod targets;
 mod torture;
 mod trust;
 mod wiring;

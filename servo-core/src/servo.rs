@@ -924,7 +924,7 @@ impl Servo {
         match goal {
             Goal::Torque(torque) => self.motion = Motion::Torque(torque),
             Goal::Position { at, pid } => {
-                let mut control = PositionLoop::at_rest(at.map_or(self.position, |_| position), pid);
+                let mut control = PositionLoop::at_rest(at.map_or(self.cell(), |_| position), pid);
                 if let Some(at) = at {
                     control.set_end(Counts::from_int(at));
                 }
@@ -981,6 +981,11 @@ impl Servo {
         };
         control.set_end(Counts::from_int(end));
         *arrival = Arrival::of(self.applied.torque != Torque::ZERO);
+    }
+
+    /// Middle of the rotor's cell, which is P: a place near a boundary would have the law pull to and fro over it.
+    const fn cell(&self) -> Counts {
+        Counts::from_int(self.position.round())
     }
 
     /// Position of the rotor as the law needs it: a misplaced sensor may say another cell.
@@ -1050,7 +1055,7 @@ impl Servo {
         if control.shorted_ms > 0 {
             // Each return to the set-point would send the braking current through the bridge into the bus.
             control.shorted_ms -= 1;
-            control.setpoint = control.profile.follow(position, self.velocity);
+            control.setpoint = control.profile.follow(ramps, position, self.velocity);
             return envelope.short();
         }
         if control.must_wait(position) {
@@ -1275,7 +1280,7 @@ impl Servo {
             let ticks = control.profile.ticks();
             let quiet = arrival.settle(quiet, ticks);
             let settled = ticks == 0 || arrival.has_settled();
-            let rests = rests || arrival.hunts(left) && left.unsigned_abs() <= u32::from(mpe);
+            let rests = rests || arrival.hunts(left, self.velocity) && left.unsigned_abs() <= u32::from(mpe);
             // What had nothing to do shows nothing of what may have driven it.
             let rests = rests && ticks > 0;
             if rests || settled && arrived(left, mpe, self.velocity, quiet) {
@@ -1372,7 +1377,7 @@ impl Servo {
         self.report(Event::Ended { reason, mode: self.motion.mode() });
     }
 
-    /// Holds the present position. After an arrival the observed load stays carried.
+    /// Holds the present count. After an arrival the observed load stays carried.
     fn hold(&mut self, reason: EndReason) {
         let arrived = reason == EndReason::Arrived;
         if !arrived {
@@ -1385,9 +1390,9 @@ impl Servo {
                 Motion::Starting { goal: Goal::Position { at: None, pid: PidState::default() }, brake_ms }
             }
             Motion::Move { control, .. } if arrived => {
-                Motion::Position(PositionLoop::at_rest(self.position, control.pid))
+                Motion::Position(PositionLoop::at_rest(self.cell(), control.pid))
             }
-            _ => Motion::Position(PositionLoop::at_rest(self.position, PidState::default())),
+            _ => Motion::Position(PositionLoop::at_rest(self.cell(), PidState::default())),
         };
     }
 

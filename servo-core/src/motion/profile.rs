@@ -150,11 +150,11 @@ impl Profile {
         self.set_point(self.velocity)
     }
 
-    /// Takes the rotor's position and velocity for the set-point's, if that has not arrived.
-    pub fn follow(&mut self, position: Counts, velocity: CountsPerSec) -> SetPoint {
+    /// Takes the rotor's position and velocity, as far as the limits allow it, for the set-point's, if that has not arrived.
+    pub fn follow(&mut self, ramps: &Ramps, position: Counts, velocity: CountsPerSec) -> SetPoint {
         if self.left != 0 || self.velocity != 0 {
             self.left = i64::from(self.end.wrapping_sub(position).0.to_bits()) << 17;
-            self.velocity = per_tick(velocity);
+            self.velocity = per_tick(velocity).max(-ramps.opening).min(ramps.closing);
         }
         self.current()
     }

@@ -82,6 +82,10 @@ const STANDING_US: i32 = 50_000;
 const OVERDUE_US: i32 = 25_000;
 /// What a missing or unexpected edge adds to the load each tick while the rotor should rest, torque units.
 const REST_PULL: i32 = 16 * ONE;
+/// The load of a rotor that should rest is searched: each time that the search turns round it takes half of its steps, down to a sixteenth,
+/// and twice that again after as many ms one way. Otherwise a joint that friction nearly holds is pushed to and fro for good.
+const NARROWEST: u32 = 4;
+const WIDENS_MS: u32 = 40;
 /// θ never falls below these: 0.3, and 0.2 in a maneuver.
 const KEEP_LEAST: i32 = 19_661;
 const KEEP_LEAST_MANEUVER: i32 = 13_107;
@@ -202,8 +206,36 @@ struct State {
     large: i32,
     /// The last edge was the first after a rest.
     fresh: bool,
+    search: Search,
     /// Ticks for which the rotor should have been beyond a boundary while it was to rest, with the sign of that direction.
     pinned: i32,
+}
+
+/// The search for the load of a rotor that should rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Search {
+    /// Which way the load was last changed, or 0.
+    sign: i32,
+    /// Each step is this power of two smaller.
+    narrow: u32,
+    /// Ticks one way.
+    ms: u32,
+}
+
+impl Search {
+    const NONE: Self = Self { sign: 0, narrow: 0, ms: 0 };
+
+    /// A step of `most` at first, in the direction of `sign`.
+    fn step(&mut self, sign: i32, most: i32) -> i32 {
+        if self.sign == -sign {
+            (self.narrow, self.ms) = ((self.narrow + 1).min(NARROWEST), 0);
+        } else if self.ms >= WIDENS_MS {
+            (self.narrow, self.ms) = (self.narrow.saturating_sub(1), 0);
+        }
+        self.ms += 1;
+        self.sign = sign;
+        sign * (most >> self.narrow)
+    }
 }
 
 /// What the servo does to the rotor in a tick.
@@ -267,6 +299,7 @@ impl Observer {
             interval_us: LONGEST_US,
             large: 0,
             fresh: false,
+            search: Search::NONE,
             pinned: 0,
         };
         let mut observer = Self {
@@ -351,7 +384,7 @@ impl Observer {
         if self.state.quiet_us > STANDING_US {
             return CountsPerSec::ZERO;
         }
-        let most = (1_300_000_u32 / self.state.quiet_us.max(TICK_US).unsigned_abs()).cast_signed() << 16;
+        let most = fastest(self.state.quiet_us);
         CountsPerSec(I16F16::from_bits(velocity.0.to_bits().max(-most).min(most)))
     }
 
@@ -438,10 +471,11 @@ impl Observer {
     #[inline(never)]
     fn overdue(&mut self, over: i32) {
         let before = self.state.velocity;
-        let waited = self.state.quiet_us.min(self.state.moving_us).max(SHORTEST_US);
-        let keep = keep(waited).max(KEEP_LEAST);
+        let waited = self.state.quiet_us.min(self.state.moving_us).max(0);
+        let interval = waited.max(SHORTEST_US);
+        let keep = keep(interval).max(KEEP_LEAST);
         self.state.to += over;
-        self.correct(over, waited.min(OVERDUE_US), keep, true);
+        self.correct(over, interval.min(OVERDUE_US), keep, true);
         let m = &mut self.state;
         if (before ^ m.velocity) < 0 {
             m.velocity = 0;
@@ -449,11 +483,11 @@ impl Observer {
         if self.resting {
             let sign = -over.signum();
             m.pinned = if m.pinned.signum() == sign { (m.pinned + sign).clamp(-99, 99) } else { sign };
-            m.load = (m.load + if over > 0 { REST_PULL } else { -REST_PULL }).clamp(-MOST_LOAD, MOST_LOAD);
+            m.load = (m.load + m.search.step(over.signum(), REST_PULL)).clamp(-MOST_LOAD, MOST_LOAD);
         }
         // An obstacle stops a rotor whatever its voltage: it has moved 1.3 counts at most since the last edge. One that began at rest is twice
         // as fast as its mean, and a slow one with misplaced sensors is left to the gains. µs and 2^-16 counts/s in 32 bits.
-        let most = (1_300_000_u32 / waited.unsigned_abs()).cast_signed() << 16;
+        let most = fastest(waited);
         let is_slow = (SLOW_US.0..SLOW_US.1).contains(&waited);
         let most = if is_slow || m.moving_us < m.quiet_us { 2 * most } else { most };
         m.velocity = m.velocity.max(-most).min(most);
@@ -476,6 +510,9 @@ impl Observer {
                 (volts, volts + mul_low(self.volts - volts, self.motor.lag, 16), resting)
             }
         };
+        if !self.resting {
+            m.search = Search::NONE;
+        }
         let drive = self.mean_volts + m.load;
         m.from = m.to;
         let sign = if m.velocity == 0 {
@@ -570,7 +607,7 @@ impl Observer {
         self.correct(residual_share.clamp(-most, most), interval, keep, false);
         let m = &mut self.state;
         if first && self.resting {
-            m.load = (m.load + self.motor.stiction * sign).clamp(-MOST_LOAD, MOST_LOAD);
+            m.load = (m.load + m.search.step(sign, self.motor.stiction)).clamp(-MOST_LOAD, MOST_LOAD);
         }
         if m.velocity.signum() != sign {
             m.velocity = sign * ONE;
@@ -667,6 +704,11 @@ impl Observer {
 /// Number of a count's upper boundary within the electrical revolution.
 fn index(count: i32) -> usize {
     usize::try_from(count.rem_euclid(6)).unwrap_or(0)
+}
+
+/// Mean velocity of a rotor that has moved by 1.3 counts since an edge `us` ago, 2^-16 counts/s; up to 2600, faster than any motor turns.
+fn fastest(us: i32) -> i32 {
+    (1_300_000_u32 / us.max(TICK_US / 2).unsigned_abs()).cast_signed() << 16
 }
 
 const fn below(index: usize) -> usize {

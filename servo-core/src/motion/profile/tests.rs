@@ -108,7 +108,7 @@ proptest! {
             }
         }
         // The observer's velocity stays below 2^30.
-        profile.follow(rotor.0, CountsPerSec(Law::from_bits(rotor.1)));
+        profile.follow(&limits(512, 4080).build(), rotor.0, CountsPerSec(Law::from_bits(rotor.1)));
         for _ in 0..300 {
             profile.step(&limits(512, 4080).build(), Reach::FREE);
         }
@@ -322,14 +322,27 @@ fn set_point_without_reach_waits() {
 fn set_point_follows_the_rotor_until_it_is_done() {
     let mut profile = moving(0, 100, limits(30, 1000), 200);
     let (position, velocity) = (Counts::from_int(40), CountsPerSec::from_int(-125));
-    let setpoint = profile.follow(position, velocity);
+    let ramps = limits(30, 1000).build();
+    let setpoint = profile.follow(&ramps, position, velocity);
     assert_eq!((setpoint.position, setpoint.done), (position, false));
     // −125 counts/s are −2^23 in 2^-26 counts a tick; each conversion rounds down.
     assert!((0..=2).contains(&(velocity.0.to_bits() - setpoint.velocity.0.to_bits())), "{setpoint:?}");
     assert_eq!(profile.current(), setpoint);
     assert!(land(&mut profile, limits(30, 1000), 2000).is_some());
     assert_eq!(profile.current(), SetPoint::at_rest(Counts::from_int(100)));
-    assert_eq!(profile.follow(position, velocity), SetPoint::at_rest(Counts::from_int(100)));
+    assert_eq!(profile.follow(&ramps, position, velocity), SetPoint::at_rest(Counts::from_int(100)));
+}
+
+/// A new MV may be slower than its rotor.
+#[test]
+fn set_point_that_follows_is_no_faster_than_its_limits() {
+    let slow = MoveLimits { accel: 30, closing: CountsPerSec::from_int(90), opening: CountsPerSec::from_int(60) };
+    for (velocity, most) in [(1125, 90), (-1125, -60), (89, 89), (-59, -59)] {
+        let mut profile = moving(0, 100, limits(30, 1000), 200);
+        let setpoint = profile.follow(&slow.build(), Counts::from_int(40), CountsPerSec::from_int(velocity));
+        let error = setpoint.velocity.0 - CountsPerSec::from_int(most).0;
+        assert!(error.abs() <= Law::from_bits(1 << 6), "{velocity}: {setpoint:?}");
+    }
 }
 
 #[test]

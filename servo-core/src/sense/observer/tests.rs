@@ -427,6 +427,9 @@ fn missing_edge_at_rest_turns_the_load_by_16_units_a_tick() {
 #[test]
 fn velocity_is_bounded_by_the_time_of_its_missing_edge() {
     for (quiet_ms, moving_ms, most) in [
+        // The fastest motor of ±50 % has 1950 counts/s.
+        (0, 300, 2600),
+        (1, 300, 1300),
         (5, 9, 260),
         (10, 300, 130),
         (11, 300, 236),
@@ -454,7 +457,7 @@ fn velocity_is_bounded_by_the_time_of_its_missing_edge() {
 /// 1.3 counts since the last edge, and none after 50 ms.
 #[test]
 fn sure_velocity_is_that_of_the_time_since_the_last_edge() {
-    for (quiet_ms, most) in [(0, 1300), (1, 1300), (10, 130), (50, 26), (51, 0), (300, 0)] {
+    for (quiet_ms, most) in [(0, 2600), (1, 1300), (10, 130), (50, 26), (51, 0), (300, 0)] {
         for (velocity, expected) in [(4000, most), (-4000, -most), (20, 20.min(most)), (-20, -(20.min(most)))]
         {
             let mut rig = Rig::new(&config(), 0);
@@ -745,4 +748,38 @@ fn load_along_an_ended_motion_is_friction_at_most_as_much_as_the_motor_has() {
         observer.end_motion(closing);
         assert_eq!(observer.load(), Law::from_num(left), "{closing} {load}");
     }
+}
+
+#[test]
+fn search_for_a_load_narrows_as_it_turns_round_and_widens_as_it_goes_on() {
+    let mut search = Search::NONE;
+    let narrowing = [1, -1, 1, -1, 1, -1].map(|sign| search.step(sign, 64));
+    assert_eq!(narrowing, [64, -32, 16, -8, 4, -4]);
+    for step in [-4, -8, -16, -32, -64] {
+        // Its first step was that of the last turn.
+        for _ in u32::from(step == -4)..WIDENS_MS {
+            assert_eq!(search.step(-1, 64), step);
+        }
+    }
+    assert_eq!(search.step(-1, 64), -64);
+}
+
+/// A load that friction nearly holds takes the rotor to and fro over a boundary, each time by less.
+#[test]
+fn edges_to_and_fro_at_rest_change_the_load_less_and_less() {
+    let mut rig = Rig::new(&config(), 0);
+    let mut last = i32::MAX;
+    for count in [1, 0, 1, 0] {
+        rig.still(60, resting(0));
+        let before = rig.observer.state.load;
+        let direction = if count == 1 { Direction::Closing } else { Direction::Opening };
+        rig.observer.state.velocity = 0;
+        rig.observer.edge(&edge(count, direction, rig.now));
+        let change = (rig.observer.state.load - before).abs();
+        assert!(change < last && change > 0, "{change} after {last}");
+        last = change;
+        rig.observer.state.velocity = 0;
+    }
+    rig.still(2, volts(0));
+    assert_eq!(rig.observer.state.search, Search::NONE, "forgotten in a motion");
 }

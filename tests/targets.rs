@@ -1,0 +1,107 @@
+//! What the servo reaches on motors that nobody has described to its board: the table of `docs/servo.md`.
+//!
+//! Each figure is taken on the nominal motor, and on plants that differ by ±30 % in inertia, friction, Ke and R, on 20 to 28 V, with halls
+//! misplaced by up to ±10°. The full size: `TARGET_PLANTS=1000 cargo test -p system-tests targets:: -- --nocapture`.
+
+mod figures;
+mod optimum;
+mod rig;
+
+use figures::{
+    Spread, arrival_speed, estimator_error, full_travel, load_step, rest, ripple, step, torque, tracking,
+    velocity_error, velocity_ripple,
+};
+use rig::{KINDS, Plants};
+
+/// Prints a row of the table and demands its bounds: of the nominal motor, of 95 % of the plants and of all of them.
+///
+/// With the few plants of continuous integration the 95th percentile is nearly the maximum, and is held to that.
+fn judge(name: &str, spread: &Spread, nominal: f64, p95: f64, most: f64) {
+    println!("figure: {name}: {spread}; wanted {nominal}, {p95} ({most})");
+    if std::env::var_os("SHOW").is_some() { return; }
+    assert!(spread.nominal <= nominal, "{name}, nominal: {spread}");
+    assert!(spread.p95 <= if spread.plants < 100 { most } else { p95 }, "{name}, 95 %: {spread}");
+    assert!(spread.most <= most, "{name}, all: {spread}");
+}
+
+const NO_BOUND: f64 = f64::INFINITY;
+
+#[test]
+fn ripple_of_slow_moves() {
+    // Greater than the 6 at MV 16 … 100: the feedback carries the error of a hall's place into the velocity.
+    for (mv, p95, most) in [(16, 5.0, 25.0), (50, 3.0, 8.0), (100, 3.0, 10.0)] {
+        judge(&format!("ripple at MV {mv}, counts/s"), &ripple(mv, 0.0), 1.0, p95, most);
+    }
+    for (mv, nominal) in [(16, 5.0), (50, 2.5), (100, 1.5)] {
+        judge(&format!("ripple at MV {mv} with 5 mN m of cogging, counts/s"), &ripple(mv, 0.005), nominal, NO_BOUND, NO_BOUND);
+    }
+}
+
+#[test]
+fn link_follows_its_set_point() {
+    let (rms, overshoot) = tracking();
+    judge("link-fast: tracking, counts rms", &rms, 0.1, 0.4, 1.0);
+    judge("link-fast: overshoot, counts", &overshoot, 0.1, 0.8, 1.0);
+}
+
+#[test]
+fn full_travel_takes_little_more_than_the_motor_needs() {
+    for (kind, ms, ratio) in [("link", 435.0, 1.17), ("spread", 230.0, 1.37), ("tip", 595.0, 1.15)] {
+        let (times, ratios) = full_travel(kind);
+        judge(&format!("full travel of a {kind}, ms"), &times, ms, NO_BOUND, NO_BOUND);
+        judge(&format!("full travel of a {kind}, by the plant's optimum"), &ratios, ratio, ratio, 1.5);
+    }
+}
+
+#[test]
+fn ten_counts_take_a_twentieth_of_a_second() {
+    let (settling, overshoot) = step();
+    judge("10-count step: to ±1 count, ms", &settling, 45.0, 60.0, 300.0);
+    judge("10-count step: overshoot, counts", &overshoot, 0.3, 1.0, 2.0);
+}
+
+#[test]
+fn load_is_held() {
+    let (deviation, recovery) = load_step(0.2);
+    judge("0.2 N m: deviation, counts", &deviation, 2.2, 4.0, 6.0);
+    judge("0.2 N m: to ±1 count, ms", &recovery, 90.0, 160.0, 400.0);
+}
+
+#[test]
+fn mode_four_keeps_its_velocity() {
+    judge("mode 4, V 20 to 500: error, %", &velocity_error(), 1.0, 5.0, 10.0);
+    for (gain, p95) in [(8, 10.0), (32, 10.0), (64, 10.0), (128, 20.0)] {
+        let name = format!("mode 4, gain {gain}, inertia 0.5 to 2: ripple, counts/s");
+        judge(&name, &velocity_ripple(gain), 1.0, p95, 2.0 * p95);
+    }
+}
+
+#[test]
+fn estimator_knows_the_velocity() {
+    judge("velocity as estimated at ACCEL 100: error, counts/s rms", &estimator_error(), 2.0, 15.0, 40.0);
+}
+
+#[test]
+fn arrived_motor_is_slow() {
+    for kind in KINDS {
+        judge(&format!("speed of an arrived {kind} at ACCEL 100, counts/s"), &arrival_speed(kind, 100), 10.0, 20.0, 80.0);
+        judge(&format!("speed of an arrived {kind} at ACCEL 1000, counts/s"), &arrival_speed(kind, 1000), 10.0, 35.0, 80.0);
+    }
+}
+
+#[test]
+fn torque_is_what_was_ordered() {
+    for (winding_c, nominal) in [(25.0, 3.0), (110.0, 5.0)] {
+        let (stalled, turning) = torque(winding_c);
+        // R and Ke are the plant's own: a board that does not know them delivers Ke/R of what it means to, and is judged on the nominal motor.
+        judge(&format!("torque when stalled at {winding_c} C: error, %"), &stalled, nominal, NO_BOUND, NO_BOUND);
+        judge(&format!("torque when turning at {winding_c} C: error, %"), &turning, nominal, NO_BOUND, NO_BOUND);
+    }
+}
+
+#[test]
+fn arrived_motor_stays_where_it_is() {
+    let moved = rest();
+    judge("motion from 300 ms after settling on, counts", &moved, 0.5, 0.5, 1.5);
+    assert!(Plants::of_environment().count() > 0);
+}

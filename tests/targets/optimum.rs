@@ -1,0 +1,27 @@
+//! The shortest time in which a plant's motor can make a move: full torque until it must brake, then full torque against it.
+
+use hil_sim::plant::{PlantParams, RAD_PER_COUNT};
+
+/// Torque limit MT, 1/1024 of the torque at 24 V across the nominal winding.
+const MT: f64 = 750.0 / 1024.0;
+/// Current at that torque: 24 V over 2.405 Ω.
+const PEAK_A: f64 = 24.0 / 2.405;
+/// The greatest share of the bus that the bridge applies.
+const MOST_DUTY: f64 = 0.967;
+const STEP_S: f64 = 2e-5;
+
+/// In ms, over `counts` from rest to rest.
+pub fn optimum_ms(plant: &PlantParams, counts: f64) -> f64 {
+    let way = counts.abs() * RAD_PER_COUNT;
+    let most_a = MT * PEAK_A;
+    let braking = (most_a * plant.ke_v_s + plant.coulomb_n_m) / plant.j_kg_m2;
+    let (mut theta, mut omega, mut time) = (0.0, 0.0, 0.0);
+    while theta + omega * omega / (2.0 * braking) < way {
+        let amps = ((plant.bus_v * MOST_DUTY - plant.ke_v_s * omega) / plant.r_ohm).min(most_a);
+        let driving = amps * plant.ke_v_s - plant.coulomb_n_m - plant.viscous_n_m_s * omega;
+        omega += driving / plant.j_kg_m2 * STEP_S;
+        theta += omega * STEP_S;
+        time += STEP_S;
+    }
+    1000.0 * (time + omega / braking)
+}

@@ -1,0 +1,108 @@
+//! A motor on its board, and the plants to try.
+
+use hil_sim::node::{Node, Sample};
+use hil_sim::scenario::Scenario;
+use hil_sim::{Model, Options};
+use servo_core::{EndReason, Event};
+use tater_wire::{Destination, Message, Property};
+
+pub const KINDS: [&str; 3] = ["link", "spread", "tip"];
+
+/// Plants of a figure in continuous integration.
+const PLANTS: u64 = 12;
+
+/// Interval of the host's polls, ms: modes 2 and 4 end without a host.
+const POLL_MS: u32 = 100;
+
+/// Seeds of scattered plants.
+pub struct Plants;
+
+impl Plants {
+    pub fn of_environment() -> std::ops::Range<u64> {
+        let plants = std::env::var("TARGET_PLANTS").ok().and_then(|n| n.parse().ok());
+        0..plants.unwrap_or(PLANTS)
+    }
+}
+
+/// What to try: lines of a scenario, and its motor.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    pub kind: &'static str,
+    /// Such as `MV = 16, ACCEL = 100`.
+    pub set: String,
+    /// Such as `cogging_n_m = 0.005`.
+    pub plant: String,
+    pub from: f64,
+    pub winding_c: f64,
+}
+
+impl Setup {
+    pub fn new(kind: &'static str, set: &str, from: f64) -> Self {
+        Self { kind, set: set.to_owned(), plant: String::new(), from, winding_c: 25.0 }
+    }
+
+    pub fn plant(mut self, plant: &str) -> Self {
+        plant.clone_into(&mut self.plant);
+        self
+    }
+}
+
+pub struct Motor {
+    pub node: Node,
+    pub ended: Option<EndReason>,
+}
+
+impl Motor {
+    /// The nominal motor, or the plant of a seed. Its stops are far away, and breakaway, which ends the hard start of a link, is off.
+    pub fn new(setup: &Setup, seed: Option<u64>) -> Self {
+        let Setup { kind, set, plant, from, winding_c } = setup;
+        let (scatter, degrees) = if seed.is_some() { (0.3, 10) } else { (0.0, 0) };
+        let plant = if plant.contains("count") { plant.clone() } else { format!("min_count = -4000, max_count = 4000, {plant}") };
+        let text = format!(
+            "name = \"target\"\nabout = \"\"\nmotor = \"{kind}\"\nduration_ms = 1\nscatter = {scatter:?}\nhall_scatter_deg = {degrees}\n\
+             set = {{ MCV = 4080, MOV = 4080, BT = 0, {set} }}\nplant = {{ {plant} }}\n\
+             initial = {{ position_counts = {from}, winding_c = {winding_c:?}, housing_c = {winding_c:?} }}\n"
+        );
+        let scenario = Scenario::parse("target", &text).unwrap_or_else(|error| panic!("{error:?}\n{text}"));
+        let options = Options { seed: seed.unwrap_or(1), model: Model::Averaged, trace: false };
+        let node = hil_sim::board(&scenario, &scenario.cases[0], &options).expect("valid");
+        Self { node, ended: None }
+    }
+
+    pub fn set(&mut self, property: Property, value: i64) {
+        hil_sim::set(&mut self.node, property, value).expect("an order that it takes");
+    }
+
+    /// One millisecond.
+    pub fn step(&mut self) -> Sample {
+        let sample = self.node.sample().expect("awake");
+        if sample.ms.is_multiple_of(POLL_MS) {
+            let poll = Message::get(Destination::Node(self.node.straps()), Property::MODE);
+            self.node.receive(&poll.frame()).expect("a request");
+        }
+        while let Some(answer) = self.node.mailboxes().first().copied() {
+            self.node.sent(&answer);
+        }
+        self.node.step();
+        while let Some(event) = self.node.event() {
+            if let Event::Ended { reason, .. } = event {
+                self.ended = Some(reason);
+            }
+        }
+        self.node.sample().expect("awake")
+    }
+
+    pub fn run(&mut self, ms: u32) -> Vec<Sample> {
+        (0..ms).map(|_| self.step()).collect()
+    }
+
+    /// Until the move ends, and the samples of it.
+    pub fn run_to_end(&mut self, most_ms: u32) -> Vec<Sample> {
+        let mut samples = Vec::new();
+        self.ended = None;
+        while self.ended.is_none() && samples.len() < most_ms as usize {
+            samples.push(self.step());
+        }
+        samples
+    }
+}
