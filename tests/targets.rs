@@ -4,6 +4,7 @@
 //! misplaced by up to ±10°. The full size: `TARGET_PLANTS=1000 cargo test -p system-tests targets:: -- --nocapture`.
 
 mod figures;
+mod moves;
 mod optimum;
 mod rig;
 
@@ -11,14 +12,14 @@ use figures::{
     Spread, arrival_speed, estimator_error, full_travel, load_step, rest, ripple, step, torque, tracking,
     velocity_error, velocity_ripple,
 };
-use rig::{KINDS, Plants};
+use moves::random_moves;
+use rig::KINDS;
 
 /// Prints a row of the table and demands its bounds: of the nominal motor, of 95 % of the plants and of all of them.
 ///
 /// With the few plants of continuous integration the 95th percentile is nearly the maximum, and is held to that.
 fn judge(name: &str, spread: &Spread, nominal: f64, p95: f64, most: f64) {
     println!("figure: {name}: {spread}; wanted {nominal}, {p95} ({most})");
-    if std::env::var_os("SHOW").is_some() { return; }
     assert!(spread.nominal <= nominal, "{name}, nominal: {spread}");
     assert!(spread.p95 <= if spread.plants < 100 { most } else { p95 }, "{name}, 95 %: {spread}");
     assert!(spread.most <= most, "{name}, all: {spread}");
@@ -103,5 +104,23 @@ fn torque_is_what_was_ordered() {
 fn arrived_motor_stays_where_it_is() {
     let moved = rest();
     judge("motion from 300 ms after settling on, counts", &moved, 0.5, 0.5, 1.5);
-    assert!(Plants::of_environment().count() > 0);
+}
+
+/// The full size, a million moves of 100,000 motors: `RANDOM_MOTORS=100000 cargo test -p system-tests targets::random -- --nocapture`.
+#[test]
+fn random_moves_arrive_and_rest() {
+    let motors = std::env::var("RANDOM_MOTORS").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
+    let tallies = figures::each(0..motors, random_moves);
+    let moves: u64 = tallies.iter().map(|tally| tally.moves).sum();
+    let stalled: u64 = tallies.iter().map(|tally| tally.stalled).sum();
+    let mut speeds: Vec<f64> = tallies.iter().flat_map(|tally| tally.speeds.iter().copied()).collect();
+    speeds.sort_by(f64::total_cmp);
+    let p95 = speeds[(speeds.len() - 1) * 95 / 100];
+    println!(
+        "figure: {moves} random moves: {stalled} stalled on their load; arrived at {p95:.1} counts/s (95 %), all below {:.1}",
+        speeds[speeds.len() - 1]
+    );
+    let wrong: Vec<&String> = tallies.iter().flat_map(|tally| &tally.wrong).collect();
+    println!("figure: {} of {moves} random moves did what they must not", wrong.len());
+    assert!(wrong.is_empty() && p95 <= 35.0 && speeds.len() > 10, "{p95}: {wrong:#?}");
 }

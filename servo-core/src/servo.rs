@@ -79,6 +79,9 @@ const BRAKING: i32 = 24_903;
 /// Least accelerations of a set-point, 2^-26 counts a tick² (500 counts/s²): one that waits for a weak motor shows that it lags.
 const LEAST_REACH: i32 = 33_554;
 
+/// Least position error towards the set-point's cell while the rotor is in another one: the model may take the rotor to be there, counts.
+const LEAST_ERROR: Law = Law::lit("0.25");
+
 /// How long a motor stays shorted once it is, ms: a return to the profile in between returns as much as it has saved.
 const SHORTED_MS: u8 = 4;
 
@@ -1072,12 +1075,13 @@ impl Servo {
         let setpoint = &control.setpoint;
         let error = setpoint.position.wrapping_sub(position).saturating_error();
         let goal = setpoint.velocity.0;
-        let stage = if !setpoint.done {
-            Stage::Move
-        } else if setpoint.position.round() == self.position.round() {
-            Stage::Cell
-        } else {
-            Stage::Rest
+        let cells = setpoint.position.round().wrapping_sub(self.position.round());
+        let (stage, error) = match cells {
+            _ if !setpoint.done => (Stage::Move, error),
+            0 => (Stage::Cell, error),
+            // The halls are sure of the cell, not the model.
+            1.. => (Stage::Rest, error.max(LEAST_ERROR)),
+            _ => (Stage::Rest, error.min(-LEAST_ERROR)),
         };
         let friction = self.observer.friction() + self.observer.kick();
         let friction = match stage {
@@ -1088,7 +1092,11 @@ impl Servo {
             Stage::Move | Stage::Rest if error < Law::ZERO => -friction,
             Stage::Move | Stage::Rest => friction,
         };
-        let feed = product(setpoint.change, self.observer.inertia()) + friction - self.observer.load();
+        let load = self.observer.load();
+        // Friction holds a resting rotor with what is too little, or too much: half of it lets neither a wrong load nor a missing one move it.
+        let held = if stage == Stage::Cell { Law::from_bits(self.observer.friction().to_bits() >> 1) } else { Law::ZERO };
+        let load = load - load.max(-held).min(held);
+        let feed = product(setpoint.change, self.observer.inertia()) + friction - load;
         let errors = Errors {
             stage,
             position: error,

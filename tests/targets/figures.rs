@@ -8,7 +8,7 @@ use servo_core::EndReason;
 use tater_wire::Property;
 
 use super::optimum::optimum_ms;
-use super::rig::{Motor, Plants, Setup};
+use super::rig::{Motor, Setup, plants};
 
 /// A figure of the nominal motor, and its distribution over the plants.
 #[derive(Clone, Debug)]
@@ -29,23 +29,29 @@ impl fmt::Display for Spread {
     }
 }
 
-/// Several figures of one run on all plants, on all processors.
-fn spread<const N: usize>(figure: impl Fn(Option<u64>) -> [f64; N] + Sync) -> [Spread; N] {
-    let seeds: Vec<u64> = Plants::of_environment().collect();
+/// Something of each seed, in order, on all processors.
+pub fn each<T: Send>(seeds: std::ops::Range<u64>, of: impl Fn(u64) -> T + Sync) -> Vec<T> {
     let threads = thread::available_parallelism().map_or(1, usize::from);
-    let measured: Vec<(u64, [f64; N])> = thread::scope(|scope| {
-        let share = |shard: usize| seeds.iter().skip(shard).step_by(threads);
+    let mut found: Vec<(u64, T)> = thread::scope(|scope| {
         let shards: Vec<_> = (0..threads)
             .map(|shard| {
-                let figure = &figure;
-                scope.spawn(move || share(shard).map(|&seed| (seed, figure(Some(seed)))).collect::<Vec<_>>())
+                let (seeds, of) = (seeds.clone().skip(shard).step_by(threads), &of);
+                scope.spawn(move || seeds.map(|seed| (seed, of(seed))).collect::<Vec<_>>())
             })
             .collect();
-        shards.into_iter().flat_map(|shard| shard.join().expect("a figure of each plant")).collect()
+        shards.into_iter().flat_map(|shard| shard.join().expect("each seed to end")).collect()
     });
+    found.sort_by_key(|(seed, _)| *seed);
+    found.into_iter().map(|(_, of)| of).collect()
+}
+
+/// Several figures of one run on all plants.
+fn spread<const N: usize>(figure: impl Fn(Option<u64>) -> [f64; N] + Sync) -> [Spread; N] {
+    let seeds = plants();
+    let measured = each(seeds.clone(), |seed| figure(Some(seed)));
     let nominal = figure(None);
     std::array::from_fn(|i| {
-        let mut values: Vec<(f64, u64)> = measured.iter().map(|(seed, figures)| (figures[i], *seed)).collect();
+        let mut values: Vec<(f64, u64)> = measured.iter().map(|figures| figures[i]).zip(seeds.clone()).collect();
         values.sort_by(|a, b| a.0.total_cmp(&b.0));
         let at = |percent: usize| values[(values.len() - 1) * percent / 100];
         let (most, seed) = at(100);
@@ -227,7 +233,7 @@ fn unit_n_m(motor: &Motor) -> f64 {
 /// grows with the velocity and balances it at 100 counts/s.
 pub fn torque(winding_c: f64) -> (Spread, Spread) {
     let motor = |seed, plant: &str| {
-        let mut setup = Setup::new("spread", "ACCEL = 1000, MV = 4080", 1.0).plant(plant);
+        let mut setup = Setup::new("spread", "ACCEL = 1000, MV = 4080, OTEMP = 1250", 1.0).plant(plant);
         setup.winding_c = winding_c;
         Motor::new(&setup, seed)
     };
@@ -281,31 +287,4 @@ pub fn rest() -> Spread {
         [counts.clone().fold(f64::MIN, f64::max) - counts.fold(f64::MAX, f64::min)]
     });
     spread
-}
-
-#[test]
-fn debug_seed() {
-    let seed: Option<u64> = std::env::var("SEED").ok().and_then(|s| s.parse().ok());
-    let Ok(what) = std::env::var("WHAT") else { return };
-    let mut motor = match &*what {
-        "step" => Motor::new(&Setup::new("link", "ACCEL = 1000, MV = 4080, HOLD = 1", 40.0), seed),
-        "travel" => Motor::new(&Setup::new("spread", "ACCEL = 1000, MV = 4080", 0.0), seed),
-        "rip16" => Motor::new(&Setup::new("link", "MV = 16", 0.0), seed),
-        _ => Motor::new(&Setup::new("spread", "", 40.0), seed),
-    };
-    let p = motor.node.board().rig().plant().clone();
-    println!("X J {:.2e} R {:.2} Ke {:.4} fr {:.4} bus {:.1}", p.j_kg_m2, p.r_ohm, p.ke_v_s, p.coulomb_n_m, p.bus_v);
-    match &*what {
-        "step" => motor.set(Property::M, 50),
-        "travel" => motor.set(Property::M, 166),
-        "rip16" => motor.set(Property::M, 64),
-        "load" => motor.set(Property::MODE, 3),
-        v => { motor.set(Property::MODE, 4); motor.set(Property::V, v.parse().unwrap()); }
-    }
-    let (from, n, by) = { let t = std::env::var("WIN").unwrap_or("0,100,1".into()); let v: Vec<usize> = t.split(',').map(|x| x.parse().unwrap()).collect(); (v[0], v[1], v[2]) };
-    for ms in 0..from + n * by {
-        if what == "load" && ms == 300 { motor.node.rig_mut().set_disturbance(0.2); }
-        let s = motor.step();
-        if ms >= from && (ms - from) % by == 0 { println!("X {ms} x {:.2} v {:.0} xe {:.2} ve {:.0} sp {:.2} u {} tn {:.4} {:?}", s.truth.counts, s.truth.counts_per_s, s.estimated_counts() + s.zero_counts, s.status.velocity.0, s.setpoint_counts() + s.zero_counts, s.status.torque.0, s.truth.torque_n_m, motor.ended); }
-    }
 }

@@ -15,13 +15,9 @@ const PLANTS: u64 = 12;
 const POLL_MS: u32 = 100;
 
 /// Seeds of scattered plants.
-pub struct Plants;
-
-impl Plants {
-    pub fn of_environment() -> std::ops::Range<u64> {
-        let plants = std::env::var("TARGET_PLANTS").ok().and_then(|n| n.parse().ok());
-        0..plants.unwrap_or(PLANTS)
-    }
+pub fn plants() -> std::ops::Range<u64> {
+    let plants = std::env::var("TARGET_PLANTS").ok().and_then(|n| n.parse().ok());
+    0..plants.unwrap_or(PLANTS)
 }
 
 /// What to try: lines of a scenario, and its motor.

@@ -1,0 +1,108 @@
+//! Random moves of scattered motors: plans and new plans on the way, loads, gains and limits within what a user would set.
+
+use rand::RngExt;
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use servo_core::EndReason;
+use tater_wire::Property;
+
+use super::rig::{KINDS, Motor, Setup};
+
+/// Moves of one motor.
+pub const MOVES: u64 = 10;
+
+/// What the moves of a motor came to.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    pub moves: u64,
+    /// Moves that stalled on their load instead.
+    pub stalled: u64,
+    /// True speed of each arrival, counts/s.
+    pub speeds: Vec<f64>,
+    /// What must not be: the move and what it did.
+    pub wrong: Vec<String>,
+}
+
+/// Distance within which a rotor rests that is called arrived, beyond MPE: half a count and a hall's placement error of 10° electrical. It
+/// may slip by a count into the next cell.
+const CELL_COUNTS: f64 = 0.5 + 1.0 / 6.0;
+const SLIP_COUNTS: f64 = 1.0;
+/// No arrival may be faster, counts/s: one that breaks loose in the moment.
+const MOST_COUNTS_S: f64 = 103.0;
+/// Motion at rest with HOLD, from 300 ms after the arrival on, peak to peak.
+const HUNTING_COUNTS: f64 = 0.5;
+
+/// Moves of the motor of a seed. Within: ACCEL 5 to 1000, MV 20 to 4080, MPE 0 to 20, KP 60 to 180, KD 320 to 960, HOLD, a steady load
+/// of up to 0.03 N·m, new ends on the way.
+pub fn random_moves(seed: u64) -> Tally {
+    let mut random = Pcg64Mcg::new(u128::from(seed) << 64 | 0x30_7e5);
+    let kind = KINDS[random.random_range(0..KINDS.len())];
+    let set = format!("KP = {}, KD = {}", random.random_range(60..=180), random.random_range(320..=960));
+    let mut motor = Motor::new(&Setup::new(kind, &set, 0.0), Some(seed));
+    let mut tally = Tally::default();
+    for _ in 0..MOVES {
+        // Even in logarithm.
+        let mut log = |low: f64, high: f64| low * (high / low).powf(random.random_range(0.0..=1.0));
+        let (accel, mv, mpe) = (log(5.0, 1000.0) as i64, log(20.0, 4080.0) as i64, log(1.0, 21.0) as i64 - 1);
+        let hold = random.random_range(0..=1);
+        let load = if random.random_range(0..2) == 0 { 0.0 } else { random.random_range(-0.03..=0.03) };
+        for (property, value) in
+            [(Property::ACCEL, accel), (Property::MV, mv), (Property::MPE, mpe), (Property::HOLD, hold)]
+        {
+            motor.set(property, value);
+        }
+        motor.node.rig_mut().set_disturbance(load);
+        let mut end = random.random_range(-150..=340);
+        motor.set(Property::M, end);
+        motor.ended = None;
+        if random.random_range(0..3) == 0 {
+            let ms = random.random_range(1..400);
+            let (mut left, mut stopped) = (ms, false);
+            while left > 0 && !stopped {
+                motor.step();
+                left -= 1;
+                stopped = motor.ended.is_some();
+            }
+            end = random.random_range(-150..=340);
+            motor.set(Property::M, end);
+            motor.ended = None;
+        }
+        let samples = motor.run_to_end(120_000);
+        tally.moves += 1;
+        let what = format!("seed {seed}, a {kind} to {end}, ACCEL {accel}, MV {mv}, MPE {mpe}, HOLD {hold}, {set}, load {load:.3}");
+        match motor.ended {
+            Some(EndReason::Arrived) => {}
+            Some(EndReason::Stalled) if load != 0.0 => {
+                tally.stalled += 1;
+                continue;
+            }
+            ended => {
+ if std::env::var("DS").is_ok_and(|d| d == seed.to_string()) { println!("X {what}"); samples.iter().rev().take(600).rev().step_by(20).for_each(|s: &hil_sim::node::Sample| println!("X {} x {:.3} v {:.0} xe {:.2} ve {:.0} sp {:.2} u {} tn {:.4}", s.ms, s.truth.counts - s.zero_counts, s.truth.counts_per_s, s.estimated_counts(), s.status.velocity.0, s.setpoint_counts(), s.status.torque.0, s.truth.torque_n_m)); }
+                tally.wrong.push(format!("{what}: {ended:?}"));
+                return tally;
+            }
+        }
+        let last = samples.last().expect("a move takes a tick");
+        let speed = last.truth.counts_per_s.abs();
+        tally.speeds.push(speed);
+        if speed > MOST_COUNTS_S {
+            tally.wrong.push(format!("{what}: arrived at {speed:.0} counts/s"));
+        }
+        let most_torque = samples.iter().map(|sample| sample.status.torque.0.unsigned_abs()).max();
+        if most_torque.is_some_and(|torque| torque > 750 + 512) {
+            tally.wrong.push(format!("{what}: torque {most_torque:?}"));
+        }
+        let run = motor.run(500); if std::env::var("DS").is_ok_and(|d| d == seed.to_string()) { let at = |s: &hil_sim::node::Sample| println!("X {} x {:.3} v {:.0} xe {:.2} ve {:.0} sp {:.2} u {} tn {:.4}", s.ms, s.truth.counts - s.zero_counts, s.truth.counts_per_s, s.estimated_counts(), s.status.velocity.0, s.setpoint_counts(), s.status.torque.0, s.truth.torque_n_m); println!("X {what}"); samples.iter().rev().take(60).rev().step_by(6).for_each(at); println!("X --"); run.iter().step_by(20).for_each(at); } let counts: Vec<f64> = run.iter().map(|sample| sample.truth.counts - sample.zero_counts).collect();
+        let rest = (counts[counts.len() - 1] - end as f64).abs();
+        // Without HOLD the load may turn the joint: a spread brakes, a worm locks.
+        if rest > mpe as f64 + CELL_COUNTS + SLIP_COUNTS {
+            tally.wrong.push(format!("{what}: rests {rest:.2} counts from its end"));
+        }
+        let still = &counts[300..];
+        let (low, high) = still.iter().fold((f64::MAX, f64::MIN), |(low, high), &at| (low.min(at), high.max(at)));
+        if hold == 1 && high - low > HUNTING_COUNTS {
+            tally.wrong.push(format!("{what}: moves by {:.2} counts at rest", high - low));
+        }
+    }
+    tally
+}
