@@ -8,7 +8,7 @@ use servo_core::EndReason;
 use tater_wire::Property;
 
 use super::optimum::optimum_ms;
-use super::rig::{Motor, Setup, plants};
+use super::rig::{KINDS, Motor, Setup, plants};
 
 /// A figure of the nominal motor, and its distribution over the plants.
 #[derive(Clone, Debug)]
@@ -287,4 +287,17 @@ pub fn rest() -> Spread {
         [counts.clone().fold(f64::MIN, f64::max) - counts.fold(f64::MAX, f64::min)]
     });
     spread
+}
+
+/// What ended the free moves of a link, a spread and a tip over their range with the manual's settings, where that was no arrival.
+pub fn free_move(seed: u64) -> Vec<String> {
+    let wrong = |kind: &&'static str| {
+        let (from, to) = travel(kind);
+        let setup = Setup { set: String::new(), scatter: (0.5, 15.0), ..Setup::new(kind, "", from.into()) };
+        let mut motor = Motor::new(&setup, Some(seed));
+        motor.set(Property::M, to.into());
+        motor.run_to_end(30_000);
+        (motor.ended != Some(EndReason::Arrived)).then(|| format!("seed {seed}, {kind}: {:?}", motor.ended))
+    };
+    KINDS.iter().filter_map(wrong).collect()
 }

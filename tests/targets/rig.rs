@@ -30,11 +30,15 @@ pub struct Setup {
     pub plant: String,
     pub from: f64,
     pub winding_c: f64,
+    /// ± of the plants' figures, and of the halls' places in degrees electrical.
+    pub scatter: (f64, f64),
 }
 
 impl Setup {
     pub fn new(kind: &'static str, set: &str, from: f64) -> Self {
-        Self { kind, set: set.to_owned(), plant: String::new(), from, winding_c: 25.0 }
+        // Without breakaway, which ends the hard start of a link.
+        let set = format!("MCV = 4080, MOV = 4080, BT = 0, {set}");
+        Self { kind, set, plant: String::new(), from, winding_c: 25.0, scatter: (0.3, 10.0) }
     }
 
     pub fn plant(mut self, plant: &str) -> Self {
@@ -49,14 +53,14 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// The nominal motor, or the plant of a seed. Its stops are far away, and breakaway, which ends the hard start of a link, is off.
+    /// The nominal motor, or the plant of a seed. Its stops are far away.
     pub fn new(setup: &Setup, seed: Option<u64>) -> Self {
-        let Setup { kind, set, plant, from, winding_c } = setup;
-        let (scatter, degrees) = if seed.is_some() { (0.3, 10) } else { (0.0, 0) };
+        let Setup { kind, set, plant, from, winding_c, scatter } = setup;
+        let (scatter, degrees) = if seed.is_some() { *scatter } else { (0.0, 0.0) };
         let plant = if plant.contains("count") { plant.clone() } else { format!("min_count = -4000, max_count = 4000, {plant}") };
         let text = format!(
-            "name = \"target\"\nabout = \"\"\nmotor = \"{kind}\"\nduration_ms = 1\nscatter = {scatter:?}\nhall_scatter_deg = {degrees}\n\
-             set = {{ MCV = 4080, MOV = 4080, BT = 0, {set} }}\nplant = {{ {plant} }}\n\
+            "name = \"target\"\nabout = \"\"\nmotor = \"{kind}\"\nduration_ms = 1\nscatter = {scatter:?}\nhall_scatter_deg = {degrees:?}\n\
+             set = {{ {set} }}\nplant = {{ {plant} }}\n\
              initial = {{ position_counts = {from}, winding_c = {winding_c:?}, housing_c = {winding_c:?} }}\n"
         );
         let scenario = Scenario::parse("target", &text).unwrap_or_else(|error| panic!("{error:?}\n{text}"));

@@ -30,10 +30,11 @@ const QUIET_LEAST: Micros = Micros(6_000);
 const STILL_MS: u8 = 4;
 const STILL_SLOW_MS: u8 = 5;
 
-/// Time within two cells that is no motion any more, ms, and the velocity below which it is none: a joint pressed on an object by a high KP
-/// shakes within two cells at 200 counts/s (torture seed 1330008105).
+/// Time within two cells that is no motion any more, ms, and the observed velocity below which it is none: a joint pressed on an object by a
+/// high KP shakes within two cells at 200 counts/s (torture seed 1330008105), one that rests on its stop at a boundary is observed at up to
+/// 106, since each edge says that it moves (1350001410).
 const HUNTING_MS: u16 = 250;
-const HUNTING: CountsPerSec = CountsPerSec::from_int(60);
+const HUNTING: CountsPerSec = CountsPerSec::from_int(130);
 
 /// Time since the end of the profile within which the servo brings the rotor into the end's own cell: an arrival elsewhere waits for it.
 const SETTLING_MS: u32 = 60;
@@ -148,7 +149,7 @@ impl Arrival {
         } else {
             (self.cells, self.hunting_ms) = ((low, high), self.hunting_ms.saturating_add(1));
         }
-        self.hunting_ms >= HUNTING_MS
+        self.hunting_ms >= HUNTING_MS && (SLOW.saturating_neg()..=SLOW).contains(&velocity)
     }
 
     /// Whether the servo has had its time to bring the rotor into the cell of the end.

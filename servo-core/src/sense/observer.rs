@@ -177,7 +177,7 @@ impl Motor {
             stiction: i32::from(config.mfs.max(config.mfc).min(400)) << 16,
             lag: (i32::from(config.mte.min(1_000)) << 16) / TICK_US,
             rate,
-            relative_rate: (rate.unsigned_abs() << 8) / TABLE_RATE.unsigned_abs() << 8,
+            relative_rate: ((rate.unsigned_abs() << 8) / TABLE_RATE.unsigned_abs()) << 8,
         }
     }
 }

@@ -86,6 +86,8 @@ pub struct Joint {
     pub(super) has_strong_source: bool,
     /// Highest speed so far, counts/s, which bounds how deep a stop is dented.
     pub(super) fastest: f64,
+    /// Bus voltage that may have driven it to its speed: a sagging bus falls faster than a rotor slows down.
+    pub(super) driving_v: f64,
     /// It is pushed from outside faster than its voltage could drive it.
     pub(super) pushed: bool,
     pub(super) power: Power,
@@ -201,6 +203,7 @@ impl Joint {
             has_strong_source: world.source.0 * world.source.1 >= SOURCE_W,
             plant: world.plants[motor].clone(),
             fastest: 0.0,
+            driving_v: 0.0,
             pushed: false,
             power: Power::default(),
             ending: Ending::default(),
