@@ -6,6 +6,7 @@
 mod figures;
 mod moves;
 mod optimum;
+mod picture;
 mod rig;
 
 use figures::{
@@ -34,7 +35,13 @@ fn ripple_of_slow_moves() {
         judge(&format!("ripple at MV {mv}, counts/s"), &ripple(mv, 0.0), 1.0, p95, most);
     }
     for (mv, nominal) in [(16, 5.0), (50, 2.5), (100, 1.5)] {
-        judge(&format!("ripple at MV {mv} with 5 mN m of cogging, counts/s"), &ripple(mv, 0.005), nominal, NO_BOUND, NO_BOUND);
+        judge(
+            &format!("ripple at MV {mv} with 5 mN m of cogging, counts/s"),
+            &ripple(mv, 0.005),
+            nominal,
+            NO_BOUND,
+            NO_BOUND,
+        );
     }
 }
 
@@ -90,8 +97,20 @@ fn estimator_knows_the_velocity() {
 #[test]
 fn arrived_motor_is_slow() {
     for kind in KINDS {
-        judge(&format!("speed of an arrived {kind} at ACCEL 100, counts/s"), &arrival_speed(kind, 100), 10.0, 20.0, 80.0);
-        judge(&format!("speed of an arrived {kind} at ACCEL 1000, counts/s"), &arrival_speed(kind, 1000), 10.0, 35.0, 80.0);
+        judge(
+            &format!("speed of an arrived {kind} at ACCEL 100, counts/s"),
+            &arrival_speed(kind, 100),
+            10.0,
+            20.0,
+            80.0,
+        );
+        judge(
+            &format!("speed of an arrived {kind} at ACCEL 1000, counts/s"),
+            &arrival_speed(kind, 1000),
+            10.0,
+            35.0,
+            80.0,
+        );
     }
 }
 

@@ -288,6 +288,36 @@ fn reach(observer: &Observer, control: &PositionLoop, envelope: &TorqueEnvelope)
     Reach { up, down: mul_low(down * gain, BRAKING, 16).max(LEAST_REACH) }
 }
 
+/// What the set-point does, and the position error that counts, of a rotor that the halls have in the cell of `position`.
+fn stage(setpoint: &SetPoint, position: Counts, error: Law) -> (Stage, Law) {
+    match setpoint.position.round().wrapping_sub(position.round()) {
+        _ if !setpoint.done => (Stage::Move, error),
+        0 => (Stage::Cell, error),
+        // The halls are sure of the cell, not the model.
+        1.. => (Stage::Rest, error.max(LEAST_ERROR)),
+        _ => (Stage::Rest, error.min(-LEAST_ERROR)),
+    }
+}
+
+/// Friction in the direction of the set-point's velocity `goal`, or of the error at its end, and the observed load; torque units.
+fn carried(observer: &Observer, stage: Stage, goal: Law, error: Law) -> (Law, Law) {
+    let friction = observer.friction() + observer.kick();
+    let load = observer.load();
+    let friction = match stage {
+        Stage::Move if goal != Law::ZERO => {
+            product(friction, Law::from_bits(goal.to_bits() >> 1).max(-Law::ONE).min(Law::ONE))
+        }
+        // Friction holds a resting rotor with what is too little, or too much: half of it lets neither a wrong load nor a missing one move it.
+        Stage::Cell => {
+            let held = Law::from_bits(observer.friction().to_bits() >> 1);
+            return (Law::ZERO, load - load.max(-held).min(held));
+        }
+        Stage::Move | Stage::Rest if error < Law::ZERO => -friction,
+        Stage::Move | Stage::Rest => friction,
+    };
+    (friction, load)
+}
+
 /// Whether a signed quantity closes (`true`) or opens; `None` at zero.
 const fn direction(value: i32) -> Option<bool> {
     if value == 0 { None } else { Some(value > 0) }
@@ -1075,27 +1105,8 @@ impl Servo {
         let setpoint = &control.setpoint;
         let error = setpoint.position.wrapping_sub(position).saturating_error();
         let goal = setpoint.velocity.0;
-        let cells = setpoint.position.round().wrapping_sub(self.position.round());
-        let (stage, error) = match cells {
-            _ if !setpoint.done => (Stage::Move, error),
-            0 => (Stage::Cell, error),
-            // The halls are sure of the cell, not the model.
-            1.. => (Stage::Rest, error.max(LEAST_ERROR)),
-            _ => (Stage::Rest, error.min(-LEAST_ERROR)),
-        };
-        let friction = self.observer.friction() + self.observer.kick();
-        let friction = match stage {
-            Stage::Move if goal != Law::ZERO => {
-                product(friction, Law::from_bits(goal.to_bits() >> 1).max(-Law::ONE).min(Law::ONE))
-            }
-            Stage::Cell => Law::ZERO,
-            Stage::Move | Stage::Rest if error < Law::ZERO => -friction,
-            Stage::Move | Stage::Rest => friction,
-        };
-        let load = self.observer.load();
-        // Friction holds a resting rotor with what is too little, or too much: half of it lets neither a wrong load nor a missing one move it.
-        let held = if stage == Stage::Cell { Law::from_bits(self.observer.friction().to_bits() >> 1) } else { Law::ZERO };
-        let load = load - load.max(-held).min(held);
+        let (stage, error) = stage(setpoint, self.position, error);
+        let (friction, load) = carried(&self.observer, stage, goal, error);
         let feed = product(setpoint.change, self.observer.inertia()) + friction - load;
         let errors = Errors {
             stage,

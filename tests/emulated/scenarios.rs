@@ -21,8 +21,9 @@ const APART_HOMING_MS: f64 = 3.0;
 /// Seeds of noise and phases of the tick in the host's millisecond, us: native boards that are equally valid.
 const NATIVES: [(u64, u64); 6] = [(1, 0), (2, 150), (3, 300), (4, 450), (5, 600), (6, 800)];
 
-/// Stick-slip, and a rotor that coasts before it is driven: native boards differ by more. Their spread is the limit.
-const CHANCE: [&str; 2] = ["slow-crawl", "coast-low-ke"];
+/// Stick-slip, a rotor that coasts before it is driven, and one that a load breaks loose: native boards differ by more. Their spread is the
+/// limit.
+const CHANCE: [&str; 3] = ["slow-crawl", "coast-low-ke", "spread-hold-disturbance"];
 
 /// Distance of an emulated run from the nearest native one, and spread of the native ones.
 fn apart(scenario: &Scenario, case: &Case, emulated: &Path) -> (Difference, Difference) {

@@ -1,5 +1,6 @@
 //! Random moves of scattered motors: plans and new plans on the way, loads, gains and limits within what a user would set.
 
+use hil_sim::node::Sample;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use servo_core::EndReason;
@@ -20,6 +21,14 @@ pub struct Tally {
     pub speeds: Vec<f64>,
     /// What must not be: the move and what it did.
     pub wrong: Vec<String>,
+}
+
+/// What an arrival is held to.
+#[derive(Clone, Copy, Debug)]
+struct Order {
+    end: i64,
+    mpe: i64,
+    holds: bool,
 }
 
 /// Distance within which a rotor rests that is called arrived, beyond MPE: half a count and a hall's placement error of 10° electrical. It
@@ -69,7 +78,9 @@ pub fn random_moves(seed: u64) -> Tally {
         }
         let samples = motor.run_to_end(120_000);
         tally.moves += 1;
-        let what = format!("seed {seed}, a {kind} to {end}, ACCEL {accel}, MV {mv}, MPE {mpe}, HOLD {hold}, {set}, load {load:.3}");
+        let what = format!(
+            "seed {seed}, a {kind} to {end}, ACCEL {accel}, MV {mv}, MPE {mpe}, HOLD {hold}, {set}, load {load:.3}"
+        );
         match motor.ended {
             Some(EndReason::Arrived) => {}
             Some(EndReason::Stalled) if load != 0.0 => {
@@ -81,27 +92,36 @@ pub fn random_moves(seed: u64) -> Tally {
                 return tally;
             }
         }
+        tally.judge(&mut motor, &samples, &what, Order { end, mpe, holds: hold == 1 });
+    }
+    tally
+}
+
+impl Tally {
+    /// Takes note of an arrival, and lets the motor rest for half a second.
+    fn judge(&mut self, motor: &mut Motor, samples: &[Sample], what: &str, order: Order) {
         let last = samples.last().expect("a move takes a tick");
         let speed = last.truth.counts_per_s.abs();
-        tally.speeds.push(speed);
+        self.speeds.push(speed);
         if speed > MOST_COUNTS_S {
-            tally.wrong.push(format!("{what}: arrived at {speed:.0} counts/s"));
+            self.wrong.push(format!("{what}: arrived at {speed:.0} counts/s"));
         }
         let most_torque = samples.iter().map(|sample| sample.status.torque.0.unsigned_abs()).max();
         if most_torque.is_some_and(|torque| torque > 750 + 512) {
-            tally.wrong.push(format!("{what}: torque {most_torque:?}"));
+            self.wrong.push(format!("{what}: torque {most_torque:?}"));
         }
-        let counts: Vec<f64> = motor.run(500).iter().map(|sample| sample.truth.counts - sample.zero_counts).collect();
-        let rest = (counts[counts.len() - 1] - end as f64).abs();
+        let counts: Vec<f64> =
+            motor.run(500).iter().map(|sample| sample.truth.counts - sample.zero_counts).collect();
+        let rest = (counts[counts.len() - 1] - order.end as f64).abs();
         // Without HOLD the load may turn the joint: a spread brakes, a worm locks.
-        if rest > mpe as f64 + CELL_COUNTS + SLIP_COUNTS {
-            tally.wrong.push(format!("{what}: rests {rest:.2} counts from its end"));
+        if rest > order.mpe as f64 + CELL_COUNTS + SLIP_COUNTS {
+            self.wrong.push(format!("{what}: rests {rest:.2} counts from its end"));
         }
         let still = &counts[300..];
-        let (low, high) = still.iter().fold((f64::MAX, f64::MIN), |(low, high), &at| (low.min(at), high.max(at)));
-        if hold == 1 && high - low > HUNTING_COUNTS {
-            tally.wrong.push(format!("{what}: moves by {:.2} counts at rest", high - low));
+        let (low, high) =
+            still.iter().fold((f64::MAX, f64::MIN), |(low, high), &at| (low.min(at), high.max(at)));
+        if order.holds && high - low > HUNTING_COUNTS {
+            self.wrong.push(format!("{what}: moves by {:.2} counts at rest", high - low));
         }
     }
-    tally
 }

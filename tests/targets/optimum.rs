@@ -12,16 +12,32 @@ const STEP_S: f64 = 2e-5;
 
 /// In ms, over `counts` from rest to rest.
 pub fn optimum_ms(plant: &PlantParams, counts: f64) -> f64 {
+    optimum_path(plant, counts).last().expect("it ends").0
+}
+
+/// Time in ms and place in counts, about each ms.
+pub fn optimum_path(plant: &PlantParams, counts: f64) -> Vec<(f64, f64)> {
     let way = counts.abs() * RAD_PER_COUNT;
     let most_a = MT * PEAK_A;
     let braking = (most_a * plant.ke_v_s + plant.coulomb_n_m) / plant.j_kg_m2;
     let (mut theta, mut omega, mut time) = (0.0, 0.0, 0.0);
+    let mut path = vec![(0.0, 0.0)];
+    let mut next_ms = 1.0;
     while theta + omega * omega / (2.0 * braking) < way {
         let amps = ((plant.bus_v * MOST_DUTY - plant.ke_v_s * omega) / plant.r_ohm).min(most_a);
         let driving = amps * plant.ke_v_s - plant.coulomb_n_m - plant.viscous_n_m_s * omega;
         omega += driving / plant.j_kg_m2 * STEP_S;
         theta += omega * STEP_S;
         time += STEP_S;
+        if 1000.0 * time >= next_ms {
+            path.push((1000.0 * time, theta / RAD_PER_COUNT));
+            next_ms += 1.0;
+        }
     }
-    1000.0 * (time + omega / braking)
+    let end = time + omega / braking;
+    for share in [0.25, 0.5, 0.75, 1.0] {
+        let left = (1.0 - share) * omega / braking;
+        path.push((1000.0 * (end - left), counts.abs() - braking * left * left / 2.0 / RAD_PER_COUNT));
+    }
+    path
 }

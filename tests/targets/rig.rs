@@ -57,7 +57,11 @@ impl Motor {
     pub fn new(setup: &Setup, seed: Option<u64>) -> Self {
         let Setup { kind, set, plant, from, winding_c, scatter } = setup;
         let (scatter, degrees) = if seed.is_some() { *scatter } else { (0.0, 0.0) };
-        let plant = if plant.contains("count") { plant.clone() } else { format!("min_count = -4000, max_count = 4000, {plant}") };
+        let plant = if plant.contains("count") {
+            plant.clone()
+        } else {
+            format!("min_count = -4000, max_count = 4000, {plant}")
+        };
         let text = format!(
             "name = \"target\"\nabout = \"\"\nmotor = \"{kind}\"\nduration_ms = 1\nscatter = {scatter:?}\nhall_scatter_deg = {degrees:?}\n\
              set = {{ {set} }}\nplant = {{ {plant} }}\n\

@@ -225,7 +225,11 @@ mod tests {
             arrival.push(Torque(torque));
             arrival.settle(Micros(edge_us), 4).pushed.0
         };
-        assert_eq!([83, 83].map(|torque| pushed(torque, 300_000)), [1_000, 2_000], "from the end of the profile");
+        assert_eq!(
+            [83, 83].map(|torque| pushed(torque, 300_000)),
+            [1_000, 2_000],
+            "from the end of the profile"
+        );
         assert_eq!(pushed(83, 500), 500, "from an edge");
         for tick in 4..4 + u32::from(PUSHED_MS) - 1 {
             assert_eq!(pushed(0, 300_000), 1_000 * tick);
@@ -303,16 +307,25 @@ mod tests {
     #[test]
     fn rotor_hunts_that_stays_slow_within_two_cells_for_250_ms() {
         let slow = HUNTING.0.to_num::<i16>();
-        for (span, speed, hunts) in
-            [(0, 0, true), (1, slow, true), (1, -slow, true), (2, 0, false), (1, slow + 1, false), (1, -slow - 1, false)]
-        {
+        for (span, speed, hunts) in [
+            (0, 0, true),
+            (1, slow, true),
+            (1, -slow, true),
+            (2, 0, false),
+            (1, slow + 1, false),
+            (1, -slow - 1, false),
+        ] {
             let mut arrival = Arrival::of(false);
             // Every other tick at this speed.
             let speed = |tick| CountsPerSec::from_int(if tick % 2 == 0 { speed } else { 0 });
             let ticks =
                 (1..1000).find(|&tick| arrival.hunts(-3 + span * (i32::from(tick) / 20 % 2), speed(tick)));
             // The first tick only shows where it is.
-            assert_eq!(ticks.is_some_and(|ticks: i16| (250..=251).contains(&ticks)), hunts, "{span}: {ticks:?}");
+            assert_eq!(
+                ticks.is_some_and(|ticks: i16| (250..=251).contains(&ticks)),
+                hunts,
+                "{span}: {ticks:?}"
+            );
             assert_eq!(ticks.is_some(), hunts, "{span}: {ticks:?}");
         }
     }

@@ -336,7 +336,8 @@ fn set_point_follows_the_rotor_until_it_is_done() {
 /// A new MV may be slower than its rotor.
 #[test]
 fn set_point_that_follows_is_no_faster_than_its_limits() {
-    let slow = MoveLimits { accel: 30, closing: CountsPerSec::from_int(90), opening: CountsPerSec::from_int(60) };
+    let slow =
+        MoveLimits { accel: 30, closing: CountsPerSec::from_int(90), opening: CountsPerSec::from_int(60) };
     for (velocity, most) in [(1125, 90), (-1125, -60), (89, 89), (-59, -59)] {
         let mut profile = moving(0, 100, limits(30, 1000), 200);
         let setpoint = profile.follow(&slow.build(), Counts::from_int(40), CountsPerSec::from_int(velocity));
