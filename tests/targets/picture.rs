@@ -18,7 +18,7 @@ const PLANTS: u64 = 40;
 
 const WIDTH: f64 = 900.0;
 const LEFT: f64 = 56.0;
-const RIGHT: f64 = 10.0;
+const RIGHT: f64 = 24.0;
 const PANEL: f64 = 190.0;
 const GAP: f64 = 62.0;
 
