@@ -22,7 +22,7 @@ const WRONG_WAY: f64 = 6.0;
 const EXCURSION: f64 = 6.0;
 
 /// Time limit of learning, ms; stated in docs/wire.md.
-const LEARN_MS: u32 = 10_000;
+const LEARN_MS: u32 = 15_000;
 
 /// Attempts of a host.
 const TRIES: u32 = 4;

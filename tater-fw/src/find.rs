@@ -67,8 +67,11 @@ const SILENT: u8 = 12;
 /// Vectors after a line changed out of turn, to see which lines still change.
 const DIAGNOSIS: u8 = 14;
 
-/// Vectors in all: under ten seconds.
-const STEPS: u8 = 100;
+/// Longest time, ms; stated in docs/wire.md. Most take two seconds; halls that never rest would take for ever.
+pub const LIMIT_MS: u16 = 15_000;
+
+/// Cells from the start at which something else turns the joint: FIND itself moves by six.
+const LOST: i8 = 24;
 
 /// Bus current at `MOST`, below which a phase is open: 250 mA are expected of the highest resistance, after dead time.
 const OPEN_MA: i16 = 60;
@@ -221,6 +224,7 @@ pub struct Find {
     fed: u8,
     starved: u8,
     steps: u8,
+    ms: u16,
     /// Vectors left once a line changed out of turn.
     diagnosis: Option<u8>,
 }
@@ -246,6 +250,7 @@ impl Default for Find {
             fed: 0,
             starved: 0,
             steps: 0,
+            ms: 0,
             diagnosis: None,
         }
     }
@@ -271,6 +276,10 @@ impl Find {
     /// One tick of 1 ms: the hall lines and the bus current.
     pub fn step(&mut self, code: u8, current: MilliAmps) -> Step {
         let code = code & 7;
+        self.ms += 1;
+        if self.ms >= LIMIT_MS || self.ring.cell.abs() > LOST {
+            return Step::Done(Err(self.judge()));
+        }
         if !self.begun {
             self.begun = true;
             self.ring.code = code;
@@ -339,7 +348,7 @@ impl Find {
         let moved = self.ring.cell - self.settled;
         self.settled = self.ring.cell;
         self.still = if moved == 0 { self.still.saturating_add(1) } else { 0 };
-        self.steps += 1;
+        self.steps = self.steps.saturating_add(1);
         if let Some(left) = &mut self.diagnosis {
             *left = left.saturating_sub(1);
         }
@@ -347,7 +356,7 @@ impl Find {
             return Some(Ok(wiring));
         }
         let silent = self.lines.changes == 0 && self.steps >= SILENT;
-        if silent || self.starved >= SILENT / 2 || self.diagnosis == Some(0) || self.steps >= STEPS {
+        if silent || self.starved >= SILENT / 2 || self.diagnosis == Some(0) {
             return Some(Err(self.judge()));
         }
         self.advance(moved);
@@ -442,4 +451,31 @@ impl Find {
 /// The number of a line from its bit.
 fn line(bit: u8) -> u8 {
     u8::try_from(bit.trailing_zeros()).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Hall codes, two ticks each, so that each is taken for a change; how FIND ends on them, and after how many ms.
+    fn ended(codes: &[u8]) -> Option<(Result<Wiring, Trouble>, u16)> {
+        let mut find = Find::at(0);
+        let ticks = codes.iter().cycle().flat_map(|&code| [code; 2]);
+        ticks.zip(1..=LIMIT_MS).find_map(|(code, ms)| match find.step(code, MilliAmps(300)) {
+            Step::Done(found) => Some((found, ms)),
+            Step::Hold(..) => None,
+        })
+    }
+
+    #[test]
+    fn halls_that_never_rest_do_not_hold_it_up() {
+        assert_eq!(ended(&[1, 3, 2, 6, 4, 5, 4, 6, 2, 3]), Some((Err(Trouble::Unclear), LIMIT_MS)));
+    }
+
+    #[test]
+    fn a_joint_that_is_turned_by_hand_ends_it() {
+        let (found, ms) = ended(&[1, 3, 2, 6, 4, 5]).expect("an end");
+        assert_eq!(found, Err(Trouble::Unclear));
+        assert!(ms < 100, "{ms} ms");
+    }
 }

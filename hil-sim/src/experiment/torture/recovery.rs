@@ -32,10 +32,15 @@ const TEST_BACK: u8 = 5;
 const CLOSED: u8 = 3;
 const OPENED: u8 = 4;
 
+/// Longest time of LEARN, ms (docs/wire.md), and what a host waits for longer than that.
+const LEARN_MS: u64 = 15_000;
+const MARGIN_MS: u64 = 1_000;
+
 /// What an observer sees of a test move, counts.
 const SEEN: f64 = 3.5;
 
-/// GET FIND: wiring and direction are known; the rotor does not turn; hall codes that contradict each other.
+/// GET FIND: learning; wiring and direction are known; the rotor does not turn; hall codes that contradict each other.
+const LEARNING: i64 = 1;
 const KNOWN: i64 = 4;
 const BLOCKED: i64 = 8;
 const CONTRADICTION: i64 = 10;
@@ -180,13 +185,12 @@ fn find_wiring<S: Subject>(session: &mut Session<'_, S>) {
         if is_lost {
             // FIND wants an idle motor, and the spread holds after a stall, and after a move.
             run(session, &format!("{} S MODE 0", motor + 1));
-            find(session, motor, LEARN, 10_000);
-            match property(session, motor, Property::FIND) {
+            match learn(session, motor) {
                 Some(BLOCKED) => {
                     turn_by_hand(session, motor);
-                    find(session, motor, LEARN, 10_000);
+                    learn(session, motor);
                 }
-                Some(CONTRADICTION) => _ = find(session, motor, LEARN, 10_000),
+                Some(CONTRADICTION) => _ = learn(session, motor),
                 _ => {}
             }
             // At a stop it cannot make the first test move.
@@ -232,6 +236,24 @@ fn turn_by_hand<S: Subject>(session: &mut Session<'_, S>, motor: usize) {
         session.step();
     }
     with_rig(&mut session.hand, motor, |rig| rig.set_shaft_torque(0.0));
+}
+
+/// SET FIND 1, and GET FIND until it has learned or refuses; returns that.
+fn learn<S: Subject>(session: &mut Session<'_, S>, motor: usize) -> Option<i64> {
+    run(session, &format!("{} S FIND {LEARN}", motor + 1));
+    let end_ms = session.ms() + LEARN_MS + MARGIN_MS;
+    loop {
+        rest(session, 100);
+        let state = property(session, motor, Property::FIND);
+        if state != Some(LEARNING) || !session.is_whole() {
+            return state;
+        }
+        if session.ms() > end_ms {
+            let why = format!("FIND learns for more than {LEARN_MS} ms");
+            session.fail(HOMES, motor + 1, why);
+            return state;
+        }
+    }
 }
 
 /// One step of FIND; returns what an observer of the joint sees, counts.
