@@ -259,6 +259,62 @@ fn hall_capture_gives_one_line_per_sample() {
     assert!(!folder.join("y.csv").exists(), "no file for bad input");
 }
 
+/// Each is a line on standard error; the estimate is written.
+#[test]
+fn doubtful_hall_capture_gives_warnings() {
+    let folder = folder("doubtful");
+    let path = |name: &str| folder.join(name).to_string_lossy().into_owned();
+    // 25,000 counts/s at 1 MHz.
+    let mut capture: Vec<u8> = (0..9000).flat_map(|i| [0x5a, [1u8, 3, 2, 6, 4, 5][i / 40 % 6], 0]).collect();
+    capture.remove(2000);
+    capture[3000] = 7;
+    std::fs::write(path("x.dat"), capture).expect("a file for the test");
+    let output = hil_sim(&["replay-halls", &path("x.dat"), "--rate-hz", "1000000", "--csv", &path("x.csv")]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let errors = stderr(&output);
+    let lines: Vec<&str> = errors.lines().collect();
+    assert_eq!(lines.len(), 3, "{errors}");
+    assert!(lines[0].contains("2 bytes that belong to no sample were dropped, the first at byte 1998"));
+    assert!(lines[1].contains("1 of 8999 samples have the impossible code 0 or 7"), "{errors}");
+    assert!(lines[2].contains("velocities are at the estimator's limit of 16384 counts/s"), "{errors}");
+}
+
+/// A recording may exist only once.
+#[cfg(unix)]
+#[test]
+fn recording_is_not_overwritten_by_its_estimate() {
+    let folder = folder("recording");
+    let path = |name: &str| folder.join(name).to_string_lossy().into_owned();
+    let capture = [0x5a, 1, 0].repeat(100);
+    std::fs::create_dir(path("deep")).expect("a folder");
+    std::fs::write(path("x.dat"), &capture).expect("a file for the test");
+    std::os::unix::fs::symlink("x.dat", path("link")).expect("a link");
+    std::fs::hard_link(path("x.dat"), path("twin")).expect("a link");
+    for (capture, csv) in [
+        ("x.dat", "x.dat"),
+        ("x.dat", "deep/../x.dat"),
+        ("x.dat", "link"),
+        ("link", "x.dat"),
+        ("x.dat", "twin"),
+    ] {
+        let output = hil_sim(&["replay-halls", &path(capture), "--csv", &path(csv)]);
+        assert_eq!(output.status.code(), Some(2), "{capture} {csv}");
+        let error = stderr(&output);
+        let place = format!("error: --csv {}: the estimate would overwrite the recording", path(csv));
+        assert!(error.starts_with(&place) && error.contains("\n  next: "), "{error}");
+    }
+    let appended = std::fs::OpenOptions::new().append(true).open(path("x.dat")).expect("ours");
+    let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+        .args(["replay-halls", &path("x.dat"), "--csv", "/dev/stdout"])
+        .stdout(appended)
+        .output()
+        .expect("the binary starts");
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    for name in ["x.dat", "link", "twin"] {
+        assert_eq!(std::fs::read(path(name)).expect("it is there"), capture, "{name}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn output_touches_only_the_named_file() {

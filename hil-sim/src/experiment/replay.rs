@@ -1,10 +1,12 @@
 //! Runs recorded hall lines through the servo's decoder and the estimator of recorded shafts.
 //!
 //! A capture is a sequence of three-byte samples: 0x5A, then the hall code (bits 2..0 of a little-endian
-//! word). It may begin in the middle of a sample, and may be gzipped.
+//! word, whose other bits are 0). It may begin in the middle of a sample, and may be gzipped.
+//!
+//! No hall code is 0x5A, so samples are found again after bytes that were lost, added or damaged (see [`samples`]).
 
 use servo_core::sense::hall::{HallDecoder, HallEvent, Wiring};
-use servo_core::sense::recorded::RecordedShaft;
+use servo_core::sense::recorded::{RecordedShaft, SPEED_MAX};
 use servo_core::units::{Counts, CountsPerSec, Micros};
 use std::fs::File;
 use std::io::{Read, Write};
@@ -20,23 +22,58 @@ const SYNC: u8 = 0x5A;
 /// Largest capture read, compressed or not: 64 MiB are 12 minutes at 30 kHz, and need 1 GB during the replay.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// Result of a replay.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Samples in a row that show where samples begin.
+const RUN: usize = 5;
+
+/// How often something happened, and where first; both 0 if never.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// How often.
+    pub count: usize,
+    /// Where first.
+    pub first: usize,
+}
+
+impl Tally {
+    fn add(&mut self, count: usize, at: usize) {
+        if self.count == 0 {
+            self.first = at;
+        }
+        self.count += count;
+    }
+}
+
+/// Result of a replay. Lines are those of the estimate, from 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Replayed {
     /// Samples, and lines written.
     pub samples: usize,
     /// Samples without their sync byte, which were used nevertheless.
     pub bad: usize,
+    /// Bytes that belong to no sample, and the offset of the first in the unpacked capture.
+    pub dropped: Tally,
+    /// Samples whose hall code is impossible, and the line of the first.
+    pub impossible: Tally,
+    /// Velocities at the estimator's limit, and the line of the first.
+    pub saturated: Tally,
 }
 
 /// The samples of a capture.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Samples {
     /// Hall code of each.
     pub codes: Vec<u8>,
     /// Number of samples without their sync byte.
     pub bad: usize,
+    /// See [`Replayed::dropped`].
+    pub dropped: Tally,
+    /// See [`Replayed::impossible`].
+    pub impossible: Tally,
 }
+
+/// Nowhere after this byte do five samples in a row begin with 0x5A.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoSamplesAfter(pub usize);
 
 /// Writes one `position,velocity` line (hall counts, counts/s) for each sample of a capture.
 ///
@@ -63,14 +100,23 @@ pub fn replay(
     }
     let estimate = estimator_for(counts_per_rev)?;
     let raw = bytes(capture, MAX_BYTES)?;
-    let Samples { codes, bad } = samples(&raw).ok_or_else(|| BadInput {
-        place: capture.display().to_string(),
-        problem: "this is no capture of hall lines".to_owned(),
-        found: format!("{} bytes, of which nowhere five samples in a row begin with 0x5A", raw.len()),
-        expected: "three bytes a sample: 0x5A, the hall code, 0".to_owned(),
-        next: "check the path, or record again".to_owned(),
-    })?;
-    for (position, velocity) in estimate(&codes, rate_hz) {
+    let Samples { codes, bad, dropped, impossible } =
+        samples(&raw).map_err(|NoSamplesAfter(at)| no_samples(capture, raw.len(), at))?;
+    if impossible.count == codes.len() {
+        return Err(BadInput {
+            place: capture.display().to_string(),
+            problem: "no sample has a possible hall code".to_owned(),
+            found: format!("{} samples, each with the code 0 or 7 or with other bits set", codes.len()),
+            expected: "codes 1 to 6".to_owned(),
+            next: "check the supply and the wires of the sensors, and record again".to_owned(),
+        });
+    }
+    let mut saturated = Tally::default();
+    let limit = SPEED_MAX.0.to_num::<f64>();
+    for (line, (position, velocity)) in (1..).zip(estimate(&codes, rate_hz)) {
+        if velocity.abs() >= limit {
+            saturated.add(1, line);
+        }
         writeln!(out, "{position:.4},{velocity:.3}").map_err(|e| BadInput {
             place: capture.display().to_string(),
             problem: "its estimate cannot be written".to_owned(),
@@ -79,7 +125,24 @@ pub fn replay(
             next: "free space, or choose another path".to_owned(),
         })?;
     }
-    Ok(Replayed { samples: codes.len(), bad })
+    Ok(Replayed { samples: codes.len(), bad, dropped, impossible, saturated })
+}
+
+fn no_samples(capture: &Path, len: usize, at: usize) -> BadInput {
+    let (problem, next) = match at {
+        0 => ("this is no capture of hall lines".to_owned(), "check the path, or record again".to_owned()),
+        at => (
+            format!("no samples are found from byte {at} on"),
+            format!("unpack it if it is packed, cut it at byte {at}, or record again"),
+        ),
+    };
+    BadInput {
+        place: capture.display().to_string(),
+        problem,
+        found: format!("{} bytes, of which nowhere five samples in a row begin with 0x5A", len - at),
+        expected: "three bytes a sample: 0x5A, the hall code, 0".to_owned(),
+        next,
+    }
 }
 
 /// The estimator of a motor with this many counts a revolution, six for each pole pair. The hand's own motor
@@ -141,18 +204,70 @@ fn at_most(from: impl Read, most: u64) -> std::io::Result<Option<Vec<u8>>> {
     Ok((read as u64 <= most).then_some(bytes))
 }
 
-/// The samples of a capture; `None` if it is not one. After the first five in a row with a sync byte, every third byte
-/// begins a sample, with or without its sync byte, so that line n of the estimate is sample n for every reader.
-#[must_use]
-pub fn samples(raw: &[u8]) -> Option<Samples> {
-    let aligned = |at: usize| (0..5).all(|k| raw.get(at + 3 * k) == Some(&SYNC));
-    // Alignment is at one of three offsets, unless the recording begins with garbage.
-    let start = (0..raw.len()).find(|&at| aligned(at))?;
-    // The last sample may be cut off: it is left out, complete or not.
-    let whole = raw.get(start..raw.len().saturating_sub(1))?;
-    let (frames, _) = whole.as_chunks::<3>();
-    let codes = frames.iter().map(|[_, code, _]| code & 7).collect();
-    Some(Samples { codes, bad: frames.iter().filter(|[sync, ..]| *sync != SYNC).count() })
+/// The samples of a capture. A sample that lacks its sync byte is used nevertheless while later samples are in step with it, so that
+/// line n of the estimate is sample n for every reader. Where they are not, bytes up to the next run of samples are dropped,
+/// and the code before holds for a sample each three of them, so that time goes on.
+///
+/// The last sample is left out, complete or not: scorers of recordings leave it out, and refuse an estimate with another
+/// number of lines.
+///
+/// # Errors
+/// There are no samples, or none for more than a run up to the end.
+pub fn samples(raw: &[u8]) -> Result<Samples, NoSamplesAfter> {
+    let run = |at: usize| (0..RUN).all(|k| raw.get(at + 3 * k) == Some(&SYNC));
+    // Fewer at the end of the capture.
+    let begins = |at: usize| (0..RUN).all(|k| raw.get(at + 3 * k).is_none_or(|byte| *byte == SYNC));
+    let mut at = (0..raw.len()).find(|&at| run(at)).ok_or(NoSamplesAfter(0))?;
+    let mut samples = Samples::default();
+    if at > 2 {
+        samples.dropped.add(at, 0);
+    }
+    // Samples before this offset are in step with the next run.
+    let mut in_step = at;
+    while at + 3 < raw.len() {
+        let has_sync = raw[at] == SYNC;
+        let next = match has_sync {
+            _ if at < in_step => None,
+            // Bytes of this sample are lost.
+            true => (at + 1..at + 3).find(|&at| begins(at)),
+            false => match (at + 1..raw.len()).find(|&at| begins(at)) {
+                None if raw.len() - at > 3 * RUN => return Err(NoSamplesAfter(at)),
+                None => Some(raw.len()),
+                Some(next) if (next - at).is_multiple_of(3) => {
+                    in_step = next;
+                    None
+                }
+                next => next,
+            },
+        };
+        match next {
+            Some(next) => {
+                samples.drop(next - at, at);
+                at = next;
+            }
+            None => {
+                samples.bad += usize::from(!has_sync);
+                samples.push(u16::from_le_bytes([raw[at + 1], raw[at + 2]]));
+                at += 3;
+            }
+        }
+    }
+    Ok(samples)
+}
+
+impl Samples {
+    fn push(&mut self, word: u16) {
+        self.codes.push((word & 7) as u8);
+        if !(1..=6).contains(&word) {
+            self.impossible.add(1, self.codes.len());
+        }
+    }
+
+    fn drop(&mut self, bytes: usize, at: usize) {
+        self.dropped.add(bytes, at);
+        let held = self.codes.last().copied();
+        self.codes.extend(held.into_iter().flat_map(|code| std::iter::repeat_n(code, bytes.div_ceil(3))));
+    }
 }
 
 /// Position and velocity at each sample, read [`on even marks`](RecordedShaft::on_even_marks), as the labels of recordings are.
@@ -224,7 +339,8 @@ mod tests {
         ] {
             let path = file(name, bytes);
             let mut out = Vec::new();
-            assert_eq!(replay(&path, 90, 30_000, &mut out), Ok(Replayed { samples: want, bad: 0 }), "{name}");
+            let replayed = Replayed { samples: want, ..Replayed::default() };
+            assert_eq!(replay(&path, 90, 30_000, &mut out), Ok(replayed), "{name}");
             std::fs::remove_file(path).expect("temporary file");
             let text = String::from_utf8(out).expect("text");
             assert_eq!(text.lines().count(), want, "{name}");
@@ -265,19 +381,101 @@ mod tests {
             replay(Path::new("/no/such.dat"), 90, 30_000, &mut Vec::new()).expect_err("absent").to_string();
         assert!(error.contains("/no/such.dat") && error.contains("check the path"), "{error}");
     }
+
     #[test]
     fn samples_without_sync_are_used_and_counted() {
         let mut raw = capture(100);
         raw[150] = 0;
         raw[240] = 0xFF;
-        let Samples { codes, bad } = samples(&raw).expect("a capture");
-        assert_eq!((codes.len(), bad), (99, 2));
-        assert_eq!(codes, samples(&capture(100)).expect("a capture").codes);
-        // Two bytes are lost: all later samples are misaligned, and each still gives a line.
+        let read = samples(&raw).expect("a capture");
+        let codes = samples(&capture(100)).expect("a capture").codes;
+        assert_eq!(codes.len(), 99);
+        assert_eq!(read, Samples { codes, bad: 2, ..Samples::default() });
+    }
+
+    #[test]
+    fn samples_are_found_again_after_lost_or_added_bytes() {
+        let whole = samples(&capture(100)).expect("a capture").codes;
+        // Sample 50 is at 150 to 152, amid its code.
+        for (name, lost, dropped) in [
+            ("sync", 150..151, (2, 150)),
+            ("code", 151..152, (2, 150)),
+            ("high byte", 152..153, (2, 150)),
+            ("all but sync", 151..153, (1, 150)),
+            // The next code is taken for the high byte.
+            ("of two samples", 152..154, (1, 153)),
+            ("two samples, and a byte", 150..157, (2, 150)),
+        ] {
+            let mut raw = capture(100);
+            raw.drain(lost.clone());
+            let read = samples(&raw).expect("a capture");
+            let (count, first) = dropped;
+            let impossible = if lost.start == 152 && lost.len() == 2 {
+                Tally { count: 1, first: 51 }
+            } else {
+                Tally::default()
+            };
+            let lost_whole = lost.len() / 3;
+            let mut codes = whole.clone();
+            codes.drain(50..50 + lost_whole);
+            let found = Samples { codes, bad: 0, dropped: Tally { count, first }, impossible };
+            assert_eq!(read, found, "{name}");
+        }
+        // Bytes that were added, and a sync byte that is damaged beside them.
+        let mut raw = capture(100);
+        raw[153] = 0;
+        raw.splice(150..150, [1, 2, 3, 4]);
+        let read = samples(&raw).expect("a capture");
+        assert_eq!((read.dropped, read.bad), (Tally { count: 10, first: 150 }, 0));
+        assert_eq!(read.codes[read.codes.len() - 47..], whole[52..]);
+        // Before the first sample.
+        raw = [b"header".as_slice(), &capture(100)].concat();
+        let read = samples(&raw).expect("a capture");
+        assert_eq!((read.codes, read.dropped), (whole.clone(), Tally { count: 6, first: 0 }));
+        // Within the last samples.
         raw = capture(100);
-        raw.drain(151..153);
-        let Samples { codes, bad } = samples(&raw).expect("a capture");
-        assert_eq!((codes.len(), bad), (99, 48));
+        raw.drain(292..293);
+        raw[293] = 0;
+        let read = samples(&raw).expect("a capture");
+        assert_eq!((read.dropped.first, read.codes[..97] == whole[..97]), (294, true));
+    }
+
+    #[test]
+    fn capture_whose_samples_are_not_found_again_is_refused_with_the_offset() {
+        let mut raw = capture(3000);
+        raw.iter_mut().skip(3001).for_each(|byte| *byte = 1);
+        let path = file("lost", &raw);
+        let error = replay(&path, 90, 30_000, &mut Vec::new()).expect_err("refused").to_string();
+        std::fs::remove_file(&path).expect("temporary file");
+        let place = format!("{}: no samples are found from byte 3003 on", path.display());
+        assert!(error.starts_with(&place) && error.contains("5997 bytes"), "{error}");
+    }
+
+    #[test]
+    fn impossible_codes_are_counted_and_alone_are_refused() {
+        let mut raw = capture(100);
+        (raw[31], raw[61], raw[92]) = (0, 7, 1);
+        let path = file("impossible", &raw);
+        let replayed = replay(&path, 90, 30_000, &mut Vec::new()).expect("a capture");
+        assert_eq!(replayed.impossible, Tally { count: 3, first: 11 });
+        for code in [0, 7, 0x0B] {
+            std::fs::write(&path, [0x5A, code, 0].repeat(100)).expect("temporary file");
+            let error = replay(&path, 90, 30_000, &mut Vec::new()).expect_err("refused").to_string();
+            assert!(error.contains("99 samples, each with the code 0 or 7"), "{error}");
+        }
+        std::fs::remove_file(&path).expect("temporary file");
+    }
+
+    #[test]
+    fn velocities_at_the_limit_are_counted() {
+        // A count each 40 samples; at 1 MHz these are 25,000 counts/s, and at 100 kHz 2,500.
+        let raw: Vec<u8> = (0..9000).flat_map(|i| [0x5A, CODES[i / 40 % 6], 0]).collect();
+        let path = file("fast", &raw);
+        let replayed = |rate_hz| replay(&path, 90, rate_hz, &mut Vec::new()).expect("a capture").saturated;
+        let (fast, slow) = (replayed(1_000_000), replayed(100_000));
+        std::fs::remove_file(&path).expect("temporary file");
+        assert!(fast.count > 1000 && fast.first > 1, "{fast:?}");
+        assert_eq!(slow, Tally::default());
     }
 
     #[test]

@@ -7,17 +7,18 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use servo_core::sense::recorded::SPEED_MAX;
 use tater_wire::MotorKind;
 
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
-use super::output::{print, replace_file, replace_together, warn};
+use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
 use super::thread;
 use super::torture::{self, TortureArgs};
 use crate::experiment::events::{self, Event};
 use crate::experiment::input::BadInput;
-use crate::experiment::replay::{Replayed, replay};
+use crate::experiment::replay::{Replayed, Tally, replay};
 use crate::experiment::report;
 use crate::experiment::run::{Options, Outcome, run as simulate};
 use crate::experiment::scenario::{FIGURES, SHIPPED, Scenario};
@@ -66,7 +67,7 @@ struct ReplayArgs {
     /// Sample rate, 1/s.
     #[arg(long, default_value_t = 30_000)]
     rate_hz: u32,
-    /// Output file: one `position,velocity` line per sample, in counts and counts/s.
+    /// Output file: one `position,velocity` line per sample but the last, in counts and counts/s.
     #[arg(long, value_name = "OUT")]
     csv: PathBuf,
 }
@@ -262,8 +263,17 @@ fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(),
 }
 
 fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
+    if is_same_file(&args.csv, &args.capture) {
+        return Err(Box::new(BadInput {
+            place: format!("--csv {}", args.csv.display()),
+            problem: "the estimate would overwrite the recording".to_owned(),
+            found: format!("the same file as {}", args.capture.display()),
+            expected: "a file of its own for the estimate".to_owned(),
+            next: "choose another path".to_owned(),
+        }));
+    }
     let mut csv = Vec::new();
-    let Replayed { samples, bad } = replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
+    let replayed = replay(&args.capture, args.counts_per_rev, args.rate_hz, &mut csv)?;
     replace_file(&args.csv, &csv).map_err(|e| BadInput {
         place: format!("--csv {}", args.csv.display()),
         problem: "cannot be written".to_owned(),
@@ -271,11 +281,36 @@ fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
         expected: "a file in an existing folder".to_owned(),
         next: "choose another path or free space".to_owned(),
     })?;
-    if bad > 0 {
-        let capture = args.capture.display();
-        warn(&format!(
-            "warning: {capture}: {bad} of {samples} samples do not begin with 0x5A; their codes were used anyway"
-        ));
+    for warning in warnings(&replayed) {
+        warn(&format!("warning: {}: {warning}", args.capture.display()));
     }
     Ok(true)
+}
+
+/// What is doubtful about a replay, one line each.
+fn warnings(replayed: &Replayed) -> Vec<String> {
+    let Replayed { samples, bad, dropped, impossible, saturated } = replayed;
+    let mut all = Vec::new();
+    if *bad > 0 {
+        all.push(format!("{bad} of {samples} samples do not begin with 0x5A; their codes were used anyway"));
+    }
+    if dropped.count > 0 {
+        let Tally { count, first } = dropped;
+        all.push(format!("{count} bytes that belong to no sample were dropped, the first at byte {first}"));
+    }
+    if impossible.count > 0 {
+        let Tally { count, first } = impossible;
+        all.push(format!(
+            "{count} of {samples} samples have the impossible code 0 or 7, or other bits set; the first is line {first}"
+        ));
+    }
+    if saturated.count > 0 {
+        let Tally { count, first } = saturated;
+        all.push(format!(
+            "{count} of {samples} velocities are at the estimator's limit of {} counts/s, so their true speed is unknown; the first is \
+             line {first}; check --rate-hz",
+            SPEED_MAX.0
+        ));
+    }
+    all
 }

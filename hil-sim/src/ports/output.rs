@@ -26,6 +26,18 @@ pub fn warn(line: &str) {
     let _ = writeln!(io::stderr(), "{line}");
 }
 
+/// Whether two paths lead to one file: by links, by another name of the same file, or because standard output is redirected to it.
+pub fn is_same_file(a: &Path, b: &Path) -> bool {
+    #[cfg(unix)]
+    let file = |path: &Path| {
+        use std::os::unix::fs::MetadataExt;
+        fs::metadata(path).map(|meta| (meta.dev(), meta.ino()))
+    };
+    #[cfg(not(unix))]
+    let file = |path: &Path| fs::canonicalize(path);
+    matches!((file(a), file(b)), (Ok(a), Ok(b)) if a == b)
+}
+
 /// Replaces a file atomically: writes a temporary file beside it and renames it. Keeps symbolic links; writes to pipes and
 /// devices directly.
 ///

@@ -92,8 +92,8 @@ const LAP_INTERVAL_MAX: u32 = 250_000;
 const REORDERED: u32 = 10_000;
 /// Least time between two edges, in seconds.
 const INTERVAL_MIN: Real = real!("0.00001");
-/// Largest |v|: fifteen times the hand's motor.
-const SPEED_MAX: Real = real!("16384");
+/// Largest |v|, counts/s, where estimates saturate: fifteen times the hand's motor.
+pub const SPEED_MAX: Real = real!("16384");
 /// Largest number of counts in a step; farther is as unknown.
 const STEP_MAX: i32 = 64;
 /// 1/3, for the three other models and the integral of t².
