@@ -9,7 +9,7 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `lines`, `output`, `serve`, `state_file` |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file` |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]

@@ -7,6 +7,7 @@ mod gcl;
 pub mod grasper;
 mod grasper_client;
 mod guard;
+mod interrupt;
 mod lines;
 mod output;
 mod serve;

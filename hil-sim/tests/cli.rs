@@ -461,3 +461,79 @@ fn documented_command_lines_end_well() {
         assert_eq!(output.status.code(), Some(0), "{line}: {}{}", stdout(&output), stderr(&output));
     }
 }
+
+#[test]
+fn torture_plays_a_seed_however_short_the_time_is() {
+    let output =
+        hil_sim(&["torture", "--seed", "863", "--minutes", "1e-300", "--jobs", "1", "--json", "--no-shrink"]);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).expect("one JSON object");
+    assert_eq!((&json["first_seed"], &json["seeds"]), (&863.into(), &1.into()));
+}
+
+#[test]
+fn torture_notes_steps_after_the_end() {
+    let args = [
+        "torture",
+        "--seed",
+        "863",
+        "--steps",
+        "0,7",
+        "--faults",
+        "none",
+        "--stop-ms",
+        "1",
+        "--json",
+        "--no-shrink",
+    ];
+    let output = hil_sim(&args);
+    assert!(stderr(&output).contains("steps are not played, because --stop-ms 1 "), "{}", stderr(&output));
+}
+
+#[cfg(unix)]
+#[test]
+fn torture_report_and_json_are_never_mixed() {
+    let folder = folder("mixed");
+    let out = folder.join("out.txt");
+    for report in ["/dev/stdout", out.to_str().expect("text")] {
+        let file = std::fs::File::create(&out).expect("a file for the test");
+        let output = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+            .args(["torture", "--seed", "863", "--json", "--replay", report])
+            .stdout(file)
+            .output()
+            .expect("the binary starts");
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        let place = format!("error: --replay {report}: the report would be mixed with the JSON object");
+        assert!(stderr(&output).starts_with(&place), "{}", stderr(&output));
+        assert_eq!(std::fs::read(&out).expect("it is there"), b"");
+    }
+}
+
+#[cfg(unix)]
+fn press_ctrl_c(process: &std::process::Child) {
+    let killed = Command::new("kill").args(["-INT", &process.id().to_string()]).status().expect("kill");
+    assert!(killed.success());
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_torture_reports_what_it_has_played() {
+    use std::io::{BufRead, BufReader};
+    let mut process = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+        .args(["torture", "--minutes", "10080", "--jobs", "1", "--json"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    // ^C is handled before this line is printed.
+    let mut lines = BufReader::new(process.stderr.take().expect("piped")).lines();
+    let seed = lines.next().expect("a line").expect("text");
+    press_ctrl_c(&process);
+    let status = process.wait().expect("it ends");
+    let output = std::io::read_to_string(process.stdout.take().expect("piped")).expect("text");
+    assert_eq!(status.code(), Some(130), "{output}");
+    let json: serde_json::Value = serde_json::from_str(&output).expect("one JSON object");
+    assert_eq!(format!("first seed: {}", json["first_seed"]), seed);
+    assert!(json["seeds"].as_u64().is_some_and(|seeds| seeds > 0), "{json}");
+    let note = lines.last().expect("a line").expect("text");
+    assert_eq!(note, format!("interrupted: these are the results of {} seeds", json["seeds"]));
+}

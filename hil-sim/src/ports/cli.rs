@@ -12,6 +12,7 @@ use tater_wire::MotorKind;
 
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
+use super::interrupt;
 use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
 use super::thread;
@@ -51,7 +52,8 @@ enum Task {
     /// The console of the manual's walk-through, for a hand served by `hil-sim hand`: reads standard input; M, C and O prompt for their
     /// arguments. Exit code 1 if a line ends in an error.
     Grasper(GrasperArgs),
-    /// Torture the whole hand with random programs and faults, and check its invariants. Exit code 1 if one fails.
+    /// Torture the whole hand with random programs and faults, and check its invariants. Exit code 1 if one fails. ^C begins no new
+    /// seed and prints the results so far, with exit code 130; a second ^C ends at once.
     Torture(TortureArgs),
     /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
@@ -121,7 +123,7 @@ enum ModelName {
 pub type Clock<'a> = &'a dyn Fn() -> Duration;
 
 /// Runs the program with the process's arguments. Returns its exit code: 1 if an expectation failed or a line ended in an
-/// error, 2 for bad input.
+/// error, 2 for bad input, 130 after ^C.
 pub fn run(clock: Clock) -> ExitCode {
     // 64 bits of microseconds last for the life of the process, so a service never ends by itself.
     let mut clock_us = || u64::try_from(clock().as_micros()).ok();
@@ -138,6 +140,7 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
+        Ok(_) if interrupt::interrupted() => ExitCode::from(interrupt::CODE),
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(bad) => {

@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use super::interrupt;
 use crate::experiment::input::BadInput;
 
 /// Prints to standard output; a closed pipe is not an error.
@@ -42,7 +43,7 @@ pub fn is_same_file(a: &Path, b: &Path) -> bool {
 /// devices directly.
 ///
 /// # Errors
-/// Those of the file system; no temporary file is left behind.
+/// Those of the file system; no temporary file is left behind, by ^C neither.
 pub fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Part::write(path, bytes)?.map_or(Ok(()), Part::rename)
 }
@@ -112,20 +113,20 @@ impl Part {
         };
         let part = part_of(&target)?;
         // `create_new`: never overwrite, nor remove below, somebody else's file.
-        let file = File::create_new(&part)?;
+        let file = interrupt::temporary(&part, || File::create_new(&part))?;
         let written = Self { part, target };
         write_new(file, bytes, permissions).map(|()| Some(written))
     }
 
     fn rename(self) -> io::Result<()> {
-        fs::rename(&self.part, &self.target)
+        interrupt::settle(&self.part, || fs::rename(&self.part, &self.target))
     }
 }
 
 impl Drop for Part {
     fn drop(&mut self) {
         // Already renamed if all went well.
-        let _ = fs::remove_file(&self.part);
+        let _ = interrupt::settle(&self.part, || fs::remove_file(&self.part));
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::hash::{BuildHasher, RandomState};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -12,7 +12,8 @@ use clap::builder::PossibleValuesParser;
 use clap::value_parser;
 use serde::Serialize;
 
-use super::output::{print, replace_file, warn};
+use super::interrupt;
+use super::output::{is_same_file, print, replace_file, warn};
 use crate::experiment::input::BadInput;
 use crate::experiment::torture::report::{replay_line, tables, text};
 use crate::experiment::torture::{
@@ -50,7 +51,7 @@ pub struct TortureArgs {
     /// Number of seeds; default: 1 with --seed, otherwise 100.
     #[arg(long, value_parser = value_parser!(u64).range(1..))]
     seeds: Option<u64>,
-    /// Minutes after which no new seed begins, instead of a number of seeds.
+    /// Minutes after which no new seed begins, but for the first one, instead of a number of seeds.
     #[arg(long, value_name = "MINUTES", conflicts_with = "seeds", value_parser = minutes)]
     minutes: Option<f64>,
     /// Threads, at most one a seed; default: one for each core.
@@ -186,6 +187,9 @@ pub fn torture(args: &TortureArgs, clock: Clock) -> Result<bool, Box<dyn Error>>
     if let Some(seed) = args.seed {
         let alone = args.seeds.is_none_or(|seeds| seeds == 1) && args.minutes.is_none();
         are_of(seed, alone, &selection)?;
+        if let Some(note) = never_played(&Case::draw(seed), &selection) {
+            warn(&note);
+        }
     }
     if let (Some(seed), Some(file)) = (args.seed, &args.replay) {
         return replay(args, seed, &selection, file.clone());
@@ -197,6 +201,7 @@ pub fn torture(args: &TortureArgs, clock: Clock) -> Result<bool, Box<dyn Error>>
         (None, None, Some(_)) => 1,
         (None, None, None) => SEEDS,
     };
+    interrupt::finish_first();
     if args.seed.is_none() {
         warn(&format!("first seed: {first}"));
     }
@@ -206,6 +211,9 @@ pub fn torture(args: &TortureArgs, clock: Clock) -> Result<bool, Box<dyn Error>>
     let wall_s = (clock() - begun).as_secs_f64();
     let failures = failures(args, &selection, &sum, clock);
     report(args, first, &sum, failures, wall_s, jobs)?;
+    if interrupt::interrupted() {
+        warn(&format!("interrupted: these are the results of {} seeds", sum.seeds));
+    }
     Ok(sum.failed == 0)
 }
 
@@ -270,6 +278,20 @@ fn are_of(seed: u64, alone: bool, selection: &Selection) -> Result<(), BadInput>
     Ok(())
 }
 
+/// A note on selected steps that begin only after the selected end.
+fn never_played(case: &Case, selection: &Selection) -> Option<String> {
+    let (steps, stop_ms) = (selection.steps.as_ref()?, selection.stop_ms?);
+    let begins = |&number: &usize| case.steps.get(number).map(|step| (number, step.at_ms));
+    let late: Vec<(usize, u64)> =
+        steps.iter().filter_map(begins).filter(|&(_, at_ms)| at_ms >= stop_ms).collect();
+    let (first, at_ms) = late.first()?;
+    Some(format!(
+        "note: {} of {} steps are not played, because --stop-ms {stop_ms} ends the program before; step {first} begins at {at_ms} ms",
+        late.len(),
+        steps.len()
+    ))
+}
+
 fn minutes(text: &str) -> Result<f64, String> {
     let minutes = text.parse().ok().filter(|minutes: &f64| *minutes > 0.0 && *minutes <= MOST_MINUTES);
     minutes.ok_or_else(|| format!("expected minutes above 0 and up to {MOST_MINUTES}, such as 5 or 0.5"))
@@ -297,7 +319,8 @@ fn play_all(
             scope.spawn(|| {
                 loop {
                     let at = next.fetch_add(1, Ordering::Relaxed);
-                    if at >= seeds || over.load(Ordering::Relaxed) != 0 {
+                    // At least one seed is played, however short the time is.
+                    if at >= seeds || at > 0 && over.load(Ordering::Relaxed) != 0 {
                         break;
                     }
                     let case = Case::draw(first.wrapping_add(at)).select(selection);
@@ -318,7 +341,7 @@ fn play_all(
                 bar.set_position(done);
                 bar.set_message(format!("{done} seeds, {hours:.2} hand-hours, {failed} failed"));
             }
-            if end.is_some_and(|end| clock() >= end) {
+            if end.is_some_and(|end| clock() >= end) || interrupt::interrupted() {
                 over.store(1, Ordering::Relaxed);
             }
             if over.load(Ordering::Relaxed) != 0 {
@@ -339,14 +362,19 @@ fn failures(args: &TortureArgs, selection: &Selection, sum: &Sum, clock: Clock) 
     all.sort_by_key(|(_, case, _)| case.seed);
     all.into_iter()
         .map(|(violation, case, simulated_s)| {
-            let is_new = !seen.contains(&violation.invariant) && seen.len() < SHRUNK && !args.no_shrink;
+            let is_new = !seen.contains(&violation.invariant)
+                && seen.len() < SHRUNK
+                && !args.no_shrink
+                && !interrupt::interrupted();
             let shrunk = is_new.then(|| {
                 seen.push(violation.invariant);
                 let end = clock() + SHRINK;
                 // The numbers of the whole case, so that the printed line replays it.
                 let whole = Case::draw(case.seed);
                 let narrowed = if *selection == Selection::default() { &whole } else { case };
-                shrink(narrowed, violation, &mut |case| run(case), &mut || clock() < end)
+                shrink(narrowed, violation, &mut |case| run(case), &mut || {
+                    clock() < end && !interrupt::interrupted()
+                })
             });
             failure(violation, case.seed, *simulated_s, selection, shrunk)
         })
@@ -440,9 +468,18 @@ fn replay(
     selection: &Selection,
     file: Option<PathBuf>,
 ) -> Result<bool, Box<dyn Error>> {
+    let path = file.unwrap_or_else(|| PathBuf::from(format!("torture-{seed}.txt")));
+    if args.json && is_same_file(&path, Path::new("/dev/stdout")) {
+        return Err(Box::new(BadInput {
+            place: format!("--replay {}", path.display()),
+            problem: "the report would be mixed with the JSON object".to_owned(),
+            found: "standard output, with --json".to_owned(),
+            expected: "a file of its own for the report".to_owned(),
+            next: "choose another path, or leave out --json".to_owned(),
+        }));
+    }
     let case = Case::draw(seed).select(selection);
     let (outcome, events) = run_with_events(&case);
-    let path = file.unwrap_or_else(|| PathBuf::from(format!("torture-{seed}.txt")));
     replace_file(&path, text(&case, selection, &outcome, &events).as_bytes()).map_err(|e| BadInput {
         place: format!("--replay {}", path.display()),
         problem: "cannot be written".to_owned(),
@@ -479,6 +516,24 @@ mod tests {
         for text in ["0", "-1", "NaN", "inf", "1e9", "five", ""] {
             assert!(minutes(text).is_err_and(|error| error.contains("such as 5")), "{text}");
         }
+    }
+
+    #[test]
+    fn steps_after_the_end_are_noted() {
+        let case = Case::draw(863);
+        let last = case.steps.len() - 1;
+        let at_ms = case.steps[last].at_ms;
+        let note = |steps: Option<Vec<usize>>, stop_ms| {
+            never_played(&case, &Selection { steps, faults: None, stop_ms })
+        };
+        assert!(case.steps[0].at_ms < at_ms);
+        let found = note(Some(vec![0, last]), Some(at_ms)).expect("a note");
+        assert!(
+            found.contains("1 of 2 steps") && found.contains(&format!("step {last} begins at {at_ms} ms"))
+        );
+        assert_eq!(note(Some(vec![0, last]), Some(at_ms + 1)), None);
+        assert_eq!(note(Some(vec![0, last]), None), None);
+        assert_eq!(note(None, Some(at_ms)), None, "all that is before the end");
     }
 
     #[test]

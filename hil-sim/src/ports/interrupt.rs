@@ -1,0 +1,107 @@
+//! ^C (SIGINT) in commands that write files or have results before their end.
+//!
+//! Elsewhere ^C ends the program as the system does it. From the first call of a function here, ^C removes the temporary files of
+//! [`output`](super::output) and ends the program with [`CODE`]. After [`finish_first`] the first ^C only sets a flag.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, Once, PoisonError};
+
+/// Exit code of a program that ^C ended: 128 and the number of SIGINT, as shells have it.
+pub const CODE: u8 = 130;
+
+struct State {
+    /// Temporary files.
+    parts: Vec<PathBuf>,
+    /// Whether the first ^C only sets the flag.
+    finishes: bool,
+    interrupted: bool,
+}
+
+impl State {
+    const NEW: Self = Self { parts: Vec::new(), finishes: false, interrupted: false };
+
+    /// What ^C does. Returns whether the program ends now.
+    fn interrupt(&mut self) -> bool {
+        if self.finishes && !self.interrupted {
+            self.interrupted = true;
+            return false;
+        }
+        for part in &self.parts {
+            let _ = std::fs::remove_file(part);
+        }
+        true
+    }
+}
+
+static STATE: Mutex<State> = Mutex::new(State::NEW);
+
+/// The state, with ^C handled from now on.
+fn state() -> MutexGuard<'static, State> {
+    static HANDLED: Once = Once::new();
+    // Where the handler's thread is refused, ^C works as without it.
+    HANDLED.call_once(|| _ = ctrlc::set_handler(on_interrupt));
+    STATE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Runs on a thread of its own.
+fn on_interrupt() {
+    // Locked to the end: meanwhile no other thread makes or renames a temporary file.
+    let mut state = STATE.lock().unwrap_or_else(PoisonError::into_inner);
+    if state.interrupt() {
+        std::process::exit(CODE.into());
+    }
+}
+
+/// Lets the first ^C set the flag of [`interrupted`] only; the second ends the program.
+pub fn finish_first() {
+    state().finishes = true;
+}
+
+/// Whether ^C was pressed since [`finish_first`].
+pub fn interrupted() -> bool {
+    STATE.lock().unwrap_or_else(PoisonError::into_inner).interrupted
+}
+
+/// Makes a temporary file, which ^C removes until [`settle`].
+///
+/// # Errors
+/// Those of `make`.
+pub fn temporary<T>(part: &Path, make: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+    let mut state = state();
+    let made = make()?;
+    state.parts.push(part.to_owned());
+    Ok(made)
+}
+
+/// Renames or removes a temporary file.
+///
+/// # Errors
+/// Those of `settle`.
+pub fn settle(part: &Path, settle: impl FnOnce() -> io::Result<()>) -> io::Result<()> {
+    let mut state = state();
+    state.parts.retain(|other| other != part);
+    settle()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn first_interrupt_is_a_flag_if_the_program_finishes_first() {
+        let mut state = State { finishes: true, ..State::NEW };
+        assert!(!state.interrupt() && state.interrupted);
+        assert!(state.interrupt());
+        let mut plain = State::NEW;
+        assert!(plain.interrupt());
+    }
+
+    #[test]
+    fn interrupt_removes_the_temporary_files() {
+        let part = std::env::temp_dir().join(format!("hil-sim-interrupt-{}", std::process::id()));
+        std::fs::write(&part, "half").expect("the temporary folder can be written");
+        assert!(State { parts: vec![part.clone()], ..State::NEW }.interrupt());
+        assert!(!part.exists());
+    }
+}
