@@ -67,6 +67,9 @@ const SILENT: u8 = 12;
 /// Vectors after a line changed out of turn, to see which lines still change.
 const DIAGNOSIS: u8 = 14;
 
+/// Vectors in all: the other rotation of the next attempt may do better.
+const STEPS: u8 = 100;
+
 /// Longest time, ms; stated in docs/wire.md. Most take two seconds; halls that never rest would take for ever.
 pub const LIMIT_MS: u16 = 15_000;
 
@@ -278,7 +281,7 @@ impl Find {
         let code = code & 7;
         self.ms += 1;
         if self.ms >= LIMIT_MS || self.ring.cell.abs() > LOST {
-            return Step::Done(Err(self.judge()));
+            return Step::Done(Err(Trouble::Unclear));
         }
         if !self.begun {
             self.begun = true;
@@ -348,7 +351,7 @@ impl Find {
         let moved = self.ring.cell - self.settled;
         self.settled = self.ring.cell;
         self.still = if moved == 0 { self.still.saturating_add(1) } else { 0 };
-        self.steps = self.steps.saturating_add(1);
+        self.steps += 1;
         if let Some(left) = &mut self.diagnosis {
             *left = left.saturating_sub(1);
         }
@@ -356,7 +359,7 @@ impl Find {
             return Some(Ok(wiring));
         }
         let silent = self.lines.changes == 0 && self.steps >= SILENT;
-        if silent || self.starved >= SILENT / 2 || self.diagnosis == Some(0) {
+        if silent || self.starved >= SILENT / 2 || self.diagnosis == Some(0) || self.steps >= STEPS {
             return Some(Err(self.judge()));
         }
         self.advance(moved);
