@@ -1099,6 +1099,7 @@ impl Servo {
             self.report(Event::Breakaway { position, stop_tip: bs });
             return Some(EndReason::Breakaway);
         }
+        arrival.push(self.applied.torque);
         let settles = control.setpoint.done || arrival.is_given_up();
         if settles { self.settle(sense.now) } else { None }
     }
@@ -1115,8 +1116,7 @@ impl Servo {
         };
         let left = profile.end().round().wrapping_sub(self.position.round());
         if control.setpoint.done {
-            if arrived(left, mpe, self.velocity, self.applied.torque, arrival.settle(quiet, profile.ticks()))
-            {
+            if arrived(left, mpe, self.velocity, arrival.settle(quiet, profile.ticks())) {
                 return Some(EndReason::Arrived);
             }
             arrival.wait(left, tstop);

@@ -14,24 +14,28 @@ const QUIET: Micros = Micros(24_000);
 const QUIET_PUSHED: Micros = Micros(60_000);
 const FRICTION: Torque = Torque(82);
 
+/// How long a rotor counts as pushed after that torque, ms: a high KP changes the sign of its torque all the time.
+const PUSHED_MS: u8 = 8;
+
 /// Beyond TSTOP, how long a move waits for a motor that gets no nearer to its end, in ms. Every lasting oscillation of a
 /// motor with the manual's gains is over within a tenth of that.
 const PATIENCE_MS: u32 = 2000;
 
-/// Times without a hall edge, of which an arrival needs one.
+/// Times without a hall edge, of which an arrival needs one, and which of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quiet {
     /// Since the last edge, or since the plan if that is later: a short move may end before its rotor has left its cell.
     pub free: Micros,
     /// Since the last edge, or since the end of the profile if that is later: until then it may have been pushed the other way.
     pub pushed: Micros,
+    /// More torque than a joint's friction has been applied just now.
+    pub is_pushed: bool,
 }
 
-/// Whether the rotor is at rest within `mpe` counts of the end, `left` counts away. `torque` is applied.
+/// Whether the rotor is at rest within `mpe` counts of the end, `left` counts away.
 #[must_use]
-pub fn arrived(left: i32, mpe: u16, velocity: CountsPerSec, torque: Torque, quiet: Quiet) -> bool {
-    let is_pushed = torque.saturating_abs() > FRICTION;
-    let is_quiet = if is_pushed { quiet.pushed.0 >= QUIET_PUSHED.0 } else { quiet.free.0 >= QUIET.0 };
+pub fn arrived(left: i32, mpe: u16, velocity: CountsPerSec, quiet: Quiet) -> bool {
+    let is_quiet = if quiet.is_pushed { quiet.pushed.0 >= QUIET_PUSHED.0 } else { quiet.free.0 >= QUIET.0 };
     left.unsigned_abs() <= u32::from(mpe) && is_quiet && (SLOW.saturating_neg()..=SLOW).contains(&velocity)
 }
 
@@ -45,6 +49,8 @@ pub struct Arrival {
     late_ms: u32,
     /// Time since the profile's end.
     settling_ms: u32,
+    /// Time for which the rotor counts as pushed.
+    pushed_ms: u8,
     given_up: bool,
     driven: bool,
 }
@@ -53,7 +59,14 @@ impl Arrival {
     /// Of a move of a motor that was `driven` when it was planned.
     #[must_use]
     pub const fn of(driven: bool) -> Self {
-        Self { nearest: u32::MAX, late_ms: 0, settling_ms: 0, given_up: false, driven }
+        Self { nearest: u32::MAX, late_ms: 0, settling_ms: 0, pushed_ms: 0, given_up: false, driven }
+    }
+
+    /// One tick of 1 ms of the move, in which `torque` is applied.
+    #[inline]
+    pub fn push(&mut self, torque: Torque) {
+        let is_pushed = torque.saturating_abs() > FRICTION;
+        self.pushed_ms = if is_pushed { PUSHED_MS } else { self.pushed_ms.saturating_sub(1) };
     }
 
     /// One tick of 1 ms after the end of a profile of so many `ticks`, `quiet` after the last edge. Nothing has driven a motor that was off
@@ -63,7 +76,7 @@ impl Arrival {
         let was_still = ticks == 0 && !self.driven;
         let planned_ms = if was_still { u32::MAX } else { ticks.saturating_add(self.settling_ms) };
         let within = |ms: u32| Micros(quiet.0.min(ms.saturating_mul(1000)));
-        Quiet { free: within(planned_ms), pushed: within(self.settling_ms) }
+        Quiet { free: within(planned_ms), pushed: within(self.settling_ms), is_pushed: self.pushed_ms > 0 }
     }
 
     /// One tick of 1 ms in which the move waits, `left` counts from its end. `tstop` in ms; 0 waits forever.
@@ -88,34 +101,34 @@ impl Arrival {
 mod tests {
     use super::*;
 
-    const STILL: Quiet = Quiet { free: Micros(300_000), pushed: Micros(300_000) };
+    const STILL: Quiet = Quiet { free: Micros(300_000), pushed: Micros(300_000), is_pushed: false };
 
     #[test]
     fn arrived_is_at_rest_and_inside_the_window() {
-        let free = |us| Quiet { free: Micros(us), pushed: Micros(0) };
-        let pushed = |us| Quiet { free: STILL.free, pushed: Micros(us) };
+        let free = |us| Quiet { free: Micros(us), pushed: Micros(0), is_pushed: false };
+        let pushed = |us| Quiet { free: STILL.free, pushed: Micros(us), is_pushed: true };
         let rows = [
-            (4, 4, 0, 0, STILL, true),
-            (-4, 4, 25, 82, STILL, true),
-            (0, 0, -25, -82, free(QUIET.0), true),
-            (5, 4, 0, 0, STILL, false),
-            (-5, 4, 0, 0, STILL, false),
-            (0, 4, 26, 0, STILL, false),
-            (0, 4, -26, 0, STILL, false),
-            (0, 4, 0, 0, free(QUIET.0 - 1), false),
-            (0, 4, 0, 83, pushed(QUIET_PUSHED.0 - 1), false),
-            (0, 4, 0, -83, pushed(QUIET_PUSHED.0), true),
-            (i32::MIN, u16::MAX, 0, 0, STILL, false),
+            (4, 4, 0, STILL, true),
+            (-4, 4, 25, STILL, true),
+            (0, 0, -25, free(QUIET.0), true),
+            (5, 4, 0, STILL, false),
+            (-5, 4, 0, STILL, false),
+            (0, 4, 26, STILL, false),
+            (0, 4, -26, STILL, false),
+            (0, 4, 0, free(QUIET.0 - 1), false),
+            (0, 4, 0, pushed(QUIET_PUSHED.0 - 1), false),
+            (0, 4, 0, pushed(QUIET_PUSHED.0), true),
+            (i32::MIN, u16::MAX, 0, STILL, false),
         ];
-        for (left, mpe, velocity, torque, quiet, expected) in rows {
-            let found = arrived(left, mpe, CountsPerSec::from_int(velocity), Torque(torque), quiet);
-            assert_eq!(found, expected, "{left} of {mpe} counts at {velocity} counts/s, {torque}, {quiet:?}");
+        for (left, mpe, velocity, quiet, expected) in rows {
+            let found = arrived(left, mpe, CountsPerSec::from_int(velocity), quiet);
+            assert_eq!(found, expected, "{left} of {mpe} counts at {velocity} counts/s, {quiet:?}");
         }
     }
 
     #[test]
     fn times_count_from_the_plan_and_from_its_end() {
-        let us = |free, pushed| Quiet { free: Micros(free), pushed: Micros(pushed) };
+        let us = |free, pushed| Quiet { free: Micros(free), pushed: Micros(pushed), is_pushed: false };
         let still = STILL.free;
         let mut arrival = Arrival::of(false);
         assert_eq!(arrival.settle(still, 4), us(5_000, 1_000));
@@ -124,6 +137,21 @@ mod tests {
         assert_eq!(arrival.settle(still, u32::MAX), us(300_000, 4_000), "no wrap");
         assert_eq!(Arrival::of(false).settle(still, 0), us(300_000, 1_000), "no way, and nothing drove it");
         assert_eq!(Arrival::of(true).settle(still, 0), us(1_000, 1_000), "something may have driven it away");
+    }
+
+    #[test]
+    fn rotor_is_pushed_for_eight_ms_after_more_torque_than_friction() {
+        let mut arrival = Arrival::of(false);
+        let mut pushed = |torque| {
+            arrival.push(Torque(torque));
+            arrival.settle(STILL.free, 4).is_pushed
+        };
+        assert_eq!([82, -82, 83, -82].map(&mut pushed), [false, false, true, true]);
+        assert!(pushed(-83));
+        for _ in 0..PUSHED_MS - 1 {
+            assert!(pushed(0));
+        }
+        assert!(!pushed(0));
     }
 
     #[test]
