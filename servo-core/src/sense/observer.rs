@@ -354,8 +354,7 @@ impl Observer {
         Counts::from_int(self.state.count).wrapping_add(Counts(I22F10::from_bits(from_center >> 10)))
     }
 
-    /// Velocity in the middle of the coming tick, if the torque stays, and as much later as the current lags: what the EMF of a tick is.
-    #[must_use]
+    /// See [`Self::sure_coming_velocity`].
     fn coming_velocity(&self) -> CountsPerSec {
         // 5/8 + 13/64 of the last change.
         let ahead = mul_low(self.change, 53, 6);
@@ -374,7 +373,8 @@ impl Observer {
         self.sure(self.velocity())
     }
 
-    /// [`Self::coming_velocity`] within the same bound.
+    /// Velocity in the middle of the coming tick, if the torque stays, and as much later as the current lags; within the same bound. It is
+    /// what the EMF of a tick is.
     #[must_use]
     pub fn sure_coming_velocity(&self) -> CountsPerSec {
         self.sure(self.coming_velocity())
