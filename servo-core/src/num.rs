@@ -119,6 +119,8 @@ pub const fn ratio_of_square(v: u32, d: u64) -> u32 {
     }
     let (zeros, divisor_zeros) = (square.leading_zeros(), (d + (d == 0) as u64).leading_zeros());
     let divisor = (((d + (d == 0) as u64) << divisor_zeros) >> 48) as u32;
+    // Its highest bit is set, which a compiler that saves bytes does not see.
+    let divisor = if divisor == 0 { 1 } else { divisor };
     // 2^32 by 2^16.
     let quotient = ((square << zeros) >> 32) as u32 / divisor;
     // 32 bits of `square` above 2^(32 − zeros), 16 bits of `d` above 2^(48 − zeros).

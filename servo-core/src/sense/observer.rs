@@ -393,7 +393,7 @@ impl Observer {
     pub fn end_motion(&mut self, closing: bool) {
         let friction = self.motor.friction;
         let (low, high) = if closing { (0, friction) } else { (-friction, 0) };
-        self.state.load -= self.state.load.clamp(low, high);
+        self.state.load -= self.state.load.max(low).min(high);
     }
 
     /// Forgets the load.
