@@ -18,9 +18,12 @@ use rig::KINDS;
 
 /// Prints a row of the table and demands its bounds: of the nominal motor, of 95 % of the plants and of all of them.
 ///
-/// With the few plants of continuous integration the 95th percentile is nearly the maximum, and is held to that.
+/// The bounds are those of plants without effects. With the few plants of continuous integration the 95th percentile is nearly the maximum, and is held to that.
 fn judge(name: &str, spread: &Spread, nominal: f64, p95: f64, most: f64) {
     println!("figure: {name}: {spread}; wanted {nominal}, {p95} ({most})");
+    if rig::with_effects() {
+        return;
+    }
     assert!(spread.nominal <= nominal, "{name}, nominal: {spread}");
     assert!(spread.p95 <= if spread.plants < 100 { most } else { p95 }, "{name}, 95 %: {spread}");
     assert!(spread.most <= most, "{name}, all: {spread}");

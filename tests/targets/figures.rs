@@ -81,8 +81,9 @@ fn velocity_rms(samples: &[Sample]) -> f64 {
 
 /// RMS of the true velocity about its mean at MV, counts/s, from half a second after the start until 100 ms before the profile ends.
 pub fn ripple(mv: u16, cogging_n_m: f64) -> Spread {
-    let setup =
-        Setup::new("link", &format!("MV = {mv}"), 0.0).plant(&format!("cogging_n_m = {cogging_n_m:?}"));
+    let setup = Setup::new("link", &format!("MV = {mv}"), 0.0);
+    let cogging = format!("cogging_n_m = {cogging_n_m:?}");
+    let setup = if cogging_n_m > 0.0 { setup.plant(&cogging) } else { setup };
     let way = i64::from(4 * mv);
     let [spread] = spread(|seed| {
         let mut motor = Motor::new(&setup, seed);
