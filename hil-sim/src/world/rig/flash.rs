@@ -95,23 +95,13 @@ impl SimFlash {
     /// Sets whether the flash is worn out: then every operation fails.
     pub const fn set_worn(&mut self, worn: bool) {
         self.worn = worn;
-    }
-
-    /// Whether the flash is worn out.
-    #[must_use]
-    pub const fn is_worn(&self) -> bool {
-        self.worn
+        self.damaged |= worn;
     }
 
     /// Sets which pages are worn out: bit n is page n of the flash.
     pub const fn set_worn_pages(&mut self, pages: u128) {
         self.worn_pages = pages;
-    }
-
-    /// Pages that are worn out, as [`Self::set_worn_pages`] takes them.
-    #[must_use]
-    pub const fn worn_pages(&self) -> u128 {
-        self.worn_pages
+        self.damaged |= pages != 0;
     }
 
     /// Flips a bit, as radiation or a leaking cell does; ignored beyond the flash.
@@ -123,7 +113,8 @@ impl SimFlash {
         self.damaged = true;
     }
 
-    /// Whether bits have been flipped or weakened: from then on an operation may fail, because a half-word that should be erased is not.
+    /// Whether bits have been flipped or weakened, or pages worn out: from then on an operation may fail, because a half-word that
+    /// should be erased is not, or because the store no longer tries a page that failed.
     #[must_use]
     pub const fn was_damaged(&self) -> bool {
         self.damaged
