@@ -10,8 +10,9 @@
 //! slowed by friction and stops within a count: the wiring is wrong. One that is pushed goes on, by `PUSHED` counts or more: then
 //! the motion resumes from there (decision 0047).
 //!
-//! The direction is right once the rotor is `RIGHT` counts from rest in the direction of a positive sum: an electrical
-//! revolution. A wiring that is right in some sectors and wrong in others holds the rotor within three.
+//! The direction is right once the rotor is `RIGHT` counts from where it began to follow its torque: an electrical revolution. A wiring that
+//! is right in some sectors and wrong in others holds the rotor within three. Rests on the way do not count, because a motor with much friction
+//! stops at every count; a count against the torque begins anew.
 
 use crate::units::Torque;
 
@@ -45,7 +46,7 @@ const PUSHED: u32 = 2;
 /// because a rotor that was pushed still has the energy of the push.
 const WATCH_MS: u16 = 200;
 
-/// Counts from rest that prove the direction.
+/// Counts with the torque that prove the direction.
 const RIGHT: u32 = 6;
 
 /// Time without a count that is rest, ms.
@@ -77,8 +78,8 @@ pub enum Direction {
     Right,
     /// Not seen yet.
     Unseen {
-        /// Count at rest.
-        rest: i32,
+        /// Count since which it has followed the torque.
+        from: i32,
         /// Count at the last tick.
         count: i32,
         /// Torque times counts since then, not below 0.
@@ -105,13 +106,13 @@ impl Direction {
     /// A rotor at rest.
     #[must_use]
     pub const fn at_rest(count: i32) -> Self {
-        Self::Unseen { rest: count, count, work: 0, wrong: 0, still_ms: 0, limit: START.0 }
+        Self::Unseen { from: count, count, work: 0, wrong: 0, still_ms: 0, limit: START.0 }
     }
 
     /// FIND's: nothing is watched, and the limit is [`MOST`].
     #[must_use]
     pub const fn standing(count: i32) -> Self {
-        Self::Unseen { rest: count, count, work: 0, wrong: 0, still_ms: SETTLED_MS, limit: MOST.0 }
+        Self::Unseen { from: count, count, work: 0, wrong: 0, still_ms: SETTLED_MS, limit: MOST.0 }
     }
 
     /// The torque limit until the next step.
@@ -153,13 +154,15 @@ impl Direction {
                 *self = Self::at_rest(now);
                 if pushed { Verdict::Limit(START) } else { Verdict::Wrong }
             }
-            Self::Unseen { rest, count, work, wrong, still_ms, limit } => {
+            Self::Unseen { from, count, work, wrong, still_ms, limit } => {
                 let moved = now.wrapping_sub(*count);
                 *count = now;
                 if moved == 0 {
                     *still_ms = still_ms.saturating_add(1);
                     if *still_ms == REST_MS {
-                        (*rest, *work) = (now, 0);
+                        // A rotor that came here without its torque was turned.
+                        *from = if *work > 0 { *from } else { now };
+                        *work = 0;
                     }
                     if *still_ms > PATIENCE_MS {
                         let rise = if *limit < MOST.0 { 1 } else { WEDGED_RATE };
@@ -173,12 +176,13 @@ impl Direction {
                 *work = sum.max(0);
                 if sum < 0 {
                     *wrong += moved.unsigned_abs();
+                    *from = now;
                 }
                 if *wrong > WRONG {
                     *self = Self::Watching { count: now, last: now, ms: 0 };
                     return Verdict::Open;
                 }
-                if *work > 0 && now.wrapping_sub(*rest).unsigned_abs() >= RIGHT {
+                if *work > 0 && now.wrapping_sub(*from).unsigned_abs() >= RIGHT {
                     *self = Self::Right;
                     return Verdict::Right;
                 }
@@ -234,6 +238,19 @@ mod tests {
         braking[5..].fill((1, -10));
         assert!(run(&braking).0.is_right());
         assert_eq!(run([[(1, 80), (-1, -80)]; 20].as_flattened()).1, Verdict::Limit(START));
+    }
+
+    #[test]
+    fn motor_that_rests_at_every_count_proves_it_as_well() {
+        let rests = |moved: i32, torque: i16| {
+            let mut steps = [(0, torque); 1 + REST_MS as usize];
+            steps[0].0 = moved;
+            steps
+        };
+        assert!(run([rests(1, 125); 6].as_flattened()).0.is_right());
+        let back = [rests(1, 125), rests(1, 125), rests(1, 125), rests(-1, 125), rests(1, 125), rests(1, 125)];
+        assert!(!run([back, back].as_flattened().as_flattened()).0.is_right(), "a count against the torque begins anew");
+        assert!(!run([rests(1, 0); 6].as_flattened()).0.is_right(), "it is turned by hand");
     }
 
     #[test]
