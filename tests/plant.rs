@@ -3,7 +3,7 @@
 //! Commutation is open loop, by the table of decision 0003, so nothing here depends on the servo.
 
 use fixed::types::I1F15;
-use hil_sim::plant::{Heat, Model, PlantParams, Start, trapezoid};
+use hil_sim::plant::{Heat, Model, PlantParams, RAD_PER_COUNT, Start, trapezoid};
 use hil_sim::rig::{Object, Rig, RigParams, Side, Truth};
 use proptest::prelude::*;
 use servo_core::sense::commutation::{Bridge, Leg};
@@ -44,7 +44,7 @@ fn at(count: f64, counts_per_s: f64) -> Start {
 }
 
 fn free() -> PlantParams {
-    PlantParams { min_count: -1e5, max_count: 1e5, ..PlantParams::for_motor(MotorKind::Spread) }
+    PlantParams { min_count: -1e5, max_count: 1e5, ..PlantParams::ideal(MotorKind::Spread) }
 }
 
 fn frictionless() -> PlantParams {
@@ -52,7 +52,7 @@ fn frictionless() -> PlantParams {
 }
 
 fn rig(plant: PlantParams, model: Model, start: Start) -> Rig {
-    Rig::new(plant, RigParams::default(), &[], model, start, 1).unwrap()
+    Rig::new(plant, RigParams::ideal(), &[], model, start, 1).unwrap()
 }
 
 /// Runs at a duty, brake released, for `ms`; re-commutates at every hall change.
@@ -187,8 +187,8 @@ fn models_agree_in_transients() {
 fn eventful(kind: MotorKind, model: Model, step_us: u64) -> Rig {
     let object =
         Object { from_count: 100.0, stiffness_n_m_rad: 0.05, damping_n_m_s: 1e-3, side: Side::Closing };
-    let plant = PlantParams::for_motor(kind);
-    let mut rig = Rig::new(plant, RigParams::default(), &[object], model, at(10.0, 0.0), 1).unwrap();
+    let plant = PlantParams::ideal(kind);
+    let mut rig = Rig::new(plant, RigParams::ideal(), &[object], model, at(10.0, 0.0), 1).unwrap();
     rig.set_max_step_us(step_us);
     run(&mut rig, 0.6, 200);
     rig.set_disturbance(0.1);
@@ -222,7 +222,7 @@ fn halving_the_step_keeps_results_within_tolerance() {
         let step = if model == Model::Averaged { 100 } else { 50 };
         for (duty, kind) in [(0.15, MotorKind::Link), (0.5, MotorKind::Spread), (1.0, MotorKind::Tip)] {
             let [whole, half] = [step, step / 2].map(|us| {
-                let plant = PlantParams { min_count: -1e4, max_count: 1e4, ..PlantParams::for_motor(kind) };
+                let plant = PlantParams { min_count: -1e4, max_count: 1e4, ..PlantParams::ideal(kind) };
                 let mut rig = rig(plant, model, at(0.0, 0.0));
                 rig.set_max_step_us(us);
                 run(&mut rig, duty, 300)
@@ -300,7 +300,7 @@ fn rotor_at_rest_stays_at_rest_below_static_friction() {
 #[test]
 fn motor_stalls_at_a_stop_and_can_leave_it() {
     for kind in [MotorKind::Link, MotorKind::Spread, MotorKind::Tip] {
-        let plant = PlantParams::for_motor(kind);
+        let plant = PlantParams::ideal(kind);
         let end = plant.max_count + 0.5;
         // Full speed into the stop, then MT 750's duty against it.
         let mut rig = rig(plant, Model::Averaged, at(end - 5.5, 700.0));
@@ -320,7 +320,7 @@ fn elastic_object_returns_the_speed() {
         let object = Object { from_count: 0.3, stiffness_n_m_rad, damping_n_m_s: 0.0, side: Side::Closing };
         let plant = PlantParams { brake_n_m: 0.0, ..frictionless() };
         let mut rig =
-            Rig::new(plant, RigParams::default(), &[object], Model::Averaged, at(0.0, 800.0), 1).unwrap();
+            Rig::new(plant, RigParams::ideal(), &[object], Model::Averaged, at(0.0, 800.0), 1).unwrap();
         let back = coast(&mut rig, 40);
         close("speed", back.counts_per_s, -800.0, 1e-3);
     }
@@ -331,7 +331,7 @@ fn object_never_pulls() {
     let object = Object { from_count: 0.3, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.01, side: Side::Closing };
     let plant = PlantParams { brake_n_m: 0.0, ..frictionless() };
     let mut rig =
-        Rig::new(plant, RigParams::default(), &[object], Model::Averaged, at(0.0, 800.0), 1).unwrap();
+        Rig::new(plant, RigParams::ideal(), &[object], Model::Averaged, at(0.0, 800.0), 1).unwrap();
     for tick in 1..400 {
         while rig.advance(Bridge::Off, true, tick * 100).is_some() {}
         assert!(rig.truth().load_n_m <= 0.0, "{:?}", rig.truth());
@@ -364,14 +364,14 @@ fn bad_parameters_name_the_field() {
         ("worm_friction", |p| (p.worm_lead_deg, p.worm_friction) = (10.0, 0.1)),
     ];
     for (field, spoil) in spoils {
-        let mut plant = PlantParams::for_motor(MotorKind::Spread);
+        let mut plant = PlantParams::ideal(MotorKind::Spread);
         spoil(&mut plant);
         let error = plant.validate().unwrap_err();
         assert_eq!(error.field, field, "{error}");
     }
     for kind in [MotorKind::Link, MotorKind::Spread, MotorKind::Tip] {
         for seed in 0..100 {
-            PlantParams::for_motor(kind).scattered(seed, 0.3).validate().unwrap();
+            PlantParams::ideal(kind).scattered(seed, 0.3).validate().unwrap();
         }
     }
 }
@@ -398,8 +398,9 @@ proptest! {
         let plant = PlantParams::for_motor(kind).scattered(seed, 0.3);
         let (low, high) = (plant.min_count - 0.5, plant.max_count + 0.5);
         let start = at(low + share * (high - low), 0.0);
-        // Deepest compression: 0.9 N·m into 20 N·m/rad, and full speed: 800 rad/s · √(2.6e-5/20) = 0.91 rad (28 V, Ke 30 % low).
-        let dent = 2.7;
+        // Deepest compression: the gear's play, 0.9 N·m, and full speed: 800 rad/s (28 V, Ke 30 % low) of 2.6e-5 kg·m².
+        let yields = plant.stop_rad_n_m();
+        let dent = 0.5 * plant.backlash_counts + (0.9 * yields + 800.0 * (2.6e-5 * yields).sqrt()) / RAD_PER_COUNT;
         let mut rig = rig(plant, model, start);
         for (duty, load, on, ms) in plan {
             rig.set_disturbance(load);
@@ -434,7 +435,7 @@ proptest! {
 
     #[test]
     fn worm_and_brake_hold_any_load(kind in any_kind(), load in -1.9..1.9_f64, count in 1.0..160.0_f64) {
-        let mut rig = rig(PlantParams::for_motor(kind), Model::Averaged, at(count, 0.0));
+        let mut rig = rig(PlantParams::ideal(kind), Model::Averaged, at(count, 0.0));
         rig.set_disturbance(load);
         rig.advance(Bridge::Off, false, 200_000);
         // Rounding of the conversion to radians and back.
@@ -443,7 +444,7 @@ proptest! {
 
     #[test]
     fn unpowered_plant_only_loses_energy(kind in any_kind(), model in any_model(), count in 0.0..160.0_f64, speed in -1000.0..1000.0_f64) {
-        let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::for_motor(kind) };
+        let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::ideal(kind) };
         let mut rig = rig(plant, model, at(count, speed));
         let mut stored = 0.0;
         for _ in 0..100 {

@@ -17,8 +17,9 @@ use tater_wire::{Destination, Message, Property};
 
 use super::Session;
 
-/// Hall counts: a stop stands on the boundary of two counts (1), and friction holds a rotor off its goal (1).
-pub(super) const TOLERANCE: i32 = 2;
+/// Hall counts: a stop stands on the boundary of two counts (1), friction holds a rotor off its goal (1), and a relative move begins where the
+/// last one has left the rotor (1).
+pub(super) const TOLERANCE: i32 = 3;
 
 const CONDITION_MS: usize = 5_000;
 

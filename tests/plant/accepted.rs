@@ -9,7 +9,7 @@ use tater_wire::MotorKind;
 /// Returns the worst residual as a fraction of the energy turned over, and the highest speed, counts/s.
 fn worst(plant: &PlantParams, model: Model, duties: &[f64]) -> (f64, f64) {
     let start = at(0.5 * (plant.min_count + plant.max_count), 0.0);
-    let mut rig = Rig::new(plant.clone(), RigParams::default(), &[], model, start, 1).unwrap();
+    let mut rig = Rig::new(plant.clone(), RigParams::ideal(), &[], model, start, 1).unwrap();
     let (mut worst, mut fastest) = (0.0_f64, 0.0_f64);
     for &duty in duties {
         for phase in 0..2 {
@@ -57,7 +57,7 @@ prop_compose! {
             winding_housing_k_w, housing_j_k,
             // No trip current: the largest currents are the hardest.
             trip_a: 1000.0,
-            ..PlantParams::for_motor(kind)
+            ..PlantParams::ideal(kind)
         }
     }
 }
@@ -89,7 +89,7 @@ fn plants_too_fast_for_the_step_are_refused() {
         }),
     ];
     for (field, spoil) in spoils {
-        let mut plant = PlantParams::for_motor(MotorKind::Spread);
+        let mut plant = PlantParams::ideal(MotorKind::Spread);
         spoil(&mut plant);
         let error = plant.validate().unwrap_err();
         println!("{error}");
@@ -100,9 +100,9 @@ fn plants_too_fast_for_the_step_are_refused() {
 
 #[test]
 fn start_far_beyond_a_stop_is_refused() {
-    let plant = PlantParams::for_motor(MotorKind::Spread);
+    let plant = PlantParams::ideal(MotorKind::Spread);
     let start = |count| {
-        let params = RigParams::default();
+        let params = RigParams::ideal();
         Rig::new(plant.clone(), params, &[], Model::Averaged, at(count, 0.0), 1).map(|_| ())
     };
     for count in [-2.5, -0.5, 166.5, 168.5] {

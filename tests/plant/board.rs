@@ -16,7 +16,7 @@ fn hall_edges_come_within_a_microsecond() {
     for speed in [7.0, 613.0, 1000.0] {
         for sign in [1.0, -1.0] {
             let mut rig =
-                Rig::new(no_brake(), RigParams::default(), &[], Model::Switched, at(0.0, sign * speed), 1)
+                Rig::new(no_brake(), RigParams::ideal(), &[], Model::Switched, at(0.0, sign * speed), 1)
                     .unwrap();
             for k in 0..20 {
                 let change = rig.advance(Bridge::Off, true, u64::MAX).unwrap();
@@ -41,42 +41,42 @@ fn times(changes: &[HallChange]) -> Vec<u64> {
 #[test]
 fn placement_errors_and_rise_delays_shift_the_edges() {
     // 100 counts/s: a count takes 10 ms, a degree electrical 166.7 µs.
-    let exact = turning(RigParams::default(), 100.0, 60);
+    let exact = turning(RigParams::ideal(), 100.0, 60);
     assert_eq!(times(&exact), [5_000, 15_000, 25_000, 35_000, 45_000, 55_000]);
     assert_eq!(exact.iter().map(|c| c.code).collect::<Vec<_>>(), [6, 4, 5, 1, 3, 2]);
 
     let hall_error_deg = [6.0, -6.0, 0.0, 12.0, 0.0, 0.0];
-    let placed = turning(RigParams { hall_error_deg, ..RigParams::default() }, 100.0, 60);
+    let placed = turning(RigParams { hall_error_deg, ..RigParams::ideal() }, 100.0, 60);
     assert_eq!(times(&placed), [6_000, 14_000, 25_000, 37_000, 45_000, 55_000]);
 
     // Codes 2 6 4 5 1 3 2: lines rise at the first, third and fifth change.
-    let late = turning(RigParams { rise_delay_us: 300, ..RigParams::default() }, 100.0, 60);
+    let late = turning(RigParams { rise_delay_us: 300, ..RigParams::ideal() }, 100.0, 60);
     assert_eq!(times(&late), [5_300, 15_000, 25_300, 35_000, 45_300, 55_000]);
 }
 
 #[test]
 fn glitches_and_stuck_lines_appear_as_configured() {
     let glitches = vec![HallGlitch { at_us: 7_000, code: 0, duration_us: 40 }];
-    let seen = turning(RigParams { glitches, ..RigParams::default() }, 100.0, 20);
+    let seen = turning(RigParams { glitches, ..RigParams::ideal() }, 100.0, 20);
     let want = [(6, 5_000), (0, 7_000), (6, 7_040), (4, 15_000)];
     assert_eq!(seen, want.map(|(code, at_us)| HallChange { code, at_us }));
 
     let stuck = Some(StuckLine { line: 1, high: true, from_us: 0 });
-    let seen = turning(RigParams { stuck, ..RigParams::default() }, 100.0, 60);
+    let seen = turning(RigParams { stuck, ..RigParams::ideal() }, 100.0, 60);
     assert!(seen.iter().all(|change| change.code & 2 != 0) && seen.len() == 4, "{seen:?}");
 }
 
 #[test]
 fn line_that_falls_within_its_rise_delay_never_rises() {
     // At 1000 counts/s a sensor is on for 3 ms.
-    let seen = turning(RigParams { rise_delay_us: 3_100, ..RigParams::default() }, 1000.0, 60);
+    let seen = turning(RigParams { rise_delay_us: 3_100, ..RigParams::ideal() }, 1000.0, 60);
     assert_eq!(seen.last().map(|change| change.code), Some(0));
     assert!(seen.len() < 4, "{seen:?}");
 }
 
 #[test]
 fn brake_acts_after_its_delay_and_holds() {
-    let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
+    let mut rig = rig(PlantParams::ideal(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
     rig.set_disturbance(0.6);
     rig.advance(Bridge::Off, false, 50_000);
     assert_eq!(rig.truth().counts, 80.0);
@@ -95,7 +95,7 @@ fn brake_acts_after_its_delay_and_holds() {
 
 #[test]
 fn brake_command_reversed_within_the_delay_has_no_effect() {
-    let mut rig = rig(PlantParams::for_motor(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
+    let mut rig = rig(PlantParams::ideal(MotorKind::Spread), Model::Averaged, at(80.0, 0.0));
     rig.set_disturbance(0.6);
     rig.advance(Bridge::Off, true, 15_000);
     rig.advance(Bridge::Off, false, 100_000);
@@ -104,7 +104,7 @@ fn brake_command_reversed_within_the_delay_has_no_effect() {
 
 #[test]
 fn hand_on_the_shaft_turns_a_worm_that_a_load_on_the_joint_cannot() {
-    let mut rig = rig(PlantParams::for_motor(MotorKind::Link), Model::Averaged, at(80.0, 0.0));
+    let mut rig = rig(PlantParams::ideal(MotorKind::Link), Model::Averaged, at(80.0, 0.0));
     rig.set_disturbance(0.3);
     rig.advance(Bridge::Off, false, 50_000);
     assert_eq!(rig.truth().counts, 80.0);
@@ -122,7 +122,7 @@ fn hand_on_the_shaft_turns_a_worm_that_a_load_on_the_joint_cannot() {
 #[test]
 fn thermistor_lags_behind_the_housing() {
     // Locked at 60 W for 20 s: the housing warms by 0.4 K/s in the end, and the thermistor lags by 2 s.
-    let params = RigParams { adc_noise_lsb: 0.0, ..RigParams::default() };
+    let params = RigParams { adc_noise_lsb: 0.0, ..RigParams::ideal() };
     let mut rig = Rig::new(free(), params, &[], Model::Averaged, at(0.0, 0.0), 1).unwrap();
     let mut two_seconds_ago = 0.0;
     let mut seen = rig.analog().motor_temp;
@@ -140,9 +140,9 @@ fn thermistor_lags_behind_the_housing() {
 #[test]
 fn analog_readings_match_the_plant() {
     let object = Object { from_count: 20.0, stiffness_n_m_rad: 1.0, damping_n_m_s: 0.0, side: Side::Closing };
-    let plant = PlantParams::for_motor(MotorKind::Link);
+    let plant = PlantParams::ideal(MotorKind::Link);
     let mut rig =
-        Rig::new(plant, RigParams::default(), &[object], Model::Switched, at(15.0, 0.0), 1).unwrap();
+        Rig::new(plant, RigParams::ideal(), &[object], Model::Switched, at(15.0, 0.0), 1).unwrap();
     assert_eq!(rig.analog().strain.abs_diff(128), 0);
     run(&mut rig, 0.5, 200);
     rig.analog();
@@ -208,7 +208,7 @@ fn start_on_a_boundary_advances() {
     // Rounding in radians may put the rotor on either side of the boundary.
     for model in MODELS {
         for error in [-25.0, -6.0, 0.0, 0.1, 6.0, 25.0] {
-            let params = RigParams { hall_error_deg: [error; 6], ..RigParams::default() };
+            let params = RigParams { hall_error_deg: [error; 6], ..RigParams::ideal() };
             for k in [-7, -6, -1, 0, 1, 5, 80, 338] {
                 let count = f64::from(k) + 0.5 + error / 60.0;
                 for (duty, speed) in [(0.3, 0.0), (-0.3, 0.0), (0.3, 300.0), (-0.3, -300.0), (0.3, -20.0)] {
@@ -225,7 +225,7 @@ fn start_on_a_boundary_advances() {
 #[test]
 fn load_moves_a_resting_rotor_off_a_boundary() {
     // A stop is on a hall boundary.
-    let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::for_motor(MotorKind::Spread) };
+    let plant = PlantParams { brake_n_m: 0.0, ..PlantParams::ideal(MotorKind::Spread) };
     let stop = plant.max_count + 0.5;
     for model in MODELS {
         let mut rig = rig(plant.clone(), model, at(stop, 0.0));
@@ -253,7 +253,7 @@ proptest! {
         model in prop_oneof![Just(Model::Averaged), Just(Model::Switched)],
         duties in prop::collection::vec(prop::option::of(-1.0..1.0_f64), 1..4),
     ) {
-        let params = RigParams { hall_error_deg, rise_delay_us, ..RigParams::default() };
+        let params = RigParams { hall_error_deg, rise_delay_us, ..RigParams::ideal() };
         let start = at(count, if still { 0.0 } else { speed });
         let mut rig = Rig::new(PlantParams { zero_sector, ..free() }, params, &[], model, start, 1).unwrap();
         for duty in duties {

@@ -13,11 +13,12 @@ use tater_wire::{MotorKind, Node as Id};
 const SPREAD: usize = 3;
 
 fn spread_plant() -> PlantParams {
-    // Nothing but the contacts takes energy.
+    // Nothing but the contacts takes energy, and they are felt through the gear.
     PlantParams {
         brake_n_m: 0.0,
         coulomb_n_m: 0.0,
         static_n_m: 0.0,
+        cogging_n_m: 0.0,
         viscous_n_m_s: 0.0,
         ..PlantParams::for_motor(MotorKind::Spread)
     }

@@ -11,15 +11,14 @@ pub const KINDS: [&str; 3] = ["link", "spread", "tip"];
 /// Plants of a figure in continuous integration.
 const PLANTS: u64 = 12;
 
-/// What motors of this size have beyond the ideal one, chosen: cogging of 0.4 % of the torque at MT, friction that falls to that of motion at
-/// 30 counts/s, a third of a count of play in the gear, which twists by a count under 0.5 N·m; edges 1° electrical apart by their direction and
-/// scattered by 0.3°. All plants have it if `TARGET_EFFECTS` is set.
-const EFFECTS: (&str, &str) = (
-    "cogging_n_m = 0.002, stribeck_counts_s = 30, backlash_counts = 0.33, gear_rad_n_m = 0.7",
-    "hall_hysteresis_deg = 1, hall_jitter_deg = 0.3",
+/// The targets are for motors without what the defaults have beyond the ideal motor: cogging, friction that falls with speed, a gear with play
+/// that twists, and edges that depend on their direction and scatter. `TARGET_EFFECTS` leaves it in.
+const IDEAL: (&str, &str) = (
+    "cogging_n_m = 0, stribeck_counts_s = 0, backlash_counts = 0, gear_rad_n_m = 0",
+    "hall_hysteresis_deg = 0, hall_jitter_deg = 0",
 );
 
-/// Whether all plants have [`EFFECTS`].
+/// Whether the plants have the defaults' effects.
 pub fn with_effects() -> bool {
     std::env::var_os("TARGET_EFFECTS").is_some()
 }
@@ -75,9 +74,12 @@ impl Motor {
             plant = format!("min_count = -4000, max_count = 4000, {plant}");
         }
         let mut rig = "";
-        if with_effects() && !plant.contains("cogging") {
-            plant = format!("{}, {}", plant.trim_end_matches(", "), EFFECTS.0);
-            rig = EFFECTS.1;
+        if !with_effects() {
+            // A target with an effect of its own sets only that one.
+            let others = IDEAL.0.split(", ").filter(|zero| !plant.contains(zero.split(' ').next().unwrap_or("?")));
+            let others = others.collect::<Vec<_>>().join(", ");
+            plant = format!("{}, {others}", plant.trim_end_matches(", "));
+            rig = IDEAL.1;
         }
         let text = format!(
             "name = \"target\"\nabout = \"\"\nmotor = \"{kind}\"\nduration_ms = 1\nscatter = {scatter:?}\nhall_scatter_deg = {degrees:?}\n\

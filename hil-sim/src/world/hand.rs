@@ -225,12 +225,12 @@ impl<S: Motorized> Hand<S> {
         self.scene.as_ref().map(|(scene, ..)| scene)
     }
 
-    /// The rotors' positions.
+    /// The joints' positions behind their gears, counts of the motors.
     #[must_use]
     pub fn pose(&self) -> Pose {
         let mut pose = Pose::default();
         for (to, node) in pose.iter_mut().zip(self.bus.stations()) {
-            *to = node.rig().truth().counts;
+            *to = node.rig().joint_counts();
         }
         pose
     }

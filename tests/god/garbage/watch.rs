@@ -96,13 +96,13 @@ impl Joint {
     fn new(kind: MotorKind) -> Self {
         let plant = PlantParams::for_motor(kind);
         let no_load = plant.bus_v * f64::from(DUTY) / 32_768.0 / plant.ke_v_s / RAD_PER_COUNT;
-        let spring = plant.stop_stiffness_n_m_rad;
+        let yields = plant.stop_rad_n_m();
         let peak_torque = 1024.0 / 1575.0;
         Self {
             range: [plant.min_count, plant.max_count],
-            // The stop begins half a count beyond the range and yields by T/k; without a damper a rotor would enter it by v * sqrt(J/k).
-            pressed: 0.5 + peak_torque / spring / RAD_PER_COUNT,
-            per_speed: (plant.j_kg_m2 / spring).sqrt(),
+            // As torture's invariant `within-stops`.
+            pressed: 0.5 + 0.5 * plant.backlash_counts + peak_torque * yields / RAD_PER_COUNT,
+            per_speed: (plant.j_kg_m2 * yields).sqrt(),
             no_load,
             peak: no_load,
             pushed: false,

@@ -82,20 +82,20 @@ pub const FIGURES: [Figure; 38] = [
         stribeck_counts_s,
         "stribeck",
         "counts/s",
-        "none: speed at which stiction has fallen to the friction in motion but for 1/e"
+        "chosen: speed at which stiction has fallen to the friction in motion but for 1/e, as in grease"
     ),
-    plant!(cogging_n_m, "cogging", "N m", "none: amplitude, once a count"),
+    plant!(cogging_n_m, "cogging", "N m", "chosen: amplitude, once a count, of a skewed stator"),
     plant!(viscous_n_m_s, "viscous", "N m s/rad", "chosen: an eighth of the friction at no-load speed"),
     plant!(diode_v, "diode", "V", "silicon at a few amperes"),
     plant!(dead_time_us, "dead_time", "us", "the board's timer (docs/board.md)"),
     plant!(trip_a, "trip", "A", "the gate driver's break input: above the 20 A of plugging at full speed"),
     plant!(gear_ratio, "gear", "1", "manual, table 1: motor turns per joint turn"),
-    plant!(backlash_counts, "backlash", "counts", "none: free play of the gear at the motor"),
+    plant!(backlash_counts, "backlash", "counts", "chosen: free play of the gear at the motor, 8' of the joint"),
     plant!(
         gear_rad_n_m,
         "compliance",
         "rad/(N m)",
-        "none: twist of the gear under torque, both at the motor"
+        "chosen: twist of the gear under torque, both at the motor; 10,000 N m/rad at the joint"
     ),
     plant!(worm_lead_deg, "worm_lead", "deg", "chosen: a single-start worm; 0 is none"),
     plant!(
@@ -155,13 +155,13 @@ pub const FIGURES: [Figure; 38] = [
         hall_hysteresis_deg,
         "hysteresis",
         "deg electrical",
-        "none: between the edges of a boundary in either direction"
+        "chosen: between the edges of a boundary in either direction, 2 mT of a sensor"
     ),
     rig!(
         hall_jitter_deg,
         "jitter",
         "deg electrical",
-        "none: rms of the place of each edge, at most 3.5 times that"
+        "chosen: rms of the place of each edge, at most 3.5 times that"
     ),
     rig!(adc_noise_lsb, "adc_noise", "LSB", "half a step of the converter"),
     rig!(thermistor_lag_s, "thermistor_lag", "s", "chosen: a bead glued to the housing"),

@@ -172,15 +172,24 @@ impl Joint {
         sum
     }
 
-    /// Where a joint rests that neither flank touches: its contacts have pushed it back to where they balance the load.
-    fn rest(&self, rotor: f64) -> f64 {
-        let mut joint = rotor;
-        for _ in 0..=self.contacts.len() {
+    /// Where contacts and load balance a spring with its rest at `flank`, N·m/rad: between `low` and `high`, from `start` on. Newton's steps
+    /// are exact on the right piece of the contacts' sum; one to where another came from would go to and fro, and halves the bracket instead.
+    fn balance(&self, start: f64, low: f64, high: f64, (flank, spring): (f64, f64)) -> f64 {
+        let (mut low, mut high, mut joint) = (low - 1e-9, high + 1e-9, start);
+        for _ in 0..64 {
             let (torque, stiffness) = self.torque_at(joint);
-            if torque == 0.0 || stiffness == 0.0 {
+            let left = torque - spring * (joint - flank);
+            if left == 0.0 {
                 break;
             }
-            joint += torque / stiffness;
+            *(if left > 0.0 { &mut low } else { &mut high }) = joint;
+            let next = joint + left / (stiffness + spring);
+            let next = if low < next && next < high { next } else { 0.5 * (low + high) };
+            let is_settled = (next - joint).abs() < 1e-12;
+            joint = next;
+            if is_settled {
+                break;
+            }
         }
         joint
     }
@@ -200,23 +209,18 @@ impl Joint {
             if opening.torque > 0.0 {
                 opening
             } else {
-                return Behind { theta: self.rest(rotor), torque: 0.0, stiffness: 0.0, is_free: true };
+                // Neither flank touches it: its contacts have pushed it back to where they balance the load.
+                let theta = self.balance(rotor, rotor - half, rotor + half, (0.0, 0.0));
+                return Behind { theta, torque: 0.0, stiffness: 0.0, is_free: true };
             }
         };
         if self.compliance > 0.0 {
             let flank = behind.theta;
-            // Each pass loses contacts that the yielding gear does not reach.
-            for _ in 0..=self.contacts.len() {
-                let now = self.torque_at(behind.theta);
-                let at_flank = now.0 + now.1 * (behind.theta - flank);
-                let torque = at_flank / (1.0 + self.compliance * now.1);
-                let next = flank + self.compliance * torque;
-                let settled = (next - behind.theta).abs() < 1e-12;
-                behind = Behind { theta: next, torque, stiffness: now.1, is_free: false };
-                if settled {
-                    break;
-                }
-            }
+            let yields = flank + self.compliance * behind.torque;
+            let spring = 1.0 / self.compliance;
+            let theta = self.balance(flank, flank.min(yields), flank.max(yields), (flank, spring));
+            let (_, stiffness) = self.torque_at(theta);
+            behind = Behind { theta, torque: spring * (theta - flank), stiffness, is_free: false };
         }
         behind
     }
@@ -230,10 +234,16 @@ impl Joint {
         self.contacts.iter().map(|c| c.stored_j(joint.theta)).sum::<f64>() + gear + magnets
     }
 
+    /// The joint's own position, rad at the motor.
+    #[must_use]
+    pub fn position(&self, theta: f64) -> f64 {
+        if self.is_rigid() { theta } else { self.behind(theta).theta }
+    }
+
     /// The part of it in objects.
     #[must_use]
     pub fn objects_j(&self, theta: f64) -> f64 {
-        let joint = self.behind(theta).theta;
+        let joint = self.position(theta);
         self.contacts[STOPS..].iter().map(|c| c.stored_j(joint)).sum()
     }
 

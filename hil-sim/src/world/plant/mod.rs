@@ -235,6 +235,12 @@ impl Plant {
         self.shaft_torque = n_m;
     }
 
+    /// Position of the joint behind the gear's play and twist, counts of the motor.
+    #[must_use]
+    pub fn joint_counts(&self) -> f64 {
+        self.joint.position(self.state.shaft.theta) / RAD_PER_COUNT
+    }
+
     /// Energy stored in the objects in the joint's way, J.
     #[must_use]
     pub fn objects_j(&self) -> f64 {

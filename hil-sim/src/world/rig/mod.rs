@@ -271,6 +271,12 @@ impl Rig {
         self.plant.set_objects(objects);
     }
 
+    /// Position of the joint behind the gear's play and twist, counts of the motor.
+    #[must_use]
+    pub fn joint_counts(&self) -> f64 {
+        self.plant.joint_counts()
+    }
+
     /// Energy stored in the objects in the joint's way, J.
     #[must_use]
     pub fn objects_j(&self) -> f64 {

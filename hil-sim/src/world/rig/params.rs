@@ -33,9 +33,10 @@ pub struct StuckLine {
 pub struct RigParams {
     /// Error of the upper boundary of sector k (90° + 60°·k), degrees electrical, ±25; positive = at a higher count.
     pub hall_error_deg: [f64; 6],
-    /// Distance between the edges of a boundary in either direction, degrees electrical, 0 to 9.
+    /// Distance between the edges of a boundary in either direction, degrees electrical, 0 to 9. Chosen 1: a latching sensor's 2 mT of
+    /// some hundred that a rotor's magnet gives.
     pub hall_hysteresis_deg: f64,
-    /// RMS of the place of each edge, degrees electrical, 0 to 1.
+    /// RMS of the place of each edge, degrees electrical, 0 to 1. Chosen 0.3: noise of a few tenths of a mT.
     pub hall_jitter_deg: f64,
     /// Delay of a rising hall line, µs; falling edges are immediate (open collector with a pull-up).
     pub rise_delay_us: u64,
@@ -67,8 +68,8 @@ impl Default for RigParams {
     fn default() -> Self {
         Self {
             hall_error_deg: [0.0; 6],
-            hall_hysteresis_deg: 0.0,
-            hall_jitter_deg: 0.0,
+            hall_hysteresis_deg: 1.0,
+            hall_jitter_deg: 0.3,
             rise_delay_us: 0,
             glitches: Vec::new(),
             stuck: None,
@@ -88,6 +89,12 @@ impl Default for RigParams {
 }
 
 impl RigParams {
+    /// The default, with edges at the same place in each direction and each time.
+    #[must_use]
+    pub fn ideal() -> Self {
+        Self { hall_hysteresis_deg: 0.0, hall_jitter_deg: 0.0, ..Self::default() }
+    }
+
     /// Whether phases and hall lines are connected as the standard has it.
     #[must_use]
     pub fn is_wired_as_standard(&self) -> bool {

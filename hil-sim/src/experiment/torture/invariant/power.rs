@@ -172,9 +172,11 @@ pub fn speed(joint: &mut Joint, view: &View) -> Option<String> {
 pub fn stops(joint: &mut Joint, view: &View) -> Option<String> {
     let plant = &joint.plant;
     let beyond = (plant.min_count - view.truth.counts).max(view.truth.counts - plant.max_count);
-    // The stop begins half a count beyond the range and yields by T/k; without a damper a rotor would enter it by v * sqrt(J/k).
+    // The stop begins half a count and half the gear's play beyond the range; it and the gear yield by T/k; without a damper a rotor would
+    // enter it by v * sqrt(J/k).
     let peak_n_m = view.volts.max(plant.bus_v) / plant.r_ohm * plant.ke_v_s;
-    let pressed = 0.5 + peak_n_m / plant.stop_stiffness_n_m_rad / RAD_PER_COUNT;
-    let dent = (plant.j_kg_m2 / plant.stop_stiffness_n_m_rad).sqrt() * joint.fastest;
+    let yields = plant.stop_rad_n_m();
+    let pressed = 0.5 + 0.5 * plant.backlash_counts + peak_n_m * yields / RAD_PER_COUNT;
+    let dent = (plant.j_kg_m2 * yields).sqrt() * joint.fastest;
     (beyond > pressed + dent).then(|| format!("{beyond:.2} counts beyond its range"))
 }
