@@ -25,7 +25,7 @@
 //!
 //! Velocities and accelerations in 2^-26 counts and ticks of 1 ms, the way in 2^-27 counts, so that the sum of two velocities is exact.
 
-use crate::num::{Law, mul_low, ratio_of_square};
+use crate::num::{Law, mul_low, mul_upper, ratio_of_square};
 use crate::units::{Counts, CountsPerSec};
 use fixed::types::I22F10;
 
@@ -160,9 +160,9 @@ impl Profile {
     }
 
     fn set_point(&self, before: i32) -> SetPoint {
-        // Within ±2^22 counts of 2^-10, as every difference of positions. 1000/2^10 from 2^-26 a tick to 2^-16 a second.
+        // Within ±2^22 counts of 2^-10, as every difference of positions. 125/2^7 from 2^-26 a tick to 2^-16 a second; twice a velocity fits.
         let left = Counts(I22F10::from_bits(crate::num::low_word((self.left + (1 << 16)) >> 17)));
-        let law = |velocity: i32| Law::from_bits(mul_low(velocity, 1000, 10));
+        let law = |velocity: i32| Law::from_bits(mul_upper(2 * velocity, 125 << 24));
         SetPoint {
             position: self.end.wrapping_sub(left),
             velocity: CountsPerSec(law(self.velocity)),
@@ -200,7 +200,7 @@ impl Profile {
         }
         if self.left != 0 || before != 0 {
             self.advance(ramps, reach);
-            self.ticks = self.ticks.saturating_add(1);
+            self.ticks += 1;
         }
         self.set_point(before)
     }
@@ -241,10 +241,13 @@ impl Profile {
 /// Whether a set-point that changes from `v` to `next` can then stop within the way that is left.
 fn can_stop(way: i64, v: i32, next: i32, down: i32) -> bool {
     let rest = way - i64::from(v) - i64::from(next);
+    if rest < 0 || next <= 0 {
+        return rest >= 0;
+    }
     // Rounded up.
-    let slower = i64::from(next.max(0) >> 6) + i64::from(next > 0);
+    let slower = i64::from(next >> 6) + 1;
     // 2^-52 / 2^12; a way of 2^22 counts has 37 bits here, and `down` 24.
-    rest >= 0 && slower * slower <= (rest >> 12) * i64::from(down)
+    slower * slower <= (rest >> 12) * i64::from(down)
 }
 
 /// The highest velocity up to `next` with which the set-point still ends at rest on its end; beyond help it slows down by `most`: an eighth more
@@ -254,13 +257,14 @@ fn nearest(way: i64, v: i32, next: i32, down: i32, most: i32) -> i32 {
     let rise = (next - v).max(0);
     // The last of the way in two ticks: one to this velocity, one to rest.
     let last = crate::num::low_word(((way - i64::from(v)) >> 1).clamp(0, i64::from(i32::MAX))) - v;
-    for share in [rise >> 1, rise >> 2, last.clamp(0, rise >> 2), 0] {
-        if v + share > 0 && can_stop(way, v, v + share, down) {
-            return v + share;
+    // What can stop from `v` decides first: no more can otherwise.
+    if v == 0 || can_stop(way, v, v, down) {
+        for share in [rise >> 1, rise >> 2, last.clamp(0, rise >> 2)] {
+            if v + share > 0 && can_stop(way, v, v + share, down) {
+                return v + share;
+            }
         }
-    }
-    if v == 0 {
-        return 1;
+        return v.max(1);
     }
     // v²/2p: 2^-52 over 2^-27, and half, in 2^-26. An end that came nearer cannot be reached so.
     let needed = ratio_of_square(v.unsigned_abs(), way.unsigned_abs().max(1));
