@@ -261,6 +261,8 @@ pub struct Observer {
     previous: State,
     /// Time of the last tick.
     at: Micros,
+    /// K + κ in 2^-16.
+    emf: i32,
     /// Gain of a tick, B(1+β)T/(1 + ½B(1+β)KT), in 2^-28, and 1/(B(1+β)T) in 2^-16.
     step: i32,
     inertia: i32,
@@ -307,6 +309,7 @@ impl Observer {
             state,
             previous: state,
             at: Micros(0),
+            emf: 0,
             step: 0,
             inertia: 0,
             sure_gain: 0,
@@ -410,7 +413,7 @@ impl Observer {
     /// K + κ: EMF in torque units per count/s.
     #[must_use]
     pub const fn emf(&self) -> Law {
-        Law::from_bits(self.motor.emf + self.state.emf_change)
+        Law::from_bits(self.emf)
     }
 
     /// K without what was learned.
@@ -497,7 +500,7 @@ impl Observer {
     #[inline]
     pub fn predict(&mut self, push: Push) {
         let m = &mut self.state;
-        let back = mul_low(self.motor.emf + m.emf_change, m.velocity, 16);
+        let back = mul_low(self.emf, m.velocity, 16);
         let driven = matches!(push, Push::Volts { .. });
         if driven != self.driven {
             self.driven = driven;
@@ -533,27 +536,22 @@ impl Observer {
         let change = mul_low(self.step, drive - friction - back, 28);
         self.change = change;
         let velocity = (m.velocity + change).clamp(-SPEED_MAX - 1, SPEED_MAX);
-        if m.velocity != 0 && (velocity == 0 || (velocity ^ m.velocity) < 0) {
-            // It stops within the tick, after the share v/change of it.
-            let share = ((m.velocity.unsigned_abs() >> 8) << 8) / (change.unsigned_abs() >> 8).max(1);
-            m.to += mul_low(mul_upper(m.velocity, MEAN_STEP), share.min(256).cast_signed(), 8);
-            m.velocity = 0;
+        let stops = m.velocity != 0 && (velocity == 0 || (velocity ^ m.velocity) < 0);
+        let velocity = if stops { 0 } else { velocity };
+        let mut moved = mul_upper(m.velocity + velocity, MEAN_STEP);
+        if stops {
+            moved = mul_low(moved, stopping_share(m.velocity, change), 8);
             m.stuck = drive.abs() <= self.motor.stiction;
-        } else {
-            m.to += mul_upper(m.velocity + velocity, MEAN_STEP);
-            m.velocity = velocity;
         }
+        m.to += moved;
+        m.velocity = velocity;
     }
 
     /// Processes a step of the count.
     #[inline(never)]
     pub fn edge(&mut self, edge: &HallEdge) {
         if edge.bounce {
-            let shift = edge.count.wrapping_sub(self.state.count);
-            let from = self.state.from - shift.clamp(-8, 8) * COUNT;
-            self.state = State { from, ..self.previous };
-            self.enter(edge.count);
-            return;
+            return self.restore(edge.count);
         }
         self.previous = self.state;
         let sign = i32::from(edge.direction.sign());
@@ -618,6 +616,15 @@ impl Observer {
         }
     }
 
+    /// The last edge was a glitch: back to the state before it.
+    fn restore(&mut self, count: i32) {
+        let shift = count.wrapping_sub(self.state.count);
+        let from = self.state.from - shift.clamp(-8, 8) * COUNT;
+        self.state = State { from, ..self.previous };
+        self.emf = self.motor.emf + self.state.emf_change;
+        self.enter(count);
+    }
+
     fn enter(&mut self, count: i32) {
         self.state.count = count;
         self.state.index = index(count);
@@ -647,22 +654,26 @@ impl Observer {
         let (rate, pull, slowness) = entry(&SLOPES, half_octaves(scaled));
         let gone = ONE - keep;
         let weight = mul_low(gone, gone, 16) >> u32::from(overdue);
-        let more = ONE + (mul_low(keep, ONE - slowness, 16) >> 1);
+        let more = ONE + (mul_16(keep, ONE - slowness) >> 1);
         let half = gone >> 1;
-        let lean = half + mul_low(ONE - half, slowness, 16);
+        let lean = half + mul_16(ONE - half, slowness);
         let m = &mut self.state;
-        // 2^20 · 2^16 / 2^20; rates in 2^-12 · 2^-4.
-        let faster = mul_low(residual, mul_low(weight, more, 16), 20);
-        let change = mul_shift(faster, mul_shift(rate, self.motor.rate, 8), 8);
-        let net = self.mean_volts + m.load
-            - mul_low(self.motor.emf + m.emf_change, m.velocity, 16)
-            - m.velocity.signum() * self.motor.friction;
-        let stronger = mul_low(residual, mul_low(weight, lean, 16), 20);
-        let slope = mul_shift(mul_low(pull, self.motor.rate, 12), self.motor.emf, 16);
+        // 2^20 · 2^16 / 2^20; rates in 2^-12 · 2^-4, below 2^17 and 2^13.
+        let faster = mul_low(residual, mul_16(weight, more), 20);
+        let change = mul_shift(faster, (rate * self.motor.rate) >> 8, 8);
+        let friction = match m.velocity {
+            0 => 0,
+            ..0 => -self.motor.friction,
+            _ => self.motor.friction,
+        };
+        let back = mul_low(self.emf, m.velocity, 16);
+        let net = self.mean_volts + m.load - back - friction;
+        let stronger = mul_low(residual, mul_16(weight, lean), 20);
+        let slope = mul_low(mul_low(pull, self.motor.rate, 12), self.motor.emf, 16);
         let delta = mul_shift(stronger, slope, 4).clamp(-MOST_DELTA, MOST_DELTA);
-        let speed = (m.velocity >> 16).clamp(-4080, 4080);
+        let speed = (m.velocity >> 16).clamp(-4096, 4095);
         let net = (net >> 16).clamp(-900, 900);
-        m.velocity = m.velocity.saturating_add(change).clamp(-SPEED_MAX, SPEED_MAX);
+        m.velocity = m.velocity.saturating_add(change).clamp(-SPEED_MAX - 1, SPEED_MAX);
         // A motor at rest shows no more than a load, unless that is running away with it.
         let (by_speed, by_torque) = if self.resting && speed.abs() < RUNAWAY {
             (0, 0)
@@ -686,24 +697,38 @@ impl Observer {
         m.load = (m.load + load).clamp(-MOST_LOAD, MOST_LOAD);
     }
 
-    /// Gains that follow from β.
+    /// Gains that follow from κ and β.
     fn rescale(&mut self) {
-        let gain = mul_shift(self.motor.step, ONE + self.state.gain_change, 16);
+        self.emf = self.motor.emf + self.state.emf_change;
+        // The step is below 2^27, 1 + β between 0.5 and 1.9.
+        let gain = mul_low(self.motor.step, ONE + self.state.gain_change, 16);
         // x = B(1+β)KT/2 in 2^-16; 1/(1 + x) = 1 − x + x² within 0.1 % for x up to 0.1.
-        let x = mul_shift(gain, self.motor.emf, 29).min(ONE / 2);
-        self.step = mul_shift(gain, ONE - x + mul_low(x, x, 16), 16);
+        let x = mul_low(gain, self.motor.emf, 29).min(ONE / 2);
+        self.step = mul_low(gain, ONE - x + mul_low(x, x, 16), 16);
         let sure = mul_low(self.motor.step, ONE + self.state.gain_change.min(0), 16);
         // 2^-28 counts/s a tick is 2^-28/1000 counts a tick²: 2^26/2^28/1000 of 2^32.
         self.sure_gain = mul_upper(sure, 1_073_742);
         // 2^44 / 2^28.
-        let inertia = (1_u32 << 31) / (gain.unsigned_abs() >> 13).max(1);
+        let inertia = (1_u32 << 31) / (gain.cast_unsigned() >> 13).max(1);
         self.inertia = inertia.min(u32::from(u16::MAX) << 10).cast_signed();
     }
+}
+
+/// The product of two shares that are not negative, 2^-16.
+fn mul_16(a: i32, b: i32) -> i32 {
+    mul_low_unsigned(a.cast_unsigned(), b.cast_unsigned(), 16).cast_signed()
 }
 
 /// Number of a count's upper boundary within the electrical revolution.
 fn index(count: i32) -> usize {
     usize::try_from(count.rem_euclid(6)).unwrap_or(0)
+}
+
+/// The share v/change of a tick after which a rotor stops in it, 2^-8.
+#[inline(never)]
+fn stopping_share(velocity: i32, change: i32) -> i32 {
+    let share = ((velocity.unsigned_abs() >> 8) << 8) / (change.unsigned_abs() >> 8).max(1);
+    share.min(256).cast_signed()
 }
 
 /// Mean velocity of a rotor that has moved by 1.3 counts since an edge `us` ago, 2^-16 counts/s; up to 2600, faster than any motor turns.
