@@ -261,9 +261,9 @@ impl Start {
 }
 
 fn derate(temp: i32, max: i32, band: i32) -> i16 {
-    let left = max.saturating_sub(temp).clamp(0, band).saturating_mul(i32::from(FULL)) / band;
+    let left = max - temp;
     // 0..=990.
-    saturating_i16(left)
+    if left >= band { FULL } else { saturating_i16(left.max(0) * i32::from(FULL) / band) }
 }
 
 #[cfg(test)]
