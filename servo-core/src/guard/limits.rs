@@ -108,7 +108,7 @@ impl TorqueLimiter {
         self.short_ms >= SHORT_MS
     }
 
-    /// The torque limits of this tick, within what the bus voltage leaves of an EMF in torque units.
+    /// The torque limits of this tick, within what the bus voltage leaves of an EMF within ±2^15 torque units.
     #[must_use]
     #[inline]
     pub fn envelope(&self, mt: Torque, thermal: Torque, emf: i32, bus: MilliVolts) -> TorqueEnvelope {
@@ -121,8 +121,6 @@ impl TorqueLimiter {
             volts = volts.min(i32::from(folded.0));
         }
         let most = i32::from(most.0);
-        // Voltages of 0..=2703 and ±32,767.
-        let emf = emf.clamp(-32_767, 32_767);
         let within = |torque: i32| torque.max(-most).min(most);
         let high = within(volts - emf);
         let low = within(-(volts + emf));
@@ -149,11 +147,12 @@ const MOST_DUTY: i32 = 31_680;
 ///
 /// `quarter` is a quarter of the bus voltage in mV.
 fn dead_time(volts: i32, torque: i32, duty: i32, quarter: i32) -> i32 {
-    // |volts| < 2^12 where the duty is within its limit, so the product is below 2^27.
+    // |volts| < 2^12 and |duty| < 2^15, so the product is below 2^27.
     if torque == 0 {
         return 0;
     }
-    let ripple = (volts.abs().min(4095) * (32_768 - duty.abs().min(32_768))) >> 15;
+    // A voltage has the sign of its duty: |U|·|duty| is U·duty.
+    let ripple = ((volts.abs() << 15) - volts * duty) >> 15;
     let ripple = (ripple * 77) >> 10;
     // From none to all within ±1.5 units, in 2^-8.
     let share = ((torque.abs() - ripple) * 83 + 128).clamp(0, 256);
@@ -200,10 +199,10 @@ impl TorqueEnvelope {
         (Torque(saturating_i16(self.low)), Torque(saturating_i16(self.high)))
     }
 
-    /// Torque that is left to drive a rotor whose EMF in its direction is `emf`; negative if the bus cannot drive it so fast. Above −2^11.
+    /// Torque that is left to drive a rotor whose EMF in its direction is `emf`; negative if the bus cannot drive it so fast.
     #[must_use]
     pub fn forward(&self, emf: i32) -> i32 {
-        self.most.min(self.volts - emf).max(-2047)
+        self.most.min(self.volts - emf)
     }
 
     /// [`Self::most`] as a number.
@@ -250,8 +249,7 @@ impl TorqueEnvelope {
         let volts = torque + self.emf;
         let quarter = (i32::from(self.bus.0).max(1_000) + 3) / 4;
         let bits = volts * 192_000 / quarter;
-        let most = MOST_DUTY.max(bits.abs());
-        let bits = (bits + dead_time(volts, torque, bits, quarter)).clamp(-most, most);
+        let bits = (bits + dead_time(volts, torque, bits, quarter)).clamp(-MOST_DUTY, MOST_DUTY);
         let (duty, torque) = (Duty::from_bits(saturating_i16(bits)), Torque(saturating_i16(torque)));
         AppliedTorque { duty, volts, torque, limit }
     }
