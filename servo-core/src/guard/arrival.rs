@@ -106,8 +106,14 @@ impl Arrival {
     /// One tick of 1 ms of the move, in which `torque` is applied.
     #[inline]
     pub fn push(&mut self, torque: Torque) {
-        let is_pushed = torque.saturating_abs() > FRICTION;
-        self.pushed_ms = if is_pushed { PUSHED_MS } else { self.pushed_ms.saturating_sub(1) };
+        if (FRICTION.saturating_neg()..=FRICTION).contains(&torque) {
+            if self.pushed_ms == 0 {
+                return;
+            }
+            self.pushed_ms -= 1;
+        } else {
+            self.pushed_ms = PUSHED_MS;
+        }
         self.pushing_ms = if self.pushed_ms > 0 { self.pushing_ms.saturating_add(1) } else { 0 };
     }
 

@@ -64,8 +64,10 @@ impl Stall {
         if self.rest_ms == RESTED {
             return;
         }
-        self.lead_ms = self.lead_ms.saturating_sub(1);
-        self.rest_ms = self.rest_ms.saturating_add(1);
+        if self.lead_ms > 0 {
+            self.lead_ms -= 1;
+        }
+        self.rest_ms += 1;
         if self.rest_ms >= u32::from(tstop) && self.lead_ms == 0 {
             self.rest_ms = RESTED;
             self.opening_ms = self.opening_ms.min(LEAD_MS.into());
@@ -78,6 +80,13 @@ impl Stall {
     pub fn is_over(&self, closing: bool, tstop: u16) -> bool {
         let still_ms = if closing { self.closing_ms } else { self.opening_ms };
         tstop != 0 && still_ms >= u32::from(tstop) + u32::from(self.lead_ms)
+    }
+
+    /// Whether [`Self::is_over`] may hold either way: a quick check for each tick.
+    #[must_use]
+    #[inline]
+    pub fn may_be_over(&self, tstop: u16) -> bool {
+        self.closing_ms.max(self.opening_ms) >= u32::from(tstop)
     }
 
     /// Whether half of `tstop` is used up, either way.
