@@ -20,7 +20,7 @@ use crate::motion::pid::{Errors, Pid, PidConfig, PidState, Stage};
 use crate::motion::profile::{MoveLimits, Profile, Ramps, Reach, SetPoint};
 use crate::motion::torque::{damped, emf, sure_emf};
 use crate::motion::velocity_loop::VelocityLoop;
-use crate::num::{Law, TICK_HZ, mul_low, product};
+use crate::num::{Law, TICK_HZ, mul_clamped, mul_low};
 use crate::sense::hall::{HallEdge, HallEvent};
 use crate::sense::observer::{Motor, Observer, Push};
 use crate::units::{Counts, CountsPerSec, Torque};
@@ -273,11 +273,11 @@ fn reach(observer: &Observer, control: &PositionLoop, envelope: &TorqueEnvelope)
     let closes = control.profile.closes();
     let (back, load) = (emf(observer.emf(), velocity), i32::from(Torque::from_fixed(observer.load()).0));
     let (back, load) = if closes { (back, load) } else { (-back, -load) };
-    // Torques are below 4096 and the gain below 2^15.
+    // Torques are below 2^14, at 4080 counts/s too, and the gain below 2^15.
     let (gain, friction) = (observer.sure_gain(), observer.friction().to_bits() >> 16);
     let up = envelope.forward(back) - friction + load.min(0) - RESERVE;
     let down = envelope.most_units() + friction - load.max(0) - RESERVE;
-    let starting = velocity.0.to_bits().abs() < STARTING.0.to_bits();
+    let starting = velocity > STARTING.saturating_neg() && velocity < STARTING;
     let up = if starting {
         (up * gain).max(LEAST_REACH)
     } else if control.shorted {
@@ -301,11 +301,19 @@ fn stage(setpoint: &SetPoint, position: Counts, error: Law) -> (Stage, Law) {
 
 /// Friction in the direction of the set-point's velocity `goal`, or of the error at its end, and the observed load; torque units.
 fn carried(observer: &Observer, stage: Stage, goal: Law, error: Law) -> (Law, Law) {
+    const ONE: i32 = Law::ONE.to_bits();
     let friction = observer.friction() + observer.kick();
     let load = observer.load();
     let friction = match stage {
         Stage::Move if goal != Law::ZERO => {
-            product(friction, Law::from_bits(goal.to_bits() >> 1).max(-Law::ONE).min(Law::ONE))
+            let share = goal.to_bits() >> 1;
+            if share >= ONE {
+                friction
+            } else if share <= -ONE {
+                -friction
+            } else {
+                Law::from_bits(mul_low(friction.to_bits(), share, 16))
+            }
         }
         // Friction holds a resting rotor with what is too little, or too much: half of it lets neither a wrong load nor a missing one move it.
         Stage::Cell => {
@@ -398,6 +406,8 @@ pub struct Servo {
     applied: AppliedTorque,
     /// The last tick braked harder than the law wanted.
     forced: bool,
+    /// An edge shows a load rather than a motion that was ordered.
+    resting: bool,
     ended: Option<EndReason>,
     homed: bool,
     /// Whether the wiring and the direction of closing are known. HI is refused before.
@@ -428,6 +438,7 @@ impl Servo {
             faults: Faults::default(),
             applied: AppliedTorque::OFF,
             forced: false,
+            resting: false,
             ended: None,
             homed: false,
             wired: true,
@@ -810,21 +821,10 @@ impl Servo {
         let drive = self.control(sense);
         let is_field = matches!(self.motion, Motion::Field(_));
         self.observer.predict(match drive.duty {
-            Some(_) if !is_field => Push::Volts { volts: self.applied.volts, resting: self.is_resting() },
+            Some(_) if !is_field => Push::Volts { volts: self.applied.volts, resting: self.resting },
             _ => Push::Off,
         });
         drive
-    }
-
-    /// Whether an edge shows a load rather than a motion that was ordered.
-    fn is_resting(&self) -> bool {
-        match &self.motion {
-            Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
-                control.setpoint.done
-            }
-            Motion::Torque(_) => true,
-            _ => false,
-        }
     }
 
     fn control(&mut self, sense: &Sense) -> Drive {
@@ -868,7 +868,10 @@ impl Servo {
         if self.check_end(counted, sense) {
             match self.motion {
                 Motion::Idle => return IDLE,
-                Motion::Starting { .. } => return self.drive(),
+                Motion::Starting { .. } => {
+                    self.resting = false;
+                    return self.drive();
+                }
                 _ => {}
             }
         }
@@ -1054,17 +1057,26 @@ impl Servo {
     fn law(&mut self, envelope: &TorqueEnvelope) -> Torque {
         match self.motion {
             Motion::Idle | Motion::Starting { .. } => Torque::ZERO,
-            Motion::Field(wanted) | Motion::Torque(wanted) => wanted,
+            Motion::Field(wanted) | Motion::Torque(wanted) => {
+                self.resting = true;
+                wanted
+            }
             Motion::Velocity
             | Motion::TorqueControlled { .. }
             | Motion::Pressing { .. }
             | Motion::Home { .. } => {
+                self.resting = false;
                 let torque = self.velocity_torque(envelope.most());
+                let missing = self.tuning.velocity_loop.missing_damping();
+                // Most gains damp enough.
+                if missing == Law::ZERO {
+                    return torque;
+                }
                 // Damps what is faster than wanted, or turns the other way.
                 let (wanted, velocity) = (self.velocity_goal().0, self.velocity.0);
                 let ordered = velocity.max(wanted.min(Law::ZERO)).min(wanted.max(Law::ZERO));
                 let beyond = CountsPerSec(velocity.saturating_sub(ordered));
-                damped(torque, beyond, self.tuning.velocity_loop.missing_damping())
+                damped(torque, beyond, missing)
             }
             Motion::Position(_) | Motion::Move { .. } | Motion::Zero { .. } => self.position_torque(envelope),
         }
@@ -1089,13 +1101,16 @@ impl Servo {
             // Each return to the set-point would send the braking current through the bridge into the bus.
             control.shorted_ms -= 1;
             control.setpoint = control.profile.follow(ramps, position, self.velocity);
+            self.resting = control.setpoint.done;
             return envelope.short();
         }
-        if control.must_wait(position) {
+        if control.setpoint.done {
+            // It rests on its end.
+        } else if control.must_wait(position) {
             if let Some(arrival) = arrival {
                 arrival.wait(control.profile.end().wrapping_sub(position).round(), self.tuning.config.tstop);
             }
-        } else if !control.setpoint.done {
+        } else {
             let closes = control.setpoint.velocity > CountsPerSec::ZERO;
             control.setpoint = control.profile.step(ramps, reach(&self.observer, control, envelope));
             if control.setpoint.done {
@@ -1103,11 +1118,12 @@ impl Servo {
             }
         }
         let setpoint = &control.setpoint;
+        self.resting = setpoint.done;
         let error = setpoint.position.wrapping_sub(position).saturating_error();
         let goal = setpoint.velocity.0;
         let (stage, error) = stage(setpoint, self.position, error);
         let (friction, load) = carried(&self.observer, stage, goal, error);
-        let feed = product(setpoint.change, self.observer.inertia()) + friction - load;
+        let feed = mul_clamped(setpoint.change, self.observer.inertia()) + friction - load;
         let errors = Errors {
             stage,
             position: error,
@@ -1178,10 +1194,18 @@ impl Servo {
         if opens == closing { velocity.saturating_neg() } else { velocity }
     }
 
+    /// To leave a stop it has all of MT: a motion may have wedged the joint in it.
+    #[inline(never)]
+    const fn homing_ceiling(&self, stage: Homing) -> Torque {
+        match stage {
+            Homing::Seek | Homing::Return { .. } => self.tuning.homing_most,
+            Homing::Leave { .. } => self.tuning.most,
+        }
+    }
+
     fn torque_ceiling(&self) -> Torque {
         match self.motion {
-            // To leave a stop it has all of MT: a motion may have wedged the joint in it.
-            Motion::Home { stage: Homing::Seek | Homing::Return { .. }, .. } => self.tuning.homing_most,
+            Motion::Home { stage, .. } => self.homing_ceiling(stage),
             _ => self.tuning.most,
         }
     }
@@ -1195,7 +1219,7 @@ impl Servo {
         let tstop = if homes { self.tstop() } else { self.tuning.config.tstop };
         let stalled = if counted && self.stall.count(self.count) {
             false
-        } else if let Some(closing) = self.drives() {
+        } else if let Some(closing) = self.drives(tstop) {
             self.stall.drive(closing, tstop)
         } else {
             self.stall.rest(tstop);
@@ -1311,7 +1335,7 @@ impl Servo {
     }
 
     /// The direction in which the motor is driven away from rest, `true` closing, so that a missing hall count is a stall.
-    fn drives(&self) -> Option<bool> {
+    fn drives(&self, tstop: u16) -> Option<bool> {
         match &self.motion {
             Motion::Idle | Motion::Starting { .. } | Motion::Field(_) => None,
             Motion::Torque(wanted) => direction(i32::from(wanted.0)),
@@ -1323,26 +1347,34 @@ impl Servo {
             Motion::Move { .. } if self.tuning.config.accel == 0 => Some(self.end > self.position.round()),
             Motion::Zero { .. } if self.tuning.config.accel == 0 => Some(self.tuning.config.ioff > 0),
             Motion::Position(control) | Motion::Move { control, .. } | Motion::Zero { control, .. } => {
-                let lag = control.lag(self.position);
-                // Its set-point has only begun to move towards an obstacle that has just stalled the motor.
-                let ahead = control.profile.end().wrapping_sub(self.position);
-                let closing = ahead > Counts::ZERO;
-                if ahead.round() != 0 && self.stall.is_over(closing, self.tstop()) {
-                    return Some(closing);
+                if self.stall.may_be_over(tstop)
+                    && let closing @ Some(_) = self.is_blocked(control, tstop)
+                {
+                    return closing;
                 }
-                let torque = direction(i32::from(self.applied.torque.0));
+                let torque = || direction(i32::from(self.applied.torque.0));
                 // A high KD may press a rotor on a stop that its set-point has not reached yet.
-                if self.presses() && torque == direction(control.setpoint.velocity.round().into()) {
-                    return torque;
+                if self.presses() && torque() == direction(control.setpoint.velocity.round().into()) {
+                    return torque();
                 }
                 let elsewhere =
                     control.setpoint.done && control.setpoint.position.round() != self.position.round();
                 if elsewhere && self.applied.torque.saturating_abs() >= FRICTION {
-                    return torque;
+                    return torque();
                 }
-                (!lag.is_within(DRIVEN_LAG)).then_some(lag > Counts::ZERO)
+                let lag = control.lag(self.position);
+                let is_driven = lag <= DRIVEN_LAG.wrapping_neg() || lag >= DRIVEN_LAG;
+                is_driven.then_some(lag > Counts::ZERO)
             }
         }
+    }
+
+    /// The direction of an end behind an obstacle that has just stalled the motor: the set-point has only begun to move towards it.
+    #[inline(never)]
+    fn is_blocked(&self, control: &PositionLoop, tstop: u16) -> Option<bool> {
+        let ahead = control.profile.end().wrapping_sub(self.position);
+        let closing = ahead > Counts::ZERO;
+        (ahead.round() != 0 && self.stall.is_over(closing, tstop)).then_some(closing)
     }
 
     fn tstop(&self) -> u16 {

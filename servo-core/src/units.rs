@@ -45,12 +45,6 @@ impl Counts {
         Self(self.0.wrapping_neg())
     }
 
-    /// Whether the magnitude is less than that of `distance`.
-    #[must_use]
-    pub const fn is_within(self, distance: Self) -> bool {
-        self.0.to_bits().unsigned_abs() < distance.0.to_bits().unsigned_abs()
-    }
-
     /// The distance as a control error, saturated to ±32767 counts.
     #[must_use]
     pub fn saturating_error(self) -> I16F16 {
@@ -158,10 +152,10 @@ impl Torque {
         I16F16::from_bits((self.0 as i32) << 16)
     }
 
-    /// Rounded from a control law's result; the range of the law, ±32767, is the range here.
+    /// Rounded from a control law's result, which is below 32,767.5.
     #[must_use]
     pub const fn from_fixed(units: I16F16) -> Self {
-        Self((units.to_bits().saturating_add(1 << 15) >> 16) as i16)
+        Self(((units.to_bits() + (1 << 15)) >> 16) as i16)
     }
 }
 

@@ -22,9 +22,6 @@ pub fn missing(damping: Law) -> Law {
 #[must_use]
 #[inline]
 pub fn damped(torque: Torque, velocity: CountsPerSec, missing: Law) -> Torque {
-    if missing == Law::ZERO {
-        return torque;
-    }
     Torque(saturating_i16(i32::from(torque.0) - round_product(missing, velocity.0)))
 }
 

@@ -45,7 +45,7 @@ impl VelocityLoop {
         let more = if self.gain == Law::ZERO || wanted == CountsPerSec::ZERO {
             Law::ZERO
         } else {
-            friction.saturating_sub(load.max(MOST_LOAD.saturating_neg()).min(MOST_LOAD))
+            friction - load.max(MOST_LOAD.saturating_neg()).min(MOST_LOAD)
         };
         let more = i32::from(Torque::from_fixed(more).0);
         let torque = (round_product(self.gain, error) + more).max(-limit).min(limit);

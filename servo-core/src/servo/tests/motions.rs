@@ -130,7 +130,7 @@ fn motor_is_driven_where_its_motion_pushes() {
         bench.servo.tuning.config = config(bench.servo.tuning.config);
         bench.servo.motion = motion;
         bench.servo.end = 7;
-        bench.servo.drives()
+        bench.servo.drives(bench.servo.tstop())
     };
     let same: fn(Config) -> Config = |config| config;
     let opens: fn(Config) -> Config = |config| Config { ivel: 5, ..config };
