@@ -330,8 +330,7 @@ fn elastic_object_returns_the_speed() {
 fn object_never_pulls() {
     let object = Object { from_count: 0.3, stiffness_n_m_rad: 0.5, damping_n_m_s: 0.01, side: Side::Closing };
     let plant = PlantParams { brake_n_m: 0.0, ..frictionless() };
-    let mut rig =
-        Rig::new(plant, RigParams::ideal(), &[object], Model::Averaged, at(0.0, 800.0), 1).unwrap();
+    let mut rig = Rig::new(plant, RigParams::ideal(), &[object], Model::Averaged, at(0.0, 800.0), 1).unwrap();
     for tick in 1..400 {
         while rig.advance(Bridge::Off, true, tick * 100).is_some() {}
         assert!(rig.truth().load_n_m <= 0.0, "{:?}", rig.truth());

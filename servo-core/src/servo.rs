@@ -954,8 +954,10 @@ impl Servo {
         }
         let position = self.exact_position();
         // What a hold has taken for a load may be friction.
-        if goal.mode() != Mode::Trapezoidal && goal.mode() != Mode::Pid {
-            self.observer.forget_load();
+        match goal.mode() {
+            Mode::Trapezoidal => self.observer.leave_rest(),
+            Mode::Pid => {}
+            _ => self.observer.forget_load(),
         }
         match goal {
             Goal::Torque(torque) => self.motion = Motion::Torque(torque),

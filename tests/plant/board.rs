@@ -141,8 +141,7 @@ fn thermistor_lags_behind_the_housing() {
 fn analog_readings_match_the_plant() {
     let object = Object { from_count: 20.0, stiffness_n_m_rad: 1.0, damping_n_m_s: 0.0, side: Side::Closing };
     let plant = PlantParams::ideal(MotorKind::Link);
-    let mut rig =
-        Rig::new(plant, RigParams::ideal(), &[object], Model::Switched, at(15.0, 0.0), 1).unwrap();
+    let mut rig = Rig::new(plant, RigParams::ideal(), &[object], Model::Switched, at(15.0, 0.0), 1).unwrap();
     assert_eq!(rig.analog().strain.abs_diff(128), 0);
     run(&mut rig, 0.5, 200);
     rig.analog();

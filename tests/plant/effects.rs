@@ -45,8 +45,7 @@ fn friction_falls_from_stiction_with_speed() {
         close("friction", lost, friction, 0.002);
     }
     // A torque between the two starts no rotor, and stops none that is fast.
-    let mut rig =
-        Rig::new(plant.clone(), RigParams::ideal(), &[], Model::Averaged, at(0.0, 0.0), 1).unwrap();
+    let mut rig = Rig::new(plant.clone(), RigParams::ideal(), &[], Model::Averaged, at(0.0, 0.0), 1).unwrap();
     rig.set_shaft_torque(0.035);
     assert_eq!(coast(&mut rig, 200).counts, 0.0);
     let mut rig = Rig::new(plant, RigParams::ideal(), &[], Model::Averaged, at(0.0, 20.0), 1).unwrap();

@@ -33,7 +33,10 @@ impl fmt::Display for Spread {
 }
 
 /// Something of each seed, in order, on all processors.
-pub fn each<T: Send>(seeds: std::ops::Range<u64>, of: impl Fn(u64) -> T + Sync) -> Vec<T> {
+pub fn each<T: Send>(
+    seeds: impl Iterator<Item = u64> + Clone + Send,
+    of: impl Fn(u64) -> T + Sync,
+) -> Vec<T> {
     let threads = thread::available_parallelism().map_or(1, usize::from);
     let mut found: Vec<(u64, T)> = thread::scope(|scope| {
         let shards: Vec<_> = (0..threads)

@@ -76,7 +76,8 @@ impl Motor {
         let mut rig = "";
         if !with_effects() {
             // A target with an effect of its own sets only that one.
-            let others = IDEAL.0.split(", ").filter(|zero| !plant.contains(zero.split(' ').next().unwrap_or("?")));
+            let others =
+                IDEAL.0.split(", ").filter(|zero| !plant.contains(zero.split(' ').next().unwrap_or("?")));
             let others = others.collect::<Vec<_>>().join(", ");
             plant = format!("{}, {others}", plant.trim_end_matches(", "));
             rig = IDEAL.1;

@@ -48,7 +48,7 @@ const PATIENCE_MS: u32 = 2000;
 pub struct Quiet {
     /// Since the last edge, or since the plan if that is later: a short move may end before its rotor has left its cell.
     pub free: Micros,
-    /// Since the last edge, the end of the profile or the first such torque, whichever is latest: a torque that grows has yet to move it.
+    /// Since the last edge, the end of the profile or the first torque of about this size, whichever is latest: one that grows has yet to move it.
     pub pushed: Micros,
     /// More torque than a joint's friction has been applied just now.
     pub is_pushed: bool,
@@ -71,9 +71,10 @@ pub struct Arrival {
     late_ms: u32,
     /// Time since the profile's end.
     settling_ms: u32,
-    /// Time for which the rotor still counts as pushed, and since when it has.
+    /// Time for which the rotor still counts as pushed, and since when it has by about `pushed_by` torque units.
     pushed_ms: u8,
     pushing_ms: u32,
+    pushed_by: u16,
     /// Ticks at rest in the cell of the end.
     still_ms: u8,
     needed_ms: u8,
@@ -94,6 +95,7 @@ impl Arrival {
             settling_ms: 0,
             pushed_ms: 0,
             pushing_ms: 0,
+            pushed_by: 0,
             still_ms: 0,
             needed_ms: 0,
             cells: (0, 0),
@@ -103,18 +105,25 @@ impl Arrival {
         }
     }
 
-    /// One tick of 1 ms of the move, in which `torque` is applied.
+    /// One tick of 1 ms of the move, in which `torque` is applied. One that has grown by a joint's friction is a new push: the servo that pulls
+    /// a rotor into the end's cell ever harder has just broken it loose, 10 ms before its edge.
     #[inline]
     pub fn push(&mut self, torque: Torque) {
-        if (FRICTION.saturating_neg()..=FRICTION).contains(&torque) {
-            if self.pushed_ms == 0 {
-                return;
-            }
-            self.pushed_ms -= 1;
-        } else {
+        let (by, friction) = (torque.0.unsigned_abs(), FRICTION.0.unsigned_abs());
+        if by > friction {
             self.pushed_ms = PUSHED_MS;
+        } else if self.pushed_ms == 0 {
+            return;
+        } else {
+            self.pushed_ms -= 1;
         }
-        self.pushing_ms = if self.pushed_ms > 0 { self.pushing_ms.saturating_add(1) } else { 0 };
+        if self.pushed_ms == 0 {
+            (self.pushing_ms, self.pushed_by) = (0, 0);
+        } else if by > self.pushed_by + friction {
+            (self.pushing_ms, self.pushed_by) = (1, by);
+        } else {
+            self.pushing_ms = self.pushing_ms.saturating_add(1);
+        }
     }
 
     /// One tick of 1 ms after the end of a profile of so many `ticks`, `quiet` after the last edge. Nothing has driven a motor that was off
@@ -242,6 +251,11 @@ mod tests {
         }
         assert_eq!(pushed(0, 300_000), 0);
         assert_eq!([83, -83].map(|torque| pushed(torque, 300_000)), [1_000, 2_000], "from a later push");
+        assert_eq!(
+            [165, 166].map(|torque| pushed(torque, 300_000)),
+            [3_000, 1_000],
+            "from one that has grown"
+        );
     }
 
     /// First tick in which it rests.

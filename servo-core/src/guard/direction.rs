@@ -248,8 +248,12 @@ mod tests {
             steps
         };
         assert!(run([rests(1, 125); 6].as_flattened()).0.is_right());
-        let back = [rests(1, 125), rests(1, 125), rests(1, 125), rests(-1, 125), rests(1, 125), rests(1, 125)];
-        assert!(!run([back, back].as_flattened().as_flattened()).0.is_right(), "a count against the torque begins anew");
+        let back =
+            [rests(1, 125), rests(1, 125), rests(1, 125), rests(-1, 125), rests(1, 125), rests(1, 125)];
+        assert!(
+            !run([back, back].as_flattened().as_flattened()).0.is_right(),
+            "a count against the torque begins anew"
+        );
         assert!(!run([rests(1, 0); 6].as_flattened()).0.is_right(), "it is turned by hand");
     }
 

@@ -26,6 +26,10 @@ pub const RETURN_FROM: MilliVolts = MilliVolts(28_000);
 /// Bus voltage from which on nothing is returned: seven motors return 20 A at most, which is 1.3 V in a tick.
 const RETURN_NONE: MilliVolts = MilliVolts(29_000);
 
+/// Bus voltage beyond any supply's: a torque within 1/16 of the EMF counts as braking, because a motor whose EMF is that much higher than its
+/// model returns current at it.
+const RETURNS: MilliVolts = MilliVolts(30_000);
+
 /// Voltage across a motor at `RETURN_FROM`, torque units: 28 V of 24 V as 1024.
 const RETURN_VOLTS: i32 = 1195;
 
@@ -93,7 +97,8 @@ pub fn risen(torque: i32, previous: i32) -> i32 {
 pub fn without_return(volts: i32, torque: i32, bus: MilliVolts) -> i32 {
     let room = i32::from(RETURN_NONE.0) - i32::from(bus.0);
     let most = if room > 0 { (RETURN_VOLTS * room) >> 10 } else { 0 };
-    if i64::from(volts) * i64::from(torque) >= 0 { volts } else { volts.max(-most).min(most) }
+    let unsure = if bus > RETURNS { (volts - torque) / 16 } else { 0 };
+    if i64::from(volts) * i64::from(torque - unsure) >= 0 { volts } else { volts.max(-most).min(most) }
 }
 
 #[cfg(test)]
@@ -154,7 +159,10 @@ mod tests {
         assert_eq!(without_return(-573, 300, MilliVolts(40_000)), 0);
         // Neither driving nor plugging returns current.
         for (volts, torque) in [(573, 300), (-100, -900)] {
-            assert_eq!(without_return(volts, torque, MilliVolts(30_000)), volts);
+            assert_eq!(without_return(volts, torque, MilliVolts(31_000)), volts);
         }
+        // The bus says that this little torque drives nothing.
+        assert_eq!(without_return(-630, -10, MilliVolts(30_000)), -630);
+        assert_eq!(without_return(-630, -10, MilliVolts(30_001)), 0);
     }
 }

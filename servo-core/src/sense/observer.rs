@@ -399,6 +399,13 @@ impl Observer {
         self.state.load -= self.state.load.max(low).min(high);
     }
 
+    /// A rotor leaves a rest: of its load, forgets what may have been friction, F at most. Friction holds the rest of a real one until the rotor
+    /// moves and shows it.
+    pub fn leave_rest(&mut self) {
+        let friction = self.motor.friction;
+        self.state.load -= self.state.load.max(-friction).min(friction);
+    }
+
     /// Forgets the load.
     pub const fn forget_load(&mut self) {
         self.state.load = 0;

@@ -90,7 +90,12 @@ pub const FIGURES: [Figure; 38] = [
     plant!(dead_time_us, "dead_time", "us", "the board's timer (docs/board.md)"),
     plant!(trip_a, "trip", "A", "the gate driver's break input: above the 20 A of plugging at full speed"),
     plant!(gear_ratio, "gear", "1", "manual, table 1: motor turns per joint turn"),
-    plant!(backlash_counts, "backlash", "counts", "chosen: free play of the gear at the motor, 8' of the joint"),
+    plant!(
+        backlash_counts,
+        "backlash",
+        "counts",
+        "chosen: free play of the gear at the motor, 8' of the joint"
+    ),
     plant!(
         gear_rad_n_m,
         "compliance",
