@@ -1,6 +1,7 @@
 //! System tests: one binary, a module a subject.
 
 mod arrival;
+mod chart;
 mod emulated;
 mod fences;
 mod god;

@@ -21,9 +21,6 @@ const WRONG_WAY: f64 = 6.0;
 /// Most counts that FIND may move around its start (the requirement).
 const EXCURSION: f64 = 6.0;
 
-/// Time limit of learning, ms; stated in docs/wire.md.
-const LEARN_MS: u32 = 15_000;
-
 /// Attempts of a host.
 const TRIES: u32 = 4;
 
@@ -206,7 +203,7 @@ impl Bench {
     /// FIND, the test move and the confirmation by what the joint really did. Returns the time of learning in ms.
     fn learn(&mut self) -> Result<u32, String> {
         self.set(Property::FIND, 1);
-        let ms = self.finish(LEARN_MS);
+        let ms = self.finish(u32::from(tater_fw::find::LIMIT_MS));
         if self.find_state() != i64::from(FindState::Learned) {
             return Err(format!("FIND ends in state {} after {ms} ms", self.find_state()));
         }
@@ -415,7 +412,7 @@ fn refusals_name_the_broken_wire() {
             Bench::new(Node::unwired(SimBoard::new(rig, Id::new(case.number()).expect("a node"))));
         bench.step();
         bench.set(Property::FIND, 1);
-        bench.finish(LEARN_MS);
+        bench.finish(u32::from(tater_fw::find::LIMIT_MS));
         let (below, above) = bench.excursion();
         assert!(below.max(above) <= EXCURSION, "{below:.1} {above:.1}");
         assert_eq!(bench.status().mode, Mode::Idle);

@@ -100,7 +100,7 @@ fn image_learns_its_wiring_stores_it_and_homes_after_a_reset() {
                 state = bench.get(Property::FIND);
                 state != Some(FindState::Learning.into())
             };
-            let (low, high) = watch(&mut bench, 15_000, ended);
+            let (low, high) = watch(&mut bench, tater_fw::find::LIMIT_MS.into(), ended);
             let moved = (start - low).max(high - start);
             println!("figure: node {node}: FIND moved {moved:.1} counts, state {state:?}");
             assert!(moved <= WRONG_WAY, "node {node}: {moved:.1} counts");

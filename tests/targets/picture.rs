@@ -1,88 +1,15 @@
 //! `docs/servo.svg`: what the servo does, on the nominal motor and on 40 scattered plants.
 
-use std::fmt::Write as _;
-use std::path::PathBuf;
-
 use hil_sim::node::Sample;
 use tater_wire::Property;
 
 use super::figures::{each, torque_error};
 use super::optimum::optimum_path;
 use super::rig::{Motor, Setup};
-
-/// With this environment variable set, the test writes the picture instead of comparing it.
-const MAKE: &str = "MAKE_SERVO_PICTURE";
+use crate::chart::{self, BLUE, ORANGE, Panel, Points};
 
 /// Plants of an envelope, which shows 5 to 95 % of them.
 const PLANTS: u64 = 40;
-
-const WIDTH: f64 = 900.0;
-const LEFT: f64 = 56.0;
-const RIGHT: f64 = 24.0;
-const PANEL: f64 = 190.0;
-const GAP: f64 = 62.0;
-
-const NOMINAL: &str = "#0b62c4";
-const OPTIMUM: &str = "#d9480f";
-const ENVELOPE: &str = "#9ec5f0";
-
-type Points = Vec<(f64, f64)>;
-
-/// One diagram: its ranges from low to high, with the distance of grid lines.
-struct Panel {
-    title: &'static str,
-    x: (f64, f64, f64),
-    y: (f64, f64, f64),
-    band: Option<(Points, Points)>,
-    lines: Vec<(&'static str, Points)>,
-}
-
-impl Panel {
-    fn draw(&self, svg: &mut String, top: f64) {
-        let (left, right, x_grid) = self.x;
-        let (low, high, y_grid) = self.y;
-        let at = |&(x, y): &(f64, f64)| {
-            let y = y.clamp(low, high);
-            let across = LEFT + (WIDTH - LEFT - RIGHT) * (x - left) / (right - left);
-            format!("{across:.1},{:.1}", top + PANEL * (high - y) / (high - low))
-        };
-        let path = |points: &Points| points.iter().map(at).collect::<Vec<_>>().join(" ");
-        text(svg, LEFT, top - 10.0, "#1c2128", self.title);
-        let mut value = low;
-        while value <= high + 1e-9 {
-            let y = top + PANEL * (high - value) / (high - low);
-            let end = WIDTH - RIGHT;
-            let _ = writeln!(
-                svg,
-                "<line x1=\"{LEFT:.0}\" y1=\"{y:.1}\" x2=\"{end:.0}\" y2=\"{y:.1}\" stroke=\"#d0d7de\"/>"
-            );
-            text(svg, 14.0, y + 4.0, "#57606a", &format!("{value:.0}"));
-            value += y_grid;
-        }
-        let mut value = left;
-        while value <= right + 1e-9 {
-            let x = LEFT + (WIDTH - LEFT - RIGHT) * (value - left) / (right - left);
-            text(svg, x - 8.0, top + PANEL + 15.0, "#57606a", &format!("{value:.0}"));
-            value += x_grid;
-        }
-        if let Some((lower, upper)) = &self.band {
-            let back: Points = lower.iter().rev().copied().collect();
-            let _ =
-                writeln!(svg, "<polygon fill=\"{ENVELOPE}\" points=\"{} {}\"/>", path(upper), path(&back));
-        }
-        for (color, points) in &self.lines {
-            let points = path(points);
-            let _ = writeln!(
-                svg,
-                "<polyline fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\" points=\"{points}\"/>"
-            );
-        }
-    }
-}
-
-fn text(svg: &mut String, x: f64, y: f64, color: &str, text: &str) {
-    let _ = writeln!(svg, "<text x=\"{x:.0}\" y=\"{y:.0}\" font-size=\"12\" fill=\"{color}\">{text}</text>");
-}
 
 /// A figure of each ms of a run: of the nominal motor, and the 5 and 95 % of the scattered plants.
 fn envelope(run: impl Fn(Option<u64>) -> Vec<f64> + Sync) -> (Points, (Points, Points)) {
@@ -133,25 +60,25 @@ fn moves() -> Vec<Panel> {
         .collect();
     vec![
         Panel {
-            title: "A link's step of 10 counts: counts over ms. Line: the nominal motor; area: 5 to 95 % of 40 plants of ±30 %",
+            title: "A link's step of 10 counts: counts over ms. Line: the nominal motor; area: 5 to 95 % of 40 plants of ±30 %".to_owned(),
             x: (0.0, 120.0, 20.0),
             y: (0.0, 12.0, 2.0),
             band: Some(step_band),
-            lines: vec![(NOMINAL, stepped)],
+            lines: vec![(BLUE, stepped)],
         },
         Panel {
-            title: "A link's move at MV 16: true velocity in counts/s over ms",
+            title: "A link's move at MV 16: true velocity in counts/s over ms".to_owned(),
             x: (0.0, 1_500.0, 250.0),
             y: (0.0, 32.0, 8.0),
             band: Some(slow_band),
-            lines: vec![(NOMINAL, slowly)],
+            lines: vec![(BLUE, slowly)],
         },
         Panel {
-            title: "A link's full travel, ACCEL 1000, MV 4080: counts over ms. Orange: the shortest time that the nominal motor allows",
+            title: "A link's full travel, ACCEL 1000, MV 4080: counts over ms. Orange: the shortest time that the nominal motor allows".to_owned(),
             x: (0.0, 700.0, 100.0),
             y: (-50.0, 350.0, 50.0),
             band: Some(travel_band),
-            lines: vec![(OPTIMUM, optimum), (NOMINAL, travelled)],
+            lines: vec![(ORANGE, optimum), (BLUE, travelled)],
         },
     ]
 }
@@ -176,45 +103,24 @@ fn forces() -> Vec<Panel> {
     };
     vec![
         Panel {
-            title: "0.2 N m on a spread that holds its position, from 0 ms on: counts over ms",
+            title: "0.2 N m on a spread that holds its position, from 0 ms on: counts over ms".to_owned(),
             x: (0.0, 200.0, 25.0),
             y: (-1.0, 4.0, 1.0),
             band: Some(load_band),
-            lines: vec![(NOMINAL, loaded)],
+            lines: vec![(BLUE, loaded)],
         },
         Panel {
-            title: "Error of the torque in mode 2, % over T. Blue: against a stop; orange: turning at 100 counts/s",
+            title: "Error of the torque in mode 2, % over T. Blue: against a stop; orange: turning at 100 counts/s".to_owned(),
             x: (0.0, 750.0, 50.0),
             y: (-10.0, 10.0, 5.0),
             band: None,
-            lines: vec![(NOMINAL, errors(false)), (OPTIMUM, errors(true))],
+            lines: vec![(BLUE, errors(false)), (ORANGE, errors(true))],
         },
     ]
 }
 
-fn svg() -> String {
-    let panels: Vec<Panel> = moves().into_iter().chain(forces()).collect();
-    let height = (PANEL + GAP) * panels.len() as f64 + 10.0;
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH:.0} {height:.0}\" font-family=\"sans-serif\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
-    );
-    for (index, panel) in panels.iter().enumerate() {
-        panel.draw(&mut svg, 30.0 + (PANEL + GAP) * index as f64);
-    }
-    svg + "</svg>\n"
-}
-
 #[test]
 fn picture_of_the_servo_is_current() {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs/servo.svg");
-    let drawn = svg();
-    if std::env::var_os(MAKE).is_some() {
-        std::fs::write(&path, &drawn).expect("docs can be written");
-    }
-    let kept = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(
-        kept == drawn,
-        "docs/servo.svg is out of date: {MAKE}=1 cargo test -p system-tests targets::picture"
-    );
+    let panels: Vec<Panel> = moves().into_iter().chain(forces()).collect();
+    chart::keep("servo.svg", "MAKE_SERVO_PICTURE", "targets::picture", &panels);
 }

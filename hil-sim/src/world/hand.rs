@@ -159,7 +159,7 @@ impl Hand<Node> {
     pub fn state(&self) -> State {
         let kept = |node: &Node| Kept {
             flash: node.board().sim_flash().bytes().to_vec(),
-            counts: node.board().rig().truth().counts,
+            counts: node.board().rig().settled_counts(),
         };
         State { boards: self.bus.stations().map(kept).collect(), god: self.memory.stored() }
     }

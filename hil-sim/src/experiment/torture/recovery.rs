@@ -32,8 +32,7 @@ const TEST_BACK: u8 = 5;
 const CLOSED: u8 = 3;
 const OPENED: u8 = 4;
 
-/// Longest time of LEARN, ms (docs/wire.md), and what a host waits for longer than that.
-const LEARN_MS: u64 = 15_000;
+/// What a host waits for longer than FIND's limit.
 const MARGIN_MS: u64 = 1_000;
 
 /// What an observer sees of a test move, counts.
@@ -241,7 +240,7 @@ fn turn_by_hand<S: Subject>(session: &mut Session<'_, S>, motor: usize) {
 /// SET FIND 1, and GET FIND until it has learned or refuses; returns that.
 fn learn<S: Subject>(session: &mut Session<'_, S>, motor: usize) -> Option<i64> {
     run(session, &format!("{} S FIND {LEARN}", motor + 1));
-    let end_ms = session.ms() + LEARN_MS + MARGIN_MS;
+    let end_ms = session.ms() + u64::from(tater_fw::find::LIMIT_MS) + MARGIN_MS;
     loop {
         rest(session, 100);
         let state = property(session, motor, Property::FIND);
@@ -249,7 +248,7 @@ fn learn<S: Subject>(session: &mut Session<'_, S>, motor: usize) -> Option<i64> 
             return state;
         }
         if session.ms() > end_ms {
-            let why = format!("FIND learns for more than {LEARN_MS} ms");
+            let why = format!("FIND learns for more than {} ms", tater_fw::find::LIMIT_MS);
             session.fail(HOMES, motor + 1, why);
             return state;
         }

@@ -77,6 +77,13 @@ impl Halls {
         self.cell
     }
 
+    /// `counts` on the side of a boundary that the sensors show, at most by their hysteresis and jitter away: where sensors that lose their
+    /// power settle to the same cell.
+    #[must_use]
+    pub fn settled(&self, counts: f64) -> f64 {
+        counts.clamp(self.boundary(self.cell - 1) + 1e-6, self.boundary(self.cell) - 1e-6)
+    }
+
     /// Breaks the wires of lines 0 to 2, each at a level, from the next [`Self::update`] on; `None`: the line follows its sensor again.
     pub fn break_lines(&mut self, levels: [Option<bool>; 3]) {
         self.broken = levels;

@@ -251,6 +251,12 @@ impl Rig {
         self.halls.cell()
     }
 
+    /// See [`Halls::settled`].
+    #[must_use]
+    pub fn settled_counts(&self) -> f64 {
+        self.halls.settled(self.plant.counts())
+    }
+
     /// See [`Plant::set_max_step_us`].
     pub fn set_max_step_us(&mut self, us: u64) {
         self.plant.set_max_step_us(us);
