@@ -17,6 +17,8 @@ pub struct Tally {
     pub moves: u64,
     /// Moves that stalled on their load instead.
     pub stalled: u64,
+    /// Arrivals after which HOLD has not come to rest within 300 ms, but has within 1 s.
+    pub late: u64,
     /// True speed of each arrival, counts/s.
     pub speeds: Vec<f64>,
     /// What must not be: the move and what it did.
@@ -117,11 +119,22 @@ impl Tally {
         if rest > order.mpe as f64 + CELL_COUNTS + SLIP_COUNTS {
             self.wrong.push(format!("{what}: rests {rest:.2} counts from its end"));
         }
-        let still = &counts[300..];
-        let (low, high) =
-            still.iter().fold((f64::MAX, f64::MIN), |(low, high), &at| (low.min(at), high.max(at)));
-        if order.holds && high - low > HUNTING_COUNTS {
-            self.wrong.push(format!("{what}: moves by {:.2} counts at rest", high - low));
+        if order.holds && swing(&counts[300..]) > HUNTING_COUNTS {
+            // It looks for its load; hunting is what does not end.
+            motor.run(500);
+            let later: Vec<f64> = motor.run(500).iter().map(|sample| sample.truth.counts).collect();
+            if swing(&later) > HUNTING_COUNTS {
+                self.wrong.push(format!("{what}: moves by {:.2} counts at rest", swing(&later)));
+            } else {
+                self.late += 1;
+            }
         }
     }
+}
+
+/// From peak to peak.
+fn swing(counts: &[f64]) -> f64 {
+    let (low, high) =
+        counts.iter().fold((f64::MAX, f64::MIN), |(low, high), &at| (low.min(at), high.max(at)));
+    high - low
 }
