@@ -26,8 +26,9 @@ use servo_core::guard::direction;
 use servo_core::sense::wiring::Wiring;
 use servo_core::units::{MilliAmps, Torque};
 
-/// Largest torque.
-const MOST: i16 = direction::MOST.0;
+/// Largest torque: a quarter more than what starts any motor. A rotor that creeps behind the field has the friction of a resting one, and where
+/// only the field's peak overcomes it, it stays a cell behind (torture seed 469504521).
+const MOST: i16 = direction::MOST.0 + direction::MOST.0 / 4;
 
 /// Rise of the torque a ms, at first and after `FAST` rotations without a result: a rotor that slides while the torque rises fast
 /// passes the boundary that should hold it, and two neighbors score the same.
