@@ -9,6 +9,8 @@ mod optimum;
 mod picture;
 mod rig;
 
+use tater_wire::Property;
+
 use figures::{
     Spread, arrival_speed, estimator_error, full_travel, load_step, rest, ripple, step, torque, tracking,
     velocity_error, velocity_ripple,
@@ -174,4 +176,28 @@ fn random_moves_arrive_and_rest() {
     // Measured: one in 50,000.
     assert!(late <= 1 + moves / 5_000, "{late} of {moves}");
     assert!(wrong.is_empty() && p95 <= 35.0 && speeds.len() > 10, "{p95}: {wrong:#?}");
+}
+
+/// A rotor that runs on longer than its model takes that for a load: the EMF of the model's velocity may not make it true.
+#[test]
+fn zero_torque_never_drives_a_heavy_motor_with_little_friction() {
+    for (inertia, friction) in [(3e-5, 0.015), (4e-5, 0.015), (4e-5, 0.021)] {
+        for bus_v in [20, 28] {
+            let plant = format!(
+                "j_kg_m2 = {inertia:?}, coulomb_n_m = {friction:?}, static_n_m = {friction:?}, bus_v = {bus_v}"
+            );
+            let mut motor = rig::Motor::new(&rig::Setup::new("link", "", 0.0).plant(&plant), None);
+            motor.set(Property::MODE, 2);
+            motor.set(Property::T, 300);
+            while motor.step().truth.counts_per_s < 300.0 {}
+            motor.set(Property::T, 0);
+            motor.run(2);
+            let (mut slowest, mut rise) = (f64::MAX, 0.0_f64);
+            for sample in motor.run(800) {
+                slowest = slowest.min(sample.truth.counts_per_s);
+                rise = rise.max(sample.truth.counts_per_s - slowest);
+            }
+            assert!(rise < 5.0, "{plant}: faster by {rise:.0} counts/s at T = 0");
+        }
+    }
 }

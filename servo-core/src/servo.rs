@@ -1038,9 +1038,9 @@ impl Servo {
             Motion::Field(_) => 0,
             // The model of a rotor at an obstacle runs on.
             Motion::Torque(wanted) => {
-                let velocity = self.observer.sure_coming_velocity();
-                let nominal = emf(self.observer.nominal_emf(), velocity);
-                sure_emf(emf(self.observer.emf(), velocity), nominal, wanted)
+                let used = emf(self.observer.emf(), self.observer.sure_coming_velocity());
+                let shown = emf(self.observer.nominal_emf(), self.observer.shown_coming_velocity());
+                sure_emf(used, shown, wanted)
             }
             // Until the direction is known, no EMF adds to the limit of the torque: the model of a wrongly wired motor runs on alone.
             _ if !self.direction.is_right() => {

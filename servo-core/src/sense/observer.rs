@@ -383,11 +383,23 @@ impl Observer {
         self.sure(self.coming_velocity())
     }
 
+    /// The same as the last interval between edges has shown it: 1.3 counts in it at most. A heavy rotor with little friction runs on longer
+    /// than its model, which takes that for a load that drives it, and whose velocity would drive it indeed.
+    #[must_use]
+    pub fn shown_coming_velocity(&self) -> CountsPerSec {
+        self.within(self.coming_velocity(), self.state.quiet_us.max(self.state.interval_us))
+    }
+
     fn sure(&self, velocity: CountsPerSec) -> CountsPerSec {
+        self.within(velocity, self.state.quiet_us)
+    }
+
+    /// A velocity of 1.3 counts in a time at most, and none of a rotor that stands.
+    fn within(&self, velocity: CountsPerSec, us: i32) -> CountsPerSec {
         if self.state.quiet_us > STANDING_US {
             return CountsPerSec::ZERO;
         }
-        let most = fastest(self.state.quiet_us);
+        let most = fastest(us);
         CountsPerSec(I16F16::from_bits(velocity.0.to_bits().max(-most).min(most)))
     }
 
