@@ -184,11 +184,12 @@ fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     for assignment in &args.set {
         scenario.set(assignment)?;
     }
-    for (option, assignments) in [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)] {
-        for assignment in assignments {
-            scenario.override_figure(option, assignment)?;
-        }
-    }
+    let of_options = [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)];
+    let overrides: Vec<(&str, &str)> = of_options
+        .into_iter()
+        .flat_map(|(option, all)| all.iter().map(move |assignment| (option, assignment.as_str())))
+        .collect();
+    scenario.override_figures(&overrides)?;
     let model = match args.model {
         ModelName::Averaged => Model::Averaged,
         ModelName::Switched => Model::Switched,

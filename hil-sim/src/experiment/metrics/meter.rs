@@ -27,6 +27,8 @@ struct Target {
     overshoot: f64,
     /// Where the rotor was when E was given.
     from: f64,
+    /// When a re-plan gave E; none: the move began with it.
+    since_ms: Option<u32>,
     /// The first ticks at which a tenth and nine tenths of the way were behind the rotor.
     tenths_ms: [Option<u32>; 2],
     /// The last tick farther than [`SETTLED`] from E.
@@ -48,13 +50,18 @@ struct Move {
 }
 
 impl Target {
-    fn follow(&mut self, sample: &Sample, since_ms: Option<u32>) {
+    /// Follows the move from its beginning, and measures peaks and sums in the window.
+    fn follow(&mut self, sample: &Sample, driven_ms: Option<u32>, is_measured: bool) {
         let off = sample.truth.counts - self.end;
-        self.overshoot = self.overshoot.max(off * self.direction);
-        let Some(since_ms) = since_ms else { return };
-        let seconds = f64::from(sample.ms - since_ms) * TICK_S;
-        self.iae += off.abs() * TICK_S;
-        self.itae += seconds * off.abs() * TICK_S;
+        if is_measured {
+            self.overshoot = self.overshoot.max(off * self.direction);
+        }
+        let Some(since_ms) = self.begun_ms(driven_ms) else { return };
+        if is_measured {
+            let seconds = f64::from(sample.ms - since_ms) * TICK_S;
+            self.iae += off.abs() * TICK_S;
+            self.itae += seconds * off.abs() * TICK_S;
+        }
         if off.abs() > SETTLED {
             self.unsettled_ms = Some(sample.ms);
         }
@@ -65,6 +72,11 @@ impl Target {
                 self.tenths_ms[place].get_or_insert(sample.ms);
             }
         }
+    }
+
+    /// t = 0, if the move has driven.
+    fn begun_ms(&self, driven_ms: Option<u32>) -> Option<u32> {
+        driven_ms.map(|ms| self.since_ms.map_or(ms, |replanned_ms| replanned_ms.max(ms)))
     }
 }
 
@@ -92,6 +104,10 @@ impl Window {
 
     const fn has(&self, ms: u32) -> bool {
         self.from_ms <= ms && ms <= self.to_ms
+    }
+
+    const fn is_over(&self, ms: u32) -> bool {
+        ms > self.to_ms
     }
 }
 
@@ -211,8 +227,13 @@ impl Meter {
     /// Records a command given in the state `last`; `accepted` if the servo accepted it. The servo's report
     /// of it (a move cut short) comes before, through [`Self::event`].
     pub fn command(&mut self, command: &Command, accepted: bool, last: &Sample, position_after: f64) {
+        // It acts from the next tick on.
+        let ms = last.ms.saturating_add(1);
+        if self.window.is_over(ms) {
+            return;
+        }
         if !accepted {
-            self.metrics.refusals += 1;
+            self.metrics.refusals += u32::from(self.window.has(ms));
             return;
         }
         let mode = last.status.mode;
@@ -256,7 +277,7 @@ impl Meter {
 
     /// Only a new E changes the goal; writing the present E again does nothing, wherever the rotor is.
     fn replan(&mut self, last: &Sample) {
-        let target = self.target(last);
+        let target = Target { since_ms: Some(last.ms), ..self.target(last) };
         if let Some(present) = &mut self.last_move
             && present.target.is_none_or(|old| old.end != target.end)
         {
@@ -266,6 +287,9 @@ impl Meter {
 
     /// Records a tick.
     pub fn tick(&mut self, sample: &Sample, events: impl Iterator<Item = Event>) {
+        if self.window.is_over(sample.ms) {
+            return;
+        }
         let mode = sample.status.mode;
         if let Some(present) = &mut self.last_move
             && present.end.is_none()
@@ -318,8 +342,8 @@ impl Meter {
         if is_measured && present.end.is_none() && sample.status.mode == Mode::Trapezoidal && sample.driven {
             present.lag.add(sample.truth.counts - sample.setpoint_counts() - self.origin);
         }
-        if let (Some(target), true) = (&mut present.target, is_measured) {
-            target.follow(sample, present.since_ms);
+        if let Some(target) = &mut present.target {
+            target.follow(sample, present.since_ms, is_measured);
             if present.end.is_some_and(|end| sample.ms == end.ms + SETTLE_MS) {
                 present.final_error = Some((sample.truth.counts - target.end).abs());
             }
@@ -328,13 +352,18 @@ impl Meter {
 
     /// Records an event that the servo reported in the state `sample`.
     pub fn event(&mut self, event: &Event, sample: &Sample) {
+        if self.window.is_over(sample.ms) {
+            return;
+        }
+        let is_measured = self.window.has(sample.ms);
         match *event {
             Event::Ended { reason, .. } => self.ended(reason, sample),
             Event::Breakaway { position, .. } => {
                 self.metrics.breakaway_counts = Some(f64::from(position) + self.origin);
             }
-            Event::Fault(fault) => self.metrics.faults.push(fault),
-            Event::Glitch(_) => self.metrics.glitches += 1,
+            Event::Fault(fault) if is_measured => self.metrics.faults.push(fault),
+            Event::Glitch(_) if is_measured => self.metrics.glitches += 1,
+            Event::Fault(_) | Event::Glitch(_) => {}
             Event::Homed => {
                 self.homing = false;
                 self.follow_zero(sample);
@@ -346,7 +375,7 @@ impl Meter {
     fn ended(&mut self, reason: EndReason, sample: &Sample) {
         self.homing = false;
         let Some(present) = self.last_move.as_mut().filter(|present| present.end.is_none()) else { return };
-        self.metrics.ends += 1;
+        self.metrics.ends += u32::from(self.window.has(sample.ms));
         let after_last_count_ms = f64::from(sample.ms) - sample.last_count_us as f64 / 1000.0;
         present.end = Some(End { reason, ms: sample.ms, after_last_count_ms, speed: self.last_speed });
         // A move can end by itself only after the brake has released, possibly in its first tick, which then
@@ -378,7 +407,9 @@ impl Meter {
         let since = |ms: u32| of.since_ms.map(|since_ms| f64::from(ms.saturating_sub(since_ms)));
         let settled = |target: &Target| {
             let is_there = (last.truth.counts - target.end).abs() <= SETTLED;
-            since(target.unsettled_ms.map_or(of.since_ms?, |ms| ms + 1)).filter(|_| is_there)
+            let begun_ms = target.begun_ms(of.since_ms)?;
+            let settled_ms = target.unsettled_ms.map_or(begun_ms, |ms| ms + 1);
+            is_there.then(|| f64::from(settled_ms.saturating_sub(begun_ms)))
         };
         let rise = |target: &Target| match target.tenths_ms {
             [Some(first), Some(last)] => Some(f64::from(last - first)),

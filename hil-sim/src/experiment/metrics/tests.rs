@@ -350,6 +350,41 @@ fn step_has_settling_rise_and_integrals() {
     close_to(metrics.itae, 120e-6);
 }
 
+/// As the step above, in parts.
+#[test]
+fn window_follows_the_move_from_its_beginning() {
+    let within = |from_ms, to_ms| {
+        let mut meter = begun().within(Window { from_ms, to_ms });
+        meter.command(&Command::Move(10), true, &at(0, Mode::Idle, 0.0), 0.0);
+        (1..=20).for_each(|ms| tick(&mut meter, &at(ms, Mode::Trapezoidal, f64::from(ms.min(10)))));
+        ended(&mut meter, &at(21, Mode::Pid, 10.0), EndReason::Arrived);
+        meter.finish(&at(21, Mode::Pid, 10.0))
+    };
+    let late = within(15, u32::MAX);
+    assert_eq!(
+        (late.settling_ms, late.rise_ms, late.end_ms, late.ends),
+        (Some(8.0), Some(8.0), Some(20.0), 1)
+    );
+    close_to(late.iae, 0.0);
+    let early = within(0, 12);
+    assert_eq!((early.settling_ms, early.rise_ms, early.end_ms, early.ends), (Some(8.0), Some(8.0), None, 0));
+    let middle = within(0, 5);
+    assert_eq!((middle.settling_ms, middle.rise_ms), (None, None));
+}
+
+#[test]
+fn replan_measures_from_the_change() {
+    let mut meter = begun();
+    meter.command(&Command::Move(50), true, &at(0, Mode::Idle, 0.0), 0.0);
+    let moving = |ms: u32| at(ms, Mode::Trapezoidal, f64::from(ms.min(20)));
+    (1..=10).for_each(|ms| tick(&mut meter, &moving(ms)));
+    meter.command(&Command::End(20), true, &moving(10), 10.0);
+    (11..=30).for_each(|ms| tick(&mut meter, &moving(ms)));
+    let metrics = meter.finish(&moving(30));
+    assert_eq!((metrics.settling_ms, metrics.rise_ms), (Some(9.0), Some(8.0)));
+    close_to(metrics.iae, 0.045);
+}
+
 #[test]
 fn rotor_beyond_a_count_has_not_settled() {
     let mut meter = begun();

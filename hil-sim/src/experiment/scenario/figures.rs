@@ -191,77 +191,116 @@ impl Figure {
 }
 
 impl Scenario {
-    /// Overrides a figure: `NAME=VALUE`, or `NAME=1.3x` for a multiple of what the scenario says.
+    /// Overrides figures in turn: each is an option (`plant`, `rig` or `supply`) with `NAME=VALUE`, or with `NAME=1.3x` for a
+    /// multiple of what the scenario says. Ranges that depend on other figures are checked when all have their values.
     ///
     /// # Errors
-    /// Another form, an unknown figure, a value out of range, or a supply that the scenario scatters.
-    pub fn override_figure(&mut self, option: &str, assignment: &str) -> Result<(), BadInput> {
-        let bad = |problem: String, found: &str, expected: String, next: String| BadInput {
+    /// Another form, an unknown figure, a multiple of 0, a value out of range, or a supply that the scenario scatters; the
+    /// scenario is unchanged.
+    pub fn override_figures(&mut self, overrides: &[(&str, &str)]) -> Result<(), BadInput> {
+        let mut next = self.clone();
+        let mut given = Vec::new();
+        for &(option, assignment) in overrides {
+            let (figure, text) = next.put_figure(option, assignment)?;
+            given.push((figure, assignment));
+            next.arguments.push_str(&format!(" --{option} {}={text}", figure.name));
+        }
+        let cases = next.cases.iter();
+        let mut checks =
+            cases.map(|case| case.plant.validate().and_then(|()| next.initial.check(&case.plant)));
+        checks
+            .try_for_each(|check| check)
+            .and_then(|()| next.rig.validate())
+            .map_err(|e| out_of_range(&e, &given))?;
+        *self = next;
+        Ok(())
+    }
+
+    /// Puts a value in, whatever its range.
+    fn put_figure<'a>(
+        &mut self,
+        option: &str,
+        assignment: &'a str,
+    ) -> Result<(&'static Figure, &'a str), BadInput> {
+        let bad = |problem: &str, found: &str, expected: &str, next: String| BadInput {
             place: format!("--{option} {}", input::shorten(assignment)),
-            problem,
+            problem: problem.to_owned(),
             found: input::shorten(found),
-            expected,
+            expected: expected.to_owned(),
             next,
         };
         let form =
             || format!("give --{option} NAME=VALUE or NAME=1.3x; `hil-sim list --plant` names the figures");
         let Some((name, text)) = assignment.split_once('=') else {
-            return Err(bad("no = in it".to_owned(), assignment, "NAME=VALUE".to_owned(), form()));
+            return Err(bad("no = in it", assignment, "NAME=VALUE", form()));
         };
         let (name, text) = (name.trim(), text.trim());
-        let of_option = || FIGURES.iter().filter(|figure| figure.option == option);
+        const ROWS: &[Figure] = &FIGURES;
+        let of_option = || ROWS.iter().filter(|figure| figure.option == option);
         let Some(figure) = of_option().find(|figure| figure.is_called(name)) else {
             let names: Vec<&str> = of_option().flat_map(|figure| [figure.name, figure.word]).collect();
             let next = input::closest(name, names.into_iter()).map(|like| format!("did you mean {like}?"));
             let known: Vec<&str> = of_option().map(|figure| figure.name).collect();
-            let problem = "no figure has this name".to_owned();
-            return Err(bad(problem, name, known.join(", "), next.unwrap_or_else(form)));
+            return Err(bad("no figure has this name", name, &known.join(", "), next.unwrap_or_else(form)));
         };
         let (digits, is_factor) =
             text.strip_suffix(['x', 'X']).map_or((text, false), |digits| (digits, true));
         let number = digits.trim().parse::<f64>().ok().filter(|number| number.is_finite());
         let Some(number) = number else {
-            let expected = "a number, or a number and x".to_owned();
-            return Err(bad("the value is no number".to_owned(), text, expected, form()));
+            return Err(bad("the value is no number", text, "a number, or a number and x", form()));
         };
         if option == "supply" && self.scatter > 0.0 {
-            let problem = "this scenario draws the supply's voltage with each seed".to_owned();
             let next = "take a scenario without scatter".to_owned();
-            return Err(bad(problem, assignment, "a scenario without scatter".to_owned(), next));
+            let problem = "this scenario draws the supply's voltage with each seed";
+            return Err(bad(problem, assignment, "a scenario without scatter", next));
+        }
+        let before = match figure.place {
+            Place::Plant(field) => self.cases.iter_mut().map(|case| *field(&mut case.plant)).collect(),
+            Place::Rig(get, _) => vec![get(&self.rig)],
+        };
+        if is_factor && before.iter().all(|before| *before == 0.0) {
+            let next = format!("give a value: --{option} {name}=...");
+            return Err(bad("a multiple of 0 is 0", text, "a number without x", next));
         }
         let value = |before: f64| if is_factor { before * number } else { number };
-        let mut rig = self.rig.clone();
-        let mut cases = self.cases.clone();
         match figure.place {
             Place::Plant(field) => {
-                for Case { plant, .. } in &mut cases {
-                    let field = field(plant);
-                    *field = value(*field);
+                for (Case { plant, .. }, before) in self.cases.iter_mut().zip(before) {
+                    *field(plant) = value(before);
                 }
             }
-            Place::Rig(get, set) => {
-                let new = value(get(&rig));
-                set(&mut rig, new);
-            }
+            Place::Rig(_, set) => before.iter().for_each(|before| set(&mut self.rig, value(*before))),
         }
-        let checked = cases
-            .iter()
-            .try_for_each(|case| case.plant.validate().and_then(|()| self.initial.check(&case.plant)));
-        checked.and_then(|()| rig.validate()).map_err(|e: ParamError| {
-            let own = e.field == figure.name;
-            let found =
-                if own { text.to_owned() } else { format!("{} is {}, with {assignment}", e.field, e.found) };
-            let expected = format!("{} of {}", e.field, e.expected);
-            let next = if own {
-                "give a value in this range".to_owned()
-            } else {
-                format!("give a value that leaves {} in this range, or override that first", e.field)
-            };
-            bad("out of range".to_owned(), &found, expected, next)
-        })?;
-        (self.rig, self.cases) = (rig, cases);
-        self.arguments.push_str(&format!(" --{option} {}={text}", figure.name));
-        Ok(())
+        Ok((figure, text))
+    }
+}
+
+/// The error of the last of the overrides that is about the field, or of the last of all.
+fn out_of_range(e: &ParamError, given: &[(&'static Figure, &str)]) -> BadInput {
+    let own = given.iter().rev().find(|(figure, _)| figure.name == e.field);
+    let Some((figure, assignment)) = own.or(given.last()) else {
+        return BadInput {
+            place: "the scenario".to_owned(),
+            problem: format!("{} is out of range", e.field),
+            found: e.found.to_string(),
+            expected: e.expected.clone(),
+            next: "correct it".to_owned(),
+        };
+    };
+    let found = format!("{} is {}, with {assignment}", e.field, e.found);
+    BadInput {
+        place: format!("--{} {}", figure.option, input::shorten(assignment)),
+        problem: "out of range".to_owned(),
+        found: if own.is_some() {
+            assignment.split('=').next_back().unwrap_or(assignment).to_owned()
+        } else {
+            found
+        },
+        expected: format!("{} of {}", e.field, e.expected),
+        next: match own {
+            Some(_) => "give a value in this range".to_owned(),
+            None => format!("give a value that leaves {} in this range, or override that as well", e.field),
+        },
     }
 }
 
@@ -277,14 +316,13 @@ mod tests {
     fn figures_are_set_by_name_by_word_and_by_factor() {
         let mut scenario = scenario();
         let before = scenario.cases[0].plant.clone();
-        for (option, assignment) in [
+        let overrides = [
             ("plant", "inertia=1.3x"),
             ("plant", "coulomb_n_m = 0.02"),
             ("rig", "hall_offset_deg=7"),
             ("supply", "volts=22"),
-        ] {
-            scenario.override_figure(option, assignment).unwrap_or_else(|bad| panic!("{bad}"));
-        }
+        ];
+        scenario.override_figures(&overrides).unwrap_or_else(|bad| panic!("{bad}"));
         let plant = &scenario.cases[0].plant;
         assert_eq!((plant.j_kg_m2, plant.coulomb_n_m, plant.bus_v), (1.3 * before.j_kg_m2, 0.02, 22.0));
         assert_eq!(scenario.rig.hall_error_deg, [7.0; 6]);
@@ -306,12 +344,23 @@ mod tests {
             ("supply", "volts=99", "out of range", "in this range"),
             ("rig", "hall_offset_deg=30", "out of range", "in this range"),
             ("rig", "rise_delay=-1", "out of range", "in this range"),
-            ("plant", "friction=2x", "static_n_m is 0.04, with friction=2x", "or override that first"),
+            ("plant", "friction=2x", "static_n_m is 0.04, with friction=2x", "or override that as well"),
+            ("rig", "hall_offset_deg=2x", "a multiple of 0", "--rig hall_offset_deg="),
         ] {
             let mut scenario = scenario();
-            let text = scenario.override_figure(option, assignment).unwrap_err().to_string();
+            let text = scenario.override_figures(&[(option, assignment)]).unwrap_err().to_string();
             assert!(text.contains(what) && text.contains(next), "{assignment}: {text}");
             assert!(text.contains(&format!("--{option} {assignment}")), "{text}");
+        }
+    }
+
+    #[test]
+    fn friction_and_stiction_are_overridden_in_either_order() {
+        for overrides in [
+            [("plant", "friction=2x"), ("plant", "stiction=2x")],
+            [("plant", "stiction=2x"), ("plant", "friction=2x")],
+        ] {
+            scenario().override_figures(&overrides).unwrap_or_else(|bad| panic!("{bad}"));
         }
     }
 

@@ -84,7 +84,14 @@ impl Scenario {
             .map_err(|_| bad("the value is not a whole number", assignment, "a whole number".to_owned()))?;
         for case in &mut self.cases {
             properties::set(&mut case.config, name.trim(), value).map_err(|e| match &e {
-                PropertyError::Unknown { .. } => bad("no property has this name", &e.found(), e.expected()),
+                PropertyError::Unknown { name } => {
+                    let error = bad("no property has this name", &e.found(), e.expected());
+                    let known = properties::PROPERTIES.map(|property| property.name);
+                    match input::closest(name, known.into_iter()) {
+                        Some(like) => BadInput { next: format!("did you mean {like}?"), ..error },
+                        None => error,
+                    }
+                }
                 PropertyError::Range { .. } => bad("the value is out of range", &e.found(), e.expected()),
             })?;
         }
@@ -219,9 +226,16 @@ fn plant(source: Source<'_>, motor: MotorKind, overrides: &file::Numbers) -> Res
     })?;
     plant.validate().map_err(|e| {
         let named = |(name, _): &(&Spanned<String>, _)| name.get_ref() == e.field;
-        let span = overrides.iter().find(named).map_or(0..0, |(name, _)| name.span());
+        let problem = format!("[plant] {} is out of range", e.field);
+        let Some((name, _)) = overrides.iter().find(named) else {
+            // A default that another key has put out of range.
+            let span = overrides.keys().next().map_or(0..0, Spanned::span);
+            let next = format!("correct the keys of [plant], or give {} as well", e.field);
+            let error = source.error(span, problem, &e.expected, next);
+            return BadInput { found: format!("{} = {}, its default", e.field, e.found), ..error };
+        };
         let next = "correct it, or leave it out for the default";
-        source.error(span, format!("[plant] {} is out of range", e.field), &e.expected, next)
+        source.error(name.span(), problem, &e.expected, next)
     })?;
     Ok(plant)
 }
@@ -348,6 +362,16 @@ fn expectation(
     }
     let window =
         Window { from_ms: from_ms.unwrap_or(Window::ALL.from_ms), to_ms: to_ms.unwrap_or(Window::ALL.to_ms) };
+    if to_ms.is_some_and(|to_ms| to_ms > duration_ms) {
+        let found = format!("to_ms = {}", window.to_ms);
+        let expected = format!("at most the {duration_ms} ms of the run");
+        return fail(
+            "has a window that ends after the run",
+            found,
+            &expected,
+            "move its end, or leave it out",
+        );
+    }
     if window.from_ms > window.to_ms || window.from_ms > duration_ms {
         let found = format!("from_ms = {}, to_ms = {}", window.from_ms, window.to_ms.min(duration_ms));
         let expected = format!("from_ms at most to_ms, within the {duration_ms} ms of the run");

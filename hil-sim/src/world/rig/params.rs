@@ -139,6 +139,12 @@ impl RigParams {
         for line in self.shorted.into_iter().flatten() {
             check(&[("shorted", f64::from(line), 0.0, 2.0)])?;
         }
+        if let Some([a, b]) = self.shorted
+            && a == b
+        {
+            let expected = "two different lines".to_owned();
+            return Err(ParamError { field: "shorted", found: f64::from(b), expected });
+        }
         check(&[
             ("rise_delay_us", self.rise_delay_us as f64, 0.0, 10_000.0),
             ("adc_noise_lsb", self.adc_noise_lsb, 0.0, 100.0),
