@@ -2,6 +2,7 @@
 //!
 //! Imports both floors below. Real time is passed in: only `main.rs` reads the clock.
 
+mod bode;
 pub mod cli;
 mod gcl;
 pub mod grasper;
@@ -9,9 +10,11 @@ mod grasper_client;
 mod guard;
 mod interrupt;
 mod lines;
+mod margins;
 mod output;
 mod serve;
 pub mod slcan;
 mod state_file;
+mod table;
 mod thread;
 mod torture;

@@ -10,9 +10,11 @@ use clap::{Parser, Subcommand, ValueEnum};
 use servo_core::sense::recorded::SPEED_MAX;
 use tater_wire::MotorKind;
 
+use super::bode::{self, BodeArgs};
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
 use super::interrupt;
+use super::margins::{self, MarginsArgs};
 use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
 use super::thread;
@@ -55,6 +57,10 @@ enum Task {
     /// Torture the whole hand with random programs and faults, and check its invariants. Exit code 1 if one fails. ^C begins no new
     /// seed and prints the results so far, with exit code 130; a second ^C ends at once.
     Torture(TortureArgs),
+    /// Measure the response of a position or velocity loop, or of a recording; its margins, noise and nonlinearity.
+    Bode(BodeArgs),
+    /// Margins of an open loop from its frequency response.
+    Margins(MarginsArgs),
     /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -137,6 +143,8 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Gcl(args) => gcl::gcl(&args, clock),
         Task::Grasper(args) => grasper_client::grasper(&args),
         Task::Torture(args) => torture::torture(&args, clock),
+        Task::Bode(args) => bode::bode(&args),
+        Task::Margins(args) => margins::margins(&args),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
