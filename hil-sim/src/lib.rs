@@ -9,8 +9,8 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file` |
-//! | tuning | none yet |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `bode`, `grasper_client`, `interrupt`, `lines`, `margins`, `output`, `serve`, `state_file`, `table` |
+//! | tuning | `bode`, `multisine`, `response`, `spectrum` |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]

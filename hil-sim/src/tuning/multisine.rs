@@ -88,8 +88,8 @@ impl Multisine {
             let weight = rms(hz);
             power += weight * weight;
             let phase = Complex64::from_polar(weight * std::f64::consts::SQRT_2, rng.random_range(0.0..TAU));
-            for (at, sample) in samples.iter_mut().enumerate() {
-                *sample += (phase * table.at(line * at).conj()).re;
+            for (sample, turn) in samples.iter_mut().zip(table.of(*line)) {
+                *sample += (phase * turn.conj()).re;
             }
         }
         let scale = amplitude / power.sqrt();
@@ -103,7 +103,7 @@ impl Multisine {
         let table = Twiddles::new(self.period);
         let scale = 2.0 / self.period as f64;
         let sum = |line: &usize| -> Complex64 {
-            samples.iter().take(self.period).enumerate().map(|(at, x)| table.at(line * at) * *x).sum()
+            samples.iter().zip(table.of(*line)).map(|(x, turn)| turn * *x).sum()
         };
         self.lines.iter().map(|line| sum(line) * scale).collect()
     }
@@ -158,7 +158,17 @@ impl Twiddles {
         Self((0..period).map(|i| Complex64::from_polar(1.0, -TAU * i as f64 / period as f64)).collect())
     }
 
-    fn at(&self, i: usize) -> Complex64 {
-        self.0[i % self.0.len()]
+    /// e^(−j2πki/N) of line k, for i = 0 to N − 1.
+    fn of(&self, line: usize) -> impl Iterator<Item = Complex64> {
+        let period = self.0.len();
+        let mut at = 0;
+        (0..period).map(move |_| {
+            let turn = self.0[at];
+            at += line;
+            if at >= period {
+                at -= period;
+            }
+            turn
+        })
     }
 }

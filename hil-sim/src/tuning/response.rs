@@ -27,8 +27,11 @@ mod tests;
 /// Fewest points of a response: a cubic has four coefficients.
 pub const FEWEST: usize = 4;
 
-/// Steps in each interval when a peak is searched: a peak between two of them is found by [`peak`]'s bisection.
+/// Steps in each interval when a peak is searched: a peak between two of them is refined by thirds.
 const STEPS: usize = 16;
+
+/// A peak of |S| above which the loop is −1 but for rounding.
+const MOST_PEAK: f64 = 1e9;
 
 /// Halvings of an interval or a section until f64 has no more digits.
 const HALVINGS: usize = 60;
@@ -116,7 +119,7 @@ pub struct Margins {
     pub gain_margin: Option<f64>,
     /// Largest factor below 1 that takes the loop to −1.
     pub gain_margin_low: Option<f64>,
-    /// Ms: the peak of |S| in the band.
+    /// Ms: the peak of |S| in the band; infinite if the loop is −1 there.
     pub ms: f64,
     /// Where that is, Hz.
     pub ms_hz: f64,
@@ -194,6 +197,9 @@ impl Response {
         margins.stable = self.is_stable(&margins.phase_crossings);
         let one = Complex64::new(1.0, 0.0);
         (margins.ms_hz, margins.ms) = self.peak(|l| (one + l).norm().recip());
+        if margins.ms > MOST_PEAK {
+            margins.ms = f64::INFINITY;
+        }
         if margins.stable != Some(false) {
             let (_, most) = self.peak(|l| ((one - l) / (one + l)).norm());
             margins.disk_margin = Some(2.0 / most);
@@ -271,31 +277,36 @@ impl Response {
 
     /// The largest value of a function of the response, and its frequency.
     fn peak(&self, of: impl Fn(Complex64) -> f64) -> (f64, f64) {
-        let mut best = (self.points[0].hz, of(self.points[0].value));
+        let value = |a: &Node, b: &Node, x: f64| {
+            let (gain, phase) = between(a, b, x);
+            of(Complex64::from_polar(gain.exp(), phase))
+        };
+        let mut tops = Vec::with_capacity(self.nodes.len());
         for (a, b) in self.intervals() {
-            let value = |x: f64| {
-                let (gain, phase) = between(a, b, x);
-                of(Complex64::from_polar(gain.exp(), phase))
-            };
             let step = (b.x - a.x) / STEPS as f64;
-            let at = |i: usize| a.x + step * i as f64;
-            let top = (0..=STEPS).max_by(|i, j| value(at(*i)).total_cmp(&value(at(*j)))).unwrap_or(0);
-            // The peak between two steps is little above them.
-            if value(at(top)) < 0.5 * best.1 {
+            let tried = (0..=STEPS).map(|i| a.x + step * i as f64).map(|x| (x, value(a, b, x)));
+            tops.extend(tried.max_by(|one, other| one.1.total_cmp(&other.1)));
+        }
+        let top = tops.iter().copied().max_by(|one, other| one.1.total_cmp(&other.1));
+        let (mut at, mut most) = top.unwrap_or((self.nodes[0].x, 0.0));
+        let highest = most;
+        for ((a, b), (x, found)) in self.intervals().zip(tops) {
+            // Between two steps a peak is little above them.
+            if found < 0.9 * highest {
                 continue;
             }
-            let (mut low, mut high) = ((at(top) - step).max(a.x), (at(top) + step).min(b.x));
+            let step = (b.x - a.x) / STEPS as f64;
+            let (mut low, mut high) = ((x - step).max(a.x), (x + step).min(b.x));
             for _ in 0..HALVINGS {
                 let (left, right) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
-                if value(left) < value(right) { low = left } else { high = right }
+                if value(a, b, left) < value(a, b, right) { low = left } else { high = right }
             }
-            for x in [at(top), (low + high) / 2.0] {
-                if value(x) > best.1 {
-                    best = (x.exp(), value(x));
-                }
+            let middle = (low + high) / 2.0;
+            if value(a, b, middle) > most {
+                (at, most) = (middle, value(a, b, middle));
             }
         }
-        best
+        (at.exp(), most)
     }
 
     /// The first frequency at which a function of the response falls through 0; `None` if it starts below or stays above.
@@ -351,7 +362,7 @@ impl Response {
         if margins.stable == Some(false) {
             margins.doubts.push("the closed loop is unstable".to_owned());
         }
-        if margins.ms_hz <= from || margins.ms_hz >= to {
+        if margins.ms_hz <= from * (1.0 + 1e-9) || margins.ms_hz >= to * (1.0 - 1e-9) {
             let at = margins.ms_hz;
             margins.doubts.push(format!("Ms is at the end of the band, {at:.4} Hz: it may be higher beyond"));
         }

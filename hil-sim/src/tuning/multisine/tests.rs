@@ -51,7 +51,7 @@ impl Plant {
     }
 
     fn truth(&self) -> Margins {
-        let points = (0..3000).map(|i| 0.5 * 900f64.powf(f64::from(i) / 2999.0));
+        let points = (0..600).map(|i| 0.5 * 900f64.powf(f64::from(i) / 599.0));
         let points = points.map(|hz| Point { hz, value: self.at(hz) }).collect();
         Response::new(points).expect("a response").margins()
     }
@@ -122,11 +122,15 @@ fn margins_of_200_random_loops_are_within_2_degrees() {
         assert!(error < 2.0, "{plant:?}: {found:?}, true {exact}");
         worst = worst.max(error);
         worst_ms = worst_ms.max((found.ms / truth.ms - 1.0).abs());
-        if let (Some(found), Some(truth)) = (found.gain_margin, truth.gain_margin) {
-            worst_gain = worst_gain.max((found / truth - 1.0).abs());
+        // Deep below 0 dB the noise decides.
+        if let Some(margin) = truth.gain_margin.filter(|margin| *margin < 4.0) {
+            let found = found.gain_margin.unwrap_or(f64::INFINITY);
+            worst_gain = worst_gain.max((found / margin - 1.0).abs());
         }
         count += 1;
     }
+    // Lines are 6 to 12 % apart, and the noise is 5 %.
+    assert!(worst_ms < 0.1 && worst_gain < 0.1, "Ms {worst_ms}, gain margin {worst_gain}");
     println!("worst phase margin {worst:.2} deg, Ms {worst_ms:.4}, gain margin {worst_gain:.4}");
 }
 
