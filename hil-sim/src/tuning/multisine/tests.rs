@@ -129,9 +129,10 @@ fn margins_of_200_random_loops_are_within_2_degrees() {
         }
         count += 1;
     }
+    // What docs/response.md says; the requirement is above.
+    assert!(worst < 0.6 && worst_ms < 0.08, "{worst} deg, Ms {worst_ms}");
     // Lines are 6 to 12 % apart, and the noise is 5 %.
-    assert!(worst_ms < 0.1 && worst_gain < 0.1, "Ms {worst_ms}, gain margin {worst_gain}");
-    println!("worst phase margin {worst:.2} deg, Ms {worst_ms:.4}, gain margin {worst_gain:.4}");
+    assert!(worst_gain < 0.1, "{worst_gain}");
 }
 
 /// Through y = x + c·x³ with noise on y.
