@@ -17,7 +17,8 @@
 //! By Nyquist's criterion the closed loop has Z = P + 2(N₋ − N₊) unstable poles: P of the open loop, and N₋ and N₊ the crossings of the
 //! real axis beyond −1 with falling and rising phase. P is not known. With N₋ > N₊ the closed loop is unstable whatever P is;
 //! otherwise it is stable if P is the number that the crossings call for, which is 0 for nearly every loop. Below the first frequency the
-//! response continues as its slope there says: −n as n integrators. A response that ends above 0 dB says nothing.
+//! response continues as its slope there says: −n as n integrators. A response that ends above 0 dB says nothing, nor does one that begins
+//! above it with a phase that does not fit its slope.
 
 use num_complex::Complex64;
 
@@ -29,6 +30,9 @@ pub const FEWEST: usize = 4;
 
 /// Steps in each interval when a peak is searched: a peak between two of them is refined by thirds.
 const STEPS: usize = 16;
+
+/// How far the first phase may be from that of the slope, or from its opposite, 60°: in the middle between the two are 90°.
+const MOST_REST: f64 = std::f64::consts::FRAC_PI_3;
 
 /// A peak of |S| above which the loop is −1 but for rounding.
 const MOST_PEAK: f64 = 1e9;
@@ -259,12 +263,15 @@ impl Response {
         let mut falling: i64 = beyond.map(|crossing| if crossing.rises { -2 } else { 2 }).sum();
         let first = self.nodes[0];
         if first.gain > 0.0 {
-            let integrators = (-first.gain_slope).round().max(0.0);
-            let turn = integrators * FRAC_PI_2;
-            // Distance to what n integrators of positive gain have: more than a quarter turn is a negative gain.
+            // Bode's relation: without a delay yet, a slope of −n has −n quarter turns. More than a quarter turn off is a negative gain.
+            let turn = -first.gain_slope * FRAC_PI_2;
             let rest = wrapped(first.phase + turn);
             let start = if rest.abs() <= FRAC_PI_2 { 0.0 } else { -PI };
-            let end = start - turn + wrapped(rest - start);
+            let rest = wrapped(rest - start);
+            if rest.abs() > MOST_REST {
+                return None;
+            }
+            let end = start - turn + rest;
             // Odd multiples of π in between, half of one at the start.
             let passed = |level: f64| start > level && end <= level;
             falling += (0..8).filter(|k| passed(-PI * f64::from(2 * k + 1))).count() as i64 * 2;
@@ -357,7 +364,15 @@ impl Response {
             why("bandwidth_hz", format!("the closed loop does not fall from above to below -3 dB {band}"));
         }
         if margins.stable.is_none() {
-            why("closed_loop_stable", format!("the gain is above 0 dB at the end of the band, {to:.4} Hz"));
+            let ends = self.nodes[self.nodes.len() - 1].gain >= 0.0;
+            let reason = if ends {
+                format!("the gain is above 0 dB at the end of the band, {to:.4} Hz")
+            } else {
+                format!(
+                    "phase and slope do not fit at the begin of the band, {from:.4} Hz, where the gain is above 0 dB"
+                )
+            };
+            why("closed_loop_stable", reason);
         }
         if margins.stable == Some(false) {
             margins.doubts.push("the closed loop is unstable".to_owned());
@@ -390,7 +405,9 @@ impl Margins {
             .iter()
             .min_by(|a, b| size(a.phase_margin_deg).total_cmp(&size(b.phase_margin_deg)));
         let Some(nearest) = nearest else { return };
-        self.phase_margin_deg = Some(size(nearest.phase_margin_deg));
+        let size = size(nearest.phase_margin_deg);
+        // A phase of −400° is 140° beyond −540°.
+        self.phase_margin_deg = Some(if self.stable == Some(false) { -size.abs() } else { size });
         self.crossover_hz = Some(nearest.freq_hz);
         if self.stable != Some(false) {
             // A delay turns the phase down only.

@@ -80,6 +80,18 @@ fn unstable_loop_has_a_negative_phase_margin_and_a_gain_margin_below_1() {
     assert!(margins.doubts.iter().any(|doubt| doubt.contains("unstable")));
 }
 
+/// A phase of −400° at the crossover, and a band that begins above 0 dB with a phase that no slope of −1 has.
+#[test]
+fn phase_beyond_a_turn_is_unstable_and_a_strange_begin_is_unknown() {
+    let late = response(0.01, 3.0, 60.0, |s| 10.0 * (-0.55 * s).exp() / s).margins();
+    assert_eq!(late.stable, Some(false));
+    // −90 − 5.5 rad = −405.1°: 134.9° from −540°.
+    assert_near(late.phase_margin_deg, -134.9, 0.1);
+    let strange = response(0.01, 10.0, 20.0, |s| Complex64::new(0.0, 1.0) / s).margins();
+    assert_eq!(strange.stable, None);
+    assert!(strange.reasons.iter().any(|(name, why)| *name == "closed_loop_stable" && why.contains("begin")));
+}
+
 /// s³ + K(s + 1)²: stable from K = 0.5 on (Routh), and for all higher gains.
 #[test]
 fn conditionally_stable_loop_has_a_margin_downward() {
