@@ -264,7 +264,11 @@ impl Response {
         let first = self.nodes[0];
         if first.gain > 0.0 {
             // Bode's relation: without a delay yet, a slope of −n has −n quarter turns. More than a quarter turn off is a negative gain.
-            let turn = -first.gain_slope * FRAC_PI_2;
+            // Over an octave, since the slope at the end is the noisiest.
+            let octave =
+                self.nodes.iter().find(|node| node.x >= first.x + std::f64::consts::LN_2).unwrap_or(last);
+            let slope = (octave.gain - first.gain) / (octave.x - first.x);
+            let turn = -slope * FRAC_PI_2;
             let rest = wrapped(first.phase + turn);
             let start = if rest.abs() <= FRAC_PI_2 { 0.0 } else { -PI };
             let rest = wrapped(rest - start);
