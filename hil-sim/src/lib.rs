@@ -11,6 +11,8 @@
 //! |---|---|
 //! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `bode`, `grasper_client`, `interrupt`, `lines`, `margins`, `output`, `serve`, `state_file`, `table` |
 //! | tuning | `bode`, `multisine`, `response`, `spectrum` |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file` |
+//! | tuning | [`parquet`], [`table`] |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
@@ -28,5 +30,6 @@ pub use experiment::{
 pub use ports::{cli, grasper, slcan};
 pub use tater_fw::motion::defaults;
 pub use tater_wire::MotorKind;
+pub use tuning::{parquet, table};
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};

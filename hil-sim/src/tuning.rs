@@ -7,3 +7,5 @@ pub mod bode;
 pub mod multisine;
 pub mod response;
 pub mod spectrum;
+pub mod parquet;
+pub mod table;

@@ -1,0 +1,199 @@
+//! Tables of typed, named columns, row by row: what traces, logs and sweeps are, whatever the file's format.
+//!
+//! A [`Sink`] takes rows and keeps at most a block of them; the formats are files of their own ([`super::parquet`]).
+
+use std::fmt;
+use std::io;
+
+/// What the cells of a column are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// 64-bit floating point, finite.
+    Float,
+    /// 64-bit integer.
+    Int,
+    /// Text.
+    Text,
+}
+
+/// A column of a table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// The name, unique in its table; that of a quantity ends in its unit (`bus_v`).
+    pub name: String,
+    /// The unit, such as `counts/s`; empty where there is none.
+    pub unit: String,
+    /// What its cells are.
+    pub kind: Kind,
+    /// Whether a cell may be [`Cell::Absent`].
+    pub nullable: bool,
+    /// Digits after the point in text formats; `None`: as many as a number needs to read back the same.
+    pub decimals: Option<u8>,
+}
+
+impl Column {
+    /// A column without absent cells, whose numbers are written with as many digits as they need.
+    #[must_use]
+    pub fn new(name: impl Into<String>, unit: impl Into<String>, kind: Kind) -> Self {
+        Self { name: name.into(), unit: unit.into(), kind, nullable: false, decimals: None }
+    }
+
+    /// The same with absent cells.
+    #[must_use]
+    pub fn nullable(mut self) -> Self {
+        self.nullable = true;
+        self
+    }
+
+    /// The same with a fixed number of digits after the point in text formats.
+    #[must_use]
+    pub fn decimals(mut self, decimals: u8) -> Self {
+        self.decimals = Some(decimals);
+        self
+    }
+}
+
+/// What comes before the rows of a table.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Heading {
+    /// The columns, in order.
+    pub columns: Vec<Column>,
+    /// Facts about the whole table (seed, commit, gains), in order; keys are unique.
+    pub metadata: Vec<(String, String)>,
+}
+
+impl Heading {
+    /// The metadata of a key.
+    #[must_use]
+    pub fn fact(&self, key: &str) -> Option<&str> {
+        self.metadata.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
+    }
+}
+
+/// A cell of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cell {
+    /// No value; only in nullable columns.
+    Absent,
+    /// Of a column of [`Kind::Float`].
+    Float(f64),
+    /// Of a column of [`Kind::Int`].
+    Int(i64),
+    /// Of a column of [`Kind::Text`].
+    Text(String),
+}
+
+impl From<f64> for Cell {
+    fn from(value: f64) -> Self {
+        Self::Float(value)
+    }
+}
+
+impl From<i64> for Cell {
+    fn from(value: i64) -> Self {
+        Self::Int(value)
+    }
+}
+
+impl From<&str> for Cell {
+    fn from(value: &str) -> Self {
+        Self::Text(value.to_owned())
+    }
+}
+
+impl<T: Into<Cell>> From<Option<T>> for Cell {
+    fn from(value: Option<T>) -> Self {
+        value.map_or(Self::Absent, Into::into)
+    }
+}
+
+/// Why a table cannot be read or written.
+#[derive(Debug)]
+pub enum TableError {
+    /// The operating system's reason.
+    Io(io::Error),
+    /// The file as a whole.
+    File(String),
+    /// One place in it.
+    Place {
+        /// The row, the first is 1; for text the line.
+        row: u64,
+        /// The column's name; empty if the whole row is meant.
+        column: String,
+        /// What was found there.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
+}
+
+impl TableError {
+    /// A cell that does not belong there.
+    pub fn place(row: u64, column: &str, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self::Place { row, column: column.to_owned(), found: found.into(), expected: expected.into() }
+    }
+}
+
+impl fmt::Display for TableError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Io(error) => write!(f, "{error}"),
+            Self::File(problem) => f.write_str(problem),
+            Self::Place { row, column, found, expected } => {
+                write!(f, "row {row}, column {column}: found {found}, expected {expected}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for TableError {}
+
+impl From<io::Error> for TableError {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+/// Takes a table row by row.
+pub trait Sink {
+    /// Appends a row.
+    ///
+    /// # Errors
+    /// A row that does not fit the columns, a number that is not finite, or those of the output.
+    fn row(&mut self, cells: &[Cell]) -> Result<(), TableError>;
+
+    /// Writes what is still kept and the end of the file. Without it the file is truncated.
+    ///
+    /// # Errors
+    /// Those of the output.
+    fn finish(&mut self) -> Result<(), TableError>;
+}
+
+/// Checks a row before a [`Sink`] keeps it.
+///
+/// # Errors
+/// The first cell that does not fit its column; `row` counts from 1.
+pub fn check(columns: &[Column], row: u64, cells: &[Cell]) -> Result<(), TableError> {
+    if cells.len() != columns.len() {
+        let (found, expected) = (format!("{} cells", cells.len()), format!("{} cells", columns.len()));
+        return Err(TableError::place(row, "", found, expected));
+    }
+    for (column, cell) in columns.iter().zip(cells) {
+        let found = match (cell, column.kind) {
+            (Cell::Float(value), Kind::Float) if value.is_finite() => continue,
+            (Cell::Int(_), Kind::Int) | (Cell::Text(_), Kind::Text) => continue,
+            (Cell::Absent, _) if column.nullable => continue,
+            (Cell::Absent, _) => "no value".to_owned(),
+            (Cell::Float(value), _) => value.to_string(),
+            (Cell::Int(value), _) => value.to_string(),
+            (Cell::Text(value), _) => format!("{value:?}"),
+        };
+        let expected = match column.kind {
+            Kind::Float => "a finite number",
+            Kind::Int => "an integer",
+            Kind::Text => "text",
+        };
+        return Err(TableError::place(row, &column.name, found, expected));
+    }
+    Ok(())
+}
