@@ -13,6 +13,8 @@
 //! | tuning | `bode`, `multisine`, `response`, `spectrum` |
 //! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file` |
 //! | tuning | [`parquet`], [`table`] |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `convert`, `gcl`, `grasper_client`, `interrupt`, `lines`, `log`, `output`, `serve`, `state_file` |
+//! | tuning | [`parquet`], [`table`], and the private `csv`, `mcap`, `traces` |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]

@@ -4,6 +4,7 @@
 
 mod bode;
 pub mod cli;
+mod convert;
 mod gcl;
 pub mod grasper;
 mod grasper_client;
@@ -11,6 +12,7 @@ mod guard;
 mod interrupt;
 mod lines;
 mod margins;
+mod log;
 mod output;
 mod serve;
 pub mod slcan;

@@ -7,5 +7,8 @@ pub mod bode;
 pub mod multisine;
 pub mod response;
 pub mod spectrum;
+pub mod csv;
+pub mod mcap;
 pub mod parquet;
 pub mod table;
+pub mod traces;

@@ -15,6 +15,11 @@ use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
 use super::interrupt;
 use super::margins::{self, MarginsArgs};
+use super::convert::{self, ConvertArgs};
+use super::gcl::{self, GclArgs};
+use super::grasper_client::{self, GrasperArgs};
+use super::interrupt;
+use super::log::{self, LogArgs};
 use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
 use super::thread;
@@ -61,6 +66,10 @@ enum Task {
     Bode(BodeArgs),
     /// Margins of an open loop from its frequency response.
     Margins(MarginsArgs),
+    /// Convert a trace between CSV, MCAP and Parquet, by the files' extensions.
+    Convert(ConvertArgs),
+    /// Record a live board over its bus into a trace. ^C ends it and keeps the file.
+    Log(LogArgs),
     /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -145,6 +154,8 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Torture(args) => torture::torture(&args, clock),
         Task::Bode(args) => bode::bode(&args),
         Task::Margins(args) => margins::margins(&args),
+        Task::Convert(args) => convert::convert(&args).map(|()| true).map_err(Into::into),
+        Task::Log(args) => log::log(&args, clock).map(|()| true).map_err(Into::into),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {

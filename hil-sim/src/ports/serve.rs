@@ -5,8 +5,8 @@
 
 mod args;
 mod bus;
-mod can;
-mod event;
+pub mod can;
+pub mod event;
 mod hand;
 mod link;
 mod pace;

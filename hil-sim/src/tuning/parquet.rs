@@ -20,7 +20,7 @@ use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::{Type, TypePtr};
 
-use super::table::{Cell, Column, Heading, Kind, Sink, TableError, check};
+use super::table::{Cell, Column, Heading, Kind, Sink, Source, TableError, check};
 
 /// Rows of a row group: 13 MB of a table with 100 columns of numbers.
 pub const GROUP_ROWS: usize = 16_384;
@@ -237,17 +237,20 @@ impl Reader {
         Ok(Self { file, heading: Heading { columns, metadata: facts } })
     }
 
-    /// The columns and metadata.
-    #[must_use]
-    pub fn heading(&self) -> &Heading {
+    fn batches<'a>(&'a self, group: &dyn RowGroupReader) -> Result<Vec<Batches<'a>>, TableError> {
+        let columns = self.heading.columns.iter().enumerate();
+        columns
+            .map(|(index, column)| Ok(Batches { column, reader: group.get_column_reader(index)? }))
+            .collect()
+    }
+}
+
+impl Source for Reader {
+    fn heading(&self) -> &Heading {
         &self.heading
     }
 
-    /// Gives each row to `sink`, in order.
-    ///
-    /// # Errors
-    /// Those of a damaged file and of `sink`.
-    pub fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError> {
+    fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError> {
         for index in 0..self.file.num_row_groups() {
             let group = self.file.get_row_group(index)?;
             let mut left = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
@@ -265,13 +268,6 @@ impl Reader {
             }
         }
         Ok(())
-    }
-
-    fn batches<'a>(&'a self, group: &dyn RowGroupReader) -> Result<Vec<Batches<'a>>, TableError> {
-        let columns = self.heading.columns.iter().enumerate();
-        columns
-            .map(|(index, column)| Ok(Batches { column, reader: group.get_column_reader(index)? }))
-            .collect()
     }
 }
 

@@ -169,6 +169,30 @@ pub trait Sink {
     fn finish(&mut self) -> Result<(), TableError>;
 }
 
+/// Gives a table row by row.
+pub trait Source {
+    /// The columns and metadata.
+    fn heading(&self) -> &Heading;
+
+    /// Gives each row to `sink`, in order.
+    ///
+    /// # Errors
+    /// Those of a damaged file and of `sink`.
+    fn rows(&self, sink: &mut dyn FnMut(&[Cell]) -> Result<(), TableError>) -> Result<(), TableError>;
+}
+
+/// Writes a cell as text formats have it; an absent cell is empty.
+#[must_use]
+pub fn text(column: &Column, cell: &Cell) -> String {
+    match (cell, column.decimals) {
+        (Cell::Absent, _) => String::new(),
+        (Cell::Float(value), Some(decimals)) => format!("{value:.*}", usize::from(decimals)),
+        (Cell::Float(value), None) => value.to_string(),
+        (Cell::Int(value), _) => value.to_string(),
+        (Cell::Text(value), _) => value.clone(),
+    }
+}
+
 /// Checks a row before a [`Sink`] keeps it.
 ///
 /// # Errors

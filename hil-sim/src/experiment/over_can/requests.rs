@@ -104,7 +104,7 @@ impl<S: ObservedBoard> OverCan<S> {
     }
 }
 
-pub(super) fn answer(frame: &Frame) -> Option<(Id, Property, i64)> {
+pub(crate) fn answer(frame: &Frame) -> Option<(Id, Property, i64)> {
     let message = Message::parse(frame)?;
     match message.body {
         Body::Position(counts) => Some((message.from, Property::P, i64::from(counts))),

@@ -1,0 +1,133 @@
+//! `hil-sim convert`: traces between CSV, MCAP and Parquet, and the files of all who read or write traces.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::output::{is_same_file, replace_file};
+use crate::experiment::input::BadInput;
+use crate::tuning::table::{Heading, Sink, Source, TableError};
+use crate::tuning::{csv, mcap, parquet, traces};
+
+/// The arguments of `hil-sim convert`.
+#[derive(clap::Args)]
+pub struct ConvertArgs {
+    /// A trace: .csv (as of `hil-sim run --out`), .mcap or .parquet.
+    input: PathBuf,
+    /// The file to write: .csv, .mcap or .parquet.
+    output: PathBuf,
+}
+
+/// A format of traces, by a file's extension.
+#[derive(Clone, Copy)]
+pub enum Format {
+    Csv,
+    Mcap,
+    Parquet,
+}
+
+impl Format {
+    /// # Errors
+    /// Another extension.
+    pub fn of(path: &Path) -> Result<Self, BadInput> {
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("csv") => Ok(Self::Csv),
+            Some("mcap") => Ok(Self::Mcap),
+            Some("parquet") => Ok(Self::Parquet),
+            other => Err(BadInput {
+                place: path.display().to_string(),
+                problem: "the extension names no format".to_owned(),
+                found: other.map_or_else(|| "no extension".to_owned(), |other| format!(".{other}")),
+                expected: ".csv, .mcap or .parquet".to_owned(),
+                next: "choose a file with one of these extensions".to_owned(),
+            }),
+        }
+    }
+
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// Those of the format and of `out`.
+    pub fn sink<'a, W: Write + Send + 'a>(
+        self,
+        out: W,
+        heading: &Heading,
+    ) -> Result<Box<dyn Sink + 'a>, TableError> {
+        Ok(match self {
+            Self::Csv => Box::new(csv::Writer::new(out, heading)?),
+            Self::Mcap => Box::new(mcap::Writer::new(out, heading)?),
+            Self::Parquet => Box::new(parquet::Writer::new(out, heading)?),
+        })
+    }
+}
+
+/// Opens a trace.
+///
+/// # Errors
+/// A file that cannot be read or is no trace.
+pub fn open(path: &Path) -> Result<Box<dyn Source>, BadInput> {
+    let format = Format::of(path)?;
+    let source = std::fs::read(path).map_err(TableError::Io).and_then(|bytes| {
+        let source: Box<dyn Source> = match format {
+            Format::Csv => Box::new(csv::Reader::new(bytes)?),
+            Format::Mcap => Box::new(mcap::Reader::new(bytes)?),
+            Format::Parquet => Box::new(parquet::Reader::new(bytes)?),
+        };
+        traces::check(source.heading())?;
+        Ok(source)
+    });
+    source.map_err(|error| bad(path, error))
+}
+
+/// A trace's error, with its place in the file.
+pub fn bad(path: &Path, error: TableError) -> BadInput {
+    let file = path.display().to_string();
+    let expected = "a whole trace".to_owned();
+    match error {
+        TableError::Io(error) => BadInput {
+            place: file,
+            problem: "cannot be read or written".to_owned(),
+            found: error.to_string(),
+            expected: "a file that can".to_owned(),
+            next: "check the path, its rights and the free space".to_owned(),
+        },
+        TableError::File(found) => BadInput {
+            place: file,
+            problem: "the file is no trace, or truncated or damaged".to_owned(),
+            found,
+            expected,
+            next: "make the file again, or choose another".to_owned(),
+        },
+        TableError::Place { row, column, found, expected } => BadInput {
+            place: format!("{file}:{row}"),
+            problem: if column.is_empty() { "bad row".to_owned() } else { format!("column {column}") },
+            found,
+            expected,
+            next: "correct the file, or make it again".to_owned(),
+        },
+    }
+}
+
+/// Converts a trace.
+///
+/// # Errors
+/// Files that cannot be read or written, or no trace.
+pub fn convert(args: &ConvertArgs) -> Result<(), BadInput> {
+    let ConvertArgs { input, output } = args;
+    let format = Format::of(output)?;
+    if is_same_file(input, output) {
+        return Err(BadInput {
+            place: output.display().to_string(),
+            problem: "the trace would overwrite itself".to_owned(),
+            found: "one file for both".to_owned(),
+            expected: "a file of its own for the result".to_owned(),
+            next: "choose another path".to_owned(),
+        });
+    }
+    let source = open(input)?;
+    let mut bytes = Vec::new();
+    let mut sink = format.sink(&mut bytes, source.heading()).map_err(|error| bad(output, error))?;
+    source.rows(&mut |row| sink.row(row)).map_err(|error| bad(input, error))?;
+    sink.finish().map_err(|error| bad(output, error))?;
+    drop(sink);
+    replace_file(output, &bytes).map_err(|error| bad(output, TableError::Io(error)))
+}

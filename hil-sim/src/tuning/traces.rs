@@ -1,0 +1,99 @@
+//! What makes a table a trace: `time_ms` first, and columns of runs or of recorded boards. The unit of a column is in its name.
+
+use tater_wire::Property;
+
+use super::table::{Column, Heading, TableError};
+use crate::experiment::input::closest;
+use crate::experiment::trace::COLUMNS;
+
+/// The column that is first in every trace.
+pub const TIME: &str = "time_ms";
+
+/// The node of the row, in traces of several motors.
+pub const MOTOR: &str = "motor";
+
+/// The unit that a column's name ends in; empty for codes and switches.
+#[must_use]
+pub fn unit(name: &str) -> &'static str {
+    // The longest first: counts_s ends in s as well.
+    const UNITS: [(&str, &str); 10] = [
+        ("_counts_s", "counts/s"),
+        ("_counts", "counts"),
+        ("_per_1024", "1/1024 of 65 N·cm"),
+        ("_percent", "%"),
+        ("_n_m", "N·m"),
+        ("_ms", "ms"),
+        ("_v", "V"),
+        ("_a", "A"),
+        ("_c", "°C"),
+        ("_s", "s"),
+    ];
+    UNITS.iter().find(|(end, _)| name.ends_with(end)).map_or("", |(_, unit)| unit)
+}
+
+/// Checks that a table is a trace.
+///
+/// # Errors
+/// Another first column than the time, a name that no trace has, or no numbers.
+pub fn check(heading: &Heading) -> Result<(), TableError> {
+    let first = heading.columns.first().map_or("nothing", |column| column.name.as_str());
+    if first != TIME {
+        return Err(TableError::place(1, first, first, format!("{TIME}, the first column of a trace")));
+    }
+    for (index, Column { name, .. }) in heading.columns.iter().enumerate() {
+        if heading.columns.iter().take(index).any(|before| before.name == *name) {
+            return Err(TableError::place(1, name, "the column a second time", "each column once"));
+        }
+        if !is_known(name) {
+            let names = COLUMNS.iter().map(|column| column.name).chain([MOTOR]);
+            let expected = match closest(name, names) {
+                Some(near) => format!("a column of a trace; did you mean {near}?"),
+                None => "a column of a trace (docs/traces.md), or a property's name".to_owned(),
+            };
+            return Err(TableError::place(1, name, "an unknown column", expected));
+        }
+    }
+    Ok(())
+}
+
+fn is_known(name: &str) -> bool {
+    name == MOTOR || COLUMNS.iter().any(|column| column.name == name) || Property::named(name).is_some()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tuning::table::Kind;
+
+    #[test]
+    fn every_quantity_of_a_trace_has_a_unit() {
+        let without: Vec<&str> =
+            COLUMNS.iter().map(|column| column.name).filter(|name| unit(name).is_empty()).collect();
+        assert_eq!(without, ["mode", "halls_code", "strain", "bridge_on", "brake_released"]);
+        assert_eq!(
+            (unit("velocity_counts_s"), unit("phase_a_a"), unit("load_n_m")),
+            ("counts/s", "A", "N·m")
+        );
+    }
+
+    #[test]
+    fn other_tables_are_no_traces() {
+        let table = |names: &[&str]| Heading {
+            columns: names.iter().map(|name| Column::new(*name, "", Kind::Float)).collect(),
+            metadata: Vec::new(),
+        };
+        assert!(check(&table(&["time_ms", "motor", "bus_v", "IMOTOR"])).is_ok());
+        for (names, words) in [
+            (&["x", "y"][..], "found x, expected time_ms"),
+            (&[], "found nothing"),
+            (
+                &["time_ms", "windng_c"],
+                "column windng_c: found an unknown column, expected a column of a trace; did you mean winding_c?",
+            ),
+            (&["time_ms", "bus_v", "bus_v"], "a second time"),
+        ] {
+            let error = check(&table(names)).expect_err("refused").to_string();
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! `hil-sim log` with a board of `hil-sim bus`.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+struct Served {
+    process: Child,
+    address: String,
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn serve(node: &str) -> Served {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    command.args(["bus", "--node", node, "--slcan", "127.0.0.1:0"]).stderr(Stdio::null());
+    let mut process = command.stdout(Stdio::piped()).spawn().expect("the binary starts");
+    let mut line = String::new();
+    let out = process.stdout.take().expect("piped");
+    BufReader::new(out).read_line(&mut line).expect("the first line");
+    let address = line.trim().strip_prefix("slcan ").expect("says where it listens").to_owned();
+    Served { process, address }
+}
+
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder for the test");
+    folder
+}
+
+fn hil_sim(folder: &Path, args: &[&str]) -> (Option<i32>, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    let Output { status, stderr, .. } =
+        command.args(args).current_dir(folder).output().expect("the binary starts");
+    (status.code(), String::from_utf8(stderr).expect("text"))
+}
+
+#[test]
+fn board_is_recorded_with_its_gains_in_every_format() {
+    let folder = folder("log");
+    let served = serve("4");
+    for file in ["log.csv", "log.mcap", "log.parquet"] {
+        let args = ["log", "--slcan", &served.address, "--node", "4", "--seconds", "0.3", "--out", file];
+        let (code, errors) = hil_sim(&folder, &args);
+        assert_eq!(code, Some(0), "{errors}");
+        let (code, errors) = hil_sim(&folder, &["convert", file, "read.csv"]);
+        assert_eq!(code, Some(0), "{errors}");
+        let csv = std::fs::read_to_string(folder.join("read.csv")).expect("text");
+        for fact in ["# node=4", "# KP=120", "# ROLE=2051", "# VERS=600", "# MKA="] {
+            assert!(csv.lines().any(|line| line.starts_with(fact)), "no {fact} in {file}");
+        }
+        let rows: Vec<&str> = csv.lines().skip_while(|line| line.starts_with('#')).collect();
+        assert!(rows[0].starts_with("time_ms,mode,position_estimated_counts,"), "{}", rows[0]);
+        // A slow machine gives few rows, but a board that answers gives one.
+        let row: Vec<&str> = rows.get(1).expect("a row").split(',').collect();
+        let names: Vec<&str> = rows[0].split(',').collect();
+        let value = |name: &str| row[names.iter().position(|other| *other == name).expect("a column")];
+        assert_eq!((value("time_ms").split('.').count(), value("mode"), value("ERROR")), (2, "0", "0"));
+        let volts: f64 = value("bus_v").parse().expect("a number");
+        assert!((20.0..=26.0).contains(&volts), "the source has 24 V: {volts}");
+    }
+}
+
+#[test]
+fn silent_board_and_missing_adapter_are_named() {
+    let folder = folder("log-silent");
+    let served = serve("4");
+    let log = |address: &str, node: &str| {
+        let args = ["log", "--slcan", address, "--node", node, "--out", "log.csv"];
+        let (code, errors) = hil_sim(&folder, &args);
+        assert_eq!(code, Some(2), "{errors}");
+        assert!(!folder.join("log.csv").exists());
+        errors
+    };
+    let errors = log(&served.address, "5");
+    assert!(errors.contains("node 5 is silent") && errors.contains("no answer"), "{errors}");
+    let address = served.address.clone();
+    drop(served);
+    let errors = log(&address, "4");
+    assert!(errors.contains(&format!("--slcan {address}")), "{errors}");
+}
