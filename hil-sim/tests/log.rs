@@ -85,3 +85,25 @@ fn silent_board_and_missing_adapter_are_named() {
     let errors = log(&address, "4");
     assert!(errors.contains(&format!("--slcan {address}")), "{errors}");
 }
+
+#[cfg(unix)]
+#[test]
+fn interrupted_log_keeps_its_file() {
+    let folder = folder("log-interrupted");
+    let served = serve("4");
+    let mut process = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
+        .args(["log", "--slcan", &served.address, "--node", "4", "--out", "log.csv"])
+        .current_dir(&folder)
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    let mut lines = BufReader::new(process.stderr.take().expect("piped")).lines().map_while(Result::ok);
+    assert!(lines.any(|line| line == "recording node 4; ^C ends it and keeps the file"));
+    let killed = Command::new("kill").args(["-INT", &process.id().to_string()]).status().expect("kill");
+    assert!(killed.success());
+    let last = lines.last().unwrap_or_default();
+    assert_eq!(process.wait().expect("it ends").code(), Some(130), "{last}");
+    let csv = std::fs::read_to_string(folder.join("log.csv")).expect("kept");
+    let rows = csv.lines().filter(|line| !line.starts_with('#')).count() - 1;
+    assert_eq!(last, format!("log.csv: {rows} rows of node 4"));
+}

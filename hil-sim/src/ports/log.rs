@@ -12,7 +12,7 @@ use tater_wire::{Destination, Message, Node, Property};
 use super::cli::Clock;
 use super::convert::{self, Format};
 use super::interrupt;
-use super::output::{print, replace_file, warn};
+use super::output::{replace_file, warn};
 use crate::experiment::input::BadInput;
 use crate::experiment::over_can::answer;
 use crate::tuning::table::{Cell, Column, Heading, Kind, Sink, TableError};
@@ -85,12 +85,14 @@ pub fn log(args: &LogArgs, clock: Clock) -> Result<(), BadInput> {
     let wrong = |error: TableError| convert::bad(&args.out, error);
     let mut bytes = Vec::new();
     let mut sink = format.sink(&mut bytes, &heading).map_err(wrong)?;
+    warn(&format!("recording node {}; ^C ends it and keeps the file", args.node));
     let recorded = record(args, &mut board, sink.as_mut(), seconds);
     sink.finish().map_err(wrong)?;
     drop(sink);
     replace_file(&args.out, &bytes).map_err(|error| wrong(TableError::Io(error)))?;
     let rows = recorded?;
-    print(&format!("{}: {rows} rows of node {}\n", args.out.display(), args.node))
+    warn(&format!("{}: {rows} rows of node {}", args.out.display(), args.node));
+    Ok(())
 }
 
 fn duration(seconds: Option<f64>) -> Result<Option<Duration>, BadInput> {
@@ -152,7 +154,14 @@ fn wake(args: &LogArgs, board: &mut Board) -> Result<(), BadInput> {
             _ => {}
         }
     }
-    Err(silent(args, &stat.map_or_else(|| "no answer".to_owned(), |stat| format!("STAT {stat}, expected 2"))))
+    Err(silent(
+        args,
+        &match stat {
+            _ if interrupt::interrupted() => "^C before it answered".to_owned(),
+            Some(stat) => format!("STAT {stat}, expected 2"),
+            None => "no answer".to_owned(),
+        },
+    ))
 }
 
 fn place(args: &LogArgs) -> String {
@@ -188,10 +197,20 @@ fn facts(args: &LogArgs, board: &mut Board) -> Result<Vec<(String, String)>, Bad
         ("recorded_by".to_owned(), format!("hil-sim {}", env!("CARGO_PKG_VERSION"))),
         ("node".to_owned(), args.node.to_string()),
     ];
+    let given = facts.len();
     for property in Property::ALL.iter().filter(|property| property.rules().access != Access::WriteOnly) {
-        match board.get(*property).map_err(|lost| lost.of(&place(args)))? {
+        // The application starts after the monitor has acknowledged.
+        let patience = if facts.len() == given { SILENCE } else { 2 * ANSWER };
+        let deadline = (board.clock)() + patience;
+        let value = loop {
+            let value = board.get(*property).map_err(|lost| lost.of(&place(args)))?;
+            if value.is_some() || (board.clock)() >= deadline {
+                break value;
+            }
+        };
+        match value {
             Some(value) => facts.push((property.row().name.to_owned(), value.to_string())),
-            None if interrupt::interrupted() => break,
+            None if facts.len() == given => return Err(silent(args, "no answer for 2 s")),
             None => warn(&format!("warning: no answer about {}: the metadata lacks it", property.row().name)),
         }
     }
