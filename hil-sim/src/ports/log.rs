@@ -9,7 +9,6 @@ use std::time::Duration;
 use tater_wire::property::Access;
 use tater_wire::{Destination, Message, Node, Property};
 
-use super::cli::Clock;
 use super::convert::{self, Format};
 use super::interrupt;
 use super::output::{replace_file, warn};
@@ -17,7 +16,7 @@ use crate::experiment::input::BadInput;
 use crate::experiment::over_can::answer;
 use crate::tuning::table::{Cell, Column, Heading, Kind, Sink, TableError};
 use crate::tuning::traces::{TIME, unit};
-use link::{Link, Lost};
+use link::{Clock, Link, Lost};
 
 /// Time limit of an answer: a board that erases a page (40 ms) answers after it.
 const ANSWER: Duration = Duration::from_millis(100);

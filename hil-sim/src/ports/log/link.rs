@@ -10,10 +10,12 @@ use std::time::Duration;
 use tater_wire::Frame;
 
 use crate::experiment::input::BadInput;
-use crate::ports::cli::Clock;
 use crate::ports::serve::can::CanPort;
 use crate::ports::serve::event::{EVENTS, Event};
 use crate::ports::thread;
+
+/// Real time since the program started.
+pub type Clock<'a> = &'a dyn Fn() -> Duration;
 
 /// Timeout for a connection, and of an adapter that opens.
 const PATIENCE: Duration = Duration::from_secs(5);
