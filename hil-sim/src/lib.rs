@@ -15,6 +15,7 @@
 //! | tuning | [`parquet`], [`table`] |
 //! | ports | [`cli`], [`grasper`], [`slcan`], and the private `convert`, `gcl`, `grasper_client`, `interrupt`, `lines`, `log`, `output`, `serve`, `state_file` |
 //! | tuning | [`parquet`], [`table`], and the private `csv`, `mcap`, `traces` |
+//! | tuning | [`tune`] |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
@@ -33,5 +34,6 @@ pub use ports::{cli, grasper, slcan};
 pub use tater_fw::motion::defaults;
 pub use tater_wire::MotorKind;
 pub use tuning::{parquet, table};
+pub use tuning::tune;
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};

@@ -20,3 +20,4 @@ mod state_file;
 mod table;
 mod thread;
 mod torture;
+mod tune;

@@ -12,3 +12,4 @@ pub mod mcap;
 pub mod parquet;
 pub mod table;
 pub mod traces;
+pub mod tune;

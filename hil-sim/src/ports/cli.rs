@@ -24,6 +24,7 @@ use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
 use super::thread;
 use super::torture::{self, TortureArgs};
+use super::tune::{self, TuneArgs};
 use crate::experiment::events::{self, Event};
 use crate::experiment::input::BadInput;
 use crate::experiment::replay::{Replayed, Tally, replay};
@@ -70,6 +71,9 @@ enum Task {
     Convert(ConvertArgs),
     /// Record a live board over its bus into a trace. ^C ends it and keeps the file.
     Log(LogArgs),
+    /// Tune properties on an ensemble of plants. Exit code 1 if the result breaks a limit on a plant that the search has not seen. ^C ends
+    /// the search and keeps the best so far.
+    Tune(TuneArgs),
     /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -156,6 +160,7 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Margins(args) => margins::margins(&args),
         Task::Convert(args) => convert::convert(&args).map(|()| true).map_err(Into::into),
         Task::Log(args) => log::log(&args, clock).map(|()| true).map_err(Into::into),
+        Task::Tune(args) => tune::tune(&args, clock),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {

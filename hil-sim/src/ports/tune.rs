@@ -1,0 +1,548 @@
+//! `hil-sim tune`: arguments, progress, validation and the result.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::{ValueEnum, value_parser};
+use serde_json::{Value, json};
+use tater_wire::MotorKind;
+
+use super::interrupt;
+use super::output::{print, replace_together, warn};
+use crate::experiment::input::{self, BadInput};
+use crate::experiment::metrics;
+use crate::experiment::properties::{self, Property};
+use crate::experiment::scenario::motor_name;
+use crate::tuning::tune::{
+    self, Axis, Broken, Candidate, Ensemble, Found, Goal, Judged, LEAST_EDGE, Objective, Progress, Settings,
+};
+
+/// Threads that begin at once: far more than any machine has cores.
+const MOST_JOBS: u64 = 256;
+
+/// Plants of a validation.
+const UNSEEN: u64 = 1000;
+
+/// Seeds of plants: each seed of a search has its own, the validation's begin in the middle.
+const SEEDS: u64 = 1 << 20;
+
+/// Time of a search that says neither how long nor how many candidates.
+const BUDGET: Duration = Duration::from_secs(60);
+
+/// The arguments of `hil-sim tune`.
+#[derive(clap::Args)]
+pub struct TuneArgs {
+    /// The motor.
+    #[arg(long, value_enum)]
+    motor: MotorName,
+    /// What the gains are for.
+    #[arg(long, value_enum)]
+    objective: ObjectiveName,
+    /// Plants on which each candidate runs: ±30 % in inertia, friction, Ke and R, 20 to 28 V, halls ±10 degrees.
+    #[arg(long, default_value_t = 100, value_parser = value_parser!(u64).range(1..=SEEDS / 2))]
+    robust: u64,
+    /// Time of the search of each motor, such as 60s or 5m; it ends with a generation.
+    #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "candidates")]
+    budget: Option<Duration>,
+    /// End with the generation in which this many candidates have been judged, instead of a time.
+    #[arg(long, value_parser = value_parser!(u64).range(1..))]
+    candidates: Option<u64>,
+    /// Properties to tune, with commas. Default: KP, KI and KD; KPV for velocity; all four for all.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    properties: Vec<String>,
+    /// Start from this value of a property, or keep it if it is not tuned; repeatable.
+    #[arg(long, value_name = "PROPERTY=VALUE")]
+    set: Vec<String>,
+    /// A figure of the plant about which the plants scatter, such as inertia=3x; repeatable.
+    #[arg(long, value_name = "NAME=VALUE")]
+    plant: Vec<String>,
+    /// A figure of the sensors; repeatable.
+    #[arg(long, value_name = "NAME=VALUE")]
+    rig: Vec<String>,
+    /// The supply of all plants, such as volts=20, instead of 20 to 28 V.
+    #[arg(long, value_name = "NAME=VALUE")]
+    supply: Vec<String>,
+    /// List the candidates of which no other is better in both metrics: two names with a comma.
+    #[arg(long, value_name = "METRIC,METRIC", value_delimiter = ',')]
+    pareto: Vec<String>,
+    /// Seed of the search and of its plants.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads; default: one for each core. The result does not depend on them.
+    #[arg(long, value_parser = value_parser!(u64).range(1..=MOST_JOBS))]
+    jobs: Option<u64>,
+    /// Write tuned.json and the scenarios into this folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object and nothing else.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum MotorName {
+    Link,
+    Spread,
+    Tip,
+    All,
+}
+
+impl MotorName {
+    fn kinds(self) -> Vec<MotorKind> {
+        match self {
+            Self::Link => vec![MotorKind::Link],
+            Self::Spread => vec![MotorKind::Spread],
+            Self::Tip => vec![MotorKind::Tip],
+            Self::All => vec![MotorKind::Link, MotorKind::Spread, MotorKind::Tip],
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ObjectiveName {
+    /// A move over the whole range at 200 counts/s.
+    Move,
+    /// A fast move of ten counts, and a load on the position that is then held.
+    Step,
+    /// RealTime's mode 4 at 100, 30 and -200 counts/s.
+    Velocity,
+    /// Closing on an object that gives way, and holding it.
+    Grasp,
+    /// All of these.
+    All,
+}
+
+impl ObjectiveName {
+    fn objectives(self) -> Vec<Objective> {
+        match self {
+            Self::Move => vec![Objective::Move],
+            Self::Step => vec![Objective::Step],
+            Self::Velocity => vec![Objective::Velocity],
+            Self::Grasp => vec![Objective::Grasp],
+            Self::All => Objective::ALL.to_vec(),
+        }
+    }
+
+    fn properties(self) -> &'static [&'static str] {
+        match self {
+            Self::Move | Self::Step | Self::Grasp => &["KP", "KI", "KD"],
+            Self::Velocity => &["KPV"],
+            Self::All => &["KP", "KI", "KD", "KPV"],
+        }
+    }
+}
+
+fn time(text: &str) -> Result<Duration, String> {
+    let (digits, unit) = match text.strip_suffix('m') {
+        Some(digits) => (digits, 60.0),
+        None => (text.strip_suffix('s').unwrap_or(text), 1.0),
+    };
+    let seconds = digits.trim().parse::<f64>().ok().map(|number| number * unit);
+    match seconds {
+        Some(seconds) if seconds > 0.0 && seconds <= 604_800.0 => Ok(Duration::from_secs_f64(seconds)),
+        _ => Err("expected a time above 0 and up to a week, such as 60s or 5m".to_owned()),
+    }
+}
+
+/// One motor's search and its validation.
+struct Tuned {
+    found: Found,
+    axes: Vec<Axis>,
+    goals: Vec<Goal>,
+    /// Start and result on unseen plants.
+    unseen: [Judged; 2],
+    first_unseen: u64,
+}
+
+impl Tuned {
+    fn passed(&self) -> bool {
+        self.unseen[1].broken.is_empty() && self.found.tuned.judged.broken.is_empty()
+    }
+
+    fn improvement_percent(&self) -> f64 {
+        let [start, tuned] = &self.unseen;
+        100.0 * (1.0 - tuned.cost / start.cost)
+    }
+}
+
+/// Runs `hil-sim tune`. Returns whether every result passed its validation.
+///
+/// # Errors
+/// Bad arguments; no candidate that keeps the limits; files that cannot be written.
+pub fn tune(args: &TuneArgs, clock: super::cli::Clock) -> Result<bool, Box<dyn Error>> {
+    interrupt::finish_first();
+    let pareto = pareto(args)?;
+    let jobs = args.jobs.map_or(0, |jobs| jobs as usize);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().map_err(|e| BadInput {
+        place: "--jobs".to_owned(),
+        problem: "the threads cannot be started".to_owned(),
+        found: e.to_string(),
+        expected: "fewer threads than the system allows".to_owned(),
+        next: "give a smaller number".to_owned(),
+    })?;
+    let mut all = Vec::new();
+    for kind in args.motor.kinds() {
+        let (settings, first_unseen) = settings(args, kind)?;
+        let found = search(args, &settings, &pool, clock).map_err(|broken| hopeless(kind, &broken))?;
+        let unseen = Ensemble { first_seed: first_unseen, plants: UNSEEN, ..settings.ensemble.clone() };
+        let on_unseen = |candidate: &Candidate| {
+            pool.install(|| {
+                unseen.judge(&|config| tune::put(&settings.axes, &candidate.values, config), f64::INFINITY)
+            })
+        };
+        let unseen = [on_unseen(&found.start), on_unseen(&found.tuned)];
+        let Settings { axes, ensemble, .. } = settings;
+        all.push(Tuned { found, axes, goals: ensemble.goals, unseen, first_unseen });
+    }
+    let candidates = all.iter().map(|tuned| tuned.found.candidates).collect::<Vec<_>>();
+    let reproduce = reproduce(args, candidates.iter().copied().max().unwrap_or(1));
+    let passed = all.iter().all(Tuned::passed);
+    let motors: Vec<Value> = all.iter().map(|tuned| motor_json(tuned, &pareto)).collect();
+    let mut object = json!({ "motors": motors, "passed": passed, "reproduce": reproduce });
+    if interrupt::interrupted() {
+        object["interrupted"] = json!(true);
+    }
+    if let Some(dir) = &args.out {
+        write(dir, &object, &all)?;
+    }
+    if args.json {
+        print(&format!("{object}\n"))?;
+    } else {
+        print(&text(&all, &reproduce))?;
+    }
+    for tuned in &all {
+        refusals(tuned);
+    }
+    Ok(passed)
+}
+
+fn pareto(args: &TuneArgs) -> Result<Vec<String>, BadInput> {
+    let known: Vec<&str> = metrics::METRICS.iter().map(|metric| metric.name).collect();
+    for name in &args.pareto {
+        if !known.contains(&name.as_str()) {
+            let like = input::closest(name, known.iter().copied());
+            return Err(BadInput {
+                place: format!("--pareto {}", input::shorten(name)),
+                problem: "no metric has this name".to_owned(),
+                found: input::shorten(name),
+                expected: known.join(", "),
+                next: like.map_or("use two of those".to_owned(), |like| format!("did you mean {like}?")),
+            });
+        }
+    }
+    if !args.pareto.is_empty() && args.pareto.len() != 2 {
+        return Err(BadInput {
+            place: "--pareto".to_owned(),
+            problem: "a front has two metrics".to_owned(),
+            found: format!("{} names", args.pareto.len()),
+            expected: "two names with a comma".to_owned(),
+            next: "give for example --pareto tracking_rms_counts,chatter".to_owned(),
+        });
+    }
+    Ok(args.pareto.clone())
+}
+
+/// The search of a motor, and the first seed of its validation.
+fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInput> {
+    let overrides: Vec<(&str, &str)> = [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)]
+        .into_iter()
+        .flat_map(|(option, all)| all.iter().map(move |assignment| (option, assignment.as_str())))
+        .collect();
+    let mut goals = Vec::new();
+    for objective in args.objective.objectives() {
+        let mut goal = Goal::new(objective, kind)?;
+        let scenario = &mut goal.scenario;
+        for assignment in &args.set {
+            scenario.set(assignment)?;
+        }
+        scenario.override_figures(&overrides)?;
+        scenario.hall_scatter_deg = HALLS_DEG;
+        goals.push(goal);
+    }
+    let supply_v = args.supply.first().and(goals.first()).map(|goal| goal.scenario.cases[0].plant.bus_v);
+    let config =
+        goals.first().map_or_else(|| tater_fw::motion::defaults(kind), |goal| goal.scenario.cases[0].config);
+    let names: Vec<&str> = if args.properties.is_empty() {
+        args.objective.properties().to_vec()
+    } else {
+        args.properties.iter().map(String::as_str).collect()
+    };
+    let mut axes: Vec<Axis> = Vec::new();
+    for name in names {
+        let property = properties::find(name.trim()).ok_or_else(|| unknown(name))?;
+        if axes.iter().all(|axis| axis.property.name != property.name) {
+            axes.push(Axis { property, start: property.get(&config), knee: knee(property) });
+        }
+    }
+    let first_seed = args.seed.wrapping_mul(SEEDS);
+    let ensemble =
+        Ensemble { motor: kind, goals, scatter: SCATTER, supply_v, first_seed, plants: args.robust };
+    let candidates = args.candidates.map_or(usize::MAX, |most| most as usize);
+    Ok((Settings { axes, ensemble, seed: args.seed, candidates }, first_seed.wrapping_add(SEEDS / 2)))
+}
+
+/// The ensemble of docs/servo.md.
+const SCATTER: f64 = 0.3;
+const HALLS_DEG: f64 = 10.0;
+
+/// Below this value a property is searched by differences: what makes a small but visible change.
+fn knee(property: &Property) -> f64 {
+    match property.name {
+        "KP" => 20.0,
+        "KI" => 200.0,
+        "KD" => 100.0,
+        "KPV" => 4.0,
+        _ => f64::max(1.0, property.range().1 as f64 / 64.0),
+    }
+}
+
+fn unknown(name: &str) -> BadInput {
+    let known = properties::PROPERTIES.map(|property| property.name);
+    BadInput {
+        place: format!("--properties {}", input::shorten(name)),
+        problem: "no property has this name".to_owned(),
+        found: input::shorten(name),
+        expected: format!("one of {}", properties::names()),
+        next: match input::closest(name, known.into_iter()) {
+            Some(like) => format!("did you mean {like}?"),
+            None => "use one of those".to_owned(),
+        },
+    }
+}
+
+/// The start breaks a limit, and so does every candidate.
+fn hopeless(kind: MotorKind, broken: &Broken) -> BadInput {
+    BadInput {
+        place: format!("--motor {}", motor_name(kind)),
+        problem: "no candidate keeps the limits on all plants".to_owned(),
+        found: format!("{} on plant {}: {}", broken.objective, broken.seed, broken.what),
+        expected: "gains without a broken limit".to_owned(),
+        next: "give more time with --budget, describe the motor with --set MKA, MKE, MFC and MFS, or lower what it must do".to_owned(),
+    }
+}
+
+fn search(
+    args: &TuneArgs,
+    settings: &Settings,
+    pool: &rayon::ThreadPool,
+    clock: super::cli::Clock,
+) -> Result<Found, Broken> {
+    let begun = clock();
+    let budget = match (args.budget, args.candidates) {
+        (Some(budget), _) => Some(budget),
+        (None, None) => Some(BUDGET),
+        (None, Some(_)) => None,
+    };
+    let bar = indicatif::ProgressBar::new_spinner();
+    let found = tune::tune(settings, pool, &mut |progress: &Progress| {
+        let spent = clock() - begun;
+        let left = match (budget, args.candidates) {
+            (Some(budget), _) => budget.saturating_sub(spent).as_secs_f64(),
+            (None, most) => {
+                let most = most.unwrap_or_default() as f64;
+                let done = progress.candidates as f64;
+                spent.as_secs_f64() * (most - done).max(0.0) / done
+            }
+        };
+        let values: Vec<String> = settings
+            .axes
+            .iter()
+            .zip(&progress.values)
+            .map(|(axis, value)| format!("{}={value}", axis.property.name))
+            .collect();
+        bar.set_message(format!(
+            "{} candidates, {} runs; best {:.3} with {}; {left:.0} s left",
+            progress.candidates,
+            progress.runs,
+            progress.best,
+            values.join(" ")
+        ));
+        bar.tick();
+        !interrupt::interrupted() && budget.is_none_or(|budget| spent < budget)
+    });
+    bar.finish_and_clear();
+    found
+}
+
+/// The command line that gives this result again.
+fn reproduce(args: &TuneArgs, candidates: usize) -> String {
+    let name = |value: &dyn Fn() -> Option<clap::builder::PossibleValue>| {
+        value().map_or_else(String::new, |value| value.get_name().to_owned())
+    };
+    let mut line = format!(
+        "hil-sim tune --motor {} --objective {} --robust {} --candidates {candidates} --seed {}",
+        name(&|| args.motor.to_possible_value()),
+        name(&|| args.objective.to_possible_value()),
+        args.robust,
+        args.seed
+    );
+    if !args.properties.is_empty() {
+        line.push_str(&format!(" --properties {}", args.properties.join(",")));
+    }
+    for (option, all) in
+        [("set", &args.set), ("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)]
+    {
+        for assignment in all {
+            line.push_str(&format!(" --{option} {assignment}"));
+        }
+    }
+    line
+}
+
+fn values_json(axes: &[Axis], values: &[i64]) -> Value {
+    axes.iter().zip(values).map(|(axis, value)| (axis.property.name.to_owned(), json!(value))).collect()
+}
+
+fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
+    let Tuned { found, axes, goals, unseen: [start, result], first_unseen } = tuned;
+    let terms: Vec<Value> = goals
+        .iter()
+        .flat_map(|goal| &goal.terms)
+        .zip(start.terms.iter().zip(&result.terms))
+        .map(|(term, (start, result))| {
+            let of = |spread: &tune::Spread| json!({ "mean": spread.mean, "worst": spread.worst, "worst_seed": spread.seed });
+            json!({
+                "objective": term.objective.name(),
+                "metric": term.metric.name,
+                "from_ms": term.window.from_ms,
+                "target": term.target,
+                "scale": term.scale,
+                "weight": term.weight,
+                "start": of(start),
+                "tuned": of(result),
+            })
+        })
+        .collect();
+    let broken: Vec<Value> = result
+        .broken
+        .iter()
+        .map(|broken| json!({ "objective": broken.objective.name(), "seed": broken.seed, "what": broken.what }))
+        .collect();
+    let mut object = json!({
+        "motor": motor_name(found.motor),
+        "passed": tuned.passed(),
+        "properties": values_json(axes, &found.tuned.values),
+        "start": values_json(axes, &found.start.values),
+        "best_before_back_off": values_json(axes, &found.best.values),
+        "cost": { "start": found.start.judged.cost, "tuned": found.tuned.judged.cost },
+        "candidates": found.candidates,
+        "runs": found.runs,
+        "stability": { "edge_factor": found.edge, "least_edge_factor": LEAST_EDGE, "backed_off_by": found.backed_off },
+        "validation": {
+            "plants": UNSEEN,
+            "first_seed": first_unseen,
+            "cost_start": start.cost,
+            "cost_tuned": result.cost,
+            "improvement_percent": tuned.improvement_percent(),
+            "start_broken": start.broken.len(),
+            "broken": broken,
+        },
+        "terms": terms,
+    });
+    if let [a, b] = pareto {
+        object["pareto"] = front(tuned, a, b);
+    }
+    object
+}
+
+/// Candidates of which no other is better in both metrics: means over the plants.
+fn front(tuned: &Tuned, a: &str, b: &str) -> Value {
+    let terms: Vec<&tune::Term> = tuned.goals.iter().flat_map(|goal| &goal.terms).collect();
+    let place = |name: &str| terms.iter().position(|term| term.metric.name == name);
+    let (Some(a_at), Some(b_at)) = (place(a), place(b)) else { return json!([]) };
+    let mut points: Vec<(f64, f64, &Candidate)> = tuned
+        .found
+        .archive
+        .iter()
+        .filter(|candidate| candidate.judged.broken.is_empty())
+        .map(|candidate| (candidate.judged.terms[a_at].mean, candidate.judged.terms[b_at].mean, candidate))
+        .collect();
+    points.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.total_cmp(&y.1)));
+    let mut least = f64::INFINITY;
+    points.retain(|point| {
+        let is_better = point.1 < least;
+        least = least.min(point.1);
+        is_better
+    });
+    points
+        .into_iter()
+        .map(|(x, y, candidate)| json!({ a: x, b: y, "properties": values_json(&tuned.axes, &candidate.values) }))
+        .collect()
+}
+
+fn text(all: &[Tuned], reproduce: &str) -> String {
+    let mut text = String::new();
+    for tuned in all {
+        let Tuned { found, axes, goals, unseen: [start, result], .. } = tuned;
+        text.push_str(&format!("{}\n", motor_name(found.motor)));
+        for (axis, (before, after)) in axes.iter().zip(found.start.values.iter().zip(&found.tuned.values)) {
+            text.push_str(&format!("  {:<6} {before:>6} -> {after}\n", axis.property.name));
+        }
+        let edge = match found.edge {
+            Some(edge) => format!("all gains can rise by {edge:.2}"),
+            None => "all gains can rise by 4 or more".to_owned(),
+        };
+        let back = match found.backed_off {
+            1.0 => "no back-off".to_owned(),
+            factor => format!("lowered to {factor:.2} of the best, which leaves {LEAST_EDGE}"),
+        };
+        text.push_str(&format!("  {edge} until a limit breaks or the cost doubles; {back}\n"));
+        text.push_str(&format!(
+            "  cost on {UNSEEN} unseen plants {:.4} -> {:.4} ({:+.1} %), {} candidates, {} runs\n",
+            start.cost,
+            result.cost,
+            -tuned.improvement_percent(),
+            found.candidates,
+            found.runs
+        ));
+        text.push_str(
+            "  metric, distance from target            mean before    after   worst before    after\n",
+        );
+        let terms = goals.iter().flat_map(|goal| &goal.terms);
+        for (term, (before, after)) in terms.zip(start.terms.iter().zip(&result.terms)) {
+            text.push_str(&format!(
+                "  {:<40} {:>10.3} {:>8.3} {:>14.3} {:>8.3}\n",
+                format!("{} {}", term.objective, term.metric.name),
+                before.mean,
+                after.mean,
+                before.worst,
+                after.worst
+            ));
+        }
+    }
+    text.push_str(&format!("reproduce with: {reproduce}\n"));
+    text
+}
+
+fn refusals(tuned: &Tuned) {
+    let Some(broken) = tuned.unseen[1].broken.first() else { return };
+    let motor = motor_name(tuned.found.motor);
+    let more = tuned.unseen[1].broken.len() - 1;
+    warn(&format!(
+        "refused: {motor}, {} on plant {}: {}, and {more} more of {UNSEEN} unseen plants",
+        broken.objective, broken.seed, broken.what
+    ));
+}
+
+fn write(dir: &Path, object: &Value, all: &[Tuned]) -> Result<(), BadInput> {
+    let failed = |path: &Path, e: std::io::Error| BadInput {
+        place: format!("--out {}", dir.display()),
+        problem: format!("{} cannot be written", path.display()),
+        found: e.to_string(),
+        expected: "a writable folder".to_owned(),
+        next: "choose another folder or free space".to_owned(),
+    };
+    std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
+    let mut files: Vec<(PathBuf, String)> = Vec::new();
+    for tuned in all {
+        for goal in &tuned.goals {
+            let name = format!("{}-{}.toml", goal.objective, motor_name(tuned.found.motor));
+            files.push((dir.join(name), goal.text.clone()));
+        }
+    }
+    files.push((dir.join("tuned.json"), format!("{object:#}\n")));
+    let files: Vec<(&Path, &[u8])> =
+        files.iter().map(|(path, text)| (path.as_path(), text.as_bytes())).collect();
+    replace_together(&files).map_err(|(path, e)| failed(&path, e))
+}

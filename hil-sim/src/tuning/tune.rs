@@ -1,0 +1,297 @@
+//! `tune`: properties that shape motion, by CMA-ES over an ensemble of plants.
+//!
+//! A candidate is a value of each property. Its cost is
+//!
+//! ```text
+//! J = Σ w · (mean + worst) / 2 / Σ w
+//! ```
+//!
+//! over the [`Term`]s of its goals; mean and worst are those of the ensemble, of |metric − target| / scale. A plant that breaks a
+//! limit costs [`BROKEN`]. The search is that of Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), by the crate
+//! `cmaes`. The same settings give the same result, with any number of threads.
+
+mod ensemble;
+mod objective;
+
+pub use ensemble::{Broken, Ensemble, Judged, Spread};
+pub use objective::{Goal, Objective, Term};
+
+use std::sync::Mutex;
+use std::sync::PoisonError;
+
+use cmaes::{CMAESOptions, DVector};
+use rayon::ThreadPool;
+use servo_core::Config;
+use tater_wire::MotorKind;
+
+use crate::experiment::properties::Property;
+
+/// Least factor by which all gains can rise before a plant of the ensemble breaks a limit or the cost doubles: the usual gain margin of 6 dB.
+pub const LEAST_EDGE: f64 = 2.0;
+
+/// Largest factor that is tried, and the steps to it.
+const MOST_EDGE: f64 = 4.0;
+const EDGE_STEP: f64 = 1.189_207_115_002_721; // a quarter of an octave
+
+/// The best candidates are judged again on other plants, this many times as many, and the best there is the result: the first of many on
+/// a small ensemble is partly luck.
+const SELECTION: u64 = 4;
+const SELECTED: usize = 6;
+
+/// Plants between two looks at a candidate that may be hopeless.
+const HEAT: usize = 10;
+
+/// A candidate is hopeless while it is known to cost more than this multiple of the best.
+const HOPELESS: f64 = 1.5;
+
+/// One dimension of the search.
+#[derive(Clone, Copy, Debug)]
+pub struct Axis {
+    /// The property.
+    pub property: &'static Property,
+    /// Where the search begins.
+    pub start: i64,
+    /// Below it steps are differences, above it factors, in the property's unit.
+    pub knee: f64,
+}
+
+impl Axis {
+    /// The property's value at a place of the search, where 0 is the start and 1 about a factor of e.
+    #[must_use]
+    pub fn value(&self, place: f64) -> i64 {
+        let (min, max) = self.property.range();
+        let from = (self.start as f64 / self.knee).asinh();
+        let value = self.knee * (from + place).sinh();
+        (value.clamp(min as f64, max as f64)).round() as i64
+    }
+}
+
+/// What to tune.
+#[derive(Debug)]
+pub struct Settings {
+    /// The properties.
+    pub axes: Vec<Axis>,
+    /// The plants, with the goals.
+    pub ensemble: Ensemble,
+    /// Seed of the search.
+    pub seed: u64,
+    /// Most candidates.
+    pub candidates: usize,
+}
+
+/// How far the search is.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// Candidates that have been judged.
+    pub candidates: usize,
+    /// Simulated runs.
+    pub runs: u64,
+    /// The least cost so far.
+    pub best: f64,
+    /// Its values, in the order of the axes.
+    pub values: Vec<i64>,
+}
+
+/// A candidate that ran on the whole ensemble.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// Its values, in the order of the axes.
+    pub values: Vec<i64>,
+    /// What it costs.
+    pub judged: Judged,
+}
+
+/// The result of a search.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The motor.
+    pub motor: MotorKind,
+    /// The values with which it began.
+    pub start: Candidate,
+    /// The best values, before any back-off.
+    pub best: Candidate,
+    /// The values to use: the best, or those backed off from the edge.
+    pub tuned: Candidate,
+    /// The factor of all gains at which a limit broke or the cost doubled; none below [`MOST_EDGE`].
+    pub edge: Option<f64>,
+    /// The factor by which the gains were lowered, 1 if they were not.
+    pub backed_off: f64,
+    /// Candidates that were judged, hopeless ones included.
+    pub candidates: usize,
+    /// Simulated runs.
+    pub runs: u64,
+    /// Every candidate that ran on the whole ensemble and broke no limit.
+    pub archive: Vec<Candidate>,
+}
+
+/// Searches on the threads of `pool` until the candidates are used up, the search has converged, or `go_on` says no; it is asked between generations.
+///
+/// # Errors
+/// The start breaks a limit that no candidate meets: the first broken one of the best.
+pub fn tune(
+    settings: &Settings,
+    pool: &ThreadPool,
+    go_on: &mut dyn FnMut(&Progress) -> bool,
+) -> Result<Found, Broken> {
+    let Settings { axes, ensemble, .. } = settings;
+    let values = |place: &DVector<f64>| -> Vec<i64> {
+        axes.iter().zip(place.iter()).map(|(axis, at)| axis.value(*at)).collect()
+    };
+    let judge = |values: &[i64], bound: f64| ensemble.judge(&|config| put(axes, values, config), bound);
+    let start_values: Vec<i64> = axes.iter().map(|axis| axis.start).collect();
+    let start =
+        Candidate { judged: pool.install(|| judge(&start_values, f64::INFINITY)), values: start_values };
+    let seen = Mutex::new(Seen { runs: start.judged.runs, archive: vec![start.clone()], candidates: 1 });
+    let mut best = start.clone();
+    {
+        // The bound changes between generations only, so that the order of threads does not matter.
+        let bound = Mutex::new(HOPELESS * best.judged.cost);
+        let cost = |place: &DVector<f64>| {
+            let bound = *bound.lock().unwrap_or_else(PoisonError::into_inner);
+            let values = values(place);
+            let judged = judge(&values, bound);
+            let cost = judged.cost;
+            seen.lock().unwrap_or_else(PoisonError::into_inner).add(Candidate { values, judged });
+            cost
+        };
+        let options = CMAESOptions::new(vec![0.0; axes.len()], 0.5).seed(settings.seed);
+        // Only an invalid option is refused, of which there is none.
+        if let Ok(mut search) = options.build(cost) {
+            loop {
+                let progress = {
+                    let mut seen = seen.lock().unwrap_or_else(PoisonError::into_inner);
+                    seen.sort();
+                    best = seen.best().cloned().unwrap_or(best);
+                    Progress {
+                        candidates: seen.candidates,
+                        runs: seen.runs,
+                        best: best.judged.cost,
+                        values: best.values.clone(),
+                    }
+                };
+                *bound.lock().unwrap_or_else(PoisonError::into_inner) = HOPELESS * best.judged.cost;
+                if progress.candidates >= settings.candidates || !go_on(&progress) {
+                    break;
+                }
+                if pool.install(|| search.next_parallel()).is_some() {
+                    break;
+                }
+            }
+        }
+    }
+    let mut seen = seen.into_inner().unwrap_or_else(PoisonError::into_inner);
+    seen.sort();
+    best = seen.best().cloned().unwrap_or(best);
+    if let Some(broken) = best.judged.broken.first() {
+        return Err(broken.clone());
+    }
+    best = pool.install(|| select(settings, &start, best, &mut seen));
+    let (edge, backed_off, tuned) = pool.install(|| back_off(settings, &best, &mut seen.runs));
+    let Seen { runs, candidates, archive } = seen;
+    let archive = archive.into_iter().filter(|candidate| candidate.judged.is_whole).collect();
+    Ok(Found { motor: ensemble.motor, start, best, tuned, edge, backed_off, candidates, runs, archive })
+}
+
+/// Applies values to a board's properties.
+pub fn put(axes: &[Axis], values: &[i64], config: &mut Config) {
+    for (axis, value) in axes.iter().zip(values) {
+        // Clamped to its range by [`Axis::value`].
+        let _ = axis.property.set(config, *value);
+    }
+}
+
+/// The best of the best candidates and the start on plants that the search has not seen.
+fn select(settings: &Settings, start: &Candidate, best: Candidate, seen: &mut Seen) -> Candidate {
+    let ensemble = &settings.ensemble;
+    let others = Ensemble {
+        first_seed: ensemble.first_seed.wrapping_add(ensemble.plants),
+        plants: ensemble.plants.saturating_mul(SELECTION),
+        ..ensemble.clone()
+    };
+    let mut finalists: Vec<Candidate> = vec![start.clone()];
+    for candidate in seen.archive.iter().filter(|candidate| candidate.judged.is_whole) {
+        if finalists.len() <= SELECTED && finalists.iter().all(|other| other.values != candidate.values) {
+            finalists.push(candidate.clone());
+        }
+    }
+    let mut least = f64::INFINITY;
+    let mut chosen = best;
+    for candidate in finalists {
+        let values = &candidate.values;
+        let judged = others.judge(&|config| put(&settings.axes, values, config), least);
+        seen.runs += judged.runs;
+        if judged.is_whole && judged.cost < least {
+            (least, chosen) = (judged.cost, candidate);
+        }
+    }
+    chosen
+}
+
+struct Seen {
+    runs: u64,
+    candidates: usize,
+    archive: Vec<Candidate>,
+}
+
+impl Seen {
+    fn add(&mut self, candidate: Candidate) {
+        self.runs += candidate.judged.runs;
+        self.candidates += 1;
+        self.archive.push(candidate);
+    }
+
+    /// Threads finish in any order; the order of values is always the same.
+    fn sort(&mut self) {
+        self.archive
+            .sort_by(|a, b| a.judged.cost.total_cmp(&b.judged.cost).then_with(|| a.values.cmp(&b.values)));
+    }
+
+    fn best(&self) -> Option<&Candidate> {
+        self.archive.iter().find(|candidate| candidate.judged.is_whole)
+    }
+}
+
+/// Raises all gains until the ensemble breaks a limit or the cost doubles, and lowers them if that is nearer than [`LEAST_EDGE`].
+fn back_off(settings: &Settings, best: &Candidate, runs: &mut u64) -> (Option<f64>, f64, Candidate) {
+    let Settings { axes, ensemble, .. } = settings;
+    let scaled = |factor: f64| -> Vec<i64> {
+        axes.iter()
+            .zip(&best.values)
+            .map(|(axis, value)| {
+                let (min, max) = axis.property.range();
+                let is_gain = GAINS.contains(&axis.property.name);
+                let value = if is_gain { (*value as f64 * factor).round() as i64 } else { *value };
+                value.clamp(min, max)
+            })
+            .collect()
+    };
+    let mut judge = |factor: f64| {
+        let values = scaled(factor);
+        let judged = ensemble.judge(&|config| put(axes, &values, config), f64::INFINITY);
+        *runs += judged.runs;
+        Candidate { values, judged }
+    };
+    let mut edge = None;
+    let mut factor = EDGE_STEP;
+    while factor <= MOST_EDGE * 1.001 {
+        let candidate = judge(factor);
+        if !candidate.judged.broken.is_empty() || candidate.judged.cost > 2.0 * best.judged.cost {
+            edge = Some(factor);
+            break;
+        }
+        factor *= EDGE_STEP;
+    }
+    match edge {
+        Some(at) if at < LEAST_EDGE => {
+            let lower = at / LEAST_EDGE;
+            (edge, lower, judge(lower))
+        }
+        _ => (edge, 1.0, best.clone()),
+    }
+}
+
+/// Properties that multiply an error: what a stability margin is about.
+const GAINS: [&str; 4] = ["KP", "KI", "KD", "KPV"];
+
+#[cfg(test)]
+mod tests;

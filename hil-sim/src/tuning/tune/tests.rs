@@ -1,0 +1,92 @@
+//! Small searches with the whole machinery.
+
+use super::*;
+use crate::experiment::properties;
+
+fn settings(motor: MotorKind, objective: Objective, set: &[&str], plants: u64) -> Settings {
+    let mut goal = Goal::new(objective, motor).unwrap_or_else(|bad| panic!("{bad}"));
+    for assignment in set {
+        goal.scenario.set(assignment).unwrap_or_else(|bad| panic!("{bad}"));
+    }
+    let config = goal.scenario.cases[0].config;
+    let axes = [("KP", 20.0), ("KD", 100.0)]
+        .map(|(name, knee)| {
+            let property = properties::find(name).expect(name);
+            Axis { property, start: property.get(&config), knee }
+        })
+        .to_vec();
+    let ensemble = Ensemble { motor, goals: vec![goal], scatter: 0.3, supply_v: None, first_seed: 1, plants };
+    Settings { axes, ensemble, seed: 3, candidates: 30 }
+}
+
+fn pool(threads: usize) -> ThreadPool {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
+}
+
+#[test]
+fn axis_begins_at_the_start_and_stays_in_range() {
+    let property = properties::find("KI").expect("KI");
+    for start in [0, 3, 500, 32_767] {
+        let axis = Axis { property, start, knee: 200.0 };
+        assert_eq!(axis.value(0.0), start);
+        assert!(axis.value(1.0) > start || start == 32_767);
+        assert_eq!((axis.value(-50.0), axis.value(50.0)), (0, 32_767));
+    }
+}
+
+#[test]
+fn search_finds_gains_for_a_motor_that_cannot_arrive() {
+    let settings = settings(MotorKind::Link, Objective::Step, &["KP=4", "KD=0"], 6);
+    let found = tune(&settings, &pool(2), &mut |_| true).expect("gains that keep the limits");
+    assert!(found.tuned.judged.cost < 0.5 * found.start.judged.cost, "{found:?}");
+    assert!(found.tuned.values[0] > 4, "{:?}", found.tuned.values);
+    assert!(found.candidates >= 30);
+}
+
+#[test]
+fn result_does_not_depend_on_threads() {
+    let search = |threads| {
+        let settings = settings(MotorKind::Spread, Objective::Step, &[], 12);
+        let found = tune(&settings, &pool(threads), &mut |_| true).expect("gains that keep the limits");
+        (
+            found.tuned.values,
+            found.tuned.judged.cost.to_bits(),
+            found.runs,
+            found.candidates,
+            found.archive.len(),
+        )
+    };
+    let one = search(1);
+    assert_eq!(one, search(2));
+    assert_eq!(one, search(3));
+}
+
+#[test]
+fn go_on_ends_the_search() {
+    let settings = settings(MotorKind::Spread, Objective::Step, &[], 2);
+    let mut asked = 0;
+    let found = tune(&settings, &pool(1), &mut |progress| {
+        asked += 1;
+        assert!(progress.best.is_finite() && progress.values.len() == 2);
+        asked < 3
+    });
+    assert!(found.is_ok_and(|found| found.candidates < 30) && asked == 3);
+}
+
+/// Half of the motor's torque does not suffice for its friction.
+#[test]
+fn limits_that_nothing_keeps_name_the_plant() {
+    let mut settings = settings(MotorKind::Link, Objective::Move, &["MT=20"], 2);
+    settings.candidates = 6;
+    let broken = tune(&settings, &pool(1), &mut |_| true).expect_err("no candidate can move");
+    assert_eq!((broken.seed, broken.what.as_str()), (1, "ended stalled, not arrived"));
+}
+
+#[test]
+fn hopeless_candidate_is_left_early() {
+    let settings = settings(MotorKind::Spread, Objective::Step, &[], 40);
+    let judge = |bound| settings.ensemble.judge(&|config| put(&settings.axes, &[120, 640], config), bound);
+    let whole = judge(f64::INFINITY);
+    let left = judge(whole.cost / 100.0);
+    assert!(whole.is_whole && whole.runs == 40 && !left.is_whole && left.runs == 10);
+}
