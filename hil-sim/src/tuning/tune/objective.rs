@@ -62,7 +62,7 @@ pub struct Term {
 }
 
 /// Cost of a metric that a run does not have, such as the settling time of a rotor that does not settle.
-const ABSENT: f64 = 20.0;
+const ABSENT: f64 = 10.0;
 
 impl Term {
     /// Its value of a run: the distance from the target, in the metric's unit; none if the run has no such value.
