@@ -16,6 +16,7 @@
 //! | ports | [`cli`], [`grasper`], [`slcan`], and the private `convert`, `gcl`, `grasper_client`, `interrupt`, `lines`, `log`, `output`, `serve`, `state_file` |
 //! | tuning | [`parquet`], [`table`], and the private `csv`, `mcap`, `traces` |
 //! | tuning | [`tune`] |
+//! | tuning | [`sweep`] |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
@@ -35,5 +36,6 @@ pub use tater_fw::motion::defaults;
 pub use tater_wire::MotorKind;
 pub use tuning::{parquet, table};
 pub use tuning::tune;
+pub use tuning::sweep;
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};

@@ -21,3 +21,8 @@ mod table;
 mod thread;
 mod torture;
 mod tune;
+mod sweep;
+mod sweep_folder;
+mod thread;
+mod torture;
+mod worker;

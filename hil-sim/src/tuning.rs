@@ -13,3 +13,4 @@ pub mod parquet;
 pub mod table;
 pub mod traces;
 pub mod tune;
+pub mod sweep;

@@ -298,6 +298,28 @@ impl Metric {
         !self.words.is_empty()
     }
 
+    /// Its unit: the end of its name, but for integrals and torques; empty for a word.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        const ENDS: [(&str, &str); 8] = [
+            ("_counts_s", "counts/s"),
+            ("_counts", "counts"),
+            ("_ms", "ms"),
+            ("_s", "s"),
+            ("_a", "A"),
+            ("_c", "C"),
+            ("_j", "J"),
+            ("", "1"),
+        ];
+        match self.name {
+            "iae" => "counts s",
+            "itae" => "counts s^2",
+            "chatter" | "peak_torque" => "1/1024 of peak",
+            _ if self.is_word() => "",
+            name => ENDS.iter().find(|(end, _)| name.ends_with(end)).map_or("1", |(_, unit)| unit),
+        }
+    }
+
     /// Whether its value can be that text: one of its names, or faults in the order in which they latch.
     #[must_use]
     pub fn can_be(&self, text: &str) -> bool {

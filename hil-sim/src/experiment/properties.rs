@@ -143,6 +143,12 @@ impl Property {
         Err(PropertyError::Range { name: self.name, found: value, min, max })
     }
 
+    /// Its unit; empty for a plain number.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        if self.row.unit == "-" { "" } else { self.row.unit }
+    }
+
     /// Smallest and largest value.
     #[must_use]
     pub const fn range(&self) -> (i64, i64) {

@@ -30,6 +30,7 @@ struct Json<'a> {
     model: &'static str,
     end_reason: Option<&'static str>,
     faults: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     wall_s: Option<f64>,
     /// All others by name.
     #[serde(flatten)]
@@ -48,6 +49,17 @@ struct JsonVerdict<'a> {
 /// One JSON object on one line.
 #[must_use]
 pub fn json(outcome: &Outcome, wall_s: f64) -> String {
+    // The object has string keys and finite values only, so serialization cannot fail.
+    serde_json::to_string(&object(outcome, Some(wall_s))).unwrap_or_default()
+}
+
+/// The same without the wall time: equal runs give equal values.
+#[must_use]
+pub fn json_value_of(outcome: &Outcome) -> serde_json::Value {
+    serde_json::to_value(object(outcome, None)).unwrap_or_default()
+}
+
+fn object(outcome: &Outcome, wall_s: Option<f64>) -> Json<'_> {
     let m = &outcome.metrics;
     // serde_json writes a non-finite number as null.
     let expectations = outcome.expectations.iter().map(|verdict| JsonVerdict {
@@ -56,22 +68,20 @@ pub fn json(outcome: &Outcome, wall_s: f64) -> String {
         value: json_value(&verdict.value),
         want: &verdict.want,
     });
-    let object = Json {
+    Json {
         scenario: &outcome.scenario,
         seed: outcome.options.seed,
         model: model_name(outcome.options.model),
         end_reason: m.end_reason.map(end_word),
         faults: m.faults.iter().map(|fault| fault_word(*fault)).collect(),
-        wall_s: Some(wall_s),
+        wall_s,
         metrics: METRICS
             .iter()
             .filter(|metric| !["end_reason", "faults"].contains(&metric.name))
             .map(|metric| (metric.name, json_value(&(metric.get)(m))))
             .collect(),
         expectations: expectations.collect(),
-    };
-    // The object has string keys and finite values only, so serialization cannot fail.
-    serde_json::to_string(&object).unwrap_or_default()
+    }
 }
 
 fn json_value(value: &Value) -> serde_json::Value {

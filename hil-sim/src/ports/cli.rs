@@ -22,9 +22,11 @@ use super::interrupt;
 use super::log::{self, LogArgs};
 use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
+use super::sweep::{self, MergeArgs, SweepArgs};
 use super::thread;
 use super::torture::{self, TortureArgs};
 use super::tune::{self, TuneArgs};
+use super::worker;
 use crate::experiment::events::{self, Event};
 use crate::experiment::input::BadInput;
 use crate::experiment::replay::{Replayed, Tally, replay};
@@ -74,6 +76,13 @@ enum Task {
     /// Tune properties on an ensemble of plants. Exit code 1 if the result breaks a limit on a plant that the search has not seen. ^C ends
     /// the search and keeps the best so far.
     Tune(TuneArgs),
+    /// Run scenarios over sets of parameters, with the results as CSV and Parquet. Exit code 1 if a run could not be made. ^C keeps
+    /// what is done and prints the line that continues it, with exit code 130.
+    Sweep(SweepArgs),
+    /// Merge the shards of a sweep.
+    Merge(MergeArgs),
+    /// Run one JSON job for each line of standard input, and print one JSON result for each, in order.
+    Worker,
     /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -161,6 +170,9 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Convert(args) => convert::convert(&args).map(|()| true).map_err(Into::into),
         Task::Log(args) => log::log(&args, clock).map(|()| true).map_err(Into::into),
         Task::Tune(args) => tune::tune(&args, clock),
+        Task::Sweep(args) => sweep::sweep(&args, clock),
+        Task::Merge(args) => sweep::merge(&args),
+        Task::Worker => worker::worker(),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {

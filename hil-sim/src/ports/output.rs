@@ -87,12 +87,29 @@ impl Step {
 }
 
 /// A temporary file with the bytes of another; removed unless it is renamed.
-struct Part {
+pub struct Part {
     part: PathBuf,
     target: PathBuf,
 }
 
 impl Part {
+    /// An empty one beside a file that may or may not exist, to be written piece by piece.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn begin(target: &Path) -> io::Result<(Self, File)> {
+        let part = part_of(target)?;
+        let file = interrupt::temporary(&part, || {
+            File::options().read(true).write(true).create_new(true).open(&part)
+        })?;
+        Ok((Self { part, target: target.to_owned() }, file))
+    }
+
+    /// Where its bytes are until then.
+    pub fn path(&self) -> &Path {
+        &self.part
+    }
+
     /// `None` if the target is no file: the bytes have been written to it.
     fn write(path: &Path, bytes: &[u8]) -> io::Result<Option<Self>> {
         let (target, permissions) = match fs::metadata(path) {
@@ -118,7 +135,11 @@ impl Part {
         write_new(file, bytes, permissions).map(|()| Some(written))
     }
 
-    fn rename(self) -> io::Result<()> {
+    /// Replaces the file.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn rename(self) -> io::Result<()> {
         interrupt::settle(&self.part, || fs::rename(&self.part, &self.target))
     }
 }

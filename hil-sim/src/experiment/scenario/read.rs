@@ -23,9 +23,17 @@ impl Scenario {
     /// # Errors
     /// No such scenario or file, or an invalid file.
     pub fn find(name: &str) -> Result<Self, BadInput> {
+        let (file, text) = Self::text(name)?;
+        Ok(Self { arguments: name.to_owned(), ..Self::parse(&file, &text)? })
+    }
+
+    /// The file name and the text of a shipped scenario, or of the TOML file at this path.
+    ///
+    /// # Errors
+    /// No such scenario or file.
+    pub fn text(name: &str) -> Result<(String, String), BadInput> {
         if let Some(shipped) = SHIPPED.iter().find(|shipped| shipped.name == name) {
-            let parsed = Self::parse(shipped.file, shipped.text)?;
-            return Ok(Self { arguments: name.to_owned(), ..parsed });
+            return Ok((shipped.file.to_owned(), shipped.text.to_owned()));
         }
         let path = Path::new(name);
         let io_error = |problem: &str, found: String| BadInput {
@@ -52,7 +60,7 @@ impl Scenario {
             let at = e.utf8_error().valid_up_to();
             io_error("this is not text", format!("a byte that is not UTF-8 at offset {at}"))
         })?;
-        Self::parse(name, &text)
+        Ok((name.to_owned(), text))
     }
 
     /// Parses a scenario; errors name it `file`.
