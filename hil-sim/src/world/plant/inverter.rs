@@ -136,6 +136,14 @@ impl Inverter {
 
     /// Either gate of the PWM leg turns on a dead time after the other has turned off.
     fn build_segments(&mut self) {
+        self.swing = swing(&self.winding, self.duty);
+        self.dead_a_v = 0.5 * self.dead_s / self.winding.phase_l;
+        // A nanoampere keeps the quotient finite without a supply or a dead time.
+        self.per_dead_a = 1.0 / (self.dead_a_v * self.winding.bus_v + 1e-9);
+        self.segments.clear();
+        if self.model == Model::Averaged {
+            return;
+        }
         let low = Terminal::Held { v: 0.0, bus_share: 0.0 };
         let high = Terminal::Held { v: self.winding.bus_v, bus_share: 1.0 };
         let t = PERIOD_S;
@@ -157,14 +165,6 @@ impl Inverter {
             ]
         };
         let tau = self.winding.tau;
-        self.swing = swing(&self.winding, self.duty);
-        self.dead_a_v = 0.5 * self.dead_s / self.winding.phase_l;
-        // A nanoampere keeps the quotient finite without a supply or a dead time.
-        self.per_dead_a = 1.0 / (self.dead_a_v * self.winding.bus_v + 1e-9);
-        self.segments.clear();
-        if self.model == Model::Averaged {
-            return;
-        }
         let mut start = 0.0;
         for (end, pwm) in plan {
             if end > start {
@@ -187,8 +187,7 @@ impl Inverter {
                 let idle = i[roles.float] == 0.0;
                 let decay = self.mean_decay(dt);
                 let (v, bus_share) = self.mean_leg(i[roles.pwm], e[roles.pwm] - e[roles.low]);
-                let segment = Segment { end: dt, decay, pwm: Terminal::Held { v, bus_share } };
-                self.run(roles, &[segment], i, e, (0.0, dt), flow);
+                self.mean(roles, Terminal::Held { v, bus_share }, i, e, (dt, decay), flow);
                 // A triangle of ±swing has the mean square swing²/3, in two phases; the supply delivers it.
                 let w = &self.winding;
                 let swing = swing(w, bus_share);
@@ -209,6 +208,33 @@ impl Inverter {
             self.mean_decay = (dt, (-dt / self.winding.tau).exp());
         }
         self.mean_decay.1
+    }
+
+    /// Advances by `dt` with the PWM leg at its mean.
+    #[inline(always)]
+    fn mean(
+        &self,
+        roles: Roles,
+        pwm_leg: Terminal,
+        i: &mut [f64; 3],
+        e: [f64; 3],
+        (dt, decay): (f64, f64),
+        flow: &mut Flow,
+    ) {
+        let w = &self.winding;
+        let Roles { pwm, low, float, six_step } = roles;
+        let mut pair = PairFlow::default();
+        let mut current = i[pwm];
+        if six_step
+            && i[float] == 0.0
+            && w.advance_pair(&mut current, pwm_leg, [e[pwm], e[low], e[float]], dt, decay, &mut pair)
+        {
+            i[pwm] = current;
+            i[low] = -current;
+        } else {
+            w.advance(i, &terminals(&self.legs, pwm_leg), e, dt, decay, flow);
+        }
+        flow.add_pair(pwm, low, &pair, w.phase_r);
     }
 
     /// Advances from `begin` to `end`, seconds into the PWM period.

@@ -80,6 +80,10 @@ pub struct Joint {
     /// rad/(N·m).
     compliance: f64,
     contacts: Vec<Contact>,
+    /// Where the rotor is when the joint meets each contact.
+    meetings: Vec<f64>,
+    /// Positions of the joint between which it presses no contact.
+    clear: (f64, f64),
     /// Torque of a load on the joint, N·m at the motor.
     disturbance: f64,
 }
@@ -125,7 +129,7 @@ impl Joint {
         };
         let mut contacts = vec![stop(p.min_count - 0.5, -1.0), stop(p.max_count + 0.5, 1.0)];
         contacts.extend_from_slice(objects);
-        Self {
+        let mut joint = Self {
             j: p.j_kg_m2,
             coulomb: p.coulomb_n_m,
             stiction: p.static_n_m,
@@ -136,14 +140,32 @@ impl Joint {
             backlash: p.backlash_counts * RAD_PER_COUNT,
             compliance: p.gear_rad_n_m,
             contacts,
+            meetings: Vec::new(),
+            clear: (0.0, 0.0),
             disturbance: 0.0,
-        }
+        };
+        joint.place_contacts();
+        joint
+    }
+
+    /// What depends on contacts and load only: each step asks for it.
+    fn place_contacts(&mut self) {
+        self.meetings = self.contacts.iter().map(|c| self.meets(c)).collect();
+        let from = |side: f64| self.contacts.iter().filter(move |c| c.side == side).map(|c| c.from);
+        self.clear = (from(-1.0).fold(f64::NEG_INFINITY, f64::max), from(1.0).fold(f64::INFINITY, f64::min));
+    }
+
+    /// Whether nothing loads the joint behind a rotor's position, wherever it is in its play.
+    fn is_clear(&self, rotor: f64) -> bool {
+        let half = 0.5 * self.backlash;
+        self.disturbance == 0.0 && rotor - half >= self.clear.0 && rotor + half <= self.clear.1
     }
 
     /// Replaces the objects in the joint's way; its stops remain.
     pub fn set_objects(&mut self, objects: &[Contact]) {
         self.contacts.truncate(STOPS);
         self.contacts.extend_from_slice(objects);
+        self.place_contacts();
     }
 
     /// Changes the load on the joint, N·m at the motor. Returns the work of the load on a joint that changes the flank, and what of it the
@@ -151,6 +173,7 @@ impl Joint {
     pub fn set_disturbance(&mut self, theta: f64, n_m: f64) -> (f64, f64) {
         let (before, stored) = (self.behind(theta).theta, self.spring_j(theta));
         self.disturbance = n_m;
+        self.place_contacts();
         let work = n_m * (self.behind(theta).theta - before);
         (work, work - (self.spring_j(theta) - stored))
     }
@@ -256,9 +279,13 @@ impl Joint {
     /// The load on the shaft about the middle of the coming `dt`.
     fn load(&self, shaft: &Shaft, dt: f64) -> Load {
         let mid = shaft.theta + 0.5 * dt * shaft.omega;
+        let none = Load { torque: 0.0, stiffness: 0.0, damping: 0.0 };
+        if self.is_clear(mid) {
+            return none;
+        }
         let joint = self.behind(mid);
         if joint.is_free {
-            return Load { torque: 0.0, stiffness: 0.0, damping: 0.0 };
+            return none;
         }
         // How far the joint follows the rotor.
         let follow = 1.0 / (1.0 + self.compliance * joint.stiffness);
@@ -321,8 +348,14 @@ impl Joint {
             }
             let mut span = left;
             if shaft.omega != 0.0 {
-                for c in &self.contacts {
-                    let to_go = (self.meets(c) - shaft.theta) / shaft.omega;
+                // A division costs more than the rest: none where the contact is certainly farther.
+                let reach = (1.001 * left * shaft.omega).abs();
+                for meets in &self.meetings {
+                    let distance = meets - shaft.theta;
+                    if distance.abs() > reach {
+                        continue;
+                    }
+                    let to_go = distance / shaft.omega;
                     // Within a nanosecond counts as reached.
                     if to_go > 1e-9 && to_go < span {
                         span = to_go;

@@ -55,8 +55,8 @@ pub struct Supply {
     next_us: u64,
     /// Charge that the bridges have drawn since `at_us`, C.
     drawn_c: f64,
-    /// Mean currents of the last interval, A: from the source, into the bridges.
-    amps: [f64; 2],
+    /// Charges of the last interval, C, from the source and into the bridges, and its length, s.
+    last: ([f64; 2], f64),
     start_v: f64,
     ledger: SupplyLedger,
 }
@@ -80,7 +80,7 @@ impl Supply {
             at_us: 0,
             next_us: 0,
             drawn_c: 0.0,
-            amps: [0.0; 2],
+            last: ([0.0; 2], 1.0),
             start_v: source_v,
             ledger: SupplyLedger::default(),
         }
@@ -95,13 +95,13 @@ impl Supply {
     /// Current from the source in the last interval, A.
     #[must_use]
     pub const fn source_a(&self) -> f64 {
-        self.amps[0]
+        self.last.0[0] / self.last.1
     }
 
     /// Current into all bridges in the last interval, A; negative if they fed back.
     #[must_use]
     pub const fn motors_a(&self) -> f64 {
-        self.amps[1]
+        self.last.0[1] / self.last.1
     }
 
     /// The energy ledger.
@@ -130,7 +130,7 @@ impl Supply {
     fn settle(&mut self, now_us: u64) {
         if now_us >= self.next_us {
             self.advance(now_us);
-            let quiet = self.volts == self.source_v && (0.0..QUIET_A).contains(&self.amps[1]);
+            let quiet = self.volts == self.source_v && (0.0..QUIET_A).contains(&self.motors_a());
             // A grid in absolute time, so that an interval does not depend on who asks.
             let interval = if quiet { QUIET_US } else { INTERVAL_US };
             self.next_us = (now_us / interval + 1) * interval;
@@ -153,7 +153,7 @@ impl Supply {
         let holds = source_c == wanted_c;
         let after = if holds { self.source_v } else { before + (source_c - load_c) / self.capacitance_f };
         self.volts = after.max(0.0);
-        self.amps = [source_c / dt, (load_c - electronics_c) / dt];
+        self.last = ([source_c, load_c - electronics_c], dt);
         let mean = 0.5 * (before + self.volts);
         self.ledger.source_j += source_c * mean;
         self.ledger.electronics_j += electronics_c * mean;

@@ -32,6 +32,8 @@ pub struct Halls {
     broken: [Option<bool>; 3],
     /// The lines, after delay, glitches and faults.
     lines: u8,
+    /// Whether the lines follow the rotor alone: nothing changes while it stays in its cell.
+    is_settled: bool,
 }
 
 impl Halls {
@@ -49,6 +51,7 @@ impl Halls {
             glitch: 0,
             broken: [None; 3],
             lines: 0,
+            is_settled: false,
         };
         let half = 0.5 * halls.params.hall_hysteresis_deg * COUNTS_PER_DEG;
         halls.bounds = (halls.boundary(halls.cell - 1) - half, halls.boundary(halls.cell) + half);
@@ -87,6 +90,7 @@ impl Halls {
     /// Breaks the wires of lines 0 to 2, each at a level, from the next [`Self::update`] on; `None`: the line follows its sensor again.
     pub fn break_lines(&mut self, levels: [Option<bool>; 3]) {
         self.broken = levels;
+        self.is_settled = false;
     }
 
     /// Adds a wrong code; ignored if it begins before the end of the last one.
@@ -94,6 +98,7 @@ impl Halls {
         let free_from = self.params.glitches.last().map_or(0, |last| last.at_us + last.duration_us);
         if glitch.at_us >= free_from {
             self.params.glitches.push(glitch);
+            self.is_settled = false;
         }
     }
 
@@ -138,6 +143,9 @@ impl Halls {
     /// The next time after `now` at which the lines change while the rotor stands still.
     #[must_use]
     pub fn next_event(&self, now: u64) -> u64 {
+        if self.is_settled {
+            return u64::MAX;
+        }
         let mut next = u64::MAX;
         let mut consider = |t: u64| {
             if t > now {
@@ -157,6 +165,10 @@ impl Halls {
 
     /// Updates for the rotor at `counts` at time `now`; returns whether the lines changed.
     pub fn update(&mut self, counts: f64, now: u64) -> bool {
+        let (low, high) = self.bounds;
+        if self.is_settled && counts >= low && counts < high {
+            return false;
+        }
         while self.follow(counts) {
             let to = self.code();
             for line in 0..3 {
@@ -180,6 +192,9 @@ impl Halls {
         }
         let before = self.lines;
         self.lines = self.faulty(now);
+        self.is_settled = self.rising == [None; 3]
+            && self.params.stuck.is_none()
+            && self.glitch >= self.params.glitches.len();
         self.lines != before
     }
 
