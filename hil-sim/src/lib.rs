@@ -17,6 +17,7 @@
 //! | tuning | [`parquet`], [`table`], and the private `csv`, `mcap`, `traces` |
 //! | tuning | [`tune`] |
 //! | tuning | [`sweep`] |
+//! | tuning | [`parquet`], [`sweep`], [`table`] |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
@@ -37,5 +38,6 @@ pub use tater_wire::MotorKind;
 pub use tuning::{parquet, table};
 pub use tuning::tune;
 pub use tuning::sweep;
+pub use tuning::{parquet, sweep, table};
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};

@@ -13,4 +13,6 @@ pub mod parquet;
 pub mod table;
 pub mod traces;
 pub mod tune;
+pub mod parquet;
 pub mod sweep;
+pub mod table;
