@@ -12,7 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::output::{Part, replace_file};
 use crate::experiment::input::BadInput;
+use crate::tuning::parquet::Writer;
 use crate::tuning::sweep::{Column, Kind, Sweep, fields, head, shard_of};
+use crate::tuning::table::{self, Cell, Heading, Sink, TableError};
 
 /// The commit of a release build; see `build.rs`.
 pub const COMMIT: &str = env!("HIL_SIM_COMMIT");
@@ -119,6 +121,28 @@ impl Header {
                 .then_some(("sweep", &self.file, &other.file))
         })?;
         Some((name, a.clone(), b.clone()))
+    }
+
+    /// Columns and facts of the Parquet file.
+    fn heading(&self) -> Heading {
+        let columns = self.columns.iter().map(|column| {
+            let kind = match column.kind {
+                Kind::Whole => table::Kind::Int,
+                Kind::Number => table::Kind::Float,
+                Kind::Text => table::Kind::Text,
+            };
+            table::Column::new(&column.name, &column.unit, kind).nullable()
+        });
+        let facts = [
+            ("runs", self.runs.to_string()),
+            ("sweep", self.sweep.clone()),
+            ("commit", self.commit.clone()),
+            ("version", self.version.clone()),
+            ("file", self.file.clone()),
+        ];
+        let scenarios = self.scenarios.iter().map(|of| (format!("scenario {}", of.name), of.text.clone()));
+        let metadata = facts.into_iter().map(|(key, value)| (key.to_owned(), value)).chain(scenarios);
+        Heading { columns: columns.collect(), metadata: metadata.collect() }
     }
 
     /// An upper estimate of the bytes of its table in both forms.
@@ -458,8 +482,34 @@ pub fn free_bytes(_folder: &Path) -> Option<u128> {
     None
 }
 
-/// STUB
-fn parquet(_csv: &Path, to: &Path, _header: &Header) -> Result<Part, BadInput> {
-    let (part, _file) = Part::begin(to).map_err(|e| failed(to, &e))?;
+/// Writes the table of a CSV as a temporary Parquet file, row group by row group.
+fn parquet(csv: &Path, to: &Path, header: &Header) -> Result<Part, BadInput> {
+    let (part, file) = Part::begin(to).map_err(|e| failed(to, &e))?;
+    let unwritten = |e: TableError| match e {
+        TableError::Io(e) => failed(to, &e),
+        e => failed(to, &io::Error::other(e.to_string())),
+    };
+    let mut writer = Writer::new(BufWriter::new(file), &header.heading()).map_err(unwritten)?;
+    let mut lines = BufReader::new(File::open(csv).map_err(|e| failed(csv, &e))?);
+    let mut line = Vec::new();
+    let _ = read_line(&mut lines, &mut line).map_err(|e| failed(csv, &e))?;
+    for _ in header.range() {
+        let text = read_line(&mut lines, &mut line).map_err(|e| failed(csv, &e))?;
+        let row = text.and_then(|text| cells(text, &header.columns));
+        let row = row.ok_or_else(|| failed(csv, &io::Error::other("the file was changed meanwhile")))?;
+        writer.row(&row).map_err(unwritten)?;
+    }
+    writer.finish().map_err(unwritten)?;
     Ok(part)
+}
+
+/// The cells of a line; `None` where one is not of its column.
+fn cells(line: &str, columns: &[Column]) -> Option<Vec<Cell>> {
+    let cell = |(text, column): (String, &Column)| match column.kind {
+        _ if text.is_empty() => Some(Cell::Absent),
+        Kind::Whole => text.parse().ok().map(Cell::Int),
+        Kind::Number => text.parse().ok().map(Cell::Float),
+        Kind::Text => Some(Cell::Text(text)),
+    };
+    fields(line.trim_end_matches('\n'))?.into_iter().zip(columns).map(cell).collect()
 }

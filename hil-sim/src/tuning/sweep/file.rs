@@ -123,6 +123,12 @@ pub(super) fn parse(
         }
         _ => {}
     }
+    let seeds = i64::try_from(u128::from(seed) + u128::from(sweep.samples) * u128::from(sweep.repeats));
+    if seeds.is_err() {
+        let next = "take a smaller seed, or fewer samples";
+        let found = if seed > 0 { file.seed.span() } else { 0..0 };
+        return Err(source.error(found, "the last seed is above 2^63", "smaller seeds", next));
+    }
     sweep.rows = sweep.count().ok_or_else(|| {
         let problem = "scenarios x grid x samples x repeats is above 2^63 runs";
         source.error(0..0, problem, "fewer runs", "take fewer values or samples")

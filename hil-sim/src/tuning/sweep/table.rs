@@ -23,7 +23,7 @@ pub struct Column {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// A whole number, 0 to 2^64 − 1.
+    /// A whole number, 0 to 2^63 − 1.
     Whole,
     /// A number: the shortest text that reads back as the same 64 bits.
     Number,
