@@ -84,7 +84,8 @@ def main() -> None:
     folders = [str(shards / f"{number}-of-{of}") for number in range(1, of + 1)]
     print(call([hil_sim, "merge", *folders, "--out", str(args.out)]), end="")
     print(f"{made} runs made by {of} tasks")
-    shutil.rmtree(shards)
+    # A task whose worker died may still write there.
+    shutil.rmtree(shards, ignore_errors=True)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@
 //! | tuning | [`parquet`], [`table`], and the private `csv`, `mcap`, `traces` |
 //! | tuning | [`tune`] |
 //! | tuning | [`sweep`] |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `worker` |
 //! | tuning | [`parquet`], [`sweep`], [`table`] |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
 use crate::{
-    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, packages, setup, size, table,
+    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, packages, ray_sweep, setup, size, table,
 };
 
 struct Step {
@@ -17,7 +17,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 20] = [
+const STEPS: [Step; 21] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "licenses and sources", check: packages::licenses },
@@ -34,6 +34,7 @@ const STEPS: [Step; 20] = [
     Step { name: "torture", check: torture },
     Step { name: "hall captures", check: hall_oracle::check },
     Step { name: "host tools", check: host_tools::check },
+    Step { name: "sweep under Ray", check: ray_sweep::check },
     Step { name: "instructions", check: instructions::check },
     Step { name: "emulation", check: emu::check },
     Step { name: "miri", check: miri::check },

@@ -24,6 +24,7 @@ mod outcome;
 mod packages;
 mod program;
 mod python;
+mod ray_sweep;
 mod setup;
 mod size;
 mod soak;
@@ -82,6 +83,8 @@ enum Chore {
     /// Test the simulated bus and hand with real host tools in real time: python-can and pyserial, installed
     /// below target/
     HostTools,
+    /// Spread a sweep with Ray and compare its bytes (installs ray below target/)
+    RaySweep,
     /// Run every fuzz target for 30 s from its committed inputs
     Fuzz(fuzz::FuzzArgs),
     /// Run unit tests under Miri, which finds undefined behavior, if it is installed
@@ -112,6 +115,7 @@ fn main() -> ExitCode {
         Chore::Download(args) => download::download(&args),
         Chore::Emu(args) => emu::emu(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),
+        Chore::RaySweep => ray_sweep::check().map_err(Failure::from),
         Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),
         Chore::Miri => miri::check().map_err(Failure::from),
         Chore::Mutants(args) => mutants::mutants(&args),
