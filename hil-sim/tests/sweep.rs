@@ -37,7 +37,7 @@ fn folder(name: &str) -> PathBuf {
                     [[at]]\nms = 5\nmove = 20\n[[expect]]\nmetric = \"sim_s\"\nequals = 0.06\n";
     std::fs::write(folder.join("short.toml"), scenario).expect("ours");
     let sweep = "scenario = \"short.toml\"\nseed = 5\nsamples = 4\nrepeats = 2\n\
-                 [grid]\nset.KP = [80, 120]\nplant.friction = [\"0.5x\", \"1x\", \"9x\"]\n\
+                 [grid]\nset.KP = [80, 120]\nplant.friction = [\"0.5x\", \"1x\", \"9x\"]\nplant.stiction = \"1x\"\n\
                  [latin]\nplant.inertia = { from = \"0.5x\", to = \"2x\" }\n";
     std::fs::write(folder.join("sweep.toml"), sweep).expect("ours");
     folder

@@ -22,6 +22,9 @@ use crate::experiment::scenario::Scenario;
 use crate::world::plant::Model;
 use draw::Stream;
 
+/// Returns the file name and the text of a scenario, by its name in a sweep's file.
+pub type Load<'a> = &'a mut dyn FnMut(&str) -> Result<(String, String), BadInput>;
+
 /// A sweep.
 #[derive(Clone, Debug)]
 pub struct Sweep {
@@ -132,15 +135,11 @@ pub struct Run {
 }
 
 impl Sweep {
-    /// Parses a sweep; errors name it `file`. `load` returns the file name and the text of a scenario, by its name in the file.
+    /// Parses a sweep; errors name it `file`.
     ///
     /// # Errors
     /// An invalid key or value, with its line, an unknown parameter, a value out of range, an empty set, a bad scenario.
-    pub fn parse(
-        file: &str,
-        text: &str,
-        load: &mut dyn FnMut(&str) -> Result<(String, String), BadInput>,
-    ) -> Result<Self, BadInput> {
+    pub fn parse(file: &str, text: &str, load: Load<'_>) -> Result<Self, BadInput> {
         file::parse(Source { file, text }, load)
     }
 

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use toml::{Spanned, Value};
 
 use super::draw::Stream;
-use super::{Axis, Entry, Places, Sweep};
+use super::{Axis, Entry, Load, Places, Sweep};
 use crate::experiment::input::{self, BadInput, Source};
 use crate::experiment::properties;
 use crate::experiment::scenario::{FIGURES, Figure, Scenario};
@@ -64,11 +64,8 @@ impl Tables {
     }
 }
 
-/// Reads a sweep. `load` returns the file name and the text of a scenario.
-pub(super) fn parse(
-    source: Source<'_>,
-    load: &mut dyn FnMut(&str) -> Result<(String, String), BadInput>,
-) -> Result<Sweep, BadInput> {
+/// Reads a sweep.
+pub(super) fn parse(source: Source<'_>, load: Load<'_>) -> Result<Sweep, BadInput> {
     let file: File = toml::from_str(source.text).map_err(|e| {
         let error = source.reader_error(&e);
         BadInput { expected: error.expected.replace("of a scenario", "of a sweep (docs/sweep.md)"), ..error }
@@ -90,7 +87,7 @@ pub(super) fn parse(
         axes: Vec::new(),
         rows: 0,
     };
-    let mut drawn = Vec::new();
+    let (mut drawn, mut spans) = (Vec::new(), Vec::new());
     for (kind, tables) in [("grid", &file.grid), ("random", &file.random), ("latin", &file.latin)] {
         for (option, name, value) in tables.rows() {
             if kind != "grid" {
@@ -106,9 +103,12 @@ pub(super) fn parse(
                     "remove one of the two",
                 ));
             }
-            in_range(source, name, &axis, &sweep.entries)?;
             sweep.axes.push(axis);
+            spans.push(name.span());
         }
+    }
+    for (axis, span) in sweep.axes.iter().zip(spans) {
+        in_range(source, span, axis, &sweep)?;
     }
     match (&file.samples, drawn.first()) {
         (None, Some(first)) => {
@@ -146,11 +146,7 @@ fn model(source: Source<'_>, model: Option<&Spanned<String>>) -> Result<Model, B
     }
 }
 
-fn entries(
-    source: Source<'_>,
-    names: &Spanned<Value>,
-    load: &mut dyn FnMut(&str) -> Result<(String, String), BadInput>,
-) -> Result<Vec<Entry>, BadInput> {
+fn entries(source: Source<'_>, names: &Spanned<Value>, load: Load<'_>) -> Result<Vec<Entry>, BadInput> {
     let fail = |problem: &str| {
         let expected = "the name of a shipped scenario, a file, or a list of them";
         Err(source.error(names.span(), problem, expected, "`hil-sim list` names those that are shipped"))
@@ -355,31 +351,31 @@ impl Interval {
     }
 }
 
-/// Whether each scenario takes each value by itself. That two parameters fit together shows only when both are set.
+/// Whether each scenario takes each value by itself. A value that another parameter may make room for shows only when both are set.
 fn in_range(
     source: Source<'_>,
-    name: &Spanned<String>,
+    span: std::ops::Range<usize>,
     axis: &Axis,
-    entries: &[Entry],
+    sweep: &Sweep,
 ) -> Result<(), BadInput> {
-    for Entry { scenario, name: of, .. } in entries {
+    for Entry { scenario, name: of, .. } in &sweep.entries {
         for value in axis.extremes() {
-            let bad = if axis.option == "set" {
-                scenario.clone().set(&axis.assignment(value)).err()
-            } else {
-                match Figure::find(axis.option, axis.name) {
-                    Some(figure) => match figure.applied(scenario, value, axis.is_factor) {
-                        // Another figure's range may be met by another parameter.
-                        Err(e) if e.field != figure.name => None,
-                        _ => scenario.clone().override_figure(axis.option, &axis.assignment(value)).err(),
-                    },
-                    None => None,
-                }
+            let assignment = axis.assignment(value);
+            let done = match Figure::find(axis.option, axis.name) {
+                None => scenario.clone().set(&assignment),
+                Some(figure) => match figure.applied(scenario, value, axis.is_factor) {
+                    Err(e)
+                        if sweep.axes.iter().any(|other| other.name == e.field && !other.is_same(axis)) =>
+                    {
+                        Ok(())
+                    }
+                    _ => scenario.clone().override_figure(axis.option, &assignment),
+                },
             };
-            if let Some(bad) = bad {
+            if let Err(bad) = done {
                 let problem = format!("{}: {}", axis.column(), bad.problem);
-                let error = source.error(name.span(), problem, bad.expected, bad.next);
-                return Err(BadInput { found: format!("{}, in {of}", axis.assignment(value)), ..error });
+                let error = source.error(span, problem, bad.expected, bad.next);
+                return Err(BadInput { found: format!("{assignment}, in {of}"), ..error });
             }
         }
     }

@@ -162,6 +162,7 @@ fn bad_sweeps_name_line_problem_and_next_step() {
         (&format!("{head}[grid]\nset.KP = ['2x']"), "x.toml:3", "no whole number", "round"),
         (&format!("{head}[grid]\nset.KP = 1e9"), "x.toml:3", "out of range", ""),
         (&format!("{head}[grid]\nsupply.volts = [20, 99]"), "x.toml:3", "out of range", ""),
+        (&format!("{head}[grid]\nplant.friction = '2x'"), "x.toml:3", "out of range", "override that first"),
         (&format!("{head}[grid]\nplant.inertia = [1e-5, '1x']"), "x.toml:3", "mixes", "1x"),
         (&format!("{head}[grid]\nplant.inertia = true"), "x.toml:3", "no number", ""),
         (&format!("{head}[grid]\nset.KP = {{ from = 1, to = 2 }}"), "x.toml:3", "lacks steps", ""),
