@@ -9,16 +9,8 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `bode`, `grasper_client`, `interrupt`, `lines`, `margins`, `output`, `serve`, `state_file`, `table` |
-//! | tuning | `bode`, `multisine`, `response`, `spectrum` |
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file` |
-//! | tuning | [`parquet`], [`table`] |
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `convert`, `gcl`, `grasper_client`, `interrupt`, `lines`, `log`, `output`, `serve`, `state_file` |
-//! | tuning | [`parquet`], [`table`], and the private `csv`, `mcap`, `traces` |
-//! | tuning | [`tune`] |
-//! | tuning | [`sweep`] |
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `worker` |
-//! | tuning | [`parquet`], [`sweep`], [`table`] |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `bode`, `convert`, `gcl`, `grasper_client`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `table`, `torture`, `tune`, `worker` |
+//! | tuning | [`parquet`], [`sweep`], [`table`], [`tune`], and the private `bode`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
@@ -36,9 +28,6 @@ pub use experiment::{
 pub use ports::{cli, grasper, slcan};
 pub use tater_fw::motion::defaults;
 pub use tater_wire::MotorKind;
-pub use tuning::{parquet, table};
-pub use tuning::tune;
-pub use tuning::sweep;
-pub use tuning::{parquet, sweep, table};
+pub use tuning::{parquet, sweep, table, tune};
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};

@@ -1,6 +1,6 @@
 //! The program's interfaces: arguments, sockets, terminals and output files.
 //!
-//! Imports both floors below. Real time is passed in: only `main.rs` reads the clock.
+//! Imports the floors below. Real time is passed in: only `main.rs` reads the clock.
 
 mod bode;
 pub mod cli;
@@ -11,18 +11,16 @@ mod grasper_client;
 mod guard;
 mod interrupt;
 mod lines;
-mod margins;
 mod log;
+mod margins;
 mod output;
 mod serve;
 pub mod slcan;
 mod state_file;
+mod sweep;
+mod sweep_folder;
 mod table;
 mod thread;
 mod torture;
 mod tune;
-mod sweep;
-mod sweep_folder;
-mod thread;
-mod torture;
 mod worker;

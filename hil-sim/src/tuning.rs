@@ -4,15 +4,13 @@
 //! the time, where progress goes and whether to stop.
 
 pub mod bode;
-pub mod multisine;
-pub mod response;
-pub mod spectrum;
 pub mod csv;
 pub mod mcap;
+pub mod multisine;
 pub mod parquet;
+pub mod response;
+pub mod spectrum;
+pub mod sweep;
 pub mod table;
 pub mod traces;
 pub mod tune;
-pub mod parquet;
-pub mod sweep;
-pub mod table;

@@ -213,11 +213,12 @@ fn simulated(args: &BodeArgs) -> Result<Found, BadInput> {
     for assignment in &args.set {
         scenario.set(assignment)?;
     }
-    for (option, assignments) in [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)] {
-        for assignment in assignments {
-            scenario.override_figure(option, assignment)?;
-        }
-    }
+    let of_options = [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)];
+    let overrides: Vec<(&str, &str)> = of_options
+        .into_iter()
+        .flat_map(|(option, all)| all.iter().map(move |assignment| (option, assignment.as_str())))
+        .collect();
+    scenario.override_figures(&overrides)?;
     let amplitude = args.amplitude.unwrap_or_else(|| of.amplitude());
     let setup = Setup { of, amplitude, realizations: args.realizations, seed: args.seed };
     let measured = measure(&scenario, &setup)?;

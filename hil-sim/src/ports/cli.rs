@@ -11,15 +11,12 @@ use servo_core::sense::recorded::SPEED_MAX;
 use tater_wire::MotorKind;
 
 use super::bode::{self, BodeArgs};
-use super::gcl::{self, GclArgs};
-use super::grasper_client::{self, GrasperArgs};
-use super::interrupt;
-use super::margins::{self, MarginsArgs};
 use super::convert::{self, ConvertArgs};
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
 use super::interrupt;
 use super::log::{self, LogArgs};
+use super::margins::{self, MarginsArgs};
 use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
 use super::sweep::{self, MergeArgs, SweepArgs};

@@ -207,11 +207,14 @@ fn result(job: &Job) -> Result<(bool, Value), BadInput> {
     for assignment in job.set.assignments() {
         scenario.set(&assignment)?;
     }
-    for (option, overrides) in [("plant", &job.plant), ("rig", &job.rig), ("supply", &job.supply)] {
-        for assignment in overrides.assignments() {
-            scenario.override_figure(option, &assignment)?;
-        }
-    }
+    let of_options = [("plant", &job.plant), ("rig", &job.rig), ("supply", &job.supply)];
+    let assignments: Vec<(&str, String)> = of_options
+        .into_iter()
+        .flat_map(|(option, all)| all.assignments().into_iter().map(move |assignment| (option, assignment)))
+        .collect();
+    let overrides: Vec<(&str, &str)> =
+        assignments.iter().map(|(option, assignment)| (*option, assignment.as_str())).collect();
+    scenario.override_figures(&overrides)?;
     let model = match job.model {
         ModelName::Averaged => Model::Averaged,
         ModelName::Switched => Model::Switched,

@@ -105,7 +105,7 @@ impl Loop {
     }
 }
 
-/// A motor in the middle of its joint, for `set` and `override_figure`.
+/// A motor in the middle of its joint, for `set` and `override_figures`.
 ///
 /// # Errors
 /// None for the three kinds.

@@ -207,13 +207,20 @@ impl Sweep {
     /// Parameters that do not fit together.
     pub fn simulate(&self, of: &Run) -> Result<Outcome, BadInput> {
         let mut scenario = self.entries[of.entry].scenario.clone();
-        for (axis, value) in self.axes.iter().zip(&of.values) {
-            let assignment = axis.assignment(*value);
-            match axis.option {
-                "set" => scenario.set(&assignment)?,
-                option => scenario.override_figure(option, &assignment)?,
-            }
+        let assignments: Vec<(&str, String)> = self
+            .axes
+            .iter()
+            .zip(&of.values)
+            .map(|(axis, value)| (axis.option, axis.assignment(*value)))
+            .collect();
+        let (set, figures): (Vec<_>, Vec<_>) = assignments
+            .iter()
+            .map(|(option, text)| (*option, text.as_str()))
+            .partition(|(option, _)| *option == "set");
+        for (_, assignment) in set {
+            scenario.set(assignment)?;
         }
+        scenario.override_figures(&figures)?;
         let options = Options { seed: of.seed, model: self.model, trace: false };
         run(&scenario, &options).map_err(|e| BadInput {
             place: self.entries[of.entry].name.clone(),

@@ -188,6 +188,13 @@ impl Figure {
     fn is_called(&self, name: &str) -> bool {
         self.name.eq_ignore_ascii_case(name) || self.word.eq_ignore_ascii_case(name)
     }
+
+    /// The figure of an option by its name or its word.
+    #[must_use]
+    pub fn find(option: &str, name: &str) -> Option<&'static Self> {
+        const ROWS: &[Figure] = &FIGURES;
+        ROWS.iter().find(|figure| figure.option == option && figure.is_called(name))
+    }
 }
 
 impl Scenario {
@@ -205,19 +212,22 @@ impl Scenario {
             given.push((figure, assignment));
             next.arguments.push_str(&format!(" --{option} {}={text}", figure.name));
         }
-        let cases = next.cases.iter();
-        let mut checks =
-            cases.map(|case| case.plant.validate().and_then(|()| next.initial.check(&case.plant)));
-        checks
-            .try_for_each(|check| check)
-            .and_then(|()| next.rig.validate())
-            .map_err(|e| out_of_range(&e, &given))?;
+        next.check_figures().map_err(|e| out_of_range(&e, &given))?;
         *self = next;
         Ok(())
     }
 
+    /// Checks the ranges of all figures.
+    pub(crate) fn check_figures(&self) -> Result<(), ParamError> {
+        for Case { plant, .. } in &self.cases {
+            plant.validate()?;
+            self.initial.check(plant)?;
+        }
+        self.rig.validate()
+    }
+
     /// Puts a value in, whatever its range.
-    fn put_figure<'a>(
+    pub(crate) fn put_figure<'a>(
         &mut self,
         option: &str,
         assignment: &'a str,
@@ -235,9 +245,8 @@ impl Scenario {
             return Err(bad("no = in it", assignment, "NAME=VALUE", form()));
         };
         let (name, text) = (name.trim(), text.trim());
-        const ROWS: &[Figure] = &FIGURES;
-        let of_option = || ROWS.iter().filter(|figure| figure.option == option);
-        let Some(figure) = of_option().find(|figure| figure.is_called(name)) else {
+        let Some(figure) = Figure::find(option, name) else {
+            let of_option = || FIGURES.iter().filter(|figure| figure.option == option);
             let names: Vec<&str> = of_option().flat_map(|figure| [figure.name, figure.word]).collect();
             let next = input::closest(name, names.into_iter()).map(|like| format!("did you mean {like}?"));
             let known: Vec<&str> = of_option().map(|figure| figure.name).collect();

@@ -9,7 +9,7 @@ fn measured(set: &[&str], plant: &[&str], setup: &Setup) -> Measured {
         scenario.set(assignment).expect("valid");
     }
     for assignment in plant {
-        scenario.override_figure("plant", assignment).expect("valid");
+        scenario.override_figures(&[("plant", assignment)]).expect("valid");
     }
     measure(&scenario, setup).expect("it follows")
 }

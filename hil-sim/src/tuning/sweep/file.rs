@@ -361,16 +361,20 @@ fn in_range(
     for Entry { scenario, name: of, .. } in &sweep.entries {
         for value in axis.extremes() {
             let assignment = axis.assignment(value);
-            let done = match Figure::find(axis.option, axis.name) {
-                None => scenario.clone().set(&assignment),
-                Some(figure) => match figure.applied(scenario, value, axis.is_factor) {
-                    Err(e)
+            let done = if axis.option == "set" {
+                scenario.clone().set(&assignment)
+            } else {
+                let mut put = scenario.clone();
+                let misfit =
+                    put.put_figure(axis.option, &assignment).map(|_| ()).map(|()| put.check_figures().err());
+                match misfit {
+                    Ok(Some(e))
                         if sweep.axes.iter().any(|other| other.name == e.field && !other.is_same(axis)) =>
                     {
                         Ok(())
                     }
-                    _ => scenario.clone().override_figure(axis.option, &assignment),
-                },
+                    _ => scenario.clone().override_figures(&[(axis.option, &assignment)]),
+                }
             };
             if let Err(bad) = done {
                 let problem = format!("{}: {}", axis.column(), bad.problem);

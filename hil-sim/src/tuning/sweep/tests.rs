@@ -119,7 +119,7 @@ fn line_of_a_run_reproduces_its_parameters() {
             ["--set", value] => scenario.set(value).expect("valid"),
             ["--seed", seed] => assert_eq!(seed.parse(), Ok(run.seed)),
             ["--model", model] => assert_eq!(*model, "averaged"),
-            [option, value] => scenario.override_figure(&option[2..], value).expect("valid"),
+            [option, value] => scenario.override_figures(&[(&option[2..], value)]).expect("valid"),
             _ => panic!("{line}"),
         }
     }
