@@ -15,7 +15,7 @@ pub use draw::digest;
 pub use execute::{Flow, execute};
 pub use table::{Column, Kind, fields, head};
 
-use crate::experiment::input::{BadInput, Source};
+use crate::experiment::input::BadInput;
 use crate::experiment::report::model_name;
 use crate::experiment::run::{Options, Outcome, run};
 use crate::experiment::scenario::Scenario;
@@ -135,14 +135,6 @@ pub struct Run {
 }
 
 impl Sweep {
-    /// Parses a sweep; errors name it `file`.
-    ///
-    /// # Errors
-    /// An invalid key or value, with its line, an unknown parameter, a value out of range, an empty set, a bad scenario.
-    pub fn parse(file: &str, text: &str, load: Load<'_>) -> Result<Self, BadInput> {
-        file::parse(Source { file, text }, load)
-    }
-
     /// Number of runs.
     #[must_use]
     pub const fn rows(&self) -> u64 {

@@ -64,8 +64,17 @@ impl Tables {
     }
 }
 
-/// Reads a sweep.
-pub(super) fn parse(source: Source<'_>, load: Load<'_>) -> Result<Sweep, BadInput> {
+impl Sweep {
+    /// Parses a sweep; errors name it `file`.
+    ///
+    /// # Errors
+    /// An invalid key or value, with its line, an unknown parameter, a value out of range, an empty set, a bad scenario.
+    pub fn parse(file: &str, text: &str, load: Load<'_>) -> Result<Self, BadInput> {
+        parse(Source { file, text }, load)
+    }
+}
+
+fn parse(source: Source<'_>, load: Load<'_>) -> Result<Sweep, BadInput> {
     let file: File = toml::from_str(source.text).map_err(|e| {
         let error = source.reader_error(&e);
         BadInput { expected: error.expected.replace("of a scenario", "of a sweep (docs/sweep.md)"), ..error }
