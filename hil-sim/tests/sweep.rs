@@ -6,6 +6,7 @@ use std::process::{Command, Output, Stdio};
 
 use hil_sim::parquet::Reader;
 use hil_sim::table::Cell;
+use hil_sim::table::Source;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
