@@ -30,6 +30,9 @@ const SEEDS: u64 = 1 << 20;
 /// Time of a search that says neither how long nor how many candidates.
 const BUDGET: Duration = Duration::from_secs(60);
 
+/// Real time since the program started.
+type Clock<'a> = &'a dyn Fn() -> Duration;
+
 /// The arguments of `hil-sim tune`.
 #[derive(clap::Args)]
 pub struct TuneArgs {
@@ -170,7 +173,7 @@ impl Tuned {
 ///
 /// # Errors
 /// Bad arguments; no candidate that keeps the limits; files that cannot be written.
-pub fn tune(args: &TuneArgs, clock: super::cli::Clock) -> Result<bool, Box<dyn Error>> {
+pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     interrupt::finish_first();
     let pareto = pareto(args)?;
     let jobs = args.jobs.map_or(0, |jobs| jobs as usize);
@@ -326,7 +329,7 @@ fn search(
     args: &TuneArgs,
     settings: &Settings,
     pool: &rayon::ThreadPool,
-    clock: super::cli::Clock,
+    clock: Clock,
 ) -> Result<Found, Broken> {
     let begun = clock();
     let budget = match (args.budget, args.candidates) {

@@ -38,9 +38,6 @@ const EDGE_STEP: f64 = 1.189_207_115_002_721; // a quarter of an octave
 const SELECTION: u64 = 4;
 const SELECTED: usize = 6;
 
-/// Plants between two looks at a candidate that may be hopeless.
-const HEAT: usize = 10;
-
 /// A candidate is hopeless while it is known to cost more than this multiple of the best.
 const HOPELESS: f64 = 1.5;
 

@@ -124,7 +124,7 @@ fn line_of_a_run_reproduces_its_parameters() {
         }
     }
     let options = Options { seed: run.seed, model: Model::Averaged, trace: false };
-    let outcome = crate::run(&scenario, &options).map_err(|e| panic!("{e:?}"));
+    let outcome = crate::experiment::run::run(&scenario, &options).map_err(|e| panic!("{e:?}"));
     let direct = sweep.csv_line(&run, &outcome, "c");
     assert_eq!(direct, sweep.csv_line(&run, &sweep.simulate(&run), "c"));
 }
@@ -162,7 +162,12 @@ fn bad_sweeps_name_line_problem_and_next_step() {
         (&format!("{head}[grid]\nset.KP = ['2x']"), "x.toml:3", "no whole number", "round"),
         (&format!("{head}[grid]\nset.KP = 1e9"), "x.toml:3", "out of range", ""),
         (&format!("{head}[grid]\nsupply.volts = [20, 99]"), "x.toml:3", "out of range", ""),
-        (&format!("{head}[grid]\nplant.friction = '2x'"), "x.toml:3", "out of range", "override that as well"),
+        (
+            &format!("{head}[grid]\nplant.friction = '2x'"),
+            "x.toml:3",
+            "out of range",
+            "override that as well",
+        ),
         (&format!("{head}[grid]\nplant.inertia = [1e-5, '1x']"), "x.toml:3", "mixes", "1x"),
         (&format!("{head}[grid]\nplant.inertia = true"), "x.toml:3", "no number", ""),
         (&format!("{head}[grid]\nset.KP = {{ from = 1, to = 2 }}"), "x.toml:3", "lacks steps", ""),

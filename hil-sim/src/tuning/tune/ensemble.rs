@@ -4,10 +4,13 @@ use rayon::prelude::*;
 use servo_core::Config;
 use tater_wire::{MotorKind, Property};
 
-use super::{Goal, HEAT};
+use super::objective::{Goal, Objective};
 use crate::experiment::properties;
 use crate::experiment::run::{MotorRun, Options, run};
 use crate::world::plant::{Model, PlantParams};
+
+/// Plants between two looks at a candidate that may be hopeless.
+const HEAT: usize = 10;
 
 /// Cost of a plant that breaks a limit; above every cost of plants that do not.
 const BROKEN: f64 = 1000.0;
@@ -29,7 +32,7 @@ pub struct Spread {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Broken {
     /// The goal that was run.
-    pub objective: super::Objective,
+    pub objective: Objective,
     /// The plant.
     pub seed: u64,
     /// The limit, in words.
