@@ -2,13 +2,17 @@
 //!
 //! Imports the floors below. Real time is passed in: only `main.rs` reads the clock.
 
+mod adapter;
 mod bode;
 pub mod cli;
 mod convert;
+mod excite;
+mod figures;
 mod gcl;
 pub mod grasper;
 mod grasper_client;
 mod guard;
+mod identify;
 mod interrupt;
 mod lines;
 mod log;

@@ -5,6 +5,8 @@
 
 pub mod bode;
 pub mod csv;
+pub mod excite;
+pub mod identify;
 pub mod mcap;
 pub mod multisine;
 pub mod parquet;

@@ -136,13 +136,18 @@ fn plain_type(expected: &str) -> String {
 /// The next step for an unknown key, given the parser's list of known ones.
 pub(crate) fn suggestion(key: &str, expected: &str) -> String {
     let known: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
-    match closest(key, known.iter().copied()) {
-        Some(name) => format!("did you mean {name}? (a name's end is its unit)"),
+    match did_you_mean(key, known.iter().copied()) {
+        Some(question) => format!("{question} (a name's end is its unit)"),
         None => "remove this key or use one of those expected".to_owned(),
     }
 }
 
-pub(crate) fn closest<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+/// The question after a misspelt word, where a known name is like it.
+pub(crate) fn did_you_mean<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> Option<String> {
+    closest(found, names).map(|name| format!("did you mean {name}?"))
+}
+
+fn closest<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     // A Jaro-Winkler similarity of 0.8 admits typos and other units, not other words.
     names
         .map(|name| (strsim::jaro_winkler(&found.to_lowercase(), &name.to_lowercase()), name))

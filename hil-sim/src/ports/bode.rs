@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::{ValueEnum, value_parser};
 use num_complex::Complex64;
 use serde_json::{Map, Value};
-use tater_wire::MotorKind;
 
+use super::figures::Figures;
+use super::identify::MotorName;
 use super::margins;
 use super::output::{print, replace_together, warn};
 use super::table::{Table, TableFile};
@@ -34,15 +35,8 @@ pub struct BodeArgs {
     /// Set a property of the servo, such as KPV=48; repeatable.
     #[arg(long, value_name = "PROPERTY=VALUE")]
     set: Vec<String>,
-    /// Set a figure of the motor or its joint, such as inertia=1.3x (see `list --plant`); repeatable.
-    #[arg(long, value_name = "NAME=VALUE")]
-    plant: Vec<String>,
-    /// Set a figure of the board's sensors; repeatable.
-    #[arg(long, value_name = "NAME=VALUE")]
-    rig: Vec<String>,
-    /// Set the supply, such as volts=22.
-    #[arg(long, value_name = "NAME=VALUE")]
-    supply: Vec<String>,
+    #[command(flatten)]
+    figures: Figures,
     /// RMS of the excitation, counts of P or counts/s of V; default: 3 or 100.
     #[arg(long, value_name = "RMS", value_parser = amplitude)]
     amplitude: Option<f64>,
@@ -79,16 +73,6 @@ pub struct BodeArgs {
     /// Print one JSON object and nothing else.
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum MotorName {
-    /// The link of a finger.
-    Link,
-    /// The spread.
-    Spread,
-    /// The tip of a finger.
-    Tip,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -200,11 +184,7 @@ fn show(
 }
 
 fn simulated(args: &BodeArgs) -> Result<Found, BadInput> {
-    let motor = match args.motor {
-        MotorName::Link => MotorKind::Link,
-        MotorName::Spread => MotorKind::Spread,
-        MotorName::Tip => MotorKind::Tip,
-    };
+    let motor = args.motor.kind();
     let (of, mode) = match args.mode {
         LoopName::Position => (Loop::Position, "position"),
         LoopName::Velocity => (Loop::Velocity, "velocity"),
@@ -213,12 +193,7 @@ fn simulated(args: &BodeArgs) -> Result<Found, BadInput> {
     for assignment in &args.set {
         scenario.set(assignment)?;
     }
-    let of_options = [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)];
-    let overrides: Vec<(&str, &str)> = of_options
-        .into_iter()
-        .flat_map(|(option, all)| all.iter().map(move |assignment| (option, assignment.as_str())))
-        .collect();
-    scenario.override_figures(&overrides)?;
+    args.figures.apply(&mut scenario)?;
     let amplitude = args.amplitude.unwrap_or_else(|| of.amplitude());
     let setup = Setup { of, amplitude, realizations: args.realizations, seed: args.seed };
     let measured = measure(&scenario, &setup)?;

@@ -12,8 +12,11 @@ use tater_wire::MotorKind;
 
 use super::bode::{self, BodeArgs};
 use super::convert::{self, ConvertArgs};
+use super::excite::{self, ExciteArgs};
+use super::figures::Figures;
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
+use super::identify::{self, IdentifyArgs};
 use super::interrupt;
 use super::log::{self, LogArgs};
 use super::margins::{self, MarginsArgs};
@@ -80,6 +83,11 @@ enum Task {
     Merge(MergeArgs),
     /// Run one JSON job for each line of standard input, and print one JSON result for each, in order.
     Worker,
+    /// Identify a motor from a recorded move: resistance, EMF, inertia, friction, delay and hall placement, with 95 % intervals. Exit
+    /// code 1 if the move does not determine all of them.
+    Identify(IdentifyArgs),
+    /// Record the move that `identify` needs, on a simulated or a real board over its bus. ^C idles the motor, with exit code 130.
+    Excite(ExciteArgs),
     /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -113,15 +121,8 @@ struct RunArgs {
     /// Set a property of the servo, such as KP=120; repeatable.
     #[arg(long, value_name = "PROPERTY=VALUE")]
     set: Vec<String>,
-    /// Set a figure of the motor or its joint, such as inertia=1.3x or coulomb_n_m=0.02 (see `list --plant`); repeatable.
-    #[arg(long, value_name = "NAME=VALUE")]
-    plant: Vec<String>,
-    /// Set a figure of the board's sensors, such as hall_offset_deg=7; repeatable.
-    #[arg(long, value_name = "NAME=VALUE")]
-    rig: Vec<String>,
-    /// Set the supply, such as volts=22.
-    #[arg(long, value_name = "NAME=VALUE")]
-    supply: Vec<String>,
+    #[command(flatten)]
+    figures: Figures,
     /// Write trace.csv and report.html into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -170,6 +171,8 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Sweep(args) => sweep::sweep(&args, clock),
         Task::Merge(args) => sweep::merge(&args),
         Task::Worker => worker::worker(),
+        Task::Identify(args) => identify::identify(&args),
+        Task::Excite(args) => excite::excite(&args, clock),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
@@ -217,12 +220,7 @@ fn run_scenario(args: &RunArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     for assignment in &args.set {
         scenario.set(assignment)?;
     }
-    let of_options = [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)];
-    let overrides: Vec<(&str, &str)> = of_options
-        .into_iter()
-        .flat_map(|(option, all)| all.iter().map(move |assignment| (option, assignment.as_str())))
-        .collect();
-    scenario.override_figures(&overrides)?;
+    args.figures.apply(&mut scenario)?;
     let model = match args.model {
         ModelName::Averaged => Model::Averaged,
         ModelName::Switched => Model::Switched,

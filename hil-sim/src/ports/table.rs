@@ -110,16 +110,13 @@ impl Table<'_> {
     pub fn need(&self, names: &[&str], expected: &str) -> Result<usize, BadInput> {
         self.find(names).ok_or_else(|| {
             let wanted = names.first().copied().unwrap_or_default();
-            let like = input::closest(wanted, self.names.iter().copied());
             BadInput {
                 place: format!("{}:{}", self.file, self.header_line),
                 problem: format!("no column {wanted}"),
                 found: input::shorten(&self.names.join(", ")),
                 expected: expected.to_owned(),
-                next: like.map_or_else(
-                    || "name the columns in the first line".to_owned(),
-                    |like| format!("did you mean {like}?"),
-                ),
+                next: input::did_you_mean(wanted, self.names.iter().copied())
+                    .unwrap_or_else(|| "name the columns in the first line".to_owned()),
             }
         })
     }

@@ -8,6 +8,7 @@ use clap::{ValueEnum, value_parser};
 use serde_json::{Value, json};
 use tater_wire::MotorKind;
 
+use super::figures::Figures;
 use super::interrupt;
 use super::output::{print, replace_together, warn};
 use crate::experiment::input::{self, BadInput};
@@ -57,15 +58,8 @@ pub struct TuneArgs {
     /// Start from this value of a property, or keep it if it is not tuned; repeatable.
     #[arg(long, value_name = "PROPERTY=VALUE")]
     set: Vec<String>,
-    /// A figure of the plant about which the plants scatter, such as inertia=3x; repeatable.
-    #[arg(long, value_name = "NAME=VALUE")]
-    plant: Vec<String>,
-    /// A figure of the sensors; repeatable.
-    #[arg(long, value_name = "NAME=VALUE")]
-    rig: Vec<String>,
-    /// The supply of all plants, such as volts=20, instead of 20 to 28 V.
-    #[arg(long, value_name = "NAME=VALUE")]
-    supply: Vec<String>,
+    #[command(flatten)]
+    figures: Figures,
     /// List the candidates of which no other is better in both metrics: two names with a comma.
     #[arg(long, value_name = "METRIC,METRIC", value_delimiter = ',')]
     pareto: Vec<String>,
@@ -224,13 +218,13 @@ fn pareto(args: &TuneArgs) -> Result<Vec<String>, BadInput> {
     let known: Vec<&str> = metrics::METRICS.iter().map(|metric| metric.name).collect();
     for name in &args.pareto {
         if !known.contains(&name.as_str()) {
-            let like = input::closest(name, known.iter().copied());
             return Err(BadInput {
                 place: format!("--pareto {}", input::shorten(name)),
                 problem: "no metric has this name".to_owned(),
                 found: input::shorten(name),
                 expected: known.join(", "),
-                next: like.map_or("use two of those".to_owned(), |like| format!("did you mean {like}?")),
+                next: input::did_you_mean(name, known.iter().copied())
+                    .unwrap_or_else(|| "use two of those".to_owned()),
             });
         }
     }
@@ -248,10 +242,6 @@ fn pareto(args: &TuneArgs) -> Result<Vec<String>, BadInput> {
 
 /// The search of a motor, and the first seed of its validation.
 fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInput> {
-    let overrides: Vec<(&str, &str)> = [("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)]
-        .into_iter()
-        .flat_map(|(option, all)| all.iter().map(move |assignment| (option, assignment.as_str())))
-        .collect();
     let mut goals = Vec::new();
     for objective in args.objective.objectives() {
         let mut goal = Goal::new(objective, kind)?;
@@ -259,11 +249,12 @@ fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInpu
         for assignment in &args.set {
             scenario.set(assignment)?;
         }
-        scenario.override_figures(&overrides)?;
+        args.figures.apply(scenario)?;
         scenario.hall_scatter_deg = HALLS_DEG;
         goals.push(goal);
     }
-    let supply_v = args.supply.first().and(goals.first()).map(|goal| goal.scenario.cases[0].plant.bus_v);
+    let supply_v =
+        args.figures.supply.first().and(goals.first()).map(|goal| goal.scenario.cases[0].plant.bus_v);
     let config =
         goals.first().map_or_else(|| tater_fw::motion::defaults(kind), |goal| goal.scenario.cases[0].config);
     let names: Vec<&str> = if args.properties.is_empty() {
@@ -307,10 +298,7 @@ fn unknown(name: &str) -> BadInput {
         problem: "no property has this name".to_owned(),
         found: input::shorten(name),
         expected: format!("one of {}", properties::names()),
-        next: match input::closest(name, known.into_iter()) {
-            Some(like) => format!("did you mean {like}?"),
-            None => "use one of those".to_owned(),
-        },
+        next: input::did_you_mean(name, known.into_iter()).unwrap_or_else(|| "use one of those".to_owned()),
     }
 }
 
@@ -383,13 +371,10 @@ fn reproduce(args: &TuneArgs, candidates: usize) -> String {
     if !args.properties.is_empty() {
         line.push_str(&format!(" --properties {}", args.properties.join(",")));
     }
-    for (option, all) in
-        [("set", &args.set), ("plant", &args.plant), ("rig", &args.rig), ("supply", &args.supply)]
-    {
-        for assignment in all {
-            line.push_str(&format!(" --{option} {assignment}"));
-        }
+    for assignment in &args.set {
+        line.push_str(&format!(" --set {assignment}"));
     }
+    line.push_str(&args.figures.arguments());
     line
 }
 

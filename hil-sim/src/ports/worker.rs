@@ -7,6 +7,7 @@ use std::io::{self, BufRead, ErrorKind, Read, Write};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::figures::Figures;
 use super::sweep_folder::COMMIT;
 use crate::experiment::input::{BadInput, shorten};
 use crate::experiment::report::json_value_of;
@@ -207,14 +208,12 @@ fn result(job: &Job) -> Result<(bool, Value), BadInput> {
     for assignment in job.set.assignments() {
         scenario.set(&assignment)?;
     }
-    let of_options = [("plant", &job.plant), ("rig", &job.rig), ("supply", &job.supply)];
-    let assignments: Vec<(&str, String)> = of_options
-        .into_iter()
-        .flat_map(|(option, all)| all.assignments().into_iter().map(move |assignment| (option, assignment)))
-        .collect();
-    let overrides: Vec<(&str, &str)> =
-        assignments.iter().map(|(option, assignment)| (*option, assignment.as_str())).collect();
-    scenario.override_figures(&overrides)?;
+    let figures = Figures {
+        plant: job.plant.assignments(),
+        rig: job.rig.assignments(),
+        supply: job.supply.assignments(),
+    };
+    figures.apply(&mut scenario)?;
     let model = match job.model {
         ModelName::Averaged => Model::Averaged,
         ModelName::Switched => Model::Switched,

@@ -3,7 +3,7 @@
 use tater_wire::Property;
 
 use super::table::{Column, Heading, TableError};
-use crate::experiment::input::closest;
+use crate::experiment::input::did_you_mean;
 use crate::experiment::trace::COLUMNS;
 
 /// The column that is first in every trace.
@@ -46,8 +46,8 @@ pub fn check(heading: &Heading) -> Result<(), TableError> {
         }
         if !is_known(name) {
             let names = COLUMNS.iter().map(|column| column.name).chain([MOTOR]);
-            let expected = match closest(name, names) {
-                Some(near) => format!("a column of a trace; did you mean {near}?"),
+            let expected = match did_you_mean(name, names) {
+                Some(question) => format!("a column of a trace; {question}"),
                 None => "a column of a trace (docs/traces.md), or a property's name".to_owned(),
             };
             return Err(TableError::place(1, name, "an unknown column", expected));

@@ -248,7 +248,7 @@ impl Scenario {
         let Some(figure) = Figure::find(option, name) else {
             let of_option = || FIGURES.iter().filter(|figure| figure.option == option);
             let names: Vec<&str> = of_option().flat_map(|figure| [figure.name, figure.word]).collect();
-            let next = input::closest(name, names.into_iter()).map(|like| format!("did you mean {like}?"));
+            let next = input::did_you_mean(name, names.into_iter());
             let known: Vec<&str> = of_option().map(|figure| figure.name).collect();
             return Err(bad("no figure has this name", name, &known.join(", "), next.unwrap_or_else(form)));
         };
@@ -286,7 +286,9 @@ impl Scenario {
 
 /// The error of the last of the overrides that is about the field, or of the last of all.
 fn out_of_range(e: &ParamError, given: &[(&'static Figure, &str)]) -> BadInput {
-    let own = given.iter().rev().find(|(figure, _)| figure.name == e.field);
+    // The plant's field of the supply is `bus_v`.
+    let is_own = |figure: &Figure| figure.name == e.field || (figure.option, e.field) == ("supply", "bus_v");
+    let own = given.iter().rev().find(|(figure, _)| is_own(figure));
     let Some((figure, assignment)) = own.or(given.last()) else {
         return BadInput {
             place: "the scenario".to_owned(),
@@ -301,7 +303,7 @@ fn out_of_range(e: &ParamError, given: &[(&'static Figure, &str)]) -> BadInput {
         place: format!("--{} {}", figure.option, input::shorten(assignment)),
         problem: "out of range".to_owned(),
         found: if own.is_some() {
-            assignment.split('=').next_back().unwrap_or(assignment).to_owned()
+            input::shorten(assignment.split('=').next_back().unwrap_or(assignment).trim())
         } else {
             found
         },
@@ -351,6 +353,7 @@ mod tests {
             ("plant", "inertia=nan", "no number", "NAME=1.3x"),
             ("plant", "inertia=1e9x", "out of range", "in this range"),
             ("supply", "volts=99", "out of range", "in this range"),
+            ("supply", "volts= 0", "found:    0\n", "give a value in this range"),
             ("rig", "hall_offset_deg=30", "out of range", "in this range"),
             ("rig", "rise_delay=-1", "out of range", "in this range"),
             ("plant", "friction=2x", "static_n_m is 0.04, with friction=2x", "or override that as well"),

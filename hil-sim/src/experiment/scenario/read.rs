@@ -41,8 +41,8 @@ impl Scenario {
             problem: problem.to_owned(),
             found,
             expected: "the name of a shipped scenario, or a TOML file".to_owned(),
-            next: match input::closest(name, SHIPPED.iter().map(|shipped| shipped.name)) {
-                Some(like) => format!("did you mean {like}? `hil-sim list` names all that are shipped"),
+            next: match input::did_you_mean(name, SHIPPED.iter().map(|shipped| shipped.name)) {
+                Some(question) => format!("{question} `hil-sim list` names all that are shipped"),
                 None => "`hil-sim list` names those shipped; check the path of a file".to_owned(),
             },
         };
@@ -95,8 +95,8 @@ impl Scenario {
                 PropertyError::Unknown { name } => {
                     let error = bad("no property has this name", &e.found(), e.expected());
                     let known = properties::PROPERTIES.map(|property| property.name);
-                    match input::closest(name, known.into_iter()) {
-                        Some(like) => BadInput { next: format!("did you mean {like}?"), ..error },
+                    match input::did_you_mean(name, known.into_iter()) {
+                        Some(next) => BadInput { next, ..error },
                         None => error,
                     }
                 }
@@ -389,8 +389,5 @@ fn expectation(
 }
 
 fn did_you_mean(word: &str, known: &[&str]) -> String {
-    match input::closest(word, known.iter().copied()) {
-        Some(like) => format!("did you mean {like}?"),
-        None => "use one of those".to_owned(),
-    }
+    input::did_you_mean(word, known.iter().copied()).unwrap_or_else(|| "use one of those".to_owned())
 }

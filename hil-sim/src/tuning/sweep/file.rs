@@ -192,8 +192,8 @@ fn axis(
     seed: u64,
 ) -> Result<Axis, BadInput> {
     let unknown = |known: Vec<&str>| {
-        let next = input::closest(name.get_ref(), known.iter().copied())
-            .map_or_else(|| "use one of those".to_owned(), |like| format!("did you mean {like}?"));
+        let next = input::did_you_mean(name.get_ref(), known.iter().copied())
+            .unwrap_or_else(|| "use one of those".to_owned());
         let problem = format!("{option} has no {}", input::shorten(name.get_ref()));
         Err(source.error(name.span(), problem, known.join(", "), next))
     };
