@@ -1374,9 +1374,10 @@ impl Servo {
     /// The direction of an end behind an obstacle that has just stalled the motor: the set-point has only begun to move towards it.
     #[inline(never)]
     fn is_blocked(&self, control: &PositionLoop, tstop: u16) -> Option<bool> {
-        let ahead = control.profile.end().wrapping_sub(self.position);
+        // By cells: a rotor on the boundary of its own is at its end.
+        let ahead = Counts::from_int(control.profile.end().round()).wrapping_sub(self.cell());
         let closing = ahead > Counts::ZERO;
-        (ahead.round() != 0 && self.stall.is_over(closing, tstop)).then_some(closing)
+        (ahead != Counts::ZERO && self.stall.is_over(closing, tstop)).then_some(closing)
     }
 
     fn tstop(&self) -> u16 {

@@ -275,3 +275,27 @@ fn end_of_a_motion_clears_v() {
         }
     }
 }
+
+#[test]
+fn hold_at_its_end_is_not_driven_on_the_boundary_of_its_cell() {
+    for kind in KINDS {
+        for end in [200, -200] {
+            let mut bench = blocked(kind);
+            let config = Config { hold: true, ..*bench.servo.config() };
+            bench.servo.command(Command::Configure(config)).unwrap();
+            bench.servo.command(Command::Move(end)).unwrap();
+            let most = usize::from(config.tstop) + 1000;
+            let stalled = (0..most).any(|_| {
+                bench.tick();
+                bench.servo.telemetry().end == Some(EndReason::Stalled)
+            });
+            assert!(stalled, "{kind:?} {end}");
+            // Half a count is the largest that a rest here can be from its middle, either way.
+            for sixteenths in -8..=7 {
+                let place = Counts(fixed::types::I22F10::from_num(sixteenths) / 16);
+                bench.servo.position = bench.servo.cell().wrapping_add(place);
+                assert_eq!(bench.servo.drives(config.tstop), None, "{kind:?} {end} {sixteenths}/16");
+            }
+        }
+    }
+}
