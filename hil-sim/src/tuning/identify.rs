@@ -1,8 +1,8 @@
 //! A motor's figures from a recorded move: resistance, EMF constant, inertia, friction, delay and the halls' placement, each with a 95 %
 //! interval, and which move would tell what this one does not (docs/identify.md).
 //!
-//! Three steps, repeated until they agree: the rotor's path from the hall edges ([`path`]), the winding from the bus current along it
-//! ([`electric`]), the shaft from the torque of that current ([`mechanic`]).
+//! Three steps, repeated until they agree: the rotor's path from the hall edges (`path`), the winding from the bus current along it
+//! (`electric`), the shaft from the torque of that current ([`mechanic`]).
 
 mod electric;
 mod linear;

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! over the [`Term`]s of its goals; mean and worst are those of the ensemble, of |metric − target| / scale. A plant that breaks a
-//! limit costs [`BROKEN`]. The search is that of Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), by the crate
+//! limit costs 1000. The search is that of Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), by the crate
 //! `cmaes`. The same settings give the same result, with any number of threads.
 
 mod ensemble;
@@ -109,7 +109,7 @@ pub struct Found {
     pub best: Candidate,
     /// The values to use: the best, or those backed off from the edge.
     pub tuned: Candidate,
-    /// The factor of all gains at which a limit broke or the cost doubled; none below [`MOST_EDGE`].
+    /// The factor of all gains at which a limit broke or the cost doubled; none below 4.
     pub edge: Option<f64>,
     /// The factor by which the gains were lowered, 1 if they were not.
     pub backed_off: f64,
