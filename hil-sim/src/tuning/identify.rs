@@ -2,7 +2,7 @@
 //! interval, and which move would tell what this one does not (docs/identify.md).
 //!
 //! Three steps, repeated until they agree: the rotor's path from the hall edges (`path`), the winding from the bus current along it
-//! (`electric`), the shaft from the torque of that current ([`mechanic`]).
+//! (`electric`), the shaft from the torque of that current (`mechanic`).
 
 mod electric;
 mod linear;
