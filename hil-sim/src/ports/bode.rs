@@ -185,10 +185,11 @@ fn show(
 
 fn simulated(args: &BodeArgs) -> Result<Found, BadInput> {
     let motor = args.motor.kind();
-    let (of, mode) = match args.mode {
-        LoopName::Position => (Loop::Position, "position"),
-        LoopName::Velocity => (Loop::Velocity, "velocity"),
+    let of = match args.mode {
+        LoopName::Position => Loop::Position,
+        LoopName::Velocity => Loop::Velocity,
     };
+    let mode = of.name();
     let mut scenario = scenario(motor)?;
     for assignment in &args.set {
         scenario.set(assignment)?;

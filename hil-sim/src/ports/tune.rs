@@ -15,8 +15,10 @@ use crate::experiment::input::{self, BadInput};
 use crate::experiment::metrics;
 use crate::experiment::properties::{self, Property};
 use crate::experiment::scenario::motor_name;
+use crate::tuning::bode;
 use crate::tuning::tune::{
-    self, Axis, Broken, Candidate, Ensemble, Found, Goal, Judged, LEAST_EDGE, Objective, Progress, Settings,
+    self, Axis, Broken, Candidate, Ensemble, Found, Goal, Judged, LEAST_EDGE, LEAST_PHASE_DEG, LoopMargins,
+    MOST_MS, Objective, Progress, Settings, TradeOff,
 };
 
 /// Threads that begin at once: far more than any machine has cores.
@@ -154,7 +156,9 @@ struct Tuned {
 
 impl Tuned {
     fn passed(&self) -> bool {
-        self.unseen[1].broken.is_empty() && self.found.tuned.judged.broken.is_empty()
+        self.unseen[1].broken.is_empty()
+            && self.found.tuned.judged.broken.is_empty()
+            && self.found.margins.iter().all(LoopMargins::suffice)
     }
 
     fn improvement_percent(&self) -> f64 {
@@ -253,10 +257,14 @@ fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInpu
         scenario.hall_scatter_deg = HALLS_DEG;
         goals.push(goal);
     }
-    let supply_v =
-        args.figures.supply.first().and(goals.first()).map(|goal| goal.scenario.cases[0].plant.bus_v);
-    let config =
-        goals.first().map_or_else(|| tater_fw::motion::defaults(kind), |goal| goal.scenario.cases[0].config);
+    let mut bench = bode::scenario(kind)?;
+    for assignment in &args.set {
+        bench.set(assignment)?;
+    }
+    args.figures.apply(&mut bench)?;
+    bench.hall_scatter_deg = HALLS_DEG;
+    let supply_v = args.figures.supply.first().map(|_| bench.cases[0].plant.bus_v);
+    let config = bench.cases[0].config;
     let names: Vec<&str> = if args.properties.is_empty() {
         args.objective.properties().to_vec()
     } else {
@@ -271,7 +279,7 @@ fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInpu
     }
     let first_seed = args.seed.wrapping_mul(SEEDS);
     let ensemble =
-        Ensemble { motor: kind, goals, scatter: SCATTER, supply_v, first_seed, plants: args.robust };
+        Ensemble { motor: kind, goals, bench, scatter: SCATTER, supply_v, first_seed, plants: args.robust };
     let candidates = args.candidates.map_or(usize::MAX, |most| most as usize);
     Ok((Settings { axes, ensemble, seed: args.seed, candidates }, first_seed.wrapping_add(SEEDS / 2)))
 }
@@ -416,7 +424,10 @@ fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
         "cost": { "start": found.start.judged.cost, "tuned": found.tuned.judged.cost },
         "candidates": found.candidates,
         "runs": found.runs,
-        "stability": { "edge_factor": found.edge, "least_edge_factor": LEAST_EDGE, "backed_off_by": found.backed_off },
+        "stability": { "edge_factor": found.edge, "least_edge_factor": LEAST_EDGE, "backed_off_by": found.backed_off,
+            "least_phase_margin_deg": LEAST_PHASE_DEG, "most_ms": MOST_MS,
+            "start": margins_json(&found.start_margins), "tuned": margins_json(&found.margins) },
+        "trade_offs": trade_offs_json(&found.trade_offs),
         "validation": {
             "plants": UNSEEN,
             "first_seed": first_unseen,
@@ -432,6 +443,52 @@ fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
         object["pareto"] = front(tuned, a, b);
     }
     object
+}
+
+fn margins_json(margins: &[LoopMargins]) -> Value {
+    margins
+        .iter()
+        .map(|margins| {
+            let LoopMargins { of, plants, unmeasured, phase_margin_deg, gain_margin, ms, seed } = margins;
+            let unmeasured = unmeasured.as_ref().map(|(seed, why)| json!({ "seed": seed, "why": why }));
+            json!({
+                "loop": of.name(),
+                "plants": plants,
+                "phase_margin_deg": phase_margin_deg,
+                "gain_margin": gain_margin,
+                "ms": ms,
+                "worst_seed": seed,
+                "unmeasured": unmeasured,
+                "suffices": margins.suffice(),
+            })
+        })
+        .collect()
+}
+
+fn trade_offs_json(all: &[TradeOff]) -> Value {
+    let point = |point: &tune::Point| {
+        json!({
+            "value": point.value,
+            "alarms": point.alarms,
+            "first_seed": point.seed,
+            "motion_s": point.motion_s,
+            "false_alarms_per_hour": point.per_hour(),
+            "resolution_per_hour": point.resolution_per_hour(),
+            "delay_ms_mean": point.delay_ms.map(|(mean, _)| mean),
+            "delay_ms_worst": point.delay_ms.map(|(_, worst)| worst),
+            "missed": point.missed,
+        })
+    };
+    all.iter()
+        .map(|trade| {
+            json!({
+                "property": trade.property.name,
+                "now": trade.now,
+                "suggested": trade.suggested(),
+                "points": trade.points.iter().map(point).collect::<Vec<Value>>(),
+            })
+        })
+        .collect()
 }
 
 /// Candidates of which no other is better in both metrics: means over the plants.
@@ -476,11 +533,13 @@ fn text(all: &[Tuned], reproduce: &str) -> String {
             factor => format!("lowered to {factor:.2} of the best, which leaves {LEAST_EDGE}"),
         };
         text.push_str(&format!("  {edge} until a limit breaks or the cost doubles; {back}\n"));
+        text.push_str(&stability_text(found));
+        text.push_str(&trade_offs_text(&found.trade_offs));
         text.push_str(&format!(
             "  cost on {UNSEEN} unseen plants {:.4} -> {:.4} ({:+.1} %), {} candidates, {} runs\n",
             start.cost,
             result.cost,
-            -tuned.improvement_percent(),
+            0.0 - tuned.improvement_percent(),
             found.candidates,
             found.runs
         ));
@@ -503,7 +562,64 @@ fn text(all: &[Tuned], reproduce: &str) -> String {
     text
 }
 
+fn stability_text(found: &Found) -> String {
+    let mut text = String::new();
+    for (before, after) in found.start_margins.iter().zip(&found.margins) {
+        let margin =
+            |margin: Option<f64>| margin.map_or_else(|| "none".to_owned(), |margin| format!("{margin:.1}"));
+        text.push_str(&format!(
+            "  {} loop, worst of {} plants: phase margin {} -> {} deg (least {LEAST_PHASE_DEG}), gain margin {} -> {}, Ms {:.2} -> {:.2} (most {MOST_MS})\n",
+            after.of.name(),
+            after.plants,
+            margin(before.phase_margin_deg),
+            margin(after.phase_margin_deg),
+            margin(before.gain_margin),
+            margin(after.gain_margin),
+            before.ms,
+            after.ms
+        ));
+        if let Some((seed, why)) = &after.unmeasured {
+            text.push_str(&format!("  not measured on plant {seed}: {why}\n"));
+        }
+    }
+    text
+}
+
+fn trade_offs_text(all: &[TradeOff]) -> String {
+    let mut text = String::new();
+    for trade in all {
+        let suggested = trade.suggested().map_or_else(|| "none".to_owned(), |value| value.to_string());
+        text.push_str(&format!(
+            "  {} is {}; a step beyond the least without a false alarm: {suggested}\n      value  false alarms/h  delay mean   worst ms  missed\n",
+            trade.property.name, trade.now
+        ));
+        for point in &trade.points {
+            let rate = if point.alarms == 0 {
+                format!("< {:.0}", point.resolution_per_hour())
+            } else {
+                format!("{:.0}", point.per_hour())
+            };
+            let (mean, worst) = point.delay_ms.map_or((f64::NAN, f64::NAN), |delay| delay);
+            text.push_str(&format!(
+                "      {:>5} {rate:>15} {mean:>11.0} {worst:>10.0} {:>7}\n",
+                point.value, point.missed
+            ));
+        }
+    }
+    text
+}
+
 fn refusals(tuned: &Tuned) {
+    for margins in tuned.found.margins.iter().filter(|margins| !margins.suffice()) {
+        let motor = motor_name(tuned.found.motor);
+        warn(&format!(
+            "refused: {motor}, the {} loop on plant {} has Ms {:.2}, phase margin {:?} deg; half of the gains found do not suffice either",
+            margins.of.name(),
+            margins.seed,
+            margins.ms,
+            margins.phase_margin_deg
+        ));
+    }
     let Some(broken) = tuned.unseen[1].broken.first() else { return };
     let motor = motor_name(tuned.found.motor);
     let more = tuned.unseen[1].broken.len() - 1;

@@ -88,6 +88,15 @@ impl Loop {
         }
     }
 
+    /// Its name, as in `--mode`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Position => "position",
+            Self::Velocity => "velocity",
+        }
+    }
+
     /// Band of the excitation, Hz.
     const fn band(self) -> (f64, f64) {
         match self {

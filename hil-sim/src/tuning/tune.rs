@@ -10,11 +10,15 @@
 //! limit costs 1000. The search is that of Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), by the crate
 //! `cmaes`. The same settings give the same result, with any number of threads.
 
+mod alarms;
 mod ensemble;
 mod objective;
+mod stability;
 
+pub use alarms::{Point, TradeOff};
 pub use ensemble::{Broken, Ensemble, Judged, Spread};
 pub use objective::{Goal, Objective, Term};
+pub use stability::{LEAST_EDGE, LEAST_PHASE_DEG, LoopMargins, MOST_MS};
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -25,13 +29,7 @@ use servo_core::Config;
 use tater_wire::MotorKind;
 
 use crate::experiment::properties::Property;
-
-/// Least factor by which all gains can rise before a plant of the ensemble breaks a limit or the cost doubles: the usual gain margin of 6 dB.
-pub const LEAST_EDGE: f64 = 2.0;
-
-/// Largest factor that is tried, and the steps to it.
-const MOST_EDGE: f64 = 4.0;
-const EDGE_STEP: f64 = 1.189_207_115_002_721; // a quarter of an octave
+use stability::Stable;
 
 /// The best candidates are judged again on other plants, this many times as many, and the best there is the result: the first of many on
 /// a small ensemble is partly luck.
@@ -113,6 +111,12 @@ pub struct Found {
     pub edge: Option<f64>,
     /// The factor by which the gains were lowered, 1 if they were not.
     pub backed_off: f64,
+    /// The loops at the start, on the ensemble's first plants.
+    pub start_margins: Vec<LoopMargins>,
+    /// Those with the values to use.
+    pub margins: Vec<LoopMargins>,
+    /// What TSTOP and BT trade with the values to use; empty unless a goal ends at an obstacle.
+    pub trade_offs: Vec<TradeOff>,
     /// Candidates that were judged, hopeless ones included.
     pub candidates: usize,
     /// Simulated runs.
@@ -182,11 +186,35 @@ pub fn tune(
     if let Some(broken) = best.judged.broken.first() {
         return Err(broken.clone());
     }
-    best = pool.install(|| select(settings, &start, best, &mut seen));
-    let (edge, backed_off, tuned) = pool.install(|| back_off(settings, &best, &mut seen.runs));
+    Ok(pool.install(|| finish(settings, start, best, seen)))
+}
+
+/// What the search has seen becomes a result: selection, back-off, margins and the guards' trade-offs.
+fn finish(settings: &Settings, start: Candidate, best: Candidate, mut seen: Seen) -> Found {
+    let Settings { axes, ensemble, .. } = settings;
+    let best = select(settings, &start, best, &mut seen);
+    let Stable { candidate: tuned, edge, backed_off, margins } =
+        stability::back_off(settings, &best, &mut seen.runs);
+    let start_margins = stability::margins(settings, &start.values);
+    let presses = ensemble.goals.iter().any(|goal| goal.objective == Objective::Grasp);
+    let put = |config: &mut Config| put(axes, &tuned.values, config);
+    let trade_offs = if presses { alarms::trade_offs(ensemble, &put) } else { Vec::new() };
     let Seen { runs, candidates, archive } = seen;
     let archive = archive.into_iter().filter(|candidate| candidate.judged.is_whole).collect();
-    Ok(Found { motor: ensemble.motor, start, best, tuned, edge, backed_off, candidates, runs, archive })
+    Found {
+        motor: ensemble.motor,
+        start,
+        best,
+        tuned,
+        edge,
+        backed_off,
+        start_margins,
+        margins,
+        trade_offs,
+        candidates,
+        runs,
+        archive,
+    }
 }
 
 /// Applies values to a board's properties.
@@ -247,48 +275,6 @@ impl Seen {
         self.archive.iter().find(|candidate| candidate.judged.is_whole)
     }
 }
-
-/// Raises all gains until the ensemble breaks a limit or the cost doubles, and lowers them if that is nearer than [`LEAST_EDGE`].
-fn back_off(settings: &Settings, best: &Candidate, runs: &mut u64) -> (Option<f64>, f64, Candidate) {
-    let Settings { axes, ensemble, .. } = settings;
-    let scaled = |factor: f64| -> Vec<i64> {
-        axes.iter()
-            .zip(&best.values)
-            .map(|(axis, value)| {
-                let (min, max) = axis.property.range();
-                let is_gain = GAINS.contains(&axis.property.name);
-                let value = if is_gain { (*value as f64 * factor).round() as i64 } else { *value };
-                value.clamp(min, max)
-            })
-            .collect()
-    };
-    let mut judge = |factor: f64| {
-        let values = scaled(factor);
-        let judged = ensemble.judge(&|config| put(axes, &values, config), f64::INFINITY);
-        *runs += judged.runs;
-        Candidate { values, judged }
-    };
-    let mut edge = None;
-    let mut factor = EDGE_STEP;
-    while factor <= MOST_EDGE * 1.001 {
-        let candidate = judge(factor);
-        if !candidate.judged.broken.is_empty() || candidate.judged.cost > 2.0 * best.judged.cost {
-            edge = Some(factor);
-            break;
-        }
-        factor *= EDGE_STEP;
-    }
-    match edge {
-        Some(at) if at < LEAST_EDGE => {
-            let lower = at / LEAST_EDGE;
-            (edge, lower, judge(lower))
-        }
-        _ => (edge, 1.0, best.clone()),
-    }
-}
-
-/// Properties that multiply an error: what a stability margin is about.
-const GAINS: [&str; 4] = ["KP", "KI", "KD", "KPV"];
 
 #[cfg(test)]
 mod tests;

@@ -7,6 +7,7 @@ use tater_wire::{MotorKind, Property};
 use super::objective::{Goal, Objective};
 use crate::experiment::properties;
 use crate::experiment::run::{MotorRun, Options, run};
+use crate::experiment::scenario::Scenario;
 use crate::world::plant::{Model, PlantParams};
 
 /// Plants between two looks at a candidate that may be hopeless.
@@ -61,6 +62,8 @@ pub struct Ensemble {
     pub motor: MotorKind,
     /// What it does.
     pub goals: Vec<Goal>,
+    /// The motor free in the middle of its joint, for its loops, and its board.
+    pub bench: Scenario,
     /// Relative scatter of inertia, friction, Ke and R; the supply is drawn from 20..28 V unless it is given.
     pub scatter: f64,
     /// The supply of every plant, V.

@@ -15,7 +15,15 @@ fn settings(motor: MotorKind, objective: Objective, set: &[&str], plants: u64) -
             Axis { property, start: property.get(&config), knee }
         })
         .to_vec();
-    let ensemble = Ensemble { motor, goals: vec![goal], scatter: 0.3, supply_v: None, first_seed: 1, plants };
+    let ensemble = Ensemble {
+        motor,
+        goals: vec![goal],
+        bench: crate::tuning::bode::scenario(motor).expect("valid"),
+        scatter: 0.3,
+        supply_v: None,
+        first_seed: 1,
+        plants,
+    };
     Settings { axes, ensemble, seed: 3, candidates: 30 }
 }
 
