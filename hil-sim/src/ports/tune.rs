@@ -24,9 +24,6 @@ use crate::tuning::tune::{
 /// Threads that begin at once: far more than any machine has cores.
 const MOST_JOBS: u64 = 256;
 
-/// Plants of a validation.
-const UNSEEN: u64 = 1000;
-
 /// Seeds of plants: each seed of a search has its own, the validation's begin in the middle.
 const SEEDS: u64 = 1 << 20;
 
@@ -65,6 +62,9 @@ pub struct TuneArgs {
     /// List the candidates of which no other is better in both metrics: two names with a comma.
     #[arg(long, value_name = "METRIC,METRIC", value_delimiter = ',')]
     pareto: Vec<String>,
+    /// Plants of the validation, which the search has not seen.
+    #[arg(long, default_value_t = 1000, value_parser = value_parser!(u64).range(1..=SEEDS / 2))]
+    unseen: u64,
     /// Seed of the search and of its plants.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -151,7 +151,10 @@ struct Tuned {
     goals: Vec<Goal>,
     /// Start and result on unseen plants.
     unseen: [Judged; 2],
+    plants: u64,
     first_unseen: u64,
+    /// The command line that gives this result again.
+    reproduce: String,
 }
 
 impl Tuned {
@@ -186,7 +189,7 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     for kind in args.motor.kinds() {
         let (settings, first_unseen) = settings(args, kind)?;
         let found = search(args, &settings, &pool, clock).map_err(|broken| hopeless(kind, &broken))?;
-        let unseen = Ensemble { first_seed: first_unseen, plants: UNSEEN, ..settings.ensemble.clone() };
+        let unseen = Ensemble { first_seed: first_unseen, plants: args.unseen, ..settings.ensemble.clone() };
         let on_unseen = |candidate: &Candidate| {
             pool.install(|| {
                 unseen.judge(&|config| tune::put(&settings.axes, &candidate.values, config), f64::INFINITY)
@@ -194,10 +197,18 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
         };
         let unseen = [on_unseen(&found.start), on_unseen(&found.tuned)];
         let Settings { axes, ensemble, .. } = settings;
-        all.push(Tuned { found, axes, goals: ensemble.goals, unseen, first_unseen });
+        let reproduce = reproduce(args, kind, found.candidates);
+        all.push(Tuned {
+            found,
+            axes,
+            goals: ensemble.goals,
+            unseen,
+            plants: args.unseen,
+            first_unseen,
+            reproduce,
+        });
     }
-    let candidates = all.iter().map(|tuned| tuned.found.candidates).collect::<Vec<_>>();
-    let reproduce = reproduce(args, candidates.iter().copied().max().unwrap_or(1));
+    let reproduce = all.iter().map(|tuned| tuned.reproduce.as_str()).collect::<Vec<_>>().join(" && ");
     let passed = all.iter().all(Tuned::passed);
     let motors: Vec<Value> = all.iter().map(|tuned| motor_json(tuned, &pareto)).collect();
     let mut object = json!({ "motors": motors, "passed": passed, "reproduce": reproduce });
@@ -365,15 +376,14 @@ fn search(
 }
 
 /// The command line that gives this result again.
-fn reproduce(args: &TuneArgs, candidates: usize) -> String {
-    let name = |value: &dyn Fn() -> Option<clap::builder::PossibleValue>| {
-        value().map_or_else(String::new, |value| value.get_name().to_owned())
-    };
+fn reproduce(args: &TuneArgs, kind: MotorKind, candidates: usize) -> String {
+    let objective = args.objective.to_possible_value();
     let mut line = format!(
-        "hil-sim tune --motor {} --objective {} --robust {} --candidates {candidates} --seed {}",
-        name(&|| args.motor.to_possible_value()),
-        name(&|| args.objective.to_possible_value()),
+        "hil-sim tune --motor {} --objective {} --robust {} --candidates {candidates} --unseen {} --seed {}",
+        motor_name(kind),
+        objective.as_ref().map_or("", |value| value.get_name()),
         args.robust,
+        args.unseen,
         args.seed
     );
     if !args.properties.is_empty() {
@@ -391,7 +401,7 @@ fn values_json(axes: &[Axis], values: &[i64]) -> Value {
 }
 
 fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
-    let Tuned { found, axes, goals, unseen: [start, result], first_unseen } = tuned;
+    let Tuned { found, axes, goals, unseen: [start, result], plants, first_unseen, reproduce } = tuned;
     let terms: Vec<Value> = goals
         .iter()
         .flat_map(|goal| &goal.terms)
@@ -424,12 +434,13 @@ fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
         "cost": { "start": found.start.judged.cost, "tuned": found.tuned.judged.cost },
         "candidates": found.candidates,
         "runs": found.runs,
+        "reproduce": reproduce,
         "stability": { "edge_factor": found.edge, "least_edge_factor": LEAST_EDGE, "backed_off_by": found.backed_off,
             "least_phase_margin_deg": LEAST_PHASE_DEG, "most_ms": MOST_MS,
             "start": margins_json(&found.start_margins), "tuned": margins_json(&found.margins) },
         "trade_offs": trade_offs_json(&found.trade_offs),
         "validation": {
-            "plants": UNSEEN,
+            "plants": plants,
             "first_seed": first_unseen,
             "cost_start": start.cost,
             "cost_tuned": result.cost,
@@ -519,7 +530,7 @@ fn front(tuned: &Tuned, a: &str, b: &str) -> Value {
 fn text(all: &[Tuned], reproduce: &str) -> String {
     let mut text = String::new();
     for tuned in all {
-        let Tuned { found, axes, goals, unseen: [start, result], .. } = tuned;
+        let Tuned { found, axes, goals, unseen: [start, result], plants, .. } = tuned;
         text.push_str(&format!("{}\n", motor_name(found.motor)));
         for (axis, (before, after)) in axes.iter().zip(found.start.values.iter().zip(&found.tuned.values)) {
             text.push_str(&format!("  {:<6} {before:>6} -> {after}\n", axis.property.name));
@@ -536,7 +547,7 @@ fn text(all: &[Tuned], reproduce: &str) -> String {
         text.push_str(&stability_text(found));
         text.push_str(&trade_offs_text(&found.trade_offs));
         text.push_str(&format!(
-            "  cost on {UNSEEN} unseen plants {:.4} -> {:.4} ({:+.1} %), {} candidates, {} runs\n",
+            "  cost on {plants} unseen plants {:.4} -> {:.4} ({:+.1} %), {} candidates, {} runs\n",
             start.cost,
             result.cost,
             0.0 - tuned.improvement_percent(),
@@ -624,8 +635,8 @@ fn refusals(tuned: &Tuned) {
     let motor = motor_name(tuned.found.motor);
     let more = tuned.unseen[1].broken.len() - 1;
     warn(&format!(
-        "refused: {motor}, {} on plant {}: {}, and {more} more of {UNSEEN} unseen plants",
-        broken.objective, broken.seed, broken.what
+        "refused: {motor}, {} on plant {}: {}, and {more} more of {} unseen plants",
+        broken.objective, broken.seed, broken.what, tuned.plants
     ));
 }
 

@@ -1,10 +1,12 @@
 //! What TSTOP and BT trade: false alarms per hour against the delay of a real one.
 //!
 //! A false alarm is a move without an obstacle that ends as a stall (TSTOP) or a breakaway (BT). Each plant moves slowly, with 50 ms from count
-//! to count, and as fast as it can. The delay is that from the last hall count before a hard object to the move's end.
+//! to count, and as fast as it can. The delay is that from an object's first touch to the end of the move; the object gives way, so that a guard
+//! which waits for more torque waits longer.
 
 use rayon::prelude::*;
-use servo_core::{Config, EndReason};
+use servo_core::{Config, EndReason, mode::Mode};
+use tater_fw::codes::mode_code;
 use tater_wire::MotorKind;
 
 use super::Ensemble;
@@ -47,7 +49,7 @@ pub struct Point {
     pub seed: Option<u64>,
     /// Time of all moves without an obstacle, s.
     pub motion_s: f64,
-    /// From the last hall count before a hard object to the end, ms: mean and longest over the plants.
+    /// From an object's first touch to the end, ms: mean and longest over the plants.
     pub delay_ms: Option<(f64, f64)>,
     /// Moves against the object that ended otherwise.
     pub missed: u64,
@@ -113,10 +115,13 @@ pub fn trade_offs(ensemble: &Ensemble, put: &(dyn Fn(&mut Config) + Sync)) -> Ve
     guards.iter().filter_map(trade).collect()
 }
 
-/// Moves without an obstacle, and one into a hard object.
+/// Where the object begins, counts.
+const CONTACT: f64 = 100.0;
+
+/// Moves without an obstacle, and one into an object.
 struct Moves {
     free: Vec<Scenario>,
-    hard: Scenario,
+    into: Scenario,
 }
 
 impl Moves {
@@ -140,14 +145,16 @@ impl Moves {
         let free = "plant = { min_count = -100, max_count = 500 }\n";
         let slow = "set = { MV = 20, ACCEL = 30 }\ninitial = { position_counts = 100 }\n\n[[at]]\nms = 50\nmove = 125\n";
         let fast = "set = { MV = 4080, ACCEL = 1000 }\n\n[[at]]\nms = 50\nmove = 300\n";
-        let hard = "initial = { position_counts = 40 }\n\n[[object]]\nfrom_count = 100\nside = \"closing\"\nstiffness_n_m_rad = 20.0\n\
-                    damping_n_m_s = 0.005\n\n[[at]]\nms = 50\nmove = 300\n";
+        let into = format!(
+            "initial = {{ position_counts = 40 }}\n\n[[object]]\nfrom_count = {CONTACT}\nside = \"closing\"\nstiffness_n_m_rad = 0.5\n\
+             damping_n_m_s = 0.005\n\n[[at]]\nms = 50\nmove = 300\n"
+        );
         Ok(Self {
             free: vec![
                 bench(format!("{}{free}{slow}", head(1700)))?,
                 bench(format!("{}{free}{fast}", head(1000)))?,
             ],
-            hard: bench(format!("{}{hard}", head(1800)))?,
+            into: bench(format!("{}{into}", head(2000)))?,
         })
     }
 
@@ -160,22 +167,24 @@ impl Moves {
     ) -> Point {
         let seeds: Vec<u64> =
             (0..ensemble.plants.min(PLANTS)).map(|i| ensemble.first_seed.wrapping_add(i)).collect();
-        let one = |scenario: &Scenario, seed: u64| -> Option<MotorRun> {
+        let one = |scenario: &Scenario, seed: u64, trace: bool| -> Option<MotorRun> {
             let mut scenario = scenario.clone();
             for case in &mut scenario.cases {
                 put(&mut case.config);
                 case.plant = ensemble.plant(&case.plant, seed);
             }
-            let options = Options { seed, model: Model::Averaged, trace: false };
+            let options = Options { seed, model: Model::Averaged, trace };
             run(&scenario, &options).ok()?.runs.into_iter().next()
         };
         let runs: Vec<(Vec<Option<MotorRun>>, Option<MotorRun>)> = seeds
             .par_iter()
-            .map(|&seed| (self.free.iter().map(|free| one(free, seed)).collect(), one(&self.hard, seed)))
+            .map(|&seed| {
+                (self.free.iter().map(|free| one(free, seed, false)).collect(), one(&self.into, seed, true))
+            })
             .collect();
         let mut point = Point { value, alarms: 0, seed: None, motion_s: 0.0, delay_ms: None, missed: 0 };
         let mut delays = Vec::new();
-        for (&seed, (free, hard)) in seeds.iter().zip(&runs) {
+        for (&seed, (free, into)) in seeds.iter().zip(&runs) {
             for run in free.iter().flatten() {
                 point.motion_s += run.metrics.end_ms.map_or(run.metrics.sim_s, |ms| ms / 1000.0);
                 if run.metrics.end_reason == Some(guard.ends) {
@@ -183,9 +192,8 @@ impl Moves {
                     point.seed.get_or_insert(seed);
                 }
             }
-            let metrics = hard.as_ref().map(|run| &run.metrics);
-            match metrics.filter(|metrics| metrics.end_reason == Some(guard.ends)) {
-                Some(metrics) => delays.extend(metrics.end_after_last_count_ms),
+            match into.as_ref().filter(|run| run.metrics.end_reason == Some(guard.ends)).and_then(delay_ms) {
+                Some(delay) => delays.push(delay),
                 None => point.missed += 1,
             }
         }
@@ -195,6 +203,17 @@ impl Moves {
         }
         point
     }
+}
+
+/// From the first touch to the end of the move, ms.
+fn delay_ms(run: &MotorRun) -> Option<f64> {
+    let trace = run.trace.as_ref()?;
+    let (time, position, mode) =
+        (trace.column("time_ms"), trace.column("position_counts"), trace.column("mode"));
+    let touch = position.iter().position(|counts| *counts >= CONTACT)?;
+    let moves = f64::from(mode_code(Mode::Trapezoidal).number());
+    let end = (touch..mode.len()).find(|&at| mode[at] != moves)?;
+    Some(time[end] - time[touch])
 }
 
 #[cfg(test)]
