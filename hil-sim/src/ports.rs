@@ -29,4 +29,5 @@ mod table;
 mod thread;
 mod torture;
 mod tune;
+mod tune_report;
 mod worker;

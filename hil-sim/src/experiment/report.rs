@@ -1,9 +1,11 @@
 //! Reports of a run for people and programs: text, JSON, and an HTML page with charts.
 
+mod alarms;
 mod chart;
 mod page;
 mod sheet;
 
+pub use alarms::{Alarm, trade_off};
 pub use chart::{Across, Chart, Column, Explore, Field, Kind, Level, Mark, Marked, Series, escape};
 pub use page::{Plot, html, plots};
 pub use sheet::Sheet;

@@ -11,12 +11,14 @@ use tater_wire::MotorKind;
 use super::figures::Figures;
 use super::interrupt;
 use super::output::{print, replace_together, warn};
+use super::tune_report::{self, Drawn};
 use crate::experiment::input::{self, BadInput};
 use crate::experiment::metrics;
 use crate::experiment::properties::{self, Property};
 use crate::experiment::scenario::motor_name;
 use crate::tuning::tune::{
-    self, Axis, Broken, Candidate, Ensemble, Found, Goal, Judged, LEAST_EDGE, Objective, Progress, Settings,
+    self, Axis, Broken, Candidate, Ensemble, Envelope, Found, Goal, Judged, LEAST_EDGE, Objective, Progress,
+    Settings,
 };
 
 /// Threads that begin at once: far more than any machine has cores.
@@ -69,7 +71,7 @@ pub struct TuneArgs {
     /// Threads; default: one for each core. The result does not depend on them.
     #[arg(long, value_parser = value_parser!(u64).range(1..=MOST_JOBS))]
     jobs: Option<u64>,
-    /// Write tuned.json and the scenarios into this folder.
+    /// Write tuned.json, report.html and the scenarios into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print one JSON object and nothing else.
@@ -150,6 +152,8 @@ struct Tuned {
     /// Start and result on unseen plants.
     unseen: [Judged; 2],
     first_unseen: u64,
+    /// Some of those plants over time; none without a report.
+    envelopes: Vec<Envelope>,
 }
 
 impl Tuned {
@@ -188,9 +192,14 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
                 unseen.judge(&|config| tune::put(&settings.axes, &candidate.values, config), f64::INFINITY)
             })
         };
+        let envelopes = args.out.as_ref().map_or_else(Vec::new, |_| {
+            let [before, after] = [&found.start, &found.tuned]
+                .map(|candidate| |config: &mut _| tune::put(&settings.axes, &candidate.values, config));
+            pool.install(|| tune::envelopes(&unseen, tune_report::PLANTS, &before, &after))
+        });
         let unseen = [on_unseen(&found.start), on_unseen(&found.tuned)];
         let Settings { axes, ensemble, .. } = settings;
-        all.push(Tuned { found, axes, goals: ensemble.goals, unseen, first_unseen });
+        all.push(Tuned { found, axes, goals: ensemble.goals, unseen, first_unseen, envelopes });
     }
     let candidates = all.iter().map(|tuned| tuned.found.candidates).collect::<Vec<_>>();
     let reproduce = reproduce(args, candidates.iter().copied().max().unwrap_or(1));
@@ -383,7 +392,7 @@ fn values_json(axes: &[Axis], values: &[i64]) -> Value {
 }
 
 fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
-    let Tuned { found, axes, goals, unseen: [start, result], first_unseen } = tuned;
+    let Tuned { found, axes, goals, unseen: [start, result], first_unseen, .. } = tuned;
     let terms: Vec<Value> = goals
         .iter()
         .flat_map(|goal| &goal.terms)
@@ -529,6 +538,12 @@ fn write(dir: &Path, object: &Value, all: &[Tuned]) -> Result<(), BadInput> {
             files.push((dir.join(name), goal.text.clone()));
         }
     }
+    let drawn = all.iter().map(|tuned| {
+        let Tuned { found, axes, goals, envelopes, .. } = tuned;
+        Drawn { found, axes, goals, envelopes }
+    });
+    let drawn: Vec<Drawn> = drawn.collect();
+    files.push((dir.join("report.html"), tune_report::html(object, &drawn)));
     files.push((dir.join("tuned.json"), format!("{object:#}\n")));
     let files: Vec<(&Path, &[u8])> =
         files.iter().map(|(path, text)| (path.as_path(), text.as_bytes())).collect();

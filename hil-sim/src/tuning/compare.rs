@@ -252,7 +252,7 @@ impl Row {
 fn short(value: f64) -> String {
     match value.abs() {
         _ if value == value.trunc() => format!("{value:.0}"),
-        size if size < 0.1 => format!("{value:.5}"),
+        size if size < 0.01 => format!("{value:.5}"),
         size if size < 1000.0 => format!("{value:.3}"),
         _ => format!("{value:.1}"),
     }

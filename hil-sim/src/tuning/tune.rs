@@ -11,9 +11,11 @@
 //! `cmaes`. The same settings give the same result, with any number of threads.
 
 mod ensemble;
+mod envelope;
 mod objective;
 
 pub use ensemble::{Broken, Ensemble, Judged, Spread};
+pub use envelope::{Bands, Envelope, envelopes};
 pub use objective::{Goal, Objective, Term};
 
 use std::sync::Mutex;

@@ -503,14 +503,13 @@ fn path(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
     let points: Vec<(f64, f64)> = times.iter().copied().zip(values.iter().copied()).collect();
     // Two points per bucket; a short curve has one value per bucket.
     let bucket = if points.len() <= MAX_POINTS { 1 } else { points.len().div_ceil(MAX_POINTS / 2) };
-    let mut path = String::new();
-    let mut pen_down = false;
+    let mut pen = Pen::default();
     let mut draw = |(time, value): (f64, f64)| {
         if y.has(value) && x.has(time) {
-            let letter = if pen_down { 'L' } else { 'M' };
-            let _ = write!(path, "{letter}{:.1} {:.1}", x.at(time), y.at(value));
+            pen.to(format!("{:.1}", x.at(time)), format!("{:.1}", y.at(value)));
+        } else {
+            pen.lift();
         }
-        pen_down = y.has(value) && x.has(time);
     };
     for chunk in points.chunks(bucket) {
         let low = chunk.iter().min_by(|a, b| a.1.total_cmp(&b.1));
@@ -523,7 +522,42 @@ fn path(times: &[f64], values: &[f64], x: &Axis, y: &Axis) -> String {
             }
         }
     }
-    path
+    pen.lift();
+    pen.path
+}
+
+/// Writes a path; of points at the same height only the first and the last.
+#[derive(Default)]
+struct Pen {
+    path: String,
+    /// The height, if the pen is down.
+    height: Option<String>,
+    /// A point at that height that is not written yet.
+    held: Option<String>,
+}
+
+impl Pen {
+    fn to(&mut self, x: String, y: String) {
+        if self.height.as_ref() == Some(&y) {
+            self.held = Some(x);
+            return;
+        }
+        self.flush();
+        let letter = if self.height.is_some() { 'L' } else { 'M' };
+        let _ = write!(self.path, "{letter}{x} {y}");
+        self.height = Some(y);
+    }
+
+    fn flush(&mut self) {
+        if let Some((x, y)) = self.held.take().zip(self.height.as_ref()) {
+            let _ = write!(self.path, "L{x} {y}");
+        }
+    }
+
+    fn lift(&mut self) {
+        self.flush();
+        self.height = None;
+    }
 }
 
 /// As HTML has it.
