@@ -111,8 +111,7 @@ pub fn tracks(source: &dyn Source) -> Result<Vec<Track>, TableError> {
         }
         match *track.column(TIME) {
             [.., before, last] if last <= before => {
-                let expected = format!("a time above {before}, that of the row before");
-                Err(TableError::place(rows, TIME, last.to_string(), expected))
+                Err(TableError::File(format!("row {rows} has {TIME} {last} after {before}")))
             }
             _ => Ok(()),
         }
