@@ -46,7 +46,10 @@ fn differences_are_those_of_the_runs() {
         let bytes = std::fs::read(folder.join(name).join("run.json")).expect("written");
         let run: Value = serde_json::from_slice(&bytes).expect("JSON");
         assert_eq!(run["motors"][0]["node"], 5);
-        assert!(run["reproduce"].as_str().is_some_and(|line| line.starts_with("hil-sim run x.toml")), "{run}");
+        assert!(
+            run["reproduce"].as_str().is_some_and(|line| line.starts_with("hil-sim run x.toml")),
+            "{run}"
+        );
         run["motors"][0]["metrics"]["tracking_rms_counts"].as_f64().expect("a number")
     };
     let [a, b] = ["a", "b"].map(own);
@@ -56,7 +59,10 @@ fn differences_are_those_of_the_runs() {
     let of_trace = row(&compared, "figures", "lag, RMS in mode 5")["values"][1].as_f64().expect("a number");
     assert!((of_trace - b).abs() < 0.01, "{of_trace}, {b}");
     let page = std::fs::read_to_string(folder.join("c.html")).expect("written");
-    assert!(page.contains("Velocity") && page.contains("hil-sim run x.toml --set KP=20 --seed 3"), "curves and lines");
+    assert!(
+        page.contains("Velocity") && page.contains("hil-sim run x.toml --set KP=20 --seed 3"),
+        "curves and lines"
+    );
     let text = hil_sim(&["compare", "a", "b"], &folder);
     let text = String::from_utf8(text.stdout).expect("text");
     assert!(text.contains("20 (−100)") && text.contains("metrics of the runs"), "{text}");
@@ -109,6 +115,9 @@ fn bad_inputs_name_the_place_and_a_next_step() {
         let output = hil_sim(&[&["compare"], args].concat(), &folder);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
-        assert!(text.contains(what) && text.contains("next:") && output.stdout.is_empty(), "{args:?}: {text}");
+        assert!(
+            text.contains(what) && text.contains("next:") && output.stdout.is_empty(),
+            "{args:?}: {text}"
+        );
     }
 }

@@ -132,7 +132,9 @@ fn report_has_charts_worst_runs_and_the_line_of_each() {
     let fields = data["charts"][0]["explore"]["fields"].as_array().expect("columns to choose from");
     let column = |name: &str| {
         let field = fields.iter().find(|field| field["name"] == name).unwrap_or_else(|| panic!("{name}"));
-        data["columns"][field["column"].as_u64().expect("a place") as usize]["values"].as_array().expect("numbers")
+        data["columns"][field["column"].as_u64().expect("a place") as usize]["values"]
+            .as_array()
+            .expect("numbers")
     };
     // 16 of the 48 runs could not be made.
     assert_eq!((column("set.KP").len(), column("iae").len()), (32, 32));

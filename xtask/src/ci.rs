@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
 use crate::{
-    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, packages, ray_sweep, reports, setup, size,
-    table,
+    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, packages, ray_sweep, reports,
+    setup, size, table,
 };
 
 struct Step {

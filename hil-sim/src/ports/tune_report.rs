@@ -47,10 +47,15 @@ fn motor(sheet: &mut Sheet, json: &Value, drawn: &Drawn) {
     let tile = |value: String, unit: &str, label: &str| {
         format!("<div class=\"tile\"><b>{value}</b> <span>{unit}</span><br><small>{label}</small></div>\n")
     };
+    let percent = validation["improvement_percent"].as_f64();
     let edge = json["stability"]["edge_factor"].as_f64();
     let back = json["stability"]["backed_off_by"].as_f64().unwrap_or(1.0);
     let tiles = [
-        tile(number(&validation["improvement_percent"]), "%", "less cost on unseen plants"),
+        tile(
+            percent.map_or_else(|| "–".to_owned(), |percent| format!("{percent:.1}")),
+            "%",
+            "less cost on unseen plants",
+        ),
         tile(count(&validation["plants"]), "", "unseen plants"),
         tile(validation["broken"].as_array().map_or(0, Vec::len).to_string(), "", "broken limits there"),
         tile(

@@ -285,9 +285,10 @@ impl Drawing<'_> {
         );
         let x = self.across();
         let (min, max) = self.range();
+        let below = BOTTOM + if self.is_named() { LINE + 2.0 } else { 0.0 };
         let labels = if self.chart.labeled { place(marks, &x) } else { Vec::new() };
         let lines = labels.iter().map(|label| label.line + 1).max().unwrap_or(0);
-        let y = Axis { min, max, from: height - BOTTOM, to: TOP + LINE * lines as f64, log: self.chart.log };
+        let y = Axis { min, max, from: height - below, to: TOP + LINE * lines as f64, log: self.chart.log };
         self.grid(&mut svg, &x, &y);
         self.draw_marks(&mut svg, &x, &y, &labels);
         for series in &self.chart.series {
@@ -297,6 +298,11 @@ impl Drawing<'_> {
         self.legend(&mut svg);
         svg.push_str("</svg>\n");
         svg
+    }
+
+    /// Whether the x axis has a name, which is longer than a unit and has a line of its own.
+    fn is_named(&self) -> bool {
+        self.chart.x.unit.chars().count() > 4
     }
 
     fn path(&self, series: &Series, x: &Axis, y: &Axis) -> (&'static str, String) {
@@ -367,9 +373,6 @@ impl Drawing<'_> {
     fn grid(&self, svg: &mut String, x: &Axis, y: &Axis) {
         let (bottom, top, right) = (y.from, y.to, x.to);
         let unit = escape(&self.chart.x.unit);
-        // A long name of the axis is at its end, a unit at its beginning.
-        let is_short = self.chart.x.unit.chars().count() <= 3;
-        let end = if is_short { right } else { right - LETTER * (unit.chars().count() as f64 + 3.0) };
         for (tick, label) in x.labels(12.0) {
             let at = x.at(tick);
             let _ = write!(
@@ -377,14 +380,13 @@ impl Drawing<'_> {
                 "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{bottom}\" x2=\"{at:.1}\" y2=\"{top}\"/>"
             );
             let below = bottom + 16.0;
-            if at <= end {
-                let _ = write!(
-                    svg,
-                    "<text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{below}\">{label}</text>"
-                );
-            }
+            let _ = write!(
+                svg,
+                "<text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{below}\">{label}</text>"
+            );
         }
-        let (side, below) = (if is_short { LEFT - 14.0 } else { right }, bottom + 16.0);
+        let (side, below) =
+            if self.is_named() { (right, bottom + 31.0) } else { (LEFT - 14.0, bottom + 16.0) };
         let _ =
             write!(svg, "<text class=\"tick\" text-anchor=\"end\" x=\"{side}\" y=\"{below}\">{unit}</text>");
         if self.chart.lanes.is_empty() {

@@ -201,19 +201,21 @@
     const labels = chart.labeled ? place(chart.marks, ax, width) : [];
     const rows = Math.max(0, ...labels.filter(label => label).map(label => label.row + 1));
     const [lo, hi] = rangeY(chart, [a, b]);
-    const ay = axis(lo, hi, height - BOTTOM, TOP + LINE * rows, chart.log);
+    const unit = chart.x.unit;
+    // A name of the axis, longer than a unit, has a line of its own.
+    const named = unit.length > 4;
+    const ay = axis(lo, hi, height - BOTTOM - (named ? LINE + 2 : 0), TOP + LINE * rows, chart.log);
     chart.ax = ax;
     chart.ay = ay;
     const [bottom, top, right] = [ay.from, ay.to, ax.to];
     let out = `<clipPath id="${chart.id}"><rect x="${left}" y="${top - 1}" width="${right - left}" height="${bottom - top + 2}"/></clipPath>`;
-    const unit = chart.x.unit;
     for (const [value, label] of ticks(ax, (right - left) / 84)) {
       const at = ax.at(value).toFixed(1);
       out += `<line class="grid" x1="${at}" y1="${bottom}" x2="${at}" y2="${top}"/>`;
-      if (ax.at(value) < right - LETTER * unit.length - 14)
+      if (named || ax.at(value) < right - LETTER * unit.length - 14)
         out += `<text class="tick" text-anchor="middle" x="${at}" y="${bottom + 17}">${label}</text>`;
     }
-    out += `<text class="tick" text-anchor="end" x="${right}" y="${bottom + 17}">${escape(unit)}</text>`;
+    out += `<text class="tick" text-anchor="end" x="${right}" y="${bottom + (named ? 33 : 17)}">${escape(unit)}</text>`;
     if (chart.lanes.length) {
       chart.lanes.forEach((name, lane) => { out += yTick(ay.at(lane + 0.1), left, right, escape(name), false); });
     } else {
@@ -458,7 +460,7 @@
     chart.outputs = chart.series.map((series, i) => {
       const key = chart.keys[i];
       const button = make(chart.legend, 'button', { type: 'button', 'aria-pressed': String(!hidden.has(key)), 'data-key': key });
-      const swatch = make(button, 'span', { class: `swatch ${series.kind} ${series.class}` });
+      const swatch = make(button, 'span', { class: 'swatch' });
       swatch.innerHTML = series.kind === 'line' ? `<svg viewBox="0 0 24 8" aria-hidden="true"><path class="line ${series.class}" d="M1 4H23"/></svg>`
         : series.kind === 'band' ? `<svg viewBox="0 0 24 8" aria-hidden="true"><path class="band ${series.class}" d="M1 0H23V8H1Z"/></svg>`
           : `<svg viewBox="0 0 24 8" aria-hidden="true"><path class="points ${series.class}" d="M12 4h0"/></svg>`;

@@ -90,7 +90,9 @@ impl Report {
         });
         let numbers = numbers.map(|(at, column)| {
             let is_axis = at == 0 || column.name.contains('.');
-            (at, column.name.clone(), column.unit.clone(), is_axis)
+            // A plain number has the unit 1.
+            let unit = if column.unit == "1" { String::new() } else { column.unit.clone() };
+            (at, column.name.clone(), unit, is_axis)
         });
         Self { numbers: numbers.collect(), stride: runs.div_ceil(MOST_SHOWN).max(1), parts: Vec::new() }
     }
