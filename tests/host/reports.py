@@ -212,6 +212,23 @@ def choose(browser):
     check("run " in text and "set.KP=" in text, f"a point names its run: {text!r}")
 
 
+def spikes(browser, path):
+    """Of 20,000 rows in 1,000 pixels the only one with a speed is drawn, and zoomed every row is."""
+    browser.open(path)
+    path = f"{CHARTS}.find(f => f.textContent.startsWith('Velocity')).querySelector('svg[tabindex] path.c2')"
+    height = "document.querySelector('svg[tabindex]').viewBox.baseVal.height"
+    points = f"{path}.getAttribute('d').slice(1).split(/[ML]/).map(p => p.split(' ').map(Number))"
+    found = browser.value(f"{points}.filter(([, y]) => y < 0.3 * {height}).length")
+    check(found == 1, f"the spike is drawn once: {found}")
+    browser.value("document.querySelector('svg[tabindex]').focus()")
+    for _ in range(30):
+        browser.key("+")
+    shown = ticks(browser)[0].split()
+    rows = browser.value(f"{points}.length")
+    span = float(shown[-1]) - float(shown[0])
+    check(rows >= span > 0, f"{rows} points for {span} ms")
+
+
 def no_script(browser, path):
     """Without scripts the static pictures stay."""
     browser.call("Emulation.setScriptExecutionDisabled", value=True)
@@ -251,6 +268,11 @@ def main(hil_sim, chromium, pictures=None):
         cursor(browser, place("a/trace.csv"))
         browser.open(place("sweep/report.html"))
         choose(browser)
+        with open(place("spike.csv"), "w", encoding="utf-8") as file:
+            file.write("time_ms,velocity_counts_s\n")
+            file.writelines(f"{ms},{1000 if ms == 12345 else 0}\n" for ms in range(20_000))
+        run("compare", "a", "spike.csv", "--out", "spike.html")
+        spikes(browser, place("spike.html"))
         check(not browser.errors, f"no page has an error: {browser.errors[:3]}")
         no_script(browser, place("a/report.html"))
 

@@ -4,7 +4,7 @@
 (() => {
   const page = JSON.parse(document.getElementById('data').textContent);
   const columns = page.columns;
-  const PRINT = 1060, LEFT = 62, RIGHT = 18, TOP = 10, BOTTOM = 26, LINE = 14, LETTER = 6.4, MOST_LINES = 8;
+  const PRINT = 820, LEFT = 62, RIGHT = 18, TOP = 10, BOTTOM = 26, LINE = 14, LETTER = 6.4, MOST_LINES = 8;
   const hidden = new Set(), groups = new Map(), charts = [];
   let printing = false;
 
