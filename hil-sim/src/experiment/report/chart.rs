@@ -23,6 +23,37 @@ const LETTER: f64 = 6.4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Column(pub(super) usize);
 
+/// Its numbers.
+pub(super) struct Numbers {
+    /// Digits after the point; none: as many as a number needs.
+    pub(super) digits: Option<usize>,
+    pub(super) values: Vec<f64>,
+}
+
+impl Numbers {
+    /// As JSON; what is not finite is null.
+    pub(super) fn push(&self, json: &mut String) {
+        let digits = self.digits.map_or_else(|| "null".to_owned(), |digits| digits.to_string());
+        let _ = write!(json, "{{\"digits\":{digits},\"values\":[");
+        for (index, value) in self.values.iter().enumerate() {
+            if index > 0 {
+                json.push(',');
+            }
+            match (value.is_finite(), self.digits) {
+                (false, _) => json.push_str("null"),
+                (true, Some(digits)) => {
+                    let text = format!("{value:.digits$}");
+                    let short =
+                        if digits > 0 { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+                    json.push_str(if short == "-0" { "0" } else { short });
+                }
+                (true, None) => json.push_str(&serde_json::Value::from(*value).to_string()),
+            }
+        }
+        json.push_str("]}");
+    }
+}
+
 /// How a series is drawn.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
@@ -267,7 +298,7 @@ fn extremes<'a>(values: impl Iterator<Item = &'a f64>, log: bool) -> Option<(f64
 /// A chart with the numbers of its page.
 pub(super) struct Drawing<'a> {
     pub(super) chart: &'a Chart,
-    pub(super) columns: &'a [super::sheet::Numbers],
+    pub(super) columns: &'a [Numbers],
 }
 
 impl Drawing<'_> {

@@ -2,42 +2,11 @@
 
 use std::fmt::Write;
 
-use super::chart::{Chart, Column, Drawing, escape};
+use super::chart::{Chart, Column, Drawing, Numbers, escape};
 
 /// Light or dark as the reader's system is. Blue, vermilion and green, which come first, are distinct for color-blind readers.
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("report.js");
-
-/// A column of numbers.
-pub(super) struct Numbers {
-    /// Digits after the point; none: as many as a number needs.
-    digits: Option<usize>,
-    pub(super) values: Vec<f64>,
-}
-
-impl Numbers {
-    /// As JSON; what is not finite is null.
-    fn push(&self, json: &mut String) {
-        let digits = self.digits.map_or_else(|| "null".to_owned(), |digits| digits.to_string());
-        let _ = write!(json, "{{\"digits\":{digits},\"values\":[");
-        for (index, value) in self.values.iter().enumerate() {
-            if index > 0 {
-                json.push(',');
-            }
-            match (value.is_finite(), self.digits) {
-                (false, _) => json.push_str("null"),
-                (true, Some(digits)) => {
-                    let text = format!("{value:.digits$}");
-                    let short =
-                        if digits > 0 { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-                    json.push_str(if short == "-0" { "0" } else { short });
-                }
-                (true, None) => json.push_str(&serde_json::Value::from(*value).to_string()),
-            }
-        }
-        json.push_str("]}");
-    }
-}
 
 /// A page under construction.
 pub struct Sheet {
