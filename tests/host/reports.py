@@ -158,6 +158,32 @@ def telephone(browser, path):
     check(min(sizes) >= 10, f"labels are legible: {min(sizes)} px")
 
 
+def pinch(browser, path):
+    """Two fingers that part zoom all charts; one finger moves the cursor."""
+    browser.open(path, width=390, height=844, mobile=True)
+    browser.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    whole = ticks(browser)
+    x, y = middle(browser, 1)
+
+    def touch(kind, *places):
+        points = [{"x": x + dx, "y": y, "id": number} for number, dx in enumerate(places)]
+        browser.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    touch("touchStart", -40)
+    touch("touchMove", -20)
+    touch("touchEnd")
+    times = browser.value(f"{CHARTS}.map(f => f.querySelector('.at').textContent)")
+    check(len(set(times)) == 1 and times[0].endswith(" ms"), f"one finger moves the cursor: {times}")
+    touch("touchStart", -20)
+    touch("touchStart", -20, 20)
+    for by in [30, 40, 60, 80]:
+        touch("touchMove", -by, by)
+    touch("touchEnd")
+    browser.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    zoomed = ticks(browser)
+    check(len(set(zoomed)) == 1 and zoomed != whole, f"two fingers zoom: {zoomed}")
+
+
 def overlaps(browser):
     """Pairs of labels of one chart that cover each other."""
     return browser.value(f"""{CHARTS}.flatMap(f => {{
@@ -264,6 +290,7 @@ def main(hil_sim, chromium, pictures=None):
             toggle(browser, 0)
             browser.open(place(name))
             scroll(browser)
+        pinch(browser, place("a/report.html"))
         browser.open(place("a/report.html"))
         cursor(browser, place("a/trace.csv"))
         browser.open(place("sweep/report.html"))
