@@ -9,8 +9,8 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `adapter`, `bode`, `convert`, `excite`, `figures`, `gcl`, `grasper_client`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `table`, `torture`, `tune`, `worker` |
-//! | tuning | [`excite`], [`identify`], [`parquet`], [`sweep`], [`table`], [`tune`], and the private `bode`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `adapter`, `bode`, `compare`, `convert`, `excite`, `figures`, `gcl`, `grasper_client`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `sweep_report`, `table`, `torture`, `tune`, `tune_report`, `worker` |
+//! | tuning | [`excite`], [`identify`], [`parquet`], [`sweep`], [`table`], [`tune`], and the private `bode`, `compare`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]

@@ -5,6 +5,7 @@
 mod adapter;
 mod bode;
 pub mod cli;
+mod compare;
 mod convert;
 mod excite;
 mod figures;
@@ -23,8 +24,10 @@ pub mod slcan;
 mod state_file;
 mod sweep;
 mod sweep_folder;
+mod sweep_report;
 mod table;
 mod thread;
 mod torture;
 mod tune;
+mod tune_report;
 mod worker;

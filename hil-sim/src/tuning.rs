@@ -4,6 +4,7 @@
 //! the time, where progress goes and whether to stop.
 
 pub mod bode;
+pub mod compare;
 pub mod csv;
 pub mod excite;
 pub mod identify;

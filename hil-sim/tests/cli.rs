@@ -99,7 +99,7 @@ fn out_writes_its_files_and_no_others() {
     let entries = std::fs::read_dir(&out).expect("the folder is made");
     let mut names: Vec<_> = entries.map(|entry| entry.expect("an entry").file_name()).collect();
     names.sort();
-    assert_eq!(names, ["report.html", "trace.csv"]);
+    assert_eq!(names, ["report.html", "run.json", "trace.csv"]);
     let csv = std::fs::read_to_string(out.join("trace.csv")).expect("text");
     assert_eq!(csv.lines().count(), 1 + 21, "a header, the start and 20 ticks");
     assert!(csv.starts_with("time_ms,mode,position_counts,"));
@@ -143,7 +143,7 @@ fn report_that_does_not_fit_leaves_trace_and_report_of_the_last_run() {
     assert_eq!(full.status.code(), Some(2), "{}", stderr(&full));
     assert!(stderr(&full).contains("report.html cannot be written"), "{}", stderr(&full));
     assert!(files() == before);
-    assert_eq!(std::fs::read_dir(&out).expect("the folder").count(), 2, "no part is left");
+    assert_eq!(std::fs::read_dir(&out).expect("the folder").count(), 3, "no part is left");
 }
 
 /// Types lines at `hil-sim gcl`.

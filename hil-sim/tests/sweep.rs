@@ -48,7 +48,7 @@ fn path(folder: &Path, name: &str) -> String {
     folder.join(name).to_string_lossy().into_owned()
 }
 
-const FILES: [&str; 3] = ["results.csv", "results.parquet", "sweep.json"];
+const FILES: [&str; 4] = ["results.csv", "results.parquet", "sweep.json", "report.html"];
 
 fn bytes(folder: &Path, name: &str) -> Vec<Vec<u8>> {
     FILES.map(|file| std::fs::read(folder.join(name).join(file)).expect(file)).into()
@@ -119,6 +119,36 @@ fn cut_table(folder: &Path, whole: &[Vec<u8>]) -> PathBuf {
     std::fs::create_dir_all(folder).expect("ours");
     std::fs::write(folder.join("sweep.json"), &whole[2]).expect("ours");
     folder.join("results.csv")
+}
+
+#[test]
+fn report_has_charts_worst_runs_and_the_line_of_each() {
+    let folder = folder("sweep-report");
+    sweep(&folder, "out", &[]);
+    let page = String::from_utf8(bytes(&folder, "out")[3].clone()).expect("text");
+    let (_, data) = page.split_once("id=\"data\">").expect("numbers");
+    let data: serde_json::Value =
+        serde_json::from_str(data.split_once("</script>").expect("an end").0).expect("JSON");
+    let fields = data["charts"][0]["explore"]["fields"].as_array().expect("columns to choose from");
+    let column = |name: &str| {
+        let field = fields.iter().find(|field| field["name"] == name).unwrap_or_else(|| panic!("{name}"));
+        data["columns"][field["column"].as_u64().expect("a place") as usize]["values"]
+            .as_array()
+            .expect("numbers")
+    };
+    // 16 of the 48 runs could not be made.
+    assert_eq!((column("set.KP").len(), column("iae").len()), (32, 32));
+    assert!(fields.iter().all(|field| field["name"] != "sim_s"), "what does not vary is left out");
+    let (_, worst) = page.split_once("<summary>iae: up to").expect("the worst runs of a metric");
+    let line = worst.split_once("<code>").and_then(|(_, rest)| rest.split_once("</code>")).expect("a line").0;
+    let args: Vec<&str> = line.strip_prefix("hil-sim ").expect("this program").split(' ').collect();
+    let mut run = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    let again = run.args(&args).arg("--json").current_dir(&folder).output().expect("the binary starts");
+    let again: serde_json::Value = serde_json::from_slice(&again.stdout).expect("JSON");
+    let largest = column("iae").iter().filter_map(serde_json::Value::as_f64).fold(0.0, f64::max);
+    // The page has seven digits.
+    assert!((again["iae"].as_f64().expect("a number") / largest - 1.0).abs() < 1e-6, "{line}");
+    assert!(page.contains("could not be made: ") && page.contains("<h2>sweep.toml</h2>"));
 }
 
 #[test]

@@ -46,6 +46,16 @@ fn folder_has_the_result_and_scenarios_that_run() {
     let tuned: Value =
         serde_json::from_slice(&std::fs::read(dir.join("tuned.json")).expect("written")).expect("JSON");
     assert!(tuned["motors"][0]["pareto"].as_array().is_some_and(|front| !front.is_empty()), "{tuned}");
+    let page = std::fs::read_to_string(dir.join("report.html")).expect("written");
+    for part in [
+        "hil-sim tune --motor spread",
+        "before: median",
+        "tuned: half of them",
+        "Terms of the cost",
+        "Candidates",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
     let scenario = dir.join("step-spread.toml");
     let run = Command::new(env!("CARGO_BIN_EXE_hil-sim")).arg("run").arg(&scenario).output().expect("starts");
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
 use crate::{
-    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, packages, ray_sweep, setup, size,
-    table,
+    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, packages, ray_sweep, reports,
+    setup, size, table,
 };
 
 struct Step {
@@ -18,7 +18,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 21] = [
+const STEPS: [Step; 22] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "licenses and sources", check: packages::licenses },
@@ -36,6 +36,7 @@ const STEPS: [Step; 21] = [
     Step { name: "hall captures", check: hall_oracle::check },
     Step { name: "host tools", check: host_tools::check },
     Step { name: "sweep under Ray", check: ray_sweep::check },
+    Step { name: "reports in Chromium", check: reports::check },
     Step { name: "instructions", check: instructions::check },
     Step { name: "emulation", check: emu::check },
     Step { name: "miri", check: miri::check },

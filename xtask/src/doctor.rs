@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::program::{program, root, target};
 use crate::setup::{self, THUMB};
-use crate::{Failure, files, flash};
+use crate::{Failure, files, flash, reports};
 
 struct Tool {
     name: &'static str,
@@ -95,6 +95,12 @@ fn tools() -> Vec<Tool> {
             "the fuzz targets",
             cargo_fuzz(),
             "`cargo xtask ci` installs it below the target folder",
+        ),
+        tool(
+            reports::CHROMIUM,
+            "`cargo xtask reports`: hil-sim's reports in a browser",
+            says("chromium --version"),
+            reports::INSTALL,
         ),
         tool("valgrind", "`cargo xtask bench`", says("valgrind --version"), "apt-get install valgrind"),
     ]

@@ -25,6 +25,7 @@ mod packages;
 mod program;
 mod python;
 mod ray_sweep;
+mod reports;
 mod setup;
 mod size;
 mod soak;
@@ -85,6 +86,8 @@ enum Chore {
     HostTools,
     /// Spread a sweep with Ray and compare its bytes (installs ray below target/)
     RaySweep,
+    /// Open the reports of hil-sim in a headless Chromium, which is installed if it can be (as ci does).
+    Reports,
     /// Run every fuzz target for 30 s from its committed inputs
     Fuzz(fuzz::FuzzArgs),
     /// Run unit tests under Miri, which finds undefined behavior, if it is installed
@@ -116,6 +119,7 @@ fn main() -> ExitCode {
         Chore::Emu(args) => emu::emu(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),
         Chore::RaySweep => ray_sweep::check().map_err(Failure::from),
+        Chore::Reports => reports::check().map_err(Failure::from),
         Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),
         Chore::Miri => miri::check().map_err(Failure::from),
         Chore::Mutants(args) => mutants::mutants(&args),

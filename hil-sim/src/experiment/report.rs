@@ -1,16 +1,23 @@
 //! Reports of a run for people and programs: text, JSON, and an HTML page with charts.
 
+mod alarms;
 mod chart;
 mod page;
+mod sheet;
 
+pub use alarms::{Alarm, trade_off};
+pub use chart::{Across, Chart, Column, Explore, Field, Kind, Level, Mark, Marked, Series, escape};
 pub use page::{Plot, html, plots};
+pub use sheet::Sheet;
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 use crate::experiment::metrics::{METRICS, Value, end_word, fault_word};
-use crate::experiment::run::Outcome;
+use crate::experiment::properties::PROPERTIES;
+use crate::experiment::run::{Options, Outcome, node_of};
+use crate::experiment::scenario::{Scenario, motor_name};
 use crate::world::plant::Model;
 
 /// The inverter model's name, as on the command line.
@@ -57,6 +64,33 @@ pub fn json(outcome: &Outcome, wall_s: f64) -> String {
 #[must_use]
 pub fn json_value_of(outcome: &Outcome) -> serde_json::Value {
     serde_json::to_value(object(outcome, None)).unwrap_or_default()
+}
+
+/// What a folder of `hil-sim run --out` says of its run besides the trace: the result of [`json_value_of`], how to repeat it, and node,
+/// properties and metrics of each motor.
+#[must_use]
+pub fn stored(scenario: &Scenario, outcome: &Outcome, commit: &str) -> serde_json::Value {
+    let Options { seed, model, .. } = outcome.options;
+    let motors = scenario.cases.iter().zip(&outcome.runs).map(|(case, run)| {
+        let properties =
+            PROPERTIES.iter().map(|property| (property.name.to_owned(), property.get(&case.config).into()));
+        let metrics =
+            METRICS.iter().map(|metric| (metric.name.to_owned(), json_value(&(metric.get)(&run.metrics))));
+        serde_json::json!({
+            "motor": motor_name(case.motor),
+            "node": node_of(case.motor),
+            "properties": properties.collect::<serde_json::Map<_, _>>(),
+            "metrics": metrics.collect::<serde_json::Map<_, _>>(),
+        })
+    });
+    let model = model_name(model);
+    serde_json::json!({
+        "reproduce": format!("hil-sim run {} --seed {seed} --model {model}", scenario.arguments),
+        "commit": commit,
+        "version": env!("CARGO_PKG_VERSION"),
+        "motors": motors.collect::<Vec<_>>(),
+        "result": json_value_of(outcome),
+    })
 }
 
 fn object(outcome: &Outcome, wall_s: Option<f64>) -> Json<'_> {

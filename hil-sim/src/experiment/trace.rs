@@ -14,7 +14,8 @@ const MAX_ROWS: u32 = 20_000;
 pub struct Column {
     /// Name in the CSV; ends in the unit.
     pub name: &'static str,
-    decimals: usize,
+    /// Digits after the point in the CSV.
+    pub decimals: usize,
     get: fn(&Sample) -> f64,
 }
 

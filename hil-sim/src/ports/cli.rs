@@ -11,6 +11,7 @@ use servo_core::sense::recorded::SPEED_MAX;
 use tater_wire::MotorKind;
 
 use super::bode::{self, BodeArgs};
+use super::compare::{self, CompareArgs};
 use super::convert::{self, ConvertArgs};
 use super::excite::{self, ExciteArgs};
 use super::figures::Figures;
@@ -23,6 +24,7 @@ use super::margins::{self, MarginsArgs};
 use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
 use super::sweep::{self, MergeArgs, SweepArgs};
+use super::sweep_folder::COMMIT;
 use super::thread;
 use super::torture::{self, TortureArgs};
 use super::tune::{self, TuneArgs};
@@ -51,6 +53,8 @@ struct Args {
 enum Task {
     /// Run a scenario and check its expectations. Exit code 1 if one fails, 2 for bad input.
     Run(RunArgs),
+    /// Compare runs or recordings: a table of differences, and with --out a page with their curves on the same axes.
+    Compare(CompareArgs),
     /// List the shipped scenarios, or the figures that `run` can override.
     List(ListArgs),
     /// Serve boards on a CAN bus in real time, for CAN tools. Stop with ^C.
@@ -123,7 +127,7 @@ struct RunArgs {
     set: Vec<String>,
     #[command(flatten)]
     figures: Figures,
-    /// Write trace.csv and report.html into this folder.
+    /// Write trace.csv, run.json and report.html into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print one JSON object and nothing else.
@@ -158,6 +162,7 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::List(args) => {
             print(&if args.plant { figures() } else { list() }).map(|()| true).map_err(Into::into)
         }
+        Task::Compare(args) => compare::compare(&args).map(|()| true),
         Task::Bus(args) => serve::bus(&args, &mut clock_us).map(|()| true),
         Task::Hand(args) => serve::hand(&args, &mut clock_us).map(|()| true),
         Task::Gcl(args) => gcl::gcl(&args, clock),
@@ -290,10 +295,12 @@ fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(),
     std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
     let traces: Vec<Trace> = outcome.runs.iter().filter_map(|run| run.trace.clone()).collect();
     let mut csv = Vec::new();
-    let [csv_path, html_path] = ["trace.csv", "report.html"].map(|name| dir.join(name));
+    let [csv_path, json_path, html_path] =
+        ["trace.csv", "run.json", "report.html"].map(|name| dir.join(name));
     write_csv(&mut csv, &traces).map_err(|e| failed(&csv_path, e))?;
     let html = report::html(scenario, outcome);
-    replace_together(&[(&csv_path, &csv), (&html_path, html.as_bytes())])
+    let json = format!("{:#}\n", report::stored(scenario, outcome, COMMIT));
+    replace_together(&[(&csv_path, &csv), (&json_path, json.as_bytes()), (&html_path, html.as_bytes())])
         .map_err(|(path, e)| failed(&path, e))
 }
 

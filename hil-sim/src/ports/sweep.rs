@@ -12,6 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::interrupt;
 use super::output::{print, warn};
 use super::sweep_folder::{COMMIT, Header, Shard, Table, Tally, failed, free_bytes, merge as merge_folders};
+use super::sweep_report;
 use crate::experiment::input::BadInput;
 use crate::experiment::scenario::{SHIPPED, Scenario};
 use crate::tuning::sweep::{Flow, Sweep, execute};
@@ -30,7 +31,7 @@ type Clock<'a> = &'a dyn Fn() -> Duration;
 pub struct SweepArgs {
     /// What to vary, in which scenarios (docs/sweep.md).
     sweep: PathBuf,
-    /// A new folder for results.csv, results.parquet and sweep.json.
+    /// A new folder for results.csv, results.parquet, sweep.json and report.html.
     #[arg(long, value_name = "DIR", required_unless_present_any = ["dry_run", "row"])]
     out: Option<PathBuf>,
     /// Threads; default: one for each core. They change no byte of the results.
@@ -134,6 +135,9 @@ pub fn sweep(args: &SweepArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
         return Ok(true);
     }
     table.finish(&header).map_err(|bad| stopped(args, &bad))?;
+    if shard == Shard::WHOLE {
+        sweep_report::write(out, &header).map_err(|bad| stopped(args, &bad))?;
+    }
     report(args, out, &header, tally, (made, wall_s))?;
     Ok(tally.errors == 0)
 }
@@ -298,7 +302,7 @@ fn tally_text(tally: Tally) -> String {
 
 fn files(out: &Path, shard: Shard) -> Vec<String> {
     let names: &[&str] = if shard == Shard::WHOLE {
-        &["results.csv", "results.parquet", "sweep.json"]
+        &["results.csv", "results.parquet", "sweep.json", "report.html"]
     } else {
         &["results.csv", "sweep.json"]
     };
@@ -311,6 +315,9 @@ fn files(out: &Path, shard: Shard) -> Vec<String> {
 /// A shard is missing, incomplete, twice or of another sweep; the folder is not empty; a full disk.
 pub fn merge(args: &MergeArgs) -> Result<bool, Box<dyn Error>> {
     let tally = merge_folders(&args.shards, &args.out)?;
+    if let Some(header) = Header::read(&args.out)? {
+        sweep_report::write(&args.out, &header)?;
+    }
     let files = files(&args.out, Shard::WHOLE);
     if args.json {
         let json = serde_json::json!({

@@ -20,7 +20,7 @@ use crate::tuning::table::{self, Cell, Heading, Sink, TableError};
 pub const COMMIT: &str = env!("HIL_SIM_COMMIT");
 
 const HEADER: &str = "sweep.json";
-const CSV: &str = "results.csv";
+pub const CSV: &str = "results.csv";
 const PARQUET: &str = "results.parquet";
 
 /// Longest header read, bytes: a megabyte for each of some scenarios.

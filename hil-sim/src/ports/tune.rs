@@ -11,14 +11,15 @@ use tater_wire::MotorKind;
 use super::figures::Figures;
 use super::interrupt;
 use super::output::{print, replace_together, warn};
+use super::tune_report::{self, Drawn};
 use crate::experiment::input::{self, BadInput};
 use crate::experiment::metrics;
 use crate::experiment::properties::{self, Property};
 use crate::experiment::scenario::motor_name;
 use crate::tuning::bode;
 use crate::tuning::tune::{
-    self, Axis, Broken, Candidate, Ensemble, Found, Goal, Judged, LEAST_EDGE, LEAST_PHASE_DEG, LoopMargins,
-    MOST_MS, Objective, Progress, Settings, TradeOff,
+    self, Axis, Broken, Candidate, Ensemble, Envelope, Found, Goal, Judged, LEAST_EDGE, LEAST_PHASE_DEG,
+    LoopMargins, MOST_MS, Objective, Progress, Settings, TradeOff,
 };
 
 /// Threads that begin at once: far more than any machine has cores.
@@ -71,7 +72,7 @@ pub struct TuneArgs {
     /// Threads; default: one for each core. The result does not depend on them.
     #[arg(long, value_parser = value_parser!(u64).range(1..=MOST_JOBS))]
     jobs: Option<u64>,
-    /// Write tuned.json and the scenarios into this folder.
+    /// Write tuned.json, report.html and the scenarios into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print one JSON object and nothing else.
@@ -155,6 +156,8 @@ struct Tuned {
     first_unseen: u64,
     /// The command line that gives this result again.
     reproduce: String,
+    /// Some of those plants over time; none without a report.
+    envelopes: Vec<Envelope>,
 }
 
 impl Tuned {
@@ -195,6 +198,11 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
                 unseen.judge(&|config| tune::put(&settings.axes, &candidate.values, config), f64::INFINITY)
             })
         };
+        let envelopes = args.out.as_ref().map_or_else(Vec::new, |_| {
+            let [before, after] = [&found.start, &found.tuned]
+                .map(|candidate| |config: &mut _| tune::put(&settings.axes, &candidate.values, config));
+            pool.install(|| tune::envelopes(&unseen, tune_report::PLANTS, &before, &after))
+        });
         let unseen = [on_unseen(&found.start), on_unseen(&found.tuned)];
         let Settings { axes, ensemble, .. } = settings;
         let reproduce = reproduce(args, kind, found.candidates);
@@ -206,6 +214,7 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
             plants: args.unseen,
             first_unseen,
             reproduce,
+            envelopes,
         });
     }
     let reproduce = all.iter().map(|tuned| tuned.reproduce.as_str()).collect::<Vec<_>>().join(" && ");
@@ -401,7 +410,7 @@ fn values_json(axes: &[Axis], values: &[i64]) -> Value {
 }
 
 fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
-    let Tuned { found, axes, goals, unseen: [start, result], plants, first_unseen, reproduce } = tuned;
+    let Tuned { found, axes, goals, unseen: [start, result], plants, first_unseen, reproduce, .. } = tuned;
     let terms: Vec<Value> = goals
         .iter()
         .flat_map(|goal| &goal.terms)
@@ -460,7 +469,7 @@ fn margins_json(margins: &[LoopMargins]) -> Value {
     margins
         .iter()
         .map(|margins| {
-            let LoopMargins { of, plants, unmeasured, phase_margin_deg, gain_margin, ms, seed } = margins;
+            let LoopMargins { of, plants, unmeasured, phase_margin_deg, gain_margin, ms, seed, .. } = margins;
             let unmeasured = unmeasured.as_ref().map(|(seed, why)| json!({ "seed": seed, "why": why }));
             json!({
                 "loop": of.name(),
@@ -656,6 +665,12 @@ fn write(dir: &Path, object: &Value, all: &[Tuned]) -> Result<(), BadInput> {
             files.push((dir.join(name), goal.text.clone()));
         }
     }
+    let drawn = all.iter().map(|tuned| {
+        let Tuned { found, axes, goals, envelopes, .. } = tuned;
+        Drawn { found, axes, goals, envelopes }
+    });
+    let drawn: Vec<Drawn> = drawn.collect();
+    files.push((dir.join("report.html"), tune_report::html(object, &drawn)));
     files.push((dir.join("tuned.json"), format!("{object:#}\n")));
     let files: Vec<(&Path, &[u8])> =
         files.iter().map(|(path, text)| (path.as_path(), text.as_bytes())).collect();

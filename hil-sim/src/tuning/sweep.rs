@@ -9,10 +9,12 @@
 mod draw;
 mod execute;
 mod file;
+mod report;
 mod table;
 
 pub use draw::digest;
 pub use execute::{Flow, execute};
+pub use report::Report;
 pub use table::{Column, Kind, fields, head};
 
 use crate::experiment::input::BadInput;

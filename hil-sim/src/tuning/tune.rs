@@ -7,16 +7,18 @@
 //! ```
 //!
 //! over the [`Term`]s of its goals; mean and worst are those of the ensemble, of |metric − target| / scale. A plant that breaks a
-//! limit costs 1000. The search is that of Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), by the crate
+//! limit costs 1000, and loops with too little of a margin cost as well. The search is that of Hansen, "The CMA Evolution Strategy: A Tutorial" (arXiv:1604.00772), by the crate
 //! `cmaes`. The same settings give the same result, with any number of threads.
 
 mod alarms;
 mod ensemble;
+mod envelope;
 mod objective;
 mod stability;
 
 pub use alarms::{Point, TradeOff};
 pub use ensemble::{Broken, Ensemble, Judged, Spread};
+pub use envelope::{Bands, Envelope, envelopes};
 pub use objective::{Goal, Objective, Term};
 pub use stability::{LEAST_EDGE, LEAST_PHASE_DEG, LoopMargins, MOST_MS};
 
@@ -140,8 +142,9 @@ pub fn tune(
     };
     let judge = |values: &[i64], bound: f64| ensemble.judge(&|config| put(axes, values, config), bound);
     let start_values: Vec<i64> = axes.iter().map(|axis| axis.start).collect();
-    let start =
-        Candidate { judged: pool.install(|| judge(&start_values, f64::INFINITY)), values: start_values };
+    let mut judged = pool.install(|| judge(&start_values, f64::INFINITY));
+    judged.cost += pool.install(|| stability::penalty(settings, &start_values));
+    let start = Candidate { judged, values: start_values };
     let seen = Mutex::new(Seen { runs: start.judged.runs, archive: vec![start.clone()], candidates: 1 });
     let mut best = start.clone();
     {
@@ -150,7 +153,10 @@ pub fn tune(
         let cost = |place: &DVector<f64>| {
             let bound = *bound.lock().unwrap_or_else(PoisonError::into_inner);
             let values = values(place);
-            let judged = judge(&values, bound);
+            let mut judged = judge(&values, bound);
+            if judged.is_whole && judged.broken.is_empty() {
+                judged.cost += stability::penalty(settings, &values);
+            }
             let cost = judged.cost;
             seen.lock().unwrap_or_else(PoisonError::into_inner).add(Candidate { values, judged });
             cost
@@ -243,8 +249,9 @@ fn select(settings: &Settings, start: &Candidate, best: Candidate, seen: &mut Se
     let mut chosen = best;
     for candidate in finalists {
         let values = &candidate.values;
-        let judged = others.judge(&|config| put(&settings.axes, values, config), least);
+        let mut judged = others.judge(&|config| put(&settings.axes, values, config), least);
         seen.runs += judged.runs;
+        judged.cost += if judged.is_whole { stability::penalty(settings, values) } else { 0.0 };
         if judged.is_whole && judged.cost < least {
             (least, chosen) = (judged.cost, candidate);
         }

@@ -1,30 +1,15 @@
-//! A Bode plot as one self-contained HTML page.
-
-use std::fmt::Write;
+//! A Bode plot with its margins, as charts of a page or as a page of its own.
 
 use num_complex::Complex64;
 
+use crate::experiment::report::{Chart, Level, Mark, Series, Sheet, escape};
 use crate::tuning::response::Response;
-
-/// Drawing area in SVG units, and margins for the labels.
-const WIDTH: f64 = 960.0;
-const HEIGHT: f64 = 300.0;
-const LEFT: f64 = 60.0;
-const RIGHT: f64 = 20.0;
-const TOP: f64 = 26.0;
-const BOTTOM: f64 = 30.0;
 
 /// Points of a curve: the interpolation shows between the measured ones.
 const POINTS: usize = 600;
 
 /// Magnitudes below are not drawn, dB.
 const FLOOR_DB: f64 = -60.0;
-
-struct Curve {
-    name: &'static str,
-    color: &'static str,
-    of: fn(Complex64) -> f64,
-}
 
 fn db(value: Complex64) -> f64 {
     (20.0 * value.norm().log10()).max(FLOOR_DB)
@@ -36,94 +21,64 @@ fn phase(value: Complex64) -> f64 {
     if degrees > 0.0 { degrees - 360.0 } else { degrees }
 }
 
+/// Name, class and value of a curve.
+type Curve = (&'static str, &'static str, fn(Complex64) -> f64);
+
 const ONE: Complex64 = Complex64::new(1.0, 0.0);
 
 /// Magnitudes of L, T and S, and the phase of L, over the frequency; `facts` as preformatted text below.
 #[must_use]
 pub fn html(title: &str, response: &Response, facts: &str) -> String {
-    let magnitude = plot(
-        "Magnitude, dB",
-        response,
-        &[
-            Curve { name: "L", color: "#1f5fbf", of: db },
-            Curve { name: "T", color: "#2e8b57", of: |l| db(l / (ONE + l)) },
-            Curve { name: "S", color: "#c0392b", of: |l| db(ONE / (ONE + l)) },
-        ],
-        0.0,
-    );
-    let phase =
-        plot("Phase of L, degrees", response, &[Curve { name: "L", color: "#1f5fbf", of: phase }], -180.0);
-    let title = escape(title);
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
-         <style>body{{font:14px sans-serif;max-width:980px;margin:2em auto}}svg{{width:100%}}\
-         text{{font-size:12px;fill:#444}}.grid{{stroke:#ddd}}.level{{stroke:#666}}path{{fill:none;stroke-width:1.6}}\
-         </style></head>\n<body><h1>Bode plot</h1><p><code>{title}</code></p>\n{magnitude}{phase}<pre>{}</pre></body></html>\n",
-        escape(facts)
-    )
+    let mut sheet = Sheet::new(title);
+    sheet.push(&format!("<header><h1>Bode plot</h1>\n<p><code>{}</code></p></header>\n", escape(title)));
+    sheet.help();
+    charts(&mut sheet, "bode", response);
+    sheet.push(&format!("<pre>{}</pre>\n", escape(facts)));
+    sheet.finish()
 }
 
-/// `level`: drawn as a line, and inside the plot.
-fn plot(title: &str, response: &Response, curves: &[Curve], level: f64) -> String {
-    let (Some(first), Some(last)) = (response.points().first(), response.points().last()) else {
-        return String::new();
-    };
+/// Two charts, magnitude and phase, with the margins marked; `group` is a name that no other response of the page has.
+pub fn charts(sheet: &mut Sheet, group: &str, response: &Response) {
+    let (Some(first), Some(last)) = (response.points().first(), response.points().last()) else { return };
     let (from, to) = (first.hz.ln(), last.hz.ln());
-    let hz = |i: usize| (from + (to - from) * i as f64 / POINTS as f64).exp();
-    let values: Vec<Vec<f64>> =
-        curves.iter().map(|curve| (0..=POINTS).map(|i| (curve.of)(response.at(hz(i)))).collect()).collect();
-    let (mut low, mut high) = (level, level);
-    for value in values.iter().flatten().filter(|value| value.is_finite()) {
-        (low, high) = (low.min(*value), high.max(*value));
+    let all: Vec<f64> = (0..=POINTS).map(|i| (from + (to - from) * i as f64 / POINTS as f64).exp()).collect();
+    let values = |of: fn(Complex64) -> f64| all.iter().map(|hz| of(response.at(*hz))).collect();
+    let hz = sheet.column(all.clone(), None);
+    let marks = marks(response);
+    let chart = |title: &str, unit: &str, level: f64| {
+        let mut chart = Chart::new(title, unit, "Hz");
+        (chart.x.log, chart.x.group) = (true, Some(group.to_owned()));
+        chart.levels.push(Level { value: level, class: "goal", label: String::new() });
+        (chart.height, chart.marks) = (320.0, marks.clone());
+        chart
+    };
+    let mut magnitude = chart("Magnitude", "dB; L open loop, T closed loop, S sensitivity", 0.0);
+    magnitude.labeled = true;
+    let curves: [Curve; 3] =
+        [("L", "c1", db), ("T", "c3", |l| db(l / (ONE + l))), ("S", "c2", |l| db(ONE / (ONE + l)))];
+    for (name, class, of) in curves {
+        let column = sheet.column(values(of), Some(2));
+        magnitude.series.push(Series::line(name, class, hz, column));
     }
-    let room = 0.05 * (high - low).max(1.0);
-    let (low, high) = (low - room, high + room);
-    let x = |hz: f64| LEFT + (hz.ln() - from) / (to - from) * (WIDTH - LEFT - RIGHT);
-    let y = |value: f64| HEIGHT - BOTTOM - (value - low) / (high - low) * (HEIGHT - TOP - BOTTOM);
-    let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
-    let mut svg = format!("<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\"><text x=\"{LEFT}\" y=\"16\">{title}</text>");
-    for (hz, label) in ticks_hz(first.hz, last.hz) {
-        let at = x(hz);
-        let _ =
-            write!(svg, "<line class=\"grid\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{TOP}\" y2=\"{bottom}\"/>");
-        if label {
-            let below = bottom + 18.0;
-            let _ = write!(svg, "<text x=\"{at:.1}\" y=\"{below}\" text-anchor=\"middle\">{hz} Hz</text>");
-        }
-    }
-    let step = if high - low > 120.0 { 45.0 } else { 10.0 };
-    let mut tick = (low / step).ceil() * step;
-    while tick <= high {
-        let (at, class) = (y(tick), if tick == level { "level" } else { "grid" });
-        let _ = write!(
-            svg,
-            "<line class=\"{class}\" x1=\"{LEFT}\" x2=\"{right}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>\
-             <text x=\"52\" y=\"{:.1}\" text-anchor=\"end\">{tick}</text>",
-            at + 4.0
-        );
-        tick += step;
-    }
-    for (number, (curve, values)) in curves.iter().zip(&values).enumerate() {
-        let points: Vec<String> =
-            values.iter().enumerate().map(|(i, value)| format!("{:.1} {:.1}", x(hz(i)), y(*value))).collect();
-        let Curve { name, color, .. } = curve;
-        let at = right - 30.0 * (curves.len() - number) as f64;
-        let _ = write!(
-            svg,
-            "<path stroke=\"{color}\" d=\"M{}\"/><text x=\"{at}\" y=\"16\" style=\"fill:{color}\">{name}</text>",
-            points.join("L")
-        );
-    }
-    svg + "</svg>\n"
+    sheet.chart(&magnitude);
+    let mut angle = chart("Phase of L", "degrees", -180.0);
+    let column = sheet.column(values(phase), Some(1));
+    angle.series.push(Series::line("L", "c1", hz, column));
+    sheet.chart(&angle);
 }
 
-/// 1, 2 … 9 of each decade; 1, 2 and 5 have labels.
-fn ticks_hz(from: f64, to: f64) -> Vec<(f64, bool)> {
-    let decades = (from.log10().floor() as i32)..=(to.log10().ceil() as i32);
-    let all = decades.flat_map(|decade| (1..10).map(move |n| (n, f64::from(n) * 10f64.powi(decade))));
-    all.filter(|(_, hz)| (from..=to).contains(hz)).map(|(n, hz)| (hz, [1, 2, 5].contains(&n))).collect()
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+/// Where the margins are read.
+fn marks(response: &Response) -> Vec<Mark> {
+    let margins = response.margins();
+    let phase = margins.crossover_hz.zip(margins.phase_margin_deg);
+    let gain = margins.phase_crossover_hz.zip(margins.gain_margin);
+    let marks = [
+        phase.map(|(hz, deg)| (hz, deg > 0.0, format!("phase margin {deg:.1}° at {hz:.3} Hz"))),
+        gain.map(|(hz, factor)| (hz, factor > 1.0, format!("gain margin {factor:.2} at {hz:.3} Hz"))),
+        Some((margins.ms_hz, true, format!("Ms {:.2} at {:.3} Hz", margins.ms, margins.ms_hz))),
+    ];
+    let mark = |(x, is_good, label)| Mark { x, class: if is_good { "good" } else { "bad" }, label };
+    let mut marks: Vec<Mark> = marks.into_iter().flatten().map(mark).filter(|mark| mark.x > 0.0).collect();
+    marks.sort_by(|a, b| a.x.total_cmp(&b.x));
+    marks
 }

@@ -5,7 +5,7 @@ use servo_core::Config;
 
 use super::{Axis, Candidate, Ensemble, Settings, put};
 use crate::tuning::bode::{self, Loop, Setup};
-use crate::tuning::response::{Margins, Point, Response};
+use crate::tuning::response::{Point, Response};
 
 /// Least factor by which all gains can rise before a plant of the ensemble breaks a limit or the cost doubles: the usual gain margin of 6 dB.
 pub const LEAST_EDGE: f64 = 2.0;
@@ -25,6 +25,10 @@ const MOST_STEPS: u32 = 4;
 /// Plants on which loops are measured. Each takes two loops of 40 s.
 const PLANTS: u64 = 20;
 const REALIZATIONS: u32 = 4;
+
+/// Plants of a glance during the search, and the cost of having no margin at all: more than any term.
+const GLANCED: u64 = 3;
+const PENALTY: f64 = 20.0;
 
 /// Properties that multiply an error: what a stability margin is about.
 const GAINS: [&str; 4] = ["KP", "KI", "KD", "KPV"];
@@ -46,6 +50,8 @@ pub struct LoopMargins {
     pub ms: f64,
     /// The plant that has it.
     pub seed: u64,
+    /// The open loop of that plant.
+    pub response: Option<Response>,
 }
 
 impl LoopMargins {
@@ -84,14 +90,31 @@ fn loops(axes: &[Axis]) -> Vec<Loop> {
 /// Measures the loops of a candidate on the ensemble's first plants.
 #[must_use]
 pub fn margins(settings: &Settings, values: &[i64]) -> Vec<LoopMargins> {
-    let Settings { axes, ensemble, .. } = settings;
-    loops(axes).into_iter().map(|of| measure(ensemble, of, &|config| put(axes, values, config))).collect()
+    measured(settings, values, PLANTS)
 }
 
-fn measure(ensemble: &Ensemble, of: Loop, put: &(dyn Fn(&mut Config) + Sync)) -> LoopMargins {
+/// What too little of a margin costs a candidate: a look at a few plants, so that the search turns away before the result is refused.
+#[must_use]
+pub fn penalty(settings: &Settings, values: &[i64]) -> f64 {
+    let lack = |margins: &LoopMargins| {
+        let phase = margins.phase_margin_deg.map_or(0.0, |deg| 1.0 - deg / LEAST_PHASE_DEG);
+        let gain = margins.gain_margin.map_or(0.0, |factor| 1.0 - factor / LEAST_EDGE);
+        let ms = if margins.plants > 0 { margins.ms / MOST_MS - 1.0 } else { 1.0 };
+        phase.max(0.0) + gain.max(0.0) + ms.max(0.0)
+    };
+    PENALTY * measured(settings, values, GLANCED).iter().map(lack).sum::<f64>()
+}
+
+fn measured(settings: &Settings, values: &[i64], plants: u64) -> Vec<LoopMargins> {
+    let Settings { axes, ensemble, .. } = settings;
+    let put = |config: &mut Config| put(axes, values, config);
+    loops(axes).into_iter().map(|of| measure(ensemble, of, &put, plants)).collect()
+}
+
+fn measure(ensemble: &Ensemble, of: Loop, put: &(dyn Fn(&mut Config) + Sync), plants: u64) -> LoopMargins {
     let seeds: Vec<u64> =
-        (0..ensemble.plants.min(PLANTS)).map(|i| ensemble.first_seed.wrapping_add(i)).collect();
-    let all: Vec<Result<Margins, String>> =
+        (0..ensemble.plants.min(plants)).map(|i| ensemble.first_seed.wrapping_add(i)).collect();
+    let all: Vec<Result<Response, String>> =
         seeds.par_iter().map(|seed| measure_one(ensemble, of, *seed, put)).collect();
     let mut worst = LoopMargins {
         of,
@@ -101,19 +124,21 @@ fn measure(ensemble: &Ensemble, of: Loop, put: &(dyn Fn(&mut Config) + Sync)) ->
         gain_margin: None,
         ms: 0.0,
         seed: ensemble.first_seed,
+        response: None,
     };
     let least = |a: Option<f64>, b: Option<f64>| match (a, b) {
         (Some(a), Some(b)) => Some(f64::min(a, b)),
         (a, b) => a.or(b),
     };
-    for (seed, margins) in seeds.into_iter().zip(all) {
-        match margins {
-            Ok(margins) => {
+    for (seed, response) in seeds.into_iter().zip(all) {
+        match response {
+            Ok(response) => {
+                let margins = response.margins();
                 worst.plants += 1;
                 worst.phase_margin_deg = least(worst.phase_margin_deg, margins.phase_margin_deg);
                 worst.gain_margin = least(worst.gain_margin, margins.gain_margin);
                 if margins.ms > worst.ms {
-                    (worst.ms, worst.seed) = (margins.ms, seed);
+                    (worst.ms, worst.seed, worst.response) = (margins.ms, seed, Some(response));
                 }
             }
             Err(why) => {
@@ -129,7 +154,7 @@ fn measure_one(
     of: Loop,
     seed: u64,
     put: &(dyn Fn(&mut Config) + Sync),
-) -> Result<Margins, String> {
+) -> Result<Response, String> {
     let mut scenario = ensemble.bench.clone();
     for case in &mut scenario.cases {
         put(&mut case.config);
@@ -138,7 +163,7 @@ fn measure_one(
     let setup = Setup { of, amplitude: of.amplitude(), realizations: REALIZATIONS, seed };
     let measured = bode::measure(&scenario, &setup).map_err(|bad| bad.found)?;
     let points = measured.open_loop.iter().map(|line| Point { hz: line.hz, value: line.value }).collect();
-    Response::new(points).map(|response| response.margins()).map_err(|e| format!("{e:?}"))
+    Response::new(points).map_err(|e| format!("{e:?}"))
 }
 
 /// Raises all gains until the ensemble breaks a limit or the cost doubles. Lowers them if that is nearer than [`LEAST_EDGE`], and further
