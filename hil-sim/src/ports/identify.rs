@@ -142,6 +142,7 @@ fn object(found: &Identified) -> Value {
         ("j_kg_m2", &found.j_kg_m2),
         ("coulomb_n_m", &found.coulomb_n_m),
         ("viscous_n_m_s", &found.viscous_n_m_s),
+        ("friction_n_m", &found.friction_n_m),
         ("delay_ms", &found.delay_ms),
     ];
     figures.into_iter().for_each(|(name, of)| _ = object.insert(name.to_owned(), estimate(of)));

@@ -35,10 +35,13 @@ const SIGMAS: f64 = 1.96;
 /// Rounds of path, winding and shaft: from the fourth on, none of 20 plants changed by more than a tenth of its interval.
 const ROUNDS: usize = 5;
 
-/// What the model leaves out, as a standard deviation of R, Ke, J, Coulomb and viscous friction each: the mean of the halls' errors, the
+/// What the model leaves out, as a standard deviation of R, Ke, J, Coulomb, viscous and all friction each: the mean of the halls' errors, the
 /// winding's heat before the recording, Stribeck's rest, and what an L that is only taken from a data sheet does to friction. Chosen so that the
 /// errors of 70 links, seeds 1 to 30 and 101 to 140, lie inside (tests/identify.rs).
-const MODEL: [f64; 5] = [0.001, 0.0015, 0.003, 0.009, 0.07];
+const MODEL: [f64; 6] = [0.001, 0.0015, 0.003, 0.009, 0.07, 0.007];
+
+/// Speed at which all friction is given, counts/s.
+pub const WORKING_SPEED: f64 = 500.0;
 
 /// A figure with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +76,8 @@ pub struct Identified {
     pub coulomb_n_m: Estimate,
     /// Viscous friction, N·m·s/rad.
     pub viscous_n_m_s: Estimate,
+    /// Coulomb and viscous friction at [`WORKING_SPEED`], N·m.
+    pub friction_n_m: Estimate,
     /// Time by which recorded hall edges are later than the recorded current's effect, ms; negative if the current is the later one.
     pub delay_ms: Estimate,
     /// Error of the upper boundary of each sector less their mean, degrees electrical.
@@ -117,6 +122,7 @@ impl Identified {
             ("j_kg_m2".to_owned(), "kg m2 at the rotor", self.j_kg_m2),
             ("coulomb_n_m".to_owned(), "N m", self.coulomb_n_m),
             ("viscous_n_m_s".to_owned(), "N m s/rad", self.viscous_n_m_s),
+            ("friction_n_m".to_owned(), "N m, both at 500 counts/s", self.friction_n_m),
             ("delay_ms".to_owned(), "ms", self.delay_ms),
         ];
         let halls = self.hall_error_deg.iter().enumerate();
@@ -255,6 +261,7 @@ fn figures(recording: &Recording, fit: &Fit) -> Identified {
         &shaft.viscous,
         "cruise at two speeds that differ by 400 counts/s or more, each for 0.3 s (`hil-sim excite`)",
     );
+    advise(&shaft.friction, "cruise in both directions at 150 to 400 counts/s (`hil-sim excite`)");
     advise(&shaft.delay, "steps of torque while the rotor turns (`hil-sim excite`)");
     shaft.halls.iter().for_each(|hall| advise(hall, "cruise over 60 counts or more (`hil-sim excite`)"));
     let known =
@@ -270,6 +277,7 @@ fn figures(recording: &Recording, fit: &Fit) -> Identified {
         j_kg_m2: shaft.j,
         coulomb_n_m: shaft.coulomb,
         viscous_n_m_s: shaft.viscous,
+        friction_n_m: shaft.friction,
         delay_ms: shaft.delay,
         hall_error_deg: shaft.halls,
         residuals: Residuals { bus_a, edge_counts },
@@ -283,6 +291,7 @@ struct Shaft {
     j: Estimate,
     coulomb: Estimate,
     viscous: Estimate,
+    friction: Estimate,
     delay: Estimate,
     halls: [Estimate; 6],
 }
@@ -293,21 +302,24 @@ const UNKNOWN: Estimate =
 
 fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
     let Some(Mechanic { solution, .. }) = &fit.shaft else {
-        return Shaft { j: UNKNOWN, coulomb: UNKNOWN, viscous: UNKNOWN, delay: UNKNOWN, halls: [UNKNOWN; 6] };
+        let [j, coulomb, viscous, friction, delay] = [UNKNOWN; 5];
+        return Shaft { j, coulomb, viscous, friction, delay, halls: [UNKNOWN; 6] };
     };
     let x = &solution.x;
     let j = 1.0 / x[0];
-    // A ratio y/x has the gradient (1/x, -y/x²).
-    let ratio = |index: usize| {
+    // (c + s·b)/x of the Coulomb part c and the viscous part b: the gradient of y/x is (1/x, -y/x²).
+    let ratio = |parts: [f64; 2], model: f64| {
+        let value = (parts[0] * x[1] + parts[1] * x[2]) * j;
         let mut gradient = vec![0.0; mechanic::SIZE];
-        (gradient[0], gradient[index]) = (-x[index] * j * j, j);
+        (gradient[0], gradient[1], gradient[2]) = (-value * j, parts[0] * j, parts[1] * j);
         // The torque's scale is Ke.
-        let scale = x[index] * j * ke_sigma.hypot(MODEL[2 + index]);
-        (x[index] * j, (solution.variance(&gradient) + scale * scale).sqrt())
+        let scale = value * ke_sigma.hypot(model);
+        (value, (solution.variance(&gradient) + scale * scale).sqrt())
     };
     let j_sigma = j * ((solution.sigma(0) * j).powi(2) + ke_sigma * ke_sigma + MODEL[2].powi(2)).sqrt();
-    let (coulomb, coulomb_sigma) = ratio(1);
-    let (viscous, viscous_sigma) = ratio(2);
+    let (coulomb, coulomb_sigma) = ratio([1.0, 0.0], MODEL[3]);
+    let (viscous, viscous_sigma) = ratio([0.0, 1.0], MODEL[4]);
+    let (friction, friction_sigma) = ratio([1.0, WORKING_SPEED * RAD_PER_COUNT], MODEL[5]);
     let hall = |index: usize| {
         let mut gradient = vec![0.0; mechanic::SIZE];
         match gradient[4..].get_mut(index) {
@@ -321,6 +333,7 @@ fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
         j: Estimate::new(j, j_sigma, 0.075 * j.abs()),
         coulomb: Estimate::new(coulomb, coulomb_sigma, 0.2 * coulomb.abs()),
         viscous: Estimate::new(viscous, viscous_sigma, 0.3 * viscous.abs()),
+        friction: Estimate::new(friction, friction_sigma, 0.1 * friction.abs()),
         delay: Estimate::new(1e3 * x[3], 1e3 * solution.sigma(3), 1.0),
         halls: [0, 1, 2, 3, 4, 5].map(hall),
     }
