@@ -431,7 +431,8 @@ impl Host<'_> {
 
     /// One row of the recording. Rows of one period would meet the edges of a steady rotor in step, always early or always late.
     fn row(&mut self) -> Result<Row, Failure> {
-        let coasting = self.rows.last().copied().filter(|last| self.mode == 0 && last.mode == 0 && self.is_homed);
+        let coasting =
+            self.rows.last().copied().filter(|last| self.mode == 0 && last.mode == 0 && self.is_homed);
         let coasting = coasting.filter(|_| !self.rows.len().is_multiple_of(COAST_ROWS));
         let us = self.dither.random_range(0..if coasting.is_some() { DITHER_US / 4 } else { DITHER_US });
         self.pause(us)?;
