@@ -45,7 +45,7 @@ fn recorded_move_gives_every_figure_and_a_page_of_residuals() {
 fn motor_that_cannot_make_the_move_is_an_error_without_a_file() {
     let dir = folder("stuck");
     for (line, problem) in [
-        ("excite --motor link --plant coulomb_n_m=1 --plant static_n_m=1 --out t.csv", "HI"),
+        ("excite --motor link --plant coulomb_n_m=1 --plant static_n_m=1 --out t.csv", "ERROR"),
         ("excite --motor link --supply volts=5 --out t.csv", "node 1"),
         ("excite --motor link --plant inertia=oops --out t.csv", "inertia"),
         ("excite --motor link --out none/t.csv", "none/t.csv"),

@@ -35,6 +35,9 @@ const SIGMAS: f64 = 1.96;
 /// Rounds of path, winding and shaft: from the fourth on, none of 20 plants changed by more than a tenth of its interval.
 const ROUNDS: usize = 5;
 
+/// Fewest stretches of motion from which intervals are taken.
+const LEAST_STRETCHES: usize = 6;
+
 /// What the model leaves out, as a standard deviation of R, Ke, J, Coulomb, viscous and all friction each: the mean of the halls' errors, the
 /// winding's heat before the recording, Stribeck's rest, and what an L that is only taken from a data sheet does to friction. Chosen by the
 /// errors of 100 links, 20 tips and 20 spreads; docs/identify.md has the coverage.
@@ -304,7 +307,7 @@ const UNKNOWN: Estimate =
     Estimate { value: f64::NAN, low: f64::NEG_INFINITY, high: f64::INFINITY, is_determined: false };
 
 fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
-    let Some(Mechanic { solution, .. }) = &fit.shaft else {
+    let Some(Mechanic { solution, stretches, .. }) = &fit.shaft else {
         let [j, coulomb, viscous, friction, delay] = [UNKNOWN; 5];
         return Shaft { j, coulomb, viscous, friction, delay, halls: [UNKNOWN; 6] };
     };
@@ -330,15 +333,23 @@ fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
             None => gradient[4..].fill(-1.0),
         }
         let sigma = solution.variance(&gradient).sqrt() * DEG;
-        Estimate::new(fit.placement[index] * DEG, sigma, 3.0)
+        (fit.placement[index] * DEG, sigma, 3.0)
+    };
+    // The spread of a few stretches tells nothing of their errors.
+    let of = |value: f64, sigma: f64, most: f64| {
+        let estimate = Estimate::new(value, sigma, most);
+        Estimate { is_determined: estimate.is_determined && *stretches >= LEAST_STRETCHES, ..estimate }
     };
     Shaft {
-        j: Estimate::new(j, j_sigma, 0.075 * j.abs()),
-        coulomb: Estimate::new(coulomb, coulomb_sigma, 0.2 * coulomb.abs()),
-        viscous: Estimate::new(viscous, viscous_sigma, 0.3 * viscous.abs()),
-        friction: Estimate::new(friction, friction_sigma, 0.1 * friction.abs()),
-        delay: Estimate::new(1e3 * x[3], 1e3 * solution.sigma(3), 1.0),
-        halls: [0, 1, 2, 3, 4, 5].map(hall),
+        j: of(j, j_sigma, 0.075 * j.abs()),
+        coulomb: of(coulomb, coulomb_sigma, 0.2 * coulomb.abs()),
+        viscous: of(viscous, viscous_sigma, 0.3 * viscous.abs()),
+        friction: of(friction, friction_sigma, 0.1 * friction.abs()),
+        delay: of(1e3 * x[3], 1e3 * solution.sigma(3), 1.0),
+        halls: [0, 1, 2, 3, 4, 5].map(|index| {
+            let (value, sigma, most) = hall(index);
+            of(value, sigma, most)
+        }),
     }
 }
 
@@ -351,9 +362,9 @@ fn remarks(recording: &Recording, fit: &Fit) -> Vec<String> {
         remarks.push("no row has a known duty: R and Ke are guesses".to_owned());
     }
     let stretches = fit.shaft.as_ref().map_or(0, |shaft| shaft.stretches);
-    if stretches < 6 {
+    if stretches < LEAST_STRETCHES {
         remarks.push(format!(
-            "{stretches} stretches above {} counts/s: the intervals need 6 or more",
+            "{stretches} stretches above {} counts/s: the intervals need {LEAST_STRETCHES} or more",
             mechanic::LEAST_SPEED
         ));
     }
