@@ -2,9 +2,9 @@
 
 use hil_sim::board::SimBoard;
 use hil_sim::excite::{Simulated, csv, excite};
-use hil_sim::identify::{Estimate, Recording, identify};
+use hil_sim::identify::{Estimate, Recording, WORKING_SPEED, identify};
 use hil_sim::node::Node;
-use hil_sim::plant::{Heat, PlantParams, Start};
+use hil_sim::plant::{Heat, PlantParams, RAD_PER_COUNT, Start};
 use hil_sim::rig::{Rig, RigParams};
 use hil_sim::{Model, MotorKind, node_of};
 use rand::RngExt;
@@ -13,26 +13,38 @@ use rand_pcg::Pcg64Mcg;
 /// Plants of a short run; IDENTIFY_PLANTS=100 runs the ensemble of docs/identify.md.
 const PLANTS: u64 = 5;
 
-const NAMES: [&str; 5] = ["R", "Ke", "inertia", "Coulomb", "viscous"];
+const NAMES: [&str; 6] = ["R", "Ke", "inertia", "Coulomb", "viscous", "friction at 500 counts/s"];
 
 fn number(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// Estimates with the truth: R, Ke, J, Coulomb and viscous friction.
-fn identified(seed: u64) -> [(Estimate, f64); 5] {
-    let plant = PlantParams::for_motor(MotorKind::Link).scattered(seed, 0.3);
+/// Largest errors that the figures should have, percent. Viscous friction alone misses its own: it is 6 % of all friction.
+const LIMITS: [f64; 6] = [2.0, 1.0, 3.0, 10.0, 10.0, 10.0];
+
+/// The kind that IDENTIFY_MOTOR names, a link without it.
+fn kind() -> MotorKind {
+    match std::env::var("IDENTIFY_MOTOR").as_deref() {
+        Ok("spread") => MotorKind::Spread,
+        Ok("tip") => MotorKind::Tip,
+        _ => MotorKind::Link,
+    }
+}
+
+/// Estimates with the truth, in the order of [`NAMES`].
+fn identified(kind: MotorKind, seed: u64) -> [(Estimate, f64); 6] {
+    let plant = PlantParams::for_motor(kind).scattered(seed, 0.3);
     let mut rig = RigParams::default();
     let mut rng = Pcg64Mcg::new(u128::from(seed) << 64 | 0xa11);
     rig.hall_error_deg.iter_mut().for_each(|error| *error = rng.random_range(-10.0..=10.0));
     let heat = Heat { winding_c: 25.0, housing_c: 25.0 };
     let start = Start { count: 60.0, counts_per_s: 0.0, heat };
     let rig = Rig::new(plant.clone(), rig, &[], Model::Averaged, start, seed).expect("in range");
-    let node = tater_wire::Node::new(node_of(MotorKind::Link)).expect("a node");
+    let node = tater_wire::Node::new(node_of(kind)).expect("a node");
     let mut link = Simulated::new(Node::awake(SimBoard::new(rig, node)));
     let recorded = excite(&mut link, node, &mut |_| {}).unwrap_or_else(|e| panic!("plant {seed}: {e:?}"));
     let recording =
-        Recording::parse("excite", &csv(&recorded), None).unwrap_or_else(|e| panic!("{seed}: {e}"));
+        Recording::parse("excite", &csv(&recorded), Some(kind)).unwrap_or_else(|e| panic!("{seed}: {e}"));
     let found = identify(&recording);
     [
         (found.r_ohm, plant.r_ohm),
@@ -40,26 +52,39 @@ fn identified(seed: u64) -> [(Estimate, f64); 5] {
         (found.j_kg_m2, plant.j_kg_m2),
         (found.coulomb_n_m, plant.coulomb_n_m),
         (found.viscous_n_m_s, plant.viscous_n_m_s),
+        (found.friction_n_m, plant.coulomb_n_m + plant.viscous_n_m_s * WORKING_SPEED * RAD_PER_COUNT),
     ]
 }
 
 #[test]
 fn ensemble_of_unknown_plants_is_identified() {
     let (from, plants) = (number("IDENTIFY_FROM", 1), number("IDENTIFY_PLANTS", PLANTS));
-    let mut worst = [0.0_f64; 5];
-    let mut inside = [0; 5];
+    let mut worst = [0.0_f64; 6];
+    let mut within = [0; 6];
+    let mut inside = [0; 6];
+    let mut determined = [0; 6];
     for seed in from..from + plants {
-        for (index, (estimate, truth)) in identified(seed).into_iter().enumerate() {
-            worst[index] = worst[index].max(100.0 * (estimate.value / truth - 1.0).abs());
+        let mut line = format!("plant {seed}:");
+        for (index, (estimate, truth)) in identified(kind(), seed).into_iter().enumerate() {
+            let error = 100.0 * (estimate.value / truth - 1.0);
+            line.push_str(&format!(" {error:+.2}~{:.2}", 50.0 * (estimate.high - estimate.low) / truth));
+            worst[index] = worst[index].max(error.abs());
+            within[index] += u64::from(error.abs() <= LIMITS[index]);
             inside[index] += u64::from(estimate.low <= truth && truth <= estimate.high);
+            determined[index] += u64::from(estimate.is_determined);
         }
+        println!("{line}");
     }
-    for ((name, worst), inside) in NAMES.iter().zip(worst).zip(inside) {
-        println!("figure: identify {name}: worst error {worst:.2} %, truth inside in {inside} of {plants}");
+    for (index, name) in NAMES.iter().enumerate() {
+        println!(
+            "figure: identify {name}: worst error {:.2} %, at most {} % in {} of {plants}, truth inside in {}, determined in {}",
+            worst[index], LIMITS[index], within[index], inside[index], determined[index]
+        );
     }
-    // The limits: R 2 %, Ke 1 %, inertia 3 %, friction 10 %. Viscous friction is a tenth of all friction at full speed.
-    for (index, most) in [2.0, 1.1, 3.0, 10.0].into_iter().enumerate() {
-        assert!(worst[index] <= most, "{}: {:.2} %, at most {most}", NAMES[index], worst[index]);
+    // Ke: two links of 100 are beyond its limit, as docs/identify.md says.
+    let may_miss = [0, plants / 20, 0, 0, plants, 0];
+    for (index, name) in NAMES.iter().enumerate() {
+        assert!(within[index] + may_miss[index] >= plants, "{name}: {:.2} %", worst[index]);
     }
     // 95 % intervals: of 100 plants 90 at least; of five one may miss.
     for (name, inside) in NAMES.iter().zip(inside) {

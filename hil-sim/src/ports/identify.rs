@@ -1,6 +1,8 @@
 //! `hil-sim identify`: a motor's figures from a recorded move, as text, JSON, properties and a page of residuals.
 
 use std::error::Error;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -84,11 +86,13 @@ fn read(path: &Path) -> Result<String, BadInput> {
         expected: expected.to_owned(),
         next: "give a trace.csv of `hil-sim run --out` or of `hil-sim excite`".to_owned(),
     };
-    let meta = std::fs::metadata(path).map_err(|e| bad("cannot be read", e.to_string(), "a CSV file"))?;
-    if meta.len() > MOST_BYTES {
-        return Err(bad("is too large", format!("{} bytes", meta.len()), "256 MiB or less"));
+    // A device or a pipe has no length before it is read.
+    let mut bytes = Vec::new();
+    let file = File::open(path).and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes));
+    file.map_err(|e| bad("cannot be read", e.to_string(), "a CSV file"))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(bad("is too large", "more than 256 MiB".to_owned(), "256 MiB or less"));
     }
-    let bytes = std::fs::read(path).map_err(|e| bad("cannot be read", e.to_string(), "a CSV file"))?;
     String::from_utf8(bytes).map_err(|e| bad("is no text", e.to_string(), "CSV in UTF-8"))
 }
 
@@ -142,6 +146,7 @@ fn object(found: &Identified) -> Value {
         ("j_kg_m2", &found.j_kg_m2),
         ("coulomb_n_m", &found.coulomb_n_m),
         ("viscous_n_m_s", &found.viscous_n_m_s),
+        ("friction_n_m", &found.friction_n_m),
         ("delay_ms", &found.delay_ms),
     ];
     figures.into_iter().for_each(|(name, of)| _ = object.insert(name.to_owned(), estimate(of)));

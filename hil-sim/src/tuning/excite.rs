@@ -81,19 +81,29 @@ const MOST_DUTY: f64 = 31_680.0 / 32_768.0;
 /// Time in which a torque has risen in full, ms: 32 units a ms beyond 480 (decision 0053).
 const FULL_AFTER_MS: f64 = 45.0;
 
-/// Time until the current of a new torque at rest is steady, and has been measured, ms.
-const REST_AFTER_MS: f64 = 5.0;
+/// Time after a new torque from which a rotor without an edge rests, ms: a free one passes an edge 13 ms after T 150.
+const REST_AFTER_MS: f64 = 25.0;
 
 /// Torque that brakes, and the deceleration that it gives at least, counts/s²: MKA's 1454/16 less 60 %.
 const BRAKE: i64 = 700;
 const BRAKE_COUNTS_S2: f64 = 25_000.0;
 
-/// Passes with coasts, the torque that accelerates, the speed from which the motor coasts, counts/s, and the room for it, counts: a heavy
-/// motor with little friction needs 80 counts to come to rest.
-const COASTS: usize = 2;
+/// Speeds from which the motor coasts, counts/s, one for each pass in both directions; the torque that accelerates; and the room for it, counts:
+/// a heavy motor with little friction needs 80 counts to come to rest from 500, and is braked at the end of the range from 800. Two speeds
+/// tell viscous friction from Coulomb's.
+const COASTS: [f64; 8] = [500.0, 800.0, 500.0, 800.0, 500.0, 800.0, 500.0, 800.0];
 const COAST_TORQUE: i64 = 150;
-const COAST_SPEED: f64 = 500.0;
 const COAST_COUNTS: i64 = 140;
+
+/// Rows of a coast of which one reads all: no current flows, so that the halls alone matter, and come three times as often.
+const COAST_ROWS: usize = 8;
+
+/// ACCEL of the ramps, 2200 counts/s²: slow enough for the torque to follow from the bus current without the duty. Passes with ramps.
+const RAMP_ACCEL: i64 = 48;
+const RAMPS: usize = 3;
+
+/// Time constant of the speed, ms.
+const SPEED_MS: f64 = 2.8;
 
 /// Margin to the ends of the range, counts.
 const MARGIN: i64 = 8;
@@ -358,15 +368,21 @@ impl Host<'_> {
         // The spread's brake would stop it.
         if self.kind != MotorKind::Spread {
             progress("coasting");
-            for _ in 0..COASTS {
-                self.coasts(-direction)?;
-                self.coasts(direction)?;
+            for speed in COASTS {
+                self.coasts(-direction, speed)?;
+                self.coasts(direction, speed)?;
             }
         }
         progress("cruising");
         for speed in [150, 250, 400, 600] {
             self.cruise(-direction * speed)?;
             self.cruise(direction * speed)?;
+        }
+        progress("ramping");
+        self.borrow(Property::ACCEL, RAMP_ACCEL)?;
+        for _ in 0..RAMPS {
+            self.ramp(-direction)?;
+            self.ramp(direction)?;
         }
         Ok(())
     }
@@ -415,14 +431,17 @@ impl Host<'_> {
 
     /// One row of the recording. Rows of one period would meet the edges of a steady rotor in step, always early or always late.
     fn row(&mut self) -> Result<Row, Failure> {
-        let us = self.dither.random_range(0..DITHER_US);
+        let coasting =
+            self.rows.last().copied().filter(|last| self.mode == 0 && last.mode == 0 && self.is_homed);
+        let coasting = coasting.filter(|_| !self.rows.len().is_multiple_of(COAST_ROWS));
+        let us = self.dither.random_range(0..if coasting.is_some() { DITHER_US / 4 } else { DITHER_US });
         self.pause(us)?;
         let (halls, at_us) = self.read(Property::HALLS)?;
         let position = self.get(Property::P)?;
-        let bus_v = self.get(Property::VBUS)? as f64 / 10.0;
-        // The mean of the tick before: read late in the row, it belongs to the time before the hall code.
-        let bus_a = self.get(Property::IMOTOR)? as f64 / 1000.0;
-        let torque = self.get(Property::T)?;
+        let (bus_v, bus_a, torque) = match coasting {
+            Some(last) => (last.bus_v, last.bus_a, last.torque),
+            None => self.supply()?,
+        };
         if self.rows.len().is_multiple_of(SLOW_ROWS) {
             self.thermistor_c = self.get(Property::THERM)? as f64 / 10.0;
         } else if self.rows.len() % SLOW_ROWS == SLOW_ROWS / 2 {
@@ -437,7 +456,7 @@ impl Host<'_> {
                     "use a faster adapter, or end other programs on the bus",
                 );
             }
-            self.speed += 0.3 * (1e3 * (position - self.position) as f64 / dt - self.speed);
+            self.speed += (1e3 * (position - self.position) as f64 - self.speed * dt) / (dt + SPEED_MS);
         }
         self.position = position;
         if self.is_homed && (position < self.range.0 - 60 || position > self.range.1 + 60) {
@@ -457,6 +476,14 @@ impl Host<'_> {
         };
         self.rows.push(row);
         Ok(row)
+    }
+
+    /// VBUS, V; IMOTOR, A; and T.
+    fn supply(&mut self) -> Result<(f64, f64, i64), Failure> {
+        let bus_v = self.get(Property::VBUS)? as f64 / 10.0;
+        // The mean of the tick before: read late in the row, it belongs to the time before the hall code.
+        let bus_a = self.get(Property::IMOTOR)? as f64 / 1000.0;
+        Ok((bus_v, bus_a, self.get(Property::T)?))
     }
 
     /// The duty where decision 0005 leaves no doubt: at rest, without EMF, and at its limit, which the torque then falls short of.
@@ -556,11 +583,11 @@ impl Host<'_> {
     }
 
     /// Goes to one end of the range by accelerating and coasting to rest, as often as there is room.
-    fn coasts(&mut self, direction: i64) -> Result<(), Failure> {
+    fn coasts(&mut self, direction: i64, speed: f64) -> Result<(), Failure> {
         while self.left(direction) > COAST_COUNTS {
             let deadline_us = self.link.now_us() + MOVE_US;
             self.order(2, Property::T, direction * COAST_TORQUE)?;
-            while self.speed * (direction as f64) < COAST_SPEED && self.left(direction) > COAST_COUNTS / 2 {
+            while self.speed * (direction as f64) < speed && self.left(direction) > COAST_COUNTS / 2 {
                 self.row()?;
                 if self.link.now_us() > deadline_us {
                     return self.failed("it did not turn", "check that the joint is free, and MT");
@@ -571,7 +598,7 @@ impl Host<'_> {
             let deadline_us = self.link.now_us() + STOP_US;
             while self.speed.abs() > 5.0 {
                 self.row()?;
-                if self.left(direction) < MARGIN {
+                if (self.left(direction) as f64) < self.way() {
                     self.brake(direction)?;
                 }
                 if self.link.now_us() > deadline_us {
@@ -594,6 +621,23 @@ impl Host<'_> {
             }
         }
         self.rest()
+    }
+
+    /// Moves to one end of the range with the acceleration of the ramps, up and down.
+    fn ramp(&mut self, direction: i64) -> Result<(), Failure> {
+        let end = if direction > 0 { self.range.1 - MARGIN } else { self.range.0 + MARGIN };
+        let deadline_us = self.link.now_us() + MOVE_US;
+        self.set(Property::M, end)?;
+        self.mode = 5;
+        loop {
+            self.row()?;
+            if self.rows.len().is_multiple_of(SLOW_ROWS) && self.get(Property::END)? != 0 {
+                return Ok(());
+            }
+            if self.link.now_us() > deadline_us {
+                return self.failed("the move has not ended", "check that the joint is free, and MT");
+            }
+        }
     }
 
     /// Cruises to one end of the range.

@@ -35,10 +35,16 @@ const SIGMAS: f64 = 1.96;
 /// Rounds of path, winding and shaft: from the fourth on, none of 20 plants changed by more than a tenth of its interval.
 const ROUNDS: usize = 5;
 
-/// What the model leaves out, as a standard deviation of R, Ke, J, Coulomb and viscous friction each: the mean of the halls' errors, the
-/// winding's heat before the recording, Stribeck's rest, and what an L that is only taken from a data sheet does to friction. Chosen so that the
-/// errors of 70 links, seeds 1 to 30 and 101 to 140, lie inside (tests/identify.rs).
-const MODEL: [f64; 5] = [0.001, 0.0015, 0.003, 0.009, 0.07];
+/// Fewest stretches of motion from which intervals are taken.
+const LEAST_STRETCHES: usize = 6;
+
+/// What the model leaves out, as a standard deviation of R, Ke, J, Coulomb, viscous and all friction each: the mean of the halls' errors, the
+/// winding's heat before the recording, Stribeck's rest, and what an L that is only taken from a data sheet does to friction. Chosen by the
+/// errors of 100 links, 20 tips and 20 spreads; docs/identify.md has the coverage.
+const MODEL: [f64; 6] = [0.0012, 0.004, 0.002, 0.009, 0.08, 0.003];
+
+/// Speed at which all friction is given, counts/s.
+pub const WORKING_SPEED: f64 = 500.0;
 
 /// A figure with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +79,8 @@ pub struct Identified {
     pub coulomb_n_m: Estimate,
     /// Viscous friction, N·m·s/rad.
     pub viscous_n_m_s: Estimate,
+    /// Coulomb and viscous friction at [`WORKING_SPEED`], N·m.
+    pub friction_n_m: Estimate,
     /// Time by which recorded hall edges are later than the recorded current's effect, ms; negative if the current is the later one.
     pub delay_ms: Estimate,
     /// Error of the upper boundary of each sector less their mean, degrees electrical.
@@ -117,6 +125,7 @@ impl Identified {
             ("j_kg_m2".to_owned(), "kg m2 at the rotor", self.j_kg_m2),
             ("coulomb_n_m".to_owned(), "N m", self.coulomb_n_m),
             ("viscous_n_m_s".to_owned(), "N m s/rad", self.viscous_n_m_s),
+            ("friction_n_m".to_owned(), "N m, both at 500 counts/s", self.friction_n_m),
             ("delay_ms".to_owned(), "ms", self.delay_ms),
         ];
         let halls = self.hall_error_deg.iter().enumerate();
@@ -197,7 +206,7 @@ impl<'a> Fit<'a> {
         (0..intervals).map(one).unzip()
     }
 
-    fn round(&mut self) {
+    fn round(&mut self, is_last: bool) {
         let placed = if self.shaft.is_some() { 0.02 } else { 0.1 };
         let (push, noise) = self.push();
         self.points = path::smooth(self.rows, &self.edges, &self.placement, placed, (&push, &noise));
@@ -211,7 +220,10 @@ impl<'a> Fit<'a> {
             (self.electric, self.winding) = (electric, Some(solution));
         }
         self.drawn = bench.run(self.electric);
-        self.shaft = mechanic::fit(self.rows, &self.points, &self.edges, &self.drawn);
+        // An implausible shaft would stay one: its torque does not help the path. The result depends on no such belief.
+        let is_weak = is_last || self.shaft.as_ref().is_some_and(Mechanic::is_plausible);
+        let belief = if is_weak { mechanic::WEAK } else { mechanic::FIRST };
+        self.shaft = mechanic::fit(self.rows, &self.points, &self.edges, &self.drawn, belief);
         if let Some(shaft) = &self.shaft {
             self.placement = shaft.placement();
         }
@@ -222,8 +234,8 @@ impl<'a> Fit<'a> {
 #[must_use]
 pub fn identify(recording: &Recording) -> Identified {
     let mut fit = Fit::new(recording);
-    for _ in 0..ROUNDS {
-        fit.round();
+    for round in 1..=ROUNDS {
+        fit.round(round == ROUNDS);
     }
     figures(recording, &fit)
 }
@@ -255,6 +267,7 @@ fn figures(recording: &Recording, fit: &Fit) -> Identified {
         &shaft.viscous,
         "cruise at two speeds that differ by 400 counts/s or more, each for 0.3 s (`hil-sim excite`)",
     );
+    advise(&shaft.friction, "cruise in both directions at 150 to 400 counts/s (`hil-sim excite`)");
     advise(&shaft.delay, "steps of torque while the rotor turns (`hil-sim excite`)");
     shaft.halls.iter().for_each(|hall| advise(hall, "cruise over 60 counts or more (`hil-sim excite`)"));
     let known =
@@ -270,6 +283,7 @@ fn figures(recording: &Recording, fit: &Fit) -> Identified {
         j_kg_m2: shaft.j,
         coulomb_n_m: shaft.coulomb,
         viscous_n_m_s: shaft.viscous,
+        friction_n_m: shaft.friction,
         delay_ms: shaft.delay,
         hall_error_deg: shaft.halls,
         residuals: Residuals { bus_a, edge_counts },
@@ -283,6 +297,7 @@ struct Shaft {
     j: Estimate,
     coulomb: Estimate,
     viscous: Estimate,
+    friction: Estimate,
     delay: Estimate,
     halls: [Estimate; 6],
 }
@@ -292,22 +307,25 @@ const UNKNOWN: Estimate =
     Estimate { value: f64::NAN, low: f64::NEG_INFINITY, high: f64::INFINITY, is_determined: false };
 
 fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
-    let Some(Mechanic { solution, .. }) = &fit.shaft else {
-        return Shaft { j: UNKNOWN, coulomb: UNKNOWN, viscous: UNKNOWN, delay: UNKNOWN, halls: [UNKNOWN; 6] };
+    let Some(Mechanic { solution, stretches, .. }) = &fit.shaft else {
+        let [j, coulomb, viscous, friction, delay] = [UNKNOWN; 5];
+        return Shaft { j, coulomb, viscous, friction, delay, halls: [UNKNOWN; 6] };
     };
     let x = &solution.x;
     let j = 1.0 / x[0];
-    // A ratio y/x has the gradient (1/x, -y/x²).
-    let ratio = |index: usize| {
+    // (c + s·b)/x of the Coulomb part c and the viscous part b: the gradient of y/x is (1/x, -y/x²).
+    let ratio = |parts: [f64; 2], model: f64| {
+        let value = (parts[0] * x[1] + parts[1] * x[2]) * j;
         let mut gradient = vec![0.0; mechanic::SIZE];
-        (gradient[0], gradient[index]) = (-x[index] * j * j, j);
+        (gradient[0], gradient[1], gradient[2]) = (-value * j, parts[0] * j, parts[1] * j);
         // The torque's scale is Ke.
-        let scale = x[index] * j * ke_sigma.hypot(MODEL[2 + index]);
-        (x[index] * j, (solution.variance(&gradient) + scale * scale).sqrt())
+        let scale = value * ke_sigma.hypot(model);
+        (value, (solution.variance(&gradient) + scale * scale).sqrt())
     };
     let j_sigma = j * ((solution.sigma(0) * j).powi(2) + ke_sigma * ke_sigma + MODEL[2].powi(2)).sqrt();
-    let (coulomb, coulomb_sigma) = ratio(1);
-    let (viscous, viscous_sigma) = ratio(2);
+    let (coulomb, coulomb_sigma) = ratio([1.0, 0.0], MODEL[3]);
+    let (viscous, viscous_sigma) = ratio([0.0, 1.0], MODEL[4]);
+    let (friction, friction_sigma) = ratio([1.0, WORKING_SPEED * RAD_PER_COUNT], MODEL[5]);
     let hall = |index: usize| {
         let mut gradient = vec![0.0; mechanic::SIZE];
         match gradient[4..].get_mut(index) {
@@ -315,14 +333,23 @@ fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
             None => gradient[4..].fill(-1.0),
         }
         let sigma = solution.variance(&gradient).sqrt() * DEG;
-        Estimate::new(fit.placement[index] * DEG, sigma, 3.0)
+        (fit.placement[index] * DEG, sigma, 3.0)
+    };
+    // The spread of a few stretches tells nothing of their errors.
+    let of = |value: f64, sigma: f64, most: f64| {
+        let estimate = Estimate::new(value, sigma, most);
+        Estimate { is_determined: estimate.is_determined && *stretches >= LEAST_STRETCHES, ..estimate }
     };
     Shaft {
-        j: Estimate::new(j, j_sigma, 0.075 * j.abs()),
-        coulomb: Estimate::new(coulomb, coulomb_sigma, 0.2 * coulomb.abs()),
-        viscous: Estimate::new(viscous, viscous_sigma, 0.3 * viscous.abs()),
-        delay: Estimate::new(1e3 * x[3], 1e3 * solution.sigma(3), 1.0),
-        halls: [0, 1, 2, 3, 4, 5].map(hall),
+        j: of(j, j_sigma, 0.075 * j.abs()),
+        coulomb: of(coulomb, coulomb_sigma, 0.2 * coulomb.abs()),
+        viscous: of(viscous, viscous_sigma, 0.3 * viscous.abs()),
+        friction: of(friction, friction_sigma, 0.1 * friction.abs()),
+        delay: of(1e3 * x[3], 1e3 * solution.sigma(3), 1.0),
+        halls: [0, 1, 2, 3, 4, 5].map(|index| {
+            let (value, sigma, most) = hall(index);
+            of(value, sigma, most)
+        }),
     }
 }
 
@@ -335,9 +362,9 @@ fn remarks(recording: &Recording, fit: &Fit) -> Vec<String> {
         remarks.push("no row has a known duty: R and Ke are guesses".to_owned());
     }
     let stretches = fit.shaft.as_ref().map_or(0, |shaft| shaft.stretches);
-    if stretches < 6 {
+    if stretches < LEAST_STRETCHES {
         remarks.push(format!(
-            "{stretches} stretches above {} counts/s: the intervals need 6 or more",
+            "{stretches} stretches above {} counts/s: the intervals need {LEAST_STRETCHES} or more",
             mechanic::LEAST_SPEED
         ));
     }

@@ -19,6 +19,11 @@ const LEAST_MS: f64 = 100.0;
 /// Share of rows with an impossible hall code from which the halls are broken.
 const MOST_INVALID: f64 = 0.01;
 
+/// Largest error of P against the halls, counts, while P stands, and what its motion since the row before adds: P is a tick old. A swapped
+/// hall line makes 2 counts in two of three sectors. Share of rows from which lines are swapped.
+const MOST_ASTRAY: f64 = 1.6;
+const MOST_SWAPPED: f64 = 0.05;
+
 /// Fewest counts that tell anything of a motor: two electrical revolutions.
 const LEAST_COUNTS: i64 = 12;
 
@@ -149,7 +154,7 @@ impl Recording {
         let mut unwrap = Unwrap::default();
         let mut invalid = 0;
         let mut last = (0, 0.0);
-        let mut only: Option<f64> = None;
+        let (mut only, mut other) = (None, None);
         for (index, text) in text.lines().enumerate().skip(1).filter(|(_, text)| !text.trim().is_empty()) {
             let line = Line { number: index + 1, fields: text.split(',').map(str::trim).collect() };
             if line.fields.len() != columns.names.len() {
@@ -163,7 +168,10 @@ impl Recording {
                 let node = columns.number(&line, "motor")?;
                 kind = kind.or(MOTORS.into_iter().find(|kind| node_of(*kind) == node));
                 match motor {
-                    Some(motor) if node_of(motor) != node => continue,
+                    Some(motor) if node_of(motor) != node => {
+                        other = Some((line.number, node));
+                        continue;
+                    }
                     Some(_) => {}
                     None if *only.get_or_insert(node) != node => {
                         let problem = "the trace has several motors".to_owned();
@@ -183,6 +191,15 @@ impl Recording {
             let sector = CODES.iter().position(|of| f64::from(*of) == code);
             invalid += usize::from(sector.is_none());
             rows.push(columns.row(&line, ms, unwrap.cell(sector, position, ms), kind)?);
+        }
+        if let Some((number, node)) = other.filter(|_| rows.is_empty()) {
+            let problem = "the trace has no row of this motor".to_owned();
+            let next = "give the --motor that was recorded, or leave --motor out";
+            let expected = "motor 1 (link), 4 (spread) or 5 (tip), as --motor has it";
+            return Err(columns.bad(number, problem, &format!("motor {node}"), expected, next));
+        }
+        if unwrap.astray as f64 > MOST_SWAPPED * rows.len() as f64 {
+            invalid = invalid.max(unwrap.astray);
         }
         check_length(&columns, &rows, last.0, invalid)?;
         let bus_step_v = bus_step(&rows);
@@ -275,6 +292,8 @@ struct Unwrap {
     /// Position, counts, and by how much cells are above it.
     seen: Option<(f64, f64)>,
     counts_per_ms: f64,
+    /// Rows whose cell does not fit their position.
+    astray: usize,
 }
 
 impl Unwrap {
@@ -297,8 +316,13 @@ impl Unwrap {
         let next = 6 * turns as i64 + sector as i64;
         self.counts_per_ms += 0.3 * ((next - cell) as f64 / dt - self.counts_per_ms);
         self.last = Some((ms, next));
+        let astray = &mut self.astray;
         self.seen = position.map(|position| {
             let above = next as f64 - position;
+            let is_astray = offset.is_some_and(|(_, (at, before))| {
+                (above - before).abs() > MOST_ASTRAY + (position - at).abs()
+            });
+            *astray += usize::from(is_astray);
             // A position is a tick old, so its offset changes with the direction.
             (position, offset.map_or(above, |(_, (_, before))| before + 0.1 * (above - before)))
         });
@@ -328,6 +352,28 @@ mod tests {
         let cells = |index: usize| recording.rows.get(index).map(|row| row.cell);
         assert_eq!((cells(0), cells(65), cells(499)), (Some(0), Some(6), Some(49)));
         assert!((recording.bus_step_v - 0.1).abs() < 1e-9);
+    }
+
+    /// A rotor at 500 counts/s with its position, and codes through a wiring.
+    fn positions(wiring: fn(u8) -> u8) -> String {
+        let row = |ms: usize| format!("{ms},1,{},24.0,0.1,20.0,1,{}\n", wiring(CODES[ms / 2 % 6]), ms / 2);
+        let head = "time_ms,motor,halls_code,bus_v,bus_a,duty_percent,bridge_on,position_estimated_counts\n";
+        std::iter::once(head.to_owned()).chain((0..500).map(row)).collect()
+    }
+
+    #[test]
+    fn swapped_hall_lines_are_refused() {
+        Recording::parse("t.csv", &positions(|code| code), None).expect("valid");
+        let swapped = positions(|code| code & 4 | (code & 1) << 1 | code >> 1 & 1);
+        let error = Recording::parse("t.csv", &swapped, None).expect_err("refused").to_string();
+        assert!(error.contains("not of the standard wiring"), "{error}");
+    }
+
+    #[test]
+    fn motor_that_was_not_recorded_is_refused() {
+        let text = positions(|code| code);
+        let error = Recording::parse("t.csv", &text, Some(MotorKind::Tip)).expect_err("refused").to_string();
+        assert!(error.contains("no row of this motor") && error.contains("motor 1"), "{error}");
     }
 
     #[test]

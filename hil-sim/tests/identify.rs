@@ -1,0 +1,82 @@
+//! `hil-sim excite` and `hil-sim identify` from the command line.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn sim(line: &str, dir: &Path) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
+    command.args(line.split(' ')).current_dir(dir).output().expect("hil-sim starts")
+}
+
+fn folder(name: &str) -> PathBuf {
+    let dir = std::env::temp_dir().join(format!("identify-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).expect("a folder");
+    dir
+}
+
+fn value(object: &Value, name: &str) -> f64 {
+    object[name]["value"].as_f64().unwrap_or(f64::NAN)
+}
+
+#[test]
+fn recorded_move_gives_every_figure_and_a_page_of_residuals() {
+    let dir = folder("tip");
+    let excite = sim("excite --motor tip --plant inertia=1.2x --plant resistance=0.9x --out t.csv", &dir);
+    assert!(excite.status.success(), "{excite:?}");
+    let identify = sim("identify t.csv --motor tip --json --out page", &dir);
+    let object: Value = serde_json::from_slice(&identify.stdout).expect("one JSON object alone");
+    assert!(identify.status.success(), "{object:#}");
+    // The limits: R 2 %, inertia 3 %.
+    assert!((value(&object, "r_ohm") / (0.9 * 2.405) - 1.0).abs() < 0.02, "{object:#}");
+    assert!((value(&object, "j_kg_m2") / 2.4e-5 - 1.0).abs() < 0.03, "{object:#}");
+    let determined = |name: &str| object[name]["determined"] == true;
+    for name in ["ke_v_s", "coulomb_n_m", "viscous_n_m_s", "friction_n_m", "delay_ms"] {
+        assert!(determined(name), "{name}: {object:#}");
+    }
+    let page = std::fs::read_to_string(dir.join("page/residuals.html")).expect("written");
+    assert_eq!(page.matches("<svg").count(), 2, "bus current and edges");
+    assert!(!page.contains("NaN"));
+    std::fs::remove_dir_all(dir).expect("removed");
+}
+
+#[test]
+fn motor_that_cannot_make_the_move_is_an_error_without_a_file() {
+    let dir = folder("stuck");
+    for (line, problem) in [
+        ("excite --motor link --plant coulomb_n_m=1 --plant static_n_m=1 --out t.csv", "ERROR"),
+        ("excite --motor link --supply volts=5 --out t.csv", "node 1"),
+        ("excite --motor link --plant inertia=oops --out t.csv", "inertia"),
+        ("excite --motor link --out none/t.csv", "none/t.csv"),
+    ] {
+        let output = sim(line, &dir);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line}: {text}");
+        assert!(text.contains(problem) && text.contains("next:"), "{line}: {text}");
+        assert!(output.stdout.is_empty(), "{line}");
+        assert_eq!(std::fs::read_dir(&dir).expect("a folder").count(), 0, "{line}");
+    }
+    std::fs::remove_dir_all(dir).expect("removed");
+}
+
+#[test]
+fn bad_recordings_are_refused_and_nothing_is_written() {
+    let dir = folder("bad");
+    let head = "time_ms,halls_code,bus_v,bus_a,duty_percent,bridge_on\n";
+    for (name, text, problem) in [
+        ("empty.csv", Vec::new(), "time_ms is missing"),
+        ("binary.csv", vec![0xff, 0xfe, 0x00], "is no text"),
+        ("nan.csv", format!("{head}0,2,nan,0.1,20.0,1\n").into_bytes(), "bus_v is not a number"),
+        ("short.csv", format!("{head}0,2,24.0,0.1,20.0,1\n").into_bytes(), "too short"),
+        ("gap.csv", format!("{head}0,2,24,0.1,20,1\n50,6,24,0.1,20,1\n").into_bytes(), "a gap of 50.0 ms"),
+    ] {
+        std::fs::write(dir.join(name), text).expect("written");
+        let output = sim(&format!("identify {name} --json --out page"), &dir);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{name}: {text}");
+        assert!(text.contains(problem) && text.contains("next:"), "{name}: {text}");
+        assert!(output.stdout.is_empty() && !dir.join("page").exists(), "{name}");
+    }
+    std::fs::remove_dir_all(dir).expect("removed");
+}
