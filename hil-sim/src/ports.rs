@@ -3,10 +3,12 @@
 //! Imports the floors below. Real time is passed in: only `main.rs` reads the clock.
 
 mod adapter;
+mod apply;
 mod bode;
 pub mod cli;
 mod convert;
 mod excite;
+mod export;
 mod figures;
 mod gcl;
 pub mod grasper;
@@ -27,4 +29,5 @@ mod table;
 mod thread;
 mod torture;
 mod tune;
+mod undo;
 mod worker;

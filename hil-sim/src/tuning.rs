@@ -3,6 +3,7 @@
 //! Imports `experiment` and `world`, never `ports`. Has threads, but no clock, network or terminal: whoever starts it passes in
 //! the time, where progress goes and whether to stop.
 
+pub mod apply;
 pub mod bode;
 pub mod csv;
 pub mod excite;
@@ -16,3 +17,4 @@ pub mod sweep;
 pub mod table;
 pub mod traces;
 pub mod tune;
+pub mod tuned;

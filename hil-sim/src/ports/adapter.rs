@@ -26,6 +26,22 @@ const fn is_timeout(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
+/// The adapter that a command line names.
+///
+/// # Errors
+/// It cannot be opened, and the next step.
+pub fn open<'a>(
+    slcan: Option<&str>,
+    can: Option<&str>,
+    clock: Clock<'a>,
+) -> Result<Box<dyn Link + 'a>, String> {
+    match (slcan, can) {
+        (Some(address), _) => Ok(Box::new(Slcan::connect(address, clock)?)),
+        (None, Some(name)) => interface(name, clock),
+        (None, None) => Err("no adapter\n  next: give --slcan HOST:PORT or --can IFACE".to_owned()),
+    }
+}
+
 /// An SLCAN (Lawicel) adapter over TCP.
 pub struct Slcan<'a> {
     stream: TcpStream,
@@ -76,7 +92,7 @@ impl<'a> Slcan<'a> {
 
     fn lost(&self, why: &str) -> String {
         format!(
-            "--slcan {}: the adapter is lost: {why}\n  next: check its cable and power; the board idles by itself after HOSTMS",
+            "--slcan {}: the adapter is lost: {why}\n  next: check its cable and power; a motor that a host drives idles by itself after HOSTMS",
             self.address
         )
     }

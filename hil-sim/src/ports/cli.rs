@@ -10,9 +10,11 @@ use clap::{Parser, Subcommand, ValueEnum};
 use servo_core::sense::recorded::SPEED_MAX;
 use tater_wire::MotorKind;
 
+use super::apply::{self, ApplyArgs};
 use super::bode::{self, BodeArgs};
 use super::convert::{self, ConvertArgs};
 use super::excite::{self, ExciteArgs};
+use super::export::{self, ExportArgs};
 use super::figures::Figures;
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
@@ -76,6 +78,11 @@ enum Task {
     /// Tune properties on an ensemble of plants. Exit code 1 if the result breaks a limit on a plant that the search has not seen. ^C ends
     /// the search and keeps the best so far.
     Tune(TuneArgs),
+    /// Export a result of `tune` that passed its validation, as the file that `apply` takes.
+    Export(ExportArgs),
+    /// Write tuned values to boards on all boards or none, read back and stored; --undo takes them back. Exit code 1 if a board does not take
+    /// them, 2 if nothing was written.
+    Apply(ApplyArgs),
     /// Run scenarios over sets of parameters, with the results as CSV and Parquet. Exit code 1 if a run could not be made. ^C keeps
     /// what is done and prints the line that continues it, with exit code 130.
     Sweep(SweepArgs),
@@ -168,6 +175,8 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Convert(args) => convert::convert(&args).map(|()| true).map_err(Into::into),
         Task::Log(args) => log::log(&args, clock).map(|()| true).map_err(Into::into),
         Task::Tune(args) => tune::tune(&args, clock),
+        Task::Export(args) => export::export(&args).map(|()| true),
+        Task::Apply(args) => apply::apply(&args, clock),
         Task::Sweep(args) => sweep::sweep(&args, clock),
         Task::Merge(args) => sweep::merge(&args),
         Task::Worker => worker::worker(),
