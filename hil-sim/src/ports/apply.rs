@@ -27,8 +27,8 @@ pub struct ApplyArgs {
     /// The file of `hil-sim export`.
     #[arg(value_name = "FILE", default_value = "tuned.json")]
     file: PathBuf,
-    /// An SLCAN adapter over TCP, as served by `hil-sim bus`. With --undo the default is the adapter of the apply.
-    #[arg(long, value_name = "HOST:PORT", required_unless_present_any = ["can", "undo"], conflicts_with = "can")]
+    /// An SLCAN adapter: HOST:PORT, as served by `hil-sim bus`, or a serial port. With --undo the default is the adapter of the apply.
+    #[arg(long, value_name = "HOST:PORT|TTY", required_unless_present_any = ["can", "undo"], conflicts_with = "can")]
     slcan: Option<String>,
     /// A CAN interface of Linux, such as can0.
     #[arg(long, value_name = "IFACE")]
@@ -89,7 +89,7 @@ impl From<BadInput> for Stop {
 
 fn put(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bool, Stop> {
     let tuned = Tuned::parse(&args.file.display().to_string(), &read(&args.file)?)?;
-    let adapter = adapter(args).unwrap_or(Adapter::Can(String::new()));
+    let adapter = adapter(args).ok_or_else(|| Stop::Bad("found no adapter, expected --slcan or --can".into()))?;
     let nodes = nodes(args, &tuned);
     let mut before = Undo::load(path)?;
     let mut link = connect(&adapter, clock)?;
@@ -196,11 +196,10 @@ fn adapter(args: &ApplyArgs) -> Option<Adapter> {
 }
 
 fn connect<'a>(adapter: &Adapter, clock: &'a dyn Fn() -> Duration) -> Result<Box<dyn Link + 'a>, Stop> {
-    let opened = match adapter {
-        Adapter::Slcan(address) => open(Some(address), None, clock),
-        Adapter::Can(interface) => open(None, Some(interface), clock),
-    };
-    opened.map_err(|text| Stop::Bad(text.into()))
+    Ok(match adapter {
+        Adapter::Slcan(address) => open(Some(address), None, clock)?,
+        Adapter::Can(interface) => open(None, Some(interface), clock)?,
+    })
 }
 
 /// The boards that are named, or all of a hand with a motor of the file's.

@@ -1,6 +1,7 @@
 //! The command line of `hil-sim`: arguments in, files and text out.
 
 use std::error::Error;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -158,9 +159,22 @@ pub type Clock<'a> = &'a dyn Fn() -> Duration;
 /// Runs the program with the process's arguments. Returns its exit code: 1 if an expectation failed or a line ended in an
 /// error, 2 for bad input, 130 after ^C.
 pub fn run(clock: Clock) -> ExitCode {
+    ExitCode::from(execute(std::env::args_os(), clock))
+}
+
+/// Runs one command line, the program's name included, as [`run`] does. Returns the exit code.
+pub fn execute(line: impl IntoIterator<Item: Into<OsString> + Clone>, clock: Clock) -> u8 {
+    let args = match Args::try_parse_from(line) {
+        Ok(args) => args,
+        Err(error) => {
+            // As clap itself does: help goes to standard output, and a closed one is no error.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(2);
+        }
+    };
     // 64 bits of microseconds last for the life of the process, so a service never ends by itself.
     let mut clock_us = || u64::try_from(clock().as_micros()).ok();
-    let done = match Args::parse().command {
+    let done = match args.command {
         Task::Run(args) => run_scenario(&args, clock),
         Task::List(args) => {
             print(&if args.plant { figures() } else { list() }).map(|()| true).map_err(Into::into)
@@ -185,12 +199,12 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
-        Ok(_) if interrupt::interrupted() => ExitCode::from(interrupt::CODE),
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::from(1),
+        Ok(_) if interrupt::interrupted() => interrupt::CODE,
+        Ok(true) => 0,
+        Ok(false) => 1,
         Err(bad) => {
             warn(&format!("error: {bad}"));
-            ExitCode::from(2)
+            2
         }
     }
 }

@@ -27,8 +27,8 @@ pub struct ExciteArgs {
     /// Seed of the simulated noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// A board on an SLCAN adapter over TCP.
-    #[arg(long, value_name = "HOST:PORT", requires = "node", conflicts_with_all = ["can", "plant", "rig", "supply"])]
+    /// A board on an SLCAN adapter: HOST:PORT, or a serial port such as /dev/ttyACM0.
+    #[arg(long, value_name = "HOST:PORT|TTY", requires = "node", conflicts_with_all = ["can", "plant", "rig", "supply"])]
     slcan: Option<String>,
     /// A board on a CAN interface of Linux, such as can0.
     #[arg(long, value_name = "IFACE", requires = "node")]
