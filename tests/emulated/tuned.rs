@@ -84,7 +84,8 @@ fn unknown_motor_gets_gains_of_its_own_and_its_old_ones_back() {
     let Some(programs) = production() else { return };
     let plant = unknown();
     let start = Start { count: 60.0, counts_per_s: 0.0, heat: Heat { winding_c: 25.0, housing_c: 25.0 } };
-    let rig = Rig::new(plant.clone(), RigParams::default(), &[], Model::Averaged, start, 1).expect("in range");
+    let rig =
+        Rig::new(plant.clone(), RigParams::default(), &[], Model::Averaged, start, 1).expect("in range");
     let mut board = Emulated::new(rig, id(NODE), &programs, 1);
     load(&mut board, &programs);
     board.power_on();

@@ -89,7 +89,8 @@ impl From<BadInput> for Stop {
 
 fn put(args: &ApplyArgs, path: &Path, clock: &dyn Fn() -> Duration) -> Result<bool, Stop> {
     let tuned = Tuned::parse(&args.file.display().to_string(), &read(&args.file)?)?;
-    let adapter = adapter(args).ok_or_else(|| Stop::Bad("found no adapter, expected --slcan or --can".into()))?;
+    let adapter =
+        adapter(args).ok_or_else(|| Stop::Bad("found no adapter, expected --slcan or --can".into()))?;
     let nodes = nodes(args, &tuned);
     let mut before = Undo::load(path)?;
     let mut link = connect(&adapter, clock)?;

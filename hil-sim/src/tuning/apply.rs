@@ -25,7 +25,7 @@ const STORE_US: u64 = 100_000;
 /// Time between two looks at a board that wakes, µs.
 const LOOK_US: u64 = 50_000;
 
-/// A value of the motor model or a gain: any property that a SAVE stores.
+/// A property that a SAVE stores, such as a gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The property.
@@ -268,11 +268,12 @@ fn store_all(
         if link.is_interrupted() {
             return Err(Failure::Interrupted);
         }
-        let node = board.present.node.number();
+        let Board { present, changes } = board;
         progress(&format!(
-            "node {node}: {} of {} stored",
-            motor_name(board.present.kind),
-            board.changes.len()
+            "node {}: {} values of its {} go into its flash",
+            present.node.number(),
+            changes.len(),
+            motor_name(present.kind)
         ));
         *state = State::Unknown { may_be_stored: true };
         store(link, board, |change| change.new)?;
