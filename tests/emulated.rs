@@ -9,5 +9,6 @@ mod probes;
 mod scenarios;
 mod shared_bus;
 mod torture;
+mod tuned;
 mod wedged;
 mod wiring;

@@ -11,6 +11,8 @@
 //! |---|---|
 //! | ports | [`cli`], [`grasper`], [`slcan`], and the private `adapter`, `bode`, `compare`, `convert`, `excite`, `figures`, `gcl`, `grasper_client`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `sweep_report`, `table`, `torture`, `tune`, `tune_report`, `worker` |
 //! | tuning | [`excite`], [`identify`], [`parquet`], [`sweep`], [`table`], [`tune`], and the private `bode`, `compare`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `adapter`, `apply`, `bode`, `convert`, `excite`, `export`, `figures`, `gcl`, `grasper_client`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `table`, `torture`, `tune`, `undo`, `worker` |
+//! | tuning | [`apply`], [`excite`], [`identify`], [`parquet`], [`sweep`], [`table`], [`tune`], [`tuned`], and the private `bode`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
@@ -28,6 +30,6 @@ pub use experiment::{
 pub use ports::{cli, grasper, slcan};
 pub use tater_fw::motion::defaults;
 pub use tater_wire::MotorKind;
-pub use tuning::{excite, identify, parquet, sweep, table, tune};
+pub use tuning::{apply, excite, identify, parquet, sweep, table, tune, tuned};
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};

@@ -3,11 +3,13 @@
 //! Imports the floors below. Real time is passed in: only `main.rs` reads the clock.
 
 mod adapter;
+mod apply;
 mod bode;
 pub mod cli;
 mod compare;
 mod convert;
 mod excite;
+mod export;
 mod figures;
 mod gcl;
 pub mod grasper;
@@ -30,4 +32,5 @@ mod thread;
 mod torture;
 mod tune;
 mod tune_report;
+mod undo;
 mod worker;

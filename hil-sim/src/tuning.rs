@@ -3,6 +3,7 @@
 //! Imports `experiment` and `world`, never `ports`. Has threads, but no clock, network or terminal: whoever starts it passes in
 //! the time, where progress goes and whether to stop.
 
+pub mod apply;
 pub mod bode;
 pub mod compare;
 pub mod csv;
@@ -17,3 +18,4 @@ pub mod sweep;
 pub mod table;
 pub mod traces;
 pub mod tune;
+pub mod tuned;

@@ -1,9 +1,10 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`, `soak`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `apply`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`, `soak`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
 
+mod apply;
 mod bench;
 mod ci;
 mod defects;
@@ -79,6 +80,8 @@ enum Chore {
     Size(size::SizeArgs),
     /// Download a .tek file to a board over a CAN adapter
     Download(download::DownloadArgs),
+    /// Write tuned values to boards over a CAN adapter, read back and stored; --undo takes them back
+    Apply(apply::ApplyArgs),
     /// Run the image on emulated boards: a scenario over CAN, from erased flash
     Emu(emu::EmuArgs),
     /// Test the simulated bus and hand with real host tools in real time: python-can and pyserial, installed
@@ -116,6 +119,7 @@ fn main() -> ExitCode {
         Chore::Tek(chore) => tek::tek(&chore),
         Chore::Size(args) => size::size(&args),
         Chore::Download(args) => download::download(&args),
+        Chore::Apply(args) => apply::apply(&args),
         Chore::Emu(args) => emu::emu(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),
         Chore::RaySweep => ray_sweep::check().map_err(Failure::from),

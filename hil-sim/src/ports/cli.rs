@@ -1,6 +1,7 @@
 //! The command line of `hil-sim`: arguments in, files and text out.
 
 use std::error::Error;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -10,10 +11,12 @@ use clap::{Parser, Subcommand, ValueEnum};
 use servo_core::sense::recorded::SPEED_MAX;
 use tater_wire::MotorKind;
 
+use super::apply::{self, ApplyArgs};
 use super::bode::{self, BodeArgs};
 use super::compare::{self, CompareArgs};
 use super::convert::{self, ConvertArgs};
 use super::excite::{self, ExciteArgs};
+use super::export::{self, ExportArgs};
 use super::figures::Figures;
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
@@ -80,6 +83,11 @@ enum Task {
     /// Tune properties on an ensemble of plants. Exit code 1 if the result breaks a limit on a plant that the search has not seen. ^C ends
     /// the search and keeps the best so far.
     Tune(TuneArgs),
+    /// Export a result of `tune` that passed its validation, as the file that `apply` takes.
+    Export(ExportArgs),
+    /// Write tuned values to boards on all boards or none, read back and stored; --undo takes them back. Exit code 1 if a board does not take
+    /// them, 2 if nothing was written.
+    Apply(ApplyArgs),
     /// Run scenarios over sets of parameters, with the results as CSV and Parquet. Exit code 1 if a run could not be made. ^C keeps
     /// what is done and prints the line that continues it, with exit code 130.
     Sweep(SweepArgs),
@@ -155,9 +163,22 @@ pub type Clock<'a> = &'a dyn Fn() -> Duration;
 /// Runs the program with the process's arguments. Returns its exit code: 1 if an expectation failed or a line ended in an
 /// error, 2 for bad input, 130 after ^C.
 pub fn run(clock: Clock) -> ExitCode {
+    ExitCode::from(execute(std::env::args_os(), clock))
+}
+
+/// Runs one command line, the program's name included, as [`run`] does. Returns the exit code.
+pub fn execute(line: impl IntoIterator<Item: Into<OsString> + Clone>, clock: Clock) -> u8 {
+    let args = match Args::try_parse_from(line) {
+        Ok(args) => args,
+        Err(error) => {
+            // As clap itself does: help goes to standard output, and a closed one is no error.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(2);
+        }
+    };
     // 64 bits of microseconds last for the life of the process, so a service never ends by itself.
     let mut clock_us = || u64::try_from(clock().as_micros()).ok();
-    let done = match Args::parse().command {
+    let done = match args.command {
         Task::Run(args) => run_scenario(&args, clock),
         Task::List(args) => {
             print(&if args.plant { figures() } else { list() }).map(|()| true).map_err(Into::into)
@@ -173,6 +194,8 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Convert(args) => convert::convert(&args).map(|()| true).map_err(Into::into),
         Task::Log(args) => log::log(&args, clock).map(|()| true).map_err(Into::into),
         Task::Tune(args) => tune::tune(&args, clock),
+        Task::Export(args) => export::export(&args).map(|()| true),
+        Task::Apply(args) => apply::apply(&args, clock),
         Task::Sweep(args) => sweep::sweep(&args, clock),
         Task::Merge(args) => sweep::merge(&args),
         Task::Worker => worker::worker(),
@@ -181,12 +204,12 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {
-        Ok(_) if interrupt::interrupted() => ExitCode::from(interrupt::CODE),
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::from(1),
+        Ok(_) if interrupt::interrupted() => interrupt::CODE,
+        Ok(true) => 0,
+        Ok(false) => 1,
         Err(bad) => {
             warn(&format!("error: {bad}"));
-            ExitCode::from(2)
+            2
         }
     }
 }

@@ -6,18 +6,16 @@ use std::time::Duration;
 
 use tater_wire::Node as Id;
 
-use super::adapter::{Slcan, interface};
+use super::adapter::open;
 use super::figures::Figures;
 use super::identify::MotorName;
 use super::interrupt;
 use super::output::{print, replace_file, warn};
 use crate::experiment::input::BadInput;
-use crate::experiment::run::{Options, node_of, rig};
-use crate::experiment::scenario::Scenario;
+use crate::experiment::run::node_of;
 use crate::tuning::excite::{Failure, Link, Simulated, csv, excite as run};
 use crate::world::board::SimBoard;
 use crate::world::node::Node;
-use crate::world::plant::Model;
 
 #[derive(clap::Args)]
 pub struct ExciteArgs {
@@ -29,8 +27,8 @@ pub struct ExciteArgs {
     /// Seed of the simulated noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// A board on an SLCAN adapter over TCP.
-    #[arg(long, value_name = "HOST:PORT", requires = "node", conflicts_with_all = ["can", "plant", "rig", "supply"])]
+    /// A board on an SLCAN adapter: HOST:PORT, or a serial port such as /dev/ttyACM0.
+    #[arg(long, value_name = "HOST:PORT|TTY", requires = "node", conflicts_with_all = ["can", "plant", "rig", "supply"])]
     slcan: Option<String>,
     /// A board on a CAN interface of Linux, such as can0.
     #[arg(long, value_name = "IFACE", requires = "node")]
@@ -47,13 +45,10 @@ pub struct ExciteArgs {
 pub fn excite(args: &ExciteArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn Error>> {
     // The first ^C idles the motor and restores the board's properties.
     interrupt::finish_first();
-    let (mut link, node): (Box<dyn Link>, Id) = match (&args.slcan, &args.can, args.motor) {
-        (Some(address), _, _) => (Box::new(Slcan::connect(address, clock)?), id(args.node)),
-        (None, Some(name), _) => (interface(name, clock)?, id(args.node)),
-        (None, None, motor) => {
-            let motor = motor.unwrap_or(MotorName::Link);
-            (Box::new(simulated(args, motor)?), id(Some(node_of(motor.kind()))))
-        }
+    let motor = args.motor.unwrap_or(MotorName::Link);
+    let (mut link, node): (Box<dyn Link>, Id) = match args.node {
+        Some(node) => (open(args.slcan.as_deref(), args.can.as_deref(), clock)?, id(Some(node))),
+        None => (Box::new(simulated(args, motor)?), id(Some(node_of(motor.kind())))),
     };
     let done = run(link.as_mut(), node, &mut |step| warn(&format!("node {}: {step}", node.number())));
     let recorded = match done {
@@ -76,19 +71,7 @@ fn id(node: Option<u8>) -> Id {
     node.and_then(Id::new).unwrap_or(Id::HOST)
 }
 
-fn simulated(args: &ExciteArgs, motor: MotorName) -> Result<Simulated, Box<dyn Error>> {
-    let name = match motor {
-        MotorName::Link => "link",
-        MotorName::Spread => "spread",
-        MotorName::Tip => "tip",
-    };
-    let text = format!(
-        "name = 'excite'\nabout = 'the move that identify needs'\nmotor = '{name}'\nduration_ms = 1\ninitial = {{ position_counts = 60 }}\n"
-    );
-    let mut scenario = Scenario::parse("excite", &text)?;
-    args.figures.apply(&mut scenario)?;
-    let options = Options { seed: args.seed, model: Model::Averaged, trace: false };
-    let case = scenario.cases.first().ok_or("a scenario has a motor")?;
-    let rig = rig(&scenario, case, &options)?;
+fn simulated(args: &ExciteArgs, motor: MotorName) -> Result<Simulated, BadInput> {
+    let rig = args.figures.motor(motor.kind(), 60.0, args.seed)?;
     Ok(Simulated::new(Node::awake(SimBoard::new(rig, id(Some(node_of(motor.kind())))))))
 }

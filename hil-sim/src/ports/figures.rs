@@ -1,7 +1,12 @@
 //! The figures of plant, sensors and supply that a command line or a job overrides.
 
+use tater_wire::MotorKind;
+
 use crate::experiment::input::BadInput;
-use crate::experiment::scenario::Scenario;
+use crate::experiment::run::{Options, rig};
+use crate::experiment::scenario::{Scenario, motor_name};
+use crate::world::plant::{Model, ParamError};
+use crate::world::rig::Rig;
 
 /// Options `--plant`, `--rig` and `--supply`, each repeatable.
 #[derive(clap::Args, Clone, Default)]
@@ -32,6 +37,32 @@ impl Figures {
     /// Those of [`Scenario::override_figures`].
     pub fn apply(&self, scenario: &mut Scenario) -> Result<(), BadInput> {
         scenario.override_figures(&self.all())
+    }
+
+    /// A motor of a kind with these figures, at rest.
+    ///
+    /// # Errors
+    /// Those of [`Scenario::override_figures`].
+    pub fn motor(&self, kind: MotorKind, position_counts: f64, seed: u64) -> Result<Rig, BadInput> {
+        let name = motor_name(kind);
+        let text = format!(
+            "name = 'motor'\nabout = 'a motor at rest'\nmotor = '{name}'\nduration_ms = 1\ninitial = {{ position_counts = {position_counts:.1} }}\n"
+        );
+        let mut scenario = Scenario::parse("motor", &text)?;
+        self.apply(&mut scenario)?;
+        let wrong = |error: &ParamError| BadInput {
+            place: format!("the {name}"),
+            problem: format!("{} is out of range", error.field),
+            found: error.found.to_string(),
+            expected: error.expected.clone(),
+            next: "give other figures".to_owned(),
+        };
+        let options = Options { seed, model: Model::Averaged, trace: false };
+        let built = scenario.cases.first().map(|case| rig(&scenario, case, &options));
+        // A scenario with a motor has a case.
+        built
+            .unwrap_or_else(|| Err(ParamError { field: "motor", found: 0.0, expected: "one".to_owned() }))
+            .map_err(|e| wrong(&e))
     }
 
     /// As arguments of a command line, each with a space before it.

@@ -1,14 +1,13 @@
 //! `hil-sim log`: records a live board over its bus into a trace, by GETs in a cycle. Only GETs, and one SET: a board in its
 //! monitor is woken (STAT 2), as by any host.
 
-mod link;
-
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use tater_wire::property::Access;
 use tater_wire::{Destination, Message, Node, Property};
 
+use super::adapter::{Clock, Link, Lost};
 use super::convert::{self, Format};
 use super::interrupt;
 use super::output::{replace_file, warn};
@@ -16,7 +15,6 @@ use crate::experiment::input::BadInput;
 use crate::experiment::over_can::answer;
 use crate::tuning::table::{Cell, Column, Heading, Kind, Sink, TableError};
 use crate::tuning::traces::{TIME, unit};
-use link::{Clock, Link, Lost};
 
 /// Time limit of an answer: a board that erases a page (40 ms) answers after it.
 const ANSWER: Duration = Duration::from_millis(100);

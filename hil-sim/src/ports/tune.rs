@@ -11,6 +11,7 @@ use tater_wire::MotorKind;
 use super::figures::Figures;
 use super::interrupt;
 use super::output::{print, replace_together, warn};
+use super::sweep_folder::COMMIT;
 use super::tune_report::{self, Drawn};
 use crate::experiment::input::{self, BadInput};
 use crate::experiment::metrics;
@@ -150,6 +151,8 @@ struct Tuned {
     found: Found,
     axes: Vec<Axis>,
     goals: Vec<Goal>,
+    /// Properties of `--set` that are not tuned.
+    kept: Vec<(&'static str, i64)>,
     /// Start and result on unseen plants.
     unseen: [Judged; 2],
     plants: u64,
@@ -191,6 +194,7 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     let mut all = Vec::new();
     for kind in args.motor.kinds() {
         let (settings, first_unseen) = settings(args, kind)?;
+        let kept = kept(args, &settings);
         let found = search(args, &settings, &pool, clock).map_err(|broken| hopeless(kind, &broken))?;
         let unseen = Ensemble { first_seed: first_unseen, plants: args.unseen, ..settings.ensemble.clone() };
         let on_unseen = |candidate: &Candidate| {
@@ -214,13 +218,14 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
             plants: args.unseen,
             first_unseen,
             reproduce,
+            kept,
             envelopes,
         });
     }
     let reproduce = all.iter().map(|tuned| tuned.reproduce.as_str()).collect::<Vec<_>>().join(" && ");
     let passed = all.iter().all(Tuned::passed);
     let motors: Vec<Value> = all.iter().map(|tuned| motor_json(tuned, &pareto)).collect();
-    let mut object = json!({ "motors": motors, "passed": passed, "reproduce": reproduce });
+    let mut object = json!({ "motors": motors, "passed": passed, "reproduce": reproduce, "commit": COMMIT });
     if interrupt::interrupted() {
         object["interrupted"] = json!(true);
     }
@@ -302,6 +307,16 @@ fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInpu
         Ensemble { motor: kind, goals, bench, scatter: SCATTER, supply_v, first_seed, plants: args.robust };
     let candidates = args.candidates.map_or(usize::MAX, |most| most as usize);
     Ok((Settings { axes, ensemble, seed: args.seed, candidates }, first_seed.wrapping_add(SEEDS / 2)))
+}
+
+/// Properties of `--set` that are not tuned: the tuned values rest on them.
+fn kept(args: &TuneArgs, settings: &Settings) -> Vec<(&'static str, i64)> {
+    let config = settings.ensemble.goals.first().map(|goal| goal.scenario.cases[0].config);
+    let names = args.set.iter().filter_map(|assignment| assignment.split_once('='));
+    let given = names.filter_map(|(name, _)| properties::find(name.trim()));
+    let is_kept = |property: &&Property| settings.axes.iter().all(|axis| axis.property.name != property.name);
+    let value = |property: &Property| config.map(|config| (property.name, property.get(&config)));
+    given.filter(is_kept).filter_map(value).collect()
 }
 
 /// The ensemble of docs/servo.md.
@@ -410,7 +425,8 @@ fn values_json(axes: &[Axis], values: &[i64]) -> Value {
 }
 
 fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
-    let Tuned { found, axes, goals, unseen: [start, result], plants, first_unseen, reproduce, .. } = tuned;
+    let Tuned { found, axes, goals, kept, unseen: [start, result], plants, first_unseen, reproduce, .. } =
+        tuned;
     let terms: Vec<Value> = goals
         .iter()
         .flat_map(|goal| &goal.terms)
@@ -439,6 +455,7 @@ fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
         "passed": tuned.passed(),
         "properties": values_json(axes, &found.tuned.values),
         "start": values_json(axes, &found.start.values),
+        "set": kept.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect::<Value>(),
         "best_before_back_off": values_json(axes, &found.best.values),
         "cost": { "start": found.start.judged.cost, "tuned": found.tuned.judged.cost },
         "candidates": found.candidates,

@@ -8,6 +8,7 @@ use rand_pcg::Pcg64Mcg;
 use tater_wire::{Body, Destination, Frame, Message, MotorKind, Node, Property};
 
 use crate::tuning::identify::UNIT_V;
+use crate::world::bus::{Adapter, Bus, Station};
 
 /// What carries frames to a board, and the time.
 pub trait Link {
@@ -680,29 +681,40 @@ fn answer(frame: &Frame) -> Option<(Node, Property, i64)> {
     }
 }
 
-/// A board of a simulated bus.
-pub struct Simulated {
-    bus: crate::world::bus::Bus<crate::world::node::Node>,
+/// Boards of a simulated bus, in simulated time.
+pub struct Simulated<S = crate::world::node::Node> {
+    bus: Bus<S>,
 }
 
-impl Simulated {
+impl<S: Station> Simulated<S> {
     /// A host on a bus with one board that has been powered.
     #[must_use]
-    pub fn new(board: crate::world::node::Node) -> Self {
-        let mut bus = crate::world::bus::Bus::new(vec![board]);
+    pub fn new(board: S) -> Self {
+        Self::with(vec![board])
+    }
+
+    /// A host on a bus with boards that have been powered.
+    #[must_use]
+    pub fn with(boards: Vec<S>) -> Self {
+        let mut bus = Bus::new(boards);
         // A new bus has no host.
-        let _ = bus.plug_host("excite", crate::world::bus::Adapter::default());
+        let _ = bus.plug_host("excite", Adapter::default());
         Self { bus }
     }
 
-    /// The board, to read its truth.
+    /// The first board, to read its truth.
     #[must_use]
-    pub fn board(&self) -> Option<&crate::world::node::Node> {
+    pub fn board(&self) -> Option<&S> {
         self.bus.stations().next()
+    }
+
+    /// The bus, to do to boards what a host cannot.
+    pub const fn bus_mut(&mut self) -> &mut Bus<S> {
+        &mut self.bus
     }
 }
 
-impl Link for Simulated {
+impl<S: Station> Link for Simulated<S> {
     fn now_us(&self) -> u64 {
         self.bus.now_us()
     }

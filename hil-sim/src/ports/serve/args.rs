@@ -3,10 +3,10 @@
 use crate::experiment::input::BadInput;
 use crate::world::board::SimBoard;
 use crate::world::node::Node;
-use crate::world::plant::Model;
-use tater_wire::Node as Id;
+use tater_wire::{MotorKind, Node as Id};
 
 use super::event::bad;
+use crate::ports::figures::Figures;
 
 /// A hand alone, and a hand beside an arm.
 const fn is_node(id: &u8) -> bool {
@@ -31,6 +31,8 @@ pub struct BusArgs {
     /// Seed of the sensor noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    figures: Figures,
 }
 
 pub enum Place<'a> {
@@ -58,7 +60,7 @@ impl BusArgs {
         Err(bad("hil-sim bus".to_owned(), found, expected, &next))
     }
 
-    /// The boards with their default plants, at power-up.
+    /// The boards with their motors, at power-up.
     pub fn boards(&self) -> Result<Vec<Node>, BadInput> {
         let mut ids = Vec::new();
         for (option, list) in [("--node", &self.node), ("--nodes", &self.nodes)] {
@@ -77,9 +79,10 @@ impl BusArgs {
         ids.dedup();
         let board = |id: u8| {
             let id = Id::new(id).unwrap_or(Id::HOST);
-            Node::new(SimBoard::standard(id, Model::Averaged, self.seed ^ u64::from(id.number())))
+            let seed = self.seed ^ u64::from(id.number());
+            Ok(Node::new(SimBoard::new(self.figures.motor(MotorKind::of(id), 0.0, seed)?, id)))
         };
-        Ok(ids.into_iter().map(board).collect())
+        ids.into_iter().map(board).collect()
     }
 }
 

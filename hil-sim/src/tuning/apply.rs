@@ -1,0 +1,335 @@
+//! Writes properties of boards over their bus and stores them: on all boards, or on none.
+//!
+//! First every value is set and read back on every board, in RAM alone. Then each board stores its values, and takes them from its storage
+//! again. After a failure all that was written gets its old value; what each board then holds is part of the result.
+//! Which values, and where the old ones are kept, is the caller's.
+
+use tater_wire::{Destination, FaultCode, Message, MotorKind, Node as Id, Property};
+
+use super::excite::{Failure, Link};
+use crate::experiment::over_can::answer;
+use crate::experiment::scenario::motor_name;
+
+/// Time limit of an answer, µs: a board that erases a page (40 ms) answers after it.
+const ANSWER_US: u64 = 100_000;
+
+/// Tries of a question: the answers of a busy bus can be lost.
+const TRIES: u32 = 3;
+
+/// Time limit of a board that wakes, µs: its monitor reads the whole application first, and the first start erases eight pages.
+const WAKE_US: u64 = 5_000_000;
+
+/// Time in which a board puts a SAVE into its flash, µs: a page is moved (512 half-words of 53 µs) and erased (40 ms).
+const STORE_US: u64 = 100_000;
+
+/// Time between two looks at a board that wakes, µs.
+const LOOK_US: u64 = 50_000;
+
+/// A property that a SAVE stores, such as a gain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// The property.
+    pub property: Property,
+    /// Its value in the board when it was read.
+    pub old: i64,
+    /// The value that it shall have.
+    pub new: i64,
+}
+
+/// A board that answers, is awake, and stands still in idle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Present {
+    /// Its number on the bus.
+    pub node: Id,
+    /// KIND.
+    pub kind: MotorKind,
+    /// SN: another board with the same number has another.
+    pub serial: i64,
+}
+
+/// A board and what shall change there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Board {
+    /// The board.
+    pub present: Present,
+    /// Its properties, in the order in which they are written.
+    pub changes: Vec<Change>,
+}
+
+/// What a board holds at the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// The new values, also in its storage.
+    New,
+    /// Nothing was written.
+    Untouched,
+    /// Its old values, written again and read back; stored too if the new ones may have been.
+    Restored,
+    /// It did not take its old values back.
+    Unknown {
+        /// Whether SAVE was sent: otherwise its storage holds what it held before.
+        may_be_stored: bool,
+    },
+}
+
+impl State {
+    /// What the board holds, as the end of a sentence.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::New => "holds the new values, stored",
+            Self::Untouched => "holds its old values: nothing was written",
+            Self::Restored => "holds its old values again",
+            Self::Unknown { may_be_stored: false } => {
+                "may hold new values until its next reset; its storage has the old ones"
+            }
+            Self::Unknown { may_be_stored: true } => "may hold and have stored new values",
+        }
+    }
+
+    /// As a value of JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::New => "new",
+            Self::Untouched => "untouched",
+            Self::Restored => "restored",
+            Self::Unknown { may_be_stored: false } => "unknown, stored values old",
+            Self::Unknown { may_be_stored: true } => "unknown",
+        }
+    }
+}
+
+/// A write that failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Broken {
+    /// Why.
+    pub failure: Failure,
+    /// What each board holds, in the order of the boards.
+    pub states: Vec<State>,
+}
+
+fn failed<T>(node: Id, what: &str, next: &str) -> Result<T, Failure> {
+    Err(Failure::Failed(format!("node {}: {what}\n  next: {next}", node.number())))
+}
+
+fn name(property: Property) -> &'static str {
+    property.row().name
+}
+
+fn set(link: &mut dyn Link, node: Id, property: Property, value: i64) -> Result<(), Failure> {
+    match Message::set(Destination::Node(node), property, value) {
+        Some(message) => Ok(link.send(&message.frame())?),
+        None => failed(node, &format!("{} = {value} has no frame", name(property)), "give a value in range"),
+    }
+}
+
+/// The value of a property; `None` without an answer.
+fn ask(link: &mut dyn Link, node: Id, property: Property) -> Result<Option<i64>, Failure> {
+    for _ in 0..TRIES {
+        link.send(&Message::get(Destination::Node(node), property).frame())?;
+        let until_us = link.now_us() + ANSWER_US;
+        while let Some((_, frame)) = link.receive(until_us)? {
+            match answer(&frame) {
+                Some((from, of, value)) if (from, of) == (node, property) => return Ok(Some(value)),
+                _ if link.now_us() >= until_us => break,
+                _ => {}
+            }
+        }
+    }
+    Ok(None)
+}
+
+const SILENT: &str = "check the board's power, its number, and cable and termination of the bus; --node N leaves other boards alone";
+
+fn get(link: &mut dyn Link, node: Id, property: Property) -> Result<i64, Failure> {
+    match ask(link, node, property)? {
+        Some(value) => Ok(value),
+        None => failed(node, &format!("no answer about {}", name(property)), SILENT),
+    }
+}
+
+fn pause(link: &mut dyn Link, us: u64) -> Result<(), Failure> {
+    let until_us = link.now_us() + us;
+    while link.now_us() < until_us && link.receive(until_us)?.is_some() {}
+    Ok(())
+}
+
+/// Meets a board: wakes it if it is in its monitor, and makes sure that nothing moves.
+///
+/// # Errors
+/// No answer, no application, a motor that moves or may move, or a user who ends it.
+pub fn meet(link: &mut dyn Link, node: Id, progress: &mut dyn FnMut(&str)) -> Result<Present, Failure> {
+    if link.is_interrupted() {
+        return Err(Failure::Interrupted);
+    }
+    if get(link, node, Property::STAT)? != 2 {
+        progress(&format!(
+            "node {} is asleep in its monitor, as after power-up; it is woken (STAT 2)",
+            node.number()
+        ));
+        wake(link, node)?;
+    }
+    let kind = match MotorKind::from_code(get(link, node, Property::KIND)?) {
+        Some(kind) => kind,
+        None => return failed(node, "KIND names no motor", "download an application of this project"),
+    };
+    let mode = get(link, node, Property::MODE)?;
+    if mode != 0 {
+        return failed(
+            node,
+            &format!("it drives its motor (MODE {mode}), and new gains would act at once"),
+            "end the motion and idle the motor (SET MODE 0; GCL: T), then repeat this",
+        );
+    }
+    let velocity = get(link, node, Property::VEL)?;
+    if velocity != 0 {
+        return failed(
+            node,
+            &format!("its motor turns, at {velocity} counts/s"),
+            "wait until it rests, then repeat this",
+        );
+    }
+    Ok(Present { node, kind, serial: get(link, node, Property::SN)? })
+}
+
+fn wake(link: &mut dyn Link, node: Id) -> Result<(), Failure> {
+    set(link, node, Property::STAT, 2)?;
+    let until_us = link.now_us() + WAKE_US;
+    let mut error = None;
+    while link.now_us() < until_us {
+        if link.is_interrupted() {
+            return Err(Failure::Interrupted);
+        }
+        pause(link, LOOK_US)?;
+        if ask(link, node, Property::STAT)? == Some(2) {
+            return Ok(());
+        }
+        // The monitor says why it cannot start the application.
+        error = ask(link, node, Property::ERROR)?.filter(|error| *error != 0).or(error);
+    }
+    let why = error.map_or_else(|| "ERROR 0".to_owned(), |error| format!("ERROR {error}"));
+    failed(
+        node,
+        &format!("it stays asleep for {} s: {why}", WAKE_US / 1_000_000),
+        "look ERROR up in docs/properties.md; 16: `cargo xtask download` gives it an application",
+    )
+}
+
+/// Reads the present values of properties that shall get others.
+///
+/// # Errors
+/// No answer, or a user who ends it.
+pub fn compare(link: &mut dyn Link, present: Present, values: &[(Property, i64)]) -> Result<Board, Failure> {
+    let mut changes = Vec::new();
+    for &(property, new) in values {
+        if link.is_interrupted() {
+            return Err(Failure::Interrupted);
+        }
+        changes.push(Change { property, old: get(link, present.node, property)?, new });
+    }
+    Ok(Board { present, changes })
+}
+
+/// Writes and stores the new values.
+///
+/// # Errors
+/// The adapter is lost, a board does not answer or does not take a value, its flash fails, or the user ends it: what was written has its old
+/// value again where the board still answers.
+pub fn write(link: &mut dyn Link, boards: &[Board], progress: &mut dyn FnMut(&str)) -> Result<(), Broken> {
+    let mut states = vec![State::Untouched; boards.len()];
+    let done = store_all(link, boards, &mut states, progress);
+    let Err(failure) = done else { return Ok(()) };
+    for (board, state) in boards.iter().zip(&mut states).rev() {
+        let may_be_stored = match state {
+            State::Untouched | State::Restored => continue,
+            State::New => true,
+            State::Unknown { may_be_stored } => *may_be_stored,
+        };
+        *state = match restore(link, board, may_be_stored) {
+            Ok(()) => State::Restored,
+            Err(_) => State::Unknown { may_be_stored },
+        };
+    }
+    Err(Broken { failure, states })
+}
+
+fn store_all(
+    link: &mut dyn Link,
+    boards: &[Board],
+    states: &mut [State],
+    progress: &mut dyn FnMut(&str),
+) -> Result<(), Failure> {
+    for (board, state) in boards.iter().zip(states.iter_mut()) {
+        *state = State::Unknown { may_be_stored: false };
+        put(link, board, |change| change.new)?;
+    }
+    for (board, state) in boards.iter().zip(states) {
+        if link.is_interrupted() {
+            return Err(Failure::Interrupted);
+        }
+        let Board { present, changes } = board;
+        progress(&format!(
+            "node {}: {} values of its {} go into its flash",
+            present.node.number(),
+            changes.len(),
+            motor_name(present.kind)
+        ));
+        *state = State::Unknown { may_be_stored: true };
+        store(link, board, |change| change.new)?;
+        *state = State::New;
+    }
+    Ok(())
+}
+
+fn restore(link: &mut dyn Link, board: &Board, is_stored: bool) -> Result<(), Failure> {
+    put(link, board, |change| change.old)?;
+    if is_stored { store(link, board, |change| change.old) } else { Ok(()) }
+}
+
+/// Sets values and reads them back.
+fn put(link: &mut dyn Link, board: &Board, value: fn(&Change) -> i64) -> Result<(), Failure> {
+    let node = board.present.node;
+    for change in &board.changes {
+        set(link, node, change.property, value(change))?;
+        verify(link, node, change.property, value(change), "SET")?;
+    }
+    Ok(())
+}
+
+/// Stores values that are set, and takes them from the storage.
+fn store(link: &mut dyn Link, board: &Board, value: fn(&Change) -> i64) -> Result<(), Failure> {
+    let node = board.present.node;
+    for change in &board.changes {
+        // One by one: SAVE -1 would also store what others have set for a while.
+        set(link, node, Property::SAVE, change.property.id().into())?;
+    }
+    pause(link, STORE_US)?;
+    for change in &board.changes {
+        set(link, node, Property::LOAD, change.property.id().into())?;
+        verify(link, node, change.property, value(change), "SAVE and LOAD")?;
+    }
+    if get(link, node, Property::ERROR)? == i64::from(FaultCode::Storage) {
+        return failed(
+            node,
+            "its flash did not take the values (ERROR 8)",
+            "SET STAT 2 clears ERROR; try again, and replace the board if it stays",
+        );
+    }
+    Ok(())
+}
+
+fn verify(link: &mut dyn Link, node: Id, property: Property, value: i64, after: &str) -> Result<(), Failure> {
+    let found = get(link, node, property)?;
+    if found == value {
+        return Ok(());
+    }
+    failed(
+        node,
+        &format!("{} reads {found} after {after}, expected {value}: the board refused it", name(property)),
+        "read ERROR and look it up in docs/properties.md; an application of another version may have another range",
+    )
+}
+
+#[cfg(test)]
+mod tests;
