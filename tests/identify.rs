@@ -81,7 +81,7 @@ fn ensemble_of_unknown_plants_is_identified() {
             worst[index], LIMITS[index], within[index], inside[index], determined[index]
         );
     }
-    // Ke: two links of 100 are beyond its limit, as docs/identify.md says.
+    // Ke: three links of 100 are beyond its limit, as docs/identify.md says.
     let may_miss = [0, plants / 20, 0, 0, plants, 0];
     for (index, name) in NAMES.iter().enumerate() {
         assert!(within[index] + may_miss[index] >= plants, "{name}: {:.2} %", worst[index]);

@@ -14,17 +14,11 @@ use electric::{Bench, Drawn, Electric};
 use linear::Solution;
 use mechanic::Mechanic;
 use path::{Edge, Point};
-pub use record::Recording;
 use record::Row;
+pub use record::{Recording, UNIT_V};
 
 use crate::world::plant::{PlantParams, RAD_PER_COUNT};
 use tater_wire::{MotorKind, Property};
-
-/// A torque unit of the boards, N·m: 1024 are 65 N·cm.
-pub const UNIT_N_M: f64 = 0.65 / 1024.0;
-
-/// Volts of a torque unit: 1024 are 24 V.
-pub const UNIT_V: f64 = 24.0 / 1024.0;
 
 /// Degrees electrical of a count.
 const DEG: f64 = 60.0;

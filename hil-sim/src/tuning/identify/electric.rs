@@ -12,7 +12,7 @@ use servo_core::units::Duty;
 
 use super::linear::{Normal, Solution};
 use super::path::Point;
-use super::record::Row;
+use super::record::{Row, UNIT_N_M, UNIT_V};
 use crate::world::plant::circuit::{Flow, Winding};
 use crate::world::plant::inverter::Inverter;
 use crate::world::plant::{Model, PlantParams, RAD_PER_COUNT, trapezoid};
@@ -143,10 +143,10 @@ impl Bench<'_> {
     /// The duty by decision 0005, as far as the recording tells: the board's EMF constant is its own.
     fn ordered(&self, electric: Electric, index: usize) -> f64 {
         let row = self.rows[index];
-        let units = row.torque_n_m.unwrap_or(0.0) / super::UNIT_N_M;
+        let units = row.torque_n_m.unwrap_or(0.0) / UNIT_N_M;
         let emf = electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
         let dead = 0.01 * (1.0 + 2.0 * self.nominal.diode_v / row.bus_v) * (units / 30.0).clamp(-1.0, 1.0);
-        (units * super::UNIT_V + emf) / row.bus_v + dead
+        (units * UNIT_V + emf) / row.bus_v + dead
     }
 
     /// The interval after a row, with the duty that was recorded or else the ordered one, corrected slowly until the model draws what was

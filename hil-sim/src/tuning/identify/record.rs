@@ -4,6 +4,12 @@ use crate::experiment::input::{BadInput, shorten};
 use crate::world::rig::halls::CODES;
 use tater_wire::MotorKind;
 
+/// A torque unit of the boards, N·m: 1024 are 65 N·cm.
+pub const UNIT_N_M: f64 = 0.65 / 1024.0;
+
+/// Volts of a torque unit: 1024 are 24 V.
+pub const UNIT_V: f64 = 24.0 / 1024.0;
+
 /// Columns that a recording must have.
 const NEEDED: [&str; 5] = ["time_ms", "halls_code", "bus_v", "bus_a", "bridge_on"];
 
@@ -226,7 +232,7 @@ impl Columns<'_> {
             bus_v,
             bus_a: self.number(line, "bus_a")?,
             duty: percent.map(|percent| percent / 100.0),
-            torque_n_m: self.maybe(line, "torque_per_1024")?.map(|units| units * super::UNIT_N_M),
+            torque_n_m: self.maybe(line, "torque_per_1024")?.map(|units| units * UNIT_N_M),
             is_driven: self.number(line, "bridge_on")? > 0.5,
             is_free: released || matches!(motor, Some(MotorKind::Link | MotorKind::Tip)),
             housing_c: self.maybe(line, "thermistor_c")?.unwrap_or(25.0),
