@@ -21,6 +21,9 @@ fn phase(value: Complex64) -> f64 {
     if degrees > 0.0 { degrees - 360.0 } else { degrees }
 }
 
+/// Name, class, and what it makes of L.
+type Curve = (&'static str, &'static str, fn(Complex64) -> f64);
+
 const ONE: Complex64 = Complex64::new(1.0, 0.0);
 
 /// Magnitudes of L, T and S, and the phase of L, over the frequency; `facts` as preformatted text below.
@@ -51,7 +54,7 @@ pub fn charts(sheet: &mut Sheet, group: &str, response: &Response) {
     };
     let mut magnitude = chart("Magnitude", "dB; L open loop, T closed loop, S sensitivity", 0.0);
     magnitude.labeled = true;
-    let curves: [(&str, &str, fn(Complex64) -> f64); 3] =
+    let curves: [Curve; 3] =
         [("L", "c1", db), ("T", "c3", |l| db(l / (ONE + l))), ("S", "c2", |l| db(ONE / (ONE + l)))];
     for (name, class, of) in curves {
         let column = sheet.column(values(of), Some(2));
