@@ -127,7 +127,7 @@
     const [xs, ys] = [x(series), y(series)];
     const from = Math.max(before(xs, ax.min) - 1, 0), to = Math.min(before(xs, ax.max) + 2, xs.length);
     const dense = to - from > 3 * Math.abs(ax.to - ax.from);
-    let path = '', down = false, low = -1, high = -1, pixel = NaN;
+    let path = '', down = false, low = -1, high = -1, pixel = null;
     const put = i => {
       const value = ys[i];
       if (value === null || (ay.log && value <= 0)) { down = false; return; }

@@ -21,7 +21,7 @@ fn phase(value: Complex64) -> f64 {
     if degrees > 0.0 { degrees - 360.0 } else { degrees }
 }
 
-/// Name, class and value of a curve.
+/// Name, class, and what it makes of L.
 type Curve = (&'static str, &'static str, fn(Complex64) -> f64);
 
 const ONE: Complex64 = Complex64::new(1.0, 0.0);
