@@ -43,7 +43,7 @@ fn file_that_may_not_be_applied_is_refused_and_named() {
     for (from, to, what) in [
         ("\"format\": 1", "\"format\": 2", "another format"),
         ("\"format\": 1,", "", "not an export of it"),
-        ("\"KP\": 150", "\"KQ\": 150", "did you mean KP?"),
+        ("\"KP\": 150", "\"KPW\": 150", "did you mean KP?"),
         ("\"KP\": 150", "\"ID\": 3", "no property that shapes a motion"),
         ("\"KP\": 150", "\"KP\": 99999", "KP from 0 to 32767"),
         ("\"KP\": 150", "\"KP\": -1", "out of range"),
