@@ -27,7 +27,7 @@ const PLANTS: u64 = 20;
 const REALIZATIONS: u32 = 4;
 
 /// Plants of a glance during the search, and the cost of having no margin at all: more than any term.
-const GLANCED: u64 = 3;
+const GLANCED: u64 = 2;
 const PENALTY: f64 = 20.0;
 
 /// Properties that multiply an error: what a stability margin is about.

@@ -98,3 +98,48 @@ fn hopeless_candidate_is_left_early() {
     let left = judge(whole.cost / 100.0);
     assert!(whole.is_whole && whole.runs == 40 && !left.is_whole && left.runs == 10);
 }
+
+#[test]
+fn guards_trade_false_alarms_for_delay() {
+    let settings = settings(MotorKind::Link, Objective::Grasp, &[], 3);
+    let trades = alarms::trade_offs(&settings.ensemble, &|_| ());
+    assert_eq!(trades.iter().map(|trade| trade.property.name).collect::<Vec<_>>(), ["TSTOP", "BT"]);
+    for trade in &trades {
+        let delay = |point: &Point| point.delay_ms.map(|(mean, _)| mean).expect("a delay");
+        // The smallest values end moves before they touch the object.
+        let first = trade.points.iter().find(|point| point.delay_ms.is_some()).expect("a delay");
+        let last = &trade.points[trade.points.len() - 1];
+        assert_eq!((last.alarms, last.missed), (0, 0), "{last:?}");
+        assert!(delay(last) > delay(first) && trade.suggested().is_some(), "{trade:?}");
+    }
+    // Slow moves have 50 ms from count to count.
+    assert!(trades[0].points[0].alarms > 0, "{trades:?}");
+}
+
+#[test]
+fn heavier_rotor_takes_margin_and_too_little_costs() {
+    let settings = settings(MotorKind::Link, Objective::Step, &[], 1);
+    let start: Vec<i64> = settings.axes.iter().map(|axis| axis.start).collect();
+    let ms_of = |inertia: &str| {
+        let mut settings =
+            Settings { ensemble: settings.ensemble.clone(), axes: settings.axes.clone(), ..settings };
+        settings.ensemble.bench.override_figures(&[("plant", inertia)]).expect("valid");
+        settings.ensemble.scatter = 0.0;
+        let margins = stability::margins(&settings, &start);
+        (margins[0].ms, margins[0].suffice(), stability::penalty(&settings, &start))
+    };
+    let (usual, suffices, costs) = ms_of("inertia=1x");
+    assert!(usual < 1.4 && suffices && costs == 0.0, "{usual} {costs}");
+    let (heavy, ..) = ms_of("inertia=3x");
+    assert!(heavy > usual + 0.3, "{heavy}");
+    let margins = stability::margins(&settings, &start);
+    for (ms, phase, gain, suffices) in [
+        (2.0, Some(30.0), Some(2.0), true),
+        (2.1, Some(60.0), None, false),
+        (1.5, Some(29.0), None, false),
+        (1.5, None, Some(1.9), false),
+    ] {
+        let margins = LoopMargins { ms, phase_margin_deg: phase, gain_margin: gain, ..margins[0].clone() };
+        assert_eq!(margins.suffice(), suffices, "{ms} {phase:?} {gain:?}");
+    }
+}
