@@ -80,3 +80,16 @@ fn bad_recordings_are_refused_and_nothing_is_written() {
     }
     std::fs::remove_dir_all(dir).expect("removed");
 }
+
+#[test]
+fn recording_without_a_place_moves_no_motor() {
+    let dir = folder("place");
+    for out in ["none/trace.csv", "."] {
+        let output = sim(&format!("excite --motor link --out {out}"), &dir);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{out}: {text}");
+        assert!(text.contains("cannot be written") && !text.contains("finding the stop"), "{out}: {text}");
+    }
+    assert_eq!(std::fs::read_dir(&dir).expect("readable").count(), 0);
+    std::fs::remove_dir_all(dir).expect("removed");
+}
