@@ -36,7 +36,7 @@ fn recorded_move_gives_every_figure_and_a_page_of_residuals() {
         assert!(determined(name), "{name}: {object:#}");
     }
     let page = std::fs::read_to_string(dir.join("page/residuals.html")).expect("written");
-    assert_eq!(page.matches("<svg").count(), 2, "bus current and edges");
+    assert_eq!(page.matches("<figure").count(), 2, "bus current and edges");
     assert!(!page.contains("NaN"));
     std::fs::remove_dir_all(dir).expect("removed");
 }
