@@ -11,12 +11,14 @@
 //! `cmaes`. The same settings give the same result, with any number of threads.
 
 mod alarms;
+mod candidate;
 mod ensemble;
 mod envelope;
 mod objective;
 mod stability;
 
 pub use alarms::{Point, TradeOff};
+pub use candidate::{Axis, Candidate, Settings, put};
 pub use ensemble::{Broken, Ensemble, Judged, Spread};
 pub use envelope::{Bands, Envelope, envelopes};
 pub use objective::{Goal, Objective, Term};
@@ -30,7 +32,6 @@ use rayon::ThreadPool;
 use servo_core::Config;
 use tater_wire::MotorKind;
 
-use crate::experiment::properties::Property;
 use stability::Stable;
 
 /// The best candidates are judged again on other plants, this many times as many, and the best there is the result: the first of many on
@@ -40,41 +41,6 @@ const SELECTED: usize = 6;
 
 /// A candidate is hopeless while it is known to cost more than this multiple of the best.
 const HOPELESS: f64 = 1.5;
-
-/// One dimension of the search.
-#[derive(Clone, Copy, Debug)]
-pub struct Axis {
-    /// The property.
-    pub property: &'static Property,
-    /// Where the search begins.
-    pub start: i64,
-    /// Below it steps are differences, above it factors, in the property's unit.
-    pub knee: f64,
-}
-
-impl Axis {
-    /// The property's value at a place of the search, where 0 is the start and 1 about a factor of e.
-    #[must_use]
-    pub fn value(&self, place: f64) -> i64 {
-        let (min, max) = self.property.range();
-        let from = (self.start as f64 / self.knee).asinh();
-        let value = self.knee * (from + place).sinh();
-        (value.clamp(min as f64, max as f64)).round() as i64
-    }
-}
-
-/// What to tune.
-#[derive(Debug)]
-pub struct Settings {
-    /// The properties.
-    pub axes: Vec<Axis>,
-    /// The plants, with the goals.
-    pub ensemble: Ensemble,
-    /// Seed of the search.
-    pub seed: u64,
-    /// Most candidates.
-    pub candidates: usize,
-}
 
 /// How far the search is.
 #[derive(Clone, Debug)]
@@ -87,15 +53,6 @@ pub struct Progress {
     pub best: f64,
     /// Its values, in the order of the axes.
     pub values: Vec<i64>,
-}
-
-/// A candidate that ran on the whole ensemble.
-#[derive(Clone, Debug)]
-pub struct Candidate {
-    /// Its values, in the order of the axes.
-    pub values: Vec<i64>,
-    /// What it costs.
-    pub judged: Judged,
 }
 
 /// The result of a search.
@@ -220,14 +177,6 @@ fn finish(settings: &Settings, start: Candidate, best: Candidate, mut seen: Seen
         candidates,
         runs,
         archive,
-    }
-}
-
-/// Applies values to a board's properties.
-pub fn put(axes: &[Axis], values: &[i64], config: &mut Config) {
-    for (axis, value) in axes.iter().zip(values) {
-        // Clamped to its range by [`Axis::value`].
-        let _ = axis.property.set(config, *value);
     }
 }
 

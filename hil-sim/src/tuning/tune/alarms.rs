@@ -1,15 +1,15 @@
 //! What TSTOP and BT trade: false alarms per hour against the delay of a real one.
 //!
 //! A false alarm is a move without an obstacle that ends as a stall (TSTOP) or a breakaway (BT). Each plant moves slowly, with 50 ms from count
-//! to count, and as fast as it can. The delay is that from an object's first touch to the end of the move, at 100 counts/s: faster, the torque
-//! is at its limit in a few milliseconds, and BT makes no difference.
+//! to count, and as fast as it can. The delay is that from an object's first touch to the end of the move, at 100 counts/s.
+//! BT makes no difference to it up to MT: the torque is at its limit before the rotor is slow enough.
 
 use rayon::prelude::*;
 use servo_core::{Config, EndReason, mode::Mode};
 use tater_fw::codes::mode_code;
 use tater_wire::MotorKind;
 
-use super::Ensemble;
+use super::ensemble::Ensemble;
 use crate::experiment::input::BadInput;
 use crate::experiment::properties::{self, Property};
 use crate::experiment::run::{MotorRun, Options, run};

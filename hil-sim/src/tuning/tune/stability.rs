@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 use servo_core::Config;
 
-use super::{Axis, Candidate, Ensemble, Settings, put};
+use super::candidate::{Axis, Candidate, Settings, put};
+use super::ensemble::Ensemble;
 use crate::tuning::bode::{self, Loop, Setup};
 use crate::tuning::response::{Point, Response};
 
