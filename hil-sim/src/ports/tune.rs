@@ -153,6 +153,8 @@ struct Tuned {
     goals: Vec<Goal>,
     /// Properties of `--set` that are not tuned.
     kept: Vec<(&'static str, i64)>,
+    /// The unseen plants liked nothing better than the start.
+    kept_start: bool,
     /// Start and result on unseen plants.
     unseen: [Judged; 2],
     plants: u64,
@@ -195,26 +197,31 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     for kind in args.motor.kinds() {
         let (settings, first_unseen) = settings(args, kind)?;
         let kept = kept(args, &settings);
-        let found = search(args, &settings, &pool, clock).map_err(|broken| hopeless(kind, &broken))?;
+        let mut found = search(args, &settings, &pool, clock).map_err(|broken| hopeless(kind, &broken))?;
         let unseen = Ensemble { first_seed: first_unseen, plants: args.unseen, ..settings.ensemble.clone() };
         let on_unseen = |candidate: &Candidate| {
             pool.install(|| {
                 unseen.judge(&|config| tune::put(&settings.axes, &candidate.values, config), f64::INFINITY)
             })
         };
+        let mut judged = [on_unseen(&found.start), on_unseen(&found.tuned)];
+        let kept_start = judged[1].cost >= judged[0].cost && found.keep_start(&judged[0]);
+        if kept_start {
+            judged[1] = judged[0].clone();
+        }
         let envelopes = args.out.as_ref().map_or_else(Vec::new, |_| {
             let [before, after] = [&found.start, &found.tuned]
                 .map(|candidate| |config: &mut _| tune::put(&settings.axes, &candidate.values, config));
             pool.install(|| tune::envelopes(&unseen, tune_report::PLANTS, &before, &after))
         });
-        let unseen = [on_unseen(&found.start), on_unseen(&found.tuned)];
         let Settings { axes, ensemble, .. } = settings;
         let reproduce = reproduce(args, kind, found.candidates);
         all.push(Tuned {
             found,
             axes,
             goals: ensemble.goals,
-            unseen,
+            kept_start,
+            unseen: judged,
             plants: args.unseen,
             first_unseen,
             reproduce,
@@ -460,6 +467,7 @@ fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
         "cost": { "start": found.start.judged.cost, "tuned": found.tuned.judged.cost },
         "candidates": found.candidates,
         "runs": found.runs,
+        "kept_start": tuned.kept_start,
         "reproduce": reproduce,
         "stability": { "edge_factor": found.edge, "least_edge_factor": LEAST_EDGE, "backed_off_by": found.backed_off,
             "least_phase_margin_deg": LEAST_PHASE_DEG, "most_ms": MOST_MS,
@@ -570,6 +578,11 @@ fn text(all: &[Tuned], reproduce: &str) -> String {
             factor => format!("lowered to {factor:.2} of the best, which leaves {LEAST_EDGE}"),
         };
         text.push_str(&format!("  {edge} until a limit breaks or the cost doubles; {back}\n"));
+        if tuned.kept_start {
+            text.push_str(
+                "  the best candidate cost no less than the start on the unseen plants: the start is kept\n",
+            );
+        }
         text.push_str(&stability_text(found));
         text.push_str(&trade_offs_text(&found.trade_offs));
         text.push_str(&format!(

@@ -84,6 +84,19 @@ pub struct Found {
     pub archive: Vec<Candidate>,
 }
 
+impl Found {
+    /// Makes the start the result, unless it lacks a margin or breaks a limit on plants that the search has not seen. Returns whether
+    /// it did.
+    pub fn keep_start(&mut self, unseen: &Judged) -> bool {
+        let keeps = unseen.broken.is_empty() && self.start_margins.iter().all(LoopMargins::suffice);
+        if keeps {
+            (self.tuned, self.margins) = (self.start.clone(), self.start_margins.clone());
+            self.backed_off = 1.0;
+        }
+        keeps
+    }
+}
+
 /// Searches on the threads of `pool` until the candidates are used up, the search has converged, or `go_on` says no; it is asked between generations.
 ///
 /// # Errors
