@@ -10,12 +10,14 @@
 //! | floor | modules |
 //! |---|---|
 //! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file` |
+//! | tuning | none yet |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
 
 mod experiment;
 mod ports;
+mod tuning;
 mod world;
 
 pub use experiment::run::{MotorRun, Options, Outcome, board, node_of, rig, run, set};
