@@ -27,6 +27,7 @@ pub use experiment::{
 };
 pub use ports::{cli, grasper, slcan};
 pub use tater_fw::motion::defaults;
+pub use tuning::{excite, identify};
 pub use tater_wire::MotorKind;
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};

@@ -12,7 +12,7 @@ const COUNTS_PER_DEG: f64 = 1.0 / 60.0;
 const DRAWS: usize = 4;
 
 /// Code of each sector (decision 0003), bit 0 = line 0.
-const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
+pub const CODES: [u8; 6] = [2, 6, 4, 5, 1, 3];
 
 /// The sensors and their lines.
 #[derive(Clone, Debug)]

@@ -1,0 +1,282 @@
+//! A motor's figures from a recorded move: resistance, EMF constant, inertia, friction, delay and the halls' placement, each with a 95 %
+//! interval, and which move would tell what this one does not (docs/identify.md).
+//!
+//! Three steps, repeated until they agree: the rotor's path from the hall edges ([`path`]), the winding from the bus current along it
+//! ([`electric`]), the shaft from the torque of that current ([`mechanic`]).
+
+mod electric;
+mod linear;
+mod mechanic;
+mod path;
+pub mod record;
+
+use electric::{Bench, Drawn, Electric};
+use linear::Solution;
+use mechanic::Mechanic;
+use path::{Edge, Point};
+pub use record::Recording;
+use record::Row;
+
+use crate::world::plant::{PlantParams, RAD_PER_COUNT};
+use tater_wire::MotorKind;
+
+/// A torque unit of the boards, N·m: 1024 are 65 N·cm.
+pub const UNIT_N_M: f64 = 0.65 / 1024.0;
+
+/// Volts of a torque unit: 1024 are 24 V.
+pub const UNIT_V: f64 = 24.0 / 1024.0;
+
+/// Degrees electrical of a count.
+const DEG: f64 = 60.0;
+
+/// 97.5th percentile of the normal distribution.
+const SIGMAS: f64 = 1.96;
+
+/// Rounds of path, winding and shaft: from the fourth on, none of 20 plants changed by more than a tenth of its interval.
+const ROUNDS: usize = 5;
+
+/// A figure with its 95 % interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Best value.
+    pub value: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
+    /// Whether the interval is narrow enough to use the value.
+    pub is_determined: bool,
+}
+
+impl Estimate {
+    fn new(value: f64, sigma: f64, most: f64) -> Self {
+        let half = SIGMAS * sigma;
+        Self { value, low: value - half, high: value + half, is_determined: half <= most }
+    }
+}
+
+/// The figures of a motor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// Line to line at 25 °C, Ω.
+    pub r_ohm: Estimate,
+    /// EMF constant, V·s/rad, equal to the torque constant, N·m/A.
+    pub ke_v_s: Estimate,
+    /// Inertia at the rotor, kg·m².
+    pub j_kg_m2: Estimate,
+    /// Coulomb friction, N·m.
+    pub coulomb_n_m: Estimate,
+    /// Viscous friction, N·m·s/rad.
+    pub viscous_n_m_s: Estimate,
+    /// Time by which recorded hall edges are later than the recorded current's effect, ms; negative if the current is the later one.
+    pub delay_ms: Estimate,
+    /// Error of the upper boundary of each sector less their mean, degrees electrical.
+    pub hall_error_deg: [Estimate; 6],
+    /// What the figures leave unexplained.
+    pub residuals: Residuals,
+    /// The moves that would determine what this one does not, each once.
+    pub missing: Vec<&'static str>,
+    /// Remarks on the recording.
+    pub remarks: Vec<String>,
+}
+
+/// Residuals over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Residuals {
+    /// Time, ms, and measured less expected bus current, A, of each interval with a known duty.
+    pub bus_a: Vec<(f64, f64)>,
+    /// Time, ms, and boundary less the rotor's expected place, counts, of each edge that was used.
+    pub edge_counts: Vec<(f64, f64)>,
+}
+
+/// The state of the fit.
+struct Fit<'a> {
+    rows: &'a [Row],
+    edges: Vec<Edge>,
+    nominal: PlantParams,
+    points: Vec<Point>,
+    placement: [f64; 6],
+    electric: Electric,
+    winding: Option<Solution>,
+    drawn: Vec<Drawn>,
+    shaft: Option<Mechanic>,
+}
+
+impl<'a> Fit<'a> {
+    fn new(recording: &'a Recording) -> Self {
+        let rows = recording.rows.as_slice();
+        let nominal = PlantParams::for_motor(MotorKind::Link);
+        Self {
+            rows,
+            edges: path::edges(rows),
+            electric: Electric { r_ohm: nominal.r_ohm, ke_v_s: nominal.ke_v_s, l_h: nominal.l_mh * 1e-3 },
+            nominal,
+            points: Vec::new(),
+            placement: [0.0; 6],
+            winding: None,
+            drawn: Vec::new(),
+            shaft: None,
+        }
+    }
+
+    /// What accelerates the rotor in each interval as far as it is known, counts/s², and the noise of the rest.
+    fn push(&self) -> (Vec<f64>, Vec<f64>) {
+        let intervals = self.rows.len() - 1;
+        let Some(shaft) = &self.shaft else {
+            let noise = |row: &Row| if row.is_driven { 5e6 } else { 2e5 };
+            return (vec![0.0; intervals], self.rows[..intervals].iter().map(noise).collect());
+        };
+        let cells = || self.rows.iter().map(|row| row.cell);
+        let (low, high) = (cells().min().unwrap_or(0), cells().max().unwrap_or(0));
+        let x = &shaft.solution.x;
+        let one = |index: usize| {
+            let (cell, speed) = (self.rows[index].cell, self.points[index].speed);
+            // An impact on a stop, or a start from rest, is beyond the model.
+            if cell <= low + 2 || cell >= high - 2 {
+                return (0.0, 5e6);
+            }
+            let friction = (x[1] / RAD_PER_COUNT + x[2] * speed.abs()) * speed.signum();
+            let torque = x[0] * self.drawn[index].torque_n_m / RAD_PER_COUNT;
+            if speed.abs() < mechanic::LEAST_SPEED {
+                return (0.0, 2e5 + (torque * torque) * 0.01);
+            }
+            let push = torque - friction;
+            (push, 3e3 + (0.05 * torque).powi(2) * 5e-3)
+        };
+        (0..intervals).map(one).unzip()
+    }
+
+    fn round(&mut self) {
+        let placed = if self.shaft.is_some() { 0.02 } else { 0.1 };
+        let (push, noise) = self.push();
+        self.points = path::smooth(self.rows, &self.edges, &self.placement, placed, (&push, &noise));
+        let bench =
+            Bench { rows: self.rows, points: &self.points, placement: self.placement, nominal: &self.nominal };
+        if let Some((electric, solution)) = bench.fit(self.electric) {
+            (self.electric, self.winding) = (electric, Some(solution));
+        }
+        self.drawn = bench.run(self.electric);
+        self.shaft = mechanic::fit(self.rows, &self.points, &self.edges, &self.drawn);
+        if let Some(shaft) = &self.shaft {
+            self.placement = shaft.placement();
+        }
+    }
+}
+
+/// Identifies the motor of a recording.
+#[must_use]
+pub fn identify(recording: &Recording) -> Identified {
+    let mut fit = Fit::new(recording);
+    for _ in 0..ROUNDS {
+        fit.round();
+    }
+    if std::env::var("DBG").is_ok() { for (i, p) in fit.points.iter().enumerate().take(fit.drawn.len()) { eprintln!("P {:.1} {} {:.3} {:.2} {:.2} ib {:.3} {:.3} tq {:.4} d {:.4}", fit.rows[i].t_s*1e3, fit.rows[i].cell, p.counts, p.speed, p.sigma, fit.rows[i+1].bus_a, fit.drawn[i].bus_a, fit.drawn[i].torque_n_m, fit.drawn[i].duty); } }
+    figures(recording, &fit)
+}
+
+fn figures(recording: &Recording, fit: &Fit) -> Identified {
+    let Electric { r_ohm, ke_v_s, .. } = fit.electric;
+    // The bus voltage is recorded in steps; its error is that of a whole recording.
+    let bus_v = recording.rows.iter().map(|row| row.bus_v).sum::<f64>() / recording.rows.len() as f64;
+    let coarse = recording.bus_step_v / 12f64.sqrt() / bus_v;
+    let relative = |index: usize| match &fit.winding {
+        Some(solution) => (solution.sigma(index).powi(2) + coarse * coarse).sqrt(),
+        None => 1.0,
+    };
+    let (r_sigma, ke_sigma) = (relative(0), relative(1));
+    let mut missing = Vec::new();
+    let r = Estimate::new(r_ohm, r_sigma * r_ohm, 0.05 * r_ohm);
+    let ke = Estimate::new(ke_v_s, ke_sigma * ke_v_s, 0.025 * ke_v_s);
+    let shaft = shaft(fit, ke_v_s, ke_sigma);
+    let mut advise = |estimate: &Estimate, advice| {
+        if !estimate.is_determined && !missing.contains(&advice) {
+            missing.push(advice);
+        }
+    };
+    advise(&r, "push at a stop with 250 to 400 of torque for 0.1 s (the first part of `hil-sim excite`)");
+    advise(&ke, "run freely at full duty for 30 counts or more (the fast part of `hil-sim excite`)");
+    advise(&shaft.j, "accelerate and brake at a torque of 200 or more, several times (`hil-sim excite`)");
+    advise(&shaft.coulomb, "cruise in both directions at 150 to 400 counts/s (`hil-sim excite`)");
+    advise(&shaft.viscous, "cruise at two speeds that differ by 400 counts/s or more, each for 0.3 s (`hil-sim excite`)");
+    advise(&shaft.delay, "steps of torque while the rotor turns (`hil-sim excite`)");
+    shaft.halls.iter().for_each(|hall| advise(hall, "cruise over 60 counts or more (`hil-sim excite`)"));
+    let known = (0..fit.drawn.len()).filter(|index| fit.rows[*index].duty.is_some() && fit.rows[*index].is_driven);
+    let bus_a = known
+        .map(|index| (1e3 * fit.rows[index + 1].t_s, fit.rows[index + 1].bus_a - fit.drawn[index].bus_a))
+        .collect();
+    let edge_counts = fit.shaft.iter().flat_map(|shaft| &shaft.residuals).map(|(t_s, of)| (1e3 * t_s, *of)).collect();
+    Identified {
+        r_ohm: r,
+        ke_v_s: ke,
+        j_kg_m2: shaft.j,
+        coulomb_n_m: shaft.coulomb,
+        viscous_n_m_s: shaft.viscous,
+        delay_ms: shaft.delay,
+        hall_error_deg: shaft.halls,
+        residuals: Residuals { bus_a, edge_counts },
+        missing,
+        remarks: remarks(recording, fit),
+    }
+}
+
+/// The figures of the shaft.
+struct Shaft {
+    j: Estimate,
+    coulomb: Estimate,
+    viscous: Estimate,
+    delay: Estimate,
+    halls: [Estimate; 6],
+}
+
+/// Nothing known.
+const UNKNOWN: Estimate = Estimate { value: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY, is_determined: false };
+
+fn shaft(fit: &Fit, _ke: f64, ke_sigma: f64) -> Shaft {
+    let Some(Mechanic { solution, .. }) = &fit.shaft else {
+        return Shaft { j: UNKNOWN, coulomb: UNKNOWN, viscous: UNKNOWN, delay: UNKNOWN, halls: [UNKNOWN; 6] };
+    };
+    let x = &solution.x;
+    let j = 1.0 / x[0];
+    // A ratio y/x has the gradient (1/x, -y/x²).
+    let ratio = |index: usize| {
+        let mut gradient = vec![0.0; mechanic::SIZE];
+        (gradient[0], gradient[index]) = (-x[index] * j * j, j);
+        // The torque's scale is Ke.
+        let scale = x[index] * j * ke_sigma;
+        (x[index] * j, (solution.variance(&gradient) + scale * scale).sqrt())
+    };
+    let j_sigma = j * ((solution.sigma(0) * j).powi(2) + ke_sigma * ke_sigma).sqrt();
+    let (coulomb, coulomb_sigma) = ratio(1);
+    let (viscous, viscous_sigma) = ratio(2);
+    let hall = |index: usize| {
+        let mut gradient = vec![0.0; mechanic::SIZE];
+        match gradient[4..].get_mut(index) {
+            Some(own) => *own = 1.0,
+            None => gradient[4..].fill(-1.0),
+        }
+        let sigma = solution.variance(&gradient).sqrt() * DEG;
+        Estimate::new(fit.placement[index] * DEG, sigma, 3.0)
+    };
+    Shaft {
+        j: Estimate::new(j, j_sigma, 0.075 * j.abs()),
+        coulomb: Estimate::new(coulomb, coulomb_sigma, 0.2 * coulomb.abs()),
+        viscous: Estimate::new(viscous, viscous_sigma, 0.3 * viscous.abs()),
+        delay: Estimate::new(1e3 * x[3], 1e3 * solution.sigma(3), 0.5),
+        halls: [0, 1, 2, 3, 4, 5].map(hall),
+    }
+}
+
+fn remarks(recording: &Recording, fit: &Fit) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if !recording.has_temperature {
+        remarks.push("no thermistor_c: R is that of a winding that began at 25 °C".to_owned());
+    }
+    if fit.winding.is_none() {
+        remarks.push("no row has a known duty: R and Ke are guesses".to_owned());
+    }
+    let stretches = fit.shaft.as_ref().map_or(0, |shaft| shaft.stretches);
+    if stretches < 6 {
+        remarks.push(format!("{stretches} stretches above {} counts/s: the intervals need 6 or more", mechanic::LEAST_SPEED));
+    }
+    remarks
+}

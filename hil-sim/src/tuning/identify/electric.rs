@@ -1,0 +1,254 @@
+//! The electrical half: bridge and winding along the rotor's measured path, and the resistance, EMF constant and inductance with which the
+//! bus current comes out as measured.
+//!
+//! ```text
+//! duty·V = R·i + Ke·ω + L·di/dt      bus current = duty·i, and the ripple's heat
+//! ```
+//!
+//! The bridge is the simulator's averaged model: dead time, floating phase and the rise of the current after each commutation are in it.
+
+use servo_core::sense::commutation::{Bridge, bridge};
+use servo_core::units::Duty;
+
+use super::linear::{Normal, Solution};
+use super::path::Point;
+use super::record::Row;
+use crate::world::plant::circuit::{Flow, Winding};
+use crate::world::plant::inverter::Inverter;
+use crate::world::plant::{Model, PlantParams, RAD_PER_COUNT, trapezoid};
+
+/// Steps of the circuit within an interval, s.
+const STEP_S: f64 = 100e-6;
+
+/// Error of the bus current: half a step of the ADC (40 A of 4095) by noise and half by rounding.
+const ADC_A: f64 = 0.004;
+
+/// Least duty at which the bus current shows that of the phase.
+const LEAST_DUTY: f64 = 0.02;
+
+/// Length of the groups in which errors are correlated, s.
+const GROUP_S: f64 = 0.05;
+
+/// What the electrical half consists of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Electric {
+    /// Line to line at 25 °C, Ω.
+    pub r_ohm: f64,
+    /// V·s/rad, and N·m/A.
+    pub ke_v_s: f64,
+    /// Line to line, H.
+    pub l_h: f64,
+}
+
+impl Electric {
+    fn logs(self) -> [f64; 3] {
+        [self.r_ohm.ln(), self.ke_v_s.ln(), self.l_h.ln()]
+    }
+
+    fn of(logs: [f64; 3]) -> Self {
+        let [r_ohm, ke_v_s, l_h] = logs.map(f64::exp);
+        Self { r_ohm, ke_v_s, l_h }
+    }
+}
+
+/// What the model has in an interval between two rows, means.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Drawn {
+    /// Bus current, A.
+    pub bus_a: f64,
+    /// The motor's torque with the current that was measured, N·m.
+    pub torque_n_m: f64,
+    /// The duty that was used.
+    pub duty: f64,
+}
+
+/// The recording as the circuit needs it.
+pub struct Bench<'a> {
+    /// The rows.
+    pub rows: &'a [Row],
+    /// The rotor at each.
+    pub points: &'a [Point],
+    /// Errors of the boundaries, counts, by the sector below.
+    pub placement: [f64; 6],
+    /// Dead time, diodes, copper and heat capacities are those of this plant.
+    pub nominal: &'a PlantParams,
+}
+
+/// The winding and its state.
+struct Circuit {
+    electric: Electric,
+    inverter: Inverter,
+    current: [f64; 3],
+    /// Rise of the winding over the housing, K.
+    rise_k: f64,
+}
+
+impl Bench<'_> {
+    fn circuit(&self, electric: Electric) -> Circuit {
+        let winding = Winding::new(1.0, 1e-3, 24.0, self.nominal.diode_v);
+        let dead_s = self.nominal.dead_time_us * 1e-6;
+        Circuit { electric, inverter: Inverter::new(Model::Averaged, winding, dead_s), current: [0.0; 3], rise_k: 0.0 }
+    }
+
+    /// Advances the circuit over the interval after a row with a duty; returns charge from the bus (A), torque (N·m) and heat (J).
+    fn advance(&self, circuit: &mut Circuit, index: usize, duty: f64) -> (f64, f64, f64) {
+        let (from, to) = (self.rows[index], self.rows[index + 1]);
+        let (a, b) = (self.points[index], self.points[index + 1]);
+        let dt = to.t_s - from.t_s;
+        let Electric { r_ohm, ke_v_s, l_h } = circuit.electric;
+        let hot = 1.0 + self.nominal.r_per_k * (from.housing_c + circuit.rise_k - 25.0);
+        let winding = Winding::new(0.5 * r_ohm * hot, 0.5 * l_h, from.bus_v, self.nominal.diode_v);
+        circuit.inverter.set_winding(winding);
+        let bits = Duty::from_bits((duty * 32768.0).round().clamp(-32767.0, 32767.0) as i16);
+        let steps = (dt / STEP_S).ceil().max(1.0);
+        let (step, dir) = (dt / steps, (to.cell - from.cell).signum());
+        let (mut cell, mut flow, mut impulse) = (from.cell, Flow::default(), 0.0);
+        for at in 0..steps as usize {
+            let share = (at as f64 + 0.5) / steps;
+            let counts = hermite(a, b, dt, share);
+            let speed = a.speed + share * (b.speed - a.speed);
+            while cell != to.cell && dir as f64 * (counts - self.boundary(cell, dir)) >= 0.0 {
+                cell += dir;
+            }
+            let shape = trapezoid(counts);
+            let k = 0.5 * ke_v_s;
+            let emf = shape.map(|of| k * of * speed * RAD_PER_COUNT);
+            let sector = cell.rem_euclid(6) as u8;
+            let legs = if from.is_driven { bridge(Some(sector), Some(bits)) } else { Bridge::Off };
+            circuit.inverter.set_bridge(legs);
+            let before = flow.charge;
+            circuit.inverter.advance(&mut circuit.current, emf, 0.0, step, &mut flow);
+            impulse += (0..3).map(|phase| k * shape[phase] * (flow.charge[phase] - before[phase])).sum::<f64>();
+        }
+        (flow.bus_charge / dt, impulse / dt, flow.copper_j)
+    }
+
+    fn boundary(&self, cell: i64, dir: i64) -> f64 {
+        let below = if dir > 0 { cell } else { cell - 1 };
+        below as f64 + 0.5 + self.placement[below.rem_euclid(6) as usize]
+    }
+
+    /// The duty at which the model draws about the measured bus current: d²·V = R·i_bus + d·Ke·ω, of its two roots the one that fits the
+    /// ordered torque.
+    fn guess(&self, electric: Electric, index: usize) -> f64 {
+        let (row, next) = (self.rows[index], self.rows[index + 1]);
+        let emf = electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
+        let ordered = row.torque_n_m.unwrap_or(0.0) / super::UNIT_N_M * 24.0 / 1024.0 + emf;
+        let root = (emf * emf + 4.0 * row.bus_v * electric.r_ohm * next.bus_a).max(0.0).sqrt();
+        let [low, high] = [(emf - root) / (2.0 * row.bus_v), (emf + root) / (2.0 * row.bus_v)];
+        let near = |duty: f64| (duty * row.bus_v - ordered).abs();
+        let duty = if near(low) < near(high) { low } else { high };
+        duty.clamp(-0.97, 0.97)
+    }
+
+    /// The interval after a row, with the duty that was recorded or else the one that draws the measured current.
+    fn interval(&self, circuit: &mut Circuit, index: usize) -> Drawn {
+        let (row, measured) = (self.rows[index], self.rows[index + 1].bus_a);
+        let start = circuit.current;
+        let mut duty = match row.duty {
+            Some(duty) => duty,
+            None if row.is_driven => self.guess(circuit.electric, index),
+            None => 0.0,
+        };
+        let (mut bus_a, mut torque, mut heat) = self.advance(circuit, index, duty);
+        if row.duty.is_none() && row.is_driven {
+            for _ in 0..2 {
+                let emf = circuit.electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
+                let slope = (2.0 * duty * row.bus_v - emf) / circuit.electric.r_ohm;
+                let change = (measured - bus_a) / slope;
+                if slope.abs() < 1.0 || change.abs() > 0.1 {
+                    break;
+                }
+                duty = (duty + change).clamp(-0.97, 0.97);
+                circuit.current = start;
+                (bus_a, torque, heat) = self.advance(circuit, index, duty);
+            }
+        }
+        let dt = self.rows[index + 1].t_s - row.t_s;
+        circuit.rise_k += (heat - circuit.rise_k / self.nominal.winding_housing_k_w * dt) / self.nominal.winding_j_k;
+        // The measured current corrects that of a velocity which is a little wrong.
+        let e_v = circuit.electric.ke_v_s * RAD_PER_COUNT * self.points[index].sigma + 0.01 * row.bus_v;
+        let e_a = duty.abs() * e_v / circuit.electric.r_ohm;
+        let trust = e_a * e_a / (e_a * e_a + ADC_A * ADC_A);
+        if row.is_driven && duty.abs() > LEAST_DUTY && row.duty.is_some() {
+            torque += trust * circuit.electric.ke_v_s * (measured - bus_a) / duty;
+        }
+        Drawn { bus_a, torque_n_m: torque, duty }
+    }
+
+    /// The whole recording: one entry for each interval.
+    pub fn run(&self, electric: Electric) -> Vec<Drawn> {
+        let mut circuit = self.circuit(electric);
+        (0..self.rows.len() - 1).map(|index| self.interval(&mut circuit, index)).collect()
+    }
+
+    /// Weight of an interval's bus current; `None` if it tells nothing of the winding.
+    fn weight(&self, electric: Electric, index: usize) -> Option<f64> {
+        let row = self.rows[index];
+        let duty = row.duty.filter(|duty| row.is_driven && duty.abs() > LEAST_DUTY)?;
+        let measured = self.rows[index + 1].bus_a;
+        let speed_a = duty * electric.ke_v_s * RAD_PER_COUNT * self.points[index].sigma / electric.r_ohm;
+        let model_a = 0.01 * measured;
+        Some(1.0 / (ADC_A * ADC_A + speed_a * speed_a + model_a * model_a))
+    }
+
+    /// The constants with which the bus current comes out best, from a first guess, and the covariance of their logarithms. `None` if no
+    /// duty is known.
+    pub fn fit(&self, guess: Electric) -> Option<(Electric, Solution)> {
+        const STEP: f64 = 1e-3;
+        let mut electric = guess;
+        let mut solution = None;
+        for _ in 0..2 {
+            let base = self.run(electric);
+            let varied: Vec<Vec<Drawn>> = (0..3)
+                .map(|index| {
+                    let mut logs = electric.logs();
+                    logs[index] += STEP;
+                    self.run(Electric::of(logs))
+                })
+                .collect();
+            let mut normal = Normal::new(3);
+            let mut group = (f64::NEG_INFINITY, Vec::new());
+            for (index, drawn) in base.iter().enumerate() {
+                let Some(weight) = self.weight(electric, index) else { continue };
+                if self.rows[index].t_s > group.0 + GROUP_S {
+                    normal.group(std::mem::take(&mut group.1));
+                    group.0 = self.rows[index].t_s;
+                }
+                let row = varied.iter().map(|of| (of[index].bus_a - drawn.bus_a) / STEP).collect();
+                let residual = self.rows[index + 1].bus_a - drawn.bus_a;
+                // Huber's weight: an impact or a missed edge is no measurement of the winding.
+                let score = residual.abs() * weight.sqrt();
+                let robust = if score > 4.0 { 4.0 / score } else { 1.0 };
+                group.1.push((row, weight * robust, residual));
+            }
+            normal.group(group.1);
+            let logs = electric.logs();
+            // Weak beliefs, so that what a move does not show stays a motor: a factor of three of the first guess, two of L.
+            for (index, (centre, sigma)) in
+                [(2.4_f64, 1.0), (0.065, 1.0), (0.8e-3, 0.5)].into_iter().enumerate()
+            {
+                normal.prior(index, centre.ln() - logs[index], sigma);
+            }
+            let step = normal.solve()?;
+            let next = [0, 1, 2].map(|index| logs[index] + step.x[index].clamp(-0.3, 0.3));
+            let is_settled = step.x.iter().all(|x| x.abs() < 1e-5);
+            electric = Electric::of(next);
+            solution = Some(step);
+            if is_settled {
+                break;
+            }
+        }
+        Some((electric, solution?))
+    }
+}
+
+/// Position within an interval, counts, at a share of it.
+fn hermite(a: Point, b: Point, dt: f64, share: f64) -> f64 {
+    let (s, s2) = (share, share * share);
+    let s3 = s2 * s;
+    (2.0 * s3 - 3.0 * s2 + 1.0) * a.counts
+        + (s3 - 2.0 * s2 + s) * dt * a.speed
+        + (3.0 * s2 - 2.0 * s3) * b.counts
+        + (s3 - s2) * dt * b.speed
+}

@@ -1,0 +1,182 @@
+//! The mechanical half: inertia, friction, delay and the halls' placement, by linear least squares over stretches of motion in one direction.
+//!
+//! With A, S and W the double integrals of torque, sign and velocity since the start of a stretch, each edge gives
+//!
+//! ```text
+//! boundary + e_sector = θ0 + ω0·t + (1/J)·A − (Fc/J)·S − (b/J)·W − delay·ω
+//! ```
+//!
+//! θ0 and ω0 belong to the stretch and are projected out; the rest is common.
+
+use super::electric::Drawn;
+use super::linear::{Normal, Solution};
+use super::path::{Edge, Point};
+use super::record::Row;
+use crate::world::plant::RAD_PER_COUNT;
+
+/// Least speed, counts/s: below, friction falls with speed (Stribeck), which this model lacks.
+pub const LEAST_SPEED: f64 = 90.0;
+
+/// Longest stretch, s: the current's noise, integrated twice, grows with t^1.5.
+const MOST_S: f64 = 0.2;
+
+/// Fewest edges of a stretch: two are spent on its start.
+const LEAST_EDGES: usize = 6;
+
+/// Cells next to the ends of the way that are left out: stops may lie there.
+const END_CELLS: i64 = 2;
+
+/// Error of a boundary, counts: jitter, hysteresis and cogging.
+const BOUNDARY_COUNTS: f64 = 0.02;
+
+/// Columns of the common unknowns: 1/J, Fc/J, b/J, delay, five of six placements.
+pub const SIZE: usize = 9;
+
+/// What the mechanical half consists of.
+#[derive(Clone, Debug)]
+pub struct Mechanic {
+    /// 1/J; Fc/J, rad/s²; b/J, 1/s; delay, s; placements of the sectors 0 to 4 less the mean of all six, counts.
+    pub solution: Solution,
+    /// Time, residual and direction of each edge that was used: s, counts.
+    pub residuals: Vec<(f64, f64)>,
+    /// Number of stretches.
+    pub stretches: usize,
+}
+
+impl Mechanic {
+    /// Errors of the boundaries by the sector below, counts; their mean is 0.
+    pub fn placement(&self) -> [f64; 6] {
+        let x = &self.solution.x;
+        let last = -x[4..SIZE].iter().sum::<f64>();
+        [x[4], x[5], x[6], x[7], x[8], last]
+    }
+}
+
+/// A stretch of motion in one direction.
+struct Stretch {
+    /// First and last row.
+    from: usize,
+    to: usize,
+}
+
+fn stretches(rows: &[Row], points: &[Point]) -> Vec<Stretch> {
+    let cells = || rows.iter().map(|row| row.cell);
+    let (low, high) = (cells().min().unwrap_or(0), cells().max().unwrap_or(0));
+    let usable = |index: usize| {
+        let (row, speed) = (rows[index], points[index].speed);
+        let inside = row.cell > low + END_CELLS && row.cell < high - END_CELLS;
+        inside && speed.abs() > LEAST_SPEED && (row.is_driven || row.is_free)
+    };
+    let mut found: Vec<Stretch> = Vec::new();
+    let mut from: Option<usize> = None;
+    for index in 0..rows.len() {
+        let goes_on = from.is_some_and(|from| {
+            rows[index].t_s - rows[from].t_s <= MOST_S && points[index].speed * points[from].speed > 0.0
+        });
+        if usable(index) && goes_on {
+            continue;
+        }
+        if let Some(from) = from.filter(|from| index - 1 > *from) {
+            found.push(Stretch { from, to: index - 1 });
+        }
+        from = usable(index).then_some(index);
+    }
+    if let Some(from) = from.filter(|from| rows.len() - 1 > *from) {
+        found.push(Stretch { from, to: rows.len() - 1 });
+    }
+    found
+}
+
+/// Double integrals of torque, sign and velocity, in counts, and their rates.
+#[derive(Clone, Copy, Default)]
+struct Integrals {
+    at: [f64; 3],
+    rate: [f64; 3],
+}
+
+impl Integrals {
+    fn advance(self, dt: f64, by: [f64; 3]) -> Self {
+        let at = [0, 1, 2].map(|i| self.at[i] + dt * self.rate[i] + 0.5 * dt * dt * by[i]);
+        Self { at, rate: [0, 1, 2].map(|i| self.rate[i] + dt * by[i]) }
+    }
+}
+
+/// Fits the mechanical half; `None` if no stretch of motion is long enough.
+pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> Option<Mechanic> {
+    let mut normal = Normal::new(SIZE);
+    let mut kept = Vec::new();
+    let mut count = 0;
+    for stretch in stretches(rows, points) {
+        let lines = lines(&stretch, rows, points, edges, drawn);
+        if lines.len() < LEAST_EDGES {
+            continue;
+        }
+        let projected = project(&lines);
+        kept.extend(lines.iter().zip(&projected).map(|(line, of)| (line.t_s, of.clone())));
+        normal.group(projected);
+        count += 1;
+    }
+    // Weak beliefs, for what a move does not show: 1/J ± 3 of it, friction, a delay of some ms, placements of 15°.
+    normal.prior(0, 5e4, 1.5e5);
+    normal.prior(1, 1.5e3, 1e4);
+    normal.prior(2, 0.5, 5.0);
+    normal.prior(3, 0.0, 3e-3);
+    (4..SIZE).for_each(|index| normal.prior(index, 0.0, 0.15));
+    let solution = (count > 0).then(|| normal.solve()).flatten()?;
+    let residual = |row: &(Vec<f64>, f64, f64)| row.2 - row.0.iter().zip(&solution.x).map(|(a, x)| a * x).sum::<f64>();
+    let residuals = kept.iter().map(|(t_s, row)| (*t_s, residual(row))).collect();
+    Some(Mechanic { residuals, stretches: count, solution })
+}
+
+/// One edge's equation before the stretch's start is projected out.
+struct Line {
+    t_s: f64,
+    row: [f64; SIZE],
+    weight: f64,
+    y: f64,
+}
+
+fn lines(stretch: &Stretch, rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> Vec<Line> {
+    let mut lines = Vec::new();
+    let mut integrals = Integrals::default();
+    let begin = edges.partition_point(|edge| edge.row < stretch.from);
+    let mut next = edges[begin..].iter().peekable();
+    for index in stretch.from..stretch.to {
+        let dt = rows[index + 1].t_s - rows[index].t_s;
+        let speed = 0.5 * (points[index].speed + points[index + 1].speed);
+        let by = [drawn[index].torque_n_m / RAD_PER_COUNT, speed.signum() / RAD_PER_COUNT, speed];
+        while let Some(edge) = next.next_if(|edge| edge.row == index) {
+            let at = integrals.advance(edge.t_s - rows[index].t_s, by).at;
+            let mut row = [0.0; SIZE];
+            let share = (edge.t_s - rows[index].t_s) / dt;
+            let now = points[index].speed + share * (points[index + 1].speed - points[index].speed);
+            [row[0], row[1], row[2], row[3]] = [at[0], -at[1], -at[2], -now];
+            match row.get_mut(4 + edge.sector) {
+                Some(own) => *own = -1.0,
+                None => row[4..].fill(1.0),
+            }
+            let way = now * edge.half_s;
+            let weight = 1.0 / (way * way / 3.0 + BOUNDARY_COUNTS * BOUNDARY_COUNTS);
+            lines.push(Line { t_s: edge.t_s, row, weight, y: edge.boundary });
+        }
+        integrals = integrals.advance(dt, by);
+    }
+    lines
+}
+
+/// The equations less their best fit by a constant and a slope over time.
+fn project(lines: &[Line]) -> Vec<(Vec<f64>, f64, f64)> {
+    let total: f64 = lines.iter().map(|line| line.weight).sum();
+    let mean = lines.iter().map(|line| line.weight * line.t_s).sum::<f64>() / total;
+    let spread: f64 = lines.iter().map(|line| line.weight * (line.t_s - mean).powi(2)).sum();
+    let residual = |value: &dyn Fn(&Line) -> f64| -> Vec<f64> {
+        let centre = lines.iter().map(|line| line.weight * value(line)).sum::<f64>() / total;
+        let slope = lines.iter().map(|line| line.weight * (line.t_s - mean) * value(line)).sum::<f64>() / spread;
+        lines.iter().map(|line| value(line) - centre - slope * (line.t_s - mean)).collect()
+    };
+    let columns: Vec<Vec<f64>> = (0..SIZE).map(|index| residual(&|line: &Line| line.row[index])).collect();
+    let y = residual(&|line: &Line| line.y);
+    (0..lines.len())
+        .map(|at| (columns.iter().map(|column| column[at]).collect(), lines[at].weight, y[at]))
+        .collect()
+}

@@ -1,0 +1,296 @@
+//! A recorded move: the columns of a trace that a board can report over the bus. Columns of the simulator's truth are never read.
+
+use crate::experiment::input::{BadInput, shorten};
+use crate::world::rig::halls::CODES;
+use tater_wire::MotorKind;
+
+/// Columns that a recording must have.
+const NEEDED: [&str; 5] = ["time_ms", "halls_code", "bus_v", "bus_a", "bridge_on"];
+
+/// Longest time between two rows, ms: at 300 counts/s the rotor passes three of six sectors.
+const MOST_MS: f64 = 10.0;
+
+/// Fastest motor, counts/ms.
+const MOST_COUNTS_MS: f64 = 3.0;
+
+/// Shortest recording, ms: less is no move.
+const LEAST_MS: f64 = 100.0;
+
+/// Share of rows with an impossible hall code from which the halls are broken.
+const MOST_INVALID: f64 = 0.01;
+
+/// Fewest counts that tell anything of a motor: two electrical revolutions.
+const LEAST_COUNTS: i64 = 12;
+
+/// One row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Time, s.
+    pub t_s: f64,
+    /// Cell of the halls, unwrapped: its sector is the remainder of six, and cell n reaches from n - 0.5 to n + 0.5.
+    pub cell: i64,
+    /// Bus voltage, V.
+    pub bus_v: f64,
+    /// Bus current, mean since the row before, A.
+    pub bus_a: f64,
+    /// Signed duty from this row on, -1 to 1; `None` if the board did not report it.
+    pub duty: Option<f64>,
+    /// Torque ordered or applied, N·m by the board's scale; `None` without the column.
+    pub torque_n_m: Option<f64>,
+    /// Whether the bridge is on from this row on.
+    pub is_driven: bool,
+    /// Whether a rotor that is not driven turns freely.
+    pub is_free: bool,
+    /// Temperature of the motor's housing, °C.
+    pub housing_c: f64,
+}
+
+/// A recorded move of one motor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// The rows in order of time.
+    pub rows: Vec<Row>,
+    /// The smallest step of the bus voltage as recorded, V.
+    pub bus_step_v: f64,
+    /// Whether temperatures were recorded.
+    pub has_temperature: bool,
+}
+
+/// The columns of a file.
+struct Columns<'a> {
+    file: &'a str,
+    names: Vec<&'a str>,
+}
+
+/// A row of the file.
+struct Line<'a> {
+    number: usize,
+    fields: Vec<&'a str>,
+}
+
+const NEXT: &str = "record the move again, with `hil-sim excite` or `hil-sim run --out`";
+
+impl<'a> Columns<'a> {
+    fn bad(&self, line: usize, problem: String, found: &str, expected: &str, next: &str) -> BadInput {
+        BadInput {
+            place: if line == 0 { self.file.to_owned() } else { format!("{}:{line}", self.file) },
+            problem,
+            found: shorten(found),
+            expected: expected.to_owned(),
+            next: next.to_owned(),
+        }
+    }
+
+    fn index(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|of| *of == name)
+    }
+
+    fn header(file: &'a str, text: &'a str) -> Result<Self, BadInput> {
+        let names: Vec<&str> = text.lines().next().unwrap_or("").split(',').map(str::trim).collect();
+        let columns = Self { file, names };
+        for name in NEEDED {
+            if columns.index(name).is_none() {
+                return Err(columns.bad(
+                    1,
+                    format!("the column {name} is missing"),
+                    text.lines().next().unwrap_or(""),
+                    &format!("a header with {}", NEEDED.join(", ")),
+                    "give a trace.csv of `hil-sim run --out` or of `hil-sim excite`",
+                ));
+            }
+        }
+        Ok(columns)
+    }
+
+    /// The number in a column; `None` if the column is absent or the field empty.
+    fn maybe(&self, line: &Line, name: &str) -> Result<Option<f64>, BadInput> {
+        let Some(field) = self.index(name).and_then(|index| line.fields.get(index)) else { return Ok(None) };
+        if field.is_empty() {
+            return Ok(None);
+        }
+        match field.parse::<f64>().ok().filter(|value| value.is_finite() && value.abs() < 1e9) {
+            Some(value) => Ok(Some(value)),
+            None => {
+                let problem = format!("{name} is not a number");
+                Err(self.bad(line.number, problem, field, "a finite decimal number", NEXT))
+            }
+        }
+    }
+
+    fn number(&self, line: &Line, name: &str) -> Result<f64, BadInput> {
+        self.maybe(line, name)?.ok_or_else(|| {
+            self.bad(line.number, format!("{name} is empty"), "nothing", "a decimal number", NEXT)
+        })
+    }
+}
+
+/// Number of a motor's first node, as the column `motor` has it.
+const fn node_of(motor: MotorKind) -> f64 {
+    match motor {
+        MotorKind::Link => 1.0,
+        MotorKind::Spread => 4.0,
+        MotorKind::Tip => 5.0,
+    }
+}
+
+impl Recording {
+    /// Reads a trace. `motor` selects the rows of a file with several motors, and tells whether its brake stops a motor without
+    /// power; without it a coasting rotor is not used.
+    ///
+    /// # Errors
+    /// The place, the problem and the next step: a column missing, a field that is no number, times that do not rise, a gap, an
+    /// impossible hall code, too few rows, or no motion.
+    pub fn parse(file: &str, text: &str, motor: Option<MotorKind>) -> Result<Self, BadInput> {
+        let columns = Columns::header(file, text)?;
+        let has_several = columns.index("motor").is_some();
+        let mut rows: Vec<Row> = Vec::new();
+        let mut unwrap = Unwrap::default();
+        let mut invalid = 0;
+        let mut last = (0, 0.0);
+        let mut only: Option<f64> = None;
+        for (index, text) in text.lines().enumerate().skip(1).filter(|(_, text)| !text.trim().is_empty()) {
+            let line = Line { number: index + 1, fields: text.split(',').map(str::trim).collect() };
+            if line.fields.len() != columns.names.len() {
+                let found = format!("{} fields", line.fields.len());
+                let expected = format!("{} fields, as the header has", columns.names.len());
+                let problem = "the row does not fit the header".to_owned();
+                return Err(columns.bad(line.number, problem, &found, &expected, NEXT));
+            }
+            if has_several {
+                let node = columns.number(&line, "motor")?;
+                match motor {
+                    Some(motor) if node_of(motor) != node => continue,
+                    Some(_) => {}
+                    None if *only.get_or_insert(node) != node => {
+                        let problem = "the trace has several motors".to_owned();
+                        let next = "choose one: --motor link, --motor spread or --motor tip";
+                        return Err(columns.bad(line.number, problem, text, "one motor", next));
+                    }
+                    None => {}
+                }
+            }
+            let ms = columns.number(&line, "time_ms")?;
+            if let Some(row) = rows.last() {
+                check_time(&columns, line.number, last, ms, row.t_s)?;
+            }
+            last = (line.number, ms);
+            let code = columns.number(&line, "halls_code")?;
+            let position = columns.maybe(&line, "position_estimated_counts")?;
+            let sector = CODES.iter().position(|of| f64::from(*of) == code);
+            invalid += usize::from(sector.is_none());
+            rows.push(columns.row(&line, ms, unwrap.cell(sector, position, ms), motor)?);
+        }
+        check_length(&columns, &rows, last.0, invalid)?;
+        let bus_step_v = bus_step(&rows);
+        Ok(Self { rows, bus_step_v, has_temperature: columns.index("thermistor_c").is_some() })
+    }
+}
+
+impl Columns<'_> {
+    fn row(&self, line: &Line, ms: f64, cell: i64, motor: Option<MotorKind>) -> Result<Row, BadInput> {
+        let percent = self.maybe(line, "duty_percent")?;
+        if let Some(percent) = percent.filter(|percent| percent.abs() > 100.0) {
+            let problem = "duty_percent is out of range".to_owned();
+            return Err(self.bad(line.number, problem, &percent.to_string(), "-100 to 100", NEXT));
+        }
+        let bus_v = self.number(line, "bus_v")?;
+        if !(1.0..=60.0).contains(&bus_v) {
+            let problem = "bus_v is out of range".to_owned();
+            return Err(self.bad(line.number, problem, &bus_v.to_string(), "1 to 60 V", NEXT));
+        }
+        let released = self.maybe(line, "brake_released")?.is_some_and(|released| released > 0.5);
+        Ok(Row {
+            t_s: ms / 1000.0,
+            cell,
+            bus_v,
+            bus_a: self.number(line, "bus_a")?,
+            duty: percent.map(|percent| percent / 100.0),
+            torque_n_m: self.maybe(line, "torque_per_1024")?.map(|units| units * super::UNIT_N_M),
+            is_driven: self.number(line, "bridge_on")? > 0.5,
+            is_free: released || matches!(motor, Some(MotorKind::Link | MotorKind::Tip)),
+            housing_c: self.maybe(line, "thermistor_c")?.unwrap_or(25.0),
+        })
+    }
+}
+
+fn check_time(
+    columns: &Columns,
+    line: usize,
+    (before, before_ms): (usize, f64),
+    ms: f64,
+    _: f64,
+) -> Result<(), BadInput> {
+    if ms <= before_ms {
+        let problem = format!("time_ms does not rise: line {before} has {before_ms}");
+        let next = "sort the rows by time_ms, each time once, or record the move again";
+        return Err(columns.bad(line, problem, &ms.to_string(), &format!("more than {before_ms}"), next));
+    }
+    if ms - before_ms > MOST_MS {
+        let problem = format!("a gap of {:.1} ms after line {before}", ms - before_ms);
+        let expected = format!("a row at least every {MOST_MS} ms");
+        return Err(columns.bad(line, problem, &format!("time_ms {ms}"), &expected, NEXT));
+    }
+    Ok(())
+}
+
+fn check_length(columns: &Columns, rows: &[Row], line: usize, invalid: usize) -> Result<(), BadInput> {
+    let span = rows.first().zip(rows.last()).map_or(0.0, |(first, last)| 1e3 * (last.t_s - first.t_s));
+    if span < LEAST_MS {
+        let found = format!("{} rows over {span:.0} ms", rows.len());
+        let expected = format!("a move of {LEAST_MS} ms or more");
+        return Err(columns.bad(line, "the recording is too short".to_owned(), &found, &expected, NEXT));
+    }
+    if invalid as f64 > MOST_INVALID * rows.len() as f64 {
+        let problem = "halls_code is impossible or not of the standard wiring".to_owned();
+        let found = format!("{invalid} of {} rows", rows.len());
+        let next = "check the hall cable, or let FIND learn the wiring, and record the move again";
+        return Err(columns.bad(0, problem, &found, "2, 6, 4, 5, 1 and 3", next));
+    }
+    let cells = || rows.iter().map(|row| row.cell);
+    let moved = cells().max().unwrap_or(0) - cells().min().unwrap_or(0);
+    if moved < LEAST_COUNTS {
+        let problem = "the motor did not move".to_owned();
+        let found = format!("{moved} counts of travel");
+        let expected = format!("{LEAST_COUNTS} counts or more");
+        let next = "record a move through free travel; `hil-sim excite` makes one";
+        return Err(columns.bad(0, problem, &found, &expected, next));
+    }
+    Ok(())
+}
+
+/// 0.1 V as the property VBUS has it, or finer.
+fn bus_step(rows: &[Row]) -> f64 {
+    let is_coarse = rows.iter().all(|row| (10.0 * row.bus_v - (10.0 * row.bus_v).round()).abs() < 1e-6);
+    if is_coarse { 0.1 } else { 0.01 }
+}
+
+/// Cells from sectors: of the cells of a sector the one nearest to where the rotor must be.
+#[derive(Default)]
+struct Unwrap {
+    last: Option<(f64, i64, Option<f64>)>,
+    counts_per_ms: f64,
+}
+
+impl Unwrap {
+    fn cell(&mut self, sector: Option<usize>, position: Option<f64>, ms: f64) -> i64 {
+        let Some((at, cell, before)) = self.last else {
+            let cell = sector.map_or(0, |sector| sector as i64);
+            self.last = Some((ms, cell, position));
+            return cell;
+        };
+        let dt = (ms - at).max(1e-3);
+        let moved = match (position, before) {
+            // P that jumps got another meaning, by HI or a SET.
+            (Some(position), Some(before)) if (position - before).abs() < 3.0 + MOST_COUNTS_MS * dt => position - before,
+            _ => self.counts_per_ms * dt,
+        };
+        let expected = cell as f64 + moved;
+        let Some(sector) = sector else { return cell };
+        let turns = ((expected - sector as f64) / 6.0).round();
+        let next = 6 * turns as i64 + sector as i64;
+        self.counts_per_ms += 0.3 * ((next - cell) as f64 / dt - self.counts_per_ms);
+        self.last = Some((ms, next, position));
+        next
+    }
+}
+
