@@ -3,6 +3,8 @@
 //! The board limits torque, current, heat and supply as always. The host keeps the motor within its range (OT to CT), has a deadline for each
 //! wait, and ends in idle with the board's properties as they were, whatever happens.
 
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
 use tater_wire::{Body, Destination, Frame, Message, Node, Property};
 
 use crate::tuning::identify::UNIT_V;
@@ -55,6 +57,9 @@ const HOME_US: u64 = 30_000_000;
 const MOVE_US: u64 = 10_000_000;
 const STOP_US: u64 = 1_000_000;
 
+/// Longest pause before a row, µs: half a count at full speed.
+const DITHER_US: u64 = 500;
+
 /// Longest cruise, µs.
 const CRUISE_US: u64 = 500_000;
 
@@ -74,8 +79,13 @@ const MOST_DUTY: f64 = 31_680.0 / 32_768.0;
 const FULL_AFTER_MS: f64 = 20.0;
 
 /// Torque that brakes, and the deceleration that it gives at least, counts/s²: MKA's 1454/16 less 60 %.
-const BRAKE: i64 = 500;
-const BRAKE_COUNTS_S2: f64 = 18_000.0;
+const BRAKE: i64 = 700;
+const BRAKE_COUNTS_S2: f64 = 25_000.0;
+
+/// Waves there and back, their torques and the speeds between which they turn, counts/s.
+const WAVES: usize = 3;
+const WAVE_TORQUE: (i64, i64) = (-60, 170);
+const WAVE_SPEED: (f64, f64) = (220.0, 480.0);
 
 /// Margin to the ends of the range, counts.
 const MARGIN: i64 = 8;
@@ -149,6 +159,7 @@ struct Host<'a> {
     speed: f64,
     /// P counts from the stop.
     is_homed: bool,
+    dither: Pcg64Mcg,
     /// P in the last row.
     position: i64,
     /// When the torque was ordered, ms from the start.
@@ -173,6 +184,7 @@ pub fn excite(link: &mut dyn Link, node: Node, progress: &mut dyn FnMut(&str)) -
         range: (0, 0),
         speed: 0.0,
         is_homed: false,
+        dither: Pcg64Mcg::new(0xd17),
         position: 0,
         ordered_ms: 0.0,
     };
@@ -307,9 +319,9 @@ impl Host<'_> {
             self.dash(direction, FULL)?;
         }
         progress("accelerating");
-        for torque in [200, 300, 400] {
-            self.dash(-direction, torque)?;
-            self.dash(direction, torque)?;
+        for _ in 0..WAVES {
+            self.wave(-direction)?;
+            self.wave(direction)?;
         }
         progress("cruising");
         for speed in [150, 250, 400, 600] {
@@ -358,8 +370,10 @@ impl Host<'_> {
         self.set(property, value)
     }
 
-    /// One row of the recording.
+    /// One row of the recording. Rows of one period would meet the edges of a steady rotor in step, always early or always late.
     fn row(&mut self) -> Result<Row, Failure> {
+        let us = self.dither.random_range(0..DITHER_US);
+        self.pause(us)?;
         let (halls, at_us) = self.read(Property::HALLS)?;
         let position = self.get(Property::P)?;
         let bus_v = self.get(Property::VBUS)? as f64 / 10.0;
@@ -418,7 +432,7 @@ impl Host<'_> {
         let is_limited = self.ordered.abs() == FULL && (self.ordered - torque).abs() > 40 && self.speed * sign > 150.0;
         // The supply's guard has then raised the torque in full.
         let is_full = is_limited && now_ms - self.ordered_ms > FULL_AFTER_MS;
-        is_full.then(|| duty(sign * (bus_v * 990.0 / 24.0).floor(), torque as f64, bus_v))
+        is_full.then(|| duty(sign * (bus_v * 990.0 / 24.0 - 0.5), torque as f64, bus_v))
     }
 
     fn record_for(&mut self, ms: f64) -> Result<(), Failure> {
@@ -484,6 +498,27 @@ impl Host<'_> {
             self.row()?;
             if (self.left(direction) as f64) < self.way() {
                 break;
+            }
+            if self.link.now_us() > deadline_us {
+                return self.failed("it did not turn", "check that the joint is free, and MT");
+            }
+        }
+        self.brake(direction)
+    }
+
+    /// Runs to one end of the range with a speed that rises and falls between two: torque steps, and steady accelerations between them.
+    fn wave(&mut self, direction: i64) -> Result<(), Failure> {
+        let deadline_us = self.link.now_us() + MOVE_US;
+        let mut rises = true;
+        self.order(2, Property::T, direction * WAVE_TORQUE.1)?;
+        while (self.left(direction) as f64) > self.way() {
+            self.row()?;
+            let speed = self.speed * direction as f64;
+            let turns = if rises { speed > WAVE_SPEED.1 } else { speed < WAVE_SPEED.0 };
+            if turns {
+                rises = !rises;
+                let torque = if rises { WAVE_TORQUE.1 } else { WAVE_TORQUE.0 };
+                self.order(2, Property::T, direction * torque)?;
             }
             if self.link.now_us() > deadline_us {
                 return self.failed("it did not turn", "check that the joint is free, and MT");

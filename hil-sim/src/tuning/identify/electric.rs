@@ -26,6 +26,9 @@ const ADC_A: f64 = 0.004;
 /// Least duty at which the bus current shows that of the phase.
 const LEAST_DUTY: f64 = 0.02;
 
+/// Share of a difference by which the duty that nobody recorded follows the measured current in a row.
+const FOLLOW: f64 = 0.2;
+
 /// Length of the groups in which errors are correlated, s.
 const GROUP_S: f64 = 0.05;
 
@@ -81,13 +84,15 @@ struct Circuit {
     current: [f64; 3],
     /// Rise of the winding over the housing, K.
     rise_k: f64,
+    /// Duty beyond the ordered one per speed, s/count, while driving and while braking.
+    offsets: [f64; 2],
 }
 
 impl Bench<'_> {
     fn circuit(&self, electric: Electric) -> Circuit {
         let winding = Winding::new(1.0, 1e-3, 24.0, self.nominal.diode_v);
         let dead_s = self.nominal.dead_time_us * 1e-6;
-        Circuit { electric, inverter: Inverter::new(Model::Averaged, winding, dead_s), current: [0.0; 3], rise_k: 0.0 }
+        Circuit { electric, inverter: Inverter::new(Model::Averaged, winding, dead_s), current: [0.0; 3], rise_k: 0.0, offsets: [0.0; 2] }
     }
 
     /// Advances the circuit over the interval after a row with a duty; returns charge from the bus (A), torque (N·m) and heat (J).
@@ -128,50 +133,48 @@ impl Bench<'_> {
         below as f64 + 0.5 + self.placement[below.rem_euclid(6) as usize]
     }
 
-    /// The duty at which the model draws about the measured bus current: d²·V = R·i_bus + d·Ke·ω, of its two roots the one that fits the
-    /// ordered torque.
-    fn guess(&self, electric: Electric, index: usize) -> f64 {
-        let (row, next) = (self.rows[index], self.rows[index + 1]);
+    /// The duty by decision 0005, as far as the recording tells: the board's EMF constant is its own.
+    fn ordered(&self, electric: Electric, index: usize) -> f64 {
+        let row = self.rows[index];
+        let units = row.torque_n_m.unwrap_or(0.0) / super::UNIT_N_M;
         let emf = electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
-        let ordered = row.torque_n_m.unwrap_or(0.0) / super::UNIT_N_M * 24.0 / 1024.0 + emf;
-        let root = (emf * emf + 4.0 * row.bus_v * electric.r_ohm * next.bus_a).max(0.0).sqrt();
-        let [low, high] = [(emf - root) / (2.0 * row.bus_v), (emf + root) / (2.0 * row.bus_v)];
-        let near = |duty: f64| (duty * row.bus_v - ordered).abs();
-        let duty = if near(low) < near(high) { low } else { high };
-        duty.clamp(-0.97, 0.97)
+        let dead = 0.01 * (1.0 + 2.0 * self.nominal.diode_v / row.bus_v) * (units / 30.0).clamp(-1.0, 1.0);
+        (units * super::UNIT_V + emf) / row.bus_v + dead
     }
 
-    /// The interval after a row, with the duty that was recorded or else the one that draws the measured current.
+    /// The interval after a row, with the duty that was recorded or else the ordered one, corrected slowly until the model draws what was
+    /// measured. What is left of the difference corrects the torque at once.
     fn interval(&self, circuit: &mut Circuit, index: usize) -> Drawn {
         let (row, measured) = (self.rows[index], self.rows[index + 1].bus_a);
-        let start = circuit.current;
-        let mut duty = match row.duty {
+        let electric = circuit.electric;
+        let speed = self.points[index].speed;
+        // The board compensates its EMF in another way while it brakes.
+        let kind = usize::from(row.torque_n_m.unwrap_or(0.0) * speed < 0.0);
+        let duty = match row.duty {
             Some(duty) => duty,
-            None if row.is_driven => self.guess(circuit.electric, index),
+            None if row.is_driven => (self.ordered(electric, index) + circuit.offsets[kind] * speed).clamp(-0.967, 0.967),
             None => 0.0,
         };
-        let (mut bus_a, mut torque, mut heat) = self.advance(circuit, index, duty);
+        let (bus_a, mut torque, heat) = self.advance(circuit, index, duty);
+        let emf = electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
+        let mut trust = 1.0;
         if row.duty.is_none() && row.is_driven {
-            for _ in 0..2 {
-                let emf = circuit.electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
-                let slope = (2.0 * duty * row.bus_v - emf) / circuit.electric.r_ohm;
-                let change = (measured - bus_a) / slope;
-                if slope.abs() < 1.0 || change.abs() > 0.1 {
-                    break;
-                }
-                duty = (duty + change).clamp(-0.97, 0.97);
-                circuit.current = start;
-                (bus_a, torque, heat) = self.advance(circuit, index, duty);
+            let slope = (2.0 * duty * row.bus_v - emf) / electric.r_ohm;
+            // Where the slope is small, the current does not tell the duty.
+            if slope.abs() > 1.0 {
+                let change = ((measured - bus_a) / slope).clamp(-0.05, 0.05);
+                circuit.offsets[kind] += FOLLOW * change * speed / (speed * speed + 1e4);
             }
+        } else {
+            let e_v = electric.ke_v_s * RAD_PER_COUNT * self.points[index].sigma + 0.01 * row.bus_v;
+            let e_a = duty.abs() * e_v / electric.r_ohm;
+            trust = e_a * e_a / (e_a * e_a + ADC_A * ADC_A);
         }
         let dt = self.rows[index + 1].t_s - row.t_s;
         circuit.rise_k += (heat - circuit.rise_k / self.nominal.winding_housing_k_w * dt) / self.nominal.winding_j_k;
         // The measured current corrects that of a velocity which is a little wrong.
-        let e_v = circuit.electric.ke_v_s * RAD_PER_COUNT * self.points[index].sigma + 0.01 * row.bus_v;
-        let e_a = duty.abs() * e_v / circuit.electric.r_ohm;
-        let trust = e_a * e_a / (e_a * e_a + ADC_A * ADC_A);
-        if row.is_driven && duty.abs() > LEAST_DUTY && row.duty.is_some() {
-            torque += trust * circuit.electric.ke_v_s * (measured - bus_a) / duty;
+        if row.is_driven && duty.abs() > LEAST_DUTY {
+            torque += trust * electric.ke_v_s * (measured - bus_a) / duty;
         }
         Drawn { bus_a, torque_n_m: torque, duty }
     }

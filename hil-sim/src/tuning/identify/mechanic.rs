@@ -26,8 +26,21 @@ const LEAST_EDGES: usize = 6;
 /// Cells next to the ends of the way that are left out: stops may lie there.
 const END_CELLS: i64 = 2;
 
+/// Largest change of the bus current from row to row where the duty is not known, A: without it, the torque of an interval comes from a
+/// current that was measured up to a tick earlier.
+const MOST_JUMP_A: f64 = 0.8;
+
+/// Bus voltage from which the board brakes otherwise than ordered (decision 0064).
+const RETURN_V: f64 = 28.05;
+
 /// Error of a boundary, counts: jitter, hysteresis and cogging.
 const BOUNDARY_COUNTS: f64 = 0.02;
+
+/// Mean square of the residuals of a stretch, over their variance, up to which it is believed in full; without other errors it is 1.
+const USUAL_SQUARE: f64 = 1.5;
+
+/// Rounds of the weights of the stretches.
+const ROUNDS: usize = 6;
 
 /// Columns of the common unknowns: 1/J, Fc/J, b/J, delay, five of six placements.
 pub const SIZE: usize = 9;
@@ -65,7 +78,9 @@ fn stretches(rows: &[Row], points: &[Point]) -> Vec<Stretch> {
     let usable = |index: usize| {
         let (row, speed) = (rows[index], points[index].speed);
         let inside = row.cell > low + END_CELLS && row.cell < high - END_CELLS;
-        inside && speed.abs() > LEAST_SPEED && (row.is_driven || row.is_free)
+        let next = rows.get(index + 1).map_or(row.bus_a, |next| next.bus_a);
+        let is_steady = row.duty.is_some() || (next - row.bus_a).abs() < MOST_JUMP_A && row.bus_v < RETURN_V;
+        inside && is_steady && speed.abs() > LEAST_SPEED && (row.is_driven || row.is_free)
     };
     let mut found: Vec<Stretch> = Vec::new();
     let mut from: Option<usize> = None;
@@ -103,29 +118,54 @@ impl Integrals {
 
 /// Fits the mechanical half; `None` if no stretch of motion is long enough.
 pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> Option<Mechanic> {
-    let mut normal = Normal::new(SIZE);
-    let mut kept = Vec::new();
-    let mut count = 0;
+    let mut found: Vec<(Vec<f64>, Vec<Equation>)> = Vec::new();
     for stretch in stretches(rows, points) {
         let lines = lines(&stretch, rows, points, edges, drawn);
-        if lines.len() < LEAST_EDGES {
-            continue;
+        if lines.len() >= LEAST_EDGES {
+            found.push((lines.iter().map(|line| line.t_s).collect(), project(&lines)));
         }
-        let projected = project(&lines);
-        kept.extend(lines.iter().zip(&projected).map(|(line, of)| (line.t_s, of.clone())));
-        normal.group(projected);
-        count += 1;
+    }
+    let mut doubts = vec![1.0; found.len()];
+    let mut solution = None;
+    for _ in 0..ROUNDS {
+        let next = solve(&found, &doubts)?;
+        for (doubt, (_, equations)) in doubts.iter_mut().zip(&found) {
+            let square: f64 = equations.iter().map(|of| of.1 * residual(of, &next).powi(2)).sum();
+            // A stretch that fits worse than its edges can be measured has an error of its own: a torque that was not recorded in time.
+            *doubt = (square / (equations.len() as f64 - 2.0) / USUAL_SQUARE).max(1.0);
+        }
+        solution = Some(next);
+    }
+    let solution = solution?;
+    let residuals = found.iter().flat_map(|(times, equations)| {
+        times.iter().zip(equations).map(|(t_s, of)| (*t_s, residual(of, &solution)))
+    });
+    Some(Mechanic { residuals: residuals.collect(), stretches: found.len(), solution })
+}
+
+/// Coefficients, weight and right side of an equation.
+type Equation = (Vec<f64>, f64, f64);
+
+fn residual(equation: &Equation, solution: &Solution) -> f64 {
+    equation.2 - equation.0.iter().zip(&solution.x).map(|(a, x)| a * x).sum::<f64>()
+}
+
+/// Solves for the common unknowns, with the weights of each stretch divided by its doubt; `None` without stretches.
+fn solve(found: &[(Vec<f64>, Vec<Equation>)], doubts: &[f64]) -> Option<Solution> {
+    if found.is_empty() {
+        return None;
+    }
+    let mut normal = Normal::new(SIZE);
+    for ((_, equations), doubt) in found.iter().zip(doubts) {
+        normal.group(equations.iter().map(|(row, weight, y)| (row.clone(), weight / doubt, *y)).collect());
     }
     // Weak beliefs, for what a move does not show: 1/J ± 3 of it, friction, a delay of some ms, placements of 15°.
     normal.prior(0, 5e4, 1.5e5);
     normal.prior(1, 1.5e3, 1e4);
     normal.prior(2, 0.5, 5.0);
-    normal.prior(3, 0.0, 3e-3);
+    normal.prior(3, 0.0, 1e-3);
     (4..SIZE).for_each(|index| normal.prior(index, 0.0, 0.15));
-    let solution = (count > 0).then(|| normal.solve()).flatten()?;
-    let residual = |row: &(Vec<f64>, f64, f64)| row.2 - row.0.iter().zip(&solution.x).map(|(a, x)| a * x).sum::<f64>();
-    let residuals = kept.iter().map(|(t_s, row)| (*t_s, residual(row))).collect();
-    Some(Mechanic { residuals, stretches: count, solution })
+    normal.solve()
 }
 
 /// One edge's equation before the stretch's start is projected out.
@@ -165,7 +205,7 @@ fn lines(stretch: &Stretch, rows: &[Row], points: &[Point], edges: &[Edge], draw
 }
 
 /// The equations less their best fit by a constant and a slope over time.
-fn project(lines: &[Line]) -> Vec<(Vec<f64>, f64, f64)> {
+fn project(lines: &[Line]) -> Vec<Equation> {
     let total: f64 = lines.iter().map(|line| line.weight).sum();
     let mean = lines.iter().map(|line| line.weight * line.t_s).sum::<f64>() / total;
     let spread: f64 = lines.iter().map(|line| line.weight * (line.t_s - mean).powi(2)).sum();

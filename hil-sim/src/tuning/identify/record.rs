@@ -267,30 +267,38 @@ fn bus_step(rows: &[Row]) -> f64 {
 /// Cells from sectors: of the cells of a sector the one nearest to where the rotor must be.
 #[derive(Default)]
 struct Unwrap {
-    last: Option<(f64, i64, Option<f64>)>,
+    /// Time, ms, and cell of the last row.
+    last: Option<(f64, i64)>,
+    /// Position, counts, and by how much cells are above it.
+    seen: Option<(f64, f64)>,
     counts_per_ms: f64,
 }
 
 impl Unwrap {
     fn cell(&mut self, sector: Option<usize>, position: Option<f64>, ms: f64) -> i64 {
-        let Some((at, cell, before)) = self.last else {
-            let cell = sector.map_or(0, |sector| sector as i64);
-            self.last = Some((ms, cell, position));
-            return cell;
+        let Some(sector) = sector else { return self.last.map_or(0, |(_, cell)| cell) };
+        let Some((at, cell)) = self.last else {
+            self.last = Some((ms, sector as i64));
+            self.seen = position.map(|position| (position, sector as f64 - position));
+            return sector as i64;
         };
         let dt = (ms - at).max(1e-3);
-        let moved = match (position, before) {
-            // P that jumps got another meaning, by HI or a SET.
-            (Some(position), Some(before)) if (position - before).abs() < 3.0 + MOST_COUNTS_MS * dt => position - before,
-            _ => self.counts_per_ms * dt,
+        // A position that jumps got another meaning, by HI or a SET.
+        let near = |position: f64, before: f64| (position - before).abs() < 3.0 + MOST_COUNTS_MS * dt;
+        let offset = position.zip(self.seen).filter(|(position, (before, _))| near(*position, *before));
+        let expected = match offset {
+            Some((position, (_, above))) => position + above,
+            None => cell as f64 + self.counts_per_ms * dt,
         };
-        let expected = cell as f64 + moved;
-        let Some(sector) = sector else { return cell };
         let turns = ((expected - sector as f64) / 6.0).round();
         let next = 6 * turns as i64 + sector as i64;
         self.counts_per_ms += 0.3 * ((next - cell) as f64 / dt - self.counts_per_ms);
-        self.last = Some((ms, next, position));
+        self.last = Some((ms, next));
+        self.seen = position.map(|position| {
+            let above = next as f64 - position;
+            // A position is a tick old, so its offset changes with the direction.
+            (position, offset.map_or(above, |(_, (_, before))| before + 0.1 * (above - before)))
+        });
         next
     }
 }
-
