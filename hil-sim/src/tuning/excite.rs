@@ -5,7 +5,7 @@
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
-use tater_wire::{Body, Destination, Frame, Message, Node, Property};
+use tater_wire::{Body, Destination, Frame, Message, MotorKind, Node, Property};
 
 use crate::tuning::identify::UNIT_V;
 
@@ -82,10 +82,12 @@ const FULL_AFTER_MS: f64 = 20.0;
 const BRAKE: i64 = 700;
 const BRAKE_COUNTS_S2: f64 = 25_000.0;
 
-/// Waves there and back, their torques and the speeds between which they turn, counts/s.
-const WAVES: usize = 3;
-const WAVE_TORQUE: (i64, i64) = (-60, 170);
-const WAVE_SPEED: (f64, f64) = (220.0, 480.0);
+/// Passes with coasts, the torque that accelerates, the speed from which the motor coasts, counts/s, and the room for it, counts: a heavy
+/// motor with little friction needs 80 counts to come to rest.
+const COASTS: usize = 2;
+const COAST_TORQUE: i64 = 150;
+const COAST_SPEED: f64 = 500.0;
+const COAST_COUNTS: i64 = 140;
 
 /// Margin to the ends of the range, counts.
 const MARGIN: i64 = 8;
@@ -159,6 +161,7 @@ struct Host<'a> {
     speed: f64,
     /// P counts from the stop.
     is_homed: bool,
+    kind: MotorKind,
     dither: Pcg64Mcg,
     /// P in the last row.
     position: i64,
@@ -184,6 +187,7 @@ pub fn excite(link: &mut dyn Link, node: Node, progress: &mut dyn FnMut(&str)) -
         range: (0, 0),
         speed: 0.0,
         is_homed: false,
+        kind: MotorKind::Link,
         dither: Pcg64Mcg::new(0xd17),
         position: 0,
         ordered_ms: 0.0,
@@ -299,6 +303,11 @@ impl Host<'_> {
         if self.get(Property::WIRING)? == 0 {
             return self.failed("it does not know how its motor is wired", "let it learn that: SET FIND 1");
         }
+        self.kind = match self.get(Property::KIND)? {
+            2 => MotorKind::Spread,
+            3 => MotorKind::Tip,
+            _ => MotorKind::Link,
+        };
         let (open, close) = (self.get(Property::OT)?, self.get(Property::CT)?);
         self.range = (open.min(close), open.max(close));
         if self.range.1 - self.range.0 < 100 {
@@ -318,10 +327,13 @@ impl Host<'_> {
             self.dash(-direction, FULL)?;
             self.dash(direction, FULL)?;
         }
-        progress("accelerating");
-        for _ in 0..WAVES {
-            self.wave(-direction)?;
-            self.wave(direction)?;
+        // The spread's brake would stop it.
+        if self.kind != MotorKind::Spread {
+            progress("coasting");
+            for _ in 0..COASTS {
+                self.coasts(-direction)?;
+                self.coasts(direction)?;
+            }
         }
         progress("cruising");
         for speed in [150, 250, 400, 600] {
@@ -506,25 +518,31 @@ impl Host<'_> {
         self.brake(direction)
     }
 
-    /// Runs to one end of the range with a speed that rises and falls between two: torque steps, and steady accelerations between them.
-    fn wave(&mut self, direction: i64) -> Result<(), Failure> {
-        let deadline_us = self.link.now_us() + MOVE_US;
-        let mut rises = true;
-        self.order(2, Property::T, direction * WAVE_TORQUE.1)?;
-        while (self.left(direction) as f64) > self.way() {
-            self.row()?;
-            let speed = self.speed * direction as f64;
-            let turns = if rises { speed > WAVE_SPEED.1 } else { speed < WAVE_SPEED.0 };
-            if turns {
-                rises = !rises;
-                let torque = if rises { WAVE_TORQUE.1 } else { WAVE_TORQUE.0 };
-                self.order(2, Property::T, direction * torque)?;
+    /// Goes to one end of the range by accelerating and coasting to rest, as often as there is room.
+    fn coasts(&mut self, direction: i64) -> Result<(), Failure> {
+        while self.left(direction) > COAST_COUNTS {
+            let deadline_us = self.link.now_us() + MOVE_US;
+            self.order(2, Property::T, direction * COAST_TORQUE)?;
+            while self.speed * (direction as f64) < COAST_SPEED && self.left(direction) > COAST_COUNTS / 2 {
+                self.row()?;
+                if self.link.now_us() > deadline_us {
+                    return self.failed("it did not turn", "check that the joint is free, and MT");
+                }
             }
-            if self.link.now_us() > deadline_us {
-                return self.failed("it did not turn", "check that the joint is free, and MT");
+            self.set(Property::MODE, 0)?;
+            self.mode = 0;
+            let deadline_us = self.link.now_us() + STOP_US;
+            while self.speed.abs() > 5.0 {
+                self.row()?;
+                if self.left(direction) < MARGIN {
+                    self.brake(direction)?;
+                }
+                if self.link.now_us() > deadline_us {
+                    return self.failed("it does not stop", "check that nothing turns the joint");
+                }
             }
         }
-        self.brake(direction)
+        self.rest()
     }
 
     fn brake(&mut self, direction: i64) -> Result<(), Failure> {

@@ -141,6 +141,9 @@ impl<'a> Fit<'a> {
                 return (0.0, 2e5 + (torque * torque) * 0.01);
             }
             let push = torque - friction;
+            if self.rows[index].duty.is_none() {
+                return (push, 4e4 + (0.5 * torque).powi(2) * 5e-3);
+            }
             (push, 4e4 + (0.1 * torque).powi(2) * 5e-3)
         };
         (0..intervals).map(one).unzip()

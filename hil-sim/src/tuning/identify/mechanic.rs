@@ -26,12 +26,9 @@ const LEAST_EDGES: usize = 6;
 /// Cells next to the ends of the way that are left out: stops may lie there.
 const END_CELLS: i64 = 2;
 
-/// Largest change of the bus current from row to row where the duty is not known, A: without it, the torque of an interval comes from a
-/// current that was measured up to a tick earlier.
-const MOST_JUMP_A: f64 = 0.8;
-
-/// Bus voltage from which the board brakes otherwise than ordered (decision 0064).
-const RETURN_V: f64 = 28.05;
+/// Largest acceleration at which a duty that is not known is followed well enough, counts/s², over so many rows to either side.
+const STEADY_COUNTS_S2: f64 = 3000.0;
+const STEADY_ROWS: usize = 10;
 
 /// Error of a boundary, counts: jitter, hysteresis and cogging.
 const BOUNDARY_COUNTS: f64 = 0.02;
@@ -78,8 +75,9 @@ fn stretches(rows: &[Row], points: &[Point]) -> Vec<Stretch> {
     let usable = |index: usize| {
         let (row, speed) = (rows[index], points[index].speed);
         let inside = row.cell > low + END_CELLS && row.cell < high - END_CELLS;
-        let next = rows.get(index + 1).map_or(row.bus_a, |next| next.bus_a);
-        let is_steady = row.duty.is_some() || (next - row.bus_a).abs() < MOST_JUMP_A && row.bus_v < RETURN_V;
+        let (before, after) = (index.saturating_sub(STEADY_ROWS), (index + STEADY_ROWS).min(rows.len() - 1));
+        let change = (points[after].speed - points[before].speed) / (rows[after].t_s - rows[before].t_s);
+        let is_steady = row.duty.is_some() || change.abs() < STEADY_COUNTS_S2;
         inside && is_steady && speed.abs() > LEAST_SPEED && (row.is_driven || row.is_free)
     };
     let mut found: Vec<Stretch> = Vec::new();
