@@ -56,7 +56,7 @@ fn main() {
 #[allow(dead_code)]
 fn file(path: &str) {
     let csv = std::fs::read_to_string(path).unwrap();
-    let rec = identify::Recording::parse("x.csv", &csv, Some(MotorKind::Link)).unwrap_or_else(|e| panic!("{e}"));
+    let rec = identify::Recording::parse("x.csv", &csv, None).unwrap_or_else(|e| panic!("{e}"));
     let f = identify::identify(&rec);
     for e in [f.r_ohm, f.ke_v_s, f.j_kg_m2, f.coulomb_n_m, f.viscous_n_m_s, f.delay_ms] { println!("{:.6e} {:.3e} {:.3e} {}", e.value, e.low, e.high, e.is_determined); }
     for r in &f.residuals.edge_counts { println!("edge {:.2} {:.3}", r.0, r.1); }

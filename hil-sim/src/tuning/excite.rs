@@ -76,7 +76,10 @@ const FULL: i64 = 990;
 const MOST_DUTY: f64 = 31_680.0 / 32_768.0;
 
 /// Time in which a torque has risen in full, ms: 32 units a ms beyond 480 (decision 0053).
-const FULL_AFTER_MS: f64 = 20.0;
+const FULL_AFTER_MS: f64 = 45.0;
+
+/// Time until the current of a new torque at rest is steady, and has been measured, ms.
+const REST_AFTER_MS: f64 = 5.0;
 
 /// Torque that brakes, and the deceleration that it gives at least, counts/s²: MKA's 1454/16 less 60 %.
 const BRAKE: i64 = 700;
@@ -437,7 +440,7 @@ impl Host<'_> {
         }
         let recent = &self.rows[self.rows.len().saturating_sub(30)..];
         let rests = recent.len() == 30 && recent.iter().all(|row| row.halls == recent[0].halls);
-        if rests && torque == self.ordered && torque != 0 {
+        if rests && torque == self.ordered && torque != 0 && now_ms - self.ordered_ms > REST_AFTER_MS {
             return Some(duty(torque as f64, torque as f64, bus_v));
         }
         let sign = self.ordered.signum() as f64;

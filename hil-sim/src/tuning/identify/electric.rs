@@ -227,9 +227,9 @@ impl Bench<'_> {
             }
             normal.group(group.1);
             let logs = electric.logs();
-            // Weak beliefs, so that what a move does not show stays a motor: a factor of three of the first guess, two of L.
+            // Weak beliefs, so that what a move does not show stays a motor: a factor of three of the first guess; L as the data sheet has it, ± 10 %.
             for (index, (centre, sigma)) in
-                [(2.4_f64, 1.0), (0.065, 1.0), (0.8e-3, 0.5)].into_iter().enumerate()
+                [(2.4_f64, 1.0), (0.065, 1.0), (0.8e-3, 0.1)].into_iter().enumerate()
             {
                 normal.prior(index, centre.ln() - logs[index], sigma);
             }

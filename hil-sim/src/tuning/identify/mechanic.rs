@@ -157,11 +157,11 @@ fn solve(found: &[(Vec<f64>, Vec<Equation>)], doubts: &[f64]) -> Option<Solution
     for ((_, equations), doubt) in found.iter().zip(doubts) {
         normal.group(equations.iter().map(|(row, weight, y)| (row.clone(), weight / doubt, *y)).collect());
     }
-    // Weak beliefs, for what a move does not show: 1/J ± 3 of it, friction, a delay of some ms, placements of 15°.
+    // Weak beliefs, for what a move does not show: 1/J ± 3 of it, friction, a delay of half a row, placements of 15°.
     normal.prior(0, 5e4, 1.5e5);
     normal.prior(1, 1.5e3, 1e4);
     normal.prior(2, 0.5, 5.0);
-    normal.prior(3, 0.0, 1e-3);
+    normal.prior(3, 0.0, 5e-4);
     (4..SIZE).for_each(|index| normal.prior(index, 0.0, 0.15));
     normal.solve()
 }
