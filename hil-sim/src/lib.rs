@@ -9,8 +9,8 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `gcl`, `grasper_client`, `interrupt`, `lines`, `output`, `serve`, `state_file` |
-//! | tuning | none yet |
+//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `adapter`, `excite`, `gcl`, `grasper_client`, `identify`, `interrupt`, `lines`, `output`, `serve`, `state_file` |
+//! | tuning | [`excite`], [`identify`] |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
@@ -27,7 +27,7 @@ pub use experiment::{
 };
 pub use ports::{cli, grasper, slcan};
 pub use tater_fw::motion::defaults;
-pub use tuning::{excite, identify};
 pub use tater_wire::MotorKind;
+pub use tuning::{excite, identify};
 pub use world::plant::Model;
 pub use world::{board, bus, hand, node, plant, rig};

@@ -2,11 +2,14 @@
 //!
 //! Imports both floors below. Real time is passed in: only `main.rs` reads the clock.
 
+mod adapter;
 pub mod cli;
+mod excite;
 mod gcl;
 pub mod grasper;
 mod grasper_client;
 mod guard;
+mod identify;
 mod interrupt;
 mod lines;
 mod output;

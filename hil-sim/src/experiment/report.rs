@@ -3,7 +3,7 @@
 mod chart;
 mod page;
 
-pub use page::html;
+pub use page::{Plot, html, plots};
 
 use std::collections::BTreeMap;
 

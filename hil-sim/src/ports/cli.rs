@@ -10,8 +10,10 @@ use clap::{Parser, Subcommand, ValueEnum};
 use servo_core::sense::recorded::SPEED_MAX;
 use tater_wire::MotorKind;
 
+use super::excite::{self, ExciteArgs};
 use super::gcl::{self, GclArgs};
 use super::grasper_client::{self, GrasperArgs};
+use super::identify::{self, IdentifyArgs};
 use super::interrupt;
 use super::output::{is_same_file, print, replace_file, replace_together, warn};
 use super::serve::{self, BusArgs, HandArgs};
@@ -55,6 +57,11 @@ enum Task {
     /// Torture the whole hand with random programs and faults, and check its invariants. Exit code 1 if one fails. ^C begins no new
     /// seed and prints the results so far, with exit code 130; a second ^C ends at once.
     Torture(TortureArgs),
+    /// Identify a motor from a recorded move: resistance, EMF, inertia, friction, delay and hall placement, with 95 % intervals. Exit
+    /// code 1 if the move does not determine all of them.
+    Identify(IdentifyArgs),
+    /// Record the move that `identify` needs, on a simulated or a real board over its bus. ^C idles the motor, with exit code 130.
+    Excite(ExciteArgs),
     /// Replay recorded hall lines through the servo's decoder and estimator.
     ReplayHalls(ReplayArgs),
 }
@@ -137,6 +144,8 @@ pub fn run(clock: Clock) -> ExitCode {
         Task::Gcl(args) => gcl::gcl(&args, clock),
         Task::Grasper(args) => grasper_client::grasper(&args),
         Task::Torture(args) => torture::torture(&args, clock),
+        Task::Identify(args) => identify::identify(&args),
+        Task::Excite(args) => excite::excite(&args, clock),
         Task::ReplayHalls(args) => replay_halls(&args),
     };
     match done {

@@ -57,6 +57,9 @@ const HOME_US: u64 = 30_000_000;
 const MOVE_US: u64 = 10_000_000;
 const STOP_US: u64 = 1_000_000;
 
+/// Time in which the last frames leave, µs.
+const LEAVE_US: u64 = 20_000;
+
 /// Longest pause before a row, µs: half a count at full speed.
 const DITHER_US: u64 = 500;
 
@@ -124,15 +127,29 @@ pub struct Row {
     pub thermistor_c: f64,
 }
 
+/// What a board told during the move.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// The kind of motor.
+    pub motor: MotorKind,
+    /// The rows in order of time.
+    pub rows: Vec<Row>,
+}
+
 /// A recording as CSV: the columns of a trace that a board gives over the bus.
 #[must_use]
-pub fn csv(rows: &[Row]) -> String {
-    let mut text = "time_ms,mode,position_estimated_counts,torque_per_1024,duty_percent,bus_v,bus_a,halls_code,thermistor_c,bridge_on\n".to_owned();
-    for row in rows {
+pub fn csv(recorded: &Recorded) -> String {
+    let motor = match recorded.motor {
+        MotorKind::Link => 1,
+        MotorKind::Spread => 4,
+        MotorKind::Tip => 5,
+    };
+    let mut text = "time_ms,motor,mode,position_estimated_counts,torque_per_1024,duty_percent,bus_v,bus_a,halls_code,thermistor_c,bridge_on\n".to_owned();
+    for row in &recorded.rows {
         let duty = row.duty_percent.map_or_else(String::new, |duty| format!("{duty:.3}"));
         let position = row.position.map_or_else(String::new, |position| position.to_string());
         text.push_str(&format!(
-            "{:.3},{},{},{},{duty},{:.1},{:.3},{},{:.1},{}\n",
+            "{:.3},{motor},{},{},{},{duty},{:.1},{:.3},{},{:.1},{}\n",
             row.time_ms,
             row.mode,
             position,
@@ -176,7 +193,7 @@ struct Host<'a> {
 ///
 /// # Errors
 /// Interrupted, no answer, ERROR, or a motor that does not go where it should; the board is then idle.
-pub fn excite(link: &mut dyn Link, node: Node, progress: &mut dyn FnMut(&str)) -> Result<Vec<Row>, Failure> {
+pub fn excite(link: &mut dyn Link, node: Node, progress: &mut dyn FnMut(&str)) -> Result<Recorded, Failure> {
     let start_us = link.now_us();
     let mut host = Host {
         link,
@@ -197,13 +214,14 @@ pub fn excite(link: &mut dyn Link, node: Node, progress: &mut dyn FnMut(&str)) -
     };
     let done = host.whole(progress);
     // Idle first; then what was changed, also after a failure.
-    let stopped = host.set(Property::MODE, 0);
+    let mut restored = host.set(Property::MODE, 0);
     for (property, value) in std::mem::take(&mut host.before) {
-        host.set(property, value)?;
+        restored = restored.and(host.set(property, value));
     }
-    done?;
-    stopped?;
-    Ok(host.rows)
+    // The last frames leave before the adapter closes.
+    restored = restored.and(host.pause(LEAVE_US));
+    done.and(restored)?;
+    Ok(Recorded { motor: host.kind, rows: host.rows })
 }
 
 impl Host<'_> {
@@ -259,7 +277,13 @@ impl Host<'_> {
     }
 
     /// Waits until a property has a value.
-    fn until(&mut self, property: Property, is_done: &dyn Fn(i64) -> bool, for_us: u64, what: &str) -> Result<i64, Failure> {
+    fn until(
+        &mut self,
+        property: Property,
+        is_done: &dyn Fn(i64) -> bool,
+        for_us: u64,
+        what: &str,
+    ) -> Result<i64, Failure> {
         let deadline_us = self.link.now_us() + for_us;
         loop {
             let value = self.get(property)?;
@@ -314,7 +338,8 @@ impl Host<'_> {
         let (open, close) = (self.get(Property::OT)?, self.get(Property::CT)?);
         self.range = (open.min(close), open.max(close));
         if self.range.1 - self.range.0 < 100 {
-            return self.failed("OT and CT are less than 100 counts apart", "set them to the ends of the range");
+            return self
+                .failed("OT and CT are less than 100 counts apart", "set them to the ends of the range");
         }
         self.borrow(Property::HOSTMS, HOST_MS)?;
         progress("finding the stop");
@@ -366,7 +391,10 @@ impl Host<'_> {
         match self.get(Property::END)? {
             1 => {}
             end => {
-                return self.failed(&format!("HI ended with END {end}"), "free the joint, and see END in docs/properties.md");
+                return self.failed(
+                    &format!("HI ended with END {end}"),
+                    "free the joint, and see END in docs/properties.md",
+                );
             }
         }
         self.is_homed = true;
@@ -413,7 +441,8 @@ impl Host<'_> {
         }
         self.position = position;
         if self.is_homed && (position < self.range.0 - 60 || position > self.range.1 + 60) {
-            return self.failed(&format!("P is {position}, outside its range"), "check OT and CT, and home again");
+            return self
+                .failed(&format!("P is {position}, outside its range"), "check OT and CT, and home again");
         }
         let row = Row {
             time_ms,
@@ -444,7 +473,8 @@ impl Host<'_> {
             return Some(duty(torque as f64, torque as f64, bus_v));
         }
         let sign = self.ordered.signum() as f64;
-        let is_limited = self.ordered.abs() == FULL && (self.ordered - torque).abs() > 40 && self.speed * sign > 150.0;
+        let is_limited =
+            self.ordered.abs() == FULL && (self.ordered - torque).abs() > 40 && self.speed * sign > 150.0;
         // The supply's guard has then raised the torque in full.
         let is_full = is_limited && now_ms - self.ordered_ms > FULL_AFTER_MS;
         is_full.then(|| duty(sign * (bus_v * 990.0 / 24.0 - 0.5), torque as f64, bus_v))
@@ -493,7 +523,11 @@ impl Host<'_> {
 
     /// How far the motor can still go in a direction, counts.
     fn left(&self, direction: i64) -> i64 {
-        if direction > 0 { self.range.1 - MARGIN - self.position } else { self.position - self.range.0 - MARGIN }
+        if direction > 0 {
+            self.range.1 - MARGIN - self.position
+        } else {
+            self.position - self.range.0 - MARGIN
+        }
     }
 
     /// Counts that it takes to stop: what passes in two rows, and the braking.
@@ -555,7 +589,8 @@ impl Host<'_> {
         while self.speed * direction as f64 > 120.0 {
             self.row()?;
             if self.link.now_us() > deadline_us {
-                return self.failed("it does not brake", "check the supply: it must take what a motor returns");
+                return self
+                    .failed("it does not brake", "check the supply: it must take what a motor returns");
             }
         }
         self.rest()
@@ -617,6 +652,7 @@ impl Simulated {
     }
 
     /// The board, to read its truth.
+    #[must_use]
     pub fn board(&self) -> Option<&crate::world::node::Node> {
         self.bus.stations().next()
     }

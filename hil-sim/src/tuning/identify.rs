@@ -18,7 +18,7 @@ pub use record::Recording;
 use record::Row;
 
 use crate::world::plant::{PlantParams, RAD_PER_COUNT};
-use tater_wire::MotorKind;
+use tater_wire::{MotorKind, Property};
 
 /// A torque unit of the boards, N·m: 1024 are 65 N·cm.
 pub const UNIT_N_M: f64 = 0.65 / 1024.0;
@@ -84,6 +84,48 @@ pub struct Identified {
     pub remarks: Vec<String>,
 }
 
+impl Identified {
+    /// The board's model of its motor, of the figures that are determined: number or name of the property, and value. The board counts torque
+    /// in units of 1/1024 of 24 V across the winding, so R and Ke are in all of them.
+    #[must_use]
+    pub fn properties(&self) -> Vec<(&'static str, i64)> {
+        if !self.r_ohm.is_determined || !self.ke_v_s.is_determined {
+            return Vec::new();
+        }
+        let unit_n_m = UNIT_V / self.r_ohm.value * self.ke_v_s.value;
+        let mut all = vec![(Property::MKE, "MKE", 4096.0 * self.ke_v_s.value * RAD_PER_COUNT / UNIT_V)];
+        if self.j_kg_m2.is_determined {
+            all.push((Property::MKA, "MKA", 16.0 * unit_n_m / self.j_kg_m2.value / RAD_PER_COUNT));
+        }
+        if self.coulomb_n_m.is_determined {
+            all.push((Property::MFC, "MFC", self.coulomb_n_m.value / unit_n_m));
+        }
+        let of = |(property, name, value): (Property, &'static str, f64)| {
+            let value = value.round() as i64;
+            property.rules().admits(value).then_some((name, value))
+        };
+        all.into_iter().filter_map(of).collect()
+    }
+
+    /// All figures with name and unit, in order.
+    #[must_use]
+    pub fn figures(&self) -> Vec<(String, &'static str, Estimate)> {
+        let mut all = vec![
+            ("r_ohm".to_owned(), "Ohm, line to line at 25 C", self.r_ohm),
+            ("ke_v_s".to_owned(), "V s/rad", self.ke_v_s),
+            ("j_kg_m2".to_owned(), "kg m2 at the rotor", self.j_kg_m2),
+            ("coulomb_n_m".to_owned(), "N m", self.coulomb_n_m),
+            ("viscous_n_m_s".to_owned(), "N m s/rad", self.viscous_n_m_s),
+            ("delay_ms".to_owned(), "ms", self.delay_ms),
+        ];
+        let halls = self.hall_error_deg.iter().enumerate();
+        all.extend(
+            halls.map(|(sector, of)| (format!("hall_error_deg[{sector}]"), "degrees electrical", *of)),
+        );
+        all
+    }
+}
+
 /// Residuals over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Residuals {
@@ -126,7 +168,8 @@ impl<'a> Fit<'a> {
     /// What accelerates the rotor in each interval as far as it is known, counts/s², and the noise of the rest.
     fn push(&self) -> (Vec<f64>, Vec<f64>) {
         let intervals = self.rows.len() - 1;
-        let Some(shaft) = &self.shaft else {
+        // A shaft that is hardly determined says nothing of the path.
+        let Some(shaft) = self.shaft.as_ref().filter(|shaft| shaft.is_plausible()) else {
             let noise = |row: &Row| if row.is_driven { 5e6 } else { 2e5 };
             return (vec![0.0; intervals], self.rows[..intervals].iter().map(noise).collect());
         };
@@ -157,8 +200,12 @@ impl<'a> Fit<'a> {
         let placed = if self.shaft.is_some() { 0.02 } else { 0.1 };
         let (push, noise) = self.push();
         self.points = path::smooth(self.rows, &self.edges, &self.placement, placed, (&push, &noise));
-        let bench =
-            Bench { rows: self.rows, points: &self.points, placement: self.placement, nominal: &self.nominal };
+        let bench = Bench {
+            rows: self.rows,
+            points: &self.points,
+            placement: self.placement,
+            nominal: &self.nominal,
+        };
         if let Some((electric, solution)) = bench.fit(self.electric) {
             (self.electric, self.winding) = (electric, Some(solution));
         }
@@ -203,14 +250,19 @@ fn figures(recording: &Recording, fit: &Fit) -> Identified {
     advise(&ke, "run freely at full duty for 30 counts or more (the fast part of `hil-sim excite`)");
     advise(&shaft.j, "accelerate and brake at a torque of 200 or more, several times (`hil-sim excite`)");
     advise(&shaft.coulomb, "cruise in both directions at 150 to 400 counts/s (`hil-sim excite`)");
-    advise(&shaft.viscous, "cruise at two speeds that differ by 400 counts/s or more, each for 0.3 s (`hil-sim excite`)");
+    advise(
+        &shaft.viscous,
+        "cruise at two speeds that differ by 400 counts/s or more, each for 0.3 s (`hil-sim excite`)",
+    );
     advise(&shaft.delay, "steps of torque while the rotor turns (`hil-sim excite`)");
     shaft.halls.iter().for_each(|hall| advise(hall, "cruise over 60 counts or more (`hil-sim excite`)"));
-    let known = (0..fit.drawn.len()).filter(|index| fit.rows[*index].duty.is_some() && fit.rows[*index].is_driven);
+    let known =
+        (0..fit.drawn.len()).filter(|index| fit.rows[*index].duty.is_some() && fit.rows[*index].is_driven);
     let bus_a = known
         .map(|index| (1e3 * fit.rows[index + 1].t_s, fit.rows[index + 1].bus_a - fit.drawn[index].bus_a))
         .collect();
-    let edge_counts = fit.shaft.iter().flat_map(|shaft| &shaft.residuals).map(|(t_s, of)| (1e3 * t_s, *of)).collect();
+    let edge_counts =
+        fit.shaft.iter().flat_map(|shaft| &shaft.residuals).map(|(t_s, of)| (1e3 * t_s, *of)).collect();
     Identified {
         r_ohm: r,
         ke_v_s: ke,
@@ -235,7 +287,8 @@ struct Shaft {
 }
 
 /// Nothing known.
-const UNKNOWN: Estimate = Estimate { value: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY, is_determined: false };
+const UNKNOWN: Estimate =
+    Estimate { value: f64::NAN, low: f64::NEG_INFINITY, high: f64::INFINITY, is_determined: false };
 
 fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
     let Some(Mechanic { solution, .. }) = &fit.shaft else {
@@ -282,7 +335,10 @@ fn remarks(recording: &Recording, fit: &Fit) -> Vec<String> {
     }
     let stretches = fit.shaft.as_ref().map_or(0, |shaft| shaft.stretches);
     if stretches < 6 {
-        remarks.push(format!("{stretches} stretches above {} counts/s: the intervals need 6 or more", mechanic::LEAST_SPEED));
+        remarks.push(format!(
+            "{stretches} stretches above {} counts/s: the intervals need 6 or more",
+            mechanic::LEAST_SPEED
+        ));
     }
     remarks
 }

@@ -47,6 +47,57 @@ pub fn html(scenario: &Scenario, outcome: &Outcome) -> String {
     page
 }
 
+/// One curve over time.
+pub struct Plot {
+    /// What it shows.
+    pub title: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Least span of the axis.
+    pub least_span: f64,
+    /// Times, ms.
+    pub times: Vec<f64>,
+    /// Values.
+    pub values: Vec<f64>,
+}
+
+/// A page with a table and curves. `head` and the `rows` are plain text; the first column is on the left.
+#[must_use]
+pub fn plots(name: &str, about: &str, head: &[&str], rows: &[Vec<String>], plots: &[Plot]) -> String {
+    let name = escape(name);
+    let mut page = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{name} · hil-sim</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n\
+         <header><h1>{name}</h1>\n<p>{}</p></header>\n<table><tr>",
+        escape(about)
+    );
+    head.iter().for_each(|cell| page.push_str(&format!("<th>{}</th>", escape(cell))));
+    page.push_str("</tr>\n");
+    for row in rows {
+        let cells: String = row.iter().map(|cell| format!("<td>{}</td>", escape(cell))).collect();
+        let _ = writeln!(page, "<tr>{cells}</tr>");
+    }
+    page.push_str("</table>\n<h2>Residuals</h2>\n");
+    for plot in plots {
+        let series = vec![Series { name: plot.title, class: "c1", values: plot.values.clone() }];
+        let chart = Chart {
+            title: plot.title,
+            unit: plot.unit,
+            height: 220.0,
+            least_span: plot.least_span,
+            lanes: &[],
+            times: &plot.times,
+            series,
+            marks: &[],
+            labeled: false,
+        };
+        page.push_str(&chart.svg());
+    }
+    page.push_str("</main>\n</body>\n</html>\n");
+    page
+}
+
 fn expectations(page: &mut String, outcome: &Outcome) {
     if outcome.expectations.is_empty() {
         return;

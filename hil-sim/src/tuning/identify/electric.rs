@@ -92,7 +92,13 @@ impl Bench<'_> {
     fn circuit(&self, electric: Electric) -> Circuit {
         let winding = Winding::new(1.0, 1e-3, 24.0, self.nominal.diode_v);
         let dead_s = self.nominal.dead_time_us * 1e-6;
-        Circuit { electric, inverter: Inverter::new(Model::Averaged, winding, dead_s), current: [0.0; 3], rise_k: 0.0, offsets: [0.0; 2] }
+        Circuit {
+            electric,
+            inverter: Inverter::new(Model::Averaged, winding, dead_s),
+            current: [0.0; 3],
+            rise_k: 0.0,
+            offsets: [0.0; 2],
+        }
     }
 
     /// Advances the circuit over the interval after a row with a duty; returns charge from the bus (A), torque (N·m) and heat (J).
@@ -123,7 +129,8 @@ impl Bench<'_> {
             circuit.inverter.set_bridge(legs);
             let before = flow.charge;
             circuit.inverter.advance(&mut circuit.current, emf, 0.0, step, &mut flow);
-            impulse += (0..3).map(|phase| k * shape[phase] * (flow.charge[phase] - before[phase])).sum::<f64>();
+            impulse +=
+                (0..3).map(|phase| k * shape[phase] * (flow.charge[phase] - before[phase])).sum::<f64>();
         }
         (flow.bus_charge / dt, impulse / dt, flow.copper_j)
     }
@@ -152,7 +159,9 @@ impl Bench<'_> {
         let kind = usize::from(row.torque_n_m.unwrap_or(0.0) * speed < 0.0);
         let duty = match row.duty {
             Some(duty) => duty,
-            None if row.is_driven => (self.ordered(electric, index) + circuit.offsets[kind] * speed).clamp(-0.967, 0.967),
+            None if row.is_driven => {
+                (self.ordered(electric, index) + circuit.offsets[kind] * speed).clamp(-0.967, 0.967)
+            }
             None => 0.0,
         };
         let (bus_a, mut torque, heat) = self.advance(circuit, index, duty);
@@ -171,7 +180,8 @@ impl Bench<'_> {
             trust = e_a * e_a / (e_a * e_a + ADC_A * ADC_A);
         }
         let dt = self.rows[index + 1].t_s - row.t_s;
-        circuit.rise_k += (heat - circuit.rise_k / self.nominal.winding_housing_k_w * dt) / self.nominal.winding_j_k;
+        circuit.rise_k +=
+            (heat - circuit.rise_k / self.nominal.winding_housing_k_w * dt) / self.nominal.winding_j_k;
         // The measured current corrects that of a velocity which is a little wrong.
         if row.is_driven && duty.abs() > LEAST_DUTY {
             torque += trust * electric.ke_v_s * (measured - bus_a) / duty;

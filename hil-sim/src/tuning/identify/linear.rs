@@ -57,8 +57,7 @@ impl Normal {
     pub fn solve(&self) -> Option<Solution> {
         let n = self.size;
         let inverse = inverse(&self.square, n)?;
-        let x: Vec<f64> =
-            (0..n).map(|i| (0..n).map(|j| inverse[i * n + j] * self.right[j]).sum()).collect();
+        let x: Vec<f64> = (0..n).map(|i| (0..n).map(|j| inverse[i * n + j] * self.right[j]).sum()).collect();
         let mut meat = vec![0.0; n * n];
         for group in &self.groups {
             let mut score = vec![0.0; n];

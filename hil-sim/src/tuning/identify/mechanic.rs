@@ -54,6 +54,12 @@ pub struct Mechanic {
 }
 
 impl Mechanic {
+    /// Whether 1/J is known within 30 % or so, and that of a motor: 2 to 1000 g·cm².
+    pub fn is_plausible(&self) -> bool {
+        let per_j = self.solution.x[0];
+        (1e4..5e6).contains(&per_j) && self.solution.sigma(0) < 0.3 * per_j
+    }
+
     /// Errors of the boundaries by the sector below, counts; their mean is 0.
     pub fn placement(&self) -> [f64; 6] {
         let x = &self.solution.x;
@@ -116,18 +122,21 @@ impl Integrals {
 
 /// Fits the mechanical half; `None` if no stretch of motion is long enough.
 pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> Option<Mechanic> {
-    let mut found: Vec<(Vec<f64>, Vec<Equation>)> = Vec::new();
+    let mut found: Vec<Found> = Vec::new();
     for stretch in stretches(rows, points) {
         let lines = lines(&stretch, rows, points, edges, drawn);
         if lines.len() >= LEAST_EDGES {
-            found.push((lines.iter().map(|line| line.t_s).collect(), project(&lines)));
+            let is_sure =
+                rows[stretch.from..stretch.to].iter().all(|row| row.duty.is_some() || !row.is_driven);
+            let times_s = lines.iter().map(|line| line.t_s).collect();
+            found.push(Found { times_s, equations: project(&lines), is_sure });
         }
     }
     let mut doubts = vec![1.0; found.len()];
     let mut solution = None;
     for _ in 0..ROUNDS {
         let next = solve(&found, &doubts)?;
-        for (doubt, (_, equations)) in doubts.iter_mut().zip(&found) {
+        for (doubt, Found { equations, .. }) in doubts.iter_mut().zip(&found).filter(|(_, of)| !of.is_sure) {
             let square: f64 = equations.iter().map(|of| of.1 * residual(of, &next).powi(2)).sum();
             // A stretch that fits worse than its edges can be measured has an error of its own: a torque that was not recorded in time.
             *doubt = (square / (equations.len() as f64 - 2.0) / USUAL_SQUARE).max(1.0);
@@ -135,10 +144,18 @@ pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> O
         solution = Some(next);
     }
     let solution = solution?;
-    let residuals = found.iter().flat_map(|(times, equations)| {
-        times.iter().zip(equations).map(|(t_s, of)| (*t_s, residual(of, &solution)))
+    let residuals = found.iter().flat_map(|Found { times_s, equations, .. }| {
+        times_s.iter().zip(equations).map(|(t_s, of)| (*t_s, residual(of, &solution)))
     });
     Some(Mechanic { residuals: residuals.collect(), stretches: found.len(), solution })
+}
+
+/// A stretch's equations.
+struct Found {
+    times_s: Vec<f64>,
+    equations: Vec<Equation>,
+    /// Its torque does not depend on a duty that nobody recorded.
+    is_sure: bool,
 }
 
 /// Coefficients, weight and right side of an equation.
@@ -149,12 +166,12 @@ fn residual(equation: &Equation, solution: &Solution) -> f64 {
 }
 
 /// Solves for the common unknowns, with the weights of each stretch divided by its doubt; `None` without stretches.
-fn solve(found: &[(Vec<f64>, Vec<Equation>)], doubts: &[f64]) -> Option<Solution> {
+fn solve(found: &[Found], doubts: &[f64]) -> Option<Solution> {
     if found.is_empty() {
         return None;
     }
     let mut normal = Normal::new(SIZE);
-    for ((_, equations), doubt) in found.iter().zip(doubts) {
+    for (Found { equations, .. }, doubt) in found.iter().zip(doubts) {
         normal.group(equations.iter().map(|(row, weight, y)| (row.clone(), weight / doubt, *y)).collect());
     }
     // Weak beliefs, for what a move does not show: 1/J ± 3 of it, friction, a delay of half a row, placements of 15°.
@@ -209,7 +226,8 @@ fn project(lines: &[Line]) -> Vec<Equation> {
     let spread: f64 = lines.iter().map(|line| line.weight * (line.t_s - mean).powi(2)).sum();
     let residual = |value: &dyn Fn(&Line) -> f64| -> Vec<f64> {
         let centre = lines.iter().map(|line| line.weight * value(line)).sum::<f64>() / total;
-        let slope = lines.iter().map(|line| line.weight * (line.t_s - mean) * value(line)).sum::<f64>() / spread;
+        let slope =
+            lines.iter().map(|line| line.weight * (line.t_s - mean) * value(line)).sum::<f64>() / spread;
         lines.iter().map(|line| value(line) - centre - slope * (line.t_s - mean)).collect()
     };
     let columns: Vec<Vec<f64>> = (0..SIZE).map(|index| residual(&|line: &Line| line.row[index])).collect();

@@ -144,7 +144,11 @@ pub fn smooth(
     }
     backwards(&mut stops);
     let at_row = |stop: &Stop| {
-        stop.row.map(|_| Point { counts: stop.after.x[0], speed: stop.after.x[1], sigma: stop.after.p[1].max(0.0).sqrt() })
+        stop.row.map(|_| Point {
+            counts: stop.after.x[0],
+            speed: stop.after.x[1],
+            sigma: stop.after.p[1].max(0.0).sqrt(),
+        })
     };
     stops.iter().filter_map(at_row).collect()
 }

@@ -124,6 +124,8 @@ impl<'a> Columns<'a> {
     }
 }
 
+const MOTORS: [MotorKind; 3] = [MotorKind::Link, MotorKind::Spread, MotorKind::Tip];
+
 /// Number of a motor's first node, as the column `motor` has it.
 const fn node_of(motor: MotorKind) -> f64 {
     match motor {
@@ -156,8 +158,10 @@ impl Recording {
                 let problem = "the row does not fit the header".to_owned();
                 return Err(columns.bad(line.number, problem, &found, &expected, NEXT));
             }
+            let mut kind = motor;
             if has_several {
                 let node = columns.number(&line, "motor")?;
+                kind = kind.or(MOTORS.into_iter().find(|kind| node_of(*kind) == node));
                 match motor {
                     Some(motor) if node_of(motor) != node => continue,
                     Some(_) => {}
@@ -170,15 +174,15 @@ impl Recording {
                 }
             }
             let ms = columns.number(&line, "time_ms")?;
-            if let Some(row) = rows.last() {
-                check_time(&columns, line.number, last, ms, row.t_s)?;
+            if !rows.is_empty() {
+                check_time(&columns, line.number, last, ms)?;
             }
             last = (line.number, ms);
             let code = columns.number(&line, "halls_code")?;
             let position = columns.maybe(&line, "position_estimated_counts")?;
             let sector = CODES.iter().position(|of| f64::from(*of) == code);
             invalid += usize::from(sector.is_none());
-            rows.push(columns.row(&line, ms, unwrap.cell(sector, position, ms), motor)?);
+            rows.push(columns.row(&line, ms, unwrap.cell(sector, position, ms), kind)?);
         }
         check_length(&columns, &rows, last.0, invalid)?;
         let bus_step_v = bus_step(&rows);
@@ -218,7 +222,6 @@ fn check_time(
     line: usize,
     (before, before_ms): (usize, f64),
     ms: f64,
-    _: f64,
 ) -> Result<(), BadInput> {
     if ms <= before_ms {
         let problem = format!("time_ms does not rise: line {before} has {before_ms}");

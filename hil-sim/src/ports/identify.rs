@@ -1,0 +1,184 @@
+//! `hil-sim identify`: a motor's figures from a recorded move, as text, JSON, properties and a page of residuals.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use serde_json::{Map, Value, json};
+use tater_wire::MotorKind;
+
+use super::output::{print, replace_file, warn};
+use crate::experiment::input::BadInput;
+use crate::experiment::report::{Plot, plots};
+use crate::tuning::identify::{Estimate, Identified, Recording, identify as fit};
+
+/// Largest trace: 20 minutes at a row a millisecond.
+const MOST_BYTES: u64 = 256 << 20;
+
+#[derive(clap::Args)]
+pub struct IdentifyArgs {
+    /// A trace.csv of `hil-sim run --out`, or the recording of `hil-sim excite`.
+    trace: PathBuf,
+    /// The motor: of a trace with several the one to take; a link or a tip coasts without power, which is then used.
+    #[arg(long, value_enum)]
+    motor: Option<MotorName>,
+    /// Print one JSON object and nothing else.
+    #[arg(long)]
+    json: bool,
+    /// Write residuals.html into this folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// A kind of motor.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum MotorName {
+    /// A finger's inner link.
+    Link,
+    /// The spread.
+    Spread,
+    /// A finger's outer link.
+    Tip,
+}
+
+impl MotorName {
+    pub const fn kind(self) -> MotorKind {
+        match self {
+            Self::Link => MotorKind::Link,
+            Self::Spread => MotorKind::Spread,
+            Self::Tip => MotorKind::Tip,
+        }
+    }
+}
+
+/// Returns whether all figures are determined.
+pub fn identify(args: &IdentifyArgs) -> Result<bool, Box<dyn Error>> {
+    let text = read(&args.trace)?;
+    let file = args.trace.display().to_string();
+    let recording = Recording::parse(&file, &text, args.motor.map(MotorName::kind))?;
+    let found = fit(&recording);
+    if let Some(dir) = &args.out {
+        write_page(dir, &file, &found)?;
+    }
+    for remark in &found.remarks {
+        warn(&format!("warning: {file}: {remark}"));
+    }
+    if args.json {
+        print(&format!("{}\n", object(&found)))?;
+    } else {
+        print(&lines(&found))?;
+        if let Some(dir) = &args.out {
+            print(&format!("\n{}\n", dir.join(PAGE).display()))?;
+        }
+    }
+    Ok(found.missing.is_empty())
+}
+
+const PAGE: &str = "residuals.html";
+
+fn read(path: &Path) -> Result<String, BadInput> {
+    let bad = |problem: &str, found: String, expected: &str| BadInput {
+        place: path.display().to_string(),
+        problem: problem.to_owned(),
+        found,
+        expected: expected.to_owned(),
+        next: "give a trace.csv of `hil-sim run --out` or of `hil-sim excite`".to_owned(),
+    };
+    let meta = std::fs::metadata(path).map_err(|e| bad("cannot be read", e.to_string(), "a CSV file"))?;
+    if meta.len() > MOST_BYTES {
+        return Err(bad("is too large", format!("{} bytes", meta.len()), "256 MiB or less"));
+    }
+    let bytes = std::fs::read(path).map_err(|e| bad("cannot be read", e.to_string(), "a CSV file"))?;
+    String::from_utf8(bytes).map_err(|e| bad("is no text", e.to_string(), "CSV in UTF-8"))
+}
+
+/// Four significant digits.
+fn number(value: f64) -> String {
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    let size = value.abs();
+    match size {
+        0.01..1e4 => {
+            let decimals = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
+            format!("{value:.decimals$}")
+        }
+        0.0 => "0".to_owned(),
+        _ => format!("{value:.3e}"),
+    }
+}
+
+fn lines(found: &Identified) -> String {
+    let mut text = String::new();
+    for (name, unit, of) in found.figures() {
+        let mark = if of.is_determined { "" } else { "   NOT DETERMINED" };
+        let range = format!("{} to {}", number(of.low), number(of.high));
+        text.push_str(&format!("{name:<18} {:>10}   95 %: {range:<24} {unit}{mark}\n", number(of.value)));
+    }
+    text.push_str("\nHall errors are those of the upper boundaries of sectors 0 to 5, less their mean, which no move shows.\n");
+    let properties = found.properties();
+    if !properties.is_empty() {
+        let set: Vec<String> =
+            properties.iter().map(|(name, value)| format!("--set {name}={value}")).collect();
+        text.push_str(&format!("\nThe board's model of this motor: {}\n", set.join(" ")));
+    }
+    if !found.missing.is_empty() {
+        text.push_str("\nTo determine the rest, record:\n");
+        found.missing.iter().for_each(|advice| text.push_str(&format!("  {advice}\n")));
+    }
+    text
+}
+
+fn estimate(of: &Estimate) -> Value {
+    // serde_json writes a number that is not finite as null.
+    json!({ "value": of.value, "low": of.low, "high": of.high, "determined": of.is_determined })
+}
+
+fn object(found: &Identified) -> Value {
+    let mut object = Map::new();
+    let figures = [
+        ("r_ohm", &found.r_ohm),
+        ("ke_v_s", &found.ke_v_s),
+        ("j_kg_m2", &found.j_kg_m2),
+        ("coulomb_n_m", &found.coulomb_n_m),
+        ("viscous_n_m_s", &found.viscous_n_m_s),
+        ("delay_ms", &found.delay_ms),
+    ];
+    figures.into_iter().for_each(|(name, of)| _ = object.insert(name.to_owned(), estimate(of)));
+    let halls: Vec<Value> = found.hall_error_deg.iter().map(estimate).collect();
+    object.insert("hall_error_deg".to_owned(), Value::Array(halls));
+    let properties: Map<String, Value> =
+        found.properties().into_iter().map(|(name, value)| (name.to_owned(), value.into())).collect();
+    object.insert("properties".to_owned(), Value::Object(properties));
+    object.insert("record".to_owned(), json!(found.missing));
+    object.insert("remarks".to_owned(), json!(found.remarks));
+    Value::Object(object)
+}
+
+fn write_page(dir: &Path, file: &str, found: &Identified) -> Result<(), BadInput> {
+    let row = |(name, unit, of): (String, &str, Estimate)| {
+        let verdict = if of.is_determined { "determined" } else { "not determined" };
+        vec![name, number(of.value), number(of.low), number(of.high), unit.to_owned(), verdict.to_owned()]
+    };
+    let rows: Vec<Vec<String>> = found.figures().into_iter().map(row).collect();
+    let plot = |title, unit, least_span, of: &[(f64, f64)]| {
+        let (times, values) = of.iter().copied().unzip();
+        Plot { title, unit, least_span, times, values }
+    };
+    let curves = [
+        plot("bus current, measured less expected", "A", 0.1, &found.residuals.bus_a),
+        plot("hall edges, boundary less expected place", "counts", 0.5, &found.residuals.edge_counts),
+    ];
+    let head = ["figure", "value", "low", "high", "unit", "95 %"];
+    let html =
+        plots("identify", &format!("{file}: figures with their 95 % intervals"), &head, &rows, &curves);
+    let path = dir.join(PAGE);
+    let written = std::fs::create_dir_all(dir).and_then(|()| replace_file(&path, html.as_bytes()));
+    written.map_err(|e| BadInput {
+        place: format!("--out {}", dir.display()),
+        problem: format!("{} cannot be written", path.display()),
+        found: e.to_string(),
+        expected: "a writable folder".to_owned(),
+        next: "choose another folder or free space".to_owned(),
+    })
+}
