@@ -9,6 +9,7 @@ mod halls;
 mod heat;
 mod homing;
 mod host;
+mod identify;
 mod loops;
 mod metal;
 mod over_can;

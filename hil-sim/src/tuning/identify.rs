@@ -320,7 +320,7 @@ fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
         j: Estimate::new(j, j_sigma, 0.075 * j.abs()),
         coulomb: Estimate::new(coulomb, coulomb_sigma, 0.2 * coulomb.abs()),
         viscous: Estimate::new(viscous, viscous_sigma, 0.3 * viscous.abs()),
-        delay: Estimate::new(1e3 * x[3], 1e3 * solution.sigma(3), 0.5),
+        delay: Estimate::new(1e3 * x[3], 1e3 * solution.sigma(3), 1.0),
         halls: [0, 1, 2, 3, 4, 5].map(hall),
     }
 }

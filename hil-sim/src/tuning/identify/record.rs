@@ -305,3 +305,56 @@ impl Unwrap {
         next
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "time_ms,halls_code,bus_v,bus_a,duty_percent,bridge_on";
+
+    /// A rotor at 100 counts/s.
+    fn trace(rows: usize) -> Vec<String> {
+        let row = |ms: usize| format!("{ms},{},24.0,0.1,20.0,1", CODES[ms / 10 % 6]);
+        std::iter::once(HEADER.to_owned()).chain((0..rows).map(row)).collect()
+    }
+
+    fn error(lines: &[String]) -> String {
+        Recording::parse("t.csv", &lines.join("\n"), None).expect_err("refused").to_string()
+    }
+
+    #[test]
+    fn trace_is_unwrapped() {
+        let recording = Recording::parse("t.csv", &trace(500).join("\n"), None).expect("valid");
+        let cells = |index: usize| recording.rows.get(index).map(|row| row.cell);
+        assert_eq!((cells(0), cells(65), cells(499)), (Some(0), Some(6), Some(49)));
+        assert!((recording.bus_step_v - 0.1).abs() < 1e-9);
+    }
+
+    #[test]
+    fn bad_traces_are_refused_with_place_and_next_step() {
+        let with = |line: usize, text: &str| {
+            let mut lines = trace(500);
+            lines[line] = text.to_owned();
+            lines
+        };
+        let mut gap = trace(500);
+        gap.drain(50..70);
+        let row = |ms: usize| format!("{ms},2,24.0,0.1,20.0,1");
+        let still: Vec<String> = std::iter::once(HEADER.to_owned()).chain((0..300).map(row)).collect();
+        for (lines, place, problem) in [
+            (with(0, "time_ms,halls_code,bus_v,bus_a,duty_percent"), "t.csv:1", "bridge_on is missing"),
+            (with(3, "2,2,NaN,0.1,20.0,1"), "t.csv:4", "bus_v is not a number"),
+            (with(3, "2,2,,0.1,20.0,1"), "t.csv:4", "bus_v is empty"),
+            (with(3, "2,2,24.0,0.1"), "t.csv:4", "does not fit the header"),
+            (with(3, "0,2,24.0,0.1,20.0,1"), "t.csv:4", "time_ms does not rise"),
+            (gap, "t.csv:51", "a gap of 21.0 ms after line 50"),
+            (trace(50), "t.csv:51", "too short"),
+            (vec![HEADER.to_owned()], "t.csv", "too short"),
+            (still, "t.csv", "the motor did not move"),
+        ] {
+            let text = error(&lines);
+            assert!(text.starts_with(place) && text.contains(problem), "{text}");
+            assert!(text.contains("next:"), "{text}");
+        }
+    }
+}
