@@ -31,7 +31,8 @@ fn identified(seed: u64) -> [(Estimate, f64); 5] {
     let node = tater_wire::Node::new(node_of(MotorKind::Link)).expect("a node");
     let mut link = Simulated::new(Node::awake(SimBoard::new(rig, node)));
     let recorded = excite(&mut link, node, &mut |_| {}).unwrap_or_else(|e| panic!("plant {seed}: {e:?}"));
-    let recording = Recording::parse("excite", &csv(&recorded), None).unwrap_or_else(|e| panic!("{seed}: {e}"));
+    let recording =
+        Recording::parse("excite", &csv(&recorded), None).unwrap_or_else(|e| panic!("{seed}: {e}"));
     let found = identify(&recording);
     [
         (found.r_ohm, plant.r_ohm),
@@ -62,6 +63,9 @@ fn ensemble_of_unknown_plants_is_identified() {
     }
     // 95 % intervals: of 100 plants 90 at least; of five one may miss.
     for (name, inside) in NAMES.iter().zip(inside) {
-        assert!(10 * inside >= 9 * plants || plants < 10 && inside + 1 >= plants, "{name}: truth inside in {inside} of {plants}");
+        assert!(
+            10 * inside >= 9 * plants || plants < 10 && inside + 1 >= plants,
+            "{name}: truth inside in {inside} of {plants}"
+        );
     }
 }

@@ -54,10 +54,9 @@ pub struct Mechanic {
 }
 
 impl Mechanic {
-    /// Whether 1/J is known within 30 % or so, and that of a motor: 2 to 1000 g·cm².
+    /// Whether the inertia is that of a motor: 20 to 2000 g·cm².
     pub fn is_plausible(&self) -> bool {
-        let per_j = self.solution.x[0];
-        (1e4..5e6).contains(&per_j) && self.solution.sigma(0) < 0.3 * per_j
+        (5e3..5e5).contains(&self.solution.x[0])
     }
 
     /// Errors of the boundaries by the sector below, counts; their mean is 0.
