@@ -1,35 +1,16 @@
 //! `hil-sim export` and `apply` from the command line, with boards of `hil-sim bus`.
 
+mod served;
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 use std::thread::{JoinHandle, spawn};
 
 use serde_json::Value;
 
-struct Served {
-    process: Child,
-    address: String,
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-fn serve(nodes: &str) -> Served {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
-    command.args(["bus", "--nodes", nodes, "--slcan", "127.0.0.1:0"]).stderr(Stdio::null());
-    let mut process = command.stdout(Stdio::piped()).spawn().expect("the binary starts");
-    let mut line = String::new();
-    let out = process.stdout.take().expect("piped");
-    BufReader::new(out).read_line(&mut line).expect("the first line");
-    let address = line.trim().strip_prefix("slcan ").expect("says where it listens").to_owned();
-    Served { process, address }
-}
+use served::{Served, serve};
 
 /// A folder with the result of a tune.
 fn folder(name: &str, motors: &[(&str, &str)]) -> PathBuf {

@@ -1,9 +1,13 @@
 //! `hil-sim bus` with a CAN tool over SLCAN and TCP.
 
+mod served;
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::Duration;
+
+use served::{Served, serve, start};
 
 /// Simultaneous clients, more than a server with [`FILES`] can have.
 #[cfg(unix)]
@@ -17,33 +21,6 @@ const FILES: usize = 8;
 const QUESTIONS: usize = 200_000;
 
 const HANGS: Duration = Duration::from_secs(30);
-
-struct Served {
-    process: Child,
-    address: String,
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-fn serve(nodes: &str) -> Served {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
-    command.args(["bus", "--nodes", nodes, "--slcan", "127.0.0.1:0"]);
-    start(command.stderr(Stdio::null()))
-}
-
-fn start(command: &mut Command) -> Served {
-    let mut process = command.stdout(Stdio::piped()).spawn().expect("the binary starts");
-    let mut line = String::new();
-    let out = process.stdout.take().expect("piped");
-    BufReader::new(out).read_line(&mut line).expect("the first line");
-    let address = line.trim().strip_prefix("slcan ").expect("says where it listens").to_owned();
-    Served { process, address }
-}
 
 fn connect(served: &Served) -> TcpStream {
     let stream = TcpStream::connect(&served.address).expect("connected");

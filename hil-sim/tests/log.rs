@@ -1,31 +1,12 @@
 //! `hil-sim log` with a board of `hil-sim bus`.
 
+mod served;
+
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 
-struct Served {
-    process: Child,
-    address: String,
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-fn serve(node: &str) -> Served {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hil-sim"));
-    command.args(["bus", "--node", node, "--slcan", "127.0.0.1:0"]).stderr(Stdio::null());
-    let mut process = command.stdout(Stdio::piped()).spawn().expect("the binary starts");
-    let mut line = String::new();
-    let out = process.stdout.take().expect("piped");
-    BufReader::new(out).read_line(&mut line).expect("the first line");
-    let address = line.trim().strip_prefix("slcan ").expect("says where it listens").to_owned();
-    Served { process, address }
-}
+use served::serve;
 
 fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);

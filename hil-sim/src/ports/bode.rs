@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 use super::figures::Figures;
 use super::identify::MotorName;
 use super::margins;
-use super::output::{print, replace_together, warn};
+use super::output::{print, warn, write_folder};
 use super::table::{Table, TableFile};
 use crate::experiment::input::BadInput;
 use crate::tuning::bode::{Loop, Setup, measure, page, scenario};
@@ -316,18 +316,8 @@ fn write_files(
     response: &Response,
     margins: &Margins,
 ) -> Result<(), BadInput> {
-    let failed = |path: &Path, e: std::io::Error| BadInput {
-        place: format!("--out {}", dir.display()),
-        problem: format!("{} cannot be written", path.display()),
-        found: e.to_string(),
-        expected: "a writable folder".to_owned(),
-        next: "choose another folder or free space".to_owned(),
-    };
-    std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
-    let [csv_path, html_path] = ["frf.csv", "bode.html"].map(|name| dir.join(name));
     let html = page::html(title, response, &margins::text(margins));
-    replace_together(&[(&csv_path, csv(lines).as_bytes()), (&html_path, html.as_bytes())])
-        .map_err(|(path, e)| failed(&path, e))
+    write_folder(dir, &[("frf.csv", csv(lines).as_bytes()), ("bode.html", html.as_bytes())])
 }
 
 /// L with its deviations, T and S. `hil-sim margins` reads it.

@@ -24,10 +24,9 @@ use super::identify::{self, IdentifyArgs};
 use super::interrupt;
 use super::log::{self, LogArgs};
 use super::margins::{self, MarginsArgs};
-use super::output::{is_same_file, print, replace_file, replace_together, warn};
+use super::output::{COMMIT, is_same_file, print, replace_file, warn, write_folder};
 use super::serve::{self, BusArgs, HandArgs};
 use super::sweep::{self, MergeArgs, SweepArgs};
-use super::sweep_folder::COMMIT;
 use super::thread;
 use super::torture::{self, TortureArgs};
 use super::tune::{self, TuneArgs};
@@ -308,23 +307,12 @@ fn spinner(scenario: &Scenario) -> Option<Sender<()>> {
 }
 
 fn write_files(dir: &Path, scenario: &Scenario, outcome: &Outcome) -> Result<(), BadInput> {
-    let failed = |path: &Path, e: std::io::Error| BadInput {
-        place: format!("--out {}", dir.display()),
-        problem: format!("{} cannot be written", path.display()),
-        found: e.to_string(),
-        expected: "a writable folder".to_owned(),
-        next: "choose another folder or free space".to_owned(),
-    };
-    std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
     let traces: Vec<Trace> = outcome.runs.iter().filter_map(|run| run.trace.clone()).collect();
     let mut csv = Vec::new();
-    let [csv_path, json_path, html_path] =
-        ["trace.csv", "run.json", "report.html"].map(|name| dir.join(name));
-    write_csv(&mut csv, &traces).map_err(|e| failed(&csv_path, e))?;
-    let html = report::html(scenario, outcome);
+    write_csv(&mut csv, &traces).expect("memory takes any bytes");
     let json = format!("{:#}\n", report::stored(scenario, outcome, COMMIT));
-    replace_together(&[(&csv_path, &csv), (&json_path, json.as_bytes()), (&html_path, html.as_bytes())])
-        .map_err(|(path, e)| failed(&path, e))
+    let html = report::html(scenario, outcome);
+    write_folder(dir, &[("trace.csv", &csv), ("run.json", json.as_bytes()), ("report.html", html.as_bytes())])
 }
 
 fn replay_halls(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {

@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use serde_json::{Map, Value, json};
 use tater_wire::MotorKind;
 
-use super::output::{print, replace_file, warn};
+use super::output::{print, warn, write_folder};
 use crate::experiment::input::BadInput;
 use crate::experiment::report::{Plot, plots};
 use crate::tuning::identify::{Estimate, Identified, Recording, identify as fit};
@@ -177,13 +177,5 @@ fn write_page(dir: &Path, file: &str, found: &Identified) -> Result<(), BadInput
     let head = ["figure", "value", "low", "high", "unit", "95 %"];
     let html =
         plots("identify", &format!("{file}: figures with their 95 % intervals"), &head, &rows, &curves);
-    let path = dir.join(PAGE);
-    let written = std::fs::create_dir_all(dir).and_then(|()| replace_file(&path, html.as_bytes()));
-    written.map_err(|e| BadInput {
-        place: format!("--out {}", dir.display()),
-        problem: format!("{} cannot be written", path.display()),
-        found: e.to_string(),
-        expected: "a writable folder".to_owned(),
-        next: "choose another folder or free space".to_owned(),
-    })
+    write_folder(dir, &[(PAGE, html.as_bytes())])
 }

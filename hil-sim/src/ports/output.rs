@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use super::interrupt;
 use crate::experiment::input::BadInput;
 
+/// The commit that results name, of a release build; see `build.rs`.
+pub const COMMIT: &str = env!("HIL_SIM_COMMIT");
+
 /// Prints to standard output; a closed pipe is not an error.
 pub fn print(text: &str) -> Result<(), BadInput> {
     let mut out = io::stdout().lock();
@@ -59,6 +62,24 @@ pub fn replace_together(files: &[(&Path, &[u8])]) -> Result<(), (PathBuf, io::Er
         parts.extend(Part::write(path, bytes).map_err(|error| ((*path).to_owned(), error))?);
     }
     steps(parts).into_iter().try_for_each(Step::run)
+}
+
+/// Makes a folder if there is none, and replaces these files of it together, by [`replace_together`].
+///
+/// # Errors
+/// A folder or file that cannot be written.
+pub fn write_folder(dir: &Path, files: &[(&str, &[u8])]) -> Result<(), BadInput> {
+    let paths: Vec<PathBuf> = files.iter().map(|(name, _)| dir.join(name)).collect();
+    let files: Vec<(&Path, &[u8])> =
+        paths.iter().zip(files).map(|(path, (_, bytes))| (path.as_path(), *bytes)).collect();
+    let made = fs::create_dir_all(dir).map_err(|error| (dir.to_owned(), error));
+    made.and_then(|()| replace_together(&files)).map_err(|(path, error)| BadInput {
+        place: format!("--out {}", dir.display()),
+        problem: format!("{} cannot be written", path.display()),
+        found: error.to_string(),
+        expected: "a writable folder".to_owned(),
+        next: "choose another folder or free space".to_owned(),
+    })
 }
 
 enum Step {

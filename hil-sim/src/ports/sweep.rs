@@ -10,8 +10,8 @@ use clap::value_parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::interrupt;
-use super::output::{print, warn};
-use super::sweep_folder::{COMMIT, Header, Shard, Table, Tally, failed, free_bytes, merge as merge_folders};
+use super::output::{COMMIT, print, warn};
+use super::sweep_folder::{Header, Shard, Table, Tally, failed, free_bytes, merge as merge_folders};
 use super::sweep_report;
 use crate::experiment::input::BadInput;
 use crate::experiment::scenario::{SHIPPED, Scenario};

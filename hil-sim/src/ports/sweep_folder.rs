@@ -10,14 +10,11 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::output::{Part, replace_file};
+use super::output::{COMMIT, Part, replace_file};
 use crate::experiment::input::BadInput;
 use crate::tuning::parquet::Writer;
 use crate::tuning::sweep::{Column, Kind, Sweep, fields, head, shard_of};
 use crate::tuning::table::{self, Cell, Heading, Sink, TableError};
-
-/// The commit of a release build; see `build.rs`.
-pub const COMMIT: &str = env!("HIL_SIM_COMMIT");
 
 const HEADER: &str = "sweep.json";
 pub const CSV: &str = "results.csv";

@@ -10,8 +10,7 @@ use tater_wire::MotorKind;
 
 use super::figures::Figures;
 use super::interrupt;
-use super::output::{print, replace_together, warn};
-use super::sweep_folder::COMMIT;
+use super::output::{COMMIT, print, warn, write_folder};
 use super::tune_report::{self, Drawn};
 use crate::experiment::input::{self, BadInput};
 use crate::experiment::metrics;
@@ -40,7 +39,7 @@ type Clock<'a> = &'a dyn Fn() -> Duration;
 pub struct TuneArgs {
     /// The motor.
     #[arg(long, value_enum)]
-    motor: MotorName,
+    motor: Motors,
     /// What the gains are for.
     #[arg(long, value_enum)]
     objective: ObjectiveName,
@@ -82,14 +81,14 @@ pub struct TuneArgs {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum MotorName {
+enum Motors {
     Link,
     Spread,
     Tip,
     All,
 }
 
-impl MotorName {
+impl Motors {
     fn kinds(self) -> Vec<MotorKind> {
         match self {
             Self::Link => vec![MotorKind::Link],
@@ -680,19 +679,11 @@ fn refusals(tuned: &Tuned) {
 }
 
 fn write(dir: &Path, object: &Value, all: &[Tuned]) -> Result<(), BadInput> {
-    let failed = |path: &Path, e: std::io::Error| BadInput {
-        place: format!("--out {}", dir.display()),
-        problem: format!("{} cannot be written", path.display()),
-        found: e.to_string(),
-        expected: "a writable folder".to_owned(),
-        next: "choose another folder or free space".to_owned(),
-    };
-    std::fs::create_dir_all(dir).map_err(|e| failed(dir, e))?;
-    let mut files: Vec<(PathBuf, String)> = Vec::new();
+    let mut files: Vec<(String, String)> = Vec::new();
     for tuned in all {
         for goal in &tuned.goals {
             let name = format!("{}-{}.toml", goal.objective, motor_name(tuned.found.motor));
-            files.push((dir.join(name), goal.text.clone()));
+            files.push((name, goal.text.clone()));
         }
     }
     let drawn = all.iter().map(|tuned| {
@@ -700,9 +691,9 @@ fn write(dir: &Path, object: &Value, all: &[Tuned]) -> Result<(), BadInput> {
         Drawn { found, axes, goals, envelopes }
     });
     let drawn: Vec<Drawn> = drawn.collect();
-    files.push((dir.join("report.html"), tune_report::html(object, &drawn)));
-    files.push((dir.join("tuned.json"), format!("{object:#}\n")));
-    let files: Vec<(&Path, &[u8])> =
-        files.iter().map(|(path, text)| (path.as_path(), text.as_bytes())).collect();
-    replace_together(&files).map_err(|(path, e)| failed(&path, e))
+    files.push(("report.html".to_owned(), tune_report::html(object, &drawn)));
+    files.push(("tuned.json".to_owned(), format!("{object:#}\n")));
+    let files: Vec<(&str, &[u8])> =
+        files.iter().map(|(name, text)| (name.as_str(), text.as_bytes())).collect();
+    write_folder(dir, &files)
 }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::figures::Figures;
-use super::sweep_folder::COMMIT;
+use super::output::COMMIT;
 use crate::experiment::input::{BadInput, shorten};
 use crate::experiment::report::json_value_of;
 use crate::experiment::run::{Options, run};
