@@ -203,11 +203,11 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
                 unseen.judge(&|config| tune::put(&settings.axes, &candidate.values, config), f64::INFINITY)
             })
         };
-        let mut judged = [on_unseen(&found.start), on_unseen(&found.tuned)];
-        let kept_start = judged[1].cost >= judged[0].cost && found.keep_start(&judged[0]);
-        if kept_start {
-            judged[1] = judged[0].clone();
-        }
+        let start = on_unseen(&found.start);
+        let result =
+            if found.tuned.values == found.start.values { start.clone() } else { on_unseen(&found.tuned) };
+        let kept_start = result.cost >= start.cost && pool.install(|| found.keep_start(&settings, &start));
+        let result = if kept_start { start.clone() } else { result };
         let envelopes = args.out.as_ref().map_or_else(Vec::new, |_| {
             let [before, after] = [&found.start, &found.tuned]
                 .map(|candidate| |config: &mut _| tune::put(&settings.axes, &candidate.values, config));
@@ -220,7 +220,7 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
             axes,
             goals: ensemble.goals,
             kept_start,
-            unseen: judged,
+            unseen: [start, result],
             plants: args.unseen,
             first_unseen,
             reproduce,
@@ -648,9 +648,12 @@ fn trade_offs_text(all: &[TradeOff]) -> String {
             } else {
                 format!("{:.0}", point.per_hour())
             };
-            let (mean, worst) = point.delay_ms.map_or((f64::NAN, f64::NAN), |delay| delay);
+            // A value that missed every object has no delay.
+            let delay = |ms: Option<f64>| ms.map_or_else(|| "none".to_owned(), |ms| format!("{ms:.0}"));
+            let [mean, worst] =
+                [point.delay_ms.map(|(mean, _)| mean), point.delay_ms.map(|(_, worst)| worst)].map(delay);
             text.push_str(&format!(
-                "      {:>5} {rate:>15} {mean:>11.0} {worst:>10.0} {:>7}\n",
+                "      {:>5} {rate:>15} {mean:>11} {worst:>10} {:>7}\n",
                 point.value, point.missed
             ));
         }

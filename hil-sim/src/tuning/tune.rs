@@ -29,7 +29,6 @@ use std::sync::PoisonError;
 
 use cmaes::{CMAESOptions, DVector};
 use rayon::ThreadPool;
-use servo_core::Config;
 use tater_wire::MotorKind;
 
 use stability::Stable;
@@ -86,12 +85,13 @@ pub struct Found {
 
 impl Found {
     /// Makes the start the result, unless it lacks a margin or breaks a limit on plants that the search has not seen. Returns whether
-    /// it did.
-    pub fn keep_start(&mut self, unseen: &Judged) -> bool {
+    /// it is.
+    pub fn keep_start(&mut self, settings: &Settings, unseen: &Judged) -> bool {
         let keeps = unseen.broken.is_empty() && self.start_margins.iter().all(LoopMargins::suffice);
-        if keeps {
+        if keeps && self.tuned.values != self.start.values {
             (self.tuned, self.margins) = (self.start.clone(), self.start_margins.clone());
-            self.backed_off = 1.0;
+            (self.edge, self.backed_off) = (stability::edge(settings, &self.start, &mut self.runs), 1.0);
+            self.trade_offs = trade_offs(settings, &self.start.values);
         }
         keeps
     }
@@ -167,18 +167,15 @@ pub fn tune(
 
 /// What the search has seen becomes a result: selection, back-off, margins and the guards' trade-offs.
 fn finish(settings: &Settings, start: Candidate, best: Candidate, mut seen: Seen) -> Found {
-    let Settings { axes, ensemble, .. } = settings;
     let best = select(settings, &start, best, &mut seen);
     let Stable { candidate: tuned, edge, backed_off, margins } =
         stability::back_off(settings, &best, &mut seen.runs);
     let start_margins = stability::margins(settings, &start.values);
-    let presses = ensemble.goals.iter().any(|goal| goal.objective == Objective::Grasp);
-    let put = |config: &mut Config| put(axes, &tuned.values, config);
-    let trade_offs = if presses { alarms::trade_offs(ensemble, &put) } else { Vec::new() };
+    let trade_offs = trade_offs(settings, &tuned.values);
     let Seen { runs, candidates, archive } = seen;
     let archive = archive.into_iter().filter(|candidate| candidate.judged.is_whole).collect();
     Found {
-        motor: ensemble.motor,
+        motor: settings.ensemble.motor,
         start,
         best,
         tuned,
@@ -191,6 +188,15 @@ fn finish(settings: &Settings, start: Candidate, best: Candidate, mut seen: Seen
         runs,
         archive,
     }
+}
+
+/// What TSTOP and BT trade with these values, if a goal ends at an obstacle.
+fn trade_offs(settings: &Settings, values: &[i64]) -> Vec<TradeOff> {
+    let Settings { axes, ensemble, .. } = settings;
+    if ensemble.goals.iter().all(|goal| goal.objective != Objective::Grasp) {
+        return Vec::new();
+    }
+    alarms::trade_offs(ensemble, &|config| put(axes, values, config))
 }
 
 /// The best of the best candidates and the start on plants that the search has not seen.

@@ -167,27 +167,25 @@ fn measure_one(
     Response::new(points).map_err(|e| format!("{e:?}"))
 }
 
-/// Raises all gains until the ensemble breaks a limit or the cost doubles. Lowers them if that is nearer than [`LEAST_EDGE`], and further
-/// while a loop's margins do not suffice. Adds its runs to `runs`.
+/// Raises all gains until the ensemble breaks a limit or the cost doubles: the factor, none below 4. Adds its runs to `runs`.
 #[must_use]
-pub fn back_off(settings: &Settings, best: &Candidate, runs: &mut u64) -> Stable {
-    let ensemble = &settings.ensemble;
-    let mut judge = |factor: f64| {
-        let values = scaled(&settings.axes, &best.values, factor);
-        let judged = ensemble.judge(&|config| put(&settings.axes, &values, config), f64::INFINITY);
-        *runs += judged.runs;
-        Candidate { values, judged }
-    };
-    let mut edge = None;
+pub fn edge(settings: &Settings, best: &Candidate, runs: &mut u64) -> Option<f64> {
     let mut factor = EDGE_STEP;
     while factor <= MOST_EDGE * 1.001 {
-        let candidate = judge(factor);
-        if !candidate.judged.broken.is_empty() || candidate.judged.cost > 2.0 * best.judged.cost {
-            edge = Some(factor);
-            break;
+        let raised = judge(settings, best, factor, runs).judged;
+        if !raised.broken.is_empty() || raised.cost > 2.0 * best.judged.cost {
+            return Some(factor);
         }
         factor *= EDGE_STEP;
     }
+    None
+}
+
+/// Lowers all gains if their [`edge`] is nearer than [`LEAST_EDGE`], and further while a loop's margins do not suffice. Adds its runs to `runs`.
+#[must_use]
+pub fn back_off(settings: &Settings, best: &Candidate, runs: &mut u64) -> Stable {
+    let edge = edge(settings, best, runs);
+    let mut judge = |factor: f64| judge(settings, best, factor, runs);
     let mut backed_off = edge.map_or(1.0, |edge| f64::min(1.0, edge / LEAST_EDGE));
     let mut candidate = if backed_off < 1.0 { judge(backed_off) } else { best.clone() };
     let mut margins = self::margins(settings, &candidate.values);
@@ -200,6 +198,14 @@ pub fn back_off(settings: &Settings, best: &Candidate, runs: &mut u64) -> Stable
         margins = self::margins(settings, &candidate.values);
     }
     Stable { candidate, edge, backed_off, margins }
+}
+
+/// The candidate with all gains times `factor`.
+fn judge(settings: &Settings, best: &Candidate, factor: f64, runs: &mut u64) -> Candidate {
+    let values = scaled(&settings.axes, &best.values, factor);
+    let judged = settings.ensemble.judge(&|config| put(&settings.axes, &values, config), f64::INFINITY);
+    *runs += judged.runs;
+    Candidate { values, judged }
 }
 
 fn scaled(axes: &[Axis], values: &[i64], factor: f64) -> Vec<i64> {
