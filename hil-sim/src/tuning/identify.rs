@@ -172,14 +172,15 @@ impl<'a> Fit<'a> {
     /// What accelerates the rotor in each interval as far as it is known, counts/s², and the noise of the rest.
     fn push(&self) -> (Vec<f64>, Vec<f64>) {
         let intervals = self.rows.len() - 1;
-        // A shaft that is hardly determined says nothing of the path.
-        let Some(shaft) = self.shaft.as_ref().filter(|shaft| shaft.is_plausible()) else {
+        let Some(shaft) = &self.shaft else {
             let noise = |row: &Row| if row.is_driven { 5e6 } else { 2e5 };
             return (vec![0.0; intervals], self.rows[..intervals].iter().map(noise).collect());
         };
+        // A shaft that is hardly determined says nothing of the path; that of a motor says more than none.
+        let (x, doubt) =
+            if shaft.is_plausible() { (&shaft.solution.x[..], 0.1) } else { (&mechanic::BELIEFS[..], 0.5) };
         let cells = || self.rows.iter().map(|row| row.cell);
         let (low, high) = (cells().min().unwrap_or(0), cells().max().unwrap_or(0));
-        let x = &shaft.solution.x;
         let one = |index: usize| {
             let (cell, speed) = (self.rows[index].cell, self.points[index].speed);
             // An impact on a stop, or a start from rest, is beyond the model.
@@ -195,12 +196,12 @@ impl<'a> Fit<'a> {
             if self.rows[index].duty.is_none() {
                 return (push, 4e4 + (0.5 * torque).powi(2) * 5e-3);
             }
-            (push, 4e4 + (0.1 * torque).powi(2) * 5e-3)
+            (push, 4e4 + (doubt * torque).powi(2) * 5e-3)
         };
         (0..intervals).map(one).unzip()
     }
 
-    fn round(&mut self, is_last: bool) {
+    fn round(&mut self) {
         let placed = if self.shaft.is_some() { 0.02 } else { 0.1 };
         let (push, noise) = self.push();
         self.points = path::smooth(self.rows, &self.edges, &self.placement, placed, (&push, &noise));
@@ -214,10 +215,7 @@ impl<'a> Fit<'a> {
             (self.electric, self.winding) = (electric, Some(solution));
         }
         self.drawn = bench.run(self.electric);
-        // An implausible shaft would stay one: its torque does not help the path. The result depends on no such belief.
-        let is_weak = is_last || self.shaft.as_ref().is_some_and(Mechanic::is_plausible);
-        let belief = if is_weak { mechanic::WEAK } else { mechanic::FIRST };
-        self.shaft = mechanic::fit(self.rows, &self.points, &self.edges, &self.drawn, belief);
+        self.shaft = mechanic::fit(self.rows, &self.points, &self.edges, &self.drawn);
         if let Some(shaft) = &self.shaft {
             self.placement = shaft.placement();
         }
@@ -228,8 +226,8 @@ impl<'a> Fit<'a> {
 #[must_use]
 pub fn identify(recording: &Recording) -> Identified {
     let mut fit = Fit::new(recording);
-    for round in 1..=ROUNDS {
-        fit.round(round == ROUNDS);
+    for _ in 0..ROUNDS {
+        fit.round();
     }
     figures(recording, &fit)
 }
@@ -301,7 +299,7 @@ const UNKNOWN: Estimate =
     Estimate { value: f64::NAN, low: f64::NEG_INFINITY, high: f64::INFINITY, is_determined: false };
 
 fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
-    let Some(Mechanic { solution, stretches, .. }) = &fit.shaft else {
+    let Some(mechanic @ Mechanic { solution, stretches, .. }) = &fit.shaft else {
         let [j, coulomb, viscous, friction, delay] = [UNKNOWN; 5];
         return Shaft { j, coulomb, viscous, friction, delay, halls: [UNKNOWN; 6] };
     };
@@ -329,10 +327,11 @@ fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
         let sigma = solution.variance(&gradient).sqrt() * DEG;
         (fit.placement[index] * DEG, sigma, 3.0)
     };
-    // The spread of a few stretches tells nothing of their errors.
+    // The spread of a few stretches tells nothing of their errors, and a shaft that is none says nothing.
+    let is_known = *stretches >= LEAST_STRETCHES && mechanic.is_plausible();
     let of = |value: f64, sigma: f64, most: f64| {
         let estimate = Estimate::new(value, sigma, most);
-        Estimate { is_determined: estimate.is_determined && *stretches >= LEAST_STRETCHES, ..estimate }
+        Estimate { is_determined: estimate.is_determined && is_known, ..estimate }
     };
     Shaft {
         j: of(j, j_sigma, 0.075 * j.abs()),

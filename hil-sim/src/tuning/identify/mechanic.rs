@@ -36,9 +36,9 @@ const BOUNDARY_COUNTS: f64 = 0.02;
 /// Mean square of the residuals of a stretch, over their variance, up to which it is believed in full; without other errors it is 1.
 const USUAL_SQUARE: f64 = 1.5;
 
-/// Beliefs about 1/J: weak, and while the path is still that of a rotor without torque.
-pub const WEAK: f64 = 1.5e5;
-pub const FIRST: f64 = 2e4;
+/// 1/J, Fc/J, b/J and the delay of a motor, and the standard deviations of these weak beliefs: half a row for the delay.
+pub const BELIEFS: [f64; 4] = [5e4, 1.5e3, 0.5, 0.0];
+const SIGMAS: [f64; 4] = [1.5e5, 1e4, 5.0, 5e-4];
 
 /// Rounds of the weights of the stretches.
 const ROUNDS: usize = 6;
@@ -58,9 +58,9 @@ pub struct Mechanic {
 }
 
 impl Mechanic {
-    /// Whether the inertia is that of a motor: 20 to 2000 g·cm².
+    /// Whether the inertia is that of a motor: 20 to 1000 g·cm².
     pub fn is_plausible(&self) -> bool {
-        (5e3..5e5).contains(&self.solution.x[0])
+        (1e4..5e5).contains(&self.solution.x[0])
     }
 
     /// Errors of the boundaries by the sector below, counts; their mean is 0.
@@ -123,8 +123,8 @@ impl Integrals {
     }
 }
 
-/// Fits the mechanical half; `None` if no stretch of motion is long enough. `belief`: standard deviation of 1/J about that of a motor.
-pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn], belief: f64) -> Option<Mechanic> {
+/// Fits the mechanical half; `None` if no stretch of motion is long enough.
+pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn]) -> Option<Mechanic> {
     let mut found: Vec<Found> = Vec::new();
     for stretch in stretches(rows, points) {
         let lines = lines(&stretch, rows, points, edges, drawn);
@@ -138,7 +138,7 @@ pub fn fit(rows: &[Row], points: &[Point], edges: &[Edge], drawn: &[Drawn], beli
     let mut doubts = vec![1.0; found.len()];
     let mut solution = None;
     for _ in 0..ROUNDS {
-        let next = solve(&found, &doubts, belief)?;
+        let next = solve(&found, &doubts)?;
         for (doubt, Found { equations, .. }) in doubts.iter_mut().zip(&found).filter(|(_, of)| !of.is_sure) {
             let square: f64 = equations.iter().map(|of| of.1 * residual(of, &next).powi(2)).sum();
             // A stretch that fits worse than its edges can be measured has an error of its own: a torque that was not recorded in time.
@@ -169,7 +169,7 @@ fn residual(equation: &Equation, solution: &Solution) -> f64 {
 }
 
 /// Solves for the common unknowns, with the weights of each stretch divided by its doubt; `None` without stretches.
-fn solve(found: &[Found], doubts: &[f64], belief: f64) -> Option<Solution> {
+fn solve(found: &[Found], doubts: &[f64]) -> Option<Solution> {
     if found.is_empty() {
         return None;
     }
@@ -177,11 +177,8 @@ fn solve(found: &[Found], doubts: &[f64], belief: f64) -> Option<Solution> {
     for (Found { equations, .. }, doubt) in found.iter().zip(doubts) {
         normal.group(equations.iter().map(|(row, weight, y)| (row.clone(), weight / doubt, *y)).collect());
     }
-    // Weak beliefs, for what a move does not show: 1/J, friction, a delay of half a row, placements of 15°.
-    normal.prior(0, 5e4, belief);
-    normal.prior(1, 1.5e3, 1e4);
-    normal.prior(2, 0.5, 5.0);
-    normal.prior(3, 0.0, 5e-4);
+    // For what a move does not show; placements of 15°.
+    (0..4).for_each(|index| normal.prior(index, BELIEFS[index], SIGMAS[index]));
     (4..SIZE).for_each(|index| normal.prior(index, 0.0, 0.15));
     normal.solve()
 }
