@@ -138,6 +138,9 @@ pub struct Ending {
     pub tstop: u64,
     pub count: i64,
     pub speed: f64,
+    /// Where the rotor has been of late: least and largest place, counts, and for how many ticks.
+    pub stayed: (f64, f64),
+    pub stayed_ms: u64,
     /// When the motion that is to end began, ms; and the longest time that it may take, ms, taken anew at each order.
     pub begun_ms: Option<u64>,
     pub within_ms: f64,
