@@ -223,7 +223,10 @@ fn simulated(args: &BodeArgs) -> Result<Found, BadInput> {
         ("travel_counts", measured.travel.into()),
     ];
     let arguments = &scenario.arguments;
-    let title = format!("hil-sim {arguments} --mode {mode} --amplitude {amplitude} --seed {}", args.seed);
+    let title = format!(
+        "hil-sim {arguments} --mode {mode} --amplitude {amplitude} --realizations {} --seed {}",
+        args.realizations, args.seed
+    );
     Ok(Found { title, lines: lines.collect(), facts, doubts })
 }
 

@@ -136,8 +136,14 @@ fn write(out: &Path, inputs: &[PathBuf], comparison: &Comparison) -> Result<(), 
         expected: expected.to_owned(),
         next: "choose another path, such as compare.html".to_owned(),
     };
-    if let Some(input) = inputs.iter().find(|input| is_same_file(out, input)) {
-        let found = format!("the same file as {}", input.display());
+    let is_of = |input: &Path| {
+        is_same_file(out, input)
+            || ["trace.csv", "run.json", "report.html"]
+                .iter()
+                .any(|name| is_same_file(out, &input.join(name)))
+    };
+    if let Some(input) = inputs.iter().find(|input| is_of(input)) {
+        let found = format!("a file of {}", input.display());
         return Err(error("the page would overwrite an input", found, "a file of its own"));
     }
     replace_file(out, comparison.html().as_bytes())

@@ -65,7 +65,7 @@ impl Format {
 /// # Errors
 /// A file that cannot be read or is no trace.
 pub fn open(path: &Path) -> Result<Box<dyn Source>, BadInput> {
-    let format = Format::of(path)?;
+    let format = if path.exists() { Format::of(path) } else { Ok(Format::Csv) }?;
     let source = std::fs::read(path).map_err(TableError::Io).and_then(|bytes| {
         let source: Box<dyn Source> = match format {
             Format::Csv => Box::new(csv::Reader::new(bytes)?),
@@ -87,7 +87,7 @@ pub fn bad(path: &Path, error: TableError) -> BadInput {
             place: file,
             problem: "cannot be read or written".to_owned(),
             found: error.to_string(),
-            expected: "a file that can".to_owned(),
+            expected: "a file that can be read, or a place that can be written".to_owned(),
             next: "check the path, its rights and the free space".to_owned(),
         },
         TableError::File(found) => BadInput {
@@ -123,7 +123,19 @@ pub fn convert(args: &ConvertArgs) -> Result<(), BadInput> {
             next: "choose another path".to_owned(),
         });
     }
-    let source = open(input)?;
+    copy(open(input)?.as_ref(), input, output, format)
+}
+
+/// Writes the text of a CSV as a trace of any format.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write(output: &Path, format: Format, csv: String) -> Result<(), BadInput> {
+    let source = csv::Reader::new(csv.into_bytes()).map_err(|error| bad(output, error))?;
+    copy(&source, output, output, format)
+}
+
+fn copy(source: &dyn Source, input: &Path, output: &Path, format: Format) -> Result<(), BadInput> {
     let mut bytes = Vec::new();
     let mut sink = format.sink(&mut bytes, source.heading()).map_err(|error| bad(output, error))?;
     source.rows(&mut |row| sink.row(row)).map_err(|error| bad(input, error))?;

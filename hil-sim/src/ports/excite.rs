@@ -1,17 +1,17 @@
 //! `hil-sim excite`: the move that `identify` needs, on a simulated board in simulated time or on a real one.
 
 use std::error::Error;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use tater_wire::Node as Id;
 
 use super::adapter::open;
+use super::convert::{self, Format};
 use super::figures::Figures;
 use super::identify::MotorName;
 use super::interrupt;
-use super::output::{Part, print, replace_file, warn};
+use super::output::{check_file, print, warn};
 use crate::experiment::input::BadInput;
 use crate::experiment::run::node_of;
 use crate::tuning::excite::{Failure, Link, Simulated, csv, excite as run};
@@ -37,8 +37,8 @@ pub struct ExciteArgs {
     /// The real board's node: 1 to 3 links, 4 the spread, 5 to 7 tips. ITS MOTOR WILL MOVE over its whole range.
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=31), conflicts_with = "motor")]
     node: Option<u8>,
-    /// The recording.
-    #[arg(long, value_name = "TRACE.csv")]
+    /// The recording: .csv, .mcap or .parquet.
+    #[arg(long, value_name = "TRACE")]
     out: PathBuf,
 }
 
@@ -46,7 +46,8 @@ pub struct ExciteArgs {
 pub fn excite(args: &ExciteArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn Error>> {
     // The first ^C idles the motor and restores the board's properties.
     interrupt::finish_first();
-    writable(&args.out).map_err(|e| unwritable(args, &e))?;
+    let format = Format::of(&args.out)?;
+    check_file(&args.out)?;
     let motor = args.motor.unwrap_or(MotorName::Link);
     let (mut link, node): (Box<dyn Link>, Id) = match args.node {
         Some(node) => (open(args.slcan.as_deref(), args.can.as_deref(), clock)?, id(Some(node))),
@@ -58,27 +59,9 @@ pub fn excite(args: &ExciteArgs, clock: &dyn Fn() -> Duration) -> Result<bool, B
         Err(Failure::Interrupted) => return Ok(false),
         Err(Failure::Failed(text)) => return Err(text.into()),
     };
-    replace_file(&args.out, csv(&recorded).as_bytes()).map_err(|e| unwritable(args, &e))?;
+    convert::write(&args.out, format, csv(&recorded))?;
     print(&format!("{}: {} rows\n", args.out.display(), recorded.rows.len()))?;
     Ok(true)
-}
-
-/// Whether a file can be made there: a motor does not move for a recording that has no place.
-fn writable(out: &Path) -> io::Result<()> {
-    if out.is_dir() {
-        return Err(io::ErrorKind::IsADirectory.into());
-    }
-    if out.starts_with("/dev") { Ok(()) } else { Part::begin(out).map(drop) }
-}
-
-fn unwritable(args: &ExciteArgs, e: &io::Error) -> BadInput {
-    BadInput {
-        place: format!("--out {}", args.out.display()),
-        problem: "cannot be written".to_owned(),
-        found: e.to_string(),
-        expected: "a file in an existing folder".to_owned(),
-        next: "choose another path or free space".to_owned(),
-    }
 }
 
 fn id(node: Option<u8>) -> Id {

@@ -2,6 +2,7 @@
 
 use tater_wire::MotorKind;
 
+use super::output::quoted;
 use crate::experiment::input::BadInput;
 use crate::experiment::run::{Options, rig};
 use crate::experiment::scenario::{Scenario, motor_name};
@@ -67,6 +68,9 @@ impl Figures {
 
     /// As arguments of a command line, each with a space before it.
     pub fn arguments(&self) -> String {
-        self.all().into_iter().map(|(option, assignment)| format!(" --{option} {assignment}")).collect()
+        self.all()
+            .into_iter()
+            .map(|(option, assignment)| format!(" --{option} {}", quoted(assignment)))
+            .collect()
     }
 }

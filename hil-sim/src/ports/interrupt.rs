@@ -1,4 +1,4 @@
-//! ^C (SIGINT) in commands that write files or have results before their end.
+//! ^C (SIGINT), and SIGTERM and SIGHUP alike, in commands that write files or have results before their end.
 //!
 //! Elsewhere ^C ends the program as the system does it. From the first call of a function here, ^C removes the temporary files of
 //! [`output`](super::output) and ends the program with [`CODE`]. After [`finish_first`] the first ^C only sets a flag.

@@ -10,7 +10,7 @@ use tater_wire::{Destination, Message, Node, Property};
 use super::adapter::{Clock, Link, Lost};
 use super::convert::{self, Format};
 use super::interrupt;
-use super::output::{replace_file, warn};
+use super::output::{check_file, replace_file, warn};
 use crate::experiment::input::BadInput;
 use crate::experiment::over_can::answer;
 use crate::tuning::table::{Cell, Column, Heading, Kind, Sink, TableError};
@@ -68,6 +68,7 @@ const COLUMNS: [(&str, Property, f64, u8); 12] = [
 pub fn log(args: &LogArgs, clock: Clock) -> Result<(), BadInput> {
     let format = Format::of(&args.out)?;
     let seconds = duration(args.seconds)?;
+    check_file(&args.out)?;
     let node = Node::new(args.node).ok_or_else(|| silent(args, "no such node"))?;
     // From here ^C ends the recording and not the program.
     interrupt::finish_first();
@@ -97,10 +98,10 @@ fn duration(seconds: Option<f64>) -> Result<Option<Duration>, BadInput> {
     match Duration::try_from_secs_f64(seconds) {
         Ok(duration) if !duration.is_zero() => Ok(Some(duration)),
         _ => Err(BadInput {
-            place: format!("--seconds {seconds}"),
+            place: "--seconds".to_owned(),
             problem: "is no duration".to_owned(),
-            found: seconds.to_string(),
-            expected: "seconds above 0".to_owned(),
+            found: format!("{seconds:e}"),
+            expected: "seconds above 0, and fewer than 1e19".to_owned(),
             next: "give a duration, or omit it and end with ^C".to_owned(),
         }),
     }

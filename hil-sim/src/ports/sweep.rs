@@ -10,7 +10,7 @@ use clap::value_parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::interrupt;
-use super::output::{COMMIT, print, warn};
+use super::output::{COMMIT, print, quoted, warn};
 use super::sweep_folder::{Header, Shard, Table, Tally, failed, free_bytes, merge as merge_folders};
 use super::sweep_report;
 use crate::experiment::input::BadInput;
@@ -101,7 +101,12 @@ pub fn sweep(args: &SweepArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
             }));
         }
         let found = |name: &str| quoted(&found_at(&args.sweep, name));
-        print(&format!("{}\n", sweep.line(&sweep.run(row), &found)))?;
+        let line = sweep.line(&sweep.run(row), &found);
+        print(&if args.json {
+            format!("{}\n", serde_json::json!({ "row": row, "line": line, "commit": COMMIT }))
+        } else {
+            format!("{line}\n")
+        })?;
         return Ok(true);
     }
     let Some(out) = args.out.as_deref().filter(|_| !args.dry_run) else {
@@ -254,16 +259,6 @@ fn line(args: &SweepArgs, resumes: bool) -> String {
         line.push_str(" --resume");
     }
     line
-}
-
-/// A word as a shell takes it.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+=,:@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
 }
 
 fn report(

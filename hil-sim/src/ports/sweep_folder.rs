@@ -10,13 +10,12 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::output::{COMMIT, Part, replace_file};
+use super::output::{COMMIT, Part, SWEEP, replace_file};
 use crate::experiment::input::BadInput;
 use crate::tuning::parquet::Writer;
 use crate::tuning::sweep::{Column, Kind, Sweep, fields, head, shard_of};
 use crate::tuning::table::{self, Cell, Heading, Sink, TableError};
 
-const HEADER: &str = "sweep.json";
 pub const CSV: &str = "results.csv";
 const PARQUET: &str = "results.parquet";
 
@@ -90,7 +89,7 @@ impl Header {
 
     /// The header of a folder; `None` if it has none.
     pub fn read(folder: &Path) -> Result<Option<Self>, BadInput> {
-        let path = folder.join(HEADER);
+        let path = folder.join(SWEEP);
         let mut bytes = Vec::new();
         match File::open(&path).and_then(|file| file.take(MOST_HEADER).read_to_end(&mut bytes)) {
             Err(e) if [ErrorKind::NotFound, ErrorKind::NotADirectory].contains(&e.kind()) => return Ok(None),
@@ -211,7 +210,7 @@ impl Table {
             (None, true) if is_empty(folder)? => {}
             (Some(_), false) => {
                 let next = "continue it with --resume, or choose another folder";
-                return Err(error("has results of a sweep", HEADER.to_owned(), "a new folder", next));
+                return Err(error("has results of a sweep", SWEEP.to_owned(), "a new folder", next));
             }
             (None, _) if is_empty(folder)? => {}
             (None, _) => {
@@ -233,7 +232,7 @@ impl Table {
             }
             Err(TryLockError::Error(e)) => return Err(failed(&path, &e)),
         }
-        let json = folder.join(HEADER);
+        let json = folder.join(SWEEP);
         replace_file(&json, &header.bytes()).map_err(|e| failed(&json, &e))?;
         Self::after_last_line(file, folder, header).map_err(|e| failed(&path, &e))
     }
@@ -248,7 +247,7 @@ impl Table {
             end = head.len() as u64;
             while next < header.range().end {
                 let Some(text) = read_line(&mut lines, &mut line)? else { break };
-                if !is_run(text, next, header.columns.len()) {
+                if !is_run(text, next, &header.columns) {
                     break;
                 }
                 tally.add(text);
@@ -318,9 +317,9 @@ fn read_line<'a>(lines: &mut impl BufRead, line: &'a mut Vec<u8>) -> io::Result<
 }
 
 /// Whether a line is that of a run, with all its cells.
-fn is_run(line: &str, index: u64, columns: usize) -> bool {
+fn is_run(line: &str, index: u64, columns: &[Column]) -> bool {
     line.split_once(',').is_some_and(|(first, _)| first == index.to_string())
-        && fields(line.trim_end_matches('\n')).is_some_and(|fields| fields.len() == columns)
+        && cells(line, columns).is_some()
 }
 
 /// Merges the shards of one sweep into a folder of their own.
@@ -331,7 +330,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Tally, BadInput> {
         let header = header.ok_or_else(|| BadInput {
             place: folder.display().to_string(),
             problem: "has no results of a sweep".to_owned(),
-            found: format!("no {HEADER}"),
+            found: format!("no {SWEEP}"),
             expected: "a folder that hil-sim sweep --out has written".to_owned(),
             next: "check the path".to_owned(),
         })?;
@@ -351,18 +350,28 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Tally, BadInput> {
             next: "choose another folder".to_owned(),
         });
     }
+    let is_new = !out.exists();
     fs::create_dir_all(out).map_err(|e| failed(out, &e))?;
-    let [csv, parquet_path, json] = [CSV, PARQUET, HEADER].map(|name| out.join(name));
+    let merged = merge_into(out, &shards, &whole);
+    if merged.is_err() && is_new {
+        // Only an empty folder goes.
+        let _ = fs::remove_dir(out);
+    }
+    merged
+}
+
+fn merge_into(out: &Path, shards: &[(&Path, Header)], whole: &Header) -> Result<Tally, BadInput> {
+    let [csv, parquet_path, json] = [CSV, PARQUET, SWEEP].map(|name| out.join(name));
     let (part, file) = Part::begin(&csv).map_err(|e| failed(&csv, &e))?;
     let mut to = BufWriter::with_capacity(1 << 16, file);
     let mut tally = Tally::default();
     to.write_all(head(&whole.columns).as_bytes()).map_err(|e| failed(&csv, &e))?;
-    for (folder, header) in &shards {
+    for (folder, header) in shards {
         append(folder, header, &mut to, &csv, &mut tally)?;
     }
     to.flush().map_err(|e| failed(&csv, &e))?;
     drop(to);
-    let parquet = parquet(part.path(), &parquet_path, &whole)?;
+    let parquet = parquet(part.path(), &parquet_path, whole)?;
     let renamed = part.rename().and_then(|()| parquet.rename());
     renamed.map_err(|e| failed(out, &e))?;
     replace_file(&json, &whole.bytes()).map_err(|e| failed(&json, &e))?;
@@ -439,7 +448,7 @@ fn append(
         && next < header.range().end
     {
         let text = read_line(&mut lines, &mut line).map_err(|e| failed(&path, &e))?;
-        let Some(text) = text.filter(|text| is_run(text, next, header.columns.len())) else { break };
+        let Some(text) = text.filter(|text| is_run(text, next, &header.columns)) else { break };
         to.write_all(text.as_bytes()).map_err(|e| failed(out, &e))?;
         tally.add(text);
         next += 1;
@@ -508,5 +517,6 @@ fn cells(line: &str, columns: &[Column]) -> Option<Vec<Cell>> {
         Kind::Number => text.parse().ok().map(Cell::Float),
         Kind::Text => Some(Cell::Text(text)),
     };
-    fields(line.trim_end_matches('\n'))?.into_iter().zip(columns).map(cell).collect()
+    let fields = fields(line.trim_end_matches('\n'))?;
+    (fields.len() == columns.len()).then(|| fields.into_iter().zip(columns).map(cell).collect())?
 }

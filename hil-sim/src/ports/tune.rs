@@ -10,12 +10,12 @@ use tater_wire::MotorKind;
 
 use super::figures::Figures;
 use super::interrupt;
-use super::output::{COMMIT, print, warn, write_folder};
+use super::output::{COMMIT, check_folder, print, quoted, warn, write_folder};
 use super::tune_report::{self, Drawn};
 use crate::experiment::input::{self, BadInput};
 use crate::experiment::metrics;
 use crate::experiment::properties::{self, Property};
-use crate::experiment::scenario::motor_name;
+use crate::experiment::scenario::{SHIPPED, Scenario, motor_name};
 use crate::tuning::bode;
 use crate::tuning::tune::{
     self, Axis, Broken, Candidate, Ensemble, Envelope, Found, Goal, Judged, LEAST_EDGE, LEAST_PHASE_DEG,
@@ -167,6 +167,7 @@ struct Tuned {
 impl Tuned {
     fn passed(&self) -> bool {
         self.unseen[1].broken.is_empty()
+            && self.found.lost.is_empty()
             && self.found.tuned.judged.broken.is_empty()
             && self.found.margins.iter().all(LoopMargins::suffice)
     }
@@ -184,6 +185,7 @@ impl Tuned {
 pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     interrupt::finish_first();
     let pareto = pareto(args)?;
+    args.out.as_deref().map_or(Ok(()), check_folder)?;
     let jobs = args.jobs.map_or(0, |jobs| jobs as usize);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().map_err(|e| BadInput {
         place: "--jobs".to_owned(),
@@ -235,13 +237,14 @@ pub fn tune(args: &TuneArgs, clock: Clock) -> Result<bool, Box<dyn Error>> {
     if interrupt::interrupted() {
         object["interrupted"] = json!(true);
     }
-    if let Some(dir) = &args.out {
-        write(dir, &object, &all)?;
-    }
+    // Printed first: a folder that fills up meanwhile loses nothing.
     if args.json {
         print(&format!("{object}\n"))?;
     } else {
         print(&text(&all, &reproduce))?;
+    }
+    if let Some(dir) = &args.out {
+        write(dir, &object, &all)?;
     }
     for tuned in &all {
         refusals(tuned);
@@ -263,12 +266,13 @@ fn pareto(args: &TuneArgs) -> Result<Vec<String>, BadInput> {
             });
         }
     }
-    if !args.pareto.is_empty() && args.pareto.len() != 2 {
+    let [.., last] = args.pareto.as_slice() else { return Ok(Vec::new()) };
+    if args.pareto.len() != 2 || args.pareto.first() == Some(last) {
         return Err(BadInput {
             place: "--pareto".to_owned(),
             problem: "a front has two metrics".to_owned(),
-            found: format!("{} names", args.pareto.len()),
-            expected: "two names with a comma".to_owned(),
+            found: args.pareto.join(","),
+            expected: "two different names with a comma".to_owned(),
             next: "give for example --pareto tracking_rms_counts,chatter".to_owned(),
         });
     }
@@ -311,8 +315,46 @@ fn settings(args: &TuneArgs, kind: MotorKind) -> Result<(Settings, u64), BadInpu
     let first_seed = args.seed.wrapping_mul(SEEDS);
     let ensemble =
         Ensemble { motor: kind, goals, bench, scatter: SCATTER, supply_v, first_seed, plants: args.robust };
+    let first_unseen = first_seed.wrapping_add(SEEDS / 2);
+    drawable(&ensemble, (first_seed, args.robust))?;
+    drawable(&ensemble, (first_unseen, args.unseen))?;
     let candidates = args.candidates.map_or(usize::MAX, |most| most as usize);
-    Ok((Settings { axes, ensemble, seed: args.seed, candidates }, first_seed.wrapping_add(SEEDS / 2)))
+    let shipped = tune::shipped_passed(shipped(args, kind)?, &axes);
+    Ok((Settings { axes, ensemble, shipped, seed: args.seed, candidates }, first_unseen))
+}
+
+/// Whether the simulator takes so many plants from a seed on: ±30 % may be beyond what it computes.
+fn drawable(ensemble: &Ensemble, (first, plants): (u64, u64)) -> Result<(), BadInput> {
+    let base = &ensemble.bench.cases[0].plant;
+    let wrong = (0..plants)
+        .map(|i| first.wrapping_add(i))
+        .find_map(|seed| ensemble.plant(base, seed).validate().err().map(|error| (seed, error)));
+    let Some((seed, error)) = wrong else { return Ok(()) };
+    Err(BadInput {
+        place: format!("the {}, plant {seed}", motor_name(ensemble.motor)),
+        problem: format!("{} is out of range", error.field),
+        found: error.found.to_string(),
+        expected: error.expected,
+        next: "give other --plant or --supply figures: the plants are ±30 % about them, at 20 to 28 V unless --supply is given".to_owned(),
+    })
+}
+
+/// The shipped scenarios of the motor alone, for gains that are to suit everything.
+fn shipped(args: &TuneArgs, kind: MotorKind) -> Result<Vec<Scenario>, BadInput> {
+    let mut all = Vec::new();
+    for shipped in SHIPPED.iter().filter(|_| args.objective == ObjectiveName::All) {
+        let mut scenario = Scenario::find(shipped.name)?;
+        let is_of = matches!(scenario.cases.as_slice(), [case] if case.motor == kind);
+        // Figures that do not fit one, such as a stiction below its friction, leave it out.
+        let fits = |scenario: &mut Scenario| {
+            args.set.iter().try_for_each(|assignment| scenario.set(assignment))?;
+            args.figures.apply(scenario)
+        };
+        if is_of && fits(&mut scenario).is_ok() {
+            all.push(scenario);
+        }
+    }
+    Ok(all)
 }
 
 /// Properties of `--set` that are not tuned: the tuned values rest on them.
@@ -417,10 +459,14 @@ fn reproduce(args: &TuneArgs, kind: MotorKind, candidates: usize) -> String {
         args.seed
     );
     if !args.properties.is_empty() {
-        line.push_str(&format!(" --properties {}", args.properties.join(",")));
+        let names: Vec<&str> = args.properties.iter().map(|name| name.trim()).collect();
+        line.push_str(&format!(" --properties {}", names.join(",")));
     }
     for assignment in &args.set {
-        line.push_str(&format!(" --set {assignment}"));
+        line.push_str(&format!(" --set {}", quoted(assignment)));
+    }
+    if !args.pareto.is_empty() {
+        line.push_str(&format!(" --pareto {}", args.pareto.join(",")));
     }
     line.push_str(&args.figures.arguments());
     line
@@ -480,6 +526,7 @@ fn motor_json(tuned: &Tuned, pareto: &[String]) -> Value {
             "improvement_percent": tuned.improvement_percent(),
             "start_broken": start.broken.len(),
             "broken": broken,
+            "lost_scenarios": found.lost,
         },
         "terms": terms,
     });
@@ -672,6 +719,9 @@ fn refusals(tuned: &Tuned) {
             margins.phase_margin_deg
         ));
     }
+    for lost in &tuned.found.lost {
+        warn(&format!("refused: {}, the shipped scenario {lost}", motor_name(tuned.found.motor)));
+    }
     let Some(broken) = tuned.unseen[1].broken.first() else { return };
     let motor = motor_name(tuned.found.motor);
     let more = tuned.unseen[1].broken.len() - 1;
@@ -684,9 +734,12 @@ fn refusals(tuned: &Tuned) {
 fn write(dir: &Path, object: &Value, all: &[Tuned]) -> Result<(), BadInput> {
     let mut files: Vec<(String, String)> = Vec::new();
     for tuned in all {
+        let found = tuned.axes.iter().zip(&tuned.found.tuned.values);
+        let found = found.map(|(axis, value)| (axis.property.name, *value));
+        let values: Vec<(&str, i64)> = tuned.kept.iter().copied().chain(found).collect();
         for goal in &tuned.goals {
             let name = format!("{}-{}.toml", goal.objective, motor_name(tuned.found.motor));
-            files.push((name, goal.text.clone()));
+            files.push((name, goal.text_with(&values)));
         }
     }
     let drawn = all.iter().map(|tuned| {

@@ -5,7 +5,7 @@ use std::error::Error;
 use std::io::{self, BufRead, ErrorKind, Read, Write};
 
 use serde::Deserialize;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::figures::Figures;
 use super::output::COMMIT;
@@ -147,8 +147,14 @@ fn too_long(number: u64) -> Value {
     refusal(&Value::Null, &bad)
 }
 
+/// A job is an object: serde would also take its values in a list.
+fn object(line: &[u8]) -> serde_json::Result<Job> {
+    let value: Map<String, Value> = serde_json::from_slice(line)?;
+    serde_json::from_value(Value::Object(value))
+}
+
 fn answer(line: &[u8], number: u64) -> Value {
-    let job: Job = match serde_json::from_slice(line) {
+    let job: Job = match object(line) {
         Ok(job) => job,
         Err(e) => {
             // The caller's own number for the job, if it can be read.

@@ -62,6 +62,11 @@ impl Reader {
     /// error is the line.
     pub fn new(bytes: Vec<u8>) -> Result<Self, TableError> {
         let text = String::from_utf8(bytes).map_err(|_| TableError::File("is no text".to_owned()))?;
+        // Spreadsheets write a byte order mark.
+        let text = match text.strip_prefix('\u{feff}') {
+            Some(rest) => rest.to_owned(),
+            None => text,
+        };
         let lines = text.lines().count();
         if !text.ends_with('\n') {
             let last = text.lines().last().unwrap_or("nothing").to_owned();

@@ -276,6 +276,22 @@ impl Host<'_> {
         Ok(self.read(property)?.0)
     }
 
+    /// All three as an excitation sets them: one was killed before it could restore them. The board's saved values take their place.
+    fn put_back(&mut self) -> Result<(), Failure> {
+        let set = [(Property::HOSTMS, HOST_MS), (Property::TSTOP, TSTOP_MS), (Property::MT, FULL)];
+        for (property, value) in set {
+            if self.get(property)? != value {
+                return Ok(());
+            }
+        }
+        for (property, _) in set {
+            self.set(Property::LOAD, i64::from(property.id()))?;
+            // The board loads before it answers again.
+            self.get(property)?;
+        }
+        Ok(())
+    }
+
     /// Sets a property and verifies it; it is restored at the end.
     fn borrow(&mut self, property: Property, value: i64) -> Result<(), Failure> {
         let old = self.get(property)?;
@@ -352,6 +368,7 @@ impl Host<'_> {
             return self
                 .failed("OT and CT are less than 100 counts apart", "set them to the ends of the range");
         }
+        self.put_back()?;
         self.borrow(Property::HOSTMS, HOST_MS)?;
         progress("finding the stop");
         let velocity = self.get(Property::IVEL)?;

@@ -55,8 +55,14 @@ pub struct Estimate {
 
 impl Estimate {
     fn new(value: f64, sigma: f64, most: f64) -> Self {
-        let half = SIGMAS * sigma;
+        let half = SIGMAS * sigma.abs();
         Self { value, low: value - half, high: value + half, is_determined: half <= most }
+    }
+
+    /// Of a figure that no motor has below 0.
+    fn positive(value: f64, sigma: f64, most: f64) -> Self {
+        let estimate = Self::new(value, sigma, most.abs());
+        Self { is_determined: estimate.is_determined && value > 0.0, ..estimate }
     }
 }
 
@@ -243,8 +249,8 @@ fn figures(recording: &Recording, fit: &Fit) -> Identified {
     };
     let (r_sigma, ke_sigma) = (relative(0), relative(1));
     let mut missing = Vec::new();
-    let r = Estimate::new(r_ohm, r_sigma * r_ohm, 0.05 * r_ohm);
-    let ke = Estimate::new(ke_v_s, ke_sigma * ke_v_s, 0.025 * ke_v_s);
+    let r = Estimate::positive(r_ohm, r_sigma * r_ohm, 0.05 * r_ohm);
+    let ke = Estimate::positive(ke_v_s, ke_sigma * ke_v_s, 0.025 * ke_v_s);
     let shaft = shaft(fit, ke_sigma);
     let mut advise = |estimate: &Estimate, advice| {
         if !estimate.is_determined && !missing.contains(&advice) {
@@ -329,15 +335,15 @@ fn shaft(fit: &Fit, ke_sigma: f64) -> Shaft {
     };
     // The spread of a few stretches tells nothing of their errors, and a shaft that is none says nothing.
     let is_known = *stretches >= LEAST_STRETCHES && mechanic.is_plausible();
-    let of = |value: f64, sigma: f64, most: f64| {
-        let estimate = Estimate::new(value, sigma, most);
-        Estimate { is_determined: estimate.is_determined && is_known, ..estimate }
-    };
+    let known =
+        |estimate: Estimate| Estimate { is_determined: estimate.is_determined && is_known, ..estimate };
+    let of = |value: f64, sigma: f64, most: f64| known(Estimate::new(value, sigma, most));
+    let positive = |value: f64, sigma: f64, most: f64| known(Estimate::positive(value, sigma, most));
     Shaft {
-        j: of(j, j_sigma, 0.075 * j.abs()),
-        coulomb: of(coulomb, coulomb_sigma, 0.2 * coulomb.abs()),
-        viscous: of(viscous, viscous_sigma, 0.3 * viscous.abs()),
-        friction: of(friction, friction_sigma, 0.1 * friction.abs()),
+        j: positive(j, j_sigma, 0.075 * j),
+        coulomb: positive(coulomb, coulomb_sigma, 0.2 * coulomb),
+        viscous: positive(viscous, viscous_sigma, 0.3 * viscous),
+        friction: positive(friction, friction_sigma, 0.1 * friction),
         delay: of(1e3 * x[3], 1e3 * solution.sigma(3), 1.0),
         halls: [0, 1, 2, 3, 4, 5].map(|index| {
             let (value, sigma, most) = hall(index);

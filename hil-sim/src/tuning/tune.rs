@@ -15,6 +15,7 @@ mod candidate;
 mod ensemble;
 mod envelope;
 mod objective;
+mod shipped;
 mod stability;
 
 pub use alarms::{Point, TradeOff};
@@ -22,6 +23,7 @@ pub use candidate::{Axis, Candidate, Settings, put};
 pub use ensemble::{Broken, Ensemble, Judged, Spread};
 pub use envelope::{Bands, Envelope, envelopes};
 pub use objective::{Goal, Objective, Term};
+pub use shipped::passed as shipped_passed;
 pub use stability::{LEAST_EDGE, LEAST_PHASE_DEG, LoopMargins, MOST_MS};
 
 use std::sync::Mutex;
@@ -75,6 +77,8 @@ pub struct Found {
     pub margins: Vec<LoopMargins>,
     /// What TSTOP and BT trade with the values to use; empty unless a goal ends at an obstacle.
     pub trade_offs: Vec<TradeOff>,
+    /// Shipped scenarios that the start passes and the values to use do not: the first expectation of each, in words.
+    pub lost: Vec<String>,
     /// Candidates that were judged, hopeless ones included.
     pub candidates: usize,
     /// Simulated runs.
@@ -92,6 +96,7 @@ impl Found {
             (self.tuned, self.margins) = (self.start.clone(), self.start_margins.clone());
             (self.edge, self.backed_off) = (stability::edge(settings, &self.start, &mut self.runs), 1.0);
             self.trade_offs = trade_offs(settings, &self.start.values);
+            self.lost.clear();
         }
         keeps
     }
@@ -113,7 +118,7 @@ pub fn tune(
     let judge = |values: &[i64], bound: f64| ensemble.judge(&|config| put(axes, values, config), bound);
     let start_values: Vec<i64> = axes.iter().map(|axis| axis.start).collect();
     let mut judged = pool.install(|| judge(&start_values, f64::INFINITY));
-    judged.cost += pool.install(|| stability::penalty(settings, &start_values));
+    judged.cost += pool.install(|| penalty(settings, &start_values));
     let start = Candidate { judged, values: start_values };
     let seen = Mutex::new(Seen { runs: start.judged.runs, archive: vec![start.clone()], candidates: 1 });
     let mut best = start.clone();
@@ -125,7 +130,7 @@ pub fn tune(
             let values = values(place);
             let mut judged = judge(&values, bound);
             if judged.is_whole && judged.broken.is_empty() {
-                judged.cost += stability::penalty(settings, &values);
+                judged.cost += penalty(settings, &values);
             }
             let cost = judged.cost;
             seen.lock().unwrap_or_else(PoisonError::into_inner).add(Candidate { values, judged });
@@ -172,6 +177,7 @@ fn finish(settings: &Settings, start: Candidate, best: Candidate, mut seen: Seen
         stability::back_off(settings, &best, &mut seen.runs);
     let start_margins = stability::margins(settings, &start.values);
     let trade_offs = trade_offs(settings, &tuned.values);
+    let lost = shipped::lost(settings, &tuned.values);
     let Seen { runs, candidates, archive } = seen;
     let archive = archive.into_iter().filter(|candidate| candidate.judged.is_whole).collect();
     Found {
@@ -184,10 +190,16 @@ fn finish(settings: &Settings, start: Candidate, best: Candidate, mut seen: Seen
         start_margins,
         margins,
         trade_offs,
+        lost,
         candidates,
         runs,
         archive,
     }
+}
+
+/// What a candidate costs beyond its ensemble.
+fn penalty(settings: &Settings, values: &[i64]) -> f64 {
+    stability::penalty(settings, values) + shipped::penalty(settings, values)
 }
 
 /// What TSTOP and BT trade with these values, if a goal ends at an obstacle.
@@ -219,7 +231,7 @@ fn select(settings: &Settings, start: &Candidate, best: Candidate, seen: &mut Se
         let values = &candidate.values;
         let mut judged = others.judge(&|config| put(&settings.axes, values, config), least);
         seen.runs += judged.runs;
-        judged.cost += if judged.is_whole { stability::penalty(settings, values) } else { 0.0 };
+        judged.cost += if judged.is_whole { penalty(settings, values) } else { 0.0 };
         if judged.is_whole && judged.cost < least {
             (least, chosen) = (judged.cost, candidate);
         }

@@ -143,7 +143,7 @@ impl Bench<'_> {
     /// The duty by decision 0005, as far as the recording tells: the board's EMF constant is its own.
     fn ordered(&self, electric: Electric, index: usize) -> f64 {
         let row = self.rows[index];
-        let units = row.torque_n_m.unwrap_or(0.0) / UNIT_N_M;
+        let units = row.torque_n_m / UNIT_N_M;
         let emf = electric.ke_v_s * RAD_PER_COUNT * self.points[index].speed;
         let dead = 0.01 * (1.0 + 2.0 * self.nominal.diode_v / row.bus_v) * (units / 30.0).clamp(-1.0, 1.0);
         (units * UNIT_V + emf) / row.bus_v + dead
@@ -156,7 +156,7 @@ impl Bench<'_> {
         let electric = circuit.electric;
         let speed = self.points[index].speed;
         // The board compensates its EMF in another way while it brakes.
-        let kind = usize::from(row.torque_n_m.unwrap_or(0.0) * speed < 0.0);
+        let kind = usize::from(row.torque_n_m * speed < 0.0);
         let duty = match row.duty {
             Some(duty) => duty,
             None if row.is_driven => {

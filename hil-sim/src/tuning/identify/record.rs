@@ -11,7 +11,7 @@ pub const UNIT_N_M: f64 = 0.65 / 1024.0;
 pub const UNIT_V: f64 = 24.0 / 1024.0;
 
 /// Columns that a recording must have.
-const NEEDED: [&str; 5] = ["time_ms", "halls_code", "bus_v", "bus_a", "bridge_on"];
+const NEEDED: [&str; 6] = ["time_ms", "halls_code", "bus_v", "bus_a", "bridge_on", "torque_per_1024"];
 
 /// Longest time between two rows, ms: at 300 counts/s the rotor passes three of six sectors.
 const MOST_MS: f64 = 10.0;
@@ -46,8 +46,8 @@ pub struct Row {
     pub bus_a: f64,
     /// Signed duty from this row on, -1 to 1; `None` if the board did not report it.
     pub duty: Option<f64>,
-    /// Torque ordered or applied, N·m by the board's scale; `None` without the column.
-    pub torque_n_m: Option<f64>,
+    /// Torque ordered or applied, N·m by the board's scale.
+    pub torque_n_m: f64,
     /// Whether the bridge is on from this row on.
     pub is_driven: bool,
     /// Whether a rotor that is not driven turns freely.
@@ -154,6 +154,8 @@ impl Recording {
     /// The place, the problem and the next step: a column missing, a field that is no number, times that do not rise, a gap, an
     /// impossible hall code, too few rows, or no motion.
     pub fn parse(file: &str, text: &str, motor: Option<MotorKind>) -> Result<Self, BadInput> {
+        // Spreadsheets write a byte order mark.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let columns = Columns::header(file, text)?;
         let has_several = columns.index("motor").is_some();
         let mut rows: Vec<Row> = Vec::new();
@@ -215,27 +217,32 @@ impl Recording {
 
 impl Columns<'_> {
     fn row(&self, line: &Line, ms: f64, cell: i64, motor: Option<MotorKind>) -> Result<Row, BadInput> {
+        let within = |name: &str, value: f64, low: f64, high: f64, expected: &str| {
+            if (low..=high).contains(&value) {
+                return Ok(value);
+            }
+            Err(self.bad(line.number, format!("{name} is out of range"), &value.to_string(), expected, NEXT))
+        };
         let percent = self.maybe(line, "duty_percent")?;
-        if let Some(percent) = percent.filter(|percent| percent.abs() > 100.0) {
-            let problem = "duty_percent is out of range".to_owned();
-            return Err(self.bad(line.number, problem, &percent.to_string(), "-100 to 100", NEXT));
-        }
-        let bus_v = self.number(line, "bus_v")?;
-        if !(1.0..=60.0).contains(&bus_v) {
-            let problem = "bus_v is out of range".to_owned();
-            return Err(self.bad(line.number, problem, &bus_v.to_string(), "1 to 60 V", NEXT));
+        let percent = percent.map(|percent| within("duty_percent", percent, -100.0, 100.0, "-100 to 100"));
+        let housing_c = self.maybe(line, "thermistor_c")?.unwrap_or(25.0);
+        let bridge_on = self.number(line, "bridge_on")?;
+        if bridge_on != 0.0 && bridge_on != 1.0 {
+            let problem = "bridge_on is neither".to_owned();
+            return Err(self.bad(line.number, problem, &bridge_on.to_string(), "0 or 1", NEXT));
         }
         let released = self.maybe(line, "brake_released")?.is_some_and(|released| released > 0.5);
         Ok(Row {
             t_s: ms / 1000.0,
             cell,
-            bus_v,
+            bus_v: within("bus_v", self.number(line, "bus_v")?, 1.0, 60.0, "1 to 60 V")?,
             bus_a: self.number(line, "bus_a")?,
-            duty: percent.map(|percent| percent / 100.0),
-            torque_n_m: self.maybe(line, "torque_per_1024")?.map(|units| units * UNIT_N_M),
-            is_driven: self.number(line, "bridge_on")? > 0.5,
+            duty: percent.transpose()?.map(|percent| percent / 100.0),
+            torque_n_m: self.number(line, "torque_per_1024")? * UNIT_N_M,
+            is_driven: bridge_on == 1.0,
             is_free: released || matches!(motor, Some(MotorKind::Link | MotorKind::Tip)),
-            housing_c: self.maybe(line, "thermistor_c")?.unwrap_or(25.0),
+            // The range of THERM.
+            housing_c: within("thermistor_c", housing_c, -55.0, 125.0, "-55 to 125 C")?,
         })
     }
 }
@@ -280,6 +287,13 @@ fn check_length(columns: &Columns, rows: &[Row], line: usize, invalid: usize) ->
         let expected = format!("{LEAST_COUNTS} counts or more");
         let next = "record a move through free travel; `hil-sim excite` makes one";
         return Err(columns.bad(0, problem, &found, &expected, next));
+    }
+    let amperes = || rows.iter().map(|row| row.bus_a);
+    if amperes().all(|bus_a| Some(bus_a) == rows.first().map(|row| row.bus_a)) {
+        let problem = "bus_a never changes".to_owned();
+        let found = format!("{} A in every row", rows.first().map_or(0.0, |row| row.bus_a));
+        let next = "check the current sensor (GET IMOTOR while the motor pushes), and record the move again";
+        return Err(columns.bad(0, problem, &found, "the measured current of a motor that was driven", next));
     }
     Ok(())
 }
@@ -340,11 +354,11 @@ impl Unwrap {
 mod tests {
     use super::*;
 
-    const HEADER: &str = "time_ms,halls_code,bus_v,bus_a,duty_percent,bridge_on";
+    const HEADER: &str = "time_ms,halls_code,bus_v,bus_a,duty_percent,bridge_on,torque_per_1024";
 
     /// A rotor at 100 counts/s.
     fn trace(rows: usize) -> Vec<String> {
-        let row = |ms: usize| format!("{ms},{},24.0,0.1,20.0,1", CODES[ms / 10 % 6]);
+        let row = |ms: usize| format!("{ms},{},24.0,0.{},20.0,1,200", CODES[ms / 10 % 6], ms % 7);
         std::iter::once(HEADER.to_owned()).chain((0..rows).map(row)).collect()
     }
 
@@ -362,8 +376,10 @@ mod tests {
 
     /// A rotor at 500 counts/s with its position, and codes through a wiring.
     fn positions(wiring: fn(u8) -> u8) -> String {
-        let row = |ms: usize| format!("{ms},1,{},24.0,0.1,20.0,1,{}\n", wiring(CODES[ms / 2 % 6]), ms / 2);
-        let head = "time_ms,motor,halls_code,bus_v,bus_a,duty_percent,bridge_on,position_estimated_counts\n";
+        let row = |ms: usize| {
+            format!("{ms},1,{},24.0,0.{},20.0,1,200,{}\n", wiring(CODES[ms / 2 % 6]), ms % 7, ms / 2)
+        };
+        let head = "time_ms,motor,halls_code,bus_v,bus_a,duty_percent,bridge_on,torque_per_1024,position_estimated_counts\n";
         std::iter::once(head.to_owned()).chain((0..500).map(row)).collect()
     }
 
@@ -391,14 +407,24 @@ mod tests {
         };
         let mut gap = trace(500);
         gap.drain(50..70);
-        let row = |ms: usize| format!("{ms},2,24.0,0.1,20.0,1");
+        let without_current = (0..500).map(|ms| format!("{ms},{},24.0,0.0,20.0,1,200", CODES[ms / 10 % 6]));
+        let without_current = std::iter::once(HEADER.to_owned()).chain(without_current).collect();
+        let mut too_hot = trace(500);
+        too_hot.iter_mut().for_each(|line| line.push_str(",250"));
+        too_hot[0] = format!("{HEADER},thermistor_c");
+        let row = |ms: usize| format!("{ms},2,24.0,0.1,20.0,1,200");
         let still: Vec<String> = std::iter::once(HEADER.to_owned()).chain((0..300).map(row)).collect();
         for (lines, place, problem) in [
             (with(0, "time_ms,halls_code,bus_v,bus_a,duty_percent"), "t.csv:1", "bridge_on is missing"),
-            (with(3, "2,2,NaN,0.1,20.0,1"), "t.csv:4", "bus_v is not a number"),
-            (with(3, "2,2,,0.1,20.0,1"), "t.csv:4", "bus_v is empty"),
+            (with(3, "2,2,NaN,0.1,20.0,1,200"), "t.csv:4", "bus_v is not a number"),
+            (with(3, "2,2,,0.1,20.0,1,200"), "t.csv:4", "bus_v is empty"),
+            (with(3, "2,2,24.0,0.1,20.0,2,200"), "t.csv:4", "bridge_on is neither"),
+            (with(3, "2,2,24.0,0.1,20.0,1,"), "t.csv:4", "torque_per_1024 is empty"),
+            (with(0, &HEADER.replace(",torque_per_1024", "")), "t.csv:1", "torque_per_1024 is missing"),
+            (without_current, "t.csv", "bus_a never changes"),
+            (too_hot, "t.csv:2", "thermistor_c is out of range"),
             (with(3, "2,2,24.0,0.1"), "t.csv:4", "does not fit the header"),
-            (with(3, "0,2,24.0,0.1,20.0,1"), "t.csv:4", "time_ms does not rise"),
+            (with(3, "0,2,24.0,0.1,20.0,1,200"), "t.csv:4", "time_ms does not rise"),
             (gap, "t.csv:51", "a gap of 21.0 ms after line 50"),
             (trace(50), "t.csv:51", "too short"),
             (vec![HEADER.to_owned()], "t.csv", "too short"),

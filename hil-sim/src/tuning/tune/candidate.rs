@@ -4,6 +4,7 @@ use servo_core::Config;
 
 use super::ensemble::{Ensemble, Judged};
 use crate::experiment::properties::Property;
+use crate::experiment::scenario::Scenario;
 
 /// One dimension of the search.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +35,8 @@ pub struct Settings {
     pub axes: Vec<Axis>,
     /// The plants, with the goals.
     pub ensemble: Ensemble,
+    /// Shipped scenarios of the motor that the start passes, and the result must.
+    pub shipped: Vec<Scenario>,
     /// Seed of the search.
     pub seed: u64,
     /// Most candidates.

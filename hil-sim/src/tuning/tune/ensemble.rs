@@ -148,7 +148,7 @@ impl Ensemble {
         let run: Result<MotorRun, String> = match run(&scenario, &options) {
             Ok(mut outcome) if !outcome.runs.is_empty() => Ok(outcome.runs.swap_remove(0)),
             Ok(_) => Err("no motor".to_owned()),
-            Err(e) => Err(format!("{} = {} is out of range", e.field, e.found)),
+            Err(e) => Err(format!("{} = {} is out of range, expected {}", e.field, e.found, e.expected)),
         };
         match run {
             Ok(run) => Measured {

@@ -106,6 +106,18 @@ impl Goal {
         Ok(Self { objective, text, scenario, terms: terms(objective) })
     }
 
+    /// The text with these values of properties set, so that it runs with them.
+    #[must_use]
+    pub fn text_with(&self, values: &[(&str, i64)]) -> String {
+        let set: Vec<String> = values.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+        let set = set.join(", ");
+        match self.text.split_once("set = { ") {
+            Some((before, after)) => format!("{before}set = {{ {set}, {after}"),
+            // Top-level keys come before the first table.
+            None => self.text.replacen("\nduration_ms", &format!("\nset = {{ {set} }}\nduration_ms"), 1),
+        }
+    }
+
     /// Whether a run broke a limit: the first that it broke, in words.
     #[must_use]
     pub fn broken(&self, run: &MotorRun, trip_a: f64, mt: f64) -> Option<String> {

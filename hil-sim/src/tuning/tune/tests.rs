@@ -24,7 +24,7 @@ fn settings(motor: MotorKind, objective: Objective, set: &[&str], plants: u64) -
         first_seed: 1,
         plants,
     };
-    Settings { axes, ensemble, seed: 3, candidates: 30 }
+    Settings { axes, ensemble, shipped: Vec::new(), seed: 3, candidates: 30 }
 }
 
 fn pool(threads: usize) -> ThreadPool {
@@ -123,8 +123,12 @@ fn heavier_rotor_takes_margin_and_too_little_costs() {
     let settings = settings(MotorKind::Link, Objective::Step, &[], 1);
     let start: Vec<i64> = settings.axes.iter().map(|axis| axis.start).collect();
     let ms_of = |inertia: &str| {
-        let mut settings =
-            Settings { ensemble: settings.ensemble.clone(), axes: settings.axes.clone(), ..settings };
+        let mut settings = Settings {
+            ensemble: settings.ensemble.clone(),
+            axes: settings.axes.clone(),
+            shipped: Vec::new(),
+            ..settings
+        };
         settings.ensemble.bench.override_figures(&[("plant", inertia)]).expect("valid");
         settings.ensemble.scatter = 0.0;
         let margins = stability::margins(&settings, &start);
