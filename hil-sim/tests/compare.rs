@@ -99,6 +99,7 @@ fn bad_inputs_name_the_place_and_a_next_step() {
     std::fs::write(folder.join("torn/run.json"), "{").expect("ours");
     std::fs::write(folder.join("back.csv"), "time_ms,bus_v\n0,24\n5,24\n4,24\n").expect("ours");
     std::fs::write(folder.join("none.csv"), "time_ms,bus_v\n").expect("ours");
+    std::fs::write(folder.join("x.toml"), "").expect("ours");
     let nine = ["a"; 9];
     for (args, what) in [
         (&["a"][..], "2 to 8"),
@@ -110,6 +111,8 @@ fn bad_inputs_name_the_place_and_a_next_step() {
         (&["a", "none.csv"], "has no rows"),
         (&["a", "x.toml"], ".csv, .mcap or .parquet"),
         (&["a/trace.csv", "a", "--out", "a/trace.csv"], "would overwrite an input"),
+        (&["a", "torn/trace.csv", "--out", "a/trace.csv"], "would overwrite an input"),
+        (&["a", "gone"], "No such file"),
         (&["a", "a", "--out", "nowhere/c.html"], "cannot be written"),
     ] {
         let output = hil_sim(&[&["compare"], args].concat(), &folder);

@@ -60,7 +60,7 @@ fn bad_input_is_named_by_file_and_place() {
     for (csv, words) in [
         ("time_ms,bus_v\n0,1\n1\n", &["in.csv:3: bad row", "1 columns", "2 columns"][..]),
         ("time_ms,bus_v\n0,NaN\n", &["in.csv:2: column bus_v", "NaN", "finite"]),
-        ("time_ms,bus_v\n0,24 V\n", &["in.csv:2: column bus_v", "24 V"]),
+        ("\u{feff}time_ms,bus_v\n0,24 V\n", &["in.csv:2: column bus_v", "24 V"]),
         (
             "time_ms,windng_c\n0,1\n",
             &["in.csv:1: column windng_c", "unknown column", "did you mean winding_c?"],

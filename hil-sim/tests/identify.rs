@@ -63,13 +63,17 @@ fn motor_that_cannot_make_the_move_is_an_error_without_a_file() {
 #[test]
 fn bad_recordings_are_refused_and_nothing_is_written() {
     let dir = folder("bad");
-    let head = "time_ms,halls_code,bus_v,bus_a,duty_percent,bridge_on\n";
+    let head = "time_ms,halls_code,bus_v,bus_a,duty_percent,bridge_on,torque_per_1024\n";
     for (name, text, problem) in [
         ("empty.csv", Vec::new(), "time_ms is missing"),
         ("binary.csv", vec![0xff, 0xfe, 0x00], "is no text"),
-        ("nan.csv", format!("{head}0,2,nan,0.1,20.0,1\n").into_bytes(), "bus_v is not a number"),
-        ("short.csv", format!("{head}0,2,24.0,0.1,20.0,1\n").into_bytes(), "too short"),
-        ("gap.csv", format!("{head}0,2,24,0.1,20,1\n50,6,24,0.1,20,1\n").into_bytes(), "a gap of 50.0 ms"),
+        ("nan.csv", format!("{head}0,2,nan,0.1,20.0,1,100\n").into_bytes(), "bus_v is not a number"),
+        ("short.csv", format!("{head}0,2,24.0,0.1,20.0,1,100\n").into_bytes(), "too short"),
+        (
+            "gap.csv",
+            format!("{head}0,2,24,0.1,20,1,100\n50,6,24,0.1,20,1,100\n").into_bytes(),
+            "a gap of 50.0 ms",
+        ),
     ] {
         std::fs::write(dir.join(name), text).expect("written");
         let output = sim(&format!("identify {name} --json --out page"), &dir);

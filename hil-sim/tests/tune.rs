@@ -43,6 +43,7 @@ fn folder_has_the_result_and_scenarios_that_run() {
     let output = tune(&format!("{SMALL} --pareto settling_ms,chatter --out {}", dir.display()));
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("reproduce with: hil-sim tune --motor spread"), "{text}");
+    assert!(text.contains(" --pareto settling_ms,chatter\n"), "{text}");
     let tuned: Value =
         serde_json::from_slice(&std::fs::read(dir.join("tuned.json")).expect("written")).expect("JSON");
     assert!(tuned["motors"][0]["pareto"].as_array().is_some_and(|front| !front.is_empty()), "{tuned}");
@@ -59,6 +60,12 @@ fn folder_has_the_result_and_scenarios_that_run() {
     let scenario = dir.join("step-spread.toml");
     let run = Command::new(env!("CARGO_BIN_EXE_hil-sim")).arg("run").arg(&scenario).output().expect("starts");
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    // With the values found, not those of the board.
+    let text = std::fs::read_to_string(&scenario).expect("written");
+    let properties = tuned["motors"][0]["properties"].as_object().expect("values");
+    for (name, value) in properties {
+        assert!(text.contains(&format!("{name} = {value}")), "{name} = {value} in {text}");
+    }
     std::fs::remove_dir_all(&dir).expect("removed");
 }
 
@@ -70,7 +77,11 @@ fn bad_arguments_name_the_option_and_a_next_step() {
         ("--budget 0s", "60s"),
         ("--properties KQ", "no property has this name"),
         ("--properties KPW", "did you mean KP?"),
-        ("--pareto chatter", "two names"),
+        ("--pareto chatter", "two different names"),
+        ("--pareto chatter,chatter", "two different names"),
+        ("--plant j_kg_m2=0.0000021", "j_kg_m2 is out of range"),
+        ("--out tests/tune.rs", "cannot be written"),
+        ("--out /dev/full", "cannot be written"),
         ("--pareto chatter,settling", "did you mean settling_ms?"),
         ("--plant inertai=3x", "did you mean inertia?"),
         ("--supply volts=99", "out of range"),
@@ -83,6 +94,19 @@ fn bad_arguments_name_the_option_and_a_next_step() {
         assert_eq!(output.status.code(), Some(2), "{more}: {text}");
         assert!(text.contains(what) && output.stdout.is_empty(), "{more}: {text}");
     }
+}
+
+#[test]
+fn folder_of_a_sweep_is_kept() {
+    let dir = std::env::temp_dir().join(format!("tune-sweep-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).expect("made");
+    std::fs::write(dir.join("sweep.json"), "{}").expect("written");
+    let output = tune(&format!("{SMALL} --out {}", dir.display()));
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    assert!(text.contains("has the results of a sweep"), "{text}");
+    assert_eq!(std::fs::read_dir(&dir).expect("readable").count(), 1);
+    std::fs::remove_dir_all(&dir).expect("removed");
 }
 
 #[test]

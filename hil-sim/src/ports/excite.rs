@@ -46,8 +46,8 @@ pub struct ExciteArgs {
 pub fn excite(args: &ExciteArgs, clock: &dyn Fn() -> Duration) -> Result<bool, Box<dyn Error>> {
     // The first ^C idles the motor and restores the board's properties.
     interrupt::finish_first();
-    let format = Format::of(&args.out)?;
     check_file(&args.out)?;
+    let format = Format::of(&args.out)?;
     let motor = args.motor.unwrap_or(MotorName::Link);
     let (mut link, node): (Box<dyn Link>, Id) = match args.node {
         Some(node) => (open(args.slcan.as_deref(), args.can.as_deref(), clock)?, id(Some(node))),

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::experiment::properties;
+use crate::experiment::scenario::Scenario;
 
 fn settings(motor: MotorKind, objective: Objective, set: &[&str], plants: u64) -> Settings {
     let mut goal = Goal::new(objective, motor).unwrap_or_else(|bad| panic!("{bad}"));
@@ -148,4 +149,24 @@ fn heavier_rotor_takes_margin_and_too_little_costs() {
         let margins = LoopMargins { ms, phase_margin_deg: phase, gain_margin: gain, ..margins[0].clone() };
         assert_eq!(margins.suffice(), suffices, "{ms} {phase:?} {gain:?}");
     }
+}
+
+/// The gains that the objectives alone like best let the spread stall under the load of a shipped scenario.
+#[test]
+fn gains_that_break_a_shipped_scenario_are_told() {
+    let mut settings = settings(MotorKind::Spread, Objective::Step, &[], 1);
+    let axis = |(name, start): (&str, i64)| Axis {
+        property: properties::find(name).expect("known"),
+        start,
+        knee: 1.0,
+    };
+    settings.axes = [("KP", 120), ("KI", 0), ("KD", 640), ("KPV", 32)].map(axis).into();
+    let all =
+        ["spread-hold-disturbance", "spread-full-travel"].map(|name| Scenario::find(name).expect("shipped"));
+    settings.shipped = shipped::passed(all.into(), &settings.axes);
+    assert_eq!(settings.shipped.len(), 2);
+    assert!(shipped::lost(&settings, &[120, 0, 640, 32]).is_empty());
+    let lost = shipped::lost(&settings, &[82, 227, 267, 58]);
+    assert_eq!(lost.len(), 1, "{lost:?}");
+    assert!(lost[0].starts_with("spread-hold-disturbance: hold_error_counts = 1."), "{lost:?}");
 }
