@@ -1,7 +1,7 @@
 //! Unknown motors: the move of `excite` over the bus, and what `identify` makes of it, against the plants' parameters.
 
 use hil_sim::board::SimBoard;
-use hil_sim::excite::{Simulated, csv, excite};
+use hil_sim::excite::{Link, Simulated, csv, excite};
 use hil_sim::identify::{Estimate, Recording, WORKING_SPEED, identify};
 use hil_sim::node::Node;
 use hil_sim::plant::{Heat, PlantParams, RAD_PER_COUNT, Start};
@@ -9,6 +9,7 @@ use hil_sim::rig::{Rig, RigParams};
 use hil_sim::{Model, MotorKind, node_of};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+use tater_wire::{Destination, Message, Property};
 
 /// Plants of a short run; IDENTIFY_PLANTS=100 runs the ensemble of docs/identify.md.
 const PLANTS: u64 = 5;
@@ -31,8 +32,8 @@ fn kind() -> MotorKind {
     }
 }
 
-/// Estimates with the truth, in the order of [`NAMES`].
-fn identified(kind: MotorKind, seed: u64) -> [(Estimate, f64); 6] {
+/// A board of the plant of a seed, awake.
+fn board(kind: MotorKind, seed: u64) -> (tater_wire::Node, PlantParams, Node) {
     let plant = PlantParams::for_motor(kind).scattered(seed, 0.3);
     let mut rig = RigParams::default();
     let mut rng = Pcg64Mcg::new(u128::from(seed) << 64 | 0xa11);
@@ -41,7 +42,13 @@ fn identified(kind: MotorKind, seed: u64) -> [(Estimate, f64); 6] {
     let start = Start { count: 60.0, counts_per_s: 0.0, heat };
     let rig = Rig::new(plant.clone(), rig, &[], Model::Averaged, start, seed).expect("in range");
     let node = tater_wire::Node::new(node_of(kind)).expect("a node");
-    let mut link = Simulated::new(Node::awake(SimBoard::new(rig, node)));
+    (node, plant, Node::awake(SimBoard::new(rig, node)))
+}
+
+/// Estimates with the truth, in the order of [`NAMES`].
+fn identified(kind: MotorKind, seed: u64) -> [(Estimate, f64); 6] {
+    let (node, plant, board) = board(kind, seed);
+    let mut link = Simulated::new(board);
     let recorded = excite(&mut link, node, &mut |_| {}).unwrap_or_else(|e| panic!("plant {seed}: {e:?}"));
     let recording =
         Recording::parse("excite", &csv(&recorded), Some(kind)).unwrap_or_else(|e| panic!("{seed}: {e}"));
@@ -93,4 +100,19 @@ fn ensemble_of_unknown_plants_is_identified() {
             "{name}: truth inside in {inside} of {plants}"
         );
     }
+}
+
+/// An excitation that was killed has left its own limits behind: the next one gives the board its saved ones.
+#[test]
+fn excite_does_not_keep_what_a_killed_one_left() {
+    let (node, _, board) = board(MotorKind::Link, 1);
+    let mut link = Simulated::new(board);
+    let all = [(Property::HOSTMS, 300), (Property::TSTOP, 1000), (Property::MT, 990)];
+    for (property, value) in all {
+        let set = Message::set(Destination::Node(node), property, value).expect("in range");
+        link.send(&set.frame()).expect("sent");
+    }
+    excite(&mut link, node, &mut |_| {}).unwrap_or_else(|e| panic!("{e:?}"));
+    let config = link.board().and_then(Node::application).expect("awake").config();
+    assert_eq!((config.tstop, config.mt), (300, 750));
 }

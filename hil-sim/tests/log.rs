@@ -70,6 +70,13 @@ fn silent_board_and_missing_adapter_are_named() {
 #[cfg(unix)]
 #[test]
 fn interrupted_log_keeps_its_file() {
+    for signal in ["-INT", "-TERM"] {
+        keeps_its_file(signal);
+    }
+}
+
+#[cfg(unix)]
+fn keeps_its_file(signal: &str) {
     let folder = folder("log-interrupted");
     let served = serve("4");
     let mut process = Command::new(env!("CARGO_BIN_EXE_hil-sim"))
@@ -80,7 +87,7 @@ fn interrupted_log_keeps_its_file() {
         .expect("the binary starts");
     let mut lines = BufReader::new(process.stderr.take().expect("piped")).lines().map_while(Result::ok);
     assert!(lines.any(|line| line == "recording node 4; ^C ends it and keeps the file"));
-    let killed = Command::new("kill").args(["-INT", &process.id().to_string()]).status().expect("kill");
+    let killed = Command::new("kill").args([signal, &process.id().to_string()]).status().expect("kill");
     assert!(killed.success());
     let last = lines.last().unwrap_or_default();
     assert_eq!(process.wait().expect("it ends").code(), Some(130), "{last}");
