@@ -422,8 +422,8 @@ table! {
         "after a move: 1 holds the position, 0 idles";
     TSTOP = 78, 16, ReadWrite, Yes, "ms", 0..=65535, Kinds(300, 400, 300),
         "no count for this long while driven is a stall; 0 never";
-    // Gains and BT are those that `hil-sim tune` keeps or finds over plants of ±30 % (docs/tune.md); the manual has none. KP 200
-    // lets a slow motor oscillate by 15 counts/s. The observed load takes the place of an integral.
+    // Gains and BT were set by hand over plants of ±30 %; the manual has none. `hil-sim tune` keeps the gains of links and tips
+    // (docs/tune.md). KP 200 lets a slow motor oscillate by 15 counts/s. The observed load takes the place of an integral.
     KP = 79, 16, ReadWrite, Yes, "1/1024 peak per count", 0..=32767, Same(120),
         "position gain";
     KD = 80, 16, ReadWrite, Yes, "1/256 of 1/1024 peak per count/s", 0..=32767, Same(640),

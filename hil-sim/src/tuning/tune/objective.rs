@@ -1,5 +1,7 @@
 //! What a tuning run wants: scenarios of one motor, and how much each of their metrics costs.
 
+use std::collections::BTreeMap;
+
 use std::fmt;
 
 use tater_wire::MotorKind;
@@ -109,12 +111,21 @@ impl Goal {
     /// The text with these values of properties set, so that it runs with them.
     #[must_use]
     pub fn text_with(&self, values: &[(&str, i64)]) -> String {
-        let set: Vec<String> = values.iter().map(|(name, value)| format!("{name} = {value}")).collect();
-        let set = set.join(", ");
-        match self.text.split_once("set = { ") {
-            Some((before, after)) => format!("{before}set = {{ {set}, {after}"),
+        let written = self.text.split_once("set = { ").and_then(|(before, after)| {
+            let (own, after) = after.split_once(" }")?;
+            Some((before, own, after))
+        });
+        // Each name once: TOML refuses a second.
+        let values: BTreeMap<&str, String> =
+            values.iter().map(|(name, value)| (*name, format!("{name} = {value}"))).collect();
+        let is_new = |own: &&str| own.split(' ').next().is_none_or(|name| !values.contains_key(name));
+        let own = written.map_or("", |(_, own, _)| own).split(", ").filter(|own| !own.is_empty());
+        let set: Vec<&str> = own.filter(is_new).chain(values.values().map(String::as_str)).collect();
+        let set = format!("set = {{ {} }}", set.join(", "));
+        match written {
+            Some((before, _, after)) => format!("{before}{set}{after}"),
             // Top-level keys come before the first table.
-            None => self.text.replacen("\nduration_ms", &format!("\nset = {{ {set} }}\nduration_ms"), 1),
+            None => self.text.replacen("\nduration_ms", &format!("\n{set}\nduration_ms"), 1),
         }
     }
 

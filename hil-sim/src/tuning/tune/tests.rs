@@ -170,3 +170,15 @@ fn gains_that_break_a_shipped_scenario_are_told() {
     assert_eq!(lost.len(), 1, "{lost:?}");
     assert!(lost[0].starts_with("spread-hold-disturbance: hold_error_counts = 1."), "{lost:?}");
 }
+
+/// A scenario that is written with the values found reads them, also where its own text sets them.
+#[test]
+fn written_scenarios_have_the_values_found() {
+    for objective in [Objective::Move, Objective::Step, Objective::Velocity, Objective::Grasp] {
+        let goal = Goal::new(objective, MotorKind::Link).expect("valid");
+        let text = goal.text_with(&[("MV", 300), ("KP", 70), ("HOLD", 0), ("MV", 321)]);
+        let scenario = Scenario::parse("written", &text).unwrap_or_else(|bad| panic!("{bad}"));
+        let value = |name| properties::find(name).expect(name).get(&scenario.cases[0].config);
+        assert_eq!(["MV", "KP", "HOLD"].map(value), [321, 70, 0], "{text}");
+    }
+}
