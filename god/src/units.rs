@@ -24,18 +24,9 @@ pub const fn halls_from_gcl(gcl: i64) -> i64 {
     gcl.saturating_add(GCL_PER_HALL / 2).div_euclid(GCL_PER_HALL)
 }
 
-/// Gear ratio, motor to joint, in hundredths (manual 1.3.2, table 2).
-const fn ratio_hundredths(kind: MotorKind) -> i64 {
-    match kind {
-        MotorKind::Link => 4900,
-        MotorKind::Spread => 1828,
-        MotorKind::Tip => 3900,
-    }
-}
-
-/// GCL counts of 100 revolutions of a joint: gear ratio × 18 hall counts × 55.
+/// GCL counts of 100 revolutions of a joint: gear ratio × 18 hall counts × 55 (manual 1.3.2, table 2).
 const fn gcl_per_100_revolutions(kind: MotorKind) -> i64 {
-    ratio_hundredths(kind) * 18 * GCL_PER_HALL
+    kind.gear_hundredths() * MotorKind::COUNTS_PER_TURN * GCL_PER_HALL
 }
 
 /// GCL counts of a joint angle in degrees, rounding halves up: 90 degrees of a link are 12128.
@@ -54,13 +45,13 @@ pub const fn gcl_from_percent(percent: i64, close_target: i64) -> i64 {
 /// BarrettHand without stating this share; that hand's gears, 375:1 and 125:1, make a third (decision 0030).
 #[must_use]
 pub const fn tip_travel_along(link: i64) -> i64 {
-    rounded(link.saturating_mul(ratio_hundredths(MotorKind::Tip)), 3 * ratio_hundredths(MotorKind::Link))
+    rounded(link.saturating_mul(MotorKind::Tip.gear_hundredths()), 3 * MotorKind::Link.gear_hundredths())
 }
 
 /// The travel of a tip that keeps its direction while its link moves, in the unit of `link`: the same joint angle the other way.
 #[must_use]
 pub const fn tip_travel_against(link: i64) -> i64 {
-    rounded(link.saturating_mul(-ratio_hundredths(MotorKind::Tip)), ratio_hundredths(MotorKind::Link))
+    rounded(link.saturating_mul(-MotorKind::Tip.gear_hundredths()), MotorKind::Link.gear_hundredths())
 }
 
 const fn rounded(numerator: i64, denominator: i64) -> i64 {

@@ -11,7 +11,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 9] = [
+const ARROWS: [Arrows; 10] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -47,6 +47,8 @@ const ARROWS: [Arrows; 9] = [
     },
     // heapless: bounded buffers without a heap. defmt: as above. proptest: tests.
     Arrows { package: "god", ours: &["tater-wire"], others: Some(&["defmt", "heapless", "proptest (dev)"]) },
+    // libm: sines without std. proptest: tests.
+    Arrows { package: "kinematics", ours: &["tater-wire"], others: Some(&["libm", "proptest (dev)"]) },
     Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw", "god"], others: None },
     // board-emu gets the program as bytes: of ours it needs only the simulated world.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
@@ -61,10 +63,10 @@ const ARROWS: [Arrows; 9] = [
         others: None,
     },
     // xtask is compiled first on a new machine: few dependencies, the rest by `cargo run`. tater-wire: images
-    // and downloads. indicatif: progress. object, rustc-demangle: ELF. socketcan: CAN interfaces of Linux.
+    // and downloads. kinematics: robot models. indicatif: progress. object, rustc-demangle: ELF. socketcan: CAN interfaces of Linux.
     Arrows {
         package: "xtask",
-        ours: &["tater-wire"],
+        ours: &["tater-wire", "kinematics"],
         others: Some(&["clap", "indicatif", "object", "rustc-demangle", "serde_json", "socketcan"]),
     },
 ];

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
 use crate::{
-    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, packages, ray_sweep, reports,
-    setup, size, table,
+    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages, ray_sweep,
+    reports, setup, size, table,
 };
 
 struct Step {
@@ -18,7 +18,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 22] = [
+const STEPS: [Step; 23] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "licenses and sources", check: packages::licenses },
@@ -31,6 +31,7 @@ const STEPS: [Step; 22] = [
     Step { name: "size", check: size::check },
     Step { name: "tests", check: tests },
     Step { name: "property table", check: || table::table(true) },
+    Step { name: "robot models", check: model::check },
     Step { name: "scenarios", check: scenarios },
     Step { name: "torture", check: torture },
     Step { name: "hall captures", check: hall_oracle::check },
@@ -75,8 +76,9 @@ fn clippy_host() -> Outcome {
     run(program("cargo clippy --quiet --workspace --all-targets -- -D warnings"))
 }
 
-/// The crates for microcontrollers. GOD has no board yet.
-const BOARD: &str = "--package servo-core --package tater-wire --package tater-fw --package god";
+/// The crates for microcontrollers. GOD has no board yet, and the kinematics no caller on one.
+const BOARD: &str =
+    "--package servo-core --package tater-wire --package tater-fw --package god --package kinematics";
 
 fn clippy_thumb() -> Outcome {
     // The second run covers the code of the log feature.

@@ -1,5 +1,5 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `apply`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`, `soak`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `apply`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`, `soak`, `model`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
@@ -20,6 +20,7 @@ mod host_tools;
 mod image;
 mod instructions;
 mod miri;
+mod model;
 mod mutants;
 mod outcome;
 mod packages;
@@ -69,6 +70,15 @@ enum Chore {
         #[arg(long)]
         check: bool,
     },
+    /// Generate the URDF and the MJCF of the hand: kinematics/model
+    Model {
+        /// Write nothing; fail if a file is out of date
+        #[arg(long)]
+        check: bool,
+        /// The same, and compare fingertips with yourdfpy and MuJoCo, installed below target/
+        #[arg(long)]
+        compare: bool,
+    },
     /// Build monitor and application in all forms, sealed
     Image(image::ImageArgs),
     /// Make, check and read `.tek` files, the download format of applications
@@ -114,6 +124,8 @@ fn main() -> ExitCode {
         Chore::Doctor { json } => doctor::doctor(json),
         Chore::Bench { json } => bench::bench(json).map_err(Failure::from),
         Chore::Table { check } => table::table(check).map_err(Failure::from),
+        Chore::Model { compare: true, .. } => model::check().map_err(Failure::from),
+        Chore::Model { check, .. } => model::model(check).map_err(Failure::from),
         Chore::Image(args) => image::image(&args),
         Chore::Flash(args) => flash::flash(&args),
         Chore::Tek(chore) => tek::tek(&chore),

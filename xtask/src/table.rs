@@ -28,7 +28,8 @@ fn stale(what: &str) -> String {
     format!("{PAGE}: {what}\n  run `cargo xtask table`, and commit the page")
 }
 
-fn difference(found: &str, expected: &str) -> Option<String> {
+/// The first line of a generated text that differs, in words.
+pub fn difference(found: &str, expected: &str) -> Option<String> {
     if found == expected {
         return None;
     }

@@ -100,6 +100,29 @@ impl MotorKind {
             Self::Tip => 3,
         }
     }
+
+    /// Hall counts of a motor revolution, of every kind (manual 1.3.2, table 2).
+    pub const COUNTS_PER_TURN: i64 = 18;
+
+    /// Motor revolutions for 100 revolutions of the joint (manual 1.3.2, table 2).
+    #[must_use]
+    pub const fn gear_hundredths(self) -> i64 {
+        match self {
+            Self::Link => 4900,
+            Self::Spread => 1828,
+            Self::Tip => 3900,
+        }
+    }
+
+    /// The joint's range, its lowest and highest whole hall count (manual 1.3.1, table 1); the stops stand half a count outside.
+    #[must_use]
+    pub const fn range_counts(self) -> [i16; 2] {
+        match self {
+            Self::Link => [-25, 338],
+            Self::Spread => [0, 166],
+            Self::Tip => [-158, 350],
+        }
+    }
 }
 
 /// A property's row: the texts for people, and by [`Deref`] its [`Rules`].

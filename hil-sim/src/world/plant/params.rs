@@ -19,7 +19,7 @@ const MIN_IMPACT_S: f64 = 67e-6;
 const MAX_RESONANCE_RAD_S: f64 = 2000.0;
 
 /// Radians of the motor's shaft per hall count.
-pub const RAD_PER_COUNT: f64 = std::f64::consts::TAU / 18.0;
+pub const RAD_PER_COUNT: f64 = std::f64::consts::TAU / MotorKind::COUNTS_PER_TURN as f64;
 
 /// Free play of a joint's gear, rad: 8′.
 const PLAY_RAD: f64 = 8.0 / 60.0 * std::f64::consts::PI / 180.0;
@@ -127,11 +127,12 @@ impl PlantParams {
     /// The nominal plant of a kind of motor.
     #[must_use]
     pub fn for_motor(kind: MotorKind) -> Self {
-        let (gear_ratio, worm, brake_n_m, min_count, max_count) = match kind {
-            MotorKind::Link => (49.0, true, 0.0, -25.0, 338.0),
-            MotorKind::Spread => (18.28, false, 2.0, 0.0, 166.0),
-            MotorKind::Tip => (39.0, true, 0.0, -158.0, 350.0),
+        let (worm, brake_n_m) = match kind {
+            MotorKind::Link | MotorKind::Tip => (true, 0.0),
+            MotorKind::Spread => (false, 2.0),
         };
+        let gear_ratio = kind.gear_hundredths() as f64 / 100.0;
+        let [min_count, max_count] = kind.range_counts().map(f64::from);
         Self {
             r_ohm: 2.405,
             r_per_k: 0.0039,

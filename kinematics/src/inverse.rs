@@ -1,0 +1,378 @@
+//! Joint angles for a fingertip's place: closed, all of them.
+//!
+//! A finger moves in a plane through its spread axis. The spread turns that plane through the target, from one side or from the other;
+//! in the plane, link and tip are two bars, and their elbow bends to one side or to the other. So there are up to four solutions, or two
+//! at a given spread, of which those within the joints' ranges count.
+
+use core::f64::consts::{PI, TAU};
+use core::fmt;
+
+use crate::finger::{Angles, Finger};
+use crate::hand::Hand;
+use crate::transform::Vector;
+
+/// How far a target may be off the finger's plane, or out of its reach, and count as reached, m: a thousandth of a hall count's travel.
+const TOLERANCE_M: f64 = 1e-6;
+
+/// How far an angle may be out of its range and count as its end, rad. The bend of stretched bars is exact to 2e-8, √(2·2⁻⁵²).
+const TOLERANCE_RAD: f64 = 1e-7;
+
+/// A finger's joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Joint {
+    /// Θ_1.
+    Spread,
+    /// Θ_2.
+    Link,
+    /// Θ_3.
+    Tip,
+}
+
+/// Why a fingertip cannot be there: of all ways to get there, the one that fails by the least.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unreachable {
+    /// The target has a coordinate that is no number.
+    NotFinite,
+    /// The finger's plane, which finger 3 or a given spread fixes, misses the target.
+    OffPlane {
+        /// The distance, m.
+        by_m: f64,
+    },
+    /// Farther from the link's joint than the stretched finger.
+    TooFar {
+        /// The distance that remains, m.
+        by_m: f64,
+    },
+    /// Nearer to the link's joint than the folded finger.
+    TooNear {
+        /// The distance that remains, m.
+        by_m: f64,
+    },
+    /// Only with a joint out of its range.
+    OutOfRange {
+        /// The joint.
+        joint: Joint,
+        /// Its angle beyond the end of the range, rad.
+        by: f64,
+    },
+}
+
+impl Unreachable {
+    /// First by how far the search came, then by the amount.
+    const fn badness(&self) -> (u8, f64) {
+        match *self {
+            Self::OutOfRange { by, .. } => (0, by),
+            Self::TooFar { by_m } | Self::TooNear { by_m } => (1, by_m),
+            Self::OffPlane { by_m } => (2, by_m),
+            Self::NotFinite => (3, 0.0),
+        }
+    }
+}
+
+impl fmt::Display for Unreachable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NotFinite => f.write_str("the target is not finite; give three numbers in meters"),
+            Self::OffPlane { by_m } => {
+                write!(f, "the target is {:.2} mm off the finger's plane", 1e3 * by_m)
+            }
+            Self::TooFar { by_m } => {
+                write!(f, "the target is {:.2} mm beyond the finger's reach", 1e3 * by_m)
+            }
+            Self::TooNear { by_m } => {
+                write!(
+                    f,
+                    "the target is {:.2} mm nearer to the link's joint than the finger folds",
+                    1e3 * by_m
+                )
+            }
+            Self::OutOfRange { joint, by } => {
+                let name = match joint {
+                    Joint::Spread => "spread",
+                    Joint::Link => "link",
+                    Joint::Tip => "tip",
+                };
+                write!(f, "the {name} would be {:.2} degrees out of its range", by.to_degrees())
+            }
+        }
+    }
+}
+
+impl core::error::Error for Unreachable {}
+
+/// The ways to reach a place: at least one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solutions {
+    first: Angles,
+    others: [Option<Angles>; 3],
+}
+
+impl Solutions {
+    /// All of them, each within the ranges.
+    pub fn iter(&self) -> impl Iterator<Item = Angles> + '_ {
+        core::iter::once(self.first).chain(self.others.iter().flatten().copied())
+    }
+
+    /// The one with the least change of the joint that changes most.
+    #[must_use]
+    pub fn nearest(&self, to: Angles) -> Angles {
+        let change = |angles: &Angles| {
+            let by = [angles.spread - to.spread, angles.link - to.link, angles.tip - to.tip];
+            by.into_iter().fold(0.0, |most: f64, by| most.max(by.abs()))
+        };
+        self.iter()
+            .fold(self.first, |best, angles| if change(&angles) < change(&best) { angles } else { best })
+    }
+}
+
+/// Solutions found so far, and the best reason of those that failed.
+struct Search {
+    found: [Option<Angles>; 4],
+    failed: Unreachable,
+}
+
+impl Search {
+    const fn new() -> Self {
+        Self { found: [None; 4], failed: Unreachable::NotFinite }
+    }
+
+    fn fail(&mut self, why: Unreachable) {
+        let ((rank, amount), (best_rank, best)) = (why.badness(), self.failed.badness());
+        if rank < best_rank || (rank == best_rank && amount < best) {
+            self.failed = why;
+        }
+    }
+
+    fn add(&mut self, angles: Angles) {
+        if let Some(free) = self.found.iter_mut().find(|found| found.is_none()) {
+            *free = Some(angles);
+        }
+    }
+
+    fn end(self) -> Result<Solutions, Unreachable> {
+        let mut found = self.found.into_iter().flatten();
+        let first = found.next().ok_or(self.failed)?;
+        Ok(Solutions { first, others: core::array::from_fn(|_| found.next()) })
+    }
+}
+
+/// The turn of an angle that is nearest to the middle of a range, clamped to it within the tolerance.
+fn in_range(angle: f64, range: [f64; 2], joint: Joint) -> Result<f64, Unreachable> {
+    let [low, high] = range;
+    let turns = libm::round((angle - 0.5 * (low + high)) / TAU);
+    let angle = angle - turns * TAU;
+    let by = (low - angle).max(angle - high);
+    if by > TOLERANCE_RAD { Err(Unreachable::OutOfRange { joint, by }) } else { Ok(angle.clamp(low, high)) }
+}
+
+impl Hand {
+    /// The joint angles that bring a fingertip's point to `target`, in the frame of the palm, m. Of finger 3 the spread is 0. On a spread
+    /// axis any spread would do; it is a right angle there.
+    ///
+    /// # Errors
+    /// No angles within the ranges do.
+    pub fn inverse(&self, finger: Finger, target: Vector) -> Result<Solutions, Unreachable> {
+        if !finger.spreads() {
+            return self.inverse_at_spread(finger, 0.0, target);
+        }
+        let mut search = Search::new();
+        if target.iter().all(|x| x.is_finite()) {
+            let (x, y) = (target[0] - finger.side() * self.spread_axis_m, target[1]);
+            let reach = libm::hypot(x, y);
+            for (turn, along) in [(0.0, reach), (PI, -reach)] {
+                let spread = (libm::atan2(y, x) + turn - finger.azimuth()) * finger.side();
+                match in_range(spread, self.spread.range(), Joint::Spread) {
+                    Ok(spread) => self.bend(&mut search, spread, along, target[2]),
+                    Err(why) => search.fail(why),
+                }
+            }
+        }
+        search.end()
+    }
+
+    /// The same with the spread given, as the other finger needs it. Finger 3 ignores it and returns it as 0.
+    ///
+    /// # Errors
+    /// No angles within the ranges do; `OffPlane` if the spread points elsewhere.
+    pub fn inverse_at_spread(
+        &self,
+        finger: Finger,
+        spread: f64,
+        target: Vector,
+    ) -> Result<Solutions, Unreachable> {
+        let mut search = Search::new();
+        if target.iter().all(|x| x.is_finite()) && spread.is_finite() {
+            let spread = if finger.spreads() { spread } else { 0.0 };
+            let (x, y) = (target[0] - finger.side() * self.spread_axis_m, target[1]);
+            let (sin, cos) = libm::sincos(finger.azimuth() + finger.side() * spread);
+            let off = (y * cos - x * sin).abs();
+            if off > TOLERANCE_M {
+                search.fail(Unreachable::OffPlane { by_m: off });
+            } else {
+                match in_range(spread, self.spread.range(), Joint::Spread) {
+                    Ok(spread) => self.bend(&mut search, spread, x * cos + y * sin, target[2]),
+                    Err(why) => search.fail(why),
+                }
+            }
+        }
+        search.end()
+    }
+
+    /// Link and tip as two bars from the link's joint; the second leads to the pad. `along`: from the spread axis, `up`: from the
+    /// mounting face, m. With bars l_2 and l_3 and the distance r, the bend is ±acos((r² - l_2² - l_3²) / (2·l_2·l_3)).
+    fn bend(&self, search: &mut Search, spread: f64, along: f64, up: f64) {
+        let (u, v) = (along - self.base_m, up - self.palm_m);
+        let (l2, l3) = (self.link_m, libm::hypot(self.tip_m, self.pad_m));
+        let r = libm::hypot(u, v);
+        let (beyond, within) = (r - (l2 + l3), (l2 - l3).abs() - r);
+        if beyond > TOLERANCE_M {
+            return search.fail(Unreachable::TooFar { by_m: beyond });
+        }
+        if within > TOLERANCE_M {
+            return search.fail(Unreachable::TooNear { by_m: within });
+        }
+        let cos = (r * r - l2 * l2 - l3 * l3) / (2.0 * l2 * l3);
+        let bend = libm::acos(cos.clamp(-1.0, 1.0));
+        for bend in [bend, -bend] {
+            let (sin, cos) = libm::sincos(bend);
+            let link = libm::atan2(v, u) - libm::atan2(l3 * sin, l2 + l3 * cos) - self.link_at_zero;
+            let tip = bend - self.tip_at_zero - libm::atan2(self.pad_m, self.tip_m);
+            let link = in_range(link, self.link.range(), Joint::Link);
+            match (link, in_range(tip, self.tip.range(), Joint::Tip)) {
+                (Ok(link), Ok(tip)) => search.add(Angles { spread, link, tip }),
+                // Both count: the worse one is the reason.
+                (Err(link), Err(tip)) => search.fail(if link.badness() > tip.badness() { link } else { tip }),
+                (Err(why), _) | (_, Err(why)) => search.fail(why),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::transform::minus;
+
+    fn distance(a: Vector, b: Vector) -> f64 {
+        minus(a, b).iter().fold(0.0, |sum, x| libm::hypot(sum, *x))
+    }
+
+    fn share(range: [f64; 2], part: f64) -> f64 {
+        range[0] + part * (range[1] - range[0])
+    }
+
+    fn is_within(range: [f64; 2], angle: f64) -> bool {
+        (range[0]..=range[1]).contains(&angle)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        #[test]
+        fn inverse_of_any_pose_returns_it_among_ways_to_the_same_place(
+            finger in prop::sample::select(&Finger::ALL),
+            spread in 0.0..=1.0, link in 0.0..=1.0, tip in 0.0..=1.0,
+        ) {
+            let hand = Hand::default();
+            let spread = if finger.spreads() { share(hand.spread.range(), spread) } else { 0.0 };
+            let angles = Angles { spread, link: share(hand.link.range(), link), tip: share(hand.tip.range(), tip) };
+            let target = hand.fingertip(finger, angles).origin;
+            for found in [hand.inverse(finger, target), hand.inverse_at_spread(finger, spread, target)] {
+                let found = found.expect("a pose within the ranges is reachable");
+                for way in found.iter() {
+                    prop_assert!(is_within(hand.link.range(), way.link) && is_within(hand.tip.range(), way.tip));
+                    prop_assert!(is_within(hand.spread.range(), way.spread));
+                    // The tolerance of a range's end, at the length of a finger.
+                    prop_assert!(distance(hand.fingertip(finger, way).origin, target) < 3e-8, "{:?}", way);
+                }
+                let back = found.nearest(angles);
+                // Where the finger is nearly straight, or near the spread axis, angles are worse conditioned than places.
+                let bend = angles.tip + hand.tip_at_zero + libm::atan2(hand.pad_m, hand.tip_m);
+                let side = libm::hypot(target[0] - finger.side() * hand.spread_axis_m, target[1]);
+                if libm::sin(bend).abs() > 1e-3 && (side > 1e-3 || !finger.spreads()) {
+                    let by = [back.spread - spread, back.link - angles.link, back.tip - angles.tip];
+                    prop_assert!(by.iter().all(|by| by.abs() < 1e-6), "{:?} {:?}", back, angles);
+                }
+            }
+        }
+
+        #[test]
+        fn inverse_of_any_place_reaches_it_or_says_how_far_it_is(
+            finger in prop::sample::select(&Finger::ALL),
+            x in -0.25..0.25, y in -0.25..0.25, z in -0.15..0.3,
+        ) {
+            let hand = Hand::default();
+            let target = [if finger.spreads() { x } else { 0.0 }, y, z];
+            let most = hand.link_m + libm::hypot(hand.tip_m, hand.pad_m);
+            match hand.inverse(finger, target) {
+                Ok(ways) => for way in ways.iter() {
+                    // Farther away than in the other test: TOLERANCE_M.
+                    prop_assert!(distance(hand.fingertip(finger, way).origin, target) < 2e-6);
+                },
+                Err(Unreachable::TooFar { by_m }) => {
+                    // The nearer side of the spread axis decides.
+                    let [x, y] = [target[0] - finger.side() * hand.spread_axis_m, target[1]];
+                    let along = if finger.spreads() { libm::hypot(x, y) } else { y };
+                    let nearest = libm::hypot(along - hand.base_m, z - hand.palm_m);
+                    prop_assert!(by_m > 0.0 && by_m >= nearest - most - 1e-12);
+                }
+                Err(Unreachable::TooNear { by_m }) => prop_assert!(by_m > 0.0 && by_m < 0.02),
+                Err(Unreachable::OutOfRange { by, .. }) => prop_assert!(by > 0.0 && by <= PI),
+                Err(why) => prop_assert!(false, "{}", why),
+            }
+        }
+    }
+
+    #[test]
+    fn inverse_names_what_keeps_the_fingertip_away() {
+        let hand = Hand::default();
+        let why = |finger, target| hand.inverse(finger, target).expect_err("it is out of reach");
+        assert_eq!(why(Finger::F3, [0.0, f64::NAN, 0.1]), Unreachable::NotFinite);
+        let Unreachable::OffPlane { by_m } = why(Finger::F3, [0.01, 0.1, 0.1]) else {
+            panic!("beside finger 3");
+        };
+        assert!((by_m - 0.01).abs() < 1e-12, "{by_m}");
+        let most = hand.link_m + libm::hypot(hand.tip_m, hand.pad_m);
+        let Unreachable::TooFar { by_m } = why(Finger::F3, [0.0, 0.05, 0.076 + most + 0.01]) else {
+            panic!("above the stretched finger");
+        };
+        assert!((by_m - 0.01).abs() < 1e-12, "{by_m}");
+        let Unreachable::TooNear { by_m } = why(Finger::F3, [0.0, 0.05, 0.076]) else {
+            panic!("the link's joint");
+        };
+        assert!((by_m - (2.0 * hand.link_m - most)).abs() < 1e-12, "{by_m}");
+        // Below the palm, with the link bent back.
+        let below = why(Finger::F3, [0.0, 0.06, -0.02]);
+        assert!(matches!(below, Unreachable::OutOfRange { joint: Joint::Link, .. }), "{below:?}");
+        assert!(format_of(below).starts_with("the link would be "), "{below}");
+        // Opposite to where finger 1 can spread, beyond its reach back over the axis.
+        let aside = why(Finger::F1, [0.12, 0.0, 0.1]);
+        assert!(matches!(aside, Unreachable::OutOfRange { joint: Joint::Spread, .. }), "{aside:?}");
+    }
+
+    fn format_of(why: Unreachable) -> std::string::String {
+        std::string::ToString::to_string(&why)
+    }
+
+    #[test]
+    fn inverse_at_another_spread_is_off_plane() {
+        let hand = Hand::default();
+        let target = hand.fingertip(Finger::F2, Angles { spread: 1.0, link: 1.0, tip: 0.5 }).origin;
+        assert!(hand.inverse_at_spread(Finger::F2, 1.0, target).is_ok());
+        let why = hand.inverse_at_spread(Finger::F2, 1.1, target).expect_err("it points elsewhere");
+        assert!(matches!(why, Unreachable::OffPlane { .. }), "{why:?}");
+    }
+
+    #[test]
+    fn inverse_on_the_spread_axis_spreads_by_a_right_angle() {
+        let hand = Hand::default();
+        for finger in [Finger::F1, Finger::F2] {
+            let target = [finger.side() * hand.spread_axis_m, 0.0, 0.17];
+            let way = hand.inverse(finger, target).expect("above the palm").nearest(Angles::default());
+            assert!((way.spread - 0.5 * PI).abs() < 1e-12, "{way:?}");
+            assert!(distance(hand.fingertip(finger, way).origin, target) < 1e-12);
+        }
+    }
+}
