@@ -1,0 +1,395 @@
+//! Motor boards on their bus, by SLCAN over TCP or a serial port, by a CAN interface of Linux, or by packets through a hand's GOD.
+//!
+//! The program is the bus's one host, node 0. A board that a host has put into mode 2 or 4 idles after HOSTMS, 2 s, without a frame.
+
+use std::io::ErrorKind;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use tater_wire::property::Access;
+use tater_wire::{Body, Cmd, Destination, FaultCode, Frame, Group, Message, ModeCode, Node, Property};
+
+use crate::deadline::Deadline;
+use crate::error::{CallError, Cause, ConnectError, Failure};
+use crate::hand::{BoardState, Hand, OnProgress, Progress, name, settable};
+use crate::port::{Event, Port};
+use crate::slcan::Slcan;
+
+/// After so long without an answer a question is repeated: a board answers within 0.5 ms, 41 ms while it erases flash (docs/wire.md).
+const REPEAT: Duration = Duration::from_millis(60);
+
+/// Time between two readings during a motion, also the keep-alive of its board.
+const POLL: Duration = Duration::from_millis(20);
+
+/// Time for the stop order of a motion that is given up.
+const STOP: Duration = Duration::from_millis(20);
+
+enum Line {
+    Slcan(Slcan),
+    #[cfg(target_os = "linux")]
+    Can(Port),
+    Hand(Box<Hand>),
+}
+
+/// A bus of motor boards.
+pub struct Bus {
+    line: Line,
+    place: String,
+}
+
+impl Bus {
+    /// Connects to an SLCAN adapter over TCP, `HOST:PORT`, and opens it at 1 Mbit/s.
+    ///
+    /// # Errors
+    /// The cause and the next step, within the limit.
+    pub fn slcan(address: &str, limit: Duration) -> Result<Self, ConnectError> {
+        let deadline = Deadline::after(limit);
+        Self::open(address, || Slcan::open(Port::tcp(address, &deadline)?, &deadline).map(Line::Slcan))
+    }
+
+    /// The same on a serial port, such as `/dev/ttyACM0`.
+    ///
+    /// # Errors
+    /// The same.
+    #[cfg(unix)]
+    pub fn slcan_serial(path: &str, baud: u32, limit: Duration) -> Result<Self, ConnectError> {
+        let deadline = Deadline::after(limit);
+        Self::open(path, || Slcan::open(Port::tty(path, baud)?, &deadline).map(Line::Slcan))
+    }
+
+    /// Opens a CAN interface of Linux, such as `can0`, which is up at 1 Mbit/s.
+    ///
+    /// # Errors
+    /// There is none.
+    #[cfg(target_os = "linux")]
+    pub fn can(interface: &str) -> Result<Self, ConnectError> {
+        Self::open(interface, || Port::can(interface).map(Line::Can))
+    }
+
+    /// Speaks to a hand's boards by packets.
+    ///
+    /// # Errors
+    /// Those of every call.
+    pub fn through(mut hand: Hand, limit: Duration) -> Result<Self, CallError> {
+        hand.set_packets(true, limit)?;
+        let place = hand.place().to_owned();
+        Ok(Self { line: Line::Hand(Box::new(hand)), place })
+    }
+
+    fn open(place: &str, line: impl FnOnce() -> Result<Line, Cause>) -> Result<Self, ConnectError> {
+        match line() {
+            Ok(line) => Ok(Self { line, place: place.to_owned() }),
+            Err(cause) => Err(ConnectError { place: place.to_owned(), cause }),
+        }
+    }
+
+    /// Sends a frame.
+    ///
+    /// # Errors
+    /// The connection is lost, or takes nothing within the limit.
+    pub fn send(&mut self, frame: &Frame, limit: Duration) -> Result<(), CallError> {
+        let call = || format!("send {:03X}", frame.raw_id());
+        self.try_send(frame, &Deadline::after(limit)).map_err(|failure| CallError { call: call(), failure })
+    }
+
+    fn try_send(&mut self, frame: &Frame, deadline: &Deadline) -> Result<(), Failure> {
+        let failed = |error: std::io::Error| match error.kind() {
+            ErrorKind::TimedOut => Failure::TimedOut(deadline.limit()),
+            _ => Failure::Lost(error.to_string()),
+        };
+        match &mut self.line {
+            Line::Slcan(slcan) => slcan.send(frame, deadline).map_err(failed),
+            #[cfg(target_os = "linux")]
+            Line::Can(port) => port.send(frame, deadline).map_err(failed),
+            Line::Hand(hand) => hand.send(frame, deadline.remaining()).map_err(|error| error.failure),
+        }
+    }
+
+    /// The next frame; `None` if none comes within the limit.
+    ///
+    /// # Errors
+    /// The connection is lost.
+    pub fn receive(&mut self, limit: Duration) -> Result<Option<Frame>, CallError> {
+        let outcome = self.try_receive(&Deadline::after(limit));
+        outcome.map_err(|failure| CallError { call: "receive".to_owned(), failure })
+    }
+
+    fn try_receive(&mut self, deadline: &Deadline) -> Result<Option<Frame>, Failure> {
+        match &mut self.line {
+            Line::Slcan(slcan) => slcan.receive(deadline),
+            #[cfg(target_os = "linux")]
+            Line::Can(port) => loop {
+                match port.receive(deadline) {
+                    Ok(Some(Event::Frame(frame))) => return Ok(Some(frame)),
+                    Ok(Some(_)) => {}
+                    Ok(None) => return Ok(None),
+                    Err(why) => return Err(Failure::Lost(why)),
+                }
+            },
+            Line::Hand(hand) => hand.receive(deadline.remaining()).map_err(|error| error.failure),
+        }
+    }
+
+    /// A property of a board, in the units of docs/properties.md.
+    ///
+    /// # Errors
+    /// [`Failure::Silent`] if no answer comes within the limit; [`Failure::Refused`]; those of every call.
+    pub fn get(&mut self, node: Node, property: Property, limit: Duration) -> Result<i64, CallError> {
+        let outcome = self.try_get(node, property, &Deadline::after(limit));
+        let call = || format!("node {}: GET {}", node.number(), name(property));
+        outcome.map_err(|failure| CallError { call: call(), failure })
+    }
+
+    fn try_get(&mut self, node: Node, property: Property, deadline: &Deadline) -> Result<i64, Failure> {
+        if property.rules().access == Access::WriteOnly {
+            return Err(Failure::Invalid("a property that can be read".to_owned()));
+        }
+        let get = Message::get(Destination::Node(node), property).frame();
+        self.set_refused(false);
+        loop {
+            self.try_send(&get, deadline)?;
+            let repeat = deadline.within(REPEAT);
+            while let Some(frame) = self.try_receive(&repeat)? {
+                if let Some(value) = reply(&frame, node, property) {
+                    return Ok(value);
+                }
+            }
+            if deadline.is_over() {
+                return Err(match self.set_refused(false) {
+                    true => Failure::Refused,
+                    false => Failure::Silent(vec![node]),
+                });
+            }
+        }
+    }
+
+    /// Whether the adapter has refused a frame since the last call, and a new value of that.
+    const fn set_refused(&mut self, to: bool) -> bool {
+        match &mut self.line {
+            Line::Slcan(slcan) => std::mem::replace(&mut slcan.has_refused, to),
+            _ => false,
+        }
+    }
+
+    /// Sets a property of a board and reads it back. Orders, and quantities that the board itself changes (STAT, MODE, P, V, T), are not read
+    /// back: a SET is not acknowledged on the bus.
+    ///
+    /// # Errors
+    /// A value out of range, before anything is sent; [`Failure::NotTaken`]; those of [`Self::get`].
+    pub fn set(
+        &mut self,
+        node: Node,
+        property: Property,
+        value: i64,
+        limit: Duration,
+    ) -> Result<(), CallError> {
+        let outcome = self.try_set(node, property, value, &Deadline::after(limit));
+        let call = || format!("node {}: SET {} {value}", node.number(), name(property));
+        outcome.map_err(|failure| CallError { call: call(), failure })
+    }
+
+    fn try_set(
+        &mut self,
+        node: Node,
+        property: Property,
+        value: i64,
+        deadline: &Deadline,
+    ) -> Result<(), Failure> {
+        settable(property, value)?;
+        let set = Message::set(Destination::Node(node), property, value);
+        let set = set.ok_or_else(|| Failure::Invalid("a value of 32 bits".to_owned()))?.frame();
+        self.try_send(&set, deadline)?;
+        let changes = [Property::STAT, Property::MODE, Property::P, Property::V, Property::T];
+        if property.rules().access != Access::ReadWrite || changes.contains(&property) {
+            return Ok(());
+        }
+        match self.try_get(node, property, deadline)? {
+            found if found == value => Ok(()),
+            found => Err(Failure::NotTaken { node, found }),
+        }
+    }
+
+    /// The state of a board. One that does not answer within the limit is silent.
+    ///
+    /// # Errors
+    /// Those of every call, [`Failure::Silent`] excepted.
+    pub fn state(&mut self, node: Node, limit: Duration) -> Result<BoardState, CallError> {
+        match self.get(node, Property::STAT, limit) {
+            Ok(0) => Ok(BoardState::Asleep),
+            Ok(2) => Ok(BoardState::Ready),
+            Ok(_) => Ok(BoardState::Unusable),
+            Err(CallError { failure: Failure::Silent(_), .. }) => Ok(BoardState::Silent),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Requires boards that answer and are awake. Each has the limit to itself.
+    ///
+    /// # Errors
+    /// The cause, with the nodes: asleep, without power, or none answers.
+    pub fn require(&mut self, nodes: &[Node], limit: Duration) -> Result<(), ConnectError> {
+        let (mut silent, mut asleep) = (Vec::new(), Vec::new());
+        let mut outcome = Ok(());
+        for &node in nodes {
+            match self.state(node, limit) {
+                Ok(BoardState::Ready) => {}
+                Ok(BoardState::Silent) => silent.push(node),
+                Ok(BoardState::Asleep | BoardState::Unusable) => asleep.push(node),
+                Err(CallError { failure: Failure::Refused, .. }) => {
+                    let why = "the adapter refuses frames, because the bus has another host".to_owned();
+                    outcome = Err(Cause::InUse(why));
+                }
+                Err(error) => outcome = Err(Cause::HungUp(error.failure.to_string())),
+            }
+        }
+        let outcome = outcome.and_then(|()| match (silent.len(), asleep.is_empty()) {
+            (0, true) => Ok(()),
+            (0, false) => Err(Cause::Asleep(asleep)),
+            (len, _) if len == nodes.len() => Err(Cause::BusNotAcknowledged),
+            _ => Err(Cause::WithoutPower(silent)),
+        });
+        outcome.map_err(|cause| ConnectError { place: self.place.clone(), cause })
+    }
+
+    /// Wakes boards: SET STAT 2, then waits up to the limit; one takes up to 1 s.
+    ///
+    /// # Errors
+    /// [`Failure::Silent`] with those that are not awake in time; those of every call.
+    pub fn wake(&mut self, nodes: &[Node], limit: Duration) -> Result<(), CallError> {
+        let deadline = Deadline::after(limit);
+        for &node in nodes {
+            self.set(node, Property::STAT, 2, deadline.remaining())?;
+        }
+        let mut waiting = nodes.to_vec();
+        while !waiting.is_empty() && !deadline.is_over() {
+            let mut asleep = Vec::new();
+            for &node in &waiting {
+                if self.state(node, REPEAT.min(deadline.remaining()))? != BoardState::Ready {
+                    asleep.push(node);
+                }
+            }
+            waiting = asleep;
+        }
+        match waiting.is_empty() {
+            true => Ok(()),
+            false => Err(CallError { call: "wake".to_owned(), failure: Failure::Silent(waiting) }),
+        }
+    }
+
+    /// Moves a board's motor to a hall count and waits for the end, with the position as progress.
+    ///
+    /// # Errors
+    /// [`Failure::NotReached`]; cancelled or not done within the limit, and then the motor is idled; those of [`Self::get`].
+    pub fn move_to(
+        &mut self,
+        node: Node,
+        halls: i64,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        self.motion(node, (Property::M, halls), limit, progress)
+    }
+
+    /// Finds a motor's stop (CMD HI) and waits for the end.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn find_zero(&mut self, node: Node, limit: Duration, progress: OnProgress) -> Result<(), CallError> {
+        self.motion(node, (Property::CMD, Cmd::Hi.into()), limit, progress)
+    }
+
+    fn motion(
+        &mut self,
+        node: Node,
+        (property, value): (Property, i64),
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let deadline = Deadline::after(limit);
+        let outcome = self
+            .try_set(node, property, value, &deadline)
+            .and_then(|()| self.follow(node, &deadline, progress));
+        if matches!(outcome, Err(Failure::Cancelled | Failure::TimedOut(_) | Failure::Silent(_))) {
+            // A lost connection is reported already by the call's own failure.
+            let _ = self.try_set(node, Property::MODE, ModeCode::Idle.into(), &Deadline::after(STOP));
+        }
+        let call = || format!("node {}: {} {value}", node.number(), name(property));
+        outcome.map_err(|failure| CallError { call: call(), failure })
+    }
+
+    /// Waits for END.
+    fn follow(&mut self, node: Node, deadline: &Deadline, progress: OnProgress) -> Result<(), Failure> {
+        loop {
+            let position = self.try_get(node, Property::P, deadline)?;
+            let end = self.try_get(node, Property::END, deadline)?;
+            let seen = Progress { elapsed: deadline.elapsed(), values: vec![(node, position)] };
+            let is_cancelled = progress(&seen) == ControlFlow::Break(());
+            match end {
+                0 if is_cancelled => return Err(Failure::Cancelled),
+                0 if deadline.is_over() => return Err(Failure::TimedOut(deadline.limit())),
+                0 => {}
+                // Arrived, or met an object.
+                1 | 5 => return Ok(()),
+                end => {
+                    let error = self.try_get(node, Property::ERROR, deadline)?;
+                    return Err(Failure::NotReached { node, end, fault: FaultCode::of(error) });
+                }
+            }
+            let rest = deadline.within(POLL);
+            while self.try_receive(&rest)?.is_some() {}
+        }
+    }
+
+    /// The latched fault of a board.
+    ///
+    /// # Errors
+    /// Those of [`Self::get`].
+    pub fn fault(&mut self, node: Node, limit: Duration) -> Result<Option<FaultCode>, CallError> {
+        self.get(node, Property::ERROR, limit).map(FaultCode::of)
+    }
+
+    /// Stops every board's motor: MODE 0 to all.
+    ///
+    /// # Errors
+    /// Those of [`Self::send`].
+    pub fn stop_all(&mut self, limit: Duration) -> Result<(), CallError> {
+        let all = Destination::Group(Group::ALL);
+        match Message::set(all, Property::MODE, ModeCode::Idle.into()) {
+            Some(message) => self.send(&message.frame(), limit),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The value of a property in a board's reply.
+fn reply(frame: &Frame, node: Node, property: Property) -> Option<i64> {
+    let message = Message::parse(frame).filter(|message| message.from == node)?;
+    match (message.to, message.body) {
+        (Destination::Group(Group::POSITIONS), Body::Position(counts)) if property == Property::P => {
+            Some(counts.into())
+        }
+        (Destination::Group(Group::REPLIES), Body::Set { property: of, value }) if of == property.id() => {
+            Some(property.read(value))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reply_is_of_its_node_and_property() {
+        let node = |number| Node::new(number).expect("a node");
+        let stat = Message::reply(node(4), Property::STAT, 2).expect("it fits").frame();
+        assert_eq!(reply(&stat, node(4), Property::STAT), Some(2));
+        assert_eq!(reply(&stat, node(3), Property::STAT), None);
+        assert_eq!(reply(&stat, node(4), Property::MODE), None);
+        let place = Message::reply(node(4), Property::P, -5).expect("it fits").frame();
+        assert_eq!(reply(&place, node(4), Property::P), Some(-5));
+        // A host's own SET is no answer.
+        let set = Message::set(Destination::Node(node(4)), Property::STAT, 2).expect("it fits").frame();
+        assert_eq!(reply(&set, node(4), Property::STAT), None);
+    }
+}

@@ -1,0 +1,258 @@
+//! Why a connection or a call failed: cause, what was found, and the next step.
+
+use std::fmt;
+use std::time::Duration;
+
+use god::Status;
+use god::status;
+use tater_wire::{FaultCode, Node};
+
+/// A hand, adapter or bus that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConnectError {
+    /// The address, port or interface, as it was given.
+    pub place: String,
+    /// Why.
+    pub cause: Cause,
+}
+
+/// Why a connection failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Cause {
+    /// The address is none, or its name is unknown. Holds the resolver's or parser's words.
+    BadAddress(String),
+    /// The machine answers, and nothing listens at this port.
+    NothingListens,
+    /// Nothing answers at this address within the deadline.
+    NoAnswer(Duration),
+    /// The network has no way to this address.
+    Unreachable(String),
+    /// There is no such serial port or CAN interface.
+    NoSuchPort(String),
+    /// The user may not open the port.
+    NotPermitted(String),
+    /// Another program or host uses it. Holds who, as far as the other side tells.
+    InUse(String),
+    /// The connection opens, and nothing is sent for the whole deadline.
+    Silent(Duration),
+    /// The other side closes the connection, or it breaks, before the hand has answered. Holds how.
+    HungUp(String),
+    /// What answers is no hand, or no SLCAN adapter. Holds the beginning of what it sent.
+    NotAHand(String),
+    /// The hand's firmware is another. Holds what VERS printed.
+    WrongFirmware {
+        /// What VERS printed.
+        found: String,
+        /// The first version that this library knows.
+        expected: u16,
+    },
+    /// These motor boards are in their monitors.
+    Asleep(Vec<Node>),
+    /// These motor boards do not answer, and others do.
+    WithoutPower(Vec<Node>),
+    /// No motor board answers: no node acknowledges a frame.
+    BusNotAcknowledged,
+    /// The adapter refuses a command, such as the bit rate. Holds the command.
+    Refused(String),
+    /// The system refuses a thread, a pipe or a socket option. Holds its words.
+    System(String),
+}
+
+impl Cause {
+    /// The next step of a user.
+    #[must_use]
+    pub const fn next_step(&self) -> &'static str {
+        match self {
+            Self::BadAddress(_) => "give HOST:PORT, such as 127.0.0.1:11001",
+            Self::NothingListens => {
+                "check the port, and start the hand or its server (`hil-sim hand --listen`)"
+            }
+            Self::NoAnswer(_) => "check the hand's power, its network cable and the address",
+            Self::Unreachable(_) => "check this machine's network, and that the hand is in it",
+            Self::NoSuchPort(_) => "check the cable and the port's name; `ip link` lists CAN interfaces",
+            Self::NotPermitted(_) => "join the group that owns the port, such as dialout, and log in again",
+            Self::InUse(_) => "end the other program, then connect again",
+            Self::Silent(_) => {
+                "check the port and the baud rate; if a hand is there, switch its power off and on"
+            }
+            Self::HungUp(_) => "check that this is the hand's port, and connect again",
+            Self::NotAHand(_) => "check the address, the port and the baud rate: something else answers",
+            Self::WrongFirmware { .. } => {
+                "download this project's firmware, or use the library of that version"
+            }
+            Self::Asleep(_) => "call wake, or connect with Boards::Wake; do neither before a download",
+            Self::WithoutPower(_) => {
+                "check the supply and the CAN cable of these boards; Boards::Any connects without them"
+            }
+            Self::BusNotAcknowledged => {
+                "check the hand's motor supply, the CAN cable, its termination and the bit rate of 1 Mbit/s"
+            }
+            Self::Refused(_) => "use an adapter that speaks SLCAN at 1 Mbit/s",
+            Self::System(_) => "end other programs, or raise the limit",
+        }
+    }
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::BadAddress(why) => write!(f, "no valid address: {why}"),
+            Self::NothingListens => write!(f, "nothing listens there"),
+            Self::NoAnswer(limit) => write!(f, "no answer within {limit:?}"),
+            Self::Unreachable(why) => write!(f, "unreachable: {why}"),
+            Self::NoSuchPort(why) => write!(f, "no such port: {why}"),
+            Self::NotPermitted(why) => write!(f, "not permitted: {why}"),
+            Self::InUse(by) => write!(f, "in use: {by}"),
+            Self::Silent(limit) => write!(f, "connected, but nothing was received within {limit:?}"),
+            Self::HungUp(why) => write!(f, "the connection ended: {why}"),
+            Self::NotAHand(received) => write!(f, "no hand answers: received {received:?}"),
+            Self::WrongFirmware { found, expected } => {
+                write!(f, "firmware {found:?}, expected {expected} or later")
+            }
+            Self::Asleep(nodes) => write!(f, "asleep: {}", Nodes(nodes)),
+            Self::WithoutPower(nodes) => write!(f, "without power or off the bus: {}", Nodes(nodes)),
+            Self::BusNotAcknowledged => write!(f, "no motor board acknowledges a frame"),
+            Self::Refused(command) => write!(f, "the adapter refuses {command}"),
+            Self::System(why) => write!(f, "the system refuses: {why}"),
+        }
+    }
+}
+
+impl fmt::Display for ConnectError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}\n  next: {}", self.place, self.cause, self.cause.next_step())
+    }
+}
+
+impl std::error::Error for ConnectError {}
+
+/// A call that failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CallError {
+    /// The call, as a line of the hand's language or in words.
+    pub call: String,
+    /// Why.
+    pub failure: Failure,
+}
+
+/// Why a call failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Failure {
+    /// An argument is wrong: nothing was sent. Holds what is expected.
+    Invalid(String),
+    /// The hand or the boards did not finish within the deadline. A motion of the hand was told to abort.
+    TimedOut(Duration),
+    /// The connection is lost. Holds how.
+    Lost(String),
+    /// ^C, or the progress callback, ended it; motors stop as HOLD demands.
+    Cancelled,
+    /// The hand answered ERR.
+    Status(Status),
+    /// Boards do not answer.
+    Silent(Vec<Node>),
+    /// The adapter refuses to send: another host is on the bus, or the adapter's queue is full.
+    Refused,
+    /// A board does not hold the value that was set.
+    NotTaken {
+        /// The board.
+        node: Node,
+        /// What it holds instead.
+        found: i64,
+    },
+    /// A motion ended early. Holds the board, END and ERROR.
+    NotReached {
+        /// The board.
+        node: Node,
+        /// END; 0: it has not begun.
+        end: i64,
+        /// The fault, if one stopped it.
+        fault: Option<FaultCode>,
+    },
+    /// The other side sent what the protocol does not allow. Holds the beginning.
+    Unexpected(String),
+}
+
+impl Failure {
+    /// The next step of a user.
+    #[must_use]
+    pub fn next_step(&self) -> String {
+        match self {
+            Self::Invalid(_) => "correct the argument; nothing was sent".to_owned(),
+            Self::TimedOut(_) => "give it more time, or see `faults` for what stopped a motor".to_owned(),
+            Self::Lost(_) => "check power and cable, and connect again".to_owned(),
+            Self::Cancelled => "motors stand or hold by HOLD; the next call may follow".to_owned(),
+            Self::Status(status) if status.has(Status::NOT_INITIALIZED) => "call init".to_owned(),
+            Self::Status(status) if status.has(Status::FAULT) => "see `faults`, then wake".to_owned(),
+            Self::Status(status) if status.has(Status::NO_BOARD) => {
+                "call wake; if it comes back, check the boards' power and CAN cable".to_owned()
+            }
+            Self::Status(_) => "correct the cause named above, and call again".to_owned(),
+            Self::Silent(_) => "check the boards' power, the CAN cable and other hosts on the bus".to_owned(),
+            Self::Refused => {
+                "end the bus's other host (a hand's GOD is one): through it, use Hand".to_owned()
+            }
+            Self::NotTaken { .. } => {
+                "see docs/properties.md for range and access; a sleeping board obeys few properties"
+                    .to_owned()
+            }
+            Self::NotReached { fault: Some(fault), .. } => fault.row().next.to_owned(),
+            Self::NotReached { .. } => "see docs/servo.md for the reason, and call again".to_owned(),
+            Self::Unexpected(_) => "connect again; report it if it comes back".to_owned(),
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Invalid(expected) => write!(f, "invalid: expected {expected}"),
+            Self::TimedOut(limit) => write!(f, "not done within {limit:?}"),
+            Self::Lost(why) => write!(f, "the connection is lost: {why}"),
+            Self::Cancelled => write!(f, "cancelled"),
+            Self::Status(sum) => {
+                write!(f, "ERR {}", sum.code())?;
+                let rows = status::ROWS.iter().filter(|row| sum.has(row.status));
+                rows.enumerate()
+                    .try_for_each(|(i, row)| write!(f, "{}{}", if i == 0 { ": " } else { "; " }, row.meaning))
+            }
+            Self::Silent(nodes) => write!(f, "no answer from {}", Nodes(nodes)),
+            Self::Refused => write!(f, "the adapter refuses to send"),
+            Self::NotTaken { node, found } => write!(f, "node {} holds {found}", node.number()),
+            Self::NotReached { node, end, fault } => {
+                let reason = tater_wire::end::ROWS.iter().find(|row| i64::from(row.code) == *end);
+                let reason = reason.map_or("it has not begun", |row| row.meaning);
+                write!(f, "node {}: {reason}", node.number())?;
+                fault.map_or(Ok(()), |fault| write!(f, ": {}", fault.row().cause))
+            }
+            Self::Unexpected(received) => write!(f, "received {received:?}"),
+        }
+    }
+}
+
+impl fmt::Display for CallError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}\n  next: {}", self.call, self.failure, self.failure.next_step())
+    }
+}
+
+impl std::error::Error for CallError {}
+
+/// `nodes 1, 5`.
+struct Nodes<'a>(&'a [Node]);
+
+impl fmt::Display for Nodes<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.len() == 1 { "node" } else { "nodes" })?;
+        self.0
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, node)| write!(f, "{}{}", if i == 0 { " " } else { ", " }, node.number()))
+    }
+}
+
+/// The beginning of received bytes, for an error: any byte is a character.
+pub(crate) fn beginning(bytes: &[u8]) -> String {
+    bytes.iter().take(80).map(|&byte| char::from(byte)).collect()
+}

@@ -1,0 +1,596 @@
+//! A hand: commands of its language, parameters of its motors, properties of its boards.
+//!
+//! Every call has a limit, after which it returns [`Failure::TimedOut`] and the hand aborts what it runs. Dropping a [`Hand`] closes the
+//! connection and ends its thread; the hand then aborts as after ^C.
+
+use std::ops::ControlFlow;
+use std::sync::Weak;
+use std::time::Duration;
+
+use god::motors::Prefix;
+use god::parameter;
+use tater_wire::property::Access;
+use tater_wire::{FaultCode, Frame, ModeCode, Node, Property};
+
+use crate::deadline::Deadline;
+use crate::error::{CallError, Failure};
+use crate::port::Out;
+use crate::session::{ABORT, Session};
+
+mod connect;
+mod realtime;
+
+pub use connect::{Boards, Connect, FIRST_VERSION};
+pub use realtime::{Axis, Control, Feedback, Format, RealTime, Statistics};
+
+/// The seven motor boards.
+const NODES: &str = "1234567";
+
+/// Time between two readings of a property that is waited for.
+const POLL: Duration = Duration::from_millis(20);
+
+/// Travel of a tip for a third of its link's joint angle, as a fraction of the link's travel (docs/hand.md).
+const TIP_PER_LINK: (i64, i64) = (13, 49);
+
+/// What a call that waits has seen.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Time since the call.
+    pub elapsed: Duration,
+    /// Boards and their value, where the call polls it. Empty for commands of the language: the hand answers nothing before their end.
+    pub values: Vec<(Node, i64)>,
+}
+
+/// Called every 20 to 50 ms during a call; [`ControlFlow::Break`] cancels it.
+pub type OnProgress<'a> = &'a mut dyn FnMut(&Progress) -> ControlFlow<()>;
+
+/// No progress is wanted, nor a way to cancel.
+pub fn no_progress(_: &Progress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+/// The state of a motor board, its property STAT.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BoardState {
+    /// It does not answer: no power, or not on the bus.
+    Silent,
+    /// STAT 0: it runs its monitor.
+    Asleep,
+    /// STAT 1: it must not be used.
+    Unusable,
+    /// STAT 2.
+    Ready,
+}
+
+/// Aborts what a [`Hand`] runs, from another thread. After the hand is dropped it does nothing.
+#[derive(Clone)]
+pub struct Canceller(Weak<Out>);
+
+impl Canceller {
+    /// Sends ^C: the running call returns [`Failure::Cancelled`], and motors stop as HOLD demands.
+    ///
+    /// # Errors
+    /// The connection does not take it within a second.
+    pub fn cancel(&self) -> Result<(), CallError> {
+        let Some(out) = self.0.upgrade() else { return Ok(()) };
+        out.write(&[ABORT], &Deadline::after(Duration::from_secs(1)))
+            .map_err(|error| CallError { call: "^C".to_owned(), failure: Failure::Lost(error.to_string()) })
+    }
+}
+
+/// A connection to a hand's GOD, as its one host.
+pub struct Hand {
+    session: Session,
+    place: String,
+    version: u16,
+}
+
+impl Hand {
+    /// Connects over TCP to `HOST:PORT`, wakes the motor boards and requires all seven. See [`Connect`] for other ways.
+    ///
+    /// # Errors
+    /// The cause and the next step.
+    pub fn connect(address: &str, limit: Duration) -> Result<Self, crate::ConnectError> {
+        Connect::tcp(address).connect(limit)
+    }
+
+    /// Where it is connected, as given.
+    #[must_use]
+    pub fn place(&self) -> &str {
+        &self.place
+    }
+
+    /// The firmware's version, from VERS.
+    #[must_use]
+    pub const fn version(&self) -> u16 {
+        self.version
+    }
+
+    /// A handle to abort this hand's calls from another thread.
+    #[must_use]
+    pub fn canceller(&self) -> Canceller {
+        Canceller(self.session.port().out())
+    }
+
+    /// Closes the connection. As dropping it.
+    pub fn disconnect(self) {}
+
+    /// Runs a line of the language and returns what it prints.
+    ///
+    /// # Errors
+    /// [`Failure::Status`] for ERR; those of every call.
+    pub fn command(&mut self, line: &str, limit: Duration) -> Result<Vec<String>, CallError> {
+        self.command_with(line, limit, &mut no_progress)
+    }
+
+    /// The same with progress, by which it can be cancelled.
+    ///
+    /// # Errors
+    /// The same, and [`Failure::Cancelled`].
+    pub fn command_with(
+        &mut self,
+        line: &str,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<Vec<String>, CallError> {
+        let on_tick = &mut |elapsed| progress(&Progress { elapsed, values: Vec::new() });
+        let answer = self.session.run(line, limit, on_tick)?;
+        match answer.status.is_ok() {
+            true => Ok(answer.lines),
+            false => Err(CallError { call: line.to_owned(), failure: Failure::Status(answer.status) }),
+        }
+    }
+
+    /// Writes bytes as they are, without waiting for an answer (the manual's tcp_msg). Bytes that make a line or a packet make an answer,
+    /// which the next call takes as a report.
+    ///
+    /// # Errors
+    /// They are not taken within the limit.
+    pub fn write(&mut self, bytes: &[u8], limit: Duration) -> Result<(), CallError> {
+        let failed = |failure| CallError { call: format!("{} bytes", bytes.len()), failure };
+        self.session.write(bytes, &Deadline::after(limit)).map_err(failed)
+    }
+
+    /// Takes the lines that the hand has printed unasked, such as `4 MODE=3` at the end of a motion. Keeps the last 256.
+    pub fn take_reports(&mut self) -> Vec<String> {
+        self.session.take_reports()
+    }
+
+    /// Places a frame on the bus as a packet (manual 1.4). It has no answer; a refusal is a report.
+    ///
+    /// # Errors
+    /// It is not taken within the limit.
+    pub fn send(&mut self, frame: &Frame, limit: Duration) -> Result<(), CallError> {
+        let [high, low] = frame.raw_id().to_be_bytes();
+        let len = u8::try_from(frame.data().len()).unwrap_or(0);
+        self.write(&[&[high, low, len], frame.data()].concat(), limit)
+    }
+
+    /// Switches answers of boards to packets, which [`Self::receive`] returns, or back to lines.
+    ///
+    /// # Errors
+    /// Those of every call.
+    pub fn set_packets(&mut self, on: bool, limit: Duration) -> Result<(), CallError> {
+        self.command(&format!("0 S REPLY {}", u8::from(on)), limit).map(drop)
+    }
+
+    /// The oldest frame that a board has sent in a packet; `None` if none comes within the limit.
+    ///
+    /// # Errors
+    /// The connection is lost.
+    pub fn receive(&mut self, limit: Duration) -> Result<Option<Frame>, CallError> {
+        let failed = |failure| CallError { call: "receive".to_owned(), failure };
+        self.session.frame(&Deadline::after(limit)).map_err(failed)
+    }
+
+    /// Wakes all motor boards (WAKE), up to 1.5 s.
+    ///
+    /// # Errors
+    /// ERR 1: some do not wake.
+    pub fn wake(&mut self, limit: Duration) -> Result<(), CallError> {
+        self.command("WAKE", limit).map(drop)
+    }
+
+    /// The states of motor boards 1 to 7.
+    ///
+    /// # Errors
+    /// Those of every call.
+    pub fn boards(&mut self, limit: Duration) -> Result<[BoardState; 7], CallError> {
+        let line = format!("{NODES} G STAT");
+        let answer = self.session.run(&line, limit, &mut |_| ControlFlow::Continue(()))?;
+        let mut states = [BoardState::Silent; 7];
+        for (node, stat) in values(&answer.lines, Property::STAT) {
+            let place = usize::from(node.number()).checked_sub(1).and_then(|index| states.get_mut(index));
+            let state = match stat {
+                0 => BoardState::Asleep,
+                2 => BoardState::Ready,
+                _ => BoardState::Unusable,
+            };
+            place.into_iter().for_each(|place| *place = state);
+        }
+        Ok(states)
+    }
+
+    /// The latched faults of motor boards.
+    ///
+    /// # Errors
+    /// A board does not answer.
+    pub fn faults(&mut self, limit: Duration) -> Result<Vec<(Node, FaultCode)>, CallError> {
+        let errors = self.get(NODES, Property::ERROR, limit)?;
+        Ok(errors.into_iter().filter_map(|(node, code)| Some((node, FaultCode::of(code)?))).collect())
+    }
+
+    /// Finds the stops of all motors and goes to 0 (HI): some 10 s. The workspace must be clear.
+    ///
+    /// # Errors
+    /// ERR, and those of every call.
+    pub fn init(&mut self, limit: Duration, progress: OnProgress) -> Result<(), CallError> {
+        self.motion("", "HI", limit, progress)
+    }
+
+    /// Finds the stops of some motors (the manual's findZero).
+    ///
+    /// # Errors
+    /// The same.
+    pub fn find_zero(
+        &mut self,
+        motors: &str,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        self.motion(motors, "HI", limit, progress)
+    }
+
+    /// Closes motors to CT, or until they are stopped (C). `motors` is a prefix of the language: `13`, `G`, `S`, `X15`, or empty for all with EN.
+    ///
+    /// # Errors
+    /// ERR, and those of every call.
+    pub fn close(&mut self, motors: &str, limit: Duration, progress: OnProgress) -> Result<(), CallError> {
+        self.motion(motors, "C", limit, progress)
+    }
+
+    /// Opens motors to OT (O).
+    ///
+    /// # Errors
+    /// The same.
+    pub fn open(&mut self, motors: &str, limit: Duration, progress: OnProgress) -> Result<(), CallError> {
+        self.motion(motors, "O", limit, progress)
+    }
+
+    /// Closes motors with limited torque until they stall, and leaves them pressing (TC).
+    ///
+    /// # Errors
+    /// The same.
+    pub fn grasp(&mut self, motors: &str, limit: Duration, progress: OnProgress) -> Result<(), CallError> {
+        self.motion(motors, "TC", limit, progress)
+    }
+
+    /// Switches motors' power off (T). Worms and brake keep the grip.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn relax(&mut self, motors: &str, limit: Duration) -> Result<(), CallError> {
+        self.motion(motors, "T", limit, &mut no_progress)
+    }
+
+    /// Moves motors to a position of the language, GCL counts, 0 to 20000 (M).
+    ///
+    /// # Errors
+    /// The same; ERR 16 if they end farther than MPE from it.
+    pub fn move_to(
+        &mut self,
+        motors: &str,
+        counts: i64,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        self.motion(motors, &format!("M {counts}"), limit, progress)
+    }
+
+    fn motion(
+        &mut self,
+        motors: &str,
+        command: &str,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let prefix = prefix(motors).map_err(|failure| CallError { call: command.to_owned(), failure })?;
+        self.command_with(&format!("{prefix}{command}"), limit, progress).map(drop)
+    }
+
+    /// Moves fingers to a position of their links in hall counts, and their tips by a third of the joint angle (the manual's move). `fingers`
+    /// is of 1, 2, 3 and 4 (the spread). The progress has the positions.
+    ///
+    /// # Errors
+    /// [`Failure::NotReached`], and those of every call.
+    pub fn move_halls(
+        &mut self,
+        fingers: &str,
+        halls: i64,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let call = format!("move_halls({fingers}, {halls})");
+        let failed = |failure| CallError { call: call.clone(), failure };
+        let deadline = Deadline::after(limit);
+        let is_finger = |c: char| matches!(c, '1'..='4');
+        if fingers.is_empty() || !fingers.chars().all(is_finger) {
+            return Err(failed(Failure::Invalid(
+                "fingers 1, 2, 3, or 4 for the spread, such as 13".to_owned(),
+            )));
+        }
+        // Tips are nodes 5 to 7; the spread has none.
+        let tips: String =
+            fingers.bytes().filter(|byte| *byte != b'4').map(|byte| char::from(byte + 4)).collect();
+        let all = format!("{fingers}{tips}");
+        self.set(fingers, Property::E, halls, deadline.remaining())?;
+        if !tips.is_empty() {
+            let tip = halls * TIP_PER_LINK.0 / TIP_PER_LINK.1;
+            self.set(&tips, Property::E, tip, deadline.remaining())?;
+        }
+        self.set(&all, Property::MODE, ModeCode::Trapezoidal.into(), deadline.remaining())?;
+        let outcome = loop {
+            let modes = self.get(&all, Property::MODE, deadline.remaining())?;
+            let positions = self.get(&all, Property::P, deadline.remaining())?;
+            let seen = Progress { elapsed: deadline.elapsed(), values: positions };
+            if modes.iter().all(|(_, mode)| *mode != i64::from(ModeCode::Trapezoidal)) {
+                let _ = progress(&seen);
+                break Ok(());
+            }
+            if progress(&seen).is_break() {
+                break Err(Failure::Cancelled);
+            }
+            if deadline.is_over() {
+                break Err(Failure::TimedOut(limit));
+            }
+            self.rest(&deadline).map_err(failed)?;
+        };
+        if let Err(failure) = outcome {
+            self.session.abort().map_err(failed)?;
+            return Err(failed(failure));
+        }
+        let ends = self.get(&all, Property::END, deadline.remaining())?;
+        let Some((node, end)) = ends.into_iter().find(|(_, end)| !matches!(end, 1 | 5)) else {
+            return Ok(());
+        };
+        let errors = self.get(&node.number().to_string(), Property::ERROR, deadline.remaining())?;
+        let fault = errors.first().and_then(|(_, code)| FaultCode::of(*code));
+        Err(failed(Failure::NotReached { node, end, fault }))
+    }
+
+    /// Receives reports for a while.
+    fn rest(&mut self, deadline: &Deadline) -> Result<(), Failure> {
+        let rest = deadline.within(POLL);
+        while self.session.receive(&rest)? {}
+        Ok(())
+    }
+
+    /// A property of boards, in the units of docs/properties.md. `nodes` is of the digits 1 to 7.
+    ///
+    /// # Errors
+    /// [`Failure::Silent`]: some do not answer; those of every call.
+    pub fn get(
+        &mut self,
+        nodes: &str,
+        property: Property,
+        limit: Duration,
+    ) -> Result<Vec<(Node, i64)>, CallError> {
+        let call = format!("{nodes} G {}", name(property));
+        let failed = |failure| CallError { call: call.clone(), failure };
+        let wanted = self::nodes(nodes).map_err(failed)?;
+        if property.rules().access == Access::WriteOnly || property == Property::M {
+            return Err(failed(Failure::Invalid("a property that can be read".to_owned())));
+        }
+        let answer = self.session.run(&call, limit, &mut |_| ControlFlow::Continue(()))?;
+        let values = values(&answer.lines, property);
+        let silent = |node: &Node| values.iter().all(|(of, _)| of != node);
+        let silent: Vec<Node> = wanted.into_iter().filter(silent).collect();
+        match (silent.is_empty(), answer.status.is_ok()) {
+            (true, true) => Ok(values),
+            (true, false) => Err(failed(Failure::Status(answer.status))),
+            (false, _) => Err(failed(Failure::Silent(silent))),
+        }
+    }
+
+    /// Sets a property of boards, in the units of docs/properties.md.
+    ///
+    /// # Errors
+    /// A value out of range or a property that cannot be set, before anything is sent; ERR 1: a board sleeps or is silent.
+    pub fn set(
+        &mut self,
+        nodes: &str,
+        property: Property,
+        value: i64,
+        limit: Duration,
+    ) -> Result<(), CallError> {
+        let call = format!("{nodes} S {} {value}", name(property));
+        let failed = |failure| CallError { call: call.clone(), failure };
+        self::nodes(nodes).map_err(failed)?;
+        settable(property, value).map_err(failed)?;
+        if property == Property::M {
+            // The language's M is MODE.
+            return Err(failed(Failure::Invalid("E, then MODE 5: over the hand M cannot be set".to_owned())));
+        }
+        self.command(&call, limit).map(drop)
+    }
+
+    /// Polls a property until all boards have a value (the manual's waitFor). The progress has the values.
+    ///
+    /// # Errors
+    /// Those of [`Self::get`]; [`Failure::TimedOut`]; [`Failure::Cancelled`].
+    pub fn wait_for(
+        &mut self,
+        nodes: &str,
+        property: Property,
+        value: i64,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let failed =
+            |failure| CallError { call: format!("wait for {nodes} {}={value}", name(property)), failure };
+        let deadline = Deadline::after(limit);
+        loop {
+            let values = self.get(nodes, property, deadline.remaining())?;
+            let is_done = values.iter().all(|(_, found)| *found == value);
+            let is_cancelled = progress(&Progress { elapsed: deadline.elapsed(), values }).is_break();
+            match (is_done, is_cancelled) {
+                (true, _) => return Ok(()),
+                (false, true) => return Err(failed(Failure::Cancelled)),
+                (false, false) if deadline.is_over() => return Err(failed(Failure::TimedOut(limit))),
+                (false, false) => self.rest(&deadline).map_err(failed)?,
+            }
+        }
+    }
+
+    /// A parameter of motors in the units of the language (FGET), in the order of the motors.
+    ///
+    /// # Errors
+    /// An unknown name, before anything is sent; those of every call.
+    pub fn parameter(&mut self, motors: &str, name: &str, limit: Duration) -> Result<Vec<i64>, CallError> {
+        let line = motor_parameter(motors, name)
+            .map(|(prefix, name)| format!("{prefix}FGET {name}"))
+            .map_err(|failure| CallError { call: format!("FGET {name}"), failure })?;
+        let lines = self.command(&line, limit)?;
+        numbers(&line, &lines)
+    }
+
+    /// Sets a parameter of motors (FSET).
+    ///
+    /// # Errors
+    /// An unknown name or a value out of range, before anything is sent; those of every call.
+    pub fn set_parameter(
+        &mut self,
+        motors: &str,
+        name: &str,
+        value: i64,
+        limit: Duration,
+    ) -> Result<(), CallError> {
+        let line = motor_parameter(motors, name).and_then(|(prefix, name)| {
+            let row = parameter::motor(&name).filter(|row| row.writable);
+            let row = row.ok_or_else(|| Failure::Invalid("a parameter that can be set".to_owned()))?;
+            in_range(value, row.min(), row.max()).map(|()| format!("{prefix}FSET {name} {value}"))
+        });
+        let line = line.map_err(|failure| CallError { call: format!("FSET {name} {value}"), failure })?;
+        self.command(&line, limit).map(drop)
+    }
+
+    /// A parameter of the hand (PGET).
+    ///
+    /// # Errors
+    /// An unknown name, before anything is sent; those of every call.
+    pub fn hand_parameter(&mut self, name: &str, limit: Duration) -> Result<i64, CallError> {
+        let line = format!("PGET {}", name.to_ascii_uppercase());
+        if parameter::hand(&name.to_ascii_uppercase()).is_none() {
+            return Err(CallError { call: line, failure: unknown(name, "PLISTA") });
+        }
+        let lines = self.command(&line, limit)?;
+        let number = numbers(&line, &lines)?.first().copied();
+        number.ok_or_else(|| CallError { call: line, failure: Failure::Unexpected(lines.join("\n")) })
+    }
+
+    /// Sets a parameter of the hand (PSET).
+    ///
+    /// # Errors
+    /// An unknown name or a value out of range, before anything is sent; those of every call.
+    pub fn set_hand_parameter(&mut self, name: &str, value: i64, limit: Duration) -> Result<(), CallError> {
+        let line = format!("PSET {} {value}", name.to_ascii_uppercase());
+        let failed = |failure| CallError { call: line.clone(), failure };
+        let row =
+            parameter::hand(&name.to_ascii_uppercase()).ok_or_else(|| failed(unknown(name, "PLISTA")))?;
+        in_range(value, row.min, row.max).map_err(failed)?;
+        self.command(&line, limit).map(drop)
+    }
+
+    /// The temperature of GOD's board, °C.
+    ///
+    /// # Errors
+    /// Those of every call.
+    pub fn temperature(&mut self, limit: Duration) -> Result<f64, CallError> {
+        self.hand_parameter("TEMP", limit).map(|tenths| tenths as f64 / 10.0)
+    }
+
+    /// Stores parameters of motors (FSAVE) and of the hand (PSAVE).
+    ///
+    /// # Errors
+    /// ERR 512: a flash does not take them.
+    pub fn save_parameters(&mut self, limit: Duration) -> Result<(), CallError> {
+        let deadline = Deadline::after(limit);
+        self.command("FSAVE", deadline.remaining())?;
+        self.command("PSAVE", deadline.remaining()).map(drop)
+    }
+
+    /// Makes the hand ready for power-off: motors off, then positions and parameters are stored (SAVE).
+    ///
+    /// # Errors
+    /// The same.
+    pub fn prepare_power_off(&mut self, limit: Duration) -> Result<(), CallError> {
+        self.command("SAVE", limit).map(drop)
+    }
+}
+
+/// A prefix in upper case.
+fn prefix(motors: &str) -> Result<String, Failure> {
+    let upper = motors.to_ascii_uppercase();
+    match Prefix::parse(upper.as_bytes()) {
+        Some(_) => Ok(upper),
+        None => Err(Failure::Invalid("motors as 13, G, S or X15, none twice".to_owned())),
+    }
+}
+
+fn motor_parameter(motors: &str, name: &str) -> Result<(String, String), Failure> {
+    let upper = name.to_ascii_uppercase();
+    match parameter::motor(&upper) {
+        Some(_) => Ok((prefix(motors)?, upper)),
+        None => Err(unknown(name, "FLISTA")),
+    }
+}
+
+fn unknown(name: &str, list: &str) -> Failure {
+    Failure::Invalid(format!("a parameter of {list} instead of {name:?}"))
+}
+
+fn in_range(value: i64, min: i64, max: i64) -> Result<(), Failure> {
+    match (min..=max).contains(&value) {
+        true => Ok(()),
+        false => Err(Failure::Invalid(format!("{min} to {max}"))),
+    }
+}
+
+/// Whether a host may set the property to the value.
+pub(crate) fn settable(property: Property, value: i64) -> Result<(), Failure> {
+    let rules = property.rules();
+    if rules.access == Access::ReadOnly {
+        return Err(Failure::Invalid("a property that can be set".to_owned()));
+    }
+    in_range(value, rules.min(), rules.max())
+}
+
+pub(crate) fn name(property: Property) -> &'static str {
+    property.row().name
+}
+
+/// Nodes 1 to 7 as digits.
+fn nodes(text: &str) -> Result<Vec<Node>, Failure> {
+    let node = |byte: u8| Node::new(byte.wrapping_sub(b'0')).filter(|node| (1..=7).contains(&node.number()));
+    let nodes: Option<Vec<Node>> = text.bytes().map(node).collect();
+    nodes
+        .filter(|nodes| !nodes.is_empty())
+        .ok_or_else(|| Failure::Invalid("nodes as digits 1 to 7, such as 567".to_owned()))
+}
+
+/// The values of lines `4 P=29`.
+fn values(lines: &[String], property: Property) -> Vec<(Node, i64)> {
+    let value = |line: &String| {
+        let (node, rest) = line.split_once(' ')?;
+        let (found, value) = rest.split_once('=')?;
+        let value = (found == name(property)).then(|| value.parse().ok())??;
+        Some((Node::new(node.parse().ok()?)?, value))
+    };
+    lines.iter().filter_map(value).collect()
+}
+
+fn numbers(line: &str, lines: &[String]) -> Result<Vec<i64>, CallError> {
+    let numbers: Option<Vec<i64>> =
+        lines.iter().flat_map(|line| line.split_whitespace()).map(|number| number.parse().ok()).collect();
+    numbers.ok_or_else(|| CallError { call: line.to_owned(), failure: Failure::Unexpected(lines.join("\n")) })
+}

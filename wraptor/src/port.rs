@@ -1,0 +1,248 @@
+//! A connection with its reader thread: TCP, a serial port or a CAN interface.
+//!
+//! The thread waits in the kernel and passes on what arrives; it ends with its [`Port`], which joins it. Bytes come through a channel, because a
+//! socket's own time limit is rounded up to the kernel's tick, 4 ms or more.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpStream, ToSocketAddrs};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Weak};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use tater_wire::Frame;
+
+use crate::deadline::Deadline;
+use crate::error::Cause;
+
+#[cfg(unix)]
+mod waiting;
+
+/// Chunks that wait for the caller; then the reader waits, and the other side with it.
+const CHUNKS: usize = 256;
+
+/// Size of a chunk, bytes.
+const CHUNK: usize = 4096;
+
+pub(crate) enum Event {
+    Bytes(Vec<u8>),
+    Frame(Frame),
+    Gone(String),
+}
+
+/// The sending side.
+pub(crate) enum Out {
+    Tcp(TcpStream),
+    #[cfg(unix)]
+    Tty(std::fs::File),
+    #[cfg(target_os = "linux")]
+    Can(socketcan::CanSocket),
+}
+
+impl Out {
+    /// Writes all bytes.
+    ///
+    /// # Errors
+    /// The other side is gone, or takes nothing until the deadline.
+    pub fn write(&self, bytes: &[u8], deadline: &Deadline) -> io::Result<()> {
+        match self {
+            Self::Tcp(stream) => {
+                // Zero would mean no limit.
+                stream.set_write_timeout(Some(deadline.remaining().max(Duration::from_millis(1))))?;
+                (&mut &*stream).write_all(bytes).map_err(|error| match error.kind() {
+                    ErrorKind::WouldBlock => ErrorKind::TimedOut.into(),
+                    _ => error,
+                })
+            }
+            #[cfg(unix)]
+            Self::Tty(tty) => waiting::write(tty, bytes, deadline),
+            #[cfg(target_os = "linux")]
+            Self::Can(_) => Err(ErrorKind::Unsupported.into()),
+        }
+    }
+}
+
+/// A connection. Dropping it closes it and joins its reader.
+pub(crate) struct Port {
+    out: Arc<Out>,
+    events: Option<Receiver<Event>>,
+    reader: Option<JoinHandle<()>>,
+    /// Its end ends a reader that TCP's shutdown does not.
+    alive: Option<io::PipeWriter>,
+    /// Why it is gone.
+    gone: Option<String>,
+}
+
+impl Port {
+    /// Connects over TCP.
+    ///
+    /// # Errors
+    /// The cause.
+    pub fn tcp(address: &str, deadline: &Deadline) -> Result<Self, Cause> {
+        let target = resolve(address, deadline)?;
+        let limit = deadline.remaining().max(Duration::from_millis(1));
+        let stream = TcpStream::connect_timeout(&target, limit).map_err(|error| match error.kind() {
+            ErrorKind::ConnectionRefused => Cause::NothingListens,
+            ErrorKind::TimedOut => Cause::NoAnswer(deadline.limit()),
+            ErrorKind::InvalidInput => Cause::BadAddress(error.to_string()),
+            _ => Cause::Unreachable(error.to_string()),
+        })?;
+        stream.set_nodelay(true).map_err(|error| Cause::System(error.to_string()))?;
+        let out = Arc::new(Out::Tcp(stream));
+        let from = Arc::clone(&out);
+        let read = move |events| read_tcp(&from, &events);
+        Self::start(out, None, read).map_err(|error| Cause::System(error.to_string()))
+    }
+
+    /// Opens a serial port in raw mode at so many baud.
+    ///
+    /// # Errors
+    /// The cause.
+    #[cfg(unix)]
+    pub fn tty(path: &str, baud: u32) -> Result<Self, Cause> {
+        let tty = waiting::open_tty(path, baud).map_err(|error| of_port(&error))?;
+        Self::start_waiting(Out::Tty(tty)).map_err(|error| Cause::System(error.to_string()))
+    }
+
+    /// Opens a CAN interface of Linux.
+    ///
+    /// # Errors
+    /// The cause.
+    #[cfg(target_os = "linux")]
+    pub fn can(interface: &str) -> Result<Self, Cause> {
+        use socketcan::Socket as _;
+        let socket = socketcan::CanSocket::open(interface).map_err(|error| of_port(&error))?;
+        socket.set_nonblocking(true).map_err(|error| Cause::System(error.to_string()))?;
+        Self::start_waiting(Out::Can(socket)).map_err(|error| Cause::System(error.to_string()))
+    }
+
+    #[cfg(unix)]
+    fn start_waiting(out: Out) -> io::Result<Self> {
+        let (dropped, alive) = io::pipe()?;
+        let out = Arc::new(out);
+        let from = Arc::clone(&out);
+        Self::start(out, Some(alive), move |events| waiting::read(&from, &dropped, &events))
+    }
+
+    fn start(
+        out: Arc<Out>,
+        alive: Option<io::PipeWriter>,
+        read: impl FnOnce(SyncSender<Event>) + Send + 'static,
+    ) -> io::Result<Self> {
+        let (sender, events) = sync_channel(CHUNKS);
+        let reader = thread::Builder::new().name("wraptor-reader".to_owned()).spawn(move || read(sender))?;
+        Ok(Self { out, events: Some(events), reader: Some(reader), alive, gone: None })
+    }
+
+    /// The sending side, for a canceller that does not keep the port open.
+    pub fn out(&self) -> Weak<Out> {
+        Arc::downgrade(&self.out)
+    }
+
+    /// Writes all bytes.
+    ///
+    /// # Errors
+    /// The other side is gone, or takes nothing until the deadline.
+    pub fn write(&self, bytes: &[u8], deadline: &Deadline) -> io::Result<()> {
+        self.out.write(bytes, deadline)
+    }
+
+    /// Sends a frame on a CAN interface.
+    ///
+    /// # Errors
+    /// It is none, or its queue has no room until the deadline.
+    #[cfg(target_os = "linux")]
+    pub fn send(&self, frame: &Frame, deadline: &Deadline) -> io::Result<()> {
+        match &*self.out {
+            Out::Can(socket) => waiting::send(socket, frame, deadline),
+            Out::Tcp(_) | Out::Tty(_) => Err(ErrorKind::Unsupported.into()),
+        }
+    }
+
+    /// What arrives next; `None` at the deadline.
+    ///
+    /// # Errors
+    /// The other side is gone: why.
+    pub fn receive(&mut self, deadline: &Deadline) -> Result<Option<Event>, String> {
+        if let Some(why) = &self.gone {
+            return Err(why.clone());
+        }
+        let Some(events) = &self.events else { return Ok(None) };
+        let why = match events.recv_timeout(deadline.remaining()) {
+            Ok(Event::Gone(why)) => why,
+            Ok(event) => return Ok(Some(event)),
+            Err(RecvTimeoutError::Timeout) => return Ok(None),
+            Err(RecvTimeoutError::Disconnected) => "the reader has ended".to_owned(),
+        };
+        self.gone = Some(why.clone());
+        Err(why)
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        // A reader that waits for room in the channel ends with the receiver.
+        self.events = None;
+        #[allow(irrefutable_let_patterns, reason = "elsewhere than on Unix a connection is TCP")]
+        if let Out::Tcp(stream) = &*self.out {
+            // An error: it is closed already, and the reader has ended.
+            let _ = stream.shutdown(Shutdown::Both);
+        }
+        self.alive = None;
+        if let Some(reader) = self.reader.take() {
+            let _ = reader.join();
+        }
+    }
+}
+
+/// An address as `HOST:PORT`. A name is looked up in a thread of its own, which the resolver's own time limits end.
+fn resolve(address: &str, deadline: &Deadline) -> Result<SocketAddr, Cause> {
+    if let Ok(address) = address.parse() {
+        return Ok(address);
+    }
+    let (sender, found) = sync_channel(1);
+    let name = address.to_owned();
+    let look_up = move || {
+        let found = name.to_socket_addrs().map(|mut addresses| addresses.next());
+        // Nobody waits for it after the deadline.
+        let _ = sender.send(found);
+    };
+    thread::Builder::new().spawn(look_up).map_err(|error| Cause::System(error.to_string()))?;
+    match found.recv_timeout(deadline.remaining()) {
+        Ok(Ok(Some(address))) => Ok(address),
+        Ok(Ok(None)) => Err(Cause::BadAddress("the name has no address".to_owned())),
+        Ok(Err(error)) => Err(Cause::BadAddress(error.to_string())),
+        Err(_) => Err(Cause::BadAddress(format!("the name was not found within {:?}", deadline.limit()))),
+    }
+}
+
+#[cfg(unix)]
+fn of_port(error: &io::Error) -> Cause {
+    let why = error.to_string();
+    match error.kind() {
+        ErrorKind::PermissionDenied => Cause::NotPermitted(why),
+        ErrorKind::ResourceBusy => Cause::InUse(why),
+        _ => Cause::NoSuchPort(why),
+    }
+}
+
+const CLOSED: &str = "the other side closed it";
+
+fn read_tcp(from: &Out, events: &SyncSender<Event>) {
+    #[allow(irrefutable_let_patterns, reason = "elsewhere than on Unix a connection is TCP")]
+    let Out::Tcp(stream) = from else { return };
+    let mut stream = stream;
+    let mut bytes = [0; CHUNK];
+    loop {
+        let event = match stream.read(&mut bytes) {
+            Ok(0) => Event::Gone(CLOSED.to_owned()),
+            Ok(len) => Event::Bytes(bytes.iter().take(len).copied().collect()),
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+            Err(error) => Event::Gone(error.to_string()),
+        };
+        let is_last = matches!(event, Event::Gone(_));
+        if events.send(event).is_err() || is_last {
+            return;
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Serial ports and CAN interfaces: files that are waited for together with the end of their connection.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind, PipeReader, Read, Write};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::fs::OpenOptionsExt;
+use std::sync::mpsc::SyncSender;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::OFlags;
+use rustix::termios::{OptionalActions, ioctl_tiocexcl, tcgetattr, tcsetattr};
+
+use super::{CHUNK, CLOSED, Event, Out};
+use crate::deadline::Deadline;
+
+/// Opens a serial port raw, for this program alone.
+pub(super) fn open_tty(path: &str, baud: u32) -> io::Result<File> {
+    let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
+    let flags = i32::try_from(flags.bits()).map_err(|_| ErrorKind::InvalidInput)?;
+    let tty = OpenOptions::new().read(true).write(true).custom_flags(flags).open(path)?;
+    let mut termios = tcgetattr(&tty)?;
+    termios.make_raw();
+    termios.set_speed(baud)?;
+    tcsetattr(&tty, OptionalActions::Now, &termios)?;
+    ioctl_tiocexcl(&tty)?;
+    Ok(tty)
+}
+
+/// Waits until the file is ready; `false` at the deadline.
+fn wait(file: BorrowedFd, flags: PollFlags, remaining: Duration) -> io::Result<bool> {
+    let limit = Timespec::try_from(remaining).map_err(|_| ErrorKind::InvalidInput)?;
+    match poll(&mut [PollFd::from_borrowed_fd(file, flags)], Some(&limit)) {
+        Ok(ready) => Ok(ready > 0),
+        Err(rustix::io::Errno::INTR) => Ok(true),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Tries until it succeeds, waiting for room between.
+fn until_room(
+    file: BorrowedFd,
+    deadline: &Deadline,
+    mut attempt: impl FnMut() -> io::Result<usize>,
+) -> io::Result<usize> {
+    loop {
+        match attempt() {
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                if deadline.is_over() || !wait(file, PollFlags::OUT, deadline.remaining())? {
+                    return Err(ErrorKind::TimedOut.into());
+                }
+            }
+            done => return done,
+        }
+    }
+}
+
+pub(super) fn write(mut tty: &File, bytes: &[u8], deadline: &Deadline) -> io::Result<()> {
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        let written = until_room(tty.as_fd(), deadline, || tty.write(rest))?;
+        rest = rest.get(written..).unwrap_or_default();
+    }
+    Ok(())
+}
+
+/// Passes on what arrives until the file ends or `dropped` does.
+pub(super) fn read(from: &Out, dropped: &PipeReader, events: &SyncSender<Event>) {
+    loop {
+        match next(from, dropped) {
+            Ok(Some(event)) => {
+                if events.send(event).is_err() {
+                    return;
+                }
+            }
+            Ok(None) => return,
+            Err(error) if matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::WouldBlock) => {}
+            Err(error) => {
+                let _ = events.send(Event::Gone(error.to_string()));
+                return;
+            }
+        }
+    }
+}
+
+/// The next event; `None` after the end of the connection.
+fn next(from: &Out, dropped: &PipeReader) -> io::Result<Option<Event>> {
+    let file = match from {
+        Out::Tty(tty) => tty.as_fd(),
+        #[cfg(target_os = "linux")]
+        Out::Can(socket) => socket.as_fd(),
+        Out::Tcp(stream) => stream.as_fd(),
+    };
+    let mut files = [PollFd::from_borrowed_fd(file, PollFlags::IN), PollFd::new(dropped, PollFlags::IN)];
+    poll(&mut files, None)?;
+    if !files[1].revents().is_empty() {
+        return Ok(None);
+    }
+    match from {
+        Out::Tty(tty) => bytes(tty),
+        Out::Tcp(stream) => bytes(stream),
+        #[cfg(target_os = "linux")]
+        Out::Can(socket) => frame(socket),
+    }
+    .map(Some)
+}
+
+fn bytes(mut from: impl Read) -> io::Result<Event> {
+    let mut bytes = [0; CHUNK];
+    match from.read(&mut bytes)? {
+        0 => Err(io::Error::other(CLOSED)),
+        len => Ok(Event::Bytes(bytes.iter().take(len).copied().collect())),
+    }
+}
+
+/// The bus carries only data frames with 11-bit identifiers; others are none of this protocol.
+#[cfg(target_os = "linux")]
+fn frame(socket: &socketcan::CanSocket) -> io::Result<Event> {
+    use socketcan::{CanFrame, EmbeddedFrame, Frame as _, Socket};
+    match socket.read_frame()? {
+        CanFrame::Data(data) if !data.is_extended() => u16::try_from(data.raw_id())
+            .ok()
+            .and_then(|id| tater_wire::Frame::from_raw(id, data.data()))
+            .map(Event::Frame)
+            .ok_or_else(|| ErrorKind::WouldBlock.into()),
+        _ => Err(ErrorKind::WouldBlock.into()),
+    }
+}
+
+#[cfg(target_os = "linux")]
+pub(super) fn send(
+    socket: &socketcan::CanSocket,
+    frame: &tater_wire::Frame,
+    deadline: &Deadline,
+) -> io::Result<()> {
+    use socketcan::{CanFrame, EmbeddedFrame, Socket, StandardId};
+    let frame = StandardId::new(frame.raw_id()).and_then(|id| CanFrame::new(id, frame.data()));
+    let frame = frame.ok_or(ErrorKind::InvalidInput)?;
+    until_room(socket.as_fd(), deadline, || socket.write_frame(&frame).map(|()| 0)).map(|_| ())
+}

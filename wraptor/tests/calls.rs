@@ -1,0 +1,185 @@
+//! Calls of a hand and of a bus, with progress, cancel and deadlines.
+
+mod served;
+
+use std::ops::ControlFlow;
+use std::thread;
+use std::time::Duration;
+
+use served::{HANGS, Served};
+use wraptor::{
+    Boards, Bus, CallError, Connect, Control, Failure, Feedback, Format, Hand, Node, Property, no_progress,
+};
+
+fn fast() -> (Served, Hand) {
+    let served = Served::fast_hand();
+    let hand = Hand::connect(served.place("gcl"), HANGS).expect("connected");
+    (served, hand)
+}
+
+fn failure<T: std::fmt::Debug>(result: Result<T, CallError>) -> Failure {
+    let error = result.expect_err("it fails");
+    let text = error.to_string();
+    assert!(text.starts_with(&error.call) && text.contains("\n  next: "), "{text}");
+    error.failure
+}
+
+#[test]
+fn hand_is_homed_moved_and_asked() {
+    let (_served, mut hand) = fast();
+    let unhomed = failure(hand.close("1", HANGS, &mut no_progress));
+    assert!(matches!(unhomed, Failure::Status(status) if status.code() == 4), "{unhomed:?}");
+    hand.init(HANGS, &mut no_progress).expect("homed");
+    hand.move_to("12", 5500, HANGS, &mut no_progress).expect("moved");
+    let positions = hand.parameter("12", "p", HANGS).expect("positions");
+    // MPE is 200 GCL counts.
+    assert!(positions.len() == 2 && positions.iter().all(|p| (5300..=5700).contains(p)), "{positions:?}");
+    hand.close("G", HANGS, &mut no_progress).expect("closed");
+    hand.open("G", HANGS, &mut no_progress).expect("open");
+    hand.relax("G", HANGS).expect("off");
+    assert!((0.0..60.0).contains(&hand.temperature(HANGS).expect("a temperature")));
+    assert_eq!(hand.faults(HANGS).expect("they answer"), []);
+    assert_eq!(hand.hand_parameter("baud", HANGS), Ok(96));
+}
+
+#[test]
+fn properties_are_set_and_read_by_the_table() {
+    let (_served, mut hand) = fast();
+    hand.set("57", Property::MT, 550, HANGS).expect("set");
+    let node = |number| Node::new(number).expect("a node");
+    let torques = hand.get("57", Property::MT, HANGS);
+    assert_eq!(torques, Ok(vec![(node(5), 550), (node(7), 550)]));
+    hand.set_parameter("S", "DS", 900, HANGS).expect("set");
+    assert_eq!(hand.parameter("S", "DS", HANGS), Ok(vec![900]));
+    hand.save_parameters(HANGS).expect("saved");
+    // Nothing is sent for these.
+    for refused in [
+        hand.set("5", Property::MT, 1 << 20, HANGS),
+        hand.set("5", Property::TEMP, 1, HANGS),
+        hand.set("8", Property::MT, 1, HANGS),
+        hand.set("", Property::MT, 1, HANGS),
+        hand.set_parameter("S", "FROB", 1, HANGS),
+        hand.set_parameter("S", "P", 1, HANGS),
+        hand.set_hand_parameter("BAUD", 1, HANGS),
+        hand.close("11", HANGS, &mut no_progress),
+        hand.command("HI\r", HANGS).map(drop),
+    ] {
+        assert!(matches!(failure(refused), Failure::Invalid(_)));
+    }
+    let wrong = failure(hand.command("FROB", HANGS));
+    assert!(matches!(wrong, Failure::Status(status) if status.code() == 32), "{wrong:?}");
+}
+
+#[test]
+fn fingers_move_in_hall_counts_with_positions_as_progress() {
+    let (_served, mut hand) = fast();
+    hand.init(HANGS, &mut no_progress).expect("homed");
+    let mut last = Vec::new();
+    hand.move_halls("14", 100, HANGS, &mut |progress| {
+        last = progress.values.iter().map(|(node, halls)| (node.number(), *halls)).collect();
+        ControlFlow::Continue(())
+    })
+    .expect("moved");
+    // Arrival is within MPE, 4 hall counts; the tip follows by 13/49.
+    for ((node, halls), (of, goal)) in last.iter().zip([(1, 100), (4, 100), (5, 26)]) {
+        assert!(*node == of && (halls - goal).abs() <= 4, "{last:?}");
+    }
+    assert_eq!(last.len(), 3);
+    hand.wait_for("145", Property::END, 1, HANGS, &mut no_progress).expect("arrived");
+    hand.open("1", HANGS, &mut no_progress).expect("the language goes on");
+}
+
+#[test]
+fn motion_is_cancelled_by_its_progress_and_from_another_thread() {
+    let served = Served::hand();
+    let mut hand = Hand::connect(served.place("gcl"), HANGS).expect("connected");
+    // HI takes seconds; progress comes every 50 ms.
+    let cancelled = hand.init(HANGS, &mut |_| ControlFlow::Break(()));
+    assert_eq!(failure(cancelled), Failure::Cancelled);
+    assert_eq!(hand.command("VERS", HANGS), Ok(vec!["600".to_owned()]));
+    let canceller = hand.canceller();
+    let mut other = None;
+    let cancelled = hand.command_with("WAIT 60000", HANGS, &mut |_| {
+        let canceller = canceller.clone();
+        other.get_or_insert_with(|| thread::spawn(move || canceller.cancel()));
+        ControlFlow::Continue(())
+    });
+    assert_eq!(failure(cancelled), Failure::Cancelled);
+    other.expect("progress came").join().expect("it ends").expect("sent");
+    drop(hand);
+    canceller.cancel().expect("nothing to cancel");
+}
+
+#[test]
+fn call_that_times_out_is_aborted_and_the_next_one_answered() {
+    let served = Served::hand();
+    let mut hand = Hand::connect(served.place("gcl"), HANGS).expect("connected");
+    let limit = Duration::from_millis(100);
+    for _ in 0..3 {
+        assert_eq!(failure(hand.command("WAIT 60000", limit)), Failure::TimedOut(limit));
+        assert_eq!(hand.command("VERS", HANGS), Ok(vec!["600".to_owned()]));
+    }
+}
+
+#[test]
+fn realtime_exchanges_blocks_and_leaves_a_prompt() {
+    let (_served, mut hand) = fast();
+    let format =
+        Format { feeds_velocity: Some(8), feeds_strain: true, feeds_temperature: true, ..Format::default() };
+    let unhomed = failure(hand.realtime("X1234567", format, HANGS).map(|_| ()));
+    assert!(matches!(unhomed, Failure::Status(status) if status.code() == 4), "{unhomed:?}");
+    hand.init(HANGS, &mut no_progress).expect("homed");
+    let mut realtime = hand.realtime("X1234567", format, HANGS).expect("begun");
+    assert_eq!(realtime.axes(), 7);
+    let closing = vec![Control { velocity: 80, gain: 0 }; 3];
+    let mut last = Feedback::default();
+    let statistics = realtime.run(100.0, HANGS, |number, feedback| {
+        last = feedback.clone();
+        if number < 30 { ControlFlow::Continue(closing.clone()) } else { ControlFlow::Break(()) }
+    });
+    assert_eq!(statistics.expect("it runs").blocks, 30);
+    assert_eq!(last.axes.len(), 7);
+    assert!(last.axes.iter().all(|axis| axis.position.is_some() && axis.strain.is_some()), "{last:?}");
+    assert!(last.axes[0].position > Some(0), "closing: {last:?}");
+    assert!(last.temperature.is_some_and(|celsius| (0.0..60.0).contains(&celsius)), "{last:?}");
+    realtime.end(HANGS).expect("ended");
+    assert_eq!(hand.command("VERS", HANGS), Ok(vec!["600".to_owned()]));
+    // Dropped in the middle: the next call finds the prompt.
+    drop(hand.realtime("12", Format::default(), HANGS).expect("begun"));
+    assert_eq!(hand.command("VERS", HANGS), Ok(vec!["600".to_owned()]));
+    assert!(matches!(failure(hand.realtime("", format, HANGS).map(|_| ())), Failure::Invalid(_)));
+}
+
+#[test]
+fn board_on_the_bus_is_homed_moved_and_cancelled() {
+    let served = Served::new(&["bus", "--node", "4", "--slcan", "127.0.0.1:0"], 1);
+    let mut bus = Bus::slcan(served.place("slcan"), HANGS).expect("connected");
+    let node = Node::new(4).expect("a node");
+    bus.wake(&[node], HANGS).expect("awake");
+    bus.find_zero(node, HANGS, &mut no_progress).expect("homed");
+    bus.set(node, Property::MT, 500, HANGS).expect("set");
+    assert_eq!(bus.get(node, Property::MT, HANGS), Ok(500));
+    let refused = bus.set(node, Property::MT, -1, HANGS);
+    assert!(matches!(failure(refused), Failure::Invalid(_)));
+    let mut seen = Vec::new();
+    bus.move_to(node, 100, HANGS, &mut |progress| {
+        seen.push(progress.values[0].1);
+        ControlFlow::Continue(())
+    })
+    .expect("moved");
+    assert!(seen.len() > 2 && seen.is_sorted(), "{seen:?}");
+    let cancelled = bus.move_to(node, 10, HANGS, &mut |_| ControlFlow::Break(()));
+    assert_eq!(failure(cancelled), Failure::Cancelled);
+    assert_eq!(bus.get(node, Property::MODE, HANGS), Ok(0), "idle after a cancel");
+}
+
+#[test]
+fn boards_are_reached_by_packets_through_a_hand() {
+    let served = Served::fast_hand();
+    let hand = Connect::tcp(served.place("gcl")).boards(Boards::Wake).connect(HANGS).expect("connected");
+    let mut bus = Bus::through(hand, HANGS).expect("packets");
+    let node = Node::new(2).expect("a node");
+    assert_eq!(bus.get(node, Property::STAT, HANGS), Ok(2));
+    bus.set(node, Property::MT, 432, HANGS).expect("set");
+    assert_eq!(bus.get(node, Property::MT, HANGS), Ok(432));
+}

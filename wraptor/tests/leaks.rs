@@ -1,0 +1,114 @@
+//! A hand that dies or a cable that is pulled during each call: an error within the limit, no thread and no socket left. The only test of this
+//! program, because it counts both.
+
+#![cfg(target_os = "linux")]
+
+mod served;
+
+use std::fs;
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::Duration;
+
+use served::{Cut, HANGS, Proxy, Served};
+use wraptor::{Boards, CallError, Connect, Failure, Format, Hand, Property, no_progress};
+
+/// Limit of each call.
+const LIMIT: Duration = Duration::from_millis(300);
+
+/// A call is over by then: its limit, and a second for a machine that runs something else.
+const OVER: Duration = Duration::from_millis(1300);
+
+type Call = fn(&mut Hand) -> Result<(), CallError>;
+
+/// Each call with the bytes at which the connection is cut.
+const CALLS: [(&str, &[u8], Call); 19] = [
+    ("command", b"PLIST\r", |hand| hand.command("PLIST", LIMIT).map(drop)),
+    ("wake", b"WAKE\r", |hand| hand.wake(LIMIT)),
+    ("boards", b"G STAT\r", |hand| hand.boards(LIMIT).map(drop)),
+    ("faults", b"G ERROR\r", |hand| hand.faults(LIMIT).map(drop)),
+    ("init", b"HI\r", |hand| hand.init(LIMIT, &mut no_progress)),
+    ("find_zero", b"4HI\r", |hand| hand.find_zero("4", LIMIT, &mut no_progress)),
+    ("close", b"GC\r", |hand| hand.close("G", LIMIT, &mut no_progress)),
+    ("open", b"GO\r", |hand| hand.open("G", LIMIT, &mut no_progress)),
+    ("grasp", b"GTC\r", |hand| hand.grasp("G", LIMIT, &mut no_progress)),
+    ("relax", b"GT\r", |hand| hand.relax("G", LIMIT)),
+    ("move_to", b"1M 500\r", |hand| hand.move_to("1", 500, LIMIT, &mut no_progress)),
+    ("move_halls", b"4 S E 9\r", |hand| hand.move_halls("4", 9, LIMIT, &mut no_progress)),
+    ("get", b"5 G MT\r", |hand| hand.get("5", Property::MT, LIMIT).map(drop)),
+    ("set", b"5 S MT 500\r", |hand| hand.set("5", Property::MT, 500, LIMIT)),
+    ("wait_for", b"5 G STAT\r", |hand| hand.wait_for("5", Property::STAT, 1, LIMIT, &mut no_progress)),
+    ("parameter", b"SFGET P\r", |hand| hand.parameter("S", "P", LIMIT).map(drop)),
+    ("temperature", b"PGET TEMP\r", |hand| hand.temperature(LIMIT).map(drop)),
+    ("save", b"FSAVE\r", |hand| hand.save_parameters(LIMIT)),
+    ("realtime", b"1FSET LCV", |hand| hand.realtime("1", Format::default(), LIMIT).map(|_| ())),
+];
+
+/// Threads of the library, and sockets of this program.
+fn left() -> (usize, usize) {
+    let entries = |path: &str| fs::read_dir(path).expect("Linux has it").flatten().collect::<Vec<_>>();
+    let is_reader = |name: String| name.trim() == "wraptor-reader";
+    let threads = entries("/proc/self/task")
+        .iter()
+        .filter(|task| fs::read_to_string(task.path().join("comm")).is_ok_and(is_reader))
+        .count();
+    let is_socket = |path: std::path::PathBuf| path.to_string_lossy().starts_with("socket:");
+    let sockets = entries("/proc/self/fd")
+        .iter()
+        .filter(|file| fs::read_link(file.path()).is_ok_and(is_socket))
+        .count();
+    (threads, sockets)
+}
+
+/// Runs a call in a thread and returns its outcome if it is over in time.
+fn in_time(
+    name: &str,
+    cut: Cut,
+    mut hand: Hand,
+    call: impl FnOnce(&mut Hand) -> Result<(), CallError> + Send + 'static,
+) -> Failure {
+    let (sender, outcome) = channel();
+    let thread = thread::spawn(move || {
+        let outcome = call(&mut hand);
+        let _ = sender.send(outcome);
+    });
+    let outcome = outcome.recv_timeout(OVER).unwrap_or_else(|_| panic!("{name}, {cut:?}: no end in time"));
+    thread.join().expect("it ends");
+    outcome.expect_err("the hand is gone").failure
+}
+
+fn is_right(cut: Cut, failure: &Failure) -> bool {
+    match cut {
+        Cut::Kill => matches!(failure, Failure::Lost(_)),
+        Cut::Silence => matches!(failure, Failure::TimedOut(_)),
+    }
+}
+
+#[test]
+fn lost_hand_ends_each_call_in_time_and_leaves_nothing() {
+    let before = left();
+    assert_eq!(before.0, 0);
+    for cut in [Cut::Kill, Cut::Silence] {
+        for (name, trigger, call) in CALLS {
+            let served = Served::fast_hand();
+            let proxy = Proxy::new(&served, trigger, cut);
+            let hand = Connect::tcp(&proxy.address).boards(Boards::Any).connect(HANGS).expect("connected");
+            let failure = in_time(name, cut, hand, call);
+            assert!(is_right(cut, &failure), "{name}, {cut:?}: {failure:?}");
+            drop((proxy, served));
+            assert_eq!(left(), before, "{name}, {cut:?}: threads of the library, sockets");
+        }
+        // In RealTime: the cut comes with the first block.
+        let served = Served::fast_hand();
+        let proxy = Proxy::new(&served, b"LOOP\rC", cut);
+        let mut hand = Connect::tcp(&proxy.address).connect(HANGS).expect("connected");
+        hand.init(HANGS, &mut no_progress).expect("homed");
+        let failure = in_time("exchange", cut, hand, |hand| {
+            let mut realtime = hand.realtime("1", Format::default(), HANGS)?;
+            realtime.exchange(&[], LIMIT).map(drop)
+        });
+        assert!(is_right(cut, &failure), "exchange, {cut:?}: {failure:?}");
+        drop((proxy, served));
+        assert_eq!(left(), before, "exchange, {cut:?}: threads of the library, sockets");
+    }
+}
