@@ -50,6 +50,13 @@ const ARROWS: [Arrows; 10] = [
     // libm: sines without std. proptest: tests.
     Arrows { package: "kinematics", ours: &["tater-wire"], others: Some(&["libm", "proptest (dev)"]) },
     Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw", "god"], others: None },
+    // The host library. god: its tables of status codes, parameters and motor prefixes. rustix: serial ports, poll. socketcan: CAN interfaces
+    // of Linux. socket2: a listener with a full backlog, for tests.
+    Arrows {
+        package: "wraptor",
+        ours: &["tater-wire", "god"],
+        others: Some(&["rustix", "socket2 (dev)", "socketcan"]),
+    },
     // board-emu gets the program as bytes: of ours it needs only the simulated world.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
     Arrows {

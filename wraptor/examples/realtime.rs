@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut realtime = hand.realtime(motors, Format::default(), Duration::from_secs(2))?;
     let axes = realtime.axes();
     let statistics = realtime.run(rate, Duration::from_secs(1), |number, _| {
-        let velocity = if number / TURN % 2 == 0 { VELOCITY } else { -VELOCITY };
+        let velocity = if (number / TURN).is_multiple_of(2) { VELOCITY } else { -VELOCITY };
         match number < blocks {
             true => ControlFlow::Continue(vec![Control { velocity, gain: 0 }; axes]),
             false => ControlFlow::Break(()),

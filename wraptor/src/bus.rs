@@ -242,7 +242,7 @@ impl Bus {
                 Err(error) => outcome = Err(Cause::HungUp(error.failure.to_string())),
             }
         }
-        let outcome = outcome.and_then(|()| match (silent.len(), asleep.is_empty()) {
+        let outcome = outcome.and(match (silent.len(), asleep.is_empty()) {
             (0, true) => Ok(()),
             (0, false) => Err(Cause::Asleep(asleep)),
             (len, _) if len == nodes.len() => Err(Cause::BusNotAcknowledged),

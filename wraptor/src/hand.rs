@@ -86,14 +86,6 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// Connects over TCP to `HOST:PORT`, wakes the motor boards and requires all seven. See [`Connect`] for other ways.
-    ///
-    /// # Errors
-    /// The cause and the next step.
-    pub fn connect(address: &str, limit: Duration) -> Result<Self, crate::ConnectError> {
-        Connect::tcp(address).connect(limit)
-    }
-
     /// Where it is connected, as given.
     #[must_use]
     pub fn place(&self) -> &str {

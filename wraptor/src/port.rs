@@ -90,7 +90,12 @@ impl Port {
         stream.set_nodelay(true).map_err(|error| Cause::System(error.to_string()))?;
         let out = Arc::new(Out::Tcp(stream));
         let from = Arc::clone(&out);
-        let read = move |events| read_tcp(&from, &events);
+        let next = move || match &*from {
+            Out::Tcp(stream) => bytes(stream).map(Some),
+            #[allow(unreachable_patterns, reason = "elsewhere than on Unix a connection is TCP")]
+            _ => Ok(None),
+        };
+        let read = move |events| pass_on(&events, next);
         Self::start(out, None, read).map_err(|error| Cause::System(error.to_string()))
     }
 
@@ -121,7 +126,7 @@ impl Port {
         let (dropped, alive) = io::pipe()?;
         let out = Arc::new(out);
         let from = Arc::clone(&out);
-        Self::start(out, Some(alive), move |events| waiting::read(&from, &dropped, &events))
+        Self::start(out, Some(alive), move |events| pass_on(&events, || next(&from, &dropped)))
     }
 
     fn start(
@@ -228,21 +233,53 @@ fn of_port(error: &io::Error) -> Cause {
 
 const CLOSED: &str = "the other side closed it";
 
-fn read_tcp(from: &Out, events: &SyncSender<Event>) {
-    #[allow(irrefutable_let_patterns, reason = "elsewhere than on Unix a connection is TCP")]
-    let Out::Tcp(stream) = from else { return };
-    let mut stream = stream;
-    let mut bytes = [0; CHUNK];
+/// Passes on events until there are no more, or nobody wants them.
+fn pass_on(events: &SyncSender<Event>, mut next: impl FnMut() -> io::Result<Option<Event>>) {
     loop {
-        let event = match stream.read(&mut bytes) {
-            Ok(0) => Event::Gone(CLOSED.to_owned()),
-            Ok(len) => Event::Bytes(bytes.iter().take(len).copied().collect()),
-            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-            Err(error) => Event::Gone(error.to_string()),
-        };
-        let is_last = matches!(event, Event::Gone(_));
-        if events.send(event).is_err() || is_last {
-            return;
+        match next() {
+            Ok(Some(event)) => {
+                if events.send(event).is_err() {
+                    return;
+                }
+            }
+            Ok(None) => return,
+            Err(error) if matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::WouldBlock) => {}
+            Err(error) => {
+                let _ = events.send(Event::Gone(error.to_string()));
+                return;
+            }
         }
+    }
+}
+
+/// The next event of a file that is waited for together with `dropped`; `None` after the end of that.
+#[cfg(unix)]
+fn next(from: &Out, dropped: &io::PipeReader) -> io::Result<Option<Event>> {
+    use std::os::fd::AsFd;
+    let file = match from {
+        Out::Tcp(stream) => stream.as_fd(),
+        Out::Tty(tty) => tty.as_fd(),
+        #[cfg(target_os = "linux")]
+        Out::Can(socket) => socket.as_fd(),
+    };
+    if !waiting::is_readable(file, dropped)? {
+        return Ok(None);
+    }
+    match from {
+        Out::Tcp(stream) => bytes(stream).map(Some),
+        Out::Tty(tty) => bytes(tty).map(Some),
+        #[cfg(target_os = "linux")]
+        Out::Can(socket) => match waiting::frame(socket)? {
+            Some(frame) => Ok(Some(Event::Frame(frame))),
+            None => Err(ErrorKind::Interrupted.into()),
+        },
+    }
+}
+
+fn bytes(mut from: impl Read) -> io::Result<Event> {
+    let mut bytes = [0; CHUNK];
+    match from.read(&mut bytes)? {
+        0 => Err(io::Error::other(CLOSED)),
+        len => Ok(Event::Bytes(bytes.iter().take(len).copied().collect())),
     }
 }

@@ -101,6 +101,16 @@ impl Connect {
     }
 }
 
+impl Hand {
+    /// Connects over TCP to `HOST:PORT`, wakes the motor boards and requires all seven. See [`Connect`] for other ways.
+    ///
+    /// # Errors
+    /// The cause and the next step.
+    pub fn connect(address: &str, limit: Duration) -> Result<Self, ConnectError> {
+        Connect::tcp(address).connect(limit)
+    }
+}
+
 /// An empty line has a prompt for its answer.
 fn find_prompt(session: &mut Session, deadline: &Deadline) -> Result<(), Cause> {
     // A hand that refuses may have closed already: what it said comes first.

@@ -1,17 +1,15 @@
 //! Serial ports and CAN interfaces: files that are waited for together with the end of their connection.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, ErrorKind, PipeReader, Read, Write};
+use std::io::{self, ErrorKind, PipeReader, Write};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::OpenOptionsExt;
-use std::sync::mpsc::SyncSender;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::termios::{OptionalActions, ioctl_tiocexcl, tcgetattr, tcsetattr};
 
-use super::{CHUNK, CLOSED, Event, Out};
 use crate::deadline::Deadline;
 
 /// Opens a serial port raw, for this program alone.
@@ -65,67 +63,23 @@ pub(super) fn write(mut tty: &File, bytes: &[u8], deadline: &Deadline) -> io::Re
     Ok(())
 }
 
-/// Passes on what arrives until the file ends or `dropped` does.
-pub(super) fn read(from: &Out, dropped: &PipeReader, events: &SyncSender<Event>) {
-    loop {
-        match next(from, dropped) {
-            Ok(Some(event)) => {
-                if events.send(event).is_err() {
-                    return;
-                }
-            }
-            Ok(None) => return,
-            Err(error) if matches!(error.kind(), ErrorKind::Interrupted | ErrorKind::WouldBlock) => {}
-            Err(error) => {
-                let _ = events.send(Event::Gone(error.to_string()));
-                return;
-            }
-        }
-    }
-}
-
-/// The next event; `None` after the end of the connection.
-fn next(from: &Out, dropped: &PipeReader) -> io::Result<Option<Event>> {
-    let file = match from {
-        Out::Tty(tty) => tty.as_fd(),
-        #[cfg(target_os = "linux")]
-        Out::Can(socket) => socket.as_fd(),
-        Out::Tcp(stream) => stream.as_fd(),
-    };
+/// Waits until the file has something to read, or `dropped` ends; `false` then.
+pub(super) fn is_readable(file: BorrowedFd, dropped: &PipeReader) -> io::Result<bool> {
     let mut files = [PollFd::from_borrowed_fd(file, PollFlags::IN), PollFd::new(dropped, PollFlags::IN)];
     poll(&mut files, None)?;
-    if !files[1].revents().is_empty() {
-        return Ok(None);
-    }
-    match from {
-        Out::Tty(tty) => bytes(tty),
-        Out::Tcp(stream) => bytes(stream),
-        #[cfg(target_os = "linux")]
-        Out::Can(socket) => frame(socket),
-    }
-    .map(Some)
+    Ok(files[1].revents().is_empty())
 }
 
-fn bytes(mut from: impl Read) -> io::Result<Event> {
-    let mut bytes = [0; CHUNK];
-    match from.read(&mut bytes)? {
-        0 => Err(io::Error::other(CLOSED)),
-        len => Ok(Event::Bytes(bytes.iter().take(len).copied().collect())),
-    }
-}
-
-/// The bus carries only data frames with 11-bit identifiers; others are none of this protocol.
+/// The next frame; `None` for one that is no data frame with an 11-bit identifier, which this bus does not carry.
 #[cfg(target_os = "linux")]
-fn frame(socket: &socketcan::CanSocket) -> io::Result<Event> {
+pub(super) fn frame(socket: &socketcan::CanSocket) -> io::Result<Option<tater_wire::Frame>> {
     use socketcan::{CanFrame, EmbeddedFrame, Frame as _, Socket};
-    match socket.read_frame()? {
-        CanFrame::Data(data) if !data.is_extended() => u16::try_from(data.raw_id())
-            .ok()
-            .and_then(|id| tater_wire::Frame::from_raw(id, data.data()))
-            .map(Event::Frame)
-            .ok_or_else(|| ErrorKind::WouldBlock.into()),
-        _ => Err(ErrorKind::WouldBlock.into()),
-    }
+    Ok(match socket.read_frame()? {
+        CanFrame::Data(data) if !data.is_extended() => {
+            u16::try_from(data.raw_id()).ok().and_then(|id| tater_wire::Frame::from_raw(id, data.data()))
+        }
+        _ => None,
+    })
 }
 
 #[cfg(target_os = "linux")]
