@@ -2,8 +2,7 @@
 //!
 //! Real shapes are not public: palm and fingers are cylinders. A body's inertia is that of a solid cylinder of its mass: an estimate.
 
-use crate::finger::Finger;
-use crate::hand::{Drive, Hand};
+use crate::hand::{Drive, Finger, Hand};
 use crate::transform::Transform;
 
 /// How a body hangs on its parent.
@@ -158,7 +157,7 @@ impl Hand {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::finger::Angles;
+    use crate::hand::Angles;
 
     #[test]
     fn bodies_weigh_what_the_hand_does_and_stand_where_the_table_says() {

@@ -2,61 +2,8 @@
 
 use core::f64::consts::FRAC_PI_2;
 
-use crate::hand::Hand;
+use crate::hand::{Angles, Finger, Hand};
 use crate::transform::{Transform, Vector, cross, minus};
-
-/// A finger, by the manual's number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Finger {
-    /// Spreads about the axis at negative x.
-    F1,
-    /// Spreads about the axis at positive x, by the same angle.
-    F2,
-    /// Stands at positive y.
-    F3,
-}
-
-impl Finger {
-    /// All, in order.
-    pub const ALL: [Self; 3] = [Self::F1, Self::F2, Self::F3];
-
-    /// 0 to 2.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        self as usize
-    }
-
-    /// Whether the spread moves it.
-    #[must_use]
-    pub const fn spreads(self) -> bool {
-        !matches!(self, Self::F3)
-    }
-
-    /// r of the published table: the side of its spread axis, and the direction in which it spreads about z; 0 does not.
-    pub(crate) const fn side(self) -> f64 {
-        match self {
-            Self::F1 => -1.0,
-            Self::F2 => 1.0,
-            Self::F3 => 0.0,
-        }
-    }
-
-    /// Where it points about z at spread 0, rad: -j·π/2 with j of the published table.
-    pub(crate) const fn azimuth(self) -> f64 {
-        if self.spreads() { -FRAC_PI_2 } else { FRAC_PI_2 }
-    }
-}
-
-/// A finger's joint angles, rad.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Angles {
-    /// Θ_1, the spread; finger 3 ignores it.
-    pub spread: f64,
-    /// Θ_2, the link.
-    pub link: f64,
-    /// Θ_3, the tip.
-    pub tip: f64,
-}
 
 /// A row of the table, in Craig's convention: a and α lead from axis i-1 to axis i, d and θ lie on axis i.
 #[derive(Clone, Copy, Debug, PartialEq)]

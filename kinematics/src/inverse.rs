@@ -7,8 +7,7 @@
 use core::f64::consts::{PI, TAU};
 use core::fmt;
 
-use crate::finger::{Angles, Finger};
-use crate::hand::Hand;
+use crate::hand::{Angles, Finger, Hand};
 use crate::transform::Vector;
 
 /// How far a target may be off the finger's plane, or out of its reach, and count as reached, m: a thousandth of a hall count's travel.

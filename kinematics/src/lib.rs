@@ -31,7 +31,7 @@ mod hand;
 mod inverse;
 mod transform;
 
-pub use finger::{Angles, DhRow, Finger, Jacobian};
-pub use hand::{Drive, Hand, Joints, MOTORS};
+pub use finger::{DhRow, Jacobian};
+pub use hand::{Angles, Drive, Finger, Hand, Joints, MOTORS};
 pub use inverse::{Joint, Solutions, Unreachable};
 pub use transform::{Transform, Vector};

@@ -3,7 +3,7 @@
 use kinematics::bodies::{Body, Mount};
 use kinematics::{Hand, Transform};
 
-use super::{diagonal, fixed, fixed_all, middle, short};
+use super::text::{diagonal, fixed, fixed_all, middle, short};
 
 pub fn page(hand: &Hand) -> String {
     let bodies = hand.bodies();

@@ -3,7 +3,7 @@
 use kinematics::Hand;
 use kinematics::bodies::{Body, Mount, Site};
 
-use super::{diagonal, fixed, fixed_all, middle, short, xyz_rpy};
+use super::text::{diagonal, fixed, fixed_all, middle, short, xyz_rpy};
 
 pub fn page(hand: &Hand) -> String {
     let mut page = String::from(
