@@ -7,7 +7,7 @@ mod soak;
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
+use std::net::{Shutdown, TcpListener, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -466,8 +466,9 @@ fn with_threads(count: usize, args: &[&str]) -> Command {
 #[cfg(target_os = "linux")]
 #[test]
 fn refused_thread_is_reported_and_the_hand_goes_on() {
-    let pty = [&TCP[..], &["--pty"]].concat();
-    for (args, threads, option) in [(&TCP[..], 0, "--listen"), (&pty, 1, "--pty"), (&pty, 2, "--pty")] {
+    let tcp = [&TCP[..], &["--no-discovery"]].concat();
+    let pty = [&tcp[..], &["--pty"]].concat();
+    for (args, threads, option) in [(&tcp, 0, "--listen"), (&pty, 1, "--pty"), (&pty, 2, "--pty")] {
         let output = with_threads(threads, args).output().expect("it starts");
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{threads}: {error}");
@@ -476,13 +477,13 @@ fn refused_thread_is_reported_and_the_hand_goes_on() {
     }
     // One listens; a host needs two more.
     for threads in [1, 2] {
-        let served = Served::start(with_threads(threads, &TCP).stderr(Stdio::null()), 1);
+        let served = Served::start(with_threads(threads, &tcp).stderr(Stdio::null()), 1);
         for _ in 0..3 {
             let text = read_to(&mut served.connect("gcl"), "never").expect_err("it is refused");
             assert!(text.starts_with("\r\n\rbusy: a thread cannot be started"), "{text:?}");
         }
     }
-    let served = Served::start(with_threads(3, &TCP).stderr(Stdio::null()), 1);
+    let served = Served::start(with_threads(3, &tcp).stderr(Stdio::null()), 1);
     for _ in 0..3 {
         assert_eq!(ask(&mut served.host(), "frob"), "frob\r\n\rERR 32\r\n\r=> ");
     }
@@ -769,4 +770,76 @@ fn killed_hand_keeps_old_or_new_state() {
         last = found;
     }
     assert!(seen.len() > 2, "kills were at the same moment: {seen:?}");
+}
+
+/// What a host at a socket of its own gets in answer to a datagram.
+fn asked(socket: &UdpSocket, to: &str, question: &[u8]) -> Vec<u8> {
+    let mut answer = [0; 256];
+    socket.send_to(question, to).expect("sent");
+    let (len, _) = socket.recv_from(&mut answer).expect("an answer");
+    answer[..len].to_vec()
+}
+
+fn udp() -> UdpSocket {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    socket.set_read_timeout(Some(HANGS)).expect("a time-out");
+    socket
+}
+
+/// Garbage, commands that would configure or reset a device server, and a flood change nothing; answers stay bounded.
+#[test]
+fn hand_is_discovered_and_obeys_no_datagram() {
+    let served = Served::new(&[&TCP[..], &["--discovery", "127.0.0.1:0"]].concat(), 2);
+    let (place, socket) = (served.place("discovery"), udp());
+    let port: u16 = served.place("gcl").rsplit_once(':').expect("a port").1.parse().expect("a number");
+    let record = asked(&socket, place, &[0, 0, 0, 0xF8]);
+    assert_eq!((record.len(), &record[..8]), (124, &[0, 0, 0, 0xF9, 127, 0, 0, 1][..]));
+    assert_eq!(u16::from_le_bytes([record[24], record[25]]), port);
+    let mut rng = Pcg64Mcg::new(30718);
+    for length in 0..300 {
+        let mut datagram: Vec<u8> = (0..length).map(|_| rng.random()).collect();
+        if length >= 4 {
+            datagram[..4].copy_from_slice(&[
+                0,
+                0,
+                0,
+                *[0x03, 0xFA, 0xFB, 0xFC, 0xFD].get(length % 5).unwrap_or(&3),
+            ]);
+        }
+        socket.send_to(&datagram, place).expect("sent");
+    }
+    // None of them was answered: the next answer is that of the next question.
+    let firmware = asked(&socket, place, &[0, 0, 0, 0xF6]);
+    assert_eq!((firmware.len(), &firmware[..4]), (30, &[0, 0, 0, 0xF7][..]));
+    let mut host = served.host();
+    assert!(ask(&mut host, "VERS").contains("600"));
+    // 50 answers a second: a flood of 2,000 gets no more of them in the time of 10.
+    (0..2000).for_each(|_| _ = socket.send_to(&[0, 0, 0, 0xF6], place));
+    let begun = std::time::Instant::now();
+    (0..10).for_each(|_| _ = socket.recv_from(&mut [0; 64]).expect("an answer"));
+    assert!(begun.elapsed() >= Duration::from_millis(150), "{:?}", begun.elapsed());
+}
+
+/// A broadcast on this machine reaches all its hands. Another program may have the port; then there is nothing to see here.
+#[cfg(target_os = "linux")]
+#[test]
+fn broadcast_finds_every_hand() {
+    let served = [(); 2].map(|()| Served::new(&TCP, 1));
+    let socket = udp();
+    socket.set_broadcast(true).expect("broadcasts");
+    let ports: Vec<u16> = served
+        .iter()
+        .map(|hand| hand.place("gcl").rsplit_once(':').expect("a port").1.parse().expect("a number"))
+        .collect();
+    let mut found = Vec::new();
+    // Other tests have hands as well.
+    while !ports.iter().all(|port| found.contains(port)) {
+        if found.is_empty() {
+            socket.send_to(&[0, 0, 0, 0xF8], "127.255.255.255:30718").expect("sent");
+        }
+        let mut answer = [0; 256];
+        let (len, _) = socket.recv_from(&mut answer).expect("an answer");
+        assert_eq!(len, 124);
+        found.push(u16::from_le_bytes([answer[24], answer[25]]));
+    }
 }

@@ -6,6 +6,7 @@
 mod args;
 mod bus;
 pub mod can;
+mod discovery;
 pub mod event;
 mod hand;
 mod link;

@@ -23,6 +23,7 @@ use crate::world::plant::Model;
 use clap::ValueEnum;
 use god::Memory;
 
+use super::discovery;
 use super::event::{Clock, EVENTS, Event, NewClient, Protocol, SLICE_US, WAIT, bad};
 use super::link::{CHUNK, Link};
 use super::pace::Pace;
@@ -56,6 +57,13 @@ pub struct HandArgs {
     /// Serve the hand over TCP here; port 0 picks a free one. Prints `gcl HOST:PORT`. Default without --pty: 127.0.0.1:11001.
     #[arg(long, value_name = "HOST:PORT")]
     listen: Option<String>,
+    /// Answer hosts that look for hands here; port 0 picks a free one. Prints `discovery HOST:PORT`. Default with --listen: UDP port
+    /// 30718, for this machine alone if --listen is.
+    #[arg(long, value_name = "HOST:PORT", conflicts_with = "no_discovery")]
+    discovery: Option<String>,
+    /// Do not answer hosts that look for hands.
+    #[arg(long)]
+    no_discovery: bool,
     /// Create a pseudo-terminal for hosts that expect a serial port. Prints `pty PATH`.
     #[arg(long)]
     pty: bool,
@@ -98,7 +106,14 @@ pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
     let (sender, events) = sync_channel(EVENTS);
     let address = args.listen.as_deref().or((!args.pty).then_some(ADDRESS));
     if let Some(address) = address {
-        print(&format!("gcl {}\n", tcp::listen("--listen", address, Protocol::Gcl, sender.clone())?))?;
+        let gcl = tcp::listen("--listen", address, Protocol::Gcl, sender.clone())?;
+        // Before the line that tells hosts of the hand: it can be discovered from then on.
+        let asked =
+            (!args.no_discovery).then(|| discovery::answer_questions(args.discovery.as_deref(), &gcl));
+        print(&format!("gcl {gcl}\n"))?;
+        if let Some(address) = asked.transpose()?.flatten() {
+            print(&format!("discovery {address}\n"))?;
+        }
     }
     let terminal = args.pty.then(pty::open).transpose()?;
     if let Some((_, path)) = &terminal {
