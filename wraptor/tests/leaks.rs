@@ -74,6 +74,8 @@ fn in_time(
     });
     let outcome = outcome.recv_timeout(OVER).unwrap_or_else(|_| panic!("{name}, {cut:?}: no end in time"));
     thread.join().expect("it ends");
+    // The hand is dropped, while the other side of a cut cable still holds its end.
+    assert_eq!(left().0, 0, "{name}, {cut:?}: threads of the library");
     outcome.expect_err("the hand is gone").failure
 }
 
