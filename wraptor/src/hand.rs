@@ -315,15 +315,16 @@ impl Hand {
         let tips: String =
             fingers.bytes().filter(|byte| *byte != b'4').map(|byte| char::from(byte + 4)).collect();
         let all = format!("{fingers}{tips}");
-        self.set(fingers, Property::E, halls, deadline.remaining())?;
+        self.set(fingers, Property::E, halls, deadline.remaining()).map_err(of_step(limit))?;
         if !tips.is_empty() {
             let tip = halls * TIP_PER_LINK.0 / TIP_PER_LINK.1;
-            self.set(&tips, Property::E, tip, deadline.remaining())?;
+            self.set(&tips, Property::E, tip, deadline.remaining()).map_err(of_step(limit))?;
         }
-        self.set(&all, Property::MODE, ModeCode::Trapezoidal.into(), deadline.remaining())?;
+        self.set(&all, Property::MODE, ModeCode::Trapezoidal.into(), deadline.remaining())
+            .map_err(of_step(limit))?;
         let outcome = loop {
-            let modes = self.get(&all, Property::MODE, deadline.remaining())?;
-            let positions = self.get(&all, Property::P, deadline.remaining())?;
+            let modes = self.get(&all, Property::MODE, deadline.remaining()).map_err(of_step(limit))?;
+            let positions = self.get(&all, Property::P, deadline.remaining()).map_err(of_step(limit))?;
             let seen = Progress { elapsed: deadline.elapsed(), values: positions };
             if modes.iter().all(|(_, mode)| *mode != i64::from(ModeCode::Trapezoidal)) {
                 let _ = progress(&seen);
@@ -341,11 +342,13 @@ impl Hand {
             self.session.abort().map_err(failed)?;
             return Err(failed(failure));
         }
-        let ends = self.get(&all, Property::END, deadline.remaining())?;
+        let ends = self.get(&all, Property::END, deadline.remaining()).map_err(of_step(limit))?;
         let Some((node, end)) = ends.into_iter().find(|(_, end)| !matches!(end, 1 | 5)) else {
             return Ok(());
         };
-        let errors = self.get(&node.number().to_string(), Property::ERROR, deadline.remaining())?;
+        let errors = self
+            .get(&node.number().to_string(), Property::ERROR, deadline.remaining())
+            .map_err(of_step(limit))?;
         let fault = errors.first().and_then(|(_, code)| FaultCode::of(*code));
         Err(failed(Failure::NotReached { node, end, fault }))
     }
@@ -422,7 +425,7 @@ impl Hand {
             |failure| CallError { call: format!("wait for {nodes} {}={value}", name(property)), failure };
         let deadline = Deadline::after(limit);
         loop {
-            let values = self.get(nodes, property, deadline.remaining())?;
+            let values = self.get(nodes, property, deadline.remaining()).map_err(of_step(limit))?;
             let is_done = values.iter().all(|(_, found)| *found == value);
             let is_cancelled = progress(&Progress { elapsed: deadline.elapsed(), values }).is_break();
             match (is_done, is_cancelled) {
@@ -507,8 +510,8 @@ impl Hand {
     /// ERR 512: a flash does not take them.
     pub fn save_parameters(&mut self, limit: Duration) -> Result<(), CallError> {
         let deadline = Deadline::after(limit);
-        self.command("FSAVE", deadline.remaining())?;
-        self.command("PSAVE", deadline.remaining()).map(drop)
+        self.command("FSAVE", deadline.remaining()).map_err(of_step(limit))?;
+        self.command("PSAVE", deadline.remaining()).map(drop).map_err(of_step(limit))
     }
 
     /// Makes the hand ready for power-off: motors off, then positions and parameters are stored (SAVE).
@@ -517,6 +520,14 @@ impl Hand {
     /// The same.
     pub fn prepare_power_off(&mut self, limit: Duration) -> Result<(), CallError> {
         self.command("SAVE", limit).map(drop)
+    }
+}
+
+/// A step of a call had only what was left of the call's limit, which is what its error names.
+fn of_step(limit: Duration) -> impl Fn(CallError) -> CallError + Copy {
+    move |error| match error.failure {
+        Failure::TimedOut(_) => CallError { failure: Failure::TimedOut(limit), ..error },
+        _ => error,
     }
 }
 

@@ -6,12 +6,13 @@
 mod served;
 
 use std::fs;
+use std::ops::ControlFlow;
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
 use served::{Cut, HANGS, Proxy, Served};
-use wraptor::{Boards, CallError, Connect, Failure, Format, Hand, Property, no_progress};
+use wraptor::{Boards, Bus, CallError, Connect, Failure, Format, Hand, Node, Property, no_progress};
 
 /// Limit of each call.
 const LIMIT: Duration = Duration::from_millis(300);
@@ -113,4 +114,47 @@ fn lost_hand_ends_each_call_in_time_and_leaves_nothing() {
         drop((proxy, served));
         assert_eq!(left(), before, "exchange, {cut:?}: threads of the library, sockets");
     }
+    lost_bus_ends_a_motion();
+    serial_reader_ends_with_its_hand();
+    assert_eq!(left(), before, "threads of the library, sockets");
+}
+
+/// The bus dies during a motion.
+fn lost_bus_ends_a_motion() {
+    let served = Served::new(&["bus", "--node", "4", "--slcan", "127.0.0.1:0"], 1);
+    let mut bus = Bus::slcan(served.place("slcan"), HANGS).expect("connected");
+    let node = Node::new(4).expect("a node");
+    bus.wake(&[node], HANGS).expect("awake");
+    let (sender, outcome) = channel();
+    let process = served.process.clone();
+    let thread = thread::spawn(move || {
+        let outcome = bus.find_zero(node, HANGS, &mut |_| {
+            served::end(&process);
+            ControlFlow::Continue(())
+        });
+        let gone = bus.get(node, Property::P, LIMIT).expect_err("the bus is gone").failure;
+        let _ = sender.send((outcome.expect_err("the bus is gone").failure, gone));
+    });
+    let (during, after) = outcome.recv_timeout(OVER + HANGS).expect("an end");
+    thread.join().expect("it ends");
+    assert!(matches!(during, Failure::Lost(_)), "{during:?}");
+    assert!(matches!(after, Failure::Lost(_)), "{after:?}");
+    assert_eq!(left().0, 0, "threads of the library");
+}
+
+/// A serial port has no end of its own: nothing arrives while the hand is dropped.
+fn serial_reader_ends_with_its_hand() {
+    let served = Served::new(&["hand", "--pty", "--speed", "max"], 1);
+    let hand = Connect::serial(served.place("pty"), 9600).boards(Boards::Any).connect(HANGS);
+    let mut hand = hand.expect("connected");
+    let (sender, over) = channel();
+    let thread = thread::spawn(move || {
+        let before = hand.command("VERS", HANGS);
+        drop(hand);
+        let _ = sender.send(before.is_ok());
+    });
+    assert_eq!(over.recv_timeout(HANGS), Ok(true), "an end");
+    thread.join().expect("it ends");
+    assert_eq!(left().0, 0, "threads of the library");
+    drop(served);
 }

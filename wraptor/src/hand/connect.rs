@@ -131,16 +131,17 @@ fn find_prompt(session: &mut Session, deadline: &Deadline) -> Result<(), Cause> 
 }
 
 /// The cause of a call that failed during the connection.
-fn of_call(CallError { failure, .. }: CallError) -> Cause {
+fn of_call(CallError { failure, .. }: CallError, deadline: &Deadline) -> Cause {
     match failure {
-        Failure::TimedOut(limit) => Cause::Silent(limit),
+        Failure::TimedOut(_) => Cause::Silent(deadline.limit()),
         Failure::Lost(why) => Cause::HungUp(why),
         failure => Cause::NotAHand(failure.to_string()),
     }
 }
 
 fn version(hand: &mut Hand, deadline: &Deadline) -> Result<u16, Cause> {
-    let found = hand.command("VERS", deadline.remaining()).map_err(of_call)?.join(" ");
+    let found =
+        hand.command("VERS", deadline.remaining()).map_err(|error| of_call(error, deadline))?.join(" ");
     match found.parse() {
         Ok(version) if version >= FIRST_VERSION => Ok(version),
         _ => Err(Cause::WrongFirmware { found, expected: FIRST_VERSION }),
@@ -152,15 +153,15 @@ fn prepare(hand: &mut Hand, boards: Boards, deadline: &Deadline) -> Result<(), C
     if boards == Boards::Any {
         return Ok(());
     }
-    let mut states = hand.boards(deadline.remaining()).map_err(of_call)?;
+    let mut states = hand.boards(deadline.remaining()).map_err(|error| of_call(error, deadline))?;
     if boards == Boards::Wake && states.contains(&BoardState::Asleep) {
         // ERR 1: the states tell which.
         if let Err(error) = hand.wake(deadline.remaining())
             && !matches!(error.failure, Failure::Status(_))
         {
-            return Err(of_call(error));
+            return Err(of_call(error, deadline));
         }
-        states = hand.boards(deadline.remaining()).map_err(of_call)?;
+        states = hand.boards(deadline.remaining()).map_err(|error| of_call(error, deadline))?;
     }
     of_states(&states)
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use god::Status;
 use god::motors::Prefix;
 
-use super::{Hand, prefix};
+use super::{Hand, of_step, prefix};
 use crate::deadline::Deadline;
 use crate::error::{CallError, Failure};
 use crate::session::{ABORT, Session};
@@ -156,9 +156,11 @@ impl Hand {
                 "a prefix that names motors, such as 124 or X1234567".to_owned(),
             )));
         }
-        self.command(&format!("{prefix}FSET {}", format.parameters()), deadline.remaining())?;
+        self.command(&format!("{prefix}FSET {}", format.parameters()), deadline.remaining())
+            .map_err(of_step(limit))?;
         let temperature = u8::from(format.feeds_temperature);
-        self.command(&format!("PSET LFT {temperature} COMPAT 0"), deadline.remaining())?;
+        self.command(&format!("PSET LFT {temperature} COMPAT 0"), deadline.remaining())
+            .map_err(of_step(limit))?;
         match self.session.enter_realtime(&format!("{prefix}LOOP"), &deadline).map_err(failed)? {
             None => Ok(RealTime { session: &mut self.session, format, axes, call, is_over: false }),
             Some(answer) => Err(failed(Failure::Status(answer.status))),
