@@ -92,6 +92,13 @@ fn kind_and_hand_defaults_follow_the_nodes_of_a_hand_alone_and_on_an_arm() {
     for kind in kinds {
         assert_eq!(MotorKind::from_code(kind.code().into()), Some(kind));
     }
+    // Tables 1 and 2 of the manual: 55 GCL counts a hall count.
+    for (kind, gear, gcl) in
+        [(Link, 4900, [-1375, 18_590]), (Spread, 1828, [0, 9130]), (Tip, 3900, [-8690, 19_250])]
+    {
+        let range = kind.range_counts().map(|counts| 55 * i32::from(counts));
+        assert_eq!((kind.gear_hundredths(), range), (gear, gcl), "{kind:?}");
+    }
     assert_eq!([0, 4, -1].map(MotorKind::from_code), [None; 3]);
     for other in (8..=10).chain(18..=31) {
         assert_eq!(MotorKind::of(Node::new(other).expect("a node")), Link, "{other}");
