@@ -2,7 +2,7 @@
 
 mod served;
 
-use std::io::Write;
+use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::thread;
 use std::time::Duration;
@@ -182,4 +182,25 @@ fn watching_adapter_refuses_to_send() {
     let error = bus.get(nodes(&[4])[0], Property::P, SHORT).expect_err("it only watches");
     assert_eq!(error.failure, Failure::Refused);
     assert!(matches!(bus.require(&nodes(&[4]), SHORT), Err(ConnectError { cause: Cause::InUse(_), .. })));
+}
+
+/// An adapter without 1 Mbit/s, as CAN232 answers: BEL.
+#[test]
+fn adapter_without_the_bit_rate_is_named() {
+    let peer = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = peer.local_addr().expect("its address").to_string();
+    thread::spawn(move || {
+        let stream = peer.accept().expect("a host").0;
+        let mut out = stream.try_clone().expect("a second handle");
+        for line in BufReader::new(stream).split(b'\r').map_while(Result::ok) {
+            let answer: &[u8] = match &*line {
+                b"V" => b"V0100\r",
+                b"S8" => b"\x07",
+                _ => b"\r",
+            };
+            let _ = out.write_all(answer);
+        }
+    });
+    let error = Bus::slcan(&address, HANGS).map(|_| ()).expect_err("it refuses");
+    assert_eq!(error.cause, Cause::Refused("S8 (1 Mbit/s)".to_owned()));
 }
