@@ -813,11 +813,12 @@ fn hand_is_discovered_and_obeys_no_datagram() {
     assert_eq!((firmware.len(), &firmware[..4]), (30, &[0, 0, 0, 0xF7][..]));
     let mut host = served.host();
     assert!(ask(&mut host, "VERS").contains("600"));
-    // 50 answers a second: a flood of 2,000 gets no more of them in the time of 10.
+    // One answer in 20 ms: most of a flood is lost in the socket's buffer, and the hand works on.
     (0..2000).for_each(|_| _ = socket.send_to(&[0, 0, 0, 0xF6], place));
-    let begun = std::time::Instant::now();
-    (0..10).for_each(|_| _ = socket.recv_from(&mut [0; 64]).expect("an answer"));
-    assert!(begun.elapsed() >= Duration::from_millis(150), "{:?}", begun.elapsed());
+    socket.set_read_timeout(Some(Duration::from_secs(1))).expect("a time-out");
+    let answers = (0..2000).take_while(|_| socket.recv_from(&mut [0; 64]).is_ok()).count();
+    assert!((1..1000).contains(&answers), "{answers}");
+    assert!(ask(&mut host, "VERS").contains("600"));
 }
 
 /// A broadcast on this machine reaches all its hands. Another program may have the port; then there is nothing to see here.
