@@ -11,7 +11,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 11] = [
+const ARROWS: [Arrows; 12] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -56,6 +56,13 @@ const ARROWS: [Arrows; 11] = [
         package: "wraptor",
         ours: &["tater-wire", "god"],
         others: Some(&["rustix", "socket2 (dev)", "socketcan"]),
+    },
+    // The terminal program. god: the tables of commands and parameters. rustyline: entries with history and completion. ctrlc: ^C. rustix: a
+    // terminal, for tests.
+    Arrows {
+        package: "wraptor-cli",
+        ours: &["tater-wire", "god", "wraptor"],
+        others: Some(&["clap", "ctrlc", "rustix (dev)", "rustyline", "serde_json"]),
     },
     // board-emu gets the program as bytes: of ours it needs only the simulated world.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },

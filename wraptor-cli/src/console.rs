@@ -5,10 +5,11 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
+use god::boards::parse_report;
 use wraptor::discovery::EVERYWHERE;
 use wraptor::{
-    BoardState, Boards, CallError, Connect, DownloadProgress, Failure, Firmware, Found, Hand, Progress,
-    discover,
+    BoardState, Boards, CallError, Connect, DownloadProgress, Failure, Firmware, Found, Frame, Hand,
+    Progress, discover,
 };
 
 use crate::entry::{self, Entry, Motion};
@@ -134,7 +135,12 @@ impl Console {
         let limit = self.limit;
         let hand = self.hand()?;
         let outcome = during(|| hand.command_and_wait(line, limit, &mut until_interrupted));
-        outcome?.iter().try_for_each(|line| print(&format!("{line}\n")))
+        outcome?.iter().try_for_each(|line| print(&format!("{line}\n")))?;
+        // After `0 S REPLY 1` boards answer by packets.
+        while let Some(frame) = self.hand()?.receive(Duration::ZERO)? {
+            print(&text(&frame))?;
+        }
+        Ok(())
     }
 
     /// The walk-through's entries, one after the other.
@@ -162,6 +168,16 @@ impl Console {
         let answer = self.input.next(question)?;
         let ended = || Trouble::Input(format!("found the end, expected an answer to {question:?}"));
         parse(&answer.ok_or_else(ended)?).map_err(invalid)
+    }
+}
+
+/// A packet as the line that it would be, or as its bytes.
+fn text(frame: &Frame) -> String {
+    match parse_report(frame) {
+        Some((motor, property, value)) => {
+            format!("{} {}={value} (packet)\n", motor.number(), property.row().name)
+        }
+        None => format!("{:03X} {:02X?} (packet)\n", frame.raw_id(), frame.data()),
     }
 }
 

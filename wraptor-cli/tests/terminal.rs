@@ -91,6 +91,21 @@ fn walk_through_runs_as_printed() {
     assert!(screen.contains("=> X1234567FGET S\n0 0 0 0 0 0 0\n"), "{screen}");
 }
 
+/// Without HI it moves, and does not trust the positions that it saves.
+#[test]
+fn walk_through_without_homing_leaves_positions_untrusted() {
+    let state = folder("unhomed").join("hand.state");
+    let state = state.to_str().expect("text");
+    let hand = || Served::new(&["hand", "--listen", "127.0.0.1:0", "--speed", "max", "--state", state], 1);
+    let served = hand();
+    walk(served.place("gcl"));
+    drop(served);
+    let served = hand();
+    let (code, screen, error) = enter(&["--connect", served.place("gcl")], "WAKE\nX1234567FGET S\nHOME\n");
+    assert!(code == Some(1) && error.contains("HOME: ERR 4"), "{screen}{error}");
+    assert!(screen.contains("=> X1234567FGET S\n4 4 4 4 4 4 4\n"), "{screen}");
+}
+
 #[test]
 fn script_ends_at_its_first_trouble_and_says_where() {
     let served = Served::fast_hand();
@@ -108,6 +123,11 @@ fn script_ends_at_its_first_trouble_and_says_where() {
         ("help FSET\nhelp kp\n", 0, &["FSET <name> <value>", "KP: position gain (property"]),
         ("watch 14 STAT\n", 0, &["node            1       4\nSTAT            2       2"]),
         ("watch 14 STAT for 0\n", 0, &["STAT"]),
+        (
+            "WAKE\n0 S REPLY 1\n4 G VERS\n0 S REPLY 0\n4 G VERS\n",
+            0,
+            &["4 VERS=600 (packet)\n", "4 VERS=600\n"],
+        ),
         ("watch 8 P\n", 2, &["watch: found \"8\"", "1 to 7"]),
         ("download nowhere.tek 1\n", 2, &["nowhere.tek: cannot be read"]),
         ("disconnect\nVERS\n", 2, &["standard input:2: found no connection", "connect HOST:PORT"]),
