@@ -68,7 +68,7 @@ const ARROWS: [Arrows; 12] = [
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
     Arrows {
         package: "system-tests",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim", "board-emu"],
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim", "board-emu", "wraptor"],
         others: None,
     },
     Arrows {
