@@ -230,6 +230,50 @@ fn end_in_the_middle_of_a_command_aborts_it() {
     }
 }
 
+/// The program as a user who may do little, with `script` before it. The tests may run as root, which may do anything.
+#[cfg(target_os = "linux")]
+fn as_another_user(script: &str, args: &[&str]) -> (Option<i32>, String) {
+    use std::os::unix::fs::PermissionsExt;
+    use std::os::unix::process::CommandExt;
+    const NOBODY: u32 = 65_534;
+    // A folder that every user reaches.
+    let folder = std::env::temp_dir().join(format!("wraptor-{}-{}", std::process::id(), args.len()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let program = folder.join("wraptor");
+    std::fs::copy(env!("CARGO_BIN_EXE_wraptor"), &program).expect("a copy");
+    let port = folder.join("port");
+    std::fs::write(&port, "").expect("a file");
+    for (path, mode) in [(&folder, 0o755), (&program, 0o755), (&port, 0)] {
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).expect("our own");
+    }
+    let mut command = Command::new("sh");
+    command.args(["-c", script]).arg(&program).args(args).current_dir(&folder).stdin(Stdio::null());
+    let is_root =
+        std::fs::metadata("/proc/self").is_ok_and(|own| std::os::unix::fs::MetadataExt::uid(&own) == 0);
+    if is_root {
+        command.uid(NOBODY);
+    }
+    let output = command.output().expect("a shell");
+    let _ = std::fs::remove_dir_all(&folder);
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn port_of_others_and_a_machine_without_threads_are_named() {
+    let (code, error) = as_another_user("exec \"$0\" \"$@\"", &["--serial", "port"]);
+    assert!(
+        code == Some(2) && error.contains("port: not permitted: ") && error.contains("dialout"),
+        "{error}"
+    );
+    let served = Served::fast_hand();
+    let (code, error) = as_another_user(
+        "ulimit -u 0; exec \"$0\" \"$@\"",
+        &["--connect", served.place("gcl"), "--limit", "9"],
+    );
+    assert!(code == Some(2) && error.contains("the system refuses: ") && error.contains("next: "), "{error}");
+}
+
 /// A person at a terminal: completion, history, ^C, an error that does not end the session.
 #[cfg(target_os = "linux")]
 #[test]
