@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 use std::io::{self, IsTerminal};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use wraptor::{Hand, Property};
+use wraptor::{Deadline, Hand, Property};
 
 use crate::interrupt;
 use crate::output::print;
@@ -27,7 +27,7 @@ pub fn watch(
     time: Option<Duration>,
     is_typed: bool,
 ) -> Result<(), Trouble> {
-    let begun = Instant::now();
+    let end = Deadline::after(time.unwrap_or_default());
     let replaces = io::stdout().is_terminal();
     let mut first = true;
     loop {
@@ -35,7 +35,8 @@ pub fn watch(
         let up = if replaces && !first { format!("\x1b[{}A", table.lines().count()) } else { String::new() };
         first = false;
         print(&format!("{up}{table}"))?;
-        let is_over = time.map_or(!is_typed, |time| begun.elapsed() >= time);
+        // Without a time a person watches until ^C, and a script sees one table.
+        let is_over = end.is_over() && (time.is_some() || !is_typed);
         if is_over || interrupt::pressed() {
             return Ok(());
         }
