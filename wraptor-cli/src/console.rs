@@ -13,7 +13,7 @@ use wraptor::{
 };
 
 use crate::entry::{self, Entry, Motion};
-use crate::input::Input;
+use crate::input::{Input, Next};
 use crate::interrupt::{self, during};
 use crate::output::print;
 use crate::tables;
@@ -54,7 +54,15 @@ impl Console {
     /// # Errors
     /// The trouble that has ended a script, with its place.
     pub fn run(mut self) -> Result<u8, Trouble> {
-        while let Some(text) = self.input.next(PROMPT)? {
+        loop {
+            let text = match self.input.next(PROMPT)? {
+                Next::Entry(text) => text,
+                Next::Dropped => {
+                    self.abort();
+                    continue;
+                }
+                Next::End => break,
+            };
             let outcome = entry::parse(&text).map_err(invalid).and_then(|entry| match entry {
                 Entry::Quit => Ok(ControlFlow::Break(())),
                 entry => self.enter(entry).map(ControlFlow::Continue),
@@ -70,16 +78,21 @@ impl Console {
         Ok(self.code)
     }
 
+    /// ^C at the prompt stops motors that an entry has left moving, such as MODE 4.
+    fn abort(&mut self) {
+        if let Some(hand) = &self.hand {
+            // A lost connection shows at the next entry.
+            let _ = hand.canceller().cancel();
+        }
+    }
+
     /// Tells a person, or ends a script.
     fn trouble(&mut self, trouble: Trouble) -> Result<(), Trouble> {
         if trouble.is_lost() {
             self.hand = None;
         }
         if !self.input.is_typed() {
-            return Err(match trouble {
-                Trouble::Input(text) => Trouble::Input(format!("{}{text}", self.input.place())),
-                trouble => trouble,
-            });
+            return Err(Trouble::Script(self.input.place(), Box::new(trouble)));
         }
         eprintln!("{trouble}");
         // ^C is no trouble of a person's.
@@ -145,11 +158,12 @@ impl Console {
 
     /// The walk-through's entries, one after the other.
     fn ask(&mut self, motion: Motion) -> Result<(), Trouble> {
-        let fingers = self.answer("Motors: ", entry::fingers)?;
+        let Some(fingers) = self.answer("Motors: ", entry::fingers)? else { return Ok(()) };
         let position = match motion {
             Motion::Move => self.answer("Position: ", entry::position)?,
-            Motion::Close | Motion::Open => 0,
+            Motion::Close | Motion::Open => Some(0),
         };
+        let Some(position) = position else { return Ok(()) };
         let limit = self.limit;
         let hand = self.hand()?;
         during(|| match motion {
@@ -160,14 +174,17 @@ impl Console {
         Ok(())
     }
 
+    /// `None`: ^C drops the command.
     fn answer<T>(
         &mut self,
         question: &str,
         parse: impl FnOnce(&str) -> Result<T, String>,
-    ) -> Result<T, Trouble> {
-        let answer = self.input.next(question)?;
-        let ended = || Trouble::Input(format!("found the end, expected an answer to {question:?}"));
-        parse(&answer.ok_or_else(ended)?).map_err(invalid)
+    ) -> Result<Option<T>, Trouble> {
+        match self.input.next(question)? {
+            Next::Entry(text) => parse(&text).map(Some).map_err(invalid),
+            Next::Dropped => Ok(None),
+            Next::End => Err(invalid(format!("found the end, expected an answer to {question:?}"))),
+        }
     }
 }
 
@@ -226,7 +243,8 @@ pub fn list(found: &[Found]) -> String {
     if found.is_empty() {
         return "no hand answers\n".to_owned();
     }
-    let line = |found: &Found| format!("{}  {}\n", found.address, hardware(found).unwrap_or_default());
+    let line =
+        |found: &Found| format!("{}  {}\n", found.address, hardware(found).unwrap_or_else(|| "-".to_owned()));
     found.iter().map(line).collect()
 }
 

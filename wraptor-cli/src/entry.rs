@@ -155,7 +155,20 @@ fn watch(rest: &[&str]) -> Result<Entry, String> {
 /// # Errors
 /// What was found and expected.
 pub fn boards(of: &str, text: &str) -> Result<String, String> {
-    digits(text, '7').ok_or_else(|| format!("{of}: found {text:?}, expected boards from 1 to 7, such as 123"))
+    let listed = if text.contains(['-', ',']) { list(text) } else { Some(text.to_owned()) };
+    listed
+        .and_then(|text| digits(&text, '7'))
+        .ok_or_else(|| format!("{of}: found {text:?}, expected boards from 1 to 7, such as 123, 1-3 or 1,5"))
+}
+
+/// `1-3` and `1,5` as digits.
+fn list(text: &str) -> Option<String> {
+    let digit = |text: &str| text.trim().parse::<u8>().ok().filter(|node| (1..=7).contains(node));
+    let part = |part: &str| {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        Some((digit(first)?..=digit(last)?).map(|node| node.to_string()).collect::<String>())
+    };
+    text.split(',').map(part).collect()
 }
 
 /// Fingers, and 4 for the spread.
@@ -243,6 +256,10 @@ mod tests {
             assert!(fingers(text).is_err(), "{text:?}");
         }
         assert_eq!(fingers("1 3"), Ok("13".to_owned()));
+        assert_eq!(boards("--node", "1-3,5"), Ok("1235".to_owned()));
+        for text in ["3-1", "1-8", "1,1", "1-", ",", "-"] {
+            assert!(boards("--node", text).is_err(), "{text:?}");
+        }
         for text in ["", "far", "1.5", "32768", "99999999999999999999"] {
             assert!(position(text).is_err(), "{text:?}");
         }

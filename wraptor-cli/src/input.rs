@@ -1,7 +1,7 @@
 //! Entries: from a person with history and completion, or from a script, each with its place for errors.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, IsTerminal, Read};
+use std::io::{self, BufRead, BufReader, ErrorKind, IsTerminal, Read};
 use std::path::{Path, PathBuf};
 
 use rustyline::completion::{Completer, FilenameCompleter, Pair};
@@ -33,6 +33,14 @@ impl Completer for Tables {
     }
 }
 
+/// What comes next.
+pub enum Next {
+    Entry(String),
+    /// ^C: what was typed is dropped.
+    Dropped,
+    End,
+}
+
 /// Where entries come from.
 pub enum Input {
     Typed { editor: Box<Editor<Tables, FileHistory>>, history: Option<PathBuf> },
@@ -56,7 +64,8 @@ impl Input {
         }
         let mut editor = Editor::new().map_err(|error| unreadable("terminal", &error))?;
         editor.set_helper(Some(Tables(FilenameCompleter::new())));
-        let history = history();
+        // A pipe of that name would wait for its other end.
+        let history = history().filter(|path| !path.exists() || path.is_file());
         if let Some(path) = &history {
             // The first time there is none.
             let _ = editor.load_history(path);
@@ -76,21 +85,22 @@ impl Input {
         }
     }
 
-    /// The next entry; `None` at the end. Prints the prompt, and after it a script's entry.
+    /// The next entry. Prints the prompt, and after it a script's entry.
     ///
     /// # Errors
     /// The input cannot be read.
-    pub fn next(&mut self, prompt: &str) -> Result<Option<String>, Trouble> {
+    pub fn next(&mut self, prompt: &str) -> Result<Next, Trouble> {
         match self {
             Self::Typed { editor, .. } => match editor.readline(prompt) {
                 Ok(entry) => {
                     // A failure costs the history only.
                     let _ = editor.add_history_entry(&entry);
-                    Ok(Some(entry))
+                    Ok(Next::Entry(entry))
                 }
-                // ^C drops what was typed.
-                Err(ReadlineError::Interrupted) => Ok(Some(String::new())),
-                Err(ReadlineError::Eof) => Ok(None),
+                Err(ReadlineError::Interrupted) => Ok(Next::Dropped),
+                Err(ReadlineError::Eof) => Ok(Next::End),
+                // Bytes that are no text, which the editor has read.
+                Err(ReadlineError::Io(error)) if error.kind() == ErrorKind::InvalidData => Ok(Next::Dropped),
                 Err(error) => Err(unreadable("terminal", &error)),
             },
             Self::Script { lines, name, number } => {
@@ -99,7 +109,7 @@ impl Input {
                 let read = lines.by_ref().take(LONGEST).read_until(b'\n', &mut bytes);
                 read.map_err(|error| unreadable(name, &error))?;
                 if bytes.is_empty() {
-                    return Ok(None);
+                    return Ok(Next::End);
                 }
                 let entry = String::from_utf8(bytes).ok().filter(|entry| entry.len() < LONGEST as usize);
                 let entry = entry.ok_or_else(|| {
@@ -107,8 +117,8 @@ impl Input {
                     Trouble::Input(format!("{name}:{number}: {expected}\n  next: check that it is a script"))
                 })?;
                 let entry = entry.trim_end_matches(['\r', '\n']).trim_start_matches('\u{FEFF}').to_owned();
-                print(&format!("{prompt}{entry}\n"))?;
-                Ok(Some(entry))
+                print(&format!("{prompt}{}\n", visible(&entry)))?;
+                Ok(Next::Entry(entry))
             }
         }
     }
@@ -122,6 +132,11 @@ impl Drop for Input {
             let _ = editor.save_history(path);
         }
     }
+}
+
+/// Text without what a terminal obeys.
+fn visible(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect()
 }
 
 fn unreadable(name: &str, error: &dyn std::error::Error) -> Trouble {

@@ -15,6 +15,8 @@ pub enum Trouble {
     Call(CallError),
     /// An entry, a file or an argument.
     Input(String),
+    /// What ended a script, and where.
+    Script(String, Box<Self>),
 }
 
 impl Trouble {
@@ -34,6 +36,7 @@ impl Trouble {
                 _ => 2,
             },
             Self::Connect(_) | Self::Input(_) => 2,
+            Self::Script(_, trouble) => trouble.code(),
         }
     }
 
@@ -49,6 +52,7 @@ impl fmt::Display for Trouble {
             Self::Connect(error) => error.fmt(f),
             Self::Call(error) => error.fmt(f),
             Self::Input(text) => f.write_str(text),
+            Self::Script(place, trouble) => write!(f, "{place}{trouble}"),
         }
     }
 }

@@ -268,7 +268,7 @@ fn port_of_others_and_a_machine_without_threads_are_named() {
     );
     let served = Served::fast_hand();
     let (code, error) = as_another_user(
-        "ulimit -u 0; exec \"$0\" \"$@\"",
+        "exec prlimit --nproc=0 \"$0\" \"$@\"",
         &["--connect", served.place("gcl"), "--limit", "9"],
     );
     assert!(code == Some(2) && error.contains("the system refuses: ") && error.contains("next: "), "{error}");

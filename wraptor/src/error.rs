@@ -190,13 +190,13 @@ impl Failure {
     pub fn next_step(&self) -> String {
         match self {
             Self::Invalid(_) => "correct the argument; nothing was sent".to_owned(),
-            Self::TimedOut(_) => "give it more time, or see `faults` for what stopped a motor".to_owned(),
+            Self::TimedOut(_) => "give it a longer limit, or read the boards' ERROR (1234567 G ERROR) for what stopped a motor".to_owned(),
             Self::Lost(_) => "check power and cable, and connect again".to_owned(),
             Self::Cancelled => "motors stand or hold by HOLD; the next call may follow".to_owned(),
-            Self::Status(status) if status.has(Status::NOT_INITIALIZED) => "call init".to_owned(),
-            Self::Status(status) if status.has(Status::FAULT) => "see `faults`, then wake".to_owned(),
+            Self::Status(status) if status.has(Status::NOT_INITIALIZED) => "call init (HI)".to_owned(),
+            Self::Status(status) if status.has(Status::FAULT) => "read the boards' ERROR (1234567 G ERROR), then wake them (WAKE)".to_owned(),
             Self::Status(status) if status.has(Status::NO_BOARD) => {
-                "call wake; if it comes back, check the boards' power and CAN cable".to_owned()
+                "wake the boards (WAKE); if it comes back, check their power and CAN cable".to_owned()
             }
             Self::Status(_) => "correct the cause named above, and call again".to_owned(),
             Self::Silent(_) => "check the boards' power, the CAN cable and other hosts on the bus".to_owned(),

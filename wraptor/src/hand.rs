@@ -32,6 +32,9 @@ const NODES: &str = "1234567";
 /// Time between two readings of a property that is waited for.
 const POLL: Duration = Duration::from_millis(20);
 
+/// The same for a hand that answers late, or not at all.
+const ANSWER: Duration = Duration::from_secs(2);
+
 /// Time to switch packets off after a download that has used up its limit: one line there, one back, at 9600 baud.
 const RESTORE: Duration = Duration::from_millis(100);
 
@@ -202,7 +205,7 @@ impl Hand {
             return Err(failed(failure));
         }
         // Also after the limit: the next caller reads lines.
-        let restored = self.set_packets(false, RESTORE.max(deadline.remaining()));
+        let restored = self.set_packets(false, deadline.remaining().clamp(RESTORE, ANSWER));
         outcome.map_err(failed).and(restored)
     }
 

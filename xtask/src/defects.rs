@@ -12,7 +12,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::program::{root, target};
-use crate::{Failure, files};
+use crate::{Failure, files, outcome::say};
 use list::{Defect, Plant};
 use tree::Tree;
 use trial::{Found, Trial};
@@ -109,6 +109,6 @@ fn judge(defect: &Defect, found: &Found, seeds: u32) -> Result<(), String> {
 /// A line for a person who watches.
 fn progress(text: &str) {
     if std::io::stderr().is_terminal() {
-        eprintln!("{text}");
+        say(&format!("{text}"));
     }
 }

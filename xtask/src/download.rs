@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use wraptor::{Boards, Bus, CallError, Connect, ConnectError, DownloadProgress, Firmware, Hand, Node};
 
-use crate::{Failure, files, tek};
+use crate::{Failure, files, outcome::say, tek};
 
 /// Limit of a connection.
 const CONNECT: Duration = Duration::from_secs(5);
@@ -125,20 +125,20 @@ pub fn download(args: &DownloadArgs) -> Result<(), Failure> {
     let mut connected = connected?;
     let header = firmware.header();
     for &node in &args.node.0 {
-        eprintln!(
+        say(&format!(
             "node {}: version {}, {} bytes; ^C is harmless: the old application stays until the new one is whole",
             node.number(),
             header.version,
             header.len
-        );
+        ));
         let begun = Instant::now();
         run(&mut connected, node, &firmware)?;
-        eprintln!(
+        say(&format!(
             "node {}: version {} runs, after {:.1} s",
             node.number(),
             header.version,
             begun.elapsed().as_secs_f64()
-        );
+        ));
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use tater_wire::memory::STORAGE;
 
 use crate::image::{self, Profile};
 use crate::program::{program, run, succeeds, target, typed};
-use crate::{Failure, files};
+use crate::{Failure, files, outcome::say};
 
 const CHIP: &str = "STM32F103CB";
 
@@ -83,7 +83,7 @@ pub fn flash(args: &FlashArgs) -> Result<(), Failure> {
     }
     reach(probe(args, "reset"))?;
     let number = args.node.map_or_else(String::new, |node| format!(" as node {node}"));
-    eprintln!("flashed; the board waits in its monitor{number} for SET STAT 2");
+    say(&format!("flashed; the board waits in its monitor{number} for SET STAT 2"));
     Ok(())
 }
 
@@ -127,7 +127,7 @@ fn stored(args: &FlashArgs, values: &[String]) -> Result<Option<PathBuf>, Failur
     if bytes == found {
         return Ok(None);
     }
-    eprintln!("the storage as it was is kept in {}", kept.display());
+    say(&format!("the storage as it was is kept in {}", kept.display()));
     files::replace(&after, &bytes).map_err(Failure::Unusable)?;
     Ok(Some(after))
 }

@@ -37,7 +37,7 @@ mod tek;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use outcome::{Failure, Outcome};
+use outcome::{Failure, Outcome, say};
 
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask", about = "Tools for building, testing and flashing")]
@@ -147,6 +147,6 @@ fn main() -> ExitCode {
         Err(Failure::Judged(message)) => (message, 1),
         Err(Failure::Unusable(message)) => (message, 2),
     };
-    eprintln!("error: {message}");
+    say(&format!("error: {message}"));
     ExitCode::from(code)
 }

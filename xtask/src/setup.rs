@@ -1,6 +1,7 @@
 //! Installs what the checks need besides cargo.
 
 use crate::Outcome;
+use crate::outcome::say;
 use crate::program::{output, program, run, succeeds};
 
 pub const THUMB: &str = "thumbv7m-none-eabi";
@@ -43,6 +44,6 @@ fn fetch(what: &str, line: &str) -> Outcome {
              https://rustup.rs and then run `{line}`, or add {what} to this Rust by the means it came by."
         ));
     }
-    eprintln!("{what} is missing: {line}");
+    say(&format!("{what} is missing: {line}"));
     run(program(line)).map_err(|error| format!("{what} cannot be installed: {error}"))
 }

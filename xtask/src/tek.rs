@@ -13,7 +13,7 @@ use tater_wire::image::{self, HEADER_BYTES, Header};
 use tater_wire::memory::APPLICATION;
 use tater_wire::tek::{self, Dialect, Encoder, Record};
 
-use crate::{Failure, files};
+use crate::{Failure, files, outcome::say};
 pub use memory::ERASED;
 use memory::Memory;
 use records::{extent, open, records};
@@ -108,7 +108,7 @@ fn encode(input: &Path, base: Option<u32>, output: &Path, version: Option<u16>) 
     let sealed = header.map_or_else(String::new, |Header { crc, version, .. }| {
         format!(", sealed: version {version}, CRC-32 {crc:#010x}")
     });
-    eprintln!("{}: {}{sealed}", output.display(), extent(&memory));
+    say(&format!("{}: {}{sealed}", output.display(), extent(&memory)));
     Ok(())
 }
 
@@ -210,7 +210,7 @@ fn decode(file: &Path, output: &Path, unit: u64) -> Result<(), Failure> {
     files::replace(output, &bytes).map_err(Failure::Unusable)?;
     let entry = start.map_or_else(|| "no entry".to_owned(), |start| format!("entry {start:#010x}"));
     let words = if unit == 1 { String::new() } else { format!(", {unit} bytes at each address") };
-    eprintln!("{}: {} bytes, base {:#010x}, {entry}{words}", output.display(), bytes.len(), base / unit);
+    say(&format!("{}: {} bytes, base {:#010x}, {entry}{words}", output.display(), bytes.len(), base / unit));
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! The host's side of a download, without I/O and clock: frames in, frames out, time passed in.
 //!
-//! It resets the board into its monitor, starts numbered frames, or single characters if the board does not
+//! It resets a board that runs its application into its monitor, starts numbered frames, or single characters if the board does not
 //! know them, answers the board's requests, and wakes it. The file is sent as it is: verify it before.
 
 use core::fmt;
@@ -188,7 +188,7 @@ impl<'a> Downloader<'a> {
     /// Starts a download of a file to a board.
     #[must_use]
     pub fn new(node: Node, file: &'a [u8], now_us: u64) -> Self {
-        let mut this = Self {
+        Self {
             node,
             file,
             rest: Characters::new(file),
@@ -200,9 +200,7 @@ impl<'a> Downloader<'a> {
             deadline_us: now_us.saturating_add(RESET_US),
             poll_us: now_us,
             out: Deque::new(),
-        };
-        this.set(Property::STAT, 0);
-        this
+        }
     }
 
     /// Characters sent, and the total. After a repetition it may be less than before.
@@ -303,6 +301,8 @@ impl<'a> Downloader<'a> {
 
     fn stat(&mut self, stat: i64, now_us: u64) {
         match (self.phase, stat) {
+            // In its monitor, perhaps in the download of a host that is gone, which SET VERS ends. A reset from here could not be told from
+            // one that is still to come, and would drop SET VERS.
             (Phase::Reset(_), 0) => self.begin(START_NUMBERED, now_us),
             (Phase::Reset(_), stat) => {
                 self.phase = Phase::Reset(Some(stat));

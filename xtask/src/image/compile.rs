@@ -10,6 +10,7 @@ use std::process::Command;
 
 use super::Profile;
 use crate::Failure;
+use crate::outcome::say;
 use crate::program::{output, program, run};
 use crate::setup::THUMB;
 
@@ -43,7 +44,7 @@ pub fn compile(checkout: &Path, build: &Path, profile: Profile) -> Result<Linked
     let left_out = left_out();
     if !left_out.is_empty() {
         let names = left_out.join(", ");
-        eprintln!("not used, so that the same commit gives the same image anywhere: {names}");
+        say(&format!("not used, so that the same commit gives the same image anywhere: {names}"));
     }
     let flags = flags(checkout, build)?;
     for name in ["monitor", "tater"] {

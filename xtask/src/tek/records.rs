@@ -8,7 +8,7 @@ use std::path::Path;
 use tater_wire::tek::{Dialect, Reader, Record, TekError, TekErrorKind};
 
 use super::memory::Memory;
-use crate::{Failure, files};
+use crate::{Failure, files, outcome::say};
 
 pub fn open(path: &Path) -> Result<BufReader<File>, Failure> {
     File::open(path).map(BufReader::new).map_err(|error| files::unreadable(path, &error))
@@ -64,10 +64,10 @@ pub fn records(
                 Err(TekError { kind: TekErrorKind::NoEnd, .. })
                     if dialect == Dialect::Gnu && line > 0 && last_byte == b'\n' =>
                 {
-                    eprintln!(
+                    say(&format!(
                         "warning: {place}: found no termination record, expected one after {line} records: srec_cat writes none, and a \
                          file that is cut between two records has none; compare its length with the original"
-                    );
+                    ));
                     Ok(false)
                 }
                 Err(error) => Err(damaged(error)),

@@ -232,7 +232,18 @@ fn late_frames_and_frames_of_others_change_nothing() {
         host.receive(&frame, 1);
     }
     let first: Vec<Next> = (0..3).map(|_| host.next(2)).collect();
-    let set = Message::set(Destination::Node(toy.node), Property::STAT, 0).expect("fits").frame();
     let get = Message::get(Destination::Node(toy.node), Property::STAT).frame();
-    assert_eq!(first, [Next::Send(set), Next::Send(get), Next::Wait(2 + POLL_US)]);
+    assert_eq!(first, [Next::Send(get), Next::Wait(2 + POLL_US), Next::Wait(2 + POLL_US)]);
+}
+
+/// SET VERS ends the download of a host that is gone. A reset would drop SET VERS, and single characters would take ten times as long.
+#[test]
+fn board_in_its_monitor_is_not_reset() {
+    let mut toy = Toy { stat: Some(0), ..Toy::new(&[START, START_NUMBERED]) };
+    assert_eq!(toy.download().0, Ok(()));
+    let reset = Message::set(Destination::Node(toy.node), Property::STAT, 0).expect("fits").frame();
+    assert!(toy.numbered && !toy.heard.contains(&reset));
+    let mut awake = Toy::new(&[START, START_NUMBERED]);
+    assert_eq!(awake.download().0, Ok(()));
+    assert!(awake.numbered && awake.heard.contains(&reset));
 }
