@@ -75,9 +75,9 @@ fn simulator(line: &str) -> Result<impl Fn(&str) -> Result<f64, String> + use<>,
 /// ticks once and twice; the difference cancels the rest. `null` without valgrind.
 fn tick_instructions() -> Result<Value, String> {
     if !succeeds("valgrind --version") {
-        say(&format!(
-            "tick_instructions_host is null: valgrind is not installed. Debian, Ubuntu: apt-get install valgrind"
-        ));
+        say(
+            "tick_instructions_host is null: valgrind is not installed. Debian, Ubuntu: apt-get install valgrind",
+        );
         return Ok(Value::Null);
     }
     let (_, once) = count(1)?;

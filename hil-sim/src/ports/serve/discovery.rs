@@ -24,6 +24,10 @@ const PORT: u16 = 30718;
 /// Where the broadcasts of this machine's own network arrive, and no unicast does.
 const LOOPBACK_BROADCAST: Ipv4Addr = Ipv4Addr::new(127, 255, 255, 255);
 
+/// Bytes of questions that wait, with the kernel's own: some ten. After a flood the next question waits for no more answers than these.
+#[cfg(unix)]
+const WAITING: usize = 4096;
+
 /// Time between two answers: 50 a second at most, whoever asks. What does not fit into the socket's buffer meanwhile is lost, as UDP may.
 const BETWEEN: Duration = Duration::from_millis(20);
 
@@ -113,6 +117,8 @@ fn bind_shared(address: SocketAddrV4) -> io::Result<UdpSocket> {
 
 /// Ends with the program.
 fn serve(socket: UdpSocket, gcl: SocketAddrV4) -> io::Result<()> {
+    #[cfg(unix)]
+    rustix::net::sockopt::set_socket_recv_buffer_size(&socket, WAITING)?;
     thread::start(move || {
         let mut datagram = [0; QUESTION + 1];
         loop {
