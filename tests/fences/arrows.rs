@@ -69,12 +69,12 @@ const ARROWS: [Arrows; 11] = [
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim"],
         others: None,
     },
-    // xtask is compiled first on a new machine: few dependencies, the rest by `cargo run`. tater-wire: images
-    // and downloads. kinematics: robot models. indicatif: progress. object, rustc-demangle: ELF. socketcan: CAN interfaces of Linux.
+    // xtask is compiled first on a new machine: few dependencies, the rest by `cargo run`. tater-wire: images.
+    // wraptor: downloads. kinematics: robot models. indicatif: progress. object, rustc-demangle: ELF.
     Arrows {
         package: "xtask",
-        ours: &["tater-wire", "kinematics"],
-        others: Some(&["clap", "indicatif", "object", "rustc-demangle", "serde_json", "socketcan"]),
+        ours: &["tater-wire", "kinematics", "wraptor"],
+        others: Some(&["clap", "indicatif", "object", "rustc-demangle", "serde_json"]),
     },
 ];
 

@@ -6,11 +6,14 @@ use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use tater_wire::download::DownloadError;
 use tater_wire::property::Access;
 use tater_wire::{Body, Cmd, Destination, FaultCode, Frame, Group, Message, ModeCode, Node, Property};
 
 use crate::deadline::Deadline;
+use crate::download::{self, Link, OnDownload};
 use crate::error::{CallError, Cause, ConnectError, Failure};
+use crate::firmware::Firmware;
 use crate::hand::{BoardState, Hand, OnProgress, Progress, name, settable};
 use crate::port::{Event, Port};
 use crate::slcan::Slcan;
@@ -340,6 +343,34 @@ impl Bus {
         }
     }
 
+    /// Downloads firmware to a board and waits until it runs (docs/download.md): some 8 s. The board goes into its monitor by itself.
+    ///
+    /// # Errors
+    /// [`Failure::Download`]; cancelled, or not done within the limit; [`Failure::Refused`]; those of every call. The board then has its old
+    /// application.
+    pub fn download(
+        &mut self,
+        node: Node,
+        firmware: &Firmware,
+        limit: Duration,
+        progress: OnDownload,
+    ) -> Result<(), CallError> {
+        self.set_refused(false);
+        let deadline = Deadline::after(limit);
+        let outcome = download::download(self, node, firmware, &deadline, progress);
+        let failure = match outcome {
+            Ok(()) => return Ok(()),
+            // No board has answered, and the adapter has sent nothing.
+            Err(Failure::Download { error: DownloadError::NoBoard { .. }, .. })
+                if self.set_refused(false) =>
+            {
+                Failure::Refused
+            }
+            Err(failure) => failure,
+        };
+        Err(CallError { call: format!("download to node {}", node.number()), failure })
+    }
+
     /// The latched fault of a board.
     ///
     /// # Errors
@@ -358,6 +389,16 @@ impl Bus {
             Some(message) => self.send(&message.frame(), limit),
             None => Ok(()),
         }
+    }
+}
+
+impl Link for Bus {
+    fn send(&mut self, frame: &Frame, deadline: &Deadline) -> Result<(), Failure> {
+        self.try_send(frame, deadline)
+    }
+
+    fn receive(&mut self, deadline: &Deadline) -> Result<Option<Frame>, Failure> {
+        self.try_receive(deadline)
     }
 }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use god::Status;
 use god::status;
+use tater_wire::download::DownloadError;
 use tater_wire::{FaultCode, Node};
 
 /// A hand, adapter or bus that cannot be used.
@@ -88,7 +89,9 @@ impl Cause {
             Self::BusNotAcknowledged => {
                 "check the hand's motor supply, the CAN cable, its termination and the bit rate of 1 Mbit/s"
             }
-            Self::Refused(_) => "use an adapter that speaks SLCAN at 1 Mbit/s",
+            Self::Refused(_) => {
+                "end other programs that use the adapter, switch it off and on; or use one that can do 1 Mbit/s"
+            }
             Self::System(_) => "end other programs, or raise the limit",
         }
     }
@@ -170,6 +173,13 @@ pub enum Failure {
         /// The fault, if one stopped it.
         fault: Option<FaultCode>,
     },
+    /// A download ended without the new application. The old one is there, unless the error says otherwise.
+    Download {
+        /// The board.
+        node: Node,
+        /// Why.
+        error: DownloadError,
+    },
     /// The other side sent what the protocol does not allow. Holds the beginning.
     Unexpected(String),
 }
@@ -191,13 +201,16 @@ impl Failure {
             Self::Status(_) => "correct the cause named above, and call again".to_owned(),
             Self::Silent(_) => "check the boards' power, the CAN cable and other hosts on the bus".to_owned(),
             Self::Refused => {
-                "end the bus's other host (a hand's GOD is one): through it, use Hand".to_owned()
+                "check that a board is on the bus, since the adapter's queue stays full while nobody acknowledges; end the bus's other \
+                 host (a hand's GOD is one: through it, use Hand)"
+                    .to_owned()
             }
             Self::NotTaken { .. } => {
                 "see docs/properties.md for range and access; a sleeping board obeys few properties"
                     .to_owned()
             }
             Self::NotReached { fault: Some(fault), .. } => fault.row().next.to_owned(),
+            Self::Download { error, .. } => error.next_step().to_owned(),
             Self::NotReached { .. } => "see docs/servo.md for the reason, and call again".to_owned(),
             Self::Unexpected(_) => "connect again; report it if it comes back".to_owned(),
         }
@@ -226,6 +239,7 @@ impl fmt::Display for Failure {
                 write!(f, "node {}: {reason}", node.number())?;
                 fault.map_or(Ok(()), |fault| write!(f, ": {}", fault.row().cause))
             }
+            Self::Download { node, error } => write!(f, "node {}: {error}", node.number()),
             Self::Unexpected(received) => write!(f, "received {received:?}"),
         }
     }

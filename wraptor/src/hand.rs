@@ -13,7 +13,9 @@ use tater_wire::property::Access;
 use tater_wire::{FaultCode, Frame, Node, Property};
 
 use crate::deadline::Deadline;
+use crate::download::{self, Link, OnDownload};
 use crate::error::{CallError, Failure};
+use crate::firmware::Firmware;
 use crate::port::Out;
 use crate::session::{ABORT, Session};
 
@@ -29,6 +31,9 @@ const NODES: &str = "1234567";
 
 /// Time between two readings of a property that is waited for.
 const POLL: Duration = Duration::from_millis(20);
+
+/// Time to switch packets off after a download that has used up its limit: one line there, one back, at 9600 baud.
+const RESTORE: Duration = Duration::from_millis(100);
 
 /// What a call that waits has seen.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -151,11 +156,8 @@ impl Hand {
     /// # Errors
     /// It is not taken within the limit.
     pub fn send(&mut self, frame: &Frame, limit: Duration) -> Result<(), CallError> {
-        let [high, low] = frame.raw_id().to_be_bytes();
-        let len = u8::try_from(frame.data().len()).unwrap_or(0);
-        let packet = [&[high, low, len], frame.data()].concat();
         let failed = |failure| CallError { call: "send".to_owned(), failure };
-        self.session.write(&packet, &Deadline::after(limit)).map_err(failed)
+        self.session.write(&packet(frame), &Deadline::after(limit)).map_err(failed)
     }
 
     /// Switches answers of boards to packets, which [`Self::receive`] returns, or back to lines.
@@ -173,6 +175,35 @@ impl Hand {
     pub fn receive(&mut self, limit: Duration) -> Result<Option<Frame>, CallError> {
         let failed = |failure| CallError { call: "receive".to_owned(), failure };
         self.session.frame(&Deadline::after(limit)).map_err(failed)
+    }
+
+    /// Downloads firmware to boards, one after the other, as packets (the manual's downloadFirmware), and waits until each runs it. `nodes` is
+    /// of the digits 1 to 7; the limit is for all of them. Boards go into their monitors by themselves; connect with [`Boards::Any`], since
+    /// those without an application do not wake.
+    ///
+    /// # Errors
+    /// [`Failure::Download`] names the board; cancelled, or not done within the limit; those of every call. That board has its old application,
+    /// those before it the new one, those after it are untouched.
+    pub fn download(
+        &mut self,
+        nodes: &str,
+        firmware: &Firmware,
+        limit: Duration,
+        progress: OnDownload,
+    ) -> Result<(), CallError> {
+        let failed = |failure| CallError { call: format!("download to {nodes}"), failure };
+        let deadline = Deadline::after(limit);
+        let wanted = self::nodes(nodes).map_err(failed)?;
+        self.set_packets(true, deadline.remaining()).map_err(of_step(limit))?;
+        let outcome = wanted
+            .into_iter()
+            .try_for_each(|node| download::download(self, node, firmware, &deadline, progress));
+        if let Err(failure @ Failure::Lost(_)) = outcome {
+            return Err(failed(failure));
+        }
+        // Also after the limit: the next caller reads lines.
+        let restored = self.set_packets(false, RESTORE.max(deadline.remaining()));
+        outcome.map_err(failed).and(restored)
     }
 
     /// Wakes all motor boards (WAKE), up to 1.5 s.
@@ -457,6 +488,23 @@ impl Hand {
     pub fn prepare_power_off(&mut self, limit: Duration) -> Result<(), CallError> {
         self.command("SAVE", limit).map(drop)
     }
+}
+
+impl Link for Hand {
+    fn send(&mut self, frame: &Frame, deadline: &Deadline) -> Result<(), Failure> {
+        self.session.write(&packet(frame), deadline)
+    }
+
+    fn receive(&mut self, deadline: &Deadline) -> Result<Option<Frame>, Failure> {
+        self.session.frame(deadline)
+    }
+}
+
+/// A frame as a packet: identifier, number of bytes, bytes (manual 1.4).
+fn packet(frame: &Frame) -> Vec<u8> {
+    let [high, low] = frame.raw_id().to_be_bytes();
+    let len = u8::try_from(frame.data().len()).unwrap_or(0);
+    [&[high, low, len], frame.data()].concat()
 }
 
 /// A step of a call had only what was left of the call's limit, which is what its error names.

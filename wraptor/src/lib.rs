@@ -7,6 +7,9 @@
 //! |---|---|
 //! | [`hand`] | [`Hand`]: connect, commands, motions, parameters, properties, RealTime |
 //! | [`bus`] | [`Bus`]: motor boards over SLCAN, a CAN interface, or packets through a hand |
+//! | [`discovery`] | hands in the network |
+//! | [`firmware`] | a `.tek` file, checked |
+//! | [`download`] | how far a download has come |
 //! | `error` | [`ConnectError`], [`CallError`] |
 //! | `session`, `slcan`, `port`, `deadline` | lines, adapters, connections, time; from the top down |
 //!
@@ -26,14 +29,20 @@
 
 pub mod bus;
 mod deadline;
+pub mod discovery;
+pub mod download;
 mod error;
+pub mod firmware;
 pub mod hand;
 mod port;
 mod session;
 mod slcan;
 
 pub use bus::Bus;
+pub use discovery::{Found, discover};
+pub use download::DownloadProgress;
 pub use error::{CallError, Cause, ConnectError, Failure};
+pub use firmware::{Firmware, FirmwareError};
 pub use hand::{
     Axis, BoardState, Boards, Canceller, Connect, Control, Feedback, Format, Hand, Progress, RealTime,
     Statistics, no_progress,

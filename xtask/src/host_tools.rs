@@ -6,6 +6,8 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+use tater_wire::Node;
+
 use crate::program::{output, program, root, run, target, typed};
 use crate::{Outcome, download, python, tek};
 
@@ -30,6 +32,9 @@ const LEAST_TCP: &str = "80";
 const LEAST_SERIAL: &str = "35";
 const BAUD: &str = "38400";
 
+/// The board of the spread.
+const SPREAD: Node = Node::new(4).expect("0 to 31");
+
 /// # Errors
 /// The failed check with a command to repeat it, or the missing tool.
 pub fn check() -> Outcome {
@@ -43,7 +48,7 @@ pub fn check() -> Outcome {
     let board = Served::new("bus --node 4 --slcan 127.0.0.1:0")?;
     let address = board.place("slcan")?;
     let file = application()?;
-    download::download(&download::DownloadArgs::new(file, 4, address)).map_err(String::from)?;
+    download::download(&download::DownloadArgs::new(file, SPREAD, address)).map_err(String::from)?;
     script("spread_move", &[address])?;
     drop(board);
     let hand = Served::new(GRASP)?;

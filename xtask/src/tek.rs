@@ -17,7 +17,7 @@ use crate::{Failure, files};
 pub use memory::ERASED;
 use memory::Memory;
 use records::{extent, open, records};
-pub use verify::sealed;
+pub use verify::defect;
 
 /// Text of a dump that is printed at once, bytes.
 const PIECE: usize = 1 << 16;

@@ -74,36 +74,41 @@ pub enum DownloadError {
     NotStarted,
 }
 
+impl DownloadError {
+    /// The next step of a user.
+    #[must_use]
+    pub fn next_step(&self) -> &'static str {
+        match *self {
+            Self::NoBoard { .. } => {
+                "check its number, the cable and the power; GET STAT to nodes 1 to 31 finds all boards"
+            }
+            Self::NotReset { .. } => "switch it off and on",
+            Self::NoRequest => "read its ERROR, switch it off and on",
+            Self::Gone { .. } => {
+                "check the cable and the power, and download again; the old application is still there"
+            }
+            Self::Refused { error } => FaultCode::of(error).map_or("download again", |code| code.row().next),
+            Self::NotStarted => "read STAT and ERROR, and download again",
+        }
+    }
+}
+
 impl fmt::Display for DownloadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::NoBoard { node } => write!(
-                f,
-                "no board of node {} answers\n  next: check its number, the cable and the power; GET STAT to nodes 1 to 31 \
-                 finds all boards",
-                node.number()
-            ),
+            Self::NoBoard { node } => write!(f, "no board of node {} answers", node.number()),
             Self::NotReset { stat } => {
-                write!(f, "the board stays out of its monitor: found STAT {stat}, expected 0\n  next: switch it off and on")
+                write!(f, "the board stays out of its monitor: found STAT {stat}, expected 0")
             }
-            Self::NoRequest => f.write_str(
-                "the board is in its monitor, but does not ask for the file\n  next: read its ERROR, switch it off and on",
-            ),
-            Self::Gone { sent, len } => write!(
-                f,
-                "the board has stopped asking after {sent} of {len} characters\n  next: check the cable and the power, and \
-                 download again; the old application is still there"
-            ),
+            Self::NoRequest => f.write_str("the board is in its monitor, but does not ask for the file"),
+            Self::Gone { sent, len } => {
+                write!(f, "the board has stopped asking after {sent} of {len} characters")
+            }
             Self::Refused { error } => match FaultCode::of(error) {
-                Some(code) => {
-                    let row = code.row();
-                    write!(f, "ERROR {error} ({}): {}\n  next: {}", row.name, row.cause, row.next)
-                }
-                None => write!(f, "found ERROR {error}, which is none that is known\n  next: download again"),
+                Some(code) => write!(f, "ERROR {error} ({}): {}", code.row().name, code.row().cause),
+                None => write!(f, "found ERROR {error}, which is none that is known"),
             },
-            Self::NotStarted => f.write_str(
-                "the board has taken the file, but does not start it\n  next: read STAT and ERROR, and download again",
-            ),
+            Self::NotStarted => f.write_str("the board has taken the file, but does not start it"),
         }
     }
 }

@@ -34,7 +34,7 @@ fn agree(folder: &Path) -> Result<(), Failure> {
     let (file, decoded) = (folder.join("tater.tek"), folder.join("decoded.bin"));
     // Also checks line lengths and characters.
     tek::tek(&tek::Chore::Verify { file: file.clone() })?;
-    tek::sealed(&file, &files::read(&file)?)?;
+    wraptor::Firmware::new(files::read(&file)?).map_err(|error| tek::defect(&file, &error))?;
     tek::tek(&tek::Chore::Decode { file: file.clone(), output: decoded.clone(), bytes_per_address: 1 })?;
     let flat = files::read(&folder.join("tater.bin"))?;
     same(&file, &files::read(&decoded)?, &flat)?;

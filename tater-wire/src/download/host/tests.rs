@@ -194,10 +194,10 @@ fn board_of_single_characters_is_asked_nothing_that_it_could_take_for_one() {
 }
 
 #[test]
-fn failure_text_has_a_next_step() {
+fn failure_has_a_cause_and_a_next_step() {
     let failed = |mut toy: Toy| {
         let error = toy.download().0.expect_err("it cannot succeed");
-        assert!(error.to_string().contains("next: "), "{error}");
+        assert!(!error.next_step().is_empty() && !error.to_string().contains("next"), "{error}");
         error
     };
     let node = Node::new(4).expect("a node");
