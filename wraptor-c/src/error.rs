@@ -35,8 +35,10 @@ pub enum wraptor_error {
     WRAPTOR_FILE = 11,
     /// What was received is not of the protocol, or a board does not do what it was told.
     WRAPTOR_UNEXPECTED = 12,
+    /// A download ended without the new application.
+    WRAPTOR_DOWNLOAD = 13,
     /// A defect of this library. The connection is closed.
-    WRAPTOR_INTERNAL = 13,
+    WRAPTOR_INTERNAL = 14,
 }
 
 /// Why a call failed, with its text.
@@ -75,6 +77,7 @@ impl From<CallError> for Problem {
             Failure::Status(_) => wraptor_error::WRAPTOR_STATUS,
             Failure::Silent(_) => wraptor_error::WRAPTOR_NO_ANSWER,
             Failure::NotReached { .. } => wraptor_error::WRAPTOR_NOT_REACHED,
+            Failure::Download { .. } => wraptor_error::WRAPTOR_DOWNLOAD,
             _ => wraptor_error::WRAPTOR_UNEXPECTED,
         };
         let status = match error.failure {

@@ -1,4 +1,4 @@
-//! The nineteen functions of the manual's section 7, and what closes and cancels a connection.
+//! Functions of the manual's section 7, and what closes and cancels a connection.
 //!
 //! Nodes are digits: 1 to 4 fingers and spread, where a function speaks of fingers, else boards 1 to 7. Limits are in ms; `WRAPTOR_ENDLESS` waits
 //! for ever.

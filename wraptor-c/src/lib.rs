@@ -5,7 +5,8 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`functions`] | the nineteen functions, and what ends or cancels a connection |
+//! | [`functions`] | seventeen of the nineteen functions, and what ends or cancels a connection |
+//! | [`network`] | the other two: hands in the network, firmware |
 //! | [`realtime`] | RealTime |
 //! | [`thread`] | threads for the compatibility header |
 //! | `border` | from a call of C to a call of a hand: arguments, panics |
@@ -16,6 +17,7 @@
 mod border;
 pub mod error;
 pub mod functions;
+pub mod network;
 pub mod property;
 pub mod realtime;
 mod slot;
