@@ -3,7 +3,7 @@
 #[path = "../../wraptor/tests/served/mod.rs"]
 mod served;
 
-use std::ffi::{CStr, CString, c_int};
+use std::ffi::{CStr, CString, c_int, c_long};
 use std::ptr::{null, null_mut};
 use std::thread;
 
@@ -59,10 +59,10 @@ fn get(hand: isize, nodes: &str, property: c_int, limit_ms: u32) -> (wraptor_err
     (error, values)
 }
 
-fn listed(node: usize, property: c_int) -> i64 {
+fn listed(node: usize, property: c_int) -> c_long {
     // SAFETY: the list has so many rows and columns, and lives as long as the program.
     let list = unsafe { std::slice::from_raw_parts(wraptor_property_list(), WRAPTOR_NODES) };
-    list[node][usize::try_from(property).expect("a column")].into()
+    list[node][usize::try_from(property).expect("a column")]
 }
 
 #[test]
