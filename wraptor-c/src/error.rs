@@ -109,12 +109,14 @@ pub(crate) fn keep(outcome: Result<(), Problem>) -> wraptor_error {
 }
 
 /// Cause and next step of the last call of this thread, in English; empty if it succeeded. Valid until this thread's next call.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_error_text() -> *const c_char {
     LAST.with_borrow(|last| last.0.as_ptr())
 }
 
 /// The number after ERR that the hand answered to the last call of this thread; 0 if there was none.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_error_status() -> c_int {
     LAST.with_borrow(|last| last.1.into())

@@ -223,6 +223,7 @@ static LIST: [[Value; WRAPTOR_PROPERTIES]; WRAPTOR_NODES] =
 /// The list of the last known values of all boards, `list[node][property]` with nodes 1 to 7 (the manual's propertyList). Every function that reads
 /// a property stores it here, and so does a report that the hand prints unasked. One list for all connections; other threads may change it at
 /// any time, one value at once.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_property_list() -> *const [c_long; WRAPTOR_PROPERTIES] {
     LIST.as_ptr().cast()

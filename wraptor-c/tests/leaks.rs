@@ -44,6 +44,10 @@ type Call = fn(isize) -> wraptor_error;
 
 const ONE: *const c_char = c"1".as_ptr();
 
+/// A control loop without an end.
+///
+/// # Safety
+/// None is needed: it looks at nothing.
 unsafe extern "C" fn goes_on(
     _: *mut c_void,
     _: u64,
@@ -57,7 +61,7 @@ unsafe extern "C" fn goes_on(
 
 /// Each function with the bytes at which the connection is cut.
 fn calls() -> [(&'static str, &'static [u8], Call); 11] {
-    // SAFETY, of each: strings and NULL where it is allowed.
+    // SAFETY: of each: strings, and NULL where it is allowed.
     [
         ("command", b"PLIST\r", |hand| unsafe {
             wraptor_command(hand, c"PLIST".as_ptr(), null_mut(), 0, LIMIT)
@@ -193,6 +197,9 @@ fn connect_ends(cut: Cut) {
 }
 
 /// The Listener of the compatibility header.
+///
+/// # Safety
+/// None is needed: its argument is a number.
 unsafe extern "C" fn listen(hand: *mut c_void) -> u32 {
     u32::from(wraptor_listener(hand as isize, WRAPTOR_ENDLESS) != WRAPTOR_OK)
 }
