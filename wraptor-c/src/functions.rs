@@ -7,12 +7,12 @@ use std::ffi::{c_char, c_int};
 use std::time::Duration;
 
 use tater_wire::Property;
-use wraptor::{Boards, Connect};
+use wraptor::{Boards, Connect, Deadline};
 
 use crate::border::{border, deadline, process, property_of, store, store_text, text, with_hand};
 use crate::error::{Problem, wraptor_error};
 use crate::property;
-use crate::slot::{self, Deadline, wraptor_hand};
+use crate::slot::{self, wraptor_hand};
 
 /// Time between two looks at what hands have sent.
 const LISTEN: Duration = Duration::from_millis(20);

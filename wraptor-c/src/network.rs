@@ -17,6 +17,7 @@ use crate::slot::wraptor_hand;
 const LONGEST: u64 = 4 << 20;
 
 /// Called at least every 200 ms with how much has been sent to a board. Returns 0 to cancel.
+// SAFETY: who passes one promises that it may be called like this.
 pub type wraptor_on_download =
     Option<unsafe extern "C" fn(context: *mut c_void, node: c_int, percent: c_int) -> c_int>;
 
