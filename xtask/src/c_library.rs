@@ -192,11 +192,18 @@ fn run_program(path: &Path, hand: &Served, arguments: &[&str], input: Stdio) -> 
     }
 }
 
-/// Measures RealTime from C.
+/// Measures RealTime from C, after a program that is killed in the middle of its work: the hand takes the next one.
 fn realtime(folder: &Path) -> Outcome {
     let [c, _] = LANGUAGES;
     let program = compile(folder, c, Path::new("wraptor-c/examples/realtime.c"))?;
     let hand = Served::new(REAL)?;
+    let mut killed = self::program("timeout --signal=KILL 2");
+    let (host, port) = hand.place("gcl")?.split_once(':').unwrap_or_default();
+    killed.arg(&program).args([host, port]);
+    let line = typed(&killed);
+    if killed.status().is_ok_and(|status| status.success()) {
+        return Err(format!("it ended before it was killed\n  repeat with: {line}"));
+    }
     run_program(&program, &hand, &["300", "3"], Stdio::null())?.lines().for_each(|line| println!("  {line}"));
     Ok(())
 }
