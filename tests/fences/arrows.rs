@@ -11,7 +11,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 12] = [
+const ARROWS: [Arrows; 13] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -61,6 +61,8 @@ const ARROWS: [Arrows; 12] = [
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "wraptor"],
         others: None,
     },
+    // The C library.
+    Arrows { package: "wraptor-c", ours: &["tater-wire", "wraptor"], others: Some(&[]) },
     // The terminal program. god: the tables of commands and parameters. rustyline: entries with history and completion. ctrlc: ^C. rustix: a
     // terminal, for tests.
     Arrows {

@@ -9,7 +9,7 @@ fn is_bsp(source: &Source) -> bool {
 
 /// The C ABI: what other languages pass is checked in `border.rs`.
 fn is_foreign(source: &Source) -> bool {
-    source.is_in("wraptor-c/src")
+    source.is_in("wraptor-c")
 }
 
 /// The last line of the previous statement or item, or of the start of the enclosing block.

@@ -6,11 +6,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
 use tater_wire::Property;
-use wraptor::{CallError, Hand, Progress};
+use wraptor::{CallError, Deadline, Hand, Progress};
 
 use crate::error::{Problem, keep, wraptor_error};
 use crate::property;
-use crate::slot::{self, Deadline, Slot, wraptor_hand};
+use crate::slot::{self, Slot, wraptor_hand};
 
 /// A limit that never ends: the manual's functions wait like this.
 pub const WRAPTOR_ENDLESS: u32 = 0xFFFF_FFFF;

@@ -35,8 +35,10 @@ pub enum wraptor_error {
     WRAPTOR_FILE = 11,
     /// What was received is not of the protocol, or a board does not do what it was told.
     WRAPTOR_UNEXPECTED = 12,
+    /// A download ended without the new application.
+    WRAPTOR_DOWNLOAD = 13,
     /// A defect of this library. The connection is closed.
-    WRAPTOR_INTERNAL = 13,
+    WRAPTOR_INTERNAL = 14,
 }
 
 /// Why a call failed, with its text.
@@ -75,6 +77,7 @@ impl From<CallError> for Problem {
             Failure::Status(_) => wraptor_error::WRAPTOR_STATUS,
             Failure::Silent(_) => wraptor_error::WRAPTOR_NO_ANSWER,
             Failure::NotReached { .. } => wraptor_error::WRAPTOR_NOT_REACHED,
+            Failure::Download { .. } => wraptor_error::WRAPTOR_DOWNLOAD,
             _ => wraptor_error::WRAPTOR_UNEXPECTED,
         };
         let status = match error.failure {
@@ -106,12 +109,14 @@ pub(crate) fn keep(outcome: Result<(), Problem>) -> wraptor_error {
 }
 
 /// Cause and next step of the last call of this thread, in English; empty if it succeeded. Valid until this thread's next call.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_error_text() -> *const c_char {
     LAST.with_borrow(|last| last.0.as_ptr())
 }
 
 /// The number after ERR that the hand answered to the last call of this thread; 0 if there was none.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_error_status() -> c_int {
     LAST.with_borrow(|last| last.1.into())

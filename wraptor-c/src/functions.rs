@@ -1,4 +1,4 @@
-//! The nineteen functions of the manual's section 7, and what closes and cancels a connection.
+//! Functions of the manual's section 7, and what closes and cancels a connection.
 //!
 //! Nodes are digits: 1 to 4 fingers and spread, where a function speaks of fingers, else boards 1 to 7. Limits are in ms; `WRAPTOR_ENDLESS` waits
 //! for ever.
@@ -7,17 +7,18 @@ use std::ffi::{c_char, c_int};
 use std::time::Duration;
 
 use tater_wire::Property;
-use wraptor::{Boards, Connect};
+use wraptor::{Boards, Connect, Deadline};
 
 use crate::border::{border, deadline, process, property_of, store, store_text, text, with_hand};
 use crate::error::{Problem, wraptor_error};
 use crate::property;
-use crate::slot::{self, Deadline, wraptor_hand};
+use crate::slot::{self, wraptor_hand};
 
 /// Time between two looks at what hands have sent.
 const LISTEN: Duration = Duration::from_millis(20);
 
 /// Nothing to do: sockets of this library start by themselves (the manual's ws_init).
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_ws_init() -> wraptor_error {
     border(|| Ok(()))
@@ -26,6 +27,7 @@ pub extern "C" fn wraptor_ws_init() -> wraptor_error {
 /// Closes all connections, and waits until the threads of `wraptor_start_thread` have ended (the manual's ws_down).
 ///
 /// Errors: WRAPTOR_TIMED_OUT if a call or a thread goes on.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_ws_down(limit_ms: u32) -> wraptor_error {
     border(|| {
@@ -43,6 +45,7 @@ pub extern "C" fn wraptor_ws_down(limit_ms: u32) -> wraptor_error {
 }
 
 /// Sets the list of property values to zero (the manual's initSoftware).
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_init_software() -> wraptor_error {
     border(|| {
@@ -82,6 +85,7 @@ pub unsafe extern "C" fn wraptor_tcp_connect(
 /// Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for.
 ///
 /// Errors: WRAPTOR_BAD_HANDLE; WRAPTOR_TIMED_OUT if that call goes on, with which the connection then ends.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_close_connection(hand: wraptor_hand, limit_ms: u32) -> wraptor_error {
     border(|| slot::close(hand, &deadline(limit_ms)))
@@ -90,6 +94,7 @@ pub extern "C" fn wraptor_close_connection(hand: wraptor_hand, limit_ms: u32) ->
 /// Cancels the call that another thread runs on this connection: a motion, a wait, RealTime or a download. Does nothing if there is none.
 ///
 /// Errors: WRAPTOR_BAD_HANDLE.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_cancel(hand: wraptor_hand) -> wraptor_error {
     border(|| {
@@ -333,6 +338,7 @@ pub unsafe extern "C" fn wraptor_save_parameters(
 /// Wakes all boards (the manual's wakeGrasper), up to 1.5 s. Not before `wraptor_download_firmware`.
 ///
 /// Errors: WRAPTOR_STATUS with ERR 1 if some do not wake.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_wake_grasper(hand: wraptor_hand, limit_ms: u32) -> wraptor_error {
     with_hand(hand, limit_ms, |call| {
@@ -342,6 +348,7 @@ pub extern "C" fn wraptor_wake_grasper(hand: wraptor_hand, limit_ms: u32) -> wra
 }
 
 /// Waits, and meanwhile records in the list of property values what all hands send (the manual's delay).
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_delay(ms: u32) -> wraptor_error {
     border(|| {
@@ -365,6 +372,7 @@ pub extern "C" fn wraptor_delay(ms: u32) -> wraptor_error {
 /// record too.
 ///
 /// Errors: WRAPTOR_BAD_HANDLE once the connection is closed; WRAPTOR_LOST.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_listener(hand: wraptor_hand, limit_ms: u32) -> wraptor_error {
     border(|| {

@@ -5,17 +5,19 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`functions`] | the nineteen functions, and what ends or cancels a connection |
+//! | [`functions`] | seventeen of the nineteen functions, and what ends or cancels a connection |
+//! | [`network`] | the other two: hands in the network, firmware |
 //! | [`realtime`] | RealTime |
 //! | [`thread`] | threads for the compatibility header |
-//! | `border` | from a call of C to a call of a hand: arguments, panics |
+//! | [`border`] | from a call of C to a call of a hand: arguments, panics |
 //! | `slot` | connections, and whose turn it is |
 //! | [`error`], [`property`] | error codes and the last error of a thread; property numbers and the list of values |
 #![allow(non_camel_case_types, reason = "the names that C sees")]
 
-mod border;
+pub mod border;
 pub mod error;
 pub mod functions;
+pub mod network;
 pub mod property;
 pub mod realtime;
 mod slot;

@@ -12,37 +12,37 @@ use wraptor::Node;
 pub enum wraptor_property {
     /// firmware version; in the monitor the monitor's; there SET 170 starts a download
     WRAPTOR_PROPERTY_VERS = 0,
-    /// 3 (this hand's motor board) | 0x0800 (has a strain gauge) [bits]
+    /// 3 (this hand's motor board) | 0x0800 (has a strain gauge); unit: bits
     WRAPTOR_PROPERTY_ROLE = 1,
     /// serial number
     WRAPTOR_PROPERTY_SN = 2,
     /// the board's node on the bus; the straps' until set; a new one is heard from the next start on
     WRAPTOR_PROPERTY_ID = 3,
-    /// latched fault, see the fault table; 0 none; SET STAT 2 clears it [code]
+    /// latched fault, see the fault table; 0 none; SET STAT 2 clears it; unit: code
     WRAPTOR_PROPERTY_ERROR = 4,
     /// 0 in the monitor, waiting for firmware; 1 must not be used; 2 ready. SET 0 resets into the monitor, SET 2 wakes, or clears ERROR
     WRAPTOR_PROPERTY_STAT = 5,
     /// control mode, see the mode table; 1 is refused
     WRAPTOR_PROPERTY_MODE = 8,
-    /// temperature of the board [0.1 C]
+    /// temperature of the board; unit: 0.1 C
     WRAPTOR_PROPERTY_TEMP = 9,
-    /// highest TEMP ever; kept through power loss [0.1 C]
+    /// highest TEMP ever; kept through power loss; unit: 0.1 C
     WRAPTOR_PROPERTY_PTEMP = 10,
-    /// the motor's temperature limit: torque derates over the 8 C below it and is cut at it; -551 disables it and the check for a broken thermistor wire (decision 0014); -550 to 199 is refused [0.1 C]
+    /// the motor's temperature limit: torque derates over the 8 C below it and is cut at it; -551 disables it and the check for a broken thermistor wire (decision 0014); -550 to 199 is refused; unit: 0.1 C
     WRAPTOR_PROPERTY_OTEMP = 11,
     /// 18384, 23, 3145, 1024, 1 in this order unlock the next SET of a locked property, once
     WRAPTOR_PROPERTY_LOCK = 13,
     /// brake output: 1 energized, the spread is free
     WRAPTOR_PROPERTY_B = 16,
-    /// raw analog input 0: strain gauge [ADC]
+    /// raw analog input 0: strain gauge; unit: ADC
     WRAPTOR_PROPERTY_ANA0 = 18,
-    /// raw analog input 1: motor thermistor [ADC]
+    /// raw analog input 1: motor thermistor; unit: ADC
     WRAPTOR_PROPERTY_ANA1 = 19,
-    /// motor temperature [0.1 C]
+    /// motor temperature; unit: 0.1 C
     WRAPTOR_PROPERTY_THERM = 20,
-    /// bus voltage [0.1 V]
+    /// bus voltage; unit: 0.1 V
     WRAPTOR_PROPERTY_VBUS = 21,
-    /// bus current; phase current is this over the duty [mA]
+    /// bus current; phase current is this over the duty; unit: mA
     WRAPTOR_PROPERTY_IMOTOR = 22,
     /// strain gauge
     WRAPTOR_PROPERTY_SG = 25,
@@ -54,11 +54,11 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_GRPC = 28,
     /// does what the command table says
     WRAPTOR_PROPERTY_CMD = 29,
-    /// stores the present value of the property of this number; -1: of all [id]
+    /// stores the present value of the property of this number; -1: of all; unit: id
     WRAPTOR_PROPERTY_SAVE = 30,
-    /// takes the stored value, or the default, of the property of this number; -1: of all [id]
+    /// takes the stored value, or the default, of the property of this number; -1: of all; unit: id
     WRAPTOR_PROPERTY_LOAD = 31,
-    /// resets the property of this number, and its stored value, to its default; -1: all [id]
+    /// resets the property of this number, and its stored value, to its default; -1: all; unit: id
     WRAPTOR_PROPERTY_DEF = 32,
     /// SET: learns how the motor is wired, see the table of FIND; GET: what is known, or why it was refused
     WRAPTOR_PROPERTY_FIND = 33,
@@ -78,39 +78,39 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_X6 = 40,
     /// the host's to use; means nothing to the board
     WRAPTOR_PROPERTY_X7 = 41,
-    /// SET: torque of mode 2; GET: in mode 2 the torque commanded, after every limit, else the torque applied. Packed torques saturate at MT [1/1024 peak]
+    /// SET: torque of mode 2; GET: in mode 2 the torque commanded, after every limit, else the torque applied. Packed torques saturate at MT; unit: 1/1024 peak
     WRAPTOR_PROPERTY_T = 42,
-    /// torque limit [1/1024 peak]
+    /// torque limit; unit: 1/1024 peak
     WRAPTOR_PROPERTY_MT = 43,
-    /// SET: velocity of mode 4, until a motion ends (VSET shows it); GET: in mode 4 the velocity commanded, else the measured one [counts/s]
+    /// SET: velocity of mode 4, until a motion ends (VSET shows it); GET: in mode 4 the velocity commanded, else the measured one; unit: counts/s
     WRAPTOR_PROPERTY_V = 44,
-    /// cruise velocity of trapezoidal moves, together with MCV and MOV [counts/s]
+    /// cruise velocity of trapezoidal moves, together with MCV and MOV; unit: counts/s
     WRAPTOR_PROPERTY_MV = 45,
-    /// cruise velocity when closing [counts/s]
+    /// cruise velocity when closing; unit: counts/s
     WRAPTOR_PROPERTY_MCV = 46,
-    /// cruise velocity when opening [counts/s]
+    /// cruise velocity when opening; unit: counts/s
     WRAPTOR_PROPERTY_MOV = 47,
-    /// position; set in idle it says what the present position is called, in mode 3 where to go; GET is answered by the 22-bit position frame [counts]
+    /// position; set in idle it says what the present position is called, in mode 3 where to go; GET is answered by the 22-bit position frame; unit: counts
     WRAPTOR_PROPERTY_P = 48,
-    /// default position: where CMD M goes [counts]
+    /// default position: where CMD M goes; unit: counts
     WRAPTOR_PROPERTY_DP = 50,
-    /// where a trapezoidal move ends; during a move it re-plans [counts]
+    /// where a trapezoidal move ends; during a move it re-plans; unit: counts
     WRAPTOR_PROPERTY_E = 52,
-    /// open target: where CMD O goes [counts]
+    /// open target: where CMD O goes; unit: counts
     WRAPTOR_PROPERTY_OT = 54,
-    /// close target: where CMD C goes [counts]
+    /// close target: where CMD C goes; unit: counts
     WRAPTOR_PROPERTY_CT = 56,
-    /// E and MODE 5 in one [counts]
+    /// E and MODE 5 in one; unit: counts
     WRAPTOR_PROPERTY_M = 58,
-    /// default step of CMD IC and IO [counts]
+    /// default step of CMD IC and IO; unit: counts
     WRAPTOR_PROPERTY_DS = 60,
-    /// time with power on, ever [s]
+    /// time with power on, ever; unit: s
     WRAPTOR_PROPERTY_UPSECS = 63,
-    /// odometer: counts travelled, ever [1000 counts]
+    /// odometer: counts travelled, ever; unit: 1000 counts
     WRAPTOR_PROPERTY_OD = 64,
-    /// position within one motor revolution [counts]
+    /// position within one motor revolution; unit: counts
     WRAPTOR_PROPERTY_MECH = 66,
-    /// counts a motor revolution [counts]
+    /// counts a motor revolution; unit: counts
     WRAPTOR_PROPERTY_CTS = 68,
     /// the board's slot in packed-torque frames
     WRAPTOR_PROPERTY_PIDX = 70,
@@ -118,31 +118,31 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_HSG = 71,
     /// strain below which a move ends; 255 and 256 disable
     WRAPTOR_PROPERTY_LSG = 72,
-    /// velocity towards the stop in HI (tips home on their closed stop) [counts/s]
+    /// velocity towards the stop in HI (tips home on their closed stop); unit: counts/s
     WRAPTOR_PROPERTY_IVEL = 73,
-    /// way from the stop to zero in HI [counts]
+    /// way from the stop to zero in HI; unit: counts
     WRAPTOR_PROPERTY_IOFF = 74,
-    /// arrival window [counts]
+    /// arrival window; unit: counts
     WRAPTOR_PROPERTY_MPE = 76,
     /// after a move: 1 holds the position, 0 idles
     WRAPTOR_PROPERTY_HOLD = 77,
-    /// no count for this long while driven is a stall; 0 never [ms]
+    /// no count for this long while driven is a stall; 0 never; unit: ms
     WRAPTOR_PROPERTY_TSTOP = 78,
-    /// position gain [1/1024 peak per count]
+    /// position gain; unit: 1/1024 peak per count
     WRAPTOR_PROPERTY_KP = 79,
-    /// derivative gain, beyond the EMF's own damping [1/256 of 1/1024 peak per count/s]
+    /// derivative gain, beyond the EMF's own damping; unit: 1/256 of 1/1024 peak per count/s
     WRAPTOR_PROPERTY_KD = 80,
-    /// integral gain; loads are carried without it [1/1024 peak per count s]
+    /// integral gain; loads are carried without it; unit: 1/1024 peak per count s
     WRAPTOR_PROPERTY_KI = 81,
-    /// acceleration is (ACCEL/1024)^2 counts/ms^2; useful up to about 60; 0 cannot move [sqrt(counts)/ms/1024]
+    /// acceleration is (ACCEL/1024)^2 counts/ms^2; useful up to about 60; 0 cannot move; unit: sqrt(counts)/ms/1024
     WRAPTOR_PROPERTY_ACCEL = 82,
     /// joint index
     WRAPTOR_PROPERTY_JIDX = 85,
-    /// torque units per newton meter at the motor [1/N.m]
+    /// torque units per newton meter at the motor; unit: 1/N.m
     WRAPTOR_PROPERTY_IPNM = 86,
-    /// present hall code [bits]
+    /// present hall code; unit: bits
     WRAPTOR_PROPERTY_HALLS = 87,
-    /// the last ten hall codes, the newest in the low three bits; bit 30: the position is known (HI, or stored and not moved since) [bits]
+    /// the last ten hall codes, the newest in the low three bits; bit 30: the position is known (HI, or stored and not moved since); unit: bits
     WRAPTOR_PROPERTY_HALLH = 88,
     /// rotor poles
     WRAPTOR_PROPERTY_POLES = 90,
@@ -150,41 +150,41 @@ pub enum wraptor_property {
     WRAPTOR_PROPERTY_EN = 94,
     /// RealTime velocity bytes are multiplied by this; GOD's to obey
     WRAPTOR_PROPERTY_LCVC = 105,
-    /// torque limit in HI [1/1024 peak]
+    /// torque limit in HI; unit: 1/1024 peak
     WRAPTOR_PROPERTY_IHIT = 108,
-    /// velocity gain of mode 4 (RealTime's proportional gain) [1/16 of 1/1024 peak per count/s]
+    /// velocity gain of mode 4 (RealTime's proportional gain); unit: 1/16 of 1/1024 peak per count/s
     WRAPTOR_PROPERTY_KPV = 109,
     /// a breakaway stops the finger's tip too; GOD's to obey
     WRAPTOR_PROPERTY_BS = 110,
     /// a breakaway has been detected; CMD O clears it
     WRAPTOR_PROPERTY_BD = 111,
-    /// position of the last breakaway [counts]
+    /// position of the last breakaway; unit: counts
     WRAPTOR_PROPERTY_BP = 112,
-    /// load torque at which a link breaks away; 0 never [1/1024 peak]
+    /// load torque at which a link breaks away; 0 never; unit: 1/1024 peak
     WRAPTOR_PROPERTY_BT = 114,
     /// why the last motion ended, see the end table; 0 it has not
     WRAPTOR_PROPERTY_END = 115,
-    /// bit 0: report ends of moves unasked (MODE, then END); bit 1: report breakaways (BD) [bits]
+    /// bit 0: report ends of moves unasked (MODE, then END); bit 1: report breakaways (BD); unit: bits
     WRAPTOR_PROPERTY_LFLAGS = 116,
-    /// the measured velocity in any mode: what RealTime feeds back, whose V is the command [counts/s]
+    /// the measured velocity in any mode: what RealTime feeds back, whose V is the command; unit: counts/s
     WRAPTOR_PROPERTY_VEL = 117,
     /// 0 unknown: the motor does not move; else 1 + 2 x the wiring's number, plus 1 if the direction of closing is known. 2 as shipped; FIND stores it
     WRAPTOR_PROPERTY_WIRING = 118,
-    /// in mode 2 or 4 set by a host, no frame to this board or its groups for this long ends the motion with ERROR 7; 0 never [ms]
+    /// in mode 2 or 4 set by a host, no frame to this board or its groups for this long ends the motion with ERROR 7; 0 never; unit: ms
     WRAPTOR_PROPERTY_HOSTMS = 119,
     /// kind of motor: 1 link, 2 spread, 3 tip; by the straps, or without straps by the node, until set; a new one counts from the next start on
     WRAPTOR_PROPERTY_KIND = 120,
-    /// V as set: mode 4 runs at it, or will when it starts; 0 once any motion has ended [counts/s]
+    /// V as set: mode 4 runs at it, or will when it starts; 0 once any motion has ended; unit: counts/s
     WRAPTOR_PROPERTY_VSET = 121,
-    /// motor model: acceleration of motor and joint by torque [1/16 count/s2 per 1/1024 peak]
+    /// motor model: acceleration of motor and joint by torque; unit: 1/16 count/s2 per 1/1024 peak
     WRAPTOR_PROPERTY_MKA = 122,
-    /// motor model: EMF; a torque unit is 1/1024 of 24 V [1/4096 of 1/1024 peak per count/s]
+    /// motor model: EMF; a torque unit is 1/1024 of 24 V; unit: 1/4096 of 1/1024 peak per count/s
     WRAPTOR_PROPERTY_MKE = 123,
-    /// motor model: friction in motion [1/1024 peak]
+    /// motor model: friction in motion; unit: 1/1024 peak
     WRAPTOR_PROPERTY_MFC = 124,
-    /// motor model: friction at rest; at least MFC counts [1/1024 peak]
+    /// motor model: friction at rest; at least MFC counts; unit: 1/1024 peak
     WRAPTOR_PROPERTY_MFS = 125,
-    /// motor model: electrical time constant [us]
+    /// motor model: electrical time constant; unit: us
     WRAPTOR_PROPERTY_MTE = 126,
 }
 
@@ -223,6 +223,7 @@ static LIST: [[Value; WRAPTOR_PROPERTIES]; WRAPTOR_NODES] =
 /// The list of the last known values of all boards, `list[node][property]` with nodes 1 to 7 (the manual's propertyList). Every function that reads
 /// a property stores it here, and so does a report that the hand prints unasked. One list for all connections; other threads may change it at
 /// any time, one value at once.
+// SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_property_list() -> *const [c_long; WRAPTOR_PROPERTIES] {
     LIST.as_ptr().cast()

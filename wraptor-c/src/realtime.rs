@@ -72,6 +72,7 @@ pub struct wraptor_statistics {
 
 /// Called before each block: `block` counts from 0; `axes` has `count` elements with the last feedback, zeros before the first; `temperature` is in °C,
 /// 0 if the format lacks it; `controls` has `count` elements, zeros, for what the motors are to do. Returns 0 to end RealTime.
+// SAFETY: who passes one promises that it may be called like this.
 pub type wraptor_on_block = Option<
     unsafe extern "C" fn(
         context: *mut c_void,

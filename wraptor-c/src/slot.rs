@@ -3,31 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicIsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use wraptor::Hand;
+use wraptor::{Deadline, Hand};
 
 use crate::error::{Problem, wraptor_error};
 
 /// A connection. Numbers are not used again.
 pub type wraptor_hand = isize;
-
-/// The end of a call.
-#[derive(Clone, Copy)]
-pub(crate) struct Deadline {
-    start: Instant,
-    limit: Duration,
-}
-
-impl Deadline {
-    pub fn after(limit: Duration) -> Self {
-        Self { start: Instant::now(), limit }
-    }
-
-    pub fn remaining(&self) -> Duration {
-        self.limit.saturating_sub(self.start.elapsed())
-    }
-}
 
 enum State {
     Idle(Box<Hand>),

@@ -5,11 +5,13 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 
+use wraptor::Deadline;
+
 use crate::border::{border, store};
 use crate::error::{Problem, wraptor_error};
-use crate::slot::Deadline;
 
 /// What a thread runs.
+// SAFETY: who passes one promises that it may be called like this.
 pub type wraptor_thread_function = Option<unsafe extern "C" fn(argument: *mut c_void) -> u32>;
 
 /// Threads, each with what tells its end.

@@ -185,3 +185,65 @@ fn boards_are_reached_by_packets_through_a_hand() {
     bus.set(node, Property::MT, 432, HANGS).expect("set");
     assert_eq!(bus.get(node, Property::MT, HANGS), Ok(432));
 }
+
+#[test]
+fn fingers_open_and_close_with_their_tips() {
+    let (_served, mut hand) = fast();
+    hand.init(HANGS, &mut no_progress).expect("homed");
+    // The closed position of the spread lies beyond its stop.
+    hand.close_fingers("14", HANGS, &mut no_progress).expect("closed");
+    let positions = |hand: &mut Hand| {
+        let found = hand.get("1245", Property::P, HANGS).expect("positions");
+        found.into_iter().map(|(_, halls)| halls).collect::<Vec<_>>()
+    };
+    // 331 and a third of its joint angle; the spread's stop.
+    let closed = positions(&mut hand);
+    let is_near =
+        |found: &[i64], goals: [i64; 4]| found.iter().zip(goals).all(|(p, goal)| (p - goal).abs() <= 4);
+    assert!(is_near(&closed, [331, 0, 166, 88]), "{closed:?}");
+    hand.open_fingers("14", HANGS, &mut no_progress).expect("open");
+    let open = positions(&mut hand);
+    assert!(is_near(&open, [0, 0, 0, 0]), "{open:?}");
+    assert!(matches!(failure(hand.close_fingers("5", HANGS, &mut no_progress)), Failure::Invalid(_)));
+}
+
+#[test]
+fn command_waits_for_the_moves_that_it_starts() {
+    let (_served, mut hand) = fast();
+    hand.init(HANGS, &mut no_progress).expect("homed");
+    hand.command("4 S E 82", HANGS).expect("set");
+    hand.command_and_wait("4 S M 5", HANGS, &mut no_progress).expect("moved");
+    let node = |number| Node::new(number).expect("a node");
+    assert_eq!(hand.get("4", Property::END, HANGS), Ok(vec![(node(4), 1)]));
+    hand.command("4 S E 20", HANGS).expect("set");
+    let cancelled = hand.command_and_wait("4 s mode 5", HANGS, &mut |progress| match &progress.values[..] {
+        [] => ControlFlow::Continue(()),
+        _ => ControlFlow::Break(()),
+    });
+    assert_eq!(failure(cancelled), Failure::Cancelled);
+    assert_ne!(hand.get("4", Property::END, HANGS), Ok(vec![(node(4), 1)]), "it was stopped");
+}
+
+#[test]
+fn line_without_its_end_runs_with_the_next_call() {
+    let (_served, mut hand) = fast();
+    hand.write(b"1 S MT 55", HANGS).expect("taken");
+    hand.write(b"0\r1 G MT", HANGS).expect("taken");
+    assert_eq!(hand.command("VERS", HANGS), Ok(vec!["600".to_owned()]));
+    let reports = hand.take_reports();
+    assert!(reports.contains(&"1 MT=550".to_owned()), "{reports:?}");
+}
+
+#[test]
+fn parameters_are_saved_by_board_and_of_the_hand() {
+    let (_served, mut hand) = fast();
+    hand.set("7", Property::MT, 550, HANGS).expect("set");
+    hand.save_nodes("70", HANGS).expect("saved");
+    hand.set("7", Property::MT, 600, HANGS).expect("set");
+    hand.set("7", Property::LOAD, i64::from(Property::MT.id()), HANGS).expect("loaded");
+    let node = Node::new(7).expect("a node");
+    assert_eq!(hand.get("7", Property::MT, HANGS), Ok(vec![(node, 550)]));
+    for nodes in ["", "8", "x"] {
+        assert!(matches!(failure(hand.save_nodes(nodes, HANGS)), Failure::Invalid(_)), "{nodes}");
+    }
+}

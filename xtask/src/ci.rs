@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
 use crate::{
-    Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages, ray_sweep,
-    reports, setup, size, table,
+    Outcome, c_library, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages,
+    ray_sweep, reports, setup, size, table,
 };
 
 struct Step {
@@ -18,7 +18,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 23] = [
+const STEPS: [Step; 24] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "licenses and sources", check: packages::licenses },
@@ -36,6 +36,7 @@ const STEPS: [Step; 23] = [
     Step { name: "torture", check: torture },
     Step { name: "hall captures", check: hall_oracle::check },
     Step { name: "host tools", check: host_tools::check },
+    Step { name: "C library", check: c_library::check },
     Step { name: "sweep under Ray", check: ray_sweep::check },
     Step { name: "reports in Chromium", check: reports::check },
     Step { name: "instructions", check: instructions::check },

@@ -102,6 +102,19 @@ fn tools() -> Vec<Tool> {
             says("chromium --version"),
             reports::INSTALL,
         ),
+        tool("g++", "the C library's programs", says("g++ --version"), "apt-get install g++"),
+        tool(
+            "pkg-config",
+            "the C library's programs",
+            says("pkg-config --version"),
+            "apt-get install pkg-config",
+        ),
+        tool(
+            "cbindgen",
+            "the C library's header",
+            says(&format!("{} --version", target().join("tools/bin/cbindgen").display())),
+            "`cargo xtask c-library` installs it below the target folder",
+        ),
         tool("valgrind", "`cargo xtask bench`", says("valgrind --version"), "apt-get install valgrind"),
     ]
 }

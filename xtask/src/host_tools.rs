@@ -2,13 +2,13 @@
 //! SLCAN and TCP, and a whole hand driven by pyserial as its real clients do. Python packages are installed
 //! below `target/`.
 
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 
 use tater_wire::Node;
 
-use crate::program::{output, program, root, run, target, typed};
+use crate::program::{output, program, root, run, target};
+use crate::served::Served;
 use crate::{Outcome, download, python, tek};
 
 /// From PyPI: python-can for `slcan`, pyserial for `socket://` and the hand's clients. Pinned, so that a
@@ -66,52 +66,13 @@ pub fn check() -> Outcome {
     Ok(())
 }
 
-struct Served {
-    process: Child,
-    line: String,
-    /// Its printed endpoints: kind and address.
-    doors: Vec<(String, String)>,
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-impl Served {
-    /// Starts hil-sim and reads its endpoints, one line for each option that requests one.
-    fn new(args: &str) -> Result<Self, String> {
-        let mut command = Command::new(target().join("debug/hil-sim"));
-        command.args(args.split(' ')).current_dir(root());
-        let line = typed(&command);
-        let failed = |what: String| format!("{what}\n  repeat with: {line}");
-        let spawned = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
-        let process = spawned.map_err(|error| failed(format!("cannot start: {error}")))?;
-        let doors = ["--listen", "--pty", "--slcan"].iter().filter(|door| args.contains(**door)).count();
-        let mut served = Self { process, line: line.clone(), doors: Vec::new() };
-        let Some(out) = served.process.stdout.take() else { return Ok(served) };
-        for said in BufReader::new(out).lines().take(doors) {
-            let said = said.map_err(|error| failed(error.to_string()))?;
-            let (kind, place) = said.split_once(' ').unwrap_or((&said, ""));
-            served.doors.push((kind.to_owned(), place.to_owned()));
-        }
-        Ok(served)
-    }
-
-    fn place(&self, kind: &str) -> Result<&str, String> {
-        let door = self.doors.iter().find(|door| door.0 == kind).map(|door| door.1.as_str());
-        door.ok_or_else(|| {
-            format!("found {:?}, expected `{kind} PLACE`\n  repeat with: {}", self.doors, self.line)
-        })
-    }
-}
-
 /// A sealed `.tek` file of an application that a monitor accepts.
-fn application() -> Result<PathBuf, String> {
+///
+/// # Errors
+/// It cannot be written.
+pub fn application() -> Result<PathBuf, String> {
     let folder = target().join("host-tools");
+    std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let (bytes, file) = (folder.join("application.bin"), folder.join("application.tek"));
     let mut image = vec![0x5A; IMAGE];
     image[..4].copy_from_slice(&tater_wire::memory::RAM.end().to_le_bytes());

@@ -1,11 +1,12 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `apply`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`, `soak`, `model`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `apply`, `emu`, `host-tools`, `c-library`, `fuzz`, `miri`, `mutants`, `defects`, `soak`, `model`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
 
 mod apply;
 mod bench;
+mod c_library;
 mod ci;
 mod defects;
 mod demo;
@@ -28,6 +29,7 @@ mod program;
 mod python;
 mod ray_sweep;
 mod reports;
+mod served;
 mod setup;
 mod size;
 mod soak;
@@ -97,6 +99,12 @@ enum Chore {
     /// Test the simulated bus and hand with real host tools in real time: python-can and pyserial, installed
     /// below target/
     HostTools,
+    /// Generate the C library's header, and lay out library, headers, pkg-config and CMake files in target/wraptor-c
+    CLibrary {
+        /// Check that the header is current, and build and run the examples against a simulated hand (cmake is installed below target/)
+        #[arg(long)]
+        check: bool,
+    },
     /// Spread a sweep with Ray and compare its bytes (installs ray below target/)
     RaySweep,
     /// Open the reports of hil-sim in a headless Chromium, which is installed if it can be (as ci does).
@@ -134,6 +142,8 @@ fn main() -> ExitCode {
         Chore::Apply(args) => apply::apply(&args),
         Chore::Emu(args) => emu::emu(&args),
         Chore::HostTools => host_tools::check().map_err(Failure::from),
+        Chore::CLibrary { check: true } => c_library::check().map_err(Failure::from),
+        Chore::CLibrary { check: false } => c_library::c_library().map_err(Failure::from),
         Chore::RaySweep => ray_sweep::check().map_err(Failure::from),
         Chore::Reports => reports::check().map_err(Failure::from),
         Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),

@@ -1,0 +1,10 @@
+set(PACKAGE_VERSION "@VERSION@")
+# Before 1.0 a new minor version may change functions.
+string(REGEX MATCH "^[0-9]+\\.[0-9]+" _wraptor_minor "@VERSION@")
+string(REGEX MATCH "^[0-9]+\\.[0-9]+" _wraptor_wanted "${PACKAGE_FIND_VERSION}")
+if(_wraptor_wanted STREQUAL _wraptor_minor AND NOT PACKAGE_FIND_VERSION VERSION_GREATER PACKAGE_VERSION)
+  set(PACKAGE_VERSION_COMPATIBLE TRUE)
+  if(PACKAGE_FIND_VERSION STREQUAL PACKAGE_VERSION)
+    set(PACKAGE_VERSION_EXACT TRUE)
+  endif()
+endif()

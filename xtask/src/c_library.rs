@@ -1,0 +1,229 @@
+//! The C library: its header, its files as an installation has them, and C and C++ programs that use it.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::program::{in_parallel, installed, output, program, root, run, succeeds, target, typed};
+use crate::served::Served;
+use crate::table::difference;
+use crate::{Outcome, files, host_tools, python};
+
+const CBINDGEN: &str = "0.29.2";
+
+/// From PyPI. Pinned, so that a failure is this project's.
+const PACKAGES: [&str; 2] = ["cmake==4.4.5", "ninja==1.13.2"];
+
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+const HEADER: &str = "wraptor-c/include/wraptor.h";
+
+/// Where the manual's examples are.
+const SECTION7: &str = "wraptor-c/examples/section7";
+
+/// Functions of section 7.
+const FUNCTIONS: usize = 19;
+
+const WARNINGS: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
+
+const SANITIZERS: [&str; 3] = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
+
+/// A hand as fast as the machine can, and the same in real time, as a host that measures or downloads needs it.
+const FAST: &str = "hand --listen 127.0.0.1:0 --discovery 127.0.0.1:0 --speed max";
+const REAL: &str = "hand --listen 127.0.0.1:0 --discovery 127.0.0.1:0";
+
+/// A language with its compiler, and the standard that examples are written for.
+#[derive(Clone, Copy)]
+struct Language {
+    name: &'static str,
+    compiler: &'static str,
+    standard: &'static str,
+}
+
+const LANGUAGES: [Language; 2] = [
+    Language { name: "c", compiler: "gcc", standard: "-std=c99" },
+    Language { name: "c++", compiler: "g++", standard: "-std=c++17" },
+];
+
+/// Writes the header and lays out the library below target/wraptor-c.
+///
+/// # Errors
+/// A tool is missing or fails.
+pub fn c_library() -> Outcome {
+    files::replace(&root().join(HEADER), header()?.as_bytes())?;
+    let folder = target().join("wraptor-c");
+    install(&folder, true)?;
+    println!("{}: lib, include, lib/pkgconfig, lib/cmake", folder.display());
+    Ok(())
+}
+
+/// Checks that the header is current, and builds and runs the examples with the library of the dev profile: a second build in release would take
+/// minutes, and dev has overflow checks.
+///
+/// # Errors
+/// The failed check with a command to repeat it, or the missing tool.
+pub fn check() -> Outcome {
+    let found = fs::read_to_string(root().join(HEADER)).map_err(|error| format!("{HEADER}: {error}"))?;
+    if let Some(what) = difference(&found, &header()?) {
+        return Err(format!("{HEADER}: {what}\n  run `cargo xtask c-library`, and commit the file"));
+    }
+    if !cfg!(target_os = "linux") {
+        println!("skipped: the C library is laid out on Linux alone");
+        return Ok(());
+    }
+    for (tool, package) in [("gcc", "gcc"), ("g++", "g++"), ("pkg-config", "pkg-config")] {
+        if !succeeds(&format!("{tool} --version")) {
+            return Err(format!("{tool} is missing\n  install it (on Debian: apt-get install {package})"));
+        }
+    }
+    let folder = target().join("wraptor-c-check");
+    install(&folder, false)?;
+    let programs = section7(&folder)?;
+    println!("  {programs} programs of section 7's examples passed under AddressSanitizer and UBSan");
+    realtime(&folder)?;
+    cmake(&folder)
+}
+
+fn header() -> Result<String, String> {
+    let mut cbindgen = Command::new(installed("cbindgen", CBINDGEN)?);
+    cbindgen.args(["--quiet", "--config", "wraptor-c/cbindgen.toml", "wraptor-c"]).current_dir(root());
+    output(cbindgen)
+}
+
+/// Builds the library and copies it to the names that programs link, with headers, pkg-config and CMake files.
+fn install(folder: &Path, is_release: bool) -> Outcome {
+    let (option, profile) = if is_release { (" --release", "release") } else { ("", "debug") };
+    run(program(&format!("cargo build --quiet --package wraptor-c --lib{option}")))?;
+    let built = target().join(profile);
+    let (lib, package) = (folder.join("lib"), root().join("wraptor-c/package"));
+    let shared = format!("libwraptor.so.{VERSION}");
+    copy(&built.join("libwraptor_c.so"), &lib.join(&shared))?;
+    for link in ["libwraptor.so.0", "libwraptor.so"] {
+        let mut ln = program("ln --symbolic --force");
+        ln.arg(&shared).arg(lib.join(link));
+        run(ln)?;
+    }
+    copy(&built.join("libwraptor_c.a"), &lib.join("libwraptor.a"))?;
+    for name in ["wraptor.h", "wraptor_compat.h"] {
+        copy(&root().join("wraptor-c/include").join(name), &folder.join("include").join(name))?;
+    }
+    for (name, place) in [
+        ("wraptor.pc", "pkgconfig"),
+        ("wraptor-config.cmake", "cmake/wraptor"),
+        ("wraptor-config-version.cmake", "cmake/wraptor"),
+    ] {
+        let path = package.join(name);
+        let text = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        write(&lib.join(place).join(name), &text.replace("@VERSION@", VERSION))?;
+    }
+    Ok(())
+}
+
+fn in_folder(path: &Path) -> Outcome {
+    let folder = path.parent().unwrap_or(path);
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))
+}
+
+fn copy(from: &Path, to: &Path) -> Outcome {
+    in_folder(to)?;
+    fs::copy(from, to).map(drop).map_err(|error| format!("{} to {}: {error}", from.display(), to.display()))
+}
+
+fn write(path: &Path, text: &str) -> Outcome {
+    in_folder(path)?;
+    fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// Compiles each example as C99 and as C++17 and runs it against a hand of its own. Returns the number of programs.
+fn section7(folder: &Path) -> Result<usize, String> {
+    let entries = fs::read_dir(root().join(SECTION7)).map_err(|error| format!("{SECTION7}: {error}"))?;
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| entry.ok()?.file_name().to_str()?.strip_suffix(".c").map(str::to_owned))
+        .collect();
+    names.sort();
+    if names.len() != FUNCTIONS {
+        return Err(format!(
+            "{SECTION7}: found {names:?}, expected one file for each of {FUNCTIONS} functions"
+        ));
+    }
+    let answers = folder.join("answers.txt");
+    // What downloadFirmware's example asks for.
+    let firmware = host_tools::application()?;
+    write(&answers, &format!("{}\n2\n", firmware.display()))?;
+    let programs: Vec<(&String, Language)> =
+        names.iter().flat_map(|name| LANGUAGES.map(|language| (name, language))).collect();
+    let failures = in_parallel(&programs, |(name, language)| {
+        let program = compile(folder, *language, Path::new(&format!("{SECTION7}/{name}.c")))?;
+        // A download's monitor and host measure the same time only in real time.
+        let hand = Served::new(if name.as_str() == "downloadFirmware" { REAL } else { FAST })?;
+        let input = File::open(&answers).map_err(|error| format!("{}: {error}", answers.display()))?;
+        run_program(&program, &hand, &[hand.place("discovery")?], input.into()).map(drop)
+    });
+    if failures.is_empty() { Ok(programs.len()) } else { Err(failures.join("\n")) }
+}
+
+/// Compiles a source file with the flags that pkg-config prints, and sanitizers.
+fn compile(folder: &Path, language: Language, source: &Path) -> Result<PathBuf, String> {
+    let mut flags = program("pkg-config --cflags --libs wraptor");
+    flags.env("PKG_CONFIG_PATH", folder.join("lib/pkgconfig"));
+    let flags = output(flags)?;
+    let name = source.file_stem().unwrap_or_default().to_string_lossy();
+    let built = folder.join("programs").join(format!("{name}-{}", language.name));
+    in_folder(&built)?;
+    let mut compiler = program(language.compiler);
+    compiler.args(["-x", language.name, language.standard]).args(WARNINGS).args(SANITIZERS).arg(source);
+    compiler.args(flags.split_whitespace()).arg(format!("-Wl,-rpath,{}", folder.join("lib").display()));
+    compiler.arg("-o").arg(&built);
+    run(compiler)?;
+    Ok(built)
+}
+
+/// Runs a program with a hand's place and other arguments, at most a minute; returns what it prints.
+fn run_program(path: &Path, hand: &Served, arguments: &[&str], input: Stdio) -> Result<String, String> {
+    let mut command = program("timeout 60");
+    let (host, port) = hand.place("gcl")?.split_once(':').unwrap_or_default();
+    command.arg(path).args([host, port]).args(arguments).stdin(input);
+    let line = typed(&command);
+    let ended = command.output().map_err(|error| format!("cannot start: {error}\n  repeat with: {line}"))?;
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    match ended.status.success() {
+        true => Ok(text(&ended.stdout)),
+        false => Err(format!("{line}: {}\n{}{}", ended.status, text(&ended.stdout), text(&ended.stderr))),
+    }
+}
+
+/// Measures RealTime from C, after a program that is killed in the middle of its work: the hand takes the next one.
+fn realtime(folder: &Path) -> Outcome {
+    let [c, _] = LANGUAGES;
+    let program = compile(folder, c, Path::new("wraptor-c/examples/realtime.c"))?;
+    let hand = Served::new(REAL)?;
+    let mut killed = self::program("timeout --signal=KILL 2");
+    let (host, port) = hand.place("gcl")?.split_once(':').unwrap_or_default();
+    killed.arg(&program).args([host, port]);
+    let line = typed(&killed);
+    if killed.status().is_ok_and(|status| status.success()) {
+        return Err(format!("it ended before it was killed\n  repeat with: {line}"));
+    }
+    run_program(&program, &hand, &["300", "3"], Stdio::null())?.lines().for_each(|line| println!("  {line}"));
+    Ok(())
+}
+
+/// Builds the example of CMake against the installation, and runs both of its programs.
+fn cmake(folder: &Path) -> Outcome {
+    let python = python::environment("c-library", &PACKAGES)?;
+    let tool = |name: &str| python.with_file_name(name);
+    let build = folder.join("cmake");
+    let mut configure = Command::new(tool("cmake"));
+    configure.args(["-S", "wraptor-c/examples/cmake", "-G", "Ninja", "--log-level=ERROR", "-B"]).arg(&build);
+    configure.arg(format!("-DCMAKE_MAKE_PROGRAM={}", tool("ninja").display()));
+    configure.arg(format!("-DCMAKE_PREFIX_PATH={}", folder.display())).current_dir(root());
+    output(configure)?;
+    let mut make = Command::new(tool("cmake"));
+    make.arg("--build").arg(&build).current_dir(root());
+    output(make)?;
+    for name in ["grasp", "grasp_static"] {
+        let text = run_program(&build.join(name), &Served::new(FAST)?, &[], Stdio::null())?;
+        println!("  CMake, {name}: {}", text.trim_end());
+    }
+    Ok(())
+}
