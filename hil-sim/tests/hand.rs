@@ -637,12 +637,17 @@ fn killed_hand_keeps_old_or_new_state() {
     assert!(seen.len() > 2, "kills were at the same moment: {seen:?}");
 }
 
-/// What a host at a socket of its own gets in answer to a datagram.
+/// What a host at a socket of its own gets in answer to a datagram, which it repeats: one that comes behind others may be lost.
 fn asked(socket: &UdpSocket, to: &str, question: &[u8]) -> Vec<u8> {
     let mut answer = [0; 256];
-    socket.send_to(question, to).expect("sent");
-    let (len, _) = socket.recv_from(&mut answer).expect("an answer");
-    answer[..len].to_vec()
+    socket.set_read_timeout(Some(Duration::from_secs(1))).expect("a time-out");
+    for _ in 0..HANGS.as_secs() {
+        socket.send_to(question, to).expect("sent");
+        if let Ok((len, _)) = socket.recv_from(&mut answer) {
+            return answer[..len].to_vec();
+        }
+    }
+    panic!("no answer")
 }
 
 fn udp() -> UdpSocket {
@@ -680,9 +685,8 @@ fn hand_is_discovered_and_obeys_no_datagram() {
     assert!(ask(&mut host, "VERS").contains("600"));
     // One answer in 20 ms: most of a flood is lost in the socket's buffer, and the hand works on.
     (0..2000).for_each(|_| _ = socket.send_to(&[0, 0, 0, 0xF6], place));
-    socket.set_read_timeout(Some(Duration::from_secs(1))).expect("a time-out");
     let answers = (0..2000).take_while(|_| socket.recv_from(&mut [0; 64]).is_ok()).count();
-    assert!((1..1000).contains(&answers), "{answers}");
+    assert!((1..200).contains(&answers), "{answers}");
     assert!(ask(&mut host, "VERS").contains("600"));
 }
 

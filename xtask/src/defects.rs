@@ -109,6 +109,6 @@ fn judge(defect: &Defect, found: &Found, seeds: u32) -> Result<(), String> {
 /// A line for a person who watches.
 fn progress(text: &str) {
     if std::io::stderr().is_terminal() {
-        say(&text);
+        say(text);
     }
 }
