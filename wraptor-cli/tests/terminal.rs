@@ -128,6 +128,8 @@ fn script_ends_at_its_first_trouble_and_says_where() {
             0,
             &["4 VERS=600 (packet)\n", "4 VERS=600\n"],
         ),
+        // They begin no move: a reset ends in the monitor, and mode 4 goes on.
+        ("WAKE\n1 S CMD 2\nWAKE\n4 S MODE 4\n4 G MODE\n4 S MODE 0\n", 0, &["=> 4 G MODE\n4 MODE=4\n"]),
         ("watch 8 P\n", 2, &["watch: found \"8\"", "1 to 7"]),
         ("download nowhere.tek 1\n", 2, &["nowhere.tek: cannot be read"]),
         ("disconnect\nVERS\n", 2, &["standard input:2: found no connection", "connect HOST:PORT"]),

@@ -8,7 +8,7 @@ use god::grammar::{self, Statement};
 use god::units::tip_travel_along;
 use tater_wire::end::EndCode;
 use tater_wire::property::MotorKind;
-use tater_wire::{FaultCode, ModeCode, Property};
+use tater_wire::{Cmd, FaultCode, ModeCode, Property};
 
 use super::{Hand, OnProgress, POLL, Progress, of_step};
 use crate::deadline::Deadline;
@@ -31,6 +31,17 @@ struct Goals {
     spread: i64,
     /// How it may end.
     ends: &'static [EndCode],
+}
+
+/// Whether a SET begins a move of mode 5. CMD's others reset, store or idle a board.
+fn begins_move(property: Property, value: i64) -> bool {
+    match property {
+        Property::MODE => value == i64::from(ModeCode::Trapezoidal),
+        Property::CMD => {
+            !matches!(Cmd::of(value), None | Some(Cmd::T | Cmd::Load | Cmd::Save | Cmd::Def | Cmd::Reset))
+        }
+        _ => false,
+    }
 }
 
 impl Hand {
@@ -148,7 +159,7 @@ impl Hand {
         Err(failed(failure))
     }
 
-    /// Runs a line. If it sets boards in motion by MODE or CMD, waits until their moves are over (the manual's command).
+    /// Runs a line. If it begins moves by MODE 5 or CMD, waits until they are over (the manual's command).
     ///
     /// # Errors
     /// Those of [`Self::command_with`]; boards that fall silent.
@@ -161,8 +172,8 @@ impl Hand {
         let deadline = Deadline::after(limit);
         let lines = self.command_with(line, limit, progress)?;
         let upper = line.to_ascii_uppercase();
-        if let Ok(Statement::Lower(Request::Set(motors, Property::MODE | Property::CMD, _))) =
-            grammar::parse(&upper)
+        if let Ok(Statement::Lower(Request::Set(motors, property, value))) = grammar::parse(&upper)
+            && begins_move(property, value)
         {
             let nodes: String = motors.iter().map(|motor| motor.number().to_string()).collect();
             self.until_moved(line, &nodes, &deadline, progress)?;
