@@ -397,7 +397,7 @@ impl Hand {
     }
 
     #[pyo3(signature = (
-        motors, limit=2.0, *, velocity=Some(8), gain=false, feeds_velocity=None, feeds_strain=false,
+        motors, limit=2.0, *, velocity=8, gain=false, feeds_velocity=None, feeds_strain=false,
         feeds_position=true, feeds_change=None, feeds_temperature=false,
     ))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -406,7 +406,7 @@ impl Hand {
         py: Python<'_>,
         motors: &str,
         limit: f64,
-        velocity: Option<u8>,
+        velocity: u8,
         gain: bool,
         feeds_velocity: Option<u8>,
         feeds_strain: bool,
@@ -415,7 +415,7 @@ impl Hand {
         feeds_temperature: bool,
     ) -> PyResult<RealTime> {
         let format = wraptor::Format {
-            velocity,
+            velocity: Some(velocity).filter(|unit| *unit > 0),
             gain,
             feeds_velocity,
             feeds_strain,
