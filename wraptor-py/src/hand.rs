@@ -3,7 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use pyo3::exceptions::PyRuntimeError;
@@ -11,27 +11,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use wraptor::{BoardState, Boards, CallError, Canceller, Connect, Firmware, Found, Progress};
 
-use crate::call::{Watch, limit, property};
+use crate::call::{Watch, limit, lock, property};
 use crate::errors;
-use crate::realtime::{Choice, RealTime};
-
-/// Where the connection is.
-pub enum Place {
-    /// Here.
-    Here(Box<wraptor::Hand>),
-    /// With a `RealTime`, which brings it back.
-    RealTime,
-    /// Closed, or part of a `Bus`.
-    Closed,
-}
-
-/// The connection and where it is; a `RealTime` brings it back here.
-pub type Shared = Arc<Mutex<Place>>;
-
-/// Locks what a panic cannot leave half changed.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
+use crate::realtime::{Choice, Place, RealTime, Shared};
 
 /// A hand.
 #[pyclass(module = "wraptor", frozen)]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::outcome::Failure;
-use crate::program::{output, program, root, run, target, typed};
+use crate::program::{output, output_of_both, program, root, run, target, typed};
 use crate::{Outcome, python};
 
 /// From PyPI. Pinned, so that a failure is this project's.
@@ -90,7 +90,7 @@ fn build(profile: &str, folder: &Path) -> Result<PathBuf, String> {
     ]);
     maturin.arg(profile).arg("--out").arg(folder).current_dir(root());
     let line = typed(&maturin);
-    run(maturin)?;
+    output_of_both(maturin)?;
     let mut files = fs::read_dir(folder).map_err(failed)?.filter_map(|entry| Some(entry.ok()?.path()));
     let wheel = files.find(|path| path.extension().is_some_and(|extension| extension == "whl"));
     wheel.ok_or_else(|| format!("found no wheel in {}\n  repeat with: {line}", folder.display()))
