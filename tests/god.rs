@@ -20,7 +20,6 @@ mod settings;
 mod state;
 mod tables;
 mod two_grammars;
-mod walk_through;
 mod walk_through_grammar;
 mod world;
 

@@ -9,10 +9,8 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `adapter`, `bode`, `compare`, `convert`, `excite`, `figures`, `gcl`, `grasper_client`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `sweep_report`, `table`, `torture`, `tune`, `tune_report`, `worker` |
-//! | tuning | [`excite`], [`identify`], [`parquet`], [`sweep`], [`table`], [`tune`], and the private `bode`, `compare`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
-//! | ports | [`cli`], [`grasper`], [`slcan`], and the private `adapter`, `apply`, `bode`, `convert`, `excite`, `export`, `figures`, `gcl`, `grasper_client`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `table`, `torture`, `tune`, `undo`, `worker` |
-//! | tuning | [`apply`], [`excite`], [`identify`], [`parquet`], [`sweep`], [`table`], [`tune`], [`tuned`], and the private `bode`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
+//! | ports | [`cli`], [`slcan`], and the private `adapter`, `apply`, `bode`, `compare`, `convert`, `excite`, `export`, `figures`, `gcl`, `identify`, `interrupt`, `lines`, `log`, `margins`, `output`, `serve`, `state_file`, `sweep`, `sweep_folder`, `sweep_report`, `table`, `thread`, `torture`, `tune`, `tune_report`, `undo`, `worker` |
+//! | tuning | [`apply`], [`excite`], [`identify`], [`parquet`], [`sweep`], [`table`], [`tune`], [`tuned`], and the private `bode`, `compare`, `csv`, `mcap`, `multisine`, `response`, `spectrum`, `traces` |
 //! | experiment | [`events`], [`grasp`], [`input`], [`metrics`], [`over_can`], [`picture`], [`properties`], [`replay`], [`report`], `run`, [`scenario`], [`torture`], [`trace`], [`typist`] |
 //! | world | [`board`](mod@board), [`bus`], [`hand`], [`node`], [`plant`], [`rig`](mod@rig) |
 #![forbid(unsafe_code)]
@@ -27,7 +25,7 @@ pub use experiment::{
     events, grasp, input, metrics, over_can, picture, properties, replay, report, scenario, torture, trace,
     typist,
 };
-pub use ports::{cli, grasper, slcan};
+pub use ports::{cli, slcan};
 pub use tater_fw::motion::defaults;
 pub use tater_wire::MotorKind;
 pub use tuning::{apply, excite, identify, parquet, sweep, table, tune, tuned};

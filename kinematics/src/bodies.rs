@@ -122,6 +122,18 @@ impl Hand {
         })
     }
 
+    /// Shapes of a finger's base, link and tip, each along the x of its frame.
+    #[must_use]
+    pub fn finger_shapes(&self) -> [Cylinder; 3] {
+        [
+            (self.base_m, self.finger_radius_m),
+            (self.link_m, self.finger_radius_m),
+            // Its pad is its surface.
+            (self.tip_m, self.pad_m),
+        ]
+        .map(|(length_m, radius_m)| Cylinder { axis: 0, length_m, radius_m, is_round: true })
+    }
+
     fn finger_bodies(&self, finger: Finger) -> [Body; 3] {
         let (rows, names, joints) = (self.dh_table(finger), PARTS[finger.index()], JOINTS[finger.index()]);
         let turns = |index: usize, drive, mimics| Mount::Turns {
@@ -136,18 +148,19 @@ impl Hand {
             Finger::F3 => Mount::Fixed,
         };
         let parts = [
-            (spread, self.base_m, self.base_kg),
-            (turns(1, self.link, None), self.link_m, self.link_kg),
-            (turns(2, self.tip, None), self.tip_m, self.tip_kg),
+            (spread, self.base_kg),
+            (turns(1, self.link, None), self.link_kg),
+            (turns(2, self.tip, None), self.tip_kg),
         ];
+        let shapes = self.finger_shapes();
         core::array::from_fn(|index| {
-            let (mount, length_m, mass_kg) = parts[index];
+            let (mount, mass_kg) = parts[index];
             Body {
                 name: names[index],
                 parent: Some(if index == 0 { PALM } else { names[index - 1] }),
                 place: rows[index].frame(0.0),
                 mount,
-                shape: Cylinder { axis: 0, length_m, radius_m: self.finger_radius_m, is_round: true },
+                shape: shapes[index],
                 mass_kg,
             }
         })
@@ -192,6 +205,21 @@ mod tests {
             }
         }
         assert_eq!((own, mimics), (7, 1));
+    }
+
+    #[test]
+    fn fingertip_lies_on_the_tips_surface() {
+        let hand = Hand::default();
+        let [_, _, tip] = hand.finger_shapes();
+        for site in hand.sites() {
+            let [along, pad, across] = site.place.origin;
+            assert!(
+                (along - tip.length_m).abs() < 1e-12 && (pad - tip.radius_m).abs() < 1e-12,
+                "{}",
+                site.name
+            );
+            assert!(across.abs() < 1e-12, "{}", site.name);
+        }
     }
 
     #[test]

@@ -74,7 +74,8 @@ pub struct Hand {
     pub tip_m: f64,
     /// D_w: from the hand's mounting face to the plane of the links' joints, m. BH8-280: 76 mm.
     pub palm_m: f64,
-    /// D_3: from the tip's middle line to its pad, in closing direction, m. BH8-280: 9.5 mm.
+    /// D_3: from the tip's middle line to its pad, in closing direction, m. BH8-280: 9.5 mm. A tip's shape has this radius, so that
+    /// the fingertip lies on its surface.
     pub pad_m: f64,
     /// Φ_2: the link's angle to the palm at 0, rad. BH8-280: 2.46°, atan(3/70), because the tip's joint stands 3 mm off the link's middle line;
     /// 0 in models without that offset.
@@ -102,7 +103,7 @@ pub struct Hand {
     pub link_kg: f64,
     /// A tip's mass, kg. BH8-280: 0.041.
     pub tip_kg: f64,
-    /// Half of a finger's thickness, m. Chosen, as in hil-sim's grasps: 8 mm.
+    /// Half the thickness of a base and a link, m. Chosen: 8 mm.
     pub finger_radius_m: f64,
     /// The palm's radius, m. BH8-280: 45 mm.
     pub palm_radius_m: f64,

@@ -11,7 +11,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 12] = [
+const ARROWS: [Arrows; 13] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -49,7 +49,6 @@ const ARROWS: [Arrows; 12] = [
     Arrows { package: "god", ours: &["tater-wire"], others: Some(&["defmt", "heapless", "proptest (dev)"]) },
     // libm: sines without std. proptest: tests.
     Arrows { package: "kinematics", ours: &["tater-wire"], others: Some(&["libm", "proptest (dev)"]) },
-    Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw", "god"], others: None },
     // The host library. god: its tables of status codes, parameters and motor prefixes. rustix: serial ports, poll. socketcan: CAN interfaces
     // of Linux. socket2: a listener with a full backlog, for tests.
     Arrows {
@@ -63,11 +62,23 @@ const ARROWS: [Arrows; 12] = [
         ours: &["tater-wire", "god", "hil-sim", "wraptor"],
         others: Some(&["numpy", "pyo3", "serde_json"]),
     },
+    Arrows {
+        package: "hil-sim",
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "wraptor"],
+        others: None,
+    },
+    // The terminal program. god: the tables of commands and parameters. rustyline: entries with history and completion. ctrlc: ^C. rustix: a
+    // terminal, for tests.
+    Arrows {
+        package: "wraptor-cli",
+        ours: &["tater-wire", "god", "wraptor"],
+        others: Some(&["clap", "ctrlc", "rustix (dev)", "rustyline", "serde_json"]),
+    },
     // board-emu gets the program as bytes: of ours it needs only the simulated world.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },
     Arrows {
         package: "system-tests",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim", "board-emu"],
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "hil-sim", "board-emu", "wraptor"],
         others: None,
     },
     Arrows {

@@ -35,8 +35,9 @@ fn case(seed: u64) -> (Scene, f64) {
     let mut rng = Pcg64Mcg::new(u128::from(seed) << 64 | 7);
     let angle = rng.random_range(1.2..2.4_f64);
     let (reach, side) = (rng.random_range(0.06..0.10), if rng.random_bool(0.5) { 1.0 } else { -1.0 });
-    let at = [-reach * angle.cos().abs(), side * reach * angle.sin(), 0.0];
-    let top = [at[0], at[1], rng.random_range(0.02..0.12)];
+    let bottom = Scene::default().hand.palm_m;
+    let at = [side * reach * angle.sin(), -reach * angle.cos().abs(), bottom];
+    let top = [at[0], at[1], bottom + rng.random_range(0.02..0.12)];
     let capsule = Capsule { ends: [at, top], radius_m: rng.random_range(0.005..0.015) };
     let stiffness_n_m = 10.0_f64.powf(rng.random_range(3.0..6.0));
     (

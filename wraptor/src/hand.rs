@@ -10,7 +10,7 @@ use std::time::Duration;
 use god::motors::Prefix;
 use god::parameter;
 use tater_wire::property::Access;
-use tater_wire::{FaultCode, Frame, ModeCode, Node, Property};
+use tater_wire::{FaultCode, Frame, Node, Property};
 
 use crate::deadline::Deadline;
 use crate::download::{self, Link, OnDownload};
@@ -20,6 +20,7 @@ use crate::port::Out;
 use crate::session::{ABORT, Session};
 
 mod connect;
+mod manual;
 mod realtime;
 
 pub use connect::{Boards, Connect, FIRST_VERSION};
@@ -33,9 +34,6 @@ const POLL: Duration = Duration::from_millis(20);
 
 /// Time to switch packets off after a download that has used up its limit: one line there, one back, at 9600 baud.
 const RESTORE: Duration = Duration::from_millis(100);
-
-/// Travel of a tip for a third of its link's joint angle, as a fraction of the link's travel (docs/hand.md).
-const TIP_PER_LINK: (i64, i64) = (13, 49);
 
 /// What a call that waits has seen.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -139,13 +137,13 @@ impl Hand {
     }
 
     /// Writes bytes as they are, without waiting for an answer (the manual's tcp_msg). Bytes that make a line or a packet make an answer,
-    /// which the next call takes as a report.
+    /// which the next call takes as a report. A line that they leave without its CR is ended by the next call.
     ///
     /// # Errors
     /// They are not taken within the limit.
     pub fn write(&mut self, bytes: &[u8], limit: Duration) -> Result<(), CallError> {
         let failed = |failure| CallError { call: format!("{} bytes", bytes.len()), failure };
-        self.session.write(bytes, &Deadline::after(limit)).map_err(failed)
+        self.session.write_raw(bytes, &Deadline::after(limit)).map_err(failed)
     }
 
     /// Takes the lines that the hand has printed unasked, such as `4 MODE=3` at the end of a motion. Keeps the last 256.
@@ -158,7 +156,8 @@ impl Hand {
     /// # Errors
     /// It is not taken within the limit.
     pub fn send(&mut self, frame: &Frame, limit: Duration) -> Result<(), CallError> {
-        self.write(&packet(frame), limit)
+        let failed = |failure| CallError { call: "send".to_owned(), failure };
+        self.session.write(&packet(frame), &Deadline::after(limit)).map_err(failed)
     }
 
     /// Switches answers of boards to packets, which [`Self::receive`] returns, or back to lines.
@@ -322,73 +321,9 @@ impl Hand {
         self.command_with(&format!("{prefix}{command}"), limit, progress).map(drop)
     }
 
-    /// Moves fingers to a position of their links in hall counts, and their tips by a third of the joint angle (the manual's move). `fingers`
-    /// is of 1, 2, 3 and 4 (the spread). The progress has the positions.
-    ///
-    /// # Errors
-    /// [`Failure::NotReached`], and those of every call.
-    pub fn move_halls(
-        &mut self,
-        fingers: &str,
-        halls: i64,
-        limit: Duration,
-        progress: OnProgress,
-    ) -> Result<(), CallError> {
-        let call = format!("move_halls({fingers}, {halls})");
-        let failed = |failure| CallError { call: call.clone(), failure };
-        let deadline = Deadline::after(limit);
-        let is_finger = |c: char| matches!(c, '1'..='4');
-        if fingers.is_empty() || !fingers.chars().all(is_finger) {
-            return Err(failed(Failure::Invalid(
-                "fingers 1, 2, 3, or 4 for the spread, such as 13".to_owned(),
-            )));
-        }
-        // Tips are nodes 5 to 7; the spread has none.
-        let tips: String =
-            fingers.bytes().filter(|byte| *byte != b'4').map(|byte| char::from(byte + 4)).collect();
-        let all = format!("{fingers}{tips}");
-        self.set(fingers, Property::E, halls, deadline.remaining()).map_err(of_step(limit))?;
-        if !tips.is_empty() {
-            let tip = halls * TIP_PER_LINK.0 / TIP_PER_LINK.1;
-            self.set(&tips, Property::E, tip, deadline.remaining()).map_err(of_step(limit))?;
-        }
-        self.set(&all, Property::MODE, ModeCode::Trapezoidal.into(), deadline.remaining())
-            .map_err(of_step(limit))?;
-        let outcome = loop {
-            let modes = self.get(&all, Property::MODE, deadline.remaining()).map_err(of_step(limit))?;
-            let positions = self.get(&all, Property::P, deadline.remaining()).map_err(of_step(limit))?;
-            let seen = Progress { elapsed: deadline.elapsed(), values: positions };
-            if modes.iter().all(|(_, mode)| *mode != i64::from(ModeCode::Trapezoidal)) {
-                let _ = progress(&seen);
-                break Ok(());
-            }
-            if progress(&seen).is_break() {
-                break Err(Failure::Cancelled);
-            }
-            if deadline.is_over() {
-                break Err(Failure::TimedOut(limit));
-            }
-            self.rest(&deadline).map_err(failed)?;
-        };
-        if let Err(failure) = outcome {
-            self.session.abort().map_err(failed)?;
-            return Err(failed(failure));
-        }
-        let ends = self.get(&all, Property::END, deadline.remaining()).map_err(of_step(limit))?;
-        let Some((node, end)) = ends.into_iter().find(|(_, end)| !matches!(end, 1 | 5)) else {
-            return Ok(());
-        };
-        let errors = self
-            .get(&node.number().to_string(), Property::ERROR, deadline.remaining())
-            .map_err(of_step(limit))?;
-        let fault = errors.first().and_then(|(_, code)| FaultCode::of(*code));
-        Err(failed(Failure::NotReached { node, end, fault }))
-    }
-
-    /// Receives reports for a while.
+    /// Receives reports until the deadline.
     fn rest(&mut self, deadline: &Deadline) -> Result<(), Failure> {
-        let rest = deadline.within(POLL);
-        while self.session.receive(&rest)? {}
+        while self.session.receive(deadline)? {}
         Ok(())
     }
 
@@ -464,7 +399,7 @@ impl Hand {
                 (true, _) => return Ok(()),
                 (false, true) => return Err(failed(Failure::Cancelled)),
                 (false, false) if deadline.is_over() => return Err(failed(Failure::TimedOut(limit))),
-                (false, false) => self.rest(&deadline).map_err(failed)?,
+                (false, false) => self.rest(&deadline.within(POLL)).map_err(failed)?,
             }
         }
     }

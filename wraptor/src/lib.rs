@@ -39,6 +39,7 @@ mod session;
 mod slcan;
 
 pub use bus::Bus;
+pub use deadline::Deadline;
 pub use discovery::{Found, discover};
 pub use download::DownloadProgress;
 pub use error::{CallError, Cause, ConnectError, Failure};

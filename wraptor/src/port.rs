@@ -205,7 +205,10 @@ impl Drop for Port {
 
 /// Whether the close is a reset. Until the orderly end of a [`Port`] it is, for the kernel closes the connection of a program that dies: a hand
 /// takes its FIN for a host that has sent everything and finishes what it does, and a reset for a host that is gone (decision 0031).
-#[cfg_attr(not(unix), expect(unused_variables, clippy::unnecessary_wraps, reason = "elsewhere it stays as it is"))]
+#[cfg_attr(
+    not(unix),
+    expect(unused_variables, clippy::unnecessary_wraps, reason = "elsewhere it stays as it is")
+)]
 fn reset_at_close(stream: &TcpStream, resets: bool) -> io::Result<()> {
     #[cfg(unix)]
     rustix::net::sockopt::set_socket_linger(stream, resets.then_some(Duration::ZERO))?;

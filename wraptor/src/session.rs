@@ -54,6 +54,8 @@ pub(crate) struct Session {
     reports: VecDeque<String>,
     /// Whether a prompt of an earlier call is still to come.
     is_behind: bool,
+    /// Whether the caller has written a line without its CR.
+    is_line_open: bool,
     markers: u32,
 }
 
@@ -67,6 +69,7 @@ impl Session {
             frames: VecDeque::new(),
             reports: VecDeque::new(),
             is_behind: false,
+            is_line_open: false,
             markers: 0,
         }
     }
@@ -95,6 +98,15 @@ impl Session {
             ErrorKind::TimedOut => Failure::TimedOut(deadline.limit()),
             _ => Failure::Lost(error.to_string()),
         })
+    }
+
+    /// Writes bytes of the caller's own, which may leave a line without its CR.
+    ///
+    /// # Errors
+    /// Those of [`Self::write`].
+    pub fn write_raw(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), Failure> {
+        self.is_line_open = !matches!(bytes.last(), None | Some(b'\r' | &ABORT));
+        self.write(bytes, deadline)
     }
 
     /// Receives until the deadline or the first bytes; `false` at the deadline.
@@ -230,19 +242,26 @@ impl Session {
     }
 
     /// Finds the prompt again after a call that did not wait for it: everything before the answer to a line that was not sent before is late.
+    /// Ends a line of the caller's own, whose answer is a report.
     pub fn catch_up(&mut self, deadline: &Deadline) -> Result<(), Failure> {
-        if !self.is_behind {
+        let is_line_open = std::mem::take(&mut self.is_line_open);
+        if !self.is_behind && !is_line_open {
             return Ok(());
         }
+        self.is_behind = true;
         self.markers += 1;
         // VERS takes no argument: ERR 1024.
         let marker = format!("VERS {}", self.markers);
-        self.write(format!("{marker}\r").as_bytes(), deadline)?;
+        let open = if is_line_open { "\r" } else { "" };
+        self.write(format!("{open}{marker}\r").as_bytes(), deadline)?;
         loop {
             while let Some(output) = self.next_output() {
                 if output.ends_with(format!("{marker}\r\n\rERR 1024\r").as_bytes()) {
                     self.is_behind = false;
                     return Ok(());
+                }
+                if is_line_open {
+                    self.report(&output);
                 }
             }
             if !self.receive(deadline)? {

@@ -39,6 +39,13 @@ fn invalid_address_is_named() {
     }
 }
 
+/// No machine has a way to this address over TCP: it is the broadcast address of every network.
+#[cfg(target_os = "linux")]
+#[test]
+fn address_without_a_way_is_unreachable() {
+    assert!(matches!(cause(Hand::connect("255.255.255.255:1001", HANGS)), Cause::Unreachable(_)));
+}
+
 /// A full backlog drops further connections, as a machine does that is off.
 #[test]
 fn machine_that_does_not_answer_is_named_within_its_limit() {

@@ -7,33 +7,12 @@ use std::ops::ControlFlow;
 use std::thread;
 use std::time::Duration;
 
-use served::{Cut, HANGS, Proxy, Served};
-use tater_wire::image::seal;
-use tater_wire::memory::{APPLICATION, RAM};
-use tater_wire::tek::{Encoder, end};
+use served::{Cut, HANGS, Proxy, Served, firmware, tek};
 use wraptor::{
     BoardState, Boards, Bus, Connect, DownloadProgress, Failure, Firmware, Hand, Node, Property, discover,
 };
 
 const LIMIT: Duration = Duration::from_secs(120);
-
-/// The `.tek` text of a sealed application of some bytes.
-fn tek(len: usize, version: u32) -> Vec<u8> {
-    let mut image = vec![0x5A; len];
-    image[..4].copy_from_slice(&RAM.end().to_le_bytes());
-    image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
-    // The vectors that hold the header are reserved.
-    image[0x1C..0x2C].fill(0);
-    seal(&mut image, version).expect("an application");
-    let lines = Encoder::new(APPLICATION.start, &image).expect("it fits");
-    let mut text: Vec<u8> = lines.flat_map(|line| line.as_bytes().to_vec()).collect();
-    text.extend_from_slice(end(APPLICATION.start).as_bytes());
-    text
-}
-
-fn firmware(len: usize) -> Firmware {
-    Firmware::new(tek(len, 601)).expect("sealed")
-}
 
 /// A connection as a download needs it.
 fn connected(address: &str) -> Hand {

@@ -23,7 +23,7 @@ const OVER: Duration = Duration::from_millis(1300);
 type Call = fn(&mut Hand) -> Result<(), CallError>;
 
 /// Each call with the bytes at which the connection is cut.
-const CALLS: [(&str, &[u8], Call); 19] = [
+const CALLS: [(&str, &[u8], Call); 25] = [
     ("command", b"PLIST\r", |hand| hand.command("PLIST", LIMIT).map(drop)),
     ("wake", b"WAKE\r", |hand| hand.wake(LIMIT)),
     ("boards", b"G STAT\r", |hand| hand.boards(LIMIT).map(drop)),
@@ -42,6 +42,21 @@ const CALLS: [(&str, &[u8], Call); 19] = [
     ("parameter", b"SFGET P\r", |hand| hand.parameter("S", "P", LIMIT).map(drop)),
     ("temperature", b"PGET TEMP\r", |hand| hand.temperature(LIMIT).map(drop)),
     ("save", b"FSAVE\r", |hand| hand.save_parameters(LIMIT)),
+    ("command_and_wait", b"4 S M 5\r", |hand| {
+        hand.command_and_wait("4 S M 5", LIMIT, &mut no_progress).map(drop)
+    }),
+    ("close_fingers", b"S E 331\r", |hand| hand.close_fingers("1", LIMIT, &mut no_progress)),
+    ("open_fingers", b"S E 0\r", |hand| hand.open_fingers("1", LIMIT, &mut no_progress)),
+    ("save_nodes", b"S SAVE -1\r", |hand| hand.save_nodes("4", LIMIT)),
+    ("receive", b"PLIST\r", |hand| {
+        hand.write(b"PLIST\r", LIMIT)?;
+        hand.receive(LIMIT)?;
+        // Time alone is no failure of this one.
+        hand.command("PLIST", LIMIT).map(drop)
+    }),
+    ("download", &[0, 5, 4], |hand| {
+        hand.download("5", &served::firmware(2048), LIMIT, &mut |_| ControlFlow::Continue(()))
+    }),
     ("realtime", b"1FSET LCV", |hand| hand.realtime("1", Format::default(), LIMIT).map(|_| ())),
 ];
 

@@ -2,12 +2,12 @@
 //!
 //! ```
 //! let scene = hil_sim::grasp::parse("ball.toml", r#"
-//!     [hand]                     # optional, as is each key: see `Geometry`
+//!     [hand]                     # optional, as is each key: the fields of `kinematics::Hand`
 //!     link_mm = 70
 //!
 //!     [[object]]
-//!     at_mm = [0, 0, 70]         # x towards finger 3, y towards finger 2 when spread, z out of the palm
-//!     to_mm = [0, 50, 70]        # optional: the other end of the axis; default: a sphere
+//!     at_mm = [0, 0, 146]        # from the middle of the mounting face: y towards finger 3, z out of the palm
+//!     to_mm = [50, 0, 146]       # optional: the other end of the axis; default: a sphere
 //!     radius_mm = 35
 //!     stiffness_n_m = 1e5        # optional
 //! "#, &[0.0; 7]).unwrap();        // the pose at the start: no object may overlap a finger
@@ -20,7 +20,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::input::{BadInput, Source};
-use crate::world::hand::scene::{Capsule, Geometry, Pose, Scene, SceneObject};
+use crate::world::hand::scene::{Capsule, Pose, Scene, SceneObject};
 
 /// Default stiffness, N/m; chosen: the full torque of a link, about 150 N at its tip, dents it by 0.8 mm.
 const STIFFNESS_N_M: f64 = 2e5;
@@ -46,6 +46,8 @@ struct Hand {
     base_mm: Option<f64>,
     link_mm: Option<f64>,
     tip_mm: Option<f64>,
+    palm_mm: Option<f64>,
+    pad_mm: Option<f64>,
     link_at_zero_deg: Option<f64>,
     tip_at_zero_deg: Option<f64>,
     finger_radius_mm: Option<f64>,
@@ -96,7 +98,7 @@ pub fn parse(file: &str, text: &str, pose: &Pose) -> Result<Scene, BadInput> {
     let parsed: File = toml::from_str(text).map_err(|error| source.reader_error(&error))?;
     let mut scene = Scene::default();
     if let Some(hand) = &parsed.hand {
-        scene.geometry = geometry(source, hand)?;
+        scene.hand = dimensions(source, hand)?;
     }
     if let Some(object) = parsed.object.get(OBJECTS) {
         let next = "take some out";
@@ -134,30 +136,36 @@ fn clear(
     Err(BadInput { found: format!("{depth_mm:.1} mm inside"), ..error })
 }
 
-fn geometry(source: Source<'_>, hand: &Spanned<Hand>) -> Result<Geometry, BadInput> {
+fn dimensions(source: Source<'_>, hand: &Spanned<Hand>) -> Result<kinematics::Hand, BadInput> {
     let of = *hand.get_ref();
-    let default = Geometry::default();
+    let default = kinematics::Hand::default();
     let mm = |value: Option<f64>, default: f64| value.unwrap_or(1000.0 * default);
     let deg = |value: Option<f64>, default: f64| value.unwrap_or(default.to_degrees());
-    let rows: [Row; 7] = [
+    let rows: [Row; 9] = [
         ("spread_axis_mm", mm(of.spread_axis_mm, default.spread_axis_m), 0.0, 1000.0),
         ("base_mm", mm(of.base_mm, default.base_m), 0.0, 1000.0),
         ("link_mm", mm(of.link_mm, default.link_m), 1.0, 1000.0),
         ("tip_mm", mm(of.tip_mm, default.tip_m), 1.0, 1000.0),
+        ("palm_mm", mm(of.palm_mm, default.palm_m), 0.0, 1000.0),
+        ("pad_mm", mm(of.pad_mm, default.pad_m), 0.1, 100.0),
         ("link_at_zero_deg", deg(of.link_at_zero_deg, default.link_at_zero), -180.0, 180.0),
         ("tip_at_zero_deg", deg(of.tip_at_zero_deg, default.tip_at_zero), -180.0, 180.0),
         ("finger_radius_mm", mm(of.finger_radius_mm, default.finger_radius_m), 0.1, 100.0),
     ];
     check(source, hand.span(), "[hand]", &rows)?;
-    let [spread_axis, base, link, tip, link_at_zero, tip_at_zero, finger_radius] = rows.map(|row| row.1);
-    Ok(Geometry {
+    let [spread_axis, base, link, tip, palm, pad, link_at_zero, tip_at_zero, finger_radius] =
+        rows.map(|row| row.1);
+    Ok(kinematics::Hand {
         spread_axis_m: spread_axis / 1000.0,
         base_m: base / 1000.0,
         link_m: link / 1000.0,
         tip_m: tip / 1000.0,
+        palm_m: palm / 1000.0,
+        pad_m: pad / 1000.0,
         link_at_zero: link_at_zero.to_radians(),
         tip_at_zero: tip_at_zero.to_radians(),
         finger_radius_m: finger_radius / 1000.0,
+        ..default
     })
 }
 
@@ -223,7 +231,7 @@ mod tests {
 
     #[test]
     fn object_that_overlaps_a_finger_at_the_start_is_refused_with_its_line() {
-        let text = "# two\n[[object]]\nat_mm = [0, 0, 26]\nradius_mm = 10\n\n[[object]]\nat_mm = [80, 0, 3]\nradius_mm = 20";
+        let text = "# two\n[[object]]\nat_mm = [0, 0, 102]\nradius_mm = 10\n\n[[object]]\nat_mm = [0, 80, 79]\nradius_mm = 20";
         let error = parse("x.toml", text, &Pose::default()).expect_err("in finger 3's link").to_string();
         assert!(error.starts_with("x.toml:6") && error.contains("link of finger 3"), "{error}");
         assert!(error.contains("mm inside") && error.contains("move it away"), "{error}");
@@ -231,7 +239,7 @@ mod tests {
 
     #[test]
     fn stored_grasp_may_press_on_its_object_but_not_start_inside_it() {
-        let ball = |radius: f64| format!("[[object]]\nat_mm = [0, 0, 26]\nradius_mm = {radius}");
+        let ball = |radius: f64| format!("[[object]]\nat_mm = [0, 0, 102]\nradius_mm = {radius}");
         let scene = parse("x", &ball(34.0), &Pose::default()).expect("clear of open fingers");
         let depth = |pose: &Pose| scene.overlap(pose).map_or(0.0, |found| 1000.0 * found.3);
         let closed =

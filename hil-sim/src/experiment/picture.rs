@@ -18,7 +18,7 @@ const LINE: f64 = 17.0;
 /// Colors of fingers 1, 2 and 3, distinct for the color-blind.
 const COLORS: [&str; 3] = ["#0b62c4", "#d9480f", "#1a7f4b"];
 
-/// A view by its axes: to the right and upwards.
+/// A view by its axes, of the palm: to the right and upwards.
 struct View {
     name: &'static str,
     axes: [usize; 2],
@@ -27,10 +27,13 @@ struct View {
     down: f64,
 }
 
-const VIEWS: [View; 2] = [
-    View { name: "From the side", axes: [0, 2], left: 0.0, down: 0.27 },
-    View { name: "From above", axes: [0, 1], left: WIDTH * SCALE, down: 0.17 },
-];
+/// Both views, of a palm of that height.
+const fn views(palm_m: f64) -> [View; 2] {
+    [
+        View { name: "From the side", axes: [1, 2], left: 0.0, down: 0.27 + palm_m },
+        View { name: "From above", axes: [0, 1], left: WIDTH * SCALE, down: 0.17 },
+    ]
+}
 
 impl View {
     fn at(&self, point: Point) -> [f64; 2] {
@@ -67,9 +70,10 @@ pub fn svg(scene: &Scene, before: &Pose, pose: &Pose, title: &str) -> String {
          <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
     );
     text(&mut svg, [16.0, 24.0], 18, title);
-    for view in &VIEWS {
+    let palm_m = scene.hand.palm_m;
+    for view in &views(palm_m) {
         text(&mut svg, [view.left + 16.0, 46.0], 13, view.name);
-        let palm = Capsule { ends: [[-0.05, 0.0, -0.012], [0.05, 0.0, -0.012]], radius_m: 0.01 };
+        let palm = Capsule { ends: [-0.05, 0.05].map(|y| [0.0, y, palm_m - 0.012]), radius_m: 0.01 };
         view.capsule(&mut svg, &palm, "#d0d4d9", 1.0);
         for object in &scene.objects {
             view.capsule(&mut svg, &object.capsule, "#c9a227", 0.8);

@@ -19,7 +19,6 @@ use super::excite::{self, ExciteArgs};
 use super::export::{self, ExportArgs};
 use super::figures::Figures;
 use super::gcl::{self, GclArgs};
-use super::grasper_client::{self, GrasperArgs};
 use super::identify::{self, IdentifyArgs};
 use super::interrupt;
 use super::log::{self, LogArgs};
@@ -65,9 +64,6 @@ enum Task {
     Hand(HandArgs),
     /// Type Grasper Control Language at a simulated hand, as fast as possible. Exit code 1 if a line ends in an error.
     Gcl(GclArgs),
-    /// The console of the manual's walk-through, for a hand served by `hil-sim hand`: reads standard input; M, C and O prompt for their
-    /// arguments. Exit code 1 if a line ends in an error.
-    Grasper(GrasperArgs),
     /// Torture the whole hand with random programs and faults, and check its invariants. Exit code 1 if one fails. ^C begins no new
     /// seed and prints the results so far, with exit code 130; a second ^C ends at once.
     Torture(TortureArgs),
@@ -186,7 +182,6 @@ pub fn execute(line: impl IntoIterator<Item: Into<OsString> + Clone>, clock: Clo
         Task::Bus(args) => serve::bus(&args, &mut clock_us).map(|()| true),
         Task::Hand(args) => serve::hand(&args, &mut clock_us).map(|()| true),
         Task::Gcl(args) => gcl::gcl(&args, clock),
-        Task::Grasper(args) => grasper_client::grasper(&args),
         Task::Torture(args) => torture::torture(&args, clock),
         Task::Bode(args) => bode::bode(&args),
         Task::Margins(args) => margins::margins(&args),

@@ -7,7 +7,7 @@ use std::time::Duration;
 use tater_wire::property::Access;
 use tater_wire::{Destination, Message, Node, Property};
 
-use super::adapter::{Clock, Link, Lost};
+use super::adapter::{Clock, Link};
 use super::convert::{self, Format};
 use super::interrupt;
 use super::output::{check_file, replace_file, warn};
@@ -72,11 +72,7 @@ pub fn log(args: &LogArgs, clock: Clock) -> Result<(), BadInput> {
     let node = Node::new(args.node).ok_or_else(|| silent(args, "no such node"))?;
     // From here ^C ends the recording and not the program.
     interrupt::finish_first();
-    let link = match (&args.slcan, &args.can) {
-        (Some(address), _) => Link::slcan(address, clock)?,
-        (None, Some(interface)) => Link::can(interface)?,
-        (None, None) => return Err(silent(args, "no bus")),
-    };
+    let link = Link::open(args.slcan.as_deref(), args.can.as_deref())?;
     let mut board = Board { link, node, clock };
     wake(args, &mut board)?;
     let heading = Heading { columns: columns(), metadata: facts(args, &mut board)? };
@@ -116,7 +112,7 @@ struct Board<'a> {
 
 impl Board<'_> {
     /// GETs a property; `None` without an answer in [`ANSWER`].
-    fn get(&mut self, property: Property) -> Result<Option<i64>, Lost> {
+    fn get(&mut self, property: Property) -> Result<Option<i64>, BadInput> {
         let request = Message {
             from: Node::HOST,
             to: Destination::Node(self.node),
@@ -124,7 +120,7 @@ impl Board<'_> {
         };
         self.link.send(&request.frame())?;
         let deadline = (self.clock)() + ANSWER;
-        while let Some(frame) = self.link.receive(deadline, self.clock)? {
+        while let Some(frame) = self.link.receive(deadline.saturating_sub((self.clock)()))? {
             match answer(&frame) {
                 Some((from, of, value)) if (from, of) == (self.node, property) => return Ok(Some(value)),
                 _ => {}
@@ -139,14 +135,14 @@ fn wake(args: &LogArgs, board: &mut Board) -> Result<(), BadInput> {
     let deadline = (board.clock)() + WAKE;
     let (mut stat, mut has_woken) = (None, false);
     while (board.clock)() < deadline && !interrupt::interrupted() {
-        stat = board.get(Property::STAT).map_err(|lost| lost.of(&place(args)))?.or(stat);
+        stat = board.get(Property::STAT)?.or(stat);
         match stat {
             Some(2) => return Ok(()),
             Some(0) if !has_woken => {
                 warn(&format!("node {} is in its monitor; it is woken", args.node));
                 has_woken = true;
                 if let Some(set) = Message::set(Destination::Node(board.node), Property::STAT, 2) {
-                    board.link.send(&set.frame()).map_err(|lost| lost.of(&place(args)))?;
+                    board.link.send(&set.frame())?;
                 }
             }
             _ => {}
@@ -201,7 +197,7 @@ fn facts(args: &LogArgs, board: &mut Board) -> Result<Vec<(String, String)>, Bad
         let patience = if facts.len() == given { SILENCE } else { 2 * ANSWER };
         let deadline = (board.clock)() + patience;
         let value = loop {
-            let value = board.get(*property).map_err(|lost| lost.of(&place(args)))?;
+            let value = board.get(*property)?;
             if value.is_some() || (board.clock)() >= deadline {
                 break value;
             }
@@ -231,7 +227,7 @@ fn record(
         }
         let mut row = vec![Cell::Float((now - begun).as_secs_f64() * 1000.0)];
         for (_, property, scale, decimals) in COLUMNS {
-            let value = board.get(property).map_err(|lost| lost.of(&place(args)))?;
+            let value = board.get(property)?;
             if value.is_some() {
                 answered = (board.clock)();
             } else if (board.clock)() - answered >= SILENCE {

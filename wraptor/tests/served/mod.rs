@@ -10,6 +10,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use tater_wire::image::seal;
+use tater_wire::memory::{APPLICATION, RAM};
+use tater_wire::tek::{Encoder, end as last_line};
+use wraptor::Firmware;
+
 /// Limit of a call that must succeed: a busy machine may stop a process for seconds.
 pub const HANGS: Duration = Duration::from_secs(60);
 
@@ -87,6 +92,25 @@ pub fn scripted(script: &'static [(&'static str, &'static str)]) -> String {
         }
     });
     address
+}
+
+/// The `.tek` text of a sealed application of some bytes.
+pub fn tek(len: usize, version: u32) -> Vec<u8> {
+    let mut image = vec![0x5A; len];
+    image[..4].copy_from_slice(&RAM.end().to_le_bytes());
+    image[4..8].copy_from_slice(&(APPLICATION.start + 0x101).to_le_bytes());
+    // The vectors that hold the header are reserved.
+    image[0x1C..0x2C].fill(0);
+    seal(&mut image, version).expect("an application");
+    let lines = Encoder::new(APPLICATION.start, &image).expect("it fits");
+    let mut text: Vec<u8> = lines.flat_map(|line| line.as_bytes().to_vec()).collect();
+    text.extend_from_slice(last_line(APPLICATION.start).as_bytes());
+    text
+}
+
+/// A file that boards take.
+pub fn firmware(len: usize) -> Firmware {
+    Firmware::new(tek(len, 601)).expect("sealed")
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

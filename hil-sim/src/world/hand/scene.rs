@@ -4,17 +4,15 @@
 //! the shortest line between their segments, which acts on a motor through its lever arm and gear as a [`Contact`]. Contacts
 //! are linearized once a millisecond: at its highest speed, 4 rad/s, a finger moves half a millimeter meanwhile.
 //!
-//! Frame: x from the palm's center to finger 3, z out of the palm. With spread 0 fingers 1 and 2 stand opposite finger 3; they
-//! rotate about their own axes to its side, finger 1 through negative y and finger 2 through positive y.
+//! Where they are is the crate `kinematics`' matter. Its frame of the palm: origin on the mounting face, y to finger 3, z out of the palm.
 
+use kinematics::bodies::Cylinder;
+use kinematics::{Finger, Hand, MOTORS, Transform, Vector};
 use tater_wire::MotorKind;
 
 use crate::world::plant::{Contact, PlantParams, RAD_PER_COUNT};
 
 const FINGERS: usize = 3;
-
-/// Motors in the order of their nodes: three links, the spread, three tips.
-const MOTORS: usize = 7;
 
 /// The spread's index.
 pub const SPREAD: usize = 3;
@@ -31,8 +29,8 @@ const NUDGE: f64 = 0.05;
 /// Positions of the seven rotors, hall counts.
 pub type Pose = [f64; MOTORS];
 
-/// A point, m.
-pub type Point = [f64; 3];
+/// A point in the frame of the palm, m.
+pub type Point = Vector;
 
 /// All points within `radius_m` of a segment; a sphere if its ends are equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,40 +39,6 @@ pub struct Capsule {
     pub ends: [Point; 2],
     /// Radius, m.
     pub radius_m: f64,
-}
-
-/// Dimensions of the hand. The manual gives none; these are the published Denavit-Hartenberg parameters of the BH8-280, a hand
-/// by the same manufacturer.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Geometry {
-    /// From the palm's center to the spread axes of fingers 1 and 2 (Aw).
-    pub spread_axis_m: f64,
-    /// From there, or from the palm's center for finger 3, to the link's joint (A1).
-    pub base_m: f64,
-    /// A link's length (A2).
-    pub link_m: f64,
-    /// A tip's length (A3).
-    pub tip_m: f64,
-    /// A link's angle above the palm at 0 (phi 2), rad.
-    pub link_at_zero: f64,
-    /// A tip's angle to its link at 0 (phi 3), rad.
-    pub tip_at_zero: f64,
-    /// Half of a finger's thickness; chosen, 16 mm.
-    pub finger_radius_m: f64,
-}
-
-impl Default for Geometry {
-    fn default() -> Self {
-        Self {
-            spread_axis_m: 0.025,
-            base_m: 0.05,
-            link_m: 0.07,
-            tip_m: 0.05,
-            link_at_zero: 2.46_f64.to_radians(),
-            tip_at_zero: 39.56_f64.to_radians(),
-            finger_radius_m: 0.008,
-        }
-    }
 }
 
 /// An object between the fingers.
@@ -93,7 +57,7 @@ const FINGER_N_M: f64 = 2e5;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// The hand's dimensions.
-    pub geometry: Geometry,
+    pub hand: Hand,
     /// The objects.
     pub objects: Vec<SceneObject>,
 }
@@ -110,41 +74,17 @@ const fn motors(finger: usize) -> [usize; 2] {
     [finger, finger + SPREAD + 1]
 }
 
-/// Joint radians per hall count for each kind of motor.
-#[derive(Clone, Copy, Debug)]
-struct Gears([f64; MOTORS]);
-
-impl Gears {
-    fn new() -> Self {
-        Self(std::array::from_fn(|motor| RAD_PER_COUNT / PlantParams::for_motor(kind(motor)).gear_ratio))
-    }
-}
-
 impl Scene {
     /// Link and tip capsule of each finger.
     #[must_use]
     pub fn fingers(&self, pose: &Pose) -> [[Capsule; 2]; FINGERS] {
-        let gears = Gears::new();
-        std::array::from_fn(|finger| self.finger(finger, pose, &gears))
+        Finger::ALL.map(|finger| self.finger(finger, pose))
     }
 
-    fn finger(&self, finger: usize, pose: &Pose, gears: &Gears) -> [Capsule; 2] {
-        let Geometry { spread_axis_m, base_m, link_m, tip_m, link_at_zero, tip_at_zero, finger_radius_m } =
-            self.geometry;
-        let angle = |motor: usize| pose[motor] * gears.0[motor];
-        let [link, tip] = motors(finger);
-        let turned = std::f64::consts::PI - angle(SPREAD);
-        let (side, azimuth) = [(-1.0, -turned), (1.0, turned), (0.0, 0.0)][finger];
-        let (sin, cos) = azimuth.sin_cos();
-        // In the finger's plane: outwards and up.
-        let along = |from: Point, len: f64, up: f64| {
-            [from[0] + len * up.cos() * cos, from[1] + len * up.cos() * sin, from[2] + len * up.sin()]
-        };
-        let base = along([0.0, side * spread_axis_m, 0.0], base_m, 0.0);
-        let up = link_at_zero + angle(link);
-        let joint = along(base, link_m, up);
-        let end = along(joint, tip_m, up + tip_at_zero + angle(tip));
-        [[base, joint], [joint, end]].map(|ends| Capsule { ends, radius_m: finger_radius_m })
+    fn finger(&self, finger: Finger, pose: &Pose) -> [Capsule; 2] {
+        let [_, link, tip, _] = self.hand.frames(finger, self.hand.joints(*pose).of(finger));
+        let [_, link_shape, tip_shape] = self.hand.finger_shapes();
+        [capsule(&link, &link_shape), capsule(&tip, &tip_shape)]
     }
 
     /// The deepest overlap of an object with a finger at a pose: the object's index, the finger (1 to 3), `link` or `tip`, and
@@ -169,22 +109,20 @@ impl Scene {
     /// The contacts of each motor at the rotors' positions.
     #[must_use]
     pub fn contacts(&self, pose: &Pose) -> [Vec<Contact>; MOTORS] {
-        let gears = Gears::new();
         let mut contacts: [Vec<Contact>; MOTORS] = Default::default();
-        let fingers: [[Capsule; 2]; FINGERS] =
-            std::array::from_fn(|finger| self.finger(finger, pose, &gears));
+        let fingers = self.fingers(pose);
         for finger in 0..FINGERS {
             for part in 0..2 {
                 for object in &self.objects {
                     let gap = gap(&fingers[finger][part], &object.capsule);
                     let touch = Touch { parts: [(finger, part), (finger, part)], object: Some(object), gap };
-                    self.touch(&touch, pose, &gears, &mut contacts);
+                    self.touch(&touch, pose, &mut contacts);
                 }
                 for other in finger + 1..FINGERS {
                     for other_part in 0..2 {
                         let gap = gap(&fingers[finger][part], &fingers[other][other_part]);
                         let touch = Touch { parts: [(finger, part), (other, other_part)], object: None, gap };
-                        self.touch(&touch, pose, &gears, &mut contacts);
+                        self.touch(&touch, pose, &mut contacts);
                     }
                 }
             }
@@ -192,7 +130,7 @@ impl Scene {
         contacts
     }
 
-    fn touch(&self, touch: &Touch<'_>, pose: &Pose, gears: &Gears, contacts: &mut [Vec<Contact>; MOTORS]) {
+    fn touch(&self, touch: &Touch<'_>, pose: &Pose, contacts: &mut [Vec<Contact>; MOTORS]) {
         if touch.gap > NEAR_M {
             return;
         }
@@ -203,14 +141,12 @@ impl Scene {
         for motor in movers {
             let mut nudged = *pose;
             nudged[motor] += NUDGE;
-            let gap = self.gap_of(touch, &nudged, gears);
-            let lever = (gap - touch.gap) / (NUDGE * gears.0[motor]);
-            if lever.abs() < LEVER_M {
+            // The rotor moves the joint by 1/ratio, and the force returns through the same ratio.
+            let lever = (self.gap_of(touch, &nudged) - touch.gap) / (NUDGE * RAD_PER_COUNT);
+            let plant = PlantParams::for_motor(kind(motor));
+            if lever.abs() * plant.gear_ratio < LEVER_M {
                 continue;
             }
-            let plant = PlantParams::for_motor(kind(motor));
-            // The rotor moves the joint by 1/ratio, and the force returns through the same ratio.
-            let lever = lever / plant.gear_ratio;
             let stiffness = lever * lever * touch.object.map_or(FINGER_N_M, |object| object.stiffness_n_m);
             contacts[motor].push(Contact {
                 from: pose[motor] * RAD_PER_COUNT - touch.gap / lever,
@@ -222,8 +158,8 @@ impl Scene {
         }
     }
 
-    fn gap_of(&self, touch: &Touch<'_>, pose: &Pose, gears: &Gears) -> f64 {
-        let part = |(finger, part): (usize, usize)| self.finger(finger, pose, gears)[part];
+    fn gap_of(&self, touch: &Touch<'_>, pose: &Pose) -> f64 {
+        let part = |(finger, part): (usize, usize)| self.finger(Finger::ALL[finger], pose)[part];
         let other = touch.object.map_or_else(|| part(touch.parts[1]), |object| object.capsule);
         gap(&part(touch.parts[0]), &other)
     }
@@ -235,6 +171,10 @@ struct Touch<'a> {
     object: Option<&'a SceneObject>,
     /// Distance between their surfaces, m; negative where they press.
     gap: f64,
+}
+
+fn capsule(frame: &Transform, shape: &Cylinder) -> Capsule {
+    Capsule { ends: [frame.origin, frame.apply([shape.length_m, 0.0, 0.0])], radius_m: shape.radius_m }
 }
 
 /// The gap between two capsules' surfaces, m.

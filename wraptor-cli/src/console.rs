@@ -1,0 +1,284 @@
+//! The console: entries in, the hand's answers out.
+
+use std::io::{self, IsTerminal};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Duration;
+
+use god::boards::parse_report;
+use wraptor::discovery::EVERYWHERE;
+use wraptor::{
+    BoardState, Boards, CallError, Connect, DownloadProgress, Failure, Firmware, Found, Frame, Hand,
+    Progress, discover,
+};
+
+use crate::entry::{self, Entry, Motion};
+use crate::input::Input;
+use crate::interrupt::{self, during};
+use crate::output::print;
+use crate::tables;
+use crate::trouble::Trouble;
+use crate::watch::watch;
+
+/// Limit of a connection.
+pub const CONNECT: Duration = Duration::from_secs(5);
+
+/// Limit of a board's download: over a serial line at 9600 baud it takes some 4 minutes.
+pub const DOWNLOAD: Duration = Duration::from_secs(30 * 60);
+
+/// How long hands may take to answer a search.
+pub const SEARCH: Duration = Duration::from_secs(1);
+
+/// Longest `.tek` file, bytes; the longest image has 130 KiB.
+const LONGEST_FILE: u64 = 16 << 20;
+
+const PROMPT: &str = "=> ";
+
+/// A person's or a script's session with a hand.
+pub struct Console {
+    input: Input,
+    hand: Option<Hand>,
+    /// Limit of a line.
+    limit: Duration,
+    /// Code of the worst trouble of a person's session.
+    code: u8,
+}
+
+impl Console {
+    pub const fn new(input: Input, hand: Option<Hand>, limit: Duration) -> Self {
+        Self { input, hand, limit, code: 0 }
+    }
+
+    /// Runs entries until their end. A script ends at its first trouble; a person is told. Returns the exit code.
+    ///
+    /// # Errors
+    /// The trouble that has ended a script, with its place.
+    pub fn run(mut self) -> Result<u8, Trouble> {
+        while let Some(text) = self.input.next(PROMPT)? {
+            let outcome = entry::parse(&text).map_err(invalid).and_then(|entry| match entry {
+                Entry::Quit => Ok(ControlFlow::Break(())),
+                entry => self.enter(entry).map(ControlFlow::Continue),
+            });
+            let reports = self.hand.as_mut().map(Hand::take_reports).unwrap_or_default();
+            reports.iter().try_for_each(|line| print(&format!("{line}\n")))?;
+            match outcome {
+                Ok(ControlFlow::Continue(())) => {}
+                Ok(ControlFlow::Break(())) => break,
+                Err(trouble) => self.trouble(trouble)?,
+            }
+        }
+        Ok(self.code)
+    }
+
+    /// Tells a person, or ends a script.
+    fn trouble(&mut self, trouble: Trouble) -> Result<(), Trouble> {
+        if trouble.is_lost() {
+            self.hand = None;
+        }
+        if !self.input.is_typed() {
+            return Err(match trouble {
+                Trouble::Input(text) => Trouble::Input(format!("{}{text}", self.input.place())),
+                trouble => trouble,
+            });
+        }
+        eprintln!("{trouble}");
+        // ^C is no trouble of a person's.
+        if trouble.code() != interrupt::CODE {
+            self.code = self.code.max(trouble.code());
+        }
+        Ok(())
+    }
+
+    fn enter(&mut self, entry: Entry) -> Result<(), Trouble> {
+        match entry {
+            Entry::Nothing | Entry::Quit => Ok(()),
+            Entry::Line(line) => self.line(&line),
+            Entry::Ask(motion) => self.ask(motion),
+            Entry::Connect(address) => {
+                // A hand takes one host, which may be this one.
+                self.hand = None;
+                self.hand = Some(connect(Connect::tcp(&address))?);
+                Ok(())
+            }
+            Entry::Disconnect => {
+                self.hand = None;
+                Ok(())
+            }
+            Entry::Discover => print(&list(&discover(&EVERYWHERE, SEARCH)?)),
+            Entry::Download { file, nodes } => {
+                let firmware = firmware(&file)?;
+                download(self.hand()?, &nodes, &firmware)
+            }
+            Entry::Help(None) => print(&tables::overview()),
+            Entry::Help(Some(name)) => {
+                let text = tables::explain(&name);
+                let unknown = || invalid(format!("help: found {name:?}, expected a name of `help`"));
+                print(&text.ok_or_else(unknown)?)
+            }
+            Entry::Watch { nodes, properties, time } => {
+                let is_typed = self.input.is_typed();
+                let hand = self.hand()?;
+                during(|| watch(hand, &nodes, &properties, time, is_typed))
+            }
+        }
+    }
+
+    fn hand(&mut self) -> Result<&mut Hand, Trouble> {
+        self.hand.as_mut().ok_or_else(|| {
+            Trouble::Input(
+                "found no connection, expected one\n  next: connect HOST:PORT; discover lists hands".into(),
+            )
+        })
+    }
+
+    fn line(&mut self, line: &str) -> Result<(), Trouble> {
+        let limit = self.limit;
+        let hand = self.hand()?;
+        let outcome = during(|| hand.command_and_wait(line, limit, &mut until_interrupted));
+        outcome?.iter().try_for_each(|line| print(&format!("{line}\n")))?;
+        // After `0 S REPLY 1` boards answer by packets.
+        while let Some(frame) = self.hand()?.receive(Duration::ZERO)? {
+            print(&text(&frame))?;
+        }
+        Ok(())
+    }
+
+    /// The walk-through's entries, one after the other.
+    fn ask(&mut self, motion: Motion) -> Result<(), Trouble> {
+        let fingers = self.answer("Motors: ", entry::fingers)?;
+        let position = match motion {
+            Motion::Move => self.answer("Position: ", entry::position)?,
+            Motion::Close | Motion::Open => 0,
+        };
+        let limit = self.limit;
+        let hand = self.hand()?;
+        during(|| match motion {
+            Motion::Move => hand.move_halls(&fingers, position, limit, &mut until_interrupted),
+            Motion::Close => hand.close_fingers(&fingers, limit, &mut until_interrupted),
+            Motion::Open => hand.open_fingers(&fingers, limit, &mut until_interrupted),
+        })?;
+        Ok(())
+    }
+
+    fn answer<T>(
+        &mut self,
+        question: &str,
+        parse: impl FnOnce(&str) -> Result<T, String>,
+    ) -> Result<T, Trouble> {
+        let answer = self.input.next(question)?;
+        let ended = || Trouble::Input(format!("found the end, expected an answer to {question:?}"));
+        parse(&answer.ok_or_else(ended)?).map_err(invalid)
+    }
+}
+
+/// A packet as the line that it would be, or as its bytes.
+fn text(frame: &Frame) -> String {
+    match parse_report(frame) {
+        Some((motor, property, value)) => {
+            format!("{} {}={value} (packet)\n", motor.number(), property.row().name)
+        }
+        None => format!("{:03X} {:02X?} (packet)\n", frame.raw_id(), frame.data()),
+    }
+}
+
+fn invalid(text: String) -> Trouble {
+    Trouble::Input(text + "\n  next: enter it again; help lists all commands")
+}
+
+fn until_interrupted(_: &Progress) -> ControlFlow<()> {
+    match interrupt::pressed() {
+        true => ControlFlow::Break(()),
+        false => ControlFlow::Continue(()),
+    }
+}
+
+/// Connects, and says to what.
+///
+/// # Errors
+/// The cause and the next step.
+pub fn connect(connect: Connect) -> Result<Hand, Trouble> {
+    // The walk-through begins with boards that sleep.
+    let mut hand = connect.boards(Boards::Any).connect(CONNECT)?;
+    let states = hand.boards(CONNECT)?;
+    let mut text = format!("connected to {}: firmware {}", hand.place(), hand.version());
+    for (state, name) in [
+        (BoardState::Ready, "ready"),
+        (BoardState::Asleep, "asleep (WAKE)"),
+        (BoardState::Unusable, "unusable"),
+        (BoardState::Silent, "without power or off the bus"),
+    ] {
+        let nodes: String = states
+            .iter()
+            .zip(entry::NODES.chars())
+            .filter(|(of, _)| **of == state)
+            .map(|(_, node)| node)
+            .collect();
+        if !nodes.is_empty() {
+            text.push_str(&format!("; boards {nodes} {name}"));
+        }
+    }
+    print(&(text + "\n"))?;
+    Ok(hand)
+}
+
+/// Hands, a line each.
+pub fn list(found: &[Found]) -> String {
+    if found.is_empty() {
+        return "no hand answers\n".to_owned();
+    }
+    let line = |found: &Found| format!("{}  {}\n", found.address, hardware(found).unwrap_or_default());
+    found.iter().map(line).collect()
+}
+
+/// `00:20:4A:01:02:03`.
+pub fn hardware(found: &Found) -> Option<String> {
+    let bytes = found.hardware?;
+    Some(bytes.map(|byte| format!("{byte:02X}")).join(":"))
+}
+
+/// Reads and checks a `.tek` file.
+///
+/// # Errors
+/// It cannot be read, or no board takes it.
+pub fn firmware(path: &Path) -> Result<Firmware, Trouble> {
+    use std::io::Read;
+    let place = path.display();
+    let mut text = Vec::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(LONGEST_FILE).read_to_end(&mut text));
+    read.map_err(|error| {
+        Trouble::Input(format!(
+            "{place}: cannot be read: {error}\n  next: check that it is a file that you may read"
+        ))
+    })?;
+    Firmware::new(text).map_err(|error| Trouble::Input(format!("{place}: {error}")))
+}
+
+/// Downloads to boards, with percent on a terminal.
+///
+/// # Errors
+/// The board and the cause.
+pub fn download(hand: &mut Hand, nodes: &str, firmware: &Firmware) -> Result<(), Trouble> {
+    let is_shown = io::stderr().is_terminal();
+    let version = firmware.header().version;
+    for node in nodes.chars() {
+        let show = &mut |progress: &DownloadProgress| {
+            if is_shown {
+                eprint!("\rnode {node}: {:>3} %", progress.percent());
+            }
+            match interrupt::pressed() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        };
+        let outcome = during(|| hand.download(&node.to_string(), firmware, DOWNLOAD, show));
+        if is_shown {
+            eprintln!();
+        }
+        if let Err(CallError { failure: Failure::Cancelled, .. }) = &outcome {
+            eprintln!("node {node} keeps its old application");
+        }
+        outcome?;
+        print(&format!("node {node}: version {version} runs\n"))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,170 @@
+//! `wraptor`: the terminal program of a hand (docs/terminal.md).
+#![forbid(unsafe_code)]
+
+mod console;
+mod entry;
+mod input;
+mod interrupt;
+mod output;
+mod tables;
+mod trouble;
+mod watch;
+
+use std::io::Write;
+use std::net::{Ipv4Addr, SocketAddrV4};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand};
+use wraptor::discovery::{EVERYWHERE, PORT};
+use wraptor::{Connect, Hand, discover};
+
+use crate::console::Console;
+use crate::input::Input;
+use crate::output::print;
+use crate::trouble::Trouble;
+
+/// Speaks with a hand: its language with help and completion, downloads, scripts.
+#[derive(Parser)]
+#[command(version, args_conflicts_with_subcommands = true)]
+struct Arguments {
+    #[command(subcommand)]
+    task: Option<Task>,
+    #[command(flatten)]
+    console: ConsoleArgs,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// List the hands in the network
+    Discover(DiscoverArgs),
+    /// Send a .tek file to boards, one after the other
+    Download(DownloadArgs),
+}
+
+/// Without --connect and --serial: the one hand that answers a search.
+#[derive(Args)]
+struct Place {
+    /// The hand, over TCP
+    #[arg(long, value_name = "HOST:PORT")]
+    connect: Option<String>,
+    /// The hand, on a serial port
+    #[cfg(unix)]
+    #[arg(long, value_name = "PORT", conflicts_with = "connect")]
+    serial: Option<String>,
+    /// Baud rate of the serial port (parameter BAUD)
+    #[cfg(unix)]
+    #[arg(long, default_value_t = 9600, requires = "serial", value_parser = clap::value_parser!(u32).range(600..=115_200))]
+    baud: u32,
+}
+
+#[derive(Args)]
+struct ConsoleArgs {
+    #[command(flatten)]
+    place: Place,
+    /// A file with an entry a line, instead of standard input; ends at the first error
+    #[arg(long, value_name = "FILE")]
+    script: Option<PathBuf>,
+    /// Limit of an entry; then the hand is told to abort
+    #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    limit: u64,
+}
+
+#[derive(Args)]
+struct DiscoverArgs {
+    /// Addresses to ask instead, such as the broadcast address of another network
+    #[arg(long, value_name = "IP[:PORT]", value_parser = address)]
+    to: Vec<SocketAddrV4>,
+    /// How long to listen
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=60))]
+    seconds: u64,
+    /// Print one JSON object and nothing else
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+struct DownloadArgs {
+    /// The .tek file, made by `cargo xtask image`
+    file: PathBuf,
+    /// Boards 1 to 7, such as 123
+    #[arg(long, value_name = "NODES", value_parser = |text: &str| entry::boards("--node", text))]
+    node: String,
+    #[command(flatten)]
+    place: Place,
+}
+
+fn address(text: &str) -> Result<SocketAddrV4, String> {
+    let with_port = text.parse().ok();
+    let ip = || text.parse::<Ipv4Addr>().ok().map(|ip| SocketAddrV4::new(ip, PORT));
+    with_port.or_else(ip).ok_or_else(|| "expected an IPv4 address, such as 192.168.1.255".to_owned())
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    interrupt::handle();
+    let outcome = match arguments.task {
+        Some(Task::Discover(args)) => discovered(&args).map(|()| 0),
+        Some(Task::Download(args)) => download(&args).map(|()| 0),
+        None => console(&arguments.console),
+    };
+    match outcome {
+        Ok(code) => code.into(),
+        Err(trouble) => {
+            // Nobody reads a standard error that is closed.
+            let _ = writeln!(std::io::stderr(), "error: {trouble}");
+            trouble.code().into()
+        }
+    }
+}
+
+fn console(args: &ConsoleArgs) -> Result<u8, Trouble> {
+    let input = Input::open(args.script.as_deref())?;
+    let hand = match find(&args.place) {
+        Ok(hand) => Some(hand),
+        // A person can connect to another one.
+        Err(trouble) if input.is_typed() => {
+            eprintln!("{trouble}");
+            None
+        }
+        Err(trouble) => return Err(trouble),
+    };
+    Console::new(input, hand, Duration::from_secs(args.limit)).run()
+}
+
+fn discovered(args: &DiscoverArgs) -> Result<(), Trouble> {
+    let to = if args.to.is_empty() { &EVERYWHERE[..] } else { &args.to };
+    let found = discover(to, Duration::from_secs(args.seconds))?;
+    if !args.json {
+        return print(&console::list(&found));
+    }
+    let hand = |found: &wraptor::Found| serde_json::json!({ "address": found.address.to_string(), "hardware": console::hardware(found) });
+    print(&format!("{}\n", serde_json::json!({ "hands": found.iter().map(hand).collect::<Vec<_>>() })))
+}
+
+fn download(args: &DownloadArgs) -> Result<(), Trouble> {
+    let firmware = console::firmware(&args.file)?;
+    console::download(&mut find(&args.place)?, &args.node, &firmware)
+}
+
+/// Connects to the given hand, or to the only one that answers a search.
+fn find(place: &Place) -> Result<Hand, Trouble> {
+    if let Some(address) = &place.connect {
+        return console::connect(Connect::tcp(address));
+    }
+    #[cfg(unix)]
+    if let Some(path) = &place.serial {
+        return console::connect(Connect::serial(path, place.baud));
+    }
+    match &discover(&EVERYWHERE, console::SEARCH)?[..] {
+        [hand] => console::connect(Connect::tcp(&hand.address.to_string())),
+        [] => Err(Trouble::Input(
+            "found no hand, expected one that answers a search\n  next: --connect HOST:PORT, or start `hil-sim hand`".into(),
+        )),
+        several => Err(Trouble::Input(format!(
+            "found several hands, expected one\n{}  next: choose one with --connect HOST:PORT",
+            console::list(several)
+        ))),
+    }
+}

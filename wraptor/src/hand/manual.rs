@@ -1,0 +1,196 @@
+//! The manual's functions (7) that are more than one line of the language: move, close, open, command, saveParameters.
+
+use std::time::Duration;
+
+use god::Status;
+use god::grammar::lower::Request;
+use god::grammar::{self, Statement};
+use god::units::tip_travel_along;
+use tater_wire::end::EndCode;
+use tater_wire::property::MotorKind;
+use tater_wire::{FaultCode, ModeCode, Property};
+
+use super::{Hand, OnProgress, POLL, Progress, of_step};
+use crate::deadline::Deadline;
+use crate::error::{CallError, Failure};
+
+/// Time that a board needs to write a SAVE to its flash, as GOD waits for it.
+const STORE: Duration = Duration::from_millis(100);
+
+/// Ends of a move that reaches its goal. A breakaway ends the link's move, whose tip then closes alone.
+const REACHED: &[EndCode] = &[EndCode::Arrived, EndCode::Breakaway];
+
+/// Ends of a move that closes: an object stops it, or the spread's stop, which lies before its closed position.
+const CLOSED: &[EndCode] = &[EndCode::Arrived, EndCode::Breakaway, EndCode::Stalled, EndCode::Strain];
+
+/// A move of fingers.
+struct Goals {
+    /// Hall counts of links; their tips go a third of the joint angle along.
+    link: i64,
+    /// Hall counts of the spread.
+    spread: i64,
+    /// How it may end.
+    ends: &'static [EndCode],
+}
+
+impl Hand {
+    /// Moves fingers to a position of their links in hall counts, and their tips by a third of the joint angle (the manual's move). `fingers`
+    /// is of 1, 2, 3 and 4 (the spread). The progress has the positions.
+    ///
+    /// # Errors
+    /// [`Failure::NotReached`], and those of every call.
+    pub fn move_halls(
+        &mut self,
+        fingers: &str,
+        halls: i64,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let goals = Goals { link: halls, spread: halls, ends: REACHED };
+        self.move_fingers(&format!("move_halls({fingers}, {halls})"), fingers, &goals, limit, progress)
+    }
+
+    /// Moves fingers to position 0, with their tips (the manual's open).
+    ///
+    /// # Errors
+    /// Those of [`Self::move_halls`].
+    pub fn open_fingers(
+        &mut self,
+        fingers: &str,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let goals = Goals { link: 0, spread: 0, ends: REACHED };
+        self.move_fingers(&format!("open_fingers({fingers})"), fingers, &goals, limit, progress)
+    }
+
+    /// Moves fingers to the defaults of their CT, or until an object stops them, with their tips (the manual's close).
+    ///
+    /// # Errors
+    /// Those of [`Self::move_halls`].
+    pub fn close_fingers(
+        &mut self,
+        fingers: &str,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let closed = |kind| Property::CT.rules().default_for_motor(kind).map_or(0, i64::from);
+        let goals = Goals { link: closed(MotorKind::Link), spread: closed(MotorKind::Spread), ends: CLOSED };
+        self.move_fingers(&format!("close_fingers({fingers})"), fingers, &goals, limit, progress)
+    }
+
+    fn move_fingers(
+        &mut self,
+        call: &str,
+        fingers: &str,
+        goals: &Goals,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let failed = |failure| CallError { call: call.to_owned(), failure };
+        let deadline = Deadline::after(limit);
+        let is_finger = |c: char| matches!(c, '1'..='4');
+        if fingers.is_empty() || !fingers.chars().all(is_finger) {
+            return Err(failed(Failure::Invalid(
+                "fingers 1, 2, 3, or 4 for the spread, such as 13".to_owned(),
+            )));
+        }
+        let (spread, links): (String, String) = fingers.chars().partition(|finger| *finger == '4');
+        // The tip of link 1 is node 5.
+        let tips: String = links.bytes().map(|byte| char::from(byte + 4)).collect();
+        let all = format!("{links}{spread}{tips}");
+        let ends = [(&links, goals.link), (&spread, goals.spread), (&tips, tip_travel_along(goals.link))];
+        for (nodes, goal) in ends.into_iter().filter(|(nodes, _)| !nodes.is_empty()) {
+            self.set(nodes, Property::E, goal, deadline.remaining()).map_err(of_step(limit))?;
+        }
+        self.set(&all, Property::MODE, ModeCode::Trapezoidal.into(), deadline.remaining())
+            .map_err(of_step(limit))?;
+        self.until_moved(call, &all, &deadline, progress)?;
+        let reasons = self.get(&all, Property::END, deadline.remaining()).map_err(of_step(limit))?;
+        let is_right = |end: i64| EndCode::of(end).is_some_and(|end| goals.ends.contains(&end));
+        let Some((node, end)) = reasons.into_iter().find(|(_, end)| !is_right(*end)) else {
+            return Ok(());
+        };
+        let errors = self
+            .get(&node.number().to_string(), Property::ERROR, deadline.remaining())
+            .map_err(of_step(limit))?;
+        let fault = errors.first().and_then(|(_, code)| FaultCode::of(*code));
+        Err(failed(Failure::NotReached { node, end, fault }))
+    }
+
+    /// Polls until no board is in mode 5. The progress has the positions. A move that is cancelled or not done in time is aborted.
+    fn until_moved(
+        &mut self,
+        call: &str,
+        nodes: &str,
+        deadline: &Deadline,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let failed = |failure| CallError { call: call.to_owned(), failure };
+        let limit = deadline.limit();
+        let failure = loop {
+            let modes = self.get(nodes, Property::MODE, deadline.remaining()).map_err(of_step(limit))?;
+            let values = self.get(nodes, Property::P, deadline.remaining()).map_err(of_step(limit))?;
+            let seen = Progress { elapsed: deadline.elapsed(), values };
+            if modes.iter().all(|(_, mode)| *mode != i64::from(ModeCode::Trapezoidal)) {
+                let _ = progress(&seen);
+                return Ok(());
+            }
+            if progress(&seen).is_break() {
+                break Failure::Cancelled;
+            }
+            if deadline.is_over() {
+                break Failure::TimedOut(limit);
+            }
+            self.rest(&deadline.within(POLL)).map_err(failed)?;
+        };
+        self.session.abort().map_err(failed)?;
+        Err(failed(failure))
+    }
+
+    /// Runs a line. If it sets boards in motion by MODE or CMD, waits until their moves are over (the manual's command).
+    ///
+    /// # Errors
+    /// Those of [`Self::command_with`]; boards that fall silent.
+    pub fn command_and_wait(
+        &mut self,
+        line: &str,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<Vec<String>, CallError> {
+        let deadline = Deadline::after(limit);
+        let lines = self.command_with(line, limit, progress)?;
+        let upper = line.to_ascii_uppercase();
+        if let Ok(Statement::Lower(Request::Set(motors, Property::MODE | Property::CMD, _))) =
+            grammar::parse(&upper)
+        {
+            let nodes: String = motors.iter().map(|motor| motor.number().to_string()).collect();
+            self.until_moved(line, &nodes, &deadline, progress)?;
+        }
+        Ok(lines)
+    }
+
+    /// Stores positions and parameters of boards, and with node 0 the hand's own parameters (the manual's saveParameters). Motors should be in
+    /// mode 0: only a position at rest is trusted at the next power-on. [`Self::prepare_power_off`] sees to that itself.
+    ///
+    /// # Errors
+    /// ERR 512: a flash has not taken them; ERR 1: a board sleeps or is silent.
+    pub fn save_nodes(&mut self, nodes: &str, limit: Duration) -> Result<(), CallError> {
+        let call = format!("save_nodes({nodes})");
+        let failed = |failure| CallError { call: call.clone(), failure };
+        let deadline = Deadline::after(limit);
+        let (god, boards): (String, String) = nodes.chars().partition(|node| *node == '0');
+        if god.is_empty() || !boards.is_empty() {
+            self.set(&boards, Property::SAVE, -1, deadline.remaining()).map_err(of_step(limit))?;
+            self.rest(&deadline.within(STORE)).map_err(failed)?;
+            let errors = self.get(&boards, Property::ERROR, deadline.remaining()).map_err(of_step(limit))?;
+            if errors.iter().any(|(_, code)| FaultCode::of(*code) == Some(FaultCode::Storage)) {
+                return Err(failed(Failure::Status(Status::NOT_STORED)));
+            }
+        }
+        if !god.is_empty() {
+            self.command("PSAVE", deadline.remaining()).map_err(of_step(limit))?;
+        }
+        Ok(())
+    }
+}
