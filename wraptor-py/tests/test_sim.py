@@ -11,6 +11,8 @@ import pytest
 import wraptor
 from wraptor import sim
 
+GRASPS = Path(__file__).parents[2] / "hil-sim" / "grasps"
+
 # Friction of a motor, which a load must overcome first, N m (`hil-sim list --plant`).
 FRICTION = 0.04
 
@@ -192,13 +194,11 @@ def test_load_is_held_by_the_motor_of_the_spread() -> None:
 
 
 def test_grasp_stops_fingers_at_the_object(tmp_path: Path) -> None:
-    file = tmp_path / "ball.toml"
-    file.write_text("[[object]]\nat_mm = [0, 0, 70]\nradius_mm = 35\n")
-    free, full = sim.Hand(), sim.Hand(grasp=file)
+    free, full = sim.Hand(), sim.Hand(grasp=GRASPS / "ball.toml")
     for hand in [free, full]:
         hand.command("HI")
         hand.command("GC")
-    assert full.positions[2] < free.positions[2] - 20
+    assert (full.positions[:3] < free.positions[:3] - 20).all()
     with pytest.raises(ValueError, match="cannot be read"):
         sim.Hand(grasp=tmp_path / "none.toml")
 
