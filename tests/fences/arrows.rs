@@ -56,6 +56,12 @@ const ARROWS: [Arrows; 13] = [
         ours: &["tater-wire", "god"],
         others: Some(&["rustix", "socket2 (dev)", "socketcan"]),
     },
+    // The Python wheel. pyo3, numpy: its module and arrays. serde_json: results of runs on their way to dictionaries.
+    Arrows {
+        package: "wraptor-py",
+        ours: &["tater-wire", "god", "hil-sim", "wraptor"],
+        others: Some(&["numpy", "pyo3", "serde_json"]),
+    },
     Arrows {
         package: "hil-sim",
         ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "wraptor"],

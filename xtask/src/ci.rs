@@ -10,7 +10,7 @@ use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
 use crate::{
     Outcome, c_library, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages,
-    ray_sweep, reports, setup, size, table,
+    ray_sweep, reports, setup, size, table, wheel,
 };
 
 struct Step {
@@ -18,7 +18,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 24] = [
+const STEPS: [Step; 25] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "licenses and sources", check: packages::licenses },
@@ -38,6 +38,7 @@ const STEPS: [Step; 24] = [
     Step { name: "host tools", check: host_tools::check },
     Step { name: "C library", check: c_library::check },
     Step { name: "sweep under Ray", check: ray_sweep::check },
+    Step { name: "Python wheel", check: wheel::check },
     Step { name: "reports in Chromium", check: reports::check },
     Step { name: "instructions", check: instructions::check },
     Step { name: "emulation", check: emu::check },
