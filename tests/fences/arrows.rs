@@ -11,7 +11,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 11] = [
+const ARROWS: [Arrows; 12] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -56,6 +56,12 @@ const ARROWS: [Arrows; 11] = [
         package: "wraptor",
         ours: &["tater-wire", "god"],
         others: Some(&["rustix", "socket2 (dev)", "socketcan"]),
+    },
+    // The Python wheel. pyo3, numpy: its module and arrays. serde_json: results of runs on their way to dictionaries.
+    Arrows {
+        package: "wraptor-py",
+        ours: &["tater-wire", "god", "hil-sim", "wraptor"],
+        others: Some(&["numpy", "pyo3", "serde_json"]),
     },
     // board-emu gets the program as bytes: of ours it needs only the simulated world.
     Arrows { package: "board-emu", ours: &["tater-wire", "hil-sim"], others: None },

@@ -87,7 +87,9 @@ impl Port {
             ErrorKind::InvalidInput => Cause::BadAddress(error.to_string()),
             _ => Cause::Unreachable(error.to_string()),
         })?;
-        stream.set_nodelay(true).map_err(|error| Cause::System(error.to_string()))?;
+        let system = |error: io::Error| Cause::System(error.to_string());
+        stream.set_nodelay(true).map_err(system)?;
+        reset_at_close(&stream, true).map_err(system)?;
         let out = Arc::new(Out::Tcp(stream));
         let from = Arc::clone(&out);
         let next = move || match &*from {
@@ -190,7 +192,8 @@ impl Drop for Port {
         self.events = None;
         #[allow(irrefutable_let_patterns, reason = "elsewhere than on Unix a connection is TCP")]
         if let Out::Tcp(stream) = &*self.out {
-            // An error: it is closed already, and the reader has ended.
+            // What was written last still arrives. An error: it is closed already, and the reader has ended.
+            let _ = reset_at_close(stream, false);
             let _ = stream.shutdown(Shutdown::Both);
         }
         self.alive = None;
@@ -198,6 +201,15 @@ impl Drop for Port {
             let _ = reader.join();
         }
     }
+}
+
+/// Whether the close is a reset. Until the orderly end of a [`Port`] it is, for the kernel closes the connection of a program that dies: a hand
+/// takes its FIN for a host that has sent everything and finishes what it does, and a reset for a host that is gone (decision 0031).
+#[cfg_attr(not(unix), expect(unused_variables, clippy::unnecessary_wraps, reason = "elsewhere it stays as it is"))]
+fn reset_at_close(stream: &TcpStream, resets: bool) -> io::Result<()> {
+    #[cfg(unix)]
+    rustix::net::sockopt::set_socket_linger(stream, resets.then_some(Duration::ZERO))?;
+    Ok(())
 }
 
 /// An address as `HOST:PORT`. A name is looked up in a thread of its own, which the resolver's own time limits end.

@@ -143,7 +143,8 @@ pub(crate) fn suggestion(key: &str, expected: &str) -> String {
 }
 
 /// The question after a misspelt word, where a known name is like it.
-pub(crate) fn did_you_mean<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> Option<String> {
+#[must_use]
+pub fn did_you_mean<'a>(found: &str, names: impl Iterator<Item = &'a str>) -> Option<String> {
     closest(found, names).map(|name| format!("did you mean {name}?"))
 }
 

@@ -37,6 +37,9 @@ fn wait_us(line: &str) -> u64 {
     ms.map_or(0, |ms: u32| 1_000 * u64::from(ms))
 }
 
+/// Simulated time for the prompt after ^C, us: motors stop within 0.3 s, and a command that stores takes longest.
+const ABORT_US: u64 = 2_000_000;
+
 /// GOD did not prompt in time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoPrompt {
@@ -72,7 +75,7 @@ impl Typist {
     /// GOD did not prompt.
     pub fn new(hand: Hand) -> Result<(Self, String), NoPrompt> {
         let mut typist = Self { hand, output: Vec::new(), unsolicited: Vec::new() };
-        let banner = typist.wait_for_prompt("")?;
+        let banner = typist.wait_for_prompt("", LIMIT_US, &mut || true)?;
         Ok((typist, banner))
     }
 
@@ -82,20 +85,63 @@ impl Typist {
         &self.hand
     }
 
+    /// The hand, to disturb it.
+    pub const fn hand_mut(&mut self) -> &mut Hand {
+        &mut self.hand
+    }
+
+    /// Advances time while the hand's output is collected: GOD waits while nobody takes it.
+    pub fn advance(&mut self, until_us: u64) {
+        while self.hand.now_us() < until_us {
+            self.hand.run_until(until_us.min(self.hand.now_us() + POLL_US));
+            self.output.extend(self.hand.take_tx());
+        }
+    }
+
+    /// Types bytes as they are, without waiting.
+    pub fn type_bytes(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.type_byte(*byte));
+    }
+
+    /// Takes the bytes that the hand has sent and that are in no reply.
+    pub fn take_output(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.output)
+    }
+
+    /// Aborts what is running by ^C, waits for its prompt, and drops the output.
+    pub fn abort(&mut self) {
+        self.hand.interrupt();
+        let end_us = self.hand.now_us() + ABORT_US;
+        while self.hand.now_us() < end_us && self.next_output().is_none() {
+            self.advance(self.hand.now_us() + POLL_US);
+        }
+    }
+
     /// Types a line and CR and waits for the prompt. A line that ends in ^C gets no CR. LOOP does not prompt: its `*` is answered
     /// with ^C.
     ///
     /// # Errors
     /// No prompt within the limit; the hand accepts no further lines.
     pub fn run_line(&mut self, line: &str) -> Result<Reply, NoPrompt> {
-        for byte in line.bytes() {
-            self.type_byte(byte);
-        }
+        self.run_line_within(line, LIMIT_US + wait_us(line), &mut || true)
+    }
+
+    /// The same with a limit, us of simulated time; `goes_on` is asked once a simulated millisecond and may end the wait.
+    ///
+    /// # Errors
+    /// No prompt within the limit, or not before `goes_on` was false. [`Self::abort`] makes room for further lines.
+    pub fn run_line_within(
+        &mut self,
+        line: &str,
+        limit_us: u64,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Reply, NoPrompt> {
+        self.type_bytes(line.as_bytes());
         let start_us = self.hand.now_us();
         if !line.ends_with(char::from(ABORT)) {
             self.type_byte(b'\r');
         }
-        let output = self.wait_for_prompt(line)?;
+        let output = self.wait_for_prompt(line, limit_us, goes_on)?;
         let ms = (self.hand.now_us() - start_us) as f64 / 1000.0;
         let echo = line.trim_end_matches(char::from(ABORT));
         let answer = answer(output.strip_prefix(echo).unwrap_or(&output));
@@ -106,8 +152,7 @@ impl Typist {
 
     /// Unsolicited output up to now.
     pub fn unsolicited(&mut self) -> Vec<String> {
-        self.hand.run_until(self.hand.now_us() + POLL_US);
-        self.output.extend(self.hand.take_tx());
+        self.advance(self.hand.now_us() + POLL_US);
         while let Some(output) = self.next_output() {
             self.unsolicited.push(answer(&output));
         }
@@ -139,14 +184,18 @@ impl Typist {
         self.hand.push_rx(&[byte]);
     }
 
-    fn wait_for_prompt(&mut self, line: &str) -> Result<String, NoPrompt> {
+    fn wait_for_prompt(
+        &mut self,
+        line: &str,
+        limit_us: u64,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Result<String, NoPrompt> {
+        let start_us = self.hand.now_us();
         // The banner starts on a new line as well, but is solicited.
-        let is_first = self.hand.now_us() == 0;
-        let limit_us = LIMIT_US + wait_us(line);
-        let end_us = self.hand.now_us() + limit_us;
-        while self.hand.now_us() < end_us {
-            self.hand.run_until(self.hand.now_us() + POLL_US);
-            self.output.extend(self.hand.take_tx());
+        let is_first = start_us == 0;
+        let end_us = start_us + limit_us;
+        while self.hand.now_us() < end_us && goes_on() {
+            self.advance(end_us.min(self.hand.now_us() + POLL_US));
             while let Some(output) = self.next_output() {
                 // A report that a motion has ended starts on a new line (a packet is shown on one), before the echo; ERR belongs to the
                 // typed line.

@@ -1,0 +1,19 @@
+"""Host library and simulator of a robot hand (docs/python.md)."""
+
+from . import sim
+from ._errors import CallError, CallTimeout, ConnectError
+from ._wraptor import Bus, Feedback, Hand, RealTime, Statistics, __version__, discover
+
+__all__ = [
+    "Bus",
+    "CallError",
+    "CallTimeout",
+    "ConnectError",
+    "Feedback",
+    "Hand",
+    "RealTime",
+    "Statistics",
+    "__version__",
+    "discover",
+    "sim",
+]

@@ -1,0 +1,188 @@
+//! Motor boards on their bus, as `wraptor.Bus`.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyType};
+use wraptor::{CallError, ConnectError, Frame, Node, Progress};
+
+use crate::call::{Watch, limit, node, property};
+use crate::errors;
+use crate::hand::{Hand, Place, firmware, lock, state};
+
+/// A bus of motor boards.
+#[pyclass(module = "wraptor", frozen)]
+pub struct Bus(Mutex<wraptor::Bus>);
+
+fn opened(py: Python<'_>, open: impl FnOnce() -> Result<wraptor::Bus, ConnectError> + Send) -> PyResult<Bus> {
+    let bus = py.detach(open).map_err(|error| errors::connect(py, &error))?;
+    Ok(Bus(Mutex::new(bus)))
+}
+
+fn nodes(numbers: &[u8]) -> PyResult<Vec<Node>> {
+    numbers.iter().map(|number| node(*number)).collect()
+}
+
+impl Bus {
+    fn run<R: Send>(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        job: impl FnOnce(&mut wraptor::Bus, Duration) -> Result<R, CallError> + Send,
+    ) -> PyResult<R> {
+        let limit = limit(seconds)?;
+        let outcome = py.detach(|| job(&mut lock(&self.0), limit));
+        outcome.map_err(|error| errors::call(py, &error))
+    }
+
+    fn watched<R: Send>(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        progress: Option<Py<PyAny>>,
+        job: impl FnOnce(
+            &mut wraptor::Bus,
+            Duration,
+            &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<R, CallError>
+        + Send,
+    ) -> PyResult<R> {
+        let watch = Watch::new(progress);
+        let outcome = self.run(py, seconds, |bus, limit| job(bus, limit, &mut |seen| watch.on(seen)));
+        watch.outcome(outcome)
+    }
+}
+
+#[pymethods]
+impl Bus {
+    #[classmethod]
+    #[pyo3(signature = (address, limit=5.0))]
+    fn slcan(_: &Bound<'_, PyType>, py: Python<'_>, address: &str, limit: f64) -> PyResult<Self> {
+        let limit = self::limit(limit)?;
+        opened(py, || wraptor::Bus::slcan(address, limit))
+    }
+
+    #[cfg(unix)]
+    #[classmethod]
+    #[pyo3(signature = (path, baud=115_200, limit=5.0))]
+    fn slcan_serial(
+        _: &Bound<'_, PyType>,
+        py: Python<'_>,
+        path: &str,
+        baud: u32,
+        limit: f64,
+    ) -> PyResult<Self> {
+        let limit = self::limit(limit)?;
+        opened(py, || wraptor::Bus::slcan_serial(path, baud, limit))
+    }
+
+    #[cfg(target_os = "linux")]
+    #[classmethod]
+    fn can(_: &Bound<'_, PyType>, py: Python<'_>, interface: &str) -> PyResult<Self> {
+        opened(py, || wraptor::Bus::can(interface))
+    }
+
+    #[classmethod]
+    #[pyo3(signature = (hand, limit=2.0))]
+    fn through(_: &Bound<'_, PyType>, py: Python<'_>, hand: &Hand, limit: f64) -> PyResult<Self> {
+        let limit = self::limit(limit)?;
+        let hand = hand.take(Place::Closed)?;
+        let bus = py.detach(|| wraptor::Bus::through(hand, limit));
+        bus.map(|bus| Self(Mutex::new(bus))).map_err(|error| errors::call(py, &error))
+    }
+
+    #[pyo3(signature = (id, data, limit=1.0))]
+    fn send(&self, py: Python<'_>, id: u16, data: &[u8], limit: f64) -> PyResult<()> {
+        let frame = Frame::from_raw(id, data).ok_or_else(|| {
+            let found = format!("id {id:#x} with {} bytes", data.len());
+            errors::value("frame", &found, "an id of 11 bits and up to 8 bytes", "see docs/wire.md")
+        })?;
+        self.run(py, limit, |bus, limit| bus.send(&frame, limit))
+    }
+
+    #[pyo3(signature = (limit=1.0))]
+    fn receive<'py>(&self, py: Python<'py>, limit: f64) -> PyResult<Option<(u16, Bound<'py, PyBytes>)>> {
+        let frame = self.run(py, limit, wraptor::Bus::receive)?;
+        Ok(frame.map(|frame| (frame.raw_id(), PyBytes::new(py, frame.data()))))
+    }
+
+    #[pyo3(signature = (node, name, limit=1.0))]
+    fn get(&self, py: Python<'_>, node: u8, name: &str, limit: f64) -> PyResult<i64> {
+        let (node, property) = (self::node(node)?, property(name)?);
+        self.run(py, limit, |bus, limit| bus.get(node, property, limit))
+    }
+
+    #[pyo3(signature = (node, name, value, limit=1.0))]
+    fn set(&self, py: Python<'_>, node: u8, name: &str, value: i64, limit: f64) -> PyResult<()> {
+        let (node, property) = (self::node(node)?, property(name)?);
+        self.run(py, limit, |bus, limit| bus.set(node, property, value, limit))
+    }
+
+    #[pyo3(signature = (node, limit=1.0))]
+    fn state(&self, py: Python<'_>, node: u8, limit: f64) -> PyResult<&'static str> {
+        let node = self::node(node)?;
+        self.run(py, limit, |bus, limit| bus.state(node, limit)).map(state)
+    }
+
+    #[pyo3(signature = (nodes, limit=0.2))]
+    fn require(&self, py: Python<'_>, nodes: Vec<u8>, limit: f64) -> PyResult<()> {
+        let (nodes, limit) = (self::nodes(&nodes)?, self::limit(limit)?);
+        py.detach(|| lock(&self.0).require(&nodes, limit)).map_err(|error| errors::connect(py, &error))
+    }
+
+    #[pyo3(signature = (nodes, limit=3.0))]
+    fn wake(&self, py: Python<'_>, nodes: Vec<u8>, limit: f64) -> PyResult<()> {
+        let nodes = self::nodes(&nodes)?;
+        self.run(py, limit, |bus, limit| bus.wake(&nodes, limit))
+    }
+
+    #[pyo3(name = "move", signature = (node, halls, limit=20.0, progress=None))]
+    fn move_to(
+        &self,
+        py: Python<'_>,
+        node: u8,
+        halls: i64,
+        limit: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let node = self::node(node)?;
+        self.watched(py, limit, progress, |bus, limit, on| bus.move_to(node, halls, limit, on))
+    }
+
+    #[pyo3(signature = (node, limit=20.0, progress=None))]
+    fn find_zero(&self, py: Python<'_>, node: u8, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+        let node = self::node(node)?;
+        self.watched(py, limit, progress, |bus, limit, on| bus.find_zero(node, limit, on))
+    }
+
+    #[pyo3(signature = (node, limit=1.0))]
+    fn fault(&self, py: Python<'_>, node: u8, limit: f64) -> PyResult<Option<&'static str>> {
+        let node = self::node(node)?;
+        let fault = self.run(py, limit, |bus, limit| bus.fault(node, limit))?;
+        Ok(fault.map(|fault| fault.row().cause))
+    }
+
+    #[pyo3(signature = (limit=1.0))]
+    fn stop_all(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
+        self.run(py, limit, wraptor::Bus::stop_all)
+    }
+
+    #[pyo3(signature = (node, path, limit=60.0, progress=None))]
+    fn download(
+        &self,
+        py: Python<'_>,
+        node: u8,
+        path: PathBuf,
+        limit: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let (node, firmware, watch) = (self::node(node)?, firmware(path)?, Watch::new(progress));
+        let outcome = self.run(py, limit, |bus, limit| {
+            bus.download(node, &firmware, limit, &mut |seen| watch.on_download(seen))
+        });
+        watch.outcome(outcome)
+    }
+}

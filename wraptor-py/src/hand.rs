@@ -1,0 +1,456 @@
+//! A hand over TCP or a serial port, as `wraptor.Hand`.
+
+use std::net::{Ipv4Addr, SocketAddrV4};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyType};
+use wraptor::{BoardState, Boards, CallError, Canceller, Connect, Firmware, Found, Progress};
+
+use crate::call::{Watch, limit, property};
+use crate::errors;
+use crate::realtime::{Choice, RealTime};
+
+/// Where the connection is.
+pub enum Place {
+    /// Here.
+    Here(Box<wraptor::Hand>),
+    /// With a `RealTime`, which brings it back.
+    RealTime,
+    /// Closed, or part of a `Bus`.
+    Closed,
+}
+
+/// The connection and where it is; a `RealTime` brings it back here.
+pub type Shared = Arc<Mutex<Place>>;
+
+/// Locks what a panic cannot leave half changed.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A hand.
+#[pyclass(module = "wraptor", frozen)]
+pub struct Hand {
+    place: Shared,
+    canceller: Canceller,
+    address: String,
+    version: u16,
+}
+
+impl Hand {
+    fn new(hand: wraptor::Hand) -> Self {
+        Self {
+            canceller: hand.canceller(),
+            address: hand.place().to_owned(),
+            version: hand.version(),
+            place: Arc::new(Mutex::new(Place::Here(Box::new(hand)))),
+        }
+    }
+
+    /// Takes the connection out and leaves `instead`.
+    pub fn take(&self, instead: Place) -> PyResult<wraptor::Hand> {
+        let mut place = lock(&self.place);
+        here(&mut place)?;
+        match std::mem::replace(&mut *place, instead) {
+            Place::Here(hand) => Ok(*hand),
+            // It was here.
+            other => {
+                *place = other;
+                Err(errors::panicked())
+            }
+        }
+    }
+
+    /// Runs a call without the GIL; `job` gets the limit.
+    fn run<R: Send>(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        job: impl FnOnce(&mut wraptor::Hand, Duration) -> Result<R, CallError> + Send,
+    ) -> PyResult<R> {
+        let limit = limit(seconds)?;
+        let outcome = py.detach(|| {
+            let mut place = lock(&self.place);
+            Ok::<_, PyErr>(job(here(&mut place)?, limit))
+        })?;
+        outcome.map_err(|error| errors::call(py, &error))
+    }
+
+    /// The same with progress, by which ^C ends it.
+    fn watched<R: Send>(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        progress: Option<Py<PyAny>>,
+        job: impl FnOnce(
+            &mut wraptor::Hand,
+            Duration,
+            &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        ) -> Result<R, CallError>
+        + Send,
+    ) -> PyResult<R> {
+        let watch = Watch::new(progress);
+        let outcome = self.run(py, seconds, |hand, limit| job(hand, limit, &mut |seen| watch.on(seen)));
+        watch.outcome(outcome)
+    }
+}
+
+fn here(place: &mut Place) -> PyResult<&mut wraptor::Hand> {
+    match place {
+        Place::Here(hand) => Ok(hand),
+        Place::RealTime => Err(PyRuntimeError::new_err("the hand is in RealTime\n  next: call its end()")),
+        Place::Closed => Err(PyRuntimeError::new_err("the hand is closed\n  next: connect again")),
+    }
+}
+
+fn boards(name: &str) -> PyResult<Boards> {
+    match name {
+        "wake" => Ok(Boards::Wake),
+        "ready" => Ok(Boards::Ready),
+        "any" => Ok(Boards::Any),
+        _ => Err(errors::value("boards", &format!("{name:?}"), "wake, ready or any", "give one of them")),
+    }
+}
+
+fn connect(py: Python<'_>, way: &Connect, seconds: f64) -> PyResult<Hand> {
+    let limit = limit(seconds)?;
+    let hand = py.detach(|| way.connect(limit)).map_err(|error| errors::connect(py, &error))?;
+    Ok(Hand::new(hand))
+}
+
+/// Name of a board's state.
+pub const fn state(state: BoardState) -> &'static str {
+    match state {
+        BoardState::Silent => "silent",
+        BoardState::Asleep => "asleep",
+        BoardState::Unusable => "unusable",
+        BoardState::Ready => "ready",
+    }
+}
+
+/// Reads and checks a `.tek` file.
+///
+/// # Errors
+/// `OSError`: it cannot be read; `ValueError`: a board does not take it.
+pub fn firmware(path: PathBuf) -> PyResult<Firmware> {
+    let text = std::fs::read(&path)?;
+    Firmware::new(text)
+        .map_err(|error| pyo3::exceptions::PyValueError::new_err(format!("{}:{error}", path.display())))
+}
+
+#[pymethods]
+impl Hand {
+    #[classmethod]
+    #[pyo3(name = "connect", signature = (address, limit=5.0, boards="wake"))]
+    fn connect_tcp(
+        _: &Bound<'_, PyType>,
+        py: Python<'_>,
+        address: &str,
+        limit: f64,
+        boards: &str,
+    ) -> PyResult<Self> {
+        connect(py, &Connect::tcp(address).boards(self::boards(boards)?), limit)
+    }
+
+    #[cfg(unix)]
+    #[classmethod]
+    #[pyo3(signature = (path, baud=9600, limit=10.0, boards="wake"))]
+    fn serial(
+        _: &Bound<'_, PyType>,
+        py: Python<'_>,
+        path: &str,
+        baud: u32,
+        limit: f64,
+        boards: &str,
+    ) -> PyResult<Self> {
+        connect(py, &Connect::serial(path, baud).boards(self::boards(boards)?), limit)
+    }
+
+    #[getter]
+    fn address(&self) -> &str {
+        &self.address
+    }
+
+    #[getter]
+    const fn version(&self) -> u16 {
+        self.version
+    }
+
+    /// Closes the connection, once a running call has ended.
+    fn disconnect(&self, py: Python<'_>) {
+        py.detach(|| {
+            let closed = std::mem::replace(&mut *lock(&self.place), Place::Closed);
+            drop(closed);
+        });
+    }
+
+    fn __enter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __exit__(
+        &self,
+        py: Python<'_>,
+        _kind: &Bound<'_, PyAny>,
+        _value: &Bound<'_, PyAny>,
+        _traceback: &Bound<'_, PyAny>,
+    ) {
+        self.disconnect(py);
+    }
+
+    fn cancel(&self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| self.canceller.cancel()).map_err(|error| errors::call(py, &error))
+    }
+
+    #[pyo3(signature = (line, limit=30.0, progress=None))]
+    fn command(
+        &self,
+        py: Python<'_>,
+        line: &str,
+        limit: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Vec<String>> {
+        self.watched(py, limit, progress, |hand, limit, on| hand.command_with(line, limit, on))
+    }
+
+    #[pyo3(signature = (data, limit=1.0))]
+    fn write(&self, py: Python<'_>, data: &[u8], limit: f64) -> PyResult<()> {
+        self.run(py, limit, |hand, limit| hand.write(data, limit))
+    }
+
+    fn take_reports(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        py.detach(|| Ok(here(&mut lock(&self.place))?.take_reports()))
+    }
+
+    #[pyo3(signature = (limit=3.0))]
+    fn wake(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
+        self.run(py, limit, wraptor::Hand::wake)
+    }
+
+    #[pyo3(signature = (limit=1.0))]
+    fn boards(&self, py: Python<'_>, limit: f64) -> PyResult<Vec<&'static str>> {
+        let states = self.run(py, limit, wraptor::Hand::boards)?;
+        Ok(states.map(state).to_vec())
+    }
+
+    #[pyo3(signature = (limit=1.0))]
+    fn faults<'py>(&self, py: Python<'py>, limit: f64) -> PyResult<Bound<'py, PyDict>> {
+        let faults = self.run(py, limit, wraptor::Hand::faults)?;
+        let by_node = PyDict::new(py);
+        for (node, fault) in faults {
+            by_node.set_item(node.number(), fault.row().cause)?;
+        }
+        Ok(by_node)
+    }
+
+    #[pyo3(signature = (limit=60.0, progress=None))]
+    fn init(&self, py: Python<'_>, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+        self.watched(py, limit, progress, |hand, limit, on| hand.init(limit, on))
+    }
+
+    #[pyo3(signature = (motors="", limit=60.0, progress=None))]
+    fn find_zero(
+        &self,
+        py: Python<'_>,
+        motors: &str,
+        limit: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        self.watched(py, limit, progress, |hand, limit, on| hand.find_zero(motors, limit, on))
+    }
+
+    #[pyo3(signature = (motors="", limit=20.0, progress=None))]
+    fn close(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+        self.watched(py, limit, progress, |hand, limit, on| hand.close(motors, limit, on))
+    }
+
+    #[pyo3(signature = (motors="", limit=20.0, progress=None))]
+    fn open(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+        self.watched(py, limit, progress, |hand, limit, on| hand.open(motors, limit, on))
+    }
+
+    #[pyo3(signature = (motors="", limit=20.0, progress=None))]
+    fn grasp(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+        self.watched(py, limit, progress, |hand, limit, on| hand.grasp(motors, limit, on))
+    }
+
+    #[pyo3(signature = (motors="", limit=2.0))]
+    fn relax(&self, py: Python<'_>, motors: &str, limit: f64) -> PyResult<()> {
+        self.run(py, limit, |hand, limit| hand.relax(motors, limit))
+    }
+
+    #[pyo3(name = "move", signature = (motors, counts, limit=20.0, progress=None))]
+    fn move_to(
+        &self,
+        py: Python<'_>,
+        motors: &str,
+        counts: i64,
+        limit: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        self.watched(py, limit, progress, |hand, limit, on| hand.move_to(motors, counts, limit, on))
+    }
+
+    #[pyo3(signature = (fingers, halls, limit=20.0, progress=None))]
+    fn move_halls(
+        &self,
+        py: Python<'_>,
+        fingers: &str,
+        halls: i64,
+        limit: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        self.watched(py, limit, progress, |hand, limit, on| hand.move_halls(fingers, halls, limit, on))
+    }
+
+    #[pyo3(signature = (nodes, name, limit=1.0))]
+    fn get<'py>(&self, py: Python<'py>, nodes: &str, name: &str, limit: f64) -> PyResult<Bound<'py, PyDict>> {
+        let property = property(name)?;
+        let values = self.run(py, limit, |hand, limit| hand.get(nodes, property, limit))?;
+        let by_node = PyDict::new(py);
+        for (node, value) in values {
+            by_node.set_item(node.number(), value)?;
+        }
+        Ok(by_node)
+    }
+
+    #[pyo3(signature = (nodes, name, value, limit=1.0))]
+    fn set(&self, py: Python<'_>, nodes: &str, name: &str, value: i64, limit: f64) -> PyResult<()> {
+        let property = property(name)?;
+        self.run(py, limit, |hand, limit| hand.set(nodes, property, value, limit))
+    }
+
+    #[pyo3(signature = (nodes, name, value, limit=20.0, progress=None))]
+    fn wait_for(
+        &self,
+        py: Python<'_>,
+        nodes: &str,
+        name: &str,
+        value: i64,
+        limit: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let property = property(name)?;
+        self.watched(py, limit, progress, |hand, limit, on| hand.wait_for(nodes, property, value, limit, on))
+    }
+
+    #[pyo3(signature = (motors, name, limit=1.0))]
+    fn parameter(&self, py: Python<'_>, motors: &str, name: &str, limit: f64) -> PyResult<Vec<i64>> {
+        self.run(py, limit, |hand, limit| hand.parameter(motors, name, limit))
+    }
+
+    #[pyo3(signature = (motors, name, value, limit=1.0))]
+    fn set_parameter(
+        &self,
+        py: Python<'_>,
+        motors: &str,
+        name: &str,
+        value: i64,
+        limit: f64,
+    ) -> PyResult<()> {
+        self.run(py, limit, |hand, limit| hand.set_parameter(motors, name, value, limit))
+    }
+
+    #[pyo3(signature = (name, limit=1.0))]
+    fn hand_parameter(&self, py: Python<'_>, name: &str, limit: f64) -> PyResult<i64> {
+        self.run(py, limit, |hand, limit| hand.hand_parameter(name, limit))
+    }
+
+    #[pyo3(signature = (name, value, limit=1.0))]
+    fn set_hand_parameter(&self, py: Python<'_>, name: &str, value: i64, limit: f64) -> PyResult<()> {
+        self.run(py, limit, |hand, limit| hand.set_hand_parameter(name, value, limit))
+    }
+
+    #[pyo3(signature = (limit=1.0))]
+    fn temperature(&self, py: Python<'_>, limit: f64) -> PyResult<f64> {
+        self.run(py, limit, wraptor::Hand::temperature)
+    }
+
+    #[pyo3(signature = (limit=5.0))]
+    fn save_parameters(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
+        self.run(py, limit, wraptor::Hand::save_parameters)
+    }
+
+    #[pyo3(signature = (limit=5.0))]
+    fn prepare_power_off(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
+        self.run(py, limit, wraptor::Hand::prepare_power_off)
+    }
+
+    #[pyo3(signature = (nodes, path, limit=120.0, progress=None))]
+    fn download(
+        &self,
+        py: Python<'_>,
+        nodes: &str,
+        path: PathBuf,
+        limit: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let (firmware, watch) = (firmware(path)?, Watch::new(progress));
+        let outcome = self.run(py, limit, |hand, limit| {
+            hand.download(nodes, &firmware, limit, &mut |seen| watch.on_download(seen))
+        });
+        watch.outcome(outcome)
+    }
+
+    #[pyo3(signature = (
+        motors, limit=2.0, *, velocity=Some(8), gain=false, feeds_velocity=None, feeds_strain=false,
+        feeds_position=true, feeds_change=None, feeds_temperature=false,
+    ))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn realtime(
+        &self,
+        py: Python<'_>,
+        motors: &str,
+        limit: f64,
+        velocity: Option<u8>,
+        gain: bool,
+        feeds_velocity: Option<u8>,
+        feeds_strain: bool,
+        feeds_position: bool,
+        feeds_change: Option<u8>,
+        feeds_temperature: bool,
+    ) -> PyResult<RealTime> {
+        let format = wraptor::Format {
+            velocity,
+            gain,
+            feeds_velocity,
+            feeds_strain,
+            feeds_position,
+            feeds_change,
+            feeds_temperature,
+        };
+        let choice = Choice { motors: motors.to_owned(), format, limit: self::limit(limit)? };
+        let hand = self.take(Place::RealTime)?;
+        RealTime::start(py, hand, Arc::clone(&self.place), choice)
+    }
+}
+
+/// Hands in the network: address, and hardware address or None.
+#[pyfunction]
+#[pyo3(signature = (limit=1.0, to=None))]
+pub fn discover(
+    py: Python<'_>,
+    limit: f64,
+    to: Option<Vec<String>>,
+) -> PyResult<Vec<(String, Option<String>)>> {
+    let limit = self::limit(limit)?;
+    let place = |text: &String| {
+        let bare = text.parse::<Ipv4Addr>().map(|ip| SocketAddrV4::new(ip, wraptor::discovery::PORT));
+        bare.or_else(|_| text.parse::<SocketAddrV4>()).map_err(|_| {
+            errors::value("to", &format!("{text:?}"), "an IPv4 address", "give one such as 192.168.1.255")
+        })
+    };
+    let to: Option<Vec<SocketAddrV4>> = to.map(|to| to.iter().map(place).collect()).transpose()?;
+    let to = to.unwrap_or_else(|| wraptor::discovery::EVERYWHERE.to_vec());
+    let found = py.detach(|| wraptor::discover(&to, limit)).map_err(|error| errors::connect(py, &error))?;
+    let row = |Found { address, hardware }: Found| {
+        let hardware = hardware.map(|bytes| bytes.map(|byte| format!("{byte:02x}")).join(":"));
+        (address.to_string(), hardware)
+    };
+    Ok(found.into_iter().map(row).collect())
+}
