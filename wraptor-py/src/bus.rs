@@ -89,7 +89,7 @@ impl Bus {
     #[pyo3(signature = (hand, limit=2.0))]
     fn through(_: &Bound<'_, PyType>, py: Python<'_>, hand: &Hand, limit: f64) -> PyResult<Self> {
         let limit = self::limit(limit)?;
-        let hand = hand.take(Place::Closed)?;
+        let hand = hand.take(py, Place::Closed)?;
         let bus = py.detach(|| wraptor::Bus::through(hand, limit));
         bus.map(|bus| Self(Mutex::new(bus))).map_err(|error| errors::call(py, &error))
     }

@@ -13,8 +13,7 @@ fn class<'py>(py: Python<'py>, cell: &PyOnceLock<Py<PyType>>, name: &str) -> PyR
 }
 
 /// The exception, or why there is none.
-fn made(py: Python<'_>, exception: PyResult<Bound<'_, PyAny>>) -> PyErr {
-    let _ = py;
+fn made(exception: PyResult<Bound<'_, PyAny>>) -> PyErr {
     exception.map_or_else(|error| error, PyErr::from_value)
 }
 
@@ -27,7 +26,7 @@ fn variant(value: &impl std::fmt::Debug) -> String {
 pub fn connect(py: Python<'_>, error: &ConnectError) -> PyErr {
     static CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
     let arguments = (error.to_string(), error.place.as_str(), variant(&error.cause), error.cause.next_step());
-    made(py, class(py, &CLASS, "ConnectError").and_then(|class| class.call1(arguments)))
+    made(class(py, &CLASS, "ConnectError").and_then(|class| class.call1(arguments)))
 }
 
 /// A `CallError`; its subclass `CallTimeout` after the limit.
@@ -44,7 +43,7 @@ pub fn call(py: Python<'_>, error: &CallError) -> PyErr {
     };
     let arguments =
         (error.to_string(), error.call.as_str(), variant(&error.failure), error.failure.next_step(), status);
-    made(py, class.and_then(|class| class.call1(arguments)))
+    made(class.and_then(|class| class.call1(arguments)))
 }
 
 /// A `ValueError` for what the user gave.

@@ -52,18 +52,17 @@ impl Hand {
         }
     }
 
-    /// Takes the connection out and leaves `instead`.
-    pub fn take(&self, instead: Place) -> PyResult<wraptor::Hand> {
-        let mut place = lock(&self.place);
-        here(&mut place)?;
-        match std::mem::replace(&mut *place, instead) {
-            Place::Here(hand) => Ok(*hand),
-            // It was here.
-            other => {
-                *place = other;
-                Err(errors::panicked())
+    /// Takes the connection out and leaves `instead`. Waits without the GIL: a call of another thread needs it for its progress.
+    pub fn take(&self, py: Python<'_>, instead: Place) -> PyResult<wraptor::Hand> {
+        py.detach(|| {
+            let mut place = lock(&self.place);
+            here(&mut place)?;
+            match std::mem::replace(&mut *place, instead) {
+                Place::Here(hand) => Ok(*hand),
+                // It was here.
+                Place::RealTime | Place::Closed => Err(errors::panicked()),
             }
-        }
+        })
     }
 
     /// Runs a call without the GIL; `job` gets the limit.
@@ -425,7 +424,7 @@ impl Hand {
             feeds_temperature,
         };
         let choice = Choice { motors: motors.to_owned(), format, limit: self::limit(limit)? };
-        let hand = self.take(Place::RealTime)?;
+        let hand = self.take(py, Place::RealTime)?;
         RealTime::start(py, hand, Arc::clone(&self.place), choice)
     }
 }

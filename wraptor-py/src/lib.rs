@@ -29,8 +29,13 @@ mod _wraptor {
     use super::hand::{Hand, discover};
     #[pymodule_export]
     use super::realtime::{Feedback, RealTime, Statistics};
-    #[pymodule_export]
-    use super::sim::{Board, Run, SimHand, run, scenarios};
+
+    /// The classes of `wraptor.sim`: two are called Hand.
+    #[pymodule]
+    mod sim {
+        #[pymodule_export]
+        use crate::sim::{Board, Run, SimHand, run, scenarios};
+    }
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

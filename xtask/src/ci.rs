@@ -10,7 +10,7 @@ use crate::program::{in_parallel, output, program, root, run};
 use crate::setup::THUMB;
 use crate::{
     Outcome, emu, fuzz, hall_oracle, host_tools, image, instructions, miri, model, packages, ray_sweep,
-    reports, setup, size, table,
+    reports, setup, size, table, wheel,
 };
 
 struct Step {
@@ -18,7 +18,7 @@ struct Step {
     check: fn() -> Outcome,
 }
 
-const STEPS: [Step; 23] = [
+const STEPS: [Step; 24] = [
     Step { name: "set-up", check: setup::install },
     Step { name: "format", check: || run(program("cargo fmt --all --check")) },
     Step { name: "licenses and sources", check: packages::licenses },
@@ -37,6 +37,7 @@ const STEPS: [Step; 23] = [
     Step { name: "hall captures", check: hall_oracle::check },
     Step { name: "host tools", check: host_tools::check },
     Step { name: "sweep under Ray", check: ray_sweep::check },
+    Step { name: "Python wheel", check: wheel::check },
     Step { name: "reports in Chromium", check: reports::check },
     Step { name: "instructions", check: instructions::check },
     Step { name: "emulation", check: emu::check },

@@ -1,5 +1,5 @@
 //! The project's tools: `cargo xtask demo`, `ci`, `doctor`, `bench`, `table`, `image`, `size`, `flash`,
-//! `tek`, `download`, `apply`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`, `soak`, `model`. One file each, with its own set-up; they start other programs for
+//! `tek`, `download`, `apply`, `emu`, `host-tools`, `fuzz`, `miri`, `mutants`, `defects`, `soak`, `model`, `wheel`. One file each, with its own set-up; they start other programs for
 //! anything slow.
 
 #![forbid(unsafe_code)]
@@ -33,6 +33,7 @@ mod size;
 mod soak;
 mod table;
 mod tek;
+mod wheel;
 
 use std::process::ExitCode;
 
@@ -101,6 +102,8 @@ enum Chore {
     RaySweep,
     /// Open the reports of hil-sim in a headless Chromium, which is installed if it can be (as ci does).
     Reports,
+    /// Build the Python wheel into target/wheels and print the command that installs it (installs maturin below target/)
+    Wheel(wheel::WheelArgs),
     /// Run every fuzz target for 30 s from its committed inputs
     Fuzz(fuzz::FuzzArgs),
     /// Run unit tests under Miri, which finds undefined behavior, if it is installed
@@ -136,6 +139,7 @@ fn main() -> ExitCode {
         Chore::HostTools => host_tools::check().map_err(Failure::from),
         Chore::RaySweep => ray_sweep::check().map_err(Failure::from),
         Chore::Reports => reports::check().map_err(Failure::from),
+        Chore::Wheel(args) => wheel::wheel(&args),
         Chore::Fuzz(args) => fuzz::fuzz(&args).map_err(Failure::from),
         Chore::Miri => miri::check().map_err(Failure::from),
         Chore::Mutants(args) => mutants::mutants(&args),

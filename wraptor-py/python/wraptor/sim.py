@@ -1,5 +1,11 @@
 """The simulator in process: runs of scenarios, and a hand and a board in simulated time."""
 
-from ._wraptor import Board, Run, SimHand as Hand, run, scenarios
+from . import _wraptor
+
+Board = _wraptor.sim.Board
+Hand = _wraptor.sim.Hand
+Run = _wraptor.sim.Run
+run = _wraptor.sim.run
+scenarios = _wraptor.sim.scenarios
 
 __all__ = ["Board", "Hand", "Run", "run", "scenarios"]

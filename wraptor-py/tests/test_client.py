@@ -1,0 +1,166 @@
+"""The client against a hand in real time. Limits are checked against the clock, with a second for a busy machine."""
+
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from conftest import Served
+
+import wraptor
+
+# Seconds that a busy machine may add to a limit.
+SLACK = 1.0
+
+
+def refused(cause: str | tuple[str, ...], call: Callable[[], Any], limit: float) -> wraptor.CallError:
+    """The CallError of a call, which ends within its limit."""
+    start = time.monotonic()
+    with pytest.raises(wraptor.CallError) as raised:
+        call()
+    assert time.monotonic() - start < limit + SLACK
+    assert raised.value.cause in cause and raised.value.next_step, raised.value
+    return raised.value
+
+
+def test_hand_is_homed_moved_and_read(served: Served) -> None:
+    seen: list[float] = []
+    with wraptor.Hand.connect(served.address, limit=10) as hand:
+        assert hand.boards() == ["ready"] * 7
+        hand.init(limit=60, progress=lambda elapsed, values: seen.append(elapsed))
+        hand.close("4", limit=20)
+        assert hand.get("4", "P")[4] > 100
+        hand.set("4", "KP", 40)
+        assert hand.get("4", "kp") == {4: 40}
+        assert hand.command("VERS") == [str(hand.version)]
+        assert hand.faults() == {}
+    assert seen == sorted(seen) and len(seen) > 1
+    with pytest.raises(RuntimeError, match="closed"):
+        hand.wake()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda hand, kill: hand.init(limit=2, progress=kill),
+        lambda hand, kill: hand.command("HI", limit=2, progress=kill),
+        lambda hand, kill: hand.wait_for("4", "MODE", 5, limit=2, progress=kill),
+    ],
+)
+def test_killed_hand_raises_within_the_limit(
+    served: Served, call: Callable[[wraptor.Hand, Callable[..., None]], None]
+) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    refused(("Lost", "TimedOut"), lambda: call(hand, lambda *_: served.process.kill()), 2)
+    refused(("Lost", "TimedOut"), lambda: hand.get("4", "P", limit=0.5), 0.5)
+
+
+def test_killed_hand_ends_realtime_within_the_limit(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.init()
+    realtime = hand.realtime("G")
+    assert realtime.axes == 3
+
+    def control(number: int, feedback: wraptor.Feedback) -> list[float]:
+        if number == 20:
+            served.process.kill()
+        return [40.0] * 3
+
+    refused(("Lost", "TimedOut"), lambda: realtime.run(100, control, limit=0.5), 0.5 + 20 / 100)
+    # RealTime has ended.
+    refused("Invalid", lambda: realtime.exchange([0, 0, 0], limit=0.5), 0.5)
+
+
+def test_stopped_hand_times_out(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    os.kill(served.process.pid, signal.SIGSTOP)
+    error = refused("TimedOut", lambda: hand.get("4", "P", limit=0.3), 0.3)
+    assert isinstance(error, TimeoutError)
+
+
+def test_realtime_runs_at_a_rate_and_gives_the_hand_back(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    with pytest.raises(wraptor.CallError) as not_yet:
+        hand.realtime("G")
+    assert not_yet.value.next_step == "call init"
+    hand.init()
+    positions: list[int] = []
+
+    def control(number: int, feedback: wraptor.Feedback) -> list[tuple[float, int]] | None:
+        if feedback.positions is not None:
+            positions.append(feedback.positions[0])
+        return [(40.0, 32)] * 3 if number < 50 else None
+
+    with hand.realtime("G", gain=True) as realtime:
+        statistics = realtime.run(100, control)
+        with pytest.raises(RuntimeError, match="RealTime"):
+            hand.get("1", "P")
+    assert statistics.blocks == 50 and len(positions) == 50
+    assert positions[-1] > positions[0]
+    assert hand.get("1", "MODE").keys() == {1}
+    with pytest.raises(RuntimeError, match="ended"):
+        realtime.exchange([0, 0, 0])
+
+
+def test_exception_in_control_ends_realtime(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.init()
+
+    def control(number: int, feedback: wraptor.Feedback) -> list[float]:
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"), hand.realtime("4") as realtime:
+        realtime.run(100, control)
+    assert hand.get("4", "P").keys() == {4}
+
+
+def test_callback_and_signal_end_a_motion(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    error = refused("Cancelled", lambda: hand.init(limit=30, progress=lambda *_: False), 5)
+    assert "cancelled" in str(error)
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    previous = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        start = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            hand.init(limit=30)
+        assert time.monotonic() - start < 5
+    finally:
+        signal.signal(signal.SIGALRM, previous)
+    assert hand.command("VERS")
+
+
+def test_failed_connection_names_cause_and_next_step() -> None:
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        address = "{}:{}".format(*closed.getsockname())
+        with pytest.raises(wraptor.ConnectError) as nothing:
+            wraptor.Hand.connect(address, limit=2)
+    assert nothing.value.cause == "NothingListens" and nothing.value.place == address
+    assert "start the hand" in nothing.value.next_step and "start the hand" in str(nothing.value)
+    assert isinstance(nothing.value, ConnectionError)
+
+
+def test_wrong_arguments_are_refused(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    with pytest.raises(ValueError, match="did you mean TSTOP"):
+        hand.get("4", "TSTO")
+    with pytest.raises(ValueError, match="seconds above 0"):
+        hand.get("4", "P", limit=0)
+    refused("Invalid", lambda: hand.get("9", "P"), 1)
+    assert refused("Status", lambda: hand.command("NONSENSE"), 1).status != 0
+
+
+def test_bus_through_a_hand(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    bus = wraptor.Bus.through(hand)
+    bus.require([1, 4, 7])
+    bus.find_zero(4, limit=20)
+    seen: list[dict[int, int]] = []
+    bus.move(4, 60, limit=10, progress=lambda elapsed, values: seen.append(values))
+    assert abs(bus.get(4, "P") - 60) <= 1 and seen[-1].keys() == {4}
+    with pytest.raises(RuntimeError, match="closed"):
+        hand.wake()

@@ -1,0 +1,215 @@
+"""The simulator in process."""
+
+import json
+import subprocess
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wraptor
+from wraptor import sim
+
+# Friction of a motor, which a load must overcome first, N m (`hil-sim list --plant`).
+FRICTION = 0.04
+
+# Motor revolutions a revolution of the spread's joint (manual 1.3.2, table 2).
+SPREAD_GEAR = 17.5
+
+
+def test_run_is_that_of_the_command_line(hil_sim: str) -> None:
+    run = sim.run("spread-full-travel", properties={"KP": 30}, plant={"inertia": "1.3x"}, seed=7)
+    line = "run spread-full-travel --json --set KP=30 --plant inertia=1.3x --seed 7"
+    found = subprocess.run([hil_sim, *line.split()], stdout=subprocess.PIPE, text=True)
+    expected = json.loads(found.stdout)
+    for name in ["scenario", "seed", "model", "wall_s"]:
+        del expected[name]
+    assert run.expectations == expected.pop("expectations")
+    assert run.metrics == expected
+    assert run.passed == (found.returncode == 0)
+
+
+def test_trace_is_arrays_of_a_row_a_millisecond() -> None:
+    run = sim.run("spread-full-travel")
+    position = run.trace["position_counts"]
+    assert position.dtype == np.float64 and position.shape == (1501,)
+    assert np.array_equal(run.trace["time_ms"], np.arange(1501.0))
+    assert position[-1] == run.metrics["position_counts"]
+    assert run.traces["spread"] is run.trace
+    assert sim.run("spread-full-travel", trace=False).trace == {}
+
+
+def test_run_takes_a_file_and_numbers_of_numpy(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text("name = 'mine'\nabout = 'mine'\nmotor = ['link', 'tip']\nduration_ms = 5\n")
+    run = sim.run(file, properties={"KP": np.int64(30), "HOLD": True}, plant={"inertia": np.float32(2e-5)})
+    assert run.scenario == "mine" and list(run.traces) == ["link", "tip"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ({"scenario": "spread-full-travl"}, "did you mean spread-full-travel"),
+        ({"scenario": "spread-full-travel", "properties": {"TSTO": 30}}, "did you mean TSTOP"),
+        ({"scenario": "spread-full-travel", "properties": {"KP": 30.5}}, "whole number"),
+        ({"scenario": "spread-full-travel", "plant": {"inertai": "1.3x"}}, "did you mean inertia"),
+        ({"scenario": "spread-full-travel", "plant": {"inertia": "1e9x"}}, "out of range"),
+        ({"scenario": "spread-full-travel", "model": "ideal"}, "averaged or switched"),
+    ],
+)
+def test_unknown_name_or_value_names_the_nearest(arguments: dict[str, object], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
+        sim.run(**arguments)  # type: ignore[arg-type]
+
+
+def test_board_moves_and_answers() -> None:
+    board = sim.Board(properties={"ACCEL": 20})
+    assert (board.get("ACCEL"), board.get("accel")) == (20, 20)
+    board.set("M", 100)
+    board.step(2.0)
+    assert board.time == 2.0 and board.get("P") == 100 and abs(board.position - 100) < 1
+    assert board.get("END") == 1
+    with pytest.raises(ValueError, match="0 to"):
+        board.set("KP", 1 << 20)
+    with pytest.raises(ValueError, match="did you mean TSTOP"):
+        board.get("TSTO")
+    with pytest.raises(ValueError, match="beyond the stops"):
+        sim.Board(position=1e4)
+
+
+def test_velocity_mode_outlives_the_host_watchdog() -> None:
+    board = sim.Board("link")
+    board.set("V", 10)
+    board.set("MODE", 4)
+    board.step(4.0)
+    assert board.get("MODE") == 4 and board.velocity > 5
+
+
+@pytest.mark.parametrize("load", [-2.0, 2.0])
+def test_load_is_of_the_joint_and_held_by_the_motor(load: float) -> None:
+    board = sim.Board("spread", position=80.0)
+    board.set("P", 80)
+    board.set("MODE", 3)
+    board.step(0.5)
+    board.load(load)
+    board.step(0.5)
+    # The motor holds what friction does not.
+    assert abs(board.torque + load / SPREAD_GEAR) < FRICTION
+    board.load(0.0)
+    board.step(0.5)
+    assert abs(board.torque) < FRICTION
+    with pytest.raises(ValueError, match="N m on the joint"):
+        board.load(float("nan"))
+
+
+def test_hand_obeys_its_language_in_simulated_time() -> None:
+    hand = sim.Hand()
+    assert hand.time < 0.1
+    hand.command("HI")
+    hand.command("GC")
+    assert hand.positions[:3].min() > 200 and abs(hand.joint_positions[0] - hand.positions[0]) < 5
+    with pytest.raises(wraptor.CallError, match="ERR") as error:
+        hand.command("NONSENSE")
+    assert error.value.status > 0
+    with pytest.raises(wraptor.CallError, match="printable"):
+        hand.command("HI\r")
+
+
+def test_command_times_out_in_simulated_time_and_the_next_one_works() -> None:
+    hand = sim.Hand()
+    start = hand.time
+    with pytest.raises(TimeoutError) as error:
+        hand.command("HI", limit=0.5)
+    assert error.value.cause == "TimedOut" and 0.5 <= hand.time - start < 3  # type: ignore[attr-defined]
+    assert hand.command("VERS") and abs(hand.velocities).max() < 1
+
+
+def test_hand_is_the_same_for_the_same_seed() -> None:
+    def states(seed: int) -> np.ndarray:
+        hand = sim.Hand(seed=seed)
+        hand.send("HI\r")
+        rows = []
+        for _ in range(300):
+            hand.step(0.01)
+            rows.append(np.concatenate([hand.positions, hand.velocities, hand.torques]))
+        return np.array(rows)
+
+    first, again, other = states(1), states(1), states(2)
+    assert np.array_equal(first, again) and not np.array_equal(first, other)
+
+
+def test_steps_in_lock_step_are_one_long_step() -> None:
+    one, many = sim.Hand(seed=3), sim.Hand(seed=3)
+    for hand in [one, many]:
+        hand.send("SO\r")
+    one.step(0.5)
+    for _ in range(500):
+        many.step(0.001)
+    assert one.time == many.time and np.array_equal(one.positions, many.positions)
+    assert one.receive() == many.receive()
+
+
+def test_what_is_sent_is_received_and_no_reply() -> None:
+    hand = sim.Hand()
+    hand.send("VERS\r")
+    hand.step(0.1)
+    version = hand.receive()
+    assert version.startswith("VERS") and version.endswith("=> ") and hand.receive() == ""
+    hand.send("VERS\r")
+    hand.step(0.1)
+    assert hand.command("VERS") == [version.split()[1]]
+    assert hand.receive() == version
+
+
+def test_load_drives_the_spread_and_no_worm() -> None:
+    hand = sim.Hand()
+    hand.command("HI")
+    hand.command("T")
+    # The brake holds the spread of an idle hand: 0.3 N m at the motor is more.
+    before = hand.positions
+    for motor in [1, 4]:
+        hand.load(motor, 0.3 * 50)
+    hand.step(0.3)
+    moved = hand.positions - before
+    assert abs(moved[0]) < 3
+    assert hand.joint_positions[0] - before[0] > 0
+    with pytest.raises(ValueError, match="1 to 7"):
+        hand.load(8, 1.0)
+
+
+def test_grasp_stops_fingers_at_the_object(tmp_path: Path) -> None:
+    file = tmp_path / "ball.toml"
+    file.write_text("[[object]]\nat_mm = [0, 0, 70]\nradius_mm = 35\n")
+    free, full = sim.Hand(), sim.Hand(grasp=file)
+    for hand in [free, full]:
+        hand.command("HI")
+        hand.command("GC")
+    assert full.positions[2] < free.positions[2] - 20
+    with pytest.raises(ValueError, match="cannot be read"):
+        sim.Hand(grasp=tmp_path / "none.toml")
+
+
+def test_gil_is_released_during_a_simulation() -> None:
+    hand, begun, ended = sim.Hand(), threading.Event(), threading.Event()
+
+    def home() -> None:
+        begun.set()
+        hand.command("HI")
+        ended.set()
+
+    thread = threading.Thread(target=home)
+    thread.start()
+    begun.wait()
+    # Seconds of a hand take longer than the few instructions here.
+    was_running = not ended.is_set()
+    thread.join()
+    assert was_running
+
+
+def test_hand_may_be_called_from_any_thread() -> None:
+    hand, found = sim.Hand(), []
+    thread = threading.Thread(target=lambda: found.append(hand.command("VERS")))
+    thread.start()
+    thread.join()
+    assert found == [hand.command("VERS")]
