@@ -20,21 +20,25 @@ Exit code 1 if a motor's differ by more than 2 hall counts or the ball leaves th
 
 import argparse
 import math
-import pathlib
+import re
 import sys
+from pathlib import Path
+from typing import Any
 
 try:
-    import tomllib
-
-    import mujoco
+    import mujoco  # type: ignore[import-not-found, import-untyped, unused-ignore]
     import numpy as np
+    from numpy.typing import NDArray
 
     import wraptor
 except ImportError as missing:
-    print(f"{missing}\n  install it: pip install wraptor mujoco; tomllib needs Python 3.11", file=sys.stderr)
+    print(f"{missing}\n  install it: pip install wraptor mujoco", file=sys.stderr)
     sys.exit(2)
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+# Seconds, the motors' hall counts, and which of them press on the ball.
+Trace = list[tuple[float, NDArray[np.float64], list[bool]]]
+
+ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "kinematics/model/barrettwraptor.xml"
 BALL = ROOT / "hil-sim/grasps/ball.toml"
 
@@ -62,9 +66,17 @@ BALL_KG = 1.0
 FREE_S = 1.0
 
 
-def model():
+def numbers(key: str) -> list[float]:
+    """The numbers of a key of the ball's file."""
+    # Python 3.10 has no reader of TOML.
+    found = re.search(rf"^{key} = (.*)$", BALL.read_text(encoding="utf-8"), re.MULTILINE)
+    if not found:
+        raise SystemExit(f"{BALL}: found no line '{key} = ...'")
+    return [float(number) for number in found[1].strip("[]").split(",")]
+
+
+def model() -> Any:
     """The hand's MJCF with the ball. Links and tips touch the ball and those of other fingers, as in hil-sim; the palm supports the free ball."""
-    [ball] = tomllib.loads(BALL.read_text())["object"]
     spec = mujoco.MjSpec.from_file(str(MODEL))
     spec.option.timestep = STEP_S / SUBSTEPS
     # Joints follow hil-sim's plant, which has their stops and the one motor of both spreads.
@@ -76,13 +88,12 @@ def model():
         geom.name, geom.contype, geom.conaffinity = body.name, 0, 0
         if body.name.endswith(("_link", "_tip")):
             parts.append(body.name)
-    at = [mm / 1000 for mm in ball["at_mm"]]
-    body = spec.worldbody.add_body(name="ball", pos=at)
+    body = spec.worldbody.add_body(name="ball", pos=[mm / 1000 for mm in numbers("at_mm")])
     body.add_freejoint()
     body.add_geom(
         name="ball",
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[ball["radius_mm"] / 1000, 0, 0],
+        size=[numbers("radius_mm")[0] / 1000, 0, 0],
         mass=BALL_KG,
         contype=0,
         conaffinity=0,
@@ -105,7 +116,7 @@ def model():
 class Coupled:
     """A simulated hand whose contacts are MuJoCo's."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.hand = wraptor.sim.Hand(contacts=False)
         self.model = model()
         self.data = mujoco.MjData(self.model)
@@ -117,7 +128,7 @@ class Coupled:
         self.ball = self.model.body("ball").jntadr[0]
         self.is_held = True
 
-    def step(self):
+    def step(self) -> None:
         """Advances boards, motors and MuJoCo by 1 ms."""
         hand, data = self.hand, self.data
         hand.step(STEP_S)
@@ -135,7 +146,7 @@ class Coupled:
         for motor in range(7):
             hand.load(motor + 1, torques[motor])
 
-    def pressed(self):
+    def pressed(self) -> list[bool]:
         """Which links and tips press on the ball, in the order of the motors."""
         names = set()
         for contact in self.data.contact[: self.data.ncon]:
@@ -148,22 +159,23 @@ class Coupled:
 class Own:
     """A simulated hand in hil-sim's world of grasps."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.hand = wraptor.sim.Hand(grasp=BALL)
 
-    def step(self):
+    def step(self) -> None:
         """Advances by 1 ms."""
         self.hand.step(STEP_S)
 
-    def pressed(self):
+    def pressed(self) -> list[bool]:
         """Unknown."""
         return [False] * 7
 
 
-def run(world, line):
+def run(world: Coupled | Own, line: str) -> tuple[str, Trace]:
     """Types a line and steps until the prompt. Returns the answer, and times, positions and contacts."""
     hand = world.hand
-    start, sent, trace = hand.time, "", []
+    start, sent = hand.time, ""
+    trace: Trace = []
     hand.receive()
     hand.send(line + "\r")
     while not sent.endswith("=> "):
@@ -177,7 +189,7 @@ def run(world, line):
     return sent[len(line) :].removesuffix("=> ").strip(), trace
 
 
-def grasp(world):
+def grasp(world: Coupled | Own) -> tuple[Trace, list[float]]:
     """HI and GC. Returns the trace of GC and the counts at which the links broke away."""
     run(world, "HI")
     _, trace = run(world, "GC")
@@ -185,22 +197,23 @@ def grasp(world):
     return trace, [int(value) / 55 for value in answer.split()]
 
 
-def release(coupled):
+def release(coupled: Coupled) -> tuple[float, float]:
     """Frees the ball. Returns how far it and the motors then move, mm and counts."""
     ball, hand = coupled.data.body("ball"), coupled.hand
     place, positions = ball.xpos.copy(), hand.positions
     coupled.is_held = False
     for _ in range(round(FREE_S / STEP_S)):
         coupled.step()
-    return 1000 * np.linalg.norm(ball.xpos - place), np.abs(hand.positions - positions).max()
+    moved_m = float(np.linalg.norm(ball.xpos - place))
+    return 1000 * moved_m, float(np.abs(hand.positions - positions).max())
 
 
-def picture(coupled, ours, theirs):
+def picture(coupled: Coupled, ours: Trace, theirs: Trace) -> str:
     """Positions over time, contacts, and the fingers at the end from the side, as SVG."""
     width, height, left, top = 560, 330, 60, 40
     end = max(ours[-1][0], theirs[-1][0])
 
-    def at(time, counts):
+    def at(time: float, counts: float) -> tuple[float, float]:
         return left + width * time / end, top + height * (1 - counts / 350)
 
     svg = [
@@ -231,10 +244,11 @@ def picture(coupled, ours, theirs):
     return "\n".join([*svg, *fingers(coupled), "</svg>", ""])
 
 
-def fingers(coupled):
+def fingers(coupled: Coupled) -> list[str]:
     """The shapes of MuJoCo's model from the side: y to the right, z up."""
     scale, middle, bottom = 1150, 840, 330
-    model, data, shapes = coupled.model, coupled.data, []
+    model, data = coupled.model, coupled.data
+    shapes: list[str] = []
     names = ["palm", "ball"] + [f"finger_{finger}_{part}" for finger in (1, 2, 3) for part in ("base", "link", "tip")]
     for name in names:
         geom = model.geom(name).id
@@ -253,14 +267,14 @@ def fingers(coupled):
     return [*shapes, f'<text x="{middle - 130}" y="360">MuJoCo after GC, from the side</text>']
 
 
-def main():
+def main() -> int:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--picture", type=pathlib.Path, help="write an SVG of both hands' positions over time")
+    arguments.add_argument("--picture", type=Path, help="write an SVG of both hands' positions over time")
     path = arguments.parse_args().picture
     coupled = Coupled()
     (ours, our_breaks), (theirs, their_breaks) = grasp(Own()), grasp(coupled)
-    rows = list(zip(NAMES, ours[-1][1], theirs[-1][1]))
-    rows += zip([f"BP {finger}" for finger in (1, 2, 3)], our_breaks, their_breaks)
+    names = [*NAMES, "BP 1", "BP 2", "BP 3"]
+    rows = list(zip(names, [*ours[-1][1], *our_breaks], [*theirs[-1][1], *their_breaks]))
     print("GC with the ball, hall counts\n          own world    MuJoCo  difference")
     for name, own, other in rows:
         print(f"{name:8} {own:10.2f} {other:9.2f} {other - own:11.2f}")
