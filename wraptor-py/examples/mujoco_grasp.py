@@ -219,7 +219,7 @@ def picture(coupled: Coupled, ours: Trace, theirs: Trace) -> str:
     svg = [
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1040 470" font-family="sans-serif" font-size="13" fill="#1c2128">',
         '<rect width="100%" height="100%" fill="#fff"/>',
-        f'<text x="{left}" y="24" font-size="15">GC on a ball: MuJoCo (lines), hil-sim\'s own world (dashes)</text>',
+        f'<text x="{left}" y="24" font-size="15">GC on a ball: MuJoCo (lines), hil-sim\'s own world (black dots)</text>',
     ]
     for counts in range(0, 351, 50):
         (x, y), (far, _) = at(0, counts), at(end, counts)
@@ -227,18 +227,20 @@ def picture(coupled: Coupled, ours: Trace, theirs: Trace) -> str:
         svg.append(f'<text x="{x - 8}" y="{y + 4:.1f}" text-anchor="end">{counts}</text>')
     for tenths in range(0, int(end * 10) + 1, 5):
         svg.append(f'<text x="{at(tenths / 10, 0)[0]:.1f}" y="{top + height + 18}" text-anchor="middle">{tenths / 10:g} s</text>')
-    for trace, style in ((theirs, ""), (ours, ' stroke-dasharray="2 5"')):
+    for trace, dots in ((theirs, ""), (ours, "2 6")):
         for motor in (0, 1, 2, 4, 5, 6):
             points = " ".join("{:.1f},{:.1f}".format(*at(time, counts[motor])) for time, counts, _ in trace[::5])
-            color, thick = COLORS[motor % 4], 3 if motor < 3 else 1.5
-            svg.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="{thick}"{style}/>')
+            color = "#1c2128" if dots else COLORS[motor % 4]
+            thick = 1 if dots else 4 if motor < 3 else 2
+            svg.append(
+                f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="{thick}" stroke-dasharray="{dots}"/>'
+            )
     for row, motor in enumerate((0, 1, 2, 4, 5, 6)):
         y = top + height + 32 + 11 * row
         svg.append(f'<text x="{left - 8}" y="{y + 4}" text-anchor="end" font-size="10">{NAMES[motor]}</text>')
-        for time, _, pressed in theirs[::5]:
-            if pressed[motor]:
-                x = at(time, 0)[0]
-                svg.append(f'<rect x="{x:.1f}" y="{y - 3}" width="{width * 0.005 / end + 0.3:.1f}" height="7" fill="{COLORS[motor % 4]}"/>')
+        times = [time for time, _, pressed in theirs if pressed[motor]]
+        path = "".join(f"M{at(time, 0)[0]:.2f} {y}h{width * STEP_S / end + 0.2:.2f}" for time in times)
+        svg.append(f'<path d="{path}" stroke="{COLORS[motor % 4]}" stroke-width="7"/>')
     svg.append(f'<text x="{left + width + 6}" y="{top + height + 64}">presses on the ball</text>')
     svg.append(f'<text x="{left + 8}" y="{top + 16}">hall counts; thick: links, thin: tips</text>')
     return "\n".join([*svg, *fingers(coupled), "</svg>", ""])
