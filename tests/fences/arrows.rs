@@ -49,7 +49,11 @@ const ARROWS: [Arrows; 12] = [
     Arrows { package: "god", ours: &["tater-wire"], others: Some(&["defmt", "heapless", "proptest (dev)"]) },
     // libm: sines without std. proptest: tests.
     Arrows { package: "kinematics", ours: &["tater-wire"], others: Some(&["libm", "proptest (dev)"]) },
-    Arrows { package: "hil-sim", ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics"], others: None },
+    Arrows {
+        package: "hil-sim",
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics"],
+        others: None,
+    },
     // The host library. god: its tables of status codes, parameters and motor prefixes. rustix: serial ports, poll. socketcan: CAN interfaces
     // of Linux. socket2: a listener with a full backlog, for tests.
     Arrows {
