@@ -9,9 +9,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyType};
 use wraptor::{CallError, ConnectError, Frame, Node, Progress};
 
-use crate::call::{Watch, limit, node, property};
+use crate::call::{Watch, limit, lock, node, property};
 use crate::errors;
-use crate::hand::{Hand, Place, firmware, lock, state};
+use crate::hand::{Hand, firmware, state};
+use crate::realtime::Place;
 
 /// A bus of motor boards.
 #[pyclass(module = "wraptor", frozen)]

@@ -1,8 +1,8 @@
 //! What calls share: limits, names, progress, and a wait that ^C ends.
 
 use std::ops::ControlFlow;
-use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use hil_sim::input::did_you_mean;
@@ -14,6 +14,11 @@ use crate::errors;
 
 /// Time between two looks for ^C.
 const SIGNALS: Duration = Duration::from_millis(50);
+
+/// Locks what a panic cannot leave half changed.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A limit in seconds.
 ///
@@ -88,7 +93,7 @@ impl Watch {
             Ok(true) => ControlFlow::Continue(()),
             Ok(false) => ControlFlow::Break(()),
             Err(error) => {
-                self.raised.lock().unwrap_or_else(|error| error.into_inner()).get_or_insert(error);
+                lock(&self.raised).get_or_insert(error);
                 ControlFlow::Break(())
             }
         }
@@ -99,7 +104,7 @@ impl Watch {
     /// # Errors
     /// The callback's, `KeyboardInterrupt`, or the call's own.
     pub fn outcome<R>(self, outcome: PyResult<R>) -> PyResult<R> {
-        match self.raised.into_inner().unwrap_or_else(|error| error.into_inner()) {
+        match self.raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
             Some(error) => Err(error),
             None => outcome,
         }

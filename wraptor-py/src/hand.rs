@@ -3,7 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use pyo3::exceptions::PyRuntimeError;
@@ -11,27 +11,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use wraptor::{BoardState, Boards, CallError, Canceller, Connect, Firmware, Found, Progress};
 
-use crate::call::{Watch, limit, property};
+use crate::call::{Watch, limit, lock, property};
 use crate::errors;
-use crate::realtime::{Choice, RealTime};
-
-/// Where the connection is.
-pub enum Place {
-    /// Here.
-    Here(Box<wraptor::Hand>),
-    /// With a `RealTime`, which brings it back.
-    RealTime,
-    /// Closed, or part of a `Bus`.
-    Closed,
-}
-
-/// The connection and where it is; a `RealTime` brings it back here.
-pub type Shared = Arc<Mutex<Place>>;
-
-/// Locks what a panic cannot leave half changed.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
+use crate::realtime::{Choice, Place, RealTime, Shared};
 
 /// A hand.
 #[pyclass(module = "wraptor", frozen)]
@@ -397,7 +379,7 @@ impl Hand {
     }
 
     #[pyo3(signature = (
-        motors, limit=2.0, *, velocity=Some(8), gain=false, feeds_velocity=None, feeds_strain=false,
+        motors, limit=2.0, *, velocity=8, gain=false, feeds_velocity=None, feeds_strain=false,
         feeds_position=true, feeds_change=None, feeds_temperature=false,
     ))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -406,7 +388,7 @@ impl Hand {
         py: Python<'_>,
         motors: &str,
         limit: f64,
-        velocity: Option<u8>,
+        velocity: u8,
         gain: bool,
         feeds_velocity: Option<u8>,
         feeds_strain: bool,
@@ -415,7 +397,7 @@ impl Hand {
         feeds_temperature: bool,
     ) -> PyResult<RealTime> {
         let format = wraptor::Format {
-            velocity,
+            velocity: Some(velocity).filter(|unit| *unit > 0),
             gain,
             feeds_velocity,
             feeds_strain,

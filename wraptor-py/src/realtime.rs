@@ -11,9 +11,21 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use wraptor::{CallError, Control, Format};
 
-use crate::call::{limit, wait};
+use crate::call::{limit, lock, wait};
 use crate::errors;
-use crate::hand::{Place, Shared, lock};
+
+/// Where a hand's connection is.
+pub enum Place {
+    /// Here.
+    Here(Box<wraptor::Hand>),
+    /// With a `RealTime`, which brings it back.
+    RealTime,
+    /// Closed, or part of a `Bus`.
+    Closed,
+}
+
+/// The connection and where it is; a `RealTime` brings it back here.
+pub type Shared = Arc<Mutex<Place>>;
 
 /// What RealTime is begun with.
 pub struct Choice {

@@ -8,8 +8,6 @@ pub use board::Board;
 pub use hand::SimHand;
 pub use scenario::{Run, run, scenarios};
 
-use scenario::model;
-
 use pyo3::prelude::*;
 
 use crate::errors;

@@ -162,20 +162,33 @@ def test_what_is_sent_is_received_and_no_reply() -> None:
     assert hand.receive() == version
 
 
-def test_load_drives_the_spread_and_no_worm() -> None:
+def test_load_takes_up_the_play_of_a_worm_and_does_not_drive_it() -> None:
     hand = sim.Hand()
     hand.command("HI")
     hand.command("T")
-    # The brake holds the spread of an idle hand: 0.3 N m at the motor is more.
-    before = hand.positions
-    for motor in [1, 4]:
-        hand.load(motor, 0.3 * 50)
+    before, joint = hand.positions[0], hand.joint_positions[0]
+    hand.load(1, 10.0)
     hand.step(0.3)
-    moved = hand.positions - before
-    assert abs(moved[0]) < 3
-    assert hand.joint_positions[0] - before[0] > 0
+    assert abs(hand.positions[0] - before) < 0.1 and hand.joint_positions[0] > joint
     with pytest.raises(ValueError, match="1 to 7"):
         hand.load(8, 1.0)
+
+
+def test_load_is_held_by_the_motor_of_the_spread() -> None:
+    def torques(load: float) -> np.ndarray:
+        hand = sim.Hand()
+        hand.command("HI")
+        hand.load(4, load)
+        hand.send("SC\r")
+        hand.step(0.3)
+        rows = []
+        for _ in range(200):
+            hand.step(0.001)
+            rows.append(hand.torques[3])
+        return np.array(rows)
+
+    # On the way, at the same acceleration: 3 N m at the joint.
+    assert np.mean(torques(-3.0) - torques(0.0)) == pytest.approx(3.0 / SPREAD_GEAR, rel=0.1)
 
 
 def test_grasp_stops_fingers_at_the_object(tmp_path: Path) -> None:

@@ -9,6 +9,8 @@ import traceback
 from pathlib import Path
 from typing import Any
 
+import matplotlib
+
 # Where the page says that the hand is.
 ADDRESS = "127.0.0.1:11001"
 
@@ -23,6 +25,9 @@ def main() -> None:
     page, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
     os.environ["MPLBACKEND"] = "Agg"
+    # The same pictures for the same version of matplotlib.
+    os.environ["SOURCE_DATE_EPOCH"] = "0"
+    matplotlib.rcParams["svg.hashsalt"] = page.name
     os.chdir(folder)
     text = page.read_text()
     hand = subprocess.Popen(

@@ -6,14 +6,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::outcome::Failure;
-use crate::program::{output, program, root, run, target, typed};
+use crate::program::{output, output_of_both, program, root, run, target, typed};
 use crate::{Outcome, model, python};
 
 /// From PyPI. Pinned, so that a failure is this project's.
 const MATURIN: [&str; 1] = ["maturin==1.16.0"];
 
 /// What the check needs besides the wheel and its own dependencies.
-const TOOLS: &str = "-m pip install --quiet --disable-pip-version-check pytest==9.2.0 matplotlib==3.11.2 mypy==2.4.1";
+const TOOLS: &str =
+    "-m pip install --quiet --disable-pip-version-check pytest==9.2.0 matplotlib==3.11.2 mypy==2.4.1";
 
 /// How the wheel is installed, as docs/python.md says.
 const INSTALL: &str = "-m pip install";
@@ -53,7 +54,11 @@ pub fn check() -> Outcome {
     let simulator = target().join("debug/hil-sim");
     let script = |line: &str, paths: &[&Path]| {
         let mut script = Command::new(&python);
-        script.args(line.split(' ')).args(paths).current_dir(root().join("wraptor-py")).env("HIL_SIM", &simulator);
+        script
+            .args(line.split(' '))
+            .args(paths)
+            .current_dir(root().join("wraptor-py"))
+            .env("HIL_SIM", &simulator);
         // What the tools cache beside their sources.
         script.env("PYTHONDONTWRITEBYTECODE", "1");
         output(script).map(|said| said.lines().for_each(|line| println!("  {line}")))
@@ -87,10 +92,18 @@ fn build(profile: &str, folder: &Path) -> Result<PathBuf, String> {
         fs::remove_dir_all(folder).map_err(failed)?;
     }
     let mut maturin = Command::new(&python);
-    maturin.args(["-m", "maturin", "build", "--quiet", "--manifest-path", "wraptor-py/Cargo.toml", "--profile"]);
+    maturin.args([
+        "-m",
+        "maturin",
+        "build",
+        "--quiet",
+        "--manifest-path",
+        "wraptor-py/Cargo.toml",
+        "--profile",
+    ]);
     maturin.arg(profile).arg("--out").arg(folder).current_dir(root());
     let line = typed(&maturin);
-    run(maturin)?;
+    output_of_both(maturin)?;
     let mut files = fs::read_dir(folder).map_err(failed)?.filter_map(|entry| Some(entry.ok()?.path()));
     let wheel = files.find(|path| path.extension().is_some_and(|extension| extension == "whl"));
     wheel.ok_or_else(|| format!("found no wheel in {}\n  repeat with: {line}", folder.display()))

@@ -119,7 +119,7 @@ class Hand:
         motors: str,
         limit: float = 2.0,
         *,
-        velocity: int | None = 8,
+        velocity: int = 8,
         gain: bool = False,
         feeds_velocity: int | None = None,
         feeds_strain: bool = False,
@@ -127,8 +127,8 @@ class Hand:
         feeds_change: int | None = None,
         feeds_temperature: bool = False,
     ) -> RealTime:
-        """Begins RealTime of motors (LOOP). `velocity`, `feeds_velocity` and `feeds_change` are units of a byte, hall counts/s and GCL
-        counts. Until its end no other call of the hand is possible."""
+        """Begins RealTime of motors (LOOP). `velocity` (0: none), `feeds_velocity` and `feeds_change` are units of a byte, hall counts/s
+        and GCL counts. Until its end no other call of the hand is possible."""
 
 @final
 class RealTime:

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from os import PathLike
-from typing import Any, Literal, TypeAlias, final
+from typing import Any, Literal, SupportsFloat, SupportsIndex, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["Board", "Hand", "Run", "run", "scenarios"]
 
-_Overrides: TypeAlias = Mapping[str, float | str]
+_Overrides: TypeAlias = Mapping[str, SupportsFloat | SupportsIndex | str]
 _Model: TypeAlias = Literal["averaged", "switched"]
 
 @final

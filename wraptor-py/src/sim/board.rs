@@ -9,11 +9,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use tater_wire::{Body, Destination, Message, Property};
 
-use super::scenario::{Changes, Overrides, out_of_range};
-use super::{at_motor, model, span_us};
-use crate::call::property;
+use super::scenario::{Changes, Overrides, model, out_of_range};
+use super::{at_motor, span_us};
+use crate::call::{lock, property};
 use crate::errors;
-use crate::hand::lock;
 
 /// Simulated time between two questions of the host, us: a board that hears none for HOSTMS, 2 s, idles in modes 2 and 4.
 const POLL_US: u64 = 100_000;

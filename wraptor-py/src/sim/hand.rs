@@ -16,10 +16,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use wraptor::{CallError, Failure};
 
-use super::{at_motor, model, span_us};
-use crate::call::{limit, wait};
+use super::scenario::model;
+use super::{at_motor, span_us};
+use crate::call::{limit, lock, wait};
 use crate::errors;
-use crate::hand::lock;
 
 /// Simulated time between two looks for ^C, us.
 const SLICE_US: u64 = 10_000;
