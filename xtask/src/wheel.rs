@@ -76,7 +76,7 @@ fn grasp(python: &Path, script: impl Fn(&str, &[&Path]) -> Outcome) -> Outcome {
     let mut install = Command::new(python);
     install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--only-binary=mujoco"]);
     install.arg(model::MUJOCO);
-    if let Err(error) = output(install) {
+    if let Err(error) = output_of_both(install) {
         println!("  skipped: no MuJoCo; {}", error.lines().last().unwrap_or_default().trim());
         return Ok(());
     }
