@@ -44,7 +44,10 @@ fn stale(name: &str, what: &str) -> String {
 }
 
 /// From PyPI. Pinned, so that a failure is this project's.
-const PACKAGES: [&str; 2] = ["yourdfpy==0.0.60", "mujoco==4.0.0"];
+const PACKAGES: [&str; 2] = ["yourdfpy==0.0.60", MUJOCO];
+
+/// The physics engine.
+pub const MUJOCO: &str = "mujoco==4.0.0";
 
 /// Poses that are compared, and the seed of their joints.
 const POSES: [&str; 2] = ["10000", "1"];

@@ -7,7 +7,7 @@ use std::process::Command;
 
 use crate::outcome::Failure;
 use crate::program::{output, output_of_both, program, root, run, target, typed};
-use crate::{Outcome, python};
+use crate::{Outcome, model, python};
 
 /// From PyPI. Pinned, so that a failure is this project's.
 const MATURIN: [&str; 1] = ["maturin==1.16.0"];
@@ -67,7 +67,20 @@ pub fn check() -> Outcome {
     script("-m mypy --strict --cache-dir=/dev/null tests examples benches", &[])?;
     script("-m mypy.stubtest wraptor", &[])?;
     script("tests/tutorial.py ../docs/python.md", &[&place.join("tutorial")])?;
+    grasp(&python, &script)?;
     script("benches/runs.py", &[&target().join("debug/examples/run_speed"), Path::new(LEAST_SHARE)])
+}
+
+/// The grasp of docs/mujoco.md, skipped where MuJoCo has no wheel. After the types, which must not depend on it.
+fn grasp(python: &Path, script: impl Fn(&str, &[&Path]) -> Outcome) -> Outcome {
+    let mut install = Command::new(python);
+    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--only-binary=mujoco"]);
+    install.arg(model::MUJOCO);
+    if let Err(error) = output_of_both(install) {
+        println!("  skipped: no MuJoCo; {}", error.lines().last().unwrap_or_default().trim());
+        return Ok(());
+    }
+    script("examples/mujoco_grasp.py", &[])
 }
 
 /// Builds the wheel into a folder, and returns its file.
