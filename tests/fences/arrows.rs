@@ -11,7 +11,7 @@ struct Arrows {
     others: Option<&'static [&'static str]>,
 }
 
-const ARROWS: [Arrows; 13] = [
+const ARROWS: [Arrows; 14] = [
     Arrows {
         package: "servo-core",
         ours: &[],
@@ -56,16 +56,16 @@ const ARROWS: [Arrows; 13] = [
         ours: &["tater-wire", "god"],
         others: Some(&["rustix", "socket2 (dev)", "socketcan"]),
     },
+    Arrows {
+        package: "hil-sim",
+        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "wraptor"],
+        others: None,
+    },
     // The Python wheel. pyo3, numpy: its module and arrays. serde_json: results of runs on their way to dictionaries.
     Arrows {
         package: "wraptor-py",
         ours: &["tater-wire", "god", "hil-sim", "wraptor"],
         others: Some(&["numpy", "pyo3", "serde_json"]),
-    },
-    Arrows {
-        package: "hil-sim",
-        ours: &["servo-core", "tater-wire", "tater-fw", "god", "kinematics", "wraptor"],
-        others: None,
     },
     // The C library.
     Arrows { package: "wraptor-c", ours: &["tater-wire", "wraptor"], others: Some(&[]) },
