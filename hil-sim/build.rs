@@ -7,8 +7,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What decides the result of a run.
-const SOURCES: [&str; 6] =
-    ["hil-sim/src", "hil-sim/scenarios", "god/src", "servo-core/src", "tater-fw/src", "tater-wire/src"];
+const SOURCES: [&str; 7] = [
+    "hil-sim/src",
+    "hil-sim/scenarios",
+    "god/src",
+    "kinematics/src",
+    "servo-core/src",
+    "tater-fw/src",
+    "tater-wire/src",
+];
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -160,7 +160,7 @@ fn scenarios() -> Outcome {
 }
 
 /// Minutes of seeds that no other version has played; those that have ever failed are among the tests.
-const TORTURE_MINUTES: u32 = 5;
+const TORTURE_MINUTES: u32 = 2;
 
 fn torture() -> Outcome {
     let seed = fresh_seed()?;
