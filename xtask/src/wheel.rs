@@ -67,7 +67,7 @@ pub fn check() -> Outcome {
     script("-m mypy --strict --cache-dir=/dev/null tests examples benches", &[])?;
     script("-m mypy.stubtest wraptor", &[])?;
     script("tests/tutorial.py ../docs/python.md", &[&place.join("tutorial")])?;
-    grasp(&python, &script)?;
+    grasp(&python, script)?;
     script("benches/runs.py", &[&target().join("debug/examples/run_speed"), Path::new(LEAST_SHARE)])
 }
 
