@@ -85,7 +85,7 @@ def test_realtime_runs_at_a_rate_and_gives_the_hand_back(served: Served) -> None
     hand = wraptor.Hand.connect(served.address, limit=10)
     with pytest.raises(wraptor.CallError) as not_yet:
         hand.realtime("G")
-    assert not_yet.value.next_step == "call init"
+    assert not_yet.value.next_step == "call init (HI)"
     hand.init()
     positions: list[int] = []
 
