@@ -171,8 +171,11 @@ static inline SOCKET tcp_connect(const char *hostname, unsigned short portnum)
 /* Returns sd, or -1 if the characters were not taken. */
 static inline SOCKET tcp_msg(SOCKET sd, const char *buff, int len)
 {
-    size_t length = len < 0 ? 0 : (size_t)len;
-    enum wraptor_error error = wraptor_tcp_msg(sd, buff, length, WRAPTOR_ENDLESS);
+    enum wraptor_error error;
+    if (len < 0) {
+        return -1;
+    }
+    error = wraptor_tcp_msg(sd, buff, (size_t)len, WRAPTOR_ENDLESS);
     return wraptor_compat_checked(error) == WRAPTOR_OK ? sd : -1;
 }
 

@@ -21,6 +21,10 @@ const LONGEST: u64 = 4 << 20;
 pub type wraptor_on_download =
     Option<unsafe extern "C" fn(context: *mut c_void, node: c_int, percent: c_int) -> c_int>;
 
+/// Bytes of `02:57:00:01:2A:F9` and of `255.255.255.255`, each with its zero.
+const MAC: usize = 18;
+const ADDRESS: usize = 16;
+
 /// Finds the hand in the network by a UDP broadcast (the manual's discoverGrasper), listening for the whole limit. `place` is NULL, or HOST:PORT for
 /// questions to that address alone, such as the broadcast address of another network, port 30718. Stores the hardware address (`mac`, 18 bytes with
 /// its zero, empty if the hand does not tell it), the IP address (`address`, 16 bytes) and the port.
@@ -51,6 +55,11 @@ pub unsafe extern "C" fn wraptor_discover_grasper(
         {
             if is_null {
                 return Err(Problem::null(name));
+            }
+        }
+        for (name, size, least) in [("mac_size", mac_size, MAC), ("address_size", address_size, ADDRESS)] {
+            if size < least {
+                return Err(Problem::invalid(&format!("{name}: found {size}, expected {least} or more")));
             }
         }
         let found = only(discover(&places, deadline(limit_ms).remaining())?)?;

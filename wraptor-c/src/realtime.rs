@@ -4,6 +4,7 @@ use std::ffi::{c_char, c_int, c_void};
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use wraptor::hand::RATES;
 use wraptor::{Control, Feedback, Format};
 
 use crate::border::{deadline, text, with_hand};
@@ -138,6 +139,9 @@ pub unsafe extern "C" fn wraptor_realtime(
         let on_block = on_block.ok_or_else(|| Problem::null("on_block"))?;
         // SAFETY: the caller's promise.
         let format = unsafe { format.as_ref() }.map_or_else(Format::default, |format| format.format());
+        if !RATES.contains(&rate) {
+            return Err(Problem::invalid(&format!("rate: found {rate}, expected 1 to 1000 blocks/s")));
+        }
         let (left, slot) = (call.left(), call.slot);
         let mut realtime = call.hand.realtime(motors, format, left)?;
         let count = realtime.axes();

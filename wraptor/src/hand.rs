@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use std::sync::Weak;
 use std::time::Duration;
 
+use god::boards::parse_report;
 use god::motors::Prefix;
 use god::parameter;
 use tater_wire::property::Access;
@@ -24,7 +25,7 @@ mod manual;
 mod realtime;
 
 pub use connect::{Boards, Connect, FIRST_VERSION};
-pub use realtime::{Axis, Control, Feedback, Format, RealTime, Statistics};
+pub use realtime::{Axis, Control, Feedback, Format, RATES, RealTime, Statistics};
 
 /// The seven motor boards.
 const NODES: &str = "1234567";
@@ -346,10 +347,17 @@ impl Hand {
         if property.rules().access == Access::WriteOnly || property == Property::M {
             return Err(failed(Failure::Invalid("a property that can be read".to_owned())));
         }
+        // After `0 S REPLY 1` boards answer by packets. Earlier ones are no answer.
+        let of_packet = |frame: &Frame| {
+            let (motor, of, value) = parse_report(frame)?;
+            (of == property && wanted.contains(&motor.node())).then_some((motor.node(), value))
+        };
+        self.session.take_frames(of_packet);
         let answer = self.session.run(&call, limit, &mut |_| ControlFlow::Continue(()))?;
-        let values = values(&answer.lines, property);
+        let mut values = values(&answer.lines, property);
+        values.extend(self.session.take_frames(of_packet));
         let silent = |node: &Node| values.iter().all(|(of, _)| of != node);
-        let silent: Vec<Node> = wanted.into_iter().filter(silent).collect();
+        let silent: Vec<Node> = wanted.iter().copied().filter(silent).collect();
         match (silent.is_empty(), answer.status.is_ok()) {
             (true, true) => Ok(values),
             (true, false) => Err(failed(Failure::Status(answer.status))),
@@ -393,6 +401,8 @@ impl Hand {
     ) -> Result<(), CallError> {
         let failed =
             |failure| CallError { call: format!("wait for {nodes} {}={value}", name(property)), failure };
+        let rules = property.rules();
+        in_range(value, rules.min(), rules.max()).map_err(failed)?;
         let deadline = Deadline::after(limit);
         loop {
             let values = self.get(nodes, property, deadline.remaining()).map_err(of_step(limit))?;

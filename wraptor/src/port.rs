@@ -47,12 +47,26 @@ impl Out {
     pub fn write(&self, bytes: &[u8], deadline: &Deadline) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => {
-                // Zero would mean no limit.
-                stream.set_write_timeout(Some(deadline.remaining().max(Duration::from_millis(1))))?;
-                (&mut &*stream).write_all(bytes).map_err(|error| match error.kind() {
-                    ErrorKind::WouldBlock => ErrorKind::TimedOut.into(),
-                    _ => error,
-                })
+                let mut rest = bytes;
+                while !rest.is_empty() {
+                    // Zero would mean no limit.
+                    stream.set_write_timeout(Some(deadline.remaining().max(Duration::from_millis(1))))?;
+                    match (&mut &*stream).write(rest) {
+                        Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                        Ok(len) if len < rest.len() && deadline.is_over() => {
+                            return Err(ErrorKind::TimedOut.into());
+                        }
+                        Ok(len) => rest = rest.get(len..).unwrap_or_default(),
+                        Err(error) if error.kind() == ErrorKind::Interrupted && !deadline.is_over() => {}
+                        Err(error)
+                            if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
+                        {
+                            return Err(ErrorKind::TimedOut.into());
+                        }
+                        Err(error) => return Err(error),
+                    }
+                }
+                Ok(())
             }
             #[cfg(unix)]
             Self::Tty(tty) => waiting::write(tty, bytes, deadline),

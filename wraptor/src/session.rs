@@ -150,6 +150,13 @@ impl Session {
         }
     }
 
+    /// Takes the frames that something can be made of; the others stay.
+    pub fn take_frames<T>(&mut self, take: impl Fn(&Frame) -> Option<T>) -> Vec<T> {
+        let taken = self.frames.iter().filter_map(&take).collect();
+        self.frames.retain(|frame| take(frame).is_none());
+        taken
+    }
+
     /// Keeps an output that belongs to no line. Returns `true`.
     fn report(&mut self, output: &[u8]) -> bool {
         let lines = answer(output).lines;
@@ -212,6 +219,9 @@ impl Session {
                     continue;
                 };
                 let answer = answer(rest);
+                if answer.lines.last().is_some_and(|line| line.starts_with("ERR ")) {
+                    return Err(Failure::Unexpected(beginning(rest)));
+                }
                 return match answer.status.has(Status::ABORTED) {
                     true => Err(Failure::Cancelled),
                     false => Ok(answer),

@@ -2,6 +2,8 @@
 
 mod served;
 
+use std::io::{Read, Write};
+use std::net::TcpListener;
 use std::ops::ControlFlow;
 use std::thread;
 use std::time::Duration;
@@ -40,6 +42,45 @@ fn hand_is_homed_moved_and_asked() {
     assert!((0.0..60.0).contains(&hand.temperature(HANGS).expect("a temperature")));
     assert_eq!(hand.faults(HANGS).expect("they answer"), []);
     assert_eq!(hand.hand_parameter("baud", HANGS), Ok(96));
+}
+
+/// A board that does not answer ends the wait for a move, and the others are told to stop. The hand is played: it answers no GET.
+#[test]
+fn move_that_cannot_be_watched_is_aborted() {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("its address").to_string();
+    let peer = thread::spawn(move || {
+        let (mut host, _) = listener.accept().expect("a host");
+        let (mut seen, mut line, mut byte) = (Vec::new(), Vec::new(), [0]);
+        while matches!(host.read(&mut byte), Ok(1)) {
+            seen.extend(byte);
+            line.extend(byte);
+            if byte[0] == b'\r' {
+                let text = String::from_utf8_lossy(&line).trim().to_owned();
+                let answer = if text == "VERS" { "\r\n\r600" } else { "" };
+                let _ = host.write_all(format!("{text}{answer}\r\n\r=> ").as_bytes());
+                line.clear();
+            }
+        }
+        seen
+    });
+    let mut hand = Connect::tcp(&address).boards(Boards::Any).connect(HANGS).expect("connected");
+    let silent = failure(hand.move_halls("1", 300, HANGS, &mut no_progress));
+    assert!(matches!(silent, Failure::Silent(_)), "{silent:?}");
+    drop(hand);
+    let seen = peer.join().expect("it ends");
+    assert!(seen.ends_with(b"15 G MODE\r\x03"), "{}", String::from_utf8_lossy(&seen));
+}
+
+/// After REPLY 1 boards answer by packets, which are read as well.
+#[test]
+fn values_in_packets_are_read() {
+    let (_served, mut hand) = fast();
+    hand.set_packets(true, HANGS).expect("set");
+    assert_eq!(hand.get("47", Property::STAT, HANGS).map(|values| values.len()), Ok(2));
+    hand.wait_for("4", Property::STAT, 2, HANGS, &mut no_progress).expect("it is");
+    let impossible = hand.wait_for("4", Property::STAT, 99, HANGS, &mut no_progress);
+    assert!(matches!(failure(impossible), Failure::Invalid(_)));
 }
 
 #[test]

@@ -17,8 +17,8 @@ use crate::error::{CallError, Failure};
 /// Time that a board needs to write a SAVE to its flash, as GOD waits for it.
 const STORE: Duration = Duration::from_millis(100);
 
-/// Ends of a move that reaches its goal. A breakaway ends the link's move, whose tip then closes alone.
-const REACHED: &[EndCode] = &[EndCode::Arrived, EndCode::Breakaway];
+/// The end of a move that reaches its goal. A breakaway does not: the link stays, and its tip closes alone.
+const REACHED: &[EndCode] = &[EndCode::Arrived];
 
 /// Ends of a move that closes: an object stops it, or the spread's stop, which lies before its closed position.
 const CLOSED: &[EndCode] = &[EndCode::Arrived, EndCode::Breakaway, EndCode::Stalled, EndCode::Strain];
@@ -114,8 +114,12 @@ impl Hand {
         for (nodes, goal) in ends.into_iter().filter(|(nodes, _)| !nodes.is_empty()) {
             self.set(nodes, Property::E, goal, deadline.remaining()).map_err(of_step(limit))?;
         }
-        self.set(&all, Property::MODE, ModeCode::Trapezoidal.into(), deadline.remaining())
-            .map_err(of_step(limit))?;
+        let begun = self.set(&all, Property::MODE, ModeCode::Trapezoidal.into(), deadline.remaining());
+        if let Err(error) = begun {
+            // Some boards may have taken it.
+            let _ = self.session.abort();
+            return Err(of_step(limit)(error));
+        }
         self.until_moved(call, &all, &deadline, progress)?;
         let reasons = self.get(&all, Property::END, deadline.remaining()).map_err(of_step(limit))?;
         let is_right = |end: i64| EndCode::of(end).is_some_and(|end| goals.ends.contains(&end));
@@ -129,8 +133,24 @@ impl Hand {
         Err(failed(Failure::NotReached { node, end, fault }))
     }
 
-    /// Polls until no board is in mode 5. The progress has the positions. A move that is cancelled or not done in time is aborted.
+    /// Polls until no board is in mode 5. The progress has the positions. Whatever ends the wait before aborts the move: boards that do not
+    /// answer, a cancel, the limit.
     fn until_moved(
+        &mut self,
+        call: &str,
+        nodes: &str,
+        deadline: &Deadline,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
+        let outcome = self.poll_moves(call, nodes, deadline, progress);
+        if outcome.is_err() {
+            // A lost connection is the call's own failure already.
+            let _ = self.session.abort();
+        }
+        outcome
+    }
+
+    fn poll_moves(
         &mut self,
         call: &str,
         nodes: &str,
@@ -139,7 +159,7 @@ impl Hand {
     ) -> Result<(), CallError> {
         let failed = |failure| CallError { call: call.to_owned(), failure };
         let limit = deadline.limit();
-        let failure = loop {
+        loop {
             let modes = self.get(nodes, Property::MODE, deadline.remaining()).map_err(of_step(limit))?;
             let values = self.get(nodes, Property::P, deadline.remaining()).map_err(of_step(limit))?;
             let seen = Progress { elapsed: deadline.elapsed(), values };
@@ -148,15 +168,13 @@ impl Hand {
                 return Ok(());
             }
             if progress(&seen).is_break() {
-                break Failure::Cancelled;
+                return Err(failed(Failure::Cancelled));
             }
             if deadline.is_over() {
-                break Failure::TimedOut(limit);
+                return Err(failed(Failure::TimedOut(limit)));
             }
             self.rest(&deadline.within(POLL)).map_err(failed)?;
-        };
-        self.session.abort().map_err(failed)?;
-        Err(failed(failure))
+        }
     }
 
     /// Runs a line. If it begins moves by MODE 5 or CMD, waits until they are over (the manual's command).

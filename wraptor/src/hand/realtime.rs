@@ -85,6 +85,9 @@ pub struct Control {
     pub gain: u8,
 }
 
+/// Rates of [`RealTime::run`], blocks/s.
+pub const RATES: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
+
 /// What a motor has fed back; `None` for what the format lacks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Axis {
@@ -260,7 +263,7 @@ impl RealTime<'_> {
         block_limit: Duration,
         mut control: impl FnMut(u64, &Feedback) -> ControlFlow<(), Vec<Control>>,
     ) -> Result<Statistics, CallError> {
-        if !(1.0..=1000.0).contains(&rate) {
+        if !RATES.contains(&rate) {
             let failure = Failure::Invalid("a rate of 1 to 1000 blocks/s".to_owned());
             return Err(CallError { call: self.call.clone(), failure });
         }
