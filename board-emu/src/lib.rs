@@ -11,6 +11,7 @@ pub mod bridge;
 pub mod chip;
 pub mod cpu;
 pub mod gdb;
+pub mod hand;
 pub mod image;
 pub mod machine;
 pub mod meter;

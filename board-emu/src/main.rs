@@ -1,4 +1,4 @@
-//! `board-emu`: runs a scenario of `hil-sim` on emulated boards. `cargo xtask emu` builds the image and calls
+//! `board-emu`: runs a scenario of `hil-sim` on emulated boards, or serves a hand of them. `cargo xtask emu` builds the image and calls
 //! it.
 #![forbid(unsafe_code)]
 
@@ -10,10 +10,12 @@ use std::time::Instant;
 
 use board_emu::board::Board;
 use board_emu::gdb::{self, Server};
+use board_emu::hand;
 use board_emu::image::Programs;
 use board_emu::rtt::Probe;
 use board_emu::session::{self, Nodes};
 use clap::Parser;
+use hil_sim::hand::Hand;
 use hil_sim::over_can::{Observer, OverCan, POLL_MS, Progress, gap, judge};
 use hil_sim::scenario::Scenario;
 use hil_sim::{Model, Options};
@@ -47,10 +49,19 @@ struct Args {
     /// Poll period of the host for each board, ms; 0 polls MODE alone, ten times a second, at a lower load.
     #[arg(long, value_name = "MS", default_value_t = POLL_MS)]
     poll_ms: u32,
+    /// Instead of a scenario: serve a hand of seven boards here, as fast as the machine can, to one host after another; port 0 picks a
+    /// free one. Prints `gcl HOST:PORT`. ^C ends it.
+    #[arg(long, value_name = "HOST:PORT", conflicts_with_all = ["nodes", "scenario", "json", "gdb", "rtt", "poll_ms"])]
+    listen: Option<String>,
 }
 
 fn main() -> ExitCode {
-    match emulate(&Args::parse()) {
+    let args = Args::parse();
+    let ended = match &args.listen {
+        Some(address) => serve(&args.image, address),
+        None => emulate(&args),
+    };
+    match ended {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(error) => {
@@ -59,6 +70,24 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// Serves a hand; ends with an error alone.
+fn serve(image: &Path, address: &str) -> Result<bool, String> {
+    let wrong = |error: std::io::Error| {
+        format!(
+            "--listen {address}: {error}\n  next: give a free address of this machine, such as 127.0.0.1:11001"
+        )
+    };
+    let mut hand = Hand::with(hand::boards(&Programs::load(image)?), Default::default());
+    let listener = TcpListener::bind(address).map_err(wrong)?;
+    let line = format!("gcl {}\n", listener.local_addr().map_err(wrong)?);
+    std::io::stdout()
+        .lock()
+        .write_all(line.as_bytes())
+        .map_err(|error| format!("standard output: {error}"))?;
+    hand::serve(&listener, &mut hand).map_err(wrong)?;
+    Ok(true)
 }
 
 /// Returns whether all expectations were met.

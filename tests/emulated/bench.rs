@@ -4,10 +4,7 @@ use std::path::{Path, PathBuf};
 
 use board_emu::board::Board;
 use board_emu::image::Programs;
-use board_emu::session::load;
-use hil_sim::board::SimBoard;
 use hil_sim::bus::{Adapter, Bus, Station};
-use hil_sim::plant::Model;
 use hil_sim::rig::Bridge;
 use tater_wire::{Destination, Message, Node as Id, Property};
 
@@ -37,10 +34,7 @@ pub fn id(number: u8) -> Id {
 }
 
 pub fn flashed(programs: &Programs, node: u8) -> Board {
-    let rig = SimBoard::standard(id(node), Model::Averaged, 1).rig().clone();
-    let mut board = Board::new(rig, id(node), programs, 1);
-    load(&mut board, programs);
-    board
+    board_emu::hand::flashed(programs, id(node))
 }
 
 pub struct Bench {

@@ -6,7 +6,9 @@
 use god::Memory;
 use hil_sim::hand::Motorized;
 
-use super::serial::{Port, emulated, native};
+use board_emu::hand::boards;
+
+use super::serial::{Port, native};
 use crate::emulated::bench::production;
 
 /// 15 s and 50 ms for each character.
@@ -111,8 +113,8 @@ fn barrett_host_runs_realtime_with_compat_262() {
 #[test]
 fn barrett_host_moves_and_runs_realtime_on_emulated_boards() {
     let Some(programs) = production() else { return };
-    moves(Host::new(emulated(&programs)));
-    runs_realtime(Host::new(emulated(&programs)));
+    moves(Host::new(boards(&programs)));
+    runs_realtime(Host::new(boards(&programs)));
 }
 
 fn runs_realtime<S: Motorized>(mut host: Host<S>) {

@@ -8,7 +8,9 @@ use god::Memory;
 use hil_sim::hand::Motorized;
 use hil_sim::node::Node;
 
-use super::serial::{Port, emulated, native};
+use board_emu::hand::boards;
+
+use super::serial::{Port, native};
 use crate::emulated::bench::production;
 
 const SUPERVISORY_MS: u64 = 15_000;
@@ -124,7 +126,7 @@ fn libgripper_runs_with_compat_262() {
 #[test]
 fn libgripper_runs_with_compat_262_on_emulated_boards() {
     let Some(programs) = production() else { return };
-    runs(Gripper::set_up(|| emulated(&programs)));
+    runs(Gripper::set_up(|| boards(&programs)));
 }
 
 fn runs<S: Motorized>(mut gripper: Gripper<S>) {

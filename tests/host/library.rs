@@ -1,52 +1,28 @@
 //! The host library `wraptor` against GOD with native and with emulated boards, in simulated time as fast as the machine can.
 
-use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpListener;
 use std::thread;
 use std::time::Duration;
 
+use board_emu::hand::{boards, serve};
 use board_emu::image::Programs;
 use god::Memory;
-use hil_sim::hand::serial::Serial;
 use hil_sim::hand::{Hand as Simulated, Motorized};
 use tater_wire::{Node, Property};
 use wraptor::{BoardState, Boards, Connect, Control, DownloadProgress, Firmware, Format, Hand, no_progress};
 
-use super::serial::{emulated, native};
+use super::serial::native;
 use crate::emulated::bench::{flashed, folder, production};
 
 /// Limit of a call: emulated boards are slower than real ones.
 const LIMIT: Duration = Duration::from_secs(600);
 
-/// Step of simulated time between two looks at the connection.
-const STEP_US: u64 = 1000;
-
-/// Serves a hand of these boards to one host. Returns the address.
-fn served<S: Motorized>(boards: impl FnOnce() -> Vec<S> + Send + 'static) -> String {
+/// Serves a hand of these boards. Returns the address.
+fn served<S: Motorized>(assembled: impl FnOnce() -> Vec<S> + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("its address").to_string();
-    thread::spawn(move || {
-        let mut hand = Simulated::with(boards(), Memory::default());
-        let (mut host, _) = listener.accept().expect("a host");
-        host.set_nodelay(true).and_then(|()| host.set_nonblocking(true)).expect("a socket");
-        let mut line = Serial::new(false);
-        while exchange(&mut host, &mut line, &mut hand) {}
-    });
+    thread::spawn(move || serve(&listener, &mut Simulated::with(assembled(), Memory::default())));
     address
-}
-
-/// Passes bytes both ways, and time. Returns whether the host is still there.
-fn exchange<S: Motorized>(host: &mut TcpStream, line: &mut Serial, hand: &mut Simulated<S>) -> bool {
-    let (mut bytes, mut heard) = ([0; 1024], Vec::new());
-    match host.read(&mut bytes) {
-        Ok(0) => return false,
-        Ok(len) => line.put(&bytes[..len], hand),
-        Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-        Err(_) => return false,
-    }
-    let until_us = hand.now_us() + STEP_US;
-    line.run_until(hand, until_us, &mut heard, 1 << 16);
-    host.write_all(&heard).is_ok()
 }
 
 fn connected(address: &str, boards: Boards) -> Hand {
@@ -86,7 +62,7 @@ fn library_runs_on_native_boards() {
 #[test]
 fn library_runs_on_emulated_boards() {
     if production().is_some() {
-        uses_everything(&served(|| emulated(&programs())));
+        uses_everything(&served(|| boards(&programs())));
     }
 }
 

@@ -20,16 +20,6 @@ pub(super) fn native() -> Vec<Node> {
         .collect()
 }
 
-/// The same, emulated.
-pub(super) fn emulated(programs: &Programs) -> Vec<Board> {
-    let board = |number| {
-        let mut board = flashed(programs, number);
-        board.power_on();
-        board
-    };
-    (1..=7).map(board).collect()
-}
-
 /// Time after which every monitor answers, us.
 const BOOT_US: u64 = 200_000;
 

@@ -1,4 +1,5 @@
-"""A simulated hand, served by the program of the environment variable HIL_SIM (`cargo xtask wheel --check` sets it)."""
+"""A simulated hand, served by the program of the environment variable HIL_SIM, and one of emulated boards at the address EMULATED
+(`cargo xtask wheel --check` sets both)."""
 
 import os
 import subprocess
@@ -35,3 +36,10 @@ def served() -> Iterator[Served]:
 @pytest.fixture(scope="session")
 def hil_sim() -> str:
     return HIL_SIM
+
+
+@pytest.fixture
+def emulated() -> str:
+    if "EMULATED" not in os.environ:
+        pytest.skip("no hand of emulated boards; `cargo xtask emu --listen` serves one, EMULATED=HOST:PORT names it")
+    return os.environ["EMULATED"]

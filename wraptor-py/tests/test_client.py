@@ -42,6 +42,16 @@ def test_hand_is_homed_moved_and_read(served: Served) -> None:
         hand.wake()
 
 
+def test_hand_of_emulated_boards_is_homed_moved_and_driven(emulated: str) -> None:
+    with wraptor.Hand.connect(emulated, limit=60) as hand:
+        hand.init(limit=120)
+        hand.move_halls("4", 60, limit=60)
+        assert abs(hand.get("4", "P", limit=10)[4] - 60) <= 1
+        with hand.realtime("S", limit=10) as realtime:
+            assert realtime.run(100, lambda block, feedback: [40] if block < 50 else None).blocks == 50
+        assert hand.faults(limit=10) == {}
+
+
 @pytest.mark.parametrize(
     "call",
     [

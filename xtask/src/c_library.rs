@@ -204,7 +204,10 @@ fn realtime(folder: &Path) -> Outcome {
     if killed.status().is_ok_and(|status| status.success()) {
         return Err(format!("it ended before it was killed\n  repeat with: {line}"));
     }
-    run_program(&program, &hand, &["300", "3"], Stdio::null())?.lines().for_each(|line| println!("  {line}"));
+    let said = run_program(&program, &hand, &["300", "3"], Stdio::null())?;
+    said.lines().for_each(|line| println!("  {line}"));
+    run_program(&program, &Served::emulated()?, &["100", "1"], Stdio::null())?;
+    println!("  the same program homed a hand of emulated boards and drove them in RealTime");
     Ok(())
 }
 

@@ -1,11 +1,12 @@
 //! `cargo xtask emu`: builds the image and runs it on emulated boards, with the program `board-emu`.
 
+use std::path::PathBuf;
 use std::process::Stdio;
 
 use serde_json::Value;
 
 use crate::image::{self, Profile};
-use crate::program::{output, program, typed};
+use crate::program::{output, program, run, target, typed};
 use crate::{Failure, Outcome};
 
 /// Arguments of `emu`.
@@ -32,6 +33,9 @@ pub struct EmuArgs {
     /// With log strings or without [default: production; with --rtt release]
     #[arg(long, value_enum)]
     profile: Option<Profile>,
+    /// Instead of a scenario: serve a hand of seven boards here, as fast as the machine can; port 0 picks a free one
+    #[arg(long, value_name = "HOST:PORT")]
+    listen: Option<String>,
 }
 
 /// # Errors
@@ -46,6 +50,7 @@ pub fn emu(args: &EmuArgs) -> Result<(), Failure> {
         ("--scenario", args.scenario.clone()),
         ("--gdb", args.gdb.map(|port| port.to_string())),
         ("--poll-ms", args.poll_ms.map(|ms| ms.to_string())),
+        ("--listen", args.listen.clone()),
     ];
     for (name, value) in valued {
         if let Some(value) = value {
@@ -62,6 +67,16 @@ pub fn emu(args: &EmuArgs) -> Result<(), Failure> {
         Ok(_) => Err(Failure::Unusable(format!("no verdict\n  repeat with: {line}"))),
         Err(error) => Err(Failure::Unusable(format!("cannot start: {error}\n  repeat with: {line}"))),
     }
+}
+
+/// Builds the emulator with the profile of the checks, and the production image. Returns program and folder.
+///
+/// # Errors
+/// The failed program with a command to repeat it.
+pub fn build() -> Result<(PathBuf, PathBuf), String> {
+    image::build(Profile::Production)?;
+    run(program("cargo build --quiet --package board-emu --bins"))?;
+    Ok((target().join("debug/board-emu"), image::folder(Profile::Production)))
 }
 
 /// Keys of the JSON object besides those of `hil-sim run`; they are a contract.

@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
+use crate::emu;
 use crate::program::{root, target, typed};
 
 /// The simulator, which ends with this.
@@ -22,20 +23,37 @@ impl Drop for Served {
 }
 
 impl Served {
-    /// Starts hil-sim and reads its endpoints, one line for each option that requests one.
+    /// Starts hil-sim.
     ///
     /// # Errors
     /// It cannot be started.
     pub fn new(args: &str) -> Result<Self, String> {
         let mut command = Command::new(target().join("debug/hil-sim"));
-        command.args(args.split(' ')).current_dir(root());
+        command.args(args.split(' '));
+        Self::start(command)
+    }
+
+    /// Starts a hand of emulated boards.
+    ///
+    /// # Errors
+    /// Image or emulator cannot be built or started.
+    pub fn emulated() -> Result<Self, String> {
+        let (emulator, image) = emu::build()?;
+        let mut command = Command::new(emulator);
+        command.args(["--listen", "127.0.0.1:0", "--image"]).arg(image);
+        Self::start(command)
+    }
+
+    /// Starts a simulator and reads its endpoints, one line for each option that requests one.
+    fn start(mut command: Command) -> Result<Self, String> {
+        command.current_dir(root());
         let line = typed(&command);
         let failed = |what: String| format!("{what}\n  repeat with: {line}");
         let spawned = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let process = spawned.map_err(|error| failed(format!("cannot start: {error}")))?;
         let doors = ["--listen", "--pty", "--slcan", "--discovery"]
             .iter()
-            .filter(|door| args.contains(**door))
+            .filter(|door| command.get_args().any(|arg| arg == **door))
             .count();
         let mut served = Self { process, line: line.clone(), doors: Vec::new() };
         let Some(out) = served.process.stdout.take() else { return Ok(served) };

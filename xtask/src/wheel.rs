@@ -7,6 +7,7 @@ use std::process::Command;
 
 use crate::outcome::Failure;
 use crate::program::{output, output_of_both, program, root, run, target, typed};
+use crate::served::Served;
 use crate::{Outcome, model, python};
 
 /// From PyPI. Pinned, so that a failure is this project's.
@@ -52,13 +53,16 @@ pub fn check() -> Outcome {
     run(program("cargo build --quiet --package hil-sim --bins --example run_speed"))?;
     let python = fresh(&place.join("environment"), &wheel)?;
     let simulator = target().join("debug/hil-sim");
+    let emulated = Served::emulated()?;
+    let address = emulated.place("gcl")?;
     let script = |line: &str, paths: &[&Path]| {
         let mut script = Command::new(&python);
         script
             .args(line.split(' '))
             .args(paths)
             .current_dir(root().join("wraptor-py"))
-            .env("HIL_SIM", &simulator);
+            .env("HIL_SIM", &simulator)
+            .env("EMULATED", address);
         // What the tools cache beside their sources.
         script.env("PYTHONDONTWRITEBYTECODE", "1");
         output(script).map(|said| said.lines().for_each(|line| println!("  {line}")))
