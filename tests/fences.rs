@@ -56,24 +56,33 @@ fn root() -> PathBuf {
     Path::new(&manifest).parent().expect("tests/ lies in the workspace").to_path_buf()
 }
 
-/// All files named `name` or `*.name`, outside `target` and hidden folders.
-fn files(name: &str) -> Vec<Source> {
-    let (root, suffix) = (root(), format!(".{name}"));
-    let (mut found, mut folders) = (Vec::new(), vec![root.clone()]);
+/// Every file outside `target`, `out` and hidden folders.
+fn paths(root: &Path) -> Vec<PathBuf> {
+    let (mut found, mut folders) = (Vec::new(), vec![root.to_path_buf()]);
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).expect("the workspace can be read") {
-            let entry = entry.expect("the workspace can be read");
-            let file = entry.file_name().to_string_lossy().into_owned();
-            if entry.path().is_dir() {
-                if file != "target" && !file.starts_with('.') {
-                    folders.push(entry.path());
-                }
-            } else if file == name || file.ends_with(&suffix) {
-                let path = entry.path();
-                let text = std::fs::read_to_string(&path).expect("sources are UTF-8");
-                let path = path.strip_prefix(&root).expect("found below the root");
-                found.push(Source::new(&path.to_string_lossy().replace('\\', "/"), &text));
+            let path = entry.expect("the workspace can be read").path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if !path.is_dir() {
+                found.push(path);
+            } else if name != "target" && name != "out" && !name.starts_with('.') {
+                folders.push(path);
             }
+        }
+    }
+    found
+}
+
+/// The sources named `name` or `*.name`.
+fn files(name: &str) -> Vec<Source> {
+    let (root, suffix) = (root(), format!(".{name}"));
+    let mut found = Vec::new();
+    for path in paths(&root) {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        if file == name || file.ends_with(&suffix) {
+            let text = std::fs::read_to_string(&path).expect("sources are UTF-8");
+            let path = path.strip_prefix(&root).expect("found below the root");
+            found.push(Source::new(&path.to_string_lossy().replace('\\', "/"), &text));
         }
     }
     assert!(found.len() > 3, "only {} files {name} under {}", found.len(), root.display());

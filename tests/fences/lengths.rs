@@ -1,9 +1,21 @@
 //! Functions fit a screen, and names are specific. A file is as long as its one subject.
 
+use std::path::Path;
+
 use super::tokens::{item_end, scan, tokens};
-use super::{Source, Violation, check_fence, check_workspace};
+use super::{Source, Violation, check_fence, check_workspace, paths, root};
 
 const FUNCTION_LINES: usize = 70;
+
+/// The largest file is docs/tuning/report.html, 1.3 MB. A library or program that a build left behind is larger.
+const FILE_BYTES: u64 = 2 << 20;
+
+/// Files that are no source, with their bytes.
+fn large_files(folder: &Path) -> Vec<String> {
+    let bytes = |path: &Path| path.symlink_metadata().map_or(0, |file| file.len());
+    let large = paths(folder).into_iter().filter(|path| bytes(path) > FILE_BYTES);
+    large.map(|path| format!("{}: {} bytes, at most {FILE_BYTES}", path.display(), bytes(&path))).collect()
+}
 
 fn function_length(source: &Source) -> Vec<Violation> {
     scan(source, |tokens, at| {
@@ -31,6 +43,24 @@ fn names(source: &Source) -> Vec<Violation> {
 #[test]
 fn functions_fit_a_screen() {
     check_workspace(function_length);
+}
+
+#[test]
+fn files_are_no_products_of_a_build() {
+    assert_eq!(large_files(&root()), Vec::<String>::new(), "delete them, or move them below target/ or out/");
+}
+
+#[test]
+fn large_file_is_found() {
+    let folder = std::env::temp_dir().join(format!("fence-{}", std::process::id()));
+    std::fs::create_dir_all(folder.join("src")).expect("a folder");
+    let write = |name: &str, bytes| std::fs::write(folder.join(name), vec![0; bytes]).expect("written");
+    write("src/small", 2 << 20);
+    write("src/lib.a", (2 << 20) + 1);
+    let found = large_files(&folder);
+    std::fs::remove_dir_all(&folder).expect("removed");
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].contains("lib.a: 2097153 bytes"), "{found:?}");
 }
 
 #[test]
