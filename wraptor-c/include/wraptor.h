@@ -38,7 +38,7 @@ typedef enum wraptor_error {
      */
     WRAPTOR_BAD_HANDLE = 2,
     /*
-     An argument is wrong, such as an unknown node or a value out of range; nothing was sent.
+     An argument is wrong, such as an unknown node or a value out of range, or a callback uses its own connection; nothing was sent.
      */
     WRAPTOR_INVALID = 3,
     /*
@@ -613,9 +613,10 @@ int wraptor_error_status(void);
 enum wraptor_error wraptor_ws_init(void);
 
 /*
- Closes all connections, and waits until the threads of `wraptor_start_thread` have ended (the manual's ws_down).
+ Closes all connections, and waits until calls of other threads and the threads of `wraptor_start_thread` have ended (the manual's ws_down). A
+ connection that another thread is making ends with WRAPTOR_CANCELLED.
 
- Errors: WRAPTOR_TIMED_OUT if a call or a thread goes on.
+ Errors: WRAPTOR_TIMED_OUT if a call or a thread goes on; WRAPTOR_INVALID in a callback.
  */
 enum wraptor_error wraptor_ws_down(uint32_t limit_ms);
 
@@ -627,7 +628,7 @@ enum wraptor_error wraptor_init_software(void);
 /*
  Connects to a hand over TCP and stores the connection's number in `hand` (the manual's tcp_connect). Boards are neither woken nor asked.
 
- Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause.
+ Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause; WRAPTOR_CANCELLED if wraptor_ws_down was called meanwhile.
 
  # Safety
  `host` is NULL or a string; `hand` is NULL or may be written.
@@ -640,7 +641,8 @@ enum wraptor_error wraptor_tcp_connect(const char *host,
 /*
  Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for.
 
- Errors: WRAPTOR_BAD_HANDLE; WRAPTOR_TIMED_OUT if that call goes on, with which the connection then ends.
+ Errors: WRAPTOR_BAD_HANDLE; WRAPTOR_TIMED_OUT if that call goes on, with which the connection then ends; WRAPTOR_INVALID in a callback of this
+ connection.
  */
 enum wraptor_error wraptor_close_connection(wraptor_hand hand,
                                             uint32_t limit_ms);

@@ -71,7 +71,7 @@ pub(crate) fn with_hand(
     border(|| {
         let deadline = deadline(limit_ms);
         let slot = slot::find(number)?;
-        let mut taken = slot.take(number, &deadline)?;
+        let mut taken = slot.take(&deadline)?;
         let hand = taken.hand();
         let outcome = call(&mut Call { hand, slot: &slot, deadline });
         property::record_lines(&hand.take_reports());

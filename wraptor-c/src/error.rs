@@ -15,7 +15,7 @@ pub enum wraptor_error {
     WRAPTOR_NULL = 1,
     /// No connection has this number: it was never made, or is closed.
     WRAPTOR_BAD_HANDLE = 2,
-    /// An argument is wrong, such as an unknown node or a value out of range; nothing was sent.
+    /// An argument is wrong, such as an unknown node or a value out of range, or a callback uses its own connection; nothing was sent.
     WRAPTOR_INVALID = 3,
     /// Not done within the limit. Motions were told to abort.
     WRAPTOR_TIMED_OUT = 4,

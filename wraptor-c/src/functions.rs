@@ -24,22 +24,16 @@ pub extern "C" fn wraptor_ws_init() -> wraptor_error {
     border(|| Ok(()))
 }
 
-/// Closes all connections, and waits until the threads of `wraptor_start_thread` have ended (the manual's ws_down).
+/// Closes all connections, and waits until calls of other threads and the threads of `wraptor_start_thread` have ended (the manual's ws_down). A
+/// connection that another thread is making ends with WRAPTOR_CANCELLED.
 ///
-/// Errors: WRAPTOR_TIMED_OUT if a call or a thread goes on.
+/// Errors: WRAPTOR_TIMED_OUT if a call or a thread goes on; WRAPTOR_INVALID in a callback.
 // SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_ws_down(limit_ms: u32) -> wraptor_error {
     border(|| {
         let deadline = deadline(limit_ms);
-        let closed = slot::numbers().into_iter().map(|number| match slot::close(number, &deadline) {
-            // Another thread has closed it.
-            Err(problem) if problem.code == wraptor_error::WRAPTOR_BAD_HANDLE => Ok(()),
-            outcome => outcome,
-        });
-        // All are closed, also after an error.
-        let outcomes: Vec<_> = closed.collect();
-        outcomes.into_iter().collect::<Result<(), Problem>>()?;
+        slot::close_all(&deadline)?;
         crate::thread::join_all(&deadline)
     })
 }
@@ -56,7 +50,7 @@ pub extern "C" fn wraptor_init_software() -> wraptor_error {
 
 /// Connects to a hand over TCP and stores the connection's number in `hand` (the manual's tcp_connect). Boards are neither woken nor asked.
 ///
-/// Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause.
+/// Errors: WRAPTOR_NOT_CONNECTED, whose text names the cause; WRAPTOR_CANCELLED if wraptor_ws_down was called meanwhile.
 ///
 /// # Safety
 /// `host` is NULL or a string; `hand` is NULL or may be written.
@@ -76,15 +70,16 @@ pub unsafe extern "C" fn wraptor_tcp_connect(
         // IPv6.
         let host = if host.contains(':') { format!("[{host}]") } else { host.to_owned() };
         let connect = Connect::tcp(&format!("{host}:{port}")).boards(Boards::Any);
-        let connected = connect.connect(deadline(limit_ms).remaining())?;
+        let number = slot::insert(|| Ok(connect.connect(deadline(limit_ms).remaining())?))?;
         // SAFETY: the caller's promise.
-        unsafe { store("hand", hand, slot::insert(connected)) }
+        unsafe { store("hand", hand, number) }
     })
 }
 
 /// Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for.
 ///
-/// Errors: WRAPTOR_BAD_HANDLE; WRAPTOR_TIMED_OUT if that call goes on, with which the connection then ends.
+/// Errors: WRAPTOR_BAD_HANDLE; WRAPTOR_TIMED_OUT if that call goes on, with which the connection then ends; WRAPTOR_INVALID in a callback of this
+/// connection.
 // SAFETY: no other symbol has this name.
 #[unsafe(no_mangle)]
 pub extern "C" fn wraptor_close_connection(hand: wraptor_hand, limit_ms: u32) -> wraptor_error {
@@ -357,7 +352,7 @@ pub extern "C" fn wraptor_delay(ms: u32) -> wraptor_error {
             for number in slot::numbers() {
                 // A hand that another thread uses, or that is lost, is not this call's concern.
                 let now = Deadline::after(Duration::ZERO);
-                let taken = slot::find(number).and_then(|slot| slot.take(number, &now));
+                let taken = slot::find(number).and_then(|slot| slot.take(&now));
                 let _ = taken.and_then(|mut taken| process(taken.hand()));
             }
             if deadline.remaining().is_zero() {
@@ -378,7 +373,7 @@ pub extern "C" fn wraptor_listener(hand: wraptor_hand, limit_ms: u32) -> wraptor
     border(|| {
         let (deadline, slot) = (deadline(limit_ms), slot::find(hand)?);
         loop {
-            match slot.take(hand, &Deadline::after(Duration::ZERO)) {
+            match slot.take(&Deadline::after(Duration::ZERO)) {
                 Ok(mut taken) => process(taken.hand())?,
                 // Another thread's call reads.
                 Err(problem) if problem.code == wraptor_error::WRAPTOR_TIMED_OUT => {}

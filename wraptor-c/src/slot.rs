@@ -1,8 +1,9 @@
 //! Connections by number, and whose turn it is. One call at a time uses a hand; others wait for it, within their limits.
 
-use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicIsize, Ordering};
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicBool, AtomicIsize, AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, ThreadId};
 use std::time::Duration;
 
 use wraptor::{Deadline, Hand};
@@ -14,14 +15,22 @@ pub type wraptor_hand = isize;
 
 enum State {
     Idle(Box<Hand>),
-    Busy,
+    /// A call of this thread uses it.
+    Busy(ThreadId),
     /// Closed while a call ran: that call drops the hand.
-    Closing,
+    Closing(ThreadId),
     Closed,
 }
 
+struct Turns {
+    state: State,
+    /// Threads that wait for their turn, the first one first.
+    queue: VecDeque<ThreadId>,
+}
+
 pub(crate) struct Slot {
-    state: Mutex<State>,
+    number: wraptor_hand,
+    turns: Mutex<Turns>,
     changed: Condvar,
     is_cancelled: AtomicBool,
 }
@@ -34,15 +43,28 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-pub(crate) fn insert(hand: Hand) -> wraptor_hand {
+/// How often all connections have been closed: a connect that began before is closed, too.
+static CLOSED_ALL: AtomicUsize = AtomicUsize::new(0);
+
+/// Numbers a connection, which `connect` makes.
+pub(crate) fn insert(connect: impl FnOnce() -> Result<Hand, Problem>) -> Result<wraptor_hand, Problem> {
+    let begun = CLOSED_ALL.load(Ordering::SeqCst);
+    let hand = connect()?;
+    let mut slots = locked(&SLOTS);
+    if CLOSED_ALL.load(Ordering::SeqCst) != begun {
+        drop(slots);
+        let text = "connect: wraptor_ws_down was called meanwhile\n  next: connect again";
+        return Err(Problem::new(wraptor_error::WRAPTOR_CANCELLED, text));
+    }
     let number = NEXT.fetch_add(1, Ordering::Relaxed);
     let slot = Slot {
-        state: Mutex::new(State::Idle(Box::new(hand))),
+        number,
+        turns: Mutex::new(Turns { state: State::Idle(Box::new(hand)), queue: VecDeque::new() }),
         changed: Condvar::new(),
         is_cancelled: AtomicBool::new(false),
     };
-    locked(&SLOTS).insert(number, Arc::new(slot));
-    number
+    slots.insert(number, Arc::new(slot));
+    Ok(number)
 }
 
 fn bad_handle(number: wraptor_hand) -> Problem {
@@ -61,23 +83,57 @@ pub(crate) fn numbers() -> Vec<wraptor_hand> {
     locked(&SLOTS).keys().copied().collect()
 }
 
+/// Of a callback that calls a function of its own connection: it would wait for itself.
+fn own_call(number: wraptor_hand) -> Problem {
+    let text = format!(
+        "connection {number}: this thread's own call uses it\n  next: return from the callback first; its return value ends the call"
+    );
+    Problem::new(wraptor_error::WRAPTOR_INVALID, text)
+}
+
+fn is_own(thread: ThreadId) -> bool {
+    thread == thread::current().id()
+}
+
+/// Closes all connections, also those that are being made.
+pub(crate) fn close_all(deadline: &Deadline) -> Result<(), Problem> {
+    let slots = locked(&SLOTS);
+    CLOSED_ALL.fetch_add(1, Ordering::SeqCst);
+    let numbers: Vec<wraptor_hand> = slots.keys().copied().collect();
+    drop(slots);
+    let closed = numbers.into_iter().map(|number| match close(number, deadline) {
+        // Another thread has closed it.
+        Err(problem) if problem.code == wraptor_error::WRAPTOR_BAD_HANDLE => Ok(()),
+        outcome => outcome,
+    });
+    // All are closed, also after an error.
+    let outcomes: Vec<_> = closed.collect();
+    outcomes.into_iter().collect()
+}
+
 /// Closes a connection. A call that runs is cancelled and waited for.
 pub(crate) fn close(number: wraptor_hand, deadline: &Deadline) -> Result<(), Problem> {
-    let slot = locked(&SLOTS).remove(&number).ok_or_else(|| bad_handle(number))?;
-    let mut state = locked(&slot.state);
-    match std::mem::replace(&mut *state, State::Closed) {
-        State::Busy => *state = State::Closing,
-        idle => {
-            drop(state);
-            slot.changed.notify_all();
-            drop(idle);
+    let slot = find(number)?;
+    let mut turns = locked(&slot.turns);
+    match std::mem::replace(&mut turns.state, State::Closed) {
+        State::Idle(hand) => {
+            drop(turns);
+            slot.forget();
+            // Not under a lock: its reader is joined.
+            drop(hand);
             return Ok(());
         }
+        State::Closed => return Err(bad_handle(number)),
+        State::Busy(thread) if is_own(thread) => {
+            turns.state = State::Busy(thread);
+            return Err(own_call(number));
+        }
+        State::Busy(thread) | State::Closing(thread) => turns.state = State::Closing(thread),
     }
     slot.is_cancelled.store(true, Ordering::SeqCst);
     slot.changed.notify_all();
-    let is_open = |state: &mut State| !matches!(state, State::Closed);
-    let waited = slot.changed.wait_timeout_while(state, deadline.remaining(), is_open);
+    let is_open = |turns: &mut Turns| !matches!(turns.state, State::Closed);
+    let waited = slot.changed.wait_timeout_while(turns, deadline.remaining(), is_open);
     match waited.unwrap_or_else(PoisonError::into_inner).1.timed_out() {
         false => Ok(()),
         true => Err(Problem::new(
@@ -90,9 +146,15 @@ pub(crate) fn close(number: wraptor_hand, deadline: &Deadline) -> Result<(), Pro
 }
 
 impl Slot {
+    /// Its number is none any more; who waits for its end is told.
+    fn forget(&self) {
+        locked(&SLOTS).remove(&self.number);
+        self.changed.notify_all();
+    }
+
     /// Ends the call that runs.
     pub fn cancel(&self) {
-        if matches!(*locked(&self.state), State::Busy) {
+        if matches!(locked(&self.turns).state, State::Busy(_)) {
             self.is_cancelled.store(true, Ordering::SeqCst);
         }
     }
@@ -101,35 +163,52 @@ impl Slot {
         self.is_cancelled.load(Ordering::SeqCst)
     }
 
-    /// Takes the hand for a call, after the calls of other threads.
-    pub fn take(self: &Arc<Self>, number: wraptor_hand, deadline: &Deadline) -> Result<Taken, Problem> {
-        let is_busy = |state: &mut State| matches!(state, State::Busy);
-        let waited = self.changed.wait_timeout_while(locked(&self.state), deadline.remaining(), is_busy);
-        let mut state = waited.unwrap_or_else(PoisonError::into_inner).0;
-        match std::mem::replace(&mut *state, State::Busy) {
-            State::Idle(hand) => {
+    /// Takes the hand for a call, after the calls of other threads that came before.
+    pub fn take(self: &Arc<Self>, deadline: &Deadline) -> Result<Taken, Problem> {
+        let (number, me) = (self.number, thread::current().id());
+        let mut turns = locked(&self.turns);
+        turns.queue.push_back(me);
+        let must_wait = |turns: &mut Turns| match turns.state {
+            State::Idle(_) => turns.queue.front() != Some(&me),
+            State::Busy(thread) => thread != me,
+            State::Closing(_) | State::Closed => false,
+        };
+        let waited = self.changed.wait_timeout_while(turns, deadline.remaining(), must_wait);
+        turns = waited.unwrap_or_else(PoisonError::into_inner).0;
+        let has_turn = !must_wait(&mut turns);
+        turns.queue.retain(|thread| *thread != me);
+        // There is another first one.
+        self.changed.notify_all();
+        match std::mem::replace(&mut turns.state, State::Closed) {
+            State::Idle(hand) if has_turn => {
+                turns.state = State::Busy(me);
                 self.is_cancelled.store(false, Ordering::SeqCst);
                 Ok(Taken { slot: Arc::clone(self), hand: Some(hand) })
             }
-            State::Busy => Err(Problem::new(
-                wraptor_error::WRAPTOR_TIMED_OUT,
-                format!(
-                    "connection {number}: a call of another thread has not ended\n  next: wait for it, or wraptor_cancel"
-                ),
-            )),
+            State::Busy(thread) if thread == me => {
+                turns.state = State::Busy(me);
+                Err(own_call(number))
+            }
+            waits @ (State::Idle(_) | State::Busy(_)) => {
+                turns.state = waits;
+                Err(Problem::new(
+                    wraptor_error::WRAPTOR_TIMED_OUT,
+                    format!(
+                        "connection {number}: a call of another thread has not ended\n  next: wait for it, or wraptor_cancel"
+                    ),
+                ))
+            }
             closed => {
-                *state = closed;
+                turns.state = closed;
                 Err(bad_handle(number))
             }
         }
     }
 
-    /// Waits until something has changed, or for so long.
+    /// Waits for so long, or until it is closed.
     pub fn rest(&self, limit: Duration) {
-        let state = locked(&self.state);
-        if !matches!(*state, State::Closing | State::Closed) {
-            drop(self.changed.wait_timeout(state, limit));
-        }
+        let is_open = |turns: &mut Turns| !matches!(turns.state, State::Closing(_) | State::Closed);
+        drop(self.changed.wait_timeout_while(locked(&self.turns), limit, is_open));
     }
 }
 
@@ -148,16 +227,18 @@ impl Taken {
 
 impl Drop for Taken {
     fn drop(&mut self) {
-        let mut state = locked(&self.slot.state);
-        let is_kept = matches!(*state, State::Busy) && !std::thread::panicking();
+        let mut turns = locked(&self.slot.turns);
+        let is_kept = matches!(turns.state, State::Busy(_)) && !thread::panicking();
         if is_kept && let Some(hand) = self.hand.take() {
-            *state = State::Idle(hand);
+            turns.state = State::Idle(hand);
+            drop(turns);
+            self.slot.changed.notify_all();
         } else {
             // Not under the lock: its reader is joined.
-            drop(state);
+            drop(turns);
             self.hand = None;
-            *locked(&self.slot.state) = State::Closed;
+            locked(&self.slot.turns).state = State::Closed;
+            self.slot.forget();
         }
-        self.slot.changed.notify_all();
     }
 }

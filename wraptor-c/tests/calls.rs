@@ -3,7 +3,7 @@
 #[path = "../../wraptor/tests/served/mod.rs"]
 mod served;
 
-use std::ffi::{CStr, CString, c_int, c_long};
+use std::ffi::{CStr, CString, c_int, c_long, c_void};
 use std::ptr::{null, null_mut};
 use std::thread;
 
@@ -14,7 +14,7 @@ use wraptor_c::error::{wraptor_error, wraptor_error_status, wraptor_error_text};
 use wraptor_c::functions::*;
 use wraptor_c::network::*;
 use wraptor_c::property::{WRAPTOR_NODES, WRAPTOR_PROPERTIES, wraptor_property_list};
-use wraptor_c::realtime::wraptor_realtime;
+use wraptor_c::realtime::{wraptor_axis, wraptor_control, wraptor_realtime};
 use wraptor_c::thread::wraptor_start_thread;
 use wraptor_error::*;
 
@@ -222,6 +222,50 @@ fn call_is_cancelled_and_connection_closed_from_another_thread() {
     assert_eq!(wraptor_close_connection(hand, HANGS), WRAPTOR_OK, "{}", text());
     assert_eq!(thread.join().expect("it ends"), WRAPTOR_CANCELLED);
     assert_eq!(get(hand, "1", STAT, HANGS).0, WRAPTOR_BAD_HANDLE);
+}
+
+/// Uses its own connection, whose number `context` points to, and keeps there what that returns.
+unsafe extern "C" fn uses_its_hand(
+    context: *mut c_void,
+    _: u64,
+    _: *const wraptor_axis,
+    _: usize,
+    _: f64,
+    _: *mut wraptor_control,
+) -> c_int {
+    // SAFETY: the test passes this.
+    let (hand, errors) = unsafe { &mut *context.cast::<(isize, Vec<wraptor_error>)>() };
+    errors.push(get(*hand, "1", STAT, WRAPTOR_ENDLESS).0);
+    assert!(text().contains("this thread's own call"), "{}", text());
+    errors.push(wraptor_listener(*hand, WRAPTOR_ENDLESS));
+    errors.push(wraptor_close_connection(*hand, WRAPTOR_ENDLESS));
+    errors.push(wraptor_delay(1));
+    0
+}
+
+#[test]
+fn callback_cannot_wait_for_its_own_call() {
+    let (_served, hand) = awake();
+    let mut context: (isize, Vec<wraptor_error>) = (hand, Vec::new());
+    // SAFETY: strings, the callback's own context, and a NULL that is permitted.
+    unsafe {
+        assert_eq!(wraptor_find_zero(hand, c"4".as_ptr(), HANGS), WRAPTOR_OK, "{}", text());
+        let own = (&raw mut context).cast();
+        let error = wraptor_realtime(
+            hand,
+            c"S".as_ptr(),
+            null(),
+            100.0,
+            HANGS,
+            Some(uses_its_hand),
+            own,
+            null_mut(),
+            HANGS,
+        );
+        assert_eq!(error, WRAPTOR_OK, "{}", text());
+    }
+    assert_eq!(context.1, [WRAPTOR_INVALID, WRAPTOR_INVALID, WRAPTOR_INVALID, WRAPTOR_OK]);
+    assert_eq!(wraptor_close_connection(hand, HANGS), WRAPTOR_OK);
 }
 
 #[test]

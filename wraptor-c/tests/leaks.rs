@@ -8,13 +8,14 @@ mod served;
 
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::fs;
+use std::net::TcpListener;
 use std::path::PathBuf;
 use std::ptr::{null, null_mut};
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
-use served::{Cut, Proxy, Served};
+use served::{Cut, Proxy, Served, answer_lines};
 use tater_wire::Property;
 use tater_wire::image::seal;
 use tater_wire::memory::{APPLICATION, RAM};
@@ -159,6 +160,7 @@ fn lost_hand_ends_each_function_in_time_and_leaves_nothing() {
         assert_eq!(left(), before, "{cut:?}: threads of the library, sockets");
     }
     listener_ends_with_its_hand_and_with_ws_down();
+    ws_down_waits_for_a_call_and_ends_a_connect();
     discovery_ends();
     assert_eq!(left(), before, "threads of the library, sockets");
 }
@@ -202,6 +204,33 @@ fn connect_ends(cut: Cut) {
 /// None is needed: its argument is a number.
 unsafe extern "C" fn listen(hand: *mut c_void) -> u32 {
     u32::from(wraptor_listener(hand as isize, WRAPTOR_ENDLESS) != WRAPTOR_OK)
+}
+
+fn ws_down_waits_for_a_call_and_ends_a_connect() {
+    let served = Served::fast_hand();
+    let proxy = Proxy::new(&served, b"STAT", Cut::Silence);
+    let hand = connect(&proxy.address, HANGS).1;
+    // Nothing but its limit ends it.
+    // SAFETY: a string.
+    let call = move || unsafe { wraptor_get(hand, ONE, STAT, null_mut(), 3000) };
+    let call = thread::spawn(call);
+    // A call waits for its turn, within its limit.
+    // SAFETY: a string.
+    while unsafe { wraptor_get(hand, ONE, MT, null_mut(), 200) } != WRAPTOR_TIMED_OUT {
+        assert!(!call.is_finished(), "it has not taken its turn");
+    }
+    assert_eq!(wraptor_close_connection(hand, 20), WRAPTOR_TIMED_OUT);
+    assert_eq!(wraptor_ws_down(20), WRAPTOR_TIMED_OUT);
+    assert_eq!(wraptor_ws_down(HANGS), WRAPTOR_OK);
+    assert_eq!(call.join().expect("it ends"), WRAPTOR_TIMED_OUT);
+
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("its address").to_string();
+    let connecting = thread::spawn(move || connect(&address, HANGS).0);
+    let (peer, _) = listener.accept().expect("the connect has begun");
+    assert_eq!(wraptor_ws_down(HANGS), WRAPTOR_OK);
+    answer_lines(peer, &[("VERS", "601")]);
+    assert_eq!(connecting.join().expect("it ends"), WRAPTOR_CANCELLED);
 }
 
 fn listener_ends_with_its_hand_and_with_ws_down() {

@@ -69,7 +69,9 @@ impl Cause {
             Self::NothingListens => {
                 "check the port, and start the hand or its server (`hil-sim hand --listen`)"
             }
-            Self::NoAnswer(_) => "check the hand's power, its network cable and the address",
+            Self::NoAnswer(_) => {
+                "check the hand's power, its network cable and the address, or give it a longer limit"
+            }
             Self::Unreachable(_) => "check this machine's network, and that the hand is in it",
             Self::NoSuchPort(_) => "check the cable and the port's name; `ip link` lists CAN interfaces",
             Self::NotPermitted(_) => "join the group that owns the port, such as dialout, and log in again",
@@ -102,12 +104,14 @@ impl fmt::Display for Cause {
         match self {
             Self::BadAddress(why) => write!(f, "no valid address: {why}"),
             Self::NothingListens => write!(f, "nothing listens there"),
-            Self::NoAnswer(limit) => write!(f, "no answer within {limit:?}"),
+            Self::NoAnswer(limit) => write!(f, "no answer within {:?}", whole_ms(*limit)),
             Self::Unreachable(why) => write!(f, "unreachable: {why}"),
             Self::NoSuchPort(why) => write!(f, "no such port: {why}"),
             Self::NotPermitted(why) => write!(f, "not permitted: {why}"),
             Self::InUse(by) => write!(f, "in use: {by}"),
-            Self::Silent(limit) => write!(f, "connected, but nothing was received within {limit:?}"),
+            Self::Silent(limit) => {
+                write!(f, "connected, but nothing was received within {:?}", whole_ms(*limit))
+            }
             Self::HungUp(why) => write!(f, "the connection ended: {why}"),
             Self::NotAHand(received) => write!(f, "no hand answers: received {received:?}"),
             Self::WrongFirmware { found, expected } => {
@@ -221,7 +225,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Invalid(expected) => write!(f, "invalid: expected {expected}"),
-            Self::TimedOut(limit) => write!(f, "not done within {limit:?}"),
+            Self::TimedOut(limit) => write!(f, "not done within {:?}", whole_ms(*limit)),
             Self::Lost(why) => write!(f, "the connection is lost: {why}"),
             Self::Cancelled => write!(f, "cancelled"),
             Self::Status(sum) => {
@@ -264,6 +268,11 @@ impl fmt::Display for Nodes<'_> {
             .enumerate()
             .try_for_each(|(i, node)| write!(f, "{}{}", if i == 0 { " " } else { ", " }, node.number()))
     }
+}
+
+/// A limit as a user gave it: what is left of one in the middle of a call has digits that nobody gave.
+pub(crate) fn whole_ms(limit: Duration) -> Duration {
+    u64::try_from(limit.as_nanos().div_ceil(1_000_000)).map_or(limit, Duration::from_millis)
 }
 
 /// The beginning of received bytes, for an error: any byte is a character.

@@ -569,13 +569,15 @@ pub(crate) fn name(property: Property) -> &'static str {
     property.row().name
 }
 
-/// Nodes 1 to 7 as digits.
+/// Nodes 1 to 7 as digits, each once.
 fn nodes(text: &str) -> Result<Vec<Node>, Failure> {
-    let node = |byte: u8| Node::new(byte.wrapping_sub(b'0')).filter(|node| (1..=7).contains(&node.number()));
-    let nodes: Option<Vec<Node>> = text.bytes().map(node).collect();
-    nodes
-        .filter(|nodes| !nodes.is_empty())
-        .ok_or_else(|| Failure::Invalid("nodes as digits 1 to 7, such as 567".to_owned()))
+    let expected = || Failure::Invalid("nodes as digits 1 to 7, each once, such as 567".to_owned());
+    let mut nodes = Vec::new();
+    for digit in text.bytes().map(|byte| byte.wrapping_sub(b'0')) {
+        let node = Node::new(digit).filter(|node| (1..=7).contains(&digit) && !nodes.contains(node));
+        nodes.push(node.ok_or_else(expected)?);
+    }
+    if nodes.is_empty() { Err(expected()) } else { Ok(nodes) }
 }
 
 /// The values of lines `4 P=29`.

@@ -13,7 +13,7 @@ use std::time::Duration;
 use tater_wire::Frame;
 
 use crate::deadline::Deadline;
-use crate::error::Cause;
+use crate::error::{Cause, whole_ms};
 
 #[cfg(unix)]
 mod waiting;
@@ -99,6 +99,7 @@ impl Port {
             ErrorKind::ConnectionRefused => Cause::NothingListens,
             ErrorKind::TimedOut => Cause::NoAnswer(deadline.limit()),
             ErrorKind::InvalidInput => Cause::BadAddress(error.to_string()),
+            _ if lacks_resources(&error) => Cause::System(error.to_string()),
             _ => Cause::Unreachable(error.to_string()),
         })?;
         let system = |error: io::Error| Cause::System(error.to_string());
@@ -246,8 +247,21 @@ fn resolve(address: &str, deadline: &Deadline) -> Result<SocketAddr, Cause> {
         Ok(Ok(Some(address))) => Ok(address),
         Ok(Ok(None)) => Err(Cause::BadAddress("the name has no address".to_owned())),
         Ok(Err(error)) => Err(Cause::BadAddress(error.to_string())),
-        Err(_) => Err(Cause::BadAddress(format!("the name was not found within {:?}", deadline.limit()))),
+        Err(_) => {
+            Err(Cause::BadAddress(format!("the name was not found within {:?}", whole_ms(deadline.limit()))))
+        }
     }
+}
+
+/// Whether this program or machine has too many files open.
+fn lacks_resources(error: &io::Error) -> bool {
+    #[cfg(unix)]
+    return matches!(
+        rustix::io::Errno::from_io_error(error),
+        Some(rustix::io::Errno::MFILE | rustix::io::Errno::NFILE | rustix::io::Errno::NOBUFS)
+    );
+    #[cfg(not(unix))]
+    return false;
 }
 
 #[cfg(unix)]
@@ -256,6 +270,7 @@ fn of_port(error: &io::Error) -> Cause {
     match error.kind() {
         ErrorKind::PermissionDenied => Cause::NotPermitted(why),
         ErrorKind::ResourceBusy => Cause::InUse(why),
+        _ if lacks_resources(error) => Cause::System(why),
         _ => Cause::NoSuchPort(why),
     }
 }

@@ -191,6 +191,11 @@ impl Session {
     /// The next output up to a prompt, without it.
     fn next_output(&mut self) -> Option<Vec<u8>> {
         self.parse();
+        self.whole_output()
+    }
+
+    /// The text without the prompt that it ends with.
+    fn whole_output(&mut self) -> Option<Vec<u8>> {
         let output = self.text.strip_suffix(PROMPT)?.to_vec();
         self.text.clear();
         Some(output)
@@ -294,7 +299,7 @@ impl Session {
                     self.text.clear();
                     return Ok(None);
                 }
-                if let Some(output) = self.next_line_output() {
+                if let Some(output) = self.whole_output() {
                     match output.strip_prefix(line.as_bytes()) {
                         Some(rest) => return Ok(Some(answer(rest))),
                         None => _ = self.report(&output),
@@ -306,12 +311,6 @@ impl Session {
                 return Err(Failure::TimedOut(deadline.limit()));
             }
         }
-    }
-
-    fn next_line_output(&mut self) -> Option<Vec<u8>> {
-        let output = self.text.strip_suffix(PROMPT)?.to_vec();
-        self.text.clear();
-        Some(output)
     }
 
     /// The output up to the next prompt, of whatever call.

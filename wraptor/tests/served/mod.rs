@@ -78,20 +78,26 @@ pub fn scripted(script: &'static [(&'static str, &'static str)]) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("its address").to_string();
     thread::spawn(move || {
-        let Ok((mut peer, _)) = listener.accept() else { return };
-        let (mut line, mut byte) = (String::new(), [0]);
-        while matches!(peer.read(&mut byte), Ok(1)) {
-            if byte[0] != b'\r' {
-                line.push(char::from(byte[0]));
-                continue;
-            }
-            let answer = script.iter().find(|(asked, _)| *asked == line).map_or("", |(_, answer)| answer);
-            let lines: String = answer.split_terminator('|').map(|text| format!("\r\n\r{text}")).collect();
-            let _ = peer.write_all(format!("{line}{lines}\r\n\r=> ").as_bytes());
-            line.clear();
+        if let Ok((peer, _)) = listener.accept() {
+            answer_lines(peer, script);
         }
     });
     address
+}
+
+/// Answers a host until it leaves, as [`scripted`].
+pub fn answer_lines(mut peer: TcpStream, script: &[(&str, &str)]) {
+    let (mut line, mut byte) = (String::new(), [0]);
+    while matches!(peer.read(&mut byte), Ok(1)) {
+        if byte[0] != b'\r' {
+            line.push(char::from(byte[0]));
+            continue;
+        }
+        let answer = script.iter().find(|(asked, _)| *asked == line).map_or("", |(_, answer)| answer);
+        let lines: String = answer.split_terminator('|').map(|text| format!("\r\n\r{text}")).collect();
+        let _ = peer.write_all(format!("{line}{lines}\r\n\r=> ").as_bytes());
+        line.clear();
+    }
 }
 
 /// The `.tek` text of a sealed application of some bytes.
