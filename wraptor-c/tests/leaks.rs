@@ -15,7 +15,7 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
-use served::{Cut, Proxy, Served, answer_lines};
+use served::{Cut, Proxy, Served, answer_lines, left};
 use tater_wire::Property;
 use tater_wire::image::seal;
 use tater_wire::memory::{APPLICATION, RAM};
@@ -80,22 +80,6 @@ fn calls() -> [(&'static str, &'static [u8], Call); 11] {
         ("saveParameters", b"1 S SAVE -1\r", |hand| unsafe { wraptor_save_parameters(hand, ONE, LIMIT) }),
         ("wakeGrasper", b"WAKE\r", |hand| wraptor_wake_grasper(hand, LIMIT)),
     ]
-}
-
-/// Threads of the library, and sockets of this program.
-fn left() -> (usize, usize) {
-    let entries = |path: &str| fs::read_dir(path).expect("Linux has it").flatten().collect::<Vec<_>>();
-    let is_ours = |name: String| name.starts_with("wraptor-");
-    let threads = entries("/proc/self/task")
-        .iter()
-        .filter(|task| fs::read_to_string(task.path().join("comm")).is_ok_and(is_ours))
-        .count();
-    let is_socket = |path: PathBuf| path.to_string_lossy().starts_with("socket:");
-    let sockets = entries("/proc/self/fd")
-        .iter()
-        .filter(|file| fs::read_link(file.path()).is_ok_and(is_socket))
-        .count();
-    (threads, sockets)
 }
 
 fn connect(address: &str, limit_ms: u32) -> (wraptor_error, isize) {

@@ -5,13 +5,12 @@
 
 mod served;
 
-use std::fs;
 use std::ops::ControlFlow;
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
-use served::{Cut, HANGS, Proxy, Served};
+use served::{Cut, HANGS, Proxy, Served, left};
 use wraptor::{Boards, Bus, CallError, Connect, Failure, Format, Hand, Node, Property, no_progress};
 
 /// Limit of each call.
@@ -59,22 +58,6 @@ const CALLS: [(&str, &[u8], Call); 25] = [
     }),
     ("realtime", b"1FSET LCV", |hand| hand.realtime("1", Format::default(), LIMIT).map(|_| ())),
 ];
-
-/// Threads of the library, and sockets of this program.
-fn left() -> (usize, usize) {
-    let entries = |path: &str| fs::read_dir(path).expect("Linux has it").flatten().collect::<Vec<_>>();
-    let is_reader = |name: String| name.trim() == "wraptor-reader";
-    let threads = entries("/proc/self/task")
-        .iter()
-        .filter(|task| fs::read_to_string(task.path().join("comm")).is_ok_and(is_reader))
-        .count();
-    let is_socket = |path: std::path::PathBuf| path.to_string_lossy().starts_with("socket:");
-    let sockets = entries("/proc/self/fd")
-        .iter()
-        .filter(|file| fs::read_link(file.path()).is_ok_and(is_socket))
-        .count();
-    (threads, sockets)
-}
 
 /// Runs a call in a thread and returns its outcome if it is over in time.
 fn in_time(

@@ -13,7 +13,7 @@ use std::time::Duration;
 use tater_wire::image::seal;
 use tater_wire::memory::{APPLICATION, RAM};
 use tater_wire::tek::{Encoder, end as last_line};
-use wraptor::Firmware;
+use wraptor::{Deadline, Firmware};
 
 /// Limit of a call that must succeed: a busy machine may stop a process for seconds.
 pub const HANGS: Duration = Duration::from_secs(60);
@@ -186,4 +186,26 @@ impl Drop for Proxy {
         }
         self.threads.drain(..).for_each(|thread| _ = thread.join());
     }
+}
+
+/// Threads of the library, and sockets of this program. A thread that was joined is listed for a moment more.
+#[cfg(target_os = "linux")]
+pub fn left() -> (usize, usize) {
+    let entries = |path: &str| std::fs::read_dir(path).expect("Linux has it").flatten().collect::<Vec<_>>();
+    let is_ours = |name: String| name.starts_with("wraptor-");
+    let threads = || {
+        let tasks = entries("/proc/self/task");
+        tasks
+            .iter()
+            .filter(|task| std::fs::read_to_string(task.path().join("comm")).is_ok_and(is_ours))
+            .count()
+    };
+    let deadline = Deadline::after(Duration::from_secs(5));
+    while threads() > 0 && !deadline.is_over() {
+        thread::yield_now();
+    }
+    let is_socket = |path: std::path::PathBuf| path.to_string_lossy().starts_with("socket:");
+    let files = entries("/proc/self/fd");
+    let sockets = files.iter().filter(|file| std::fs::read_link(file.path()).is_ok_and(is_socket)).count();
+    (threads(), sockets)
 }
