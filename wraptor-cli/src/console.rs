@@ -74,6 +74,10 @@ impl Console {
                 Ok(ControlFlow::Break(())) => break,
                 Err(trouble) => self.trouble(trouble)?,
             }
+            // The call that ^C was for had just ended.
+            if !self.input.is_typed() && interrupt::pressed() {
+                return Ok(interrupt::CODE);
+            }
         }
         Ok(self.code)
     }

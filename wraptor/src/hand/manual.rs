@@ -58,7 +58,7 @@ impl Hand {
         progress: OnProgress,
     ) -> Result<(), CallError> {
         let goals = Goals { link: halls, spread: halls, ends: REACHED };
-        self.move_fingers(&format!("move_halls({fingers}, {halls})"), fingers, &goals, limit, progress)
+        self.move_fingers(&format!("move {fingers} to {halls} hall counts"), fingers, &goals, limit, progress)
     }
 
     /// Moves fingers to position 0, with their tips (the manual's open).
@@ -72,7 +72,7 @@ impl Hand {
         progress: OnProgress,
     ) -> Result<(), CallError> {
         let goals = Goals { link: 0, spread: 0, ends: REACHED };
-        self.move_fingers(&format!("open_fingers({fingers})"), fingers, &goals, limit, progress)
+        self.move_fingers(&format!("open {fingers}"), fingers, &goals, limit, progress)
     }
 
     /// Moves fingers to the defaults of their CT, or until an object stops them, with their tips (the manual's close).
@@ -87,7 +87,7 @@ impl Hand {
     ) -> Result<(), CallError> {
         let closed = |kind| Property::CT.rules().default_for_motor(kind).map_or(0, i64::from);
         let goals = Goals { link: closed(MotorKind::Link), spread: closed(MotorKind::Spread), ends: CLOSED };
-        self.move_fingers(&format!("close_fingers({fingers})"), fingers, &goals, limit, progress)
+        self.move_fingers(&format!("close {fingers}"), fingers, &goals, limit, progress)
     }
 
     fn move_fingers(
@@ -205,7 +205,7 @@ impl Hand {
     /// # Errors
     /// ERR 512: a flash has not taken them; ERR 1: a board sleeps or is silent.
     pub fn save_nodes(&mut self, nodes: &str, limit: Duration) -> Result<(), CallError> {
-        let call = format!("save_nodes({nodes})");
+        let call = format!("save {nodes}");
         let failed = |failure| CallError { call: call.clone(), failure };
         let deadline = Deadline::after(limit);
         let (god, boards): (String, String) = nodes.chars().partition(|node| *node == '0');
