@@ -71,8 +71,8 @@ pub(crate) fn with_hand(
     border(|| {
         let deadline = deadline(limit_ms);
         let slot = slot::find(number)?;
-        let mut taken = slot.take(&deadline)?;
-        let hand = taken.hand();
+        let mut turn = slot.take(&deadline)?;
+        let hand = &mut *turn;
         let outcome = call(&mut Call { hand, slot: &slot, deadline });
         property::record_lines(&hand.take_reports());
         outcome

@@ -352,8 +352,7 @@ pub extern "C" fn wraptor_delay(ms: u32) -> wraptor_error {
             for number in slot::numbers() {
                 // A hand that another thread uses, or that is lost, is not this call's concern.
                 let now = Deadline::after(Duration::ZERO);
-                let taken = slot::find(number).and_then(|slot| slot.take(&now));
-                let _ = taken.and_then(|mut taken| process(taken.hand()));
+                let _ = slot::find(number).and_then(|slot| process(&mut *slot.take(&now)?));
             }
             if deadline.remaining().is_zero() {
                 return Ok(());
@@ -374,7 +373,7 @@ pub extern "C" fn wraptor_listener(hand: wraptor_hand, limit_ms: u32) -> wraptor
         let (deadline, slot) = (deadline(limit_ms), slot::find(hand)?);
         loop {
             match slot.take(&Deadline::after(Duration::ZERO)) {
-                Ok(mut taken) => process(taken.hand())?,
+                Ok(mut turn) => process(&mut turn)?,
                 // Another thread's call reads.
                 Err(problem) if problem.code == wraptor_error::WRAPTOR_TIMED_OUT => {}
                 Err(problem) => return Err(problem),

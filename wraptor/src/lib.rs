@@ -10,6 +10,7 @@
 //! | [`discovery`] | hands in the network |
 //! | [`firmware`] | a `.tek` file, checked |
 //! | [`download`] | how far a download has come |
+//! | [`turns`] | one connection for several threads |
 //! | `error` | [`ConnectError`], [`CallError`] |
 //! | `session`, `slcan`, `port`, `deadline` | lines, adapters, connections, time; from the top down |
 //!
@@ -37,6 +38,7 @@ pub mod hand;
 mod port;
 mod session;
 mod slcan;
+pub mod turns;
 
 pub use bus::Bus;
 pub use deadline::Deadline;
@@ -49,3 +51,4 @@ pub use hand::{
     Statistics, no_progress,
 };
 pub use tater_wire::{FaultCode, Frame, Node, Property};
+pub use turns::{NoTurn, Turns};
