@@ -1,60 +1,27 @@
 //! Motor boards on their bus, as `wraptor.Bus`.
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::Mutex;
-use std::time::Duration;
 
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyType};
-use wraptor::{CallError, ConnectError, Frame, Node, Progress};
+use wraptor::{ConnectError, Frame, Node};
 
-use crate::call::{Watch, limit, lock, node, property};
+use crate::call::{Watch, limit, node, property};
+use crate::connection::Connection;
 use crate::errors;
 use crate::hand::{Hand, firmware, state};
-use crate::realtime::Place;
 
 /// A bus of motor boards.
 #[pyclass(module = "wraptor", frozen)]
-pub struct Bus(Mutex<wraptor::Bus>);
+pub struct Bus(Connection<wraptor::Bus>);
 
 fn opened(py: Python<'_>, open: impl FnOnce() -> Result<wraptor::Bus, ConnectError> + Send) -> PyResult<Bus> {
     let bus = py.detach(open).map_err(|error| errors::connect(py, &error))?;
-    Ok(Bus(Mutex::new(bus)))
+    Ok(Bus(Connection::new(bus)))
 }
 
 fn nodes(numbers: &[u8]) -> PyResult<Vec<Node>> {
     numbers.iter().map(|number| node(*number)).collect()
-}
-
-impl Bus {
-    fn run<R: Send>(
-        &self,
-        py: Python<'_>,
-        seconds: f64,
-        job: impl FnOnce(&mut wraptor::Bus, Duration) -> Result<R, CallError> + Send,
-    ) -> PyResult<R> {
-        let limit = limit(seconds)?;
-        let outcome = py.detach(|| job(&mut lock(&self.0), limit));
-        outcome.map_err(|error| errors::call(py, &error))
-    }
-
-    fn watched<R: Send>(
-        &self,
-        py: Python<'_>,
-        seconds: f64,
-        progress: Option<Py<PyAny>>,
-        job: impl FnOnce(
-            &mut wraptor::Bus,
-            Duration,
-            &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-        ) -> Result<R, CallError>
-        + Send,
-    ) -> PyResult<R> {
-        let watch = Watch::new(progress);
-        let outcome = self.run(py, seconds, |bus, limit| job(bus, limit, &mut |seen| watch.on(seen)));
-        watch.outcome(outcome)
-    }
 }
 
 #[pymethods]
@@ -90,9 +57,27 @@ impl Bus {
     #[pyo3(signature = (hand, limit=2.0))]
     fn through(_: &Bound<'_, PyType>, py: Python<'_>, hand: &Hand, limit: f64) -> PyResult<Self> {
         let limit = self::limit(limit)?;
-        let hand = hand.take(py, Place::Closed)?;
+        let hand = hand.take(py, limit)?;
         let bus = py.detach(|| wraptor::Bus::through(hand, limit));
-        bus.map(|bus| Self(Mutex::new(bus))).map_err(|error| errors::call(py, &error))
+        bus.map(|bus| Self(Connection::new(bus))).map_err(|error| errors::call(py, &error))
+    }
+
+    fn disconnect(&self, py: Python<'_>) -> PyResult<()> {
+        self.0.close(py)
+    }
+
+    fn __enter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __exit__(
+        &self,
+        py: Python<'_>,
+        _kind: &Bound<'_, PyAny>,
+        _value: &Bound<'_, PyAny>,
+        _traceback: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        self.disconnect(py)
     }
 
     #[pyo3(signature = (id, data, limit=1.0))]
@@ -101,43 +86,43 @@ impl Bus {
             let found = format!("id {id:#x} with {} bytes", data.len());
             errors::value("frame", &found, "an id of 11 bits and up to 8 bytes", "see docs/wire.md")
         })?;
-        self.run(py, limit, |bus, limit| bus.send(&frame, limit))
+        self.0.run(py, limit, |bus, limit| bus.send(&frame, limit))
     }
 
     #[pyo3(signature = (limit=1.0))]
     fn receive<'py>(&self, py: Python<'py>, limit: f64) -> PyResult<Option<(u16, Bound<'py, PyBytes>)>> {
-        let frame = self.run(py, limit, wraptor::Bus::receive)?;
+        let frame = self.0.run(py, limit, wraptor::Bus::receive)?;
         Ok(frame.map(|frame| (frame.raw_id(), PyBytes::new(py, frame.data()))))
     }
 
     #[pyo3(signature = (node, name, limit=1.0))]
     fn get(&self, py: Python<'_>, node: u8, name: &str, limit: f64) -> PyResult<i64> {
         let (node, property) = (self::node(node)?, property(name)?);
-        self.run(py, limit, |bus, limit| bus.get(node, property, limit))
+        self.0.run(py, limit, |bus, limit| bus.get(node, property, limit))
     }
 
     #[pyo3(signature = (node, name, value, limit=1.0))]
     fn set(&self, py: Python<'_>, node: u8, name: &str, value: i64, limit: f64) -> PyResult<()> {
         let (node, property) = (self::node(node)?, property(name)?);
-        self.run(py, limit, |bus, limit| bus.set(node, property, value, limit))
+        self.0.run(py, limit, |bus, limit| bus.set(node, property, value, limit))
     }
 
     #[pyo3(signature = (node, limit=1.0))]
     fn state(&self, py: Python<'_>, node: u8, limit: f64) -> PyResult<&'static str> {
         let node = self::node(node)?;
-        self.run(py, limit, |bus, limit| bus.state(node, limit)).map(state)
+        self.0.run(py, limit, |bus, limit| bus.state(node, limit)).map(state)
     }
 
     #[pyo3(signature = (nodes, limit=0.2))]
     fn require(&self, py: Python<'_>, nodes: Vec<u8>, limit: f64) -> PyResult<()> {
-        let (nodes, limit) = (self::nodes(&nodes)?, self::limit(limit)?);
-        py.detach(|| lock(&self.0).require(&nodes, limit)).map_err(|error| errors::connect(py, &error))
+        let nodes = self::nodes(&nodes)?;
+        self.0.run(py, limit, |bus, limit| bus.require(&nodes, limit))
     }
 
     #[pyo3(signature = (nodes, limit=3.0))]
     fn wake(&self, py: Python<'_>, nodes: Vec<u8>, limit: f64) -> PyResult<()> {
         let nodes = self::nodes(&nodes)?;
-        self.run(py, limit, |bus, limit| bus.wake(&nodes, limit))
+        self.0.run(py, limit, |bus, limit| bus.wake(&nodes, limit))
     }
 
     #[pyo3(name = "move", signature = (node, halls, limit=20.0, progress=None))]
@@ -150,25 +135,25 @@ impl Bus {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
         let node = self::node(node)?;
-        self.watched(py, limit, progress, |bus, limit, on| bus.move_to(node, halls, limit, on))
+        self.0.watched(py, limit, progress, |bus, limit, on| bus.move_to(node, halls, limit, on))
     }
 
     #[pyo3(signature = (node, limit=20.0, progress=None))]
     fn find_zero(&self, py: Python<'_>, node: u8, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
         let node = self::node(node)?;
-        self.watched(py, limit, progress, |bus, limit, on| bus.find_zero(node, limit, on))
+        self.0.watched(py, limit, progress, |bus, limit, on| bus.find_zero(node, limit, on))
     }
 
     #[pyo3(signature = (node, limit=1.0))]
     fn fault(&self, py: Python<'_>, node: u8, limit: f64) -> PyResult<Option<&'static str>> {
         let node = self::node(node)?;
-        let fault = self.run(py, limit, |bus, limit| bus.fault(node, limit))?;
+        let fault = self.0.run(py, limit, |bus, limit| bus.fault(node, limit))?;
         Ok(fault.map(|fault| fault.row().cause))
     }
 
     #[pyo3(signature = (limit=1.0))]
     fn stop_all(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
-        self.run(py, limit, wraptor::Bus::stop_all)
+        self.0.run(py, limit, wraptor::Bus::stop_all)
     }
 
     #[pyo3(signature = (node, path, limit=60.0, progress=None))]
@@ -181,7 +166,7 @@ impl Bus {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
         let (node, firmware, watch) = (self::node(node)?, firmware(path)?, Watch::new(progress));
-        let outcome = self.run(py, limit, |bus, limit| {
+        let outcome = self.0.run(py, limit, |bus, limit| {
             bus.download(node, &firmware, limit, &mut |seen| watch.on_download(seen))
         });
         watch.outcome(outcome)

@@ -1,5 +1,7 @@
 //! Errors of the libraries as the exceptions of `python/wraptor/_errors.py`.
 
+use std::time::Duration;
+
 use hil_sim::input::BadInput;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -22,6 +24,36 @@ fn variant(value: &impl std::fmt::Debug) -> String {
     format!("{value:?}").chars().take_while(char::is_ascii_alphanumeric).collect()
 }
 
+/// An error of the library that is an exception.
+pub trait Raised {
+    /// The exception.
+    fn raised(&self, py: Python<'_>) -> PyErr;
+}
+
+impl Raised for ConnectError {
+    fn raised(&self, py: Python<'_>) -> PyErr {
+        connect(py, self)
+    }
+}
+
+impl Raised for CallError {
+    fn raised(&self, py: Python<'_>) -> PyErr {
+        call(py, self)
+    }
+}
+
+/// A `CallTimeout`: a call of another thread has not ended within the limit.
+pub fn late(py: Python<'_>, limit: Duration) -> PyErr {
+    let next = "give it a longer limit, or cancel the other call";
+    let text = format!("a call of another thread has not ended within {limit:?}\n  next: {next}");
+    made(timeout(py).and_then(|class| class.call1((text, "", "TimedOut", next, 0))))
+}
+
+fn timeout(py: Python<'_>) -> PyResult<Bound<'_, PyType>> {
+    static CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
+    class(py, &CLASS, "CallTimeout")
+}
+
 /// A `ConnectError`.
 pub fn connect(py: Python<'_>, error: &ConnectError) -> PyErr {
     static CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
@@ -32,13 +64,12 @@ pub fn connect(py: Python<'_>, error: &ConnectError) -> PyErr {
 /// A `CallError`; its subclass `CallTimeout` after the limit.
 pub fn call(py: Python<'_>, error: &CallError) -> PyErr {
     static CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
-    static TIMEOUT: PyOnceLock<Py<PyType>> = PyOnceLock::new();
     let status = match &error.failure {
         Failure::Status(status) => status.code(),
         _ => 0,
     };
     let class = match error.failure {
-        Failure::TimedOut(_) => class(py, &TIMEOUT, "CallTimeout"),
+        Failure::TimedOut(_) => timeout(py),
         _ => class(py, &CLASS, "CallError"),
     };
     let arguments =

@@ -1,24 +1,23 @@
 //! A hand over TCP or a serial port, as `wraptor.Hand`.
 
 use std::net::{Ipv4Addr, SocketAddrV4};
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
 
-use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
-use wraptor::{BoardState, Boards, CallError, Canceller, Connect, Firmware, Found, Progress};
+use wraptor::{BoardState, Boards, CallError, Canceller, Connect, Firmware, Found};
 
-use crate::call::{Watch, limit, lock, property};
+use crate::call::{Watch, limit, property};
+use crate::connection::Connection;
 use crate::errors;
-use crate::realtime::{Choice, Place, RealTime, Shared};
+use crate::realtime::{Choice, RealTime};
 
 /// A hand.
 #[pyclass(module = "wraptor", frozen)]
 pub struct Hand {
-    place: Shared,
+    connection: Arc<Connection<wraptor::Hand>>,
     canceller: Canceller,
     address: String,
     version: u16,
@@ -30,62 +29,13 @@ impl Hand {
             canceller: hand.canceller(),
             address: hand.place().to_owned(),
             version: hand.version(),
-            place: Arc::new(Mutex::new(Place::Here(Box::new(hand)))),
+            connection: Arc::new(Connection::new(hand)),
         }
     }
 
-    /// Takes the connection out and leaves `instead`. Waits without the GIL: a call of another thread needs it for its progress.
-    pub fn take(&self, py: Python<'_>, instead: Place) -> PyResult<wraptor::Hand> {
-        py.detach(|| {
-            let mut place = lock(&self.place);
-            here(&mut place)?;
-            match std::mem::replace(&mut *place, instead) {
-                Place::Here(hand) => Ok(*hand),
-                // It was here.
-                Place::RealTime | Place::Closed => Err(errors::panicked()),
-            }
-        })
-    }
-
-    /// Runs a call without the GIL; `job` gets the limit.
-    fn run<R: Send>(
-        &self,
-        py: Python<'_>,
-        seconds: f64,
-        job: impl FnOnce(&mut wraptor::Hand, Duration) -> Result<R, CallError> + Send,
-    ) -> PyResult<R> {
-        let limit = limit(seconds)?;
-        let outcome = py.detach(|| {
-            let mut place = lock(&self.place);
-            Ok::<_, PyErr>(job(here(&mut place)?, limit))
-        })?;
-        outcome.map_err(|error| errors::call(py, &error))
-    }
-
-    /// The same with progress, by which ^C ends it.
-    fn watched<R: Send>(
-        &self,
-        py: Python<'_>,
-        seconds: f64,
-        progress: Option<Py<PyAny>>,
-        job: impl FnOnce(
-            &mut wraptor::Hand,
-            Duration,
-            &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-        ) -> Result<R, CallError>
-        + Send,
-    ) -> PyResult<R> {
-        let watch = Watch::new(progress);
-        let outcome = self.run(py, seconds, |hand, limit| job(hand, limit, &mut |seen| watch.on(seen)));
-        watch.outcome(outcome)
-    }
-}
-
-fn here(place: &mut Place) -> PyResult<&mut wraptor::Hand> {
-    match place {
-        Place::Here(hand) => Ok(hand),
-        Place::RealTime => Err(PyRuntimeError::new_err("the hand is in RealTime\n  next: call its end()")),
-        Place::Closed => Err(PyRuntimeError::new_err("the hand is closed\n  next: connect again")),
+    /// Makes a bus of it.
+    pub fn take(&self, py: Python<'_>, limit: Duration) -> PyResult<wraptor::Hand> {
+        self.connection.take(py, limit, false)
     }
 }
 
@@ -162,12 +112,8 @@ impl Hand {
         self.version
     }
 
-    /// Closes the connection, once a running call has ended.
-    fn disconnect(&self, py: Python<'_>) {
-        py.detach(|| {
-            let closed = std::mem::replace(&mut *lock(&self.place), Place::Closed);
-            drop(closed);
-        });
+    fn disconnect(&self, py: Python<'_>) -> PyResult<()> {
+        self.connection.close(py)
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {
@@ -180,8 +126,8 @@ impl Hand {
         _kind: &Bound<'_, PyAny>,
         _value: &Bound<'_, PyAny>,
         _traceback: &Bound<'_, PyAny>,
-    ) {
-        self.disconnect(py);
+    ) -> PyResult<()> {
+        self.disconnect(py)
     }
 
     fn cancel(&self, py: Python<'_>) -> PyResult<()> {
@@ -196,32 +142,33 @@ impl Hand {
         limit: f64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Vec<String>> {
-        self.watched(py, limit, progress, |hand, limit, on| hand.command_with(line, limit, on))
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.command_with(line, limit, on))
     }
 
     #[pyo3(signature = (data, limit=1.0))]
     fn write(&self, py: Python<'_>, data: &[u8], limit: f64) -> PyResult<()> {
-        self.run(py, limit, |hand, limit| hand.write(data, limit))
+        self.connection.run(py, limit, |hand, limit| hand.write(data, limit))
     }
 
-    fn take_reports(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        py.detach(|| Ok(here(&mut lock(&self.place))?.take_reports()))
+    #[pyo3(signature = (limit=1.0))]
+    fn take_reports(&self, py: Python<'_>, limit: f64) -> PyResult<Vec<String>> {
+        self.connection.run(py, limit, |hand, _| Ok::<_, CallError>(hand.take_reports()))
     }
 
     #[pyo3(signature = (limit=3.0))]
     fn wake(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
-        self.run(py, limit, wraptor::Hand::wake)
+        self.connection.run(py, limit, wraptor::Hand::wake)
     }
 
     #[pyo3(signature = (limit=1.0))]
     fn boards(&self, py: Python<'_>, limit: f64) -> PyResult<Vec<&'static str>> {
-        let states = self.run(py, limit, wraptor::Hand::boards)?;
+        let states = self.connection.run(py, limit, wraptor::Hand::boards)?;
         Ok(states.map(state).to_vec())
     }
 
     #[pyo3(signature = (limit=1.0))]
     fn faults<'py>(&self, py: Python<'py>, limit: f64) -> PyResult<Bound<'py, PyDict>> {
-        let faults = self.run(py, limit, wraptor::Hand::faults)?;
+        let faults = self.connection.run(py, limit, wraptor::Hand::faults)?;
         let by_node = PyDict::new(py);
         for (node, fault) in faults {
             by_node.set_item(node.number(), fault.row().cause)?;
@@ -231,7 +178,7 @@ impl Hand {
 
     #[pyo3(signature = (limit=60.0, progress=None))]
     fn init(&self, py: Python<'_>, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
-        self.watched(py, limit, progress, |hand, limit, on| hand.init(limit, on))
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.init(limit, on))
     }
 
     #[pyo3(signature = (motors="", limit=60.0, progress=None))]
@@ -242,27 +189,27 @@ impl Hand {
         limit: f64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
-        self.watched(py, limit, progress, |hand, limit, on| hand.find_zero(motors, limit, on))
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.find_zero(motors, limit, on))
     }
 
     #[pyo3(signature = (motors="", limit=20.0, progress=None))]
     fn close(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
-        self.watched(py, limit, progress, |hand, limit, on| hand.close(motors, limit, on))
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.close(motors, limit, on))
     }
 
     #[pyo3(signature = (motors="", limit=20.0, progress=None))]
     fn open(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
-        self.watched(py, limit, progress, |hand, limit, on| hand.open(motors, limit, on))
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.open(motors, limit, on))
     }
 
     #[pyo3(signature = (motors="", limit=20.0, progress=None))]
     fn grasp(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
-        self.watched(py, limit, progress, |hand, limit, on| hand.grasp(motors, limit, on))
+        self.connection.watched(py, limit, progress, |hand, limit, on| hand.grasp(motors, limit, on))
     }
 
     #[pyo3(signature = (motors="", limit=2.0))]
     fn relax(&self, py: Python<'_>, motors: &str, limit: f64) -> PyResult<()> {
-        self.run(py, limit, |hand, limit| hand.relax(motors, limit))
+        self.connection.run(py, limit, |hand, limit| hand.relax(motors, limit))
     }
 
     #[pyo3(name = "move", signature = (motors, counts, limit=20.0, progress=None))]
@@ -274,7 +221,8 @@ impl Hand {
         limit: f64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
-        self.watched(py, limit, progress, |hand, limit, on| hand.move_to(motors, counts, limit, on))
+        self.connection
+            .watched(py, limit, progress, |hand, limit, on| hand.move_to(motors, counts, limit, on))
     }
 
     #[pyo3(signature = (fingers, halls, limit=20.0, progress=None))]
@@ -286,13 +234,14 @@ impl Hand {
         limit: f64,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
-        self.watched(py, limit, progress, |hand, limit, on| hand.move_halls(fingers, halls, limit, on))
+        self.connection
+            .watched(py, limit, progress, |hand, limit, on| hand.move_halls(fingers, halls, limit, on))
     }
 
     #[pyo3(signature = (nodes, name, limit=1.0))]
     fn get<'py>(&self, py: Python<'py>, nodes: &str, name: &str, limit: f64) -> PyResult<Bound<'py, PyDict>> {
         let property = property(name)?;
-        let values = self.run(py, limit, |hand, limit| hand.get(nodes, property, limit))?;
+        let values = self.connection.run(py, limit, |hand, limit| hand.get(nodes, property, limit))?;
         let by_node = PyDict::new(py);
         for (node, value) in values {
             by_node.set_item(node.number(), value)?;
@@ -303,7 +252,7 @@ impl Hand {
     #[pyo3(signature = (nodes, name, value, limit=1.0))]
     fn set(&self, py: Python<'_>, nodes: &str, name: &str, value: i64, limit: f64) -> PyResult<()> {
         let property = property(name)?;
-        self.run(py, limit, |hand, limit| hand.set(nodes, property, value, limit))
+        self.connection.run(py, limit, |hand, limit| hand.set(nodes, property, value, limit))
     }
 
     #[pyo3(signature = (nodes, name, value, limit=20.0, progress=None))]
@@ -317,12 +266,13 @@ impl Hand {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
         let property = property(name)?;
-        self.watched(py, limit, progress, |hand, limit, on| hand.wait_for(nodes, property, value, limit, on))
+        self.connection
+            .watched(py, limit, progress, |hand, limit, on| hand.wait_for(nodes, property, value, limit, on))
     }
 
     #[pyo3(signature = (motors, name, limit=1.0))]
     fn parameter(&self, py: Python<'_>, motors: &str, name: &str, limit: f64) -> PyResult<Vec<i64>> {
-        self.run(py, limit, |hand, limit| hand.parameter(motors, name, limit))
+        self.connection.run(py, limit, |hand, limit| hand.parameter(motors, name, limit))
     }
 
     #[pyo3(signature = (motors, name, value, limit=1.0))]
@@ -334,32 +284,32 @@ impl Hand {
         value: i64,
         limit: f64,
     ) -> PyResult<()> {
-        self.run(py, limit, |hand, limit| hand.set_parameter(motors, name, value, limit))
+        self.connection.run(py, limit, |hand, limit| hand.set_parameter(motors, name, value, limit))
     }
 
     #[pyo3(signature = (name, limit=1.0))]
     fn hand_parameter(&self, py: Python<'_>, name: &str, limit: f64) -> PyResult<i64> {
-        self.run(py, limit, |hand, limit| hand.hand_parameter(name, limit))
+        self.connection.run(py, limit, |hand, limit| hand.hand_parameter(name, limit))
     }
 
     #[pyo3(signature = (name, value, limit=1.0))]
     fn set_hand_parameter(&self, py: Python<'_>, name: &str, value: i64, limit: f64) -> PyResult<()> {
-        self.run(py, limit, |hand, limit| hand.set_hand_parameter(name, value, limit))
+        self.connection.run(py, limit, |hand, limit| hand.set_hand_parameter(name, value, limit))
     }
 
     #[pyo3(signature = (limit=1.0))]
     fn temperature(&self, py: Python<'_>, limit: f64) -> PyResult<f64> {
-        self.run(py, limit, wraptor::Hand::temperature)
+        self.connection.run(py, limit, wraptor::Hand::temperature)
     }
 
     #[pyo3(signature = (limit=5.0))]
     fn save_parameters(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
-        self.run(py, limit, wraptor::Hand::save_parameters)
+        self.connection.run(py, limit, wraptor::Hand::save_parameters)
     }
 
     #[pyo3(signature = (limit=5.0))]
     fn prepare_power_off(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
-        self.run(py, limit, wraptor::Hand::prepare_power_off)
+        self.connection.run(py, limit, wraptor::Hand::prepare_power_off)
     }
 
     #[pyo3(signature = (nodes, path, limit=120.0, progress=None))]
@@ -372,7 +322,7 @@ impl Hand {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
         let (firmware, watch) = (firmware(path)?, Watch::new(progress));
-        let outcome = self.run(py, limit, |hand, limit| {
+        let outcome = self.connection.run(py, limit, |hand, limit| {
             hand.download(nodes, &firmware, limit, &mut |seen| watch.on_download(seen))
         });
         watch.outcome(outcome)
@@ -406,8 +356,8 @@ impl Hand {
             feeds_temperature,
         };
         let choice = Choice { motors: motors.to_owned(), format, limit: self::limit(limit)? };
-        let hand = self.take(py, Place::RealTime)?;
-        RealTime::start(py, hand, Arc::clone(&self.place), choice)
+        let hand = self.connection.take(py, choice.limit, true)?;
+        RealTime::start(py, hand, Arc::clone(&self.connection), choice)
     }
 }
 

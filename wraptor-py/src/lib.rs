@@ -6,11 +6,13 @@
 //! |---|---|
 //! | `hand`, `realtime`, `bus` | the host library: [`wraptor::Hand`], [`wraptor::RealTime`], [`wraptor::Bus`] |
 //! | `sim` | runs of scenarios; a hand and a board in simulated time |
+//! | `connection` | turns of several threads |
 //! | `call`, `errors` | limits, names, progress, signals; exceptions |
 #![forbid(unsafe_code)]
 
 mod bus;
 mod call;
+mod connection;
 mod errors;
 mod hand;
 mod realtime;

@@ -1,31 +1,26 @@
 //! RealTime control. The connection moves to a thread of its own, which borrows it for as long as RealTime lasts, and then comes back.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex};
-use std::thread::{Builder, JoinHandle};
+use std::thread::{self, Builder, JoinHandle, ThreadId};
 use std::time::Duration;
 
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyTimeoutError};
 use pyo3::prelude::*;
-use wraptor::{CallError, Control, Format};
+use wraptor::turns::Turn;
+use wraptor::{CallError, Control, Deadline, Format, NoTurn, Turns};
 
-use crate::call::{limit, lock, wait};
+use crate::call::{limit, wait};
+use crate::connection::{Connection, no_turn};
 use crate::errors;
 
-/// Where a hand's connection is.
-pub enum Place {
-    /// Here.
-    Here(Box<wraptor::Hand>),
-    /// With a `RealTime`, which brings it back.
-    RealTime,
-    /// Closed, or part of a `Bus`.
-    Closed,
-}
+/// Limit of the end of a `with`.
+const END: Duration = Duration::from_secs(2);
 
-/// The connection and where it is; a `RealTime` brings it back here.
-pub type Shared = Arc<Mutex<Place>>;
+/// How often a run of another thread is told to end.
+const STOPS: Duration = Duration::from_millis(20);
 
 /// What RealTime is begun with.
 pub struct Choice {
@@ -51,14 +46,18 @@ struct Loop {
 #[pyclass(module = "wraptor", frozen)]
 pub struct RealTime {
     /// `None` once it has ended.
-    running: Mutex<Option<Loop>>,
+    running: Turns<Option<Loop>>,
+    /// RealTime's thread, which runs the control functions.
+    worker: ThreadId,
+    /// Whether a run is to end.
+    stop: Arc<AtomicBool>,
     axes: usize,
 }
 
 /// Runs RealTime until it is ended, and brings the connection back.
 fn serve(
     mut hand: wraptor::Hand,
-    place: &Shared,
+    home: &Connection<wraptor::Hand>,
     choice: &Choice,
     started: &Sender<Result<usize, CallError>>,
     orders: &Receiver<Order>,
@@ -82,7 +81,7 @@ fn serve(
         }
         Err(error) => _ = started.send(Err(error)),
     }
-    *lock(place) = Place::Here(Box::new(hand));
+    home.bring_back(hand);
     outcome
 }
 
@@ -91,39 +90,66 @@ impl RealTime {
     ///
     /// # Errors
     /// `CallError`, with the hand back in its place.
-    pub fn start(py: Python<'_>, hand: wraptor::Hand, place: Shared, choice: Choice) -> PyResult<Self> {
+    pub fn start(
+        py: Python<'_>,
+        hand: wraptor::Hand,
+        home: Arc<Connection<wraptor::Hand>>,
+        choice: Choice,
+    ) -> PyResult<Self> {
         let (started, start) = channel();
         let (orders, inbox) = channel();
-        let run = move || serve(hand, &place, &choice, &started, &inbox);
+        let run = move || serve(hand, &home, &choice, &started, &inbox);
         let thread = Builder::new().name("wraptor RealTime".to_owned()).spawn(run)?;
-        let mut realtime = Self { running: Mutex::new(Some(Loop { orders, thread })), axes: 0 };
+        let (worker, stop) = (thread.thread().id(), Arc::default());
+        let mut realtime = Self { running: Turns::new(Some(Loop { orders, thread })), worker, stop, axes: 0 };
         // Dropping it brings the hand back after an error.
         realtime.axes = wait(py, start, || {})?.map_err(|error| errors::call(py, &error))?;
         Ok(realtime)
     }
 
-    /// Runs a job on RealTime's thread.
+    /// A turn of this thread. A control function has none: it is part of a run.
+    fn turn(&self, py: Python<'_>, limit: Duration) -> PyResult<Turn<'_, Option<Loop>>> {
+        if thread::current().id() == self.worker {
+            return Err(no_turn(NoTurn::Own, limit));
+        }
+        py.detach(|| self.running.take(&Deadline::after(limit))).map_err(|why| no_turn(why, limit))
+    }
+
+    /// Runs a job on RealTime's thread; ^C sets `stop`.
     fn run<R: Send + 'static>(
         &self,
         py: Python<'_>,
-        stop: impl Fn(),
+        limit: Duration,
         job: impl FnOnce(&mut wraptor::RealTime<'_>) -> R + Send + 'static,
     ) -> PyResult<R> {
+        let turn = self.turn(py, limit)?;
+        let ended = || PyRuntimeError::new_err("RealTime has ended\n  next: call Hand.realtime again");
+        let running = turn.as_ref().ok_or_else(ended)?;
+        self.stop.store(false, Ordering::Relaxed);
         let (answer, answers) = channel();
         let order = Order::Do(Box::new(move |realtime| _ = answer.send(job(realtime))));
-        let sent = lock(&self.running).as_ref().map(|running| running.orders.send(order));
-        match sent {
-            None => Err(PyRuntimeError::new_err("RealTime has ended\n  next: call Hand.realtime again")),
-            Some(_) => wait(py, answers, stop),
-        }
+        running.orders.send(order).map_err(|_| errors::panicked())?;
+        wait(py, answers, || self.stop.store(true, Ordering::Relaxed))
     }
 
-    /// Ends it, with ^C and its prompt within the limit, or without waiting for the prompt; then the hand is back in its place.
-    fn finish(&self, py: Python<'_>, limit: Option<Duration>) -> PyResult<()> {
-        let Some(Loop { orders, thread }) = lock(&self.running).take() else { return Ok(()) };
-        if let Some(limit) = limit {
+    /// Ends it, and a run of another thread before, with ^C and its prompt within the limit, or without waiting for the prompt; then the hand
+    /// is back in its place.
+    fn finish(&self, py: Python<'_>, limit: Duration, waits_for_prompt: bool) -> PyResult<()> {
+        let deadline = Deadline::after(limit);
+        let mut turn = loop {
+            self.stop.store(true, Ordering::Relaxed);
+            match self.turn(py, deadline.remaining().min(STOPS)) {
+                Err(error) if deadline.is_over() || !error.is_instance_of::<PyTimeoutError>(py) => {
+                    return Err(error);
+                }
+                Err(_) => {}
+                Ok(turn) => break turn,
+            }
+        };
+        let Some(Loop { orders, thread }) = turn.take() else { return Ok(()) };
+        if waits_for_prompt {
             // It has ended by itself otherwise.
-            let _ = orders.send(Order::End(limit));
+            let _ = orders.send(Order::End(deadline.remaining()));
         }
         drop(orders);
         let outcome = py.detach(|| thread.join()).map_err(|_| errors::panicked())?;
@@ -134,7 +160,10 @@ impl RealTime {
 impl Drop for RealTime {
     /// Ends it, so that the hand is back in its place.
     fn drop(&mut self) {
-        if let Some(Loop { orders, thread }) = lock(&self.running).take() {
+        // Nobody else uses it any more.
+        let running =
+            self.running.take(&Deadline::after(Duration::ZERO)).ok().and_then(|mut turn| turn.take());
+        if let Some(Loop { orders, thread }) = running {
             drop(orders);
             // A panic is reported by the thread itself.
             let _ = thread.join();
@@ -187,15 +216,14 @@ impl RealTime {
     #[pyo3(signature = (controls, limit=1.0))]
     fn exchange(&self, py: Python<'_>, controls: Vec<Wanted>, limit: f64) -> PyResult<Feedback> {
         let (limit, controls) = (self::limit(limit)?, self::controls(controls));
-        let feedback = self.run(py, || {}, move |realtime| realtime.exchange(&controls, limit))?;
+        let feedback = self.run(py, limit, move |realtime| realtime.exchange(&controls, limit))?;
         feedback.map(|feedback| Feedback::new(&feedback)).map_err(|error| errors::call(py, &error))
     }
 
     #[pyo3(name = "run", signature = (rate, control, limit=1.0))]
     fn run_at(&self, py: Python<'_>, rate: f64, control: Py<PyAny>, limit: f64) -> PyResult<Statistics> {
         let limit = self::limit(limit)?;
-        let stopped = Arc::new(AtomicBool::new(false));
-        let stop = Arc::clone(&stopped);
+        let stopped = Arc::clone(&self.stop);
         let job = move |realtime: &mut wraptor::RealTime<'_>| {
             let mut raised = None;
             let outcome = realtime.run(rate, limit, |number, feedback| {
@@ -209,7 +237,7 @@ impl RealTime {
             });
             (outcome, raised)
         };
-        match self.run(py, || stop.store(true, Ordering::Relaxed), job)? {
+        match self.run(py, limit, job)? {
             (_, Some(raised)) => Err(raised),
             (outcome, None) => outcome.map(Statistics::new).map_err(|error| errors::call(py, &error)),
         }
@@ -217,7 +245,7 @@ impl RealTime {
 
     #[pyo3(signature = (limit=2.0))]
     fn end(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
-        self.finish(py, Some(self::limit(limit)?))
+        self.finish(py, self::limit(limit)?, true)
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {
@@ -233,8 +261,8 @@ impl RealTime {
         _traceback: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
         match kind.is_none() {
-            true => self.end(py, 2.0),
-            false => self.finish(py, None),
+            true => self.finish(py, END, true),
+            false => self.finish(py, END, false),
         }
     }
 }

@@ -3,6 +3,7 @@
 import os
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -143,6 +144,57 @@ def test_callback_and_signal_end_a_motion(served: Served) -> None:
     assert hand.command("VERS")
 
 
+def test_callback_that_calls_its_hand_raises_at_once(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+
+    def reads(elapsed: float, values: dict[int, int]) -> None:
+        hand.get("4", "P", limit=60)
+
+    with pytest.raises(RuntimeError, match="whose callback this is"):
+        hand.init(limit=60, progress=reads)
+    with pytest.raises(RuntimeError, match="whose callback this is"):
+        hand.init(limit=60, progress=lambda *_: hand.disconnect())
+    hand.init(limit=60)
+    for call in (lambda: realtime.exchange([0, 0, 0]), lambda: realtime.end()):
+
+        def control(number: int, feedback: wraptor.Feedback, call: Callable[[], object] = call) -> None:
+            call()
+
+        with pytest.raises(RuntimeError, match="whose callback this is"), hand.realtime("G") as realtime:
+            realtime.run(100, control)
+    assert hand.get("4", "P").keys() == {4}
+
+
+def test_calls_of_other_threads_wait_within_their_limits(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.init(limit=60)
+    moving = threading.Event()
+    motion = threading.Thread(target=lambda: hand.init(limit=60, progress=lambda *_: moving.set()))
+    motion.start()
+    moving.wait(10)
+    error = refused("TimedOut", lambda: hand.get("4", "P", limit=0.2), 0.2)
+    assert "another thread" in str(error) and isinstance(error, TimeoutError)
+    assert hand.get("4", "P", limit=60) == {4: 0}
+    motion.join()
+
+    realtime = hand.realtime("G")
+    controlling = threading.Event()
+
+    def control(number: int, feedback: wraptor.Feedback) -> list[float]:
+        controlling.set()
+        return [0.0] * 3
+
+    run = threading.Thread(target=lambda: realtime.run(100, control))
+    run.start()
+    controlling.wait(10)
+    assert "another thread" in str(refused("TimedOut", lambda: realtime.exchange([0, 0, 0], limit=0.2), 0.2))
+    hand.disconnect()
+    realtime.end()
+    run.join()
+    with pytest.raises(RuntimeError, match="closed"):
+        hand.get("4", "P")
+
+
 def test_failed_connection_names_cause_and_next_step() -> None:
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
@@ -174,3 +226,7 @@ def test_bus_through_a_hand(served: Served) -> None:
     assert abs(bus.get(4, "P") - 60) <= 1 and seen[-1].keys() == {4}
     with pytest.raises(RuntimeError, match="closed"):
         hand.wake()
+    with bus:
+        assert bus.state(4) == "ready"
+    with pytest.raises(RuntimeError, match="closed"):
+        bus.state(4)

@@ -53,7 +53,7 @@ class Hand:
     def version(self) -> int:
         """The firmware's version."""
     def disconnect(self) -> None:
-        """Closes the connection, once a call of another thread has ended."""
+        """Closes the connection, once a call of another thread has ended; `cancel` ends that."""
     def __enter__(self) -> Hand: ...
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None, /
@@ -64,7 +64,7 @@ class Hand:
         """Runs a line of the hand's language and returns what it prints."""
     def write(self, data: bytes, limit: float = 1.0) -> None:
         """Writes bytes as they are, without waiting for an answer."""
-    def take_reports(self) -> list[str]:
+    def take_reports(self, limit: float = 1.0) -> list[str]:
         """Lines that the hand has printed unasked."""
     def wake(self, limit: float = 3.0) -> None:
         """Wakes all motor boards."""
@@ -148,7 +148,7 @@ class RealTime:
         """Exchanges `rate` blocks a second, 1 to 1000, until `control` returns None. It gets the number of the block and the last feedback.
         Each block has the limit to itself."""
     def end(self, limit: float = 2.0) -> None:
-        """Ends RealTime; the hand takes calls again."""
+        """Ends RealTime, and a run of another thread with its next block; the hand takes calls again."""
     def __enter__(self) -> RealTime: ...
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None, /
@@ -211,6 +211,12 @@ class Bus:
     @classmethod
     def through(cls, hand: Hand, limit: float = 2.0) -> Bus:
         """Speaks to a hand's boards by packets; the hand takes no other calls afterwards."""
+    def disconnect(self) -> None:
+        """Closes the connection, once a call of another thread has ended."""
+    def __enter__(self) -> Bus: ...
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None, /
+    ) -> None: ...
     def send(self, id: int, data: bytes, limit: float = 1.0) -> None:
         """Sends a frame (docs/wire.md)."""
     def receive(self, limit: float = 1.0) -> tuple[int, bytes] | None:

@@ -1,0 +1,126 @@
+//! A connection that threads of Python use in turn. Waits and calls are without the GIL.
+
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use wraptor::turns::Turn;
+use wraptor::{CallError, Deadline, NoTurn, Progress, Turns};
+
+use crate::call::{Watch, limit};
+use crate::errors::{self, Raised};
+
+/// Longer than any call.
+const LONGEST: Duration = Duration::from_secs(1_000_000_000);
+
+enum Place<T> {
+    /// Here.
+    Here(Box<T>),
+    /// With a `RealTime`, which brings it back.
+    RealTime,
+    /// Closed, or part of a `Bus`.
+    Closed,
+}
+
+/// A hand or a bus.
+pub struct Connection<T>(Turns<Place<T>>);
+
+impl<T: Send> Connection<T> {
+    pub fn new(connection: T) -> Self {
+        Self(Turns::new(Place::Here(Box::new(connection))))
+    }
+
+    fn turn(&self, deadline: &Deadline) -> PyResult<Turn<'_, Place<T>>> {
+        self.0.take(deadline).map_err(|why| no_turn(why, deadline.limit()))
+    }
+
+    /// Runs a call; `job` gets what is left of the limit.
+    pub fn run<R: Send, E: Raised + Send>(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        job: impl FnOnce(&mut T, Duration) -> Result<R, E> + Send,
+    ) -> PyResult<R> {
+        let limit = limit(seconds)?;
+        let outcome = py.detach(|| {
+            let deadline = Deadline::after(limit);
+            let mut turn = self.turn(&deadline)?;
+            Ok::<_, PyErr>(job(here(&mut turn)?, deadline.remaining()))
+        })?;
+        outcome.map_err(|error| error.raised(py))
+    }
+
+    /// The same with progress, by which ^C ends it.
+    pub fn watched<R: Send>(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        progress: Option<Py<PyAny>>,
+        job: impl FnOnce(&mut T, Duration, &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Result<R, CallError>
+        + Send,
+    ) -> PyResult<R> {
+        let watch = Watch::new(progress);
+        let outcome =
+            self.run(py, seconds, |connection, limit| job(connection, limit, &mut |seen| watch.on(seen)));
+        watch.outcome(outcome)
+    }
+
+    /// Takes the connection out, for RealTime or for good.
+    pub fn take(&self, py: Python<'_>, limit: Duration, is_realtime: bool) -> PyResult<T> {
+        let instead = if is_realtime { Place::RealTime } else { Place::Closed };
+        py.detach(|| {
+            let mut turn = self.turn(&Deadline::after(limit))?;
+            here(&mut turn)?;
+            match std::mem::replace(&mut *turn, instead) {
+                Place::Here(connection) => Ok(*connection),
+                // It was here.
+                Place::RealTime | Place::Closed => Err(errors::panicked()),
+            }
+        })
+    }
+
+    /// Brings the connection back from RealTime; one that was closed meanwhile is dropped.
+    pub fn bring_back(&self, connection: T) {
+        if let Ok(mut turn) = self.0.take(&Deadline::after(LONGEST))
+            && matches!(*turn, Place::RealTime)
+        {
+            *turn = Place::Here(Box::new(connection));
+        }
+    }
+
+    /// Closes the connection, once a running call has ended.
+    pub fn close(&self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| match self.0.take(&Deadline::after(LONGEST)) {
+            Ok(mut turn) => {
+                *turn = Place::Closed;
+                Ok(())
+            }
+            Err(NoTurn::Closed) => Ok(()),
+            Err(why) => Err(no_turn(why, LONGEST)),
+        })
+    }
+}
+
+fn here<T>(place: &mut Place<T>) -> PyResult<&mut T> {
+    match place {
+        Place::Here(connection) => Ok(connection),
+        Place::RealTime => Err(PyRuntimeError::new_err("the hand is in RealTime\n  next: call its end()")),
+        Place::Closed => Err(closed()),
+    }
+}
+
+fn closed() -> PyErr {
+    PyRuntimeError::new_err("the connection is closed\n  next: connect again")
+}
+
+/// The exception of a call that does not get its turn.
+pub fn no_turn(why: NoTurn, limit: Duration) -> PyErr {
+    match why {
+        NoTurn::Own => PyRuntimeError::new_err(
+            "the connection is in use by the call whose callback this is\n  next: return from the callback first; False ends the call",
+        ),
+        NoTurn::Late => Python::attach(|py| errors::late(py, limit)),
+        NoTurn::Closed => closed(),
+    }
+}
