@@ -37,7 +37,7 @@ typedef uint32_t DWORD;
 /* The last known values, propertyList[node][property], nodes 1 to 7. */
 #define propertyList (wraptor_property_list())
 
-/* Where discoverGrasper asks: NULL for the network of the default route and this machine, or "HOST:PORT" for another network's broadcast address. */
+/* Where discoverGrasper asks: NULL for the network of the default route and this machine, or "ADDRESS:PORT" for another network's broadcast address. */
 #ifndef WRAPTOR_COMPAT_PLACE
 #define WRAPTOR_COMPAT_PLACE NULL
 #endif
@@ -76,6 +76,11 @@ static inline void WRAPTOR_COMPAT_CLOSE(SOCKET g, const char *nodes)
     wraptor_compat_checked(wraptor_close(g, nodes, WRAPTOR_ENDLESS));
 }
 
+#if defined(__cplusplus) && defined(__LP64__)
+/* A SOCKET is no file: closesocket closes it. */
+int close(SOCKET) = delete;
+#endif
+
 #ifndef __cplusplus
 #define open(g, nodes) wraptor_compat_open(g, nodes)
 #define close(g, nodes) wraptor_compat_close(g, nodes)
@@ -94,7 +99,7 @@ static inline void delay(DWORD ms)
 /* Writes at most 18 bytes to mac and 16 to ipaddress. Returns 0, or a number of enum wraptor_error. */
 static inline int discoverGrasper(char mac[], char ipaddress[], int *port)
 {
-    return wraptor_compat_checked(wraptor_discover_grasper(
+    return (int)wraptor_compat_checked(wraptor_discover_grasper(
         WRAPTOR_COMPAT_PLACE, mac, 18, ipaddress, 16, port, WRAPTOR_COMPAT_DISCOVER_MS));
 }
 
@@ -112,7 +117,7 @@ static inline int downloadFirmware(SOCKET g, const char *nodes, const char *fnam
     enum wraptor_error error =
         wraptor_download_firmware(g, nodes, fname, wraptor_compat_percent, NULL, WRAPTOR_ENDLESS);
     printf("\n");
-    return wraptor_compat_checked(error);
+    return (int)wraptor_compat_checked(error);
 }
 
 static inline void findZero(SOCKET g, const char *nodes)

@@ -17,7 +17,7 @@ pub enum wraptor_error {
     WRAPTOR_BAD_HANDLE = 2,
     /// An argument is wrong, such as an unknown node or a value out of range, or a callback uses its own connection; nothing was sent.
     WRAPTOR_INVALID = 3,
-    /// Not done within the limit. Motions were told to abort.
+    /// Not done within the limit. A motion or a line of the language was told to abort; a get or a wait stops no motor.
     WRAPTOR_TIMED_OUT = 4,
     /// The connection is lost.
     WRAPTOR_LOST = 5,

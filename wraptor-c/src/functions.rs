@@ -4,6 +4,7 @@
 //! for ever.
 
 use std::ffi::{c_char, c_int};
+use std::net::Ipv6Addr;
 use std::time::Duration;
 
 use tater_wire::Property;
@@ -26,6 +27,8 @@ pub extern "C" fn wraptor_ws_init() -> wraptor_error {
 
 /// Closes all connections, and waits until calls of other threads and the threads of `wraptor_start_thread` have ended (the manual's ws_down). A
 /// connection that another thread is making ends with WRAPTOR_CANCELLED.
+///
+/// A thread that calls this is not waited for.
 ///
 /// Errors: WRAPTOR_TIMED_OUT if a call or a thread goes on; WRAPTOR_INVALID in a callback.
 // SAFETY: no other symbol has this name.
@@ -67,8 +70,13 @@ pub unsafe extern "C" fn wraptor_tcp_connect(
         if hand.is_null() {
             return Err(Problem::null("hand"));
         }
-        // IPv6.
-        let host = if host.contains(':') { format!("[{host}]") } else { host.to_owned() };
+        let is_ipv6 = host.parse::<Ipv6Addr>().is_ok();
+        if host.is_empty() || host.contains(':') && !is_ipv6 {
+            let expected =
+                "expected a name or an address such as 192.168.1.10, and the port as an argument of its own";
+            return Err(Problem::invalid(&format!("host: found {host:?}, {expected}")));
+        }
+        let host = if is_ipv6 { format!("[{host}]") } else { host.to_owned() };
         let connect = Connect::tcp(&format!("{host}:{port}")).boards(Boards::Any);
         let number = slot::insert(|| Ok(connect.connect(deadline(limit_ms).remaining())?))?;
         // SAFETY: the caller's promise.
@@ -76,7 +84,8 @@ pub unsafe extern "C" fn wraptor_tcp_connect(
     })
 }
 
-/// Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for.
+/// Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for. Motors stop, as after ^C, unless
+/// characters of `wraptor_tcp_msg` came last, which the hand finishes.
 ///
 /// Errors: WRAPTOR_BAD_HANDLE; WRAPTOR_TIMED_OUT if that call goes on, with which the connection then ends; WRAPTOR_INVALID in a callback of this
 /// connection.
@@ -139,9 +148,9 @@ pub unsafe extern "C" fn wraptor_command(
     size: usize,
     limit_ms: u32,
 ) -> wraptor_error {
+    // SAFETY: the caller's promise.
+    unsafe { store_text(answer, size, "") };
     with_hand(hand, limit_ms, |call| {
-        // SAFETY: the caller's promise.
-        unsafe { store_text(answer, size, "") };
         // SAFETY: the caller's promise.
         let message = unsafe { text("message", message) }?;
         let lines =
@@ -186,7 +195,8 @@ pub unsafe extern "C" fn wraptor_get(
     })
 }
 
-/// Sets a property of boards (the manual's set).
+/// Sets a property of boards (the manual's set). WRAPTOR_OK says that the boards have received it: a locked property, or a MODE that a board
+/// refuses, keeps its value, which `wraptor_get` reads.
 ///
 /// Errors: WRAPTOR_INVALID if the property cannot be set or the value is out of range; WRAPTOR_STATUS with ERR 1 if a board sleeps or is silent.
 ///
@@ -208,7 +218,8 @@ pub unsafe extern "C" fn wraptor_set(
     })
 }
 
-/// Waits until a property of all boards has a value (the manual's waitFor). What it reads is recorded in the list of property values.
+/// Waits until a property of all boards has a value (the manual's waitFor). What it reads is recorded in the list of property values. Its limit
+/// stops no motor.
 ///
 /// # Safety
 /// `nodes` is NULL or a string.

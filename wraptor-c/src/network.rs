@@ -16,7 +16,7 @@ use crate::slot::wraptor_hand;
 /// Longest file, bytes: several times a `.tek` file that fills a board.
 const LONGEST: u64 = 4 << 20;
 
-/// Called at least every 200 ms with how much has been sent to a board. Returns 0 to cancel.
+/// Called some five times a second with how much has been sent to a board. Returns 0 to cancel.
 // SAFETY: who passes one promises that it may be called like this.
 pub type wraptor_on_download =
     Option<unsafe extern "C" fn(context: *mut c_void, node: c_int, percent: c_int) -> c_int>;
@@ -25,9 +25,9 @@ pub type wraptor_on_download =
 const MAC: usize = 18;
 const ADDRESS: usize = 16;
 
-/// Finds the hand in the network by a UDP broadcast (the manual's discoverGrasper), listening for the whole limit. `place` is NULL, or HOST:PORT for
-/// questions to that address alone, such as the broadcast address of another network, port 30718. Stores the hardware address (`mac`, 18 bytes with
-/// its zero, empty if the hand does not tell it), the IP address (`address`, 16 bytes) and the port.
+/// Finds the hand in the network by a UDP broadcast (the manual's discoverGrasper), listening for the whole limit. `place` is NULL, or an IPv4
+/// ADDRESS:PORT for questions to it alone, such as the broadcast address of another network, port 30718. Stores the hardware address (`mac`, 18 bytes with
+/// its zero, empty if the hand does not tell it), the IP address (`address`, 16 bytes) and the port; empty texts and 0 after an error.
 ///
 /// Errors: WRAPTOR_NOT_CONNECTED if no hand answers, or more than one.
 ///
@@ -61,6 +61,12 @@ pub unsafe extern "C" fn wraptor_discover_grasper(
             if size < least {
                 return Err(Problem::invalid(&format!("{name}: found {size}, expected {least} or more")));
             }
+        }
+        // SAFETY: the caller's promise.
+        unsafe {
+            store_text(mac, mac_size, "");
+            store_text(address, address_size, "");
+            store("port", port, 0)?;
         }
         let found = only(discover(&places, deadline(limit_ms).remaining())?)?;
         let hardware = found

@@ -10,7 +10,7 @@ use wraptor::{Deadline, Hand, NoTurn, Turns};
 
 use crate::error::{Problem, wraptor_error};
 
-/// A connection. Numbers are not used again.
+/// A connection. Numbers are not used again, and are larger than any file descriptor: read, write and close of POSIX refuse them.
 pub type wraptor_hand = isize;
 
 pub(crate) struct Slot {
@@ -21,7 +21,10 @@ pub(crate) struct Slot {
 }
 
 static SLOTS: Mutex<BTreeMap<wraptor_hand, Arc<Slot>>> = Mutex::new(BTreeMap::new());
-static NEXT: AtomicIsize = AtomicIsize::new(1);
+/// Linux has at most 2^30 descriptors, and a process 2^20 unless it is told otherwise.
+const FIRST: wraptor_hand = 1 << 30;
+
+static NEXT: AtomicIsize = AtomicIsize::new(FIRST);
 
 /// How often all connections have been closed: a connect that began before is closed, too.
 static CLOSED_ALL: AtomicUsize = AtomicUsize::new(0);

@@ -1,6 +1,7 @@
 //! Threads for `CreateThread` of the compatibility header.
 
 use std::ffi::c_void;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
@@ -16,6 +17,9 @@ pub type wraptor_thread_function = Option<unsafe extern "C" fn(argument: *mut c_
 
 /// Threads, each with what tells its end.
 static THREADS: Mutex<Vec<(JoinHandle<()>, Receiver<()>)>> = Mutex::new(Vec::new());
+
+/// Threads that have had a number.
+static STARTED: AtomicU32 = AtomicU32::new(0);
 
 /// An argument that only the thread's function looks at.
 struct Argument(*mut c_void);
@@ -37,6 +41,8 @@ pub unsafe extern "C" fn wraptor_start_thread(
     border(|| {
         let function = function.ok_or_else(|| Problem::null("function"))?;
         let argument = Argument(argument);
+        // Dropping the handle of a thread that has ended frees its stack.
+        THREADS.lock().unwrap_or_else(PoisonError::into_inner).retain(|(thread, _)| !thread.is_finished());
         let (end, ended) = sync_channel::<()>(0);
         let run = move || {
             // The whole of `argument`, so that it is sent as such.
@@ -53,9 +59,11 @@ pub unsafe extern "C" fn wraptor_start_thread(
         })?;
         let mut threads = THREADS.lock().unwrap_or_else(PoisonError::into_inner);
         threads.push((thread, ended));
+        drop(threads);
         if !id.is_null() {
+            let number = STARTED.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
             // SAFETY: the caller's promise.
-            unsafe { store("id", id, u32::try_from(threads.len()).unwrap_or(u32::MAX)) }?;
+            unsafe { store("id", id, number) }?;
         }
         Ok(())
     })

@@ -203,7 +203,7 @@ impl Bus {
         let set = set.ok_or_else(|| Failure::Invalid("a value of 32 bits".to_owned()))?.frame();
         self.try_send(&set, deadline)?;
         let changes = [Property::STAT, Property::MODE, Property::P, Property::V, Property::T];
-        if property.rules().access != Access::ReadWrite || changes.contains(&property) {
+        if property.rules().access == Access::WriteOnly || changes.contains(&property) {
             return Ok(());
         }
         match self.try_get(node, property, deadline)? {

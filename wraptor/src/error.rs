@@ -8,6 +8,9 @@ use god::status;
 use tater_wire::download::DownloadError;
 use tater_wire::{FaultCode, Node};
 
+/// Most characters of a caller's argument in an error's text: a line of the language has 160.
+const SHOWN: usize = 160;
+
 /// A hand, adapter or bus that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConnectError {
@@ -128,7 +131,7 @@ impl fmt::Display for Cause {
 
 impl fmt::Display for ConnectError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}\n  next: {}", self.place, self.cause, self.cause.next_step())
+        write!(f, "{}: {}\n  next: {}", Shown(&self.place), self.cause, self.cause.next_step())
     }
 }
 
@@ -149,7 +152,8 @@ pub struct CallError {
 pub enum Failure {
     /// An argument is wrong: nothing was sent. Holds what is expected.
     Invalid(String),
-    /// The hand or the boards did not finish within the deadline. A motion of the hand was told to abort.
+    /// The hand or the boards did not finish within the deadline. A motion or a line of the language was told to abort; reading and waiting for a
+    /// value stop no motor.
     TimedOut(Duration),
     /// The connection is lost. Holds how.
     Lost(String),
@@ -194,7 +198,7 @@ impl Failure {
     pub fn next_step(&self) -> String {
         match self {
             Self::Invalid(_) => "correct the argument; nothing was sent".to_owned(),
-            Self::TimedOut(_) => "give it a longer limit, or read the boards' ERROR (1234567 G ERROR) for what stopped a motor".to_owned(),
+            Self::TimedOut(_) => "give it a longer limit; if a motor should have moved, read the boards' ERROR (1234567 G ERROR)".to_owned(),
             Self::Lost(_) => "check power and cable, and connect again".to_owned(),
             Self::Cancelled => "motors stand or hold by HOLD; the next call may follow".to_owned(),
             Self::Status(status) if status.has(Status::NOT_INITIALIZED) => "call init (HI)".to_owned(),
@@ -210,7 +214,7 @@ impl Failure {
                     .to_owned()
             }
             Self::NotTaken { .. } => {
-                "see docs/properties.md for range and access; a sleeping board obeys few properties"
+                "see docs/properties.md for range and access: a locked property wants LOCK first, a sleeping board obeys few"
                     .to_owned()
             }
             Self::NotReached { fault: Some(fault), .. } => fault.row().next.to_owned(),
@@ -251,11 +255,24 @@ impl fmt::Display for Failure {
 
 impl fmt::Display for CallError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}\n  next: {}", self.call, self.failure, self.failure.next_step())
+        write!(f, "{}: {}\n  next: {}", Shown(&self.call), self.failure, self.failure.next_step())
     }
 }
 
 impl std::error::Error for CallError {}
+
+/// The beginning of what a caller gave, without what a terminal obeys.
+struct Shown<'a>(&'a str);
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut characters = self.0.chars();
+        for c in characters.by_ref().take(SHOWN) {
+            if c.is_control() { write!(f, "{}", c.escape_default())? } else { write!(f, "{c}")? }
+        }
+        f.write_str(if characters.next().is_some() { "..." } else { "" })
+    }
+}
 
 /// `nodes 1, 5`.
 struct Nodes<'a>(&'a [Node]);
@@ -278,4 +295,19 @@ pub(crate) fn whole_ms(limit: Duration) -> Duration {
 /// The beginning of received bytes, for an error: any byte is a character.
 pub(crate) fn beginning(bytes: &[u8]) -> String {
     bytes.iter().take(80).map(|&byte| char::from(byte)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_of_an_error_is_short_and_obeyed_by_no_terminal() {
+        let text = |call: &str| CallError { call: call.to_owned(), failure: Failure::Refused }.to_string();
+        assert!(text("1\u{1b}[2J\n G P").starts_with("1\\u{1b}[2J\\n G P: the adapter"));
+        assert!(text(&"1".repeat(161)).starts_with(&format!("{}...: ", "1".repeat(160))));
+        let error =
+            CallError { call: "HI".to_owned(), failure: Failure::TimedOut(Duration::from_nanos(99_999_879)) };
+        assert!(error.to_string().starts_with("HI: not done within 100ms\n"));
+    }
 }

@@ -1,24 +1,25 @@
 //! A hand: commands of its language, parameters of its motors, properties of its boards.
 //!
-//! Every call has a limit, after which it returns [`Failure::TimedOut`] and the hand aborts what it runs. Dropping a [`Hand`] closes the
-//! connection and ends its thread; the hand then aborts as after ^C.
+//! Every call has a limit, after which it returns [`Failure::TimedOut`]. A motion and a line of the language are aborted then; what only reads
+//! or waits for a value stops no motor. Dropping a [`Hand`] sends ^C, which stops motors, closes the connection and ends its thread.
 
 use std::ops::ControlFlow;
-use std::sync::Weak;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use god::boards::parse_report;
 use god::motors::Prefix;
 use god::parameter;
 use tater_wire::property::Access;
-use tater_wire::{FaultCode, Frame, Node, Property};
+use tater_wire::{FaultCode, Frame, ModeCode, Node, Property};
 
 use crate::deadline::Deadline;
 use crate::download::{self, Link, OnDownload};
 use crate::error::{CallError, Failure};
 use crate::firmware::Firmware;
 use crate::port::Out;
-use crate::session::{ABORT, Session};
+use crate::session::{ABORT, Answer, Session};
 
 mod connect;
 mod manual;
@@ -71,7 +72,10 @@ pub enum BoardState {
 
 /// Aborts what a [`Hand`] runs, from another thread. After the hand is dropped it does nothing.
 #[derive(Clone)]
-pub struct Canceller(Weak<Out>);
+pub struct Canceller {
+    out: Weak<Out>,
+    was_used: Arc<AtomicBool>,
+}
 
 impl Canceller {
     /// Sends ^C: the running call returns [`Failure::Cancelled`], and motors stop as HOLD demands.
@@ -79,7 +83,8 @@ impl Canceller {
     /// # Errors
     /// The connection does not take it within a second.
     pub fn cancel(&self) -> Result<(), CallError> {
-        let Some(out) = self.0.upgrade() else { return Ok(()) };
+        let Some(out) = self.out.upgrade() else { return Ok(()) };
+        self.was_used.store(true, Ordering::SeqCst);
         out.write(&[ABORT], &Deadline::after(Duration::from_secs(1)))
             .map_err(|error| CallError { call: "^C".to_owned(), failure: Failure::Lost(error.to_string()) })
     }
@@ -90,6 +95,14 @@ pub struct Hand {
     session: Session,
     place: String,
     version: u16,
+    /// Whether a canceller was used since the last move of fingers began.
+    was_cancelled: Arc<AtomicBool>,
+}
+
+impl Drop for Hand {
+    fn drop(&mut self) {
+        self.session.hang_up();
+    }
 }
 
 impl Hand {
@@ -108,10 +121,10 @@ impl Hand {
     /// A handle to abort this hand's calls from another thread.
     #[must_use]
     pub fn canceller(&self) -> Canceller {
-        Canceller(self.session.port().out())
+        Canceller { out: self.session.port().out(), was_used: Arc::clone(&self.was_cancelled) }
     }
 
-    /// Closes the connection. As dropping it.
+    /// Closes the connection. As dropping it: motors stop, but after bytes of [`Self::write`] that no call has followed, which the hand finishes.
     pub fn disconnect(self) {}
 
     /// Runs a line of the language and returns what it prints.
@@ -132,12 +145,20 @@ impl Hand {
         limit: Duration,
         progress: OnProgress,
     ) -> Result<Vec<String>, CallError> {
+        if line.trim_end().to_ascii_uppercase().ends_with("LOOP") {
+            let failure =
+                Failure::Invalid("a line that ends with its answer; RealTime is Hand::realtime's".to_owned());
+            return Err(CallError { call: line.to_owned(), failure });
+        }
         let on_tick = &mut |elapsed| progress(&Progress { elapsed, values: Vec::new() });
         let answer = self.session.run(line, limit, on_tick)?;
-        match answer.status.is_ok() {
-            true => Ok(answer.lines),
-            false => Err(CallError { call: line.to_owned(), failure: Failure::Status(answer.status) }),
-        }
+        succeeded(line, answer)
+    }
+
+    /// Runs a line that moves nothing: the end of its limit stops no motor.
+    fn ask(&mut self, line: &str, limit: Duration) -> Result<Vec<String>, CallError> {
+        let answer = self.session.ask(line, limit)?;
+        succeeded(line, answer)
     }
 
     /// Writes bytes as they are, without waiting for an answer (the manual's tcp_msg). Bytes that make a line or a packet make an answer,
@@ -224,7 +245,7 @@ impl Hand {
     /// Those of every call.
     pub fn boards(&mut self, limit: Duration) -> Result<[BoardState; 7], CallError> {
         let line = format!("{NODES} G STAT");
-        let answer = self.session.run(&line, limit, &mut |_| ControlFlow::Continue(()))?;
+        let answer = self.session.ask(&line, limit)?;
         let mut states = [BoardState::Silent; 7];
         for (node, stat) in values(&answer.lines, Property::STAT) {
             let place = usize::from(node.number()).checked_sub(1).and_then(|index| states.get_mut(index));
@@ -353,7 +374,7 @@ impl Hand {
             (of == property && wanted.contains(&motor.node())).then_some((motor.node(), value))
         };
         self.session.take_frames(of_packet);
-        let answer = self.session.run(&call, limit, &mut |_| ControlFlow::Continue(()))?;
+        let answer = self.session.ask(&call, limit)?;
         let mut values = values(&answer.lines, property);
         values.extend(self.session.take_frames(of_packet));
         let silent = |node: &Node| values.iter().all(|(of, _)| of != node);
@@ -368,7 +389,8 @@ impl Hand {
     /// Sets a property of boards, in the units of docs/properties.md.
     ///
     /// # Errors
-    /// A value out of range or a property that cannot be set, before anything is sent; ERR 1: a board sleeps or is silent.
+    /// A value out of range or a property that cannot be set, before anything is sent; ERR 1: a board sleeps or is silent;
+    /// [`Failure::NotTaken`]: a locked property was not unlocked.
     pub fn set(
         &mut self,
         nodes: &str,
@@ -384,10 +406,19 @@ impl Hand {
             // The language's M is MODE.
             return Err(failed(Failure::Invalid("E, then MODE 5: over the hand M cannot be set".to_owned())));
         }
-        self.command(&call, limit).map(drop)
+        let deadline = Deadline::after(limit);
+        self.command(&call, limit)?;
+        if property.rules().access != Access::Locked {
+            return Ok(());
+        }
+        let held = self.get(nodes, property, deadline.remaining()).map_err(of_step(limit))?;
+        match held.into_iter().find(|(_, found)| *found != value) {
+            Some((node, found)) => Err(failed(Failure::NotTaken { node, found })),
+            None => Ok(()),
+        }
     }
 
-    /// Polls a property until all boards have a value (the manual's waitFor). The progress has the values.
+    /// Polls a property until all boards have a value (the manual's waitFor). The progress has the values. Its end stops no motor.
     ///
     /// # Errors
     /// Those of [`Self::get`]; [`Failure::TimedOut`]; [`Failure::Cancelled`].
@@ -425,7 +456,7 @@ impl Hand {
         let line = motor_parameter(motors, name)
             .map(|(prefix, name)| format!("{prefix}FGET {name}"))
             .map_err(|failure| CallError { call: format!("FGET {name}"), failure })?;
-        let lines = self.command(&line, limit)?;
+        let lines = self.ask(&line, limit)?;
         numbers(&line, &lines)
     }
 
@@ -458,7 +489,7 @@ impl Hand {
         if parameter::hand(&name.to_ascii_uppercase()).is_none() {
             return Err(CallError { call: line, failure: unknown(name, "PLISTA") });
         }
-        let lines = self.command(&line, limit)?;
+        let lines = self.ask(&line, limit)?;
         let number = numbers(&line, &lines)?.first().copied();
         number.ok_or_else(|| CallError { call: line, failure: Failure::Unexpected(lines.join("\n")) })
     }
@@ -562,11 +593,25 @@ pub(crate) fn settable(property: Property, value: i64) -> Result<(), Failure> {
     if rules.access == Access::ReadOnly {
         return Err(Failure::Invalid("a property that can be set".to_owned()));
     }
-    in_range(value, rules.min(), rules.max())
+    match property {
+        Property::MODE if ModeCode::of(value).is_none() => {
+            Err(Failure::Invalid("0, 2, 3, 4 or 5, the modes of docs/properties.md".to_owned()))
+        }
+        Property::STAT if !matches!(value, 0 | 2) => Err(Failure::Invalid("0 or 2".to_owned())),
+        _ => in_range(value, rules.min(), rules.max()),
+    }
 }
 
 pub(crate) fn name(property: Property) -> &'static str {
     property.row().name
+}
+
+/// The lines of an answer that is no error.
+fn succeeded(line: &str, answer: Answer) -> Result<Vec<String>, CallError> {
+    match answer.status.is_ok() {
+        true => Ok(answer.lines),
+        false => Err(CallError { call: line.to_owned(), failure: Failure::Status(answer.status) }),
+    }
 }
 
 /// Nodes 1 to 7 as digits, each once.

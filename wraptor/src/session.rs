@@ -25,6 +25,15 @@ const MAX_LINE: usize = 160;
 /// Longest answer; the longest of the hand, FLISTAV, has under 4 KiB.
 const MAX_ANSWER: usize = 1 << 16;
 
+/// Most pieces that are received without waiting: a peer that sends without an end keeps no call.
+const AT_ONCE: usize = 64;
+
+/// Time for the prompt after ^C.
+const CANCELLED: Duration = Duration::from_secs(1);
+
+/// Limit of the last ^C.
+const LAST: Duration = Duration::from_millis(100);
+
 /// Interval of progress during a call.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -56,6 +65,8 @@ pub(crate) struct Session {
     is_behind: bool,
     /// Whether the caller has written a line without its CR.
     is_line_open: bool,
+    /// Whether the caller has written bytes of its own since the last line of a call.
+    has_own_bytes: bool,
     markers: u32,
 }
 
@@ -70,6 +81,7 @@ impl Session {
             reports: VecDeque::new(),
             is_behind: false,
             is_line_open: false,
+            has_own_bytes: false,
             markers: 0,
         }
     }
@@ -106,11 +118,25 @@ impl Session {
     /// Those of [`Self::write`].
     pub fn write_raw(&mut self, bytes: &[u8], deadline: &Deadline) -> Result<(), Failure> {
         self.is_line_open = !matches!(bytes.last(), None | Some(b'\r' | &ABORT));
+        self.has_own_bytes = true;
         self.write(bytes, deadline)
     }
 
-    /// Receives until the deadline or the first bytes; `false` at the deadline.
+    /// Receives until the deadline or the first bytes; `false` at the deadline, also if more has arrived.
     pub fn receive(&mut self, deadline: &Deadline) -> Result<bool, Failure> {
+        if deadline.is_over() { Ok(false) } else { self.receive_next(deadline) }
+    }
+
+    /// Receives what has arrived.
+    fn receive_arrived(&mut self) -> Result<(), Failure> {
+        let mut pieces = 0;
+        while pieces < AT_ONCE && self.receive_next(&Deadline::after(Duration::ZERO))? {
+            pieces += 1;
+        }
+        Ok(())
+    }
+
+    fn receive_next(&mut self, deadline: &Deadline) -> Result<bool, Failure> {
         match self.port.receive(deadline) {
             Ok(Some(Event::Bytes(bytes))) => self.inbox.extend(bytes),
             Ok(Some(Event::Frame(_) | Event::Gone(_))) => {}
@@ -139,8 +165,10 @@ impl Session {
 
     /// The oldest frame that boards have sent in a packet; `None` at the deadline.
     pub fn frame(&mut self, deadline: &Deadline) -> Result<Option<Frame>, Failure> {
+        self.receive_arrived()?;
         loop {
             while self.next_output().is_some_and(|output| self.report(&output)) {}
+            self.check_length()?;
             if let Some(frame) = self.frames.pop_front() {
                 return Ok(Some(frame));
             }
@@ -201,21 +229,43 @@ impl Session {
         Some(output)
     }
 
+    /// More text than an answer has.
+    fn check_length(&self) -> Result<(), Failure> {
+        if self.text.len() > MAX_ANSWER { Err(Failure::Unexpected(beginning(&self.text))) } else { Ok(()) }
+    }
+
     /// Sends a line and waits for its prompt.
     ///
     /// # Errors
     /// A line that the hand would not take; no prompt by the deadline, and then the command is aborted; cancelled; the connection is lost.
     pub fn run(&mut self, line: &str, limit: Duration, on_tick: OnTick) -> Result<Answer, CallError> {
         let deadline = Deadline::after(limit);
-        let outcome = self.run_until(line, &deadline, on_tick);
+        let outcome = self.run_until(line, &deadline, on_tick).or_else(|failure| {
+            if matches!(failure, Failure::TimedOut(_)) {
+                self.abort()?;
+            }
+            Err(failure)
+        });
+        outcome.map_err(|failure| CallError { call: line.to_owned(), failure })
+    }
+
+    /// The same for a line that moves nothing: at the deadline nothing is aborted.
+    ///
+    /// # Errors
+    /// The others.
+    pub fn ask(&mut self, line: &str, limit: Duration) -> Result<Answer, CallError> {
+        let outcome = self.run_until(line, &Deadline::after(limit), &mut |_| ControlFlow::Continue(()));
         outcome.map_err(|failure| CallError { call: line.to_owned(), failure })
     }
 
     fn run_until(&mut self, line: &str, deadline: &Deadline, on_tick: OnTick) -> Result<Answer, Failure> {
         check(line)?;
         self.catch_up(deadline)?;
+        // Until its prompt has come.
+        self.is_behind = true;
+        self.has_own_bytes = false;
         self.write(format!("{line}\r").as_bytes(), deadline)?;
-        let mut is_cancelled = false;
+        let (mut is_cancelled, mut deadline) = (false, *deadline);
         loop {
             while let Some(output) = self.next_output() {
                 // A report is printed on a new line, and not before a prompt.
@@ -223,6 +273,7 @@ impl Session {
                     self.report(&output);
                     continue;
                 };
+                self.is_behind = false;
                 let answer = answer(rest);
                 if answer.lines.last().is_some_and(|line| line.starts_with("ERR ")) {
                     return Err(Failure::Unexpected(beginning(rest)));
@@ -232,11 +283,8 @@ impl Session {
                     false => Ok(answer),
                 };
             }
-            if self.text.len() > MAX_ANSWER {
-                return Err(Failure::Unexpected(beginning(&self.text)));
-            }
+            self.check_length()?;
             if deadline.is_over() {
-                self.abort()?;
                 return Err(match is_cancelled {
                     true => Failure::Cancelled,
                     false => Failure::TimedOut(deadline.limit()),
@@ -245,8 +293,18 @@ impl Session {
             let is_tick = !self.receive(&deadline.within(TICK))?;
             if is_tick && !is_cancelled && on_tick(deadline.elapsed()).is_break() {
                 is_cancelled = true;
-                self.write(&[ABORT], deadline)?;
+                deadline = deadline.within(CANCELLED);
+                self.write(&[ABORT], &deadline)?;
             }
+        }
+    }
+
+    /// Sends ^C at the end of a connection, so that motors stop, unless the caller's own bytes may still be on their way: a hand takes them, and
+    /// then the end.
+    pub fn hang_up(&mut self) {
+        if !self.has_own_bytes {
+            // Nobody is told any more.
+            let _ = self.write(&[ABORT], &Deadline::after(LAST));
         }
     }
 
@@ -279,6 +337,7 @@ impl Session {
                     self.report(&output);
                 }
             }
+            self.check_length()?;
             if !self.receive(deadline)? {
                 return Err(Failure::TimedOut(deadline.limit()));
             }
@@ -306,6 +365,7 @@ impl Session {
                     }
                 }
             }
+            self.check_length()?;
             if !self.receive(deadline)? {
                 self.abort()?;
                 return Err(Failure::TimedOut(deadline.limit()));
@@ -322,9 +382,7 @@ impl Session {
             if let Some(output) = self.next_output() {
                 return Ok(answer(&output));
             }
-            if self.text.len() > MAX_ANSWER {
-                return Err(Failure::Unexpected(beginning(&self.text)));
-            }
+            self.check_length()?;
             if !self.receive(deadline)? {
                 return Err(Failure::TimedOut(deadline.limit()));
             }

@@ -37,9 +37,18 @@ impl Slcan {
             let mut received = Vec::new();
             loop {
                 match slcan.next_line(deadline) {
+                    // An echo is no answer.
+                    Ok(Some(Some(line)))
+                        if line.len() > 1 && name.as_bytes().starts_with(&line)
+                            || line == name.as_bytes() =>
+                    {
+                        return Err(Cause::NotAHand(beginning(&line)));
+                    }
                     Ok(Some(Some(line))) if name != "V" || line.starts_with(b"V") => break,
                     Ok(Some(None)) if name != "V" => return Err(Cause::Refused(name.to_owned())),
-                    Ok(Some(line)) => received.extend(line.unwrap_or_default()),
+                    Ok(Some(_)) if deadline.is_over() => return Err(Cause::NotAHand(beginning(&received))),
+                    Ok(Some(line)) if received.len() < LONGEST => received.extend(line.unwrap_or_default()),
+                    Ok(Some(_)) => {}
                     Ok(None) if received.is_empty() && slcan.line.is_empty() => {
                         return Err(Cause::Silent(deadline.limit()));
                     }
@@ -81,6 +90,10 @@ impl Slcan {
                 Ok(None) => return Ok(None),
                 Err(Gone::Refused(why) | Gone::Lost(why)) => return Err(Failure::Lost(why)),
             }
+            // An adapter that sends without an end keeps no call.
+            if deadline.is_over() && self.lines.is_empty() {
+                return Ok(None);
+            }
         }
     }
 
@@ -91,6 +104,9 @@ impl Slcan {
                 Ok(Some(_)) => {}
                 Ok(None) => return Ok(None),
                 Err(why) => return Err(Gone::Lost(why)),
+            }
+            if deadline.is_over() && self.lines.is_empty() {
+                return Ok(None);
             }
         }
         Ok(self.lines.pop_front())

@@ -10,7 +10,8 @@ use std::time::Duration;
 
 use served::{HANGS, Served};
 use wraptor::{
-    Boards, Bus, CallError, Connect, Control, Failure, Feedback, Format, Hand, Node, Property, no_progress,
+    Boards, Bus, CallError, Connect, Control, Deadline, Failure, Feedback, Format, Hand, Node, Property,
+    no_progress,
 };
 
 fn fast() -> (Served, Hand) {
@@ -22,7 +23,7 @@ fn fast() -> (Served, Hand) {
 fn failure<T: std::fmt::Debug>(result: Result<T, CallError>) -> Failure {
     let error = result.expect_err("it fails");
     let text = error.to_string();
-    assert!(text.starts_with(&error.call) && text.contains("\n  next: "), "{text}");
+    assert!(text.starts_with(error.call.trim_end()) && text.contains("\n  next: "), "{text}");
     error.failure
 }
 
@@ -42,6 +43,74 @@ fn hand_is_homed_moved_and_asked() {
     assert!((0.0..60.0).contains(&hand.temperature(HANGS).expect("a temperature")));
     assert_eq!(hand.faults(HANGS).expect("they answer"), []);
     assert_eq!(hand.hand_parameter("baud", HANGS), Ok(96));
+}
+
+/// Limit of a call to a peer that keeps sending, and when it must be over.
+const LIMIT: Duration = Duration::from_millis(300);
+const OVER: Duration = Duration::from_millis(1300);
+
+#[test]
+fn flood_keeps_no_call_beyond_its_limit() {
+    for flood in [&b"\r\n\r=> "[..], &[0], b"ERR 1\r\n", b"x", &[4, 0x85, 1, 1]] {
+        let address = served::flooding(flood, false);
+        let mut hand = Connect::tcp(&address).boards(Boards::Any).connect(HANGS).expect("like a hand");
+        let calls: [fn(&mut Hand); 6] = [
+            |hand| assert!(hand.set("4", Property::MT, 500, LIMIT).is_err()),
+            |hand| assert!(hand.get("4", Property::P, LIMIT).is_err()),
+            |hand| assert!(hand.save_nodes("4", LIMIT).is_err()),
+            |hand| assert!(hand.find_zero("4", LIMIT, &mut no_progress).is_err()),
+            |hand| assert!(hand.realtime("4", Format::default(), LIMIT).is_err()),
+            // A packet, nothing, or too much text.
+            |hand| _ = hand.receive(LIMIT),
+        ];
+        for (i, call) in calls.into_iter().enumerate() {
+            let deadline = Deadline::after(OVER);
+            call(&mut hand);
+            assert!(!deadline.is_over(), "call {i}, {flood:?}: {:?}", deadline.elapsed());
+        }
+    }
+}
+
+#[test]
+fn flood_of_an_adapter_keeps_no_call_beyond_its_limit() {
+    for flood in [&b"t0851\r"[..], b"\r", b"\x07", b"x", b"V0100\r\r\r"] {
+        let deadline = Deadline::after(OVER);
+        if let Ok(mut bus) = Bus::slcan(&served::flooding(flood, true), LIMIT) {
+            let deadline = Deadline::after(OVER);
+            let _ = bus.receive(LIMIT);
+            assert!(!deadline.is_over(), "receive, {flood:?}: {:?}", deadline.elapsed());
+            let deadline = Deadline::after(OVER);
+            assert!(bus.get(Node::new(4).expect("a node"), Property::P, LIMIT).is_err());
+            assert!(!deadline.is_over(), "get, {flood:?}: {:?}", deadline.elapsed());
+        } else {
+            assert!(!deadline.is_over(), "{flood:?}: {:?}", deadline.elapsed());
+        }
+    }
+}
+
+/// A hand that is told nothing goes on: a move that a SET began, and a wait for its end. Read and waited for in vain, and read to its end.
+#[test]
+fn end_of_a_connection_stops_motors_and_end_of_a_wait_does_not() {
+    let served = Served::hand();
+    let connect = || Hand::connect(served.place("gcl"), HANGS).expect("connected");
+    let mut hand = connect();
+    for (property, value) in [
+        (Property::MOV, 30),
+        (Property::MCV, 30),
+        (Property::MV, 30),
+        (Property::E, 250),
+        (Property::MODE, 5),
+    ] {
+        hand.set("1", property, value, HANGS).expect("set");
+    }
+    assert!(matches!(failure(hand.get("1", Property::P, Duration::from_nanos(1))), Failure::TimedOut(_)));
+    let waits = hand.wait_for("1", Property::P, 250, Duration::from_millis(200), &mut no_progress);
+    assert!(matches!(failure(waits), Failure::TimedOut(_)));
+    assert_eq!(hand.get("1", Property::MODE, HANGS).expect("a mode")[0].1, 5);
+    drop(hand);
+    // A hand that is told nothing finishes what it does for 2 s, 60 counts.
+    let place = connect().get("1", Property::P, HANGS).expect("a position")[0].1;
+    assert!((1..40).contains(&place), "{place}");
 }
 
 /// A board that does not answer ends the wait for a move, and the others are told to stop. The hand is played: it answers no GET.
@@ -69,7 +138,8 @@ fn move_that_cannot_be_watched_is_aborted() {
     assert!(matches!(silent, Failure::Silent(_)), "{silent:?}");
     drop(hand);
     let seen = peer.join().expect("it ends");
-    assert!(seen.ends_with(b"15 G MODE\r\x03"), "{}", String::from_utf8_lossy(&seen));
+    // At once, and at the end of the connection.
+    assert!(seen.ends_with(b"15 G MODE\r\x03\x03"), "{}", String::from_utf8_lossy(&seen));
 }
 
 /// After REPLY 1 boards answer by packets, which are read as well.
@@ -104,11 +174,48 @@ fn properties_are_set_and_read_by_the_table() {
         hand.set_hand_parameter("BAUD", 1, HANGS),
         hand.close("11", HANGS, &mut no_progress),
         hand.command("HI\r", HANGS).map(drop),
+        hand.command("1loop ", HANGS).map(drop),
+        hand.set("5", Property::MODE, 1, HANGS),
+        hand.set("5", Property::STAT, 1, HANGS),
+        hand.set("55", Property::MT, 1, HANGS),
     ] {
         assert!(matches!(failure(refused), Failure::Invalid(_)));
     }
+    // Locked.
+    let untaken = failure(hand.set("45", Property::UPSECS, 0x7FFF_FFFF, HANGS));
+    assert!(matches!(untaken, Failure::NotTaken { node: first, .. } if first == node(4)), "{untaken:?}");
     let wrong = failure(hand.command("FROB", HANGS));
     assert!(matches!(wrong, Failure::Status(status) if status.code() == 32), "{wrong:?}");
+}
+
+#[test]
+fn cancel_ends_a_move_of_fingers_and_soon_a_call_to_a_silent_hand() {
+    let served = Served::hand();
+    let mut hand = Hand::connect(served.place("gcl"), HANGS).expect("connected");
+    let canceller = hand.canceller();
+    let cancelled = hand.move_halls("4", 200, HANGS, &mut |_| {
+        canceller.cancel().expect("sent");
+        ControlFlow::Continue(())
+    });
+    assert_eq!(failure(cancelled), Failure::Cancelled);
+    let proxy = served::Proxy::new(&served, b"SHI\r", served::Cut::Silence);
+    drop(hand);
+    let mut hand = Hand::connect(&proxy.address, HANGS).expect("connected");
+    let deadline = Deadline::after(Duration::from_secs(10));
+    let cancelled = hand.find_zero("S", HANGS, &mut |_| ControlFlow::Break(()));
+    assert!(failure(cancelled) == Failure::Cancelled && !deadline.is_over(), "{:?}", deadline.elapsed());
+}
+
+#[test]
+fn realtime_wants_a_control_for_each_motor() {
+    let (_served, mut hand) = fast();
+    hand.init(HANGS, &mut no_progress).expect("homed");
+    let mut realtime = hand.realtime("G", Format::default(), HANGS).expect("begun");
+    for wrong in [0, 1, 4] {
+        let refused = failure(realtime.exchange(&vec![Control::default(); wrong], HANGS));
+        assert!(matches!(refused, Failure::Invalid(_)), "{refused:?}");
+    }
+    realtime.exchange(&[Control::default(); 3], HANGS).expect("it goes on");
 }
 
 #[test]
@@ -174,7 +281,7 @@ fn realtime_exchanges_blocks_and_leaves_a_prompt() {
     hand.init(HANGS, &mut no_progress).expect("homed");
     let mut realtime = hand.realtime("X1234567", format, HANGS).expect("begun");
     assert_eq!(realtime.axes(), 7);
-    let closing = vec![Control { velocity: 80, gain: 0 }; 3];
+    let closing = vec![Control { velocity: 80, gain: 0 }; 7];
     let mut last = Feedback::default();
     let statistics = realtime.run(100.0, HANGS, |number, feedback| {
         last = feedback.clone();

@@ -46,6 +46,19 @@ fn address_without_a_way_is_unreachable() {
     assert!(matches!(cause(Hand::connect("255.255.255.255:1001", HANGS)), Cause::Unreachable(_)));
 }
 
+#[test]
+fn peer_that_sends_without_an_end_is_no_hand_within_the_limit() {
+    for flood in [&[0][..], b"x", b"OK\r\n", b"\r\n\r=> "] {
+        let deadline = wraptor::Deadline::after(SHORT + Duration::from_secs(1));
+        let cause = cause(Hand::connect(&served::flooding(flood, true), SHORT));
+        assert!(
+            matches!(cause, Cause::NotAHand(_) | Cause::Silent(_) | Cause::WrongFirmware { .. }),
+            "{flood:?}: {cause}"
+        );
+        assert!(!deadline.is_over(), "{flood:?}: {:?}", deadline.elapsed());
+    }
+}
+
 /// A full backlog drops further connections, as a machine does that is off.
 #[test]
 fn machine_that_does_not_answer_is_named_within_its_limit() {
@@ -189,6 +202,18 @@ fn watching_adapter_refuses_to_send() {
     let error = bus.get(nodes(&[4])[0], Property::P, SHORT).expect_err("it only watches");
     assert_eq!(error.failure, Failure::Refused);
     assert!(matches!(bus.require(&nodes(&[4]), SHORT), Err(ConnectError { cause: Cause::InUse(_), .. })));
+}
+
+#[test]
+fn echo_is_no_adapter() {
+    let peer = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = peer.local_addr().expect("its address").to_string();
+    thread::spawn(move || {
+        let stream = peer.accept().expect("a host").0;
+        std::io::copy(&mut &stream, &mut &stream)
+    });
+    let error = Bus::slcan(&address, HANGS).map(|_| ()).expect_err("it is none");
+    assert!(matches!(error.cause, Cause::NotAHand(_)), "{error}");
 }
 
 /// An adapter without 1 Mbit/s, as CAN232 answers: BEL.

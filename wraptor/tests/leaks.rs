@@ -11,7 +11,7 @@ use std::thread;
 use std::time::Duration;
 
 use served::{Cut, HANGS, Proxy, Served, left};
-use wraptor::{Boards, Bus, CallError, Connect, Failure, Format, Hand, Node, Property, no_progress};
+use wraptor::{Boards, Bus, CallError, Connect, Control, Failure, Format, Hand, Node, Property, no_progress};
 
 /// Limit of each call.
 const LIMIT: Duration = Duration::from_millis(300);
@@ -106,7 +106,7 @@ fn lost_hand_ends_each_call_in_time_and_leaves_nothing() {
         hand.init(HANGS, &mut no_progress).expect("homed");
         let failure = in_time("exchange", cut, hand, |hand| {
             let mut realtime = hand.realtime("1", Format::default(), HANGS)?;
-            realtime.exchange(&[], LIMIT).map(drop)
+            realtime.exchange(&[Control::default()], LIMIT).map(drop)
         });
         assert!(is_right(cut, &failure), "exchange, {cut:?}: {failure:?}");
         drop((proxy, served));

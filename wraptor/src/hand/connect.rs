@@ -1,5 +1,6 @@
 //! Connecting to a hand: each step that can fail names its cause.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use tater_wire::Node;
@@ -75,7 +76,7 @@ impl Connect {
         let deadline = Deadline::after(limit);
         let failed = |cause| ConnectError { place: self.place.clone(), cause };
         let session = self.open(&deadline).map_err(failed)?;
-        let mut hand = Hand { session, place: self.place.clone(), version: 0 };
+        let mut hand = Hand { session, place: self.place.clone(), version: 0, was_cancelled: Arc::default() };
         hand.version = version(&mut hand, &deadline).map_err(failed)?;
         prepare(&mut hand, self.boards, &deadline).map_err(failed)?;
         Ok(hand)

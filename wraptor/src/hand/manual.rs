@@ -1,5 +1,6 @@
 //! The manual's functions (7) that are more than one line of the language: move, close, open, command, saveParameters.
 
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use god::Status;
@@ -106,6 +107,7 @@ impl Hand {
                 "fingers 1, 2, 3, or 4 for the spread, such as 13".to_owned(),
             )));
         }
+        self.was_cancelled.store(false, Ordering::SeqCst);
         let (spread, links): (String, String) = fingers.chars().partition(|finger| *finger == '4');
         // The tip of link 1 is node 5.
         let tips: String = links.bytes().map(|byte| char::from(byte + 4)).collect();
@@ -126,6 +128,9 @@ impl Hand {
         let Some((node, end)) = reasons.into_iter().find(|(_, end)| !is_right(*end)) else {
             return Ok(());
         };
+        if self.was_cancelled.load(Ordering::SeqCst) {
+            return Err(failed(Failure::Cancelled));
+        }
         let errors = self
             .get(&node.number().to_string(), Property::ERROR, deadline.remaining())
             .map_err(of_step(limit))?;

@@ -178,11 +178,15 @@ impl RealTime<'_> {
         self.axes
     }
 
-    /// Sends a control block and waits for its feedback. Motors that `controls` lacks get the default.
+    /// Sends a control block, one control for each motor, and waits for its feedback.
     ///
     /// # Errors
-    /// [`Failure::Status`]: the hand has ended RealTime; those of every call, which end it too.
+    /// Another number of controls, before anything is sent; [`Failure::Status`]: the hand has ended RealTime; those of every call, which end it too.
     pub fn exchange(&mut self, controls: &[Control], limit: Duration) -> Result<Feedback, CallError> {
+        if controls.len() != self.axes {
+            let expected = format!("{} controls, one for each motor; found {}", self.axes, controls.len());
+            return Err(CallError { call: self.call.clone(), failure: Failure::Invalid(expected) });
+        }
         let outcome = self.try_exchange(controls, &Deadline::after(limit));
         outcome.map_err(|failure| self.failed(failure))
     }
@@ -200,8 +204,8 @@ impl RealTime<'_> {
             return Err(Failure::Invalid("RealTime that has not ended".to_owned()));
         }
         let mut block = vec![b'C'];
-        for index in 0..self.axes {
-            self.format.push(&controls.get(index).copied().unwrap_or_default(), &mut block);
+        for control in controls {
+            self.format.push(control, &mut block);
         }
         self.session.write(&block, deadline)?;
         let header = self.session.raw(deadline)?;

@@ -100,6 +100,32 @@ pub fn answer_lines(mut peer: TcpStream, script: &[(&str, &str)]) {
     }
 }
 
+/// A peer that connects like a hand, and answers the line after that with bytes without an end. `at_once`: from the start.
+pub fn flooding(bytes: &'static [u8], at_once: bool) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("its address").to_string();
+    thread::spawn(move || {
+        let Ok((mut peer, _)) = listener.accept() else { return };
+        let mut byte = [0];
+        let mut line = Vec::new();
+        while !at_once && matches!(peer.read(&mut byte), Ok(1)) {
+            match (byte, &*line) {
+                ([b'\r'], b"") => _ = peer.write_all(b"\r\n\r=> "),
+                ([b'\r'], b"VERS") => _ = peer.write_all(b"VERS\r\n\r601\r\n\r=> "),
+                ([b'\r'], _) => break,
+                ([byte], _) => {
+                    line.push(byte);
+                    continue;
+                }
+            }
+            line.clear();
+        }
+        let flood = bytes.repeat(4096);
+        while peer.write_all(&flood).is_ok() {}
+    });
+    address
+}
+
 /// The `.tek` text of a sealed application of some bytes.
 pub fn tek(len: usize, version: u32) -> Vec<u8> {
     let mut image = vec![0x5A; len];
