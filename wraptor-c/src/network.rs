@@ -1,7 +1,6 @@
 //! Hands in the network, and firmware for their boards: the manual's discoverGrasper and downloadFirmware.
 
 use std::ffi::{c_char, c_int, c_void};
-use std::io::Read;
 use std::net::SocketAddrV4;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -12,9 +11,6 @@ use wraptor::{Firmware, Found, discover};
 use crate::border::{border, deadline, store, store_text, text, with_hand};
 use crate::error::{Problem, wraptor_error};
 use crate::slot::wraptor_hand;
-
-/// Longest file, bytes: several times a `.tek` file that fills a board.
-const LONGEST: u64 = 4 << 20;
 
 /// Called some five times a second with how much has been sent to a board. Returns 0 to cancel.
 // SAFETY: who passes one promises that it may be called like this.
@@ -122,8 +118,8 @@ pub unsafe extern "C" fn wraptor_download_firmware(
     with_hand(hand, limit_ms, |call| {
         // SAFETY: the caller's promise.
         let (nodes, file) = unsafe { (text("nodes", nodes)?, text("file", file)?) };
-        let firmware =
-            read(file).map_err(|why| Problem::new(wraptor_error::WRAPTOR_FILE, format!("{file}: {why}")))?;
+        let firmware = Firmware::read(Path::new(file))
+            .map_err(|error| Problem::new(wraptor_error::WRAPTOR_FILE, error.to_string()))?;
         let (left, slot) = (call.left(), call.slot);
         call.hand.download(nodes, &firmware, left, &mut |progress| {
             let percent = c_int::try_from(progress.percent()).unwrap_or(100);
@@ -139,24 +135,6 @@ pub unsafe extern "C" fn wraptor_download_firmware(
         })?;
         Ok(())
     })
-}
-
-/// Reads a file of firmware.
-///
-/// # Errors
-/// Why it cannot be used, and the next step.
-fn read(file: &str) -> Result<Firmware, String> {
-    let path = Path::new(file);
-    let unreadable =
-        |error: std::io::Error| format!("cannot be read: {error}\n  next: check the file's name");
-    // A pipe could keep the call for ever.
-    if !path.metadata().map_err(unreadable)?.is_file() {
-        return Err("is no file\n  next: name a .tek file".to_owned());
-    }
-    let mut content = Vec::new();
-    let opened = std::fs::File::open(path).map_err(unreadable)?;
-    opened.take(LONGEST).read_to_end(&mut content).map_err(unreadable)?;
-    Firmware::new(content).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

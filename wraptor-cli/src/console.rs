@@ -29,9 +29,6 @@ pub const DOWNLOAD: Duration = Duration::from_secs(30 * 60);
 /// How long hands may take to answer a search.
 pub const SEARCH: Duration = Duration::from_secs(1);
 
-/// Longest `.tek` file, bytes; the longest image has 130 KiB.
-const LONGEST_FILE: u64 = 16 << 20;
-
 const PROMPT: &str = "=> ";
 
 /// A person's or a script's session with a hand.
@@ -263,16 +260,7 @@ pub fn hardware(found: &Found) -> Option<String> {
 /// # Errors
 /// It cannot be read, or no board takes it.
 pub fn firmware(path: &Path) -> Result<Firmware, Trouble> {
-    use std::io::Read;
-    let place = path.display();
-    let mut text = Vec::new();
-    let read = std::fs::File::open(path).and_then(|file| file.take(LONGEST_FILE).read_to_end(&mut text));
-    read.map_err(|error| {
-        Trouble::Input(format!(
-            "{place}: cannot be read: {error}\n  next: check that it is a file that you may read"
-        ))
-    })?;
-    Firmware::new(text).map_err(|error| Trouble::Input(format!("{place}: {error}")))
+    Firmware::read(path).map_err(|error| Trouble::Input(error.to_string()))
 }
 
 /// Downloads to boards, with percent on a terminal.

@@ -1,7 +1,10 @@
 //! A `.tek` file, checked by the rules of the boards' monitor before anything is sent (docs/download.md).
 
 use std::fmt;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
 use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 
 use tater_wire::image::{HEADER_END, Header, ImageError};
 use tater_wire::memory::APPLICATION;
@@ -35,6 +38,51 @@ impl fmt::Display for FirmwareError {
 }
 
 impl std::error::Error for FirmwareError {}
+
+/// Longest file, bytes: several times the text of the longest image.
+const LONGEST: u64 = 4 << 20;
+
+/// Why a file cannot be downloaded.
+#[derive(Debug)]
+pub enum FileError {
+    /// It cannot be read, is no regular file, or is too long for one of firmware.
+    Unreadable(PathBuf, io::Error),
+    /// It is none that a board takes.
+    Damaged(PathBuf, FirmwareError),
+}
+
+impl fmt::Display for FileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unreadable(path, error) => {
+                let next = "check that it is a .tek file that you may read";
+                write!(f, "{}: cannot be read: {error}\n  next: {next}", path.display())
+            }
+            // A line and column follow the name as with compilers.
+            Self::Damaged(path, error) if error.at.is_some() => write!(f, "{}:{error}", path.display()),
+            Self::Damaged(path, error) => write!(f, "{}: {error}", path.display()),
+        }
+    }
+}
+
+impl std::error::Error for FileError {}
+
+/// The text of a file that is no device or pipe, which might have no end.
+fn text(path: &Path) -> io::Result<Vec<u8>> {
+    if !path.metadata()?.is_file() {
+        return Err(io::Error::new(
+            ErrorKind::InvalidInput,
+            "found a folder, device or pipe, expected a file",
+        ));
+    }
+    let mut text = Vec::new();
+    File::open(path)?.take(LONGEST + 1).read_to_end(&mut text)?;
+    if text.len() as u64 > LONGEST {
+        let found = format!("found more than {} MiB, expected a file of firmware", LONGEST >> 20);
+        return Err(io::Error::new(ErrorKind::InvalidData, found));
+    }
+    Ok(text)
+}
 
 /// The content of a `.tek` file whose records are whole and can be downloaded.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -162,6 +210,15 @@ pub struct Firmware {
 }
 
 impl Firmware {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// Why it cannot be downloaded, with its name.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let text = text(path).map_err(|error| FileError::Unreadable(path.to_owned(), error))?;
+        Self::new(text).map_err(|error| FileError::Damaged(path.to_owned(), error))
+    }
+
     /// Checks the text of a file.
     ///
     /// # Errors

@@ -45,7 +45,7 @@ pub use deadline::Deadline;
 pub use discovery::{Found, discover};
 pub use download::DownloadProgress;
 pub use error::{CallError, Cause, ConnectError, Failure};
-pub use firmware::{Firmware, FirmwareError};
+pub use firmware::{FileError, Firmware, FirmwareError};
 pub use hand::{
     Axis, BoardState, Boards, Canceller, Connect, Control, Feedback, Format, Hand, Progress, RealTime,
     Statistics, no_progress,
