@@ -42,7 +42,7 @@ typedef enum wraptor_error {
      */
     WRAPTOR_INVALID = 3,
     /*
-     Not done within the limit. Motions were told to abort.
+     Not done within the limit. A motion or a line of the language was told to abort; a get or a wait stops no motor.
      */
     WRAPTOR_TIMED_OUT = 4,
     /*
@@ -472,12 +472,12 @@ typedef enum wraptor_mode {
 } wraptor_mode;
 
 /*
- A connection. Numbers are not used again.
+ A connection. Numbers are not used again, and are larger than any file descriptor: read, write and close of POSIX refuse them.
  */
 typedef ptrdiff_t wraptor_hand;
 
 /*
- Called at least every 200 ms with how much has been sent to a board. Returns 0 to cancel.
+ Called some five times a second with how much has been sent to a board. Returns 0 to cancel.
  */
 typedef int (*wraptor_on_download)(void *context, int node, int percent);
 
@@ -616,6 +616,8 @@ enum wraptor_error wraptor_ws_init(void);
  Closes all connections, and waits until calls of other threads and the threads of `wraptor_start_thread` have ended (the manual's ws_down). A
  connection that another thread is making ends with WRAPTOR_CANCELLED.
 
+ A thread that calls this is not waited for.
+
  Errors: WRAPTOR_TIMED_OUT if a call or a thread goes on; WRAPTOR_INVALID in a callback.
  */
 enum wraptor_error wraptor_ws_down(uint32_t limit_ms);
@@ -639,7 +641,8 @@ enum wraptor_error wraptor_tcp_connect(const char *host,
                                        uint32_t limit_ms);
 
 /*
- Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for.
+ Closes a connection and frees its thread and its socket. A call of another thread is cancelled and waited for. Motors stop, as after ^C, unless
+ characters of `wraptor_tcp_msg` came last, which the hand finishes.
 
  Errors: WRAPTOR_BAD_HANDLE; WRAPTOR_TIMED_OUT if that call goes on, with which the connection then ends; WRAPTOR_INVALID in a callback of this
  connection.
@@ -697,7 +700,8 @@ enum wraptor_error wraptor_get(wraptor_hand hand,
                                uint32_t limit_ms);
 
 /*
- Sets a property of boards (the manual's set).
+ Sets a property of boards (the manual's set). WRAPTOR_OK says that the boards have received it: a locked property, or a MODE that a board
+ refuses, keeps its value, which `wraptor_get` reads.
 
  Errors: WRAPTOR_INVALID if the property cannot be set or the value is out of range; WRAPTOR_STATUS with ERR 1 if a board sleeps or is silent.
 
@@ -711,7 +715,8 @@ enum wraptor_error wraptor_set(wraptor_hand hand,
                                uint32_t limit_ms);
 
 /*
- Waits until a property of all boards has a value (the manual's waitFor). What it reads is recorded in the list of property values.
+ Waits until a property of all boards has a value (the manual's waitFor). What it reads is recorded in the list of property values. Its limit
+ stops no motor.
 
  # Safety
  `nodes` is NULL or a string.
@@ -803,9 +808,9 @@ enum wraptor_error wraptor_listener(wraptor_hand hand,
                                     uint32_t limit_ms);
 
 /*
- Finds the hand in the network by a UDP broadcast (the manual's discoverGrasper), listening for the whole limit. `place` is NULL, or HOST:PORT for
- questions to that address alone, such as the broadcast address of another network, port 30718. Stores the hardware address (`mac`, 18 bytes with
- its zero, empty if the hand does not tell it), the IP address (`address`, 16 bytes) and the port.
+ Finds the hand in the network by a UDP broadcast (the manual's discoverGrasper), listening for the whole limit. `place` is NULL, or an IPv4
+ ADDRESS:PORT for questions to it alone, such as the broadcast address of another network, port 30718. Stores the hardware address (`mac`, 18 bytes with
+ its zero, empty if the hand does not tell it), the IP address (`address`, 16 bytes) and the port; empty texts and 0 after an error.
 
  Errors: WRAPTOR_NOT_CONNECTED if no hand answers, or more than one.
 

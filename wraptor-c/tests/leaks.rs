@@ -11,6 +11,7 @@ use std::fs;
 use std::net::TcpListener;
 use std::path::PathBuf;
 use std::ptr::{null, null_mut};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
@@ -145,6 +146,7 @@ fn lost_hand_ends_each_function_in_time_and_leaves_nothing() {
     }
     listener_ends_with_its_hand_and_with_ws_down();
     ws_down_waits_for_a_call_and_ends_a_connect();
+    ended_threads_keep_no_stack();
     discovery_ends();
     assert_eq!(left(), before, "threads of the library, sockets");
 }
@@ -188,6 +190,36 @@ fn connect_ends(cut: Cut) {
 /// None is needed: its argument is a number.
 unsafe extern "C" fn listen(hand: *mut c_void) -> u32 {
     u32::from(wraptor_listener(hand as isize, WRAPTOR_ENDLESS) != WRAPTOR_OK)
+}
+
+static ENDED: AtomicU32 = AtomicU32::new(0);
+
+/// # Safety
+/// None is needed: it looks at nothing.
+unsafe extern "C" fn ends(_: *mut c_void) -> u32 {
+    ENDED.fetch_add(1, Ordering::SeqCst);
+    0
+}
+
+/// Address space of this program, KiB.
+fn address_space() -> u64 {
+    let status = fs::read_to_string("/proc/self/status").expect("Linux has it");
+    let line = status.lines().find_map(|line| line.strip_prefix("VmSize:")).expect("it is there");
+    line.trim().trim_end_matches(" kB").parse().expect("a number")
+}
+
+/// A stack has 2 MiB: those of 1000 threads would be 2000, and heaps of threads reserve some 500.
+fn ended_threads_keep_no_stack() {
+    let before = address_space();
+    for number in 1..=1000 {
+        // SAFETY: the function looks at nothing, and no number is wanted.
+        assert_eq!(unsafe { wraptor_start_thread(Some(ends), null_mut(), null_mut()) }, WRAPTOR_OK);
+        while ENDED.load(Ordering::SeqCst) < number {
+            thread::yield_now();
+        }
+    }
+    assert!(address_space() < before + (1000 << 10), "{} KiB, {before} before", address_space());
+    assert_eq!(wraptor_ws_down(HANGS), WRAPTOR_OK);
 }
 
 fn ws_down_waits_for_a_call_and_ends_a_connect() {

@@ -342,7 +342,8 @@ impl Hand {
         limit: Duration,
         progress: OnProgress,
     ) -> Result<(), CallError> {
-        let prefix = prefix(motors).map_err(|failure| CallError { call: command.to_owned(), failure })?;
+        let prefix =
+            prefix(motors).map_err(|failure| CallError { call: format!("{motors}{command}"), failure })?;
         self.command_with(&format!("{prefix}{command}"), limit, progress).map(drop)
     }
 
@@ -455,7 +456,7 @@ impl Hand {
     pub fn parameter(&mut self, motors: &str, name: &str, limit: Duration) -> Result<Vec<i64>, CallError> {
         let line = motor_parameter(motors, name)
             .map(|(prefix, name)| format!("{prefix}FGET {name}"))
-            .map_err(|failure| CallError { call: format!("FGET {name}"), failure })?;
+            .map_err(|failure| CallError { call: format!("{motors}FGET {name}"), failure })?;
         let lines = self.ask(&line, limit)?;
         numbers(&line, &lines)
     }
@@ -476,7 +477,8 @@ impl Hand {
             let row = row.ok_or_else(|| Failure::Invalid("a parameter that can be set".to_owned()))?;
             in_range(value, row.min(), row.max()).map(|()| format!("{prefix}FSET {name} {value}"))
         });
-        let line = line.map_err(|failure| CallError { call: format!("FSET {name} {value}"), failure })?;
+        let line =
+            line.map_err(|failure| CallError { call: format!("{motors}FSET {name} {value}"), failure })?;
         self.command(&line, limit).map(drop)
     }
 

@@ -4,7 +4,9 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::program::{in_parallel, installed, output, program, root, run, succeeds, target, typed};
+use crate::program::{
+    in_parallel, installed, output, output_of_both, program, root, run, succeeds, target, typed,
+};
 use crate::served::Served;
 use crate::table::difference;
 use crate::{Outcome, files, host_tools, python};
@@ -81,6 +83,7 @@ pub fn check() -> Outcome {
     let programs = section7(&folder)?;
     println!("  {programs} programs of section 7's examples passed under AddressSanitizer and UBSan");
     realtime(&folder)?;
+    linked_statically(&folder)?;
     cmake(&folder)
 }
 
@@ -209,6 +212,18 @@ fn realtime(folder: &Path) -> Outcome {
     run_program(&program, &Served::emulated()?, &["100", "1"], Stdio::null())?;
     println!("  the same program homed a hand of emulated boards and drove them in RealTime");
     Ok(())
+}
+
+/// Links the example without shared libraries, by the flags of pkg-config.
+fn linked_statically(folder: &Path) -> Outcome {
+    let mut flags = program("pkg-config --static --cflags --libs wraptor");
+    flags.env("PKG_CONFIG_PATH", folder.join("lib/pkgconfig"));
+    let (flags, built) = (output(flags)?, folder.join("programs/grasp-static"));
+    let mut compiler = program("gcc -static wraptor-c/examples/cmake/grasp.c");
+    compiler.args(flags.split_whitespace()).arg("-o").arg(&built);
+    // glibc warns that names of hosts are looked up by its shared libraries.
+    output_of_both(compiler)?;
+    run_program(&built, &Served::new(FAST)?, &[], Stdio::null()).map(drop)
 }
 
 /// Builds the example of CMake against the installation, and runs both of its programs.
