@@ -1,7 +1,5 @@
 //! A program's serial port: bytes take their time at the program's baud rate, and every read has the program's timeout.
 
-use board_emu::board::Board;
-use board_emu::image::Programs;
 use god::Memory;
 use hil_sim::board::SimBoard;
 use hil_sim::hand::serial::Serial;
@@ -9,8 +7,6 @@ use hil_sim::hand::{Hand, Motorized};
 use hil_sim::node::Node;
 use hil_sim::plant::Model;
 use tater_wire::Node as Id;
-
-use crate::emulated::bench::flashed;
 
 /// Native boards in their monitors, nodes 1 to 7.
 pub(super) fn native() -> Vec<Node> {

@@ -225,6 +225,9 @@ fn call_is_cancelled_and_connection_closed_from_another_thread() {
 }
 
 /// Uses its own connection, whose number `context` points to, and keeps there what that returns.
+///
+/// # Safety
+/// `context` is a number and a list, which nobody else uses meanwhile.
 unsafe extern "C" fn uses_its_hand(
     context: *mut c_void,
     _: u64,
@@ -233,7 +236,7 @@ unsafe extern "C" fn uses_its_hand(
     _: f64,
     _: *mut wraptor_control,
 ) -> c_int {
-    // SAFETY: the test passes this.
+    // SAFETY: the caller's promise.
     let (hand, errors) = unsafe { &mut *context.cast::<(isize, Vec<wraptor_error>)>() };
     errors.push(get(*hand, "1", STAT, WRAPTOR_ENDLESS).0);
     assert!(text().contains("this thread's own call"), "{}", text());

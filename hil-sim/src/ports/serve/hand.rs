@@ -51,6 +51,9 @@ const REPORT_US: u64 = 70_000_000;
 /// Time that a host which has closed its side has for its answers while another one waits, µs: enough for a query and most motions.
 const GRACE_US: u64 = 2_000_000;
 
+/// Time in which the end of a host's connection is noticed, µs: the kernel may deliver it after the next host's beginning.
+const NOTICED_US: u64 = 100_000;
+
 /// The arguments of `hil-sim hand`.
 #[derive(clap::Args)]
 pub struct HandArgs {
@@ -190,7 +193,7 @@ struct Server {
     serial: Serial,
     output: Vec<u8>,
     host: Host,
-    /// The next host, while the last one is about to leave, and until when that may take, µs.
+    /// The next host, while the last one is there, and since when, µs.
     waiting: Option<(NewClient, u64)>,
     terminal: Option<Terminal>,
     watchers: Vec<Client>,
@@ -324,27 +327,37 @@ impl Server {
         }
     }
 
-    /// Makes the waiting client the host once the last one is gone, which has [`GRACE_US`] for that.
+    /// Makes the waiting client the host once the last one is gone, which has [`GRACE_US`] for that; refuses it if that one stays.
     fn serve_waiting(&mut self) {
-        let Some((_, until_us)) = &self.waiting else { return };
-        if self.hand.now_us() >= *until_us
-            && self.is_host_about_to_leave()
+        let Some((_, since_us)) = &self.waiting else { return };
+        let waited_us = self.hand.now_us() - since_us;
+        let is_leaving = self.is_host_about_to_leave();
+        if waited_us >= GRACE_US
+            && is_leaving
             && let Some(number) = self.link().map(|link| link.number)
         {
             self.disconnected(number);
         }
-        if !self.is_host_about_to_leave()
-            && let Some((client, _)) = self.waiting.take()
-        {
-            self.host_connected(client);
+        let is_present = self.link().is_some() && !is_leaving;
+        if is_leaving || is_present && waited_us < NOTICED_US {
+            return;
+        }
+        if let Some((client, _)) = self.waiting.take() {
+            self.host_arrives(client);
         }
     }
 
     fn host_connected(&mut self, client: NewClient) {
-        if self.waiting.is_none() && self.is_host_about_to_leave() {
-            self.waiting = Some((client, self.hand.now_us() + GRACE_US));
-            return;
+        let has_host = self.link().is_some() || self.is_host_about_to_leave();
+        if self.waiting.is_none() && has_host {
+            self.waiting = Some((client, self.hand.now_us()));
+        } else {
+            self.host_arrives(client);
         }
+    }
+
+    /// Makes a client the host, or refuses it if there is one.
+    fn host_arrives(&mut self, client: NewClient) {
         if let Some(link) = self.link() {
             let why = format!("{} speaks with the hand, and one host does at a time", link.peer);
             warn(&format!("{} refused: {why}", client.peer));
