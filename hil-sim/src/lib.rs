@@ -26,7 +26,7 @@ pub use experiment::{
     typist,
 };
 pub use ports::{cli, slcan};
-pub use tater_fw::motion::defaults;
+pub use tater_fw::{SetError, motion::defaults};
 pub use tater_wire::MotorKind;
 pub use tuning::{apply, excite, identify, parquet, sweep, table, tune, tuned};
 pub use world::plant::Model;

@@ -1,12 +1,16 @@
 //! What calls share: limits, names, progress, and a wait that ^C ends.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, RangeInclusive};
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use hil_sim::input::did_you_mean;
+use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyBool, PyByteArray, PyBytes, PyMemoryView};
 use tater_wire::property::ROWS;
 use wraptor::{DownloadProgress, Node, Progress, Property};
 
@@ -20,15 +24,19 @@ pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Longest limit and longest step, s.
+pub const MOST_SECONDS: f64 = 1e9;
+
 /// A limit in seconds.
 ///
 /// # Errors
-/// `ValueError`: it is not above 0, or above 10⁹.
+/// `ValueError`: it is not above 0, or above [`MOST_SECONDS`].
 pub fn limit(seconds: f64) -> PyResult<Duration> {
-    if seconds > 0.0 && seconds <= 1e9 {
+    if seconds > 0.0 && seconds <= MOST_SECONDS {
         return Ok(Duration::from_secs_f64(seconds));
     }
-    Err(errors::value("limit", &seconds.to_string(), "seconds above 0", "give how long the call may take"))
+    let expected = format!("seconds above 0, at most {MOST_SECONDS}");
+    Err(errors::value("limit", &seconds.to_string(), &expected, "give how long the call may take"))
 }
 
 /// A property by its name, case-insensitive.
@@ -47,22 +55,118 @@ pub fn property(name: &str) -> PyResult<Property> {
 ///
 /// # Errors
 /// `ValueError`: there is none of this number.
-pub fn node(number: u8) -> PyResult<Node> {
-    Node::new(number).ok_or_else(|| {
+pub fn node(number: i64) -> PyResult<Node> {
+    u8::try_from(number).ok().and_then(Node::new).ok_or_else(|| {
         errors::value("node", &number.to_string(), "0 to 31", "a hand's motor boards are 1 to 7")
     })
 }
 
+/// An integer that an argument can hold.
+pub trait Whole: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr> {
+    /// Its range.
+    const RANGE: RangeInclusive<i128>;
+}
+
+macro_rules! whole {
+    ($($integer:ty)*) => {
+        $(impl Whole for $integer {
+            const RANGE: RangeInclusive<i128> = <$integer>::MIN as i128..=<$integer>::MAX as i128;
+        })*
+    };
+}
+
+whole!(u8 u16 u32 u64 i64);
+
+/// An integer argument.
+///
+/// # Errors
+/// `ValueError` instead of `OverflowError`: it is out of range; `TypeError`: it is none.
+pub fn whole<T: Whole>(argument: &Bound<'_, PyAny>) -> PyResult<T> {
+    argument.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(argument.py()) {
+        true => {
+            let expected = format!("a whole number from {} to {}", T::RANGE.start(), T::RANGE.end());
+            errors::value("argument", &argument.to_string(), &expected, "give a number in this range")
+        }
+        false => error,
+    })
+}
+
+/// The same, or `None`.
+///
+/// # Errors
+/// As of [`whole`].
+pub fn whole_or_none<T: Whole>(argument: &Bound<'_, PyAny>) -> PyResult<Option<T>> {
+    if argument.is_none() { Ok(None) } else { whole(argument).map(Some) }
+}
+
+/// The same, of each item of a sequence.
+///
+/// # Errors
+/// As of [`whole`].
+pub fn wholes<T: Whole>(argument: &Bound<'_, PyAny>) -> PyResult<Vec<T>> {
+    argument.extract::<Vec<Bound<'_, PyAny>>>()?.iter().map(whole).collect()
+}
+
+/// A path: text, bytes or `os.PathLike`.
+///
+/// # Errors
+/// `TypeError`: another argument.
+pub fn path(argument: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
+    static DECODE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    DECODE.import(argument.py(), "os", "fsdecode")?.call1((argument,))?.extract()
+}
+
+/// The same, or `None`.
+///
+/// # Errors
+/// As of [`path`].
+pub fn path_or_none(argument: &Bound<'_, PyAny>) -> PyResult<Option<PathBuf>> {
+    if argument.is_none() { Ok(None) } else { path(argument).map(Some) }
+}
+
+/// Bytes, a bytearray or a memoryview.
+///
+/// # Errors
+/// `TypeError`: another argument.
+pub fn bytes(argument: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
+    if let Ok(array) = argument.cast::<PyByteArray>() {
+        return Ok(array.to_vec());
+    }
+    let is_view = argument.is_instance_of::<PyMemoryView>();
+    let bytes = if is_view { &argument.call_method0("tobytes")? } else { argument };
+    match bytes.cast::<PyBytes>() {
+        Ok(bytes) => Ok(bytes.as_bytes().to_vec()),
+        Err(_) => {
+            let text = format!("found {}, expected bytes, a bytearray or a memoryview", argument.repr()?);
+            Err(PyTypeError::new_err(text))
+        }
+    }
+}
+
+/// A function of the user.
+pub struct Callback(pub Py<PyAny>);
+
+impl FromPyObject<'_, '_> for Callback {
+    type Error = PyErr;
+
+    fn extract(argument: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        match argument.is_callable() {
+            true => Ok(Self(argument.to_owned().unbind())),
+            false => Err(PyTypeError::new_err(format!("found {}, expected a function", argument.repr()?))),
+        }
+    }
+}
+
 /// Shows the progress of a call to Python and looks for ^C. Keeps the exception that ends the call.
 pub struct Watch {
-    callback: Option<Py<PyAny>>,
+    callback: Option<Callback>,
     raised: Mutex<Option<PyErr>>,
 }
 
 impl Watch {
     /// A watch with the user's callback, if there is one. It gets the seconds since the call and the values by node, and ends the call if
     /// it returns `False`.
-    pub const fn new(callback: Option<Py<PyAny>>) -> Self {
+    pub const fn new(callback: Option<Callback>) -> Self {
         Self { callback, raised: Mutex::new(None) }
     }
 
@@ -85,9 +189,8 @@ impl Watch {
     fn show(&self, call: impl FnOnce(&Py<PyAny>, Python<'_>) -> PyResult<Py<PyAny>>) -> ControlFlow<()> {
         let shown = Python::attach(|py| {
             py.check_signals()?;
-            let Some(callback) = &self.callback else { return Ok(true) };
-            let answer = call(callback, py)?;
-            Ok(answer.is_none(py) || answer.is_truthy(py)?)
+            let Some(Callback(callback)) = &self.callback else { return Ok(true) };
+            Ok(!call(callback, py)?.bind(py).is(PyBool::new(py, false)))
         });
         match shown {
             Ok(true) => ControlFlow::Continue(()),

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use wraptor::turns::Turn;
 use wraptor::{CallError, Deadline, NoTurn, Progress, Turns};
 
-use crate::call::{Watch, limit};
+use crate::call::{Callback, Watch, limit};
 use crate::errors::{self, Raised};
 
 /// Longer than any call.
@@ -56,7 +56,7 @@ impl<T: Send> Connection<T> {
         &self,
         py: Python<'_>,
         seconds: f64,
-        progress: Option<Py<PyAny>>,
+        progress: Option<Callback>,
         job: impl FnOnce(&mut T, Duration, &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Result<R, CallError>
         + Send,
     ) -> PyResult<R> {
@@ -86,6 +86,19 @@ impl<T: Send> Connection<T> {
             && matches!(*turn, Place::RealTime)
         {
             *turn = Place::Here(Box::new(connection));
+        }
+    }
+
+    /// What it is used for, for people.
+    pub fn state(&self) -> &'static str {
+        match self.0.take(&Deadline::after(Duration::ZERO)) {
+            Ok(turn) => match *turn {
+                Place::Here(_) => "connected",
+                Place::RealTime => "in RealTime",
+                Place::Closed => "closed",
+            },
+            Err(NoTurn::Own | NoTurn::Late) => "in a call",
+            Err(NoTurn::Closed) => "closed",
         }
     }
 

@@ -61,15 +61,17 @@ pub fn connect(py: Python<'_>, error: &ConnectError) -> PyErr {
     made(class(py, &CLASS, "ConnectError").and_then(|class| class.call1(arguments)))
 }
 
-/// A `CallError`; its subclass `CallTimeout` after the limit.
+/// A `CallError`; its subclass `CallTimeout` after the limit, `InvalidArgument` for a wrong argument.
 pub fn call(py: Python<'_>, error: &CallError) -> PyErr {
     static CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
+    static INVALID: PyOnceLock<Py<PyType>> = PyOnceLock::new();
     let status = match &error.failure {
         Failure::Status(status) => status.code(),
         _ => 0,
     };
     let class = match error.failure {
         Failure::TimedOut(_) => timeout(py),
+        Failure::Invalid(_) => class(py, &INVALID, "InvalidArgument"),
         _ => class(py, &CLASS, "CallError"),
     };
     let arguments =
@@ -77,14 +79,28 @@ pub fn call(py: Python<'_>, error: &CallError) -> PyErr {
     made(class.and_then(|class| class.call1(arguments)))
 }
 
-/// A `ValueError` for what the user gave.
-pub fn bad_input(error: &BadInput) -> PyErr {
-    PyValueError::new_err(error.to_string())
+/// A `ValueError` for what the user gave, without the options and commands of `hil-sim`.
+pub fn bad_input(error: BadInput) -> PyErr {
+    let mut place = error.place.replacen("--set ", "properties ", 1);
+    for option in ["plant ", "rig ", "supply "] {
+        place = place.replacen(&format!("--{option}"), option, 1);
+    }
+    let next = match error.next.contains("--") {
+        true => "give what is expected (docs/python.md)".to_owned(),
+        false => error.next.replace("`hil-sim list`", "wraptor.sim.scenarios()"),
+    };
+    PyValueError::new_err(BadInput { place, next, ..error }.to_string())
 }
 
 /// A `ValueError`: what was found, what is expected, and the next step.
 pub fn value(what: &str, found: &str, expected: &str, next: &str) -> PyErr {
     PyValueError::new_err(format!("{what}: found {found}, expected {expected}\n  next: {next}"))
+}
+
+/// An exception with what caused it.
+pub fn caused(py: Python<'_>, error: PyErr, cause: PyErr) -> PyErr {
+    error.set_cause(py, Some(cause));
+    error
 }
 
 /// A `RuntimeError`: a thread of ours has panicked.

@@ -1,20 +1,27 @@
 //! A hand over TCP or a serial port, as `wraptor.Hand`.
 
+use std::fs::File;
+use std::io::{self, Read};
 use std::net::{Ipv4Addr, SocketAddrV4};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use wraptor::{BoardState, Boards, CallError, Canceller, Connect, Firmware, Found};
 
-use crate::call::{Watch, limit, property};
+use crate::call::{Callback, Watch, bytes, limit, path, property, whole, whole_or_none};
 use crate::connection::Connection;
 use crate::errors;
 use crate::realtime::{Choice, RealTime};
 
-/// A hand.
+/// Longest file of firmware, bytes: several times a `.tek` file that fills a board.
+const LONGEST: u64 = 4 << 20;
+
+/// A hand through its GOD, as its one host. Limits are in seconds. Motors are a prefix of the hand's language ("13", "G", "S",
+/// "X15", or empty for all with EN), nodes digits ("567").
 #[pyclass(module = "wraptor", frozen)]
 pub struct Hand {
     connection: Arc<Connection<wraptor::Hand>>,
@@ -67,15 +74,29 @@ pub const fn state(state: BoardState) -> &'static str {
 /// Reads and checks a `.tek` file.
 ///
 /// # Errors
-/// `OSError`: it cannot be read; `ValueError`: a board does not take it.
-pub fn firmware(path: PathBuf) -> PyResult<Firmware> {
-    let text = std::fs::read(&path)?;
-    Firmware::new(text)
-        .map_err(|error| pyo3::exceptions::PyValueError::new_err(format!("{}:{error}", path.display())))
+/// `OSError`: it is no file, or cannot be read; `ValueError`: a board does not take it.
+pub fn firmware(path: &Path) -> PyResult<Firmware> {
+    let name = path.display();
+    let unreadable = |error: io::Error| {
+        let text = format!("{name}: cannot be read: {error}\n  next: check the file's name");
+        io::Error::new(error.kind(), text)
+    };
+    // A pipe could keep the call for ever, and a device has no end.
+    if !path.metadata().map_err(unreadable)?.is_file() {
+        return Err(PyOSError::new_err(format!("{name}: is no file\n  next: name a .tek file")));
+    }
+    let mut text = Vec::new();
+    File::open(path).and_then(|file| file.take(LONGEST + 1).read_to_end(&mut text)).map_err(unreadable)?;
+    if text.len() as u64 > LONGEST {
+        let expected = format!("at most {LONGEST} bytes");
+        return Err(errors::value(&name.to_string(), "more", &expected, "name a .tek file"));
+    }
+    Firmware::new(text).map_err(|error| PyValueError::new_err(format!("{name}:{error}")))
 }
 
 #[pymethods]
 impl Hand {
+    /// Connects over TCP to HOST:PORT. Raises ConnectError.
     #[classmethod]
     #[pyo3(name = "connect", signature = (address, limit=5.0, boards="wake"))]
     fn connect_tcp(
@@ -88,6 +109,7 @@ impl Hand {
         connect(py, &Connect::tcp(address).boards(self::boards(boards)?), limit)
     }
 
+    /// Connects over a serial port such as /dev/ttyUSB0. Raises ConnectError.
     #[cfg(unix)]
     #[classmethod]
     #[pyo3(signature = (path, baud=9600, limit=10.0, boards="wake"))]
@@ -95,25 +117,32 @@ impl Hand {
         _: &Bound<'_, PyType>,
         py: Python<'_>,
         path: &str,
-        baud: u32,
+        #[pyo3(from_py_with = whole)] baud: u32,
         limit: f64,
         boards: &str,
     ) -> PyResult<Self> {
         connect(py, &Connect::serial(path, baud).boards(self::boards(boards)?), limit)
     }
 
+    /// Where it is connected, as it was given.
     #[getter]
     fn address(&self) -> &str {
         &self.address
     }
 
+    /// The firmware's version.
     #[getter]
     const fn version(&self) -> u16 {
         self.version
     }
 
+    /// Closes the connection, once a call of another thread has ended; `cancel` ends that.
     fn disconnect(&self, py: Python<'_>) -> PyResult<()> {
         self.connection.close(py)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Hand at {}: {}>", self.address, self.connection.state())
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {
@@ -130,42 +159,49 @@ impl Hand {
         self.disconnect(py)
     }
 
+    /// Aborts a call of another thread, which raises CallError.
     fn cancel(&self, py: Python<'_>) -> PyResult<()> {
         py.detach(|| self.canceller.cancel()).map_err(|error| errors::call(py, &error))
     }
 
+    /// Runs a line of the hand's language and returns what it prints.
     #[pyo3(signature = (line, limit=30.0, progress=None))]
     fn command(
         &self,
         py: Python<'_>,
         line: &str,
         limit: f64,
-        progress: Option<Py<PyAny>>,
+        progress: Option<Callback>,
     ) -> PyResult<Vec<String>> {
         self.connection.watched(py, limit, progress, |hand, limit, on| hand.command_with(line, limit, on))
     }
 
+    /// Writes bytes as they are, without waiting for an answer.
     #[pyo3(signature = (data, limit=1.0))]
-    fn write(&self, py: Python<'_>, data: &[u8], limit: f64) -> PyResult<()> {
-        self.connection.run(py, limit, |hand, limit| hand.write(data, limit))
+    fn write(&self, py: Python<'_>, #[pyo3(from_py_with = bytes)] data: Vec<u8>, limit: f64) -> PyResult<()> {
+        self.connection.run(py, limit, |hand, limit| hand.write(&data, limit))
     }
 
+    /// Lines that the hand has printed unasked.
     #[pyo3(signature = (limit=1.0))]
     fn take_reports(&self, py: Python<'_>, limit: f64) -> PyResult<Vec<String>> {
         self.connection.run(py, limit, |hand, _| Ok::<_, CallError>(hand.take_reports()))
     }
 
+    /// Wakes all motor boards.
     #[pyo3(signature = (limit=3.0))]
     fn wake(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
         self.connection.run(py, limit, wraptor::Hand::wake)
     }
 
+    /// The states of motor boards 1 to 7.
     #[pyo3(signature = (limit=1.0))]
     fn boards(&self, py: Python<'_>, limit: f64) -> PyResult<Vec<&'static str>> {
         let states = self.connection.run(py, limit, wraptor::Hand::boards)?;
         Ok(states.map(state).to_vec())
     }
 
+    /// Latched faults by node.
     #[pyo3(signature = (limit=1.0))]
     fn faults<'py>(&self, py: Python<'py>, limit: f64) -> PyResult<Bound<'py, PyDict>> {
         let faults = self.connection.run(py, limit, wraptor::Hand::faults)?;
@@ -176,68 +212,77 @@ impl Hand {
         Ok(by_node)
     }
 
+    /// Finds the stops of all motors and goes to 0 (HI).
     #[pyo3(signature = (limit=60.0, progress=None))]
-    fn init(&self, py: Python<'_>, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+    fn init(&self, py: Python<'_>, limit: f64, progress: Option<Callback>) -> PyResult<()> {
         self.connection.watched(py, limit, progress, |hand, limit, on| hand.init(limit, on))
     }
 
+    /// Finds the stops of some motors (HI).
     #[pyo3(signature = (motors="", limit=60.0, progress=None))]
     fn find_zero(
         &self,
         py: Python<'_>,
         motors: &str,
         limit: f64,
-        progress: Option<Py<PyAny>>,
+        progress: Option<Callback>,
     ) -> PyResult<()> {
         self.connection.watched(py, limit, progress, |hand, limit, on| hand.find_zero(motors, limit, on))
     }
 
+    /// Closes motors (C).
     #[pyo3(signature = (motors="", limit=20.0, progress=None))]
-    fn close(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+    fn close(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Callback>) -> PyResult<()> {
         self.connection.watched(py, limit, progress, |hand, limit, on| hand.close(motors, limit, on))
     }
 
+    /// Opens motors (O).
     #[pyo3(signature = (motors="", limit=20.0, progress=None))]
-    fn open(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+    fn open(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Callback>) -> PyResult<()> {
         self.connection.watched(py, limit, progress, |hand, limit, on| hand.open(motors, limit, on))
     }
 
+    /// Closes motors with limited torque until they stall, and leaves them pressing (TC).
     #[pyo3(signature = (motors="", limit=20.0, progress=None))]
-    fn grasp(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Py<PyAny>>) -> PyResult<()> {
+    fn grasp(&self, py: Python<'_>, motors: &str, limit: f64, progress: Option<Callback>) -> PyResult<()> {
         self.connection.watched(py, limit, progress, |hand, limit, on| hand.grasp(motors, limit, on))
     }
 
+    /// Switches motors' power off (T).
     #[pyo3(signature = (motors="", limit=2.0))]
     fn relax(&self, py: Python<'_>, motors: &str, limit: f64) -> PyResult<()> {
         self.connection.run(py, limit, |hand, limit| hand.relax(motors, limit))
     }
 
+    /// Moves motors to a position of the language, GCL counts, 0 to 20000 (M).
     #[pyo3(name = "move", signature = (motors, counts, limit=20.0, progress=None))]
     fn move_to(
         &self,
         py: Python<'_>,
         motors: &str,
-        counts: i64,
+        #[pyo3(from_py_with = whole)] counts: i64,
         limit: f64,
-        progress: Option<Py<PyAny>>,
+        progress: Option<Callback>,
     ) -> PyResult<()> {
         self.connection
             .watched(py, limit, progress, |hand, limit, on| hand.move_to(motors, counts, limit, on))
     }
 
+    /// Moves fingers to a position of their links in hall counts, and their tips by a third of the joint angle.
     #[pyo3(signature = (fingers, halls, limit=20.0, progress=None))]
     fn move_halls(
         &self,
         py: Python<'_>,
         fingers: &str,
-        halls: i64,
+        #[pyo3(from_py_with = whole)] halls: i64,
         limit: f64,
-        progress: Option<Py<PyAny>>,
+        progress: Option<Callback>,
     ) -> PyResult<()> {
         self.connection
             .watched(py, limit, progress, |hand, limit, on| hand.move_halls(fingers, halls, limit, on))
     }
 
+    /// A property of boards by node, in the units of docs/properties.md. Raises ValueError for an unknown name.
     #[pyo3(signature = (nodes, name, limit=1.0))]
     fn get<'py>(&self, py: Python<'py>, nodes: &str, name: &str, limit: f64) -> PyResult<Bound<'py, PyDict>> {
         let property = property(name)?;
@@ -249,85 +294,110 @@ impl Hand {
         Ok(by_node)
     }
 
+    /// Sets a property of boards.
     #[pyo3(signature = (nodes, name, value, limit=1.0))]
-    fn set(&self, py: Python<'_>, nodes: &str, name: &str, value: i64, limit: f64) -> PyResult<()> {
+    fn set(
+        &self,
+        py: Python<'_>,
+        nodes: &str,
+        name: &str,
+        #[pyo3(from_py_with = whole)] value: i64,
+        limit: f64,
+    ) -> PyResult<()> {
         let property = property(name)?;
         self.connection.run(py, limit, |hand, limit| hand.set(nodes, property, value, limit))
     }
 
+    /// Polls a property until all boards have a value.
     #[pyo3(signature = (nodes, name, value, limit=20.0, progress=None))]
     fn wait_for(
         &self,
         py: Python<'_>,
         nodes: &str,
         name: &str,
-        value: i64,
+        #[pyo3(from_py_with = whole)] value: i64,
         limit: f64,
-        progress: Option<Py<PyAny>>,
+        progress: Option<Callback>,
     ) -> PyResult<()> {
         let property = property(name)?;
         self.connection
             .watched(py, limit, progress, |hand, limit, on| hand.wait_for(nodes, property, value, limit, on))
     }
 
+    /// A parameter of motors (FGET).
     #[pyo3(signature = (motors, name, limit=1.0))]
     fn parameter(&self, py: Python<'_>, motors: &str, name: &str, limit: f64) -> PyResult<Vec<i64>> {
         self.connection.run(py, limit, |hand, limit| hand.parameter(motors, name, limit))
     }
 
+    /// Sets a parameter of motors (FSET).
     #[pyo3(signature = (motors, name, value, limit=1.0))]
     fn set_parameter(
         &self,
         py: Python<'_>,
         motors: &str,
         name: &str,
-        value: i64,
+        #[pyo3(from_py_with = whole)] value: i64,
         limit: f64,
     ) -> PyResult<()> {
         self.connection.run(py, limit, |hand, limit| hand.set_parameter(motors, name, value, limit))
     }
 
+    /// A parameter of the hand (PGET).
     #[pyo3(signature = (name, limit=1.0))]
     fn hand_parameter(&self, py: Python<'_>, name: &str, limit: f64) -> PyResult<i64> {
         self.connection.run(py, limit, |hand, limit| hand.hand_parameter(name, limit))
     }
 
+    /// Sets a parameter of the hand (PSET).
     #[pyo3(signature = (name, value, limit=1.0))]
-    fn set_hand_parameter(&self, py: Python<'_>, name: &str, value: i64, limit: f64) -> PyResult<()> {
+    fn set_hand_parameter(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        #[pyo3(from_py_with = whole)] value: i64,
+        limit: f64,
+    ) -> PyResult<()> {
         self.connection.run(py, limit, |hand, limit| hand.set_hand_parameter(name, value, limit))
     }
 
+    /// Temperature of GOD's board, degrees Celsius.
     #[pyo3(signature = (limit=1.0))]
     fn temperature(&self, py: Python<'_>, limit: f64) -> PyResult<f64> {
         self.connection.run(py, limit, wraptor::Hand::temperature)
     }
 
+    /// Stores parameters of motors and of the hand.
     #[pyo3(signature = (limit=5.0))]
     fn save_parameters(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
         self.connection.run(py, limit, wraptor::Hand::save_parameters)
     }
 
+    /// Switches motors off and stores positions and parameters (SAVE).
     #[pyo3(signature = (limit=5.0))]
     fn prepare_power_off(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
         self.connection.run(py, limit, wraptor::Hand::prepare_power_off)
     }
 
+    /// Downloads a .tek file to boards; connect with boards="any". Raises OSError if it cannot be read, ValueError if it is none.
     #[pyo3(signature = (nodes, path, limit=120.0, progress=None))]
     fn download(
         &self,
         py: Python<'_>,
         nodes: &str,
-        path: PathBuf,
+        #[pyo3(from_py_with = path)] path: PathBuf,
         limit: f64,
-        progress: Option<Py<PyAny>>,
+        progress: Option<Callback>,
     ) -> PyResult<()> {
-        let (firmware, watch) = (firmware(path)?, Watch::new(progress));
+        let (firmware, watch) = (firmware(&path)?, Watch::new(progress));
         let outcome = self.connection.run(py, limit, |hand, limit| {
             hand.download(nodes, &firmware, limit, &mut |seen| watch.on_download(seen))
         });
         watch.outcome(outcome)
     }
 
+    /// Begins RealTime of motors (LOOP). `velocity` (0: none), `feeds_velocity` and `feeds_change` are units of a byte, hall counts/s
+    /// and GCL counts. Until its end no other call of the hand is possible.
     #[pyo3(signature = (
         motors, limit=2.0, *, velocity=8, gain=false, feeds_velocity=None, feeds_strain=false,
         feeds_position=true, feeds_change=None, feeds_temperature=false,
@@ -338,12 +408,12 @@ impl Hand {
         py: Python<'_>,
         motors: &str,
         limit: f64,
-        velocity: u8,
+        #[pyo3(from_py_with = whole)] velocity: u8,
         gain: bool,
-        feeds_velocity: Option<u8>,
+        #[pyo3(from_py_with = whole_or_none)] feeds_velocity: Option<u8>,
         feeds_strain: bool,
         feeds_position: bool,
-        feeds_change: Option<u8>,
+        #[pyo3(from_py_with = whole_or_none)] feeds_change: Option<u8>,
         feeds_temperature: bool,
     ) -> PyResult<RealTime> {
         let format = wraptor::Format {
@@ -361,7 +431,7 @@ impl Hand {
     }
 }
 
-/// Hands in the network: address, and hardware address or None.
+/// Hands in the network that answer within `limit`: address, and hardware address if they tell. `to` are broadcast addresses.
 #[pyfunction]
 #[pyo3(signature = (limit=1.0, to=None))]
 pub fn discover(
@@ -376,6 +446,9 @@ pub fn discover(
             errors::value("to", &format!("{text:?}"), "an IPv4 address", "give one such as 192.168.1.255")
         })
     };
+    if to.as_ref().is_some_and(Vec::is_empty) {
+        return Err(errors::value("to", "[]", "an IPv4 address or more", "leave it out for all networks"));
+    }
     let to: Option<Vec<SocketAddrV4>> = to.map(|to| to.iter().map(place).collect()).transpose()?;
     let to = to.unwrap_or_else(|| wraptor::discovery::EVERYWHERE.to_vec());
     let found = py.detach(|| wraptor::discover(&to, limit)).map_err(|error| errors::connect(py, &error))?;

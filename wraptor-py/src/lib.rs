@@ -1,13 +1,14 @@
 //! The extension module behind the Python package `wraptor`: the host library, and the simulator in process (docs/python.md).
 //!
-//! Every call that waits or simulates releases the GIL. What Python sees of types is in `python/wraptor/*.pyi`.
+//! Every call that waits or simulates releases the GIL. What Python sees of types is in `python/wraptor/*.pyi`; the doc comments of classes and methods
+//! are what its help() shows, with the same words as there.
 //!
 //! | module | subject |
 //! |---|---|
 //! | `hand`, `realtime`, `bus` | the host library: [`wraptor::Hand`], [`wraptor::RealTime`], [`wraptor::Bus`] |
 //! | `sim` | runs of scenarios; a hand and a board in simulated time |
 //! | `connection` | turns of several threads |
-//! | `call`, `errors` | limits, names, progress, signals; exceptions |
+//! | `call`, `errors` | arguments, limits, names, progress, signals; exceptions |
 #![forbid(unsafe_code)]
 
 mod bus;

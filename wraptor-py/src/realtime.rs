@@ -7,14 +7,15 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{self, Builder, JoinHandle, ThreadId};
 use std::time::Duration;
 
-use pyo3::exceptions::{PyRuntimeError, PyTimeoutError};
+use pyo3::exceptions::{PyRuntimeError, PyTimeoutError, PyTypeError};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use wraptor::turns::Turn;
 use wraptor::{CallError, Control, Deadline, Format, NoTurn, Turns};
 
-use crate::call::{limit, wait};
+use crate::call::{Callback, limit, wait, whole};
 use crate::connection::{Connection, no_turn};
-use crate::errors;
+use crate::errors::{self, caused};
 
 /// Limit of the end of a `with`.
 const END: Duration = Duration::from_secs(2);
@@ -42,7 +43,7 @@ struct Loop {
     thread: JoinHandle<Result<(), CallError>>,
 }
 
-/// RealTime control of some motors.
+/// RealTime control; motors stop when the host is silent for 250 ms. Use it in `with`.
 #[pyclass(module = "wraptor", frozen)]
 pub struct RealTime {
     /// `None` once it has ended.
@@ -172,25 +173,41 @@ impl Drop for RealTime {
 }
 
 /// A velocity, or a velocity and a gain.
-#[derive(FromPyObject)]
-enum Wanted {
-    Velocity(f64),
-    WithGain(f64, u8),
-}
-
-impl Wanted {
-    fn control(self) -> Control {
-        // Rounded and clipped to a byte by the block.
-        let control = |velocity: f64, gain| Control { velocity: velocity.round() as i32, gain };
-        match self {
-            Self::Velocity(velocity) => control(velocity, 0),
-            Self::WithGain(velocity, gain) => control(velocity, gain),
+fn control(wanted: &Bound<'_, PyAny>) -> PyResult<Control> {
+    let (velocity, gain) = match wanted.cast::<PyTuple>() {
+        Ok(pair) => {
+            let (velocity, gain) = pair.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>)>()?;
+            (velocity.extract::<f64>()?, whole(&gain)?)
         }
+        Err(_) => (wanted.extract::<f64>()?, 0),
+    };
+    if !velocity.is_finite() {
+        let next = "check how the velocity is computed";
+        return Err(errors::value("velocity", &velocity.to_string(), "hall counts/s", next));
     }
+    // Rounded and clipped to a byte by the block.
+    Ok(Control { velocity: velocity.round() as i32, gain })
 }
 
-fn controls(wanted: Vec<Wanted>) -> Vec<Control> {
-    wanted.into_iter().map(Wanted::control).collect()
+/// A sequence of controls.
+///
+/// # Errors
+/// `TypeError`: an item is no control; `ValueError`: it is out of range.
+fn controls(wanted: &Bound<'_, PyAny>) -> PyResult<Vec<Control>> {
+    let py = wanted.py();
+    let item = |(index, item): (usize, Bound<'_, PyAny>)| {
+        control(&item).map_err(|error| match error.is_instance_of::<PyTypeError>(py) {
+            true => {
+                let found = item.repr().map_or_else(|_| String::new(), |text| text.to_string());
+                let text = format!(
+                    "controls[{index}]: found {found}, expected a velocity, or a tuple of a velocity and a gain"
+                );
+                caused(py, PyTypeError::new_err(text), error)
+            }
+            false => error,
+        })
+    };
+    wanted.extract::<Vec<Bound<'_, PyAny>>>()?.into_iter().enumerate().map(item).collect()
 }
 
 /// Calls the user's control function; `None` ends the loop.
@@ -201,27 +218,38 @@ fn ask(
 ) -> PyResult<ControlFlow<(), Vec<Control>>> {
     Python::attach(|py| {
         let wanted = control.call1(py, (number, Feedback::new(feedback)))?;
-        let wanted: Option<Vec<Wanted>> = wanted.extract(py)?;
-        Ok(wanted.map_or(ControlFlow::Break(()), |wanted| ControlFlow::Continue(controls(wanted))))
+        match wanted.is_none(py) {
+            true => Ok(ControlFlow::Break(())),
+            false => controls(wanted.bind(py)).map(ControlFlow::Continue),
+        }
     })
 }
 
 #[pymethods]
 impl RealTime {
+    /// Number of motors in each block.
     #[getter]
     const fn axes(&self) -> usize {
         self.axes
     }
 
+    /// Sends a control block and waits for its feedback.
     #[pyo3(signature = (controls, limit=1.0))]
-    fn exchange(&self, py: Python<'_>, controls: Vec<Wanted>, limit: f64) -> PyResult<Feedback> {
-        let (limit, controls) = (self::limit(limit)?, self::controls(controls));
+    fn exchange(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = controls)] controls: Vec<Control>,
+        limit: f64,
+    ) -> PyResult<Feedback> {
+        let limit = self::limit(limit)?;
         let feedback = self.run(py, limit, move |realtime| realtime.exchange(&controls, limit))?;
         feedback.map(|feedback| Feedback::new(&feedback)).map_err(|error| errors::call(py, &error))
     }
 
+    /// Exchanges `rate` blocks a second, 1 to 1000, until `control` returns None. It gets the number of the block and the last feedback.
+    /// Each block has the limit to itself.
     #[pyo3(name = "run", signature = (rate, control, limit=1.0))]
-    fn run_at(&self, py: Python<'_>, rate: f64, control: Py<PyAny>, limit: f64) -> PyResult<Statistics> {
+    fn run_at(&self, py: Python<'_>, rate: f64, control: Callback, limit: f64) -> PyResult<Statistics> {
         let limit = self::limit(limit)?;
         let stopped = Arc::clone(&self.stop);
         let job = move |realtime: &mut wraptor::RealTime<'_>| {
@@ -230,7 +258,7 @@ impl RealTime {
                 if stopped.load(Ordering::Relaxed) {
                     return ControlFlow::Break(());
                 }
-                ask(&control, number, feedback).unwrap_or_else(|error| {
+                ask(&control.0, number, feedback).unwrap_or_else(|error| {
                     raised = Some(error);
                     ControlFlow::Break(())
                 })
@@ -243,6 +271,7 @@ impl RealTime {
         }
     }
 
+    /// Ends RealTime, and a run of another thread with its next block; the hand takes calls again.
     #[pyo3(signature = (limit=2.0))]
     fn end(&self, py: Python<'_>, limit: f64) -> PyResult<()> {
         self.finish(py, self::limit(limit)?, true)
@@ -267,13 +296,18 @@ impl RealTime {
     }
 }
 
-/// A feedback block.
+/// A feedback block, each motor in the order of the prefix; None for what the format lacks, and before the first block.
 #[pyclass(module = "wraptor", frozen, get_all)]
 pub struct Feedback {
+    /// GCL counts.
     positions: Option<Vec<i32>>,
+    /// Hall counts/s.
     velocities: Option<Vec<i32>>,
+    /// 0 to 255.
     strains: Option<Vec<i32>>,
+    /// Since the last report, GCL counts.
     changes: Option<Vec<i32>>,
+    /// Of GOD's board, degrees Celsius.
     temperature: Option<f64>,
 }
 
@@ -296,11 +330,17 @@ impl Feedback {
 /// How regular a run at a fixed rate was; times in seconds.
 #[pyclass(module = "wraptor", frozen, get_all)]
 pub struct Statistics {
+    /// Number of blocks.
     blocks: u64,
+    /// From the first block to the last answer.
     elapsed: f64,
+    /// Blocks a second.
     rate: f64,
+    /// Places of the schedule that were left out.
     missed: u64,
+    /// How late blocks were sent: median, 99th percentile, maximum.
     jitter: (f64, f64, f64),
+    /// From a block to its answer: median, 99th percentile, maximum.
     round_trip: (f64, f64, f64),
 }
 

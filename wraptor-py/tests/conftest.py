@@ -19,6 +19,13 @@ class Served:
     address: str
 
 
+class Broken:
+    """A number that cannot be read."""
+
+    def __float__(self) -> float:
+        return 1 / 0
+
+
 @pytest.fixture
 def served() -> Iterator[Served]:
     process = subprocess.Popen(

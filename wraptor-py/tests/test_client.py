@@ -6,10 +6,12 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from conftest import Served
+from conftest import Broken, Served
 
 import wraptor
 
@@ -155,6 +157,7 @@ def test_callback_that_calls_its_hand_raises_at_once(served: Served) -> None:
     with pytest.raises(RuntimeError, match="whose callback this is"):
         hand.init(limit=60, progress=lambda *_: hand.disconnect())
     hand.init(limit=60)
+    realtime: wraptor.RealTime
     for call in (lambda: realtime.exchange([0, 0, 0]), lambda: realtime.end()):
 
         def control(number: int, feedback: wraptor.Feedback, call: Callable[[], object] = call) -> None:
@@ -214,6 +217,109 @@ def test_wrong_arguments_are_refused(served: Served) -> None:
         hand.get("4", "P", limit=0)
     refused("Invalid", lambda: hand.get("9", "P"), 1)
     assert refused("Status", lambda: hand.command("NONSENSE"), 1).status != 0
+
+
+def test_wrong_argument_is_a_value_error_that_names_value_and_range(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    error = refused("Invalid", lambda: hand.set("4", "KP", -1), 1)
+    assert isinstance(error, wraptor.InvalidArgument) and isinstance(error, ValueError)
+    assert isinstance(refused("Invalid", lambda: hand.parameter("4", "NONE"), 1), ValueError)
+    calls: list[tuple[Callable[[], object], str]] = [
+        (lambda: hand.set("4", "KP", 10**30), f"found {10**30}, expected a whole number from -"),
+        (lambda: hand.realtime("G", velocity=256), "found 256, expected a whole number from 0 to 255"),
+        (lambda: hand.realtime("G", feeds_change=-1), "found -1, expected a whole number from 0 to 255"),
+        (lambda: wraptor.Hand.serial("/dev/null", baud=1 << 32), "from 0 to 4294967295"),
+        (lambda: hand.get("4", "P", limit=float("inf")), "found inf, expected seconds above 0, at most 1000000000"),
+        (lambda: wraptor.discover(to=[]), r"to: found \[\], expected an IPv4 address"),
+    ]
+    for call, expected in calls:
+        with pytest.raises(ValueError, match=expected):
+            call()
+    bus = wraptor.Bus.through(hand)
+    for node in [32, 256, -1, 10**30]:
+        with pytest.raises(ValueError, match="0 to 31|whole number"):
+            bus.get(node, "P")
+    with pytest.raises(ValueError, match="found 65536"):
+        bus.send(1 << 16, b"")
+
+
+def test_numbers_of_numpy_paths_and_bytes_of_any_kind_are_taken(served: Served, tmp_path: Path) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.set("4", "KP", np.int64(41))
+    assert hand.get("4", "KP") == {4: 41}
+    written: list[bytes | bytearray | memoryview] = [b"\r", bytearray(b"\r"), memoryview(b"\r.")[::2]]
+    for data in written:
+        hand.write(data)
+    for wrong in [5, [13], "\r"]:
+        with pytest.raises(TypeError, match="expected bytes, a bytearray or a memoryview"):
+            hand.write(wrong)  # type: ignore[arg-type]
+    file = tmp_path / "none.tek"
+    paths: list[str | bytes | Path] = [file, str(file), bytes(file)]
+    for path in paths:
+        with pytest.raises(FileNotFoundError, match="none.tek: cannot be read: .*\n  next: check the file's name"):
+            hand.download("4", path)
+    with pytest.raises(TypeError, match="expected str, bytes or os.PathLike"):
+        hand.download("4", 5)  # type: ignore[arg-type]
+
+
+def test_download_refuses_what_is_no_firmware(served: Served, tmp_path: Path) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    fifo, large = tmp_path / "fifo", tmp_path / "large.tek"
+    os.mkfifo(fifo)
+    for path in [fifo, tmp_path, Path("/dev/null")]:
+        with pytest.raises(OSError, match=f"{path}: is no file\n  next: name a .tek file"):
+            hand.download("4", path)
+    with large.open("wb") as file:
+        file.truncate((4 << 20) + 1)
+    with pytest.raises(ValueError, match="large.tek: found more, expected at most 4194304 bytes"):
+        hand.download("4", large)
+    (tmp_path / "text.tek").write_text("no firmware")
+    with pytest.raises(ValueError, match="text.tek:"):
+        wraptor.Bus.through(hand).download(4, tmp_path / "text.tek")
+
+
+def test_realtime_refuses_what_is_no_velocity(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.init(limit=60)
+    with hand.realtime("G", gain=True) as realtime:
+        for wrong in [float("nan"), float("inf"), float("-inf")]:
+            with pytest.raises(ValueError, match="velocity: found (NaN|inf|-inf), expected hall counts/s"):
+                realtime.exchange([0, 0, wrong])
+            with pytest.raises(ValueError, match="velocity: found"):
+                realtime.run(100, lambda number, feedback: [(wrong, 1)] * 3)
+        with pytest.raises(TypeError, match=r"controls\[1\]: found None, expected a velocity, or a tuple"):
+            realtime.exchange([0, None, 0])  # type: ignore[list-item]
+        with pytest.raises(ValueError, match="found 256, expected a whole number from 0 to 255"):
+            realtime.exchange([(0, 256)] * 3)
+        with pytest.raises(ZeroDivisionError):
+            realtime.exchange([Broken()] * 3)  # type: ignore[list-item]
+        with pytest.raises(TypeError, match="found 3, expected a function"):
+            realtime.run(100, 3)  # type: ignore[arg-type]
+        assert realtime.exchange(np.zeros(3)).positions is not None  # type: ignore[arg-type]
+
+
+def test_only_false_itself_cancels_and_a_callback_must_be_a_function(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.init(limit=60, progress=lambda *_: 0)  # type: ignore[arg-type]
+    hand.close("4", progress=lambda *_: [])  # type: ignore[arg-type]
+    before = hand.get("4", "P")
+    with pytest.raises(TypeError, match="found 3, expected a function"):
+        hand.open("4", progress=3)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="found 3, expected a function"):
+        hand.download("4", "none.tek", progress=3)  # type: ignore[arg-type]
+    assert hand.get("4", "P") == before
+
+
+def test_repr_of_a_hand_has_address_and_state(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    assert repr(hand) == f"<Hand at {served.address}: connected>"
+    states = []
+    hand.init(limit=60, progress=lambda *_: states.append(repr(hand)))
+    assert states[0] == f"<Hand at {served.address}: in a call>"
+    with hand.realtime("G"):
+        assert repr(hand).endswith(": in RealTime>")
+    hand.disconnect()
+    assert repr(hand).endswith(": closed>")
 
 
 def test_bus_through_a_hand(served: Served) -> None:

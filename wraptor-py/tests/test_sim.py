@@ -1,12 +1,17 @@
 """The simulator in process."""
 
+import collections
 import json
+import pickle
 import subprocess
 import threading
+import types
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Broken
 
 import wraptor
 from wraptor import sim
@@ -58,11 +63,45 @@ def test_run_takes_a_file_and_numbers_of_numpy(tmp_path: Path) -> None:
         ({"scenario": "spread-full-travel", "plant": {"inertai": "1.3x"}}, "did you mean inertia"),
         ({"scenario": "spread-full-travel", "plant": {"inertia": "1e9x"}}, "out of range"),
         ({"scenario": "spread-full-travel", "model": "ideal"}, "averaged or switched"),
+        ({"scenario": "spread-full-travel", "properties": {"KP": 10**30}}, f"KP={10**30}\n  expected: KP from 0 to"),
+        ({"scenario": "spread-full-travel", "properties": {"KP": -(10**30)}}, "KP from 0 to"),
+        ({"scenario": "spread-full-travel", "properties": {"KP": 3, "kp": 4}}, '"KP" and "kp", expected each name once'),
+        ({"scenario": "spread-full-travel", "plant": {"inertia": float("nan")}}, "plant inertia=NaN"),
+        ({"scenario": "spread-full-travel", "rig": {"hall_offset_deg": "2x"}}, "rig hall_offset_deg=2x"),
+        ({"scenario": "spread-full-travel", "seed": -1}, "found -1, expected a whole number from 0 to"),
+        ({"scenario": "none"}, r"wraptor.sim.scenarios\(\) names"),
     ],
 )
 def test_unknown_name_or_value_names_the_nearest(arguments: dict[str, object], expected: str) -> None:
-    with pytest.raises(ValueError, match=expected):
+    with pytest.raises(ValueError, match=expected) as error:
         sim.run(**arguments)  # type: ignore[arg-type]
+    # A wheel has no command line.
+    assert "--" not in str(error.value) and "hil-sim" not in str(error.value)
+
+
+@pytest.mark.parametrize("kind", [types.MappingProxyType, collections.ChainMap, collections.UserDict])
+def test_overrides_are_any_mapping(kind: Callable[[dict[str, int]], Mapping[str, int]]) -> None:
+    run = sim.run("spread-full-travel", kind({"KP": 30}), trace=False)
+    assert run.metrics == sim.run("spread-full-travel", {"KP": 30}, trace=False).metrics
+
+
+def test_override_that_is_no_number_names_its_key() -> None:
+    with pytest.raises(TypeError, match=r"properties\['KP'\]: found None, expected a number or a text"):
+        sim.run("spread-full-travel", {"KP": None})  # type: ignore[dict-item]
+    with pytest.raises(TypeError, match="plant: found the name 3"):
+        sim.Board(plant={3: 4})  # type: ignore[dict-item]
+    with pytest.raises(ZeroDivisionError):
+        sim.run("spread-full-travel", plant={"inertia": Broken()})
+    with pytest.raises(TypeError, match="Mapping"):
+        sim.run("spread-full-travel", [("KP", 3)])  # type: ignore[arg-type]
+
+
+def test_run_is_pickled() -> None:
+    run = sim.run("spread-full-travel", seed=(1 << 64) - 1)
+    copy = pickle.loads(pickle.dumps(run))
+    assert (copy.scenario, copy.seed, copy.passed) == (run.scenario, (1 << 64) - 1, run.passed)
+    assert copy.metrics == run.metrics and copy.expectations == run.expectations
+    assert np.array_equal(copy.trace["position_counts"], run.trace["position_counts"])
 
 
 def test_board_moves_and_answers() -> None:
@@ -78,6 +117,52 @@ def test_board_moves_and_answers() -> None:
         board.get("TSTO")
     with pytest.raises(ValueError, match="beyond the stops"):
         sim.Board(position=1e4)
+
+
+def test_board_names_position_property_and_range() -> None:
+    for position in [float("nan"), float("inf"), 1e4]:
+        with pytest.raises(ValueError, match="Board: position is out of range"):
+            sim.Board(position=position)
+    board = sim.Board()
+    with pytest.raises(ValueError) as error:
+        board.set("P", 40000)
+    assert str(error.value).startswith("P: found 40000, expected -32767 to 32767\n")
+    with pytest.raises(ValueError, match="found -1, expected a whole number"):
+        sim.Board(seed=-1)
+    with pytest.raises(ValueError, match=f"found {10**30}"):
+        board.set("P", 10**30)
+    with pytest.raises(ValueError, match="KP: found -1, expected 0 to"):
+        board.set("KP", -1)
+    with pytest.raises(ValueError, match="ERROR: found 0, expected a property that can be set"):
+        board.set("ERROR", 0)
+
+
+def test_board_in_its_monitor_is_named() -> None:
+    board = sim.Board()
+    board.set("STAT", 0)
+    for name, value in [("MKA", 399), ("HALLS", 1), ("CMD", 99), ("KP", 30), ("STAT", 1)]:
+        with pytest.raises(ValueError, match=f"{name}: found a board in its monitor.*\n  next: wake it by set"):
+            board.set(name, value)
+    with pytest.raises(ValueError, match="P: found a board in its monitor"):
+        board.get("P")
+    assert board.get("STAT") == 0
+    board.set("STAT", 2)
+    board.step(0.1)
+    assert board.get("STAT") == 2 and board.get("P") == 0
+
+
+@pytest.mark.parametrize("make", [sim.Board, sim.Hand])
+def test_steps_add_up_to_their_sum(make: Callable[[], sim.Board | sim.Hand]) -> None:
+    steps = make()
+    start = steps.time
+    for _ in range(240):
+        steps.step(1 / 240)
+    assert steps.time - start == pytest.approx(1.0, abs=1e-9)
+    for _ in range(10_000):
+        steps.step(4e-7)
+    assert steps.time - start == pytest.approx(1.004, abs=1e-9)
+    with pytest.raises(ValueError, match="found 10000000000, expected simulated seconds, 0 to 1000000000"):
+        steps.step(1e10)
 
 
 def test_velocity_mode_outlives_the_host_watchdog() -> None:
@@ -164,6 +249,28 @@ def test_what_is_sent_is_received_and_no_reply() -> None:
     assert hand.receive() == version
 
 
+def test_command_waits_for_the_end_of_what_was_sent() -> None:
+    hand = sim.Hand()
+    hand.command("HI")
+    hand.send("GC\r")
+    assert hand.command("GFGET P") == hand.command("GFGET P") and hand.receive().startswith("GC")
+    hand.send("4FSET MPE 77\r4FGET MPE\r")
+    position = hand.command("4FGET P")
+    assert position == hand.command("4FGET P") and "77" in hand.receive()
+    hand.send("NONSENSE\r")
+    hand.step(0.01)
+    hand.send("NONSENSE\r")
+    assert hand.command("4FGET P") == position and hand.receive().count("ERR") == 2
+    hand.send("HI\r")
+    hand.step(0.01)
+    start = hand.time
+    with pytest.raises(wraptor.CallTimeout):
+        hand.command("4FGET P", limit=0.1)
+    assert 0.1 <= hand.time - start < 3
+    hand.command("HI")
+    assert hand.command("4FGET P") == ["0"]
+
+
 def test_load_takes_up_the_play_of_a_worm_and_does_not_drive_it() -> None:
     hand = sim.Hand()
     hand.command("HI")
@@ -174,6 +281,9 @@ def test_load_takes_up_the_play_of_a_worm_and_does_not_drive_it() -> None:
     assert abs(hand.positions[0] - before) < 0.1 and hand.joint_positions[0] > joint
     with pytest.raises(ValueError, match="1 to 7"):
         hand.load(8, 1.0)
+    with pytest.raises(ValueError, match="found -1, expected 1 to 7"):
+        hand.load(-1, 1.0)
+    hand.load(np.int64(4), 1.0)
 
 
 def test_load_is_held_by_the_motor_of_the_spread() -> None:

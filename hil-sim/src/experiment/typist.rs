@@ -98,6 +98,23 @@ impl Typist {
         }
     }
 
+    /// Advances time, and collects the output, until GOD waits for a line and has answered all that was typed. Returns whether it
+    /// does so within the limit, us of simulated time; `goes_on` is asked once a simulated millisecond and may end the wait.
+    pub fn wait_for_line(&mut self, limit_us: u64, goes_on: &mut dyn FnMut() -> bool) -> bool {
+        let end_us = self.hand.now_us() + limit_us;
+        loop {
+            self.output.extend(self.hand.take_tx());
+            let io = self.hand.io();
+            if io.is_drained() && io.waits_for_line() {
+                return true;
+            }
+            if self.hand.now_us() >= end_us || !goes_on() {
+                return false;
+            }
+            self.advance(end_us.min(self.hand.now_us() + POLL_US));
+        }
+    }
+
     /// Types bytes as they are, without waiting.
     pub fn type_bytes(&mut self, bytes: &[u8]) {
         bytes.iter().for_each(|byte| self.type_byte(*byte));

@@ -1,7 +1,7 @@
 """Host library and simulator of a robot hand (docs/python.md)."""
 
 from . import sim
-from ._errors import CallError, CallTimeout, ConnectError
+from ._errors import CallError, CallTimeout, ConnectError, InvalidArgument
 from ._wraptor import Bus, Feedback, Hand, RealTime, Statistics, __version__, discover
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "ConnectError",
     "Feedback",
     "Hand",
+    "InvalidArgument",
     "RealTime",
     "Statistics",
     "__version__",

@@ -3,10 +3,15 @@
 from collections.abc import Callable, Sequence
 from os import PathLike
 from types import TracebackType
-from typing import Literal, TypeAlias, final
+from typing import Literal, SupportsIndex, TypeAlias, final
 
 from . import sim as sim
-from ._errors import CallError as CallError, CallTimeout as CallTimeout, ConnectError as ConnectError
+from ._errors import (
+    CallError as CallError,
+    CallTimeout as CallTimeout,
+    ConnectError as ConnectError,
+    InvalidArgument as InvalidArgument,
+)
 
 __all__ = [
     "Bus",
@@ -15,6 +20,7 @@ __all__ = [
     "ConnectError",
     "Feedback",
     "Hand",
+    "InvalidArgument",
     "RealTime",
     "Statistics",
     "__version__",
@@ -24,13 +30,14 @@ __all__ = [
 
 __version__: str
 
-# Seconds since the call, and values by node, where the call polls them. The call is cancelled if it returns False.
+# Seconds since the call, and values by node, where the call polls them. The call is cancelled if it returns False itself.
 _Progress: TypeAlias = Callable[[float, dict[int, int]], bool | None] | None
 # Seconds since the call, node, percent sent.
 _Download: TypeAlias = Callable[[float, int, int], bool | None] | None
 _State: TypeAlias = Literal["silent", "asleep", "unusable", "ready"]
 # A velocity in hall counts/s, positive closing, or a velocity and a gain.
-_Control: TypeAlias = float | tuple[float, int]
+_Control: TypeAlias = float | tuple[float, SupportsIndex]
+_Path: TypeAlias = str | bytes | PathLike[str] | PathLike[bytes]
 
 @final
 class Hand:
@@ -44,11 +51,12 @@ class Hand:
         """Connects over TCP to HOST:PORT. Raises ConnectError."""
     @classmethod
     def serial(
-        cls, path: str, baud: int = 9600, limit: float = 10.0, boards: Literal["wake", "ready", "any"] = "wake"
+        cls, path: str, baud: SupportsIndex = 9600, limit: float = 10.0, boards: Literal["wake", "ready", "any"] = "wake"
     ) -> Hand:
         """Connects over a serial port such as /dev/ttyUSB0. Raises ConnectError."""
     @property
-    def address(self) -> str: ...
+    def address(self) -> str:
+        """Where it is connected, as it was given."""
     @property
     def version(self) -> int:
         """The firmware's version."""
@@ -62,7 +70,7 @@ class Hand:
         """Aborts a call of another thread, which raises CallError."""
     def command(self, line: str, limit: float = 30.0, progress: _Progress = None) -> list[str]:
         """Runs a line of the hand's language and returns what it prints."""
-    def write(self, data: bytes, limit: float = 1.0) -> None:
+    def write(self, data: bytes | bytearray | memoryview, limit: float = 1.0) -> None:
         """Writes bytes as they are, without waiting for an answer."""
     def take_reports(self, limit: float = 1.0) -> list[str]:
         """Lines that the hand has printed unasked."""
@@ -84,25 +92,25 @@ class Hand:
         """Closes motors with limited torque until they stall, and leaves them pressing (TC)."""
     def relax(self, motors: str = "", limit: float = 2.0) -> None:
         """Switches motors' power off (T)."""
-    def move(self, motors: str, counts: int, limit: float = 20.0, progress: _Progress = None) -> None:
+    def move(self, motors: str, counts: SupportsIndex, limit: float = 20.0, progress: _Progress = None) -> None:
         """Moves motors to a position of the language, GCL counts, 0 to 20000 (M)."""
-    def move_halls(self, fingers: str, halls: int, limit: float = 20.0, progress: _Progress = None) -> None:
+    def move_halls(self, fingers: str, halls: SupportsIndex, limit: float = 20.0, progress: _Progress = None) -> None:
         """Moves fingers to a position of their links in hall counts, and their tips by a third of the joint angle."""
     def get(self, nodes: str, name: str, limit: float = 1.0) -> dict[int, int]:
         """A property of boards by node, in the units of docs/properties.md. Raises ValueError for an unknown name."""
-    def set(self, nodes: str, name: str, value: int, limit: float = 1.0) -> None:
+    def set(self, nodes: str, name: str, value: SupportsIndex, limit: float = 1.0) -> None:
         """Sets a property of boards."""
     def wait_for(
-        self, nodes: str, name: str, value: int, limit: float = 20.0, progress: _Progress = None
+        self, nodes: str, name: str, value: SupportsIndex, limit: float = 20.0, progress: _Progress = None
     ) -> None:
         """Polls a property until all boards have a value."""
     def parameter(self, motors: str, name: str, limit: float = 1.0) -> list[int]:
         """A parameter of motors (FGET)."""
-    def set_parameter(self, motors: str, name: str, value: int, limit: float = 1.0) -> None:
+    def set_parameter(self, motors: str, name: str, value: SupportsIndex, limit: float = 1.0) -> None:
         """Sets a parameter of motors (FSET)."""
     def hand_parameter(self, name: str, limit: float = 1.0) -> int:
         """A parameter of the hand (PGET)."""
-    def set_hand_parameter(self, name: str, value: int, limit: float = 1.0) -> None:
+    def set_hand_parameter(self, name: str, value: SupportsIndex, limit: float = 1.0) -> None:
         """Sets a parameter of the hand (PSET)."""
     def temperature(self, limit: float = 1.0) -> float:
         """Temperature of GOD's board, degrees Celsius."""
@@ -111,20 +119,20 @@ class Hand:
     def prepare_power_off(self, limit: float = 5.0) -> None:
         """Switches motors off and stores positions and parameters (SAVE)."""
     def download(
-        self, nodes: str, path: str | PathLike[str], limit: float = 120.0, progress: _Download = None
+        self, nodes: str, path: _Path, limit: float = 120.0, progress: _Download = None
     ) -> None:
-        """Downloads a .tek file to boards; connect with boards="any"."""
+        """Downloads a .tek file to boards; connect with boards="any". Raises OSError if it cannot be read, ValueError if it is none."""
     def realtime(
         self,
         motors: str,
         limit: float = 2.0,
         *,
-        velocity: int = 8,
+        velocity: SupportsIndex = 8,
         gain: bool = False,
-        feeds_velocity: int | None = None,
+        feeds_velocity: SupportsIndex | None = None,
         feeds_strain: bool = False,
         feeds_position: bool = True,
-        feeds_change: int | None = None,
+        feeds_change: SupportsIndex | None = None,
         feeds_temperature: bool = False,
     ) -> RealTime:
         """Begins RealTime of motors (LOOP). `velocity` (0: none), `feeds_velocity` and `feeds_change` are units of a byte, hall counts/s
@@ -179,9 +187,11 @@ class Statistics:
     """How regular a run at a fixed rate was; times in seconds."""
 
     @property
-    def blocks(self) -> int: ...
+    def blocks(self) -> int:
+        """Number of blocks."""
     @property
-    def elapsed(self) -> float: ...
+    def elapsed(self) -> float:
+        """From the first block to the last answer."""
     @property
     def rate(self) -> float:
         """Blocks a second."""
@@ -203,7 +213,7 @@ class Bus:
     def slcan(cls, address: str, limit: float = 5.0) -> Bus:
         """Connects to an SLCAN adapter over TCP, HOST:PORT. Raises ConnectError."""
     @classmethod
-    def slcan_serial(cls, path: str, baud: int = 115200, limit: float = 5.0) -> Bus:
+    def slcan_serial(cls, path: str, baud: SupportsIndex = 115200, limit: float = 5.0) -> Bus:
         """The same on a serial port."""
     @classmethod
     def can(cls, interface: str) -> Bus:
@@ -217,32 +227,32 @@ class Bus:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None, /
     ) -> None: ...
-    def send(self, id: int, data: bytes, limit: float = 1.0) -> None:
+    def send(self, id: SupportsIndex, data: bytes | bytearray | memoryview, limit: float = 1.0) -> None:
         """Sends a frame (docs/wire.md)."""
     def receive(self, limit: float = 1.0) -> tuple[int, bytes] | None:
         """The next frame's id and data; None if none comes within the limit."""
-    def get(self, node: int, name: str, limit: float = 1.0) -> int:
+    def get(self, node: SupportsIndex, name: str, limit: float = 1.0) -> int:
         """A property of a board. Raises ValueError for an unknown name."""
-    def set(self, node: int, name: str, value: int, limit: float = 1.0) -> None:
+    def set(self, node: SupportsIndex, name: str, value: SupportsIndex, limit: float = 1.0) -> None:
         """Sets a property of a board and reads it back."""
-    def state(self, node: int, limit: float = 1.0) -> _State:
+    def state(self, node: SupportsIndex, limit: float = 1.0) -> _State:
         """The state of a board."""
-    def require(self, nodes: Sequence[int], limit: float = 0.2) -> None:
+    def require(self, nodes: Sequence[SupportsIndex], limit: float = 0.2) -> None:
         """Requires boards that answer and are awake, each within the limit. Raises ConnectError."""
-    def wake(self, nodes: Sequence[int], limit: float = 3.0) -> None:
+    def wake(self, nodes: Sequence[SupportsIndex], limit: float = 3.0) -> None:
         """Wakes boards."""
-    def move(self, node: int, halls: int, limit: float = 20.0, progress: _Progress = None) -> None:
+    def move(self, node: SupportsIndex, halls: SupportsIndex, limit: float = 20.0, progress: _Progress = None) -> None:
         """Moves a motor to a hall count and waits for the end."""
-    def find_zero(self, node: int, limit: float = 20.0, progress: _Progress = None) -> None:
+    def find_zero(self, node: SupportsIndex, limit: float = 20.0, progress: _Progress = None) -> None:
         """Finds a motor's stop and waits for the end."""
-    def fault(self, node: int, limit: float = 1.0) -> str | None:
+    def fault(self, node: SupportsIndex, limit: float = 1.0) -> str | None:
         """The latched fault of a board."""
     def stop_all(self, limit: float = 1.0) -> None:
         """Stops every motor."""
     def download(
-        self, node: int, path: str | PathLike[str], limit: float = 60.0, progress: _Download = None
+        self, node: SupportsIndex, path: _Path, limit: float = 60.0, progress: _Download = None
     ) -> None:
-        """Downloads a .tek file to a board."""
+        """Downloads a .tek file to a board. Raises OSError if it cannot be read, ValueError if it is none."""
 
 def discover(limit: float = 1.0, to: Sequence[str] | None = None) -> list[tuple[str, str | None]]:
     """Hands in the network that answer within `limit`: address, and hardware address if they tell. `to` are broadcast addresses."""

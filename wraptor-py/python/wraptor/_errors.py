@@ -42,5 +42,9 @@ class CallError(Exception):
         self.status = status
 
 
+class InvalidArgument(CallError, ValueError):
+    """A call with a wrong argument; nothing was sent."""
+
+
 class CallTimeout(CallError, TimeoutError):
     """A call that was not done within its limit; the hand was told to abort it."""

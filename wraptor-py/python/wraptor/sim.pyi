@@ -10,16 +10,21 @@ from numpy.typing import NDArray
 __all__ = ["Board", "Hand", "Run", "run", "scenarios"]
 
 _Overrides: TypeAlias = Mapping[str, SupportsFloat | SupportsIndex | str]
+_Path: TypeAlias = str | bytes | PathLike[str] | PathLike[bytes]
 _Model: TypeAlias = Literal["averaged", "switched"]
 
 @final
 class Run:
-    """The result of a scenario."""
+    """The result of a scenario, as `run` returns it. It can be pickled, so that a pool of processes can return it."""
+
+    def __new__(cls, result: dict[str, Any], traces: dict[str, Any]) -> Run: ...
 
     @property
-    def scenario(self) -> str: ...
+    def scenario(self) -> str:
+        """The scenario's name."""
     @property
-    def seed(self) -> int: ...
+    def seed(self) -> int:
+        """The seed of noise and scatter."""
     @property
     def passed(self) -> bool:
         """Whether all expectations were met."""
@@ -37,10 +42,10 @@ class Run:
         """The same by motor: "link", "spread" and "tip"."""
 
 def run(
-    scenario: str | PathLike[str],
+    scenario: _Path,
     properties: _Overrides | None = None,
     plant: _Overrides | None = None,
-    seed: int | None = None,
+    seed: SupportsIndex | None = None,
     *,
     rig: _Overrides | None = None,
     supply: _Overrides | None = None,
@@ -49,7 +54,7 @@ def run(
 ) -> Run:
     """Runs a scenario, by its name or file, with the overrides and the seed (1) of `hil-sim run`.
 
-    Raises ValueError for an unknown name, with the nearest one, and for a value out of range.
+    Raises ValueError for an unknown name, with the nearest one, for a name given twice, and for a value out of range.
     """
 
 def scenarios() -> list[str]:
@@ -58,33 +63,35 @@ def scenarios() -> list[str]:
 @final
 class Hand:
     """A whole hand in simulated time: GOD, the bus and seven motor boards, powered up, at its first prompt. The same seed and
-    calls give the same results. Motors are 1 to 3 (links of the fingers), 4 (spread), 5 to 7 (tips); index 0 of an array is motor 1."""
+    calls give the same results. Motors are 1 to 3 (links of the fingers), 4 (spread), 5 to 7 (tips); index 0 of an array is motor 1.
+
+    `grasp` is a file of objects between the fingers. Without `contacts` fingers meet only their stops, for a physics engine
+    that computes what else they touch and applies it by `load`."""
 
     def __new__(
         cls,
-        seed: int = 0,
-        grasp: str | PathLike[str] | None = None,
+        seed: SupportsIndex = 0,
+        grasp: _Path | None = None,
         *,
         contacts: bool = True,
         model: _Model = "averaged",
-    ) -> Hand:
-        """`grasp` is a file of objects between the fingers. Without `contacts` fingers meet only their stops, for a physics engine
-        that computes what else they touch and applies it by `load`."""
+    ) -> Hand: ...
     @property
     def time(self) -> float:
         """Simulated seconds since power-up."""
     def step(self, seconds: float) -> None:
-        """Advances time."""
+        """Advances time by whole microseconds; the rest is kept for the next step."""
     def send(self, text: str) -> None:
         """Types characters, each a byte (Latin-1), without waiting."""
     def receive(self) -> str:
         """What the hand has sent since the last call and no command has returned, each byte a character (Latin-1)."""
     def command(self, text: str, limit: float = 60.0) -> list[str]:
-        """Runs a line of the hand's language and returns what it prints. Time advances until the prompt.
+        """Runs a line of the hand's language, once those that were sent have ended, and returns what it prints. Time advances until
+        the prompt.
 
         Raises CallError for ERR, and CallTimeout, a TimeoutError, after `limit` simulated seconds: then the line was aborted.
         """
-    def load(self, motor: int, torque: float) -> None:
+    def load(self, motor: SupportsIndex, torque: float) -> None:
         """Applies a torque to a motor's joint from outside, N m behind the gear, positive closing, until changed. Motors of links and
         tips have worms, through which no load drives them."""
     @property
@@ -102,28 +109,30 @@ class Hand:
 
 @final
 class Board:
-    """One motor board with its motor, awake, in simulated time. Its host asks for MODE ten times a simulated second."""
+    """One motor board with its motor, awake, in simulated time. Its host asks for MODE ten times a simulated second.
+
+    `position` is where the motor stands, hall counts. Overrides as of `run`."""
 
     def __new__(
         cls,
         kind: Literal["link", "spread", "tip"] = "spread",
         properties: _Overrides | None = None,
         plant: _Overrides | None = None,
-        seed: int | None = None,
+        seed: SupportsIndex | None = None,
         *,
         position: float = 0.0,
         model: _Model = "averaged",
-    ) -> Board:
-        """`position` is where the motor stands, hall counts. Overrides as of `run`."""
+    ) -> Board: ...
     @property
     def time(self) -> float:
         """Simulated seconds since the start."""
     def step(self, seconds: float) -> None:
-        """Advances time."""
+        """Advances time by whole microseconds; the rest is kept for the next step."""
     def get(self, name: str) -> int:
         """A property, over the bus, in the units of docs/properties.md."""
-    def set(self, name: str, value: int) -> None:
-        """Sets a property over the bus. Raises ValueError if the board does not take it."""
+    def set(self, name: str, value: SupportsIndex) -> None:
+        """Sets a property over the bus. Raises ValueError if the board does not take it; in its monitor (STAT 0) it
+        takes STAT alone."""
     def load(self, torque: float) -> None:
         """Applies a torque to the joint from outside, N m behind the gear, positive closing, until changed."""
     @property

@@ -17,8 +17,8 @@ use pyo3::prelude::*;
 use wraptor::{CallError, Failure};
 
 use super::scenario::model;
-use super::{at_motor, span_us};
-use crate::call::{limit, lock, wait};
+use super::{Remainder, at_motor, span};
+use crate::call::{limit, lock, path_or_none, wait, whole};
 use crate::errors;
 
 /// Simulated time between two looks for ^C, us.
@@ -32,6 +32,7 @@ struct Served {
     typist: Typist,
     /// Sent by the hand, in no reply, and not yet received.
     unread: String,
+    remainder: Remainder,
 }
 
 type Job = Box<dyn FnOnce(&mut Served) + Send>;
@@ -59,7 +60,11 @@ impl Truth {
     }
 }
 
-/// A simulated hand.
+/// A whole hand in simulated time: GOD, the bus and seven motor boards, powered up, at its first prompt. The same seed and
+/// calls give the same results. Motors are 1 to 3 (links of the fingers), 4 (spread), 5 to 7 (tips); index 0 of an array is motor 1.
+///
+/// `grasp` is a file of objects between the fingers. Without `contacts` fingers meet only their stops, for a physics engine
+/// that computes what else they touch and applies it by `load`.
 #[pyclass(name = "Hand", module = "wraptor.sim", frozen)]
 pub struct SimHand {
     jobs: Sender<Job>,
@@ -80,7 +85,7 @@ fn start(
         hand.set_scene(scene.map_err(|bad| bad.to_string())?);
     }
     let (typist, _) = Typist::new(hand).map_err(|none| none.to_string())?;
-    Ok(Served { typist, unread: String::new() })
+    Ok(Served { typist, unread: String::new(), remainder: Remainder::default() })
 }
 
 impl Served {
@@ -89,11 +94,15 @@ impl Served {
         self.unread.extend(self.typist.take_output().into_iter().map(char::from));
     }
 
-    /// Runs a line; `None` after the limit.
+    /// Runs a line, once what was sent before has ended; `None` after the limit.
     fn run_line(&mut self, line: &str, limit_us: u64, stop: &AtomicBool) -> Option<(Vec<String>, u16)> {
+        let goes_on = &mut || !stop.load(Ordering::Relaxed);
+        let end_us = self.typist.hand().now_us() + limit_us;
+        let is_at_prompt = self.typist.wait_for_line(limit_us, goes_on);
         self.collect();
-        let reply = self.typist.run_line_within(line, limit_us, &mut || !stop.load(Ordering::Relaxed));
-        let Ok(reply) = reply else {
+        let left_us = end_us.saturating_sub(self.typist.hand().now_us());
+        let reply = is_at_prompt.then(|| self.typist.run_line_within(line, left_us, goes_on));
+        let Some(Ok(reply)) = reply else {
             self.typist.abort();
             return None;
         };
@@ -132,7 +141,13 @@ impl SimHand {
 impl SimHand {
     #[new]
     #[pyo3(signature = (seed=0, grasp=None, *, contacts=true, model="averaged"))]
-    fn new(py: Python<'_>, seed: u64, grasp: Option<PathBuf>, contacts: bool, model: &str) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = whole)] seed: u64,
+        #[pyo3(from_py_with = path_or_none)] grasp: Option<PathBuf>,
+        contacts: bool,
+        model: &str,
+    ) -> PyResult<Self> {
         if grasp.is_some() && !contacts {
             let next = "leave out grasp, or contacts=False";
             return Err(errors::value("contacts", "False with a grasp", "True for a grasp", next));
@@ -158,21 +173,24 @@ impl SimHand {
         Ok(Self { jobs, truth: Arc::new(Mutex::new(truth)) })
     }
 
+    /// Simulated seconds since power-up.
     #[getter]
     fn time(&self) -> f64 {
         lock(&self.truth).now_us as f64 * 1e-6
     }
 
+    /// Advances time by whole microseconds; the rest is kept for the next step.
     fn step(&self, py: Python<'_>, seconds: f64) -> PyResult<()> {
-        let us = span_us(seconds)?;
+        let seconds = span(seconds)?;
         self.run(py, move |served, stop| {
-            let until_us = served.typist.hand().now_us() + us;
+            let until_us = served.typist.hand().now_us() + served.remainder.step_us(seconds);
             while served.typist.hand().now_us() < until_us && !stop.load(Ordering::Relaxed) {
                 served.typist.advance(until_us.min(served.typist.hand().now_us() + SLICE_US));
             }
         })
     }
 
+    /// Types characters, each a byte (Latin-1), without waiting.
     fn send(&self, py: Python<'_>, text: &str) -> PyResult<()> {
         let bytes: Option<Vec<u8>> = text.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
         let Some(bytes) = bytes else {
@@ -182,6 +200,7 @@ impl SimHand {
         self.run(py, move |served, _| served.typist.type_bytes(&bytes))
     }
 
+    /// What the hand has sent since the last call and no command has returned, each byte a character (Latin-1).
     fn receive(&self, py: Python<'_>) -> PyResult<String> {
         self.run(py, |served, _| {
             served.collect();
@@ -189,6 +208,10 @@ impl SimHand {
         })
     }
 
+    /// Runs a line of the hand's language, once those that were sent have ended, and returns what it prints. Time advances until
+    /// the prompt.
+    ///
+    /// Raises CallError for ERR, and CallTimeout, a TimeoutError, after `limit` simulated seconds: then the line was aborted.
     #[pyo3(signature = (text, limit=60.0))]
     fn command(&self, py: Python<'_>, text: &str, limit: f64) -> PyResult<Vec<String>> {
         let limit = self::limit(limit)?;
@@ -205,37 +228,39 @@ impl SimHand {
         }
     }
 
-    /// Positions of the motors' rotors, hall counts.
+    /// True positions of the motors' rotors, hall counts.
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.array(py, |truth| truth.positions)
     }
 
-    /// Velocities of the motors' rotors, hall counts/s.
+    /// True velocities of the motors' rotors, hall counts/s.
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.array(py, |truth| truth.velocities)
     }
 
-    /// Torques of the motors on their rotors, N·m.
+    /// True torques of the motors on their rotors, N m.
     #[getter]
     fn torques<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.array(py, |truth| truth.torques)
     }
 
-    /// Positions of the joints behind play and twist of their gears, hall counts of the motors.
+    /// True positions of the joints behind play and twist of their gears, hall counts of the motors.
     #[getter]
     fn joint_positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.array(py, |truth| truth.joints)
     }
 
-    fn load(&self, py: Python<'_>, motor: u8, torque: f64) -> PyResult<()> {
-        if !(1..=7).contains(&motor) {
+    /// Applies a torque to a motor's joint from outside, N m behind the gear, positive closing, until changed. Motors of links and
+    /// tips have worms, through which no load drives them.
+    fn load(&self, py: Python<'_>, #[pyo3(from_py_with = whole)] motor: i64, torque: f64) -> PyResult<()> {
+        let index = (1..=7).position(|number| number == motor).ok_or_else(|| {
             let next = "fingers 1 to 3 are links, 4 the spread, 5 to 7 tips";
-            return Err(errors::value("motor", &motor.to_string(), "1 to 7", next));
-        }
+            errors::value("motor", &motor.to_string(), "1 to 7", next)
+        })?;
         self.run(py, move |served, _| {
-            let station = served.typist.hand_mut().bus_mut().station_mut(usize::from(motor) - 1);
+            let station = served.typist.hand_mut().bus_mut().station_mut(index);
             let rig = station.map(Motorized::rig_mut);
             rig.map_or(Ok(()), |rig| {
                 let n_m = at_motor(torque, rig.plant().gear_ratio)?;

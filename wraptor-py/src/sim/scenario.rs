@@ -1,47 +1,71 @@
 //! Runs of scenarios, with the overrides of `hil-sim run`.
 
+use std::path::PathBuf;
+
 use hil_sim::input::BadInput;
 use hil_sim::scenario::{SHIPPED, Scenario, motor_name};
 use hil_sim::trace::{COLUMNS, Trace};
 use hil_sim::{Model, Options, Outcome, report};
 use numpy::IntoPyArray;
 use pyo3::IntoPyObjectExt;
+use pyo3::exceptions::{PyAttributeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyMapping};
 use serde_json::Value;
 
-use crate::errors;
+use crate::call::{path, whole_or_none};
+use crate::errors::{self, caused};
 
 /// What the result of a run says besides its metrics.
 const NO_METRICS: [&str; 4] = ["scenario", "seed", "model", "expectations"];
 
-/// A value as `hil-sim run` takes it, from a text or a number.
-#[derive(FromPyObject)]
-enum Given {
-    Text(String),
-    Whole(i64),
-    Number(f64),
+/// A number as `hil-sim run` takes it.
+fn number(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    let py = value.py();
+    match value.call_method0("__index__") {
+        Ok(whole) => Ok(whole.to_string()),
+        Err(error)
+            if error.is_instance_of::<PyAttributeError>(py) || error.is_instance_of::<PyTypeError>(py) =>
+        {
+            Ok(value.extract::<f64>()?.to_string())
+        }
+        Err(error) => Err(error),
+    }
 }
 
 /// Overrides by name.
 pub struct Overrides(Vec<String>);
 
 impl Overrides {
-    /// `NAME=VALUE` for each entry, in the dictionary's order.
+    /// `NAME=VALUE` for each entry of an argument, in the mapping's order.
     ///
     /// # Errors
-    /// `TypeError`: a name is no text, a value neither text nor number.
-    pub fn of(named: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let assignment = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-            let name: String = name.extract()?;
-            Ok(match value.extract()? {
-                Given::Text(text) => format!("{name}={text}"),
-                Given::Whole(number) => format!("{name}={number}"),
-                Given::Number(number) => format!("{name}={number}"),
-            })
+    /// `TypeError`: a name is no text, a value neither text nor number; `ValueError`: a name is given twice.
+    pub fn of(argument: &str, named: Option<&Bound<'_, PyMapping>>) -> PyResult<Self> {
+        let Some(named) = named else { return Ok(Self(Vec::new())) };
+        let wrong = |error: PyErr, what: String| match error.is_instance_of::<PyTypeError>(named.py()) {
+            true => caused(named.py(), PyTypeError::new_err(what), error),
+            false => error,
         };
-        named.into_iter().flatten().map(assignment).collect::<PyResult<_>>().map(Self)
+        let mut names: Vec<String> = Vec::new();
+        let mut assignments = Vec::new();
+        for item in named.items()?.try_iter()? {
+            let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item?.extract()?;
+            let name: String = key.extract().map_err(|error| {
+                wrong(error, format!("{argument}: found the name {key:?}, expected a text"))
+            })?;
+            let text = value.extract::<String>().or_else(|_| number(&value)).map_err(|error| {
+                wrong(error, format!("{argument}[{key:?}]: found {value:?}, expected a number or a text"))
+            })?;
+            if let Some(other) = names.iter().find(|other| other.eq_ignore_ascii_case(&name)) {
+                let found = format!("{other:?} and {name:?}");
+                return Err(errors::value(argument, &found, "each name once", "remove one of the two"));
+            }
+            assignments.push(format!("{name}={text}"));
+            names.push(name);
+        }
+        Ok(Self(assignments))
     }
 }
 
@@ -100,7 +124,9 @@ pub fn scenarios() -> Vec<&'static str> {
     SHIPPED.iter().map(|shipped| shipped.name).collect()
 }
 
-/// Runs a scenario.
+/// Runs a scenario, by its name or file, with the overrides and the seed (1) of `hil-sim run`.
+///
+/// Raises ValueError for an unknown name, with the nearest one, for a name given twice, and for a value out of range.
 #[pyfunction]
 #[pyo3(signature = (
     scenario, properties=None, plant=None, seed=None, *, rig=None, supply=None, model="averaged", trace=true,
@@ -108,21 +134,21 @@ pub fn scenarios() -> Vec<&'static str> {
 #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn run(
     py: Python<'_>,
-    scenario: std::path::PathBuf,
-    properties: Option<&Bound<'_, PyDict>>,
-    plant: Option<&Bound<'_, PyDict>>,
-    seed: Option<u64>,
-    rig: Option<&Bound<'_, PyDict>>,
-    supply: Option<&Bound<'_, PyDict>>,
+    #[pyo3(from_py_with = path)] scenario: PathBuf,
+    properties: Option<&Bound<'_, PyMapping>>,
+    plant: Option<&Bound<'_, PyMapping>>,
+    #[pyo3(from_py_with = whole_or_none)] seed: Option<u64>,
+    rig: Option<&Bound<'_, PyMapping>>,
+    supply: Option<&Bound<'_, PyMapping>>,
     model: &str,
     trace: bool,
 ) -> PyResult<Run> {
     let changes = Changes {
-        properties: Overrides::of(properties)?,
+        properties: Overrides::of("properties", properties)?,
         figures: vec![
-            ("plant", Overrides::of(plant)?),
-            ("rig", Overrides::of(rig)?),
-            ("supply", Overrides::of(supply)?),
+            ("plant", Overrides::of("plant", plant)?),
+            ("rig", Overrides::of("rig", rig)?),
+            ("supply", Overrides::of("supply", supply)?),
         ],
     };
     let options = Options { seed: seed.unwrap_or(1), model: self::model(model)?, trace };
@@ -132,43 +158,40 @@ pub fn run(
         changes.apply(&mut scenario)?;
         hil_sim::run(&scenario, &options).map_err(|error| out_of_range(&name, error))
     });
-    outcome.map(Run::new).map_err(|bad| errors::bad_input(&bad))
+    Run::of(py, outcome.map_err(errors::bad_input)?)
 }
 
-/// The result of a run.
+/// The result of a scenario, as `run` returns it. It can be pickled, so that a pool of processes can return it.
 #[pyclass(module = "wraptor.sim", frozen)]
 pub struct Run {
-    outcome: Outcome,
-    /// Converted once: reading a column twice costs nothing.
+    /// As in run.json.
+    result: Py<PyDict>,
+    /// Those of a run here; a pickled one has `traces` alone.
+    recorded: Vec<Trace>,
+    /// Columns by motor, converted once somebody reads them.
     traces: PyOnceLock<Py<PyDict>>,
 }
 
 impl Run {
-    const fn new(outcome: Outcome) -> Self {
-        Self { outcome, traces: PyOnceLock::new() }
-    }
-
-    fn result(&self, py: Python<'_>, wanted: impl Fn(&str) -> bool) -> PyResult<Py<PyDict>> {
-        let dict = PyDict::new(py);
-        if let Value::Object(result) = report::json_value_of(&self.outcome) {
-            for (name, value) in result.iter().filter(|(name, _)| wanted(name)) {
-                dict.set_item(name, python(py, value)?)?;
-            }
-        }
-        Ok(dict.unbind())
+    fn of(py: Python<'_>, outcome: Outcome) -> PyResult<Self> {
+        let result = python(py, &report::json_value_of(&outcome))?.cast_into::<PyDict>()?;
+        let recorded = outcome.runs.into_iter().filter_map(|run| run.trace).collect();
+        Ok(Self { result: result.unbind(), recorded, traces: PyOnceLock::new() })
     }
 
     fn all_traces<'py>(&self, py: Python<'py>) -> PyResult<&Bound<'py, PyDict>> {
         let traces = self.traces.get_or_try_init(py, || {
-            let all = PyDict::new(py);
-            for run in &self.outcome.runs {
-                if let Some(trace) = &run.trace {
-                    all.set_item(motor_name(run.motor), columns(py, trace)?)?;
-                }
+            let traces = PyDict::new(py);
+            for trace in &self.recorded {
+                traces.set_item(motor_name(trace.motor), columns(py, trace)?)?;
             }
-            Ok::<_, PyErr>(all.unbind())
+            Ok::<_, PyErr>(traces.unbind())
         })?;
         Ok(traces.bind(py))
+    }
+
+    fn item<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        self.result.bind(py).as_any().get_item(name)
     }
 }
 
@@ -185,9 +208,11 @@ fn python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     match value {
         Value::Null => Ok(py.None().into_bound(py)),
         Value::Bool(is) => is.into_bound_py_any(py),
-        Value::Number(number) => match number.as_i64() {
-            Some(whole) => whole.into_bound_py_any(py),
-            None => number.as_f64().into_bound_py_any(py),
+        Value::Number(number) => match (number.as_u64(), number.as_i64()) {
+            // The seed has 64 bits.
+            (Some(whole), _) => whole.into_bound_py_any(py),
+            (None, Some(whole)) => whole.into_bound_py_any(py),
+            (None, None) => number.as_f64().into_bound_py_any(py),
         },
         Value::String(text) => text.into_bound_py_any(py),
         Value::Array(values) => {
@@ -205,49 +230,70 @@ fn python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
 
 #[pymethods]
 impl Run {
-    #[getter]
-    fn scenario(&self) -> &str {
-        &self.outcome.scenario
+    #[new]
+    fn new(py: Python<'_>, result: Py<PyDict>, traces: Py<PyDict>) -> Self {
+        let cell = PyOnceLock::new();
+        // Nobody else has set it.
+        let _ = cell.set(py, traces);
+        Self { result, recorded: Vec::new(), traces: cell }
     }
 
+    /// The scenario's name.
     #[getter]
-    const fn seed(&self) -> u64 {
-        self.outcome.options.seed
+    fn scenario<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.item(py, "scenario")
     }
 
+    /// The seed of noise and scatter.
     #[getter]
-    fn passed(&self) -> bool {
-        self.outcome.passed()
+    fn seed<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.item(py, "seed")
     }
 
+    /// Whether all expectations were met.
     #[getter]
-    fn metrics(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
-        self.result(py, |name| !NO_METRICS.contains(&name))
+    fn passed(&self, py: Python<'_>) -> PyResult<bool> {
+        for verdict in self.item(py, "expectations")?.try_iter()? {
+            if !verdict?.get_item("ok")?.is_truthy()? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
+    /// Metrics by name, as in run.json: numbers, words, a list of faults; None without a value.
+    #[getter]
+    fn metrics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let metrics = self.result.bind(py).copy()?;
+        NO_METRICS.iter().try_for_each(|name| metrics.del_item(name))?;
+        Ok(metrics)
+    }
+
+    /// The verdict on each expectation: name, ok, value, want.
     #[getter]
     fn expectations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let result = self.result(py, |name| name == "expectations")?;
-        result.bind(py).as_any().get_item("expectations")
+        self.item(py, "expectations")
     }
 
-    /// Of the scenario's first motor.
+    /// Columns of trace.csv by name, a row a millisecond, of the scenario's first motor; empty with trace=False.
     #[getter]
     fn trace<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let first = self.outcome.runs.first().filter(|run| run.trace.is_some());
-        match first {
-            Some(run) => self.all_traces(py)?.as_any().get_item(motor_name(run.motor)),
-            None => Ok(PyDict::new(py).into_any()),
-        }
+        let first = self.all_traces(py)?.iter().next();
+        Ok(first.map_or_else(|| PyDict::new(py).into_any(), |(_, columns)| columns))
     }
 
+    /// The same by motor: "link", "spread" and "tip".
     #[getter]
-    fn traces(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
-        self.all_traces(py).map(|traces| traces.clone().unbind())
+    fn traces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.all_traces(py).cloned()
     }
 
-    fn __repr__(&self) -> String {
-        let verdict = if self.passed() { "passed" } else { "FAILED" };
-        format!("<Run of {} with seed {}: {verdict}>", self.outcome.scenario, self.outcome.options.seed)
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<(Py<PyDict>, Bound<'py, PyDict>)> {
+        Ok((self.result.clone_ref(py), self.traces(py)?))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let verdict = if self.passed(py)? { "passed" } else { "FAILED" };
+        Ok(format!("<Run of {} with seed {}: {verdict}>", self.scenario(py)?, self.seed(py)?))
     }
 }

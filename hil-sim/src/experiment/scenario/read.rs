@@ -1,5 +1,6 @@
 //! Finds and parses scenario files, with the checks that need several fields or the plant.
 
+use std::num::IntErrorKind;
 use std::path::Path;
 
 use servo_core::Command;
@@ -86,10 +87,12 @@ impl Scenario {
         let Some((name, value)) = assignment.split_once('=') else {
             return Err(bad("no = in it", assignment, "PROPERTY=VALUE".to_owned()));
         };
-        let value: i64 = value
-            .trim()
-            .parse()
-            .map_err(|_| bad("the value is not a whole number", assignment, "a whole number".to_owned()))?;
+        // One beyond 64 bits is out of every range.
+        let value = value.trim().parse::<i64>().or_else(|error| match error.kind() {
+            IntErrorKind::PosOverflow => Ok(i64::MAX),
+            IntErrorKind::NegOverflow => Ok(i64::MIN),
+            _ => Err(bad("the value is not a whole number", assignment, "a whole number".to_owned())),
+        })?;
         for case in &mut self.cases {
             properties::set(&mut case.config, name.trim(), value).map_err(|e| match &e {
                 PropertyError::Unknown { name } => {
@@ -100,7 +103,7 @@ impl Scenario {
                         None => error,
                     }
                 }
-                PropertyError::Range { .. } => bad("the value is out of range", &e.found(), e.expected()),
+                PropertyError::Range { .. } => bad("the value is out of range", assignment, e.expected()),
             })?;
         }
         self.arguments.push_str(&format!(" --set {}={value}", name.trim().to_uppercase()));
