@@ -1,24 +1,20 @@
 //! A hand over TCP or a serial port, as `wraptor.Hand`.
 
-use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use pyo3::exceptions::{PyOSError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
-use wraptor::{BoardState, Boards, CallError, Canceller, Connect, Firmware, Found};
+use wraptor::{BoardState, Boards, CallError, Canceller, Connect, FileError, Firmware, Found};
 
 use crate::call::{Callback, Watch, bytes, limit, path, property, whole, whole_or_none};
 use crate::connection::Connection;
 use crate::errors;
 use crate::realtime::{Choice, RealTime};
-
-/// Longest file of firmware, bytes: several times a `.tek` file that fills a board.
-const LONGEST: u64 = 4 << 20;
 
 /// A hand through its GOD, as its one host. Limits are in seconds. Motors are a prefix of the hand's language ("13", "G", "S",
 /// "X15", or empty for all with EN), nodes digits ("567").
@@ -76,22 +72,12 @@ pub const fn state(state: BoardState) -> &'static str {
 /// # Errors
 /// `OSError`: it is no file, or cannot be read; `ValueError`: a board does not take it.
 pub fn firmware(path: &Path) -> PyResult<Firmware> {
-    let name = path.display();
-    let unreadable = |error: io::Error| {
-        let text = format!("{name}: cannot be read: {error}\n  next: check the file's name");
-        io::Error::new(error.kind(), text)
-    };
-    // A pipe could keep the call for ever, and a device has no end.
-    if !path.metadata().map_err(unreadable)?.is_file() {
-        return Err(PyOSError::new_err(format!("{name}: is no file\n  next: name a .tek file")));
-    }
-    let mut text = Vec::new();
-    File::open(path).and_then(|file| file.take(LONGEST + 1).read_to_end(&mut text)).map_err(unreadable)?;
-    if text.len() as u64 > LONGEST {
-        let expected = format!("at most {LONGEST} bytes");
-        return Err(errors::value(&name.to_string(), "more", &expected, "name a .tek file"));
-    }
-    Firmware::new(text).map_err(|error| PyValueError::new_err(format!("{name}:{error}")))
+    Firmware::read(path).map_err(|error| match &error {
+        FileError::Unreadable(_, why) if why.kind() != ErrorKind::InvalidData => {
+            io::Error::new(why.kind(), error.to_string()).into()
+        }
+        _ => PyValueError::new_err(error.to_string()),
+    })
 }
 
 #[pymethods]

@@ -256,7 +256,7 @@ def test_numbers_of_numpy_paths_and_bytes_of_any_kind_are_taken(served: Served, 
     file = tmp_path / "none.tek"
     paths: list[str | bytes | Path] = [file, str(file), bytes(file)]
     for path in paths:
-        with pytest.raises(FileNotFoundError, match="none.tek: cannot be read: .*\n  next: check the file's name"):
+        with pytest.raises(FileNotFoundError, match="none.tek: cannot be read: .*\n  next: check that it is"):
             hand.download("4", path)
     with pytest.raises(TypeError, match="expected str, bytes or os.PathLike"):
         hand.download("4", 5)  # type: ignore[arg-type]
@@ -267,11 +267,11 @@ def test_download_refuses_what_is_no_firmware(served: Served, tmp_path: Path) ->
     fifo, large = tmp_path / "fifo", tmp_path / "large.tek"
     os.mkfifo(fifo)
     for path in [fifo, tmp_path, Path("/dev/null")]:
-        with pytest.raises(OSError, match=f"{path}: is no file\n  next: name a .tek file"):
+        with pytest.raises(OSError, match=f"{path}: cannot be read: .*expected a file\n  next: "):
             hand.download("4", path)
     with large.open("wb") as file:
         file.truncate((4 << 20) + 1)
-    with pytest.raises(ValueError, match="large.tek: found more, expected at most 4194304 bytes"):
+    with pytest.raises(ValueError, match="large.tek: cannot be read: found more than 4 MiB"):
         hand.download("4", large)
     (tmp_path / "text.tek").write_text("no firmware")
     with pytest.raises(ValueError, match="text.tek:"):
