@@ -17,7 +17,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
-use wraptor::discovery::{EVERYWHERE, PORT};
+use wraptor::discovery::{EVERYWHERE, MOST, PORT};
 use wraptor::{Connect, Hand, discover};
 
 use crate::console::Console;
@@ -136,11 +136,18 @@ fn console(args: &ConsoleArgs) -> Result<u8, Trouble> {
 fn discovered(args: &DiscoverArgs) -> Result<(), Trouble> {
     let to = if args.to.is_empty() { &EVERYWHERE[..] } else { &args.to };
     let found = discover(to, Duration::from_secs(args.seconds))?;
+    let is_cut = found.len() >= MOST;
+    if is_cut {
+        eprintln!(
+            "warning: {MOST} hands are listed, and more may have answered\n  next: ask a part of the network, with --to"
+        );
+    }
     if !args.json {
         return print(&console::list(&found));
     }
     let hand = |found: &wraptor::Found| serde_json::json!({ "address": found.address.to_string(), "hardware": console::hardware(found) });
-    print(&format!("{}\n", serde_json::json!({ "hands": found.iter().map(hand).collect::<Vec<_>>() })))
+    let hands: Vec<_> = found.iter().map(hand).collect();
+    print(&format!("{}\n", serde_json::json!({ "hands": hands, "truncated": is_cut })))
 }
 
 fn download(args: &DownloadArgs) -> Result<(), Trouble> {

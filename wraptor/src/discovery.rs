@@ -23,8 +23,8 @@ const QUESTIONS: [[u8; 4]; 2] = [[0, 0, 0, 0xF6], [0, 0, 0, 0xF8]];
 /// The questions are asked so often, since UDP may lose them.
 const ASKED: u32 = 2;
 
-/// Hands kept. More would be noise.
-const MOST: usize = 256;
+/// Most hands that [`discover`] returns. More would be noise.
+pub const MOST: usize = 256;
 
 /// Longest answer, bytes; one more is read, to see that it is longer.
 const LONGEST: usize = 124;
@@ -38,7 +38,8 @@ pub struct Found {
     pub hardware: Option<[u8; 6]>,
 }
 
-/// Asks where hands are, and listens for the whole time, since any number may answer. Hands come sorted by address; none is no error.
+/// Asks where hands are, and listens for the whole time, since any number may answer. Hands come sorted by address, [`MOST`] at most; none
+/// is no error. Answers come from the ports that were asked.
 ///
 /// # Errors
 /// [`Cause::Unreachable`]: no question could be sent; [`Cause::System`]: the system refuses a socket.
@@ -70,7 +71,9 @@ fn ask(to: &[SocketAddrV4], listen: Duration) -> Result<Vec<Found>, Cause> {
                 .set_read_timeout(Some(deadline.remaining().max(Duration::from_micros(1))))
                 .map_err(system)?;
             // An error is the time, or a host that refuses questions.
-            if let Ok((len, SocketAddr::V4(from))) = socket.recv_from(&mut datagram) {
+            if let Ok((len, SocketAddr::V4(from))) = socket.recv_from(&mut datagram)
+                && to.iter().any(|asked| asked.port() == from.port())
+            {
                 answers.take(from, &datagram[..len]);
             }
         }
@@ -105,7 +108,10 @@ impl Answers {
                 // One that listens on all of its addresses answers from the right one.
                 let ip =
                     Some(Ipv4Addr::new(a, b, c, d)).filter(|ip| !ip.is_unspecified()).unwrap_or(*from.ip());
-                if port != 0 {
+                // No hand is at addresses of many, nor on this machine if it answers from elsewhere.
+                let is_one = !ip.is_multicast() && ip.octets()[0] < 240;
+                let is_there = !ip.is_loopback() || from.ip().is_loopback();
+                if port != 0 && is_one && is_there {
                     note(&mut self.0.entry(from).or_default().addresses, SocketAddrV4::new(ip, port));
                 }
             }
@@ -190,6 +196,9 @@ mod tests {
         let short = &record([10, 0, 0, 5], 1001)[..123];
         for noise in [&[][..], &[0, 0, 0, 0xF6], &[0, 0, 0, 0xF9], short, &record([10, 0, 0, 5], 0)] {
             answers.take(from(7), noise);
+        }
+        for ip in [[224, 0, 0, 1], [255; 4], [240, 1, 2, 3], [127, 0, 0, 1]] {
+            answers.take(from(7), &record(ip, 1001));
         }
         assert_eq!(answers.hands(), []);
         let mut answers = Answers::default();

@@ -12,6 +12,8 @@ use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use std::thread::park_timeout;
 use std::time::Duration;
 
+use wraptor::Deadline;
+
 use super::event::bad;
 use super::tcp::no_thread;
 use crate::experiment::input::BadInput;
@@ -28,8 +30,15 @@ const LOOPBACK_BROADCAST: Ipv4Addr = Ipv4Addr::new(127, 255, 255, 255);
 #[cfg(unix)]
 const WAITING: usize = 4096;
 
-/// Time between two answers: 50 a second at most, whoever asks. What does not fit into the socket's buffer meanwhile is lost, as UDP may.
-const BETWEEN: Duration = Duration::from_millis(20);
+/// Pause after a datagram: a flood costs 1000 looks a second. What does not fit into the socket's buffer meanwhile is lost, as UDP may.
+const BETWEEN: Duration = Duration::from_millis(1);
+
+/// Most answers to one host in [`SPAN`], twice what a search asks.
+const ANSWERS: u32 = 8;
+const SPAN: Duration = Duration::from_secs(1);
+
+/// Most hosts that are answered in [`SPAN`].
+const HOSTS: usize = 32;
 
 /// Time before reading again after an error, which an answer to a host that has gone can cause.
 const RETRY: Duration = Duration::from_millis(100);
@@ -44,6 +53,33 @@ const RECORD_PORT: usize = 20;
 
 /// Bytes of firmware and device before the hardware address.
 const FIRMWARE: usize = 20;
+
+/// A host that was answered in the last [`SPAN`].
+struct Host {
+    address: SocketAddr,
+    answers: u32,
+    span: Deadline,
+}
+
+/// Hosts that were answered. One that floods takes nothing from the others.
+#[derive(Default)]
+struct Hosts(Vec<Host>);
+
+impl Hosts {
+    /// Counts an answer to a host; whether it may have it.
+    fn admit(&mut self, address: SocketAddr) -> bool {
+        self.0.retain(|host| !host.span.is_over());
+        if let Some(host) = self.0.iter_mut().find(|host| host.address == address) {
+            host.answers += 1;
+            return host.answers <= ANSWERS;
+        }
+        let has_room = self.0.len() < HOSTS;
+        if has_room {
+            self.0.push(Host { address, answers: 1, span: Deadline::after(SPAN) });
+        }
+        has_room
+    }
+}
 
 /// The answer to a datagram for a hand that is served at `gcl`, if it is a question.
 fn answer(datagram: &[u8], gcl: SocketAddrV4) -> Option<Vec<u8>> {
@@ -120,17 +156,19 @@ fn serve(socket: UdpSocket, gcl: SocketAddrV4) -> io::Result<()> {
     #[cfg(unix)]
     rustix::net::sockopt::set_socket_recv_buffer_size(&socket, WAITING)?;
     thread::start(move || {
-        let mut datagram = [0; QUESTION + 1];
+        let (mut datagram, mut hosts) = ([0; QUESTION + 1], Hosts::default());
         loop {
             let Ok((len, host)) = socket.recv_from(&mut datagram) else {
                 park_timeout(RETRY);
                 continue;
             };
-            if let Some(answer) = answer(&datagram[..len], gcl) {
+            if let Some(answer) = answer(&datagram[..len], gcl)
+                && hosts.admit(host)
+            {
                 // A host that is gone asks no more.
                 let _ = socket.send_to(&answer, host);
-                park_timeout(BETWEEN);
             }
+            park_timeout(BETWEEN);
         }
     })
 }
@@ -159,6 +197,16 @@ mod tests {
             prop_assume!(![&[0, 0, 0, 0xF6][..], &[0, 0, 0, 0xF8]].contains(&&datagram[..]));
             prop_assert_eq!(answer(&datagram, GCL), None);
         }
+    }
+
+    #[test]
+    fn host_that_floods_is_answered_a_little_and_others_as_ever() {
+        let host = |port| SocketAddr::from(([10, 0, 0, 1], port));
+        let mut hosts = Hosts::default();
+        let answered = (0..1000).filter(|_| hosts.admit(host(1))).count();
+        assert_eq!(answered, ANSWERS as usize);
+        let others = (2..1000).filter(|&port| hosts.admit(host(port))).count();
+        assert_eq!(others, HOSTS - 1);
     }
 
     /// Reset, and the commands that would change the setup.

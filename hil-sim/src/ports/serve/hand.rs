@@ -61,7 +61,7 @@ pub struct HandArgs {
     #[arg(long, value_name = "HOST:PORT")]
     listen: Option<String>,
     /// Answer hosts that look for hands here; port 0 picks a free one. Prints `discovery HOST:PORT`. Default with --listen: UDP port
-    /// 30718, for this machine alone if --listen is.
+    /// 30718, which hands share, for this machine alone if --listen is on loopback.
     #[arg(long, value_name = "HOST:PORT", conflicts_with = "no_discovery")]
     discovery: Option<String>,
     /// Do not answer hosts that look for hands.
@@ -111,10 +111,12 @@ pub fn hand(args: &HandArgs, clock: Clock) -> Result<(), Box<dyn Error>> {
     if let Some(address) = address {
         let gcl = tcp::listen("--listen", address, Protocol::Gcl, sender.clone())?;
         // Before the line that tells hosts of the hand: it can be discovered from then on.
-        let asked =
-            (!args.no_discovery).then(|| discovery::answer_questions(args.discovery.as_deref(), &gcl));
+        let asked = match args.no_discovery {
+            true => None,
+            false => discovery::answer_questions(args.discovery.as_deref(), &gcl)?,
+        };
         print(&format!("gcl {gcl}\n"))?;
-        if let Some(address) = asked.transpose()?.flatten() {
+        if let Some(address) = asked {
             print(&format!("discovery {address}\n"))?;
         }
     }
