@@ -27,7 +27,8 @@ pub enum Joint {
     Tip,
 }
 
-/// Why a fingertip cannot be there: of all ways to get there, the one that fails by the least.
+/// Why a fingertip cannot be there: the worst obstacle of the way whose worst obstacle is least. An angle out of its range is less than
+/// a place out of reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unreachable {
     /// The target has a coordinate that is no number.
@@ -65,6 +66,11 @@ impl Unreachable {
             Self::OffPlane { by_m } => (2, by_m),
             Self::NotFinite => (3, 0.0),
         }
+    }
+
+    /// Of two obstacles on the same way, the one that counts.
+    fn worse(self, other: Self) -> Self {
+        if self.badness() > other.badness() { self } else { other }
     }
 }
 
@@ -182,7 +188,12 @@ impl Hand {
                 let spread = (libm::atan2(y, x) + turn - finger.azimuth()) * finger.side();
                 match in_range(spread, self.spread.range(), Joint::Spread) {
                     Ok(spread) => self.bend(&mut search, spread, along, target[2]),
-                    Err(why) => search.fail(why),
+                    Err(why) => {
+                        // The spread alone is to blame only if the finger then reaches.
+                        let mut beyond = Search::new();
+                        self.bend(&mut beyond, spread, along, target[2]);
+                        search.fail(beyond.end().map_or_else(|bend| bend.worse(why), |_| why));
+                    }
                 }
             }
         }
@@ -240,7 +251,7 @@ impl Hand {
             match (link, in_range(tip, self.tip.range(), Joint::Tip)) {
                 (Ok(link), Ok(tip)) => search.add(Angles { spread, link, tip }),
                 // Both count: the worse one is the reason.
-                (Err(link), Err(tip)) => search.fail(if link.badness() > tip.badness() { link } else { tip }),
+                (Err(link), Err(tip)) => search.fail(link.worse(tip)),
                 (Err(why), _) | (_, Err(why)) => search.fail(why),
             }
         }
@@ -252,6 +263,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::hand::Drive;
     use crate::transform::minus;
 
     fn distance(a: Vector, b: Vector) -> f64 {
@@ -322,6 +334,44 @@ mod tests {
                 Err(why) => prop_assert!(false, "{}", why),
             }
         }
+
+        #[test]
+        fn inverse_of_a_place_beyond_the_stretched_finger_is_too_far_by_the_rest(
+            finger in prop::sample::select(&Finger::ALL),
+            x in -0.5..0.5, y in -0.5..0.5, z in -0.5..0.5,
+        ) {
+            let hand = Hand::default();
+            let [x, y] = if finger.spreads() { [x, y] } else { [0.0, y] };
+            let along = if finger.spreads() { libm::hypot(x - finger.side() * hand.spread_axis_m, y) } else { y };
+            let most = hand.link_m + libm::hypot(hand.tip_m, hand.pad_m);
+            // The side that faces the place; the other is farther away.
+            let rest = libm::hypot(along - hand.base_m, z - hand.palm_m) - most;
+            prop_assume!(rest > 1e-5);
+            match hand.inverse(finger, [x, y, z]) {
+                Err(Unreachable::TooFar { by_m }) => prop_assert!((by_m - rest).abs() < 1e-12, "{by_m} {rest}"),
+                other => prop_assert!(false, "{other:?}"),
+            }
+        }
+
+        #[test]
+        fn inverse_succeeds_once_all_ranges_are_wider_by_what_the_error_says_and_no_sooner(
+            finger in prop::sample::select(&Finger::ALL),
+            x in -0.2..0.2, y in -0.2..0.2, z in -0.05..0.2,
+        ) {
+            let hand = Hand::default();
+            let target = [if finger.spreads() { x } else { 0.0 }, y, z];
+            if let Err(Unreachable::OutOfRange { by, .. }) = hand.inverse(finger, target) {
+                let wider = |by: f64| {
+                    let drive = |drive: Drive| {
+                        let [low, high] = drive.range_counts;
+                        Drive { range_counts: [low - drive.counts(by), high + drive.counts(by)], ..drive }
+                    };
+                    Hand { link: drive(hand.link), spread: drive(hand.spread), tip: drive(hand.tip), ..hand }
+                };
+                prop_assert!(wider(by).inverse(finger, target).is_ok(), "{by}");
+                prop_assert!(wider(by - 1e-6).inverse(finger, target).is_err(), "{by}");
+            }
+        }
     }
 
     #[test]
@@ -349,6 +399,12 @@ mod tests {
         // Opposite to where finger 1 can spread, beyond its reach back over the axis.
         let aside = why(Finger::F1, [0.12, 0.0, 0.1]);
         assert!(matches!(aside, Unreachable::OutOfRange { joint: Joint::Spread, .. }), "{aside:?}");
+        // Ten meters in front of finger 1, where another spread would not help.
+        let Unreachable::TooFar { by_m } = why(Finger::F1, [-10.0, 0.0, 0.1]) else {
+            panic!("ten meters away");
+        };
+        let rest = libm::hypot(10.0 - 0.025 - 0.05, 0.1 - 0.076) - most;
+        assert!((by_m - rest).abs() < 1e-12, "{by_m} {rest}");
     }
 
     fn format_of(why: Unreachable) -> std::string::String {
