@@ -4,7 +4,7 @@
 //! in the plane, link and tip are two bars, and their elbow bends to one side or to the other. So there are up to four solutions, or two
 //! at a given spread, of which those within the joints' ranges count.
 
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use core::fmt;
 
 use crate::hand::{Angles, Finger, Hand};
@@ -171,8 +171,8 @@ fn in_range(angle: f64, range: [f64; 2], joint: Joint) -> Result<f64, Unreachabl
 }
 
 impl Hand {
-    /// The joint angles that bring a fingertip's point to `target`, in the frame of the palm, m. Of finger 3 the spread is 0. On a spread
-    /// axis any spread would do; it is a right angle there.
+    /// The joint angles that bring a fingertip's point to `target`, in the frame of the palm, m. Of finger 3 the spread is 0. Within a
+    /// micrometer of a spread axis any spread would do; it is a right angle there, or the end of the range nearest to one.
     ///
     /// # Errors
     /// No angles within the ranges do.
@@ -184,6 +184,11 @@ impl Hand {
         if target.iter().all(|x| x.is_finite()) {
             let (x, y) = (target[0] - finger.side() * self.spread_axis_m, target[1]);
             let reach = libm::hypot(x, y);
+            if reach <= TOLERANCE_M {
+                let [low, high] = self.spread.range();
+                self.bend(&mut search, FRAC_PI_2.max(low).min(high), 0.0, target[2]);
+                return search.end();
+            }
             for (turn, along) in [(0.0, reach), (PI, -reach)] {
                 let spread = (libm::atan2(y, x) + turn - finger.azimuth()) * finger.side();
                 match in_range(spread, self.spread.range(), Joint::Spread) {
@@ -290,18 +295,19 @@ mod tests {
             let spread = if finger.spreads() { share(hand.spread.range(), spread) } else { 0.0 };
             let angles = Angles { spread, link: share(hand.link.range(), link), tip: share(hand.tip.range(), tip) };
             let target = hand.fingertip(finger, angles).origin;
+            let side = libm::hypot(target[0] - finger.side() * hand.spread_axis_m, target[1]);
             for found in [hand.inverse(finger, target), hand.inverse_at_spread(finger, spread, target)] {
                 let found = found.expect("a pose within the ranges is reachable");
                 for way in found.iter() {
                     prop_assert!(is_within(hand.link.range(), way.link) && is_within(hand.tip.range(), way.tip));
                     prop_assert!(is_within(hand.spread.range(), way.spread));
-                    // The tolerance of a range's end, at the length of a finger.
-                    prop_assert!(distance(hand.fingertip(finger, way).origin, target) < 3e-8, "{:?}", way);
+                    // The tolerance of a range's end, at the length of a finger; of a place, on the spread axis.
+                    let most = if finger.spreads() && side <= TOLERANCE_M { 2e-6 } else { 3e-8 };
+                    prop_assert!(distance(hand.fingertip(finger, way).origin, target) < most, "{:?}", way);
                 }
                 let back = found.nearest(angles);
                 // Where the finger is nearly straight, or near the spread axis, angles are worse conditioned than places.
                 let bend = angles.tip + hand.tip_at_zero + libm::atan2(hand.pad_m, hand.tip_m);
-                let side = libm::hypot(target[0] - finger.side() * hand.spread_axis_m, target[1]);
                 if libm::sin(bend).abs() > 1e-3 && (side > 1e-3 || !finger.spreads()) {
                     let by = [back.spread - spread, back.link - angles.link, back.tip - angles.tip];
                     prop_assert!(by.iter().all(|by| by.abs() < 1e-6), "{:?} {:?}", back, angles);
@@ -424,10 +430,18 @@ mod tests {
     fn inverse_on_the_spread_axis_spreads_by_a_right_angle() {
         let hand = Hand::default();
         for finger in [Finger::F1, Finger::F2] {
+            for off in [0.0, 1e-320, -1e-9, 9e-7] {
+                let target = [finger.side() * hand.spread_axis_m, off, 0.17];
+                let ways = hand.inverse(finger, target).expect("above the palm");
+                for way in ways.iter() {
+                    assert!((way.spread - FRAC_PI_2).abs() < 1e-12, "{off} {way:?}");
+                    assert!(distance(hand.fingertip(finger, way).origin, target) < off.abs() + 1e-12);
+                }
+            }
+            let low = Hand { spread: Drive { range_counts: [0.0, 50.0], ..hand.spread }, ..hand };
             let target = [finger.side() * hand.spread_axis_m, 0.0, 0.17];
-            let way = hand.inverse(finger, target).expect("above the palm").nearest(Angles::default());
-            assert!((way.spread - 0.5 * PI).abs() < 1e-12, "{way:?}");
-            assert!(distance(hand.fingertip(finger, way).origin, target) < 1e-12);
+            let way = low.inverse(finger, target).expect("above the palm").nearest(Angles::default());
+            assert!((way.spread - hand.spread.angle(50.0)).abs() < 1e-12, "{way:?}");
         }
     }
 }
