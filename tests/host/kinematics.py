@@ -8,6 +8,7 @@ Exit code 1: a fingertip is off by more than 0.01 mm, or a model is not what doc
 
 import csv
 import importlib.metadata
+import itertools
 import math
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -20,6 +21,9 @@ import yourdfpy
 MOST_MM = 0.01
 # A Jacobian's entries are lever arms below 0.2 m; the models' angles are rounded to 1e-9 rad.
 MOST_M_PER_RAD = 1e-6
+
+# How far full torque may press a joint over its stop, rad; MuJoCo's stops are soft.
+MOST_OVER = math.radians(1)
 
 COUNTS_PER_TURN = 18
 # Manual 1.3.2, table 2, in the order of the motors.
@@ -116,20 +120,29 @@ def worst_of_mujoco(model, poses, is_site):
     return 1000 * worst, worst_lever
 
 
-def check_simulation(model):
-    """A second under gravity and full torque on the spread: both spread alike, nothing explodes."""
-    data = mujoco.MjData(model)
-    for name, angle in (("link_1", 0.5), ("link_2", 0.5), ("link_3", 0.5)):
-        data.joint(name).qpos[0] = angle
-    data.actuator("spread_1").ctrl[0] = 0.65
-    speeds = 0
-    while data.time < 1:
-        mujoco.mj_step(model, data)
-        speeds = max(speeds, numpy.abs(data.qvel).max())
-    apart = abs(data.joint("spread_1").qpos[0] - data.joint("spread_2").qpos[0])
-    check(numpy.isfinite(data.qpos).all() and all(warning.number == 0 for warning in data.warning), "MuJoCo's simulation is stable")
-    # Equality constraints of MuJoCo are soft.
-    check(apart < 0.05 and data.joint("spread_1").qpos[0] > 1, f"one motor spreads both fingers: apart by {apart} rad")
+def check_simulation(model, speeds):
+    """Full torque on each motor for 3 s, to either end: the documented speed, the stop holds, both spreads alike, nothing explodes."""
+    for step, motor, sign in itertools.product((0.001, 0.002), JOINTS, (1, -1)):
+        model.opt.timestep = step
+        data = mujoco.MjData(model)
+        joint = model.joint(motor)
+        data.actuator(motor).ctrl[0] = sign * 0.65
+        if motor == "spread_1" and sign < 0:
+            data.joint("spread_1").qpos[0] = data.joint("spread_2").qpos[0] = 3
+        speed, over, apart = 0, 0, 0
+        while data.time < 3:
+            mujoco.mj_step(model, data)
+            angle = data.joint(motor).qpos[0]
+            speed = max(speed, abs(data.joint(motor).qvel[0]))
+            over = max(over, joint.range[0] - angle, angle - joint.range[1])
+            apart = max(apart, abs(data.joint("spread_1").qpos[0] - data.joint("spread_2").qpos[0]))
+        what = f"{motor} at {sign * 0.65} N m, steps of {step} s"
+        check(numpy.isfinite(data.qpos).all() and all(warning.number == 0 for warning in data.warning), f"{what}: stable")
+        check(0.98 < speed / speeds[motor] < 1.02, f"{what}: top speed {speed} rad/s, documented {speeds[motor]}")
+        end = joint.range[1 if sign > 0 else 0]
+        check(over < MOST_OVER and abs(data.joint(motor).qpos[0] - end) < MOST_OVER, f"{what}: {over} rad over the stop at {end}")
+        # Equality constraints of MuJoCo are soft.
+        check(apart < 0.005, f"{what}: one motor spreads both fingers, apart by {apart} rad")
 
 
 def main():
@@ -140,7 +153,7 @@ def main():
     check_urdf(urdf, robot)
     model = mujoco.MjModel.from_xml_path(mjcf)
     check(model.nu == 7 and model.neq == 1 and abs(sum(model.body_mass) - 6.9) < 1e-6, "the MJCF has seven motors, one mimic and 6.9 kg")
-    check_simulation(model)
+    check_simulation(model, {name: robot.joint_map[name].limit.velocity for name in JOINTS})
     found = {
         f"yourdfpy {importlib.metadata.version('yourdfpy')}, URDF": (worst_of_yourdfpy(robot, poses), None),
         f"MuJoCo {mujoco.__version__}, URDF": worst_of_mujoco(mujoco_of_urdf(urdf), poses, False),
