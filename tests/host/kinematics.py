@@ -89,6 +89,22 @@ def worst_of_yourdfpy(robot, poses):
     return 1000 * worst
 
 
+def check_contacts(model, poses):
+    """No body of the URDF touches its parent: MuJoCo leaves such contacts out, but not those with a parent that stands still."""
+    data = mujoco.MjData(model)
+    touching = set()
+    for angles, _, _ in poses:
+        for name, angle in {**angles, "spread_2": angles["spread_1"]}.items():
+            data.joint(name).qpos[0] = angle
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        for contact in data.contact[: data.ncon]:
+            a, b = model.geom_bodyid[contact.geom]
+            if a in (b, model.body_parentid[b]) or b == model.body_parentid[a]:
+                touching.add(f"{model.body(a).name} and {model.body(b).name}")
+    check(not touching, f"bodies touch their parents in no pose: {sorted(touching)}")
+
+
 def mujoco_of_urdf(path):
     spec = mujoco.MjSpec.from_file(path)
     # Otherwise fingertips vanish into their tips.
@@ -154,9 +170,11 @@ def main():
     model = mujoco.MjModel.from_xml_path(mjcf)
     check(model.nu == 7 and model.neq == 1 and abs(sum(model.body_mass) - 6.9) < 1e-6, "the MJCF has seven motors, one mimic and 6.9 kg")
     check_simulation(model, {name: robot.joint_map[name].limit.velocity for name in JOINTS})
+    urdf_model = mujoco_of_urdf(urdf)
+    check_contacts(urdf_model, poses)
     found = {
         f"yourdfpy {importlib.metadata.version('yourdfpy')}, URDF": (worst_of_yourdfpy(robot, poses), None),
-        f"MuJoCo {mujoco.__version__}, URDF": worst_of_mujoco(mujoco_of_urdf(urdf), poses, False),
+        f"MuJoCo {mujoco.__version__}, URDF": worst_of_mujoco(urdf_model, poses, False),
         f"MuJoCo {mujoco.__version__}, MJCF": worst_of_mujoco(model, poses, True),
     }
     for name, (worst_mm, worst_lever) in found.items():

@@ -1,7 +1,7 @@
 //! The hand as URDF: plain, without xacro or mesh files.
 
 use kinematics::Hand;
-use kinematics::bodies::{Body, Mount, Site};
+use kinematics::bodies::{Body, Cylinder, Mount, Site};
 
 use super::text::{diagonal, fixed, fixed_all, middle, short, xyz_rpy};
 
@@ -12,7 +12,7 @@ pub fn page(hand: &Hand) -> String {
          -->\n<robot name=\"barrettwraptor\">\n  <link name=\"mount\"/>\n",
     );
     for body in hand.bodies() {
-        page += &link(&body);
+        page += &link(hand, &body);
         page += &joint(hand, &body);
     }
     for site in hand.sites() {
@@ -21,33 +21,56 @@ pub fn page(hand: &Hand) -> String {
     page + "</robot>\n"
 }
 
-fn link(body: &Body) -> String {
-    let (at, turn) = middle(&body.shape);
+fn link(hand: &Hand, body: &Body) -> String {
+    let (at, _) = middle(&body.shape);
     let [ixx, iyy, izz] = diagonal(body).map(short);
-    let radius = fixed(body.shape.radius_m);
-    let mut shapes = format!(
-        "<origin xyz=\"{}\" rpy=\"{}\"/><geometry><cylinder radius=\"{radius}\" length=\"{}\"/></geometry>",
-        fixed_all(&at),
-        fixed_all(&turn),
-        fixed(body.shape.length_m)
-    );
+    let end = collision_end(hand, body);
     // URDF has no capsule: a sphere rounds each end.
     let mut ends = String::new();
     if body.shape.is_round {
-        for end in [[0.0; 3], at.map(|x| 2.0 * x)] {
+        for at in [[0.0; 3], at.map(|x| 2.0 * x)].iter().filter(|at| at[body.shape.axis] <= end) {
             ends += &format!(
-                "    <collision><origin xyz=\"{}\"/><geometry><sphere radius=\"{radius}\"/></geometry></collision>\n",
-                fixed_all(&end)
+                "    <collision><origin xyz=\"{}\"/><geometry><sphere radius=\"{}\"/></geometry></collision>\n",
+                fixed_all(at),
+                fixed(body.shape.radius_m)
             );
         }
     }
-    shapes = format!("    <visual>{shapes}</visual>\n    <collision>{shapes}</collision>\n{ends}");
+    let (visual, collision) = (cylinder(&body.shape), cylinder(&Cylinder { length_m: end, ..body.shape }));
+    let shapes = format!("    <visual>{visual}</visual>\n    <collision>{collision}</collision>\n{ends}");
     format!(
         "  <link name=\"{}\">\n    <inertial>\n      <origin xyz=\"{}\"/>\n      <mass value=\"{}\"/>\n      \
          <inertia ixx=\"{ixx}\" ixy=\"0\" ixz=\"0\" iyy=\"{iyy}\" iyz=\"0\" izz=\"{izz}\"/>\n    </inertial>\n{shapes}  </link>\n",
         body.name,
         fixed_all(&at),
         fixed(body.mass_kg),
+    )
+}
+
+/// Where a body's collision shape ends on its axis, m. Loaders leave out contacts between a body and its parent, but MuJoCo not if the
+/// parent stands still. So the palm ends below the bases, and the base of finger 3 where its link does not reach in any pose: two bars
+/// of radius r that turn to the angle θ meet up to r·tan(θ/2) from their joint.
+fn collision_end(hand: &Hand, body: &Body) -> f64 {
+    const GAP_M: f64 = 1e-4;
+    let shape = &body.shape;
+    match (body.mount, shape.is_round) {
+        (Mount::Turns { .. }, _) => shape.length_m,
+        (Mount::Fixed, false) => shape.length_m - GAP_M,
+        (Mount::Fixed, true) => {
+            let most = hand.link_at_zero + hand.link.range()[1];
+            shape.length_m - shape.radius_m * (0.5 * most).tan() - GAP_M
+        }
+    }
+}
+
+fn cylinder(shape: &Cylinder) -> String {
+    let (at, turn) = middle(shape);
+    format!(
+        "<origin xyz=\"{}\" rpy=\"{}\"/><geometry><cylinder radius=\"{}\" length=\"{}\"/></geometry>",
+        fixed_all(&at),
+        fixed_all(&turn),
+        fixed(shape.radius_m),
+        fixed(shape.length_m)
     )
 }
 
