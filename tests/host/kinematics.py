@@ -77,6 +77,10 @@ def check_urdf(path, robot):
         # What a rigid body of positive mass obeys.
         check(mass > 0 and min(xx, yy, zz) > 0 and max(xx, yy, zz) < xx + yy + zz - max(xx, yy, zz), body.get("name"))
     check(abs(total - 6.9) < 1e-6, f"the manual's 6.9 kg: {total}")
+    for finger in FINGERS:
+        # PyBullet gives a link without a mass 1 kg.
+        mass = tree.find(f"link[@name='finger_{finger}_fingertip']/inertial/mass")
+        check(mass is not None and 0 < float(mass.get("value")) < 1e-5, f"fingertip {finger} has a mass of next to nothing")
 
 
 def worst_of_yourdfpy(robot, poses):

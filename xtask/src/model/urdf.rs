@@ -95,9 +95,11 @@ fn joint(hand: &Hand, body: &Body) -> String {
     )
 }
 
+/// A frame. A milligram keeps loaders from giving it 1 kg, as PyBullet does; the inertia is about that of a ball of a millimeter.
 fn fingertip(site: &Site) -> String {
     format!(
-        "  <link name=\"{name}\"/>\n  <joint name=\"{name}_fixed\" type=\"fixed\">\n    <parent link=\"{}\"/>\n    \
+        "  <link name=\"{name}\">\n    <inertial>\n      <mass value=\"1e-6\"/>\n      \
+         <inertia ixx=\"1e-12\" ixy=\"0\" ixz=\"0\" iyy=\"1e-12\" iyz=\"0\" izz=\"1e-12\"/>\n    </inertial>\n  </link>\n  <joint name=\"{name}_fixed\" type=\"fixed\">\n    <parent link=\"{}\"/>\n    \
          <child link=\"{name}\"/>\n    <origin {}/>\n  </joint>\n",
         site.parent,
         xyz_rpy(&site.place),
