@@ -31,6 +31,8 @@ JOINTS = {
     "link_1": 49, "link_2": 49, "link_3": 49, "spread_1": 18.28, "tip_1": 39, "tip_2": 39, "tip_3": 39,
 }
 FINGERS = (1, 2, 3)
+# Names of Drake in the URDF, as ElementTree writes them.
+DRAKE = "{http://drake.mit.edu}"
 
 
 def check(holds, what):
@@ -58,7 +60,8 @@ def read(path):
 def check_urdf(path, robot):
     """Seven joints of their own and a mimic, with limits; inertia and collision shapes of every body; no xacro, no mesh file."""
     tree = ElementTree.parse(path).getroot()
-    check(all("}" not in node.tag for node in tree.iter()), "the URDF has no xacro or other names of a space")
+    spaced = {node.tag for node in tree.iter() if "}" in node.tag}
+    check(spaced == {DRAKE + "rotor_inertia", DRAKE + "gear_ratio"}, f"no xacro, and of other spaces' names Drake's motors: {spaced}")
     check(not list(tree.iter("mesh")), "the URDF needs no mesh file")
     check(sorted(robot.actuated_joint_names) == sorted(JOINTS), f"seven joints: {robot.actuated_joint_names}")
     revolute = [joint for joint in tree.iter("joint") if joint.get("type") == "revolute"]
@@ -76,6 +79,12 @@ def check_urdf(path, robot):
         total += mass
         # What a rigid body of positive mass obeys.
         check(mass > 0 and min(xx, yy, zz) > 0 and max(xx, yy, zz) < xx + yy + zz - max(xx, yy, zz), body.get("name"))
+    motors = {}
+    for transmission in tree.iter("transmission"):
+        actuator = transmission.find("actuator")
+        check(float(actuator.find(DRAKE + "rotor_inertia").get("value")) > 0, actuator.get("name"))
+        motors[transmission.find("joint").get("name")] = float(actuator.find(DRAKE + "gear_ratio").get("value"))
+    check(motors == JOINTS, f"a motor for each joint, with the manual's ratio: {motors}")
     check(abs(total - 6.9) < 1e-6, f"the manual's 6.9 kg: {total}")
     for finger in FINGERS:
         # PyBullet gives a link without a mass 1 kg.
