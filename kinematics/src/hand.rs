@@ -62,6 +62,10 @@ impl Drive {
 /// Every figure of the hand. No public source gives the lengths of the BH8-600, and the manual's section 8 has headings only: lengths and
 /// angles are Barrett's published ones of the **BH8-280**, ratios and ranges the manual's. The manual's width of 640 mm shows that
 /// the real fingers are longer: whoever has one measures it and changes the fields.
+///
+/// Fields are not checked where they are written. The inverse needs lengths of 0 to 1,000 m, link and tip of a micrometer at least; angles
+/// within a turn; gear ratios of 0.001 to 1e6; ranges in order, within a million counts; it returns
+/// [`Unreachable::BadFigure`](crate::Unreachable::BadFigure) otherwise. All other functions compute with what they find. None panics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hand {
     /// A_w: from the palm's center to the spread axes of fingers 1 and 2, m. BH8-280: 25 mm.
@@ -200,6 +204,14 @@ pub struct Joints {
     pub tips: [f64; 3],
 }
 
+impl Angles {
+    /// The change of the joint that changes most, rad.
+    pub(crate) fn most_change(self, to: Self) -> f64 {
+        let by = [self.spread - to.spread, self.link - to.link, self.tip - to.tip];
+        by.into_iter().fold(0.0, |most: f64, by| most.max(by.abs()))
+    }
+}
+
 impl Joints {
     /// The joints of one finger. Finger 3 does not spread: 0.
     #[must_use]
@@ -211,6 +223,37 @@ impl Joints {
 }
 
 impl Hand {
+    /// The figures that the inverse reads: field, value, and its bounds.
+    pub(crate) fn figures(&self) -> [(&'static str, f64, [f64; 2]); 17] {
+        const LENGTH_M: [f64; 2] = [0.0, 1e3];
+        // Their product divides.
+        const BAR_M: [f64; 2] = [1e-6, 1e3];
+        const ANGLE: [f64; 2] = [-TAU, TAU];
+        const RATIO: [f64; 2] = [1e-3, 1e6];
+        const COUNTS: f64 = 1e6;
+        let ([link_low, link_high], [spread_low, spread_high], [tip_low, tip_high]) =
+            (self.link.range_counts, self.spread.range_counts, self.tip.range_counts);
+        [
+            ("spread_axis_m", self.spread_axis_m, LENGTH_M),
+            ("base_m", self.base_m, LENGTH_M),
+            ("link_m", self.link_m, BAR_M),
+            ("tip_m", self.tip_m, BAR_M),
+            ("palm_m", self.palm_m, LENGTH_M),
+            ("pad_m", self.pad_m, LENGTH_M),
+            ("link_at_zero", self.link_at_zero, ANGLE),
+            ("tip_at_zero", self.tip_at_zero, ANGLE),
+            ("link.gear_ratio", self.link.gear_ratio, RATIO),
+            ("spread.gear_ratio", self.spread.gear_ratio, RATIO),
+            ("tip.gear_ratio", self.tip.gear_ratio, RATIO),
+            ("link.range_counts[0]", link_low, [-COUNTS, COUNTS]),
+            ("link.range_counts[1]", link_high, [link_low, COUNTS]),
+            ("spread.range_counts[0]", spread_low, [-COUNTS, COUNTS]),
+            ("spread.range_counts[1]", spread_high, [spread_low, COUNTS]),
+            ("tip.range_counts[0]", tip_low, [-COUNTS, COUNTS]),
+            ("tip.range_counts[1]", tip_high, [tip_low, COUNTS]),
+        ]
+    }
+
     /// A motor's gear and joint; motors are numbered from 0 here.
     const fn drive(&self, motor: usize) -> &Drive {
         match motor {

@@ -104,6 +104,8 @@ def model() -> Any:
         spec.add_pair(geomname1=a, geomname2=b, condim=1)
     made = spec.compile()
     made.jnt_limited[:] = 0
+    # The MJCF's damping stands for the motors' back-EMF, which hil-sim's plant has.
+    made.dof_damping[:] = 0
     weight = made.body_invweight0[:, 0]
     for pair in range(made.npair):
         bodies = made.geom_bodyid[[made.pair_geom1[pair], made.pair_geom2[pair]]]
