@@ -10,14 +10,17 @@ use hil_sim::input::did_you_mean;
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyBool, PyByteArray, PyBytes, PyMemoryView};
+use pyo3::types::{PyBool, PyByteArray, PyBytes, PyInt, PyMemoryView};
 use tater_wire::property::ROWS;
-use wraptor::{DownloadProgress, Node, Progress, Property};
+use wraptor::{Deadline, DownloadProgress, Node, Progress, Property};
 
 use crate::errors;
 
 /// Time between two looks for ^C.
 const SIGNALS: Duration = Duration::from_millis(50);
+
+/// Time for a thread to stop after ^C.
+const STOPPED: Duration = Duration::from_secs(1);
 
 /// Locks what a panic cannot leave half changed.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -190,7 +193,11 @@ impl Watch {
         let shown = Python::attach(|py| {
             py.check_signals()?;
             let Some(Callback(callback)) = &self.callback else { return Ok(true) };
-            Ok(!call(callback, py)?.bind(py).is(PyBool::new(py, false)))
+            let answer = call(callback, py)?;
+            let answer = answer.bind(py);
+            // numpy's False, too, and not 0.
+            let is_number = answer.is_instance_of::<PyInt>() && !answer.is_instance_of::<PyBool>();
+            Ok(answer.is_none() || is_number || !answer.eq(false)?)
         });
         match shown {
             Ok(true) => ControlFlow::Continue(()),
@@ -214,24 +221,28 @@ impl Watch {
     }
 }
 
-/// Waits for another thread's answer without the GIL. On ^C it calls `stop` once, after which the answer is to come soon.
+/// Waits for another thread's answer without the GIL. On ^C it calls `stop` once, after which it waits a second at most.
 ///
 /// # Errors
 /// `KeyboardInterrupt`; `RuntimeError` if the thread has ended.
 pub fn wait<R: Send>(py: Python<'_>, mut answer: Receiver<R>, stop: impl Fn()) -> PyResult<R> {
-    let mut interrupt = None;
+    let mut interrupt: Option<(PyErr, Deadline)> = None;
     loop {
         let next = &mut answer;
         match py.detach(move || next.recv_timeout(SIGNALS)) {
-            Ok(answer) => return interrupt.map_or(Ok(answer), Err),
+            Ok(answer) => return interrupt.map_or(Ok(answer), |(error, _)| Err(error)),
             Err(RecvTimeoutError::Disconnected) => return Err(errors::panicked()),
-            Err(RecvTimeoutError::Timeout) if interrupt.is_none() => {
-                if let Err(error) = py.check_signals() {
+            Err(RecvTimeoutError::Timeout) => {
+                if let Some((error, _)) = interrupt.take_if(|(_, deadline)| deadline.is_over()) {
+                    return Err(error);
+                }
+                if interrupt.is_none()
+                    && let Err(error) = py.check_signals()
+                {
                     stop();
-                    interrupt = Some(error);
+                    interrupt = Some((error, Deadline::after(STOPPED)));
                 }
             }
-            Err(RecvTimeoutError::Timeout) => {}
         }
     }
 }

@@ -17,11 +17,14 @@ const LONGEST: Duration = Duration::from_secs(1_000_000_000);
 enum Place<T> {
     /// Here.
     Here(Box<T>),
-    /// With a `RealTime`, which brings it back.
-    RealTime,
+    /// With a `RealTime`, which brings it back; called, this ends that.
+    RealTime(Ender),
     /// Closed, or part of a `Bus`.
     Closed,
 }
+
+/// Ends a `RealTime`, and waits a while until its hand is back.
+pub type Ender = Box<dyn FnOnce() + Send>;
 
 /// A hand or a bus.
 pub struct Connection<T>(Turns<Place<T>>);
@@ -48,7 +51,7 @@ impl<T: Send> Connection<T> {
             let mut turn = self.turn(&deadline)?;
             Ok::<_, PyErr>(job(here(&mut turn)?, deadline.remaining()))
         })?;
-        outcome.map_err(|error| error.raised(py))
+        outcome.map_err(|error| error.raised(py, limit))
     }
 
     /// The same with progress, by which ^C ends it.
@@ -66,16 +69,17 @@ impl<T: Send> Connection<T> {
         watch.outcome(outcome)
     }
 
-    /// Takes the connection out, for RealTime or for good.
-    pub fn take(&self, py: Python<'_>, limit: Duration, is_realtime: bool) -> PyResult<T> {
-        let instead = if is_realtime { Place::RealTime } else { Place::Closed };
+    /// Takes the connection out, for RealTime, or for good without an end of that. Returns what is left of the limit as well.
+    pub fn take(&self, py: Python<'_>, limit: Duration, realtime: Option<Ender>) -> PyResult<(T, Duration)> {
+        let instead = realtime.map_or(Place::Closed, Place::RealTime);
         py.detach(|| {
-            let mut turn = self.turn(&Deadline::after(limit))?;
+            let deadline = Deadline::after(limit);
+            let mut turn = self.turn(&deadline)?;
             here(&mut turn)?;
             match std::mem::replace(&mut *turn, instead) {
-                Place::Here(connection) => Ok(*connection),
+                Place::Here(connection) => Ok((*connection, deadline.remaining())),
                 // It was here.
-                Place::RealTime | Place::Closed => Err(errors::panicked()),
+                Place::RealTime(_) | Place::Closed => Err(errors::panicked()),
             }
         })
     }
@@ -83,7 +87,7 @@ impl<T: Send> Connection<T> {
     /// Brings the connection back from RealTime; one that was closed meanwhile is dropped.
     pub fn bring_back(&self, connection: T) {
         if let Ok(mut turn) = self.0.take(&Deadline::after(LONGEST))
-            && matches!(*turn, Place::RealTime)
+            && matches!(*turn, Place::RealTime(_))
         {
             *turn = Place::Here(Box::new(connection));
         }
@@ -94,7 +98,7 @@ impl<T: Send> Connection<T> {
         match self.0.take(&Deadline::after(Duration::ZERO)) {
             Ok(turn) => match *turn {
                 Place::Here(_) => "connected",
-                Place::RealTime => "in RealTime",
+                Place::RealTime(_) => "in RealTime",
                 Place::Closed => "closed",
             },
             Err(NoTurn::Own | NoTurn::Late) => "in a call",
@@ -102,11 +106,16 @@ impl<T: Send> Connection<T> {
         }
     }
 
-    /// Closes the connection, once a running call has ended.
+    /// Closes the connection, once a running call has ended. RealTime is ended.
     pub fn close(&self, py: Python<'_>) -> PyResult<()> {
         py.detach(|| match self.0.take(&Deadline::after(LONGEST)) {
             Ok(mut turn) => {
-                *turn = Place::Closed;
+                let before = std::mem::replace(&mut *turn, Place::Closed);
+                // Who brings the hand back wants a turn.
+                drop(turn);
+                if let Place::RealTime(end) = before {
+                    end();
+                }
                 Ok(())
             }
             Err(NoTurn::Closed) => Ok(()),
@@ -118,7 +127,7 @@ impl<T: Send> Connection<T> {
 fn here<T>(place: &mut Place<T>) -> PyResult<&mut T> {
     match place {
         Place::Here(connection) => Ok(connection),
-        Place::RealTime => Err(PyRuntimeError::new_err("the hand is in RealTime\n  next: call its end()")),
+        Place::RealTime(_) => Err(PyRuntimeError::new_err("the hand is in RealTime\n  next: call its end()")),
         Place::Closed => Err(closed()),
     }
 }

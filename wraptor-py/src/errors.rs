@@ -26,19 +26,22 @@ fn variant(value: &impl std::fmt::Debug) -> String {
 
 /// An error of the library that is an exception.
 pub trait Raised {
-    /// The exception.
-    fn raised(&self, py: Python<'_>) -> PyErr;
+    /// The exception of a call with this limit: the library had what was left of it.
+    fn raised(self, py: Python<'_>, limit: Duration) -> PyErr;
 }
 
 impl Raised for ConnectError {
-    fn raised(&self, py: Python<'_>) -> PyErr {
-        connect(py, self)
+    fn raised(self, py: Python<'_>, _: Duration) -> PyErr {
+        connect(py, &self)
     }
 }
 
 impl Raised for CallError {
-    fn raised(&self, py: Python<'_>) -> PyErr {
-        call(py, self)
+    fn raised(mut self, py: Python<'_>, limit: Duration) -> PyErr {
+        if matches!(self.failure, Failure::TimedOut(_)) {
+            self.failure = Failure::TimedOut(limit);
+        }
+        call(py, &self)
     }
 }
 

@@ -38,7 +38,7 @@ impl Hand {
 
     /// Makes a bus of it.
     pub fn take(&self, py: Python<'_>, limit: Duration) -> PyResult<wraptor::Hand> {
-        self.connection.take(py, limit, false)
+        Ok(self.connection.take(py, limit, None)?.0)
     }
 }
 
@@ -122,7 +122,7 @@ impl Hand {
         self.version
     }
 
-    /// Closes the connection, once a call of another thread has ended; `cancel` ends that.
+    /// Closes the connection, once a call of another thread has ended; `cancel` ends that. RealTime is ended. Motors stop.
     fn disconnect(&self, py: Python<'_>) -> PyResult<()> {
         self.connection.close(py)
     }
@@ -171,7 +171,10 @@ impl Hand {
     /// Lines that the hand has printed unasked.
     #[pyo3(signature = (limit=1.0))]
     fn take_reports(&self, py: Python<'_>, limit: f64) -> PyResult<Vec<String>> {
-        self.connection.run(py, limit, |hand, _| Ok::<_, CallError>(hand.take_reports()))
+        self.connection.run(py, limit, |hand, _| {
+            hand.poll()?;
+            Ok::<_, CallError>(hand.take_reports())
+        })
     }
 
     /// Wakes all motor boards.
@@ -412,8 +415,7 @@ impl Hand {
             feeds_temperature,
         };
         let choice = Choice { motors: motors.to_owned(), format, limit: self::limit(limit)? };
-        let hand = self.connection.take(py, choice.limit, true)?;
-        RealTime::start(py, hand, Arc::clone(&self.connection), choice)
+        RealTime::start(py, &self.connection, choice)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::{self, Builder, JoinHandle, ThreadId};
 use std::time::Duration;
 
@@ -35,11 +35,16 @@ pub struct Choice {
 
 enum Order {
     Do(Box<dyn FnOnce(&mut wraptor::RealTime<'_>) + Send>),
+    /// With its prompt, within this.
     End(Duration),
+    /// At once.
+    Drop,
 }
 
 struct Loop {
     orders: Sender<Order>,
+    /// Disconnected once the hand is back.
+    is_back: Receiver<()>,
     thread: JoinHandle<Result<(), CallError>>,
 }
 
@@ -75,8 +80,8 @@ fn serve(
                         outcome = realtime.end(limit);
                         break;
                     }
-                    // Dropped, which ends it with ^C.
-                    Err(_) => break,
+                    // Dropping it sends ^C.
+                    Ok(Order::Drop) | Err(_) => break,
                 }
             }
         }
@@ -93,16 +98,34 @@ impl RealTime {
     /// `CallError`, with the hand back in its place.
     pub fn start(
         py: Python<'_>,
-        hand: wraptor::Hand,
-        home: Arc<Connection<wraptor::Hand>>,
-        choice: Choice,
+        home: &Arc<Connection<wraptor::Hand>>,
+        mut choice: Choice,
     ) -> PyResult<Self> {
         let (started, start) = channel();
         let (orders, inbox) = channel();
-        let run = move || serve(hand, &home, &choice, &started, &inbox);
+        let (done, is_done) = channel::<()>();
+        let (back, is_back) = channel::<()>();
+        let stop = Arc::<AtomicBool>::default();
+        let (ends, stops) = (orders.clone(), Arc::clone(&stop));
+        let end = move || {
+            stops.store(true, Ordering::Relaxed);
+            // It may have ended by itself. A control function that closes its own hand does not wait for itself for long.
+            if ends.send(Order::Drop).is_ok() {
+                let _ = is_done.recv_timeout(END);
+            }
+        };
+        let (hand, left) = home.take(py, choice.limit, Some(Box::new(end)))?;
+        choice.limit = left;
+        let home = Arc::clone(home);
+        let run = move || {
+            let outcome = serve(hand, &home, &choice, &started, &inbox);
+            drop((done, back));
+            outcome
+        };
         let thread = Builder::new().name("wraptor RealTime".to_owned()).spawn(run)?;
-        let (worker, stop) = (thread.thread().id(), Arc::default());
-        let mut realtime = Self { running: Turns::new(Some(Loop { orders, thread })), worker, stop, axes: 0 };
+        let worker = thread.thread().id();
+        let mut realtime =
+            Self { running: Turns::new(Some(Loop { orders, is_back, thread })), worker, stop, axes: 0 };
         // Dropping it brings the hand back after an error.
         realtime.axes = wait(py, start, || {})?.map_err(|error| errors::call(py, &error))?;
         Ok(realtime)
@@ -124,12 +147,12 @@ impl RealTime {
         job: impl FnOnce(&mut wraptor::RealTime<'_>) -> R + Send + 'static,
     ) -> PyResult<R> {
         let turn = self.turn(py, limit)?;
-        let ended = || PyRuntimeError::new_err("RealTime has ended\n  next: call Hand.realtime again");
         let running = turn.as_ref().ok_or_else(ended)?;
         self.stop.store(false, Ordering::Relaxed);
         let (answer, answers) = channel();
         let order = Order::Do(Box::new(move |realtime| _ = answer.send(job(realtime))));
-        running.orders.send(order).map_err(|_| errors::panicked())?;
+        // Its hand was closed.
+        running.orders.send(order).map_err(|_| ended())?;
         wait(py, answers, || self.stop.store(true, Ordering::Relaxed))
     }
 
@@ -147,12 +170,15 @@ impl RealTime {
                 Ok(turn) => break turn,
             }
         };
-        let Some(Loop { orders, thread }) = turn.take() else { return Ok(()) };
-        if waits_for_prompt {
-            // It has ended by itself otherwise.
-            let _ = orders.send(Order::End(deadline.remaining()));
+        let Some(Loop { orders, is_back, thread }) = turn.take() else { return Ok(()) };
+        let order = if waits_for_prompt { Order::End(deadline.remaining()) } else { Order::Drop };
+        // It may have ended by itself.
+        let _ = orders.send(order);
+        let left = deadline.remaining();
+        if py.detach(move || is_back.recv_timeout(left)) == Err(RecvTimeoutError::Timeout) {
+            // A hand that does not answer: the thread brings it back after the limit of its block.
+            return if waits_for_prompt { Err(errors::late(py, limit)) } else { Ok(()) };
         }
-        drop(orders);
         let outcome = py.detach(|| thread.join()).map_err(|_| errors::panicked())?;
         outcome.map_err(|error| errors::call(py, &error))
     }
@@ -164,12 +190,20 @@ impl Drop for RealTime {
         // Nobody else uses it any more.
         let running =
             self.running.take(&Deadline::after(Duration::ZERO)).ok().and_then(|mut turn| turn.take());
-        if let Some(Loop { orders, thread }) = running {
-            drop(orders);
-            // A panic is reported by the thread itself.
-            let _ = thread.join();
+        if let Some(Loop { orders, is_back, .. }) = running {
+            let _ = orders.send(Order::Drop);
+            let _ = is_back.recv_timeout(END);
         }
     }
+}
+
+fn ended() -> PyErr {
+    PyRuntimeError::new_err("RealTime has ended\n  next: end() it, then call Hand.realtime again")
+}
+
+/// The exception of a call; `None`: RealTime had ended before it.
+fn raised(py: Python<'_>, error: Option<CallError>) -> PyErr {
+    error.map_or_else(ended, |error| errors::call(py, &error))
 }
 
 /// A velocity, or a velocity and a gain.
@@ -233,7 +267,8 @@ impl RealTime {
         self.axes
     }
 
-    /// Sends a control block and waits for its feedback.
+    /// Sends a control block, one control for each motor, and waits for its feedback. Velocities are rounded to the unit of the
+    /// format and clipped to a byte; a gain counts with gain=True alone.
     #[pyo3(signature = (controls, limit=1.0))]
     fn exchange(
         &self,
@@ -242,8 +277,11 @@ impl RealTime {
         limit: f64,
     ) -> PyResult<Feedback> {
         let limit = self::limit(limit)?;
-        let feedback = self.run(py, limit, move |realtime| realtime.exchange(&controls, limit))?;
-        feedback.map(|feedback| Feedback::new(&feedback)).map_err(|error| errors::call(py, &error))
+        let job = move |realtime: &mut wraptor::RealTime<'_>| {
+            if realtime.is_over() { Err(None) } else { realtime.exchange(&controls, limit).map_err(Some) }
+        };
+        let feedback = self.run(py, limit, job)?;
+        feedback.map(|feedback| Feedback::new(&feedback)).map_err(|error| raised(py, error))
     }
 
     /// Exchanges `rate` blocks a second, 1 to 1000, until `control` returns None. It gets the number of the block and the last feedback.
@@ -253,6 +291,9 @@ impl RealTime {
         let limit = self::limit(limit)?;
         let stopped = Arc::clone(&self.stop);
         let job = move |realtime: &mut wraptor::RealTime<'_>| {
+            if realtime.is_over() {
+                return (Err(None), None);
+            }
             let mut raised = None;
             let outcome = realtime.run(rate, limit, |number, feedback| {
                 if stopped.load(Ordering::Relaxed) {
@@ -263,11 +304,11 @@ impl RealTime {
                     ControlFlow::Break(())
                 })
             });
-            (outcome, raised)
+            (outcome.map_err(Some), raised)
         };
         match self.run(py, limit, job)? {
             (_, Some(raised)) => Err(raised),
-            (outcome, None) => outcome.map(Statistics::new).map_err(|error| errors::call(py, &error)),
+            (outcome, None) => outcome.map(Statistics::new).map_err(|error| raised(py, error)),
         }
     }
 

@@ -69,6 +69,7 @@ def test_killed_hand_raises_within_the_limit(
     hand = wraptor.Hand.connect(served.address, limit=10)
     refused(("Lost", "TimedOut"), lambda: call(hand, lambda *_: served.process.kill()), 2)
     refused(("Lost", "TimedOut"), lambda: hand.get("4", "P", limit=0.5), 0.5)
+    refused("Lost", hand.take_reports, 1)
 
 
 def test_killed_hand_ends_realtime_within_the_limit(served: Served) -> None:
@@ -83,8 +84,8 @@ def test_killed_hand_ends_realtime_within_the_limit(served: Served) -> None:
         return [40.0] * 3
 
     refused(("Lost", "TimedOut"), lambda: realtime.run(100, control, limit=0.5), 0.5 + 20 / 100)
-    # RealTime has ended.
-    refused("Invalid", lambda: realtime.exchange([0, 0, 0], limit=0.5), 0.5)
+    with pytest.raises(RuntimeError, match="RealTime has ended"):
+        realtime.exchange([0, 0, 0], limit=0.5)
 
 
 def test_stopped_hand_times_out(served: Served) -> None:
@@ -196,6 +197,103 @@ def test_calls_of_other_threads_wait_within_their_limits(served: Served) -> None
     run.join()
     with pytest.raises(RuntimeError, match="closed"):
         hand.get("4", "P")
+
+
+def test_forked_child_leaves_the_connection_to_its_parent(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            hand.get("4", "P", limit=10)
+        except RuntimeError:
+            hand.disconnect()
+            del hand
+            code = 0
+        finally:
+            os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert hand.get("4", "P", limit=10).keys() == {4}
+
+
+def test_disconnect_ends_realtime(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.init(limit=60)
+    realtime = hand.realtime("G")
+    controlling = threading.Event()
+    ended: list[BaseException] = []
+
+    def control(number: int, feedback: wraptor.Feedback) -> list[float]:
+        controlling.set()
+        return [40.0] * 3
+
+    def run() -> None:
+        try:
+            realtime.run(100, control)
+        except (RuntimeError, wraptor.CallError) as error:
+            ended.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    assert controlling.wait(10)
+    hand.disconnect()
+    thread.join(10)
+    assert not thread.is_alive()
+    with pytest.raises(RuntimeError, match="RealTime has ended"):
+        realtime.exchange([0, 0, 0])
+    with wraptor.Hand.connect(served.address, limit=10) as other:
+        assert set(other.get("123", "MODE").values()) <= {0, 3}
+
+
+def interrupted(call: Callable[[], Any]) -> float:
+    """Seconds from ^C to the end of a call, which raises KeyboardInterrupt."""
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    previous = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    start = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            call()
+    finally:
+        signal.signal(signal.SIGALRM, previous)
+    return time.monotonic() - start - 0.3
+
+
+def test_signal_ends_a_motion_of_a_silent_hand_soon(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.init(limit=60)
+    realtime = hand.realtime("G")
+    os.kill(served.process.pid, signal.SIGSTOP)
+    assert interrupted(lambda: realtime.run(100, lambda number, feedback: [0.0] * 3, limit=30)) < 1 + SLACK
+    os.kill(served.process.pid, signal.SIGCONT)
+    realtime.end(limit=40)
+    os.kill(served.process.pid, signal.SIGSTOP)
+    for call in [
+        lambda: hand.init(limit=30),
+        lambda: hand.move_halls("1", 50, limit=30),
+        lambda: hand.wait_for("1", "P", 5, limit=30),
+    ]:
+        # The next call finds the prompt of the last one first.
+        os.kill(served.process.pid, signal.SIGCONT)
+        assert hand.get("4", "P", limit=20).keys() == {4}
+        os.kill(served.process.pid, signal.SIGSTOP)
+        assert interrupted(call) < 1 + SLACK
+
+
+def test_motion_of_a_bus_is_interrupted_or_times_out(served: Served) -> None:
+    bus = wraptor.Bus.through(wraptor.Hand.connect(served.address, limit=10))
+    bus.find_zero(4, limit=20)
+    bus.set(4, "MV", 30)
+    error = refused("TimedOut", lambda: bus.move(4, 150, limit=0.5), 0.5)
+    assert isinstance(error, TimeoutError) and "500ms" in str(error)
+    os.kill(served.process.pid, signal.SIGSTOP)
+    assert interrupted(lambda: bus.move(4, 100, limit=30)) < 1 + SLACK
+
+
+def test_only_false_cancels(served: Served) -> None:
+    hand = wraptor.Hand.connect(served.address, limit=10)
+    hand.wait_for("4", "STAT", 2, limit=10, progress=lambda *_: 0)  # type: ignore[arg-type]
+    for false in [False, np.False_]:
+        refused("Cancelled", lambda false=false: hand.init(limit=30, progress=lambda *_: false), 5)  # type: ignore[misc]
 
 
 def test_failed_connection_names_cause_and_next_step() -> None:

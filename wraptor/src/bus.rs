@@ -21,6 +21,9 @@ use crate::slcan::Slcan;
 /// After so long without an answer a question is repeated: a board answers within 0.5 ms, 41 ms while it erases flash (docs/wire.md).
 const REPEAT: Duration = Duration::from_millis(60);
 
+/// A board that has not answered for so long is silent: some repetitions.
+const LATE: Duration = Duration::from_millis(200);
+
 /// Time between two readings during a motion, also the keep-alive of its board.
 const POLL: Duration = Duration::from_millis(20);
 
@@ -144,6 +147,17 @@ impl Bus {
     }
 
     fn try_get(&mut self, node: Node, property: Property, deadline: &Deadline) -> Result<i64, Failure> {
+        self.get_with(node, property, deadline, &mut || ControlFlow::Continue(()))
+    }
+
+    /// The same; `on_wait` is called while an answer is late, and may end the wait.
+    fn get_with(
+        &mut self,
+        node: Node,
+        property: Property,
+        deadline: &Deadline,
+        on_wait: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<i64, Failure> {
         if property.rules().access == Access::WriteOnly {
             return Err(Failure::Invalid("a property that can be read".to_owned()));
         }
@@ -156,6 +170,9 @@ impl Bus {
                 if let Some(value) = reply(&frame, node, property) {
                     return Ok(value);
                 }
+            }
+            if on_wait().is_break() {
+                return Err(Failure::Cancelled);
             }
             if deadline.is_over() {
                 return Err(match self.set_refused(false) {
@@ -322,9 +339,18 @@ impl Bus {
 
     /// Waits for END.
     fn follow(&mut self, node: Node, deadline: &Deadline, progress: OnProgress) -> Result<(), Failure> {
+        let mut is_answering = Deadline::after(LATE);
         loop {
-            let position = self.try_get(node, Property::P, deadline)?;
-            let end = self.try_get(node, Property::END, deadline)?;
+            let mut get = |property| {
+                let on_wait = &mut || progress(&Progress { elapsed: deadline.elapsed(), values: Vec::new() });
+                self.get_with(node, property, deadline, on_wait).map_err(|failure| match failure {
+                    // Its answer to the last question was still to come.
+                    Failure::Silent(_) if !is_answering.is_over() => Failure::TimedOut(deadline.limit()),
+                    failure => failure,
+                })
+            };
+            let (position, end) = (get(Property::P)?, get(Property::END)?);
+            is_answering = Deadline::after(LATE);
             let seen = Progress { elapsed: deadline.elapsed(), values: vec![(node, position)] };
             let is_cancelled = progress(&seen) == ControlFlow::Break(());
             match end {

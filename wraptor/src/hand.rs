@@ -45,7 +45,8 @@ const RESTORE: Duration = Duration::from_millis(100);
 pub struct Progress {
     /// Time since the call.
     pub elapsed: Duration,
-    /// Boards and their value, where the call polls it. Empty for commands of the language: the hand answers nothing before their end.
+    /// Boards and their value, where the call polls it. Empty while an answer is late, and for commands of the language: the hand answers
+    /// nothing before their end.
     pub values: Vec<(Node, i64)>,
 }
 
@@ -157,7 +158,7 @@ impl Hand {
 
     /// Runs a line that moves nothing: the end of its limit stops no motor.
     fn ask(&mut self, line: &str, limit: Duration) -> Result<Vec<String>, CallError> {
-        let answer = self.session.ask(line, limit)?;
+        let answer = self.session.ask(line, limit, &mut |_| ControlFlow::Continue(()))?;
         succeeded(line, answer)
     }
 
@@ -169,6 +170,14 @@ impl Hand {
     pub fn write(&mut self, bytes: &[u8], limit: Duration) -> Result<(), CallError> {
         let failed = |failure| CallError { call: format!("{} bytes", bytes.len()), failure };
         self.session.write_raw(bytes, &Deadline::after(limit)).map_err(failed)
+    }
+
+    /// Receives what has arrived, so that [`Self::take_reports`] has it.
+    ///
+    /// # Errors
+    /// The connection is lost, or what arrives is none of a hand's.
+    pub fn poll(&mut self) -> Result<(), CallError> {
+        self.session.poll().map_err(|failure| CallError { call: "poll".to_owned(), failure })
     }
 
     /// Takes the lines that the hand has printed unasked, such as `4 MODE=3` at the end of a motion. Keeps the last 256.
@@ -245,7 +254,7 @@ impl Hand {
     /// Those of every call.
     pub fn boards(&mut self, limit: Duration) -> Result<[BoardState; 7], CallError> {
         let line = format!("{NODES} G STAT");
-        let answer = self.session.ask(&line, limit)?;
+        let answer = self.session.ask(&line, limit, &mut |_| ControlFlow::Continue(()))?;
         let mut states = [BoardState::Silent; 7];
         for (node, stat) in values(&answer.lines, Property::STAT) {
             let place = usize::from(node.number()).checked_sub(1).and_then(|index| states.get_mut(index));
@@ -363,6 +372,17 @@ impl Hand {
         property: Property,
         limit: Duration,
     ) -> Result<Vec<(Node, i64)>, CallError> {
+        self.get_with(nodes, property, limit, &mut no_progress)
+    }
+
+    /// The same with progress, without values, by which it can be cancelled.
+    fn get_with(
+        &mut self,
+        nodes: &str,
+        property: Property,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<Vec<(Node, i64)>, CallError> {
         let call = format!("{nodes} G {}", name(property));
         let failed = |failure| CallError { call: call.clone(), failure };
         let wanted = self::nodes(nodes).map_err(failed)?;
@@ -375,7 +395,8 @@ impl Hand {
             (of == property && wanted.contains(&motor.node())).then_some((motor.node(), value))
         };
         self.session.take_frames(of_packet);
-        let answer = self.session.ask(&call, limit)?;
+        let on_tick = &mut |elapsed| progress(&Progress { elapsed, values: Vec::new() });
+        let answer = self.session.ask(&call, limit, on_tick)?;
         let mut values = values(&answer.lines, property);
         values.extend(self.session.take_frames(of_packet));
         let silent = |node: &Node| values.iter().all(|(of, _)| of != node);
@@ -399,6 +420,18 @@ impl Hand {
         value: i64,
         limit: Duration,
     ) -> Result<(), CallError> {
+        self.set_with(nodes, property, value, limit, &mut no_progress)
+    }
+
+    /// The same with progress, by which it can be cancelled.
+    fn set_with(
+        &mut self,
+        nodes: &str,
+        property: Property,
+        value: i64,
+        limit: Duration,
+        progress: OnProgress,
+    ) -> Result<(), CallError> {
         let call = format!("{nodes} S {} {value}", name(property));
         let failed = |failure| CallError { call: call.clone(), failure };
         self::nodes(nodes).map_err(failed)?;
@@ -408,7 +441,7 @@ impl Hand {
             return Err(failed(Failure::Invalid("E, then MODE 5: over the hand M cannot be set".to_owned())));
         }
         let deadline = Deadline::after(limit);
-        self.command(&call, limit)?;
+        self.command_with(&call, limit, progress)?;
         if property.rules().access != Access::Locked {
             return Ok(());
         }
@@ -437,7 +470,8 @@ impl Hand {
         in_range(value, rules.min(), rules.max()).map_err(failed)?;
         let deadline = Deadline::after(limit);
         loop {
-            let values = self.get(nodes, property, deadline.remaining()).map_err(of_step(limit))?;
+            let values =
+                self.get_with(nodes, property, deadline.remaining(), progress).map_err(of_step(limit))?;
             let is_done = values.iter().all(|(_, found)| *found == value);
             let is_cancelled = progress(&Progress { elapsed: deadline.elapsed(), values }).is_break();
             match (is_done, is_cancelled) {

@@ -85,7 +85,11 @@ pub(crate) struct Port {
     alive: Option<io::PipeWriter>,
     /// Why it is gone.
     gone: Option<String>,
+    /// A process that was forked from this one has no reader, and leaves the connection to this one.
+    process: u32,
 }
+
+const INHERITED: &str = "it belongs to the process that this one was forked from";
 
 impl Port {
     /// Connects over TCP.
@@ -153,7 +157,14 @@ impl Port {
     ) -> io::Result<Self> {
         let (sender, events) = sync_channel(CHUNKS);
         let reader = thread::Builder::new().name("wraptor-reader".to_owned()).spawn(move || read(sender))?;
-        Ok(Self { out, events: Some(events), reader: Some(reader), alive, gone: None })
+        Ok(Self {
+            out,
+            events: Some(events),
+            reader: Some(reader),
+            alive,
+            gone: None,
+            process: std::process::id(),
+        })
     }
 
     /// The sending side, for a canceller that does not keep the port open.
@@ -166,7 +177,11 @@ impl Port {
     /// # Errors
     /// The other side is gone, or takes nothing until the deadline.
     pub fn write(&self, bytes: &[u8], deadline: &Deadline) -> io::Result<()> {
-        self.out.write(bytes, deadline)
+        if self.is_inherited() { Err(io::Error::other(INHERITED)) } else { self.out.write(bytes, deadline) }
+    }
+
+    fn is_inherited(&self) -> bool {
+        self.process != std::process::id()
     }
 
     /// Sends a frame on a CAN interface.
@@ -189,6 +204,9 @@ impl Port {
         if let Some(why) = &self.gone {
             return Err(why.clone());
         }
+        if self.is_inherited() {
+            return Err(INHERITED.to_owned());
+        }
         let Some(events) = &self.events else { return Ok(None) };
         let why = match events.recv_timeout(deadline.remaining()) {
             Ok(Event::Gone(why)) => why,
@@ -203,6 +221,11 @@ impl Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
+        if self.is_inherited() {
+            // There is no thread to join here.
+            std::mem::forget(self.reader.take());
+            return;
+        }
         // A reader that waits for room in the channel ends with the receiver.
         self.events = None;
         #[allow(irrefutable_let_patterns, reason = "elsewhere than on Unix a connection is TCP")]

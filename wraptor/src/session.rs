@@ -163,6 +163,16 @@ impl Session {
         self.inbox.push_front(byte);
     }
 
+    /// Receives what has arrived.
+    ///
+    /// # Errors
+    /// The connection is lost, or what arrives is too long for an answer.
+    pub fn poll(&mut self) -> Result<(), Failure> {
+        self.receive_arrived()?;
+        while self.next_output().is_some_and(|output| self.report(&output)) {}
+        self.check_length()
+    }
+
     /// The oldest frame that boards have sent in a packet; `None` at the deadline.
     pub fn frame(&mut self, deadline: &Deadline) -> Result<Option<Frame>, Failure> {
         self.receive_arrived()?;
@@ -240,7 +250,7 @@ impl Session {
     /// A line that the hand would not take; no prompt by the deadline, and then the command is aborted; cancelled; the connection is lost.
     pub fn run(&mut self, line: &str, limit: Duration, on_tick: OnTick) -> Result<Answer, CallError> {
         let deadline = Deadline::after(limit);
-        let outcome = self.run_until(line, &deadline, on_tick).or_else(|failure| {
+        let outcome = self.run_until(line, &deadline, true, on_tick).or_else(|failure| {
             if matches!(failure, Failure::TimedOut(_)) {
                 self.abort()?;
             }
@@ -249,16 +259,22 @@ impl Session {
         outcome.map_err(|failure| CallError { call: line.to_owned(), failure })
     }
 
-    /// The same for a line that moves nothing: at the deadline nothing is aborted.
+    /// The same for a line that moves nothing: at the deadline and after a cancel nothing is aborted.
     ///
     /// # Errors
     /// The others.
-    pub fn ask(&mut self, line: &str, limit: Duration) -> Result<Answer, CallError> {
-        let outcome = self.run_until(line, &Deadline::after(limit), &mut |_| ControlFlow::Continue(()));
+    pub fn ask(&mut self, line: &str, limit: Duration, on_tick: OnTick) -> Result<Answer, CallError> {
+        let outcome = self.run_until(line, &Deadline::after(limit), false, on_tick);
         outcome.map_err(|failure| CallError { call: line.to_owned(), failure })
     }
 
-    fn run_until(&mut self, line: &str, deadline: &Deadline, on_tick: OnTick) -> Result<Answer, Failure> {
+    fn run_until(
+        &mut self,
+        line: &str,
+        deadline: &Deadline,
+        cancel_aborts: bool,
+        on_tick: OnTick,
+    ) -> Result<Answer, Failure> {
         check(line)?;
         self.catch_up(deadline)?;
         // Until its prompt has come.
@@ -292,6 +308,9 @@ impl Session {
             }
             let is_tick = !self.receive(&deadline.within(TICK))?;
             if is_tick && !is_cancelled && on_tick(deadline.elapsed()).is_break() {
+                if !cancel_aborts {
+                    return Err(Failure::Cancelled);
+                }
                 is_cancelled = true;
                 deadline = deadline.within(CANCELLED);
                 self.write(&[ABORT], &deadline)?;

@@ -15,7 +15,7 @@ pub enum NoTurn {
     Own,
     /// Another thread's turn has not ended within the limit.
     Late,
-    /// It is closed.
+    /// It is closed, or of the process that this one was forked from.
     Closed,
 }
 
@@ -43,13 +43,15 @@ struct Inside<T> {
 pub struct Turns<T> {
     inside: Mutex<Inside<T>>,
     changed: Condvar,
+    /// In a process that was forked from this one, threads that have a turn or wait for it do not exist: there it is closed.
+    process: u32,
 }
 
 impl<T> Turns<T> {
     /// A value that nobody uses yet.
-    pub const fn new(value: T) -> Self {
+    pub fn new(value: T) -> Self {
         let inside = Inside { holder: Holder::Free(value), queue: VecDeque::new(), count: 0 };
-        Self { inside: Mutex::new(inside), changed: Condvar::new() }
+        Self { inside: Mutex::new(inside), changed: Condvar::new(), process: std::process::id() }
     }
 
     /// What the lock protects is replaced as a whole: no panic leaves it half done.
@@ -57,11 +59,18 @@ impl<T> Turns<T> {
         self.inside.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn is_inherited(&self) -> bool {
+        self.process != std::process::id()
+    }
+
     /// Takes the value for a turn, after the threads that came before.
     ///
     /// # Errors
     /// Why there is no turn.
     pub fn take(&self, deadline: &Deadline) -> Result<Turn<'_, T>, NoTurn> {
+        if self.is_inherited() {
+            return Err(NoTurn::Closed);
+        }
         let me = thread::current().id();
         let mut inside = self.locked();
         inside.queue.push_back(me);
@@ -98,6 +107,9 @@ impl<T> Turns<T> {
     /// # Errors
     /// [`NoTurn::Late`]: that turn goes on, and drops the value at its end; [`NoTurn::Own`]: nothing is closed; [`NoTurn::Closed`] already.
     pub fn close(&self, deadline: &Deadline, end_turn: impl FnOnce(u64)) -> Result<(), NoTurn> {
+        if self.is_inherited() {
+            return Err(NoTurn::Closed);
+        }
         let mut inside = self.locked();
         match std::mem::replace(&mut inside.holder, Holder::Closed) {
             Holder::Free(value) => {

@@ -61,7 +61,7 @@ class Hand:
     def version(self) -> int:
         """The firmware's version."""
     def disconnect(self) -> None:
-        """Closes the connection, once a call of another thread has ended; `cancel` ends that."""
+        """Closes the connection, once a call of another thread has ended; `cancel` ends that. RealTime is ended. Motors stop."""
     def __enter__(self) -> Hand: ...
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None, /
@@ -146,7 +146,8 @@ class RealTime:
     def axes(self) -> int:
         """Number of motors in each block."""
     def exchange(self, controls: Sequence[_Control], limit: float = 1.0) -> Feedback:
-        """Sends a control block and waits for its feedback."""
+        """Sends a control block, one control for each motor, and waits for its feedback. Velocities are rounded to the unit of the
+        format and clipped to a byte; a gain counts with gain=True alone."""
     def run(
         self,
         rate: float,

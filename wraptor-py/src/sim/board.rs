@@ -59,7 +59,7 @@ impl Hosted {
 
     fn set(&mut self, property: Property, value: i64) -> PyResult<()> {
         // The monitor ignores what it does not know.
-        if self.is_asleep() && !(property == Property::STAT && value != 1) {
+        if self.is_asleep() && !(property == Property::STAT && matches!(value, 0 | 2)) {
             return Err(asleep(property));
         }
         set(&mut self.node, property, value).map_err(|why| {

@@ -114,9 +114,11 @@ impl Hand {
         let all = format!("{links}{spread}{tips}");
         let ends = [(&links, goals.link), (&spread, goals.spread), (&tips, tip_travel_along(goals.link))];
         for (nodes, goal) in ends.into_iter().filter(|(nodes, _)| !nodes.is_empty()) {
-            self.set(nodes, Property::E, goal, deadline.remaining()).map_err(of_step(limit))?;
+            self.set_with(nodes, Property::E, goal, deadline.remaining(), progress)
+                .map_err(of_step(limit))?;
         }
-        let begun = self.set(&all, Property::MODE, ModeCode::Trapezoidal.into(), deadline.remaining());
+        let moving = ModeCode::Trapezoidal.into();
+        let begun = self.set_with(&all, Property::MODE, moving, deadline.remaining(), progress);
         if let Err(error) = begun {
             // Some boards may have taken it.
             let _ = self.session.abort();
@@ -165,8 +167,10 @@ impl Hand {
         let failed = |failure| CallError { call: call.to_owned(), failure };
         let limit = deadline.limit();
         loop {
-            let modes = self.get(nodes, Property::MODE, deadline.remaining()).map_err(of_step(limit))?;
-            let values = self.get(nodes, Property::P, deadline.remaining()).map_err(of_step(limit))?;
+            let mut get = |property| {
+                self.get_with(nodes, property, deadline.remaining(), progress).map_err(of_step(limit))
+            };
+            let (modes, values) = (get(Property::MODE)?, get(Property::P)?);
             let seen = Progress { elapsed: deadline.elapsed(), values };
             if modes.iter().all(|(_, mode)| *mode != i64::from(ModeCode::Trapezoidal)) {
                 let _ = progress(&seen);

@@ -178,6 +178,12 @@ impl RealTime<'_> {
         self.axes
     }
 
+    /// Whether it has ended by itself: the hand has ended it, or a call has failed.
+    #[must_use]
+    pub const fn is_over(&self) -> bool {
+        self.is_over
+    }
+
     /// Sends a control block, one control for each motor, and waits for its feedback.
     ///
     /// # Errors
@@ -213,8 +219,10 @@ impl RealTime<'_> {
             self.session.put_back(header);
             let answer = self.session.until_prompt(deadline)?;
             return Err(match answer.status {
-                Status::OK => Failure::Unexpected(answer.lines.join("\n")),
                 Status::ABORTED => Failure::Cancelled,
+                // ^C ends LOOP without an error.
+                Status::OK if answer.lines.is_empty() => Failure::Cancelled,
+                Status::OK => Failure::Unexpected(answer.lines.join("\n")),
                 status => Failure::Status(status),
             });
         }
