@@ -356,7 +356,7 @@ fn properties_from_the_command_line_are_checked_like_those_of_a_file() {
         ("KP=-1", "0 to 32767"),
         ("NOPE=1", "one of KP"),
         ("=5", "one of KP"),
-        ("KP=999999999999999999999", "whole number"),
+        ("KP=999999999999999999999", "out of range"),
     ];
     for (assignment, word) in cases {
         let bad = scenario.set(assignment).expect_err(assignment);
