@@ -224,14 +224,19 @@ impl Watch {
 /// Waits for another thread's answer without the GIL. On ^C it calls `stop` once, after which it waits a second at most.
 ///
 /// # Errors
-/// `KeyboardInterrupt`; `RuntimeError` if the thread has ended.
-pub fn wait<R: Send>(py: Python<'_>, mut answer: Receiver<R>, stop: impl Fn()) -> PyResult<R> {
+/// `KeyboardInterrupt`; `gone` if the thread has ended.
+pub fn wait<R: Send>(
+    py: Python<'_>,
+    mut answer: Receiver<R>,
+    stop: impl Fn(),
+    gone: fn() -> PyErr,
+) -> PyResult<R> {
     let mut interrupt: Option<(PyErr, Deadline)> = None;
     loop {
         let next = &mut answer;
         match py.detach(move || next.recv_timeout(SIGNALS)) {
             Ok(answer) => return interrupt.map_or(Ok(answer), |(error, _)| Err(error)),
-            Err(RecvTimeoutError::Disconnected) => return Err(errors::panicked()),
+            Err(RecvTimeoutError::Disconnected) => return Err(gone()),
             Err(RecvTimeoutError::Timeout) => {
                 if let Some((error, _)) = interrupt.take_if(|(_, deadline)| deadline.is_over()) {
                     return Err(error);

@@ -127,7 +127,8 @@ impl RealTime {
         let mut realtime =
             Self { running: Turns::new(Some(Loop { orders, is_back, thread })), worker, stop, axes: 0 };
         // Dropping it brings the hand back after an error.
-        realtime.axes = wait(py, start, || {})?.map_err(|error| errors::call(py, &error))?;
+        realtime.axes =
+            wait(py, start, || {}, errors::panicked)?.map_err(|error| errors::call(py, &error))?;
         Ok(realtime)
     }
 
@@ -153,7 +154,7 @@ impl RealTime {
         let order = Order::Do(Box::new(move |realtime| _ = answer.send(job(realtime))));
         // Its hand was closed.
         running.orders.send(order).map_err(|_| ended())?;
-        wait(py, answers, || self.stop.store(true, Ordering::Relaxed))
+        wait(py, answers, || self.stop.store(true, Ordering::Relaxed), ended)
     }
 
     /// Ends it, and a run of another thread before, with ^C and its prompt within the limit, or without waiting for the prompt; then the hand

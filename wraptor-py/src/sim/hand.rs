@@ -129,7 +129,7 @@ impl SimHand {
             let _ = answer.send(result);
         });
         self.jobs.send(job).map_err(|_| errors::panicked())?;
-        wait(py, answers, || stop.store(true, Ordering::Relaxed))
+        wait(py, answers, || stop.store(true, Ordering::Relaxed), errors::panicked)
     }
 
     fn array<'py>(&self, py: Python<'py>, values: fn(&Truth) -> [f64; 7]) -> Bound<'py, PyArray1<f64>> {
@@ -169,7 +169,7 @@ impl SimHand {
             }
         };
         Builder::new().name("wraptor simulated hand".to_owned()).spawn(thread)?;
-        let truth = wait(py, start, || {})?.map_err(PyValueError::new_err)?;
+        let truth = wait(py, start, || {}, errors::panicked)?.map_err(PyValueError::new_err)?;
         Ok(Self { jobs, truth: Arc::new(Mutex::new(truth)) })
     }
 
