@@ -2,7 +2,6 @@
 //!
 //! The program is the bus's one host, node 0. A board that a host has put into mode 2 or 4 idles after HOSTMS, 2 s, without a frame.
 
-use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
@@ -10,13 +9,12 @@ use tater_wire::download::DownloadError;
 use tater_wire::property::Access;
 use tater_wire::{Body, Cmd, Destination, FaultCode, Frame, Group, Message, ModeCode, Node, Property};
 
+use crate::adapter::Adapter;
 use crate::deadline::Deadline;
 use crate::download::{self, Link, OnDownload};
 use crate::error::{CallError, Cause, ConnectError, Failure};
 use crate::firmware::Firmware;
 use crate::hand::{BoardState, Hand, OnProgress, Progress, name, settable};
-use crate::port::{Event, Port};
-use crate::slcan::Slcan;
 
 /// After so long without an answer a question is repeated: a board answers within 0.5 ms, 41 ms while it erases flash (docs/wire.md).
 const REPEAT: Duration = Duration::from_millis(60);
@@ -31,9 +29,7 @@ const POLL: Duration = Duration::from_millis(20);
 const STOP: Duration = Duration::from_millis(20);
 
 enum Line {
-    Slcan(Slcan),
-    #[cfg(target_os = "linux")]
-    Can(Port),
+    Adapter(Adapter),
     Hand(Box<Hand>),
 }
 
@@ -50,7 +46,7 @@ impl Bus {
     /// The cause and the next step, within the limit.
     pub fn slcan(address: &str, limit: Duration) -> Result<Self, ConnectError> {
         let deadline = Deadline::after(limit);
-        Self::open(address, || Slcan::open(Port::tcp(address, &deadline)?, &deadline).map(Line::Slcan))
+        Self::open(address, || Adapter::slcan(address, &deadline))
     }
 
     /// The same on a serial port, such as `/dev/ttyACM0`.
@@ -60,7 +56,7 @@ impl Bus {
     #[cfg(unix)]
     pub fn slcan_serial(path: &str, baud: u32, limit: Duration) -> Result<Self, ConnectError> {
         let deadline = Deadline::after(limit);
-        Self::open(path, || Slcan::open(Port::tty(path, baud)?, &deadline).map(Line::Slcan))
+        Self::open(path, || Adapter::slcan_serial(path, baud, &deadline))
     }
 
     /// Opens a CAN interface of Linux, such as `can0`, which is up at 1 Mbit/s.
@@ -69,7 +65,7 @@ impl Bus {
     /// There is none.
     #[cfg(target_os = "linux")]
     pub fn can(interface: &str) -> Result<Self, ConnectError> {
-        Self::open(interface, || Port::can(interface).map(Line::Can))
+        Self::open(interface, || Adapter::can(interface))
     }
 
     /// Speaks to a hand's boards by packets.
@@ -82,9 +78,9 @@ impl Bus {
         Ok(Self { line: Line::Hand(Box::new(hand)), place })
     }
 
-    fn open(place: &str, line: impl FnOnce() -> Result<Line, Cause>) -> Result<Self, ConnectError> {
-        match line() {
-            Ok(line) => Ok(Self { line, place: place.to_owned() }),
+    fn open(place: &str, adapter: impl FnOnce() -> Result<Adapter, Cause>) -> Result<Self, ConnectError> {
+        match adapter() {
+            Ok(adapter) => Ok(Self { line: Line::Adapter(adapter), place: place.to_owned() }),
             Err(cause) => Err(ConnectError { place: place.to_owned(), cause }),
         }
     }
@@ -99,14 +95,8 @@ impl Bus {
     }
 
     fn try_send(&mut self, frame: &Frame, deadline: &Deadline) -> Result<(), Failure> {
-        let failed = |error: std::io::Error| match error.kind() {
-            ErrorKind::TimedOut => Failure::TimedOut(deadline.limit()),
-            _ => Failure::Lost(error.to_string()),
-        };
         match &mut self.line {
-            Line::Slcan(slcan) => slcan.send(frame, deadline).map_err(failed),
-            #[cfg(target_os = "linux")]
-            Line::Can(port) => port.send(frame, deadline).map_err(failed),
+            Line::Adapter(adapter) => adapter.send(frame, deadline),
             Line::Hand(hand) => hand.send(frame, deadline.remaining()).map_err(|error| error.failure),
         }
     }
@@ -122,16 +112,7 @@ impl Bus {
 
     fn try_receive(&mut self, deadline: &Deadline) -> Result<Option<Frame>, Failure> {
         match &mut self.line {
-            Line::Slcan(slcan) => slcan.receive(deadline),
-            #[cfg(target_os = "linux")]
-            Line::Can(port) => loop {
-                match port.receive(deadline) {
-                    Ok(Some(Event::Frame(frame))) => return Ok(Some(frame)),
-                    Ok(Some(_)) => {}
-                    Ok(None) => return Ok(None),
-                    Err(why) => return Err(Failure::Lost(why)),
-                }
-            },
+            Line::Adapter(adapter) => adapter.receive(deadline),
             Line::Hand(hand) => hand.receive(deadline.remaining()).map_err(|error| error.failure),
         }
     }
@@ -186,8 +167,8 @@ impl Bus {
     /// Whether the adapter has refused a frame since the last call, and a new value of that.
     const fn set_refused(&mut self, to: bool) -> bool {
         match &mut self.line {
-            Line::Slcan(slcan) => std::mem::replace(&mut slcan.has_refused, to),
-            _ => false,
+            Line::Adapter(adapter) => adapter.set_refused(to),
+            Line::Hand(_) => false,
         }
     }
 

@@ -12,7 +12,7 @@
 //! | [`download`] | how far a download has come |
 //! | [`turns`] | one connection for several threads |
 //! | `error` | [`ConnectError`], [`CallError`] |
-//! | `session`, `slcan`, `port`, `deadline` | lines, adapters, connections, time; from the top down |
+//! | `session`, `adapter`, `slcan`, `port`, `deadline` | lines, adapters, connections, time; from the top down |
 //!
 //! # Example
 //! ```no_run
@@ -28,6 +28,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod adapter;
 pub mod bus;
 mod deadline;
 pub mod discovery;
